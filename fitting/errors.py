@@ -1,0 +1,24 @@
+"""The one error that reading a measurement raises, and how it names its place."""
+
+from __future__ import annotations
+
+
+class MeasurementError(ValueError):
+    """A measurement cannot be read, or a value in it cannot be meant.
+
+    The text names the file, line and column as far as they are known, what came,
+    what was wanted, and the option that settles it, for example
+    ``gold.csv, line 14, column R_s: reflectance 92.4 is outside [0, 1]. If the
+    column is in percent, say --scale 0.01.``  An option ``--angle-unit`` of the command
+    line is the keyword ``angle_unit`` of :func:`fitting.measurement.read_csv`.
+    """
+
+
+def place(source: str, line: int = 0, column: str = "") -> str:
+    """Return ``source, line 14, column R_s``, leaving out what is not known."""
+    text = source
+    if line:
+        text += f", line {line}"
+    if column:
+        text += f", column {column}"
+    return text
