@@ -1,0 +1,1 @@
+from .interface import powers as powers, reflectance as reflectance

@@ -1,0 +1,129 @@
+"""Exact sums and products, and the square root of a complex number in real arithmetic.
+
+The error-free transformations write a sum or a product of two floating-point numbers as the rounded
+result plus its exact rounding error. They hold for every IEEE format with round-to-nearest, also
+after XLA has fused the loop (tests/test_arithmetic.py compares them with rational arithmetic under
+jit), because XLA neither reassociates floating-point sums nor assumes that they are exact.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+
+def two_sum(x: Array, y: Array) -> tuple[Array, Array]:
+    """The rounded sum of x and y, and its exact error (Knuth, TAOCP vol. 2, sec. 4.2.2)."""
+    total = x + y
+    y_seen = total - x
+    return total, (x - (total - y_seen)) + (y - y_seen)
+
+
+def _split(x: Array) -> tuple[Array, Array]:
+    """x as the exact sum of two numbers of half its digits (Dekker 1971, doi:10.1007/BF01397083)."""
+    factor = 2.0 ** ((jnp.finfo(x.dtype).nmant + 2) // 2) + 1.0
+    scaled = factor * x
+    high = scaled - (scaled - x)
+    return high, x - high
+
+
+def two_product(x: Array, y: Array) -> tuple[Array, Array]:
+    """The rounded product of x and y, and its exact error (Dekker 1971)."""
+    product = x * y
+    x_high, x_low = _split(x)
+    y_high, y_low = _split(y)
+    error = ((x_high * y_high - product) + x_high * y_low + x_low * y_high) + x_low * y_low
+    return product, error
+
+
+def two_square(x: Array) -> tuple[Array, Array]:
+    """The rounded square of x, and its exact error: `two_product(x, x)` with one split."""
+    square = x * x
+    high, low = _split(x)
+    return square, ((high * high - square) + 2.0 * (high * low)) + low * low
+
+
+def sum_exactly(terms: list[Array]) -> tuple[Array, Array]:
+    """The sum of the terms as an unevaluated pair with about twice the working digits.
+
+    Every rounding error of the running sum is kept and added at the end (Ogita, Rump and Oishi
+    2005, doi:10.1137/030601818, Sum2).
+    """
+    total = terms[0]
+    error = jnp.zeros_like(total)
+    for term in terms[1:]:
+        total, lost = two_sum(total, term)
+        error = error + lost
+    return total, error
+
+
+def reciprocal_or_zero(x: Array) -> Array:
+    """1 / x, and 0 (with derivative 0) where x is 0."""
+    zero = x == 0.0
+    return jnp.where(zero, 0.0, 1.0 / jnp.where(zero, 1.0, x))
+
+
+def times(z: tuple, w: tuple) -> tuple:
+    """The product of two complex numbers, each a pair (re, im); im None means exactly real."""
+    (a, b), (c, d) = z, w
+    if b is None:
+        return a * c, None if d is None else a * d
+    if d is None:
+        return a * c, b * c
+    return a * c - b * d, a * d + b * c
+
+
+def squared_modulus(z: tuple) -> Array:
+    """|z|^2 of a complex number given as a pair (re, im); im None means exactly real."""
+    re, im = z
+    return re * re if im is None else re * re + im * im
+
+
+@jax.custom_jvp
+def real_sqrt(x: Array) -> tuple[Array, Array]:
+    """The root a + ib of a real number: (sqrt(x), 0), or (0, sqrt(-x)) for x < 0.
+
+    At x = 0 the derivative is infinite; 0 is returned.
+    """
+    root = jnp.sqrt(jnp.abs(x))
+    zero = jnp.zeros_like(root)
+    return jnp.where(x >= 0.0, root, zero), jnp.where(x >= 0.0, zero, root)
+
+
+@real_sqrt.defjvp
+def _real_sqrt_jvp(primals, tangents):
+    (x,), (dx,) = primals, tangents
+    a, b = real_sqrt(x)
+    return (a, b), (0.5 * reciprocal_or_zero(a) * dx, -0.5 * reciprocal_or_zero(b) * dx)
+
+
+@jax.custom_jvp
+def complex_sqrt(re: Array, im: Array) -> tuple[Array, Array]:
+    """The root a + ib of re + i im with a >= 0, for im >= 0 (then b >= 0 too).
+
+    Neither part cancels: the larger one is a square root of a sum of positive numbers, the smaller
+    one a quotient. The modulus is formed from numbers scaled by a power of two, so that a float32
+    modulus of 1e-30 does not underflow. At re = im = 0 the derivative is infinite; 0 is returned.
+    """
+    dtype = re.dtype
+    # Squares of numbers below 2^-40 (float32) would lose digits to underflow; 2^60 lifts numbers
+    # down to 2e-36 to safety. float64: the same with 2^-400, 2^600.
+    small, lift = (2.0**-40, 2.0**60) if dtype == jnp.float32 else (2.0**-400, 2.0**600)
+    scale = jnp.where(jnp.maximum(jnp.abs(re), im) < small, lift, 1.0).astype(dtype)
+    unscale = jnp.where(scale > 1.0, lift**-0.5, 1.0).astype(dtype)
+    x, y = re * scale, im * scale
+    modulus = jnp.sqrt(x * x + y * y)
+    large = jnp.sqrt(0.5 * (modulus + jnp.abs(x)))
+    small_part = y * (0.5 / jnp.where(large > 0.0, large, 1.0))
+    large, small_part = large * unscale, small_part * unscale
+    forward = re >= 0.0
+    return jnp.where(forward, large, small_part), jnp.where(forward, small_part, large)
+
+
+@complex_sqrt.defjvp
+def _complex_sqrt_jvp(primals, tangents):
+    (re, im), (d_re, d_im) = primals, tangents
+    a, b = complex_sqrt(re, im)
+    # d sqrt(z) = dz / (2 sqrt(z)), with 1 / sqrt(z) = (a - ib) / |z|
+    inverse = reciprocal_or_zero(a * a + b * b)
+    a_hat, b_hat = a * inverse, b * inverse
+    return (a, b), (0.5 * (a_hat * d_re + b_hat * d_im), 0.5 * (a_hat * d_im - b_hat * d_re))
