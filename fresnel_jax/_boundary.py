@@ -15,11 +15,12 @@ Brewster's, and n - m near index match; the first two are summed exactly here.
 
 from typing import NamedTuple
 
+import functools
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ._arithmetic import complex_sqrt, real_sqrt, sum_exactly, two_product, two_square, two_sum
+from ._arithmetic import complex_sqrt, real_sqrt, sum_exactly, fast_two_sum, two_product, two_square
 
 
 class Boundary(NamedTuple):
@@ -35,61 +36,62 @@ class Boundary(NamedTuple):
     ms_squared: Array  # m^2 s^2
 
 
-@jax.custom_jvp
-def _lossless_sums(c: Array, n: Array, m: Array | None) -> tuple[Array, Array, Array]:
-    """Re Q^2 and Re Y for k = 0, and m^2 s^2, each right to its last digits.
+def _square(x: Array, y: Array | None, exactly: bool) -> tuple[Array, list[Array], Array | float]:
+    """(x y)^2 = high + sum(lows) + lowest: rounded, first order errors, second order errors."""
+    if y is None:
+        high, low = two_square(x)
+        return high, [low], 0.0
+    xy, xy_low = two_product(x, y)
+    high, low = two_square(xy)
+    if not exactly:
+        return high, [low, 2.0 * (xy * xy_low)], 0.0
+    cross, cross_low = two_product(2.0 * xy, xy_low)
+    return high, [low, cross], cross_low + xy_low * xy_low
 
-    Re Q^2 = n^2 - m^2 s^2 vanishes at the critical angle, where T_s is proportional to its root,
-    and Re Y = c^2 n^2 - m^2 s^2 at Brewster's angle, where every derivative of R_p is proportional
-    to it: both need a *relative* accuracy there. Among 1e5 cosines around the critical one some
-    leave 1e-5 eps of the terms, and sums in doubled precision (error eps^2) lost 5 digits of T_s.
-    Hence every product is kept exactly and every rounding error of the sums is added back.
-    k^2 is subtracted later without care: where it matters, Im Q^2 = 2nk is larger.
-    """
-    cn, cn_low = two_product(c, n)
-    cn2, cn2_low = two_square(cn)
-    cn_cross, cn_cross_low = two_product(2.0 * cn, cn_low)
+
+def _sum_once(terms):
+    return sum(terms[1:], terms[0]), 0.0
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(3,))
+def _lossless_sums(c: Array, n: Array, m: Array | None, exactly: bool) -> tuple[Array, Array]:
+    mc2, mc2_lows, mc2_lowest = _square(c, m, exactly)
+    cn2, cn2_lows, cn2_lowest = _square(c, n, exactly)
     n2, n2_low = two_square(n)
     if m is None:
-        mc2, mc2_low = two_square(c)
-        minus_ms2, minus_ms2_low = two_sum(mc2, -1.0)
-        ms2_low, ms2_lowest = two_sum(mc2_low, minus_ms2_low)
+        minus_ms2, lost = fast_two_sum(-1.0, mc2)
+        ms2_lows = [*mc2_lows, lost]
     else:
-        mc, mc_low = two_product(c, m)
-        mc2, mc2_low = two_square(mc)
-        mc_cross, mc_cross_low = two_product(2.0 * mc, mc_low)
         m2, m2_low = two_square(m)
-        minus_ms2, minus_ms2_low = two_sum(mc2, -m2)
-        ms2_low, ms2_lowest = sum_exactly([mc2_low, -m2_low, mc_cross, minus_ms2_low])
-        ms2_lowest = ms2_lowest + (mc_cross_low + mc_low * mc_low)
+        minus_ms2, lost = fast_two_sum(-m2, mc2)
+        ms2_lows = [*mc2_lows, lost, -m2_low]
 
     def minus_ms2_plus(high, lows, lowest):
-        leading, leading_low = two_sum(minus_ms2, high)
-        low, lost = sum_exactly([ms2_low, leading_low, *lows])
-        leading, leading_low = two_sum(leading, low)
-        return leading + (leading_low + (ms2_lowest + lost + lowest))
+        low, lost = (sum_exactly if exactly else _sum_once)([*ms2_lows, *lows])
+        return ((minus_ms2 + high) + low) + (lost + mc2_lowest + lowest)
 
-    re_q2 = minus_ms2_plus(n2, [n2_low], 0.0)
-    re_y = minus_ms2_plus(cn2, [cn2_low, cn_cross], cn_cross_low + cn_low * cn_low)
-    return re_q2, re_y, -(minus_ms2 + (ms2_low + ms2_lowest))
+    return minus_ms2_plus(n2, [n2_low], 0.0), minus_ms2_plus(cn2, cn2_lows, cn2_lowest)
 
 
 @_lossless_sums.defjvp
-def _lossless_sums_jvp(primals, tangents):
+def _lossless_sums_jvp(relative, primals, tangents):
     (c, n, m), (dc, dn, dm) = primals, tangents
-    re_q2, re_y, ms2 = _lossless_sums(c, n, m)
+    re_q2, re_y = _lossless_sums(c, n, m, relative)
     if m is None:
         d_ms2 = -2.0 * c * dc
     else:
         d_ms2 = 2.0 * (1.0 - c) * (1.0 + c) * m * dm - 2.0 * m * m * c * dc
     d_q2 = 2.0 * n * dn - d_ms2
     d_y = 2.0 * c * n * (n * dc + c * dn) - d_ms2
-    return (re_q2, re_y, ms2), (d_q2, d_y, d_ms2)
+    return (re_q2, re_y), (d_q2, d_y)
 
 
-def boundary(c: Array, n: Array, k: Array | None, m: Array | None) -> Boundary:
+def boundary(c: Array, n: Array, k: Array | None, m: Array | None, relative=True) -> Boundary:
     """The shared quantities, for 0 <= c <= 1, n > 0, k >= 0 (None: 0), m > 0 (None: 1)."""
-    re_q2, re_y, ms2 = _lossless_sums(c, n, m)
+    re_q2, re_y = _lossless_sums(c, n, m, relative)
+    if relative:
+        one = jnp.where(n == n, 1.0, 2.0)
+        re_q2, re_y = re_q2 / one, re_y / one
     if k is None:
         a, b = real_sqrt(re_q2)
         y = (re_y, None)
@@ -98,5 +100,6 @@ def boundary(c: Array, n: Array, k: Array | None, m: Array | None) -> Boundary:
         a, b = complex_sqrt(re_q2 - k * k, im_q2)
         y = (re_y - (c * k) * (c * k), im_q2 * c * c)
     mc = c if m is None else m * c
+    ms2 = (1.0 - c) * (1.0 + c) * (1.0 if m is None else m*m)
     m = 1.0 if m is None else m
     return Boundary(mc, n - m, n + m, (a, b), y, (mc + a, b), (mc * a + ms2, mc * b), ms2)

@@ -40,7 +40,10 @@ def _powers_from(q: Boundary, k, m):
         per_s2_lifted = per_s2 * jnp.where(tiny, 2.0**-60, 1.0).astype(near.dtype)
         R_s = (squared_modulus((near * lift, k * lift)) * per_s2_lifted) * (
             squared_modulus((far, k)) * per_s2_lifted)
-    R_p = R_s * ((squared_modulus(q.y) * per_x2) * (m2 * per_x2 / m2)) if False else R_s * ((squared_modulus(q.y) * per_x2) * per_x2)
+    x2 = squared_modulus(q.x)
+    x2 = jnp.where(x2 == 0.0, 1.0, x2)
+    y_hat = (m2 * q.y[0] / x2, None if k is None else q.y[1] * per_x2)
+    R_p = R_s * squared_modulus(y_hat)
     a, b = q.q
     T_s = 4.0 * q.mc * a * per_s2
     T_p = T_s * ((a * a + b * b + q.ms_squared) * per_x2)
@@ -55,14 +58,23 @@ def _powers_from(q: Boundary, k, m):
 
 @jax.custom_jvp
 def _powers(c, n, k, m):
-    return _powers_from(boundary(c, n, k, m), k, m)
+    return _powers_from(boundary(c, n, k, m, True), k, m)
 
 
-BARRIER = True
+@jax.custom_jvp
+def _reflectances(c, n, k, m):
+    return _powers_from(boundary(c, n, k, m, False), k, m)[:2]
+
+
+BARRIER = False
 def _powers_jvp(primals, tangents):
     c, n, k, m = primals
     q = boundary(c, n, k, m)
-    if BARRIER: q = jax.tree.map(jax.lax.optimization_barrier, q)
+    if BARRIER:
+        bar = lambda t: jax.tree.map(jax.lax.optimization_barrier, t)
+        mc = c if m is None else c * m
+        qq = bar(q.q); yy = bar(q.y[0]); ms2 = bar(q.ms_squared)
+        q = q._replace(q=qq, y=(yy, q.y[1]), ms_squared=ms2, s=(mc + qq[0], qq[1]), x=(mc*qq[0]+ms2, mc*qq[1]))
     out = _powers_from(q, k, m)
     R_s = out[0]
     per_s2 = reciprocal_or_zero(squared_modulus(q.s))
@@ -72,19 +84,23 @@ def _powers_jvp(primals, tangents):
     n2_minus_m2 = q.difference * q.total
     s2 = (1.0 - c) * (1.0 + c)
     y_re, y_im = q.y
+    x2 = squared_modulus(q.x)
+    x2 = jnp.where(x2 == 0.0, 1.0, x2)
+    m2 = 1.0 if m is None else m * m
+    y_hat = (m2 * q.y[0] / x2, None if k is None else q.y[1] * per_x2)
     if k is None:
         conj_q = (a * per_q2, None)
         core = (n * n2_minus_m2 * per_s2, None)
-        conj_y = (y_re * per_x2, None)
-        z = ((y_re + s2 * n2_minus_m2) * per_x2, None)
+        conj_y = y_hat
+        z = (y_hat[0] + s2 * n2_minus_m2 * per_x2, None)
         eps = (n * n * per_x2, None)
     else:
         conj_q = (a * per_q2, -b * per_q2)
         n2_plus_m2 = n * n + (1.0 if m is None else m * m)
         k2 = k * k
         core = (n * (n2_minus_m2 + k2) * per_s2, -k * (n2_plus_m2 + k2) * per_s2)
-        conj_y = (y_re * per_x2, -y_im * per_x2)
-        z = ((y_re + s2 * (n2_minus_m2 - k2)) * per_x2, 2.0 * n * k * per_x2 - 2.0*n*k*per_x2 + (y_im + s2 * (2.0 * n * k)) * per_x2)
+        conj_y = (y_hat[0], -y_hat[1])
+        z = (y_hat[0] + s2 * (n2_minus_m2 - k2) * per_x2, y_hat[1] + s2 * (2.0 * n * k) * per_x2)
         eps = ((n * n - k2) * per_x2, 2.0 * n * k * per_x2)
     f = 4.0 * q.mc * per_s2
     g_s = times(times((f * core[0], None if k is None else f * core[1]), conj_q), (1.0, None))
@@ -102,12 +118,18 @@ def _powers_jvp(primals, tangents):
     return out, (d_s, d_p, -d_s, -d_p)
 
 
+def _reflectances_jvp(p, t):
+    o, d = _powers_jvp(p, t)
+    return o[:2], d[:2]
+
+
 def _contract(partials, tangents):
     terms = [p * t for p, t in zip(partials, tangents, strict=True) if t is not None and not isinstance(t, SymbolicZero)]
     return sum(terms[1:], terms[0])
 
 
 _powers.defjvp(_powers_jvp, symbolic_zeros=True)
+_reflectances.defjvp(_reflectances_jvp, symbolic_zeros=True)
 
 
 def _arguments(cos_theta_i, eta, k, eta_i):
@@ -129,7 +151,9 @@ def _jit_powers(*args):
 
 @jax.jit
 def _jit_reflectance(*args):
-    return _jit_powers(*args).R
+    c, n, k, m = _floats(*args)
+    s, p = _reflectances(jnp.abs(c), n, k, m)
+    return 0.5 * (s + p)
 
 
 def powers(cos_theta_i, eta, k=0.0, eta_i=1.0):
