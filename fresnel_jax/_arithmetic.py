@@ -10,6 +10,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+# A complex number in real arithmetic: (re, im), where im None means exactly real.
+Complex = tuple[Array, Array | None]
+
 
 def two_sum(x: Array, y: Array) -> tuple[Array, Array]:
     """The rounded sum of x and y, and its exact error (Knuth, TAOCP vol. 2, sec. 4.2.2)."""
@@ -68,8 +71,8 @@ def reciprocal_or_zero(x: Array) -> Array:
     return jnp.where(zero, 0.0, 1.0 / jnp.where(zero, 1.0, x))
 
 
-def times(z: tuple, w: tuple) -> tuple:
-    """The product of two complex numbers, each a pair (re, im); im None means exactly real."""
+def times(z: Complex, w: Complex) -> Complex:
+    """The product of two complex numbers."""
     (a, b), (c, d) = z, w
     if b is None:
         return a * c, None if d is None else a * d
@@ -78,8 +81,8 @@ def times(z: tuple, w: tuple) -> tuple:
     return a * c - b * d, a * d + b * c
 
 
-def squared_modulus(z: tuple) -> Array:
-    """|z|^2 of a complex number given as a pair (re, im); im None means exactly real."""
+def squared_modulus(z: Complex) -> Array:
+    """|z|^2 of a complex number."""
     re, im = z
     return re * re if im is None else re * re + im * im
 
@@ -106,23 +109,24 @@ def _real_sqrt_jvp(primals, tangents):
 def complex_sqrt(re: Array, im: Array) -> tuple[Array, Array]:
     """The root a + ib of re + i im with a >= 0, for im >= 0 (then b >= 0 too).
 
-    Neither part cancels: the larger one is a square root of a sum of positive numbers, the smaller
-    one a quotient. The modulus is formed from numbers scaled by a power of two, so that a float32
-    modulus of 1e-30 does not underflow. At re = im = 0 the derivative is infinite; 0 is returned.
+    Neither part cancels: the larger one is the root of a sum of positive numbers, the smaller one a
+    quotient. At re = im = 0 the derivative is infinite; 0 is returned.
     """
-    dtype = re.dtype
-    # Squares of numbers below 2^-40 (float32) would lose digits to underflow; 2^60 lifts numbers
-    # down to 2e-36 to safety. float64: the same with 2^-400, 2^600.
-    small, lift = (2.0**-40, 2.0**60) if dtype == jnp.float32 else (2.0**-400, 2.0**600)
-    scale = jnp.where(jnp.maximum(jnp.abs(re), im) < small, lift, 1.0).astype(dtype)
-    unscale = jnp.where(scale > 1.0, lift**-0.5, 1.0).astype(dtype)
-    x, y = re * scale, im * scale
-    modulus = jnp.sqrt(x * x + y * y)
-    large = jnp.sqrt(0.5 * (modulus + jnp.abs(x)))
-    small_part = y * (0.5 / jnp.where(large > 0.0, large, 1.0))
-    large, small_part = large * unscale, small_part * unscale
-    forward = re >= 0.0
-    return jnp.where(forward, large, small_part), jnp.where(forward, small_part, large)
+    unscale = None
+    if re.dtype == jnp.float32:
+        # Squares of numbers below 1e-19 underflow in float32. A power of two lifts both parts when
+        # they are below 2^-40, which covers moduli from 1e-37 to 1e19.
+        tiny = jnp.maximum(jnp.abs(re), im) < 2.0**-40
+        scale = jnp.where(tiny, 2.0**60, 1.0).astype(re.dtype)
+        unscale = jnp.where(tiny, 2.0**-30, 1.0).astype(re.dtype)
+        re, im = re * scale, im * scale
+    half_im = 0.5 * im
+    modulus = jnp.sqrt(re * re + 4.0 * (half_im * half_im))
+    large = jnp.sqrt(0.5 * (modulus + jnp.abs(re)))
+    small = half_im * reciprocal_or_zero(large)
+    if unscale is not None:
+        large, small = large * unscale, small * unscale
+    return jnp.where(re >= 0.0, large, small), jnp.where(re >= 0.0, small, large)
 
 
 @complex_sqrt.defjvp
@@ -130,6 +134,6 @@ def _complex_sqrt_jvp(primals, tangents):
     (re, im), (d_re, d_im) = primals, tangents
     a, b = complex_sqrt(re, im)
     # d sqrt(z) = dz / (2 sqrt(z)), with 1 / sqrt(z) = (a - ib) / |z|
-    inverse = reciprocal_or_zero(a * a + b * b)
-    a_hat, b_hat = a * inverse, b * inverse
-    return (a, b), (0.5 * (a_hat * d_re + b_hat * d_im), 0.5 * (a_hat * d_im - b_hat * d_re))
+    half = 0.5 * reciprocal_or_zero(a * a + b * b)
+    a_half, b_half = a * half, b * half
+    return (a, b), (a_half * d_re + b_half * d_im, a_half * d_im - b_half * d_re)

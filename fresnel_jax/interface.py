@@ -1,164 +1,224 @@
-"""One smooth boundary between two media: amplitudes and powers."""
+"""One smooth boundary between two media: amplitudes and powers for s and p polarisation.
+
+Conventions: time dependence exp(-i w t), so that an index eta + ik with k >= 0 absorbs;
+r_p = -r_s at normal incidence; powers are fractions. Every function broadcasts its arguments as
+NumPy does, keeps their dtype (float32 or float64; integers become the default float), and works
+under `jit`, `vmap` and `grad`. Values are not checked inside these functions.
+
+Accuracy
+--------
+Largest error over ordinary dielectrics and metals, grazing incidence down to cos = 1e-12, index
+match, both sides of the critical and of Brewster's angle to within an eps, X-ray contrast,
+k from 1e-30, indices from 1e-6 to 1e8, in float32 and in float64, against 100-digit arithmetic at
+the exact inputs: 12 eps of each R and T (of an R below eps^2: 12 eps^3); the gradient of each R
+and T within 200 eps of its norm (measured: 15).
+
+Derivatives at singular points
+------------------------------
+At the critical angle itself, and for matched media at cos = 0, derivatives are infinite or
+undefined; 0 is returned. `cos_theta_i` = 0 is differentiated from above. For k = 0 the derivative
+with respect to k is the one-sided one (k >= 0), which is not 0 in total reflection.
+
+References: M. Born and E. Wolf, Principles of Optics, 7th ed., secs. 1.5 and 14.2; M. Pharr,
+W. Jakob and G. Humphreys, Physically Based Rendering, 4th ed., sec. 9.3. The algebra is our own
+and stands in `_boundary`, `_powers` and `_amplitudes`.
+"""
 
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, ArrayLike
 
-from ._arithmetic import reciprocal_or_zero, squared_modulus, times
-from ._boundary import Boundary, boundary
+from ._amplitudes import amplitudes_kernel
+from ._powers import powers_kernel, reflectances_kernel
 
 
 class Powers(NamedTuple):
+    """Fractions of the incident power, for s and p polarisation, all of the broadcast shape."""
+
     R_s: Array
     R_p: Array
     T_s: Array
     T_p: Array
 
     @property
-    def R(self):
+    def R(self) -> Array:
+        """Reflectance of unpolarised light."""
         return 0.5 * (self.R_s + self.R_p)
 
     @property
-    def T(self):
+    def T(self) -> Array:
+        """Transmittance of unpolarised light."""
         return 0.5 * (self.T_s + self.T_p)
 
 
-def _powers_from(q: Boundary, k, m):
-    m2 = 1.0 if m is None else m * m
-    per_s2 = reciprocal_or_zero(squared_modulus(q.s))
-    per_x2 = m2 * reciprocal_or_zero(squared_modulus(q.x))
-    # |N - m|^2 |N + m|^2 / |S|^4
-    near, far = q.difference, q.total
-    if k is None or near.dtype != jnp.float32:
-        R_s = (squared_modulus((near, k)) * per_s2) * (squared_modulus((far, k)) * per_s2)
-    else:
-        tiny = jnp.maximum(jnp.abs(near), k) < 2.0**-40
-        lift = jnp.where(tiny, 2.0**60, 1.0).astype(near.dtype)
-        per_s2_lifted = per_s2 * jnp.where(tiny, 2.0**-60, 1.0).astype(near.dtype)
-        R_s = (squared_modulus((near * lift, k * lift)) * per_s2_lifted) * (
-            squared_modulus((far, k)) * per_s2_lifted)
-    x2 = squared_modulus(q.x)
-    x2 = jnp.where(x2 == 0.0, 1.0, x2)
-    y_hat = (m2 * q.y[0] / x2, None if k is None else q.y[1] * per_x2)
-    R_p = R_s * squared_modulus(y_hat)
-    a, b = q.q
-    T_s = 4.0 * q.mc * a * per_s2
-    T_p = T_s * ((a * a + b * b + q.ms_squared) * per_x2)
-    contrast = near != 0.0
-    if k is not None:
-        contrast = contrast | (k != 0.0)
-    reflected_totally = (a == 0.0) & contrast
-    R_s = jnp.where(reflected_totally, 1.0, jnp.minimum(R_s, 1.0))
-    R_p = jnp.where(reflected_totally, 1.0, jnp.minimum(R_p, 1.0))
-    return R_s, R_p, jnp.minimum(T_s, 1.0), jnp.minimum(T_p, 1.0)
+class Amplitudes(NamedTuple):
+    """Ratios of the electric fields to the incident one, complex, all of the broadcast shape."""
+
+    r_s: Array
+    r_p: Array
+    t_s: Array
+    t_p: Array
 
 
-@jax.custom_jvp
-def _powers(c, n, k, m):
-    return _powers_from(boundary(c, n, k, m, True), k, m)
+def _structure(cos_theta_i, eta, k, eta_i):
+    """The arguments with an exact Python 0 for k, or 1 for eta_i, replaced by None.
 
-
-@jax.custom_jvp
-def _reflectances(c, n, k, m):
-    return _powers_from(boundary(c, n, k, m, False), k, m)[:2]
-
-
-BARRIER = False
-def _powers_jvp(primals, tangents):
-    c, n, k, m = primals
-    q = boundary(c, n, k, m)
-    if BARRIER:
-        bar = lambda t: jax.tree.map(jax.lax.optimization_barrier, t)
-        mc = c if m is None else c * m
-        qq = bar(q.q); yy = bar(q.y[0]); ms2 = bar(q.ms_squared)
-        q = q._replace(q=qq, y=(yy, q.y[1]), ms_squared=ms2, s=(mc + qq[0], qq[1]), x=(mc*qq[0]+ms2, mc*qq[1]))
-    out = _powers_from(q, k, m)
-    R_s = out[0]
-    per_s2 = reciprocal_or_zero(squared_modulus(q.s))
-    per_x2 = (1.0 if m is None else m * m) * reciprocal_or_zero(squared_modulus(q.x))
-    per_q2 = reciprocal_or_zero(squared_modulus(q.q))
-    a, b = q.q
-    n2_minus_m2 = q.difference * q.total
-    s2 = (1.0 - c) * (1.0 + c)
-    y_re, y_im = q.y
-    x2 = squared_modulus(q.x)
-    x2 = jnp.where(x2 == 0.0, 1.0, x2)
-    m2 = 1.0 if m is None else m * m
-    y_hat = (m2 * q.y[0] / x2, None if k is None else q.y[1] * per_x2)
-    if k is None:
-        conj_q = (a * per_q2, None)
-        core = (n * n2_minus_m2 * per_s2, None)
-        conj_y = y_hat
-        z = (y_hat[0] + s2 * n2_minus_m2 * per_x2, None)
-        eps = (n * n * per_x2, None)
-    else:
-        conj_q = (a * per_q2, -b * per_q2)
-        n2_plus_m2 = n * n + (1.0 if m is None else m * m)
-        k2 = k * k
-        core = (n * (n2_minus_m2 + k2) * per_s2, -k * (n2_plus_m2 + k2) * per_s2)
-        conj_y = (y_hat[0], -y_hat[1])
-        z = (y_hat[0] + s2 * (n2_minus_m2 - k2) * per_x2, y_hat[1] + s2 * (2.0 * n * k) * per_x2)
-        eps = ((n * n - k2) * per_x2, 2.0 * n * k * per_x2)
-    f = 4.0 * q.mc * per_s2
-    g_s = times(times((f * core[0], None if k is None else f * core[1]), conj_q), (1.0, None))
-    g_p = times(g_s, times(z, conj_y))
-    m1 = 1.0 if m is None else m
-    per_c = 4.0 * m1 * R_s
-    d_c = (-per_c * conj_q[0], per_c * times(eps, times(conj_q, conj_y))[0])
-    d = []
-    for dc_, g in zip(d_c, (g_s, g_p)):
-        dn_ = g[0]
-        dk_ = None if k is None else -g[1]
-        dm_ = None if m is None else -(n * dn_ + (0.0 if k is None else k * dk_)) / m
-        d.append(_contract((dc_, dn_, dk_, dm_), tangents))
-    d_s, d_p = d
-    return out, (d_s, d_p, -d_s, -d_p)
-
-
-def _reflectances_jvp(p, t):
-    o, d = _powers_jvp(p, t)
-    return o[:2], d[:2]
-
-
-def _contract(partials, tangents):
-    terms = [p * t for p, t in zip(partials, tangents, strict=True) if t is not None and not isinstance(t, SymbolicZero)]
-    return sum(terms[1:], terms[0])
-
-
-_powers.defjvp(_powers_jvp, symbolic_zeros=True)
-_reflectances.defjvp(_reflectances_jvp, symbolic_zeros=True)
-
-
-def _arguments(cos_theta_i, eta, k, eta_i):
-    k = None if isinstance(k, int | float) and k == 0 else k
-    eta_i = None if isinstance(eta_i, int | float) and eta_i == 1 else eta_i
+    None is structure, not a value: the program for lossless media or for light from vacuum leaves
+    out what they do not need. A complex eta is taken apart here.
+    """
+    shapes = [jnp.shape(x) for x in (cos_theta_i, eta, k, eta_i)]
+    try:
+        jnp.broadcast_shapes(*shapes)
+    except ValueError:
+        raise ValueError(
+            "the shapes of cos_theta_i, eta, k and eta_i, "
+            f"{', '.join(map(str, shapes))}, do not broadcast to one shape; "
+            "add axes of length 1 so that they do, e.g. eta[:, None]"
+        ) from None
+    if jnp.iscomplexobj(eta):
+        if not _is_exactly(k, 0):
+            raise ValueError("a complex eta already contains k; leave the argument k out")
+        eta, k = jnp.real(eta), jnp.imag(eta)
+    for name, value in (("cos_theta_i", cos_theta_i), ("k", k), ("eta_i", eta_i)):
+        if jnp.iscomplexobj(value):
+            raise ValueError(f"{name} is complex, a real number is wanted; only eta may be complex")
+    k = None if _is_exactly(k, 0) else k
+    eta_i = None if _is_exactly(eta_i, 1) else eta_i
     return cos_theta_i, eta, k, eta_i
 
 
-def _floats(*args):
-    dtype = jnp.result_type(*[a for a in args if a is not None], 1.0)
-    return tuple(None if a is None else jnp.asarray(a, dtype) for a in args)
+def _is_exactly(value, number: int) -> bool:
+    return isinstance(value, int | float) and value == number
+
+
+def _as_floats(cos_theta_i, eta, k, eta_i):
+    given = [x for x in (cos_theta_i, eta, k, eta_i) if x is not None]
+    dtype = jnp.result_type(*given, 1.0)
+    return tuple(
+        None if x is None else jnp.asarray(x, dtype) for x in (cos_theta_i, eta, k, eta_i)
+    )
 
 
 @jax.jit
-def _jit_powers(*args):
-    c, n, k, m = _floats(*args)
-    return Powers(*_powers(jnp.abs(c), n, k, m))
+def _jit_powers(*arguments):
+    return Powers(*powers_kernel(*_as_floats(*arguments)))
 
 
 @jax.jit
-def _jit_reflectance(*args):
-    c, n, k, m = _floats(*args)
-    s, p = _reflectances(jnp.abs(c), n, k, m)
-    return 0.5 * (s + p)
+def _jit_reflectance(*arguments):
+    R_s, R_p = reflectances_kernel(*_as_floats(*arguments))
+    return 0.5 * (R_s + R_p)
 
 
-def powers(cos_theta_i, eta, k=0.0, eta_i=1.0):
-    return _jit_powers(*_arguments(cos_theta_i, eta, k, eta_i))
+@jax.jit
+def _jit_amplitudes(*arguments):
+    c, n, k, m = _as_floats(*arguments)
+    k = jnp.zeros_like(n) if k is None else k
+    m = jnp.ones_like(n) if m is None else m
+    return Amplitudes(*amplitudes_kernel(c, n, k, m))
 
 
-def reflectance(cos_theta_i, eta, k=0.0, eta_i=1.0):
-    return _jit_reflectance(*_arguments(cos_theta_i, eta, k, eta_i))
+@jax.jit
+def _jit_dielectric(cos_theta_i, eta):
+    c, eta, _, _ = _as_floats(cos_theta_i, eta, None, None)
+    inside = c < 0.0
+    # 1 and eta change places; 1 / eta would lose the digits that count near the critical angle
+    n, m = jnp.where(inside, 1.0, eta), jnp.where(inside, eta, 1.0)
+    R_s, R_p = reflectances_kernel(c, n, None, m)
+    return 0.5 * (R_s + R_p)
+
+
+def powers(
+    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
+) -> Powers:
+    """Power reflectance and transmittance for s and p polarisation.
+
+    R = abs(r)^2; T is the power that crosses the boundary, computed without forming 1 - R, so that
+    small transmittances (grazing incidence, good metals) keep their digits.
+
+    Args:
+        cos_theta_i: cosine of the angle of incidence, in [-1, 1]; its sign is ignored.
+        eta: real part of the absolute index of the medium entered, > 0; or the complex index.
+        k: imaginary part of that index (extinction coefficient), >= 0. Leave it out for a lossless
+            medium: a Python 0 is recognised and makes the program smaller.
+        eta_i: absolute index of the medium that the light comes from, real, > 0.
+
+    Returns:
+        `Powers(R_s, R_p, T_s, T_p)` with `.R` and `.T` for unpolarised light. In total reflection
+        with k = 0, R is exactly 1 and T exactly 0; matched media have R exactly 0. For accuracy and
+        derivatives see the module's docstring.
+
+    Raises:
+        ValueError: the shapes do not broadcast, or an argument other than eta is complex.
+    """
+    return _jit_powers(*_structure(cos_theta_i, eta, k, eta_i))
+
+
+def reflectance(
+    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
+) -> Array:
+    """Power reflectance for unpolarised light, (R_s + R_p) / 2.
+
+    Arguments, errors and accuracy as in `powers`, at less than half its cost.
+    """
+    return _jit_reflectance(*_structure(cos_theta_i, eta, k, eta_i))
+
+
+def amplitudes(
+    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
+) -> Amplitudes:
+    """Complex amplitude reflection and transmission coefficients for s and p polarisation.
+
+    r_s = (eta_i cos_i - N cos_t) / (eta_i cos_i + N cos_t),      t_s = 1 + r_s,
+    r_p = (N cos_i - eta_i cos_t) / (N cos_i + eta_i cos_t),      t_p = (1 + r_p) eta_i / N,
+    with N = eta + ik, N sin_t = eta_i sin_i and Im(N cos_t) >= 0.
+
+    Arguments and errors as in `powers`. The error of each coefficient is within 12 eps of its
+    modulus, also of r_p next to Brewster's angle.
+
+    Returns:
+        `Amplitudes(r_s, r_p, t_s, t_p)`; complex64 for float32 arguments, complex128 for float64.
+        In the other sign convention, exp(+i w t) and eta - ik, all four are conjugated.
+    """
+    return _jit_amplitudes(*_structure(cos_theta_i, eta, k, eta_i))
+
+
+def fresnel_dielectric(cos_theta_i: ArrayLike, eta: ArrayLike) -> Array:
+    """Unpolarised power reflectance of a boundary between two lossless media.
+
+    Args:
+        cos_theta_i: cosine with the outward normal, in [-1, 1]; negative: light comes from inside.
+        eta: relative index, inside over outside, > 0.
+
+    Returns:
+        R in [0, 1], exactly 1 in total reflection and exactly 0 for eta = 1.
+
+    Source: `FrDielectric`, Physically Based Rendering, 4th ed., sec. 9.3.5. There eta = 1 gives
+    R = 1 at cos = 0; here 0.
+    """
+    _structure(cos_theta_i, eta, 0.0, 1.0)
+    return _jit_dielectric(cos_theta_i, eta)
+
+
+def fresnel_conductor(cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike) -> Array:
+    """Unpolarised power reflectance of an absorbing medium; `reflectance` with eta_i = 1.
+
+    Args:
+        cos_theta_i: cosine of the angle of incidence, in [-1, 1]; its sign is ignored.
+        eta, k: real and imaginary part of the relative index, inside over outside; > 0 and >= 0.
+
+    Source: `FrConductor`, Physically Based Rendering, 3rd ed., eq. 8.3, whose printed average of
+    squares must be an average of powers.
+    """
+    return reflectance(cos_theta_i, eta, k)
+
+
+def fresnel_complex(cos_theta_i: ArrayLike, eta: ArrayLike) -> Array:
+    """Unpolarised power reflectance for a complex relative index eta + ik; see `reflectance`.
+
+    Source: `FrComplex`, Physically Based Rendering, 4th ed., sec. 9.3.6, which clamps a negative
+    cosine to 0; here its sign is ignored.
+    """
+    return reflectance(cos_theta_i, eta)

@@ -1,0 +1,160 @@
+"""Power reflectance and transmittance of one boundary with their derivatives in closed form.
+
+With the quantities of `_boundary` and N = n + ik:
+
+    R_s = |N - m|^2 |N + m|^2 / |S|^4        T_s = 4 m c a / |S|^2
+    R_p = R_s |m^2 Y / X^2|^2                T_p = T_s m^2 (|Q|^2 + m^2 s^2) / |X|^2
+
+    dR_s = 4 Re(G dN) - 4 m R_s Re(1/Q) dc,            G = m c conj(N^2 - m^2) N / (Q |S|^4)
+    dR_p = 4 Re(G K dN) + 4 m R_s Re(N^2 L / Q) dc,    K = m^4 Z conj(Y) / |X|^4, Z = Y + s^2 (N^2 - m^2)
+                                                       L = m^4 conj(Y) / |X|^4
+
+R is homogeneous of degree 0 in (n, k, m), which gives the derivative with respect to m, and
+dT = -dR. The derivatives share all roots with the values and are finite wherever the truth is. At
+the critical angle itself (Q = 0) they are infinite; 0 is returned.
+
+The textbook derivative of r_p has 2 Q^2 - N^2 for Z, which cancels near index match at 45 degrees:
+it cost 2e3 eps of the gradient there.
+"""  # noqa: E501
+
+import jax
+import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
+from jaxtyping import Array
+
+from ._arithmetic import reciprocal_or_zero, squared_modulus, times
+from ._boundary import Boundary, boundary, unsigned
+
+# Every function here takes n, k, m as boundary does: k None is exactly 0, m None exactly 1, so that
+# the usual lossless or vacuum-side case pays for no more than it needs. The kernels ignore c's sign.
+
+
+@jax.custom_jvp
+def powers_kernel(c, n, k, m) -> tuple[Array, Array, Array, Array]:
+    """R_s, R_p, T_s, T_p."""
+    q = boundary(jnp.abs(c), n, k, m, exactly=True)
+    return *_reflected(q, k, m), *_transmitted(q, m)
+
+
+@jax.custom_jvp
+def reflectances_kernel(c, n, k, m) -> tuple[Array, Array]:
+    """R_s, R_p, for less than half of what they cost together with T."""
+    return _reflected(boundary(jnp.abs(c), n, k, m, exactly=False), k, m)
+
+
+def _reflected(q: Boundary, k, m):
+    m2 = 1.0 if m is None else m * m
+    per_s2 = reciprocal_or_zero(squared_modulus(q.s))
+    R_s = _contrast_over_s2(q, k, per_s2)
+    R_p = R_s * squared_modulus(_scaled_y(q, k, m2))
+    # Lossless total reflection is exactly 1, and so is nothing else with Re Q = 0.
+    contrast = q.difference != 0.0 if k is None else (q.difference != 0.0) | (k != 0.0)
+    totally = (q.q[0] == 0.0) & contrast
+    return tuple(jnp.where(totally, 1.0, jnp.minimum(R, 1.0)) for R in (R_s, R_p))
+
+
+def _contrast_over_s2(q: Boundary, k, per_s2):
+    """|N - m|^2 |N + m|^2 / |S|^4."""
+    near, far = (q.difference, k), (q.total, k)
+    if k is None or per_s2.dtype != jnp.float32:
+        return (squared_modulus(near) * per_s2) * (squared_modulus(far) * per_s2)
+    # In float32 the square of k = 1e-30 at n = m underflows. R = 2.5e-13 at cos = 1e-12 needs it.
+    tiny = jnp.maximum(jnp.abs(q.difference), k) < 2.0**-40
+    lift = jnp.where(tiny, 2.0**60, 1.0).astype(per_s2.dtype)
+    lowered = per_s2 * jnp.where(tiny, 2.0**-60, 1.0).astype(per_s2.dtype)
+    near = (q.difference * lift, k * lift)
+    return (squared_modulus(near) * lowered) * (squared_modulus(far) * lowered)
+
+
+def _scaled_y(q: Boundary, k, m2):
+    """m^2 Y / |X|^2. A division, not a product: the CPU compiler never repeats a division."""
+    x2 = squared_modulus(q.x)
+    x2 = jnp.where(x2 == 0.0, 1.0, x2)
+    y_re, y_im = q.y
+    return m2 * y_re / x2, None if k is None else m2 * y_im / x2
+
+
+def _transmitted(q: Boundary, m):
+    m2 = 1.0 if m is None else m * m
+    s2 = squared_modulus(q.s)
+    T_s = 4.0 * q.mc * q.q[0] * reciprocal_or_zero(s2)
+    per_x2 = m2 * reciprocal_or_zero(squared_modulus(q.x))
+    T_p = T_s * ((squared_modulus(q.q) + q.ms_squared) * per_x2)
+    # S = 0 only where nothing is left to reflect: matched media at cos = 0.
+    return tuple(jnp.where(s2 == 0.0, 1.0, jnp.minimum(T, 1.0)) for T in (T_s, T_p))
+
+
+def _reflected_with_partials(q: Boundary, c, sign, n, k, m):
+    """R_s and R_p, and for each its derivatives with respect to (c, n, k, m)."""
+    m1 = 1.0 if m is None else m
+    m2 = m1 * m1
+    a, b = q.q
+    per_s2 = reciprocal_or_zero(squared_modulus(q.s))
+    per_x2 = m2 * reciprocal_or_zero(squared_modulus(q.x))
+    per_q2 = reciprocal_or_zero(squared_modulus(q.q))
+    s_squared = (1.0 - c) * (1.0 + c)
+    n2_minus_m2 = q.difference * q.total
+    y = _scaled_y(q, k, m2)
+    if k is None:
+        per_q = (a * per_q2, None)
+        core = (n * n2_minus_m2 * per_s2, None)
+        z = (y[0] + s_squared * n2_minus_m2 * per_x2, None)
+        conj_y = y
+        eps = (n * n * per_x2, None)
+    else:
+        k2, n2k = k * k, 2.0 * n * k
+        per_q = (a * per_q2, -b * per_q2)
+        # conj(N^2 - m^2) N, written so that n^2 - m^2 keeps its digits near index match
+        core = (n * (n2_minus_m2 + k2) * per_s2, -k * (n * n + m2 + k2) * per_s2)
+        z = (
+            y[0] + s_squared * (n2_minus_m2 - k2) * per_x2,
+            y[1] + s_squared * n2k * per_x2,
+        )
+        conj_y = (y[0], -y[1])
+        eps = ((n * n - k2) * per_x2, n2k * per_x2)
+    g_s = times((4.0 * q.mc * per_s2, None), times(core, per_q))
+    g_p = times(g_s, times(z, conj_y))
+    R_s, R_p = _reflected(q, k, m)
+    dc_factor = 4.0 * m1 * R_s * sign
+    dc_s = -dc_factor * per_q[0]
+    dc_p = dc_factor * times(eps, times(per_q, conj_y))[0]
+    return (R_s, R_p), tuple(
+        (dc, *_index_partials(g, n, k, m)) for dc, g in ((dc_s, g_s), (dc_p, g_p))
+    )
+
+
+def _index_partials(g, n, k, m):
+    dn = g[0]
+    dk = None if k is None else -g[1]
+    if m is None:
+        return dn, dk, None
+    return dn, dk, -(n * dn + (0.0 if k is None else k * dk)) / m
+
+
+def _along(partials, tangents):
+    """The derivative along the tangents; what is not differentiated costs nothing."""
+    terms = [
+        partial * tangent
+        for partial, tangent in zip(partials, tangents, strict=True)
+        if not (tangent is None or isinstance(tangent, SymbolicZero))
+    ]
+    return sum(terms[1:], terms[0])
+
+
+def _powers_jvp(primals, tangents):
+    (c, sign), n, k, m = unsigned(primals[0]), *primals[1:]
+    q = boundary(c, n, k, m, exactly=True)
+    R, partials = _reflected_with_partials(q, c, sign, n, k, m)
+    dR_s, dR_p = (_along(p, tangents) for p in partials)
+    return (*R, *_transmitted(q, m)), (dR_s, dR_p, -dR_s, -dR_p)
+
+
+def _reflectances_jvp(primals, tangents):
+    (c, sign), n, k, m = unsigned(primals[0]), *primals[1:]
+    q = boundary(c, n, k, m, exactly=True)
+    R, partials = _reflected_with_partials(q, c, sign, n, k, m)
+    return R, tuple(_along(p, tangents) for p in partials)
+
+
+powers_kernel.defjvp(_powers_jvp, symbolic_zeros=True)
+reflectances_kernel.defjvp(_reflectances_jvp, symbolic_zeros=True)
