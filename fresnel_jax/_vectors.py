@@ -1,0 +1,91 @@
+"""Three-vectors as three arrays.
+
+A public direction is an array of shape (..., 3). Inside, its components stay apart: XLA fuses
+elementwise work on three arrays into one vectorised loop, and breaks the loop at every sum over an
+axis of length 3.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike
+
+from ._arithmetic import sum_exactly, two_product
+
+
+class Vector(NamedTuple):
+    """Components that broadcast against each other."""
+
+    x: Array
+    y: Array
+    z: Array
+
+
+def as_float(x: ArrayLike) -> Array:
+    """x as an array of floats; a Python number stays weakly typed and so leaves float32 alone."""
+    x = jnp.asarray(x)
+    return x if jnp.issubdtype(x.dtype, jnp.floating) else x.astype(jnp.result_type(float))
+
+
+def components(v: ArrayLike, name: str) -> Vector:
+    """The components of an array of shape (..., 3); ValueError, with `name`, for other shapes."""
+    v = as_float(v)
+    if v.ndim == 0 or v.shape[-1] != 3:
+        raise ValueError(
+            f"{name} has shape {v.shape}; wanted (..., 3), a direction along the last axis."
+        )
+    return Vector(v[..., 0], v[..., 1], v[..., 2])
+
+
+def stack(v: Vector) -> Array:
+    """The array of shape (..., 3) with these components."""
+    return jnp.stack(jnp.broadcast_arrays(*v), axis=-1)
+
+
+def dot(v: Vector, w: Vector) -> Array:
+    """v . w, with an error of an eps of the largest product."""
+    return v.x * w.x + v.y * w.y + v.z * w.z
+
+
+@jax.custom_jvp
+def dot_exactly(v: Vector, w: Vector) -> Array:
+    """v . w rounded once or twice, also where the products cancel (grazing incidence)."""
+    products = [two_product(*jnp.broadcast_arrays(a, b)) for a, b in zip(v, w, strict=True)]
+    total, error = sum_exactly([product for product, _ in products])
+    return total + (error + (products[0][1] + products[1][1] + products[2][1]))
+
+
+@dot_exactly.defjvp
+def _dot_exactly_jvp(primals, tangents):
+    (v, w), (dv, dw) = primals, tangents
+    return dot_exactly(v, w), dot(dv, w) + dot(v, dw)
+
+
+def add(v: Vector, w: Vector) -> Vector:
+    """v + w."""
+    return Vector(v.x + w.x, v.y + w.y, v.z + w.z)
+
+
+def scale(factor: Array | float, v: Vector) -> Vector:
+    """factor v."""
+    return Vector(factor * v.x, factor * v.y, factor * v.z)
+
+
+def select(condition: Array, v: Vector, w: Vector) -> Vector:
+    """v where the condition holds, w elsewhere."""
+    return Vector(*(jnp.where(condition, a, b) for a, b in zip(v, w, strict=True)))
+
+
+def normalize(v: Vector) -> Vector:
+    """v / |v|, to 2 eps for every finite v; the zero vector is given back as it is.
+
+    v is divided by its largest component first, so that no square under- or overflows. v / |v| does
+    not depend on that divisor, hence neither does the derivative, which is taken as if it were
+    constant; at the zero vector it is finite and means nothing.
+    """
+    largest = jnp.maximum(jnp.maximum(jnp.abs(v.x), jnp.abs(v.y)), jnp.abs(v.z))
+    largest = jax.lax.stop_gradient(jnp.where(largest > 0.0, largest, 1.0))
+    v = Vector(v.x / largest, v.y / largest, v.z / largest)
+    squared = dot(v, v)
+    return scale(1.0 / jnp.sqrt(jnp.where(squared > 0.0, squared, 1.0)), v)

@@ -1,0 +1,230 @@
+"""Where light goes: reflection, refraction, the local frame, and the angles that mark them.
+
+Directions are unit vectors of shape (..., 3) that point away from the surface, the normal points
+outside, and a relative index is inside over outside: a direction with a negative cosine lies
+inside. All arguments broadcast as in NumPy (the last axis of a direction apart).
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike
+
+from ._boundary import boundary
+from ._vectors import (
+    Vector,
+    add,
+    as_float,
+    components,
+    dot,
+    dot_exactly,
+    normalize,
+    scale,
+    select,
+    stack,
+)
+
+
+class Refraction(NamedTuple):
+    """What `refract` gives back."""
+
+    direction: Array  # unit vector, shape (..., 3)
+    eta: Array  # index of the medium entered over that of the medium left
+    valid: Array  # False in total reflection
+
+
+class Frame(NamedTuple):
+    """An orthonormal right-handed frame; each axis has shape (..., 3)."""
+
+    tangent: Array
+    bitangent: Array
+    normal: Array
+
+
+class _Refracted(NamedTuple):
+    direction: Vector
+    cos_theta_t: Array
+    valid: Array
+
+
+def _root(x: Array) -> Array:
+    """sqrt(x) for x >= 0; the infinite derivative at 0 is given as 0."""
+    positive = x > 0.0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, x, 1.0)), 0.0)
+
+
+def sides(inside: Array, eta: Array) -> tuple[Array, Array]:
+    """Indices (of the medium that a direction lies in, of the other one), the outside being 1.
+
+    The quotient of the two is never formed: near index match it would lose their difference.
+    """
+    one = jnp.ones_like(eta)
+    return jnp.where(inside, eta, one), jnp.where(inside, one, eta)
+
+
+def reflect_components(wo: Vector, n: Vector, cosine: Array) -> Vector:
+    """2 (wo . n) n - wo, given wo . n."""
+    return add(scale(2.0 * cosine, n), scale(-1.0, wo))
+
+
+def refract_components(wi: Vector, n: Vector, cosine: Array, eta: Array) -> _Refracted:
+    """`refract`, given wi . n, with the positive cosine of the refracted ray.
+
+    eta_t cos_t = Q, the normal wavevector of `_boundary`, which keeps its relative accuracy at the
+    critical angle. The tangential part comes from wi itself, not from 1 - cos^2: near normal
+    incidence a cosine no longer knows the tilt. What wi lacks to unit length would come out
+    multiplied by 1 / eta^2 (16 eps in length for eta = 1/4), hence the normalisation.
+    """
+    inside = cosine < 0.0
+    eta_i, eta_t = sides(inside, eta)
+    dtype = jnp.result_type(cosine, eta)
+    cosine, eta_i, eta_t = (a.astype(dtype) for a in jnp.broadcast_arrays(cosine, eta_i, eta_t))
+    root, _ = boundary(jnp.abs(cosine), eta_t, None, eta_i, exactly=True).q
+    matched = eta_i == eta_t
+    cos_t = jnp.where(matched, jnp.abs(cosine), root / eta_t)
+    valid = (root > 0.0) | matched
+    ratio = eta_i / eta_t
+    tangential = add(scale(cosine, n), scale(-1.0, wi))
+    normal_part = jnp.where(inside, cos_t, -cos_t)
+    return _Refracted(normalize(add(scale(ratio, tangential), scale(normal_part, n))), cos_t, valid)
+
+
+def reflect(wo: ArrayLike, n: ArrayLike) -> Array:
+    """The mirror direction of wo about the normal n: 2 (wo . n) n - wo.
+
+    With the normal +z of the local frame this is (-x, -y, z). The result does not depend on the
+    side of n.
+
+    Arguments: `wo`, unit direction away from the surface, shape (..., 3); `n`, unit normal, shape
+    (..., 3). Returns a unit vector to 4 eps (to the eps that wo and n are), each component within
+    6 eps. Smooth everywhere. ValueError for a last axis that is not 3.
+    Source: PBRT 3rd ed. eq. 8.5, 4th ed. eq. 9.1.
+    """
+    w, normal = components(wo, "wo"), components(n, "n")
+    return stack(reflect_components(w, normal, dot_exactly(w, normal)))
+
+
+def refract(wi: ArrayLike, n: ArrayLike, eta: ArrayLike) -> Refraction:
+    """The refracted direction of wi, the relative index along the ray, and whether there is one.
+
+    Snell's law eta_i sin_i = eta_t sin_t, wi, n and the result in one plane:
+    direction = -(wi - (wi . n) n) / etap -+ cos_t n. wi may lie on either side: where wi . n < 0
+    the ray leaves the inside and the interface is turned over.
+
+    Arguments: `wi`, unit direction away from the surface, shape (..., 3); `n`, unit normal that
+    points outside, shape (..., 3); `eta` > 0, index inside over index outside, shape (...). For a
+    normal that lies on the side of wi, `eta` is simply eta_t / eta_i (the inverse of the ratio
+    that PBRT's 3rd edition asks for).
+
+    Returns `Refraction(direction, eta, valid)`. direction: unit length to 4 eps; its cosine has a
+    relative error of a few eps, also next to the critical angle and at grazing incidence, for the
+    cosine wi . n and the index as given. eta: eta outside, 1 / eta inside. valid: False in total
+    reflection and at the critical angle itself; direction is then the unit vector along the
+    surface in which the evanescent wave travels, finite and with finite derivatives. The
+    derivative is infinite at the critical angle (0 is returned), finite everywhere else.
+    ValueError for a last axis that is not 3. Source: PBRT 4th ed. eq. 9.4, 9.5.
+    """
+    w, normal, eta = components(wi, "wi"), components(n, "n"), as_float(eta)
+    cosine = dot_exactly(w, normal)
+    refracted = refract_components(w, normal, cosine, eta)
+    eta_i, eta_t = sides(cosine < 0.0, eta)
+    return Refraction(stack(refracted.direction), eta_t / eta_i, refracted.valid)
+
+
+def faceforward(n: ArrayLike, v: ArrayLike) -> Array:
+    """n, or -n where n . v < 0: the one that lies on the side of v.
+
+    Arguments: `n` and `v`, shape (..., 3). Exact; constant but for the sign, so the derivative with
+    respect to v is 0. ValueError for a last axis that is not 3.
+    Source: PBRT 3rd ed. sec. 2.4.
+    """
+    normal = components(n, "n")
+    behind = dot_exactly(normal, components(v, "v")) < 0.0
+    return stack(select(behind, scale(-1.0, normal), normal))
+
+
+def entering(wi: ArrayLike, n: ArrayLike) -> Array:
+    """True where light from wi (a direction away from the surface) comes from outside: wi . n >= 0.
+
+    Arguments: `wi` and `n`, shape (..., 3). ValueError for a last axis that is not 3.
+    Source: PBRT 3rd ed. sec. 8.2.3.
+    """
+    return dot_exactly(components(wi, "wi"), components(n, "n")) >= 0.0
+
+
+def local_frame(n: ArrayLike) -> Frame:
+    """An orthonormal frame whose third axis is n.
+
+    Argument: `n`, unit vector, shape (..., 3). Returns `Frame(tangent, bitangent, normal)`,
+    orthonormal to 4 eps for every n. The frame jumps where n.z changes sign; its derivative holds
+    on either side. ValueError for a last axis that is not 3.
+    Source: Duff et al. 2017, JCGT 6(1), building an orthonormal basis, revisited.
+    """
+    v = components(n, "n")
+    # The sign keeps 1 + |z| away from 0: without it the frame loses all digits at n = -z.
+    sign = jnp.copysign(jnp.ones_like(v.z), v.z)
+    a = -1.0 / (sign + v.z)
+    b = v.x * v.y * a
+    tangent = Vector(1.0 + sign * v.x * v.x * a, sign * b, -sign * v.x)
+    bitangent = Vector(b, sign + v.y * v.y * a, -v.y)
+    return Frame(stack(tangent), stack(bitangent), stack(v))
+
+
+def to_local(v: ArrayLike, frame: Frame) -> Array:
+    """The components of v along the axes of the frame, shape (..., 3); inverse of `to_world`.
+
+    Arguments: `v`, shape (..., 3); `frame`, from `local_frame`. Rounded to an eps of |v|.
+    ValueError for a last axis that is not 3.
+    """
+    parts = components(v, "v")
+    return stack(Vector(*(dot(parts, components(axis, "frame")) for axis in frame)))
+
+
+def to_world(v: ArrayLike, frame: Frame) -> Array:
+    """The vector whose components along the axes of the frame are v; inverse of `to_local`.
+
+    Arguments: `v`, shape (..., 3); `frame`, from `local_frame`. Rounded to an eps of |v|.
+    ValueError for a last axis that is not 3.
+    """
+    x, y, z = components(v, "v")
+    t, b, n = (components(axis, "frame") for axis in frame)
+    return stack(add(add(scale(x, t), scale(y, b)), scale(z, n)))
+
+
+def critical_angle_deg(eta: ArrayLike) -> Array:
+    """The angle of incidence, on the denser side, above which all light is reflected.
+
+    arcsin(min(eta, 1 / eta)), written as an arctangent because arcsin loses half its digits near
+    index match.
+
+    Argument: `eta` > 0, relative index, inside over outside. Returns degrees, to 4 eps; 90 at
+    eta = 1, where the derivative is infinite (0 is returned).
+    Source: PBRT 4th ed. sec. 9.3.4.
+    """
+    eta = as_float(eta)
+    small, large = jnp.minimum(eta, 1.0), jnp.maximum(eta, 1.0)
+    return jnp.rad2deg(jnp.arctan2(small, _root((large - small) * (large + small))))
+
+
+def brewster_angle_deg(eta: ArrayLike) -> Array:
+    """The angle of incidence at which no p-polarised light is reflected: arctan(eta).
+
+    Argument: `eta` > 0, index of the medium entered over that of the medium left. Returns degrees,
+    to 4 eps. Smooth. Source: Born and Wolf, Principles of Optics, sec. 1.5.3.
+    """
+    return jnp.rad2deg(jnp.arctan(as_float(eta)))
+
+
+def snells_window(eta: ArrayLike) -> Array:
+    """The fraction of the denser side's hemisphere, by solid angle, that sees across the surface.
+
+    1 - cos(critical angle), written without the subtraction; .339 for water.
+
+    Argument: `eta` > 0, relative index, inside over outside. Returns a number in (0, 1], to 4 eps;
+    1 at eta = 1, where the derivative is infinite (0 is returned).
+    Source: PBRT 4th ed. fig. 9.18.
+    """
+    eta = as_float(eta)
+    small, large = jnp.minimum(eta, 1.0), jnp.maximum(eta, 1.0)
+    root = _root((large - small) * (large + small))
+    return (small / large) * (small / (large + root))
