@@ -1,0 +1,129 @@
+"""What the models of `bsdf` share: modes, lobes, the record of a sample, guarded directions."""
+
+import enum
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike
+
+from ._vectors import Vector, components, select, stack
+
+
+class TransportMode(enum.Enum):
+    """What travels along the sampled path.
+
+    Radiance (paths that start at the camera) is multiplied by eta_o^2 / eta_i^2 when it is
+    refracted, importance (paths that start at a light) is not. A static Python value.
+    Source: PBRT 4th ed. sec. 9.5.2.
+    """
+
+    RADIANCE = enum.auto()
+    IMPORTANCE = enum.auto()
+
+
+class Lobes(enum.Flag):
+    """Which side of the surface light may go to. A static Python value."""
+
+    NONE = 0
+    REFLECTION = enum.auto()
+    TRANSMISSION = enum.auto()
+    ALL = REFLECTION | TRANSMISSION
+
+
+class ScatteringFlags(NamedTuple):
+    """What a model does, as boolean arrays of the shape of its parameters."""
+
+    reflection: Array
+    transmission: Array
+    specular: Array  # all scattering is a delta distribution
+    glossy: Array
+
+
+class BSDFSample(NamedTuple):
+    """One sampled direction; arrays of shape (...), direction (..., 3).
+
+    Where `valid` is False (no lobe wanted, total reflection with transmission alone, a direction
+    that ends on the wrong side), value, density and weight are 0 and direction is finite.
+    """
+
+    direction: Array  # w_i, a unit vector that points away from the surface
+    value: Array  # f; of a delta distribution the coefficient F / |cos_i|
+    density: Array  # per solid angle; of a delta distribution the probability of the lobe
+    weight: Array  # f |cos_i| / density, in a form that neither over- nor underflows
+    eta: Array  # index of the medium of w_i over that of w_o; 1 in reflection
+    transmission: Array  # True: across the surface
+    specular: Array  # True: value and density are coefficients of a delta distribution
+    valid: Array
+
+
+def upward(like: Vector) -> Vector:
+    """The normal +z in the shape and dtype of another direction."""
+    return Vector(jnp.zeros_like(like.z), jnp.zeros_like(like.z), jnp.ones_like(like.z))
+
+
+def local_direction(w: ArrayLike, name: str) -> tuple[Vector, Array]:
+    """The components of w, and whether it leaves the surface at all.
+
+    A direction in the surface (|z|^2 below the smallest normal number) carries no flux. It is
+    replaced by the normal, so that what is computed for it, and every derivative, is finite before
+    it is masked.
+    """
+    v = components(w, name)
+    leaves = v.z * v.z > jnp.finfo(v.z.dtype).tiny
+    return select(leaves, v, upward(v)), leaves
+
+
+class LobeChoice(NamedTuple):
+    """One of two lobes; `probability` is constant to differentiation: see the module `bsdf`."""
+
+    reflection: Array
+    power: Array
+    probability: Array  # 1 where both powers are 0
+    possible: Array
+
+
+def choose_lobe(u_lobe: ArrayLike, reflected: Array, transmitted: Array) -> LobeChoice:
+    """Reflection where u_lobe < R / (R + T), transmission elsewhere.
+
+    The probability of transmission is T / (R + T) and not the rest to 1, which near total
+    reflection would leave T / probability without a right digit.
+    """
+    total = reflected + transmitted
+    total = jnp.where(total > 0.0, total, 1.0)
+    # The second condition keeps u_lobe = 1 in total reflection from a lobe without power.
+    reflection = (jnp.asarray(u_lobe) < reflected / total) | (transmitted == 0.0)
+    power = jnp.where(reflection, reflected, transmitted)
+    possible = power > 0.0
+    probability = jax.lax.stop_gradient(jnp.where(possible, power / total, 1.0))
+    return LobeChoice(reflection, power, probability, possible)
+
+
+def assemble(
+    direction: Vector,
+    value: Array,
+    density: Array,
+    weight: Array,
+    eta: Array,
+    transmission: Array,
+    specular: Array,
+    valid: Array,
+) -> BSDFSample:
+    """A `BSDFSample` of one shape with everything masked where it is not valid."""
+    value, density, weight, eta, transmission, specular, valid, _ = jnp.broadcast_arrays(
+        value, density, weight, eta, transmission, specular, valid, direction.z
+    )
+    dtype = jnp.result_type(value, direction.z)
+    value, density, weight = (
+        jnp.where(valid, a, 0.0).astype(dtype) for a in (value, density, weight)
+    )
+    return BSDFSample(
+        jnp.broadcast_to(stack(direction), (*valid.shape, 3)),
+        value,
+        density,
+        weight,
+        eta.astype(dtype),
+        transmission,
+        specular,
+        valid,
+    )

@@ -1,0 +1,95 @@
+"""Models of how a surface scatters light: mirrors, dielectric interfaces, thin slabs.
+
+`Reflector`, `Dielectric` and `ThinDielectric` are pytrees with the same four methods (directions
+are unit vectors of shape (..., 3) in the local frame, normal +z outside, pointing away from the
+surface; wo is the known one, wi the one found; everything broadcasts over leading axes, `jax.jit`,
+`jax.vmap` and `jax.grad` over a model or over its arguments work):
+
+    evaluate(wo, wi, mode)                 f, without the cosine; 0 for delta distributions
+    density(wo, wi, lobes)                 density per solid angle of `sample`; 0 likewise
+    sample(wo, u_lobe, u, lobes, mode)     BSDFSample, from u_lobe (...) and u (..., 2) in [0, 1]
+    flags()                                ScatteringFlags, what `sample` can return
+
+`mode` (TransportMode) and `lobes` (Lobes) are static Python values. A direction that lies in the
+surface scatters nothing. No input gives NaN. Directions of the wrong shape raise ValueError.
+
+What the gradient of a sample means. Differentiating `weight * L(direction)` differentiates the
+expectation under the same random numbers: the direction moves with the parameters, and the
+density with it. The choice of the lobe jumps, so its probability is held constant
+(`stop_gradient`); weight is then F / constant and its gradient carries dF. Averages of such
+gradients are unbiased for continuous L. Differentiating through the probability would cancel F
+against itself and lose the Fresnel term. `value |cos| / density` has the same gradient as `weight`.
+`density()`, called on its own, is differentiated in full.
+"""
+
+from jaxtyping import Array, ArrayLike
+
+from ._scattering import (
+    BSDFSample as BSDFSample,
+    Lobes as Lobes,
+    ScatteringFlags as ScatteringFlags,
+    TransportMode as TransportMode,
+)
+from ._vectors import as_float
+from .bsdf_dielectric import Dielectric as Dielectric
+from .bsdf_reflection import Reflector as Reflector
+from .bsdf_thin import ThinDielectric as ThinDielectric
+from .fresnel_terms import (
+    FresnelConductor as FresnelConductor,
+    FresnelDielectric as FresnelDielectric,
+    FresnelNone as FresnelNone,
+    FresnelTerm as FresnelTerm,
+)
+from .microfacet import TrowbridgeReitz as TrowbridgeReitz
+
+BSDF = Reflector | Dielectric | ThinDielectric
+
+
+def conductor(
+    eta: ArrayLike,
+    k: ArrayLike,
+    distribution: TrowbridgeReitz | None = None,
+    eta_outside: ArrayLike = 1.0,
+) -> Reflector:
+    """A metal: a `Reflector` with the Fresnel term of the index eta + ik.
+
+    Arguments: `eta` > 0, `k` >= 0, absolute index of the metal; `distribution`, its facets (None:
+    smooth); `eta_outside` > 0, index of the medium around it. All broadcast.
+    Source: PBRT 4th ed. `ConductorBxDF`, sec. 9.4 and 9.6.
+    """
+    return Reflector(FresnelConductor(eta, k, eta_outside), distribution)
+
+
+def specular_reflection(scale: ArrayLike, fresnel: FresnelTerm) -> Reflector:
+    """A smooth mirror of reflectance scale F(cos). Source: PBRT 3rd ed. sec. 8.2.2."""
+    return Reflector(fresnel, None, scale)
+
+
+def specular_transmission(scale: ArrayLike, eta_a: ArrayLike, eta_b: ArrayLike) -> Dielectric:
+    """A smooth interface of which only the refracted part, times `scale`, is kept.
+
+    Arguments: `scale`, usually a colour; `eta_a` > 0, index on the side of the normal; `eta_b` > 0,
+    index on the other side. The transport mode is an argument of `sample`.
+    Source: PBRT 3rd ed. sec. 8.2.3.
+    """
+    return Dielectric(as_float(eta_b) / as_float(eta_a), None, 1.0, scale, Lobes.TRANSMISSION)
+
+
+def fresnel_specular(
+    scale_reflection: ArrayLike, scale_transmission: ArrayLike, eta_a: ArrayLike, eta_b: ArrayLike
+) -> Dielectric:
+    """A smooth interface that reflects and refracts, each lobe with its own scale.
+
+    Arguments: `scale_reflection`, `scale_transmission`, usually colours; `eta_a` > 0, index on the
+    side of the normal; `eta_b` > 0, index on the other side. Reflection is chosen with probability
+    F. Source: PBRT 3rd ed. sec. 8.2.4 and 14.1.3.
+    """
+    return Dielectric(as_float(eta_b) / as_float(eta_a), None, scale_reflection, scale_transmission)
+
+
+def adjoint(model: BSDF, wo: ArrayLike, wi: ArrayLike) -> Array:
+    """f*(wo, wi) = f(wi, wo), shape (...); equals `model.evaluate(wo, wi, IMPORTANCE)`.
+
+    Source: PBRT 4th ed. eq. 9.13.
+    """
+    return model.evaluate(wi, wo, TransportMode.RADIANCE)

@@ -1,0 +1,60 @@
+"""Interchangeable Fresnel terms: each maps the cosine at the (micro)surface to a reflectance.
+
+They are pytrees; `jax.vmap` over their fields or over the cosine and broadcasting both work.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike
+
+from ._vectors import as_float
+from .interface import reflectance
+
+
+class FresnelDielectric(eqx.Module):
+    """Reflectance between two transparent media; the sign of the cosine picks the side.
+
+    Arguments: `eta` > 0, index inside; `eta_outside` > 0, index outside (1: `eta` is relative).
+    Accuracy and derivatives as `interface.reflectance`.
+    Source: PBRT 3rd ed. `FresnelDielectric`, 4th ed. sec. 9.3.5.
+    """
+
+    eta: Array = eqx.field(converter=as_float)
+    eta_outside: Array = eqx.field(converter=as_float, default=1.0)
+
+    def __call__(self, cos_theta: ArrayLike) -> Array:
+        """R at `cos_theta` in [-1, 1] (negative: light comes from inside), shape (...)."""
+        cosine = jnp.asarray(cos_theta)
+        inside = cosine < 0.0
+        eta_i = jnp.where(inside, self.eta, self.eta_outside)
+        eta_t = jnp.where(inside, self.eta_outside, self.eta)
+        return reflectance(cosine, eta_t, eta_i=eta_i)
+
+
+class FresnelConductor(eqx.Module):
+    """Reflectance of an absorbing medium seen from a transparent one, from either side alike.
+
+    Arguments: `eta` > 0 and `k` >= 0, index of the conductor; `eta_outside` > 0, index of the
+    medium around it. Accuracy and derivatives as `interface.reflectance`.
+    Source: PBRT 3rd ed. `FresnelConductor`, 4th ed. sec. 9.3.6.
+    """
+
+    eta: Array = eqx.field(converter=as_float)
+    k: Array = eqx.field(converter=as_float)
+    eta_outside: Array = eqx.field(converter=as_float, default=1.0)
+
+    def __call__(self, cos_theta: ArrayLike) -> Array:
+        """R at the absolute value of `cos_theta`, shape (...)."""
+        return reflectance(cos_theta, self.eta, self.k, self.eta_outside)
+
+
+class FresnelNone(eqx.Module):
+    """No Fresnel effect: everything is reflected. Source: PBRT 3rd ed. `FresnelNoOp`."""
+
+    def __call__(self, cos_theta: ArrayLike) -> Array:
+        """1 for every `cos_theta`, shape (...)."""
+        cosine = jnp.asarray(cos_theta)
+        return jnp.ones_like(cosine, dtype=jnp.result_type(cosine, 1.0))
+
+
+FresnelTerm = FresnelDielectric | FresnelConductor | FresnelNone
