@@ -10,14 +10,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
 
 import numpy as np
 
+from fitting.columns import choose_columns
 from fitting.errors import MeasurementError as MeasurementError
-
-QUANTITIES = ("R_s", "R_p", "R", "R_back", "T_s", "T_p", "T", "psi", "delta")
-"""What a datum can be. R and T are powers of unpolarised light, unless ``polarizer_deg``
-says otherwise; R_back is R with the light on the other face (equal to R for a plain slab)."""
+from fitting.errors import place
+from fitting.lines import read_lines
+from fitting.longform import LongColumns, long_columns
+from fitting.names import role_of
+from fitting.options import QUANTITIES as QUANTITIES
+from fitting.options import parse_options
+from fitting.rows import keep_rows
+from fitting.table import read_table
+from fitting.woollam import as_plain_table
 
 # A noisy R of a true 1 (or 0) lies beyond it half of the time, and to drop or clip those values
 # would pull a fit inwards. Beyond 4 standard errors lies 3e-5 of a normal law: less than one
@@ -113,7 +121,7 @@ class Measurement:
         def where(i: int) -> str:
             return f"{source}, {names[kept[i] // rows]}[{kept[i] % rows}]"
 
-        return checked(
+        return _checked(
             np.tile(angle, count)[kept],
             np.tile(wavelength, count)[kept],
             np.repeat(np.array(names), rows)[kept],
@@ -123,6 +131,9 @@ class Measurement:
             source=source,
             understood=f"took {len(kept)} values of {', '.join(names)} from arrays",
             where=where,
+            hint=lambda i: "Powers are fractions: divide percent by 100."
+            if value_all[kept[i]] > 1.0
+            else "",
         )
 
 
@@ -136,15 +147,7 @@ def _frozen(column: np.ndarray) -> np.ndarray:
     return column
 
 
-def _refuse_first(bad: np.ndarray, where: Callable[[int], str], text: Callable[[int], str]) -> None:
-    found = np.flatnonzero(bad)
-    if len(found):
-        first = int(found[0])
-        more = f" So are {len(found) - 1} more values." if len(found) > 1 else ""
-        raise MeasurementError(f"{where(first)}: {text(first)}{more}")
-
-
-def checked(
+def _checked(
     angle_deg: np.ndarray,
     wavelength_um: np.ndarray,
     quantity: np.ndarray,
@@ -155,56 +158,180 @@ def checked(
     source: str,
     understood: str,
     where: Callable[[int], str],
+    hint: Callable[[int], str],
 ) -> Measurement:
     """Return the Measurement of these columns, or raise for the first value that cannot be meant.
 
-    ``where(i)`` names the place of datum i in a refusal. A power may lie outside [0, 1] by no more
-    than ``EXCURSION_SIGMAS`` of its own standard errors; without one, not at all.
+    ``where(i)`` names the place of datum i in a refusal, ``hint(i)`` what to do about its value.
+    A power may lie outside [0, 1] by no more than ``EXCURSION_SIGMAS`` of its own standard errors;
+    without one, not at all.
     """
     if not len(value):
-        raise MeasurementError(f"{source}: no measured value came.")
-    with np.errstate(invalid="ignore"):
-        _refuse_first(
-            ~((angle_deg >= 0.0) & (angle_deg <= 90.0)),
-            where,
-            lambda i: f"angle of incidence {angle_deg[i]:.10g} degrees is outside [0, 90].",
-        )
-        _refuse_first(
-            ~(np.isnan(wavelength_um) | (np.isfinite(wavelength_um) & (wavelength_um > 0.0))),
-            where,
-            lambda i: f"wavelength {wavelength_um[i]:.10g} um is not a positive number.",
-        )
-        _refuse_first(
-            ~(np.isnan(sigma) | (np.isfinite(sigma) & (sigma > 0.0))),
-            where,
-            lambda i: f"standard error {sigma[i]:.10g} is not a positive number. If it stands for "
-            "'not measured', say --missing 0.",
-        )
-        _refuse_first(~np.isfinite(value), where, lambda i: f"value {value[i]} is not finite.")
-        slack = np.where(np.isnan(sigma), 0.0, EXCURSION_SIGMAS * sigma)
-        psi, delta = quantity == "psi", quantity == "delta"
-        _refuse_first(
-            psi & ((value < 0.0) | (value > 90.0)),
-            where,
-            lambda i: f"psi {value[i]:.10g} degrees is outside [0, 90].",
-        )
-        _refuse_first(
-            delta & (np.abs(value) > 360.0),
-            where,
-            lambda i: f"delta {value[i]:.10g} degrees is outside [-360, 360].",
-        )
-        power = ~(psi | delta)
-        _refuse_first(
-            power & ((value < -slack) | (value > 1.0 + slack)),
-            where,
-            lambda i: f"{quantity[i]} {value[i]:.10g} is outside [0, 1].",
-        )
-        _refuse_first(
-            ~power & ~np.isnan(polarizer_deg),
-            where,
-            lambda i: "psi and delta have no polariser angle.",
-        )
+        raise MeasurementError(f"{source}: no measured value came; at least one was wanted.")
+
+    def refuse(bad: np.ndarray, text: Callable[[int], str]) -> None:
+        found = np.flatnonzero(bad)
+        if len(found):
+            i = int(found[0])
+            more = f" ({len(found) - 1} more like it.)" if len(found) > 1 else ""
+            raise MeasurementError(f"{where(i)}: {text(i)}{more}")
+
+    refuse(
+        ~((angle_deg >= 0.0) & (angle_deg <= 90.0)),
+        lambda i: f"angle of incidence {angle_deg[i]:.10g} degrees is outside [0, 90]; it counts from "
+        "the normal of the surface. If the unit is another, say --angle-unit.",
+    )
+    refuse(
+        ~(np.isnan(wavelength_um) | (np.isfinite(wavelength_um) & (wavelength_um > 0.0))),
+        lambda i: f"wavelength {wavelength_um[i]:.10g} um is not a positive number. If the row is no "
+        "measurement, leave it out with --lines A-B.",
+    )
+    refuse(
+        ~(np.isnan(sigma) | (np.isfinite(sigma) & (sigma > 0.0))),
+        lambda i: f"standard error {sigma[i]:.10g} is not a positive number. If 0 stands for 'not "
+        "measured', say --missing 0.",
+    )
+    refuse(~np.isfinite(value), lambda i: f"value {value[i]} is not finite.")
+    psi, delta = quantity == "psi", quantity == "delta"
+    power = ~(psi | delta)
+    slack = np.where(np.isnan(sigma), 0.0, EXCURSION_SIGMAS * sigma)
+    refuse(
+        psi & ((value < 0.0) | (value > 90.0)),
+        lambda i: f"psi {value[i]:.10g} degrees is outside [0, 90]. {hint(i)}",
+    )
+    refuse(
+        delta & (np.abs(value) > 360.0),
+        lambda i: f"delta {value[i]:.10g} degrees is outside [-360, 360]. {hint(i)}",
+    )
+    refuse(
+        power & ((value < -slack) | (value > 1.0 + slack)),
+        lambda i: f"{'transmittance' if quantity[i][0] == 'T' else 'reflectance'} {value[i]:.10g} is "
+        f"outside [0, 1]. {hint(i)}",
+    )
+    refuse(
+        ~(np.isnan(polarizer_deg) | (power & (polarizer_deg > 0.0) & (polarizer_deg < 90.0))),
+        lambda i: f"polariser angle {polarizer_deg[i]:.10g} came; between 0 and 90 degrees from the plane "
+        "of incidence and for R or T was wanted (0 is R_p, 90 is R_s).",
+    )
     columns = (angle_deg, wavelength_um, quantity, value, sigma, polarizer_deg)
+    frozen = (_frozen(column) for column in columns)
+    outside = int(np.sum(power & ((value < 0.0) | (value > 1.0))))
+    if outside:
+        understood += f"; {outside} beyond [0, 1] by at most {EXCURSION_SIGMAS:g} standard errors"
+    return Measurement(*frozen, source=source, understood=understood)
+
+
+def _file_hint(long: LongColumns, i: int, scale_given: bool, bound: float) -> str:
+    """Return what to do about datum i of a file that lies outside its range."""
+    value, quantity = long.value[i], long.quantity[i]
+    line = long.places[i][0]
+    leave = f"If the row is no measurement, mark line {line} with # or choose rows with --lines A-B."
+    if quantity in ("psi", "delta"):
+        return "If the unit is another, say --psi-unit. " + leave
+    if value < 0.0:
+        return "No power is negative. If this is noise about 0, say how large with --sigma. " + leave
+    if not scale_given and bound <= 110.0 and value > 1.0:
+        return "If the column is in percent, say --scale 0.01. If this is noise, say how large with --sigma."
+    if not scale_given and bound > 110.0:
+        return "If these are counts or volts, divide them by the direct beam, or say --scale FACTOR. " + leave
+    return "If this is noise about 1, say how large with --sigma. " + leave
+
+
+def concatenate(*measurements: Measurement) -> Measurement:
+    """Return all data of several measurements as one, in their order (one file a polarisation)."""
+    if not measurements:
+        raise MeasurementError("no measurement came to be joined.")
+    columns = zip(*(_arrays(m) for m in measurements), strict=True)
     return Measurement(
-        *(_frozen(column) for column in columns), source=source, understood=understood
+        *(_frozen(np.concatenate(column)) for column in columns),
+        source=", ".join(dict.fromkeys(m.source for m in measurements)),
+        understood="; ".join(f"{m.source}: {m.understood}" for m in measurements),
+    )
+
+
+def read_csv(
+    path: str | PathLike[str],
+    *,
+    columns: Mapping[str, object] | str | None = None,
+    angle_deg: float | str | None = None,
+    angle_unit: str | None = None,
+    wavelength_um: float | str | None = None,
+    wavelength_unit: str | None = None,
+    polarization: Mapping[str, str] | str | None = None,
+    scale: float | str | None = None,
+    sigma: float | str | None = None,
+    psi_unit: str | None = None,
+    missing: object = None,
+    keep: Mapping[str, object] | str | None = None,
+    lines: str | None = None,
+    delimiter: str | None = None,
+    decimal: str | None = None,
+    encoding: str | None = None,
+) -> Measurement:
+    """Return the measurement that the text file at ``path`` holds, with a sentence of how it was read.
+
+    Delimiter, decimal mark, encoding, header, units and layout are found out; every one can be
+    overruled. What has two readings, or contradicts itself, is refused. Every option is also the
+    flag of the command line of the same name and takes the flag's text.
+
+    columns: role -> header name or number from 1, ``"angle=1,R_s=2,sigma_R_s=3"`` or a mapping; then
+        these columns alone are read. Roles: angle, wavelength, polarization, polarizer, the
+        names in ``QUANTITIES``, and sigma_ before one.
+    angle_deg: angle of incidence of a file without a column for it, degrees.
+    angle_unit: deg, rad, mrad, deg.arcmin (29.40 is 29 degrees 40 minutes), grazing-deg,
+        grazing-rad, 2theta-deg, or 1/angstrom, 1/nm for Q = (4 pi / wavelength) cos(angle).
+    wavelength_um: wavelength of a file without a column for it, micrometres.
+    wavelength_unit: nm, um, angstrom, eV, cm-1, THz, mm, keV.
+    polarization: s, p or unpolarized for the whole file; what the codes of its column mean,
+        ``"0=s,1=p"``; or angle-from-p, angle-from-s for the angle of a polariser in degrees.
+    scale: factor that makes R and T (and their standard errors) fractions; 0.01 for percent.
+    sigma: standard error of the values that have none, a fraction (degrees for psi and delta).
+    psi_unit: deg or rad, for psi and delta.
+    missing: numbers or words that stand for a gap in the values, "0" or "-9999,bad"; "none" says
+        that zeros were measured.
+    keep: column -> values of the rows to be read, ``"Zone=1,2,3,4"``.
+    lines: range of lines that may hold rows, 10-200, 10- or -200.
+    delimiter: tab, semicolon, comma, pipe, blank, or the sign. decimal: "." or ",".
+    encoding: a name that Python knows.
+    Numbers are ``float`` of their text to the last bit; percent, nm and angstrom are one division.
+    Raises MeasurementError, and nothing else, with file, line, column, what came, what was wanted
+        and the option that settles it.
+    """
+    file = Path(path)
+    options = parse_options(
+        file.name,
+        columns=columns,
+        keep=keep,
+        angle_deg=angle_deg,
+        angle_unit=angle_unit,
+        wavelength_um=wavelength_um,
+        wavelength_unit=wavelength_unit,
+        polarization=polarization,
+        scale=scale,
+        sigma=sigma,
+        psi_unit=psi_unit,
+        missing=missing,
+    )
+    texts, notes = read_lines(file, encoding)
+    plain_table = as_plain_table(texts)
+    if plain_table is not None:
+        texts, notes = plain_table[0], notes + plain_table[1]
+    table = read_table(
+        file.name,
+        texts,
+        lambda name: bool(role_of(name).kind),
+        delimiter=delimiter,
+        decimal=decimal,
+        lines=lines,
+    )
+    table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)
+    long = long_columns(table, choose_columns(table, options), options)
+    bound = float(np.median(np.abs(long.value)))
+    *arrays, places, understood = long
+    return _checked(
+        *arrays,
+        source=file.name,
+        understood=understood,
+        where=lambda i: place(file.name, places[i][0], places[i][1]),
+        hint=lambda i: _file_hint(long, i, options.scale is not None, bound),
     )

@@ -1,0 +1,172 @@
+"""Angles of incidence in degrees and wavelengths in micrometres, from columns, options or remarks."""
+
+from __future__ import annotations
+
+from pathlib import PurePath
+
+import numpy as np
+
+from fitting.columns import Column, Layout
+from fitting.errors import MeasurementError, place
+from fitting.evidence import angle_in_name, angle_said, wavelength_said
+from fitting.options import Options
+from fitting.rows import numbers_of, span_of
+from fitting.table import Table
+from fitting.units import Q_UNITS, WAVELENGTH_UNITS, incidence_deg, wavelength_um
+
+HALF_PI = 1.5708  # pi / 2 as files round it
+_UNITS_OF_FORM = {
+    "wavelength": ("nm", "um", "angstrom", "mm"),
+    "energy": ("eV", "keV"),
+    "wavenumber": ("cm-1",),
+    "frequency": ("THz",),
+}
+
+
+def wavelengths(
+    table: Table, layout: Layout, options: Options, notes: list[str]
+) -> np.ndarray:
+    """Return the wavelength of each row in micrometres, NaN where none is known.
+
+    Raises MeasurementError where the unit is open, or the name, the unit and the numbers disagree.
+    """
+    column, given = layout.wavelength, options.wavelength_um
+    if column is None:
+        said = None if given is not None else wavelength_said(table.preamble)
+        if said is not None:
+            notes.append(f"wavelength {said.value:.6g} um (line {said.line}; --wavelength-um)")
+            given = said.value
+        return np.full(len(table.rows), np.nan if given is None else given)
+    at = place(table.source, table.header, column.label)
+    if given is not None:
+        raise MeasurementError(
+            f"{at}: the file gives wavelengths, and --wavelength-um {given:g} came too. Drop the option, "
+            "or name the columns to be read with --columns."
+        )
+    numbers, _ = numbers_of(table, column, [])
+    form, unit = column.role.form, column.role.unit
+    optical = layout.angle is None or layout.angle.role.form == "incidence"
+    finite = numbers[np.isfinite(numbers)]
+    low, high = (finite.min(), finite.max()) if len(finite) else (np.nan, np.nan)
+    if options.wavelength_unit:
+        unit = options.wavelength_unit
+    elif not unit:
+        # 190 to 3300 is the range of spectrometers in nm; as angstrom it would begin below 190 nm
+        # in the far ultraviolet, as um lie beyond the far infrared
+        if form != "wavelength" or not (190.0 <= low < 1900.0 and high <= 3300.0):
+            raise MeasurementError(
+                f"{at}: the {form} has no unit, and its numbers ({span_of(numbers)}) do not tell. "
+                f"Say --wavelength-unit {', '.join(WAVELENGTH_UNITS[:6])}."
+            )
+        unit = "nm"
+        notes.append("wavelengths taken as nm by their range (--wavelength-unit)")
+    elif unit not in _UNITS_OF_FORM[form]:
+        raise MeasurementError(
+            f"{at}: the name says {form}, the unit says {unit}. Say --wavelength-unit {unit} if the "
+            "unit is right."
+        )
+    elif optical and ((unit == "nm" and high < 5.0) or (unit == "um" and low >= 100.0)):
+        other = "um" if unit == "nm" else "nm"
+        raise MeasurementError(
+            f"{at}: the header says {unit}, the numbers are {span_of(numbers)}, as wavelengths in {other} "
+            f"are. Say --wavelength-unit {unit} or --wavelength-unit {other}."
+        )
+    return wavelength_um(numbers, unit)
+
+
+def _angle_unit(at: str, numbers: np.ndarray, column: Column, notes: list[str]) -> str:
+    form, unit = column.role.form, column.role.unit
+    finite = np.abs(numbers[np.isfinite(numbers)])
+    high, several = finite.max(initial=0.0), len(np.unique(finite)) > 2
+    if form == "q":
+        if unit not in Q_UNITS:
+            raise MeasurementError(f"{at}: Q has no unit. Say --angle-unit 1/angstrom or 1/nm.")
+        return unit
+    if unit not in ("", "deg", "rad", "mrad"):
+        raise MeasurementError(
+            f"{at}: an angle in {unit} came. Say --angle-unit deg, rad, grazing-deg, 2theta-deg, ..."
+        )
+    if not unit:
+        if form == "incidence" and (high > HALF_PI or high == 0.0):
+            return "deg"
+        raise MeasurementError(
+            f"{at}: the angle has no unit; its numbers ({span_of(numbers)}) may be radians or degrees. "
+            f"Say --angle-unit {'2theta-deg' if form == '2theta' else form + '-deg or ' + form + '-rad'}."
+            .replace("incidence-", "")
+        )
+    if form == "grazing":
+        return {"deg": "grazing-deg", "rad": "grazing-rad"}.get(unit, unit)
+    if form == "2theta" and unit == "deg":
+        return "2theta-deg"
+    if form == "incidence" and unit != "deg" and high > HALF_PI * (1e3 if unit == "mrad" else 1.0):
+        raise MeasurementError(
+            f"{at}: the header says {unit}, the numbers are {span_of(numbers)}, more than pi/2. "
+            "Say --angle-unit deg if they are degrees."
+        )
+    if form == "incidence" and unit == "deg" and several and high <= HALF_PI:
+        raise MeasurementError(
+            f"{at}: the header says degrees, the numbers are {span_of(numbers)}, as radians are. "
+            "Say --angle-unit rad, or --angle-unit deg if they are degrees."
+        )
+    return unit
+
+
+def angles(
+    table: Table, layout: Layout, options: Options, wavelength: np.ndarray, notes: list[str]
+) -> np.ndarray:
+    """Return the angle of incidence of each row in degrees.
+
+    A spectrum of R or T without an angle is taken at normal incidence, where s and p are one.
+    Raises MeasurementError where the unit is open or contradicts the numbers, or no angle is known.
+    """
+    column, given = layout.angle, options.angle_deg
+    rows = len(table.rows)
+    if column is None:
+        if given is not None:
+            return np.full(rows, given)
+        said = angle_said(table.preamble)
+        if said is not None:
+            notes.append(f"angle of incidence {said.value:g} degrees (line {said.line}; --angle-deg)")
+            return np.full(rows, said.value)
+        plain_light = all(value.role.quantity in ("R", "T", "R_back") for value in layout.values)
+        if plain_light and layout.wavelength and not layout.polarization and not layout.polarizer:
+            notes.append("no angle given: normal incidence assumed (--angle-deg)")
+            return np.zeros(rows)
+        name = angle_in_name(PurePath(table.source).stem)
+        hint = f" The file name says {name}deg: if that is it, say --angle-deg {name}." if name else ""
+        raise MeasurementError(
+            f"{table.source}: no column is an angle of incidence.{hint or ' Say --angle-deg NUMBER, or'}"
+            f"{'' if hint else ' which column it is with --columns angle=...'}"
+        )
+    at = place(table.source, table.header or table.lines[0], column.label)
+    if given is not None:
+        raise MeasurementError(
+            f"{at}: the file gives angles, and --angle-deg {given:g} came too. Drop the option, or name "
+            "the columns to be read with --columns."
+        )
+    numbers, sign = numbers_of(table, column, [])
+    if sign == "\u00b0" and not column.role.unit:
+        column = column._replace(role=column.role._replace(unit="deg"))
+    unit = options.angle_unit or _angle_unit(at, numbers, column, notes)
+    if unit in Q_UNITS and np.isnan(wavelength).all():
+        said = [f" Line {n} has {t[:40]!r}." for n, t in table.preamble if "wavelength" in t.lower()]
+        raise MeasurementError(
+            f"{at}: Q becomes an angle through the wavelength, which is not known.{''.join(said[:1])} Say "
+            "--wavelength-um NUMBER (5 angstrom are 0.0005)."
+        )
+    degrees = incidence_deg(numbers, unit, wavelength)
+    if unit == "deg.arcmin":
+        minutes = np.abs(numbers - np.trunc(numbers)) * 100.0
+        wrong = np.flatnonzero(minutes > 59.999999)
+        text = "{} has more than 59 minutes of arc behind the point. Say --angle-unit deg."
+    else:
+        wrong = np.flatnonzero(np.isnan(degrees) & ~np.isnan(numbers))
+        text = "Q {} is negative or beyond 4 pi / wavelength. Check --wavelength-um and --angle-unit."
+    if len(wrong):
+        i = int(wrong[0])
+        raise MeasurementError(
+            f"{place(table.source, table.lines[i], column.label)}: " + text.format(table.rows[i][column.index])
+        )
+    if unit not in ("deg",):
+        notes.append(f"angles converted from {unit}")
+    return degrees

@@ -1,0 +1,276 @@
+"""Which column of a table is the angle, the wavelength, each value and its standard error."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, NoReturn
+
+from fitting.cells import is_missing, is_number, to_numbers
+from fitting.errors import MeasurementError, place
+from fitting.names import Role, role_of
+from fitting.options import Options
+from fitting.table import Table
+
+_FORMS = {"eV": "energy", "keV": "energy", "cm-1": "wavenumber", "THz": "frequency"}
+_STATISTICS = frozenset("mean avg average std stdev sd sigma error median".split())
+
+
+class Column(NamedTuple):
+    """One column in use: its place from 0, its label for messages, and what it means."""
+
+    index: int
+    label: str
+    role: Role
+
+
+class Layout(NamedTuple):
+    """The columns in use. ``sigmas`` has for each value its standard error, or None."""
+
+    angle: Column | None
+    wavelength: Column | None
+    polarization: Column | None
+    polarizer: Column | None
+    values: list[Column]
+    sigmas: list[Column | None]
+    unused: list[str]
+    notes: list[str]
+
+
+def label_of(table: Table, index: int) -> str:
+    """Return the name of a column, or its number from 1 where it has none."""
+    return table.names[index] or str(index + 1)
+
+
+def _range_of(table: Table, index: int) -> str:
+    cells = [row[index] for row in table.rows if is_number(row[index])]
+    if not cells:
+        return "no numbers"
+    mark = "," if "," in "".join(cells) else "."
+    numbers, _ = to_numbers(cells, [0] * len(cells), mark, table.source, str(index + 1))
+    return f"{numbers.min():.4g} to {numbers.max():.4g}"
+
+
+def _filled(table: Table) -> list[int]:
+    """Return the columns that hold anything at all."""
+    width = range(len(table.names))
+    return [i for i in width if any(not is_missing(row[i]) for row in table.rows)]
+
+
+def _example(table: Table, filled: list[int]) -> str:
+    """Return options that would name the columns, as the numbers in them suggest."""
+    x, y = filled[0] + 1, filled[1] + 1
+    first, second = (_range_of(table, i).split(" ") for i in filled[:2])
+    high = float(first[2]) if len(first) == 3 else 0.0
+    if high > 90.0:
+        text = f"--columns wavelength={x},R={y} --wavelength-unit nm"
+    elif high < 1.0:
+        text = (
+            f"--columns angle={x},R={y} --angle-unit 1/angstrom --wavelength-um NUMBER (if column {x} is Q) "
+            "or --angle-unit rad"
+        )
+    else:
+        text = (
+            f"--columns angle={x},R={y} --angle-unit deg or --columns wavelength={x},R={y} "
+            "--wavelength-unit um"
+        )
+    percent = len(second) == 3 and 1.0 < float(second[2]) <= 100.0
+    return text + (", with --scale 0.01 if in percent" if percent else "")
+
+
+def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
+    filled = _filled(table)
+    listed = "; ".join(
+        f"{i + 1}{' ' + repr(table.names[i]) if table.names[i] else ''}: {_range_of(table, i)}"
+        + (f" ({roles[i].why})" if roles[i].why else "")
+        for i in filled[:8]
+    )
+    example = f"say what they are, for example {_example(table, filled)}."
+    if table.misfit:
+        raise MeasurementError(
+            f"{table.source}: {table.misfit}. If the comma is the decimal mark as well as the delimiter, "
+            f"write the file with semicolons; else count the columns ({listed}) and {example}"
+        )
+    if not table.header:
+        raise MeasurementError(
+            f"{place(table.source, table.lines[0])}: {len(filled)} columns without names ({listed}). "
+            f"S{example[1:]}"
+        )
+    open_ones = [i for i in filled if not roles[i].why and not roles[i].kind]
+    advice = f"If one is, {example}" if open_ones else (
+        "A table of an angle or a wavelength and R, R_s, R_p, T, psi or delta was wanted, powers as a "
+        "ratio to the direct beam; --columns names other columns."
+    )  # fmt: skip
+    raise MeasurementError(
+        f"{place(table.source, table.header)}: no column is named as a reflectance, transmittance, psi "
+        f"or delta that can be fitted ({listed}). {advice}"
+    )
+
+
+def find_column(table: Table, wanted: str, option: str) -> int:
+    """Return the index of the column that an option names by header or by number from 1."""
+    names = table.names
+    plain_name = wanted.strip().lower()
+    for match in (
+        [i for i, name in enumerate(names) if name and name == wanted],
+        [i for i, name in enumerate(names) if name and name.lower() == plain_name],
+    ):
+        if len(match) > 1:
+            numbers = " and ".join(str(i + 1) for i in match[:2])
+            raise MeasurementError(
+                f"{place(table.source, table.header)}: columns {numbers} are both named {wanted!r}; "
+                f"{option} can have the number instead."
+            )
+        if match:
+            return match[0]
+    if wanted.isascii() and wanted.isdigit() and len(wanted) < 6 and 1 <= int(wanted) <= len(names):
+        return int(wanted) - 1
+    there = ", ".join(f"{i + 1} {name}".strip() for i, name in enumerate(names))
+    raise MeasurementError(
+        f"{table.source}: {option} names column {wanted!r}; the file has {there[:300]}."
+    )
+
+
+def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
+    found: dict[str, list[Column]] = {"angle": [], "wavelength": [], "value": [], "sigma": []}
+    taken: dict[int, str] = {}
+    for name, wanted in options.columns.items():
+        index = find_column(table, wanted, "--columns")
+        if index in taken:
+            raise MeasurementError(
+                f"{table.source}: --columns gives column {wanted} to both {taken[index]} and {name}."
+            )
+        taken[index] = name
+        said = role_of(table.names[index], table.units[index])
+        unit = said.unit
+        if name == "angle":
+            role = said if said.kind == "angle" else Role("angle", "", "incidence", unit)
+            if role.form == "incidence" and unit in ("1/angstrom", "1/nm"):
+                role = role._replace(form="q")
+        elif name == "wavelength":
+            form = _FORMS.get(unit, "wavelength")
+            role = said if said.kind == "wavelength" else Role("wavelength", "", form, unit)
+        elif name.startswith("sigma_"):
+            role = Role("sigma", name.removeprefix("sigma_"), "", unit)
+        elif name in ("polarization", "polarizer"):
+            role = Role(name, unit=unit)
+        else:
+            role = Role("value", name, "", unit)
+        found.setdefault(role.kind, []).append(Column(index, label_of(table, index), role))
+    if not found["value"]:
+        raise MeasurementError(
+            f"{table.source}: --columns names no value; add one such as R=2, R_s=2 or psi=3."
+        )
+    return found
+
+
+def _implicit(table: Table) -> dict[str, list[Column]]:
+    orso = any("ORSO reflectivity data file" in text for _, text in table.preamble[:3])
+    found: dict[str, list[Column]] = {"angle": [], "wavelength": [], "value": [], "sigma": []}
+    roles = []
+    filled = set(_filled(table))
+    for index, name in enumerate(table.names):
+        if orso and name[:1] == "s" and name[1:2].isupper():
+            name = "sigma " + name[1:]  # the prefix by which that format marks errors
+        role = role_of(name, table.units[index])
+        roles.append(role)
+        if role.kind and index in filled:
+            found.setdefault(role.kind, []).append(Column(index, label_of(table, index), role))
+    if not found["value"]:
+        _refuse_without_values(table, roles)
+    return found
+
+
+def _only(table: Table, columns: list[Column], what: str) -> Column | None:
+    if len(columns) > 1:
+        a, b = columns[0], columns[1]
+        raise MeasurementError(
+            f"{place(table.source, table.header)}: columns {a.index + 1} {a.label!r} and {b.index + 1} "
+            f"{b.label!r} both give the {what}. Name all columns to be read, for example --columns "
+            f"{what.split()[0]}={a.index + 1},..."
+        )
+    return columns[0] if columns else None
+
+
+def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Column | None]:
+    """Return the standard error of each value: by its name, or standing right behind the value."""
+    attached: list[Column | None] = [None] * len(values)
+    nameless = [sigma for sigma in sigmas if not sigma.role.quantity]
+    for sigma in sigmas:
+        if sigma in nameless:
+            fits = [i for i, value in enumerate(values) if value.index == sigma.index - 1]
+            if len(nameless) < len(values):
+                fits = fits if len(values) == 1 else []
+            if not fits and len(values) == 1:
+                fits = [0]
+        else:
+            fits = [i for i, v in enumerate(values) if v.role.quantity == sigma.role.quantity]
+            if not fits:
+                continue
+        if len(fits) != 1 or attached[fits[0]] is not None:
+            raise MeasurementError(
+                f"{place(table.source, table.header)}: it is not clear which value the standard errors "
+                f"in column {sigma.index + 1} {sigma.label!r} belong to. Name all columns to be read, for "
+                f"example --columns angle=1,R_s=2,sigma_R_s={sigma.index + 1}."
+            )
+        attached[fits[0]] = sigma
+    return attached
+
+
+def _refuse_statistics(table: Table, used: set[int]) -> None:
+    """Raise where a column shows that some rows are means or deviations of others."""
+    for index, name in enumerate(table.names):
+        cells = {row[index].lower() for row in table.rows}
+        label = label_of(table, index)
+        if name.lower() == "zone" and cells & {"0", "5"} and len(cells) > 1:
+            # Accurion EP3 and EP4 write the mean of the zones as zone 0, their deviation as zone 5
+            line = next(n for row, n in zip(table.rows, table.lines, strict=True) if row[index] in ("0", "5"))
+            raise MeasurementError(
+                f"{place(table.source, line, label)}: zones 0 and 5 are means and standard deviations of "
+                f"the other rows. Say --keep {name}=1,2,3,4 for the measured ones (or {name}=0)."
+            )
+        if index not in used and cells & _STATISTICS and len(cells) > 1:
+            word = sorted(cells & _STATISTICS)[0]
+            line = next(n for row, n in zip(table.rows, table.lines, strict=True) if row[index].lower() == word)
+            raise MeasurementError(
+                f"{place(table.source, line, label)}: the word {word!r} says that this row is computed "
+                f"from others. Say which rows to read with --keep {label}=WORD."
+            )
+
+
+def choose_columns(table: Table, options: Options) -> Layout:
+    """Return the columns to be read, as the option ``columns`` or else the header says.
+
+    Raises MeasurementError where two columns claim one role, none holds a value, or rows are
+    statistics of other rows.
+    """
+    found = _explicit(table, options) if options.columns else _implicit(table)
+    notes: list[str] = []
+    values = found["value"]
+    for i, value in enumerate(values):
+        _only(table, [value] + [v for v in values[:i] if v.role.quantity == value.role.quantity][:1],
+              f"{value.role.quantity} (value)")  # fmt: skip
+    axes = found["wavelength"]
+    if len(axes) > 1 and len({axis.role.form for axis in axes}) == len(axes):
+        # the same axis twice, as wavelength and as energy: the wavelength is read, and checked
+        axes = sorted(axes, key=lambda axis: axis.role.form != "wavelength")
+        notes.append(f"column {axes[1].label} taken for a repeat of {axes[0].label}")
+        axes = axes[:1]
+    layout = Layout(
+        angle=_only(table, found["angle"], "angle"),
+        wavelength=_only(table, axes, "wavelength"),
+        polarization=_only(table, found.get("polarization", []), "polarization"),
+        polarizer=_only(table, found.get("polarizer", []), "polarizer"),
+        values=values,
+        sigmas=_attach(table, values, found["sigma"]),
+        unused=[],
+        notes=notes,
+    )
+    used = {
+        c.index
+        for c in [layout.angle, layout.wavelength, layout.polarization, layout.polarizer]
+        + values
+        + layout.sigmas
+        if c is not None
+    }
+    _refuse_statistics(table, used)
+    unused = [label_of(table, i) for i in _filled(table) if i not in used]
+    return layout._replace(unused=unused)

@@ -1,0 +1,141 @@
+"""The polarisation of each row: a column of words, codes or polariser angles, or one for the file."""
+
+from __future__ import annotations
+
+import re
+from pathlib import PurePath
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.cells import is_missing, is_number
+from fitting.columns import Column, Layout
+from fitting.errors import MeasurementError, place
+from fitting.evidence import light_said
+from fitting.options import Options
+from fitting.rows import numbers_of
+from fitting.table import Table
+from fitting.units import plain
+
+_WORDS = {
+    **dict.fromkeys("s te perp perpendicular senkrecht spol rs".split(), "s"),
+    **dict.fromkeys("p tm par para parallel ppol rp".split(), "p"),
+    **dict.fromkeys("u unpol unpolarized unpolarised mixed natural".split(), "u"),
+}
+_TAIL = re.compile(r"(?<=.)(?:pol|polarized|polarised|polarization|polarisation|wave)$")
+
+
+class Light(NamedTuple):
+    """For each row "s", "p", "u" or "" (not said), and the polariser's angle from p, NaN if none."""
+
+    letter: np.ndarray
+    polarizer_deg: np.ndarray
+
+
+def _letter(cell: str) -> str:
+    word = re.sub(r"[^a-z]", "", plain(cell).lower()) if not any(map(str.isdigit, cell)) else ""
+    return _WORDS.get(word) or _WORDS.get(_TAIL.sub("", word), "")
+
+
+def _from_angles(table: Table, column: Column, options: Options) -> Light:
+    numbers, _ = numbers_of(table, column, [])
+    unit = column.role.unit or "deg"
+    if unit not in ("deg", "rad"):
+        raise MeasurementError(
+            f"{place(table.source, table.header, column.label)}: a polariser angle in {unit} came where "
+            "degrees were wanted."
+        )
+    degrees = np.degrees(numbers) if unit == "rad" else numbers
+    # a linear polariser looks the same after half a turn, and the power after a reflection too
+    turned = np.mod(degrees + (90.0 if options.polarizer == "angle-from-s" else 0.0), 180.0)
+    folded = np.where(turned > 90.0, 180.0 - turned, turned)
+    letter = np.where(folded == 0.0, "p", np.where(folded == 90.0, "s", ""))
+    return Light(letter, np.where((folded == 0.0) | (folded == 90.0), np.nan, folded))
+
+
+def _from_cells(table: Table, column: Column, options: Options) -> Light:
+    cells = [row[column.index] for row in table.rows]
+    codes = dict(options.codes)
+    known: dict[str, str] = {}
+    for cell in set(cells):
+        text = cell.lower()
+        letter = codes.get(text, "") or (not codes and _letter(cell)) or ""
+        if not letter and codes and is_number(cell):
+            same = [c for c in codes if is_number(c) and c.rstrip("0.") == text.rstrip("0.")]
+            letter = codes[same[0]] if len(same) == 1 else ""
+        known[cell] = letter
+    lost = [i for i, cell in enumerate(cells) if not known[cell] and not is_missing(cell)]
+    if lost:
+        i = lost[0]
+        at = place(table.source, table.lines[i], column.label)
+        values = sorted({cells[j] for j in lost})[:4]
+        if all(is_number(value) for value in values):
+            raise MeasurementError(
+                f"{at}: {', '.join(values)} may be codes or angles of a polariser. Say --polarization "
+                f"{','.join(v + '=' + 'sp'[n % 2] for n, v in enumerate(values[:2]))} (or the other way "
+                "round), or angle-from-p or angle-from-s if they are degrees."
+            )
+        raise MeasurementError(
+            f"{at}: {cells[i][:30]!r} came where s, p, TE, TM or unpolarized was wanted. Say what it means "
+            f"with --polarization {cells[i][:30]}=s."
+        )
+    return Light(np.array([known[cell] for cell in cells]), np.full(len(cells), np.nan))
+
+
+def light_of_rows(
+    table: Table, layout: Layout, options: Options, oblique: bool, notes: list[str]
+) -> Light:
+    """Return the polarisation of each row as far as it is not said by the columns' own names.
+
+    oblique: whether any angle is not 0, where s and p are one.
+    Raises MeasurementError where two facts disagree, or a code has two readings.
+    """
+    rows = len(table.rows)
+    column = layout.polarizer or layout.polarization
+    bare = [v for v in layout.values if v.role.quantity in ("R", "T")]
+    named = [v for v in layout.values if v.role.quantity[1:] in ("_s", "_p")]
+    if layout.polarizer and layout.polarization:
+        raise MeasurementError(
+            f"{table.source}: columns {layout.polarization.label!r} and {layout.polarizer.label!r} both give "
+            "the polarisation. Name all columns to be read with --columns."
+        )
+    if column is not None:
+        at = place(table.source, table.header, column.label)
+        if named:
+            raise MeasurementError(
+                f"{at}: this column gives the polarisation, and so does the name of column "
+                f"{named[0].label!r}. Name the columns to be read with --columns."
+            )
+        if not bare:
+            notes.append(f"column {column.label} not needed")
+            return Light(np.full(rows, ""), np.full(rows, np.nan))
+        if options.light:
+            raise MeasurementError(
+                f"{at}: the file gives the polarisation, and --polarization came too. Drop the option, or "
+                "name the columns to be read with --columns."
+            )
+        if options.polarizer:
+            return _from_angles(table, column, options)
+        if column is layout.polarizer and not options.codes:
+            raise MeasurementError(
+                f"{at}: a polariser's angle can count from the plane of incidence (0 is p) or from its "
+                "normal (0 is s). Say --polarization angle-from-p or angle-from-s."
+            )
+        return _from_cells(table, column, options)
+    if options.codes or options.polarizer:
+        raise MeasurementError(
+            f"{table.source}: --polarization gives a meaning to a column, but none is named as the "
+            "polarisation. Say which it is with --columns polarization=..., or --polarization s or p."
+        )
+    letter = options.light
+    if letter and any(v.role.quantity[2:] != letter for v in named):
+        raise MeasurementError(
+            f"{place(table.source, table.header, named[0].label)}: the column is named {named[0].role.quantity}, "
+            "and --polarization says otherwise. Name the columns to be read with --columns."
+        )
+    if not letter and bare and not named and oblique:
+        letter, where = light_said(table.source, PurePath(table.source).stem, table.preamble)
+        if letter:
+            what = {"s": "s", "p": "p", "u": "unpolarised"}[letter]
+            notes.append(f"{what} light ({where}; --polarization)")
+    return Light(np.full(rows, letter or "u"), np.full(rows, np.nan))

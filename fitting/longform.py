@@ -1,0 +1,205 @@
+"""A table with its columns chosen becomes long columns: one datum per row, with its place."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.axes import angles, wavelengths
+from fitting.columns import Column, Layout
+from fitting.errors import MeasurementError, place
+from fitting.light import light_of_rows
+from fitting.options import Options
+from fitting.rows import numbers_of, refuse_gaps
+from fitting.scales import power_scale, psi_delta_unit
+from fitting.table import Table
+from fitting.units import scaled
+
+
+class LongColumns(NamedTuple):
+    """Arrays of one length for a Measurement, and where each datum stands.
+
+    places: (line, label of the column, text of the cell) of each datum.
+    """
+
+    angle_deg: np.ndarray
+    wavelength_um: np.ndarray
+    quantity: np.ndarray
+    value: np.ndarray
+    sigma: np.ndarray
+    polarizer_deg: np.ndarray
+    places: list[tuple[int, str, str]]
+    understood: str
+
+
+def _sigma_of(
+    table: Table, value: Column, column: Column | None, options: Options, unit: str, factor: float
+) -> np.ndarray:
+    """Return the standard errors of one value in the unit of the result."""
+    if column is None:
+        return np.full(len(table.rows), np.nan)
+    numbers, sign = numbers_of(table, column, options.missing)
+    own = "percent" if sign == "%" else column.role.unit
+    at = place(table.source, table.header, column.label)
+    if value.role.quantity in ("psi", "delta"):
+        own = options.psi_unit or own or unit
+        if own not in ("deg", "rad"):
+            raise MeasurementError(f"{at}: standard errors in {own} came where degrees were wanted.")
+        return np.degrees(numbers) if own == "rad" else numbers
+    if options.scale is None and own not in ("", "percent" if factor == 0.01 else "1"):
+        raise MeasurementError(
+            f"{at}: the standard errors are in {own}, the values are {'percent' if factor == 0.01 else 'not'}: "
+            "they may be relative. Leave them out by naming the columns to be read with --columns, or "
+            "say --scale for both."
+        )
+    return scaled(numbers, factor)
+
+
+def _refuse_copies(table: Table, layout: Layout, numbers: dict[int, np.ndarray]) -> None:
+    """Raise where Delta repeats psi, and where zeros may stand for values never measured."""
+    by_name = {value.role.quantity: value for value in layout.values}
+    if "psi" in by_name and "delta" in by_name:
+        psi, delta = numbers[by_name["psi"].index], numbers[by_name["delta"].index]
+        if np.isfinite(psi).sum() > 1 and np.array_equal(psi, delta, equal_nan=True):
+            raise MeasurementError(
+                f"{place(table.source, table.header, by_name['delta'].label)}: every number equals psi, which "
+                "no surface gives. Mend the file, or name another column with --columns delta=..."
+            )
+
+
+def _refuse_zeros(
+    table: Table, value: Column, numbers: np.ndarray, name: np.ndarray, options: Options
+) -> None:
+    if options.zero_is_value or value.role.quantity in ("psi", "delta"):
+        return
+    for quantity in np.unique(name):
+        chosen = np.flatnonzero((name == quantity) & np.isfinite(numbers))
+        zeros = chosen[numbers[chosen] == 0.0]
+        others = np.abs(numbers[chosen][numbers[chosen] != 0.0])
+        # a true zero (Brewster's angle, a fringe) is approached by its neighbours
+        if len(zeros) and len(others) and others.min() > 0.02 * others.max() and others.min() > 1e-2:
+            i = int(zeros[0])
+            raise MeasurementError(
+                f"{place(table.source, table.lines[i], value.label)}: 0 came, where the smallest other value is "
+                f"{others.min():.6g}. Say --missing 0 if it stands for 'not measured', --missing none if "
+                "it was measured."
+            )
+
+
+def _drop_mean(table: Table, layout: Layout, numbers: dict[int, np.ndarray], notes: list[str]) -> Layout:
+    """Return the layout without an R that is only the mean of R_s and R_p beside it (or so for T)."""
+    by_name = {value.role.quantity: value for value in layout.values}
+    for letter in "RT":
+        three = [by_name.get(letter + tail) for tail in ("", "_s", "_p")]
+        if None in three:
+            continue
+        mean, s, p = (numbers[column.index] for column in three if column is not None)
+        both = np.isfinite(mean) & np.isfinite(s) & np.isfinite(p)
+        slack = 2e-3 * np.nanmax(np.abs(mean), initial=0.0)
+        if both.any() and np.all(np.abs(mean - 0.5 * (s + p))[both] <= slack):
+            kept = [i for i, v in enumerate(layout.values) if v.role.quantity != letter]
+            layout = layout._replace(
+                values=[layout.values[i] for i in kept], sigmas=[layout.sigmas[i] for i in kept]
+            )
+            notes.append(f"{letter} left out: the mean of {letter}_s and {letter}_p")
+    return layout
+
+
+def _listed(names: list[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def _understood(
+    table: Table, layout: Layout, options: Options, long: LongColumns, factor: float, notes: list[str]
+) -> str:
+    angle, wavelength, quantity = long.angle_deg, long.wavelength_um, long.quantity
+    spectral = len(np.unique(wavelength)) > 1
+    axis, what, unit = (wavelength, "wavelength", "um") if spectral else (angle, "angle", "degrees")
+    count = len(np.unique(axis))
+    text = f"read {count} {what}{'s' * (count != 1)} ({axis.min():.6g} to {axis.max():.6g} {unit})"
+    names = list(dict.fromkeys(quantity.tolist()))
+    plain = " (unpolarised)" if angle.any() and np.isnan(long.polarizer_deg).all() else ""
+    text += ", " + _listed(
+        [f"{np.sum(quantity == name)} {name}{plain * (name in ('R', 'T'))}" for name in names]
+    )
+    if any(name not in ("psi", "delta") for name in names):
+        if options.scale is not None:
+            text += f", times {options.scale:g}"
+        else:
+            text += ", percent" if factor == 0.01 else ", fraction"
+    known = np.isfinite(long.sigma)
+    text += ", with standard errors" if known.any() else ", without standard errors"
+    if spectral:
+        several = len(np.unique(angle))
+        if several > 1 or layout.angle is not None or options.angle_deg is not None:
+            text += f"; {several} angles" if several > 1 else f"; angle {angle[0]:g} degrees"
+    elif np.isnan(wavelength).all():
+        text += "; no wavelength given"
+    elif layout.wavelength is not None or options.wavelength_um is not None:
+        text += f"; wavelength {wavelength[0]:.6g} um"
+    gaps = len(table.rows) * len(layout.values) - len(quantity)
+    if gaps:
+        notes.append(f"{gaps} gap{'s' * (gaps != 1)}")
+    if layout.unused:
+        notes.append("columns not used: " + ", ".join(layout.unused[:12]))
+    return "; ".join([text, *dict.fromkeys(notes)])
+
+
+def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
+    """Return the data of the chosen columns, column after column, gaps left out.
+
+    Raises MeasurementError for what is ambiguous or contradicts itself; ranges are for the
+    Measurement to check.
+    """
+    notes = [*table.notes, *layout.notes]
+    wavelength = wavelengths(table, layout, options, notes)
+    angle = angles(table, layout, options, wavelength, notes)
+    read = {v.index: numbers_of(table, v, options.missing) for v in layout.values}
+    numbers = {index: pair[0] for index, pair in read.items()}
+    _refuse_copies(table, layout, numbers)
+    layout = _drop_mean(table, layout, numbers, notes)
+    light = light_of_rows(table, layout, options, bool(np.nan_to_num(angle).any()), notes)
+    factor = power_scale(table, layout, options, numbers, {i: pair[1] for i, pair in read.items()})
+    psi_units = psi_delta_unit(table, layout, options, numbers)
+    parts: list[tuple[np.ndarray, ...]] = []
+    places: list[tuple[int, str, str]] = []
+    for value, sigma_column in zip(layout.values, layout.sigmas, strict=True):
+        raw, quantity = numbers[value.index], value.role.quantity
+        unit = psi_units.get(value.index, "")
+        if quantity in ("psi", "delta"):
+            converted = np.degrees(raw) if unit == "rad" else raw
+        else:
+            converted = scaled(raw, factor)
+        sigma = _sigma_of(table, value, sigma_column, options, unit, factor)
+        there = ~np.isnan(raw)
+        if sigma_column is not None and options.sigma is None and not np.isnan(sigma[there]).all():
+            refuse_gaps(table, sigma_column, there & np.isnan(sigma), "standard error")
+        if options.sigma is not None:
+            sigma = np.where(np.isnan(sigma), options.sigma, sigma)
+        if layout.angle is not None:
+            refuse_gaps(table, layout.angle, there & np.isnan(angle), "angle")
+        if layout.wavelength is not None:
+            refuse_gaps(table, layout.wavelength, there & np.isnan(wavelength), "wavelength")
+        name = np.full(len(raw), quantity, dtype="<U6")
+        polarizer = np.full(len(raw), np.nan)
+        if quantity in ("R", "T"):
+            column = layout.polarizer or layout.polarization
+            if column is not None:
+                said = (light.letter != "") | ~np.isnan(light.polarizer_deg)
+                refuse_gaps(table, column, there & ~said, "polarisation")
+            letter = light.letter
+            name = np.where(letter == "s", quantity + "_s", np.where(letter == "p", quantity + "_p", name))
+            polarizer = light.polarizer_deg
+        _refuse_zeros(table, value, raw, name, options)
+        kept = np.flatnonzero(there)
+        parts.append((angle[kept], wavelength[kept], name[kept], converted[kept], sigma[kept], polarizer[kept]))
+        places += [(table.lines[i], value.label, table.rows[i][value.index]) for i in kept]
+    if not places:
+        raise MeasurementError(
+            f"{place(table.source, table.lines[0])}: the {len(table.rows)} rows hold gaps only; at least one "
+            "measured value was wanted."
+        )
+    joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    long = LongColumns(*joined, places=places, understood="")
+    return long._replace(understood=_understood(table, layout, options, long, factor, notes))

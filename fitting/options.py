@@ -1,0 +1,161 @@
+"""The options of the reader, each taken as a Python value or as the text of its flag, and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite
+from typing import NamedTuple
+
+from fitting.errors import MeasurementError
+from fitting.units import ANGLE_UNITS, WAVELENGTH_UNITS, plain, unit_of
+
+QUANTITIES = ("R_s", "R_p", "R", "R_back", "T_s", "T_p", "T", "psi", "delta")
+"""What a datum can be. R and T are powers of unpolarised light, unless ``polarizer_deg``
+says otherwise; R_back is R with the light on the other face (equal to R for a plain slab)."""
+
+ROLES = (
+    ("angle", "wavelength", "polarization", "polarizer") + QUANTITIES
+    + tuple("sigma_" + quantity for quantity in QUANTITIES)
+)  # fmt: skip
+_LIGHT = {"s": "s", "te": "s", "p": "p", "tm": "p", "unpolarized": "u", "unpolarised": "u", "u": "u"}
+POLARIZER_FROM = ("angle-from-p", "angle-from-s")
+
+
+class Options(NamedTuple):
+    """Checked options of :func:`fitting.measurement.read_csv`; None, or empty, where not given.
+
+    light: "s", "p", "u" for the whole file, or "". codes: text of a cell -> "s", "p", "u".
+    polarizer: "angle-from-p", "angle-from-s" or "". zero_is_value: zeros were said to be measured.
+    """
+
+    columns: dict[str, str]
+    keep: dict[str, list[str]]
+    angle_deg: float | None
+    angle_unit: str
+    wavelength_um: float | None
+    wavelength_unit: str
+    light: str
+    codes: dict[str, str]
+    polarizer: str
+    scale: float | None
+    sigma: float | None
+    psi_unit: str
+    missing: list[str]
+    zero_is_value: bool
+
+
+def _flag(name: str) -> str:
+    return "--" + name.replace("_", "-")
+
+
+def _number(source: str, name: str, value: object, low: float, high: float) -> float | None:
+    if value is None:
+        return None
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        number = float("nan")
+    if not (isfinite(number) and low <= number <= high and (low > 0.0 or low <= number)):
+        raise MeasurementError(
+            f"{source}: {_flag(name)} {value} came where a number from {low:g} to {high:g} was wanted."
+        )
+    return number
+
+
+def _pairs(source: str, name: str, value: object) -> dict[str, str]:
+    """Return the pairs of ``A=1,B=2`` or of a mapping; a part without = belongs to the one before."""
+    if value is None:
+        return {}
+    if isinstance(value, Mapping):
+        joined = {k: v if isinstance(v, (list, tuple)) else [v] for k, v in value.items()}
+        return {str(k).strip(): ",".join(map(str, v)).strip() for k, v in joined.items()}
+    parts = value if isinstance(value, (list, tuple)) else [value]
+    pairs: dict[str, str] = {}
+    key = ""
+    for part in ",".join(map(str, parts)).split(","):
+        left, equals, right = part.partition("=")
+        if equals:
+            key = left.strip()
+            pairs[key] = right.strip()
+        elif key:
+            pairs[key] += "," + part.strip()
+    if not pairs:
+        raise MeasurementError(f"{source}: {_flag(name)} {value} came where NAME=VALUE was wanted.")
+    return pairs
+
+
+def _one_of(source: str, name: str, value: object, wanted: tuple[str, ...]) -> str:
+    if value is None:
+        return ""
+    text = str(value).strip()
+    found = text if text in wanted else unit_of(text)
+    if found not in wanted:
+        raise MeasurementError(
+            f"{source}: {_flag(name)} {value} is not known; it can be {', '.join(wanted)}."
+        )
+    return found
+
+
+def _polarization(source: str, value: object) -> tuple[str, dict[str, str], str]:
+    if value is None:
+        return "", {}, ""
+    text = "" if isinstance(value, (Mapping, list, tuple)) else plain(str(value)).strip().lower()
+    if text in _LIGHT:
+        return _LIGHT[text], {}, ""
+    if text in POLARIZER_FROM:
+        return "", {}, text
+    codes = {}
+    if not text or "=" in text:
+        pairs = _pairs(source, "polarization", value)
+        codes = {key.lower(): _LIGHT.get(item.lower(), "") for key, item in pairs.items()}
+    if not codes or not all(codes.values()):
+        raise MeasurementError(
+            f"{source}: --polarization {value} is not known; it can be s, p or unpolarized for the whole "
+            "file, codes of a column such as 0=s,1=p, or angle-from-p or angle-from-s for the angle "
+            "of a polariser from the plane of incidence or from its normal."
+        )
+    return "", codes, ""
+
+
+def parse_options(
+    source: str,
+    *,
+    columns: object = None,
+    keep: object = None,
+    angle_deg: object = None,
+    angle_unit: object = None,
+    wavelength_um: object = None,
+    wavelength_unit: object = None,
+    polarization: object = None,
+    scale: object = None,
+    sigma: object = None,
+    psi_unit: object = None,
+    missing: object = None,
+) -> Options:
+    """Return the options as :class:`Options`; raise MeasurementError for one that means nothing."""
+    chosen = _pairs(source, "columns", columns)
+    stray = [role for role in chosen if role not in ROLES]
+    if stray:
+        raise MeasurementError(
+            f"{source}: --columns has {stray[0]}, which is none of {', '.join(ROLES)}."
+        )
+    light, codes, polarizer = _polarization(source, polarization)
+    words = [missing] if isinstance(missing, (str, int, float)) else missing or []
+    gaps = [part.strip() for word in words for part in str(word).split(",")]  # type: ignore[union-attr]
+    keeps = _pairs(source, "keep", keep)
+    return Options(
+        columns=chosen,
+        keep={k: [part.strip() for part in v.split(",")] for k, v in keeps.items()},
+        angle_deg=_number(source, "angle_deg", angle_deg, 0.0, 90.0),
+        angle_unit=_one_of(source, "angle_unit", angle_unit, ANGLE_UNITS),
+        wavelength_um=_number(source, "wavelength_um", wavelength_um, 1e-9, 1e9),
+        wavelength_unit=_one_of(source, "wavelength_unit", wavelength_unit, WAVELENGTH_UNITS),
+        light=light,
+        codes=codes,
+        polarizer=polarizer,
+        scale=_number(source, "scale", scale, 1e-300, 1e300),
+        sigma=_number(source, "sigma", sigma, 1e-300, 1e300),
+        psi_unit=_one_of(source, "psi_unit", psi_unit, ("deg", "rad")),
+        missing=[gap for gap in gaps if gap != "none"],
+        zero_is_value="none" in gaps,
+    )
