@@ -80,9 +80,10 @@ def refract_components(wi: Vector, n: Vector, cosine: Array, eta: Array) -> _Ref
     dtype = jnp.result_type(cosine, eta)
     cosine, eta_i, eta_t = (a.astype(dtype) for a in jnp.broadcast_arrays(cosine, eta_i, eta_t))
     root, _ = boundary(jnp.abs(cosine), eta_t, None, eta_i, exactly=True).q
-    matched = eta_i == eta_t
-    cos_t = jnp.where(matched, jnp.abs(cosine), root / eta_t)
-    valid = (root > 0.0) | matched
+    # Only where the square of the cosine has underflown: elsewhere the root carries d cos_t / d eta.
+    straight_on = (eta_i == eta_t) & (root == 0.0)
+    cos_t = jnp.where(straight_on, jnp.abs(cosine), root / eta_t)
+    valid = (root > 0.0) | straight_on
     ratio = eta_i / eta_t
     tangential = add(scale(cosine, n), scale(-1.0, wi))
     normal_part = jnp.where(inside, cos_t, -cos_t)
