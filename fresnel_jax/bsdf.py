@@ -2,8 +2,8 @@
 
 `Reflector`, `Dielectric` and `ThinDielectric` are pytrees with the same four methods (directions
 are unit vectors of shape (..., 3) in the local frame, normal +z outside, pointing away from the
-surface; wo is the known one, wi the one found; everything broadcasts over leading axes, `jax.jit`,
-`jax.vmap` and `jax.grad` over a model or over its arguments work):
+surface; wo is the known one, wi the one found; the fields of a model broadcast against the leading
+axes of directions; `jit`, `vmap` and `grad` work over a model as over any pytree):
 
     evaluate(wo, wi, mode)                 f, without the cosine; 0 for delta distributions
     density(wo, wi, lobes)                 density per solid angle of `sample`; 0 likewise
