@@ -3,15 +3,27 @@
 The error-free transformations write a sum or a product of two floating-point numbers as the rounded
 result plus its exact rounding error. They hold for every IEEE format with round-to-nearest, also
 after XLA has fused the loop (tests/test_arithmetic.py compares them with rational arithmetic under
-jit), because XLA neither reassociates floating-point sums nor assumes that they are exact.
+jit), because XLA does not reassociate floating-point sums; but see `opaque` for constants.
 """
+
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 # A complex number in real arithmetic: (re, im), where im None means exactly real.
-Complex = tuple[Array, Array | None]
+Complex = tuple[Array, Any]
+
+
+def opaque(x: Array) -> Array:
+    """x itself, but never a compile-time constant.
+
+    XLA rewrites (x + 1) - 1 as x when both ones are constants, which turns every rounding error
+    below into 0: for an eta closed over by a jitted function T lost all digits near grazing
+    incidence at index match. What enters exact sums and products passes through here first.
+    """
+    return jax.lax.optimization_barrier(x)
 
 
 def two_sum(x: Array, y: Array) -> tuple[Array, Array]:
@@ -28,7 +40,7 @@ def fast_two_sum(x: Array | float, y: Array) -> tuple[Array, Array]:
 
 
 def _split(x: Array) -> tuple[Array, Array]:
-    """x as the exact sum of two numbers of half its digits (Dekker 1971, doi:10.1007/BF01397083)."""
+    """x as an exact sum of two numbers of half its digits (Dekker 1971, doi:10.1007/BF01397083)."""
     factor = 2.0 ** ((jnp.finfo(x.dtype).nmant + 2) // 2) + 1.0
     scaled = factor * x
     high = scaled - (scaled - x)

@@ -24,6 +24,7 @@ from ._arithmetic import (
     Complex,
     complex_sqrt,
     fast_two_sum,
+    opaque,
     real_sqrt,
     sum_exactly,
     two_product,
@@ -43,7 +44,7 @@ class Boundary(NamedTuple):
 
 
 def boundary(c: Array, n: Array, k: Array | None, m: Array | None, exactly: bool) -> Boundary:
-    """The shared quantities, for 0 <= c <= 1 (see `unsigned`), n > 0, k >= 0 (None: 0), m > 0 (None: 1).
+    """The shared quantities, for 0 <= c <= 1, n > 0, k >= 0 (None: 0), m > 0 (None: 1).
 
     With `exactly`, Re Q^2 and Re Y have a small relative error also where they vanish, which T and
     every derivative need; without it their error is eps^2 of their terms, which is enough for R.
@@ -89,19 +90,21 @@ def _lossless_sums(c: Array, n: Array, m: Array | None, exactly: bool) -> tuple[
     cosines around the critical one some leave 1e-5 eps of the terms, and T_s, proportional to the
     root of Re Q^2, then lost 5 digits. `exactly` keeps what lies below as well.
     """
+    c, n, m = opaque(c), opaque(n), None if m is None else opaque(m)
     mc2, mc2_lows, mc2_lowest = _square_of_product(c, m, exactly)
     cn2, cn2_lows, cn2_lowest = _square_of_product(c, n, exactly)
     n2, n2_low = two_square(n)
     if m is None:
-        minus_ms2, lost = fast_two_sum(-1.0, mc2)
+        minus_ms2, lost = fast_two_sum(opaque(-jnp.ones_like(c)), mc2)
         ms2_lows = [*mc2_lows, lost]
     else:
         m2, m2_low = two_square(m)
         minus_ms2, lost = fast_two_sum(-m2, mc2)
-        ms2_lows = [*mc2_lows, lost, -m2_low]
+        ms2_lows = [-m2_low, *mc2_lows, lost]
 
     def minus_ms2_plus(high, lows, lowest):
-        low, lost = (sum_exactly if exactly else _sum_once)([*ms2_lows, *lows])
+        # The errors of n^2 and m^2 come first: at n = m they cancel, and c^2 may be smaller still.
+        low, lost = (sum_exactly if exactly else _sum_once)([*lows, *ms2_lows])
         # This sum is exact where it cancels (Sterbenz), so its rounding error need not be kept.
         return ((minus_ms2 + high) + low) + (lost + mc2_lowest + lowest)
 

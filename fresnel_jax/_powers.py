@@ -20,24 +20,24 @@ it cost 2e3 eps of the gradient there.
 import jax
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
-from jaxtyping import Array
 
 from ._arithmetic import reciprocal_or_zero, squared_modulus, times
 from ._boundary import Boundary, boundary, unsigned
 
-# Every function here takes n, k, m as boundary does: k None is exactly 0, m None exactly 1, so that
-# the usual lossless or vacuum-side case pays for no more than it needs. The kernels ignore c's sign.
+# Every function here takes n, k, m as boundary does: k None is exactly 0, m None exactly 1, so
+# that the usual lossless or vacuum-side case pays for no more than it needs. The kernels ignore
+# the sign of c.
 
 
 @jax.custom_jvp
-def powers_kernel(c, n, k, m) -> tuple[Array, Array, Array, Array]:
+def powers_kernel(c, n, k, m):
     """R_s, R_p, T_s, T_p."""
     q = boundary(jnp.abs(c), n, k, m, exactly=True)
     return *_reflected(q, k, m), *_transmitted(q, m)
 
 
 @jax.custom_jvp
-def reflectances_kernel(c, n, k, m) -> tuple[Array, Array]:
+def reflectances_kernel(c, n, k, m):
     """R_s, R_p, for less than half of what they cost together with T."""
     return _reflected(boundary(jnp.abs(c), n, k, m, exactly=False), k, m)
 

@@ -24,7 +24,7 @@ W. Jakob and G. Humphreys, Physically Based Rendering, 4th ed., sec. 9.3. The al
 and stands in `_boundary`, `_powers` and `_amplitudes`.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -93,12 +93,10 @@ def _is_exactly(value, number: int) -> bool:
     return isinstance(value, int | float) and value == number
 
 
-def _as_floats(cos_theta_i, eta, k, eta_i):
+def _as_floats(cos_theta_i, eta, k, eta_i) -> tuple[Any, ...]:
     given = [x for x in (cos_theta_i, eta, k, eta_i) if x is not None]
     dtype = jnp.result_type(*given, 1.0)
-    return tuple(
-        None if x is None else jnp.asarray(x, dtype) for x in (cos_theta_i, eta, k, eta_i)
-    )
+    return tuple(None if x is None else jnp.asarray(x, dtype) for x in (cos_theta_i, eta, k, eta_i))
 
 
 @jax.jit

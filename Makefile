@@ -1,0 +1,25 @@
+# Every target makes the environment that it needs, in .venv; only CPython >= 3.11 and pip are assumed.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: demo test lint clean
+
+demo: .venv/installed-plot  ## fit the gold scan that ships with the project; table, plot, JSON in demo/
+	mkdir -p demo
+	$(BIN)/fresnel-fit examples/data/gold_532nm.csv --plot demo/gold.png --json demo/gold.json
+
+test: .venv/installed-test  ## the tests (about 3 minutes on 2 cores)
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+lint: .venv/installed-test .venv/installed-lint  ## linters and type checker
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+
+.venv/installed-%: pyproject.toml
+	test -d .venv || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[$*]'
+	touch $@
+
+clean:
+	rm -rf .venv demo

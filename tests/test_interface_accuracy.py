@@ -1,0 +1,157 @@
+"""Values and gradients of the interface against 100-digit arithmetic, where methods fail."""
+
+import adversarial
+import jax
+import jax.numpy as jnp
+import mpmath as mp
+import numpy as np
+import oracle
+import pytest
+
+from fresnel_jax import amplitudes, powers, reflectance
+
+VALUE_BOUND = 12.0  # eps
+GRADIENT_BOUND = 200.0  # eps of the gradient's norm
+
+
+def _cases():
+    """Every hard set in both dtypes, and once more by the smaller program where there is one."""
+    for dtype in (np.float64, np.float32):
+        for name, (_, _, k, m) in adversarial.hard_sets(dtype).items():
+            yield pytest.param(dtype, name, False, id=f"{np.dtype(dtype).name}-{name}")
+            if not k.any() or (m == 1).all():
+                yield pytest.param(dtype, name, True, id=f"{np.dtype(dtype).name}-{name}-left out")
+
+
+on_hard_sets = pytest.mark.parametrize("dtype, name, leave_out", list(_cases()))
+
+
+def hard_points(dtype, name, leave_out):
+    """The points, and the same arguments with what can be left out as Python numbers."""
+    c, n, k, m = points = adversarial.hard_sets(dtype)[name]
+    if not leave_out:
+        return points, points
+    return points, (c, n, k if k.any() else 0.0, m if (m != 1).any() else 1.0)
+
+
+def worst(errors) -> float:
+    """The largest; NaN counts as infinite."""
+    return max(np.inf if np.isnan(e) else e for e in errors)
+
+
+@on_hard_sets
+def test_powers_within_12_eps(dtype, name, leave_out):
+    points, arguments = hard_points(dtype, name, leave_out)
+    eps, smallest = float(np.finfo(dtype).eps), float(np.finfo(dtype).tiny)
+    results = [np.asarray(x) for x in powers(*arguments)]
+    assert all(x.dtype == dtype for x in results)
+    errors = []
+    for i, point in enumerate(zip(*points, strict=True)):
+        for j, true in enumerate(oracle.powers(*point)):
+            # An R below eps^2 counts against eps^2; a T next to underflow against what is left.
+            scale = max(true, eps**2) if j < 2 else max(true, smallest / eps)
+            errors.append(float(abs(mp.mpf(float(results[j][i])) - true) / scale) / eps)
+    assert worst(errors) <= VALUE_BOUND
+
+
+@on_hard_sets
+def test_reflectance_within_12_eps(dtype, name, leave_out):
+    """`reflectance` sums in fewer digits than `powers`; unpolarised R never needs more."""
+    points, arguments = hard_points(dtype, name, leave_out)
+    eps = float(np.finfo(dtype).eps)
+    result = np.asarray(reflectance(*arguments))
+    errors = []
+    for i, point in enumerate(zip(*points, strict=True)):
+        R_s, R_p, *_ = oracle.powers(*point)
+        true = (R_s + R_p) / 2
+        errors.append(float(abs(mp.mpf(float(result[i])) - true) / max(true, eps**2)) / eps)
+    assert worst(errors) <= VALUE_BOUND
+
+
+def partial_derivatives(function, arguments):
+    """Array of shape (variables, 4 results, points); Python numbers are not differentiated."""
+    arrays = [i for i, x in enumerate(arguments) if isinstance(x, np.ndarray)]
+
+    @jax.jit
+    def along_each(*variables):
+        def of_variables(*variables):
+            given = dict(zip(arrays, variables, strict=True))
+            return function(*(given.get(i, x) for i, x in enumerate(arguments)))
+
+        basis = [[jnp.full_like(x, x is v) for x in variables] for v in variables]
+        return [jax.jvp(of_variables, variables, tuple(tangents))[1] for tangents in basis]
+
+    return arrays, np.array(along_each(*(arguments[i] for i in arrays)))
+
+
+def gradient_error(ours, true, dtype) -> float:
+    """The error in units of eps and of the gradient's norm."""
+    norm = mp.sqrt(sum(abs(g) ** 2 for g in true))
+    if norm < mp.mpf(10) ** -(oracle.DIGITS // 2):
+        return 0.0 if not np.any(ours) else np.inf  # matched media: the true gradient is 0
+    if norm > float(np.finfo(dtype).max):
+        return 0.0  # not representable
+    error = mp.sqrt(
+        sum(abs(mp.mpmathify(complex(x)) - g) ** 2 for x, g in zip(ours, true, strict=True))
+    )
+    return float(error / norm) / float(np.finfo(dtype).eps)
+
+
+@on_hard_sets
+def test_gradients_within_200_eps(dtype, name, leave_out):
+    points, arguments = hard_points(dtype, name, leave_out)
+    variables, partials = partial_derivatives(powers, arguments)
+    errors = [0.0]
+    for i, point in enumerate(zip(*points, strict=True)):
+        gradients = oracle.reflectance_gradients(*point)
+        if gradients is not None:
+            gradients += [[-g for g in gradient] for gradient in gradients]  # T = 1 - R
+            for ours, gradient in zip(np.moveaxis(partials[..., i], 1, 0), gradients, strict=True):
+                errors.append(gradient_error(ours, [gradient[v] for v in variables], dtype))
+    assert worst(errors) <= GRADIENT_BOUND
+
+
+@on_hard_sets
+def test_amplitude_gradients_within_200_eps(dtype, name, leave_out):
+    points, arguments = hard_points(dtype, name, leave_out)
+    variables, partials = partial_derivatives(amplitudes, arguments)
+    errors = [0.0]
+    for i, point in enumerate(zip(*points, strict=True)):
+        gradients = oracle.amplitude_gradients(*point)
+        if gradients is not None:
+            for ours, gradient in zip(np.moveaxis(partials[..., i], 1, 0), gradients, strict=True):
+                errors.append(gradient_error(ours, [gradient[v] for v in variables], dtype))
+    assert worst(errors) <= GRADIENT_BOUND
+
+
+@on_hard_sets
+def test_amplitudes_within_12_eps(dtype, name, leave_out):
+    points, arguments = hard_points(dtype, name, leave_out)
+    eps, smallest = float(np.finfo(dtype).eps), float(np.finfo(dtype).tiny)
+    results = [np.asarray(x) for x in amplitudes(*arguments)]
+    errors = []
+    for i, point in enumerate(zip(*points, strict=True)):
+        for j, true in enumerate(oracle.amplitudes(*point)):
+            ours = mp.mpc(complex(results[j][i]))
+            errors.append(float(abs(ours - true) / max(abs(true), eps**2, smallest / eps)) / eps)
+    assert worst(errors) <= VALUE_BOUND
+
+
+@pytest.mark.parametrize("name", ["matched", "critical", "Brewster", "around critical"])
+@pytest.mark.parametrize("constant", ["indices", "cosine and index", "all but k"])
+def test_constants_that_the_compiler_knows(name, constant):
+    """XLA merges sums of constants, which once made every rounding error 0 (see `opaque`)."""
+    eps = float(np.finfo(np.float64).eps)
+    errors = []
+    for point in list(zip(*adversarial.hard_sets(np.float64)[name], strict=True))[:6]:
+        c, n, k, m = point
+        if constant == "indices":
+            result = jax.jit(lambda c, n=n, m=m: powers(c, n, 0.0, m))(c)
+        elif constant == "cosine and index":
+            result = jax.jit(lambda m, c=c, n=n: powers(c, n, 0.0, m))(m)
+        else:
+            result = jax.jit(lambda k, c=c, n=n, m=m: powers(c, n, k, m))(k)
+        for j, true in enumerate(oracle.powers(*point)):
+            scale = max(true, eps**2)
+            errors.append(float(abs(mp.mpf(float(result[j])) - true) / scale) / eps)
+    assert worst(errors) <= VALUE_BOUND
