@@ -21,7 +21,7 @@ import jax
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 
-from ._arithmetic import reciprocal_or_zero, squared_modulus, times
+from ._arithmetic import Complex, reciprocal_or_zero, squared_modulus, times
 from ._boundary import Boundary, boundary, unsigned
 
 # Every function here takes n, k, m as boundary does: k None is exactly 0, m None exactly 1, so
@@ -66,7 +66,7 @@ def _contrast_over_s2(q: Boundary, k, per_s2):
     return (squared_modulus(near) * lowered) * (squared_modulus(far) * lowered)
 
 
-def _scaled_y(q: Boundary, k, m2):
+def _scaled_y(q: Boundary, k, m2) -> Complex:
     """m^2 Y / |X|^2. A division, not a product: the CPU compiler never repeats a division."""
     x2 = squared_modulus(q.x)
     x2 = jnp.where(x2 == 0.0, 1.0, x2)
