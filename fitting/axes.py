@@ -1,4 +1,4 @@
-"""Angles of incidence in degrees and wavelengths in micrometres, from columns, options or remarks."""
+"""Angles of incidence in degrees and wavelengths in micrometres: columns, options, remarks."""
 
 from __future__ import annotations
 
@@ -23,26 +23,10 @@ _UNITS_OF_FORM = {
 }
 
 
-def wavelengths(
-    table: Table, layout: Layout, options: Options, notes: list[str]
-) -> np.ndarray:
-    """Return the wavelength of each row in micrometres, NaN where none is known.
-
-    Raises MeasurementError where the unit is open, or the name, the unit and the numbers disagree.
-    """
-    column, given = layout.wavelength, options.wavelength_um
-    if column is None:
-        said = None if given is not None else wavelength_said(table.preamble)
-        if said is not None:
-            notes.append(f"wavelength {said.value:.6g} um (line {said.line}; --wavelength-um)")
-            given = said.value
-        return np.full(len(table.rows), np.nan if given is None else given)
+def _wavelength_unit(
+    table: Table, layout: Layout, column: Column, options: Options, notes: list[str]
+) -> str:
     at = place(table.source, table.header, column.label)
-    if given is not None:
-        raise MeasurementError(
-            f"{at}: the file gives wavelengths, and --wavelength-um {given:g} came too. Drop the option, "
-            "or name the columns to be read with --columns."
-        )
     numbers, _ = numbers_of(table, column, [])
     form, unit = column.role.form, column.role.unit
     optical = layout.angle is None or layout.angle.role.form == "incidence"
@@ -62,16 +46,53 @@ def wavelengths(
         notes.append("wavelengths taken as nm by their range (--wavelength-unit)")
     elif unit not in _UNITS_OF_FORM[form]:
         raise MeasurementError(
-            f"{at}: the name says {form}, the unit says {unit}. Say --wavelength-unit {unit} if the "
+            f"{at}: the name says {form}, the unit says {unit}. Say --wavelength-unit {unit} if "
+            "the "
             "unit is right."
         )
     elif optical and ((unit == "nm" and high < 5.0) or (unit == "um" and low >= 100.0)):
         other = "um" if unit == "nm" else "nm"
         raise MeasurementError(
-            f"{at}: the header says {unit}, the numbers are {span_of(numbers)}, as wavelengths in {other} "
+            f"{at}: the header says {unit}, the numbers are {span_of(numbers)}, as wavelengths in "
+            f"{other} "
             f"are. Say --wavelength-unit {unit} or --wavelength-unit {other}."
         )
-    return wavelength_um(numbers, unit)
+    return unit
+
+
+def wavelengths(table: Table, layout: Layout, options: Options, notes: list[str]) -> np.ndarray:
+    """Return the wavelength of each row in micrometres, NaN where none is known.
+
+    Raises MeasurementError where the unit is open, or the name, the unit and the numbers disagree.
+    """
+    column, given = layout.wavelength, options.wavelength_um
+    if column is None:
+        said = None if given is not None else wavelength_said(table.preamble)
+        if said is not None:
+            notes.append(f"wavelength {said.value:.6g} um (line {said.line}; --wavelength-um)")
+            given = said.value
+        return np.full(len(table.rows), np.nan if given is None else given)
+    at = place(table.source, table.header, column.label)
+    if given is not None:
+        raise MeasurementError(
+            f"{at}: the file gives wavelengths, and --wavelength-um {given:g} came too. Drop the "
+            "option, "
+            "or name the columns to be read with --columns."
+        )
+    unit = _wavelength_unit(table, layout, column, options, notes)
+    microns = wavelength_um(numbers_of(table, column, [])[0], unit)
+    if layout.repeat is not None and layout.repeat.role.unit in WAVELENGTH_UNITS:
+        again = wavelength_um(numbers_of(table, layout.repeat, [])[0], layout.repeat.role.unit)
+        # files round the second to three digits or so
+        wrong = np.flatnonzero(np.abs(again - microns) > 0.01 * microns)
+        if len(wrong):
+            i = int(wrong[0])
+            raise MeasurementError(
+                f"{place(table.source, table.lines[i])}: {column.label} says {microns[i]:.6g} um, "
+                f"{layout.repeat.label} says {again[i]:.6g} um. Name the columns to be read with "
+                "--columns."
+            )
+    return microns
 
 
 def _angle_unit(at: str, numbers: np.ndarray, column: Column, notes: list[str]) -> str:
@@ -84,15 +105,18 @@ def _angle_unit(at: str, numbers: np.ndarray, column: Column, notes: list[str]) 
         return unit
     if unit not in ("", "deg", "rad", "mrad"):
         raise MeasurementError(
-            f"{at}: an angle in {unit} came. Say --angle-unit deg, rad, grazing-deg, 2theta-deg, ..."
+            f"{at}: an angle in {unit} came. Say --angle-unit deg, rad, grazing-deg, 2theta-deg, "
+            "..."
         )
     if not unit:
         if form == "incidence" and (high > HALF_PI or high == 0.0):
             return "deg"
+        choice = {"grazing": "grazing-deg or grazing-rad", "2theta": "2theta-deg"}.get(
+            form, "deg or rad"
+        )
         raise MeasurementError(
-            f"{at}: the angle has no unit; its numbers ({span_of(numbers)}) may be radians or degrees. "
-            f"Say --angle-unit {'2theta-deg' if form == '2theta' else form + '-deg or ' + form + '-rad'}."
-            .replace("incidence-", "")
+            f"{at}: the angle has no unit; its numbers ({span_of(numbers)}) may be radians or "
+            f"degrees. Say --angle-unit {choice}."
         )
     if form == "grazing":
         return {"deg": "grazing-deg", "rad": "grazing-rad"}.get(unit, unit)
@@ -126,22 +150,28 @@ def angles(
             return np.full(rows, given)
         said = angle_said(table.preamble)
         if said is not None:
-            notes.append(f"angle of incidence {said.value:g} degrees (line {said.line}; --angle-deg)")
+            notes.append(
+                f"angle of incidence {said.value:g} degrees (line {said.line}; --angle-deg)"
+            )
             return np.full(rows, said.value)
         plain_light = all(value.role.quantity in ("R", "T", "R_back") for value in layout.values)
         if plain_light and layout.wavelength and not layout.polarization and not layout.polarizer:
             notes.append("no angle given: normal incidence assumed (--angle-deg)")
             return np.zeros(rows)
+        rest = f" (not understood: {', '.join(layout.unused[:6])})" if layout.unused else ""
         name = angle_in_name(PurePath(table.source).stem)
-        hint = f" The file name says {name}deg: if that is it, say --angle-deg {name}." if name else ""
+        hint = (
+            f" The file name says {name}deg: if that is it, say --angle-deg {name}." if name else ""
+        )
         raise MeasurementError(
-            f"{table.source}: no column is an angle of incidence.{hint or ' Say --angle-deg NUMBER, or'}"
-            f"{'' if hint else ' which column it is with --columns angle=...'}"
+            f"{table.source}: no column is an angle of incidence{rest}."
+            f"{hint or ' Say --angle-deg NUMBER, or which column it is with --columns angle=...'}"
         )
     at = place(table.source, table.header or table.lines[0], column.label)
     if given is not None:
         raise MeasurementError(
-            f"{at}: the file gives angles, and --angle-deg {given:g} came too. Drop the option, or name "
+            f"{at}: the file gives angles, and --angle-deg {given:g} came too. Drop the option, or "
+            "name "
             "the columns to be read with --columns."
         )
     numbers, sign = numbers_of(table, column, [])
@@ -149,9 +179,12 @@ def angles(
         column = column._replace(role=column.role._replace(unit="deg"))
     unit = options.angle_unit or _angle_unit(at, numbers, column, notes)
     if unit in Q_UNITS and np.isnan(wavelength).all():
-        said = [f" Line {n} has {t[:40]!r}." for n, t in table.preamble if "wavelength" in t.lower()]
+        said = [
+            f" Line {n} has {t[:40]!r}." for n, t in table.preamble if "wavelength" in t.lower()
+        ]
         raise MeasurementError(
-            f"{at}: Q becomes an angle through the wavelength, which is not known.{''.join(said[:1])} Say "
+            f"{at}: Q becomes an angle through the wavelength, which is not "
+            f"known.{''.join(said[:1])} Say "
             "--wavelength-um NUMBER (5 angstrom are 0.0005)."
         )
     degrees = incidence_deg(numbers, unit, wavelength)
@@ -161,11 +194,14 @@ def angles(
         text = "{} has more than 59 minutes of arc behind the point. Say --angle-unit deg."
     else:
         wrong = np.flatnonzero(np.isnan(degrees) & ~np.isnan(numbers))
-        text = "Q {} is negative or beyond 4 pi / wavelength. Check --wavelength-um and --angle-unit."
+        text = (
+            "Q {} is negative or beyond 4 pi / wavelength. Check --wavelength-um and --angle-unit."
+        )
     if len(wrong):
         i = int(wrong[0])
         raise MeasurementError(
-            f"{place(table.source, table.lines[i], column.label)}: " + text.format(table.rows[i][column.index])
+            f"{place(table.source, table.lines[i], column.label)}: "
+            + text.format(table.rows[i][column.index])
         )
     if unit not in ("deg",):
         notes.append(f"angles converted from {unit}")

@@ -13,12 +13,35 @@ from fitting.errors import MeasurementError, place
 
 DELIMITERS = {"tab": "\t", "semicolon": ";", "comma": ",", "pipe": "|", "blank": " "}
 MISSING = frozenset(
-    "nan na n/a #n/a #na #nv #num! #value! #div/0! null none nil nd n.d. - -- --- . ? * /".split()
+    [
+        "nan",
+        "na",
+        "n/a",
+        "#n/a",
+        "#na",
+        "#nv",
+        "#num!",
+        "#value!",
+        "#div/0!",
+        "null",
+        "none",
+        "nil",
+        "nd",
+        "n.d.",
+        "-",
+        "--",
+        "---",
+        ".",
+        "?",
+        "*",
+        "/",
+    ]
     + [""]
 )
 DIGIT = re.compile("[0-9]")
 _NUMBER = re.compile(
-    "[+\\-\u2212]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eEdD][+\\-\u2212]?[0-9]+)?(?:\\s?[%\u00b0])?"
+    "[+\\-\u2212]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)"
+    "(?:[eEdD][+\\-\u2212]?[0-9]+)?(?:\\s?[%\u00b0])?"
 )
 _PLAIN = re.compile(r"[0-9.eE+\-]*")
 _GROUPED = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
@@ -27,7 +50,7 @@ _SAMPLE = 48  # lines looked at for the delimiter: all of a short file, an even 
 
 
 def is_comment(text: str, delimiter: str) -> bool:
-    """Return whether the line begins with a comment mark (# % ! // and, where it parts no cells, ;)."""
+    """Return whether the line begins with a comment mark: # % ! // and, if no delimiter, ;."""
     text = text.lstrip()
     return text.startswith(_COMMENT) or (text.startswith(";") and delimiter != ";")
 
@@ -99,9 +122,7 @@ def guess_delimiter(texts: Sequence[str], wanted: str | None) -> tuple[str, int]
     return best
 
 
-def decide_decimal(
-    source: str, rows: list[list[str]], lines: list[int], wanted: str | None
-) -> str:
+def decide_decimal(source: str, rows: list[list[str]], lines: list[int], wanted: str | None) -> str:
     """Return the decimal mark that the cells show; raise where they show both, or leave it open."""
     if wanted:
         return wanted
@@ -123,7 +144,8 @@ def decide_decimal(
     if comma and grouped:
         raise MeasurementError(
             f"{place(source, comma)}: a comma before three digits may be a decimal mark or part "
-            "thousands. Say --decimal , if it is the decimal mark; else write the numbers without it."
+            "thousands. Say --decimal , if it is the decimal mark; else write the numbers without "
+            "it."
         )
     return "," if comma else "."
 
@@ -131,7 +153,7 @@ def decide_decimal(
 def to_numbers(
     cells: list[str], lines: list[int], decimal: str, source: str, column: str
 ) -> tuple[np.ndarray, str]:
-    """Return the cells as float64, NaN where one says missing, and the sign (percent, degree) on them.
+    """Return the cells as float64, NaN where one says missing, and the sign (% or degree) on them.
 
     A number is ``float`` of its text, to the last bit, after the decimal mark and a Fortran
     exponent letter were made Python's. Raises MeasurementError for the first cell that is neither.
@@ -142,7 +164,8 @@ def to_numbers(
         except ValueError:
             pass
     other = "." if decimal == "," else ","
-    numbers, signs = [], set()
+    numbers: list[float] = []
+    signs: dict[str, int] = {}
     for cell, line in zip(cells, lines, strict=True):
         if is_missing(cell):
             numbers.append(np.nan)
@@ -150,16 +173,19 @@ def to_numbers(
         if not is_number(cell) or other in cell:
             hint = f" (the decimal mark is {decimal!r})" if is_number(cell) else ""
             raise MeasurementError(
-                f"{place(source, line, column)}: {cell[:40]!r} came where a number was wanted{hint}. "
+                f"{place(source, line, column)}: {cell[:40]!r} came where a number was "
+                f"wanted{hint}. "
                 "Mend it, leave the cell empty for a gap, mark the line with #, or leave it out "
                 "with --lines A-B."
             )
         sign = cell[-1] if cell[-1] in "%\u00b0" else ""
-        signs.add(sign)
+        signs.setdefault(sign, line)
         text = cell.rstrip("%\u00b0 ").replace("\u2212", "-").replace(",", ".")
         numbers.append(float(text.replace("d", "e").replace("D", "e")))
     if len(signs) > 1:
         raise MeasurementError(
-            f"{source}, column {column}: some numbers carry a {max(signs)} sign and some do not."
+            f"{place(source, max(signs.values()), column)}: numbers with and without the sign "
+            f"{max(signs)} came in one column; one or the other was wanted throughout. Mend the "
+            "file."
         )
     return np.array(numbers, dtype=np.float64), max(signs, default="")

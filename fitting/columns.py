@@ -8,10 +8,12 @@ from fitting.cells import is_missing, is_number, to_numbers
 from fitting.errors import MeasurementError, place
 from fitting.names import Role, role_of
 from fitting.options import Options
-from fitting.table import Table
+from fitting.table import Table, find_column, label_of
 
 _FORMS = {"eV": "energy", "keV": "energy", "cm-1": "wavenumber", "THz": "frequency"}
-_STATISTICS = frozenset("mean avg average std stdev sd sigma error median".split())
+_STATISTICS = frozenset(
+    ["mean", "avg", "average", "std", "stdev", "sd", "sigma", "error", "median"]
+)
 
 
 class Column(NamedTuple):
@@ -23,21 +25,19 @@ class Column(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """The columns in use. ``sigmas`` has for each value its standard error, or None."""
+    """The columns in use. ``sigmas`` has for each value its standard error, or None.
+
+    repeat: the wavelength once more in another form (energy, wavenumber), to be compared.
+    """
 
     angle: Column | None
     wavelength: Column | None
+    repeat: Column | None
     polarization: Column | None
     polarizer: Column | None
     values: list[Column]
     sigmas: list[Column | None]
     unused: list[str]
-    notes: list[str]
-
-
-def label_of(table: Table, index: int) -> str:
-    """Return the name of a column, or its number from 1 where it has none."""
-    return table.names[index] or str(index + 1)
 
 
 def _range_of(table: Table, index: int) -> str:
@@ -64,7 +64,8 @@ def _example(table: Table, filled: list[int]) -> str:
         text = f"--columns wavelength={x},R={y} --wavelength-unit nm"
     elif high < 1.0:
         text = (
-            f"--columns angle={x},R={y} --angle-unit 1/angstrom --wavelength-um NUMBER (if column {x} is Q) "
+            f"--columns angle={x},R={y} --angle-unit 1/angstrom --wavelength-um NUMBER (if column "
+            f"{x} is Q) "
             "or --angle-unit rad"
         )
     else:
@@ -86,46 +87,30 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
     example = f"say what they are, for example {_example(table, filled)}."
     if table.misfit:
         raise MeasurementError(
-            f"{table.source}: {table.misfit}. If the comma is the decimal mark as well as the delimiter, "
+            f"{table.source}: {table.misfit}. If the comma is the decimal mark as well as the "
+            "delimiter, "
             f"write the file with semicolons; else count the columns ({listed}) and {example}"
         )
     if not table.header:
         raise MeasurementError(
-            f"{place(table.source, table.lines[0])}: {len(filled)} columns without names ({listed}). "
+            f"{place(table.source, table.lines[0])}: {len(filled)} columns without names "
+            f"({listed}). "
             f"S{example[1:]}"
         )
     open_ones = [i for i in filled if not roles[i].why and not roles[i].kind]
-    advice = f"If one is, {example}" if open_ones else (
-        "A table of an angle or a wavelength and R, R_s, R_p, T, psi or delta was wanted, powers as a "
-        "ratio to the direct beam; --columns names other columns."
-    )  # fmt: skip
-    raise MeasurementError(
-        f"{place(table.source, table.header)}: no column is named as a reflectance, transmittance, psi "
-        f"or delta that can be fitted ({listed}). {advice}"
+    advice = (
+        f"If one is, {example}"
+        if open_ones
+        else (
+            "A table of an angle or a wavelength and R, R_s, R_p, T, psi or delta was wanted, "
+            "powers as a "
+            "ratio to the direct beam; --columns names other columns."
+        )
     )
-
-
-def find_column(table: Table, wanted: str, option: str) -> int:
-    """Return the index of the column that an option names by header or by number from 1."""
-    names = table.names
-    plain_name = wanted.strip().lower()
-    for match in (
-        [i for i, name in enumerate(names) if name and name == wanted],
-        [i for i, name in enumerate(names) if name and name.lower() == plain_name],
-    ):
-        if len(match) > 1:
-            numbers = " and ".join(str(i + 1) for i in match[:2])
-            raise MeasurementError(
-                f"{place(table.source, table.header)}: columns {numbers} are both named {wanted!r}; "
-                f"{option} can have the number instead."
-            )
-        if match:
-            return match[0]
-    if wanted.isascii() and wanted.isdigit() and len(wanted) < 6 and 1 <= int(wanted) <= len(names):
-        return int(wanted) - 1
-    there = ", ".join(f"{i + 1} {name}".strip() for i, name in enumerate(names))
     raise MeasurementError(
-        f"{table.source}: {option} names column {wanted!r}; the file has {there[:300]}."
+        f"{place(table.source, table.header)}: no column is named as a reflectance, transmittance, "
+        "psi "
+        f"or delta that can be fitted ({listed}). {advice}"
     )
 
 
@@ -136,7 +121,8 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
         index = find_column(table, wanted, "--columns")
         if index in taken:
             raise MeasurementError(
-                f"{table.source}: --columns gives column {wanted} to both {taken[index]} and {name}."
+                f"{table.source}: --columns gives column {wanted} to both {taken[index]} and "
+                f"{name}."
             )
         taken[index] = name
         said = role_of(table.names[index], table.units[index])
@@ -172,6 +158,12 @@ def _implicit(table: Table) -> dict[str, list[Column]]:
             name = "sigma " + name[1:]  # the prefix by which that format marks errors
         role = role_of(name, table.units[index])
         roles.append(role)
+        if role.kind == "unclear" and index in filled:
+            raise MeasurementError(
+                f"{place(table.source, table.header, name)}: this may be {role.why}. Name all "
+                "columns to be "
+                "read, for example --columns angle=1,R=2,sigma_R=3."
+            )
         if role.kind and index in filled:
             found.setdefault(role.kind, []).append(Column(index, label_of(table, index), role))
     if not found["value"]:
@@ -179,13 +171,14 @@ def _implicit(table: Table) -> dict[str, list[Column]]:
     return found
 
 
-def _only(table: Table, columns: list[Column], what: str) -> Column | None:
+def _only(table: Table, columns: list[Column], role: str) -> Column | None:
     if len(columns) > 1:
         a, b = columns[0], columns[1]
         raise MeasurementError(
-            f"{place(table.source, table.header)}: columns {a.index + 1} {a.label!r} and {b.index + 1} "
-            f"{b.label!r} both give the {what}. Name all columns to be read, for example --columns "
-            f"{what.split()[0]}={a.index + 1},..."
+            f"{place(table.source, table.header)}: columns {a.index + 1} {a.label!r} and "
+            f"{b.index + 1} "
+            f"{b.label!r} both give {role}. Name all columns to be read, for example --columns "
+            f"{role}={a.index + 1},..."
         )
     return columns[0] if columns else None
 
@@ -207,8 +200,10 @@ def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Co
                 continue
         if len(fits) != 1 or attached[fits[0]] is not None:
             raise MeasurementError(
-                f"{place(table.source, table.header)}: it is not clear which value the standard errors "
-                f"in column {sigma.index + 1} {sigma.label!r} belong to. Name all columns to be read, for "
+                f"{place(table.source, table.header)}: it is not clear which value the standard "
+                "errors "
+                f"in column {sigma.index + 1} {sigma.label!r} belong to. Name all columns to be "
+                "read, for "
                 f"example --columns angle=1,R_s=2,sigma_R_s={sigma.index + 1}."
             )
         attached[fits[0]] = sigma
@@ -222,16 +217,26 @@ def _refuse_statistics(table: Table, used: set[int]) -> None:
         label = label_of(table, index)
         if name.lower() == "zone" and cells & {"0", "5"} and len(cells) > 1:
             # Accurion EP3 and EP4 write the mean of the zones as zone 0, their deviation as zone 5
-            line = next(n for row, n in zip(table.rows, table.lines, strict=True) if row[index] in ("0", "5"))
+            line = next(
+                n
+                for row, n in zip(table.rows, table.lines, strict=True)
+                if row[index] in ("0", "5")
+            )
             raise MeasurementError(
-                f"{place(table.source, line, label)}: zones 0 and 5 are means and standard deviations of "
+                f"{place(table.source, line, label)}: zones 0 and 5 are means and standard "
+                "deviations of "
                 f"the other rows. Say --keep {name}=1,2,3,4 for the measured ones (or {name}=0)."
             )
         if index not in used and cells & _STATISTICS and len(cells) > 1:
             word = sorted(cells & _STATISTICS)[0]
-            line = next(n for row, n in zip(table.rows, table.lines, strict=True) if row[index].lower() == word)
+            line = next(
+                n
+                for row, n in zip(table.rows, table.lines, strict=True)
+                if row[index].lower() == word
+            )
             raise MeasurementError(
-                f"{place(table.source, line, label)}: the word {word!r} says that this row is computed "
+                f"{place(table.source, line, label)}: the word {word!r} says that this row is "
+                "computed "
                 f"from others. Say which rows to read with --keep {label}=WORD."
             )
 
@@ -243,30 +248,27 @@ def choose_columns(table: Table, options: Options) -> Layout:
     statistics of other rows.
     """
     found = _explicit(table, options) if options.columns else _implicit(table)
-    notes: list[str] = []
     values = found["value"]
-    for i, value in enumerate(values):
-        _only(table, [value] + [v for v in values[:i] if v.role.quantity == value.role.quantity][:1],
-              f"{value.role.quantity} (value)")  # fmt: skip
+    for quantity in dict.fromkeys(value.role.quantity for value in values):
+        _only(table, [v for v in values if v.role.quantity == quantity], quantity)
     axes = found["wavelength"]
-    if len(axes) > 1 and len({axis.role.form for axis in axes}) == len(axes):
-        # the same axis twice, as wavelength and as energy: the wavelength is read, and checked
+    repeat = None
+    if len(axes) == 2 and axes[0].role.form != axes[1].role.form:
         axes = sorted(axes, key=lambda axis: axis.role.form != "wavelength")
-        notes.append(f"column {axes[1].label} taken for a repeat of {axes[0].label}")
-        axes = axes[:1]
+        axes, repeat = axes[:1], axes[1]
     layout = Layout(
         angle=_only(table, found["angle"], "angle"),
         wavelength=_only(table, axes, "wavelength"),
+        repeat=repeat,
         polarization=_only(table, found.get("polarization", []), "polarization"),
         polarizer=_only(table, found.get("polarizer", []), "polarizer"),
         values=values,
         sigmas=_attach(table, values, found["sigma"]),
         unused=[],
-        notes=notes,
     )
     used = {
         c.index
-        for c in [layout.angle, layout.wavelength, layout.polarization, layout.polarizer]
+        for c in [layout.angle, layout.wavelength, repeat, layout.polarization, layout.polarizer]
         + values
         + layout.sigmas
         if c is not None

@@ -12,16 +12,27 @@ from fitting.units import plain, unit_of, wavelength_um
 
 _NUMBER = r"([0-9]+(?:[.,][0-9]+)?)"
 _WAVELENGTH = re.compile(
-    rf"(?:wavelength|lambda|laser)(?:_([a-z]+))?\s*(?:[:=,]|\bis\b|\s)\s*{_NUMBER}\s*([a-z]*)\W*",
+    r"(?:wavelength|lambda|laser)(?:_([a-z]+))?\s*(?:[:=,]|\bis\b|\s)\s*"
+    rf"{_NUMBER}[\s,;]*([a-z]*)\W*",
     re.IGNORECASE,
 )
 _ANGLE = re.compile(
     r"(?:angle of incidence|angle_of_incidence|incidence angle|incidence_angle|incidence|aoi|angle)"
-    rf"(?:_(deg))?\s*(?:[:=,]|\bis\b|\s)\s*{_NUMBER}\s*([a-z]*)\W*",
+    rf"(?:_(deg))?\s*(?:[:=,]|\bis\b|\s)\s*{_NUMBER}[\s,;]*([a-z]*)\W*",
     re.IGNORECASE,
 )
-_LIGHT = re.compile(r"polari[sz]ation\s*[:=,\s]\s*([a-z]+)(?:[ -]?polari[sz]ed|[ -]?pol)?\W*", re.IGNORECASE)
-_WORDS = {"s": "s", "te": "s", "p": "p", "tm": "p", "unpolarized": "u", "unpolarised": "u", "none": "u"}
+_LIGHT = re.compile(
+    r"polari[sz]ation\s*[:=,\s]\s*([a-z]+)(?:[ -]?polari[sz]ed|[ -]?pol)?\W*", re.IGNORECASE
+)
+_WORDS = {
+    "s": "s",
+    "te": "s",
+    "p": "p",
+    "tm": "p",
+    "unpolarized": "u",
+    "unpolarised": "u",
+    "none": "u",
+}
 _NAME_LIGHT = {"spol": "s", "ppol": "p", "TE": "s", "TM": "p", "Rs": "s", "Rp": "p", "unpol": "u"}
 
 
@@ -77,8 +88,14 @@ def light_said(source: str, stem: str, preamble: list[tuple[int, str]]) -> tuple
         match = _LIGHT.fullmatch(plain(text).strip())
         if match and match[1].lower() in _WORDS:
             said[_WORDS[match[1].lower()]] = f"line {line}"
-    words = re.findall(r"[A-Za-z]+", re.sub(r"(?i)(?<![a-z])([sp])[ _-]?pol(?:ari[sz]ed)?(?![a-z])",
-                                            lambda m: m[1].lower() + "pol", stem))  # fmt: skip
+    words = re.findall(
+        r"[A-Za-z]+",
+        re.sub(
+            r"(?i)(?<![a-z])([sp])[ _-]?pol(?:ari[sz]ed)?(?![a-z])",
+            lambda m: m[1].lower() + "pol",
+            stem,
+        ),
+    )
     for word in words:
         if word in _NAME_LIGHT:
             said[_NAME_LIGHT[word]] = "the file name"

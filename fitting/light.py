@@ -1,4 +1,4 @@
-"""The polarisation of each row: a column of words, codes or polariser angles, or one for the file."""
+"""The polarisation of each row: a column of words, codes or angles, or one for the file."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from fitting.table import Table
 from fitting.units import plain
 
 _WORDS = {
-    **dict.fromkeys("s te perp perpendicular senkrecht spol rs".split(), "s"),
-    **dict.fromkeys("p tm par para parallel ppol rp".split(), "p"),
-    **dict.fromkeys("u unpol unpolarized unpolarised mixed natural".split(), "u"),
+    **dict.fromkeys(["s", "te", "perp", "perpendicular", "senkrecht", "spol", "rs"], "s"),
+    **dict.fromkeys(["p", "tm", "par", "para", "parallel", "ppol", "rp"], "p"),
+    **dict.fromkeys(["u", "unpol", "unpolarized", "unpolarised", "mixed", "natural"], "u"),
 }
 _TAIL = re.compile(r"(?<=.)(?:pol|polarized|polarised|polarization|polarisation|wave)$")
 
 
 class Light(NamedTuple):
-    """For each row "s", "p", "u" or "" (not said), and the polariser's angle from p, NaN if none."""
+    """For each row "s", "p", "u" or "" (not said), and a polariser's angle from p, else NaN."""
 
     letter: np.ndarray
     polarizer_deg: np.ndarray
@@ -42,15 +42,17 @@ def _from_angles(table: Table, column: Column, options: Options) -> Light:
     unit = column.role.unit or "deg"
     if unit not in ("deg", "rad"):
         raise MeasurementError(
-            f"{place(table.source, table.header, column.label)}: a polariser angle in {unit} came where "
+            f"{place(table.source, table.header, column.label)}: a polariser angle in {unit} came "
+            "where "
             "degrees were wanted."
         )
     degrees = np.degrees(numbers) if unit == "rad" else numbers
     # a linear polariser looks the same after half a turn, and the power after a reflection too
     turned = np.mod(degrees + (90.0 if options.polarizer == "angle-from-s" else 0.0), 180.0)
     folded = np.where(turned > 90.0, 180.0 - turned, turned)
-    letter = np.where(folded == 0.0, "p", np.where(folded == 90.0, "s", ""))
-    return Light(letter, np.where((folded == 0.0) | (folded == 90.0), np.nan, folded))
+    # half p and half s is what unpolarised light is
+    letter = np.select([folded == 0.0, folded == 90.0, folded == 45.0], ["p", "s", "u"], "")
+    return Light(letter, np.where(letter == "", folded, np.nan))
 
 
 def _from_cells(table: Table, column: Column, options: Options) -> Light:
@@ -71,12 +73,15 @@ def _from_cells(table: Table, column: Column, options: Options) -> Light:
         values = sorted({cells[j] for j in lost})[:4]
         if all(is_number(value) for value in values):
             raise MeasurementError(
-                f"{at}: {', '.join(values)} may be codes or angles of a polariser. Say --polarization "
-                f"{','.join(v + '=' + 'sp'[n % 2] for n, v in enumerate(values[:2]))} (or the other way "
+                f"{at}: {', '.join(values)} may be codes or angles of a polariser. Say "
+                "--polarization "
+                f"{','.join(v + '=' + 'sp'[n % 2] for n, v in enumerate(values[:2]))} (or the "
+                "other way "
                 "round), or angle-from-p or angle-from-s if they are degrees."
             )
         raise MeasurementError(
-            f"{at}: {cells[i][:30]!r} came where s, p, TE, TM or unpolarized was wanted. Say what it means "
+            f"{at}: {cells[i][:30]!r} came where s, p, TE, TM or unpolarized was wanted. Say what "
+            "it means "
             f"with --polarization {cells[i][:30]}=s."
         )
     return Light(np.array([known[cell] for cell in cells]), np.full(len(cells), np.nan))
@@ -96,7 +101,8 @@ def light_of_rows(
     named = [v for v in layout.values if v.role.quantity[1:] in ("_s", "_p")]
     if layout.polarizer and layout.polarization:
         raise MeasurementError(
-            f"{table.source}: columns {layout.polarization.label!r} and {layout.polarizer.label!r} both give "
+            f"{table.source}: columns {layout.polarization.label!r} and {layout.polarizer.label!r} "
+            "both give "
             "the polarisation. Name all columns to be read with --columns."
         )
     if column is not None:
@@ -111,26 +117,30 @@ def light_of_rows(
             return Light(np.full(rows, ""), np.full(rows, np.nan))
         if options.light:
             raise MeasurementError(
-                f"{at}: the file gives the polarisation, and --polarization came too. Drop the option, or "
+                f"{at}: the file gives the polarisation, and --polarization came too. Drop the "
+                "option, or "
                 "name the columns to be read with --columns."
             )
         if options.polarizer:
             return _from_angles(table, column, options)
         if column is layout.polarizer and not options.codes:
             raise MeasurementError(
-                f"{at}: a polariser's angle can count from the plane of incidence (0 is p) or from its "
+                f"{at}: a polariser's angle can count from the plane of incidence (0 is p) or from "
+                "its "
                 "normal (0 is s). Say --polarization angle-from-p or angle-from-s."
             )
         return _from_cells(table, column, options)
     if options.codes or options.polarizer:
         raise MeasurementError(
             f"{table.source}: --polarization gives a meaning to a column, but none is named as the "
-            "polarisation. Say which it is with --columns polarization=..., or --polarization s or p."
+            "polarisation. Say which it is with --columns polarization=..., or --polarization s or "
+            "p."
         )
     letter = options.light
     if letter and any(v.role.quantity[2:] != letter for v in named):
         raise MeasurementError(
-            f"{place(table.source, table.header, named[0].label)}: the column is named {named[0].role.quantity}, "
+            f"{place(table.source, table.header, named[0].label)}: the column is named "
+            f"{named[0].role.quantity}, "
             "and --polarization says otherwise. Name the columns to be read with --columns."
         )
     if not letter and bare and not named and oblique:

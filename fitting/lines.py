@@ -75,17 +75,23 @@ def read_lines(path: Path, encoding: str | None) -> tuple[list[str], list[str]]:
         if data.startswith(magic):
             raise MeasurementError(f"{name}: this is not text but {what}.")
     chosen = encoding or _guess_encoding(data)
-    wanted = "Say --encoding NAME (utf-8, utf-16, latin-1, ...) if it is text, else export it as CSV."
+    wanted = (
+        "Say --encoding NAME (utf-8, utf-16, latin-1, ...) if it is text, else export it as CSV."
+    )
     if not chosen:
         raise MeasurementError(f"{name}: the file holds zero bytes, as no text does. {wanted}")
     try:
         text = data.decode(chosen)
     except (UnicodeError, LookupError, ValueError) as error:
-        raise MeasurementError(f"{name}: the bytes are not {chosen} text ({error}). {wanted}") from error
+        raise MeasurementError(
+            f"{name}: the bytes are not {chosen} text ({error}). {wanted}"
+        ) from error
     if "\0" in text:
         raise MeasurementError(f"{name}: the file holds zero bytes, as no text does. {wanted}")
     if _MARKED_UP.match(text):
-        raise MeasurementError(f"{name}: this is JSON or markup, not a table. Export the curve as CSV.")
+        raise MeasurementError(
+            f"{name}: this is JSON or markup, not a table. Export the curve as CSV."
+        )
     notes = []
     if not encoding and chosen == _FALLBACK:
         notes.append("letters read as Latin-1 (--encoding)")

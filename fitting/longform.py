@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.axes import angles, wavelengths
+from fitting.checks import Data
 from fitting.columns import Column, Layout
 from fitting.errors import MeasurementError, place
 from fitting.light import light_of_rows
@@ -18,18 +19,16 @@ from fitting.units import scaled
 
 
 class LongColumns(NamedTuple):
-    """Arrays of one length for a Measurement, and where each datum stands.
+    """The data of a file, and where each datum stands.
 
-    places: (line, label of the column, text of the cell) of each datum.
+    places: (line, column of the value, column of its standard error) of each datum.
+    labels: columns of the angle, the wavelength and the polariser.
+    understood: how the file was read.
     """
 
-    angle_deg: np.ndarray
-    wavelength_um: np.ndarray
-    quantity: np.ndarray
-    value: np.ndarray
-    sigma: np.ndarray
-    polarizer_deg: np.ndarray
+    data: Data
     places: list[tuple[int, str, str]]
+    labels: dict[str, str]
     understood: str
 
 
@@ -45,12 +44,16 @@ def _sigma_of(
     if value.role.quantity in ("psi", "delta"):
         own = options.psi_unit or own or unit
         if own not in ("deg", "rad"):
-            raise MeasurementError(f"{at}: standard errors in {own} came where degrees were wanted.")
+            raise MeasurementError(
+                f"{at}: standard errors in {own} came where degrees were wanted."
+            )
         return np.degrees(numbers) if own == "rad" else numbers
     if options.scale is None and own not in ("", "percent" if factor == 0.01 else "1"):
         raise MeasurementError(
-            f"{at}: the standard errors are in {own}, the values are {'percent' if factor == 0.01 else 'not'}: "
-            "they may be relative. Leave them out by naming the columns to be read with --columns, or "
+            f"{at}: the standard errors are in {own}, the values are "
+            f"{'percent' if factor == 0.01 else 'not'}: "
+            "they may be relative. Leave them out by naming the columns to be read with --columns, "
+            "or "
             "say --scale for both."
         )
     return scaled(numbers, factor)
@@ -63,7 +66,8 @@ def _refuse_copies(table: Table, layout: Layout, numbers: dict[int, np.ndarray])
         psi, delta = numbers[by_name["psi"].index], numbers[by_name["delta"].index]
         if np.isfinite(psi).sum() > 1 and np.array_equal(psi, delta, equal_nan=True):
             raise MeasurementError(
-                f"{place(table.source, table.header, by_name['delta'].label)}: every number equals psi, which "
+                f"{place(table.source, table.header, by_name['delta'].label)}: every number equals "
+                "psi, which "
                 "no surface gives. Mend the file, or name another column with --columns delta=..."
             )
 
@@ -78,17 +82,26 @@ def _refuse_zeros(
         zeros = chosen[numbers[chosen] == 0.0]
         others = np.abs(numbers[chosen][numbers[chosen] != 0.0])
         # a true zero (Brewster's angle, a fringe) is approached by its neighbours
-        if len(zeros) and len(others) and others.min() > 0.02 * others.max() and others.min() > 1e-2:
+        if (
+            len(zeros)
+            and len(others)
+            and others.min() > 0.02 * others.max()
+            and others.min() > 1e-2
+        ):
             i = int(zeros[0])
             raise MeasurementError(
-                f"{place(table.source, table.lines[i], value.label)}: 0 came, where the smallest other value is "
-                f"{others.min():.6g}. Say --missing 0 if it stands for 'not measured', --missing none if "
+                f"{place(table.source, table.lines[i], value.label)}: 0 came, where the smallest "
+                "other value is "
+                f"{others.min():.6g}. Say --missing 0 if it stands for 'not measured', --missing "
+                "none if "
                 "it was measured."
             )
 
 
-def _drop_mean(table: Table, layout: Layout, numbers: dict[int, np.ndarray], notes: list[str]) -> Layout:
-    """Return the layout without an R that is only the mean of R_s and R_p beside it (or so for T)."""
+def _drop_mean(
+    table: Table, layout: Layout, numbers: dict[int, np.ndarray], notes: list[str]
+) -> Layout:
+    """Return the layout without an R (or T) that is only the mean of R_s and R_p beside it."""
     by_name = {value.role.quantity: value for value in layout.values}
     for letter in "RT":
         three = [by_name.get(letter + tail) for tail in ("", "_s", "_p")]
@@ -111,15 +124,21 @@ def _listed(names: list[str]) -> str:
 
 
 def _understood(
-    table: Table, layout: Layout, options: Options, long: LongColumns, factor: float, notes: list[str]
+    table: Table,
+    layout: Layout,
+    options: Options,
+    data: Data,
+    factor: float,
+    notes: list[str],
 ) -> str:
-    angle, wavelength, quantity = long.angle_deg, long.wavelength_um, long.quantity
+    angle, wavelength, quantity = data.angle_deg, data.wavelength_um, data.quantity
     spectral = len(np.unique(wavelength)) > 1
     axis, what, unit = (wavelength, "wavelength", "um") if spectral else (angle, "angle", "degrees")
     count = len(np.unique(axis))
-    text = f"read {count} {what}{'s' * (count != 1)} ({axis.min():.6g} to {axis.max():.6g} {unit})"
+    span = f"{axis.min():.6g} to {axis.max():.6g}" if count > 1 else f"{axis[0]:.6g}"
+    text = f"read {count} {what}{'s' * (count != 1)} ({span} {unit})"
     names = list(dict.fromkeys(quantity.tolist()))
-    plain = " (unpolarised)" if angle.any() and np.isnan(long.polarizer_deg).all() else ""
+    plain = " (unpolarised)" if angle.any() and np.isnan(data.polarizer_deg).all() else ""
     text += ", " + _listed(
         [f"{np.sum(quantity == name)} {name}{plain * (name in ('R', 'T'))}" for name in names]
     )
@@ -128,7 +147,7 @@ def _understood(
             text += f", times {options.scale:g}"
         else:
             text += ", percent" if factor == 0.01 else ", fraction"
-    known = np.isfinite(long.sigma)
+    known = np.isfinite(data.sigma)
     text += ", with standard errors" if known.any() else ", without standard errors"
     if spectral:
         several = len(np.unique(angle))
@@ -146,13 +165,14 @@ def _understood(
     return "; ".join([text, *dict.fromkeys(notes)])
 
 
+@np.errstate(all="ignore")  # what overflows or is NaN is refused by the checks of the Measurement
 def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
     """Return the data of the chosen columns, column after column, gaps left out.
 
     Raises MeasurementError for what is ambiguous or contradicts itself; ranges are for the
     Measurement to check.
     """
-    notes = [*table.notes, *layout.notes]
+    notes = list(table.notes)
     wavelength = wavelengths(table, layout, options, notes)
     angle = angles(table, layout, options, wavelength, notes)
     read = {v.index: numbers_of(table, v, options.missing) for v in layout.values}
@@ -189,17 +209,33 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
                 said = (light.letter != "") | ~np.isnan(light.polarizer_deg)
                 refuse_gaps(table, column, there & ~said, "polarisation")
             letter = light.letter
-            name = np.where(letter == "s", quantity + "_s", np.where(letter == "p", quantity + "_p", name))
+            name = np.where(
+                letter == "s", quantity + "_s", np.where(letter == "p", quantity + "_p", name)
+            )
             polarizer = light.polarizer_deg
         _refuse_zeros(table, value, raw, name, options)
         kept = np.flatnonzero(there)
-        parts.append((angle[kept], wavelength[kept], name[kept], converted[kept], sigma[kept], polarizer[kept]))
-        places += [(table.lines[i], value.label, table.rows[i][value.index]) for i in kept]
+        parts.append(
+            (
+                angle[kept],
+                wavelength[kept],
+                name[kept],
+                converted[kept],
+                sigma[kept],
+                polarizer[kept],
+            )
+        )
+        error = sigma_column.label if sigma_column is not None else ""
+        places += [(table.lines[i], value.label, error) for i in kept]
     if not places:
         raise MeasurementError(
-            f"{place(table.source, table.lines[0])}: the {len(table.rows)} rows hold gaps only; at least one "
+            f"{place(table.source, table.lines[0])}: the {len(table.rows)} rows hold gaps only; at "
+            "least one "
             "measured value was wanted."
         )
     joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    long = LongColumns(*joined, places=places, understood="")
-    return long._replace(understood=_understood(table, layout, options, long, factor, notes))
+    axes = {"angle": layout.angle, "wavelength": layout.wavelength, "polarizer": layout.polarizer}
+    labels = {name: column.label for name, column in axes.items() if column is not None}
+    data = Data(*joined)
+    understood = _understood(table, layout, options, data, factor, notes)
+    return LongColumns(data, places, labels, understood)

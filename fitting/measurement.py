@@ -8,29 +8,25 @@ fractions; psi and Delta are degrees in the ellipsometer's convention
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
+from fitting.checks import EXCURSION_SIGMAS, Data, check_data, hint_for
 from fitting.columns import choose_columns
 from fitting.errors import MeasurementError as MeasurementError
 from fitting.errors import place
 from fitting.lines import read_lines
-from fitting.longform import LongColumns, long_columns
+from fitting.longform import long_columns
 from fitting.names import role_of
 from fitting.options import QUANTITIES as QUANTITIES
 from fitting.options import parse_options
 from fitting.rows import keep_rows
 from fitting.table import read_table
 from fitting.woollam import as_plain_table
-
-# A noisy R of a true 1 (or 0) lies beyond it half of the time, and to drop or clip those values
-# would pull a fit inwards. Beyond 4 standard errors lies 3e-5 of a normal law: less than one
-# value in a file of 1e4, so such a value is an error of scale, not noise.
-EXCURSION_SIGMAS = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +91,9 @@ class Measurement:
         unknown = [name for name in values if name not in QUANTITIES]
         if unknown or not values:
             came = f"there is no quantity {unknown[0]}" if unknown else "no values came"
-            raise MeasurementError(f"{source}: {came}; give one or more of {', '.join(QUANTITIES)}.")
+            raise MeasurementError(
+                f"{source}: {came}; give one or more of {', '.join(QUANTITIES)}."
+            )
         names = list(values)
         sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(names, sigma)
         stray = [name for name in sigmas if name not in values]
@@ -118,23 +116,24 @@ class Measurement:
         kept = np.flatnonzero(~np.isnan(value_all))
         rows = length[0]
 
-        def where(i: int) -> str:
-            return f"{source}, {names[kept[i] // rows]}[{kept[i] % rows}]"
+        def where(i: int, role: str) -> str:
+            name = {"value": "", "sigma": "sigma of "}.get(role, f"{role} of ") + names[
+                kept[i] // rows
+            ]
+            return f"{source}, {name}[{kept[i] % rows}]"
 
-        return _checked(
+        data = Data(
             np.tile(angle, count)[kept],
             np.tile(wavelength, count)[kept],
             np.repeat(np.array(names), rows)[kept],
             value_all[kept],
             sigma_all[kept],
             np.tile(polarizer, count)[kept],
-            source=source,
-            understood=f"took {len(kept)} values of {', '.join(names)} from arrays",
-            where=where,
-            hint=lambda i: "Powers are fractions: divide percent by 100."
-            if value_all[kept[i]] > 1.0
-            else "",
         )
+        percent = "Powers are fractions: divide percent by 100."
+        check_data(source, data, where, lambda i: percent if data.value[i] > 1.0 else "")
+        text = f"took {len(kept)} values of {', '.join(names)} from arrays"
+        return Measurement(*map(_frozen, data), source=source, understood=text)
 
 
 def _arrays(m: Measurement) -> tuple[np.ndarray, ...]:
@@ -145,96 +144,6 @@ def _frozen(column: np.ndarray) -> np.ndarray:
     column = np.array(column)
     column.flags.writeable = False
     return column
-
-
-def _checked(
-    angle_deg: np.ndarray,
-    wavelength_um: np.ndarray,
-    quantity: np.ndarray,
-    value: np.ndarray,
-    sigma: np.ndarray,
-    polarizer_deg: np.ndarray,
-    *,
-    source: str,
-    understood: str,
-    where: Callable[[int], str],
-    hint: Callable[[int], str],
-) -> Measurement:
-    """Return the Measurement of these columns, or raise for the first value that cannot be meant.
-
-    ``where(i)`` names the place of datum i in a refusal, ``hint(i)`` what to do about its value.
-    A power may lie outside [0, 1] by no more than ``EXCURSION_SIGMAS`` of its own standard errors;
-    without one, not at all.
-    """
-    if not len(value):
-        raise MeasurementError(f"{source}: no measured value came; at least one was wanted.")
-
-    def refuse(bad: np.ndarray, text: Callable[[int], str]) -> None:
-        found = np.flatnonzero(bad)
-        if len(found):
-            i = int(found[0])
-            more = f" ({len(found) - 1} more like it.)" if len(found) > 1 else ""
-            raise MeasurementError(f"{where(i)}: {text(i)}{more}")
-
-    refuse(
-        ~((angle_deg >= 0.0) & (angle_deg <= 90.0)),
-        lambda i: f"angle of incidence {angle_deg[i]:.10g} degrees is outside [0, 90]; it counts from "
-        "the normal of the surface. If the unit is another, say --angle-unit.",
-    )
-    refuse(
-        ~(np.isnan(wavelength_um) | (np.isfinite(wavelength_um) & (wavelength_um > 0.0))),
-        lambda i: f"wavelength {wavelength_um[i]:.10g} um is not a positive number. If the row is no "
-        "measurement, leave it out with --lines A-B.",
-    )
-    refuse(
-        ~(np.isnan(sigma) | (np.isfinite(sigma) & (sigma > 0.0))),
-        lambda i: f"standard error {sigma[i]:.10g} is not a positive number. If 0 stands for 'not "
-        "measured', say --missing 0.",
-    )
-    refuse(~np.isfinite(value), lambda i: f"value {value[i]} is not finite.")
-    psi, delta = quantity == "psi", quantity == "delta"
-    power = ~(psi | delta)
-    slack = np.where(np.isnan(sigma), 0.0, EXCURSION_SIGMAS * sigma)
-    refuse(
-        psi & ((value < 0.0) | (value > 90.0)),
-        lambda i: f"psi {value[i]:.10g} degrees is outside [0, 90]. {hint(i)}",
-    )
-    refuse(
-        delta & (np.abs(value) > 360.0),
-        lambda i: f"delta {value[i]:.10g} degrees is outside [-360, 360]. {hint(i)}",
-    )
-    refuse(
-        power & ((value < -slack) | (value > 1.0 + slack)),
-        lambda i: f"{'transmittance' if quantity[i][0] == 'T' else 'reflectance'} {value[i]:.10g} is "
-        f"outside [0, 1]. {hint(i)}",
-    )
-    refuse(
-        ~(np.isnan(polarizer_deg) | (power & (polarizer_deg > 0.0) & (polarizer_deg < 90.0))),
-        lambda i: f"polariser angle {polarizer_deg[i]:.10g} came; between 0 and 90 degrees from the plane "
-        "of incidence and for R or T was wanted (0 is R_p, 90 is R_s).",
-    )
-    columns = (angle_deg, wavelength_um, quantity, value, sigma, polarizer_deg)
-    frozen = (_frozen(column) for column in columns)
-    outside = int(np.sum(power & ((value < 0.0) | (value > 1.0))))
-    if outside:
-        understood += f"; {outside} beyond [0, 1] by at most {EXCURSION_SIGMAS:g} standard errors"
-    return Measurement(*frozen, source=source, understood=understood)
-
-
-def _file_hint(long: LongColumns, i: int, scale_given: bool, bound: float) -> str:
-    """Return what to do about datum i of a file that lies outside its range."""
-    value, quantity = long.value[i], long.quantity[i]
-    line = long.places[i][0]
-    leave = f"If the row is no measurement, mark line {line} with # or choose rows with --lines A-B."
-    if quantity in ("psi", "delta"):
-        return "If the unit is another, say --psi-unit. " + leave
-    if value < 0.0:
-        return "No power is negative. If this is noise about 0, say how large with --sigma. " + leave
-    if not scale_given and bound <= 110.0 and value > 1.0:
-        return "If the column is in percent, say --scale 0.01. If this is noise, say how large with --sigma."
-    if not scale_given and bound > 110.0:
-        return "If these are counts or volts, divide them by the direct beam, or say --scale FACTOR. " + leave
-    return "If this is noise about 1, say how large with --sigma. " + leave
 
 
 def concatenate(*measurements: Measurement) -> Measurement:
@@ -268,14 +177,14 @@ def read_csv(
     decimal: str | None = None,
     encoding: str | None = None,
 ) -> Measurement:
-    """Return the measurement that the text file at ``path`` holds, with a sentence of how it was read.
+    """Return the measurement in the text file at ``path``, with a sentence of how it was read.
 
     Delimiter, decimal mark, encoding, header, units and layout are found out; every one can be
     overruled. What has two readings, or contradicts itself, is refused. Every option is also the
     flag of the command line of the same name and takes the flag's text.
 
-    columns: role -> header name or number from 1, ``"angle=1,R_s=2,sigma_R_s=3"`` or a mapping; then
-        these columns alone are read. Roles: angle, wavelength, polarization, polarizer, the
+    columns: role -> header name or number from 1, ``"angle=1,R_s=2,sigma_R_s=3"`` or a mapping;
+        then these columns alone are read. Roles: angle, wavelength, polarization, polarizer, the
         names in ``QUANTITIES``, and sigma_ before one.
     angle_deg: angle of incidence of a file without a column for it, degrees.
     angle_unit: deg, rad, mrad, deg.arcmin (29.40 is 29 degrees 40 minutes), grazing-deg,
@@ -326,12 +235,18 @@ def read_csv(
     )
     table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)
     long = long_columns(table, choose_columns(table, options), options)
-    bound = float(np.median(np.abs(long.value)))
-    *arrays, places, understood = long
-    return _checked(
-        *arrays,
-        source=file.name,
-        understood=understood,
-        where=lambda i: place(file.name, places[i][0], places[i][1]),
-        hint=lambda i: _file_hint(long, i, options.scale is not None, bound),
-    )
+    data, understood = long.data, long.understood
+    typical = float(np.median(np.abs(data.value)))
+
+    def where(i: int, role: str) -> str:
+        line, value, error = long.places[i]
+        return place(file.name, line, {"value": value, "sigma": error, **long.labels}.get(role, ""))
+
+    def hint(i: int) -> str:
+        line, scaled = long.places[i][0], options.scale is not None
+        return hint_for(float(data.value[i]), data.quantity[i], line, scaled, typical)
+
+    outside = check_data(file.name, data, where, hint)
+    if outside:
+        understood += f"; {outside} beyond [0, 1] by at most {EXCURSION_SIGMAS:g} standard errors"
+    return Measurement(*map(_frozen, data), source=file.name, understood=understood)

@@ -1,4 +1,4 @@
-"""What one header name says: role, quantity and unit of its column, or that it is not understood."""
+"""What one header name says of its column: role, quantity and unit, or nothing understood."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ _ANGLE = _set(
     "angle angles aoi theta phi winkel einfallswinkel angolo angulo incidence incident incidenza"
 )
 _ANGLE_REST = _set("inc i in out reflection deg external")
-_WAVELENGTH = _set("wavelength wavelengths lambda wl wvl wave length wellenlange wellenlaenge longueur onde")
+_WAVELENGTH = _set(
+    "wavelength wavelengths lambda wl wvl wave length wellenlange wellenlaenge longueur onde"
+)
 _ENERGY = _set("energy energies energie photon hv")
 _WAVENUMBER = _set("wavenumber wavenumbers wellenzahl")
 _FREQUENCY = _set("frequency freq frequenz")
@@ -43,31 +45,36 @@ _FILL = _set(
     " pol polarized polarised polarization polarisation total specular front power col column"
 )
 _POLARIZATION = _set("polarization polarisation pol polarisierung polarizzazione")
-_RAW = _set("signal intensity intensities voltage current counts photocurrent irradiance i reference")
+_RAW = _set(
+    "signal intensity intensities voltage current counts photocurrent irradiance i reference"
+)
 _CONSTANT = _set("n k nk eps epsilon e1 e2 index")
 _NOT_INCIDENCE = _set(
     "mount motor stage position rotation goniometer detector azimuth analyzer analyser analysator"
     " compensator tilt"
 )
 # names glued of a quantity and its polarisation; T in capitals only (tp, ts are times as well)
-_GLUED = re.compile("(?:([Rr])(?:efl)?|(T)|([Rr]eflectance|[Tt]ransmittance))"
-                    "(s|p|S|P|te|tm|TE|TM|ss|pp|perp|par|spol|ppol|unpol|mean|avg|front|back)")  # fmt: skip
+_GLUED = re.compile(
+    "(?:([Rr])(?:efl)?|(T)|([Rr]eflectance|[Tt]ransmittance))"
+    "(s|p|S|P|te|tm|TE|TM|ss|pp|perp|par|spol|ppol|unpol|mean|avg|front|back)"
+)
 _SUFFIX = re.compile(
     r"(?<=[\w)\]])(?:[\s_.]+|(?:\s*[/,]\s*)|\s+in\s+)"
-    r"(deg|degrees?|rad|radians?|mrad|nm|um|microns?|angstroms?|ev|kev|cm-1|cm\^-1|1/cm|thz|mm|percent|pct|%)$",
+    r"(deg|degrees?|rad|radians?|mrad|nm|um|microns?|angstroms?|ev|kev|cm-1|cm\^-1|1/cm|thz|mm"
+    r"|percent|pct|%)$",
     re.IGNORECASE,
 )
 _AXIS_UNITS = ("nm", "um", "angstrom", "eV", "cm-1", "THz", "1/angstrom", "1/nm")
 
 
 class Role(NamedTuple):
-    """What a column is. kind is angle, wavelength, polarization, polarizer, value, sigma, or "".
+    """What a column is: angle, wavelength, polarization, polarizer, value, sigma, unclear or "".
 
     quantity: for value and sigma, a name of QUANTITIES or "" (a standard error of it is not said).
     form: of an angle incidence, grazing, 2theta or q; of a wavelength the word that names it
         (wavelength, energy, wavenumber, frequency).
     unit: a key of :mod:`fitting.units`, "" where the name gives none.
-    why: for kind "", why the column cannot be used, where that is known.
+    why: for kind "", why the column cannot be used, if known; for unclear, both readings.
     """
 
     kind: str
@@ -164,28 +171,38 @@ def _axis(tokens: list[str], unit: str) -> Role | None:
     """Return the role of an angle, wavelength or polarisation column, or None."""
     words = {token.lower() for token in tokens} - _FILL
     if words & _set("polarizer polariser polarisator"):
-        return Role("polarizer", unit=unit) if words - _ANGLE <= _set("polarizer polariser polarisator") else None
-    if not words and set(tokens) & _POLARIZATION or words and words <= _set("state mode") | _POLARIZATION:
+        return (
+            Role("polarizer", unit=unit)
+            if words - _ANGLE <= _set("polarizer polariser polarisator")
+            else None
+        )
+    if (not words and set(tokens) & _POLARIZATION) or (
+        words and words <= _set("state mode") | _POLARIZATION
+    ):
         return Role("polarization")
-    if unit in ("1/angstrom", "1/nm") and words <= _set("q qz z momentum transfer") or (
+    if (unit in ("1/angstrom", "1/nm") and words <= _set("q qz z momentum transfer")) or (
         words and words <= _set("q qz z momentum transfer") and words != {"z"}
     ):
         return Role("angle", form="q", unit=unit)
-    if words <= _set("2 two twotheta tth 2th 2theta") | _ANGLE and words & _set("2 two twotheta tth 2th 2theta"):
+    if words <= _set("2 two twotheta tth 2th 2theta") | _ANGLE and words & _set(
+        "2 two twotheta tth 2th 2theta"
+    ):
         return Role("angle", form="2theta", unit=unit)
     if words & _set("grazing glancing") and words <= _ANGLE | _set("grazing glancing"):
         return Role("angle", form="grazing", unit=unit)
     if words & _ANGLE and words <= _ANGLE | _ANGLE_REST:
         return Role("angle", form="incidence", unit=unit)
-    if words and words <= _WAVELENGTH and words != {"length"} or unit in ("nm", "um", "angstrom") and not words:
+    if (words and words <= _WAVELENGTH and words != {"length"}) or (
+        unit in ("nm", "um", "angstrom") and not words
+    ):
         return Role("wavelength", form="wavelength", unit=unit)
-    if words and words <= _ENERGY or unit in ("eV", "keV") and words <= {"e"}:
+    if (words and words <= _ENERGY) or (unit in ("eV", "keV") and words <= {"e"}):
         return Role("wavelength", form="energy", unit=unit)
-    if words and (words <= _WAVENUMBER or words == _set("wave number")) or (
+    if (words and (words <= _WAVENUMBER or words == _set("wave number"))) or (
         unit == "cm-1" and words <= _set("k nu")
     ):
         return Role("wavelength", form="wavenumber", unit=unit)
-    if words and words <= _FREQUENCY or unit == "THz" and words <= _set("f nu"):
+    if (words and words <= _FREQUENCY) or (unit == "THz" and words <= _set("f nu")):
         return Role("wavelength", form="frequency", unit=unit)
     return None
 
@@ -204,8 +221,9 @@ def role_of(name: str, unit: str = "") -> Role:
         rest, own = "", unit_of(rest) or ""  # the unit is all the name there is
     unit = own or unit
     if re.fullmatch(r"s(?:[RT]|Qz?|psi|Psi)", rest):
-        why = "it may be the standard error of " + rest[1:] + " or s-polarised light"
-        return Role("", why=why)
+        return Role(
+            "unclear", why=f"the standard error of {rest[1:]}, or {rest[1:]} of s-polarised light"
+        )
     tokens = _tokens(rest)
     if not tokens and not unit:
         return Role("")

@@ -1,4 +1,4 @@
-"""The options of the reader, each taken as a Python value or as the text of its flag, and checked."""
+"""The options of the reader, each a Python value or the text of its flag, checked."""
 
 from __future__ import annotations
 
@@ -14,10 +14,19 @@ QUANTITIES = ("R_s", "R_p", "R", "R_back", "T_s", "T_p", "T", "psi", "delta")
 says otherwise; R_back is R with the light on the other face (equal to R for a plain slab)."""
 
 ROLES = (
-    ("angle", "wavelength", "polarization", "polarizer") + QUANTITIES
+    ("angle", "wavelength", "polarization", "polarizer")
+    + QUANTITIES
     + tuple("sigma_" + quantity for quantity in QUANTITIES)
-)  # fmt: skip
-_LIGHT = {"s": "s", "te": "s", "p": "p", "tm": "p", "unpolarized": "u", "unpolarised": "u", "u": "u"}
+)
+_LIGHT = {
+    "s": "s",
+    "te": "s",
+    "p": "p",
+    "tm": "p",
+    "unpolarized": "u",
+    "unpolarised": "u",
+    "u": "u",
+}
 POLARIZER_FROM = ("angle-from-p", "angle-from-s")
 
 
@@ -57,13 +66,14 @@ def _number(source: str, name: str, value: object, low: float, high: float) -> f
         number = float("nan")
     if not (isfinite(number) and low <= number <= high and (low > 0.0 or low <= number)):
         raise MeasurementError(
-            f"{source}: {_flag(name)} {value} came where a number from {low:g} to {high:g} was wanted."
+            f"{source}: {_flag(name)} {value} came where a number from {low:g} to {high:g} was "
+            "wanted."
         )
     return number
 
 
 def _pairs(source: str, name: str, value: object) -> dict[str, str]:
-    """Return the pairs of ``A=1,B=2`` or of a mapping; a part without = belongs to the one before."""
+    """Return the pairs of ``A=1,B=2`` or a mapping; a part without = belongs to the one before."""
     if value is None:
         return {}
     if isinstance(value, Mapping):
@@ -110,8 +120,10 @@ def _polarization(source: str, value: object) -> tuple[str, dict[str, str], str]
         codes = {key.lower(): _LIGHT.get(item.lower(), "") for key, item in pairs.items()}
     if not codes or not all(codes.values()):
         raise MeasurementError(
-            f"{source}: --polarization {value} is not known; it can be s, p or unpolarized for the whole "
-            "file, codes of a column such as 0=s,1=p, or angle-from-p or angle-from-s for the angle "
+            f"{source}: --polarization {value} is not known; it can be s, p or unpolarized for the "
+            "whole "
+            "file, codes of a column such as 0=s,1=p, or angle-from-p or angle-from-s for the "
+            "angle "
             "of a polariser from the plane of incidence or from its normal."
         )
     return "", codes, ""
@@ -140,8 +152,8 @@ def parse_options(
             f"{source}: --columns has {stray[0]}, which is none of {', '.join(ROLES)}."
         )
     light, codes, polarizer = _polarization(source, polarization)
-    words = [missing] if isinstance(missing, (str, int, float)) else missing or []
-    gaps = [part.strip() for word in words for part in str(word).split(",")]  # type: ignore[union-attr]
+    words = missing if isinstance(missing, (list, tuple)) else [] if missing is None else [missing]
+    gaps = [part.strip() for word in words for part in str(word).split(",")]
     keeps = _pairs(source, "keep", keep)
     return Options(
         columns=chosen,

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from fitting.cells import is_missing, is_number, to_numbers
-from fitting.columns import Column, find_column
+from fitting.columns import Column
 from fitting.errors import MeasurementError, place
 from fitting.options import Options
-from fitting.table import Table
+from fitting.table import Table, find_column
 
 
 def _float_or_none(text: str) -> float | None:
@@ -37,7 +37,7 @@ def keep_rows(table: Table, options: Options) -> Table:
 
 
 def numbers_of(table: Table, column: Column, gaps: list[str]) -> tuple[np.ndarray, str]:
-    """Return the numbers of a column, NaN for gaps and for the words ``gaps``, and the sign on them."""
+    """Return the numbers of a column, NaN for gaps and the words ``gaps``, and the sign on them."""
     cells = [row[column.index] for row in table.rows]
     if gaps:
         words = {gap.lower() for gap in gaps}
@@ -62,8 +62,11 @@ def refuse_gaps(table: Table, column: Column, gone: np.ndarray, what: str) -> No
     if len(found):
         i = int(found[0])
         cell = table.rows[i][column.index]
-        came = f"the {what} is missing" if is_missing(cell) else f"{what} {cell[:30]!r} is not known"
+        came = (
+            f"the {what} is missing" if is_missing(cell) else f"{what} {cell[:30]!r} is not known"
+        )
         raise MeasurementError(
-            f"{place(table.source, table.lines[i], column.label)}: {came} in a row that has a value. "
+            f"{place(table.source, table.lines[i], column.label)}: {came} in a row that has a "
+            "value. "
             "Fill it in, or leave the line out with --lines A-B."
         )

@@ -17,8 +17,8 @@ def psi_delta_unit(
 ) -> dict[int, str]:
     """Return deg or rad for each column of psi and delta, by the option, the header, or the range.
 
-    columns: numbers by the index of the column. Raises MeasurementError where the header contradicts
-    the numbers, or neither tells.
+    columns: numbers by the index of the column.
+    Raises MeasurementError where the header contradicts the numbers, or neither tells.
     """
     units: dict[int, str] = {}
     chosen = [v for v in layout.values if v.role.quantity in ("psi", "delta")]
@@ -31,7 +31,8 @@ def psi_delta_unit(
         at = place(table.source, table.header, value.label)
         if not options.psi_unit and value.role.unit == "rad" and high > limit:
             raise MeasurementError(
-                f"{at}: the header says rad, the numbers are {span_of(numbers)}; {value.role.quantity} in "
+                f"{at}: the header says rad, the numbers are {span_of(numbers)}; "
+                f"{value.role.quantity} in "
                 f"radians is at most {limit:.4f}. Say --psi-unit deg if they are degrees."
             )
         units[value.index] = options.psi_unit or value.role.unit
@@ -40,13 +41,16 @@ def psi_delta_unit(
         at = place(table.source, table.header, value.label)
         unit = units[value.index]
         if unit not in ("deg", "rad", ""):
-            raise MeasurementError(f"{at}: an angle in {unit} came. Say --psi-unit deg or --psi-unit rad.")
+            raise MeasurementError(
+                f"{at}: an angle in {unit} came. Say --psi-unit deg or --psi-unit rad."
+            )
         if options.psi_unit or unit == "rad":
             continue
         if small and (both or not unit):
             said = "the header says degrees, but" if unit else "psi and delta have no unit, and"
             raise MeasurementError(
-                f"{at}: {said} the numbers ({span_of(columns[value.index])}) are as small as radians. Say "
+                f"{at}: {said} the numbers ({span_of(columns[value.index])}) are as small as "
+                "radians. Say "
                 "--psi-unit deg or --psi-unit rad."
             )
         units[value.index] = "deg"
@@ -54,7 +58,11 @@ def psi_delta_unit(
 
 
 def power_scale(
-    table: Table, layout: Layout, options: Options, columns: dict[int, np.ndarray], signs: dict[int, str]
+    table: Table,
+    layout: Layout,
+    options: Options,
+    columns: dict[int, np.ndarray],
+    signs: dict[int, str],
 ) -> float:
     """Return the factor that makes all powers of the file fractions; raise where it is open."""
     if options.scale is not None:
@@ -67,7 +75,8 @@ def power_scale(
         unit = units[value.index]
         if unit not in ("", "1", "percent"):
             raise MeasurementError(
-                f"{at}: numbers in {'arbitrary units' if unit == 'arb' else unit} came where a fraction of "
+                f"{at}: numbers in {'arbitrary units' if unit == 'arb' else unit} came where a "
+                "fraction of "
                 "the incident light was wanted. Divide them by the direct beam, or say --scale "
                 "1/(direct beam) as a number."
             )
@@ -82,7 +91,8 @@ def power_scale(
     if high <= 1.0:
         at = place(table.source, table.header, percent[0].label)
         raise MeasurementError(
-            f"{at}: the header says percent, but no number is above 1 ({span_of(columns[percent[0].index])}). "
+            f"{at}: the header says percent, but no number is above 1 "
+            f"({span_of(columns[percent[0].index])}). "
             "Say --scale 1 if they are fractions, --scale 0.01 if they are percent."
         )
     return 0.01

@@ -18,14 +18,10 @@ from fitting.cells import (
     split_cells,
 )
 from fitting.errors import MeasurementError, place
-from fitting.units import unit_of
+from fitting.header import Lines, find_header, refuse_strays, uncomment, units_row
 
-_LETTER = re.compile(r"[^\W\d_]")
-_RULE = re.compile(r"[\s|:=+_\-]*")  # "|---|---|" and empty cells
 # a comment after the numbers; "#N/A" and its kin are gaps
 _INLINE = re.compile(r"\s(?:#(?!n/?a|nv|num|value|div)|//|!)", re.IGNORECASE)
-
-Lines = Sequence[tuple[int, str]]
 
 
 class Table(NamedTuple):
@@ -48,11 +44,40 @@ class Table(NamedTuple):
     notes: list[str]
 
 
-def _uncomment(text: str) -> str:
-    text = text.strip()
-    if text.startswith("%") and text[1:2].isalpha():
-        return text  # "%R" is a name, "% angle" a comment
-    return text.lstrip('"#!;%/ ').strip() if is_comment(text, "") else text
+def _without_remark(text: str) -> str:
+    if "#" not in text and "//" not in text and "!" not in text:
+        return text
+    return _INLINE.split(text, maxsplit=1)[0] if text.strip()[:1] not in '#!/"%;' else text
+
+
+def label_of(table: Table, index: int) -> str:
+    """Return the name of a column, or its number from 1 where it has none."""
+    return table.names[index] or str(index + 1)
+
+
+def find_column(table: Table, wanted: str, option: str) -> int:
+    """Return the index of the column that an option names by header or by number from 1."""
+    names = table.names
+    plain_name = wanted.strip().lower()
+    for match in (
+        [i for i, name in enumerate(names) if name and name == wanted],
+        [i for i, name in enumerate(names) if name and name.lower() == plain_name],
+    ):
+        if len(match) > 1:
+            numbers = " and ".join(str(i + 1) for i in match[:2])
+            raise MeasurementError(
+                f"{place(table.source, table.header)}: columns {numbers} are both named "
+                f"{wanted!r}; "
+                f"{option} can have the number instead."
+            )
+        if match:
+            return match[0]
+    if wanted.isascii() and wanted.isdigit() and len(wanted) < 6 and 1 <= int(wanted) <= len(names):
+        return int(wanted) - 1
+    there = ", ".join(f"{i + 1} {name}".strip() for i, name in enumerate(names))
+    raise MeasurementError(
+        f"{table.source}: {option} names column {wanted!r}; the file has {there[:300]}."
+    )
 
 
 def _first_row(lines: Lines, delimiter: str, count: int) -> int:
@@ -76,84 +101,6 @@ def _first_row(lines: Lines, delimiter: str, count: int) -> int:
     return candidate
 
 
-def _split_names(text: str, delimiter: str, count: int) -> list[str]:
-    """Return the header line in ``count`` names, or parted by ``delimiter`` if nothing fits."""
-    # "#columns Qz R dR" of the neutron formats
-    text = re.sub(r"^(?:columns?|fields|labels)\b\s*[:=]?\s*", "", text.strip(), flags=re.IGNORECASE)
-    ways = [split_cells(text, delimiter)]
-    ways += [split_cells(text, mark) for mark in "|\t;," if mark in text and mark != delimiter]
-    ways.append([cell for cell in re.split(r"\s{2,}|\t", text) if cell])
-    ways.append(re.findall(r"[^\s(\[]+(?:\s?[(\[][^)\]]*[)\]])?", text))  # "angle (deg) R_s"
-    ways.append(text.split())
-    for cells in ways:
-        while len(cells) > count and not cells[-1]:
-            cells = cells[:-1]
-        if len(cells) == count:
-            return cells
-    return ways[0]
-
-
-def _units_row(cells: list[str]) -> list[str] | None:
-    units = [unit_of(cell) or "" for cell in cells]
-    known = all(unit or _RULE.fullmatch(cell) for unit, cell in zip(units, cells, strict=True))
-    return units if known else None
-
-
-def _find_header(
-    before: Lines, delimiter: str, count: int, recognise: Callable[[str], bool]
-) -> tuple[list[str], list[str], int, str]:
-    """Return names, units, line of the header among the lines before the numbers, and a misfit.
-
-    The line with the most names that are recognised wins, the nearest of equals; a line without any
-    is taken if it stands right above the numbers and every name in it has a letter.
-    """
-    nothing = [""] * count
-    units, units_line, misfit = nothing, 0, ""
-    best, best_line, best_known = nothing, 0, 0
-    nearest = True
-    for line, text in reversed(before):
-        cells = _split_names(_uncomment(text), delimiter, count)
-        if not any(cells):
-            continue
-        known = sum(map(recognise, cells))
-        if len(cells) != count:
-            if known >= 2 and not misfit:
-                misfit = (
-                    f"the header on line {line} has {len(cells)} names, the rows have {count} cells"
-                )
-            continue
-        row = _units_row(cells)
-        if row is not None:
-            if not (units_line or best_line) and any(row):
-                units, units_line = row, line
-            continue
-        words = all(not cell or _LETTER.search(cell) for cell in cells)
-        if known > best_known or (nearest and words and not is_comment(text, delimiter)):
-            best, best_line, best_known = cells, line, known
-        nearest = nearest and is_comment(text, delimiter)
-    if best_line:
-        return best, units, best_line, ""
-    if units_line:  # "nm,%" alone: the units are all the names that there are
-        return units, nothing, units_line, misfit
-    return nothing, nothing, 0, misfit
-
-
-def _refuse_strays(source: str, before: Lines, header: int, delimiter: str, count: int) -> None:
-    """Raise if a line between the header and the numbers, or right above them, may be a broken row."""
-    last = before[-1][0] if before else 0
-    for line, text in before:
-        if line == header or not (last == line or line > header > 0) or is_comment(text, delimiter):
-            continue
-        cells = split_cells(text, delimiter)
-        digits = sum(DIGIT.search(cell) is not None for cell in cells)
-        if len(cells) == count and 2 * digits >= (1 if header else count) and not _units_row(cells):
-            raise MeasurementError(
-                f"{place(source, line)}: {text.strip()[:60]!r} stands before the numbers and is "
-                f"neither a header nor a row of {count} numbers. Mend it, mark it with #, or start "
-                f"below it with --lines {line + 1}-."
-            )
-
-
 def _body(
     source: str, lines: Lines, delimiter: str, count: int, header: str, whole: bool
 ) -> tuple[list[list[str]], list[int], list[str]]:
@@ -167,10 +114,8 @@ def _body(
         if not text or text.isspace():
             continue
         if is_comment(text, delimiter):
-            marked += looks_like_data(split_cells(_uncomment(text), delimiter))[0]
+            marked += looks_like_data(split_cells(uncomment(text), delimiter))[0]
             continue
-        if "#" in text or "//" in text or "!" in text:
-            text = _INLINE.split(text, maxsplit=1)[0]
         cells = split_cells(text, delimiter)
         if not any(cells):
             continue
@@ -179,7 +124,7 @@ def _body(
             if all(map(is_missing, cells)):
                 continue
             # a header that is repeated on every page says nothing new
-            if text.strip() != header and _units_row(cells) is None:
+            if text.strip() != header and units_row(cells) is None:
                 texts.append(line)
             continue
         if texts:
@@ -194,7 +139,8 @@ def _body(
             if cut or delimiter == " " or len(cells) < 2:
                 why = " The file ends in it and may be cut short." if cut else ""
                 raise MeasurementError(
-                    f"{place(source, line)}: {len(cells)} cell{'s' * (len(cells) > 1)} came where {count} "
+                    f"{place(source, line)}: {len(cells)} cell{'s' * (len(cells) > 1)} came where "
+                    f"{count} "
                     f"were wanted.{why} Complete the row, or leave it out with --lines A-B."
                 )
             short += 1
@@ -217,12 +163,16 @@ def _body(
 
 
 def _refuse_one_column(source: str, rows: list[list[str]], lines: list[int]) -> None:
-    filled = [i for i in range(len(rows[0])) if any(not is_missing(row[i]) for row in rows)]
+    filled = [
+        i for i in range(len(rows[0]) if rows else 0) if any(not is_missing(row[i]) for row in rows)
+    ]
     if len(filled) == 1:
         raise MeasurementError(
-            f"{place(source, lines[0])}: the numbers stand in one column only ({len(rows)} rows, the "
-            f"first {rows[0][filled[0]]!r}). A curve was wanted: an angle or a wavelength and a value in "
-            "each row. If this file is one point of a scan, gather the points, divided by the direct "
+            f"{place(source, lines[0])}: only one column holds numbers ({len(rows)} rows, the "
+            "first "
+            f"{rows[0][filled[0]]!r}). A curve was wanted: an angle or a wavelength and a value in "
+            "each row. If this file is one point of a scan, gather the points, divided by the "
+            "direct "
             "beam, in a table with the header angle_deg,R_s,sigma_R_s."
         )
 
@@ -263,32 +213,44 @@ def read_table(
         delimiter = DELIMITERS.get(delimiter, delimiter)
         if len(delimiter) != 1 or delimiter.isalnum() or delimiter in "\r\n\"'.+-":
             names = ", ".join(DELIMITERS)
-            raise MeasurementError(f"{source}: --delimiter {delimiter!r} is none of {names}, nor a sign.")
+            raise MeasurementError(
+                f"{source}: --delimiter {delimiter!r} is none of {names}, nor a sign."
+            )
     if decimal not in (None, ".", ","):
         raise MeasurementError(f"{source}: --decimal {decimal!r} is neither . nor , (a comma).")
     if texts and (match := re.fullmatch(r'"?sep=(.)"?', texts[0].strip())) and not delimiter:
         delimiter = match[1]  # the line by which spreadsheets tell each other
     if texts and texts[0].strip() in ("sep=", "sep=\\t"):
         delimiter = delimiter or "\t"
+    if delimiter is not None and delimiter == decimal:
+        raise MeasurementError(
+            f"{source}: --delimiter and --decimal are both {decimal!r}; one sign cannot be both."
+        )
     first, last = _range(source, lines, len(texts))
     numbered = list(enumerate(texts[:last], start=1))
-    inside = numbered[first:]
+    inside = [(line, _without_remark(text)) for line, text in numbered[first:]]
     delimiter, count = guess_delimiter([text for _, text in inside], delimiter)
     start = _first_row(inside, delimiter, count) if count else -1
     if start < 0:
         raise MeasurementError(
-            f"{source}: no row with two numbers or more was found in {len(inside)} lines. A table "
-            "was wanted: a column of angles or wavelengths, one or more of R, T, psi or delta. If it is "
+            f"{source}: no row with two numbers or more was found in {len(inside)} line(s). A "
+            "table "
+            "was wanted: a column of angles or wavelengths, one or more of R, T, psi or delta. If "
+            "it is "
             "there, say --delimiter or --decimal."
         )
     before = [(line, text) for line, text in numbered[: first + start] if text.strip()]
-    names, units, header, misfit = _find_header(before, delimiter, count, recognise)
+    body = (split_cells(text, delimiter) for _, text in inside[start:])
+    spare = not split_cells(inside[start][1], delimiter)[-1] and all(
+        len(cells) != count or not cells[-1] for cells in body
+    )
+    names, units, header, misfit = find_header(before, delimiter, count, int(spare), recognise)
     # a file that ends without a line end may have been cut in its last row
     whole = last >= len(texts) and bool(texts[-1].strip())
     head = texts[header - 1].strip() if header else ""
     rows, row_lines, notes = _body(source, inside[start:], delimiter, count, head, whole)
     _refuse_one_column(source, rows, row_lines)
-    _refuse_strays(source, [b for b in before if b[0] > first], header, delimiter, count)
+    refuse_strays(source, [b for b in before if b[0] > first], header, delimiter, count)
     return Table(
         source=source,
         names=names,
@@ -297,7 +259,7 @@ def read_table(
         misfit=misfit,
         rows=rows,
         lines=row_lines,
-        preamble=[(line, _uncomment(text)) for line, text in before if line != header],
+        preamble=[(line, uncomment(text)) for line, text in before if line != header],
         decimal=decide_decimal(source, rows, row_lines, decimal),
         notes=notes,
     )

@@ -30,8 +30,8 @@ _SPELLINGS = {
     "THz": "thz",
     "percent": "% percent per_cent pct prozent %r %t",
     "1": "1 - -- none fraction dimensionless ratio abs 0..1 0-1 [] au/au",
-    "arb": "a.u. arb arb. arb.u. arb.units arb._units arbitrary arbitrary_units counts cts cps v mv volt"
-    " volts uv ma ua na pa w mw uw db",
+    "arb": "a.u. arb arb. arb.u. arb.units arb._units arbitrary arbitrary_units counts cts cps v mv"
+    " volt volts uv ma ua na pa w mw uw db",
 }
 UNITS = {word: unit for unit, words in _SPELLINGS.items() for word in words.split()}
 WAVELENGTH_UNITS = ("nm", "um", "angstrom", "eV", "cm-1", "THz", "mm", "keV")
@@ -96,7 +96,7 @@ def wavelength_um(number: np.ndarray, unit: str) -> np.ndarray:
 
     A decimal prefix is a division by a power of ten, so 658 nm becomes the float 0.658 itself.
     """
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):
         if unit == "um":
             return number
         if unit in ("nm", "angstrom"):
@@ -113,7 +113,7 @@ def incidence_deg(number: np.ndarray, unit: str, wavelength: np.ndarray) -> np.n
     wavelength: micrometres in the medium that the light comes from; used for Q alone, where
         cos(angle) = Q lambda / (4 pi) and a Q beyond 4 pi / lambda gives NaN.
     """
-    with np.errstate(invalid="ignore", over="ignore"):
+    with np.errstate(all="ignore"):
         if unit == "deg":
             return number
         if unit == "rad":
@@ -122,7 +122,8 @@ def incidence_deg(number: np.ndarray, unit: str, wavelength: np.ndarray) -> np.n
             return np.degrees(number / 1e3)
         if unit == "deg.arcmin":
             whole = np.trunc(number)
-            return whole + (number - whole) / 0.6
+            # files give two digits of minutes; rounding takes off what binary fractions add
+            return whole + np.round((number - whole) * 100.0, 9) / 60.0
         if unit == "grazing-deg":
             return 90.0 - number
         if unit == "grazing-rad":
@@ -137,7 +138,7 @@ def incidence_deg(number: np.ndarray, unit: str, wavelength: np.ndarray) -> np.n
 def scaled(number: np.ndarray, scale: float) -> np.ndarray:
     """Return ``number * scale``, as one correctly rounded division where 1 / scale is whole.
 
-    7 % is then the float 0.07, which 7 * 0.01 is not.
+    57 % is then the float 0.57, which 57 * 0.01 is not.
     """
     inverse = 1.0 / scale
     if abs(inverse) > 1.0 and abs(inverse - round(inverse)) < 1e-9 * abs(inverse):

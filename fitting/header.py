@@ -1,0 +1,115 @@
+"""The lines above the numbers: which one names the columns, which gives their units."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+
+from fitting.cells import DIGIT, is_comment, is_number, looks_like_data, split_cells
+from fitting.errors import MeasurementError, place
+from fitting.units import unit_of
+
+_LETTER = re.compile(r"[^\W\d_]")
+_RULE = re.compile(r"[\s|:=+_\-]*")  # "|---|---|" and empty cells
+
+Lines = Sequence[tuple[int, str]]
+
+
+def uncomment(text: str) -> str:
+    """Return a line of comment without its mark, any other stripped."""
+    text = text.strip()
+    if text.startswith("%") and text[1:2].isalpha():
+        return text  # "%R" is a name, "% angle" a comment
+    return text.lstrip('"#!;%/ ').strip() if is_comment(text, "") else text
+
+
+def _split_names(text: str, delimiter: str, count: int) -> list[str]:
+    """Return the header line in ``count`` names, or parted by ``delimiter`` if nothing fits."""
+    # "#columns Qz R dR" of the neutron formats
+    text = re.sub(
+        r"^(?:columns?|fields|labels)\b\s*[:=]?\s*", "", text.strip(), flags=re.IGNORECASE
+    )
+    ways = [split_cells(text, delimiter)]
+    ways += [split_cells(text, mark) for mark in "|\t;," if mark in text and mark != delimiter]
+    ways.append([cell for cell in re.split(r"\s{2,}|\t", text) if cell])
+    ways.append(re.findall(r"[^\s(\[]+(?:\s?[(\[][^)\]]*[)\]])?", text))  # "angle (deg) R_s"
+    ways.append(text.split())
+    for cells in ways:
+        while len(cells) > count and not cells[-1]:
+            cells = cells[:-1]
+        if len(cells) == count:
+            return cells
+    return ways[0]
+
+
+def units_row(cells: list[str]) -> list[str] | None:
+    """Return the units in a row that holds nothing else, "" for a rule or a gap; else None."""
+    units = [unit_of(cell) or "" for cell in cells]
+    known = all(unit or _RULE.fullmatch(cell) for unit, cell in zip(units, cells, strict=True))
+    return units if known else None
+
+
+def find_header(
+    before: Lines, delimiter: str, count: int, spare: int, recognise: Callable[[str], bool]
+) -> tuple[list[str], list[str], int, str]:
+    """Return names, units, line of the header among the lines before the numbers, and a misfit.
+
+    The line with the most names that are recognised wins, the nearest of equals; a line without any
+    is taken if it stands right above the numbers and every name in it has a letter.
+    spare: 1 if every row ends in a delimiter, so that the last column needs no name.
+    """
+    nothing = [""] * count
+    units, units_line, misfit = nothing, 0, ""
+    best, best_line, best_known = nothing, 0, 0
+    nearest = True
+    for line, text in reversed(before):
+        cells = _split_names(uncomment(text), delimiter, count)
+        if spare and len(cells) != count:
+            cells = _split_names(uncomment(text), delimiter, count - 1)
+            cells += [""] * (len(cells) == count - 1)
+        if not any(cells):
+            continue
+        known = sum(map(recognise, cells))
+        if len(cells) != count:
+            if known >= 2 and line == before[-1][0]:
+                misfit = (
+                    f"the header on line {line} has {len(cells)} names, the rows have {count} cells"
+                )
+            continue
+        row = units_row(cells)
+        if row is not None:
+            if not (units_line or best_line) and any(row):
+                units, units_line = row, line
+            continue
+        words = all(not cell or _LETTER.search(cell) for cell in cells)
+        if known > best_known or (nearest and words and not is_comment(text, delimiter)):
+            best, best_line, best_known = cells, line, known
+        nearest = nearest and is_comment(text, delimiter)
+        if not is_comment(text, delimiter) and looks_like_data(split_cells(text, delimiter))[0]:
+            break  # what stands above other numbers is their header
+    if best_line:
+        return best, units, best_line, ""
+    if units_line:  # "nm,%" alone: the units are all the names that there are
+        return units, nothing, units_line, misfit
+    return nothing, nothing, 0, misfit
+
+
+def refuse_strays(source: str, before: Lines, header: int, delimiter: str, count: int) -> None:
+    """Raise if a line between the header and the numbers, or right above, may be a broken row."""
+    last = before[-1][0] if before else 0
+    for line, text in before:
+        if line == header or not (last == line or line > header > 0) or is_comment(text, delimiter):
+            continue
+        cells = split_cells(text, delimiter)
+        digits = sum(DIGIT.search(cell) is not None for cell in cells)
+        if not header:  # settings such as "Int.Time2:0.0" may stand there
+            numbers = sum(map(is_number, cells))
+            digits = (
+                digits if 2 * digits >= len(cells) >= 2 and (numbers or len(cells) == count) else 0
+            )
+        if digits and not units_row(cells):
+            raise MeasurementError(
+                f"{place(source, line)}: {text.strip()[:60]!r} stands before the numbers and is "
+                f"neither a header nor a row of {count} numbers. Mend it, mark it with #, or start "
+                f"below it with --lines {line + 1}-."
+            )
