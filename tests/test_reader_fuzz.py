@@ -1,0 +1,15 @@
+"""20,000 damaged files, the real ones among them where they are here, end in one of two ways."""
+
+from pathlib import Path
+
+import pytest
+from fuzz_reader import corpus, run
+
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_damaged_files_end_in_a_measurement_or_in_the_one_error(tmp_path: Path, seed: int) -> None:
+    ends = run(5_000, seed, corpus(SHARED), tmp_path)
+    # both ends are met often, so neither is all that the damage leaves
+    assert ends["measurement"] > 250 and ends["refusal"] > 2_000
