@@ -1,0 +1,38 @@
+"""From a measured reflectance curve to a complex index of refraction with an error bar."""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .curve import curve as curve
+    from .curve import fitted_values as fitted_values
+    from .fit import FitResult as FitResult
+    from .fit import fit as fit
+    from .fit import fit_many as fit_many
+    from .measurement import Measurement as Measurement
+    from .measurement import MeasurementError as MeasurementError
+    from .measurement import read_csv as read_csv
+
+# The command line answers --help and refuses bad files without waiting 0.4 s for jax, so each name
+# is imported when it is first used.
+_HOME = {
+    "FitResult": "fit",
+    "Measurement": "measurement",
+    "MeasurementError": "measurement",
+    "curve": "curve",
+    "fit": "fit",
+    "fit_many": "fit",
+    "fitted_values": "curve",
+    "read_csv": "measurement",
+}
+__all__ = list(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(_HOME)
