@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint clean
+.PHONY: demo test lint accuracy clean
 
 demo: .venv/installed-plot  ## fit the gold scan that ships with the project; table, plot, JSON in demo/
 	mkdir -p demo
@@ -15,6 +15,9 @@ lint: .venv/installed-test .venv/installed-lint  ## linters and type checker
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
+
+accuracy: .venv/installed-test  ## the accuracy table of the README (a minute)
+	$(BIN)/python benchmarks/interface_accuracy.py
 
 .venv/installed-%: pyproject.toml
 	test -d .venv || $(PYTHON) -m venv .venv

@@ -5,23 +5,23 @@ import numpy as np
 SIZE = 250
 
 
-def hard_sets(dtype) -> dict[str, tuple[np.ndarray, ...]]:
-    """Named sets of SIZE points, exact in `dtype`; the same ones at every call."""
+def hard_sets(dtype, size: int = SIZE) -> dict[str, tuple[np.ndarray, ...]]:
+    """Named sets of `size` points, exact in `dtype`; the same ones at every call."""
     random = np.random.default_rng(20261121)
     eps = np.finfo(dtype).eps
-    one, zero = np.ones(SIZE), np.zeros(SIZE)
+    one, zero = np.ones(size), np.zeros(size)
 
     def uniform(low, high):
-        return random.uniform(low, high, SIZE)
+        return random.uniform(low, high, size)
 
     def decades(low, high):
-        return 10.0 ** random.uniform(low, high, SIZE)
+        return 10.0 ** random.uniform(low, high, size)
 
     def either(first, second):
-        return np.where(random.random(SIZE) < 0.5, first, second)
+        return np.where(random.random(size) < 0.5, first, second)
 
     def within_a_few_eps():
-        return 1.0 + eps * random.integers(-16, 17, SIZE) / 4.0
+        return 1.0 + eps * random.integers(-16, 17, size) / 4.0
 
     def rounded(x):
         return x.astype(dtype).astype(float)
@@ -32,7 +32,7 @@ def hard_sets(dtype) -> dict[str, tuple[np.ndarray, ...]]:
         "semiconductor": (uniform(0, 1), uniform(2, 5), decades(-3, 0.5), one),
         "grazing": (decades(-12, -1), uniform(1.01, 4), either(0, decades(-3, 1)), uniform(1, 2)),
         "normal": (
-            1.0 - random.integers(0, 6, SIZE) * eps / 2,
+            1.0 - random.integers(0, 6, size) * eps / 2,
             uniform(0.2, 4),
             either(0, decades(-3, 1)),
             uniform(1, 4),
@@ -58,14 +58,14 @@ def hard_sets(dtype) -> dict[str, tuple[np.ndarray, ...]]:
     critical = np.sqrt((1 - n / m) * (1 + n / m))
     sets["critical"] = (critical * within_a_few_eps(), n, zero, m)
     sets["critical, tiny k"] = (critical * within_a_few_eps(), n, decades(-30, -3), m)
-    aside = critical * (1 + random.choice([-1, 1], SIZE) * decades(-14, -1))
+    aside = critical * (1 + random.choice([-1, 1], size) * decades(-14, -1))
     sets["around critical"] = (np.clip(aside, 0, 1), n, zero, m)
 
     n, m = rounded(uniform(1, 4)), rounded(uniform(1, 4))
     brewster = m / np.hypot(n, m)
     sets["Brewster"] = (brewster * within_a_few_eps(), n, zero, m)
     sets["Brewster, tiny k"] = (brewster * within_a_few_eps(), n, decades(-30, -2), m)
-    nearly_m = rounded(m * (1 + random.choice([-1, 1], SIZE) * decades(-6, -2)))
+    nearly_m = rounded(m * (1 + random.choice([-1, 1], size) * decades(-6, -2)))
     brewster = m / np.hypot(nearly_m, m)
     sets["Brewster, nearly matched"] = (
         brewster * within_a_few_eps(),
