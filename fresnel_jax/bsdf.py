@@ -2,8 +2,8 @@
 
 `Reflector`, `Dielectric` and `ThinDielectric` are pytrees with the same four methods (directions
 are unit vectors of shape (..., 3) in the local frame, normal +z outside, pointing away from the
-surface; wo is the known one, wi the one found; the fields of a model broadcast against the leading
-axes of directions; `jit`, `vmap` and `grad` work over a model as over any pytree):
+surface; wo is the known one, wi the one found; the fields of a model broadcast against the
+leading axes of directions; `jit`, `vmap` and `grad` work over a model as over any pytree):
 
     evaluate(wo, wi, mode)                 f, without the cosine; 0 for delta distributions
     density(wo, wi, lobes)                 density per solid angle of `sample`; 0 likewise
@@ -11,7 +11,8 @@ axes of directions; `jit`, `vmap` and `grad` work over a model as over any pytre
     flags()                                ScatteringFlags, what `sample` can return
 
 `mode` (TransportMode) and `lobes` (Lobes) are static Python values. A direction that lies in the
-surface scatters nothing. No input gives NaN. Directions of the wrong shape raise ValueError.
+surface scatters nothing. For roughness 0 to 1, eta 1/4 to 4 and u in [0, 1] no value and no
+derivative is NaN or infinite, in any direction. Wrong shapes raise ValueError.
 
 What the gradient of a sample means. Differentiating `weight * L(direction)` differentiates the
 expectation under the same random numbers: the direction moves with the parameters, and the
@@ -19,28 +20,41 @@ density with it. The choice of the lobe jumps, so its probability is held consta
 (`stop_gradient`); weight is then F / constant and its gradient carries dF. Averages of such
 gradients are unbiased for continuous L. Differentiating through the probability would cancel F
 against itself and lose the Fresnel term. `value |cos| / density` has the same gradient as `weight`.
-`density()`, called on its own, is differentiated in full.
+`density()`, called on its own, is differentiated in full. Where facets can stand at their critical
+angle the mean gradient is still right, but its variance is infinite (dR / d eta grows as
+1 / cos_t): there, add up the samples of both lobes for one facet, and expect slow averages.
 """
 
 from jaxtyping import Array, ArrayLike
 
-from ._scattering import (
-    BSDFSample as BSDFSample,
-    Lobes as Lobes,
-    ScatteringFlags as ScatteringFlags,
-    TransportMode as TransportMode,
-)
+from ._scattering import BSDFSample, Lobes, ScatteringFlags, TransportMode
 from ._vectors import as_float
-from .bsdf_dielectric import Dielectric as Dielectric
-from .bsdf_reflection import Reflector as Reflector
-from .bsdf_thin import ThinDielectric as ThinDielectric
-from .fresnel_terms import (
-    FresnelConductor as FresnelConductor,
-    FresnelDielectric as FresnelDielectric,
-    FresnelNone as FresnelNone,
-    FresnelTerm as FresnelTerm,
-)
-from .microfacet import TrowbridgeReitz as TrowbridgeReitz
+from .bsdf_dielectric import Dielectric
+from .bsdf_reflection import Reflector
+from .bsdf_thin import ThinDielectric
+from .fresnel_terms import FresnelConductor, FresnelDielectric, FresnelNone, FresnelTerm
+from .microfacet import TrowbridgeReitz
+
+__all__ = [
+    "BSDF",
+    "BSDFSample",
+    "Dielectric",
+    "FresnelConductor",
+    "FresnelDielectric",
+    "FresnelNone",
+    "FresnelTerm",
+    "Lobes",
+    "Reflector",
+    "ScatteringFlags",
+    "ThinDielectric",
+    "TransportMode",
+    "TrowbridgeReitz",
+    "adjoint",
+    "conductor",
+    "fresnel_specular",
+    "specular_reflection",
+    "specular_transmission",
+]
 
 BSDF = Reflector | Dielectric | ThinDielectric
 

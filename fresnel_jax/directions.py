@@ -80,7 +80,7 @@ def refract_components(wi: Vector, n: Vector, cosine: Array, eta: Array) -> _Ref
     dtype = jnp.result_type(cosine, eta)
     cosine, eta_i, eta_t = (a.astype(dtype) for a in jnp.broadcast_arrays(cosine, eta_i, eta_t))
     root, _ = boundary(jnp.abs(cosine), eta_t, None, eta_i, exactly=True).q
-    # Only where the square of the cosine has underflown: elsewhere the root carries d cos_t / d eta.
+    # Only where the squared cosine has underflown: elsewhere the root carries d cos_t / d eta.
     straight_on = (eta_i == eta_t) & (root == 0.0)
     cos_t = jnp.where(straight_on, jnp.abs(cosine), root / eta_t)
     valid = (root > 0.0) | straight_on

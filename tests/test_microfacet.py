@@ -25,9 +25,7 @@ def textbook(w, alpha_x, alpha_y):
         x, y, z = (mpmath.mpf(float(a)) for a in w)
         a_x, a_y = (mpmath.mpf(max(a, 1e-4)) for a in (alpha_x, alpha_y))
         theta, phi = mpmath.atan2(mpmath.hypot(x, y), z), mpmath.atan2(y, x)
-        e = mpmath.tan(theta) ** 2 * (
-            (mpmath.cos(phi) / a_x) ** 2 + (mpmath.sin(phi) / a_y) ** 2
-        )
+        e = mpmath.tan(theta) ** 2 * ((mpmath.cos(phi) / a_x) ** 2 + (mpmath.sin(phi) / a_y) ** 2)
         d = 1 / (mpmath.pi * a_x * a_y * mpmath.cos(theta) ** 4 * (1 + e) ** 2)
         alpha2 = (a_x * mpmath.cos(phi)) ** 2 + (a_y * mpmath.sin(phi)) ** 2
         smith = (mpmath.sqrt(1 + alpha2 * mpmath.tan(theta) ** 2) - 1) / 2
@@ -172,7 +170,11 @@ def test_derivatives_at_the_pole_against_differences():
     # D = 1 / (pi a b q^2), q = (x / a)^2 + (y / b)^2 + z^2
     peak = 1 / (np.pi * 0.03)
     gradient, curvature, smith = jax.jit(
-        lambda m: (jax.grad(surface.D)(m), jax.hessian(surface.D)(m), jax.hessian(surface.Lambda)(m))
+        lambda m: (
+            jax.grad(surface.D)(m),
+            jax.hessian(surface.D)(m),
+            jax.hessian(surface.Lambda)(m),
+        )
     )(pole)
     np.testing.assert_allclose(gradient, [0.0, 0.0, -4 * peak], atol=1e-10)
     np.testing.assert_allclose(curvature[0, 0], -4 * peak / 0.1**2, rtol=1e-12)
@@ -205,9 +207,7 @@ def test_half_vector_is_the_facet_that_scattered(eta, z):
     facing = (m @ w) * z > 0.05  # closer to grazing, eta - 1 = .01 leaves fewer digits
     mirrored = np.asarray(reflect(w, m))
     kept = facing & (mirrored[:, 2] * z > 0.0)
-    np.testing.assert_allclose(
-        half_vector(w, mirrored, eta)[kept], m[kept], atol=1e-13
-    )
+    np.testing.assert_allclose(half_vector(w, mirrored, eta)[kept], m[kept], atol=1e-13)
     bent, _, valid = (np.asarray(a) for a in refract(w, m, eta))
     kept = facing & valid & (bent[:, 2] * z < 0.0) & (np.abs(np.sum(bent * m, -1)) > 0.05)
     assert kept.any() or (z < 0) == (eta > 1)
