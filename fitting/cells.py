@@ -158,7 +158,8 @@ def to_numbers(
     A number is ``float`` of its text, to the last bit, after the decimal mark and a Fortran
     exponent letter were made Python's. Raises MeasurementError for the first cell that is neither.
     """
-    if "" not in cells and _PLAIN.fullmatch("".join(cells)):
+    joined = "".join(cells)
+    if "" not in cells and _PLAIN.fullmatch(joined) and (decimal == "." or "." not in joined):
         try:
             return np.array([float(cell) for cell in cells], dtype=np.float64), ""
         except ValueError:

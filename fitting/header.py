@@ -63,30 +63,31 @@ def find_header(
     best, best_line, best_known = nothing, 0, 0
     nearest = True
     for line, text in reversed(before):
+        numbers = looks_like_data(split_cells(text, delimiter))[0]
+        if numbers and not nearest and not is_comment(text, delimiter):
+            break  # what stands above other numbers is their header
         cells = _split_names(uncomment(text), delimiter, count)
         if spare and len(cells) != count:
             cells = _split_names(uncomment(text), delimiter, count - 1)
             cells += [""] * (len(cells) == count - 1)
         if not any(cells):
             continue
+        marked = is_comment(text, delimiter)
+        row = units_row(cells) if len(cells) == count else None
+        adjacent, nearest = nearest, nearest and (marked or row is not None)
         known = sum(map(recognise, cells))
         if len(cells) != count:
             if known >= 2 and line == before[-1][0]:
                 misfit = (
                     f"the header on line {line} has {len(cells)} names, the rows have {count} cells"
                 )
-            continue
-        row = units_row(cells)
-        if row is not None:
+        elif row is not None:
             if not (units_line or best_line) and any(row):
                 units, units_line = row, line
-            continue
-        words = all(not cell or _LETTER.search(cell) for cell in cells)
-        if known > best_known or (nearest and words and not is_comment(text, delimiter)):
-            best, best_line, best_known = cells, line, known
-        nearest = nearest and is_comment(text, delimiter)
-        if not is_comment(text, delimiter) and looks_like_data(split_cells(text, delimiter))[0]:
-            break  # what stands above other numbers is their header
+        else:
+            words = all(not cell or _LETTER.search(cell) for cell in cells)
+            if known > best_known or (adjacent and words and not marked):
+                best, best_line, best_known = cells, line, known
     if best_line:
         return best, units, best_line, ""
     if units_line:  # "nm,%" alone: the units are all the names that there are

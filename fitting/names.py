@@ -184,9 +184,8 @@ def _axis(tokens: list[str], unit: str) -> Role | None:
         words and words <= _set("q qz z momentum transfer") and words != {"z"}
     ):
         return Role("angle", form="q", unit=unit)
-    if words <= _set("2 two twotheta tth 2th 2theta") | _ANGLE and words & _set(
-        "2 two twotheta tth 2th 2theta"
-    ):
+    double = words & _set("twotheta tth 2th 2theta") or ("theta" in words and words & {"2", "two"})
+    if double and words <= _set("2 two twotheta tth 2th 2theta") | _ANGLE:
         return Role("angle", form="2theta", unit=unit)
     if words & _set("grazing glancing") and words <= _ANGLE | _set("grazing glancing"):
         return Role("angle", form="grazing", unit=unit)

@@ -64,7 +64,7 @@ def _number(source: str, name: str, value: object, low: float, high: float) -> f
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         number = float("nan")
-    if not (isfinite(number) and low <= number <= high and (low > 0.0 or low <= number)):
+    if not (isfinite(number) and low <= number <= high):
         raise MeasurementError(
             f"{source}: {_flag(name)} {value} came where a number from {low:g} to {high:g} was "
             "wanted."
@@ -168,6 +168,6 @@ def parse_options(
         scale=_number(source, "scale", scale, 1e-300, 1e300),
         sigma=_number(source, "sigma", sigma, 1e-300, 1e300),
         psi_unit=_one_of(source, "psi_unit", psi_unit, ("deg", "rad")),
-        missing=[gap for gap in gaps if gap != "none"],
+        missing=gaps,
         zero_is_value="none" in gaps,
     )

@@ -42,6 +42,19 @@ REFUSALS = {
         ("line 3", "column std", "--missing 0"),
     ),
     "gap in the standard errors": ("angle,R_s,std\n10,.1,.1\n20,.2,\n", ("line 3", "column std")),
+    "gap in the first cell": (
+        "angle;R_s\n10;.1\n;.2\n30;.2\n",
+        ("line 3", "column angle", "missing"),
+    ),
+    "percent and no sign": (
+        "angle,Rs (%),Rp\n10,10,.2\n20,30,.3\n",
+        ("column Rp", "Rs (%)", "--scale"),
+    ),
+    "settings in braces": (
+        "{ Units, Wavelength Units } SI Microns\n{ Use: }\n0.3 0.1 0.2\n0.4 0.2 0.3\n",
+        ("line 3", "3 columns without names", "0.3 to 0.4"),
+    ),
+    "analyser": ("analyzer (deg),counts\n0,10\n5,20\n", ("no angle of incidence", "raw signal")),
     "gap in the angles": ("angle,R_s\n10,.1\n,.2\n30,.2\n", ("line 3", "column angle")),
     "relative errors": ("angle,R_s,err (%)\n10,.1,5\n20,.2,5\n", ("err (%)", "relative")),
     "errors of one of two": ("angle,Rs,Rp,err\n10,.1,.1,.01\n", ("'err'", "sigma_R_s=4")),
@@ -163,6 +176,11 @@ def test_an_option_that_means_nothing_is_refused(
 ) -> None:
     text = refusal(tmp_path, "angle_deg,R_s,H\u00f6he\n" + BODY, **options)
     assert "--" + next(iter(options)).replace("_", "-") in text or "lines" in options
+
+
+def test_the_other_decimal_mark_is_no_number(tmp_path: Path) -> None:
+    text = refusal(tmp_path, "angle;R_s\n10;0.5\n20;0.6\n", decimal=",")
+    assert "line 2" in text and "'0.5'" in text and "','" in text
 
 
 def test_files_that_cannot_be_opened(tmp_path: Path) -> None:

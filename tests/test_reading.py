@@ -187,6 +187,14 @@ def test_a_polariser_between_s_and_p(tmp_path: Path) -> None:
     assert turned.polarizer_deg[[1, 4]].tolist() == [60.0, 60.0]
 
 
+def test_records_of_another_kind_are_left_out_and_counted(tmp_path: Path) -> None:
+    variety = VARIETIES["woollam"]
+    m = read(tmp_path, variety.content)
+    assert m.wavelength_um[:5].tolist() == [float(n) / 1e3 for n in NANOMETRES]
+    assert m.sigma.tolist() == [0.014] * 5 + [0.0318] * 5
+    assert "5 rows dPolE left out" in m.understood
+
+
 def test_remarks_above_the_numbers_give_wavelength_and_angle(tmp_path: Path) -> None:
     text = "# wavelength: 532 nm\n# angle of incidence: 45 deg\nR_s,R_p\n.3,.09\n"
     m = read(tmp_path, text)
@@ -195,6 +203,7 @@ def test_remarks_above_the_numbers_give_wavelength_and_angle(tmp_path: Path) -> 
     m = read(tmp_path, text, wavelength_um=0.6, angle_deg="50")
     assert m.wavelength_um.tolist() == [0.6] * 2 and m.angle_deg.tolist() == [50.0] * 2
     assert "no column is an angle" in refusal(tmp_path, text.replace("45 deg", "45 deg or 50 deg"))
+    assert np.isnan(read(tmp_path, "# laser: 633 nm\n" + text).wavelength_um).all()
 
 
 def test_two_files_of_one_polarisation_each_are_joined(tmp_path: Path) -> None:
@@ -211,6 +220,10 @@ def test_two_files_of_one_polarisation_each_are_joined(tmp_path: Path) -> None:
 def test_zeros_that_stand_for_nothing_measured(tmp_path: Path) -> None:
     text = "angle_deg,R_s\n10,.1\n20,0\n30,.12\n"
     assert "--missing 0" in refusal(tmp_path, text) and "line 3" in refusal(tmp_path, text)
+    assert read(tmp_path, text.replace(",0\n", ",0.00e+00\n"), missing="0").value.tolist() == [
+        0.1,
+        0.12,
+    ]
     assert read(tmp_path, text, missing=0).angle_deg.tolist() == [10.0, 30.0]
     assert read(tmp_path, text, missing="none").value.tolist() == [0.1, 0.0, 0.12]
     brewster = "angle_deg,R_p\n10,.04\n50,.002\n56,0\n60,.003\n"

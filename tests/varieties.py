@@ -89,6 +89,22 @@ VARIETIES = {
     "decimal comma, blanks": Variety(
         b"Winkel Rs Rp\n" + rows(comma(ANGLES), comma(R_S), comma(R_P), mark=" ").encode(), BOTH
     ),
+    "decimal comma in every cell, blanks": Variety(
+        b"Winkel Rs\n10,5 0,25\n20,5 0,5\n", {"R_s": ("0.25", "0.5")}, angles=("10.5", "20.5")
+    ),
+    "units row that matters": Variety(
+        b"AOI,Rs\nrad,%\n" + rows(("1.0", "0.5"), ("25", "50")).encode(),
+        {"R_s": ("0.25", "0.5")},
+        angles=("57.29577951308232", "28.64788975654116"),
+    ),
+    "names that are numbers": Variety(
+        b"angle,405,532\n" + BODY.encode(),
+        BOTH,
+        {"columns": {"angle": "angle", "R_s": "405", "R_p": 3}},
+    ),
+    "second block, named alone": Variety(
+        b"angle,R_s,R_p\n1,.1,.1\n2,.2,.2\n\nangle,R_s,x\n" + BODY.encode(), ONE, {"lines": "6-"}
+    ),
     "decimal comma in quotes": Variety(
         b"angle,Rs,Rp\n"
         + "".join(
