@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._arithmetic import sum_exactly, two_product
+from ._arithmetic import opaque, sum_exactly, two_product
 
 
 class Vector(NamedTuple):
@@ -51,7 +51,8 @@ def dot(v: Vector, w: Vector) -> Array:
 @jax.custom_jvp
 def dot_exactly(v: Vector, w: Vector) -> Array:
     """v . w rounded once or twice, also where the products cancel (grazing incidence)."""
-    products = [two_product(*jnp.broadcast_arrays(a, b)) for a, b in zip(v, w, strict=True)]
+    pairs = [jnp.broadcast_arrays(a, b) for a, b in zip(v, w, strict=True)]
+    products = [two_product(opaque(a), opaque(b)) for a, b in pairs]
     total, error = sum_exactly([product for product, _ in products])
     return total + (error + (products[0][1] + products[1][1] + products[2][1]))
 
