@@ -79,7 +79,8 @@ def largest_errors(dtype, points):
 def main():
     jax.config.update("jax_enable_x64", True)
     print(
-        "| points | R, T float64 | float32 | gradient float64 | float32 | printed form float64 | float32 |"
+        "| points | R, T: float64 | float32 | gradient: float64 | float32 "
+        "| printed form: float64 | float32 |"
     )
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for name in adversarial.hard_sets(np.float64):
