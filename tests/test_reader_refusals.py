@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
-from reading import read, refusal
-from varieties import ANGLES, BODY, DELTA, ERRORS, NANOMETRES, PSI, R_P, R_S, rows
+from reading import ANGLES, DELTA, ERRORS, NANOMETRES, PSI, R_P, R_S, read, refusal, rows
+from varieties import BODY
 
 from fitting.measurement import MeasurementError, read_csv
 
@@ -100,6 +100,11 @@ REFUSALS = {
         ("no column is an angle", "--angle-deg"),
     ),
     "s and p without angle": ("wavelength (nm),Rs,Rp\n500,.1,.2\n", ("--angle-deg",)),
+    "polarised without angle": ("wavelength (nm),pol,R\n500,s,.1\n", ("--angle-deg",)),
+    "negative Q": ("# wavelength: 0.5 nm\nQ (1/nm),R\n-.1,.1\n.2,.1\n", ("line 3", "negative")),
+    "two errors of one": ("aoi,R,err,std\n10,.1,.1,.1\n", ("'std'", "--columns")),
+    "gap in the polarisation": ("aoi,pol,R\n10,s,.1\n20,,.2\n", ("line 3", "missing")),
+    "gap in the wavelength": ("wavelength_um,R\n.5,.1\n,.2\n", ("line 3", "missing")),
     "second table": ("angle,R_s\n10,.1\nrun two\n20,.2\n", ("line 3", "--lines")),
     "zones": (
         "AOI\tDelta\tPsi\tZone\n50\t169\t31\t4\n50\t.2\t.2\t5\n",
@@ -144,6 +149,7 @@ def test_the_name_of_the_file_counts_as_evidence_and_as_doubt(tmp_path: Path) ->
         {"columns": "angle=1,R=1"},
         {"columns": "place=1,R=2"},
         {"columns": 5},
+        {"columns": "angle=1,R=twice"},
         {"angle_unit": "furlong"},
         {"wavelength_unit": "deg"},
         {"psi_unit": "percent"},
@@ -174,8 +180,18 @@ def test_the_name_of_the_file_counts_as_evidence_and_as_doubt(tmp_path: Path) ->
 def test_an_option_that_means_nothing_is_refused(
     tmp_path: Path, options: dict[str, object]
 ) -> None:
-    text = refusal(tmp_path, "angle_deg,R_s,H\u00f6he\n" + BODY, **options)
+    wide = BODY.replace("\n", ",1,1\n")
+    text = refusal(tmp_path, "angle_deg,R_s,H\u00f6he,twice,twice\n" + wide, **options)
     assert "--" + next(iter(options)).replace("_", "-") in text or "lines" in options
+
+
+def test_options_that_contradict_the_file(tmp_path: Path) -> None:
+    long = "aoi,pol,R\n10,s,.1\n20,p,.2\n"
+    assert "--polarization came too" in refusal(tmp_path, long, polarization="s")
+    assert "none of angle" in refusal(tmp_path, long, columns="place=1,R=3")
+    minutes = "aoi,R_s\n29.40,.1\n30.75,.2\n"
+    text = refusal(tmp_path, minutes, angle_unit="deg.arcmin")
+    assert "line 3" in text and "30.75" in text and "59 minutes" in text
 
 
 def test_the_other_decimal_mark_is_no_number(tmp_path: Path) -> None:

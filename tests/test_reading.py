@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reading import read, refusal
-from varieties import ANGLES, ERRORS, NANOMETRES, PERCENT, R_P, R_S, VARIETIES, rows
+from reading import ANGLES, ERRORS, NANOMETRES, PERCENT, R_P, R_S, read, refusal, rows
+from varieties import VARIETIES
 
 from fitting.measurement import Measurement, MeasurementError, concatenate
 
@@ -89,6 +89,12 @@ def test_standard_errors_follow_their_values(tmp_path: Path) -> None:
     assert each.sigma.tolist() == [float(e) for e in ERRORS + R_S]
     given = read(tmp_path, "angle_deg,R_s\n" + rows(ANGLES, R_S), sigma="0.01")
     assert given.sigma.tolist() == [0.01] * 5
+    half = "angle_deg,R_s,sigma_R_s,R_p,sigma_R_p\n10,.1,.02,.1,\n20,.2,,.2,\n"
+    assert read(tmp_path, half, sigma=0.01).sigma.tolist() == [0.02, 0.01, 0.01, 0.01]
+    whole = read(tmp_path, half.replace(".2,,.2", ".2,.03,.2"))
+    np.testing.assert_array_equal(whole.sigma, [0.02, 0.03, np.nan, np.nan])
+    both = read(tmp_path, "aoi,R_s,err (%)\n10,20,1\n20,30,2\n", scale=0.01)
+    assert both.sigma.tolist() == [0.01, 0.02]
     psi = read(
         tmp_path,
         "aoi,psi (rad),sigma psi (rad)\n" + rows(("50", "60"), ("0.5", "1"), ("0.01",) * 2),
@@ -145,6 +151,18 @@ def test_angles_become_degrees_of_incidence(
     assert m.angle_deg == pytest.approx([degrees] * 2, rel=1e-14)
 
 
+def test_units_that_only_look_wrong(tmp_path: Path) -> None:
+    x_ray = "grazing angle (deg),wavelength (nm),R\n0.2,0.154,.9\n0.4,0.154,.1\n0.6,0.154,.01\n"
+    assert read(tmp_path, x_ray).angle_deg.tolist() == [89.8, 89.6, 89.4]
+    signs = read(tmp_path, "angle,R_s\n0.5\u00b0,.1\n1.0\u00b0,.1\n")
+    assert signs.angle_deg.tolist() == [0.5, 1.0]
+    by_number = read(
+        tmp_path, "x (1/nm),R\n0.01,.1\n0.02,.1\n", columns="angle=1,R=2", wavelength_um=0.1
+    )
+    assert by_number.angle_deg[1] == pytest.approx(math.degrees(math.acos(2 / (4 * math.pi))))
+    assert set(read(tmp_path, "wavelength_um,R\n.5,.1\n.6,.1\n", "gold_s.csv").quantity) == {"R"}
+
+
 def test_psi_and_delta_in_radians(tmp_path: Path) -> None:
     text = "aoi_deg,psi_rad,delta_rad\n60,.5,3.1\n65,.2,-3\n"
     wanted = [math.degrees(x) for x in (0.5, 0.2, 3.1, -3.0)]
@@ -185,6 +203,11 @@ def test_a_polariser_between_s_and_p(tmp_path: Path) -> None:
     turned = read(tmp_path, text, polarization="angle-from-s")
     assert turned.quantity.tolist() == ["R_s", "R", "R", "R_p", "R"]
     assert turned.polarizer_deg[[1, 4]].tolist() == [60.0, 60.0]
+
+
+def test_rows_that_were_commented_out_are_counted(tmp_path: Path) -> None:
+    m = read(tmp_path, "angle,R_s\n10,.1\n#20,.2\n# a remark\n# 30,.3\n40,.4\n")
+    assert m.angle_deg.tolist() == [10.0, 40.0] and "2 commented-out rows" in m.understood
 
 
 def test_records_of_another_kind_are_left_out_and_counted(tmp_path: Path) -> None:

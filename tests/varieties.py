@@ -5,38 +5,19 @@ The numbers are texts; a test compares what was read with ``float`` of them.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-ANGLES = ("29.6667", "34.6667", "0.4e2", "61.25", "80")
-R_S = ("0.755435", "0.774384", "8.09614e-1", ".85", "0.912516")
-R_P = ("0.666709", "0.680472", "0.676313", "0.641742", "7.41058E-01")
-ERRORS = ("0.000945", "0.002387", "9.49e-4", "0.0016", "0.002909")
-PERCENT = ("75.5435", "77.4384", "80.9614", "85", "91.2516")
-NANOMETRES = ("405", "532.0", "632.8", "658", "1064")
-PSI = ("36.989", "31.637", "24.155", "15.2", "7.1034375")
-DELTA = ("171.512", "164.968", "152.624", "118.601", "-3.5")
-
-
-class Variety(NamedTuple):
-    """The bytes of a file, the options that it needs, and what it holds, as texts.
-
-    expected: quantity -> texts of the values; angles: texts, the same for every quantity.
-    """
-
-    content: bytes
-    expected: dict[str, tuple[str, ...]]
-    options: dict[str, object] = {}  # noqa: RUF012
-    angles: tuple[str, ...] = ANGLES
-    name: str = "gold.csv"
-
-
-def rows(*columns: tuple[str, ...], mark: str = ",", end: str = "\n") -> str:
-    return "".join(mark.join(cells) + end for cells in zip(*columns, strict=True))
-
-
-def comma(cells: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(cell.replace(".", ",") for cell in cells)
-
+from reading import (
+    ANGLES,
+    DELTA,
+    ERRORS,
+    NANOMETRES,
+    PERCENT,
+    PSI,
+    R_P,
+    R_S,
+    Variety,
+    comma,
+    rows,
+)
 
 BODY = rows(ANGLES, R_S, R_P)
 BOTH = {"R_s": R_S, "R_p": R_P}
@@ -149,6 +130,26 @@ VARIETIES = {
         + rows(ANGLES, R_S, R_P, mark="    ").encode(),
         BOTH,
         {"columns": "angle=1,R_s=2,R_p=3"},
+    ),
+    "numbers in the settings right above": Variety(
+        b"run 5 of 12 lamps today\n" + rows(ANGLES, R_S, R_P, mark=" ").encode(),
+        BOTH,
+        {"columns": "angle=1,R_s=2,R_p=3"},
+    ),
+    "date right above": Variety(
+        b"2023-05-30 12:30:01\n" + rows(ANGLES, R_S, R_P, mark=" ").encode(),
+        BOTH,
+        {"columns": "angle=1,R_s=2,R_p=3"},
+    ),
+    "utf-8 mark, encoding said": Variety(
+        b"\xef\xbb\xbfangle,Rs,Rp\n" + BODY.encode(), BOTH, {"encoding": "utf-8"}
+    ),
+    "column without numbers": Variety(
+        b"angle,Rs,reflectance s,Rp\n" + rows(ANGLES, R_S, ("",) * 5, R_P).encode(), BOTH
+    ),
+    "polarisation beside psi": Variety(
+        b"pol,aoi,psi,delta\n" + rows(("p",) * 5, ANGLES, PSI, DELTA).encode(),
+        {"psi": PSI, "delta": DELTA},
     ),
     "settings with a cell of their own": Variety(
         b"instrument,goniometer,\nlaser,532,\nangle_deg,R_s,R_p\n" + BODY.encode(), BOTH
