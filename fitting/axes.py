@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import PurePath
 
 import numpy as np
@@ -15,6 +16,8 @@ from fitting.table import Table
 from fitting.units import Q_UNITS, WAVELENGTH_UNITS, incidence_deg, wavelength_um
 
 HALF_PI = 1.5708  # pi / 2 as files round it
+# names by which a column, though not understood, speaks against normal incidence
+_ANGULAR = re.compile("(?i)angle|theta|winkel|incid|aoi|mount|motor|stage|gonio|deg")
 _UNITS_OF_FORM = {
     "wavelength": ("nm", "um", "angstrom", "mm"),
     "energy": ("eV", "keV"),
@@ -29,7 +32,9 @@ def _wavelength_unit(
     at = place(table.source, table.header, column.label)
     numbers, _ = numbers_of(table, column, [])
     form, unit = column.role.form, column.role.unit
-    optical = layout.angle is None or layout.angle.role.form == "incidence"
+    # X-rays and neutrons are measured at grazing angles, in nm below 5
+    grazing = options.angle_unit.startswith(("grazing", "2theta", "1/"))
+    optical = not grazing and (layout.angle is None or layout.angle.role.form == "incidence")
     finite = numbers[np.isfinite(numbers)]
     low, high = (finite.min(), finite.max()) if len(finite) else (np.nan, np.nan)
     if options.wavelength_unit:
@@ -47,15 +52,13 @@ def _wavelength_unit(
     elif unit not in _UNITS_OF_FORM[form]:
         raise MeasurementError(
             f"{at}: the name says {form}, the unit says {unit}. Say --wavelength-unit {unit} if "
-            "the "
-            "unit is right."
+            "the unit is right."
         )
     elif optical and ((unit == "nm" and high < 5.0) or (unit == "um" and low >= 100.0)):
         other = "um" if unit == "nm" else "nm"
         raise MeasurementError(
             f"{at}: the header says {unit}, the numbers are {span_of(numbers)}, as wavelengths in "
-            f"{other} "
-            f"are. Say --wavelength-unit {unit} or --wavelength-unit {other}."
+            f"{other} are. Say --wavelength-unit {unit} or --wavelength-unit {other}."
         )
     return unit
 
@@ -76,8 +79,7 @@ def wavelengths(table: Table, layout: Layout, options: Options, notes: list[str]
     if given is not None:
         raise MeasurementError(
             f"{at}: the file gives wavelengths, and --wavelength-um {given:g} came too. Drop the "
-            "option, "
-            "or name the columns to be read with --columns."
+            "option, or name the columns to be read with --columns."
         )
     unit = _wavelength_unit(table, layout, column, options, notes)
     microns = wavelength_um(numbers_of(table, column, [])[0], unit)
@@ -154,25 +156,27 @@ def angles(
                 f"angle of incidence {said.value:g} degrees (line {said.line}; --angle-deg)"
             )
             return np.full(rows, said.value)
-        plain_light = all(value.role.quantity in ("R", "T", "R_back") for value in layout.values)
-        if plain_light and layout.wavelength and not layout.polarization and not layout.polarizer:
+        name = angle_in_name(PurePath(table.source).stem)
+        oblique = (
+            name
+            or layout.polarization
+            or layout.polarizer
+            or any(value.role.quantity not in ("R", "T", "R_back") for value in layout.values)
+            or any(_ANGULAR.search(label) for label in layout.unused)
+        )
+        if layout.wavelength and not oblique:
             notes.append("no angle given: normal incidence assumed (--angle-deg)")
             return np.zeros(rows)
         rest = f" (not understood: {', '.join(layout.unused[:6])})" if layout.unused else ""
-        name = angle_in_name(PurePath(table.source).stem)
-        hint = (
-            f" The file name says {name}deg: if that is it, say --angle-deg {name}." if name else ""
-        )
-        raise MeasurementError(
-            f"{table.source}: no column is an angle of incidence{rest}."
-            f"{hint or ' Say --angle-deg NUMBER, or which column it is with --columns angle=...'}"
-        )
+        hint = "Say --angle-deg NUMBER, or which column it is with --columns angle=..."
+        if name:
+            hint = f"The file name says {name}deg: if that is it, say --angle-deg {name}."
+        raise MeasurementError(f"{table.source}: no column is an angle of incidence{rest}. {hint}")
     at = place(table.source, table.header or table.lines[0], column.label)
     if given is not None:
         raise MeasurementError(
             f"{at}: the file gives angles, and --angle-deg {given:g} came too. Drop the option, or "
-            "name "
-            "the columns to be read with --columns."
+            "name the columns to be read with --columns."
         )
     numbers, sign = numbers_of(table, column, [])
     if sign == "\u00b0" and not column.role.unit:
@@ -184,8 +188,7 @@ def angles(
         ]
         raise MeasurementError(
             f"{at}: Q becomes an angle through the wavelength, which is not "
-            f"known.{''.join(said[:1])} Say "
-            "--wavelength-um NUMBER (5 angstrom are 0.0005)."
+            f"known.{''.join(said[:1])} Say --wavelength-um NUMBER (5 angstrom are 0.0005)."
         )
     degrees = incidence_deg(numbers, unit, wavelength)
     if unit == "deg.arcmin":

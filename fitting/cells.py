@@ -40,8 +40,7 @@ MISSING = frozenset(
 )
 DIGIT = re.compile("[0-9]")
 _NUMBER = re.compile(
-    "[+\\-\u2212]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)"
-    "(?:[eEdD][+\\-\u2212]?[0-9]+)?(?:\\s?[%\u00b0])?"
+    "[+\\-\u2212]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eEdD][+\\-\u2212]?[0-9]+)?(?:\\s?[%\u00b0])?"
 )
 _PLAIN = re.compile(r"[0-9.eE+\-]*")
 _GROUPED = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
@@ -139,7 +138,8 @@ def decide_decimal(source: str, rows: list[list[str]], lines: list[int], wanted:
     if comma and point:
         raise MeasurementError(
             f"{source}: the decimal mark is a comma on line {comma} and a point on line {point}. "
-            "One of them was wanted throughout; mend the file, or leave lines out with --lines A-B."
+            "One of them was wanted throughout; mend the file, or leave lines out with --lines "
+            "A-B."
         )
     if comma and grouped:
         raise MeasurementError(
@@ -175,9 +175,8 @@ def to_numbers(
             hint = f" (the decimal mark is {decimal!r})" if is_number(cell) else ""
             raise MeasurementError(
                 f"{place(source, line, column)}: {cell[:40]!r} came where a number was "
-                f"wanted{hint}. "
-                "Mend it, leave the cell empty for a gap, mark the line with #, or leave it out "
-                "with --lines A-B."
+                f"wanted{hint}. Mend it, leave the cell empty for a gap, mark the line with #, or "
+                "leave it out with --lines A-B."
             )
         sign = cell[-1] if cell[-1] in "%\u00b0" else ""
         signs.setdefault(sign, line)

@@ -75,8 +75,8 @@ def check_data(
         ~((angle >= 0.0) & (angle <= 90.0)),
         "angle",
         lambda i: (
-            f"angle of incidence {angle[i]:.10g} degrees is outside [0, 90]; it counts from "
-            "the normal of the surface. If the unit is another, say --angle-unit."
+            f"angle of incidence {angle[i]:.10g} degrees is outside [0, 90]; it counts from the "
+            "normal of the surface. If the unit is another, say --angle-unit."
         ),
     )
     refuse(

@@ -65,8 +65,7 @@ def _example(table: Table, filled: list[int]) -> str:
     elif high < 1.0:
         text = (
             f"--columns angle={x},R={y} --angle-unit 1/angstrom --wavelength-um NUMBER (if column "
-            f"{x} is Q) "
-            "or --angle-unit rad"
+            f"{x} is Q) or --angle-unit rad"
         )
     else:
         text = (
@@ -88,14 +87,13 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
     if table.misfit:
         raise MeasurementError(
             f"{table.source}: {table.misfit}. If the comma is the decimal mark as well as the "
-            "delimiter, "
-            f"write the file with semicolons; else count the columns ({listed}) and {example}"
+            f"delimiter, write the file with semicolons; else count the columns ({listed}) and "
+            f"{example}"
         )
     if not table.header:
         raise MeasurementError(
             f"{place(table.source, table.lines[0])}: {len(filled)} columns without names "
-            f"({listed}). "
-            f"S{example[1:]}"
+            f"({listed}). S{example[1:]}"
         )
     open_ones = [i for i in filled if not roles[i].why and not roles[i].kind]
     advice = (
@@ -103,14 +101,12 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
         if open_ones
         else (
             "A table of an angle or a wavelength and R, R_s, R_p, T, psi or delta was wanted, "
-            "powers as a "
-            "ratio to the direct beam; --columns names other columns."
+            "powers as a ratio to the direct beam; --columns names other columns."
         )
     )
     raise MeasurementError(
         f"{place(table.source, table.header)}: no column is named as a reflectance, transmittance, "
-        "psi "
-        f"or delta that can be fitted ({listed}). {advice}"
+        f"psi or delta that can be fitted ({listed}). {advice}"
     )
 
 
@@ -161,8 +157,7 @@ def _implicit(table: Table) -> dict[str, list[Column]]:
         if role.kind == "unclear" and index in filled:
             raise MeasurementError(
                 f"{place(table.source, table.header, name)}: this may be {role.why}. Name all "
-                "columns to be "
-                "read, for example --columns angle=1,R=2,sigma_R=3."
+                "columns to be read, for example --columns angle=1,R=2,sigma_R=3."
             )
         if role.kind and index in filled:
             found.setdefault(role.kind, []).append(Column(index, label_of(table, index), role))
@@ -176,9 +171,8 @@ def _only(table: Table, columns: list[Column], role: str) -> Column | None:
         a, b = columns[0], columns[1]
         raise MeasurementError(
             f"{place(table.source, table.header)}: columns {a.index + 1} {a.label!r} and "
-            f"{b.index + 1} "
-            f"{b.label!r} both give {role}. Name all columns to be read, for example --columns "
-            f"{role}={a.index + 1},..."
+            f"{b.index + 1} {b.label!r} both give {role}. Name all columns to be read, for example "
+            f"--columns {role}={a.index + 1},..."
         )
     return columns[0] if columns else None
 
@@ -201,10 +195,8 @@ def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Co
         if len(fits) != 1 or attached[fits[0]] is not None:
             raise MeasurementError(
                 f"{place(table.source, table.header)}: it is not clear which value the standard "
-                "errors "
-                f"in column {sigma.index + 1} {sigma.label!r} belong to. Name all columns to be "
-                "read, for "
-                f"example --columns angle=1,R_s=2,sigma_R_s={sigma.index + 1}."
+                f"errors in column {sigma.index + 1} {sigma.label!r} belong to. Name all columns "
+                f"to be read, for example --columns angle=1,R_s=2,sigma_R_s={sigma.index + 1}."
             )
         attached[fits[0]] = sigma
     return attached
@@ -224,8 +216,8 @@ def _refuse_statistics(table: Table, used: set[int]) -> None:
             )
             raise MeasurementError(
                 f"{place(table.source, line, label)}: zones 0 and 5 are means and standard "
-                "deviations of "
-                f"the other rows. Say --keep {name}=1,2,3,4 for the measured ones (or {name}=0)."
+                f"deviations of the other rows. Say --keep {name}=1,2,3,4 for the measured ones "
+                f"(or {name}=0)."
             )
         if index not in used and cells & _STATISTICS and len(cells) > 1:
             word = sorted(cells & _STATISTICS)[0]
@@ -236,8 +228,7 @@ def _refuse_statistics(table: Table, used: set[int]) -> None:
             )
             raise MeasurementError(
                 f"{place(table.source, line, label)}: the word {word!r} says that this row is "
-                "computed "
-                f"from others. Say which rows to read with --keep {label}=WORD."
+                f"computed from others. Say which rows to read with --keep {label}=WORD."
             )
 
 

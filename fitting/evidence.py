@@ -109,7 +109,7 @@ def light_said(source: str, stem: str, preamble: list[tuple[int, str]]) -> tuple
     if not said and (code or len(set(letter)) == 1):
         what = f"polarisation {code[1]}" if code else f"the letter {letter[0]!r}"
         raise MeasurementError(
-            f"{source}: the file name has {what}, the column says no polarisation. "
-            "Say --polarization s, p or unpolarized."
+            f"{source}: the file name has {what}, the column says no polarisation. Say "
+            "--polarization s, p or unpolarized."
         )
     return next(iter(said.items()), ("", ""))

@@ -43,8 +43,7 @@ def _from_angles(table: Table, column: Column, options: Options) -> Light:
     if unit not in ("deg", "rad"):
         raise MeasurementError(
             f"{place(table.source, table.header, column.label)}: a polariser angle in {unit} came "
-            "where "
-            "degrees were wanted."
+            "where degrees were wanted."
         )
     degrees = np.degrees(numbers) if unit == "rad" else numbers
     # a linear polariser looks the same after half a turn, and the power after a reflection too
@@ -76,13 +75,11 @@ def _from_cells(table: Table, column: Column, options: Options) -> Light:
                 f"{at}: {', '.join(values)} may be codes or angles of a polariser. Say "
                 "--polarization "
                 f"{','.join(v + '=' + 'sp'[n % 2] for n, v in enumerate(values[:2]))} (or the "
-                "other way "
-                "round), or angle-from-p or angle-from-s if they are degrees."
+                "other way round), or angle-from-p or angle-from-s if they are degrees."
             )
         raise MeasurementError(
             f"{at}: {cells[i][:30]!r} came where s, p, TE, TM or unpolarized was wanted. Say what "
-            "it means "
-            f"with --polarization {cells[i][:30]}=s."
+            f"it means with --polarization {cells[i][:30]}=s."
         )
     return Light(np.array([known[cell] for cell in cells]), np.full(len(cells), np.nan))
 
@@ -102,8 +99,7 @@ def light_of_rows(
     if layout.polarizer and layout.polarization:
         raise MeasurementError(
             f"{table.source}: columns {layout.polarization.label!r} and {layout.polarizer.label!r} "
-            "both give "
-            "the polarisation. Name all columns to be read with --columns."
+            "both give the polarisation. Name all columns to be read with --columns."
         )
     if column is not None:
         at = place(table.source, table.header, column.label)
@@ -118,30 +114,28 @@ def light_of_rows(
         if options.light:
             raise MeasurementError(
                 f"{at}: the file gives the polarisation, and --polarization came too. Drop the "
-                "option, or "
-                "name the columns to be read with --columns."
+                "option, or name the columns to be read with --columns."
             )
         if options.polarizer:
             return _from_angles(table, column, options)
         if column is layout.polarizer and not options.codes:
             raise MeasurementError(
                 f"{at}: a polariser's angle can count from the plane of incidence (0 is p) or from "
-                "its "
-                "normal (0 is s). Say --polarization angle-from-p or angle-from-s."
+                "its normal (0 is s). Say --polarization angle-from-p or angle-from-s."
             )
         return _from_cells(table, column, options)
     if options.codes or options.polarizer:
         raise MeasurementError(
             f"{table.source}: --polarization gives a meaning to a column, but none is named as the "
-            "polarisation. Say which it is with --columns polarization=..., or --polarization s or "
-            "p."
+            "polarisation. Say which it is with --columns polarization=..., or --polarization s "
+            "or p."
         )
     letter = options.light
     if letter and any(v.role.quantity[2:] != letter for v in named):
         raise MeasurementError(
             f"{place(table.source, table.header, named[0].label)}: the column is named "
-            f"{named[0].role.quantity}, "
-            "and --polarization says otherwise. Name the columns to be read with --columns."
+            f"{named[0].role.quantity}, and --polarization says otherwise. Name the columns to be "
+            "read with --columns."
         )
     if not letter and bare and not named and oblique:
         letter, where = light_said(table.source, PurePath(table.source).stem, table.preamble)

@@ -51,30 +51,29 @@ def _sigma_of(
     if options.scale is None and own not in ("", "percent" if factor == 0.01 else "1"):
         raise MeasurementError(
             f"{at}: the standard errors are in {own}, the values are "
-            f"{'percent' if factor == 0.01 else 'not'}: "
-            "they may be relative. Leave them out by naming the columns to be read with --columns, "
-            "or "
-            "say --scale for both."
+            f"{'percent' if factor == 0.01 else 'not'}: they may be relative. Leave them out by "
+            "naming the columns to be read with --columns, or say --scale for both."
         )
     return scaled(numbers, factor)
 
 
 def _refuse_copies(table: Table, layout: Layout, numbers: dict[int, np.ndarray]) -> None:
-    """Raise where Delta repeats psi, and where zeros may stand for values never measured."""
+    """Raise where Delta repeats psi."""
     by_name = {value.role.quantity: value for value in layout.values}
     if "psi" in by_name and "delta" in by_name:
         psi, delta = numbers[by_name["psi"].index], numbers[by_name["delta"].index]
         if np.isfinite(psi).sum() > 1 and np.array_equal(psi, delta, equal_nan=True):
             raise MeasurementError(
                 f"{place(table.source, table.header, by_name['delta'].label)}: every number equals "
-                "psi, which "
-                "no surface gives. Mend the file, or name another column with --columns delta=..."
+                "psi, which no surface gives. Mend the file, or name another column with "
+                "--columns delta=..."
             )
 
 
 def _refuse_zeros(
     table: Table, value: Column, numbers: np.ndarray, name: np.ndarray, options: Options
 ) -> None:
+    """Raise where zeros among larger values may stand for values never measured."""
     if options.zero_is_value or value.role.quantity in ("psi", "delta"):
         return
     for quantity in np.unique(name):
@@ -91,10 +90,8 @@ def _refuse_zeros(
             i = int(zeros[0])
             raise MeasurementError(
                 f"{place(table.source, table.lines[i], value.label)}: 0 came, where the smallest "
-                "other value is "
-                f"{others.min():.6g}. Say --missing 0 if it stands for 'not measured', --missing "
-                "none if "
-                "it was measured."
+                f"other value is {others.min():.6g}. Say --missing 0 if it stands for 'not "
+                "measured', --missing none if it was measured."
             )
 
 
@@ -230,8 +227,7 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
     if not places:
         raise MeasurementError(
             f"{place(table.source, table.lines[0])}: the {len(table.rows)} rows hold gaps only; at "
-            "least one "
-            "measured value was wanted."
+            "least one measured value was wanted."
         )
     joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
     axes = {"angle": layout.angle, "wavelength": layout.wavelength, "polarizer": layout.polarizer}

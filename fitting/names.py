@@ -25,8 +25,8 @@ _ENERGY = _set("energy energies energie photon hv")
 _WAVENUMBER = _set("wavenumber wavenumbers wellenzahl")
 _FREQUENCY = _set("frequency freq frequenz")
 _REFLECTANCE = _set(
-    "r refl reflectance reflectances reflectivity reflection reflexion reflektanz reflexionsgrad"
-    " riflettanza reflectancia"
+    "r refl reflectance reflectances reflectivity reflection reflexion reflektanz reflexionsgrad "
+    "riflettanza reflectancia"
 )
 _TRANSMITTANCE = _set(
     "t trans transmittance transmission transmissivity transmissionsgrad transmittanz trasmittanza"
@@ -36,13 +36,13 @@ _P = _set("p tm par para parallel ppol")
 _UNPOLARIZED = _set("unpolarized unpolarised unpol")
 _BACK = _set("back rear")
 _ERROR = _set(
-    "std sd stdev stddev sigma err error errors unc uncert uncertainty se sem stderr fehler"
-    " unsicherheit incertezza"
+    "std sd stdev stddev sigma err error errors unc uncert uncertainty se sem stderr fehler "
+    "unsicherheit incertezza"
 )
 _ERROR_REST = _set("standard deviation dev bar bars of 1 abs absolute")
 _FILL = _set(
-    "avg average ave mean measured meas value values data experimental exp the light beam of for at"
-    " pol polarized polarised polarization polarisation total specular front power col column"
+    "avg average ave mean measured meas value values data experimental exp the light beam of for "
+    "at pol polarized polarised polarization polarisation total specular front power col column"
 )
 _POLARIZATION = _set("polarization polarisation pol polarisierung polarizzazione")
 _RAW = _set(
@@ -50,8 +50,8 @@ _RAW = _set(
 )
 _CONSTANT = _set("n k nk eps epsilon e1 e2 index")
 _NOT_INCIDENCE = _set(
-    "mount motor stage position rotation goniometer detector azimuth analyzer analyser analysator"
-    " compensator tilt"
+    "mount motor stage position rotation goniometer detector azimuth analyzer analyser analysator "
+    "compensator tilt"
 )
 # names glued of a quantity and its polarisation; T in capitals only (tp, ts are times as well)
 _GLUED = re.compile(

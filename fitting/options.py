@@ -121,10 +121,8 @@ def _polarization(source: str, value: object) -> tuple[str, dict[str, str], str]
     if not codes or not all(codes.values()):
         raise MeasurementError(
             f"{source}: --polarization {value} is not known; it can be s, p or unpolarized for the "
-            "whole "
-            "file, codes of a column such as 0=s,1=p, or angle-from-p or angle-from-s for the "
-            "angle "
-            "of a polariser from the plane of incidence or from its normal."
+            "whole file, codes of a column such as 0=s,1=p, or angle-from-p or angle-from-s for "
+            "the angle of a polariser from the plane of incidence or from its normal."
         )
     return "", codes, ""
 

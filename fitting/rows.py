@@ -67,6 +67,5 @@ def refuse_gaps(table: Table, column: Column, gone: np.ndarray, what: str) -> No
         )
         raise MeasurementError(
             f"{place(table.source, table.lines[i], column.label)}: {came} in a row that has a "
-            "value. "
-            "Fill it in, or leave the line out with --lines A-B."
+            "value. Fill it in, or leave the line out with --lines A-B."
         )

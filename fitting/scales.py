@@ -32,8 +32,8 @@ def psi_delta_unit(
         if not options.psi_unit and value.role.unit == "rad" and high > limit:
             raise MeasurementError(
                 f"{at}: the header says rad, the numbers are {span_of(numbers)}; "
-                f"{value.role.quantity} in "
-                f"radians is at most {limit:.4f}. Say --psi-unit deg if they are degrees."
+                f"{value.role.quantity} in radians is at most {limit:.4f}. Say --psi-unit deg if "
+                "they are degrees."
             )
         units[value.index] = options.psi_unit or value.role.unit
     both = len({value.role.quantity for value in chosen}) == 2
@@ -50,8 +50,7 @@ def psi_delta_unit(
             said = "the header says degrees, but" if unit else "psi and delta have no unit, and"
             raise MeasurementError(
                 f"{at}: {said} the numbers ({span_of(columns[value.index])}) are as small as "
-                "radians. Say "
-                "--psi-unit deg or --psi-unit rad."
+                "radians. Say --psi-unit deg or --psi-unit rad."
             )
         units[value.index] = "deg"
     return units
@@ -76,14 +75,13 @@ def power_scale(
         if unit not in ("", "1", "percent"):
             raise MeasurementError(
                 f"{at}: numbers in {'arbitrary units' if unit == 'arb' else unit} came where a "
-                "fraction of "
-                "the incident light was wanted. Divide them by the direct beam, or say --scale "
-                "1/(direct beam) as a number."
+                "fraction of the incident light was wanted. Divide them by the direct beam, or "
+                "say --scale 1/(direct beam) as a number."
             )
         if percent and unit != "percent":
             raise MeasurementError(
-                f"{at}: column {percent[0].label!r} is in percent, this one has no such sign. "
-                "Say --scale 0.01 if all are in percent."
+                f"{at}: column {percent[0].label!r} is in percent, this one has no such sign. Say "
+                "--scale 0.01 if all are in percent."
             )
     if not percent:
         return 1.0
@@ -92,7 +90,7 @@ def power_scale(
         at = place(table.source, table.header, percent[0].label)
         raise MeasurementError(
             f"{at}: the header says percent, but no number is above 1 "
-            f"({span_of(columns[percent[0].index])}). "
-            "Say --scale 1 if they are fractions, --scale 0.01 if they are percent."
+            f"({span_of(columns[percent[0].index])}). Say --scale 1 if they are fractions, --scale "
+            "0.01 if they are percent."
         )
     return 0.01

@@ -67,8 +67,7 @@ def find_column(table: Table, wanted: str, option: str) -> int:
             numbers = " and ".join(str(i + 1) for i in match[:2])
             raise MeasurementError(
                 f"{place(table.source, table.header)}: columns {numbers} are both named "
-                f"{wanted!r}; "
-                f"{option} can have the number instead."
+                f"{wanted!r}; {option} can have the number instead."
             )
         if match:
             return match[0]
@@ -130,7 +129,7 @@ def _body(
         if texts:
             raise MeasurementError(
                 f"{place(source, texts[0])}: text stands in the middle of the numbers. If another "
-                f"table begins there, read one with --lines A-B; if it is a remark, mark it with #."
+                "table begins there, read one with --lines A-B; if it is a remark, mark it with #."
             )
         if len(cells) > count and not any(cells[count:]):
             cells = cells[:count]
@@ -140,8 +139,7 @@ def _body(
                 why = " The file ends in it and may be cut short." if cut else ""
                 raise MeasurementError(
                     f"{place(source, line)}: {len(cells)} cell{'s' * (len(cells) > 1)} came where "
-                    f"{count} "
-                    f"were wanted.{why} Complete the row, or leave it out with --lines A-B."
+                    f"{count} were wanted.{why} Complete the row, or leave it out with --lines A-B."
                 )
             short += 1
             cells += [""] * (count - len(cells))
@@ -169,11 +167,9 @@ def _refuse_one_column(source: str, rows: list[list[str]], lines: list[int]) -> 
     if len(filled) == 1:
         raise MeasurementError(
             f"{place(source, lines[0])}: only one column holds numbers ({len(rows)} rows, the "
-            "first "
-            f"{rows[0][filled[0]]!r}). A curve was wanted: an angle or a wavelength and a value in "
-            "each row. If this file is one point of a scan, gather the points, divided by the "
-            "direct "
-            "beam, in a table with the header angle_deg,R_s,sigma_R_s."
+            f"first {rows[0][filled[0]]!r}). A curve was wanted: an angle or a wavelength and a "
+            "value in each row. If this file is one point of a scan, gather the points, divided "
+            "by the direct beam, in a table with the header angle_deg,R_s,sigma_R_s."
         )
 
 
@@ -234,10 +230,8 @@ def read_table(
     if start < 0:
         raise MeasurementError(
             f"{source}: no row with two numbers or more was found in {len(inside)} line(s). A "
-            "table "
-            "was wanted: a column of angles or wavelengths, one or more of R, T, psi or delta. If "
-            "it is "
-            "there, say --delimiter or --decimal."
+            "table was wanted: a column of angles or wavelengths, one or more of R, T, psi or "
+            "delta. If it is there, say --delimiter or --decimal."
         )
     before = [(line, text) for line, text in numbered[: first + start] if text.strip()]
     body = (split_cells(text, delimiter) for _, text in inside[start:])

@@ -137,6 +137,11 @@ def test_the_name_of_the_file_counts_as_evidence_and_as_doubt(tmp_path: Path) ->
     assert set(read(tmp_path, text, "gold_TM.csv").quantity) == {"R_p"}
     assert set(read(tmp_path, text, "au_532nm_sp_run.csv").quantity) == {"R"}
     assert "line 1" in refusal(tmp_path, "# polarization: p\n" + text, "gold_TE.csv")
+    spectrum = "wavelength_nm,R\n" + rows(NANOMETRES, R_S)
+    assert "--angle-deg 45" in refusal(tmp_path, spectrum, "gold_45deg.csv")
+    assert len(read(tmp_path, spectrum, "gold_45deg.csv", angle_deg=45)) == 5
+    turned = "wavelength_nm,mount angle,R\n" + rows(NANOMETRES, ANGLES, R_S)
+    assert "mount angle" in refusal(tmp_path, turned)
     hint = "wavelength_nm,psi,delta\n" + rows(NANOMETRES, PSI, DELTA)
     assert "--angle-deg 60" in refusal(tmp_path, hint, "hafnia_60deg.csv")
 
