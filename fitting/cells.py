@@ -74,6 +74,14 @@ def is_number(cell: str) -> bool:
     return _NUMBER.fullmatch(cell) is not None
 
 
+def number_or_none(text: str) -> float | None:
+    """Return the number that ``text`` is, with a point or a comma; None where it is none."""
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        return None
+
+
 def is_missing(cell: str) -> bool:
     """Return whether ``cell`` says that nothing was measured: empty, NaN, n/a, a dash."""
     return cell.lower() in MISSING

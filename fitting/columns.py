@@ -189,7 +189,9 @@ def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Co
             if not fits and len(values) == 1:
                 fits = [0]
         else:
-            fits = [i for i, v in enumerate(values) if v.role.quantity == sigma.role.quantity]
+            name, tail = sigma.role.quantity, len(sigma.role.quantity)
+            part = -tail if name.startswith("_") else 0
+            fits = [i for i, v in enumerate(values) if v.role.quantity[part:] == name]
             if not fits:
                 continue
         if len(fits) != 1 or attached[fits[0]] is not None:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.cells import is_missing, is_number
+from fitting.cells import is_missing, is_number, number_or_none
 from fitting.columns import Column, Layout
 from fitting.errors import MeasurementError, place
 from fitting.evidence import light_said
@@ -61,9 +61,8 @@ def _from_cells(table: Table, column: Column, options: Options) -> Light:
     for cell in set(cells):
         text = cell.lower()
         letter = codes.get(text, "") or (not codes and _letter(cell)) or ""
-        if not letter and codes and is_number(cell):
-            same = [c for c in codes if is_number(c) and c.rstrip("0.") == text.rstrip("0.")]
-            letter = codes[same[0]] if len(same) == 1 else ""
+        if not letter and (number := number_or_none(cell)) is not None:
+            letter = next((codes[c] for c in codes if number_or_none(c) == number), "")
         known[cell] = letter
     lost = [i for i, cell in enumerate(cells) if not known[cell] and not is_missing(cell)]
     if lost:

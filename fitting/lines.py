@@ -74,7 +74,7 @@ def read_lines(path: Path, encoding: str | None) -> tuple[list[str], list[str]]:
     for magic, what in _NOT_TEXT:
         if data.startswith(magic):
             raise MeasurementError(f"{name}: this is not text but {what}.")
-    chosen = encoding or _guess_encoding(data)
+    chosen = str(encoding) if encoding else _guess_encoding(data)
     wanted = (
         "Say --encoding NAME (utf-8, utf-16, latin-1, ...) if it is text, else export it as CSV."
     )

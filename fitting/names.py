@@ -70,7 +70,8 @@ _AXIS_UNITS = ("nm", "um", "angstrom", "eV", "cm-1", "THz", "1/angstrom", "1/nm"
 class Role(NamedTuple):
     """What a column is: angle, wavelength, polarization, polarizer, value, sigma, unclear or "".
 
-    quantity: for value and sigma, a name of QUANTITIES or "" (a standard error of it is not said).
+    quantity: for value and sigma, a name of QUANTITIES; for sigma also "_s" and "_p", or "" where
+        the name does not say of what.
     form: of an angle incidence, grazing, 2theta or q; of a wavelength the word that names it
         (wavelength, energy, wavenumber, frequency).
     unit: a key of :mod:`fitting.units`, "" where the name gives none.
@@ -160,8 +161,10 @@ def _optical(tokens: list[str], unit: str, error: bool) -> Role | None:
         if side and (light or quantity == "T"):
             return None
         quantity += side or {"s": "_s", "p": "_p"}.get(light, "")
-    elif light or side:
+    elif side or (light and (quantity or not error)):
         return None
+    elif light:
+        quantity = "_" + light  # err_s beside R_s
     if not quantity and not error:
         return None
     return Role("sigma" if error else "value", quantity, unit=unit)

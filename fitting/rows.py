@@ -4,18 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitting.cells import is_missing, is_number, to_numbers
+from fitting.cells import is_missing, number_or_none, to_numbers
 from fitting.columns import Column
 from fitting.errors import MeasurementError, place
 from fitting.options import Options
 from fitting.table import Table, find_column
-
-
-def _float_or_none(text: str) -> float | None:
-    try:
-        return float(text) if is_number(text) else None
-    except ValueError:
-        return None
 
 
 def keep_rows(table: Table, options: Options) -> Table:
@@ -24,9 +17,9 @@ def keep_rows(table: Table, options: Options) -> Table:
     for name, wanted in options.keep.items():
         index = find_column(table, name, "--keep")
         texts = {word.lower() for word in wanted}
-        numbers = {number for word in wanted if (number := _float_or_none(word)) is not None}
+        numbers = {number for word in wanted if (number := number_or_none(word)) is not None}
         cells = [row[index] for row in rows]
-        kept = [c.lower() in texts or _float_or_none(c.replace(",", ".")) in numbers for c in cells]
+        kept = [c.lower() in texts or number_or_none(c) in numbers for c in cells]
         chosen = [i for i, keep in enumerate(kept) if keep]
         rows, lines = [rows[i] for i in chosen], [lines[i] for i in chosen]
         if not rows:
@@ -41,7 +34,7 @@ def numbers_of(table: Table, column: Column, gaps: list[str]) -> tuple[np.ndarra
     cells = [row[column.index] for row in table.rows]
     if gaps:
         words = {gap.lower() for gap in gaps}
-        values = [number for gap in gaps if (number := _float_or_none(gap)) is not None]
+        values = [number for gap in gaps if (number := number_or_none(gap)) is not None]
         cells = ["" if cell.lower() in words else cell for cell in cells]
         numbers, sign = to_numbers(cells, table.lines, table.decimal, table.source, column.label)
         for value in values:

@@ -108,7 +108,7 @@ def _body(
     numbers: list[int] = []
     marked = short = 0
     texts: list[int] = []
-    gap = len(lines) and lines[-1][0]
+    end = lines[-1][0]
     for line, text in lines:
         if not text or text.isspace():
             continue
@@ -134,7 +134,7 @@ def _body(
         if len(cells) > count and not any(cells[count:]):
             cells = cells[:count]
         if len(cells) < count:
-            cut = whole and line == gap
+            cut = whole and line == end
             if cut or delimiter == " " or len(cells) < 2:
                 why = " The file ends in it and may be cut short." if cut else ""
                 raise MeasurementError(
@@ -206,7 +206,7 @@ def read_table(
     Raises MeasurementError where no table is found, or a line may be part of it or not.
     """
     if delimiter is not None:
-        delimiter = DELIMITERS.get(delimiter, delimiter)
+        delimiter = DELIMITERS.get(str(delimiter), str(delimiter))
         if len(delimiter) != 1 or delimiter.isalnum() or delimiter in "\r\n\"'.+-":
             names = ", ".join(DELIMITERS)
             raise MeasurementError(

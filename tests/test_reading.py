@@ -93,6 +93,8 @@ def test_standard_errors_follow_their_values(tmp_path: Path) -> None:
     assert read(tmp_path, half, sigma=0.01).sigma.tolist() == [0.02, 0.01, 0.01, 0.01]
     whole = read(tmp_path, half.replace(".2,,.2", ".2,.03,.2"))
     np.testing.assert_array_equal(whole.sigma, [0.02, 0.03, np.nan, np.nan])
+    sides = read(tmp_path, "aoi,R_s,R_p,err_s,err_p\n10,.1,.2,.01,.02\n")
+    assert sides.sigma.tolist() == [0.01, 0.02]
     both = read(tmp_path, "aoi,R_s,err (%)\n10,20,1\n20,30,2\n", scale=0.01)
     assert both.sigma.tolist() == [0.01, 0.02]
     psi = read(
@@ -216,6 +218,13 @@ def test_records_of_another_kind_are_left_out_and_counted(tmp_path: Path) -> Non
     assert m.wavelength_um[:5].tolist() == [float(n) / 1e3 for n in NANOMETRES]
     assert m.sigma.tolist() == [0.014] * 5 + [0.0318] * 5
     assert "5 rows dPolE left out" in m.understood
+
+
+def test_codes_are_compared_as_numbers(tmp_path: Path) -> None:
+    text = "aoi,pol,R\n10,1.0,.1\n10,10,.2\n"
+    m = read(tmp_path, text, polarization={"1": "s", 10: "p"})
+    assert m.quantity.tolist() == ["R_s", "R_p"]
+    assert "line 3" in refusal(tmp_path, text, polarization="1=s,0=p")
 
 
 def test_remarks_above_the_numbers_give_wavelength_and_angle(tmp_path: Path) -> None:
