@@ -190,7 +190,7 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
             converted = scaled(raw, factor)
         sigma = _sigma_of(table, value, sigma_column, options, unit, factor)
         there = ~np.isnan(raw)
-        if sigma_column is not None and options.sigma is None and not np.isnan(sigma[there]).all():
+        if sigma_column is not None and options.sigma is None:
             refuse_gaps(table, sigma_column, there & np.isnan(sigma), "standard error")
         if options.sigma is not None:
             sigma = np.where(np.isnan(sigma), options.sigma, sigma)

@@ -142,7 +142,9 @@ VARIETIES = {
         {"columns": "angle=1,R_s=2,R_p=3"},
     ),
     "utf-8 mark, encoding said": Variety(
-        b"\xef\xbb\xbfangle,Rs,Rp\n" + BODY.encode(), BOTH, {"encoding": "utf-8"}
+        b"\xef\xbb\xbfx,Rs,Rp\n" + BODY.encode(),
+        BOTH,
+        {"encoding": "utf-8", "columns": "angle=x,R_s=Rs,R_p=Rp"},
     ),
     "column without numbers": Variety(
         b"angle,Rs,reflectance s,Rp\n" + rows(ANGLES, R_S, ("",) * 5, R_P).encode(), BOTH
