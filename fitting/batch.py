@@ -1,0 +1,177 @@
+"""Any number of curves through the compiled program: chunks, second starts, the last stragglers."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from fitting.coordinates import FAR_END, W_MAX, W_MIN, xi_of
+from fitting.engine import Solved, solve
+from fitting.solver import START_DAMPING
+
+FEW = 8
+MANY, LANES = 512, 128
+# Nearly every lane ends within 5 evaluations; the few others would make their whole group wait, so
+# they are collected and go on among themselves.
+FIRST_STEPS, MOST_STEPS = 6, 100
+_COST = Solved._fields.index("cost")
+_EVALUATIONS = Solved._fields.index("evaluations")
+
+
+class Data(NamedTuple):
+    """N curves, curves first; C channels out of ``problem.CHANNELS``, M angles.
+
+    cos_theta, s_share: (M,) or (N, M). values: C arrays (N, M), 0 where missing.
+    weights: C arrays (M,) or (N, M), 1 / sigma, 0 where missing.
+    """
+
+    cos_theta: np.ndarray
+    s_share: np.ndarray
+    values: tuple[np.ndarray, ...]
+    weights: tuple[np.ndarray, ...]
+    eta_i: float
+    channels: tuple[str, ...]
+
+    def take(self, index: slice | np.ndarray) -> Data:
+        """Return the curves of ``index``."""
+        return self._map(lambda a, fill: a[index] if a.ndim == 2 else a)
+
+    def padded(self, curves: int, angles: int) -> Data:
+        """Return the data with empty curves and empty angles added up to these numbers."""
+
+        def pad(a: np.ndarray, fill: float) -> np.ndarray:
+            goal = (curves, angles)[-a.ndim :]
+            if a.shape == goal:
+                return a
+            widths = [(0, wanted - have) for wanted, have in zip(goal, a.shape, strict=True)]
+            return np.pad(a, widths, constant_values=fill)
+
+        return self._map(pad)
+
+    def _map(self, change) -> Data:
+        return self._replace(
+            cos_theta=change(self.cos_theta, 1.0),
+            s_share=change(self.s_share, 0.5),
+            values=tuple(change(v, 0.0) for v in self.values),
+            weights=tuple(change(w, 0.0) for w in self.weights),
+        )
+
+    @property
+    def curves(self) -> int:
+        """The number of curves."""
+        return len(self.values[0])
+
+
+def start_rows(count: int, points: np.ndarray | None = None, w_max: float = W_MAX) -> np.ndarray:
+    """Return the start array of the program, from ``points`` (3, count) or, if None, the mesh."""
+    start = np.full((5, count), np.nan)
+    if points is not None:
+        start[:3] = points
+    start[3], start[4] = START_DAMPING, w_max
+    return start
+
+
+def run(data: Data, start: np.ndarray, steps: int) -> np.ndarray:
+    """Return ``Solved`` of all curves as one (fields, N) array, each after at most ``steps``."""
+    count, angles = data.curves, data.values[0].shape[1]
+    few = count <= FEW
+    size, lanes = (FEW, FEW) if few else (MANY, LANES)
+    # A few curves: the number of angles is rounded up (with no data), so that a handful of compiled
+    # programs serves every small file.
+    if few:
+        angles = max(16, 1 << (angles - 1).bit_length())
+
+    def one(first: int) -> np.ndarray:
+        chunk = slice(first, first + size)
+        part = data.take(chunk)
+        here = part.curves
+        part = part.padded(size, angles)
+        begin = np.pad(start[:, chunk], ((0, 0), (0, size - here)), constant_values=1.0)
+        with jax.enable_x64(True):
+            out = solve(
+                part.cos_theta, part.s_share, part.values, part.weights,
+                np.float64(data.eta_i), begin, np.int64(steps),
+                channels=data.channels, lanes=lanes,
+            )  # fmt: skip
+            return np.array(out)[:, :here]
+
+    firsts = range(0, count, size)
+    if len(firsts) == 1:
+        return one(0)
+    # Threads, because a program this small runs on the thread that calls it, without the GIL.
+    with ThreadPoolExecutor(min(len(firsts), os.cpu_count() or 1)) as pool:
+        return np.concatenate(list(pool.map(one, firsts)), axis=1)
+
+
+def _at_far_end(s: Solved) -> np.ndarray:
+    """Where k = 0 was reached at the end of the line that the chart does not measure from."""
+    return s.w >= 4.0 * xi_of(s.x) * (1.0 - 64.0 * FAR_END)
+
+
+def _to_the_end(data: Data, start: np.ndarray, steps: int) -> np.ndarray:
+    """Return ``run``, with the lanes that were cut short run to their end."""
+    solved = run(data, start, steps)
+    for _ in range(3):
+        s = Solved(*solved)
+        flip = _at_far_end(s)
+        short = (s.done == 0) & (s.evaluations < MOST_STEPS) & np.isfinite(s.cost)
+        todo = np.flatnonzero(short | flip)
+        if not len(todo):
+            break
+        turned = flip[todo]
+        again = start[:, todo].copy()
+        again[0] = s.x[todo]
+        again[1] = np.where(turned, W_MIN, s.w[todo])
+        again[2] = np.where(turned, -s.chart[todo], s.chart[todo])
+        again[3] = np.where(turned, START_DAMPING, s.damping[todo])
+        more = run(data.take(todo), again, MOST_STEPS)
+        more[_EVALUATIONS] += s.evaluations[todo]
+        more[-4:] = solved[-4:, todo]  # the second start that the mesh offers
+        solved[:, todo] = more
+    return solved
+
+
+class Minima(NamedTuple):
+    """The best minimum of every curve, and the runner-up (NaN where there is none)."""
+
+    best: Solved
+    other: Solved
+
+
+def minima(data: Data, points: np.ndarray | None = None) -> Minima:
+    """Return the best minimum of every curve and the runner-up.
+
+    points: None, or (3, N): x, w and chart of one more start of each curve, beside the mesh's.
+    """
+    count = data.curves
+    best = _to_the_end(data, start_rows(count), FIRST_STEPS)
+    other = np.full_like(best, np.nan)
+    s = Solved(*best)
+    second = np.stack([s.second_x, s.second_w, s.second_chart])
+    jobs = [(np.flatnonzero(s.separate), second)]
+    if points is not None:
+        jobs.append((np.arange(count), points))
+    for todo, where in jobs:
+        if not len(todo):
+            continue
+        start = start_rows(len(todo), where[:, todo])
+        again = _to_the_end(data.take(todo), start, MOST_STEPS)
+        total = best[_EVALUATIONS, todo] + again[_EVALUATIONS]
+        swap = again[_COST] < best[_COST, todo]
+        low = np.where(swap, again, best[:, todo])
+        high = np.where(swap, best[:, todo], again)
+        low[_EVALUATIONS] = total
+        known = other[_COST, todo] <= high[_COST]
+        best[:, todo] = low
+        other[:, todo] = np.where(known, other[:, todo], high)
+    return Minima(Solved(*best), Solved(*other))
+
+
+def without_absorption(data: Data, x: np.ndarray, chart: np.ndarray) -> Solved:
+    """Return the best fit of every curve with k held at 0, from start ``x``."""
+    start = start_rows(data.curves, np.stack([x, np.full_like(x, W_MIN), chart]), W_MIN)
+    return Solved(*run(data, start, MOST_STEPS))
