@@ -97,6 +97,8 @@ def test_standard_errors_follow_their_values(tmp_path: Path) -> None:
     assert sides.sigma.tolist() == [0.01, 0.02]
     both = read(tmp_path, "aoi,R_s,err (%)\n10,20,1\n20,30,2\n", scale=0.01)
     assert both.sigma.tolist() == [0.01, 0.02]
+    other = read(tmp_path, "aoi,R_s,err (%)\n10,1,.25\n20,1.5,.5\n", scale=0.5)
+    assert other.sigma.tolist() == [0.125, 0.25]
     psi = read(
         tmp_path,
         "aoi,psi (rad),sigma psi (rad)\n" + rows(("50", "60"), ("0.5", "1"), ("0.01",) * 2),
@@ -198,7 +200,8 @@ def test_front_and_back_of_a_slab(tmp_path: Path) -> None:
 
 def test_a_polariser_between_s_and_p(tmp_path: Path) -> None:
     text = "polarizer (deg),angle,R\n0,45,.1\n30,45,.15\n45,45,.2\n90,45,.3\n150,45,.15\n"
-    assert "angle-from-p" in refusal(tmp_path, text)
+    text_of_refusal = refusal(tmp_path, text)
+    assert "angle-from-p" in text_of_refusal and "plane of incidence" in text_of_refusal
     m = read(tmp_path, text, polarization="angle-from-p")
     assert m.quantity.tolist() == ["R_p", "R", "R", "R_s", "R"]
     np.testing.assert_array_equal(m.polarizer_deg, [np.nan, 30.0, np.nan, np.nan, 30.0])

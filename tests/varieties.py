@@ -150,7 +150,7 @@ VARIETIES = {
         b"angle,Rs,reflectance s,Rp\n" + rows(ANGLES, R_S, ("",) * 5, R_P).encode(), BOTH
     ),
     "polarisation beside psi": Variety(
-        b"pol,aoi,psi,delta\n" + rows(("p",) * 5, ANGLES, PSI, DELTA).encode(),
+        b"pol,aoi,psi,delta\n" + rows(("0",) * 5, ANGLES, PSI, DELTA).encode(),
         {"psi": PSI, "delta": DELTA},
     ),
     "settings with a cell of their own": Variety(
