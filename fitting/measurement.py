@@ -16,17 +16,17 @@ from pathlib import Path
 import numpy as np
 
 from fitting.checks import EXCURSION_SIGMAS, Data, check_data, hint_for
-from fitting.columns import choose_columns
 from fitting.errors import MeasurementError as MeasurementError
 from fitting.errors import place
-from fitting.lines import read_lines
-from fitting.longform import long_columns
-from fitting.names import role_of
-from fitting.options import QUANTITIES as QUANTITIES
-from fitting.options import parse_options
-from fitting.rows import keep_rows
-from fitting.table import read_table
-from fitting.woollam import as_plain_table
+from fitting.reader.columns import choose_columns
+from fitting.reader.lines import read_lines
+from fitting.reader.longform import long_columns
+from fitting.reader.names import role_of
+from fitting.reader.options import QUANTITIES as QUANTITIES
+from fitting.reader.options import parse_options
+from fitting.reader.rows import keep_rows
+from fitting.reader.table import read_table
+from fitting.reader.woollam import as_plain_table
 
 
 @dataclass(frozen=True, eq=False)

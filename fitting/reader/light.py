@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.cells import is_missing, is_number, number_or_none
-from fitting.columns import Column, Layout
 from fitting.errors import MeasurementError, place
-from fitting.evidence import light_said
-from fitting.options import Options
-from fitting.rows import numbers_of
-from fitting.table import Table
-from fitting.units import plain
+from fitting.reader.cells import is_missing, is_number, number_or_none
+from fitting.reader.columns import Column, Layout
+from fitting.reader.evidence import light_said
+from fitting.reader.options import Options
+from fitting.reader.rows import numbers_of
+from fitting.reader.table import Table
+from fitting.reader.units import plain
 
 _WORDS = {
     **dict.fromkeys(["s", "te", "perp", "perpendicular", "senkrecht", "spol", "rs"], "s"),

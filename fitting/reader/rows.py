@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitting.cells import is_missing, number_or_none, to_numbers
-from fitting.columns import Column
 from fitting.errors import MeasurementError, place
-from fitting.options import Options
-from fitting.table import Table, find_column
+from fitting.reader.cells import is_missing, number_or_none, to_numbers
+from fitting.reader.columns import Column
+from fitting.reader.options import Options
+from fitting.reader.table import Table, find_column
 
 
 def keep_rows(table: Table, options: Options) -> Table:

@@ -7,13 +7,13 @@ from pathlib import PurePath
 
 import numpy as np
 
-from fitting.columns import Column, Layout
 from fitting.errors import MeasurementError, place
-from fitting.evidence import angle_in_name, angle_said, wavelength_said
-from fitting.options import Options
-from fitting.rows import numbers_of, span_of
-from fitting.table import Table
-from fitting.units import Q_UNITS, WAVELENGTH_UNITS, incidence_deg, wavelength_um
+from fitting.reader.columns import Column, Layout
+from fitting.reader.evidence import angle_in_name, angle_said, wavelength_said
+from fitting.reader.options import Options
+from fitting.reader.rows import numbers_of, span_of
+from fitting.reader.table import Table
+from fitting.reader.units import Q_UNITS, WAVELENGTH_UNITS, incidence_deg, wavelength_um
 
 HALF_PI = 1.5708  # pi / 2 as files round it
 # names by which a column, though not understood, speaks against normal incidence

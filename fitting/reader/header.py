@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 
-from fitting.cells import DIGIT, is_comment, is_number, looks_like_data, split_cells
 from fitting.errors import MeasurementError, place
-from fitting.units import unit_of
+from fitting.reader.cells import DIGIT, is_comment, is_number, looks_like_data, split_cells
+from fitting.reader.units import unit_of
 
 _LETTER = re.compile(r"[^\W\d_]")
 _RULE = re.compile(r"[\s|:=+_\-]*")  # "|---|---|" and empty cells

@@ -7,7 +7,7 @@ import unicodedata
 from functools import lru_cache
 from typing import NamedTuple
 
-from fitting.units import plain, unit_of
+from fitting.reader.units import plain, unit_of
 
 
 def _set(words: str) -> frozenset[str]:
@@ -74,7 +74,7 @@ class Role(NamedTuple):
         the name does not say of what.
     form: of an angle incidence, grazing, 2theta or q; of a wavelength the word that names it
         (wavelength, energy, wavenumber, frequency).
-    unit: a key of :mod:`fitting.units`, "" where the name gives none.
+    unit: a key of :mod:`fitting.reader.units`, "" where the name gives none.
     why: for kind "", why the column cannot be used, if known; for unclear, both readings.
     """
 

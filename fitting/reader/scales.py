@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitting.axes import HALF_PI
-from fitting.columns import Layout
 from fitting.errors import MeasurementError, place
-from fitting.options import Options
-from fitting.rows import span_of
-from fitting.table import Table
+from fitting.reader.axes import HALF_PI
+from fitting.reader.columns import Layout
+from fitting.reader.options import Options
+from fitting.reader.rows import span_of
+from fitting.reader.table import Table
 
 
 def psi_delta_unit(

@@ -6,7 +6,8 @@ import re
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from fitting.cells import (
+from fitting.errors import MeasurementError, place
+from fitting.reader.cells import (
     DELIMITERS,
     DIGIT,
     decide_decimal,
@@ -17,8 +18,7 @@ from fitting.cells import (
     looks_like_data,
     split_cells,
 )
-from fitting.errors import MeasurementError, place
-from fitting.header import Lines, find_header, refuse_strays, uncomment, units_row
+from fitting.reader.header import Lines, find_header, refuse_strays, uncomment, units_row
 
 # a comment after the numbers; "#N/A" and its kin are gaps
 _INLINE = re.compile(r"\s(?:#(?!n/?a|nv|num|value|div)|//|!)", re.IGNORECASE)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.errors import MeasurementError
-from fitting.units import plain, unit_of, wavelength_um
+from fitting.reader.units import plain, unit_of, wavelength_um
 
 _NUMBER = r"([0-9]+(?:[.,][0-9]+)?)"
 _WAVELENGTH = re.compile(

@@ -6,16 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.axes import angles, wavelengths
 from fitting.checks import Data
-from fitting.columns import Column, Layout
 from fitting.errors import MeasurementError, place
-from fitting.light import light_of_rows
-from fitting.options import Options
-from fitting.rows import numbers_of, refuse_gaps
-from fitting.scales import power_scale, psi_delta_unit
-from fitting.table import Table
-from fitting.units import scaled
+from fitting.reader.axes import angles, wavelengths
+from fitting.reader.columns import Column, Layout
+from fitting.reader.light import light_of_rows
+from fitting.reader.options import Options
+from fitting.reader.rows import numbers_of, refuse_gaps
+from fitting.reader.scales import power_scale, psi_delta_unit
+from fitting.reader.table import Table
+from fitting.reader.units import scaled
 
 
 class LongColumns(NamedTuple):

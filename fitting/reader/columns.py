@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple, NoReturn
 
-from fitting.cells import is_missing, is_number, to_numbers
 from fitting.errors import MeasurementError, place
-from fitting.names import Role, role_of
-from fitting.options import Options
-from fitting.table import Table, find_column, label_of
+from fitting.reader.cells import is_missing, is_number, to_numbers
+from fitting.reader.names import Role, role_of
+from fitting.reader.options import Options
+from fitting.reader.table import Table, find_column, label_of
 
 _FORMS = {"eV": "energy", "keV": "energy", "cm-1": "wavenumber", "THz": "frequency"}
 _STATISTICS = frozenset(

@@ -11,8 +11,8 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
-from fitting.cells import DELIMITERS
-from fitting.units import unit_of
+from fitting.reader.cells import DELIMITERS
+from fitting.reader.units import unit_of
 
 _COLUMNS = ("angle (deg)", "psi (deg)", "delta (deg)", "sigma psi (deg)", "sigma delta (deg)")
 
