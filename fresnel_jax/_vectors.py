@@ -79,14 +79,9 @@ def select(condition: Array, v: Vector, w: Vector) -> Vector:
 
 
 def normalize(v: Vector) -> Vector:
-    """v / |v|, to 2 eps for every finite v; the zero vector is given back as it is.
+    """v / |v|, to 3 eps; the zero vector, or one whose square underflows, is given back as it is.
 
-    v is divided by its largest component first, so that no square under- or overflows. v / |v| does
-    not depend on that divisor, hence neither does the derivative, which is taken as if it were
-    constant; at the zero vector it is finite and means nothing.
+    The derivative at the zero vector is finite and means nothing.
     """
-    largest = jnp.maximum(jnp.maximum(jnp.abs(v.x), jnp.abs(v.y)), jnp.abs(v.z))
-    largest = jax.lax.stop_gradient(jnp.where(largest > 0.0, largest, 1.0))
-    v = Vector(v.x / largest, v.y / largest, v.z / largest)
     squared = dot(v, v)
     return scale(1.0 / jnp.sqrt(jnp.where(squared > 0.0, squared, 1.0)), v)

@@ -175,7 +175,7 @@ class Dielectric(eqx.Module):
         bent, cos_t, bends = refract_components(o, m, cosine, self.eta)
         i = select(reflection, mirrored, bent)
         on_its_side = jnp.where(reflection, o.z * i.z > 0.0, (o.z * i.z < 0.0) & bends)
-        valid = leaves & on_its_side & (cosine * o.z > 0.0) & possible
+        valid = leaves & on_its_side & possible
 
         one = jnp.ones_like(o.z)
         smooth = Bounce(1.0 / jnp.where(valid, jnp.abs(i.z), one), one, one)

@@ -145,9 +145,9 @@ def half_vector(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Array:
     where eta_o and eta_i are the indices of the sides that wo and wi lie on.
 
     Arguments: `wo`, `wi`, shape (..., 3); `eta` > 0, index inside over outside, shape (...).
-    Returns a unit vector, shape (..., 3). Across the surface its error is eps / |eta - 1|: so much
-    does it depend on the directions themselves. Where the sum vanishes (wi = -wo at eta = 1) there
-    is no such normal, and +z is given back.
+    Returns a unit vector, shape (..., 3), to 4 eps for the directions as given; their own
+    rounding moves it by eps / |eta - 1| across the surface. Where the sum vanishes (wi = -wo at
+    eta = 1) there is no such normal, and +z is given back.
     Source: Walter et al. 2007, doi:10.2312/EGWR/EGSR07/195-206, eq. 13 and 16.
     """
     return stack(half_vector_of(components(wo, "wo"), components(wi, "wi"), as_float(eta)))

@@ -166,6 +166,23 @@ def test_equilibrium_radiance_goes_through_unchanged(cosine):
     np.testing.assert_allclose(total, eta**2 if cosine < 0 else 1.0, rtol=1e-14)
 
 
+def test_specular_brdf_is_reciprocal_and_the_btdf_is_not():
+    """delta(wi - T(wo)) / (cos_i eta_i^2) is the same from both ends, so f / eta_o^2 must be."""
+    wo, eta = direction(np.array([0.9, 0.5, 0.1])), 1.5
+    there = bsdf.Dielectric(eta).sample(wo, 0.5, U, Lobes.REFLECTION)
+    back = bsdf.Dielectric(eta).sample(there.direction, 0.5, U, Lobes.REFLECTION)
+    np.testing.assert_allclose(back.direction, wo, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(back.value, there.value, rtol=1e-15)
+    there = bsdf.Dielectric(eta).sample(wo, 0.5, U, Lobes.TRANSMISSION)
+    back = bsdf.Dielectric(eta).sample(there.direction, 0.5, U, Lobes.TRANSMISSION)
+    np.testing.assert_allclose(back.direction, wo, rtol=0, atol=1e-14)
+    # coefficients of delta / (cos_i eta_i^2)
+    f_there = np.asarray(there.value) * np.abs(there.direction[:, 2]) * eta**2
+    f_back = np.asarray(back.value) * np.abs(back.direction[:, 2]) * 1.0
+    np.testing.assert_allclose(f_there / 1.0, f_back / eta**2, rtol=1e-13)
+    assert np.all(f_back > 2.0 * f_there)
+
+
 def test_importance_is_radiance_times_the_squared_index():
     for name in ("dielectric", "inverse"):
         model, wo = MODELS[name](), direction(COSINES)

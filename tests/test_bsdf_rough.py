@@ -121,7 +121,9 @@ def test_a_sample_agrees_with_evaluate_and_density(name, lobes, mode):
     np.testing.assert_allclose(np.asarray(s.density)[some], p[some], rtol=rtol)
     weight = np.asarray(value) * cosine / np.where(good, p, 1.0)
     np.testing.assert_allclose(np.asarray(s.weight)[some], weight[some], rtol=1e-6)
-    np.testing.assert_allclose(np.asarray(s.weight)[good], (s.value * cosine / s.density)[good])
+    # XLA computes each result in a loop of its own, in which cos_i may round differently
+    quotient = s.value * cosine / s.density
+    np.testing.assert_allclose(np.asarray(s.weight)[some], quotient[some], rtol=1e-11)
     assert not np.any(np.asarray(s.weight)[~good]) and not np.any(np.asarray(s.density)[~good])
     if mode is TransportMode.IMPORTANCE:
         assert np.max(s.weight) <= 1.0 + 1e-14
@@ -204,7 +206,7 @@ def test_equilibrium_from_either_side(alpha, mu):
         for lobe in (Lobes.REFLECTION, Lobes.TRANSMISSION)
     )
     # the root of T at a facet's critical angle leaves 1e-4 in either rule
-    np.testing.assert_allclose(back / n_o**2, albedo, atol=2e-4)
+    np.testing.assert_allclose(back / n_o**2, albedo, rtol=0, atol=2e-4)
     assert albedo <= 1.0
 
 
