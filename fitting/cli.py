@@ -1,0 +1,295 @@
+"""The command ``fresnel-fit FILE``: a measured curve in; a table, JSON, CSV and a picture out.
+
+What the command needs is imported where it is needed, so that ``--help`` and a mistyped option
+answer at once and only ``--plot`` pays for matplotlib.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import sys
+import warnings
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from fitting.fit import FitResult
+    from fitting.measurement import Measurement
+
+PROGRAM = "fresnel-fit"
+FITTED, NOT_FITTED, MISUSED, INTERRUPTED = 0, 1, 2, 130
+# What a script may take as an index. "undetermined" is not: it is one of many that fit alike.
+GOOD = ("converged", "converged at k = 0")
+
+_DESCRIPTION = """\
+Fit the complex refractive index eta + i k of one bare interface to measured reflectance: R_s, R_p or
+unpolarised R over the angle of incidence, at one wavelength or wavelength by wavelength.
+"""
+
+_EPILOG = """\
+example:
+  fresnel-fit gold.csv --plot gold.png --json gold.json
+
+where gold.csv holds angles in degrees and reflectances as fractions (or percent), for example
+  angle_deg,R_s,sigma_R_s,R_p,sigma_R_p
+  30,0.76,0.002,0.67,0.002
+  45,0.79,0.002,0.66,0.002
+How the file was understood is the first line of the table; the options under "reading" overrule it.
+A value that begins with a minus sign is written --missing=-9999.
+
+exit status:
+  0    every curve was fitted
+  1    of a curve or more the data give no index: the fit did not converge, or the data determine
+       only a combination of eta and k (the table and the JSON field "status" say which)
+  2    the command, the file or a value in it cannot be understood, or a result cannot be written
+  130  interrupted
+
+Compiled programs are kept in $XDG_CACHE_HOME/fresnel-fit (~/.cache/fresnel-fit), which may be deleted.
+"""
+
+_READING = (
+    ("columns", "ROLE=COLUMN,..", "columns by header name or number: angle=1,R_s=2,sigma_R_s=3"),
+    ("angle-deg", "DEGREES", "angle of incidence of a file that has no column for it"),
+    ("angle-unit", "UNIT", "deg, rad, mrad, deg.arcmin, grazing-deg, 1/angstrom, ..."),
+    ("wavelength-um", "UM", "wavelength of a file that has no column for it, micrometres"),
+    ("wavelength-unit", "UNIT", "nm, um, angstrom, eV, cm-1, THz, ..."),
+    ("polarization", "LIGHT", "s, p or unpolarized; or what a column's codes mean: 0=s,1=p"),
+    ("scale", "FACTOR", "factor that makes R a fraction: 0.01 for percent"),
+    ("sigma", "SIGMA", "standard error of values that have none, a fraction"),
+    ("psi-unit", "UNIT", "deg or rad"),
+    ("missing", "VALUES", "numbers or words that stand for a gap: 0 or -9999,bad"),
+    ("keep", "COLUMN=VALUES", "rows to read, by the value of a column: Zone=1,2"),
+    ("lines", "FROM-TO", "lines to read: 10-200, 10- or -200"),
+    ("delimiter", "NAME", "tab, semicolon, comma, pipe, blank, or the sign"),
+    ("decimal", "SIGN", "decimal mark, . or ,"),
+    ("encoding", "NAME", "text encoding: utf-8, latin-1, utf-16, ..."),
+)
+
+
+class _Version(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            found = version("fresnel-jax")
+        except PackageNotFoundError:
+            found = "(not installed)"
+        print(f"{PROGRAM} {found}")
+        parser.exit()
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        PROGRAM,
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("file", metavar="FILE", help="text file with the measurement (CSV and its kin)")
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    results = parser.add_argument_group("results", "Files are written whole or not at all.")
+    results.add_argument("--json", metavar="OUT", help="eta, k, errors, status and all else; - for stdout")
+    results.add_argument(
+        "--csv",
+        metavar="OUT",
+        help="data, fitted values and residuals; of a spectrum also eta and k, in OUT with .index "
+        "before the suffix",
+    )
+    results.add_argument(
+        "--plot", metavar="OUT", help="picture of data, fit and residuals: .png, .pdf or .svg"
+    )
+    results.add_argument("--quiet", action="store_true", help="print no table")
+    fitting = parser.add_argument_group("fitting")
+    fitting.add_argument(
+        "--eta-i", metavar="INDEX", type=float, default=1.0,
+        help="index of the medium that the light comes from (default 1)",
+    )  # fmt: skip
+    errors = fitting.add_mutually_exclusive_group()
+    errors.add_argument(
+        "--equal-weights", action="store_true", help="weigh all data alike, whatever their errors"
+    )
+    errors.add_argument(
+        "--absolute-sigma",
+        action="store_true",
+        help="take the stated errors as they are; by default the errors of eta and k are multiplied "
+        "by sqrt(chi2/dof)",
+    )
+    reading = parser.add_argument_group("reading")
+    for name, metavar, text in _READING:
+        reading.add_argument(f"--{name}", metavar=metavar, help=text)
+    return parser
+
+
+class _Refused(Exception):
+    """The user's to mend; the text says how."""
+
+
+@contextlib.contextmanager
+def _refusals() -> Iterator[None]:
+    """Turn the ValueErrors of reading and fitting, whose texts are for the user, into _Refused.
+
+    Only there: a ValueError from anywhere else is a defect and should show its traceback.
+    """
+    try:
+        yield
+    except ValueError as error:
+        raise _Refused(error) from error
+
+
+def _cache_folder() -> Path | None:
+    """Return the folder for compiled programs, made if need be; None where there can be none."""
+    try:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        folder = base / PROGRAM
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        # Programs are run from here, so it must be the user's own and nobody else's to write to.
+        if hasattr(os, "getuid"):
+            status = folder.stat()
+            if status.st_uid != os.getuid() or status.st_mode & 0o022:
+                return None
+        return folder if os.access(folder, os.W_OK) else None
+    except (OSError, RuntimeError):  # RuntimeError: no home folder
+        return None
+
+
+def _set_up_jax() -> None:
+    """Turn on float64 and the compile cache, on the CPU (unless JAX_PLATFORMS says otherwise)."""
+    import jax
+
+    from fitting.stored import use_folder
+
+    jax.config.update("jax_enable_x64", True)
+    if not os.environ.get("JAX_PLATFORMS"):
+        jax.config.update("jax_platforms", "cpu")
+    folder = _cache_folder()
+    use_folder(folder)
+    if folder is not None and not os.environ.get("JAX_COMPILATION_CACHE_DIR"):
+        jax.config.update("jax_compilation_cache_dir", str(folder / "jax"))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+@contextlib.contextmanager
+def _cheap_start() -> Iterator[None]:
+    """Leave cyclic garbage alone meanwhile: looking for it in what jax imports costs 0.05 s."""
+    import gc
+
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
+def _read(arguments: argparse.Namespace) -> Measurement:
+    from fitting.measurement import read_csv
+
+    names = [name.replace("-", "_") for name, *_ in _READING]
+    return read_csv(arguments.file, **{name: getattr(arguments, name) for name in names})
+
+
+def _fit(measurement: Measurement, arguments: argparse.Namespace) -> FitResult:
+    _set_up_jax()
+    from fitting.fit import fit
+
+    with warnings.catch_warnings():
+        # A cache folder that is full or was taken away is not the user's business here.
+        warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
+        return fit(
+            measurement,
+            eta_i=arguments.eta_i,
+            sigma="equal" if arguments.equal_weights else "given",
+            absolute_sigma=arguments.absolute_sigma,
+        )
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    import numpy as np
+
+    from fitting import report
+    from fitting.outputs import Outputs
+
+    if arguments.plot:
+        from fitting.plot import check_picture
+
+        with _refusals():
+            check_picture(arguments.plot)
+    with _refusals():
+        measurement = _read(arguments)
+    spectrum = len(np.unique(measurement.wavelength_um)) > 1
+    with Outputs() as outputs:
+        staged = {}
+        wanted = {"--json": arguments.json, "--csv": arguments.csv, "--plot": arguments.plot}
+        to_stdout = arguments.json == "-"
+        if to_stdout:
+            del wanted["--json"]
+        if arguments.csv and spectrum:
+            path = Path(arguments.csv)
+            wanted["index"] = str(path.with_name(f"{path.stem}.index{path.suffix}"))
+        for flag, path in wanted.items():
+            if path is not None:
+                name = "--csv" if flag == "index" else flag
+                with _refusals():
+                    staged[flag] = outputs.open(path, flag=name, source=arguments.file)
+        with _refusals():
+            result = _fit(measurement, arguments)
+        if to_stdout:
+            _print(report.json_text(result, measurement))
+        elif not arguments.quiet:
+            width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
+            _print(report.table(result, measurement, width))
+        if "--json" in staged:
+            staged["--json"].write_text(report.json_text(result, measurement), encoding="utf-8")
+        if "--csv" in staged:
+            from fitting.curve import fitted_values
+
+            fitted = fitted_values(result, measurement)
+            text = report.data_csv(result, measurement, *fitted)
+            staged["--csv"].write_text(text, encoding="utf-8")
+        if "index" in staged:
+            text = report.index_csv(result, measurement)
+            staged["index"].write_text(text, encoding="utf-8")
+        if "--plot" in staged:
+            from fitting.plot import save_plot
+
+            save_plot(result, measurement, staged["--plot"], Path(arguments.plot).suffix)
+        outputs.publish()
+    return FITTED if all(status in GOOD for status in np.atleast_1d(result.status)) else NOT_FITTED
+
+
+def _print(text: str) -> None:
+    """Print ``text``; who stops reading early (``| head``) has seen enough, and files are written."""
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Python flushes stdout once more when it exits, and would complain.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command with ``argv`` (default: the process's arguments) and return its exit status.
+
+    0: every curve was fitted. 1: of a curve or more the data give no index. 2: the command, the
+    file or a value in it cannot be understood, or a result cannot be written. 130: interrupted.
+    A mistake of the user ends in one line on stderr that says what to do. ``--help``, ``--version``
+    and a mistyped option end in SystemExit, as argparse does it.
+    """
+    try:
+        arguments = _parser().parse_args(argv)
+        with _cheap_start():
+            return _run(arguments)
+    except KeyboardInterrupt:
+        print(file=sys.stderr)
+        return INTERRUPTED
+    except OSError as error:  # a full disk, for one
+        print(f"{PROGRAM}: {error.filename or 'writing'}: {error.strerror}", file=sys.stderr)
+    except _Refused as error:
+        print(f"{PROGRAM}: {error}", file=sys.stderr)
+    return MISUSED

@@ -1,0 +1,289 @@
+"""What a person or a script reads of a fit: the table on the terminal, JSON and CSV."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import re
+import textwrap
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from fitting.fit import FitResult
+    from fitting.measurement import Measurement
+
+_LABEL = 13
+_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+def number(value: float, digits: int = 4) -> str:
+    """Return ``value`` with that many significant digits, trailing zeros kept; "-" for NaN."""
+    if math.isnan(value):
+        return "-"
+    text = f"{value:#.{digits}g}"
+    return text.removesuffix(".")
+
+
+def with_error(value: float, sigma: float) -> str:
+    """Return ``0.344 +- 0.031``: the error with two digits, the value to the same place.
+
+    Without an error (NaN) six digits of the value; an error below 1e-12 of the value is shown by
+    its magnitude, since the value has no more digits to show.
+    """
+    if math.isnan(value):
+        return "-"
+    if not (math.isfinite(sigma) and sigma > 0.0):
+        return f"{value:.6g}"
+    if sigma < 1e-12 * abs(value):
+        return f"{value:.13g} +- {sigma:.0e}"
+    exponent = math.floor(math.log10(float(f"{sigma:.1e}")))
+    decimals = 1 - exponent
+    if 0 <= decimals <= 9:
+        return f"{value:.{decimals}f} +- {sigma:.{decimals}f}"
+    # Far from 1: one power of ten for both, that of the larger.
+    power = math.floor(math.log10(max(abs(value), sigma)))
+    decimals = max(power - exponent + 1, 1)
+    scale = 10.0**power
+    return f"({value / scale:.{decimals}f} +- {sigma / scale:.{decimals}f})e{power:+03d}"
+
+
+def _k_text(k: float, sigma_k: float, upper: float, status: str) -> str:
+    limit = f" (< {number(upper, 2)})" if math.isfinite(upper) else ""
+    if k == 0.0 or status == "converged at k = 0":
+        return "0" + limit
+    return (with_error(k, sigma_k) if math.isfinite(sigma_k) or not limit else number(k, 2)) + limit
+
+
+def _wrapped(label: str, text: str, width: int) -> str:
+    indent = " " * (2 + _LABEL)
+    first = f"  {label:<{_LABEL}}"
+    return textwrap.fill(
+        text,
+        max(width, 40),
+        initial_indent=first,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def _errors_text(result: FitResult) -> str:
+    """Return how the standard errors were made; "" where there are none."""
+    if not np.any(np.isfinite(np.asarray(result.sigma_eta))):
+        return ""
+    if result.sigma_kind == "absolute":
+        return "one standard error, from the stated errors as they are"
+    if not np.any(np.isfinite(np.asarray(result.chi2))):
+        return "one standard error, from the scatter about the fit (equal weights)"
+    return "one standard error, from the stated errors times sqrt(chi2/dof)"
+
+
+def _head(result: FitResult, measurement: Measurement, width: int) -> list[str]:
+    incident = f"light from a medium of index {result.eta_i:.10g}"
+    return [
+        measurement.source,
+        _wrapped("read", measurement.understood.removeprefix("read "), width),
+        _wrapped("model", f"one bare interface, {incident}", width),
+        "",
+    ]
+
+
+def _one_curve(result: FitResult, width: int) -> list[str]:
+    undetermined = result.status == "undetermined"
+    aside = "  (one of many that fit alike; see the warning)" if undetermined else ""
+    limit = ", 95 % upper limit in brackets" if math.isfinite(result.k_upper_limit) else ""
+    rows = [
+        ("eta", with_error(result.eta, result.sigma_eta) + aside),
+        ("k", _k_text(result.k, result.sigma_k, result.k_upper_limit, result.status) + limit + aside),
+    ]
+    if not math.isnan(result.correlation):
+        rows.append(("correlation", f"{result.correlation:.3f}"))
+    if not math.isnan(result.chi2):
+        each = f"{number(result.chi2_reduced, 3)}" if result.dof else "-"
+        rows.append(("chi2/dof", f"{each}  ({number(result.chi2)} / {result.dof})"))
+    else:
+        rows.append(("dof", str(result.dof)))
+    rows.append(("rms", f"{number(result.rms, 3)}  (of R, unweighted)"))
+    if errors := _errors_text(result):
+        rows.append(("errors", errors))
+    rows.append(("status", f"{result.status}, {result.iterations} evaluations"))
+    lines = [_wrapped(label, text, width) for label, text in rows]
+    for other in result.alternatives:
+        text = f"eta {number(other['eta'])}, k {number(other['k'])} fits nearly as well: "
+        lines.append(_wrapped("or else", text + f"chi2 + {number(other['delta_chi2'], 2)}", width))
+    return lines + _warnings([("warning", text) for text in result.warnings], width)
+
+
+def _warnings(labelled: Iterable[tuple[str, str]], width: int) -> list[str]:
+    lines = [_wrapped(label, text, width) for label, text in labelled]
+    return ["", *lines] if lines else []
+
+
+def _grouped(warnings: Sequence[Sequence[str]]) -> dict[str, list[int]]:
+    """Return kind of warning -> the curves that have it; kinds differ in more than numbers."""
+    groups: dict[str, list[int]] = {}
+    for i, texts in enumerate(warnings):
+        for text in texts:
+            groups.setdefault(_NUMBER.sub("#", text), []).append(i)
+    return groups
+
+
+def _table(rows: list[list[str]]) -> list[str]:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return [
+        "  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+
+
+def _wavelength(curve: FitResult) -> str:
+    return f"{curve.wavelength_um:.6g}"
+
+
+def _many_curves(result: FitResult, width: int) -> list[str]:
+    warnings = [tuple(texts) for texts in result.warnings]
+    groups = _grouped(warnings)
+    signs = {kind: str(i) for i, kind in enumerate(groups, 1)}
+    rows = [["wavelength_um", "eta", "k", "chi2/dof", "rms", "status", "notes" if groups else ""]]
+    curves = [result.at(i) for i in range(len(result.eta))]
+    for curve, texts in zip(curves, warnings, strict=True):
+        kinds = dict.fromkeys(_NUMBER.sub("#", text) for text in texts)
+        index = (
+            with_error(curve.eta, curve.sigma_eta),
+            _k_text(curve.k, curve.sigma_k, curve.k_upper_limit, curve.status),
+        )
+        # In brackets: one of many that fit alike.
+        loose = curve.status == "undetermined"
+        rows.append([
+            _wavelength(curve),
+            *(f"({text})" if loose else text for text in index),
+            number(curve.chi2_reduced, 3),
+            number(curve.rms, 3),
+            curve.status,
+            " ".join(signs[kind] for kind in kinds),
+        ])  # fmt: skip
+    lines = _table(rows)
+    counts: dict[str, int] = {}
+    for curve in curves:
+        counts[curve.status] = counts.get(curve.status, 0) + 1
+    total = ", ".join(f"{count} {status}" for status, count in counts.items())
+    lines += ["", _wrapped("status", f"{len(curves)} wavelengths: {total}", width)]
+    if errors := _errors_text(result):
+        lines.append(_wrapped("errors", errors, width))
+    if any(math.isfinite(curve.k_upper_limit) for curve in curves):
+        lines.append(_wrapped("(< k)", "95 % upper limit of k", width))
+    labelled = []
+    for kind, members in groups.items():
+        first = next(t for t in warnings[members[0]] if _NUMBER.sub("#", t) == kind)
+        where = f"at {_wavelength(curves[members[0]])} um"
+        if len(members) > 1:
+            where += f" and, with figures of their own, {len(members) - 1} more"
+        labelled.append((f"note {signs[kind]}", f"{first} ({where})"))
+    return lines + _warnings(labelled, width)
+
+
+def table(result: FitResult, measurement: Measurement, width: int = 80) -> str:
+    """Return the fit as lines of at most ``width`` characters (rows of a spectrum are longer).
+
+    result: of `fitting.fit` on ``measurement``; one curve, or one a wavelength.
+    One curve: what was read, eta and k with one standard error, how they are correlated, chi2, rms,
+    status, second solutions and warnings. A spectrum: one line a wavelength, warnings of one kind
+    together under a number.
+    """
+    lines = _head(result, measurement, width)
+    one = np.ndim(result.eta) == 0
+    lines += _one_curve(result, width) if one else _many_curves(result, width)
+    if result.notes:
+        lines += _warnings([("note", text) for text in result.notes], width)
+    return "\n".join(lines) + "\n"
+
+
+def plain(value: Any) -> Any:
+    """Return ``value`` as what JSON has: lists, dicts, numbers, strings; None for NaN and infinity."""
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def json_text(result: FitResult, measurement: Measurement) -> str:
+    """Return the fit as a JSON object, a field a line, with the names of ``FitResult.to_dict``.
+
+    NaN is null. Two fields come first that the fit does not know: ``source`` and ``understood``.
+    """
+    fields = {
+        "source": measurement.source,
+        "understood": measurement.understood,
+        **result.to_dict(),
+    }
+    lines = (
+        f"  {json.dumps(name)}: {json.dumps(plain(value), allow_nan=False)}"
+        for name, value in fields.items()
+    )
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _csv(comments: Iterable[str], columns: dict[str, Iterable[Any]]) -> str:
+    out = io.StringIO()
+    for comment in comments:
+        out.write("# " + " ".join(comment.split()) + "\n")
+    out.write(",".join(columns) + "\n")
+    for row in zip(*columns.values(), strict=True):
+        cells = ("" if isinstance(c, float) and math.isnan(c) else str(c) for c in row)
+        out.write(",".join(cells) + "\n")
+    return out.getvalue()
+
+
+def _comments(result: FitResult, measurement: Measurement) -> list[str]:
+    comments = [f"{measurement.source}: {measurement.understood}"]
+    if np.ndim(result.eta) == 0:
+        fitted = f"eta {result.eta!r}, k {result.k!r}"
+        comments.append(f"one bare interface, eta_i {result.eta_i!r}: {fitted}, {result.status}")
+    else:
+        comments.append(f"one bare interface, eta_i {result.eta_i!r}, wavelength by wavelength")
+    return comments
+
+
+def data_csv(
+    result: FitResult, measurement: Measurement, fitted: np.ndarray, sigma_fitted: np.ndarray
+) -> str:
+    """Return the measurement as CSV, a datum a row, with the fitted value beside each.
+
+    fitted, sigma_fitted: as `fitting.curve.fitted_values` gives them, NaN where not fitted.
+    Numbers are written so that they read back to the last bit; what is not known is empty;
+    residual = value - fitted. Wavelength and polariser are left out where no row has one.
+    """
+    m = measurement
+    columns: dict[str, Iterable[Any]] = {"angle_deg": m.angle_deg.tolist()}
+    if np.isfinite(m.wavelength_um).any():
+        columns["wavelength_um"] = m.wavelength_um.tolist()
+    columns["quantity"] = m.quantity.tolist()
+    if np.isfinite(m.polarizer_deg).any():
+        columns["polarizer_deg"] = m.polarizer_deg.tolist()
+    columns |= {
+        "value": m.value.tolist(),
+        "sigma": m.sigma.tolist(),
+        "fitted": np.asarray(fitted).tolist(),
+        "sigma_fitted": np.asarray(sigma_fitted).tolist(),
+        "residual": (m.value - fitted).tolist(),
+    }
+    return _csv(_comments(result, measurement), columns)
+
+
+def index_csv(result: FitResult, measurement: Measurement) -> str:
+    """Return eta and k over wavelength as CSV, a wavelength a row; what is not known is empty."""
+    names = ("wavelength_um", "eta", "sigma_eta", "k", "sigma_k", "correlation", "k_upper_limit")
+    names += ("chi2", "dof", "n_data", "rms", "status")
+    columns = {name: np.atleast_1d(getattr(result, name)).tolist() for name in names}
+    return _csv(_comments(result, measurement), columns)
