@@ -172,7 +172,7 @@ class Dielectric(eqx.Module):
         reflected, transmitted = self._lobe_powers(fresnel, lobes)
         reflection, power, probability, possible = choose_lobe(u_lobe, reflected, transmitted)
         mirrored = reflect_components(o, m, cosine)
-        bent, cos_t, bends = refract_components(o, m, cosine, self.eta)
+        bent, cos_t, bends = refract_components(o, m, cosine, eta_o, eta_i)
         i = select(reflection, mirrored, bent)
         on_its_side = jnp.where(reflection, o.z * i.z > 0.0, (o.z * i.z < 0.0) & bends)
         valid = leaves & on_its_side & possible

@@ -67,18 +67,18 @@ def reflect_components(wo: Vector, n: Vector, cosine: Array) -> Vector:
     return add(scale(2.0 * cosine, n), scale(-1.0, wo))
 
 
-def refract_components(wi: Vector, n: Vector, cosine: Array, eta: Array) -> _Refracted:
-    """`refract`, given wi . n, with the positive cosine of the refracted ray.
+def refract_components(
+    wi: Vector, n: Vector, cosine: Array, eta_i: Array, eta_t: Array
+) -> _Refracted:
+    """`refract`, given wi . n and the indices of both sides, with the refracted ray's cosine >= 0.
 
     eta_t cos_t = Q, the normal wavevector of `_boundary`, which keeps its relative accuracy at the
     critical angle. The tangential part comes from wi itself, not from 1 - cos^2: near normal
     incidence a cosine no longer knows the tilt. What wi lacks to unit length would come out
     multiplied by 1 / eta^2 (16 eps in length for eta = 1/4), hence the normalisation.
     """
-    inside = cosine < 0.0
-    eta_i, eta_t = sides(inside, eta)
-    dtype = jnp.result_type(cosine, eta)
-    cosine, eta_i, eta_t = (a.astype(dtype) for a in jnp.broadcast_arrays(cosine, eta_i, eta_t))
+    dtype = jnp.result_type(cosine, eta_i)
+    cosine, eta_i, eta_t = (a.astype(dtype) for a in (cosine, eta_i, eta_t))
     root, _ = boundary(jnp.abs(cosine), eta_t, None, eta_i, exactly=True).q
     # Only where the squared cosine has underflown: elsewhere the root carries d cos_t / d eta.
     straight_on = (eta_i == eta_t) & (root == 0.0)
@@ -86,7 +86,7 @@ def refract_components(wi: Vector, n: Vector, cosine: Array, eta: Array) -> _Ref
     valid = (root > 0.0) | straight_on
     ratio = eta_i / eta_t
     tangential = add(scale(cosine, n), scale(-1.0, wi))
-    normal_part = jnp.where(inside, cos_t, -cos_t)
+    normal_part = jnp.where(cosine < 0.0, cos_t, -cos_t)
     return _Refracted(normalize(add(scale(ratio, tangential), scale(normal_part, n))), cos_t, valid)
 
 
@@ -127,8 +127,8 @@ def refract(wi: ArrayLike, n: ArrayLike, eta: ArrayLike) -> Refraction:
     """
     w, normal, eta = components(wi, "wi"), components(n, "n"), as_float(eta)
     cosine = dot_exactly(w, normal)
-    refracted = refract_components(w, normal, cosine, eta)
     eta_i, eta_t = sides(cosine < 0.0, eta)
+    refracted = refract_components(w, normal, cosine, eta_i, eta_t)
     return Refraction(stack(refracted.direction), eta_t / eta_i, refracted.valid)
 
 
