@@ -24,30 +24,37 @@ FITTED, NOT_FITTED, MISUSED, INTERRUPTED = 0, 1, 2, 130
 # What a script may take as an index. "undetermined" is not: it is one of many that fit alike.
 GOOD = ("converged", "converged at k = 0")
 
+_FLAGS = {"json": "--json", "csv": "--csv", "index": "--csv", "plot": "--plot"}
+
 _DESCRIPTION = """\
-Fit the complex refractive index eta + i k of one bare interface to measured reflectance: R_s, R_p or
-unpolarised R over the angle of incidence, at one wavelength or wavelength by wavelength.
+Fit the complex refractive index eta + i k of one bare interface to measured
+reflectance: R_s, R_p or unpolarised R over the angle of incidence, at one
+wavelength or wavelength by wavelength.
 """
 
 _EPILOG = """\
 example:
   fresnel-fit gold.csv --plot gold.png --json gold.json
 
-where gold.csv holds angles in degrees and reflectances as fractions (or percent), for example
+where gold.csv has angles in degrees and reflectances as fractions or percent:
   angle_deg,R_s,sigma_R_s,R_p,sigma_R_p
   30,0.76,0.002,0.67,0.002
   45,0.79,0.002,0.66,0.002
-How the file was understood is the first line of the table; the options under "reading" overrule it.
-A value that begins with a minus sign is written --missing=-9999.
+The first line of the table says how the file was understood; the options under
+"reading" overrule it. A value that begins with a minus sign needs the equals
+sign: --missing=-9999.
 
 exit status:
   0    every curve was fitted
-  1    of a curve or more the data give no index: the fit did not converge, or the data determine
-       only a combination of eta and k (the table and the JSON field "status" say which)
-  2    the command, the file or a value in it cannot be understood, or a result cannot be written
+  1    of a curve or more the data give no index: the fit did not converge, or
+       the data determine only a combination of eta and k (the table and the
+       field "status" of the JSON say which)
+  2    the command, the file or a value in it cannot be understood, or a result
+       cannot be written
   130  interrupted
 
-Compiled programs are kept in $XDG_CACHE_HOME/fresnel-fit (~/.cache/fresnel-fit), which may be deleted.
+Compiled programs are kept in $XDG_CACHE_HOME/fresnel-fit or
+~/.cache/fresnel-fit, which may be deleted at any time.
 """
 
 _READING = (
@@ -84,15 +91,20 @@ class _Version(argparse.Action):
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         PROGRAM,
+        usage="%(prog)s [options] FILE",
         description=_DESCRIPTION,
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    parser.add_argument("file", metavar="FILE", help="text file with the measurement (CSV and its kin)")
+    parser.add_argument(
+        "file", metavar="FILE", help="text file with the measurement (CSV and its kin)"
+    )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     results = parser.add_argument_group("results", "Files are written whole or not at all.")
-    results.add_argument("--json", metavar="OUT", help="eta, k, errors, status and all else; - for stdout")
+    results.add_argument(
+        "--json", metavar="OUT", help="eta, k, errors, status and all else; - for stdout"
+    )
     results.add_argument(
         "--csv",
         metavar="OUT",
@@ -115,8 +127,8 @@ def _parser() -> argparse.ArgumentParser:
     errors.add_argument(
         "--absolute-sigma",
         action="store_true",
-        help="take the stated errors as they are; by default the errors of eta and k are multiplied "
-        "by sqrt(chi2/dof)",
+        help="take the stated errors as they are; by default the errors of eta and k are "
+        "multiplied by sqrt(chi2/dof)",
     )
     reading = parser.add_argument_group("reading")
     for name, metavar, text in _READING:
@@ -140,53 +152,6 @@ def _refusals() -> Iterator[None]:
         raise _Refused(error) from error
 
 
-def _cache_folder() -> Path | None:
-    """Return the folder for compiled programs, made if need be; None where there can be none."""
-    try:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-        folder = base / PROGRAM
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        # Programs are run from here, so it must be the user's own and nobody else's to write to.
-        if hasattr(os, "getuid"):
-            status = folder.stat()
-            if status.st_uid != os.getuid() or status.st_mode & 0o022:
-                return None
-        return folder if os.access(folder, os.W_OK) else None
-    except (OSError, RuntimeError):  # RuntimeError: no home folder
-        return None
-
-
-def _set_up_jax() -> None:
-    """Turn on float64 and the compile cache, on the CPU (unless JAX_PLATFORMS says otherwise)."""
-    import jax
-
-    from fitting.stored import use_folder
-
-    jax.config.update("jax_enable_x64", True)
-    if not os.environ.get("JAX_PLATFORMS"):
-        jax.config.update("jax_platforms", "cpu")
-    folder = _cache_folder()
-    use_folder(folder)
-    if folder is not None and not os.environ.get("JAX_COMPILATION_CACHE_DIR"):
-        jax.config.update("jax_compilation_cache_dir", str(folder / "jax"))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
-
-
-@contextlib.contextmanager
-def _cheap_start() -> Iterator[None]:
-    """Leave cyclic garbage alone meanwhile: looking for it in what jax imports costs 0.05 s."""
-    import gc
-
-    was_on = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_on:
-            gc.enable()
-
-
 def _read(arguments: argparse.Namespace) -> Measurement:
     from fitting.measurement import read_csv
 
@@ -195,7 +160,9 @@ def _read(arguments: argparse.Namespace) -> Measurement:
 
 
 def _fit(measurement: Measurement, arguments: argparse.Namespace) -> FitResult:
-    _set_up_jax()
+    from fitting.start_up import set_up_jax
+
+    set_up_jax()
     from fitting.fit import fit
 
     with warnings.catch_warnings():
@@ -209,64 +176,74 @@ def _fit(measurement: Measurement, arguments: argparse.Namespace) -> FitResult:
         )
 
 
+def _wanted(arguments: argparse.Namespace, spectrum: bool) -> dict[str, str]:
+    """Return what goes into files -> file name: "json", "csv", "index" and "plot"."""
+    names = {"json": arguments.json, "csv": arguments.csv, "plot": arguments.plot}
+    if arguments.json == "-":
+        del names["json"]
+    if arguments.csv and spectrum:
+        path = Path(arguments.csv)
+        names["index"] = str(path.with_name(f"{path.stem}.index{path.suffix}"))
+    return {kind: name for kind, name in names.items() if name is not None}
+
+
+def _write(kind: str, path: Path, suffix: str, result: FitResult, measurement: Measurement) -> None:
+    """Write the result file of one kind to ``path``; ``suffix`` is that of its final name."""
+    from fitting import export
+
+    if kind == "plot":
+        from fitting.plot import save_plot
+
+        return save_plot(result, measurement, path, suffix)
+    if kind == "json":
+        text = export.json_text(result, measurement)
+    elif kind == "index":
+        text = export.index_csv(result, measurement)
+    else:
+        from fitting.curve import fitted_values
+
+        text = export.data_csv(result, measurement, *fitted_values(result, measurement))
+    # File names that are no text are shown with escapes; line ends are the same everywhere.
+    path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
+
+
 def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
-    from fitting import report
+    from fitting import export, report
     from fitting.outputs import Outputs
 
-    if arguments.plot:
-        from fitting.plot import check_picture
-
-        with _refusals():
-            check_picture(arguments.plot)
     with _refusals():
+        if arguments.plot:
+            from fitting.plot import check_picture
+
+            check_picture(arguments.plot)
         measurement = _read(arguments)
-    spectrum = len(np.unique(measurement.wavelength_um)) > 1
     with Outputs() as outputs:
-        staged = {}
-        wanted = {"--json": arguments.json, "--csv": arguments.csv, "--plot": arguments.plot}
-        to_stdout = arguments.json == "-"
-        if to_stdout:
-            del wanted["--json"]
-        if arguments.csv and spectrum:
-            path = Path(arguments.csv)
-            wanted["index"] = str(path.with_name(f"{path.stem}.index{path.suffix}"))
-        for flag, path in wanted.items():
-            if path is not None:
-                name = "--csv" if flag == "index" else flag
-                with _refusals():
-                    staged[flag] = outputs.open(path, flag=name, source=arguments.file)
+        names = _wanted(arguments, len(np.unique(measurement.wavelength_um)) > 1)
         with _refusals():
+            staged = {
+                kind: outputs.open(name, flag=_FLAGS[kind], source=arguments.file)
+                for kind, name in names.items()
+            }
             result = _fit(measurement, arguments)
-        if to_stdout:
-            _print(report.json_text(result, measurement))
+        if arguments.json == "-":
+            _print(export.json_text(result, measurement))
         elif not arguments.quiet:
             width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
             _print(report.table(result, measurement, width))
-        if "--json" in staged:
-            staged["--json"].write_text(report.json_text(result, measurement), encoding="utf-8")
-        if "--csv" in staged:
-            from fitting.curve import fitted_values
-
-            fitted = fitted_values(result, measurement)
-            text = report.data_csv(result, measurement, *fitted)
-            staged["--csv"].write_text(text, encoding="utf-8")
-        if "index" in staged:
-            text = report.index_csv(result, measurement)
-            staged["index"].write_text(text, encoding="utf-8")
-        if "--plot" in staged:
-            from fitting.plot import save_plot
-
-            save_plot(result, measurement, staged["--plot"], Path(arguments.plot).suffix)
+        for kind, path in staged.items():
+            _write(kind, path, Path(names[kind]).suffix, result, measurement)
         outputs.publish()
     return FITTED if all(status in GOOD for status in np.atleast_1d(result.status)) else NOT_FITTED
 
 
 def _print(text: str) -> None:
-    """Print ``text``; who stops reading early (``| head``) has seen enough, and files are written."""
+    """Print ``text``; a reader who stops early (``| head``) has seen enough, files are written."""
+    # A name or unit may hold letters that a terminal of another encoding cannot show.
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
     try:
-        sys.stdout.write(text)
+        sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
         sys.stdout.flush()
     except BrokenPipeError:
         # Python flushes stdout once more when it exits, and would complain.
@@ -283,7 +260,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     try:
         arguments = _parser().parse_args(argv)
-        with _cheap_start():
+        from fitting.start_up import cheap_start
+
+        with cheap_start():
             return _run(arguments)
     except KeyboardInterrupt:
         print(file=sys.stderr)

@@ -1,8 +1,8 @@
 """Compiled programs that outlive the process, for the command line's second start.
 
 jax keeps what XLA compiled (its persistent compile cache), but a process still traces and lowers
-a program before it can look there, and imports whatever the tracing needs. Here the whole executable
-is kept, found by the shapes of its arguments. Nothing is written before `use_folder` says where.
+a program before it can look there, and imports whatever the tracing needs. Here the executable is
+kept whole, found by the shapes of its arguments. Nothing is written before `use_folder` says where.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jaxlib.version
 import numpy as np
 
 # A handful of shapes serves nearly every file (angles are rounded up to 16, 32, 64, ...).
@@ -43,7 +44,7 @@ def _cpu() -> str:
 def _build() -> str:
     """Return a digest of all that a program is made from beside its arguments."""
     digest = hashlib.sha256()
-    parts = [sys.version, jax.__version__, jax.lib.__version__, platform.machine(), _cpu()]
+    parts = [sys.version, jax.__version__, jaxlib.version.__version__, platform.machine(), _cpu()]
     parts.append(os.environ.get("XLA_FLAGS", ""))
     root = Path(__file__).resolve().parent.parent
     for package in _PACKAGES:
@@ -97,7 +98,7 @@ def _save(path: Path, compiled: Any) -> None:
         files = sorted(path.parent.glob("*.xla"), key=lambda p: p.stat().st_mtime)
         for old in files[:-MOST_FILES]:
             old.unlink(missing_ok=True)
-    except Exception:  # full disk, another process, a backend that cannot: the answer is not at stake
+    except Exception:  # a full disk, say; the answer does not depend on it
         return
 
 
@@ -116,7 +117,7 @@ def stored(function: Callable[..., Any], program: Callable[[], Any]) -> Callable
         described = None if _folder is None else _described(arguments)
         if _folder is None or described is None:
             return program()(*arguments, **static)
-        precision = jax.config.jax_enable_x64
+        precision = jax.dtypes.canonicalize_dtype(np.float64)  # as jax_enable_x64 is just now
         key = f"{function.__qualname__} {described} {sorted(static.items())} {precision}"
         with lock:  # threads that ask for the same program wait for one compilation
             if key not in loaded:
