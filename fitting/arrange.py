@@ -38,9 +38,7 @@ def _data(
     if not (np.isfinite(eta_i) and eta_i > 0.0):
         raise ValueError(f"eta_i is {eta_i}; the index of a lossless medium, above 0, was wanted.")
     cos_theta = np.cos(np.radians(angle_deg))
-    return Data(
-        cos_theta, s_share, tuple(values), tuple(weights), float(eta_i), tuple(channels)
-    )
+    return Data(cos_theta, s_share, tuple(values), tuple(weights), float(eta_i), tuple(channels))
 
 
 def of_measurement(m: Measurement, eta_i: float, sigma: str) -> Arranged:
@@ -50,12 +48,14 @@ def of_measurement(m: Measurement, eta_i: float, sigma: str) -> Arranged:
     Raises ValueError where a quantity cannot be fitted, or ``sigma`` is neither.
     """
     if sigma not in ("given", "equal"):
-        raise ValueError(f'sigma is {sigma!r}; "given" (use the stated errors) or "equal" was wanted.')
+        raise ValueError(
+            f'sigma is {sigma!r}; "given" (use the stated errors) or "equal" was wanted.'
+        )
     strange = sorted(set(m.quantity.tolist()) - set(CHANNELS))
     if strange:
         raise ValueError(
-            f"{m.source}: cannot fit {', '.join(strange)}. One bare interface is fitted to R_s, R_p and "
-            "R over angle; keep those, for example with "
+            f"{m.source}: cannot fit {', '.join(strange)}. One bare interface is fitted to R_s, "
+            "R_p and R over angle; keep those, for example with "
             'measurement.where(numpy.isin(measurement.quantity, ["R_s", "R_p", "R"])).'
         )
     known = np.isfinite(m.sigma)
@@ -68,7 +68,9 @@ def of_measurement(m: Measurement, eta_i: float, sigma: str) -> Arranged:
         )
     wavelengths, curve = np.unique(m.wavelength_um, return_inverse=True)  # NaN is one value, last
     mixed = m.quantity == "R"
-    share = np.where(mixed & np.isfinite(m.polarizer_deg), np.sin(np.radians(m.polarizer_deg)) ** 2, 0.5)
+    share = np.where(
+        mixed & np.isfinite(m.polarizer_deg), np.sin(np.radians(m.polarizer_deg)) ** 2, 0.5
+    )
     channels = [c for c in CHANNELS if (m.quantity == c).any()]
     # One row of a curve holds at most one datum of each channel: repeats open rows of their own.
     rows: list[dict[tuple[float, float, int], int]] = [{} for _ in wavelengths]
@@ -112,11 +114,11 @@ def _checked(name: str, array: Any, low: float, high: float, wanted: str) -> np.
     return array
 
 
-def of_arrays(
-    angles_deg: Any, channels: Mapping[str, Any], sigma: Any, eta_i: float
-) -> Arranged:
+def of_arrays(angles_deg: Any, channels: Mapping[str, Any], sigma: Any, eta_i: float) -> Arranged:
     """Return the curves of arrays (..., M); see `fit_many`."""
-    angle = _checked("angles_deg", angles_deg, 0.0, 90.0, "degrees from the normal, 0 to 90, were wanted")
+    angle = _checked(
+        "angles_deg", angles_deg, 0.0, 90.0, "degrees from the normal, 0 to 90, were wanted"
+    )
     if angle.ndim == 0 or not np.isfinite(angle).all():
         raise ValueError("angles_deg must be an array (..., angles) of finite numbers.")
     given = {
@@ -145,13 +147,18 @@ def of_arrays(
         wide = {name: np.broadcast_to(v, full) for name, v in given.items()}
         broad = {name: np.broadcast_to(e, full) for name, e in errors.items()}
     except ValueError as error:
-        shapes = ", ".join(f"{n} {v.shape}" for n, v in {"angles_deg": angle, **given, **errors}.items())
+        shapes = ", ".join(
+            f"{n} {v.shape}" for n, v in {"angles_deg": angle, **given, **errors}.items()
+        )
         raise ValueError(
-            f"the shapes do not fit together: {shapes}. The last axis is the angle, the others the batch."
+            f"the shapes do not fit together: {shapes}. "
+            "The last axis is the angle, the others are the batch."
         ) from error
     angles = full[-1]
     if angle.shape[-1] != angles or angles == 0:
-        raise ValueError(f"{angle.shape[-1]} angles and {angles} data a curve came; as many were wanted.")
+        raise ValueError(
+            f"{angle.shape[-1]} angles and {angles} data a curve came; equal numbers were wanted."
+        )
     own = angle.size > angles
     if own:
         angle = np.broadcast_to(angle, full).reshape(-1, angles)
@@ -164,7 +171,9 @@ def of_arrays(
         error = broad.get(name)
         if error is not None and np.isnan(errors[name]).any():
             gaps = gaps | np.isnan(error.reshape(-1, angles))
-        weight = np.ones(angles) if error is None else 1.0 / _least_shape(errors[name], angles, error)
+        weight = (
+            np.ones(angles) if error is None else 1.0 / _least_shape(errors[name], angles, error)
+        )
         if gaps.any():
             value = np.where(gaps, 0.0, value)
             weight = np.where(gaps, 0.0, weight)

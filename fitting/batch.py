@@ -17,7 +17,10 @@ FEW = 8
 MANY, LANES = 512, 128
 # Nearly every lane ends within 5 evaluations; the few others would make their whole group wait, so
 # they are collected and go on among themselves.
-FIRST_STEPS, MOST_STEPS = 6, 100
+FIRST_STEPS, MOST_STEPS = 6, 400
+# A further start that has not arrived by then, nor passed below the best minimum, is left alone: it
+# creeps along a plateau.
+FURTHER_STEPS = 40
 _COST = Solved._fields.index("cost")
 _EVALUATIONS = Solved._fields.index("evaluations")
 
@@ -75,8 +78,11 @@ def start_rows(count: int, points: np.ndarray | None = None, w_max: float = W_MA
     return start
 
 
-def run(data: Data, start: np.ndarray, steps: int) -> np.ndarray:
-    """Return ``Solved`` of all curves as one (fields, N) array, each after at most ``steps``."""
+def run(data: Data, start: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return ``Solved`` of all curves as one (fields, N) array, each after at most ``steps``.
+
+    And the further starts that the mesh offers, (E, 3, N).
+    """
     count, angles = data.curves, data.values[0].shape[1]
     few = count <= FEW
     size, lanes = (FEW, FEW) if few else (MANY, LANES)
@@ -85,7 +91,7 @@ def run(data: Data, start: np.ndarray, steps: int) -> np.ndarray:
     if few:
         angles = max(16, 1 << (angles - 1).bit_length())
 
-    def one(first: int) -> np.ndarray:
+    def one(first: int) -> list[np.ndarray]:
         chunk = slice(first, first + size)
         part = data.take(chunk)
         here = part.curves
@@ -97,14 +103,19 @@ def run(data: Data, start: np.ndarray, steps: int) -> np.ndarray:
                 np.float64(data.eta_i), begin, np.int64(steps),
                 channels=data.channels, lanes=lanes,
             )  # fmt: skip
-            return np.array(out)[:, :here]
+            return [np.asarray(a)[..., :here] for a in out]
 
+    if not count:
+        return np.empty((len(Solved._fields), 0)), np.empty((0, 3, 0))
     firsts = range(0, count, size)
     if len(firsts) == 1:
-        return one(0)
-    # Threads, because a program this small runs on the thread that calls it, without the GIL.
-    with ThreadPoolExecutor(min(len(firsts), os.cpu_count() or 1)) as pool:
-        return np.concatenate(list(pool.map(one, firsts)), axis=1)
+        parts = [one(0)]
+    else:
+        # Threads, because a program this small runs on the thread that calls it, without the GIL.
+        with ThreadPoolExecutor(min(len(firsts), os.cpu_count() or 1)) as pool:
+            parts = list(pool.map(one, firsts))
+    solved, further = (np.concatenate(a, axis=-1) for a in zip(*parts, strict=True))
+    return solved, further
 
 
 def _at_far_end(s: Solved) -> np.ndarray:
@@ -112,13 +123,20 @@ def _at_far_end(s: Solved) -> np.ndarray:
     return s.w >= 4.0 * xi_of(s.x) * (1.0 - 64.0 * FAR_END)
 
 
-def _to_the_end(data: Data, start: np.ndarray, steps: int) -> np.ndarray:
-    """Return ``run``, with the lanes that were cut short run to their end."""
-    solved = run(data, start, steps)
+def _to_the_end(
+    data: Data, start: np.ndarray, steps: int, below: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return ``run``, with the lanes that were cut short run to their end.
+
+    below: costs (N,); lanes that were cut short with a higher one are left.
+    """
+    solved, further = run(data, start, steps)
     for _ in range(3):
         s = Solved(*solved)
         flip = _at_far_end(s)
         short = (s.done == 0) & (s.evaluations < MOST_STEPS) & np.isfinite(s.cost)
+        if below is not None:
+            short &= s.cost < below
         todo = np.flatnonzero(short | flip)
         if not len(todo):
             break
@@ -128,11 +146,10 @@ def _to_the_end(data: Data, start: np.ndarray, steps: int) -> np.ndarray:
         again[1] = np.where(turned, W_MIN, s.w[todo])
         again[2] = np.where(turned, -s.chart[todo], s.chart[todo])
         again[3] = np.where(turned, START_DAMPING, s.damping[todo])
-        more = run(data.take(todo), again, MOST_STEPS)
+        more, _ = run(data.take(todo), again, MOST_STEPS)
         more[_EVALUATIONS] += s.evaluations[todo]
-        more[-4:] = solved[-4:, todo]  # the second start that the mesh offers
         solved[:, todo] = more
-    return solved
+    return solved, further
 
 
 class Minima(NamedTuple):
@@ -142,36 +159,43 @@ class Minima(NamedTuple):
     other: Solved
 
 
+def _same(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Whether two solutions are one minimum: chi2 alike to rounding and x, w alike."""
+    p, q = Solved(*a), Solved(*b)
+    near = (np.abs(p.x - q.x) <= 1e-3 * p.x) & (np.abs(p.w - q.w) <= 1e-3 * (p.w + q.w) + 1e-6)
+    return near & (p.chart == q.chart)
+
+
 def minima(data: Data, points: np.ndarray | None = None) -> Minima:
     """Return the best minimum of every curve and the runner-up.
 
     points: None, or (3, N): x, w and chart of one more start of each curve, beside the mesh's.
     """
-    count = data.curves
-    best = _to_the_end(data, start_rows(count), FIRST_STEPS)
+    best, further = _to_the_end(data, start_rows(data.curves), FIRST_STEPS)
     other = np.full_like(best, np.nan)
-    s = Solved(*best)
-    second = np.stack([s.second_x, s.second_w, s.second_chart])
-    jobs = [(np.flatnonzero(s.separate), second)]
     if points is not None:
-        jobs.append((np.arange(count), points))
-    for todo, where in jobs:
-        if not len(todo):
-            continue
-        start = start_rows(len(todo), where[:, todo])
-        again = _to_the_end(data.take(todo), start, MOST_STEPS)
-        total = best[_EVALUATIONS, todo] + again[_EVALUATIONS]
-        swap = again[_COST] < best[_COST, todo]
-        low = np.where(swap, again, best[:, todo])
-        high = np.where(swap, best[:, todo], again)
+        further = np.concatenate([further, points[None]])
+    has = np.isfinite(further[:, 0])
+    if not has.any():
+        return Minima(Solved(*best), Solved(*other))
+    which, curve = np.nonzero(has)
+    start = start_rows(len(curve), further[which, :, curve].T)
+    again, _ = _to_the_end(data.take(curve), start, FURTHER_STEPS, best[_COST, curve])
+    for job in range(len(further)):
+        mine = np.flatnonzero(which == job)
+        todo, new = curve[mine], again[:, mine]
+        old, second = best[:, todo], other[:, todo]
+        total = old[_EVALUATIONS] + new[_EVALUATIONS]
+        swap = new[_COST] < old[_COST]
+        low, high = np.where(swap, new, old), np.where(swap, old, new)
+        keep = _same(low, high) | (second[_COST] <= high[_COST])
         low[_EVALUATIONS] = total
-        known = other[_COST, todo] <= high[_COST]
-        best[:, todo] = low
-        other[:, todo] = np.where(known, other[:, todo], high)
+        best[:, todo], other[:, todo] = low, np.where(keep, second, high)
     return Minima(Solved(*best), Solved(*other))
 
 
-def without_absorption(data: Data, x: np.ndarray, chart: np.ndarray) -> Solved:
-    """Return the best fit of every curve with k held at 0, from start ``x``."""
-    start = start_rows(data.curves, np.stack([x, np.full_like(x, W_MIN), chart]), W_MIN)
-    return Solved(*run(data, start, MOST_STEPS))
+def without_absorption(data: Data, x: np.ndarray) -> Solved:
+    """Return the best fit of every curve with k held at 0 and n above that outside, from ``x``."""
+    points = np.stack([x, np.full_like(x, W_MIN), np.ones_like(x)])
+    start = start_rows(data.curves, points, W_MIN)
+    return Solved(*run(data, start, MOST_STEPS)[0])

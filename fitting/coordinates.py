@@ -90,7 +90,8 @@ def index_of(x: jax.Array, w: jax.Array, chart: jax.Array) -> tuple[jax.Array, j
 
 @index_of.defjvp
 def _index_of_jvp(primals, tangents):
-    n, k, n_x, n_w, k_x, k_w = index_derivatives(*primals, jnp)
+    x, w, chart = primals
+    n, k, n_x, n_w, k_x, k_w = index_derivatives(x, w, chart, jnp)
     dx, dw, _ = tangents
     return (n, k), (n_x * dx + n_w * dw, k_x * dx + k_w * dw)
 

@@ -34,12 +34,12 @@ _with_slopes = compiled(_with_slopes, ())
 def _covariance(information: np.ndarray, at_zero: np.ndarray) -> np.ndarray:
     """Return the covariance of (eta, u), (N, 2, 2): the inverse over what the data determine.
 
-    A direction that they do not see at all is left out: along it the curve does not change. At k = 0
-    eta alone varies.
+    A direction that they do not see at all is left out: along it the curve does not change. At
+    k = 0 eta alone varies.
     """
-    ok = np.isfinite(information).all((1, 2))
+    ok = np.asarray(np.isfinite(information).all((1, 2)))
     safe = np.where(ok[:, None, None], information, np.eye(2))
-    diagonal = np.sqrt(np.maximum(np.einsum("nii->ni", safe), 1e-300))
+    diagonal = np.sqrt(np.maximum(np.diagonal(safe, axis1=1, axis2=2), 1e-300))
     scaled = safe / (diagonal[:, :, None] * diagonal[:, None, :])
     covariance = np.linalg.pinv(scaled, rcond=1e-11, hermitian=True)
     covariance = covariance / (diagonal[:, :, None] * diagonal[:, None, :])
@@ -79,8 +79,8 @@ def curve(
     """Return the fitted reflectance at ``angle_deg`` and its standard error.
 
     result: of `fit` or `fit_many`. angle_deg: (A,) degrees. quantity: "R_s", "R_p" or "R".
-    Result: two arrays of shape result.shape + (A,). The error is that of the fitted curve, linear in
-    eta and k^2; it is defined where eta and k are not known apart (the curve is), and NaN where
+    Result: two arrays of shape result.shape + (A,). The error is that of the fitted curve, linear
+    in eta and k^2; it is defined where eta and k are not known apart (the curve is), and NaN where
     there is no fit, or nothing that tells the noise.
     """
     angle_deg = np.atleast_1d(np.asarray(angle_deg, float))

@@ -45,10 +45,6 @@ class Solved(NamedTuple):
     h_xx: Any  # Gauss-Newton matrix
     h_xw: Any
     h_ww: Any
-    second_x: Any  # the second start that the mesh offers
-    second_w: Any
-    second_chart: Any
-    separate: Any  # whether it offers one
 
 
 def _last_step(
@@ -79,8 +75,8 @@ def _last_step(
 
 def _solve_lanes(
     curves: Curves, start: Array, found: list[Array], max_steps: Array, channels: tuple[str, ...]
-) -> Solved:
-    first, second, separate = starts.mesh_starts(curves, found)
+) -> tuple[Array, Array]:
+    first, more = starts.mesh_starts(curves, found)
     given = jnp.isfinite(start[0])
     x, w, chart = (jnp.where(given, s, f) for s, f in zip(start[:3], first, strict=True))
     y = jnp.stack([x, jnp.minimum(w, start[4])])
@@ -101,17 +97,20 @@ def _solve_lanes(
     stats = solution.stats
     done = stats["done"]
     cost_before, gradient, matrix = unpack(stats["sums"], 2)
-    # The undamped step at the end promised less than a hundredth of a standard error, and so was not
-    # worth an evaluation of derivatives; taken all the same it squares the error that is left.
+    # The undamped step at the end promised less than a hundredth of a standard error, and so was
+    # not worth an evaluation of derivatives; taken all the same it squares the error that is left.
     trial = jnp.clip(solution.value + jnp.where(done, stats["step"], 0.0), lower, upper)
     allowed = cost_before * (1.0 + 1e-6) + 4.0 * SOLVER.atol**2 * scale
     last, cost, plain = _last_step(curves, chart, solution.value, trial, allowed, channels)
     gradient = gradient + (matrix * (last - solution.value)[None]).sum(1)
-    (h_xx, h_xw), (_, h_ww) = matrix
-    return Solved(
-        *last, chart, cost, plain, done & jnp.isfinite(cost), stats["evaluations"],
-        stats["damping"], count, *gradient, h_xx, h_xw, h_ww, *second, separate,
-    )
+    solved = (
+        last[0], last[1], chart, cost, plain, done & jnp.isfinite(cost), stats["evaluations"],
+        stats["damping"], count, gradient[0], gradient[1], matrix[0, 0], matrix[0, 1], matrix[1, 1],
+    )  # fmt: skip
+    # Where there is no further start its x is NaN.
+    further = [jnp.where(exists, point, jnp.nan) for point, exists in more]
+    fields = Solved(*(a.astype(y.dtype) for a in solved))
+    return jnp.stack(fields), jnp.stack(further)
 
 
 def _solve(
@@ -125,8 +124,10 @@ def _solve(
     *,
     channels: tuple[str, ...],
     lanes: int,
-) -> Array:
-    """Return ``Solved`` of S curves as one (fields, S) array; S is a multiple of ``lanes``.
+) -> tuple[Array, Array]:
+    """Return ``Solved`` of S curves as one (fields, S) array, and their further starts, (E, 3, S).
+
+    S is a multiple of ``lanes``. The starts are x, w and chart, NaN where the mesh offers none.
 
     cos_theta, s_share: (M,), or (S, M) where curves have angles of their own.
     values: C arrays (S, M), finite. weights: C arrays (M,) or (S, M), 0 where there is no datum.
@@ -160,14 +161,14 @@ def _solve(
     if "cos_theta" in shared:
         once = starts.node_curves(curves_of({**shared, "values": (), "weights": ()}), channels)
 
-    def one_group(parts: dict[str, Any]) -> Array:
+    def one_group(parts: dict[str, Any]) -> tuple[Array, Array]:
         curves = curves_of({**shared, **parts})
         found = starts.node_curves(curves, channels) if once is None else once
-        solved = _solve_lanes(curves, parts["start"], found, max_steps, channels)
-        return jnp.stack([a.astype(start.dtype) for a in solved])
+        return _solve_lanes(curves, parts["start"], found, max_steps, channels)
 
-    out = jax.lax.map(one_group, own)
-    return jnp.moveaxis(out, 0, 1).reshape(out.shape[1], -1)
+    solved, further = jax.lax.map(one_group, own)
+    solved = jnp.moveaxis(solved, 0, 1).reshape(solved.shape[1], -1)
+    return solved, jnp.moveaxis(further, 0, 2).reshape(*further.shape[1:3], -1)
 
 
 solve = compiled(_solve, ("channels", "lanes"))

@@ -47,8 +47,8 @@ class Estimate(NamedTuple):
 def _in_index(s: Solved, eta_i: float) -> tuple[np.ndarray, ...]:
     """Return eta, k, and the matrix and the gradient of the cost in (eta, u = k^2).
 
-    With a = d(eta, u)/d(x, w) (rows x and w) they are a^-1 H a^-T and a^-1 g. a is regular at k = 0,
-    where d(eta, k)/d(x, w) is not.
+    With a = d(eta, u)/d(x, w) (rows x and w) they are a^-1 H a^-T and a^-1 g. a is regular at
+    k = 0, where d(eta, k)/d(x, w) is not.
     """
     n, k, n_x, n_w, k_x, k_w = index_derivatives(s.x, s.w, s.chart)
     a_xn, a_wn = n_x * eta_i, n_w * eta_i
@@ -114,10 +114,11 @@ def estimate(
         sigma_eta = np.where(at_zero, scale / np.sqrt(i_nn), np.sqrt(c_nn))
         c_nk = np.where(seen, c_nu / (2.0 * k), np.nan)
         covariance = np.moveaxis(np.array([[sigma_eta**2, c_nk], [c_nk, sigma_k**2]]), -1, 0)
+        correlation = c_nk / (sigma_eta * sigma_k)
         # The direction in (x, w) that the data do not see, over the whole line of constant x.
         moved = np.abs(s.h_xw / s.h_xx) * 4.0 * xi_of(s.x)
     return Estimate(
-        eta, k, sigma_eta, sigma_k, covariance, c_nk / (sigma_eta * sigma_k),
+        eta, k, sigma_eta, sigma_k, covariance, correlation,
         np.where(limited, limit, np.nan), information, variance, at_zero, singular,
         spread, s.x, moved,
     )  # fmt: skip

@@ -33,13 +33,13 @@ ASSUMED_SIGMA = 1e-3
 
 
 def _extent(data: Data, angle_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return, per curve (or (1,) if all are alike), least and largest angle, and channels with data."""
+    """Return least and largest angle and number of channels of each curve; (1,) if all alike."""
     used = [np.atleast_2d(w) > 0.0 for w in data.weights]
     some = np.logical_or.reduce(used)
     angle = np.broadcast_to(np.atleast_2d(angle_deg), some.shape)
     low = np.where(some, angle, np.inf).min(1)
     high = np.where(some, angle, -np.inf).max(1)
-    return low, high, sum(u.any(1).astype(int) for u in used)
+    return low, high, np.sum([u.any(1) for u in used], axis=0)
 
 
 def _distinct(best: Estimate, other: Estimate) -> np.ndarray:
@@ -55,10 +55,9 @@ def _undetermined(e: Estimate) -> np.ndarray:
         return e.singular | (e.spread > flag.UNDETERMINED_LIMIT)
 
 
-def _member(data: Data, s: Solved, e: Estimate, todo: np.ndarray, scatter: np.ndarray) -> Solved:
+def _member(data: Data, s: Solved, todo: np.ndarray, scatter: np.ndarray) -> Solved:
     """Return ``s`` with the undetermined curves at k = 0, where that fits as well."""
-    x, chart = s.x[todo], np.where(e.at_zero[todo], s.chart[todo], 1.0)
-    zero = without_absorption(data.take(todo), x, chart)
+    zero = without_absorption(data.take(todo), s.x[todo])
     good = zero.cost <= s.cost[todo] + 4.0 * scatter[todo]
     changed = np.array(s)
     changed[:, todo[good]] = np.array(zero)[:, good]
@@ -67,21 +66,28 @@ def _member(data: Data, s: Solved, e: Estimate, todo: np.ndarray, scatter: np.nd
 
 
 def _flags(
-    a: Arranged, e: Estimate, s: Solved, undetermined: np.ndarray, second: np.ndarray, dof: np.ndarray
+    a: Arranged,
+    e: Estimate,
+    s: Solved,
+    undetermined: np.ndarray,
+    second: np.ndarray,
+    dof: np.ndarray,
 ) -> np.ndarray:
     low, high, channels = _extent(a.data, a.angle_deg)
     names = a.data.channels
     with np.errstate(all="ignore"):
         at_45 = (low > 44.9) & (high < 45.1) & (channels == 2) & ("R" not in names)
         circle = ~at_45 & (~(e.moved > flag.CIRCLE_LIMIT) | (s.count == 1))
+        mirror = undetermined & (e.x > flag.MIRROR_LIMIT)
         alone = channels == 1
         chi2 = flag.chi2_flags(s.cost / dof, dof) if a.stated else np.zeros(len(dof), int)
         rms = np.sqrt(s.plain / s.count)
         clear = ~undetermined
         found = {
-            flag.AT_45_DEGREES: undetermined & at_45,
-            flag.CIRCLE: undetermined & circle,
-            flag.COMBINATION: undetermined & ~at_45 & ~circle,
+            flag.PERFECT_MIRROR: mirror,
+            flag.AT_45_DEGREES: undetermined & at_45 & ~mirror,
+            flag.CIRCLE: undetermined & circle & ~mirror,
+            flag.COMBINATION: undetermined & ~at_45 & ~circle & ~mirror,
             flag.K_BELOW_FLOOR: clear & np.isfinite(e.k_upper_limit),
             flag.SECOND_SOLUTION: second,
             flag.CORRELATED: clear & (np.abs(e.correlation) > flag.CORRELATION_LIMIT),
@@ -99,28 +105,31 @@ def _fit(a: Arranged, absolute: bool, start: Any) -> FitResult:
         raise ValueError("absolute_sigma was asked for, but there are no stated errors to take.")
     found = minima(data, _points(start, a))
     s = found.best
-    low, high, _ = _extent(data, a.angle_deg)
+    _, high, _ = _extent(data, a.angle_deg)
     sin_max = np.sin(np.radians(np.broadcast_to(np.fmax(high, 0.0), s.cost.shape)))
     how = {"stated": a.stated, "absolute": absolute, "sin_max": sin_max}
     e = estimate(s, data.eta_i, **how)
     dof = np.maximum(s.count - 2, 0)
 
     no_data = s.count == 0
-    failed = ~no_data & ~(s.done > 0)
-    undetermined = ~no_data & ~failed & _undetermined(e)
-    # The scatter that a difference of chi2 is measured by: what was found, or stated if that is more.
+    # A fit that creeps along a valley without end is undetermined, whether or not it was stopped.
+    undetermined = ~no_data & _undetermined(e) & np.isfinite(s.cost)
+    failed = ~no_data & ~undetermined & ~(s.done > 0)
+    # What a difference of chi2 is measured by: the scatter found, or stated if that is more.
     stated = 1.0 if a.stated else np.where(dof < 3, ASSUMED_SIGMA**2, 0.0)
     with np.errstate(all="ignore"):
         scatter = np.fmax(s.cost / dof, stated)
         excess = (found.other.cost - s.cost) / scatter
-    second = ~no_data & ~failed & ~undetermined & (found.other.done > 0) & (excess < ALTERNATIVE_CHI2)
+    second = (
+        ~no_data & ~failed & ~undetermined & (found.other.done > 0) & (excess < ALTERNATIVE_CHI2)
+    )
     if second.any():
         other = estimate(found.other, data.eta_i, **how)
         second &= _distinct(e, other)
     else:
         other = e
     if undetermined.any():
-        s = _member(data, s, e, np.flatnonzero(undetermined), scatter)
+        s = _member(data, s, np.flatnonzero(undetermined), scatter)
         shown = estimate(s, data.eta_i, **how)
     else:
         shown = e
@@ -133,6 +142,7 @@ def _fit(a: Arranged, absolute: bool, start: Any) -> FitResult:
         result.CONVERGED,
     )
     blank = no_data | failed | undetermined  # no error is known
+    nothing = no_data | (flags & flag.PERFECT_MIRROR > 0)  # no value either
 
     def but(value: np.ndarray, empty: np.ndarray) -> np.ndarray:
         return np.where(empty.reshape(-1, *(1,) * (value.ndim - 1)), np.nan, value)
@@ -140,7 +150,7 @@ def _fit(a: Arranged, absolute: bool, start: Any) -> FitResult:
     with np.errstate(all="ignore"):
         chi2 = s.cost if a.stated else np.full_like(s.cost, np.nan)
         fields = {
-            "eta": but(shown.eta, no_data), "k": but(shown.k, no_data),
+            "eta": but(shown.eta, nothing), "k": but(shown.k, nothing),
             "sigma_eta": but(shown.sigma_eta, blank), "sigma_k": but(shown.sigma_k, blank),
             "covariance": but(shown.covariance, blank),
             "correlation": but(shown.correlation, blank),
@@ -166,7 +176,9 @@ def _points(start: Any, a: Arranged) -> np.ndarray | None:
     try:
         eta, k = (np.broadcast_to(np.asarray(v, float), a.shape).reshape(-1) for v in start)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"start must be (eta, k), numbers or arrays of shape {a.shape}.") from error
+        raise ValueError(
+            f"start must be (eta, k), numbers or arrays of shape {a.shape}."
+        ) from error
     if not ((eta > 0.0) & (k >= 0.0) & np.isfinite(eta) & np.isfinite(k)).all():
         raise ValueError("start must have eta above 0 and k of 0 or more.")
     return coordinates_of(eta / a.data.eta_i, k / a.data.eta_i)

@@ -22,6 +22,7 @@ FLAT_CURVE = 512
 NO_DEGREES = 1024
 NOT_CONVERGED = 2048
 OUT_OF_MODEL = 4096
+PERFECT_MIRROR = 8192
 
 CORRELATION_LIMIT = 0.995
 VAGUE_LIMIT = 0.1
@@ -31,10 +32,12 @@ UNDETERMINED_LIMIT = 0.5
 # Change of x = log[(1 + |N|^2) / 2n] along what the data do not see, over the whole range of k.
 CIRCLE_LIMIT = 0.1
 FLAT_BELOW_DEG = 30.0
+# 1 - R(0) = 2 exp(-x): nothing known reflects so well, and no measurement tells it from 1.
+MIRROR_LIMIT = 15.0
 
 
 def chi2_flags(chi2_reduced: np.ndarray, dof: np.ndarray) -> np.ndarray:
-    """Return CHI2_LARGE or CHI2_SMALL where reduced chi2 is 5 of its own errors off 1 and by half."""
+    """Return CHI2_LARGE or CHI2_SMALL where chi2 / dof is off 1 by 5 of its errors and by half."""
     with np.errstate(all="ignore"):
         error = np.sqrt(2.0 / dof)
         large = (chi2_reduced > 1.0 + 5.0 * error) & (chi2_reduced > 1.5)
@@ -61,8 +64,16 @@ def _member(r: FitResult) -> str:
     return "The values shown are one of many that fit alike."
 
 
+def _mirror(r: FitResult) -> str:
+    return (
+        "the data are those of a perfect mirror (R of 1 or more): they say nothing about eta and k."
+    )
+
+
 def _combination(r: FitResult) -> str:
     eigenvalues, vectors = np.linalg.eigh(np.nan_to_num(r.information))
+    if not np.abs(eigenvalues).max() > 0.0:
+        return "the data say nothing about eta and k."
     along_eta, along_u = vectors[:, int(np.argmin(eigenvalues))]
     slope = f" (it trades a change of eta by 1 for one of k^2 by {_number(along_u / along_eta)})"
     return (
@@ -100,9 +111,8 @@ def _correlated(r: FitResult) -> str:
 
 
 def _vague(r: FitResult) -> str:
-    return (
-        f"eta is poorly determined: its standard error is {100.0 * r.sigma_eta / r.eta:.2g} % of it."
-    )
+    share = 100.0 * r.sigma_eta / r.eta
+    return f"eta is poorly determined: its standard error is {share:.2g} % of it."
 
 
 def _chi2_large(r: FitResult) -> str:
@@ -113,8 +123,8 @@ def _chi2_large(r: FitResult) -> str:
         else "yet they are taken as absolute, so that the errors of eta and k are too small"
     )
     return (
-        f"reduced chi2 is {_number(r.chi2_reduced)}: the residuals are {factor:.2g} times the stated "
-        f"errors, which are too small or miss a systematic error; {then}."
+        f"reduced chi2 is {_number(r.chi2_reduced)}: the residuals are {factor:.2g} times the "
+        f"stated errors, which are too small or miss a systematic error; {then}."
     )
 
 
@@ -129,14 +139,14 @@ def _chi2_small(r: FitResult) -> str:
 
 def _flat(r: FitResult) -> str:
     return (
-        f"all data are one kind of reflectance below {FLAT_BELOW_DEG:.0f} degrees, where the curve is "
-        "nearly flat: eta and k rest on its faint slope, and a small systematic error moves both."
+        f"all data are one kind of reflectance below {FLAT_BELOW_DEG:.0f} degrees, where the curve "
+        "is nearly flat: eta and k rest on its faint slope; a small systematic error moves both."
     )
 
 
 def _no_degrees(r: FitResult) -> str:
     known = "as stated and unchecked" if np.isfinite(r.sigma_eta) else "unknown"
-    return f"{r.n_data} data for two unknowns: the fit has nothing to test it, its errors are {known}."
+    return f"{r.n_data} data for two unknowns: nothing is left to test the fit; its errors are {known}."
 
 
 def _not_converged(r: FitResult) -> str:
@@ -152,6 +162,7 @@ def _out_of_model(r: FitResult) -> str:
 
 _SENTENCES = {
     NOT_CONVERGED: _not_converged,
+    PERFECT_MIRROR: _mirror,
     CIRCLE: _circle,
     AT_45_DEGREES: _at_45,
     COMBINATION: _combination,

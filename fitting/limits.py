@@ -27,8 +27,8 @@ def normal_upper_limit(value: np.ndarray, sigma: np.ndarray) -> np.ndarray:
 
     value: the unconstrained estimate, which may be negative. sigma: its standard error.
     The limit U leaves 5 % of the part of the normal law that lies above 0: P(< U | > 0) = .95 (a
-    flat prior on [0, inf)). It never vanishes, however negative ``value`` is: far below 0 it tends to
-    log(20) sigma^2 / |value|. From a table in steps of .05 sigma, right to 1e-3 of itself.
+    flat prior on [0, inf)). It never vanishes, however negative ``value`` is: far below 0 it tends
+    to log(20) sigma^2 / |value|. From a table in steps of .05 sigma, right to 1e-3 of itself.
     """
     t, limit = _table()
     with np.errstate(all="ignore"):

@@ -16,7 +16,7 @@ from fitting.coordinates import index_of
 from fresnel_jax import powers
 
 CHANNELS = ("R_s", "R_p", "R")
-"""What can be fitted. R is a mixture, R = R_p + s_share (R_s - R_p), of s_share 1/2 if unpolarised."""
+"""What can be fitted. R is a mixture, R_p + s_share (R_s - R_p); s_share is 1/2 if unpolarised."""
 
 
 class Curves(NamedTuple):
@@ -76,9 +76,9 @@ def count_and_scale(curves: Curves) -> tuple[Array, Array]:
     """Return, per lane, the number of data and the weighted sum of squares of the values."""
     shape = curves.values[0].shape
     weights = [jnp.broadcast_to(w, shape) for w in curves.weights]
-    count = sum((w > 0.0).sum(0) for w in weights)
-    scale = sum(((v * w) ** 2).sum(0) for v, w in zip(curves.values, weights, strict=True))
-    return count, scale
+    count = jnp.stack([(w > 0.0).sum(0) for w in weights]).sum(0)
+    squares = [((v * w) ** 2).sum(0) for v, w in zip(curves.values, weights, strict=True)]
+    return count, jnp.stack(squares).sum(0)
 
 
 def sums_of_squares(
@@ -86,7 +86,7 @@ def sums_of_squares(
 ) -> tuple[Array, Array]:
     """Return, per lane, the weighted and the plain sum of squares of the residuals."""
     found = model(curves, y[0], y[1], chart, channels)
-    weighted = plain = jnp.zeros(())
+    weighted = plain = jnp.zeros_like(y[0])
     for f, v, w in zip(found, curves.values, curves.weights, strict=True):
         r = f - v
         weighted = weighted + ((r * w) ** 2).sum(0)

@@ -31,15 +31,16 @@ class FitResult(NamedTuple):
         errors of k^2), NaN elsewhere.
     status: "converged"; "converged at k = 0" (the best k >= 0 is 0; sigma_eta is for that k);
         "undetermined" (the fit is at its best, but only one combination of eta and k is known; the
-        values are those with k = 0 if that fits as well); "not converged"; "no data".
+        values are those with k = 0 if that fits as well, NaN for a perfect mirror); "not
+        converged"; "no data".
     iterations: evaluations of residuals and derivatives, of all starts together.
     wavelength_um: micrometres; NaN where unknown.
     flags: bits of `identifiability`, behind `warnings`.
     notes: sentences that hold for all curves.
-    information: S + (2, 2), Fisher information in (eta, u = k^2); regular at k = 0, and singular where
-        one combination is unknown, where the covariance does not exist.
-    alternative_eta, alternative_k, alternative_delta_chi2: a second solution whose chi2 (in units of
-        its expected scatter) is less than 6 higher; NaN where there is none.
+    information: S + (2, 2), Fisher information in (eta, u = k^2); regular at k = 0, and singular
+        where one combination is unknown, where the covariance does not exist.
+    alternative_eta, alternative_k, alternative_delta_chi2: a second solution whose chi2 (in units
+        of its expected scatter) is less than 6 higher; NaN where there is none.
     eta_i: index of the medium that the light comes from.
     """
 

@@ -24,7 +24,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
@@ -65,7 +64,7 @@ def unpack(sums: Array, p: int) -> tuple[Array, Array, Array]:
 
 
 def normal_sums(fn: Callable, y: Array, args: PyTree) -> Array:
-    """Return the normal equations of every lane, packed: r.r, r.J_1, ... r.J_p, J_1.J_1, J_1.J_2, ...
+    """Return the normal equations of every lane, packed: r.r, r.J_1, ..., J_1.J_1, J_1.J_2, ...
 
     ``fn(y, args)`` gives a pytree of (..., L) arrays of one shape, and None.
 
@@ -124,20 +123,35 @@ def solve_lanes(matrix: Array, rhs: Array, free: Array) -> Array:
 def bounded_step(
     y: Array, sums: Array, lower: Array, upper: Array, damping: Array
 ) -> tuple[Array, Array]:
-    """Return the damped step within the bounds, and the fall of the cost that the model promises."""
+    """Return the damped step within the bounds, and the fall of the cost that it promises."""
     p = y.shape[0]
     _, gradient, matrix = unpack(sums, p)
-    eye = jnp.eye(p, dtype=y.dtype)[:, :, None]
-    damped = matrix * (1.0 + eye * damping)
-    outwards = ((y <= lower) & (gradient > 0.0)) | ((y >= upper) & (gradient < 0.0))
-    step = solve_lanes(damped, -gradient, ~outwards)
+    damped = matrix * (1.0 + jnp.eye(p, dtype=y.dtype)[:, :, None] * damping)
+
+    def out_of(step: Array) -> Array:
+        return ((y <= lower) & (step < 0.0)) | ((y >= upper) & (step > 0.0))
+
+    def fall_of(step: Array) -> Array:
+        return -((2.0 * gradient + (matrix * step[None]).sum(1)) * step).sum(0)
+
+    # What lies on a bound and pulls, or is pushed by the others, outwards, is left out.
+    free = ~out_of(-gradient)
+    free &= ~out_of(solve_lanes(damped, -gradient, free))
+    step = solve_lanes(damped, -gradient, free)
+    # As far as the first bound: always a gain.
+    ahead = jnp.where(step > 0.0, upper - y, lower - y)
+    room = jnp.where(step == 0.0, jnp.inf, ahead / jnp.where(step == 0.0, 1.0, step))
+    short = step * jnp.minimum(room.min(0), 1.0)
+    # To the bound, and there the best of the others: nearly always the better one, but not if two
+    # bounds are crossed.
     cut = (y + step < lower) | (y + step > upper)
     held = jnp.where(cut, jnp.clip(y + step, lower, upper) - y, 0.0)
     pulled = gradient + (damped * held[None]).sum(1)
-    step = held + solve_lanes(damped, -pulled, ~(cut | outwards))
-    step = jnp.clip(y + step, lower, upper) - y
-    curvature = (matrix * step[None]).sum(1)
-    return step, -((2.0 * gradient + curvature) * step).sum(0)
+    along = held + solve_lanes(damped, -pulled, free & ~cut)
+    along = jnp.clip(y + along, lower, upper) - y
+    gain_short, gain_along = fall_of(short), fall_of(along)
+    better = gain_along >= gain_short
+    return jnp.where(better, along, short), jnp.where(better, gain_along, gain_short)
 
 
 class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
@@ -148,14 +162,14 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         squares of the data, so that an atol of one eps is the rounding of the data.
     norm: part of optimistix's interface, not used.
 
-    ``options``: "lower", "upper" (p, L) bounds; "degrees" (L,) data minus unknowns, at least 1;
-    "scale" (L,); "max_steps" (), a traced number, after which the rest of the lanes are left as they
-    are (not done); "damping" (L,), START_DAMPING if absent. Statistics of the solution: "sums",
-    "damping", "done", "evaluations", and "step", the last undamped step, which is not taken.
+    ``options``: "lower", "upper" (p, L) bounds; "degrees" (L,), data minus unknowns, at least 1;
+    "scale" (L,); "max_steps" (), a traced number, after which the rest of the lanes are left as
+    they are (not done); "damping" (L,), START_DAMPING if absent. Statistics of the solution:
+    "sums", "damping", "done", "evaluations", and "step", the last undamped step, not taken.
     """
 
     rtol: float = 0.01
-    atol: float = eqx.field(default=2.0**-52)
+    atol: float = 2.0**-52
     norm: Callable[[PyTree], Any] = optx.max_norm
 
     def _nothing(self, cost: Array, options: dict[str, Any]) -> Array:
@@ -187,8 +201,8 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         better = (fell > 0.0) & ~state.done
         gain = fell / jnp.where(state.promised > 0.0, state.promised, 1.0)
         # A good model (gain near 1) may trust itself, so that 3 or 4 evaluations are the rule.
-        eased = state.damping * jnp.where(gain > 0.75, 0.02, jnp.where(gain > 0.25, 0.3, 2.0))
-        refused = jnp.maximum(state.damping, 1e-4) * 8.0
+        eased = state.damping * jnp.where(gain > 0.75, 0.1, jnp.where(gain > 0.25, 0.5, 2.0))
+        refused = jnp.maximum(state.damping, 1e-4) * 4.0
         keep = state.done | (better & (state.evaluations == 0))
         damping = jnp.where(keep, state.damping, jnp.where(better, eased, refused))
         y = jnp.where(better, trial, y)
@@ -196,17 +210,22 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         # The damped and the full step in one call, side by side: half the code to compile.
         twice = [jnp.concatenate([a, a], -1) for a in (y, sums, lower, upper)]
         both = jnp.concatenate([damping, jnp.zeros_like(damping)])
-        step, falls = bounded_step(*twice, both)
+        step, falls = bounded_step(twice[0], twice[1], twice[2], twice[3], both)
         lanes = y.shape[1]
         promised, fall = falls[:lanes], falls[lanes:]
         nothing = self._nothing(sums[0], options)
-        # Refused, and damped until it promises nothing: the cost has no lower neighbour here. (Also
-        # how a lane ends whose first cost is no number.)
-        ended = (jnp.abs(fall) <= nothing) | (~better & (jnp.abs(promised) <= nothing))
+        # Or refused, and damped until it promises nothing: the cost has no lower neighbour here. Or
+        # the start has no finite cost, and nothing can be said.
+        ended = (fall <= nothing) | (~better & (promised <= nothing)) | ~jnp.isfinite(sums[0])
         return (
             y,
             BatchState(
-                sums, damping, step[:, :lanes], promised, step[:, lanes:], state.done | ended,
+                sums,
+                damping,
+                step[:, :lanes],
+                promised,
+                step[:, lanes:],
+                state.done | ended,
                 state.evaluations + jnp.where(state.done, 0, 1).astype(jnp.int32),
                 state.steps + 1,
             ),

@@ -1,4 +1,4 @@
-"""Where to start: the best node of a coarse mesh, and the best of a separate basin.
+"""Where to start: the best node of a coarse mesh, and the best of separate basins.
 
 From the best of the 96 nodes 3 or 4 evaluations lead to the minimum, and for 60 angles, s and p, p
 alone or unpolarised, that minimum was the global one in every one of 4000 truths of each class
@@ -10,7 +10,9 @@ All nodes are compared with all curves by one matrix product,
 
     sum w^2 (g - v)^2 = sum w^2 g^2 - 2 sum w^2 v g + (what is the same for all nodes),
 
-and a second start is the best node, apart from the first, that is lower than its eight neighbours.
+and further starts are nodes that are lower than their neighbours. Few angles can have several
+solutions close together along k = 0 (p alone at 65, 70 and 75 degrees: the best of three was missed
+for 4 % of the dielectrics), so there a fine mesh on that line gives two more starts.
 """
 
 from __future__ import annotations
@@ -19,27 +21,37 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from fitting.coordinates import coordinates_of, index_derivatives, xi_of
+from fitting.coordinates import W_MIN, coordinates_of, index_derivatives, xi_of
 from fitting.problem import Curves, reflectances
 
-ROWS, COLUMNS = 12, 8
-# From R = 1e-4 at normal incidence (n = 1.2) to R = .999; evenly spaced in R for weak reflectors
-# and in log(1 - R) for strong ones, which is what the arsinh does.
-_X = 0.3 * np.sinh(np.linspace(np.arcsinh(0.02 / 0.3), np.arcsinh(8.0 / 0.3), ROWS))
-# Fractions of the way from one end (k = 0, n >= 1) to the other (k = 0, n <= 1).
-_FRACTION = (np.arange(COLUMNS) + 0.5) / COLUMNS
+ROWS, COLUMNS, EDGE = 12, 8, 48
+# Up to this many angles the mesh on the line k = 0 is used too.
+FEW_ANGLES = 24
 
 
-_NODES_X = np.repeat(_X, COLUMNS)
-_NODES_W = np.tile(_FRACTION, ROWS) * 4.0 * xi_of(_NODES_X)
-NODES_N, NODES_K = index_derivatives(_NODES_X, _NODES_W, np.ones_like(_NODES_X))[:2]
-NODES = coordinates_of(NODES_N, NODES_K)
-"""x, w and chart of the nodes, (3, ROWS * COLUMNS), x running slowest."""
+def _spaced(low: float, high: float, count: int) -> np.ndarray:
+    """x evenly spaced in R(0) for weak reflectors and in log(1 - R(0)) for strong ones."""
+    return 0.3 * np.sinh(np.linspace(np.arcsinh(low / 0.3), np.arcsinh(high / 0.3), count))
+
+
+def _nodes() -> tuple[np.ndarray, np.ndarray]:
+    """Return (n, k), (2, J), and (x, w, chart), (3, J), of the mesh and then of the line k = 0."""
+    # From R(0) = 1e-4 (n = 1.2) to .999, and in between the two ends k = 0 of constant R(0).
+    x = np.repeat(_spaced(0.02, 8.0, ROWS), COLUMNS)
+    w = np.tile((np.arange(COLUMNS) + 0.5) / COLUMNS, ROWS) * 4.0 * xi_of(x)
+    x = np.concatenate([x, _spaced(5e-4, 4.0, EDGE)])  # n from 1.03 to 110
+    w = np.concatenate([w, np.full(EDGE, W_MIN)])
+    index = np.array(index_derivatives(x, w, np.ones_like(x))[:2])
+    return index, coordinates_of(*index)
+
+
+INDEX, NODES = _nodes()
 
 
 def node_curves(curves: Curves, channels: tuple[str, ...]) -> list[Array]:
     """Return the reflectances of the nodes, J nodes first: per channel (J, M, 1) or (J, M, L)."""
-    n, k = (jnp.asarray(a)[:, None, None] * curves.eta_i for a in (NODES_N, NODES_K))
+    count = ROWS * COLUMNS + (EDGE if len(curves.cos_theta) <= FEW_ANGLES else 0)
+    n, k = (jnp.asarray(a[:count, None, None]) * curves.eta_i for a in INDEX)
     return list(reflectances(curves.cos_theta, curves.s_share, n, k, curves.eta_i, channels))
 
 
@@ -56,30 +68,52 @@ def misfits(found: list[Array], curves: Curves) -> Array:
     return total
 
 
-def two_best(misfit: Array) -> tuple[Array, Array, Array]:
-    """Return the best node, the second-best separate one, and whether there is one; each (L,).
+def _among_neighbours(misfit: Array) -> Array:
+    """Return the least value of each node and its neighbours in (A, B, L)."""
+    for axis in (0, 1):
+        size = misfit.shape[axis]
+        widths = [(1, 1) if a == axis else (0, 0) for a in range(3)]
+        wide = jnp.pad(misfit, widths, constant_values=jnp.inf)
+        parts = [jnp.take(wide, jnp.arange(i, i + size), axis) for i in range(3)]
+        misfit = jnp.minimum(jnp.minimum(*parts[:2]), parts[2])
+    return misfit
 
-    Plain minima throughout: argmin runs as a scalar loop on the CPU, 4 times slower than all this.
+
+def _least(misfit: Array, allowed: Array) -> tuple[Array, Array]:
+    """Return the best allowed node, (1, L), and whether there is one, (L,).
+
+    Plain minima: argmin runs as a scalar loop on the CPU, 4 times slower than all the rest.
     """
-    mesh = misfit.reshape(ROWS, COLUMNS, -1)
-    beside = jnp.pad(mesh, ((1, 1), (0, 0), (0, 0)), constant_values=jnp.inf)
-    beside = jnp.minimum(jnp.minimum(beside[:-2], beside[1:-1]), beside[2:])
-    beside = jnp.pad(beside, ((0, 0), (1, 1), (0, 0)), constant_values=jnp.inf)
-    beside = jnp.minimum(jnp.minimum(beside[:, :-2], beside[:, 1:-1]), beside[:, 2:])
-    low = (mesh <= beside).reshape(misfit.shape)
+    values = jnp.where(allowed, misfit, jnp.inf)
+    least = values.min(0, keepdims=True)
     node = jnp.arange(float(len(misfit)))[:, None]
-
-    def where_least(values: Array) -> tuple[Array, Array]:
-        least = values.min(0)
-        return jnp.where(values == least, node, jnp.inf).min(0), least
-
-    first, _ = where_least(misfit)
-    second, least = where_least(jnp.where(low & (node != first), misfit, jnp.inf))
-    return first.astype(int), second.astype(int), jnp.isfinite(least)
+    node = jnp.where(values == least, node, jnp.inf).min(0, keepdims=True)
+    exists = jnp.isfinite(least[0])
+    return jnp.where(exists, node, 0.0), exists
 
 
-def mesh_starts(curves: Curves, found: list[Array]) -> tuple[Array, Array, Array]:
-    """Return x, w, chart of the first and of the second start, (3, L), and if there is a second."""
-    first, second, separate = two_best(misfits(found, curves))
+def mesh_starts(curves: Curves, found: list[Array]) -> tuple[Array, list[tuple[Array, Array]]]:
+    """Return the first start, x, w and chart (3, L), and more, each with where there is one.
+
+    The same number of further starts for all curves: one, or three for few angles.
+    """
+    misfit = misfits(found, curves)
+    inner = ROWS * COLUMNS
     nodes = jnp.asarray(NODES)
-    return nodes[:, first], nodes[:, second], separate
+    number = jnp.arange(float(len(misfit)))[:, None]
+
+    def lows(part: Array, rows: int) -> Array:
+        square = part.reshape(rows, -1, part.shape[-1])
+        return (square <= _among_neighbours(square)).reshape(part.shape)
+
+    chosen = [_least(misfit[:inner], jnp.ones((), bool))]
+    low = lows(misfit[:inner], ROWS) & (number[:inner] != chosen[0][0])
+    chosen.append(_least(misfit[:inner], low))
+    if len(misfit) > inner:
+        edge, number = misfit[inner:], number[:EDGE]
+        low = lows(edge, EDGE)
+        one, exists = _least(edge, low)
+        two, also = _least(edge, low & (number != one))
+        chosen += [(one + inner, exists), (two + inner, also)]
+    points = [(nodes[:, node[0].astype(int)], exists) for node, exists in chosen]
+    return points[0][0], points[1:]

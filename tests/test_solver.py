@@ -1,0 +1,233 @@
+"""The batch solver against scipy, NumPy's linear algebra and exhaustive minimisation."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+import pytest
+from scipy.optimize import least_squares
+
+from fitting.solver import (
+    BatchLevenbergMarquardt,
+    bounded_step,
+    normal_sums,
+    solve_lanes,
+    unpack,
+)
+
+T = np.linspace(0.0, 3.0, 25)
+RNG = np.random.default_rng(11)
+LANES = 32  # one shape, one compilation
+
+
+def decay(y, args):
+    """a exp(-b t) + c against data (25, L), three unknowns."""
+    return y[0] * jnp.exp(-y[1] * jnp.asarray(T, args.dtype)[:, None]) + y[2] - args
+
+
+def solve(data, start, *, lower=-1e3, upper=1e3, max_steps=100, fn=decay, solver=None):
+    lanes = data.shape[1]
+    y = np.broadcast_to(np.asarray(start, float)[:, None], (len(start), lanes))
+    box = [np.broadcast_to(np.reshape(b, (-1, 1)), y.shape).astype(float) for b in (lower, upper)]
+    options = {
+        "lower": jnp.asarray(box[0]),
+        "upper": jnp.asarray(box[1]),
+        "degrees": jnp.full(lanes, float(len(data) - len(start))),
+        "scale": jnp.asarray((data**2).sum(0)),
+        "max_steps": jnp.asarray(max_steps),
+    }
+    return optx.least_squares(
+        fn, solver or BatchLevenbergMarquardt(), jnp.asarray(y), jnp.asarray(data), options,
+        max_steps=None, throw=False,
+    )  # fmt: skip
+
+
+def noisy_decays(noise=0.01, lanes=LANES):
+    a, b, c = RNG.uniform(0.5, 2.0, lanes), RNG.uniform(0.5, 2.0, lanes), RNG.uniform(-1, 1, lanes)
+    truth = np.stack([a, b, c])
+    return a * np.exp(-b * T[:, None]) + c + noise * RNG.standard_normal((len(T), lanes)), truth
+
+
+def by_scipy(column, start, **bounds):
+    return least_squares(
+        lambda y: y[0] * np.exp(-y[1] * T) + y[2] - column, start, xtol=1e-15, ftol=1e-15,
+        gtol=1e-15, **bounds,
+    )  # fmt: skip
+
+
+def test_minima_are_those_of_scipy():
+    data, _ = noisy_decays()
+    found = solve(data, [1.0, 1.0, 0.0])
+    assert bool(found.stats["done"].all())
+    y = np.asarray(found.value + found.stats["step"])
+    for lane in range(LANES):
+        scipy = by_scipy(data[:, lane], [1.0, 1.0, 0.0])
+        sigma = np.sqrt(
+            np.diag(np.linalg.inv(scipy.jac.T @ scipy.jac)) * 2 * scipy.cost / (len(T) - 3)
+        )
+        # It stops when a step is below a hundredth of a standard error.
+        assert np.all(np.abs(y[:, lane] - scipy.x) < 0.01 * sigma)
+
+
+def test_without_noise_it_ends_at_the_rounding_and_not_at_max_steps():
+    data, truth = noisy_decays(noise=0.0)
+    found = solve(data, [1.0, 1.0, 0.0])
+    assert bool(found.stats["done"].all())
+    # From a far start 6 to 10 steps of a quadratic convergence; what is more is lost at the floor.
+    assert int(found.stats["evaluations"].max()) < 25
+    np.testing.assert_allclose(found.value + found.stats["step"], truth, rtol=1e-12, atol=1e-13)
+
+
+def test_a_lane_does_not_depend_on_the_others():
+    data, _ = noisy_decays()
+    hard = data.copy()
+    hard[:, ::2] = (
+        RNG.standard_normal((len(T), LANES // 2)) * 50.0
+    )  # nonsense beside it takes longer
+    alone, beside = solve(data, [1.0, 1.0, 0.0]), solve(hard, [1.0, 1.0, 0.0])
+    assert int(beside.stats["evaluations"].max()) > int(alone.stats["evaluations"].max())
+    np.testing.assert_array_equal(alone.value[:, 1::2], beside.value[:, 1::2])
+    np.testing.assert_array_equal(
+        alone.stats["evaluations"][1::2], beside.stats["evaluations"][1::2]
+    )
+
+
+def test_a_lane_of_nan_neither_spoils_nor_delays_the_others():
+    data, _ = noisy_decays()
+    spoilt = data.copy()
+    spoilt[3, 4] = np.nan
+    good, bad = solve(data, [1.0, 1.0, 0.0]), solve(spoilt, [1.0, 1.0, 0.0])
+    others = np.arange(LANES) != 4
+    np.testing.assert_array_equal(good.value[:, others], bad.value[:, others])
+    assert not np.isfinite(bad.stats["sums"][0, 4])
+    assert np.isfinite(np.asarray(bad.value)).all()
+    assert int(bad.stats["num_steps"]) == int(good.stats["num_steps"])
+
+
+def test_bounds_hold_and_the_bounded_minimum_is_that_of_scipy():
+    data, truth = noisy_decays()
+    # The true decay rate lies above its bound in about half of the lanes.
+    lower, upper = [0.0, 0.0, -2.0], [5.0, 1.2, 2.0]
+    found = solve(data, [1.0, 1.0, 0.0], lower=lower, upper=upper)
+    y = np.asarray(found.value + found.stats["step"])
+    assert bool(found.stats["done"].all())
+    assert np.all(y[1] <= 1.2)
+    at_bound = y[1] == 1.2
+    assert 5 < at_bound.sum() < LANES - 5
+    for lane in np.flatnonzero(at_bound):
+        if truth[1, lane] < 1.25:
+            continue  # scipy's interior method stops a hair inside
+        scipy = by_scipy(data[:, lane], [1.0, 1.0, 0.0], bounds=(lower, upper))
+        np.testing.assert_allclose(y[:, lane], scipy.x, atol=1e-3)
+        assert np.sum(decay(y[:, [lane]], data[:, [lane]]) ** 2) <= 2 * scipy.cost * (1 + 1e-6)
+
+
+def test_max_steps_leaves_lanes_that_go_on_from_there():
+    data, _ = noisy_decays()
+    whole = solve(data, [1.0, 1.0, 0.0])
+    cut = solve(data, [1.0, 1.0, 0.0], max_steps=2)
+    assert not bool(cut.stats["done"].any())
+    assert int(cut.stats["evaluations"].max()) == 2
+    assert int(whole.stats["evaluations"].min()) > 2
+
+
+def test_fewer_data_than_unknowns_end_at_a_zero():
+    data = np.array([[1.0, 0.3], [2.0, 0.1]])
+
+    def line(y, args):
+        return jnp.stack([y[0] + y[1], y[0] + y[1] + y[2]]) - args
+
+    found = solve(data, [0.3, 0.2, 0.1], fn=line)
+    assert bool(found.stats["done"].all())
+    assert float(found.stats["sums"][0].max()) < 1e-25
+
+
+def test_normal_sums_are_the_products_of_the_jacobian():
+    data, truth = noisy_decays(lanes=7)
+    sums = jax.jit(lambda y, a: normal_sums(lambda *z: (decay(*z), None), y, a))(truth, data)
+    cost, gradient, matrix = unpack(sums, 3)
+    e = np.exp(-truth[1] * T[:, None])
+    jacobian = np.stack([e, -truth[0] * T[:, None] * e, np.ones_like(e)])
+    residual = truth[0] * e + truth[2] - data
+    # 25 terms of order 1 or less, each with a few roundings.
+    close = {"rtol": 1e-13, "atol": 1e-13}
+    np.testing.assert_allclose(cost, (residual**2).sum(0), **close)
+    np.testing.assert_allclose(gradient, np.einsum("itl,tl->il", jacobian, residual), **close)
+    np.testing.assert_allclose(matrix, np.einsum("itl,jtl->ijl", jacobian, jacobian), **close)
+
+
+@pytest.mark.parametrize("p", [1, 2, 3, 5])
+def test_solve_lanes_is_a_linear_solve_over_the_free_unknowns(p):
+    half = RNG.standard_normal((p, p + 3, 50))
+    matrix = np.einsum("iml,jml->ijl", half, half)
+    rhs, free = RNG.standard_normal((p, 50)), RNG.random((p, 50)) < 0.7
+    found = np.asarray(jax.jit(solve_lanes)(matrix, rhs, free))
+    for lane in range(50):
+        f = free[:, lane]
+        assert np.all(found[~f, lane] == 0.0)
+        if f.any():
+            want = np.linalg.solve(matrix[np.ix_(f, f, [lane])][..., 0], rhs[f, lane])
+            np.testing.assert_allclose(found[f, lane], want, rtol=1e-9)
+
+
+def test_bounded_step_gains_over_the_box_wherever_there_is_a_gain():
+    """Against every active set of a 2-d box, tried one by one."""
+    lanes = 300
+    half = RNG.standard_normal((2, 4, lanes))
+    matrix = np.einsum("iml,jml->ijl", half, half)
+    gradient = RNG.standard_normal((2, lanes)) * 3.0
+    y = RNG.uniform(0.0, 1.0, (2, lanes)) * (RNG.random((2, lanes)) < 0.7)
+    lower, upper = np.zeros_like(y), np.array([[np.inf], [1.0]]) * np.ones_like(y)
+    sums = np.stack(
+        [np.ones(lanes), *gradient, matrix[0, 0], matrix[0, 1], matrix[1, 1]]
+    )  # fmt: skip
+    step, fall = jax.jit(bounded_step)(*map(jnp.asarray, (y, sums, lower, upper)), jnp.zeros(lanes))
+    step, fall = np.asarray(step), np.asarray(fall)
+    # Within an eps; the solver clips what it adds up.
+    assert np.all((y + step >= lower - 1e-15) & (y + step <= upper + 1e-15))
+    exact = 0
+    for lane in range(lanes):
+        h, g = matrix[:, :, lane], gradient[:, lane]
+
+        def model(s, h=h, g=g):
+            return 2.0 * g @ s + s @ h @ s
+
+        assert fall[lane] == pytest.approx(-model(step[:, lane]), abs=1e-12)
+        best = 0.0
+        candidates = [np.linalg.solve(h, -g)]
+        for i in (0, 1):
+            for edge in (lower[i, lane], upper[i, lane]):
+                if np.isfinite(edge):
+                    s = np.zeros(2)
+                    s[i] = edge - y[i, lane]
+                    j = 1 - i
+                    s[j] = -(g[j] + h[0, 1] * s[i]) / h[j, j]
+                    candidates.append(s.copy())
+                    for corner in (lower[j, lane], upper[j, lane]):
+                        if np.isfinite(corner):
+                            s[j] = corner - y[j, lane]
+                            candidates.append(s.copy())
+        inside = [
+            s for s in candidates
+            if np.all((y[:, lane] + s >= lower[:, lane]) & (y[:, lane] + s <= upper[:, lane]))
+        ]  # fmt: skip
+        best = max(-model(s) for s in inside)
+        assert fall[lane] <= best + 1e-9 * (1.0 + best)
+        # Two passes over the active set need not find the best step, but one that gains as long as
+        # there is one; nothing gained must mean that the lane has arrived.
+        assert (fall[lane] > 1e-9) == (best > 1e-9)
+        exact += fall[lane] > (1.0 - 1e-9) * best
+    assert exact > 0.8 * lanes
+
+
+def test_float32_stays_float32():
+    data, truth = noisy_decays()
+    with jax.enable_x64(False):
+        found = solve(
+            data.astype(np.float32), [1.0, 1.0, 0.0],
+            solver=BatchLevenbergMarquardt(atol=2.0**-23),
+        )  # fmt: skip
+        assert found.value.dtype == jnp.float32
+        assert bool(found.stats["done"].all())
+        # noise .01, 25 data: 5 standard errors of the least certain unknown are about .1
+        np.testing.assert_allclose(found.value, truth, atol=0.15)
