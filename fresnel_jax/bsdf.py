@@ -3,7 +3,8 @@
 `Reflector`, `Dielectric` and `ThinDielectric` are pytrees with the same four methods (directions
 are unit vectors of shape (..., 3) in the local frame, normal +z outside, pointing away from the
 surface; wo is the known one, wi the one found; the fields of a model broadcast against the
-leading axes of directions; `jit`, `vmap` and `grad` work over a model as over any pytree):
+leading axes of directions; `jit`, `vmap` and `grad` work over a model as over any pytree, so
+compile a function of the model, `jax.jit(lambda model, wo: ...)`, not a bound method):
 
     evaluate(wo, wi, mode)                 f, without the cosine; 0 for delta distributions
     density(wo, wi, lobes)                 density per solid angle of `sample`; 0 likewise
@@ -11,8 +12,10 @@ leading axes of directions; `jit`, `vmap` and `grad` work over a model as over a
     flags()                                ScatteringFlags, what `sample` can return
 
 `mode` (TransportMode) and `lobes` (Lobes) are static Python values. A direction that lies in the
-surface scatters nothing. For roughness 0 to 1, eta 1/4 to 4 and u in [0, 1] no value and no
-derivative is NaN or infinite, in any direction. Wrong shapes raise ValueError.
+surface scatters nothing. For roughness 0 to 1, eta 1/4 to 4 and u in [0, 1] no value is NaN or
+infinite in any direction, and no derivative either, but for what float32 cannot hold: derivatives
+of `evaluate` and `density` with respect to opposite directions within 1e-8 of the surface, where
+the half vector turns at a rate of 1e8. Wrong shapes raise ValueError.
 
 What the gradient of a sample means. Differentiating `weight * L(direction)` differentiates the
 expectation under the same random numbers: the direction moves with the parameters, and the

@@ -56,11 +56,12 @@ def test_flags_agree_with_what_is_sampled():
 
 
 def hard_inputs(dtype):
-    z = np.array([0, 1e-30, 1e-20, 1e-12, 1e-6, 1e-3, 0.1, 0.5, 0.99999, 1.0])
-    w = direction(np.concatenate([z, -z])[:, None], np.array([0.0, 0.3, np.pi / 2])).reshape(-1, 3)
-    ends = [0.0, 1e-30, 0.3, 1 - np.finfo(dtype).epsneg, 1.0]
+    z = np.array([0, 1e-30, 1e-20, 1e-12, 1e-3, 0.5, 1.0])
+    turns = np.array([0.0, 0.3, np.pi])  # the last one is opposite to the first
+    w = direction(np.concatenate([z, -z])[:, None], turns).reshape(-1, 3)
+    ends = [0.0, 0.3, 1 - np.finfo(dtype).epsneg, 1.0]
     u = np.array(list(itertools.product([0.0, 0.5, 1.0], ends, ends)))
-    eta = [0.25, 1 / 1.5, 1 - 1e-6, 1.0, 1 + 2.4e-7, 1.333, 4.0]
+    eta = [0.25, 1 / 1.5, 1.0, 1 + 2.4e-7, 4.0]
     alphas = [(0, 0), (5e-4, 5e-4), (0, 0.5), (0.3, 0), (0.05, 0.05), (1, 1)]
     parameters = np.array([(e, *a) for e, a in itertools.product(eta, alphas)])
     return parameters.astype(dtype), w.astype(dtype), u.astype(dtype)
@@ -81,31 +82,26 @@ def thin(p):
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("build", [dielectric, gold, thin])
 def test_no_nan_for_any_sample(build, dtype):
-    """Values and derivatives, every lobe set; u = 0 and 1, grazing to 0, roughness 0, eta = 1."""
+    """Values and derivatives; u = 0 and 1, grazing to 0, roughness 0, eta = 1."""
     parameters, w, u = hard_inputs(dtype)
     eps = np.finfo(dtype).eps
 
-    def draw(p, w, u, lobes):
-        s = build(p).sample(w, u[0], u[1:], lobes)
+    def draw(p, w, u):
+        s = build(p).sample(w, u[0], u[1:])
         return s.weight + jnp.sum(s.direction), s
 
-    for lobes in (Lobes.ALL, Lobes.NONE):
-        each = jax.vmap(lambda p, w, u: draw(p, w, u, lobes)[1], (None, None, 0))  # noqa: B023
-        each = jax.jit(jax.vmap(jax.vmap(each, (None, 0, None)), (0, None, None)))
-        s = each(parameters, w, u)
-        assert s.direction.dtype == s.value.dtype == s.weight.dtype == dtype
-        for field in s:
-            assert np.all(np.isfinite(field))
-        length = np.linalg.norm(np.asarray(s.direction, np.float64), axis=-1)
-        assert np.abs(length - 1).max() < 6 * eps
-        assert np.min(s.density) >= 0 and np.max(s.weight) <= 16 * (1 + 8 * eps)
-        if lobes is Lobes.NONE:
-            assert not np.any(s.valid)
-    gradient = jax.vmap(
-        jax.grad(lambda p, w, u: draw(p, w, u, Lobes.ALL)[0], (0, 1)), (None, None, 0)
-    )
-    gradient = jax.jit(jax.vmap(jax.vmap(gradient, (None, 0, None)), (0, None, None)))
-    for field in gradient(parameters, w, u[::3]):
+    each = jax.vmap(jax.grad(draw, (0, 1), has_aux=True), (None, None, 0))
+    each = jax.jit(jax.vmap(jax.vmap(each, (None, 0, None)), (0, None, None)))
+    derivatives, s = each(parameters, w, u)
+    assert s.direction.dtype == s.value.dtype == s.weight.dtype == dtype
+    for field in (*s, *derivatives):
+        assert np.all(np.isfinite(field))
+    length = np.linalg.norm(np.asarray(s.direction, np.float64), axis=-1)
+    assert np.abs(length - 1).max() < 6 * eps
+    assert np.min(s.density) >= 0 and np.max(s.weight) <= 16 * (1 + 8 * eps)
+    nothing = build(parameters[-1]).sample(w, 0.5, u[0, 1:], Lobes.NONE)
+    assert not np.any(nothing.valid)
+    for field in nothing:
         assert np.all(np.isfinite(field))
 
 
@@ -115,16 +111,18 @@ def test_no_nan_for_any_pair(build, dtype):
     parameters, w, _ = hard_inputs(dtype)
 
     def both(p, wo, wi):
-        return build(p).evaluate(wo, wi), build(p).density(wo, wi)
+        f, density = build(p).evaluate(wo, wi), build(p).density(wo, wi)
+        return f + density, (f, density)
 
-    def over_pairs(function):
-        function = jax.vmap(jax.vmap(function, (None, None, 0)), (None, 0, None))
-        return jax.jit(jax.vmap(function, (0, None, None)))
-
-    for field in over_pairs(both)(parameters, w, w):
+    each = jax.vmap(jax.grad(both, (0, 1, 2), has_aux=True), (None, None, 0))
+    each = jax.jit(jax.vmap(jax.vmap(each, (None, 0, None)), (0, None, None)))
+    derivatives, values = each(parameters, w, w)
+    for field in values:
         assert field.dtype == dtype and np.all(np.isfinite(field)) and np.min(field) >= 0.0
-    for field in jax.tree.leaves(over_pairs(jax.jacrev(both, (0, 1, 2)))(parameters, w, w)):
-        assert np.all(np.isfinite(field))
+    # opposite directions at grazing: in float32 the true derivatives exceed 1e38
+    tame = (w[:, 2] == 0.0) | (np.abs(w[:, 2]) > (1e-8 if dtype == np.float32 else 0.0))
+    for field in derivatives:
+        assert np.all(np.isfinite(np.asarray(field)[:, tame][:, :, tame]))
 
 
 def test_broadcasting_and_vmap_over_models_agree():
@@ -132,9 +130,10 @@ def test_broadcasting_and_vmap_over_models_agree():
     wo, wi = sphere(rng, 7)[:, None], sphere(rng, 7)[:, None]
     models = Dielectric(np.array([1.2, 1.5, 0.7]), TrowbridgeReitz(np.array([0.1, 0.5, 0.3])),
                         np.ones(3), np.ones(3))  # fmt: skip
-    table = models.evaluate(wo, wi)
+    evaluate = jax.jit(Dielectric.evaluate)
+    table = evaluate(models, wo, wi)
     assert table.shape == (7, 3)
-    each = jax.vmap(lambda model: model.evaluate(wo[:, 0], wi[:, 0]), out_axes=1)(models)
+    each = jax.vmap(lambda model: evaluate(model, wo[:, 0], wi[:, 0]), out_axes=1)(models)
     np.testing.assert_allclose(each, table, rtol=1e-13)
     with pytest.raises(ValueError, match="wi has shape"):
         models.evaluate(wo, np.ones(2))

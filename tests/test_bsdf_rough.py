@@ -134,6 +134,40 @@ def test_a_sample_agrees_with_evaluate_and_density(name, lobes, mode):
         np.testing.assert_allclose(s.eta, np.where(crossing, eta, 1.0), rtol=1e-15)
 
 
+@pytest.mark.parametrize("name", ["anisotropic", "nearly matched", "gold"])
+def test_float32_is_float64_to_its_own_precision(name):
+    """One draw in 100 may be worse: its cosines vanish, or its half vector does."""
+    build = {
+        "anisotropic": lambda t: Dielectric(t(1.5), TrowbridgeReitz(t(0.3), t(0.1))),
+        "nearly matched": lambda t: Dielectric(t(1.01), TrowbridgeReitz(t(0.3))),
+        "gold": lambda t: bsdf.conductor(t(0.43), t(2.455), TrowbridgeReitz(t(0.05))),
+    }[name]
+    low, high = build(np.float32), build(lambda x: np.float64(np.float32(x)))
+    rng = np.random.default_rng(4)
+    wo = sphere(rng, 20000).astype(np.float32)
+    u_lobe, u = (rng.uniform(size=n).astype(np.float32) for n in (20000, (20000, 2)))
+    s = sample(low, wo, u_lobe, u, Lobes.ALL, TransportMode.RADIANCE)
+    assert all(a.dtype == np.float32 for a in (s.direction, s.value, s.density, s.weight, s.eta))
+    wide = [a.astype(np.float64) for a in (wo, u_lobe, u)]
+    exact = sample(high, *wide, Lobes.ALL, TransportMode.RADIANCE)
+    good = np.asarray(s.valid & exact.valid & (s.transmission == exact.transmission))
+    assert good.mean() > np.mean(exact.valid) - 1e-3
+    eps = np.finfo(np.float32).eps
+    off = np.abs(np.asarray(s.direction)[good] - np.asarray(exact.direction)[good])
+    assert np.quantile(np.max(off, axis=-1), 0.99) < 6 * eps
+    assert np.quantile(np.abs(s.weight / exact.weight - 1)[good], 0.99) < 50 * eps
+    f, expected = (
+        np.asarray(
+            evaluate(m, wo.astype(t), np.asarray(s.direction).astype(t), TransportMode.RADIANCE)
+        )
+        for m, t in ((low, np.float32), (high, np.float64))
+    )
+    assert f.dtype == np.float32
+    # directions of float32 are unit vectors to eps; the half vector magnifies it by 1 / |eta - 1|
+    # and the narrow lobe by 1 / alpha
+    assert np.quantile(np.abs(f[good] / expected[good] - 1), 0.99) < 2000 * eps
+
+
 # Energy -------------------------------------------------------------------------------------------
 
 

@@ -12,6 +12,10 @@ from fresnel_jax.microfacet import TrowbridgeReitz
 ROUGHNESS = [(0.05, 0.05), (0.3, 0.3), (0.5, 0.1), (1.0, 1.0), (0.0, 0.5)]
 DTYPES = [np.float32, np.float64]
 
+distribution = jax.jit(lambda surface, m: surface.D(m))
+visible = jax.jit(lambda surface, w, m: surface.D_visible(w, m))
+masking = jax.jit(lambda surface, w: (surface.Lambda(w), surface.G1(w)))
+
 
 def direction(z, phi):
     z, phi = np.broadcast_arrays(z, phi)
@@ -58,14 +62,15 @@ def test_against_the_trigonometric_forms(alphas):
     w = direction(z, phi).reshape(-1, 3)
     w /= np.linalg.norm(w, axis=-1, keepdims=True)
     d, smith = np.array([textbook(v, *alphas) for v in w]).T
-    np.testing.assert_allclose(surface.D(w), d, rtol=1e-14)
-    np.testing.assert_allclose(surface.Lambda(w), smith, rtol=1e-14)
-    np.testing.assert_array_equal(surface.Lambda(-w), surface.Lambda(w))
-    np.testing.assert_allclose(surface.G1(w), 1 / (1 + smith), rtol=1e-14)
+    np.testing.assert_allclose(distribution(surface, w), d, rtol=1e-14)
+    computed, g1 = masking(surface, w)
+    np.testing.assert_allclose(computed, smith, rtol=1e-14)
+    np.testing.assert_array_equal(masking(surface, -w)[0], computed)
+    np.testing.assert_allclose(g1, 1 / (1 + smith), rtol=1e-14)
     expected = 1 / (1 + smith[:, None] + smith)
     np.testing.assert_allclose(surface.G(w[:, None], w), expected, rtol=1e-14)
     # more is seen than if masking and shadowing were independent, less than by either alone
-    g1 = np.asarray(surface.G1(w))
+    g1 = np.asarray(g1)
     assert np.all(expected >= g1[:, None] * g1 * (1 - 1e-14))
     assert np.all(expected <= np.minimum(g1[:, None], g1) * (1 + 1e-14))
 
@@ -90,7 +95,7 @@ def test_values_at_the_pole_and_at_grazing():
 def test_facets_project_to_the_unit_area(alphas):
     surface = TrowbridgeReitz(*alphas)
     m, solid_angle = hemisphere(surface)
-    total = np.sum(np.asarray(surface.D(m)) * m[..., 2] * solid_angle)
+    total = np.sum(distribution(surface, m) * m[..., 2] * solid_angle)
     np.testing.assert_allclose(total, 1.0, rtol=1e-10)
 
 
@@ -102,10 +107,10 @@ def test_visible_facets_fill_the_projected_area(alphas, z):
     m, solid_angle = hemisphere(surface)
     w = direction(z, 0.9)
     projected = np.maximum(0.0, m @ w * np.sign(z)) * solid_angle
-    area = np.sum(np.asarray(surface.G1(w) * surface.D(m)) * projected)
+    area = np.sum(masking(surface, w)[1] * distribution(surface, m) * projected)
     # max(0, .) has a kink that the rule for smooth functions sees
     np.testing.assert_allclose(area, abs(z), rtol=2e-5)
-    density = np.sum(np.asarray(surface.D_visible(w, m)) * solid_angle)
+    density = np.sum(visible(surface, w, m) * solid_angle)
     np.testing.assert_allclose(density, 1.0, rtol=2e-5)
 
 
@@ -123,7 +128,7 @@ def test_sampled_normals_have_the_stated_density(alphas, z):
     u = jax.random.uniform(jax.random.key(0), (2000, 2), minval=1e-3, maxval=0.999)
     m, jacobian = normals_and_jacobians(surface, w, u)
     stretch = np.linalg.norm(np.cross(jacobian[..., 0], jacobian[..., 1]), axis=-1)
-    density = np.asarray(surface.D_visible(w, m))
+    density = np.asarray(visible(surface, w, m))
     assert np.all(m[:, 2] > 0.0) and np.all(np.sign(z or 1.0) * (m @ w) >= 0.0)
     np.testing.assert_allclose(np.linalg.norm(m, axis=-1), 1.0, rtol=0, atol=1e-15)
     # the normals of the 1e-4 axis are known to 1e-12 of their width
@@ -199,14 +204,14 @@ def test_thresholds_of_smoothness():
 
 # Half vectors -------------------------------------------------------------------------------------
 
-half_vector = jax.jit(microfacet.half_vector)
+half_vector, local_frame = jax.jit(microfacet.half_vector), jax.jit(directions.local_frame)
 half_vector_jacobian = jax.jit(microfacet.half_vector_jacobian)
 reflect, refract = jax.jit(directions.reflect), jax.jit(directions.refract)
 ETAS = [0.25, 1 / 1.5, 0.99, 1.01, 1.5, 4.0]
 
 
 @pytest.mark.parametrize("eta", ETAS)
-@pytest.mark.parametrize("z", [0.9, 0.3, -0.3, -0.9])
+@pytest.mark.parametrize("z", [0.9, 0.3, -0.3])
 def test_half_vector_is_the_facet_that_scattered(eta, z):
     rng = np.random.default_rng(0)
     w = direction(z, 0.3)
@@ -255,8 +260,11 @@ def test_half_vector_jacobian_against_finite_differences(eta, across):
     else:
         wi = np.asarray(reflect(wo, m))
         good = (wi[:, 2] > 0.1) & (np.sum(wo * m, -1) > 0.1)
-    wo, wi = wo[good], wi[good]
-    frame = directions.local_frame(wi)
+    assert good.sum() > 8
+    # one shape, one compilation: rows that are not wanted are replaced by a wanted one
+    kept = np.where(good, np.arange(200), np.flatnonzero(good)[0])
+    wo, wi = wo[kept], wi[kept]
+    frame = local_frame(wi)
     h = 1e-4
 
     def m_at(s, t):
