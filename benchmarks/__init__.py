@@ -1,0 +1,1 @@
+"""Speed against accuracy: `make bench`, or `python -m benchmarks`."""

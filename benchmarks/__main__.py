@@ -1,0 +1,135 @@
+"""`python -m benchmarks`: measures, then writes table, JSON and charts to docs/benchmarks/."""
+
+import argparse
+import datetime
+import importlib.metadata
+import json
+import os
+import platform
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from . import accuracy, scenes, speed
+from .contestants import CONTESTANTS, LIMIT
+from .report import markdown
+
+PACKAGES = (
+    *("jax", "jaxlib", "numpy", "numba", "tmm", "tmm_fast", "torch", "tmmax", "jaxlayerlumos"),
+    *("pyElli", "PyMoosh", "mitsuba"),
+)
+
+
+def machine() -> dict:
+    """What the figures depend on."""
+    versions = {}
+    for package in PACKAGES:
+        try:
+            versions[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return {
+        "date": datetime.date.today().isoformat(),
+        "processor": _processor(),
+        "cores": len(os.sched_getaffinity(0))
+        if hasattr(os, "sched_getaffinity")
+        else os.cpu_count(),
+        "load_before": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+        "system": f"{platform.system()} {platform.machine()}, Python {platform.python_version()}",
+        "versions": versions,
+    }
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    facts = dict(line.split(":", 1) for line in lines if ":" in line)
+    facts = {k.strip(): v.strip() for k, v in facts.items()}
+    name = f"{facts.get('model name', '?')}, family {facts.get('cpu family')}, "
+    widest = "AVX-512" if "avx512f" in facts.get("flags", "") else "no AVX-512"
+    return name + f"model {facts.get('model')}, {widest}"
+
+
+def platforms() -> list[str]:
+    """cpu, and gpu where jax sees one (asked in another process: it would keep the memory)."""
+    question = "import jax; print(any(d.platform == 'gpu' for d in jax.devices()))"
+    answer = subprocess.run([sys.executable, "-c", question], capture_output=True, text=True)
+    return ["cpu", "gpu"] if answer.stdout.strip().endswith("True") else ["cpu"]
+
+
+def errors_of(processes: dict, dtype: str) -> dict:
+    """{name: {scene: errors}} of the contestants that take part in a class."""
+    table = {}
+    for name, process in processes.items():
+        if process.contestant.family == LIMIT or process.contestant.variant:
+            continue
+        table[name] = {}
+        for scene in scenes.CLASSES:
+            if speed.takes_part(process.contestant, dtype, scene in scenes.LOSSLESS):
+                answer = process.ask(do="evaluate", scene=scene)
+                failed = "failed" in answer
+                table[name][scene] = (
+                    answer if failed else accuracy.errors(scene, dtype, answer["R"])
+                )
+    return table
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="benchmarks", description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("docs/benchmarks"))
+    parser.add_argument("--rounds", type=int, default=4, help="rounds of interleaved timing")
+    parser.add_argument("--quick", action="store_true", help="2 rounds, no size above 1e6")
+    parser.add_argument("--only", nargs="*", metavar="NAME", help="names of contestants")
+    parser.add_argument("--chart-only", action="store_true", help="draw again what was measured")
+    options = parser.parse_args()
+    data_file = options.out / "benchmarks.json"
+    if options.chart_only:
+        results = json.loads(data_file.read_text())
+    else:
+        results = run(options)
+        options.out.mkdir(parents=True, exist_ok=True)
+        data_file.write_text(json.dumps(results, indent=1) + "\n")
+    (options.out / "benchmarks.md").write_text(markdown(results))
+    from .chart import draw
+
+    for where in sorted({x["platform"] for x in results["runs"]}):
+        draw(results, options.out, where)
+    print(f"wrote {data_file}, benchmarks.md and the charts beside it")
+
+
+def run(options) -> dict:
+    started = time.perf_counter()
+    sizes = [n for n in speed.SIZES if n <= 1_000_000] if options.quick else speed.SIZES
+    rounds = 2 if options.quick else options.rounds
+    if options.only and speed.REFERENCE not in options.only:
+        options.only.append(speed.REFERENCE)
+    results = {"machine": machine(), "rounds": rounds, "left_out": {}, "runs": []}
+    results["families"] = {x.name: x.family for x in CONTESTANTS}
+    results["one_material"] = [x.name for x in CONTESTANTS if x.one_material]
+    for where in platforms():
+        for dtype in ("float64", "float32"):
+            processes, left_out = speed.start(dtype, where, options.only)
+            results["left_out"] |= left_out
+            print(f"{where} {dtype}: {len(processes)} contestants", flush=True)
+            results["runs"].append(
+                {
+                    "platform": where,
+                    "dtype": dtype,
+                    "errors": errors_of(processes, dtype),
+                    "lossless": speed.measure(processes, True, rounds, sizes),
+                    "lossy": speed.measure(processes, False, rounds, sizes),
+                }
+            )
+            for process in processes.values():
+                process.close()
+            print(f"  {time.perf_counter() - started:.0f} s", flush=True)
+    for name, reason in results["left_out"].items():
+        print(f"left out: {name}: {reason}")
+    return results
+
+
+if __name__ == "__main__":
+    main()

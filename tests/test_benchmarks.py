@@ -1,0 +1,93 @@
+"""The benchmark measures what it says: the forms named, their errors, the front, the worker."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import accuracy, contestants, printed, scenes
+from fresnel_jax import reflectance
+
+pytest.importorskip("matplotlib")
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_scenes_are_the_same_at_every_call_and_exact_in_their_dtype(dtype):
+    for scene in scenes.CLASSES:
+        first, second = scenes.points(scene, dtype), scenes.points(scene, dtype)
+        for x, y in zip(first, second, strict=True):
+            assert x.dtype == dtype and np.array_equal(x, y)
+        c, eta, k = first
+        assert np.all((c >= 0) & (c <= 1) & (eta > 0) & (k >= 0))
+        assert np.any(k > 0) != (scene in scenes.LOSSLESS)
+
+
+def test_printed_forms_are_fresnel_s_at_ordinary_points():
+    """Against 50 digits; 20 eps of 1: each loses digits elsewhere, which is what is charted."""
+    eps = np.finfo(float).eps
+    c, eta, k = scenes.points("metal", "float64")
+    for form in (printed.pbrt4_complex, printed.pbrt3_conductor, printed.plain_lossy):
+        R = [float(x) for x in form(c, eta, k)]
+        assert accuracy.errors("metal", "float64", R)["largest_absolute"] < 20 * eps
+    R = contestants.numpy_real_form(c, eta, k)
+    assert accuracy.errors("metal", "float64", list(R))["largest_absolute"] < 20 * eps
+    c, eta, _ = scenes.points("dielectric", "float64")
+    for form in (printed.pbrt4_dielectric, printed.plain_lossless):
+        R = [float(x) for x in form(c, eta)]
+        assert accuracy.errors("dielectric", "float64", R)["largest_absolute"] < 20 * eps
+
+
+def test_plain_sums_keep_the_stated_bound_next_to_the_critical_angle():
+    """docs/speed_tiers.md: 8 eps / |Q|, and 6 sqrt(eps) at most; and they do lose digits there."""
+    for dtype in (np.float32, np.float64):
+        eps = float(np.finfo(dtype).eps)
+        c, eta, _ = scenes.points("near-critical", dtype)
+        q = np.sqrt(abs((eta.astype(float) - 1) * (eta.astype(float) + 1) + c.astype(float) ** 2))
+        R = np.asarray(printed.plain_lossless(c, eta), float)
+        true = np.array([float(x) for x in accuracy.truth("near-critical", np.dtype(dtype).name)])
+        bound = np.minimum(8 * eps / np.maximum(q, 1e-300), 6 * np.sqrt(eps))
+        assert np.all(abs(R - true) < bound)
+        assert np.max(abs(R - true)) > 1000 * eps
+        exact = np.asarray(reflectance(c, eta), float)
+        assert np.max(abs(exact - true)) < 12 * eps
+
+
+def test_errors_count_what_is_wrong():
+    true = [float(x) for x in accuracy.truth("dielectric", "float64")]
+    assert accuracy.errors("dielectric", "float64", true)["largest_relative_eps"] <= 0.5
+    true[3] *= 1.5
+    true[5] = float("nan")
+    found = accuracy.errors("dielectric", "float64", true)
+    assert found["largest_relative"] == pytest.approx(0.5)
+    assert found["not_finite"] == 1 and found["wrong_share"] == pytest.approx(2 / len(true))
+
+
+def test_the_front_holds_what_nothing_beats_in_both():
+    from benchmarks.chart import front
+
+    speeds = {(1e-15, 10.0), (1e-15, 20.0), (1e-10, 15.0), (1e-7, 50.0), (1e-3, 50.0)}
+    points = [("", "", "", error, speed) for error, speed in speeds]
+    assert [p[3:] for p in front(points)] == [(1e-15, 20.0), (1e-7, 50.0)]
+
+
+def test_a_worker_answers():
+    commands = [
+        {"do": "evaluate", "scene": "dielectric"},
+        {"do": "time", "what": "value", "lossless": True, "size": 100, "seconds": 0.0},
+        {"do": "time", "what": "no such thing", "lossless": True, "size": 1, "seconds": 0.0},
+    ]
+    worker = subprocess.run(
+        [sys.executable, "-m", "benchmarks.worker", "NumPy, real form", "float64"],
+        input="".join(json.dumps(x) + "\n" for x in commands),
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+    )
+    ready, evaluated, timed, failed = (json.loads(x) for x in worker.stdout.splitlines())
+    assert ready["ready"] and timed["s"] > 0 and "failed" in failed
+    errors = accuracy.errors("dielectric", "float64", evaluated["R"])
+    assert errors["largest_absolute"] < 20 * np.finfo(float).eps
