@@ -41,8 +41,8 @@ with cheap_start():
     import jax
     mark("import jax")
     set_up_jax()
-    from fitting.fit import fit
-    mark("import fitting.fit" + " and optimistix" * ("optimistix" in sys.modules))
+    from fitting.fitter import fit
+    mark("import fitting.fitter" + " and optimistix" * ("optimistix" in sys.modules))
     result = fit(measurement)
     mark("fit, first call")
     from fitting import report

@@ -4,11 +4,11 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .curve import curve as curve
-    from .curve import fitted_values as fitted_values
-    from .fit import FitResult as FitResult
-    from .fit import fit as fit
-    from .fit import fit_many as fit_many
+    from .curves import curve as curve
+    from .curves import fitted_values as fitted_values
+    from .fitter import FitResult as FitResult
+    from .fitter import fit as fit
+    from .fitter import fit_many as fit_many
     from .measurement import Measurement as Measurement
     from .measurement import MeasurementError as MeasurementError
     from .measurement import read_csv as read_csv
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 # The command line answers --help and refuses bad files without waiting 0.4 s for jax, so each name
 # is imported when it is first used.
 _HOME = {
-    "FitResult": "fit",
+    "FitResult": "fitter",
     "Measurement": "measurement",
     "MeasurementError": "measurement",
-    "curve": "curve",
-    "fit": "fit",
-    "fit_many": "fit",
-    "fitted_values": "curve",
+    "curve": "curves",
+    "fit": "fitter",
+    "fit_many": "fitter",
+    "fitted_values": "curves",
     "read_csv": "measurement",
 }
 __all__ = list(_HOME)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
-    from fitting.fit import FitResult
+    from fitting.fitter import FitResult
     from fitting.measurement import Measurement
 
 PROGRAM = "fresnel-fit"
@@ -163,7 +163,7 @@ def _fit(measurement: Measurement, arguments: argparse.Namespace) -> FitResult:
     from fitting.start_up import set_up_jax
 
     set_up_jax()
-    from fitting.fit import fit
+    from fitting.fitter import fit
 
     with warnings.catch_warnings():
         # A cache folder that is full or was taken away is not the user's business here.
@@ -200,7 +200,7 @@ def _write(kind: str, path: Path, suffix: str, result: FitResult, measurement: M
     elif kind == "index":
         text = export.index_csv(result, measurement)
     else:
-        from fitting.curve import fitted_values
+        from fitting.curves import fitted_values
 
         text = export.data_csv(result, measurement, *fitted_values(result, measurement))
     # File names that are no text are shown with escapes; line ends are the same everywhere.

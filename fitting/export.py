@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from fitting.fit import FitResult
+    from fitting.fitter import FitResult
     from fitting.measurement import Measurement
 
 
@@ -73,7 +73,7 @@ def data_csv(
 ) -> str:
     """Return the measurement as CSV, a datum a row, with the fitted value beside each.
 
-    fitted, sigma_fitted: as `fitting.curve.fitted_values` gives them, NaN where not fitted.
+    fitted, sigma_fitted: as `fitting.curves.fitted_values` gives them, NaN where not fitted.
     Numbers are written so that they read back to the last bit; what is not known is empty;
     residual = value - fitted. Wavelength and polariser are left out where no row has one.
     """

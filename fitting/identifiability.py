@@ -32,8 +32,8 @@ UNDETERMINED_LIMIT = 0.5
 # Change of x = log[(1 + |N|^2) / 2n] along what the data do not see, over the whole range of k.
 CIRCLE_LIMIT = 0.1
 FLAT_BELOW_DEG = 30.0
-# 1 - R(0) = 2 exp(-x): nothing known reflects so well, and no measurement tells it from 1.
-MIRROR_LIMIT = 15.0
+# R(0) within 2 exp(-x) = 2.5e-4 of 1: no plain metal reflects so well, or shows it if it does.
+MIRROR_LIMIT = 9.0
 
 
 def chi2_flags(chi2_reduced: np.ndarray, dof: np.ndarray) -> np.ndarray:
@@ -41,7 +41,8 @@ def chi2_flags(chi2_reduced: np.ndarray, dof: np.ndarray) -> np.ndarray:
     with np.errstate(all="ignore"):
         error = np.sqrt(2.0 / dof)
         large = (chi2_reduced > 1.0 + 5.0 * error) & (chi2_reduced > 1.5)
-        small = (chi2_reduced < 1.0 - 5.0 * error) & (chi2_reduced < 1.0 / 1.5)
+        # The law is skew: 5 errors below 1 lies below 0 for fewer than 50 degrees of freedom.
+        small = (chi2_reduced < 1.0 / (1.0 + 5.0 * error)) & (chi2_reduced < 1.0 / 1.5)
     return np.where(large, CHI2_LARGE, 0) | np.where(small, CHI2_SMALL, 0)
 
 
@@ -66,7 +67,7 @@ def _member(r: FitResult) -> str:
 
 def _mirror(r: FitResult) -> str:
     return (
-        "the data are those of a perfect mirror (R of 1 or more): they say nothing about eta and k."
+        "the data are those of a perfect mirror (R of 1): they say nothing about eta and k."
     )
 
 

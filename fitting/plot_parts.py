@@ -14,7 +14,7 @@ from fitting.report import number, with_error
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from fitting.fit import FitResult
+    from fitting.fitter import FitResult
     from fitting.measurement import Measurement
 
 # Okabe and Ito's colours, told apart by colour-blind readers too; markers differ as well.

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitting.curve import fitted_values
+from fitting.curves import fitted_values
 from fitting.plot_parts import GREY, draw_zero, look, points, series, titles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fitting.fit import FitResult
+    from fitting.fitter import FitResult
     from fitting.measurement import Measurement
 
 _OUTSIDE: dict[str, Any] = {

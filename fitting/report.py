@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from fitting.fit import FitResult
+    from fitting.fitter import FitResult
     from fitting.measurement import Measurement
 
 _LABEL = 13

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 from simulated import textbook
 
-from fitting.fit import fit, fit_many
+from fitting.fitter import fit, fit_many
 from fitting.measurement import Measurement
 
 ANGLES = np.linspace(10.0, 85.0, 16)
@@ -118,9 +118,7 @@ def test_errors_cover_the_truth_as_often_as_they_should(eta, k):
     """4000 repeats: the share within one and two sigma, and the scatter itself."""
     rng = np.random.default_rng(31)
     count, noise = 4000, 2e-3
-    data = {
-        q: r + noise * rng.standard_normal((count, len(r))) for q, r in both(eta, k).items()
-    }
+    data = {q: r + noise * rng.standard_normal((count, len(r))) for q, r in both(eta, k).items()}
     for kwargs in ({}, {"sigma": noise, "absolute_sigma": True}):
         found = fit_many(ANGLES, **data, **kwargs)
         assert (found.status == "converged").all()

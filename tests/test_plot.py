@@ -11,8 +11,8 @@ import pytest
 from simulated import GOLD, simulated
 
 from fitting import plot
-from fitting.curve import curve, fitted_values
-from fitting.fit import fit
+from fitting.curves import curve, fitted_values
+from fitting.fitter import fit
 from fitting.measurement import Measurement, concatenate, read_csv
 
 
@@ -118,6 +118,7 @@ def test_other_formats(gold, tmp_path, suffix, start):
 def test_the_users_style_is_neither_used_nor_changed(gold, tmp_path):
     with matplotlib.rc_context({"axes.facecolor": "black", "savefig.dpi": 10}):
         plot.save_plot(*gold, tmp_path / "gold.png")
+        assert plot.draw(*gold).axes[0].get_facecolor() == (1.0, 1.0, 1.0, 1.0)
         assert matplotlib.rcParams["axes.facecolor"] == "black"
     assert pixels(tmp_path / "gold.png")[0] >= 1200
 

@@ -11,8 +11,8 @@ from scipy.optimize import least_squares
 from simulated import GOLD, simulated, textbook
 
 from fitting import export, report
-from fitting.curve import fitted_values
-from fitting.fit import fit
+from fitting.curves import fitted_values
+from fitting.fitter import fit
 from fitting.measurement import Measurement, concatenate, read_csv
 
 

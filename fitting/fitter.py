@@ -78,7 +78,7 @@ def _flags(
     with np.errstate(all="ignore"):
         at_45 = (low > 44.9) & (high < 45.1) & (channels == 2) & ("R" not in names)
         circle = ~at_45 & (~(e.moved > flag.CIRCLE_LIMIT) | (s.count == 1))
-        mirror = undetermined & (e.x > flag.MIRROR_LIMIT)
+        mirror = undetermined & (np.fmax(e.x, s.x) > flag.MIRROR_LIMIT)
         alone = channels == 1
         chi2 = flag.chi2_flags(s.cost / dof, dof) if a.stated else np.zeros(len(dof), int)
         rms = np.sqrt(s.plain / s.count)
@@ -118,7 +118,7 @@ def _fit(a: Arranged, absolute: bool, start: Any) -> FitResult:
     # What a difference of chi2 is measured by: the scatter found, or stated if that is more.
     stated = 1.0 if a.stated else np.where(dof < 3, ASSUMED_SIGMA**2, 0.0)
     with np.errstate(all="ignore"):
-        scatter = np.fmax(s.cost / dof, stated)
+        scatter = np.fmax(np.where(dof > 0, s.cost / dof, 0.0), stated)
         excess = (found.other.cost - s.cost) / scatter
     second = (
         ~no_data & ~failed & ~undetermined & (found.other.done > 0) & (excess < ALTERNATIVE_CHI2)

@@ -1,0 +1,182 @@
+"""One curve or many: the same engine, the same answers; and what a call refuses."""
+
+import numpy as np
+import pytest
+from simulated import textbook
+
+from fitting import batch
+from fitting.fitter import FitResult, fit, fit_many
+from fitting.measurement import Measurement
+
+ANGLES = np.linspace(20.0, 80.0, 13)
+INDICES = [
+    (1.5, 0.0), (1.45, 0.0), (1.3, 0.01), (4.0, 0.05), (2.5, 1.0), (0.36, 2.6),
+    (0.05, 4.0), (1.1, 7.0), (1.0, 0.5), (3.0, 0.2), (1.8, 0.0), (5.0, 3.0),
+]  # fmt: skip
+
+
+def table(angles=ANGLES, noise=1e-3, seed=0):
+    """R_s and R_p of INDICES, (12, 13)."""
+    rng = np.random.default_rng(seed)
+    return {
+        q: np.array([textbook(angles, np.full(len(angles), q), *i) for i in INDICES])
+        + noise * rng.standard_normal((len(INDICES), len(angles)))
+        for q in ("R_s", "R_p")
+    }
+
+
+def assert_same(one: FitResult, many: FitResult, index):
+    """Values to rounding (programs of other shapes round differently), words exactly."""
+    beside = many.at(index)
+    for name, value in one._asdict().items():
+        other = getattr(beside, name)
+        if isinstance(value, float | np.ndarray):
+            np.testing.assert_allclose(other, value, rtol=1e-6, atol=1e-12, err_msg=name)
+        elif name != "iterations":
+            assert other == value, name
+    assert one.alternatives == () or beside.alternatives != ()
+    assert [w[:40] for w in one.warnings] == [w[:40] for w in beside.warnings]
+
+
+@pytest.mark.parametrize("kwargs", [{}, {"sigma": 1e-3}, {"sigma": 1e-3, "absolute_sigma": True}])
+def test_alone_and_in_a_batch(kwargs):
+    data = table()
+    many = fit_many(ANGLES, **data, **kwargs)
+    assert many.shape == (len(INDICES),)
+    for i in range(len(INDICES)):
+        assert_same(fit_many(ANGLES, R_s=data["R_s"][i], R_p=data["R_p"][i], **kwargs), many, i)
+
+
+def test_own_angles_gaps_and_errors_for_each_curve():
+    rng = np.random.default_rng(4)
+    angles = np.sort(rng.uniform(20.0, 85.0, (len(INDICES), 13)), axis=1)
+    sigma = rng.uniform(5e-4, 2e-3, angles.shape)
+    data = {
+        q: np.array([
+            textbook(a, np.full(13, q), *i) + s * rng.standard_normal(13)
+            for a, s, i in zip(angles, sigma, INDICES, strict=True)
+        ])
+        for q in ("R_s", "R_p")
+    }  # fmt: skip
+    data["R_s"][rng.random(angles.shape) < 0.2] = np.nan
+    many = fit_many(angles, **data, sigma=sigma)
+    for i in range(len(INDICES)):
+        one = fit_many(angles[i], R_s=data["R_s"][i], R_p=data["R_p"][i], sigma=sigma[i])
+        assert_same(one, many, i)
+        # and a gap is the same as a datum that was never taken
+        kept = np.isfinite(data["R_s"][i])
+        assert one.n_data == 13 + kept.sum()
+
+
+def test_order_and_company_do_not_matter():
+    """Chunks of 512, groups of 128 lanes, second passes: a curve is found wherever it stands."""
+    data = table()
+    repeats = 100  # 1200 curves: three chunks
+    tiled = {q: np.tile(v, (repeats, 1)) for q, v in data.items()}
+    assert len(INDICES) * repeats > 2 * batch.MANY
+    order = np.random.default_rng(1).permutation(len(INDICES) * repeats)
+    many = fit_many(ANGLES, **{q: v[order] for q, v in tiled.items()})
+    few = fit_many(ANGLES, **data)
+    for name in ("eta", "k", "sigma_eta", "sigma_k", "rms", "k_upper_limit"):
+        np.testing.assert_array_equal(
+            getattr(many, name)[np.argsort(order)].reshape(repeats, -1),
+            np.broadcast_to(getattr(few, name), (repeats, len(INDICES))),
+        )
+    assert (many.status == np.tile(few.status, repeats)[order]).all()
+
+
+def test_batch_axes_keep_their_shape():
+    data = {q: v.reshape(3, 4, 13) for q, v in table().items()}
+    found = fit_many(ANGLES, **data)
+    assert found.shape == (3, 4)
+    assert found.covariance.shape == (3, 4, 2, 2)
+    assert found.warnings.shape == (3, 4)
+    flat = fit_many(ANGLES, **table())
+    np.testing.assert_array_equal(found.eta.ravel(), flat.eta)
+    assert found.at((1, 2)).eta == flat.at(6).eta
+    assert fit_many(ANGLES, R_s=np.empty((0, 13))).shape == (0,)
+
+
+def test_a_measurement_is_fitted_wavelength_by_wavelength():
+    data, waves = table(), np.linspace(0.4, 0.7, len(INDICES))
+    parts = []
+    for i in np.random.default_rng(2).permutation(len(INDICES)):  # unsorted
+        kept = slice(0, 13 - i)  # and of unequal length
+        parts.append((ANGLES[kept], waves[i], data["R_s"][i, kept], data["R_p"][i, kept]))
+    lengths = [len(p[0]) for p in parts]
+    m = Measurement.from_columns(
+        np.concatenate([p[0] for p in parts]),
+        np.repeat([p[1] for p in parts], lengths),
+        R_s=np.concatenate([p[2] for p in parts]),
+        R_p=np.concatenate([p[3] for p in parts]),
+        sigma=1e-3,
+    )
+    found = fit(m)
+    np.testing.assert_array_equal(found.wavelength_um, waves)
+    for i in range(len(INDICES)):
+        kept = slice(0, 13 - i)
+        one = fit_many(ANGLES[kept], R_s=data["R_s"][i, kept], R_p=data["R_p"][i, kept], sigma=1e-3)
+        assert_same(one._replace(wavelength_um=waves[i]), found, i)
+    single = fit(m.where(m.wavelength_um == waves[3]))
+    assert isinstance(single.eta, float)
+    assert single.wavelength_um == waves[3]
+
+
+def test_repeated_angles_are_data_of_their_own():
+    data = {q: v[5] for q, v in table(noise=0.0).items()}
+    twice = Measurement.from_columns(
+        np.concatenate([ANGLES, ANGLES]),
+        R_s=np.concatenate([data["R_s"] + 0.01, data["R_s"] - 0.01]),
+        R_p=np.concatenate([data["R_p"], np.full(13, np.nan)]),
+    )
+    found = fit(twice)
+    assert found.n_data == 39
+    assert found.rms == pytest.approx(0.01 * np.sqrt(26 / 39), rel=1e-3)
+
+
+def test_errors_missing_from_some_data_are_not_guessed():
+    data = table()
+    sigma = np.full(13, 1e-3)
+    sigma[4] = np.nan
+    m = Measurement.from_columns(ANGLES, R_s=data["R_s"][5], R_p=data["R_p"][5], sigma=sigma)
+    found = fit(m)
+    assert found.notes == (
+        "sigma is missing for 2 of 26 data: all are weighted alike, and the errors of eta and k "
+        "come from the scatter.",
+    )
+    assert np.isnan(found.chi2)
+    assert_equal = fit(m, sigma="equal")
+    assert (found.eta, assert_equal.notes) == (assert_equal.eta, ())
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"R_s": None, "R_p": None}, "no reflectance"),
+        ({"R_s": np.full(13, 92.4)}, "divide by 100"),
+        ({"R_s": "abc"}, "numbers"),
+        ({"angles_deg": ANGLES + 30.0}, "0 to 90"),
+        ({"angles_deg": ANGLES[:5]}, "shapes"),
+        ({"angles_deg": 45.0}, "array"),
+        ({"sigma": 0.0}, "above 0"),
+        ({"sigma": {"R_s": 1e-3}}, "missing for R_p"),
+        ({"sigma": {"R": 1e-3}}, "sigma has R,"),
+        ({"absolute_sigma": True}, "no stated errors"),
+        ({"eta_i": -1.0}, "eta_i"),
+        ({"start": (0.0, 1.0)}, "above 0"),
+        ({"start": 1.5}, r"\(eta, k\)"),
+    ],
+)
+def test_a_call_that_makes_no_sense_says_what_was_wanted(change, words):
+    data = table()
+    call = {"angles_deg": ANGLES, "R_s": data["R_s"][0], "R_p": data["R_p"][0], **change}
+    with pytest.raises(ValueError, match=words):
+        fit_many(call.pop("angles_deg"), **call)
+
+
+def test_quantities_that_are_not_reflectances_are_refused():
+    m = Measurement.from_columns(ANGLES, psi=np.full(13, 30.0), delta=np.full(13, 100.0))
+    with pytest.raises(ValueError, match="cannot fit delta, psi.*R_s, R_p and R"):
+        fit(m)
+    with pytest.raises(ValueError, match="given.*equal"):
+        fit(Measurement.from_columns(ANGLES, R=np.full(13, 0.5)), sigma="unit")
