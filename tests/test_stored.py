@@ -1,6 +1,7 @@
 """Executables kept on disk: used again without tracing, replaced where they cannot be used."""
 
 import threading
+import time
 
 import jax
 import jax.numpy as jnp
@@ -21,15 +22,21 @@ def folder(tmp_path):
 class Counted:
     """A jitted function that counts its traces; each instance is new, as in another process."""
 
-    def __init__(self):
-        self.traces = 0
+    def __init__(self, seconds=0.0):
+        self.traces = self.compilations = 0
 
         def scaled(x, pair, *, power):
             self.traces += 1
+            time.sleep(seconds)
             return pair[0] * x**power + pair[1], x.sum()
 
         jitted = jax.jit(scaled, static_argnames=("power",))
-        self.call = stored(scaled, lambda: jitted)
+
+        def program():
+            self.compilations += 1
+            return jitted
+
+        self.call = stored(scaled, program)
 
     def __call__(self, n=4, power=2, dtype=np.float64):
         x = np.arange(n, dtype=dtype)
@@ -114,13 +121,13 @@ def test_the_folder_does_not_grow_without_end(folder, monkeypatch):
 
 
 def test_threads_compile_a_program_once(folder):
-    counted = Counted()
+    counted = Counted(0.1)  # long enough for all threads to ask while the first one traces
     threads = [threading.Thread(target=counted) for _ in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert counted.traces == 1
+    assert counted.compilations == 1
 
 
 def test_the_cache_folder_is_the_users_own(tmp_path, monkeypatch):
