@@ -1,0 +1,119 @@
+"""What every dispersion model shares: its call, its range of wavelengths, its numbers' type."""
+
+import abc
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, ArrayLike
+
+from ._arithmetic import complex_sqrt
+from ._vectors import as_float
+
+# h c / e in eV um; exact by the definition of the SI units
+HC_EV_UM = 1.2398419843320025
+
+# A range that its source gives in nm, eV or 1/cm ends a rounding error or two beside the wavelength
+# in um that someone else computes from it.
+_SLACK_IN_EPS = 4
+
+
+class Index(NamedTuple):
+    """The complex index eta + ik as two real arrays of one shape; k >= 0 absorbs.
+
+    In the order of the arguments of `reflectance` and its kin: `reflectance(cos, *gold(0.55))`.
+    """
+
+    eta: Array
+    k: Array
+
+
+class DispersionModel(eqx.Module):
+    """An index as a function of the vacuum wavelength; see the module `dispersion`."""
+
+    @abc.abstractmethod
+    def index(self, wavelength_um: Array) -> Index:
+        """The index at floating-point wavelengths, in their type and without any check."""
+
+    def __call__(self, wavelength_um: ArrayLike) -> Index:
+        """`Index(eta, k)` at vacuum wavelengths in micrometres; see the module `dispersion`."""
+        return _evaluate(self, in_one_type(wavelength_um, self))
+
+
+def in_one_type(wavelength_um: ArrayLike, model) -> Array:
+    """Wavelengths in their own floating-point type; Python numbers in that of the model."""
+    dtype = getattr(wavelength_um, "dtype", None)
+    if dtype is None or not jnp.issubdtype(dtype, jnp.floating):
+        dtype = jnp.result_type(*jax.tree.leaves(model), 1.0)
+    return jnp.asarray(wavelength_um, dtype)
+
+
+def evaluate_within(
+    model: DispersionModel, wavelength: Array, low: ArrayLike, high: ArrayLike, name: str
+) -> Index:
+    """The index inside of low to high; outside a ValueError, or NaN if anything is traced."""
+    slack = _SLACK_IN_EPS * float(np.finfo(wavelength.dtype).eps)
+    low_limit, high_limit = low * (1.0 - slack), high * (1.0 + slack)
+    if not any(isinstance(x, Tracer) for x in (wavelength, low, high)):
+        # in the type of the wavelengths, whose own rounding may lie outside of a float64 range
+        low_limit, high_limit = np.asarray([low_limit, high_limit], wavelength.dtype)
+        values = np.asarray(wavelength)
+        outside = ~((values >= low_limit) & (values <= high_limit))
+        if outside.any():
+            raise ValueError(_refusal(float(values[outside].flat[0]), low, high, name))
+    return _evaluate_within(model, wavelength, low_limit, high_limit)
+
+
+def _refusal(wavelength: float, low, high, name: str) -> str:
+    text = (
+        f"{name} is known from {low:g} to {high:g} um, but a wavelength of {wavelength:.6g} um "
+        "came; leave out what lies outside."
+    )
+    if low <= wavelength / 1000.0 <= high:
+        text += f" Wavelengths are in micrometres: {wavelength:g} nm is {wavelength / 1000.0:g}."
+    return text
+
+
+@jax.jit
+def _evaluate(model: DispersionModel, wavelength: Array) -> Index:
+    return Index(*(jnp.broadcast_to(x, wavelength.shape) for x in model.index(wavelength)))
+
+
+@jax.jit
+def _evaluate_within(model: DispersionModel, wavelength: Array, low, high) -> Index:
+    low, high = (jnp.asarray(x, wavelength.dtype) for x in (low, high))
+    inside = (wavelength >= low) & (wavelength <= high)
+    # A pole outside must not put a NaN into the derivatives inside
+    eta, k = _evaluate(model, jnp.where(inside, wavelength, low))
+    return Index(jnp.where(inside, eta, jnp.nan), jnp.where(inside, k, jnp.nan))
+
+
+def index_of_permittivity(re: Array, im: Array) -> Index:
+    """The index eta + ik = sqrt(re + i im), for im >= 0, each part without cancellation."""
+    return Index(*complex_sqrt(re, im))
+
+
+def photon_energy_ev(wavelength_um: Array) -> Array:
+    """Photon energy in electronvolts."""
+    return HC_EV_UM / wavelength_um
+
+
+def parameters(x: ArrayLike | Sequence[float]) -> Array:
+    """x as a one-dimensional array of floats: a converter for fields."""
+    return jnp.atleast_1d(as_float(jnp.asarray(x)))
+
+
+def as_powers(x: Iterable[float]) -> tuple[float, ...]:
+    """x as a tuple of exponents: a converter for fields."""
+    return tuple(float(power) for power in x)
+
+
+def check_lengths(**arrays: Array):
+    """ValueError, with the names, unless all arrays have one axis of one length."""
+    if len({x.shape for x in arrays.values()}) > 1 or any(x.ndim != 1 for x in arrays.values()):
+        shapes = ", ".join(f"{name} {x.shape}" for name, x in arrays.items())
+        raise ValueError(f"the shapes are {shapes}; wanted one axis of one length for all of them")

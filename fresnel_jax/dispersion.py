@@ -1,0 +1,144 @@
+"""Refractive index against wavelength: eta(lambda) + i k(lambda), differentiable.
+
+    gold = material("gold")
+    eta, k = gold(0.55)                                    # micrometres, in vacuum
+    R = reflectance(cos_theta, *gold(wavelengths))
+
+Models: `Constant`, `Cauchy`, `Sellmeier` (lossless), `DrudeLorentz` (also by `drude` and
+`lorentz_drude`), `BrendelBormann`, `Tabulated`; `Material` is one of them with a name and a range
+of wavelengths. Each is an `equinox.Module` whose parameters are array fields: a pytree, so that
+`grad`, `jit` and `vmap` reach every parameter (to jit a model itself take `equinox.filter_jit`).
+
+Calling a model gives `Index(eta, k)` with the shape of the wavelengths and their type (float32 or
+float64; Python numbers take that of the parameters). Time dependence exp(-i w t): k >= 0 absorbs.
+Derivatives with respect to wavelength and parameters are finite wherever the true ones are. Errors
+are a few eps unless a model says otherwise.
+
+Range of validity: a formula has a value at every wavelength; what is known is `Material.range_um`,
+and for `Tabulated` its table. A wavelength outside is refused with a ValueError; where it is traced
+(under `jit`, `vmap`, `grad`), so that its value is not known when the model is called, eta and k
+are NaN there, and the derivatives of what lies inside stay finite. `material("BK7").model` is the
+formula alone, which extrapolates.
+"""
+
+import equinox as eqx
+from jaxtyping import Array, ArrayLike
+
+from . import materials
+from ._formulas import Cauchy as Cauchy
+from ._formulas import Constant as Constant
+from ._formulas import Sellmeier as Sellmeier
+from ._oscillators import BrendelBormann as BrendelBormann
+from ._oscillators import DrudeLorentz as DrudeLorentz
+from ._spectral import HC_EV_UM as HC_EV_UM
+from ._spectral import DispersionModel as DispersionModel
+from ._spectral import Index as Index
+from ._spectral import evaluate_within, in_one_type, parameters
+from ._tabulated import Tabulated as Tabulated
+
+
+class Material(DispersionModel):
+    """A dispersion model with the range of wavelengths in which it is known, and a name.
+
+    Arguments: `model`; `range_um`, the shortest and the longest wavelength (None: no limits);
+    `name`, for the texts of errors.
+    """
+
+    model: DispersionModel
+    range_um: tuple[float, float] | None = eqx.field(static=True)
+    name: str = eqx.field(static=True, default="the material")
+
+    def __check_init__(self):
+        if self.range_um is not None:
+            low, high = self.range_um
+            if not 0.0 < low < high < float("inf"):
+                raise ValueError(
+                    f"range_um is {self.range_um}; wanted two wavelengths in micrometres, the "
+                    "shorter one first, or None for a model without limits"
+                )
+
+    def index(self, wavelength_um: Array) -> Index:
+        return self.model.index(wavelength_um)
+
+    def __call__(self, wavelength_um: ArrayLike) -> Index:
+        """`Index(eta, k)` at vacuum wavelengths in micrometres; see the module `dispersion`."""
+        if self.range_um is None:
+            return self.model(wavelength_um)
+        wavelength = in_one_type(wavelength_um, self.model)
+        return evaluate_within(self.model, wavelength, *self.range_um, self.name)
+
+
+def _sellmeier(
+    constant=1.0, strengths=(), numerators_um2=(), poles_um2=(), resonances_um=(), **rest
+) -> Sellmeier:
+    """Sellmeier's formula from any of its published forms."""
+    poles = poles_um2 or [r * r for r in resonances_um]
+    if numerators_um2:
+        # P / (l^2 - C) = (P / C) l^2 / (l^2 - C) - P / C
+        strengths = [p / c for p, c in zip(numerators_um2, poles, strict=True)]
+        constant = constant - sum(strengths)
+    return Sellmeier(strengths, poles, constant, **rest)
+
+
+def _brendel_bormann(plasma_ev, strengths, widths_ev, resonances_ev, deviations_ev):
+    strengths_ev2 = [f * plasma_ev**2 for f in strengths]
+    return BrendelBormann(
+        strengths_ev2[0],
+        widths_ev[0],
+        strengths_ev2[1:],
+        resonances_ev[1:],
+        widths_ev[1:],
+        deviations_ev[1:],
+    )
+
+
+def drude(plasma_ev: ArrayLike, width_ev: ArrayLike, eps_inf: ArrayLike = 1.0) -> DrudeLorentz:
+    """Free electrons: (eta + ik)^2 = eps_inf - plasma_ev^2 / (E (E + i width_ev)).
+
+    Args: plasma energy and width (hbar over the relaxation time) in eV, eps_inf without unit.
+    Source: Born and Wolf, 7th ed., sec. 14.3.
+    """
+    return DrudeLorentz(parameters(plasma_ev) ** 2, 0.0, width_ev, eps_inf)
+
+
+def lorentz_drude(
+    plasma_ev: ArrayLike,
+    strengths: ArrayLike,
+    widths_ev: ArrayLike,
+    resonances_ev: ArrayLike,
+    eps_inf: ArrayLike = 1.0,
+) -> DrudeLorentz:
+    """Oscillators with strengths relative to one plasma energy, as metals are usually published.
+
+    (eta + ik)^2 = eps_inf + sum_j strengths_j plasma_ev^2 / (E_j^2 - E^2 - i E widths_ev_j),
+    E_j = resonances_ev_j, 0 for the Drude term.
+    Source: A. D. Rakic et al., Appl. Opt. 37, 5271 (1998), doi:10.1364/AO.37.005271, eqs. 1 to 5.
+    """
+    strengths_ev2 = parameters(strengths) * parameters(plasma_ev) ** 2
+    return DrudeLorentz(strengths_ev2, resonances_ev, widths_ev, eps_inf)
+
+
+_FORMS = {
+    "constant": Constant,
+    "cauchy": Cauchy,
+    "sellmeier": _sellmeier,
+    "lorentz_drude": lorentz_drude,
+    "brendel_bormann": _brendel_bormann,
+}
+
+
+def material(name: str) -> Material:
+    """The dispersion model of a named material, with the range of wavelengths of its source.
+
+    Args: `name`: as `materials.lookup` takes it; `materials.names()` lists them, and
+        `materials.lookup(name)` gives source and DOI.
+
+    Raises:
+        ValueError: there is no such material; the text lists similar names.
+    """
+    record = materials.lookup(name)
+    if record.form == "table":
+        model = Tabulated(*record.table().T)
+    else:
+        model = _FORMS[record.form](**record.parameters)
+    return Material(model, record.range_um, record.name)
