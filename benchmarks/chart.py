@@ -27,7 +27,8 @@ SHORT = {
     "pbrt-v4 FrDielectric": "FrDielectric",
     "pbrt-v4 FrComplex": "FrComplex",
     "pbrt-v3 FrConductor": "FrConductor",
-    "plain sums, lossless": "plain sums",
+    "reflectance, plain sums": "plain sums",
+    "fewest divisions, lossless": "fewest divisions",
     "NumPy, real form": "NumPy",
     "numba, real form": "numba",
     "numba, all cores": "numba, all cores",
@@ -216,7 +217,7 @@ def _sizes(results, file, platform):
 
     names = {
         "reflectance": COLOURS[OURS],
-        "plain sums": COLOURS[TIER],
+        "reflectance, plain sums": COLOURS[TIER],
         "pbrt-v3 FrConductor": COLOURS[PRINTED],
         "pbrt-v4 FrComplex": "#E69F00",
         "numba, all cores": COLOURS[ARRAYS],

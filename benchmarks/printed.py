@@ -1,4 +1,4 @@
-"""The forms that books and codes print, in JAX, and the forms without compensated sums.
+"""The forms that books and codes print, in JAX, and one of fewest divisions.
 
 Each takes (cos, eta) or (cos, eta, k) with relative indices, and gives R of unpolarised light.
 """
@@ -60,17 +60,3 @@ def plain_lossless(c, eta):
     x = cq + sin2
     r = contrast / (s * s * x)
     return jnp.where(re_q2 <= 0.0, 1.0, (cq * cq + sin2 * sin2) * (r * r))
-
-
-def plain_lossy(c, eta, k):
-    """Stable algebra without compensated sums: two square roots, three divisions."""
-    near, far, k2 = eta - 1.0, eta + 1.0, k * k
-    c2, sin2 = c * c, (1.0 - c) * (1.0 + c)
-    re_q2, half_im = near * far + c2 - k2, eta * k
-    q2 = jnp.sqrt(re_q2 * re_q2 + 4.0 * (half_im * half_im))
-    large = jnp.sqrt(0.5 * (q2 + jnp.abs(re_q2)))
-    a = jnp.where(re_q2 >= 0.0, large, half_im / jnp.where(large == 0.0, 1.0, large))
-    twice = 2.0 * (c * a)
-    u = c2 * q2 + sin2 * sin2
-    per_s2, per_x2 = 1.0 / (c2 + q2 + twice), u / (u + sin2 * twice)
-    return jnp.minimum(((near * near + k2) * per_s2) * ((far * far + k2) * per_s2) * per_x2, 1.0)

@@ -12,13 +12,13 @@ but `large_index` one):
 
                             dielectrics,        metals,                    instructions
                             eta 1.3 to 2.5      eta .04 to 4, k 2.4 to 7   per point
-    schlick                 .083                .26                        9
-    lazanyi_szirmay_kalos   .030                .065                       12
-    f82                     .034                .064                       12
-    large_index             .16                 .0075                      18
-    polynomial, degree 6    .0048               .023                       22
-    polynomial, degree 8    .00061              .0036                      28
-    polynomial, degree 10   .000075             .0019                      34
+    schlick                 .083                .26                        8
+    lazanyi_szirmay_kalos   .030                .065                       11
+    f82                     .034                .064                       11
+    large_index             .16                 .0075                      17
+    polynomial, degree 6    .0048               .023                       21
+    polynomial, degree 8    .00061              .0036                      27
+    polynomial, degree 10   .000075             .0019                      33
 
 Colours and indices, `gulbrandsen_index` and its kin, are exact; they stand in `_colours`.
 
