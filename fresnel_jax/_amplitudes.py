@@ -23,7 +23,7 @@ from ._boundary import Boundary, boundary, unsigned
 @jax.custom_jvp
 def amplitudes_kernel(c, n, k, m):
     """r_s, r_p, t_s, t_p as complex arrays, for real c (sign ignored), n, k, m of one dtype."""
-    return _amplitudes(boundary(jnp.abs(c), n, k, m, exactly=True), n, k, m)
+    return _amplitudes(boundary(jnp.abs(c), n, k, m), n, k, m)
 
 
 def _inverses(q: Boundary):
@@ -53,7 +53,7 @@ def _amplitudes(q: Boundary, n, k, m):
 def _amplitudes_jvp(primals, tangents):
     (c, sign), n, k, m = unsigned(primals[0]), *primals[1:]
     dc, dn, dk, dm = tangents
-    q = boundary(c, n, k, m, exactly=True)
+    q = boundary(c, n, k, m)
     r_s, r_p, t_s, t_p = _amplitudes(q, n, k, m)
     per_s, per_x = _inverses(q)
     a, b = q.q

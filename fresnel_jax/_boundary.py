@@ -43,15 +43,10 @@ class Boundary(NamedTuple):
     ms_squared: Array  # m^2 s^2
 
 
-def boundary(c: Array, n: Array, k: Array | None, m: Array | None, exactly: bool) -> Boundary:
-    """The shared quantities, for 0 <= c <= 1, n > 0, k >= 0 (None: 0), m > 0 (None: 1).
-
-    With `exactly`, Re Q^2 and Re Y have a small relative error also where they vanish, which T and
-    every derivative need; without it their error is eps^2 of their terms, which is enough for R.
-    """
-    re_q2, re_y = _lossless_sums(c, n, m, exactly)
-    if exactly:
-        re_q2, re_y = _computed_once(re_q2), _computed_once(re_y)
+def boundary(c: Array, n: Array, k: Array | None, m: Array | None) -> Boundary:
+    """The shared quantities, for 0 <= c <= 1, n > 0, k >= 0 (None: 0), m > 0 (None: 1)."""
+    re_q2, re_y = lossless_sums(c, n, m, exactly=True)
+    re_q2, re_y = computed_once(re_q2), computed_once(re_y)
     if k is None:
         q = real_sqrt(re_q2)
         y = (re_y, None)
@@ -83,12 +78,13 @@ def unsigned(c: Array) -> tuple[Array, Array]:
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(3,))
-def _lossless_sums(c: Array, n: Array, m: Array | None, exactly: bool) -> tuple[Array, Array]:
+def lossless_sums(c: Array, n: Array, m: Array | None, exactly: bool) -> tuple[Array, Array]:
     """Re Q^2 = n^2 - m^2 s^2 and Re Y = c^2 n^2 - m^2 s^2 for k = 0.
 
     Doubled precision (error eps^2) is not enough where their relative error counts: among 1e5
     cosines around the critical one some leave 1e-5 eps of the terms, and T_s, proportional to the
-    root of Re Q^2, then lost 5 digits. `exactly` keeps what lies below as well.
+    root of Re Q^2, then lost 5 digits. `exactly` keeps what lies below as well: T and every
+    derivative need that, R alone does not.
     """
     c, n, m = opaque(c), opaque(n), None if m is None else opaque(m)
     mc2, mc2_lows, mc2_lowest = _square_of_product(c, m, exactly)
@@ -111,7 +107,7 @@ def _lossless_sums(c: Array, n: Array, m: Array | None, exactly: bool) -> tuple[
     return minus_ms2_plus(n2, [n2_low], 0.0), minus_ms2_plus(cn2, cn2_lows, cn2_lowest)
 
 
-@_lossless_sums.defjvp
+@lossless_sums.defjvp
 def _lossless_sums_jvp(exactly, primals, tangents):
     (c, n, m), (dc, dn, dm) = primals, tangents
     if m is None:
@@ -120,7 +116,7 @@ def _lossless_sums_jvp(exactly, primals, tangents):
         d_ms2 = 2.0 * m * ((1.0 - c) * (1.0 + c) * dm - m * c * dc)
     d_re_q2 = 2.0 * n * dn - d_ms2
     d_re_y = 2.0 * c * n * (n * dc + c * dn) - d_ms2
-    return _lossless_sums(c, n, m, exactly), (d_re_q2, d_re_y)
+    return lossless_sums(c, n, m, exactly), (d_re_q2, d_re_y)
 
 
 def _square_of_product(
@@ -142,7 +138,7 @@ def _sum_once(terms: list[Array]) -> tuple[Array, float]:
     return sum(terms[1:], terms[0]), 0.0
 
 
-def _computed_once(x: Array) -> Array:
+def computed_once(x: Array) -> Array:
     """x, divided by a one that the compiler cannot see through.
 
     XLA's CPU compiler has no loops with several outputs: it fuses a cheap producer into the loop of

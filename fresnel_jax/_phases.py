@@ -29,7 +29,7 @@ from ._boundary import Boundary, boundary, unsigned
 @jax.custom_jvp
 def phases_kernel(c, n, k, m):
     """Re f, Im f, Re g, Im g for real c (sign ignored), n, k, m of one dtype."""
-    return _values(boundary(jnp.abs(c), n, k, m, exactly=True), k, m)
+    return _values(boundary(jnp.abs(c), n, k, m), k, m)
 
 
 def _values(q: Boundary, k, m):
@@ -55,7 +55,7 @@ def _inverses(q: Boundary, m, per_s2, per_x2):
 def _phases_jvp(primals, tangents):
     (c, sign), n, k, m = unsigned(primals[0]), *primals[1:]
     dc, dn, dk, dm = tangents
-    q = boundary(c, n, k, m, exactly=True)
+    q = boundary(c, n, k, m)
     per_s, m_per_x = _inverses(
         q, m, reciprocal_or_zero(squared_modulus(q.s)), reciprocal_or_zero(squared_modulus(q.x))
     )

@@ -79,7 +79,7 @@ def refract_components(
     """
     dtype = jnp.result_type(cosine, eta_i)
     cosine, eta_i, eta_t = (a.astype(dtype) for a in (cosine, eta_i, eta_t))
-    root, _ = boundary(jnp.abs(cosine), eta_t, None, eta_i, exactly=True).q
+    root, _ = boundary(jnp.abs(cosine), eta_t, None, eta_i).q
     # Only where the squared cosine has underflown: elsewhere the root carries d cos_t / d eta.
     straight_on = (eta_i == eta_t) & (root == 0.0)
     cos_t = jnp.where(straight_on, jnp.abs(cosine), root / eta_t)

@@ -24,6 +24,7 @@ W. Jakob and G. Humphreys, Physically Based Rendering, 4th ed., sec. 9.3. The al
 and stands in `_boundary`, `_powers` and `_amplitudes`.
 """
 
+import functools
 from typing import Any, NamedTuple
 
 import jax
@@ -31,7 +32,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
 from ._amplitudes import amplitudes_kernel
-from ._powers import powers_kernel, reflectances_kernel
+from ._powers import powers_kernel
+from ._unpolarised import unpolarised_kernel
 
 
 class Powers(NamedTuple):
@@ -104,10 +106,9 @@ def _jit_powers(*arguments):
     return Powers(*powers_kernel(*_as_floats(*arguments)))
 
 
-@jax.jit
-def _jit_reflectance(*arguments):
-    R_s, R_p = reflectances_kernel(*_as_floats(*arguments))
-    return 0.5 * (R_s + R_p)
+@functools.partial(jax.jit, static_argnums=4)
+def _jit_reflectance(cos_theta_i, eta, k, eta_i, compensated):
+    return unpolarised_kernel(*_as_floats(cos_theta_i, eta, k, eta_i), compensated)
 
 
 @jax.jit
@@ -124,8 +125,7 @@ def _jit_dielectric(cos_theta_i, eta):
     inside = c < 0.0
     # 1 and eta change places; 1 / eta would lose the digits that count near the critical angle
     n, m = jnp.where(inside, 1.0, eta), jnp.where(inside, eta, 1.0)
-    R_s, R_p = reflectances_kernel(c, n, None, m)
-    return 0.5 * (R_s + R_p)
+    return unpolarised_kernel(c, n, None, m, True)
 
 
 def powers(
@@ -155,13 +155,25 @@ def powers(
 
 
 def reflectance(
-    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
+    cos_theta_i: ArrayLike,
+    eta: ArrayLike,
+    k: ArrayLike = 0.0,
+    eta_i: ArrayLike = 1.0,
+    *,
+    compensated: bool = True,
 ) -> Array:
     """Power reflectance for unpolarised light, (R_s + R_p) / 2.
 
-    Arguments, errors and accuracy as in `powers`, at less than half its cost.
+    Arguments, errors and accuracy as in `powers`, at a third of its cost.
+
+    Args:
+        compensated: a Python bool. False leaves out the compensated sum that the neighbourhood of
+            the critical angle needs, at .6 (lossless) to .75 of the cost. The error stays 5 eps
+            away from that angle; near it, it is 8 eps / abs(N cos_t / eta_i), which reaches
+            6 sqrt(eps) (9e-8 in float64, .002 in float32) at the angle itself.
     """
-    return _jit_reflectance(*_structure(cos_theta_i, eta, k, eta_i))
+    arguments = _structure(cos_theta_i, eta, k, eta_i)
+    return _jit_reflectance(*arguments, bool(compensated))
 
 
 def amplitudes(

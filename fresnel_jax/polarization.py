@@ -51,13 +51,6 @@ class PsiDelta(NamedTuple):
     delta: Array
 
 
-def _scaled(y, x):
-    """y and x over the larger of them, so that their squares stay in float32's range, and that."""
-    scale = jnp.maximum(jnp.abs(x), jnp.abs(y))
-    per_scale = reciprocal_or_zero(scale)
-    return y * per_scale, x * per_scale, scale
-
-
 @jax.custom_jvp
 def _angle(y, x):
     """The argument of x + iy for y >= 0, in [0, pi]; pi with derivative 0 where both are 0."""
@@ -67,24 +60,25 @@ def _angle(y, x):
 @_angle.defjvp
 def _angle_jvp(primals, tangents):
     (y, x), (dy, dx) = primals, tangents
-    y_1, x_1, scale = _scaled(y, x)
-    slope = reciprocal_or_zero(x_1 * x_1 + y_1 * y_1) * reciprocal_or_zero(scale)
+    # over the larger one: the squares of r_s = 1e-30 at index match leave float32's range
+    per_scale = reciprocal_or_zero(jnp.maximum(jnp.abs(x), jnp.abs(y)))
+    y_1, x_1 = y * per_scale, x * per_scale
+    slope = reciprocal_or_zero(x_1 * x_1 + y_1 * y_1) * per_scale
     return _angle(y, x), (x_1 * slope) * dy - (y_1 * slope) * dx
 
 
 @jax.custom_jvp
 def _modulus(y, x):
     """|x + iy|, with derivative 0 where both are 0."""
-    y_1, x_1, scale = _scaled(y, x)
-    return scale * jnp.sqrt(x_1 * x_1 + y_1 * y_1)
+    return jnp.sqrt(x * x + y * y)
 
 
 @_modulus.defjvp
 def _modulus_jvp(primals, tangents):
     (y, x), (dy, dx) = primals, tangents
-    y_1, x_1, _ = _scaled(y, x)
-    per_length = reciprocal_or_zero(jnp.sqrt(x_1 * x_1 + y_1 * y_1))
-    return _modulus(y, x), (y_1 * per_length) * dy + (x_1 * per_length) * dx
+    modulus = _modulus(y, x)
+    per_modulus = reciprocal_or_zero(modulus)
+    return modulus, (y * per_modulus) * dy + (x * per_modulus) * dx
 
 
 def _all_floats(*arguments):
@@ -140,14 +134,14 @@ def _jit_mueller_refraction(cos_theta_i, eta, eta_i):
     T = powers(cos_theta_i, eta, 0.0, eta_i)
     c, n, _, m = _all_floats(cos_theta_i, eta, None, eta_i)
     # sqrt(T_s T_p) without the root, whose derivative is lost where both vanish; X > 0 always
-    X, _ = boundary(jnp.abs(c), n, None, m, exactly=True).x
+    X, _ = boundary(jnp.abs(c), n, None, m).x
     return _mueller(T.T_s, T.T_p, T.T_s * (n * m / X))
 
 
 @jax.jit
 def _jit_penetration(wavelength_um, cos_theta_i, eta, k, eta_i):
     c, n, k, m = _as_floats(cos_theta_i, eta, k, eta_i)
-    _, b = boundary(jnp.abs(c), n, k, m, exactly=True).q
+    _, b = boundary(jnp.abs(c), n, k, m).q
     return _depth(wavelength_um, b)
 
 

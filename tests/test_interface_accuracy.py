@@ -56,7 +56,7 @@ def test_powers_within_12_eps(dtype, name, leave_out):
 
 @on_hard_sets
 def test_reflectance_within_12_eps(dtype, name, leave_out):
-    """`reflectance` sums in fewer digits than `powers`; unpolarised R never needs more."""
+    """`reflectance` has a form of its own, because R does not vanish at Brewster's angle."""
     points, arguments = hard_points(dtype, name, leave_out)
     eps = float(np.finfo(dtype).eps)
     result = np.asarray(reflectance(*arguments))
@@ -66,6 +66,23 @@ def test_reflectance_within_12_eps(dtype, name, leave_out):
         true = (R_s + R_p) / 2
         errors.append(float(abs(mp.mpf(float(result[i])) - true) / max(true, eps**2)) / eps)
     assert worst(errors) <= VALUE_BOUND
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("name", [*adversarial.hard_sets(np.float64)])
+def test_without_compensation_the_error_stays_below_the_stated_bound(dtype, name):
+    """12 eps of R, and 8 eps / |N cos_t / eta_i| next to the critical angle, at most 6 sqrt(eps)."""
+    points = adversarial.hard_sets(dtype)[name]
+    eps = float(np.finfo(dtype).eps)
+    result = np.asarray(reflectance(*points, compensated=False))
+    errors = []
+    for ours, point in zip(result, zip(*points, strict=True), strict=True):
+        R_s, R_p, *_ = oracle.powers(*point)
+        c, n, k, m = (mp.mpf(float(x)) for x in point)
+        q = abs(mp.sqrt((mp.mpc(n, k) / m) ** 2 - 1 + c * c))
+        allowed = 12 * eps * (R_s + R_p) / 2 + min(8 * eps / max(q, eps), 6 * mp.sqrt(eps))
+        errors.append(float(abs(mp.mpf(float(ours)) - (R_s + R_p) / 2) / allowed))
+    assert worst(errors) <= 1.0
 
 
 def partial_derivatives(function, arguments):
@@ -108,6 +125,20 @@ def test_gradients_within_200_eps(dtype, name, leave_out):
             gradients += [[-g for g in gradient] for gradient in gradients]  # T = 1 - R
             for ours, gradient in zip(np.moveaxis(partials[..., i], 1, 0), gradients, strict=True):
                 errors.append(gradient_error(ours, [gradient[v] for v in variables], dtype))
+    assert worst(errors) <= GRADIENT_BOUND
+
+
+@on_hard_sets
+def test_reflectance_gradients_within_200_eps(dtype, name, leave_out):
+    points, arguments = hard_points(dtype, name, leave_out)
+    variables, partials = partial_derivatives(lambda *a: [reflectance(*a)] * 4, arguments)
+    errors = [0.0]
+    for i, point in enumerate(zip(*points, strict=True)):
+        gradients = oracle.reflectance_gradients(*point)
+        if gradients is not None:
+            with mp.workdps(oracle.DIGITS):
+                true = [(gradients[0][v] + gradients[1][v]) / 2 for v in variables]
+            errors.append(gradient_error(partials[:, 0, i], true, dtype))
     assert worst(errors) <= GRADIENT_BOUND
 
 
