@@ -39,8 +39,8 @@ from ._powers import _along
 def unpolarised_kernel(c, n, k, m, compensated=True):
     """R, for c, n, k, m as `boundary` takes them; the sign of c is ignored.
 
-    Without `compensated` Re Q^2 is summed plainly: the error of R is then 8 eps m / |Q| near the
-    critical angle (at most 6 sqrt(eps)) and the same elsewhere, at .6 of the cost.
+    Without `compensated` Re Q^2 is summed plainly: the error of R is then up to 24 eps m / (c |Q|)
+    near the critical angle (at most 40 sqrt(eps) / c) and the same elsewhere, at .6 of the cost.
     """
     c = jnp.abs(c)
     re_q2 = lossless_sums(c, n, m, exactly=False)[0] if compensated else _re_q2_plain(c, n, m)
