@@ -18,7 +18,7 @@ from ._vectors import as_float
 HC_EV_UM = 1.2398419843320025
 
 # A range that its source gives in nm, eV or 1/cm ends a rounding error or two beside the wavelength
-# in um that someone else computes from it.
+# in um that someone else computes from it, or rounds to float32.
 _SLACK_IN_EPS = 4
 
 
@@ -59,8 +59,6 @@ def evaluate_within(
     slack = _SLACK_IN_EPS * float(np.finfo(wavelength.dtype).eps)
     low_limit, high_limit = low * (1.0 - slack), high * (1.0 + slack)
     if not any(isinstance(x, Tracer) for x in (wavelength, low, high)):
-        # in the type of the wavelengths, whose own rounding may lie outside of a float64 range
-        low_limit, high_limit = np.asarray([low_limit, high_limit], wavelength.dtype)
         values = np.asarray(wavelength)
         outside = ~((values >= low_limit) & (values <= high_limit))
         if outside.any():

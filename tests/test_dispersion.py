@@ -315,6 +315,15 @@ def test_tables_are_met_exactly_and_never_overshoot():
     np.testing.assert_allclose(slope(inner * (1 - 1e-13)), slope(inner), atol=1e-7)
 
 
+def test_a_flat_table_has_finite_derivatives():
+    """Both secants are 0 there, and so is the denominator of their harmonic mean."""
+    flat = Tabulated(np.array([0.4, 0.6, 0.8, 1.0]), np.full(4, 1.5))
+    assert jax.grad(lambda w: flat(w).eta)(0.7) == 0.0
+    by_table = jax.grad(lambda t: t(jnp.array(0.7)).eta)(flat)
+    assert np.isfinite(by_table.eta).all() and np.isfinite(by_table.wavelength_um).all()
+    np.testing.assert_allclose(by_table.eta, [0.0, 0.5, 0.5, 0.0], atol=1e-15)
+
+
 def test_interpolation_error_falls_with_the_step():
     """As the cube of the step where the function is monotone, the slopes being second-order."""
 
@@ -358,8 +367,8 @@ def test_wavelengths_outside_are_refused_or_nan():
     np.testing.assert_array_equal(np.isnan(eta), [True, False, True])
     np.testing.assert_array_equal(np.isnan(k), [True, False, True])
     # what lies outside, here on a pole, does not reach the derivative of what lies inside
-    on_pole = Material(Sellmeier([1.0], [0.01]), (0.3, 2.5), "pole")
-    slopes = jax.jit(jax.grad(lambda w: on_pole(w).eta[1]))(wavelengths)
+    on_pole = Material(Sellmeier([1.0], [0.25]), (0.6, 2.5), "pole")
+    slopes = jax.jit(jax.grad(lambda w: on_pole(w).eta[1]))(jnp.array([0.5, 0.7, 3.0]))
     assert slopes[1] != 0.0 and np.isfinite(slopes).all()
     # ends that were computed in other units
     assert np.isfinite(glass(2500.0 * 1e-3 * (1 + 2e-16)).eta)
