@@ -80,7 +80,9 @@ def test_without_compensation_the_error_stays_below_the_stated_bound(dtype, name
         R_s, R_p, *_ = oracle.powers(*point)
         c, n, k, m = (mp.mpf(float(x)) for x in point)
         q = abs(mp.sqrt((mp.mpc(n, k) / m) ** 2 - 1 + c * c))
-        allowed = 12 * eps * (R_s + R_p) / 2 + min(24 * eps / max(q, eps), 40 * mp.sqrt(eps)) / max(c, eps)
+        allowed = 12 * eps * (R_s + R_p) / 2 + min(24 * eps / max(q, eps), 40 * mp.sqrt(eps)) / max(
+            c, eps
+        )
         errors.append(float(abs(mp.mpf(float(ours)) - (R_s + R_p) / 2) / allowed))
     assert worst(errors) <= 1.0
 
