@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint accuracy clean
+.PHONY: demo test lint accuracy bench startup fit-study clean
 
 demo: .venv/installed-plot  ## fit the gold scan that ships with the project; table, plot, JSON in demo/
 	mkdir -p demo
@@ -18,6 +18,15 @@ lint: .venv/installed-test .venv/installed-lint  ## linters and type checker
 
 accuracy: .venv/installed-test  ## the accuracy table of the README (a minute)
 	$(BIN)/python benchmarks/interface_accuracy.py
+
+bench: .venv/installed-bench  ## speed against accuracy: table, JSON and charts in docs/benchmarks
+	$(BIN)/python -m benchmarks
+
+startup: .venv/installed-plot  ## where the time of the command fresnel-fit goes
+	$(BIN)/python benchmarks/startup.py
+
+fit-study: .venv/installed-bench  ## how often the fit finds the best minimum, over 1e4 truths a class
+	$(BIN)/python benchmarks/fit_success.py
 
 .venv/installed-%: pyproject.toml
 	test -d .venv || $(PYTHON) -m venv .venv

@@ -25,7 +25,6 @@ _HOME = {
     "fitted_values": "curves",
     "read_csv": "measurement",
 }
-__all__ = list(_HOME)
 
 
 def __getattr__(name: str) -> Any:
