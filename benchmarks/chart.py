@@ -220,7 +220,7 @@ def _sizes(results, file, platform):
         "reflectance, plain sums": COLOURS[TIER],
         "pbrt-v3 FrConductor": COLOURS[PRINTED],
         "pbrt-v4 FrComplex": "#E69F00",
-        "numba, all cores": COLOURS[ARRAYS],
+        "numba, real form": COLOURS[ARRAYS],
         "Mitsuba": COLOURS[PEER],
         "jax.jit(a + b + c)": "0.7",
     }
