@@ -148,8 +148,8 @@ def test_float32_is_float64_to_its_own_precision(name):
     u_lobe, u = (rng.uniform(size=n).astype(np.float32) for n in (20000, (20000, 2)))
     s = sample(low, wo, u_lobe, u, Lobes.ALL, TransportMode.RADIANCE)
     assert all(a.dtype == np.float32 for a in (s.direction, s.value, s.density, s.weight, s.eta))
-    wide = [a.astype(np.float64) for a in (wo, u_lobe, u)]
-    exact = sample(high, *wide, Lobes.ALL, TransportMode.RADIANCE)
+    wide, u_lobe, u = (a.astype(np.float64) for a in (wo, u_lobe, u))
+    exact = sample(high, wide, u_lobe, u, Lobes.ALL, TransportMode.RADIANCE)
     good = np.asarray(s.valid & exact.valid & (s.transmission == exact.transmission))
     assert good.mean() > np.mean(exact.valid) - 1e-3
     eps = np.finfo(np.float32).eps
