@@ -40,7 +40,7 @@ def with_error(value: float, sigma: float) -> str:
         return f"{value:.13g} +- {sigma:.0e}"
     exponent = math.floor(math.log10(float(f"{sigma:.1e}")))
     decimals = 1 - exponent
-    if 0 <= decimals <= 9:
+    if 0 <= decimals <= 9 and max(abs(value), sigma) >= 1e-3:
         return f"{value:.{decimals}f} +- {sigma:.{decimals}f}"
     # Far from 1: one power of ten for both, that of the larger.
     power = math.floor(math.log10(max(abs(value), sigma)))
