@@ -1,14 +1,12 @@
 """Dispersion models against many digits, quadrature and conservation laws."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from scipy import integrate, interpolate
+from scipy import integrate
 
-from fresnel_jax import reflectance
 from fresnel_jax._faddeeva import faddeeva
 from fresnel_jax.dispersion import (
     HC_EV_UM,
@@ -16,7 +14,6 @@ from fresnel_jax.dispersion import (
     Cauchy,
     Constant,
     DrudeLorentz,
-    Material,
     Sellmeier,
     Tabulated,
     drude,
@@ -285,141 +282,3 @@ def test_derivatives_against_differences(name):
             )
             difference = float((up - down) / (2 * step))
             np.testing.assert_allclose(slope[position], difference, rtol=2e-6, atol=2e-8)
-
-
-def test_tables_are_met_exactly_and_never_overshoot():
-    """Against scipy's interpolant with the same slopes, and by what it is chosen for."""
-    random = np.random.default_rng(11)
-    knots = np.cumsum(random.uniform(0.01, 0.2, 40)) + 0.2
-    eta, k = random.uniform(0.2, 4.0, 40), np.sort(10.0 ** random.uniform(-25, 1, 40))[::-1]
-    table = Tabulated(knots, eta, k)
-    at_knots = table(knots)
-    np.testing.assert_array_equal(at_knots.eta, eta)
-    np.testing.assert_array_equal(at_knots.k, k)
-    fine = np.linspace(knots[0], knots[-1], 4001)
-    result = table(fine)
-    np.testing.assert_allclose(
-        result.eta, interpolate.PchipInterpolator(knots, eta)(fine), rtol=1e-13
-    )
-    np.testing.assert_allclose(
-        result.k, interpolate.PchipInterpolator(knots, k)(fine), rtol=1e-9, atol=1e-15
-    )
-    left = np.clip(np.searchsorted(knots, fine, side="right") - 1, 0, 38)
-    for values, column in ((result.eta, eta), (result.k, k)):
-        bounds = np.sort([column[left], column[left + 1]], axis=0)
-        assert (np.asarray(values) >= bounds[0] * (1 - 1e-15)).all()
-        assert (np.asarray(values) <= bounds[1] * (1 + 1e-15)).all()
-    assert (np.diff(np.asarray(result.k)) <= 0).all()  # over 26 decades
-    slope = jax.vmap(jax.grad(lambda w: table(w).eta))
-    inner = knots[1:-1]
-    np.testing.assert_allclose(slope(inner * (1 - 1e-13)), slope(inner), atol=1e-7)
-
-
-def test_a_flat_table_has_finite_derivatives():
-    """Both secants are 0 there, and so is the denominator of their harmonic mean."""
-    flat = Tabulated(np.array([0.4, 0.6, 0.8, 1.0]), np.full(4, 1.5))
-    assert jax.grad(lambda w: flat(w).eta)(0.7) == 0.0
-    by_table = jax.grad(lambda t: t(jnp.array(0.7)).eta)(flat)
-    assert np.isfinite(by_table.eta).all() and np.isfinite(by_table.wavelength_um).all()
-    np.testing.assert_allclose(by_table.eta, [0.0, 0.5, 0.5, 0.0], atol=1e-15)
-
-
-def test_interpolation_error_falls_with_the_step():
-    """As the cube of the step where the function is monotone, the slopes being second-order."""
-
-    def largest_error(rows):
-        knots = np.linspace(0.3, 1.0, rows)
-        fine = np.linspace(0.35, 0.95, 2001)
-        return np.abs(
-            np.asarray(Tabulated(knots, 1 + knots**-2.0)(fine).eta) - 1 - fine**-2.0
-        ).max()
-
-    coarse, fine = largest_error(41), largest_error(81)
-    assert 6.5 < coarse / fine < 20.0
-    assert fine < 2e-5
-
-
-@both_types
-def test_small_tables_and_types(dtype):
-    line = Tabulated(np.array([0.4, 0.8], dtype), np.array([1.0, 2.0], dtype))
-    eta, k = line(np.array([0.4, 0.5, 0.8], dtype))
-    assert eta.dtype == dtype
-    np.testing.assert_allclose(eta, [1.0, 1.25, 2.0], rtol=4 * np.finfo(dtype).eps)
-    assert not np.asarray(k).any()
-    # k whose products of slopes underflow in float32
-    knots, k = np.array([0.4, 0.6, 0.8, 1.0]), np.array([1e-22, 3e-23, 1e-24, 1e-25])
-    between = np.array([0.5, 0.7, 0.9])
-    tiny = Tabulated(knots.astype(dtype), np.ones(4, dtype), k.astype(dtype))
-    true = interpolate.PchipInterpolator(knots, k * 1e25)(between) * 1e-25
-    np.testing.assert_allclose(tiny(between.astype(dtype)).k, true, rtol=64 * np.finfo(dtype).eps)
-
-
-def test_wavelengths_outside_are_refused_or_nan():
-    glass = Material(GLASS, (0.3, 2.5), "BK7")
-    with pytest.raises(ValueError, match=r"BK7 is known from 0.3 to 2.5 um.*of 3 um came"):
-        glass(np.array([0.5, 3.0]))
-    with pytest.raises(ValueError, match=r"550 nm is 0.55"):
-        glass(550.0)
-    with pytest.raises(ValueError, match="nan um came"):
-        glass(np.nan)
-    wavelengths = jnp.array([0.1, 0.5, 3.0])
-    eta, k = eqx.filter_jit(glass)(wavelengths)
-    np.testing.assert_array_equal(np.isnan(eta), [True, False, True])
-    np.testing.assert_array_equal(np.isnan(k), [True, False, True])
-    # what lies outside, here on a pole, does not reach the derivative of what lies inside
-    on_pole = Material(Sellmeier([1.0], [0.25]), (0.6, 2.5), "pole")
-    slopes = jax.jit(jax.grad(lambda w: on_pole(w).eta[1]))(jnp.array([0.5, 0.7, 3.0]))
-    assert slopes[1] != 0.0 and np.isfinite(slopes).all()
-    # ends that were computed in other units
-    assert np.isfinite(glass(2500.0 * 1e-3 * (1 + 2e-16)).eta)
-    assert np.isfinite(Material(GLASS, (0.24797, 2.5))(np.float32(0.24797)).eta)
-    # the formula itself extrapolates, a table does not
-    assert np.isfinite(glass.model(3.0).eta)
-    table = MODELS["table"]
-    with pytest.raises(ValueError, match=r"the table is known from 0.3 to 1.4 um"):
-        table(1.5)
-    assert np.isnan(jax.jit(lambda t, w: t(w).eta)(table, 1.5))
-    assert np.isfinite(Material(GLASS, None)(20.0).eta)
-
-
-def test_models_are_pytrees_that_map_and_compile():
-    widths = jnp.array([[0.05], [0.1], [0.2]])
-    models = jax.vmap(lambda g: DrudeLorentz([80.0], [0.0], g))(widths)
-    eta, k = jax.jit(jax.vmap(lambda m, w: m(w), (0, None)))(models, jnp.array([0.5, 0.6]))
-    assert eta.shape == k.shape == (3, 2)
-    one = DrudeLorentz([80.0], [0.0], [0.1])(np.array([0.5, 0.6]))
-    np.testing.assert_allclose(eta[1], one.eta, rtol=1e-14)
-    # a metal's reflectance, differentiated with respect to the damping of its electrons
-    slope = jax.jit(jax.grad(lambda m: reflectance(0.8, *m(0.6))))(drude(9.0, 0.05))
-    assert np.isfinite(slope.widths_ev).all() and slope.widths_ev[0] < 0
-
-
-def test_types_and_shapes_of_what_comes_back():
-    single = typed(GLASS, np.float32)
-    assert GLASS(np.float32(0.5)).eta.dtype == np.float32
-    assert single(np.float64(0.5)).eta.dtype == np.float64
-    assert single(0.5).eta.dtype == np.float32 and GLASS(0.5).eta.dtype == np.float64
-    assert GLASS([1, 2]).eta.dtype == np.float64
-    assert Constant(1.5)(np.ones((2, 3), np.float32)).k.shape == (2, 3)
-    assert Constant(1.5)(np.ones(2, np.float32)).eta.dtype == np.float32
-
-
-@pytest.mark.parametrize(
-    "build, text",
-    [
-        (lambda: Sellmeier([1.0, 2.0], [0.1]), r"strengths \(2,\), poles_um2 \(1,\)"),
-        (lambda: Sellmeier([1.0], [0.1], 1.0, [0.1]), "as many powers as coefficients"),
-        (lambda: Cauchy([1.5, 0.1], [0]), "as many powers as coefficients"),
-        (lambda: DrudeLorentz([1.0], [0.0, 1.0], [0.1, 0.1]), "resonances_ev"),
-        (lambda: BrendelBormann(1.0, 0.1, [1.0], [1.0], [0.1], [0.1, 0.2]), "deviations_ev"),
-        (lambda: Tabulated([0.4, 0.3], [1.5, 1.5]), "ascending"),
-        (lambda: Tabulated([0.3], [1.5]), "at least two"),
-        (lambda: Tabulated([0.3, 0.4], [1.5]), "eta has shape"),
-        (lambda: Tabulated([0.3, 0.4], [1.5, 1.5], [0.1, -0.1]), "k holds a value"),
-        (lambda: Tabulated([0.3, 0.4], [1.5, np.nan]), "eta holds a value"),
-        (lambda: Material(GLASS, (2.5, 0.3)), "the shorter one first"),
-    ],
-)
-def test_wrong_parameters_are_refused(build, text):
-    with pytest.raises(ValueError, match=text):
-        build()
