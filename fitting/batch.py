@@ -23,6 +23,7 @@ FIRST_STEPS, MOST_STEPS = 6, 400
 FURTHER_STEPS = 40
 _COST = Solved._fields.index("cost")
 _EVALUATIONS = Solved._fields.index("evaluations")
+_DONE = Solved._fields.index("done")
 
 
 class Data(NamedTuple):
@@ -160,10 +161,11 @@ class Minima(NamedTuple):
 
 
 def _same(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Whether two solutions are one minimum: chi2 alike to rounding and x, w alike."""
+    """Whether two solutions are one minimum, whatever their charts."""
     p, q = Solved(*a), Solved(*b)
-    near = (np.abs(p.x - q.x) <= 1e-3 * p.x) & (np.abs(p.w - q.w) <= 1e-3 * (p.w + q.w) + 1e-6)
-    return near & (p.chart == q.chart)
+    log_p, log_q = (s.chart * (2.0 * xi_of(s.x) - s.w) for s in (p, q))  # log|N|^2
+    near = np.abs(log_p - log_q) <= 1e-3 * (p.w + q.w) + 1e-6
+    return near & (np.abs(p.x - q.x) <= 1e-3 * p.x)
 
 
 def minima(data: Data, points: np.ndarray | None = None) -> Minima:
@@ -186,9 +188,11 @@ def minima(data: Data, points: np.ndarray | None = None) -> Minima:
         todo, new = curve[mine], again[:, mine]
         old, second = best[:, todo], other[:, todo]
         total = old[_EVALUATIONS] + new[_EVALUATIONS]
-        swap = new[_COST] < old[_COST]
+        # Of two arrivals at one minimum the first stays: which is lower is a matter of rounding.
+        same = _same(old, new)
+        swap = (new[_COST] < old[_COST]) & ~(same & (old[_DONE] > 0))
         low, high = np.where(swap, new, old), np.where(swap, old, new)
-        keep = _same(low, high) | (second[_COST] <= high[_COST])
+        keep = same | (second[_COST] <= high[_COST])
         low[_EVALUATIONS] = total
         best[:, todo], other[:, todo] = low, np.where(keep, second, high)
     return Minima(Solved(*best), Solved(*other))

@@ -31,11 +31,12 @@ def _with_slopes(cos_theta, s_share, eta, u, eta_i):
 _with_slopes = compiled(_with_slopes, ())
 
 
-def _covariance(information: np.ndarray, at_zero: np.ndarray) -> np.ndarray:
+def _covariance(information: np.ndarray, sigma_eta: np.ndarray, at_zero: np.ndarray) -> np.ndarray:
     """Return the covariance of (eta, u), (N, 2, 2): the inverse over what the data determine.
 
     A direction that they do not see at all is left out: along it the curve does not change. At
-    k = 0 eta alone varies.
+    k = 0 it is the mean square of what u >= 0 may be, which sigma_eta tells: eta shifts by
+    -i_nu / i_nn for each unit of u.
     """
     ok = np.asarray(np.isfinite(information).all((1, 2)))
     safe = np.where(ok[:, None, None], information, np.eye(2))
@@ -43,9 +44,13 @@ def _covariance(information: np.ndarray, at_zero: np.ndarray) -> np.ndarray:
     scaled = safe / (diagonal[:, :, None] * diagonal[:, None, :])
     covariance = np.linalg.pinv(scaled, rcond=1e-11, hermitian=True)
     covariance = covariance / (diagonal[:, :, None] * diagonal[:, None, :])
-    alone = np.zeros_like(covariance)
-    alone[:, 0, 0] = 1.0 / np.maximum(safe[:, 0, 0], 1e-300)
-    covariance = np.where(at_zero[:, None, None], alone, covariance)
+    i_nn = np.maximum(safe[:, 0, 0], 1e-300)
+    shift = -safe[:, 0, 1] / i_nn
+    square = np.maximum(sigma_eta**2 - 1.0 / i_nn, 0.0) / np.maximum(shift**2, 1e-300)
+    edge = square[:, None, None] * np.stack([shift, np.ones_like(shift)], -1)[:, :, None]
+    edge = edge * np.stack([shift, np.ones_like(shift)], -1)[:, None, :]
+    edge[:, 0, 0] += 1.0 / i_nn
+    covariance = np.where(at_zero[:, None, None], edge, covariance)
     return np.where(ok[:, None, None], covariance, np.nan)
 
 
@@ -66,7 +71,8 @@ def _evaluate(
             np.maximum(k, _LEAST_K) ** 2, np.float64(result.eta_i),
         )  # fmt: skip
         value, by_eta, by_u = np.asarray(out)[CHANNELS.index(quantity), :, :, :angles]
-    covariance = _covariance(information, status == AT_ZERO)
+    sigma_eta = np.reshape(result.sigma_eta, -1)
+    covariance = _covariance(information, sigma_eta, status == AT_ZERO)
     slopes = np.stack([by_eta, by_u], -1)
     variance = np.einsum("nai,nij,naj->na", slopes, covariance, slopes)
     wrong = np.isin(status, (NO_DATA, NOT_CONVERGED))[:, None]

@@ -8,13 +8,15 @@ import numpy as np
 
 from fitting.coordinates import W_MIN, index_derivatives, xi_of
 from fitting.engine import Solved
-from fitting.limits import normal_upper_limit
+from fitting.limits import mean_square, normal_upper_limit
 
 # 1 - correlation^2 below this is rounding: the normal matrix is then singular.
 SINGULAR = 1e-11
 # With eta less certain than this the valley of the fit bends within its errors, and limits from the
 # quadratic model are wrong: for s alone on metals 43 % of them were below the true k.
 LIMIT_SPREAD = 0.1
+# k is seen where k^2 is this many standard errors above 0.
+SEEN_SIGMAS = 3.0
 
 
 class Estimate(NamedTuple):
@@ -106,12 +108,16 @@ def estimate(
         limit = np.where(
             kinked, normal_upper_limit(k - slope_k / i_kk, scale / np.sqrt(i_kk)), limit
         )
-        # Compatible with 0: then a limit, and no standard error, which would not be one (of a true
-        # k = 0 a sixth lies above one sigma_u, where k would be given as twice its error).
-        seen = (~at_zero) & ((u >= 2.0 * sigma_u) | kinked)
+        # Compatible with 0: then a limit, and no standard error, which would not be one (at
+        # u = sigma_u, above which a sixth of true zeros lies, k is already twice sigma_k).
+        seen = (~at_zero) & ((u >= SEEN_SIGMAS * sigma_u) | kinked)
         limited = ~seen & (spread < LIMIT_SPREAD)
         sigma_k = np.where(seen, sigma_u / (2.0 * k), np.nan)
-        sigma_eta = np.where(at_zero, scale / np.sqrt(i_nn), np.sqrt(c_nn))
+        # At k = 0 eta is as certain as it would be if k were known to be 0, plus what k may yet be:
+        # eta shifts by c_nu / c_uu for each unit of u. Without this a silicon of k = .2, of which
+        # the data saw nothing, was 6 standard errors off. Where u = 0 is just reached both agree.
+        shift = np.where(kinked, 0.0, (i_nu / i_nn) ** 2 * mean_square(reach, sigma_u))
+        sigma_eta = np.sqrt(np.where(at_zero, variance / i_nn + shift, c_nn))
         c_nk = np.where(seen, c_nu / (2.0 * k), np.nan)
         covariance = np.moveaxis(np.array([[sigma_eta**2, c_nk], [c_nk, sigma_k**2]]), -1, 0)
         correlation = c_nk / (sigma_eta * sigma_k)

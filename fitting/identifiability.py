@@ -147,7 +147,7 @@ def _flat(r: FitResult) -> str:
 
 def _no_degrees(r: FitResult) -> str:
     known = "as stated and unchecked" if np.isfinite(r.sigma_eta) else "unknown"
-    return f"{r.n_data} data for two unknowns: nothing is left to test the fit; its errors are {known}."
+    return f"{r.n_data} data for two unknowns leave nothing to test the fit; its errors are {known}."
 
 
 def _not_converged(r: FitResult) -> str:

@@ -27,9 +27,10 @@ class FitResult(NamedTuple):
     dof: n_data - 2, at least 0. n_data: the number of data.
     rms: root mean square of the residuals, unweighted, in units of R.
     sigma_kind: "absolute", or "scaled" by the scatter of the residuals; for the whole result.
-    k_upper_limit: 95 % upper limit of k where k is compatible with 0 (k^2 less than two standard
-        errors of k^2), NaN elsewhere.
-    status: "converged"; "converged at k = 0" (the best k >= 0 is 0; sigma_eta is for that k);
+    k_upper_limit: 95 % upper limit of k where k is compatible with 0 (k^2 less than three
+        standard errors of k^2), NaN elsewhere.
+    status: "converged"; "converged at k = 0" (the best k >= 0 is 0; sigma_eta covers the
+        k that the data allow);
         "undetermined" (the fit is at its best, but only one combination of eta and k is known; the
         values are those with k = 0 if that fits as well, NaN for a perfect mirror); "not
         converged"; "no data".

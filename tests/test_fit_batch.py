@@ -8,7 +8,7 @@ from fitting import batch
 from fitting.fitter import FitResult, fit, fit_many
 from fitting.measurement import Measurement
 
-ANGLES = np.linspace(20.0, 80.0, 13)
+ANGLES = np.linspace(20.0, 80.0, 16)
 INDICES = [
     (1.5, 0.0), (1.45, 0.0), (1.3, 0.01), (4.0, 0.05), (2.5, 1.0), (0.36, 2.6),
     (0.05, 4.0), (1.1, 7.0), (1.0, 0.5), (3.0, 0.2), (1.8, 0.0), (5.0, 3.0),
@@ -16,7 +16,7 @@ INDICES = [
 
 
 def table(angles=ANGLES, noise=1e-3, seed=0):
-    """R_s and R_p of INDICES, (12, 13)."""
+    """R_s and R_p of INDICES, (12, 16)."""
     rng = np.random.default_rng(seed)
     return {
         q: np.array([textbook(angles, np.full(len(angles), q), *i) for i in INDICES])
@@ -31,7 +31,7 @@ def assert_same(one: FitResult, many: FitResult, index):
     for name, value in one._asdict().items():
         other = getattr(beside, name)
         if isinstance(value, float | np.ndarray):
-            np.testing.assert_allclose(other, value, rtol=1e-6, atol=1e-12, err_msg=name)
+            np.testing.assert_allclose(other, value, rtol=1e-8, atol=1e-12, err_msg=name)
         elif name != "iterations":
             assert other == value, name
     assert one.alternatives == () or beside.alternatives != ()
@@ -49,11 +49,11 @@ def test_alone_and_in_a_batch(kwargs):
 
 def test_own_angles_gaps_and_errors_for_each_curve():
     rng = np.random.default_rng(4)
-    angles = np.sort(rng.uniform(20.0, 85.0, (len(INDICES), 13)), axis=1)
+    angles = np.sort(rng.uniform(20.0, 85.0, (len(INDICES), 16)), axis=1)
     sigma = rng.uniform(5e-4, 2e-3, angles.shape)
     data = {
         q: np.array([
-            textbook(a, np.full(13, q), *i) + s * rng.standard_normal(13)
+            textbook(a, np.full(16, q), *i) + s * rng.standard_normal(16)
             for a, s, i in zip(angles, sigma, INDICES, strict=True)
         ])
         for q in ("R_s", "R_p")
@@ -65,7 +65,7 @@ def test_own_angles_gaps_and_errors_for_each_curve():
         assert_same(one, many, i)
         # and a gap is the same as a datum that was never taken
         kept = np.isfinite(data["R_s"][i])
-        assert one.n_data == 13 + kept.sum()
+        assert one.n_data == 16 + kept.sum()
 
 
 def test_order_and_company_do_not_matter():
@@ -78,15 +78,15 @@ def test_order_and_company_do_not_matter():
     many = fit_many(ANGLES, **{q: v[order] for q, v in tiled.items()})
     few = fit_many(ANGLES, **data)
     for name in ("eta", "k", "sigma_eta", "sigma_k", "rms", "k_upper_limit"):
-        np.testing.assert_array_equal(
-            getattr(many, name)[np.argsort(order)].reshape(repeats, -1),
-            np.broadcast_to(getattr(few, name), (repeats, len(INDICES))),
-        )
+        sorted_back = getattr(many, name)[np.argsort(order)].reshape(repeats, -1)
+        # Wherever it stands in a batch a curve gets the same bits, and alone the same to rounding.
+        np.testing.assert_array_equal(sorted_back, np.tile(sorted_back[0], (repeats, 1)))
+        np.testing.assert_allclose(sorted_back[0], getattr(few, name), rtol=1e-9)
     assert (many.status == np.tile(few.status, repeats)[order]).all()
 
 
 def test_batch_axes_keep_their_shape():
-    data = {q: v.reshape(3, 4, 13) for q, v in table().items()}
+    data = {q: v.reshape(3, 4, 16) for q, v in table().items()}
     found = fit_many(ANGLES, **data)
     assert found.shape == (3, 4)
     assert found.covariance.shape == (3, 4, 2, 2)
@@ -94,14 +94,14 @@ def test_batch_axes_keep_their_shape():
     flat = fit_many(ANGLES, **table())
     np.testing.assert_array_equal(found.eta.ravel(), flat.eta)
     assert found.at((1, 2)).eta == flat.at(6).eta
-    assert fit_many(ANGLES, R_s=np.empty((0, 13))).shape == (0,)
+    assert fit_many(ANGLES, R_s=np.empty((0, 16))).shape == (0,)
 
 
 def test_a_measurement_is_fitted_wavelength_by_wavelength():
     data, waves = table(), np.linspace(0.4, 0.7, len(INDICES))
     parts = []
     for i in np.random.default_rng(2).permutation(len(INDICES)):  # unsorted
-        kept = slice(0, 13 - i)  # and of unequal length
+        kept = slice(0, 16 - i)  # and of unequal length
         parts.append((ANGLES[kept], waves[i], data["R_s"][i, kept], data["R_p"][i, kept]))
     lengths = [len(p[0]) for p in parts]
     m = Measurement.from_columns(
@@ -114,7 +114,7 @@ def test_a_measurement_is_fitted_wavelength_by_wavelength():
     found = fit(m)
     np.testing.assert_array_equal(found.wavelength_um, waves)
     for i in range(len(INDICES)):
-        kept = slice(0, 13 - i)
+        kept = slice(0, 16 - i)
         one = fit_many(ANGLES[kept], R_s=data["R_s"][i, kept], R_p=data["R_p"][i, kept], sigma=1e-3)
         assert_same(one._replace(wavelength_um=waves[i]), found, i)
     single = fit(m.where(m.wavelength_um == waves[3]))
@@ -127,21 +127,21 @@ def test_repeated_angles_are_data_of_their_own():
     twice = Measurement.from_columns(
         np.concatenate([ANGLES, ANGLES]),
         R_s=np.concatenate([data["R_s"] + 0.01, data["R_s"] - 0.01]),
-        R_p=np.concatenate([data["R_p"], np.full(13, np.nan)]),
+        R_p=np.concatenate([data["R_p"], np.full(16, np.nan)]),
     )
     found = fit(twice)
-    assert found.n_data == 39
-    assert found.rms == pytest.approx(0.01 * np.sqrt(26 / 39), rel=1e-3)
+    assert found.n_data == 48
+    assert found.rms == pytest.approx(0.01 * np.sqrt(32 / 48), rel=1e-3)
 
 
 def test_errors_missing_from_some_data_are_not_guessed():
     data = table()
-    sigma = np.full(13, 1e-3)
+    sigma = np.full(16, 1e-3)
     sigma[4] = np.nan
     m = Measurement.from_columns(ANGLES, R_s=data["R_s"][5], R_p=data["R_p"][5], sigma=sigma)
     found = fit(m)
     assert found.notes == (
-        "sigma is missing for 2 of 26 data: all are weighted alike, and the errors of eta and k "
+        "sigma is missing for 2 of 32 data: all are weighted alike, and the errors of eta and k "
         "come from the scatter.",
     )
     assert np.isnan(found.chi2)
@@ -153,7 +153,7 @@ def test_errors_missing_from_some_data_are_not_guessed():
     ("change", "words"),
     [
         ({"R_s": None, "R_p": None}, "no reflectance"),
-        ({"R_s": np.full(13, 92.4)}, "divide by 100"),
+        ({"R_s": np.full(16, 92.4)}, "divide by 100"),
         ({"R_s": "abc"}, "numbers"),
         ({"angles_deg": ANGLES + 30.0}, "0 to 90"),
         ({"angles_deg": ANGLES[:5]}, "shapes"),
@@ -175,8 +175,8 @@ def test_a_call_that_makes_no_sense_says_what_was_wanted(change, words):
 
 
 def test_quantities_that_are_not_reflectances_are_refused():
-    m = Measurement.from_columns(ANGLES, psi=np.full(13, 30.0), delta=np.full(13, 100.0))
-    with pytest.raises(ValueError, match="cannot fit delta, psi.*R_s, R_p and R"):
+    m = Measurement.from_columns(ANGLES, psi=np.full(16, 30.0), delta=np.full(16, 100.0))
+    with pytest.raises(ValueError, match=r"cannot fit delta, psi.*R_s, R_p and R"):
         fit(m)
-    with pytest.raises(ValueError, match="given.*equal"):
-        fit(Measurement.from_columns(ANGLES, R=np.full(13, 0.5)), sigma="unit")
+    with pytest.raises(ValueError, match=r"given.*equal"):
+        fit(Measurement.from_columns(ANGLES, R=np.full(16, 0.5)), sigma="unit")

@@ -10,7 +10,7 @@ from simulated import textbook
 from fitting.fitter import fit_many
 from fitting.limits import normal_upper_limit
 
-ANGLES = np.linspace(5.0, 85.0, 17)
+ANGLES = np.linspace(5.0, 85.0, 16)
 
 
 def curves(eta, k, angles=ANGLES, quantities=("R_s", "R_p"), noise=0.0, count=None, seed=0):
@@ -32,10 +32,11 @@ def test_glass_gets_an_upper_limit_on_k_and_no_error_bar():
     limited = np.isfinite(found.k_upper_limit)
     assert np.isnan(found.sigma_k[limited]).all()
     assert np.isnan(found.covariance[limited, 1, 1]).all()
-    # A true k = 0 lies above two sigma in 2.3 % of all cases, and only then gets a standard error.
-    assert limited.mean() > 0.94
+    # A true k = 0 lies above three sigma in .1 % of all cases, and only then gets a standard error.
+    assert limited.mean() > 0.98
     assert np.isfinite(found.sigma_eta).all()
-    assert ((found.eta - 1.5) / found.sigma_eta).std() == pytest.approx(1.0, abs=0.2)
+    # k may be what the limit allows, which the error of eta covers: wider than for a known k = 0.
+    assert 0.6 < ((found.eta - 1.5) / found.sigma_eta).std() < 1.0
     assert "k < " in found.warnings[int(np.flatnonzero(limited)[0])][0]
 
 
@@ -101,27 +102,28 @@ def test_s_alone_on_a_metal_names_the_circle():
 
 def test_a_perfect_mirror_has_no_index():
     for level in (1.0, 1.02):
-        found = fit_many(ANGLES, R_s=np.full(17, level), R_p=np.full(17, level))
+        found = fit_many(ANGLES, R_s=np.full(16, level), R_p=np.full(16, level))
         assert found.status == "undetermined"
         assert np.isnan(found.eta)
         assert "perfect mirror" in found.warnings[0]
 
 
 def test_nothing_reflected_is_the_medium_itself():
-    found = fit_many(ANGLES, R_s=np.zeros(17), R_p=np.zeros(17), eta_i=1.33)
+    found = fit_many(ANGLES, R_s=np.zeros(16), R_p=np.zeros(16), eta_i=1.33)
     assert found.eta == pytest.approx(1.33, abs=1e-6)
     assert found.status != "not converged"
 
 
 def test_two_solutions_that_fit_alike_are_both_reported():
-    # R_p at 60 and 75 degrees: two data, and for a fifth of the dielectrics two answers, exact or
-    # closer than the .1 % assumed of data without stated errors.
+    # R_p at 60 and 75 degrees: two data, and for 74 of these 200 dielectrics more than one answer,
+    # exact or closer than the .1 % assumed of data without stated errors (112 starts a curve).
     angles, eta = np.array([60.0, 75.0]), np.linspace(1.3, 3.5, 200)
     data = np.array([curves(n, 0.0, angles, ("R_p",))["R_p"] for n in eta])
     found = fit_many(angles, R_p=data)
     twins = np.flatnonzero(np.isfinite(found.alternative_eta))
-    assert 0.1 < len(twins) / 200 < 0.3
+    assert len(twins) > 70
     assert (found.alternative_delta_chi2 < 1e-6).any()
+    hits = 0
     for i in twins:
         for other in (
             (found.eta[i], found.k[i]),
@@ -131,10 +133,11 @@ def test_two_solutions_that_fit_alike_are_both_reported():
             np.testing.assert_allclose(again, data[i], atol=3e-3)  # within delta chi2 < 6 of 1e-3
         assert abs(found.eta[i] - found.alternative_eta[i]) > 1e-3
         nearest = min(abs(found.eta[i] - eta[i]), abs(found.alternative_eta[i] - eta[i]))
-        assert nearest < 1e-5
+        hits += nearest < 1e-5
         (other,) = found.alternatives[i]
         assert other["eta"] == found.alternative_eta[i]
         assert "second solution" in " ".join(found.warnings[i])
+    assert hits > 0.9 * len(twins)  # a few have a third solution
     single = np.isnan(found.alternative_eta)
     np.testing.assert_allclose(found.eta[single], eta[single], rtol=1e-5)
 
@@ -171,7 +174,7 @@ def test_strong_correlation_and_a_vague_index_are_named():
 
 
 def test_a_curve_no_interface_makes_is_said_not_to_fit():
-    found = fit_many(ANGLES, R_s=np.full(17, 0.5), R_p=np.full(17, 0.5))
+    found = fit_many(ANGLES, R_s=np.full(16, 0.5), R_p=np.full(16, 0.5))
     assert any("does not describe" in w for w in found.warnings)
 
 
@@ -181,7 +184,7 @@ def test_no_data_and_gaps():
     data["R_s"][2, ::2] = np.nan
     found = fit_many(ANGLES, **data)
     assert found.status.tolist() == ["converged", "no data", "converged"]
-    assert found.n_data.tolist() == [34, 0, 25]
+    assert found.n_data.tolist() == [32, 0, 24]
     assert np.isnan([found.eta[1], found.k[1], found.rms[1], found.sigma_eta[1]]).all()
     assert found.eta[[0, 2]] == pytest.approx([0.5, 0.5], rel=1e-11)
     assert found.warnings[1] == ()
@@ -212,3 +215,14 @@ def test_results_are_immutable_and_picked_apart():
     assert one.eta == found.eta[1]
     with pytest.raises(IndexError, match="one curve"):
         one.at(0)
+
+
+@pytest.mark.parametrize("k", [0.0, 0.02, 0.05, 0.1, 0.2])
+def test_an_unseen_k_does_not_spoil_the_error_of_eta(k):
+    """Silicon: half of the fits end at k = 0, and eta is off by what k would explain."""
+    found = fit_many(ANGLES, **curves(5.6, k, noise=2e-3, count=2000), sigma=2e-3)
+    z = np.abs((found.eta - 5.6) / found.sigma_eta)
+    assert (found.status == "converged at k = 0").mean() > 0.2
+    # At least nominal coverage (3 binomial errors below 95.4 %), and nothing far out.
+    assert (z < 2.0).mean() > 0.94
+    assert z.max() < 5.0
