@@ -31,13 +31,10 @@ def set_up_jax() -> None:
     """Turn on float64 and the compile cache, on the CPU (unless JAX_PLATFORMS says otherwise)."""
     import jax
 
-    from fitting.stored import use_folder
-
     jax.config.update("jax_enable_x64", True)
     if not os.environ.get("JAX_PLATFORMS"):
         jax.config.update("jax_platforms", "cpu")
     folder = cache_folder()
-    use_folder(folder)
     if folder is not None and not os.environ.get("JAX_COMPILATION_CACHE_DIR"):
         jax.config.update("jax_compilation_cache_dir", str(folder / "jax"))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
