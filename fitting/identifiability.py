@@ -66,9 +66,7 @@ def _member(r: FitResult) -> str:
 
 
 def _mirror(r: FitResult) -> str:
-    return (
-        "the data are those of a perfect mirror (R of 1): they say nothing about eta and k."
-    )
+    return "the data are those of a perfect mirror (R of 1): they say nothing about eta and k."
 
 
 def _combination(r: FitResult) -> str:
@@ -147,7 +145,9 @@ def _flat(r: FitResult) -> str:
 
 def _no_degrees(r: FitResult) -> str:
     known = "as stated and unchecked" if np.isfinite(r.sigma_eta) else "unknown"
-    return f"{r.n_data} data for two unknowns leave nothing to test the fit; its errors are {known}."
+    return (
+        f"{r.n_data} data for two unknowns leave nothing to test the fit; its errors are {known}."
+    )
 
 
 def _not_converged(r: FitResult) -> str:

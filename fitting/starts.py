@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -96,8 +97,8 @@ def _among_neighbours(misfit: Array) -> Array:
         size = misfit.shape[axis]
         widths = [(1, 1) if a == axis else (0, 0) for a in range(3)]
         wide = jnp.pad(misfit, widths, constant_values=jnp.inf)
-        parts = [jnp.take(wide, jnp.arange(i, i + size), axis) for i in range(3)]
-        misfit = jnp.minimum(jnp.minimum(*parts[:2]), parts[2])
+        before, here, after = (jax.lax.slice_in_dim(wide, i, i + size, axis=axis) for i in range(3))
+        misfit = jnp.minimum(jnp.minimum(before, here), after)
     return misfit
 
 

@@ -13,7 +13,6 @@ import pytest
 from simulated import GOLD
 
 from fitting import cli, measurement
-from fitting.stored import use_folder
 
 ROOT = Path(__file__).resolve().parents[1]
 GLASS = """angle_deg,R_s,R_p
@@ -43,7 +42,6 @@ def own_cache(cache, monkeypatch):
     )
     before = {name: getattr(jax.config, name) for name in names}
     yield
-    use_folder(None)
     for name, value in before.items():
         jax.config.update(name, value)
 
