@@ -1,0 +1,143 @@
+"""One boundary of a scene: its media over wavelength, and the largest error of a model on it."""
+
+import itertools
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from . import dispersion
+from ._scene_forms import EXACT, Form
+from ._scene_search import Place, angle_grid, cosine, largest, wavelength_grid
+
+BANDS = {0: "spectrum", 1: "one wavelength", 3: "three bands"}
+LIGHT = ("s and p", "unpolarised")
+# Arguments of one shape: one compiled program per form and dtype, and per material.
+_CHUNK, _WAVELENGTH_CHUNK = 4096, 512
+
+
+class Model(NamedTuple):
+    """A way to compute the scene: one of `FORMS`, how many bands (0: every wavelength), a dtype."""
+
+    form: str = EXACT
+    bands: int = 0
+    dtype: str = "float64"
+
+    def __str__(self):
+        return "; ".join((self.form, BANDS[self.bands], self.dtype))
+
+
+class Worst(NamedTuple):
+    """A largest error of R and where it is."""
+
+    error: float
+    material: str
+    wavelength_um: float
+    angle_deg: float
+
+
+def _evaluated(given: Any, name: str) -> tuple[Callable, np.ndarray]:
+    """wavelength_um -> (eta, k) as float64 arrays, checked; and the knots of a table."""
+    if isinstance(given, str):
+        given = dispersion.material(given)
+    elif isinstance(given, tuple | list) and len(given) == 3:
+        given = dispersion.Tabulated(*(np.asarray(x, float) for x in given))
+    elif not callable(given):
+        pair = given if isinstance(given, tuple | list) else (np.real(given), np.imag(given))
+        constant = tuple(float(x) for x in pair)
+        if len(constant) != 2:
+            raise ValueError(f"{name}: {len(constant)} values came; wanted eta and k, or a table")
+        given = lambda wavelength: constant  # noqa: E731
+    index: Callable = given
+
+    def evaluate(wavelength_um):
+        flat = wavelength_um.ravel()
+        flat = np.pad(flat, (0, -flat.size % _WAVELENGTH_CHUNK), mode="edge")
+        index: Any = given(flat)
+        arrays = (np.broadcast_to(np.asarray(x, float), flat.shape) for x in index)
+        eta, k = (x[: wavelength_um.size].reshape(wavelength_um.shape) for x in arrays)
+        if not (np.isfinite(eta) & np.isfinite(k) & (eta > 0.0) & (k >= 0.0)).all():
+            raise ValueError(
+                f"{name}: an index with eta <= 0, k < 0 or not finite between "
+                f"{wavelength_um.min():g} and {wavelength_um.max():g} um; wanted eta + ik, k >= 0"
+            )
+        return eta, k
+
+    table = getattr(given, "model", given)
+    return evaluate, np.asarray(getattr(table, "wavelength_um", ()))
+
+
+class Boundary:
+    """One material of a scene, and errors of models on it."""
+
+    def __init__(
+        self,
+        name: str,
+        medium,
+        eta_i,
+        wavelength_um: tuple[float, float],
+        angle_deg: tuple[float, float],
+        forms: Mapping[str, Form],
+    ):
+        self.name, self.forms = name, forms
+        self.wavelength_um, self.angle_deg = wavelength_um, angle_deg
+        self.index, knots = _evaluated(medium, name)
+        self.index_i, knots_i = _evaluated(eta_i, "eta_i")
+        self.knots = np.union1d(knots, knots_i)
+        self._grids = {}
+
+    def media(self, wavelength_um):
+        eta, k = self.index(wavelength_um)
+        eta_i, k_i = self.index_i(wavelength_um)
+        if k_i.any():
+            raise ValueError("eta_i has k > 0; the medium that light comes from must be lossless")
+        return eta, k, eta_i
+
+    def evaluate(self, form: str, dtype: str, cosines, media) -> np.ndarray:
+        """R_s and R_p in float64, of shape (2, ...)."""
+        arrays = np.broadcast_arrays(cosines, *media)
+        flat = np.stack([x.ravel() for x in arrays])
+        size = flat.shape[1]
+        flat = np.pad(flat, ((0, 0), (0, -size % _CHUNK)), mode="edge").astype(dtype)
+        parts = [
+            np.asarray(self.forms[form].function(*map(jnp.asarray, piece)), float)
+            for piece in np.split(flat, flat.shape[1] // _CHUNK, axis=1)
+        ]
+        return np.concatenate(parts, axis=1)[:, :size].reshape(2, *arrays[0].shape)
+
+    def exact(self, wavelength, angle):
+        """Media, and R_s and R_p by the exact form; kept for grids, which the models share."""
+        key = wavelength.tobytes(), angle.tobytes()
+        if key in self._grids:
+            return self._grids[key]
+        media = self.media(wavelength)
+        result = media, self.evaluate(EXACT, "float64", cosine(angle), media)
+        if angle.ndim == 2:
+            self._grids[key] = result
+        return result
+
+    def worst(self, model: Model, light: str, enough: float = np.inf) -> Worst:
+        """The largest error; the search ends early with the first that exceeds `enough`."""
+        low, high = self.wavelength_um
+        edges = np.linspace(low, high, max(model.bands, 1) + 1)
+        best = Place(0.0, low, self.angle_deg[0])
+        for band in itertools.pairwise(edges):
+            centre = np.array([[sum(band) / 2.0]])
+            representative = self.media(centre) if model.bands else None
+
+            def difference(wavelength, angle, representative=representative):
+                media, true = self.exact(wavelength, angle)
+                used = representative or media
+                errors = self.evaluate(model.form, model.dtype, cosine(angle), used) - true
+                errors = errors if light == LIGHT[0] else np.mean(errors, axis=0, keepdims=True)
+                return np.max(np.abs(errors), axis=0)
+
+            wavelengths = wavelength_grid(*band, self.knots)
+            both = [self.media(wavelengths)] + [self.media(centre[0])] * (model.bands > 0)
+            relative = [np.broadcast_to(eta / eta_i, wavelengths.shape) for eta, _, eta_i in both]
+            angles = angle_grid(*self.angle_deg, np.stack(relative, axis=1))
+            best = max(best, largest(difference, wavelengths, angles, enough))
+            if best.error > enough:
+                break
+        return Worst(best.error, self.name, best.wavelength_um, best.angle_deg)
