@@ -1,5 +1,8 @@
 """Fresnel optics that is accurate everywhere and differentiable everywhere, in JAX."""
 
+from .directions import faceforward as faceforward
+from .directions import reflect as reflect
+from .directions import refract as refract
 from .interface import Amplitudes as Amplitudes
 from .interface import Powers as Powers
 from .interface import amplitudes as amplitudes
