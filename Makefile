@@ -2,13 +2,13 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint accuracy bench startup fit-study clean
+.PHONY: demo test lint accuracy bench stability startup fit-study clean
 
 demo: .venv/installed-plot  ## fit the gold scan that ships with the project; table, plot, JSON in demo/
 	mkdir -p demo
 	$(BIN)/fresnel-fit examples/data/gold_532nm.csv --plot demo/gold.png --json demo/gold.json
 
-test: .venv/installed-test  ## the tests (about 3 minutes on 2 cores)
+test: .venv/installed-test  ## the tests (several minutes on 2 cores)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 lint: .venv/installed-test .venv/installed-lint  ## linters and type checker
@@ -21,6 +21,9 @@ accuracy: .venv/installed-test  ## the accuracy table of the README (a minute)
 
 bench: .venv/installed-bench  ## speed against accuracy: table, JSON and charts in docs/benchmarks
 	$(BIN)/python -m benchmarks
+
+stability: .venv/installed-bench  ## where each method fails: table and picture in docs/stability
+	$(BIN)/python -m benchmarks.stability
 
 startup: .venv/installed-plot  ## where the time of the command fresnel-fit goes
 	$(BIN)/python benchmarks/startup.py

@@ -49,7 +49,6 @@ def _evaluated(given: Any, name: str) -> tuple[Callable, np.ndarray]:
         if len(constant) != 2:
             raise ValueError(f"{name}: {len(constant)} values came; wanted eta and k, or a table")
         given = lambda wavelength: constant  # noqa: E731
-    index: Callable = given
 
     def evaluate(wavelength_um):
         flat = wavelength_um.ravel()

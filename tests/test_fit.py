@@ -167,6 +167,10 @@ def test_two_data_for_two_unknowns():
     assert one.dof == 0
     assert np.isnan(one.sigma_eta)
     assert any("two unknowns" in w for w in one.warnings)
+    # Stated errors are then all there is to go by, scaled or not.
+    stated = fit_many([70.0], **both(1.8, 0.4, np.array([70.0])), sigma=1e-3)
+    assert 1e-4 < stated.sigma_eta < 0.1
+    assert np.isnan(stated.chi2_reduced)
 
 
 def test_the_caller_need_not_switch_on_float64():

@@ -226,3 +226,16 @@ def test_an_unseen_k_does_not_spoil_the_error_of_eta(k):
     # At least nominal coverage (3 binomial errors below 95.4 %), and nothing far out.
     assert (z < 2.0).mean() > 0.94
     assert z.max() < 5.0
+
+
+def test_no_limit_on_k_where_the_valley_bends():
+    """R_s alone on metals: a k of 5 would get limits of 3 from the quadratic model."""
+    rng = np.random.default_rng(12)
+    eta, k = rng.uniform(0.2, 3.0, 600), rng.uniform(2.0, 9.0, 600)
+    data = [
+        curves(*index, quantities=("R_s",), noise=1e-3, seed=i)["R_s"]
+        for i, index in enumerate(zip(eta, k, strict=True))
+    ]
+    found = fit_many(ANGLES, R_s=np.array(data), sigma=1e-3)
+    with np.errstate(invalid="ignore"):
+        assert (k > found.k_upper_limit).sum() <= 3
