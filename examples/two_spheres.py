@@ -55,7 +55,7 @@ class Passage(NamedTuple):
 
 
 def passage(center, point, direction, eta) -> Passage:
-    """The way through a sphere of a ray that meets it at `point`; what is reflected inside is lost."""  # noqa: E501
+    """The way of a ray through a sphere that it meets at `point`; inner reflections are lost."""
     normal = (point - center) / RADIUS
     entering = powers(dot(normal, direction), eta)
     inside = refract(-direction, normal, eta).direction
