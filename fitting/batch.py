@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -14,13 +15,15 @@ from fitting.engine import Solved, solve
 from fitting.solver import START_DAMPING
 
 FEW = 8
-MANY, LANES = 512, 128
-# Nearly every lane ends within 5 evaluations; the few others would make their whole group wait, so
-# they are collected and go on among themselves.
-FIRST_STEPS, MOST_STEPS = 6, 400
-# A further start that has not arrived by then, nor passed below the best minimum, is left alone: it
-# creeps along a plateau.
-FURTHER_STEPS = 40
+MANY, LANES = 1024, 64
+# Most lanes end within 4 evaluations; the others would make their whole group wait, so they are
+# collected and go on among themselves.
+FIRST_STEPS, MOST_STEPS = 4, 400
+# A further start is looked at again after that many: it goes on if it is near the best minimum by
+# then, and after the second only if it is below (else it creeps along a plateau).
+FURTHER_STEPS = 10, 40
+# "Near": a cost less than 4 times the best one, or what an error of .3 % of all data costs.
+NEAR_COST, NEAR_SHARE = 4.0, 1e-5
 _COST = Solved._fields.index("cost")
 _EVALUATIONS = Solved._fields.index("evaluations")
 _DONE = Solved._fields.index("done")
@@ -63,6 +66,11 @@ class Data(NamedTuple):
             values=tuple(change(v, 0.0) for v in self.values),
             weights=tuple(change(w, 0.0) for w in self.weights),
         )
+
+    def sum_of_squares(self) -> np.ndarray:
+        """Return the weighted sum of squares of the values of each curve, (N,)."""
+        products = [v * w for v, w in zip(self.values, self.weights, strict=True)]
+        return np.sum([np.einsum("nm,nm->n", p, p) for p in products], axis=0)
 
     @property
     def curves(self) -> int:
@@ -125,29 +133,28 @@ def _at_far_end(s: Solved) -> np.ndarray:
 
 
 def _to_the_end(
-    data: Data, start: np.ndarray, steps: int, below: np.ndarray | None = None
+    data: Data, start: np.ndarray, stages: Sequence[tuple[int, Any]]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return ``run``, with the lanes that were cut short run to their end.
 
-    below: costs (N,); lanes that were cut short with a higher one are left.
+    stages: evaluations, and the cost below which a lane takes part (for the first stage: all do).
+    Lanes that have come to the far end of their chart go on in the other one.
     """
-    solved, further = run(data, start, steps)
-    for _ in range(3):
+    solved, further = run(data, start, stages[0][0])
+    for steps, below in stages[1:]:
         s = Solved(*solved)
         flip = _at_far_end(s)
-        short = (s.done == 0) & (s.evaluations < MOST_STEPS) & np.isfinite(s.cost)
-        if below is not None:
-            short &= s.cost < below
+        short = (s.done == 0) & (s.cost < below)
         todo = np.flatnonzero(short | flip)
         if not len(todo):
-            break
+            continue
         turned = flip[todo]
         again = start[:, todo].copy()
         again[0] = s.x[todo]
         again[1] = np.where(turned, W_MIN, s.w[todo])
         again[2] = np.where(turned, -s.chart[todo], s.chart[todo])
         again[3] = np.where(turned, START_DAMPING, s.damping[todo])
-        more, _ = run(data.take(todo), again, MOST_STEPS)
+        more, _ = run(data.take(todo), again, steps)
         more[_EVALUATIONS] += s.evaluations[todo]
         solved[:, todo] = more
     return solved, further
@@ -173,7 +180,8 @@ def minima(data: Data, points: np.ndarray | None = None) -> Minima:
 
     points: None, or (3, N): x, w and chart of one more start of each curve, beside the mesh's.
     """
-    best, further = _to_the_end(data, start_rows(data.curves), FIRST_STEPS)
+    stages = [(FIRST_STEPS, np.inf), (MOST_STEPS, np.inf), (MOST_STEPS, -np.inf)]
+    best, further = _to_the_end(data, start_rows(data.curves), stages)
     other = np.full_like(best, np.nan)
     if points is not None:
         further = np.concatenate([further, points[None]])
@@ -182,7 +190,10 @@ def minima(data: Data, points: np.ndarray | None = None) -> Minima:
         return Minima(Solved(*best), Solved(*other))
     which, curve = np.nonzero(has)
     start = start_rows(len(curve), further[which, :, curve].T)
-    again, _ = _to_the_end(data.take(curve), start, FURTHER_STEPS, best[_COST, curve])
+    part, least = data.take(curve), best[_COST, curve]
+    near = NEAR_COST * least + NEAR_SHARE * part.sum_of_squares()
+    stages = list(zip((*FURTHER_STEPS, MOST_STEPS), (np.inf, near, least), strict=True))
+    again, _ = _to_the_end(part, start, stages)
     for job in range(len(further)):
         mine = np.flatnonzero(which == job)
         todo, new = curve[mine], again[:, mine]

@@ -69,9 +69,9 @@ def test_own_angles_gaps_and_errors_for_each_curve():
 
 
 def test_order_and_company_do_not_matter():
-    """Chunks of 512, groups of 128 lanes, second passes: a curve is found wherever it stands."""
+    """Chunks, groups of lanes, second passes: a curve is found wherever it stands."""
     data = table()
-    repeats = 100  # 1200 curves: three chunks
+    repeats = 200  # 2400 curves: three chunks
     tiled = {q: np.tile(v, (repeats, 1)) for q, v in data.items()}
     assert len(INDICES) * repeats > 2 * batch.MANY
     order = np.random.default_rng(1).permutation(len(INDICES) * repeats)
