@@ -52,8 +52,7 @@ class Cauchy(DispersionModel):
             )
 
     def index(self, wavelength_um: Array) -> Index:
-        powers = self.powers or tuple(-2.0 * j for j in range(len(self.coefficients)))
-        eta = _power_series(wavelength_um, self.coefficients, powers)
+        eta = cauchy_series(wavelength_um, self.coefficients, self.powers)
         return Index(eta, jnp.zeros_like(eta))
 
 
@@ -103,6 +102,13 @@ class Sellmeier(DispersionModel):
         permittivity = self.constant.astype(dtype) + jnp.sum(terms, axis=-1)
         permittivity = permittivity + _power_series(wavelength_um, self.coefficients, self.powers)
         return Index(*real_sqrt(permittivity))
+
+
+def cauchy_series(x: Array, coefficients: Array, powers: tuple[float, ...] = ()) -> Array:
+    """sum_j coefficients_j x^powers_j; by default the powers are 0, -2, -4, ..."""
+    return _power_series(
+        x, coefficients, powers or tuple(-2.0 * j for j in range(len(coefficients)))
+    )
 
 
 def _power_series(x: Array, coefficients: Array, powers: tuple[float, ...]) -> Array:

@@ -4,10 +4,11 @@
     eta, k = gold(0.55)                                    # micrometres, in vacuum
     R = reflectance(cos_theta, *gold(wavelengths))
 
-Models: `Constant`, `Cauchy`, `Sellmeier` (lossless), `DrudeLorentz` (also by `drude` and
-`lorentz_drude`), `BrendelBormann`, `Tabulated`; `Material` is one of them with a name and a range
-of wavelengths. Each is an `equinox.Module` whose parameters are array fields: a pytree, so that
-`grad`, `jit` and `vmap` reach every parameter (to jit a model itself take `equinox.filter_jit`).
+Models: `Constant`, `Cauchy`, `Sellmeier` (lossless), `CauchyUrbach`, `DrudeLorentz` (also by
+`drude` and `lorentz_drude`), `BrendelBormann`, `TaucLorentz`, `Tabulated`; `Material` is one of
+them with a name and a range of wavelengths. Each is an `equinox.Module` whose parameters are array
+fields: a pytree, so that `grad`, `jit` and `vmap` reach every parameter (to jit a model itself take
+`equinox.filter_jit`).
 
 Calling a model gives `Index(eta, k)` with the shape of the wavelengths and their type (float32 or
 float64; Python numbers take that of the parameters). Time dependence exp(-i w t): k >= 0 absorbs.
@@ -25,6 +26,8 @@ import equinox as eqx
 from jaxtyping import Array, ArrayLike
 
 from . import materials
+from ._absorption_edge import CauchyUrbach as CauchyUrbach
+from ._absorption_edge import TaucLorentz as TaucLorentz
 from ._formulas import Cauchy as Cauchy
 from ._formulas import Constant as Constant
 from ._formulas import Sellmeier as Sellmeier

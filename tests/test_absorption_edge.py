@@ -1,0 +1,162 @@
+"""Tauc-Lorentz against the Kramers-Kronig integral and the published closed form; Urbach's tail."""
+
+import jax
+import jax.numpy as jnp
+import mpmath as mp
+import numpy as np
+import pytest
+
+from fresnel_jax.dispersion import HC_EV_UM, Cauchy, CauchyUrbach, TaucLorentz
+
+BOUND = 500.0  # eps of the larger of 1 and the permittivity
+
+
+def imaginary_part(x, A, E_0, C, gap):
+    """Jellison and Modine's eq. 4."""
+    if x <= gap:
+        return mp.mpf(0)
+    return A * E_0 * C * (x - gap) ** 2 / (((x * x - E_0 * E_0) ** 2 + C * C * x * x) * x)
+
+
+def integrated(E, A, E_0, C, gap):
+    """(2 / pi) P int x eps_2(x) / (x^2 - E^2) dx, the pole taken out: its own integral is 0."""
+    E, A, E_0, C, gap = map(mp.mpf, (E, A, E_0, C, gap))
+    at_pole = E * imaginary_part(E, A, E_0, C, gap)
+
+    def integrand(x):
+        return (x * imaginary_part(x, A, E_0, C, gap) - at_pole) / (x * x - E * E)
+
+    far = 100 * (E_0 + E)
+    pieces = sorted({mp.mpf(0), gap, E, E_0, E_0 + C, E_0 + 5 * C + E, far})
+    return 2 / mp.pi * (mp.quad(integrand, pieces) + mp.quad(integrand, [far, mp.inf]))
+
+
+def published(E, A, E_0, C, gap):
+    """Jellison and Modine's closed form with its erratum, eps_inf left out."""
+    E, A, E_0, C, gap = map(mp.mpf, (E, A, E_0, C, gap))
+    alpha, gamma2 = mp.sqrt(4 * E_0**2 - C**2), E_0**2 - C**2 / 2
+    zeta4 = (E**2 - gamma2) ** 2 + alpha**2 * C**2 / 4
+    a_ln = (gap**2 - E_0**2) * E**2 + gap**2 * C**2 - E_0**2 * (E_0**2 + 3 * gap**2)
+    a_atan = (E**2 - E_0**2) * (E_0**2 + gap**2) + gap**2 * C**2
+    edge = E_0**2 + gap**2
+    angles = mp.pi - mp.atan((2 * gap + alpha) / C) + mp.atan((alpha - 2 * gap) / C)
+    other = mp.pi + 2 * mp.atan(2 * (gamma2 - gap**2) / (alpha * C))
+    ratio = abs(E - gap) * (E + gap) / mp.sqrt((E_0**2 - gap**2) ** 2 + gap**2 * C**2)
+    return (
+        A * C * a_ln / (2 * mp.pi * zeta4 * alpha * E_0)
+        * mp.log((edge + alpha * gap) / (edge - alpha * gap))
+        - A * a_atan / (mp.pi * zeta4 * E_0) * angles
+        + 2 * A * E_0 * gap * (E**2 - gamma2) / (mp.pi * zeta4 * alpha) * other
+        - A * E_0 * C * (E**2 + gap**2) / (mp.pi * zeta4 * E) * mp.log(abs(E - gap) / (E + gap))
+        + 2 * A * E_0 * C * gap / (mp.pi * zeta4) * mp.log(ratio)
+    )  # fmt: skip
+
+
+def random_oscillators(dtype, count, seed=1):
+    random = np.random.default_rng(seed)
+    E_0 = random.uniform(0.5, 12, count)
+    columns = (
+        10 ** random.uniform(-1, 1.3, count),  # E
+        10 ** random.uniform(0, 2.3, count),  # A
+        E_0,
+        E_0 * random.uniform(0.02, 1.99, count),  # C
+        E_0 * random.uniform(0, 1, count),  # gap
+    )
+    return [tuple(map(float, row)) for row in np.stack(columns, -1).astype(dtype)]
+
+
+@pytest.mark.parametrize("numbers", [
+    (3.0, 100.0, 4.0, 1.5, 2.0),
+    (1.2, 50.0, 3.0, 0.5, 1.0),
+    (8.0, 120.0, 4.5, 3.0, 2.2),
+    (1.9, 80.0, 4.0, 2.0, 2.0),  # below the gap, where the index is real
+])  # fmt: skip
+def test_published_form_and_ours_are_the_kramers_kronig_integral(numbers):
+    E, A, E_0, C, gap = numbers
+    true = float(integrated(*numbers))
+    assert float(published(*numbers)) == pytest.approx(true, rel=1e-13)
+    eta, k = TaucLorentz([A], [E_0], [C], gap, 1.5)(HC_EV_UM / E)
+    permittivity = complex(eta, k) ** 2
+    assert permittivity.real == pytest.approx(1.5 + true, rel=1e-13)
+    assert permittivity.imag == pytest.approx(float(imaginary_part(*numbers)), rel=1e-12)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_random_oscillators_against_the_published_form(dtype):
+    eps = np.finfo(dtype).eps
+    for E, A, E_0, C, gap in random_oscillators(dtype, 80):
+        wavelength = dtype(HC_EV_UM / E)
+        eta, k = TaucLorentz(*(jnp.asarray(x, dtype) for x in (A, E_0, C, gap)))(wavelength)
+        assert eta.dtype == k.dtype == dtype
+        with mp.workdps(50):
+            energy = mp.mpf(HC_EV_UM) / mp.mpf(float(wavelength))
+            re = 1 + published(energy, A, E_0, C, gap)
+            im = imaginary_part(energy, *map(mp.mpf, (A, E_0, C, gap)))
+            found = mp.mpc(float(eta), float(k)) ** 2
+            # The rounding of the energy, times the slope of a resonance, comes on top.
+            slope = abs(mp.diff(lambda x: published(x, A, E_0, C, gap), energy) * energy)  # noqa: B023
+            allowed = eps * (BOUND * max(1, abs(mp.mpc(re, im))) + 4 * slope)
+            assert abs(found - mp.mpc(re, im)) <= allowed, (E, A, E_0, C, gap)
+
+
+def test_gap_is_exact_and_smooth():
+    model = TaucLorentz([100.0, 30.0], [4.0, 7.0], [1.5, 2.0], 2.0, 1.2)
+    energies = jnp.array([0.5, 1.0, 1.999, 2.0, 2.001, 5.0])
+    eta, k = model(HC_EV_UM / energies)
+    assert (k[:3] == 0.0).all() and (k[4:] > 0.0).all() and (eta > 1.0).all()
+    at_gap = jax.jacfwd(lambda w: jnp.stack(model(w)))(HC_EV_UM / 2.0)
+    assert np.isfinite(at_gap).all()
+    for pair in (model(0.62), TaucLorentz([100.0], [4.0], [1.5], 0.0)(0.62)):
+        assert np.isfinite(pair).all()
+    # one with two oscillators is the sum of the permittivities
+    parts = [TaucLorentz([a], [e], [c], 2.0, 0.6)(0.3)
+             for a, e, c in ((100.0, 4.0, 1.5), (30.0, 7.0, 2.0))]  # fmt: skip
+    total = sum(complex(*map(float, p)) ** 2 for p in parts)
+    assert complex(*map(float, model(0.3))) ** 2 == pytest.approx(total, rel=1e-13)
+
+
+def test_gradients_against_differences_of_the_published_form():
+    for E, A, E_0, C, gap in random_oscillators(np.float64, 12, seed=4):
+
+        def ours(a, e, c, g, wavelength=HC_EV_UM / E):
+            n, k = TaucLorentz(a, e, c, g)(wavelength)
+            return n * n - k * k
+
+        found = jax.grad(ours, argnums=(0, 1, 2, 3))(A, E_0, C, gap)
+        with mp.workdps(40):
+            energy = mp.mpf(HC_EV_UM) / mp.mpf(HC_EV_UM / E)
+            for i in range(4):
+
+                def moved(x, i=i, energy=energy, at=(A, E_0, C, gap)):
+                    return published(energy, *at[:i], x, *at[i + 1 :])
+
+                true = float(mp.diff(moved, (A, E_0, C, gap)[i]))
+                # BOUND of the value, over the distance that it changes within
+                assert float(found[i]) == pytest.approx(true, rel=1e-9, abs=1e-10)
+
+
+def test_overdamped_oscillators_are_not_a_number():
+    assert np.isnan(TaucLorentz([10.0], [2.0], [4.5], 1.0)(0.5)).any()
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_urbach_tail(dtype):
+    wavelength = np.linspace(0.3, 0.8, 6).astype(dtype)
+    model = CauchyUrbach([1.5, 0.01], 0.02, 0.15, 4.0)
+    eta, k = model(wavelength)
+    assert eta.dtype == k.dtype == dtype
+    np.testing.assert_array_equal(eta, Cauchy([1.5, 0.01])(wavelength).eta)
+    for w, found in zip(wavelength, k, strict=True):
+        energy = mp.mpf(HC_EV_UM) / mp.mpf(float(w))
+        true = mp.mpf("0.02") * mp.exp((energy - 4) / mp.mpf("0.15"))
+        # the energy is rounded, and its distance from the edge counts in units of the width
+        allowed = (4 + 2 * float(energy) / 0.15) * float(np.finfo(dtype).eps)
+        assert float(found) == pytest.approx(float(true), rel=allowed)
+    # e-fold per Urbach energy, k_edge at the edge
+    at_edge = CauchyUrbach([1.5], 0.02, 0.15, 4.0)(HC_EV_UM / np.array([4.0, 3.85]))
+    np.testing.assert_allclose(at_edge.k, [0.02, 0.02 / np.e], rtol=1e-13)
+
+
+def test_lengths_are_checked():
+    with pytest.raises(ValueError, match="widths_ev"):
+        TaucLorentz([1.0, 2.0], [3.0, 4.0], [1.0], 2.0)
