@@ -9,7 +9,15 @@ import numpy as np
 
 from . import dispersion
 from ._scene_forms import EXACT, Form
-from ._scene_search import Place, angle_grid, cosine, largest, wavelength_grid
+from ._scene_search import (
+    FROM_SPECIAL,
+    Place,
+    angle_grid,
+    cosine,
+    crossings,
+    largest,
+    wavelength_grid,
+)
 
 BANDS = {0: "spectrum", 1: "one wavelength", 3: "three bands"}
 LIGHT = ("s and p", "unpolarised")
@@ -84,7 +92,19 @@ class Boundary:
         self.index, knots = _evaluated(medium, name)
         self.index_i, knots_i = _evaluated(eta_i, "eta_i")
         self.knots = np.union1d(knots, knots_i)
+        self.knots = np.union1d(self.knots, self._around_matches())
         self._grids = {}
+
+    def _around_matches(self) -> np.ndarray:
+        """Wavelengths at and around which eta = eta_i: there R for k = 0 has a peak of no width."""
+
+        def mismatch(wavelength):
+            eta, _, eta_i = self.media(wavelength)
+            return eta - eta_i
+
+        low, high = self.wavelength_um
+        matches = crossings(mismatch, wavelength_grid(low, high, self.knots))
+        return np.add.outer(matches, (high - low) * FROM_SPECIAL).ravel()
 
     def media(self, wavelength_um):
         eta, k = self.index(wavelength_um)

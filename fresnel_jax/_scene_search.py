@@ -15,10 +15,12 @@ import numpy as np
 
 _WAVELENGTHS = 97
 _ANGLES = 181
-_DECADES = np.arange(-7.0, 0.6, 0.5)  # of degrees from a special angle
+_DECADES = 10.0 ** np.arange(-7.0, 0.6, 0.5)  # degrees from a special angle
+# distances from a special wavelength, as parts of the range of wavelengths
+FROM_SPECIAL = 0.1 * np.concatenate([-_DECADES, [0.0], _DECADES])
 _BLOCKS = (4, 8)  # the best cell of each block of the grid is refined
 _SAMPLES = 9  # per axis and round
-_ROUNDS_BEFORE, _ROUNDS = 4, 16
+_ROUNDS_BEFORE, _ROUNDS = 4, 24
 _NARROWING = 3.0  # of a cell per round: to 1e-8 of a cell of the grid
 
 
@@ -35,14 +37,29 @@ def wavelength_grid(low: float, high: float, knots: Iterable[float] = ()) -> np.
     return np.unique(np.concatenate([np.linspace(low, high, _WAVELENGTHS), inside]))
 
 
+def crossings(function: Callable[[np.ndarray], np.ndarray], grid: np.ndarray) -> np.ndarray:
+    """Where `function` changes sign between two points of the grid, to an eps."""
+
+    def brackets(points):
+        values = function(points)
+        i = np.flatnonzero(np.signbit(values[:-1]) != np.signbit(values[1:]))
+        return zip(points[i], points[i + 1], strict=True)
+
+    found = []
+    for low, high in brackets(grid):
+        for _ in range(6):
+            (low, high), *_ = (*brackets(np.linspace(low, high, 513)), (low, high))
+        found.append(0.5 * (low + high))
+    return np.array(found)
+
+
 def angle_grid(low: float, high: float, relative_index: np.ndarray) -> np.ndarray:
     """Angles in degrees, (rows, angles), for real parts of relative indices, (rows, indices)."""
-    away = 10.0**_DECADES
-    common = np.concatenate([np.linspace(low, high, _ANGLES), 90.0 - away])
+    common = np.concatenate([np.linspace(low, high, _ANGLES), 90.0 - _DECADES])
     critical = np.degrees(np.arcsin(np.minimum(relative_index, 1.0)))
     brewster = np.degrees(np.arctan(relative_index))
     special = np.concatenate([critical, brewster], axis=1)
-    around = special[:, :, None] + np.concatenate([-away, [0.0], away])
+    around = special[:, :, None] + np.concatenate([-_DECADES, [0.0], _DECADES])
     rows = np.broadcast_to(common, (len(special), len(common)))
     return np.sort(np.clip(np.hstack([rows, around.reshape(len(special), -1)]), low, high), axis=1)
 
@@ -112,7 +129,12 @@ def largest(
         run = across[each, after] - across[each, before]
         rise = ridge[each, after] - ridge[each, before]
         slope = np.where(run > 0.0, rise / np.where(run > 0.0, run, 1.0), 0.0)
-        width, angle_width = width / _NARROWING, angle_width / _NARROWING
+        # a top at the edge of its cell is still being climbed to: the cell moves and keeps its size
+        inside = (i > 0) & (i < _SAMPLES - 1) | np.isin(centre, wavelengths[[0, -1]])
+        width = np.where(inside, width / _NARROWING, width)
+        place = np.argmax(tried[each, i], axis=1)
+        inside = (place > 0) & (place < _SAMPLES - 1) | np.isin(angle, (low, high))
+        angle_width = np.where(inside, angle_width / _NARROWING, angle_width)
         top = int(np.argmax(found))
         if found[top] > best.error:
             best = Place(float(found[top]), float(centre[top]), float(angle[top]))
