@@ -77,6 +77,11 @@ def sum_exactly(terms: list[Array]) -> tuple[Array, Array]:
     return total, error
 
 
+def one_if_zero(x: Array) -> Array:
+    """x, and 1 where x is 0: a divisor for what is 0 there itself."""
+    return jnp.where(x == 0.0, 1.0, x)
+
+
 def reciprocal_or_zero(x: Array) -> Array:
     """1 / x, and 0 (with derivative 0) where x is 0."""
     zero = x == 0.0
@@ -100,6 +105,18 @@ def squared_modulus(z: Complex) -> Array:
 
 
 @jax.custom_jvp
+def positive_sqrt(x: Array) -> Array:
+    """The root of x, and 0 where x is negative; the derivative is 0 there, and at 0."""
+    return jnp.sqrt(jnp.where(x < 0.0, 0.0, x))
+
+
+@positive_sqrt.defjvp
+def _positive_sqrt_jvp(primals, tangents):
+    root = positive_sqrt(*primals)
+    return root, 0.5 * reciprocal_or_zero(root) * tangents[0]
+
+
+@jax.custom_jvp
 def real_sqrt(x: Array) -> tuple[Array, Array]:
     """The root a + ib of a real number: (sqrt(x), 0), or (0, sqrt(-x)) for x < 0.
 
@@ -117,6 +134,21 @@ def _real_sqrt_jvp(primals, tangents):
     return (a, b), (0.5 * reciprocal_or_zero(a) * dx, -0.5 * reciprocal_or_zero(b) * dx)
 
 
+def _scales(re: Array, im: Array) -> tuple[Array | float, Array | float]:
+    """A factor for re and im that keeps their squares from underflow, and that of the root back."""
+    if re.dtype != jnp.float32:
+        return 1.0, 1.0
+    # Squares of numbers below 1e-19 underflow in float32. A power of two lifts both parts when
+    # they are below 2^-40, which covers moduli from 1e-37 to 1e19.
+    tiny = jnp.maximum(jnp.abs(re), im) < 2.0**-40
+    scale = jnp.where(tiny, 2.0**60, 1.0).astype(re.dtype)
+    return scale, jnp.where(tiny, 2.0**-30, 1.0).astype(re.dtype)
+
+
+def _larger_part_squared(re: Array, half_im: Array) -> Array:
+    return 0.5 * (jnp.sqrt(re * re + 4.0 * (half_im * half_im)) + jnp.abs(re))
+
+
 @jax.custom_jvp
 def complex_sqrt(re: Array, im: Array) -> tuple[Array, Array]:
     """The root a + ib of re + i im with a >= 0, for im >= 0 (then b >= 0 too).
@@ -124,20 +156,11 @@ def complex_sqrt(re: Array, im: Array) -> tuple[Array, Array]:
     Neither part cancels: the larger one is the root of a sum of positive numbers, the smaller one a
     quotient. At re = im = 0 the derivative is infinite; 0 is returned.
     """
-    unscale = None
-    if re.dtype == jnp.float32:
-        # Squares of numbers below 1e-19 underflow in float32. A power of two lifts both parts when
-        # they are below 2^-40, which covers moduli from 1e-37 to 1e19.
-        tiny = jnp.maximum(jnp.abs(re), im) < 2.0**-40
-        scale = jnp.where(tiny, 2.0**60, 1.0).astype(re.dtype)
-        unscale = jnp.where(tiny, 2.0**-30, 1.0).astype(re.dtype)
-        re, im = re * scale, im * scale
-    half_im = 0.5 * im
-    modulus = jnp.sqrt(re * re + 4.0 * (half_im * half_im))
-    large = jnp.sqrt(0.5 * (modulus + jnp.abs(re)))
-    small = half_im * reciprocal_or_zero(large)
-    if unscale is not None:
-        large, small = large * unscale, small * unscale
+    scale, unscale = _scales(re, im)
+    re, half_im = re * scale, 0.5 * (im * scale)
+    large = jnp.sqrt(_larger_part_squared(re, half_im))
+    small = half_im * reciprocal_or_zero(large) * unscale
+    large = large * unscale
     return jnp.where(re >= 0.0, large, small), jnp.where(re >= 0.0, small, large)
 
 
@@ -149,3 +172,27 @@ def _complex_sqrt_jvp(primals, tangents):
     half = 0.5 * reciprocal_or_zero(a * a + b * b)
     a_half, b_half = a * half, b * half
     return (a, b), (a_half * d_re + b_half * d_im, a_half * d_im - b_half * d_re)
+
+
+@jax.custom_jvp
+def shared_sqrt(re: Array, im: Array) -> tuple[Array, Array]:
+    """`complex_sqrt` for a root that several results need.
+
+    XLA's CPU compiler has no loops with several outputs: it fuses a cheap producer into the loop of
+    every consumer, so that R, dR/dn and dR/dk would each repeat all exact sums. Only divisions and
+    roots are never repeated, and an optimization barrier is gone before fusion. So the larger part
+    is a quotient, with the sign of re, which says all that a consumer needs to know of re.
+    """
+    scale, unscale = _scales(re, im)
+    scaled = re * scale
+    larger2 = _larger_part_squared(scaled, 0.5 * (im * scale))
+    signed = jnp.where(re >= 0.0, larger2, -larger2) * unscale / one_if_zero(jnp.sqrt(larger2))
+    large = jnp.abs(signed)
+    small = 0.5 * im / one_if_zero(large)
+    right = signed >= 0.0
+    return jnp.where(right, large, small), jnp.where(right, small, large)
+
+
+@shared_sqrt.defjvp
+def _shared_sqrt_jvp(primals, tangents):
+    return jax.jvp(complex_sqrt, primals, tangents)

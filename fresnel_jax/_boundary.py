@@ -74,7 +74,7 @@ def boundary(c: Array, n: Array, k: Array | None, m: Array | None) -> Boundary:
 def unsigned(c: Array) -> tuple[Array, Array]:
     """|c| and the sign d|c|/dc, which is +1 at c = 0: cosines are differentiated from above."""
     sign = jnp.where(c < 0.0, -1.0, 1.0).astype(c.dtype)
-    return sign * c, sign
+    return jnp.where(c < 0.0, -c, c), sign
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(3,))

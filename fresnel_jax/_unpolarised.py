@@ -6,7 +6,7 @@ With the quantities of `_boundary`, C = m c, sigma = m^2 s^2 and X = C Q + sigma
     R = (R_s + R_p) / 2 = R_s U / |X|^2,    U = |C Q|^2 + sigma^2,    |X|^2 = U + 2 sigma C Re Q.
 
 Only positive terms are added: R does not vanish at Brewster's angle, so that Re Y, half of the
-exact sums of `_boundary`, is not needed; the derivatives need it to doubled precision only.
+exact sums of `_boundary`, is not needed; what the derivatives need of it is cheaper (`_re_y`).
 
     dR = 4 Re(G dN) + 2 m R_s Re(H) dc,
     G = C conj(N^2 - m^2) N conj(Q) V / (|S|^4 |X|^2 |Q|^2)
@@ -26,12 +26,16 @@ import jax.numpy as jnp
 from ._arithmetic import (
     Complex,
     complex_sqrt,
-    real_sqrt,
+    one_if_zero,
+    opaque,
+    positive_sqrt,
     reciprocal_or_zero,
+    shared_sqrt,
     squared_modulus,
     times,
+    two_product,
 )
-from ._boundary import computed_once, lossless_sums, unsigned
+from ._boundary import lossless_sums, unsigned
 from ._powers import _along
 
 
@@ -44,7 +48,8 @@ def unpolarised_kernel(c, n, k, m, compensated=True):
     """
     c = jnp.abs(c)
     re_q2 = lossless_sums(c, n, m, exactly=False)[0] if compensated else _re_q2_plain(c, n, m)
-    return _reflected(_Parts(c, n, k, m, re_q2))
+    p = _Parts(c, n, k, m, _root(re_q2, n, k, complex_sqrt))
+    return _reflected(p, reciprocal_or_zero(p.s2), p.u / one_if_zero(p.x2))
 
 
 def _re_q2_plain(c, n, m):
@@ -54,25 +59,45 @@ def _re_q2_plain(c, n, m):
     return (n - m) * (n + m) + mc * mc
 
 
+def _root(re_q2, n, k, sqrt) -> Complex:
+    """Q; in lossless total reflection 0, since R is 1 there whatever Q."""
+    if k is None:
+        return positive_sqrt(re_q2), None
+    return sqrt(re_q2 - k * k, 2.0 * n * k)
+
+
+def _re_y(c, n, m, sigma):
+    """Re Y for k = 0, as exact as the derivatives of R need it.
+
+    R does not vanish at Brewster's angle, so a relative error of Y is harmless there; but dR is
+    2 n^2 times as sensitive to Y as R, so for large n (Brewster's angle at c = m / n) Y is a sum
+    that keeps the digits of cn - m. Next to normal incidence that sum would cancel instead.
+    """
+    one_or_m = 1.0 if m is None else m
+    cn, lost = two_product(opaque(c), opaque(n))
+    mc = one_or_m * c
+    at_large_n = ((cn - one_or_m) + lost) * (cn + one_or_m) + mc * mc
+    return jnp.where(c > 0.75, cn * cn - sigma, at_large_n)
+
+
 class _Parts:
     """What value and derivatives share."""
 
-    def __init__(self, c, n, k, m, re_q2):
+    def __init__(self, c, n, k, m, q: Complex):
         one_or_m = 1.0 if m is None else m
         self.k, self.m, self.m2 = k, one_or_m, one_or_m * one_or_m
         self.C = C = one_or_m * c
-        self.sigma = (1.0 - c) * (1.0 + c) * self.m2
+        self.sigma = sigma = (1.0 - c) * (1.0 + c) * self.m2
         self.near, self.far = n - one_or_m, n + one_or_m
+        self.q, self.rho = q, squared_modulus(q)
+        Ca = C * q[0]
         if k is None:
-            self.q = real_sqrt(re_q2)
-            self.rho = jnp.abs(re_q2)
+            S, X = C + q[0], Ca + sigma
+            self.s2, self.u, self.x2 = S * S, Ca * Ca + sigma * sigma, X * X
         else:
-            self.q = complex_sqrt(re_q2 - k * k, 2.0 * n * k)
-            self.rho = squared_modulus(self.q)
-        double_Ca = 2.0 * (C * self.q[0])
-        self.s2 = (C * C + self.rho) + double_Ca
-        self.u = (C * C) * self.rho + self.sigma * self.sigma
-        self.x2 = self.u + self.sigma * double_Ca
+            self.s2 = (C * C + self.rho) + 2.0 * Ca
+            self.u = (C * C) * self.rho + sigma * sigma
+            self.x2 = self.u + 2.0 * (sigma * Ca)
 
 
 def _conjugate(z: Complex) -> Complex:
@@ -81,10 +106,6 @@ def _conjugate(z: Complex) -> Complex:
 
 def _scaled(z: Complex, factor) -> Complex:
     return z[0] * factor, None if z[1] is None else z[1] * factor
-
-
-def _or_one(x):
-    return jnp.where(x == 0.0, 1.0, x)
 
 
 def _contrast_over_s2(p: _Parts, per_s2):
@@ -102,37 +123,33 @@ def _contrast_over_s2(p: _Parts, per_s2):
     return ((near * near + k * k) * per_s2) * ((p.far * p.far + p.k * p.k) * per_s2)
 
 
-def _reflected(p: _Parts):
-    R = _contrast_over_s2(p, reciprocal_or_zero(p.s2)) * (p.u / _or_one(p.x2))
+def _reflected(p: _Parts, per_s2, u_per_x2):
+    R = _contrast_over_s2(p, per_s2) * u_per_x2
     contrast = p.near != 0.0 if p.k is None else (p.near != 0.0) | (p.k != 0.0)
     return jnp.where((p.q[0] == 0.0) & contrast, 1.0, jnp.minimum(R, 1.0))
 
 
 def _unpolarised_jvp(compensated, primals, tangents):
     (c, sign), n, k, m = unsigned(primals[0]), *primals[1:]
-    if compensated:
-        re_q2 = computed_once(lossless_sums(c, n, m, exactly=True)[0])
-        re_y = computed_once(lossless_sums(c, n, m, exactly=False)[1])
-    else:
-        re_q2 = _re_q2_plain(c, n, m)
-        one_or_m = 1.0 if m is None else m
-        cn, ms2 = c * n, (1.0 - c) * (1.0 + c) * (one_or_m * one_or_m)
-        re_y = cn * cn - ms2
-    p = _Parts(c, n, k, m, re_q2)
+    re_q2 = lossless_sums(c, n, m, exactly=True)[0] if compensated else _re_q2_plain(c, n, m)
+    p = _Parts(c, n, k, m, _root(re_q2, n, k, shared_sqrt))
     C, sigma, m2 = p.C, p.sigma, p.m2
-    per_s2, per_x2, per_q2 = (reciprocal_or_zero(x) for x in (p.s2, p.x2, p.rho))
+    # one division for two quotients
+    per_both = reciprocal_or_zero(p.s2 * p.x2)
+    per_s2, per_x2 = per_both * p.x2, per_both * p.s2
+    per_q2 = reciprocal_or_zero(p.rho)
+    re_y = _re_y(c, n, m, sigma)
     n2_minus_m2 = p.near * p.far
     if k is None:
         index2, y = (n * n, None), (re_y, None)
         contrast, core = (n2_minus_m2, None), (n * n2_minus_m2, None)
-        q: Complex = (p.q[0], None)  # in total reflection no derivative has a part along ib
     else:
         k2, ck, n2k = k * k, c * k, 2.0 * n * k
         index2, y = (n * n - k2, n2k), (re_y - ck * ck, 2.0 * (c * n) * ck)
         contrast = (n2_minus_m2 - k2, n2k)
         # conj(N^2 - m^2) N, written so that n^2 - m^2 keeps its digits near index match
         core = (n * (n2_minus_m2 + k2), -k * (n * n + m2 + k2))
-        q = p.q
+    q = p.q
     per_q = _scaled(_conjugate(q), per_q2)
     conj_y = _scaled(_conjugate(y), m2 * per_x2)
     inner = _scaled(times(contrast, conj_y), 0.5 * sigma * per_x2)
@@ -148,7 +165,7 @@ def _unpolarised_jvp(compensated, primals, tangents):
     small_sine = sigma < 0.5 * jnp.minimum(m2, p.rho)
     re_h = jnp.where(small_sine, sigma * per_x2 * h_re, difference)
     dc = sign * (2.0 * p.m) * _contrast_over_s2(p, per_s2) * re_h
-    return _reflected(p), _along((dc, dn, dk, dm), tangents)
+    return _reflected(p, per_s2, p.u * per_x2), _along((dc, dn, dk, dm), tangents)
 
 
 def _x_of(p: _Parts, q: Complex) -> Complex:
