@@ -198,8 +198,8 @@ def test_every_error_is_attained_where_the_advice_says(name):
         if label == "float32":
             continue
         for light, worst in zip(LIGHT, found[2:], strict=True):
-            # Some differences jump: three bands where two meet, forms that are 1 in total reflection
-            # at the critical angle. The advice holds for the limit from either side.
+            # Some differences jump: where two bands meet, and, of forms that are 1 in total
+            # reflection, at the critical angle. The advice holds for the limit from either side.
             angles = worst.angle_deg * (1.0 + 2.0 * EPS * np.arange(-2, 3))
             if found.model.bands == 3:
                 ends = [np.nextafter(worst.wavelength_um, x) for x in (0.0, 1.0)]
