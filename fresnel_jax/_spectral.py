@@ -47,9 +47,10 @@ class DispersionModel(eqx.Module):
 def in_one_type(wavelength_um: ArrayLike, model) -> Array:
     """Wavelengths in their own floating-point type; Python numbers in that of the model."""
     dtype = getattr(wavelength_um, "dtype", None)
-    if dtype is None or not jnp.issubdtype(dtype, jnp.floating):
-        dtype = jnp.result_type(*jax.tree.leaves(model), 1.0)
-    return jnp.asarray(wavelength_um, dtype)
+    if dtype is not None and jnp.issubdtype(dtype, jnp.floating):
+        # No dtype is named: where float64 is off, NumPy's arrays become float32 without a warning.
+        return jnp.asarray(wavelength_um)
+    return jnp.asarray(wavelength_um, jnp.result_type(*jax.tree.leaves(model), 1.0))
 
 
 def evaluate_within(

@@ -69,6 +69,8 @@ def test_types_and_shapes_of_what_comes_back():
     assert GLASS([1, 2]).eta.dtype == np.float64
     assert Constant(1.5)(np.ones((2, 3), np.float32)).k.shape == (2, 3)
     assert Constant(1.5)(np.ones(2, np.float32)).eta.dtype == np.float32
+    with jax.enable_x64(False):  # no warning (an error here) that float64 is not to be had
+        assert GLASS(np.array([0.5])).eta.dtype == np.float32
 
 
 @pytest.mark.parametrize(
