@@ -20,6 +20,8 @@ _STYLE = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.axisbelow": True,
+    "figure.constrained_layout.h_pad": 0.1,
+    "figure.constrained_layout.w_pad": 0.12,
     "grid.color": "#e6e6e6",
     "legend.frameon": False,
     "lines.linewidth": 1.8,
@@ -62,7 +64,8 @@ def figure(path: Path, width: float, height: float, **options: Any) -> Iterator[
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_STYLE)
-        drawn = Figure(figsize=(width, height), **({"layout": "constrained"} | options))
+        settings: dict[str, Any] = {"layout": "constrained"} | options
+        drawn = Figure(figsize=(width, height), **settings)
         yield drawn
         path.parent.mkdir(parents=True, exist_ok=True)
         drawn.savefig(path, dpi=120)

@@ -25,20 +25,8 @@ jax.config.update("jax_enable_x64", True)
 GOLD, GLASS = material("gold"), material("BK7")
 RANGE_UM = (0.3, 1.0)
 # Contours, and where their labels find room.
-GOLD_LABELS = {
-    0.4: (30, 0.375),
-    0.6: (30, 0.515),
-    0.8: (30, 0.553),
-    0.9: (30, 0.593),
-    0.95: (30, 0.64),
-}
-GLASS_LABELS = {
-    0.05: (43, 0.65),
-    0.1: (61, 0.65),
-    0.2: (72, 0.65),
-    0.4: (80, 0.65),
-    0.6: (84, 0.65),
-}
+GOLD_LABELS = {0.4: (30, 0.375), 0.6: (30, 0.515), 0.8: (30, 0.553), 0.95: (30, 0.64)}
+GLASS_LABELS = {0.05: (43, 0.65), 0.1: (61, 0.65), 0.2: (72, 0.65), 0.6: (84, 0.65)}
 
 
 def reflectance_map(matter, angle_deg, wavelength_um):
@@ -59,11 +47,11 @@ def draw(path, size: int) -> None:
     """The indices; R over angle and wavelength; the colours over the angle."""
     wavelength, angle = np.linspace(*RANGE_UM, size), np.linspace(0.0, 90.0, size)
     with figure(path, 12.6, 5.4) as fig:
-        grid = fig.add_gridspec(2, 3, width_ratios=(0.8, 1.0, 1.0), height_ratios=(1.0, 0.1))
+        grid = fig.add_gridspec(2, 3, width_ratios=(0.8, 1.0, 1.0), height_ratios=(1.0, 0.09))
         index = fig.add_subplot(grid[:, 0])
-        lines = ((GOLD, 0, ORANGE, r"gold, $\eta$"), (GOLD, 1, BLUE, r"gold, $k$"),
-                 (GLASS, 0, GREY, r"glass, $\eta$"))  # fmt: skip
-        for matter, part, color, label in lines:
+        curves = ((GOLD, 0, ORANGE, r"gold, $\eta$"), (GOLD, 1, BLUE, r"gold, $k$"),
+                  (GLASS, 0, GREY, r"glass, $\eta$"))  # fmt: skip
+        for matter, part, color, label in curves:
             values = np.broadcast_to(matter(wavelength)[part], wavelength.shape)
             index.plot(wavelength, values, color=color)
             index.annotate(
@@ -71,7 +59,7 @@ def draw(path, size: int) -> None:
                 ha="right", color=color, fontsize=12,
             )  # fmt: skip
         index.set(xlabel=r"wavelength ($\mathrm{\mu}$m)", xlim=RANGE_UM, ylim=(0.0, None))
-        index.set_title("index")
+        index.set_title("index of refraction")
         index.grid(True)
 
         maps = []
@@ -85,16 +73,22 @@ def draw(path, size: int) -> None:
                 R, extent=(0.0, 90.0, *RANGE_UM), origin="lower", aspect="auto", cmap="magma",
                 vmin=0.0, vmax=1.0,
             )  # fmt: skip
-            contours = plot.contour(
-                angle, wavelength, R, list(labels), colors="white", linewidths=0.8
+            lines = plot.contour(
+                angle,
+                wavelength,
+                R,
+                list(labels),
+                linewidths=1.0,
+                colors=["white" if at < 0.7 else "black" for at in labels],
             )
-            plot.clabel(contours, fontsize=9, manual=list(labels.values()))
+            plot.clabel(lines, fontsize=9, manual=list(labels.values()))
             plot.set(title=f"reflectance of {name}", xticks=[])
             strip.imshow(
                 np.asarray(encode(reflected_rgb(matter, angle)))[None], aspect="auto",
                 extent=(0.0, 90.0, 0.0, 1.0),
             )  # fmt: skip
             strip.set(xlabel="angle of incidence (degrees)", yticks=[], xticks=range(0, 91, 15))
+            strip.set_title("colour of reflected white light", fontsize=10.5)
         maps[0].set_ylabel(r"wavelength ($\mathrm{\mu}$m)")
         fig.colorbar(image, ax=maps, pad=0.01, label="R, unpolarised")
 

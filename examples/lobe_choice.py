@@ -19,20 +19,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from _colour import tone
+from _glass_ball import ball
 from _picture import BLUE, GREY, ORANGE, arguments, figure
 
 from fresnel_jax import fresnel_dielectric
 from fresnel_jax.bsdf import Dielectric, Lobes, TransportMode
-from fresnel_jax.directions import local_frame, to_local, to_world
 
 jax.config.update("jax_enable_x64", True)
 
 GLASS = Dielectric(1.5)
-PATHS, BOUNCES, SAMPLES = 8, 10, 2000
-BACKGROUND = (0.03, 0.035, 0.045)
+PATHS, SAMPLES = 8, 2000
 
 
-def sample(wo, u, equal: bool):
+def sample(wo, u, equal: bool = False):
     """(direction, weight) of one path that leaves along wo, split equally or by Fresnel."""
     mode, any_facet = TransportMode.IMPORTANCE, jnp.zeros((*jnp.shape(u), 2))
     if not equal:
@@ -57,62 +56,15 @@ def variance(cos_theta, key, equal: bool):
     return jnp.var(weight, axis=1)
 
 
-def studio(direction):
-    """Radiance around the ball: a room lit softly from above, two windows, a warm floor."""
-    x, z = direction[..., :1], direction[..., 2:]
-    color = jnp.array([0.30, 0.42, 0.58]) * (0.55 + 0.85 * jax.nn.sigmoid(5.0 * z))
-    floor = jax.nn.sigmoid(-16.0 * (z + 0.22))
-    color = color * (1.0 - floor) + jnp.array([0.95, 0.50, 0.22]) * floor
-    for middle, half_width in ((-0.70, 0.06), (0.42, 0.27)):
-        across, up = jnp.abs(x - middle), jnp.abs(z - 0.18)
-        pane = jnp.minimum(half_width - across, 0.45 - up)
-        pane = jnp.minimum(pane, across - 0.02)
-        pane = jnp.minimum(pane, up - 0.02)
-        color = color + jax.nn.sigmoid(70.0 * pane) * jnp.array([1.05, 0.95, 0.75])
-    return color
-
-
-@partial(jax.jit, static_argnames=("size", "equal"))
-def ball(size: int, key, equal: bool):
-    """Radiance of a unit glass ball seen along +y from afar, shape (size, size, 3); its outline."""
-    axis = 1.05 * ((jnp.arange(size) + 0.5) / size * 2.0 - 1.0)
-    pixel = 2.1 / size
-
-    def path(key):
-        keys = jax.random.split(key, BOUNCES + 1)
-        shift = pixel * (jax.random.uniform(keys[0], (2, size, size)) - 0.5)
-        x, z = jnp.stack(jnp.meshgrid(axis, -axis)) + shift
-        r2 = x * x + z * z
-        inside = r2 < 1.0
-        point = jnp.stack([x, -jnp.sqrt(jnp.where(inside, 1.0 - r2, 1.0)), z], axis=-1)
-        point = jnp.where(inside[..., None], point, jnp.array([0.0, -1.0, 0.0]))
-        direction = jnp.broadcast_to(jnp.array([0.0, 1.0, 0.0]), point.shape)
-
-        def bounce(state, key):
-            point, direction, weight, light = state
-            frame = local_frame(point)
-            u = jax.random.uniform(key, weight.shape)
-            local, factor = sample(to_local(-direction, frame), u, equal)
-            direction, weight = to_world(local, frame), weight * factor
-            leaves = local[..., 2] > 0.0
-            light = light + jnp.where(leaves, weight, 0.0)[..., None] * studio(direction)
-            across = -2.0 * jnp.sum(point * direction, axis=-1, keepdims=True) * direction
-            point = point + jnp.where(leaves[..., None], 0.0, across)
-            return (point, direction, jnp.where(leaves, 0.0, weight), light), None
-
-        start = (point, direction, jnp.ones_like(r2), jnp.zeros_like(point))
-        (_, _, _, light), _ = jax.lax.scan(bounce, start, keys[1:])
-        return jnp.where(inside[..., None], light, jnp.array(BACKGROUND))
-
-    return jnp.mean(jax.lax.map(path, jax.random.split(key, PATHS)), axis=0)
-
-
 def draw(path, size: int, angles, measured) -> None:
     """Both balls, and the variance over the angle from either side."""
-    with figure(path, 13.0, 4.5, layout="constrained") as fig:
+    with figure(path, 13.0, 4.6) as fig:
         equal, split, plot = fig.subplots(1, 3, width_ratios=(1.0, 1.0, 1.35))
-        for axes, by_half, title in ((equal, True, "equal split"), (split, False, "Fresnel split")):
-            picture = tone(ball(size, jax.random.key(3), by_half))
+        for axes, sampler, title in (
+            (equal, partial(sample, equal=True), "equal split"),
+            (split, sample, "Fresnel split"),
+        ):
+            picture = tone(ball(sampler, jax.random.key(3), size, PATHS))
             axes.imshow(picture, interpolation="nearest")
             axes.set_title(f"{title}, {PATHS} paths a pixel")
             axes.axis("off")
@@ -120,8 +72,8 @@ def draw(path, size: int, angles, measured) -> None:
             fine = np.linspace(0.0, 90.0, 721)
             R = fresnel_dielectric(sign * np.cos(np.deg2rad(fine)), GLASS.eta)
             plot.plot(fine, (1.0 - 2.0 * R) ** 2, color=color, label=rf"{side}: $(1 - 2R)^2$")
-            plot.plot(angles, measured[sign, True], "o", color=color, markersize=5)
-            plot.plot(angles, measured[sign, False], "s", color=color, markersize=4)
+            plot.plot(angles, measured[sign, True], "o", color=color, markersize=5, clip_on=False)
+            plot.plot(angles, measured[sign, False], "s", color=color, markersize=4, clip_on=False)
         plot.plot([], [], "o", color=GREY, label="equal split, measured")
         plot.plot([], [], "s", color=GREY, label="Fresnel split, measured: 0")
         plot.set(xlabel="angle of incidence (degrees)", ylabel="variance of the weight")
