@@ -54,9 +54,10 @@ def of_measurement(m: Measurement, eta_i: float, sigma: str) -> Arranged:
     strange = sorted(set(m.quantity.tolist()) - set(CHANNELS))
     if strange:
         raise ValueError(
-            f"{m.source}: cannot fit {', '.join(strange)}. One bare interface is fitted to R_s, "
-            "R_p and R over angle; keep those, for example with "
-            'measurement.where(numpy.isin(measurement.quantity, ["R_s", "R_p", "R"])).'
+            f"{m.source}: cannot fit {', '.join(strange)}. Without a model, one bare interface is "
+            "fitted to R_s, R_p and R wavelength by wavelength. Name the columns to be read with "
+            "--columns, for example angle=1,R_s=2; or say what the data are of with --model (psi "
+            "and delta, a dispersion) or --model and --slab (R and T of a plate)."
         )
     known = np.isfinite(m.sigma)
     stated = sigma == "given" and bool(known.all())

@@ -130,6 +130,13 @@ def _parser() -> argparse.ArgumentParser:
         help="take the stated errors as they are; by default the errors of eta and k are "
         "multiplied by sqrt(chi2/dof)",
     )
+    fitting.add_argument(
+        "--intervals",
+        choices=("auto", "quadratic", "profile"),
+        default="auto",
+        help="95 %% ranges from the standard errors, from the likelihood (profile), or from that "
+        "where the errors do not tell (auto, the default)",
+    )
     reading = parser.add_argument_group("reading")
     for name, metavar, text in _READING:
         reading.add_argument(f"--{name}", metavar=metavar, help=text)
@@ -173,6 +180,7 @@ def _fit(measurement: Measurement, arguments: argparse.Namespace) -> FitResult:
             eta_i=arguments.eta_i,
             sigma="equal" if arguments.equal_weights else "given",
             absolute_sigma=arguments.absolute_sigma,
+            intervals=arguments.intervals,
         )
 
 

@@ -99,4 +99,8 @@ def index_csv(result: FitResult, measurement: Measurement) -> str:
     names = ("wavelength_um", "eta", "sigma_eta", "k", "sigma_k", "correlation", "k_upper_limit")
     names += ("chi2", "dof", "n_data", "rms", "status")
     columns = {name: np.atleast_1d(getattr(result, name)).tolist() for name in names}
+    for name in ("eta", "k"):
+        ends = np.reshape(getattr(result, f"{name}_interval"), (-1, 2))
+        columns |= {f"{name}_low": ends[:, 0].tolist(), f"{name}_high": ends[:, 1].tolist()}
+    columns["interval_kind"] = np.atleast_1d(result.interval_kind).tolist()
     return _csv(_comments(result, measurement), columns)

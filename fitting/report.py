@@ -49,6 +49,17 @@ def with_error(value: float, sigma: float) -> str:
     return f"({value / scale:.{decimals}f} +- {sigma / scale:.{decimals}f})e{power:+03d}"
 
 
+def between(low: float, high: float) -> str:
+    """Return ``1.4959 to 1.5030``: both ends to the second digit of the distance between them."""
+    if not high > low:
+        return f"{low:.6g} to {high:.6g}"
+    exponent = math.floor(math.log10(high - low))
+    decimals = 1 - exponent
+    if not 0 <= decimals <= 9:
+        return f"{low:.6g} to {high:.6g}"
+    return f"{low:.{decimals}f} to {high:.{decimals}f}" if low else f"0 to {high:.{decimals}f}"
+
+
 def _k_text(k: float, sigma_k: float, upper: float, status: str) -> str:
     limit = f" (< {number(upper, 2)})" if math.isfinite(upper) else ""
     if k == 0.0 or status == "converged at k = 0":
@@ -96,6 +107,9 @@ def _one_curve(result: FitResult, width: int) -> list[str]:
     limit = ", 95 % upper limit in brackets" if math.isfinite(result.k_upper_limit) else ""
     k = _k_text(result.k, result.sigma_k, result.k_upper_limit, result.status)
     rows = [("eta", with_error(result.eta, result.sigma_eta) + aside), ("k", k + limit + aside)]
+    if result.interval_kind == "profile":
+        ends = f"eta {between(*result.eta_interval)}, k {between(*result.k_interval)}"
+        rows.append(("95 % range", f"{ends} (by the likelihood itself)"))
     if not math.isnan(result.correlation):
         rows.append(("correlation", f"{result.correlation:.3f}"))
     if not math.isnan(result.chi2):

@@ -43,6 +43,10 @@ class FitResult(NamedTuple):
     alternative_eta, alternative_k, alternative_delta_chi2: a second solution whose chi2 (in units
         of its expected scatter) is less than 6 higher; NaN where there is none.
     eta_i: index of the medium that the light comes from.
+    eta_interval, k_interval: S + (2,), 95 % intervals; NaN where there is none.
+    interval_kind: "quadratic": eta +- t sigma_eta, and k from k^2 +- t sigma(k^2), or from 0 to its
+        upper limit; "profile": of the likelihood itself, for an undetermined index as well (the
+        range that the data leave, with every k); "none".
     """
 
     eta: Any
@@ -68,6 +72,9 @@ class FitResult(NamedTuple):
     alternative_k: Any
     alternative_delta_chi2: Any
     eta_i: float
+    eta_interval: np.ndarray
+    k_interval: np.ndarray
+    interval_kind: Any
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -38,7 +38,14 @@ def assert_same(one: FitResult, many: FitResult, index):
     assert [w[:40] for w in one.warnings] == [w[:40] for w in beside.warnings]
 
 
-@pytest.mark.parametrize("kwargs", [{}, {"sigma": 1e-3}, {"sigma": 1e-3, "absolute_sigma": True}])
+@pytest.mark.parametrize(
+    "kwargs",
+    [
+        {},
+        {"sigma": 1e-3, "intervals": "profile"},
+        {"sigma": 1e-3, "absolute_sigma": True, "intervals": "auto"},
+    ],
+)
 def test_alone_and_in_a_batch(kwargs):
     data = table()
     many = fit_many(ANGLES, **data, **kwargs)
@@ -115,7 +122,8 @@ def test_a_measurement_is_fitted_wavelength_by_wavelength():
     np.testing.assert_array_equal(found.wavelength_um, waves)
     for i in range(len(INDICES)):
         kept = slice(0, 16 - i)
-        one = fit_many(ANGLES[kept], R_s=data["R_s"][i, kept], R_p=data["R_p"][i, kept], sigma=1e-3)
+        curve = {q: v[i, kept] for q, v in data.items()}
+        one = fit_many(ANGLES[kept], **curve, sigma=1e-3, intervals="auto")
         assert_same(one._replace(wavelength_um=waves[i]), found, i)
     single = fit(m.where(m.wavelength_um == waves[3]))
     assert isinstance(single.eta, float)

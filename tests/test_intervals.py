@@ -1,0 +1,185 @@
+"""95 % intervals of eta and k: against nested minimisation, closed forms, repeated simulation."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.optimize import brentq, minimize_scalar
+from simulated import GOLD, simulated, textbook
+
+from fitting.fitter import fit, fit_many
+from fitting.limits import student_quantile
+from fitting.measurement import read_csv
+
+ANGLES = np.linspace(10.0, 85.0, 16)
+Q95 = stats.chi2.ppf(0.95, 1)
+
+
+def curves(eta, k, quantities, angles=ANGLES, noise=0.0, seed=1, count=None):
+    rng = np.random.default_rng(seed)
+    shape = (len(angles),) if count is None else (count, len(angles))
+    return {
+        q: textbook(angles, np.full(len(angles), q), eta, k) + noise * rng.standard_normal(shape)
+        for q in quantities
+    }
+
+
+def nested(data, angles, sigma, eta, k):
+    """The four ends by root finding on a minimisation over the other unknown, textbook formulas."""
+
+    def chi2(n, kk):
+        residuals = [
+            (textbook(angles, np.full(len(angles), q), n, kk) - v) / sigma for q, v in data.items()
+        ]
+        return float(np.sum(np.square(residuals)))
+
+    def least(of, *ranges):
+        inner = {"bounds": None, "method": "bounded", "options": {"xatol": 1e-9}}
+        return min(minimize_scalar(of, **{**inner, "bounds": r}).fun for r in ranges)
+
+    goal = chi2(eta, k) + Q95
+
+    def above_eta(n):
+        k_most = max(2.0 * k, 0.1)
+        found = least(lambda kk: chi2(n, kk), (0.0, k_most), (0.0, max(10.0 * k, 3.0)))
+        return min(found, chi2(n, 0.0)) - goal
+
+    def above_k(kk):
+        return least(lambda n: chi2(n, kk), (0.7 * eta, 1.4 * eta), (0.02 * eta, 5.0 * eta)) - goal
+
+    def end(above, value, step, limit):
+        while True:
+            further = value + step
+            if step < 0.0 and further <= limit:
+                return limit if above(limit) < 0.0 else brentq(above, limit, value)
+            if above(further) > 0.0:
+                return brentq(above, min(value, further), max(value, further), xtol=1e-10)
+            value, step = further, 1.7 * step
+
+    return [
+        [end(above_eta, eta, -1e-3 * eta, 1e-6), end(above_eta, eta, 1e-3 * eta, np.inf)],
+        [end(above_k, k, -1e-3, 0.0), end(above_k, k, 1e-3, np.inf)],
+    ]
+
+
+@pytest.mark.parametrize(
+    ("eta", "k", "quantities", "noise", "angles"),
+    [
+        (1.5, 0.0, ("R_s", "R_p"), 1e-3, ANGLES),
+        (4.15, 0.05, ("R_s", "R_p"), 1e-3, ANGLES),
+        (0.36, 2.6, ("R_s", "R_p"), 2e-3, ANGLES),
+        (0.36, 2.6, ("R_s",), 2e-3, ANGLES),  # a bent valley: 0.25 to 0.82 about 0.38
+        (1.1, 7.0, ("R_s", "R_p"), 1e-3, ANGLES),
+        (1.8, 0.4, ("R_s", "R_p"), 1e-3, np.array([65.0, 70.0, 75.0])),
+        (2.5, 1.0, ("R",), 1e-3, np.linspace(10.0, 45.0, 8)),
+        (3.0, 0.5, ("R_s",), 2e-3, ANGLES),  # k = 0 is the best, and cuts the region
+    ],
+)
+def test_profile_intervals_are_those_of_nested_minimisation(eta, k, quantities, noise, angles):
+    data = curves(eta, k, quantities, angles, noise)
+    found = fit_many(angles, **data, sigma=noise, absolute_sigma=True, intervals="profile")
+    assert found.interval_kind == "profile"
+    wanted = nested(data, angles, noise, found.eta, found.k)
+    for ours, theirs in zip((found.eta_interval, found.k_interval), wanted, strict=True):
+        # Parabolas between 8 lines: a thousandth of the width.
+        np.testing.assert_allclose(ours, theirs, atol=1e-3 * (theirs[1] - theirs[0]))
+
+
+@pytest.mark.parametrize("R", [0.04, 0.3, 0.97])
+def test_one_reflectance_at_normal_incidence_leaves_a_whole_circle(R):
+    """(eta - a)^2 + k^2 = a^2 - 1, a = (1 + R) / (1 - R), with R known to 1.96 sigma."""
+    sigma = 1e-3
+    found = fit_many([0.0], R=[R], sigma=sigma, absolute_sigma=True, intervals="auto")
+    top = R + np.sqrt(Q95) * sigma
+    a = (1.0 + top) / (1.0 - top)
+    b = np.sqrt(a * a - 1.0)
+    assert found.status == "undetermined"
+    assert found.interval_kind == "profile"
+    np.testing.assert_allclose(found.eta_interval, [a - b, a + b], rtol=2e-3)
+    np.testing.assert_allclose(found.k_interval, [0.0, b], rtol=2e-3, atol=0.0)
+    assert "circle" in found.warnings[0]
+
+
+def test_program_chooses_the_profile_where_the_quadratic_one_is_wrong():
+    glass = simulated(1.5, 0.0, 1e-3)
+    assert fit(glass).interval_kind == "profile"
+    assert fit(glass, intervals="quadratic").interval_kind == "quadratic"
+    germanium = simulated(5.5, 1.6, 1e-4)
+    assert fit(germanium).interval_kind == "quadratic"
+    asked = fit(germanium, intervals="profile")
+    assert asked.interval_kind == "profile"
+    plain = fit(germanium)
+    for name in ("eta_interval", "k_interval"):
+        ends, wanted = getattr(plain, name), getattr(asked, name)
+        np.testing.assert_allclose(ends, wanted, atol=0.05 * (wanted[1] - wanted[0]))
+    assert fit(read_csv(GOLD)).interval_kind == "profile"  # sigma_eta is 6 % of eta
+
+
+def test_a_quadratic_interval_is_the_standard_error_times_students_t():
+    data = curves(5.5, 1.6, ("R_s", "R_p"), noise=1e-4)
+    scaled = fit_many(ANGLES, **data)
+    t = stats.t.ppf(0.975, 30)
+    low, high = scaled.eta_interval
+    assert low == pytest.approx(scaled.eta - t * scaled.sigma_eta, rel=1e-12)
+    assert high == pytest.approx(scaled.eta + t * scaled.sigma_eta, rel=1e-12)
+    low, high = scaled.k_interval
+    assert (high**2 - low**2) / 2.0 == pytest.approx(2.0 * scaled.k * t * scaled.sigma_k, rel=1e-9)
+    absolute = fit_many(ANGLES, **data, sigma=1e-4, absolute_sigma=True)
+    half = 0.5 * np.diff(absolute.eta_interval)[0]
+    assert half == pytest.approx(np.sqrt(Q95) * absolute.sigma_eta, rel=1e-9)
+
+
+@pytest.mark.parametrize("dof", [1, 2, 3, 4, 7, 30, 57, 118, 999, 1000, 1001, 5000])
+def test_students_quantile(dof):
+    assert student_quantile(dof) == pytest.approx(stats.t.ppf(0.975, dof), rel=3e-9)
+
+
+def test_without_degrees_of_freedom_the_normal_law_holds():
+    assert student_quantile(0) == pytest.approx(stats.norm.ppf(0.975), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("eta", "k", "quantities", "low", "high"),
+    [
+        # Regular: 4 binomial errors of 4000 about .95. At k = 0 a shadow of the half plane k^2 > 0
+        # only: .93 to .96 for eta (which k shifts), .975 for k, by the normal law.
+        (2.5, 1.0, ("R_s", "R_p"), (0.936, 0.936), (0.964, 0.964)),
+        (0.5, 3.0, ("R_s",), (0.936, 0.936), (0.964, 0.964)),
+        (1.5, 0.0, ("R_s", "R_p"), (0.92, 0.963), (0.97, 0.987)),
+    ],
+)
+def test_profile_intervals_hold_the_truth_as_often_as_they_should(eta, k, quantities, low, high):
+    data = curves(eta, k, quantities, noise=1e-3, count=4000)
+    found = fit_many(ANGLES, **data, sigma=1e-3, absolute_sigma=True, intervals="profile")
+    assert (found.interval_kind == "profile").all()
+    for i, (ends, truth) in enumerate(((found.eta_interval, eta), (found.k_interval, k))):
+        held = ((ends[:, 0] <= truth) & (truth <= ends[:, 1])).mean()
+        assert low[i] < held < high[i]
+
+
+def test_noise_decides_at_which_end_of_the_valley_a_fit_near_the_normal_lies_and_that_is_said():
+    """R at 6 to 10 degrees: eta below 1 fits half of the time, and looked well determined."""
+    angles = np.array([6.0, 8.0, 10.0])
+    data = curves(3.5, 0.5, ("R",), angles, 1e-3, count=400)
+    found = fit_many(angles, **data, sigma=1e-3)
+    undetermined = found.status == "undetermined"
+    assert undetermined.mean() > 0.95
+    # All on one branch, so that a spectrum does not jump.
+    assert (found.eta[undetermined] > 1.0).all()
+
+
+def test_no_interval_where_there_is_nothing_to_go_by():
+    for found in (
+        fit_many([0.0], R=[0.3], intervals="auto"),  # no error, no scatter
+        fit_many([0.0], R=[1.0], sigma=1e-3, intervals="auto"),  # a perfect mirror
+        fit_many([0.0], R=[np.nan], intervals="auto"),
+    ):
+        assert found.interval_kind == "none"
+        assert np.isnan([found.eta_interval, found.k_interval]).all()
+    with pytest.raises(ValueError, match=r"intervals is 'bayes'; one of auto, quadratic"):
+        fit_many([0.0], R=[0.3], intervals="bayes")
+
+
+def test_exact_data_have_intervals_as_narrow_as_rounding():
+    found = fit_many(ANGLES, **curves(0.5, 2.2, ("R_s", "R_p")), intervals="profile")
+    np.testing.assert_allclose(found.eta_interval, 0.5, rtol=1e-12)
+    np.testing.assert_allclose(found.k_interval, 2.2, rtol=1e-12)
