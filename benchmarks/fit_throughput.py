@@ -103,7 +103,7 @@ def one_evaluation(rounds: int) -> float:
         column = np.cos(np.radians(ANGLES))[:, None]
         full = (np.full((60, lanes), 0.3),) * 2
         ones = (np.ones((60, 1)),) * 2
-        curves = Curves(column, np.full((60, 1), 0.5), full, ones, np.float64(1.0))
+        curves = Curves(column, np.full((60, 1), 0.5), full, ones)
         y = jnp.asarray(np.stack([np.full(lanes, 0.8), np.linspace(0.1, 1.0, lanes)]))
         program, chart = compiled(evaluate, ()), jnp.ones(lanes)
         curves = jax.tree.map(jnp.asarray, curves)

@@ -109,7 +109,7 @@ def run(data: Data, start: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarr
         with jax.enable_x64(True):
             out = solve(
                 part.cos_theta, part.s_share, part.values, part.weights,
-                np.float64(data.eta_i), begin, np.int64(steps),
+                begin, np.int64(steps),
                 channels=data.channels, lanes=lanes,
             )  # fmt: skip
             return [np.asarray(a)[..., :here] for a in out]

@@ -21,7 +21,9 @@ def _with_slopes(cos_theta, s_share, eta, u, eta_i):
     """Return (3, 3, N, A): for each channel the reflectance and its slopes in eta and u = k^2."""
 
     def model(eta, u):
-        return jnp.stack(reflectances(cos_theta, s_share, eta, jnp.sqrt(u), eta_i, CHANNELS))
+        return jnp.stack(
+            reflectances(cos_theta, s_share, eta / eta_i, jnp.sqrt(u) / eta_i, CHANNELS)
+        )
 
     one, zero = jnp.ones_like(eta), jnp.zeros_like(eta)
     value, along = jax.linearize(model, eta, u)

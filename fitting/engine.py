@@ -118,7 +118,6 @@ def _solve(
     s_share: Array,
     values: tuple[Array, ...],
     weights: tuple[Array, ...],
-    eta_i: Array,
     start: Array,
     max_steps: Array,
     *,
@@ -153,9 +152,7 @@ def _solve(
         shared["weights"] = tuple(w[:, None] for w in weights)
 
     def curves_of(parts: dict[str, Any]) -> Curves:
-        return Curves(
-            parts["cos_theta"], parts["s_share"], parts["values"], parts["weights"], eta_i
-        )
+        return Curves(parts["cos_theta"], parts["s_share"], parts["values"], parts["weights"])
 
     once = None
     if "cos_theta" in shared:

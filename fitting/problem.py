@@ -26,21 +26,19 @@ class Curves(NamedTuple):
     s_share: (M, 1) or (M, L), the part of s in the channel R.
     values: C arrays (M, L); what stands where the weight is 0 is never looked at, but is finite.
     weights: C arrays (M, L) or (M, 1): 1 / sigma, 0 where there is no datum.
-    eta_i: (), index of the medium that the light comes from.
     """
 
     cos_theta: Array
     s_share: Array
     values: tuple[Array, ...]
     weights: tuple[Array, ...]
-    eta_i: Array
 
 
 def reflectances(
-    cos_theta: Array, s_share: Array, eta: Array, k: Array, eta_i: Array, channels: tuple[str, ...]
+    cos_theta: Array, s_share: Array, n: Array, k: Array, channels: tuple[str, ...]
 ) -> tuple[Array, ...]:
-    """Return the reflectance of each of ``channels``; arguments broadcast."""
-    both = powers(cos_theta, eta, k, eta_i)
+    """Return the reflectance of each of ``channels`` for a relative index; arguments broadcast."""
+    both = powers(cos_theta, n, k)
     of = {"R_s": both.R_s, "R_p": both.R_p}
     if "R" in channels:
         of["R"] = both.R_p + s_share * (both.R_s - both.R_p)
@@ -50,10 +48,9 @@ def reflectances(
 def model(curves: Curves, x: Array, w: Array, chart: Array, channels: tuple[str, ...]):
     """Return the reflectances of every lane at its coordinates, one (M, L) array a channel."""
     n, k = index_of(x, w, chart)
-    m = curves.eta_i
     # Without the barrier XLA repeats the coordinate map for every angle, inside the big loop.
-    eta, k = jax.lax.optimization_barrier((n * m, k * m))
-    return reflectances(curves.cos_theta, curves.s_share, eta, k, m, channels)
+    n, k = jax.lax.optimization_barrier((n, k))
+    return reflectances(curves.cos_theta, curves.s_share, n, k, channels)
 
 
 class Residuals(NamedTuple):

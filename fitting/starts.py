@@ -74,8 +74,8 @@ def mesh_for(curves: Curves) -> Mesh:
 
 def node_curves(curves: Curves, channels: tuple[str, ...]) -> list[Array]:
     """Return the reflectances of the nodes, J nodes first: per channel (J, M, 1) or (J, M, L)."""
-    n, k = (jnp.asarray(a[:, None, None]) * curves.eta_i for a in mesh_for(curves).index)
-    return list(reflectances(curves.cos_theta, curves.s_share, n, k, curves.eta_i, channels))
+    n, k = (jnp.asarray(a[:, None, None]) for a in mesh_for(curves).index)
+    return list(reflectances(curves.cos_theta, curves.s_share, n, k, channels))
 
 
 def misfits(found: list[Array], curves: Curves) -> Array:
