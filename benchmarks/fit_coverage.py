@@ -1,0 +1,101 @@
+"""How often the 95 % intervals of a fit hold the truth.
+
+For each material and set of data, 1e4 repeats of the same measurement with fresh normal noise: the
+share whose interval of eta, and of k, holds the true value; quadratic intervals and those of the
+profile likelihood, with errors taken as stated ("absolute") and estimated from the scatter
+("scaled"). "seen" is the share of repeats in which k is more than compatible with 0. Where k is
+0 or cannot be seen, or where the valley of the fit bends (R_s of metals), the problem is not
+regular: k cannot be negative, so that its interval holds 97.5 % at k = 0 and not 95.
+
+The statistical error of a share near .95 is .2 % (one sigma).
+
+    python -m benchmarks.fit_coverage [--repeats 10000]
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import jax
+import numpy as np
+
+from fitting.fitter import FitResult, fit_many
+from fresnel_jax import powers
+
+from .machine import conditions
+
+MANY = np.linspace(1.0, 89.0, 60)
+FEW = np.linspace(20.0, 80.0, 13)
+THREE = np.array([65.0, 70.0, 75.0])
+# name, eta, k, channels, angles, noise, whether the problem is regular
+CASES = (
+    ("tinted glass", 1.52, 0.2, ("R_s", "R_p"), MANY, 1e-3, True),
+    ("germanium", 5.5, 1.6, ("R_s", "R_p"), MANY, 1e-3, True),
+    ("germanium", 5.5, 1.6, ("R",), MANY, 1e-3, True),
+    ("gold", 0.36, 2.6, ("R_s", "R_p"), MANY, 1e-3, True),
+    ("gold", 0.36, 2.6, ("R_p",), FEW, 1e-3, True),
+    ("aluminium", 1.1, 7.0, ("R_s", "R_p"), FEW, 1e-3, True),
+    ("absorber", 2.5, 1.0, ("R_s", "R_p"), THREE, 1e-3, True),
+    ("gold", 0.36, 2.6, ("R_s",), MANY, 1e-3, False),
+    ("silicon", 4.15, 0.05, ("R_s", "R_p"), MANY, 1e-3, False),
+    ("glass", 1.5, 0.0, ("R_s", "R_p"), MANY, 1e-3, False),
+    ("glass", 1.5, 0.0, ("R",), FEW, 5e-3, False),
+    ("weak absorber", 2.0, 0.1, ("R_s",), MANY, 1e-3, False),
+)
+
+
+def held(result: FitResult, eta: float, k: float) -> tuple[float, float]:
+    """Return the shares of intervals that hold the true eta and the true k."""
+    shares = []
+    for ends, truth in ((result.eta_interval, eta), (result.k_interval, k)):
+        shares.append(float(((ends[..., 0] <= truth) & (truth <= ends[..., 1])).mean()))
+    return shares[0], shares[1]
+
+
+def study(case: tuple, repeats: int) -> dict:
+    """Return the shares of one case."""
+    name, eta, k, channels, angles, noise, regular = case
+    rng = np.random.default_rng(7)
+    with jax.enable_x64(True):
+        exact = powers(np.cos(np.radians(angles)), eta, k)
+        clean = {"R_s": exact.R_s, "R_p": exact.R_p, "R": exact.R}
+    data = {
+        c: np.asarray(clean[c]) + noise * rng.standard_normal((repeats, len(angles)))
+        for c in channels
+    }
+    found = {"name": name, "eta": eta, "k": k, "regular": regular, "noise": noise}
+    found["data"] = f"{' and '.join(channels)}, {len(angles)} angles"
+    for kind, options in (("absolute", {"sigma": noise, "absolute_sigma": True}), ("scaled", {})):
+        for intervals in ("quadratic", "profile"):
+            result = fit_many(angles, **data, **options, intervals=intervals)
+            found[kind, intervals] = held(result, eta, k)
+    found["seen"] = float(np.isfinite(result.sigma_k).mean())
+    return found
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repeats", type=int, default=10_000)
+    repeats = parser.parse_args().repeats
+    started = time.perf_counter()
+    print(f"{conditions()}; {repeats} repeats; per cent that hold the true eta, k\n")
+    sorts = [(kind, way) for kind in ("absolute", "scaled") for way in ("quadratic", "profile")]
+    print("| material | data | regular | k seen | " + " | ".join(f"{w}, {k}" for k, w in sorts))
+    print("| --- " * (4 + len(sorts)) + "|")
+    off = 0
+    for case in CASES:
+        row = study(case, repeats)
+        cells = [" ".join(f"{100.0 * share:.1f}" for share in row[sort]) for sort in sorts]
+        if row["regular"]:
+            off += sum(not 0.94 <= share <= 0.96 for sort in sorts for share in row[sort])
+        first = f"{row['name']} {row['eta']:g} + {row['k']:g} i | {row['data']}"
+        first += f" | {'yes' if row['regular'] else 'no'} | {100.0 * row['seen']:.0f} %"
+        print(f"| {first} | " + " | ".join(cells) + " |", flush=True)
+    print(f"\n{off} shares of the regular cases outside of 94 to 96 %")
+    print(f"{time.perf_counter() - started:.0f} s")
+
+
+if __name__ == "__main__":
+    main()
