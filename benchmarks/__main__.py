@@ -53,11 +53,11 @@ def _processor() -> str:
     return name + f"model {facts.get('model')}, {widest}"
 
 
-def platforms() -> list[str]:
-    """cpu, and gpu where jax sees one (asked in another process: it would keep the memory)."""
-    question = "import jax; print(any(d.platform == 'gpu' for d in jax.devices()))"
+def gpu() -> str:
+    """The name of the GPU that jax sees, or "" (asked in another process: it would keep memory)."""
+    question = "import jax; print(*(d.device_kind for d in jax.devices('gpu')[:1]))"
     answer = subprocess.run([sys.executable, "-c", question], capture_output=True, text=True)
-    return ["cpu", "gpu"] if answer.stdout.strip().endswith("True") else ["cpu"]
+    return answer.stdout.strip() if answer.returncode == 0 else ""
 
 
 def errors_of(processes: dict, dtype: str) -> dict:
@@ -83,6 +83,9 @@ def main():
     parser.add_argument("--rounds", type=int, default=4, help="rounds of interleaved timing")
     parser.add_argument("--quick", action="store_true", help="2 rounds, no size above 1e6")
     parser.add_argument("--only", nargs="*", metavar="NAME", help="names of contestants")
+    parser.add_argument(
+        "--platform", nargs="*", choices=["cpu", "gpu"], help="those that jax finds are the default"
+    )
     parser.add_argument("--chart-only", action="store_true", help="draw again what was measured")
     options = parser.parse_args()
     data_file = options.out / "benchmarks.json"
@@ -109,7 +112,9 @@ def run(options) -> dict:
     results = {"machine": machine(), "rounds": rounds, "left_out": {}, "runs": []}
     results["families"] = {x.name: x.family for x in CONTESTANTS}
     results["one_material"] = [x.name for x in CONTESTANTS if x.one_material]
-    for where in platforms():
+    if gpu():
+        results["machine"]["gpu"] = gpu()
+    for where in options.platform or (["cpu", "gpu"] if gpu() else ["cpu"]):
         for dtype in ("float64", "float32"):
             processes, left_out = speed.start(dtype, where, options.only)
             results["left_out"] |= left_out

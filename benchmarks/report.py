@@ -198,7 +198,8 @@ def markdown(results) -> str:
     parts = [
         "# Speed and accuracy, measured\n",
         "Made by `make bench` (`python -m benchmarks`); the charts beside it show the same.\n",
-        f"{machine['date']}; {machine['processor']}; {machine['cores']} cores, load "
+        f"{machine['date']}; {machine['processor']}; {machine['cores']} cores"
+        f"{', ' + machine['gpu'] if 'gpu' in machine else ''}, load "
         f"{machine['load_before']:.1f} before the run; {machine['system']}; {versions}. "
         f"Median ratios of {results['rounds']} interleaved rounds, fastest calls; trust ratios "
         "rather than absolute speeds.\n",

@@ -31,7 +31,8 @@ class Process:
     def __init__(self, contestant: Contestant, dtype: str, platform: str):
         self.contestant, self.dtype = contestant, dtype
         environment = os.environ | {"JAX_PLATFORMS": {"gpu": "cuda"}.get(platform, platform)}
-        environment |= contestant.environment
+        # on a GPU every process would else take most of its memory at once
+        environment |= {"XLA_PYTHON_CLIENT_PREALLOCATE": "false"} | contestant.environment
         self._process = subprocess.Popen(
             [sys.executable, "-W", "ignore", "-m", "benchmarks.worker", contestant.name, dtype],
             cwd=ROOT,
