@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from .measurement import Measurement as Measurement
     from .measurement import MeasurementError as MeasurementError
     from .measurement import read_csv as read_csv
+    from .model_fit import fit_model as fit_model
+    from .model_fit import model_names as model_names
+    from .model_fit import predict as predict
+    from .model_result import ModelFit as ModelFit
 
 # The command line answers --help and refuses bad files without waiting 0.4 s for jax, so each name
 # is imported when it is first used.
@@ -19,10 +23,14 @@ _HOME = {
     "FitResult": "fitter",
     "Measurement": "measurement",
     "MeasurementError": "measurement",
+    "ModelFit": "model_result",
     "curve": "curves",
     "fit": "fitter",
     "fit_many": "fitter",
+    "fit_model": "model_fit",
     "fitted_values": "curves",
+    "model_names": "model_fit",
+    "predict": "model_fit",
     "read_csv": "measurement",
 }
 

@@ -30,6 +30,10 @@ import optimistix as optx
 from jax import Array
 from jaxtyping import PyTree
 
+from fitting import many_unknowns
+
+# Up to that many unknowns the Cholesky factor is unrolled.
+FEW_UNKNOWNS = 6
 START_DAMPING = 1e-3
 
 
@@ -87,6 +91,7 @@ def _add(a: Sequence[Array], b: Sequence[Array]) -> list[Array]:
     return [u + v for u, v in zip(a, b, strict=True)]
 
 
+@jax.jit  # traced and lowered once for its three uses
 def solve_lanes(matrix: Array, rhs: Array, free: Array) -> Array:
     """Return x with ``matrix x = rhs`` in each lane over the ``free`` unknowns, 0 for the others.
 
@@ -94,6 +99,8 @@ def solve_lanes(matrix: Array, rhs: Array, free: Array) -> Array:
     unknowns that the data cannot tell apart); it is raised to that, which keeps the step finite.
     """
     p = rhs.shape[0]
+    if p > FEW_UNKNOWNS:
+        return many_unknowns.solve_lanes(matrix, rhs, free)
     one = jnp.ones_like(rhs[0])
     a = [[jnp.where(free[i] & free[j], matrix[i, j], 0.0) for j in range(p)] for i in range(p)]
     rows: list[list[Array]] = []
