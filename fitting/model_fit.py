@@ -24,7 +24,7 @@ from fitting.multistart import start_at, usual_starts
 from fitting.multistart import starts as start_points
 from fitting.observations import Observations, observations
 from fitting.parameters import Settings, check_settings, plain_name
-from fitting.predict import predict as predict
+from fitting.predictions import predict as predict
 from fitting.structures import INTERFACE
 from fitting.unknowns import Unknowns, check_quantities, spectrum_of, unknowns
 
