@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import shlex
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
@@ -23,8 +24,6 @@ PROGRAM = "fresnel-fit"
 FITTED, NOT_FITTED, MISUSED, INTERRUPTED = 0, 1, 2, 130
 # What a script may take as an index. "undetermined" is not: it is one of many that fit alike.
 GOOD = ("converged", "converged at k = 0")
-
-_FLAGS = {"json": "--json", "csv": "--csv", "index": "--csv", "plot": "--plot"}
 
 _DESCRIPTION = """\
 Fit the complex refractive index eta + i k of one bare interface to measured
@@ -114,6 +113,12 @@ def _parser() -> argparse.ArgumentParser:
     results.add_argument(
         "--plot", metavar="OUT", help="picture of data, fit and residuals: .png, .pdf or .svg"
     )
+    results.add_argument(
+        "--report",
+        metavar="DIR",
+        help="folder for report.html (one page, pictures inside), fit.json, data.csv, index.csv "
+        "of a spectrum, and fit.png",
+    )
     results.add_argument("--quiet", action="store_true", help="print no table")
     fitting = parser.add_argument_group("fitting")
     fitting.add_argument(
@@ -184,64 +189,27 @@ def _fit(measurement: Measurement, arguments: argparse.Namespace) -> FitResult:
         )
 
 
-def _wanted(arguments: argparse.Namespace, spectrum: bool) -> dict[str, str]:
-    """Return what goes into files -> file name: "json", "csv", "index" and "plot"."""
-    names = {"json": arguments.json, "csv": arguments.csv, "plot": arguments.plot}
-    if arguments.json == "-":
-        del names["json"]
-    if arguments.csv and spectrum:
-        path = Path(arguments.csv)
-        names["index"] = str(path.with_name(f"{path.stem}.index{path.suffix}"))
-    return {kind: name for kind, name in names.items() if name is not None}
-
-
-def _write(kind: str, path: Path, suffix: str, result: FitResult, measurement: Measurement) -> None:
-    """Write the result file of one kind to ``path``; ``suffix`` is that of its final name."""
-    from fitting import export
-
-    if kind == "plot":
-        from fitting.plot import save_plot
-
-        return save_plot(result, measurement, path, suffix)
-    if kind == "json":
-        text = export.json_text(result, measurement)
-    elif kind == "index":
-        text = export.index_csv(result, measurement)
-    else:
-        from fitting.curves import fitted_values
-
-        text = export.data_csv(result, measurement, *fitted_values(result, measurement))
-    # File names that are no text are shown with escapes; line ends are the same everywhere.
-    path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
-
-
 def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
-    from fitting import export, report
+    from fitting import export, report, results
     from fitting.outputs import Outputs
 
     with _refusals():
-        if arguments.plot:
-            from fitting.plot import check_picture
-
-            check_picture(arguments.plot)
+        results.check(arguments)
         measurement = _read(arguments)
     with Outputs() as outputs:
-        names = _wanted(arguments, len(np.unique(measurement.wavelength_um)) > 1)
+        spectrum = len(np.unique(measurement.wavelength_um)) > 1
         with _refusals():
-            staged = {
-                kind: outputs.open(name, flag=_FLAGS[kind], source=arguments.file)
-                for kind, name in names.items()
-            }
+            staged = results.stage(outputs, arguments, spectrum)
             result = _fit(measurement, arguments)
         if arguments.json == "-":
             _print(export.json_text(result, measurement))
         elif not arguments.quiet:
             width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
             _print(report.table(result, measurement, width))
-        for kind, path in staged.items():
-            _write(kind, path, Path(names[kind]).suffix, result, measurement)
+        suffix = Path(arguments.plot or "").suffix
+        results.write(staged, suffix, result, measurement, arguments.command)
         outputs.publish()
     return FITTED if all(status in GOOD for status in np.atleast_1d(result.status)) else NOT_FITTED
 
@@ -268,6 +236,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     try:
         arguments = _parser().parse_args(argv)
+        given = sys.argv[1:] if argv is None else argv
+        arguments.command = shlex.join([PROGRAM, *given])
         from fitting.start_up import cheap_start
 
         with cheap_start():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import stat
 from pathlib import Path
@@ -28,6 +29,27 @@ class Outputs:
 
     def __init__(self) -> None:
         self._staged: dict[Path, Path] = {}
+        self._made: list[Path] = []
+
+    def folder(self, path: str | os.PathLike[str], *, flag: str = "") -> Path:
+        """Return the folder ``path``, made if need be (and removed if nothing is published).
+
+        Raises OutputError where it cannot be.
+        """
+        name, folder = f"{flag} {path}".strip(), Path(path)
+        try:
+            folder.mkdir()
+            self._made.append(folder)
+        except FileExistsError:
+            if not folder.is_dir():
+                raise OutputError(f"{name}: this is a file; a folder was wanted.") from None
+        except FileNotFoundError:
+            raise OutputError(
+                f"{name}: there is no folder {folder.parent}; make it first."
+            ) from None
+        except OSError as error:
+            raise OutputError(f"{name}: cannot be made ({error.strerror}).") from error
+        return folder
 
     def open(self, path: str | os.PathLike[str], *, flag: str = "", source: str = "") -> Path:
         """Return the file to write to in place of ``path``, empty now.
@@ -76,6 +98,7 @@ class Outputs:
             except OSError as error:
                 raise OutputError(f"{final}: cannot be written ({error.strerror}).") from error
             del self._staged[final]
+        self._made.clear()
 
     def __enter__(self) -> Outputs:
         return self
@@ -89,3 +112,7 @@ class Outputs:
         for staged in self._staged.values():
             staged.unlink(missing_ok=True)
         self._staged.clear()
+        for folder in reversed(self._made):
+            with contextlib.suppress(OSError):  # somebody else's file has come into it
+                folder.rmdir()
+        self._made.clear()

@@ -24,14 +24,19 @@ if TYPE_CHECKING:
 FORMATS = (".png", ".pdf", ".svg")
 
 
+def check_matplotlib(flag: str = "--plot") -> None:
+    """Raise ValueError where matplotlib, which ``flag`` needs, is not installed."""
+    if importlib.util.find_spec("matplotlib") is None:
+        raise ValueError(
+            f"{flag} needs matplotlib, which is not installed: pip install 'fresnel-jax[plot]'."
+        )
+
+
 def check_picture(path: str | PathLike[str]) -> None:
     """Raise ValueError where no picture can be drawn: no matplotlib, or an unknown kind of file."""
     if Path(path).suffix.lower() not in FORMATS:
         raise ValueError(f"--plot {path}: a name that ends in {', '.join(FORMATS)} was wanted.")
-    if importlib.util.find_spec("matplotlib") is None:
-        raise ValueError(
-            "--plot needs matplotlib, which is not installed: pip install 'fresnel-jax[plot]'."
-        )
+    check_matplotlib()
 
 
 def _angles_shown(angle_deg: np.ndarray) -> tuple[float, float]:

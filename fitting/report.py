@@ -91,17 +91,15 @@ def _errors_text(result: FitResult) -> str:
     return "one standard error, from the stated errors times sqrt(chi2/dof)"
 
 
-def _head(result: FitResult, measurement: Measurement, width: int) -> list[str]:
+def _head(result: FitResult, measurement: Measurement) -> list[tuple[str, str]]:
     incident = f"light from a medium of index {result.eta_i:.10g}"
     return [
-        measurement.source,
-        _wrapped("read", measurement.understood.removeprefix("read "), width),
-        _wrapped("model", f"one bare interface, {incident}", width),
-        "",
+        ("read", measurement.understood.removeprefix("read ")),
+        ("model", f"one bare interface, {incident}"),
     ]
 
 
-def _one_curve(result: FitResult, width: int) -> list[str]:
+def _one_curve(result: FitResult) -> list[tuple[str, str]]:
     undetermined = result.status == "undetermined"
     aside = "  (one of many that fit alike; see the warning)" if undetermined else ""
     limit = ", 95 % upper limit in brackets" if math.isfinite(result.k_upper_limit) else ""
@@ -121,11 +119,27 @@ def _one_curve(result: FitResult, width: int) -> list[str]:
     if errors := _errors_text(result):
         rows.append(("errors", errors))
     rows.append(("status", f"{result.status}, {result.iterations} evaluations"))
-    lines = [_wrapped(label, text, width) for label, text in rows]
     for other in result.alternatives:
         text = f"eta {number(other['eta'])}, k {number(other['k'])} fits nearly as well: "
-        lines.append(_wrapped("or else", text + f"chi2 + {number(other['delta_chi2'], 2)}", width))
-    return lines + _warnings([("warning", text) for text in result.warnings], width)
+        rows.append(("or else", text + f"chi2 + {number(other['delta_chi2'], 2)}"))
+    return rows
+
+
+def _spectrum(result: FitResult) -> list[tuple[str, str]]:
+    status = np.asarray(result.status).tolist()
+    counts = ", ".join(f"{status.count(one)} {one}" for one in dict.fromkeys(status))
+    rows = [("status", f"{len(status)} wavelengths: {counts}")]
+    if errors := _errors_text(result):
+        rows.append(("errors", errors))
+    if np.isfinite(result.k_upper_limit).any():
+        rows.append(("(< k)", "95 % upper limit of k"))
+    return rows
+
+
+def facts(result: FitResult, measurement: Measurement) -> list[tuple[str, str]]:
+    """Return what was read, fitted and found, label and text; of a spectrum what holds for all."""
+    found = _one_curve(result) if np.ndim(result.eta) == 0 else _spectrum(result)
+    return [*_head(result, measurement), *found]
 
 
 def _warnings(labelled: Iterable[tuple[str, str]], width: int) -> list[str]:
@@ -140,6 +154,21 @@ def _grouped(warnings: Sequence[Sequence[str]]) -> dict[str, list[int]]:
         for text in texts:
             groups.setdefault(_NUMBER.sub("#", text), []).append(i)
     return groups
+
+
+def grouped_warnings(result: FitResult) -> list[str]:
+    """Return the warnings; of a spectrum each kind once, with where it holds."""
+    if np.ndim(result.eta) == 0:
+        return list(result.warnings)
+    warnings = [tuple(texts) for texts in result.warnings]
+    told = []
+    for kind, members in _grouped(warnings).items():
+        first = next(t for t in warnings[members[0]] if _NUMBER.sub("#", t) == kind)
+        where = f"at {_wavelength(result.at(members[0]))} um"
+        if len(members) > 1:
+            where += f" and, with figures of their own, {len(members) - 1} more"
+        told.append(f"{first} ({where})")
+    return told
 
 
 def _table(rows: list[list[str]]) -> list[str]:
@@ -177,23 +206,9 @@ def _many_curves(result: FitResult, width: int) -> list[str]:
             " ".join(signs[kind] for kind in kinds),
         ])  # fmt: skip
     lines = _table(rows)
-    counts: dict[str, int] = {}
-    for curve in curves:
-        counts[curve.status] = counts.get(curve.status, 0) + 1
-    total = ", ".join(f"{count} {status}" for status, count in counts.items())
-    lines += ["", _wrapped("status", f"{len(curves)} wavelengths: {total}", width)]
-    if errors := _errors_text(result):
-        lines.append(_wrapped("errors", errors, width))
-    if any(math.isfinite(curve.k_upper_limit) for curve in curves):
-        lines.append(_wrapped("(< k)", "95 % upper limit of k", width))
-    labelled = []
-    for kind, members in groups.items():
-        first = next(t for t in warnings[members[0]] if _NUMBER.sub("#", t) == kind)
-        where = f"at {_wavelength(curves[members[0]])} um"
-        if len(members) > 1:
-            where += f" and, with figures of their own, {len(members) - 1} more"
-        labelled.append((f"note {signs[kind]}", f"{first} ({where})"))
-    return lines + _warnings(labelled, width)
+    lines += ["", *(_wrapped(label, text, width) for label, text in _spectrum(result))]
+    told = enumerate(grouped_warnings(result), 1)
+    return lines + _warnings([(f"note {i}", text) for i, text in told], width)
 
 
 def table(result: FitResult, measurement: Measurement, width: int = 80) -> str:
@@ -204,9 +219,14 @@ def table(result: FitResult, measurement: Measurement, width: int = 80) -> str:
     status, second solutions and warnings. A spectrum: one line a wavelength, warnings of one kind
     together under a number.
     """
-    lines = _head(result, measurement, width)
     one = np.ndim(result.eta) == 0
-    lines += _one_curve(result, width) if one else _many_curves(result, width)
+    head = [_wrapped(label, text, width) for label, text in _head(result, measurement)]
+    lines = [measurement.source, *head, ""]
+    if one:
+        lines += [_wrapped(label, text, width) for label, text in _one_curve(result)]
+        lines += _warnings([("warning", text) for text in result.warnings], width)
+    else:
+        lines += _many_curves(result, width)
     if result.notes:
         lines += _warnings([("note", text) for text in result.notes], width)
     return "\n".join(lines) + "\n"

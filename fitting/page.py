@@ -1,0 +1,93 @@
+"""One self-contained HTML page: facts, warnings, pictures, tables; nothing is loaded from afar."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+# Beyond this many rows a table is folded away: the page is for reading, the CSV for numbers.
+OPEN_ROWS = 40
+
+_STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff;
+  max-width: 56rem; margin: 2rem auto; padding: 0 1rem; }
+h1 { font-size: 1.5rem; margin: 0 0 .5rem; overflow-wrap: anywhere; }
+h2 { font-size: 1.1rem; margin: 2rem 0 .5rem; }
+dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1.2rem; margin: 0; }
+dt { color: #595959; } dd { margin: 0; overflow-wrap: anywhere; }
+.warning { border-left: .3rem solid #d55e00; background: #fdf3ec; padding: .4rem .8rem; }
+.note { border-left: .3rem solid #0072b2; background: #eef5fa; padding: .4rem .8rem; }
+figure { margin: 1.5rem 0; } img { max-width: 100%; height: auto; }
+figcaption, caption { color: #595959; text-align: left; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .9rem; }
+th, td { text-align: right; padding: .15rem .7rem; border-bottom: 1px solid #e6e6e6; }
+th:first-child, td:first-child { text-align: left; }
+summary { cursor: pointer; } footer { margin-top: 3rem; color: #595959; font-size: .85rem; }
+"""
+
+
+class Table(NamedTuple):
+    """A table of the page: its heading, the heads of the columns, and rows of texts."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+def _escaped(text: str) -> str:
+    # A file name that is no text holds lone surrogates, which UTF-8 has no bytes for.
+    return html.escape(text.encode("utf-8", "backslashreplace").decode("utf-8"))
+
+
+def _table(table: Table) -> str:
+    head = "".join(f"<th scope=col>{_escaped(cell)}</th>" for cell in table.head)
+    rows = "\n".join(
+        "<tr>" + "".join(f"<td>{_escaped(cell)}</td>" for cell in row) + "</tr>"
+        for row in table.rows
+    )
+    body = (
+        f"<div class=wide><table><thead><tr>{head}</tr></thead>\n"
+        f"<tbody>\n{rows}\n</tbody></table></div>"
+    )
+    if len(table.rows) > OPEN_ROWS:
+        body = f"<details><summary>{len(table.rows)} rows</summary>\n{body}</details>"
+    return f"<h2>{_escaped(table.title)}</h2>\n{body}"
+
+
+def page(
+    title: str,
+    facts: Iterable[tuple[str, str]],
+    warnings: Iterable[str],
+    notes: Iterable[str],
+    pictures: Iterable[tuple[str, bytes]],
+    tables: Iterable[Table],
+    foot: str,
+) -> str:
+    """Return the page. facts: label and text. pictures: caption and the bytes of a PNG file.
+
+    Everything is text of the user's data and is escaped; pictures stand in the page itself.
+    """
+    parts = [
+        "<!DOCTYPE html>",
+        '<html lang="en"><head><meta charset="utf-8">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f"<title>{_escaped(title)}</title><style>{_STYLE}</style></head><body>",
+        f"<h1>{_escaped(title)}</h1>",
+        "<dl>",
+        *(f"<dt>{_escaped(label)}</dt><dd>{_escaped(text)}</dd>" for label, text in facts),
+        "</dl>",
+    ]
+    for kind, texts in (("warning", warnings), ("note", notes)):
+        parts += [f"<p class={kind}>{kind.capitalize()}: {_escaped(text)}</p>" for text in texts]
+    for caption, png in pictures:
+        data = base64.b64encode(png).decode("ascii")
+        parts.append(
+            f'<figure><img alt="{_escaped(caption)}" src="data:image/png;base64,{data}">'
+            f"<figcaption>{_escaped(caption)}</figcaption></figure>"
+        )
+    parts += [_table(table) for table in tables]
+    parts += [f"<footer>{_escaped(foot)}</footer>", "</body></html>"]
+    return "\n".join(parts) + "\n"
