@@ -31,9 +31,9 @@ from ._arithmetic import (
     positive_sqrt,
     reciprocal_or_zero,
     shared_sqrt,
+    split,
     squared_modulus,
     times,
-    two_product,
 )
 from ._boundary import lossless_sums, unsigned
 from ._powers import _along
@@ -63,7 +63,7 @@ def _root(re_q2, n, k, sqrt) -> Complex:
     """Q; in lossless total reflection 0, since R is 1 there whatever Q."""
     if k is None:
         return positive_sqrt(re_q2), None
-    return sqrt(re_q2 - k * k, 2.0 * n * k)
+    return sqrt(re_q2 - k * k, (2.0 * n) * k)
 
 
 def _re_y(c, n, m, sigma):
@@ -74,10 +74,11 @@ def _re_y(c, n, m, sigma):
     that keeps the digits of cn - m. Next to normal incidence that sum would cancel instead.
     """
     one_or_m = 1.0 if m is None else m
-    cn, lost = two_product(opaque(c), opaque(n))
-    mc = one_or_m * c
-    at_large_n = ((cn - one_or_m) + lost) * (cn + one_or_m) + mc * mc
-    return jnp.where(c > 0.75, cn * cn - sigma, at_large_n)
+    (c_high, c_low), (n_high, n_low) = split(opaque(c)), split(opaque(n))
+    cn, mc = c * n, one_or_m * c
+    # c n - m, where the product of the high parts is exact
+    difference = (c_high * n_high - one_or_m) + (c_high * n_low + c_low * n)
+    return jnp.where(c > 0.75, cn * cn - sigma, difference * (cn + one_or_m) + mc * mc)
 
 
 class _Parts:
@@ -144,7 +145,7 @@ def _unpolarised_jvp(compensated, primals, tangents):
         index2, y = (n * n, None), (re_y, None)
         contrast, core = (n2_minus_m2, None), (n * n2_minus_m2, None)
     else:
-        k2, ck, n2k = k * k, c * k, 2.0 * n * k
+        k2, ck, n2k = k * k, c * k, n * (2.0 * k)
         index2, y = (n * n - k2, n2k), (re_y - ck * ck, 2.0 * (c * n) * ck)
         contrast = (n2_minus_m2 - k2, n2k)
         # conj(N^2 - m^2) N, written so that n^2 - m^2 keeps its digits near index match
@@ -152,10 +153,10 @@ def _unpolarised_jvp(compensated, primals, tangents):
     q = p.q
     per_q = _scaled(_conjugate(q), per_q2)
     conj_y = _scaled(_conjugate(y), m2 * per_x2)
-    inner = _scaled(times(contrast, conj_y), 0.5 * sigma * per_x2)
-    inner = (p.u * per_x2 + inner[0], inner[1])
+    v = _scaled(times(contrast, conj_y), 0.5 * sigma)
+    v = (p.u + v[0], v[1])
     # 4 C / (|S|^2 |Q|^2) as one factor would leave float32's range at grazing index match
-    g = times(_scaled(times(_scaled(core, per_s2), per_q), 4.0 * C * per_s2), inner)
+    g = times(_scaled(times(_scaled(core, per_s2), per_q), 4.0 * C * per_s2 * per_x2), v)
     dn, dk = g[0], None if k is None else -g[1]
     dm = None if m is None else -(n * dn + (0.0 if k is None else k * dk)) / m
 
