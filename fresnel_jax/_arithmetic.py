@@ -39,7 +39,7 @@ def fast_two_sum(x: Array | float, y: Array) -> tuple[Array, Array]:
     return total, y - (total - x)
 
 
-def split(x: Array) -> tuple[Array, Array]:
+def _split(x: Array) -> tuple[Array, Array]:
     """x as an exact sum of two numbers of half its digits (Dekker 1971, doi:10.1007/BF01397083)."""
     factor = 2.0 ** ((jnp.finfo(x.dtype).nmant + 2) // 2) + 1.0
     scaled = factor * x
@@ -50,8 +50,8 @@ def split(x: Array) -> tuple[Array, Array]:
 def two_product(x: Array, y: Array) -> tuple[Array, Array]:
     """The rounded product of x and y, and its exact error (Dekker 1971)."""
     product = x * y
-    x_high, x_low = split(x)
-    y_high, y_low = split(y)
+    x_high, x_low = _split(x)
+    y_high, y_low = _split(y)
     error = ((x_high * y_high - product) + x_high * y_low + x_low * y_high) + x_low * y_low
     return product, error
 
@@ -59,7 +59,7 @@ def two_product(x: Array, y: Array) -> tuple[Array, Array]:
 def two_square(x: Array) -> tuple[Array, Array]:
     """The rounded square of x, and its exact error: `two_product(x, x)` with one split."""
     square = x * x
-    high, low = split(x)
+    high, low = _split(x)
     return square, ((high * high - square) + 2.0 * (high * low)) + low * low
 
 

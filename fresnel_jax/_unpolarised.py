@@ -31,9 +31,9 @@ from ._arithmetic import (
     positive_sqrt,
     reciprocal_or_zero,
     shared_sqrt,
-    split,
     squared_modulus,
     times,
+    two_product,
 )
 from ._boundary import lossless_sums, unsigned
 from ._powers import _along
@@ -74,11 +74,10 @@ def _re_y(c, n, m, sigma):
     that keeps the digits of cn - m. Next to normal incidence that sum would cancel instead.
     """
     one_or_m = 1.0 if m is None else m
-    (c_high, c_low), (n_high, n_low) = split(opaque(c)), split(opaque(n))
-    cn, mc = c * n, one_or_m * c
-    # c n - m, where the product of the high parts is exact
-    difference = (c_high * n_high - one_or_m) + (c_high * n_low + c_low * n)
-    return jnp.where(c > 0.75, cn * cn - sigma, difference * (cn + one_or_m) + mc * mc)
+    cn, lost = two_product(opaque(c), opaque(n))
+    mc = one_or_m * c
+    at_large_n = ((cn - one_or_m) + lost) * (cn + one_or_m) + mc * mc
+    return jnp.where(c > 0.75, cn * cn - sigma, at_large_n)
 
 
 class _Parts:

@@ -80,5 +80,12 @@ def hard_sets(dtype, size: int = SIZE) -> dict[str, tuple[np.ndarray, ...]]:
     sets["matched, from vacuum"] = (cosines, within_a_few_eps(), zero, one)
     n = rounded(uniform(1, 4))
     sets["Brewster, from vacuum"] = (within_a_few_eps() / np.hypot(n, 1), n, zero, one)
+    n, m = rounded(decades(1, 8)), rounded(uniform(1, 4))
+    sets["Brewster, huge index"] = (
+        m / np.hypot(n, m) * (1 + random.choice([-1, 1], size) * decades(-16, -1)),
+        n,
+        either(0, decades(-8, 0)),
+        m,
+    )
     exact = {name: tuple(np.asarray(x, dtype) for x in points) for name, points in sets.items()}
     return {name: (np.clip(c, 0, 1), n, k, m) for name, (c, n, k, m) in exact.items()}
