@@ -13,12 +13,14 @@ out of the weight. Refraction multiplies the first by 4 eta_o^2 |w_o . m| |w_i .
 second by 4 eta_i^2 |w_o . m| |w_i . m| / |H|^2, with H = eta_o w_o + eta_i w_i.
 """
 
+import math
 from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ._vectors import Vector, add, normalize, scale, select
+from ._boundary import computed_once
+from ._vectors import Vector, add, normalize, once, scale, select
 
 
 class Alphas(NamedTuple):
@@ -47,6 +49,30 @@ def normal_density(alphas: Alphas, m: Vector) -> Array:
     return 1.0 / (jnp.pi * alphas.x * alphas.y * root * root)
 
 
+def unit_circle(u: Array) -> tuple[Array, Array]:
+    """cos(2 pi u) and sin(2 pi u) for u in [0, 1], to .8 eps.
+
+    Taylor's series to the eighth of a turn around each quarter, which u is reduced to exactly.
+    XLA's own pair, whose argument 2 pi u is rounded before, has 3.5 eps and cost two thirds of a
+    visible normal: 22 ms for a million in float32, this 0.6.
+    """
+    terms = 6 if jnp.finfo(u.dtype).bits == 32 else 9
+    quarter = jnp.round(4.0 * u)
+    x = (2.0 * jnp.pi) * (u - 0.25 * quarter)
+    x2 = x * x
+    cosine, sine = jnp.zeros_like(x), jnp.zeros_like(x)
+    for i in reversed(range(terms)):
+        cosine = cosine * x2 + (-1) ** i / math.factorial(2 * i)
+        sine = sine * x2 + (-1) ** i / math.factorial(2 * i + 1)
+    sine = sine * x
+    odd = (quarter == 1.0) | (quarter == 3.0)
+    cosine, sine = jnp.where(odd, sine, cosine), jnp.where(odd, cosine, sine)
+    return (
+        jnp.where((quarter == 1.0) | (quarter == 2.0), -cosine, cosine),
+        jnp.where((quarter == 2.0) | (quarter == 3.0), -sine, sine),
+    )
+
+
 def visible_normal(alphas: Alphas, w: Vector, u1: Array, u2: Array) -> Vector:
     """A visible normal on the upper side for w on either (Dupuy and Benyoub 2023).
 
@@ -64,10 +90,8 @@ def visible_normal(alphas: Alphas, w: Vector, u1: Array, u2: Array) -> Vector:
     # sqrt(t (2 - t)) with the root of u2 taken apart: its derivative is infinite at u2 = 0, that
     # of the other factor never is.
     radius = root_u2 * jnp.sqrt((1.0 + v.z) * (2.0 - u2 * (1.0 + v.z)))
-    phi = (2.0 * jnp.pi) * u1
-    half = Vector(
-        radius * jnp.cos(phi) + v.x, radius * jnp.sin(phi) + v.y, (1.0 + v.z) * (1.0 - u2)
-    )
+    cosine, sine = map(computed_once, unit_circle(u1))
+    half = Vector(radius * cosine + v.x, radius * sine + v.y, (1.0 + v.z) * (1.0 - u2))
     return normalize(Vector(alphas.x * half.x, alphas.y * half.y, half.z))
 
 
@@ -91,7 +115,7 @@ def half_vector_of(wo: Vector, wi: Vector, eta: Array) -> Vector:
     across = add(added, scale(eta - 1.0, select(wo.z < 0.0, wo, wi)))
     m = normalize(select(wo.z * wi.z < 0.0, across, added))
     m = Vector(m.x, m.y, jnp.where((m.x == 0.0) & (m.y == 0.0) & (m.z == 0.0), 1.0, m.z))
-    return select(m.z < 0.0, scale(-1.0, m), m)
+    return once(select(m.z < 0.0, scale(-1.0, m), m))
 
 
 def per_length_squared(inside: Array, c_o: Array, c_i: Array, eta: Array) -> Array:

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
 from ._arithmetic import opaque, sum_exactly, two_product
+from ._boundary import computed_once
 
 
 class Vector(NamedTuple):
@@ -76,6 +77,11 @@ def scale(factor: Array | float, v: Vector) -> Vector:
 def select(condition: Array, v: Vector, w: Vector) -> Vector:
     """v where the condition holds, w elsewhere."""
     return Vector(*(jnp.where(condition, a, b) for a, b in zip(v, w, strict=True)))
+
+
+def once(v: Vector) -> Vector:
+    """v itself, never computed anew in the loops of several results: see `computed_once`."""
+    return Vector(*(computed_once(x) for x in v))
 
 
 def normalize(v: Vector) -> Vector:

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
+from ._boundary import computed_once
 from ._facets import Bounce, bounce, half_vector_of, per_length_squared, visible_normal
 from ._scattering import (
     BSDFSample,
@@ -17,9 +18,9 @@ from ._scattering import (
     local_direction,
     upward,
 )
-from ._vectors import Vector, as_float, dot, select
+from ._shares import Shares, shares
+from ._vectors import Vector, as_float, dot, once, select
 from .directions import reflect_components, refract_components, sides
-from .interface import Powers, powers
 from .microfacet import TrowbridgeReitz, two_numbers
 
 
@@ -27,9 +28,15 @@ class _Meeting(NamedTuple):
     """Two directions and the facet that takes one into the other."""
 
     bounce: Bounce  # of reflection or of refraction, without its Fresnel factor
-    fresnel: Powers
+    fresnel: Shares
     reflection: Array
     possible: Array
+
+
+def _shares(cosine: Array, eta_t: Array, eta_i: Array, exactly: bool) -> Shares:
+    dtype = jnp.result_type(cosine, eta_t)
+    found = shares(*(a.astype(dtype) for a in (cosine, eta_t, eta_i)), exactly)
+    return Shares(*map(computed_once, found))
 
 
 def _choose(condition: Array, a: Bounce, b: Bounce) -> Bounce:
@@ -78,7 +85,7 @@ class Dielectric(eqx.Module):
             ~delta,
         )
 
-    def _lobe_powers(self, fresnel: Powers, lobes: Lobes) -> tuple[Array, Array]:
+    def _lobe_powers(self, fresnel: Shares, lobes: Lobes) -> tuple[Array, Array]:
         lobes = lobes & self.lobes
         nothing = jnp.zeros_like(fresnel.R)
         return (
@@ -106,7 +113,7 @@ class Dielectric(eqx.Module):
         i, i_leaves = local_direction(wi, "wi")
         reflection = o.z * i.z > 0.0
         m = half_vector_of(o, i, self.eta)
-        dot_o, dot_i = dot(o, m), dot(i, m)
+        dot_o, dot_i = computed_once(dot(o, m)), computed_once(dot(i, m))
         c_o, c_i = jnp.abs(dot_o), jnp.abs(dot_i)
         eta_o, eta_i = sides(o.z < 0.0, self.eta)
         reflected = bounce(self.distribution.bounded(), o, i, m)
@@ -120,7 +127,7 @@ class Dielectric(eqx.Module):
         eta_here, eta_there = jnp.where(from_o, eta_o, eta_i), jnp.where(from_o, eta_i, eta_o)
         return _Meeting(
             _choose(reflection, reflected, refracted),
-            powers(cosine, eta_there, eta_i=eta_here),
+            _shares(cosine, eta_there, eta_here, False),
             reflection,
             o_leaves & i_leaves & facing & ~self._is_delta(),
         )
@@ -166,14 +173,14 @@ class Dielectric(eqx.Module):
         m = upward(o)
         if self.distribution is not None:
             m = select(delta, m, visible_normal(self.distribution.bounded(), o, u1, u2))
-        cosine = dot(o, m)
+        cosine = computed_once(dot(o, m))
         eta_o, eta_i = sides(o.z < 0.0, self.eta)
-        fresnel = powers(cosine, eta_i, eta_i=eta_o)
+        fresnel = _shares(cosine, eta_i, eta_o, True)
         reflected, transmitted = self._lobe_powers(fresnel, lobes)
         reflection, power, probability, possible = choose_lobe(u_lobe, reflected, transmitted)
         mirrored = reflect_components(o, m, cosine)
         bent, cos_t, bends = refract_components(o, m, cosine, eta_o, eta_i)
-        i = select(reflection, mirrored, bent)
+        i = once(select(reflection, mirrored, bent))
         on_its_side = jnp.where(reflection, o.z * i.z > 0.0, (o.z * i.z < 0.0) & bends)
         valid = leaves & on_its_side & possible
 

@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
+from ._boundary import computed_once
 from ._facets import bounce, half_vector_of, visible_normal
 from ._scattering import (
     BSDFSample,
@@ -14,7 +15,7 @@ from ._scattering import (
     local_direction,
     upward,
 )
-from ._vectors import Vector, as_float, dot, select
+from ._vectors import Vector, as_float, dot, once, select
 from .directions import reflect_components
 from .fresnel_terms import FresnelTerm
 from .microfacet import TrowbridgeReitz, two_numbers
@@ -84,9 +85,9 @@ class Reflector(eqx.Module):
         m = upward(o)
         if self.distribution is not None:
             m = select(delta, m, visible_normal(self.distribution.bounded(), o, u1, u2))
-        cosine = dot(o, m)
-        i = reflect_components(o, m, cosine)
-        reflected = self.scale * self.fresnel(cosine)
+        cosine = computed_once(dot(o, m))
+        i = once(reflect_components(o, m, cosine))
+        reflected = self.scale * computed_once(self.fresnel(cosine))
         valid = leaves & (o.z * i.z > 0.0) & (Lobes.REFLECTION in lobes)
         value = 1.0 / jnp.where(valid, jnp.abs(i.z), 1.0)
         density = weight = jnp.ones_like(value)
