@@ -47,7 +47,8 @@ def json_text(result: FitResult, measurement: Measurement) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def _csv(comments: Iterable[str], columns: dict[str, Iterable[Any]]) -> str:
+def csv_text(comments: Iterable[str], columns: dict[str, Iterable[Any]]) -> str:
+    """Return columns as CSV below comment lines; what is NaN is empty."""
     out = io.StringIO()
     for comment in comments:
         out.write("# " + " ".join(comment.split()) + "\n")
@@ -91,7 +92,7 @@ def data_csv(
         "sigma_fitted": np.asarray(sigma_fitted).tolist(),
         "residual": (m.value - fitted).tolist(),
     }
-    return _csv(_comments(result, measurement), columns)
+    return csv_text(_comments(result, measurement), columns)
 
 
 def index_csv(result: FitResult, measurement: Measurement) -> str:
@@ -103,4 +104,4 @@ def index_csv(result: FitResult, measurement: Measurement) -> str:
         ends = np.reshape(getattr(result, f"{name}_interval"), (-1, 2))
         columns |= {f"{name}_low": ends[:, 0].tolist(), f"{name}_high": ends[:, 1].tolist()}
     columns["interval_kind"] = np.atleast_1d(result.interval_kind).tolist()
-    return _csv(_comments(result, measurement), columns)
+    return csv_text(_comments(result, measurement), columns)

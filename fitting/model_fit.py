@@ -127,5 +127,7 @@ def fit_model(
     if start is not None:
         points = np.concatenate([points, start_at(u.moving, _inside(u, start))[:, None]], 1)
     ends, noise = solved(fit, points, scaled, absolute_sigma)
-    how = {"scaled": scaled, "eta_i": float(eta_i), "notes": tuple(notes)}
+    how = {
+        "scaled": scaled, "eta_i": float(eta_i), "notes": tuple(notes), "starts": points.shape[1],
+    }  # fmt: skip
     return model_fit_of(fit, ends, noise, how, measurements)

@@ -155,7 +155,8 @@ def model_fit_of(
 ) -> ModelFit:
     """Return the result of a fit from the ends (p, L) of its starts.
 
-    how: "scaled" (whether errors are multiplied by the scatter), "eta_i" and "notes".
+    how: "scaled" (whether errors are multiplied by the scatter), "eta_i", "notes" and
+    the number of "starts".
     """
     u, seen, scaled = fit.u, fit.seen, how["scaled"]
     best = best_of(ends)
@@ -195,7 +196,7 @@ def model_fit_of(
     else:
         texts = sentences(Findings(
             names, x[free], sigmas[free], correlation[sub], ends_at, limits[free], unseen, reduced,
-            fit.dof, scaled, rms, len(ends.cost), reached, len(others), u.spec.structure,
+            fit.dof, scaled, rms, how["starts"], reached, len(others), u.spec.structure,
             u.spec.model.absorbs, _one_power_a_wavelength(measurements), len(np.unique(wavelength)),
         ))  # fmt: skip
     bic, aicc = _criteria(s, cost, fit.n_data, int(free.sum()), scaled)
@@ -212,7 +213,7 @@ def model_fit_of(
         sigma_kind="scaled" if scaled else "absolute",
         status=status.NOT_CONVERGED if failed else
         status.UNDETERMINED if undetermined else status.CONVERGED,
-        warnings=texts, notes=how["notes"], starts=len(ends.cost), reached=reached, others=others,
+        warnings=texts, notes=how["notes"], starts=how["starts"], reached=reached, others=others,
         iterations=int(ends.evaluations[lane]), measurement=concatenate(*measurements),
         curve=seen.curve, curve_names=seen.curve_names,
         curves_from=Evaluated(u, seen, fit.targets, y, known.covariance),

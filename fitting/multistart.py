@@ -20,6 +20,8 @@ from fitting.structures import Spec
 
 # Starts run in stages; those left behind go on as long as they might still win.
 STAGE, STAGES = 60, 8
+# So many lanes run side by side; of more starts those go on that are lowest after SIFT evaluations.
+LANES, SIFT = 64, 12
 # Two ends are one minimum if their chi2 differ by less than this; and a minimum is reported if its
 # chi2 is less than that higher (as `fitter.ALTERNATIVE_CHI2`).
 SAME_CHI2, ALTERNATIVE_CHI2 = 0.02, 6.0
@@ -118,7 +120,7 @@ def start_at(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> np.nda
 
 def usual_starts(free: int) -> int:
     """Return how many starts find the best minimum, by the number of free parameters."""
-    return 64 if free <= 5 else 64 * (1 + (free - 3) // 3)
+    return LANES if free <= 5 else 4 * LANES if free <= 8 else 8 * LANES
 
 
 def coordinate_bounds(unknowns: Sequence[Unknown]) -> tuple[np.ndarray, np.ndarray]:
@@ -130,6 +132,37 @@ def coordinate_bounds(unknowns: Sequence[Unknown]) -> tuple[np.ndarray, np.ndarr
         low.append(float(from_parameter(kind, least)))
         high.append(float(from_parameter(kind, u.high)))
     return np.array(low), np.array(high)
+
+
+def _stage(
+    spec: Spec, targets: Targets, y: np.ndarray, damping: np.ndarray, bounds: Bounds, steps: int
+) -> tuple[Ends, np.ndarray]:
+    """Return where the lanes are after at most ``steps`` evaluations, and their damping."""
+    with jax.enable_x64(True):
+        out = solve(targets, y, damping, bounds, np.int64(steps), spec=spec)
+        y, cost, done, evaluations, damping = (np.array(a) for a in out)
+    return Ends(y, np.where(np.isfinite(cost), cost, np.inf), done, evaluations), damping
+
+
+def _sifted(
+    spec: Spec, targets: Targets, start: np.ndarray, bounds: Bounds
+) -> tuple[np.ndarray, int]:
+    """Return the LANES starts that are lowest after a few evaluations, from groups of LANES."""
+    low, high = bounds.lower[:, :1], bounds.upper[:, :1]
+    lanes = start.shape[1]
+    fill = -lanes % LANES
+    start = np.pad(start, ((0, 0), (0, fill)), mode="wrap")
+    group = Bounds(
+        np.repeat(low, LANES, 1), np.repeat(high, LANES, 1),
+        bounds.degrees[:LANES], bounds.scale[:LANES],
+    )  # fmt: skip
+    parts = []
+    for first in range(0, lanes + fill, LANES):
+        y = start[:, first : first + LANES]
+        parts.append(_stage(spec, targets, y, np.full(LANES, START_DAMPING), group, SIFT)[0])
+    y = np.concatenate([p.y for p in parts], 1)[:, :lanes]
+    cost = np.concatenate([p.cost for p in parts])[:lanes]
+    return y[:, np.argsort(cost, kind="stable")[:LANES]], SIFT
 
 
 def run(
@@ -144,27 +177,27 @@ def run(
     """Return where the starts (p, L) end.
 
     limits: bounds (p,) each. degrees, scale: (L,). groups: (L,), which fit each lane belongs to
-    (None: all one). A lane goes on while it is below the best finished one of its fit.
+    (None: all one; then of more than LANES starts the lowest LANES go on after a few evaluations).
+    A lane goes on while it is below the best finished one of its fit.
     """
-    lanes = start.shape[1]
+    low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in limits)
+    bounds, y = Bounds(low, high, degrees, scale), np.clip(start, low, high)
+    used = 0
+    if groups is None and start.shape[1] > LANES:
+        y, used = _sifted(spec, targets, y, bounds)
+        bounds = Bounds(*(a[..., :LANES] for a in bounds))
+    lanes = y.shape[1]
     groups = np.zeros(lanes, int) if groups is None else groups
-    shape = start.shape
-    low, high = (np.broadcast_to(a[:, None], shape) for a in limits)
-    bounds = Bounds(low, high, degrees, scale)
-    y, damping = np.clip(start, low, high), np.full(lanes, START_DAMPING)
-    total = np.zeros(lanes, int)
-    cost = done = np.zeros(0)
+    damping, total = np.full(lanes, START_DAMPING), np.full(lanes, used)
+    ends = Ends(y, np.full(lanes, np.inf), np.zeros(lanes, bool), total)
     for _ in range(STAGES):
-        with jax.enable_x64(True):
-            out = solve(targets, y, damping, bounds, np.int64(STAGE), spec=spec)
-            y, cost, done, evaluations, damping = (np.asarray(a) for a in out)
-        total = total + evaluations
-        cost = np.where(np.isfinite(cost), cost, np.inf)
+        ends, damping = _stage(spec, targets, ends.y, damping, bounds, STAGE)
+        total = total + ends.evaluations
         best = np.full(groups.max() + 1, np.inf)
-        np.minimum.at(best, groups[done], cost[done])
-        if not (~done & (cost < best[groups])).any():
+        np.minimum.at(best, groups[ends.done], ends.cost[ends.done])
+        if not (~ends.done & (ends.cost < best[groups])).any():
             break
-    return Ends(y, cost, done, total)
+    return ends._replace(evaluations=total)
 
 
 class Minimum(NamedTuple):

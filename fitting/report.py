@@ -67,7 +67,8 @@ def _k_text(k: float, sigma_k: float, upper: float, status: str) -> str:
     return (with_error(k, sigma_k) if math.isfinite(sigma_k) or not limit else number(k, 2)) + limit
 
 
-def _wrapped(label: str, text: str, width: int) -> str:
+def wrapped(label: str, text: str, width: int) -> str:
+    """Return a label and a text beside it, in lines of at most ``width`` characters."""
     indent = " " * (2 + _LABEL)
     first = f"  {label:<{_LABEL}}"
     return textwrap.fill(
@@ -143,7 +144,7 @@ def facts(result: FitResult, measurement: Measurement) -> list[tuple[str, str]]:
 
 
 def _warnings(labelled: Iterable[tuple[str, str]], width: int) -> list[str]:
-    lines = [_wrapped(label, text, width) for label, text in labelled]
+    lines = [wrapped(label, text, width) for label, text in labelled]
     return ["", *lines] if lines else []
 
 
@@ -206,7 +207,7 @@ def _many_curves(result: FitResult, width: int) -> list[str]:
             " ".join(signs[kind] for kind in kinds),
         ])  # fmt: skip
     lines = _table(rows)
-    lines += ["", *(_wrapped(label, text, width) for label, text in _spectrum(result))]
+    lines += ["", *(wrapped(label, text, width) for label, text in _spectrum(result))]
     told = enumerate(grouped_warnings(result), 1)
     return lines + _warnings([(f"note {i}", text) for i, text in told], width)
 
@@ -220,10 +221,10 @@ def table(result: FitResult, measurement: Measurement, width: int = 80) -> str:
     together under a number.
     """
     one = np.ndim(result.eta) == 0
-    head = [_wrapped(label, text, width) for label, text in _head(result, measurement)]
+    head = [wrapped(label, text, width) for label, text in _head(result, measurement)]
     lines = [measurement.source, *head, ""]
     if one:
-        lines += [_wrapped(label, text, width) for label, text in _one_curve(result)]
+        lines += [wrapped(label, text, width) for label, text in _one_curve(result)]
         lines += _warnings([("warning", text) for text in result.warnings], width)
     else:
         lines += _many_curves(result, width)
