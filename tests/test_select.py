@@ -1,0 +1,162 @@
+"""The choice of a model: what BIC says, what is preferred between equals, points held out."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from simulated import simulated, textbook
+
+from fitting import candidates, select
+from fitting.candidates import MARGIN, Candidate, Key, choice_table, simplest
+from fitting.measurement import Measurement
+
+WAVES = np.linspace(0.4, 1.0, 40)
+
+
+def outcome(size, bic, status="converged", error=1e-3, data=None):
+    """What `fit_model` would return of a fit with that many parameters and that BIC."""
+    values = None if data is None else data.value + error
+
+    def fitted():
+        return values, np.zeros(len(values))
+
+    return SimpleNamespace(
+        names=tuple("abcdefgh"[:size]), bic=bic, status=status, rms=error, fitted=fitted
+    )
+
+
+def candidate(model, size, bic, status="converged"):
+    return Candidate(Key(model), outcome(size, bic, status))  # pyright: ignore
+
+
+def test_a_parameter_needs_strong_evidence():
+    small, large = candidate("small", 1, 0.0), candidate("large", 2, -MARGIN + 0.01)
+    assert simplest([small, large]) is small
+    assert simplest([small, candidate("large", 2, -MARGIN - 0.01)]).label == "large"
+
+
+def test_between_equals_the_lower_bic_decides():
+    first, second = candidate("cauchy:2", 2, 1.0), candidate("sellmeier:1", 2, 0.5)
+    assert simplest([first, second]) is second
+
+
+@pytest.mark.parametrize("status", ["undetermined", "not converged"])
+def test_what_the_data_do_not_see_is_never_taken(status):
+    unseen, seen = candidate("unseen", 1, -100.0, status), candidate("seen", 3, 0.0)
+    assert simplest([unseen, seen]) is seen
+    assert simplest([unseen]) is unseen  # unless there is nothing else
+
+
+@pytest.fixture
+def spectrum():
+    """40 wavelengths at three angles; what is in it does not matter where the fits are made up."""
+    angles = np.repeat([55.0, 65.0, 75.0], len(WAVES))
+    R = textbook(angles, np.full(len(angles), "R"), 1.5, 0.0)
+    return Measurement.from_columns(angles, np.tile(WAVES, 3), R=R, sigma=1e-3)
+
+
+def made_up(monkeypatch, spectrum, bics, errors=None, sizes=None):
+    """Replace the fits: BIC by the label of the candidate, 1000 for all others."""
+    calls = []
+
+    def fit_model(measurements, model, structure, *, free, fixed, **options):
+        label = Key(model, tuple(free), fixed.get("k") == 0.0).label
+        shown = measurements[0].sigma.max() < 1.0  # else points are held out
+        if shown:
+            calls.append(label)
+        size = (sizes or {}).get(label, 1 + len(label))
+        error = (errors or {}).get(label, 1e-3)
+        fit = outcome(min(size, 8), bics.get(label, 1000.0), error=error, data=spectrum)
+        return fit
+
+    monkeypatch.setattr(select, "fit_model", fit_model)
+    return calls
+
+
+def test_oscillators_are_tried_only_where_light_is_absorbed_and_while_they_help(
+    monkeypatch, spectrum
+):
+    calls = made_up(monkeypatch, spectrum, {"cauchy:2": 0.0})
+    select.choose(spectrum)
+    assert "lorentz:1" in calls
+    assert "lorentz:2" not in calls
+    assert "cauchy:2, scale" in calls
+    assert "cauchy:2, angle_offset" in calls
+    calls = made_up(monkeypatch, spectrum, {"lorentz:1": 500.0, "lorentz:2": 0.0, "lorentz:3": 9.0})
+    choice = select.choose(spectrum)
+    assert choice.taken.label == "lorentz:2"
+    assert "lorentz:3" in calls
+    assert "lorentz:4" not in calls
+
+
+def test_a_nuisance_parameter_that_helps_is_kept_for_the_next(monkeypatch, spectrum):
+    best = "cauchy:2, scale, angle_offset"
+    calls = made_up(monkeypatch, spectrum, {"cauchy:2": 200.0, "cauchy:2, scale": 100.0, best: 0.0})
+    assert select.choose(spectrum).taken.label == best
+    assert select.choose(spectrum, nuisances=False).taken.label == "cauchy:2"
+    assert calls.count("cauchy:2, angle_offset") == 0
+
+
+def test_the_winner_is_asked_for_points_that_it_was_not_shown(monkeypatch, spectrum):
+    sizes = {"constant, k = 0": 1, "cauchy:2": 2}
+    bics = {"constant, k = 0": 50.0, "cauchy:2": 0.0}
+    made_up(monkeypatch, spectrum, bics, sizes=sizes)
+    choice = select.choose(spectrum, nuisances=False)
+    assert choice.taken.label == "cauchy:2"
+    assert choice.taken.held_out == pytest.approx(1.0)
+    # It misses them by more than a smaller one does: that is taken.
+    made_up(monkeypatch, spectrum, bics, {"cauchy:2": 3e-3}, sizes)
+    choice = select.choose(spectrum, nuisances=False)
+    assert choice.taken.label == "constant, k = 0"
+    assert "although its BIC is higher" in choice.reasons[0]
+
+
+def test_points_held_out_have_no_weight_and_are_a_fifth_of_each_curve(spectrum):
+    masked, out = candidates._without_some(spectrum)
+    assert out.sum() == len(spectrum) / 5
+    assert (masked.sigma[out] == candidates.NO_WEIGHT * 1e-3).all()
+    assert (masked.sigma[~out] == 1e-3).all()
+    equal = Measurement.from_columns(spectrum.angle_deg, spectrum.wavelength_um, R=spectrum.value)
+    assert (candidates._without_some(equal)[0].sigma[~out] == 1.0).all()
+
+
+def test_a_fit_that_does_not_predict_is_said_so():
+    taken = candidate("lorentz:3", 8, 0.0)._replace(held_out=9.0, shown=1.0)
+    reasons = candidates._reasons(taken, None, [taken])
+    assert any("does not predict" in r for r in reasons)
+
+
+def test_names_that_only_some_models_have_are_refused(spectrum):
+    for settings in ({"fixed": {"A": 1.5}}, {"bounds": {"k": (0.0, 1.0)}}, {"free": ("edge_ev",)}):
+        with pytest.raises(ValueError, match="parameter of some models only"):
+            select.choose(spectrum, **settings)
+
+
+@pytest.mark.parametrize(("k", "label"), [(0.0, "constant, k = 0"), (0.8, "constant")])
+def test_glass_is_told_from_an_absorber(k, label):
+    angles = tuple(np.linspace(20.0, 80.0, 20))
+    measurement = simulated(1.7, k, 1e-3, angles=angles, wavelength_um=0.6, seed=3)
+    done = []
+    choice = select.choose(measurement, step=done.append, nuisances=False)
+    assert choice.taken.label == label
+    assert choice.fit is choice.taken.fit
+    assert choice.fit.value_of("eta") == pytest.approx(1.7, abs=5e-3)
+    assert done == ["constant, k = 0", "constant"]
+    rows = choice_table(choice)
+    assert [row[1] for row in rows if row[0] == ">"] == [label]
+    assert rows[1][3] == "+0.0"
+
+
+def test_dispersion_is_seen_in_a_spectrum():
+    waves = np.array([0.4, 0.6, 0.8])
+    angles = np.repeat([50.0, 65.0, 75.0, 80.0], 3)
+    rng = np.random.default_rng(0)
+    data = {}
+    for q in ("R_s", "R_p"):
+        eta = 1.5 + 0.008 / np.tile(waves, 4) ** 2
+        data[q] = textbook(angles, np.full(12, q), eta, 0.0) + 1e-3 * rng.standard_normal(12)
+    m = Measurement.from_columns(angles, np.tile(waves, 4), sigma=1e-3, **data)
+    choice = select.choose(m, nuisances=False)
+    assert choice.taken.label in ("cauchy:2", "sellmeier:1")
+    assert choice.taken.size == 2
+    assert any("do not tell" in r for r in choice.reasons)
