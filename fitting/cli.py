@@ -16,6 +16,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
+from fitting import model_options
+
 if TYPE_CHECKING:
     from fitting.fitter import FitResult
     from fitting.measurement import Measurement
@@ -28,12 +30,15 @@ GOOD = ("converged", "converged at k = 0")
 _DESCRIPTION = """\
 Fit the complex refractive index eta + i k of one bare interface to measured
 reflectance: R_s, R_p or unpolarised R over the angle of incidence, at one
-wavelength or wavelength by wavelength.
+wavelength or wavelength by wavelength; or, with --model, a dispersion model of
+an interface or a slab to R, T, psi and Delta over angles and wavelengths.
 """
 
 _EPILOG = """\
-example:
+examples:
   fresnel-fit gold.csv --plot gold.png --json gold.json
+  fresnel-fit gold.csv --model constant --free scale --prior scale=1+-0.02
+  fresnel-fit glass.csv --model cauchy-urbach --slab 3.05 --plot glass.png
 
 where gold.csv has angles in degrees and reflectances as fractions or percent:
   angle_deg,R_s,sigma_R_s,R_p,sigma_R_p
@@ -90,15 +95,16 @@ class _Version(argparse.Action):
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         PROGRAM,
-        usage="%(prog)s [options] FILE",
+        usage="%(prog)s [options] FILE [FILE ...]",
         description=_DESCRIPTION,
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
     parser.add_argument(
-        "file", metavar="FILE", help="text file with the measurement (CSV and its kin)"
-    )
+        "file", metavar="FILE", nargs="+",
+        help="text file with the measurement (CSV and its kin); several are fitted together",
+    )  # fmt: skip
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     results = parser.add_argument_group("results", "Files are written whole or not at all.")
     results.add_argument(
@@ -142,6 +148,7 @@ def _parser() -> argparse.ArgumentParser:
         help="95 %% ranges from the standard errors, from the likelihood (profile), or from that "
         "where the errors do not tell (auto, the default)",
     )
+    model_options.add_options(parser)
     reading = parser.add_argument_group("reading")
     for name, metavar, text in _READING:
         reading.add_argument(f"--{name}", metavar=metavar, help=text)
@@ -164,11 +171,12 @@ def _refusals() -> Iterator[None]:
         raise _Refused(error) from error
 
 
-def _read(arguments: argparse.Namespace) -> Measurement:
+def _read(arguments: argparse.Namespace) -> list[Measurement]:
     from fitting.measurement import read_csv
 
     names = [name.replace("-", "_") for name, *_ in _READING]
-    return read_csv(arguments.file, **{name: getattr(arguments, name) for name in names})
+    options = {name: getattr(arguments, name) for name in names}
+    return [read_csv(file, **options) for file in (arguments.file, *arguments.more)]
 
 
 def _fit(measurement: Measurement, arguments: argparse.Namespace) -> FitResult:
@@ -193,11 +201,18 @@ def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
     from fitting import export, report, results
+    from fitting.measurement import concatenate
     from fitting.outputs import Outputs
 
+    width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
     with _refusals():
         results.check(arguments)
-        measurement = _read(arguments)
+        measurements = _read(arguments)
+        if arguments.model:
+            from fitting.model_command import run_model
+
+            return FITTED if run_model(measurements, arguments, width, _print) else NOT_FITTED
+        measurement = concatenate(*measurements)
     with Outputs() as outputs:
         spectrum = len(np.unique(measurement.wavelength_um)) > 1
         with _refusals():
@@ -206,7 +221,6 @@ def _run(arguments: argparse.Namespace) -> int:
         if arguments.json == "-":
             _print(export.json_text(result, measurement))
         elif not arguments.quiet:
-            width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
             _print(report.table(result, measurement, width))
         suffix = Path(arguments.plot or "").suffix
         results.write(staged, suffix, result, measurement, arguments.command)
@@ -237,6 +251,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         arguments = _parser().parse_args(argv)
         given = sys.argv[1:] if argv is None else argv
+        arguments.file, *arguments.more = arguments.file
         arguments.command = shlex.join([PROGRAM, *given])
         from fitting.start_up import cheap_start
 

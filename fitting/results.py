@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fitting.model_options import of_a_model
 from fitting.outputs import Outputs
 
 if TYPE_CHECKING:
@@ -24,7 +26,14 @@ _FLAGS = {"json": "--json", "csv": "--csv", "index": "--csv", "plot": "--plot"}
 
 
 def check(arguments: argparse.Namespace) -> None:
-    """Raise ValueError where a picture is asked for that cannot be drawn."""
+    """Raise ValueError where a picture is asked for that cannot be drawn, or an option is idle."""
+    stray = "" if arguments.model else of_a_model(arguments)
+    if stray:
+        raise ValueError(f"{stray} needs --model NAME: it is about a model over whole curves.")
+    written = {os.path.realpath(n) for n in (arguments.json, arguments.csv, arguments.plot) if n}
+    for file in arguments.more:
+        if os.path.realpath(file) in written:
+            raise ValueError(f"{file}: this is a measurement; choose another name for the result.")
     if arguments.plot:
         from fitting.plot import check_picture
 
