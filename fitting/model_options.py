@@ -28,8 +28,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the group of options for a model over whole curves."""
     group = parser.add_argument_group(
         "a model over whole curves",
-        "Without --model each wavelength is fitted by itself. NAME is a parameter of the\n"
-        "model, thickness_um, or a nuisance: scale, background (of every curve;\n"
+        "Without --model each wavelength is fitted by itself. NAME is a parameter of\n"
+        "the model, thickness_um, or a nuisance: scale, background (of every curve;\n"
         "scale[R_s] is one of them), angle-offset, leak, divergence.",
     )
     group.add_argument(
