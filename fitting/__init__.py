@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from .model_fit import model_names as model_names
     from .model_fit import predict as predict
     from .model_result import ModelFit as ModelFit
+    from .point_fits import PointFits as PointFits
+    from .point_fits import fit_points as fit_points
 
 # The command line answers --help and refuses bad files without waiting 0.4 s for jax, so each name
 # is imported when it is first used.
@@ -24,10 +26,12 @@ _HOME = {
     "Measurement": "measurement",
     "MeasurementError": "measurement",
     "ModelFit": "model_result",
+    "PointFits": "point_fits",
     "curve": "curves",
     "fit": "fitter",
     "fit_many": "fitter",
     "fit_model": "model_fit",
+    "fit_points": "point_fits",
     "fitted_values": "curves",
     "model_names": "model_fit",
     "predict": "model_fit",

@@ -213,6 +213,10 @@ def _run(arguments: argparse.Namespace) -> int:
 
             return FITTED if run_model(measurements, arguments, width, _print) else NOT_FITTED
         measurement = concatenate(*measurements)
+        if arguments.slab:
+            from fitting.point_command import run_points
+
+            return FITTED if run_points(measurement, arguments, width, _print) else NOT_FITTED
     with Outputs() as outputs:
         spectrum = len(np.unique(measurement.wavelength_um)) > 1
         with _refusals():

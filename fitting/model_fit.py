@@ -29,13 +29,35 @@ from fitting.structures import INTERFACE
 from fitting.unknowns import Unknowns, check_quantities, spectrum_of, unknowns
 
 
-def _targets(u: Unknowns, seen: Observations, eta_i: float) -> Targets:
+def targets_of(u: Unknowns, seen: Observations, eta_i: float) -> Targets:
+    """Return what the unknowns are compared with."""
     prior = np.array([w.prior[0] if w.prior else 0.0 for w in u.moving])
     weight = np.array([1.0 / w.prior[1] if w.prior else 0.0 for w in u.moving])
     return Targets(
         seen.points, seen.values, seen.weights, seen.ncs, seen.ncs_weights, np.float64(1.0),
         prior, weight, u.held, np.float64(eta_i),
     )  # fmt: skip
+
+
+def check_choices(
+    seen: Observations,
+    loss: str,
+    sigma: str,
+    absolute_sigma: bool,
+    eta_i: float,
+    starts: int | None,
+) -> None:
+    """Raise ValueError for an option that is none, or asks for errors that are not stated."""
+    if loss not in LOSSES:
+        raise ValueError(f"loss is {loss!r}; one of {', '.join(LOSSES)} was wanted.")
+    if sigma not in ("given", "equal"):
+        raise ValueError(f'sigma is {sigma!r}; "given" or "equal" was wanted.')
+    if not (np.isfinite(eta_i) and eta_i > 0.0):
+        raise ValueError(f"eta_i is {eta_i}; the index of a lossless medium, above 0, was wanted.")
+    if not (starts is None or (isinstance(starts, int) and starts > 0)):
+        raise ValueError(f"starts is {starts!r}; a whole number above 0 was wanted.")
+    if absolute_sigma and not seen.stated:
+        raise ValueError("absolute_sigma was asked for, but there are no stated errors to take.")
 
 
 def _inside(u: Unknowns, start: Mapping[str, float]) -> dict[str, float]:
@@ -97,18 +119,9 @@ def fit_model(
         raise ValueError("no measurement came.")
     which = parse_model(model)
     check_quantities(measurements, which, structure)
-    if loss not in LOSSES:
-        raise ValueError(f"loss is {loss!r}; one of {', '.join(LOSSES)} was wanted.")
-    if sigma not in ("given", "equal"):
-        raise ValueError(f'sigma is {sigma!r}; "given" or "equal" was wanted.')
-    if not (np.isfinite(eta_i) and eta_i > 0.0):
-        raise ValueError(f"eta_i is {eta_i}; the index of a lossless medium, above 0, was wanted.")
-    if not (starts is None or (isinstance(starts, int) and starts > 0)):
-        raise ValueError(f"starts is {starts!r}; a whole number above 0 was wanted.")
     settings = check_settings(Settings(tuple(free), fixed or {}, bounds or {}, priors or {}))
     seen = observations(measurements, sigma)
-    if absolute_sigma and not seen.stated:
-        raise ValueError("absolute_sigma was asked for, but there are no stated errors to take.")
+    check_choices(seen, loss, sigma, absolute_sigma, eta_i, starts)
     known = np.concatenate([np.isfinite(m.sigma) for m in measurements])
     notes = []
     if sigma == "given" and known.any() and not known.all():
@@ -120,7 +133,7 @@ def fit_model(
     u = unknowns(which, structure, spectrum, thickness_um, settings, seen, loss)
     if not u.free.any():
         raise ValueError("every parameter is held; leave one free.")
-    fit = Fit(u, seen, _targets(u, seen, eta_i), settings)
+    fit = Fit(u, seen, targets_of(u, seen, eta_i), settings)
     scaled = not absolute_sigma
     count = usual_starts(int(u.free.sum())) if starts is None else starts
     points = start_points(u.moving, count, seed)

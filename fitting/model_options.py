@@ -64,7 +64,8 @@ def of_a_model(arguments: argparse.Namespace) -> str:
     given = {
         "--free": arguments.free, "--fix": arguments.fix, "--bound": arguments.bound,
         "--prior": arguments.prior, "--loss": arguments.loss != "squares",
-        "--starts": arguments.starts is not None, "--reference": arguments.reference,
+        "--starts": arguments.starts is not None,
+        "--reference": arguments.reference and not arguments.slab,
     }  # fmt: skip
     return next((flag for flag, value in given.items() if value), "")
 

@@ -121,6 +121,8 @@ def _look_at(fit: Fit, y: np.ndarray, noise: float, scaled: bool) -> _End:
 
 def _scatter(fit: Fit, cost: float, noise: float, scaled: bool) -> float:
     """Return what a difference of the cost is measured in."""
+    if fit.pooled is not None and scaled:
+        return fit.pooled
     few = fit.dof < 3
     scatter = cost / fit.dof if fit.dof else 0.0
     if not scaled or (few and fit.seen.stated) or noise != 1.0:

@@ -66,6 +66,7 @@ class Fit:
         self.priors = sum(w.prior is not None for w in u.moving)
         self.dof = max(self.n_data + self.priors - int(u.free.sum()), 0)
         self.limits = coordinate_bounds(u.moving)
+        self.pooled: float | None = None  # scatter of many fits alike, where one has too few data
         squares = [
             float(((v * w) ** 2).sum()) for v, w in zip(seen.values, seen.weights, strict=True)
         ]
@@ -100,7 +101,10 @@ class Fit:
 
     def known(self, s: Slopes, y: np.ndarray, noise: float, scaled: bool) -> Uncertainty:
         """Return the uncertainty at y."""
-        return uncertainty(self.u, s, y, self.limits, noise, self.dof, scaled, self.seen.stated)
+        return uncertainty(
+            self.u, s, y, self.limits, noise, self.dof, scaled, self.seen.stated,
+            self.pooled,
+        )  # fmt: skip
 
     def polished(self, y: np.ndarray, noise: float, scaled: bool) -> tuple[np.ndarray, Slopes]:
         """Return y after the last undamped steps, which were not worth a step of all lanes."""

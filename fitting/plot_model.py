@@ -16,13 +16,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from fitting.point_fits import PointFits
+
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _MARKERS = "osD^v<>"
 # Points of a curve; more data than that are drawn as dots.
 _FINE, _MANY = 200, 60
 
 
-def _groups(fit: ModelFit) -> list[tuple[str, np.ndarray]]:
+def _groups(fit: ModelFit | PointFits) -> list[tuple[str, np.ndarray]]:
     """Return label and rows of every line: a curve, at one angle if over wavelength."""
     m = fit.measurement
     over_wavelength = _over_wavelength(fit)
@@ -40,12 +42,13 @@ def _groups(fit: ModelFit) -> list[tuple[str, np.ndarray]]:
     return out
 
 
-def _over_wavelength(fit: ModelFit) -> bool:
+def _over_wavelength(fit: ModelFit | PointFits) -> bool:
     known = fit.measurement.wavelength_um
     return len(np.unique(known[np.isfinite(known)])) > 1
 
 
-def _draw_data(top: Any, bottom: Any, fit: ModelFit) -> None:
+def draw_data(top: Any, bottom: Any, fit: ModelFit | PointFits) -> None:
+    """Draw data, fitted curves and their bands on ``top``, data - fit on ``bottom``."""
     m = fit.measurement
     x = m.wavelength_um if _over_wavelength(fit) else m.angle_deg
     value, sigma = fit.fitted()
@@ -132,7 +135,7 @@ def draw_model(fit: ModelFit, reference: str | None = None) -> Figure:
         figure = Figure(figsize=size, layout="constrained", facecolor="white")
         ratios = (3.0, 1.0, 2.2) if spectrum else (3.2, 1.0)
         axes = figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios)
-        _draw_data(axes[0], axes[1], fit)
+        draw_data(axes[0], axes[1], fit)
         if spectrum:
             _draw_index(axes[2], fit, reference)
         else:

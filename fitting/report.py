@@ -172,7 +172,8 @@ def grouped_warnings(result: FitResult) -> list[str]:
     return told
 
 
-def _table(rows: list[list[str]]) -> list[str]:
+def rows_aligned(rows: list[list[str]]) -> list[str]:
+    """Return rows of cells as lines with the columns below each other."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     return [
         "  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
@@ -206,7 +207,7 @@ def _many_curves(result: FitResult, width: int) -> list[str]:
             curve.status,
             " ".join(signs[kind] for kind in kinds),
         ])  # fmt: skip
-    lines = _table(rows)
+    lines = rows_aligned(rows)
     lines += ["", *(wrapped(label, text, width) for label, text in _spectrum(result))]
     told = enumerate(grouped_warnings(result), 1)
     return lines + _warnings([(f"note {i}", text) for i, text in told], width)

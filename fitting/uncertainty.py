@@ -153,10 +153,12 @@ def uncertainty(
     dof: int,
     scaled: bool,
     stated: bool,
+    pooled: float | None = None,
 ) -> Uncertainty:
     """Return how well the unknowns are known at y.
 
-    noise: what the weights were divided by. scaled: multiply by the scatter of the residuals.
+    noise: what the weights were divided by. scaled: multiply by the scatter of the residuals, or by
+    ``pooled``, that of many fits alike.
     For a robust loss Huber's estimate of the covariance is taken (Robust Statistics, 1981,
     eq. 7.6.6): mean of the squared influence over the squared mean of its derivative.
     """
@@ -183,6 +185,8 @@ def uncertainty(
         variance = 1.0
     if not stated and dof == 0:
         variance = np.nan
+    if scaled and pooled is not None:
+        variance = pooled
     rows, b = np.concatenate([J, lines]), np.concatenate([r, off])
     covariance, step, unseen = _inverse(rows, b, use)
     wide = covariance
