@@ -11,7 +11,7 @@ import sys
 import time
 from pathlib import Path
 
-from . import accuracy, scenes, speed
+from . import accuracy, bsdf, scenes, speed
 from .contestants import CONTESTANTS, LIMIT
 from .report import markdown
 
@@ -101,6 +101,8 @@ def main():
     for where in sorted({x["platform"] for x in results["runs"]}):
         draw(results, options.out, where)
     print(f"wrote {data_file}, benchmarks.md and the charts beside it")
+    if not options.chart_only and not options.only:
+        bsdf.run(options.out, 2 if options.quick else options.rounds, machine())
 
 
 def run(options) -> dict:

@@ -28,13 +28,19 @@ ROOT = Path(__file__).resolve().parents[1]
 class Process:
     """A contestant at work; `ask` sends a command and waits for its answer."""
 
-    def __init__(self, contestant: Contestant, dtype: str, platform: str):
+    def __init__(
+        self,
+        contestant: Contestant,
+        dtype: str,
+        platform: str,
+        module: tuple[str, ...] = ("benchmarks.worker",),
+    ):
         self.contestant, self.dtype = contestant, dtype
         environment = os.environ | {"JAX_PLATFORMS": {"gpu": "cuda"}.get(platform, platform)}
         # on a GPU every process would else take most of its memory at once
         environment |= {"XLA_PYTHON_CLIENT_PREALLOCATE": "false"} | contestant.environment
         self._process = subprocess.Popen(
-            [sys.executable, "-W", "ignore", "-m", "benchmarks.worker", contestant.name, dtype],
+            [sys.executable, "-W", "ignore", "-m", *module, contestant.name, dtype],
             cwd=ROOT,
             env=environment,
             stdin=subprocess.PIPE,
