@@ -134,8 +134,10 @@ def _unpolarised_jvp(compensated, primals, tangents):
     re_q2 = lossless_sums(c, n, m, exactly=True)[0] if compensated else _re_q2_plain(c, n, m)
     p = _Parts(c, n, k, m, _root(re_q2, n, k, shared_sqrt))
     C, sigma, m2 = p.C, p.sigma, p.m2
-    # one division for two quotients
-    per_both = reciprocal_or_zero(p.s2 * p.x2)
+    s2_x2 = p.s2 * p.x2
+    if k is None:  # in total reflection S = C, whose square may underflow, and nothing is wanted
+        s2_x2 = jnp.where(p.q[0] == 0.0, 0.0, s2_x2)
+    per_both = reciprocal_or_zero(s2_x2)  # one division for two quotients
     per_s2, per_x2 = per_both * p.x2, per_both * p.s2
     per_q2 = reciprocal_or_zero(p.rho)
     re_y = _re_y(c, n, m, sigma)

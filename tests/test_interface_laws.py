@@ -155,3 +155,15 @@ def test_powers_never_leave_the_unit_interval(dtype):
     for points in adversarial.hard_sets(dtype).values():
         for power in powers(*points):
             assert np.all((np.asarray(power) >= 0.0) & (np.asarray(power) <= 1.0))
+
+
+@pytest.mark.parametrize("function", [reflectance, lambda *a: powers(*a).R], ids=["R", "powers"])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_total_reflection_has_no_derivative_at_grazing_either(dtype, function):
+    """R is 1 around: every derivative is 0. The square of the cosine is below float32's range."""
+    random = np.random.default_rng(20261121)
+    c = (10.0 ** random.uniform(-24, -1, 2000)).astype(dtype)
+    n = random.uniform(0.3, 0.9, 2000).astype(dtype)
+    gradients = jax.jit(jax.vmap(jax.grad(lambda c, n: function(c, n), argnums=(0, 1))))(c, n)
+    for gradient in gradients:
+        np.testing.assert_array_equal(gradient, np.zeros_like(c))
