@@ -150,6 +150,8 @@ def concatenate(*measurements: Measurement) -> Measurement:
     """Return all data of several measurements as one, in their order (one file a polarisation)."""
     if not measurements:
         raise MeasurementError("no measurement came to be joined.")
+    if len(measurements) == 1:
+        return measurements[0]
     columns = zip(*(_arrays(m) for m in measurements), strict=True)
     return Measurement(
         *(_frozen(np.concatenate(column)) for column in columns),
