@@ -80,11 +80,11 @@ def draw(path, width: int, found: Recovery) -> None:
         # The root of the slope keeps faint changes visible beside the caustic's.
         mean = np.asarray(slope) @ np.array([0.2126, 0.7152, 0.0722])
         change.imshow(np.sign(mean) * np.sqrt(np.abs(mean)), cmap="RdBu_r", vmin=-2.0, vmax=2.0)
-        change.set_title(r"d(picture) / d$\eta$: brighter red, darker blue")
+        change.set_title(r"d(picture) / d$\eta$ (red: brighter)")
         for axes in (photo, change):
             axes.axis("off")
         error = np.abs(np.array([WRONG_ETA, *found.steps]) - TRUE_ETA)
-        way.axhspan(1e-6, found.sigma, color=BLUE, alpha=0.15, linewidth=0)
+        way.axhspan(1e-12, found.sigma, color=BLUE, alpha=0.15, linewidth=0)
         way.semilogy(error, "o-", color=ORANGE, markersize=5)
         way.text(0.02, found.sigma * 0.8, "standard error", color=BLUE, va="top",
                  transform=way.get_yaxis_transform())  # fmt: skip
