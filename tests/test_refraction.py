@@ -113,6 +113,23 @@ def test_refracted_cosine_has_a_small_relative_error(kind, dtype):
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
+def test_derivative_at_grazing_for_any_normal(dtype):
+    rng = np.random.default_rng(13)  # d cos_t / d eta is about 1 / cos_t, and wi . n cancels
+    n, z = unit_vectors(rng, 60), 0.003 * rng.uniform(1.0, 2.0, 60)
+    tangent = np.cross(n, unit_vectors(rng, 60))
+    tangent /= np.linalg.norm(tangent, axis=-1, keepdims=True)
+    w = (z[:, None] * n + np.sqrt(1.0 - z * z)[:, None] * tangent).astype(dtype)
+    n, eta = n.astype(dtype), dtype(1.0 + 1e-6)
+    slope = jax.jacfwd(lambda eta: directions.refract(w, n, eta).direction)(eta)
+    for w_j, n_j, slope_j in zip(w, n, np.asarray(slope, float), strict=True):
+        z = float(sum(Fraction(float(a)) * Fraction(float(b)) for a, b in zip(w_j, n_j)))  # noqa: B905
+        true = (1.0 - z * z) / (float(eta) ** 3 * float(exact_cos_t(z, eta)))
+        # a plainly summed wi . n is off by .5 eps / .003; the rest of the path by some eps / .03
+        error = abs(-np.dot(slope_j, n_j.astype(float)) / true - 1.0)
+        assert error < 20 * np.finfo(dtype).eps
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
 def test_cosines_that_only_the_lowest_digits_decide(dtype):
     """The pairs, among 2e6, next to the critical angle: the squares cancel to 1e-5 eps and less."""
     rng = np.random.default_rng(12)
