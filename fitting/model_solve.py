@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitting.model_problem import Targets
-from fitting.multistart import Ends, coordinate_bounds, run
+from fitting.multistart import LANES, Ends, briefly, coordinate_bounds, run
 from fitting.observations import Observations
 from fitting.parameters import Settings, value_and_slope
 from fitting.structures import NCS
@@ -14,6 +14,8 @@ from fitting.unknowns import Unknowns
 
 # Rounds in which the noise of a robust loss is found, and when it is found.
 NOISE_ROUNDS, NOISE_SETTLED = 6, 1e-3
+# Evaluations with so many terms before the next one is added.
+_GROWING = 40
 _NO_NOISE = 1e9  # so large that a robust loss is that of least squares
 
 
@@ -46,6 +48,64 @@ def _terms(names: list[str]) -> list[list[int]]:
     return list(terms.values())
 
 
+def grown_starts(
+    u: Unknowns,
+    targets: Targets,
+    start: np.ndarray,
+    limits: tuple[np.ndarray, np.ndarray],
+    degrees: float,
+    scale: float,
+) -> np.ndarray:
+    """Return starts (p, 2 LANES) that were grown term by term; (p, 0) for one term.
+
+    Of three oscillators at random places hardly ever each is next to one of the material's (of 512
+    starts none, for one material in ten). One alone finds the strongest, the next one what is left.
+    """
+    names = list(u.spec.moving)
+    terms = _terms(names)
+    if len(terms) < 2 or start.shape[1] < LANES:
+        return start[:, :0]
+    low, high = limits
+    pools = [start[:, :LANES], start[:, -LANES:]]
+    for active in range(1, len(terms)):
+        held = low.copy(), high.copy()
+        for term in terms[active:]:
+            # the strength, the first of a term, at its least
+            held[1][term[0]] = low[term[0]]
+        ends = [briefly(u.spec, targets, y, held, degrees, scale, _GROWING) for y in pools]
+        best = _lowest(
+            np.concatenate([e.y for e in ends], 1), np.concatenate([e.cost for e in ends])
+        )
+        # The next term weak, anywhere beside the best two; and as it comes beside the best eight.
+        pools = [np.repeat(best[:, :2], LANES // 2, 1), np.repeat(best, LANES // 8, 1)]
+        for term in terms[active:]:
+            pools[0][term] = _weak_terms(start[term])
+            pools[1][term] = start[term, :LANES]
+    return np.concatenate(pools, 1)
+
+
+def _lowest(y: np.ndarray, cost: np.ndarray) -> np.ndarray:
+    """Return the eight lowest ends (p, 8), one of each cost as far as there are so many."""
+    cost = np.minimum(cost, 1e300)
+    order = np.argsort(cost, kind="stable")
+    new = np.append(True, np.diff(cost[order]) > 1e-4 * cost[order][1:])
+    return y[:, np.concatenate([order[new], order[~new]])[:8]]
+
+
+def _weak_terms(start: np.ndarray) -> np.ndarray:
+    """Return (3, LANES) terms to be added: weak ones, twice all over the spectrum.
+
+    start: (3, L) strength, resonance and width of random starts, whose ranges are taken.
+    """
+    places = LANES // 2
+    grid = (np.arange(places) + 0.5) / places
+    # Strength and width go round in other steps than the place.
+    rows = [np.quantile(start[0], 0.1 + 0.4 * (grid * 7.0 % 1.0)), np.quantile(start[1], grid)]
+    if len(start) > 2:
+        rows.append(np.quantile(start[2], 0.2 + 0.5 * (grid * 5.0 % 1.0)))
+    return np.tile(np.stack(rows), 2)
+
+
 def _noise(s: Slopes, loss: str, stated: bool, absolute: bool, dof: int) -> float:
     """Return what the residuals' standard deviation is taken for, in units of the weights."""
     if loss == "squares":
@@ -75,14 +135,18 @@ class Fit:
             squares.append(float((weighted**2).sum()))
         self.squares = sum(squares)
 
-    def run(self, start: np.ndarray, noise: float, priors: bool = True) -> Ends:
+    def run(self, start: np.ndarray, noise: float, priors: bool = True, grow: bool = False) -> Ends:
         """Return the ends of the starts at this noise, terms in order."""
         lanes = start.shape[1]
         targets = self.targets._replace(noise=np.float64(noise))
         if not priors:
             targets = targets._replace(prior_weight=np.zeros_like(targets.prior_weight))
-        degrees = np.full(lanes, max(self.dof, 1.0))
-        scale = np.full(lanes, self.squares / noise**2)
+        many, size = max(self.dof, 1.0), self.squares / noise**2
+        if grow:
+            grown = grown_starts(self.u, targets, start, self.limits, many, size)
+            start = np.concatenate([grown, start], 1)
+            lanes = start.shape[1]
+        degrees, scale = np.full(lanes, many), np.full(lanes, size)
         ends = run(self.u.spec, targets, start, self.limits, degrees, scale)
         return ends._replace(y=_in_order(self.u, ends.y, self.settings))
 
@@ -135,10 +199,10 @@ def solved(fit: Fit, start: np.ndarray, scaled: bool, absolute: bool) -> tuple[E
     loss = fit.u.spec.loss
     by_noise = loss != "squares" or (fit.priors > 0 and scaled)
     if not by_noise:
-        return fit.run(start, 1.0), 1.0
+        return fit.run(start, 1.0, grow=True), 1.0
     # Least squares without priors first, for a first idea of the noise.
     huge = _NO_NOISE if loss != "squares" else 1.0
-    ends, noise = fit.run(start, huge, priors=False), 1.0
+    ends, noise = fit.run(start, huge, priors=False, grow=True), 1.0
     if loss != "squares" and absolute and fit.seen.stated:
         return fit.run(start, 1.0), 1.0
     least = 1e-9 * np.sqrt(fit.squares / max(fit.n_data, 1)) + 1e-300

@@ -120,7 +120,7 @@ def start_at(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> np.nda
 
 def usual_starts(free: int) -> int:
     """Return how many starts find the best minimum, by the number of free parameters."""
-    return LANES if free <= 5 else 4 * LANES if free <= 8 else 8 * LANES
+    return LANES if free <= 5 else 4 * LANES
 
 
 def coordinate_bounds(unknowns: Sequence[Unknown]) -> tuple[np.ndarray, np.ndarray]:
@@ -163,6 +163,22 @@ def _sifted(
     y = np.concatenate([p.y for p in parts], 1)[:, :lanes]
     cost = np.concatenate([p.cost for p in parts])[:lanes]
     return y[:, np.argsort(cost, kind="stable")[:LANES]], SIFT
+
+
+def briefly(
+    spec: Spec,
+    targets: Targets,
+    start: np.ndarray,
+    limits: tuple[np.ndarray, np.ndarray],
+    degrees: float,
+    scale: float,
+    steps: int,
+) -> Ends:
+    """Return where LANES starts (p, LANES) are after ``steps`` evaluations."""
+    low, high = (np.repeat(a[:, None], LANES, 1) for a in limits)
+    bounds = Bounds(low, high, np.full(LANES, degrees), np.full(LANES, scale))
+    y = np.clip(start, low, high)
+    return _stage(spec, targets, y, np.full(LANES, START_DAMPING), bounds, steps)[0]
 
 
 def run(
