@@ -173,7 +173,8 @@ class Fit:
     def polished(self, y: np.ndarray, noise: float, scaled: bool) -> tuple[np.ndarray, Slopes]:
         """Return y after the last undamped steps, which were not worth a step of all lanes."""
         s = self.slopes(y)
-        if self.u.spec.loss != "squares":
+        finite = np.isfinite(s.residual).all() and np.isfinite(s.jacobian).all()
+        if self.u.spec.loss != "squares" or not finite:
             return y, s
         cost = self.cost(s, y, noise)
         for _ in range(3):
@@ -181,7 +182,7 @@ class Fit:
             trial = np.clip(y + step, *self.limits)
             there = self.slopes(trial)
             found = self.cost(there, trial, noise)
-            if not found < cost:
+            if not (found < cost and np.isfinite(there.jacobian).all()):
                 break
             y, s, cost = trial, there, found
         return y, s

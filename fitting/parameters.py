@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -147,7 +148,9 @@ def to_parameter(coordinates: tuple[str, ...], y: Array) -> list[Array]:
         if kind == LOG:
             value = jnp.exp(value)
         elif kind == SQUARE:
-            value = jnp.sqrt(jnp.maximum(value, LEAST_SQUARE))
+            # The derivative at 0 is that just off it: a maximum alone would have none there.
+            least = jax.lax.stop_gradient(jnp.maximum(value, LEAST_SQUARE) - value)
+            value = jnp.sqrt(value + least)
         out.append(value)
     return out
 
