@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint accuracy bench stability startup fit-study clean
+.PHONY: demo test lint accuracy bench stability startup fit-study fit-coverage model-study clean
 
 demo: .venv/installed-plot  ## fit the gold scan that ships with the project; table, plot, JSON in demo/
 	mkdir -p demo
@@ -21,6 +21,7 @@ accuracy: .venv/installed-test  ## the accuracy table of the README (a minute)
 
 bench: .venv/installed-bench  ## speed against accuracy: table, JSON and charts in docs/benchmarks
 	$(BIN)/python -m benchmarks
+	$(BIN)/python -m benchmarks.fit_throughput --out docs/benchmarks
 
 stability: .venv/installed-bench  ## where each method fails: table and picture in docs/stability
 	$(BIN)/python -m benchmarks.stability
@@ -29,7 +30,14 @@ startup: .venv/installed-plot  ## where the time of the command fresnel-fit goes
 	$(BIN)/python benchmarks/startup.py
 
 fit-study: .venv/installed-bench  ## how often the fit finds the best minimum, over 1e4 truths a class
-	$(BIN)/python benchmarks/fit_success.py
+	$(BIN)/python -m benchmarks.fit_success
+
+fit-coverage: .venv/installed-bench  ## how often the 95 % intervals hold the truth, over 1e4 repeats
+	$(BIN)/python -m benchmarks.fit_coverage
+
+model-study: .venv/installed-bench  ## do spectral fits find the best minimum, and --model auto the true model
+	$(BIN)/python -m benchmarks.model_success
+	$(BIN)/python -m benchmarks.model_choice
 
 .venv/installed-%: pyproject.toml
 	test -d .venv || $(PYTHON) -m venv .venv
