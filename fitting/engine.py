@@ -1,7 +1,7 @@
 """The one compiled program behind `fit` and `fit_many`: starts, solve, last step, derivatives.
 
-One program per set of channels and number of angles, for 8 curves (a few) or for 512 (many); inside
-it curves run in groups of 8 or 256 lanes, whose arrays fit the cache. Nothing here knows how many
+One program per set of channels and number of angles, for 8 curves (a few) or for 1024 (many);
+inside it curves run in groups of 8 or 64 lanes, whose arrays fit the cache. Nothing here knows how many
 curves there are; that is the business of `batch`.
 """
 
