@@ -1,8 +1,8 @@
 """The one compiled program behind `fit` and `fit_many`: starts, solve, last step, derivatives.
 
 One program per set of channels and number of angles, for 8 curves (a few) or for 1024 (many);
-inside it curves run in groups of 8 or 64 lanes, whose arrays fit the cache. Nothing here knows how many
-curves there are; that is the business of `batch`.
+inside it curves run in groups of 8 or 64 lanes, whose arrays fit the cache. Nothing here knows how
+many curves there are; that is the business of `batch`.
 """
 
 from __future__ import annotations
