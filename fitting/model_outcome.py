@@ -37,7 +37,7 @@ def _upper_limits(u: Unknowns, y: np.ndarray, found: Uncertainty) -> np.ndarray:
     """
     out = np.full(len(y), np.nan)
     for i, w in enumerate(u.moving):
-        sigma = found.edge_sigma[i]
+        sigma = found.edge[i] * np.sqrt(found.variance)
         if not w.free or w.low != 0.0 or w.prior is not None or not np.isfinite(sigma):
             continue
         if w.parameter.coordinate == SQUARE and y[i] < 3.0 * sigma:
@@ -137,7 +137,7 @@ def _minima(fit: Fit, ends: Ends, end: _End, noise: float, scatter: float) -> li
     unit of chi2 the one that is above 1 is shown.
     """
     rounding = 1e-27 * fit.squares / noise**2
-    edge = end.known.edge_sigma
+    edge = end.known.edge * np.sqrt(scatter)
     spread = np.where(np.isfinite(edge), 4.0 * edge, np.inf)
     found = minima(ends, ends.y, scatter, rounding, spread)
     names = fit.u.spec.moving

@@ -106,7 +106,7 @@ class Uncertainty(NamedTuple):
     at_bound: (p,) "", "low" or "high". unseen: (p, u) directions that the data do not see, each in
     units of what a parameter moves the data by; unseen_of: (p,) parameters without an error.
     variance: what the covariance was multiplied by; step: the undamped step from here, (p,).
-    edge_sigma: (p,) standard errors of the solver's coordinates if there were no bounds.
+    edge: (p,) standard errors of the coordinates if there were no bounds, for a variance of 1.
     """
 
     covariance: np.ndarray
@@ -115,7 +115,7 @@ class Uncertainty(NamedTuple):
     unseen_of: np.ndarray
     variance: float
     step: np.ndarray
-    edge_sigma: np.ndarray
+    edge: np.ndarray
 
 
 def _inverse(
@@ -193,8 +193,6 @@ def uncertainty(
     if (use != free).any():
         wide, _, _ = _inverse(rows, b, free)
     with np.errstate(invalid="ignore"):
-        edge_sigma = np.sqrt(variance * np.diagonal(wide))
+        edge = np.sqrt(np.diagonal(wide))
     unseen_of = np.max(np.abs(unseen), axis=1, initial=0.0) > SHARE
-    return Uncertainty(
-        variance * covariance, at_bound, unseen, unseen_of, variance, step, edge_sigma
-    )
+    return Uncertainty(variance * covariance, at_bound, unseen, unseen_of, variance, step, edge)
