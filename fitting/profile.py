@@ -29,8 +29,9 @@ from fitting.engine import Solved
 from fitting.valley import Lanes, evaluate, from_nearer_end, on_line, share_of
 
 LINES = 8
-# Newton steps: 6 are the rule for the ends (a bend of the valley takes more), 4 for the lines.
-END_STEPS, LINE_STEPS = 30, 5
+# Newton steps: 4 are the rule for the ends (a bend of the valley takes more), 1 for x at each of
+# them, 4 for the lines.
+END_STEPS, FLOOR_STEPS, LINE_STEPS = 40, 6, 5
 # A fall of chi2 by this part of q moves an end by 5e-4 of the interval's half width.
 CLOSE = 1e-3
 # Where chi2 is higher than the best by this many q, the quadratic model says nothing of the end.
@@ -45,65 +46,81 @@ class Region(NamedTuple):
     k: np.ndarray
 
 
+class _Floor(NamedTuple):
+    """The floor of the valley at one w: x, height above the best, dx/dw, slope of the height.
+
+    found: whether x came to rest (where total reflection begins the floor breaks off).
+    """
+
+    x: np.ndarray
+    height: np.ndarray
+    turn: np.ndarray
+    slope: np.ndarray
+    found: np.ndarray
+
+
+def _floor(data: Data, s: Solved, rise: np.ndarray, lanes: Lanes) -> _Floor:
+    """Return the floor at these w, by Newton steps in x (at most halved or doubled each time)."""
+    out = np.full((4, len(lanes.x)), np.nan)
+    found, todo, x = np.zeros(len(lanes.x), bool), np.arange(len(lanes.x)), lanes.x.copy()
+    for _ in range(FLOOR_STEPS):
+        now = evaluate(data, lanes._replace(x=x).at(todo))
+        drop, turn = now.g_x**2 / now.h_xx, -now.h_xw / now.h_xx
+        height = now.cost - drop - s.cost[lanes.curve[todo]]
+        here = np.clip(x[todo] - now.g_x / now.h_xx, 0.5 * x[todo], 2.0 * x[todo])
+        x[todo] = np.clip(here, X_MIN, X_MAX)
+        out[:, todo] = x[todo], height, turn, now.g_w + turn * now.g_x
+        rest = drop <= CLOSE * np.maximum(rise[lanes.curve[todo]], 0.01 * height)
+        found[todo] = rest
+        todo = todo[~rest & np.isfinite(now.cost)]
+        if not len(todo):
+            break
+    return _Floor(out[0], out[1], out[2], out[3], found)
+
+
 def _end(data: Data, s: Solved, rise: np.ndarray, sign: float) -> tuple[np.ndarray, ...]:
     """Return w and x of the region's end in w, and whether the edge of what is possible cuts it.
 
-    Newton's method in both at once: x follows the floor of the valley, w the height of the floor,
-    in sqrt(cost - best), which is linear for a quadratic cost. Too far outside, where that model
-    says nothing, the bracket is halved. sign: +1 for the upper end, -1 for the lower.
+    Newton's method for the height of the floor, in its square root, which is linear for a quadratic
+    cost. Too far outside, where that model says nothing, the bracket is halved. sign: +1 for the
+    upper end, -1 for the lower.
     """
     schur = np.maximum(s.h_ww - s.h_xw**2 / s.h_xx, 1e-300)
     outward = np.maximum(sign * s.g_w, 0.0)  # on an edge the floor rises from its first step on
     new = s.w + sign * rise / (outward + np.sqrt(outward**2 + schur * rise))
     inside, outside = s.w.copy(), np.full_like(s.w, np.nan)
     # The last place near the region, and the direction of the floor there.
-    base_x, base_w, base_slope = s.x.copy(), s.w.copy(), -s.h_xw / s.h_xx
+    base_x, base_w, base_turn = s.x.copy(), s.w.copy(), -s.h_xw / s.h_xx
     found_w, found_x = np.full_like(s.w, np.nan), np.full_like(s.w, np.nan)
     cut, todo = np.zeros(len(s.w), bool), np.arange(len(s.w))
-    tries = np.zeros(len(s.w), int)
     for _ in range(END_STEPS):
-        high = rise[todo]
-        limit = 4.0 * xi_of(base_x[todo]) if sign > 0 else np.full(len(todo), W_MIN)
+        high, x = rise[todo], base_x[todo]
+        limit = 4.0 * xi_of(x) if sign > 0 else np.full(len(todo), W_MIN)
         beyond = sign * (new - limit) >= 0.0
         new = np.where(beyond, limit, new)
-        guess = base_x[todo] + base_slope[todo] * (new - base_w[todo])
-        guess = np.clip(guess, X_MIN, X_MAX)
-        now = evaluate(data, Lanes(todo, guess, new, s.chart[todo]))
-        drop = now.g_x**2 / now.h_xx
-        height = now.cost - drop - s.cost[todo]
-        near = height <= FAR * high
-        flat = near & (drop <= CLOSE * high)
-        low = near & (height < high)
-        x = np.clip(guess - now.g_x / now.h_xx, X_MIN, X_MAX)
-        slope = -now.h_xw / now.h_xx
-        for old, value in ((base_x, x), (base_w, new), (base_slope, slope)):
+        guess = x + base_turn[todo] * (new - base_w[todo])
+        guess = np.clip(np.clip(guess, 0.5 * x, 2.0 * x), X_MIN, X_MAX)
+        floor = _floor(data, s, rise, Lanes(todo, guess, new, s.chart[todo]))
+        near = floor.found & (floor.height <= FAR * high)
+        low = near & (floor.height < high)
+        for old, value in ((base_x, floor.x), (base_w, new), (base_turn, floor.turn)):
             old[todo] = np.where(near, value, old[todo])
-        inside[todo] = np.where(low & flat, new, inside[todo])
-        outside[todo] = np.where(near & low, outside[todo], new)
-        # Where total reflection begins the floor breaks off: x finds no rest, only a bracket does.
-        tries[todo] = np.where(near & ~flat, tries[todo] + 1, 0)
-        lost = tries[todo] > 3
-        outside[todo] = np.where(lost, new, outside[todo])
-        done = flat & ((np.abs(height - high) <= CLOSE * high) | (beyond & low))
+        inside[todo] = np.where(low, new, inside[todo])
+        outside[todo] = np.where(low, outside[todo], new)
+        met = near & (np.abs(floor.height - high) <= CLOSE * high)
         tight = np.abs(outside[todo] - inside[todo]) <= TIGHT * np.abs(outside[todo])
-        done, new = done | tight, np.where(tight & ~done, inside[todo], new)
-        found_w[todo], found_x[todo] = np.where(done, (new, x), np.nan)
-        cut[todo] = done & beyond & low & ~tight
-        slope_w = now.g_w + slope * now.g_x
-        root = np.sqrt(np.maximum(height, 0.0))
-        step = (np.sqrt(high) - root) * root / slope_w
-        far = np.abs(new - s.w[todo])
+        cut[todo] = low & beyond & ~met
+        done = met | tight | (low & beyond)
+        new = np.where(tight & ~met, inside[todo], new)
+        found_w[todo], found_x[todo] = np.where(done, (new, base_x[todo]), np.nan)
+        root, far = np.sqrt(np.maximum(floor.height, 0.0)), 3.0 * np.abs(new - s.w[todo])
+        step = (np.sqrt(high) - root) * root / floor.slope
         # Where the floor does not rise (rounding; a valley that bends down): further out.
-        step = np.where(
-            sign * slope_w > 0.0, np.clip(step, -3.0 * far, 3.0 * far), sign * 3.0 * far
-        )
-        ahead = new + step
-        between = 0.5 * (inside[todo] + outside[todo])
+        step = np.where(sign * floor.slope > 0.0, np.clip(step, -far, far), sign * far)
+        ahead, between = new + step, 0.5 * (inside[todo] + outside[todo])
         astray = (sign * (ahead - inside[todo]) <= 0.0) | (sign * (outside[todo] - ahead) <= 0.0)
-        ahead = np.where((astray | ~near | lost) & np.isfinite(between), between, ahead)
-        new = np.where(near & ~flat & ~lost, new, ahead)
-        keep = ~done & np.isfinite(now.cost)
-        todo, new = todo[keep], new[keep]
+        new = np.where((astray | ~near) & np.isfinite(between), between, ahead)
+        todo, new = todo[~done], new[~done]
         if not len(todo):
             break
     return found_w, found_x, cut

@@ -1,7 +1,8 @@
 """No more model than the data need: `--model auto`.
 
 Candidates come in stages, each only if the one before gives reason to: without k and with the
-simplest k; more oscillators, while they help; then each nuisance parameter. `candidates` says how
+simplest k; more oscillators, where light is absorbed or nothing so far describes the data, and
+while they help; then each nuisance parameter. `candidates` says how
 they compare and which is taken.
 """
 
@@ -50,6 +51,26 @@ def _only_shared(names: Iterable[str]) -> None:
                 f"{name} is a parameter of some models only; with the model left open ('auto'), "
                 f"{', '.join(NUISANCES)} and thickness_um can be set. Name the model to set others."
             )
+
+
+def explains(fit: ModelFit) -> bool:
+    """Whether what a fit leaves looks like noise: in size where errors are stated, else in order.
+
+    In order: neighbours along a curve are not alike (their correlation is below four times what
+    chance does).
+    """
+    if np.isfinite(fit.chi2_reduced) and fit.dof:
+        return fit.chi2_reduced < max(1.5, 1.0 + 5.0 * np.sqrt(2.0 / fit.dof))
+    m = fit.measurement
+    value, _ = fit.fitted()
+    left = m.value - value
+    left = np.where(m.quantity == "delta", (left + 180.0) % 360.0 - 180.0, left)
+    order = np.lexsort((m.wavelength_um, m.angle_deg, fit.curve))
+    left, same = left[order], np.diff(fit.curve[order]) == 0
+    scale = np.array([np.std(left[fit.curve[order] == c]) for c in fit.curve[order]])
+    left = left / np.where(scale > 0.0, scale, 1.0)
+    pairs = (left[1:] * left[:-1])[same]
+    return len(pairs) < 10 or pairs.mean() < 4.0 / np.sqrt(len(pairs))
 
 
 def _nuisances(m: Measurement) -> list[str]:
@@ -112,7 +133,7 @@ def choose(
     attempt("constant", without_k=True)
     for name in _first_stage(wavelengths):
         attempt(name)
-    if wavelengths >= 6 and _absorbs(best()):
+    if wavelengths >= 6 and (_absorbs(best()) or not explains(best().fit)):
         attempt("drude-lorentz:1")
         attempt("tauc-lorentz:1")
         for terms in range(2, MOST_TERMS + 1):
@@ -122,7 +143,8 @@ def choose(
                 for kind in ("lorentz", "drude-lorentz")
                 if wavelengths >= 4 * terms and _good(tried.get(Key(f"{kind}:{terms - 1}")))
             ]
-            if not any(c.good and c.fit.bic < before - MARGIN for c in grown):
+            helped = any(c.good and c.fit.bic < before - MARGIN for c in grown)
+            if not helped and explains(best().fit):
                 break
     if nuisances:
         wanted = [n for n in _nuisances(joined) if n not in given]

@@ -145,6 +145,7 @@ def test_without_degrees_of_freedom_the_normal_law_holds():
         (2.5, 1.0, ("R_s", "R_p"), (0.936, 0.936), (0.964, 0.964)),
         (0.5, 3.0, ("R_s",), (0.936, 0.936), (0.964, 0.964)),
         (1.5, 0.0, ("R_s", "R_p"), (0.92, 0.963), (0.97, 0.987)),
+        (1.5, 0.0, ("R_s",), (0.92, 0.957), (0.97, 0.985)),  # k = 0 from the other end
     ],
 )
 def test_profile_intervals_hold_the_truth_as_often_as_they_should(eta, k, quantities, low, high):
@@ -165,6 +166,20 @@ def test_noise_decides_at_which_end_of_the_valley_a_fit_near_the_normal_lies_and
     assert undetermined.mean() > 0.95
     # All on one branch, so that a spectrum does not jump.
     assert (found.eta[undetermined] > 1.0).all()
+
+
+def test_an_interval_ends_where_total_reflection_begins():
+    """R_p = R_s^2 at 45 degrees: the valley runs from k = 0 to n = sin 45, where it breaks off."""
+    data = curves(2.0, 0.0, ("R_s", "R_p"), np.array([45.0]))
+    found = fit_many([45.0], **data, sigma=1e-3, absolute_sigma=True, intervals="auto")
+    assert found.status == "undetermined"
+    assert found.interval_kind == "profile"
+    # With k = 0 both reflectances give n of 2 to the error that two of them leave; the other end is
+    # an index below 1 that reflects as much.
+    assert found.eta_interval[0] < 0.8
+    assert found.eta_interval[1] == pytest.approx(2.0, abs=0.02)
+    assert found.k_interval[0] == 0.0
+    assert 0.6 < found.k_interval[1] < 0.8
 
 
 def test_no_interval_where_there_is_nothing_to_go_by():

@@ -21,8 +21,9 @@ def outcome(size, bic, status="converged", error=1e-3, data=None):
         return values, np.zeros(len(values))
 
     return SimpleNamespace(
-        names=tuple("abcdefgh"[:size]), bic=bic, status=status, rms=error, fitted=fitted
-    )
+        names=tuple("abcdefgh"[:size]), bic=bic, status=status, rms=error, fitted=fitted,
+        chi2_reduced=(error / 1e-3) ** 2, dof=100,
+    )  # fmt: skip
 
 
 def candidate(model, size, bic, status="converged"):
@@ -87,6 +88,25 @@ def test_oscillators_are_tried_only_where_light_is_absorbed_and_while_they_help(
     assert choice.taken.label == "lorentz:2"
     assert "lorentz:3" in calls
     assert "lorentz:4" not in calls
+
+
+def test_more_oscillators_are_tried_where_nothing_so_far_describes_the_data(monkeypatch, spectrum):
+    """A metal of many features, for which a polynomial is the best of the small models."""
+    bics = {"cauchy:3": 500.0, "drude-lorentz:2": 0.0}
+    calls = made_up(monkeypatch, spectrum, bics, {"cauchy:3": 0.05})
+    assert select.choose(spectrum, nuisances=False).taken.label == "drude-lorentz:2"
+    assert "drude-lorentz:3" in calls
+
+
+@pytest.mark.parametrize(("wave", "wanted"), [(0.0, True), (2e-3, False)])
+def test_without_errors_what_is_left_must_look_like_noise(spectrum, wave, wanted):
+    rng = np.random.default_rng(0)
+    left = 1e-3 * rng.standard_normal(len(spectrum)) + wave * np.sin(20.0 * spectrum.wavelength_um)
+    fit = SimpleNamespace(
+        chi2_reduced=np.nan, dof=100, measurement=spectrum, curve=np.zeros(len(spectrum), int),
+        fitted=lambda: (spectrum.value - left, left),
+    )  # fmt: skip
+    assert bool(select.explains(fit)) is wanted  # pyright: ignore
 
 
 def test_a_nuisance_parameter_that_helps_is_kept_for_the_next(monkeypatch, spectrum):
