@@ -8,16 +8,21 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fitting import model_report, results
+from fitting import model_report, report, results
 from fitting.model_options import fit_options
 from fitting.outputs import Outputs
 
 if TYPE_CHECKING:
+    from fitting.candidates import Choice
     from fitting.measurement import Measurement
     from fitting.model_result import ModelFit
 
+AUTO = "auto"
 
-def _fit(measurements: Sequence[Measurement], arguments: argparse.Namespace) -> ModelFit:
+
+def _fit(
+    measurements: Sequence[Measurement], arguments: argparse.Namespace
+) -> tuple[ModelFit, Choice | None]:
     from fitting.start_up import set_up_jax
 
     options = fit_options(arguments)
@@ -31,10 +36,28 @@ def _fit(measurements: Sequence[Measurement], arguments: argparse.Namespace) -> 
     with warnings.catch_warnings():
         # A cache folder that is full or was taken away is not the user's business here.
         warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
-        return fit_model(measurements, arguments.model, **options)
+        if arguments.model != AUTO:
+            return fit_model(measurements, arguments.model, **options), None
+        from fitting.progress import Progress
+        from fitting.select import choose
+
+        with Progress("models tried", quiet=arguments.quiet) as bar:
+            choice = choose(measurements, step=bar.step, **options)
+        return choice.fit, choice
 
 
-def _write(staged: dict[str, Path], fit: ModelFit, arguments: argparse.Namespace) -> None:
+def _comparison(choice: Choice, width: int) -> str:
+    from fitting.candidates import choice_table
+
+    lines = ["", "  models compared (BIC above the lowest; > is taken)"]
+    lines += report.rows_aligned(choice_table(choice))
+    lines += ["", *(report.wrapped("choice", reason, width) for reason in choice.reasons)]
+    return "\n".join(lines) + "\n"
+
+
+def _write(
+    staged: dict[str, Path], fit: ModelFit, choice: Choice | None, arguments: argparse.Namespace
+) -> None:
     for kind, path in staged.items():
         what = kind.removeprefix("report ")
         if what == "plot":
@@ -43,11 +66,16 @@ def _write(staged: dict[str, Path], fit: ModelFit, arguments: argparse.Namespace
             suffix = Path(arguments.plot).suffix if kind == "plot" else ".png"
             save_model_plot(fit, path, suffix, arguments.reference)
             continue
-        text = {
-            "json": model_report.json_text,
-            "csv": model_report.data_csv,
-            "index": model_report.index_csv,
-        }[what](fit)
+        if what == "page":
+            from fitting.model_page import model_page
+
+            text = model_page(fit, staged["report plot"].read_bytes(), arguments.command, choice)
+        else:
+            text = {
+                "json": model_report.json_text,
+                "csv": model_report.data_csv,
+                "index": model_report.index_csv,
+            }[what](fit)
         # File names that are no text are shown with escapes; line ends are the same everywhere.
         path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
 
@@ -64,16 +92,15 @@ def run_model(
     """
     import numpy as np
 
-    if arguments.report:
-        raise ValueError("--report is for fits without --model; use --json, --csv and --plot.")
     wavelength = np.concatenate([m.wavelength_um for m in measurements])
     with Outputs() as outputs:
         staged = results.stage(outputs, arguments, len(np.unique(wavelength)) > 1)
-        fit = _fit(measurements, arguments)
+        fit, choice = _fit(measurements, arguments)
         if arguments.json == "-":
             show(model_report.json_text(fit))
         elif not arguments.quiet:
-            show(model_report.table(fit, width))
-        _write(staged, fit, arguments)
+            compared = "" if choice is None else _comparison(choice, width)
+            show(model_report.table(fit, width) + compared)
+        _write(staged, fit, choice, arguments)
         outputs.publish()
     return fit.status == "converged"

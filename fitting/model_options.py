@@ -33,7 +33,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "scale[R_s] is one of them), angle-offset, leak, divergence.",
     )
     group.add_argument(
-        "--model", metavar="NAME[:TERMS]", help=f"{_MODELS}; with terms: drude-lorentz:2"
+        "--model",
+        metavar="NAME[:TERMS]",
+        help=f"{_MODELS}; with terms: drude-lorentz:2; or auto: the simplest that the data ask for",
     )
     group.add_argument(
         "--slab", metavar="MM", type=_thickness_um,

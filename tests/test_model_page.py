@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from simulated import simulated
+from simulated import GOLD, simulated
 from test_report_page import Page
 
-from fitting import select
+from fitting import cli, select
 from fitting.model_page import model_page
 
 
@@ -32,3 +32,31 @@ def test_the_page_of_a_model(choice):
 
 def test_without_a_choice_there_is_no_comparison(choice):
     assert "Models compared" not in Page(model_page(choice.fit, b"", "")).text
+
+
+def test_the_choice_on_the_command_line(choice, tmp_path, capsys, monkeypatch):
+    """The comparison is printed, and the report holds it; which models are fitted is not in doubt
+    here, so that the command gets what was chosen already."""
+    asked = {}
+
+    def chosen(measurements, **options):
+        asked.update(options)
+        return choice
+
+    monkeypatch.setattr("fitting.start_up.set_up_jax", lambda: None)
+    monkeypatch.setattr(select, "choose", chosen)
+    folder = tmp_path / "report"
+    arguments = ["--model", "auto", "--eta-i", "1.2", "--report", str(folder)]
+    assert cli.main([str(GOLD), *arguments]) == 0
+    assert (asked["eta_i"], asked["structure"]) == (1.2, "interface")
+    lines = capsys.readouterr().out.splitlines()
+    rows = [line for line in lines if line.strip().startswith("> ")]
+    assert len(rows) == 1
+    assert rows[0].split()[1:3] == ["constant", "2"]
+    assert any(line.split()[:4] == ["constant,", "k", "=", "0"] for line in lines)
+    assert {p.name for p in folder.iterdir()} >= {"report.html", "fit.json", "data.csv", "fit.png"}
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    assert "Models compared" in Page(text).text
+    assert text.count("data:image/png;base64,") == 1
+    assert cli.main([str(GOLD), *arguments, "--quiet"]) == 0
+    assert capsys.readouterr() == ("", "")
