@@ -1,9 +1,9 @@
 """A glass and a gold sphere under a sky, and the index of the glass recovered from the picture.
 
-One jitted function, `render`, traces every ray (see `_spheres.py`). The picture is a function of
-the index eta of the glass, and JAX differentiates it: one panel shows d(picture)/d(eta). Given a
-photograph, with noise of one percent, optimistix minimises the squared difference and finds the
-index from a wrong start; the curvature there gives the error bar.
+One jitted function, `photograph`, traces every ray (see `_spheres.py`). The picture is a function
+of the index eta of the glass, and JAX differentiates it: one panel shows d(picture)/d(eta). Given a
+picture with noise of one percent, optimistix minimises the squared difference and finds the index
+from a wrong start; the curvature there gives the error bar.
 """
 
 from functools import partial
@@ -19,7 +19,6 @@ from _spheres import trace
 jax.config.update("jax_enable_x64", True)
 
 TRUE_ETA, WRONG_ETA, NOISE = 1.517, 1.77, 0.01
-render = jax.jit(trace, static_argnums=(1, 2))
 
 
 class Recovery(NamedTuple):
@@ -31,47 +30,46 @@ class Recovery(NamedTuple):
     steps: list[float]
 
 
-@partial(jax.jit, static_argnums=(1, 2))
-def derivative(eta, width: int, samples: int):
-    """(picture, d picture / d eta)."""
-    return jax.jvp(lambda e: trace(e, width, samples), (eta,), (jnp.ones_like(eta),))
+@partial(jax.jit, static_argnums=1)
+def photograph(eta, width: int):
+    """(picture, d picture / d eta), of 4 rays in each pixel."""
+    return jax.jvp(lambda eta: trace(eta, width, 2), (eta,), (jnp.ones_like(eta),))
 
 
-def recover(photograph, start: float, samples: int) -> Recovery:
-    """The index of the glass in a photograph with noise, by Levenberg and Marquardt's method."""
+def recover(seen, start: float) -> Recovery:
+    """The index of the glass in a picture with noise, by Levenberg and Marquardt's method."""
     steps = []
 
     def note(**progress):
         _, eta = progress["y_last_accepted_step"]
         jax.debug.callback(lambda eta: steps.append(float(eta)), eta)
 
-    width = photograph.shape[1]
+    width = seen.shape[1]
 
     @jax.custom_jvp
     def model(eta):
-        return derivative(eta, width, samples)[0]
+        return photograph(eta, width)[0]
 
     @model.defjvp
     def _(eta, change):  # one parameter: the slope comes along with the picture, in one program
-        picture, slope = derivative(*eta, width, samples)
+        picture, slope = photograph(*eta, width)
         return picture, slope * change[0]
 
     eta = optx.least_squares(
-        lambda eta, _: model(eta) - photograph,
+        lambda eta, _: model(eta) - seen,
         optx.LevenbergMarquardt(rtol=1e-4, atol=1e-4, norm=optx.rms_norm, verbose=note),
-        jnp.asarray(start),
+        jnp.float64(start),
         max_steps=60,
     ).value
-    picture, slope = derivative(eta, width, samples)
+    picture, slope = photograph(eta, width)
     jax.effects_barrier()
-    chi2 = jnp.mean(((picture - photograph) / NOISE) ** 2)
+    chi2 = jnp.mean(((picture - seen) / NOISE) ** 2)
     return Recovery(float(eta), float(NOISE / jnp.linalg.norm(slope)), float(chi2), steps)
 
 
 def draw(path, width: int, found: Recovery) -> None:
-    """The photograph, the derivative, and the way to the right index."""
-    true = jnp.asarray(TRUE_ETA)
-    picture, (_, slope) = render(true, width, 3), derivative(true, width // 2, 2)
+    """The picture, its derivative, and the way to the right index."""
+    picture, slope = photograph(jnp.float64(TRUE_ETA), width)
     with figure(path, 12.6, 5.35) as fig:
         grid = fig.add_gridspec(2, 3, width_ratios=(1.0, 1.0, 0.98))
         photo, change, way = (fig.add_subplot(g) for g in (grid[:, :2], grid[0, 2], grid[1, 2]))
@@ -97,10 +95,9 @@ def draw(path, width: int, found: Recovery) -> None:
 def main(argv=None) -> dict[str, float]:
     """Draws the picture, prints and returns the numbers."""
     picture, size = arguments(__doc__, "two_spheres.png", 640, "pixels across", argv)
-    samples, width = 2, min(64, size // 2)
-    clean, _ = derivative(jnp.asarray(TRUE_ETA), width, samples)
+    clean, _ = photograph(jnp.float64(TRUE_ETA), min(64, size))
     noise = NOISE * np.random.default_rng(1).standard_normal(clean.shape)
-    found = recover(clean + noise, WRONG_ETA, samples)
+    found = recover(clean + noise, WRONG_ETA)
     draw(picture, size, found)
     results = found._asdict() | {"steps": len(found.steps), "start": WRONG_ETA, "true": TRUE_ETA}
     print("from {start} in {steps} steps to eta = {eta:.5f} +- {sigma:.5f}".format(**results))

@@ -145,7 +145,7 @@ def test_lobe_choice(example, tmp_path):
 
 def test_two_spheres_recovers_the_index(example, tmp_path):
     spheres = example("two_spheres")
-    results = spheres.main([str(tmp_path / "spheres.png"), "--size", "64"])
+    results = spheres.main([str(tmp_path / "spheres.png"), "--size", "32"])
     drawn(tmp_path / "spheres.png")
     assert abs(results["start"] - results["true"]) > 0.2
     assert results["sigma"] < 1e-3
