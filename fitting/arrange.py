@@ -57,7 +57,7 @@ def of_measurement(m: Measurement, eta_i: float, sigma: str) -> Arranged:
             f"{m.source}: cannot fit {', '.join(strange)}. Without a model, one bare interface is "
             "fitted to R_s, R_p and R wavelength by wavelength. Name the columns to be read with "
             "--columns, for example angle=1,R_s=2; or say what the data are of with --model (psi "
-            "and delta, a dispersion) or --model and --slab (R and T of a plate)."
+            "and delta, a dispersion) or --slab MM (R and T of a plate)."
         )
     known = np.isfinite(m.sigma)
     stated = sigma == "given" and bool(known.all())
