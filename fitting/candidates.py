@@ -133,9 +133,10 @@ def _held_out(
 def _reasons(taken: Candidate, less: Candidate | None, everyone: Sequence[Candidate]) -> list[str]:
     reasons = []
     if np.isfinite(taken.held_out):
+        unit = ", in standard errors" if np.isfinite(taken.fit.chi2_reduced) else ""
         text = (
             f"points held out are missed by {taken.held_out:.3g}, those shown by {taken.shown:.3g} "
-            "(rms, in standard errors)"
+            f"(rms{unit})"
         )
         reasons.append(text + (f"; by {less.label}: {less.held_out:.3g}." if less else "."))
         if taken.held_out > WORSE * taken.shown:
