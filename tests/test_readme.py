@@ -1,6 +1,8 @@
 """The README's snippets run as they stand, and its pictures and files exist."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -29,3 +31,12 @@ def test_make_targets_that_the_readme_names_exist():
     assert {"demo", "test"} <= named
     for target in named:
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
+
+
+def test_the_table_is_what_make_demo_prints():
+    (shown,) = re.findall(r"```text\n(gold.*?)```", README, re.DOTALL)
+    command = [sys.executable, "-m", "fitting", "examples/data/gold_532nm.csv"]
+    printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    # The number of evaluations may depend on the processor's rounding.
+    without_count = [re.sub(r"\d+ evaluations", "", text) for text in (shown, printed)]
+    assert without_count[0].splitlines() == without_count[1].splitlines()
