@@ -56,7 +56,7 @@ def passage(center, point, direction, eta) -> Passage:
     return Passage(point, leaving, 0.5 * (entering.T_s**2 + entering.T_p**2))
 
 
-def caustic(eta, rays: int = 200):
+def caustic(eta, rays: int = 400):
     """Sunlight on the floor that came through the glass, over the irradiance facing the sun."""
     u = (np.arange(rays) + 0.5) / rays * 2.0 - 1.0
     u, v = (a.ravel() for a in np.meshgrid(u, u))
