@@ -52,6 +52,21 @@ def test_shares_keep_their_digits(dtype):
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_transmission_where_only_the_lowest_digits_decide(dtype):
+    """The pairs, among 1e6, next to the critical angle: doubled precision loses 5 digits of T."""
+    wide = np.float64 if dtype == np.float32 else np.longdouble
+    n = np.random.default_rng(12).uniform(0.3, 0.95, 1_000_000).astype(dtype)
+    c = np.sqrt((1 - n.astype(wide)) * (1 + n.astype(wide))).astype(dtype)
+    left = np.abs(n.astype(wide) ** 2 - (1 - c.astype(wide)) * (1 + c.astype(wide)))
+    nearest = np.argsort(left)[:200]
+    c, n = c[nearest], n[nearest]
+    T = jax.jit(shares, static_argnums=3)(c, n, np.ones_like(n), True).T
+    true = np.array([float(textbook(*x, 1.0)[1]) for x in zip(c, n, strict=True)])
+    assert np.any(true > 0.0) and np.any(true == 0.0)
+    np.testing.assert_allclose(T, true, rtol=12 * float(np.finfo(dtype).eps))
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_shares_at_singular_points(dtype):
     c = jnp.asarray([0.0, 1.0, 0.3, 0.0, 0.2], dtype)
     n, m = (
