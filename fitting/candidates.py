@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -194,3 +194,15 @@ def choice_table(choice: Choice) -> list[list[str]]:
             f"{c.held_out:.3g}" if np.isfinite(c.held_out) else "", c.fit.status,
         ])  # fmt: skip
     return rows
+
+
+def choice_dict(choice: Choice) -> dict[str, Any]:
+    """Return the comparison as plain data: ``models``, by rising BIC, and ``choice``, sentences."""
+    models = [
+        {
+            "label": c.label, "taken": c.label == choice.taken.label, "parameters": c.size,
+            "bic": c.fit.bic, "rms": c.fit.rms, "held_out": c.held_out, "status": c.fit.status,
+        }
+        for c in choice.candidates
+    ]  # fmt: skip
+    return {"models": models, "choice": list(choice.reasons)}

@@ -55,6 +55,14 @@ def _comparison(choice: Choice, width: int) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _json(fit: ModelFit, choice: Choice | None) -> str:
+    if choice is None:
+        return model_report.json_text(fit)
+    from fitting.candidates import choice_dict
+
+    return model_report.json_text(fit, choice_dict(choice))
+
+
 def _write(
     staged: dict[str, Path], fit: ModelFit, choice: Choice | None, arguments: argparse.Namespace
 ) -> None:
@@ -70,12 +78,10 @@ def _write(
             from fitting.model_page import model_page
 
             text = model_page(fit, staged["report plot"].read_bytes(), arguments.command, choice)
+        elif what == "json":
+            text = _json(fit, choice)
         else:
-            text = {
-                "json": model_report.json_text,
-                "csv": model_report.data_csv,
-                "index": model_report.index_csv,
-            }[what](fit)
+            text = model_report.data_csv(fit) if what == "csv" else model_report.index_csv(fit)
         # File names that are no text are shown with escapes; line ends are the same everywhere.
         path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
 
@@ -97,7 +103,7 @@ def run_model(
         staged = results.stage(outputs, arguments, len(np.unique(wavelength)) > 1)
         fit, choice = _fit(measurements, arguments)
         if arguments.json == "-":
-            show(model_report.json_text(fit))
+            show(_json(fit, choice))
         elif not arguments.quiet:
             compared = "" if choice is None else _comparison(choice, width)
             show(model_report.table(fit, width) + compared)

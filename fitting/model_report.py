@@ -97,14 +97,15 @@ def _spectrum(fit: ModelFit) -> dict[str, list[float]]:
     return {n: a.tolist() for n, a in fit.index(known)._asdict().items()}
 
 
-def json_text(fit: ModelFit) -> str:
+def json_text(fit: ModelFit, more: dict[str, Any] | None = None) -> str:
     """Return the fit as a JSON object, a field a line: ``ModelFit.to_dict`` and eta and k.
 
-    First ``source`` and ``understood``; last ``index``: eta and k at the measured wavelengths.
+    First ``source`` and ``understood``; last ``index``: eta and k at the measured wavelengths; and
+    what is in ``more``.
     """
     m = fit.measurement
     fields: dict[str, Any] = {"source": m.source, "understood": m.understood, **fit.to_dict()}
-    fields["index"] = _spectrum(fit)
+    fields |= {"index": _spectrum(fit), **(more or {})}
     lines = (
         f"  {json.dumps(name)}: {json.dumps(plain(value), allow_nan=False)}"
         for name, value in fields.items()

@@ -1,11 +1,13 @@
 """The page of a fitted model: its parameters, how they go together, and what was compared."""
 
+import json
+
 import numpy as np
 import pytest
 from simulated import GOLD, simulated
 from test_report_page import Page
 
-from fitting import cli, select
+from fitting import candidates, cli, select
 from fitting.model_page import model_page
 
 
@@ -58,5 +60,9 @@ def test_the_choice_on_the_command_line(choice, tmp_path, capsys, monkeypatch):
     text = (folder / "report.html").read_text(encoding="utf-8")
     assert "Models compared" in Page(text).text
     assert text.count("data:image/png;base64,") == 1
+    plain = json.loads((folder / "fit.json").read_text())
+    assert [m["label"] for m in plain["models"] if m["taken"]] == ["constant"]
+    assert plain["models"][0]["bic"] == pytest.approx(plain["bic"], abs=candidates.MARGIN)
+    assert plain["choice"] == list(choice.reasons)
     assert cli.main([str(GOLD), *arguments, "--quiet"]) == 0
     assert capsys.readouterr() == ("", "")
