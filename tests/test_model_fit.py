@@ -139,6 +139,13 @@ def test_values_and_errors_are_those_of_scipy():
     inverse = np.linalg.inv(with_row.jac.T @ with_row.jac)
     np.testing.assert_allclose(prior.covariance, inverse, rtol=1e-5)
     assert prior.dof == ours.dof + 1
+    # without stated errors the prior is weighed by the noise that the residuals show
+    bare = Measurement.from_columns(*grid(), R_s=m.value[:42], R_p=m.value[42:])
+    prior = fit_model(m, "cauchy:2", priors={"B": (0.0125, 3e-4)}, absolute_sigma=True)
+    found = fit_model(bare, "cauchy:2", priors={"B": (0.0125, 3e-4)})
+    assert found.noise == pytest.approx(SIGMA, rel=0.3)
+    assert found.value_of("B") == pytest.approx(prior.value_of("B"), abs=prior.sigma_of("B"))
+    np.testing.assert_allclose(found.sigmas, prior.sigmas, rtol=0.3)
 
 
 def test_psi_and_delta_with_and_without_errors():
