@@ -9,10 +9,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from fitting import Measurement, fit_model, predict
-from fresnel_jax import powers
-from fresnel_jax.dispersion import Cauchy, DrudeLorentz, TaucLorentz
-from fresnel_jax.layers import slab
-from fresnel_jax.polarization import psi_delta
+from fresnel_jax.dispersion import Cauchy, TaucLorentz
 
 WAVELENGTHS = np.linspace(0.4, 0.9, 14)
 ANGLES = np.array([45.0, 65.0, 75.0])
@@ -37,52 +34,7 @@ def simulated(model, parameters, sigma=SIGMA, seed=1, quantities=("R_s", "R_p"),
 CAUCHY = {"A": 1.5, "B": 0.012, "C": 0.0}
 
 
-def test_predict_is_the_library():
-    angle, wavelength = grid()
-    c = np.cos(np.radians(angle))
-    index = Cauchy([1.5, 0.012, 0.0])(wavelength)
-    one = powers(c, *index)
-    for q in ("R_s", "R_p", "T_s", "T_p", "R", "T"):
-        found = predict("cauchy", CAUCHY, angle, wavelength, q)
-        np.testing.assert_allclose(found, getattr(one, q), rtol=1e-13, atol=1e-16)
-    both = slab(c, *index, 100.0, wavelength)
-    found = predict(
-        "cauchy", CAUCHY | {"thickness_um": 100.0}, angle, wavelength, "T", structure="slab"
-    )
-    np.testing.assert_allclose(found, both.T, rtol=1e-13)
-    metal = {"eps_inf": 2.0, "plasma_ev": 8.0, "width_ev": 0.1, "strength_ev2_1": 3.0,
-             "resonance_ev_1": 2.5, "width_ev_1": 0.6}  # fmt: skip
-    index = DrudeLorentz([64.0, 3.0], [0.0, 2.5], [0.1, 0.6], 2.0)(wavelength)
-    angles = psi_delta(c, *index)
-    for q, true in (("psi", angles.psi), ("delta", angles.delta)):
-        found = predict("drude-lorentz", metal, angle, wavelength, q)
-        np.testing.assert_allclose(found, np.degrees(true), rtol=1e-11)
-
-
-def test_nuisances_act_as_they_say():
-    angle, wavelength = np.array([30.0, 60.0]), np.full(2, 0.5)
-    values = {"eta": 1.5, "k": 0.1}
-
-    def seen(quantity, at=angle, **extra):
-        return predict("constant", values | extra, at, wavelength, quantity)
-
-    np.testing.assert_allclose(
-        seen("R_s", scale=0.9, background=0.01), 0.9 * seen("R_s") + 0.01, rtol=1e-14
-    )
-    np.testing.assert_allclose(seen("R_p", angle_offset=0.5), seen("R_p", angle + 0.5), rtol=1e-13)
-    mixed = 0.98 * seen("R_p") + 0.02 * seen("R_s")
-    np.testing.assert_allclose(seen("R_p", leak=0.02), mixed, rtol=1e-13)
-    np.testing.assert_allclose(seen("R", leak=0.02), seen("R"), rtol=1e-13)
-    # a Gaussian beam by brute force
-    x = np.linspace(-9.0, 9.0, 4001)
-    weight = np.exp(-x * x / 2.0) / np.exp(-x * x / 2.0).sum()
-    for i in range(2):
-        many = predict("constant", values, angle[i] + 0.8 * x, 0.5, "R_p")
-        assert seen("R_p", divergence=0.8)[i] == pytest.approx(weight @ many, rel=1e-9)
-
-
 MODELS = {
-    "cauchy": CAUCHY,
     "cauchy-urbach:2": {"A": 1.7, "B": 0.01, "k_edge": 0.3, "urbach_ev": 0.4, "edge_ev": 3.0},
     "sellmeier": {"strength_1": 1.2, "resonance_um_1": 0.15},
     "lorentz": {"eps_inf": 2.0, "strength_ev2_1": 6.0, "resonance_ev_1": 2.3, "width_ev_1": 0.5},
@@ -303,44 +255,3 @@ def test_x64_is_left_as_it_was():
         found = fit_model(simulated("cauchy:2", {"A": 1.5, "B": 0.012}), "cauchy:2")
         assert not jax.config.jax_enable_x64
     assert found.values.dtype == np.float64 and found.status == "converged"
-
-
-@pytest.mark.parametrize(("options", "words"), [
-    ({"model": "coshy"}, "there is no model 'coshy'"),
-    ({"model": "cauchy:9"}, "takes 1 to 8 terms"),
-    ({"model": "drude:2"}, "takes no number of terms"),
-    ({"structure": "film"}, "structure is 'film'"),
-    ({"structure": "slab"}, "a slab needs its thickness"),
-    ({"structure": "slab", "thickness_um": -1.0}, "a number above 0"),
-    ({"free": ["scal"]}, "has no parameter 'scal'"),
-    ({"fixed": {"A": float("nan")}}, "A is held at nan"),
-    ({"fixed": {"A": 1.5}, "bounds": {"A": (1, 2)}}, "at once"),
-    ({"fixed": {"A": 1.5, "B": 0.0, "C": 0.0}}, "every parameter is held"),
-    ({"bounds": {"A": (2, 1)}}, "the lower end first"),
-    ({"priors": {"A": (1.5, 0.0)}}, "above 0"),
-    ({"loss": "cubes"}, "loss is 'cubes'"),
-    ({"eta_i": -1.0}, "eta_i is -1.0"),
-    ({"starts": 0}, "starts is 0"),
-    ({"start": {"D": 1.0}}, "start names D"),
-    ({"sigma": "none"}, "sigma is 'none'"),
-])  # fmt: skip
-def test_refusals(options, words):
-    m = Measurement.from_columns([45.0, 60.0], 0.5, R_s=[0.1, 0.2], R_p=[0.02, 0.01])
-    with pytest.raises(ValueError, match=words):
-        fit_model(m, **options)
-
-
-def test_refusals_of_data():
-    angle = [45.0, 60.0]
-    unknown = Measurement.from_columns(angle, R_s=[0.1, 0.2])
-    with pytest.raises(ValueError, match="wavelength"):
-        fit_model(unknown, "cauchy")
-    ellipsometry = Measurement.from_columns(angle, 0.5, psi=[20.0, 10.0], delta=[0.0, 0.0])
-    with pytest.raises(ValueError, match="no definite phase"):
-        fit_model(ellipsometry, "cauchy", "slab", thickness_um=100.0)
-    with pytest.raises(ValueError, match="scale acts on powers"):
-        fit_model(ellipsometry, "constant", free=["scale"])
-    with pytest.raises(ValueError, match="absolute_sigma"):
-        fit_model(ellipsometry, "constant", absolute_sigma=True)
-    with pytest.raises(ValueError, match="have no psi"):
-        fit_model(Measurement.from_columns(angle, 0.5, delta=[0.0, 0.0]), "constant")
