@@ -146,7 +146,7 @@ def _reasons(taken: Candidate, less: Candidate | None, everyone: Sequence[Candid
             )
     near = [
         c.label for c in everyone
-        if c.good and c.label != taken.label and c.fit.bic <= taken.fit.bic + MARGIN
+        if c.good and c.label != taken.label and abs(c.fit.bic - taken.fit.bic) <= MARGIN
     ]  # fmt: skip
     if near:
         reasons.append(
