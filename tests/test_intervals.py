@@ -145,7 +145,6 @@ def test_without_degrees_of_freedom_the_normal_law_holds():
         (2.5, 1.0, ("R_s", "R_p"), (0.936, 0.936), (0.964, 0.964)),
         (0.5, 3.0, ("R_s",), (0.936, 0.936), (0.964, 0.964)),
         (1.5, 0.0, ("R_s", "R_p"), (0.92, 0.963), (0.97, 0.987)),
-        (1.5, 0.0, ("R_s",), (0.92, 0.957), (0.97, 0.985)),  # k = 0 from the other end
     ],
 )
 def test_profile_intervals_hold_the_truth_as_often_as_they_should(eta, k, quantities, low, high):
@@ -155,6 +154,19 @@ def test_profile_intervals_hold_the_truth_as_often_as_they_should(eta, k, quanti
     for i, (ends, truth) in enumerate(((found.eta_interval, eta), (found.k_interval, k))):
         held = ((ends[:, 0] <= truth) & (truth <= ends[:, 1])).mean()
         assert low[i] < held < high[i]
+
+
+def test_k_is_exactly_0_at_the_end_of_an_interval_wherever_the_fit_came_from():
+    """R_s alone of glasses: a fit in the chart of n < 1 sees the end with n > 1 from afar."""
+    rng = np.random.default_rng(3)
+    angles, eta = np.linspace(1.0, 89.0, 60), rng.uniform(1.3, 3.5, (3000, 1))
+    R_s = textbook(angles, np.full(60, "R_s"), eta, 0.0)
+    R_s = R_s + 1e-3 * rng.standard_normal(R_s.shape)
+    found = fit_many(angles, R_s=R_s, sigma=1e-3, absolute_sigma=True, intervals="profile")
+    low, high = found.eta_interval.T
+    # .94 and .975 (4 binomial errors of 3000: .016 and .011); .90 and .92 without the nearer chart.
+    assert ((low <= eta[:, 0]) & (eta[:, 0] <= high)).mean() > 0.922
+    assert (found.k_interval[:, 0] == 0.0).mean() > 0.962
 
 
 def test_noise_decides_at_which_end_of_the_valley_a_fit_near_the_normal_lies_and_that_is_said():
