@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import sys
 from typing import Any
@@ -16,8 +17,7 @@ class Progress:
     def __init__(self, what: str, *, quiet: bool = False) -> None:
         self._bar: Any = None
         if not quiet and sys.stderr.isatty() and importlib.util.find_spec("tqdm") is not None:
-            from tqdm import tqdm
-
+            tqdm = importlib.import_module("tqdm").tqdm
             self._bar = tqdm(desc=what, delay=1.0, leave=False, unit="", file=sys.stderr)
 
     def expect(self, total: int) -> None:
