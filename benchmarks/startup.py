@@ -36,7 +36,7 @@ from fitting.start_up import cheap_start, set_up_jax
 with cheap_start():
     import numpy
     mark("import numpy")
-    measurement = cli._read(arguments)
+    (measurement,) = cli._read(arguments)
     mark("read the file")
     import jax
     mark("import jax")
