@@ -1,6 +1,7 @@
 """The benchmark measures what it says: the forms named, their errors, the front, the worker."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -92,3 +93,13 @@ def test_a_worker_answers():
     assert ready["ready"] and timed["s"] > 0 and "failed" in failed
     errors = accuracy.errors("dielectric", "float64", evaluated["R"])
     assert errors["largest_absolute"] < 20 * np.finfo(float).eps
+
+
+def test_the_stages_of_the_command_are_timed(tmp_path):
+    from benchmarks import startup
+
+    stages = startup.stages(
+        {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path)}
+    )
+    assert {"import jax", "fit, first call", "table"} <= stages.keys()
+    assert min(stages.values()) > 0.0
