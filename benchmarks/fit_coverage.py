@@ -20,7 +20,7 @@ import time
 import jax
 import numpy as np
 
-from fitting.fitter import FitResult, fit_many
+from fitting.index.fit import FitResult, fit_many
 from fresnel_jax import powers
 
 from .machine import conditions

@@ -26,10 +26,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fitting import batch
 from fitting.compiled import compiled
-from fitting.fitter import fit_many
-from fitting.problem import Curves, Residuals
+from fitting.index import batch
+from fitting.index.fit import fit_many
+from fitting.index.problem import Curves, Residuals
 from fitting.solver import normal_sums
 from fresnel_jax import powers
 

@@ -42,11 +42,11 @@ with cheap_start():
     import jax
     mark("import jax")
     set_up_jax()
-    from fitting.fitter import fit
-    mark("import fitting.fitter" + " and optimistix" * ("optimistix" in sys.modules))
+    from fitting.index.fit import fit
+    mark("import fitting.index.fit" + " and optimistix" * ("optimistix" in sys.modules))
     result = fit(measurement)
     mark("fit, first call")
-    from fitting import report
+    from fitting.output import report
     text = report.table(result, measurement)
     mark("table")
     fit(measurement)

@@ -4,37 +4,39 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .curves import curve as curve
-    from .curves import fitted_values as fitted_values
-    from .fitter import FitResult as FitResult
-    from .fitter import fit as fit
-    from .fitter import fit_many as fit_many
+    from .index.curves import curve as curve
+    from .index.curves import fitted_values as fitted_values
+    from .index.fit import FitResult as FitResult
+    from .index.fit import fit as fit
+    from .index.fit import fit_many as fit_many
     from .measurement import Measurement as Measurement
     from .measurement import MeasurementError as MeasurementError
     from .measurement import read_csv as read_csv
-    from .model_fit import fit_model as fit_model
-    from .model_fit import model_names as model_names
-    from .model_fit import predict as predict
-    from .model_result import ModelFit as ModelFit
-    from .point_fits import PointFits as PointFits
-    from .point_fits import fit_points as fit_points
+    from .model.fit import fit_model as fit_model
+    from .model.fit import model_names as model_names
+    from .model.fit import predict as predict
+    from .model.points import PointFits as PointFits
+    from .model.points import fit_points as fit_points
+    from .model.result import ModelFit as ModelFit
+    from .model.select import choose as choose
 
 # The command line answers --help and refuses bad files without waiting 0.4 s for jax, so each name
 # is imported when it is first used.
 _HOME = {
-    "FitResult": "fitter",
+    "FitResult": "index.fit",
     "Measurement": "measurement",
     "MeasurementError": "measurement",
-    "ModelFit": "model_result",
-    "PointFits": "point_fits",
-    "curve": "curves",
-    "fit": "fitter",
-    "fit_many": "fitter",
-    "fit_model": "model_fit",
-    "fit_points": "point_fits",
-    "fitted_values": "curves",
-    "model_names": "model_fit",
-    "predict": "model_fit",
+    "ModelFit": "model.result",
+    "PointFits": "model.points",
+    "choose": "model.select",
+    "curve": "index.curves",
+    "fit": "index.fit",
+    "fit_many": "index.fit",
+    "fit_model": "model.fit",
+    "fit_points": "model.points",
+    "fitted_values": "index.curves",
+    "model_names": "model.fit",
+    "predict": "model.fit",
     "read_csv": "measurement",
 }
 

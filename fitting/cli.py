@@ -16,10 +16,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from fitting import model_options
+from fitting.command import options as model_options
 
 if TYPE_CHECKING:
-    from fitting.fitter import FitResult
+    from fitting.index.fit import FitResult
     from fitting.measurement import Measurement
 
 PROGRAM = "fresnel-fit"
@@ -183,7 +183,7 @@ def _fit(measurement: Measurement, arguments: argparse.Namespace) -> FitResult:
     from fitting.start_up import set_up_jax
 
     set_up_jax()
-    from fitting.fitter import fit
+    from fitting.index.fit import fit
 
     with warnings.catch_warnings():
         # A cache folder that is full or was taken away is not the user's business here.
@@ -200,21 +200,22 @@ def _fit(measurement: Measurement, arguments: argparse.Namespace) -> FitResult:
 def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
-    from fitting import export, report, results
+    from fitting.command import results
     from fitting.measurement import concatenate
-    from fitting.outputs import Outputs
+    from fitting.output import export, report
+    from fitting.output.outputs import Outputs
 
     width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
     with _refusals():
         results.check(arguments)
         measurements = _read(arguments)
         if arguments.model:
-            from fitting.model_command import run_model
+            from fitting.command.model import run_model
 
             return FITTED if run_model(measurements, arguments, width, _print) else NOT_FITTED
         measurement = concatenate(*measurements)
         if arguments.slab:
-            from fitting.point_command import run_points
+            from fitting.command.points import run_points
 
             return FITTED if run_points(measurement, arguments, width, _print) else NOT_FITTED
     with Outputs() as outputs:

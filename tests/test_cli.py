@@ -321,7 +321,7 @@ def test_results_are_written_whole_or_not_at_all(capsys, tmp_path, monkeypatch, 
         path.write_text("half")
         raise error
 
-    monkeypatch.setattr("fitting.plot.save_plot", fail)
+    monkeypatch.setattr("fitting.output.plot.save_plot", fail)
     arguments = [str(GOLD), "--json", str(tmp_path / "gold.json")]
     arguments += ["--plot", str(tmp_path / "gold.png")]
     if isinstance(error, OSError):

@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import truncnorm
 from simulated import textbook
 
-from fitting.fitter import fit_many
-from fitting.limits import normal_upper_limit
+from fitting.index.fit import fit_many
+from fitting.index.limits import normal_upper_limit
 
 ANGLES = np.linspace(5.0, 85.0, 16)
 

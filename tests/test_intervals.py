@@ -6,8 +6,8 @@ from scipy import stats
 from scipy.optimize import brentq, minimize_scalar
 from simulated import GOLD, simulated, textbook
 
-from fitting.fitter import fit, fit_many
-from fitting.limits import student_quantile
+from fitting.index.fit import fit, fit_many
+from fitting.index.limits import student_quantile
 from fitting.measurement import read_csv
 
 ANGLES = np.linspace(10.0, 85.0, 16)

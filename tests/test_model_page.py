@@ -7,8 +7,9 @@ import pytest
 from simulated import GOLD, simulated
 from test_report_page import Page
 
-from fitting import candidates, cli, select
-from fitting.model_page import model_page
+from fitting import cli
+from fitting.model import candidates, select
+from fitting.output.model_page import model_page
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 import pytest
 
 from fitting import Measurement, fit_model
-from fitting.parameters import parse_setting, parse_settings
+from fitting.model.parameters import parse_setting, parse_settings
 
 
 @pytest.mark.parametrize(("options", "words"), [

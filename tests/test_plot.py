@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from simulated import GOLD, simulated
 
-from fitting import plot
-from fitting.curves import curve, fitted_values
-from fitting.fitter import fit
+from fitting.index.curves import curve, fitted_values
+from fitting.index.fit import fit
 from fitting.measurement import Measurement, concatenate, read_csv
+from fitting.output import plot
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from types import ModuleType
 
 import pytest
 
-from fitting.progress import Progress
+from fitting.output.progress import Progress
 
 
 class Terminal(io.StringIO):

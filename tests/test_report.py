@@ -10,10 +10,10 @@ import pytest
 from scipy.optimize import least_squares
 from simulated import GOLD, simulated, textbook
 
-from fitting import export, report
-from fitting.curves import fitted_values
-from fitting.fitter import fit
+from fitting.index.curves import fitted_values
+from fitting.index.fit import fit
 from fitting.measurement import Measurement, concatenate, read_csv
+from fitting.output import export, report
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from simulated import GOLD, simulated
 
-from fitting import cli, page, report_page, results
-from fitting.curves import fitted_values
-from fitting.fitter import fit
+from fitting import cli
+from fitting.command import results
+from fitting.index.curves import fitted_values
+from fitting.index.fit import fit
 from fitting.measurement import concatenate, read_csv
+from fitting.output import page, report_page
 
 pytest.importorskip("matplotlib")
 

@@ -1,0 +1,1 @@
+"""The parts of the command ``fresnel-fit`` that only some of its uses need."""

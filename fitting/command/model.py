@@ -1,0 +1,113 @@
+"""``fresnel-fit --model NAME``: a dispersion model over whole curves, from the command line."""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fitting.command import results
+from fitting.command.options import fit_options
+from fitting.output import model_report, report
+from fitting.output.outputs import Outputs
+
+if TYPE_CHECKING:
+    from fitting.measurement import Measurement
+    from fitting.model.candidates import Choice
+    from fitting.model.result import ModelFit
+
+AUTO = "auto"
+
+
+def _fit(
+    measurements: Sequence[Measurement], arguments: argparse.Namespace
+) -> tuple[ModelFit, Choice | None]:
+    from fitting.start_up import set_up_jax
+
+    options = fit_options(arguments)
+    set_up_jax()
+    from fitting.model.fit import fit_model
+
+    if arguments.reference:
+        from fresnel_jax.dispersion import material
+
+        material(arguments.reference)  # refuses a name that it does not know
+    with warnings.catch_warnings():
+        # A cache folder that is full or was taken away is not the user's business here.
+        warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
+        if arguments.model != AUTO:
+            return fit_model(measurements, arguments.model, **options), None
+        from fitting.model.select import choose
+        from fitting.output.progress import Progress
+
+        with Progress("models tried", quiet=arguments.quiet) as bar:
+            choice = choose(measurements, step=bar.step, **options)
+        return choice.fit, choice
+
+
+def _comparison(choice: Choice, width: int) -> str:
+    from fitting.model.candidates import choice_table
+
+    lines = ["", "  models compared (BIC above the lowest; > is taken)"]
+    lines += report.rows_aligned(choice_table(choice))
+    lines += ["", *(report.wrapped("choice", reason, width) for reason in choice.reasons)]
+    return "\n".join(lines) + "\n"
+
+
+def _json(fit: ModelFit, choice: Choice | None) -> str:
+    if choice is None:
+        return model_report.json_text(fit)
+    from fitting.model.candidates import choice_dict
+
+    return model_report.json_text(fit, choice_dict(choice))
+
+
+def _write(
+    staged: dict[str, Path], fit: ModelFit, choice: Choice | None, arguments: argparse.Namespace
+) -> None:
+    for kind, path in staged.items():
+        what = kind.removeprefix("report ")
+        if what == "plot":
+            from fitting.output.plot_model import save_model_plot
+
+            suffix = Path(arguments.plot).suffix if kind == "plot" else ".png"
+            save_model_plot(fit, path, suffix, arguments.reference)
+            continue
+        if what == "page":
+            from fitting.output.model_page import model_page
+
+            text = model_page(fit, staged["report plot"].read_bytes(), arguments.command, choice)
+        elif what == "json":
+            text = _json(fit, choice)
+        else:
+            text = model_report.data_csv(fit) if what == "csv" else model_report.index_csv(fit)
+        # File names that are no text are shown with escapes; line ends are the same everywhere.
+        path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
+
+
+def run_model(
+    measurements: Sequence[Measurement],
+    arguments: argparse.Namespace,
+    width: int,
+    show: Callable[[str], None],
+) -> bool:
+    """Fit the model that was asked for, show and write what was asked for; whether it converged.
+
+    show: prints a text. Raises ValueError for what is the user's to mend.
+    """
+    import numpy as np
+
+    wavelength = np.concatenate([m.wavelength_um for m in measurements])
+    with Outputs() as outputs:
+        staged = results.stage(outputs, arguments, len(np.unique(wavelength)) > 1)
+        fit, choice = _fit(measurements, arguments)
+        if arguments.json == "-":
+            show(_json(fit, choice))
+        elif not arguments.quiet:
+            compared = "" if choice is None else _comparison(choice, width)
+            show(model_report.table(fit, width) + compared)
+        _write(staged, fit, choice, arguments)
+        outputs.publish()
+    return fit.status == "converged"

@@ -1,0 +1,185 @@
+"""What a person must know about a fitted model: sentences, the gravest first."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.index.identifiability import CHI2_LARGE, CHI2_SMALL, chi2_flags
+from fitting.model.structures import INTERFACE, NUISANCES
+
+# Of parameters of one formula (A, B and C of Cauchy's) correlation is the rule and does no harm. A
+# nuisance that trades with what is looked for does (the offset of the gold scan: .79 and .71).
+CORRELATED_WITHIN, CORRELATED = 0.999, 0.7
+VAGUE = 0.5
+# A goniometer's zero is known better than that.
+PLAUSIBLE_OFFSET_DEG = 2.0
+FEW_REACHED = 3
+OUT_OF_MODEL = 0.1
+
+
+class Findings(NamedTuple):
+    """What the sentences are made of; arrays over the free parameters."""
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    sigmas: np.ndarray
+    correlation: np.ndarray
+    at_bound: tuple[str, ...]
+    upper_limits: np.ndarray
+    unseen: np.ndarray
+    chi2_reduced: float
+    dof: int
+    scaled: bool
+    rms: float
+    starts: int
+    reached: int
+    others: int
+    structure: str
+    absorbs: bool
+    one_power_a_wavelength: bool
+    wavelengths: int
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}"
+
+
+def _is_nuisance(name: str) -> bool:
+    return name.partition("[")[0] in (*NUISANCES, "thickness_um")
+
+
+def _unseen(f: Findings) -> list[str]:
+    """One sentence for each combination that the data do not see."""
+    out = []
+    for direction in f.unseen.T:
+        parts = np.abs(direction) > 0.1 * np.abs(direction).max()
+        names = [n for n, part in zip(f.names, parts, strict=True) if part]
+        if len(names) == 1:
+            out.append(f"{names[0]} is not determined: the data do not change with it.")
+        else:
+            joined = f"{', '.join(names[:-1])} and {names[-1]}"
+            out.append(
+                f"{joined} are not determined separately: some change of them together leaves the "
+                "fit as it is. The values shown are one of many that fit alike; hold one of them, "
+                "or give it a prior."
+            )
+    return out
+
+
+def _correlated(f: Findings) -> list[str]:
+    out = []
+    for i, first in enumerate(f.names):
+        for j in range(i):
+            second, c = f.names[j], f.correlation[i, j]
+            outer = _is_nuisance(first) or _is_nuisance(second)
+            if np.isfinite(c) and abs(c) > (CORRELATED if outer else CORRELATED_WITHIN):
+                out.append((abs(c), f"{second} and {first} are strongly correlated ({c:+.4f})"))
+    if not out:
+        return []
+    out.sort(reverse=True)
+    text = "; ".join(sentence for _, sentence in out[:4])
+    more = f"; and {len(out) - 4} more pairs" if len(out) > 4 else ""
+    return [f"{text}{more}: their combination is known far better than either."]
+
+
+def _bounds(f: Findings) -> list[str]:
+    out = []
+    for name, value, end, limit in zip(f.names, f.values, f.at_bound, f.upper_limits, strict=True):
+        if np.isfinite(limit):
+            out.append(
+                f"{name} is compatible with 0 and below what these data can show: {name} < "
+                f"{_number(limit)} (95 %)."
+            )
+        elif end:
+            side = "lower" if end == "low" else "upper"
+            out.append(
+                f"{name} ended at the {side} end of its range, {_number(value)}: it has no error, "
+                "and the errors of the others hold for this value of it."
+            )
+    return out
+
+
+def _vague(f: Findings) -> list[str]:
+    with np.errstate(all="ignore"):
+        share = f.sigmas / np.abs(f.values)
+    may_vanish = ("background", "angle_offset", "leak", "divergence", "B", "C", "D", "E", "F")
+    names = [
+        n
+        for n, s, limit in zip(f.names, share, f.upper_limits, strict=True)
+        if s > VAGUE and n.partition("[")[0] not in may_vanish and not np.isfinite(limit)
+    ]
+    if not names:
+        return []
+    verb = "is" if len(names) == 1 else "are"
+    return [
+        f"{', '.join(names)} {verb} hardly determined: the standard error is more than half of the "
+        "value."
+    ]
+
+
+def _chi2(f: Findings) -> list[str]:
+    if not np.isfinite(f.chi2_reduced):
+        return []
+    flags = int(chi2_flags(np.array(f.chi2_reduced), np.array(f.dof)))
+    factor = np.sqrt(f.chi2_reduced)
+    if flags & CHI2_LARGE:
+        then = "scaled up by that factor" if f.scaled else "taken as stated, and so too small"
+        return [
+            f"reduced chi2 is {_number(f.chi2_reduced)}: the residuals are {factor:.2g} times the "
+            f"stated errors, which are too small, or the model misses something; the errors of the "
+            f"parameters are {then}."
+        ]
+    if flags & CHI2_SMALL:
+        then = "; the errors of the parameters are scaled down by that" if f.scaled else ""
+        return [
+            f"reduced chi2 is {_number(f.chi2_reduced)}: the residuals are only {factor:.2g} times "
+            f"the stated errors, which look too large{then}."
+        ]
+    return []
+
+
+def _by_the_model_alone(f: Findings) -> list[str]:
+    if not (f.one_power_a_wavelength and f.absorbs):
+        return []
+    if f.wavelengths == 1 and len(f.names) > 1 and not f.unseen.size:
+        return []
+    return [
+        "eta and k are not determined by the data alone: there is one reflectance or transmittance "
+        "at each wavelength, at one angle. What separates them is the form of the model, far "
+        "outside of the measured range too; the curve may fit well while eta and k are off by far "
+        "more than their errors."
+    ]
+
+
+def sentences(f: Findings) -> tuple[str, ...]:
+    """Return the warnings of a fit that has ended, the gravest first."""
+    out = _unseen(f)
+    out += _by_the_model_alone(f)
+    if f.rms > OUT_OF_MODEL:
+        what = "a bare interface" if f.structure == INTERFACE else "a slab"
+        out.append(
+            f"the fitted curve misses the data by {_number(f.rms)} (rms): this model of {what} "
+            "does not describe them."
+        )
+    if f.others:
+        out.append(
+            f"{f.others} other minim{'um fits' if f.others == 1 else 'a fit'} as well (chi2 higher "
+            'by less than 6); see "others".'
+        )
+    if f.starts > FEW_REACHED and f.reached < FEW_REACHED:
+        out.append(
+            f"only {f.reached} of {f.starts} starts ended in the best minimum: a better one may "
+            "exist. Take more starts, or fewer parameters."
+        )
+    out += _bounds(f) + _vague(f) + _correlated(f) + _chi2(f)
+    offset = dict(zip(f.names, f.values, strict=True)).get("angle_offset", 0.0)
+    if abs(offset) > PLAUSIBLE_OFFSET_DEG:
+        out.append(
+            f"an angle offset of {_number(offset)} degrees is more than an instrument has: it "
+            "stands in for something else."
+        )
+    if f.dof == 0:
+        out.append("there are no more data than unknowns: nothing tests the fit.")
+    return tuple(out)

@@ -1,0 +1,95 @@
+"""The page of a fitted dispersion model, in one HTML file."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fitting.model.candidates import Choice, choice_table
+from fitting.output.page import Table, page
+from fitting.output.report import number, with_error
+from fitting.output.report_page import data_table
+
+if TYPE_CHECKING:
+    from fitting.model.result import ModelFit
+
+
+def _facts(fit: ModelFit) -> list[tuple[str, str]]:
+    each = ", ".join(f"{kind} {number(v, 3)}" for kind, v in fit.rms_of.items())
+    rows = [
+        ("read", fit.measurement.understood.removeprefix("read ")),
+        ("model", f"{fit.model}, {fit.structure}, light from a medium of index {fit.eta_i:.10g}"),
+        ("status", f"{fit.status}; {fit.reached} of {fit.starts} starts agree"),
+        ("data", f"{fit.n_data}, degrees of freedom {fit.dof}"),
+    ]
+    if np.isfinite(fit.chi2_reduced):
+        rows.append(("chi2/dof", f"{number(fit.chi2_reduced, 3)}  ({number(fit.chi2)})"))
+    rows.append(("rms", f"{number(fit.rms, 3)}  ({each}; unweighted)"))
+    rows.append(("criteria", f"BIC {fit.bic:.2f}, AICc {fit.aicc:.2f}"))
+    kind = "taken as stated" if fit.sigma_kind == "absolute" else "scaled by the scatter"
+    rows.append(("errors", f"one standard error, {kind}"))
+    for other in fit.others[:3]:
+        values = ", ".join(f"{n} {number(v)}" for n, v in other["values"].items())
+        rows.append(("or else", f"{values}: chi2 + {other['delta_chi2']:.2g}"))
+    return rows
+
+
+def _correlations(fit: ModelFit) -> Table:
+    rows = [
+        [name, *(("-" if np.isnan(c) else f"{c:+.3f}") for c in row)]
+        for name, row in zip(fit.names, fit.correlation.tolist(), strict=True)
+    ]
+    return Table("Correlations", ["", *fit.names], rows)
+
+
+def _parameters(fit: ModelFit) -> Table:
+    rows = []
+    for i, name in enumerate(fit.names):
+        limit = fit.upper_limits[i]
+        end = {"low": "at its lower bound", "high": "at its upper bound"}.get(fit.at_bound[i], "")
+        rows.append([
+            name, with_error(float(fit.values[i]), float(fit.sigmas[i])), fit.units[i],
+            f"< {number(float(limit), 2)}" if np.isfinite(limit) else "", end,
+        ])  # fmt: skip
+    rows += [[name, f"{value:.8g}", "", "", "held"] for name, value in fit.fixed.items()]
+    return Table("Parameters", ["", "value", "unit", "95 % limit", ""], rows)
+
+
+def _index(fit: ModelFit) -> list[Table]:
+    waves = np.unique(fit.measurement.wavelength_um[np.isfinite(fit.measurement.wavelength_um)])
+    if not len(waves):
+        return []
+    rows = [
+        [f"{w:.6g}", with_error(n, s), with_error(k, t) if k else "0"]
+        for w, n, s, k, t in zip(*(a.tolist() for a in fit.index(waves)), strict=True)
+    ]
+    return [Table("Index over wavelength", ["wavelength, um", "eta", "k"], rows)]
+
+
+def model_page(fit: ModelFit, png: bytes, command: str, choice: Choice | None = None) -> str:
+    """Return the page of a model fit.
+
+    png: the picture (`plot_model`). command: how the fit was asked for, for the foot.
+    choice: the comparison of models, if one was made.
+    """
+    tables = [_parameters(fit)]
+    if len(fit.names) > 1:
+        tables.append(_correlations(fit))
+    reasons: tuple[str, ...] = ()
+    if choice is not None:
+        head, *rows = choice_table(choice)
+        tables.append(Table("Models compared", head, rows))
+        reasons = choice.reasons
+    m = fit.measurement
+    fitted, _ = fit.fitted()
+    caption = "Data with one standard error and the model with its one-sigma band, data - fit; "
+    return page(
+        m.source,
+        _facts(fit),
+        fit.warnings,
+        [*reasons, *fit.notes],
+        [(caption + "of a spectrum also eta and k over wavelength.", png)],
+        [*tables, *_index(fit), data_table(m, fitted)],
+        command,
+    )

@@ -1,0 +1,148 @@
+"""What a person and a script read of a fitted model: table, JSON and CSV."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+
+from fitting.model.result import ModelFit
+from fitting.output.export import csv_text, plain
+from fitting.output.report import number, with_error, wrapped
+
+
+def _what(fit: ModelFit) -> str:
+    name = "a thick slab, both faces" if fit.structure == "slab" else "one bare interface"
+    return f"{fit.model}, {name}, light from a medium of index {fit.eta_i:.10g}"
+
+
+def _value(fit: ModelFit, i: int) -> str:
+    unit = f" {fit.units[i]}" if fit.units[i] else ""
+    limit = fit.upper_limits[i]
+    if math.isfinite(limit):
+        return f"{number(fit.values[i], 2)}{unit} (< {number(limit, 2)}, 95 % upper limit)"
+    text = with_error(float(fit.values[i]), float(fit.sigmas[i])) + unit
+    end = {"low": "lower", "high": "upper"}.get(fit.at_bound[i])
+    return f"{text}  (at its {end} bound)" if end else text
+
+
+def _errors(fit: ModelFit) -> str:
+    if not np.isfinite(fit.sigmas).any():
+        return ""
+    if fit.sigma_kind == "absolute":
+        return "one standard error, from the stated errors as they are"
+    if math.isnan(fit.chi2):
+        return "one standard error, from the scatter about the fit (equal weights)"
+    return "one standard error, from the stated errors times sqrt(chi2/dof)"
+
+
+def _index_rows(fit: ModelFit) -> list[tuple[str, str]]:
+    """Return eta and k at the ends and in the middle of a spectrum."""
+    known = fit.measurement.wavelength_um
+    known = np.unique(known[np.isfinite(known)])
+    if len(known) < 2 or fit.model == "constant":
+        return []
+    at = known[[0, len(known) // 2, -1]]
+    band = fit.index(at)
+    return [
+        (f"at {w:.4g} um", f"eta {with_error(n, s)}, k {with_error(k, t) if k else '0'}")
+        for w, n, s, k, t in zip(*(a.tolist() for a in band), strict=True)
+    ]
+
+
+def table(fit: ModelFit, width: int = 80) -> str:
+    """Return the fit as lines of at most ``width`` characters.
+
+    What was read; every parameter with one standard error; eta and k at three wavelengths; chi2,
+    rms, how many starts agree, status and warnings.
+    """
+    m = fit.measurement
+    lines = [m.source, wrapped("read", m.understood.removeprefix("read "), width)]
+    lines += [wrapped("model", _what(fit), width), ""]
+    values = [(name, _value(fit, i)) for i, name in enumerate(fit.names)]
+    values += [(name, f"{value:.8g}  (held)") for name, value in fit.fixed.items()]
+    # Long names push their value aside.
+    lines += [wrapped(f"{name} ", text, width) for name, text in values]
+    rows = _index_rows(fit)
+    if not math.isnan(fit.chi2):
+        each = number(fit.chi2_reduced, 3) if fit.dof else "-"
+        rows.append(("chi2/dof", f"{each}  ({number(fit.chi2)} / {fit.dof})"))
+    else:
+        rows.append(("dof", str(fit.dof)))
+    each = ", ".join(f"{kind} {number(v, 3)}" for kind, v in fit.rms_of.items())
+    rows.append(("rms", f"{number(fit.rms, 3)}  ({each}; unweighted)"))
+    if fit.loss != "squares":
+        rows.append(("loss", f"{fit.loss}, at a noise of {number(fit.noise, 3)}"))
+    if errors := _errors(fit):
+        rows.append(("errors", errors))
+    rows.append(("criteria", f"BIC {fit.bic:.2f}, AICc {fit.aicc:.2f}"))
+    rows.append(("status", f"{fit.status}; {fit.reached} of {fit.starts} starts agree"))
+    lines += ["", *(wrapped(label, text, width) for label, text in rows)]
+    for other in fit.others[:3]:
+        values = ", ".join(f"{n} {number(v)}" for n, v in other["values"].items())
+        lines.append(wrapped("or else", f"{values}: chi2 + {other['delta_chi2']:.2g}", width))
+    texts = [("warning", w) for w in fit.warnings] + [("note", n) for n in fit.notes]
+    if texts:
+        lines += ["", *(wrapped(label, text, width) for label, text in texts)]
+    return "\n".join(lines) + "\n"
+
+
+def _spectrum(fit: ModelFit) -> dict[str, list[float]]:
+    known = fit.measurement.wavelength_um
+    known = np.unique(known[np.isfinite(known)])
+    if not len(known):
+        return {}
+    return {n: a.tolist() for n, a in fit.index(known)._asdict().items()}
+
+
+def json_text(fit: ModelFit, more: dict[str, Any] | None = None) -> str:
+    """Return the fit as a JSON object, a field a line: ``ModelFit.to_dict`` and eta and k.
+
+    First ``source`` and ``understood``; last ``index``: eta and k at the measured wavelengths; and
+    what is in ``more``.
+    """
+    m = fit.measurement
+    fields: dict[str, Any] = {"source": m.source, "understood": m.understood, **fit.to_dict()}
+    fields |= {"index": _spectrum(fit), **(more or {})}
+    lines = (
+        f"  {json.dumps(name)}: {json.dumps(plain(value), allow_nan=False)}"
+        for name, value in fields.items()
+    )
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _comments(fit: ModelFit) -> list[str]:
+    values = ", ".join(f"{n} {v!r}" for n, v in fit.parameters.items())
+    return [f"{fit.measurement.source}: {fit.measurement.understood}",
+            f"{_what(fit)}: {values}, {fit.status}"]  # fmt: skip
+
+
+def data_csv(fit: ModelFit) -> str:
+    """Return the measurement as CSV, a datum a row, with the fitted value and its error beside."""
+    m = fit.measurement
+    fitted, sigma_fitted = fit.fitted()
+    residual = m.value - fitted
+    # Delta is an angle: 359 and 1 are 2 apart.
+    around = (residual + 180.0) % 360.0 - 180.0
+    residual = np.where(m.quantity == "delta", around, residual)
+    columns = {
+        "curve": [fit.curve_names[i].replace(",", " ") for i in fit.curve],
+        "angle_deg": m.angle_deg.tolist(),
+        "wavelength_um": m.wavelength_um.tolist(),
+        "quantity": m.quantity.tolist(),
+        "value": m.value.tolist(),
+        "sigma": m.sigma.tolist(),
+        "fitted": fitted.tolist(),
+        "sigma_fitted": sigma_fitted.tolist(),
+        "residual": residual.tolist(),
+    }
+    if np.isfinite(m.polarizer_deg).any():
+        columns["polarizer_deg"] = m.polarizer_deg.tolist()
+    return csv_text(_comments(fit), columns)
+
+
+def index_csv(fit: ModelFit) -> str:
+    """Return eta and k at the measured wavelengths as CSV, a wavelength a row."""
+    return csv_text(_comments(fit), dict(_spectrum(fit)))

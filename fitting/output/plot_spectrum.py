@@ -1,0 +1,97 @@
+"""The picture of a spectrum: eta and k over wavelength, with what is known of their errors."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fitting.index.curves import fitted_values
+from fitting.output.plot_parts import GREY, draw_zero, look, points, series, titles
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from fitting.index.fit import FitResult
+    from fitting.measurement import Measurement
+
+_OUTSIDE: dict[str, Any] = {
+    "loc": "upper left",
+    "bbox_to_anchor": (1.0, 1.0),
+    "fontsize": 10,
+    "handletextpad": 0.1,
+    "borderpad": 0.0,
+}
+# Beyond this many wavelengths error bars run together and a band is drawn instead.
+_MANY = 60
+
+
+def _draw_index(
+    axes: Axes, x: Any, value: Any, sigma: Any, good: Any, color: str, bare_label: str
+) -> None:
+    """Draw one of eta and k over wavelength; nothing where the data give no index but a tick."""
+    known = good & np.isfinite(sigma)
+    if known.sum() > _MANY:
+        gap = np.where(known, value, np.nan)
+        axes.plot(x, gap, color=color, zorder=3)
+        axes.fill_between(x, gap - sigma, gap + sigma, color=color, alpha=0.22, linewidth=0)
+    elif known.any():
+        points(axes, x[known], value[known], sigma[known], color, "o", "")
+    bare = good & ~known
+    if bare.any():
+        axes.plot(
+            x[bare], value[bare], "o", markersize=5.0, markerfacecolor="white",
+            markeredgecolor=color, markeredgewidth=1.2, zorder=3, label=bare_label,
+        )  # fmt: skip
+    if not good.all():
+        axes.plot(
+            x[~good], np.zeros((~good).sum()), "|", transform=axes.get_xaxis_transform(),
+            color=GREY, markersize=9.0, label="not determined",
+        )  # fmt: skip
+    if not good.any():
+        axes.text(
+            0.5, 0.5, "not determined by these data", transform=axes.transAxes,
+            ha="center", va="center", color=GREY,
+        )  # fmt: skip
+        axes.set_yticks([])
+
+
+def draw_spectrum(figure: Figure, result: FitResult, measurement: Measurement) -> None:
+    """Draw eta, k and data - fit over wavelength into the empty ``figure``."""
+    first, second, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(2.0, 2.0, 1.0))
+    x = np.asarray(result.wavelength_um)
+    status = np.asarray(result.status, dtype=str)
+    good = np.char.startswith(status, "converged")
+    eta, sigma_eta, k, sigma_k = map(
+        np.asarray, (result.eta, result.sigma_eta, result.k, result.sigma_k)
+    )
+    _draw_index(first, x, eta, sigma_eta, good, "#0072B2", "without an error")
+    _draw_index(second, x, k, sigma_k, good, "#D55E00", "compatible with 0")
+    limit = np.where(good, np.asarray(result.k_upper_limit), np.nan)
+    at = np.isfinite(limit)
+    if at.any():
+        second.plot(
+            x[at], limit[at], "v", color="#D55E00", markersize=6.0, markerfacecolor="white",
+            label="95 % upper limit", zorder=3,
+        )  # fmt: skip
+    first.set_ylabel(r"$\eta$")
+    second.set_ylabel(r"$k$")
+    low, high = second.get_ylim()
+    if good.any() and low < 0.3 * high:
+        second.set_ylim(-0.04 * high, high)  # from 0, with room for the points that lie there
+    for axes in (first, second):
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend(**_OUTSIDE)
+    fitted, _ = fitted_values(result, measurement)
+    for quantity, polarizer, of in series(measurement):
+        color, _, label = look(quantity, polarizer)
+        m = measurement.where(of)
+        bottom.plot(
+            m.wavelength_um, m.value - fitted[of], "o", color=color, label=label, zorder=3,
+            markersize=3.0,
+        )  # fmt: skip
+    draw_zero(bottom)
+    bottom.legend(**_OUTSIDE)
+    bottom.set_xlabel("wavelength (\u00b5m)")
+    titles(first, result, measurement)

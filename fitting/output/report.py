@@ -1,0 +1,234 @@
+"""What a person reads of a fit: the table on the terminal."""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from fitting.index.fit import FitResult
+    from fitting.measurement import Measurement
+
+_LABEL = 13
+_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+def number(value: float, digits: int = 4) -> str:
+    """Return ``value`` with that many significant digits, trailing zeros kept; "-" for NaN."""
+    if math.isnan(value):
+        return "-"
+    text = f"{value:#.{digits}g}"
+    return text.removesuffix(".")
+
+
+def with_error(value: float, sigma: float) -> str:
+    """Return ``0.344 +- 0.031``: the error with two digits, the value to the same place.
+
+    Without an error (NaN) six digits of the value; an error below 1e-12 of the value is shown by
+    its magnitude, since the value has no more digits to show.
+    """
+    if math.isnan(value):
+        return "-"
+    if not (math.isfinite(sigma) and sigma > 0.0):
+        return f"{value:.6g}"
+    if sigma < 1e-12 * abs(value):
+        return f"{value:.13g} +- {sigma:.0e}"
+    exponent = math.floor(math.log10(float(f"{sigma:.1e}")))
+    decimals = 1 - exponent
+    if 0 <= decimals <= 9 and max(abs(value), sigma) >= 1e-3:
+        return f"{value:.{decimals}f} +- {sigma:.{decimals}f}"
+    # Far from 1: one power of ten for both, that of the larger.
+    power = math.floor(math.log10(max(abs(value), sigma)))
+    decimals = max(power - exponent + 1, 1)
+    scale = 10.0**power
+    return f"({value / scale:.{decimals}f} +- {sigma / scale:.{decimals}f})e{power:+03d}"
+
+
+def between(low: float, high: float) -> str:
+    """Return ``1.4959 to 1.5030``: both ends to the second digit of the distance between them."""
+    if not high > low:
+        return f"{low:.6g} to {high:.6g}"
+    exponent = math.floor(math.log10(high - low))
+    decimals = 1 - exponent
+    if not 0 <= decimals <= 9:
+        return f"{low:.6g} to {high:.6g}"
+    return f"{low:.{decimals}f} to {high:.{decimals}f}" if low else f"0 to {high:.{decimals}f}"
+
+
+def _k_text(k: float, sigma_k: float, upper: float, status: str) -> str:
+    limit = f" (< {number(upper, 2)})" if math.isfinite(upper) else ""
+    if k == 0.0 or status == "converged at k = 0":
+        return "0" + limit
+    return (with_error(k, sigma_k) if math.isfinite(sigma_k) or not limit else number(k, 2)) + limit
+
+
+def wrapped(label: str, text: str, width: int) -> str:
+    """Return a label and a text beside it, in lines of at most ``width`` characters."""
+    indent = " " * (2 + _LABEL)
+    first = f"  {label:<{_LABEL}}"
+    return textwrap.fill(
+        text,
+        max(width, 40),
+        initial_indent=first,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def _errors_text(result: FitResult) -> str:
+    """Return how the standard errors were made; "" where there are none."""
+    if not np.any(np.isfinite(np.asarray(result.sigma_eta))):
+        return ""
+    if result.sigma_kind == "absolute":
+        return "one standard error, from the stated errors as they are"
+    if not np.any(np.isfinite(np.asarray(result.chi2))):
+        return "one standard error, from the scatter about the fit (equal weights)"
+    return "one standard error, from the stated errors times sqrt(chi2/dof)"
+
+
+def _head(result: FitResult, measurement: Measurement) -> list[tuple[str, str]]:
+    incident = f"light from a medium of index {result.eta_i:.10g}"
+    return [
+        ("read", measurement.understood.removeprefix("read ")),
+        ("model", f"one bare interface, {incident}"),
+    ]
+
+
+def _one_curve(result: FitResult) -> list[tuple[str, str]]:
+    undetermined = result.status == "undetermined"
+    aside = "  (one of many that fit alike; see the warning)" if undetermined else ""
+    limit = ", 95 % upper limit in brackets" if math.isfinite(result.k_upper_limit) else ""
+    k = _k_text(result.k, result.sigma_k, result.k_upper_limit, result.status)
+    rows = [("eta", with_error(result.eta, result.sigma_eta) + aside), ("k", k + limit + aside)]
+    if result.interval_kind == "profile":
+        ends = f"eta {between(*result.eta_interval)}, k {between(*result.k_interval)}"
+        rows.append(("95 % range", f"{ends} (by the likelihood itself)"))
+    if not math.isnan(result.correlation):
+        rows.append(("correlation", f"{result.correlation:.3f}"))
+    if not math.isnan(result.chi2):
+        each = f"{number(result.chi2_reduced, 3)}" if result.dof else "-"
+        rows.append(("chi2/dof", f"{each}  ({number(result.chi2)} / {result.dof})"))
+    else:
+        rows.append(("dof", str(result.dof)))
+    rows.append(("rms", f"{number(result.rms, 3)}  (of R, unweighted)"))
+    if errors := _errors_text(result):
+        rows.append(("errors", errors))
+    rows.append(("status", f"{result.status}, {result.iterations} evaluations"))
+    for other in result.alternatives:
+        text = f"eta {number(other['eta'])}, k {number(other['k'])} fits nearly as well: "
+        rows.append(("or else", text + f"chi2 + {number(other['delta_chi2'], 2)}"))
+    return rows
+
+
+def _spectrum(result: FitResult) -> list[tuple[str, str]]:
+    status = np.asarray(result.status).tolist()
+    counts = ", ".join(f"{status.count(one)} {one}" for one in dict.fromkeys(status))
+    rows = [("status", f"{len(status)} wavelengths: {counts}")]
+    if errors := _errors_text(result):
+        rows.append(("errors", errors))
+    if np.isfinite(result.k_upper_limit).any():
+        rows.append(("(< k)", "95 % upper limit of k"))
+    return rows
+
+
+def facts(result: FitResult, measurement: Measurement) -> list[tuple[str, str]]:
+    """Return what was read, fitted and found, label and text; of a spectrum what holds for all."""
+    found = _one_curve(result) if np.ndim(result.eta) == 0 else _spectrum(result)
+    return [*_head(result, measurement), *found]
+
+
+def _warnings(labelled: Iterable[tuple[str, str]], width: int) -> list[str]:
+    lines = [wrapped(label, text, width) for label, text in labelled]
+    return ["", *lines] if lines else []
+
+
+def _grouped(warnings: Sequence[Sequence[str]]) -> dict[str, list[int]]:
+    """Return kind of warning -> the curves that have it; kinds differ in more than numbers."""
+    groups: dict[str, list[int]] = {}
+    for i, texts in enumerate(warnings):
+        for text in texts:
+            groups.setdefault(_NUMBER.sub("#", text), []).append(i)
+    return groups
+
+
+def grouped_warnings(result: FitResult) -> list[str]:
+    """Return the warnings; of a spectrum each kind once, with where it holds."""
+    if np.ndim(result.eta) == 0:
+        return list(result.warnings)
+    warnings = [tuple(texts) for texts in result.warnings]
+    told = []
+    for kind, members in _grouped(warnings).items():
+        first = next(t for t in warnings[members[0]] if _NUMBER.sub("#", t) == kind)
+        where = f"at {_wavelength(result.at(members[0]))} um"
+        if len(members) > 1:
+            where += f" and, with figures of their own, {len(members) - 1} more"
+        told.append(f"{first} ({where})")
+    return told
+
+
+def rows_aligned(rows: list[list[str]]) -> list[str]:
+    """Return rows of cells as lines with the columns below each other."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return [
+        "  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+
+
+def _wavelength(curve: FitResult) -> str:
+    return f"{curve.wavelength_um:.6g}"
+
+
+def _many_curves(result: FitResult, width: int) -> list[str]:
+    warnings = [tuple(texts) for texts in result.warnings]
+    groups = _grouped(warnings)
+    signs = {kind: str(i) for i, kind in enumerate(groups, 1)}
+    rows = [["wavelength_um", "eta", "k", "chi2/dof", "rms", "status", "notes" if groups else ""]]
+    curves = [result.at(i) for i in range(len(result.eta))]
+    for curve, texts in zip(curves, warnings, strict=True):
+        kinds = dict.fromkeys(_NUMBER.sub("#", text) for text in texts)
+        index = (
+            with_error(curve.eta, curve.sigma_eta),
+            _k_text(curve.k, curve.sigma_k, curve.k_upper_limit, curve.status),
+        )
+        # In brackets: one of many that fit alike.
+        loose = curve.status == "undetermined"
+        rows.append([
+            _wavelength(curve),
+            *(f"({text})" if loose else text for text in index),
+            number(curve.chi2_reduced, 3),
+            number(curve.rms, 3),
+            curve.status,
+            " ".join(signs[kind] for kind in kinds),
+        ])  # fmt: skip
+    lines = rows_aligned(rows)
+    lines += ["", *(wrapped(label, text, width) for label, text in _spectrum(result))]
+    told = enumerate(grouped_warnings(result), 1)
+    return lines + _warnings([(f"note {i}", text) for i, text in told], width)
+
+
+def table(result: FitResult, measurement: Measurement, width: int = 80) -> str:
+    """Return the fit as lines of at most ``width`` characters (rows of a spectrum are longer).
+
+    result: of `fitting.fit` on ``measurement``; one curve, or one a wavelength.
+    One curve: what was read, eta and k with one standard error, how they are correlated, chi2, rms,
+    status, second solutions and warnings. A spectrum: one line a wavelength, warnings of one kind
+    together under a number.
+    """
+    one = np.ndim(result.eta) == 0
+    head = [wrapped(label, text, width) for label, text in _head(result, measurement)]
+    lines = [measurement.source, *head, ""]
+    if one:
+        lines += [wrapped(label, text, width) for label, text in _one_curve(result)]
+        lines += _warnings([("warning", text) for text in result.warnings], width)
+    else:
+        lines += _many_curves(result, width)
+    if result.notes:
+        lines += _warnings([("note", text) for text in result.notes], width)
+    return "\n".join(lines) + "\n"
