@@ -19,9 +19,12 @@ lint: .venv/installed-test .venv/installed-lint  ## linters and type checker
 accuracy: .venv/installed-test  ## the accuracy table of the README (a minute)
 	$(BIN)/python benchmarks/interface_accuracy.py
 
-bench: .venv/installed-bench  ## speed against accuracy: table, JSON and charts in docs/benchmarks
+bench: .venv/installed-bench  ## speed against accuracy: docs/benchmarks, and the tables of docs (10 minutes)
 	$(BIN)/python -m benchmarks
 	$(BIN)/python -m benchmarks.fit_throughput --out docs/benchmarks
+	$(BIN)/python -m benchmarks.operations
+	$(BIN)/python -m benchmarks.tiers
+	$(BIN)/python -m benchmarks.losses
 
 stability: .venv/installed-bench  ## where each method fails: table and picture in docs/stability
 	$(BIN)/python -m benchmarks.stability
