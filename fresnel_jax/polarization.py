@@ -67,20 +67,6 @@ def _angle_jvp(primals, tangents):
     return _angle(y, x), (x_1 * slope) * dy - (y_1 * slope) * dx
 
 
-@jax.custom_jvp
-def _modulus(y, x):
-    """|x + iy|, with derivative 0 where both are 0."""
-    return jnp.sqrt(x * x + y * y)
-
-
-@_modulus.defjvp
-def _modulus_jvp(primals, tangents):
-    (y, x), (dy, dx) = primals, tangents
-    modulus = _modulus(y, x)
-    per_modulus = reciprocal_or_zero(modulus)
-    return modulus, (y * per_modulus) * dy + (x * per_modulus) * dx
-
-
 def _all_floats(*arguments):
     """cos_theta_i, eta, k, eta_i as arrays of one dtype."""
     c, n, k, m = _as_floats(*arguments)
@@ -104,8 +90,9 @@ def _jit_ratio(*arguments):
 
 @jax.jit
 def _jit_psi_delta(*arguments):
+    # |g| is never 0: no floating-point cosine is that of Brewster's angle exactly.
     _, _, g_re, g_im = phases_kernel(*_all_floats(*arguments))
-    return PsiDelta(jnp.arctan(_modulus(g_im, g_re)), _angle(g_im, -g_re))
+    return PsiDelta(jnp.arctan(jnp.sqrt(g_re * g_re + g_im * g_im)), _angle(g_im, -g_re))
 
 
 def _mueller(R_s, R_p, product):

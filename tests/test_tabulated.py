@@ -39,6 +39,18 @@ def test_tables_are_met_exactly_and_never_overshoot():
     np.testing.assert_allclose(slope(inner * (1 - 1e-13)), slope(inner), atol=1e-7)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_no_overshoot_at_the_ends_of_a_table(order):
+    """A small step before a large one the other way: the parabola through the three overshoots."""
+    knots, eta = np.array([0.4, 0.5, 0.6, 0.7]), np.array([1.5, 1.52, 1.0, 0.9])
+    knots, eta = (knots, eta) if order == 1 else (1.1 - knots[::-1], eta[::-1])
+    fine = np.linspace(knots[0], knots[-1], 3001)
+    values = np.asarray(Tabulated(knots, eta)(fine).eta)
+    assert values.max() <= 1.52 * (1 + 1e-15)
+    expected = interpolate.PchipInterpolator(knots, eta)(fine)
+    np.testing.assert_allclose(values, expected, rtol=1e-13)
+
+
 def test_a_flat_table_has_finite_derivatives():
     """Both secants are 0 there, and so is the denominator of their harmonic mean."""
     flat = Tabulated(np.array([0.4, 0.6, 0.8, 1.0]), np.full(4, 1.5))
