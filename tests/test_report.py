@@ -14,6 +14,7 @@ from fitting.index.curves import fitted_values
 from fitting.index.fit import fit
 from fitting.measurement import Measurement, concatenate, read_csv
 from fitting.output import export, report
+from fitting.plain_data import plain
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +154,7 @@ def test_json_of_a_spectrum_holds_lists_and_no_nan(spectrum):
 
 def test_plain_data_of_every_kind():
     given = {"a": np.float64("nan"), "b": (np.int64(3), math.inf), "c": np.array([[1.0, np.nan]])}
-    assert export.plain(given) == {"a": None, "b": [3, None], "c": [[1.0, None]]}
+    assert plain(given) == {"a": None, "b": [3, None], "c": [[1.0, None]]}
 
 
 def rows_of(text):

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.index import identifiability
+from fitting.plain_data import plain
 
 CONVERGED = "converged"
 AT_ZERO = "converged at k = 0"
@@ -138,16 +139,4 @@ class FitResult(NamedTuple):
         named = {n: v for n, v in self._asdict().items() if n not in ("flags", "information")}
         named = {n: v for n, v in named.items() if not n.startswith("alternative_")}
         named["warnings"], named["alternatives"] = self.warnings, self.alternatives
-        return {name: _plain(value) for name, value in named.items()}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, dict):
-        return {name: _plain(v) for name, v in value.items()}
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
+        return {name: plain(value) for name, value in named.items()}

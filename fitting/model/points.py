@@ -26,7 +26,7 @@ from fitting.model.result import ModelFit
 from fitting.model.solve import Fit
 from fitting.model.structures import SLAB
 from fitting.model.unknowns import check_quantities, spectrum_of, unknowns
-from fitting.output.export import plain
+from fitting.plain_data import plain
 
 # Wavelengths that are solved side by side, each with LANES starts.
 _TOGETHER = 16

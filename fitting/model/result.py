@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.measurement import Measurement
-from fitting.output.export import plain
+from fitting.plain_data import plain
 
 CONVERGED, UNDETERMINED, NOT_CONVERGED = "converged", "undetermined", "not converged"
 

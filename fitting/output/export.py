@@ -10,24 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fitting.plain_data import plain
+
 if TYPE_CHECKING:
     from fitting.index.fit import FitResult
     from fitting.measurement import Measurement
-
-
-def plain(value: Any) -> Any:
-    """Return ``value`` as what JSON has: lists, dicts, numbers, strings; None if not finite."""
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def json_text(result: FitResult, measurement: Measurement) -> str:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from fitting.model.result import ModelFit
-from fitting.output.export import csv_text, plain
+from fitting.output.export import csv_text
 from fitting.output.report import number, with_error, wrapped
+from fitting.plain_data import plain
 
 
 def _what(fit: ModelFit) -> str:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from fitting.model.points import PointFits
-from fitting.output.export import csv_text, plain
+from fitting.output.export import csv_text
 from fitting.output.report import number, rows_aligned, with_error, wrapped
+from fitting.plain_data import plain
 
 
 def _what(fits: PointFits) -> str:
