@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,3 +23,12 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def json_object(fields: Mapping[str, Any]) -> str:
+    """Return ``fields`` as the text of a JSON object, a field a line; NaN is null."""
+    lines = (
+        f"  {json.dumps(name)}: {json.dumps(plain(value), allow_nan=False)}"
+        for name, value in fields.items()
+    )
+    return "{\n" + ",\n".join(lines) + "\n}\n"

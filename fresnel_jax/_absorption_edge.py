@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from ._arithmetic import times
 from ._formulas import cauchy_series
 from ._spectral import (
     DispersionModel,
@@ -53,14 +54,10 @@ def _squared_times_log(x: Array) -> Array:
     return jnp.where(zero, 0.0, x * x * jnp.log(jnp.abs(jnp.where(zero, 1.0, x))))
 
 
-def _complex_times(a, b):
-    return a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]
-
-
 def _squared_times_complex_log(re: Array, im: Array):
     """z^2 log z of z = re + i im, im not 0, as two real arrays."""
     log = 0.5 * jnp.log(re * re + im * im), jnp.arctan2(im, re)
-    return _complex_times(((re - im) * (re + im), 2.0 * re * im), log)
+    return times(((re - im) * (re + im), 2.0 * re * im), log)
 
 
 def _tauc_lorentz(energy: Array, amplitude, resonance, width, gap):
@@ -86,7 +83,7 @@ def _tauc_lorentz(energy: Array, amplitude, resonance, width, gap):
     plus = _squared_times_complex_log(g + p[0], p[1])
     top = minus[0] - plus[0], minus[1] - plus[1]
     # p (p^2 - E^2), with p^2 = 1 + i C p
-    bottom = _complex_times(p, (-distance - c * p[1], c * p[0]))
+    bottom = times(p, (-distance - c * p[1], c * p[0]))
     modulus = bottom[0] * bottom[0] + bottom[1] * bottom[1]
     # Re[top / (i alpha C bottom)]
     at_poles = (top[1] * bottom[0] - top[0] * bottom[1]) / (alpha * c * modulus)

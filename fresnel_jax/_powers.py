@@ -22,7 +22,7 @@ import jax.numpy as jnp
 from jax import lax
 from jax.custom_derivatives import SymbolicZero
 
-from ._arithmetic import Complex, reciprocal_or_zero, squared_modulus, times
+from ._arithmetic import Complex, one_if_zero, reciprocal_or_zero, squared_modulus, times
 from ._boundary import Boundary, boundary, unsigned
 
 # Every function here takes n, k, m as boundary does: k None is exactly 0, m None exactly 1, so
@@ -40,7 +40,7 @@ def powers_kernel(c, n, k, m):
 def _reflected(q: Boundary, k, m):
     m2 = 1.0 if m is None else m * m
     per_s2 = reciprocal_or_zero(squared_modulus(q.s))
-    R_s = _contrast_over_s2(q, k, per_s2)
+    R_s = contrast_over_s2(q.difference, q.total, k, per_s2)
     R_p = R_s * squared_modulus(_scaled_y(q, k, m2))
     # Lossless total reflection is exactly 1, and so is nothing else with Re Q = 0.
     contrast = q.difference != 0.0 if k is None else (q.difference != 0.0) | (k != 0.0)
@@ -48,23 +48,22 @@ def _reflected(q: Boundary, k, m):
     return tuple(jnp.where(totally, 1.0, jnp.minimum(R, 1.0)) for R in (R_s, R_p))
 
 
-def _contrast_over_s2(q: Boundary, k, per_s2):
-    """|N - m|^2 |N + m|^2 / |S|^4."""
-    near, far = (q.difference, k), (q.total, k)
+def contrast_over_s2(difference, total, k, per_s2):
+    """R_s = |N - m|^2 |N + m|^2 / |S|^4, from n - m, n + m, k and 1 / |S|^2."""
+    near, far = (difference, k), (total, k)
     if k is None or per_s2.dtype != jnp.float32:
         return (squared_modulus(near) * per_s2) * (squared_modulus(far) * per_s2)
     # In float32 the square of k = 1e-30 at n = m underflows. R = 2.5e-13 at cos = 1e-12 needs it.
-    tiny = jnp.maximum(jnp.abs(q.difference), k) < 2.0**-40
+    tiny = jnp.maximum(jnp.abs(difference), k) < 2.0**-40
     lift = jnp.where(tiny, 2.0**60, 1.0).astype(per_s2.dtype)
     lowered = per_s2 * jnp.where(tiny, 2.0**-60, 1.0).astype(per_s2.dtype)
-    near = (q.difference * lift, k * lift)
+    near = (difference * lift, k * lift)
     return (squared_modulus(near) * lowered) * (squared_modulus(far) * lowered)
 
 
 def _scaled_y(q: Boundary, k, m2) -> Complex:
     """m^2 Y / |X|^2. A division, not a product: the CPU compiler never repeats a division."""
-    x2 = squared_modulus(q.x)
-    x2 = jnp.where(x2 == 0.0, 1.0, x2)
+    x2 = one_if_zero(squared_modulus(q.x))
     y_re, y_im = q.y
     return m2 * y_re / x2, None if k is None else m2 * y_im / x2
 

@@ -36,7 +36,7 @@ from ._arithmetic import (
     two_product,
 )
 from ._boundary import lossless_sums, unsigned
-from ._powers import _along
+from ._powers import _along, contrast_over_s2
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(4,))
@@ -108,23 +108,15 @@ def _scaled(z: Complex, factor) -> Complex:
     return z[0] * factor, None if z[1] is None else z[1] * factor
 
 
-def _contrast_over_s2(p: _Parts, per_s2):
-    """R_s = |N - m|^2 |N + m|^2 / |S|^4."""
+def _R_s(p: _Parts, per_s2):
     if p.k is None:
         r_s = (p.near * per_s2) * p.far
         return r_s * r_s
-    near, k = p.near, p.k
-    if per_s2.dtype == jnp.float32:
-        # In float32 the square of k = 1e-30 at n = m underflows, which R at cos = 1e-12 needs
-        tiny = jnp.maximum(jnp.abs(near), k) < 2.0**-40
-        lift = jnp.where(tiny, 2.0**60, 1.0).astype(per_s2.dtype)
-        near, k = near * lift, k * lift
-        per_s2 = per_s2 * jnp.where(tiny, 2.0**-60, 1.0).astype(per_s2.dtype)
-    return ((near * near + k * k) * per_s2) * ((p.far * p.far + p.k * p.k) * per_s2)
+    return contrast_over_s2(p.near, p.far, p.k, per_s2)
 
 
 def _reflected(p: _Parts, per_s2, u_per_x2):
-    R = _contrast_over_s2(p, per_s2) * u_per_x2
+    R = _R_s(p, per_s2) * u_per_x2
     contrast = p.near != 0.0 if p.k is None else (p.near != 0.0) | (p.k != 0.0)
     return jnp.where((p.q[0] == 0.0) & contrast, 1.0, jnp.minimum(R, 1.0))
 
@@ -166,7 +158,7 @@ def _unpolarised_jvp(compensated, primals, tangents):
     h_re = times(h, _conjugate(_x_of(p, q)))[0]
     small_sine = sigma < 0.5 * jnp.minimum(m2, p.rho)
     re_h = jnp.where(small_sine, sigma * per_x2 * h_re, difference)
-    dc = sign * (2.0 * p.m) * _contrast_over_s2(p, per_s2) * re_h
+    dc = sign * (2.0 * p.m) * _R_s(p, per_s2) * re_h
     return _reflected(p, per_s2, p.u * per_x2), _along((dc, dn, dk, dm), tangents)
 
 

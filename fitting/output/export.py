@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import io
-import json
 import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitting.plain_data import plain
+from fitting.plain_data import json_object
 
 if TYPE_CHECKING:
     from fitting.index.fit import FitResult
@@ -27,11 +26,7 @@ def json_text(result: FitResult, measurement: Measurement) -> str:
         "understood": measurement.understood,
         **result.to_dict(),
     }
-    lines = (
-        f"  {json.dumps(name)}: {json.dumps(plain(value), allow_nan=False)}"
-        for name, value in fields.items()
-    )
-    return "{\n" + ",\n".join(lines) + "\n}\n"
+    return json_object(fields)
 
 
 def csv_text(comments: Iterable[str], columns: dict[str, Iterable[Any]]) -> str:

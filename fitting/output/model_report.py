@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from fitting.model.result import ModelFit
 from fitting.output.export import csv_text
 from fitting.output.report import number, with_error, wrapped
-from fitting.plain_data import plain
+from fitting.plain_data import json_object
 
 
 def _what(fit: ModelFit) -> str:
@@ -107,11 +106,7 @@ def json_text(fit: ModelFit, more: dict[str, Any] | None = None) -> str:
     m = fit.measurement
     fields: dict[str, Any] = {"source": m.source, "understood": m.understood, **fit.to_dict()}
     fields |= {"index": _spectrum(fit), **(more or {})}
-    lines = (
-        f"  {json.dumps(name)}: {json.dumps(plain(value), allow_nan=False)}"
-        for name, value in fields.items()
-    )
-    return "{\n" + ",\n".join(lines) + "\n}\n"
+    return json_object(fields)
 
 
 def _comments(fit: ModelFit) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from fitting.model.points import PointFits
 from fitting.output.export import csv_text
 from fitting.output.report import number, rows_aligned, with_error, wrapped
-from fitting.plain_data import plain
+from fitting.plain_data import json_object
 
 
 def _what(fits: PointFits) -> str:
@@ -62,11 +61,7 @@ def json_text(fits: PointFits) -> str:
     """Return the fits as a JSON object, a field a line, arrays over the wavelengths."""
     m = fits.measurement
     fields: dict[str, Any] = {"source": m.source, "understood": m.understood, **fits.to_dict()}
-    lines = (
-        f"  {json.dumps(name)}: {json.dumps(plain(value), allow_nan=False)}"
-        for name, value in fields.items()
-    )
-    return "{\n" + ",\n".join(lines) + "\n}\n"
+    return json_object(fields)
 
 
 def _comments(fits: PointFits) -> list[str]:
