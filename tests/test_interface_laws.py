@@ -167,3 +167,5 @@ def test_total_reflection_has_no_derivative_at_grazing_either(dtype, function):
     gradients = jax.jit(jax.vmap(jax.grad(lambda c, n: function(c, n), argnums=(0, 1))))(c, n)
     for gradient in gradients:
         np.testing.assert_array_equal(gradient, np.zeros_like(c))
+    hessian = jax.hessian(lambda x: function(x[0], x[1]))(jnp.array([0.3, 0.7], dtype))
+    np.testing.assert_array_equal(hessian, np.zeros((2, 2), dtype))
