@@ -98,6 +98,14 @@ def times(z: Complex, w: Complex) -> Complex:
     return a * c - b * d, a * d + b * c
 
 
+def conjugate_times(z: Complex, w: Complex) -> Complex:
+    """conj(z) w, of two that are both real or neither."""
+    (a, b), (c, d) = z, w
+    if b is None:
+        return a * c, None
+    return a * c + b * d, a * d - b * c
+
+
 def squared_modulus(z: Complex) -> Array:
     """|z|^2 of a complex number."""
     re, im = z

@@ -8,9 +8,8 @@ With the quantities of `_boundary`, C = m c, sigma = m^2 s^2 and X = C Q + sigma
 Only positive terms are added: R does not vanish at Brewster's angle, so that Re Y, half of the
 exact sums of `_boundary`, is not needed; what the derivatives need of it is cheaper (`_re_y`).
 
-    dR = 4 Re(G dN) + 2 m R_s Re(H) dc,
-    G = C conj(N^2 - m^2) N conj(Q) V / (|S|^4 |X|^2 |Q|^2)
-    V = U + sigma (N^2 - m^2) m^2 conj(Y) / (2 |X|^2)
+    dR = 4 C Re(N conj(Q E) dN) / (|S|^4 |X|^2 |Q|^2) + 2 m R_s Re(H) dc,
+    E = (N^2 - m^2) U + |N^2 - m^2|^2 sigma m^2 Y / (2 |X|^2)
     H = sigma conj(Q X) ((C^2 + Q^2)(conj(C Q) - sigma) - 4 C Q Re(C Q) - 2 sigma X) / (|Q|^2 |X|^4)
 
 H vanishes with sigma. The mean of the s and p derivatives cancels at normal incidence (it cost 4e6
@@ -26,6 +25,7 @@ import jax.numpy as jnp
 from ._arithmetic import (
     Complex,
     complex_sqrt,
+    conjugate_times,
     one_if_zero,
     opaque,
     positive_sqrt,
@@ -108,6 +108,10 @@ def _scaled(z: Complex, factor) -> Complex:
     return z[0] * factor, None if z[1] is None else z[1] * factor
 
 
+def _sum(z: Complex, w: Complex) -> Complex:
+    return z[0] + w[0], None if z[1] is None else z[1] + w[1]
+
+
 def _R_s(p: _Parts, per_s2):
     if p.k is None:
         r_s = (p.near * per_s2) * p.far
@@ -133,26 +137,23 @@ def _unpolarised_jvp(compensated, primals, tangents):
     per_s2, per_x2 = per_both * p.x2, per_both * p.s2
     per_q2 = reciprocal_or_zero(p.rho)
     re_y = _re_y(c, n, m, sigma)
-    n2_minus_m2 = p.near * p.far
+    q, n2_minus_m2 = p.q, p.near * p.far
     if k is None:
-        index2, y = (n * n, None), (re_y, None)
-        contrast, core = (n2_minus_m2, None), (n * n2_minus_m2, None)
+        N, index2, y = (n, None), (n * n, None), (re_y, None)
+        contrast = (n2_minus_m2, None)
     else:
-        k2, ck, n2k = k * k, c * k, n * (2.0 * k)
-        index2, y = (n * n - k2, n2k), (re_y - ck * ck, 2.0 * (c * n) * ck)
+        k2, n2k, c2 = k * k, n * (2.0 * k), c * c
+        N, index2, y = (n, k), (n * n - k2, n2k), (re_y - c2 * k2, c2 * n2k)
         contrast = (n2_minus_m2 - k2, n2k)
-        # conj(N^2 - m^2) N, written so that n^2 - m^2 keeps its digits near index match
-        core = (n * (n2_minus_m2 + k2), -k * (n * n + m2 + k2))
-    q = p.q
-    per_q = _scaled(_conjugate(q), per_q2)
-    conj_y = _scaled(_conjugate(y), m2 * per_x2)
-    v = _scaled(times(contrast, conj_y), 0.5 * sigma)
-    v = (p.u + v[0], v[1])
-    # 4 C / (|S|^2 |Q|^2) as one factor would leave float32's range at grazing index match
-    g = times(_scaled(times(_scaled(core, per_s2), per_q), 4.0 * C * per_s2 * per_x2), v)
-    dn, dk = g[0], None if k is None else -g[1]
+    steep = squared_modulus(contrast) * ((0.5 * sigma) * (m2 * per_x2))
+    # E / |S|^2 before all else: |N Q E| alone would leave float32's range for N = 1e8
+    e = _scaled(_sum(_scaled(contrast, p.u), _scaled(y, steep)), per_s2)
+    g = _scaled(conjugate_times(conjugate_times(q, N), e), per_q2)
+    dn, dk = _scaled(g, 4.0 * C * per_both)
     dm = None if m is None else -(n * dn + (0.0 if k is None else k * dk)) / m
 
+    conj_y = _scaled(_conjugate(y), m2 * per_x2)
+    per_q = _scaled(_conjugate(q), per_q2)
     difference = m2 * times(_scaled(index2, per_x2), times(per_q, conj_y))[0] - per_q[0]
     h = times(_scaled(_turned(p, q), per_x2), per_q)
     h_re = times(h, _conjugate(_x_of(p, q)))[0]
