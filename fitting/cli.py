@@ -13,7 +13,6 @@ import shlex
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from fitting.command import options as model_options
@@ -29,14 +28,15 @@ GOOD = ("converged", "converged at k = 0")
 
 _DESCRIPTION = """\
 Fit the complex refractive index eta + i k of one bare interface to measured
-reflectance: R_s, R_p or unpolarised R over the angle of incidence, at one
-wavelength or wavelength by wavelength; or, with --model, a dispersion model of
-an interface or a slab to R, T, psi and Delta over angles and wavelengths.
+R_s, R_p or unpolarised R, or to psi and Delta, over the angle of incidence, at
+one wavelength or wavelength by wavelength; or, with --model, a dispersion model
+of an interface or a slab to R, T, psi and Delta over angles and wavelengths.
 """
 
 _EPILOG = """\
 examples:
   fresnel-fit gold.csv --plot gold.png --json gold.json
+  fresnel-fit ellipsometer.txt --reference Si --report out
   fresnel-fit gold.csv --model constant --free scale --prior scale=1+-0.02
   fresnel-fit glass.csv --model cauchy-urbach --slab 3.05 --plot glass.png
 
@@ -118,6 +118,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     results.add_argument(
         "--plot", metavar="OUT", help="picture of data, fit and residuals: .png, .pdf or .svg"
+    )
+    results.add_argument(
+        "--reference",
+        metavar="MATERIAL",
+        help="show eta and k of a material beside, and draw them over wavelength: gold, BK7, ..",
     )
     results.add_argument(
         "--report",
@@ -204,6 +209,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from fitting.measurement import concatenate
     from fitting.output import export, report
     from fitting.output.outputs import Outputs
+    from fitting.output.progress import Progress
 
     width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
     with _refusals():
@@ -214,21 +220,26 @@ def _run(arguments: argparse.Namespace) -> int:
 
             return FITTED if run_model(measurements, arguments, width, _print) else NOT_FITTED
         measurement = concatenate(*measurements)
-        if arguments.slab:
+        if arguments.slab or np.isin(measurement.quantity, ("psi", "delta")).any():
             from fitting.command.points import run_points
 
             return FITTED if run_points(measurement, arguments, width, _print) else NOT_FITTED
+        if arguments.reference:
+            from fitting.output.reference import check_reference
+
+            check_reference(arguments.reference, measurement.wavelength_um)
     with Outputs() as outputs:
         spectrum = len(np.unique(measurement.wavelength_um)) > 1
-        with _refusals():
+        with _refusals(), Progress("fit", quiet=arguments.quiet):
             staged = results.stage(outputs, arguments, spectrum)
             result = _fit(measurement, arguments)
         if arguments.json == "-":
             _print(export.json_text(result, measurement))
         elif not arguments.quiet:
-            _print(report.table(result, measurement, width))
-        suffix = Path(arguments.plot or "").suffix
-        results.write(staged, suffix, result, measurement, arguments.command)
+            beside = results.reference_lines(arguments, measurement.wavelength_um, width)
+            _print(report.table(result, measurement, width) + beside)
+        with Progress("files written", quiet=arguments.quiet) as bar:
+            results.write(staged, result, measurement, arguments, bar)
         outputs.publish()
     return FITTED if all(status in GOOD for status in np.atleast_1d(result.status)) else NOT_FITTED
 

@@ -228,7 +228,7 @@ def test_a_file_that_must_not_be_read(capsys, tmp_path, monkeypatch):
     [
         ("", "no row"),
         ("angle_deg,R_s\n30,0.5\n40,-3\n", "line 3"),
-        ("angle_deg,psi,delta\n60,20,100\n65,25,90\n", "cannot fit"),
+        ("wavelength_um,T,R\n0.5,0.9,0.08\n0.6,0.9,0.08\n", "cannot fit T"),
     ],
 )
 def test_content_that_cannot_be_fitted(capsys, tmp_path, text, said):
@@ -317,7 +317,7 @@ def test_missing_matplotlib(capsys, tmp_path, no_fit, monkeypatch):
 def test_results_are_written_whole_or_not_at_all(capsys, tmp_path, monkeypatch, error):
     (tmp_path / "gold.json").write_text("old")
 
-    def fail(result, measurement, path, suffix):
+    def fail(result, measurement, path, *_):
         path.write_text("half")
         raise error
 

@@ -1,6 +1,7 @@
 """eta and k wavelength by wavelength, of a slab and of an interface, alone and side by side."""
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ K = np.geomspace(1e-7, 3e-5, len(WAVELENGTHS))
 def plate(angles=(0.0,), quantities=("T", "R"), sigma=0.0, seed=1, thickness=2000.0):
     random = np.random.default_rng(seed)
     angle, wavelength = (a.ravel() for a in np.meshgrid(angles, WAVELENGTHS))
-    columns: dict[str, list[float]] = {q: [] for q in quantities}
+    columns: dict[str, Any] = {q: [] for q in quantities}
     for a, w in zip(angle, wavelength, strict=True):
         i = int(np.argmin(np.abs(WAVELENGTHS - w)))
         values = {"eta": ETA[i], "k": K[i], "thickness_um": thickness}
@@ -86,4 +87,4 @@ def test_plain_data_and_refusals():
     with pytest.raises(ValueError, match="absolute_sigma"):
         fit_points(m, thickness_um=2000.0, absolute_sigma=True)
     with pytest.raises(ValueError, match="wavelength"):
-        fit_points(Measurement.from_columns([0.0, 10.0], R=[0.1, 0.1]), "interface")
+        fit_points(Measurement.from_columns([0.0, 1.0], [0.5, np.nan], R=[0.1, 0.1]), "interface")

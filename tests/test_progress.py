@@ -2,12 +2,16 @@
 
 import io
 import sys
+import threading
+import time
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 
 import pytest
 
-from fitting.output.progress import Progress
+from fitting.output import progress
+from fitting.output.progress import Progress, shown
+from fitting.progress import tell
 
 
 class Terminal(io.StringIO):
@@ -19,22 +23,19 @@ class Terminal(io.StringIO):
 
 @pytest.fixture
 def bars(monkeypatch):
-    """Stand in for tqdm, which the tests do not need: what was done to each bar."""
+    """Stand in for tqdm, which the tests do not need: what each bar showed."""
     made = []
 
     class Bar:
         def __init__(self, **options):
-            self.options, self.total, self.done, self.doing, self.closed = options, None, 0, "", 0
+            self.options, self.bar_format = options, options["bar_format"]
+            self.total, self.n, self.closed = None, 0, 0
+            self.seen = []
             made.append(self)
 
-        def update(self):
-            self.done += 1
-
-        def refresh(self):
-            pass
-
-        def set_postfix_str(self, text):
-            self.doing = text
+        def set_postfix_str(self, text, refresh):
+            assert refresh
+            self.seen.append((self.n, self.total, text))
 
         def close(self):
             self.closed += 1
@@ -43,38 +44,87 @@ def bars(monkeypatch):
     module.tqdm = Bar  # pyright: ignore[reportAttributeAccessIssue]
     module.__spec__ = ModuleSpec("tqdm", None)
     monkeypatch.setitem(sys.modules, "tqdm", module)
+    monkeypatch.setattr(progress, "EVERY", 0.001)
     return made
 
 
-def use():
-    with Progress("models", quiet=False) as bar:
-        bar.expect(2)
+def wait_for(true):
+    """Wait until ``true()`` holds, for at most a minute."""
+    end = time.monotonic() + 60.0
+    while not true():
+        assert time.monotonic() < end, "nothing was shown"
+        time.sleep(0.001)
+
+
+def test_steps_are_counted_on_a_terminal(bars, monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setattr(progress, "DELAY", 0.001)
+    with Progress("models") as bar:
+        wait_for(lambda: bars and bars[0].seen)
         bar.step("first")
         bar.step("second")
+        wait_for(lambda: bars[0].seen[-1] == (2, None, "second"))
+        assert not bars[0].closed
+    assert len(bars) == 1 and bars[0].closed == 1
+    assert bars[0].options["leave"] is False and bars[0].options["file"] is sys.stderr
 
 
-def test_steps_are_counted_on_a_terminal_after_a_second(bars, monkeypatch):
+def test_a_bar_is_filled_once_the_number_of_steps_is_known(bars, monkeypatch):
     monkeypatch.setattr(sys, "stderr", Terminal())
-    use()
-    (bar,) = bars
-    assert (bar.total, bar.done, bar.doing, bar.closed) == (2, 2, "second", 1)
-    assert bar.options["delay"] == 1.0
-    assert bar.options["leave"] is False
+    monkeypatch.setattr(progress, "DELAY", 0.001)
+    with shown("wavelengths"):
+        wait_for(lambda: bars and bars[0].seen)
+        assert bars[0].bar_format  # no total: only the time
+        tell(total=20, done=0)
+        tell(done=16)
+        tell("errors", done=4)
+        wait_for(lambda: bars[0].seen[-1] == (20, 20, "errors"))
+        assert bars[0].bar_format is None
+    tell(done=5)  # nobody listens any more
+    assert bars[0].seen[-1] == (20, 20, "errors")
+
+
+def test_nothing_is_shown_in_the_first_second(bars, monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    assert progress.DELAY == 1.0
+    monkeypatch.setattr(progress, "DELAY", 60.0)  # however slow this machine is
+    with Progress("models") as bar:
+        bar.step()
+    assert bars == []
 
 
 def test_nothing_is_shown_in_a_pipe_or_if_asked_to_be_quiet(bars, monkeypatch):
-    monkeypatch.setattr(sys, "stderr", io.StringIO())
-    use()
-    monkeypatch.setattr(sys, "stderr", Terminal())
-    with Progress("models", quiet=True) as bar:
-        bar.step()
+    monkeypatch.setattr(progress, "DELAY", 0.001)
+    before = threading.active_count()
+    for stderr, quiet in ((io.StringIO(), False), (Terminal(), True), (None, False)):
+        monkeypatch.setattr(sys, "stderr", stderr)
+        with Progress("models", quiet=quiet) as bar:
+            assert threading.active_count() == before
+            bar.step()
     assert bars == []
 
 
 def test_without_tqdm_there_is_silence(monkeypatch):
     monkeypatch.setitem(sys.modules, "tqdm", None)
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    looked = threading.Event()
+
+    def find_spec(name):
+        looked.set()
+
+    monkeypatch.setattr("importlib.util.find_spec", find_spec)
+    monkeypatch.setattr(progress, "DELAY", 0.001)
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
-    use()
+    with Progress("models") as bar:
+        assert looked.wait(60.0)
+        bar.step()
     assert terminal.getvalue() == ""
+
+
+def test_the_bar_is_cleared_away_before_an_error_is_shown(bars, monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setattr(progress, "DELAY", 0.001)
+    with pytest.raises(KeyboardInterrupt), Progress("models"):
+        wait_for(lambda: bars and bars[0].seen)
+        raise KeyboardInterrupt
+    assert bars[0].closed == 1

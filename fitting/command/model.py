@@ -12,6 +12,8 @@ from fitting.command import results
 from fitting.command.options import fit_options
 from fitting.output import model_report, report
 from fitting.output.outputs import Outputs
+from fitting.output.progress import Progress, shown
+from fitting.output.reference import check_reference
 
 if TYPE_CHECKING:
     from fitting.measurement import Measurement
@@ -30,17 +32,13 @@ def _fit(
     set_up_jax()
     from fitting.model.fit import fit_model
 
-    if arguments.reference:
-        from fresnel_jax.dispersion import material
-
-        material(arguments.reference)  # refuses a name that it does not know
     with warnings.catch_warnings():
         # A cache folder that is full or was taken away is not the user's business here.
         warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
         if arguments.model != AUTO:
-            return fit_model(measurements, arguments.model, **options), None
+            with shown("rounds of the fit", quiet=arguments.quiet):
+                return fit_model(measurements, arguments.model, **options), None
         from fitting.model.select import choose
-        from fitting.output.progress import Progress
 
         with Progress("models tried", quiet=arguments.quiet) as bar:
             choice = choose(measurements, step=bar.step, **options)
@@ -65,26 +63,29 @@ def _json(fit: ModelFit, choice: Choice | None) -> str:
 
 
 def _write(
-    staged: dict[str, Path], fit: ModelFit, choice: Choice | None, arguments: argparse.Namespace
+    staged: dict[str, Path],
+    fit: ModelFit,
+    choice: Choice | None,
+    arguments: argparse.Namespace,
+    bar: Progress,
 ) -> None:
-    for kind, path in staged.items():
+    def text_of(kind: str, path: Path) -> str | None:
         what = kind.removeprefix("report ")
         if what == "plot":
             from fitting.output.plot_model import save_model_plot
 
             suffix = Path(arguments.plot).suffix if kind == "plot" else ".png"
             save_model_plot(fit, path, suffix, arguments.reference)
-            continue
+            return None
         if what == "page":
             from fitting.output.model_page import model_page
 
-            text = model_page(fit, staged["report plot"].read_bytes(), arguments.command, choice)
-        elif what == "json":
-            text = _json(fit, choice)
-        else:
-            text = model_report.data_csv(fit) if what == "csv" else model_report.index_csv(fit)
-        # File names that are no text are shown with escapes; line ends are the same everywhere.
-        path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
+            return model_page(fit, staged["report plot"].read_bytes(), arguments.command, choice)
+        if what == "json":
+            return _json(fit, choice)
+        return model_report.data_csv(fit) if what == "csv" else model_report.index_csv(fit)
+
+    results.write_texts(staged, text_of, bar)
 
 
 def run_model(
@@ -100,6 +101,8 @@ def run_model(
     import numpy as np
 
     wavelength = np.concatenate([m.wavelength_um for m in measurements])
+    if arguments.reference:
+        check_reference(arguments.reference, wavelength)
     with Outputs() as outputs:
         staged = results.stage(outputs, arguments, len(np.unique(wavelength)) > 1)
         fit, choice = _fit(measurements, arguments)
@@ -107,7 +110,9 @@ def run_model(
             show(_json(fit, choice))
         elif not arguments.quiet:
             compared = "" if choice is None else _comparison(choice, width)
-            show(model_report.table(fit, width) + compared)
-        _write(staged, fit, choice, arguments)
+            beside = results.reference_lines(arguments, wavelength, width)
+            show(model_report.table(fit, width) + compared + beside)
+        with Progress("files written", quiet=arguments.quiet) as bar:
+            _write(staged, fit, choice, arguments, bar)
         outputs.publish()
     return fit.status == "converged"

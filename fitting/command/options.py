@@ -56,9 +56,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="huber or student for data with outliers (default squares)",
     )  # fmt: skip
     group.add_argument("--starts", metavar="N", type=int, help="number of starts (default 64 up)")
-    group.add_argument(
-        "--reference", metavar="MATERIAL", help="draw eta and k of a material beside: gold, BK7, .."
-    )
 
 
 def of_a_model(arguments: argparse.Namespace) -> str:
@@ -67,7 +64,6 @@ def of_a_model(arguments: argparse.Namespace) -> str:
         "--free": arguments.free, "--fix": arguments.fix, "--bound": arguments.bound,
         "--prior": arguments.prior, "--loss": arguments.loss != "squares",
         "--starts": arguments.starts is not None,
-        "--reference": arguments.reference and not arguments.slab,
     }  # fmt: skip
     return next((flag for flag, value in given.items() if value), "")
 

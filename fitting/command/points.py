@@ -1,4 +1,4 @@
-"""``fresnel-fit --slab MM`` without a model: eta and k of a slab wavelength by wavelength."""
+"""``fresnel-fit`` without a model, where an index is not from R alone: a slab, or psi and Delta."""
 
 from __future__ import annotations
 
@@ -8,9 +8,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from fitting.command import results
+from fitting.index.arrange import check_quantities
+from fitting.index.problem import CHANNELS
 from fitting.output import point_report
 from fitting.output.outputs import Outputs
+from fitting.output.progress import Progress, shown
+from fitting.output.reference import check_reference
 
 if TYPE_CHECKING:
     from fitting.measurement import Measurement
@@ -22,21 +28,45 @@ def _fit(measurement: Measurement, arguments: argparse.Namespace) -> PointFits:
 
     set_up_jax()
     from fitting.model.points import fit_points
+    from fitting.model.structures import INTERFACE, SLAB
 
-    if arguments.reference:
-        from fresnel_jax.dispersion import material
-
-        material(arguments.reference)  # refuses a name that it does not know
     with warnings.catch_warnings():
         # A cache folder that is full or was taken away is not the user's business here.
         warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
         return fit_points(
             measurement,
+            SLAB if arguments.slab else INTERFACE,
             thickness_um=arguments.slab,
             eta_i=arguments.eta_i,
             sigma="equal" if arguments.equal_weights else "given",
             absolute_sigma=arguments.absolute_sigma,
         )
+
+
+def _write(
+    staged: dict[str, Path], fits: PointFits, arguments: argparse.Namespace, bar: Progress
+) -> None:
+    texts = {
+        "json": point_report.json_text,
+        "csv": point_report.data_csv,
+        "index": point_report.index_csv,
+    }
+
+    def text_of(kind: str, path: Path) -> str | None:
+        what = kind.removeprefix("report ")
+        if what == "plot":
+            from fitting.output.plot_points import save_point_plot
+
+            suffix = Path(arguments.plot).suffix if kind == "plot" else ".png"
+            save_point_plot(fits, path, suffix, arguments.reference)
+            return None
+        if what == "page":
+            from fitting.output.point_page import point_page
+
+            return point_page(fits, staged["report plot"].read_bytes(), arguments.command)
+        return texts[what](fits)
+
+    results.write_texts(staged, text_of, bar)
 
 
 def run_points(
@@ -49,26 +79,21 @@ def run_points(
 
     show: prints a text. Raises ValueError for what is the user's to mend.
     """
-    if arguments.report:
-        raise ValueError("--report is not for --slab without --model; use --json, --csv, --plot.")
+    if arguments.reference:
+        check_reference(arguments.reference, measurement.wavelength_um)
+    if not arguments.slab:
+        check_quantities(measurement, (*CHANNELS, "psi", "delta"))
+    spectrum = len(np.unique(measurement.wavelength_um)) > 1
     with Outputs() as outputs:
-        staged = results.stage(outputs, arguments, spectrum=True)
-        fits = _fit(measurement, arguments)
+        staged = results.stage(outputs, arguments, spectrum)
+        with shown("wavelengths fitted", quiet=arguments.quiet):
+            fits = _fit(measurement, arguments)
         if arguments.json == "-":
             show(point_report.json_text(fits))
         elif not arguments.quiet:
-            show(point_report.table(fits, width))
-        for kind, path in staged.items():
-            if kind == "plot":
-                from fitting.output.plot_points import save_point_plot
-
-                save_point_plot(fits, path, Path(arguments.plot).suffix, arguments.reference)
-                continue
-            text = {
-                "json": point_report.json_text,
-                "csv": point_report.data_csv,
-                "index": point_report.index_csv,
-            }[kind](fits)
-            path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
+            beside = results.reference_lines(arguments, measurement.wavelength_um, width)
+            show(point_report.table(fits, width) + beside)
+        with Progress("files written", quiet=arguments.quiet) as bar:
+            _write(staged, fits, arguments, bar)
         outputs.publish()
     return bool((fits.status == "converged").all())

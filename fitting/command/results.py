@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,8 +12,11 @@ from fitting.command.options import of_a_model
 from fitting.output.outputs import Outputs
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from fitting.index.fit import FitResult
     from fitting.measurement import Measurement
+    from fitting.output.progress import Progress
 
 # What a report folder holds. The page comes last, since the picture goes into it.
 REPORT = {
@@ -69,6 +73,33 @@ def stage(outputs: Outputs, arguments: argparse.Namespace, spectrum: bool) -> di
     return staged
 
 
+def reference_lines(arguments: argparse.Namespace, wavelength_um: np.ndarray, width: int) -> str:
+    """Return the line of the table on the material that was named beside; "" for none."""
+    if not arguments.reference:
+        return ""
+    from fitting.output.reference import reference_text
+    from fitting.output.report import wrapped
+
+    text = reference_text(arguments.reference, wavelength_um)
+    return "\n" + wrapped("reference", text, width) + "\n"
+
+
+def write_texts(
+    staged: dict[str, Path], text_of: Callable[[str, Path], str | None], bar: Progress
+) -> None:
+    """Write all of ``staged``.
+
+    text_of: what goes into a file of this kind ("json", "plot", ..., without "report"); None where
+    it has written the file itself. bar: is told of each file.
+    """
+    for kind, path in staged.items():
+        bar.step(REPORT.get(kind, kind))
+        text = text_of(kind, path)
+        if text is not None:
+            # File names that are no text are shown with escapes; line ends are the same everywhere.
+            path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
+
+
 def _text(kind: str, result: FitResult, measurement: Measurement) -> str:
     from fitting.output import export
 
@@ -83,30 +114,28 @@ def _text(kind: str, result: FitResult, measurement: Measurement) -> str:
 
 def write(
     staged: dict[str, Path],
-    plot_suffix: str,
     result: FitResult,
     measurement: Measurement,
-    command: str,
+    arguments: argparse.Namespace,
+    bar: Progress,
 ) -> None:
-    """Write all of ``staged``.
+    """Write all of ``staged``."""
 
-    plot_suffix: of the final name of the picture. command: how the fit was asked for.
-    """
-    for kind, path in staged.items():
+    def text_of(kind: str, path: Path) -> str | None:
         what = kind.removeprefix("report ")
         if what == "plot":
             from fitting.output.plot import save_plot
 
-            save_plot(result, measurement, path, plot_suffix if kind == "plot" else ".png")
-            continue
+            suffix = Path(arguments.plot).suffix if kind == "plot" else ".png"
+            save_plot(result, measurement, path, suffix, arguments.reference)
+            return None
         if what == "page":
             from fitting.index.curves import fitted_values
             from fitting.output.report_page import fit_page
 
             fitted, _ = fitted_values(result, measurement)
             png = staged["report plot"].read_bytes()
-            text = fit_page(result, measurement, fitted, png, command)
-        else:
-            text = _text(what, result, measurement)
-        # File names that are no text are shown with escapes; line ends are the same everywhere.
-        path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
+            return fit_page(result, measurement, fitted, png, arguments.command)
+        return _text(what, result, measurement)
+
+    write_texts(staged, text_of, bar)

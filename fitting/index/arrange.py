@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,6 +42,26 @@ def _data(
     return Data(cos_theta, s_share, tuple(values), tuple(weights), float(eta_i), tuple(channels))
 
 
+def check_quantities(m: Measurement, allowed: Sequence[str]) -> None:
+    """Raise ValueError where something else than ``allowed`` was measured, with what would do."""
+    strange = sorted(set(m.quantity.tolist()) - set(allowed))
+    if not strange:
+        return
+    text = f"{m.source}: cannot fit {', '.join(strange)} to one bare interface by wavelength; "
+    text += f"{', '.join(allowed[:-1])} and {allowed[-1]} were wanted. "
+    if set(strange) & {"T", "T_s", "T_p", "R_back"}:
+        # "glass_3mm.csv", "CLEAR_0.7 mm.dat"
+        thick = re.search(r"(?<![\d.])(\d+(?:\.\d+)?) ?mm(?![a-z])", m.source, re.IGNORECASE)
+        named = f" (the file name says {thick[1]}mm: --slab {thick[1]}?)" if thick else ""
+        text += (
+            "T and light from the back are of a plate with both faces, whose thickness is needed: "
+            f"--slab MM{named}. "
+        )
+    else:
+        text += 'psi and Delta are fitted by fit_points(measurement, "interface"). '
+    raise ValueError(text + "Or name the columns to be read: --columns angle=1,R_s=2.")
+
+
 def of_measurement(m: Measurement, eta_i: float, sigma: str) -> Arranged:
     """Return the curves of a measurement, one for each wavelength, in rising order.
 
@@ -51,14 +72,7 @@ def of_measurement(m: Measurement, eta_i: float, sigma: str) -> Arranged:
         raise ValueError(
             f'sigma is {sigma!r}; "given" (use the stated errors) or "equal" was wanted.'
         )
-    strange = sorted(set(m.quantity.tolist()) - set(CHANNELS))
-    if strange:
-        raise ValueError(
-            f"{m.source}: cannot fit {', '.join(strange)}. Without a model, one bare interface is "
-            "fitted to R_s, R_p and R wavelength by wavelength. Name the columns to be read with "
-            "--columns, for example angle=1,R_s=2; or say what the data are of with --model (psi "
-            "and delta, a dispersion) or --slab MM (R and T of a plate)."
-        )
+    check_quantities(m, CHANNELS)
     known = np.isfinite(m.sigma)
     stated = sigma == "given" and bool(known.all())
     notes = []

@@ -41,6 +41,35 @@ def csv_text(comments: Iterable[str], columns: dict[str, Iterable[Any]]) -> str:
     return out.getvalue()
 
 
+def residuals(measurement: Measurement, fitted: np.ndarray) -> np.ndarray:
+    """Return value - fitted of every datum; of Delta from -180 to 180: 359 and 1 are 2 apart."""
+    off = measurement.value - fitted
+    return np.where(measurement.quantity == "delta", (off + 180.0) % 360.0 - 180.0, off)
+
+
+def measured_columns(
+    measurement: Measurement, fitted: np.ndarray, sigma_fitted: np.ndarray
+) -> dict[str, Iterable[Any]]:
+    """Return the columns of a table of data with the fitted value beside each.
+
+    Wavelength and polariser are left out where no row has one.
+    """
+    m = measurement
+    columns: dict[str, Iterable[Any]] = {"angle_deg": m.angle_deg.tolist()}
+    if np.isfinite(m.wavelength_um).any():
+        columns["wavelength_um"] = m.wavelength_um.tolist()
+    columns["quantity"] = m.quantity.tolist()
+    if np.isfinite(m.polarizer_deg).any():
+        columns["polarizer_deg"] = m.polarizer_deg.tolist()
+    return columns | {
+        "value": m.value.tolist(),
+        "sigma": m.sigma.tolist(),
+        "fitted": np.asarray(fitted).tolist(),
+        "sigma_fitted": np.asarray(sigma_fitted).tolist(),
+        "residual": residuals(m, np.asarray(fitted)).tolist(),
+    }
+
+
 def _comments(result: FitResult, measurement: Measurement) -> list[str]:
     comments = [f"{measurement.source}: {measurement.understood}"]
     if np.ndim(result.eta) == 0:
@@ -60,20 +89,7 @@ def data_csv(
     Numbers are written so that they read back to the last bit; what is not known is empty;
     residual = value - fitted. Wavelength and polariser are left out where no row has one.
     """
-    m = measurement
-    columns: dict[str, Iterable[Any]] = {"angle_deg": m.angle_deg.tolist()}
-    if np.isfinite(m.wavelength_um).any():
-        columns["wavelength_um"] = m.wavelength_um.tolist()
-    columns["quantity"] = m.quantity.tolist()
-    if np.isfinite(m.polarizer_deg).any():
-        columns["polarizer_deg"] = m.polarizer_deg.tolist()
-    columns |= {
-        "value": m.value.tolist(),
-        "sigma": m.sigma.tolist(),
-        "fitted": np.asarray(fitted).tolist(),
-        "sigma_fitted": np.asarray(sigma_fitted).tolist(),
-        "residual": (m.value - fitted).tolist(),
-    }
+    columns = measured_columns(measurement, fitted, sigma_fitted)
     return csv_text(_comments(result, measurement), columns)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fitting.model.result import ModelFit
-from fitting.output.export import csv_text
+from fitting.output.export import csv_text, measured_columns
 from fitting.output.report import number, with_error, wrapped
 from fitting.plain_data import json_object
 
@@ -117,25 +117,8 @@ def _comments(fit: ModelFit) -> list[str]:
 
 def data_csv(fit: ModelFit) -> str:
     """Return the measurement as CSV, a datum a row, with the fitted value and its error beside."""
-    m = fit.measurement
-    fitted, sigma_fitted = fit.fitted()
-    residual = m.value - fitted
-    # Delta is an angle: 359 and 1 are 2 apart.
-    around = (residual + 180.0) % 360.0 - 180.0
-    residual = np.where(m.quantity == "delta", around, residual)
-    columns = {
-        "curve": [fit.curve_names[i].replace(",", " ") for i in fit.curve],
-        "angle_deg": m.angle_deg.tolist(),
-        "wavelength_um": m.wavelength_um.tolist(),
-        "quantity": m.quantity.tolist(),
-        "value": m.value.tolist(),
-        "sigma": m.sigma.tolist(),
-        "fitted": fitted.tolist(),
-        "sigma_fitted": sigma_fitted.tolist(),
-        "residual": residual.tolist(),
-    }
-    if np.isfinite(m.polarizer_deg).any():
-        columns["polarizer_deg"] = m.polarizer_deg.tolist()
+    curves = [fit.curve_names[i].replace(",", " ") for i in fit.curve]
+    columns = {"curve": curves, **measured_columns(fit.measurement, *fit.fitted())}
     return csv_text(_comments(fit), columns)
 
 

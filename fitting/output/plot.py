@@ -102,12 +102,13 @@ def _draw_curve(figure: Figure, result: FitResult, measurement: Measurement) -> 
     titles(top, result, measurement)
 
 
-def draw(result: FitResult, measurement: Measurement) -> Figure:
+def draw(result: FitResult, measurement: Measurement, reference: str | None = None) -> Figure:
     """Return a matplotlib Figure of the fit ``result`` of ``measurement``.
 
     One curve: reflectance over angle with one-sigma error bars, the fitted curve with its one-sigma
     band, and data - fit below. A spectrum: eta and k over wavelength with their errors and upper
-    limits, a tick on the axis where the data give no index, and data - fit below.
+    limits, a tick on the axis where the data give no index, and data - fit below; beside them eta
+    and k of the material ``reference``.
     Raises ImportError where matplotlib is not installed.
     """
     from matplotlib.figure import Figure
@@ -119,15 +120,19 @@ def draw(result: FitResult, measurement: Measurement) -> Figure:
         else:
             from fitting.output.plot_spectrum import draw_spectrum
 
-            draw_spectrum(figure, result, measurement)
+            draw_spectrum(figure, result, measurement, reference)
         figure.align_ylabels()
         return figure
 
 
 def save_plot(
-    result: FitResult, measurement: Measurement, path: str | PathLike[str], suffix: str = ""
+    result: FitResult,
+    measurement: Measurement,
+    path: str | PathLike[str],
+    suffix: str = "",
+    reference: str | None = None,
 ) -> None:
     """Draw the fit to the file ``path`` in the format of ``suffix`` (default: its own)."""
-    figure = draw(result, measurement)
+    figure = draw(result, measurement, reference)
     with our_style():
         figure.savefig(path, format=(suffix or Path(path).suffix).lower().lstrip("."))

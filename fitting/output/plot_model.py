@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fitting.model.result import ModelFit
+from fitting.output.export import residuals
 from fitting.output.plot_parts import GREY, draw_zero, our_style, points
+from fitting.output.reference import reference_index
 from fitting.output.report import number
 
 if TYPE_CHECKING:
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _MARKERS = "osD^v<>"
 # Points of a curve; more data than that are drawn as dots.
-_FINE, _MANY = 200, 60
+_FINE, MANY = 200, 60
 
 
 def _groups(fit: ModelFit | PointFits) -> list[tuple[str, np.ndarray]]:
@@ -52,28 +54,47 @@ def draw_data(top: Any, bottom: Any, fit: ModelFit | PointFits) -> None:
     m = fit.measurement
     x = m.wavelength_um if _over_wavelength(fit) else m.angle_deg
     value, sigma = fit.fitted()
-    degrees = bool(np.isin(m.quantity, ("psi", "delta")).all())
+    off = residuals(m, value)
+    degrees = np.isin(m.quantity, ("psi", "delta"))
+    # R and T beside psi and Delta have a scale of their own, on the right.
+    mixed = degrees.any() and not degrees.all()
+    right = [axes.twinx() for axes in (top, bottom)] if mixed else []
     for i, (label, rows) in enumerate(_groups(fit)):
         color, marker = _COLOURS[i % len(_COLOURS)], _MARKERS[i % len(_MARKERS)]
         rows = rows[np.argsort(x[rows], kind="stable")]
-        residual = m.value[rows] - value[rows]
-        if (m.quantity[rows] == "delta").all():
-            residual = (residual + 180.0) % 360.0 - 180.0
+        residual = off[rows]
         fitted = m.value[rows] - residual
-        if len(rows) > _MANY:
-            top.plot(x[rows], m.value[rows], ".", color=color, markersize=3, label=label)
-            bottom.plot(x[rows], residual, ".", color=color, markersize=3)
+        upper, lower = right if right and not degrees[rows[0]] else (top, bottom)
+        if len(rows) > MANY:
+            upper.plot(x[rows], m.value[rows], ".", color=color, markersize=3, label=label)
+            lower.plot(x[rows], residual, ".", color=color, markersize=3)
         else:
-            points(top, x[rows], m.value[rows], m.sigma[rows], color, marker, label)
-            points(bottom, x[rows], residual, m.sigma[rows], color, marker, "")
-        top.plot(x[rows], fitted, color=color, linewidth=1.3, zorder=2)
+            points(upper, x[rows], m.value[rows], m.sigma[rows], color, marker, label)
+            points(lower, x[rows], residual, m.sigma[rows], color, marker, "")
+        line = fitted
+        if (m.quantity[rows] == "delta").all():
+            # Broken where Delta goes round from 360 to 0.
+            line = np.where(np.abs(np.diff(fitted, prepend=fitted[0])) > 180.0, np.nan, fitted)
+        upper.plot(x[rows], line, color=color, linewidth=1.3, zorder=2)
         if np.isfinite(sigma[rows]).any():
-            top.fill_between(
+            upper.fill_between(
                 x[rows], fitted - sigma[rows], fitted + sigma[rows], color=color, alpha=0.22,
                 linewidth=0, zorder=1,
             )  # fmt: skip
-    top.set_ylabel("degrees" if degrees else "fraction of the light")
-    top.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=9)
+    of_powers = "fraction of the light"
+    top.set_ylabel("degrees" if degrees.any() else of_powers)
+    handles, labels = top.get_legend_handles_labels()
+    for axes in right:
+        axes.grid(False)
+        axes.spines["right"].set_visible(True)
+    if right:
+        right[0].set_ylabel(of_powers)
+        more, names = right[0].get_legend_handles_labels()
+        handles, labels = handles + more, labels + names
+        draw_zero(right[1])
+    # Beside the axes and, if there are any, the figures of those on the right.
+    at = (1.12 if right else 1.0, 1.0)
+    top.legend(handles, labels, loc="upper left", bbox_to_anchor=at, fontsize=9)
     draw_zero(bottom)
 
 
@@ -102,23 +123,6 @@ def _draw_index(axes: Axes, fit: ModelFit, reference: str | None) -> None:
         twin.plot(shown, k, "--", color="#D55E00", linewidth=1.2)
         axes.legend([line], [f"{reference} (reference)"], loc="best", fontsize=9)
     axes.set_xlabel("wavelength (\u00b5m)")
-
-
-def reference_index(name: str, wavelength_um: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return wavelengths, eta and k of a named material where its source knows them.
-
-    Raises ValueError for a name that `fresnel_jax.materials` does not have.
-    """
-    import jax
-
-    from fresnel_jax.dispersion import material
-
-    found = material(name)
-    low, high = found.range_um or (0.0, np.inf)
-    inside = wavelength_um[(wavelength_um >= low) & (wavelength_um <= high)]
-    with jax.enable_x64(True):
-        eta, k = (np.asarray(a) for a in found(inside)) if len(inside) else (inside, inside)
-    return inside, eta, k
 
 
 def draw_model(fit: ModelFit, reference: str | None = None) -> Figure:

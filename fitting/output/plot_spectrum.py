@@ -8,6 +8,7 @@ import numpy as np
 
 from fitting.index.curves import fitted_values
 from fitting.output.plot_parts import GREY, draw_zero, look, points, series, titles
+from fitting.output.reference import reference_index
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,8 +58,19 @@ def _draw_index(
         axes.set_yticks([])
 
 
-def draw_spectrum(figure: Figure, result: FitResult, measurement: Measurement) -> None:
-    """Draw eta, k and data - fit over wavelength into the empty ``figure``."""
+def _draw_reference(first: Axes, second: Axes, name: str, x: np.ndarray) -> None:
+    at, eta, k = reference_index(name, np.linspace(x.min(), x.max(), 300))
+    first.plot(at, eta, "--", color=GREY, linewidth=1.2, label=f"{name} (reference)")
+    second.plot(at, k, "--", color=GREY, linewidth=1.2)
+
+
+def draw_spectrum(
+    figure: Figure, result: FitResult, measurement: Measurement, reference: str | None = None
+) -> None:
+    """Draw eta, k and data - fit over wavelength into the empty ``figure``.
+
+    reference: a named material, whose eta and k are drawn beside.
+    """
     first, second, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(2.0, 2.0, 1.0))
     x = np.asarray(result.wavelength_um)
     status = np.asarray(result.status, dtype=str)
@@ -75,6 +87,8 @@ def draw_spectrum(figure: Figure, result: FitResult, measurement: Measurement) -
             x[at], limit[at], "v", color="#D55E00", markersize=6.0, markerfacecolor="white",
             label="95 % upper limit", zorder=3,
         )  # fmt: skip
+    if reference:
+        _draw_reference(first, second, reference, x)
     first.set_ylabel(r"$\eta$")
     second.set_ylabel(r"$k$")
     low, high = second.get_ylim()

@@ -2,39 +2,74 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import importlib.util
 import sys
+import threading
+from collections.abc import Iterator
 from typing import Any
+
+from fitting.progress import Step, listening
+
+# Seconds until a bar is shown, and between two looks at how far things are.
+DELAY, EVERY = 1.0, 0.1
+# Until it is known how many steps there are in all: no bar to fill, but the time runs on.
+_OPEN = "{desc}: {n} [{elapsed}{postfix}]"
 
 
 class Progress:
     """Counts steps on a terminal; shows nothing in the first second, in a pipe, or without tqdm.
 
-    As a context manager it clears the bar away. quiet: never show it.
+    As a context manager it clears the bar away. quiet: never show it. The bar is drawn by a thread
+    that sleeps for the first second, so that what is quicker pays nothing, tqdm's import included,
+    and the time runs on while one step (a compilation) takes long.
     """
 
     def __init__(self, what: str, *, quiet: bool = False) -> None:
-        self._bar: Any = None
-        if not quiet and sys.stderr.isatty() and importlib.util.find_spec("tqdm") is not None:
-            tqdm = importlib.import_module("tqdm").tqdm
-            self._bar = tqdm(desc=what, delay=1.0, leave=False, unit="", file=sys.stderr)
-
-    def expect(self, total: int) -> None:
-        """Say how many steps there will be in all, as far as is known by now."""
-        if self._bar is not None:
-            self._bar.total = total
-            self._bar.refresh()
+        self._what, self._total, self._done, self._doing = what, 0, 0, ""
+        self._over = threading.Event()
+        self._thread: threading.Thread | None = None
+        if not quiet and sys.stderr is not None and sys.stderr.isatty():
+            self._thread = threading.Thread(target=self._show, daemon=True)
 
     def step(self, doing: str = "") -> None:
         """Count one step as done; ``doing`` is what comes next."""
-        if self._bar is not None:
-            self._bar.update()
-            self._bar.set_postfix_str(doing)
+        self.take(Step(1, None, doing))
+
+    def take(self, step: Step) -> None:
+        """Take in what `fitting.progress.tell` tells."""
+        self._done += step.done
+        self._total = step.total or self._total
+        self._doing = step.doing or self._doing
+
+    def _show(self) -> None:
+        if self._over.wait(DELAY) or importlib.util.find_spec("tqdm") is None:
+            return
+        tqdm = importlib.import_module("tqdm").tqdm
+        bar: Any = tqdm(desc=self._what, leave=False, unit="", file=sys.stderr, bar_format=_OPEN)
+        while True:
+            if self._total:
+                bar.total, bar.bar_format = self._total, None
+            bar.n = self._done
+            bar.set_postfix_str(self._doing, refresh=True)
+            if self._over.wait(EVERY):
+                break
+        bar.close()
 
     def __enter__(self) -> Progress:
+        if self._thread is not None:
+            self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.close()
+        self._over.set()
+        if self._thread is not None:
+            self._thread.join()
+
+
+@contextlib.contextmanager
+def shown(what: str, *, quiet: bool = False) -> Iterator[Progress]:
+    """Show a bar of the steps that the fits inside tell of."""
+    with Progress(what, quiet=quiet) as bar, listening(bar.take):
+        yield bar

@@ -6,7 +6,7 @@ import math
 import re
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -143,33 +143,53 @@ def facts(result: FitResult, measurement: Measurement) -> list[tuple[str, str]]:
     return [*_head(result, measurement), *found]
 
 
-def _warnings(labelled: Iterable[tuple[str, str]], width: int) -> list[str]:
-    lines = [wrapped(label, text, width) for label, text in labelled]
+def labelled(texts: Iterable[tuple[str, str]], width: int) -> list[str]:
+    """Return labels and texts as lines below an empty one; no line at all without a text."""
+    lines = [wrapped(label, text, width) for label, text in texts]
     return ["", *lines] if lines else []
 
 
-def _grouped(warnings: Sequence[Sequence[str]]) -> dict[str, list[int]]:
-    """Return kind of warning -> the curves that have it; kinds differ in more than numbers."""
-    groups: dict[str, list[int]] = {}
+class Told(NamedTuple):
+    """The warnings of many curves, each kind of them once.
+
+    texts: the first of each kind, and where. marks: for each curve the numbers of its kinds.
+    """
+
+    texts: list[str]
+    marks: list[str]
+
+
+def told_once(warnings: Sequence[Sequence[str]], names: Sequence[str]) -> Told:
+    """Return the warnings of the curves ``names``; two are of one kind if only numbers differ."""
+    kinds: dict[str, list[int]] = {}
+    firsts: dict[str, str] = {}
+    marks = []
     for i, texts in enumerate(warnings):
-        for text in texts:
-            groups.setdefault(_NUMBER.sub("#", text), []).append(i)
-    return groups
+        own = {_NUMBER.sub("#", text): text for text in texts}
+        for kind, text in own.items():
+            firsts.setdefault(kind, text)
+            kinds.setdefault(kind, []).append(i)
+        marks.append(own)
+    told = []
+    for kind, members in kinds.items():
+        where = f"at {names[members[0]]} um"
+        if len(members) > 1:
+            own = "and, with figures of their own," if "#" in kind else "and"
+            where += f" {own} {len(members) - 1} more"
+        told.append(f"{firsts[kind]} ({where})")
+    return Told(told, [
+        " ".join(str(i) for i, kind in enumerate(kinds, 1) if kind in own) for own in marks
+    ])  # fmt: skip
+
+
+def _told(result: FitResult) -> Told:
+    names = [f"{w:.6g}" for w in np.asarray(result.wavelength_um).tolist()]
+    return told_once([tuple(texts) for texts in result.warnings], names)
 
 
 def grouped_warnings(result: FitResult) -> list[str]:
     """Return the warnings; of a spectrum each kind once, with where it holds."""
-    if np.ndim(result.eta) == 0:
-        return list(result.warnings)
-    warnings = [tuple(texts) for texts in result.warnings]
-    told = []
-    for kind, members in _grouped(warnings).items():
-        first = next(t for t in warnings[members[0]] if _NUMBER.sub("#", t) == kind)
-        where = f"at {_wavelength(result.at(members[0]))} um"
-        if len(members) > 1:
-            where += f" and, with figures of their own, {len(members) - 1} more"
-        told.append(f"{first} ({where})")
-    return told
+    return list(result.warnings) if np.ndim(result.eta) == 0 else _told(result).texts
 
 
 def rows_aligned(rows: list[list[str]]) -> list[str]:
@@ -181,18 +201,11 @@ def rows_aligned(rows: list[list[str]]) -> list[str]:
     ]
 
 
-def _wavelength(curve: FitResult) -> str:
-    return f"{curve.wavelength_um:.6g}"
-
-
 def _many_curves(result: FitResult, width: int) -> list[str]:
-    warnings = [tuple(texts) for texts in result.warnings]
-    groups = _grouped(warnings)
-    signs = {kind: str(i) for i, kind in enumerate(groups, 1)}
-    rows = [["wavelength_um", "eta", "k", "chi2/dof", "rms", "status", "notes" if groups else ""]]
-    curves = [result.at(i) for i in range(len(result.eta))]
-    for curve, texts in zip(curves, warnings, strict=True):
-        kinds = dict.fromkeys(_NUMBER.sub("#", text) for text in texts)
+    told = _told(result)
+    rows = [["wavelength_um", "eta", "k", "chi2/dof", "rms", "status", "notes" * bool(told.texts)]]
+    for i, mark in enumerate(told.marks):
+        curve = result.at(i)
         index = (
             with_error(curve.eta, curve.sigma_eta),
             _k_text(curve.k, curve.sigma_k, curve.k_upper_limit, curve.status),
@@ -200,17 +213,16 @@ def _many_curves(result: FitResult, width: int) -> list[str]:
         # In brackets: one of many that fit alike.
         loose = curve.status == "undetermined"
         rows.append([
-            _wavelength(curve),
+            f"{curve.wavelength_um:.6g}",
             *(f"({text})" if loose else text for text in index),
             number(curve.chi2_reduced, 3),
             number(curve.rms, 3),
             curve.status,
-            " ".join(signs[kind] for kind in kinds),
+            mark,
         ])  # fmt: skip
     lines = rows_aligned(rows)
     lines += ["", *(wrapped(label, text, width) for label, text in _spectrum(result))]
-    told = enumerate(grouped_warnings(result), 1)
-    return lines + _warnings([(f"note {i}", text) for i, text in told], width)
+    return lines + labelled(((f"note {i}", text) for i, text in enumerate(told.texts, 1)), width)
 
 
 def table(result: FitResult, measurement: Measurement, width: int = 80) -> str:
@@ -226,9 +238,9 @@ def table(result: FitResult, measurement: Measurement, width: int = 80) -> str:
     lines = [measurement.source, *head, ""]
     if one:
         lines += [wrapped(label, text, width) for label, text in _one_curve(result)]
-        lines += _warnings([("warning", text) for text in result.warnings], width)
+        lines += labelled((("warning", text) for text in result.warnings), width)
     else:
         lines += _many_curves(result, width)
     if result.notes:
-        lines += _warnings([("note", text) for text in result.notes], width)
+        lines += labelled((("note", text) for text in result.notes), width)
     return "\n".join(lines) + "\n"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fitting.output.export import residuals
 from fitting.output.page import Table, page
 from fitting.output.report import between, facts, grouped_warnings, number, with_error
 
@@ -26,11 +27,11 @@ def data_table(measurement: Measurement, fitted: np.ndarray) -> Table:
     waves = np.isfinite(m.wavelength_um).any()
     head = ["quantity", "angle, degrees", *(["wavelength, um"] if waves else [])]
     head += ["value", "sigma", "fitted", "value - fitted"]
-    rows = []
+    rows, off = [], residuals(m, fitted)
     for i in range(len(m)):
         row = [str(m.quantity[i]), f"{m.angle_deg[i]:.6g}"]
         row += [f"{m.wavelength_um[i]:.6g}"] if waves else []
-        row += [number(x, 5) for x in (m.value[i], m.sigma[i], fitted[i], m.value[i] - fitted[i])]
+        row += [number(x, 5) for x in (m.value[i], m.sigma[i], fitted[i], off[i])]
         rows.append(row)
     return Table("Data", head, rows)
 

@@ -1,0 +1,45 @@
+"""A named material beside what was found: its eta and k, for pictures and for the table."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def reference_index(name: str, wavelength_um: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return wavelengths, eta and k of a named material where its source knows them.
+
+    Raises ValueError for a name that `fresnel_jax.materials` does not have.
+    """
+    import jax
+
+    from fresnel_jax.dispersion import material
+
+    found = material(name)
+    low, high = found.range_um or (0.0, np.inf)
+    inside = wavelength_um[(wavelength_um >= low) & (wavelength_um <= high)]
+    with jax.enable_x64(True):
+        eta, k = (np.asarray(a) for a in found(inside)) if len(inside) else (inside, inside)
+    return inside, eta, k
+
+
+def check_reference(name: str, wavelength_um: np.ndarray) -> None:
+    """Raise ValueError for a material that there is not, or data without any wavelength."""
+    from fresnel_jax.dispersion import material
+
+    material(name)
+    if not np.isfinite(wavelength_um).any():
+        raise ValueError(
+            f"--reference {name}: its index depends on the wavelength, which the data do not say; "
+            "give it (--wavelength-um)."
+        )
+
+
+def reference_text(name: str, wavelength_um: np.ndarray) -> str:
+    """Return eta and k of a material at the ends and in the middle of the measured wavelengths."""
+    known = np.unique(wavelength_um[np.isfinite(wavelength_um)])
+    inside, eta, k = reference_index(name, known)
+    if not len(inside):
+        return f"{name}: its source does not reach to these wavelengths"
+    some = sorted({0, len(inside) // 2, len(inside) - 1})
+    parts = [f"at {inside[i]:.4g} um eta {eta[i]:.4g}, k {k[i]:.4g}" for i in some]
+    return f"{name}: {'; '.join(parts)}"
