@@ -30,8 +30,8 @@ def tell(doing: str = "", done: int = 1, total: int | None = None) -> None:
 
 
 @contextlib.contextmanager
-def listening(listener: Callable[[Step], None]) -> Iterator[None]:
-    """Have ``listener`` told of every step meanwhile."""
+def listening(listener: Callable[[Step], None] | None) -> Iterator[None]:
+    """Have ``listener`` told of every step meanwhile; None: nobody."""
     token = _listener.set(listener)
     try:
         yield

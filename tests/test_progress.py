@@ -29,7 +29,7 @@ def bars(monkeypatch):
     class Bar:
         def __init__(self, **options):
             self.options, self.bar_format = options, options["bar_format"]
-            self.total, self.n, self.closed = None, 0, 0
+            self.total, self.n, self.closed, self.start_t = None, 0, 0, 7.0
             self.seen = []
             made.append(self)
 
@@ -66,6 +66,7 @@ def test_steps_are_counted_on_a_terminal(bars, monkeypatch):
         wait_for(lambda: bars[0].seen[-1] == (2, None, "second"))
         assert not bars[0].closed
     assert len(bars) == 1 and bars[0].closed == 1
+    assert bars[0].start_t == 7.0 - progress.DELAY  # the time runs from the start
     assert bars[0].options["leave"] is False and bars[0].options["file"] is sys.stderr
 
 
@@ -74,12 +75,12 @@ def test_a_bar_is_filled_once_the_number_of_steps_is_known(bars, monkeypatch):
     monkeypatch.setattr(progress, "DELAY", 0.001)
     with shown("wavelengths"):
         wait_for(lambda: bars and bars[0].seen)
-        assert bars[0].bar_format  # no total: only the time
+        assert "bar" not in bars[0].bar_format  # no total: only the time
         tell(total=20, done=0)
         tell(done=16)
         tell("errors", done=4)
         wait_for(lambda: bars[0].seen[-1] == (20, 20, "errors"))
-        assert bars[0].bar_format is None
+        assert "{bar}" in bars[0].bar_format
     tell(done=5)  # nobody listens any more
     assert bars[0].seen[-1] == (20, 20, "errors")
 

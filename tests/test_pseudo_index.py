@@ -10,7 +10,8 @@ import re
 import numpy as np
 import pytest
 
-from fitting import Measurement, cli, fit_points, read_csv
+from fitting import Measurement, cli, fit_model, fit_points, read_csv
+from fitting.progress import listening
 
 WAVELENGTHS = np.linspace(0.4, 0.8, 9)
 
@@ -97,6 +98,17 @@ def test_one_angle_by_wavelength_with_every_result(bare, tmp_path, capsys):
     rows = np.genfromtxt(csv, delimiter=",", names=True, skip_header=2, dtype=None,
                          encoding="utf-8")  # fmt: skip
     assert len(rows) == 18 and np.abs(rows["residual"]).max() < 1e-6
+
+
+def test_every_wavelength_is_told_of(bare):
+    steps = []
+    with listening(steps.append):
+        fit_points(read_csv(bare), "interface")
+    assert steps[0].total == sum(step.done for step in steps) == 2 * len(WAVELENGTHS)
+    steps.clear()
+    with listening(steps.append):
+        fit_model(read_csv(bare), "constant")
+    assert sum(step.done for step in steps) >= 1
 
 
 def test_report_and_reference(bare, tmp_path, capsys):

@@ -16,6 +16,7 @@ import numpy as np
 from fitting.model.parameters import LOG, SQUARE, Parameter, from_parameter
 from fitting.model.problem import Bounds, Targets, solve
 from fitting.model.structures import Spec
+from fitting.progress import tell
 from fitting.solver import START_DAMPING
 
 # Starts run in stages; those left behind go on as long as they might still win.
@@ -141,6 +142,7 @@ def _stage(
     with jax.enable_x64(True):
         out = solve(targets, y, damping, bounds, np.int64(steps), spec=spec)
         y, cost, done, evaluations, damping = (np.array(a) for a in out)
+    tell()
     return Ends(y, np.where(np.isfinite(cost), cost, np.inf), done, evaluations), damping
 
 

@@ -28,7 +28,7 @@ from fitting.model.result import CONVERGED, UNDETERMINED, ModelFit
 from fitting.model.solve import Fit
 from fitting.model.structures import SLAB
 from fitting.model.unknowns import check_quantities, spectrum_of, unknowns
-from fitting.progress import tell
+from fitting.progress import listening, tell
 
 # Wavelengths that are solved side by side, each with LANES starts.
 _TOGETHER = 16
@@ -163,31 +163,32 @@ def fit_points(
         ones.append(_One(fit, start_points(u.moving, LANES, seed), part, place))
     solved: list[Ends | None] = [None] * len(ones)
     how = {"scaled": not absolute_sigma, "eta_i": float(eta_i), "notes": (), "starts": LANES}
-    tell(total=len(ones), done=0)
+    tell(total=2 * len(ones), done=0)  # each is solved, and then looked at closely
     for chunk in _chunks(ones):
         # Filled up with the last one, so that one program serves.
         full = chunk + [chunk[-1]] * (_TOGETHER - len(chunk))
         groups = np.repeat(np.arange(_TOGETHER), LANES)
-        ends = run(
-            chunk[0].fit.u.spec,
-            _lanes(full, LANES),
-            np.concatenate([one.start for one in full], 1),
-            full[0].fit.limits,
-            np.repeat([max(one.fit.dof, 1.0) for one in full], LANES),
-            np.repeat([one.fit.squares for one in full], LANES),
-            groups,
-        )
+        with listening(None):  # wavelengths are counted here, not rounds
+            ends = run(
+                chunk[0].fit.u.spec,
+                _lanes(full, LANES),
+                np.concatenate([one.start for one in full], 1),
+                full[0].fit.limits,
+                np.repeat([max(one.fit.dof, 1.0) for one in full], LANES),
+                np.repeat([one.fit.squares for one in full], LANES),
+                groups,
+            )
         for i, one in enumerate(chunk):
             own = slice(i * LANES, (i + 1) * LANES)
             solved[one.place] = Ends(*(a[..., own] for a in ends))
         tell(done=len(chunk))
-    tell("errors", done=0)
     pairs = [(one, ends) for one, ends in zip(ones, solved, strict=True) if ends is not None]
     pooled = _scatter(pairs)
     fits = []
     for one, ends in pairs:
         one.fit.pooled = pooled
         ends = _levelled(ends) if one.fit.dof == 0 else ends
+        tell("errors")
         fits.append(_too_few(one, model_fit_of(one.fit, ends, 1.0, how, [one.measurement])))
     return PointFits(
         structure, float(eta_i), wavelengths, tuple(fits), measurement,

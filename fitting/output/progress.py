@@ -16,6 +16,7 @@ from fitting.progress import Step, listening
 DELAY, EVERY = 1.0, 0.1
 # Until it is known how many steps there are in all: no bar to fill, but the time runs on.
 _OPEN = "{desc}: {n} [{elapsed}{postfix}]"
+_FILLED = "{desc}: {percentage:3.0f}%|{bar}| [{elapsed}<{remaining}{postfix}]"
 
 
 class Progress:
@@ -47,10 +48,14 @@ class Progress:
         if self._over.wait(DELAY) or importlib.util.find_spec("tqdm") is None:
             return
         tqdm = importlib.import_module("tqdm").tqdm
-        bar: Any = tqdm(desc=self._what, leave=False, unit="", file=sys.stderr, bar_format=_OPEN)
+        # A delay, however short, leaves the first drawing to us.
+        bar: Any = tqdm(
+            desc=self._what, leave=False, unit="", file=sys.stderr, bar_format=_OPEN, delay=1e-9
+        )
+        bar.start_t -= DELAY
         while True:
             if self._total:
-                bar.total, bar.bar_format = self._total, None
+                bar.total, bar.bar_format = self._total, _FILLED
             bar.n = self._done
             bar.set_postfix_str(self._doing, refresh=True)
             if self._over.wait(EVERY):
