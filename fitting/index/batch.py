@@ -67,11 +67,6 @@ class Data(NamedTuple):
             weights=tuple(change(w, 0.0) for w in self.weights),
         )
 
-    def sum_of_squares(self) -> np.ndarray:
-        """Return the weighted sum of squares of the values of each curve, (N,)."""
-        products = [v * w for v, w in zip(self.values, self.weights, strict=True)]
-        return np.sum([np.einsum("nm,nm->n", p, p) for p in products], axis=0)
-
     @property
     def curves(self) -> int:
         """The number of curves."""
@@ -191,7 +186,7 @@ def minima(data: Data, points: np.ndarray | None = None) -> Minima:
     which, curve = np.nonzero(has)
     start = start_rows(len(curve), further[which, :, curve].T)
     part, least = data.take(curve), best[_COST, curve]
-    near = NEAR_COST * least + NEAR_SHARE * part.sum_of_squares()
+    near = NEAR_COST * least + NEAR_SHARE * Solved(*best).scale[curve]
     stages = list(zip((*FURTHER_STEPS, MOST_STEPS), (np.inf, near, least), strict=True))
     again, _ = _to_the_end(part, start, stages)
     for job in range(len(further)):

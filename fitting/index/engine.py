@@ -40,6 +40,7 @@ class Solved(NamedTuple):
     evaluations: Any
     damping: Any
     count: Any  # data
+    scale: Any  # weighted sum of squares of the data
     g_x: Any  # half the gradient of the cost
     g_w: Any
     h_xx: Any  # Gauss-Newton matrix
@@ -105,7 +106,8 @@ def _solve_lanes(
     gradient = gradient + (matrix * (last - solution.value)[None]).sum(1)
     solved = (
         last[0], last[1], chart, cost, plain, done & jnp.isfinite(cost), stats["evaluations"],
-        stats["damping"], count, gradient[0], gradient[1], matrix[0, 0], matrix[0, 1], matrix[1, 1],
+        stats["damping"], count, scale,
+        gradient[0], gradient[1], matrix[0, 0], matrix[0, 1], matrix[1, 1],
     )  # fmt: skip
     # Where there is no further start its x is NaN.
     further = [jnp.where(exists, point, jnp.nan) for point, exists in more]

@@ -88,7 +88,7 @@ def intervals(
         kind = np.where(np.isfinite(eta).all(1) & np.isfinite(k).all(1), QUADRATIC, NONE)
         rise = t**2 * e.variance
         able = ~nothing & np.isfinite(rise) & ((s.done > 0) | undetermined) & np.isfinite(s.cost)
-        able &= rise > ROUNDING * data.sum_of_squares()
+        able &= rise > ROUNDING * s.scale
         unseen = ~np.isfinite(e.sigma_k)  # `estimate` gives none below estimate.SEEN_SIGMAS
         curved = unseen | undetermined | (e.spread > CURVED_SPREAD)
     if wanted == QUADRATIC:
