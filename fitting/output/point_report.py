@@ -14,6 +14,7 @@ from fitting.output.report import (
     Told,
     labelled,
     number,
+    remedy,
     rows_aligned,
     told_once,
     with_error,
@@ -127,7 +128,7 @@ def _one(fits: PointFits) -> list[tuple[str, str]]:
     for other in fit.others[:3]:
         values = ", ".join(f"{name} {number(v)}" for name, v in other["values"].items())
         rows.append(("or else", f"{values}: chi2 + {other['delta_chi2']:.2g}"))
-    return rows
+    return rows + remedy(fits.status, False)
 
 
 def _many(fits: PointFits) -> list[tuple[str, str]]:
@@ -138,7 +139,7 @@ def _many(fits: PointFits) -> list[tuple[str, str]]:
         rows.append(("errors", errors))
     if np.isfinite(fits.k_upper_limit).any():
         rows.append(("(< k)", "95 % upper limit of k"))
-    return rows
+    return rows + remedy(fits.status, True)
 
 
 def facts(fits: PointFits) -> list[tuple[str, str]]:

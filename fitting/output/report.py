@@ -100,6 +100,16 @@ def _head(result: FitResult, measurement: Measurement) -> list[tuple[str, str]]:
     ]
 
 
+def remedy(status: Iterable[str], spectrum: bool) -> list[tuple[str, str]]:
+    """Return the row that says what to do where most curves are undetermined; none elsewhere."""
+    status = list(status)
+    if 2 * status.count("undetermined") <= len(status):
+        return []
+    text = "measure s and p at several angles, some of them beyond 60 degrees"
+    also = "; or fit a model to the whole spectrum: --model auto" if spectrum else ""
+    return [("what to do", text + also)]
+
+
 def _one_curve(result: FitResult) -> list[tuple[str, str]]:
     undetermined = result.status == "undetermined"
     aside = "  (one of many that fit alike; see the warning)" if undetermined else ""
@@ -123,7 +133,7 @@ def _one_curve(result: FitResult) -> list[tuple[str, str]]:
     for other in result.alternatives:
         text = f"eta {number(other['eta'])}, k {number(other['k'])} fits nearly as well: "
         rows.append(("or else", text + f"chi2 + {number(other['delta_chi2'], 2)}"))
-    return rows
+    return rows + remedy([result.status], False)
 
 
 def _spectrum(result: FitResult) -> list[tuple[str, str]]:
@@ -134,7 +144,7 @@ def _spectrum(result: FitResult) -> list[tuple[str, str]]:
         rows.append(("errors", errors))
     if np.isfinite(result.k_upper_limit).any():
         rows.append(("(< k)", "95 % upper limit of k"))
-    return rows
+    return rows + remedy(status, True)
 
 
 def facts(result: FitResult, measurement: Measurement) -> list[tuple[str, str]]:
