@@ -81,7 +81,7 @@ def test_the_gold_table_holds_what_an_independent_fit_finds(gold):
 
 
 def test_equal_weights_have_no_chi2_in_the_table(gold):
-    text = report.report.table(fit(gold[1], sigma="equal"), gold[1])
+    text = report.table(fit(gold[1], sigma="equal"), gold[1])
     assert "chi2" not in text
     assert "scatter" in text
 
@@ -89,7 +89,7 @@ def test_equal_weights_have_no_chi2_in_the_table(gold):
 def test_what_the_data_do_not_determine_gets_no_error(spectrum):
     m = spectrum[1]
     one = m.where(m.wavelength_um == 0.7)
-    text = report.report.table(fit(one), one)
+    text = report.table(fit(one), one)
     assert "+-" not in text
     assert "one of many that fit alike" in text
     assert "circle" in text
@@ -122,7 +122,7 @@ def test_warnings_of_one_kind_are_told_once():
     m = concatenate(
         *(Measurement.from_columns(0.0, w, R=r) for w, r in ((0.4, 0.2), (0.5, 0.3), (0.6, 0.4)))
     )
-    text = " ".join(report.report.table(fit(m), m).split())
+    text = " ".join(report.table(fit(m), m).split())
     assert text.count("circle") == 1
     assert "at 0.4 um and, with figures of their own, 2 more" in text
 
