@@ -7,12 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.index.identifiability import CHI2_LARGE, CHI2_SMALL, chi2_flags
+from fitting.index.intervals import PROFILE
 from fitting.model.structures import INTERFACE, NUISANCES
 
 # Of parameters of one formula (A, B and C of Cauchy's) correlation is the rule and does no harm. A
 # nuisance that trades with what is looked for does (the offset of the gold scan: .79 and .71).
 CORRELATED_WITHIN, CORRELATED = 0.999, 0.7
 VAGUE = 0.5
+# Half widths by which an end of a 95 % interval by profile is off where that is said.
+OFF = 0.1
 # A goniometer's zero is known better than that.
 PLAUSIBLE_OFFSET_DEG = 2.0
 FEW_REACHED = 3
@@ -20,7 +23,10 @@ OUT_OF_MODEL = 0.1
 
 
 class Findings(NamedTuple):
-    """What the sentences are made of; arrays over the free parameters."""
+    """What the sentences are made of; arrays over the free parameters.
+
+    intervals, quadratic: (P, 2), those that are given and the quadratic ones.
+    """
 
     names: tuple[str, ...]
     values: np.ndarray
@@ -40,6 +46,9 @@ class Findings(NamedTuple):
     absorbs: bool
     one_power_a_wavelength: bool
     wavelengths: int
+    intervals: np.ndarray
+    quadratic: np.ndarray
+    interval_kinds: tuple[str, ...]
 
 
 def _number(value: float) -> str:
@@ -84,21 +93,64 @@ def _correlated(f: Findings) -> list[str]:
     return [f"{text}{more}: their combination is known far better than either."]
 
 
+def _of_the_others(f: Findings, name: str, value: float) -> str:
+    """Return what the errors of the others mean, where ``name`` lies on a bound."""
+    if not any(n != name and np.isfinite(s) for n, s in zip(f.names, f.sigmas, strict=True)):
+        return ""
+    text = f"the standard errors of the others hold for {name} = {_number(value)}"
+    others = [k for n, k in zip(f.names, f.interval_kinds, strict=True) if n != name]
+    return f"{text}, their 95 % ranges for all that it may be" if PROFILE in others else text
+
+
 def _bounds(f: Findings) -> list[str]:
     out = []
-    for name, value, end, limit in zip(f.names, f.values, f.at_bound, f.upper_limits, strict=True):
-        if np.isfinite(limit):
-            out.append(
+    for i, (name, value, end) in enumerate(zip(f.names, f.values, f.at_bound, strict=True)):
+        others = _of_the_others(f, name, value) if end else ""
+        if np.isfinite(f.upper_limits[i]):
+            text = (
                 f"{name} is compatible with 0 and below what these data can show: {name} < "
-                f"{_number(limit)} (95 %)."
+                f"{_number(f.upper_limits[i])} (95 %)"
             )
+            out.append(f"{text}; {others}." if others else f"{text}.")
         elif end:
             side = "lower" if end == "low" else "upper"
-            out.append(
-                f"{name} ended at the {side} end of its range, {_number(value)}: it has no error, "
-                "and the errors of the others hold for this value of it."
-            )
+            text = f"{name} ended at the {side} end of its range, {_number(value)}: it has no "
+            text += "standard error"
+            out.append(f"{text}, and {others}." if others else f"{text}.")
     return out
+
+
+def _range(ends: np.ndarray) -> str:
+    return f"{_number(ends[0])} to {_number(ends[1])}"
+
+
+def _not_quadratic(f: Findings) -> list[str]:
+    """Say of which parameters the standard error does not tell the range."""
+    half = 0.5 * (f.intervals[:, 1] - f.intervals[:, 0])
+    off = np.abs(f.intervals - f.quadratic).max(axis=1) > OFF * half
+    found = [
+        f"{name}: {_range(ends)}, by its standard error {_range(quadratic)}"
+        for name, ends, quadratic, kind, apart, sigma in zip(
+            f.names, f.intervals, f.quadratic, f.interval_kinds, off, f.sigmas, strict=True
+        )
+        if kind == PROFILE and apart and np.isfinite(sigma)
+    ]
+    if not found:
+        return []
+    more = f"; and {len(found) - 4} more" if len(found) > 4 else ""
+    why = " enough, or another one lies on a bound" if any(f.at_bound) else " in them"
+    return [
+        "standard errors do not tell how far these parameters may be off, since the fit is not "
+        f"linear{why}; 95 % ranges by the likelihood itself are {'; '.join(found[:4])}{more}."
+    ]
+
+
+def _open(f: Findings) -> list[str]:
+    """Name the parameters whose interval has no end."""
+    names = [n for n, ends in zip(f.names, f.intervals, strict=True) if np.isinf(ends).any()]
+    if not names:
+        return []
+    return [f"of {', '.join(names)} the data exclude no value, however far, on one side or both."]
 
 
 def _vague(f: Findings) -> list[str]:
@@ -173,7 +225,7 @@ def sentences(f: Findings) -> tuple[str, ...]:
             f"only {f.reached} of {f.starts} starts ended in the best minimum: a better one may "
             "exist. Take more starts, or fewer parameters."
         )
-    out += _bounds(f) + _vague(f) + _correlated(f) + _chi2(f)
+    out += _bounds(f) + _not_quadratic(f) + _open(f) + _vague(f) + _correlated(f) + _chi2(f)
     offset = dict(zip(f.names, f.values, strict=True)).get("angle_offset", 0.0)
     if abs(offset) > PLAUSIBLE_OFFSET_DEG:
         out.append(

@@ -16,6 +16,7 @@ import numpy as np
 from fitting.measurement import Measurement
 from fitting.model.dispersion import Model, parse_model
 from fitting.model.dispersion import model_names as model_names
+from fitting.model.intervals import check_intervals
 from fitting.model.multistart import start_at, usual_starts
 from fitting.model.multistart import starts as start_points
 from fitting.model.observations import Observations, observations
@@ -92,6 +93,7 @@ def fit_model(
     starts: int | None = None,
     seed: int = 0,
     start: Mapping[str, float] | None = None,
+    intervals: str = "auto",
 ) -> ModelFit:
     """Return a dispersion model fitted to all angles, wavelengths and files at once.
 
@@ -110,6 +112,10 @@ def fit_model(
     starts, seed: number of quasi-random starts (None: by the number of unknowns) and their origin.
     start: name -> value of one more start, in which what is not named is in the middle.
 
+    intervals: how `ModelFit.intervals` are found, as in `fitting.fit`: "quadratic" (from the
+        standard errors), "profile" (from the likelihood), or "auto": by profile where the quadratic
+        ones are wrong (at a bound, near 0, or where the fit is not linear enough).
+
     psi and Delta are compared as cos 2psi, sin 2psi cos Delta, sin 2psi sin Delta. Result: a
     `ModelFit`. Takes .05 to .5 s once the program for a kind of fit is compiled (1 to 5 s).
     Raises ValueError for names, values and quantities that do not go together.
@@ -122,6 +128,7 @@ def fit_model(
     settings = check_settings(Settings(tuple(free), fixed or {}, bounds or {}, priors or {}))
     seen = observations(measurements, sigma)
     check_choices(seen, loss, sigma, absolute_sigma, eta_i, starts)
+    check_intervals(intervals)
     known = np.concatenate([np.isfinite(m.sigma) for m in measurements])
     notes = []
     if sigma == "given" and known.any() and not known.all():
@@ -142,5 +149,6 @@ def fit_model(
     ends, noise = solved(fit, points, scaled, absolute_sigma)
     how = {
         "scaled": scaled, "eta_i": float(eta_i), "notes": tuple(notes), "starts": points.shape[1],
+        "intervals": intervals,
     }  # fmt: skip
     return model_fit_of(fit, ends, noise, how, measurements)

@@ -183,6 +183,31 @@ def briefly(
     return _stage(spec, targets, y, np.full(LANES, START_DAMPING), bounds, steps)[0]
 
 
+def each_within(
+    spec: Spec,
+    targets: Targets,
+    start: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    degrees: float,
+    scale: float,
+    steps: int,
+    lanes: int,
+) -> Ends:
+    """Return where starts (p, S) end after ``steps`` evaluations, each within bounds of its own.
+
+    low, high: (p, S). lanes: how many run side by side, as the program was compiled for.
+    """
+    count = start.shape[1]
+    parts = []
+    for first in range(0, count, lanes):
+        pick = np.minimum(np.arange(first, first + lanes), count - 1)
+        bounds = Bounds(low[:, pick], high[:, pick], np.full(lanes, degrees), np.full(lanes, scale))
+        damping = np.full(lanes, START_DAMPING)
+        parts.append(_stage(spec, targets, start[:, pick], damping, bounds, steps)[0])
+    return Ends(*(np.concatenate(each, -1)[..., :count] for each in zip(*parts, strict=True)))
+
+
 def run(
     spec: Spec,
     targets: Targets,

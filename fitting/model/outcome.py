@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -11,15 +11,18 @@ from fitting.measurement import Measurement, concatenate
 from fitting.model import result as status
 from fitting.model.curves import Evaluated
 from fitting.model.findings import Findings, sentences
-from fitting.model.multistart import Ends, Minimum, minima
+from fitting.model.intervals import QUADRATIC, Intervals, intervals
+from fitting.model.multistart import SAME_CHI2, STAGE, Ends, Minimum, minima
 from fitting.model.parameters import PLAIN, SQUARE, value_and_slope
 from fitting.model.result import ModelFit
-from fitting.model.solve import Fit, best_of
+from fitting.model.solve import End, Fit, best_of
 from fitting.model.uncertainty import Slopes, Uncertainty
 from fitting.model.unknowns import Unknowns
 
 # What data are trusted to where neither errors nor scatter tell.
 ASSUMED_SIGMA = 1e-3
+# So many of the other minima are given intervals by profile, the rest quadratic ones.
+_OTHERS = 3
 _EPS = float(np.finfo(float).eps)
 
 
@@ -64,17 +67,38 @@ def _criteria(s: Slopes, cost: float, n: int, unknowns: int, scaled: bool) -> tu
 
 
 def _others(
-    fit: Fit, ends: Ends, found: list[Minimum], scatter: float
+    u: Unknowns,
+    at: Sequence[End],
+    known: Sequence[Intervals],
+    found: Sequence[Minimum],
+    rises: np.ndarray,
 ) -> tuple[dict[str, Any], ...]:
-    least = ends.cost[found[0].lane]
+    """Return the other minima as plain data; all arguments without the best one."""
+    names = [u.labels[n] for n in u.spec.moving]
     out = []
-    for minimum in found[1:]:
-        x, _ = _parameters_at(fit.u, ends.y[:, minimum.lane])
-        names = [fit.u.labels[n] for n in fit.u.spec.moving]
-        values = {n: float(v) for n, v, f in zip(names, x, fit.u.free, strict=True) if f}
-        rise = (ends.cost[minimum.lane] - least) / scatter if scatter > 0.0 else 0.0
-        out.append({"values": values, "delta_chi2": float(rise), "reached": minimum.reached})
+    for end, interval, minimum, rise in zip(at, known, found, rises.tolist(), strict=True):
+        x, _ = _parameters_at(u, end.y)
+        sigmas = np.sqrt(np.diagonal(_covariance(u, end)))
+
+        def named(values: np.ndarray) -> dict[str, Any]:
+            rows = zip(names, values.tolist(), u.free, strict=True)
+            return {name: value for name, value, free in rows if free}
+
+        out.append({
+            "values": named(x), "sigmas": named(sigmas), "intervals": named(interval.ends),
+            "interval_kinds": named(np.array(interval.kind)), "delta_chi2": rise,
+            "reached": minimum.reached,
+        })  # fmt: skip
     return tuple(out)
+
+
+def _covariance(u: Unknowns, end: End) -> np.ndarray:
+    """Return the covariance (p, p) of the parameters, NaN where there is no error."""
+    _, slope = _parameters_at(u, end.y)
+    with np.errstate(invalid="ignore"):
+        out = _blank(end.known.covariance, end.known.unseen_of) * np.outer(slope, slope)
+    out[~np.isfinite(out)] = np.nan
+    return out
 
 
 def _blank(covariance: np.ndarray, unseen: np.ndarray) -> np.ndarray:
@@ -101,24 +125,6 @@ def _one_power_a_wavelength(measurements: Sequence[Measurement]) -> bool:
     return normal or len(points) == len(np.unique(wavelength))
 
 
-class _End(NamedTuple):
-    """One minimum looked at closely."""
-
-    y: np.ndarray
-    slopes: Slopes
-    known: Uncertainty
-    cost: float
-    finite: bool
-
-
-def _look_at(fit: Fit, y: np.ndarray, noise: float, scaled: bool) -> _End:
-    y, s = fit.polished(y, noise, scaled)
-    finite = all(bool(np.isfinite(a).all()) for a in (y, s.residual, s.jacobian))
-    if not finite:
-        s = s._replace(jacobian=np.zeros_like(s.jacobian), residual=np.zeros_like(s.residual))
-    return _End(y, s, fit.known(s, y, noise, scaled), fit.cost(s, y, noise), finite)
-
-
 def _scatter(fit: Fit, cost: float, noise: float, scaled: bool) -> float:
     """Return what a difference of the cost is measured in."""
     if fit.pooled is not None and scaled:
@@ -130,13 +136,13 @@ def _scatter(fit: Fit, cost: float, noise: float, scaled: bool) -> float:
     return max(scatter, ASSUMED_SIGMA**2) if few else scatter
 
 
-def _minima(fit: Fit, ends: Ends, end: _End, noise: float, scatter: float) -> list[Minimum]:
+def _minima(fit: Fit, ends: Ends, end: End, noise: float, scatter: float) -> list[Minimum]:
     """Return the minima that fit as well as the best one, the one to be shown first.
 
     At normal incidence an index and its inverse reflect alike; of two that fit alike within one
     unit of chi2 the one that is above 1 is shown.
     """
-    rounding = 1e-27 * fit.squares / noise**2
+    rounding = _rounding(fit, noise)
     edge = end.known.edge * np.sqrt(scatter)
     spread = np.where(np.isfinite(edge), 4.0 * edge, np.inf)
     found = minima(ends, ends.y, scatter, rounding, spread)
@@ -152,35 +158,61 @@ def _minima(fit: Fit, ends: Ends, end: _End, noise: float, scatter: float) -> li
     return sorted(found, key=lambda m: m is not usual[0]) if usual else found
 
 
+def _intervals(
+    fit: Fit, every: Sequence[End], noise: float, how: dict[str, Any], failed: bool
+) -> list[Intervals]:
+    """Return the intervals at the best minimum and at the others."""
+    wanted = QUADRATIC if failed else how.get("intervals", QUADRATIC)
+    estimated = how["scaled"] and fit.pooled is None
+    out = []
+    for some, kind in ((every[: 1 + _OTHERS], wanted), (every[1 + _OTHERS :], QUADRATIC)):
+        limits = [_upper_limits(fit.u, end.y, end.known) for end in some]
+        out += intervals(fit, some, limits, noise, wanted=kind, estimated=estimated)
+    return out
+
+
+def _rounding(fit: Fit, noise: float) -> float:
+    """Return the differences of the cost that are rounding."""
+    return 1e-27 * fit.squares / noise**2
+
+
 def model_fit_of(
     fit: Fit, ends: Ends, noise: float, how: dict[str, Any], measurements: Sequence[Measurement]
 ) -> ModelFit:
     """Return the result of a fit from the ends (p, L) of its starts.
 
-    how: "scaled" (whether errors are multiplied by the scatter), "eta_i", "notes" and
-    the number of "starts".
+    how: "scaled" (whether errors are multiplied by the scatter), "eta_i", "notes", the number of
+    "starts", and the kind of "intervals" that is wanted (quadratic if it is left out).
     """
     u, seen, scaled = fit.u, fit.seen, how["scaled"]
     best = best_of(ends)
     lane = int(np.argmin(ends.cost)) if best is None else best
-    end = _look_at(fit, ends.y[:, lane], noise, scaled)
+    end = fit.look_at(ends.y[:, lane], noise, scaled)
     failed = best is None or not end.finite
     scatter = _scatter(fit, end.cost, noise, scaled)
     found = [] if failed else _minima(fit, ends, end, noise, scatter)
     if found and found[0].lane != lane:
         lane = found[0].lane
-        end = _look_at(fit, ends.y[:, lane], noise, scaled)
+        end = fit.look_at(ends.y[:, lane], noise, scaled)
+    every = [end] + [fit.look_at(ends.y[:, m.lane], noise, scaled, False) for m in found[1:]]
+    ranges = _intervals(fit, every, noise, how, failed)
+    least, place = ranges[0].lowest
+    if not failed and least < end.cost - SAME_CHI2 * scatter - _rounding(fit, noise):
+        # On the way to the ends of the intervals a better minimum came into sight.
+        low, high = (a[:, None] for a in fit.limits)
+        more = fit.held(place[:, None], low, high, noise, STAGE)
+        if more.done.all() and more.cost[0] < end.cost - SAME_CHI2 * scatter:
+            joined = Ends(*(np.concatenate(both, -1) for both in zip(ends, more, strict=True)))
+            return model_fit_of(fit, joined, noise, how, measurements)
     y, s, known, cost, _ = end
     reached = found[0].reached if found else 0
-    others = _others(fit, ends, found, scatter) if len(found) > 1 else ()
-    x, slope = _parameters_at(u, y)
+    rises = np.array([ends.cost[m.lane] - ends.cost[lane] for m in found[1:]])
+    rises = rises / scatter if scatter > 0.0 else 0.0 * rises
+    others = _others(u, every[1:], ranges[1:], found[1:], rises)
+    x, _ = _parameters_at(u, y)
     free = u.free
     with np.errstate(invalid="ignore"):
-        covariance = _blank(known.covariance, known.unseen_of)
-        of_x = covariance * np.outer(slope, slope)
-        of_x[~np.isfinite(of_x)] = np.nan
-        if failed:
-            of_x[:] = np.nan
+        of_x = np.full((len(x), len(x)), np.nan) if failed else _covariance(u, end)
         sigmas = np.sqrt(np.diagonal(of_x))
         correlation = of_x / np.outer(sigmas, sigmas)
     rms, rms_of = _rms(s)
@@ -188,10 +220,11 @@ def model_fit_of(
     reduced = chi2 / fit.dof if seen.stated and fit.dof else np.nan
     labels = [u.labels[n] for n in u.spec.moving]
     names = tuple(n for n, f in zip(labels, free, strict=True) if f)
-    limits = _upper_limits(u, y, known)
+    limits = ranges[0].limits
     sub = np.ix_(free, free)
     ends_at = tuple(b for b, f in zip(known.at_bound, free, strict=True) if f)
     unseen = known.unseen[free]
+    kinds = tuple(k for k, f in zip(ranges[0].kind, free, strict=True) if f)
     wavelength = np.concatenate([m.wavelength_um for m in measurements])
     if failed:
         texts = ("the fit did not converge from any start; its values mean nothing.",)
@@ -200,6 +233,7 @@ def model_fit_of(
             names, x[free], sigmas[free], correlation[sub], ends_at, limits[free], unseen, reduced,
             fit.dof, scaled, rms, how["starts"], reached, len(others), u.spec.structure,
             u.spec.model.absorbs, _one_power_a_wavelength(measurements), len(np.unique(wavelength)),
+            ranges[0].ends[free], ranges[0].quadratic[free], kinds,
         ))  # fmt: skip
     bic, aicc = _criteria(s, cost, fit.n_data, int(free.sum()), scaled)
     fixed = {n: float(v) for n, v, f in zip(labels, x, free, strict=True) if not f}
@@ -209,6 +243,7 @@ def model_fit_of(
         model=str(u.spec.model), structure=u.spec.structure, loss=u.spec.loss, eta_i=how["eta_i"],
         names=names, units=tuple(w.parameter.unit for w in u.moving if w.free),
         values=x[free], sigmas=sigmas[free], covariance=of_x[sub], correlation=correlation[sub],
+        intervals=ranges[0].ends[free], interval_kinds=kinds,
         at_bound=ends_at, upper_limits=limits[free], fixed=fixed,
         chi2=chi2 if seen.stated else np.nan, chi2_reduced=reduced, cost=cost, noise=noise,
         dof=fit.dof, n_data=fit.n_data, rms=rms, rms_of=rms_of, bic=bic, aicc=aicc,

@@ -31,7 +31,13 @@ class ModelFit:
     the light comes from.
     names, units: of the free parameters: the model's, the structure's, the nuisances.
     values, sigmas: (P,); a sigma is NaN where the data give none (undetermined, or at a bound).
+        Beside a parameter at a bound the sigmas of the others, covariance and bands are those for
+        that value of it; the intervals of the others are not.
     covariance, correlation: (P, P), NaN as the sigmas are.
+    intervals: (P, 2), 95 % intervals; NaN where there is none, infinite where no end was found.
+    interval_kinds: of each: "quadratic" (value +- t sigma; of k where only k^2 is seen from that,
+        where it is compatible with 0 up to its upper limit); "profile" (of the likelihood itself,
+        all other parameters free within their ranges, those on a bound too); "none".
     at_bound: "", "low" or "high" for each: the best value lies on that end of its range.
     upper_limits: (P,), 95 % upper limits of what is at 0 or compatible with it and cannot be below;
         NaN elsewhere.
@@ -51,7 +57,8 @@ class ModelFit:
         combination of the parameters, whose sigmas are NaN); "not converged".
     warnings, notes: sentences.
     starts, reached: how many starts there were, and how many of them ended in the best minimum.
-    others: further minima that fit as well: {"values", "delta_chi2", "reached"}.
+    others: further minima that fit as well: {"values", "sigmas", "intervals", "interval_kinds" (by
+        name, as if that minimum were the best one), "delta_chi2", "reached"}.
     iterations: evaluations of residuals and derivatives of the winning start.
     measurement: what was fitted, all files joined. curve: (N,) which quantity of which file each
         datum belongs to, an index of curve_names.
@@ -67,6 +74,8 @@ class ModelFit:
     sigmas: np.ndarray
     covariance: np.ndarray
     correlation: np.ndarray
+    intervals: np.ndarray
+    interval_kinds: tuple[str, ...]
     at_bound: tuple[str, ...]
     upper_limits: np.ndarray
     fixed: dict[str, float]
@@ -110,6 +119,15 @@ class ModelFit:
         if name not in self.names:
             raise KeyError(name)
         return float(self.sigmas[self.names.index(name)])
+
+    def interval_of(self, name: str) -> tuple[float, float]:
+        """Return the 95 % interval of a parameter; of one that was held its value, twice."""
+        if name in self.fixed:
+            return self.fixed[name], self.fixed[name]
+        if name not in self.names:
+            raise KeyError(name)
+        low, high = self.intervals[self.names.index(name)].tolist()
+        return low, high
 
     def fitted(self, measurement: Measurement | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Return the model at every datum, and the standard error of that, (N,) each.

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from fitting.model.multistart import LANES, Ends, briefly, coordinate_bounds, run
+from fitting.model.multistart import LANES, Ends, briefly, coordinate_bounds, each_within, run
 from fitting.model.observations import Observations
 from fitting.model.parameters import Settings, value_and_slope
 from fitting.model.problem import Targets
@@ -117,6 +119,16 @@ def _noise(s: Slopes, loss: str, stated: bool, absolute: bool, dof: int) -> floa
     return 1.4826 * float(np.median(np.abs(s.residual))) * np.sqrt(n / max(dof, 1))
 
 
+class End(NamedTuple):
+    """One minimum looked at closely. finite: whether everything there is a number."""
+
+    y: np.ndarray
+    slopes: Slopes
+    known: Uncertainty
+    cost: float
+    finite: bool
+
+
 class Fit:
     """One fit under way: what stays the same in all its rounds."""
 
@@ -127,6 +139,7 @@ class Fit:
         self.dof = max(self.n_data + self.priors - int(u.free.sum()), 0)
         self.limits = coordinate_bounds(u.moving)
         self.pooled: float | None = None  # scatter of many fits alike, where one has too few data
+        self.lanes = LANES
         squares = [
             float(((v * w) ** 2).sum()) for v, w in zip(seen.values, seen.weights, strict=True)
         ]
@@ -147,8 +160,22 @@ class Fit:
             start = np.concatenate([grown, start], 1)
             lanes = start.shape[1]
         degrees, scale = np.full(lanes, many), np.full(lanes, size)
+        self.lanes = min(lanes, LANES)
         ends = run(self.u.spec, targets, start, self.limits, degrees, scale)
         return ends._replace(y=_in_order(self.u, ends.y, self.settings))
+
+    def held(
+        self, start: np.ndarray, low: np.ndarray, high: np.ndarray, noise: float, steps: int
+    ) -> Ends:
+        """Return where starts (p, S) end, each within bounds (p, S) of its own.
+
+        In the program that `run` compiled; terms stay in the order that they have.
+        """
+        targets = self.targets._replace(noise=np.float64(noise))
+        many, size = max(self.dof, 1.0), self.squares / noise**2
+        return each_within(
+            self.u.spec, targets, start, low, high, many, size, steps, self.lanes
+        )  # fmt: skip
 
     def slopes(self, y: np.ndarray) -> Slopes:
         """Return residuals and derivatives at y."""
@@ -186,6 +213,19 @@ class Fit:
                 break
             y, s, cost = trial, there, found
         return y, s
+
+    def look_at(self, y: np.ndarray, noise: float, scaled: bool, polish: bool = True) -> End:
+        """Return the minimum next to y, where a lane has ended, and how well it is known.
+
+        polish: take the last steps, too.
+        """
+        y, s = self.polished(y, noise, scaled) if polish else (y, self.slopes(y))
+        finite = all(bool(np.isfinite(a).all()) for a in (y, s.residual, s.jacobian))
+        if not finite:
+            s = s._replace(
+                jacobian=np.zeros_like(s.jacobian), residual=np.zeros_like(s.residual)
+            )  # fmt: skip
+        return End(y, s, self.known(s, y, noise, scaled), self.cost(s, y, noise), finite)
 
 
 def best_of(ends: Ends) -> int | None:

@@ -106,7 +106,9 @@ class Uncertainty(NamedTuple):
     at_bound: (p,) "", "low" or "high". unseen: (p, u) directions that the data do not see, each in
     units of what a parameter moves the data by; unseen_of: (p,) parameters without an error.
     variance: what the covariance was multiplied by; step: the undamped step from here, (p,).
-    edge: (p,) standard errors of the coordinates if there were no bounds, for a variance of 1.
+    wide: (p, p) covariance if there were no bounds, for a variance of 1.
+    rise: what the cost rises by at one standard error (the variance; of a robust loss times its
+    mean curvature).
     """
 
     covariance: np.ndarray
@@ -115,7 +117,14 @@ class Uncertainty(NamedTuple):
     unseen_of: np.ndarray
     variance: float
     step: np.ndarray
-    edge: np.ndarray
+    wide: np.ndarray
+    rise: float
+
+    @property
+    def edge(self) -> np.ndarray:
+        """Standard errors (p,) of the coordinates if there were no bounds, for a variance of 1."""
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(np.diagonal(self.wide))
 
 
 def _inverse(
@@ -174,10 +183,10 @@ def uncertainty(
     )
     use = free & ~on_low & ~on_high
     if u.spec.loss == "squares":
-        variance = float((r @ r) / dof) if dof > 0 else np.nan
+        variance, curvature = float((r @ r) / dof) if dof > 0 else np.nan, 1.0
     else:
-        mean_bend = float(bend.mean())
-        variance = float((pull @ pull) / max(dof, 1)) / max(mean_bend, 1e-3) ** 2
+        curvature = max(float(bend.mean()), 1e-3)
+        variance = float((pull @ pull) / max(dof, 1)) / curvature**2
     if not scaled:
         variance = 1.0 if u.spec.loss == "squares" else max(variance, 1.0)
     elif u.spec.priors and dof > 0 and u.spec.loss == "squares":
@@ -192,7 +201,8 @@ def uncertainty(
     wide = covariance
     if (use != free).any():
         wide, _, _ = _inverse(rows, b, free)
-    with np.errstate(invalid="ignore"):
-        edge = np.sqrt(np.diagonal(wide))
     unseen_of = np.max(np.abs(unseen), axis=1, initial=0.0) > SHARE
-    return Uncertainty(variance * covariance, at_bound, unseen, unseen_of, variance, step, edge)
+    return Uncertainty(
+        variance * covariance, at_bound, unseen, unseen_of, variance, step, wide,
+        variance * curvature,
+    )  # fmt: skip

@@ -1,0 +1,182 @@
+"""95 % intervals of the parameters of a model: quadratic where that is right, else by profile.
+
+The quadratic ones are value +- t sigma, cut where the parameter's range ends; of what the data see
+by its square (k of a bare interface) from the square; of what is compatible with 0 from there to
+its upper limit. "auto" asks for the rise of the cost at their ends, the other parameters fitted
+again: where its root is off by more than OFF, so is the end, by about as many half widths. That is
+how far the ends of `fitting.fit` are off where it begins to take the profile (sigma_eta of 2 % of
+eta; `index.intervals`). By profile always: what is compatible with 0, as there, and all where one
+lies on a bound.
+
+An interval by profile is that of the parameter with all others free to move within their ranges,
+those on a bound too; a standard error beside a parameter on a bound is that for it lying there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.index.intervals import KINDS, NONE, PROFILE, QUADRATIC, ROUNDING
+from fitting.index.limits import student_quantile
+from fitting.model.parameters import LOG, SQUARE, from_parameter, value_and_slope
+from fitting.model.profile import Base, Search, follow, visit
+from fitting.model.solve import End, Fit
+
+AUTO = "auto"
+OFF = 0.1
+
+
+class Intervals(NamedTuple):
+    """Of one minimum, over all p unknowns: ends (p, 2), the quadratic ones too; kind of each.
+
+    NaN where there is none. limits: (p,), upper limits of what is compatible with 0; NaN for what
+    is not, by the profile or at once. lowest: the least cost that was met, and where (p,).
+    """
+
+    ends: np.ndarray
+    quadratic: np.ndarray
+    kind: tuple[str, ...]
+    limits: np.ndarray
+    lowest: tuple[float, np.ndarray]
+
+
+def check_intervals(wanted: str) -> None:
+    """Raise ValueError for what is no kind of interval."""
+    if wanted not in KINDS:
+        raise ValueError(f"intervals is {wanted!r}; one of {', '.join(KINDS)} was wanted.")
+
+
+def _of(fit: Fit, j: int, y: float) -> float:
+    """Return the parameter at the solver's coordinate."""
+    return float(value_and_slope(fit.u.moving[j].parameter.coordinate, np.array(y))[0])
+
+
+def _quadratic(fit: Fit, end: End, limits: np.ndarray, t: float) -> np.ndarray:
+    """Return the quadratic intervals (p, 2)."""
+    out = np.full((len(end.y), 2), np.nan)
+    variance = np.diagonal(end.known.covariance)
+    for i, unknown in enumerate(fit.u.moving):
+        x = _of(fit, i, end.y[i])
+        half = t * np.sqrt(variance[i]) if variance[i] >= 0.0 else np.nan
+        kind = unknown.parameter.coordinate
+        if end.known.unseen_of[i] or not unknown.free:
+            continue
+        if np.isfinite(limits[i]):
+            out[i] = 0.0, limits[i]
+        elif kind == SQUARE:
+            out[i] = np.sqrt(np.maximum(end.y[i] + half * np.array([-1.0, 1.0]), 0.0))
+        else:
+            half *= x if kind == LOG else 1.0
+            out[i] = x - half, x + half
+        out[i] = np.clip(out[i], unknown.low, unknown.high)
+    return out
+
+
+class _Pair(NamedTuple):
+    """The two searches for the ends of one parameter."""
+
+    base: int
+    j: int
+    searches: tuple[Search, Search]
+
+
+def _pair(fit: Fit, end: End, base: Base, at: int, j: int, ends: np.ndarray, t: float) -> _Pair:
+    """Return the searches, whose first places are the ends of the quadratic interval."""
+    kind = fit.u.moving[j].parameter.coordinate
+    usual = t * end.known.edge[j] * np.sqrt(end.known.variance)
+    if not (np.isfinite(usual) and usual > 0.0):
+        usual = 0.1 * max(abs(end.y[j]), 1.0)
+    first = []
+    for sign, place in ((-1.0, ends[0]), (1.0, ends[1])):
+        limit = base.high[j] if sign > 0.0 else base.low[j]
+        c = float(from_parameter(kind, place)) if np.isfinite(place) else np.nan
+        far = sign * (c - end.y[j])
+        # A symmetric interval of what moves by its logarithm may reach down to next to nothing.
+        odd = kind == LOG and (far > 3.0 * usual or c == limit)
+        good = np.isfinite(far) and far > 0.0 and not odd
+        first.append(far if good else usual)
+    below, above = (
+        Search(base, j, s, f) for s, f in zip((-1.0, 1.0), first, strict=True)
+    )  # fmt: skip
+    return _Pair(at, j, (below, above))
+
+
+def _right(fit: Fit, pair: _Pair, ends: np.ndarray) -> bool:
+    """Whether the first places, that were visited, show the quadratic interval to be right."""
+    for s, place in zip(pair.searches, ends, strict=True):
+        if len(s.far) < 2:  # the minimum lies on that bound, or the others are still under way
+            return False
+        # What was visited is the quadratic end, or the bound that cuts it off.
+        visited = _of(fit, s.j, s.base.y[s.j] + s.sign * s.far[1])
+        if abs(visited - place) > 1e-9 * abs(place):
+            return False
+        cut = s.far[1] >= s.room
+        if s.root[1] > 1.0 + OFF or (s.root[1] < 1.0 - OFF and not cut):
+            return False
+    return True
+
+
+def _start(fit: Fit, end: End, limits: np.ndarray, t: float) -> tuple[Intervals, Base]:
+    """Return the quadratic intervals at a minimum, and from where the search goes out."""
+    with np.errstate(all="ignore"):
+        quadratic = _quadratic(fit, end, limits, t)
+        own = np.diagonal(end.known.wide)
+        along = np.nan_to_num(np.where(own > 0.0, end.known.wide / own, 0.0))
+    kind = tuple(NONE if np.isnan(q).any() else QUADRATIC for q in quadratic)
+    base = Base(end.y, end.cost, along, *fit.limits, t**2 * end.known.rise, [])
+    return Intervals(quadratic.copy(), quadratic, kind, limits.copy(), (end.cost, end.y)), base
+
+
+def intervals(
+    fit: Fit,
+    ends: Sequence[End],
+    limits: Sequence[np.ndarray],
+    noise: float,
+    *,
+    wanted: str,
+    estimated: bool,
+) -> list[Intervals]:
+    """Return the 95 % intervals at some minima of a fit.
+
+    limits: upper limits (p,) of each, NaN where there is none. wanted: one of KINDS.
+    estimated: whether the scale of the errors comes from the scatter (t with its degrees of
+    freedom, else the normal law).
+    Accuracy: the ends by profile to 1e-3 of their distance from the minimum.
+    """
+    t = student_quantile(max(fit.dof, 1) if estimated else 0)
+    starts = [_start(fit, end, limit, t) for end, limit in zip(ends, limits, strict=True)]
+    out = [quadratic for quadratic, _ in starts]
+    if wanted == QUADRATIC:
+        return out
+    pairs = [
+        _pair(fit, ends[at], base, at, int(j), out[at].quadratic[j], t)
+        for at, (_, base) in enumerate(starts)
+        if base.rise > ROUNDING * fit.squares / noise**2
+        for j in np.flatnonzero(fit.u.free)
+        if wanted == PROFILE or not ends[at].known.unseen_of[j]
+    ]
+    if wanted == AUTO and pairs:
+        searches = [s for pair in pairs for s in pair.searches]
+        visit(fit, searches, noise)
+        pairs = [
+            pair for pair in pairs
+            if any(ends[pair.base].known.at_bound)
+            or np.isfinite(limits[pair.base][pair.j])
+            or not _right(fit, pair, out[pair.base].quadratic[pair.j])
+        ]  # fmt: skip
+    follow(fit, [s for pair in pairs for s in pair.searches], noise)
+    for at, j, both in pairs:
+        found = out[at]
+        values = [_of(fit, j, s.end) for s in both]
+        lowest = min([found.lowest, *(s.lowest for s in both)], key=lambda at: at[0])
+        kind = list(found.kind)
+        if not np.isnan(values).any():
+            found.ends[j], kind[j] = values, PROFILE
+            if np.isfinite(found.limits[j]) and values[0] > 0.0:
+                found.limits[j] = np.nan
+                found.quadratic[j] = _quadratic(fit, ends[at], found.limits, t)[j]
+        out[at] = found._replace(kind=tuple(kind), lowest=lowest)
+    return out
