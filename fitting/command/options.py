@@ -92,4 +92,5 @@ def fit_options(arguments: argparse.Namespace) -> dict[str, Any]:
         "sigma": "equal" if arguments.equal_weights else "given",
         "absolute_sigma": arguments.absolute_sigma,
         "starts": arguments.starts,
+        "intervals": arguments.intervals,
     }

@@ -183,6 +183,13 @@ def decide(
     return Choice(taken.fit, taken, tuple(everyone), tuple(reasons))
 
 
+def with_fit(choice: Choice, fit: ModelFit) -> Choice:
+    """Return the choice with another fit of the model taken."""
+    taken = choice.taken._replace(fit=fit)
+    everyone = tuple(taken if c.key == taken.key else c for c in choice.candidates)
+    return replace(choice, fit=fit, taken=taken, candidates=everyone)
+
+
 def choice_table(choice: Choice) -> list[list[str]]:
     """Return the comparison as rows of texts, heads first, the model taken marked with ``>``."""
     rows = [["", "model", "parameters", "BIC", "rms", "held out", "status"]]

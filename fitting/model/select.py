@@ -13,9 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from fitting.index.intervals import QUADRATIC
 from fitting.measurement import Measurement, concatenate
-from fitting.model.candidates import MARGIN, Candidate, Choice, Key, decide, simplest
+from fitting.model.candidates import MARGIN, Candidate, Choice, Key, decide, simplest, with_fit
 from fitting.model.fit import fit_model
+from fitting.model.intervals import check_intervals
 from fitting.model.parameters import plain_name
 from fitting.model.result import ModelFit
 from fitting.model.structures import NUISANCES
@@ -93,6 +95,7 @@ def choose(
     free: Iterable[str] = (),
     fixed: Mapping[str, float] | None = None,
     nuisances: bool = True,
+    intervals: str = "auto",
     step: Callable[[str], None] = lambda doing: None,
     **options: Any,
 ) -> Choice:
@@ -100,6 +103,7 @@ def choose(
 
     measurement, structure, free, fixed, options: as for `fit_model` (thickness_um, bounds, priors,
     loss, eta_i, sigma, absolute_sigma, seed), and used for every candidate.
+    intervals: of the model that is taken, as for `fit_model`.
     nuisances: whether a free scale and angle offset are tried.
     step: called with the name of each candidate before it is tried.
     Result: a `Choice`. Accuracy: how often the true model of simulated spectra is found, and how
@@ -109,6 +113,7 @@ def choose(
     measurements = [measurement] if isinstance(measurement, Measurement) else list(measurement)
     joined = concatenate(*measurements)
     wavelengths = len(np.unique(joined.wavelength_um[np.isfinite(joined.wavelength_um)]))
+    check_intervals(intervals)
     held, given = dict(fixed or {}), tuple(free)
     _only_shared([*held, *given, *(options.get("bounds") or {}), *(options.get("priors") or {})])
     tried: dict[Key, Candidate] = {}
@@ -116,9 +121,8 @@ def choose(
     def run(key: Key, data: Sequence[Measurement] = measurements, **more: Any) -> ModelFit:
         values = held | ({"k": 0.0} if key.without_k else {})
         extra = (*given, *key.free)
-        return fit_model(
-            list(data), key.model, structure, free=extra, fixed=values, **(options | more)
-        )
+        how: dict[str, Any] = {"intervals": QUADRATIC} | options | more
+        return fit_model(list(data), key.model, structure, free=extra, fixed=values, **how)
 
     def attempt(model: str, extra: tuple[str, ...] = (), without_k: bool = False) -> Candidate:
         key = Key(model, extra, without_k)
@@ -158,4 +162,7 @@ def choose(
                 grown = attempt(base.key.model, (*extra, name), base.key.without_k)
                 if grown.good and grown.fit.bic < base.fit.bic - MARGIN:
                     base, extra = grown, (*extra, name)
-    return decide(list(tried.values()), run, measurements, joined)
+    choice = decide(list(tried.values()), run, measurements, joined)
+    if intervals == QUADRATIC:
+        return choice
+    return with_fit(choice, run(choice.taken.key, intervals=intervals))

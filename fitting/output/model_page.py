@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fitting.model.candidates import Choice, choice_table
+from fitting.output.model_report import other_text, range_text
 from fitting.output.page import Table, page
 from fitting.output.report import number, with_error
 from fitting.output.report_page import data_table
@@ -29,9 +30,10 @@ def _facts(fit: ModelFit) -> list[tuple[str, str]]:
     rows.append(("criteria", f"BIC {fit.bic:.2f}, AICc {fit.aicc:.2f}"))
     kind = "taken as stated" if fit.sigma_kind == "absolute" else "scaled by the scatter"
     rows.append(("errors", f"one standard error, {kind}"))
+    if "profile" in fit.interval_kinds:
+        rows.append(("95 % range", "with *: by the likelihood itself, all other parameters free"))
     for other in fit.others[:3]:
-        values = ", ".join(f"{n} {number(v)}" for n, v in other["values"].items())
-        rows.append(("or else", f"{values}: chi2 + {other['delta_chi2']:.2g}"))
+        rows.append(("or else", other_text(other)))
     return rows
 
 
@@ -48,12 +50,15 @@ def _parameters(fit: ModelFit) -> Table:
     for i, name in enumerate(fit.names):
         limit = fit.upper_limits[i]
         end = {"low": "at its lower bound", "high": "at its upper bound"}.get(fit.at_bound[i], "")
+        within = range_text(*fit.intervals[i].tolist())
+        if fit.interval_kinds[i] == "profile":
+            within += " *"
         rows.append([
-            name, with_error(float(fit.values[i]), float(fit.sigmas[i])), fit.units[i],
+            name, with_error(float(fit.values[i]), float(fit.sigmas[i])), fit.units[i], within,
             f"< {number(float(limit), 2)}" if np.isfinite(limit) else "", end,
         ])  # fmt: skip
-    rows += [[name, f"{value:.8g}", "", "", "held"] for name, value in fit.fixed.items()]
-    return Table("Parameters", ["", "value", "unit", "95 % limit", ""], rows)
+    rows += [[name, f"{value:.8g}", "", "", "", "held"] for name, value in fit.fixed.items()]
+    return Table("Parameters", ["", "value", "unit", "95 % range", "95 % limit", ""], rows)
 
 
 def _index(fit: ModelFit) -> list[Table]:

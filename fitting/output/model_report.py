@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.model.result import ModelFit
 from fitting.output.export import csv_text, measured_columns
-from fitting.output.report import number, with_error, wrapped
+from fitting.output.report import between, number, with_error, wrapped
 from fitting.plain_data import json_object
 
 
@@ -26,6 +26,41 @@ def _value(fit: ModelFit, i: int) -> str:
     text = with_error(float(fit.values[i]), float(fit.sigmas[i])) + unit
     end = {"low": "lower", "high": "upper"}.get(fit.at_bound[i])
     return f"{text}  (at its {end} bound)" if end else text
+
+
+def range_text(low: float, high: float) -> str:
+    """Return an interval as text; "" for none, "any" end that is infinitely far."""
+    if math.isnan(low) or math.isnan(high):
+        return ""
+    if math.isinf(low) and math.isinf(high):
+        return "any"
+    if math.isinf(low):
+        return f"below {number(high)}"
+    if math.isinf(high):
+        return f"above {number(low)}"
+    # Digits of the distance would leave none of a low end that is far below the high one.
+    apart = 0.0 < 3.0 * low < high
+    return f"{number(low, 3)} to {number(high, 3)}" if apart else between(low, high)
+
+
+def other_text(other: dict[str, Any]) -> str:
+    """Return a second solution: its values with their errors, and how much worse it fits."""
+    values = ", ".join(
+        f"{name} {with_error(value, other['sigmas'][name])}"
+        for name, value in other["values"].items()
+    )
+    return f"{values}: chi2 + {other['delta_chi2']:.2g}"
+
+
+def _ranges(fit: ModelFit) -> str:
+    """Return the intervals that are not the quadratic ones."""
+    return ", ".join(
+        f"{name} {range_text(*ends)}"
+        for name, ends, kind in zip(
+            fit.names, fit.intervals.tolist(), fit.interval_kinds, strict=True
+        )
+        if kind == "profile"
+    )
 
 
 def _errors(fit: ModelFit) -> str:
@@ -55,8 +90,8 @@ def _index_rows(fit: ModelFit) -> list[tuple[str, str]]:
 def table(fit: ModelFit, width: int = 80) -> str:
     """Return the fit as lines of at most ``width`` characters.
 
-    What was read; every parameter with one standard error; eta and k at three wavelengths; chi2,
-    rms, how many starts agree, status and warnings.
+    What was read; every parameter with one standard error; eta and k at three wavelengths; 95 %
+    ranges that the errors do not tell; chi2, rms, how many starts agree, status and warnings.
     """
     m = fit.measurement
     lines = [m.source, wrapped("read", m.understood.removeprefix("read "), width)]
@@ -77,12 +112,13 @@ def table(fit: ModelFit, width: int = 80) -> str:
         rows.append(("loss", f"{fit.loss}, at a noise of {number(fit.noise, 3)}"))
     if errors := _errors(fit):
         rows.append(("errors", errors))
+    if ranges := _ranges(fit):
+        rows.append(("95 % range", f"{ranges} (by the likelihood itself)"))
     rows.append(("criteria", f"BIC {fit.bic:.2f}, AICc {fit.aicc:.2f}"))
     rows.append(("status", f"{fit.status}; {fit.reached} of {fit.starts} starts agree"))
     lines += ["", *(wrapped(label, text, width) for label, text in rows)]
     for other in fit.others[:3]:
-        values = ", ".join(f"{n} {number(v)}" for n, v in other["values"].items())
-        lines.append(wrapped("or else", f"{values}: chi2 + {other['delta_chi2']:.2g}", width))
+        lines.append(wrapped("or else", other_text(other), width))
     texts = [("warning", w) for w in fit.warnings] + [("note", n) for n in fit.notes]
     if texts:
         lines += ["", *(wrapped(label, text, width) for label, text in texts)]
