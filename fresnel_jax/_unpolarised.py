@@ -6,7 +6,7 @@ With the quantities of `_boundary`, C = m c, sigma = m^2 s^2 and X = C Q + sigma
     R = (R_s + R_p) / 2 = R_s U / |X|^2,    U = |C Q|^2 + sigma^2,    |X|^2 = U + 2 sigma C Re Q.
 
 Only positive terms are added: R does not vanish at Brewster's angle, so that Re Y, half of the
-exact sums of `_boundary`, is not needed; what the derivatives need of it is cheaper (`_re_y`).
+exact sums of `_boundary`, is not needed; what the derivatives need of it is cheaper (`_y`).
 
     dR = 4 C Re(N conj(Q E) dN) / (|S|^4 |X|^2 |Q|^2) + 2 m R_s Re(H) dc,
     E = (N^2 - m^2) U + |N^2 - m^2|^2 sigma m^2 Y / (2 |X|^2)
@@ -44,7 +44,8 @@ def unpolarised_kernel(c, n, k, m, compensated=True):
     """R, for c, n, k, m as `boundary` takes them; the sign of c is ignored.
 
     Without `compensated` Re Q^2 is summed plainly: the error of R is then up to 24 eps m / (c |Q|)
-    near the critical angle (at most 40 sqrt(eps) / c) and the same elsewhere, at .6 of the cost.
+    near the critical angle (at most 40 sqrt(eps) / c; for |N| < m both times (m / |N|)^2) and the
+    same elsewhere, at .6 of the cost.
     """
     c = jnp.abs(c)
     re_q2 = lossless_sums(c, n, m, exactly=False)[0] if compensated else _re_q2_plain(c, n, m)
@@ -64,20 +65,6 @@ def _root(re_q2, n, k, sqrt) -> Complex:
     if k is None:
         return positive_sqrt(re_q2), None
     return sqrt(re_q2 - k * k, (2.0 * n) * k)
-
-
-def _re_y(c, n, m, sigma):
-    """Re Y for k = 0, as exact as the derivatives of R need it.
-
-    R does not vanish at Brewster's angle, so a relative error of Y is harmless there; but dR is
-    2 n^2 times as sensitive to Y as R, so for large n (Brewster's angle at c = m / n) Y is a sum
-    that keeps the digits of cn - m. Next to normal incidence that sum would cancel instead.
-    """
-    one_or_m = 1.0 if m is None else m
-    cn, lost = two_product(opaque(c), opaque(n))
-    mc = one_or_m * c
-    at_large_n = ((cn - one_or_m) + lost) * (cn + one_or_m) + mc * mc
-    return jnp.where(c > 0.75, cn * cn - sigma, at_large_n)
 
 
 class _Parts:
@@ -108,6 +95,24 @@ def _scaled(z: Complex, factor) -> Complex:
     return z[0] * factor, None if z[1] is None else z[1] * factor
 
 
+def _y(c, n, k, p: "_Parts", index2: Complex) -> Complex:
+    """Y, as exact as the derivatives of R need it.
+
+    R does not vanish at Brewster's angle, but dR is 2 n^2 times as sensitive to Y as R: at
+    c = m / n of a large n, Y is a sum that keeps the digits of cn - m. Next to normal incidence
+    that sum cancels, and Y = Q^2 - s^2 N^2 is taken, of which Q^2 alone may vanish, known to its
+    last digit (the critical angle of a small n). Brewster's angle of n < m / 30 has neither.
+    """
+    cn, lost = two_product(opaque(c), opaque(n))
+    at_large_n = ((cn - p.m) + lost) * (cn + p.m) + p.C * p.C
+    near_normal = -((1.0 - c) * (1.0 + c)) * index2[0]
+    if k is None:
+        return jnp.where(c > 0.75, p.rho + near_normal, at_large_n), None
+    b, c2 = p.q[1], c * c
+    near_normal = (p.rho - 2.0 * (b * b)) + near_normal
+    return jnp.where(c > 0.75, near_normal, at_large_n - c2 * (k * k)), c2 * index2[1]
+
+
 def _sum(z: Complex, w: Complex) -> Complex:
     return z[0] + w[0], None if z[1] is None else z[1] + w[1]
 
@@ -136,15 +141,13 @@ def _unpolarised_jvp(compensated, primals, tangents):
     per_both = reciprocal_or_zero(s2_x2)  # one division for two quotients
     per_s2, per_x2 = per_both * p.x2, per_both * p.s2
     per_q2 = reciprocal_or_zero(p.rho)
-    re_y = _re_y(c, n, m, sigma)
     q, n2_minus_m2 = p.q, p.near * p.far
     if k is None:
-        N, index2, y = (n, None), (n * n, None), (re_y, None)
-        contrast = (n2_minus_m2, None)
+        N, index2, contrast = (n, None), (n * n, None), (n2_minus_m2, None)
     else:
-        k2, n2k, c2 = k * k, n * (2.0 * k), c * c
-        N, index2, y = (n, k), (n * n - k2, n2k), (re_y - c2 * k2, c2 * n2k)
-        contrast = (n2_minus_m2 - k2, n2k)
+        k2, n2k = k * k, n * (2.0 * k)
+        N, index2, contrast = (n, k), (n * n - k2, n2k), (n2_minus_m2 - k2, n2k)
+    y = _y(c, n, k, p, index2)
     steep = squared_modulus(contrast) * ((0.5 * sigma) * (m2 * per_x2))
     # E / |S|^2 before all else: |N Q E| alone would leave float32's range for N = 1e8
     e = _scaled(_sum(_scaled(contrast, p.u), _scaled(y, steep)), per_s2)

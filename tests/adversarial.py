@@ -87,5 +87,22 @@ def hard_sets(dtype, size: int = SIZE) -> dict[str, tuple[np.ndarray, ...]]:
         either(0, decades(-8, 0)),
         m,
     )
+    # Where both angles move towards normal incidence; Brewster's angle of a still smaller index is
+    # the one place that `reflectance` states as an exception (tests/test_interface_accuracy.py).
+    n, m = rounded(decades(-6, -0.5)), either(1.0, rounded(uniform(1.0, 4.0)))
+    sets["critical, small index"] = (
+        np.sqrt((1 - n / m) * (1 + n / m)) * within_a_few_eps(),
+        n,
+        either(0, decades(-30, -3)),
+        m,
+    )
+    n = rounded(m * uniform(0.05, 0.4))
+    sets["Brewster, small index"] = (
+        m / np.hypot(n, m) * within_a_few_eps(),
+        n,
+        either(0, decades(-12, -3)),
+        m,
+    )
+    sets["normal, huge k"] = (1.0 - decades(-16, -3), decades(-6, 8), decades(3, 8), m)
     exact = {name: tuple(np.asarray(x, dtype) for x in points) for name, points in sets.items()}
     return {name: (np.clip(c, 0, 1), n, k, m) for name, (c, n, k, m) in exact.items()}

@@ -71,7 +71,10 @@ def test_reflectance_within_12_eps(dtype, name, leave_out):
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize("name", [*adversarial.hard_sets(np.float64)])
 def test_without_compensation_the_error_stays_below_the_stated_bound(dtype, name):
-    """12 eps of R, and 24 eps / (c |N cos_t / eta_i|) or 40 sqrt(eps) / c, the smaller one."""
+    """12 eps of R, and 24 eps / (c |N cos_t / eta_i|) or 40 sqrt(eps) / c, the smaller one.
+
+    For |N| < eta_i that times (eta_i / |N|)^2.
+    """
     points = adversarial.hard_sets(dtype)[name]
     eps = float(np.finfo(dtype).eps)
     result = np.asarray(reflectance(*points, compensated=False))
@@ -79,10 +82,10 @@ def test_without_compensation_the_error_stays_below_the_stated_bound(dtype, name
     for ours, point in zip(result, zip(*points, strict=True), strict=True):
         R_s, R_p, *_ = oracle.powers(*point)
         c, n, k, m = (mp.mpf(float(x)) for x in point)
-        q = abs(mp.sqrt((mp.mpc(n, k) / m) ** 2 - 1 + c * c))
-        allowed = 12 * eps * (R_s + R_p) / 2 + min(24 * eps / max(q, eps), 40 * mp.sqrt(eps)) / max(
-            c, eps
-        )
+        relative = mp.mpc(n, k) / m
+        q = abs(mp.sqrt(relative**2 - 1 + c * c))
+        near = min(24 * eps / max(q, eps), 40 * mp.sqrt(eps)) / max(c, eps)
+        allowed = 12 * eps * (R_s + R_p) / 2 + near / min(1, abs(relative)) ** 2
         errors.append(float(abs(mp.mpf(float(ours)) - (R_s + R_p) / 2) / allowed))
     assert worst(errors) <= 1.0
 
@@ -142,6 +145,27 @@ def test_reflectance_gradients_within_200_eps(dtype, name, leave_out):
                 true = [(gradients[0][v] + gradients[1][v]) / 2 for v in variables]
             errors.append(gradient_error(partials[:, 0, i], true, dtype))
     assert worst(errors) <= GRADIENT_BOUND
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_reflectance_gradient_at_brewsters_angle_of_a_tiny_index(dtype):
+    """The stated exception: 4 eps (m / n)^2 and no more, and not above a millionth of the norm."""
+    random = np.random.default_rng(5)
+    m = random.uniform(1, 4, 200)
+    n = m * 10.0 ** random.uniform(-6, -1.5, 200)
+    steps = 1 + np.finfo(dtype).eps * random.integers(-8, 9, 200) / 2
+    cosines = np.minimum(m / np.hypot(n, m) * steps, 1)
+    points = [np.asarray(x, dtype) for x in (cosines, n, 0 * n, m)]
+    variables, partials = partial_derivatives(lambda *a: [reflectance(*a)] * 4, points)
+    for i, point in enumerate(zip(*points, strict=True)):
+        gradients = oracle.reflectance_gradients(*point)
+        if gradients is None:  # the critical angle, an eps away
+            continue
+        with mp.workdps(oracle.DIGITS):
+            true = [(gradients[0][v] + gradients[1][v]) / 2 for v in variables]
+        error = gradient_error(partials[:, 0, i], true, dtype)
+        assert error <= GRADIENT_BOUND + 4 * (point[3] / point[1]) ** 2
+        assert error * np.finfo(dtype).eps <= max(1e-6, GRADIENT_BOUND * np.finfo(dtype).eps)
 
 
 @on_hard_sets
