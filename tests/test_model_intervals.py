@@ -1,0 +1,348 @@
+"""95 % intervals of model fits, against profiles by brute force: the textbook's R and scipy.
+
+The oracle holds one parameter, fits the others by scipy's least_squares from several starts, and
+looks for the place where the least cost has risen by the square of Student's t (or 1.96) by
+bisection.
+"""
+
+import json
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.optimize import brentq, least_squares, minimize_scalar
+
+from fitting import Measurement, cli, fit_model
+from fitting.model import select
+from fitting.output.model_report import table
+
+ANGLES = np.linspace(20.0, 80.0, 13)
+NORMAL = stats.norm.ppf(0.975) ** 2
+
+
+def textbook(index, angle, quantity):
+    c = np.cos(np.radians(angle))
+    root = np.sqrt(index * index - 1.0 + c * c + 0j)
+    r_s = (c - root) / (c + root)
+    r_p = (index**2 * c - root) / (index**2 * c + root)
+    return np.where(quantity == "R_s", np.abs(r_s) ** 2, np.abs(r_p) ** 2)
+
+
+def constant(x, wavelength):
+    return x[0] + 1j * x[1] + 0.0 * wavelength
+
+
+def cauchy(x, wavelength):
+    return x[0] + x[1] / wavelength**2
+
+
+def measured(index, x, angle, wavelength, noise, seed, quantities=("R_s", "R_p"), scale=1.0):
+    angle, wavelength = (a.ravel() for a in np.meshgrid(angle, wavelength))
+    random = np.random.default_rng(seed)
+    columns = {
+        q: scale * textbook(index(x, wavelength), angle, np.array(q))
+        + noise * random.standard_normal(len(angle))
+        for q in quantities
+    }
+    return Measurement.from_columns(angle, wavelength, sigma=noise, **columns)
+
+
+def residuals(m, index, scaled=False):
+    def of(x):
+        R = textbook(index(x, m.wavelength_um), m.angle_deg, m.quantity)
+        return ((x[2] * R if scaled else R) - m.value) / m.sigma
+
+    return of
+
+
+def floor(of, j, c, starts, low, high):
+    """The least sum of squares with unknown j held at c."""
+    others = [i for i in range(len(low)) if i != j]
+
+    def held(z):
+        x = np.empty(len(low))
+        x[j], x[others] = c, z
+        return of(x)
+
+    inside = [np.clip(s[others], low[others] + 1e-12, high[others] - 1e-12) for s in starts]
+    tight = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14, "x_scale": np.abs(inside[0]) + 0.01}
+    fits = [least_squares(held, z, bounds=(low[others], high[others]), **tight) for z in inside]
+    return 2.0 * min(f.cost for f in fits)
+
+
+def by_hand(of, starts, low, high, rise, step):
+    """The intervals (P, 2) of all unknowns."""
+    starts, low, high = np.array(starts), np.array(low), np.array(high)
+    best = starts[0]
+    least = min(floor(of, j, best[j], starts, low, high) for j in range(len(best)))
+    out = np.empty((len(best), 2))
+    for j in range(len(best)):
+
+        def above(c, j=j):
+            return floor(of, j, c, starts, low, high) - least - rise
+
+        for side, (sign, limit) in enumerate(((-1.0, low[j]), (1.0, high[j]))):
+            a = b = best[j]
+            while True:
+                b = b + sign * step[j]
+                if sign * (b - limit) >= 0.0:
+                    b = limit
+                    if above(b) <= 0.0:
+                        out[j, side] = limit
+                        break
+                if above(b) > 0.0:
+                    out[j, side] = brentq(above, a, b, xtol=1e-5 * step[j])
+                    break
+                a = b
+    return out  # fmt: skip
+
+
+def assert_same(found, theirs):
+    """Within 2e-3 of half the width: ends are looked for to 3e-4 of their distance in the root of
+    the cost, which where a floor is flat is more in the parameter."""
+    half = 0.5 * (theirs[:, 1] - theirs[:, 0])
+    off = np.abs(found - theirs) / half[:, None]
+    assert off.max() < 2e-3, (found, theirs)
+
+
+@pytest.fixture(scope="module")
+def glass():
+    """k of 0, below what the data can show."""
+    return measured(constant, (1.5, 0.0), ANGLES, [0.6], 2e-3, 1)
+
+
+@pytest.mark.parametrize("seed", [1, 5])
+def test_k_near_zero(seed):
+    """Seed 1: the best k is 0, on the bound; seed 5: it is above, and compatible with 0."""
+    m = measured(constant, (1.5, 0.0), ANGLES, [0.6], 2e-3, seed)
+    found = fit_model(m, "constant", absolute_sigma=True)
+    assert found.at_bound[1] == ("low" if seed == 1 else "")
+    assert found.interval_kinds == ("profile", "profile")
+    of = residuals(m, constant)
+    starts = [found.values, found.values + [0.003, 0.03], found.values - [0.003, 0.0]]
+    low, high, step = [1e-3, 0.0], [10.0, 10.0], [1e-3, 0.02]
+    theirs = by_hand(of, starts, low, high, NORMAL, step)
+    assert theirs[1, 0] == 0.0 == found.intervals[1, 0]
+    assert_same(found.intervals, theirs)
+    # scaled by the scatter: Student's t with its degrees of freedom
+    scaled = fit_model(m, "constant")
+    scatter = (of(scaled.values) ** 2).sum() / 24
+    theirs = by_hand(of, starts, low, high, stats.t.ppf(0.975, 24) ** 2 * scatter, step)
+    assert_same(scaled.intervals, theirs)
+    # the standard error holds k where it is; the interval does not
+    quadratic = fit_model(m, "constant", intervals="quadratic")
+    assert quadratic.interval_kinds == ("quadratic", "quadratic")
+    t = stats.t.ppf(0.975, 24)
+    np.testing.assert_allclose(
+        quadratic.intervals[0], quadratic.values[0] + t * quadratic.sigmas[0] * np.array([-1, 1])
+    )
+    if seed == 1:
+        text = "hold for k = 0, their 95 % ranges for all that it may be"
+        assert any(text in w for w in scaled.warnings)
+        assert not any("ranges" in w for w in quadratic.warnings)
+        assert any("the standard errors of the others hold for k = 0" in w
+                   for w in quadratic.warnings)  # fmt: skip
+        assert np.ptp(scaled.intervals[0]) > 1.2 * np.ptp(quadratic.intervals[0])
+        assert any("eta: 1.49" in w and "by its standard error" in w for w in scaled.warnings)
+
+
+def test_a_curved_valley():
+    """R_p of an absorber seen at three angles with much noise."""
+    m = measured(constant, (1.1, 7.0), [45.0, 65.0, 75.0], [0.6], 1e-2, 0)
+    found = fit_model(m, "constant", absolute_sigma=True)
+    assert found.interval_kinds == ("profile", "profile")
+    starts = [found.values, 0.8 * found.values, 1.3 * found.values]
+    theirs = by_hand(
+        residuals(m, constant), starts, [1e-3, 0.0], [100.0, 100.0], NORMAL, 0.3 * found.values
+    )
+    assert_same(found.intervals, theirs)
+    half = 1.96 * found.sigmas
+    assert (np.abs(found.intervals - found.values[:, None]).max(1) > 1.5 * half).all()
+    assert any("standard errors do not tell how far" in w for w in found.warnings)
+    assert "95 % range   eta" in table(found)
+
+
+@pytest.fixture(scope="module")
+def spectrum():
+    return measured(
+        cauchy, (1.5, 0.012), [45.0, 65.0, 75.0], np.linspace(0.4, 0.9, 14), 5e-3, 3, ("R_s",)
+    )  # fmt: skip
+
+
+def test_a_spectrum_with_a_prior(spectrum):
+    found = fit_model(
+        spectrum, "cauchy:2", priors={"scale": (1.0, 0.02)}, absolute_sigma=True,
+        intervals="profile",
+    )  # fmt: skip
+    assert found.names == ("A", "B", "scale") and set(found.interval_kinds) == {"profile"}
+    of = residuals(spectrum, cauchy, scaled=True)
+    theirs = by_hand(
+        lambda x: np.append(of(x), (x[2] - 1.0) / 0.02), [found.values],
+        [1.0, -np.inf, 1e-3], [100.0, np.inf, 1e3], NORMAL, 0.7 * found.sigmas,
+    )  # fmt: skip
+    assert_same(found.intervals, theirs)
+    # linear enough: quadratic ones are taken if nothing is said
+    plain = fit_model(spectrum, "cauchy:2", priors={"scale": (1.0, 0.02)}, absolute_sigma=True)
+    assert plain.interval_kinds == ("quadratic",) * 3
+    np.testing.assert_allclose(
+        plain.intervals, plain.values[:, None] + np.sqrt(NORMAL) * plain.sigmas[:, None] * [-1, 1]
+    )
+    half = np.ptp(theirs, axis=1)[:, None] / 2.0
+    assert (np.abs(plain.intervals - theirs) < 0.1 * half).all()
+
+
+def test_others_are_free_of_the_bound_that_one_lies_on(spectrum):
+    """A is kept above its best value; B's standard error is that for A on its bound, its interval
+    is not."""
+    free = fit_model(spectrum, "cauchy:2", absolute_sigma=True)
+    low = free.value_of("A") + 0.3 * free.sigma_of("A")
+    found = fit_model(spectrum, "cauchy:2", bounds={"A": (low, 1.6)}, absolute_sigma=True)
+    assert found.at_bound == ("low", "") and found.interval_kinds == ("profile", "profile")
+    theirs = by_hand(
+        residuals(spectrum, cauchy), [found.values, found.values + [1e-3, 0.0]],
+        [low, -np.inf], [1.6, np.inf], NORMAL, 0.4 * free.sigmas,
+    )  # fmt: skip
+    assert_same(found.intervals, theirs)
+    assert found.intervals[0, 0] == low == theirs[0, 0]
+    # downwards A gives way, upwards it cannot
+    below, above = np.abs(found.intervals[1] - found.value_of("B")) / found.sigma_of("B")
+    assert below > 2.5 and above == pytest.approx(1.96, rel=0.03)
+
+
+def test_a_robust_loss(spectrum):
+    """Huber's loss of one unknown: the cost rises by t^2 mean(psi^2) / mean(psi') at the ends."""
+    value = spectrum.value.copy()
+    value[::9] += 0.05
+    spoilt = Measurement.from_columns(
+        spectrum.angle_deg, spectrum.wavelength_um, sigma=5e-3, R_s=value
+    )
+    found = fit_model(
+        spoilt, "cauchy:2", fixed={"B": 0.012}, loss="huber", absolute_sigma=True,
+        intervals="profile",
+    )  # fmt: skip
+    of = residuals(spoilt, cauchy)
+
+    def cost(a):
+        r = np.abs(of((a, 0.012)))
+        return np.where(r > 1.345, 2.0 * 1.345 * r - 1.345**2, r * r).sum()
+
+    best = minimize_scalar(cost, bracket=(1.49, 1.51), options={"xtol": 1e-12})
+    r = of((best.x, 0.012))
+    psi, bend = np.clip(r, -1.345, 1.345), (np.abs(r) < 1.345).mean()
+    variance = max((psi @ psi) / (len(r) - 1) / bend**2, 1.0)
+    step = 10.0 * found.sigmas[0]
+    theirs = [
+        brentq(lambda a: cost(a) - best.fun - NORMAL * variance * bend, best.x, best.x + s)
+        for s in (-step, step)
+    ]
+    assert_same(found.intervals, np.array([theirs]))
+
+
+def test_second_solutions_have_errors_of_their_own():
+    """R_p at two angles fits two materials; the other's errors by differences of the textbook's R
+    there."""
+    m = measured(constant, (1.7, 0.3), [60.0, 75.0], [0.6, 0.6, 0.6], 1e-3, 2, ("R_p",))
+    found = fit_model(m, "constant", absolute_sigma=True)
+    other = found.others[0]
+    at, of = np.array([other["values"][n] for n in found.names]), residuals(m, constant)
+    slopes = [(of(at + h) - of(at - h)) / 2e-6 for h in 1e-6 * np.eye(2)]
+    covariance = np.linalg.inv(np.array(slopes) @ np.array(slopes).T)
+    sigmas = [other["sigmas"][n] for n in found.names]
+    np.testing.assert_allclose(sigmas, np.sqrt(np.diag(covariance)), rtol=1e-4)
+    assert set(other["interval_kinds"].values()) <= {"quadratic", "profile"}
+    for name, (low, high) in other["intervals"].items():
+        assert low < other["values"][name] < high
+    line = next(line for line in table(found).splitlines() if "or else" in line)
+    assert line.count("+-") == 2
+
+
+def test_a_lower_minimum_on_the_way_is_taken():
+    """Two starts end in a wrong minimum; on the way to the ends of its intervals is the best."""
+    from fitting import predict
+
+    truth = {"eps_inf": 2.0, "strength_ev2_1": 6.0, "resonance_ev_1": 2.3, "width_ev_1": 0.5}
+    angle, wavelength = (
+        a.ravel() for a in np.meshgrid([45.0, 65.0, 75.0], np.linspace(0.4, 0.9, 14))
+    )
+    random = np.random.default_rng(2)
+    columns = {
+        q: predict("lorentz", truth, angle, wavelength, q) + 1e-3 * random.standard_normal(42)
+        for q in ("R_s", "R_p")
+    }
+    m = Measurement.from_columns(angle, wavelength, sigma=1e-3, **columns)
+    wrong = fit_model(m, "lorentz", starts=2, seed=4, intervals="quadratic")
+    assert wrong.chi2_reduced > 1e3
+    found = fit_model(m, "lorentz", starts=2, seed=4)
+    assert found.chi2_reduced < 1.5
+    true = [truth[name] for name in found.names]
+    assert (np.abs(found.values - true) < 4.5 * found.sigmas).all()
+
+
+def test_without_noise_or_data_to_spare_there_is_nothing_to_follow():
+    """The cost does not rise by anything but rounding: no interval, or the quadratic one."""
+    R_s, R_p = (textbook(1.7 + 0.8j, ANGLES, np.array(q)) for q in ("R_s", "R_p"))
+    m = Measurement.from_columns(ANGLES, 0.6, R_s=R_s, R_p=R_p)
+    found = fit_model(m, "constant", intervals="profile")
+    assert set(found.interval_kinds) == {"quadratic"} and np.ptp(found.intervals) < 2.0
+    pair = Measurement.from_columns([70.0], 0.6, sigma=1e-3, R_s=[0.5], R_p=[0.1])
+    found = fit_model(pair, "constant", intervals="profile")
+    assert found.interval_kinds == ("none", "none") and np.isnan(found.intervals).all()
+    # errors that are stated need no data to spare
+    found = fit_model(pair, "constant", intervals="profile", absolute_sigma=True)
+    assert found.interval_kinds == ("profile", "profile")
+
+
+def test_an_undetermined_index_has_the_range_of_its_circle():
+    """R at normal incidence leaves the circle (eta - a)^2 + k^2 = b: its ends in closed form."""
+    m = Measurement.from_columns([0.0] * 4, 0.5, sigma=1e-4, R=[0.3, 0.3001, 0.2999, 0.3])
+    found = fit_model(m, "constant", absolute_sigma=True, intervals="profile")
+    assert found.status == "undetermined"
+    root = np.sqrt(0.3)
+    # the width of the line, 1e-4 of R, is a thousandth of the circle
+    low, high = (1.0 - root) / (1.0 + root), (1.0 + root) / (1.0 - root)
+    np.testing.assert_allclose(found.interval_of("eta"), [low, high], rtol=2e-3)
+    np.testing.assert_allclose(found.interval_of("k"), [0.0, 2.0 * root / 0.7], rtol=2e-3)
+    assert fit_model(m, "constant", absolute_sigma=True).interval_kinds == ("none", "none")
+
+
+def test_plain_data_and_refusal(glass):
+    found = fit_model(glass, "constant", fixed={"k": 0.0})
+    data = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert data["intervals"] == found.intervals.tolist() and data["interval_kinds"] == ["quadratic"]
+    assert found.interval_of("eta") == tuple(found.intervals[0])
+    assert found.interval_of("k") == (0.0, 0.0)
+    with pytest.raises(KeyError):
+        found.interval_of("A")
+    for call in (fit_model, select.choose):
+        with pytest.raises(ValueError, match="auto, quadratic, profile"):
+            call(glass, intervals="exact")
+
+
+def test_the_model_chosen_has_intervals(glass):
+    choice = select.choose(glass, nuisances=False)
+    assert choice.fit is choice.taken.fit
+    assert choice.taken in choice.candidates
+    with_k = next(c for c in choice.candidates if not c.key.without_k)
+    assert set(with_k.fit.interval_kinds) == {"quadratic"}
+    profiled = select.choose(glass, nuisances=False, intervals="profile")
+    assert profiled.fit.interval_kinds == ("profile",)
+
+
+def test_the_command(glass, tmp_path, capsys):
+    file = tmp_path / "glass.csv"
+    rows = zip(ANGLES, glass.value[:13], glass.value[13:], strict=True)
+    file.write_text("angle_deg,R_s,sigma_R_s,R_p,sigma_R_p\n" + "".join(
+        f"{a:g},{s:.6f},0.002,{p:.6f},0.002\n" for a, s, p in rows
+    ))  # fmt: skip
+    shown = {}
+    for kind in ("auto", "quadratic", "profile"):
+        assert cli.main([str(file), "--model", "constant", "--intervals", kind]) == 0
+        shown[kind] = capsys.readouterr().out
+    assert "95 % range   eta 1.49" in shown["auto"] and "likelihood itself" in shown["auto"]
+    assert shown["profile"] == shown["auto"] and "95 % range" not in shown["quadratic"]
+    folder = tmp_path / "report"
+    assert cli.main([str(file), "--model", "constant", "--quiet", "--report", str(folder)]) == 0
+    data = json.loads((folder / "fit.json").read_text())
+    assert data["interval_kinds"] == ["profile", "profile"] and data["intervals"][1][0] == 0.0
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "95 % range" in page and "by the likelihood itself" in page
