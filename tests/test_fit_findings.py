@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 import pytest
-from scipy.stats import truncnorm
+from scipy.optimize import brentq
 from simulated import textbook
 
 from fitting.index.fit import fit_many
-from fitting.index.limits import normal_upper_limit
+from fitting.index.limits import interval_from_zero
 
 ANGLES = np.linspace(5.0, 85.0, 16)
 
@@ -52,15 +52,26 @@ def test_the_upper_limit_on_k_holds(k):
     assert below < 0.08
 
 
-def test_upper_limit_is_the_quantile_of_the_truncated_normal_law():
-    value = np.array([-25.0, -5.0, -1.0, 0.0, 0.3, 1.0, 3.0, 7.0, 20.0])
+@pytest.mark.parametrize("t", [1.96, 4.3])
+@pytest.mark.parametrize("value", [-30.0, -5.0, -1.0, 0.0, 0.3, 1.0, 3.0, 7.0])
+def test_an_interval_that_0_may_cut_is_that_of_the_likelihood(value, t):
+    """Ends where the cost is t^2 above its least value over x >= 0, found as roots."""
     sigma = 0.3
-    found = normal_upper_limit(value * sigma, np.full(value.shape, sigma))
-    want = truncnorm.ppf(0.95, -value, np.inf, loc=value * sigma, scale=sigma)
-    np.testing.assert_allclose(found, want, rtol=2e-3)
-    far = normal_upper_limit(np.array([-100.0]), np.array([1.0]))
-    assert far[0] == pytest.approx(np.log(20.0) / 100.0, rel=1e-3)
-    assert np.isnan(normal_upper_limit(np.array([np.nan, 1.0]), np.array([1.0, np.nan]))).all()
+
+    def cost(x):
+        return (x - value) ** 2
+
+    best = max(value, 0.0)
+    goal = cost(best) + t**2
+    ends = interval_from_zero(sigma * np.array([value]), np.array([sigma]), np.array([t]))
+    low = 0.0 if cost(0.0) <= goal else brentq(lambda x: cost(x) - goal, 0.0, best)
+    high = brentq(lambda x: cost(x) - goal, best, best + 2.0 * t, xtol=1e-14)
+    np.testing.assert_allclose([ends[0][0], ends[1][0]], [sigma * low, sigma * high], rtol=1e-11)
+
+
+def test_an_interval_needs_an_estimate_and_its_error():
+    nan = np.array([np.nan, 1.0])
+    assert np.isnan(interval_from_zero(nan, nan[::-1], np.array([2.0, 2.0]))).all()
 
 
 @pytest.mark.parametrize(("eta", "k"), [(1.5, 0.0), (0.5, 2.2), (4.0, 0.1)])

@@ -7,12 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from fitting.compiled import compiled
+from fitting.index.estimate import K_MIN
 from fitting.index.problem import CHANNELS, reflectances
 from fitting.index.result import AT_ZERO, NO_DATA, NOT_CONVERGED, FitResult
 from fitting.measurement import Measurement
 
-# R depends on k^2, and dR/du = (dR/dk) / 2k is taken just off 0, where both parts are still exact.
-_LEAST_K = 1e-12
 # Angles of a call are rounded up to a multiple, so that few programs are compiled.
 _ANGLES = 64
 
@@ -38,7 +37,8 @@ def _covariance(information: np.ndarray, sigma_eta: np.ndarray, at_zero: np.ndar
 
     A direction that they do not see at all is left out: along it the curve does not change. At
     k = 0 it is the mean square of what u >= 0 may be, which sigma_eta tells: eta shifts by
-    -i_nu / i_nn for each unit of u.
+    -i_nu / i_nn for each unit of u. (In total reflection, where R is linear in k, sigma_eta is that
+    of the inverse, and u that of K_MIN: the inverse it is there too.)
     """
     ok = np.asarray(np.isfinite(information).all((1, 2)))
     safe = np.where(ok[:, None, None], information, np.eye(2))
@@ -52,7 +52,8 @@ def _covariance(information: np.ndarray, sigma_eta: np.ndarray, at_zero: np.ndar
     edge = square[:, None, None] * np.stack([shift, np.ones_like(shift)], -1)[:, :, None]
     edge = edge * np.stack([shift, np.ones_like(shift)], -1)[:, None, :]
     edge[:, 0, 0] += 1.0 / i_nn
-    covariance = np.where(at_zero[:, None, None], edge, covariance)
+    at_edge = at_zero & (sigma_eta**2 < (1.0 - 1e-9) * covariance[:, 0, 0])
+    covariance = np.where(at_edge[:, None, None], edge, covariance)
     return np.where(ok[:, None, None], covariance, np.nan)
 
 
@@ -70,7 +71,7 @@ def _evaluate(
     with jax.enable_x64(True):
         out = _with_slopes(
             np.cos(np.radians(np.pad(angle_deg, pad))), np.pad(s_share, pad), eta,
-            np.maximum(k, _LEAST_K) ** 2, np.float64(result.eta_i),
+            np.maximum(k, K_MIN) ** 2, np.float64(result.eta_i),
         )  # fmt: skip
         value, by_eta, by_u = np.asarray(out)[CHANNELS.index(quantity), :, :, :angles]
     sigma_eta = np.reshape(result.sigma_eta, -1)

@@ -23,7 +23,7 @@ from fitting.index.batch import Data, minima, without_absorption
 from fitting.index.coordinates import coordinates_of
 from fitting.index.engine import Solved
 from fitting.index.estimate import Estimate, estimate
-from fitting.index.intervals import KINDS, intervals
+from fitting.index.intervals import KINDS, PROFILE, intervals
 from fitting.index.result import FitResult as FitResult
 from fitting.index.valley import open_to_the_other_end
 from fitting.measurement import Measurement
@@ -114,7 +114,7 @@ def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> FitResult:
     _, high, _ = _extent(data, a.angle_deg)
     sin_max = np.sin(np.radians(np.broadcast_to(np.fmax(high, 0.0), s.cost.shape)))
     how = {"stated": a.stated, "absolute": absolute, "sin_max": sin_max}
-    e = estimate(s, data.eta_i, **how)
+    e = estimate(data, s, **how)
     dof = np.maximum(s.count - 2, 0)
 
     no_data = s.count == 0
@@ -135,13 +135,13 @@ def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> FitResult:
         ~no_data & ~failed & ~undetermined & (found.other.done > 0) & (excess < ALTERNATIVE_CHI2)
     )
     if second.any():
-        other = estimate(found.other, data.eta_i, **how)
+        other = estimate(data, found.other, **how)
         second &= _distinct(e, other)
     else:
         other = e
     if undetermined.any():
         s = _member(data, s, np.flatnonzero(undetermined), scatter)
-        shown = estimate(s, data.eta_i, **how)
+        shown = estimate(data, s, **how)
     else:
         shown = e
 
@@ -157,8 +157,12 @@ def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> FitResult:
 
     known = intervals(
         data, found.best, s, e, wanted=wanted, blank=blank, undetermined=undetermined,
-        nothing=nothing | failed, estimated=~((dof == 0) & a.stated) & (not absolute),
+        nothing=nothing | failed,
     )  # fmt: skip
+
+    # The limit of k is the upper end of its 95 % interval, from whatever that was found.
+    limit = shown.k_upper_limit
+    limit = np.where(np.isfinite(limit) & (known.kind == PROFILE), known.k[:, 1], limit)
 
     def but(value: np.ndarray, empty: np.ndarray) -> np.ndarray:
         return np.where(empty.reshape(-1, *(1,) * (value.ndim - 1)), np.nan, value)
@@ -173,7 +177,7 @@ def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> FitResult:
             "chi2": but(chi2, no_data), "chi2_reduced": np.where(dof > 0, chi2 / dof, np.nan),
             "dof": dof.astype(int), "n_data": s.count.astype(int),
             "rms": np.sqrt(s.plain / s.count),
-            "k_upper_limit": but(shown.k_upper_limit, blank),
+            "k_upper_limit": but(limit, blank),
             "status": status, "iterations": s.evaluations.astype(int),
             "wavelength_um": a.wavelength_um, "flags": flags,
             "information": but(shown.information / shown.variance[:, None, None], no_data | failed),

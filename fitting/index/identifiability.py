@@ -89,10 +89,9 @@ def _at_45(r: FitResult) -> str:
 
 
 def _floor(r: FitResult) -> str:
-    return (
-        f"k is below what these data can show: k < {_number(r.k_upper_limit)} (95 %). External "
-        "reflectance depends on k^2 there."
-    )
+    said = f"k is below what these data can show: k < {_number(r.k_upper_limit)} (95 %)."
+    # In total reflection R falls in proportion to k.
+    return said if r.eta < r.eta_i else said + " External reflectance depends on k^2 there."
 
 
 def _second(r: FitResult) -> str:

@@ -78,8 +78,12 @@ def _floor(data: Data, s: Solved, rise: np.ndarray, lanes: Lanes) -> _Floor:
     return _Floor(out[0], out[1], out[2], out[3], found)
 
 
-def _end(data: Data, s: Solved, rise: np.ndarray, sign: float) -> tuple[np.ndarray, ...]:
+def _end(
+    data: Data, s: Solved, rise: np.ndarray, sign: float, first: np.ndarray | None = None
+) -> tuple[np.ndarray, ...]:
     """Return w and x of the region's end in w, and whether the edge of what is possible cuts it.
+
+    first: where to look first, NaN where nothing is known.
 
     Newton's method for the height of the floor, in its square root, which is linear for a quadratic
     cost. Too far outside, where that model says nothing, the bracket is halved. sign: +1 for the
@@ -88,6 +92,8 @@ def _end(data: Data, s: Solved, rise: np.ndarray, sign: float) -> tuple[np.ndarr
     schur = np.maximum(s.h_ww - s.h_xw**2 / s.h_xx, 1e-300)
     outward = np.maximum(sign * s.g_w, 0.0)  # on an edge the floor rises from its first step on
     new = s.w + sign * rise / (outward + np.sqrt(outward**2 + schur * rise))
+    if first is not None:
+        new = np.where(first > s.w, first, new)
     inside, outside = s.w.copy(), np.full_like(s.w, np.nan)
     # The last place near the region, and the direction of the floor there.
     base_x, base_w, base_turn = s.x.copy(), s.w.copy(), -s.h_xw / s.h_xx
@@ -177,15 +183,17 @@ def _extremes(low: np.ndarray, high: np.ndarray, cut_low: np.ndarray, cut_high: 
     return np.stack([every.min(axis=1), every.max(axis=1)], axis=-1)
 
 
-def profile(data: Data, s: Solved, rise: np.ndarray) -> Region:
+def profile(data: Data, s: Solved, rise: np.ndarray, first: np.ndarray) -> Region:
     """Return the ends of {cost <= best + rise} in eta and k, around the minima ``s``.
 
-    rise: (N,) above 0. Only the part of the region that holds the minimum: a second solution has an
-    interval of its own.
+    rise: (N,) above 0. first: (N,), w at the upper end as it is guessed, NaN where it is not: in
+    total reflection at k = 0 the slope there, infinite in w, does not tell.
+    Only the part of the region that holds the minimum: a second solution has an interval of its
+    own.
     """
     with np.errstate(all="ignore"):
         s = from_nearer_end(s)
-        w_high, x_high, cut_high = _end(data, s, rise, 1.0)
+        w_high, x_high, cut_high = _end(data, s, rise, 1.0, first)
         w_low, x_low, cut_low = _end(data, s, rise, -1.0)
         count = len(s.x)
         part = _parts(cut_low, cut_high)

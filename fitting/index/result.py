@@ -28,8 +28,8 @@ class FitResult(NamedTuple):
     dof: n_data - 2, at least 0. n_data: the number of data.
     rms: root mean square of the residuals, unweighted, in units of R.
     sigma_kind: "absolute", or "scaled" by the scatter of the residuals; for the whole result.
-    k_upper_limit: 95 % upper limit of k where k is compatible with 0 (k^2 less than three
-        standard errors of k^2), NaN elsewhere.
+    k_upper_limit: the upper end of the 95 % interval of k, where k is compatible with 0 (k^2 less
+        than three standard errors of k^2; in total reflection k itself), NaN elsewhere.
     status: "converged"; "converged at k = 0" (the best k >= 0 is 0; sigma_eta covers the
         k that the data allow);
         "undetermined" (the fit is at its best, but only one combination of eta and k is known; the
@@ -45,9 +45,9 @@ class FitResult(NamedTuple):
         of its expected scatter) is less than 6 higher; NaN where there is none.
     eta_i: index of the medium that the light comes from.
     eta_interval, k_interval: S + (2,), 95 % intervals; NaN where there is none.
-    interval_kind: "quadratic": eta +- t sigma_eta, and k from k^2 +- t sigma(k^2), or from 0 to its
-        upper limit; "profile": of the likelihood itself, for an undetermined index as well (the
-        range that the data leave, with every k); "none".
+    interval_kind: "quadratic": eta +- t sigma_eta, and k from k^2 +- t sigma(k^2) (in total
+        reflection k +- t sigma), cut at 0; "profile": of the likelihood itself, for an undetermined
+        index as well (the range that the data leave, with every k); "none".
     """
 
     eta: Any
