@@ -30,7 +30,7 @@ from fresnel_jax import powers
 
 ANGLES = np.linspace(1.0, 89.0, 60)
 CHANNELS = {"s, p": ("R_s", "R_p"), "p": ("R_p",), "unpolarised": ("R",), "s": ("R_s",)}
-CLASSES = ("dielectric", "weak absorber", "semiconductor", "metal")
+CLASSES = ("dielectric", "weak absorber", "semiconductor", "metal", "total reflection")
 NOISES = (0.0, 1e-3, 5e-3)
 
 
@@ -42,6 +42,8 @@ def truths(kind: str, count: int, rng: np.random.Generator) -> tuple[np.ndarray,
         return rng.uniform(1.3, 3.5, count), 10.0 ** rng.uniform(-6.0, -2.0, count)
     if kind == "semiconductor":
         return rng.uniform(2.0, 5.0, count), rng.uniform(0.01, 3.0, count)
+    if kind == "total reflection":  # n relative to a prism
+        return rng.uniform(0.3, 0.95, count), 10.0 ** rng.uniform(-4.0, 0.0, count)
     return rng.uniform(0.05, 4.0, count), rng.uniform(1.0, 10.0, count)
 
 
@@ -78,7 +80,7 @@ def study(kind: str, names: tuple[str, ...], noise: float, count: int) -> str:
     row = " ".join(f"{share:7.3f}" for share in shares) + "  " + "/".join(map(str, calls))
     if noise or len(names) == 1:
         return row
-    row += f"\n{'':29s}eta off by at most {np.max(np.abs(found.eta / eta - 1.0)):.1e} of itself"
+    row += f"\n{'':31s}eta off by at most {np.max(np.abs(found.eta / eta - 1.0)):.1e} of itself"
     for least in (0.01, 0.1):
         seen = k > least
         if seen.any():
@@ -94,13 +96,13 @@ def main() -> None:
     count = parser.parse_args().truths
     print(f"{count} materials a class, {len(ANGLES)} angles")
     heads = " ".join(f"{head:>7s}" for head in ("wrong", "failed", "open", "k = 0"))
-    print(f"{'data':12s} {'class':14s} {'noise':>6s} {heads}  evaluations")
+    print(f"{'data':12s} {'class':16s} {'noise':>6s} {heads}  evaluations")
     started = time.perf_counter()
     for data, names in CHANNELS.items():
         for noise in NOISES:
             for kind in CLASSES:
                 row = study(kind, names, noise, count)
-                print(f"{data:12s} {kind:14s} {noise:6.1%} {row}", flush=True)
+                print(f"{data:12s} {kind:16s} {noise:6.1%} {row}", flush=True)
     print(f"{time.perf_counter() - started:.0f} s")
 
 
