@@ -98,11 +98,11 @@ def by_hand(of, starts, low, high, rise, step):
 
 
 def assert_same(found, theirs):
-    """Within 2e-3 of half the width: ends are looked for to 3e-4 of their distance in the root of
-    the cost, which where a floor is flat is more in the parameter."""
+    """Within 3e-3 of half the width: the root of the rise is right to 1e-3 at the ends, and a floor
+    that flattens makes more of that."""
     half = 0.5 * (theirs[:, 1] - theirs[:, 0])
     off = np.abs(found - theirs) / half[:, None]
-    assert off.max() < 2e-3, (found, theirs)
+    assert off.max() < 3e-3, (found, theirs)
 
 
 @pytest.fixture(scope="module")

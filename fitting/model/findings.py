@@ -25,7 +25,8 @@ OUT_OF_MODEL = 0.1
 class Findings(NamedTuple):
     """What the sentences are made of; arrays over the free parameters.
 
-    intervals, quadratic: (P, 2), those that are given and the quadratic ones.
+    intervals, quadratic: (P, 2), those that are given and the quadratic ones. lower: chi2 by which
+    a fit was better that was met beside the minimum and not reached; 0 for none.
     """
 
     names: tuple[str, ...]
@@ -49,6 +50,7 @@ class Findings(NamedTuple):
     intervals: np.ndarray
     quadratic: np.ndarray
     interval_kinds: tuple[str, ...]
+    lower: float
 
 
 def _number(value: float) -> str:
@@ -224,6 +226,12 @@ def sentences(f: Findings) -> tuple[str, ...]:
         out.append(
             f"only {f.reached} of {f.starts} starts ended in the best minimum: a better one may "
             "exist. Take more starts, or fewer parameters."
+        )
+    if f.lower:
+        out.append(
+            f"a fit that is better by {_number(f.lower)} in chi2 (in units of the scatter) was met "
+            "beside this minimum, but its own minimum was not reached. Take more starts, or fewer "
+            "parameters."
         )
     out += _bounds(f) + _not_quadratic(f) + _open(f) + _vague(f) + _correlated(f) + _chi2(f)
     offset = dict(zip(f.names, f.values, strict=True)).get("angle_offset", 0.0)

@@ -197,6 +197,7 @@ def model_fit_of(
     every = [end] + [fit.look_at(ends.y[:, m.lane], noise, scaled, False) for m in found[1:]]
     ranges = _intervals(fit, every, noise, how, failed)
     least, place = ranges[0].lowest
+    lower = 0.0
     if not failed and least < end.cost - SAME_CHI2 * scatter - _rounding(fit, noise):
         # On the way to the ends of the intervals a better minimum came into sight.
         low, high = (a[:, None] for a in fit.limits)
@@ -204,6 +205,7 @@ def model_fit_of(
         if more.done.all() and more.cost[0] < end.cost - SAME_CHI2 * scatter:
             joined = Ends(*(np.concatenate(both, -1) for both in zip(ends, more, strict=True)))
             return model_fit_of(fit, joined, noise, how, measurements)
+        lower = (end.cost - min(least, more.cost[0])) / scatter
     y, s, known, cost, _ = end
     reached = found[0].reached if found else 0
     rises = np.array([ends.cost[m.lane] - ends.cost[lane] for m in found[1:]])
@@ -233,7 +235,7 @@ def model_fit_of(
             names, x[free], sigmas[free], correlation[sub], ends_at, limits[free], unseen, reduced,
             fit.dof, scaled, rms, how["starts"], reached, len(others), u.spec.structure,
             u.spec.model.absorbs, _one_power_a_wavelength(measurements), len(np.unique(wavelength)),
-            ranges[0].ends[free], ranges[0].quadratic[free], kinds,
+            ranges[0].ends[free], ranges[0].quadratic[free], kinds, lower,
         ))  # fmt: skip
     bic, aicc = _criteria(s, cost, fit.n_data, int(free.sum()), scaled)
     fixed = {n: float(v) for n, v, f in zip(labels, x, free, strict=True) if not f}

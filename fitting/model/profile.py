@@ -24,12 +24,14 @@ import numpy as np
 from fitting.model.solve import Fit
 
 # An end is found where the root is that near to 1, or between two places so near to each other.
-CLOSE, TIGHT = 3e-4, 1e-4
+CLOSE, TIGHT = 1e-3, 1e-4
 # Two places so near to each other, in parts of their distance, should not differ by much more.
 STEEP = 0.03
-# Rounds of steps. 2 or 3 are the rule; 14 halve a distance to TIGHT, where a formula breaks off.
-ROUNDS = 60
-# Evaluations of the others in one round, and rounds that a place may take beyond the first.
+# Rounds of steps where the intervals were asked for, and where they were not. 2 to 4 are the rule;
+# valleys that bend, or end in a cliff, take 10 to 30.
+ROUNDS, FEW_ROUNDS = 60, 10
+# Evaluations of the others in one round, and rounds that a place may take beyond the first: a round
+# takes as long as its slowest lane, and who is not at rest goes on in the next one.
 EVALUATIONS, PATIENCE = 15, 8
 # A step goes out at most so many times as far as the last one.
 FARTHER = 4.0
@@ -254,15 +256,21 @@ def visit(fit: Fit, searches: Sequence[Search], noise: float) -> None:
             s.visited(p, ends.y[:, best], float(ends.cost[best]), bool(ends.done[best]))
 
 
-def follow(fit: Fit, searches: Sequence[Search], noise: float) -> None:
-    """Go on until every search has its end; infinitely far where the cost does not rise enough."""
-    for _ in range(ROUNDS):
+def follow(fit: Fit, searches: Sequence[Search], noise: float, rounds: int) -> None:
+    """Go on until every search has its end, or for so many rounds.
+
+    An end that was not found by then is the nearest place that is known to lie outside; where none
+    is known, or the cost does not rise enough however far one goes, that of the parameter's range.
+    """
+    for _ in range(rounds):
         todo = [s for s in searches if np.isnan(s.found)]
+        if not todo:
+            return
         for s in todo:
             # As many places as there are lanes for: a lane that has nothing to do costs the same.
             s.choose(max(1, min(4, fit.lanes // (3 * len(todo)))))
         visit(fit, todo, noise)
     for s in searches:
+        s.choose(1)
         if np.isnan(s.found):
-            low, high = s.far[s.out - 1], (*s.far, np.inf)[s.out]
-            s.found = np.inf if s.out == len(s.far) else low if high <= 1.01 * low else np.nan
+            s.found = (*s.far, s.room)[s.out]
