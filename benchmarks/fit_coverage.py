@@ -28,7 +28,7 @@ from .machine import conditions
 MANY = np.linspace(1.0, 89.0, 60)
 FEW = np.linspace(20.0, 80.0, 13)
 THREE = np.array([65.0, 70.0, 75.0])
-# name, eta, k, channels, angles, noise, whether the problem is regular
+# name, eta, k, channels, angles, noise, whether the problem is regular; last eta_i where not 1
 CASES = (
     ("tinted glass", 1.52, 0.2, ("R_s", "R_p"), MANY, 1e-3, True),
     ("germanium", 5.5, 1.6, ("R_s", "R_p"), MANY, 1e-3, True),
@@ -42,6 +42,11 @@ CASES = (
     ("glass", 1.5, 0.0, ("R_s", "R_p"), MANY, 1e-3, False),
     ("glass", 1.5, 0.0, ("R",), FEW, 5e-3, False),
     ("weak absorber", 2.0, 0.1, ("R_s",), MANY, 1e-3, False),
+    # total reflection, where the curve is linear in k
+    ("water from glass", 1.33, 0.0, ("R_s", "R_p"), MANY, 2e-3, False, 1.5),
+    ("water from glass", 1.33, 3e-5, ("R_s", "R_p"), MANY, 2e-3, False, 1.5),
+    ("air from glass", 1.0, 3e-4, ("R_s", "R_p"), FEW, 5e-3, False, 1.5),
+    ("air from glass", 1.0, 2e-3, ("R_s", "R_p"), FEW, 5e-3, True, 1.5),
 )
 
 
@@ -55,10 +60,11 @@ def held(result: FitResult, eta: float, k: float) -> tuple[float, float]:
 
 def study(case: tuple, repeats: int) -> dict:
     """Return the shares of one case."""
-    name, eta, k, channels, angles, noise, regular = case
+    name, eta, k, channels, angles, noise, regular, *outside = case
+    eta_i = outside[0] if outside else 1.0
     rng = np.random.default_rng(7)
     with jax.enable_x64(True):
-        exact = powers(np.cos(np.radians(angles)), eta, k)
+        exact = powers(np.cos(np.radians(angles)), eta, k, eta_i)
         clean = {"R_s": exact.R_s, "R_p": exact.R_p, "R": exact.R}
     data = {
         c: np.asarray(clean[c]) + noise * rng.standard_normal((repeats, len(angles)))
@@ -68,7 +74,7 @@ def study(case: tuple, repeats: int) -> dict:
     found["data"] = f"{' and '.join(channels)}, {len(angles)} angles"
     for kind, options in (("absolute", {"sigma": noise, "absolute_sigma": True}), ("scaled", {})):
         for intervals in ("quadratic", "profile"):
-            result = fit_many(angles, **data, **options, intervals=intervals)
+            result = fit_many(angles, **data, **options, eta_i=eta_i, intervals=intervals)
             found[kind, intervals] = held(result, eta, k)
     found["seen"] = float(np.isfinite(result.sigma_k).mean())
     return found

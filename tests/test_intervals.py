@@ -103,6 +103,9 @@ def test_program_chooses_the_profile_where_the_quadratic_one_is_wrong():
     glass = simulated(1.5, 0.0, 1e-3)
     assert fit(glass).interval_kind == "profile"
     assert fit(glass, intervals="quadratic").interval_kind == "quadratic"
+    for way in ("auto", "quadratic"):  # one limit of k, not another beside the interval
+        found = fit(glass, intervals=way)
+        assert found.k_upper_limit == found.k_interval[1]
     germanium = simulated(5.5, 1.6, 1e-4)
     assert fit(germanium).interval_kind == "quadratic"
     asked = fit(germanium, intervals="profile")
