@@ -82,9 +82,10 @@ class _Parts:
             S, X = C + q[0], Ca + sigma
             self.s2, self.u, self.x2 = S * S, Ca * Ca + sigma * sigma, X * X
         else:
-            self.s2 = (C * C + self.rho) + 2.0 * Ca
+            twice_Ca = 2.0 * Ca
+            self.s2 = (C * C + self.rho) + twice_Ca
             self.u = (C * C) * self.rho + sigma * sigma
-            self.x2 = self.u + 2.0 * (sigma * Ca)
+            self.x2 = self.u + sigma * twice_Ca
 
 
 def _conjugate(z: Complex) -> Complex:
