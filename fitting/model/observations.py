@@ -88,6 +88,16 @@ def _ncs_weights(psi, delta, sigma_psi, sigma_delta, stated: bool) -> np.ndarray
     return np.where(alone, only_n, weights)
 
 
+def _repeated(wavelength_um: np.ndarray) -> dict[str, np.ndarray]:
+    """Return `Points.distinct_um` and `place`; nothing where that saves no padded row."""
+    distinct, place = np.unique(wavelength_um, return_inverse=True)
+    size = padded(len(distinct))
+    if len(distinct) == 1 or size == len(wavelength_um):
+        return {}
+    full = np.pad(distinct, (0, size - len(distinct)), mode="edge")
+    return {"distinct_um": full[:, None], "place": place.astype(np.int32)}
+
+
 def observations(measurements: list[Measurement], sigma: str) -> Observations:
     """Return rows and channels of measurements; ``sigma`` is "given" or "equal".
 
@@ -120,6 +130,7 @@ def observations(measurements: list[Measurement], sigma: str) -> Observations:
         keys[:, 1:2], np.where(keys[:, 2:3] < 0.0, 1.0, keys[:, 2:3]), keys[:, 3:4],
         keys[:, 0].astype(np.int32),
     )  # fmt: skip
+    points = points._replace(**_repeated(points.wavelength_um[:, 0]))
     channels = [q for q in POWERS if (quantity == q).any()]
     pairs = np.isin(quantity, ("psi", "delta"))
     channel = np.where(pairs, NCS, quantity)

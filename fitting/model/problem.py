@@ -6,6 +6,7 @@ spectrum that are fitted one by one, each with its own starts.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import jax
@@ -91,9 +92,10 @@ def _raw_residuals(spec: Spec, y: Array, targets: Targets) -> list[Array]:
         (found[c] - v) * w for c, v, w in zip(powers, targets.values, targets.weights, strict=True)
     ]
     if NCS in spec.channels:
-        away = found[NCS] - targets.ncs
+        away = [seen - measured for seen, measured in zip(found[NCS], targets.ncs, strict=True)]
         # Rows without data hold any finite model; their weight is 0.
-        out += [(targets.ncs_weights[i] * away).sum(0) for i in range(3)]
+        W = targets.ncs_weights
+        out += [W[i, 0] * away[0] + W[i, 1] * away[1] + W[i, 2] * away[2] for i in range(3)]
     return [r / targets.noise for r in out]
 
 
@@ -131,6 +133,12 @@ def _solve(
     return solution.value, cost, done, stats["evaluations"], stats["damping"]
 
 
+def _rows(spec: Spec, found: Mapping[str, Any], shape: tuple[int, int]) -> Array:
+    """Return all channels one upon the other, (K, M, L); K counts NCS as three."""
+    rows = [row for c in spec.channels for row in (found[c] if c == NCS else [found[c]])]
+    return jnp.stack([jnp.broadcast_to(row, shape) for row in rows])
+
+
 def _linearised(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, Array]:
     """Return what each channel shows at y (p,), (K, M), and its derivatives, (K, M, p).
 
@@ -142,8 +150,7 @@ def _linearised(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, Array
         values = spec.values(lanes, targets.held)
         found = predicted(spec, values, targets.points, targets.eta_i)
         shape = (targets.points.angle_deg.shape[0], lanes.shape[1])
-        rows = [found[c][None] if c != NCS else found[c] for c in spec.channels]
-        return jnp.concatenate([jnp.broadcast_to(r, (r.shape[0], *shape)) for r in rows])
+        return _rows(spec, found, shape)
 
     value, slope = jax.jvp(seen, (jnp.broadcast_to(y[:, None], (p, p)),), (jnp.eye(p),))
     return value[..., 0], slope
@@ -153,8 +160,7 @@ def _shown(points: Points, held: Array, eta_i: Array, *, spec: Spec) -> Array:
     """Return what each channel shows with every parameter held, (K, M)."""
     found = predicted(spec, spec.values(jnp.zeros((0, 1)), held), points, eta_i)
     shape = (points.angle_deg.shape[0], 1)
-    rows = [found[c][None] if c != NCS else found[c] for c in spec.channels]
-    return jnp.concatenate([jnp.broadcast_to(r, (r.shape[0], *shape)) for r in rows])[..., 0]
+    return _rows(spec, found, shape)[..., 0]
 
 
 def _index(y: Array, held: Array, wavelength_um: Array, *, spec: Spec) -> tuple[Array, Array]:
