@@ -181,6 +181,17 @@ def test_a_spectrum_with_a_prior(spectrum):
         [1.0, -np.inf, 1e-3], [100.0, np.inf, 1e3], NORMAL, 0.7 * found.sigmas,
     )  # fmt: skip
     assert_same(found.intervals, theirs)
+    # scaled: data and prior are weighed by the noise that was found; t has 40 degrees of freedom
+    scaled = fit_model(
+        spectrum, "cauchy:2", priors={"scale": (1.0, 0.02)}, intervals="profile"
+    )  # fmt: skip
+    assert 1.1 < scaled.noise < 1.5 and scaled.dof == 40
+    again = by_hand(
+        lambda x: np.append(of(x) / scaled.noise, (x[2] - 1.0) / 0.02), [scaled.values],
+        [1.0, -np.inf, 1e-3], [100.0, np.inf, 1e3], stats.t.ppf(0.975, 40) ** 2,
+        0.7 * scaled.sigmas,
+    )  # fmt: skip
+    assert_same(scaled.intervals, again)
     # linear enough: quadratic ones are taken if nothing is said
     plain = fit_model(spectrum, "cauchy:2", priors={"scale": (1.0, 0.02)}, absolute_sigma=True)
     assert plain.interval_kinds == ("quadratic",) * 3
@@ -207,6 +218,16 @@ def test_others_are_free_of_the_bound_that_one_lies_on(spectrum):
     # downwards A gives way, upwards it cannot
     below, above = np.abs(found.intervals[1] - found.value_of("B")) / found.sigma_of("B")
     assert below > 2.5 and above == pytest.approx(1.96, rel=0.03)
+
+
+def test_beside_a_bound_nothing_is_conditional():
+    """Also where the standard error of eta, for k = 0, would be right to a tenth."""
+    m = measured(constant, (1.5, 0.1), ANGLES, [0.6], 5e-3, 0, ("R_p",))
+    found = fit_model(m, "constant", absolute_sigma=True)
+    assert found.at_bound == ("", "low") and found.interval_kinds == ("profile", "profile")
+    quadratic = fit_model(m, "constant", absolute_sigma=True, intervals="quadratic")
+    off = np.abs(found.intervals[0] - quadratic.intervals[0]) / np.ptp(found.intervals[0])
+    assert 0.01 < off.max() < 0.05
 
 
 def test_a_robust_loss(spectrum):

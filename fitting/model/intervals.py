@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.index.intervals import KINDS, NONE, PROFILE, QUADRATIC, ROUNDING
-from fitting.index.limits import student_quantile
-from fitting.model.parameters import LOG, SQUARE, from_parameter, value_and_slope
+from fitting.index.limits import interval_from_zero, student_quantile
+from fitting.model.parameters import LOG, PLAIN, SQUARE, from_parameter, value_and_slope
 from fitting.model.profile import FEW_ROUNDS, ROUNDS, Base, Search, follow, visit
 from fitting.model.solve import End, Fit
 
@@ -42,11 +42,39 @@ class Intervals(NamedTuple):
     limits: np.ndarray
     lowest: tuple[float, np.ndarray]
 
+    def without(self) -> Intervals:
+        """Return none at all, for a fit that failed."""
+        nothing = np.full_like(self.ends, np.nan)
+        none = (NONE,) * len(nothing)
+        return Intervals(nothing, nothing, none, nothing[:, 0], self.lowest)
+
 
 def check_intervals(wanted: str) -> None:
     """Raise ValueError for what is no kind of interval."""
     if wanted not in KINDS:
         raise ValueError(f"intervals is {wanted!r}; one of {', '.join(KINDS)} was wanted.")
+
+
+def _upper_limits(fit: Fit, end: End, t: float) -> np.ndarray:
+    """Return upper limits (p,) of what may not be below 0 and is compatible with it, else NaN.
+
+    A square (k where the data depend on k^2) is compatible with 0 within three standard errors of
+    the square; another parameter whose range begins at 0, if it ended there. The limit is the upper
+    end of the quadratic interval, as of `fitting.fit`.
+    """
+    out = np.full(len(end.y), np.nan)
+    for i, u in enumerate(fit.u.moving):
+        sigma = end.known.edge[i] * np.sqrt(end.known.variance)
+        if not u.free or u.low != 0.0 or u.prior is not None or not np.isfinite(sigma):
+            continue
+        low = end.known.at_bound[i] == "low"
+        value = end.y[i] + (min(end.known.wide_step[i], 0.0) if low else 0.0)
+        limit = float(interval_from_zero(np.array(value), np.array(sigma), np.array(t))[1])
+        if u.parameter.coordinate == SQUARE and end.y[i] < 3.0 * sigma:
+            out[i] = np.sqrt(limit)
+        elif u.parameter.coordinate == PLAIN and low:
+            out[i] = limit
+    return out
 
 
 def _of(fit: Fit, j: int, y: float) -> float:
@@ -119,21 +147,21 @@ def _right(fit: Fit, pair: _Pair, ends: np.ndarray) -> bool:
     return True
 
 
-def _start(fit: Fit, end: End, limits: np.ndarray, t: float) -> tuple[Intervals, Base]:
+def _start(fit: Fit, end: End, t: float) -> tuple[Intervals, Base]:
     """Return the quadratic intervals at a minimum, and from where the search goes out."""
     with np.errstate(all="ignore"):
+        limits = _upper_limits(fit, end, t)
         quadratic = _quadratic(fit, end, limits, t)
         own = np.diagonal(end.known.wide)
         along = np.nan_to_num(np.where(own > 0.0, end.known.wide / own, 0.0))
     kind = tuple(NONE if np.isnan(q).any() else QUADRATIC for q in quadratic)
     base = Base(end.y, end.cost, along, *fit.limits, t**2 * end.known.rise, [])
-    return Intervals(quadratic.copy(), quadratic, kind, limits.copy(), (end.cost, end.y)), base
+    return Intervals(quadratic.copy(), quadratic, kind, limits, (end.cost, end.y)), base
 
 
 def intervals(
     fit: Fit,
     ends: Sequence[End],
-    limits: Sequence[np.ndarray],
     noise: float,
     *,
     wanted: str,
@@ -141,14 +169,13 @@ def intervals(
 ) -> list[Intervals]:
     """Return the 95 % intervals at some minima of a fit.
 
-    limits: upper limits (p,) of each, NaN where there is none. wanted: one of KINDS.
-    estimated: whether the scale of the errors comes from the scatter (t with its degrees of
-    freedom, else the normal law).
+    wanted: one of KINDS. estimated: whether the scale of the errors comes from the scatter (t with
+    its degrees of freedom, else the normal law).
     Accuracy: at the ends by profile the root of the rise is right to 1e-3 of itself (coverage to
     .0002), and so is their distance from the minimum, but where the cost hardly rises.
     """
     t = student_quantile(max(fit.dof, 1) if estimated else 0)
-    starts = [_start(fit, end, limit, t) for end, limit in zip(ends, limits, strict=True)]
+    starts = [_start(fit, end, t) for end in ends]
     out = [quadratic for quadratic, _ in starts]
     if wanted == QUADRATIC:
         return out
@@ -165,7 +192,7 @@ def intervals(
         pairs = [
             pair for pair in pairs
             if any(ends[pair.base].known.at_bound)
-            or np.isfinite(limits[pair.base][pair.j])
+            or np.isfinite(out[pair.base].limits[pair.j])
             or not _right(fit, pair, out[pair.base].quadratic[pair.j])
         ]  # fmt: skip
     rounds = ROUNDS if wanted == PROFILE else FEW_ROUNDS
@@ -177,8 +204,8 @@ def intervals(
         kind = list(found.kind)
         if not np.isnan(values).any():
             found.ends[j], kind[j] = values, PROFILE
-            if np.isfinite(found.limits[j]) and values[0] > 0.0:
-                found.limits[j] = np.nan
+            if np.isfinite(found.limits[j]):
+                found.limits[j] = values[1] if values[0] == 0.0 else np.nan
                 found.quadratic[j] = _quadratic(fit, ends[at], found.limits, t)[j]
         out[at] = found._replace(kind=tuple(kind), lowest=lowest)
     return out

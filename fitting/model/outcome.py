@@ -13,10 +13,10 @@ from fitting.model.curves import Evaluated
 from fitting.model.findings import Findings, sentences
 from fitting.model.intervals import QUADRATIC, Intervals, intervals
 from fitting.model.multistart import SAME_CHI2, STAGE, Ends, Minimum, minima
-from fitting.model.parameters import PLAIN, SQUARE, value_and_slope
+from fitting.model.parameters import value_and_slope
 from fitting.model.result import ModelFit
 from fitting.model.solve import End, Fit, best_of
-from fitting.model.uncertainty import Slopes, Uncertainty
+from fitting.model.uncertainty import Slopes
 from fitting.model.unknowns import Unknowns
 
 # What data are trusted to where neither errors nor scatter tell.
@@ -30,24 +30,6 @@ def _parameters_at(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return parameters and their slopes dx/dy, (p,) each."""
     both = [value_and_slope(w.parameter.coordinate, y[i : i + 1]) for i, w in enumerate(u.moving)]
     return np.concatenate([b[0] for b in both]), np.concatenate([b[1] for b in both])
-
-
-def _upper_limits(u: Unknowns, y: np.ndarray, found: Uncertainty) -> np.ndarray:
-    """Return 95 % upper limits of what may not be below 0 and is compatible with it, else NaN.
-
-    A square (k where the data depend on k^2) is compatible with 0 within three standard errors of
-    the square; another parameter whose range begins at 0, if it ended there.
-    """
-    out = np.full(len(y), np.nan)
-    for i, w in enumerate(u.moving):
-        sigma = found.edge[i] * np.sqrt(found.variance)
-        if not w.free or w.low != 0.0 or w.prior is not None or not np.isfinite(sigma):
-            continue
-        if w.parameter.coordinate == SQUARE and y[i] < 3.0 * sigma:
-            out[i] = np.sqrt(max(y[i], 0.0) + 1.645 * sigma)
-        elif w.parameter.coordinate == PLAIN and found.at_bound[i] == "low":
-            out[i] = 1.645 * sigma
-    return out
 
 
 def _criteria(s: Slopes, cost: float, n: int, unknowns: int, scaled: bool) -> tuple[float, float]:
@@ -163,12 +145,12 @@ def _intervals(
 ) -> list[Intervals]:
     """Return the intervals at the best minimum and at the others."""
     wanted = QUADRATIC if failed else how.get("intervals", QUADRATIC)
+    # With the scatter of many fits alike t is next to that of the normal law.
     estimated = how["scaled"] and fit.pooled is None
-    out = []
-    for some, kind in ((every[: 1 + _OTHERS], wanted), (every[1 + _OTHERS :], QUADRATIC)):
-        limits = [_upper_limits(fit.u, end.y, end.known) for end in some]
-        out += intervals(fit, some, limits, noise, wanted=kind, estimated=estimated)
-    return out
+    found = intervals(fit, every[: 1 + _OTHERS], noise, wanted=wanted, estimated=estimated)
+    rest = every[1 + _OTHERS :]
+    found += intervals(fit, rest, noise, wanted=QUADRATIC, estimated=estimated)
+    return [i.without() for i in found] if failed else found
 
 
 def _rounding(fit: Fit, noise: float) -> float:

@@ -122,6 +122,8 @@ def _too_few(one: _One, found: ModelFit) -> ModelFit:
         found, status=UNDETERMINED, warnings=(text, *found.warnings), sigmas=nothing,
         upper_limits=nothing, covariance=np.full_like(found.covariance, np.nan),
         correlation=np.full_like(found.correlation, np.nan),
+        intervals=np.full_like(found.intervals, np.nan),
+        interval_kinds=("none",) * len(nothing),
     )  # fmt: skip
 
 

@@ -39,8 +39,8 @@ class ModelFit:
         where it is compatible with 0 up to its upper limit); "profile" (of the likelihood itself,
         all other parameters free within their ranges, those on a bound too); "none".
     at_bound: "", "low" or "high" for each: the best value lies on that end of its range.
-    upper_limits: (P,), 95 % upper limits of what is at 0 or compatible with it and cannot be below;
-        NaN elsewhere.
+    upper_limits: (P,), of what is at 0 or compatible with it and cannot be below: the upper end of
+        its 95 % interval; NaN elsewhere.
     fixed: name -> value of what was held.
     chi2, chi2_reduced: sum of (residual / sigma)^2 of the data, and that by dof; NaN without stated
         errors, the second also without a degree of freedom.

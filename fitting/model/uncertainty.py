@@ -24,7 +24,7 @@ class Slopes(NamedTuple):
     """What the data would be at y, row by row, and how far off they are.
 
     seen: (K, M) and slopes (K, M, p), NCS as three. residual: (R,) weighted, jacobian (R, p);
-    plain: (R,) without weights; kind: (R,) the channel.
+    plain: without weights, of what was measured; kind: the channel of each of these.
     """
 
     seen: np.ndarray
@@ -56,8 +56,10 @@ def slopes_at(u: Unknowns, seen: Observations, targets: Targets, y: np.ndarray) 
         for i in range(3):
             residual.append((weights[i][:, rows] * off).sum(0))
             jacobian.append(np.einsum("jm,jmp->mp", weights[i][:, rows], slope[at:, rows]))
-            plain.append(off[i])
-            kind += [NCS] * len(rows)
+            # Of psi without Delta only cos 2psi was measured.
+            known = np.abs(weights[:, i, rows]).sum(0) > 0.0
+            plain.append(off[i, known])
+            kind += [NCS] * int(known.sum())
     return Slopes(
         value, slope, np.concatenate(residual), np.concatenate(jacobian), np.concatenate(plain),
         np.array(kind),
@@ -106,7 +108,8 @@ class Uncertainty(NamedTuple):
     at_bound: (p,) "", "low" or "high". unseen: (p, u) directions that the data do not see, each in
     units of what a parameter moves the data by; unseen_of: (p,) parameters without an error.
     variance: what the covariance was multiplied by; step: the undamped step from here, (p,).
-    wide: (p, p) covariance if there were no bounds, for a variance of 1.
+    wide: (p, p) covariance if there were no bounds, for a variance of 1; wide_step: (p,) the step
+    from here, then.
     rise: what the cost rises by at one standard error (the variance; of a robust loss times its
     mean curvature).
     """
@@ -118,6 +121,7 @@ class Uncertainty(NamedTuple):
     variance: float
     step: np.ndarray
     wide: np.ndarray
+    wide_step: np.ndarray
     rise: float
 
     @property
@@ -198,11 +202,11 @@ def uncertainty(
         variance = pooled
     rows, b = np.concatenate([J, lines]), np.concatenate([r, off])
     covariance, step, unseen = _inverse(rows, b, use)
-    wide = covariance
+    wide, wide_step = covariance, step
     if (use != free).any():
-        wide, _, _ = _inverse(rows, b, free)
+        wide, wide_step, _ = _inverse(rows, b, free)
     unseen_of = np.max(np.abs(unseen), axis=1, initial=0.0) > SHARE
     return Uncertainty(
         variance * covariance, at_bound, unseen, unseen_of, variance, step, wide,
-        variance * curvature,
+        wide_step, variance * curvature,
     )  # fmt: skip
