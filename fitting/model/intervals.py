@@ -186,11 +186,11 @@ def intervals(
         for j in np.flatnonzero(fit.u.free)
         if wanted == PROFILE or not ends[at].known.unseen_of[j]
     ]
+    every = pairs
     if wanted == AUTO and pairs:
-        searches = [s for pair in pairs for s in pair.searches]
-        visit(fit, searches, noise)
+        visit(fit, [s for pair in pairs for s in pair.searches], noise)
         pairs = [
-            pair for pair in pairs
+            pair for pair in every
             if any(ends[pair.base].known.at_bound)
             or np.isfinite(out[pair.base].limits[pair.j])
             or not _right(fit, pair, out[pair.base].quadratic[pair.j])
@@ -200,12 +200,14 @@ def intervals(
     for at, j, both in pairs:
         found = out[at]
         values = [_of(fit, j, s.end) for s in both]
-        lowest = min([found.lowest, *(s.lowest for s in both)], key=lambda at: at[0])
         kind = list(found.kind)
         if not np.isnan(values).any():
             found.ends[j], kind[j] = values, PROFILE
             if np.isfinite(found.limits[j]):
                 found.limits[j] = values[1] if values[0] == 0.0 else np.nan
                 found.quadratic[j] = _quadratic(fit, ends[at], found.limits, t)[j]
-        out[at] = found._replace(kind=tuple(kind), lowest=lowest)
+        out[at] = found._replace(kind=tuple(kind))
+    for at, _, both in every:
+        lowest = min([out[at].lowest, *(s.lowest for s in both)], key=lambda met: met[0])
+        out[at] = out[at]._replace(lowest=lowest)
     return out
