@@ -19,7 +19,8 @@ AXES = {
 }
 VALUES = {
     "R": "R|reflectivity (-)|Reflection (%)|%R|R%|R_front|Ravg|unpolarized reflectance|R (a.u.)",
-    "R_s": "Rs|R_s|R_TE|R\u22a5|Reflectance (s)|s-pol reflectance|Rss|rs|R_perp|Reflectance TE [%]",
+    "R_s": "Rs|R_s|R_TE|R\u22a5|Reflectance (s)|s-pol reflectance|Rss|R_perp"
+    "|Reflectance TE [%]|rs (%)|r_s [%]",
     "R_p": "Rp|R_p|RTM|R\u2225|p polarized reflectance (%)|Rpp|R_parallel|pR|R p-pol",
     "R_back": "R_back|back reflectance|R back (%)",
     "T": "T|transmittance|%T|Transmission (%)",
@@ -33,7 +34,7 @@ ERRORS = {
     "": "err|sigma|uncertainty (%)|std|error bar",
 }
 NOTHING = (
-    "x|n|k|T (K)|t|time|ts|temperature|2|S|P|RMSE|Zone|Bandwidth|mount angle|motor "
+    "x|n|k|T (K)|t|time|ts|temperature|2|RMSE|Zone|Bandwidth|mount angle|motor "
     "(mm)|signal_V|counts"
     "|tan psi|cos(delta)|R of sample 2|R(532nm)|Rs_45|R_s_p|R T|T_back|R_back_s|deg|%|45|analyzer "
     "(deg)"
@@ -65,6 +66,24 @@ def test_what_is_not_wholly_understood_is_not_understood_at_all() -> None:
         assert role_of(name).kind == "", name
     for name in ("sR", "sT", "sPsi"):
         assert role_of(name).kind == "unclear", name
+
+
+def test_a_small_r_is_an_amplitude_or_a_reflectance() -> None:
+    for name in ("rs", "r_s", "rTE", "r_perp", "r-spol", "rs (-)"):
+        assert role_of(name)[:2] == ("unclear", "R_s"), name
+    for name in ("rp", "r_p", "rTM", "r_par", "rpp"):
+        assert role_of(name)[:2] == ("unclear", "R_p"), name
+
+
+def test_names_of_a_polarisation_alone() -> None:
+    names = {
+        "R_s": "S|s|TE|te (%)|s-pol|S-polarized|s polarised light|perpendicular|senkrecht|\u22a5",
+        "R_p": "P|TM|p-pol (%)|parallel|\u2225|P pol.",
+        "R": "unpolarized|unpol (%)",
+    }
+    for quantity, all_names in names.items():
+        for name in all_names.split("|"):
+            assert role_of(name)[:2] == ("light", quantity), name
 
 
 def test_units() -> None:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple, NoReturn
 
 from fitting.errors import MeasurementError, place
 from fitting.reader.cells import is_missing, is_number, to_numbers
+from fitting.reader.computed_rows import refuse_computed_rows
 from fitting.reader.names import Role, role_of
 from fitting.reader.options import Options
 from fitting.reader.table import Table, find_column, label_of
 
 _FORMS = {"eV": "energy", "keV": "energy", "cm-1": "wavenumber", "THz": "frequency"}
-_STATISTICS = frozenset(
-    ["mean", "avg", "average", "std", "stdev", "sd", "sigma", "error", "median"]
-)
 
 
 class Column(NamedTuple):
@@ -28,6 +27,7 @@ class Layout(NamedTuple):
     """The columns in use. ``sigmas`` has for each value its standard error, or None.
 
     repeat: the wavelength once more in another form (energy, wavenumber), to be compared.
+    notes: what was taken for granted.
     """
 
     angle: Column | None
@@ -38,6 +38,7 @@ class Layout(NamedTuple):
     values: list[Column]
     sigmas: list[Column | None]
     unused: list[str]
+    notes: list[str]
 
 
 def _range_of(table: Table, index: int) -> str:
@@ -55,21 +56,22 @@ def _filled(table: Table) -> list[int]:
     return [i for i in width if any(not is_missing(row[i]) for row in table.rows)]
 
 
-def _example(table: Table, filled: list[int]) -> str:
+def _example(table: Table, filled: list[int], roles: list[Role]) -> str:
     """Return options that would name the columns, as the numbers in them suggest."""
     x, y = filled[0] + 1, filled[1] + 1
+    R = roles[filled[1]].quantity or "R"
     first, second = (_range_of(table, i).split(" ") for i in filled[:2])
     high = float(first[2]) if len(first) == 3 else 0.0
     if high > 90.0:
-        text = f"--columns wavelength={x},R={y} --wavelength-unit nm"
+        text = f"--columns wavelength={x},{R}={y} --wavelength-unit nm"
     elif high < 1.0:
         text = (
-            f"--columns angle={x},R={y} --angle-unit 1/angstrom --wavelength-um NUMBER (if column "
-            f"{x} is Q) or --angle-unit rad"
+            f"--columns angle={x},{R}={y} --angle-unit 1/angstrom --wavelength-um NUMBER (if "
+            f"column {x} is Q) or --angle-unit rad"
         )
     else:
         text = (
-            f"--columns angle={x},R={y} --angle-unit deg or --columns wavelength={x},R={y} "
+            f"--columns angle={x},{R}={y} --angle-unit deg or --columns wavelength={x},{R}={y} "
             "--wavelength-unit um"
         )
     percent = len(second) == 3 and 1.0 < float(second[2]) <= 100.0
@@ -83,7 +85,7 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
         + (f" ({roles[i].why})" if roles[i].why else "")
         for i in filled[:8]
     )
-    example = f"say what they are, for example {_example(table, filled)}."
+    example = f"say what they are, for example {_example(table, filled, roles)}."
     if table.misfit:
         raise MeasurementError(
             f"{table.source}: {table.misfit}. If the comma is the decimal mark as well as the "
@@ -95,7 +97,7 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
             f"{place(table.source, table.lines[0])}: {len(filled)} columns without names "
             f"({listed}). S{example[1:]}"
         )
-    open_ones = [i for i in filled if not roles[i].why and not roles[i].kind]
+    open_ones = [i for i in filled if not roles[i].why and roles[i].kind in ("", "light")]
     advice = (
         f"If one is, {example}"
         if open_ones
@@ -155,15 +157,37 @@ def _implicit(table: Table) -> dict[str, list[Column]]:
         role = role_of(name, table.units[index])
         roles.append(role)
         if role.kind == "unclear" and index in filled:
+            value, named = role.quantity.removeprefix("sigma_"), f"{role.quantity}={index + 1}"
             raise MeasurementError(
                 f"{place(table.source, table.header, name)}: this may be {role.why}. Name all "
-                "columns to be read, for example --columns angle=1,R=2,sigma_R=3."
+                f"columns to be read, for example --columns angle=1,"
+                f"{named if value == role.quantity else f'{value}=2,{named}'}."
             )
         if role.kind and index in filled:
             found.setdefault(role.kind, []).append(Column(index, label_of(table, index), role))
     if not found["value"]:
+        found["value"] = _values_by_light(table, found.get("light", []))
+    if not found["value"]:
         _refuse_without_values(table, roles)
     return found
+
+
+def _values_by_light(table: Table, columns: list[Column]) -> list[Column]:
+    """Return columns named by a polarisation alone (TE, TM, s-pol), which are reflectances then.
+
+    One letter alone is too little: s may be seconds, p a pressure; s and p side by side are not.
+    """
+    letters = {c.label.strip().lower() for c in columns} & {"s", "p"}
+    if letters and len({c.role.quantity for c in columns}) < 2:
+        return []
+    said = " ".join([table.source, *(text for _, text in table.preamble)])
+    if columns and re.search("transmi", said, re.IGNORECASE):
+        raise MeasurementError(
+            f"{place(table.source, table.header, columns[0].label)}: this names a polarisation, "
+            "and the file speaks of transmission. Name all columns to be read, for example "
+            f"--columns angle=1,{columns[0].role.quantity}={columns[0].index + 1}, or T_s or T_p."
+        )
+    return [column._replace(role=column.role._replace(kind="value")) for column in columns]
 
 
 def _only(table: Table, columns: list[Column], role: str) -> Column | None:
@@ -204,34 +228,11 @@ def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Co
     return attached
 
 
-def _refuse_statistics(table: Table, used: set[int]) -> None:
-    """Raise where a column shows that some rows are means or deviations of others."""
-    for index, name in enumerate(table.names):
-        cells = {row[index].lower() for row in table.rows}
-        label = label_of(table, index)
-        if name.lower() == "zone" and cells & {"0", "5"} and len(cells) > 1:
-            # Accurion EP3 and EP4 write the mean of the zones as zone 0, their deviation as zone 5
-            line = next(
-                n
-                for row, n in zip(table.rows, table.lines, strict=True)
-                if row[index] in ("0", "5")
-            )
-            raise MeasurementError(
-                f"{place(table.source, line, label)}: zones 0 and 5 are means and standard "
-                f"deviations of the other rows. Say --keep {name}=1,2,3,4 for the measured ones "
-                f"(or {name}=0)."
-            )
-        if index not in used and cells & _STATISTICS and len(cells) > 1:
-            word = sorted(cells & _STATISTICS)[0]
-            line = next(
-                n
-                for row, n in zip(table.rows, table.lines, strict=True)
-                if row[index].lower() == word
-            )
-            raise MeasurementError(
-                f"{place(table.source, line, label)}: the word {word!r} says that this row is "
-                f"computed from others. Say which rows to read with --keep {label}=WORD."
-            )
+def _taken(found: dict[str, list[Column]]) -> list[str]:
+    """Return the note on values that only a polarisation names."""
+    taken = {column.index for column in found.get("light", [])}
+    pairs = [f"{c.label} as {c.role.quantity}" for c in found["value"] if c.index in taken]
+    return [f"{', '.join(pairs)} (--columns)"] if pairs else []
 
 
 def choose_columns(table: Table, options: Options) -> Layout:
@@ -258,6 +259,7 @@ def choose_columns(table: Table, options: Options) -> Layout:
         values=values,
         sigmas=_attach(table, values, found["sigma"]),
         unused=[],
+        notes=_taken(found),
     )
     used = {
         c.index
@@ -266,6 +268,6 @@ def choose_columns(table: Table, options: Options) -> Layout:
         + layout.sigmas
         if c is not None
     }
-    _refuse_statistics(table, used)
+    refuse_computed_rows(table, used)
     unused = [label_of(table, i) for i in _filled(table) if i not in used]
     return layout._replace(unused=unused)

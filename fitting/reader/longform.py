@@ -14,6 +14,7 @@ from fitting.reader.light import light_of_rows
 from fitting.reader.options import Options
 from fitting.reader.rows import numbers_of, refuse_gaps
 from fitting.reader.scales import power_scale, psi_delta_unit
+from fitting.reader.standard_errors import standard_errors
 from fitting.reader.table import Table
 from fitting.reader.units import scaled
 
@@ -32,31 +33,6 @@ class LongColumns(NamedTuple):
     understood: str
 
 
-def _sigma_of(
-    table: Table, value: Column, column: Column | None, options: Options, unit: str, factor: float
-) -> np.ndarray:
-    """Return the standard errors of one value in the unit of the result."""
-    if column is None:
-        return np.full(len(table.rows), np.nan)
-    numbers, sign = numbers_of(table, column, options.missing)
-    own = "percent" if sign == "%" else column.role.unit
-    at = place(table.source, table.header, column.label)
-    if value.role.quantity in ("psi", "delta"):
-        own = options.psi_unit or own or unit
-        if own not in ("deg", "rad"):
-            raise MeasurementError(
-                f"{at}: standard errors in {own} came where degrees were wanted."
-            )
-        return np.degrees(numbers) if own == "rad" else numbers
-    if options.scale is None and own not in ("", "percent" if factor == 0.01 else "1"):
-        raise MeasurementError(
-            f"{at}: the standard errors are in {own}, the values are "
-            f"{'percent' if factor == 0.01 else 'not'}: they may be relative. Leave them out by "
-            "naming the columns to be read with --columns, or say --scale for both."
-        )
-    return scaled(numbers, factor)
-
-
 def _refuse_copies(table: Table, layout: Layout, numbers: dict[int, np.ndarray]) -> None:
     """Raise where Delta repeats psi."""
     by_name = {value.role.quantity: value for value in layout.values}
@@ -68,6 +44,17 @@ def _refuse_copies(table: Table, layout: Layout, numbers: dict[int, np.ndarray])
                 "psi, which no surface gives. Mend the file, or name another column with "
                 "--columns delta=..."
             )
+
+
+def _curves(
+    angle: np.ndarray, wavelength: np.ndarray, letter: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the axis along which the values make curves, and the number of each row's curve."""
+    spectral = len(np.unique(wavelength)) > 1
+    axis, other = (wavelength, angle) if spectral else (angle, wavelength)
+    _, first = np.unique(other, return_inverse=True)
+    _, second = np.unique(letter, return_inverse=True)
+    return axis, first * len(letter) + second
 
 
 def _refuse_zeros(
@@ -169,7 +156,7 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
     Raises MeasurementError for what is ambiguous or contradicts itself; ranges are for the
     Measurement to check.
     """
-    notes = list(table.notes)
+    notes = [*table.notes, *layout.notes]
     wavelength = wavelengths(table, layout, options, notes)
     angle = angles(table, layout, options, wavelength, notes)
     read = {v.index: numbers_of(table, v, options.missing) for v in layout.values}
@@ -188,7 +175,10 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
             converted = np.degrees(raw) if unit == "rad" else raw
         else:
             converted = scaled(raw, factor)
-        sigma = _sigma_of(table, value, sigma_column, options, unit, factor)
+        same_curve = (raw, *_curves(angle, wavelength, light.letter))
+        sigma = standard_errors(
+            table, value, sigma_column, options, unit, factor, same_curve, notes
+        )
         there = ~np.isnan(raw)
         if sigma_column is not None and options.sigma is None:
             refuse_gaps(table, sigma_column, there & np.isnan(sigma), "standard error")

@@ -64,11 +64,18 @@ _SUFFIX = re.compile(
     r"|percent|pct|%)$",
     re.IGNORECASE,
 )
+# the field's names of amplitudes; as a power, percent or capitals say so
+_AMPLITUDE = re.compile(
+    r"r[\s_.-]?(?:(s|te|perp|spol|ss)|(p|tm|par|parallel|ppol|pp))", re.IGNORECASE
+)
 _AXIS_UNITS = ("nm", "um", "angstrom", "eV", "cm-1", "THz", "1/angstrom", "1/nm")
 
 
 class Role(NamedTuple):
-    """What a column is: angle, wavelength, polarization, polarizer, value, sigma, unclear or "".
+    """What a column is: angle, wavelength, polarization, polarizer, value, sigma, light, unclear
+    or "".
+
+    light: named by a polarisation and nothing else, such as TE: values, if there are no others.
 
     quantity: for value and sigma, a name of QUANTITIES; for sigma also "_s" and "_p", or "" where
         the name does not say of what.
@@ -223,9 +230,15 @@ def role_of(name: str, unit: str = "") -> Role:
         rest, own = "", unit_of(rest) or ""  # the unit is all the name there is
     unit = own or unit
     if re.fullmatch(r"s(?:[RT]|Qz?|psi|Psi)", rest):
-        return Role(
-            "unclear", why=f"the standard error of {rest[1:]}, or {rest[1:]} of s-polarised light"
-        )
+        why = f"the standard error of {rest[1:]}, or {rest[1:]} of s-polarised light"
+        return Role("unclear", "sigma_" + rest[1:], why=why)
+    amplitude = _AMPLITUDE.fullmatch(rest) if rest[:1] == "r" else None
+    if amplitude and unit != "percent":
+        letter = "s" if amplitude[1] else "p"
+        why = f"the amplitude r_{letter} or the reflectance R_{letter} = |r_{letter}|^2"
+        return Role("unclear", "R_" + letter, why=why)
+    if amplitude:
+        rest = "R" + rest[1:]
     tokens = _tokens(rest)
     if not tokens and not unit:
         return Role("")
@@ -258,4 +271,11 @@ def role_of(name: str, unit: str = "") -> Role:
         return Role("", why="psi and delta themselves are wanted, in degrees")
     if lower and lower <= _CONSTANT:
         return Role("", unit=unit, why="it is an optical constant, not a measured power")
+    letters = [
+        letter
+        for letter, words in (("s", _S), ("p", _P), ("", _UNPOLARIZED))
+        if lower & words and lower <= words | _FILL
+    ]
+    if len(letters) == 1 and not error:
+        return Role("light", "R_" + letters[0] if letters[0] else "R", unit=unit)
     return Role("", unit=unit)

@@ -228,9 +228,11 @@ def read_table(
     delimiter, count = guess_delimiter([text for _, text in inside], delimiter)
     start = _first_row(inside, delimiter, count) if count else -1
     if start < 0:
+        # What stands behind the last line end is no line.
+        came = len(inside) - (bool(inside) and last >= len(texts) and not texts[-1])
         raise MeasurementError(
-            f"{source}: no row with two numbers or more was found in {len(inside)} line(s). A "
-            "table was wanted: a column of angles or wavelengths, one or more of R, T, psi or "
+            f"{source}: no row with two numbers or more was found in {came} line{'s' * (came != 1)}"
+            ". A table was wanted: a column of angles or wavelengths, one or more of R, T, psi or "
             "delta. If it is there, say --delimiter or --decimal."
         )
     before = [(line, text) for line, text in numbered[: first + start] if text.strip()]
