@@ -206,12 +206,30 @@ def test_reflectance_beside(tmp_path):
     assert data["n_data"] == [6, 6]
 
 
+def test_intervals_as_of_a_fit_alone(tmp_path, capsys):
+    angle = np.array([50.0, 60.0, 70.0, 75.0])
+    psi, delta = film(angle, 1.0, 1.5, 3.8 - 0.1j, 0.0)
+    psi = psi + 0.05 * np.random.default_rng(3).standard_normal(4)
+    file = table(tmp_path / "si.csv", angle, psi, delta, head="angle_deg,psi,delta")
+    out = tmp_path / "si.json"
+    assert cli.main([file, "--intervals", "profile", "--json", str(out)]) == 0
+    assert "(by the likelihood itself)" in " ".join(capsys.readouterr().out.split())
+    data = json.loads(out.read_text())
+    alone = fit_model(read_csv(file), "constant", intervals="profile")
+    assert data["interval_kind"] == "profile"
+    np.testing.assert_allclose([data["eta_interval"], data["k_interval"]], alone.intervals)
+    assert data["eta_interval"][0] < 3.8 < data["eta_interval"][1]
+
+
 def test_psi_alone_is_too_little(tmp_path, capsys):
     file = table(tmp_path / "psi.csv", [70.0, 70.0], [0.5, 0.6], [20.0, 21.0],
                  head="angle_deg,wavelength_um,psi")  # fmt: skip
     assert cli.main([file]) == 1
     shown = " ".join(capsys.readouterr().out.split())
     assert "2 wavelengths: 2 undetermined" in shown and "not determined separately" in shown
+    # What was not measured is not missed either.
+    assert "misses the data" not in shown and "no bare boundary" not in shown
+    assert "what to do" in shown
 
 
 def test_transmittance_is_refused_with_what_to_say(tmp_path, capsys):

@@ -30,6 +30,8 @@ def _fit(measurement: Measurement, arguments: argparse.Namespace) -> PointFits:
     from fitting.model.points import fit_points
     from fitting.model.structures import INTERFACE, SLAB
 
+    # By profile where it is asked for, or at a single wavelength where it is better.
+    quick = arguments.intervals == "auto" and len(np.unique(measurement.wavelength_um)) > 1
     with warnings.catch_warnings():
         # A cache folder that is full or was taken away is not the user's business here.
         warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
@@ -40,6 +42,7 @@ def _fit(measurement: Measurement, arguments: argparse.Namespace) -> PointFits:
             eta_i=arguments.eta_i,
             sigma="equal" if arguments.equal_weights else "given",
             absolute_sigma=arguments.absolute_sigma,
+            intervals="quadratic" if quick else arguments.intervals,
         )
 
 

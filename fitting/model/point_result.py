@@ -16,7 +16,8 @@ from fitting.plain_data import plain
 # What `to_dict` holds of every wavelength.
 _EACH = (
     "wavelength_um", "eta", "sigma_eta", "k", "sigma_k", "correlation", "k_upper_limit",
-    "chi2", "chi2_reduced", "dof", "n_data", "rms", "status", "warnings", "others",
+    "eta_interval", "k_interval", "interval_kind", "chi2", "chi2_reduced", "dof", "n_data", "rms",
+    "status", "warnings", "others",
 )  # fmt: skip
 
 
@@ -83,6 +84,21 @@ class PointFits:
     def k_upper_limit(self) -> np.ndarray:
         """95 % upper limit of k where it is compatible with 0, NaN elsewhere."""
         return self._of(lambda f: f.upper_limits[f.names.index("k")])
+
+    @property
+    def eta_interval(self) -> np.ndarray:
+        """(W, 2) 95 % intervals of eta; NaN where there is none."""
+        return self._of(lambda f: f.intervals[f.names.index("eta")])
+
+    @property
+    def k_interval(self) -> np.ndarray:
+        """(W, 2) 95 % intervals of k; NaN where there is none."""
+        return self._of(lambda f: f.intervals[f.names.index("k")])
+
+    @property
+    def interval_kind(self) -> np.ndarray:
+        """How both were found, see `ModelFit.interval_kinds`: "profile" if one of them was so."""
+        return self._of(lambda f: max(f.interval_kinds, key=lambda kind: kind == "profile"))
 
     @property
     def chi2(self) -> np.ndarray:

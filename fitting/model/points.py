@@ -13,9 +13,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fitting.index.intervals import QUADRATIC
 from fitting.measurement import Measurement
 from fitting.model.dispersion import Model
 from fitting.model.fit import check_choices, targets_of
+from fitting.model.intervals import check_intervals
 from fitting.model.multistart import LANES, Ends, run
 from fitting.model.multistart import starts as start_points
 from fitting.model.observations import observations
@@ -136,6 +138,7 @@ def fit_points(
     sigma: str = "given",
     absolute_sigma: bool = False,
     seed: int = 0,
+    intervals: str = QUADRATIC,
 ) -> PointFits:
     """Return eta and k of every wavelength by itself.
 
@@ -143,9 +146,12 @@ def fit_points(
         and k are the pseudo-index, see `pseudo_index`). Without any wavelength it is one curve.
     structure, thickness_um, eta_i, sigma, absolute_sigma, seed: as in `fit_model`. With fewer than
     five data to spare at some wavelength, the scatter behind scaled errors is that of all.
+    intervals: as in `fit_model`, but quadratic if nothing is said: others take some .1 s for each
+        wavelength.
     Result: a `PointFits`. Raises ValueError as `fit_model` does.
     """
     check_quantities([measurement], _CONSTANT, structure)
+    check_intervals(intervals)
     wave = measurement.wavelength_um
     if np.isnan(wave).any() and not np.isnan(wave).all():
         raise ValueError(
@@ -164,7 +170,13 @@ def fit_points(
         fit = Fit(u, seen, targets_of(u, seen, eta_i), settings)
         ones.append(_One(fit, start_points(u.moving, LANES, seed), part, place))
     solved: list[Ends | None] = [None] * len(ones)
-    how = {"scaled": not absolute_sigma, "eta_i": float(eta_i), "notes": (), "starts": LANES}
+    how: dict[str, Any] = {
+        "scaled": not absolute_sigma,
+        "eta_i": float(eta_i),
+        "notes": (),
+        "starts": LANES,
+    }
+    how["intervals"] = intervals
     tell(total=2 * len(ones), done=0)  # each is solved, and then looked at closely
     for chunk in _chunks(ones):
         # Filled up with the last one, so that one program serves.

@@ -10,6 +10,7 @@ import numpy as np
 from fitting.model.points import PointFits
 from fitting.model.result import ModelFit
 from fitting.output.export import csv_text, measured_columns
+from fitting.output.model_report import range_text
 from fitting.output.report import (
     Told,
     labelled,
@@ -75,7 +76,7 @@ def told_of(fits: PointFits) -> Told:
 
 
 def _double(fits: PointFits) -> list[str]:
-    double = sum(bool(f.others) for f in fits.fits)
+    double = sum(bool(f.others) and f.status == "converged" for f in fits.fits)
     if not double or len(fits.fits) == 1:
         return []
     return [
@@ -114,6 +115,9 @@ def _one(fits: PointFits) -> list[tuple[str, str]]:
     aside = "  (one of many that fit alike; see the warning)" if loose else ""
     limit = ", 95 % upper limit in brackets" if math.isfinite(fits.k_upper_limit[0]) else ""
     rows = [(n, eta_text(fits, 0) + aside), (k, k_text(fits, 0) + limit + aside)]
+    if fits.interval_kind[0] == "profile":
+        ends = range_text(*fits.eta_interval[0]), range_text(*fits.k_interval[0])
+        rows.append(("95 % range", f"{n} {ends[0]}, {k} {ends[1]} (by the likelihood itself)"))
     if math.isfinite(fits.correlation[0]):
         rows.append(("correlation", f"{fits.correlation[0]:.3f}"))
     if math.isfinite(fit.chi2):
@@ -204,4 +208,8 @@ def index_csv(fits: PointFits) -> str:
     """Return eta and k as CSV, a wavelength a row; what is not known is empty."""
     names = ("wavelength_um", "eta", "sigma_eta", "k", "sigma_k", "correlation", "k_upper_limit")
     names += ("chi2", "dof", "n_data", "rms", "status")
-    return csv_text(_comments(fits), {name: getattr(fits, name).tolist() for name in names})
+    columns = {name: getattr(fits, name).tolist() for name in names}
+    for name in ("eta", "k"):
+        low, high = getattr(fits, f"{name}_interval").T
+        columns |= {f"{name}_low": low.tolist(), f"{name}_high": high.tolist()}
+    return csv_text(_comments(fits), columns)
