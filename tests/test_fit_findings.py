@@ -250,3 +250,42 @@ def test_no_limit_on_k_where_the_valley_bends():
     found = fit_many(ANGLES, R_s=np.array(data), sigma=1e-3)
     with np.errstate(invalid="ignore"):
         assert (k > found.k_upper_limit).sum() <= 3
+
+
+@pytest.mark.parametrize("eta_i", [1.0, 1.5])
+@pytest.mark.parametrize("R_s", [0.0, -1e-3])
+def test_no_reflection_is_the_index_of_the_medium_outside(eta_i, R_s):
+    """R = 0 (or less, by noise): one point, not a circle, with intervals as found on a grid."""
+    angles, sigma = np.linspace(10.0, 80.0, 8), 1e-3
+    data = {"R_s": np.full(8, R_s), "R_p": np.zeros(8)}
+    found = fit_many(
+        angles, **data, sigma=sigma, eta_i=eta_i, absolute_sigma=True, intervals="auto"
+    )
+    assert (found.eta, found.k, found.status) == (eta_i, 0.0, "converged at k = 0")
+    assert np.isnan([found.sigma_eta, found.sigma_k]).all()
+    assert "no reflection" in found.warnings[0] and "circle" not in found.warnings[0]
+    relative = 1.0 + np.linspace(-0.006, 0.006, 401)[:, None]
+    k = np.linspace(0.0, 0.006, 301)[None]
+    index, angle = relative + 1j * k, angles[:, None, None]
+    cos_i = np.cos(np.radians(angle))
+    root = np.sqrt(index**2 - np.sin(np.radians(angle)) ** 2)
+    both = (cos_i - root) / (cos_i + root), (index**2 * cos_i - root) / (index**2 * cos_i + root)
+    chi2 = sum(
+        (((abs(r) ** 2 - v[:, None, None]) / sigma) ** 2).sum(0)
+        for r, v in zip(both, data.values(), strict=True)
+    )
+    inside = chi2 <= chi2.min() + 3.841
+    for ends, values in (
+        (found.eta_interval, relative[:, 0][inside.any(1)]),
+        (found.k_interval, k[0][inside.any(0)]),
+    ):
+        np.testing.assert_allclose(ends / eta_i, values[[0, -1]], atol=4e-5)  # the grid's spacing
+
+
+def test_no_reflection_and_no_error_leave_a_point():
+    found = fit_many(ANGLES, R_s=np.zeros((2, 16)), R_p=np.zeros(16))
+    assert found.eta.tolist() == [1.0, 1.0] and found.k.tolist() == [0.0, 0.0]
+    assert (found.status == "converged at k = 0").all()
+    # not so where some light comes back: eta or 1 / eta, on a circle
+    (circle,) = fit_many([0.0], R=[1e-6], sigma=1e-6).warnings[:1]
+    assert "circle" in circle

@@ -86,9 +86,11 @@ def _flags(
         alone = channels == 1
         chi2 = flag.chi2_flags(s.cost / dof, dof) if a.stated else np.zeros(len(dof), int)
         rms = np.sqrt(s.plain / s.count)
-        clear = ~undetermined
+        nothing = s.x < flag.NOTHING_LIMIT
+        clear = ~undetermined & ~nothing
         found = {
             flag.PERFECT_MIRROR: mirror,
+            flag.NO_REFLECTION: nothing & (s.count > 0),
             flag.AT_45_DEGREES: undetermined & at_45 & ~mirror,
             flag.CIRCLE: undetermined & circle & ~mirror,
             flag.COMBINATION: undetermined & ~at_45 & ~circle & ~mirror,
@@ -119,20 +121,23 @@ def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> FitResult:
 
     no_data = s.count == 0
     # A fit that creeps along a valley without end is undetermined, whether or not it was stopped.
-    undetermined = ~no_data & _undetermined(e) & np.isfinite(s.cost)
+    matched = ~no_data & (s.x < flag.NOTHING_LIMIT)  # no boundary to speak of
+    undetermined = ~no_data & ~matched & _undetermined(e) & np.isfinite(s.cost)
     # What a difference of chi2 is measured by: the scatter found, or stated if that is more.
     stated = 1.0 if a.stated else np.where(dof < 3, ASSUMED_SIGMA**2, 0.0)
     with np.errstate(all="ignore"):
         scatter = np.fmax(np.where(dof > 0, s.cost / dof, 0.0), stated)
         excess = (found.other.cost - s.cost) / scatter
-        inner = np.flatnonzero(~no_data & ~undetermined & (e.eta < data.eta_i))
+        inner = np.flatnonzero(~no_data & ~undetermined & ~matched & (e.eta < data.eta_i))
     if len(inner):
         part = Solved(*np.array(s)[:, inner])
         allowed = part.cost + ALIKE_CHI2 * scatter[inner]
         undetermined[inner] |= open_to_the_other_end(data.take(inner), part, allowed)
-    failed = ~no_data & ~undetermined & ~(s.done > 0)
+    failed = ~no_data & ~undetermined & ~matched & ~(s.done > 0)
     second = (
-        ~no_data & ~failed & ~undetermined & (found.other.done > 0) & (excess < ALTERNATIVE_CHI2)
+        ~(no_data | failed | undetermined | matched)
+        & (found.other.done > 0)
+        & (excess < ALTERNATIVE_CHI2)
     )
     if second.any():
         other = estimate(data, found.other, **how)
@@ -148,16 +153,16 @@ def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> FitResult:
     flags = _flags(a, e, s, undetermined, second, dof)
     flags = np.where(failed, flag.NOT_CONVERGED, np.where(no_data, 0, flags))
     status = np.select(
-        [no_data, failed, undetermined, e.at_zero],
+        [no_data, failed, undetermined, e.at_zero | matched],
         [result.NO_DATA, result.NOT_CONVERGED, result.UNDETERMINED, result.AT_ZERO],
         result.CONVERGED,
     )
-    blank = no_data | failed | undetermined  # no error is known
+    blank = no_data | failed | undetermined | matched  # no error is known
     nothing = no_data | (flags & flag.PERFECT_MIRROR > 0)  # no value either
 
     known = intervals(
         data, found.best, s, e, wanted=wanted, blank=blank, undetermined=undetermined,
-        nothing=nothing | failed,
+        nothing=nothing | failed, matched=matched,
     )  # fmt: skip
 
     # The limit of k is the upper end of its 95 % interval, from whatever that was found.
@@ -170,7 +175,8 @@ def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> FitResult:
     with np.errstate(all="ignore"):
         chi2 = s.cost if a.stated else np.full_like(s.cost, np.nan)
         fields = {
-            "eta": but(shown.eta, nothing), "k": but(shown.k, nothing),
+            "eta": but(np.where(matched, data.eta_i, shown.eta), nothing),
+            "k": but(np.where(matched, 0.0, shown.k), nothing),
             "sigma_eta": but(shown.sigma_eta, blank), "sigma_k": but(shown.sigma_k, blank),
             "covariance": but(shown.covariance, blank),
             "correlation": but(shown.correlation, blank),

@@ -23,6 +23,7 @@ NO_DEGREES = 1024
 NOT_CONVERGED = 2048
 OUT_OF_MODEL = 4096
 PERFECT_MIRROR = 8192
+NO_REFLECTION = 16384
 
 CORRELATION_LIMIT = 0.995
 VAGUE_LIMIT = 0.1
@@ -34,6 +35,8 @@ CIRCLE_LIMIT = 0.1
 FLAT_BELOW_DEG = 30.0
 # R(0) within 2 exp(-x) = 2.5e-4 of 1: no plain metal reflects so well, or shows it if it does.
 MIRROR_LIMIT = 9.0
+# exp(x) - 1 = |N - 1|^2 / 2n: R(0) below 5e-17, less than the rounding of any datum.
+NOTHING_LIMIT = 1e-16
 
 
 def chi2_flags(chi2_reduced: np.ndarray, dof: np.ndarray) -> np.ndarray:
@@ -67,6 +70,14 @@ def _member(r: FitResult) -> str:
 
 def _mirror(r: FitResult) -> str:
     return "the data are those of a perfect mirror (R of 1): they say nothing about eta and k."
+
+
+def _no_reflection(r: FitResult) -> str:
+    return (
+        "the data show no reflection, as of no boundary at all: eta is that of the medium outside "
+        f"({_number(r.eta_i)}) and k is 0. R grows as (eta - {_number(r.eta_i)})^2 + k^2 there, so "
+        "that intervals, and no standard errors, tell how certain that is."
+    )
 
 
 def _combination(r: FitResult) -> str:
@@ -163,6 +174,7 @@ def _out_of_model(r: FitResult) -> str:
 _SENTENCES = {
     NOT_CONVERGED: _not_converged,
     PERFECT_MIRROR: _mirror,
+    NO_REFLECTION: _no_reflection,
     CIRCLE: _circle,
     AT_45_DEGREES: _at_45,
     COMBINATION: _combination,

@@ -24,7 +24,7 @@ import numpy as np
 from fitting.index.batch import Data
 from fitting.index.engine import Solved
 from fitting.index.estimate import Estimate
-from fitting.index.profile import profile
+from fitting.index.profile import around_nothing, profile
 from fitting.index.total_reflection import w_of
 
 KINDS = ("auto", "quadratic", "profile")
@@ -52,13 +52,14 @@ def intervals(
     blank: np.ndarray,
     undetermined: np.ndarray,
     nothing: np.ndarray,
+    matched: np.ndarray,
 ) -> Intervals:
     """Return the 95 % intervals at the minima ``s``.
 
     shown: the same, or of undetermined curves another place that fits alike (where the search for
         the ends of the region then begins).
     wanted: one of KINDS. blank: no quadratic interval.
-    undetermined: only the profile tells. nothing: no interval at all.
+    undetermined: only the profile tells. nothing: no interval at all. matched: no boundary (x = 0).
     Accuracy: the ends of a profile interval to 1e-3 of its width. Coverage by simulation:
     docs/fitting.md. Near k = 0 that of k is 95 to 98 %, since k cannot be negative.
     """
@@ -69,10 +70,15 @@ def intervals(
         eta, k = np.where(none, np.nan, eta), np.where(none, np.nan, k)
         kind = np.where(np.isfinite(eta).all(1) & np.isfinite(k).all(1), QUADRATIC, NONE)
         rise = e.t**2 * e.variance
-        able = ~nothing & np.isfinite(rise) & ((s.done > 0) | undetermined) & np.isfinite(s.cost)
+        able = (
+            ~nothing
+            & np.isfinite(rise)
+            & ((s.done > 0) | undetermined | matched)
+            & np.isfinite(s.cost)
+        )
         able &= rise > ROUNDING * s.scale
         unseen = ~np.isfinite(e.sigma_k)  # `estimate` gives none below estimate.SEEN_SIGMAS
-        curved = unseen | undetermined | (e.spread > CURVED_SPREAD)
+        curved = unseen | undetermined | matched | (e.spread > CURVED_SPREAD)
     if wanted == QUADRATIC:
         return Intervals(eta, k, kind)
     todo = np.flatnonzero(able if wanted == PROFILE else able & curved)
@@ -85,6 +91,11 @@ def intervals(
             first = w_of(part.x, e.k_interval[todo, 1] / data.eta_i)
         first = np.where(e.linear[todo], first, np.nan)
         found = profile(data.take(todo), part, np.where(here, left, rise[todo]), first)
+        corner = np.flatnonzero(matched[todo])
+        if len(corner):
+            there = todo[corner]
+            ends = around_nothing(data.take(there), Solved(*np.array(s)[:, there]), rise[there])
+            found.eta[corner], found.k[corner] = ends
         good = np.isfinite(found.eta).all(1) & np.isfinite(found.k).all(1)
         done = todo[good]
         eta[done], k[done], kind[done] = found.eta[good], found.k[good], PROFILE

@@ -223,3 +223,23 @@ def profile(data: Data, s: Solved, rise: np.ndarray, first: np.ndarray) -> Regio
         eta = np.exp(_extremes(low, high, cut_low, cut_high))
         k = np.maximum(_extremes(k_low, k_high, cut_low, cut_high), 0.0)
     return Region(eta * data.eta_i, k * data.eta_i)
+
+
+def around_nothing(data: Data, s: Solved, rise: np.ndarray) -> Region:
+    """Return the same where nothing is reflected (x = 0 is best, of whatever w): a round region.
+
+    Its edge is met once on each line of constant phi, so that there is no valley to follow.
+    """
+    count, lines = len(s.x), 4 * LINES + 1
+    share = np.sin(np.linspace(0.0, 0.5 * np.pi, lines)) ** 2
+    with np.errstate(all="ignore"):
+        g = np.maximum(s.g_x, 0.0)
+        x = s.x + rise / (g + np.sqrt(g * g + s.h_xx * rise))
+        start, chart = np.repeat(x, lines), np.ones(count * lines)
+        lanes = Lanes(np.repeat(np.arange(count), lines), start, start, chart)
+        found = _sides(data, s, rise, lanes, np.tile(share, count), 1.0)
+        n, k, *_ = index_derivatives(found.x, found.w, found.chart)
+    n, k = (a.reshape(count, lines) * data.eta_i for a in (n, k))
+    # Ends where k = 0, and 33 lines, between which k is less by a thousandth at most.
+    k_most = np.stack([np.zeros(count), k.max(axis=1)], axis=-1)
+    return Region(np.stack([n.min(axis=1), n.max(axis=1)], axis=-1), k_most)
