@@ -1,12 +1,12 @@
 """95 % intervals of the parameters of a model: quadratic where that is right, else by profile.
 
 The quadratic ones are value +- t sigma, cut where the parameter's range ends; of what the data see
-by its square (k of a bare interface) from the square; of what is compatible with 0 from there to
-its upper limit. "auto" asks for the rise of the cost at their ends, the other parameters fitted
-again: where its root is off by more than OFF, so is the end, by about as many half widths. That is
-how far the ends of `fitting.fit` are off where it begins to take the profile (sigma_eta of 2 % of
-eta; `index.intervals`). By profile always: what is compatible with 0, as there, and all where one
-lies on a bound.
+by its square (k of a bare interface) from the square, also where that is compatible with 0. "auto"
+asks for the rise of the cost at their ends, the other parameters fitted again: where its root is
+off by more than OFF, so is the end, by about as many half widths. That is how far the ends of
+`fitting.fit` are off where it begins to take the profile (sigma_eta of 2 % of eta;
+`index.intervals`). By profile always: what is compatible with 0, as there, and all where
+one lies on a bound.
 
 An interval by profile is that of the parameter with all others free to move within their ranges,
 those on a bound too; a standard error beside a parameter on a bound is that for it lying there.
@@ -55,25 +55,24 @@ def check_intervals(wanted: str) -> None:
         raise ValueError(f"intervals is {wanted!r}; one of {', '.join(KINDS)} was wanted.")
 
 
-def _upper_limits(fit: Fit, end: End, t: float) -> np.ndarray:
-    """Return upper limits (p,) of what may not be below 0 and is compatible with it, else NaN.
+def _from_zero(fit: Fit, end: End, t: float) -> np.ndarray:
+    """Return quadratic intervals (p, 2) of what may not be below 0 and is compatible with it.
 
-    A square (k where the data depend on k^2) is compatible with 0 within three standard errors of
-    the square; another parameter whose range begins at 0, if it ended there. The limit is the upper
-    end of the quadratic interval, as of `fitting.fit`.
+    NaN for the others. A square (k where the data depend on k^2) is compatible with 0 within three
+    standard errors of the square; another parameter whose range begins at 0, if it ended there.
     """
-    out = np.full(len(end.y), np.nan)
+    out = np.full((len(end.y), 2), np.nan)
     for i, u in enumerate(fit.u.moving):
         sigma = end.known.edge[i] * np.sqrt(end.known.variance)
         if not u.free or u.low != 0.0 or u.prior is not None or not np.isfinite(sigma):
             continue
         low = end.known.at_bound[i] == "low"
         value = end.y[i] + (min(end.known.wide_step[i], 0.0) if low else 0.0)
-        limit = float(interval_from_zero(np.array(value), np.array(sigma), np.array(t))[1])
+        ends = np.array(interval_from_zero(np.array(value), np.array(sigma), np.array(t)))
         if u.parameter.coordinate == SQUARE and end.y[i] < 3.0 * sigma:
-            out[i] = np.sqrt(limit)
+            out[i] = np.sqrt(ends)
         elif u.parameter.coordinate == PLAIN and low:
-            out[i] = limit
+            out[i] = ends
     return out
 
 
@@ -82,7 +81,7 @@ def _of(fit: Fit, j: int, y: float) -> float:
     return float(value_and_slope(fit.u.moving[j].parameter.coordinate, np.array(y))[0])
 
 
-def _quadratic(fit: Fit, end: End, limits: np.ndarray, t: float) -> np.ndarray:
+def _quadratic(fit: Fit, end: End, from_zero: np.ndarray, t: float) -> np.ndarray:
     """Return the quadratic intervals (p, 2)."""
     out = np.full((len(end.y), 2), np.nan)
     variance = np.diagonal(end.known.covariance)
@@ -92,8 +91,8 @@ def _quadratic(fit: Fit, end: End, limits: np.ndarray, t: float) -> np.ndarray:
         kind = unknown.parameter.coordinate
         if end.known.unseen_of[i] or not unknown.free:
             continue
-        if np.isfinite(limits[i]):
-            out[i] = 0.0, limits[i]
+        if np.isfinite(from_zero[i]).all():
+            out[i] = from_zero[i]
         elif kind == SQUARE:
             out[i] = np.sqrt(np.maximum(end.y[i] + half * np.array([-1.0, 1.0]), 0.0))
         else:
@@ -150,13 +149,13 @@ def _right(fit: Fit, pair: _Pair, ends: np.ndarray) -> bool:
 def _start(fit: Fit, end: End, t: float) -> tuple[Intervals, Base]:
     """Return the quadratic intervals at a minimum, and from where the search goes out."""
     with np.errstate(all="ignore"):
-        limits = _upper_limits(fit, end, t)
-        quadratic = _quadratic(fit, end, limits, t)
+        from_zero = _from_zero(fit, end, t)
+        quadratic = _quadratic(fit, end, from_zero, t)
         own = np.diagonal(end.known.wide)
         along = np.nan_to_num(np.where(own > 0.0, end.known.wide / own, 0.0))
     kind = tuple(NONE if np.isnan(q).any() else QUADRATIC for q in quadratic)
     base = Base(end.y, end.cost, along, *fit.limits, t**2 * end.known.rise, [])
-    return Intervals(quadratic.copy(), quadratic, kind, limits, (end.cost, end.y)), base
+    return Intervals(quadratic.copy(), quadratic, kind, from_zero[:, 1], (end.cost, end.y)), base
 
 
 def intervals(
@@ -205,7 +204,6 @@ def intervals(
             found.ends[j], kind[j] = values, PROFILE
             if np.isfinite(found.limits[j]):
                 found.limits[j] = values[1] if values[0] == 0.0 else np.nan
-                found.quadratic[j] = _quadratic(fit, ends[at], found.limits, t)[j]
         out[at] = found._replace(kind=tuple(kind))
     for at, _, both in every:
         lowest = min([out[at].lowest, *(s.lowest for s in both)], key=lambda met: met[0])

@@ -35,9 +35,9 @@ class ModelFit:
         that value of it; the intervals of the others are not.
     covariance, correlation: (P, P), NaN as the sigmas are.
     intervals: (P, 2), 95 % intervals; NaN where there is none, infinite where no end was found.
-    interval_kinds: of each: "quadratic" (value +- t sigma; of k where only k^2 is seen from that,
-        where it is compatible with 0 up to its upper limit); "profile" (of the likelihood itself,
-        all other parameters free within their ranges, those on a bound too); "none".
+    interval_kinds: of each: "quadratic" (value +- t sigma; of k where only k^2 is seen, from
+        k^2 +- t sigma(k^2)); "profile" (of the likelihood itself, all other parameters free within
+        their ranges, those on a bound too); "none".
     at_bound: "", "low" or "high" for each: the best value lies on that end of its range.
     upper_limits: (P,), of what is at 0 or compatible with it and cannot be below: the upper end of
         its 95 % interval; NaN elsewhere.
