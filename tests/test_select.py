@@ -22,7 +22,7 @@ def outcome(size, bic, status="converged", error=1e-3, data=None):
 
     return SimpleNamespace(
         names=tuple("abcdefgh"[:size]), bic=bic, status=status, rms=error, fitted=fitted,
-        chi2_reduced=(error / 1e-3) ** 2, dof=100,
+        chi2_reduced=(error / 1e-3) ** 2, dof=100, loss="squares", noise=1.0,
     )  # fmt: skip
 
 

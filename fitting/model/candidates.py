@@ -20,6 +20,8 @@ import numpy as np
 
 from fitting.measurement import Measurement
 from fitting.model.result import CONVERGED, ModelFit
+from fitting.model.uncertainty import loss_of
+from fitting.residuals import weighted_residuals
 
 # "Positive" evidence ends and "strong" begins at a difference of 6 (Kass and Raftery). With the
 # first the rate of needless parameters is that of single tests (4 % at 60 data) times the number
@@ -49,7 +51,8 @@ class Candidate(NamedTuple):
 
     key: .model, its name; .free, nuisance parameters switched on; .without_k, k was held at 0;
     .label, what the table calls it. fit: what came of it. held_out: root mean square, in standard
-    errors, of the points held out (NaN where that was not tried); shown: of the others, then.
+    errors where they are stated (see `residuals.weighted_residuals`), of the points held out (NaN
+    where that was not tried); shown: of the others, then.
     """
 
     key: Key
@@ -95,22 +98,20 @@ def simplest(candidates: Sequence[Candidate]) -> Candidate:
     return min(near, key=lambda c: (c.size, c.fit.bic))
 
 
-def _without_some(m: Measurement) -> tuple[Measurement, np.ndarray]:
+def _without_some(m: Measurement, stated: bool = True) -> tuple[Measurement, np.ndarray]:
     """Return the measurement with every fifth point without weight, and which these are."""
     points = np.stack([m.wavelength_um, m.angle_deg])
     _, where = np.unique(points, axis=1, return_inverse=True)
     out = np.reshape(where, -1) % FOLD == FOLD // 2
-    sigma = np.where(np.isfinite(m.sigma).all(), m.sigma, 1.0)
+    sigma = np.where(stated and np.isfinite(m.sigma).all(), m.sigma, 1.0)
     return replace(m, sigma=np.where(out, NO_WEIGHT * sigma, sigma)), out
 
 
-def _missed(fit: ModelFit, m: Measurement, out: np.ndarray) -> tuple[float, float]:
-    """Return the rms of value - model of the points held out and of the others, in sigmas."""
-    value, _ = fit.fitted()
-    off = m.value - value
-    off = np.where(m.quantity == "delta", (off + 180.0) % 360.0 - 180.0, off)
-    off = off / np.where(np.isfinite(m.sigma).all(), m.sigma, 1.0)
-    return float(np.sqrt(np.mean(off[out] ** 2))), float(np.sqrt(np.mean(off[~out] ** 2)))
+def _size(fit: ModelFit, off: np.ndarray, noise: float) -> float:
+    """Return the root mean square; of a robust loss that of the loss, as BIC takes it."""
+    if fit.loss == "squares":
+        return float(np.sqrt(np.mean(off**2)))
+    return noise * float(np.sqrt(loss_of("student", off / noise) / len(off)))
 
 
 def _held_out(
@@ -119,24 +120,40 @@ def _held_out(
     measurements: Sequence[Measurement],
     joined: Measurement,
 ) -> list[Candidate]:
-    """Return the candidates fitted without every fifth point, and how well they tell these."""
-    masked = [_without_some(m) for m in measurements]
+    """Return the candidates fitted without every fifth point, and how well they tell these.
+
+    All are measured by the noise of the first one.
+    """
+    first = candidates[0].fit
+    stated = bool(np.isfinite(first.chi2_reduced))
+    masked = [_without_some(m, stated) for m in measurements]
     out = np.concatenate([where for _, where in masked])
     found = []
     for c in candidates:
         fit = run(c.key, [m for m, _ in masked], sigma="given", absolute_sigma=False)
-        held_out, shown = _missed(fit, joined, out)
+        off = weighted_residuals(joined, fit.fitted()[0], stated)
+        held_out, shown = (_size(fit, off[part], first.noise) for part in (out, ~out))
         found.append(c._replace(held_out=held_out, shown=shown))
     return found
+
+
+def _unit(fit: ModelFit) -> str:
+    """Return what the sizes of residuals are."""
+    size = "rms" if fit.loss == "squares" else f"rms without outliers, by the {fit.loss} loss"
+    if np.isfinite(fit.chi2_reduced):
+        return f"{size}, in standard errors"
+    kinds = {*fit.measurement.quantity.tolist()}
+    angles = "2 psi and sin(2 psi) Delta in radians" if kinds & {"psi", "delta"} else ""
+    powers = " and ".join(k for k in ("R", "T") if any(q.startswith(k) for q in kinds))
+    return f"{size}, of {' and of '.join(filter(None, (powers, angles)))}"
 
 
 def _reasons(taken: Candidate, less: Candidate | None, everyone: Sequence[Candidate]) -> list[str]:
     reasons = []
     if np.isfinite(taken.held_out):
-        unit = ", in standard errors" if np.isfinite(taken.fit.chi2_reduced) else ""
         text = (
             f"points held out are missed by {taken.held_out:.3g}, those shown by {taken.shown:.3g} "
-            f"(rms{unit})"
+            f"({_unit(taken.fit)})"
         )
         reasons.append(text + (f"; by {less.label}: {less.held_out:.3g}." if less else "."))
         if taken.held_out > WORSE * taken.shown:

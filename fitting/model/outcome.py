@@ -9,6 +9,7 @@ import numpy as np
 
 from fitting.measurement import Measurement, concatenate
 from fitting.model import result as status
+from fitting.model.criteria import criteria
 from fitting.model.curves import Evaluated
 from fitting.model.findings import Findings, sentences
 from fitting.model.intervals import QUADRATIC, Intervals, intervals
@@ -23,29 +24,12 @@ from fitting.model.unknowns import Unknowns
 ASSUMED_SIGMA = 1e-3
 # So many of the other minima are given intervals by profile, the rest quadratic ones.
 _OTHERS = 3
-_EPS = float(np.finfo(float).eps)
 
 
 def _parameters_at(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return parameters and their slopes dx/dy, (p,) each."""
     both = [value_and_slope(w.parameter.coordinate, y[i : i + 1]) for i, w in enumerate(u.moving)]
     return np.concatenate([b[0] for b in both]), np.concatenate([b[1] for b in both])
-
-
-def _criteria(s: Slopes, cost: float, n: int, unknowns: int, scaled: bool) -> tuple[float, float]:
-    """Return BIC and AICc."""
-    chi2 = float(s.residual @ s.residual)
-    count = unknowns
-    if scaled:
-        # One noise for all, itself unknown; a perfect fit counts as one at the rounding of data.
-        least = n * _EPS**2
-        minus_two_log = n * np.log(max(chi2, least) / n)
-        count += 1
-    else:
-        minus_two_log = chi2
-    room = n - count - 1
-    aicc = minus_two_log + 2.0 * count * n / room if room > 0 else np.inf
-    return float(minus_two_log + unknowns * np.log(n)), float(aicc)
 
 
 def _others(
@@ -219,7 +203,7 @@ def model_fit_of(
             u.spec.model.absorbs, _one_power_a_wavelength(measurements), len(np.unique(wavelength)),
             ranges[0].ends[free], ranges[0].quadratic[free], kinds, lower,
         ))  # fmt: skip
-    bic, aicc = _criteria(s, cost, fit.n_data, int(free.sum()), scaled)
+    bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, int(free.sum()), scaled)
     fixed = {n: float(v) for n, v, f in zip(labels, x, free, strict=True) if not f}
     fixed |= {u.labels[n]: float(v) for n, v in zip(u.spec.held, u.held, strict=True)}
     undetermined = bool(unseen.size)

@@ -51,7 +51,8 @@ class ModelFit:
     rms: root mean square of the residuals, unweighted; of psi and Delta those of N, C, S.
     rms_of: the same by quantity.
     bic, aicc: information criteria, -2 log(likelihood) and a term for the parameters. With scaled
-        errors the likelihood is that of one unknown noise. To compare models of the same data.
+        errors the likelihood is that of one unknown noise; with a robust loss it is robust, too
+        (see `criteria`). To compare models of the same data.
     sigma_kind: "absolute", or "scaled" by the scatter of the residuals.
     status: "converged"; "undetermined" (the fit is at its best, but the data do not see some
         combination of the parameters, whose sigmas are NaN); "not converged".

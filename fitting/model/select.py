@@ -21,6 +21,7 @@ from fitting.model.intervals import check_intervals
 from fitting.model.parameters import plain_name
 from fitting.model.result import ModelFit
 from fitting.model.structures import NUISANCES
+from fitting.residuals import residuals
 
 MOST_TERMS = 4
 
@@ -65,8 +66,7 @@ def explains(fit: ModelFit) -> bool:
         return fit.chi2_reduced < max(1.5, 1.0 + 5.0 * np.sqrt(2.0 / fit.dof))
     m = fit.measurement
     value, _ = fit.fitted()
-    left = m.value - value
-    left = np.where(m.quantity == "delta", (left + 180.0) % 360.0 - 180.0, left)
+    left = residuals(m, value)
     order = np.lexsort((m.wavelength_um, m.angle_deg, fit.curve))
     left, same = left[order], np.diff(fit.curve[order]) == 0
     scale = np.array([np.std(left[fit.curve[order] == c]) for c in fit.curve[order]])

@@ -91,7 +91,7 @@ def loss_of(loss: str, r: np.ndarray) -> float:
     return float((r * r).sum())
 
 
-def _influence(loss: str, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def influence(loss: str, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return half the derivative of the loss, and its derivative."""
     if loss == "huber":
         inside = np.abs(r) <= HUBER
@@ -177,7 +177,7 @@ def uncertainty(
     """
     r, J = s.residual / noise, s.jacobian / noise
     off, lines = _prior_rows(u, y)
-    pull, bend = _influence(u.spec.loss, r)
+    pull, bend = influence(u.spec.loss, r)
     gradient = J.T @ pull + lines.T @ off
     low, high = limits
     free = u.free

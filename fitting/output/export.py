@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fitting.plain_data import json_object
+from fitting.residuals import residuals
 
 if TYPE_CHECKING:
     from fitting.index.fit import FitResult
@@ -39,12 +40,6 @@ def csv_text(comments: Iterable[str], columns: dict[str, Iterable[Any]]) -> str:
         cells = ("" if isinstance(c, float) and math.isnan(c) else str(c) for c in row)
         out.write(",".join(cells) + "\n")
     return out.getvalue()
-
-
-def residuals(measurement: Measurement, fitted: np.ndarray) -> np.ndarray:
-    """Return value - fitted of every datum; of Delta from -180 to 180: 359 and 1 are 2 apart."""
-    off = measurement.value - fitted
-    return np.where(measurement.quantity == "delta", (off + 180.0) % 360.0 - 180.0, off)
 
 
 def measured_columns(

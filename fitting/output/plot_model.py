@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fitting.model.result import ModelFit
-from fitting.output.export import residuals
 from fitting.output.plot_parts import GREY, draw_zero, our_style, points
 from fitting.output.reference import reference_index
 from fitting.output.report import number
+from fitting.residuals import residuals
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

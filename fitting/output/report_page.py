@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitting.output.export import residuals
 from fitting.output.page import Table, page
 from fitting.output.report import between, facts, grouped_warnings, number, with_error
+from fitting.residuals import residuals
 
 if TYPE_CHECKING:
     from fitting.index.fit import FitResult
