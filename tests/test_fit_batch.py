@@ -170,9 +170,18 @@ def test_errors_missing_from_some_data_are_not_guessed():
         ({"sigma": {"R_s": 1e-3}}, "missing for R_p"),
         ({"sigma": {"R": 1e-3}}, "sigma has R,"),
         ({"absolute_sigma": True}, "no stated errors"),
-        ({"eta_i": -1.0}, "eta_i"),
+        ({"eta_i": -1.0}, "eta_i is -1.0"),
+        ({"eta_i": 1 + 1j}, r"eta_i is \(1\+1j\).*lossless medium, one real number above 0"),
+        ({"eta_i": "glass"}, "eta_i is 'glass'.*real number"),
+        ({"eta_i": None}, "eta_i is None.*real number"),
+        ({"eta_i": [1.0, 1.5]}, "eta_i is .*one real number"),
+        ({"R_s": np.full(16, 0.5 + 0j)}, "R_s must be real numbers .complex"),
+        ({"angles_deg": ANGLES + 0j}, "angles_deg must be real numbers .complex"),
+        ({"sigma": 1e-3 + 0j}, "sigma of R_s must be real numbers .complex"),
+        ({"sigma": 1e-3, "absolute_sigma": "no"}, "absolute_sigma is 'no'; True or False"),
         ({"start": (0.0, 1.0)}, "above 0"),
         ({"start": 1.5}, r"\(eta, k\)"),
+        ({"start": np.array([1.5 + 0j, 0.0])}, r"\(eta, k\), real"),
     ],
 )
 def test_a_call_that_makes_no_sense_says_what_was_wanted(change, words):
@@ -188,3 +197,16 @@ def test_quantities_that_are_not_reflectances_are_refused():
         fit(m)
     with pytest.raises(ValueError, match=r"given.*equal"):
         fit(Measurement.from_columns(ANGLES, R=np.full(16, 0.5)), sigma="unit")
+
+
+@pytest.mark.parametrize("what", [None, "gold.csv", np.zeros(16)])
+def test_what_is_no_measurement_is_refused(what):
+    with pytest.raises(ValueError, match=r"where a Measurement was wanted.*read_csv"):
+        fit(what)
+
+
+def test_an_index_outside_may_be_any_kind_of_real_number():
+    data = table()
+    wanted = fit_many(ANGLES, R_s=data["R_s"][0], eta_i=1.5).eta
+    for eta_i in (np.float64(1.5), np.float32(1.5), np.array(1.5)):
+        assert fit_many(ANGLES, R_s=data["R_s"][0], eta_i=eta_i).eta == wanted

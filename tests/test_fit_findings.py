@@ -270,10 +270,8 @@ def test_no_reflection_is_the_index_of_the_medium_outside(eta_i, R_s):
     cos_i = np.cos(np.radians(angle))
     root = np.sqrt(index**2 - np.sin(np.radians(angle)) ** 2)
     both = (cos_i - root) / (cos_i + root), (index**2 * cos_i - root) / (index**2 * cos_i + root)
-    chi2 = sum(
-        (((abs(r) ** 2 - v[:, None, None]) / sigma) ** 2).sum(0)
-        for r, v in zip(both, data.values(), strict=True)
-    )
+    misses = [abs(r) ** 2 - v[:, None, None] for r, v in zip(both, data.values(), strict=True)]
+    chi2 = np.square(misses).sum((0, 1)) / sigma**2
     inside = chi2 <= chi2.min() + 3.841
     for ends, values in (
         (found.eta_interval, relative[:, 0][inside.any(1)]),

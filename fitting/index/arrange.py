@@ -28,6 +28,24 @@ class Arranged(NamedTuple):
     notes: tuple[str, ...]
 
 
+def medium_outside(eta_i: Any) -> float:
+    """Return the index of a lossless medium as a float.
+
+    Raises ValueError for anything but one real number above 0.
+    """
+    try:
+        number = np.asarray(eta_i)
+    except ValueError:  # a ragged list
+        number = np.asarray(None)
+    # Of the kinds of numbers not complex ones, nor truth values.
+    if number.ndim or number.dtype.kind not in "iuf" or not 0.0 < number < np.inf:
+        raise ValueError(
+            f"eta_i is {repr(eta_i)[:40]}; the index of a lossless medium, one real number above "
+            "0, was wanted."
+        )
+    return float(number)
+
+
 def _data(
     angle_deg: np.ndarray,
     s_share: np.ndarray,
@@ -36,10 +54,10 @@ def _data(
     eta_i: float,
     channels: list[str],
 ) -> Data:
-    if not (np.isfinite(eta_i) and eta_i > 0.0):
-        raise ValueError(f"eta_i is {eta_i}; the index of a lossless medium, above 0, was wanted.")
     cos_theta = np.cos(np.radians(angle_deg))
-    return Data(cos_theta, s_share, tuple(values), tuple(weights), float(eta_i), tuple(channels))
+    return Data(
+        cos_theta, s_share, tuple(values), tuple(weights), medium_outside(eta_i), tuple(channels)
+    )
 
 
 def check_quantities(m: Measurement, allowed: Sequence[str]) -> None:
@@ -68,9 +86,9 @@ def of_measurement(m: Measurement, eta_i: float, sigma: str) -> Arranged:
     sigma: "given" or "equal".
     Raises ValueError where a quantity cannot be fitted, or ``sigma`` is neither.
     """
-    if sigma not in ("given", "equal"):
+    if not isinstance(sigma, str) or sigma not in ("given", "equal"):
         raise ValueError(
-            f'sigma is {sigma!r}; "given" (use the stated errors) or "equal" was wanted.'
+            f'sigma is {repr(sigma)[:40]}; "given" (use the stated errors) or "equal" was wanted.'
         )
     check_quantities(m, CHANNELS)
     known = np.isfinite(m.sigma)
@@ -119,9 +137,12 @@ def of_measurement(m: Measurement, eta_i: float, sigma: str) -> Arranged:
 
 def _checked(name: str, array: Any, low: float, high: float, wanted: str) -> np.ndarray:
     try:
-        array = np.asarray(array, dtype=np.float64)
+        came = np.asarray(array)
+        if came.dtype.kind == "c":
+            raise TypeError("complex ones came")
+        array = np.asarray(came, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{name} must be numbers ({error}).") from error
+        raise ValueError(f"{name} must be real numbers ({error}).") from error
     # fmin and fmax pass NaN by, and make no array of truth values: a third of the time.
     extremes = np.fmin.reduce(array, None, initial=high), np.fmax.reduce(array, None, initial=low)
     for extreme in extremes:
