@@ -100,7 +100,7 @@ def _in_total_reflection(
     if not len(near):
         return information, reach
     at = eta[near], k[near]
-    found = small_k(data.take(near), s.x[near], *at, variance[near])
+    found = small_k(data, near, s.x[near], *at, variance[near])
     per_k = 1.0 / (2.0 * np.maximum(at[1], K_MIN))  # dk/du
     to_u = np.stack([np.ones_like(per_k), per_k], -1)
     information = information.copy()

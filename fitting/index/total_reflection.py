@@ -65,18 +65,23 @@ def _sums(data: Data, lanes: Lanes) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def small_k(
-    data: Data, x: np.ndarray, eta: np.ndarray, k: np.ndarray, variance: np.ndarray
+    data: Data,
+    curve: np.ndarray,
+    x: np.ndarray,
+    eta: np.ndarray,
+    k: np.ndarray,
+    variance: np.ndarray,
 ) -> Small:
     """Return what ``data`` say of k around the minima (x; eta, k) with eta < eta_i, k near 0.
 
-    variance: what one unit of the weighted sum of squares stands for.
+    curve: which of the curves of ``data`` each is of. variance: what one unit of the weighted sum
+    of squares stands for.
     """
-    lanes = np.arange(len(x))
     place = np.maximum(k, FIRST * eta)
     with np.errstate(all="ignore"):
         for _ in range(EVALUATIONS):
             w = w_of(x, place / data.eta_i)
-            at, g, matrix = _sums(data, Lanes(lanes, x, w, np.full_like(x, -1.0)))
+            at, g, matrix = _sums(data, Lanes(curve, x, w, np.full_like(x, -1.0)))
             (i_nn, i_nk), (_, i_kk) = matrix
             determinant = i_nn * i_kk - i_nk**2
             reach = at - (i_nn * g[1] - i_nk * g[0]) / determinant
