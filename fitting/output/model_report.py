@@ -39,8 +39,10 @@ def range_text(low: float, high: float) -> str:
     if math.isinf(high):
         return f"above {number(low)}"
     # Digits of the distance would leave none of a low end that is far below the high one.
-    apart = 0.0 < 3.0 * low < high
-    return f"{number(low, 3)} to {number(high, 3)}" if apart else between(low, high)
+    apart = 0.0 < 3.0 * low < high or 0.0 < max(abs(low), abs(high)) < 1e-2
+    if apart:
+        return f"{number(low, 3) if low else '0'} to {number(high, 3)}"
+    return between(low, high)
 
 
 def other_text(other: dict[str, Any]) -> str:
