@@ -268,8 +268,8 @@ def fit_many(
     R_s, R_p, R: (..., M) reflectances as fractions (R unpolarised); NaN is a gap. One at least.
     sigma: None, or standard errors above 0 that broadcast to the data: one for all channels, or a
         mapping from channel to errors. NaN leaves the datum out.
-    eta_i, absolute_sigma, start, intervals: as in `fit`, but intervals, and with them the limit of
-        k, are quadratic if nothing is said: one by profile takes 20 times as long as the fit itself.
+    eta_i, absolute_sigma, start, intervals: as in `fit`, but intervals (and so the limit of k) are
+        quadratic if nothing is said: one by profile takes 20 times as long as the fit itself.
     Result: a FitResult of the batch shape (...), in float64; scalars for a single curve (M,).
     Speed: about 250,000 curves a second on two cores (60 angles, R_s and R_p, shared angles).
     Raises ValueError for values out of range, shapes that do not fit, or no data at all.
