@@ -2,11 +2,12 @@
 
 The quadratic ones are value +- t sigma, cut where the parameter's range ends; of what the data see
 by its square (k of a bare interface) from the square, also where that is compatible with 0. "auto"
-asks for the rise of the cost at their ends, the other parameters fitted again: where its root is
-off by more than OFF, so is the end, by about as many half widths. That is how far the ends of
-`fitting.fit` are off where it begins to take the profile (sigma_eta of 2 % of eta;
-`index.intervals`). By profile always: what is compatible with 0, as there, and all where
-one lies on a bound.
+asks whether the end by profile is nearer than 1 - OFF, or farther than 1 + OFF, of the quadratic
+one's distance: by the rise of the cost at these two places, the other parameters fitted again. (Not
+by the rise at the quadratic end itself: where the floor of a valley flattens, its root may be next
+to 1 and the end far away.) OFF is how far the ends of `fitting.fit` are off where it begins to take
+the profile (sigma_eta of 2 % of eta; `index.intervals`). By profile always: what is compatible with
+0, as there, and all where one lies on a bound.
 
 An interval by profile is that of the parameter with all others free to move within their ranges,
 those on a bound too; a standard error beside a parameter on a bound is that for it lying there.
@@ -110,13 +111,18 @@ class _Pair(NamedTuple):
     searches: tuple[Search, Search]
 
 
-def _pair(fit: Fit, end: End, base: Base, at: int, j: int, ends: np.ndarray, t: float) -> _Pair:
-    """Return the searches, whose first places are the ends of the quadratic interval."""
+def _pair(
+    fit: Fit, end: End, base: Base, at: int, j: int, ends: np.ndarray, t: float, wanted: str
+) -> _Pair:
+    """Return the searches, whose first places are the ends of the quadratic interval.
+
+    To see whether that is right (AUTO): places on either side of them.
+    """
     kind = fit.u.moving[j].parameter.coordinate
     usual = t * end.known.edge[j] * np.sqrt(end.known.variance)
     if not (np.isfinite(usual) and usual > 0.0):
         usual = 0.1 * max(abs(end.y[j]), 1.0)
-    first = []
+    first: list[list[float]] = []
     for sign, place in ((-1.0, ends[0]), (1.0, ends[1])):
         limit = base.high[j] if sign > 0.0 else base.low[j]
         c = float(from_parameter(kind, place)) if np.isfinite(place) else np.nan
@@ -124,24 +130,23 @@ def _pair(fit: Fit, end: End, base: Base, at: int, j: int, ends: np.ndarray, t: 
         # A symmetric interval of what moves by its logarithm may reach down to next to nothing.
         odd = kind == LOG and (far > 3.0 * usual or c == limit)
         good = np.isfinite(far) and far > 0.0 and not odd
-        first.append(far if good else usual)
+        far = far if good else usual
+        both = [(1.0 - OFF) * far, (1.0 + OFF) * far]
+        first.append(both if wanted == AUTO and good else [far])
     below, above = (
         Search(base, j, s, f) for s, f in zip((-1.0, 1.0), first, strict=True)
     )  # fmt: skip
     return _Pair(at, j, (below, above))
 
 
-def _right(fit: Fit, pair: _Pair, ends: np.ndarray) -> bool:
-    """Whether the first places, that were visited, show the quadratic interval to be right."""
-    for s, place in zip(pair.searches, ends, strict=True):
-        if len(s.far) < 2:  # the minimum lies on that bound, or the others are still under way
+def _right(pair: _Pair) -> bool:
+    """Whether the first places show the quadratic interval to be right."""
+    for s in pair.searches:
+        if s.room == 0.0 or len(s.first) < 2:  # the minimum lies on a bound; no quadratic end
             return False
-        # What was visited is the quadratic end, or the bound that cuts it off.
-        visited = _of(fit, s.j, s.base.y[s.j] + s.sign * s.far[1])
-        if abs(visited - place) > 1e-9 * abs(place):
-            return False
-        cut = s.far[1] >= s.room
-        if s.root[1] > 1.0 + OFF or (s.root[1] < 1.0 - OFF and not cut):
+        near, far = s.first
+        outside = s.root_at(far) > 1.0 or far == s.room
+        if not (s.root_at(near) <= 1.0 and outside):
             return False
     return True
 
@@ -179,7 +184,7 @@ def intervals(
     if wanted == QUADRATIC:
         return out
     pairs = [
-        _pair(fit, ends[at], base, at, int(j), out[at].quadratic[j], t)
+        _pair(fit, ends[at], base, at, int(j), out[at].quadratic[j], t, wanted)
         for at, (_, base) in enumerate(starts)
         if base.rise > ROUNDING * fit.squares / noise**2
         for j in np.flatnonzero(fit.u.free)
@@ -192,7 +197,7 @@ def intervals(
             pair for pair in every
             if any(ends[pair.base].known.at_bound)
             or np.isfinite(out[pair.base].limits[pair.j])
-            or not _right(fit, pair, out[pair.base].quadratic[pair.j])
+            or not _right(pair)
         ]  # fmt: skip
     rounds = ROUNDS if wanted == PROFILE else FEW_ROUNDS
     follow(fit, [s for pair in pairs for s in pair.searches], noise, rounds)

@@ -68,19 +68,19 @@ class Place(NamedTuple):
 class Search:
     """The search for one end: from ``base`` along the unknown ``j``, up (sign 1) or down (-1).
 
-    first: distance of the first place. far, root, y: distances visited, by rising distance, roots
+    first: distances of the first places. far, root, y: distances visited, by rising distance, roots
     of the rise there, and all unknowns. found: distance of the end, NaN until it is known.
     """
 
-    def __init__(self, base: Base, j: int, sign: float, first: float):
+    def __init__(self, base: Base, j: int, sign: float, first: Sequence[float]):
         self.base, self.j, self.sign = base, j, sign
         limit = base.high[j] if sign > 0.0 else base.low[j]
         self.room = abs(limit - base.y[j])
         self.far, self.root, self.y = [0.0], [0.0], [base.y]
         self.found = 0.0 if self.room == 0.0 else np.nan
         self.lowest = base.cost, base.y
-        self.first = min(first, self.room)
-        self.under_way = [self._place(self.first)] if self.room > 0.0 else []
+        self.first = list(dict.fromkeys(min(far, self.room) for far in first))
+        self.under_way = [self._place(far) for far in self.first] if self.room > 0.0 else []
         self.brackets: list[float] = []
         self.again: list[float] = []
 
@@ -88,6 +88,10 @@ class Search:
     def end(self) -> float:
         """The end in the solver's coordinate; NaN where none was found."""
         return float(self.base.y[self.j] + self.sign * self.found)
+
+    def root_at(self, far: float) -> float:
+        """Return the root at a distance that was visited; NaN where the others are not at rest."""
+        return self.root[self.far.index(far)] if far in self.far else np.nan
 
     @property
     def out(self) -> int:
@@ -161,7 +165,7 @@ class Search:
             if self.far[-1] >= self.room:
                 self.found = self.room
                 return
-            if self.far[-1] > FARTHEST * self.first:
+            if self.far[-1] > FARTHEST * self.first[0]:
                 self.found = np.inf
                 return
             some = self._ahead(most)
