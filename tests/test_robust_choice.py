@@ -17,7 +17,7 @@ def test_unknown_noise_is_compared_by_the_t_law_at_its_likeliest_width():
         # 4 log(1 + r^2/4) is the t law of 3 degrees of freedom of r sqrt(3/4)
         return -2.0 * stats.t.logpdf(RESIDUALS, 3, scale=np.exp(log_s) * np.sqrt(4 / 3)).sum()
 
-    least = optimize.minimize_scalar(minus_two_log, bounds=(-9.0, 0.0), method="bounded").fun
+    least = optimize.minimize_scalar(minus_two_log, bounds=(-9.0, 0.0), method="bounded").fun  # pyright: ignore
     gaussian = 60 * (1.0 + np.log(2.0 * np.pi))  # what n log(chi2/n) leaves out
     wanted = least - gaussian + 2 * np.log(60)
     for loss in ("student", "huber"):

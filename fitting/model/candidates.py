@@ -81,13 +81,15 @@ class Choice:
     """What `select.choose` found.
 
     fit: of the model taken. taken: its candidate. candidates: all that were tried, by rising BIC.
-    reasons: sentences: why this one, and what else fits as well.
+    reasons: sentences: why this one, and what else fits as well. describes: whether what the one
+    taken leaves looks like noise; if not, its first warning says so.
     """
 
     fit: ModelFit
     taken: Candidate
     candidates: tuple[Candidate, ...]
     reasons: tuple[str, ...]
+    describes: bool = True
 
 
 def simplest(candidates: Sequence[Candidate]) -> Candidate:
@@ -148,6 +150,21 @@ def _unit(fit: ModelFit) -> str:
     return f"{size}, of {' and of '.join(filter(None, (powers, angles)))}"
 
 
+def quoted(*candidates: Candidate) -> str:
+    """Return their labels, which hold commas."""
+    *others, last = (f'"{c.label}"' for c in candidates)
+    return f"{', '.join(others)} and {last}" if others else last
+
+
+def _why(taken: Candidate, near: Sequence[Candidate]) -> str:
+    """Return why this one is taken of those that fit alike."""
+    as_large = [c for c in near if c.size == taken.size]
+    if any(c.size < taken.size for c in near) or any(c.fit.bic < taken.fit.bic for c in as_large):
+        return ""
+    fewest = "; it has the fewest parameters"
+    return f"{fewest} and, of {len(as_large) + 1} that have, the lowest BIC" if as_large else fewest
+
+
 def _reasons(taken: Candidate, less: Candidate | None, everyone: Sequence[Candidate]) -> list[str]:
     reasons = []
     if np.isfinite(taken.held_out):
@@ -155,20 +172,20 @@ def _reasons(taken: Candidate, less: Candidate | None, everyone: Sequence[Candid
             f"points held out are missed by {taken.held_out:.3g}, those shown by {taken.shown:.3g} "
             f"({_unit(taken.fit)})"
         )
-        reasons.append(text + (f"; by {less.label}: {less.held_out:.3g}." if less else "."))
+        reasons.append(text + (f"; by {quoted(less)}: {less.held_out:.3g}." if less else "."))
         if taken.held_out > WORSE * taken.shown:
             reasons.append(
-                f"that is more than {WORSE:g} times as much: {taken.label} does not predict what "
-                "it was not shown; do not trust it between or beyond the data."
+                f"that is more than {WORSE:g} times as much: {quoted(taken)} does not predict "
+                "what it was not shown; do not trust it between or beyond the data."
             )
     near = [
-        c.label for c in everyone
+        c for c in everyone
         if c.good and c.label != taken.label and abs(c.fit.bic - taken.fit.bic) <= MARGIN
     ]  # fmt: skip
     if near:
         reasons.append(
-            f"the data do not tell {taken.label} from {', '.join(near)} (BIC closer than "
-            f"{MARGIN:g}); the one with the fewest parameters is taken."
+            f"the data do not tell {quoted(taken)} from {quoted(*near)} (BIC closer than "
+            f"{MARGIN:g}){_why(taken, near)}."
         )
     if not taken.good:
         reasons.append("no candidate is determined by these data; the best of them is shown.")
@@ -192,8 +209,8 @@ def decide(
         taken, less = pair[0], pair[1] if smaller else None
         if less is not None and less.held_out < taken.held_out:
             overruled.append(
-                f"{less.label} is taken although its BIC is higher, because {taken.label} misses "
-                "the points held out by more."
+                f"{quoted(less)} is taken although its BIC is higher, because {quoted(taken)} "
+                "misses the points held out by more."
             )
             taken, less = less, taken
     reasons = overruled + _reasons(taken, less, everyone)
@@ -221,7 +238,10 @@ def choice_table(choice: Choice) -> list[list[str]]:
 
 
 def choice_dict(choice: Choice) -> dict[str, Any]:
-    """Return the comparison as plain data: ``models``, by rising BIC, and ``choice``, sentences."""
+    """Return the comparison as plain data.
+
+    ``models``, by rising BIC; ``describes_data``, of the one taken; ``choice``, sentences.
+    """
     models = [
         {
             "label": c.label, "taken": c.label == choice.taken.label, "parameters": c.size,
@@ -229,4 +249,5 @@ def choice_dict(choice: Choice) -> dict[str, Any]:
         }
         for c in choice.candidates
     ]  # fmt: skip
-    return {"models": models, "choice": list(choice.reasons)}
+    told = {"describes_data": choice.describes, "choice": list(choice.reasons)}
+    return {"models": models, **told}

@@ -44,6 +44,21 @@ def _matched(at: Evaluated, seen: Observations) -> tuple[tuple[int, ...], ...]:
     return tuple((first.get(c, -1),) for c in seen.channels)
 
 
+def at_data(seen: Observations, value: np.ndarray) -> np.ndarray:
+    """Return the model at every datum (N,), from what each channel shows (K, M)."""
+    out = np.empty(len(seen.row))
+    for i, channel in enumerate(c for c in seen.channels if c != NCS):
+        here = seen.channel == channel
+        out[here] = value[i, seen.row[here]]
+    if NCS in seen.channels:
+        N, C, S = value[-3:]
+        angles = 0.5 * np.arctan2(np.sqrt(C * C + S * S), N), np.arctan2(S, C) % (2.0 * np.pi)
+        for name, angle in zip(("psi", "delta"), angles, strict=True):
+            here = seen.quantity == name
+            out[here] = np.degrees(angle[seen.row[here]])
+    return out
+
+
 def fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray, np.ndarray]:
     """Return the model at every datum and its standard error; see `ModelFit.fitted`."""
     u, seen, targets = at.unknowns, at.seen, at.targets
@@ -57,17 +72,17 @@ def fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray, 
         value, slope = (np.asarray(a) for a in linearised(without_data(targets), at.y, spec=u.spec))
     error = _error(slope, at.covariance)
     channels = [c for c in seen.channels if c != NCS]
-    out, sigma = np.empty(len(seen.row)), np.empty(len(seen.row))
+    sigma = np.empty(len(seen.row))
     for i, channel in enumerate(channels):
         here = seen.channel == channel
-        out[here], sigma[here] = value[i, seen.row[here]], error[i, seen.row[here]]
+        sigma[here] = error[i, seen.row[here]]
     if NCS in seen.channels:
-        _angles(seen, value[-3:], slope[-3:], at.covariance, out, sigma)
-    return out, sigma
+        _errors_of_angles(seen, value[-3:], slope[-3:], at.covariance, sigma)
+    return at_data(seen, value), sigma
 
 
-def _angles(seen, value, slope, covariance, out, sigma) -> None:
-    """Fill in psi and Delta in degrees, from N, C, S (3, M) and slopes (3, M, p)."""
+def _errors_of_angles(seen, value, slope, covariance, sigma) -> None:
+    """Fill in those of psi and Delta in degrees, from N, C, S (3, M) and slopes (3, M, p)."""
     N, C, S = value
     sine2 = C * C + S * S
     sine = np.sqrt(sine2)
@@ -77,12 +92,9 @@ def _angles(seen, value, slope, covariance, out, sigma) -> None:
         d_sine = (C[:, None] * slope[1] + S[:, None] * slope[2]) / sine[:, None]
         d_psi = 0.5 * (N[:, None] * d_sine - sine[:, None] * slope[0]) / total[:, None] ** 2
         d_delta = (C[:, None] * slope[2] - S[:, None] * slope[1]) / sine2[:, None]
-    angles = (0.5 * np.arctan2(sine, N), np.arctan2(S, C) % (2.0 * np.pi))
-    for name, angle, by in zip(("psi", "delta"), angles, (d_psi, d_delta), strict=True):
+    for name, by in zip(("psi", "delta"), (d_psi, d_delta), strict=True):
         here = seen.quantity == name
-        rows = seen.row[here]
-        out[here] = np.degrees(angle[rows])
-        sigma[here] = np.degrees(_error(by[rows], covariance))
+        sigma[here] = np.degrees(_error(by[seen.row[here]], covariance))
 
 
 def index_band(at: Evaluated, wavelength_um: Any) -> tuple[np.ndarray, ...]:

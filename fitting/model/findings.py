@@ -9,6 +9,7 @@ import numpy as np
 from fitting.index.identifiability import CHI2_LARGE, CHI2_SMALL, chi2_flags
 from fitting.index.intervals import PROFILE
 from fitting.model.structures import INTERFACE, NUISANCES
+from fitting.pattern import Pattern
 
 # Of parameters of one formula (A, B and C of Cauchy's) correlation is the rule and does no harm. A
 # nuisance that trades with what is looked for does (the offset of the gold scan: .79 and .71).
@@ -51,6 +52,7 @@ class Findings(NamedTuple):
     quadratic: np.ndarray
     interval_kinds: tuple[str, ...]
     lower: float
+    pattern: Pattern | None
 
 
 def _number(value: float) -> str:
@@ -91,7 +93,8 @@ def _correlated(f: Findings) -> list[str]:
         return []
     out.sort(reverse=True)
     text = "; ".join(sentence for _, sentence in out[:4])
-    more = f"; and {len(out) - 4} more pairs" if len(out) > 4 else ""
+    pairs = "pair" if len(out) == 5 else "pairs"
+    more = f"; and {len(out) - 4} more {pairs}" if len(out) > 4 else ""
     return [f"{text}{more}: their combination is known far better than either."]
 
 
@@ -207,8 +210,20 @@ def _by_the_model_alone(f: Findings) -> list[str]:
     ]
 
 
+def not_noise(p: Pattern) -> str:
+    """Return the sentence on residuals with a pattern."""
+    return (
+        f"what the fit leaves of the data is not noise: its neighbours along the {p.along} are "
+        f"alike (correlation {p.correlation:.2f}, by chance below {p.chance:.2f}). The model does "
+        "not describe the data, or they drift; the errors of the parameters are too small."
+    )
+
+
 def sentences(f: Findings) -> tuple[str, ...]:
-    """Return the warnings of a fit that has ended, the gravest first."""
+    """Return the warnings of a fit that has ended, the gravest first.
+
+    Where the data do not see some combination its valley is one solution: starts end all along it.
+    """
     out = _unseen(f)
     out += _by_the_model_alone(f)
     if f.rms > OUT_OF_MODEL:
@@ -217,12 +232,14 @@ def sentences(f: Findings) -> tuple[str, ...]:
             f"the fitted curve misses the data by {_number(f.rms)} (rms): this model of {what} "
             "does not describe them."
         )
-    if f.others:
+    if f.pattern is not None:
+        out.append(not_noise(f.pattern))
+    if f.others and not f.unseen.size:
         out.append(
             f"{f.others} other minim{'um fits' if f.others == 1 else 'a fit'} as well (chi2 higher "
             'by less than 6); see "others".'
         )
-    if f.starts > FEW_REACHED and f.reached < FEW_REACHED:
+    if f.starts > FEW_REACHED and f.reached < FEW_REACHED and not f.unseen.size:
         out.append(
             f"only {f.reached} of {f.starts} starts ended in the best minimum: a better one may "
             "exist. Take more starts, or fewer parameters."

@@ -10,7 +10,7 @@ import numpy as np
 from fitting.measurement import Measurement, concatenate
 from fitting.model import result as status
 from fitting.model.criteria import criteria
-from fitting.model.curves import Evaluated
+from fitting.model.curves import Evaluated, at_data
 from fitting.model.findings import Findings, sentences
 from fitting.model.intervals import QUADRATIC, Intervals, intervals
 from fitting.model.multistart import SAME_CHI2, STAGE, Ends, Minimum, minima
@@ -19,6 +19,7 @@ from fitting.model.result import ModelFit
 from fitting.model.solve import End, Fit, best_of
 from fitting.model.uncertainty import Slopes
 from fitting.model.unknowns import Unknowns
+from fitting.pattern import pattern
 
 # What data are trusted to where neither errors nor scatter tell.
 ASSUMED_SIGMA = 1e-3
@@ -202,6 +203,7 @@ def model_fit_of(
             fit.dof, scaled, rms, how["starts"], reached, len(others), u.spec.structure,
             u.spec.model.absorbs, _one_power_a_wavelength(measurements), len(np.unique(wavelength)),
             ranges[0].ends[free], ranges[0].quadratic[free], kinds, lower,
+            pattern(concatenate(*measurements), at_data(seen, s.seen), seen.curve, seen.stated),
         ))  # fmt: skip
     bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, int(free.sum()), scaled)
     fixed = {n: float(v) for n, v, f in zip(labels, x, free, strict=True) if not f}

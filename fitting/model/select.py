@@ -9,19 +9,29 @@ they compare and which is taken.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from fitting.index.intervals import QUADRATIC
 from fitting.measurement import Measurement, concatenate
-from fitting.model.candidates import MARGIN, Candidate, Choice, Key, decide, simplest, with_fit
+from fitting.model.candidates import (
+    MARGIN,
+    Candidate,
+    Choice,
+    Key,
+    decide,
+    quoted,
+    simplest,
+    with_fit,
+)
 from fitting.model.fit import fit_model
 from fitting.model.intervals import check_intervals
 from fitting.model.parameters import plain_name
-from fitting.model.result import ModelFit
+from fitting.model.result import NOT_CONVERGED, ModelFit
 from fitting.model.structures import NUISANCES
-from fitting.residuals import residuals
+from fitting.pattern import pattern
 
 MOST_TERMS = 4
 
@@ -59,20 +69,32 @@ def _only_shared(names: Iterable[str]) -> None:
 def explains(fit: ModelFit) -> bool:
     """Whether what a fit leaves looks like noise: in size where errors are stated, else in order.
 
-    In order: neighbours along a curve are not alike (their correlation is below four times what
-    chance does).
+    In order: as `pattern` tells.
     """
     if np.isfinite(fit.chi2_reduced) and fit.dof:
         return fit.chi2_reduced < max(1.5, 1.0 + 5.0 * np.sqrt(2.0 / fit.dof))
-    m = fit.measurement
-    value, _ = fit.fitted()
-    left = residuals(m, value)
-    order = np.lexsort((m.wavelength_um, m.angle_deg, fit.curve))
-    left, same = left[order], np.diff(fit.curve[order]) == 0
-    scale = np.array([np.std(left[fit.curve[order] == c]) for c in fit.curve[order]])
-    left = left / np.where(scale > 0.0, scale, 1.0)
-    pairs = (left[1:] * left[:-1])[same]
-    return len(pairs) < 10 or pairs.mean() < 4.0 / np.sqrt(len(pairs))
+    return pattern(fit.measurement, fit.fitted()[0], fit.curve, stated=False) is None
+
+
+def _with_doubt(choice: Choice) -> Choice:
+    """Return the choice, with a warning first of all where its model does not describe the data."""
+    if explains(choice.fit):
+        return choice
+    better = [c for c in choice.candidates if c.fit.status != NOT_CONVERGED and explains(c.fit)]
+    taken = quoted(choice.taken)
+    if better:
+        text = (
+            f"{taken} does not describe these data; {quoted(*better)} would, but the data do not "
+            "support so many parameters."
+        )
+    else:
+        text = (
+            f"no candidate describes these data: {taken} is the best, and what it leaves is not "
+            f"noise (rms {choice.fit.rms:.3g})."
+        )
+    text += " Do not take its parameters, or their errors, for those of the material."
+    fit = replace(choice.fit, warnings=(text, *choice.fit.warnings))
+    return replace(with_fit(choice, fit), describes=False)
 
 
 def _nuisances(m: Measurement) -> list[str]:
@@ -163,6 +185,6 @@ def choose(
                 if grown.good and grown.fit.bic < base.fit.bic - MARGIN:
                     base, extra = grown, (*extra, name)
     choice = decide(list(tried.values()), run, measurements, joined)
-    if intervals == QUADRATIC:
-        return choice
-    return with_fit(choice, run(choice.taken.key, intervals=intervals))
+    if intervals != QUADRATIC:
+        choice = with_fit(choice, run(choice.taken.key, intervals=intervals))
+    return _with_doubt(choice)
