@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint accuracy bench stability startup fit-study fit-coverage model-study model-success clean
+.PHONY: demo test lint accuracy bench stability startup fit-study fit-coverage model-coverage model-study model-success clean
 
 demo: .venv/installed-plot  ## fit the gold scan that ships with the project; table, plot, JSON in demo/
 	mkdir -p demo
@@ -37,6 +37,9 @@ fit-study: .venv/installed-bench  ## how often the fit finds the best minimum, o
 
 fit-coverage: .venv/installed-bench  ## how often the 95 % intervals hold the truth, over 1e4 repeats
 	$(BIN)/python -m benchmarks.fit_coverage
+
+model-coverage: .venv/installed-bench  ## the same of the intervals of model fits (half an hour)
+	$(BIN)/python -m benchmarks.model_coverage
 
 model-study: .venv/installed-bench  ## how often --model auto finds the true model, and adds none too many
 	$(BIN)/python -m benchmarks.model_choice
