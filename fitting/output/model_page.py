@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fitting.model.candidates import Choice, choice_table
-from fitting.output.model_report import other_text, range_text
+from fitting.output.model_report import (
+    errors_text,
+    k_text,
+    other_text,
+    others_of,
+    range_text,
+    rms_text,
+    status_text,
+    unseen_k,
+)
 from fitting.output.page import Table, page
 from fitting.output.report import number, with_error
 from fitting.output.report_page import data_table
@@ -17,22 +26,23 @@ if TYPE_CHECKING:
 
 
 def _facts(fit: ModelFit) -> list[tuple[str, str]]:
-    each = ", ".join(f"{kind} {number(v, 3)}" for kind, v in fit.rms_of.items())
     rows = [
         ("read", fit.measurement.understood.removeprefix("read ")),
         ("model", f"{fit.model}, {fit.structure}, light from a medium of index {fit.eta_i:.10g}"),
-        ("status", f"{fit.status}; {fit.reached} of {fit.starts} starts agree"),
+        ("status", status_text(fit)),
         ("data", f"{fit.n_data}, degrees of freedom {fit.dof}"),
     ]
     if np.isfinite(fit.chi2_reduced):
         rows.append(("chi2/dof", f"{number(fit.chi2_reduced, 3)}  ({number(fit.chi2)})"))
-    rows.append(("rms", f"{number(fit.rms, 3)}  ({each}; unweighted)"))
+    rows.append(("rms", rms_text(fit)))
     rows.append(("criteria", f"BIC {fit.bic:.2f}, AICc {fit.aicc:.2f}"))
-    kind = "taken as stated" if fit.sigma_kind == "absolute" else "scaled by the scatter"
-    rows.append(("errors", f"one standard error, {kind}"))
+    if fit.loss != "squares":
+        rows.append(("loss", f"{fit.loss}, at a noise of {number(fit.noise, 3)}"))
+    if errors := errors_text(fit):
+        rows.append(("errors", errors))
     if "profile" in fit.interval_kinds:
         rows.append(("95 % range", "with *: by the likelihood itself, all other parameters free"))
-    for other in fit.others[:3]:
+    for other in others_of(fit):
         rows.append(("or else", other_text(other)))
     return rows
 
@@ -66,7 +76,7 @@ def _index(fit: ModelFit) -> list[Table]:
     if not len(waves):
         return []
     rows = [
-        [f"{w:.6g}", with_error(n, s), with_error(k, t) if k else "0"]
+        [f"{w:.6g}", with_error(n, s), k_text(k, t, unseen_k(fit))]
         for w, n, s, k, t in zip(*(a.tolist() for a in fit.index(waves)), strict=True)
     ]
     return [Table("Index over wavelength", ["wavelength, um", "eta", "k"], rows)]

@@ -7,10 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from fitting.model.result import ModelFit
+from fitting.model.result import UNDETERMINED, ModelFit
+from fitting.model.structures import NUISANCES
 from fitting.output.export import csv_text, measured_columns
 from fitting.output.report import between, number, with_error, wrapped
 from fitting.plain_data import json_object
+
+# Second solutions, and pairs of parameters, that are shown.
+_OTHERS, _PAIRS = 3, 6
 
 
 def _what(fit: ModelFit) -> str:
@@ -65,14 +69,72 @@ def _ranges(fit: ModelFit) -> str:
     )
 
 
-def _errors(fit: ModelFit) -> str:
+def errors_text(fit: ModelFit) -> str:
+    """Return how the standard errors were made; "" where there are none."""
     if not np.isfinite(fit.sigmas).any():
         return ""
+    if fit.loss != "squares":
+        noise = "the stated errors" if fit.sigma_kind == "absolute" else "that noise"
+        return (
+            f"one standard error, from {noise} and the scatter as the {fit.loss} loss counts it "
+            "(Huber's estimate)"
+        )
     if fit.sigma_kind == "absolute":
         return "one standard error, from the stated errors as they are"
     if math.isnan(fit.chi2):
         return "one standard error, from the scatter about the fit (equal weights)"
     return "one standard error, from the stated errors times sqrt(chi2/dof)"
+
+
+def rms_text(fit: ModelFit) -> str:
+    """Return the root mean square of the residuals, of all and of each quantity."""
+    each = ", ".join(f"{kind} {number(v, 3)}" for kind, v in fit.rms_of.items())
+    what = " of cos 2psi, sin 2psi cos Delta, sin 2psi sin Delta" if "NCS" in fit.rms_of else ""
+    if len(fit.rms_of) > 1:
+        return f"{number(fit.rms, 3)}  ({each.replace('NCS', 'psi and Delta')}{what}; unweighted)"
+    return f"{number(fit.rms, 3)}  ({what.strip() or each}; unweighted)"
+
+
+def status_text(fit: ModelFit) -> str:
+    """Return the status, and how many starts agree; in a valley they end all along it."""
+    agree = f"; {fit.reached} of {fit.starts} starts agree"
+    return fit.status + ("" if fit.status == UNDETERMINED else agree)
+
+
+def others_of(fit: ModelFit) -> tuple[dict[str, Any], ...]:
+    """Return the second solutions that are shown: none of a valley, which is all one."""
+    return () if fit.status == UNDETERMINED else fit.others[:_OTHERS]
+
+
+def _correlations(fit: ModelFit) -> str:
+    """Return all correlations, or the largest of many."""
+    pairs = [
+        (fit.correlation[i, j], f"{fit.names[j]} and {fit.names[i]} ")
+        for i in range(len(fit.names))
+        for j in range(i)
+        if np.isfinite(fit.correlation[i, j])
+    ]
+    many = len(pairs) > _PAIRS
+    if many:
+        pairs = sorted(pairs, key=lambda pair: -abs(pair[0]))
+    text = ", ".join(f"{names}{c:+.3f}" for c, names in pairs[:_PAIRS])
+    return f"{text} (the largest of {len(pairs)})" if many else text
+
+
+def unseen_k(fit: ModelFit) -> bool:
+    """Whether a parameter of the material is only known to be below a limit."""
+    return any(
+        np.isfinite(limit) and name.partition("[")[0] not in (*NUISANCES, "thickness_um")
+        for name, limit in zip(fit.names, fit.upper_limits, strict=True)
+    )
+
+
+def k_text(k: float, sigma: float, unseen: bool) -> str:
+    """Return k with its error; without one where it was not seen, see `unseen_k`."""
+    # k^2 is what the data see: three of its errors are six of those of k.
+    if unseen and 0.0 < k < 6.0 * sigma:
+        return f"{number(k, 2)} (compatible with 0)"
+    return with_error(k, sigma) if k else "0"
 
 
 def _index_rows(fit: ModelFit) -> list[tuple[str, str]]:
@@ -82,9 +144,9 @@ def _index_rows(fit: ModelFit) -> list[tuple[str, str]]:
     if len(known) < 2 or fit.model == "constant":
         return []
     at = known[[0, len(known) // 2, -1]]
-    band = fit.index(at)
+    band, unseen = fit.index(at), unseen_k(fit)
     return [
-        (f"at {w:.4g} um", f"eta {with_error(n, s)}, k {with_error(k, t) if k else '0'}")
+        (f"at {w:.4g} um", f"eta {with_error(n, s)}, k {k_text(k, t, unseen)}")
         for w, n, s, k, t in zip(*(a.tolist() for a in band), strict=True)
     ]
 
@@ -93,7 +155,8 @@ def table(fit: ModelFit, width: int = 80) -> str:
     """Return the fit as lines of at most ``width`` characters.
 
     What was read; every parameter with one standard error; eta and k at three wavelengths; 95 %
-    ranges that the errors do not tell; chi2, rms, how many starts agree, status and warnings.
+    ranges that the errors do not tell; chi2, rms, correlations, how many starts agree, status and
+    warnings.
     """
     m = fit.measurement
     lines = [m.source, wrapped("read", m.understood.removeprefix("read "), width)]
@@ -108,18 +171,19 @@ def table(fit: ModelFit, width: int = 80) -> str:
         rows.append(("chi2/dof", f"{each}  ({number(fit.chi2)} / {fit.dof})"))
     else:
         rows.append(("dof", str(fit.dof)))
-    each = ", ".join(f"{kind} {number(v, 3)}" for kind, v in fit.rms_of.items())
-    rows.append(("rms", f"{number(fit.rms, 3)}  ({each}; unweighted)"))
+    rows.append(("rms", rms_text(fit)))
     if fit.loss != "squares":
         rows.append(("loss", f"{fit.loss}, at a noise of {number(fit.noise, 3)}"))
-    if errors := _errors(fit):
+    if errors := errors_text(fit):
         rows.append(("errors", errors))
     if ranges := _ranges(fit):
         rows.append(("95 % range", f"{ranges} (by the likelihood itself)"))
+    if correlations := _correlations(fit):
+        rows.append(("correlation", correlations))
     rows.append(("criteria", f"BIC {fit.bic:.2f}, AICc {fit.aicc:.2f}"))
-    rows.append(("status", f"{fit.status}; {fit.reached} of {fit.starts} starts agree"))
+    rows.append(("status", status_text(fit)))
     lines += ["", *(wrapped(label, text, width) for label, text in rows)]
-    for other in fit.others[:3]:
+    for other in others_of(fit):
         lines.append(wrapped("or else", other_text(other), width))
     texts = [("warning", w) for w in fit.warnings] + [("note", n) for n in fit.notes]
     if texts:
