@@ -3,7 +3,7 @@
 import pytest
 
 from fitting import Measurement, fit_model
-from fitting.model.parameters import parse_setting, parse_settings
+from fitting.model.parameters import Settings, check_settings, names_of, parse_setting
 
 
 @pytest.mark.parametrize(("options", "words"), [
@@ -14,6 +14,7 @@ from fitting.model.parameters import parse_setting, parse_settings
     ({"structure": "slab"}, "a slab needs its thickness"),
     ({"structure": "slab", "thickness_um": -1.0}, "a number above 0"),
     ({"free": ["scal"]}, "has no parameter 'scal'"),
+    ({"free": "scal"}, "has no parameter 'scal'"),
     ({"fixed": {"A": float("nan")}}, "A is held at nan"),
     ({"fixed": {"A": 1.5}, "bounds": {"A": (1, 2)}}, "at once"),
     ({"fixed": {"A": 1.5, "B": 0.0, "C": 0.0}}, "every parameter is held"),
@@ -22,7 +23,12 @@ from fitting.model.parameters import parse_setting, parse_settings
     ({"loss": "cubes"}, "loss is 'cubes'"),
     ({"eta_i": -1.0}, "eta_i is -1.0"),
     ({"starts": 0}, "starts is 0"),
+    ({"eta_i": 1.0 + 1.0j}, "eta_i is "),
     ({"start": {"D": 1.0}}, "start names D"),
+    ({"model": "constant", "start": {"eta": -1.0}}, "the start of eta is -1; a number from"),
+    ({"model": "constant", "start": {"eta": float("nan")}}, "the start of eta is nan"),
+    ({"model": "constant", "bounds": {"eta": (1, 2)}, "start": {"eta": 3}}, "from 1 to 2 was"),
+    ({"model": "drude", "bounds": {"width_ev": (0, 1)}, "start": {"width_ev": 0}}, "above 0 to 1"),
     ({"sigma": "none"}, "sigma is 'none'"),
 ])  # fmt: skip
 def test_refusals(options, words):
@@ -67,7 +73,10 @@ def test_texts_that_say_nothing(text):
 
 
 def test_settings_together():
-    found = parse_settings(["eta=1.5", "k=0..1", "scale~1+-0.1"], ["angle-offset"])
+    found = check_settings(
+        Settings(names_of("angle-offset"), {"eta": 1.5}, {"k": (0, 1)}, {"scale": (1, 0.1)})
+    )
     assert found.names == ("angle_offset", "eta", "k", "scale")
+    assert names_of(n for n in ("scale", "leak")) == ("scale", "leak")
     with pytest.raises(ValueError, match="at once"):
-        parse_settings(["eta=1.5", "eta=1..2"])
+        check_settings(Settings(fixed={"eta": 1.5}, bounds={"eta": (1.0, 2.0)}))

@@ -21,7 +21,7 @@ from fitting.model.multistart import start_at, usual_starts
 from fitting.model.multistart import starts as start_points
 from fitting.model.observations import Observations, observations
 from fitting.model.outcome import model_fit_of
-from fitting.model.parameters import Settings, check_settings, plain_name
+from fitting.model.parameters import LOG, Settings, check_settings, names_of, plain_name
 from fitting.model.predictions import predict as predict
 from fitting.model.problem import LOSSES, Targets
 from fitting.model.result import ModelFit as ModelFit
@@ -53,7 +53,7 @@ def check_choices(
         raise ValueError(f"loss is {loss!r}; one of {', '.join(LOSSES)} was wanted.")
     if sigma not in ("given", "equal"):
         raise ValueError(f'sigma is {sigma!r}; "given" or "equal" was wanted.')
-    if not (np.isfinite(eta_i) and eta_i > 0.0):
+    if np.iscomplexobj(eta_i) or not (np.isfinite(eta_i) and eta_i > 0.0):
         raise ValueError(f"eta_i is {eta_i}; the index of a lossless medium, above 0, was wanted.")
     if not (starts is None or (isinstance(starts, int) and starts > 0)):
         raise ValueError(f"starts is {starts!r}; a whole number above 0 was wanted.")
@@ -64,11 +64,20 @@ def check_choices(
 def _inside(u: Unknowns, start: Mapping[str, float]) -> dict[str, float]:
     """Return the caller's start by the names inside, of what is free."""
     given = {plain_name(n): float(v) for n, v in start.items()}
+    unknown = {w.parameter.name: w for w in u.moving if w.free}
     out = {}
     for name, label in u.labels.items():
         value = given.pop(label, None)
-        if value is not None:
-            out[name] = value
+        if value is None or name not in unknown:
+            continue
+        w = unknown[name]
+        positive = w.parameter.coordinate == LOG
+        if not w.low <= value <= w.high or (positive and value <= 0.0):
+            above = "above 0 " if positive and w.low <= 0.0 else f"from {w.low:g} "
+            raise ValueError(
+                f"the start of {label} is {value:g}; a number {above}to {w.high:g} was wanted."
+            )
+        out[name] = value
     if given:
         raise ValueError(
             f"start names {', '.join(given)}; the parameters are {', '.join(u.labels.values())}."
@@ -101,8 +110,9 @@ def fit_model(
     model: one of `model_names`, with a number of terms if it takes one: "drude-lorentz:2".
     structure: "interface" (one bare boundary) or "slab" (a thick one with both faces).
     thickness_um: of the slab; held unless it is in ``free`` or has bounds or a prior.
-    free: parameters that are held otherwise: the nuisances "scale" and "background" (one for each
-        curve), "angle_offset", "leak", "divergence" (see `structures`), "thickness_um", "edge_ev".
+    free: names (or one) of what is held otherwise: the nuisances "scale" and "background" (one for
+        each curve), "angle_offset", "leak", "divergence" (see `structures`), "thickness_um",
+        "edge_ev".
     fixed, bounds, priors: name -> value, (low, high), (value, standard error). "scale" is all
         scales, "scale[R_s]" one of them.
     loss: "squares"; "huber" or "student" for data with outliers, with the noise found from the
@@ -110,14 +120,16 @@ def fit_model(
     eta_i: index of the lossless medium that the light comes from (and of a slab, goes to).
     sigma, absolute_sigma: as in `fitting.fit`.
     starts, seed: number of quasi-random starts (None: by the number of unknowns) and their origin.
-    start: name -> value of one more start, in which what is not named is in the middle.
+    start: name -> value of one more start, in which what is not named is in the middle; of what is
+        held nothing is used.
 
     intervals: how `ModelFit.intervals` are found, as in `fitting.fit`: "quadratic" (from the
         standard errors), "profile" (from the likelihood), or "auto": by profile where the quadratic
         ones are wrong (at a bound, near 0, or where the fit is not linear enough).
 
     psi and Delta are compared as cos 2psi, sin 2psi cos Delta, sin 2psi sin Delta. Result: a
-    `ModelFit`. Takes .05 to .5 s once the program for a kind of fit is compiled (1 to 5 s).
+    `ModelFit`. Takes .02 to .2 s for Cauchy and Drude, some seconds for three oscillators, once the
+    program for a kind of fit is compiled (some seconds); figures are in docs/fitting.md.
     Raises ValueError for names, values and quantities that do not go together.
     """
     measurements = [measurement] if isinstance(measurement, Measurement) else list(measurement)
@@ -125,7 +137,7 @@ def fit_model(
         raise ValueError("no measurement came.")
     which = parse_model(model)
     check_quantities(measurements, which, structure)
-    settings = check_settings(Settings(tuple(free), fixed or {}, bounds or {}, priors or {}))
+    settings = check_settings(Settings(names_of(free), fixed or {}, bounds or {}, priors or {}))
     seen = observations(measurements, sigma)
     check_choices(seen, loss, sigma, absolute_sigma, eta_i, starts)
     check_intervals(intervals)

@@ -94,13 +94,9 @@ def parse_setting(text: str) -> tuple[str, str, Any]:
     raise _refuse(text)
 
 
-def parse_settings(texts: Iterable[str], free: Iterable[str] = ()) -> Settings:
-    """Return the settings of texts such as ``eta=1.5`` and of names that are to be free."""
-    found: dict[str, dict[str, Any]] = {"fixed": {}, "bounds": {}, "priors": {}}
-    for text in texts:
-        name, kind, value = parse_setting(text)
-        found[kind][name] = value
-    return check_settings(Settings(tuple(map(plain_name, free)), **found))
+def names_of(names: str | Iterable[str]) -> tuple[str, ...]:
+    """Return names as a tuple: a string is one name, not its letters."""
+    return (names,) if isinstance(names, str) else tuple(names)
 
 
 def _pair(name: str, value: Any, what: str) -> tuple[float, float]:

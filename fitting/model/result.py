@@ -53,7 +53,8 @@ class ModelFit:
     bic, aicc: information criteria, -2 log(likelihood) and a term for the parameters. With scaled
         errors the likelihood is that of one unknown noise; with a robust loss it is robust, too
         (see `criteria`). To compare models of the same data.
-    sigma_kind: "absolute", or "scaled" by the scatter of the residuals.
+    sigma_kind: "absolute", or "scaled" by the scatter of the residuals; with a robust loss both by
+        Huber's estimate from them (see `uncertainty`), "absolute" at the stated noise.
     status: "converged"; "undetermined" (the fit is at its best, but the data do not see some
         combination of the parameters, whose sigmas are NaN); "not converged".
     warnings, notes: sentences.

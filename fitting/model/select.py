@@ -28,7 +28,7 @@ from fitting.model.candidates import (
 )
 from fitting.model.fit import fit_model
 from fitting.model.intervals import check_intervals
-from fitting.model.parameters import plain_name
+from fitting.model.parameters import names_of, plain_name
 from fitting.model.result import NOT_CONVERGED, ModelFit
 from fitting.model.structures import NUISANCES
 from fitting.pattern import pattern
@@ -129,14 +129,15 @@ def choose(
     nuisances: whether a free scale and angle offset are tried.
     step: called with the name of each candidate before it is tried.
     Result: a `Choice`. Accuracy: how often the true model of simulated spectra is found, and how
-    seldom a parameter too many, is in docs/fitting.md. Time: some ten fits.
+    seldom a parameter too many, is in docs/fitting.md. Time: ten to twenty fits; the first ones
+    of a kind, whose programs are compiled then, up to two minutes.
     Raises ValueError as `fit_model` does.
     """
     measurements = [measurement] if isinstance(measurement, Measurement) else list(measurement)
     joined = concatenate(*measurements)
     wavelengths = len(np.unique(joined.wavelength_um[np.isfinite(joined.wavelength_um)]))
     check_intervals(intervals)
-    held, given = dict(fixed or {}), tuple(free)
+    held, given = dict(fixed or {}), names_of(free)
     _only_shared([*held, *given, *(options.get("bounds") or {}), *(options.get("priors") or {})])
     tried: dict[Key, Candidate] = {}
 
