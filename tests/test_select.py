@@ -138,12 +138,40 @@ def test_points_held_out_have_no_weight_and_are_a_fifth_of_each_curve(spectrum):
     assert (masked.sigma[~out] == 1e-3).all()
     equal = Measurement.from_columns(spectrum.angle_deg, spectrum.wavelength_um, R=spectrum.value)
     assert (candidates._without_some(equal)[0].sigma[~out] == 1.0).all()
+    # Errors that are stated and were not to be used are not used here either.
+    assert (candidates._without_some(spectrum, False)[0].sigma[~out] == 1.0).all()
 
 
 def test_a_fit_that_does_not_predict_is_said_so():
     taken = candidate("lorentz:3", 8, 0.0)._replace(held_out=9.0, shown=1.0)
     reasons = candidates._reasons(taken, None, [taken])
     assert any("does not predict" in r for r in reasons)
+
+
+def test_what_is_said_of_models_that_fit_alike():
+    one = Candidate(Key("cauchy:2", ("scale",)), outcome(2, 0.0))  # pyright: ignore
+    larger, as_large = candidate("cauchy:3", 3, -2.0), candidate("sellmeier:1", 2, 1.0)
+    (text,) = candidates._reasons(one, None, [larger, one])
+    assert text.startswith('the data do not tell "cauchy:2, scale" from "cauchy:3" (BIC closer')
+    assert text.endswith("it has the fewest parameters.")
+    (text,) = candidates._reasons(one, None, [larger, one, as_large])
+    assert '"cauchy:3" and "sellmeier:1" (BIC' in text
+    assert text.endswith("it has the fewest parameters and, of 2 that have, the lowest BIC.")
+    # Taken for another reason, which is said elsewhere.
+    for better in (candidate("constant", 1, 4.0), candidate("sellmeier:1", 2, -1.0)):
+        (text,) = candidates._reasons(one, None, [better, one])
+        assert text.endswith("(BIC closer than 6).")
+
+
+@pytest.mark.parametrize(("columns", "unit"), [
+    ({"R_s": [0.1], "T": [0.5]}, "(rms, of R and of T)"),
+    ({"psi": [20.0], "delta": [3.0]}, "(rms, of 2 psi and sin(2 psi) Delta in radians)"),
+])  # fmt: skip
+def test_how_far_points_are_missed_has_a_unit(columns, unit):
+    fit = outcome(1, 0.0)
+    assert candidates._unit(fit) == "rms, in standard errors"  # pyright: ignore
+    fit.chi2_reduced, fit.measurement = np.nan, Measurement.from_columns([50.0], 0.5, **columns)
+    assert f"({candidates._unit(fit)})" == unit  # pyright: ignore
 
 
 def test_names_that_only_some_models_have_are_refused(spectrum):

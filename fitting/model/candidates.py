@@ -146,7 +146,7 @@ def _unit(fit: ModelFit) -> str:
         return f"{size}, in standard errors"
     kinds = {*fit.measurement.quantity.tolist()}
     angles = "2 psi and sin(2 psi) Delta in radians" if kinds & {"psi", "delta"} else ""
-    powers = " and ".join(k for k in ("R", "T") if any(q.startswith(k) for q in kinds))
+    powers = " and of ".join(k for k in ("R", "T") if any(q.startswith(k) for q in kinds))
     return f"{size}, of {' and of '.join(filter(None, (powers, angles)))}"
 
 
