@@ -239,7 +239,7 @@ def _run(arguments: argparse.Namespace) -> int:
             beside = results.reference_lines(arguments, measurement.wavelength_um, width)
             _print(report.table(result, measurement, width) + beside)
         with Progress("files written", quiet=arguments.quiet) as bar:
-            results.write(staged, result, measurement, arguments, bar)
+            results.write(staged, results.contents(result, measurement), arguments, bar)
         outputs.publish()
     return FITTED if all(status in GOOD for status in np.atleast_1d(result.status)) else NOT_FITTED
 
@@ -276,7 +276,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(file=sys.stderr)
         return INTERRUPTED
-    except OSError as error:  # a full disk, for one
+    except OSError as error:
         print(f"{PROGRAM}: {error.filename or 'writing'}: {error.strerror}", file=sys.stderr)
     except _Refused as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr)

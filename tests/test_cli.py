@@ -326,7 +326,7 @@ def test_results_are_written_whole_or_not_at_all(capsys, tmp_path, monkeypatch, 
     arguments += ["--plot", str(tmp_path / "gold.png")]
     if isinstance(error, OSError):
         assert cli.main(arguments) == 2
-        assert "No space left" in capsys.readouterr().err
+        assert "--plot: No space left" in capsys.readouterr().err
     else:  # a defect of ours is not dressed up as a mistake of the user
         with pytest.raises(RuntimeError, match="defect"):
             cli.main(arguments)

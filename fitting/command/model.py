@@ -62,30 +62,24 @@ def _json(fit: ModelFit, choice: Choice | None) -> str:
     return model_report.json_text(fit, choice_dict(choice))
 
 
-def _write(
-    staged: dict[str, Path],
-    fit: ModelFit,
-    choice: Choice | None,
-    arguments: argparse.Namespace,
-    bar: Progress,
-) -> None:
-    def text_of(kind: str, path: Path) -> str | None:
-        what = kind.removeprefix("report ")
-        if what == "plot":
-            from fitting.output.plot_model import save_model_plot
+def _contents(fit: ModelFit, choice: Choice | None) -> results.Contents:
+    def plot(path: Path, suffix: str, reference: str | None) -> None:
+        from fitting.output.plot_model import save_model_plot
 
-            suffix = Path(arguments.plot).suffix if kind == "plot" else ".png"
-            save_model_plot(fit, path, suffix, arguments.reference)
-            return None
-        if what == "page":
-            from fitting.output.model_page import model_page
+        save_model_plot(fit, path, suffix, reference)
 
-            return model_page(fit, staged["report plot"].read_bytes(), arguments.command, choice)
-        if what == "json":
-            return _json(fit, choice)
-        return model_report.data_csv(fit) if what == "csv" else model_report.index_csv(fit)
+    def page(png: bytes, command: str) -> str:
+        from fitting.output.model_page import model_page
 
-    results.write_texts(staged, text_of, bar)
+        return model_page(fit, png, command, choice)
+
+    return results.Contents(
+        json=lambda: _json(fit, choice),
+        csv=lambda: model_report.data_csv(fit),
+        index=lambda: model_report.index_csv(fit),
+        plot=plot,
+        page=page,
+    )
 
 
 def run_model(
@@ -113,6 +107,6 @@ def run_model(
             beside = results.reference_lines(arguments, wavelength, width)
             show(model_report.table(fit, width) + compared + beside)
         with Progress("files written", quiet=arguments.quiet) as bar:
-            _write(staged, fit, choice, arguments, bar)
+            results.write(staged, _contents(fit, choice), arguments, bar)
         outputs.publish()
     return fit.status == "converged"

@@ -46,30 +46,24 @@ def _fit(measurement: Measurement, arguments: argparse.Namespace) -> PointFits:
         )
 
 
-def _write(
-    staged: dict[str, Path], fits: PointFits, arguments: argparse.Namespace, bar: Progress
-) -> None:
-    texts = {
-        "json": point_report.json_text,
-        "csv": point_report.data_csv,
-        "index": point_report.index_csv,
-    }
+def _contents(fits: PointFits) -> results.Contents:
+    def plot(path: Path, suffix: str, reference: str | None) -> None:
+        from fitting.output.plot_points import save_point_plot
 
-    def text_of(kind: str, path: Path) -> str | None:
-        what = kind.removeprefix("report ")
-        if what == "plot":
-            from fitting.output.plot_points import save_point_plot
+        save_point_plot(fits, path, suffix, reference)
 
-            suffix = Path(arguments.plot).suffix if kind == "plot" else ".png"
-            save_point_plot(fits, path, suffix, arguments.reference)
-            return None
-        if what == "page":
-            from fitting.output.point_page import point_page
+    def page(png: bytes, command: str) -> str:
+        from fitting.output.point_page import point_page
 
-            return point_page(fits, staged["report plot"].read_bytes(), arguments.command)
-        return texts[what](fits)
+        return point_page(fits, png, command)
 
-    results.write_texts(staged, text_of, bar)
+    return results.Contents(
+        json=lambda: point_report.json_text(fits),
+        csv=lambda: point_report.data_csv(fits),
+        index=lambda: point_report.index_csv(fits),
+        plot=plot,
+        page=page,
+    )
 
 
 def run_points(
@@ -97,6 +91,6 @@ def run_points(
             beside = results.reference_lines(arguments, measurement.wavelength_um, width)
             show(point_report.table(fits, width) + beside)
         with Progress("files written", quiet=arguments.quiet) as bar:
-            _write(staged, fits, arguments, bar)
+            results.write(staged, _contents(fits), arguments, bar)
         outputs.publish()
     return bool((fits.status == "converged").all())

@@ -6,7 +6,7 @@ import argparse
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from fitting.command.options import of_a_model
 from fitting.output.outputs import Outputs
@@ -84,58 +84,63 @@ def reference_lines(arguments: argparse.Namespace, wavelength_um: np.ndarray, wi
     return "\n" + wrapped("reference", text, width) + "\n"
 
 
-def write_texts(
-    staged: dict[str, Path], text_of: Callable[[str, Path], str | None], bar: Progress
-) -> None:
-    """Write all of ``staged``.
+class Contents(NamedTuple):
+    """What goes into each kind of file, made when it is wanted.
 
-    text_of: what goes into a file of this kind ("json", "plot", ..., without "report"); None where
-    it has written the file itself. bar: is told of each file.
+    plot: writes a picture of this name ending and with this reference material. page: HTML around
+    that picture, for a command line. The others: text.
     """
-    for kind, path in staged.items():
-        bar.step(REPORT.get(kind, kind))
-        text = text_of(kind, path)
-        if text is not None:
-            # File names that are no text are shown with escapes; line ends are the same everywhere.
-            path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
+
+    json: Callable[[], str]
+    csv: Callable[[], str]
+    index: Callable[[], str]
+    plot: Callable[[Path, str, str | None], None]
+    page: Callable[[bytes, str], str]
 
 
-def _text(kind: str, result: FitResult, measurement: Measurement) -> str:
+def contents(result: FitResult, measurement: Measurement) -> Contents:
+    """Return the contents of the files on a fit of one index a wavelength."""
+    from fitting.index.curves import fitted_values
     from fitting.output import export
 
-    if kind == "json":
-        return export.json_text(result, measurement)
-    if kind == "index":
-        return export.index_csv(result, measurement)
-    from fitting.index.curves import fitted_values
+    def plot(path: Path, suffix: str, reference: str | None) -> None:
+        from fitting.output.plot import save_plot
 
-    return export.data_csv(result, measurement, *fitted_values(result, measurement))
+        save_plot(result, measurement, path, suffix, reference)
+
+    def page(png: bytes, command: str) -> str:
+        from fitting.output.report_page import fit_page
+
+        fitted, _ = fitted_values(result, measurement)
+        return fit_page(result, measurement, fitted, png, command)
+
+    return Contents(
+        json=lambda: export.json_text(result, measurement),
+        csv=lambda: export.data_csv(result, measurement, *fitted_values(result, measurement)),
+        index=lambda: export.index_csv(result, measurement),
+        plot=plot,
+        page=page,
+    )
 
 
 def write(
-    staged: dict[str, Path],
-    result: FitResult,
-    measurement: Measurement,
-    arguments: argparse.Namespace,
-    bar: Progress,
+    staged: dict[str, Path], of: Contents, arguments: argparse.Namespace, bar: Progress
 ) -> None:
-    """Write all of ``staged``."""
-
-    def text_of(kind: str, path: Path) -> str | None:
+    """Write all of ``staged``; ``bar`` is told of each file."""
+    for kind, path in staged.items():
+        bar.step(REPORT.get(kind, kind))
         what = kind.removeprefix("report ")
-        if what == "plot":
-            from fitting.output.plot import save_plot
-
-            suffix = Path(arguments.plot).suffix if kind == "plot" else ".png"
-            save_plot(result, measurement, path, suffix, arguments.reference)
-            return None
-        if what == "page":
-            from fitting.index.curves import fitted_values
-            from fitting.output.report_page import fit_page
-
-            fitted, _ = fitted_values(result, measurement)
-            png = staged["report plot"].read_bytes()
-            return fit_page(result, measurement, fitted, png, arguments.command)
-        return _text(what, result, measurement)
-
-    write_texts(staged, text_of, bar)
+        try:
+            if what == "plot":
+                suffix = Path(arguments.plot).suffix if kind == "plot" else ".png"
+                of.plot(path, suffix, arguments.reference)
+                continue
+            if what == "page":
+                text = of.page(staged["report plot"].read_bytes(), arguments.command)
+            else:
+                text = getattr(of, what)()
+            # File names that are no text are shown with escapes; line ends are the same everywhere.
+            path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
+        except OSError as error:  # a full disk, for one, which has no file's name
+            name = f"--report {REPORT[kind]}" if kind in REPORT else _FLAGS[kind]
+            raise OSError(error.errno, error.strerror, name) from error
