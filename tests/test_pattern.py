@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from simulated import GOLD, simulated, textbook
 
-from fitting import Measurement, choose, fit_model, read_csv
+from fitting import Measurement, choose, fit, fit_model, fitted_values, read_csv
+from fitting.index.misfit import _reflectance
 from fitting.model.candidates import choice_dict
 from fitting.pattern import pattern
 from fitting.residuals import residuals, weighted_residuals
@@ -120,9 +121,49 @@ def test_a_fit_says_that_its_model_does_not_describe_the_data(stepped):
 
 def test_the_gold_scan_drifts_off_its_best_index():
     """Its residuals go to -.1 at grazing incidence, with an rms of .03 and no word else."""
-    fit = fit_model(read_csv(GOLD), "constant", sigma="equal")
-    assert fit.rms < 0.05
-    assert "along the angle" in said(fit)[0]
+    model = fit_model(read_csv(GOLD), "constant", sigma="equal")
+    one = fit(read_csv(GOLD), sigma="equal")
+    for found in (model, one):
+        assert found.rms < 0.05
+        assert "along the angle" in said(found)[0]
+    assert f"(correlation {one.residual_correlation:.2f})" in said(one)[0]
+    assert 0.2 < one.residual_correlation < 0.9
+
+
+def test_one_index_of_noise_has_no_such_warning():
+    angles = tuple(np.linspace(10.0, 85.0, 40))
+    found = 0
+    for seed in range(100):
+        m = simulated(0.6, 3.0, 1e-3, angles=angles, seed=seed)
+        one = fit(m)
+        found += len(said(one))
+        assert bool(said(one)) == np.isfinite(one.residual_correlation)
+    assert found <= 3  # .3 are due
+
+
+def test_each_wavelength_is_looked_at_by_itself():
+    angle = np.linspace(20.0, 80.0, 20)
+    rng = np.random.default_rng(1)
+    good = textbook(angle, np.full(20, "R_s"), 1.5, 0.4) + 1e-4 * rng.standard_normal(20)
+    wrong = textbook(angle, np.full(20, "R_s"), 1.5, 0.4) + 1e-3 * np.sin(angle / 5.0)
+    m = Measurement.from_columns(
+        np.tile(angle, 2), np.repeat([0.5, 0.6], 20), R_s=np.concatenate([good, wrong])
+    )
+    few = m.where(np.arange(40) % 4 == 0)  # five of each: too few to say
+    assert [bool(said(fit(m).at(i))) for i in (0, 1)] == [False, True]
+    assert not any(said(fit(few).at(i)) for i in (0, 1))
+
+
+def test_the_curve_that_is_looked_at_is_the_fitted_one():
+    """In total reflection and through a polariser, too."""
+    angle = np.array([0.0, 20.0, 41.0, 45.0, 60.0, 89.0])
+    none, tilted = np.full(6, np.nan), np.full(6, 30.0)
+    m = Measurement.from_columns(angle, R_s=np.full(6, 0.5), R_p=np.full(6, 0.5), R=np.full(6, 0.5))
+    m = replace(m, polarizer_deg=np.concatenate([none, none, tilted]))
+    one = fit(m, eta_i=1.5)._replace(eta=1.0, k=1e-4)
+    wanted, _ = fitted_values(one, m)
+    found = _reflectance(m, np.ones(18), np.full(18, 1e-4), 1.5)
+    np.testing.assert_allclose(found, wanted, rtol=1e-12)
 
 
 def test_auto_says_that_no_candidate_describes_the_data(stepped, monkeypatch):

@@ -24,6 +24,7 @@ from fitting.index.coordinates import coordinates_of
 from fitting.index.engine import Solved
 from fitting.index.estimate import Estimate, estimate
 from fitting.index.intervals import KINDS, PROFILE, intervals
+from fitting.index.misfit import with_order_of_residuals
 from fitting.index.result import FitResult as FitResult
 from fitting.index.valley import open_to_the_other_end
 from fitting.measurement import Measurement
@@ -192,6 +193,7 @@ def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> FitResult:
             "alternative_eta": but(other.eta, ~second), "alternative_k": but(other.k, ~second),
             "alternative_delta_chi2": but(excess, ~second),
             "eta_interval": known.eta, "k_interval": known.k, "interval_kind": known.kind,
+            "residual_correlation": np.full(len(dof), np.nan),
         }  # fmt: skip
     shaped = {n: v.reshape(a.shape + v.shape[1:]) for n, v in fields.items()}
     kind = "absolute" if absolute else "scaled"
@@ -247,7 +249,9 @@ def fit(
             f"{type(measurement).__name__} came where a Measurement was wanted: of read_csv(PATH) "
             "or Measurement.from_columns(...); fitting.measurement.concatenate makes one of many."
         )
-    return _fit(of_measurement(measurement, eta_i, sigma), absolute_sigma, start, intervals)
+    a = of_measurement(measurement, eta_i, sigma)
+    found = _fit(a, absolute_sigma, start, intervals)
+    return with_order_of_residuals(found, measurement, a.stated)
 
 
 def fit_many(
@@ -263,6 +267,8 @@ def fit_many(
     intervals: str = "quadratic",
 ) -> FitResult:
     """Return eta + i k of many curves at once; the same answers, errors and warnings as one by one.
+
+    But for one warning: whether residuals are noise is asked by `fit` alone.
 
     angles_deg: (M,) degrees of incidence from the normal, 0 to 90, or (..., M) one set a curve.
     R_s, R_p, R: (..., M) reflectances as fractions (R unpolarised); NaN is a gap. One at least.

@@ -24,6 +24,7 @@ NOT_CONVERGED = 2048
 OUT_OF_MODEL = 4096
 PERFECT_MIRROR = 8192
 NO_REFLECTION = 16384
+NOT_NOISE = 32768
 
 CORRELATION_LIMIT = 0.995
 VAGUE_LIMIT = 0.1
@@ -171,6 +172,14 @@ def _out_of_model(r: FitResult) -> str:
     )
 
 
+def _not_noise(r: FitResult) -> str:
+    return (
+        "what the fit leaves of the data is not noise: its neighbours along the angle are alike "
+        f"(correlation {r.residual_correlation:.2f}). One index does not describe the data, or "
+        "they drift; the errors of eta and k are too small."
+    )
+
+
 _SENTENCES = {
     NOT_CONVERGED: _not_converged,
     PERFECT_MIRROR: _mirror,
@@ -180,6 +189,7 @@ _SENTENCES = {
     COMBINATION: _combination,
     SECOND_SOLUTION: _second,
     OUT_OF_MODEL: _out_of_model,
+    NOT_NOISE: _not_noise,
     K_BELOW_FLOOR: _floor,
     VAGUE: _vague,
     CORRELATED: _correlated,

@@ -45,6 +45,8 @@ class FitResult(NamedTuple):
         of its expected scatter) is less than 6 higher; NaN where there is none.
     eta_i: index of the medium that the light comes from.
     eta_interval, k_interval: S + (2,), 95 % intervals; NaN where there is none.
+    residual_correlation: of residuals next to each other along the angle, where that says that they
+        are no noise (see `fitting.pattern`); NaN elsewhere, and of `fit_many`.
     interval_kind: "quadratic": eta +- t sigma_eta, and k from k^2 +- t sigma(k^2) (in total
         reflection k +- t sigma), cut at 0; "profile": of the likelihood itself, for an undetermined
         index as well (the range that the data leave, with every k); "none".
@@ -76,6 +78,7 @@ class FitResult(NamedTuple):
     eta_interval: np.ndarray
     k_interval: np.ndarray
     interval_kind: Any
+    residual_correlation: Any
 
     @property
     def shape(self) -> tuple[int, ...]:
