@@ -126,7 +126,7 @@ def test_the_users_style_is_neither_used_nor_changed(gold, tmp_path):
 def test_a_spectrum_shows_the_index_with_its_errors_and_nothing_where_there_is_none(spectrum):
     result, m = spectrum
     assert result.status[2] == "undetermined"
-    first, second, bottom = plot.draw(result, m).axes
+    top, bottom, first, second = plot.draw(result, m).axes
     (eta_line, _, (bars,)) = first.containers[0]
     drawn = dict(zip(eta_line.get_xdata(), eta_line.get_ydata(), strict=True))
     assert drawn == {0.5: result.eta[0], 0.6: result.eta[1]}
@@ -137,12 +137,18 @@ def test_a_spectrum_shows_the_index_with_its_errors_and_nothing_where_there_is_n
     assert labels["not determined"].get_xdata().tolist() == [0.7]
     assert labels["95 % upper limit"].get_ydata().tolist() == [result.k_upper_limit[1]]
     assert sum(len(line.get_xdata()) for line in bottom.lines) == len(m) + 2  # and the line at 0
+    drawn = {tuple(point) for c in top.containers for point in c.lines[0].get_xydata()}
+    assert drawn == set(zip(m.wavelength_um, m.value, strict=True))
+    fitted, _ = fitted_values(result, m)
+    at_30 = (m.quantity == "R_s") & (m.angle_deg == 30.0)
+    lines = [x for x in top.lines if x.get_linewidth() == 1.2]
+    assert any(np.array_equal(x.get_ydata(), fitted[at_30]) for x in lines)
 
 
 def test_a_spectrum_without_any_index_says_so(tmp_path):
     m = Measurement.from_columns(0.0, [0.4, 0.5, 0.6], R=[0.9, 0.91, 0.92])
     figure = plot.draw(fit(m), m)
-    for axes in figure.axes[:2]:
+    for axes in figure.axes[2:]:
         assert "not determined by these data" in [t.get_text() for t in axes.texts]
     figure.savefig(tmp_path / "normal.png")
 

@@ -106,16 +106,18 @@ def draw(result: FitResult, measurement: Measurement, reference: str | None = No
     """Return a matplotlib Figure of the fit ``result`` of ``measurement``.
 
     One curve: reflectance over angle with one-sigma error bars, the fitted curve with its one-sigma
-    band, and data - fit below. A spectrum: eta and k over wavelength with their errors and upper
-    limits, a tick on the axis where the data give no index, and data - fit below; beside them eta
-    and k of the material ``reference``.
+    band, and data - fit below. A spectrum: the same over wavelength, a line for each angle, then
+    eta and k with their errors and upper limits, a tick on the axis where the data give no index;
+    beside them eta and k of the material ``reference``.
     Raises ImportError where matplotlib is not installed.
     """
     from matplotlib.figure import Figure
 
     with our_style():
-        figure = Figure(figsize=(7.4, 6.2), layout="constrained", facecolor="white")
-        if np.ndim(result.eta) == 0:
+        single = np.ndim(result.eta) == 0
+        size = (7.4, 6.2) if single else (8.2, 10.0)
+        figure = Figure(figsize=size, layout="constrained", facecolor="white")
+        if single:
             _draw_curve(figure, result, measurement)
         else:
             from fitting.output.plot_spectrum import draw_spectrum

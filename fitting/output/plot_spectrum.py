@@ -1,4 +1,4 @@
-"""The picture of a spectrum: eta and k over wavelength, with what is known of their errors."""
+"""The picture of a spectrum: data and fit, data - fit, eta and k over wavelength."""
 
 from __future__ import annotations
 
@@ -64,14 +64,37 @@ def _draw_reference(first: Axes, second: Axes, name: str, x: np.ndarray) -> None
     second.plot(at, k, "--", color=GREY, linewidth=1.2)
 
 
+def _draw_data(top: Axes, bottom: Axes, result: FitResult, measurement: Measurement) -> None:
+    fitted, sigma = fitted_values(result, measurement)
+    for quantity, polarizer, of in series(measurement):
+        color, marker, label = look(quantity, polarizer)
+        for angle in np.unique(measurement.angle_deg[of]):
+            rows = np.flatnonzero(of & (measurement.angle_deg == angle))
+            rows = rows[np.argsort(measurement.wavelength_um[rows], kind="stable")]
+            x, value = measurement.wavelength_um[rows], measurement.value[rows]
+            if len(rows) > _MANY:
+                top.plot(x, value, ".", color=color, markersize=3.0, label=label, zorder=3)
+            else:
+                points(top, x, value, measurement.sigma[rows], color, marker, label)
+            line, spread = fitted[rows], sigma[rows]
+            top.plot(x, line, color=color, linewidth=1.2, zorder=2)
+            top.fill_between(x, line - spread, line + spread, color=color, alpha=0.22, linewidth=0)
+            bottom.plot(x, value - line, ".", color=color, markersize=5.0, zorder=3)
+            label = ""  # one line of the legend for all angles
+    top.set_ylabel("reflectance")
+    top.legend(**_OUTSIDE)
+    draw_zero(bottom)
+
+
 def draw_spectrum(
     figure: Figure, result: FitResult, measurement: Measurement, reference: str | None = None
 ) -> None:
-    """Draw eta, k and data - fit over wavelength into the empty ``figure``.
+    """Draw data and fit, data - fit, eta and k over wavelength into the empty ``figure``.
 
     reference: a named material, whose eta and k are drawn beside.
     """
-    first, second, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(2.0, 2.0, 1.0))
+    top, bottom, first, second = figure.subplots(4, 1, sharex=True, height_ratios=(3, 1, 2, 2))
+    _draw_data(top, bottom, result, measurement)
     x = np.asarray(result.wavelength_um)
     status = np.asarray(result.status, dtype=str)
     good = np.char.startswith(status, "converged")
@@ -97,15 +120,5 @@ def draw_spectrum(
     for axes in (first, second):
         if axes.get_legend_handles_labels()[0]:
             axes.legend(**_OUTSIDE)
-    fitted, _ = fitted_values(result, measurement)
-    for quantity, polarizer, of in series(measurement):
-        color, _, label = look(quantity, polarizer)
-        m = measurement.where(of)
-        bottom.plot(
-            m.wavelength_um, m.value - fitted[of], "o", color=color, label=label, zorder=3,
-            markersize=3.0,
-        )  # fmt: skip
-    draw_zero(bottom)
-    bottom.legend(**_OUTSIDE)
-    bottom.set_xlabel("wavelength (\u00b5m)")
-    titles(first, result, measurement)
+    second.set_xlabel("wavelength (\u00b5m)")
+    titles(top, result, measurement)
