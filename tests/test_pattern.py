@@ -180,6 +180,10 @@ def test_auto_says_that_no_candidate_describes_the_data(stepped, monkeypatch):
     assert not choice.describes
     assert choice.fit.warnings[0].startswith("no candidate describes these data")
     assert choice.taken.fit is choice.fit and not choice_dict(choice)["describes_data"]
+    stated = choose(replace(stepped, sigma=np.full(len(stepped), 1e-4)), nuisances=False)
+    assert not stated.describes
+    size = np.sqrt(stated.fit.chi2_reduced)
+    assert f"what it leaves is {size:.2g} times these" in stated.fit.warnings[0]
     glass = simulated(1.7, 0.8, 1e-3, angles=tuple(np.linspace(20.0, 80.0, 20)), seed=3)
     glass = replace(glass, sigma=np.full(len(glass), np.nan))
     good = choose(glass, nuisances=False)

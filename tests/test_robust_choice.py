@@ -1,5 +1,7 @@
 """Models compared by a robust loss: the likelihood against scipy's densities, and the choice."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import integrate, optimize, stats
@@ -8,6 +10,7 @@ from simulated import textbook
 from fitting import Measurement, choose, fit_model
 from fitting.model.criteria import criteria
 from fitting.model.problem import HUBER
+from fitting.model.select import explains
 
 RESIDUALS = np.random.default_rng(2).standard_t(3, 60) * 7e-3
 
@@ -65,5 +68,11 @@ def test_outliers_do_not_hide_absorption(loss):
     # Points held out are told by how well the good ones among them are met: rms is .04 here.
     assert choice.taken.held_out < 0.01
     assert "without outliers" in " ".join(choice.reasons)
+    # Nor are they held against the model, where errors are stated.
+    assert choice.describes
+    stated = replace(m, sigma=np.full(80, 1e-3))
+    fit = fit_model(stated, "constant", loss=loss)
+    assert fit.chi2_reduced > 100.0 and explains(fit)
+    assert not explains(fit_model(stated, "constant"))
     k_0 = fit_model(m, "constant", loss=loss, fixed={"k": 0.0})
     assert k_0.bic > choice.fit.bic + 50.0

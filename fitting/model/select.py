@@ -32,6 +32,7 @@ from fitting.model.parameters import names_of, plain_name
 from fitting.model.result import NOT_CONVERGED, ModelFit
 from fitting.model.structures import NUISANCES
 from fitting.pattern import pattern
+from fitting.residuals import weighted_residuals
 
 MOST_TERMS = 4
 
@@ -66,13 +67,21 @@ def _only_shared(names: Iterable[str]) -> None:
             )
 
 
+def _in_errors(fit: ModelFit) -> float:
+    """Return the size of the residuals in stated errors; with a robust loss without outliers."""
+    if fit.loss == "squares":
+        return float(np.sqrt(fit.chi2_reduced))
+    off = np.abs(weighted_residuals(fit.measurement, fit.fitted()[0]))
+    return 1.4826 * float(np.median(off)) * float(np.sqrt(fit.n_data / fit.dof))
+
+
 def explains(fit: ModelFit) -> bool:
     """Whether what a fit leaves looks like noise: in size where errors are stated, else in order.
 
     In order: as `pattern` tells.
     """
     if np.isfinite(fit.chi2_reduced) and fit.dof:
-        return fit.chi2_reduced < max(1.5, 1.0 + 5.0 * np.sqrt(2.0 / fit.dof))
+        return _in_errors(fit) ** 2 < max(1.5, 1.0 + 5.0 * np.sqrt(2.0 / fit.dof))
     return pattern(fit.measurement, fit.fitted()[0], fit.curve, stated=False) is None
 
 
@@ -82,17 +91,23 @@ def _with_doubt(choice: Choice) -> Choice:
         return choice
     better = [c for c in choice.candidates if c.fit.status != NOT_CONVERGED and explains(c.fit)]
     taken = quoted(choice.taken)
+    doubt = "Do not take its parameters, or their errors, for those of the material."
     if better:
         text = (
             f"{taken} does not describe these data; {quoted(*better)} would, but the data do not "
-            "support so many parameters."
+            f"support so many parameters. {doubt}"
+        )
+    elif np.isfinite(choice.fit.chi2_reduced):
+        text = (
+            f"no candidate describes these data to their stated errors: {taken} is the best, and "
+            f"what it leaves is {_in_errors(choice.fit):.2g} times these. Either they are too "
+            "small, or the parameters are not those of the material."
         )
     else:
         text = (
             f"no candidate describes these data: {taken} is the best, and what it leaves is not "
-            f"noise (rms {choice.fit.rms:.3g})."
+            f"noise (rms {choice.fit.rms:.3g}). {doubt}"
         )
-    text += " Do not take its parameters, or their errors, for those of the material."
     fit = replace(choice.fit, warnings=(text, *choice.fit.warnings))
     return replace(with_fit(choice, fit), describes=False)
 
