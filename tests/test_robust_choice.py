@@ -73,6 +73,10 @@ def test_outliers_do_not_hide_absorption(loss):
     stated = replace(m, sigma=np.full(80, 1e-3))
     fit = fit_model(stated, "constant", loss=loss)
     assert fit.chi2_reduced > 100.0 and explains(fit)
+    assert not any("reduced chi2" in w for w in fit.warnings)
+    small = fit_model(replace(m, sigma=np.full(80, 2e-4)), "constant", loss=loss)
+    assert any(w.startswith("reduced chi2, without the outliers, is ") for w in small.warnings)
+    assert any("residuals are 5" in w or "residuals are 6" in w for w in small.warnings)
     assert not explains(fit_model(stated, "constant"))
     k_0 = fit_model(m, "constant", loss=loss, fixed={"k": 0.0})
     assert k_0.bic > choice.fit.bic + 50.0

@@ -53,6 +53,18 @@ def likeliest_noise(loss: str, residual: np.ndarray, n: int) -> float:
     return math.exp(0.5 * (low + high))
 
 
+def reduced_chi2(loss: str, residual: np.ndarray, dof: int) -> float:
+    """Return chi2 / dof; of a robust loss as the median of the residuals tells, without outliers.
+
+    The median of |residual| is .6745 standard deviations of Gaussian noise.
+    """
+    if dof == 0:
+        return math.nan
+    if loss == "squares":
+        return float(residual @ residual) / dof
+    return (1.4826 * float(np.median(np.abs(residual)))) ** 2 * len(residual) / dof
+
+
 def criteria(
     loss: str, residual: np.ndarray, n: int, unknowns: int, scaled: bool
 ) -> tuple[float, float]:

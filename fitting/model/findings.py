@@ -27,7 +27,8 @@ class Findings(NamedTuple):
     """What the sentences are made of; arrays over the free parameters.
 
     intervals, quadratic: (P, 2), those that are given and the quadratic ones. lower: chi2 by which
-    a fit was better that was met beside the minimum and not reached; 0 for none.
+    a fit was better that was met beside the minimum and not reached; 0 for none. robust: whether
+    chi2_reduced leaves outliers out.
     """
 
     names: tuple[str, ...]
@@ -53,6 +54,7 @@ class Findings(NamedTuple):
     interval_kinds: tuple[str, ...]
     lower: float
     pattern: Pattern | None
+    robust: bool
 
 
 def _number(value: float) -> str:
@@ -180,18 +182,19 @@ def _chi2(f: Findings) -> list[str]:
     if not np.isfinite(f.chi2_reduced):
         return []
     flags = int(chi2_flags(np.array(f.chi2_reduced), np.array(f.dof)))
-    factor = np.sqrt(f.chi2_reduced)
+    factor, what = np.sqrt(f.chi2_reduced), "reduced chi2"
+    what += ", without the outliers," * f.robust
     if flags & CHI2_LARGE:
         then = "scaled up by that factor" if f.scaled else "taken as stated, and so too small"
         return [
-            f"reduced chi2 is {_number(f.chi2_reduced)}: the residuals are {factor:.2g} times the "
+            f"{what} is {_number(f.chi2_reduced)}: the residuals are {factor:.2g} times the "
             f"stated errors, which are too small, or the model misses something; the errors of the "
             f"parameters are {then}."
         ]
     if flags & CHI2_SMALL:
         then = "; the errors of the parameters are scaled down by that" if f.scaled else ""
         return [
-            f"reduced chi2 is {_number(f.chi2_reduced)}: the residuals are only {factor:.2g} times "
+            f"{what} is {_number(f.chi2_reduced)}: the residuals are only {factor:.2g} times "
             f"the stated errors, which look too large{then}."
         ]
     return []

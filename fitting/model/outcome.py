@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.measurement import Measurement, concatenate
 from fitting.model import result as status
-from fitting.model.criteria import criteria
+from fitting.model.criteria import criteria, reduced_chi2
 from fitting.model.curves import Evaluated, at_data
 from fitting.model.findings import Findings, sentences
 from fitting.model.intervals import QUADRATIC, Intervals, intervals
@@ -198,12 +198,14 @@ def model_fit_of(
     if failed:
         texts = ("the fit did not converge from any start; its values mean nothing.",)
     else:
+        size = reduced_chi2(u.spec.loss, s.residual, fit.dof) if seen.stated else np.nan
         texts = sentences(Findings(
-            names, x[free], sigmas[free], correlation[sub], ends_at, limits[free], unseen, reduced,
+            names, x[free], sigmas[free], correlation[sub], ends_at, limits[free], unseen, size,
             fit.dof, scaled, rms, how["starts"], reached, len(others), u.spec.structure,
             u.spec.model.absorbs, _one_power_a_wavelength(measurements), len(np.unique(wavelength)),
             ranges[0].ends[free], ranges[0].quadratic[free], kinds, lower,
             pattern(concatenate(*measurements), at_data(seen, s.seen), seen.curve, seen.stated),
+            u.spec.loss != "squares",
         ))  # fmt: skip
     bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, int(free.sum()), scaled)
     fixed = {n: float(v) for n, v, f in zip(labels, x, free, strict=True) if not f}
