@@ -201,7 +201,7 @@ def test_a_polariser_between_s_and_p_mixes_them():
 
 @pytest.mark.parametrize("channels", [("R_s", "R_p"), ("R_p",), ("R",)])
 def test_a_curve_in_total_reflection_from_end_to_end_finds_its_minimum(channels):
-    """Of 200 prisms' curves one in four ended in a worse minimum before it had starts of its own."""
+    """One such curve in four ended in a worse minimum before there were starts for them."""
     random = np.random.default_rng(5)
     eta, k = random.uniform(0.3, 0.88, 200), 10.0 ** random.uniform(-4, -2, 200)
     angles = np.linspace(62, 85, 11)

@@ -299,6 +299,17 @@ def test_a_lower_minimum_on_the_way_is_taken():
     assert (np.abs(found.values - true) < 4.5 * found.sigmas).all()
 
 
+def test_the_shown_minimum_need_not_be_the_lowest_one():
+    """Near index match both n and 1 / n fit; n > 1 is shown, though 1 / n is .6 of chi2 lower."""
+    R = [0.0380, 0.0289, 0.0236, 0.0226, 0.0394, 0.0498]
+    m = Measurement.from_columns(np.arange(40.0, 46.0), R_s=R, sigma=0.01)
+    fit = fit_model(m, "constant")
+    assert fit.value_of("eta") > 1.0
+    (other,) = fit.others
+    assert other["values"]["eta"] < 1.0 and -1.0 < other["delta_chi2"] < 0.0
+    assert "chi2 -0.56" in table(fit, 80)
+
+
 def test_without_noise_or_data_to_spare_there_is_nothing_to_follow():
     """The cost does not rise by anything but rounding: no interval, or the quadratic one."""
     R_s, R_p = (textbook(1.7 + 0.8j, ANGLES, np.array(q)) for q in ("R_s", "R_p"))

@@ -249,7 +249,7 @@ def test_reference_beside_a_spectrum_of_reflectances(tmp_path, capsys):
         np.tile([30.0, 60.0, 75.0], 3), np.repeat([0.5, 0.6, 0.7], 3),
         R_s=[0.5, 0.6, 0.8, 0.7, 0.8, 0.9, 0.8, 0.9, 0.95],
     )  # fmt: skip
-    labels = [line.get_label() for line in plot.draw(fit(m), m, "gold").axes[0].lines]
+    labels = [line.get_label() for line in plot.draw(fit(m), m, "gold").axes[2].lines]
     assert "gold (reference)" in labels
 
 
@@ -287,3 +287,16 @@ def test_measured_films(measured_files, tmp_path):
     # Silicon under 27 nm of a polymer: the index is nobody's, and the fit good at all angles.
     assert abs(one.eta[0] - 3.84) > 0.5 and one.k[0] > 1.0 and one.rms[0] < 0.003
     assert "which is assumed" in one.notes[0]
+
+
+def test_stated_errors_tell_a_wrong_sign_of_delta_that_the_misfit_alone_does_not():
+    """A weak absorber: a misfit of .002 is that of a good ellipsometer, but here 13 errors."""
+    index = 4.4 - 0.02j
+    psi, delta = film(65.0, WAVELENGTHS, index, index, 0.0)
+    for sign, wrong in ((1.0, False), (-1.0, True)):
+        m = Measurement.from_columns(
+            65.0, WAVELENGTHS, psi=psi, delta=sign * delta % 360.0, sigma=0.01
+        )
+        fits = fit_points(m, "interface", absolute_sigma=True)
+        assert any("ask for a k below 0" in note for note in fits.notes) == wrong
+        assert fits.rms.max() < 0.006

@@ -153,3 +153,20 @@ def test_what_is_said_and_drawn_of_a_k_that_is_not_seen():
     slopes = np.abs(after - before) / step
     assert band[0] / band[1] == pytest.approx(slopes[0] / slopes[1], rel=0.01)
     assert 0.5e-4 < (band / slopes).mean() < 2e-4  # sigma_k
+
+
+def test_beyond_the_critical_angle_alone_the_interval_is_the_likelihoods():
+    """The quadratic end is off by two thirds of the half width here; auto takes the profile."""
+    angles, noise = np.linspace(44.8, 87.0, 9), 5e-3
+    random = np.random.default_rng(4)
+    s, p = (R + noise * random.standard_normal(9) for R in textbook(angles, 1.0, 2e-3, 1.5))
+    how = {"sigma": noise, "absolute_sigma": True, "eta_i": 1.5, "intervals": "auto"}
+    found = fit_many(angles, R_s=s, R_p=p, **how)
+    eta, least = np.linspace(0.9, 1.1, 801)[:, None], np.inf
+    for k in np.geomspace(1e-5, 0.1, 1500):
+        model = textbook(angles, eta, k, 1.5)
+        off = [((a - b) / noise) ** 2 for a, b in zip(model, (s, p), strict=True)]
+        least = np.minimum(least, np.sum(off, axis=(0, 2)))
+    inside = eta[least <= least.min() + Q95]
+    low, high = inside.min(), inside.max()
+    np.testing.assert_allclose(found.eta_interval, [low, high], atol=0.02 * (high - low))

@@ -30,8 +30,10 @@ def _fit(measurement: Measurement, arguments: argparse.Namespace) -> PointFits:
     from fitting.model.points import fit_points
     from fitting.model.structures import INTERFACE, SLAB
 
-    # By profile where it is asked for, or at a single wavelength where it is better.
-    quick = arguments.intervals == "auto" and len(np.unique(measurement.wavelength_um)) > 1
+    # By profile where it is asked for; at a single wavelength where it is better; and from a denser
+    # medium, since in total reflection a quadratic limit of k can be 12 times too small.
+    many = len(np.unique(measurement.wavelength_um)) > 1
+    quick = arguments.intervals == "auto" and many and arguments.eta_i <= 1.0
     with warnings.catch_warnings():
         # A cache folder that is full or was taken away is not the user's business here.
         warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")

@@ -12,7 +12,8 @@ from the true one, in half widths of the interval, not exceeded in 95 % of the c
     eta, k compatible with 0   .45-1.4     .57-1.7    .6-1.9    .7-2.2   .9-2.4
 
 Hence the rule of "auto": by profile where k is not seen (k^2 less than three of its standard
-errors) or where sigma_eta is more than .02 eta.
+errors) or where sigma_eta is more than .02 eta. And in total reflection, where the curve has a kink
+that moves with eta: if all angles lie beyond it, ends were off by up to half of their width.
 """
 
 from __future__ import annotations
@@ -78,7 +79,7 @@ def intervals(
         )
         able &= rise > ROUNDING * s.scale
         unseen = ~np.isfinite(e.sigma_k)  # `estimate` gives none below estimate.SEEN_SIGMAS
-        curved = unseen | undetermined | matched | (e.spread > CURVED_SPREAD)
+        curved = unseen | undetermined | matched | (e.spread > CURVED_SPREAD) | e.linear
     if wanted == QUADRATIC:
         return Intervals(eta, k, kind)
     todo = np.flatnonzero(able if wanted == PROFILE else able & curved)

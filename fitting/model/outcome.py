@@ -103,11 +103,13 @@ def _scatter(fit: Fit, cost: float, noise: float, scaled: bool) -> float:
     return max(scatter, ASSUMED_SIGMA**2) if few else scatter
 
 
-def _minima(fit: Fit, ends: Ends, end: End, noise: float, scatter: float) -> list[Minimum]:
+def _minima(
+    fit: Fit, ends: Ends, end: End, noise: float, scatter: float, eta_i: float
+) -> list[Minimum]:
     """Return the minima that fit as well as the best one, the one to be shown first.
 
-    At normal incidence an index and its inverse reflect alike; of two that fit alike within one
-    unit of chi2 the one that is above 1 is shown.
+    At normal incidence N and eta_i^2 / N reflect alike; of two that fit alike within one unit of
+    chi2 the one that is above eta_i is shown.
     """
     rounding = _rounding(fit, noise)
     edge = end.known.edge * np.sqrt(scatter)
@@ -120,7 +122,7 @@ def _minima(fit: Fit, ends: Ends, end: End, noise: float, scatter: float) -> lis
     least = ends.cost[found[0].lane]
     usual = [
         m for m in found
-        if eta[m.lane] >= 1.0 and ends.cost[m.lane] <= least + scatter + rounding
+        if eta[m.lane] >= eta_i and ends.cost[m.lane] <= least + scatter + rounding
     ]  # fmt: skip
     return sorted(found, key=lambda m: m is not usual[0]) if usual else found
 
@@ -157,7 +159,7 @@ def model_fit_of(
     end = fit.look_at(ends.y[:, lane], noise, scaled)
     failed = best is None or not end.finite
     scatter = _scatter(fit, end.cost, noise, scaled)
-    found = [] if failed else _minima(fit, ends, end, noise, scatter)
+    found = [] if failed else _minima(fit, ends, end, noise, scatter, how["eta_i"])
     if found and found[0].lane != lane:
         lane = found[0].lane
         end = fit.look_at(ends.y[:, lane], noise, scaled)
@@ -165,11 +167,13 @@ def model_fit_of(
     ranges = _intervals(fit, every, noise, how, failed)
     least, place = ranges[0].lowest
     lower = 0.0
-    if not failed and least < end.cost - SAME_CHI2 * scatter - _rounding(fit, noise):
+    # What is shown need not be the lowest minimum that is known.
+    enough = min(end.cost, *(e.cost for e in every)) - SAME_CHI2 * scatter - _rounding(fit, noise)
+    if not failed and least < enough:
         # On the way to the ends of the intervals a better minimum came into sight.
         low, high = (a[:, None] for a in fit.limits)
         more = fit.held(place[:, None], low, high, noise, STAGE)
-        if more.done.all() and more.cost[0] < end.cost - SAME_CHI2 * scatter:
+        if more.done.all() and more.cost[0] < enough:
             joined = Ends(*(np.concatenate(both, -1) for both in zip(ends, more, strict=True)))
             return model_fit_of(fit, joined, noise, how, measurements)
         lower = (end.cost - min(least, more.cost[0])) / scatter

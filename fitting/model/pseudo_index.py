@@ -20,6 +20,9 @@ from fitting.model.structures import INTERFACE, NCS
 # A bare crystal's N, C, S are met within .003 (an ellipsometer's own errors), with the wrong sign
 # of Delta within .009, and those of 100 nm of hafnia on silica within .2: measured on real files.
 MISSED = 0.006
+# At one angle there are as many data as unknowns, which should be met: of chi2 at the one bound
+# where they are not (k = 0) this is exceeded by chance in one of a thousand.
+MISSED_CHI2 = 10.8
 
 
 def is_pseudo(structure: str, measurement: Measurement) -> bool:
@@ -37,6 +40,12 @@ def _where(hit: np.ndarray, wavelengths: np.ndarray) -> str:
     return f"at {int(hit.sum())} of {len(hit)} wavelengths ({between}) "
 
 
+def misses(fit: ModelFit) -> bool:
+    """Return whether psi and Delta are no bare boundary's."""
+    few = fit.dof == 0 and fit.chi2 > MISSED_CHI2  # chi2 is NaN without stated errors
+    return fit.rms_of.get(NCS, 0.0) > MISSED or few
+
+
 def notes_on(
     fits: Sequence[ModelFit], wavelengths: np.ndarray, measurement: Measurement
 ) -> tuple[str, ...]:
@@ -44,9 +53,10 @@ def notes_on(
     if not is_pseudo(fits[0].structure, measurement):
         return ()
     missed = np.array([f.rms_of.get(NCS, 0.0) for f in fits])
+    off = np.array([misses(f) for f in fits])
     # At its lower end with a misfit k would go on below 0.
-    stuck = np.array([f.at_bound[f.names.index("k")] == "low" for f in fits]) & (missed > MISSED)
-    off = (missed > MISSED) & ~stuck
+    stuck = np.array([f.at_bound[f.names.index("k")] == "low" for f in fits]) & off
+    off &= ~stuck
     out = [
         "eta and k are the pseudo-index <n>, <k>: that of one bare, smooth boundary, which is "
         "assumed. A film, an oxide or roughness changes it unseen (2 nm on a clear crystal look "

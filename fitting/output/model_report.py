@@ -55,7 +55,7 @@ def other_text(other: dict[str, Any]) -> str:
         f"{name} {with_error(value, other['sigmas'][name])}"
         for name, value in other["values"].items()
     )
-    return f"{values}: chi2 + {other['delta_chi2']:.2g}"
+    return f"{values}: chi2 {other['delta_chi2']:+.2g}"
 
 
 def _ranges(fit: ModelFit) -> str:

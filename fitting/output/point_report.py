@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fitting.model.points import PointFits
+from fitting.model.pseudo_index import misses
 from fitting.model.result import ModelFit
 from fitting.output.export import csv_text, measured_columns
 from fitting.output.model_report import range_text
@@ -67,11 +68,12 @@ def told_of(fits: PointFits) -> Told:
     if len(fits.fits) == 1:
         return Told(list(fits.fits[0].warnings), [""])
     # What `notes_of` says of all wavelengths together.
-    elsewhere = ["as well", *["ended at the lower end of its range, 0"] * fits.pseudo]
-    texts = [
-        tuple(t for t in f.warnings if not any(words in t for words in elsewhere))
-        for f in fits.fits
-    ]
+    texts = []
+    for f in fits.fits:
+        elsewhere = ["as well"]
+        if fits.pseudo and misses(f):
+            elsewhere.append("ended at the lower end of its range, 0")
+        texts.append(tuple(t for t in f.warnings if not any(words in t for words in elsewhere)))
     return told_once(texts, [f"{w:.6g}" for w in fits.wavelength_um.tolist()])
 
 
@@ -131,7 +133,7 @@ def _one(fits: PointFits) -> list[tuple[str, str]]:
     rows.append(("status", fit.status))
     for other in fit.others[:3]:
         values = ", ".join(f"{name} {number(v)}" for name, v in other["values"].items())
-        rows.append(("or else", f"{values}: chi2 + {other['delta_chi2']:.2g}"))
+        rows.append(("or else", f"{values}: chi2 {other['delta_chi2']:+.2g}"))
     return rows + remedy(fits.status, False)
 
 
