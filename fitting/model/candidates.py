@@ -141,7 +141,7 @@ def _held_out(
 
 def _unit(fit: ModelFit) -> str:
     """Return what the sizes of residuals are."""
-    size = "rms" if fit.loss == "squares" else f"rms without outliers, by the {fit.loss} loss"
+    size = "rms" if fit.loss == "squares" else "rms without outliers"
     if np.isfinite(fit.chi2_reduced):
         return f"{size}, in standard errors"
     kinds = {*fit.measurement.quantity.tolist()}
