@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from simulated import GOLD, simulated, textbook
 
-from fitting import Measurement, choose, fit, fit_model, fitted_values, read_csv
-from fitting.index.misfit import _reflectance
+from fitting import Measurement, choose, fit, fit_model, read_csv
+from fitting.index.arrange import of_measurement
+from fitting.index.batch import fitted_curves
+from fitting.index.fit import _fit
 from fitting.model.candidates import choice_dict
 from fitting.pattern import pattern
 from fitting.residuals import residuals, weighted_residuals
@@ -154,16 +156,23 @@ def test_each_wavelength_is_looked_at_by_itself():
     assert not any(said(fit(few).at(i)) for i in (0, 1))
 
 
-def test_the_curve_that_is_looked_at_is_the_fitted_one():
-    """In total reflection and through a polariser, too."""
-    angle = np.array([0.0, 20.0, 41.0, 45.0, 60.0, 89.0])
-    none, tilted = np.full(6, np.nan), np.full(6, 30.0)
-    m = Measurement.from_columns(angle, R_s=np.full(6, 0.5), R_p=np.full(6, 0.5), R=np.full(6, 0.5))
-    m = replace(m, polarizer_deg=np.concatenate([none, none, tilted]))
-    one = fit(m, eta_i=1.5)._replace(eta=1.0, k=1e-4)
-    wanted, _ = fitted_values(one, m)
-    found = _reflectance(m, np.ones(18), np.full(18, 1e-4), 1.5)
-    np.testing.assert_allclose(found, wanted, rtol=1e-12)
+def test_the_curves_of_a_few_solutions_stand_at_their_data():
+    """Three wavelengths with angles, channels, gaps and repeats of their own, in no order."""
+    random = np.random.default_rng(2)
+    count = 120
+    m = Measurement.from_columns(
+        np.round(random.uniform(5.0, 85.0, count)), random.choice([0.4, 0.5, 0.6], count),
+        R_s=np.full(count, 0.5), R_p=np.where(random.random(count) < 0.5, np.nan, 0.2),
+    )  # fmt: skip
+    of = {0.4: (1.5, 0.0), 0.5: (0.5, 2.2), 0.6: (3.0, 0.4)}
+    for w, index in of.items():
+        here = m.wavelength_um == w
+        m = replace(m, value=np.where(here, textbook(m.angle_deg, m.quantity, *index), m.value))
+    arranged = of_measurement(m, 1.0, "given")
+    _, shown = _fit(arranged, False, None, "quadratic")
+    channel, curve, place = arranged.rows
+    found = fitted_curves(arranged.data, shown)[channel, curve, place]
+    np.testing.assert_allclose(found, m.value, atol=1e-13)
 
 
 def test_auto_says_that_no_candidate_describes_the_data(stepped, monkeypatch):

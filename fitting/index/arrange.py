@@ -17,7 +17,8 @@ class Arranged(NamedTuple):
     """Curves in a row, with what the engine does not need to know.
 
     shape: the batch shape that the results take. stated: whether weights are 1 / sigma.
-    angle_deg: (M,) or (N, M). wavelength_um: (N,).
+    angle_deg: (M,) or (N, M). wavelength_um: (N,). rows: of a Measurement, at which channel, curve
+    and angle each datum stands, (3, data).
     """
 
     data: Data
@@ -26,6 +27,7 @@ class Arranged(NamedTuple):
     angle_deg: np.ndarray
     wavelength_um: np.ndarray
     notes: tuple[str, ...]
+    rows: np.ndarray = np.empty((3, 0), int)
 
 
 def medium_outside(eta_i: Any) -> float:
@@ -132,6 +134,7 @@ def of_measurement(m: Measurement, eta_i: float, sigma: str) -> Arranged:
         _data(angle, s_share, values, weights, eta_i, channels),
         () if len(wavelengths) == 1 else (len(wavelengths),),
         stated, angle, wavelengths, tuple(notes),
+        np.array([[channels.index(q) for q in m.quantity.tolist()], curve, place]),
     )  # fmt: skip
 
 

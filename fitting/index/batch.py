@@ -82,32 +82,39 @@ def start_rows(count: int, points: np.ndarray | None = None, w_max: float = W_MA
     return start
 
 
+def _call(
+    data: Data, start: np.ndarray, steps: int, size: int, lanes: int
+) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
+    """Return what one call of the program gives for up to ``size`` curves."""
+    here, angles = data.curves, data.values[0].shape[1]
+    few = size == FEW
+    # A few curves: the number of angles is rounded up (with no data), so that a handful of compiled
+    # programs serves every small file.
+    wide = max(16, 1 << (angles - 1).bit_length()) if few else angles
+    part = data.padded(size, wide)
+    begin = np.pad(start, ((0, 0), (0, size - here)), constant_values=1.0)
+    with jax.enable_x64(True):
+        solved, further, fitted = solve(
+            part.cos_theta, part.s_share, part.values, part.weights,
+            begin, np.int64(steps),
+            channels=data.channels, lanes=lanes, fitted=few,
+        )  # fmt: skip
+        at = tuple(np.asarray(a)[:here, :angles] for a in fitted)
+        return np.asarray(solved)[:, :here], np.asarray(further)[..., :here], at
+
+
 def run(data: Data, start: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
     """Return ``Solved`` of all curves as one (fields, N) array, each after at most ``steps``.
 
     And the further starts that the mesh offers, (E, 3, N).
     """
-    count, angles = data.curves, data.values[0].shape[1]
-    few = count <= FEW
-    size, lanes = (FEW, FEW) if few else (MANY, LANES)
-    # A few curves: the number of angles is rounded up (with no data), so that a handful of compiled
-    # programs serves every small file.
-    if few:
-        angles = max(16, 1 << (angles - 1).bit_length())
+    count = data.curves
+    size, lanes = (FEW, FEW) if count <= FEW else (MANY, LANES)
 
-    def one(first: int) -> list[np.ndarray]:
+    def one(first: int) -> tuple[np.ndarray, np.ndarray]:
         chunk = slice(first, first + size)
-        part = data.take(chunk)
-        here = part.curves
-        part = part.padded(size, angles)
-        begin = np.pad(start[:, chunk], ((0, 0), (0, size - here)), constant_values=1.0)
-        with jax.enable_x64(True):
-            out = solve(
-                part.cos_theta, part.s_share, part.values, part.weights,
-                begin, np.int64(steps),
-                channels=data.channels, lanes=lanes,
-            )  # fmt: skip
-            return [np.asarray(a)[..., :here] for a in out]
+        solved, further, _ = _call(data.take(chunk), start[:, chunk], steps, size, lanes)
+        return solved, further
 
     if not count:
         return np.empty((len(Solved._fields), 0)), np.empty((0, 3, 0))
@@ -120,6 +127,16 @@ def run(data: Data, start: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarr
             parts = list(pool.map(one, firsts))
     solved, further = (np.concatenate(a, axis=-1) for a in zip(*parts, strict=True))
     return solved, further
+
+
+def fitted_curves(data: Data, s: Solved) -> np.ndarray:
+    """Return the reflectances at the solutions, (C, N, M), by the program for a few curves."""
+    start = start_rows(data.curves, np.stack([s.x, s.w, s.chart]))
+    parts = []
+    for first in range(0, data.curves, FEW):
+        chunk = slice(first, first + FEW)
+        parts.append(_call(data.take(chunk), start[:, chunk], 0, FEW, FEW)[2])
+    return np.concatenate([np.stack(part) for part in parts], axis=1)
 
 
 def _at_far_end(s: Solved) -> np.ndarray:

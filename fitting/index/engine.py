@@ -21,6 +21,7 @@ from fitting.index.problem import (
     Curves,
     Residuals,
     count_and_scale,
+    model,
     sums_of_squares,
 )
 from fitting.solver import BatchLevenbergMarquardt, unpack
@@ -55,28 +56,30 @@ def _last_step(
     trial: Array,
     allowed: Array,
     channels: tuple[str, ...],
-) -> tuple[Array, Array, Array]:
-    """Return ``trial``, in lanes where its cost is above ``allowed`` ``best``, and the sums there.
+) -> tuple[Array, Array, Array, tuple[Array, ...]]:
+    """Return ``trial``, in lanes where its cost is above ``allowed`` ``best``, and sums and curves.
 
     A loop that runs once, or twice when a lane steps back: one copy of the model in the program.
     """
 
     def body(carry):
         y, *_ = carry
-        weighted, plain = sums_of_squares(curves, y, chart, channels)
+        found = model(curves, y[0], y[1], chart, channels)
+        weighted, plain = sums_of_squares(curves, found)
         worse = ~(weighted <= allowed) & (y != best).any(0)
-        return jnp.where(worse, best, y), weighted, plain, worse.any()
+        return jnp.where(worse, best, y), weighted, plain, found, worse.any()
 
     none = jnp.zeros_like(allowed)
-    y, weighted, plain, _ = jax.lax.while_loop(
-        lambda carry: carry[3], body, (trial, none, none, jnp.array(True))
+    nowhere = tuple(jnp.zeros_like(v) for v in curves.values)
+    y, weighted, plain, found, _ = jax.lax.while_loop(
+        lambda carry: carry[4], body, (trial, none, none, nowhere, jnp.array(True))
     )
-    return y, weighted, plain
+    return y, weighted, plain, found
 
 
 def _solve_lanes(
     curves: Curves, start: Array, found: list[Array], max_steps: Array, channels: tuple[str, ...]
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, tuple[Array, ...]]:
     first, more = starts.mesh_starts(curves, found)
     given = jnp.isfinite(start[0])
     x, w, chart = (jnp.where(given, s, f) for s, f in zip(start[:3], first, strict=True))
@@ -102,7 +105,7 @@ def _solve_lanes(
     # not worth an evaluation of derivatives; taken all the same it squares the error that is left.
     trial = jnp.clip(solution.value + jnp.where(done, stats["step"], 0.0), lower, upper)
     allowed = cost_before * (1.0 + 1e-6) + 4.0 * SOLVER.atol**2 * scale
-    last, cost, plain = _last_step(curves, chart, solution.value, trial, allowed, channels)
+    last, cost, plain, fitted = _last_step(curves, chart, solution.value, trial, allowed, channels)
     gradient = gradient + (matrix * (last - solution.value)[None]).sum(1)
     solved = (
         last[0], last[1], chart, cost, plain, done & jnp.isfinite(cost), stats["evaluations"],
@@ -112,7 +115,7 @@ def _solve_lanes(
     # Where there is no further start its x is NaN.
     further = [jnp.where(exists, point, jnp.nan) for point, exists in more]
     fields = Solved(*(a.astype(y.dtype) for a in solved))
-    return jnp.stack(fields), jnp.stack(further)
+    return jnp.stack(fields), jnp.stack(further), fitted
 
 
 def _solve(
@@ -125,8 +128,11 @@ def _solve(
     *,
     channels: tuple[str, ...],
     lanes: int,
-) -> tuple[Array, Array]:
+    fitted: bool,
+) -> tuple[Array, Array, tuple[Array, ...]]:
     """Return ``Solved`` of S curves as one (fields, S) array, and their further starts, (E, 3, S).
+
+    And, if ``fitted``, C arrays (S, M): the curves at the solutions.
 
     S is a multiple of ``lanes``. The starts are x, w and chart, NaN where the mesh offers none.
 
@@ -160,14 +166,16 @@ def _solve(
     if "cos_theta" in shared:
         once = starts.node_curves(curves_of({**shared, "values": (), "weights": ()}), channels)
 
-    def one_group(parts: dict[str, Any]) -> tuple[Array, Array]:
+    def one_group(parts: dict[str, Any]) -> tuple[Array, Array, tuple[Array, ...]]:
         curves = curves_of({**shared, **parts})
         found = starts.node_curves(curves, channels) if once is None else once
-        return _solve_lanes(curves, parts["start"], found, max_steps, channels)
+        solved, further, at = _solve_lanes(curves, parts["start"], found, max_steps, channels)
+        return solved, further, at if fitted else ()
 
-    solved, further = jax.lax.map(one_group, own)
+    solved, further, at = jax.lax.map(one_group, own)
     solved = jnp.moveaxis(solved, 0, 1).reshape(solved.shape[1], -1)
-    return solved, jnp.moveaxis(further, 0, 2).reshape(*further.shape[1:3], -1)
+    further = jnp.moveaxis(further, 0, 2).reshape(*further.shape[1:3], -1)
+    return solved, further, tuple(jnp.swapaxes(a, 1, 2).reshape(-1, a.shape[1]) for a in at)
 
 
-solve = compiled(_solve, ("channels", "lanes"))
+solve = compiled(_solve, ("channels", "lanes", "fitted"))

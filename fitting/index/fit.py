@@ -19,12 +19,12 @@ import numpy as np
 from fitting.index import identifiability as flag
 from fitting.index import result
 from fitting.index.arrange import Arranged, of_arrays, of_measurement
-from fitting.index.batch import Data, minima, without_absorption
+from fitting.index.batch import Data, fitted_curves, minima, without_absorption
 from fitting.index.coordinates import coordinates_of
 from fitting.index.engine import Solved
 from fitting.index.estimate import Estimate, estimate
 from fitting.index.intervals import KINDS, PROFILE, intervals
-from fitting.index.misfit import with_order_of_residuals
+from fitting.index.misfit import ENOUGH, with_order_of_residuals
 from fitting.index.result import FitResult as FitResult
 from fitting.index.valley import open_to_the_other_end
 from fitting.measurement import Measurement
@@ -106,7 +106,8 @@ def _flags(
     return sum(bit * np.asarray(where).astype(int) for bit, where in found.items()) | chi2
 
 
-def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> FitResult:
+def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> tuple[FitResult, Solved]:
+    """Return the result, and the solutions that it shows."""
     data = a.data
     if wanted not in KINDS:
         raise ValueError(f"intervals is {wanted!r}; one of {', '.join(KINDS)} was wanted.")
@@ -198,7 +199,7 @@ def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> FitResult:
     shaped = {n: v.reshape(a.shape + v.shape[1:]) for n, v in fields.items()}
     kind = "absolute" if absolute else "scaled"
     out = FitResult(**shaped, sigma_kind=kind, notes=a.notes, eta_i=data.eta_i)
-    return out if a.shape else out.plain()
+    return out if a.shape else out.plain(), s
 
 
 def _points(start: Any, a: Arranged) -> np.ndarray | None:
@@ -250,8 +251,12 @@ def fit(
             "or Measurement.from_columns(...); fitting.measurement.concatenate makes one of many."
         )
     a = of_measurement(measurement, eta_i, sigma)
-    found = _fit(a, absolute_sigma, start, intervals)
-    return with_order_of_residuals(found, measurement, a.stated)
+    found, shown = _fit(a, absolute_sigma, start, intervals)
+    if np.max(found.n_data) < ENOUGH:
+        return found
+    channel, curve, place = a.rows
+    fitted = fitted_curves(a.data, shown)[channel, curve, place]
+    return with_order_of_residuals(found, measurement, fitted, a.stated)
 
 
 def fit_many(
@@ -281,4 +286,4 @@ def fit_many(
     Raises ValueError for values out of range, shapes that do not fit, or no data at all.
     """
     arrays = {"R_s": R_s, "R_p": R_p, "R": R}
-    return _fit(of_arrays(angles_deg, arrays, sigma, eta_i), absolute_sigma, start, intervals)
+    return _fit(of_arrays(angles_deg, arrays, sigma, eta_i), absolute_sigma, start, intervals)[0]

@@ -78,15 +78,12 @@ def count_and_scale(curves: Curves) -> tuple[Array, Array]:
     return count, jnp.stack(squares).sum(0)
 
 
-def sums_of_squares(
-    curves: Curves, y: Array, chart: Array, channels: tuple[str, ...]
-) -> tuple[Array, Array]:
-    """Return, per lane, the weighted and the plain sum of squares of the residuals."""
-    found = model(curves, y[0], y[1], chart, channels)
-    squares = [jnp.zeros((), y.dtype)] * 2
+def sums_of_squares(curves: Curves, found: tuple[Array, ...]) -> tuple[Array, Array]:
+    """Return, per lane, the weighted and the plain sum of squares of what ``found`` is off by."""
+    squares = [jnp.zeros((), found[0].dtype)] * 2
     for f, v, w in zip(found, curves.values, curves.weights, strict=True):
         r = f - v
         squares = [squares[0] + (r * w) ** 2, squares[1] + jnp.where(w > 0.0, r * r, 0.0)]
     # Both in one reduction, as in `solver.normal_sums`: 3 times as fast as one by one.
-    zero = [jnp.zeros((), y.dtype)] * 2
+    zero = [jnp.zeros((), found[0].dtype)] * 2
     return tuple(jax.lax.reduce(squares, zero, lambda a, b: [a[0] + b[0], a[1] + b[1]], (0,)))
