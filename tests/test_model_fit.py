@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from fitting import Measurement, fit_model, predict
+from fitting import Measurement, fit, fit_model, predict
+from fitting.output import report
+from fitting.output.model_report import table
 from fresnel_jax.dispersion import Cauchy, TaucLorentz
 
 WAVELENGTHS = np.linspace(0.4, 0.9, 14)
@@ -255,3 +257,12 @@ def test_x64_is_left_as_it_was():
         found = fit_model(simulated("cauchy:2", {"A": 1.5, "B": 0.012}), "cauchy:2")
         assert not jax.config.jax_enable_x64
     assert found.values.dtype == np.float64 and found.status == "converged"
+
+
+def test_without_a_degree_of_freedom_stated_errors_are_taken_at_their_word():
+    m = Measurement.from_columns(60.0, R_s=[0.45], R_p=[0.08], sigma=0.002)
+    alone, of_model = fit(m, intervals="quadratic"), fit_model(m, "constant", intervals="quadratic")
+    assert of_model.sigma_of("eta") == pytest.approx(alone.sigma_eta, rel=1e-6)
+    assert of_model.sigma_of("k") == pytest.approx(alone.sigma_k, rel=1e-6)
+    np.testing.assert_allclose(of_model.interval_of("eta"), alone.eta_interval, rtol=1e-6)
+    assert "as they are" in table(of_model, 80) and "as they are" in report.table(alone, m)

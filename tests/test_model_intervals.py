@@ -6,6 +6,7 @@ bisection.
 """
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -316,12 +317,14 @@ def test_without_noise_or_data_to_spare_there_is_nothing_to_follow():
     m = Measurement.from_columns(ANGLES, 0.6, R_s=R_s, R_p=R_p)
     found = fit_model(m, "constant", intervals="profile")
     assert set(found.interval_kinds) == {"quadratic"} and np.ptp(found.intervals) < 2.0
-    pair = Measurement.from_columns([70.0], 0.6, sigma=1e-3, R_s=[0.5], R_p=[0.1])
+    pair = Measurement.from_columns([70.0], 0.6, R_s=[0.5], R_p=[0.1])
     found = fit_model(pair, "constant", intervals="profile")
     assert found.interval_kinds == ("none", "none") and np.isnan(found.intervals).all()
     # errors that are stated need no data to spare
-    found = fit_model(pair, "constant", intervals="profile", absolute_sigma=True)
-    assert found.interval_kinds == ("profile", "profile")
+    pair = replace(pair, sigma=np.full(2, 1e-3))
+    for absolute in (False, True):
+        found = fit_model(pair, "constant", intervals="profile", absolute_sigma=absolute)
+        assert found.interval_kinds == ("profile", "profile")
 
 
 def test_an_undetermined_index_has_the_range_of_its_circle():

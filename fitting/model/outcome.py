@@ -132,8 +132,10 @@ def _intervals(
 ) -> list[Intervals]:
     """Return the intervals at the best minimum and at the others."""
     wanted = QUADRATIC if failed else how.get("intervals", QUADRATIC)
-    # With the scatter of many fits alike t is next to that of the normal law.
-    estimated = how["scaled"] and fit.pooled is None
+    # With the scatter of many fits alike t is next to that of the normal law; without a degree of
+    # freedom stated errors are taken at their word.
+    taken = fit.dof == 0 and fit.seen.stated
+    estimated = how["scaled"] and fit.pooled is None and not taken
     found = intervals(fit, every[: 1 + _OTHERS], noise, wanted=wanted, estimated=estimated)
     rest = every[1 + _OTHERS :]
     found += intervals(fit, rest, noise, wanted=QUADRATIC, estimated=estimated)

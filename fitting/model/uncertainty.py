@@ -187,7 +187,8 @@ def uncertainty(
     )
     use = free & ~on_low & ~on_high
     if u.spec.loss == "squares":
-        variance, curvature = float((r @ r) / dof) if dof > 0 else np.nan, 1.0
+        # Without a degree of freedom stated errors are all there is to go by.
+        variance, curvature = float((r @ r) / dof) if dof > 0 else 1.0, 1.0
     else:
         curvature = max(float(bend.mean()), 1e-3)
         variance = float((pull @ pull) / max(dof, 1)) / curvature**2

@@ -79,7 +79,7 @@ def errors_text(fit: ModelFit) -> str:
             f"one standard error, from {noise} and the scatter as the {fit.loss} loss counts it "
             "(Huber's estimate)"
         )
-    if fit.sigma_kind == "absolute":
+    if fit.sigma_kind == "absolute" or (fit.dof == 0 and not math.isnan(fit.chi2)):
         return "one standard error, from the stated errors as they are"
     if math.isnan(fit.chi2):
         return "one standard error, from the scatter about the fit (equal weights)"

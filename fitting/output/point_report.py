@@ -95,9 +95,11 @@ def notes_of(fits: PointFits) -> list[str]:
 def _errors(fits: PointFits) -> str:
     if not np.isfinite(fits.sigma_eta).any():
         return ""
-    if fits.fits[0].sigma_kind == "absolute":
+    stated = np.isfinite(fits.chi2)
+    taken = stated.all() and all(f.dof == 0 for f in fits.fits)
+    if taken or fits.fits[0].sigma_kind == "absolute":
         return "one standard error, from the stated errors as they are"
-    if not np.isfinite(fits.chi2).any():
+    if not stated.any():
         return "one standard error, from the scatter about the fit (equal weights)"
     return "one standard error, from the stated errors times sqrt(chi2/dof)"
 

@@ -85,9 +85,10 @@ def _errors_text(result: FitResult) -> str:
     """Return how the standard errors were made; "" where there are none."""
     if not np.any(np.isfinite(np.asarray(result.sigma_eta))):
         return ""
-    if result.sigma_kind == "absolute":
+    stated = np.isfinite(np.asarray(result.chi2))
+    if result.sigma_kind == "absolute" or np.all(stated & (np.asarray(result.dof) == 0)):
         return "one standard error, from the stated errors as they are"
-    if not np.any(np.isfinite(np.asarray(result.chi2))):
+    if not stated.any():
         return "one standard error, from the scatter about the fit (equal weights)"
     return "one standard error, from the stated errors times sqrt(chi2/dof)"
 
