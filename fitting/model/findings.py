@@ -8,6 +8,7 @@ import numpy as np
 
 from fitting.index.identifiability import CHI2_LARGE, CHI2_SMALL, chi2_flags
 from fitting.index.intervals import PROFILE
+from fitting.model.intervals import OFF
 from fitting.model.structures import INTERFACE, NUISANCES
 from fitting.pattern import Pattern
 
@@ -15,8 +16,6 @@ from fitting.pattern import Pattern
 # nuisance that trades with what is looked for does (the offset of the gold scan: .79 and .71).
 CORRELATED_WITHIN, CORRELATED = 0.999, 0.7
 VAGUE = 0.5
-# Half widths by which an end of a 95 % interval by profile is off where that is said.
-OFF = 0.1
 # A goniometer's zero is known better than that.
 PLAUSIBLE_OFFSET_DEG = 2.0
 FEW_REACHED = 3

@@ -10,7 +10,7 @@ import numpy as np
 from fitting.model.result import UNDETERMINED, ModelFit
 from fitting.model.structures import NUISANCES
 from fitting.output.export import csv_text, measured_columns
-from fitting.output.report import between, number, with_error, wrapped
+from fitting.output.report import between, how_made, number, with_error, wrapped
 from fitting.plain_data import json_object
 
 # Second solutions, and pairs of parameters, that are shown.
@@ -79,11 +79,7 @@ def errors_text(fit: ModelFit) -> str:
             f"one standard error, from {noise} and the scatter as the {fit.loss} loss counts it "
             "(Huber's estimate)"
         )
-    if fit.sigma_kind == "absolute" or (fit.dof == 0 and not math.isnan(fit.chi2)):
-        return "one standard error, from the stated errors as they are"
-    if math.isnan(fit.chi2):
-        return "one standard error, from the scatter about the fit (equal weights)"
-    return "one standard error, from the stated errors times sqrt(chi2/dof)"
+    return how_made(fit.sigma_kind, fit.chi2, fit.dof)
 
 
 def rms_text(fit: ModelFit) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitting.output.plot_parts import GREY, draw_zero, look, our_style, points, series, titles
+from fitting.output.plot_parts import GREY, draw_zero, look, our_style, points, save, series, titles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -135,6 +135,4 @@ def save_plot(
     reference: str | None = None,
 ) -> None:
     """Draw the fit to the file ``path`` in the format of ``suffix`` (default: its own)."""
-    figure = draw(result, measurement, reference)
-    with our_style():
-        figure.savefig(path, format=(suffix or Path(path).suffix).lower().lstrip("."))
+    save(draw(result, measurement, reference), path, suffix)

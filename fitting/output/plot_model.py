@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fitting.model.result import ModelFit
-from fitting.output.plot_parts import GREY, draw_zero, our_style, points
+from fitting.output.plot_parts import GREY, draw_zero, our_style, points, save
 from fitting.output.reference import reference_index
 from fitting.output.report import number
 from fitting.residuals import residuals
@@ -158,6 +157,4 @@ def save_model_plot(
     fit: ModelFit, path: str | PathLike[str], suffix: str = "", reference: str | None = None
 ) -> None:
     """Draw the fit to the file ``path`` in the format of ``suffix`` (default: its own)."""
-    figure = draw_model(fit, reference)
-    with our_style():
-        figure.savefig(path, format=(suffix or Path(path).suffix).lower().lstrip("."))
+    save(draw_model(fit, reference), path, suffix)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Iterator
+from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from fitting.output.report import number, with_error
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from fitting.index.fit import FitResult
     from fitting.measurement import Measurement
@@ -54,6 +57,12 @@ def our_style() -> Iterator[None]:
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(STYLE)
         yield
+
+
+def save(figure: Figure, path: str | PathLike[str], suffix: str = "") -> None:
+    """Write the picture to the file ``path`` in the format of ``suffix`` (default: its own)."""
+    with our_style():
+        figure.savefig(path, format=(suffix or Path(path).suffix).lower().lstrip("."))
 
 
 def _plus_minus(value: float, sigma: float) -> str:

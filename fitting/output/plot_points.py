@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fitting.model.points import PointFits
 from fitting.output.plot_model import MANY, draw_data
-from fitting.output.plot_parts import GREY, our_style, points
+from fitting.output.plot_parts import GREY, our_style, points, save
 from fitting.output.point_report import names_of, one_line
 from fitting.output.reference import reference_index
 
@@ -89,6 +88,4 @@ def save_point_plot(
     fits: PointFits, path: str | PathLike[str], suffix: str = "", reference: str | None = None
 ) -> None:
     """Draw the fits to the file ``path`` in the format of ``suffix`` (default: its own)."""
-    figure = draw_points(fits, reference)
-    with our_style():
-        figure.savefig(path, format=(suffix or Path(path).suffix).lower().lstrip("."))
+    save(draw_points(fits, reference), path, suffix)

@@ -14,6 +14,7 @@ from fitting.output.export import csv_text, measured_columns
 from fitting.output.model_report import range_text
 from fitting.output.report import (
     Told,
+    how_made,
     labelled,
     number,
     remedy,
@@ -95,13 +96,7 @@ def notes_of(fits: PointFits) -> list[str]:
 def _errors(fits: PointFits) -> str:
     if not np.isfinite(fits.sigma_eta).any():
         return ""
-    stated = np.isfinite(fits.chi2)
-    taken = stated.all() and all(f.dof == 0 for f in fits.fits)
-    if taken or fits.fits[0].sigma_kind == "absolute":
-        return "one standard error, from the stated errors as they are"
-    if not stated.any():
-        return "one standard error, from the scatter about the fit (equal weights)"
-    return "one standard error, from the stated errors times sqrt(chi2/dof)"
+    return how_made(fits.fits[0].sigma_kind, fits.chi2, [f.dof for f in fits.fits])
 
 
 def _rms(fit: ModelFit) -> str:

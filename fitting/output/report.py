@@ -6,7 +6,7 @@ import math
 import re
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -81,16 +81,21 @@ def wrapped(label: str, text: str, width: int) -> str:
     )
 
 
-def _errors_text(result: FitResult) -> str:
-    """Return how the standard errors were made; "" where there are none."""
-    if not np.any(np.isfinite(np.asarray(result.sigma_eta))):
-        return ""
-    stated = np.isfinite(np.asarray(result.chi2))
-    if result.sigma_kind == "absolute" or np.all(stated & (np.asarray(result.dof) == 0)):
+def how_made(sigma_kind: str, chi2: Any, dof: Any) -> str:
+    """Return how standard errors of one fit or many were made; chi2 is NaN without stated ones."""
+    stated = np.isfinite(np.asarray(chi2))
+    if sigma_kind == "absolute" or np.all(stated & (np.asarray(dof) == 0)):
         return "one standard error, from the stated errors as they are"
     if not stated.any():
         return "one standard error, from the scatter about the fit (equal weights)"
     return "one standard error, from the stated errors times sqrt(chi2/dof)"
+
+
+def _errors_text(result: FitResult) -> str:
+    """Return how the standard errors were made; "" where there are none."""
+    if not np.any(np.isfinite(np.asarray(result.sigma_eta))):
+        return ""
+    return how_made(result.sigma_kind, result.chi2, result.dof)
 
 
 def _head(result: FitResult, measurement: Measurement) -> list[tuple[str, str]]:
