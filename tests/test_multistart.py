@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks import model_success
 from fitting.model.multistart import Ends, Unknown, minima, quasi_random, start_at, starts
-from fitting.model.parameters import LOG, SQUARE, Parameter
+from fitting.parameters import LOG, SQUARE, Parameter
 
 
 @pytest.mark.parametrize("dimensions", [1, 2, 5, 12])

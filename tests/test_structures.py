@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fitting import Measurement
-from fitting.model.dispersion import parse_model
+from fitting.dispersion import parse_model
 from fitting.model.observations import observations
 from fitting.model.structures import NCS, Spec, predicted
 

@@ -14,14 +14,14 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from fitting.measurement import Measurement
-from fitting.model.dispersion import Model, parse_model
-from fitting.model.dispersion import model_names as model_names
+from fitting.dispersion import Model, parse_model
+from fitting.dispersion import model_names as model_names
 from fitting.model.intervals import check_intervals
 from fitting.model.multistart import start_at, usual_starts
 from fitting.model.multistart import starts as start_points
 from fitting.model.observations import Observations, observations
 from fitting.model.outcome import model_fit_of
-from fitting.model.parameters import LOG, Settings, check_settings, names_of, plain_name
+from fitting.parameters import LOG, Settings, check_settings, names_of, plain_name
 from fitting.model.predictions import predict as predict
 from fitting.model.problem import LOSSES, Targets
 from fitting.model.result import ModelFit as ModelFit

@@ -22,7 +22,7 @@ import numpy as np
 
 from fitting.index.intervals import KINDS, NONE, PROFILE, QUADRATIC, ROUNDING
 from fitting.index.limits import interval_from_zero, student_quantile
-from fitting.model.parameters import LOG, PLAIN, SQUARE, from_parameter, value_and_slope
+from fitting.parameters import LOG, PLAIN, SQUARE, from_parameter, value_and_slope
 from fitting.model.profile import FEW_ROUNDS, ROUNDS, Base, Search, follow, visit
 from fitting.model.solve import End, Fit
 

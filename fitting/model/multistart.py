@@ -13,7 +13,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from fitting.model.parameters import LOG, SQUARE, Parameter, from_parameter
+from fitting.parameters import LOG, SQUARE, Parameter, from_parameter
 from fitting.model.problem import Bounds, Targets, solve
 from fitting.model.structures import Spec
 from fitting.progress import tell

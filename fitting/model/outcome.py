@@ -14,7 +14,7 @@ from fitting.model.curves import Evaluated, at_data
 from fitting.model.findings import Findings, sentences
 from fitting.model.intervals import QUADRATIC, Intervals, intervals
 from fitting.model.multistart import SAME_CHI2, STAGE, Ends, Minimum, minima
-from fitting.model.parameters import value_and_slope
+from fitting.parameters import value_and_slope
 from fitting.model.result import ModelFit
 from fitting.model.solve import End, Fit, best_of
 from fitting.model.uncertainty import Slopes

@@ -15,14 +15,14 @@ import numpy as np
 
 from fitting.index.intervals import QUADRATIC
 from fitting.measurement import Measurement
-from fitting.model.dispersion import Model
+from fitting.dispersion import Model
 from fitting.model.fit import check_choices, targets_of
 from fitting.model.intervals import check_intervals
 from fitting.model.multistart import LANES, Ends, run
 from fitting.model.multistart import starts as start_points
 from fitting.model.observations import observations
 from fitting.model.outcome import model_fit_of
-from fitting.model.parameters import Settings
+from fitting.parameters import Settings
 from fitting.model.point_result import PointFits as PointFits
 from fitting.model.problem import Targets
 from fitting.model.pseudo_index import notes_on

@@ -8,9 +8,9 @@ from typing import Any
 import jax
 import numpy as np
 
-from fitting.model.dispersion import Model, Spectrum, parse_model
+from fitting.dispersion import Model, Spectrum, parse_model
 from fitting.model.observations import padded
-from fitting.model.parameters import plain_name
+from fitting.parameters import plain_name
 from fitting.model.problem import shown
 from fitting.model.structures import INTERFACE, NCS, NUISANCES, PER_CURVE, SLAB, Points, Spec
 

@@ -15,7 +15,7 @@ import optimistix as optx
 from jax import Array
 
 from fitting.compiled import compiled
-from fitting.model.parameters import to_parameter
+from fitting.parameters import to_parameter
 from fitting.model.structures import NCS, Points, Spec, model_index, predicted
 from fitting.solver import BatchLevenbergMarquardt
 

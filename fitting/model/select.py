@@ -28,7 +28,7 @@ from fitting.model.candidates import (
 )
 from fitting.model.fit import fit_model
 from fitting.model.intervals import check_intervals
-from fitting.model.parameters import names_of, plain_name
+from fitting.parameters import names_of, plain_name
 from fitting.model.result import NOT_CONVERGED, ModelFit
 from fitting.model.structures import NUISANCES
 from fitting.pattern import pattern

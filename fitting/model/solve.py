@@ -8,7 +8,7 @@ import numpy as np
 
 from fitting.model.multistart import LANES, Ends, briefly, coordinate_bounds, each_within, run
 from fitting.model.observations import Observations
-from fitting.model.parameters import Settings, value_and_slope
+from fitting.parameters import Settings, value_and_slope
 from fitting.model.problem import Targets
 from fitting.model.structures import NCS
 from fitting.model.uncertainty import Slopes, Uncertainty, loss_of, slopes_at, uncertainty

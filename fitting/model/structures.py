@@ -24,8 +24,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from fitting.model.dispersion import Model
-from fitting.model.parameters import LOG, SQUARE, Parameter, to_parameter
+from fitting.dispersion import Model
+from fitting.parameters import LOG, SQUARE, Parameter, to_parameter
 from fresnel_jax import powers
 from fresnel_jax.layers import slab
 from fresnel_jax.polarization import ellipsometric_ratio

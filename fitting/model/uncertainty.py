@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from fitting.model.observations import Observations
-from fitting.model.parameters import value_and_slope
+from fitting.parameters import value_and_slope
 from fitting.model.problem import HUBER, STUDENT, Targets, linearised, without_data
 from fitting.model.structures import NCS
 from fitting.model.unknowns import Unknowns

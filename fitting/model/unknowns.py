@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.measurement import Measurement
-from fitting.model.dispersion import Model, Spectrum
+from fitting.dispersion import Model, Spectrum
 from fitting.model.multistart import Unknown
 from fitting.model.observations import Observations
-from fitting.model.parameters import LOG, Parameter, Settings
+from fitting.parameters import LOG, Parameter, Settings
 from fitting.model.structures import (
     INTERFACE,
     NCS,

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jax import Array
 
-from fitting.model.parameters import LOG, PLAIN, SQUARE, Parameter
+from fitting.parameters import LOG, PLAIN, SQUARE, Parameter
 from fresnel_jax import dispersion
 from fresnel_jax.dispersion import HC_EV_UM
 
