@@ -190,8 +190,8 @@ def _index(text: str) -> complex | Model | str:
         return materials.lookup(text).name
     except ValueError as error:
         raise ValueError(
-            f"{text!r} is not an index: a number (1.45 or 0.2+3.1i), free, auto, a dispersion model "
-            f"({', '.join(KINDS)}) or a named material was wanted. As a material: {error}."
+            f"{text!r} is not an index: a number (1.45 or 0.2+3.1i), free, auto, a dispersion "
+            f"model ({', '.join(KINDS)}) or a named material was wanted. As a material: {error}."
         ) from None
 
 
@@ -248,7 +248,7 @@ def _parsed(text: str) -> Sample:
         lossless = isinstance(index, complex) and not index.imag
     if not lossless:
         raise ValueError(
-            f"the sample {text!r}: the light comes from {first.text!r}; a lossless medium, one real "
-            "number above 0 or a named dielectric, was wanted there."
+            f"the sample {text!r}: the light comes from {first.text!r}; a lossless medium, one "
+            "real number above 0 or a named dielectric, was wanted there."
         )
     return Sample((first, *map(_layer, parts[1:-1]), last))

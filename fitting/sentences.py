@@ -238,8 +238,8 @@ SENTENCES: dict[str, Sentence] = {
     ),
     "no_reflection": lambda v: (
         "the data show no reflection, as of no boundary at all: eta is that "
-        f"of the medium outside ({_n(v['eta_i'])}) and k is 0. R grows as (eta - {_n(v['eta_i'])})^2 + "
-        "k^2 there, so that intervals, and no standard errors, tell how certain that is."
+        f"of the medium outside ({_n(v['eta_i'])}) and k is 0. R grows as "
+        f"(eta - {_n(v['eta_i'])})^2 + k^2 there, so that intervals, and no standard errors, tell how certain that is."
     ),
     "circle": _circle,
     "same_at_45_degrees": lambda v: (
@@ -256,8 +256,8 @@ SENTENCES: dict[str, Sentence] = {
     "by_the_model_alone": lambda v: (
         "eta and k are not determined by the data alone: there is one "
         "reflectance or transmittance at each wavelength, at one angle. What separates them is the "
-        "form of the model, far outside of the measured range too; the curve may fit well while eta "
-        "and k are off by far more than their errors."
+        "form of the model, far outside of the measured range too; the curve may fit well while "
+        "eta and k are off by far more than their errors."
     ),
     "other_minima": _other_minima,
     "does_not_describe": _does_not_describe,
@@ -297,8 +297,8 @@ SENTENCES: dict[str, Sentence] = {
     ),
     "pseudo_index": lambda v: (
         "eta and k are the pseudo-index <n>, <k>: that of one bare, smooth "
-        "boundary, which is assumed. A film, an oxide or roughness changes it unseen (2 nm on a clear "
-        "crystal look like a k of .03); then it is the index of no material."
+        "boundary, which is assumed. A film, an oxide or roughness changes it unseen (2 nm on a "
+        "clear crystal look like a k of .03); then it is the index of no material."
     ),
     "pseudo_index_misfit": _pseudo_misfit,
 }
