@@ -4,11 +4,11 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .index.curves import curve as curve
-    from .index.curves import fitted_values as fitted_values
-    from .index.fit import FitResult as FitResult
-    from .index.fit import fit as fit
-    from .index.fit import fit_many as fit_many
+    from .bare_surface.curves import curve as curve
+    from .bare_surface.curves import fitted_values as fitted_values
+    from .bare_surface.solution import FitResult as FitResult
+    from .bare_surface.solution import fit as fit
+    from .bare_surface.solution import fit_many as fit_many
     from .measurement import Measurement as Measurement
     from .measurement import MeasurementError as MeasurementError
     from .measurement import read_csv as read_csv
@@ -18,23 +18,23 @@ if TYPE_CHECKING:
     from .model.points import PointFits as PointFits
     from .model.points import fit_points as fit_points
     from .model.result import ModelFit as ModelFit
-    from .model.select import choose as choose
+    from .selection import choose as choose
 
 # The command line answers --help and refuses bad files without waiting 0.4 s for jax, so each name
 # is imported when it is first used.
 _HOME = {
-    "FitResult": "index.fit",
+    "FitResult": "bare_surface.solution",
     "Measurement": "measurement",
     "MeasurementError": "measurement",
     "ModelFit": "model.result",
     "PointFits": "model.points",
-    "choose": "model.select",
-    "curve": "index.curves",
-    "fit": "index.fit",
-    "fit_many": "index.fit",
+    "choose": "selection",
+    "curve": "bare_surface.curves",
+    "fit": "bare_surface.solution",
+    "fit_many": "bare_surface.solution",
     "fit_model": "model.fit",
     "fit_points": "model.points",
-    "fitted_values": "index.curves",
+    "fitted_values": "bare_surface.curves",
     "model_names": "model.fit",
     "predict": "model.fit",
     "read_csv": "measurement",

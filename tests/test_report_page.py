@@ -10,9 +10,9 @@ import pytest
 from simulated import GOLD, simulated
 
 from fitting import cli
+from fitting.bare_surface.curves import fitted_values
+from fitting.bare_surface.solution import fit
 from fitting.command import results
-from fitting.index.curves import fitted_values
-from fitting.index.fit import fit
 from fitting.measurement import concatenate, read_csv
 from fitting.output import page, report_page
 

@@ -16,8 +16,8 @@ from fitting.output.progress import Progress, shown
 from fitting.output.reference import check_reference
 
 if TYPE_CHECKING:
+    from fitting.candidates import Choice
     from fitting.measurement import Measurement
-    from fitting.model.candidates import Choice
     from fitting.model.result import ModelFit
 
 AUTO = "auto"
@@ -38,7 +38,7 @@ def _fit(
         if arguments.model != AUTO:
             with shown("rounds of the fit", quiet=arguments.quiet):
                 return fit_model(measurements, arguments.model, **options), None
-        from fitting.model.select import choose
+        from fitting.selection import choose
 
         with Progress("models tried", quiet=arguments.quiet) as bar:
             choice = choose(measurements, step=bar.step, **options)
@@ -46,7 +46,7 @@ def _fit(
 
 
 def _comparison(choice: Choice, width: int) -> str:
-    from fitting.model.candidates import choice_table
+    from fitting.candidates import choice_table
 
     lines = ["", "  models compared (BIC above the lowest; > is taken)"]
     lines += report.rows_aligned(choice_table(choice))
@@ -57,7 +57,7 @@ def _comparison(choice: Choice, width: int) -> str:
 def _json(fit: ModelFit, choice: Choice | None) -> str:
     if choice is None:
         return model_report.json_text(fit)
-    from fitting.model.candidates import choice_dict
+    from fitting.candidates import choice_dict
 
     return model_report.json_text(fit, choice_dict(choice))
 

@@ -70,7 +70,7 @@ def of_a_model(arguments: argparse.Namespace) -> str:
 
 def fit_options(arguments: argparse.Namespace) -> dict[str, Any]:
     """Return the keyword arguments of `fit_model`, or raise ValueError for a text of its own."""
-    from fitting.model.parameters import parse_setting
+    from fitting.parameters import parse_setting
 
     settings: dict[str, dict[str, Any]] = {"fixed": {}, "bounds": {}, "priors": {}}
     wanted = {"--fix": "fixed", "--bound": "bounds", "--prior": "priors"}

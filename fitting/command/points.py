@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fitting.bare_surface.arrange import check_quantities
+from fitting.bare_surface.reflectances import CHANNELS
 from fitting.command import results
-from fitting.index.arrange import check_quantities
-from fitting.index.problem import CHANNELS
 from fitting.output import point_report
 from fitting.output.outputs import Outputs
 from fitting.output.progress import Progress, shown
@@ -28,7 +28,7 @@ def _fit(measurement: Measurement, arguments: argparse.Namespace) -> PointFits:
 
     set_up_jax()
     from fitting.model.points import fit_points
-    from fitting.model.structures import INTERFACE, SLAB
+    from fitting.observe import INTERFACE, SLAB
 
     # By profile where it is asked for; at a single wavelength where it is better; and from a denser
     # medium, since in total reflection a quadratic limit of k can be 12 times too small.

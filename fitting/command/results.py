@@ -14,7 +14,7 @@ from fitting.output.outputs import Outputs
 if TYPE_CHECKING:
     import numpy as np
 
-    from fitting.index.fit import FitResult
+    from fitting.bare_surface.solution import FitResult
     from fitting.measurement import Measurement
     from fitting.output.progress import Progress
 
@@ -100,7 +100,7 @@ class Contents(NamedTuple):
 
 def contents(result: FitResult, measurement: Measurement) -> Contents:
     """Return the contents of the files on a fit of one index a wavelength."""
-    from fitting.index.curves import fitted_values
+    from fitting.bare_surface.curves import fitted_values
     from fitting.output import export
 
     def plot(path: Path, suffix: str, reference: str | None) -> None:

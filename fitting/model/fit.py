@@ -13,21 +13,21 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from fitting.dispersion import Model, parse_model
+from fitting.dispersion import model_names as model_names
 from fitting.measurement import Measurement
-from fitting.model.dispersion import Model, parse_model
-from fitting.model.dispersion import model_names as model_names
-from fitting.model.intervals import check_intervals
-from fitting.model.multistart import start_at, usual_starts
-from fitting.model.multistart import starts as start_points
-from fitting.model.observations import Observations, observations
-from fitting.model.outcome import model_fit_of
-from fitting.model.parameters import LOG, Settings, check_settings, names_of, plain_name
-from fitting.model.predictions import predict as predict
-from fitting.model.problem import LOSSES, Targets
 from fitting.model.result import ModelFit as ModelFit
-from fitting.model.solve import Fit, solved
-from fitting.model.structures import INTERFACE
-from fitting.model.unknowns import Unknowns, check_quantities, spectrum_of, unknowns
+from fitting.observations import Observations, observations
+from fitting.observe import INTERFACE
+from fitting.outcome import model_fit_of
+from fitting.parameters import LOG, Settings, check_settings, names_of, plain_name
+from fitting.predictions import predict as predict
+from fitting.problem import LOSSES, Targets
+from fitting.search import Fit, solved
+from fitting.starts import start_at, usual_starts
+from fitting.starts import starts as start_points
+from fitting.uncertainty.intervals import check_intervals
+from fitting.unknowns import Unknowns, check_quantities, spectrum_of, unknowns
 
 
 def targets_of(u: Unknowns, seen: Observations, eta_i: float) -> Targets:

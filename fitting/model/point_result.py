@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from fitting.measurement import Measurement
-from fitting.model.pseudo_index import is_pseudo
 from fitting.model.result import ModelFit
 from fitting.plain_data import plain
+from fitting.pseudo_index import is_pseudo
 
 # What `to_dict` holds of every wavelength.
 _EACH = (

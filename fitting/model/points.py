@@ -13,24 +13,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.index.intervals import QUADRATIC
+from fitting.bare_surface.region_intervals import QUADRATIC
+from fitting.dispersion import Model
 from fitting.measurement import Measurement
-from fitting.model.dispersion import Model
 from fitting.model.fit import check_choices, targets_of
-from fitting.model.intervals import check_intervals
-from fitting.model.multistart import LANES, Ends, run
-from fitting.model.multistart import starts as start_points
-from fitting.model.observations import observations
-from fitting.model.outcome import model_fit_of
-from fitting.model.parameters import Settings
 from fitting.model.point_result import PointFits as PointFits
-from fitting.model.problem import Targets
-from fitting.model.pseudo_index import notes_on
 from fitting.model.result import CONVERGED, UNDETERMINED, ModelFit
-from fitting.model.solve import Fit
-from fitting.model.structures import SLAB
-from fitting.model.unknowns import check_quantities, spectrum_of, unknowns
+from fitting.observations import observations
+from fitting.observe import SLAB
+from fitting.outcome import model_fit_of
+from fitting.parameters import Settings
+from fitting.problem import Targets
 from fitting.progress import listening, tell
+from fitting.pseudo_index import notes_on
+from fitting.search import Fit
+from fitting.starts import LANES, Ends, run
+from fitting.starts import starts as start_points
+from fitting.uncertainty.intervals import check_intervals
+from fitting.unknowns import check_quantities, spectrum_of, unknowns
 
 # Wavelengths that are solved side by side, each with LANES starts.
 _TOGETHER = 16

@@ -138,13 +138,13 @@ class ModelFit:
         Measurement. Their scale and background are those of the first fitted curve of the quantity.
         psi and Delta are in degrees, Delta from 0 to 360.
         """
-        from fitting.model.curves import fitted
+        from fitting.evaluation import fitted
 
         return fitted(self.curves_from, measurement)
 
     def index(self, wavelength_um: Any) -> IndexBand:
         """Return eta and k, each with a standard error, at wavelengths in micrometres."""
-        from fitting.model.curves import index_band
+        from fitting.evaluation import index_band
 
         return IndexBand(*index_band(self.curves_from, wavelength_um))
 
