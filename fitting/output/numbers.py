@@ -59,8 +59,8 @@ def with_error(value: float, sigma: float) -> str:
 
 
 def _ends(low: float, high: float) -> str:
-    """Return two finite ends, both to the second digit of the distance between them."""
-    exponent = math.floor(math.log10(float(f"{high - low:.1e}")))
+    """Return two finite ends, both to the second digit of half the distance between them."""
+    exponent = math.floor(math.log10(float(f"{0.5 * (high - low):.1e}")))
     decimals, largest = 1 - exponent, max(abs(low), abs(high))
     if high - low < 1e-13 * largest:
         return f"{low!r} to {high!r}"
@@ -91,21 +91,31 @@ def interval_text(low: float, high: float) -> str:
     return _ends(low, high)
 
 
-def agree(value: float, sigma: float, low: float, high: float, student: float = 1.96) -> bool:
+def agree(value: float, sigma: float, low: float, high: float, student: float) -> bool:
     """Whether ``value +- sigma`` tells the same as the 95 % interval from ``low`` to ``high``.
 
-    student: half the width of a quadratic interval in standard errors. Without an interval there
-    is nothing to contradict. A value with its standard error is not shown beside an interval that
-    says otherwise.
+    student: half the width of a symmetric interval in standard errors; NaN if that is not known,
+    where only an interval that is not symmetric contradicts. A value with its standard error is not
+    shown beside an interval that says otherwise.
     """
     if math.isnan(low) or math.isnan(high) or not sigma > 0.0:
         return True
     if math.isinf(low) or math.isinf(high):
         return False
-    off = max(abs(value - student * sigma - low), abs(value + student * sigma - high))
-    return off <= _CONTRADICTS * 0.5 * (high - low)
+    half = 0.5 * (high - low)
+    expected = half if math.isnan(student) else student * sigma
+    off = max(abs(value - expected - low), abs(value + expected - high))
+    return off <= _CONTRADICTS * half
 
 
 def with_unit(text: str, unit: str) -> str:
     """Return ``text`` with the unit behind it, if there is one."""
     return f"{text} {unit}" if unit and text else text
+
+
+def to_its_interval(value: float, low: float, high: float) -> str:
+    """Return ``value`` to the third digit of the distance to the nearer end of its interval."""
+    away = [abs(end - value) for end in (low, high) if math.isfinite(end) and end != value]
+    digits = 3 + math.floor(math.log10(abs(value) / min(away))) if value and away else 4
+    digits = min(max(digits, 2), 15)
+    return f"{value:.{digits - 1}e}" if 0.0 < abs(value) < 1e-3 else number(value, digits)

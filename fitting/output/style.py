@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fitting.output.missing import MissingExtra
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -79,13 +81,7 @@ def our_style() -> Iterator[None]:
 def check_matplotlib(asked: str = "--plot") -> None:
     """Raise ImportError where matplotlib, which ``asked`` needs, is not installed."""
     if importlib.util.find_spec("matplotlib") is None:
-        raise MissingExtra(
-            f"{asked} needs matplotlib, which is not installed: pip install 'fresnel-jax[plot]'."
-        )
-
-
-class MissingExtra(ValueError, ImportError):
-    """A package is missing that only some outputs need; the text names the extra that brings it."""
+        raise MissingExtra(asked, "matplotlib", "pip install 'fresnel-jax[plot]'")
 
 
 def check_picture(path: str | PathLike[str], asked: str = "--plot") -> None:
