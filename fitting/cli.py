@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NoReturn
 from fitting.command import options as model_options
 
 if TYPE_CHECKING:
-    from fitting.bare_surface.solution import FitResult
+    from fitting.bare_surface.surface_fit import FitResult
     from fitting.measurement import Measurement
 
 PROGRAM = "fresnel-fit"
@@ -188,7 +188,7 @@ def _fit(measurement: Measurement, arguments: argparse.Namespace) -> FitResult:
     from fitting.start_up import set_up_jax
 
     set_up_jax()
-    from fitting.bare_surface.solution import fit
+    from fitting.bare_surface.surface_fit import fit
 
     with warnings.catch_warnings():
         # A cache folder that is full or was taken away is not the user's business here.

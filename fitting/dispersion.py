@@ -55,6 +55,11 @@ class Model(NamedTuple):
         """Whether the model has a k of its own."""
         return KINDS[self.name].absorbs
 
+    @property
+    def exchangeable(self) -> bool:
+        """Whether the terms may change places: not if the last one is beyond the red end."""
+        return KINDS[self.name].exchangeable
+
     def parameters(self, spectrum: Spectrum) -> tuple[Parameter, ...]:
         """Return the parameters in the order of the formula."""
         return KINDS[self.name].parameters(self.terms, spectrum)
@@ -70,6 +75,7 @@ class _Kind(NamedTuple):
     absorbs: bool
     usual: int = 1  # number of terms if none is said
     most: int = 1
+    exchangeable: bool = True
 
 
 def _absorption(name: str, spectrum: Spectrum, least: float) -> Parameter:
@@ -230,7 +236,7 @@ KINDS = {
         ),
         True, 3, 8,
     ),
-    "sellmeier": _Kind(_sellmeier, _sellmeier_model, False, 1, 8),
+    "sellmeier": _Kind(_sellmeier, _sellmeier_model, False, 1, 8, False),
     "drude": _Kind(_drude, lambda n, v: _oscillator_model(True)(0, v), True),
     "drude-lorentz": _Kind(_drude_lorentz, _oscillator_model(True), True, 1, 8),
     "lorentz": _Kind(_lorentz, _oscillator_model(False), True, 1, 8),

@@ -1,4 +1,4 @@
-"""A fitted model as curves: at the data, at points of one's own, and eta and k over wavelength."""
+"""A fitted sample as curves: at the data, at points of one's own, and eta and k over wavelength."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from fitting.measurement import Measurement
 from fitting.observations import Observations, observations, padded
 from fitting.observe import NCS
 from fitting.problem import Targets, index_slopes, linearised, without_data
-from fitting.unknowns import Unknowns
+from fitting.result import Evaluator, IndexBand, Prediction
+from fitting.sample import Sample
+from fitting.unknowns import Unknowns, index_outside
 
 
 class Evaluated(NamedTuple):
@@ -21,11 +23,107 @@ class Evaluated(NamedTuple):
     is 0 (the fitted curve does not change there).
     """
 
+    sample: Sample
     unknowns: Unknowns
     seen: Observations
     targets: Targets
     y: np.ndarray
     covariance: np.ndarray
+    measured_um: np.ndarray
+
+    def predict(self, measurement: Measurement | None = None) -> Prediction:
+        """Return the model at every row of a measurement; see `result.Evaluator`."""
+        return Prediction(*_fitted(self, measurement))
+
+    def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
+        """Return the model over angles (A,), at the one wavelength that was measured."""
+        wavelength = self.measured_um if len(self.measured_um) == 1 else None
+        return self.predict(points_of(angle_deg, quantity, wavelength))
+
+    def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
+        """Return eta and k of a medium at wavelengths; see `Fit.index`."""
+        which = _medium(self.sample, medium)
+        if wavelength_um is None:
+            known = self.measured_um
+            band = _index_band(self, np.where(np.isfinite(known), known, 1.0), which)
+            return band._replace(wavelength_um=known)
+        return _index_band(self, wavelength_um, which)
+
+    def at(self, index: tuple[int, ...]) -> Evaluator:
+        """Return itself: it is of one fit."""
+        return self
+
+
+class EachWavelength(NamedTuple):
+    """The evaluators of many wavelengths, each fitted by itself, in rising order."""
+
+    each: tuple[Evaluated, ...]
+    wavelength_um: np.ndarray
+    measurement: Measurement
+
+    def predict(self, measurement: Measurement | None = None) -> Prediction:
+        """Return the model at every row of a measurement; NaN at wavelengths not fitted."""
+        m = self.measurement if measurement is None else measurement
+        value, sigma = np.full(len(m), np.nan), np.full(len(m), np.nan)
+        for one, wavelength in zip(self.each, self.wavelength_um, strict=True):
+            same = np.isnan(m.wavelength_um) if np.isnan(wavelength) else None
+            rows = m.wavelength_um == wavelength if same is None else same
+            if rows.any():
+                found = one.predict(None if measurement is None else m.where(rows))
+                value[rows], sigma[rows] = found
+        return Prediction(value, sigma)
+
+    def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
+        """Return each wavelength over angles (A,), (W, A)."""
+        found = [one.over_angle(angle_deg, quantity) for one in self.each]
+        return Prediction(*(np.stack(part) for part in zip(*found, strict=True)))
+
+    def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
+        """Return eta and k at the fitted wavelengths."""
+        wanted = self.wavelength_um if wavelength_um is None else np.atleast_1d(wavelength_um)
+        place = {float(w): i for i, w in enumerate(self.wavelength_um)}
+        if np.isnan(wanted).any():
+            chosen = list(range(len(self.each)))
+        else:
+            strange = [w for w in wanted.tolist() if w not in place]
+            if strange:
+                raise ValueError(
+                    f"{strange[0]:g} um was not measured; eta and k that are free at every "
+                    "wavelength are known at the measured ones only. Fit a dispersion model."
+                )
+            chosen = [place[w] for w in wanted.tolist()]
+        bands = [self.each[i].index(None, medium) for i in chosen]
+        parts = (np.concatenate(part) for part in zip(*bands, strict=True))
+        return IndexBand(*parts)
+
+    def at(self, index: tuple[int, ...]) -> Evaluator:
+        """Return the evaluator of one wavelength."""
+        return self.each[index[0]]
+
+
+def points_of(angle_deg: Any, quantity: Any, wavelength_um: Any = None) -> Measurement:
+    """Return points of one's own as a measurement without values."""
+    angle, names, waves = np.broadcast_arrays(
+        np.atleast_1d(np.asarray(angle_deg, float)), np.asarray(quantity),
+        np.asarray(np.nan if wavelength_um is None else wavelength_um, float),
+    )  # fmt: skip
+    if angle.ndim != 1:
+        raise ValueError(f"angles of shape {angle.shape} came; one axis was wanted.")
+    nothing = np.full(len(angle), np.nan)
+    return Measurement(
+        angle_deg=angle, wavelength_um=waves, quantity=np.asarray(names, dtype=str),
+        value=np.zeros(len(angle)), sigma=nothing, polarizer_deg=nothing, source="points",
+        understood="",
+    )  # fmt: skip
+
+
+def _medium(sample: Sample, name: str | None) -> int:
+    """Return the number of a medium after the first, by its place; None: the first unknown."""
+    if name is not None:
+        if name not in sample.places[1:]:
+            raise ValueError(f"there is no medium {name!r}; one of {', '.join(sample.places[1:])}.")
+        return sample.places.index(name) - 1
+    return next((i for i, m in enumerate(sample.media[1:]) if m.unknown), 0)
 
 
 def _error(slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -59,15 +157,16 @@ def at_data(seen: Observations, value: np.ndarray) -> np.ndarray:
     return out
 
 
-def fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray, np.ndarray]:
-    """Return the model at every datum and its standard error; see `ModelFit.fitted`."""
+def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray, np.ndarray]:
+    """Return the model at every datum and its standard error."""
     u, seen, targets = at.unknowns, at.seen, at.targets
     if measurement is not None:
-        seen = observations([measurement], "equal")
+        seen = observations([measurement], "equal", compared=False)
         spec = u.spec._replace(
             channels=seen.channels, curves=_matched(at, seen), loss="squares", priors=False
         )
-        u, targets = u._replace(spec=spec), targets._replace(points=seen.points)
+        outside = index_outside(at.sample, seen.points.wavelength_um)
+        u, targets = u._replace(spec=spec), targets._replace(points=seen.points, eta_i=outside)
     with jax.enable_x64(True):
         value, slope = (np.asarray(a) for a in linearised(without_data(targets), at.y, spec=u.spec))
     error = _error(slope, at.covariance)
@@ -97,8 +196,7 @@ def _errors_of_angles(seen, value, slope, covariance, sigma) -> None:
         sigma[here] = np.degrees(_error(by[seen.row[here]], covariance))
 
 
-def index_band(at: Evaluated, wavelength_um: Any) -> tuple[np.ndarray, ...]:
-    """Return wavelengths, eta, its error, k, its error; see `ModelFit.index`."""
+def _index_band(at: Evaluated, wavelength_um: Any, medium: int) -> IndexBand:
     wavelength = np.atleast_1d(np.asarray(wavelength_um, float))
     if wavelength.ndim != 1 or not (wavelength > 0.0).all():
         raise ValueError("wavelength_um must be one number or one axis of them, all above 0.")
@@ -106,6 +204,8 @@ def index_band(at: Evaluated, wavelength_um: Any) -> tuple[np.ndarray, ...]:
     full = np.pad(wavelength, (0, padded(count) - count), mode="edge")
     u = at.unknowns
     with jax.enable_x64(True):
-        value, slope = (np.asarray(a) for a in index_slopes(at.y, u.held, full, spec=u.spec))
+        value, slope = (
+            np.asarray(a) for a in index_slopes(at.y, u.held, full, spec=u.spec, medium=medium)
+        )
     error = _error(slope, at.covariance)[:, :count]
-    return wavelength, value[0, :count], error[0], value[1, :count], error[1]
+    return IndexBand(wavelength, value[0, :count], error[0], value[1, :count], error[1])

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from fitting.diagnostics import Warning
 from fitting.measurement import Measurement
 from fitting.observe import NCS, POWERS, Points
 
@@ -98,8 +100,12 @@ def _repeated(wavelength_um: np.ndarray) -> dict[str, np.ndarray]:
     return {"distinct_um": full[:, None], "place": place.astype(np.int32)}
 
 
-def observations(measurements: list[Measurement], sigma: str) -> Observations:
-    """Return rows and channels of measurements; ``sigma`` is "given" or "equal".
+def observations(
+    measurements: Sequence[Measurement], errors: str, compared: bool = True
+) -> Observations:
+    """Return rows and channels of measurements; with ``errors`` "equal" stated ones are not used.
+
+    compared: whether there are values to compare with, or these are points of one's own.
 
     A row is a point (file, angle, wavelength, polariser); repeats open rows of their own.
     Raises ValueError for Delta without psi.
@@ -111,7 +117,7 @@ def observations(measurements: list[Measurement], sigma: str) -> Observations:
             "quantity", "angle_deg", "wavelength_um", "polarizer_deg", "value", "sigma"
         )
     )  # fmt: skip
-    stated = sigma == "given" and bool(np.isfinite(error).all())
+    stated = errors != "equal" and bool(np.isfinite(error).all())
     share = np.where(np.isfinite(polarizer), np.sin(np.radians(polarizer)) ** 2, 0.5)
     wave = np.where(np.isnan(wavelength), -1.0, wavelength)
     row = np.empty(len(value), int)
@@ -158,7 +164,9 @@ def observations(measurements: list[Measurement], sigma: str) -> Observations:
         w[row[here], 0] = 1.0 / error[here] if stated else 1.0
         values.append(v)
         weights.append(w)
-    ncs, ncs_weights = _ellipsometry(quantity, row, value, error, total, stated)
+    ncs, ncs_weights = np.empty((3, 0, 1)), np.empty((3, 3, 0, 1))
+    if compared:
+        ncs, ncs_weights = _ellipsometry(quantity, row, value, error, total, stated)
     return Observations(
         tuple(channels), curves, points, tuple(values), tuple(weights), ncs, ncs_weights,
         row, quantity, channel, curve, curve_names, stated,
@@ -193,3 +201,11 @@ def _ellipsometry(quantity, row, value, error, total: int, stated: bool):
     ncs[:, some, 0] = ncs_of(psi, np.where(np.isnan(delta), 0.0, delta))
     weights[:, :, some, 0] = _ncs_weights(psi, delta, sigma_psi, sigma_delta, stated)
     return ncs, weights
+
+
+def missing_errors(measurements: Sequence[Measurement], errors: str) -> tuple[Warning, ...]:
+    """Return the note on data without an error beside others that have one."""
+    known = np.concatenate([np.isfinite(m.sigma) for m in measurements])
+    if errors == "equal" or known.all() or not known.any():
+        return ()
+    return (Warning("sigma_missing", {}, {"missing": int((~known).sum()), "of": len(known)}),)

@@ -55,11 +55,13 @@ class Settings(NamedTuple):
     fixed: Mapping[str, float] = {}
     bounds: Mapping[str, tuple[float, float]] = {}
     priors: Mapping[str, tuple[float, float]] = {}
+    tie: Mapping[str, tuple[float, str]] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
         """All names that something is said about."""
-        return tuple(dict.fromkeys((*self.free, *self.fixed, *self.bounds, *self.priors)))
+        said = (*self.free, *self.fixed, *self.bounds, *self.priors, *self.tie)
+        return tuple(dict.fromkeys((*said, *(of for _, of in self.tie.values()))))
 
 
 def plain_name(name: str) -> str:
@@ -111,6 +113,20 @@ def _pair(name: str, value: Any, what: str) -> tuple[float, float]:
     return low, high
 
 
+def _tied(name: str, value: Any) -> tuple[float, str]:
+    """Return factor and name of what a parameter is tied to."""
+    if isinstance(value, str):
+        found = re.fullmatch(rf"\s*(?:({_NUMBER})\s*\*)?\s*([A-Za-z_][^*]*?)\s*", value)
+        if found:
+            return float(found[1] or 1.0), plain_name(found[2])
+    elif isinstance(value, tuple) and len(value) == 2:
+        return float(value[0]), plain_name(str(value[1]))
+    raise ValueError(
+        f"{name} is tied to {value!r}; the name of another parameter was wanted, or a multiple of "
+        "one: '0.5 * film.A'."
+    )
+
+
 def check_settings(settings: Settings) -> Settings:
     """Return the settings with plain names and numbers, or raise ValueError for what is wrong."""
     try:
@@ -134,7 +150,11 @@ def check_settings(settings: Settings) -> Settings:
                 f"the prior of {name} is {mean:g} +- {sigma:g}; a finite value and a standard "
                 "error above 0 were wanted."
             )
-    return Settings(free, fixed, bounds, priors)
+    tie = {plain_name(n): _tied(n, of) for n, of in settings.tie.items()}
+    for name in tie:
+        if name in free or name in fixed or name in bounds or name in priors:
+            raise ValueError(f"{name} is tied to another parameter; say nothing else about it.")
+    return Settings(free, fixed, bounds, priors, tie)
 
 
 def to_parameter(coordinates: tuple[str, ...], y: Array) -> list[Array]:

@@ -1,72 +1,76 @@
-"""What a dispersion model shows at points of one's own: simulated measurements."""
+"""What a sample shows at points of one's own: of a fit, or simulated from parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
 
-from fitting.dispersion import Model, Spectrum, parse_model
-from fitting.observations import padded
-from fitting.observe import INTERFACE, NCS, NUISANCES, PER_CURVE, SLAB, Points, Spec
-from fitting.parameters import plain_name
+from fitting.evaluation import at_data, points_of
+from fitting.measurement import Measurement
+from fitting.observations import observations
+from fitting.parameters import Settings, check_settings
 from fitting.problem import shown
+from fitting.sample import Sample
+from fitting.unknowns import check_quantities, index_outside, spectrum_of, unknowns
+
+if TYPE_CHECKING:
+    from fitting.result import Fit, Prediction
 
 
-def predict(
-    model: str | Model,
+def predict(fit: Fit, at: Any, quantity: Any, wavelength_um: Any) -> Prediction:
+    """Return what a fit shows; see `Fit.predict`."""
+    if fit.evaluator is None:
+        raise ValueError("this fit is of your own residuals; evaluate your own model.")
+    if at is None or isinstance(at, Measurement):
+        if at is None and fit.measurement is None:
+            raise ValueError("this fit keeps no data (fit_many); give angles: predict([30, 60]).")
+        return fit.evaluator.predict(at)
+    waves = np.asarray(fit.wavelength_um)
+    if wavelength_um is not None or np.ndim(quantity) or waves.shape != fit.shape:
+        return fit.evaluator.predict(points_of(at, quantity, wavelength_um))
+    angle = np.atleast_1d(np.asarray(at, float))
+    if angle.ndim != 1:
+        raise ValueError(f"angles of shape {angle.shape} came; one axis was wanted.")
+    return fit.evaluator.over_angle(angle, str(quantity))
+
+
+def simulate(
+    sample: str | Sample,
     parameters: Mapping[str, float],
     angle_deg: Any,
-    wavelength_um: Any,
-    quantity: Any,
-    *,
-    structure: str = INTERFACE,
-    eta_i: float = 1.0,
+    wavelength_um: Any = None,
+    quantity: Any = "R",
 ) -> np.ndarray:
-    """Return what a model shows at points, (N,): powers as fractions, psi and Delta in degrees.
+    """Return what a sample shows at points, without a fit.
 
-    parameters: name -> value of every parameter of the model (those that are held by themselves
-    and nuisances, by their bare names, may be left out). angle_deg, wavelength_um, quantity
-    broadcast to one axis of points. Raises ValueError for a name too many or too few.
+    Args:
+        sample: text or `Sample`; without `free` media.
+        parameters: name -> value of every parameter of the sample that has no value in itself;
+            instrument parameters by their bare names, as wanted.
+        angle_deg, wavelength_um, quantity: broadcast to one axis of N points.
+
+    Returns: (N,), powers as fractions, psi and Delta in degrees.
+
+    Raises:
+        ValueError: for a name too many or too few.
     """
-    which = parse_model(model)
-    at = np.atleast_1d(np.asarray(angle_deg, float)), np.asarray(wavelength_um, float)
-    angle, wavelength, quantities = np.broadcast_arrays(*at, np.asarray(quantity))
-    given = {plain_name(n): float(v) for n, v in parameters.items()}
-    low, high = float(wavelength.min()), float(wavelength.max())
-    spectrum = Spectrum(low, high, eta_i)
-    all_of = {p.name: p.held for p in which.parameters(spectrum)}
-    if structure == SLAB:
-        all_of["thickness_um"] = None
-    for name in given:
-        if name not in all_of and name not in NUISANCES:
-            raise ValueError(f"{which} has no parameter {name!r}; it has {', '.join(all_of)}.")
-    missing = [n for n, held in all_of.items() if held is None and n not in given]
+    which = Sample.parse(sample)
+    points = points_of(angle_deg, quantity, wavelength_um)
+    check_quantities([points], which)
+    settings = check_settings(Settings(fixed=dict(parameters)))
+    seen = observations([points], "equal", compared=False)
+    spectrum = spectrum_of([points], which)
+    u = unknowns(which, spectrum, settings, seen, "squares")
+    missing = [u.labels[w.parameter.name] for w in u.moving if w.free]
     if missing:
         raise ValueError(f"{which} needs a value of {', '.join(missing)}.")
-    values = {n: v for n, v in all_of.items() if v is not None} | given
-    held = {f"{n}_0" if n in PER_CURVE else n: v for n, v in values.items()}
-    names = [("NCS" if q in ("psi", "delta") else str(q)) for q in quantities]
-    channels = tuple(dict.fromkeys([n for n in names if n != NCS])) + (
-        (NCS,) if NCS in names else ()
-    )
-    spec = Spec(which, structure, channels, (), (), tuple(held), ((0,),) * len(channels))
-    count = len(angle)
-    total = padded(count)
-    rows = [np.pad(a, (0, total - count), mode="edge")[:, None] for a in (angle, wavelength)]
-    points = Points(rows[0], rows[1], np.full((total, 1), 0.5), np.zeros(total, np.int32))
+    names = (*u.spec.moving, *u.spec.held)
+    values = np.concatenate([[w.low for w in u.moving], u.held])
+    spec = u.spec._replace(moving=(), coordinates=(), held=names)
+    outside = index_outside(which, seen.points.wavelength_um)
     with jax.enable_x64(True):
-        found = np.asarray(
-            shown(points, np.array(list(held.values())), np.float64(eta_i), spec=spec)
-        )[:, :count]
-    out = np.empty(count)
-    for i, (n, q) in enumerate(zip(names, quantities, strict=True)):
-        if n == NCS:
-            N, C, S = found[-3:, i]
-            psi, delta = 0.5 * np.arctan2(np.hypot(C, S), N), np.arctan2(S, C) % (2.0 * np.pi)
-            out[i] = np.degrees(psi if q == "psi" else delta)
-        else:
-            out[i] = found[channels.index(n), i]
-    return out
+        found = np.asarray(shown(seen.points, values, outside, spec=spec))
+    return at_data(seen, found)

@@ -7,17 +7,22 @@ spectrum that are fitted one by one, each with its own starts.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
 from jax import Array
 
 from fitting.compiled import compiled
-from fitting.observe import NCS, Points, Spec, model_index, predicted
+from fitting.observe import NCS, Points, Spec, medium_index, predicted
 from fitting.parameters import to_parameter
 from fitting.solver import BatchLevenbergMarquardt
+
+if TYPE_CHECKING:
+    from fitting.observations import Observations
+    from fitting.unknowns import Unknowns
 
 SOLVER = BatchLevenbergMarquardt()
 
@@ -46,6 +51,17 @@ class Targets(NamedTuple):
     prior_weight: Any
     held: Any
     eta_i: Any
+
+
+def targets_of(u: Unknowns, seen: Observations, eta_i: Any) -> Targets:
+    """Return what the unknowns are compared with."""
+    prior = np.array([w.prior[0] if w.prior else 0.0 for w in u.moving])
+    weight = np.array([1.0 / w.prior[1] if w.prior else 0.0 for w in u.moving])
+    return Targets(
+        points=seen.points, values=seen.values, weights=seen.weights, ncs=seen.ncs,
+        ncs_weights=seen.ncs_weights, noise=np.float64(1.0), prior=prior, prior_weight=weight,
+        held=u.held, eta_i=eta_i,
+    )  # fmt: skip
 
 
 class Bounds(NamedTuple):
@@ -163,12 +179,15 @@ def _shown(points: Points, held: Array, eta_i: Array, *, spec: Spec) -> Array:
     return _rows(spec, found, shape)[..., 0]
 
 
-def _index(y: Array, held: Array, wavelength_um: Array, *, spec: Spec) -> tuple[Array, Array]:
-    """Return eta and k, (2, W), and their derivatives with respect to y, (2, W, p)."""
+def _index(
+    y: Array, held: Array, wavelength_um: Array, *, spec: Spec, medium: int
+) -> tuple[Array, Array]:
+    """Return eta and k of a medium, (2, W), and their derivatives with respect to y, (2, W, p)."""
     p = y.shape[0]
 
     def at(lanes: Array) -> Array:
-        return jnp.stack(model_index(spec, spec.values(lanes, held), wavelength_um[:, None]))
+        values = spec.values(lanes, held)
+        return jnp.stack(medium_index(spec, medium, values, wavelength_um[:, None]))
 
     value, slope = jax.jvp(at, (jnp.broadcast_to(y[:, None], (p, p)),), (jnp.eye(p),))
     return value[..., 0], slope
@@ -177,4 +196,4 @@ def _index(y: Array, held: Array, wavelength_um: Array, *, spec: Spec) -> tuple[
 solve = compiled(_solve, ("spec",))
 linearised = compiled(_linearised, ("spec",))
 shown = compiled(_shown, ("spec",))
-index_slopes = compiled(_index, ("spec",))
+index_slopes = compiled(_index, ("spec", "medium"))

@@ -1,4 +1,4 @@
-"""One model fit on its way: starts, rounds in which the noise is found, the last steps."""
+"""One fit on its way: starts, rounds in which the noise is found, the last steps."""
 
 from __future__ import annotations
 
@@ -24,29 +24,33 @@ _NO_NOISE = 1e9  # so large that a robust loss is that of least squares
 def _in_order(u: Unknowns, y: np.ndarray, settings: Settings) -> np.ndarray:
     """Return y (p, L) with the terms of each lane by rising resonance, unless they are named."""
     names = list(u.spec.moving)
-    groups = _terms(names)
-    if len(groups) < 2 or any(n.rsplit("_", 1)[-1].isdigit() for n in settings.names):
+    if any(n.rsplit("_", 1)[-1].isdigit() for n in settings.names):
         return y
-    key = next(i for i, n in enumerate(groups[0]) if names[n].startswith("resonance"))
-    rows = np.array(groups)  # (terms, parameters of a term)
-    if u.spec.model.name == "sellmeier":
-        rows = rows[:-1]  # the last one is on the other side of the spectrum
-    order = np.argsort(y[rows[:, key]], axis=0, kind="stable")
     out = y.copy()
-    for column in rows.T:
-        out[column] = np.take_along_axis(y[column], order, axis=0)
+    for place, model in zip(u.spec.media.places, u.spec.media.index, strict=True):
+        groups = _terms(names, f"{place}.")
+        if len(groups) < 2 or isinstance(model, str):
+            continue
+        key = next(i for i, n in enumerate(groups[0]) if ".resonance" in names[n])
+        rows = np.array(groups)  # (terms, parameters of a term)
+        if not model.exchangeable:
+            rows = rows[:-1]  # the last one is on the other side of the spectrum
+        order = np.argsort(y[rows[:, key]], axis=0, kind="stable")
+        for column in rows.T:
+            out[column] = np.take_along_axis(y[column], order, axis=0)
     return out
 
 
-def _terms(names: list[str]) -> list[list[int]]:
-    """Return the indices of the parameters of each numbered term."""
+def _terms(names: list[str], head: str = "") -> list[list[int]]:
+    """Return the indices of the parameters of each numbered term of a medium, or of all."""
     terms: dict[str, list[int]] = {}
     for i, name in enumerate(names):
-        head, _, number = name.rpartition("_")
-        if number.isdigit() and head.split("_")[0] in (
+        place, _, own = name.rpartition(".")
+        stem, _, number = own.rpartition("_")
+        if name.startswith(head) and number.isdigit() and stem.split("_")[0] in (
             "strength", "resonance", "width", "amplitude"
         ):  # fmt: skip
-            terms.setdefault(number, []).append(i)
+            terms.setdefault(f"{place}{number}", []).append(i)
     return list(terms.values())
 
 
@@ -129,11 +133,32 @@ class End(NamedTuple):
     finite: bool
 
 
-class Fit:
+class Asked(NamedTuple):
+    """What the caller wants of a fit beside its parameters.
+
+    errors, intervals, loss: as `fitting.fit` has them. seed: origin of the starts.
+    """
+
+    errors: str = "auto"
+    intervals: str = "auto"
+    loss: str = "squares"
+    seed: int = 0
+
+    @property
+    def scaled(self) -> bool:
+        """Whether the errors of the parameters are multiplied by the scatter."""
+        return self.errors != "stated"
+
+
+class Solving:
     """One fit under way: what stays the same in all its rounds."""
 
-    def __init__(self, u: Unknowns, seen: Observations, targets: Targets, settings: Settings):
+    def __init__(
+        self, u: Unknowns, seen: Observations, targets: Targets, settings: Settings, asked: Asked
+    ):
         self.u, self.seen, self.targets, self.settings = u, seen, targets, settings
+        self.asked = asked
+        self.starts = 0
         self.n_data = len(seen.row)
         self.priors = sum(w.prior is not None for w in u.moving)
         self.dof = max(self.n_data + self.priors - int(u.free.sum()), 0)
@@ -235,9 +260,10 @@ def best_of(ends: Ends) -> int | None:
     return int(np.argmin(np.where(good, ends.cost, np.inf)))
 
 
-def solved(fit: Fit, start: np.ndarray, scaled: bool, absolute: bool) -> tuple[Ends, float]:
+def solved(fit: Solving, start: np.ndarray) -> tuple[Ends, float]:
     """Return the ends of all starts and the noise that they were run at."""
-    loss = fit.u.spec.loss
+    loss, scaled = fit.u.spec.loss, fit.asked.scaled
+    absolute = not scaled
     by_noise = loss != "squares" or (fit.priors > 0 and scaled)
     if not by_noise:
         return fit.run(start, 1.0, grow=True), 1.0

@@ -77,7 +77,8 @@ def _residuals_in_order(v: Mapping[str, Any]) -> str:
 
 
 def _other_minima(v: Mapping[str, Any]) -> str:
-    values = ", ".join(f"{name} {_n(x)}" for name, x in v["values"].items())
+    pairs = zip(v["parameters"], v["values"], strict=True)
+    values = ", ".join(f"{name} {_n(x)}" for name, x in pairs)
     many = f"{v['count']} other solutions fit" if v["count"] > 1 else "a second solution fits"
     best = "; the best of them has " if v["count"] > 1 else ": "
     return f"{many} nearly as well{best}{values} (chi2 higher by {v['delta_chi2']:.2g})."
@@ -109,11 +110,12 @@ def _not_quadratic(v: Mapping[str, Any]) -> str:
     def ends(pair: Any) -> str:
         return f"{_n(pair[0])} to {_n(pair[1])}"
 
+    rows = list(zip(v["parameters"], v["intervals"], v["by_sigma"], strict=True))
     each = "; ".join(
-        f"{name}: {ends(ends_)}, by its standard error {ends(by_error)}"
-        for name, ends_, by_error in v["intervals"][:4]
+        f"{name}: {ends(own)}, by its standard error {ends(by_error)}"
+        for name, own, by_error in rows[:4]
     )
-    more = f"; and {len(v['intervals']) - 4} more" if len(v["intervals"]) > 4 else ""
+    more = f"; and {len(rows) - 4} more" if len(rows) > 4 else ""
     return (
         "standard errors do not tell how far these parameters may be off, since the fit is not "
         f"linear enough; their 95 % intervals (profile likelihood) are {each}{more}."
@@ -121,14 +123,15 @@ def _not_quadratic(v: Mapping[str, Any]) -> str:
 
 
 def _correlated(v: Mapping[str, Any]) -> str:
-    pairs = v["pairs"]
+    pairs = list(zip(v["first"], v["second"], v["correlation"], strict=True))
     text = "; ".join(f"{a} and {b} are strongly correlated ({c:+.4f})" for a, b, c in pairs[:4])
     more = f"; and {len(pairs) - 4} more" if len(pairs) > 4 else ""
     return f"{text}{more}: their combination is known far better than either."
 
 
 def _poorly_determined(v: Mapping[str, Any]) -> str:
-    each = _list(f"{name} ({100.0 * share:.2g} %)" for name, share in v["shares"])
+    pairs = zip(v["parameters"], v["shares"], strict=True)
+    each = _list(f"{name} ({100.0 * share:.2g} %)" for name, share in pairs)
     return f"poorly determined: the standard error is a large part of the value of {each}."
 
 
@@ -180,7 +183,8 @@ def _errors_floor(v: Mapping[str, Any]) -> str:
 
 
 def _errors_differ(v: Mapping[str, Any]) -> str:
-    each = ", ".join(f"{name} {_n(a)} (floor) or {_n(b)} (factor)" for name, a, b in v["values"])
+    rows = zip(v["parameters"], v["floor"], v["factor"], strict=True)
+    each = ", ".join(f"{name} {_n(a)} (floor) or {_n(b)} (factor)" for name, a, b in rows)
     return (
         "what is assumed of errors that are not met changes the result by more than its standard "
         f"errors: {each}."
@@ -239,7 +243,8 @@ SENTENCES: dict[str, Sentence] = {
     "no_reflection": lambda v: (
         "the data show no reflection, as of no boundary at all: eta is that "
         f"of the medium outside ({_n(v['eta_i'])}) and k is 0. R grows as "
-        f"(eta - {_n(v['eta_i'])})^2 + k^2 there, so that intervals, and no standard errors, tell how certain that is."
+        f"(eta - {_n(v['eta_i'])})^2 + k^2 there, so that intervals, and no standard errors, tell "
+        "how certain that is."
     ),
     "circle": _circle,
     "same_at_45_degrees": lambda v: (

@@ -14,7 +14,7 @@ import jax
 import numpy as np
 
 from fitting.observe import Spec
-from fitting.parameters import LOG, SQUARE, Parameter, from_parameter
+from fitting.parameters import LOG, SQUARE, Parameter, from_parameter, plain_name
 from fitting.problem import Bounds, Targets, solve
 from fitting.progress import tell
 from fitting.solver import START_DAMPING
@@ -117,6 +117,32 @@ def start_at(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> np.nda
             x = min(max(values[name], unknown.low), unknown.high)
             middle[i] = float(from_parameter(unknown.parameter.coordinate, x))
     return middle
+
+
+def given_start(
+    unknowns: Sequence[Unknown], labels: Mapping[str, str], start: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the caller's start by the names inside, of what is free."""
+    given = {plain_name(n): float(v) for n, v in start.items()}
+    unknown = {w.parameter.name: w for w in unknowns if w.free}
+    out = {}
+    for name, label in labels.items():
+        value = given.pop(label, None)
+        if value is None or name not in unknown:
+            continue
+        w = unknown[name]
+        positive = w.parameter.coordinate == LOG
+        if not w.low <= value <= w.high or (positive and value <= 0.0):
+            above = "above 0 " if positive and w.low <= 0.0 else f"from {w.low:g} "
+            raise ValueError(
+                f"the start of {label} is {value:g}; a number {above}to {w.high:g} was wanted."
+            )
+        out[name] = value
+    if given:
+        raise ValueError(
+            f"start names {', '.join(given)}; the parameters are {', '.join(labels.values())}."
+        )
+    return out
 
 
 def usual_starts(free: int) -> int:

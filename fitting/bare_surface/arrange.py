@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +25,6 @@ class Arranged(NamedTuple):
     stated: bool
     angle_deg: np.ndarray
     wavelength_um: np.ndarray
-    notes: tuple[str, ...]
     rows: np.ndarray = np.empty((3, 0), int)
 
 
@@ -62,45 +60,12 @@ def _data(
     )
 
 
-def check_quantities(m: Measurement, allowed: Sequence[str]) -> None:
-    """Raise ValueError where something else than ``allowed`` was measured, with what would do."""
-    strange = sorted(set(m.quantity.tolist()) - set(allowed))
-    if not strange:
-        return
-    text = f"{m.source}: cannot fit {', '.join(strange)} to one bare interface by wavelength; "
-    text += f"{', '.join(allowed[:-1])} and {allowed[-1]} were wanted. "
-    if set(strange) & {"T", "T_s", "T_p", "R_back"}:
-        # "glass_3mm.csv", "CLEAR_0.7 mm.dat"
-        thick = re.search(r"(?<![\d.])(\d+(?:\.\d+)?) ?mm(?![a-z])", m.source, re.IGNORECASE)
-        named = f" (the file name says {thick[1]}mm: --slab {thick[1]}?)" if thick else ""
-        text += (
-            "T and light from the back are of a plate with both faces, whose thickness is needed: "
-            f"--slab MM{named}. "
-        )
-    else:
-        text += 'psi and Delta are fitted by fit_points(measurement, "interface"). '
-    raise ValueError(text + "Or name the columns to be read: --columns angle=1,R_s=2.")
-
-
-def of_measurement(m: Measurement, eta_i: float, sigma: str) -> Arranged:
+def of_measurement(m: Measurement, eta_i: float, errors: str) -> Arranged:
     """Return the curves of a measurement, one for each wavelength, in rising order.
 
-    sigma: "given" or "equal".
-    Raises ValueError where a quantity cannot be fitted, or ``sigma`` is neither.
+    errors: with "equal" the stated ones are not used.
     """
-    if not isinstance(sigma, str) or sigma not in ("given", "equal"):
-        raise ValueError(
-            f'sigma is {repr(sigma)[:40]}; "given" (use the stated errors) or "equal" was wanted.'
-        )
-    check_quantities(m, CHANNELS)
-    known = np.isfinite(m.sigma)
-    stated = sigma == "given" and bool(known.all())
-    notes = []
-    if sigma == "given" and known.any() and not known.all():
-        notes.append(
-            f"sigma is missing for {int((~known).sum())} of {len(m)} data: all are weighted alike, "
-            "and the errors of eta and k come from the scatter."
-        )
+    stated = errors != "equal" and bool(np.isfinite(m.sigma).all())
     wavelengths, curve = np.unique(m.wavelength_um, return_inverse=True)  # NaN is one value, last
     mixed = m.quantity == "R"
     share = np.where(
@@ -133,7 +98,7 @@ def of_measurement(m: Measurement, eta_i: float, sigma: str) -> Arranged:
     return Arranged(
         _data(angle, s_share, values, weights, eta_i, channels),
         () if len(wavelengths) == 1 else (len(wavelengths),),
-        stated, angle, wavelengths, tuple(notes),
+        stated, angle, wavelengths,
         np.array([[channels.index(q) for q in m.quantity.tolist()], curve, place]),
     )  # fmt: skip
 
@@ -224,7 +189,7 @@ def of_arrays(angles_deg: Any, channels: Mapping[str, Any], sigma: Any, eta_i: f
     count = len(values[0])
     return Arranged(
         _data(angle, np.full_like(angle, 0.5), values, weights, eta_i, list(given)),
-        full[:-1], stated, angle, np.full(count, np.nan), (),
+        full[:-1], stated, angle, np.full(count, np.nan),
     )  # fmt: skip
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from fitting.bare_surface.estimate import K_MIN
-from fitting.bare_surface.index_result import AT_ZERO, NO_DATA, NOT_CONVERGED, FitResult
 from fitting.bare_surface.reflectances import CHANNELS, reflectances
 from fitting.compiled import compiled
 from fitting.measurement import Measurement
+from fitting.result import IndexBand, Prediction
 
 # Angles of a call are rounded up to a multiple, so that few programs are compiled.
 _ANGLES = 64
@@ -57,76 +59,109 @@ def _covariance(information: np.ndarray, sigma_eta: np.ndarray, at_zero: np.ndar
     return np.where(ok[:, None, None], covariance, np.nan)
 
 
-def _evaluate(
-    result: FitResult, angle_deg: np.ndarray, s_share: np.ndarray, quantity: str
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return value and sigma, (N, A), of the N curves of the result at angles (1, A) or (N, A)."""
-    if quantity not in CHANNELS:
-        raise ValueError(f"quantity is {quantity!r}; one of {', '.join(CHANNELS)} was wanted.")
-    eta, k = (np.reshape(a, (-1, 1)) for a in (result.eta, result.k))
-    status = np.reshape(result.status, -1)
-    information = np.reshape(result.information, (-1, 2, 2))
-    angles = angle_deg.shape[1]
-    pad = ((0, 0), (0, -angles % _ANGLES))
-    with jax.enable_x64(True):
-        out = _with_slopes(
-            np.cos(np.radians(np.pad(angle_deg, pad))), np.pad(s_share, pad), eta,
-            np.maximum(k, K_MIN) ** 2, np.float64(result.eta_i),
-        )  # fmt: skip
-        value, by_eta, by_u = np.asarray(out)[CHANNELS.index(quantity), :, :, :angles]
-    sigma_eta = np.reshape(result.sigma_eta, -1)
-    covariance = _covariance(information, sigma_eta, status == AT_ZERO)
-    slopes = np.stack([by_eta, by_u], -1)
-    variance = np.einsum("nai,nij,naj->na", slopes, covariance, slopes)
-    wrong = np.isin(status, (NO_DATA, NOT_CONVERGED))[:, None]
-    return value, np.where(wrong, np.nan, np.sqrt(np.maximum(variance, 0.0)))
+class SurfaceCurves(NamedTuple):
+    """What N fitted curves are evaluated by; see `result.Evaluator`. Arrays are (N, ...).
 
-
-def curve(
-    result: FitResult, angle_deg: np.ndarray, quantity: str = "R"
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the fitted reflectance at ``angle_deg`` and its standard error.
-
-    result: of `fit` or `fit_many`. angle_deg: (A,) degrees. quantity: "R_s", "R_p" or "R".
-    Result: two arrays of shape result.shape + (A,). The error is that of the fitted curve, linear
-    in eta and k^2; it is defined where eta and k are not known apart (the curve is), and NaN where
-    there is no fit, or nothing that tells the noise.
+    information: Fisher information in (eta, u = k^2), regular at k = 0, and singular where one
+    combination is unknown, where the covariance does not exist; NaN where there is no fit.
     """
-    angle_deg = np.atleast_1d(np.asarray(angle_deg, float))
-    if angle_deg.ndim != 1:
-        raise ValueError(f"angle_deg has shape {angle_deg.shape}; one axis was wanted.")
-    line = angle_deg[None]
-    value, sigma = _evaluate(result, line, np.full_like(line, 0.5), quantity)
-    shape = result.shape + angle_deg.shape
-    return value.reshape(shape), sigma.reshape(shape)
 
+    eta: np.ndarray
+    k: np.ndarray
+    sigma_eta: np.ndarray
+    sigma_k: np.ndarray
+    information: np.ndarray
+    at_zero: np.ndarray
+    eta_i: float
+    wavelength_um: np.ndarray
+    shape: tuple[int, ...]
+    measurement: Measurement | None
 
-def fitted_values(result: FitResult, measurement: Measurement) -> tuple[np.ndarray, np.ndarray]:
-    """Return the fitted reflectance at every datum of a measurement and its standard error, (N,).
+    def _evaluate(
+        self, angle_deg: np.ndarray, s_share: np.ndarray, quantity: str
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return value and sigma, (N, A), of all curves at angles (1, A) or (N, A)."""
+        if quantity not in CHANNELS:
+            raise ValueError(f"quantity is {quantity!r}; one of {', '.join(CHANNELS)} was wanted.")
+        angles = angle_deg.shape[1]
+        pad = ((0, 0), (0, -angles % _ANGLES))
+        with jax.enable_x64(True):
+            out = _with_slopes(
+                np.cos(np.radians(np.pad(angle_deg, pad))), np.pad(s_share, pad),
+                self.eta[:, None], np.maximum(self.k[:, None], K_MIN) ** 2, np.float64(self.eta_i),
+            )  # fmt: skip
+            value, by_eta, by_u = np.asarray(out)[CHANNELS.index(quantity), :, :, :angles]
+        covariance = _covariance(self.information, self.sigma_eta, self.at_zero)
+        slopes = np.stack([by_eta, by_u], -1)
+        variance = np.einsum("nai,nij,naj->na", slopes, covariance, slopes)
+        return value, np.sqrt(np.maximum(variance, 0.0))
 
-    result: what `fit` made of this measurement. NaN in rows whose quantity is not fitted.
-    """
-    value, sigma = np.full(len(measurement), np.nan), np.full(len(measurement), np.nan)
-    wavelengths, which = np.unique(measurement.wavelength_um, return_inverse=True)
-    if len(wavelengths) != max(1, int(np.prod(result.shape))):
-        raise ValueError(
-            f"the result is of {int(np.prod(result.shape))} wavelengths, the measurement has "
-            f"{len(wavelengths)}; pass the measurement that was fitted."
-        )
-    polarizer = np.sin(np.radians(measurement.polarizer_deg)) ** 2
-    share = np.where(np.isnan(polarizer), 0.5, polarizer)
-    for quantity in CHANNELS:
-        rows = np.flatnonzero(measurement.quantity == quantity)
-        if not len(rows):
-            continue
-        # All rows of a wavelength as one line of a table, filled up to the longest.
-        order = rows[np.argsort(which[rows], kind="stable")]
-        counts = np.bincount(which[order], minlength=len(wavelengths))
-        column = np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts)
-        table = np.zeros((len(wavelengths), int(counts.max())))
-        shares = np.full_like(table, 0.5)
-        table[which[order], column] = measurement.angle_deg[order]
-        shares[which[order], column] = share[order]
-        found, error = _evaluate(result, table, shares, quantity)
-        value[order], sigma[order] = found[which[order], column], error[which[order], column]
-    return value, sigma
+    def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
+        """Return each curve over angles (A,), shape + (A,); linear in eta and k^2.
+
+        The error is defined where eta and k are not known apart (the curve is), and NaN where there
+        is no fit, or nothing that tells the noise.
+        """
+        line = angle_deg[None]
+        value, sigma = self._evaluate(line, np.full_like(line, 0.5), quantity)
+        shape = self.shape + angle_deg.shape
+        return Prediction(value.reshape(shape), sigma.reshape(shape))
+
+    def predict(self, measurement: Measurement | None = None) -> Prediction:
+        """Return the reflectance at every row of a measurement; NaN at wavelengths not fitted."""
+        m = self.measurement if measurement is None else measurement
+        assert m is not None
+        value, sigma = np.full(len(m), np.nan), np.full(len(m), np.nan)
+        place = {w: i for i, w in enumerate(self.wavelength_um.tolist())}
+        single = len(self.eta) == 1 and not np.isfinite(m.wavelength_um).any()
+        which = np.array([
+            0 if single else place.get(w, -1) for w in m.wavelength_um.tolist()
+        ])  # fmt: skip
+        polarizer = np.sin(np.radians(m.polarizer_deg)) ** 2
+        share = np.where(np.isnan(polarizer), 0.5, polarizer)
+        for quantity in dict.fromkeys(m.quantity.tolist()):
+            rows = np.flatnonzero((m.quantity == quantity) & (which >= 0))
+            if not len(rows):
+                continue
+            # All rows of a wavelength as one line of a table, filled up to the longest.
+            order = rows[np.argsort(which[rows], kind="stable")]
+            counts = np.bincount(which[order], minlength=len(self.eta))
+            column = np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts)
+            table = np.zeros((len(self.eta), int(counts.max())))
+            shares = np.full_like(table, 0.5)
+            table[which[order], column] = m.angle_deg[order]
+            shares[which[order], column] = share[order]
+            found, error = self._evaluate(table, shares, quantity)
+            value[order], sigma[order] = found[which[order], column], error[which[order], column]
+        return Prediction(value, sigma)
+
+    def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
+        """Return eta and k at the fitted wavelengths; see `Fit.index`."""
+        if medium not in (None, "substrate"):
+            raise ValueError(f"there is no medium {medium!r}; the bare surface is of substrate.")
+        chosen = np.arange(len(self.eta))
+        if wavelength_um is not None:
+            place = {w: i for i, w in enumerate(self.wavelength_um.tolist())}
+            wanted = np.atleast_1d(np.asarray(wavelength_um, float)).tolist()
+            strange = [w for w in wanted if w not in place]
+            if strange:
+                raise ValueError(
+                    f"{strange[0]:g} um was not measured; eta and k that are free at every "
+                    "wavelength are known at the measured ones only. Fit a dispersion model."
+                )
+            chosen = np.array([place[w] for w in wanted])
+        columns = (self.wavelength_um, self.eta, self.sigma_eta, self.k, self.sigma_k)
+        return IndexBand(*(c[chosen] for c in columns))
+
+    def at(self, index: tuple[int, ...]) -> SurfaceCurves:
+        """Return that of one curve."""
+        i = int(np.ravel_multi_index(index, self.shape))
+        one = {
+            name: value[i : i + 1] for name, value in self._asdict().items()
+            if isinstance(value, np.ndarray)
+        }  # fmt: skip
+        m = self.measurement
+        if m is not None:
+            w = self.wavelength_um[i]
+            m = m.where(np.isnan(m.wavelength_um) if np.isnan(w) else m.wavelength_um == w)
+        return self._replace(**one, shape=(), measurement=m)

@@ -23,7 +23,7 @@ SEEN_SIGMAS = 3.0
 K_MIN = 1e-12
 
 
-class Estimate(NamedTuple):
+class Estimated(NamedTuple):
     """What the data say about one minimum, one (N,) array each unless noted.
 
     information: (N, 2, 2), Fisher information in (eta, u = k^2) in units of the sigmas.
@@ -111,7 +111,7 @@ def _in_total_reflection(
 
 def estimate(
     data: Data, s: Solved, *, stated: bool, absolute: bool, sin_max: np.ndarray
-) -> Estimate:
+) -> Estimated:
     """Return values and errors at the minima ``s`` of ``data``.
 
     stated: the weights come from stated errors. absolute: these are taken at their word; otherwise
@@ -170,7 +170,7 @@ def estimate(
         correlation = c_nk / (sigma_eta * sigma_k)
         # The direction in (x, w) that the data do not see, over the whole line of constant x.
         moved = np.abs(s.h_xw / s.h_xx) * 4.0 * xi_of(s.x)
-    return Estimate(
+    return Estimated(
         eta, k, sigma_eta, sigma_k, covariance, correlation,
         np.where(seen, np.nan, k_interval[:, 1]), k_interval, t, linear, information, variance,
         at_zero, singular, spread, s.x, moved,

@@ -1,40 +1,36 @@
-"""Whether what the fit of one index leaves of a curve is noise."""
+"""Whether the residuals of one index are noise."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from fitting.bare_surface import identifiability as flag
-from fitting.bare_surface.index_result import NO_DATA, NOT_CONVERGED, FitResult
 from fitting.measurement import Measurement
 from fitting.pattern import pattern
+from fitting.result import NO_DATA, NOT_CONVERGED, Fit
 
 # With fewer data `pattern` never finds one.
 ENOUGH = 11
 
 
-def with_order_of_residuals(
-    result: FitResult, m: Measurement, fitted: np.ndarray, stated: bool
-) -> FitResult:
-    """Return the result with NOT_NOISE and the correlation where residuals have a pattern.
+def order_of_residuals(
+    found: Fit, m: Measurement, fitted: np.ndarray, stated: bool
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return at which wavelengths (W,) residuals have a pattern, its correlation and what chance
+    gives.
 
-    result: of `fit`, m: what was fitted, fitted: the curve there; each wavelength is looked at by
-    itself. stated: whether the fit weighed by stated errors.
+    m: what was fitted, fitted: the curve there; each wavelength is looked at by itself. stated:
+    whether the fit weighed by stated errors.
     """
     _, which = np.unique(m.wavelength_um, return_inverse=True)
-    flags, correlation = np.atleast_1d(result.flags), np.atleast_1d(result.residual_correlation)
-    flags, correlation = flags.copy(), correlation.copy()
-    status = np.atleast_1d(result.status)
+    status = np.atleast_1d(found.status)
+    at = np.zeros(len(status), bool)
+    values = {name: np.full(len(status), np.nan) for name in ("correlation", "chance")}
     many = np.bincount(which)
     each = np.split(np.argsort(which, kind="stable"), np.cumsum(many)[:-1])
     for i in np.flatnonzero((many >= ENOUGH) & ~np.isin(status, (NO_DATA, NOT_CONVERGED))):
         rows = each[i]
-        found = pattern(m.where(rows), fitted[rows], np.zeros(len(rows), int), stated)
-        if found is not None:
-            flags[i] |= flag.NOT_NOISE
-            correlation[i] = found.correlation
-    shape = result.shape
-    changed = result._replace(
-        flags=flags.reshape(shape), residual_correlation=correlation.reshape(shape)
-    )
-    return changed if shape else changed.plain()
+        seen = pattern(m.where(rows), fitted[rows], np.zeros(len(rows), int), stated)
+        if seen is not None:
+            at[i] = True
+            values["correlation"][i], values["chance"][i] = seen.correlation, seen.chance
+    return at, values

@@ -24,7 +24,7 @@ import numpy as np
 
 from fitting.bare_surface.batch import Data
 from fitting.bare_surface.engine import Solved
-from fitting.bare_surface.estimate import Estimate
+from fitting.bare_surface.estimate import Estimated
 from fitting.bare_surface.region import around_nothing, profile
 from fitting.bare_surface.total_reflection import w_of
 
@@ -47,7 +47,7 @@ def intervals(
     data: Data,
     s: Solved,
     shown: Solved,
-    e: Estimate,
+    e: Estimated,
     *,
     wanted: str,
     blank: np.ndarray,

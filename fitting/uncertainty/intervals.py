@@ -22,7 +22,7 @@ import numpy as np
 
 from fitting.bare_surface.region_intervals import KINDS, NONE, PROFILE, QUADRATIC, ROUNDING
 from fitting.parameters import LOG, PLAIN, SQUARE, from_parameter, value_and_slope
-from fitting.search import End, Fit
+from fitting.search import End, Solving
 from fitting.uncertainty.limits import interval_from_zero, student_quantile
 from fitting.uncertainty.profile import FEW_ROUNDS, ROUNDS, Base, Search, follow, visit
 
@@ -56,7 +56,7 @@ def check_intervals(wanted: str) -> None:
         raise ValueError(f"intervals is {wanted!r}; one of {', '.join(KINDS)} was wanted.")
 
 
-def _from_zero(fit: Fit, end: End, t: float) -> np.ndarray:
+def _from_zero(fit: Solving, end: End, t: float) -> np.ndarray:
     """Return quadratic intervals (p, 2) of what may not be below 0 and is compatible with it.
 
     NaN for the others. A square (k where the data depend on k^2) is compatible with 0 within three
@@ -77,12 +77,12 @@ def _from_zero(fit: Fit, end: End, t: float) -> np.ndarray:
     return out
 
 
-def _of(fit: Fit, j: int, y: float) -> float:
+def _of(fit: Solving, j: int, y: float) -> float:
     """Return the parameter at the solver's coordinate."""
     return float(value_and_slope(fit.u.moving[j].parameter.coordinate, np.array(y))[0])
 
 
-def _quadratic(fit: Fit, end: End, from_zero: np.ndarray, t: float) -> np.ndarray:
+def _quadratic(fit: Solving, end: End, from_zero: np.ndarray, t: float) -> np.ndarray:
     """Return the quadratic intervals (p, 2)."""
     out = np.full((len(end.y), 2), np.nan)
     variance = np.diagonal(end.known.covariance)
@@ -112,7 +112,7 @@ class _Pair(NamedTuple):
 
 
 def _pair(
-    fit: Fit, end: End, base: Base, at: int, j: int, ends: np.ndarray, t: float, wanted: str
+    fit: Solving, end: End, base: Base, at: int, j: int, ends: np.ndarray, t: float, wanted: str
 ) -> _Pair:
     """Return the searches, whose first places are the ends of the quadratic interval.
 
@@ -151,7 +151,7 @@ def _right(pair: _Pair) -> bool:
     return True
 
 
-def _start(fit: Fit, end: End, t: float) -> tuple[Intervals, Base]:
+def _start(fit: Solving, end: End, t: float) -> tuple[Intervals, Base]:
     """Return the quadratic intervals at a minimum, and from where the search goes out."""
     with np.errstate(all="ignore"):
         from_zero = _from_zero(fit, end, t)
@@ -164,7 +164,7 @@ def _start(fit: Fit, end: End, t: float) -> tuple[Intervals, Base]:
 
 
 def intervals(
-    fit: Fit,
+    fit: Solving,
     ends: Sequence[End],
     noise: float,
     *,

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.search import Fit
+from fitting.search import Solving
 
 # An end is found where the root is that near to 1, or between two places so near to each other.
 CLOSE, TIGHT = 1e-3, 1e-4
@@ -236,7 +236,7 @@ def _through(far: Sequence[float], root: Sequence[float]) -> float:
     return d0 + (1.0 - r0) * (first + (1.0 - r1) * bend)
 
 
-def visit(fit: Fit, searches: Sequence[Search], noise: float) -> None:
+def visit(fit: Solving, searches: Sequence[Search], noise: float) -> None:
     """Visit the places under way of every search that has no end yet.
 
     noise: what residuals are divided by.
@@ -261,7 +261,7 @@ def visit(fit: Fit, searches: Sequence[Search], noise: float) -> None:
             s.visited(p, ends.y[:, best], float(ends.cost[best]), bool(ends.done[best]))
 
 
-def follow(fit: Fit, searches: Sequence[Search], noise: float, rounds: int) -> None:
+def follow(fit: Solving, searches: Sequence[Search], noise: float, rounds: int) -> None:
     """Go on until every search has its end, or for so many rounds.
 
     An end that was not found by then is the nearest place that is known to lie outside; where none
