@@ -128,7 +128,10 @@ def _parser() -> argparse.ArgumentParser:
         "--report",
         metavar="DIR",
         help="folder for report.html (one page, pictures inside), fit.json, data.csv, index.csv "
-        "of a spectrum, and fit.png",
+        "of a spectrum, and fit.png; new, empty, or of an earlier report",
+    )
+    results.add_argument(
+        "--overwrite", action="store_true", help="let --report use a folder that holds other files"
     )
     results.add_argument("--quiet", action="store_true", help="print no table")
     fitting = parser.add_argument_group("fitting")

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from fitting.command.options import of_a_model
-from fitting.output.outputs import Outputs
+from fitting.output.outputs import Outputs, refuse_repeats
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,10 +33,7 @@ def check(arguments: argparse.Namespace) -> None:
     stray = "" if arguments.model else of_a_model(arguments)
     if stray:
         raise ValueError(f"{stray} needs --model NAME: it is about a model over whole curves.")
-    written = {os.path.realpath(n) for n in (arguments.json, arguments.csv, arguments.plot) if n}
-    for file in arguments.more:
-        if os.path.realpath(file) in written:
-            raise ValueError(f"{file}: this is a measurement; choose another name for the result.")
+    refuse_repeats((arguments.file, *arguments.more))
     if arguments.plot:
         from fitting.output.plot import check_picture
 
@@ -54,6 +50,7 @@ def stage(outputs: Outputs, arguments: argparse.Namespace, spectrum: bool) -> di
     spectrum: whether there is an index a wavelength, which has a CSV of its own.
     Raises OutputError (a ValueError) where a file cannot be written.
     """
+    inputs = (arguments.file, *arguments.more)
     names: dict[str, str] = {"csv": arguments.csv, "plot": arguments.plot}
     if arguments.json != "-":
         names["json"] = arguments.json
@@ -61,15 +58,15 @@ def stage(outputs: Outputs, arguments: argparse.Namespace, spectrum: bool) -> di
         path = Path(arguments.csv)
         names["index"] = str(path.with_name(f"{path.stem}.index{path.suffix}"))
     staged = {
-        kind: outputs.open(name, flag=_FLAGS[kind], source=arguments.file)
+        kind: outputs.open(name, flag=_FLAGS[kind], inputs=inputs)
         for kind, name in names.items()
         if name is not None
     }
     if arguments.report:
-        folder = outputs.folder(arguments.report, flag="--report")
+        folder = outputs.folder(arguments.report, flag="--report", overwrite=arguments.overwrite)
         for kind, name in REPORT.items():
             if spectrum or kind != "report index":
-                staged[kind] = outputs.open(folder / name, flag="--report", source=arguments.file)
+                staged[kind] = outputs.open(folder / name, flag="--report", inputs=inputs)
     return staged
 
 
