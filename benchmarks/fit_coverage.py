@@ -20,7 +20,7 @@ import time
 import jax
 import numpy as np
 
-from fitting.index.fit import FitResult, fit_many
+from fitting.bare_surface.solution import FitResult, fit_many
 from fresnel_jax import powers
 
 from .machine import conditions

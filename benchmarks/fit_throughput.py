@@ -30,10 +30,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from fitting.bare_surface import batch
+from fitting.bare_surface.reflectances import Curves, Residuals
+from fitting.bare_surface.solution import fit_many
 from fitting.compiled import compiled
-from fitting.index import batch
-from fitting.index.fit import fit_many
-from fitting.index.problem import Curves, Residuals
 from fitting.solver import normal_sums
 from fresnel_jax import powers
 

@@ -22,8 +22,8 @@ from collections.abc import Callable
 import numpy as np
 
 from fitting.measurement import Measurement
-from fitting.model.predictions import predict
-from fitting.model.select import choose
+from fitting.predictions import predict
+from fitting.selection import choose
 
 from .machine import conditions
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from simulated import simulated, textbook
 
-from fitting.index.curves import curve, fitted_values
-from fitting.index.fit import fit, fit_many
+from fitting.bare_surface.curves import curve, fitted_values
+from fitting.bare_surface.solution import fit, fit_many
 from fitting.measurement import Measurement, concatenate
 
 ANGLES = np.linspace(10.0, 80.0, 16)

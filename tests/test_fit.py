@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 from simulated import textbook
 
-from fitting.index.fit import fit, fit_many
+from fitting.bare_surface.solution import fit, fit_many
 from fitting.measurement import Measurement
 
 ANGLES = np.linspace(10.0, 85.0, 16)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from simulated import textbook
 
-from fitting.index import batch
-from fitting.index.fit import FitResult, fit, fit_many
+from fitting.bare_surface import batch
+from fitting.bare_surface.solution import FitResult, fit, fit_many
 from fitting.measurement import Measurement
 
 ANGLES = np.linspace(20.0, 80.0, 16)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from simulated import GOLD, textbook
 
-from fitting.index.fit import fit, fit_many
+from fitting.bare_surface.solution import fit, fit_many
 from fitting.measurement import read_csv
 
 

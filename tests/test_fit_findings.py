@@ -7,8 +7,8 @@ import pytest
 from scipy.optimize import brentq
 from simulated import textbook
 
-from fitting.index.fit import fit_many
-from fitting.index.limits import interval_from_zero
+from fitting.bare_surface.solution import fit_many
+from fitting.uncertainty.limits import interval_from_zero
 
 ANGLES = np.linspace(5.0, 85.0, 16)
 

@@ -6,9 +6,9 @@ from scipy import stats
 from scipy.optimize import brentq, minimize_scalar
 from simulated import GOLD, simulated, textbook
 
-from fitting.index.fit import fit, fit_many
-from fitting.index.limits import student_quantile
+from fitting.bare_surface.solution import fit, fit_many
 from fitting.measurement import read_csv
+from fitting.uncertainty.limits import student_quantile
 
 ANGLES = np.linspace(10.0, 85.0, 16)
 Q95 = stats.chi2.ppf(0.95, 1)

@@ -14,7 +14,7 @@ from scipy import stats
 from scipy.optimize import brentq, least_squares, minimize_scalar
 
 from fitting import Measurement, cli, fit_model
-from fitting.model import select
+from fitting import selection as select
 from fitting.output.model_report import table
 
 ANGLES = np.linspace(20.0, 80.0, 13)

@@ -7,8 +7,8 @@ import pytest
 from simulated import GOLD, simulated
 from test_report_page import Page
 
-from fitting import cli
-from fitting.model import candidates, select
+from fitting import candidates, cli
+from fitting import selection as select
 from fitting.output.model_page import model_page
 
 

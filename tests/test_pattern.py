@@ -7,10 +7,10 @@ import pytest
 from simulated import GOLD, simulated, textbook
 
 from fitting import Measurement, choose, fit, fit_model, read_csv
-from fitting.index.arrange import of_measurement
-from fitting.index.batch import fitted_curves
-from fitting.index.fit import _fit
-from fitting.model.candidates import choice_dict
+from fitting.bare_surface.arrange import of_measurement
+from fitting.bare_surface.batch import fitted_curves
+from fitting.bare_surface.solution import _fit
+from fitting.candidates import choice_dict
 from fitting.pattern import pattern
 from fitting.residuals import residuals, weighted_residuals
 
@@ -176,7 +176,7 @@ def test_the_curves_of_a_few_solutions_stand_at_their_data():
 
 
 def test_auto_says_that_no_candidate_describes_the_data(stepped, monkeypatch):
-    from fitting.model import select
+    from fitting import selection as select
 
     monkeypatch.setattr(select, "_first_stage", lambda wavelengths: ["constant"])
     monkeypatch.setattr(select, "MOST_TERMS", 0)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from simulated import GOLD, simulated
 
-from fitting.index.curves import curve, fitted_values
-from fitting.index.fit import fit
+from fitting.bare_surface.curves import curve, fitted_values
+from fitting.bare_surface.solution import fit
 from fitting.measurement import Measurement, concatenate, read_csv
 from fitting.output import plot
 

@@ -10,8 +10,8 @@ import pytest
 from scipy.optimize import least_squares
 from simulated import GOLD, simulated, textbook
 
-from fitting.index.curves import fitted_values
-from fitting.index.fit import fit
+from fitting.bare_surface.curves import fitted_values
+from fitting.bare_surface.solution import fit
 from fitting.measurement import Measurement, concatenate, read_csv
 from fitting.output import export, report
 from fitting.plain_data import plain

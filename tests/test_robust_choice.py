@@ -8,9 +8,9 @@ from scipy import integrate, optimize, stats
 from simulated import textbook
 
 from fitting import Measurement, choose, fit_model
-from fitting.model.criteria import criteria
-from fitting.model.problem import HUBER
-from fitting.model.select import explains
+from fitting.problem import HUBER
+from fitting.selection import explains
+from fitting.uncertainty.likelihood import criteria
 
 RESIDUALS = np.random.default_rng(2).standard_t(3, 60) * 7e-3
 

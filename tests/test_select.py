@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from simulated import simulated, textbook
 
+from fitting import candidates
+from fitting import selection as select
+from fitting.candidates import MARGIN, Candidate, Key, choice_table, simplest
 from fitting.measurement import Measurement
-from fitting.model import candidates, select
-from fitting.model.candidates import MARGIN, Candidate, Key, choice_table, simplest
 
 WAVES = np.linspace(0.4, 1.0, 40)
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from fitting import Measurement
-from fitting.model.dispersion import parse_model
-from fitting.model.observations import observations
-from fitting.model.structures import NCS, Spec, predicted
+from fitting.dispersion import parse_model
+from fitting.observations import observations
+from fitting.observe import NCS, Spec, predicted
 
 
 def spec(channels, structure="interface", moving=("A", "B")):

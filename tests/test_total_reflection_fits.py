@@ -5,8 +5,8 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from fitting.index.curves import curve
-from fitting.index.fit import fit_many
+from fitting.bare_surface.curves import curve
+from fitting.bare_surface.solution import fit_many
 
 ANGLES = np.linspace(20.0, 80.0, 13)
 NOISE = 2e-3

@@ -13,7 +13,7 @@ from fitting.plain_data import json_object
 from fitting.residuals import residuals
 
 if TYPE_CHECKING:
-    from fitting.index.fit import FitResult
+    from fitting.bare_surface.solution import FitResult
     from fitting.measurement import Measurement
 
 
@@ -80,7 +80,7 @@ def data_csv(
 ) -> str:
     """Return the measurement as CSV, a datum a row, with the fitted value beside each.
 
-    fitted, sigma_fitted: as `fitting.index.curves.fitted_values` gives them, NaN where not fitted.
+    fitted, sigma_fitted: as `fitted_values` gives them, NaN where not fitted.
     Numbers are written so that they read back to the last bit; what is not known is empty;
     residual = value - fitted. Wavelength and polariser are left out where no row has one.
     """

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitting.model.candidates import Choice, choice_table
+from fitting.candidates import Choice, choice_table
 from fitting.output.model_report import (
     errors_text,
     k_text,

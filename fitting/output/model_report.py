@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fitting.model.result import UNDETERMINED, ModelFit
-from fitting.model.structures import NUISANCES
+from fitting.observe import NUISANCES
 from fitting.output.export import csv_text, measured_columns
 from fitting.output.report import between, how_made, number, with_error, wrapped
 from fitting.plain_data import json_object

@@ -18,7 +18,7 @@ from fitting.output.plot_parts import GREY, draw_zero, look, our_style, points, 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fitting.index.fit import FitResult
+    from fitting.bare_surface.solution import FitResult
     from fitting.measurement import Measurement
 
 FORMATS = (".png", ".pdf", ".svg")
@@ -51,7 +51,7 @@ def _angles_shown(angle_deg: np.ndarray) -> tuple[float, float]:
 def _model(
     result: FitResult, angle_deg: np.ndarray, quantity: str, polarizer: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    from fitting.index.curves import curve, fitted_values
+    from fitting.bare_surface.curves import curve, fitted_values
     from fitting.measurement import Measurement
 
     if math.isnan(polarizer):
@@ -66,7 +66,7 @@ def _draw_curve(figure: Figure, result: FitResult, measurement: Measurement) -> 
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    from fitting.index.curves import fitted_values
+    from fitting.bare_surface.curves import fitted_values
 
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3.2, 1.0))
     fitted, _ = fitted_values(result, measurement)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fitting.index.fit import FitResult
+    from fitting.bare_surface.solution import FitResult
     from fitting.measurement import Measurement
 
 # Okabe and Ito's colours, told apart by colour-blind readers too; markers differ as well.

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitting.index.curves import fitted_values
+from fitting.bare_surface.curves import fitted_values
 from fitting.output.plot_parts import GREY, draw_zero, look, points, series, titles
 from fitting.output.reference import reference_index
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fitting.index.fit import FitResult
+    from fitting.bare_surface.solution import FitResult
     from fitting.measurement import Measurement
 
 _OUTSIDE: dict[str, Any] = {

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from fitting.model.points import PointFits
-from fitting.model.pseudo_index import misses
 from fitting.model.result import ModelFit
 from fitting.output.export import csv_text, measured_columns
 from fitting.output.model_report import range_text
@@ -24,6 +23,7 @@ from fitting.output.report import (
     wrapped,
 )
 from fitting.plain_data import json_object
+from fitting.pseudo_index import misses
 
 
 def names_of(fits: PointFits) -> str:

@@ -12,7 +12,7 @@ from fitting.output.report import between, facts, grouped_warnings, number, with
 from fitting.residuals import residuals
 
 if TYPE_CHECKING:
-    from fitting.index.fit import FitResult
+    from fitting.bare_surface.solution import FitResult
     from fitting.measurement import Measurement
 
 CAPTIONS = {
