@@ -19,8 +19,8 @@ import time
 
 import jax
 import numpy as np
-
 from fitting.bare_surface.solution import FitResult, fit_many
+
 from fresnel_jax import powers
 
 from .machine import conditions

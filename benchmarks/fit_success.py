@@ -24,8 +24,8 @@ from typing import Any
 
 import jax
 import numpy as np
-
 from fitting.bare_surface.solution import FitResult, fit_many
+
 from fresnel_jax import powers
 
 ANGLES = np.linspace(1.0, 89.0, 60)

@@ -29,10 +29,10 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
+from fitting.bare_surface.solution import fit_many
 
 from fitting.bare_surface import batch
 from fitting.bare_surface.reflectances import Curves, Residuals
-from fitting.bare_surface.solution import fit_many
 from fitting.compiled import compiled
 from fitting.solver import normal_sums
 from fresnel_jax import powers

@@ -199,6 +199,10 @@ def _from_table(text: str, name: str) -> Material:
         if values[0] is None:
             end_block()
             header = cells
+        elif header and len(cells) > 1 and not rows and len(cells) < len(header):
+            # a column k that is named and never filled
+            header = header[: len(cells)]
+            rows.append([v for v in values if v is not None])
         elif header and len(cells) >= len(header) and None not in values[: len(header)]:
             rows.append([v for v in values[: len(header)] if v is not None])
         else:

@@ -9,8 +9,10 @@ import numpy as np
 
 from fitting import result as status
 from fitting.diagnostics import Finding, Warning
+from fitting.dispersion import Model
 from fitting.evaluation import Evaluated, at_data
 from fitting.findings import Quality, Seen, findings
+from fitting.known_media import Mixture
 from fitting.measurement import Measurement, concatenate
 from fitting.parameters import value_and_slope
 from fitting.pattern import pattern
@@ -196,7 +198,7 @@ def _quality(
     wavelengths = len(np.unique(np.concatenate([m.wavelength_um for m in of.measurements])))
     free = int(u.free.sum())
     alone = wavelengths == 1 and free > 1 and not end.known.unseen.size
-    absorbs = any(m.absorbs for m in u.spec.media.index if not isinstance(m, str))
+    absorbs = any(m.absorbs for m in u.spec.media.index if isinstance(m, Model | Mixture))
     joined = concatenate(*of.measurements)
     fitted = at_data(seen, s.seen)
     return Quality(

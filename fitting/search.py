@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fitting.dispersion import Model
 from fitting.observations import Observations
 from fitting.observe import NCS
 from fitting.parameters import Settings, value_and_slope
@@ -29,7 +30,7 @@ def _in_order(u: Unknowns, y: np.ndarray, settings: Settings) -> np.ndarray:
     out = y.copy()
     for place, model in zip(u.spec.media.places, u.spec.media.index, strict=True):
         groups = _terms(names, f"{place}.")
-        if len(groups) < 2 or isinstance(model, str):
+        if len(groups) < 2 or not isinstance(model, Model):
             continue
         key = next(i for i, n in enumerate(groups[0]) if ".resonance" in names[n])
         rows = np.array(groups)  # (terms, parameters of a term)

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from fitting.bare_surface.solution import fit, fit_many
 from simulated import simulated, textbook
 
 from fitting.bare_surface.curves import curve, fitted_values
-from fitting.bare_surface.solution import fit, fit_many
 from fitting.measurement import Measurement, concatenate
 
 ANGLES = np.linspace(10.0, 80.0, 16)

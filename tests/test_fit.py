@@ -4,10 +4,10 @@ import jax
 import numpy as np
 import oracle
 import pytest
+from fitting.bare_surface.solution import fit, fit_many
 from scipy.optimize import least_squares
 from simulated import textbook
 
-from fitting.bare_surface.solution import fit, fit_many
 from fitting.measurement import Measurement
 
 ANGLES = np.linspace(10.0, 85.0, 16)

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from fitting.bare_surface.solution import FitResult, fit, fit_many
 from simulated import textbook
 
 from fitting.bare_surface import batch
-from fitting.bare_surface.solution import FitResult, fit, fit_many
 from fitting.measurement import Measurement
 
 ANGLES = np.linspace(20.0, 80.0, 16)

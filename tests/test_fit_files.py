@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from fitting.bare_surface.solution import fit, fit_many
 from simulated import GOLD, textbook
 
-from fitting.bare_surface.solution import fit, fit_many
 from fitting.measurement import read_csv
 
 

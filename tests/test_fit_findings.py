@@ -4,10 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from fitting.bare_surface.solution import fit_many
 from scipy.optimize import brentq
 from simulated import textbook
 
-from fitting.bare_surface.solution import fit_many
 from fitting.uncertainty.limits import interval_from_zero
 
 ANGLES = np.linspace(5.0, 85.0, 16)

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from fitting.bare_surface.solution import fit, fit_many
 from scipy import stats
 from scipy.optimize import brentq, minimize_scalar
 from simulated import GOLD, simulated, textbook
 
-from fitting.bare_surface.solution import fit, fit_many
 from fitting.measurement import read_csv
 from fitting.uncertainty.limits import student_quantile
 

@@ -98,7 +98,8 @@ def test_formulas_against_their_definition(number):
 def test_tables_and_ranges(tmp_path):
     file = tmp_path / "glass.yml"
     file.write_text(
-        "DATA:\n  - type: formula 5\n    wavelength_range: 0.3 2.5\n    coefficients: 1.5 0.004 -2\n"
+        "DATA:\n  - type: formula 5\n    wavelength_range: 0.3 2.5\n"
+        "    coefficients: 1.5 0.004 -2\n"
         "  - type: tabulated k\n    data: |\n        0.4 1e-8\n        0.8 3e-8\n        1.2 2e-8\n"
     )
     glass = read_material(file)

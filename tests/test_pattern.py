@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fitting.bare_surface.solution import _fit
 from simulated import GOLD, simulated, textbook
 
 from fitting import Measurement, choose, fit, fit_model, read_csv
 from fitting.bare_surface.arrange import of_measurement
 from fitting.bare_surface.batch import fitted_curves
-from fitting.bare_surface.solution import _fit
 from fitting.candidates import choice_dict
 from fitting.pattern import pattern
 from fitting.residuals import residuals, weighted_residuals

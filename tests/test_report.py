@@ -7,11 +7,11 @@ import math
 
 import numpy as np
 import pytest
+from fitting.bare_surface.solution import fit
 from scipy.optimize import least_squares
 from simulated import GOLD, simulated, textbook
 
 from fitting.bare_surface.curves import fitted_values
-from fitting.bare_surface.solution import fit
 from fitting.measurement import Measurement, concatenate, read_csv
 from fitting.output import export, report
 from fitting.plain_data import plain

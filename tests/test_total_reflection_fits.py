@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from fitting.bare_surface.solution import fit_many
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from fitting.bare_surface.curves import curve
-from fitting.bare_surface.solution import fit_many
 
 ANGLES = np.linspace(20.0, 80.0, 13)
 NOISE = 2e-3
