@@ -7,12 +7,12 @@ import re
 
 import numpy as np
 import pytest
+from fitting.bare_surface.solution import fit
+from fitting.command import results
 from simulated import GOLD, simulated
 
 from fitting import cli
 from fitting.bare_surface.curves import fitted_values
-from fitting.bare_surface.solution import fit
-from fitting.command import results
 from fitting.measurement import concatenate, read_csv
 from fitting.output import outputs, page, report_page
 

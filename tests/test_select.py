@@ -61,7 +61,7 @@ def made_up(monkeypatch, spectrum, bics, errors=None, sizes=None):
     """Replace the fits: BIC by the label of the candidate, 1000 for all others."""
     calls = []
 
-    def fit_model(measurements, model, structure, *, free, fixed, **options):
+    def fit(measurements, model, structure, *, free, fixed, **options):
         label = Key(model, tuple(free), fixed.get("k") == 0.0).label
         shown = measurements[0].sigma.max() < 1.0  # else points are held out
         if shown:
@@ -189,7 +189,7 @@ def test_glass_is_told_from_an_absorber(k, label):
     choice = select.choose(measurement, step=done.append, nuisances=False)
     assert choice.taken.label == label
     assert choice.fit is choice.taken.fit
-    assert choice.fit.value_of("eta") == pytest.approx(1.7, abs=5e-3)
+    assert choice.fit.parameters["eta"].value == pytest.approx(1.7, abs=5e-3)
     assert done == ["constant, k = 0", "constant"]
     rows = choice_table(choice)
     assert [row[1] for row in rows if row[0] == ">"] == [label]
