@@ -65,4 +65,4 @@ class Finding:
 
 
 def _plain(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) or np.ndim(value) == 0 else value
+    return value.item() if isinstance(value, np.generic) else value

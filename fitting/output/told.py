@@ -46,6 +46,6 @@ def told_of(fit: Fit) -> Told:
             continue
         text = finding.of(tuple(np.argwhere(at)[0]), {}).text
         own = any(isinstance(value, np.ndarray) for value in finding.values.values())
-        texts.append(f"{text} ({_where(fit, at, own)})")
+        texts.append(f"{text.removesuffix(chr(46))} ({_where(fit, at, own)}).")
         masks.append(at)
     return Told(texts, masks)
