@@ -12,29 +12,23 @@ is shown and never taken.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.measurement import Measurement
-from fitting.model.result import CONVERGED, ModelFit
-from fitting.residuals import weighted_residuals
-from fitting.uncertainty.covariance import loss_of
+from fitting.diagnostics import Warning
+from fitting.result import CONVERGED, Fit
 
 # "Positive" evidence ends and "strong" begins at a difference of 6 (Kass and Raftery). With the
 # first the rate of needless parameters is that of single tests (4 % at 60 data) times the number
 # of candidates; with this one it was measured at below 5 % for all of them together.
 MARGIN = 6.0
-# Every fifth point is held out, by a standard error that leaves it no weight.
-FOLD, NO_WEIGHT = 5, 1e8
-# Points held out that are missed by so many times what those shown are: no prediction.
-WORSE = 2.0
 
 
 class Key(NamedTuple):
-    """What tells candidates apart; see `Candidate`."""
+    """What tells candidates apart: what the open medium is, what is free beside it, k held at 0."""
 
     model: str
     free: tuple[str, ...] = ()
@@ -47,18 +41,10 @@ class Key(NamedTuple):
 
 
 class Candidate(NamedTuple):
-    """A model that was tried.
-
-    key: .model, its name; .free, nuisance parameters switched on; .without_k, k was held at 0;
-    .label, what the table calls it. fit: what came of it. held_out: root mean square, in standard
-    errors where they are stated (see `residuals.weighted_residuals`), of the points held out (NaN
-    where that was not tried); shown: of the others, then.
-    """
+    """A sample that was tried, and what came of it."""
 
     key: Key
-    fit: ModelFit
-    held_out: float = np.nan
-    shown: float = np.nan
+    fit: Fit
 
     @property
     def label(self) -> str:
@@ -67,7 +53,7 @@ class Candidate(NamedTuple):
 
     @property
     def size(self) -> int:
-        """The number of free parameters."""
+        """The number of fitted parameters."""
         return len(self.fit.names)
 
     @property
@@ -76,20 +62,57 @@ class Candidate(NamedTuple):
         return self.fit.status == CONVERGED and bool(np.isfinite(self.fit.bic))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Choice:
-    """What `select.choose` found.
+    """What `choose` found.
 
-    fit: of the model taken. taken: its candidate. candidates: all that were tried, by rising BIC.
-    reasons: sentences: why this one, and what else fits as well. describes: whether what the one
-    taken leaves looks like noise; if not, its first warning says so.
+    fit: of the sample taken. taken: its candidate. candidates: all that were tried, by rising BIC.
+    reasons: why this one, and what else fits as well. describes: whether the residuals of the one
+    taken look like noise; if not, its first warning says so.
     """
 
-    fit: ModelFit
+    fit: Fit
     taken: Candidate
     candidates: tuple[Candidate, ...]
-    reasons: tuple[str, ...]
+    reasons: tuple[Warning, ...]
     describes: bool = True
+
+    def table(self) -> list[list[str]]:
+        """Return the comparison as rows of texts, heads first, what is taken marked with ``>``."""
+        rows = [["", "model", "parameters", "BIC", "rms", "status"]]
+        least = min(c.fit.bic for c in self.candidates)
+        for c in self.candidates:
+            mark = ">" if c.label == self.taken.label else ""
+            rise = f"+{c.fit.bic - least:.1f}"
+            rows.append([mark, c.label, str(c.size), rise, f"{c.fit.rms:.3g}", c.fit.status])
+        return rows
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison as plain data.
+
+        ``models``, by rising BIC; ``describes_data``, of the one taken; ``choice``, the reasons.
+        """
+        models = [
+            {
+                "label": c.label, "taken": c.label == self.taken.label, "parameters": c.size,
+                "bic": c.fit.bic, "rms": c.fit.rms, "status": c.fit.status,
+            }
+            for c in self.candidates
+        ]  # fmt: skip
+        reasons = [reason.to_dict() for reason in self.reasons]
+        return {"models": models, "describes_data": self.describes, "choice": reasons}
+
+    def __repr__(self) -> str:
+        return f"Choice({self.taken.label!r} of {len(self.candidates)} candidates)"
+
+    def __str__(self) -> str:
+        return str(self.fit)
+
+    def with_fit(self, fit: Fit) -> Choice:
+        """Return the choice with another fit of the sample taken."""
+        taken = self.taken._replace(fit=fit)
+        everyone = tuple(taken if c.key == taken.key else c for c in self.candidates)
+        return replace(self, fit=fit, taken=taken, candidates=everyone)
 
 
 def simplest(candidates: Sequence[Candidate]) -> Candidate:
@@ -100,154 +123,29 @@ def simplest(candidates: Sequence[Candidate]) -> Candidate:
     return min(near, key=lambda c: (c.size, c.fit.bic))
 
 
-def _without_some(m: Measurement, stated: bool = True) -> tuple[Measurement, np.ndarray]:
-    """Return the measurement with every fifth point without weight, and which these are."""
-    points = np.stack([m.wavelength_um, m.angle_deg])
-    _, where = np.unique(points, axis=1, return_inverse=True)
-    out = np.reshape(where, -1) % FOLD == FOLD // 2
-    sigma = np.where(stated and np.isfinite(m.sigma).all(), m.sigma, 1.0)
-    return replace(m, sigma=np.where(out, NO_WEIGHT * sigma, sigma)), out
-
-
-def _size(fit: ModelFit, off: np.ndarray, noise: float) -> float:
-    """Return the root mean square; of a robust loss that of the loss, as BIC takes it."""
-    if fit.loss == "squares":
-        return float(np.sqrt(np.mean(off**2)))
-    return noise * float(np.sqrt(loss_of("student", off / noise) / len(off)))
-
-
-def _held_out(
-    candidates: Sequence[Candidate],
-    run: Callable[..., ModelFit],
-    measurements: Sequence[Measurement],
-    joined: Measurement,
-) -> list[Candidate]:
-    """Return the candidates fitted without every fifth point, and how well they tell these.
-
-    All are measured by the noise of the first one.
-    """
-    first = candidates[0].fit
-    stated = bool(np.isfinite(first.chi2_reduced))
-    masked = [_without_some(m, stated) for m in measurements]
-    out = np.concatenate([where for _, where in masked])
-    found = []
-    for c in candidates:
-        fit = run(c.key, [m for m, _ in masked], sigma="given", absolute_sigma=False)
-        off = weighted_residuals(joined, fit.fitted()[0], stated)
-        held_out, shown = (_size(fit, off[part], first.noise) for part in (out, ~out))
-        found.append(c._replace(held_out=held_out, shown=shown))
-    return found
-
-
-def _unit(fit: ModelFit) -> str:
-    """Return what the sizes of residuals are."""
-    size = "rms" if fit.loss == "squares" else "rms without outliers"
-    if np.isfinite(fit.chi2_reduced):
-        return f"{size}, in standard errors"
-    kinds = {*fit.measurement.quantity.tolist()}
-    angles = "2 psi and sin(2 psi) Delta in radians" if kinds & {"psi", "delta"} else ""
-    powers = " and of ".join(k for k in ("R", "T") if any(q.startswith(k) for q in kinds))
-    return f"{size}, of {' and of '.join(filter(None, (powers, angles)))}"
-
-
-def quoted(*candidates: Candidate) -> str:
-    """Return their labels, which hold commas."""
-    *others, last = (f'"{c.label}"' for c in candidates)
-    return f"{', '.join(others)} and {last}" if others else last
-
-
-def _why(taken: Candidate, near: Sequence[Candidate]) -> str:
-    """Return why this one is taken of those that fit alike."""
-    as_large = [c for c in near if c.size == taken.size]
-    if any(c.size < taken.size for c in near) or any(c.fit.bic < taken.fit.bic for c in as_large):
-        return ""
-    fewest = "; it has the fewest parameters"
-    return f"{fewest} and, of {len(as_large) + 1} that have, the lowest BIC" if as_large else fewest
-
-
-def _reasons(taken: Candidate, less: Candidate | None, everyone: Sequence[Candidate]) -> list[str]:
-    reasons = []
-    if np.isfinite(taken.held_out):
-        text = (
-            f"points held out are missed by {taken.held_out:.3g}, those shown by {taken.shown:.3g} "
-            f"({_unit(taken.fit)})"
-        )
-        reasons.append(text + (f"; by {quoted(less)}: {less.held_out:.3g}." if less else "."))
-        if taken.held_out > WORSE * taken.shown:
-            reasons.append(
-                f"that is more than {WORSE:g} times as much: {quoted(taken)} does not predict "
-                "what it was not shown; do not trust it between or beyond the data."
-            )
+def _near(taken: Candidate, everyone: Sequence[Candidate]) -> list[Warning]:
+    """Return the reason to take this one of those that fit alike; nothing if none does."""
     near = [
         c for c in everyone
         if c.good and c.label != taken.label and abs(c.fit.bic - taken.fit.bic) <= MARGIN
     ]  # fmt: skip
-    if near:
-        reasons.append(
-            f"the data do not tell {quoted(taken)} from {quoted(*near)} (BIC closer than "
-            f"{MARGIN:g}){_why(taken, near)}."
-        )
-    if not taken.good:
-        reasons.append("no candidate is determined by these data; the best of them is shown.")
-    return reasons
+    if not near:
+        return []
+    as_large = [c for c in near if c.size == taken.size]
+    fewest = not any(c.size < taken.size for c in near)
+    fewest &= not any(c.fit.bic < taken.fit.bic for c in as_large)
+    values = {
+        "taken": taken.label, "others": tuple(c.label for c in near), "margin": MARGIN,
+        "fewest": fewest, "as_large": len(as_large),
+    }  # fmt: skip
+    return [Warning("choice_alike", {}, values)]
 
 
-def decide(
-    tried: Sequence[Candidate],
-    run: Callable[..., ModelFit],
-    measurements: Sequence[Measurement],
-    joined: Measurement,
-) -> Choice:
-    """Return the choice, after the winner has been asked for points that it was not shown."""
+def decide(tried: Sequence[Candidate]) -> Choice:
+    """Return the choice among the candidates."""
     everyone = sorted(tried, key=lambda c: (not c.good, c.fit.bic))
-    taken, less = simplest(everyone), None
-    overruled = []
-    if len(joined) >= 4 * FOLD and taken.good:
-        smaller = [c for c in everyone if c.good and c.size < taken.size][:1]
-        pair = _held_out([taken, *smaller], run, measurements, joined)
-        everyone = [next((p for p in pair if p.label == c.label), c) for c in everyone]
-        taken, less = pair[0], pair[1] if smaller else None
-        if less is not None and less.held_out < taken.held_out:
-            overruled.append(
-                f"{quoted(less)} is taken although its BIC is higher, because {quoted(taken)} "
-                "misses the points held out by more."
-            )
-            taken, less = less, taken
-    reasons = overruled + _reasons(taken, less, everyone)
+    taken = simplest(everyone)
+    reasons = _near(taken, everyone)
+    if not taken.good:
+        reasons.append(Warning("choice_undetermined"))
     return Choice(taken.fit, taken, tuple(everyone), tuple(reasons))
-
-
-def with_fit(choice: Choice, fit: ModelFit) -> Choice:
-    """Return the choice with another fit of the model taken."""
-    taken = choice.taken._replace(fit=fit)
-    everyone = tuple(taken if c.key == taken.key else c for c in choice.candidates)
-    return replace(choice, fit=fit, taken=taken, candidates=everyone)
-
-
-def choice_table(choice: Choice) -> list[list[str]]:
-    """Return the comparison as rows of texts, heads first, the model taken marked with ``>``."""
-    rows = [["", "model", "parameters", "BIC", "rms", "held out", "status"]]
-    least = min(c.fit.bic for c in choice.candidates)
-    for c in choice.candidates:
-        rows.append([
-            ">" if c.label == choice.taken.label else "", c.label, str(c.size),
-            f"+{c.fit.bic - least:.1f}", f"{c.fit.rms:.3g}",
-            f"{c.held_out:.3g}" if np.isfinite(c.held_out) else "", c.fit.status,
-        ])  # fmt: skip
-    return rows
-
-
-def choice_dict(choice: Choice) -> dict[str, Any]:
-    """Return the comparison as plain data.
-
-    ``models``, by rising BIC; ``describes_data``, of the one taken; ``choice``, sentences.
-    """
-    models = [
-        {
-            "label": c.label, "taken": c.label == choice.taken.label, "parameters": c.size,
-            "bic": c.fit.bic, "rms": c.fit.rms, "held_out": c.held_out, "status": c.fit.status,
-        }
-        for c in choice.candidates
-    ]  # fmt: skip
-    told = {"describes_data": choice.describes, "choice": list(choice.reasons)}
-    return {"models": models, **told}

@@ -37,7 +37,7 @@ from fitting.wavelengths import fit_wavelengths
 ERRORS = ("auto", "stated", "scaled", "floor", "equal")
 
 
-def _measurements(measurement: Any) -> tuple[Measurement, ...]:
+def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
     """Return the measurements that came, or raise ValueError for something else."""
     several = [measurement] if isinstance(measurement, Measurement) else measurement
     if not isinstance(several, Iterable):
@@ -100,6 +100,32 @@ def _shared(
     return fit_of(job, ends, noise, Subject(sample, tuple(measurements), notes))
 
 
+def fit_checked(
+    measurements: Sequence[Measurement],
+    sample: Sample,
+    settings: Settings,
+    asked: Asked,
+    begin: tuple[int | None, Mapping[str, Any] | None] = (None, None),
+) -> Fit:
+    """Return `fit` for arguments that are checked already. begin: starts and start."""
+    stated = all(np.isfinite(m.sigma).all() for m in measurements)
+    if asked.errors in ("stated", "floor") and not stated:
+        raise ValueError(
+            f'errors="{asked.errors}" was asked for, but not every datum has an error.'
+        )
+    if sample.open:
+        raise ValueError(f"the sample {str(sample)!r} leaves its model open; choose(...) finds it.")
+    if _is_special(sample, measurements, settings, asked.loss):
+        joined = concatenate(*measurements)
+        return fit_bare_surface(joined, sample, asked.errors, asked.intervals, begin[1])
+    check_quantities(measurements, sample)
+    waves = np.unique(np.concatenate([m.wavelength_um for m in measurements]))
+    plain = asked.loss == "squares" and not settings.names and begin == (None, None)
+    if sample.by_wavelength and (len(waves) > 1 or plain):
+        return fit_wavelengths(concatenate(*measurements), sample, settings, asked)
+    return _shared(measurements, sample, settings, asked, begin)
+
+
 def fit(
     measurement: Measurement | Sequence[Measurement],
     sample: str | Sample = "free",
@@ -149,24 +175,11 @@ def fit(
     Raises:
         ValueError: for names, values and quantities that do not go together.
     """
-    measurements = _measurements(measurement)
+    measurements = measurements_of(measurement)
     which = Sample.parse(sample)
     check_choices(loss, errors, intervals, starts)
     settings = check_settings(
         Settings(names_of(free), fixed or {}, bounds or {}, priors or {}, tie or {})
     )
-    stated = all(np.isfinite(m.sigma).all() for m in measurements)
-    if errors in ("stated", "floor") and not stated:
-        raise ValueError(f'errors="{errors}" was asked for, but not every datum has an error.')
-    if which.open:
-        raise ValueError(f"the sample {str(which)!r} leaves its model open; choose(...) finds it.")
-    if _is_special(which, measurements, settings, loss):
-        joined = concatenate(*measurements)
-        return fit_bare_surface(joined, which, errors, intervals, start)
-    check_quantities(measurements, which)
     asked = Asked(errors, intervals, loss, seed)
-    waves = np.unique(np.concatenate([m.wavelength_um for m in measurements]))
-    plain = loss == "squares" and not settings.names and start is None and starts is None
-    if which.by_wavelength and (len(waves) > 1 or plain):
-        return fit_wavelengths(concatenate(*measurements), which, settings, asked)
-    return _shared(measurements, which, settings, asked, (starts, start))
+    return fit_checked(measurements, which, settings, asked, (starts, start))

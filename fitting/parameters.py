@@ -49,13 +49,18 @@ class Parameter(NamedTuple):
 
 
 class Settings(NamedTuple):
-    """What the caller says about parameters, by name; a name is ``scale`` or ``scale[R_s]``."""
+    """What the caller says about parameters, by name; a name is ``scale`` or ``scale[R_s]``.
+
+    variants: names of ``fixed`` that other fits of the same data free; they are unknowns of the
+    program whose bounds meet, so that all these fits share it.
+    """
 
     free: tuple[str, ...] = ()
     fixed: Mapping[str, float] = {}
     bounds: Mapping[str, tuple[float, float]] = {}
     priors: Mapping[str, tuple[float, float]] = {}
     tie: Mapping[str, tuple[float, str]] = {}
+    variants: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -154,7 +159,7 @@ def check_settings(settings: Settings) -> Settings:
     for name in tie:
         if name in free or name in fixed or name in bounds or name in priors:
             raise ValueError(f"{name} is tied to another parameter; say nothing else about it.")
-    return Settings(free, fixed, bounds, priors, tie)
+    return Settings(free, fixed, bounds, priors, tie, settings.variants)
 
 
 def to_parameter(coordinates: tuple[str, ...], y: Array) -> list[Array]:

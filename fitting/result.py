@@ -270,7 +270,7 @@ class Fit:
         if wavelength.shape == self.shape and np.isfinite(wavelength[index]):
             place = {"wavelength_um": float(wavelength[index])}
         elif index:
-            place = {"curve": index}
+            place = {"curve": tuple(map(int, index))}
         return tuple(f.of(index, place) for f in self.findings if np.asarray(f.at)[index])
 
     def _alternatives_at(self, index: tuple[int, ...]) -> tuple[Alternative, ...]:

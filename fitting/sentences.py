@@ -195,18 +195,34 @@ def _does_not_fit(v: Mapping[str, Any]) -> str:
     doubt = "Do not take its parameters, or their errors, for those of the material."
     if v.get("better"):
         return (
-            f"{v['taken']} does not describe these data; {v['better']} would, but the data do not "
-            f"support so many parameters. {doubt}"
+            f"{_quoted([v['taken']])} does not describe these data; {_quoted(v['better'])} would, "
+            f"but the data do not support so many parameters. {doubt}"
         )
     if "factor" in v:
         return (
-            f"no candidate describes these data to their stated errors: {v['taken']} is the best, "
-            f"and its residuals are {v['factor']:.2g} times these. Either they are too small, or "
-            "the parameters are not those of the material."
+            "no candidate describes these data to their stated errors: "
+            f"{_quoted([v['taken']])} is the best, and its residuals are {v['factor']:.2g} times "
+            "these. Either they are too small, or the parameters are not those of the material."
         )
     return (
-        f"no candidate describes these data: {v['taken']} is the best, and its residuals are not "
-        f"noise (rms {v['rms']:.3g}). {doubt}"
+        f"no candidate describes these data: {_quoted([v['taken']])} is the best, and its "
+        f"residuals are not noise (rms {v['rms']:.3g}). {doubt}"
+    )
+
+
+def _quoted(labels: Iterable[str]) -> str:
+    """Return labels, which hold commas."""
+    return _list(f'"{label}"' for label in labels)
+
+
+def _choice_alike(v: Mapping[str, Any]) -> str:
+    why = ""
+    if v["fewest"]:
+        why = "; it has the fewest parameters"
+        why += f" and, of {v['as_large'] + 1} that have, the lowest BIC" * bool(v["as_large"])
+    return (
+        f'the data do not tell "{v["taken"]}" from {_quoted(v["others"])} (BIC closer than '
+        f"{v['margin']:g}){why}."
     )
 
 
@@ -306,5 +322,9 @@ SENTENCES: dict[str, Sentence] = {
         "clear crystal look like a k of .03); then it is the index of no material."
     ),
     "pseudo_index_misfit": _pseudo_misfit,
+    "choice_alike": _choice_alike,
+    "choice_undetermined": lambda v: (
+        "no candidate is determined by these data; the best of them is shown."
+    ),
 }
-"""Every code, the gravest first, and how its sentence is made. The last four are notes."""
+"""Every code, the gravest first, and how its sentence is made; last notes, reasons of `choose`."""

@@ -195,7 +195,8 @@ def _unknown(parameter: Parameter, label: str, settings: Settings) -> tuple[Unkn
             raise ValueError(
                 f"{label} is held at {value:g}; a value from {low:g} to {high:g} was wanted."
             )
-        return Unknown(parameter, value, value), parameter.held is not None
+        constant = parameter.held is not None and label.partition("[")[0] not in settings.variants
+        return Unknown(parameter, value, value), constant
     if bounds is not None:
         # Only where nothing is said the model's own range holds; 0 is an end for what has one.
         floor = 0.0 if low >= 0.0 else -math.inf
@@ -225,6 +226,7 @@ def _by_label(settings: Settings, offered: Sequence[_Offered], sample: Sample) -
         {names[n]: v for n, v in settings.bounds.items()},
         {names[n]: v for n, v in settings.priors.items()},
         {names[n]: (factor, names[of]) for n, (factor, of) in settings.tie.items()},
+        settings.variants,
     )
 
 

@@ -116,7 +116,7 @@ def test_report_and_reference(bare, tmp_path, capsys):
     folder = tmp_path / "report"
     assert cli.main([bare, "--reference", "gold", "--report", str(folder)]) == 0
     assert "gold: at 0.4 um eta" in " ".join(capsys.readouterr().out.split())
-    assert {p.name for p in folder.iterdir()} == {
+    assert {p.name for p in folder.glob("[!.]*")} == {
         "data.csv", "fit.json", "fit.png", "index.csv", "report.html",
     }  # fmt: skip
     page = (folder / "report.html").read_text()

@@ -14,7 +14,7 @@ from fitting.bare_surface.curves import fitted_values
 from fitting.bare_surface.solution import fit
 from fitting.command import results
 from fitting.measurement import concatenate, read_csv
-from fitting.output import page, report_page
+from fitting.output import outputs, page, report_page
 
 pytest.importorskip("matplotlib")
 
@@ -51,7 +51,8 @@ def test_the_gold_scan(tmp_path, capsys):
     folder = tmp_path / "gold report"
     assert cli.main([str(GOLD), "--report", str(folder), "--quiet"]) == 0
     assert capsys.readouterr().out == ""
-    assert {p.name for p in folder.iterdir()} == {"report.html", "fit.json", "data.csv", "fit.png"}
+    files = {p.name for p in folder.iterdir()} - {outputs.MARK}
+    assert files == {"report.html", "fit.json", "data.csv", "fit.png"}
     text = (folder / "report.html").read_text(encoding="utf-8")
     seen = Page(text)
     assert seen.open == []
@@ -112,7 +113,7 @@ def test_all_of_it_or_nothing(tmp_path, capsys, monkeypatch):
     (old / "fit.json").write_text("before")
     (old / "mine.txt").write_text("mine")
     for folder in (new, old):
-        assert cli.main([str(GOLD), "--report", str(folder)]) == 2
+        assert cli.main([str(GOLD), "--report", str(folder), "--overwrite"]) == 2
         assert "No space left" in capsys.readouterr().err
     assert not new.exists()
     assert {p.name: p.read_text() for p in old.iterdir()} == {
@@ -123,7 +124,7 @@ def test_all_of_it_or_nothing(tmp_path, capsys, monkeypatch):
 
 def test_a_report_goes_into_a_folder_that_is_there_and_leaves_the_rest(tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
-    assert cli.main([str(GOLD), "--report", str(tmp_path), "--quiet"]) == 0
+    assert cli.main([str(GOLD), "--report", str(tmp_path), "--quiet", "--overwrite"]) == 0
     assert (tmp_path / "mine.txt").read_text() == "mine"
     assert (tmp_path / "report.html").stat().st_size > 10_000
 
