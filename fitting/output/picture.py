@@ -27,6 +27,7 @@ from fitting.output.picture_data import (
 from fitting.output.picture_index import draw_index
 from fitting.output.style import (
     GREY,
+    MANY,
     WARNING_COLOR,
     check_matplotlib,
     our_style,
@@ -128,7 +129,7 @@ def _panels(figure: Figure, kinds: list[str], spectrum: bool) -> tuple[Any, tupl
     return pairs, (axes[2, 0], axes[2, 1]) if spectrum else None
 
 
-def _legend(axes: Axes, banded: bool, outside: bool) -> None:
+def _legend(axes: Axes, banded: bool, outside: bool, few: bool) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -140,7 +141,13 @@ def _legend(axes: Axes, banded: bool, outside: bool) -> None:
         {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0), "borderpad": 0.0}
         if outside else {"loc": "best"}
     )  # fmt: skip
-    axes.legend([*handles, handle], [*labels, label], handlelength=1.6, **place)
+    axes.legend(
+        [*handles, handle],
+        [*labels, label],
+        handlelength=1.6,
+        markerscale=1.0 if few else 2.0,
+        **place,
+    )
 
 
 def _draw_data(figure: Figure, fit: Fit, m: Measurement, reference: str | None) -> Axes:
@@ -156,8 +163,9 @@ def _draw_data(figure: Figure, fit: Fit, m: Measurement, reference: str | None) 
         banded = [
             draw_line((top, bottom), m, residual, lines[i], curves[i]) for i in of
         ]  # fmt: skip
-        _legend(top, any(banded), outside=spectrum and len(kinds) == 1)
-        unit = "" if kind == "power" else " (degrees)"
+        few = all(len(lines[i].rows) <= MANY for i in of)
+        _legend(top, any(banded), spectrum and len(kinds) == 1, few)
+        unit = "" if kind == "power" else r" ($\degree$)"
         name = {"psi": r"$\Psi$ (degrees)", "delta": r"$\Delta$ (degrees)"}
         top.set_ylabel(name.get(kind) or power_label(lines))
         if kind == "power":

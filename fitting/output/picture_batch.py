@@ -52,6 +52,8 @@ def _lines(figure: Figure, fit: Fit, names: list[str]) -> Axes:
             points(on, x, value, sigma, (color, "o", False, ""), "")
         on.set_ylabel(_label(fit, name))
     axes[-1].set_xlabel("curve")
+    axes[-1].set_xlim(-0.5, good.size - 0.5)
+    axes[-1].xaxis.get_major_locator().set_params(integer=True)
     return axes[0]
 
 

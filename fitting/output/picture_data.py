@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fitting.measurement import Measurement, concatenate
+from fitting.output.estimates import has_several_curves
 from fitting.output.numbers import escaped
 from fitting.output.style import GREY, LOOKS, OTHER, band, points
 from fitting.result import Fit
@@ -61,7 +62,7 @@ def over_wavelength(m: Measurement) -> bool:
 def _series(fit: Fit, m: Measurement) -> Iterator[tuple[str, str, float, np.ndarray]]:
     """Yield name, quantity, polarizer's angle (or NaN) and mask of each kind of datum."""
     curve = np.zeros(len(m), int) if fit.curve is None else np.asarray(fit.curve)
-    several = fit.curve is not None and set(fit.curve_names) != set(m.quantity.tolist())
+    several = has_several_curves(fit)
     for i in dict.fromkeys(curve.tolist()):
         for quantity in dict.fromkeys(m.quantity[curve == i].tolist()):
             of = (curve == i) & (m.quantity == quantity)
@@ -91,7 +92,8 @@ def _shade(color: str, share: float) -> str:
     """Return the colour, paler for a small ``share`` of 1."""
     from matplotlib.colors import to_hex, to_rgb
 
-    return to_hex([1.0 - (1.0 - c) * (0.4 + 0.6 * share) for c in to_rgb(color)])
+    paler = 1.0 - (1.0 - np.array(to_rgb(color))) * (0.4 + 0.6 * share)
+    return to_hex((paler[0], paler[1], paler[2]))
 
 
 def lines_of(fit: Fit, m: Measurement) -> list[Line]:
@@ -131,7 +133,8 @@ def _between(m: Measurement, line: Line, x: np.ndarray) -> Measurement:
     else:
         angle, waves = x, m.wavelength_um[line.rows[0]]
         waves = None if math.isnan(waves) else np.full(len(x), waves)
-    return Measurement.from_columns(angle, waves, polarizer_deg=polarizer, **{line.quantity: value})
+    values: dict[str, Any] = {line.quantity: value}
+    return Measurement.from_columns(angle, waves, polarizer_deg=polarizer, **values)
 
 
 def curves_of(fit: Fit, m: Measurement, lines: list[Line], x: np.ndarray | None) -> list[Curve]:
@@ -190,7 +193,8 @@ def draw_line(
         return False
     value = _broken(curve.value, measured) if line.kind == "delta" else curve.value
     color = line.look[0]
-    top.plot(curve.x, value, color=color, zorder=2)
+    # What lies on another line, R_back on R for one, leaves it to be seen.
+    top.plot(curve.x, value, "--" if line.look[2] else "-", color=color, zorder=2)
     band(top, curve.x, value - curve.sigma, value + curve.sigma, color)
     return bool(np.isfinite(curve.sigma).any())
 

@@ -30,7 +30,7 @@ def _where(fit: Fit, at: np.ndarray, own: bool) -> str:
         many = "more wavelength" if waves else "more curve"
         other = "with other numbers " if own else ""
         count = len(places) - 1
-        where += f"; {other}{'at' if waves else 'of'} {count} {many}{'s' * (count > 1)}"
+        where += f"; {other}{'at' if waves else 'in'} {count} {many}{'s' * (count > 1)}"
     return where
 
 
