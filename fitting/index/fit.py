@@ -115,7 +115,8 @@ def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> tuple[FitResul
         raise ValueError(f"absolute_sigma is {absolute!r}; True or False was wanted.")
     if absolute and not a.stated:
         raise ValueError("absolute_sigma was asked for, but there are no stated errors to take.")
-    found = minima(data, _points(start, a))
+    found, data = minima(data, _points(start, a))
+    a = a._replace(data=data)
     s = found.best
     _, high, _ = _extent(data, a.angle_deg)
     sin_max = np.sin(np.radians(np.broadcast_to(np.fmax(high, 0.0), s.cost.shape)))

@@ -23,10 +23,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.index.batch import Data
+from fitting.index.coordinates import w_of_small_k
 from fitting.index.engine import Solved
 from fitting.index.estimate import Estimate
 from fitting.index.profile import around_nothing, profile
-from fitting.index.total_reflection import w_of
 
 KINDS = ("auto", "quadratic", "profile")
 QUADRATIC, PROFILE, NONE = "quadratic", "profile", "none"
@@ -89,7 +89,7 @@ def intervals(
         here = left > 0.1 * rise[todo]
         part = Solved(*np.where(here, np.array(shown)[:, todo], np.array(s)[:, todo]))
         with np.errstate(all="ignore"):
-            first = w_of(part.x, e.k_interval[todo, 1] / data.eta_i)
+            first = w_of_small_k(part.x, e.k_interval[todo, 1] / data.eta_i)
         first = np.where(e.linear[todo], first, np.nan)
         found = profile(data.take(todo), part, np.where(here, left, rise[todo]), first)
         corner = np.flatnonzero(matched[todo])
