@@ -223,7 +223,7 @@ def with_mesh(data: Data) -> tuple[Data, np.ndarray]:
     cos_theta = np.where(some, np.atleast_2d(data.cos_theta), -1.0)
     lowest = np.degrees(np.arccos(np.clip(cos_theta.max(1), -1.0, 1.0)))
     share = np.where(some, np.atleast_2d(data.s_share), 0.0).max(1)
-    kinds = starts.kinds(data.channels, some.sum(1), lowest, share)
+    kinds = starts.kinds(data.channels, some.sum(1), lowest, share, data.eta_i > 1.0)
     if len(kinds) < data.curves:
         kinds = np.broadcast_to(kinds, (data.curves,))
     names, counts = np.unique(kinds, return_counts=True)
@@ -285,10 +285,3 @@ def _minima(data: Data, points: np.ndarray | None) -> Minima:
         low[_EVALUATIONS] = total
         best[:, todo], other[:, todo] = low, np.where(keep, second, high)
     return Minima(Solved(*best), Solved(*other))
-
-
-def without_absorption(data: Data, x: np.ndarray) -> Solved:
-    """Return the best fit of every curve with k held at 0 and n above that outside, from ``x``."""
-    points = np.stack([x, np.full_like(x, W_MIN), np.ones_like(x)])
-    start = start_rows(data.curves, points, W_MIN)
-    return Solved(*run(data, start, MOST_STEPS)[0])

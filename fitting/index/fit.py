@@ -19,11 +19,12 @@ import numpy as np
 from fitting.index import identifiability as flag
 from fitting.index import result
 from fitting.index.arrange import Arranged, of_arrays, of_measurement
-from fitting.index.batch import Data, fitted_curves, minima, without_absorption
+from fitting.index.batch import Data, fitted_curves, minima
 from fitting.index.coordinates import coordinates_of
 from fitting.index.engine import Solved
 from fitting.index.estimate import Estimate, estimate
 from fitting.index.intervals import KINDS, PROFILE, intervals
+from fitting.index.mirror import allowed_rise, like_mirrors
 from fitting.index.misfit import ENOUGH, with_order_of_residuals
 from fitting.index.result import FitResult as FitResult
 from fitting.index.valley import open_to_the_other_end
@@ -60,22 +61,13 @@ def _undetermined(e: Estimate) -> np.ndarray:
         return e.singular | (e.spread > flag.UNDETERMINED_LIMIT)
 
 
-def _member(data: Data, s: Solved, todo: np.ndarray, scatter: np.ndarray) -> Solved:
-    """Return ``s`` with the undetermined curves at k = 0, where that fits as well."""
-    zero = without_absorption(data.take(todo), s.x[todo])
-    good = zero.cost <= s.cost[todo] + ALIKE_CHI2 * scatter[todo]
-    changed = np.array(s)
-    changed[:, todo[good]] = np.array(zero)[:, good]
-    changed[Solved._fields.index("evaluations"), todo] = s.evaluations[todo]
-    return Solved(*changed)
-
-
 def _flags(
     a: Arranged,
     e: Estimate,
     s: Solved,
     undetermined: np.ndarray,
     second: np.ndarray,
+    mirror: np.ndarray,
     dof: np.ndarray,
 ) -> np.ndarray:
     low, high, channels = _extent(a.data, a.angle_deg)
@@ -83,7 +75,6 @@ def _flags(
     with np.errstate(all="ignore"):
         at_45 = (low > 44.9) & (high < 45.1) & (channels == 2) & ("R" not in names)
         circle = ~at_45 & (~(e.moved > flag.CIRCLE_LIMIT) | (s.count == 1))
-        mirror = undetermined & (np.fmax(e.x, s.x) > flag.MIRROR_LIMIT)
         alone = channels == 1
         chi2 = flag.chi2_flags(s.cost / dof, dof) if a.stated else np.zeros(len(dof), int)
         rms = np.sqrt(s.plain / s.count)
@@ -138,6 +129,11 @@ def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> tuple[FitResul
         part = Solved(*np.array(s)[:, inner])
         allowed = part.cost + ALIKE_CHI2 * scatter[inner]
         undetermined[inner] |= open_to_the_other_end(data.take(inner), part, allowed)
+    with np.errstate(all="ignore"):
+        bound = like_mirrors(data, s.scale, s.cost + allowed_rise(dof) * scatter, scatter)
+    bound = np.where(no_data | matched, np.nan, bound)
+    mirror = np.isfinite(bound) | (undetermined & (s.x > flag.MIRROR_LIMIT))
+    undetermined |= mirror
     failed = ~no_data & ~undetermined & ~matched & ~(s.done > 0)
     second = (
         ~(no_data | failed | undetermined | matched)
@@ -149,13 +145,7 @@ def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> tuple[FitResul
         second &= _distinct(e, other)
     else:
         other = e
-    if undetermined.any():
-        s = _member(data, s, np.flatnonzero(undetermined), scatter)
-        shown = estimate(data, s, **how)
-    else:
-        shown = e
-
-    flags = _flags(a, e, s, undetermined, second, dof)
+    flags = _flags(a, e, s, undetermined, second, mirror, dof)
     flags = np.where(failed, flag.NOT_CONVERGED, np.where(no_data, 0, flags))
     status = np.select(
         [no_data, failed, undetermined, e.at_zero | matched],
@@ -163,15 +153,15 @@ def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> tuple[FitResul
         result.CONVERGED,
     )
     blank = no_data | failed | undetermined | matched  # no error is known
-    nothing = no_data | (flags & flag.PERFECT_MIRROR > 0)  # no value either
+    nothing = no_data | mirror  # no value either
 
     known = intervals(
-        data, found.best, s, e, wanted=wanted, blank=blank, undetermined=undetermined,
+        data, s, e, wanted=wanted, blank=blank, undetermined=undetermined,
         nothing=nothing | failed, matched=matched,
     )  # fmt: skip
 
     # The limit of k is the upper end of its 95 % interval, from whatever that was found.
-    limit = shown.k_upper_limit
+    limit = e.k_upper_limit
     limit = np.where(np.isfinite(limit) & (known.kind == PROFILE), known.k[:, 1], limit)
 
     def but(value: np.ndarray, empty: np.ndarray) -> np.ndarray:
@@ -180,22 +170,22 @@ def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> tuple[FitResul
     with np.errstate(all="ignore"):
         chi2 = s.cost if a.stated else np.full_like(s.cost, np.nan)
         fields = {
-            "eta": but(np.where(matched, data.eta_i, shown.eta), nothing),
-            "k": but(np.where(matched, 0.0, shown.k), nothing),
-            "sigma_eta": but(shown.sigma_eta, blank), "sigma_k": but(shown.sigma_k, blank),
-            "covariance": but(shown.covariance, blank),
-            "correlation": but(shown.correlation, blank),
+            "eta": but(np.where(matched, data.eta_i, e.eta), nothing),
+            "k": but(np.where(matched, 0.0, e.k), nothing),
+            "sigma_eta": but(e.sigma_eta, blank), "sigma_k": but(e.sigma_k, blank),
+            "covariance": but(e.covariance, blank),
+            "correlation": but(e.correlation, blank),
             "chi2": but(chi2, no_data), "chi2_reduced": np.where(dof > 0, chi2 / dof, np.nan),
             "dof": dof.astype(int), "n_data": s.count.astype(int),
             "rms": np.sqrt(s.plain / s.count),
             "k_upper_limit": but(limit, blank),
             "status": status, "iterations": s.evaluations.astype(int),
             "wavelength_um": a.wavelength_um, "flags": flags,
-            "information": but(shown.information / shown.variance[:, None, None], no_data | failed),
+            "information": but(e.information / e.variance[:, None, None], no_data | failed),
             "alternative_eta": but(other.eta, ~second), "alternative_k": but(other.k, ~second),
             "alternative_delta_chi2": but(excess, ~second),
             "eta_interval": known.eta, "k_interval": known.k, "interval_kind": known.kind,
-            "residual_correlation": np.full(len(dof), np.nan),
+            "residual_correlation": np.full(len(dof), np.nan), "least_reflectance": bound,
         }  # fmt: skip
     shaped = {n: v.reshape(a.shape + v.shape[1:]) for n, v in fields.items()}
     kind = "absolute" if absolute else "scaled"

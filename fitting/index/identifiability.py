@@ -64,13 +64,21 @@ def _circle(r: FitResult) -> str:
 
 
 def _member(r: FitResult) -> str:
-    if r.k == 0.0:
-        return "The values shown assume k = 0."
-    return "The values shown are one of many that fit alike."
+    del r
+    return (
+        "The values shown are the best fit, one of many that fit alike; the 95 % intervals are "
+        "what the data leave."
+    )
 
 
 def _mirror(r: FitResult) -> str:
-    return "the data are those of a perfect mirror (R of 1): they say nothing about eta and k."
+    said = "the data are those of a strong mirror and do not determine eta and k"
+    if not r.least_reflectance > 0.0:
+        return said + ": R = 1 at every angle fits as well."
+    return (
+        f"{said}: every index with the same reflectance at normal incidence fits as well. That is "
+        f"at least {r.least_reflectance:.4f} (95 %); nothing else is known."
+    )
 
 
 def _no_reflection(r: FitResult) -> str:

@@ -33,8 +33,8 @@ class FitResult(NamedTuple):
     status: "converged"; "converged at k = 0" (the best k >= 0 is 0; sigma_eta covers the
         k that the data allow);
         "undetermined" (the fit is at its best, but only one combination of eta and k is known; the
-        values are those with k = 0 if that fits as well, NaN for a perfect mirror); "not
-        converged"; "no data".
+        values are those of the best fit, within the intervals that say what else fits; NaN where a
+        perfect mirror fits as well); "not converged"; "no data".
     iterations: evaluations of residuals and derivatives, of all starts together.
     wavelength_um: micrometres; NaN where unknown.
     flags: bits of `identifiability`, behind `warnings`.
@@ -47,6 +47,8 @@ class FitResult(NamedTuple):
     eta_interval, k_interval: S + (2,), 95 % intervals; NaN where there is none.
     residual_correlation: of residuals next to each other along the angle, where that says that they
         are no noise (see `fitting.pattern`); NaN elsewhere, and of `fit_many`.
+    least_reflectance: the R at normal incidence that a curve exceeds (95 %) which R = 1 fits as well
+        as any index; NaN elsewhere.
     interval_kind: "quadratic": eta +- t sigma_eta, and k from k^2 +- t sigma(k^2) (in total
         reflection k +- t sigma), cut at 0; "profile": of the likelihood itself, for an undetermined
         index as well (the range that the data leave, with every k); "none".
@@ -79,6 +81,7 @@ class FitResult(NamedTuple):
     k_interval: np.ndarray
     interval_kind: Any
     residual_correlation: Any
+    least_reflectance: Any
 
     @property
     def shape(self) -> tuple[int, ...]:

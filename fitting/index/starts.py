@@ -35,8 +35,8 @@ from fitting.index.problem import Curves, reflectances
 
 # Up to this many angles the fine mesh is used; its cost grows with their number.
 FEW_ANGLES = 24
-# R_p alone from angles above this one (degrees) may have further minima: see `kinds`.
-OPEN_ABOVE_DEG = 20.0
+# R_p alone may have further minima where no angle below this one (degrees) is measured.
+OPEN_ABOVE_DEG = 10.0
 # Of a mixture that is R_p but for this part of R_s the same is true.
 NEARLY_P = 0.1
 
@@ -74,7 +74,11 @@ def _mesh(
     x = np.repeat(_spaced(lowest, 8.0, plane.rows), plane.columns)
     w = np.tile((np.arange(plane.columns) + 0.5) / plane.columns, plane.rows) * 4.0 * xi_of(x)
     n = np.linspace(0.99, 0.1, totally.rows)
-    at_edge = _spaced(5e-4, 4.0, above.rows)  # n from 1.03 to 110
+    # n from 1.02 to 110; evenly in log(n - 1), since two minima on this line may be as near to each
+    # other as 1.33 and 1.44 (16 angles, 73 to 83 degrees).
+    at_edge = 1.0 + np.geomspace(0.02, 110.0, above.rows)
+    at_edge = (at_edge - 1.0) ** 2 / (2.0 * at_edge)
+    at_edge = np.log1p(at_edge)
     beyond = _spaced(5e-4, 2.0, below.rows)  # n from .97 to .07
     edge = np.full(above.rows, W_MIN), np.ones(above.rows)
     index = np.concatenate([
@@ -92,21 +96,27 @@ MESHES = {
     "coarse": _mesh(Block(12, 8, 1), 0.02, Block(16, 1, 0), Block(0, 1, 0)),
     "fine": _mesh(Block(24, 16, 2), 0.002, Block(32, 1, 1), Block(48, 1, 2)),
     "open": _mesh(
-        Block(32, 24, 4), 0.002, Block(32, 1, 1), Block(64, 1, 3), Block(32, 1, 1)
+        Block(32, 24, 4), 0.002, Block(64, 1, 2), Block(160, 1, 4), Block(32, 1, 1)
     ),
 }  # fmt: skip
 
 
 def kinds(
-    channels: tuple[str, ...], count: np.ndarray, lowest_deg: np.ndarray, s_share: np.ndarray
+    channels: tuple[str, ...],
+    count: np.ndarray,
+    lowest_deg: np.ndarray,
+    s_share: np.ndarray,
+    denser: bool,
 ) -> np.ndarray:
     """Return the mesh that each curve needs, (N,) keys of MESHES.
 
     count: angles with data. lowest_deg: the least of them. s_share: the most of s in R.
+    denser: whether the light may come from the denser side, so that R_p has kinks.
     """
+    few = count <= FEW_ANGLES
     p_alone = "R_s" not in channels and (np.asarray(s_share) < NEARLY_P) | ("R" not in channels)
-    few = np.where(count <= FEW_ANGLES, "fine", "coarse")
-    return np.where(p_alone & (lowest_deg > OPEN_ABOVE_DEG), "open", few)
+    open_to_others = few | (lowest_deg > OPEN_ABOVE_DEG) | denser
+    return np.where(p_alone & open_to_others, "open", np.where(few, "fine", "coarse"))
 
 
 def node_curves(curves: Curves, channels: tuple[str, ...], mesh: str) -> list[Array]:
