@@ -108,6 +108,7 @@ def _findings(a: Arranged, f: Answer, errors: str) -> tuple[Finding, ...]:
         slopes[i] = _trade(v["information"][i])
     values: dict[str, dict[str, Any]] = {
         "not_converged": {"evaluations": s.evaluations.astype(int)},
+        "perfect_mirror": {"least_reflectance": v["least_reflectance"]},
         "no_reflection": {"eta_i": a.data.eta_i},
         "circle": at_k, "same_at_45_degrees": at_k, "combination": {**at_k, "slope": slopes},
         "does_not_describe": {"rms": rms, "sample": "one bare surface"},
