@@ -53,8 +53,8 @@ def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> Non
             thick_mm = re.search(r"(?<![\d.])(\d+(?:\.\d+)?) ?mm(?![a-z])", m.source, re.IGNORECASE)
             named = f"; the file name says {thick_mm[1]} mm" if thick_mm else ""
             raise ValueError(
-                f"{m.source}: cannot fit {', '.join(behind)} to one bare surface: transmittance and "
-                "light from the back are of a plate with both faces, whose thickness is needed. "
+                f"{m.source}: cannot fit {', '.join(behind)} to one bare surface: transmittance "
+                "and light from the back are of a plate, whose thickness is needed. "
                 f"Give the sample 'air | free {thick_mm[1] if thick_mm else 3} mm thick | air'"
                 f'{named}. Or name the columns to be read: columns="angle=1,R_s=2".'
             )

@@ -8,10 +8,10 @@ import zlib
 import matplotlib
 import numpy as np
 import pytest
+from fitting.bare_surface.solution import fit
 from simulated import GOLD, simulated
 
 from fitting.bare_surface.curves import curve, fitted_values
-from fitting.bare_surface.solution import fit
 from fitting.measurement import Measurement, concatenate, read_csv
 from fitting.output import plot
 

@@ -67,8 +67,11 @@ def _spaced(low: float, high: float, count: int) -> np.ndarray:
     return 0.3 * np.sinh(np.linspace(np.arcsinh(low / 0.3), np.arcsinh(high / 0.3), count))
 
 
+NO_BLOCK = Block(0, 1, 0)
+
+
 def _mesh(
-    plane: Block, lowest: float, totally: Block, above: Block, below: Block = Block(0, 1, 0)
+    plane: Block, lowest: float, totally: Block, above: Block, below: Block = NO_BLOCK
 ) -> Mesh:
     """Return a mesh: the plane; totally: n < 1 and a small k; above, below: k = 0, n > 1, n < 1."""
     x = np.repeat(_spaced(lowest, 8.0, plane.rows), plane.columns)
