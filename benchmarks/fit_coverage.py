@@ -75,9 +75,8 @@ def study(case: tuple, repeats: int) -> dict:
     found["data"] = f"{' and '.join(channels)}, {len(angles)} angles"
     for kind, options in (("absolute", {"sigma": noise, "errors": "stated"}), ("scaled", {})):
         for intervals in ("quadratic", "profile"):
-            result = fit_many(
-                angles, **data, **options, sample=f"{float(eta_i)!r} | free", intervals=intervals
-            )
+            sample = f"{float(eta_i)!r} | free"
+            result = fit_many(angles, **data, **options, sample=sample, intervals=intervals)
             found[kind, intervals] = held(result, eta, k)
     found["seen"] = float(np.isfinite(result.parameters["k"].sigma).mean())
     return found

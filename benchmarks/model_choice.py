@@ -22,6 +22,7 @@ from collections.abc import Callable
 import numpy as np
 
 from fitting.measurement import Measurement
+from fitting.predictions import simulate
 from fitting.selection import choose
 
 from .machine import conditions
