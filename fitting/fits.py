@@ -20,6 +20,7 @@ import numpy as np
 from fitting.bare_surface.reflectances import CHANNELS
 from fitting.bare_surface.surface_fit import fit_bare_surface
 from fitting.bare_surface.surface_fit import fit_many as fit_many
+from fitting.film_starts import film_starts, with_neighbours
 from fitting.measurement import Measurement, concatenate
 from fitting.observations import missing_errors, observations
 from fitting.outcome import Subject, fit_of
@@ -27,14 +28,12 @@ from fitting.parameters import Settings, check_settings, names_of
 from fitting.problem import LOSSES, targets_of
 from fitting.result import Fit
 from fitting.sample import Sample
-from fitting.search import Asked, Solving, solved
+from fitting.search import ERRORS, Asked, Solving, solved
 from fitting.starts import given_start, start_at, usual_starts
 from fitting.starts import starts as start_points
 from fitting.uncertainty.intervals import check_intervals
 from fitting.unknowns import check_quantities, index_outside, spectrum_of, unknowns
 from fitting.wavelengths import fit_wavelengths
-
-ERRORS = ("auto", "stated", "scaled", "floor", "equal")
 
 
 def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
@@ -94,8 +93,11 @@ def _shared(
     if start is not None:
         extra = start_at(u.moving, given_start(u.moving, u.labels, start))
         points = np.concatenate([points, extra[:, None]], 1)
+    if starts is None:
+        points = np.concatenate([points, film_starts(job, points)], 1)
     job.starts = points.shape[1]
     ends, noise = solved(job, points)
+    ends = with_neighbours(job, ends, noise)
     notes = missing_errors(measurements, asked.errors)
     return fit_of(job, ends, noise, Subject(sample, tuple(measurements), notes))
 

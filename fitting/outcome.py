@@ -18,8 +18,8 @@ from fitting.parameters import value_and_slope
 from fitting.pattern import pattern
 from fitting.result import Alternative, ErrorModel, Estimate, Fit
 from fitting.sample import Sample
-from fitting.search import End, Solving, best_of
-from fitting.starts import SAME_CHI2, STAGE, Ends, Minimum, minima
+from fitting.search import End, Solving
+from fitting.starts import SAME_CHI2, STAGE, Ends, Minimum, best_of, minima
 from fitting.uncertainty.covariance import Slopes
 from fitting.uncertainty.intervals import QUADRATIC, Intervals, intervals
 from fitting.uncertainty.likelihood import criteria, reduced_chi2

@@ -11,7 +11,7 @@ from fitting.observations import Observations
 from fitting.observe import NCS
 from fitting.parameters import Settings, value_and_slope
 from fitting.problem import Targets
-from fitting.starts import LANES, Ends, briefly, coordinate_bounds, each_within, run
+from fitting.starts import LANES, Ends, best_of, briefly, coordinate_bounds, each_within, run
 from fitting.uncertainty.covariance import Slopes, Uncertainty, loss_of, slopes_at, uncertainty
 from fitting.unknowns import Unknowns
 
@@ -19,6 +19,8 @@ from fitting.unknowns import Unknowns
 NOISE_ROUNDS, NOISE_SETTLED = 6, 1e-3
 # Evaluations with so many terms before the next one is added.
 _GROWING = 40
+# What may be believed of stated errors; see `fitting.fit`.
+ERRORS = ("auto", "stated", "scaled", "floor", "equal")
 _NO_NOISE = 1e9  # so large that a robust loss is that of least squares
 
 
@@ -252,13 +254,6 @@ class Solving:
                 jacobian=np.zeros_like(s.jacobian), residual=np.zeros_like(s.residual)
             )  # fmt: skip
         return End(y, s, self.known(s, y, noise, scaled), self.cost(s, y, noise), finite)
-
-
-def best_of(ends: Ends) -> int | None:
-    good = ends.done & np.isfinite(ends.cost)
-    if not good.any():
-        return None
-    return int(np.argmin(np.where(good, ends.cost, np.inf)))
 
 
 def solved(fit: Solving, start: np.ndarray) -> tuple[Ends, float]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fitting.output.estimates import by_wavelength
+from fitting.output.estimates import by_wavelength, has_several_curves
 from fitting.output.facts import sample_text, title_of
 from fitting.output.missing import MissingExtra
 from fitting.output.numbers import escaped
@@ -130,7 +130,7 @@ def data_csv(fit: Fit) -> str:
         raise ValueError("this fit keeps no data: it came from arrays; there is no data table.")
     found = fit.predict()
     columns: dict[str, Iterable[Any]] = {}
-    if fit.curve is not None and set(fit.curve_names) != set(m.quantity.tolist()):
+    if has_several_curves(fit) and fit.curve is not None:
         columns["curve"] = [escaped(fit.curve_names[i]) for i in fit.curve]
     columns["angle_deg"] = m.angle_deg.tolist()
     if np.isfinite(m.wavelength_um).any():

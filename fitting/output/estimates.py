@@ -131,3 +131,11 @@ def by_wavelength(fit: Fit) -> bool:
     """Whether the batch is one fit a wavelength."""
     waves = np.asarray(fit.wavelength_um)
     return fit.shape != () and waves.shape == fit.shape and bool(np.isfinite(waves).all())
+
+
+def has_several_curves(fit: Fit) -> bool:
+    """Whether the names of the curves say more than the quantities do: there are several files."""
+    if fit.measurement is None or fit.curve is None:
+        return False
+    quantities = set(fit.measurement.quantity.tolist()) | {"NCS"}
+    return not set(fit.curve_names) <= quantities

@@ -63,11 +63,11 @@ def _ends(low: float, high: float) -> str:
     exponent = math.floor(math.log10(float(f"{0.5 * (high - low):.1e}")))
     decimals, largest = 1 - exponent, max(abs(low), abs(high))
     if high - low < 1e-13 * largest:
-        return f"{low!r} to {high!r}"
+        return f"{float(low)!r} to {float(high)!r}"
     if 0.0 < 3.0 * low < high or 0.0 < 3.0 * -high < -low:
         # Digits of the distance would leave none of the end that lies far nearer to 0.
         return f"{number(low, 3)} to {number(high, 3)}"
-    if 0 <= decimals <= 9 and largest >= 1e-3:
+    if 0 <= decimals <= 15 and largest >= 1e-3:
         return f"{low:.{decimals}f} to {high:.{decimals}f}" if low else f"0 to {high:.{decimals}f}"
     power = math.floor(math.log10(largest))
     decimals, scale = max(power - exponent + 1, 1), 10.0**power

@@ -30,7 +30,7 @@ def _where(fit: Fit, at: np.ndarray, own: bool) -> str:
         many = "more wavelength" if waves else "more curve"
         other = "with other numbers " if own else ""
         count = len(places) - 1
-        where += f"; {other}{'at' if waves else 'of'} {count} {many}{'s' * (count > 1)}"
+        where += f"; {other}{'at' if waves else 'in'} {count} {many}{'s' * (count > 1)}"
     return where
 
 
@@ -46,6 +46,6 @@ def told_of(fit: Fit) -> Told:
             continue
         text = finding.of(tuple(np.argwhere(at)[0]), {}).text
         own = any(isinstance(value, np.ndarray) for value in finding.values.values())
-        texts.append(f"{text} ({_where(fit, at, own)})")
+        texts.append(f"{text.removesuffix(chr(46))} ({_where(fit, at, own)}).")
         masks.append(at)
     return Told(texts, masks)

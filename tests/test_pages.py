@@ -7,14 +7,12 @@ import re
 
 import numpy as np
 import pytest
-from fitting.bare_surface.solution import fit
-from fitting.command import results
 from simulated import GOLD, simulated
 
-from fitting import cli
-from fitting.bare_surface.curves import fitted_values
+from fitting import cli, fit, fit_many
 from fitting.measurement import concatenate, read_csv
-from fitting.output import outputs, page, report_page
+from fitting.output import files, outputs, page
+from fitting.output.fit_page import fit_page
 
 pytest.importorskip("matplotlib")
 
@@ -67,24 +65,23 @@ def test_the_gold_scan(tmp_path, capsys):
     assert base64.b64decode(data) == (folder / "fit.png").read_bytes()
     assert "url(" not in text
     assert "<script" not in text
-    assert seen.tags.count("tr") == 1 + 31
+    # eta and k; their correlation; the data; and three heads
+    assert seen.tags.count("tr") == 2 + 2 + 31 + 3
     assert json.loads((folder / "fit.json").read_text())["eta"] == pytest.approx(0.344, abs=1e-3)
-    assert (folder / "data.csv").read_text().count("\n") == 31 + 3
+    assert (folder / "data.csv").read_text().count("\n") == 31 + 4
 
 
-def test_a_spectrum_has_its_index_in_a_table(tmp_path):
+def test_a_spectrum_has_its_index_in_a_table():
     waves = np.linspace(0.4, 0.7, 50)
     parts = [simulated(0.5, 2.0 + w, 1e-3, wavelength_um=w, seed=i) for i, w in enumerate(waves)]
     measurement = concatenate(*parts[:3])
     result = fit(measurement)
-    fitted, _ = fitted_values(result, measurement)
-    text = report_page.fit_page(result, measurement, fitted, b"png", "")
-    seen = Page(text)
+    seen = Page(fit_page(result, b"png"))
     assert "Index over wavelength" in seen.text
     assert "3 wavelengths: 3 converged" in seen.text
     for i in range(3):
         assert f"{waves[i]:.6g}" in seen.text
-        assert f"{result.eta_interval[i, 0]:.4f}"[:5] in seen.text
+        assert f"{result.parameters['eta'].interval[i, 0]:.4f}"[:5] in seen.text
     assert "details" not in seen.tags
     long = page.Table("Data", ["a"], [["1"]] * (page.OPEN_ROWS + 1))
     assert "<details>" in page.page("t", [], [], [], [], [long], "")
@@ -100,6 +97,8 @@ def test_what_the_file_holds_is_text_and_no_html():
     assert "script" not in seen.tags
     # title, h1, dt, dd, warning, note, caption, h2, th, td, foot
     assert seen.text.count(evil) == 11
+    part = page.fragment(evil, [(evil, evil)], [evil], [evil], [page.Table(evil, [evil], [[evil]])])
+    assert "script" not in Page(part).tags
     assert "\\udcff" in page.page("\udcff", [], [], [], [], [], "")
 
 
@@ -107,7 +106,7 @@ def test_all_of_it_or_nothing(tmp_path, capsys, monkeypatch):
     def fails(*_):
         raise OSError(28, "No space left on device", "report.html")
 
-    monkeypatch.setattr(report_page, "fit_page", fails)
+    monkeypatch.setattr(files, "fit_page", fails)
     new, old = tmp_path / "new", tmp_path / "old"
     old.mkdir()
     (old / "fit.json").write_text("before")
@@ -155,6 +154,33 @@ def test_the_report_has_all_that_the_single_files_have(tmp_path):
     arguments = [str(GOLD), "--json", str(single["json"]), "--csv", str(single["csv"]), "--quiet"]
     folder = tmp_path / "folder"
     assert cli.main([*arguments, "--report", str(folder)]) == 0
-    assert (folder / results.REPORT["report json"]).read_bytes() == single["json"].read_bytes()
-    assert (folder / results.REPORT["report csv"]).read_bytes() == single["csv"].read_bytes()
+    assert (folder / files.REPORT["report json"]).read_bytes() == single["json"].read_bytes()
+    assert (folder / files.REPORT["report csv"]).read_bytes() == single["csv"].read_bytes()
     assert read_csv(folder / "data.csv", columns="angle=1,R_s=3", keep="quantity=R_s") is not None
+
+
+def test_a_report_from_python(tmp_path):
+    found = fit(read_csv(GOLD))
+    found.report(tmp_path / "gold")
+    names = {p.name for p in (tmp_path / "gold").iterdir()} - {outputs.MARK}
+    assert names == {"report.html", "fit.json", "data.csv", "fit.png"}
+    assert json.loads((tmp_path / "gold" / "fit.json").read_text()) == json.loads(
+        json.dumps(found.to_dict())
+    )
+    angles = np.array([30.0, 50.0, 65.0, 75.0, 82.0])
+    one = simulated(0.5, 2.2, 0.0, angles=angles)
+    noise = 1e-3 * np.random.default_rng(1).normal(size=(2, 3, 5))
+    s, p = (one.value[one.quantity == q] for q in ("R_s", "R_p"))
+    many = fit_many(angles, R_s=s + noise[0], R_p=p + noise[1])
+    many.report(tmp_path / "many")
+    names = {p.name for p in (tmp_path / "many").iterdir()} - {outputs.MARK}
+    assert names == {"report.html", "fit.json", "index.csv", "fit.png"}
+    assert "3 curves: 3 converged" in Page((tmp_path / "many" / "report.html").read_text()).text
+
+
+def test_the_page_of_a_file_with_control_characters_has_none(tmp_path):
+    (tmp_path / "a\x1bb.csv").write_text("angle_deg,R_s\n30,0.8\n50,0.85\n70,0.9\n80,0.95\n")
+    found = fit(read_csv(tmp_path / "a\x1bb.csv"))
+    text = fit_page(found, b"", "fresnel-fit a\x1bb.csv")
+    assert "\x1b" not in text
+    assert "a\\x1bb.csv" in text
