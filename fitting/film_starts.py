@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 # So many thicknesses are taken from the fringes, each with these shifts in parts of a period: the
 # phase of the reflections at both faces is not known to the scan.
 _LIKELY = 40
+# Indices that are tried in the scan of the thickness.
+_CANDIDATES = 40
 _SHIFTS = (0.0, 0.25, -0.25, 0.5)
 # Fringe orders on either side of the best minimum that are looked at.
 _ORDERS = 8
@@ -97,7 +99,7 @@ def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
     if not films:
         return y[:, :0]
     film = films[0]
-    rates = _rates(fit, film, y)
+    rates = _rates(fit, film, y[:, :_CANDIDATES])
     used = fit.seen.row.max() + 1  # the rows behind are padding
     values, weights = _curves(fit.seen)
     lane, thickness = likely_thicknesses(

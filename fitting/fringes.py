@@ -68,13 +68,13 @@ def _left(phase, smooth, envelope, y, w) -> np.ndarray:
     count, a, b = len(phase), len(smooth), len(envelope)
     size = a + 2 * b
     # sums over the data of products of columns, with cos and sin by the phase and its square
-    pairs = np.einsum("im,jm,m->ijm", envelope, envelope, w).reshape(b * b, -1)
-    once = (phase @ np.einsum("im,jm,m->ijm", envelope, smooth, w).reshape(b * a, -1).T).reshape(
-        count, b, a
-    )
-    twice = ((phase * phase) @ pairs.T).reshape(count, b, b)
-    even = pairs.sum(-1).reshape(b, b)
-    seen = phase @ (envelope * (w * y)).T
+    # (einsum, not a matrix product: several threads for such small ones take eight times as long)
+    pairs = np.einsum("im,jm,m->ijm", envelope, envelope, w)
+    mixed = np.einsum("im,jm,m->ijm", envelope, smooth, w)
+    once = np.einsum("dm,ijm->dij", phase, mixed)
+    twice = np.einsum("dm,ijm->dij", phase * phase, pairs)
+    even = pairs.sum(-1)
+    seen = np.einsum("dm,im->di", phase, envelope * (w * y))
     matrix = np.empty((count, size, size))
     matrix[:, :a, :a] = np.einsum("im,jm,m->ij", smooth, smooth, w)
     matrix[:, a : a + b, :a], matrix[:, a + b :, :a] = once.real, once.imag
