@@ -27,14 +27,12 @@ from fitting.parameters import Settings, check_settings, names_of
 from fitting.problem import LOSSES, targets_of
 from fitting.result import Fit
 from fitting.sample import Sample
-from fitting.search import Asked, Solving, solved
+from fitting.search import ERRORS, Asked, Solving, solved
 from fitting.starts import given_start, start_at, usual_starts
 from fitting.starts import starts as start_points
 from fitting.uncertainty.intervals import check_intervals
 from fitting.unknowns import check_quantities, index_outside, spectrum_of, unknowns
 from fitting.wavelengths import fit_wavelengths
-
-ERRORS = ("auto", "stated", "scaled", "floor", "equal")
 
 
 def measurements_of(measurement: Any) -> tuple[Measurement, ...]:

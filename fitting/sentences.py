@@ -21,10 +21,20 @@ def _list(names: Iterable[str]) -> str:
     return f"{', '.join(others)} and {last}" if others else last
 
 
-def _member(v: Mapping[str, Any]) -> str:
-    if v.get("k") == 0.0:
-        return "The values shown assume k = 0."
-    return "The values shown are one of many that fit alike."
+_MEMBER = (
+    "The values shown are the best fit, one of many that fit alike; the 95 % intervals are what "
+    "the data leave."
+)
+
+
+def _mirror(v: Mapping[str, Any]) -> str:
+    said = "the data are those of a strong mirror and do not determine eta and k"
+    if not v["least_reflectance"] > 0.0:
+        return said + ": R = 1 at every angle fits as well."
+    return (
+        f"{said}: every index with the same reflectance at normal incidence fits as well. That is "
+        f"at least {v['least_reflectance']:.4f} (95 %); nothing else is known."
+    )
 
 
 def _circle(v: Mapping[str, Any]) -> str:
@@ -32,7 +42,7 @@ def _circle(v: Mapping[str, Any]) -> str:
     a = (m * m + eta**2 + k**2) / (2.0 * eta)
     return (
         "eta and k are not determined separately: the data fix only the circle "
-        f"(eta - {_n(a)})^2 + k^2 = {_n(a * a - m * m)}. {_member(v)}"
+        f"(eta - {_n(a)})^2 + k^2 = {_n(a * a - m * m)}. {_MEMBER}"
     )
 
 
@@ -41,7 +51,7 @@ def _combination(v: Mapping[str, Any]) -> str:
     trade = f" (a change of eta by 1 is the same as one of k^2 by {_n(slope)})"
     return (
         "eta and k are not determined separately: the data fix only one combination of them"
-        f"{trade if np.isfinite(slope) else ''}. {_member(v)}"
+        f"{trade if np.isfinite(slope) else ''}. {_MEMBER}"
     )
 
 
@@ -253,9 +263,7 @@ SENTENCES: dict[str, Sentence] = {
         + "; its values mean nothing."
     ),
     "candidates_do_not_describe": _does_not_fit,
-    "perfect_mirror": lambda v: (
-        "the data are those of a perfect mirror (R of 1): they say nothing about eta and k."
-    ),
+    "perfect_mirror": _mirror,
     "no_reflection": lambda v: (
         "the data show no reflection, as of no boundary at all: eta is that "
         f"of the medium outside ({_n(v['eta_i'])}) and k is 0. R grows as "
@@ -266,7 +274,7 @@ SENTENCES: dict[str, Sentence] = {
     "same_at_45_degrees": lambda v: (
         "eta and k are not determined separately: at 45 degrees R_p = "
         f"R_s^2 for every material, so that the two say the same. Measure at one more angle. "
-        f"{_member(v)}"
+        f"{_MEMBER}"
     ),
     "combination": _combination,
     "one_value": lambda v: (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -46,6 +47,17 @@ def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> Non
     thick = any(not m.thickness.coherent for m in sample.layers if m.thickness)
     for m in measurements:
         quantities = set(m.quantity.tolist())
+        behind = sorted(quantities & {"T", "T_s", "T_p", "R_back"})
+        if sample.bare and sample.by_wavelength and behind:
+            # "glass_3mm.csv", "CLEAR_0.7 mm.dat"
+            thick_mm = re.search(r"(?<![\d.])(\d+(?:\.\d+)?) ?mm(?![a-z])", m.source, re.IGNORECASE)
+            named = f"; the file name says {thick_mm[1]} mm" if thick_mm else ""
+            raise ValueError(
+                f"{m.source}: cannot fit {', '.join(behind)} to one bare surface: transmittance "
+                "and light from the back are of a plate, whose thickness is needed. "
+                f"Give the sample 'air | free {thick_mm[1] if thick_mm else 3} mm thick | air'"
+                f'{named}. Or name the columns to be read: columns="angle=1,R_s=2".'
+            )
         if sample.bare and "R_back" in quantities:
             raise ValueError(
                 f"{m.source}: R_back is light from the other face, which a bare surface does not "

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fitting.output.model_page import model_page
+from fitting.output.model_report import table
 from simulated import simulated, textbook
 
 from fitting import Measurement, fit_model
-from fitting.output.model_page import model_page
-from fitting.output.model_report import table
 
 
 @pytest.fixture(scope="module")

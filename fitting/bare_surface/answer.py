@@ -20,10 +20,11 @@ import numpy as np
 from fitting import result
 from fitting.bare_surface import thresholds as limit
 from fitting.bare_surface.arrange import Arranged
-from fitting.bare_surface.batch import Data, minima, without_absorption
+from fitting.bare_surface.batch import Data, minima
 from fitting.bare_surface.coordinates import coordinates_of
 from fitting.bare_surface.engine import Solved
 from fitting.bare_surface.estimate import Estimated, estimate
+from fitting.bare_surface.mirror import allowed_rise, like_mirrors
 from fitting.bare_surface.region_intervals import Intervals, intervals
 from fitting.bare_surface.valley import open_to_the_other_end
 from fitting.noise_level import CHI2_LARGE, CHI2_SMALL, chi2_flags
@@ -59,21 +60,12 @@ def _undetermined(e: Estimated) -> np.ndarray:
         return e.singular | (e.spread > limit.UNDETERMINED_LIMIT)
 
 
-def _member(data: Data, s: Solved, todo: np.ndarray, scatter: np.ndarray) -> Solved:
-    """Return ``s`` with the undetermined curves at k = 0, where that fits as well."""
-    zero = without_absorption(data.take(todo), s.x[todo])
-    good = zero.cost <= s.cost[todo] + ALIKE_CHI2 * scatter[todo]
-    changed = np.array(s)
-    changed[:, todo[good]] = np.array(zero)[:, good]
-    changed[Solved._fields.index("evaluations"), todo] = s.evaluations[todo]
-    return Solved(*changed)
-
-
 def _codes(
     a: Arranged,
     e: Estimated,
     s: Solved,
     undetermined: np.ndarray,
+    mirror: np.ndarray,
     dof: np.ndarray,
 ) -> dict[str, np.ndarray]:
     """Return where each code holds, but for what `_found` knows by itself."""
@@ -82,7 +74,6 @@ def _codes(
     with np.errstate(all="ignore"):
         at_45 = (low > 44.9) & (high < 45.1) & (channels == 2) & ("R" not in names)
         circle = ~at_45 & (~(e.moved > limit.CIRCLE_LIMIT) | (s.count == 1))
-        mirror = undetermined & (np.fmax(e.x, s.x) > limit.MIRROR_LIMIT)
         chi2 = chi2_flags(s.cost / dof, dof) if a.stated else np.zeros(len(dof), int)
         nothing = s.x < limit.NOTHING_LIMIT
         clear = ~undetermined & ~nothing
@@ -106,12 +97,10 @@ def _codes(
 class Answer(NamedTuple):
     """What the engine found of N curves, each (N, ...), and where each code holds.
 
-    shown: the solutions that the values belong to. limit: upper limit of k. second: where there is
-    another minimum, other; excess: by how much its chi2 is higher.
+    second: where there is another minimum, other; excess: by how much its chi2 is higher.
     """
 
     solved: Solved
-    shown: Estimated
     values: dict[str, np.ndarray]
     known: Intervals
     codes: dict[str, np.ndarray]
@@ -125,7 +114,8 @@ class Answer(NamedTuple):
 def answer(a: Arranged, absolute: bool, start: Any, wanted: str) -> Answer:
     """Return what the engine found of all curves."""
     data = a.data
-    found = minima(data, _points(start, a))
+    found, data = minima(data, _points(start, a))
+    a = a._replace(data=data)
     s = found.best
     _, high, _ = _extent(data, a.angle_deg)
     sin_max = np.sin(np.radians(np.broadcast_to(np.fmax(high, 0.0), s.cost.shape)))
@@ -147,6 +137,11 @@ def answer(a: Arranged, absolute: bool, start: Any, wanted: str) -> Answer:
         part = Solved(*np.array(s)[:, inner])
         allowed = part.cost + ALIKE_CHI2 * scatter[inner]
         undetermined[inner] |= open_to_the_other_end(data.take(inner), part, allowed)
+    with np.errstate(all="ignore"):
+        bound = like_mirrors(data, s.scale, s.cost + allowed_rise(dof) * scatter, scatter)
+    bound = np.where(no_data | matched, np.nan, bound)
+    mirror = np.isfinite(bound) | (undetermined & (s.x > limit.MIRROR_LIMIT))
+    undetermined |= mirror
     failed = ~no_data & ~undetermined & ~matched & ~(s.done > 0)
     second = (
         ~(no_data | failed | undetermined | matched)
@@ -158,13 +153,7 @@ def answer(a: Arranged, absolute: bool, start: Any, wanted: str) -> Answer:
         second &= _distinct(e, other)
     else:
         other = e
-    if undetermined.any():
-        s = _member(data, s, np.flatnonzero(undetermined), scatter)
-        shown = estimate(data, s, **how)
-    else:
-        shown = e
-
-    codes = _codes(a, e, s, undetermined, dof)
+    codes = _codes(a, e, s, undetermined, mirror, dof)
     codes = {code: at & ~failed & ~no_data for code, at in codes.items()}
     codes = {"not_converged": failed, **codes, "other_minima": second & ~failed}
     status = np.select(
@@ -173,30 +162,34 @@ def answer(a: Arranged, absolute: bool, start: Any, wanted: str) -> Answer:
         result.CONVERGED,
     )
     blank = no_data | failed | undetermined | matched  # no error is known
-    nothing = no_data | codes["perfect_mirror"]  # no value either
+    nothing = no_data | mirror  # no value either
     known = intervals(
-        data, found.best, s, e, wanted=wanted, blank=blank, undetermined=undetermined,
+        data, s, e, wanted=wanted, blank=blank, undetermined=undetermined,
         nothing=nothing | failed, matched=matched,
     )  # fmt: skip
     # The limit of k is the upper end of its 95 % interval, from whatever that was found.
-    upper = shown.k_upper_limit
+    upper = e.k_upper_limit
     upper = np.where(np.isfinite(upper) & (known.kind == result.PROFILE), known.k[:, 1], upper)
 
     def but(value: np.ndarray, empty: np.ndarray) -> np.ndarray:
         return np.where(empty.reshape(-1, *(1,) * (value.ndim - 1)), np.nan, value)
 
     values = {
-        "eta": but(np.where(matched, data.eta_i, shown.eta), nothing),
-        "k": but(np.where(matched, 0.0, shown.k), nothing),
-        "sigma_eta": but(shown.sigma_eta, blank), "sigma_k": but(shown.sigma_k, blank),
-        "covariance": but(shown.covariance, blank),
+        "eta": but(np.where(matched, data.eta_i, e.eta), nothing),
+        "k": but(np.where(matched, 0.0, e.k), nothing),
+        "sigma_eta": but(e.sigma_eta, blank), "sigma_k": but(e.sigma_k, blank),
+        "covariance": but(e.covariance, blank),
         "chi2": but(s.cost if a.stated else np.full_like(s.cost, np.nan), no_data),
         "limit": but(upper, blank),
-        "information": but(shown.information / shown.variance[:, None, None], no_data | failed),
+        "information": but(e.information / e.variance[:, None, None], no_data | failed),
         "at_zero": (e.at_zero | matched) & ~no_data & ~failed & ~undetermined,
-        "factor": np.sqrt(shown.variance) * np.ones_like(s.cost),
+        "factor": np.sqrt(e.variance) * np.ones_like(s.cost),
+        "least_reflectance": bound,
     }  # fmt: skip
-    return Answer(s, shown, values, known, codes, status, second, other, excess, dof)
+    return Answer(
+        solved=s, values=values, known=known, codes=codes, status=status, second=second,
+        other=other, excess=excess, dof=dof,
+    )  # fmt: skip
 
 
 def _points(start: Mapping[str, Any] | None, a: Arranged) -> np.ndarray | None:

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from fitting.bare_surface.coordinates import FAR_END, W_MAX, W_MIN, xi_of
+from fitting.bare_surface import mesh as starts
+from fitting.bare_surface.coordinates import EPS, FAR_END, W_MAX, W_MIN, from_eps, to_eps, xi_of
 from fitting.bare_surface.engine import Solved, solve
 from fitting.solver import START_DAMPING
 
@@ -19,6 +20,9 @@ MANY, LANES = 1024, 64
 # Most lanes end within 4 evaluations; the others would make their whole group wait, so they are
 # collected and go on among themselves.
 FIRST_STEPS, MOST_STEPS = 4, 400
+# Lanes with n < 1 that have not come to rest after that many creep along a bent valley; they take
+# up to as many steps in coordinates in which it is straighter, and then go on.
+CREEP_STEPS = 40
 # A further start is looked at again after that many: it goes on if it is near the best minimum by
 # then, and after the second only if it is below (else it creeps along a plateau).
 FURTHER_STEPS = 10, 40
@@ -27,6 +31,7 @@ NEAR_COST, NEAR_SHARE = 4.0, 1e-5
 _COST = Solved._fields.index("cost")
 _EVALUATIONS = Solved._fields.index("evaluations")
 _DONE = Solved._fields.index("done")
+_DAMPING = Solved._fields.index("damping")
 
 
 class Data(NamedTuple):
@@ -42,6 +47,7 @@ class Data(NamedTuple):
     weights: tuple[np.ndarray, ...]
     eta_i: float
     channels: tuple[str, ...]
+    mesh: str = "coarse"  # of `starts.MESHES`, where the curves start
 
     def take(self, index: slice | np.ndarray) -> Data:
         """Return the curves of ``index``."""
@@ -97,7 +103,7 @@ def _call(
         solved, further, fitted = solve(
             part.cos_theta, part.s_share, part.values, part.weights,
             begin, np.int64(steps),
-            channels=data.channels, lanes=lanes, fitted=few,
+            channels=data.channels, mesh=data.mesh, lanes=lanes, fitted=few,
         )  # fmt: skip
         at = tuple(np.asarray(a)[:here, :angles] for a in fitted)
         return np.asarray(solved)[:, :here], np.asarray(further)[..., :here], at
@@ -150,13 +156,17 @@ def _to_the_end(
     """Return ``run``, with the lanes that were cut short run to their end.
 
     stages: evaluations, and the cost below which a lane takes part (for the first stage: all do).
-    Lanes that have come to the far end of their chart go on in the other one.
+    Lanes that have come to the far end of their chart go on in the other one, and before the last
+    but one stage those that creep move through the chart EPS.
     """
     solved, further = run(data, start, stages[0][0])
-    for steps, below in stages[1:]:
+    for left, (steps, below) in zip(range(len(stages) - 1, 0, -1), stages[1:], strict=True):
         s = Solved(*solved)
         flip = _at_far_end(s)
         short = (s.done == 0) & (s.cost < below)
+        if left == 2:
+            _straightened(data, solved, np.flatnonzero(short & ~flip))
+            s = Solved(*solved)
         todo = np.flatnonzero(short | flip)
         if not len(todo):
             continue
@@ -170,6 +180,26 @@ def _to_the_end(
         more[_EVALUATIONS] += s.evaluations[todo]
         solved[:, todo] = more
     return solved, further
+
+
+def _straightened(data: Data, solved: np.ndarray, todo: np.ndarray) -> None:
+    """Move those of the lanes ``todo`` with n < 1 along their valley, in the chart EPS."""
+    s = Solved(*solved[:, todo])
+    inside = s.chart * (2.0 * xi_of(s.x) - s.w) < 0.0  # log|N|^2
+    todo = todo[inside & (s.w > W_MIN)]
+    if not len(todo):
+        return
+    s = Solved(*solved[:, todo])
+    start = start_rows(len(todo), np.stack([*to_eps(s.x, s.w, s.chart), np.full_like(s.x, EPS)]))
+    moved = Solved(*run(data.take(todo), start, CREEP_STEPS)[0])
+    x, w, chart = from_eps(moved.x, moved.w)
+    better = moved.cost < s.cost
+    used = s.evaluations + moved.evaluations
+    for name, value in (("x", x), ("w", w), ("chart", chart), ("cost", moved.cost)):
+        row = Solved._fields.index(name)
+        solved[row, todo] = np.where(better, value, solved[row, todo])
+    solved[_DAMPING, todo] = np.where(better, START_DAMPING, s.damping)
+    solved[_EVALUATIONS, todo] = used
 
 
 class Minima(NamedTuple):
@@ -187,12 +217,45 @@ def _same(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return near & (np.abs(p.x - q.x) <= 1e-3 * p.x)
 
 
-def minima(data: Data, points: np.ndarray | None = None) -> Minima:
-    """Return the best minimum of every curve and the runner-up.
+def with_mesh(data: Data) -> tuple[Data, np.ndarray]:
+    """Return the data with the mesh that most curves need, and that of each curve, (N,)."""
+    some = np.logical_or.reduce([np.atleast_2d(w) > 0.0 for w in data.weights])
+    cos_theta = np.where(some, np.atleast_2d(data.cos_theta), -1.0)
+    lowest = np.degrees(np.arccos(np.clip(cos_theta.max(1), -1.0, 1.0)))
+    share = np.where(some, np.atleast_2d(data.s_share), 0.0).max(1)
+    kinds = starts.kinds(data.channels, some.sum(1), lowest, share, data.eta_i > 1.0)
+    if len(kinds) < data.curves:
+        kinds = np.broadcast_to(kinds, (data.curves,))
+    names, counts = np.unique(kinds, return_counts=True)
+    return data._replace(mesh=str(names[np.argmax(counts)])), kinds
+
+
+def minima(data: Data, points: np.ndarray | None = None) -> tuple[Minima, Data]:
+    """Return the best minimum of every curve and the runner-up; and the data with their mesh.
 
     points: None, or (3, N): x, w and chart of one more start of each curve, beside the mesh's.
     """
-    stages = [(FIRST_STEPS, np.inf), (MOST_STEPS, np.inf), (MOST_STEPS, -np.inf)]
+    if not data.curves:
+        return _minima(data, points), data
+    data, kinds = with_mesh(data)
+    found = None
+    for mesh in dict.fromkeys(kinds.tolist()):
+        mine = np.flatnonzero(kinds == mesh)
+        if len(mine) == data.curves:
+            return _minima(data, points), data
+        part = data.take(mine)._replace(mesh=mesh)
+        new = _minima(part, None if points is None else points[:, mine])
+        if found is None:
+            found = Minima(*(np.full((len(Solved._fields), data.curves), np.nan) for _ in new))
+        for whole, some in zip(found, new, strict=True):
+            whole[:, mine] = np.array(some)
+    return Minima(*(Solved(*np.asarray(a)) for a in found)), data
+
+
+def _minima(data: Data, points: np.ndarray | None) -> Minima:
+    stages = [
+        (FIRST_STEPS, np.inf), (CREEP_STEPS, np.inf), (MOST_STEPS, np.inf), (MOST_STEPS, -np.inf)
+    ]  # fmt: skip
     best, further = _to_the_end(data, start_rows(data.curves), stages)
     other = np.full_like(best, np.nan)
     if points is not None:
@@ -204,7 +267,10 @@ def minima(data: Data, points: np.ndarray | None = None) -> Minima:
     start = start_rows(len(curve), further[which, :, curve].T)
     part, least = data.take(curve), best[_COST, curve]
     near = NEAR_COST * least + NEAR_SHARE * Solved(*best).scale[curve]
-    stages = list(zip((*FURTHER_STEPS, MOST_STEPS), (np.inf, near, least), strict=True))
+    stages = [
+        *zip(FURTHER_STEPS, (np.inf, near), strict=True),
+        (MOST_STEPS, least), (MOST_STEPS, -np.inf),
+    ]  # fmt: skip
     again, _ = _to_the_end(part, start, stages)
     for job in range(len(further)):
         mine = np.flatnonzero(which == job)
@@ -219,10 +285,3 @@ def minima(data: Data, points: np.ndarray | None = None) -> Minima:
         low[_EVALUATIONS] = total
         best[:, todo], other[:, todo] = low, np.where(keep, second, high)
     return Minima(Solved(*best), Solved(*other))
-
-
-def without_absorption(data: Data, x: np.ndarray) -> Solved:
-    """Return the best fit of every curve with k held at 0 and n above that outside, from ``x``."""
-    points = np.stack([x, np.full_like(x, W_MIN), np.ones_like(x)])
-    start = start_rows(data.curves, points, W_MIN)
-    return Solved(*run(data, start, MOST_STEPS)[0])

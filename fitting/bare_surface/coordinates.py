@@ -44,6 +44,13 @@ W_MAX = 163.0  # beyond the far end of X_MAX
 # that the other chart should be used.
 FAR_END = 2.0**-50
 
+# A chart in which the coordinates are Re eps and log Im eps. In total reflection far beyond the
+# critical angle 1 - R_s = 2 cos Im(eps) / [sqrt(sin^2 - Re eps) (1 - Re eps)] for a small k: there
+# the valley in which a fit creeps is bent in x and w (up to 10,000 steps were counted) and nearly
+# straight in these.
+EPS = 2.0
+EPS_BOUNDS = (-1e4, -60.0), (1e4, 12.0)
+
 
 def _parts(x: Any, w: Any, xp: Any) -> tuple[Any, Any, Any, Any, Any]:
     """Return cosh xi, sinh xi, e^2 - 1, E and A."""
@@ -94,6 +101,47 @@ def _index_of_jvp(primals, tangents):
     n, k, n_x, n_w, k_x, k_w = index_derivatives(x, w, chart, jnp)
     dx, dw, _ = tangents
     return (n, k), (n_x * dx + n_w * dw, k_x * dx + k_w * dw)
+
+
+def _index_of_eps(re: jax.Array, log_im: jax.Array) -> tuple[jax.Array, jax.Array]:
+    im = jnp.exp(log_im)
+    large = jnp.sqrt(0.5 * (jnp.hypot(re, im) + jnp.abs(re)))
+    small = 0.5 * im / large
+    return jnp.where(re >= 0.0, large, small), jnp.where(re >= 0.0, small, large)
+
+
+def index_of_lanes(first: jax.Array, second: jax.Array, chart: jax.Array):
+    """Return the relative index (n, k) of x and w, or in the chart EPS of Re eps and log Im eps."""
+    by_eps = chart == EPS
+    n, k = index_of(jnp.where(by_eps, 1.0, first), jnp.where(by_eps, 1.0, second), chart)
+    of_eps = _index_of_eps(jnp.where(by_eps, first, 1.0), jnp.where(by_eps, second, 0.0))
+    return jnp.where(by_eps, of_eps[0], n), jnp.where(by_eps, of_eps[1], k)
+
+
+def to_eps(x: np.ndarray, w: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return Re eps and log Im eps of x and w."""
+    n, k, *_ = index_derivatives(x, w, chart)
+    return (n - k) * (n + k), np.log(2.0 * n * k)
+
+
+def from_eps(re: np.ndarray, log_im: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return x, w and chart of Re eps and log Im eps, with every digit of a small k."""
+    index = np.sqrt(re + 1j * np.exp(log_im))
+    n, k = index.real, index.imag
+    x, w, chart = coordinates_of(n, k)
+    return x, np.where(chart < 0.0, w_of_small_k(x, k), w), chart
+
+
+def w_of_small_k(x: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """Return w of a small k (relative) at the end n <= 1, chart -1, of the line of constant x.
+
+    From k^2 = A (E - A) f^2 with the root that does not cancel.
+    """
+    xi = xi_of(x)
+    E = np.expm1(4.0 * xi)
+    square = (k * np.exp(xi) * (1.0 + np.exp(2.0 * xi))) ** 2
+    A = 2.0 * square / (E + np.sqrt(np.maximum(E * E - 4.0 * square, 0.0)))
+    return np.maximum(np.log1p(A), W_MIN)
 
 
 def xi_of(x: np.ndarray) -> np.ndarray:

@@ -78,14 +78,19 @@ def _last_step(
 
 
 def _solve_lanes(
-    curves: Curves, start: Array, found: list[Array], max_steps: Array, channels: tuple[str, ...]
-) -> tuple[Array, Array, tuple[Array, ...]]:
-    first, more = starts.mesh_starts(curves, found)
+    curves: Curves, start: Array, found: list[Array], max_steps: Array, channels: tuple[str, ...],
+    mesh: str,
+) -> tuple[Array, Array, tuple[Array, ...]]:  # fmt: skip
+    first, more = starts.mesh_starts(curves, found, mesh)
     given = jnp.isfinite(start[0])
     x, w, chart = (jnp.where(given, s, f) for s, f in zip(start[:3], first, strict=True))
     y = jnp.stack([x, jnp.minimum(w, start[4])])
-    lower = jnp.ones_like(y) * jnp.array([co.X_MIN, co.W_MIN])[:, None]
-    upper = jnp.stack([jnp.full_like(x, co.X_MAX), start[4]])
+    by_eps = chart == co.EPS
+    low, high = co.EPS_BOUNDS
+    lower = jnp.stack([jnp.where(by_eps, low[0], co.X_MIN), jnp.where(by_eps, low[1], co.W_MIN)])
+    upper = jnp.stack([
+        jnp.where(by_eps, high[0], co.X_MAX), jnp.where(by_eps, high[1], start[4])
+    ])  # fmt: skip
     count, scale = count_and_scale(curves)
     options = {
         "lower": lower,
@@ -127,6 +132,7 @@ def _solve(
     max_steps: Array,
     *,
     channels: tuple[str, ...],
+    mesh: str,
     lanes: int,
     fitted: bool,
 ) -> tuple[Array, Array, tuple[Array, ...]]:
@@ -140,6 +146,7 @@ def _solve(
     values: C arrays (S, M), finite. weights: C arrays (M,) or (S, M), 0 where there is no datum.
     start: (5, S): x, w, chart, damping and the largest w; where x is NaN, from the mesh.
     max_steps: after that many evaluations a lane is left as it is, not done.
+    mesh: which of `starts.MESHES`.
     """
     groups = start.shape[1] // lanes
 
@@ -164,12 +171,14 @@ def _solve(
 
     once = None
     if "cos_theta" in shared:
-        once = starts.node_curves(curves_of({**shared, "values": (), "weights": ()}), channels)
+        once = starts.node_curves(
+            curves_of({**shared, "values": (), "weights": ()}), channels, mesh
+        )
 
     def one_group(parts: dict[str, Any]) -> tuple[Array, Array, tuple[Array, ...]]:
         curves = curves_of({**shared, **parts})
-        found = starts.node_curves(curves, channels) if once is None else once
-        solved, further, at = _solve_lanes(curves, parts["start"], found, max_steps, channels)
+        found = starts.node_curves(curves, channels, mesh) if once is None else once
+        solved, further, at = _solve_lanes(curves, parts["start"], found, max_steps, channels, mesh)
         return solved, further, at if fitted else ()
 
     solved, further, at = jax.lax.map(one_group, own)
@@ -178,4 +187,4 @@ def _solve(
     return solved, further, tuple(jnp.swapaxes(a, 1, 2).reshape(-1, a.shape[1]) for a in at)
 
 
-solve = compiled(_solve, ("channels", "lanes", "fitted"))
+solve = compiled(_solve, ("channels", "mesh", "lanes", "fitted"))

@@ -35,23 +35,31 @@ from fitting.bare_surface.reflectances import Curves, reflectances
 
 # Up to this many angles the fine mesh is used; its cost grows with their number.
 FEW_ANGLES = 24
+# R_p alone may have further minima where no angle below this one (degrees) is measured.
+OPEN_ABOVE_DEG = 10.0
+# Of a mixture that is R_p but for this part of R_s the same is true.
+NEARLY_P = 0.1
 
 
-class Mesh(NamedTuple):
-    """Nodes: rows of x by columns of w (x slowest), then lines of nodes.
-
-    totally: with n < 1 and a small k, for total reflection. edge: along k = 0, n > 1. index:
-    relative n and k, (2, J). points: x, w and chart, (3, J). lows: how many of the low nodes of the
-    mesh and of each line to start from beside the best.
-    """
+class Block(NamedTuple):
+    """Nodes in rows and columns, or in one row; lows: how many of its low nodes to start from."""
 
     rows: int
     columns: int
-    totally: int
-    edge: int
+    lows: int
+
+
+class Mesh(NamedTuple):
+    """Blocks of nodes. index: relative n and k, (2, J). points: x, w and chart, (3, J).
+
+    first: the best of so many blocks is where every fit starts; the low nodes of all are followed
+    beside it.
+    """
+
+    blocks: tuple[Block, ...]
+    first: int
     index: np.ndarray
     points: np.ndarray
-    lows: tuple[int, int, int]
 
 
 def _spaced(low: float, high: float, count: int) -> np.ndarray:
@@ -59,44 +67,74 @@ def _spaced(low: float, high: float, count: int) -> np.ndarray:
     return 0.3 * np.sinh(np.linspace(np.arcsinh(low / 0.3), np.arcsinh(high / 0.3), count))
 
 
+NO_BLOCK = Block(0, 1, 0)
+
+
 def _mesh(
-    rows: int, columns: int, totally: int, edge: int, lowest: float, lows: tuple[int, int, int]
+    plane: Block, lowest: float, totally: Block, above: Block, below: Block = NO_BLOCK
 ) -> Mesh:
-    x = np.repeat(_spaced(lowest, 8.0, rows), columns)
-    w = np.tile((np.arange(columns) + 0.5) / columns, rows) * 4.0 * xi_of(x)
-    at_edge = _spaced(5e-4, 4.0, edge)  # n from 1.03 to 110
-    n = np.linspace(0.99, 0.1, totally)
+    """Return a mesh: the plane; totally: n < 1 and a small k; above, below: k = 0, n > 1, n < 1."""
+    x = np.repeat(_spaced(lowest, 8.0, plane.rows), plane.columns)
+    w = np.tile((np.arange(plane.columns) + 0.5) / plane.columns, plane.rows) * 4.0 * xi_of(x)
+    n = np.linspace(0.99, 0.1, totally.rows)
+    # n from 1.02 to 110; evenly in log(n - 1), since two minima on this line may be as near to each
+    # other as 1.33 and 1.44 (16 angles, 73 to 83 degrees).
+    at_edge = 1.0 + np.geomspace(0.02, 110.0, above.rows)
+    at_edge = (at_edge - 1.0) ** 2 / (2.0 * at_edge)
+    at_edge = np.log1p(at_edge)
+    beyond = _spaced(5e-4, 2.0, below.rows)  # n from .97 to .07
+    edge = np.full(above.rows, W_MIN), np.ones(above.rows)
     index = np.concatenate([
         index_derivatives(x, w, np.ones_like(x))[:2],
         [n, 2e-3 * n],
-        index_derivatives(at_edge, np.full(edge, W_MIN), np.ones(edge))[:2],
+        index_derivatives(at_edge, *edge)[:2],
+        index_derivatives(beyond, np.full(below.rows, W_MIN), -np.ones(below.rows))[:2],
     ], axis=1)  # fmt: skip
-    return Mesh(rows, columns, totally, edge, index, coordinates_of(*index), lows)
+    blocks = tuple(block for block in (plane, totally, above, below) if block.rows)
+    return Mesh(blocks, 2, index, coordinates_of(*index))
 
 
-# From R(0) = 1e-4 (n = 1.2; the fine one 1e-6) to .999, all the way between the two ends k = 0.
-COARSE = _mesh(12, 8, 16, 0, 0.02, (1, 0, 0))
-FINE = _mesh(24, 16, 32, 48, 0.002, (2, 1, 2))
+# From R(0) = 1e-4 (n = 1.2; the fine ones 1e-6) to .999, all the way between the two ends k = 0.
+MESHES = {
+    "coarse": _mesh(Block(12, 8, 1), 0.02, Block(16, 1, 0), Block(0, 1, 0)),
+    "fine": _mesh(Block(24, 16, 2), 0.002, Block(32, 1, 1), Block(48, 1, 2)),
+    "open": _mesh(
+        Block(32, 24, 4), 0.002, Block(64, 1, 2), Block(160, 1, 4), Block(32, 1, 1)
+    ),
+}  # fmt: skip
 
 
-def mesh_for(curves: Curves) -> Mesh:
-    """Return the mesh that suits the number of angles."""
-    return FINE if len(curves.cos_theta) <= FEW_ANGLES else COARSE
+def kinds(
+    channels: tuple[str, ...],
+    count: np.ndarray,
+    lowest_deg: np.ndarray,
+    s_share: np.ndarray,
+    denser: bool,
+) -> np.ndarray:
+    """Return the mesh that each curve needs, (N,) keys of MESHES.
+
+    count: angles with data. lowest_deg: the least of them. s_share: the most of s in R.
+    denser: whether the light may come from the denser side, so that R_p has kinks.
+    """
+    few = count <= FEW_ANGLES
+    p_alone = "R_s" not in channels and (np.asarray(s_share) < NEARLY_P) | ("R" not in channels)
+    open_to_others = few | (lowest_deg > OPEN_ABOVE_DEG) | denser
+    return np.where(p_alone & open_to_others, "open", np.where(few, "fine", "coarse"))
 
 
-def node_curves(curves: Curves, channels: tuple[str, ...]) -> list[Array]:
+def node_curves(curves: Curves, channels: tuple[str, ...], mesh: str) -> list[Array]:
     """Return the reflectances of the nodes, J nodes first: per channel (J, M, 1) or (J, M, L)."""
-    n, k = (jnp.asarray(a[:, None, None]) for a in mesh_for(curves).index)
+    n, k = (jnp.asarray(a[:, None, None]) for a in MESHES[mesh].index)
     return list(reflectances(curves.cos_theta, curves.s_share, n, k, channels))
 
 
-def misfits(found: list[Array], curves: Curves) -> Array:
+def misfits(found: list[Array], curves: Curves, mesh: str) -> Array:
     """Return (J, L): the sum of squares at each node, less what is the same for all nodes.
 
     In single precision with the coarse mesh, to save a twentieth of the time of a fit: its nodes
     lie too far apart to be told from each other by rounding.
     """
-    precision = found[0].dtype if mesh_for(curves) is FINE else jnp.float32
+    precision = jnp.float32 if mesh == "coarse" else found[0].dtype
     most = jnp.stack([w.max(0) for w in curves.weights]).max(0)
     most = jnp.where(most > 0.0, most, 1.0)  # keeps squared weights in the range of float32
     total = jnp.zeros((), precision)
@@ -148,23 +186,23 @@ def _lowest(misfit: Array, shape: tuple[int, int], taken: Array, count: int) -> 
     return chosen
 
 
-def mesh_starts(curves: Curves, found: list[Array]) -> tuple[Array, list[tuple[Array, Array]]]:
+def mesh_starts(
+    curves: Curves, found: list[Array], mesh: str
+) -> tuple[Array, list[tuple[Array, Array]]]:
     """Return the first start, x, w and chart (3, L), and more, each with where there is one.
 
-    The same number of further starts for all curves: one, or five for few angles.
+    found: of `node_curves`. The same number of further starts for all curves of one ``mesh``.
     """
-    mesh = mesh_for(curves)
-    misfit = misfits(found, curves)
-    inner = mesh.rows * mesh.columns
-    first, exists = _least(misfit[: inner + mesh.totally], jnp.ones((), bool))
-    further, begin = [], 0
-    for shape, count in zip(
-        ((mesh.rows, mesh.columns), (mesh.totally, 1), (mesh.edge, 1)), mesh.lows, strict=True
-    ):
-        end = begin + shape[0] * shape[1]
-        low = _lowest(misfit[begin:end], shape, first - begin, count) if count else []
+    blocks, first_of, _, points = MESHES[mesh]
+    misfit = misfits(found, curves, mesh)
+    ends = np.cumsum([block.rows * block.columns for block in blocks])
+    first, exists = _least(misfit[: ends[first_of - 1]], jnp.ones((), bool))
+    further = []
+    for block, end in zip(blocks, ends.tolist(), strict=True):
+        begin = end - block.rows * block.columns
+        shape = (block.rows, block.columns)
+        low = _lowest(misfit[begin:end], shape, first - begin, block.lows) if block.lows else []
         further += [(node + begin, exists) for node, exists in low]
-        begin = end
-    points = jnp.asarray(mesh.points)
-    chosen = [(points[:, node[0].astype(int)], ok) for node, ok in [(first, exists), *further]]
+    at = jnp.asarray(points)
+    chosen = [(at[:, node[0].astype(int)], ok) for node, ok in [(first, exists), *further]]
     return chosen[0][0], chosen[1:]

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from fitting.bare_surface.coordinates import index_of
+from fitting.bare_surface.coordinates import index_of_lanes
 from fresnel_jax import powers
 
 CHANNELS = ("R_s", "R_p", "R")
@@ -47,7 +47,7 @@ def reflectances(
 
 def model(curves: Curves, x: Array, w: Array, chart: Array, channels: tuple[str, ...]):
     """Return the reflectances of every lane at its coordinates, one (M, L) array a channel."""
-    n, k = index_of(x, w, chart)
+    n, k = index_of_lanes(x, w, chart)
     # Without the barrier XLA repeats the coordinate map for every angle, inside the big loop.
     n, k = jax.lax.optimization_barrier((n, k))
     return reflectances(curves.cos_theta, curves.s_share, n, k, channels)

@@ -23,10 +23,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.bare_surface.batch import Data
+from fitting.bare_surface.coordinates import w_of_small_k
 from fitting.bare_surface.engine import Solved
 from fitting.bare_surface.estimate import Estimated
 from fitting.bare_surface.region import around_nothing, profile
-from fitting.bare_surface.total_reflection import w_of
 
 KINDS = ("auto", "quadratic", "profile")
 QUADRATIC, PROFILE, NONE = "quadratic", "profile", "none"
@@ -46,7 +46,6 @@ class Intervals(NamedTuple):
 def intervals(
     data: Data,
     s: Solved,
-    shown: Solved,
     e: Estimated,
     *,
     wanted: str,
@@ -57,8 +56,6 @@ def intervals(
 ) -> Intervals:
     """Return the 95 % intervals at the minima ``s``.
 
-    shown: the same, or of undetermined curves another place that fits alike (where the search for
-        the ends of the region then begins).
     wanted: one of KINDS. blank: no quadratic interval.
     undetermined: only the profile tells. nothing: no interval at all. matched: no boundary (x = 0).
     Accuracy: the ends of a profile interval to 1e-3 of its width. Coverage by simulation:
@@ -84,14 +81,11 @@ def intervals(
         return Intervals(eta, k, kind)
     todo = np.flatnonzero(able if wanted == PROFILE else able & curved)
     if len(todo):
-        # From the place shown, at k = 0 and n > 1, as far as that is inside of the region.
-        left = s.cost[todo] + rise[todo] - shown.cost[todo]
-        here = left > 0.1 * rise[todo]
-        part = Solved(*np.where(here, np.array(shown)[:, todo], np.array(s)[:, todo]))
+        part = Solved(*np.array(s)[:, todo])
         with np.errstate(all="ignore"):
-            first = w_of(part.x, e.k_interval[todo, 1] / data.eta_i)
+            first = w_of_small_k(part.x, e.k_interval[todo, 1] / data.eta_i)
         first = np.where(e.linear[todo], first, np.nan)
-        found = profile(data.take(todo), part, np.where(here, left, rise[todo]), first)
+        found = profile(data.take(todo), part, rise[todo], first)
         corner = np.flatnonzero(matched[todo])
         if len(corner):
             there = todo[corner]
@@ -100,4 +94,9 @@ def intervals(
         good = np.isfinite(found.eta).all(1) & np.isfinite(found.k).all(1)
         done = todo[good]
         eta[done], k[done], kind[done] = found.eta[good], found.k[good], PROFILE
+        # Along a valley without end the ends are known to a part of its length: a value is never
+        # outside of its own range.
+        for range_of, value in ((eta, e.eta), (k, e.k)):
+            range_of[done, 0] = np.minimum(range_of[done, 0], value[done])
+            range_of[done, 1] = np.maximum(range_of[done, 1], value[done])
     return Intervals(eta, k, kind)

@@ -29,6 +29,7 @@ from fitting.result import (
     Fit,
 )
 from fitting.sample import Sample
+from fitting.search import ERRORS
 from fitting.sentences import SENTENCES
 from fitting.uncertainty.intervals import check_intervals
 
@@ -95,7 +96,7 @@ def _findings(a: Arranged, f: Answer, errors: str) -> tuple[Finding, ...]:
     v, s = f.values, f.solved
     with np.errstate(all="ignore"):
         chi2_reduced = np.where(f.dof > 0, v["chi2"] / f.dof, np.nan)
-        share = v["sigma_eta"] / v["eta"]
+        share, rms = v["sigma_eta"] / v["eta"], np.sqrt(s.plain / s.count)
         correlation = v["covariance"][:, 0, 1] / (v["sigma_eta"] * v["sigma_k"])
     of_chi2 = {
         "chi2_reduced": chi2_reduced, "factor": np.sqrt(chi2_reduced),
@@ -107,9 +108,10 @@ def _findings(a: Arranged, f: Answer, errors: str) -> tuple[Finding, ...]:
         slopes[i] = _trade(v["information"][i])
     values: dict[str, dict[str, Any]] = {
         "not_converged": {"evaluations": s.evaluations.astype(int)},
+        "perfect_mirror": {"least_reflectance": v["least_reflectance"]},
         "no_reflection": {"eta_i": a.data.eta_i},
         "circle": at_k, "same_at_45_degrees": at_k, "combination": {**at_k, "slope": slopes},
-        "does_not_describe": {"rms": np.sqrt(s.plain / s.count), "sample": "one bare surface"},
+        "does_not_describe": {"rms": rms, "sample": "one bare surface"},
         "compatible_with_zero": {
             "parameter": "k", "limit": v["limit"], "even": v["eta"] >= a.data.eta_i,
         },
@@ -239,6 +241,8 @@ def fit_many(
             " Fit others one by one with fit."
         )
     check_intervals(intervals)
+    if errors not in ERRORS:
+        raise ValueError(f"errors is {errors!r}; one of {', '.join(ERRORS)} was wanted.")
     arrays = {"R_s": R_s, "R_p": R_p, "R": R}
     a = of_arrays(angles_deg, arrays, sigma if errors != "equal" else None, which.eta_i)
     if errors == "stated" and not a.stated:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.bare_surface.batch import Data
-from fitting.bare_surface.coordinates import W_MIN, index_derivatives, xi_of
+from fitting.bare_surface.coordinates import index_derivatives, w_of_small_k
 from fitting.bare_surface.valley import Lanes, evaluate
 
 # Beyond that many standard errors from 0 the sums of the solver are right to 1 %.
@@ -35,18 +35,6 @@ class Small(NamedTuple):
 
     information: np.ndarray
     reach: np.ndarray
-
-
-def w_of(x: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Return w of a small k (relative) at the end n <= 1, chart -1, of the line of constant x.
-
-    From k^2 = A (E - A) f^2, see `coordinates`, with the root that does not cancel.
-    """
-    xi = xi_of(x)
-    E = np.expm1(4.0 * xi)
-    square = (k * np.exp(xi) * (1.0 + np.exp(2.0 * xi))) ** 2
-    A = 2.0 * square / (E + np.sqrt(np.maximum(E * E - 4.0 * square, 0.0)))
-    return np.maximum(np.log1p(A), W_MIN)
 
 
 def _sums(data: Data, lanes: Lanes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -80,7 +68,7 @@ def small_k(
     place = np.maximum(k, FIRST * eta)
     with np.errstate(all="ignore"):
         for _ in range(EVALUATIONS):
-            w = w_of(x, place / data.eta_i)
+            w = w_of_small_k(x, place / data.eta_i)
             at, g, matrix = _sums(data, Lanes(curve, x, w, np.full_like(x, -1.0)))
             (i_nn, i_nk), (_, i_kk) = matrix
             determinant = i_nn * i_kk - i_nk**2
