@@ -6,7 +6,14 @@ import math
 
 import numpy as np
 
-from fitting.output.estimates import by_wavelength, is_material, k_is_limited, k_text, symbols
+from fitting.output.estimates import (
+    by_wavelength,
+    index_waves,
+    is_material,
+    k_is_limited,
+    k_text,
+    symbols,
+)
 from fitting.output.numbers import escaped, number, size_text, with_error, with_unit
 from fitting.result import UNDETERMINED, Alternative, Fit
 
@@ -167,9 +174,8 @@ def alternative_text(fit: Fit, other: Alternative) -> str:
 
 def _index_rows(fit: Fit) -> Facts:
     """Return eta and k of a dispersion model at the ends and in the middle of a spectrum."""
-    if fit.sample is None or fit.evaluator is None or {"eta", "k"} & set(fit.parameters):
-        return []
-    if len(np.atleast_1d(fit.wavelength_um)) < 2 or not any(map(is_material, fit.parameters)):
+    known = {"eta", "k"} & set(fit.parameters) or not any(map(is_material, fit.parameters))
+    if known or len(index_waves(fit)) < 2:
         return []
     band, limited = fit.index(), k_is_limited(fit)
     some = sorted({0, len(band.wavelength_um) // 2, len(band.wavelength_um) - 1})
