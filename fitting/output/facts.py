@@ -172,7 +172,7 @@ def alternative_text(fit: Fit, other: Alternative) -> str:
     return f"{values} (chi2 {higher if other.delta_chi2 >= 0.0 else higher.replace('high', 'low')})"
 
 
-def _index_rows(fit: Fit) -> Facts:
+def index_rows(fit: Fit) -> Facts:
     """Return eta and k of a dispersion model at the ends and in the middle of a spectrum."""
     known = {"eta", "k"} & set(fit.parameters) or not any(map(is_material, fit.parameters))
     if known or len(index_waves(fit)) < 2:
@@ -198,8 +198,8 @@ def remedy(fit: Fit) -> Facts:
 
 
 def findings_of_one(fit: Fit) -> Facts:
-    """Return everything but the parameters of one set of them."""
-    rows = [*_index_rows(fit), _chi2(fit), ("rms", rms_text(fit))]
+    """Return how well one set of parameters describes the data, and what its errors rest on."""
+    rows = [_chi2(fit), ("rms", rms_text(fit))]
     if fit.loss != "squares":
         unit = " times the stated errors" if fit.errors.stated else ""
         rows.append(("loss", f"{fit.loss}, at a noise of {number(fit.noise, 3)}{unit}"))
