@@ -153,9 +153,11 @@ def fit_page(fit: Fit, png: bytes, command: str = "", comparison: Comparison | N
     what was compared, if a model was chosen.
     """
     pictures = [(_caption(fit), png)] if png else []
+    tables = [*_tables(fit, comparison), *data_table(fit)]
+    above = 0 if fit.shape else 1  # the parameters; a batch has too many of them
     return page(
         facts.title_of(fit), _facts(fit), told_of(fit).texts, _notes(fit, comparison), pictures,
-        [*_tables(fit, comparison), *data_table(fit)], command,
+        tables[above:], command, tables[:above],
     )  # fmt: skip
 
 
