@@ -145,11 +145,11 @@ def _minima(fit: Solving, ends: Ends, end: End, noise: float, scatter: float) ->
     edge = end.known.edge * np.sqrt(scatter)
     spread = np.where(np.isfinite(edge), 4.0 * edge, np.inf)
     found = minima(ends, ends.y, scatter, rounding, spread)
-    names = fit.u.spec.moving
+    free = [i for i, name in enumerate(fit.u.spec.moving) if name.endswith(".eta")]
     eta_i = float(np.mean(fit.targets.eta_i))
-    if len(found) < 2 or "substrate.eta" not in names:
+    if len(found) < 2 or len(free) != 1:  # of the surface, or of a plate
         return found
-    eta = ends.y[names.index("substrate.eta")]
+    eta = ends.y[free[0]]
     least = ends.cost[found[0].lane]
     usual = [
         m for m in found
