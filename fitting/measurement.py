@@ -231,6 +231,7 @@ def read_csv(
         file.name,
         texts,
         lambda name: bool(role_of(name).kind),
+        lambda name: role_of(name).kind == "value" or role_of(name).form == "incidence",
         delimiter=delimiter,
         decimal=decimal,
         lines=lines,

@@ -8,7 +8,6 @@ import time
 from pathlib import Path
 
 import pytest
-from simulated import GOLD
 
 from fitting import cli
 from fitting.output import outputs

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from fitting.errors import MeasurementError, place
 from fitting.reader.cells import DIGIT, is_comment, is_number, looks_like_data, split_cells
-from fitting.reader.units import unit_of
+from fitting.reader.vocabulary import unit_of
 
 _LETTER = re.compile(r"[^\W\d_]")
 _RULE = re.compile(r"[\s|:=+_\-]*")  # "|---|---|" and empty cells
@@ -23,16 +23,16 @@ def uncomment(text: str) -> str:
     return text.lstrip('"#!;%/ ').strip() if is_comment(text, "") else text
 
 
-def _split_names(text: str, delimiter: str, count: int) -> list[str]:
+def split_names(text: str, delimiter: str, count: int) -> list[str]:
     """Return the header line in ``count`` names, or parted by ``delimiter`` if nothing fits."""
     # "#columns Qz R dR" of the neutron formats
     text = re.sub(
         r"^(?:columns?|fields|labels)\b\s*[:=]?\s*", "", text.strip(), flags=re.IGNORECASE
     )
-    ways = [split_cells(text, delimiter)]
+    ways = [split_cells(text, delimiter)] if delimiter else []
     ways += [split_cells(text, mark) for mark in "|\t;," if mark in text and mark != delimiter]
     ways.append([cell for cell in re.split(r"\s{2,}|\t", text) if cell])
-    ways.append(re.findall(r"[^\s(\[]+(?:\s?[(\[][^)\]]*[)\]])?", text))  # "angle (deg) R_s"
+    ways.append(re.findall(r"[^\s(\[]+(?:\s?[(\[][^()\[\]]*[)\]])?", text))  # "angle (deg) R_s"
     ways.append(text.split())
     for cells in ways:
         while len(cells) > count and not cells[-1]:
@@ -66,9 +66,9 @@ def find_header(
         numbers = looks_like_data(split_cells(text, delimiter))[0]
         if numbers and not nearest and not is_comment(text, delimiter):
             break  # what stands above other numbers is their header
-        cells = _split_names(uncomment(text), delimiter, count)
+        cells = split_names(uncomment(text), delimiter, count)
         if spare and len(cells) != count:
-            cells = _split_names(uncomment(text), delimiter, count - 1)
+            cells = split_names(uncomment(text), delimiter, count - 1)
             cells += [""] * (len(cells) == count - 1)
         if not any(cells):
             continue

@@ -7,7 +7,8 @@ from math import isfinite
 from typing import NamedTuple
 
 from fitting.errors import MeasurementError
-from fitting.reader.units import ANGLE_UNITS, WAVELENGTH_UNITS, plain, unit_of
+from fitting.reader.units import ANGLE_UNITS, WAVELENGTH_UNITS
+from fitting.reader.vocabulary import plain, unit_of
 
 QUANTITIES = ("R_s", "R_p", "R", "R_back", "T_s", "T_p", "T", "psi", "delta")
 """What a datum can be. R and T are powers of unpolarised light, unless ``polarizer_deg``
