@@ -18,6 +18,23 @@ EXCURSION_SIGMAS = 4.0
 EXCURSION = 0.25
 
 
+def one_number(name: str, value: object, what: str, low: float, high: float) -> float:
+    """Return ``value`` as a float; raise ValueError, by its name, for what is no number in range.
+
+    A text is none, not even "3"; nor is a truth value, a complex number or an array.
+    """
+    try:
+        number = np.asarray(value)
+    except ValueError:  # a ragged list
+        number = np.asarray(None)
+    if number.ndim or number.dtype.kind not in "iuf" or not low <= number <= high:
+        raise ValueError(
+            f"{name} is {repr(value)[:40]}; {what}, one real number above 0 ({low:g} to {high:g}), "
+            "was wanted."
+        )
+    return float(number)
+
+
 class Data(NamedTuple):
     """The six columns of a Measurement, in its units; row i of each is one datum."""
 
@@ -93,6 +110,14 @@ def check_data(
         lambda i: (
             f"standard error {sigma[i]:.10g} is not a positive number. If 0 stands for 'not "
             "measured', say --missing 0."
+        ),
+    )
+    refuse(
+        sigma**2 < np.finfo(np.float64).tiny,
+        "sigma",
+        lambda i: (
+            f"standard error {sigma[i]:.10g} is so small that its square is no number. Give the "
+            "real one, or leave the standard errors out with --columns."
         ),
     )
     psi, delta = quantity == "psi", quantity == "delta"

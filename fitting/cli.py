@@ -16,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NoReturn
 
 from fitting.command import options as model_options
+from fitting.visible import visible
 
 if TYPE_CHECKING:
     from fitting.index.fit import FitResult
@@ -55,6 +56,8 @@ exit status:
        field "status" of the JSON say which)
   2    the command, the file or a value in it cannot be understood, or a result
        cannot be written
+  70   a defect of the program: please report it, with what it printed
+  71   not enough memory
   130  interrupted
 
 Compiled programs are kept in $XDG_CACHE_HOME/fresnel-fit or
@@ -252,11 +255,17 @@ def _print(text: str) -> None:
     # A name or unit may hold letters that a terminal of another encoding cannot show.
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
     try:
+        text = visible(text, "\n")
         sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
         sys.stdout.flush()
     except BrokenPipeError:
         # Python flushes stdout once more when it exits, and would complain.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _complain(text: str) -> None:
+    with contextlib.suppress(OSError):  # nowhere to say it
+        print(f"{PROGRAM}: {visible(text)}", file=sys.stderr)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -271,7 +280,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments = _parser().parse_args(argv)
         given = sys.argv[1:] if argv is None else argv
         arguments.file, *arguments.more = arguments.file
-        arguments.command = shlex.join([PROGRAM, *given])
+        arguments.command = visible(shlex.join([PROGRAM, *given]))
         from fitting.start_up import cheap_start
 
         with cheap_start():
@@ -280,7 +289,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(file=sys.stderr)
         return INTERRUPTED
     except OSError as error:
-        print(f"{PROGRAM}: {error.filename or 'writing'}: {error.strerror}", file=sys.stderr)
+        _complain(f"{error.filename or 'writing'}: {error.strerror}")
     except _Refused as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr)
+        _complain(str(error))
     return MISUSED

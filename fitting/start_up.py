@@ -36,6 +36,13 @@ def set_up_jax() -> None:
     jax.config.update("jax_traceback_in_locations_limit", 0)
     if not os.environ.get("JAX_PLATFORMS"):
         jax.config.update("jax_platforms", "cpu")
+    try:
+        jax.devices()
+    except RuntimeError as error:
+        raise ValueError(
+            f"JAX_PLATFORMS={os.environ.get('JAX_PLATFORMS')}: jax cannot use it "
+            f"({' '.join(str(error).split())}). Unset it, or set it to cpu."
+        ) from error
     folder = cache_folder()
     if folder is not None and not os.environ.get("JAX_COMPILATION_CACHE_DIR"):
         jax.config.update("jax_compilation_cache_dir", str(folder / "jax"))

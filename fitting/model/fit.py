@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from fitting.checks import one_number
 from fitting.measurement import Measurement
 from fitting.model.dispersion import Model, parse_model
 from fitting.model.dispersion import model_names as model_names
@@ -53,8 +54,7 @@ def check_choices(
         raise ValueError(f"loss is {loss!r}; one of {', '.join(LOSSES)} was wanted.")
     if sigma not in ("given", "equal"):
         raise ValueError(f'sigma is {sigma!r}; "given" or "equal" was wanted.')
-    if np.iscomplexobj(eta_i) or not (np.isfinite(eta_i) and eta_i > 0.0):
-        raise ValueError(f"eta_i is {eta_i}; the index of a lossless medium, above 0, was wanted.")
+    one_number("eta_i", eta_i, "the index of a lossless medium", 1e-3, 1e3)
     if not (starts is None or (isinstance(starts, int) and starts > 0)):
         raise ValueError(f"starts is {starts!r}; a whole number above 0 was wanted.")
     if absolute_sigma and not seen.stated:

@@ -134,6 +134,11 @@ def check_settings(settings: Settings) -> Settings:
                 f"the prior of {name} is {mean:g} +- {sigma:g}; a finite value and a standard "
                 "error above 0 were wanted."
             )
+        if sigma < max(1e-9 * abs(mean), 1e-100):
+            raise ValueError(
+                f"the prior of {name} is {mean:g} +- {sigma:g}, narrower than a fit can resolve; "
+                f"hold it instead, --fix {name}={mean:g}."
+            )
     return Settings(free, fixed, bounds, priors)
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fitting.checks import one_number
 from fitting.measurement import Measurement
 from fitting.model.dispersion import Model, Spectrum
 from fitting.model.multistart import Unknown
@@ -155,8 +156,8 @@ def unknowns(
         thickness_um = said if isinstance(said, float) else sum(said) / 2.0
         if "thickness_um" in settings.priors:
             thickness_um = settings.priors["thickness_um"][0]
-    if structure == SLAB and not (thickness_um is not None and 0.0 < thickness_um < math.inf):
-        raise ValueError(f"the thickness is {thickness_um} um; a number above 0 was wanted.")
+    if structure == SLAB:
+        one_number("thickness_um", thickness_um, "the thickness of a slab", 1e-6, 1e9)
     nuisances, labels = _nuisances(settings, seen)
     parameters = [
         *model.parameters(spectrum), *structure_parameters(structure, thickness_um), *nuisances

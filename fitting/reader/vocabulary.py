@@ -61,8 +61,8 @@ _CONCEPTS = {
     # words that change nothing, in a header and in a sentence
     "filler": "of the at for value values data measured meas light beam total specular front "
     "power avg average ave mean experimental exp col column",
-    "article": "per is in was with as are all unit units given set fixed constant mode state a and d "
-    "de di du da do del der des die das l la le im von et und e y near normal nominal mit bei "
+    "article": "per is in was with as are all unit units given set fixed constant mode state a and "
+    "d de di du da do del der des die das l la le im von et und e y near normal nominal mit bei "
     "licht lumiere luce luz number no коэффициент",
 }
 CONCEPT = {word: concept for concept, words in _CONCEPTS.items() for word in words.split()}
