@@ -11,7 +11,6 @@ import contextlib
 import os
 import shlex
 import sys
-import warnings
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NoReturn
 
@@ -75,7 +74,7 @@ _READING = (
     ("sigma", "SIGMA", "standard error of values that have none, a fraction"),
     ("psi-unit", "UNIT", "deg or rad"),
     ("missing", "VALUES", "numbers or words that stand for a gap: 0 or -9999,bad"),
-    ("keep", "COLUMN=VALUES", "rows to read, by the value of a column: Zone=1,2"),
+    ("keep", "COLUMN=VALUES", "rows to read, by the value of a column: Zone=1,2 or Zone=1-4"),
     ("lines", "FROM-TO", "lines to read: 10-200, 10- or -200"),
     ("delimiter", "NAME", "tab, semicolon, comma, pipe, blank, or the sign"),
     ("decimal", "SIGN", "decimal mark, . or ,"),
@@ -106,7 +105,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "file", metavar="FILE", nargs="+",
-        help="text file with the measurement (CSV and its kin); several are fitted together",
+        help="text file with the measurement (CSV and its kin), - for standard input; several are "
+        "fitted together",
     )  # fmt: skip
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     results = parser.add_argument_group("results", "Files are written whole or not at all.")
@@ -196,16 +196,13 @@ def _fit(measurement: Measurement, arguments: argparse.Namespace) -> FitResult:
     set_up_jax()
     from fitting.index.fit import fit
 
-    with warnings.catch_warnings():
-        # A cache folder that is full or was taken away is not the user's business here.
-        warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
-        return fit(
-            measurement,
-            eta_i=arguments.eta_i,
-            sigma="equal" if arguments.equal_weights else "given",
-            absolute_sigma=arguments.absolute_sigma,
-            intervals=arguments.intervals,
-        )
+    return fit(
+        measurement,
+        eta_i=arguments.eta_i,
+        sigma="equal" if arguments.equal_weights else "given",
+        absolute_sigma=arguments.absolute_sigma,
+        intervals=arguments.intervals,
+    )
 
 
 def _run(arguments: argparse.Namespace) -> int:

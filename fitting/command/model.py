@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,17 +31,14 @@ def _fit(
     set_up_jax()
     from fitting.model.fit import fit_model
 
-    with warnings.catch_warnings():
-        # A cache folder that is full or was taken away is not the user's business here.
-        warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
-        if arguments.model != AUTO:
-            with shown("rounds of the fit", quiet=arguments.quiet):
-                return fit_model(measurements, arguments.model, **options), None
-        from fitting.model.select import choose
+    if arguments.model != AUTO:
+        with shown("rounds of the fit", quiet=arguments.quiet):
+            return fit_model(measurements, arguments.model, **options), None
+    from fitting.model.select import choose
 
-        with Progress("models tried", quiet=arguments.quiet) as bar:
-            choice = choose(measurements, step=bar.step, **options)
-        return choice.fit, choice
+    with Progress("models tried", quiet=arguments.quiet) as bar:
+        choice = choose(measurements, step=bar.step, **options)
+    return choice.fit, choice
 
 
 def _comparison(choice: Choice, width: int) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,18 +33,15 @@ def _fit(measurement: Measurement, arguments: argparse.Namespace) -> PointFits:
     # medium, since in total reflection a quadratic limit of k can be 12 times too small.
     many = len(np.unique(measurement.wavelength_um)) > 1
     quick = arguments.intervals == "auto" and many and arguments.eta_i <= 1.0
-    with warnings.catch_warnings():
-        # A cache folder that is full or was taken away is not the user's business here.
-        warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
-        return fit_points(
-            measurement,
-            SLAB if arguments.slab else INTERFACE,
-            thickness_um=arguments.slab,
-            eta_i=arguments.eta_i,
-            sigma="equal" if arguments.equal_weights else "given",
-            absolute_sigma=arguments.absolute_sigma,
-            intervals="quadratic" if quick else arguments.intervals,
-        )
+    return fit_points(
+        measurement,
+        SLAB if arguments.slab else INTERFACE,
+        thickness_um=arguments.slab,
+        eta_i=arguments.eta_i,
+        sigma="equal" if arguments.equal_weights else "given",
+        absolute_sigma=arguments.absolute_sigma,
+        intervals="quadratic" if quick else arguments.intervals,
+    )
 
 
 def _contents(fits: PointFits) -> results.Contents:

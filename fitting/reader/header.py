@@ -35,8 +35,8 @@ def split_names(text: str, delimiter: str, count: int) -> list[str]:
     ways.append(re.findall(r"[^\s(\[]+(?:\s?[(\[][^()\[\]]*[)\]])?", text))  # "angle (deg) R_s"
     ways.append(text.split())
     for cells in ways:
-        while len(cells) > count and not cells[-1]:
-            cells = cells[:-1]
+        if len(cells) > count and not any(cells[count:]):
+            cells = cells[:count]
         if len(cells) == count:
             return cells
     return ways[0]
@@ -50,12 +50,18 @@ def units_row(cells: list[str]) -> list[str] | None:
 
 
 def find_header(
-    before: Lines, delimiter: str, count: int, spare: int, recognise: Callable[[str], bool]
+    before: Lines,
+    delimiter: str,
+    count: int,
+    spare: int,
+    recognise: Callable[[str], bool],
+    block: int,
 ) -> tuple[list[str], list[str], int, str]:
     """Return names, units, line of the header among the lines before the numbers, and a misfit.
 
     The line with the most names that are recognised wins, the nearest of equals; a line without any
     is taken if it stands right above the numbers and every name in it has a letter.
+    block: first line of the rows without a break that lead up to the numbers.
     spare: 1 if every row ends in a delimiter, so that the last column needs no name.
     """
     nothing = [""] * count
@@ -64,6 +70,8 @@ def find_header(
     nearest = True
     for line, text in reversed(before):
         numbers = looks_like_data(split_cells(text, delimiter))[0]
+        if numbers and not is_comment(text, delimiter) and line >= block:
+            continue  # rows of the same table, which --lines leaves out
         if numbers and not nearest and not is_comment(text, delimiter):
             break  # what stands above other numbers is their header
         cells = split_names(uncomment(text), delimiter, count)

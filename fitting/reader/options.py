@@ -87,6 +87,10 @@ def _pairs(source: str, name: str, value: object) -> dict[str, str]:
         left, equals, right = part.partition("=")
         if equals:
             key = left.strip()
+            if key in pairs:
+                raise MeasurementError(
+                    f"{source}: {_flag(name)} gives {key} twice, {pairs[key]} and {right.strip()}."
+                )
             pairs[key] = right.strip()
         elif key:
             pairs[key] += "," + part.strip()

@@ -216,6 +216,16 @@ def _refuse_one_column(source: str, rows: list[list[str]], lines: list[int]) -> 
         )
 
 
+def _block(before: Lines, delimiter: str, count: int, line: int) -> int:
+    """Return the first line of the rows that stand without a break above ``line``."""
+    for number, text in reversed(before):
+        cells = split_cells(text, delimiter)
+        if number != line - 1 or len(cells) != count or not all(map(is_number, cells)):
+            break
+        line = number
+    return line
+
+
 def _range(source: str, option: str | None, count: int) -> tuple[int, int]:
     """Return the half-open range of indices that the option lines (10-200, 10-, -200) leaves."""
     if not option:
@@ -285,7 +295,10 @@ def read_table(
     spare = not split_cells(inside[start][1], delimiter)[-1] and all(
         len(cells) != count or not cells[-1] for cells in body
     )
-    names, units, header, misfit = find_header(before, delimiter, count, int(spare), recognise)
+    block = _block(before, delimiter, count, first + start + 1)
+    names, units, header, misfit = find_header(
+        before, delimiter, count, int(spare), recognise, block
+    )
     # a file that ends without a line end may have been cut in its last row
     whole = last >= len(texts) and bool(texts[-1].strip())
     head = texts[header - 1].strip() if header else ""
