@@ -3,6 +3,7 @@
 import contextlib
 import os
 import sys
+import warnings
 from typing import NoReturn
 
 from fitting.cli import PROGRAM, main
@@ -42,6 +43,7 @@ def run() -> NoReturn:
     for name in ("stdin", "stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by who started the command
             setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w"))  # noqa: SIM115
+    warnings.showwarning = lambda message, *_, **__: _say(f"{PROGRAM}: {message}")
     # Pictures go to files; a backend for windows, which may not exist here, is of no use.
     os.environ.pop("MPLBACKEND", None)
     status = _status()

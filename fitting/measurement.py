@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.checks import EXCURSION_SIGMAS, Data, check_data, hint_for
+from fitting.checks import Data, beyond, check_data, hint_for
 from fitting.errors import MeasurementError as MeasurementError
 from fitting.errors import place
 from fitting.reader.columns import choose_columns
@@ -27,6 +27,7 @@ from fitting.reader.options import parse_options
 from fitting.reader.rows import keep_rows
 from fitting.reader.table import read_table
 from fitting.reader.woollam import as_plain_table
+from fitting.visible import visible
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,8 +132,11 @@ class Measurement:
             np.tile(polarizer, count)[kept],
         )
         percent = "Powers are fractions: divide percent by 100."
-        check_data(source, data, where, lambda i: percent if data.value[i] > 1.0 else "")
+        hint = lambda i: percent if data.value[i] > 1.0 else ""  # noqa: E731
+        source = visible(source)
+        outside = check_data(source, data, where, hint)
         text = f"took {len(kept)} values of {', '.join(names)} from arrays"
+        text += beyond(outside) if outside else ""
         return Measurement(*map(_frozen, data), source=source, understood=text)
 
 
@@ -253,5 +257,5 @@ def read_csv(
 
     outside = check_data(source, data, where, hint)
     if outside:
-        understood += f"; {outside} beyond [0, 1] by at most {EXCURSION_SIGMAS:g} standard errors"
+        understood += beyond(outside)
     return Measurement(*map(_frozen, data), source=source, understood=understood)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
+import re
+import warnings
 from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
@@ -45,6 +47,7 @@ STYLE: Any = {
     "mathtext.fontset": "dejavusans",
     "savefig.dpi": 200,
     "svg.fonttype": "none",
+    "svg.hashsalt": "fresnel-fit",  # names inside the file that do not change from run to run
 }
 
 
@@ -60,9 +63,29 @@ def our_style() -> Iterator[None]:
 
 
 def save(figure: Figure, path: str | PathLike[str], suffix: str = "") -> None:
-    """Write the picture to the file ``path`` in the format of ``suffix`` (default: its own)."""
-    with our_style():
-        figure.savefig(path, format=(suffix or Path(path).suffix).lower().lstrip("."))
+    """Write the picture to the file ``path`` in the format of ``suffix`` (default: its own).
+
+    The same picture gives the same bytes: no date is written. Letters that the font lacks are
+    drawn as boxes, and one warning names them.
+    """
+    kind = (suffix or Path(path).suffix).lower().lstrip(".")
+    undated: dict[str, Any] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    with our_style(), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        figure.savefig(path, format=kind, metadata=undated.get(kind))
+    lacking = []
+    for warning in caught:
+        if glyph := re.match(r"Glyph (\d+) .*missing from", str(warning.message)):
+            lacking.append(chr(int(glyph[1])))
+        else:
+            warnings.warn_explicit(
+                warning.message, warning.category, warning.filename, warning.lineno
+            )
+    if lacking:
+        letters = "".join(dict.fromkeys(lacking))
+        warnings.warn(
+            f"the font of the picture lacks {letters!r}; boxes stand for it", stacklevel=2
+        )
 
 
 def _plus_minus(value: float, sigma: float) -> str:
