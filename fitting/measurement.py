@@ -20,10 +20,11 @@ from fitting.errors import MeasurementError as MeasurementError
 from fitting.errors import place
 from fitting.reader.columns import choose_columns
 from fitting.reader.lines import read_lines, source_of
-from fitting.reader.longform import long_columns
+from fitting.reader.longform import LongColumns, long_columns
 from fitting.reader.names import role_of
 from fitting.reader.options import QUANTITIES as QUANTITIES
-from fitting.reader.options import parse_options
+from fitting.reader.options import Options, parse_options
+from fitting.reader.own_export import own_columns
 from fitting.reader.rows import keep_rows
 from fitting.reader.table import read_table
 from fitting.reader.woollam import as_plain_table
@@ -164,6 +165,32 @@ def concatenate(*measurements: Measurement) -> Measurement:
     )
 
 
+def _foreign_columns(
+    source: str,
+    texts: list[str],
+    notes: list[str],
+    options: Options,
+    delimiter: str | None,
+    decimal: str | None,
+    lines: str | None,
+) -> LongColumns:
+    """Return the data of a file that somebody else wrote."""
+    plain_table = as_plain_table(texts)
+    if plain_table is not None:
+        texts, notes = plain_table[0], notes + plain_table[1]
+    table = read_table(
+        source,
+        texts,
+        lambda name: bool(role_of(name).kind),
+        lambda name: role_of(name).kind == "value" or role_of(name).form == "incidence",
+        delimiter=delimiter,
+        decimal=decimal,
+        lines=lines,
+    )
+    table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)
+    return long_columns(table, choose_columns(table, options), options)
+
+
 def read_csv(
     path: str | PathLike[str],
     *,
@@ -230,22 +257,12 @@ def read_csv(
         missing=missing,
     )
     texts, notes = read_lines(Path(path), encoding)
-    plain_table = as_plain_table(texts)
-    if plain_table is not None:
-        texts, notes = plain_table[0], notes + plain_table[1]
-    table = read_table(
-        source,
-        texts,
-        lambda name: bool(role_of(name).kind),
-        lambda name: role_of(name).kind == "value" or role_of(name).form == "incidence",
-        delimiter=delimiter,
-        decimal=decimal,
-        lines=lines,
-    )
-    table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)
-    long = long_columns(table, choose_columns(table, options), options)
+    bare = options == parse_options(source) and not (lines or delimiter or decimal)
+    long = own_columns(source, texts) if bare else None
+    if long is None:
+        long = _foreign_columns(source, texts, notes, options, delimiter, decimal, lines)
     data, understood = long.data, long.understood
-    typical = float(np.median(np.abs(data.value)))
+    typical = float(np.median(np.abs(data.value))) if len(data.value) else 0.0
 
     def where(i: int, role: str) -> str:
         line, value, error = long.places[i]

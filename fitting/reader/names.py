@@ -6,9 +6,7 @@ import re
 from functools import lru_cache
 from typing import NamedTuple
 
-from fitting.reader.vocabulary import CONCEPT, plain, unit_of
-
-LONGEST = 200  # letters of a name; what is longer is a text
+from fitting.reader.vocabulary import CONCEPT, LONGEST, plain, unit_of
 
 
 def _of(*concepts: str) -> frozenset[str]:

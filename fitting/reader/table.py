@@ -27,6 +27,7 @@ from fitting.reader.header import (
     uncomment,
     units_row,
 )
+from fitting.reader.vocabulary import LONGEST
 
 # a comment after the numbers; "#N/A" and its kin are gaps
 _INLINE = re.compile(r"\s(?:#(?!n/?a|nv|num|value|div)|//|!)", re.IGNORECASE)
@@ -319,7 +320,7 @@ def read_table(
     small = {i for i, name in enumerate(names) if below_thousand(name)}
     return Table(
         source=source,
-        names=names,
+        names=[name if len(name) <= LONGEST else name[:80] + "\u2026" for name in names],
         units=units,
         header=header,
         misfit=misfit,

@@ -10,6 +10,7 @@ import re
 import unicodedata
 from typing import NamedTuple
 
+LONGEST = 200  # letters of a column's name; what is longer is a text
 _CONCEPTS = {
     # angle of incidence: named outright, or an angle of some kind
     "incidence": "aoi incidence incidencia incidenza einfallswinkel invalshoek invallend einfall "
