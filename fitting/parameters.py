@@ -155,6 +155,11 @@ def check_settings(settings: Settings) -> Settings:
                 f"the prior of {name} is {mean:g} +- {sigma:g}; a finite value and a standard "
                 "error above 0 were wanted."
             )
+        if sigma < max(1e-9 * abs(mean), 1e-100):
+            raise ValueError(
+                f"the prior of {name} is {mean:g} +- {sigma:g}, narrower than a fit can resolve; "
+                f"fix it instead at {mean:g}."
+            )
     tie = {plain_name(n): _tied(n, of) for n, of in settings.tie.items()}
     for name in tie:
         if name in free or name in fixed or name in bounds or name in priors:
