@@ -90,7 +90,7 @@ def _fit(
     measurements: list[Measurement], arguments: argparse.Namespace
 ) -> tuple[Fit, Choice | None]:
     """Return the fit that was asked for, and the comparison if a model was to be chosen."""
-    from fitting.output.progress import shown
+    from fitting.output.progress_bar import shown
     from fitting.start_up import set_up_jax
 
     options = fit_options(arguments)
@@ -114,7 +114,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from fitting.measurement import read_csv
     from fitting.output import as_data, files, shown
     from fitting.output.outputs import Outputs
-    from fitting.output.progress import Progress
+    from fitting.output.progress_bar import Progress
     from fitting.output.reference import check_reference
 
     width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80

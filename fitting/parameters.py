@@ -59,7 +59,7 @@ class Settings(NamedTuple):
     fixed: Mapping[str, float] = {}
     bounds: Mapping[str, tuple[float, float]] = {}
     priors: Mapping[str, tuple[float, float]] = {}
-    tie: Mapping[str, tuple[float, str]] = {}
+    tie: Mapping[str, Any] = {}
     variants: tuple[str, ...] = ()
 
     @property

@@ -111,7 +111,7 @@ def index_outside(sample: Sample, wavelength_um: Any) -> Any:
     index = sample.media[0].index
     if isinstance(index, complex):
         return np.float64(index.real)
-    return np.asarray(material(str(index)).model.index(np.asarray(wavelength_um)).eta)
+    return np.asarray(material(str(index)).model(np.asarray(wavelength_um)).eta)
 
 
 def spectrum_of(measurements: Sequence[Measurement], sample: Sample) -> Spectrum:
