@@ -21,6 +21,7 @@ from fitting.bare_surface.reflectances import CHANNELS
 from fitting.bare_surface.surface_fit import fit_bare_surface
 from fitting.bare_surface.surface_fit import fit_many as fit_many
 from fitting.film_starts import film_starts, with_neighbours
+from fitting.free_films import fit_free_film, free_film
 from fitting.measurement import Measurement, concatenate
 from fitting.observations import missing_errors, observations
 from fitting.outcome import Subject, fit_of
@@ -141,6 +142,8 @@ def _general(
     begin: tuple[int | None, Mapping[str, Any] | None],
 ) -> Fit:
     """Return the fit of a general sample, with its stated errors or one factor on them."""
+    if free_film(sample) is not None:
+        return fit_free_film(concatenate(*measurements), sample, settings, asked)
     waves = np.unique(np.concatenate([m.wavelength_um for m in measurements]))
     plain = asked.loss == "squares" and not settings.names and begin == (None, None)
     if sample.by_wavelength and (len(waves) > 1 or plain):

@@ -226,6 +226,7 @@ def _quality(
         sample=describes(of.sample),
         others=tuple({n: e.value for n, e in a.parameters.items()} for a in others),
         delta_chi2=float(others[0].delta_chi2) if others else np.nan,
+        shortest_nm=1e3 * float(np.nanmin(joined.wavelength_um)) if of.sample.films else np.inf,
     )  # fmt: skip
 
 

@@ -282,6 +282,23 @@ SENTENCES: dict[str, Sentence] = {
         "two of them. The values shown are one pair of many that fit alike."
     ),
     "not_seen": _not_seen,
+    "shared_not_seen": lambda v: (
+        f"{v['parameter']} is not determined: with eta and k free at every wavelength any "
+        "thickness in its range fits. Hold it, give the film a dispersion model, or add an angle or a "
+        "quantity. The values shown are one of many that fit alike."
+    ),
+    "other_thickness": lambda v: (
+        "another thickness fits nearly as well: " + _list(
+            f"{v['parameter']} {_n(x)} (chi2 higher by {rise:.2g})"
+            for x, rise in zip(v["values"], v["delta_chi2"], strict=True)
+        ) + "; eta and k are then other ones too."
+    ),
+    "thin_film": lambda v: (
+        f"{v['thickness']} ({_n(v['value'])} nm) and {_list(v['parameters'])} are seen as one "
+        "product: in a film that is much thinner than the wavelength, light sees little but the "
+        f"thickness times what the index adds. The thickness alone is known to {v['share']:.0%}, "
+        f"with the index held to {v['held_share']:.1%}. Hold one of them, or give it a prior."
+    ),
     "by_the_model_alone": lambda v: (
         "eta and k are not determined by the data alone: there is one "
         "reflectance or transmittance at each wavelength, at one angle. What separates them is the "

@@ -16,7 +16,7 @@ from fitting.measurement import Measurement
 from fitting.observations import Observations
 from fitting.observe import NCS, Media, Spec
 from fitting.parameters import LOG, Parameter, Settings
-from fitting.sample import FREE, Medium, Sample
+from fitting.sample import Medium, Sample
 from fitting.starts import Unknown
 
 
@@ -75,13 +75,6 @@ def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> Non
         raise ValueError(
             f"the sample {str(sample)!r}: a thick layer is fitted alone and between equal media, "
             "'air | cauchy 3 mm thick | air'; films on it, or another medium behind, are not."
-        )
-    free_films = [m for m in sample.layers if m.index == FREE and m.thickness.coherent]  # type: ignore
-    if free_films and not all(m.thickness.held for m in free_films):  # type: ignore
-        raise ValueError(
-            f"the sample {str(sample)!r}: eta and k free at every wavelength and a thickness that "
-            "they share are not fitted together; write 'held' after the thickness, or give the "
-            "index a dispersion model."
         )
 
 
