@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint accuracy bench stability startup fit-study fit-coverage model-coverage model-study model-success clean
+.PHONY: demo test lint accuracy bench stability startup fit-study fit-coverage model-coverage model-study model-success film-study clean
 
 demo: .venv/installed-plot  ## fit the gold scan that ships with the project; table, plot, JSON in demo/
 	mkdir -p demo
@@ -46,6 +46,10 @@ model-study: .venv/installed-bench  ## how often --model auto finds the true mod
 
 model-success: .venv/installed-bench  ## how often a model fit reaches the best minimum (half an hour)
 	$(BIN)/python -m benchmarks.model_success --truths 20
+
+FILMS ?= 10000
+film-study: .venv/installed-bench  ## how often the right thickness of a film is found (hours; FILMS=200 for a look)
+	$(BIN)/python -m benchmarks.film_success --films $(FILMS)
 
 .venv/installed-%: pyproject.toml
 	test -d .venv || $(PYTHON) -m venv .venv

@@ -284,8 +284,8 @@ SENTENCES: dict[str, Sentence] = {
     "not_seen": _not_seen,
     "shared_not_seen": lambda v: (
         f"{v['parameter']} is not determined: with eta and k free at every wavelength any "
-        "thickness in its range fits. Hold it, give the film a dispersion model, or add an angle or a "
-        "quantity. The values shown are one of many that fit alike."
+        "thickness in its range fits. Hold it, give the film a dispersion model, or add an angle "
+        "or a quantity. The values shown are one of many that fit alike."
     ),
     "other_thickness": lambda v: (
         "another thickness fits nearly as well: " + _list(
