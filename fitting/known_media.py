@@ -22,7 +22,7 @@ from fresnel_jax import materials
 from fresnel_jax.dispersion import Material, material
 
 ABOVE, BELOW = "above", "below"
-RULES = ("bruggeman", "looyenga", "maxwell-garnett")
+RULES = ("bruggeman", "looyenga", "maxwell-garnett", "linear")
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)"
 _PART = re.compile(
     rf"(?P<index>.*?)\s+(?:(?P<low>{_NUMBER})\s*\.\.\s*(?P<high>{_NUMBER})|(?P<start>{_NUMBER}))"

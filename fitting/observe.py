@@ -118,6 +118,7 @@ _RULES = {
     "bruggeman": effective_medium.bruggeman,
     "looyenga": effective_medium.looyenga,
     "maxwell-garnett": effective_medium.maxwell_garnett,
+    "linear": effective_medium.linear,
 }
 
 

@@ -1,4 +1,4 @@
-"""Indices of fine mixtures: Bruggeman, Looyenga, Maxwell Garnett; roughness as such a mixture.
+"""Indices of fine mixtures: Bruggeman, Looyenga, Maxwell Garnett, linear; roughness as a mixture.
 
 Where grains, pores or the bumps of a rough surface are much smaller than the wavelength, a mixture
 acts as one medium whose permittivity eps follows from those of its constituents, eps_j, and their
@@ -12,8 +12,10 @@ volume fractions f_j (which add up to 1):
                       as 50 % of the medium below in the medium above
     Looyenga          eps^(1/3) = sum_j f_j eps_j^(1/3)
                       powders and foams of any shape, for moderate contrast
+    linear            eps = sum_j f_j eps_j
+                      sheets along the field: the upper one of Wiener's bounds
 
-Arguments of all three: `eta` (> 0) and `k` (>= 0) of two or more constituents on the leading axis
+Arguments of all of them: `eta` (> 0) and `k` (>= 0) of two or more constituents on the leading axis
 (M); `fraction` of every constituent but the first on the leading axis (M - 1), the first one fills
 the rest. All other axes broadcast: wavelengths of the indices against a batch of fractions. The
 result is `Index(eta, k)`, float32 or float64 as the arguments.
@@ -231,6 +233,11 @@ def _jit_looyenga(eta, k, fraction):
     return Index(re * a - im * b, re * b + im * a)
 
 
+@jax.jit
+def _jit_linear(eta, k, fraction):
+    return _index((fraction * _permittivity(eta, k)).sum(0))
+
+
 def bruggeman(eta: ArrayLike, k: ArrayLike, fraction: ArrayLike) -> Index:
     """`Index(eta, k)` of a mixture by Bruggeman's symmetric formula, for spherical grains.
 
@@ -268,3 +275,14 @@ def looyenga(eta: ArrayLike, k: ArrayLike, fraction: ArrayLike) -> Index:
         ValueError: the shapes are not those of the module's text.
     """
     return _jit_looyenga(*_constituents(eta, k, fraction))
+
+
+def linear(eta: ArrayLike, k: ArrayLike, fraction: ArrayLike) -> Index:
+    """`Index(eta, k)` of a mixture with eps = sum_j f_j eps_j.
+
+    Args, accuracy, derivatives and sources: see the module `effective_medium`.
+
+    Raises:
+        ValueError: the shapes are not those of the module's text.
+    """
+    return _jit_linear(*_constituents(eta, k, fraction))

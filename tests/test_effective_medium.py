@@ -6,9 +6,9 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from fresnel_jax.effective_medium import bruggeman, looyenga, maxwell_garnett
+from fresnel_jax.effective_medium import bruggeman, linear, looyenga, maxwell_garnett
 
-MODELS = [bruggeman, looyenga, maxwell_garnett]
+MODELS = [bruggeman, looyenga, maxwell_garnett, linear]
 INDEX_BOUND, K_BOUND = 16.0, 32.0  # eps of |N|, and of k itself
 
 
@@ -40,6 +40,8 @@ def oracle(model, eta, k, fraction):
         elif model is maxwell_garnett:
             s = sum(x * (e - eps[0]) / (e + 2 * eps[0]) for x, e in zip(f, eps, strict=True))
             mixture = eps[0] * (1 + 2 * s) / (1 - s)
+        elif model is linear:
+            mixture = sum(x * e for x, e in zip(f, eps, strict=True))
         else:
             mixture = _bruggeman_root(eps, f)
         return mp.sqrt(mixture)
@@ -104,6 +106,7 @@ def test_published_numbers():
         (0.5 * 3.25 + np.sqrt((0.5 * 3.25) ** 2 + 8 * 2.25)) / 4,
         (0.5 + 0.5 * 2.25 ** (1 / 3)) ** 3,
         (1 + 2 * 0.5 * 1.25 / 4.25) / (1 - 0.5 * 1.25 / 4.25),
+        1.625,
     ]
     np.testing.assert_allclose(found, by_hand, rtol=1e-14)
     # Maxwell Garnett's plasmon: silver spheres in vacuum absorb where Re eps is near -2 (Froehlich)
