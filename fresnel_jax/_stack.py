@@ -8,22 +8,11 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, ArrayLike
 
-from ._arithmetic import squared_modulus, times
+from ._arithmetic import times
 from ._boundary import unsigned
 from ._double_word import ratio
-from ._stack_coherent import (
-    UNROLLED,
-    ambient,
-    far_fields,
-    inverse,
-    layer_wave,
-    medium,
-    normal_flux,
-    reflected,
-    scaled,
-    square,
-    through_layer,
-)
+from ._stack_coherent import ambient, inverse
+from ._stack_packet import packet
 
 
 class Stack(NamedTuple):
@@ -41,6 +30,8 @@ class Stack(NamedTuple):
     r_p: Array
     t_s: Array
     t_p: Array
+    A_s: Array
+    A_p: Array
 
     @property
     def R(self) -> Array:
@@ -52,58 +43,21 @@ class Stack(NamedTuple):
         """Transmittance of unpolarized light."""
         return 0.5 * (self.T_s + self.T_p)
 
-
-def _at(i, tree):
-    return jax.tree.map(lambda z: z[i], tree)
-
-
-def _coherent(c, n, k, thickness, wavelength, shape):
-    front = ambient(c, n[0], None if k is None else k[0])
-    behind = medium(n[1:], None if k is None else k[1:], n[0], None if k is None else k[0])
-    x = ratio(thickness, wavelength)
-    layers, far = _at(slice(-1), behind), _at(-1, behind)
-    q_far, fields = far_fields(far, front)
-    fields = jax.tree.map(lambda z: jnp.broadcast_to(z, shape), fields)
-
-    def step(fields, layer):
-        here, x = layer
-        out = through_layer(fields, here, layer_wave(here, x, front), front)
-        return out, None
-
-    count = thickness.shape[0]
-    if count <= UNROLLED:
-        for i in reversed(range(count)):
-            fields, _ = step(fields, _at(i, (layers, x)))
-    else:
-        fields, _ = lax.scan(step, fields, (layers, x), reverse=True)
-    return _powers(fields, front, far, q_far)
-
-
-def _powers(fields, front, far, q_far):
-    r, through = reflected(fields, front)
-    n02 = square((front.n, front.k))
-    into = normal_flux(front.q, front.transverse2, n02)
-    out = normal_flux(q_far, front.transverse2, far.n2)
-    R = [squared_modulus(z) for z in r]
-    t = [times(scaled(2.0, front.q), z) for z in through]
-    T = []
-    for z, flux_in, flux_out, n2 in zip(through, into, out, ((1.0, None), n02), strict=True):
-        if front.k is None:
-            # flux_in / |Q_0|^2 is 1 / (Q_0 n2): no division by a cosine of 0
-            T.append(4.0 * front.q[0] * n2[0] * flux_out * squared_modulus(z))
-        else:
-            T.append(4.0 * squared_modulus(front.q) * flux_out / flux_in * squared_modulus(z))
-    return r, R, t, T
+    @property
+    def A(self) -> Array:
+        """Absorptance of every layer for unpolarized light; layers on the leading axis."""
+        return 0.5 * (self.A_s + self.A_p)
 
 
 @functools.partial(jax.jit, static_argnums=5)
 def _jit_stack(c, n, k, thickness, wavelength, shape):
-    r, R, t, T = _coherent(unsigned(c)[0], n, k, thickness, wavelength, shape)
+    front = ambient(unsigned(c)[0], n[0], None if k is None else k[0])
+    whole = packet(front, n, k, ratio(thickness, wavelength), shape)
     n_far = (n[-1], None if k is None else k[-1])
-    n_front = (n[0], None if k is None else k[0])
-    t[1] = times(t[1], times(n_front, inverse(n_far)))
-    values = (*R, *T, *(lax.complex(*z) for z in (*r, *t)))
-    return Stack(*(jnp.broadcast_to(z, shape) for z in values))
+    t_p = times(whole.t[1], times((front.n, front.k), inverse(n_far)))
+    amplitudes = (lax.complex(*z) for z in (*whole.r, whole.t[0], t_p))
+    values = (jnp.broadcast_to(z, shape) for z in (*whole.R, *whole.T, *amplitudes))
+    return Stack(*values, *whole.absorption)
 
 
 def _media(values: Any, name: str, least: int) -> Array:
