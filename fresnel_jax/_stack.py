@@ -1,10 +1,12 @@
 """The public function `stack` of `layers`: any number of layers between two half-spaces."""
 
 import functools
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jaxtyping import Array, ArrayLike
 
@@ -12,6 +14,7 @@ from ._arithmetic import times
 from ._boundary import unsigned
 from ._double_word import ratio
 from ._stack_coherent import ambient, inverse
+from ._stack_mixed import mixed
 from ._stack_packet import packet
 
 
@@ -26,10 +29,10 @@ class Stack(NamedTuple):
     R_p: Array
     T_s: Array
     T_p: Array
-    r_s: Array
-    r_p: Array
-    t_s: Array
-    t_p: Array
+    r_s: Array | None
+    r_p: Array | None
+    t_s: Array | None
+    t_p: Array | None
     A_s: Array
     A_p: Array
 
@@ -49,15 +52,22 @@ class Stack(NamedTuple):
         return 0.5 * (self.A_s + self.A_p)
 
 
-@functools.partial(jax.jit, static_argnums=5)
-def _jit_stack(c, n, k, thickness, wavelength, shape):
+@functools.partial(jax.jit, static_argnums=(5, 6))
+def _jit_stack(c, n, k, thickness, wavelength, coherent, shape):
     front = ambient(unsigned(c)[0], n[0], None if k is None else k[0])
-    whole = packet(front, n, k, ratio(thickness, wavelength), shape)
+    x = ratio(thickness, wavelength)
+    if not all(coherent):
+        R, T, A = mixed(front, n, k, x, coherent, shape)
+        R, T = ([jnp.broadcast_to(z, shape) for z in power] for power in (R, T))
+        return Stack(R[0], R[1], T[0], T[1], None, None, None, None, A[0], A[1])
+    whole = packet(front, n, k, x, shape)
     n_far = (n[-1], None if k is None else k[-1])
     t_p = times(whole.t[1], times((front.n, front.k), inverse(n_far)))
     amplitudes = (lax.complex(*z) for z in (*whole.r, whole.t[0], t_p))
-    values = (jnp.broadcast_to(z, shape) for z in (*whole.R, *whole.T, *amplitudes))
-    return Stack(*values, *whole.absorption)
+    R_s, R_p, T_s, T_p, r_s, r_p, t_s, t_p = (
+        jnp.broadcast_to(z, shape) for z in (*whole.R, *whole.T, *amplitudes)
+    )
+    return Stack(R_s, R_p, T_s, T_p, r_s, r_p, t_s, t_p, *whole.absorption)
 
 
 def _media(values: Any, name: str, least: int) -> Array:
@@ -79,14 +89,30 @@ def _media(values: Any, name: str, least: int) -> Array:
     return values
 
 
+def _coherence(coherent: Any, count: int) -> tuple[bool, ...]:
+    """One Python bool for each layer."""
+    if isinstance(coherent, (bool, np.bool_)):
+        return (bool(coherent),) * count
+    try:
+        flags = tuple(coherent)
+    except TypeError:
+        flags = ()
+    if len(flags) != count or not all(isinstance(z, (bool, np.bool_)) for z in flags):
+        raise ValueError(
+            f"coherent is {coherent!r}; True, False or one of them for each of the {count} layers "
+            "is wanted, as Python values: they decide which program is compiled"
+        )
+    return tuple(bool(z) for z in flags)
+
+
 def stack(
     cos_theta_i: ArrayLike,
     index: ArrayLike,
     thickness_um: ArrayLike,
     wavelength_um: ArrayLike,
-    coherent: bool = True,
+    coherent: bool | Sequence[bool] = True,
 ) -> Stack:
-    """Amplitudes and powers of a stack of films between two half-spaces, for s and p polarization.
+    """Reflectance, transmittance and absorption of layers between two half-spaces, for s and p.
 
     Args:
         cos_theta_i: cosine of the angle of incidence in the first medium, in [-1, 1]; its sign is
@@ -97,13 +123,33 @@ def stack(
             entries that broadcast with each other is stacked.
         thickness_um: micrometres, >= 0, of the L layers, on the leading axis; likewise.
         wavelength_um: vacuum wavelength in micrometres, > 0.
-        coherent: True.
+        coherent: whether the light that a layer reflects to and fro interferes: True for films;
+            False for a layer whose thickness varies by more than a wavelength, or exceeds what the
+            light is coherent over, such as a window or a wafer in white light. Or one Python bool
+            for each layer. The compiled program depends on it.
 
     Returns:
-        `Stack`.
+        `Stack(R_s, R_p, T_s, T_p, r_s, r_p, t_s, t_p, A_s, A_p)` with `.R`, `.T` and `.A` for
+        unpolarized light, of the broadcast shape and the dtype of the arguments; A_s, A_p and A
+        have the layers on their leading axis. r and t are ratios of the electric fields at the
+        outer boundaries (signs as in `interface.amplitudes`), None where a layer is incoherent.
+
+        R = abs(r)^2, T is the power along the normal behind the stack over the incident one, and
+        R + T + sum(A) = 1. If the first medium absorbs, R and T are the same ratios, but incident
+        and reflected wave also carry power together, so that R + T + sum(A) = 1 + 2 Im(r) Im(Y) /
+        Re(Y), with Y = Q_0 for s and Q_0 / N_0^2 for p; A is then the power along the normal that
+        enters a layer less that which leaves it.
+
+        Accuracy: docs/stacks.md. No thickness, angle or index overflows or gives NaN; a lossless
+        substrate beyond its critical angle has T = 0.
+
+    Derivatives with respect to every argument are finite and right wherever the truth is finite:
+    also for a thickness of 0, k = 0 (one-sided), in total reflection and at the critical angle of
+    a layer. At that of the last medium, where they are infinite, 0 is returned for its part.
 
     Raises:
-        ValueError: shapes that do not fit each other, or a complex argument other than index.
+        ValueError: shapes that do not fit each other, a complex argument other than index, or a
+            `coherent` that is not static.
     """
     media: Array = _media(index, "index", 2)
     thickness: Array = _media(thickness_um, "thickness_um", 0)
@@ -119,6 +165,7 @@ def stack(
             f"index has {media.shape[0]} media and thickness_um {thickness.shape[0]} layers on "
             "their leading axes; L layers lie between L + 2 media"
         )
+    flags = _coherence(coherent, thickness.shape[0])
     shapes = (
         jnp.shape(cos_theta_i),
         media.shape[1:],
@@ -142,4 +189,4 @@ def stack(
     n = layered(jnp.real(media))
     k = layered(jnp.imag(media)) if jnp.iscomplexobj(media) else None
     c, wavelength = jnp.asarray(cos_theta_i, dtype), jnp.asarray(wavelength_um, dtype)
-    return _jit_stack(c, n, k, layered(thickness), wavelength, shape)
+    return _jit_stack(c, n, k, layered(thickness), wavelength, flags, shape)

@@ -3,6 +3,7 @@
 Media and layers come with their leading axis; the result has the broadcast shape.
 """
 
+import functools
 from typing import Any, NamedTuple
 
 import jax
@@ -10,7 +11,14 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array
 
-from ._arithmetic import Complex, reciprocal_or_zero, squared_modulus, times
+from ._arithmetic import (
+    Complex,
+    conjugate_times,
+    one_if_zero,
+    reciprocal_or_zero,
+    squared_modulus,
+    times,
+)
 from ._double_word import DoubleWord
 from ._stack_absorption import absorbed
 from ._stack_coherent import (
@@ -48,9 +56,27 @@ def _at(i: Any, tree: Any) -> Any:
     return jax.tree.map(lambda z: z[i], tree)
 
 
-def _reflected_power(u, w, m, q0: Complex) -> Array:
-    """|M|^2 / |Q_0 U + W|^2."""
-    return squared_modulus(m) / squared_modulus(plus(times(q0, u), w))
+@functools.partial(jax.custom_jvp, nondiff_argnums=(4,))
+def _reflected_power(u: Complex, w: Complex, m: Complex, q0: Complex, real: bool) -> Array:
+    """|M|^2 / |Q_0 U + W|^2; real: Q_0 is."""
+    return squared_modulus(m) / one_if_zero(squared_modulus(plus(times(q0, u), w)))
+
+
+@_reflected_power.defjvp
+def _reflected_power_jvp(real, primals, tangents):
+    def from_amplitude(u, w, m, q0):
+        return squared_modulus(m) / one_if_zero(squared_modulus(plus(times(q0, u), w)))
+
+    def from_absorptance(u, w, m, q0):
+        flux = conjugate_times(u, w)[0]
+        bottom = one_if_zero(squared_modulus(plus(times(q0, u), w)))
+        return 1.0 - 4.0 * q0[0] * (flux / bottom)
+
+    R, dR = jax.jvp(from_amplitude, primals, tangents)
+    if not real:
+        return R, dR
+    # In total reflection r only turns its phase: dR is what is left of a much larger dr.
+    return R, jnp.where(R > 0.5, jax.jvp(from_absorptance, primals, tangents)[1], dR)
 
 
 def packet(
@@ -69,7 +95,7 @@ def packet(
         re, im = normal_squared(here, front)
         inside = wave(re, im, x, squared_modulus(front.q))
         media = (here.n2, here.g, here.per_g, n02, front.transverse2)
-        ends = tuple(zip(fields.u, fields.w, strict=True))
+        ends = ((fields.u[0], fields.w[0]), (fields.u[1], fields.w[1]))
         losses = absorbed(ends, inside, re, im, x[0], media)
         passage2 = jnp.broadcast_to(squared_modulus(inside.passage), shape)
         return through_layer(fields, here, inside, front), tuple(
@@ -111,7 +137,7 @@ def _packet(fields, front, far, q_far, losses, shape):
         through = times(f, per)
         amplitude = times(scaled(2.0, front.q), through)
         t.append((jnp.where(matched, 1.0, amplitude[0]), amplitude[1]))
-        R.append(jnp.where(matched, 0.0, _reflected_power(u, w, m, front.q)))
+        R.append(jnp.where(matched, 0.0, _reflected_power(u, w, m, front.q, front.q[1] is None)))
         if front.k is None and front.q[1] is None:
             # |Q_0|^2 / flux_in, without a division by a cosine of 0
             gain = 4.0 * front.q[0] * n2[0]
