@@ -52,15 +52,16 @@ class Stack(NamedTuple):
         return 0.5 * (self.A_s + self.A_p)
 
 
-@functools.partial(jax.jit, static_argnums=(5, 6))
-def _jit_stack(c, n, k, thickness, wavelength, coherent, shape):
+@functools.partial(jax.jit, static_argnums=(6, 7))
+def _jit_stack(c, n, k, thickness, wavelength, roughness, coherent, shape):
     front = ambient(unsigned(c)[0], n[0], None if k is None else k[0])
     x = ratio(thickness, wavelength)
     if not all(coherent):
         R, T, A = mixed(front, n, k, x, coherent, shape)
         R, T = ([jnp.broadcast_to(z, shape) for z in power] for power in (R, T))
         return Stack(R[0], R[1], T[0], T[1], None, None, None, None, A[0], A[1])
-    whole = packet(front, n, k, x, shape)
+    sigma = None if roughness is None else roughness / wavelength
+    whole = packet(front, n, k, x, shape, sigma)
     n_far = (n[-1], None if k is None else k[-1])
     t_p = times(whole.t[1], times((front.n, front.k), inverse(n_far)))
     amplitudes = (lax.complex(*z) for z in (*whole.r, whole.t[0], t_p))
@@ -111,6 +112,7 @@ def stack(
     thickness_um: ArrayLike,
     wavelength_um: ArrayLike,
     coherent: bool | Sequence[bool] = True,
+    roughness_um: ArrayLike | None = None,
 ) -> Stack:
     """Reflectance, transmittance and absorption of layers between two half-spaces, for s and p.
 
@@ -127,6 +129,11 @@ def stack(
             False for a layer whose thickness varies by more than a wavelength, or exceeds what the
             light is coherent over, such as a window or a wafer in white light. Or one Python bool
             for each layer. The compiled program depends on it.
+        roughness_um: root-mean-square roughness >= 0 of the L + 1 boundaries on the leading axis,
+            micrometres, as a factor of Nevot and Croce on the amplitude that each reflects; for
+            coherent stacks. It describes what is reflected specularly by boundaries that are
+            smooth over a wavelength along them; light that roughness scatters is in none of the
+            results, so that R + T + sum(A) is not 1. None: smooth.
 
     Returns:
         `Stack(R_s, R_p, T_s, T_p, r_s, r_p, t_s, t_p, A_s, A_p)` with `.R`, `.T` and `.A` for
@@ -166,12 +173,20 @@ def stack(
             "their leading axes; L layers lie between L + 2 media"
         )
     flags = _coherence(coherent, thickness.shape[0])
+    roughness = None if roughness_um is None else _media(roughness_um, "roughness_um", 1)
+    if roughness is not None and (roughness.shape[0] != media.shape[0] - 1 or not all(flags)):
+        raise ValueError(
+            f"roughness_um has {roughness.shape[0]} boundaries on its leading axis; a stack of "
+            f"{media.shape[0]} media has {media.shape[0] - 1}, and all its layers must be coherent"
+        )
     shapes = (
         jnp.shape(cos_theta_i),
         media.shape[1:],
         thickness.shape[1:],
         jnp.shape(wavelength_um),
     )
+    if roughness is not None:
+        shapes = (*shapes, roughness.shape[1:])
     try:
         shape = jnp.broadcast_shapes(*shapes)
     except ValueError:
@@ -180,13 +195,15 @@ def stack(
             f"wavelength_um, {', '.join(map(str, shapes))}, do not broadcast to one shape; "
             "add axes of length 1 so that they do"
         ) from None
-    dtype = jnp.result_type(cos_theta_i, jnp.real(media), thickness, wavelength_um, 1.0)
+    given = (cos_theta_i, jnp.real(media), thickness, wavelength_um)
+    dtype = jnp.result_type(*given, *(() if roughness is None else (roughness,)), 1.0)
 
     def layered(z):
         z = jnp.asarray(z, dtype)
         return z.reshape(z.shape[:1] + (1,) * (len(shape) - z.ndim + 1) + z.shape[1:])
 
     n = layered(jnp.real(media))
+    sigma = None if roughness is None else layered(roughness)
     k = layered(jnp.imag(media)) if jnp.iscomplexobj(media) else None
     c, wavelength = jnp.asarray(cos_theta_i, dtype), jnp.asarray(wavelength_um, dtype)
-    return _jit_stack(c, n, k, layered(thickness), wavelength, flags, shape)
+    return _jit_stack(c, n, k, layered(thickness), wavelength, sigma, flags, shape)

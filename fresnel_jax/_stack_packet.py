@@ -24,7 +24,6 @@ from ._stack_absorption import absorbed
 from ._stack_coherent import (
     Ambient,
     Fields,
-    Medium,
     far_fields,
     inverse,
     medium,
@@ -36,6 +35,7 @@ from ._stack_coherent import (
     square,
     through_layer,
 )
+from ._stack_roughness import rough_boundary
 from ._stack_wave import wave
 
 _UNROLLED = 2  # up to so many layers are written out; more run through one loop
@@ -80,9 +80,17 @@ def _reflected_power_jvp(real, primals, tangents):
 
 
 def packet(
-    front: Ambient, n: Array, k: Array | None, x: DoubleWord, shape: tuple[int, ...]
+    front: Ambient,
+    n: Array,
+    k: Array | None,
+    x: DoubleWord,
+    shape: tuple[int, ...],
+    roughness: Array | None = None,
 ) -> Packet:
-    """The packet of the media n + ik, of which the first is the one of `front`."""
+    """The packet of the media n + ik, of which the first is the one of `front`.
+
+    x is thickness / wavelength of the layers, roughness that of the boundaries over wavelength.
+    """
     k0 = None if k is None else k[0]
     behind = medium(n[1:], None if k is None else k[1:], n[0], k0)
     layers, far = _at(slice(-1), behind), _at(-1, behind)
@@ -90,35 +98,50 @@ def packet(
     q_far, fields = far_fields(far, front)
     fields = jax.tree.map(lambda z: jnp.broadcast_to(z, shape), fields)
 
-    def step(fields: Fields, layer: tuple[Medium, DoubleWord]):
-        here, x = layer
+    def rough(fields: Fields, sigma: Array, above: Any, below: Any) -> Fields:
+        fields = rough_boundary(fields, sigma, above, below, front.q)
+        return jax.tree.map(lambda z: jnp.broadcast_to(z, shape), fields)
+
+    def step(carry, layer):
+        fields, below = carry
+        here, x, sigma = layer
         re, im = normal_squared(here, front)
         inside = wave(re, im, x, squared_modulus(front.q))
+        if sigma is not None:
+            above = (inside.q, here.g)
+            fields = rough(fields, sigma, above, below)
+            below = jax.tree.map(lambda z: jnp.broadcast_to(z, shape), above)
         media = (here.n2, here.g, here.per_g, n02, front.transverse2)
         ends = ((fields.u[0], fields.w[0]), (fields.u[1], fields.w[1]))
         losses = absorbed(ends, inside, re, im, x[0], media)
         passage2 = jnp.broadcast_to(squared_modulus(inside.passage), shape)
-        return through_layer(fields, here, inside, front), tuple(
-            (jnp.broadcast_to(loss, shape), passage2) for loss in losses
-        )
+        fields = through_layer(fields, here, inside, front)
+        return (fields, below), tuple((jnp.broadcast_to(z, shape), passage2) for z in losses)
 
-    def scaled_step(fields: Fields, layer: tuple[Medium, DoubleWord]):
-        fields, scales = rescaled(fields)
-        fields, parts = step(fields, layer)
-        return fields, tuple(
+    def scaled_step(carry, layer):
+        fields, scales = rescaled(carry[0])
+        carry, parts = step((fields, carry[1]), layer)
+        return carry, tuple(
             (loss, passage2 * scale * scale)
             for (loss, passage2), scale in zip(parts, scales, strict=True)
         )
 
+    below = jax.tree.map(lambda z: jnp.broadcast_to(z, shape), (q_far, far.g))
+    carry = (fields, None if roughness is None else below)
+    passed = (layers, x, None if roughness is None else roughness[1:])
     count = x[0].shape[0]
     if count <= _UNROLLED:
         parts = []
         for i in reversed(range(count)):
-            fields, part = step(fields, _at(i, (layers, x)))
+            carry, part = step(carry, _at(i, passed))
             parts.insert(0, part)
         losses = jax.tree.map(lambda *z: jnp.stack(z), *parts) if parts else None
     else:
-        fields, losses = lax.scan(scaled_step, fields, (layers, x), reverse=True)
+        carry, losses = lax.scan(scaled_step, carry, passed, reverse=True)
+    fields, below = carry
+    if roughness is not None:
+        one = (jnp.ones_like(front.n), None if k is None else jnp.zeros_like(front.n))
+        fields = rough(fields, roughness[0], (front.q, one), below)
     return _packet(fields, front, far, q_far, losses, shape)
 
 
