@@ -12,18 +12,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from fitting.checks import EXCURSION_SIGMAS, Data, check_data, hint_for
+from fitting.checks import beyond, check_data, hint_for
 from fitting.errors import MeasurementError as MeasurementError
 from fitting.errors import place
+from fitting.from_arrays import Units, from_arrays
 from fitting.reader.columns import choose_columns
-from fitting.reader.lines import read_lines
-from fitting.reader.longform import long_columns
+from fitting.reader.lines import read_lines, source_of
+from fitting.reader.longform import LongColumns, long_columns
 from fitting.reader.names import role_of
 from fitting.reader.options import QUANTITIES as QUANTITIES
-from fitting.reader.options import parse_options
+from fitting.reader.options import Options, parse_options
+from fitting.reader.own_export import own_columns
 from fitting.reader.rows import keep_rows
 from fitting.reader.table import read_table
 from fitting.reader.woollam import as_plain_table
@@ -74,66 +77,64 @@ class Measurement:
         *,
         sigma: object = None,
         polarizer_deg: object = None,
+        angle_unit: str = "deg",
+        wavelength_unit: str = "um",
+        scale: float = 1.0,
         source: str = "arrays",
         **values: object,
     ) -> Measurement:
         """Return the checked measurement held by arrays of one length (or scalars).
 
-        angle_deg: degrees of incidence, 0 to 90.
-        wavelength_um: micrometres, above 0; None where unknown.
-        sigma: standard errors above 0: one number or array for all quantities, or a mapping
-            from quantity to one; None where unknown.
-        polarizer_deg: see :class:`Measurement`.
-        values: one array per quantity, named as in ``QUANTITIES``: ``R_s=..., R_p=...``. NaN is a
-            gap and leaves the datum out.
-        Raises MeasurementError for an unknown name, unequal lengths, or a value out of its range.
+        Args:
+            angle_deg: angles of incidence, 0 to 90 degrees, or in ``angle_unit``.
+            wavelength_um: micrometres above 0, or in ``wavelength_unit``; None where unknown.
+            sigma: standard errors above 0: one number or array for all quantities, or a mapping
+                from quantity to one; None where unknown.
+            polarizer_deg: see :class:`Measurement`.
+            angle_unit: deg, rad, mrad, grazing-deg, ... as in :func:`read_csv`.
+            wavelength_unit: um, nm, angstrom, eV, cm-1, THz, mm or keV.
+            scale: factor that makes powers (and their errors) fractions: 0.01 for percent.
+            values: one array per quantity, named as in ``QUANTITIES``: ``R_s=..., R_p=...``. NaN
+                is a gap and leaves the datum out.
+
+        Returns: a `Measurement` whose ``understood`` says the ranges that were taken.
+
+        Raises:
+            MeasurementError: for an unknown name, unequal lengths, or a value out of its range.
         """
-        unknown = [name for name in values if name not in QUANTITIES]
-        if unknown or not values:
-            came = f"there is no quantity {unknown[0]}" if unknown else "no values came"
+        data, understood = from_arrays(
+            [angle_deg, wavelength_um, polarizer_deg], values, sigma, source,
+            Units(angle_unit, wavelength_unit, float(scale)),
+        )  # fmt: skip
+        return Measurement(*map(_frozen, data), source=source, understood=understood)
+
+    @staticmethod
+    def from_dataframe(table: Mapping[str, object], **options: Any) -> Measurement:
+        """Return the measurement held by a table with named columns.
+
+        Args:
+            table: a pandas, polars or any other table with ``keys()`` and ``[name]``; a mapping.
+                Columns "angle_deg", "wavelength_um" (or "wavelength_nm"), "polarizer_deg", the
+                names in ``QUANTITIES``, and "sigma_" before one; others are left alone.
+            options: as for :meth:`from_columns`; they win over columns.
+        """
+        columns: dict[str, Any] = {}
+        sigma: dict[str, Any] = {}
+        for name in map(str, table.keys()):
+            if name in (*QUANTITIES, "angle_deg", "wavelength_um", "polarizer_deg"):
+                columns[name] = np.asarray(table[name])
+            elif name == "wavelength_nm":
+                columns["wavelength_um"] = np.asarray(table[name])
+                columns["wavelength_unit"] = "nm"
+            elif name.removeprefix("sigma_") in QUANTITIES:
+                sigma[name.removeprefix("sigma_")] = np.asarray(table[name])
+        if "angle_deg" not in {**columns, **options}:
             raise MeasurementError(
-                f"{source}: {came}; give one or more of {', '.join(QUANTITIES)}."
+                "the table has no column angle_deg; rename it, or give angle_deg=..."
             )
-        names = list(values)
-        sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(names, sigma)
-        stray = [name for name in sigmas if name not in values]
-        if stray:
-            raise MeasurementError(f"{source}: sigma has {stray[0]}, the values do not.")
-        columns = [angle_deg, wavelength_um, polarizer_deg]
-        columns += [sigmas.get(name) for name in names] + [values[name] for name in names]
-        try:
-            arrays = [np.asarray(np.nan if c is None else c, dtype=np.float64) for c in columns]
-            length = np.broadcast_shapes((1,), *(a.shape for a in arrays))
-            if len(length) != 1:
-                raise ValueError(f"{len(length)} dimensions came")
-            angle, wavelength, polarizer, *rest = (np.broadcast_to(a, length) for a in arrays)
-        except (ValueError, TypeError) as error:
-            raise MeasurementError(
-                f"{source}: the columns must be numbers of one length ({error})."
-            ) from error
-        count = len(names)
-        sigma_all, value_all = np.concatenate(rest[:count]), np.concatenate(rest[count:])
-        kept = np.flatnonzero(~np.isnan(value_all))
-        rows = length[0]
-
-        def where(i: int, role: str) -> str:
-            name = {"value": "", "sigma": "sigma of "}.get(role, f"{role} of ") + names[
-                kept[i] // rows
-            ]
-            return f"{source}, {name}[{kept[i] % rows}]"
-
-        data = Data(
-            np.tile(angle, count)[kept],
-            np.tile(wavelength, count)[kept],
-            np.repeat(np.array(names), rows)[kept],
-            value_all[kept],
-            sigma_all[kept],
-            np.tile(polarizer, count)[kept],
+        return Measurement.from_columns(
+            **{**columns, **({"sigma": sigma} if sigma else {}), "source": "table", **options}
         )
-        percent = "Powers are fractions: divide percent by 100."
-        check_data(source, data, where, lambda i: percent if data.value[i] > 1.0 else "")
-        text = f"took {len(kept)} values of {', '.join(names)} from arrays"
-        return Measurement(*map(_frozen, data), source=source, understood=text)
 
 
 def _arrays(m: Measurement) -> tuple[np.ndarray, ...]:
@@ -160,6 +161,32 @@ def concatenate(*measurements: Measurement) -> Measurement:
     )
 
 
+def _foreign_columns(
+    source: str,
+    texts: list[str],
+    notes: list[str],
+    options: Options,
+    delimiter: str | None,
+    decimal: str | None,
+    lines: str | None,
+) -> LongColumns:
+    """Return the data of a file that somebody else wrote."""
+    plain_table = as_plain_table(texts)
+    if plain_table is not None:
+        texts, notes = plain_table[0], notes + plain_table[1]
+    table = read_table(
+        source,
+        texts,
+        lambda name: bool(role_of(name).kind),
+        lambda name: role_of(name).kind == "value" or role_of(name).form == "incidence",
+        delimiter=delimiter,
+        decimal=decimal,
+        lines=lines,
+    )
+    table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)
+    return long_columns(table, choose_columns(table, options), options)
+
+
 def read_csv(
     path: str | PathLike[str],
     *,
@@ -181,6 +208,8 @@ def read_csv(
 ) -> Measurement:
     """Return the measurement in the text file at ``path``, with a sentence of how it was read.
 
+    A ``path`` of - is standard input.
+
     Delimiter, decimal mark, encoding, header, units and layout are found out; every one can be
     overruled. What has two readings, or contradicts itself, is refused. Every option is also the
     flag of the command line of the same name and takes the flag's text.
@@ -200,7 +229,7 @@ def read_csv(
     psi_unit: deg or rad, for psi and delta.
     missing: numbers or words that stand for a gap in the values, "0" or "-9999,bad"; "none" says
         that zeros were measured.
-    keep: column -> values of the rows to be read, ``"Zone=1,2,3,4"``.
+    keep: column -> values of the rows to be read, ``"Zone=1,2,3,4"`` or ``"Zone=1-4"``.
     lines: range of lines that may hold rows, 10-200, 10- or -200.
     delimiter: tab, semicolon, comma, pipe, blank, or the sign. decimal: "." or ",".
     encoding: a name that Python knows.
@@ -208,9 +237,9 @@ def read_csv(
     Raises MeasurementError, and nothing else, with file, line, column, what came, what was wanted
         and the option that settles it.
     """
-    file = Path(path)
+    source = source_of(path)
     options = parse_options(
-        file.name,
+        source,
         columns=columns,
         keep=keep,
         angle_deg=angle_deg,
@@ -223,32 +252,23 @@ def read_csv(
         psi_unit=psi_unit,
         missing=missing,
     )
-    texts, notes = read_lines(file, encoding)
-    plain_table = as_plain_table(texts)
-    if plain_table is not None:
-        texts, notes = plain_table[0], notes + plain_table[1]
-    table = read_table(
-        file.name,
-        texts,
-        lambda name: bool(role_of(name).kind),
-        delimiter=delimiter,
-        decimal=decimal,
-        lines=lines,
-    )
-    table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)
-    long = long_columns(table, choose_columns(table, options), options)
+    texts, notes = read_lines(Path(path), encoding)
+    bare = options == parse_options(source) and not (lines or delimiter or decimal)
+    long = own_columns(source, texts) if bare else None
+    if long is None:
+        long = _foreign_columns(source, texts, notes, options, delimiter, decimal, lines)
     data, understood = long.data, long.understood
-    typical = float(np.median(np.abs(data.value)))
+    typical = float(np.median(np.abs(data.value))) if len(data.value) else 0.0
 
     def where(i: int, role: str) -> str:
         line, value, error = long.places[i]
-        return place(file.name, line, {"value": value, "sigma": error, **long.labels}.get(role, ""))
+        return place(source, line, {"value": value, "sigma": error, **long.labels}.get(role, ""))
 
     def hint(i: int) -> str:
         line, scaled = long.places[i][0], options.scale is not None
         return hint_for(float(data.value[i]), data.quantity[i], line, scaled, typical)
 
-    outside = check_data(file.name, data, where, hint)
+    outside = check_data(source, data, where, hint)
     if outside:
-        understood += f"; {outside} beyond [0, 1] by at most {EXCURSION_SIGMAS:g} standard errors"
-    return Measurement(*map(_frozen, data), source=file.name, understood=understood)
+        understood += beyond(outside)
+    return Measurement(*map(_frozen, data), source=source, understood=understood)

@@ -111,7 +111,7 @@ def index_outside(sample: Sample, wavelength_um: Any) -> Any:
     index = sample.media[0].index
     if isinstance(index, complex):
         return np.float64(index.real)
-    return np.asarray(material(str(index)).model.index(np.asarray(wavelength_um)).eta)
+    return np.asarray(material(str(index)).model(np.asarray(wavelength_um)).eta)
 
 
 def spectrum_of(measurements: Sequence[Measurement], sample: Sample) -> Spectrum:
@@ -208,7 +208,7 @@ def _said(table, label: str):
     return table.get(label.partition("[")[0])
 
 
-def _unknown(parameter: Parameter, label: str, settings: Settings) -> tuple[Unknown, bool]:
+def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Unknown, bool]:
     """Return the unknown, and whether it is a constant (held and never asked to be free)."""
     value = _said(settings.fixed, label)
     low, high = parameter.low, parameter.high
@@ -276,7 +276,7 @@ def unknowns(
                 raise ValueError(f"{o.label} is tied to {of}, which is several parameters.")
             tied.append((o.parameter.name, factor, inside[of]))
             continue
-        unknown, constant = _unknown(o.parameter, o.label, said)
+        unknown, constant = unknown_of(o.parameter, o.label, said)
         (held if constant else moving).append(unknown)
     spec = Spec(
         media=media_of(sample),
