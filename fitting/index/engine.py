@@ -171,7 +171,9 @@ def _solve(
 
     once = None
     if "cos_theta" in shared:
-        once = starts.node_curves(curves_of({**shared, "values": (), "weights": ()}), channels, mesh)
+        once = starts.node_curves(
+            curves_of({**shared, "values": (), "weights": ()}), channels, mesh
+        )
 
     def one_group(parts: dict[str, Any]) -> tuple[Array, Array, tuple[Array, ...]]:
         curves = curves_of({**shared, **parts})

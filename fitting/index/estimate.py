@@ -110,12 +110,20 @@ def _in_total_reflection(
 
 
 def estimate(
-    data: Data, s: Solved, *, stated: bool, absolute: bool, sin_max: np.ndarray
+    data: Data,
+    s: Solved,
+    *,
+    stated: bool,
+    absolute: bool,
+    sin_max: np.ndarray,
+    order: np.ndarray | None = None,
 ) -> Estimate:
     """Return values and errors at the minima ``s`` of ``data``.
 
     stated: the weights come from stated errors. absolute: these are taken at their word; otherwise
     the covariance is scaled by chi2 / dof. sin_max: (N,), the sine of the largest angle.
+    order: (N,), by how much variances grow since residuals are in order, 1 where they are not. Where
+        they are, errors are not scaled below what was stated.
     """
     eta_i = data.eta_i
     with np.errstate(all="ignore"):
@@ -129,6 +137,9 @@ def estimate(
         variance = np.ones_like(eta) if absolute else np.where(
             (dof == 0) & stated, 1.0, scatter
         )  # fmt: skip
+        if order is not None and not absolute:
+            in_order = order > 1.0
+            variance = np.where(in_order & stated, np.fmax(variance, 1.0), variance) * order
         estimated = not absolute and ~((dof == 0) & stated)
         t = student_quantiles(np.where(estimated, dof, 0).astype(int))
         # Beyond the critical angle 1 - R grows as k, not as k^2.

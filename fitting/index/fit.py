@@ -19,16 +19,19 @@ import numpy as np
 from fitting.index import identifiability as flag
 from fitting.index import result
 from fitting.index.arrange import Arranged, of_arrays, of_measurement
-from fitting.index.batch import Data, fitted_curves, minima
+from fitting.index.batch import Data, Minima, fitted_curves, minima
 from fitting.index.coordinates import coordinates_of
 from fitting.index.engine import Solved
 from fitting.index.estimate import Estimate, estimate
 from fitting.index.intervals import KINDS, PROFILE, intervals
 from fitting.index.mirror import allowed_rise, like_mirrors
-from fitting.index.misfit import ENOUGH, with_order_of_residuals
+from fitting.index.misfit import Order, order_of_residuals
+from fitting.index.result import NO_DATA, NOT_CONVERGED
 from fitting.index.result import FitResult as FitResult
 from fitting.index.valley import open_to_the_other_end
 from fitting.measurement import Measurement
+from fitting.misfit import misses_its_noise
+from fitting.pattern import Pooled, pooled_pattern
 
 # A second solution is reported if its chi2 is less than this higher: 5 % of what two parameters do.
 ALTERNATIVE_CHI2 = 6.0
@@ -36,6 +39,8 @@ ALTERNATIVE_CHI2 = 6.0
 ALIKE_CHI2 = 4.0
 # What a reflectance is trusted to where neither errors nor scatter tell (two data, no errors).
 ASSUMED_SIGMA = 1e-3
+# In a batch, where residuals are not looked at one by one, a misfit below that rms is not asked for.
+LEAST_MISS = 0.01
 
 
 def _extent(data: Data, angle_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -59,6 +64,21 @@ def _distinct(best: Estimate, other: Estimate) -> np.ndarray:
 def _undetermined(e: Estimate) -> np.ndarray:
     with np.errstate(invalid="ignore"):
         return e.singular | (e.spread > flag.UNDETERMINED_LIMIT)
+
+
+def _missed(a: Arranged, rms: np.ndarray) -> np.ndarray:
+    """Where a fit misses its data by more than the noise that they show, if by enough to matter."""
+    found = np.zeros(len(rms), bool)
+    some = np.flatnonzero(rms > LEAST_MISS)
+    if len(some):
+        part = a.data.take(some)
+        angle = np.degrees(np.arccos(np.atleast_2d(part.cos_theta)))
+        values = tuple(
+            np.where(np.broadcast_to(w, v.shape) > 0.0, v, np.nan)
+            for v, w in zip(part.values, part.weights, strict=True)
+        )
+        found[some] = misses_its_noise(angle, values, rms[some])
+    return found
 
 
 def _flags(
@@ -92,26 +112,35 @@ def _flags(
             flag.VAGUE: clear & (e.sigma_eta > flag.VAGUE_LIMIT * e.eta),
             flag.FLAT_CURVE: clear & alone & (high < flag.FLAT_BELOW_DEG),
             flag.NO_DEGREES: clear & (s.count == 2),
-            flag.OUT_OF_MODEL: rms > 0.1,
+            flag.OUT_OF_MODEL: _missed(a, rms),
         }
     return sum(bit * np.asarray(where).astype(int) for bit, where in found.items()) | chi2
 
 
 def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> tuple[FitResult, Solved]:
     """Return the result, and the solutions that it shows."""
-    data = a.data
+    _check(a, absolute, wanted)
+    found, data = minima(a.data, _points(start, a))
+    return _result(a._replace(data=data), found, absolute, wanted), found.best
+
+
+def _check(a: Arranged, absolute: bool, wanted: str) -> None:
     if wanted not in KINDS:
         raise ValueError(f"intervals is {wanted!r}; one of {', '.join(KINDS)} was wanted.")
     if not isinstance(absolute, bool | np.bool_):
         raise ValueError(f"absolute_sigma is {absolute!r}; True or False was wanted.")
     if absolute and not a.stated:
         raise ValueError("absolute_sigma was asked for, but there are no stated errors to take.")
-    found, data = minima(data, _points(start, a))
-    a = a._replace(data=data)
-    s = found.best
+
+
+def _result(
+    a: Arranged, found: Minima, absolute: bool, wanted: str, order: np.ndarray | None = None
+) -> FitResult:
+    """Return what the minima say. order: see `estimate`."""
+    data, s = a.data, found.best
     _, high, _ = _extent(data, a.angle_deg)
     sin_max = np.sin(np.radians(np.broadcast_to(np.fmax(high, 0.0), s.cost.shape)))
-    how = {"stated": a.stated, "absolute": absolute, "sin_max": sin_max}
+    how = {"stated": a.stated, "absolute": absolute, "sin_max": sin_max, "order": order}
     e = estimate(data, s, **how)
     dof = np.maximum(s.count - 2, 0)
 
@@ -130,8 +159,11 @@ def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> tuple[FitResul
         allowed = part.cost + ALIKE_CHI2 * scatter[inner]
         undetermined[inner] |= open_to_the_other_end(data.take(inner), part, allowed)
     with np.errstate(all="ignore"):
-        bound = like_mirrors(data, s.scale, s.cost + allowed_rise(dof) * scatter, scatter)
-    bound = np.where(no_data | matched, np.nan, bound)
+        limit = s.cost + allowed_rise(dof) * scatter
+        bound, perfect = like_mirrors(data, s.scale, limit, scatter)
+        # A best fit that is a mirror itself, and is undetermined as such, names its circle.
+        names_circle = undetermined & ~perfect & (np.tanh(0.5 * s.x) >= bound)
+    bound = np.where(no_data | matched | names_circle, np.nan, bound)
     mirror = np.isfinite(bound) | (undetermined & (s.x > flag.MIRROR_LIMIT))
     undetermined |= mirror
     failed = ~no_data & ~undetermined & ~matched & ~(s.done > 0)
@@ -186,11 +218,12 @@ def _fit(a: Arranged, absolute: bool, start: Any, wanted: str) -> tuple[FitResul
             "alternative_delta_chi2": but(excess, ~second),
             "eta_interval": known.eta, "k_interval": known.k, "interval_kind": known.kind,
             "residual_correlation": np.full(len(dof), np.nan), "least_reflectance": bound,
+            "neighbour_noise": np.full(len(dof), np.nan),
         }  # fmt: skip
     shaped = {n: v.reshape(a.shape + v.shape[1:]) for n, v in fields.items()}
     kind = "absolute" if absolute else "scaled"
     out = FitResult(**shaped, sigma_kind=kind, notes=a.notes, eta_i=data.eta_i)
-    return out if a.shape else out.plain(), s
+    return out if a.shape else out.plain()
 
 
 def _points(start: Any, a: Arranged) -> np.ndarray | None:
@@ -242,12 +275,34 @@ def fit(
             "or Measurement.from_columns(...); fitting.measurement.concatenate makes one of many."
         )
     a = of_measurement(measurement, eta_i, sigma)
-    found, shown = _fit(a, absolute_sigma, start, intervals)
-    if np.max(found.n_data) < ENOUGH:
-        return found
+    _check(a, absolute_sigma, intervals)
+    found, data = minima(a.data, _points(start, a))
+    a = a._replace(data=data)
+    result = _result(a, found, absolute_sigma, intervals)
     channel, curve, place = a.rows
-    fitted = fitted_curves(a.data, shown)[channel, curve, place]
-    return with_order_of_residuals(found, measurement, fitted, a.stated)
+    fitted = fitted_curves(a.data, found.best)[channel, curve, place]
+    known = ~np.isin(np.atleast_1d(result.status), (NO_DATA, NOT_CONVERGED))
+    fitted = np.where(known[curve], fitted, np.nan)
+    order = order_of_residuals(measurement, fitted, a.stated)
+    if (order.factor > 1.0).any() and not absolute_sigma:
+        result = _result(a, found, absolute_sigma, intervals, order.factor)
+    return _with_order(result, order, pooled_pattern(measurement, fitted, a.stated))
+
+
+def _with_order(result: FitResult, order: Order, pooled: Pooled | None) -> FitResult:
+    """Return the result with what its residuals say."""
+    flags = np.atleast_1d(result.flags) & ~flag.OUT_OF_MODEL & ~flag.NOT_NOISE
+    flags = flags | np.where(np.isfinite(order.noise), flag.OUT_OF_MODEL, 0)
+    flags = flags | np.where(np.isfinite(order.correlation), flag.NOT_NOISE, 0)
+    notes = result.notes
+    if pooled is not None:
+        notes = (*notes, flag.pooled_sentence(pooled))
+    changed = result._replace(
+        flags=flags.reshape(result.shape), notes=notes,
+        residual_correlation=order.correlation.reshape(result.shape),
+        neighbour_noise=order.noise.reshape(result.shape),
+    )  # fmt: skip
+    return changed if result.shape else changed.plain()
 
 
 def fit_many(

@@ -8,6 +8,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from fitting.index.result import FitResult
+    from fitting.pattern import Pooled
 
 CIRCLE = 1
 AT_45_DEGREES = 2
@@ -72,12 +73,12 @@ def _member(r: FitResult) -> str:
 
 
 def _mirror(r: FitResult) -> str:
-    said = "the data are those of a strong mirror and do not determine eta and k"
+    said = "the data are those of a perfect mirror, or of one as good within their noise"
     if not r.least_reflectance > 0.0:
-        return said + ": R = 1 at every angle fits as well."
+        return said + ": they do not determine eta and k."
     return (
         f"{said}: every index with the same reflectance at normal incidence fits as well. That is "
-        f"at least {r.least_reflectance:.4f} (95 %); nothing else is known."
+        f"at least {r.least_reflectance:.4f} (95 %); nothing else is known of eta and k."
     )
 
 
@@ -149,6 +150,8 @@ def _chi2_large(r: FitResult) -> str:
 def _chi2_small(r: FitResult) -> str:
     factor = np.sqrt(r.chi2_reduced)
     then = "; the errors of eta and k are scaled down by that" if r.sigma_kind == "scaled" else ""
+    if then and int(r.flags) & NOT_NOISE:
+        then = ". The residuals are in order: the errors of eta and k are not scaled down"
     return (
         f"reduced chi2 is {_number(r.chi2_reduced)}: the residuals are only {factor:.2g} times the "
         f"stated errors, which look too large{then}."
@@ -174,17 +177,37 @@ def _not_converged(r: FitResult) -> str:
 
 
 def _out_of_model(r: FitResult) -> str:
+    noise = ""
+    if np.isfinite(r.neighbour_noise) and r.neighbour_noise > 0.0:
+        noise = (
+            f", {r.rms / r.neighbour_noise:.2g} times the noise that neighbouring points show "
+            f"({_number(r.neighbour_noise)})"
+        )
     return (
-        f"the fitted curve misses the data by {r.rms:.2g} (rms): a single bare interface does not "
-        "describe them."
+        f"the fitted curve misses the data by {r.rms:.2g} (rms){noise}: a single bare interface "
+        "does not describe them."
     )
 
 
 def _not_noise(r: FitResult) -> str:
+    if r.sigma_kind == "scaled":
+        then = "the errors of eta and k are enlarged for it, yet a systematic error may be larger"
+    else:
+        then = "the errors of eta and k are too small"
     return (
         "what the fit leaves of the data is not noise: its neighbours along the angle are alike "
         f"(correlation {r.residual_correlation:.2f}). One index does not describe the data, or "
-        "they drift; the errors of eta and k are too small."
+        f"they drift; {then}."
+    )
+
+
+def pooled_sentence(p: Pooled) -> str:
+    """Return the sentence on residuals that all wavelengths share."""
+    return (
+        f"the residuals of all wavelengths share a pattern along the angle (probability by chance "
+        f"{p.probability:.1g}): the mean of {p.quantity} at {p.angle_deg:g} degrees is "
+        f"{p.mean:+.2g} standard errors off. One index does not describe the data, or the angles "
+        "or intensities are off."
     )
 
 

@@ -1,40 +1,63 @@
-"""Whether what the fit of one index leaves of a curve is noise."""
+"""What the residuals of the fit of one index say: an order, and a misfit larger than the noise."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from fitting.index import identifiability as flag
-from fitting.index.result import NO_DATA, NOT_CONVERGED, FitResult
 from fitting.measurement import Measurement
+from fitting.misfit import misfit
 from fitting.pattern import pattern
 
 # With fewer data `pattern` never finds one.
 ENOUGH = 11
 
 
-def with_order_of_residuals(
-    result: FitResult, m: Measurement, fitted: np.ndarray, stated: bool
-) -> FitResult:
-    """Return the result with NOT_NOISE and the correlation where residuals have a pattern.
+class Order(NamedTuple):
+    """Of each wavelength, (N,) each.
 
-    result: of `fit`, m: what was fitted, fitted: the curve there; each wavelength is looked at by
-    itself. stated: whether the fit weighed by stated errors.
+    correlation: of neighbours where residuals are in order, NaN elsewhere. factor: by how much the
+    variances are larger for it. noise: what neighbours scatter where the fit misses the data by
+    more than that, NaN elsewhere.
+    """
+
+    correlation: np.ndarray
+    factor: np.ndarray
+    noise: np.ndarray
+
+
+def order_of_residuals(m: Measurement, fitted: np.ndarray, stated: bool) -> Order:
+    """Return what the residuals of every wavelength say; each is looked at by itself.
+
+    m: what was fitted, fitted: the curve there, NaN where no fit is. stated: whether the fit
+    weighed by stated errors.
     """
     _, which = np.unique(m.wavelength_um, return_inverse=True)
-    flags, correlation = np.atleast_1d(result.flags), np.atleast_1d(result.residual_correlation)
-    flags, correlation = flags.copy(), correlation.copy()
-    status = np.atleast_1d(result.status)
     many = np.bincount(which)
+    nan = np.full(len(many), np.nan)
+    correlation, factor, noise = nan.copy(), np.ones(len(many)), nan.copy()
     each = np.split(np.argsort(which, kind="stable"), np.cumsum(many)[:-1])
-    for i in np.flatnonzero((many >= ENOUGH) & ~np.isin(status, (NO_DATA, NOT_CONVERGED))):
-        rows = each[i]
-        found = pattern(m.where(rows), fitted[rows], np.zeros(len(rows), int), stated)
+    for i, rows in enumerate(each):
+        part, at = m.where(rows), fitted[rows]
+        if not np.isfinite(at).all():
+            continue
+        noise[i] = _noise_of_a_misfit(part, at)
+        if many[i] < ENOUGH:
+            continue
+        found = pattern(part, at, np.zeros(len(rows), int), stated)
         if found is not None:
-            flags[i] |= flag.NOT_NOISE
-            correlation[i] = found.correlation
-    shape = result.shape
-    changed = result._replace(
-        flags=flags.reshape(shape), residual_correlation=correlation.reshape(shape)
-    )
-    return changed if shape else changed.plain()
+            correlation[i], factor[i] = found.correlation, found.variance_factor
+    return Order(correlation, factor, noise)
+
+
+def _noise_of_a_misfit(m: Measurement, fitted: np.ndarray) -> float:
+    """Return the noise of the quantity that is missed by most of it; NaN where none is missed."""
+    worst, noise = 0.0, np.nan
+    for quantity in sorted(set(m.quantity.tolist())):
+        here = m.quantity == quantity
+        off = (m.value - fitted)[here]
+        found = misfit(m.angle_deg[here], m.value[here], off)
+        if found.found[0] and found.rms[0] > worst:
+            worst, noise = float(found.rms[0]), float(found.noise[0])
+    return noise

@@ -49,6 +49,8 @@ class FitResult(NamedTuple):
         are no noise (see `fitting.pattern`); NaN elsewhere, and of `fit_many`.
     least_reflectance: the R at normal incidence that a curve exceeds (95 %) which R = 1 fits as well
         as any index; NaN elsewhere.
+    neighbour_noise: standard deviation of the noise that neighbours in angle show, where the fit
+        misses the data by more (see `fitting.misfit`); NaN elsewhere, and of `fit_many`.
     interval_kind: "quadratic": eta +- t sigma_eta, and k from k^2 +- t sigma(k^2) (in total
         reflection k +- t sigma), cut at 0; "profile": of the likelihood itself, for an undetermined
         index as well (the range that the data leave, with every k); "none".
@@ -82,6 +84,7 @@ class FitResult(NamedTuple):
     interval_kind: Any
     residual_correlation: Any
     least_reflectance: Any
+    neighbour_noise: Any
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -73,7 +73,9 @@ def _mesh(
     """Return a mesh: the plane; totally: n < 1 and a small k; above, below: k = 0, n > 1, n < 1."""
     x = np.repeat(_spaced(lowest, 8.0, plane.rows), plane.columns)
     w = np.tile((np.arange(plane.columns) + 0.5) / plane.columns, plane.rows) * 4.0 * xi_of(x)
-    n = np.linspace(0.99, 0.1, totally.rows)
+    n = np.repeat(np.linspace(0.99, 0.1, totally.rows), totally.columns)
+    # 1 - R is proportional to k there: one k stands for some decades of it.
+    k = n * np.tile([2e-3, 4e-4, 1e-2][: totally.columns], totally.rows)
     # n from 1.02 to 110; evenly in log(n - 1), since two minima on this line may be as near to each
     # other as 1.33 and 1.44 (16 angles, 73 to 83 degrees).
     at_edge = 1.0 + np.geomspace(0.02, 110.0, above.rows)
@@ -83,7 +85,7 @@ def _mesh(
     edge = np.full(above.rows, W_MIN), np.ones(above.rows)
     index = np.concatenate([
         index_derivatives(x, w, np.ones_like(x))[:2],
-        [n, 2e-3 * n],
+        [n, k],
         index_derivatives(at_edge, *edge)[:2],
         index_derivatives(beyond, np.full(below.rows, W_MIN), -np.ones(below.rows))[:2],
     ], axis=1)  # fmt: skip
@@ -96,7 +98,7 @@ MESHES = {
     "coarse": _mesh(Block(12, 8, 1), 0.02, Block(16, 1, 0), Block(0, 1, 0)),
     "fine": _mesh(Block(24, 16, 2), 0.002, Block(32, 1, 1), Block(48, 1, 2)),
     "open": _mesh(
-        Block(32, 24, 4), 0.002, Block(64, 1, 2), Block(160, 1, 4), Block(32, 1, 1)
+        Block(32, 24, 6), 0.002, Block(64, 3, 4), Block(160, 1, 4), Block(32, 1, 1)
     ),
 }  # fmt: skip
 

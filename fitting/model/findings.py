@@ -192,6 +192,8 @@ def _chi2(f: Findings) -> list[str]:
         ]
     if flags & CHI2_SMALL:
         then = "; the errors of the parameters are scaled down by that" if f.scaled else ""
+        if then and f.pattern is not None:
+            then = ", yet they are in order: the errors of the parameters are too small"
         return [
             f"{what} is {_number(f.chi2_reduced)}: the residuals are only {factor:.2g} times "
             f"the stated errors, which look too large{then}."
