@@ -1,12 +1,12 @@
 """How often a fit finds the best minimum, and whether its status tells the truth.
 
 Everything is drawn at random (`random_measurements`): 5 to 60 angles, equidistant or not, the
-lowest 0 to 75 degrees and the highest to 89; R_s and R_p, either alone, or unpolarized; the index of the
-medium outside; noise 0 to 1 %; materials of five classes. Every curve is fitted as a user gets it
-and compared with the best minimum known: the lowest of that fit, of the same fit started at the
-true index as well, and, of every suspicious curve and one in 500 of the others, of a dense search
-that shares nothing with the fit (`dense_search`). Suspicious is a curve that has a second solution,
-or ends elsewhere from the truth, or does not fit as well as the truth itself.
+lowest 0 to 75 degrees and the highest to 89; R_s and R_p, either alone, or unpolarized; the index
+of the medium outside; noise 0 to 1 %; materials of five classes. Every curve is fitted as a user
+gets it and compared with the best minimum known: the lowest of that fit, of the same fit started at
+the true index as well, and, of every suspicious curve and one in 500 of the others, of a dense
+search that shares nothing with the fit (`dense_search`). Suspicious is a curve that has a second
+solution, or ends elsewhere from the truth, or does not fit as well as the truth itself.
 
 Counted are, for each quantity, class and lowest angle,
 

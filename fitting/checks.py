@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.errors import MeasurementError
+from fitting.noise import within_noise
 
 # A noisy R of a true 1 (or 0) lies beyond it half of the time, and to drop or clip those values
 # would pull a fit inwards. Beyond 4 standard errors lies 3e-5 of a normal law: less than one
@@ -49,6 +50,26 @@ def hint_for(value: float, quantity: str, line: int, scale_given: bool, typical:
     return direct + leave
 
 
+def _noise_of_its_curve(data: Data, beyond: np.ndarray) -> np.ndarray:
+    """Return which of the values ``beyond`` [0, 1] without a standard error are noise, (N,) bool.
+
+    By the neighbours along the angle (at one wavelength), or along the wavelength (at one angle).
+    """
+    angle, wavelength, quantity, value, sigma, polarizer = data
+    excused = np.zeros(len(value), bool)
+    unknown = beyond & np.isnan(sigma) & (np.abs(value - 0.5) <= 0.5 + EXCURSION)
+    same = np.nan_to_num(wavelength, nan=-1.0), np.nan_to_num(polarizer, nan=-1.0)
+    for i in np.flatnonzero(unknown):
+        if excused[i]:
+            continue
+        kind = (quantity == quantity[i]) & (same[1] == same[1][i])
+        for along, other in ((angle, same[0]), (same[0], angle)):
+            curve = np.flatnonzero(kind & (other == other[i]))
+            good = within_noise(along[curve], value[curve])
+            excused[curve[good]] = True
+    return excused & unknown
+
+
 @np.errstate(all="ignore")
 def check_data(
     source: str, data: Data, where: Callable[[int, str], str], hint: Callable[[int], str]
@@ -58,7 +79,8 @@ def check_data(
     where(i, role): the place of the angle, wavelength, sigma, polarizer or value of datum i.
     hint(i): what to do about its value.
     A power may lie outside [0, 1] by no more than ``EXCURSION_SIGMAS`` of its own standard errors
-    and no more than ``EXCURSION``; without a standard error, not at all.
+    and no more than ``EXCURSION``; without a standard error, by the noise that the neighbours of
+    its own curve show (`fitting.noise`).
     """
     angle, wavelength, quantity, value, sigma, polarizer = data
     if not len(value):
@@ -117,8 +139,9 @@ def check_data(
         lambda i: f"delta {value[i]:.10g} degrees is outside [-360, 360]. {hint(i)}",
     )
     slack = np.where(np.isnan(sigma), 0.0, np.minimum(EXCURSION_SIGMAS * sigma, EXCURSION))
+    beyond = power & ((value < -slack) | (value > 1.0 + slack))
     refuse(
-        power & ((value < -slack) | (value > 1.0 + slack)),
+        beyond & ~_noise_of_its_curve(data, beyond),
         "value",
         lambda i: (
             f"{'transmittance' if quantity[i][0] == 'T' else 'reflectance'} {value[i]:.10g} is "
