@@ -1,4 +1,4 @@
-"""Curves over limited ranges of angles, on which a fit may end in another minimum; strong mirrors."""
+"""Limited ranges of angles, over which a fit may end in another minimum; strong mirrors."""
 
 import numpy as np
 import pytest
@@ -100,7 +100,7 @@ def test_a_metal_by_R_s_alone_gives_a_bound(low, sigma):
     assert np.isnan(found.eta).all()
     true = (0.94**2 + 3.6**2) / (1.06**2 + 3.6**2)
     held = (found.least_reflectance <= true).mean()
-    assert 0.88 < held  # 95 % are due where 1 / |N|^2 is nothing; here it is .08
+    assert held > 0.88  # 95 % are due where 1 / |N|^2 is nothing; here it is .08
     assert true - found.least_reflectance.mean() < 0.01
     assert "at least 0.9" in found.at(0).warnings[0]
 
@@ -117,9 +117,7 @@ def test_what_is_undetermined_lies_within_its_own_range():
     angles = np.linspace(5.0, 40.0, 12)
     eta, k = rng.uniform(0.05, 4.0, 60), rng.uniform(0.5, 6.0, 60)
     for quantity in ("R_s", "R"):
-        found = fit_many(
-            angles, **of(angles, eta, k, 5e-3, quantity), sigma=5e-3, intervals="auto"
-        )
+        found = fit_many(angles, **of(angles, eta, k, 5e-3, quantity), sigma=5e-3, intervals="auto")
         some = (found.status == "undetermined") & np.isfinite(found.eta_interval).all(-1)
         assert some.sum() > 10
         for value, ends in ((found.eta, found.eta_interval), (found.k, found.k_interval)):

@@ -122,8 +122,8 @@ def estimate(
 
     stated: the weights come from stated errors. absolute: these are taken at their word; otherwise
     the covariance is scaled by chi2 / dof. sin_max: (N,), the sine of the largest angle.
-    order: (N,), by how much variances grow since residuals are in order, 1 where they are not. Where
-        they are, errors are not scaled below what was stated.
+    order: (N,), by how much variances grow since residuals are in order, 1 where they are not.
+        Where they are, errors are not scaled below what was stated.
     """
     eta_i = data.eta_i
     with np.errstate(all="ignore"):

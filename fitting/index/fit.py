@@ -39,7 +39,7 @@ ALTERNATIVE_CHI2 = 6.0
 ALIKE_CHI2 = 4.0
 # What a reflectance is trusted to where neither errors nor scatter tell (two data, no errors).
 ASSUMED_SIGMA = 1e-3
-# In a batch, where residuals are not looked at one by one, a misfit below that rms is not asked for.
+# In a batch, where residuals are not looked at one by one, no misfit below that rms is looked for.
 LEAST_MISS = 0.01
 
 

@@ -24,7 +24,7 @@ NORMAL_95 = 1.645
 
 
 def allowed_rise(dof: np.ndarray) -> np.ndarray:
-    """Return by how many scatters the family may be worse: twice the F quantile of 2 and ``dof``."""
+    """Return by how many scatters a mirror may be worse: twice the F quantile of 2 and dof."""
     d = np.maximum(dof, 1)
     return d * (CHANCE ** (-2.0 / d) - 1.0)
 

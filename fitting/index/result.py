@@ -47,8 +47,8 @@ class FitResult(NamedTuple):
     eta_interval, k_interval: S + (2,), 95 % intervals; NaN where there is none.
     residual_correlation: of residuals next to each other along the angle, where that says that they
         are no noise (see `fitting.pattern`); NaN elsewhere, and of `fit_many`.
-    least_reflectance: the R at normal incidence that a curve exceeds (95 %) which R = 1 fits as well
-        as any index; NaN elsewhere.
+    least_reflectance: the R at normal incidence that a curve exceeds (95 %) which strong mirrors of
+        any index fit alike; NaN elsewhere.
     neighbour_noise: standard deviation of the noise that neighbours in angle show, where the fit
         misses the data by more (see `fitting.misfit`); NaN elsewhere, and of `fit_many`.
     interval_kind: "quadratic": eta +- t sigma_eta, and k from k^2 +- t sigma(k^2) (in total

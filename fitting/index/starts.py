@@ -49,6 +49,9 @@ class Block(NamedTuple):
     lows: int
 
 
+NONE = Block(0, 1, 0)
+
+
 class Mesh(NamedTuple):
     """Blocks of nodes. index: relative n and k, (2, J). points: x, w and chart, (3, J).
 
@@ -68,7 +71,7 @@ def _spaced(low: float, high: float, count: int) -> np.ndarray:
 
 
 def _mesh(
-    plane: Block, lowest: float, totally: Block, above: Block, below: Block = Block(0, 1, 0)
+    plane: Block, lowest: float, totally: Block, above: Block = NONE, below: Block = NONE
 ) -> Mesh:
     """Return a mesh: the plane; totally: n < 1 and a small k; above, below: k = 0, n > 1, n < 1."""
     x = np.repeat(_spaced(lowest, 8.0, plane.rows), plane.columns)
@@ -95,7 +98,7 @@ def _mesh(
 
 # From R(0) = 1e-4 (n = 1.2; the fine ones 1e-6) to .999, all the way between the two ends k = 0.
 MESHES = {
-    "coarse": _mesh(Block(12, 8, 1), 0.02, Block(16, 1, 0), Block(0, 1, 0)),
+    "coarse": _mesh(Block(12, 8, 1), 0.02, Block(16, 1, 0)),
     "fine": _mesh(Block(24, 16, 2), 0.002, Block(32, 1, 1), Block(48, 1, 2)),
     "open": _mesh(
         Block(32, 24, 6), 0.002, Block(64, 3, 4), Block(160, 1, 4), Block(32, 1, 1)
