@@ -319,7 +319,8 @@ def fit_many(
 ) -> FitResult:
     """Return eta + i k of many curves at once; the same answers, errors and warnings as one by one.
 
-    But for one warning: whether residuals are noise is asked by `fit` alone.
+    But for what residuals say one by one: whether they are in order, and errors too small for it,
+    is asked by `fit` alone; a misfit is found here from an rms of .01 on.
 
     angles_deg: (M,) degrees of incidence from the normal, 0 to 90, or (..., M) one set a curve.
     R_s, R_p, R: (..., M) reflectances as fractions (R unpolarised); NaN is a gap. One at least.

@@ -16,6 +16,14 @@ finer, a line of nodes along k = 0 is added, and five further starts are followe
 best solution of every one of 300 curves of each kind tried and 97 % of all that fit alike, where
 the coarse mesh and one further start found 89 and 73 %.
 
+R_p alone has further minima over a limited range of angles, however many there are: indices below
+and above the one whose Brewster angle was measured, lossless ones on a line of their own, absorbing
+ones between, and in total reflection one wherever a critical angle falls between two data. With the
+coarse mesh 16 % of dielectrics from 50 to 75 degrees and 76 % of those of n 1.3 to 2 from 55 to 70
+ended in a wrong one; with the mesh "open", its dense lines of nodes and fifteen further starts, 8
+of 40,000 curves with ranges, noise and media at random. It takes some 40 evaluations for 4, and is
+used where the angles leave this open (`kinds`).
+
 In total reflection 1 - R is proportional to k, and a curve of small k is like no node of the mesh;
 without a line of nodes of their own 2 to 25 % of curves that see nothing else (11 angles from 62 to
 85 degrees, n .3 to .95, k 1e-4 to 1e-2) ended in a worse minimum, with it 0 to .2 %.
