@@ -184,7 +184,9 @@ def _read(arguments: argparse.Namespace) -> list[Measurement]:
     return [read_csv(file, **options) for file in (arguments.file, *arguments.more)]
 
 
-def _fit(measurement: Measurement, arguments: argparse.Namespace) -> FitResult:
+def _fit(
+    measurement: Measurement, files: list[Measurement], arguments: argparse.Namespace
+) -> FitResult:
     from fitting.start_up import set_up_jax
 
     set_up_jax()
@@ -193,13 +195,18 @@ def _fit(measurement: Measurement, arguments: argparse.Namespace) -> FitResult:
     with warnings.catch_warnings():
         # A cache folder that is full or was taken away is not the user's business here.
         warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
-        return fit(
-            measurement,
-            eta_i=arguments.eta_i,
-            sigma="equal" if arguments.equal_weights else "given",
-            absolute_sigma=arguments.absolute_sigma,
-            intervals=arguments.intervals,
-        )
+        options = {
+            "eta_i": arguments.eta_i,
+            "sigma": "equal" if arguments.equal_weights else "given",
+            "absolute_sigma": arguments.absolute_sigma,
+        }
+        result = fit(measurement, intervals=arguments.intervals, **options)
+        if len(files) > 1:
+            from fitting.command.files import disagreement
+
+            said = disagreement(files, intervals="quadratic", **options)
+            result = result._replace(notes=(*result.notes, *said))
+        return result
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -215,6 +222,10 @@ def _run(arguments: argparse.Namespace) -> int:
     with _refusals():
         results.check(arguments)
         measurements = _read(arguments)
+        if arguments.slab and len(measurements) > 1:
+            from fitting.command.files import refuse_several_thicknesses
+
+            refuse_several_thicknesses([m.source for m in measurements])
         if arguments.model:
             from fitting.command.model import run_model
 
@@ -232,7 +243,7 @@ def _run(arguments: argparse.Namespace) -> int:
         spectrum = len(np.unique(measurement.wavelength_um)) > 1
         with _refusals(), Progress("fit", quiet=arguments.quiet):
             staged = results.stage(outputs, arguments, spectrum)
-            result = _fit(measurement, arguments)
+            result = _fit(measurement, measurements, arguments)
         if arguments.json == "-":
             _print(export.json_text(result, measurement))
         elif not arguments.quiet:
