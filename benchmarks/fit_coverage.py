@@ -100,7 +100,7 @@ def random_study(curves: int, seed: int) -> list[tuple[tuple[str, str, str], int
         result = fit_many(
             angles, **data, sample=f"{float(noisy.geometry.eta_i)!r} | free", intervals="auto"
         )
-        good = np.char.startswith(result.status, "converged")
+        good = result.status == "converged"
         hold = [
             (ends[:, 0] <= truth) & (truth <= ends[:, 1])
             for ends, truth in (
