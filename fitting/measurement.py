@@ -21,6 +21,7 @@ from fitting.errors import MeasurementError as MeasurementError
 from fitting.errors import place
 from fitting.from_arrays import Units, from_arrays
 from fitting.reader.columns import choose_columns
+from fitting.reader.formats import plain_table
 from fitting.reader.lines import read_lines, source_of
 from fitting.reader.longform import LongColumns, long_columns
 from fitting.reader.names import role_of
@@ -29,7 +30,6 @@ from fitting.reader.options import Options, parse_options
 from fitting.reader.own_export import own_columns
 from fitting.reader.rows import keep_rows
 from fitting.reader.table import read_table
-from fitting.reader.woollam import as_plain_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,9 +171,9 @@ def _foreign_columns(
     lines: str | None,
 ) -> LongColumns:
     """Return the data of a file that somebody else wrote."""
-    plain_table = as_plain_table(texts)
-    if plain_table is not None:
-        texts, notes = plain_table[0], notes + plain_table[1]
+    known = plain_table(texts)
+    if known is not None:
+        texts, notes = known[0], notes + known[1]
     table = read_table(
         source,
         texts,
