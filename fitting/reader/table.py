@@ -18,13 +18,7 @@ from fitting.reader.cells import (
     looks_like_data,
     split_cells,
 )
-from fitting.reader.header import (
-    Lines,
-    find_header,
-    refuse_strays,
-    uncomment,
-    units_row,
-)
+from fitting.reader.header import Lines, find_header, refuse_strays, uncomment, units_row
 from fitting.reader.remarks import refuse_inside, without_remark
 from fitting.reader.vocabulary import LONGEST
 
