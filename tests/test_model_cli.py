@@ -119,5 +119,5 @@ def test_thickness_and_results_are_checked(plate, spectrum, capsys):
             cli.main([plate, f"--slab={text}"])
         assert "is no thickness" in capsys.readouterr().err
     assert cli.main([*spectrum, "--model", "cauchy", "--json", spectrum[1]]) == 2
-    assert "this is a measurement" in capsys.readouterr().err
+    assert "is the measurement itself" in capsys.readouterr().err
     assert cli.main([plate, "--model", "cauchy"]) == 0  # T through one face

@@ -12,7 +12,7 @@ from fitting.model.parameters import Settings, check_settings, names_of, parse_s
     ({"model": "drude:2"}, "takes no number of terms"),
     ({"structure": "film"}, "structure is 'film'"),
     ({"structure": "slab"}, "a slab needs its thickness"),
-    ({"structure": "slab", "thickness_um": -1.0}, "a number above 0"),
+    ({"structure": "slab", "thickness_um": -1.0}, "number above 0"),
     ({"free": ["scal"]}, "has no parameter 'scal'"),
     ({"free": "scal"}, "has no parameter 'scal'"),
     ({"fixed": {"A": float("nan")}}, "A is held at nan"),
