@@ -157,4 +157,6 @@ def test_the_report_has_all_that_the_single_files_have(tmp_path):
     assert cli.main([*arguments, "--report", str(folder)]) == 0
     assert (folder / results.REPORT["report json"]).read_bytes() == single["json"].read_bytes()
     assert (folder / results.REPORT["report csv"]).read_bytes() == single["csv"].read_bytes()
-    assert read_csv(folder / "data.csv", columns="angle=1,R_s=3", keep="quantity=R_s") is not None
+    assert (
+        read_csv(folder / "data.csv", columns="angle=1,R_s=value", keep="quantity=R_s") is not None
+    )
