@@ -262,7 +262,9 @@ def boundary(
     first = jnp.asarray(eta_i, float) + 0.0j
     far = jax.lax.complex(*index[-1][0])
     n = [first, *(n for n, _ in layers), far]
-    found = stack(c, n, [d for _, d in layers], points.wavelength_um)
+    together = zip(media.coherent, index[:-1], strict=True)
+    coherent = [interferes for interferes, slices in together for _ in slices]
+    found = stack(c, n, [d for _, d in layers], points.wavelength_um, coherent)
     ellipse = None
     if pairs:
         # No quotient r_p / r_s: a film may extinguish r_s.

@@ -17,6 +17,7 @@ from fitting.observations import Observations
 from fitting.observe import NCS, Media, Spec
 from fitting.parameters import LOG, Parameter, Settings
 from fitting.sample import Medium, Sample
+from fitting.several_files import refuse_several_thicknesses
 from fitting.starts import Unknown
 
 
@@ -67,15 +68,11 @@ def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> Non
                 f"{m.source}: psi and Delta of a plate with both faces are not fitted, since light "
                 "from its back face has no definite phase. Fit R and T, or one bare surface."
             )
-        if sample.layers and not sample.bare and "R_back" in quantities and not thick:
+        if "R_back" in quantities and sample.layers and (sample.films or not thick):
             raise ValueError(f"{m.source}: R_back of films is not fitted; leave the column out.")
         _check_wavelengths(m, sample)
-    closed = sample.media[-1].index == sample.media[0].index
-    if thick and not (len(sample.layers) == 1 and closed):
-        raise ValueError(
-            f"the sample {str(sample)!r}: a thick layer is fitted alone and between equal media, "
-            "'air | cauchy 3 mm thick | air'; films on it, or another medium behind, are not."
-        )
+    if thick:
+        refuse_several_thicknesses([m.source for m in measurements])
 
 
 def _check_wavelengths(m: Measurement, sample: Sample) -> None:

@@ -17,6 +17,8 @@ from fitting.solver import START_DAMPING
 
 FEW = 8
 MANY, LANES = 1024, 64
+# Up to SEVERAL curves one group at a time: most of a call for MANY would be spent on empty lanes.
+SEVERAL = 256
 # Most lanes end within 4 evaluations; the others would make their whole group wait, so they are
 # collected and go on among themselves.
 FIRST_STEPS, MOST_STEPS = 4, 400
@@ -115,7 +117,9 @@ def run(data: Data, start: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarr
     And the further starts that the mesh offers, (E, 3, N).
     """
     count = data.curves
-    size, lanes = (FEW, FEW) if count <= FEW else (MANY, LANES)
+    size, lanes = (LANES if count <= SEVERAL else MANY), LANES
+    if count <= FEW:
+        size, lanes = FEW, FEW
 
     def one(first: int) -> tuple[np.ndarray, np.ndarray]:
         chunk = slice(first, first + size)
