@@ -19,11 +19,11 @@ import numpy as np
 
 from fitting.diagnostics import Finding
 from fitting.measurement import Measurement
+from fitting.minima import ALTERNATIVE_CHI2
 from fitting.parameters import Settings
 from fitting.result import NONE, QUADRATIC, SHARED, UNDETERMINED, Estimate, Fit
 from fitting.sample import FREE, Sample
 from fitting.search import Asked
-from fitting.minima import ALTERNATIVE_CHI2
 from fitting.wavelengths import One, fit_wavelengths, jobs, solved_each
 
 # Starts of each wavelength at one thickness; thicknesses of the first look; looks closer.

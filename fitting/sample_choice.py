@@ -27,7 +27,7 @@ OR = " or "
 
 
 def several_samples(text: Any) -> tuple[Sample, ...]:
-    """Return the samples that a text with "or", or a sequence, stands for; one is a tuple of one."""
+    """Return the samples that a text with "or", or a sequence, stands for."""
     parts = text.split(OR) if isinstance(text, str) else text
     if isinstance(parts, Sample):
         parts = (parts,)
@@ -65,8 +65,8 @@ def choose_sample(
                 "named dispersion models can be compared."
             )
     believed: Mapping[str, Any] = {**options}
-    compared = {**believed, "errors": {"auto": "scaled"}.get(options.get("errors", "auto"),
-                                                             options.get("errors", "auto"))}  # fmt: skip
+    errors = options.get("errors", "auto")
+    compared = {**believed, "errors": "scaled" if errors == "auto" else errors}
 
     def run(which: Sample, kind: str) -> Fit:
         (progress or (lambda label: None))(str(which))
