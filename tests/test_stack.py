@@ -97,3 +97,17 @@ def test_films_are_a_fresnel_term():
 def test_coherent_must_be_static():
     with pytest.raises(ValueError, match="one of them for each of the 1 layers"):
         stack(1.0, [1.0, 1.4, 1.5], [0.1], 0.5, coherent=(True, False))
+
+
+def test_gradients_of_arguments_that_broadcast():
+    wavelength, c = jnp.linspace(0.4, 0.7, 3), jnp.asarray(COSINES[:4])[:, None]
+
+    def total(n, thickness):
+        return jnp.sum(stack(c, n[:, None, None], thickness[:, None, None], wavelength).R)
+
+    n, thickness = jnp.array([1.0, 1.46, 2.3, 3.9]), jnp.array([0.1, 0.2])
+    gradient = jax.grad(total, (0, 1))(n, thickness)
+    for i in range(2):
+        step = 1e-6 * (jnp.arange(2) == i)
+        slope = (total(n, thickness + step) - total(n, thickness - step)) / 2e-6
+        np.testing.assert_allclose(gradient[1][i], slope, rtol=1e-7)
