@@ -17,7 +17,9 @@ def _orso(folder, number):
     return layers, data[:, 0], data[:, 1]
 
 
-@pytest.mark.parametrize(("number", "within"), [(0, 1e-4), (1, 1e-4), (2, 1e-4), (3, 1e-4), (6, 1e-4), (7, 1e-4)])
+@pytest.mark.parametrize(
+    ("number", "within"), [(0, 1e-4), (1, 1e-4), (2, 1e-4), (3, 1e-4), (6, 1e-4), (7, 1e-4)]
+)
 def test_neutron_stacks_of_orso(measured_files, number, within):
     folder = measured_files / "orso"
     layers, Q, R = _orso(folder, number)
