@@ -10,7 +10,8 @@ regular: k cannot be negative, so that its interval holds 97.5 % at k = 0 and no
 The statistical error of a share near .95 is .2 % (one sigma).
 
 Then the same of measurements drawn at random (`random_measurements`: angles, quantity, noise,
-media, materials): one repeat of each, by quantity, class and lowest angle, of all fits that converged.
+media, materials): one repeat of each, by quantity, class and lowest angle, of all fits that
+converged.
 
     python -m benchmarks.fit_coverage [--repeats 10000] [--curves 100000] [--seed 1]
 """

@@ -17,12 +17,23 @@ if TYPE_CHECKING:
     from fitting.measurement import Measurement
 
 
+def _version() -> str | None:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("fresnel-jax")
+    except PackageNotFoundError:
+        return None
+
+
 def json_text(result: FitResult, measurement: Measurement) -> str:
     """Return the fit as a JSON object, a field a line, with the names of ``FitResult.to_dict``.
 
-    NaN is null. Two fields come first that the fit does not know: ``source`` and ``understood``.
+    NaN is null. Three fields come first that the fit does not know: ``version`` of the program,
+    ``source`` and ``understood``.
     """
     fields = {
+        "version": _version(),
         "source": measurement.source,
         "understood": measurement.understood,
         **result.to_dict(),

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from fitting.index.fit import FitResult
     from fitting.measurement import Measurement
 
+# An rms of R below that is rounding: eps times some units.
+ROUNDING = 1e-15
 _LABEL = 13
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
@@ -56,7 +58,10 @@ def between(low: float, high: float) -> str:
     exponent = math.floor(math.log10(high - low))
     decimals = 1 - exponent
     if not 0 <= decimals <= 9:
-        return f"{low:.6g} to {high:.6g}"
+        # As many digits as tell the ends apart, of a very narrow interval too.
+        size = math.floor(math.log10(max(abs(low), abs(high))))
+        digits = min(max(6, size - exponent + 2), 17)
+        return f"{low:.{digits}g} to {high:.{digits}g}"
     return f"{low:.{decimals}f} to {high:.{decimals}f}" if low else f"0 to {high:.{decimals}f}"
 
 
@@ -132,7 +137,8 @@ def _one_curve(result: FitResult) -> list[tuple[str, str]]:
         rows.append(("chi2/dof", f"{each}  ({number(result.chi2)} / {result.dof})"))
     else:
         rows.append(("dof", str(result.dof)))
-    rows.append(("rms", f"{number(result.rms, 3)}  (of R, unweighted)"))
+    rms = f"{number(result.rms, 3)}  (of R, unweighted)"
+    rows.append(("rms", "0, to the rounding of the data" if result.rms < ROUNDING else rms))
     if errors := _errors_text(result):
         rows.append(("errors", errors))
     rows.append(("status", f"{result.status}, {result.iterations} evaluations"))
