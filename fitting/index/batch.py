@@ -238,18 +238,16 @@ def minima(data: Data, points: np.ndarray | None = None) -> tuple[Minima, Data]:
     if not data.curves:
         return _minima(data, points), data
     data, kinds = with_mesh(data)
-    found = None
+    shape = len(Solved._fields), data.curves
+    best, other = np.full(shape, np.nan), np.full(shape, np.nan)
     for mesh in dict.fromkeys(kinds.tolist()):
         mine = np.flatnonzero(kinds == mesh)
         if len(mine) == data.curves:
             return _minima(data, points), data
         part = data.take(mine)._replace(mesh=mesh)
         new = _minima(part, None if points is None else points[:, mine])
-        if found is None:
-            found = Minima(*(np.full((len(Solved._fields), data.curves), np.nan) for _ in new))
-        for whole, some in zip(found, new, strict=True):
-            whole[:, mine] = np.array(some)
-    return Minima(*(Solved(*np.asarray(a)) for a in found)), data
+        best[:, mine], other[:, mine] = np.array(new.best), np.array(new.other)
+    return Minima(Solved(*best), Solved(*other)), data
 
 
 def _minima(data: Data, points: np.ndarray | None) -> Minima:
