@@ -7,7 +7,7 @@ program: curves are filled up to `MOST_ANGLES` with gaps.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,7 +43,7 @@ class Batch(NamedTuple):
     noise: np.ndarray
     data: dict[str, np.ndarray]
 
-    def padded(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    def padded(self) -> tuple[np.ndarray, dict[str, Any]]:
         """Return angles (MOST_ANGLES,) and data with gaps after the last angle."""
         more = MOST_ANGLES - len(self.geometry.angles)
         angles = np.pad(self.geometry.angles, (0, more), mode="edge")
