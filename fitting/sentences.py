@@ -88,6 +88,8 @@ SENTENCES: dict[str, Sentence] = {
         "clear crystal look like a k of .03); then it is the index of no material."
     ),
     "pseudo_index_misfit": wording.pseudo_misfit,
+    "files_exclude": wording.files_exclude,
+    "shared_pattern": wording.shared_pattern,
     "choice_alike": wording.choice_alike,
     "choice_undetermined": lambda v: (
         "no candidate is determined by these data; the best of them is shown."

@@ -28,12 +28,12 @@ MEMBER = (
 
 
 def mirror(v: Mapping[str, Any]) -> str:
-    said = "the data are those of a strong mirror and do not determine eta and k"
+    said = "the data are those of a perfect mirror, or of one as good within their noise"
     if not v["least_reflectance"] > 0.0:
-        return said + ": R = 1 at every angle fits as well."
+        return said + ": they do not determine eta and k."
     return (
         f"{said}: every index with the same reflectance at normal incidence fits as well. That is "
-        f"at least {v['least_reflectance']:.4f} (95 %); nothing else is known."
+        f"at least {v['least_reflectance']:.4f} (95 %); nothing else is known of eta and k."
     )
 
 
@@ -66,9 +66,33 @@ def not_seen(v: Mapping[str, Any]) -> str:
 
 
 def does_not_describe(v: Mapping[str, Any]) -> str:
+    noise = ""
+    if v.get("noise", np.nan) > 0.0:
+        noise = (
+            f", {v['rms'] / v['noise']:.2g} times the noise that neighbouring points show "
+            f"({num(v['noise'])})"
+        )
     return (
-        f"the fitted curve misses the data by {num(v['rms'])} (rms): {v['sample']} does not "
+        f"the fitted curve misses the data by {num(v['rms'])} (rms){noise}: {v['sample']} does not "
         "describe them."
+    )
+
+
+def files_exclude(v: Mapping[str, Any]) -> str:
+    (one, other), (a, b), (da, db) = v["files"], v["values"], v["sigmas"]
+    return (
+        f"the files exclude each other: {v['parameter']} is {a:.5g} +- {da:.2g} by {one} alone and "
+        f"{b:.5g} +- {db:.2g} by {other} alone, {v['apart']:.2g} standard errors apart. They are "
+        "not of one sample, or one of them is off; the values average what cannot both be right."
+    )
+
+
+def shared_pattern(v: Mapping[str, Any]) -> str:
+    return (
+        f"the residuals of all wavelengths share a pattern along the angle (probability by chance "
+        f"{v['probability']:.1g}): the mean of {v['quantity']} at {v['angle_deg']:g} degrees is "
+        f"{v['mean']:+.2g} standard errors off. One index does not describe the data, or the "
+        "angles or intensities are off."
     )
 
 
@@ -161,7 +185,10 @@ def chi2_large(v: Mapping[str, Any]) -> str:
 
 def chi2_small(v: Mapping[str, Any]) -> str:
     outliers = ", without the outliers," * bool(v.get("robust"))
-    then = "; the errors of the parameters are scaled down by that" * (v["errors"] == "scaled")
+    then = {
+        "scaled": "; the errors of the parameters are scaled down by that",
+        "kept": ". The residuals are in order: the errors of the parameters are not scaled down",
+    }.get(v["errors"], "")
     return (
         f"reduced chi2{outliers} is {num(v['chi2_reduced'])}: the residuals are only "
         f"{v['factor']:.2g} times the stated errors, which look too large{then}."

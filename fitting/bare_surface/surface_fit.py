@@ -13,16 +13,19 @@ from fitting.bare_surface.arrange import Arranged, of_arrays, of_measurement
 from fitting.bare_surface.batch import fitted_curves
 from fitting.bare_surface.common_error import Taken, with_common_error
 from fitting.bare_surface.curves import SurfaceCurves
-from fitting.bare_surface.misfit import ENOUGH, order_of_residuals
+from fitting.bare_surface.residual_order import Order, order_of_residuals
 from fitting.bare_surface.surface_findings import findings, shaped
-from fitting.diagnostics import Finding
+from fitting.diagnostics import Finding, Warning
 from fitting.measurement import Measurement
 from fitting.observations import missing_errors
+from fitting.pattern import pooled_pattern
 from fitting.result import (
     AT_LOWER,
     CONVERGED,
     FITTED,
+    NO_DATA,
     NONE,
+    NOT_CONVERGED,
     UNDETERMINED,
     Alternative,
     ErrorModel,
@@ -136,12 +139,17 @@ def fit_bare_surface(
         curve_names=quantities, evaluator=evaluator._replace(measurement=measurement),
         rms_of=_rms_of(a, f, measurement),
     )  # fmt: skip
-    if np.max(found.n_data) < ENOUGH:
-        return found
     channel, curve, place = a.rows
     fitted = fitted_curves(a.data, f.solved)[channel, curve, place]
+    known = ~np.isin(np.atleast_1d(found.status), (NO_DATA, NOT_CONVERGED))
+    fitted = np.where(known[curve], fitted, np.nan)
     weighed = _with_floor(found, measurement)
-    found = with_order_of_residuals(found, weighed, fitted, a.stated)
+    found = _with_order(found, order_of_residuals(weighed, fitted, a.stated))
+    pooled = pooled_pattern(weighed, fitted, a.stated)
+    if pooled is not None:
+        found = replace(
+            found, notes=(*found.notes, Warning("shared_pattern", {}, pooled._asdict()))
+        )
     return widened(found) if errors == "auto" else found
 
 
@@ -214,13 +222,25 @@ def _rms_of(a: Arranged, f: Answer, m: Measurement) -> dict[str, Any]:
     return {next(iter(names)): shaped(rms, a)} if len(names) == 1 else {}
 
 
-def with_order_of_residuals(found: Fit, m: Measurement, fitted: np.ndarray, stated: bool) -> Fit:
-    """Return the fit with the finding on residuals that are no noise, where there are such."""
-    at, values = order_of_residuals(found, m, fitted, stated)
-    if not at.any():
-        return found
-    reshaped = {name: v.reshape(found.shape) for name, v in values.items()}
-    new = Finding("residuals_in_order", at.reshape(found.shape), {"along": "angle", **reshaped})
-    order = list(SENTENCES)
-    both = sorted([*found.findings, new], key=lambda f: order.index(f.code))
-    return replace(found, findings=tuple(both))
+def _with_order(found: Fit, order: Order) -> Fit:
+    """Return the fit with what its residuals say: an order, and a misfit larger than the noise."""
+    shape = found.shape
+    of_rms = {"rms": np.atleast_1d(found.rms), "noise": order.noise}
+    new = {
+        "residuals_in_order": (order.correlation, {
+            "correlation": order.correlation, "chance": order.chance
+        }),
+        "does_not_describe": (order.noise, of_rms),
+    }  # fmt: skip
+    texts = {
+        "residuals_in_order": {"along": "angle"},
+        "does_not_describe": {"sample": "one bare surface"},
+    }  # fmt: skip
+    kept = [f for f in found.findings if f.code not in new]
+    for code, (where, values) in new.items():
+        at = np.isfinite(where)
+        if at.any():
+            reshaped = {name: v.reshape(shape) for name, v in values.items()}
+            kept.append(Finding(code, at.reshape(shape), {**texts[code], **reshaped}))
+    rank = list(SENTENCES)
+    return replace(found, findings=tuple(sorted(kept, key=lambda f: rank.index(f.code))))
