@@ -1,4 +1,4 @@
-"""The files of pictures: formats, the same bytes each time, fonts, names, and missing matplotlib."""
+"""The files of pictures: formats, the same bytes each time, fonts, names, missing matplotlib."""
 
 import importlib.util
 import struct
