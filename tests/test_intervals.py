@@ -188,9 +188,9 @@ def test_noise_decides_at_which_end_of_the_valley_a_fit_near_the_normal_lies_and
     undetermined = found.status == "undetermined"
     assert undetermined.mean() > 0.95
     # Whichever end the best fit lies at, its range holds it, and the truth at the other end.
-    known = undetermined & np.isfinite(found.eta_interval).all(-1)
+    known = undetermined & np.isfinite(found.parameters["eta"].interval).all(-1)
     assert known.mean() > 0.8  # of the others the valley could not be followed
-    low, high = found.eta_interval[known].T
+    low, high = found.parameters["eta"].interval[known].T
     eta = found.eta[known]
     assert ((low <= eta) & (eta <= high)).all()
     assert ((low <= 3.5) & (high >= 3.5)).mean() > 0.9
