@@ -131,8 +131,8 @@ def real_sqrt(x: Array) -> tuple[Array, Array]:
     At x = 0 the derivative is infinite; 0 is returned.
     """
     root = jnp.sqrt(jnp.abs(x))
-    zero = jnp.zeros_like(root)
-    return jnp.where(x >= 0.0, root, zero), jnp.where(x >= 0.0, zero, root)
+    # Neither comparison holds for NaN, which must not become an exact 0: that is a perfect mirror.
+    return jnp.where(x < 0.0, 0.0, root), jnp.where(x > 0.0, 0.0, root)
 
 
 @real_sqrt.defjvp

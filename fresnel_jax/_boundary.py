@@ -71,10 +71,26 @@ def boundary(c: Array, n: Array, k: Array | None, m: Array | None) -> Boundary:
     )
 
 
+@jax.custom_jvp
+def within_one(c: Array) -> Array:
+    """min(|c|, 1): a cosine whose sign does not count.
+
+    A dot product of unit vectors exceeds 1 by an eps or two. It means normal incidence, and gets
+    the value and the derivative of |c| = 1: a derivative of 0 would stop a search that meets it.
+    Differentiated from above at c = 0.
+    """
+    return jnp.minimum(jnp.abs(c), 1.0)
+
+
+@within_one.defjvp
+def _within_one_jvp(primals, tangents):
+    c, sign = unsigned(primals[0])
+    return c, sign * tangents[0]
+
+
 def unsigned(c: Array) -> tuple[Array, Array]:
-    """|c| and the sign d|c|/dc, which is +1 at c = 0: cosines are differentiated from above."""
-    sign = jnp.where(c < 0.0, -1.0, 1.0).astype(c.dtype)
-    return jnp.where(c < 0.0, -c, c), sign
+    """`within_one`, and the sign that its derivative has."""
+    return within_one(c), jnp.where(c < 0.0, -1.0, 1.0).astype(c.dtype)
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(3,))

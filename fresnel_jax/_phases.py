@@ -20,16 +20,15 @@ of log(r_p) minus that of log(r_s) would cancel near normal incidence.
 """
 
 import jax
-import jax.numpy as jnp
 
 from ._arithmetic import reciprocal_or_zero, squared_modulus, times
-from ._boundary import Boundary, boundary, unsigned
+from ._boundary import Boundary, boundary, unsigned, within_one
 
 
 @jax.custom_jvp
 def phases_kernel(c, n, k, m):
     """Re f, Im f, Re g, Im g for real c (sign ignored), n, k, m of one dtype."""
-    return _values(boundary(jnp.abs(c), n, k, m), k, m)
+    return _values(boundary(within_one(c), n, k, m), k, m)
 
 
 def _values(q: Boundary, k, m):

@@ -23,7 +23,7 @@ from jax import lax
 from jax.custom_derivatives import SymbolicZero
 
 from ._arithmetic import Complex, one_if_zero, reciprocal_or_zero, squared_modulus, times
-from ._boundary import Boundary, boundary, unsigned
+from ._boundary import Boundary, boundary, unsigned, within_one
 
 # Every function here takes n, k, m as boundary does: k None is exactly 0, m None exactly 1, so
 # that the usual lossless or vacuum-side case pays for no more than it needs. The kernels ignore
@@ -33,7 +33,7 @@ from ._boundary import Boundary, boundary, unsigned
 @jax.custom_jvp
 def powers_kernel(c, n, k, m):
     """R_s, R_p, T_s, T_p."""
-    q = boundary(jnp.abs(c), n, k, m)
+    q = boundary(within_one(c), n, k, m)
     return *_reflected(q, k, m), *_transmitted(q, m)
 
 

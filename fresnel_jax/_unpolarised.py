@@ -35,7 +35,7 @@ from ._arithmetic import (
     times,
     two_product,
 )
-from ._boundary import lossless_sums, unsigned
+from ._boundary import lossless_sums, unsigned, within_one
 from ._powers import _along, contrast_over_s2
 
 
@@ -47,7 +47,7 @@ def unpolarised_kernel(c, n, k, m, compensated=True):
     near the critical angle (at most 40 sqrt(eps) / c; for |N| < m both times (m / |N|)^2) and the
     same elsewhere, at .6 of the cost.
     """
-    c = jnp.abs(c)
+    c = within_one(c)
     re_q2 = lossless_sums(c, n, m, exactly=False)[0] if compensated else _re_q2_plain(c, n, m)
     p = _Parts(c, n, k, m, _root(re_q2, n, k, complex_sqrt))
     return _reflected(p, reciprocal_or_zero(p.s2), p.u / one_if_zero(p.x2))

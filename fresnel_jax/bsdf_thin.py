@@ -12,6 +12,7 @@ from ._scattering import (
     assemble,
     choose_lobe,
     local_direction,
+    nothing,
 )
 from ._vectors import Vector, as_float
 from .interface import powers
@@ -51,7 +52,7 @@ class ThinDielectric(eqx.Module):
         self, wo: ArrayLike, wi: ArrayLike, mode: TransportMode = TransportMode.RADIANCE
     ) -> Array:
         """0, shape (...): all scattering is a delta distribution."""
-        return jnp.zeros_like(local_direction(wo, "wo")[0].z + local_direction(wi, "wi")[0].z)
+        return nothing(self, local_direction(wo, "wo")[0], local_direction(wi, "wi")[0])
 
     def density(self, wo: ArrayLike, wi: ArrayLike, lobes: Lobes = Lobes.ALL) -> Array:
         """0, shape (...)."""
@@ -68,9 +69,9 @@ class ThinDielectric(eqx.Module):
         """Mirrors wo if u_lobe < R' / (R' + T'), goes straight on otherwise. `u` is not used."""
         o, leaves = local_direction(wo, "wo")
         reflected, transmitted = self.powers(o.z)
-        nothing = jnp.zeros_like(reflected)
-        reflected = reflected if Lobes.REFLECTION in lobes else nothing
-        transmitted = transmitted if Lobes.TRANSMISSION in lobes else nothing
+        none = jnp.zeros_like(reflected)
+        reflected = reflected if Lobes.REFLECTION in lobes else none
+        transmitted = transmitted if Lobes.TRANSMISSION in lobes else none
         reflection, power, probability, possible = choose_lobe(u_lobe, reflected, transmitted)
         valid = leaves & possible
         return assemble(

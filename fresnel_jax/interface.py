@@ -28,13 +28,14 @@ and stands in `_boundary`, `_powers` and `_amplitudes`.
 """
 
 import functools
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
 from ._amplitudes import amplitudes_kernel
+from ._arguments import as_floats, real, structure
 from ._powers import powers_kernel
 from ._unpolarised import unpolarised_kernel
 
@@ -67,57 +68,19 @@ class Amplitudes(NamedTuple):
     t_p: Array
 
 
-def _structure(cos_theta_i, eta, k, eta_i):
-    """The arguments with an exact Python 0 for k, or 1 for eta_i, replaced by None.
-
-    None is structure, not a value: the program for lossless media or for light from vacuum leaves
-    out what they do not need. A complex eta is taken apart here.
-    """
-    shapes = [jnp.shape(x) for x in (cos_theta_i, eta, k, eta_i)]
-    try:
-        jnp.broadcast_shapes(*shapes)
-    except ValueError:
-        raise ValueError(
-            "the shapes of cos_theta_i, eta, k and eta_i, "
-            f"{', '.join(map(str, shapes))}, do not broadcast to one shape; "
-            "add axes of length 1 so that they do, e.g. eta[:, None]"
-        ) from None
-    if jnp.iscomplexobj(eta):
-        if not _is_exactly(k, 0):
-            raise ValueError("a complex eta already contains k; leave the argument k out")
-        eta, k = jnp.real(eta), jnp.imag(eta)
-    for name, value in (("cos_theta_i", cos_theta_i), ("k", k), ("eta_i", eta_i)):
-        if jnp.iscomplexobj(value):
-            raise ValueError(f"{name} is complex, a real number is wanted; only eta may be complex")
-    k = None if _is_exactly(k, 0) else k
-    eta_i = None if _is_exactly(eta_i, 1) else eta_i
-    return cos_theta_i, eta, k, eta_i
-
-
-def _is_exactly(value, number: int) -> bool:
-    # Not a NumPy scalar, whose dtype counts.
-    return type(value) in (int, float) and value == number
-
-
-def _as_floats(cos_theta_i, eta, k, eta_i) -> tuple[Any, ...]:
-    given = [x for x in (cos_theta_i, eta, k, eta_i) if x is not None]
-    dtype = jnp.result_type(*given, 1.0)
-    return tuple(None if x is None else jnp.asarray(x, dtype) for x in (cos_theta_i, eta, k, eta_i))
-
-
 @jax.jit
 def _jit_powers(*arguments):
-    return Powers(*powers_kernel(*_as_floats(*arguments)))
+    return Powers(*powers_kernel(*as_floats(*arguments)))
 
 
 @functools.partial(jax.jit, static_argnums=4)
 def _jit_reflectance(cos_theta_i, eta, k, eta_i, compensated):
-    return unpolarised_kernel(*_as_floats(cos_theta_i, eta, k, eta_i), compensated)
+    return unpolarised_kernel(*as_floats(cos_theta_i, eta, k, eta_i), compensated)
 
 
 @jax.jit
 def _jit_amplitudes(*arguments):
-    c, n, k, m = _as_floats(*arguments)
+    c, n, k, m = as_floats(*arguments)
     k = jnp.zeros_like(n) if k is None else k
     m = jnp.ones_like(n) if m is None else m
     return Amplitudes(*amplitudes_kernel(c, n, k, m))
@@ -125,7 +88,7 @@ def _jit_amplitudes(*arguments):
 
 @jax.jit
 def _jit_dielectric(cos_theta_i, eta):
-    c, eta, _, _ = _as_floats(cos_theta_i, eta, None, None)
+    c, eta, _, _ = as_floats(cos_theta_i, eta, None, None)
     inside = c < 0.0
     # 1 and eta change places; 1 / eta would lose the digits that count near the critical angle
     n, m = jnp.where(inside, 1.0, eta), jnp.where(inside, eta, 1.0)
@@ -155,7 +118,7 @@ def powers(
     Raises:
         ValueError: the shapes do not broadcast, or an argument other than eta is complex.
     """
-    return _jit_powers(*_structure(cos_theta_i, eta, k, eta_i))
+    return _jit_powers(*structure(cos_theta_i, eta, k, eta_i))
 
 
 def reflectance(
@@ -177,7 +140,7 @@ def reflectance(
             the angle itself within 40 sqrt(eps) / cos_i (6e-7 in float64, .014 in float32); both
             times abs(eta_i / N)^2 where that is above 1.
     """
-    arguments = _structure(cos_theta_i, eta, k, eta_i)
+    arguments = structure(cos_theta_i, eta, k, eta_i)
     return _jit_reflectance(*arguments, bool(compensated))
 
 
@@ -197,7 +160,7 @@ def amplitudes(
         `Amplitudes(r_s, r_p, t_s, t_p)`; complex64 for float32 arguments, complex128 for float64.
         In the other sign convention, exp(+i w t) and eta - ik, all four are conjugated.
     """
-    return _jit_amplitudes(*_structure(cos_theta_i, eta, k, eta_i))
+    return _jit_amplitudes(*structure(cos_theta_i, eta, k, eta_i))
 
 
 def fresnel_dielectric(cos_theta_i: ArrayLike, eta: ArrayLike) -> Array:
@@ -213,7 +176,8 @@ def fresnel_dielectric(cos_theta_i: ArrayLike, eta: ArrayLike) -> Array:
     Source: `FrDielectric`, Physically Based Rendering, 4th ed., sec. 9.3.5. There eta = 1 gives
     R = 1 at cos = 0; here 0.
     """
-    _structure(cos_theta_i, eta, 0.0, 1.0)
+    cos_theta_i, eta = (real(x, name) for x, name in ((cos_theta_i, "cos_theta_i"), (eta, "eta")))
+    structure(cos_theta_i, eta, 0.0, 1.0)
     return _jit_dielectric(cos_theta_i, eta)
 
 
