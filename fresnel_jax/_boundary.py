@@ -26,6 +26,7 @@ from ._arithmetic import (
     fast_two_sum,
     opaque,
     real_sqrt,
+    squared_modulus,
     sum_exactly,
     two_product,
     two_square,
@@ -37,6 +38,7 @@ class Boundary(NamedTuple):
     difference: Array  # n - m
     total: Array  # n + m
     q: tuple[Array, Array]
+    rho: Array  # |Q|^2
     y: Complex
     s: tuple[Array, Array]
     x: tuple[Array, Array]
@@ -48,11 +50,12 @@ def boundary(c: Array, n: Array, k: Array | None, m: Array | None) -> Boundary:
     re_q2, re_y = lossless_sums(c, n, m, exactly=True)
     re_q2, re_y = computed_once(re_q2), computed_once(re_y)
     if k is None:
-        q = real_sqrt(re_q2)
+        q, rho = real_sqrt(re_q2), jnp.abs(re_q2)
         y = (re_y, None)
     else:
         # k^2 needs no care: where n^2 - m^2 s^2 cancels against it, Im Q^2 = 2nk is larger
         q = complex_sqrt(re_q2 - k * k, 2.0 * n * k)
+        rho = squared_modulus(q)
         ck = c * k
         y = (re_y - ck * ck, 2.0 * (c * n) * ck)
     one_or_m = 1.0 if m is None else m
@@ -64,6 +67,7 @@ def boundary(c: Array, n: Array, k: Array | None, m: Array | None) -> Boundary:
         difference=n - one_or_m,
         total=n + one_or_m,
         q=q,
+        rho=rho,
         y=y,
         s=(mc + a, b),
         x=(mc * a + ms_squared, mc * b),
