@@ -75,12 +75,12 @@ def _of_norm(exact: Exact, gradients, variables, floor):
 
 def _power_gradients(exact: Exact, eps, tiny, variables):
     of_R = exact.power_gradients()
-    return _of_norm(exact, [*of_R, *([-g for g in x] for x in of_R)], variables, _NO_GRADIENT)
+    return _of_norm(exact, [*of_R, *([-g for g in x] for x in of_R)], variables, max(tiny / eps, _NO_GRADIENT))
 
 
 def _reflectance_gradient(exact: Exact, eps, tiny, variables):
     of_s, of_p = exact.power_gradients()
-    return _of_norm(exact, [[(a + b) / 2 for a, b in zip(of_s, of_p, strict=True)]], variables, _NO_GRADIENT)
+    return _of_norm(exact, [[(a + b) / 2 for a, b in zip(of_s, of_p, strict=True)]], variables, max(tiny / eps, _NO_GRADIENT))
 
 
 def _amplitude_gradients(exact: Exact, eps, tiny, variables):
@@ -98,7 +98,7 @@ def _psi_delta_gradients(exact: Exact, eps, tiny, variables):
     modulus = gmpy2.sqrt(modulus2)
     psi = [x.real * modulus / (1 + modulus2) for x in log]
     delta = [-x.imag for x in log]
-    return _of_norm(exact, [psi, delta], variables, _NO_GRADIENT)
+    return _of_norm(exact, [psi, delta], variables, max(tiny / eps, _NO_GRADIENT))
 
 
 QUANTITIES = {

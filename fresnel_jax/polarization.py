@@ -34,7 +34,7 @@ from jaxtyping import Array, ArrayLike
 from ._arguments import as_floats, check_extinction, real, structure
 from ._arithmetic import reciprocal_or_zero
 from ._boundary import boundary, within_one
-from ._phases import phases_kernel
+from ._phases import phases_kernel, psi_kernel
 from .interface import amplitudes, powers
 
 
@@ -91,9 +91,9 @@ def _jit_ratio(*arguments):
 
 @jax.jit
 def _jit_psi_delta(*arguments):
-    # |g| is never 0: no floating-point cosine is that of Brewster's angle exactly.
-    _, _, g_re, g_im = phases_kernel(*_all_floats(*arguments))
-    return PsiDelta(jnp.arctan(jnp.sqrt(g_re * g_re + g_im * g_im)), _angle(g_im, -g_re))
+    arguments = _all_floats(*arguments)
+    _, _, g_re, g_im = phases_kernel(*arguments)
+    return PsiDelta(psi_kernel(*arguments), _angle(g_im, -g_re))
 
 
 def _mueller(R_s, R_p, product):
