@@ -39,9 +39,7 @@ def random_points(random, size: int, dtype) -> list[np.ndarray]:
         random.uniform(0.05, 6.0, size), decades(-6.0, 8.0), decades(-1.0, 1.0),
         m * (1.0 + random.choice([-1.0, 1.0], size) * decades(-18.0, -0.5)),
     )  # fmt: skip
-    k = chosen(
-        np.zeros(size), decades(-30.0, 8.0), decades(-3.0, 1.0), n * decades(-9.0, 3.0)
-    )
+    k = chosen(np.zeros(size), decades(-30.0, 8.0), decades(-3.0, 1.0), n * decades(-9.0, 3.0))
     c = chosen(
         random.uniform(0.0, 1.0, size), decades(-12.0, 0.0), 1.0 - decades(-17.0, 0.0),
         np.sqrt(np.abs((1.0 - n / m) * (1.0 + n / m))), m / np.hypot(np.hypot(n, k), m),

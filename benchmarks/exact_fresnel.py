@@ -33,7 +33,8 @@ class Exact:
         self.dN = (mpc(0), mpc(1), mpc(0, 1), mpc(0))
         dm, dc = (0, 0, 0, 1), (1, 0, 0, 0)
         self.dQ = [
-            (N * a - m * b * s2 + m * m * c * e) / Q for a, b, e in zip(self.dN, dm, dc, strict=True)
+            (N * a - m * b * s2 + m * m * c * e) / Q
+            for a, b, e in zip(self.dN, dm, dc, strict=True)
         ]
         self.r_s, self.r_p = (m * c - Q) / s, (N * N * c - m * Q) / p
         self.t_s, self.t_p = 2 * m * c / s, 2 * m * c * N / p

@@ -75,12 +75,19 @@ def _of_norm(exact: Exact, gradients, variables, floor):
 
 def _power_gradients(exact: Exact, eps, tiny, variables):
     of_R = exact.power_gradients()
-    return _of_norm(exact, [*of_R, *([-g for g in x] for x in of_R)], variables, max(tiny / eps, _NO_GRADIENT))
+    return _of_norm(
+        exact, [*of_R, *([-g for g in x] for x in of_R)], variables, max(tiny / eps, _NO_GRADIENT)
+    )
 
 
 def _reflectance_gradient(exact: Exact, eps, tiny, variables):
     of_s, of_p = exact.power_gradients()
-    return _of_norm(exact, [[(a + b) / 2 for a, b in zip(of_s, of_p, strict=True)]], variables, max(tiny / eps, _NO_GRADIENT))
+    return _of_norm(
+        exact,
+        [[(a + b) / 2 for a, b in zip(of_s, of_p, strict=True)]],
+        variables,
+        max(tiny / eps, _NO_GRADIENT),
+    )
 
 
 def _amplitude_gradients(exact: Exact, eps, tiny, variables):
@@ -132,7 +139,9 @@ def compiled(name: str, program: str):
 
     def partials(*given):
         rows = [
-            jax.jvp(function, given, tuple(jnp.full_like(x, i == j) for j, x in enumerate(given)))[1]
+            jax.jvp(function, given, tuple(jnp.full_like(x, i == j) for j, x in enumerate(given)))[
+                1
+            ]
             for i in range(len(given))
         ]
         return jnp.stack([jnp.stack(row) for row in rows], axis=1)

@@ -28,11 +28,11 @@ it cost 2e3 eps of the gradient there.
 
 import jax
 import jax.numpy as jnp
-from jax import lax
 from jax.custom_derivatives import SymbolicZero
 
 from ._arithmetic import Complex, one_if_zero, reciprocal_or_zero, squared_modulus, times
 from ._boundary import Boundary, boundary, unsigned, within_one
+from ._fence import fenced
 
 # Every function here takes n, k, m as boundary does: k None is exactly 0, m None exactly 1, so
 # that the usual lossless or vacuum-side case pays for no more than it needs. The kernels ignore
@@ -134,21 +134,10 @@ def _index_partials(g, n, k, m):
     return dn, dk, -(n * dn + (0.0 if k is None else k * dk)) / m
 
 
-def _fenced(x):
-    """x itself, rounded to the precision that it has.
-
-    XLA's CPU compiler hands the last products and sums before a reduction to another library, which
-    tore the one loop of a kernel apart (measured: a summed loss took 1.8 to 3.5 times the kernel,
-    its gradient 1.5 times; with this 1.1 and 1.2). That library does not take this operation.
-    """
-    info = jnp.finfo(x.dtype)
-    return lax.reduce_precision(x, info.nexp, info.nmant)
-
-
 def _along(partials, tangents):
     """The derivative along the tangents; what is not differentiated costs nothing."""
     terms = [
-        _fenced(partial) * tangent
+        fenced(partial) * tangent
         for partial, tangent in zip(partials, tangents, strict=True)
         if not (tangent is None or isinstance(tangent, SymbolicZero))
     ]

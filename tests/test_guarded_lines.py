@@ -1,7 +1,6 @@
 """Careful lines, each with the points that show what is lost without it."""
 
 import jax
-import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import oracle
