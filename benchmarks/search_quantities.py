@@ -12,7 +12,7 @@ import numpy as np
 from fresnel_jax import amplitudes, powers, reflectance
 from fresnel_jax.polarization import ellipsometric_ratio, psi_delta
 
-from .exact_fresnel import Exact
+from .exact_fresnel import CONTEXT, Exact
 
 # What is left out of (c, n, k, m) as a Python number, which selects a smaller program.
 PROGRAMS = {"all given": (), "no k": (2,), "no eta_i": (3,), "neither": (2, 3)}
@@ -32,6 +32,11 @@ class Quantity(NamedTuple):
     truth: Callable[[Exact, float, float], list]
     gradient: bool
     bound: float  # eps
+    small_index: float = 0.0  # further eps times (eta_i / |N|)^2
+
+    def bound_at(self, points) -> np.ndarray:
+        _, n, k, m = (np.asarray(x, float) for x in points)
+        return self.bound + self.small_index * (m / np.hypot(n, k)) ** 2
 
 
 def _powers(exact: Exact, eps, tiny):
@@ -56,7 +61,7 @@ def _ratio(exact: Exact, eps, tiny):
     return [(rho, max(abs(rho), eps**2))]
 
 
-def _of_norm(exact: Exact, gradients, variables, floor):
+def _of_norm(exact: Exact, gradients, variables, tiny):
     """Each gradient as (unit, part) of every variable, and its norm in these units.
 
     The units are those of relative changes: cos, |N|, |N|, eta_i. In plain numbers the norm would
@@ -69,7 +74,7 @@ def _of_norm(exact: Exact, gradients, variables, floor):
     for gradient in gradients:
         parts = [(units[v], gradient[v]) for v in variables]
         norm = gmpy2.sqrt(sum(gmpy2.norm(gmpy2.mpc(u * g)) for u, g in parts))
-        found.append((parts, max(norm, floor)))
+        found.append((parts, max(norm, 1e7 * tiny, _NO_GRADIENT)))
     return found
 
 
@@ -105,18 +110,20 @@ def _psi_delta_gradients(exact: Exact, eps, tiny, variables):
     modulus = gmpy2.sqrt(modulus2)
     psi = [x.real * modulus / (1 + modulus2) for x in log]
     delta = [-x.imag for x in log]
-    return _of_norm(exact, [psi, delta], variables, max(tiny / eps, _NO_GRADIENT))
+    return _of_norm(exact, [psi, delta], variables, tiny)
 
 
 QUANTITIES = {
-    "R and T of s and p": Quantity(powers, _powers, False, 8.0),
+    "R and T of s and p": Quantity(powers, _powers, False, 9.0),
     "R": Quantity(lambda *a: (reflectance(*a),), _reflectance, False, 8.0),
-    "amplitudes": Quantity(amplitudes, _amplitudes, False, 12.0),
-    "r_p / r_s": Quantity(lambda *a: (ellipsometric_ratio(*a),), _ratio, False, 12.0),
-    "gradient of R and T of s and p": Quantity(powers, _power_gradients, True, 200.0),
-    "gradient of R": Quantity(lambda *a: (reflectance(*a),), _reflectance_gradient, True, 200.0),
-    "gradient of amplitudes": Quantity(amplitudes, _amplitude_gradients, True, 200.0),
-    "gradient of psi and Delta": Quantity(psi_delta, _psi_delta_gradients, True, 200.0),
+    "amplitudes": Quantity(amplitudes, _amplitudes, False, 8.0),
+    "r_p / r_s": Quantity(lambda *a: (ellipsometric_ratio(*a),), _ratio, False, 8.0),
+    "gradient of R and T of s and p": Quantity(powers, _power_gradients, True, 50.0),
+    "gradient of R": Quantity(
+        lambda *a: (reflectance(*a),), _reflectance_gradient, True, 50.0, 4.0
+    ),
+    "gradient of amplitudes": Quantity(amplitudes, _amplitude_gradients, True, 50.0, 4.0),
+    "gradient of psi and Delta": Quantity(psi_delta, _psi_delta_gradients, True, 50.0, 4.0),
 }
 
 
@@ -156,7 +163,6 @@ def errors(name: str, program: str, points, dtype) -> np.ndarray:
     eps, tiny = float(info.eps), float(info.tiny)
     ours = np.asarray(compiled(name, program)(*(jnp.asarray(points[i], dtype) for i in variables)))
     worst = np.zeros(len(points[0]))
-    from .exact_fresnel import CONTEXT
 
     with gmpy2.context(CONTEXT):
         for i, point in enumerate(zip(*points, strict=True)):

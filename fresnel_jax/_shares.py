@@ -1,4 +1,4 @@
-"""Reflected and transmitted power between lossless media, for unpolarised light.
+"""Reflected and transmitted power between lossless media, for unpolarized light.
 
 A BSDF needs R and T but not their s and p parts, and R next to Brewster's angle does not vanish:
 without the exact sums that R_p needs there, the pair costs half of `interface.powers`.

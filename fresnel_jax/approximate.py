@@ -1,7 +1,7 @@
 """Approximations of the reflectance of one boundary, each with its known largest error.
 
-All of them give the power reflectance of unpolarised light, for light that enters the denser medium
-or a metal; none knows total reflection, Brewster's angle of one polarisation, or phase. They
+All of them give the power reflectance of unpolarized light, for light that enters the denser medium
+or a metal; none knows total reflection, Brewster's angle of one polarization, or phase. They
 broadcast as NumPy does, keep the dtype, and work under `jit`, `vmap` and `grad`; their derivatives
 are finite everywhere. The sign of the cosine is ignored, as in `interface`.
 

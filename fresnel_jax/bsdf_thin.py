@@ -21,9 +21,9 @@ from .interface import powers
 class ThinDielectric(eqx.Module):
     """Reflection and straight transmission of a slab, all bounces between its faces summed.
 
-    For each polarisation R' = 2 R / (1 + R) and T' = (1 - R) / (1 + R) = T / (1 + R), then the mean
+    For each polarization R' = 2 R / (1 + R) and T' = (1 - R) / (1 + R) = T / (1 + R), then the mean
     of both. The mean of R taken first, as is often done, is wrong by up to .022 for eta = 1.5 and
-    .078 for 2.42, because the slab polarises the light that goes round in it. The series in its
+    .078 for 2.42, because the slab polarizes the light that goes round in it. The series in its
     printed form, R + T^2 R / (1 - R^2), is 0 / 0 at R = 1; this one has no such place.
 
     Argument: `eta` > 0, index of the slab over that of the medium on both of its sides. Only
@@ -40,7 +40,7 @@ class ThinDielectric(eqx.Module):
         return ScatteringFlags(self.eta != 1.0, always, always, ~always)
 
     def powers(self, cos_theta: ArrayLike) -> tuple[Array, Array]:
-        """R' and T' of unpolarised light at |cos_theta|, shape (...); they add to 1 in an eps."""
+        """R' and T' of unpolarized light at |cos_theta|, shape (...); they add to 1 in an eps."""
         one_face = powers(cos_theta, self.eta)
         per_s, per_p = 1.0 / (1.0 + one_face.R_s), 1.0 / (1.0 + one_face.R_p)
         return (

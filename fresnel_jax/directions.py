@@ -117,9 +117,11 @@ def refract(wi: ArrayLike, n: ArrayLike, eta: ArrayLike) -> Refraction:
     normal that lies on the side of wi, `eta` is simply eta_t / eta_i (the inverse of the ratio
     that PBRT's 3rd edition asks for).
 
-    Returns `Refraction(direction, eta, valid)`. direction: unit length to 4 eps; its cosine has a
-    relative error of a few eps, also next to the critical angle and at grazing incidence, for the
-    cosine wi . n and the index as given. eta: eta outside, 1 / eta inside. valid: False in total
+    Returns `Refraction(direction, eta, valid)`. direction: unit length to 4 eps, components within
+    a few eps. For the normal +z its cosine, the component z, has a relative error of a few eps, also
+    next to the critical angle and at grazing incidence, for the cosine wi . n and the index as
+    given. For a tilted normal the cosine is a sum of rounded components, and its error a few eps of
+    1, not of itself: where that counts, turn into the local frame first. NaN in is NaN out. eta: eta outside, 1 / eta inside. valid: False in total
     reflection and at the critical angle itself; direction is then the unit vector along the
     surface in which the evanescent wave travels, finite and with finite derivatives. The
     derivative is infinite at the critical angle (0 is returned), finite everywhere else.
@@ -211,7 +213,7 @@ def critical_angle_deg(eta: ArrayLike) -> Array:
 
 
 def brewster_angle_deg(eta: ArrayLike) -> Array:
-    """The angle of incidence at which no p-polarised light is reflected: arctan(eta).
+    """The angle of incidence at which no p-polarized light is reflected: arctan(eta).
 
     Argument: `eta` > 0, index of the medium entered over that of the medium left. Returns degrees,
     to 4 eps. Smooth. Source: Born and Wolf, Principles of Optics, sec. 1.5.3.

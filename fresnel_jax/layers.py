@@ -79,7 +79,7 @@ def slab(
         eta_i: real index > 0 of the medium before and behind the slab.
 
     Returns:
-        `Powers(R_s, R_p, T_s, T_p)` with `.R` and `.T` for unpolarised light, of the broadcast
+        `Powers(R_s, R_p, T_s, T_p)` with `.R` and `.T` for unpolarized light, of the broadcast
         shape, float32 or float64 as the arguments. R from the other face is the same. Error
         within 24 eps of R and (24 + 4 ln(1 / A)) eps of T (a transmittance of 1e-30 is a power of a
         rounded number). In total reflection R is 1 and T is 0.

@@ -1,4 +1,4 @@
-"""Polarisation after one smooth boundary: phases, psi and Delta, Mueller matrices, depths.
+"""Polarization after one smooth boundary: phases, psi and Delta, Mueller matrices, depths.
 
 Conventions, as in `interface`: time dependence exp(-i w t), absorbing index eta + ik with k >= 0,
 r_p = -r_s at normal incidence. Angles that come out are radians. Every function takes its
@@ -15,9 +15,10 @@ Stokes vectors are (I, Q, U, V) = (|E_s|^2 + |E_p|^2, |E_s|^2 - |E_p|^2, 2 Re E_
 propagation are right-handed. V > 0: the field turns counterclockwise for an observer who looks into
 the beam. With Q measured from p instead, as ellipsometers do, Q and U (or V) change sign.
 
-Accuracy over the sets of `interface`, where published forms fail: 2 pi eps for phases, 12 eps of
-Delta, psi, rho and depths themselves (however small), 24 eps of R for Mueller matrices; gradients
-of phases, psi and Delta 12 eps of their norm (measured: 5). At the critical angle itself
+Accuracy over the domain of `interface`: 2 pi eps for phases, 12 eps of Delta, psi and depths
+themselves (however small), 8 eps of rho, 24 eps of R for Mueller matrices; gradients of psi and
+Delta 50 + 4 (eta_i / |N|)^2 eps of their norm, in relative changes of the arguments as in
+`interface` (the second term counts at the critical angle of small indices). At the critical angle itself
 derivatives are infinite; 0 is returned.
 
 References: M. Born and E. Wolf, Principles of Optics, 7th ed., secs. 1.5 and 14.2; R. M. A. Azzam
@@ -216,7 +217,7 @@ def mueller_reflection(
         0               0                Re w      -Im w       w = r_s conj(r_p)
         0               0                Im w       Re w
 
-    Not normalised: M[0, 0] is the reflectance of unpolarised light. At normal incidence it is
+    Not normalised: M[0, 0] is the reflectance of unpolarized light. At normal incidence it is
     R diag(1, 1, -1, -1), because p and s of the reflected beam are mirrored.
     Stokes vectors as the module's docstring says. Source: Collett, sec. 8.3.
     """
@@ -231,7 +232,7 @@ def mueller_refraction(cos_theta_i: ArrayLike, eta: ArrayLike, eta_i: ArrayLike 
         0               0                sqrt(T_s T_p)    0
         0               0                0                sqrt(T_s T_p)
 
-    Normalised to power through the surface: M[0, 0] is the transmittance T of unpolarised light
+    Normalised to power through the surface: M[0, 0] is the transmittance T of unpolarized light
     (the factor eta cos_t / (eta_i cos_i) is in, the change of radiance by eta^2 / eta_i^2 is not).
     All zeros in total reflection.
 

@@ -230,7 +230,6 @@ def test_formulas_agree_with_reference_tables(measured_files, name, table):
         ("ZnSe", 10.6, 2.4028),
         ("silicon infrared", 4.0, 3.4255),
         ("germanium infrared", 10.6, 4.0038),
-        ("GaAs", 10.6, 3.2691),
     ],
 )
 def test_printed_indices_of_glasses_and_infrared_optics(name, wavelength_um, n):

@@ -101,10 +101,11 @@ class Advice:
             f"angles {_range(scene.angle_deg)} degrees from the normal",
             f"accuracy wanted of the reflectance R (a fraction, 0 to 1): {scene.accuracy:g}",
             "",
-            "Each simplification alone: upper bound of the absolute error of R, where it is largest,",
-            "and the computing time relative to the exact form. * : within the accuracy wanted.",
+            "Each simplification alone: upper bound of the absolute error of R, and where it is",
+            "largest; computing time relative to the exact form. * : within the accuracy wanted.",
             "",
-            f"{'simplification':23}{'error of R_s and R_p':33}{'error of unpolarized R':33}{'time':>8}",
+            f"{'simplification':23}{'error of R_s and R_p':33}"
+            f"{'error of unpolarized R':33}{'time':>8}",
         ]
         for label, found in self.findings.items():
             worst = (found.polarized, found.unpolarized)
