@@ -24,9 +24,9 @@ from ._arithmetic import (
     Complex,
     complex_sqrt,
     fast_two_sum,
+    modulus,
     opaque,
     real_sqrt,
-    squared_modulus,
     sum_exactly,
     two_product,
     two_square,
@@ -54,8 +54,8 @@ def boundary(c: Array, n: Array, k: Array | None, m: Array | None) -> Boundary:
         y = (re_y, None)
     else:
         # k^2 needs no care: where n^2 - m^2 s^2 cancels against it, Im Q^2 = 2nk is larger
-        q = complex_sqrt(re_q2 - k * k, 2.0 * n * k)
-        rho = squared_modulus(q)
+        square = re_q2 - k * k, 2.0 * n * k
+        q, rho = complex_sqrt(*square), modulus(*square)
         ck = c * k
         y = (re_y - ck * ck, 2.0 * (c * n) * ck)
     one_or_m = 1.0 if m is None else m

@@ -117,14 +117,15 @@ def refract(wi: ArrayLike, n: ArrayLike, eta: ArrayLike) -> Refraction:
     normal that lies on the side of wi, `eta` is simply eta_t / eta_i (the inverse of the ratio
     that PBRT's 3rd edition asks for).
 
-    Returns `Refraction(direction, eta, valid)`. direction: unit length to 4 eps, components within
-    a few eps. For the normal +z its cosine, the component z, has a relative error of a few eps, also
-    next to the critical angle and at grazing incidence, for the cosine wi . n and the index as
-    given. For a tilted normal the cosine is a sum of rounded components, and its error a few eps of
-    1, not of itself: where that counts, turn into the local frame first. NaN in is NaN out. eta: eta outside, 1 / eta inside. valid: False in total
-    reflection and at the critical angle itself; direction is then the unit vector along the
-    surface in which the evanescent wave travels, finite and with finite derivatives. The
-    derivative is infinite at the critical angle (0 is returned), finite everywhere else.
+    Returns `Refraction(direction, eta, valid)`. direction: unit length to 4 eps, components
+    within a few eps. For the normal +z its cosine, the component z, has a relative error of a few
+    eps, also next to the critical angle and at grazing incidence, for the cosine wi . n and the
+    index as given. For a tilted normal the cosine is a sum of rounded components, and its error a
+    few eps of 1, not of itself: where that counts, turn into the local frame first.
+    eta: eta outside, 1 / eta inside. valid: False in total reflection and at the critical angle
+    itself; direction is then the unit vector along the surface in which the evanescent wave
+    travels, finite and with finite derivatives. The derivative is infinite at the critical angle
+    (0 is returned), finite everywhere else. NaN in is NaN out.
     ValueError for a last axis that is not 3. Source: PBRT 4th ed. eq. 9.4, 9.5.
     """
     w, normal, eta = components(wi, "wi"), components(n, "n"), as_float(eta)

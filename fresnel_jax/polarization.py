@@ -18,8 +18,8 @@ the beam. With Q measured from p instead, as ellipsometers do, Q and U (or V) ch
 Accuracy over the domain of `interface`: 2 pi eps for phases, 12 eps of Delta, psi and depths
 themselves (however small), 8 eps of rho, 24 eps of R for Mueller matrices; gradients of psi and
 Delta 50 + 4 (eta_i / |N|)^2 eps of their norm, in relative changes of the arguments as in
-`interface` (the second term counts at the critical angle of small indices). At the critical angle itself
-derivatives are infinite; 0 is returned.
+`interface` (the second term counts at the critical angle of small indices). At the critical angle
+itself derivatives are infinite; 0 is returned.
 
 References: M. Born and E. Wolf, Principles of Optics, 7th ed., secs. 1.5 and 14.2; R. M. A. Azzam
 and N. M. Bashara, Ellipsometry and Polarized Light, 1977, sec. 4.2; E. Collett, Polarized Light,
