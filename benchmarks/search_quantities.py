@@ -41,8 +41,8 @@ class Quantity(NamedTuple):
 
 def _powers(exact: Exact, eps, tiny):
     true = exact.powers()
-    # an R below eps^2 counts as eps^2; a T next to underflow as what is left of the exponents
-    return [(x, max(x, (eps**2 if j < 2 else tiny / eps))) for j, x in enumerate(true)]
+    # an R below eps^2 counts as eps^2, and a T next to the smallest float as 1e10 of it
+    return [(x, max(x, (eps**2 if j < 2 else 1e10 * tiny))) for j, x in enumerate(true)]
 
 
 def _reflectance(exact: Exact, eps, tiny):
@@ -53,7 +53,7 @@ def _reflectance(exact: Exact, eps, tiny):
 
 def _amplitudes(exact: Exact, eps, tiny):
     values = (exact.r_s, exact.r_p, exact.t_s, exact.t_p)
-    return [(z, max(abs(z), eps**2, tiny / eps)) for z in values]
+    return [(z, max(abs(z), eps**2)) for z in values]
 
 
 def _ratio(exact: Exact, eps, tiny):
@@ -118,7 +118,7 @@ QUANTITIES = {
     "R": Quantity(lambda *a: (reflectance(*a),), _reflectance, False, 8.0),
     "amplitudes": Quantity(amplitudes, _amplitudes, False, 8.0),
     "r_p / r_s": Quantity(lambda *a: (ellipsometric_ratio(*a),), _ratio, False, 8.0),
-    "gradient of R and T of s and p": Quantity(powers, _power_gradients, True, 50.0),
+    "gradient of R and T of s and p": Quantity(powers, _power_gradients, True, 50.0, 4.0),
     "gradient of R": Quantity(
         lambda *a: (reflectance(*a),), _reflectance_gradient, True, 50.0, 4.0
     ),

@@ -21,11 +21,12 @@ Largest error over cosines from 1e-12, indices from 1e-6 to 1e8, k = 0 and from 
 eta_i from .03 to 30, in float32 and in float64, against 1,000-bit arithmetic at the exact inputs,
 as `make accuracy-search` looks for it (random points, most of them beside grazing incidence, index
 match, the critical or Brewster's angle; then a hill climb on the error): 9 eps of each R and T of s
-and p, 8 eps of `reflectance` and of amplitudes (of an R below eps^2: of eps^2).
+and p, 8 eps of `reflectance` and of amplitudes (of an R below eps^2: of eps^2; of a T
+below 1e10 times the smallest float: of that).
 
 Gradients are measured by relative changes of the arguments, (cos dR/dcos, |N| dR/deta, |N| dR/dk,
-eta_i dR/deta_i): their error is within 50 eps of the norm of that; of `reflectance` and amplitudes
-50 + 4 (eta_i / |N|)^2 eps, which counts at Brewster's and the critical angle of small indices. In
+eta_i dR/deta_i): their error is within 50 + 4 (eta_i / |N|)^2 eps of the norm of that. The second
+term counts at Brewster's and the critical angle of small indices, which are close to the normal. In
 plain numbers dR/dcos weighs |N| times as much: beside the pseudo-Brewster angle, where it passes
 through 0, it is the difference of numbers |N|^2 times as large as the other derivatives, and its
 error is a few eps of these numbers.

@@ -268,7 +268,10 @@ def test_the_cheapest_is_enough_and_nothing_cheaper_is(name):
                 for dtype, cost in advisor.FORMS[form].costs.items():
                     if cost * share < found.cost:
                         model = Model(form, bands, dtype)
-                        assert brute(name, model, light, 7, 300) > scene.accuracy, model
+                        # the bound that is held against the accuracy has a hundredth more, and
+                        # the rounding of float32
+                        seen = brute(name, model, light, 7, 300)
+                        assert 1.01 * seen + 64 * np.finfo(np.float32).eps > scene.accuracy, model
 
 
 def test_what_each_scene_needs():

@@ -26,13 +26,14 @@ LIGHT = ("s and p", "unpolarized")
 _CHUNK, _WAVELENGTH_CHUNK = 4096, 512
 # Of an exact form in float64, within 8 eps, and of the reference that it is compared with.
 _ROUNDING_64 = 7e-15
-# Float32, in its eps: half for the cosine, one for each index (its own rounding and that of eta_i),
-# then the arithmetic. R is monotonic over such a box, so that its corners hold its extremes.
+# Float32, in half eps: one for the cosine and each index (two where eta_i is rounded as well: only
+# quotients count), then the arithmetic. R is monotonic over so small a box, whose corners hold its
+# extremes.
 _EPS_32 = float(np.finfo(np.float32).eps)
 _CORNERS = {
     "float64": [(0.0, 0.0, 0.0)],
     "float32": [
-        (0.5 * c * _EPS_32, n * _EPS_32, k * _EPS_32)
+        (0.5 * c * _EPS_32, 0.5 * n * _EPS_32, 0.5 * k * _EPS_32)
         for c, n, k in itertools.product((-1.0, 1.0), repeat=3)
     ],
 }
@@ -172,8 +173,10 @@ class Boundary:
                 media, true = self.exact(wavelength, angle)
                 used = representative or media
                 eta, k, eta_i = used
+                roundings = 1.0 if (np.float32(eta_i) == eta_i).all() else 2.0
                 largest_error = np.zeros(true.shape[1:])
                 for by_c, by_n, by_k in _CORNERS[model.dtype]:
+                    by_n, by_k = roundings * by_n, roundings * by_k
                     corner = eta * (1.0 + by_n), k * (1.0 + by_k), eta_i
                     c = np.minimum(cosine(angle) * (1.0 + by_c), 1.0)
                     errors = self.evaluate(model.form, c, corner) - true
