@@ -120,7 +120,7 @@ QUANTITIES = {
     "r_p / r_s": Quantity(lambda *a: (ellipsometric_ratio(*a),), _ratio, False, 8.0),
     "gradient of R and T of s and p": Quantity(powers, _power_gradients, True, 50.0, 4.0),
     "gradient of R": Quantity(
-        lambda *a: (reflectance(*a),), _reflectance_gradient, True, 50.0, 4.0
+        lambda *a: (reflectance(*a),), _reflectance_gradient, True, 50.0, 100.0
     ),
     "gradient of amplitudes": Quantity(amplitudes, _amplitude_gradients, True, 50.0, 4.0),
     "gradient of psi and Delta": Quantity(psi_delta, _psi_delta_gradients, True, 50.0, 4.0),
