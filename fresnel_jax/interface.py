@@ -25,11 +25,12 @@ and p, 8 eps of `reflectance` and of amplitudes (of an R below eps^2: of eps^2; 
 below 1e10 times the smallest float: of that).
 
 Gradients are measured by relative changes of the arguments, (cos dR/dcos, |N| dR/deta, |N| dR/dk,
-eta_i dR/deta_i): their error is within 50 + 4 (eta_i / |N|)^2 eps of the norm of that, of `reflectance`
-50 + 100 (eta_i / |N|)^2 eps. The second term counts at Brewster's and the critical angle of small
-indices, which are close to the normal (`powers` sums exactly what `reflectance` does not). In plain numbers dR/dcos weighs |N| times as much: beside the pseudo-Brewster angle, where it passes
-through 0, it is the difference of numbers |N|^2 times as large as the other derivatives, and its
-error is a few eps of these numbers.
+eta_i dR/deta_i): their error is within 50 + 4 (eta_i / |N|)^2 eps of the norm of that, of
+`reflectance` within 50 + 100 (eta_i / |N|)^2 eps. The second term counts at Brewster's and the
+critical angle of small indices, which are close to the normal (`powers` sums exactly there what
+`reflectance` does not). In plain numbers dR/dcos weighs |N| times as much: beside the
+pseudo-Brewster angle, where it passes through 0, it is the difference of numbers |N|^2 times as
+large as the other derivatives, and its error is a few eps of these numbers.
 
 Derivatives at singular points
 ------------------------------
