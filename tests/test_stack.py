@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from fresnel_jax import amplitudes, powers
-from fresnel_jax.layers import stack
+from fresnel_jax.bsdf import FresnelStack
+from fresnel_jax.layers import slab, stack
 
 DTYPES = [np.float32, np.float64]
 COSINES = np.linspace(0.05, 1.0, 20)
@@ -68,3 +69,31 @@ def test_compiled_mapped_and_looped_calls_agree():
 def test_wrong_arguments_are_named(arguments, words):
     with pytest.raises(ValueError, match=words):
         stack(*arguments)
+
+
+def test_a_layer_that_is_not_coherent_is_the_slab():
+    for k in (0.0, 1e-6, 1e-2):
+        got = stack(COSINES, [1.2, 1.5 + 1j * k, 1.2], [100.0], 0.5, coherent=False)
+        for value, exact in zip(got[:4], slab(COSINES, 1.5, k, 100.0, 0.5, 1.2), strict=True):
+            np.testing.assert_allclose(value, exact, rtol=1e-13)
+        np.testing.assert_allclose(got.R + got.T + got.A[0], 1.0, rtol=1e-14)
+
+
+def test_transmittance_is_the_same_from_both_sides():
+    index = np.array([1.3, 2.1 + 0.2j, 0.3 + 3j, 1.7, 1.6])
+    thickness = np.array([0.1, 0.02, 0.4])
+    there = stack(COSINES, index, thickness, 0.6)
+    cosine = np.sqrt(1.0 - (1.3 / 1.6) ** 2 * (1.0 - COSINES**2))
+    back = stack(cosine, index[::-1], thickness[::-1], 0.6)
+    for a, b in zip(there[2:4], back[2:4], strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12)
+
+
+def test_films_are_a_fresnel_term():
+    model = FresnelStack([1.0, 1.46, 3.9 + 0.02j], [0.1], 0.55)
+    np.testing.assert_array_equal(model(0.7), stack(0.7, [1.0, 1.46, 3.9 + 0.02j], [0.1], 0.55).R)
+
+
+def test_coherent_must_be_static():
+    with pytest.raises(ValueError, match="one of them for each of the 1 layers"):
+        stack(1.0, [1.0, 1.4, 1.5], [0.1], 0.5, coherent=(True, False))
