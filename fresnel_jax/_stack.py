@@ -152,7 +152,9 @@ def stack(
 
     Derivatives with respect to every argument are finite and right wherever the truth is finite:
     also for a thickness of 0, k = 0 (one-sided), in total reflection and at the critical angle of
-    a layer. At that of the last medium, where they are infinite, 0 is returned for its part.
+    a layer. At that of the last medium, where they are infinite, 0 is returned for its part. In
+    total reflection at grazing incidence, where the gradient of R goes to 0 with the cosine, an
+    absolute error of some eps is left.
 
     Raises:
         ValueError: shapes that do not fit each other, a complex argument other than index, or a

@@ -101,7 +101,8 @@ def wave(re: DoubleWord, im: DoubleWord | None, x: DoubleWord, ambient2: Array) 
     over_q = times(rest, (0.5 * a * per_q2, -0.5 * b * per_q2))
     critical = q2_abs == 0.0
     sine_over_q = (jnp.where(critical, 0.0, over_q[0]), jnp.where(critical, -kappa, over_q[1]))
-    return Wave(
+    shapes = [z.shape for z in (a, kappa, ambient2)]
+    out = Wave(
         q=(a, b),
         round_trip=round_trip,
         cosine=(1.0 - 0.5 * rest[0], -0.5 * rest[1]),
@@ -111,6 +112,8 @@ def wave(re: DoubleWord, im: DoubleWord | None, x: DoubleWord, ambient2: Array) 
         sine2=0.5 * (intensity * twice_sine2),
         near_critical=(4.0 * q2_abs < ambient2) & (kappa * kappa * q2_abs < 0.25),
     )
+    # One shape: the derivative of q is masked by near_critical, which depends on the thickness too.
+    return jax.tree.map(lambda z: jnp.broadcast_to(z, jnp.broadcast_shapes(*shapes)), out)
 
 
 # (cos(z) - sin(z) / z) / z^2 = sum of these times z^(2k): -2 (k + 1) (-1)^k / (2 k + 3)!

@@ -45,10 +45,11 @@ def test_compiled_mapped_and_looped_calls_agree():
     def one(c, w):
         return stack(c, index, thickness, w)
 
-    whole = stack(jnp.asarray(COSINES)[:, None], index[:, None, None], thickness, wavelength[1])
+    cosines = jnp.asarray(COSINES)[:, None]
+    whole = stack(cosines, index[:, None, None], thickness[:, None, None], wavelength[1])
     for i, c in enumerate(COSINES[:3]):
         for a, b in zip(whole, one(c, wavelength[1]), strict=True):
-            np.testing.assert_allclose(np.ravel(a)[i], b, rtol=1e-13)
+            np.testing.assert_allclose(np.asarray(a)[..., i, 0], b, rtol=1e-12)
     mapped = jax.jit(jax.vmap(one, (None, 0)))(0.3, wavelength)
     for a, b in zip(
         mapped, stack(0.3, index[:, None], thickness[:, None], wavelength), strict=True
@@ -97,3 +98,17 @@ def test_films_are_a_fresnel_term():
 def test_coherent_must_be_static():
     with pytest.raises(ValueError, match="one of them for each of the 1 layers"):
         stack(1.0, [1.0, 1.4, 1.5], [0.1], 0.5, coherent=(True, False))
+
+
+def test_gradients_of_arguments_that_broadcast():
+    wavelength, c = jnp.linspace(0.4, 0.7, 3), jnp.asarray(COSINES[:4])[:, None]
+
+    def total(n, thickness):
+        return jnp.sum(stack(c, n[:, None, None], thickness[:, None, None], wavelength).R)
+
+    n, thickness = jnp.array([1.0, 1.46, 2.3, 3.9]), jnp.array([0.1, 0.2])
+    gradient = jax.grad(total, (0, 1))(n, thickness)
+    for i in range(2):
+        step = 1e-6 * (jnp.arange(2) == i)
+        slope = (total(n, thickness + step) - total(n, thickness - step)) / 2e-6
+        np.testing.assert_allclose(gradient[1][i], slope, rtol=1e-7)

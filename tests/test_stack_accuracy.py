@@ -111,7 +111,7 @@ def test_derivatives_of_hard_stacks():
         return jax.jacrev(powers, argnums=(0, 1, 2, 3, 4))(*z)
 
     gradients = jax.jit(jax.vmap(one, in_axes=-1))(*arguments)
-    step = mp.mpf(10) ** -30
+    step, eps = mp.mpf(10) ** -30, float(np.finfo(float).eps)
     for row, i in enumerate(chosen):
         flat = np.concatenate([np.asarray(g[row], float).reshape(4, -1) for g in gradients], axis=1)
         assert np.all(np.isfinite(flat))
@@ -134,5 +134,8 @@ def test_derivatives_of_hard_stacks():
         flat[:, 7] = truth[:, 7] = 0.0  # the first medium is lossless by choice
         norm = np.linalg.norm(truth, axis=1)
         error = np.linalg.norm(flat - truth, axis=1)
-        print(KINDS[i // CASES], error / np.where(norm > 0, norm, 1) / 2.2e-16)
-        assert np.all(error <= 2e3 * 2.2e-16 * norm + 1e-300), KINDS[i // CASES]
+        # At grazing incidence in total reflection R does not change but for losses in proportion
+        # to the cosine: what its derivatives cancel from leaves eps, which is not small there.
+        least = 16 * eps if KINDS[i // CASES] == "grazing incidence" else 0.0
+        assert np.all(error[:2] <= 200 * eps * norm[:2] + least), KINDS[i // CASES]
+        assert np.all(error[2:] <= 200 * eps * norm[2:] + 1e-300), KINDS[i // CASES]
