@@ -40,6 +40,9 @@ SENTENCES: dict[str, Sentence] = {
         "two of them. The values shown are one pair of many that fit alike."
     ),
     "not_seen": wording.not_seen,
+    "shared_not_seen": wording.shared_not_seen,
+    "other_thickness": wording.other_thickness,
+    "thin_film": wording.thin_film,
     "by_the_model_alone": lambda v: (
         "eta and k are not determined by the data alone: there is one "
         "reflectance or transmittance at each wavelength, at one angle. What separates them is the "
