@@ -71,8 +71,8 @@ def with_common_error(
     if not a.stated or errors not in ("auto", "floor"):
         return f, taken
     far = (f.dof > 0) if errors == "floor" else f.codes["chi2_large"]
-    # Not only what converged: where the better stated half of the data was fitted alone, it may have
-    # determined nothing.
+    # Not only what converged: where the better stated half of the data was fitted alone, that may
+    # have determined nothing.
     todo = np.flatnonzero(far & (f.status != NO_DATA) & np.isfinite(f.solved.cost))
     if not len(todo):
         return f, taken
