@@ -162,7 +162,7 @@ def _of_medium(medium: Medium, place: str, prefix: str, spectrum: Spectrum) -> l
     return out
 
 
-def media_of(sample: Sample) -> Media:
+def media_of(sample: Sample, spectrum: Spectrum | None = None) -> Media:
     """Return what a compiled program must know of a sample."""
     index: list[Model | Mixture | Known] = []
     for medium in sample.media[1:]:
@@ -171,7 +171,7 @@ def media_of(sample: Sample) -> Media:
         elif isinstance(medium.index, Mixture) or medium.model is None:
             index.append(medium.index)  # type: ignore
         else:
-            index.append(medium.model)
+            index.append(medium.model.over(spectrum) if spectrum else medium.model)
     layers = [m.thickness for m in sample.layers if m.thickness]
     coherent = tuple(d.coherent for d in layers)
     closed = sample.media[-1].index == sample.media[0].index
@@ -282,7 +282,7 @@ def unknowns(
         unknown, constant = unknown_of(o.parameter, o.label, said)
         (held if constant else moving).append(unknown)
     spec = Spec(
-        media=media_of(sample),
+        media=media_of(sample, spectrum),
         channels=seen.channels,
         moving=tuple(u.parameter.name for u in moving),
         coordinates=tuple(u.parameter.coordinate for u in moving),

@@ -182,3 +182,23 @@ def test_free_film_with_a_shared_thickness():
     assert abs(thickness.value - 30.0) < 4.0 * thickness.sigma < 8.0
     assert found.shape == (5,)
     assert (found.parameters["eta"].sigma > 0.0).all()
+
+
+def test_free_form_index_of_a_surface():
+    """A kk-spline finds a Tauc-Lorentz truth that it knows nothing of, and more knots nearer."""
+    waves = np.repeat(1.2398 / np.linspace(1.2, 5.5, 40), 2)
+    angle = np.tile([60.0, 70.0], 40)
+    truth = {
+        "eps_inf": 1.2, "amplitude_ev_1": 90.0, "resonance_ev_1": 4.0, "width_ev_1": 2.2,
+        "gap_ev": 1.4,
+    }  # fmt: skip
+    psi, delta = (simulate("tauc-lorentz", truth, angle, waves, q) for q in ("psi", "delta"))
+    m = Measurement.from_columns(angle, waves, psi=psi, delta=delta)
+    found = fit(m, "kk-spline:12", intervals="quadratic")
+    assert found.status == "converged"
+    at = np.linspace(0.3, 0.9, 7)
+    expected = simulate("tauc-lorentz", truth, 70.0, at, "psi")
+    shown = found.predict(np.full(7, 70.0), "psi", at).value
+    np.testing.assert_allclose(shown, expected, atol=0.5)
+    with pytest.raises(ValueError, match="cannot be simulated|not simulated"):
+        simulate("kk-spline:12", dict.fromkeys(found.names, 1.0), 60.0, 0.5, "R")
