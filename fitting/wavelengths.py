@@ -143,9 +143,7 @@ def check_wavelengths(measurement: Measurement, settings: Settings) -> None:
         )
 
 
-def jobs(
-    measurement: Measurement, sample: Sample, settings: Settings, asked: Asked
-) -> list[One]:
+def jobs(measurement: Measurement, sample: Sample, settings: Settings, asked: Asked) -> list[One]:
     """Return the fit of every wavelength, not yet solved, in rising order."""
     wavelengths, which = np.unique(measurement.wavelength_um, return_inverse=True)
     ones = []

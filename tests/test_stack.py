@@ -51,10 +51,10 @@ def test_compiled_mapped_and_looped_calls_agree():
         for a, b in zip(whole, one(c, wavelength[1]), strict=True):
             np.testing.assert_allclose(np.asarray(a)[..., i, 0], b, rtol=1e-12)
     mapped = jax.jit(jax.vmap(one, (None, 0)))(0.3, wavelength)
-    for a, b in zip(
-        mapped, stack(0.3, index[:, None], thickness[:, None], wavelength), strict=True
-    ):
-        np.testing.assert_allclose(a, b, rtol=1e-13)
+    whole = stack(0.3, index[:, None], thickness[:, None], wavelength)
+    for a, b in zip(mapped[:8], whole[:8], strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12)
+    np.testing.assert_allclose(mapped.A.T, whole.A, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
