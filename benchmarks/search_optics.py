@@ -27,14 +27,23 @@ def boundary(random, size, eps):
     m = np.where(random.random(size) < 0.5, 1.0, random.uniform(1.0, 4.0, size))
     n = np.choose(
         random.integers(0, 3, size),
-        [random.uniform(0.05, 6.0, size), decades(random, size, -2, 2), m * (1 + decades(random, size, -16, -1))],
-    )  # fmt: skip
+        [
+            random.uniform(0.05, 6.0, size),
+            decades(random, size, -2, 2),
+            m * (1 + decades(random, size, -16, -1)),
+        ],
+    )
     k = np.where(random.random(size) < 0.5, decades(random, size, -12, 2), n)
     critical = np.sqrt(np.abs(1 - (n / m) ** 2)) * (1 + eps * random.integers(-16, 17, size))
     c = np.choose(
         random.integers(0, 4, size),
-        [random.uniform(0, 1, size), decades(random, size, -9, 0), critical, 1 - decades(random, size, -16, 0)],
-    )  # fmt: skip
+        [
+            random.uniform(0, 1, size),
+            decades(random, size, -9, 0),
+            critical,
+            1 - decades(random, size, -16, 0),
+        ],
+    )
     return c, n, k, m
 
 
@@ -67,9 +76,11 @@ def _reflectance(c, n, k, m):
 
 
 def _dielectric(c, n):
-    return _reflectance(c, n, gmpy2.mpfr(0), gmpy2.mpfr(1)) if c > 0 else _reflectance(
-        -c, gmpy2.mpfr(1), gmpy2.mpfr(0), n
-    )  # fmt: skip
+    return (
+        _reflectance(c, n, gmpy2.mpfr(0), gmpy2.mpfr(1))
+        if c > 0
+        else _reflectance(-c, gmpy2.mpfr(1), gmpy2.mpfr(0), n)
+    )
 
 
 def _either_side(random, size, eps):
@@ -116,8 +127,11 @@ def _stack(c, n0, n1, k1, n2, k2, n3, k3, d1, d2, w):
         # an R below .01 counts as a tenth of its root, as docs/stacks.md states
         return [
             *((R, max(R, gmpy2.sqrt(R) / 10)) for R in (R_s, R_p)),
-            (T_s, None), (T_p, None), (r_s, gmpy2.mpfr(1)), (r_p, gmpy2.mpfr(1)),
-        ]  # fmt: skip
+            (T_s, None),
+            (T_p, None),
+            (r_s, gmpy2.mpfr(1)),
+            (r_p, gmpy2.mpfr(1)),
+        ]
 
 
 def _our_stack(c, n0, n1, k1, n2, k2, n3, k3, d1, d2, w):
@@ -127,15 +141,31 @@ def _our_stack(c, n0, n1, k1, n2, k2, n3, k3, d1, d2, w):
 
 
 def _layers(random, size, eps):
-    media = [np.choose(random.integers(0, 2, size), [random.uniform(1, 4, size), decades(random, size, -1, 0.7)])
-             for _ in range(3)]  # fmt: skip
+    media = [
+        np.choose(
+            random.integers(0, 2, size),
+            [random.uniform(1, 4, size), decades(random, size, -1, 0.7)],
+        )
+        for _ in range(3)
+    ]
     losses = [decades(random, size, -9, 0.7) for _ in range(3)]
     c = np.choose(
         random.integers(0, 3, size),
         [random.uniform(0, 1, size), decades(random, size, -6, 0), np.ones(size)],
     )
-    return (c, random.uniform(1, 2, size), media[0], losses[0], media[1], losses[1], media[2], losses[2],
-            decades(random, size, -4, 0.3), decades(random, size, -4, 0.3), random.uniform(0.3, 2, size))  # fmt: skip
+    return (
+        c,
+        random.uniform(1, 2, size),
+        media[0],
+        losses[0],
+        media[1],
+        losses[1],
+        media[2],
+        losses[2],
+        decades(random, size, -4, 0.3),
+        decades(random, size, -4, 0.3),
+        random.uniform(0.3, 2, size),
+    )
 
 
 _FILM_INDEX, _FILM_LOSS, _FILM = (0.1, 5.0), (1e-9, 5.0), (1e-4, 2.0)
@@ -149,8 +179,30 @@ def _mueller(c, n, k, m):
     w = exact.r_s * exact.r_p.conjugate()
     R, zero = (R_s + R_p) / 2, gmpy2.mpfr(0)
     D = (R_s - R_p) / 2
-    rows = (R, D, zero, zero, D, R, zero, zero, zero, zero, w.real, -w.imag, zero, zero, w.imag, w.real)  # fmt: skip
+    rows = (
+        R,
+        D,
+        zero,
+        zero,
+        D,
+        R,
+        zero,
+        zero,
+        zero,
+        zero,
+        w.real,
+        -w.imag,
+        zero,
+        zero,
+        w.imag,
+        w.real,
+    )
     return [(x, R) for x in rows]
+
+
+def _root_scale(elements):
+    """Near index match the elements r_s conj(r_p) have derivatives that cancel: eps of sqrt(R)."""
+    return elements and [(x, gmpy2.sqrt(R)) for x, R in elements]
 
 
 def _depth(w, c, n, k, m):
@@ -178,10 +230,16 @@ def directions(*columns):
 
 def two_directions(random, size, eps):
     z = [
-        np.choose(random.integers(0, 3, size),
-                  [random.uniform(-1, 1, size), decades(random, size, -6, 0), 1 - decades(random, size, -14, 0)])
+        np.choose(
+            random.integers(0, 3, size),
+            [
+                random.uniform(-1, 1, size),
+                decades(random, size, -6, 0),
+                1 - decades(random, size, -14, 0),
+            ],
+        )
         for _ in range(2)
-    ]  # fmt: skip
+    ]
     turn = [random.uniform(0, 2 * np.pi, size) for _ in range(2)]
     return z[0], turn[0], z[1], turn[1]
 
@@ -246,7 +304,11 @@ OPTICS = {
     ),
     "mueller_reflection": Function(
         boundary, BOUNDARY, lambda *a: tuple(polarization.mueller_reflection(*a).ravel()),
-        _mueller, 24.0, 100.0, shared=True,
+        _mueller, 24.0,
+    ),
+    "gradient of mueller_reflection": Function(
+        boundary, BOUNDARY, lambda *a: tuple(polarization.mueller_reflection(*a).ravel()),
+        lambda *a: _root_scale(_mueller(*a)), 24.0, 100.0, shared=True,
     ),
     "penetration_depth": Function(
         lambda r, s, e: (decades(r, s, -1, 1), *boundary(r, s, e)), ((0.1, 10.0), *BOUNDARY),
