@@ -142,10 +142,12 @@ def test_k_near_zero(seed):
         text = "hold for k = 0, their 95 % intervals for all that it may be"
         assert any(text in w.text for w in scaled.warnings)
         assert not any("intervals" in w.text for w in quadratic.warnings)
-        assert any("the standard errors of the others hold for k = 0" in w
-                   for w in quadratic.warnings)  # fmt: skip
+        text = "the standard errors of the others hold for k = 0"
+        assert any(text in w.text for w in quadratic.warnings)
         assert np.ptp(intervals(scaled)[0]) > 1.2 * np.ptp(intervals(quadratic)[0])
-        assert any("eta: 1.49" in w and "by its standard error" in w.text for w in scaled.warnings)
+        assert any(
+            "eta: 1.49" in w.text and "by its standard error" in w.text for w in scaled.warnings
+        )
 
 
 def test_a_curved_valley():
@@ -378,9 +380,8 @@ def test_the_command(glass, tmp_path, capsys):
         assert cli.main([str(file), "--sample", "constant", "--intervals", kind]) == 0
         shown[kind] = " ".join(capsys.readouterr().out.split())
     for kind in ("auto", "profile"):
-        assert re.search(
-            r"eta 1\.50\d* \+- .*1\.49\d* to 1\.5.*\(profile likelihood\)", shown[kind]
-        )
+        # no standard error beside a 95 % interval that says otherwise
+        assert re.search(r"eta 1\.50\d* 1\.49\d* to 1\.5\d* \(profile likelihood\)", shown[kind])
     assert "profile" not in shown["quadratic"]
     folder = tmp_path / "report"
     assert cli.main([str(file), "--sample", "constant", "--quiet", "--report", str(folder)]) == 0

@@ -45,8 +45,8 @@ def test_the_choice_on_the_command_line(choice, tmp_path, capsys, monkeypatch):
     here, so that the command gets what was chosen already."""
     asked = {}
 
-    def chosen(measurements, sample, **options):
-        asked.update(options, sample=str(sample))
+    def chosen(measurements, samples, **options):
+        asked.update(options, samples=[str(sample) for sample in samples])
         return choice
 
     monkeypatch.setattr("fitting.start_up.set_up_jax", lambda: None)
@@ -54,7 +54,7 @@ def test_the_choice_on_the_command_line(choice, tmp_path, capsys, monkeypatch):
     folder = tmp_path / "report"
     arguments = ["--sample", "1.2 | auto", "--loss", "huber", "--report", str(folder)]
     assert cli.main([str(GOLD), *arguments]) == 0
-    assert (asked["sample"], asked["loss"]) == ("1.2 | auto", "huber")
+    assert (asked["samples"], asked["loss"]) == (["1.2 | auto"], "huber")
     lines = capsys.readouterr().out.splitlines()
     rows = [line for line in lines if line.strip().startswith("> ")]
     assert len(rows) == 1
