@@ -200,9 +200,20 @@ def _mueller(c, n, k, m):
     return [(x, R) for x in rows]
 
 
-def _root_scale(elements):
-    """Near index match the elements r_s conj(r_p) have derivatives that cancel: eps of sqrt(R)."""
-    return elements and [(x, gmpy2.sqrt(R)) for x, R in elements]
+def _mueller_by_amplitudes(*point):
+    """With the scale |r| |gradient of r|: near index match the products' derivatives cancel."""
+    elements, here = _mueller(*point), _exact(*point)
+    if elements is None or here is None:
+        return None
+    norm2 = gmpy2.mpfr(0)
+    for j, x in enumerate(point):
+        near = _exact(*point[:j], x * (1 + gmpy2.mpfr(2) ** -250), *point[j + 1 :])
+        if near is None:
+            return None
+        for a, b in ((near.r_s, here.r_s), (near.r_p, here.r_p)):
+            norm2 += gmpy2.norm((a - b) * gmpy2.mpfr(2) ** 250)
+    scale = gmpy2.sqrt(elements[0][1] * norm2)
+    return [(x, max(R, scale)) for x, R in elements]
 
 
 def _depth(w, c, n, k, m):
@@ -308,7 +319,7 @@ OPTICS = {
     ),
     "gradient of mueller_reflection": Function(
         boundary, BOUNDARY, lambda *a: tuple(polarization.mueller_reflection(*a).ravel()),
-        lambda *a: _root_scale(_mueller(*a)), 24.0, 100.0, shared=True,
+        _mueller_by_amplitudes, 24.0, 100.0, shared=True,
     ),
     "penetration_depth": Function(
         lambda r, s, e: (decades(r, s, -1, 1), *boundary(r, s, e)), ((0.1, 10.0), *BOUNDARY),
