@@ -20,7 +20,7 @@ import time
 import jax
 import numpy as np
 
-from fitting.index.fit import FitResult, fit_many
+from fitting import Fit, fit_many
 from fresnel_jax import powers
 
 from .machine import conditions
@@ -50,10 +50,11 @@ CASES = (
 )
 
 
-def held(result: FitResult, eta: float, k: float) -> tuple[float, float]:
+def held(result: Fit, eta: float, k: float) -> tuple[float, float]:
     """Return the shares of intervals that hold the true eta and the true k."""
     shares = []
-    for ends, truth in ((result.eta_interval, eta), (result.k_interval, k)):
+    for name, truth in (("eta", eta), ("k", k)):
+        ends = result.parameters[name].interval
         shares.append(float(((ends[..., 0] <= truth) & (truth <= ends[..., 1])).mean()))
     return shares[0], shares[1]
 
@@ -72,11 +73,12 @@ def study(case: tuple, repeats: int) -> dict:
     }
     found = {"name": name, "eta": eta, "k": k, "regular": regular, "noise": noise}
     found["data"] = f"{' and '.join(channels)}, {len(angles)} angles"
-    for kind, options in (("absolute", {"sigma": noise, "absolute_sigma": True}), ("scaled", {})):
+    for kind, options in (("absolute", {"sigma": noise, "errors": "stated"}), ("scaled", {})):
         for intervals in ("quadratic", "profile"):
-            result = fit_many(angles, **data, **options, eta_i=eta_i, intervals=intervals)
+            sample = f"{float(eta_i)!r} | free"
+            result = fit_many(angles, **data, **options, sample=sample, intervals=intervals)
             found[kind, intervals] = held(result, eta, k)
-    found["seen"] = float(np.isfinite(result.sigma_k).mean())
+    found["seen"] = float(np.isfinite(result.parameters["k"].sigma).mean())
     return found
 
 

@@ -25,7 +25,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from fitting.index.fit import FitResult, fit_many
+from fitting import Fit, fit_many
 from fresnel_jax import powers
 
 ANGLES = np.linspace(1.0, 89.0, 60)
@@ -58,7 +58,7 @@ def curves(
     return {name: r + noise * rng.standard_normal(r.shape) for name, r in both.items()}
 
 
-def chi2(result: FitResult, noise: float) -> np.ndarray:
+def chi2(result: Fit, noise: float) -> np.ndarray:
     """Return the sum of squares in units of the noise (of 1e-12 where there is none)."""
     return result.rms**2 * result.n_data / max(noise, 1e-12) ** 2
 
@@ -69,14 +69,14 @@ def study(kind: str, names: tuple[str, ...], noise: float, count: int) -> str:
     eta, k = truths(kind, count, rng)
     measured = curves(eta, k, names, noise, rng)
     found = fit_many(ANGLES, **measured)
-    at_zero = fit_many(ANGLES, **measured, start=(1.2 * eta, 0.0 * k))
-    best = chi2(fit_many(ANGLES, **measured, start=(eta, k)), noise)
-    good = np.char.startswith(found.status, "converged")
+    at_zero = fit_many(ANGLES, **measured, start={"eta": 1.2 * eta, "k": 0.0 * k})
+    best = chi2(fit_many(ANGLES, **measured, start={"eta": eta, "k": k}), noise)
+    good = found.status == "converged"
     wrong = good & (chi2(found, noise) > best + 1e-2)
     wrong_at_zero = good & (chi2(at_zero, noise) > best + 1e-2)
     failed, undetermined = found.status == "not converged", found.status == "undetermined"
     shares = [100.0 * w.mean() for w in (wrong, failed, undetermined, wrong_at_zero)]
-    calls = np.percentile(found.iterations, [50, 99, 100]).astype(int)
+    calls = np.percentile(found.evaluations, [50, 99, 100]).astype(int)
     row = " ".join(f"{share:7.3f}" for share in shares) + "  " + "/".join(map(str, calls))
     if noise or len(names) == 1:
         return row

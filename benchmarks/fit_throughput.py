@@ -30,10 +30,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from fitting import fit_many
+from fitting.bare_surface import batch
+from fitting.bare_surface.reflectances import Curves, Residuals
 from fitting.compiled import compiled
-from fitting.index import batch
-from fitting.index.fit import fit_many
-from fitting.index.problem import Curves, Residuals
 from fitting.solver import normal_sums
 from fresnel_jax import powers
 
@@ -132,7 +132,7 @@ def _parts(count: int, rounds: int) -> tuple[float, float]:
     _, _, data = truths(count)
     found = fit_many(ANGLES, **data)
     a_fit = min(timed(lambda: fit_many(ANGLES, **data))[1] for _ in range(rounds)) / count
-    return a_fit, float(np.mean(found.iterations)) * one_evaluation(rounds)
+    return a_fit, float(np.mean(found.evaluations)) * one_evaluation(rounds)
 
 
 def on_one_processor(count: int, rounds: int) -> tuple[float, float]:
@@ -175,9 +175,9 @@ def measure(largest: int, rounds: int) -> dict:
     rates = {name: count / min(walls[name]) for name, (count, _) in calls.items()}
     each_cpu = {name: 1e6 * min(cpus[name]) / count for name, (count, _) in calls.items()}
     found = fit_many(ANGLES, R_s=data["R_s"], R_p=data["R_p"])
-    counts = np.atleast_1d(found.iterations)
+    counts = np.atleast_1d(found.evaluations)
     a_fit, its_evaluations = on_one_processor(largest, rounds)
-    off = np.abs(np.atleast_1d(found.eta) - eta) / np.atleast_1d(found.sigma_eta)
+    off = np.abs(np.atleast_1d(found.eta) - eta) / np.atleast_1d(found.parameters["eta"].sigma)
     best = f"fit_many, {largest}"
     rivals = {name: rate for name, rate in rates.items() if "fit_many" not in name}
     fastest = max(rivals, key=lambda name: rivals[name]) if rivals else None

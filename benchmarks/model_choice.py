@@ -22,8 +22,8 @@ from collections.abc import Callable
 import numpy as np
 
 from fitting.measurement import Measurement
-from fitting.model.predictions import predict
-from fitting.model.select import choose
+from fitting.predictions import simulate
+from fitting.selection import choose
 
 from .machine import conditions
 
@@ -90,7 +90,7 @@ def simulated(label: str, one: bool, values: dict[str, float], rng: np.random.Ge
     model = label.split(",")[0]
     values = {"k": 0.0, **values} if model == "constant" else values
     data = {
-        q: predict(model, values, angles, waves, q) + NOISE * rng.standard_normal(len(angles))
+        q: simulate(model, values, angles, waves, q) + NOISE * rng.standard_normal(len(angles))
         for q in ("R_s", "R_p")
     }
     return Measurement.from_columns(angles, waves, sigma=NOISE, **data)

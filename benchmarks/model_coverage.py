@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting import Measurement, fit_model, predict
+from fitting import Measurement, fit, simulate
 
 from .machine import conditions
 
@@ -68,7 +68,7 @@ def study(case: Case, repeats: int) -> tuple[tuple[str, ...], dict[str, np.ndarr
     """Return the parameters, shares of intervals that hold the truth, and of those by profile."""
     random = np.random.default_rng(7)
     angle, wavelength = (a.ravel() for a in np.meshgrid(case.angles, case.wavelengths))
-    clean = {q: predict(case.model, case.truth, angle, wavelength, q) for q in case.quantities}
+    clean = {q: simulate(case.model, case.truth, angle, wavelength, q) for q in case.quantities}
     held: dict[str, Any] = {kind: 0 for kind in KINDS}
     by_profile: Any = 0
     names: tuple[str, ...] = ()
@@ -78,12 +78,13 @@ def study(case: Case, repeats: int) -> tuple[tuple[str, ...], dict[str, np.ndarr
         }
         m = Measurement.from_columns(angle, wavelength, sigma=case.noise, **noisy)
         for kind in KINDS:
-            fit = fit_model(m, case.model, absolute_sigma=True, intervals=kind, **case.options)
-            true = np.array([case.truth[name] for name in fit.names])
-            low, high = fit.intervals.T
+            found = fit(m, case.model, errors="stated", intervals=kind, **case.options)
+            true = np.array([case.truth[name] for name in found.names])
+            free = [found.parameters[name] for name in found.names]
+            low, high = np.array([e.interval for e in free]).T
             held[kind] = held[kind] + ((low <= true) & (true <= high))
-            names = fit.names
-        by_profile = by_profile + np.array([k == "profile" for k in fit.interval_kinds])
+            names = found.names
+        by_profile = by_profile + np.array([e.interval_kind == "profile" for e in free])
     return names, {kind: held[kind] / repeats for kind in KINDS}, by_profile / repeats
 
 

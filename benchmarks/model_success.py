@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting import Measurement, fit_model, predict
+from fitting import Measurement, fit, simulate
 
 WAVELENGTHS = 60
 
@@ -97,18 +97,21 @@ def truth(model: str, random: np.random.Generator) -> dict[str, float]:
     }  # fmt: skip
 
 
+def sample_of(model: str, setup: Setup) -> str:
+    """Return the sample: one bare surface, or a plate."""
+    d = setup.thickness_um
+    return f"air | {model} {d:g} um thick | air" if d else model
+
+
 def simulated(
     model: str, parameters: dict[str, float], setup: Setup, random: np.random.Generator
 ) -> Measurement | None:
     """Return a noisy spectrum; None where the random material is none (eta of 0, R of 1)."""
     wavelength = np.linspace(0.3, 1.0 if model.startswith(("cauchy", "sell")) else 2.0, WAVELENGTHS)
     angle, wavelength = (a.ravel() for a in np.meshgrid(setup.angles, wavelength))
-    structure = "slab" if setup.thickness_um else "interface"
-    if setup.thickness_um:
-        parameters = parameters | {"thickness_um": setup.thickness_um}
     columns, sigma = {}, {}
     for quantity, error in setup.sigma.items():
-        value = predict(model, parameters, angle, wavelength, quantity, structure=structure)
+        value = simulate(sample_of(model, setup), parameters, angle, wavelength, quantity)
         if not np.isfinite(value).all():
             return None
         value = value + error * random.standard_normal(len(value))
@@ -129,13 +132,12 @@ def one(model: str, setup: Setup, seed: int, **options: Any) -> dict[str, float]
     measured = simulated(model, parameters, setup, random)
     if measured is None:
         return None
-    options |= {"thickness_um": setup.thickness_um, "absolute_sigma": True}
-    options |= {"structure": "slab" if setup.thickness_um else "interface"}
+    sample = sample_of(model, setup)
     began = time.perf_counter()
-    found = fit_model(measured, model, **options)
+    found = fit(measured, sample, errors="stated", **options)
     seconds = time.perf_counter() - began
     edge = parameters.pop("edge_ev", None)
-    known = fit_model(measured, model, start=parameters, **options)
+    known = fit(measured, sample, errors="stated", start=parameters, **options)
     del edge
     best = min(found.cost, known.cost)
     good = found.cost <= best + 0.01 and found.status != "not converged"

@@ -42,12 +42,11 @@ with cheap_start():
     import jax
     mark("import jax")
     set_up_jax()
-    from fitting.index.fit import fit
-    mark("import fitting.index.fit" + " and optimistix" * ("optimistix" in sys.modules))
+    from fitting.fits import fit
+    mark("import fitting.fits" + " and optimistix" * ("optimistix" in sys.modules))
     result = fit(measurement)
     mark("fit, first call")
-    from fitting.output import report
-    text = report.table(result, measurement)
+    text = str(result)
     mark("table")
     fit(measurement)
     mark("(fit once more)")

@@ -1,44 +1,43 @@
-"""From a measured reflectance curve to a complex index of refraction with an error bar."""
+"""From a measured curve to a complex index of refraction, and films, with an error bar.
+
+m = read_csv("gold.csv")
+found = fit(m)                       # one bare surface, eta and k at every wavelength
+print(found)
+found = fit(m, "air | cauchy 3 mm thick | air", free="scale")
+found = choose(m).fit                # the simplest dispersion that the data need
+"""
 
 import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .index.curves import curve as curve
-    from .index.curves import fitted_values as fitted_values
-    from .index.fit import FitResult as FitResult
-    from .index.fit import fit as fit
-    from .index.fit import fit_many as fit_many
+    from .dispersion import model_names as model_names
+    from .errors import MeasurementError as MeasurementError
+    from .fits import fit as fit
+    from .fits import fit_many as fit_many
     from .measurement import Measurement as Measurement
-    from .measurement import MeasurementError as MeasurementError
     from .measurement import read_csv as read_csv
-    from .model.fit import fit_model as fit_model
-    from .model.fit import model_names as model_names
-    from .model.fit import predict as predict
-    from .model.points import PointFits as PointFits
-    from .model.points import fit_points as fit_points
-    from .model.result import ModelFit as ModelFit
-    from .model.select import choose as choose
+    from .predictions import simulate as simulate
+    from .result import Fit as Fit
+    from .sample import Sample as Sample
+    from .selection import choose as choose
 
 # The command line answers --help and refuses bad files without waiting 0.4 s for jax, so each name
 # is imported when it is first used.
 _HOME = {
-    "FitResult": "index.fit",
+    "Fit": "result",
     "Measurement": "measurement",
-    "MeasurementError": "measurement",
-    "ModelFit": "model.result",
-    "PointFits": "model.points",
-    "choose": "model.select",
-    "curve": "index.curves",
-    "fit": "index.fit",
-    "fit_many": "index.fit",
-    "fit_model": "model.fit",
-    "fit_points": "model.points",
-    "fitted_values": "index.curves",
-    "model_names": "model.fit",
-    "predict": "model.fit",
+    "MeasurementError": "errors",
+    "Sample": "sample",
+    "choose": "selection",
+    "fit": "fits",
+    "fit_many": "fits",
+    "model_names": "dispersion",
     "read_csv": "measurement",
+    "simulate": "predictions",
 }
+
+__all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:

@@ -13,151 +13,18 @@ import shlex
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, NoReturn
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from fitting.command import options as model_options
+from fitting.cli_options import PROGRAM, fit_options, parser, reading_options
 
 if TYPE_CHECKING:
-    from fitting.index.fit import FitResult
+    from fitting.candidates import Choice
     from fitting.measurement import Measurement
+    from fitting.output.outputs import Outputs
+    from fitting.result import Fit
 
-PROGRAM = "fresnel-fit"
 FITTED, NOT_FITTED, MISUSED, INTERRUPTED = 0, 1, 2, 130
-# What a script may take as an index. "undetermined" is not: it is one of many that fit alike.
-GOOD = ("converged", "converged at k = 0")
-
-_DESCRIPTION = """\
-Fit the complex refractive index eta + i k of one bare interface to measured
-R_s, R_p or unpolarised R, or to psi and Delta, over the angle of incidence, at
-one wavelength or wavelength by wavelength; or, with --model, a dispersion model
-of an interface or a slab to R, T, psi and Delta over angles and wavelengths.
-"""
-
-_EPILOG = """\
-examples:
-  fresnel-fit gold.csv --plot gold.png --json gold.json
-  fresnel-fit ellipsometer.txt --reference Si --report out
-  fresnel-fit gold.csv --model constant --free scale --prior scale=1+-0.02
-  fresnel-fit glass.csv --model cauchy-urbach --slab 3.05 --plot glass.png
-
-where gold.csv has angles in degrees and reflectances as fractions or percent:
-  angle_deg,R_s,sigma_R_s,R_p,sigma_R_p
-  30,0.76,0.002,0.67,0.002
-  45,0.79,0.002,0.66,0.002
-The first line of the table says how the file was understood; the options under
-"reading" overrule it. A value that begins with a minus sign needs the equals
-sign: --missing=-9999.
-
-exit status:
-  0    every curve was fitted
-  1    of a curve or more the data give no index: the fit did not converge, or
-       the data determine only a combination of eta and k (the table and the
-       field "status" of the JSON say which)
-  2    the command, the file or a value in it cannot be understood, or a result
-       cannot be written
-  130  interrupted
-
-Compiled programs are kept in $XDG_CACHE_HOME/fresnel-fit or
-~/.cache/fresnel-fit, which may be deleted at any time.
-"""
-
-_READING = (
-    ("columns", "ROLE=COLUMN,..", "columns by header name or number: angle=1,R_s=2,sigma_R_s=3"),
-    ("angle-deg", "DEGREES", "angle of incidence of a file that has no column for it"),
-    ("angle-unit", "UNIT", "deg, rad, mrad, deg.arcmin, grazing-deg, 1/angstrom, ..."),
-    ("wavelength-um", "UM", "wavelength of a file that has no column for it, micrometres"),
-    ("wavelength-unit", "UNIT", "nm, um, angstrom, eV, cm-1, THz, ..."),
-    ("polarization", "LIGHT", "s, p or unpolarized; or what a column's codes mean: 0=s,1=p"),
-    ("scale", "FACTOR", "factor that makes R a fraction: 0.01 for percent"),
-    ("sigma", "SIGMA", "standard error of values that have none, a fraction"),
-    ("psi-unit", "UNIT", "deg or rad"),
-    ("missing", "VALUES", "numbers or words that stand for a gap: 0 or -9999,bad"),
-    ("keep", "COLUMN=VALUES", "rows to read, by the value of a column: Zone=1,2"),
-    ("lines", "FROM-TO", "lines to read: 10-200, 10- or -200"),
-    ("delimiter", "NAME", "tab, semicolon, comma, pipe, blank, or the sign"),
-    ("decimal", "SIGN", "decimal mark, . or ,"),
-    ("encoding", "NAME", "text encoding: utf-8, latin-1, utf-16, ..."),
-)
-
-
-class _Version(argparse.Action):
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
-        from importlib.metadata import PackageNotFoundError, version
-
-        try:
-            found = version("fresnel-jax")
-        except PackageNotFoundError:
-            found = "(not installed)"
-        print(f"{PROGRAM} {found}")
-        parser.exit()
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        PROGRAM,
-        usage="%(prog)s [options] FILE [FILE ...]",
-        description=_DESCRIPTION,
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    parser.add_argument(
-        "file", metavar="FILE", nargs="+",
-        help="text file with the measurement (CSV and its kin); several are fitted together",
-    )  # fmt: skip
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
-    results = parser.add_argument_group("results", "Files are written whole or not at all.")
-    results.add_argument(
-        "--json", metavar="OUT", help="eta, k, errors, status and all else; - for stdout"
-    )
-    results.add_argument(
-        "--csv",
-        metavar="OUT",
-        help="data, fitted values and residuals; of a spectrum also eta and k, in OUT with .index "
-        "before the suffix",
-    )
-    results.add_argument(
-        "--plot", metavar="OUT", help="picture of data, fit and residuals: .png, .pdf or .svg"
-    )
-    results.add_argument(
-        "--reference",
-        metavar="MATERIAL",
-        help="show eta and k of a material beside, and draw them over wavelength: gold, BK7, ..",
-    )
-    results.add_argument(
-        "--report",
-        metavar="DIR",
-        help="folder for report.html (one page, pictures inside), fit.json, data.csv, index.csv "
-        "of a spectrum, and fit.png",
-    )
-    results.add_argument("--quiet", action="store_true", help="print no table")
-    fitting = parser.add_argument_group("fitting")
-    fitting.add_argument(
-        "--eta-i", metavar="INDEX", type=float, default=1.0,
-        help="index of the medium that the light comes from (default 1)",
-    )  # fmt: skip
-    errors = fitting.add_mutually_exclusive_group()
-    errors.add_argument(
-        "--equal-weights", action="store_true", help="weigh all data alike, whatever their errors"
-    )
-    errors.add_argument(
-        "--absolute-sigma",
-        action="store_true",
-        help="take the stated errors as they are; by default the errors of eta and k are "
-        "multiplied by sqrt(chi2/dof)",
-    )
-    fitting.add_argument(
-        "--intervals",
-        choices=("auto", "quadratic", "profile"),
-        default="auto",
-        help="95 %% ranges from the standard errors, from the likelihood (profile), or from that "
-        "where the errors do not tell (auto, the default)",
-    )
-    model_options.add_options(parser)
-    reading = parser.add_argument_group("reading")
-    for name, metavar, text in _READING:
-        reading.add_argument(f"--{name}", metavar=metavar, help=text)
-    return parser
 
 
 class _Refused(Exception):
@@ -172,76 +39,116 @@ def _refusals() -> Iterator[None]:
     """
     try:
         yield
-    except ValueError as error:
+    except (ValueError, ImportError) as error:
         raise _Refused(error) from error
 
 
-def _read(arguments: argparse.Namespace) -> list[Measurement]:
-    from fitting.measurement import read_csv
+def _check(arguments: argparse.Namespace) -> None:
+    """Raise ValueError where a picture is asked for that cannot be drawn, or a file comes twice."""
+    from fitting.output.outputs import refuse_repeats
 
-    names = [name.replace("-", "_") for name, *_ in _READING]
-    options = {name: getattr(arguments, name) for name in names}
-    return [read_csv(file, **options) for file in (arguments.file, *arguments.more)]
+    refuse_repeats(arguments.file)
+    if arguments.plot:
+        from fitting.output.style import check_picture
+
+        check_picture(arguments.plot)
+    if arguments.report:
+        from fitting.output.style import check_matplotlib
+
+        check_matplotlib("--report")
 
 
-def _fit(measurement: Measurement, arguments: argparse.Namespace) -> FitResult:
+def _stage(outputs: Outputs, arguments: argparse.Namespace, spectrum: bool) -> dict[str, Path]:
+    """Return what goes into files ("json", "csv", "index", "plot", "report ...") -> where to write.
+
+    spectrum: whether there is an index a wavelength, which has a CSV of its own.
+    Raises OutputError (a ValueError) where a file cannot be written.
+    """
+    from fitting.output.files import REPORT
+
+    names: dict[str, str] = {"csv": arguments.csv, "plot": arguments.plot}
+    if arguments.json != "-":
+        names["json"] = arguments.json
+    if arguments.csv and spectrum:
+        path = Path(arguments.csv)
+        names["index"] = str(path.with_name(f"{path.stem}.index{path.suffix}"))
+    flags = {"json": "--json", "csv": "--csv", "index": "--csv", "plot": "--plot"}
+    staged = {
+        kind: outputs.open(name, flag=flags[kind], inputs=arguments.file)
+        for kind, name in names.items()
+        if name is not None
+    }
+    if arguments.report:
+        folder = outputs.folder(arguments.report, flag="--report", overwrite=arguments.overwrite)
+        for kind, name in REPORT.items():
+            if spectrum or kind != "report index":
+                staged[kind] = outputs.open(folder / name, flag="--report", inputs=arguments.file)
+    return staged
+
+
+def _fit(
+    measurements: list[Measurement], arguments: argparse.Namespace
+) -> tuple[Fit, Choice | None]:
+    """Return the fit that was asked for, and the comparison if a model was to be chosen."""
+    from fitting.output.progress import shown
     from fitting.start_up import set_up_jax
 
+    options = fit_options(arguments)
     set_up_jax()
-    from fitting.index.fit import fit
+    from fitting.fits import fit
+    from fitting.sample import Sample
 
-    with warnings.catch_warnings():
+    sample = Sample.parse(arguments.sample or "free")
+    with warnings.catch_warnings(), shown("fit", quiet=arguments.quiet):
         # A cache folder that is full or was taken away is not the user's business here.
         warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
-        return fit(
-            measurement,
-            eta_i=arguments.eta_i,
-            sigma="equal" if arguments.equal_weights else "given",
-            absolute_sigma=arguments.absolute_sigma,
-            intervals=arguments.intervals,
-        )
+        if not sample.open:
+            return fit(measurements, sample, **options), None
+        from fitting.selection import choose
+
+        choice = choose(measurements, sample, **options)
+        return choice.fit, choice
 
 
 def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
-    from fitting.command import results
-    from fitting.measurement import concatenate
-    from fitting.output import export, report
+    from fitting.measurement import read_csv
+    from fitting.output import as_data, files, shown
     from fitting.output.outputs import Outputs
     from fitting.output.progress import Progress
+    from fitting.output.reference import check_reference
 
     width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
     with _refusals():
-        results.check(arguments)
-        measurements = _read(arguments)
-        if arguments.model:
-            from fitting.command.model import run_model
-
-            return FITTED if run_model(measurements, arguments, width, _print) else NOT_FITTED
-        measurement = concatenate(*measurements)
-        if arguments.slab or np.isin(measurement.quantity, ("psi", "delta")).any():
-            from fitting.command.points import run_points
-
-            return FITTED if run_points(measurement, arguments, width, _print) else NOT_FITTED
+        _check(arguments)
+        read = reading_options(arguments)
+        measurements = [read_csv(file, **read) for file in arguments.file]
+        wavelength = np.concatenate([m.wavelength_um for m in measurements])
         if arguments.reference:
-            from fitting.output.reference import check_reference
-
-            check_reference(arguments.reference, measurement.wavelength_um)
+            check_reference(arguments.reference, wavelength)
     with Outputs() as outputs:
-        spectrum = len(np.unique(measurement.wavelength_um)) > 1
-        with _refusals(), Progress("fit", quiet=arguments.quiet):
-            staged = results.stage(outputs, arguments, spectrum)
-            result = _fit(measurement, arguments)
+        with _refusals():
+            staged = _stage(outputs, arguments, len(np.unique(wavelength)) > 1)
+            found, choice = _fit(measurements, arguments)
+        compared = None
+        if choice is not None:
+            reasons = [reason.text for reason in choice.reasons]
+            compared = shown.Comparison(choice.table(), reasons, choice.to_dict())
         if arguments.json == "-":
-            _print(export.json_text(result, measurement))
+            _print(as_data.json_text(found, None if compared is None else compared.data))
         elif not arguments.quiet:
-            beside = results.reference_lines(arguments, measurement.wavelength_um, width)
-            _print(report.table(result, measurement, width) + beside)
+            _print(shown.text_of(found, width, arguments.reference or "", compared))
         with Progress("files written", quiet=arguments.quiet) as bar:
-            results.write(staged, results.contents(result, measurement), arguments, bar)
+            files.write_files(
+                found, staged, plot_suffix=Path(arguments.plot or ".png").suffix,
+                reference=arguments.reference, command=arguments.command, comparison=compared,
+                step=bar.step,
+            )  # fmt: skip
         outputs.publish()
-    return FITTED if all(status in GOOD for status in np.atleast_1d(result.status)) else NOT_FITTED
+    # A script may not take "undetermined" for an index: it is one of many that fit alike.
+    good = bool((np.atleast_1d(found.status) == "converged").all())
+    return FITTED if good else NOT_FITTED
 
 
 def _print(text: str) -> None:
@@ -265,9 +172,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     and a mistyped option end in SystemExit, as argparse does it.
     """
     try:
-        arguments = _parser().parse_args(argv)
+        arguments = parser().parse_args(argv)
         given = sys.argv[1:] if argv is None else argv
-        arguments.file, *arguments.more = arguments.file
         arguments.command = shlex.join([PROGRAM, *given])
         from fitting.start_up import cheap_start
 

@@ -25,6 +25,8 @@ from jaxtyping import ArrayLike
 from ._arithmetic import reciprocal_or_zero
 from ._boundary import boundary
 from ._powers import powers_kernel
+from ._stack import Stack as Stack
+from ._stack import stack as stack
 from .interface import Powers, _structure
 
 

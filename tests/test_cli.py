@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from simulated import GOLD
 
-from fitting import cli, measurement
+from fitting import cli, cli_options, measurement
 
 ROOT = Path(__file__).resolve().parents[1]
 GLASS = """angle_deg,R_s,R_p
@@ -85,7 +85,7 @@ def test_the_gold_scan_end_to_end(tmp_path):
     assert fields["chi2_reduced"] == pytest.approx(75.4, abs=0.1)
     assert (fields["n_data"], fields["dof"], fields["status"]) == (31, 29, "converged")
     assert fields["source"] == "gold_532nm.csv"
-    assert "stated errors" in fields["warnings"][0]
+    assert "stated errors" in fields["warnings"][0]["text"]
     lines = results["csv"].read_text().splitlines()
     assert sum(not line.startswith("#") for line in lines) == 1 + 31
     assert results["png"].read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
@@ -95,7 +95,7 @@ def test_the_gold_scan_end_to_end(tmp_path):
 
 def test_equal_weights_meet_the_independent_fit(capsys):
     """n 0.36 +- 0.03, k 1.86 +- 0.12, rms 0.029 by a least-squares fit made apart."""
-    assert cli.main([str(GOLD), "--equal-weights", "--json", "-"]) == 0
+    assert cli.main([str(GOLD), "--errors", "equal", "--json", "-"]) == 0
     fields = json.loads(capsys.readouterr().out)
     assert fields["eta"] == pytest.approx(0.362, abs=0.005)
     assert fields["k"] == pytest.approx(1.86, abs=0.01)
@@ -124,7 +124,7 @@ def test_a_reader_that_stops_early_is_no_error(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "status"), [(["--help"], 0), (["--version"], 0), (["--eta-i", "x", "f"], 2)]
+    ("arguments", "status"), [(["--help"], 0), (["--version"], 0), (["--starts", "x", "f"], 2)]
 )
 def test_help_and_mistyped_options_answer_without_jax(arguments, status):
     script = (
@@ -156,7 +156,7 @@ def test_help_has_an_example_and_the_exit_status(capsys):
 def test_every_option_of_the_reader_is_a_flag():
     parameters = inspect.signature(measurement.read_csv).parameters.values()
     options = {p.name for p in parameters if p.kind is p.KEYWORD_ONLY}
-    assert {name.replace("-", "_") for name, *_ in cli._READING} == options
+    assert {name.replace("-", "_") for name, *_ in cli_options._READING} == options
 
 
 def test_reader_options_arrive(capsys, tmp_path):
@@ -176,9 +176,13 @@ def test_fit_options_arrive(capsys):
         assert cli.main([str(GOLD), "--json", "-", *arguments]) == 0
         return json.loads(capsys.readouterr().out)
 
-    scaled, absolute, water = fields(), fields("--absolute-sigma"), fields("--eta-i", "1.333")
+    scaled, absolute, water = (
+        fields(),
+        fields("--errors", "stated"),
+        fields("--sample", "1.333 | free"),
+    )
     # The factor between the two is sqrt(chi2/dof) by definition.
-    ratio = scaled["sigma_eta"] / absolute["sigma_eta"]
+    ratio = scaled["parameters"]["eta"]["sigma"] / absolute["parameters"]["eta"]["sigma"]
     assert ratio == pytest.approx(scaled["chi2_reduced"] ** 0.5, rel=1e-9)
     # R depends on the ratio of the indices alone.
     assert water["eta"] == pytest.approx(1.333 * scaled["eta"], rel=1e-6)
@@ -238,11 +242,11 @@ def test_content_that_cannot_be_fitted(capsys, tmp_path, text, said):
 
 
 def test_an_incident_index_that_cannot_be(capsys):
-    assert "eta_i" in refused(capsys, GOLD, "--eta-i", "-1")
+    assert "'-1' is not an index" in refused(capsys, GOLD, "--sample", "-1 | free")
 
 
 def test_unknown_and_contradicting_options():
-    for arguments in (["--jsn", "x"], ["--equal-weights", "--absolute-sigma"]):
+    for arguments in (["--jsn", "x"], ["--errors", "none"]):
         with pytest.raises(SystemExit) as end:
             cli.main([str(GOLD), *arguments])
         assert end.value.code == 2
@@ -317,11 +321,11 @@ def test_missing_matplotlib(capsys, tmp_path, no_fit, monkeypatch):
 def test_results_are_written_whole_or_not_at_all(capsys, tmp_path, monkeypatch, error):
     (tmp_path / "gold.json").write_text("old")
 
-    def fail(result, measurement, path, *_):
+    def fail(figure, path, *_):
         path.write_text("half")
         raise error
 
-    monkeypatch.setattr("fitting.output.plot.save_plot", fail)
+    monkeypatch.setattr("fitting.output.files.save", fail)
     arguments = [str(GOLD), "--json", str(tmp_path / "gold.json")]
     arguments += ["--plot", str(tmp_path / "gold.png")]
     if isinstance(error, OSError):

@@ -5,7 +5,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from fitting.index.coordinates import (
+from fitting.bare_surface.coordinates import (
     FAR_END,
     W_MIN,
     X_MAX,

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from estimates import intervals
 from scipy import stats
 from scipy.optimize import brentq, minimize_scalar
 from simulated import GOLD, simulated, textbook
 
-from fitting.index.fit import fit, fit_many
-from fitting.index.limits import student_quantile
+from fitting import fit, fit_many
 from fitting.measurement import read_csv
+from fitting.uncertainty.limits import student_quantile
 
 ANGLES = np.linspace(10.0, 85.0, 16)
 Q95 = stats.chi2.ppf(0.95, 1)
@@ -76,10 +77,12 @@ def nested(data, angles, sigma, eta, k):
 )
 def test_profile_intervals_are_those_of_nested_minimisation(eta, k, quantities, noise, angles):
     data = curves(eta, k, quantities, angles, noise)
-    found = fit_many(angles, **data, sigma=noise, absolute_sigma=True, intervals="profile")
-    assert found.interval_kind == "profile"
+    found = fit_many(angles, **data, sigma=noise, errors="stated", intervals="profile")
+    assert found.parameters["eta"].interval_kind == "profile"
     wanted = nested(data, angles, noise, found.eta, found.k)
-    for ours, theirs in zip((found.eta_interval, found.k_interval), wanted, strict=True):
+    for ours, theirs in zip(
+        (found.parameters["eta"].interval, found.parameters["k"].interval), wanted, strict=True
+    ):
         # Parabolas between 8 lines: a thousandth of the width.
         np.testing.assert_allclose(ours, theirs, atol=1e-3 * (theirs[1] - theirs[0]))
 
@@ -88,47 +91,50 @@ def test_profile_intervals_are_those_of_nested_minimisation(eta, k, quantities, 
 def test_one_reflectance_at_normal_incidence_leaves_a_whole_circle(R):
     """(eta - a)^2 + k^2 = a^2 - 1, a = (1 + R) / (1 - R), with R known to 1.96 sigma."""
     sigma = 1e-3
-    found = fit_many([0.0], R=[R], sigma=sigma, absolute_sigma=True, intervals="auto")
+    found = fit_many([0.0], R=[R], sigma=sigma, errors="stated", intervals="auto")
     top = R + np.sqrt(Q95) * sigma
     a = (1.0 + top) / (1.0 - top)
     b = np.sqrt(a * a - 1.0)
     assert found.status == "undetermined"
-    assert found.interval_kind == "profile"
-    np.testing.assert_allclose(found.eta_interval, [a - b, a + b], rtol=2e-3)
-    np.testing.assert_allclose(found.k_interval, [0.0, b], rtol=2e-3, atol=0.0)
-    assert "circle" in found.warnings[0]
+    assert found.parameters["eta"].interval_kind == "profile"
+    np.testing.assert_allclose(found.parameters["eta"].interval, [a - b, a + b], rtol=2e-3)
+    np.testing.assert_allclose(found.parameters["k"].interval, [0.0, b], rtol=2e-3, atol=0.0)
+    assert found.warnings[0].code == "circle"
 
 
 def test_program_chooses_the_profile_where_the_quadratic_one_is_wrong():
     glass = simulated(1.5, 0.0, 1e-3)
-    assert fit(glass).interval_kind == "profile"
-    assert fit(glass, intervals="quadratic").interval_kind == "quadratic"
+    assert fit(glass).parameters["eta"].interval_kind == "profile"
+    assert fit(glass, intervals="quadratic").parameters["eta"].interval_kind == "quadratic"
     for way in ("auto", "quadratic"):  # one limit of k, not another beside the interval
         found = fit(glass, intervals=way)
-        assert found.k_upper_limit == found.k_interval[1]
+        assert found.parameters["k"].upper_limit == found.parameters["k"].interval[1]
     germanium = simulated(5.5, 1.6, 1e-4)
-    assert fit(germanium).interval_kind == "quadratic"
+    assert fit(germanium).parameters["eta"].interval_kind == "quadratic"
     asked = fit(germanium, intervals="profile")
-    assert asked.interval_kind == "profile"
+    assert asked.parameters["eta"].interval_kind == "profile"
     plain = fit(germanium)
-    for name in ("eta_interval", "k_interval"):
-        ends, wanted = getattr(plain, name), getattr(asked, name)
+    for ends, wanted in zip(intervals(plain), intervals(asked), strict=True):
         np.testing.assert_allclose(ends, wanted, atol=0.05 * (wanted[1] - wanted[0]))
-    assert fit(read_csv(GOLD)).interval_kind == "profile"  # sigma_eta is 6 % of eta
+    assert (
+        fit(read_csv(GOLD)).parameters["eta"].interval_kind == "profile"
+    )  # sigma_eta is 6 % of eta
 
 
 def test_a_quadratic_interval_is_the_standard_error_times_students_t():
     data = curves(5.5, 1.6, ("R_s", "R_p"), noise=1e-4)
     scaled = fit_many(ANGLES, **data)
     t = stats.t.ppf(0.975, 30)
-    low, high = scaled.eta_interval
-    assert low == pytest.approx(scaled.eta - t * scaled.sigma_eta, rel=1e-12)
-    assert high == pytest.approx(scaled.eta + t * scaled.sigma_eta, rel=1e-12)
-    low, high = scaled.k_interval
-    assert (high**2 - low**2) / 2.0 == pytest.approx(2.0 * scaled.k * t * scaled.sigma_k, rel=1e-9)
-    absolute = fit_many(ANGLES, **data, sigma=1e-4, absolute_sigma=True)
-    half = 0.5 * np.diff(absolute.eta_interval)[0]
-    assert half == pytest.approx(np.sqrt(Q95) * absolute.sigma_eta, rel=1e-9)
+    low, high = scaled.parameters["eta"].interval
+    assert low == pytest.approx(scaled.eta - t * scaled.parameters["eta"].sigma, rel=1e-12)
+    assert high == pytest.approx(scaled.eta + t * scaled.parameters["eta"].sigma, rel=1e-12)
+    low, high = scaled.parameters["k"].interval
+    assert (high**2 - low**2) / 2.0 == pytest.approx(
+        2.0 * scaled.k * t * scaled.parameters["k"].sigma, rel=1e-9
+    )
+    absolute = fit_many(ANGLES, **data, sigma=1e-4, errors="stated")
+    half = 0.5 * np.diff(absolute.parameters["eta"].interval)[0]
+    assert half == pytest.approx(np.sqrt(Q95) * absolute.parameters["eta"].sigma, rel=1e-9)
 
 
 @pytest.mark.parametrize("dof", [1, 2, 3, 4, 7, 30, 57, 118, 999, 1000, 1001, 5000])
@@ -152,9 +158,11 @@ def test_without_degrees_of_freedom_the_normal_law_holds():
 )
 def test_profile_intervals_hold_the_truth_as_often_as_they_should(eta, k, quantities, low, high):
     data = curves(eta, k, quantities, noise=1e-3, count=4000)
-    found = fit_many(ANGLES, **data, sigma=1e-3, absolute_sigma=True, intervals="profile")
-    assert (found.interval_kind == "profile").all()
-    for i, (ends, truth) in enumerate(((found.eta_interval, eta), (found.k_interval, k))):
+    found = fit_many(ANGLES, **data, sigma=1e-3, errors="stated", intervals="profile")
+    assert (found.parameters["eta"].interval_kind == "profile").all()
+    for i, (ends, truth) in enumerate(
+        ((found.parameters["eta"].interval, eta), (found.parameters["k"].interval, k))
+    ):
         held = ((ends[:, 0] <= truth) & (truth <= ends[:, 1])).mean()
         assert low[i] < held < high[i]
 
@@ -165,11 +173,11 @@ def test_k_is_exactly_0_at_the_end_of_an_interval_wherever_the_fit_came_from():
     angles, eta = np.linspace(1.0, 89.0, 60), rng.uniform(1.3, 3.5, (3000, 1))
     R_s = textbook(angles, np.full(60, "R_s"), eta, 0.0)
     R_s = R_s + 1e-3 * rng.standard_normal(R_s.shape)
-    found = fit_many(angles, R_s=R_s, sigma=1e-3, absolute_sigma=True, intervals="profile")
-    low, high = found.eta_interval.T
+    found = fit_many(angles, R_s=R_s, sigma=1e-3, errors="stated", intervals="profile")
+    low, high = found.parameters["eta"].interval.T
     # .94 and .975 (4 binomial errors of 3000: .016 and .011); .90 and .92 without the nearer chart.
     assert ((low <= eta[:, 0]) & (eta[:, 0] <= high)).mean() > 0.922
-    assert (found.k_interval[:, 0] == 0.0).mean() > 0.962
+    assert (found.parameters["k"].interval[:, 0] == 0.0).mean() > 0.962
 
 
 def test_noise_decides_at_which_end_of_the_valley_a_fit_near_the_normal_lies_and_that_is_said():
@@ -186,15 +194,15 @@ def test_noise_decides_at_which_end_of_the_valley_a_fit_near_the_normal_lies_and
 def test_an_interval_ends_where_total_reflection_begins():
     """R_p = R_s^2 at 45 degrees: the valley runs from k = 0 to n = sin 45, where it breaks off."""
     data = curves(2.0, 0.0, ("R_s", "R_p"), np.array([45.0]))
-    found = fit_many([45.0], **data, sigma=1e-3, absolute_sigma=True, intervals="auto")
+    found = fit_many([45.0], **data, sigma=1e-3, errors="stated", intervals="auto")
     assert found.status == "undetermined"
-    assert found.interval_kind == "profile"
+    assert found.parameters["eta"].interval_kind == "profile"
     # With k = 0 both reflectances give n of 2 to the error that two of them leave; the other end is
     # an index below 1 that reflects as much.
-    assert found.eta_interval[0] < 0.8
-    assert found.eta_interval[1] == pytest.approx(2.0, abs=0.02)
-    assert found.k_interval[0] == 0.0
-    assert 0.6 < found.k_interval[1] < 0.8
+    assert found.parameters["eta"].interval[0] < 0.8
+    assert found.parameters["eta"].interval[1] == pytest.approx(2.0, abs=0.02)
+    assert found.parameters["k"].interval[0] == 0.0
+    assert 0.6 < found.parameters["k"].interval[1] < 0.8
 
 
 def test_no_interval_where_there_is_nothing_to_go_by():
@@ -203,13 +211,13 @@ def test_no_interval_where_there_is_nothing_to_go_by():
         fit_many([0.0], R=[1.0], sigma=1e-3, intervals="auto"),  # a perfect mirror
         fit_many([0.0], R=[np.nan], intervals="auto"),
     ):
-        assert found.interval_kind == "none"
-        assert np.isnan([found.eta_interval, found.k_interval]).all()
+        assert found.parameters["eta"].interval_kind == "none"
+        assert np.isnan(intervals(found)).all()
     with pytest.raises(ValueError, match=r"intervals is 'bayes'; one of auto, quadratic"):
         fit_many([0.0], R=[0.3], intervals="bayes")
 
 
 def test_exact_data_have_intervals_as_narrow_as_rounding():
     found = fit_many(ANGLES, **curves(0.5, 2.2, ("R_s", "R_p")), intervals="profile")
-    np.testing.assert_allclose(found.eta_interval, 0.5, rtol=1e-12)
-    np.testing.assert_allclose(found.k_interval, 2.2, rtol=1e-12)
+    np.testing.assert_allclose(found.parameters["eta"].interval, 0.5, rtol=1e-12)
+    np.testing.assert_allclose(found.parameters["k"].interval, 2.2, rtol=1e-12)

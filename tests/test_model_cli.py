@@ -1,12 +1,13 @@
-"""The command with --model and --slab: options, files, exit status, refusals."""
+"""The command with --sample: options, files, exit status, refusals."""
 
 import json
 
 import numpy as np
 import pytest
 
-from fitting import cli, predict
+from fitting import cli, simulate
 
+PLATE = "air | free 2 mm thick | air"
 ANGLES = np.array([30.0, 50.0, 60.0, 70.0, 80.0])
 WAVELENGTHS = np.linspace(0.4, 0.8, 9)
 
@@ -18,7 +19,7 @@ def spectrum(tmp_path):
     random = np.random.default_rng(1)
     files = []
     for q, scale in (("R_s", 1.0), ("R_p", 0.97)):
-        values = predict("cauchy:2", {"A": 1.5, "B": 0.01, "scale": scale}, angle, wavelength, q)
+        values = simulate("cauchy:2", {"A": 1.5, "B": 0.01, "scale": scale}, angle, wavelength, q)
         values = values + 1e-3 * random.standard_normal(len(angle))
         rows = zip(angle, wavelength, values, strict=True)
         file = tmp_path / f"{q}.csv"
@@ -33,8 +34,8 @@ def spectrum(tmp_path):
 @pytest.fixture
 def plate(tmp_path):
     wavelength = np.array([0.5, 0.6, 0.7])
-    values = {"eta": 1.52, "k": 2e-6, "thickness_um": 2000.0}
-    T, R = (predict("constant", values, 0.0, wavelength, q, structure="slab") for q in ("T", "R"))
+    values = {"eta": 1.52, "k": 2e-6}
+    T, R = (simulate(PLATE.replace("free", "constant"), values, 0.0, wavelength, q) for q in "TR")
     file = tmp_path / "plate.csv"
     rows = zip(wavelength, T, R, strict=True)
     file.write_text("wavelength_um,T,R\n" + "".join(f"{w},{t:.8f},{r:.8f}\n" for w, t, r in rows))
@@ -44,19 +45,21 @@ def plate(tmp_path):
 def test_two_files_one_model(spectrum, tmp_path, capsys):
     out, csv = tmp_path / "fit.json", tmp_path / "fit.csv"
     status = cli.main([
-        *spectrum, "--model", "cauchy:2", "--free", "scale", "--fix", "scale[R_s.csv R_s]=1",
-        "--bound", "A=1.2..1.9", "--prior", "B=0.01+-0.01", "--absolute-sigma",
+        *spectrum, "--sample", "cauchy:2", "--free", "scale", "--fix", "scale[R_s.csv R_s]=1",
+        "--bound", "A=1.2..1.9", "--prior", "B=0.01+-0.01", "--errors", "stated",
         "--json", str(out), "--csv", str(csv),
     ])  # fmt: skip
     shown = capsys.readouterr().out
     assert status == 0, shown
-    assert "cauchy:2, one bare interface" in shown and "scale[R_p.csv R_p]" in shown
+    assert "cauchy:2 (one bare surface" in shown and "scale[R_p.csv R_p]" in shown
     assert max(map(len, shown.splitlines())) <= 80
     data = json.loads(out.read_text())
     assert data["names"] == ["A", "B", "scale[R_p.csv R_p]"]
-    assert data["fixed"] == {"scale[R_s.csv R_s]": 1.0}
-    for value, sigma, true in zip(data["values"], data["sigmas"], (1.5, 0.01, 0.97), strict=True):
-        assert abs(value - true) < 4.5 * sigma
+    parameters = data["parameters"]
+    fixed = parameters["scale[R_s.csv R_s]"]
+    assert (fixed["value"], fixed["status"]) == (1.0, "fixed")
+    for name, true in zip(data["names"], (1.5, 0.01, 0.97), strict=True):
+        assert abs(parameters[name]["value"] - true) < 4.5 * parameters[name]["sigma"]
     assert len(data["index"]["eta"]) == len(WAVELENGTHS)
     table = np.genfromtxt(csv, delimiter=",", names=True, skip_header=2, encoding="utf-8",
                           dtype=None)  # fmt: skip
@@ -71,21 +74,21 @@ def test_two_files_one_model(spectrum, tmp_path, capsys):
 
 def test_a_plate_wavelength_by_wavelength(plate, tmp_path, capsys):
     out = tmp_path / "plate.json"
-    assert cli.main([plate, "--slab", "2", "--json", str(out)]) == 0
+    assert cli.main([plate, "--sample", PLATE, "--json", str(out)]) == 0
     shown = capsys.readouterr().out
-    assert "a slab of 2000 um, both faces" in shown and "3 wavelengths: 3 converged" in shown
+    assert "free 2 mm thick" in shown and "3 wavelengths: 3 converged" in shown
     data = json.loads(out.read_text())
     np.testing.assert_allclose(data["eta"], 1.52, atol=1e-5)
     np.testing.assert_allclose(data["k"], 2e-6, rtol=1e-4)
-    assert cli.main([plate, "--slab", "2000um", "--json", "-"]) == 0
+    assert cli.main([plate, "--sample", "air|free 2000um thick|air", "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["k"] == data["k"]
 
 
 def test_pictures(plate, spectrum, tmp_path):
     pytest.importorskip("matplotlib")
     for arguments in (
-        [plate, "--slab", "2", "--reference", "BK7"],
-        [*spectrum, "--model", "cauchy:2", "--reference", "gold"],
+        [plate, "--sample", PLATE, "--reference", "BK7"],
+        [*spectrum, "--sample", "cauchy:2", "--reference", "gold"],
     ):
         picture = tmp_path / "fit.png"
         assert cli.main([*arguments, "--quiet", "--plot", str(picture)]) == 0
@@ -94,14 +97,14 @@ def test_pictures(plate, spectrum, tmp_path):
 
 
 @pytest.mark.parametrize(("options", "words"), [
-    (["--free", "scale"], "--free needs --model"),
-    (["--model", "coshy"], "there is no model 'coshy'"),
-    (["--model", "cauchy", "--fix", "A=1..2"], "this is what --bound takes"),
-    (["--model", "cauchy", "--prior", "A=2"], "this is what --fix takes"),
-    (["--model", "cauchy", "--bound", "A"], "NAME=LOW..HIGH"),
-    (["--model", "cauchy", "--fix", "Q=1"], "has no parameter 'Q'"),
-    (["--model", "cauchy", "--reference", "unobtainium"], "unobtainium"),
-    (["--model", "cauchy", "--absolute-sigma", "--equal-weights"], None),
+    (["--free", "scale"], "scale is shared by all wavelengths"),
+    (["--sample", "coshy"], "'coshy' is not an index"),
+    (["--sample", "cauchy", "--fix", "A=1..2"], "this is what --bound takes"),
+    (["--sample", "cauchy", "--prior", "A=2"], "this is what --fix takes"),
+    (["--sample", "cauchy", "--bound", "A"], "NAME=LOW..HIGH"),
+    (["--sample", "cauchy", "--fix", "Q=1"], "has no parameter 'Q'"),
+    (["--sample", "cauchy", "--reference", "unobtainium"], "unobtainium"),
+    (["--sample", "cauchy", "--errors", "none"], None),
 ])  # fmt: skip
 def test_refusals(spectrum, capsys, options, words):
     if words is None:
@@ -114,10 +117,10 @@ def test_refusals(spectrum, capsys, options, words):
 
 
 def test_thickness_and_results_are_checked(plate, spectrum, capsys):
-    for text in ("thin", "-1", "0", "inf", "3 inches"):
-        with pytest.raises(SystemExit):
-            cli.main([plate, f"--slab={text}"])
-        assert "is no thickness" in capsys.readouterr().err
-    assert cli.main([*spectrum, "--model", "cauchy", "--json", spectrum[1]]) == 2
-    assert "this is a measurement" in capsys.readouterr().err
-    assert cli.main([plate, "--model", "cauchy"]) == 0  # T through one face
+    for text in ("thin", "-1 mm", "0 mm", "inf mm", "3 inches"):
+        assert cli.main([plate, "--sample", f"air | free {text} thick | air"]) == 2
+        error = capsys.readouterr().err
+        assert "thickness" in error or "is not an index" in error
+    assert cli.main([*spectrum, "--sample", "cauchy", "--json", spectrum[1]]) == 2
+    assert "the measurement itself" in capsys.readouterr().err
+    assert cli.main([plate, "--sample", "cauchy"]) == 0  # T through one face

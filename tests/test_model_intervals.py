@@ -6,16 +6,17 @@ bisection.
 """
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from estimates import bounds, intervals, kinds, sigmas, values
 from scipy import stats
 from scipy.optimize import brentq, least_squares, minimize_scalar
 
-from fitting import Measurement, cli, fit_model
-from fitting.model import select
-from fitting.output.model_report import table
+from fitting import Measurement, cli, fit
+from fitting import selection as select
 
 ANGLES = np.linspace(20.0, 80.0, 13)
 NORMAL = stats.norm.ppf(0.975) ** 2
@@ -116,51 +117,51 @@ def glass():
 def test_k_near_zero(seed):
     """Seed 1: the best k is 0, on the bound; seed 5: it is above, and compatible with 0."""
     m = measured(constant, (1.5, 0.0), ANGLES, [0.6], 2e-3, seed)
-    found = fit_model(m, "constant", absolute_sigma=True)
-    assert found.at_bound[1] == ("low" if seed == 1 else "")
-    assert found.interval_kinds == ("profile", "profile")
+    found = fit(m, "constant", errors="stated")
+    assert bounds(found)[1] == ("low" if seed == 1 else "")
+    assert kinds(found) == ("profile", "profile")
     of = residuals(m, constant)
-    starts = [found.values, found.values + [0.003, 0.03], found.values - [0.003, 0.0]]
+    starts = [values(found), values(found) + [0.003, 0.03], values(found) - [0.003, 0.0]]
     low, high, step = [1e-3, 0.0], [10.0, 10.0], [1e-3, 0.02]
     theirs = by_hand(of, starts, low, high, NORMAL, step)
-    assert theirs[1, 0] == 0.0 == found.intervals[1, 0]
-    assert_same(found.intervals, theirs)
+    assert theirs[1, 0] == 0.0 == intervals(found)[1, 0]
+    assert_same(intervals(found), theirs)
     # scaled by the scatter: Student's t with its degrees of freedom
-    scaled = fit_model(m, "constant")
-    scatter = (of(scaled.values) ** 2).sum() / 24
+    scaled = fit(m, "constant")
+    scatter = (of(values(scaled)) ** 2).sum() / 24
     theirs = by_hand(of, starts, low, high, stats.t.ppf(0.975, 24) ** 2 * scatter, step)
-    assert_same(scaled.intervals, theirs)
+    assert_same(intervals(scaled), theirs)
     # the standard error holds k where it is; the interval does not
-    quadratic = fit_model(m, "constant", intervals="quadratic")
-    assert quadratic.interval_kinds == ("quadratic", "quadratic")
+    quadratic = fit(m, "constant", intervals="quadratic")
+    assert kinds(quadratic) == ("quadratic", "quadratic")
     t = stats.t.ppf(0.975, 24)
     np.testing.assert_allclose(
-        quadratic.intervals[0], quadratic.values[0] + t * quadratic.sigmas[0] * np.array([-1, 1])
+        intervals(quadratic)[0], values(quadratic)[0] + t * sigmas(quadratic)[0] * np.array([-1, 1])
     )
     if seed == 1:
-        text = "hold for k = 0, their 95 % ranges for all that it may be"
-        assert any(text in w for w in scaled.warnings)
-        assert not any("ranges" in w for w in quadratic.warnings)
+        text = "hold for k = 0, their 95 % intervals for all that it may be"
+        assert any(text in w.text for w in scaled.warnings)
+        assert not any("intervals" in w.text for w in quadratic.warnings)
         assert any("the standard errors of the others hold for k = 0" in w
                    for w in quadratic.warnings)  # fmt: skip
-        assert np.ptp(scaled.intervals[0]) > 1.2 * np.ptp(quadratic.intervals[0])
-        assert any("eta: 1.49" in w and "by its standard error" in w for w in scaled.warnings)
+        assert np.ptp(intervals(scaled)[0]) > 1.2 * np.ptp(intervals(quadratic)[0])
+        assert any("eta: 1.49" in w and "by its standard error" in w.text for w in scaled.warnings)
 
 
 def test_a_curved_valley():
     """R_p of an absorber seen at three angles with much noise."""
     m = measured(constant, (1.1, 7.0), [45.0, 65.0, 75.0], [0.6], 1e-2, 0)
-    found = fit_model(m, "constant", absolute_sigma=True)
-    assert found.interval_kinds == ("profile", "profile")
-    starts = [found.values, 0.8 * found.values, 1.3 * found.values]
+    found = fit(m, "constant", errors="stated")
+    assert kinds(found) == ("profile", "profile")
+    starts = [values(found), 0.8 * values(found), 1.3 * values(found)]
     theirs = by_hand(
-        residuals(m, constant), starts, [1e-3, 0.0], [100.0, 100.0], NORMAL, 0.3 * found.values
+        residuals(m, constant), starts, [1e-3, 0.0], [100.0, 100.0], NORMAL, 0.3 * values(found)
     )
-    assert_same(found.intervals, theirs)
-    half = 1.96 * found.sigmas
-    assert (np.abs(found.intervals - found.values[:, None]).max(1) > 1.5 * half).all()
-    assert any("standard errors do not tell how far" in w for w in found.warnings)
-    assert "95 % range   eta" in table(found)
+    assert_same(intervals(found), theirs)
+    half = 1.96 * sigmas(found)
+    assert (np.abs(intervals(found) - values(found)[:, None]).max(1) > 1.5 * half).all()
+    assert any("standard errors do not tell how far" in w.text for w in found.warnings)
+    assert "(profile likelihood)" in str(found)
 
 
 @pytest.fixture(scope="module")
@@ -171,63 +172,66 @@ def spectrum():
 
 
 def test_a_spectrum_with_a_prior(spectrum):
-    found = fit_model(
-        spectrum, "cauchy:2", priors={"scale": (1.0, 0.02)}, absolute_sigma=True,
+    found = fit(
+        spectrum, "cauchy:2", priors={"scale": (1.0, 0.02)}, errors="stated",
         intervals="profile",
     )  # fmt: skip
-    assert found.names == ("A", "B", "scale") and set(found.interval_kinds) == {"profile"}
+    assert found.names == ("A", "B", "scale") and set(kinds(found)) == {"profile"}
     of = residuals(spectrum, cauchy, scaled=True)
     theirs = by_hand(
-        lambda x: np.append(of(x), (x[2] - 1.0) / 0.02), [found.values],
-        [1.0, -np.inf, 1e-3], [100.0, np.inf, 1e3], NORMAL, 0.7 * found.sigmas,
+        lambda x: np.append(of(x), (x[2] - 1.0) / 0.02), [values(found)],
+        [1.0, -np.inf, 1e-3], [100.0, np.inf, 1e3], NORMAL, 0.7 * sigmas(found),
     )  # fmt: skip
-    assert_same(found.intervals, theirs)
+    assert_same(intervals(found), theirs)
     # scaled: data and prior are weighed by the noise that was found; t has 40 degrees of freedom
-    scaled = fit_model(
+    scaled = fit(
         spectrum, "cauchy:2", priors={"scale": (1.0, 0.02)}, intervals="profile"
     )  # fmt: skip
     assert 1.1 < scaled.noise < 1.5 and scaled.dof == 40
     again = by_hand(
-        lambda x: np.append(of(x) / scaled.noise, (x[2] - 1.0) / 0.02), [scaled.values],
+        lambda x: np.append(of(x) / scaled.noise, (x[2] - 1.0) / 0.02), [values(scaled)],
         [1.0, -np.inf, 1e-3], [100.0, np.inf, 1e3], stats.t.ppf(0.975, 40) ** 2,
-        0.7 * scaled.sigmas,
+        0.7 * sigmas(scaled),
     )  # fmt: skip
-    assert_same(scaled.intervals, again)
+    assert_same(intervals(scaled), again)
     # linear enough: quadratic ones are taken if nothing is said
-    plain = fit_model(spectrum, "cauchy:2", priors={"scale": (1.0, 0.02)}, absolute_sigma=True)
-    assert plain.interval_kinds == ("quadratic",) * 3
+    plain = fit(spectrum, "cauchy:2", priors={"scale": (1.0, 0.02)}, errors="stated")
+    assert kinds(plain) == ("quadratic",) * 3
     np.testing.assert_allclose(
-        plain.intervals, plain.values[:, None] + np.sqrt(NORMAL) * plain.sigmas[:, None] * [-1, 1]
+        intervals(plain),
+        values(plain)[:, None] + np.sqrt(NORMAL) * sigmas(plain)[:, None] * [-1, 1],
     )
     half = np.ptp(theirs, axis=1)[:, None] / 2.0
-    assert (np.abs(plain.intervals - theirs) < 0.1 * half).all()
+    assert (np.abs(intervals(plain) - theirs) < 0.1 * half).all()
 
 
 def test_others_are_free_of_the_bound_that_one_lies_on(spectrum):
     """A is kept above its best value; B's standard error is that for A on its bound, its interval
     is not."""
-    free = fit_model(spectrum, "cauchy:2", absolute_sigma=True)
-    low = free.value_of("A") + 0.3 * free.sigma_of("A")
-    found = fit_model(spectrum, "cauchy:2", bounds={"A": (low, 1.6)}, absolute_sigma=True)
-    assert found.at_bound == ("low", "") and found.interval_kinds == ("profile", "profile")
+    free = fit(spectrum, "cauchy:2", errors="stated")
+    low = free.parameters["A"].value + 0.3 * free.parameters["A"].sigma
+    found = fit(spectrum, "cauchy:2", bounds={"A": (low, 1.6)}, errors="stated")
+    assert bounds(found) == ("low", "") and kinds(found) == ("profile", "profile")
     theirs = by_hand(
-        residuals(spectrum, cauchy), [found.values, found.values + [1e-3, 0.0]],
-        [low, -np.inf], [1.6, np.inf], NORMAL, 0.4 * free.sigmas,
+        residuals(spectrum, cauchy), [values(found), values(found) + [1e-3, 0.0]],
+        [low, -np.inf], [1.6, np.inf], NORMAL, 0.4 * sigmas(free),
     )  # fmt: skip
-    assert_same(found.intervals, theirs)
-    assert found.intervals[0, 0] == low == theirs[0, 0]
+    assert_same(intervals(found), theirs)
+    assert intervals(found)[0, 0] == low == theirs[0, 0]
     # downwards A gives way, upwards it cannot
-    below, above = np.abs(found.intervals[1] - found.value_of("B")) / found.sigma_of("B")
+    below, above = (
+        np.abs(intervals(found)[1] - found.parameters["B"].value) / found.parameters["B"].sigma
+    )
     assert below > 2.5 and above == pytest.approx(1.96, rel=0.03)
 
 
 def test_beside_a_bound_nothing_is_conditional():
     """Also where the standard error of eta, for k = 0, would be right to a tenth."""
     m = measured(constant, (1.5, 0.1), ANGLES, [0.6], 5e-3, 0, ("R_p",))
-    found = fit_model(m, "constant", absolute_sigma=True)
-    assert found.at_bound == ("", "low") and found.interval_kinds == ("profile", "profile")
-    quadratic = fit_model(m, "constant", absolute_sigma=True, intervals="quadratic")
-    off = np.abs(found.intervals[0] - quadratic.intervals[0]) / np.ptp(found.intervals[0])
+    found = fit(m, "constant", errors="stated")
+    assert bounds(found) == ("", "low") and kinds(found) == ("profile", "profile")
+    quadratic = fit(m, "constant", errors="stated", intervals="quadratic")
+    off = np.abs(intervals(found)[0] - intervals(quadratic)[0]) / np.ptp(intervals(found)[0])
     assert 0.01 < off.max() < 0.05
 
 
@@ -238,8 +242,8 @@ def test_a_robust_loss(spectrum):
     spoilt = Measurement.from_columns(
         spectrum.angle_deg, spectrum.wavelength_um, sigma=5e-3, R_s=value
     )
-    found = fit_model(
-        spoilt, "cauchy:2", fixed={"B": 0.012}, loss="huber", absolute_sigma=True,
+    found = fit(
+        spoilt, "cauchy:2", fixed={"B": 0.012}, loss="huber", errors="stated",
         intervals="profile",
     )  # fmt: skip
     of = residuals(spoilt, cauchy)
@@ -252,35 +256,36 @@ def test_a_robust_loss(spectrum):
     r = of((best.x, 0.012))
     psi, bend = np.clip(r, -1.345, 1.345), (np.abs(r) < 1.345).mean()
     variance = max((psi @ psi) / (len(r) - 1) / bend**2, 1.0)
-    step = 10.0 * found.sigmas[0]
+    step = 10.0 * sigmas(found)[0]
     theirs = [
         brentq(lambda a: cost(a) - best.fun - NORMAL * variance * bend, best.x, best.x + s)
         for s in (-step, step)
     ]
-    assert_same(found.intervals, np.array([theirs]))
+    assert_same(intervals(found), np.array([theirs]))
 
 
 def test_second_solutions_have_errors_of_their_own():
     """R_p at two angles fits two materials; the other's errors by differences of the textbook's R
     there."""
     m = measured(constant, (1.7, 0.3), [60.0, 75.0], [0.6, 0.6, 0.6], 1e-3, 2, ("R_p",))
-    found = fit_model(m, "constant", absolute_sigma=True)
-    other = found.others[0]
-    at, of = np.array([other["values"][n] for n in found.names]), residuals(m, constant)
+    found = fit(m, "constant", errors="stated")
+    other = found.alternatives[0].parameters
+    at, of = np.array([other[n].value for n in found.names]), residuals(m, constant)
     slopes = [(of(at + h) - of(at - h)) / 2e-6 for h in 1e-6 * np.eye(2)]
     covariance = np.linalg.inv(np.array(slopes) @ np.array(slopes).T)
-    sigmas = [other["sigmas"][n] for n in found.names]
+    sigmas = [other[n].sigma for n in found.names]
     np.testing.assert_allclose(sigmas, np.sqrt(np.diag(covariance)), rtol=1e-4)
-    assert set(other["interval_kinds"].values()) <= {"quadratic", "profile"}
-    for name, (low, high) in other["intervals"].items():
-        assert low < other["values"][name] < high
-    line = next(line for line in table(found).splitlines() if "or else" in line)
-    assert line.count("+-") == 2
+    assert {e.interval_kind for e in other.values()} <= {"quadratic", "profile"}
+    for estimate in other.values():
+        low, high = estimate.interval
+        assert low < estimate.value < high
+    text = " ".join(str(found).split())
+    assert text.partition("or else")[2].partition("chi2")[0].count("+-") == 2
 
 
 def test_a_lower_minimum_on_the_way_is_taken():
     """Two starts end in a wrong minimum; on the way to the ends of its intervals is the best."""
-    from fitting import predict
+    from fitting import simulate
 
     truth = {"eps_inf": 2.0, "strength_ev2_1": 6.0, "resonance_ev_1": 2.3, "width_ev_1": 0.5}
     angle, wavelength = (
@@ -288,79 +293,78 @@ def test_a_lower_minimum_on_the_way_is_taken():
     )
     random = np.random.default_rng(2)
     columns = {
-        q: predict("lorentz", truth, angle, wavelength, q) + 1e-3 * random.standard_normal(42)
+        q: simulate("lorentz", truth, angle, wavelength, q) + 1e-3 * random.standard_normal(42)
         for q in ("R_s", "R_p")
     }
     m = Measurement.from_columns(angle, wavelength, sigma=1e-3, **columns)
-    wrong = fit_model(m, "lorentz", starts=2, seed=4, intervals="quadratic")
+    wrong = fit(m, "lorentz", starts=2, seed=4, intervals="quadratic")
     assert wrong.chi2_reduced > 1e3
-    found = fit_model(m, "lorentz", starts=2, seed=4)
+    found = fit(m, "lorentz", starts=2, seed=4)
     assert found.chi2_reduced < 1.5
     true = [truth[name] for name in found.names]
-    assert (np.abs(found.values - true) < 4.5 * found.sigmas).all()
+    assert (np.abs(values(found) - true) < 4.5 * sigmas(found)).all()
 
 
 def test_the_shown_minimum_need_not_be_the_lowest_one():
     """Near index match both n and 1 / n fit; n > 1 is shown, though 1 / n is .6 of chi2 lower."""
     R = [0.0380, 0.0289, 0.0236, 0.0226, 0.0394, 0.0498]
     m = Measurement.from_columns(np.arange(40.0, 46.0), R_s=R, sigma=0.01)
-    fit = fit_model(m, "constant")
-    assert fit.value_of("eta") > 1.0
-    (other,) = fit.others
-    assert other["values"]["eta"] < 1.0 and -1.0 < other["delta_chi2"] < 0.0
-    assert "chi2 -0.56" in table(fit, 80)
+    found = fit(m, "constant")
+    assert found.parameters["eta"].value > 1.0
+    (other,) = found.alternatives
+    assert other.parameters["eta"].value < 1.0 and -1.0 < other.delta_chi2 < 0.0
+    assert "0.56" in str(found)
 
 
 def test_without_noise_or_data_to_spare_there_is_nothing_to_follow():
     """The cost does not rise by anything but rounding: no interval, or the quadratic one."""
     R_s, R_p = (textbook(1.7 + 0.8j, ANGLES, np.array(q)) for q in ("R_s", "R_p"))
     m = Measurement.from_columns(ANGLES, 0.6, R_s=R_s, R_p=R_p)
-    found = fit_model(m, "constant", intervals="profile")
-    assert set(found.interval_kinds) == {"quadratic"} and np.ptp(found.intervals) < 2.0
+    found = fit(m, "constant", intervals="profile")
+    assert set(kinds(found)) == {"quadratic"} and np.ptp(intervals(found)) < 2.0
     pair = Measurement.from_columns([70.0], 0.6, R_s=[0.5], R_p=[0.1])
-    found = fit_model(pair, "constant", intervals="profile")
-    assert found.interval_kinds == ("none", "none") and np.isnan(found.intervals).all()
+    found = fit(pair, "constant", intervals="profile")
+    assert kinds(found) == ("none", "none") and np.isnan(intervals(found)).all()
     # errors that are stated need no data to spare
     pair = replace(pair, sigma=np.full(2, 1e-3))
-    for absolute in (False, True):
-        found = fit_model(pair, "constant", intervals="profile", absolute_sigma=absolute)
-        assert found.interval_kinds == ("profile", "profile")
+    for errors in ("scaled", "stated"):
+        found = fit(pair, "constant", intervals="profile", errors=errors)
+        assert kinds(found) == ("profile", "profile")
 
 
 def test_an_undetermined_index_has_the_range_of_its_circle():
     """R at normal incidence leaves the circle (eta - a)^2 + k^2 = b: its ends in closed form."""
     m = Measurement.from_columns([0.0] * 4, 0.5, sigma=1e-4, R=[0.3, 0.3001, 0.2999, 0.3])
-    found = fit_model(m, "constant", absolute_sigma=True, intervals="profile")
+    found = fit(m, "constant", errors="stated", intervals="profile")
     assert found.status == "undetermined"
     root = np.sqrt(0.3)
     # the width of the line, 1e-4 of R, is a thousandth of the circle
     low, high = (1.0 - root) / (1.0 + root), (1.0 + root) / (1.0 - root)
-    np.testing.assert_allclose(found.interval_of("eta"), [low, high], rtol=2e-3)
-    np.testing.assert_allclose(found.interval_of("k"), [0.0, 2.0 * root / 0.7], rtol=2e-3)
-    assert fit_model(m, "constant", absolute_sigma=True).interval_kinds == ("none", "none")
+    np.testing.assert_allclose(found.parameters["eta"].interval, [low, high], rtol=2e-3)
+    np.testing.assert_allclose(found.parameters["k"].interval, [0.0, 2.0 * root / 0.7], rtol=2e-3)
+    assert kinds(fit(m, "constant", errors="stated")) == ("none", "none")
 
 
 def test_plain_data_and_refusal(glass):
-    found = fit_model(glass, "constant", fixed={"k": 0.0})
+    found = fit(glass, "constant", fixed={"k": 0.0})
     data = json.loads(json.dumps(found.to_dict(), allow_nan=False))
-    assert data["intervals"] == found.intervals.tolist() and data["interval_kinds"] == ["quadratic"]
-    assert found.interval_of("eta") == tuple(found.intervals[0])
-    assert found.interval_of("k") == (0.0, 0.0)
-    with pytest.raises(KeyError):
-        found.interval_of("A")
-    for call in (fit_model, select.choose):
+    assert data["parameters"]["eta"]["interval"] == intervals(found)[0].tolist()
+    assert data["parameters"]["eta"]["interval_kind"] == "quadratic"
+    np.testing.assert_array_equal(found.parameters["k"].interval, (0.0, 0.0))
+    assert "A" not in found.parameters
+    for call in (fit, select.choose):
         with pytest.raises(ValueError, match="auto, quadratic, profile"):
             call(glass, intervals="exact")
 
 
 def test_the_model_chosen_has_intervals(glass):
-    choice = select.choose(glass, nuisances=False)
+    choice = select.choose(glass, instrument=False)
     assert choice.fit is choice.taken.fit
     assert choice.taken in choice.candidates
     with_k = next(c for c in choice.candidates if not c.key.without_k)
-    assert set(with_k.fit.interval_kinds) == {"quadratic"}
-    profiled = select.choose(glass, nuisances=False, intervals="profile")
-    assert profiled.fit.interval_kinds == ("profile",)
+    assert set(kinds(with_k.fit)) == {"quadratic"}
+    profiled = select.choose(glass, instrument=False, intervals="profile")
+    assert kinds(profiled.fit) == ("profile",)
 
 
 def test_the_command(glass, tmp_path, capsys):
@@ -371,13 +375,17 @@ def test_the_command(glass, tmp_path, capsys):
     ))  # fmt: skip
     shown = {}
     for kind in ("auto", "quadratic", "profile"):
-        assert cli.main([str(file), "--model", "constant", "--intervals", kind]) == 0
-        shown[kind] = capsys.readouterr().out
-    assert "95 % range   eta 1.49" in shown["auto"] and "likelihood itself" in shown["auto"]
-    assert "95 % range   eta 1.49" in shown["profile"] and "95 % range" not in shown["quadratic"]
+        assert cli.main([str(file), "--sample", "constant", "--intervals", kind]) == 0
+        shown[kind] = " ".join(capsys.readouterr().out.split())
+    for kind in ("auto", "profile"):
+        assert re.search(
+            r"eta 1\.50\d* \+- .*1\.49\d* to 1\.5.*\(profile likelihood\)", shown[kind]
+        )
+    assert "profile" not in shown["quadratic"]
     folder = tmp_path / "report"
-    assert cli.main([str(file), "--model", "constant", "--quiet", "--report", str(folder)]) == 0
-    data = json.loads((folder / "fit.json").read_text())
-    assert data["interval_kinds"] == ["profile", "profile"] and data["intervals"][1][0] == 0.0
+    assert cli.main([str(file), "--sample", "constant", "--quiet", "--report", str(folder)]) == 0
+    data = json.loads((folder / "fit.json").read_text())["parameters"]
+    assert {e["interval_kind"] for e in data.values()} == {"profile"}
+    assert data["k"]["interval"][0] == 0.0
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert "95 % range" in page and "by the likelihood itself" in page
+    assert "95 % interval" in page and "profile likelihood" in page

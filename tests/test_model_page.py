@@ -5,36 +5,39 @@ import json
 import numpy as np
 import pytest
 from simulated import GOLD, simulated
-from test_report_page import Page
+from test_pages import Page
 
-from fitting import cli
-from fitting.model import candidates, select
-from fitting.output.model_page import model_page
+from fitting import candidates, cli
+from fitting import selection as select
+from fitting.output.fit_page import fit_page
+from fitting.output.shown import Comparison
 
 
 @pytest.fixture(scope="module")
 def choice():
     angles = tuple(np.linspace(20.0, 80.0, 20))
     measurement = simulated(1.7, 0.8, 1e-3, angles=angles, wavelength_um=0.6, seed=3)
-    return select.choose(measurement, nuisances=False)
+    return select.choose(measurement, "auto", instrument=False)
 
 
 def test_the_page_of_a_model(choice):
-    seen = Page(model_page(choice.fit, b"", "fresnel-fit x.csv --model auto", choice))
+    reasons = [reason.text for reason in choice.reasons]
+    compared = Comparison(choice.table(), reasons, choice.to_dict())
+    seen = Page(fit_page(choice.fit, b"", "fresnel-fit x.csv --sample auto", compared))
     assert seen.open == []
-    for part in ("constant, interface", "fresnel-fit x.csv --model auto", "Models compared",
+    for part in ("constant (one bare surface", "fresnel-fit x.csv --sample auto", "Models compared",
                  "constant, k = 0", "Correlations", "Index over wavelength", "Parameters",
-                 *choice.reasons):  # fmt: skip
+                 *reasons):  # fmt: skip
         assert part in seen.text, part
     # eta, k; eta and k with each other; two models; one wavelength; 40 data; and five heads.
     assert seen.tags.count("tr") == 2 + 2 + 2 + 1 + 40 + 5
     fit = choice.fit
-    assert f"{fit.value_of('eta'):.3f}"[:5] in seen.text
+    assert f"{fit.values['eta']:.3f}"[:5] in seen.text
     assert f"{fit.correlation[0, 1]:+.3f}" in seen.text
 
 
 def test_without_a_choice_there_is_no_comparison(choice):
-    assert "Models compared" not in Page(model_page(choice.fit, b"", "")).text
+    assert "Models compared" not in Page(fit_page(choice.fit, b"")).text
 
 
 def test_the_choice_on_the_command_line(choice, tmp_path, capsys, monkeypatch):
@@ -42,16 +45,16 @@ def test_the_choice_on_the_command_line(choice, tmp_path, capsys, monkeypatch):
     here, so that the command gets what was chosen already."""
     asked = {}
 
-    def chosen(measurements, **options):
-        asked.update(options)
+    def chosen(measurements, sample, **options):
+        asked.update(options, sample=str(sample))
         return choice
 
     monkeypatch.setattr("fitting.start_up.set_up_jax", lambda: None)
     monkeypatch.setattr(select, "choose", chosen)
     folder = tmp_path / "report"
-    arguments = ["--model", "auto", "--eta-i", "1.2", "--report", str(folder)]
+    arguments = ["--sample", "1.2 | auto", "--loss", "huber", "--report", str(folder)]
     assert cli.main([str(GOLD), *arguments]) == 0
-    assert (asked["eta_i"], asked["structure"]) == (1.2, "interface")
+    assert (asked["sample"], asked["loss"]) == ("1.2 | auto", "huber")
     lines = capsys.readouterr().out.splitlines()
     rows = [line for line in lines if line.strip().startswith("> ")]
     assert len(rows) == 1
@@ -64,6 +67,6 @@ def test_the_choice_on_the_command_line(choice, tmp_path, capsys, monkeypatch):
     plain = json.loads((folder / "fit.json").read_text())
     assert [m["label"] for m in plain["models"] if m["taken"]] == ["constant"]
     assert plain["models"][0]["bic"] == pytest.approx(plain["bic"], abs=candidates.MARGIN)
-    assert plain["choice"] == list(choice.reasons)
+    assert [r["text"] for r in plain["choice"]] == [r.text for r in choice.reasons]
     assert cli.main([str(GOLD), *arguments, "--quiet"]) == 0
     assert capsys.readouterr() == ("", "")

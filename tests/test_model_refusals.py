@@ -2,55 +2,65 @@
 
 import pytest
 
-from fitting import Measurement, fit_model
-from fitting.model.parameters import Settings, check_settings, names_of, parse_setting
+from fitting import Measurement, fit
+from fitting.parameters import Settings, check_settings, names_of, parse_setting
 
 
 @pytest.mark.parametrize(("options", "words"), [
-    ({"model": "coshy"}, "there is no model 'coshy'"),
-    ({"model": "cauchy:9"}, "takes 1 to 8 terms"),
-    ({"model": "drude:2"}, "takes no number of terms"),
-    ({"structure": "film"}, "structure is 'film'"),
-    ({"structure": "slab"}, "a slab needs its thickness"),
-    ({"structure": "slab", "thickness_um": -1.0}, "a number above 0"),
+    ({"sample": "coshy"}, "'coshy' is not an index"),
+    ({"sample": "cauchy:9"}, "takes 1 to 8 terms"),
+    ({"sample": "drude:2"}, "takes no number of terms"),
+    ({"sample": "film"}, "'film' is not an index"),
+    ({"sample": "air | cauchy | air"}, "the layer 'cauchy' has no thickness"),
+    ({"sample": "air | cauchy -1 um thick | air"}, "is not an index"),
+    ({"sample": "air | cauchy 0 um thick | air"}, "a thickness above 0"),
+    ({"sample": "air | cauchy 1 um stiff | air"}, "'stiff' is neither 'thick' nor 'held'"),
+    ({"sample": "air | cauchy 3..2 mm thick | air"}, "the lower end of the thickness comes first"),
+    ({"sample": "cauchy 3 mm"}, "which has none; a plate in air"),
+    ({"sample": "gold | cauchy"}, "comes from 'gold'; a lossless medium"),
+    ({"sample": "auto"}, "leaves its model open"),
     ({"free": ["scal"]}, "has no parameter 'scal'"),
     ({"free": "scal"}, "has no parameter 'scal'"),
     ({"fixed": {"A": float("nan")}}, "A is held at nan"),
     ({"fixed": {"A": 1.5}, "bounds": {"A": (1, 2)}}, "at once"),
-    ({"fixed": {"A": 1.5, "B": 0.0, "C": 0.0}}, "every parameter is held"),
+    ({"fixed": {"A": 1.5, "B": 0.0, "C": 0.0}}, "every parameter is fixed"),
     ({"bounds": {"A": (2, 1)}}, "the lower end first"),
     ({"priors": {"A": (1.5, 0.0)}}, "above 0"),
+    ({"tie": {"A": "x y * 3"}}, "the name of another parameter was wanted"),
+    ({"tie": {"A": "D"}}, "has no parameter 'D'"),
+    ({"tie": {"A": "B"}, "fixed": {"A": 1.5}}, "A is tied to another parameter"),
+    ({"tie": {"A": "B", "B": "C"}}, "A is tied to B, which is tied itself"),
     ({"loss": "cubes"}, "loss is 'cubes'"),
-    ({"eta_i": -1.0}, "eta_i is -1.0"),
+    ({"sample": "-1 | cauchy"}, "'-1' is not an index"),
     ({"starts": 0}, "starts is 0"),
-    ({"eta_i": 1.0 + 1.0j}, "eta_i is "),
+    ({"sample": "1+1i | cauchy"}, "a lossless medium, one real number above 0"),
     ({"start": {"D": 1.0}}, "start names D"),
-    ({"model": "constant", "start": {"eta": -1.0}}, "the start of eta is -1; a number from"),
-    ({"model": "constant", "start": {"eta": float("nan")}}, "the start of eta is nan"),
-    ({"model": "constant", "bounds": {"eta": (1, 2)}, "start": {"eta": 3}}, "from 1 to 2 was"),
-    ({"model": "drude", "bounds": {"width_ev": (0, 1)}, "start": {"width_ev": 0}}, "above 0 to 1"),
-    ({"sigma": "none"}, "sigma is 'none'"),
+    ({"sample": "constant", "start": {"eta": -1.0}}, "the start of eta is -1; a number from"),
+    ({"sample": "constant", "start": {"eta": float("nan")}}, "the start of eta is nan"),
+    ({"sample": "constant", "bounds": {"eta": (1, 2)}, "start": {"eta": 3}}, "from 1 to 2 was"),
+    ({"sample": "drude", "bounds": {"width_ev": (0, 1)}, "start": {"width_ev": 0}}, "above 0 to 1"),
+    ({"errors": "none"}, "errors is 'none'"),
 ])  # fmt: skip
 def test_refusals(options, words):
     m = Measurement.from_columns([45.0, 60.0], 0.5, R_s=[0.1, 0.2], R_p=[0.02, 0.01])
     with pytest.raises(ValueError, match=words):
-        fit_model(m, **options)
+        fit(m, **{"sample": "cauchy", **options})
 
 
 def test_refusals_of_data():
     angle = [45.0, 60.0]
     unknown = Measurement.from_columns(angle, R_s=[0.1, 0.2])
     with pytest.raises(ValueError, match="wavelength"):
-        fit_model(unknown, "cauchy")
+        fit(unknown, "cauchy")
     ellipsometry = Measurement.from_columns(angle, 0.5, psi=[20.0, 10.0], delta=[0.0, 0.0])
     with pytest.raises(ValueError, match="no definite phase"):
-        fit_model(ellipsometry, "cauchy", "slab", thickness_um=100.0)
+        fit(ellipsometry, "air | cauchy 100 um thick | air")
     with pytest.raises(ValueError, match="scale acts on powers"):
-        fit_model(ellipsometry, "constant", free=["scale"])
-    with pytest.raises(ValueError, match="absolute_sigma"):
-        fit_model(ellipsometry, "constant", absolute_sigma=True)
+        fit(ellipsometry, "constant", free=["scale"])
+    with pytest.raises(ValueError, match='errors="stated"'):
+        fit(ellipsometry, "constant", errors="stated")
     with pytest.raises(ValueError, match="have no psi"):
-        fit_model(Measurement.from_columns(angle, 0.5, delta=[0.0, 0.0]), "constant")
+        fit(Measurement.from_columns(angle, 0.5, delta=[0.0, 0.0]), "constant")
 
 
 @pytest.mark.parametrize(("text", "meaning"), [

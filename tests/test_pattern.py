@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from simulated import GOLD, simulated, textbook
 
-from fitting import Measurement, choose, fit, fit_model, read_csv
-from fitting.index.arrange import of_measurement
-from fitting.index.batch import fitted_curves
-from fitting.index.fit import _fit
-from fitting.model.candidates import choice_dict
+from fitting import Measurement, choose, fit, read_csv
+from fitting.bare_surface.answer import answer
+from fitting.bare_surface.arrange import of_measurement
+from fitting.bare_surface.batch import fitted_curves
 from fitting.pattern import pattern
 from fitting.residuals import residuals, weighted_residuals
+from fitting.sample import Sample
 
 LARGE = "3 angles, 40 wavelengths"
 LAYOUTS = {
@@ -92,7 +92,7 @@ def test_delta_goes_round_and_angles_have_a_common_unit():
 
 
 def said(fit):
-    return [w for w in fit.warnings if "is not noise" in w]
+    return [w for w in fit.warnings if w.code == "residuals_in_order"]
 
 
 @pytest.fixture(scope="module")
@@ -110,26 +110,27 @@ def stepped():
 
 
 def test_a_fit_says_that_its_model_does_not_describe_the_data(stepped):
-    wrong = fit_model(stepped, "constant", fixed={"k": 0.0})
+    wrong = fit(stepped, "constant", fixed={"k": 0.0})
     assert wrong.status == "converged" and wrong.rms < 0.01
-    assert len(said(wrong)) == 1 and "along the wavelength" in said(wrong)[0]
+    assert len(said(wrong)) == 1 and "along the wavelength" in said(wrong)[0].text
     # Errors that are stated too large hide it in chi2, but not in the order.
     coarse = replace(stepped, sigma=np.full(len(stepped), 0.05))
-    assert said(fit_model(coarse, "constant", fixed={"k": 0.0}))
+    assert said(fit(coarse, "constant", fixed={"k": 0.0}))
     angles = tuple(np.linspace(20.0, 80.0, 30))
     glass = simulated(1.6, 0.3, 1e-3, angles=angles, seed=1)
-    assert not said(fit_model(glass, "constant"))
+    assert not said(fit(glass, "constant"))
 
 
 def test_the_gold_scan_drifts_off_its_best_index():
     """Its residuals go to -.1 at grazing incidence, with an rms of .03 and no word else."""
-    model = fit_model(read_csv(GOLD), "constant", sigma="equal")
-    one = fit(read_csv(GOLD), sigma="equal")
+    model = fit(read_csv(GOLD), "constant", errors="equal")
+    one = fit(read_csv(GOLD), errors="equal")
     for found in (model, one):
         assert found.rms < 0.05
-        assert "along the angle" in said(found)[0]
-    assert f"(correlation {one.residual_correlation:.2f})" in said(one)[0]
-    assert 0.2 < one.residual_correlation < 0.9
+        assert "along the angle" in said(found)[0].text
+    correlation = said(one)[0].values["correlation"]
+    assert f"(lag-1 correlation {correlation:.2f};" in said(one)[0].text
+    assert 0.2 < correlation < 0.9
 
 
 def test_one_index_of_noise_has_no_such_warning():
@@ -139,7 +140,6 @@ def test_one_index_of_noise_has_no_such_warning():
         m = simulated(0.6, 3.0, 1e-3, angles=angles, seed=seed)
         one = fit(m)
         found += len(said(one))
-        assert bool(said(one)) == np.isfinite(one.residual_correlation)
     assert found <= 3  # .3 are due
 
 
@@ -152,8 +152,8 @@ def test_each_wavelength_is_looked_at_by_itself():
         np.tile(angle, 2), np.repeat([0.5, 0.6], 20), R_s=np.concatenate([good, wrong])
     )
     few = m.where(np.arange(40) % 4 == 0)  # five of each: too few to say
-    assert [bool(said(fit(m).at(i))) for i in (0, 1)] == [False, True]
-    assert not any(said(fit(few).at(i)) for i in (0, 1))
+    assert [bool(said(fit(m)[i])) for i in (0, 1)] == [False, True]
+    assert not any(said(fit(few)[i]) for i in (0, 1))
 
 
 def test_the_curves_of_a_few_solutions_stand_at_their_data():
@@ -168,32 +168,33 @@ def test_the_curves_of_a_few_solutions_stand_at_their_data():
     for w, index in of.items():
         here = m.wavelength_um == w
         m = replace(m, value=np.where(here, textbook(m.angle_deg, m.quantity, *index), m.value))
-    arranged = of_measurement(m, 1.0, "given")
-    _, shown = _fit(arranged, False, None, "quadratic")
+    arranged = of_measurement(m, 1.0, "auto")
+    shown = answer(arranged, False, None, "quadratic").solved
     channel, curve, place = arranged.rows
     found = fitted_curves(arranged.data, shown)[channel, curve, place]
     np.testing.assert_allclose(found, m.value, atol=1e-13)
 
 
 def test_auto_says_that_no_candidate_describes_the_data(stepped, monkeypatch):
-    from fitting.model import select
+    from fitting import selection as select
 
     monkeypatch.setattr(select, "_first_stage", lambda wavelengths: ["constant"])
     monkeypatch.setattr(select, "MOST_TERMS", 0)
     monkeypatch.setattr(select, "_absorbs", lambda candidate: False)
-    kept = select.fit_model
+    kept = select.fit_checked
     monkeypatch.setattr(
-        select, "fit_model", lambda m, model, *a, **o: kept(m, "constant", *a, **o)
+        select, "fit_checked",
+        lambda m, sample, *rest: kept(m, Sample.parse("constant"), *rest),
     )  # fmt: skip
-    choice = choose(stepped, nuisances=False)
+    choice = choose(stepped, instrument=False)
     assert not choice.describes
-    assert choice.fit.warnings[0].startswith("no candidate describes these data")
-    assert choice.taken.fit is choice.fit and not choice_dict(choice)["describes_data"]
-    stated = choose(replace(stepped, sigma=np.full(len(stepped), 1e-4)), nuisances=False)
+    assert choice.fit.warnings[0].text.startswith("no candidate describes these data")
+    assert choice.taken.fit is choice.fit and not choice.to_dict()["describes_data"]
+    stated = choose(replace(stepped, sigma=np.full(len(stepped), 1e-4)), instrument=False)
     assert not stated.describes
     size = np.sqrt(stated.fit.chi2_reduced)
-    assert f"what it leaves is {size:.2g} times these" in stated.fit.warnings[0]
+    assert f"its residuals are {size:.2g} times these" in stated.fit.warnings[0].text
     glass = simulated(1.7, 0.8, 1e-3, angles=tuple(np.linspace(20.0, 80.0, 20)), seed=3)
     glass = replace(glass, sigma=np.full(len(glass), np.nan))
-    good = choose(glass, nuisances=False)
-    assert good.describes and not any("describe" in w for w in good.fit.warnings)
+    good = choose(glass, instrument=False)
+    assert good.describes and not any("describe" in w.code for w in good.fit.warnings)

@@ -1,33 +1,36 @@
-"""The choice of a model: what BIC says, what is preferred between equals, points held out."""
+"""The choice of a model: what BIC says, and what is preferred between equals."""
 
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from simulated import simulated, textbook
 
+from fitting import candidates
+from fitting import selection as select
+from fitting.candidates import MARGIN, Candidate, Key, simplest
 from fitting.measurement import Measurement
-from fitting.model import candidates, select
-from fitting.model.candidates import MARGIN, Candidate, Key, choice_table, simplest
+from fitting.result import ErrorModel, Estimate, Fit, Prediction
+from fitting.sample import Sample
 
 WAVES = np.linspace(0.4, 1.0, 40)
 
 
 def outcome(size, bic, status="converged", error=1e-3, data=None):
-    """What `fit_model` would return of a fit with that many parameters and that BIC."""
-    values = None if data is None else data.value + error
-
-    def fitted():
-        return values, np.zeros(len(values))
-
-    return SimpleNamespace(
-        names=tuple("abcdefgh"[:size]), bic=bic, status=status, rms=error, fitted=fitted,
-        chi2_reduced=(error / 1e-3) ** 2, dof=100, loss="squares", noise=1.0,
+    """A fit with that many parameters and that BIC."""
+    known = Estimate(
+        name="", value=1.0, sigma=0.1, interval=np.zeros(2), interval_kind="quadratic"
+    )  # fmt: skip
+    return Fit(
+        sample=Sample.parse("constant"), parameters=dict.fromkeys("abcdefgh"[:size], known),
+        covariance=np.eye(size), wavelength_um=0.5, chi2=1.0, chi2_reduced=(error / 1e-3) ** 2,
+        dof=100, n_data=100 + size, rms=error, status=status, bic=bic,
+        errors=ErrorModel("scaled", 1.0, 0.0, True), measurement=data,
     )  # fmt: skip
 
 
 def candidate(model, size, bic, status="converged"):
-    return Candidate(Key(model), outcome(size, bic, status))  # pyright: ignore
+    return Candidate(Key(model), outcome(size, bic, status))
 
 
 def test_a_parameter_needs_strong_evidence():
@@ -60,17 +63,15 @@ def made_up(monkeypatch, spectrum, bics, errors=None, sizes=None):
     """Replace the fits: BIC by the label of the candidate, 1000 for all others."""
     calls = []
 
-    def fit_model(measurements, model, structure, *, free, fixed, **options):
-        label = Key(model, tuple(free), fixed.get("k") == 0.0).label
-        shown = measurements[0].sigma.max() < 1.0  # else points are held out
-        if shown:
-            calls.append(label)
+    def fit_checked(measurements, sample, settings, asked, begin):
+        instrument = tuple(n for n in settings.free if n in ("scale", "angle_offset"))
+        label = Key(str(sample), instrument, settings.fixed.get("k") == 0.0).label
+        calls.append(label)
         size = (sizes or {}).get(label, 1 + len(label))
         error = (errors or {}).get(label, 1e-3)
-        fit = outcome(min(size, 8), bics.get(label, 1000.0), error=error, data=spectrum)
-        return fit
+        return outcome(min(size, 8), bics.get(label, 1000.0), error=error, data=spectrum)
 
-    monkeypatch.setattr(select, "fit_model", fit_model)
+    monkeypatch.setattr(select, "fit_checked", fit_checked)
     return calls
 
 
@@ -94,7 +95,7 @@ def test_more_oscillators_are_tried_where_nothing_so_far_describes_the_data(monk
     """A metal of many features, for which a polynomial is the best of the small models."""
     bics = {"cauchy:3": 500.0, "drude-lorentz:2": 0.0}
     calls = made_up(monkeypatch, spectrum, bics, {"cauchy:3": 0.05})
-    assert select.choose(spectrum, nuisances=False).taken.label == "drude-lorentz:2"
+    assert select.choose(spectrum, instrument=False).taken.label == "drude-lorentz:2"
     assert "drude-lorentz:3" in calls
 
 
@@ -102,76 +103,49 @@ def test_more_oscillators_are_tried_where_nothing_so_far_describes_the_data(monk
 def test_without_errors_what_is_left_must_look_like_noise(spectrum, wave, wanted):
     rng = np.random.default_rng(0)
     left = 1e-3 * rng.standard_normal(len(spectrum)) + wave * np.sin(20.0 * spectrum.wavelength_um)
-    fit = SimpleNamespace(
-        chi2_reduced=np.nan, dof=100, measurement=spectrum, curve=np.zeros(len(spectrum), int),
-        fitted=lambda: (spectrum.value - left, left),
+    unknown = outcome(2, 0.0, data=spectrum)
+    found = replace(
+        unknown, chi2_reduced=np.nan, curve=np.zeros(len(spectrum), int),
+        evaluator=Level(spectrum.value - left),
     )  # fmt: skip
-    assert bool(select.explains(fit)) is wanted  # pyright: ignore
+    assert select.explains(found) is wanted
+
+
+class Level:
+    """An evaluator that knows the fitted values."""
+
+    def __init__(self, value):
+        self.value = value
+
+    def predict(self, measurement=None):
+        return Prediction(self.value, 0.0 * self.value)
 
 
 def test_a_nuisance_parameter_that_helps_is_kept_for_the_next(monkeypatch, spectrum):
     best = "cauchy:2, scale, angle_offset"
     calls = made_up(monkeypatch, spectrum, {"cauchy:2": 200.0, "cauchy:2, scale": 100.0, best: 0.0})
     assert select.choose(spectrum).taken.label == best
-    assert select.choose(spectrum, nuisances=False).taken.label == "cauchy:2"
+    assert select.choose(spectrum, instrument=False).taken.label == "cauchy:2"
     assert calls.count("cauchy:2, angle_offset") == 0
 
 
-def test_the_winner_is_asked_for_points_that_it_was_not_shown(monkeypatch, spectrum):
-    sizes = {"constant, k = 0": 1, "cauchy:2": 2}
-    bics = {"constant, k = 0": 50.0, "cauchy:2": 0.0}
-    made_up(monkeypatch, spectrum, bics, sizes=sizes)
-    choice = select.choose(spectrum, nuisances=False)
-    assert choice.taken.label == "cauchy:2"
-    assert choice.taken.held_out == pytest.approx(1.0)
-    # It misses them by more than a smaller one does: that is taken.
-    made_up(monkeypatch, spectrum, bics, {"cauchy:2": 3e-3}, sizes)
-    choice = select.choose(spectrum, nuisances=False)
-    assert choice.taken.label == "constant, k = 0"
-    assert "although its BIC is higher" in choice.reasons[0]
-
-
-def test_points_held_out_have_no_weight_and_are_a_fifth_of_each_curve(spectrum):
-    masked, out = candidates._without_some(spectrum)
-    assert out.sum() == len(spectrum) / 5
-    assert (masked.sigma[out] == candidates.NO_WEIGHT * 1e-3).all()
-    assert (masked.sigma[~out] == 1e-3).all()
-    equal = Measurement.from_columns(spectrum.angle_deg, spectrum.wavelength_um, R=spectrum.value)
-    assert (candidates._without_some(equal)[0].sigma[~out] == 1.0).all()
-    # Errors that are stated and were not to be used are not used here either.
-    assert (candidates._without_some(spectrum, False)[0].sigma[~out] == 1.0).all()
-
-
-def test_a_fit_that_does_not_predict_is_said_so():
-    taken = candidate("lorentz:3", 8, 0.0)._replace(held_out=9.0, shown=1.0)
-    reasons = candidates._reasons(taken, None, [taken])
-    assert any("does not predict" in r for r in reasons)
-
-
 def test_what_is_said_of_models_that_fit_alike():
-    one = Candidate(Key("cauchy:2", ("scale",)), outcome(2, 0.0))  # pyright: ignore
+    one = Candidate(Key("cauchy:2", ("scale",)), outcome(2, 0.0))
+
+    def said(everyone):
+        return [reason.text for reason in candidates._near(one, everyone)]
+
     larger, as_large = candidate("cauchy:3", 3, -2.0), candidate("sellmeier:1", 2, 1.0)
-    (text,) = candidates._reasons(one, None, [larger, one])
+    (text,) = said([larger, one])
     assert text.startswith('the data do not tell "cauchy:2, scale" from "cauchy:3" (BIC closer')
     assert text.endswith("it has the fewest parameters.")
-    (text,) = candidates._reasons(one, None, [larger, one, as_large])
+    (text,) = said([larger, one, as_large])
     assert '"cauchy:3" and "sellmeier:1" (BIC' in text
     assert text.endswith("it has the fewest parameters and, of 2 that have, the lowest BIC.")
     # Taken for another reason, which is said elsewhere.
     for better in (candidate("constant", 1, 4.0), candidate("sellmeier:1", 2, -1.0)):
-        (text,) = candidates._reasons(one, None, [better, one])
+        (text,) = said([better, one])
         assert text.endswith("(BIC closer than 6).")
-
-
-@pytest.mark.parametrize(("columns", "unit"), [
-    ({"R_s": [0.1], "T": [0.5]}, "(rms, of R and of T)"),
-    ({"psi": [20.0], "delta": [3.0]}, "(rms, of 2 psi and sin(2 psi) Delta in radians)"),
-])  # fmt: skip
-def test_how_far_points_are_missed_has_a_unit(columns, unit):
-    fit = outcome(1, 0.0)
-    assert candidates._unit(fit) == "rms, in standard errors"  # pyright: ignore
-    fit.chi2_reduced, fit.measurement = np.nan, Measurement.from_columns([50.0], 0.5, **columns)
-    assert f"({candidates._unit(fit)})" == unit  # pyright: ignore
 
 
 def test_names_that_only_some_models_have_are_refused(spectrum):
@@ -185,12 +159,12 @@ def test_glass_is_told_from_an_absorber(k, label):
     angles = tuple(np.linspace(20.0, 80.0, 20))
     measurement = simulated(1.7, k, 1e-3, angles=angles, wavelength_um=0.6, seed=3)
     done = []
-    choice = select.choose(measurement, step=done.append, nuisances=False)
+    choice = select.choose(measurement, progress=done.append, instrument=False)
     assert choice.taken.label == label
     assert choice.fit is choice.taken.fit
-    assert choice.fit.value_of("eta") == pytest.approx(1.7, abs=5e-3)
+    assert choice.fit.parameters["eta"].value == pytest.approx(1.7, abs=5e-3)
     assert done == ["constant, k = 0", "constant"]
-    rows = choice_table(choice)
+    rows = choice.table()
     assert [row[1] for row in rows if row[0] == ">"] == [label]
     assert rows[1][3] == "+0.0"
 
@@ -204,7 +178,7 @@ def test_dispersion_is_seen_in_a_spectrum():
         eta = 1.5 + 0.008 / np.tile(waves, 4) ** 2
         data[q] = textbook(angles, np.full(12, q), eta, 0.0) + 1e-3 * rng.standard_normal(12)
     m = Measurement.from_columns(angles, np.tile(waves, 4), sigma=1e-3, **data)
-    choice = select.choose(m, nuisances=False)
+    choice = select.choose(m, instrument=False)
     assert choice.taken.label in ("cauchy:2", "sellmeier:1")
     assert choice.taken.size == 2
     assert any("do not tell" in r for r in choice.reasons)

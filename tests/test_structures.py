@@ -7,15 +7,19 @@ import numpy as np
 import pytest
 
 from fitting import Measurement
-from fitting.model.dispersion import parse_model
-from fitting.model.observations import observations
-from fitting.model.structures import NCS, Spec, predicted
+from fitting.observations import observations
+from fitting.observe import NCS, Spec, predicted
+from fitting.sample import Sample
+from fitting.unknowns import media_of
 
 
-def spec(channels, structure="interface", moving=("A", "B")):
-    names = (*moving, "thickness_um") if structure == "slab" else moving
+def spec(channels, sample="cauchy:2"):
+    media = media_of(Sample.parse(sample))
+    names = ["substrate.A", "substrate.B"]
+    if media.coherent:
+        names = ["plate.A", "plate.B", "plate.thickness_um", "substrate.eta", "substrate.k"]
     return Spec(
-        model=parse_model("cauchy:2"), structure=structure, channels=channels, moving=names,
+        media=media, channels=channels, moving=tuple(names),
         coordinates=("plain",) * len(names), held=(), curves=((0,),) * len(channels),
     )  # fmt: skip
 
@@ -28,21 +32,21 @@ def measured(angles, wavelengths, **values):
     return Measurement.from_columns(angle[order], wavelength[order], **columns)
 
 
-@pytest.mark.parametrize(("structure", "values"), [
-    ("interface", {"R_s": 0.1, "R_p": 0.1}),
-    ("interface", {"psi": 20.0, "delta": 100.0, "R": 0.1}),
-    ("slab", {"T": 0.9, "R": 0.1}),
+@pytest.mark.parametrize(("sample", "values"), [
+    ("cauchy:2", {"R_s": 0.1, "R_p": 0.1}),
+    ("cauchy:2", {"psi": 20.0, "delta": 100.0, "R": 0.1}),
+    ("air | cauchy:2 1 mm thick | air", {"T": 0.9, "R": 0.1}),
 ])  # fmt: skip
-def test_the_same_as_at_every_row(structure, values):
+def test_the_same_as_at_every_row(sample, values):
     seen = observations(
         [measured([50.0, 60.0, 70.0], np.linspace(0.4, 0.8, 31), **values)], "equal"
     )
     points = seen.points
     assert points.place is not None and len(points.distinct_um) == 32  # padded by one
     np.testing.assert_array_equal(points.distinct_um[points.place], points.wavelength_um)
-    one = spec(seen.channels, structure)
-    at = {"A": jnp.array([1.5, 2.0]), "B": jnp.array([0.01, 0.03]),
-          "thickness_um": jnp.array([1e3, 2e3])}  # fmt: skip
+    one = spec(seen.channels, sample)
+    two = [(1.5, 2.0), (0.01, 0.03), (1e3, 2e3), (1.0, 1.0), (0.0, 0.0)]
+    at = {name: jnp.array(pair) for name, pair in zip(one.moving, two, strict=False)}
     once = predicted(one, at, points, 1.0)
     each = predicted(one, at, points._replace(distinct_um=None, place=None), 1.0)
     for channel in seen.channels:

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from estimates import at_zero, texts
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from fitting.index.curves import curve
-from fitting.index.fit import fit_many
+from fitting import fit_many
 
 ANGLES = np.linspace(20.0, 80.0, 13)
 NOISE = 2e-3
@@ -33,8 +33,8 @@ def measured(eta, k, eta_i, count, seed=3):
 
 
 def fitted(data, eta_i, **how):
-    how = {"sigma": NOISE, "absolute_sigma": True, **how}
-    return fit_many(ANGLES, **data, eta_i=eta_i, **how)
+    how = {"sigma": NOISE, "errors": "stated", **how}
+    return fit_many(ANGLES, **data, sample=f"{float(eta_i)!r} | free", **how)
 
 
 @pytest.mark.parametrize(("eta", "k", "eta_i"), [(0.458, 0.0, 1.0), (1.0, 2e-4, 1.5)])
@@ -58,15 +58,15 @@ def test_error_and_limit_of_k_are_those_of_a_model_linear_in_k(eta, k, eta_i):
         reach = solved.x[1]
         sigma = np.sqrt(np.linalg.inv(solved.jac.T @ solved.jac)[1, 1])
         # What is quadratic in k, and an angle next to the critical one, move all by some per cent.
-        if np.isfinite(found.sigma_k[i]):
-            assert found.sigma_k[i] == pytest.approx(sigma, rel=0.04)
+        if np.isfinite(found.parameters["k"].sigma[i]):
+            assert found.parameters["k"].sigma[i] == pytest.approx(sigma, rel=0.04)
             continue
         limited += 1
         below += reach < 0.0
         assert (found.k[i] == 0.0) == (reach < 0.0)
         wide = np.sqrt(Q95) * sigma
         limit = reach + (np.hypot(reach, wide) if reach < 0.0 else wide)
-        assert found.k_upper_limit[i] == pytest.approx(limit, rel=0.04)
+        assert found.parameters["k"].upper_limit[i] == pytest.approx(limit, rel=0.04)
     assert limited > 5
     assert below > (8 if k == 0.0 else -1)
 
@@ -99,7 +99,8 @@ def test_intervals_are_those_of_the_likelihood_on_a_grid(eta, k, eta_i, kinds):
         found = fitted(data, eta_i, intervals=kind)
         near_0 = found.k < 3e-4
         assert (
-            found.interval_kind[near_0] == ("quadratic" if kind == "quadratic" else "profile")
+            found.parameters["eta"].parameters["eta"].interval_kind[near_0]
+            == ("quadratic" if kind == "quadratic" else "profile")
         ).all()
         for i in range(4):
             one = {q: v[i] for q, v in data.items()}
@@ -108,48 +109,52 @@ def test_intervals_are_those_of_the_likelihood_on_a_grid(eta, k, eta_i, kinds):
                 eta_i,
                 found.eta[i],
                 found.k[i],
-                found.sigma_eta[i],
-                1.2 * found.k_interval[i, 1],
+                found.parameters["eta"].sigma[i],
+                1.2 * found.parameters["k"].interval[i, 1],
             )
             # The quadratic one knows nothing of the square root at the critical angle; the profile,
             # with parabolas between 8 lines, rounds the tip that the region has there.
             part = 0.04 if kind == "quadratic" else 0.03 if "auto" in kinds else 0.01
-            np.testing.assert_allclose(found.k_interval[i], ks, atol=part * ks[1])
-            np.testing.assert_allclose(found.eta_interval[i], etas, atol=part * np.ptp(etas))
+            np.testing.assert_allclose(found.parameters["k"].interval[i], ks, atol=part * ks[1])
+            np.testing.assert_allclose(
+                found.parameters["eta"].interval[i], etas, atol=part * np.ptp(etas)
+            )
 
 
 @pytest.mark.parametrize("k", [0.0, 1e-4, 3e-4, 1e-3])
-@pytest.mark.parametrize("absolute", [True, False])
-def test_intervals_of_a_small_k_hold_the_truth(k, absolute):
+@pytest.mark.parametrize("errors", ["stated", "scaled"])
+def test_intervals_of_a_small_k_hold_the_truth(k, errors):
     """sigma_k is 1.2e-4. Between 94 and 98 % (and 3 binomial errors of 3000: 1.2 %)."""
     eta, eta_i = 1.0, 1.5
-    found = fitted(measured(eta, k, eta_i, 3000, seed=8), eta_i, absolute_sigma=absolute)
-    low, high = found.k_interval.T
+    found = fitted(measured(eta, k, eta_i, 3000, seed=8), eta_i, errors=errors)
+    low, high = found.parameters["k"].interval.T
     assert 0.938 < ((low <= k) & (k <= high)).mean() < 0.987
-    low, high = found.eta_interval.T
+    low, high = found.parameters["eta"].interval.T
     assert 0.938 < ((low <= eta) & (eta <= high)).mean() < 0.962
-    limited = np.isfinite(found.k_upper_limit)
-    assert (np.isnan(found.sigma_k) == limited).all()
-    assert (found.k_upper_limit[limited] == found.k_interval[limited, 1]).all()
+    limited = np.isfinite(found.parameters["k"].upper_limit)
+    assert (np.isnan(found.parameters["k"].sigma) == limited).all()
+    assert (
+        found.parameters["k"].upper_limit[limited] == found.parameters["k"].interval[limited, 1]
+    ).all()
     if k == 0.0:
         assert limited.mean() > 0.99
     if k == 1e-3:  # eight standard errors
         assert limited.mean() < 0.01
-        seen = found.sigma_k[~limited]
+        seen = found.parameters["k"].sigma[~limited]
         assert (found.k[~limited] - k).std() / seen.mean() == pytest.approx(1.0, abs=0.05)
 
 
 def test_what_is_said_and_drawn_of_a_k_that_is_not_seen():
     found = fitted(measured(1.0, 0.0, 1.5, 30), 1.5)
-    zero = found.at(int(np.flatnonzero(found.status == "converged at k = 0")[0]))
-    (said,) = zero.warnings
+    zero = found[int(np.flatnonzero(at_zero(found))[0])]
+    (said,) = texts(zero)
     assert "k is below what these data can show" in said
     assert "k^2" not in said
     # The band of the curve beyond the critical angle is what the error of k gives it.
     step = 1e-7
     at = np.array([60.0, 75.0])
     before, after = (textbook(at, zero.eta, k, 1.5)[0] for k in (0.0, step))
-    _, band = curve(zero, at, "R_s")
+    _, band = zero.predict(at, "R_s")
     slopes = np.abs(after - before) / step
     assert band[0] / band[1] == pytest.approx(slopes[0] / slopes[1], rel=0.01)
     assert 0.5e-4 < (band / slopes).mean() < 2e-4  # sigma_k
@@ -160,7 +165,7 @@ def test_beyond_the_critical_angle_alone_the_interval_is_the_likelihoods():
     angles, noise = np.linspace(44.8, 87.0, 9), 5e-3
     random = np.random.default_rng(4)
     s, p = (R + noise * random.standard_normal(9) for R in textbook(angles, 1.0, 2e-3, 1.5))
-    how = {"sigma": noise, "absolute_sigma": True, "eta_i": 1.5, "intervals": "auto"}
+    how = {"sigma": noise, "errors": "stated", "sample": "1.5 | free", "intervals": "auto"}
     found = fit_many(angles, R_s=s, R_p=p, **how)
     eta, least = np.linspace(0.9, 1.1, 801)[:, None], np.inf
     for k in np.geomspace(1e-5, 0.1, 1500):
@@ -169,4 +174,6 @@ def test_beyond_the_critical_angle_alone_the_interval_is_the_likelihoods():
         least = np.minimum(least, np.sum(off, axis=(0, 2)))
     inside = eta[least <= least.min() + Q95]
     low, high = inside.min(), inside.max()
-    np.testing.assert_allclose(found.eta_interval, [low, high], atol=0.02 * (high - low))
+    np.testing.assert_allclose(
+        found.parameters["eta"].interval, [low, high], atol=0.02 * (high - low)
+    )

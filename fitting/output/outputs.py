@@ -1,16 +1,116 @@
-"""Result files that are written whole or not at all."""
+"""Result files that are written whole or not at all, and never over a measurement."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import re
 import stat
+from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
+
+try:
+    import fcntl
+except ImportError:  # a system without these locks keeps the leftovers of killed runs
+    fcntl = None
+
+# A file on its way bears this name; whoever writes it holds a lock on it until it is published.
+_STAGED = re.compile(r"\.fresnel-fit-[0-9a-f]{16}\.part")
+MARK = ".fresnel-fit-report"
+"""The file by which a later report knows a folder for one of its own."""
+STDIN = "-"
 
 
 class OutputError(ValueError):
     """A result file cannot be written where it was asked for; the text says which and why."""
+
+
+def _identity(path: str | os.PathLike[str]) -> tuple[int, int] | None:
+    """Return what tells a file from every other, by whatever name it goes; None where none is."""
+    try:
+        status = os.fstat(0) if os.fspath(path) == STDIN else os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return status.st_dev, status.st_ino
+
+
+def refuse_repeats(inputs: Iterable[str]) -> None:
+    """Raise OutputError where one measurement comes twice, which would count its data twice."""
+    seen: dict[tuple[int, int], str] = {}
+    for name in inputs:
+        identity = _identity(name)
+        if identity in seen:
+            raise OutputError(
+                f"{name}: this is the same file as {seen[identity]}, and its data would count "
+                "twice. Give it once."
+            )
+        if identity is not None:
+            seen[identity] = name
+
+
+def _lock(descriptor: int) -> bool:
+    """Take the lock of an open file unless somebody else holds it; whether it was taken."""
+    if fcntl is None:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
+
+
+def _clean(folder: Path) -> None:
+    """Remove what killed runs left in ``folder``: files on their way whose lock nobody holds."""
+    with contextlib.suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            if not _STAGED.fullmatch(entry.name) or not entry.is_file(follow_symlinks=False):
+                continue
+            with contextlib.suppress(OSError):
+                descriptor = os.open(entry.path, os.O_WRONLY | getattr(os, "O_NOFOLLOW", 0))
+                try:
+                    if _lock(descriptor):
+                        os.unlink(entry.path)
+                finally:
+                    os.close(descriptor)
+
+
+class _Staged:
+    """An empty file beside its later place, open and locked."""
+
+    def __init__(self, folder: Path) -> None:
+        while True:
+            self.path = folder / f".fresnel-fit-{os.urandom(8).hex()}.part"
+            # 0o666 less the user's umask, as for any file that a program makes
+            self._open = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+            _lock(self._open)
+            # Another run that was cleaning up may have taken it between the two lines above.
+            if _identity(self.path) is not None:
+                return
+            os.close(self._open)
+
+    def publish(self, final: Path) -> None:
+        """Give the file its name, once its content is on the disk."""
+        os.fsync(self._open)
+        os.close(self._open)
+        self._open = -1
+        os.replace(self.path, final)
+
+    def remove(self) -> None:
+        self.path.unlink(missing_ok=True)
+        if self._open >= 0:
+            os.close(self._open)
+            self._open = -1
+
+
+def _sync(folder: Path) -> None:
+    """Put the names in ``folder`` on the disk, where the system can."""
+    with contextlib.suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
 
 
 class Outputs:
@@ -18,7 +118,7 @@ class Outputs:
 
     Each is written beside its place under another name, which is opened at once: a folder that is
     missing or read-only is found before the work is done and not after. As a context manager it
-    removes what was not published::
+    removes what was not published; what a killed run could not remove, the next one does::
 
         with Outputs() as outputs:
             json_file = outputs.open("gold.json")
@@ -28,12 +128,22 @@ class Outputs:
     """
 
     def __init__(self) -> None:
-        self._staged: dict[Path, Path] = {}
+        self._staged: dict[Path, _Staged] = {}
         self._made: list[Path] = []
+        self._cleaned: set[Path] = set()
 
-    def folder(self, path: str | os.PathLike[str], *, flag: str = "") -> Path:
-        """Return the folder ``path``, made if need be (and removed if nothing is published).
+    def _clean(self, folder: Path) -> None:
+        if folder not in self._cleaned:
+            self._cleaned.add(folder)
+            _clean(folder)
 
+    def folder(
+        self, path: str | os.PathLike[str], *, flag: str = "", overwrite: bool = False
+    ) -> Path:
+        """Return the folder ``path``, new, empty or made by an earlier report, and mark it.
+
+        A folder that is made here is removed if nothing is published. overwrite: take a folder
+        that holds other files too; those of the report's names are replaced.
         Raises OutputError where it cannot be.
         """
         name, folder = f"{flag} {path}".strip(), Path(path)
@@ -49,22 +159,41 @@ class Outputs:
             ) from None
         except OSError as error:
             raise OutputError(f"{name}: cannot be made ({error.strerror}).") from error
+        self._clean(Path(os.path.realpath(folder)))
+        mark = folder / MARK
+        if mark.is_file() and not mark.is_symlink():
+            return folder
+        others = sorted(os.listdir(folder))
+        if others and not overwrite:
+            raise OutputError(
+                f"{name}: the folder holds files that no report made ({', '.join(others[:3])}"
+                f"{', ...' if len(others) > 3 else ''}). Name a new folder, or say --overwrite to "
+                "replace the files in it that have the names of a report's."
+            )
+        if not others:  # else the next report must ask again
+            self.open(mark, flag=flag)
         return folder
 
-    def open(self, path: str | os.PathLike[str], *, flag: str = "", source: str = "") -> Path:
+    def open(
+        self, path: str | os.PathLike[str], *, flag: str = "", inputs: Iterable[str] = ()
+    ) -> Path:
         """Return the file to write to in place of ``path``, empty now.
 
-        flag: how the user named the file, for the error's text. source: file that must not be
-        overwritten. An existing file is replaced and keeps its permissions; of a symbolic link
-        the target is replaced.
+        flag: how the user named the file, for the error's text. inputs: files that must not be
+        overwritten, by whatever name. An existing file is replaced and keeps its permissions; of a
+        symbolic link the target is replaced.
         Raises OutputError where nothing can be written.
         """
         name = f"{flag} {path}".strip()
         final = Path(os.path.realpath(path))
+        identity = _identity(final)
         if final in self._staged:
             raise OutputError(f"{name}: two results cannot go to the same file.")
-        if source and os.path.exists(source) and final == Path(os.path.realpath(source)):
-            raise OutputError(f"{name}: this is the measurement itself; choose another name.")
+        for file in inputs:
+            if identity is not None and identity == _identity(file):
+                raise OutputError(
+                    f"{name}: {final.name} is the measurement itself; choose another name."
+                )
         mode = None
         if final.exists():
             mode = final.stat().st_mode
@@ -75,29 +204,31 @@ class Outputs:
                 raise OutputError(f"{name}: the file is there and must not be written to.")
         elif not final.parent.is_dir():
             raise OutputError(f"{name}: there is no folder {final.parent}; make it first.")
-        staged = final.with_name(f".{final.name[:100]}.{os.urandom(4).hex()}")
+        self._clean(final.parent)
         try:
-            # 0o666 less the user's umask, as for any file that a program makes
-            os.close(os.open(staged, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+            staged = _Staged(final.parent)
             self._staged[final] = staged
             if mode is not None:
-                os.chmod(staged, stat.S_IMODE(mode))
+                os.chmod(staged.path, stat.S_IMODE(mode))
         except OSError as error:
             raise OutputError(f"{name}: cannot be written ({error.strerror}).") from error
-        return staged
+        return staged.path
 
     def publish(self) -> None:
         """Put every file in its place. Each replacement is one step of the file system.
 
         Raises OutputError where the file system refuses.
         """
+        folders = {final.parent for final in self._staged}
         while self._staged:
             final, staged = next(iter(self._staged.items()))
             try:
-                os.replace(staged, final)
+                staged.publish(final)
             except OSError as error:
                 raise OutputError(f"{final}: cannot be written ({error.strerror}).") from error
             del self._staged[final]
+        for folder in folders:
+            _sync(folder)
         self._made.clear()
 
     def __enter__(self) -> Outputs:
@@ -110,7 +241,7 @@ class Outputs:
         traceback: TracebackType | None,
     ) -> None:
         for staged in self._staged.values():
-            staged.unlink(missing_ok=True)
+            staged.remove()
         self._staged.clear()
         for folder in reversed(self._made):
             with contextlib.suppress(OSError):  # somebody else's file has come into it

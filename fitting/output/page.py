@@ -4,28 +4,37 @@ from __future__ import annotations
 
 import base64
 import html
+import re
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
+
+from fitting.output.numbers import escaped
 
 # Beyond this many rows a table is folded away: the page is for reading, the CSV for numbers.
 OPEN_ROWS = 40
 
+_BODY = """font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff;
+  max-width: 56rem; margin: 2rem auto; padding: 0 1rem;"""
+# One rule a line, so that a notebook's cell can have them for itself.
 _STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff;
-  max-width: 56rem; margin: 2rem auto; padding: 0 1rem; }
 h1 { font-size: 1.5rem; margin: 0 0 .5rem; overflow-wrap: anywhere; }
 h2 { font-size: 1.1rem; margin: 2rem 0 .5rem; }
 dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1.2rem; margin: 0; }
-dt { color: #595959; } dd { margin: 0; overflow-wrap: anywhere; }
+dt { color: #595959; font-weight: normal; }
+dd { margin: 0; overflow-wrap: anywhere; }
 .warning { border-left: .3rem solid #d55e00; background: #fdf3ec; padding: .4rem .8rem; }
 .note { border-left: .3rem solid #0072b2; background: #eef5fa; padding: .4rem .8rem; }
-figure { margin: 1.5rem 0; } img { max-width: 100%; height: auto; }
-figcaption, caption { color: #595959; text-align: left; }
+figure { margin: 1.5rem 0; }
+img { max-width: 100%; height: auto; }
+figcaption { color: #595959; text-align: left; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .9rem; }
-th, td { text-align: right; padding: .15rem .7rem; border-bottom: 1px solid #e6e6e6; }
-th:first-child, td:first-child { text-align: left; }
-summary { cursor: pointer; } footer { margin-top: 3rem; color: #595959; font-size: .85rem; }
+th { text-align: right; padding: .15rem .7rem; border-bottom: 1px solid #e6e6e6; }
+td { text-align: right; padding: .15rem .7rem; border-bottom: 1px solid #e6e6e6; }
+th:first-child { text-align: left; }
+td:first-child { text-align: left; }
+summary { cursor: pointer; }
+footer { margin-top: 3rem; color: #595959; font-size: .85rem; }
 """
 
 
@@ -38,11 +47,10 @@ class Table(NamedTuple):
 
 
 def _escaped(text: str) -> str:
-    # A file name that is no text holds lone surrogates, which UTF-8 has no bytes for.
-    return html.escape(text.encode("utf-8", "backslashreplace").decode("utf-8"))
+    return html.escape(escaped(text))
 
 
-def _table(table: Table) -> str:
+def _table(table: Table, level: str = "h2") -> str:
     head = "".join(f"<th scope=col>{_escaped(cell)}</th>" for cell in table.head)
     rows = "\n".join(
         "<tr>" + "".join(f"<td>{_escaped(cell)}</td>" for cell in row) + "</tr>"
@@ -54,7 +62,25 @@ def _table(table: Table) -> str:
     )
     if len(table.rows) > OPEN_ROWS:
         body = f"<details><summary>{len(table.rows)} rows</summary>\n{body}</details>"
-    return f"<h2>{_escaped(table.title)}</h2>\n{body}"
+    return f"<{level}>{_escaped(table.title)}</{level}>\n{body}"
+
+
+def _head(
+    title: str,
+    facts: Iterable[tuple[str, str]],
+    warnings: Iterable[str],
+    notes: Iterable[str],
+    level: str,
+) -> list[str]:
+    parts = [
+        f"<{level}>{_escaped(title)}</{level}>",
+        "<dl>",
+        *(f"<dt>{_escaped(label)}</dt><dd>{_escaped(text)}</dd>" for label, text in facts),
+        "</dl>",
+    ]
+    for kind, texts in (("warning", warnings), ("note", notes)):
+        parts += [f"<p class={kind}>{kind.capitalize()}: {_escaped(text)}</p>" for text in texts]
+    return parts
 
 
 def page(
@@ -74,14 +100,9 @@ def page(
         "<!DOCTYPE html>",
         '<html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f"<title>{_escaped(title)}</title><style>{_STYLE}</style></head><body>",
-        f"<h1>{_escaped(title)}</h1>",
-        "<dl>",
-        *(f"<dt>{_escaped(label)}</dt><dd>{_escaped(text)}</dd>" for label, text in facts),
-        "</dl>",
+        f"<title>{_escaped(title)}</title><style>body {{ {_BODY} }}{_STYLE}</style></head><body>",
+        *_head(title, facts, warnings, notes, "h1"),
     ]
-    for kind, texts in (("warning", warnings), ("note", notes)):
-        parts += [f"<p class={kind}>{kind.capitalize()}: {_escaped(text)}</p>" for text in texts]
     for caption, png in pictures:
         data = base64.b64encode(png).decode("ascii")
         parts.append(
@@ -91,3 +112,18 @@ def page(
     parts += [_table(table) for table in tables]
     parts += [f"<footer>{_escaped(foot)}</footer>", "</body></html>"]
     return "\n".join(parts) + "\n"
+
+
+def fragment(
+    title: str,
+    facts: Iterable[tuple[str, str]],
+    warnings: Iterable[str],
+    notes: Iterable[str],
+    tables: Iterable[Table],
+) -> str:
+    """Return the same without pictures as a part of a page; its style holds for that part alone."""
+    scoped = re.sub(r"(?m)^(?=[a-z.])", ".fresnel-fit ", _STYLE)
+    parts = [f"<style>{scoped}</style>", "<div class=fresnel-fit>"]
+    parts += _head(title, facts, warnings, notes, "h3")
+    parts += [_table(table, "h4") for table in tables]
+    return "\n".join([*parts, "</div>"]) + "\n"

@@ -1,0 +1,211 @@
+"""eta + i k of one bare surface from reflectance over angle: one curve or many, one engine.
+
+    R_j(theta_i; eta, k)  ->  minimise  sum_ij [(R_j(theta_i) - value_ij) / sigma_ij]^2
+
+over eta > 0 and k >= 0, where R_j is R_s, R_p or R = R_p + share (R_s - R_p), from
+`fresnel_jax.powers` with its closed derivatives. Every fit starts from a mesh (`starts`), runs in
+coordinates in which the problem is nearly linear (`coordinates`) through optimistix with a solver
+for batches (`solver`), and a second basin, where the mesh shows one, is followed to its end.
+
+Fits run in float64, whether or not the caller has switched on jax_enable_x64.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fitting import result
+from fitting.bare_surface import thresholds as limit
+from fitting.bare_surface.arrange import Arranged
+from fitting.bare_surface.batch import Data, minima
+from fitting.bare_surface.coordinates import coordinates_of
+from fitting.bare_surface.engine import Solved
+from fitting.bare_surface.estimate import Estimated, estimate
+from fitting.bare_surface.mirror import allowed_rise, like_mirrors
+from fitting.bare_surface.region_intervals import Intervals, intervals
+from fitting.bare_surface.valley import open_to_the_other_end
+from fitting.noise_level import CHI2_LARGE, CHI2_SMALL, chi2_flags
+
+# A second solution is reported if its chi2 is less than this higher: 5 % of what two parameters do.
+ALTERNATIVE_CHI2 = 6.0
+# Two indices fit alike if their chi2 differs by less: two standard errors.
+ALIKE_CHI2 = 4.0
+# What a reflectance is trusted to where neither errors nor scatter tell (two data, no errors).
+ASSUMED_SIGMA = 1e-3
+
+
+def _extent(data: Data, angle_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return least and largest angle and number of channels of each curve; (1,) if all alike."""
+    used = [np.atleast_2d(w) > 0.0 for w in data.weights]
+    some = np.logical_or.reduce(used)
+    angle = np.broadcast_to(np.atleast_2d(angle_deg), some.shape)
+    low = np.where(some, angle, np.inf).min(1)
+    high = np.where(some, angle, -np.inf).max(1)
+    return low, high, np.sum([u.any(1) for u in used], axis=0)
+
+
+def _distinct(best: Estimated, other: Estimated) -> np.ndarray:
+    """Where the other minimum is another index, not the same one reached from another side."""
+    apart_eta, apart_k = np.abs(other.eta - best.eta), np.abs(other.k - best.k)
+    near = np.fmax(np.nan_to_num(best.sigma_eta), 1e-6 * best.eta)
+    near_k = np.fmax(np.nan_to_num(best.sigma_k), 1e-3 * best.k + 1e-6)
+    return (apart_eta > near) | (apart_k > np.fmax(near_k, np.nan_to_num(best.k_upper_limit)))
+
+
+def _undetermined(e: Estimated) -> np.ndarray:
+    with np.errstate(invalid="ignore"):
+        return e.singular | (e.spread > limit.UNDETERMINED_LIMIT)
+
+
+def _codes(
+    a: Arranged,
+    e: Estimated,
+    s: Solved,
+    undetermined: np.ndarray,
+    mirror: np.ndarray,
+    dof: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """Return where each code holds, but for what `_found` knows by itself."""
+    low, high, channels = _extent(a.data, a.angle_deg)
+    names = a.data.channels
+    with np.errstate(all="ignore"):
+        at_45 = (low > 44.9) & (high < 45.1) & (channels == 2) & ("R" not in names)
+        circle = ~at_45 & (~(e.moved > limit.CIRCLE_LIMIT) | (s.count == 1))
+        chi2 = chi2_flags(s.cost / dof, dof) if a.stated else np.zeros(len(dof), int)
+        nothing = s.x < limit.NOTHING_LIMIT
+        clear = ~undetermined & ~nothing
+        return {
+            "perfect_mirror": mirror,
+            "no_reflection": nothing & (s.count > 0),
+            "same_at_45_degrees": undetermined & at_45 & ~mirror,
+            "circle": undetermined & circle & ~mirror,
+            "combination": undetermined & ~at_45 & ~circle & ~mirror,
+            "does_not_describe": np.sqrt(s.plain / s.count) > limit.OUT_OF_MODEL,
+            "compatible_with_zero": clear & np.isfinite(e.k_upper_limit),
+            "poorly_determined": clear & (e.sigma_eta > limit.VAGUE_LIMIT * e.eta),
+            "correlated": clear & (np.abs(e.correlation) > limit.CORRELATION_LIMIT),
+            "chi2_large": chi2 & CHI2_LARGE > 0,
+            "chi2_small": chi2 & CHI2_SMALL > 0,
+            "flat_curve": clear & (channels == 1) & (high < limit.FLAT_BELOW_DEG),
+            "no_degrees_of_freedom": clear & (s.count == 2),
+        }
+
+
+class Answer(NamedTuple):
+    """What the engine found of N curves, each (N, ...), and where each code holds.
+
+    second: where there is another minimum, other; excess: by how much its chi2 is higher.
+    """
+
+    solved: Solved
+    values: dict[str, np.ndarray]
+    known: Intervals
+    codes: dict[str, np.ndarray]
+    status: np.ndarray
+    second: np.ndarray
+    other: Estimated
+    excess: np.ndarray
+    dof: np.ndarray
+
+
+def answer(a: Arranged, absolute: bool, start: Any, wanted: str) -> Answer:
+    """Return what the engine found of all curves."""
+    data = a.data
+    found, data = minima(data, _points(start, a))
+    a = a._replace(data=data)
+    s = found.best
+    _, high, _ = _extent(data, a.angle_deg)
+    sin_max = np.sin(np.radians(np.broadcast_to(np.fmax(high, 0.0), s.cost.shape)))
+    how = {"stated": a.stated, "absolute": absolute, "sin_max": sin_max}
+    e = estimate(data, s, **how)
+    dof = np.maximum(s.count - 2, 0)
+
+    no_data = s.count == 0
+    # A fit that creeps along a valley without end is undetermined, whether or not it was stopped.
+    matched = ~no_data & (s.x < limit.NOTHING_LIMIT)  # no boundary to speak of
+    undetermined = ~no_data & ~matched & _undetermined(e) & np.isfinite(s.cost)
+    # What a difference of chi2 is measured by: the scatter found, or stated if that is more.
+    stated = 1.0 if a.stated else np.where(dof < 3, ASSUMED_SIGMA**2, 0.0)
+    with np.errstate(all="ignore"):
+        scatter = np.fmax(np.where(dof > 0, s.cost / dof, 0.0), stated)
+        excess = (found.other.cost - s.cost) / scatter
+        inner = np.flatnonzero(~no_data & ~undetermined & ~matched & (e.eta < data.eta_i))
+    if len(inner):
+        part = Solved(*np.array(s)[:, inner])
+        allowed = part.cost + ALIKE_CHI2 * scatter[inner]
+        undetermined[inner] |= open_to_the_other_end(data.take(inner), part, allowed)
+    with np.errstate(all="ignore"):
+        bound = like_mirrors(data, s.scale, s.cost + allowed_rise(dof) * scatter, scatter)
+    bound = np.where(no_data | matched, np.nan, bound)
+    mirror = np.isfinite(bound) | (undetermined & (s.x > limit.MIRROR_LIMIT))
+    undetermined |= mirror
+    failed = ~no_data & ~undetermined & ~matched & ~(s.done > 0)
+    second = (
+        ~(no_data | failed | undetermined | matched)
+        & (found.other.done > 0)
+        & (excess < ALTERNATIVE_CHI2)
+    )
+    if second.any():
+        other = estimate(data, found.other, **how)
+        second &= _distinct(e, other)
+    else:
+        other = e
+    codes = _codes(a, e, s, undetermined, mirror, dof)
+    codes = {code: at & ~failed & ~no_data for code, at in codes.items()}
+    codes = {"not_converged": failed, **codes, "other_minima": second & ~failed}
+    status = np.select(
+        [no_data, failed, undetermined],
+        [result.NO_DATA, result.NOT_CONVERGED, result.UNDETERMINED],
+        result.CONVERGED,
+    )
+    blank = no_data | failed | undetermined | matched  # no error is known
+    nothing = no_data | mirror  # no value either
+    known = intervals(
+        data, s, e, wanted=wanted, blank=blank, undetermined=undetermined,
+        nothing=nothing | failed, matched=matched,
+    )  # fmt: skip
+    # The limit of k is the upper end of its 95 % interval, from whatever that was found.
+    upper = e.k_upper_limit
+    upper = np.where(np.isfinite(upper) & (known.kind == result.PROFILE), known.k[:, 1], upper)
+
+    def but(value: np.ndarray, empty: np.ndarray) -> np.ndarray:
+        return np.where(empty.reshape(-1, *(1,) * (value.ndim - 1)), np.nan, value)
+
+    values = {
+        "eta": but(np.where(matched, data.eta_i, e.eta), nothing),
+        "k": but(np.where(matched, 0.0, e.k), nothing),
+        "sigma_eta": but(e.sigma_eta, blank), "sigma_k": but(e.sigma_k, blank),
+        "covariance": but(e.covariance, blank),
+        "chi2": but(s.cost if a.stated else np.full_like(s.cost, np.nan), no_data),
+        "limit": but(upper, blank),
+        "information": but(e.information / e.variance[:, None, None], no_data | failed),
+        "at_zero": (e.at_zero | matched) & ~no_data & ~failed & ~undetermined,
+        "factor": np.sqrt(e.variance) * np.ones_like(s.cost),
+        "least_reflectance": bound,
+    }  # fmt: skip
+    return Answer(
+        solved=s, values=values, known=known, codes=codes, status=status, second=second,
+        other=other, excess=excess, dof=dof,
+    )  # fmt: skip
+
+
+def _points(start: Mapping[str, Any] | None, a: Arranged) -> np.ndarray | None:
+    if start is None:
+        return None
+    try:
+        names = dict(start)
+        eta, k = names.pop("eta"), names.pop("k")
+        if names or np.iscomplexobj(eta) or np.iscomplexobj(k):
+            raise TypeError("complex, or more names")
+        eta, k = (np.broadcast_to(np.asarray(v, float), a.shape).reshape(-1) for v in (eta, k))
+    except (TypeError, ValueError, KeyError) as error:
+        raise ValueError(
+            'start must be {"eta": ..., "k": ...}, real numbers or arrays of shape '
+            f"{a.shape}; {str(start)[:60]} came."
+        ) from error
+    if not ((eta > 0.0) & (k >= 0.0) & np.isfinite(eta) & np.isfinite(k)).all():
+        raise ValueError("start must have eta above 0 and k of 0 or more.")
+    return coordinates_of(eta / a.data.eta_i, k / a.data.eta_i)

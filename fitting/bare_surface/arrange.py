@@ -1,0 +1,200 @@
+"""From what the caller has (a Measurement, or arrays) to the curves that are fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fitting.bare_surface.batch import Data
+from fitting.bare_surface.reflectances import CHANNELS
+from fitting.measurement import Measurement
+
+
+class Arranged(NamedTuple):
+    """Curves in a row, with what the engine does not need to know.
+
+    shape: the batch shape that the results take. stated: whether weights are 1 / sigma.
+    angle_deg: (M,) or (N, M). wavelength_um: (N,). rows: of a Measurement, at which channel, curve
+    and angle each datum stands, (3, data).
+    """
+
+    data: Data
+    shape: tuple[int, ...]
+    stated: bool
+    angle_deg: np.ndarray
+    wavelength_um: np.ndarray
+    rows: np.ndarray = np.empty((3, 0), int)
+
+
+def medium_outside(eta_i: Any) -> float:
+    """Return the index of a lossless medium as a float.
+
+    Raises ValueError for anything but one real number above 0.
+    """
+    try:
+        number = np.asarray(eta_i)
+    except ValueError:  # a ragged list
+        number = np.asarray(None)
+    # Of the kinds of numbers not complex ones, nor truth values.
+    if number.ndim or number.dtype.kind not in "iuf" or not 0.0 < number < np.inf:
+        raise ValueError(
+            f"eta_i is {repr(eta_i)[:40]}; the index of a lossless medium, one real number above "
+            "0, was wanted."
+        )
+    return float(number)
+
+
+def _data(
+    angle_deg: np.ndarray,
+    s_share: np.ndarray,
+    values: list[np.ndarray],
+    weights: list[np.ndarray],
+    eta_i: float,
+    channels: list[str],
+) -> Data:
+    cos_theta = np.cos(np.radians(angle_deg))
+    return Data(
+        cos_theta, s_share, tuple(values), tuple(weights), medium_outside(eta_i), tuple(channels)
+    )
+
+
+def of_measurement(m: Measurement, eta_i: float, errors: str) -> Arranged:
+    """Return the curves of a measurement, one for each wavelength, in rising order.
+
+    errors: with "equal" the stated ones are not used.
+    """
+    stated = errors != "equal" and bool(np.isfinite(m.sigma).all())
+    wavelengths, curve = np.unique(m.wavelength_um, return_inverse=True)  # NaN is one value, last
+    mixed = m.quantity == "R"
+    share = np.where(
+        mixed & np.isfinite(m.polarizer_deg), np.sin(np.radians(m.polarizer_deg)) ** 2, 0.5
+    )
+    channels = [c for c in CHANNELS if (m.quantity == c).any()]
+    # One row of a curve holds at most one datum of each channel: repeats open rows of their own.
+    rows: list[dict[tuple[float, float, int], int]] = [{} for _ in wavelengths]
+    seen: dict[tuple[int, str, float, float], int] = {}
+    place = np.empty(len(m), int)
+    for i, (c, q, a, s) in enumerate(
+        zip(curve.tolist(), m.quantity.tolist(), m.angle_deg.tolist(), share.tolist(), strict=True)
+    ):
+        repeat = seen[c, q, a, s] = seen.get((c, q, a, s), -1) + 1
+        place[i] = rows[c].setdefault((a, s, repeat), len(rows[c]))
+    longest = max(map(len, rows))
+    shape = (len(wavelengths), longest)
+    angle, s_share = np.zeros(shape), np.full(shape, 0.5)
+    angle[curve, place], s_share[curve, place] = m.angle_deg, share
+    values, weights = [], []
+    for channel in channels:
+        value, weight = np.zeros(shape), np.zeros(shape)
+        here = m.quantity == channel
+        value[curve[here], place[here]] = m.value[here]
+        weight[curve[here], place[here]] = 1.0 / m.sigma[here] if stated else 1.0
+        values.append(value)
+        weights.append(weight)
+    if (angle == angle[0]).all() and (s_share == s_share[0]).all():
+        angle, s_share = angle[0], s_share[0]
+    return Arranged(
+        _data(angle, s_share, values, weights, eta_i, channels),
+        () if len(wavelengths) == 1 else (len(wavelengths),),
+        stated, angle, wavelengths,
+        np.array([[channels.index(q) for q in m.quantity.tolist()], curve, place]),
+    )  # fmt: skip
+
+
+def _checked(name: str, array: Any, low: float, high: float, wanted: str) -> np.ndarray:
+    try:
+        came = np.asarray(array)
+        if came.dtype.kind == "c":
+            raise TypeError("complex ones came")
+        array = np.asarray(came, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} must be real numbers ({error}).") from error
+    # fmin and fmax pass NaN by, and make no array of truth values: a third of the time.
+    extremes = np.fmin.reduce(array, None, initial=high), np.fmax.reduce(array, None, initial=low)
+    for extreme in extremes:
+        if not low <= extreme <= high:
+            raise ValueError(f"{name} holds {extreme:g}; {wanted}.")
+    return array
+
+
+def of_arrays(angles_deg: Any, channels: Mapping[str, Any], sigma: Any, eta_i: float) -> Arranged:
+    """Return the curves of arrays (..., M); see `fit_many`."""
+    angle = _checked(
+        "angles_deg", angles_deg, 0.0, 90.0, "degrees from the normal, 0 to 90, were wanted"
+    )
+    if angle.ndim == 0 or not np.isfinite(angle).all():
+        raise ValueError("angles_deg must be an array (..., angles) of finite numbers.")
+    given = {
+        name: _checked(name, value, -1.0, 2.0, "fractions were wanted; for percent divide by 100")
+        for name, value in channels.items()
+        if value is not None
+    }
+    if not given:
+        raise ValueError("no reflectance came; give one or more of R_s, R_p and R.")
+    sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(given, sigma)
+    stray = [name for name in sigmas if name not in given]
+    if stray:
+        raise ValueError(f"sigma has {stray[0]}, the data do not.")
+    stated = any(s is not None for s in sigmas.values())
+    lacking = [name for name in given if sigmas.get(name) is None]
+    if stated and lacking:
+        raise ValueError(f"sigma is missing for {lacking[0]}; give it for all data, or for none.")
+    errors = {
+        name: _checked(f"sigma of {name}", s, np.nextafter(0.0, 1.0), np.inf, "it must be above 0")
+        for name, s in sigmas.items()
+        if stated
+    }
+    try:
+        full = np.broadcast_shapes(angle.shape, *(v.shape for v in given.values()))
+        np.broadcast_shapes(full, *(e.shape for e in errors.values()))
+        wide = {name: np.broadcast_to(v, full) for name, v in given.items()}
+        broad = {name: np.broadcast_to(e, full) for name, e in errors.items()}
+    except ValueError as error:
+        shapes = ", ".join(
+            f"{n} {v.shape}" for n, v in {"angles_deg": angle, **given, **errors}.items()
+        )
+        raise ValueError(
+            f"the shapes do not fit together: {shapes}. "
+            "The last axis is the angle, the others are the batch."
+        ) from error
+    angles = full[-1]
+    if angle.shape[-1] != angles or angles == 0:
+        raise ValueError(
+            f"{angle.shape[-1]} angles and {angles} data a curve came; equal numbers were wanted."
+        )
+    own = angle.size > angles
+    if own:
+        angle = np.broadcast_to(angle, full).reshape(-1, angles)
+    else:
+        angle = angle.reshape(-1)
+    values, weights = [], []
+    for name, value in wide.items():
+        value = value.reshape(-1, angles)
+        gaps = np.isnan(value)
+        error = broad.get(name)
+        if error is not None and np.isnan(errors[name]).any():
+            gaps = gaps | np.isnan(error.reshape(-1, angles))
+        weight = (
+            np.ones(angles) if error is None else 1.0 / _least_shape(errors[name], angles, error)
+        )
+        if gaps.any():
+            value = np.where(gaps, 0.0, value)
+            weight = np.where(gaps, 0.0, weight)
+        values.append(value)
+        weights.append(weight)
+    if len({w.ndim for w in weights}) > 1:
+        weights = [np.broadcast_to(w, v.shape) for w, v in zip(weights, values, strict=True)]
+    count = len(values[0])
+    return Arranged(
+        _data(angle, np.full_like(angle, 0.5), values, weights, eta_i, list(given)),
+        full[:-1], stated, angle, np.full(count, np.nan),
+    )  # fmt: skip
+
+
+def _least_shape(error: np.ndarray, angles: int, full: np.ndarray) -> np.ndarray:
+    """(M,) where all curves share the errors, (N, M) otherwise."""
+    if error.size == 1 or error.shape == (angles,):
+        return np.broadcast_to(error.reshape(-1), (angles,))
+    return full.reshape(-1, angles)

@@ -1,0 +1,287 @@
+"""Any number of curves through the compiled program: chunks, second starts, the last stragglers."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from fitting.bare_surface import mesh as starts
+from fitting.bare_surface.coordinates import EPS, FAR_END, W_MAX, W_MIN, from_eps, to_eps, xi_of
+from fitting.bare_surface.engine import Solved, solve
+from fitting.solver import START_DAMPING
+
+FEW = 8
+MANY, LANES = 1024, 64
+# Most lanes end within 4 evaluations; the others would make their whole group wait, so they are
+# collected and go on among themselves.
+FIRST_STEPS, MOST_STEPS = 4, 400
+# Lanes with n < 1 that have not come to rest after that many creep along a bent valley; they take
+# up to as many steps in coordinates in which it is straighter, and then go on.
+CREEP_STEPS = 40
+# A further start is looked at again after that many: it goes on if it is near the best minimum by
+# then, and after the second only if it is below (else it creeps along a plateau).
+FURTHER_STEPS = 10, 40
+# "Near": a cost less than 4 times the best one, or what an error of .3 % of all data costs.
+NEAR_COST, NEAR_SHARE = 4.0, 1e-5
+_COST = Solved._fields.index("cost")
+_EVALUATIONS = Solved._fields.index("evaluations")
+_DONE = Solved._fields.index("done")
+_DAMPING = Solved._fields.index("damping")
+
+
+class Data(NamedTuple):
+    """N curves, curves first; C channels out of ``problem.CHANNELS``, M angles.
+
+    cos_theta, s_share: (M,) or (N, M). values: C arrays (N, M), 0 where missing.
+    weights: C arrays (M,) or (N, M), 1 / sigma, 0 where missing.
+    """
+
+    cos_theta: np.ndarray
+    s_share: np.ndarray
+    values: tuple[np.ndarray, ...]
+    weights: tuple[np.ndarray, ...]
+    eta_i: float
+    channels: tuple[str, ...]
+    mesh: str = "coarse"  # of `starts.MESHES`, where the curves start
+
+    def take(self, index: slice | np.ndarray) -> Data:
+        """Return the curves of ``index``."""
+        return self._map(lambda a, fill: a[index] if a.ndim == 2 else a)
+
+    def padded(self, curves: int, angles: int) -> Data:
+        """Return the data with empty curves and empty angles added up to these numbers."""
+
+        def pad(a: np.ndarray, fill: float) -> np.ndarray:
+            goal = (curves, angles)[-a.ndim :]
+            if a.shape == goal:
+                return a
+            widths = [(0, wanted - have) for wanted, have in zip(goal, a.shape, strict=True)]
+            return np.pad(a, widths, constant_values=fill)
+
+        return self._map(pad)
+
+    def _map(self, change) -> Data:
+        return self._replace(
+            cos_theta=change(self.cos_theta, 1.0),
+            s_share=change(self.s_share, 0.5),
+            values=tuple(change(v, 0.0) for v in self.values),
+            weights=tuple(change(w, 0.0) for w in self.weights),
+        )
+
+    @property
+    def curves(self) -> int:
+        """The number of curves."""
+        return len(self.values[0])
+
+
+def start_rows(count: int, points: np.ndarray | None = None, w_max: float = W_MAX) -> np.ndarray:
+    """Return the start array of the program, from ``points`` (3, count) or, if None, the mesh."""
+    start = np.full((5, count), np.nan)
+    if points is not None:
+        start[:3] = points
+    start[3], start[4] = START_DAMPING, w_max
+    return start
+
+
+def _call(
+    data: Data, start: np.ndarray, steps: int, size: int, lanes: int
+) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
+    """Return what one call of the program gives for up to ``size`` curves."""
+    here, angles = data.curves, data.values[0].shape[1]
+    few = size == FEW
+    # A few curves: the number of angles is rounded up (with no data), so that a handful of compiled
+    # programs serves every small file.
+    wide = max(16, 1 << (angles - 1).bit_length()) if few else angles
+    part = data.padded(size, wide)
+    begin = np.pad(start, ((0, 0), (0, size - here)), constant_values=1.0)
+    with jax.enable_x64(True):
+        solved, further, fitted = solve(
+            part.cos_theta, part.s_share, part.values, part.weights,
+            begin, np.int64(steps),
+            channels=data.channels, mesh=data.mesh, lanes=lanes, fitted=few,
+        )  # fmt: skip
+        at = tuple(np.asarray(a)[:here, :angles] for a in fitted)
+        return np.asarray(solved)[:, :here], np.asarray(further)[..., :here], at
+
+
+def run(data: Data, start: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return ``Solved`` of all curves as one (fields, N) array, each after at most ``steps``.
+
+    And the further starts that the mesh offers, (E, 3, N).
+    """
+    count = data.curves
+    size, lanes = (FEW, FEW) if count <= FEW else (MANY, LANES)
+
+    def one(first: int) -> tuple[np.ndarray, np.ndarray]:
+        chunk = slice(first, first + size)
+        solved, further, _ = _call(data.take(chunk), start[:, chunk], steps, size, lanes)
+        return solved, further
+
+    if not count:
+        return np.empty((len(Solved._fields), 0)), np.empty((0, 3, 0))
+    firsts = range(0, count, size)
+    if len(firsts) == 1:
+        parts = [one(0)]
+    else:
+        # Threads, because a program this small runs on the thread that calls it, without the GIL.
+        with ThreadPoolExecutor(min(len(firsts), os.cpu_count() or 1)) as pool:
+            parts = list(pool.map(one, firsts))
+    solved, further = (np.concatenate(a, axis=-1) for a in zip(*parts, strict=True))
+    return solved, further
+
+
+def fitted_curves(data: Data, s: Solved) -> np.ndarray:
+    """Return the reflectances at the solutions, (C, N, M), by the program for a few curves."""
+    start = start_rows(data.curves, np.stack([s.x, s.w, s.chart]))
+    parts = []
+    for first in range(0, data.curves, FEW):
+        chunk = slice(first, first + FEW)
+        parts.append(_call(data.take(chunk), start[:, chunk], 0, FEW, FEW)[2])
+    return np.concatenate([np.stack(part) for part in parts], axis=1)
+
+
+def _at_far_end(s: Solved) -> np.ndarray:
+    """Where k = 0 was reached at the end of the line that the chart does not measure from."""
+    return s.w >= 4.0 * xi_of(s.x) * (1.0 - 64.0 * FAR_END)
+
+
+def _to_the_end(
+    data: Data, start: np.ndarray, stages: Sequence[tuple[int, Any]]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return ``run``, with the lanes that were cut short run to their end.
+
+    stages: evaluations, and the cost below which a lane takes part (for the first stage: all do).
+    Lanes that have come to the far end of their chart go on in the other one, and before the last
+    but one stage those that creep move through the chart EPS.
+    """
+    solved, further = run(data, start, stages[0][0])
+    for left, (steps, below) in zip(range(len(stages) - 1, 0, -1), stages[1:], strict=True):
+        s = Solved(*solved)
+        flip = _at_far_end(s)
+        short = (s.done == 0) & (s.cost < below)
+        if left == 2:
+            _straightened(data, solved, np.flatnonzero(short & ~flip))
+            s = Solved(*solved)
+        todo = np.flatnonzero(short | flip)
+        if not len(todo):
+            continue
+        turned = flip[todo]
+        again = start[:, todo].copy()
+        again[0] = s.x[todo]
+        again[1] = np.where(turned, W_MIN, s.w[todo])
+        again[2] = np.where(turned, -s.chart[todo], s.chart[todo])
+        again[3] = np.where(turned, START_DAMPING, s.damping[todo])
+        more, _ = run(data.take(todo), again, steps)
+        more[_EVALUATIONS] += s.evaluations[todo]
+        solved[:, todo] = more
+    return solved, further
+
+
+def _straightened(data: Data, solved: np.ndarray, todo: np.ndarray) -> None:
+    """Move those of the lanes ``todo`` with n < 1 along their valley, in the chart EPS."""
+    s = Solved(*solved[:, todo])
+    inside = s.chart * (2.0 * xi_of(s.x) - s.w) < 0.0  # log|N|^2
+    todo = todo[inside & (s.w > W_MIN)]
+    if not len(todo):
+        return
+    s = Solved(*solved[:, todo])
+    start = start_rows(len(todo), np.stack([*to_eps(s.x, s.w, s.chart), np.full_like(s.x, EPS)]))
+    moved = Solved(*run(data.take(todo), start, CREEP_STEPS)[0])
+    x, w, chart = from_eps(moved.x, moved.w)
+    better = moved.cost < s.cost
+    used = s.evaluations + moved.evaluations
+    for name, value in (("x", x), ("w", w), ("chart", chart), ("cost", moved.cost)):
+        row = Solved._fields.index(name)
+        solved[row, todo] = np.where(better, value, solved[row, todo])
+    solved[_DAMPING, todo] = np.where(better, START_DAMPING, s.damping)
+    solved[_EVALUATIONS, todo] = used
+
+
+class Minima(NamedTuple):
+    """The best minimum of every curve, and the runner-up (NaN where there is none)."""
+
+    best: Solved
+    other: Solved
+
+
+def _same(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Whether two solutions are one minimum, whatever their charts."""
+    p, q = Solved(*a), Solved(*b)
+    log_p, log_q = (s.chart * (2.0 * xi_of(s.x) - s.w) for s in (p, q))  # log|N|^2
+    near = np.abs(log_p - log_q) <= 1e-3 * (p.w + q.w) + 1e-6
+    return near & (np.abs(p.x - q.x) <= 1e-3 * p.x)
+
+
+def with_mesh(data: Data) -> tuple[Data, np.ndarray]:
+    """Return the data with the mesh that most curves need, and that of each curve, (N,)."""
+    some = np.logical_or.reduce([np.atleast_2d(w) > 0.0 for w in data.weights])
+    cos_theta = np.where(some, np.atleast_2d(data.cos_theta), -1.0)
+    lowest = np.degrees(np.arccos(np.clip(cos_theta.max(1), -1.0, 1.0)))
+    share = np.where(some, np.atleast_2d(data.s_share), 0.0).max(1)
+    kinds = starts.kinds(data.channels, some.sum(1), lowest, share, data.eta_i > 1.0)
+    if len(kinds) < data.curves:
+        kinds = np.broadcast_to(kinds, (data.curves,))
+    names, counts = np.unique(kinds, return_counts=True)
+    return data._replace(mesh=str(names[np.argmax(counts)])), kinds
+
+
+def minima(data: Data, points: np.ndarray | None = None) -> tuple[Minima, Data]:
+    """Return the best minimum of every curve and the runner-up; and the data with their mesh.
+
+    points: None, or (3, N): x, w and chart of one more start of each curve, beside the mesh's.
+    """
+    if not data.curves:
+        return _minima(data, points), data
+    data, kinds = with_mesh(data)
+    found = None
+    for mesh in dict.fromkeys(kinds.tolist()):
+        mine = np.flatnonzero(kinds == mesh)
+        if len(mine) == data.curves:
+            return _minima(data, points), data
+        part = data.take(mine)._replace(mesh=mesh)
+        new = _minima(part, None if points is None else points[:, mine])
+        if found is None:
+            found = Minima(*(np.full((len(Solved._fields), data.curves), np.nan) for _ in new))
+        for whole, some in zip(found, new, strict=True):
+            whole[:, mine] = np.array(some)
+    return Minima(*(Solved(*np.asarray(a)) for a in found)), data
+
+
+def _minima(data: Data, points: np.ndarray | None) -> Minima:
+    stages = [
+        (FIRST_STEPS, np.inf), (CREEP_STEPS, np.inf), (MOST_STEPS, np.inf), (MOST_STEPS, -np.inf)
+    ]  # fmt: skip
+    best, further = _to_the_end(data, start_rows(data.curves), stages)
+    other = np.full_like(best, np.nan)
+    if points is not None:
+        further = np.concatenate([further, points[None]])
+    has = np.isfinite(further[:, 0])
+    if not has.any():
+        return Minima(Solved(*best), Solved(*other))
+    which, curve = np.nonzero(has)
+    start = start_rows(len(curve), further[which, :, curve].T)
+    part, least = data.take(curve), best[_COST, curve]
+    near = NEAR_COST * least + NEAR_SHARE * Solved(*best).scale[curve]
+    stages = [
+        *zip(FURTHER_STEPS, (np.inf, near), strict=True),
+        (MOST_STEPS, least), (MOST_STEPS, -np.inf),
+    ]  # fmt: skip
+    again, _ = _to_the_end(part, start, stages)
+    for job in range(len(further)):
+        mine = np.flatnonzero(which == job)
+        todo, new = curve[mine], again[:, mine]
+        old, second = best[:, todo], other[:, todo]
+        total = old[_EVALUATIONS] + new[_EVALUATIONS]
+        # Of two arrivals at one minimum the first stays: which is lower is a matter of rounding.
+        same = _same(old, new)
+        swap = (new[_COST] < old[_COST]) & ~(same & (old[_DONE] > 0))
+        low, high = np.where(swap, new, old), np.where(swap, old, new)
+        keep = same | (second[_COST] <= high[_COST])
+        low[_EVALUATIONS] = total
+        best[:, todo], other[:, todo] = low, np.where(keep, second, high)
+    return Minima(Solved(*best), Solved(*other))

@@ -1,0 +1,167 @@
+"""The fitted curve at any angle, with the band that the uncertainty of eta and k gives it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from fitting.bare_surface.estimate import K_MIN
+from fitting.bare_surface.reflectances import CHANNELS, reflectances
+from fitting.compiled import compiled
+from fitting.measurement import Measurement
+from fitting.result import IndexBand, Prediction
+
+# Angles of a call are rounded up to a multiple, so that few programs are compiled.
+_ANGLES = 64
+
+
+def _with_slopes(cos_theta, s_share, eta, u, eta_i):
+    """Return (3, 3, N, A): for each channel the reflectance and its slopes in eta and u = k^2."""
+
+    def model(eta, u):
+        return jnp.stack(
+            reflectances(cos_theta, s_share, eta / eta_i, jnp.sqrt(u) / eta_i, CHANNELS)
+        )
+
+    one, zero = jnp.ones_like(eta), jnp.zeros_like(eta)
+    value, along = jax.linearize(model, eta, u)
+    return jnp.stack([value, along(one, zero), along(zero, one)], 1)
+
+
+_with_slopes = compiled(_with_slopes, ())
+
+
+def _covariance(information: np.ndarray, sigma_eta: np.ndarray, at_zero: np.ndarray) -> np.ndarray:
+    """Return the covariance of (eta, u), (N, 2, 2): the inverse over what the data determine.
+
+    A direction that they do not see at all is left out: along it the curve does not change. At
+    k = 0 it is the mean square of what u >= 0 may be, which sigma_eta tells: eta shifts by
+    -i_nu / i_nn for each unit of u. (In total reflection, where R is linear in k, sigma_eta is that
+    of the inverse, and u that of K_MIN: the inverse it is there too.)
+    """
+    ok = np.asarray(np.isfinite(information).all((1, 2)))
+    safe = np.where(ok[:, None, None], information, np.eye(2))
+    diagonal = np.sqrt(np.maximum(np.diagonal(safe, axis1=1, axis2=2), 1e-300))
+    scaled = safe / (diagonal[:, :, None] * diagonal[:, None, :])
+    covariance = np.linalg.pinv(scaled, rcond=1e-11, hermitian=True)
+    covariance = covariance / (diagonal[:, :, None] * diagonal[:, None, :])
+    i_nn = np.maximum(safe[:, 0, 0], 1e-300)
+    shift = -safe[:, 0, 1] / i_nn
+    square = np.maximum(sigma_eta**2 - 1.0 / i_nn, 0.0) / np.maximum(shift**2, 1e-300)
+    edge = square[:, None, None] * np.stack([shift, np.ones_like(shift)], -1)[:, :, None]
+    edge = edge * np.stack([shift, np.ones_like(shift)], -1)[:, None, :]
+    edge[:, 0, 0] += 1.0 / i_nn
+    at_edge = at_zero & (sigma_eta**2 < (1.0 - 1e-9) * covariance[:, 0, 0])
+    covariance = np.where(at_edge[:, None, None], edge, covariance)
+    return np.where(ok[:, None, None], covariance, np.nan)
+
+
+class SurfaceCurves(NamedTuple):
+    """What N fitted curves are evaluated by; see `result.Evaluator`. Arrays are (N, ...).
+
+    information: Fisher information in (eta, u = k^2), regular at k = 0, and singular where one
+    combination is unknown, where the covariance does not exist; NaN where there is no fit.
+    """
+
+    eta: np.ndarray
+    k: np.ndarray
+    sigma_eta: np.ndarray
+    sigma_k: np.ndarray
+    information: np.ndarray
+    at_zero: np.ndarray
+    eta_i: float
+    wavelength_um: np.ndarray
+    shape: tuple[int, ...]
+    measurement: Measurement | None
+
+    def _evaluate(
+        self, angle_deg: np.ndarray, s_share: np.ndarray, quantity: str
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return value and sigma, (N, A), of all curves at angles (1, A) or (N, A)."""
+        if quantity not in CHANNELS:
+            raise ValueError(f"quantity is {quantity!r}; one of {', '.join(CHANNELS)} was wanted.")
+        angles = angle_deg.shape[1]
+        pad = ((0, 0), (0, -angles % _ANGLES))
+        with jax.enable_x64(True):
+            out = _with_slopes(
+                np.cos(np.radians(np.pad(angle_deg, pad))), np.pad(s_share, pad),
+                self.eta[:, None], np.maximum(self.k[:, None], K_MIN) ** 2, np.float64(self.eta_i),
+            )  # fmt: skip
+            value, by_eta, by_u = np.asarray(out)[CHANNELS.index(quantity), :, :, :angles]
+        covariance = _covariance(self.information, self.sigma_eta, self.at_zero)
+        slopes = np.stack([by_eta, by_u], -1)
+        variance = np.einsum("nai,nij,naj->na", slopes, covariance, slopes)
+        return value, np.sqrt(np.maximum(variance, 0.0))
+
+    def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
+        """Return each curve over angles (A,), shape + (A,); linear in eta and k^2.
+
+        The error is defined where eta and k are not known apart (the curve is), and NaN where there
+        is no fit, or nothing that tells the noise.
+        """
+        line = angle_deg[None]
+        value, sigma = self._evaluate(line, np.full_like(line, 0.5), quantity)
+        shape = self.shape + angle_deg.shape
+        return Prediction(value.reshape(shape), sigma.reshape(shape))
+
+    def predict(self, measurement: Measurement | None = None) -> Prediction:
+        """Return the reflectance at every row of a measurement; NaN at wavelengths not fitted."""
+        m = self.measurement if measurement is None else measurement
+        assert m is not None
+        value, sigma = np.full(len(m), np.nan), np.full(len(m), np.nan)
+        place = {w: i for i, w in enumerate(self.wavelength_um.tolist())}
+        single = len(self.eta) == 1 and not np.isfinite(m.wavelength_um).any()
+        which = np.array([
+            0 if single else place.get(w, -1) for w in m.wavelength_um.tolist()
+        ])  # fmt: skip
+        polarizer = np.sin(np.radians(m.polarizer_deg)) ** 2
+        share = np.where(np.isnan(polarizer), 0.5, polarizer)
+        for quantity in dict.fromkeys(m.quantity.tolist()):
+            rows = np.flatnonzero((m.quantity == quantity) & (which >= 0))
+            if not len(rows):
+                continue
+            # All rows of a wavelength as one line of a table, filled up to the longest.
+            order = rows[np.argsort(which[rows], kind="stable")]
+            counts = np.bincount(which[order], minlength=len(self.eta))
+            column = np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts)
+            table = np.zeros((len(self.eta), int(counts.max())))
+            shares = np.full_like(table, 0.5)
+            table[which[order], column] = m.angle_deg[order]
+            shares[which[order], column] = share[order]
+            found, error = self._evaluate(table, shares, quantity)
+            value[order], sigma[order] = found[which[order], column], error[which[order], column]
+        return Prediction(value, sigma)
+
+    def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
+        """Return eta and k at the fitted wavelengths; see `Fit.index`."""
+        if medium not in (None, "substrate"):
+            raise ValueError(f"there is no medium {medium!r}; the bare surface is of substrate.")
+        chosen = np.arange(len(self.eta))
+        if wavelength_um is not None:
+            place = {w: i for i, w in enumerate(self.wavelength_um.tolist())}
+            wanted = np.atleast_1d(np.asarray(wavelength_um, float)).tolist()
+            strange = [w for w in wanted if w not in place]
+            if strange:
+                raise ValueError(
+                    f"{strange[0]:g} um was not measured; eta and k that are free at every "
+                    "wavelength are known at the measured ones only. Fit a dispersion model."
+                )
+            chosen = np.array([place[w] for w in wanted])
+        columns = (self.wavelength_um, self.eta, self.sigma_eta, self.k, self.sigma_k)
+        return IndexBand(*(c[chosen] for c in columns))
+
+    def at(self, index: tuple[int, ...]) -> SurfaceCurves:
+        """Return that of one curve."""
+        i = int(np.ravel_multi_index(index, self.shape))
+        one = {
+            name: value[i : i + 1] for name, value in self._asdict().items()
+            if isinstance(value, np.ndarray)
+        }  # fmt: skip
+        m = self.measurement
+        if m is not None:
+            w = self.wavelength_um[i]
+            m = m.where(np.isnan(m.wavelength_um) if np.isnan(w) else m.wavelength_um == w)
+        return self._replace(**one, shape=(), measurement=m)

@@ -1,0 +1,79 @@
+"""Strong reflectors of which the data fix one number: 1 - R(0), or a bound of it.
+
+With |N|^2 much larger than 1 an index enters through a = 4 n / |N|^2 alone,
+
+    1 - R = a h / (1 + a h / 2),     h = cos(theta) for s, 1 / cos(theta) for p,
+
+up to terms of 1 / |N|^2. Where that family, or R = 1 itself (a = 0), fits a curve as well as any
+index, nothing is known of eta and k but this, whatever the best fit looks like: of R_s of a metal
+(.06 + 3.6 i, noise .01) the best fit was total reflection with eta = .76 +- .004 in a fifth of the
+repeats, its critical angle next to one datum that chance had made low.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitting.bare_surface.batch import Data
+
+# An index is preferred if chance gives a fit as much better in less than this share of all curves.
+CHANCE = 0.01
+# The family is that of strong reflectors; the rms of the data says whether a curve may be of one.
+LEAST_RMS, MOST_A = 0.85, 0.3
+NORMAL_95 = 1.645
+
+
+def allowed_rise(dof: np.ndarray) -> np.ndarray:
+    """Return by how many scatters the family may be worse: twice F's quantile of 2 and ``dof``."""
+    d = np.maximum(dof, 1)
+    return d * (CHANCE ** (-2.0 / d) - 1.0)
+
+
+def _shapes(data: Data) -> list[np.ndarray]:
+    """Return h of each channel, (1, M) or (N, M)."""
+    cos = np.maximum(np.atleast_2d(data.cos_theta), 1e-6)
+    share = np.atleast_2d(data.s_share)
+    of = {"R_s": cos, "R_p": 1.0 / cos, "R": share * cos + (1.0 - share) / cos}
+    return [of[channel] for channel in data.channels]
+
+
+def mirror_fit(data: Data) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return cost, a and information on a of the best mirror of each curve, (N,) each.
+
+    By three Gauss-Newton steps from a = 0, kept between 0 and MOST_A.
+    """
+    a = np.zeros(data.curves)
+    shapes = _shapes(data)
+    for step in range(4):
+        cost = moment = information = np.zeros(data.curves)
+        for h, value, weight in zip(shapes, data.values, data.weights, strict=True):
+            below = 1.0 + 0.5 * a[:, None] * h
+            miss = (1.0 - value - a[:, None] * h / below) * weight
+            slope = h / below**2 * weight
+            cost = cost + (miss**2).sum(1)
+            moment = moment + (miss * slope).sum(1)
+            information = information + (slope**2).sum(1)
+        if step < 3:
+            a = np.clip(a + moment / np.maximum(information, 1e-300), 0.0, MOST_A)
+    return cost, a, information
+
+
+def like_mirrors(
+    data: Data, scale: np.ndarray, limit: np.ndarray, variance: np.ndarray
+) -> np.ndarray:
+    """Return for curves that a mirror fits at a cost of ``limit`` or less the bound of R(0), (N,).
+
+    The least R at normal incidence (95 %); NaN for all other curves.
+    scale: (N,), the weighted sums of squares of the values. variance: (N,), what one unit of them
+    stands for.
+    """
+    found = np.full(len(scale), np.nan)
+    ones = sum((w * w).sum(-1) for w in data.weights)
+    with np.errstate(all="ignore"):
+        maybe = np.flatnonzero(scale > LEAST_RMS**2 * ones)
+        if len(maybe):
+            cost, a, information = mirror_fit(data.take(maybe))
+            a = a + NORMAL_95 * np.sqrt(variance[maybe] / information)
+            bound = np.maximum(1.0 - a / (1.0 + 0.5 * a), 0.0)
+            found[maybe] = np.where(cost <= limit[maybe], bound, np.nan)
+    return found

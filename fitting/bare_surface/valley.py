@@ -1,0 +1,117 @@
+"""The line of constant R(0) along which the data say least of an index: places on it, costs there.
+
+Every index with one x = log[(1 + |N|^2) / 2n] lies on the circle
+
+    n = cosh xi + c sinh xi cos phi,   k = sinh xi sin phi,   cosh xi = exp(x),
+
+where k = 0 at phi = 0 (the end of the chart c, see `coordinates`) and at phi = pi. eta and k are
+smooth in phi from end to end, and a place is named here by its share = sin(phi / 2)^2.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.bare_surface.batch import FEW, Data, run, start_rows
+from fitting.bare_surface.coordinates import W_MIN, X_MAX, X_MIN, xi_of
+from fitting.bare_surface.engine import Solved
+
+
+class Lanes(NamedTuple):
+    """Places in the plane of some curves: which curve, x, w and chart, (L,) each."""
+
+    curve: np.ndarray
+    x: np.ndarray
+    w: np.ndarray
+    chart: np.ndarray
+
+    def at(self, pick: np.ndarray) -> Lanes:
+        """Return those of ``pick``."""
+        return Lanes(*(a[pick] for a in self))
+
+
+def _xi_slope(x: np.ndarray) -> np.ndarray:
+    """Return dxi/dx = cosh xi / sinh xi."""
+    return 1.0 / np.tanh(xi_of(x))
+
+
+def on_line(x: np.ndarray, share: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return w and dw/dx on the line of constant share = sin(phi / 2)^2."""
+    xi = xi_of(x)
+    near, far = -np.expm1(-4.0 * xi) * share, np.expm1(np.minimum(4.0 * xi, 700.0)) * share
+    first = chart > 0
+    w = np.where(first, -np.log1p(-np.minimum(near, 1.0 - 1e-300)), np.log1p(far))
+    slope = np.where(first, (share - near) / (1.0 - near), (share + far) / (1.0 + far))
+    return np.clip(w, W_MIN, 4.0 * xi), 4.0 * slope * _xi_slope(x)
+
+
+def share_of(x: np.ndarray, w: np.ndarray, chart: np.ndarray) -> np.ndarray:
+    """Return sin(phi / 2)^2 of a place."""
+    xi = xi_of(x)
+    far = np.expm1(np.minimum(w, 700.0)) / np.expm1(np.minimum(4.0 * xi, 700.0))
+    return np.clip(np.where(chart > 0, np.expm1(-w) / np.expm1(-4.0 * xi), far), 0.0, 1.0)
+
+
+def from_nearer_end(s: Solved) -> Solved:
+    """Return ``s`` in the chart whose end k = 0 is nearer: that end is exact, the far one is not.
+
+    The other chart's w is 4 xi(x) - w; gradient and matrix follow by the chain rule.
+    """
+    away = s.w > 2.0 * xi_of(s.x)
+    t = np.where(away, 4.0 * _xi_slope(s.x), 0.0)
+    sign = np.where(away, -1.0, 1.0)
+    return s._replace(
+        w=np.where(away, np.maximum(4.0 * xi_of(s.x) - s.w, W_MIN), s.w),
+        chart=sign * s.chart,
+        g_x=s.g_x + t * s.g_w,
+        g_w=sign * s.g_w,
+        h_xx=s.h_xx + t * (2.0 * s.h_xw + t * s.h_ww),
+        h_xw=sign * (s.h_xw + t * s.h_ww),
+    )
+
+
+def evaluate(data: Data, lanes: Lanes) -> Solved:
+    """Return cost, gradient and matrix at these places (where a lane is at its minimum: near)."""
+    count = len(lanes.x)
+    start = start_rows(count, np.stack([lanes.x, lanes.w, lanes.chart]))
+    start[4] = lanes.w
+    # A few curves keep to the small program and many to the large one: no other is compiled.
+    few = data.curves <= FEW
+    more = 0 if few else max(FEW + 1 - count, 0)
+    start = np.pad(start, ((0, 0), (0, more)), mode="edge")
+    part = data.take(np.pad(lanes.curve, (0, more), mode="edge"))
+    size = FEW if few else count + more
+    found = [
+        run(part.take(slice(i, i + size)), start[:, i : i + size], 1)[0]
+        for i in range(0, count + more, size)
+    ]
+    return Solved(*np.concatenate(found, axis=1)[:, :count])
+
+
+def open_to_the_other_end(data: Data, s: Solved, allowed: np.ndarray) -> np.ndarray:
+    """Return where the valley of a minimum with n < 1 leads to n > 1, k = 0, at ``allowed`` cost.
+
+    Near normal incidence the noise decides at which end of the valley the minimum lies, and at
+    n < 1, close to total reflection, it looks well determined.
+    """
+    with np.errstate(all="ignore"):
+        outside = from_nearer_end(s)
+        share = share_of(s.x, outside.w, outside.chart)
+        share = np.where(outside.chart > 0, share, 1.0 - share)  # measured from n > 1
+        phi = 2.0 * np.arcsin(np.sqrt(share))
+        every = np.arange(len(s.x))
+        chart = np.ones_like(s.x)
+        still = np.isfinite(phi)
+        for part in (0.0, 1.0 / 3.0, 2.0 / 3.0):
+            here = np.flatnonzero(still)
+            if not len(here):
+                break
+            w, _ = on_line(s.x[here], np.sin(0.5 * part * phi[here]) ** 2, chart[here])
+            x = s.x[here]
+            for _ in range(2):  # x moves a little along the floor
+                now = evaluate(data, Lanes(every[here], x, w, chart[here]))
+                x = np.clip(now.x - now.g_x / now.h_xx, X_MIN, X_MAX)
+            still[here] = now.cost - now.g_x**2 / now.h_xx <= allowed[here]
+    return still

@@ -1,1 +1,0 @@
-"""The parts of the command ``fresnel-fit`` that only some of its uses need."""

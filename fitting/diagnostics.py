@@ -1,0 +1,68 @@
+"""What a person must know about a fit: every warning and note as a code, and its sentence.
+
+A finding is data. Its sentence is made from the code and the numbers that belong to it, in the one
+table `fitting.sentences.SENTENCES`, which lists every code, the gravest first. No code reads a
+sentence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fitting.sentences import SENTENCES
+
+
+class Warning(NamedTuple):
+    """One finding on a fit.
+
+    code: its name in `SENTENCES`. where: what it is about, for example {"wavelength_um": 0.532}
+    or {"parameter": "k"}; empty for the whole fit. values: the numbers and names in its sentence.
+    """
+
+    code: str
+    where: Mapping[str, Any] = {}
+    values: Mapping[str, Any] = {}
+
+    @property
+    def text(self) -> str:
+        """The sentence."""
+        return SENTENCES[self.code](self.values)
+
+    def __str__(self) -> str:
+        return self.text
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return code, where, values and text as plain data."""
+        return {
+            "code": self.code, "where": dict(self.where), "values": dict(self.values),
+            "text": self.text,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """One code for all fits of a batch: no object per fit is made until it is asked for.
+
+    at: where it holds, a bool array of the batch shape S. values: name -> a number, a text, or an
+    array whose leading axes are S.
+    """
+
+    code: str
+    at: np.ndarray
+    values: Mapping[str, Any]
+
+    def of(self, index: tuple[int, ...], where: Mapping[str, Any]) -> Warning:
+        """Return the warning of the fit at ``index`` of the batch."""
+        picked = {
+            name: _plain(value[index]) if isinstance(value, np.ndarray) else value
+            for name, value in self.values.items()
+        }
+        return Warning(self.code, where, picked)
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,211 @@
+"""A fitted sample as curves: at the data, at points of one's own, and eta and k over wavelength."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from fitting.measurement import Measurement
+from fitting.observations import Observations, observations, padded
+from fitting.observe import NCS
+from fitting.problem import Targets, index_slopes, linearised, without_data
+from fitting.result import Evaluator, IndexBand, Prediction
+from fitting.sample import Sample
+from fitting.unknowns import Unknowns, index_outside
+
+
+class Evaluated(NamedTuple):
+    """Where a fit ended: unknowns, what they were compared with, y (p,) and its covariance (p, p).
+
+    The covariance is NaN in rows of what is held or at a bound; along what is not seen it
+    is 0 (the fitted curve does not change there).
+    """
+
+    sample: Sample
+    unknowns: Unknowns
+    seen: Observations
+    targets: Targets
+    y: np.ndarray
+    covariance: np.ndarray
+    measured_um: np.ndarray
+
+    def predict(self, measurement: Measurement | None = None) -> Prediction:
+        """Return the model at every row of a measurement; see `result.Evaluator`."""
+        return Prediction(*_fitted(self, measurement))
+
+    def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
+        """Return the model over angles (A,), at the one wavelength that was measured."""
+        wavelength = self.measured_um if len(self.measured_um) == 1 else None
+        return self.predict(points_of(angle_deg, quantity, wavelength))
+
+    def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
+        """Return eta and k of a medium at wavelengths; see `Fit.index`."""
+        which = _medium(self.sample, medium)
+        if wavelength_um is None:
+            known = self.measured_um
+            band = _index_band(self, np.where(np.isfinite(known), known, 1.0), which)
+            return band._replace(wavelength_um=known)
+        return _index_band(self, wavelength_um, which)
+
+    def at(self, index: tuple[int, ...]) -> Evaluator:
+        """Return itself: it is of one fit."""
+        return self
+
+
+class EachWavelength(NamedTuple):
+    """The evaluators of many wavelengths, each fitted by itself, in rising order."""
+
+    each: tuple[Evaluated, ...]
+    wavelength_um: np.ndarray
+    measurement: Measurement
+
+    def predict(self, measurement: Measurement | None = None) -> Prediction:
+        """Return the model at every row of a measurement; NaN at wavelengths not fitted."""
+        m = self.measurement if measurement is None else measurement
+        value, sigma = np.full(len(m), np.nan), np.full(len(m), np.nan)
+        for one, wavelength in zip(self.each, self.wavelength_um, strict=True):
+            same = np.isnan(m.wavelength_um) if np.isnan(wavelength) else None
+            rows = m.wavelength_um == wavelength if same is None else same
+            if rows.any():
+                found = one.predict(None if measurement is None else m.where(rows))
+                value[rows], sigma[rows] = found
+        return Prediction(value, sigma)
+
+    def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
+        """Return each wavelength over angles (A,), (W, A)."""
+        found = [one.over_angle(angle_deg, quantity) for one in self.each]
+        return Prediction(*(np.stack(part) for part in zip(*found, strict=True)))
+
+    def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
+        """Return eta and k at the fitted wavelengths."""
+        wanted = self.wavelength_um if wavelength_um is None else np.atleast_1d(wavelength_um)
+        place = {float(w): i for i, w in enumerate(self.wavelength_um)}
+        if np.isnan(wanted).any():
+            chosen = list(range(len(self.each)))
+        else:
+            strange = [w for w in wanted.tolist() if w not in place]
+            if strange:
+                raise ValueError(
+                    f"{strange[0]:g} um was not measured; eta and k that are free at every "
+                    "wavelength are known at the measured ones only. Fit a dispersion model."
+                )
+            chosen = [place[w] for w in wanted.tolist()]
+        bands = [self.each[i].index(None, medium) for i in chosen]
+        parts = (np.concatenate(part) for part in zip(*bands, strict=True))
+        return IndexBand(*parts)
+
+    def at(self, index: tuple[int, ...]) -> Evaluator:
+        """Return the evaluator of one wavelength."""
+        return self.each[index[0]]
+
+
+def points_of(angle_deg: Any, quantity: Any, wavelength_um: Any = None) -> Measurement:
+    """Return points of one's own as a measurement without values."""
+    angle, names, waves = np.broadcast_arrays(
+        np.atleast_1d(np.asarray(angle_deg, float)), np.asarray(quantity),
+        np.asarray(np.nan if wavelength_um is None else wavelength_um, float),
+    )  # fmt: skip
+    if angle.ndim != 1:
+        raise ValueError(f"angles of shape {angle.shape} came; one axis was wanted.")
+    nothing = np.full(len(angle), np.nan)
+    return Measurement(
+        angle_deg=angle, wavelength_um=waves, quantity=np.asarray(names, dtype=str),
+        value=np.zeros(len(angle)), sigma=nothing, polarizer_deg=nothing, source="points",
+        understood="",
+    )  # fmt: skip
+
+
+def _medium(sample: Sample, name: str | None) -> int:
+    """Return the number of a medium after the first, by its place; None: the first unknown."""
+    if name is not None:
+        if name not in sample.places[1:]:
+            raise ValueError(f"there is no medium {name!r}; one of {', '.join(sample.places[1:])}.")
+        return sample.places.index(name) - 1
+    return next((i for i, m in enumerate(sample.media[1:]) if m.unknown), 0)
+
+
+def _error(slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Return the standard error (...) of what has these slopes (..., p)."""
+    known = np.isfinite(np.diagonal(covariance))
+    if not known.any():
+        return np.full(slopes.shape[:-1], np.nan)
+    some = slopes[..., known]
+    variance = np.einsum("...i,ij,...j->...", some, covariance[np.ix_(known, known)], some)
+    return np.sqrt(np.maximum(variance, 0.0))
+
+
+def _matched(at: Evaluated, seen: Observations) -> tuple[tuple[int, ...], ...]:
+    """Return the fitted curve that each channel of other points belongs to; -1 for none."""
+    first = {c: own[0] for c, own in zip(at.seen.channels, at.seen.curves, strict=True)}
+    return tuple((first.get(c, -1),) for c in seen.channels)
+
+
+def at_data(seen: Observations, value: np.ndarray) -> np.ndarray:
+    """Return the model at every datum (N,), from what each channel shows (K, M)."""
+    out = np.empty(len(seen.row))
+    for i, channel in enumerate(c for c in seen.channels if c != NCS):
+        here = seen.channel == channel
+        out[here] = value[i, seen.row[here]]
+    if NCS in seen.channels:
+        N, C, S = value[-3:]
+        angles = 0.5 * np.arctan2(np.sqrt(C * C + S * S), N), np.arctan2(S, C) % (2.0 * np.pi)
+        for name, angle in zip(("psi", "delta"), angles, strict=True):
+            here = seen.quantity == name
+            out[here] = np.degrees(angle[seen.row[here]])
+    return out
+
+
+def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray, np.ndarray]:
+    """Return the model at every datum and its standard error."""
+    u, seen, targets = at.unknowns, at.seen, at.targets
+    if measurement is not None:
+        seen = observations([measurement], "equal", compared=False)
+        spec = u.spec._replace(
+            channels=seen.channels, curves=_matched(at, seen), loss="squares", priors=False
+        )
+        outside = index_outside(at.sample, seen.points.wavelength_um)
+        u, targets = u._replace(spec=spec), targets._replace(points=seen.points, eta_i=outside)
+    with jax.enable_x64(True):
+        value, slope = (np.asarray(a) for a in linearised(without_data(targets), at.y, spec=u.spec))
+    error = _error(slope, at.covariance)
+    channels = [c for c in seen.channels if c != NCS]
+    sigma = np.empty(len(seen.row))
+    for i, channel in enumerate(channels):
+        here = seen.channel == channel
+        sigma[here] = error[i, seen.row[here]]
+    if NCS in seen.channels:
+        _errors_of_angles(seen, value[-3:], slope[-3:], at.covariance, sigma)
+    return at_data(seen, value), sigma
+
+
+def _errors_of_angles(seen, value, slope, covariance, sigma) -> None:
+    """Fill in those of psi and Delta in degrees, from N, C, S (3, M) and slopes (3, M, p)."""
+    N, C, S = value
+    sine2 = C * C + S * S
+    sine = np.sqrt(sine2)
+    total = np.sqrt(N * N + sine2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # d(2 psi) = (N d(sin 2psi) - sin 2psi dN) / total^2
+        d_sine = (C[:, None] * slope[1] + S[:, None] * slope[2]) / sine[:, None]
+        d_psi = 0.5 * (N[:, None] * d_sine - sine[:, None] * slope[0]) / total[:, None] ** 2
+        d_delta = (C[:, None] * slope[2] - S[:, None] * slope[1]) / sine2[:, None]
+    for name, by in zip(("psi", "delta"), (d_psi, d_delta), strict=True):
+        here = seen.quantity == name
+        sigma[here] = np.degrees(_error(by[seen.row[here]], covariance))
+
+
+def _index_band(at: Evaluated, wavelength_um: Any, medium: int) -> IndexBand:
+    wavelength = np.atleast_1d(np.asarray(wavelength_um, float))
+    if wavelength.ndim != 1 or not (wavelength > 0.0).all():
+        raise ValueError("wavelength_um must be one number or one axis of them, all above 0.")
+    count = len(wavelength)
+    full = np.pad(wavelength, (0, padded(count) - count), mode="edge")
+    u = at.unknowns
+    with jax.enable_x64(True):
+        value, slope = (
+            np.asarray(a) for a in index_slopes(at.y, u.held, full, spec=u.spec, medium=medium)
+        )
+    error = _error(slope, at.covariance)[:, :count]
+    return IndexBand(wavelength, value[0, :count], error[0], value[1, :count], error[1])

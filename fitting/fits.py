@@ -1,0 +1,183 @@
+"""`fit`: a sample fitted to what was measured, whatever the sample and the data are.
+
+    minimise over the parameters   sum_i loss[(predicted_i - value_i) / sigma_i] + priors
+
+There is one way from parameters to the result (see the map in CONTRIBUTING.md), and one special
+case that is taken by itself where it applies: eta and k of one bare surface from powers alone
+(`bare_surface`), whose coordinates and starts are made for it, and which fits some hundred thousand
+curves a second.
+
+Fits run in float64, whether or not the caller has switched on jax_enable_x64.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fitting.bare_surface.reflectances import CHANNELS
+from fitting.bare_surface.surface_fit import fit_bare_surface
+from fitting.bare_surface.surface_fit import fit_many as fit_many
+from fitting.measurement import Measurement, concatenate
+from fitting.observations import missing_errors, observations
+from fitting.outcome import Subject, fit_of
+from fitting.parameters import Settings, check_settings, names_of
+from fitting.problem import LOSSES, targets_of
+from fitting.result import Fit
+from fitting.sample import Sample
+from fitting.search import ERRORS, Asked, Solving, solved
+from fitting.starts import given_start, start_at, usual_starts
+from fitting.starts import starts as start_points
+from fitting.uncertainty.intervals import check_intervals
+from fitting.unknowns import check_quantities, index_outside, spectrum_of, unknowns
+from fitting.wavelengths import fit_wavelengths
+
+
+def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
+    """Return the measurements that came, or raise ValueError for something else."""
+    several = [measurement] if isinstance(measurement, Measurement) else measurement
+    if not isinstance(several, Iterable):
+        several = [several]
+    several = tuple(several)
+    if not several:
+        raise ValueError("no measurement came.")
+    for m in several:
+        if not isinstance(m, Measurement):
+            raise ValueError(
+                f"{type(m).__name__} came where a Measurement was wanted: of read_csv(PATH) or "
+                "Measurement.from_columns(...), or a list of them."
+            )
+    return several
+
+
+def check_choices(loss: str, errors: str, intervals: str, starts: Any) -> None:
+    """Raise ValueError for an option that is none."""
+    if loss not in LOSSES:
+        raise ValueError(f"loss is {loss!r}; one of {', '.join(LOSSES)} was wanted.")
+    if errors not in ERRORS:
+        raise ValueError(f"errors is {errors!r}; one of {', '.join(ERRORS)} was wanted.")
+    check_intervals(intervals)
+    if not (starts is None or (isinstance(starts, int) and starts > 0)):
+        raise ValueError(f"starts is {starts!r}; a whole number above 0 was wanted.")
+
+
+def _is_special(
+    sample: Sample, measurements: Sequence[Measurement], settings: Settings, loss: str
+) -> bool:
+    """Whether `bare_surface` can do it: eta and k of one boundary from R_s, R_p and R."""
+    powers = all(set(m.quantity.tolist()) <= set(CHANNELS) for m in measurements)
+    bare = sample.bare and sample.by_wavelength and np.isfinite(sample.eta_i)
+    return powers and bare and not settings.names and loss == "squares"
+
+
+def _shared(
+    measurements: Sequence[Measurement],
+    sample: Sample,
+    settings: Settings,
+    asked: Asked,
+    begin: tuple[int | None, Mapping[str, float] | None],
+) -> Fit:
+    """Return the fit of parameters that all data share. begin: number of starts, and one more."""
+    seen = observations(measurements, asked.errors)
+    u = unknowns(sample, spectrum_of(measurements, sample), settings, seen, asked.loss)
+    if not u.free.any():
+        raise ValueError("every parameter is fixed; leave one free.")
+    outside = index_outside(sample, seen.points.wavelength_um)
+    job = Solving(u, seen, targets_of(u, seen, outside), settings, asked)
+    starts, start = begin
+    count = usual_starts(int(u.free.sum())) if starts is None else starts
+    points = start_points(u.moving, count, asked.seed)
+    if start is not None:
+        extra = start_at(u.moving, given_start(u.moving, u.labels, start))
+        points = np.concatenate([points, extra[:, None]], 1)
+    job.starts = points.shape[1]
+    ends, noise = solved(job, points)
+    notes = missing_errors(measurements, asked.errors)
+    return fit_of(job, ends, noise, Subject(sample, tuple(measurements), notes))
+
+
+def fit_checked(
+    measurements: Sequence[Measurement],
+    sample: Sample,
+    settings: Settings,
+    asked: Asked,
+    begin: tuple[int | None, Mapping[str, Any] | None] = (None, None),
+) -> Fit:
+    """Return `fit` for arguments that are checked already. begin: starts and start."""
+    stated = all(np.isfinite(m.sigma).all() for m in measurements)
+    if asked.errors in ("stated", "floor") and not stated:
+        raise ValueError(
+            f'errors="{asked.errors}" was asked for, but not every datum has an error.'
+        )
+    if sample.open:
+        raise ValueError(f"the sample {str(sample)!r} leaves its model open; choose(...) finds it.")
+    if _is_special(sample, measurements, settings, asked.loss):
+        joined = concatenate(*measurements)
+        return fit_bare_surface(joined, sample, asked.errors, asked.intervals, begin[1])
+    check_quantities(measurements, sample)
+    waves = np.unique(np.concatenate([m.wavelength_um for m in measurements]))
+    plain = asked.loss == "squares" and not settings.names and begin == (None, None)
+    if sample.by_wavelength and (len(waves) > 1 or plain):
+        return fit_wavelengths(concatenate(*measurements), sample, settings, asked)
+    return _shared(measurements, sample, settings, asked, begin)
+
+
+def fit(
+    measurement: Measurement | Sequence[Measurement],
+    sample: str | Sample = "free",
+    *,
+    free: str | Iterable[str] = (),
+    fixed: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    priors: Mapping[str, tuple[float, float]] | None = None,
+    tie: Mapping[str, str] | None = None,
+    loss: str = "squares",
+    errors: str = "auto",
+    intervals: str = "auto",
+    starts: int | None = None,
+    start: Mapping[str, Any] | None = None,
+    seed: int = 0,
+) -> Fit:
+    """Return a sample fitted to a measurement: its parameters, and how well they are known.
+
+    Args:
+        measurement: one, or several that share all parameters but scale and background.
+        sample: a `Sample` or its text: "free" (one bare surface, eta and k at every wavelength),
+            "cauchy" (one bare surface with that dispersion), "air | cauchy 3 mm thick | air", ...
+            The first medium is that which the light comes from; without it air, index 1.
+        free: names of parameters to fit that are fixed by default: of the instrument "scale" and
+            "background" (one for each curve), "angle_offset", "leak", "divergence"; "edge_ev"; the
+            thickness of a thick layer.
+        fixed, bounds, priors: name -> value; (low, high); (value, standard error). "scale" is all
+            scales, "scale[R_s]" one of them.
+        tie: name -> another name, or a multiple: {"film_2.A": "film_1.A", "substrate.k": "2 *
+            film.k"}.
+        loss: "squares"; "huber" or "student" for data with outliers, with the noise found from the
+            residuals unless errors="stated".
+        errors: what is believed of the stated errors. "stated": as they are. "scaled": multiplied
+            by sqrt(chi2 / dof). "floor": one common error is added to them in squares. "equal":
+            not used, all data weigh alike. "auto": scaled, or floor where they are far too small
+            and that is likelier.
+        intervals: how 95 % intervals are found: "quadratic" (from the standard errors), "profile"
+            (profile likelihood), or "auto": profile likelihood where the quadratic approximation
+            fails. Of many independent wavelengths of a general sample "auto" is quadratic.
+        starts, seed: number of quasi-random starts (None: by the number of unknowns), and their
+            origin. Not of a bare surface, which starts from a mesh.
+        start: name -> value of one more start.
+
+    Returns: `Fit`, of batch shape () for shared parameters or one wavelength, else (W,).
+        Without noise eta of a bare surface comes back to about 1e-14 and k above .01 to 3e-11.
+
+    Raises:
+        ValueError: for names, values and quantities that do not go together.
+    """
+    measurements = measurements_of(measurement)
+    which = Sample.parse(sample)
+    check_choices(loss, errors, intervals, starts)
+    settings = check_settings(
+        Settings(names_of(free), fixed or {}, bounds or {}, priors or {}, tie or {})
+    )
+    asked = Asked(errors, intervals, loss, seed)
+    return fit_checked(measurements, which, settings, asked, (starts, start))

@@ -1,0 +1,83 @@
+"""What stands between the sample and the numbers: an imperfect instrument.
+
+Each of these is a parameter, neutral unless it is asked for:
+
+    scale        factor of each curve (one quantity of one file)
+    background   added to each curve after the scale
+    angle_offset degrees added to every angle of incidence
+    leak         share of the other polarization in what a polarizer lets through
+    divergence   standard deviation of the angles of incidence within the beam, degrees (Gaussian)
+
+Scale, background and leak are for powers only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from fitting.parameters import LOG, SQUARE, Parameter
+
+PER_CURVE = ("scale", "background")
+INSTRUMENT = (*PER_CURVE, "angle_offset", "leak", "divergence")
+
+# Gauss and Hermite's nodes: 7 are exact for a curve that is a polynomial of degree 13 over the
+# beam. Weights add up to 1, distances in standard deviations.
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
+_WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
+
+
+def instrument_parameter(name: str) -> Parameter:
+    """Return range and neutral value of an instrument parameter, by its bare name."""
+    return {
+        "scale": Parameter("scale", "", (0.85, 1.1), 1e-3, 1e3, LOG, held=1.0),
+        "background": Parameter("background", "", (0.0, 0.0), -0.5, 0.5, held=0.0),
+        "angle_offset": Parameter("angle_offset", "deg", (-1.0, 1.0), -20.0, 20.0, held=0.0),
+        "leak": Parameter("leak", "", (0.0, 0.05), 0.0, 0.5, held=0.0),
+        # A symmetric beam changes a curve by the square of its width.
+        "divergence": Parameter("divergence", "deg", (0.1, 2.0), 0.0, 20.0, SQUARE, held=0.0),
+    }[name]
+
+
+def cosines(v: Mapping[str, Array], angle_deg: Any) -> tuple[Array, Any]:
+    """Return cosines (Q, M, L), one or several to a beam, and the weights (Q, 1, 1)."""
+    angle = jnp.asarray(angle_deg)[None]
+    if "angle_offset" in v:
+        angle = angle + v["angle_offset"]
+    weights = jnp.ones((1, 1, 1))
+    if "divergence" in v:
+        angle = angle + jnp.asarray(_NODES)[:, None, None] * v["divergence"]
+        weights = jnp.asarray(_WEIGHTS)[:, None, None]
+    # Past 90 degrees or below 0 the plane of incidence is the same one: cos and |cos| say so.
+    return jnp.abs(jnp.cos(jnp.radians(angle))), weights
+
+
+def detected(
+    v: Mapping[str, Array],
+    channel: str,
+    ideal: Mapping[str, Array],
+    s_share: Any,
+    curves: tuple[tuple[int, ...], Any],
+) -> Array:
+    """Return a power channel as the detector shows it, from the s and p powers of perfect light.
+
+    curves: for every file the number in ``scale_0``, ``background_0``; and the file of each row.
+    """
+    kind = channel[0]
+    s, p = ideal[f"{kind}_s"], ideal[f"{kind}_p"]
+    share: Any = {"s": 1.0, "p": 0.0}.get(channel.partition("_")[2], s_share)
+    if "leak" in v:
+        share = share + (1.0 - 2.0 * share) * v["leak"]
+    value = p + share * (s - p)
+    of_file, file = curves
+    for name in PER_CURVE:
+        if f"{name}_{of_file[0]}" not in v:
+            continue
+        each = jnp.stack([v[f"{name}_{i}"] for i in of_file])
+        term = each[0] if len(of_file) == 1 else each[file]
+        value = value * term if name == "scale" else value + term
+    return value

@@ -1,0 +1,325 @@
+"""From where the starts of a fit ended to the `Fit` that a caller sees."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fitting import result as status
+from fitting.diagnostics import Finding, Warning
+from fitting.evaluation import Evaluated, at_data
+from fitting.findings import Quality, Seen, findings
+from fitting.measurement import Measurement, concatenate
+from fitting.parameters import value_and_slope
+from fitting.pattern import pattern
+from fitting.result import Alternative, ErrorModel, Estimate, Fit
+from fitting.sample import Sample
+from fitting.search import End, Solving, best_of
+from fitting.starts import SAME_CHI2, STAGE, Ends, Minimum, minima
+from fitting.uncertainty.covariance import Slopes
+from fitting.uncertainty.intervals import QUADRATIC, Intervals, intervals
+from fitting.uncertainty.likelihood import criteria, reduced_chi2
+from fitting.unknowns import Unknowns
+
+# What data are trusted to where neither errors nor scatter tell.
+ASSUMED_SIGMA = 1e-3
+# So many of the other minima are given intervals by profile, the rest quadratic ones.
+_OTHERS = 3
+
+
+class Subject(NamedTuple):
+    """What is fitted, and what must be said of it whatever comes out."""
+
+    sample: Sample
+    measurements: tuple[Measurement, ...]
+    notes: tuple[Warning, ...] = ()
+
+
+def _parameters_at(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return parameters and their slopes dx/dy, (p,) each."""
+    both = [value_and_slope(w.parameter.coordinate, y[i : i + 1]) for i, w in enumerate(u.moving)]
+    return np.concatenate([b[0] for b in both]), np.concatenate([b[1] for b in both])
+
+
+_STATUS = {"low": status.AT_LOWER, "high": status.AT_UPPER}
+
+
+def _estimates(u: Unknowns, end: End, known: Intervals) -> dict[str, Estimate]:
+    """Return the free parameters at one minimum, by name."""
+    x, _ = _parameters_at(u, end.y)
+    with np.errstate(invalid="ignore"):
+        sigmas = np.sqrt(np.diagonal(_covariance(u, end)))
+    out = {}
+    for i, inside in enumerate(u.spec.moving):
+        if not u.moving[i].free:
+            continue
+        name, at = u.labels[inside], end.known.at_bound[i]
+        unseen = status.UNDETERMINED if end.known.unseen_of[i] else status.FITTED
+        out[name] = Estimate(
+            name=name, unit=u.units[inside], value=float(x[i]), sigma=float(sigmas[i]),
+            interval=known.ends[i], interval_kind=known.kind[i],
+            upper_limit=float(known.limits[i]), status=_STATUS.get(at, unseen),
+        )  # fmt: skip
+    return out
+
+
+def _fixed(u: Unknowns, end: End, free: dict[str, Estimate]) -> dict[str, Estimate]:
+    """Return the parameters that were fixed or tied, by name."""
+    x, _ = _parameters_at(u, end.y)
+    values = {n: float(v) for n, v in zip(u.spec.moving, x, strict=True)}
+    values |= {n: float(v) for n, v in zip(u.spec.held, u.held, strict=True)}
+    out = {}
+    for inside, value in values.items():
+        name = u.labels.get(inside)
+        if name is not None and name not in free:
+            out[name] = Estimate(
+                name=name, unit=u.units[inside], value=value, sigma=0.0,
+                interval=np.array([value, value]), interval_kind=status.NONE, status=status.FIXED,
+            )  # fmt: skip
+    for inside, factor, of in u.spec.tied:
+        name, value = u.labels[inside], factor * values[of]
+        source = free.get(u.labels.get(of, ""))
+        sigma = 0.0 if source is None else abs(factor) * source.sigma
+        ends = np.array([value, value]) if source is None else np.sort(factor * source.interval)
+        out[name] = Estimate(
+            name=name, unit=u.units[inside], value=value, sigma=sigma, interval=ends,
+            interval_kind=status.NONE if source is None else source.interval_kind,
+            status=status.TIED,
+        )  # fmt: skip
+    return out
+
+
+def _covariance(u: Unknowns, end: End) -> np.ndarray:
+    """Return the covariance (p, p) of the parameters, NaN where there is no error."""
+    _, slope = _parameters_at(u, end.y)
+    with np.errstate(invalid="ignore"):
+        out = _blank(end.known.covariance, end.known.unseen_of) * np.outer(slope, slope)
+    out[~np.isfinite(out)] = np.nan
+    return out
+
+
+def _blank(covariance: np.ndarray, unseen: np.ndarray) -> np.ndarray:
+    out = covariance.copy()
+    out[unseen] = np.nan
+    out[:, unseen] = np.nan
+    return out
+
+
+def _rms(s: Slopes) -> tuple[float, dict[str, float]]:
+    of = {k: float(np.sqrt(np.mean(s.plain[s.kind == k] ** 2))) for k in dict.fromkeys(s.kind)}
+    return float(np.sqrt(np.mean(s.plain**2))), {str(k): v for k, v in of.items()}
+
+
+def _one_power_a_wavelength(measurements: Sequence[Measurement]) -> bool:
+    """Whether every wavelength has a single value, and that one of R or T."""
+    wavelength = np.concatenate([m.wavelength_um for m in measurements])
+    quantity = np.concatenate([m.quantity for m in measurements])
+    angle = np.concatenate([m.angle_deg for m in measurements])
+    if np.isin(quantity, ("psi", "delta")).any():
+        return False
+    points = {*zip(wavelength.tolist(), quantity.tolist(), angle.tolist(), strict=True)}
+    normal = bool((angle == 0.0).all()) and len(set(quantity.tolist())) == 1
+    return normal or len(points) == len(np.unique(wavelength))
+
+
+def _scatter(fit: Solving, cost: float, noise: float, scaled: bool) -> float:
+    """Return what a difference of the cost is measured in."""
+    if fit.pooled is not None and scaled:
+        return fit.pooled
+    few = fit.dof < 3
+    scatter = cost / fit.dof if fit.dof else 0.0
+    if not scaled or (few and fit.seen.stated) or noise != 1.0:
+        return max(scatter, 1.0)
+    return max(scatter, ASSUMED_SIGMA**2) if few else scatter
+
+
+def _minima(fit: Solving, ends: Ends, end: End, noise: float, scatter: float) -> list[Minimum]:
+    """Return the minima that fit as well as the best one, the one to be shown first.
+
+    At normal incidence N and eta_i^2 / N reflect alike; of two that fit alike within one unit of
+    chi2 the one that is above eta_i is shown.
+    """
+    rounding = _rounding(fit, noise)
+    edge = end.known.edge * np.sqrt(scatter)
+    spread = np.where(np.isfinite(edge), 4.0 * edge, np.inf)
+    found = minima(ends, ends.y, scatter, rounding, spread)
+    names = fit.u.spec.moving
+    eta_i = float(np.mean(fit.targets.eta_i))
+    if len(found) < 2 or "substrate.eta" not in names:
+        return found
+    eta = ends.y[names.index("substrate.eta")]
+    least = ends.cost[found[0].lane]
+    usual = [
+        m for m in found
+        if eta[m.lane] >= eta_i and ends.cost[m.lane] <= least + scatter + rounding
+    ]  # fmt: skip
+    return sorted(found, key=lambda m: m is not usual[0]) if usual else found
+
+
+def _intervals(fit: Solving, every: Sequence[End], noise: float, failed: bool) -> list[Intervals]:
+    """Return the intervals at the best minimum and at the others."""
+    wanted = QUADRATIC if failed else fit.asked.intervals
+    # With the scatter of many fits alike t is next to that of the normal law; without a degree of
+    # freedom stated errors are taken at their word.
+    taken = fit.dof == 0 and fit.seen.stated
+    estimated = fit.asked.scaled and fit.pooled is None and not taken
+    found = intervals(fit, every[: 1 + _OTHERS], noise, wanted=wanted, estimated=estimated)
+    rest = every[1 + _OTHERS :]
+    found += intervals(fit, rest, noise, wanted=QUADRATIC, estimated=estimated)
+    return [i.without() for i in found] if failed else found
+
+
+def _rounding(fit: Solving, noise: float) -> float:
+    """Return the differences of the cost that are rounding."""
+    return 1e-27 * fit.squares / noise**2
+
+
+def _error_model(fit: Solving, end: End) -> ErrorModel:
+    """Return what was taken for the errors of the data."""
+    taken = fit.asked.errors
+    if taken != "stated":
+        taken = "scaled" if fit.seen.stated else "equal"
+    with np.errstate(invalid="ignore"):
+        factor = float(np.sqrt(end.known.variance))
+    return ErrorModel(taken, factor, 0.0, fit.seen.stated)
+
+
+def _quality(
+    fit: Solving, of: Subject, end: End, scatter_of: tuple[int, float], others: Sequence[Any]
+) -> Quality:
+    """Return how well the fit describes the data. scatter_of: reached, and chi2 that was lower."""
+    u, seen, s = fit.u, fit.seen, end.slopes
+    robust = u.spec.loss != "squares"
+    size = reduced_chi2(u.spec.loss, s.residual, fit.dof) if seen.stated else np.nan
+    wavelengths = len(np.unique(np.concatenate([m.wavelength_um for m in of.measurements])))
+    free = int(u.free.sum())
+    alone = wavelengths == 1 and free > 1 and not end.known.unseen.size
+    absorbs = any(m.absorbs for m in u.spec.media.index if not isinstance(m, str))
+    joined = concatenate(*of.measurements)
+    fitted = at_data(seen, s.seen)
+    return Quality(
+        chi2_reduced=size, dof=fit.dof, n_data=fit.n_data, stated=seen.stated,
+        errors=_error_model(fit, end).taken, rms=_rms(s)[0], robust=robust, starts=fit.starts,
+        reached=scatter_of[0], lower=scatter_of[1],
+        pattern=pattern(joined, fitted, seen.curve, seen.stated),
+        by_the_model_alone=_one_power_a_wavelength(of.measurements) and absorbs and not alone,
+        sample=describes(of.sample),
+        others=tuple({n: e.value for n, e in a.parameters.items()} for a in others),
+        delta_chi2=float(others[0].delta_chi2) if others else np.nan,
+    )  # fmt: skip
+
+
+def describes(sample: Sample) -> str:
+    """Return what a sample is in words."""
+    if sample.bare:
+        return "one bare surface"
+    return "this plate" if not any(m.coherent for m in _layers(sample)) else "this stack"
+
+
+def _layers(sample: Sample) -> list[Any]:
+    return [m.thickness for m in sample.layers]
+
+
+def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
+    """Return the result of a fit from the ends (p, L) of its starts."""
+    u, scaled = fit.u, fit.asked.scaled
+    best = best_of(ends)
+    lane = int(np.argmin(ends.cost)) if best is None else best
+    end = fit.look_at(ends.y[:, lane], noise, scaled)
+    failed = best is None or not end.finite
+    scatter = _scatter(fit, end.cost, noise, scaled)
+    found = [] if failed else _minima(fit, ends, end, noise, scatter)
+    if found and found[0].lane != lane:
+        lane = found[0].lane
+        end = fit.look_at(ends.y[:, lane], noise, scaled)
+    every = [end] + [fit.look_at(ends.y[:, m.lane], noise, scaled, False) for m in found[1:]]
+    ranges = _intervals(fit, every, noise, failed)
+    least, place = ranges[0].lowest
+    lower = 0.0
+    # What is shown need not be the lowest minimum that is known.
+    enough = min(end.cost, *(e.cost for e in every)) - SAME_CHI2 * scatter - _rounding(fit, noise)
+    if not failed and least < enough:
+        # On the way to the ends of the intervals a better minimum came into sight.
+        low, high = (a[:, None] for a in fit.limits)
+        more = fit.held(place[:, None], low, high, noise, STAGE)
+        if more.done.all() and more.cost[0] < enough:
+            joined = Ends(*(np.concatenate(both, -1) for both in zip(ends, more, strict=True)))
+            return fit_of(fit, joined, noise, of)
+        lower = (end.cost - min(least, more.cost[0])) / scatter
+    rises = np.array([ends.cost[m.lane] - ends.cost[lane] for m in found[1:]])
+    rises = rises / scatter if scatter > 0.0 else 0.0 * rises
+    others = tuple(
+        Alternative(parameters=_estimates(u, e, i), delta_chi2=rise, reached=m.reached)
+        for e, i, m, rise in zip(every[1:], ranges[1:], found[1:], rises.tolist(), strict=True)
+    )
+    reached = found[0].reached if found else 0
+    return _assembled(fit, of, _Found(end, ranges[0], others, reached, lower, failed), noise,
+                      int(ends.evaluations[lane]))  # fmt: skip
+
+
+class _Found(NamedTuple):
+    """The best minimum, and what was found beside it."""
+
+    end: End
+    known: Intervals
+    others: tuple[Alternative, ...]
+    reached: int
+    lower: float
+    failed: bool
+
+
+def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: int) -> Fit:
+    """Return the result of a fit whose best minimum is known."""
+    u, seen, end = fit.u, fit.seen, f.end
+    s, free = end.slopes, u.free
+    sub = np.ix_(free, free)
+    of_x = np.full((len(free), len(free)), np.nan) if f.failed else _covariance(u, end)
+    estimates = _estimates(u, end, f.known)
+    found: tuple[Finding, ...]
+    if f.failed:
+        estimates = {n: _without_error(e) for n, e in estimates.items()}
+        found = (Finding("not_converged", np.True_, {}),)
+    else:
+        with np.errstate(invalid="ignore"):
+            size = np.sqrt(np.diagonal(of_x[sub]))
+            correlation = of_x[sub] / np.outer(size, size)
+        seen_of = Seen(
+            names=tuple(estimates), values=np.array([e.value for e in estimates.values()]),
+            sigmas=size, correlation=correlation,
+            at_bound=tuple(b for b, own in zip(end.known.at_bound, free, strict=True) if own),
+            upper_limits=f.known.limits[free], unseen=end.known.unseen[free],
+            intervals=f.known.ends[free], quadratic=f.known.quadratic[free],
+            kinds=tuple(k for k, is_free in zip(f.known.kind, free, strict=True) if is_free),
+        )  # fmt: skip
+        found = findings(seen_of, _quality(fit, of, end, (f.reached, f.lower), f.others))
+    chi2 = float(s.residual @ s.residual) if seen.stated else np.nan
+    bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, int(free.sum()), fit.asked.scaled)
+    rms, rms_of = _rms(s)
+    joined = concatenate(*of.measurements)
+    known = np.unique(joined.wavelength_um)
+    known = known[np.isfinite(known)] if np.isfinite(known).any() else known
+    undetermined = bool(end.known.unseen.size)
+    return Fit(
+        sample=of.sample, parameters=estimates | _fixed(u, end, estimates), covariance=of_x[sub],
+        wavelength_um=known if len(known) > 1 else float(known[0]),
+        chi2=chi2, chi2_reduced=chi2 / fit.dof if fit.dof else np.nan, dof=fit.dof,
+        n_data=fit.n_data, rms=rms, rms_of=rms_of, cost=end.cost, noise=noise,
+        status=status.NOT_CONVERGED if f.failed else
+        status.UNDETERMINED if undetermined else status.CONVERGED,
+        errors=_error_model(fit, end), evaluations=evaluations, starts=fit.starts,
+        reached=f.reached, loss=u.spec.loss, bic=bic, aicc=aicc, findings=found, others=f.others,
+        notes=of.notes, measurement=joined, curve=seen.curve, curve_names=seen.curve_names,
+        evaluator=Evaluated(
+            of.sample, u, seen, fit.targets, end.y, end.known.covariance, np.atleast_1d(known)
+        ),
+    )  # fmt: skip
+
+
+def _without_error(e: Estimate) -> Estimate:
+    nothing = np.full(2, np.nan)
+    return Estimate(
+        name=e.name, unit=e.unit, value=e.value, sigma=np.nan, interval=nothing,
+        interval_kind=status.NONE, status=status.UNDETERMINED,
+    )  # fmt: skip

@@ -1,0 +1,220 @@
+"""A fit as plain data: a dict with the names of its fields, a DataFrame, JSON and CSV."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import io
+import math
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from fitting.output.estimates import by_wavelength, has_several_curves
+from fitting.output.facts import sample_text, title_of
+from fitting.output.missing import MissingExtra
+from fitting.output.numbers import escaped
+from fitting.output.text_table import varied_of
+from fitting.plain_data import json_object, plain
+from fitting.residuals import residuals
+from fitting.result import Alternative, Estimate, Fit
+
+_ESTIMATE = ("value", "sigma", "interval", "interval_kind", "unit", "upper_limit", "status")
+_AS_IT_IS = (
+    "wavelength_um", "chi2", "chi2_reduced", "dof", "n_data", "rms", "rms_of", "status",
+    "sigma_kind", "loss", "noise", "cost", "bic", "aicc", "evaluations", "starts", "reached",
+)  # fmt: skip
+
+
+@lru_cache(maxsize=1)
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("fresnel-jax")
+    except PackageNotFoundError:
+        return ""
+
+
+def _estimate(e: Estimate) -> dict[str, Any]:
+    return {name: getattr(e, name) for name in _ESTIMATE}
+
+
+def _alternative(a: Alternative) -> dict[str, Any]:
+    parameters = {name: _estimate(e) for name, e in a.parameters.items()}
+    return {"delta_chi2": a.delta_chi2, "reached": a.reached, "parameters": parameters}
+
+
+def _each(fit: Fit, of: Any, value: Any) -> Any:
+    """Return what ``of`` makes of each of a tuple, or of an array of tuples."""
+    if not fit.shape:
+        return [of(one) for one in value]
+    return [[of(one) for one in some] for some in value.ravel()]
+
+
+def _index(fit: Fit) -> dict[str, Any]:
+    """Return eta and k with their errors at the measured wavelengths."""
+    waves = np.asarray(fit.wavelength_um)
+    if (
+        fit.sample is None
+        or fit.evaluator is None
+        or not np.isfinite(waves).any()
+        or not waves.ndim
+    ):
+        return {}
+    return fit.index()._asdict()
+
+
+def to_dict(fit: Fit) -> dict[str, Any]:
+    """Return plain data for ``json.dumps``: NaN and infinity as None, arrays as lists.
+
+    The names are those of the fields of `Fit` and `Estimate`; a warning has its code, where it
+    holds, its values and its sentence. Of a batch warnings and alternatives are a list for each
+    fit, in the order of the batch.
+    """
+    fields: dict[str, Any] = {"version": _version()}
+    if fit.measurement is not None:
+        fields["source"] = fit.measurement.source
+        fields["understood"] = fit.measurement.understood
+    fields["sample"] = None if fit.sample is None else str(fit.sample)
+    fields["parameters"] = {name: _estimate(e) for name, e in fit.parameters.items()}
+    if fit.sample is not None and (fit.evaluator is not None or "eta" in fit.parameters):
+        fields |= {"eta": fit.eta, "k": fit.k}
+    fields |= {"names": fit.names, "covariance": fit.covariance, "correlation": fit.correlation}
+    fields |= {name: getattr(fit, name) for name in _AS_IT_IS}
+    fields["errors"] = fit.errors._asdict()
+    fields["warnings"] = _each(fit, lambda w: w.to_dict(), fit.warnings)
+    fields["notes"] = [note.to_dict() for note in fit.notes]
+    fields["alternatives"] = _each(fit, _alternative, fit.alternatives)
+    fields["index"] = _index(fit)
+    return {name: plain(value) for name, value in fields.items()}
+
+
+def json_text(fit: Fit, more: Mapping[str, Any] | None = None) -> str:
+    """Return `to_dict` as a JSON object, a field a line, and what is in ``more`` behind it."""
+    return json_object(to_dict(fit) | dict(more or {}))
+
+
+def _csv_text(comments: Iterable[str], columns: dict[str, Iterable[Any]]) -> str:
+    """Return columns as CSV below comment lines; what is NaN is empty."""
+    out = io.StringIO()
+    for comment in comments:
+        out.write("# " + escaped(" ".join(comment.split())) + "\n")
+    out.write(",".join(columns) + "\n")
+    for row in zip(*columns.values(), strict=True):
+        cells = ("" if isinstance(c, float) and math.isnan(c) else str(c) for c in row)
+        out.write(",".join(cell.replace(",", " ") for cell in cells) + "\n")
+    return out.getvalue()
+
+
+def _comments(fit: Fit) -> list[str]:
+    understood = f": {fit.measurement.understood}" if fit.measurement is not None else ""
+    comments = [f"{title_of(fit)}{understood}", sample_text(fit)]
+    if not fit.shape:
+        values = ", ".join(f"{name} {value!r}" for name, value in fit.values.items())
+        comments.append(f"{values}, {fit.status}")
+    return comments
+
+
+def data_csv(fit: Fit) -> str:
+    """Return the measurement as CSV, a datum a row, with the fitted value and its error beside.
+
+    Numbers are written so that they read back to the last bit; what is not known is empty;
+    residual = value - fitted. Wavelength and polarizer are left out where no row has one, the curve
+    where a quantity says all. `fitting.read_csv` reads the file as the same measurement.
+    """
+    m = fit.measurement
+    if m is None:
+        raise ValueError("this fit keeps no data: it came from arrays; there is no data table.")
+    found = fit.predict()
+    columns: dict[str, Iterable[Any]] = {}
+    if has_several_curves(fit) and fit.curve is not None:
+        columns["curve"] = [escaped(fit.curve_names[i]) for i in fit.curve]
+    columns["angle_deg"] = m.angle_deg.tolist()
+    if np.isfinite(m.wavelength_um).any():
+        columns["wavelength_um"] = m.wavelength_um.tolist()
+    columns["quantity"] = m.quantity.tolist()
+    if np.isfinite(m.polarizer_deg).any():
+        columns["polarizer_deg"] = m.polarizer_deg.tolist()
+    columns |= {
+        "value": m.value.tolist(),
+        "sigma": m.sigma.tolist(),
+        "fitted": found.value.tolist(),
+        "sigma_fitted": found.sigma.tolist(),
+        "residual": residuals(m, found.value).tolist(),
+    }
+    return _csv_text(_comments(fit), columns)
+
+
+def batch_columns(fit: Fit) -> dict[str, list[Any]]:
+    """Return a column for everything that each fit of a batch has of its own.
+
+    First wavelength_um, or the place in the batch; then the parameters, the index first, and what
+    is known of each: sigma_NAME, NAME_low and NAME_high (95 % interval), NAME_interval_kind,
+    NAME_upper_limit.
+    """
+    columns: dict[str, list[Any]] = {}
+    if by_wavelength(fit):
+        columns["wavelength_um"] = np.ravel(fit.wavelength_um).tolist()
+    else:
+        places = np.unravel_index(np.arange(int(np.prod(fit.shape))), fit.shape)
+        heads = ["curve"] if len(places) == 1 else [f"curve_{i}" for i in range(len(places))]
+        columns |= {head: place.tolist() for head, place in zip(heads, places, strict=True)}
+    varied = varied_of(fit)
+    columns |= {name: np.ravel(fit.parameters[name].value).tolist() for name in varied}
+    for name in varied:
+        columns |= _known(fit, name)
+    if len(fit.names) == 2:
+        columns["correlation"] = np.ravel(fit.correlation[..., 0, 1]).tolist()
+    for name in ("chi2", "chi2_reduced", "dof", "n_data", "rms", "status"):
+        value = np.broadcast_to(np.asarray(getattr(fit, name)), fit.shape)
+        columns[name] = np.ravel(value).tolist()
+    return columns
+
+
+def _known(fit: Fit, name: str) -> dict[str, list[Any]]:
+    e = fit.parameters[name]
+    ends = np.reshape(e.interval, (-1, 2))
+    columns = {f"sigma_{name}": e.sigma, f"{name}_low": ends[:, 0], f"{name}_high": ends[:, 1]}
+    columns[f"{name}_interval_kind"] = np.broadcast_to(np.asarray(e.interval_kind), fit.shape)
+    if np.isfinite(np.asarray(e.upper_limit)).any():
+        columns[f"{name}_upper_limit"] = np.broadcast_to(np.asarray(e.upper_limit), fit.shape)
+    return {head: np.ravel(value).tolist() for head, value in columns.items()}
+
+
+def index_csv(fit: Fit) -> str:
+    """Return eta and k as CSV, a wavelength (or a curve of a batch) a row.
+
+    The first three columns are wavelength_um, eta and k, as tables of indices are read; what is
+    not known is empty.
+    """
+    if fit.shape:
+        return _csv_text(_comments(fit), dict(batch_columns(fit)))
+    band = fit.index()._asdict()
+    order = ("wavelength_um", "eta", "k", "sigma_eta", "sigma_k")
+    return _csv_text(_comments(fit), {name: np.asarray(band[name]).tolist() for name in order})
+
+
+def to_dataframe(fit: Fit) -> Any:
+    """Return a pandas DataFrame: a row for each fit of a batch, else for each parameter.
+
+    Of a batch the columns of `batch_columns`, with the wavelength (or the place) as index. Else the
+    fields of `Estimate`, the interval as ``low`` and ``high``, with the parameter's name as index.
+    Raises ImportError where pandas is not installed.
+    """
+    if importlib.util.find_spec("pandas") is None:
+        raise MissingExtra("to_dataframe", "pandas", "pip install 'fresnel-jax[dataframe]'")
+    pandas: Any = importlib.import_module("pandas")
+    if fit.shape:
+        columns = batch_columns(fit)
+        places = [head for head in columns if head == "wavelength_um" or head.startswith("curve")]
+        return pandas.DataFrame(columns).set_index(places)
+    rows = []
+    for name, e in fit.parameters.items():
+        low, high = np.asarray(e.interval).tolist()
+        row = {"name": name, **_estimate(e), "low": low, "high": high}
+        rows.append({head: value for head, value in row.items() if head != "interval"})
+    order = ["name", "value", "sigma", "low", "high", "interval_kind", "unit", "upper_limit"]
+    return pandas.DataFrame(rows, columns=[*order, "status"]).set_index("name")

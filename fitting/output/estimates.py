@@ -1,0 +1,141 @@
+"""One parameter as text: its value, its standard error, its 95 % interval, and what limits it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fitting.output.numbers import (
+    agree,
+    interval_text,
+    number,
+    to_its_interval,
+    with_error,
+    with_unit,
+)
+from fitting.result import AT_LOWER, AT_UPPER, FIXED, PROFILE, TIED, UNDETERMINED, Estimate, Fit
+
+# Standard errors from 0 below which a k that is seen as k^2 alone is compatible with 0: three
+# standard errors of k^2 are six of k.
+_UNSEEN = 6.0
+_INSTRUMENT = ("scale", "background", "angle_offset", "leak", "divergence")
+_STATES = {AT_LOWER: "at its lower bound", AT_UPPER: "at its upper bound"}
+_ONE_OF_MANY = "one of many that fit alike"
+
+
+def reach(fit: Fit) -> float:
+    """Return half the width of a 95 % interval in standard errors: Student's t, or 1.96.
+
+    NaN where that is not known: of a batch, whose fits may share their noise.
+    """
+    if fit.shape or fit.errors.taken == "stated":
+        return math.nan if fit.shape else 1.96
+    if fit.dof < 1:
+        return math.nan
+    from scipy.special import stdtrit
+
+    return float(stdtrit(fit.dof, 0.975))
+
+
+def value_text(e: Estimate, student: float = math.nan) -> str:
+    """Return the value with its standard error and unit.
+
+    Without the standard error where the 95 % interval says otherwise; with the upper limit in
+    brackets where the value is compatible with 0.
+    """
+    value, sigma, limit = float(e.value), float(e.sigma), float(e.upper_limit)
+    low, high = (float(end) for end in e.interval)
+    if e.status in (FIXED, TIED):
+        return with_unit(f"{value:.8g}", e.unit)
+    if math.isfinite(limit):
+        shown = "0" if value == 0.0 else number(value, 2)
+        return with_unit(f"{shown} (< {number(limit, 2)})", e.unit)
+    if e.status in (AT_LOWER, AT_UPPER):
+        return with_unit(f"{value:.6g}", e.unit)
+    if agree(value, sigma, low, high, student if e.interval_kind == PROFILE else math.nan):
+        return with_unit(with_error(value, sigma), e.unit)
+    return with_unit(to_its_interval(value, low, high), e.unit)
+
+
+def interval_of(e: Estimate) -> str:
+    """Return the 95 % interval and where it comes from; "" where there is none."""
+    if e.status in (FIXED, TIED):
+        return ""
+    if math.isfinite(float(e.upper_limit)):
+        # It is the upper end of the interval, whose lower end is 0 or hardly above it.
+        return "95 % upper limit in brackets"
+    text = interval_text(*(float(end) for end in e.interval))
+    return f"{text} (profile likelihood)" if text and e.interval_kind == PROFILE else text
+
+
+def state_of(e: Estimate) -> str:
+    """Return what limits the parameter: that it is fixed, at a bound, undetermined; or ""."""
+    if e.status in (FIXED, TIED):
+        return str(e.status)
+    if e.status == UNDETERMINED:
+        return _ONE_OF_MANY
+    if math.isfinite(float(e.upper_limit)):
+        return ""
+    return _STATES.get(e.status, "")
+
+
+def beside(e: Estimate) -> str:
+    """Return all that stands beside a value: interval, bound, whether it is fixed."""
+    state = state_of(e)
+    if e.status == UNDETERMINED:
+        state += "; see the warning"
+    return "; ".join(filter(None, (interval_of(e), state)))
+
+
+def is_material(name: str) -> bool:
+    """Whether a parameter belongs to an index: neither to the instrument nor a thickness."""
+    bare = name.partition("[")[0].rpartition(".")[2]
+    return bare not in _INSTRUMENT and not bare.startswith("thickness")
+
+
+def k_is_limited(fit: Fit) -> bool:
+    """Whether a parameter of the material is only known to be below a limit."""
+    return any(
+        is_material(name) and np.isfinite(np.asarray(e.upper_limit)).any()
+        for name, e in fit.parameters.items()
+    )
+
+
+def k_text(k: float, sigma: float, limited: bool) -> str:
+    """Return k of a dispersion model with its error, where it is seen.
+
+    limited: see `k_is_limited`. An error that reaches 0 is none of a k that is above it.
+    """
+    compatible = (_UNSEEN if limited else 1.96) * sigma
+    if 0.0 < k < compatible:
+        return f"{number(k, 2)} (compatible with 0)"
+    return with_error(k, sigma) if k else "0"
+
+
+def symbols(fit: Fit) -> dict[str, str]:
+    """Return the names under which eta and k are shown: those of a pseudo-index are <n> and <k>."""
+    pseudo = any(note.code == "pseudo_index" for note in fit.notes)
+    return {"eta": "<n>", "k": "<k>"} if pseudo else {}
+
+
+def wave_text(fit: Fit, index: tuple[int, ...]) -> str:
+    """Return what one fit of a batch is called: its wavelength, or its place."""
+    waves = np.asarray(fit.wavelength_um)
+    if by_wavelength(fit):
+        return f"{waves[index]:.6g}"
+    return ", ".join(str(i) for i in index)
+
+
+def by_wavelength(fit: Fit) -> bool:
+    """Whether the batch is one fit a wavelength."""
+    waves = np.asarray(fit.wavelength_um)
+    return fit.shape != () and waves.shape == fit.shape and bool(np.isfinite(waves).all())
+
+
+def has_several_curves(fit: Fit) -> bool:
+    """Whether the names of the curves say more than the quantities do: there are several files."""
+    if fit.measurement is None or fit.curve is None:
+        return False
+    quantities = set(fit.measurement.quantity.tolist()) | {"NCS"}
+    return not set(fit.curve_names) <= quantities

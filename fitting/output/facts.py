@@ -1,0 +1,238 @@
+"""What a table and a page say of a fit beside its parameters: label and text, line by line."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fitting.output.estimates import by_wavelength, is_material, k_is_limited, k_text, symbols
+from fitting.output.numbers import escaped, number, size_text, with_error, with_unit
+from fitting.result import UNDETERMINED, Alternative, Fit
+
+Facts = list[tuple[str, str]]
+# Second solutions, and pairs of parameters, that are shown.
+_OTHERS, _PAIRS = 3, 6
+_NCS = "cos 2psi, sin 2psi cos Delta, sin 2psi sin Delta"
+
+
+def title_of(fit: Fit) -> str:
+    """Return what was fitted: the name of the file or files, or of the batch."""
+    if fit.measurement is not None:
+        return escaped(fit.measurement.source)
+    if fit.shape:
+        return f"{' x '.join(map(str, fit.shape))} curves"
+    return "one curve" if fit.sample is not None else "your own residuals"
+
+
+def _structure(fit: Fit) -> str:
+    sample = fit.sample
+    if sample is None:
+        return "your own residual function"
+    if sample.bare:
+        what = "one bare surface"
+    else:
+        kinds = ["films" if m.thickness and m.thickness.coherent else "" for m in sample.layers]
+        if len(sample.layers) == 1:
+            what = (
+                "a film on a substrate" if kinds[0]
+                else "a thick plate, both faces, whose reflections do not interfere"
+            )  # fmt: skip
+        else:
+            what = f"{len(sample.layers)} layers on a substrate"
+    if sample.by_wavelength:
+        names = "the pseudo-index <n>, <k>" if symbols(fit) else "eta and k"
+        each = " at every wavelength" if by_wavelength(fit) else ""
+        what += f", {names} free{each}"
+    return what
+
+
+def sample_text(fit: Fit) -> str:
+    """Return the sample in its own notation and in words."""
+    if fit.sample is None:
+        return _structure(fit)
+    first = fit.sample.media[0]
+    light = (
+        f"a medium of index {fit.sample.eta_i:.10g}" if math.isfinite(fit.sample.eta_i)
+        else first.text
+    )  # fmt: skip
+    return f"{fit.sample} ({_structure(fit)}; light from {light})"
+
+
+def heading(fit: Fit) -> Facts:
+    """Return how the file was read, and what was fitted."""
+    rows: Facts = []
+    if fit.measurement is not None:
+        rows.append(("read", escaped(fit.measurement.understood.removeprefix("read "))))
+    return [*rows, ("sample", sample_text(fit))]
+
+
+def errors_text(fit: Fit) -> str:
+    """Return how the standard errors were made; "" where there are none."""
+    if not any(np.isfinite(np.asarray(e.sigma)).any() for e in fit.parameters.values() if e.free):
+        return ""
+    if fit.loss != "squares":
+        noise = "the stated errors" if fit.errors.stated else "that noise"
+        return (
+            f"one standard error (+-), from {noise} and the scatter as the {fit.loss} loss counts "
+            "it (Huber's estimate)"
+        )
+    taken = np.unique(np.asarray(fit.errors.taken)).tolist()
+    each = "; or ".join(_made_by(fit, kind) for kind in taken)
+    widened = np.asarray(fit.errors.widened, float)
+    text = f"one standard error (+-), from {each}"
+    if (widened > 1.0).any():
+        most = f"{widened.max():.2g}"
+        upto = most if widened.min() == widened.max() else f"up to {most}"
+        text += f"; multiplied by {upto}, since the residuals are autocorrelated"
+    return text
+
+
+def _made_by(fit: Fit, taken: str) -> str:
+    if taken == "floor":
+        floor = np.asarray(fit.errors.floor, float)
+        size = f"{floor:.2g}" if not floor.ndim else "of its own at each fit"
+        return f"the stated errors and a common error of the data, {size}, added in squares"
+    if taken == "equal" or (taken == "scaled" and not fit.errors.stated):
+        return "the scatter of the data about the fit (equal weights)"
+    if taken == "scaled":
+        factor = np.asarray(fit.errors.factor, float) / np.asarray(fit.errors.widened, float)
+        size = f" = {factor:.3g}" if not factor.ndim and np.isfinite(factor) else ""
+        return f"the stated errors of the data times sqrt(chi2/dof){size}"
+    return "the stated errors of the data as they are"
+
+
+def rms_text(fit: Fit) -> str:
+    """Return the root mean square of the residuals, of all and of each quantity."""
+    if not fit.rms_of:
+        return f"{size_text(fit.rms)}  (root mean square of data - fit, unweighted)"
+    names = {"NCS": f"psi and Delta, as {_NCS},"}
+    if len(fit.rms_of) == 1:
+        (only,) = fit.rms_of
+        return (
+            f"{size_text(fit.rms)}  (root mean square of data - fit, of "
+            f"{_NCS if only == 'NCS' else only}; unweighted)"
+        )
+    each = "; ".join(f"{names.get(q, q)} {size_text(float(v))}" for q, v in fit.rms_of.items())
+    return f"{size_text(fit.rms)}  (root mean square of data - fit, unweighted; of {each})"
+
+
+def _chi2(fit: Fit) -> tuple[str, str]:
+    freedom = "one degree" if fit.dof == 1 else f"{fit.dof} degrees"
+    if math.isnan(fit.chi2):
+        return "dof", f"{freedom} of freedom (data minus fitted parameters)"
+    each = number(fit.chi2_reduced, 3) if fit.dof else "-"
+    return "chi2/dof", f"{each}  (chi2 {number(fit.chi2)}, {freedom} of freedom)"
+
+
+def correlation_text(fit: Fit) -> str:
+    """Return all correlations, or the largest of many."""
+    names, matrix = fit.names, fit.correlation
+    pairs = [
+        (float(matrix[i, j]), f"{_shown(fit, names[j])} and {_shown(fit, names[i])} ")
+        for i in range(len(names))
+        for j in range(i)
+        if np.isfinite(matrix[i, j])
+    ]
+    many = len(pairs) > _PAIRS
+    if many:
+        pairs = sorted(pairs, key=lambda pair: -abs(pair[0]))
+    text = ", ".join(f"{both}{c:+.3f}" for c, both in pairs[:_PAIRS])
+    return f"{text} (the largest of {len(pairs)})" if many else text
+
+
+def _shown(fit: Fit, name: str) -> str:
+    return symbols(fit).get(name, name)
+
+
+def status_text(fit: Fit) -> str:
+    """Return the status, and how many starts agree; in a valley they end all along it."""
+    text = fit.status
+    if fit.evaluations and not fit.starts:
+        text += f", {fit.evaluations} evaluations"
+    if fit.starts and fit.status != UNDETERMINED:
+        text += f"; {fit.reached} of {fit.starts} starts ended in this minimum"
+    return text
+
+
+def alternative_text(fit: Fit, other: Alternative) -> str:
+    """Return a second solution: its values with their errors, and how much worse it fits."""
+    values = ", ".join(
+        f"{_shown(fit, name)} {with_unit(with_error(float(e.value), float(e.sigma)), e.unit)}"
+        for name, e in other.parameters.items()
+    )
+    higher = f"higher by {abs(other.delta_chi2):.2g}"
+    return f"{values} (chi2 {higher if other.delta_chi2 >= 0.0 else higher.replace('high', 'low')})"
+
+
+def _index_rows(fit: Fit) -> Facts:
+    """Return eta and k of a dispersion model at the ends and in the middle of a spectrum."""
+    if fit.sample is None or fit.evaluator is None or {"eta", "k"} & set(fit.parameters):
+        return []
+    if len(np.atleast_1d(fit.wavelength_um)) < 2 or not any(map(is_material, fit.parameters)):
+        return []
+    band, limited = fit.index(), k_is_limited(fit)
+    some = sorted({0, len(band.wavelength_um) // 2, len(band.wavelength_um) - 1})
+    return [
+        (f"at {w:.4g} um", f"eta {with_error(n, s)}, k {k_text(k, t, limited)}")
+        for w, n, s, k, t in zip(*(a[some].tolist() for a in band), strict=True)
+    ]
+
+
+def remedy(fit: Fit) -> Facts:
+    """Return the row that says what to do where most fits are undetermined; none elsewhere."""
+    status = np.asarray(fit.status)
+    if 2 * int((status == UNDETERMINED).sum()) <= status.size:
+        return []
+    if fit.sample is None or not fit.sample.by_wavelength:
+        return []
+    text = "measure s and p at several angles, some of them beyond 60 degrees"
+    also = "; or fit a dispersion model to the whole spectrum: sample auto"
+    return [("what to do", text + also * by_wavelength(fit))]
+
+
+def findings_of_one(fit: Fit) -> Facts:
+    """Return everything but the parameters of one set of them."""
+    rows = [*_index_rows(fit), _chi2(fit), ("rms", rms_text(fit))]
+    if fit.loss != "squares":
+        unit = " times the stated errors" if fit.errors.stated else ""
+        rows.append(("loss", f"{fit.loss}, at a noise of {number(fit.noise, 3)}{unit}"))
+    if errors := errors_text(fit):
+        rows.append(("errors", errors))
+    if correlations := correlation_text(fit):
+        rows.append(("correlation", correlations))
+    if math.isfinite(fit.bic):
+        text = f"BIC {fit.bic:.2f}, AICc {fit.aicc:.2f}"
+        rows.append(("criteria", f"{text} (lower is better, for the same data)"))
+    rows.append(("status", status_text(fit)))
+    if fit.status != UNDETERMINED:  # all of a valley is one solution
+        rows += [("also fits", alternative_text(fit, a)) for a in fit.alternatives[:_OTHERS]]
+    return rows + remedy(fit)
+
+
+def _second_solutions(fit: Fit) -> int:
+    if not fit.others:
+        return 0
+    there = np.logical_or.reduce([np.isfinite(np.asarray(a.delta_chi2)) for a in fit.others])
+    return int((there & (np.asarray(fit.status) != UNDETERMINED)).sum())
+
+
+def findings_of_many(fit: Fit) -> Facts:
+    """Return what holds for all fits of a batch."""
+    status, count = np.unique(np.asarray(fit.status), return_counts=True)
+    what = "wavelengths" if by_wavelength(fit) else "curves"
+    total = ", ".join(f"{n} {one}" for one, n in zip(status, count, strict=True))
+    rows = [("status", f"{count.sum()} {what}: {total}")]
+    if errors := errors_text(fit):
+        rows.append(("errors", errors))
+    second = _second_solutions(fit)
+    if second and all(finding.code != "other_minima" for finding in fit.findings):
+        where = f"at {second} wavelengths" if by_wavelength(fit) else f"of {second} curves"
+        rows.append(("also fits", f"{where} a second solution, nearly as well (see alternatives)"))
+    limited = [
+        _shown(fit, n) for n, e in fit.parameters.items()
+        if np.isfinite(np.asarray(e.upper_limit)).any()
+    ]  # fmt: skip
+    if limited:
+        rows.append(("in brackets", f"(< {', '.join(limited)}): 95 % upper limit"))
+    return rows + remedy(fit)

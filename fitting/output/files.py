@@ -1,0 +1,108 @@
+"""The files of a fit: JSON, CSV, picture and page, written into places that are open already."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from fitting.output import as_data
+from fitting.output.fit_page import Comparison, fit_page
+from fitting.output.outputs import Outputs
+from fitting.output.style import check_matplotlib, save
+from fitting.result import Fit
+
+# What a report folder holds. The page comes last, since the picture goes into it.
+REPORT = {
+    "report json": "fit.json",
+    "report csv": "data.csv",
+    "report index": "index.csv",
+    "report plot": "fit.png",
+    "report page": "report.html",
+}
+_FLAGS = {"json": "--json", "csv": "--csv", "index": "--csv", "plot": "--plot"}
+
+
+def has_index_table(fit: Fit) -> bool:
+    """Whether there is more than one index, or a batch, which has a CSV of its own."""
+    if fit.shape:
+        return True
+    known = fit.sample is not None and fit.evaluator is not None
+    return known and np.size(fit.wavelength_um) > 1
+
+
+def _text(kind: str, fit: Fit, png: bytes, command: str, comparison: Comparison | None) -> str:
+    if kind == "json":
+        return as_data.json_text(fit, None if comparison is None else comparison.data)
+    if kind == "csv":
+        return as_data.data_csv(fit)
+    if kind == "index":
+        return as_data.index_csv(fit)
+    return fit_page(fit, png, command, comparison)
+
+
+def write_files(
+    fit: Fit,
+    staged: Mapping[str, Path],
+    *,
+    plot_suffix: str = ".png",
+    reference: str | None = None,
+    command: str = "",
+    comparison: Comparison | None = None,
+    step: Callable[[str], None] = lambda what: None,
+) -> None:
+    """Write every file that was asked for.
+
+    Args:
+        fit: what was found.
+        staged: what -> the file to write to (see `Outputs.open`); "json", "csv" (the data),
+            "index", "plot", "page", and the same of a report folder with "report " before.
+        plot_suffix: format of "plot": .png, .pdf or .svg.
+        reference: a named material, drawn beside eta and k.
+        command: how the fit was asked for, for the foot of the page.
+        comparison: what was compared, if a model was chosen.
+        step: told the name of each file before it is written.
+
+    Raises: OSError where the file system refuses, with the option or the file's name as its third
+        argument.
+    """
+    for kind, path in staged.items():
+        step(REPORT.get(kind, kind))
+        what = kind.removeprefix("report ")
+        try:
+            if what == "plot":
+                from fitting.output.picture import draw
+
+                save(draw(fit, reference), path, plot_suffix if kind == "plot" else ".png")
+                continue
+            png = staged["report plot"].read_bytes() if kind == "report page" else b""
+            text = _text(what, fit, png, command, comparison)
+            # Line ends are the same on every system; a name that is no text is shown with escapes.
+            path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
+        except OSError as error:  # a full disk, for one, which has no file's name
+            name = f"--report {REPORT[kind]}" if kind in REPORT else _FLAGS.get(kind, kind)
+            raise OSError(error.errno, error.strerror, name) from error
+
+
+def report(fit: Fit, folder: str | os.PathLike[str], comparison: Comparison | None = None) -> None:
+    """Write the report of a fit into ``folder``: all of it or, if that fails, nothing.
+
+    report.html, fit.json, data.csv, fit.png, and index.csv of a spectrum or a batch. The folder is
+    made if there is none. Raises ImportError without matplotlib, ValueError for a folder that
+    cannot be made or written to.
+    """
+    check_matplotlib("report")
+    left_out = {"report index"} if not has_index_table(fit) else set()
+    if fit.measurement is None:
+        left_out.add("report csv")
+    with Outputs() as outputs:
+        place = outputs.folder(folder)
+        staged = {
+            kind: outputs.open(place / name)
+            for kind, name in REPORT.items()
+            if kind not in left_out
+        }
+        write_files(fit, staged, comparison=comparison)
+        outputs.publish()

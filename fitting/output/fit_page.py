@@ -1,0 +1,169 @@
+"""What the page of a fit holds: what was read, found and not found, the picture, the numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fitting.output import facts
+from fitting.output.estimates import (
+    by_wavelength,
+    interval_of,
+    k_is_limited,
+    k_text,
+    reach,
+    state_of,
+    symbols,
+    value_text,
+    wave_text,
+)
+from fitting.output.numbers import number, with_error
+from fitting.output.page import Table, fragment, page
+from fitting.output.text_table import batch_rows, shared_of, varied_of
+from fitting.output.told import told_of
+from fitting.residuals import residuals
+from fitting.result import Fit
+
+
+class Comparison(NamedTuple):
+    """What `choose` compared, for the table and the page.
+
+    rows: texts, heads first, the model taken marked with ``>``. reasons: sentences, why this one.
+    data: the same as plain data, for JSON.
+    """
+
+    rows: Sequence[Sequence[str]]
+    reasons: Sequence[str]
+    data: dict[str, Any]
+
+
+def _facts(fit: Fit) -> facts.Facts:
+    head = facts.heading(fit)
+    if fit.shape:
+        return [*head, *shared_of(fit), *facts.findings_of_many(fit)]
+    return [*head, *facts.findings_of_one(fit)]
+
+
+def _parameters(fit: Fit) -> Table:
+    names, student = symbols(fit), reach(fit)
+    rows = [
+        [names.get(name, name), value_text(e, student), interval_of(e), state_of(e)]
+        for name, e in fit.parameters.items()
+    ]
+    head = ["", "value +- standard error", "95 % interval", ""]
+    return Table("Parameters", head, rows)
+
+
+def _correlations(fit: Fit) -> Table:
+    rows = [
+        [name, *("-" if np.isnan(c) else f"{c:+.3f}" for c in row)]
+        for name, row in zip(fit.names, fit.correlation.tolist(), strict=True)
+    ]
+    return Table("Correlations", ["", *fit.names], rows)
+
+
+def _index(fit: Fit) -> list[Table]:
+    """Return eta and k of a dispersion model at every measured wavelength."""
+    waves = np.atleast_1d(fit.wavelength_um)
+    if fit.sample is None or fit.evaluator is None or np.ndim(fit.wavelength_um) == 0:
+        return []
+    if not np.isfinite(waves).any():
+        return []
+    limited = k_is_limited(fit)
+    rows = [
+        [f"{w:.6g}", with_error(n, s), k_text(k, t, limited)]
+        for w, n, s, k, t in zip(*(a.tolist() for a in fit.index()), strict=True)
+    ]
+    return [Table("Index over wavelength", ["wavelength, um", "eta", "k"], rows)]
+
+
+def _batch(fit: Fit) -> Table:
+    """Return a row for each fit of a batch, each parameter with its 95 % interval."""
+    head, *rows = batch_rows(fit)
+    varied, names = varied_of(fit), symbols(fit)
+    first = "wavelength, um" if by_wavelength(fit) else "curve"
+    heads = [first, *head[1 : 1 + len(varied)]]
+    heads += [f"{names.get(n, n)}, 95 % interval" for n in varied]
+    places = {wave_text(fit, index): index for index in np.ndindex(fit.shape)}
+    out = []
+    for row in rows:
+        index = places.get(row[0])
+        within = (
+            [interval_of(fit.parameters[n].at(index)) for n in varied] if index is not None
+            else [""] * len(varied)
+        )  # fmt: skip
+        out.append([*row[: 1 + len(varied)], *within, *row[1 + len(varied) :]])
+    title = "Index over wavelength" if by_wavelength(fit) else "Curves"
+    return Table(title, [*heads, *head[1 + len(varied) :]], out)
+
+
+def data_table(fit: Fit) -> list[Table]:
+    """Return the data with the fitted value and the residual beside each; of arrays none."""
+    m = fit.measurement
+    if m is None:
+        return []
+    fitted = fit.predict().value
+    waves = np.isfinite(m.wavelength_um).any()
+    polarizers = np.isfinite(m.polarizer_deg).any()
+    head = ["quantity", "angle, degrees", *["wavelength, um"] * bool(waves)]
+    head += [*["polarizer, degrees"] * bool(polarizers), "value", "sigma", "fitted"]
+    rows, off = [], residuals(m, fitted)
+    for i in range(len(m)):
+        row = [str(m.quantity[i]), f"{m.angle_deg[i]:.6g}"]
+        row += [_or_none(m.wavelength_um[i])] if waves else []
+        row += [_or_none(m.polarizer_deg[i])] if polarizers else []
+        row += [number(float(x), 5) for x in (m.value[i], m.sigma[i], fitted[i], off[i])]
+        rows.append(row)
+    title = "Data (R and T as fractions, psi and Delta in degrees)"
+    return [Table(title, [*head, "value - fitted"], rows)]
+
+
+def _or_none(value: float) -> str:
+    return "" if math.isnan(value) else f"{value:.6g}"
+
+
+def _tables(fit: Fit, comparison: Comparison | None) -> list[Table]:
+    tables = [_batch(fit)] if fit.shape else [_parameters(fit)]
+    if not fit.shape and len(fit.names) > 1:
+        tables.append(_correlations(fit))
+    if comparison is not None:
+        head, *rows = comparison.rows
+        tables.append(Table("Models compared", head, rows))
+    return tables if fit.shape else [*tables, *_index(fit)]
+
+
+def _notes(fit: Fit, comparison: Comparison | None) -> list[str]:
+    reasons = [] if comparison is None else list(comparison.reasons)
+    return [*reasons, *(note.text for note in fit.notes)]
+
+
+def _caption(fit: Fit) -> str:
+    text = "Data with one standard error, the fitted curve with its one-sigma band, data - fit"
+    if fit.measurement is None:
+        return "The fitted parameters of the batch."
+    spectrum = by_wavelength(fit) or np.ndim(fit.wavelength_um) > 0
+    return f"{text}{', eta and k over wavelength' if spectrum else ''}."
+
+
+def fit_page(fit: Fit, png: bytes, command: str = "", comparison: Comparison | None = None) -> str:
+    """Return the page of a fit, one HTML file that needs nothing else.
+
+    png: the picture. command: how the fit was asked for, for the foot of the page. comparison:
+    what was compared, if a model was chosen.
+    """
+    pictures = [(_caption(fit), png)] if png else []
+    return page(
+        facts.title_of(fit), _facts(fit), told_of(fit).texts, _notes(fit, comparison), pictures,
+        [*_tables(fit, comparison), *data_table(fit)], command,
+    )  # fmt: skip
+
+
+def notebook(fit: Fit) -> str:
+    """Return facts, warnings and parameters as HTML for a notebook's cell."""
+    return fragment(
+        facts.title_of(fit), _facts(fit), told_of(fit).texts, _notes(fit, None),
+        _tables(fit, None)[:1],
+    )  # fmt: skip

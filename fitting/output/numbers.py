@@ -1,0 +1,121 @@
+"""Numbers with their errors, intervals and units as text, with as many digits as are known."""
+
+from __future__ import annotations
+
+import math
+
+# Rounding of float64 in sums of a hundred data: a residual below that is none.
+_ROUNDING = 1e-14
+# A 95 % interval whose ends are off value +- 1.96 sigma by more than this share of its half width
+# says something else than the standard error does.
+_CONTRADICTS = 0.25
+
+
+def escaped(text: str) -> str:
+    """Return ``text`` with its control characters, and bytes that are no text, as escapes.
+
+    Names of files and columns come from strangers: an escape sequence must not reach a terminal,
+    nor a control character an XML file, which may not hold any.
+    """
+    text = text.encode("utf-8", "backslashreplace").decode("utf-8")
+    shown = (c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+    return "".join(shown)
+
+
+def number(value: float, digits: int = 4) -> str:
+    """Return ``value`` with that many significant digits, trailing zeros kept; "-" for NaN."""
+    if math.isnan(value):
+        return "-"
+    text = f"{value:#.{digits}g}"
+    return text.removesuffix(".")
+
+
+def size_text(value: float, digits: int = 3) -> str:
+    """Return the size of a residual: ``0.0298``; 0 where it is only the rounding of arithmetic."""
+    return "0" if abs(value) < _ROUNDING else number(value, digits)
+
+
+def with_error(value: float, sigma: float) -> str:
+    """Return ``0.344 +- 0.031``: the error with two digits, the value to the same place.
+
+    Without an error (NaN) six digits of the value; an error below 1e-12 of the value is shown by
+    its magnitude, since the value has no more digits to show.
+    """
+    if math.isnan(value):
+        return "-"
+    if not (math.isfinite(sigma) and sigma > 0.0):
+        return f"{value:.6g}"
+    if sigma < 1e-12 * abs(value):
+        return f"{value:.13g} +- {sigma:.0e}"
+    exponent = math.floor(math.log10(float(f"{sigma:.1e}")))
+    decimals = 1 - exponent
+    if 0 <= decimals <= 9 and max(abs(value), sigma) >= 1e-3:
+        return f"{value:.{decimals}f} +- {sigma:.{decimals}f}"
+    # Far from 1: one power of ten for both, that of the larger.
+    power = math.floor(math.log10(max(abs(value), sigma)))
+    decimals = max(power - exponent + 1, 1)
+    scale = 10.0**power
+    return f"({value / scale:.{decimals}f} +- {sigma / scale:.{decimals}f})e{power:+03d}"
+
+
+def _ends(low: float, high: float) -> str:
+    """Return two finite ends, both to the second digit of half the distance between them."""
+    exponent = math.floor(math.log10(float(f"{0.5 * (high - low):.1e}")))
+    decimals, largest = 1 - exponent, max(abs(low), abs(high))
+    if high - low < 1e-13 * largest:
+        return f"{float(low)!r} to {float(high)!r}"
+    if 0.0 < 3.0 * low < high or 0.0 < 3.0 * -high < -low:
+        # Digits of the distance would leave none of the end that lies far nearer to 0.
+        return f"{number(low, 3)} to {number(high, 3)}"
+    if 0 <= decimals <= 15 and largest >= 1e-3:
+        return f"{low:.{decimals}f} to {high:.{decimals}f}" if low else f"0 to {high:.{decimals}f}"
+    power = math.floor(math.log10(largest))
+    decimals, scale = max(power - exponent + 1, 1), 10.0**power
+    first = f"{low / scale:.{decimals}f}" if low else "0"
+    return f"({first} to {high / scale:.{decimals}f})e{power:+03d}"
+
+
+def interval_text(low: float, high: float) -> str:
+    """Return ``1.4959 to 1.5030``; "" where there is no interval, or one without any width.
+
+    An end that is infinitely far is none: "above 1.2", "below 3", "any value".
+    """
+    if math.isnan(low) or math.isnan(high) or low == high:
+        return ""
+    if math.isinf(low) and math.isinf(high):
+        return "any value"
+    if math.isinf(low):
+        return f"below {number(high)}"
+    if math.isinf(high):
+        return f"above {number(low)}"
+    return _ends(low, high)
+
+
+def agree(value: float, sigma: float, low: float, high: float, student: float) -> bool:
+    """Whether ``value +- sigma`` tells the same as the 95 % interval from ``low`` to ``high``.
+
+    student: half the width of a symmetric interval in standard errors; NaN if that is not known,
+    where only an interval that is not symmetric contradicts. A value with its standard error is not
+    shown beside an interval that says otherwise.
+    """
+    if math.isnan(low) or math.isnan(high) or not sigma > 0.0:
+        return True
+    if math.isinf(low) or math.isinf(high):
+        return False
+    half = 0.5 * (high - low)
+    expected = half if math.isnan(student) else student * sigma
+    off = max(abs(value - expected - low), abs(value + expected - high))
+    return off <= _CONTRADICTS * half
+
+
+def with_unit(text: str, unit: str) -> str:
+    """Return ``text`` with the unit behind it, if there is one."""
+    return f"{text} {unit}" if unit and text else text
+
+
+def to_its_interval(value: float, low: float, high: float) -> str:
+    """Return ``value`` to the third digit of the distance to the nearer end of its interval."""
+    away = [abs(end - value) for end in (low, high) if math.isfinite(end) and end != value]
+    digits = 3 + math.floor(math.log10(abs(value) / min(away))) if value and away else 4
+    digits = min(max(digits, 2), 15)
+    return f"{value:.{digits - 1}e}" if 0.0 < abs(value) < 1e-3 else number(value, digits)

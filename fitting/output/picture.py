@@ -1,0 +1,238 @@
+"""The picture of a fit: data with error bars, fitted curves with bands, residuals, eta and k.
+
+Needs matplotlib (the extra ``plot``), which is imported when a picture is drawn and not before.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fitting.output import facts
+from fitting.output.estimates import by_wavelength, reach, symbols, value_text
+from fitting.output.numbers import escaped, number, size_text
+from fitting.output.picture_batch import draw_batch
+from fitting.output.picture_data import (
+    PANELS,
+    curves_of,
+    draw_line,
+    draw_zero,
+    grid_of,
+    lines_of,
+    over_wavelength,
+    power_label,
+)
+from fitting.output.picture_index import draw_index
+from fitting.output.style import (
+    GREY,
+    MANY,
+    WARNING_COLOR,
+    check_matplotlib,
+    our_style,
+    plain_title,
+)
+from fitting.output.told import told_of
+from fitting.result import UNDETERMINED, Fit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from fitting.measurement import Measurement
+
+# Warnings that fit below a picture, and the letters of each.
+_WARNINGS, _LETTERS = 3, 240
+_SYMBOLS = {
+    "eta": r"$\eta$",
+    "k": "$k$",
+    "<n>": r"$\langle n \rangle$",
+    "<k>": r"$\langle k \rangle$",
+}
+
+
+def _subtitle(fit: Fit) -> str:
+    """Return in one line what was found."""
+    if fit.shape:
+        status = np.asarray(fit.status)
+        each = "wavelength by wavelength" if by_wavelength(fit) else "curve by curve"
+        good = int((status == "converged").sum())
+        return f"{plain_title(str(fit.sample))}, {each}: {good} of {status.size} converged"
+    if fit.status != "converged":
+        undetermined = ": the data give no index" * (fit.status == UNDETERMINED)
+        return f"{plain_title(str(fit.sample))}, {fit.status}{undetermined}"
+    parts, names = [], symbols(fit)
+    if len(fit.names) <= 2:
+        for name in fit.names:
+            shown = names.get(name, name)
+            text = value_text(fit.parameters[name], reach(fit)).replace("+-", r"$\pm$")
+            parts.append(f"{_SYMBOLS.get(shown, shown)} = {text}")
+    else:
+        parts.append(plain_title(str(fit.sample)))
+    if np.isfinite(fit.chi2_reduced):
+        parts.append(rf"$\chi^2$/dof = {number(fit.chi2_reduced, 3)}")
+    return "     ".join([*parts, f"rms = {size_text(fit.rms, 2)}"])
+
+
+def _titles(figure: Figure, axes: Axes, fit: Fit) -> None:
+    """Write what was fitted and found above ``axes``, and the warnings below the figure."""
+    axes.set_title(plain_title(facts.title_of(fit)), loc="left", fontweight="bold", pad=28)
+    axes.annotate(
+        _subtitle(fit), (0.0, 1.0), (0.0, 9.0), xycoords="axes fraction",
+        textcoords="offset points", va="bottom", ha="left", color="#333333",
+    ).set_in_layout(False)  # fmt: skip  # the title above it makes the room
+    texts = [escaped(text).replace("$", r"\$") for text in told_of(fit).texts]
+    if not texts:
+        return
+    width = int(13.5 * figure.get_figwidth())
+    shown = [
+        textwrap.fill(textwrap.shorten(f"Warning: {text}", _LETTERS, placeholder=" ..."), width)
+        for text in texts[:_WARNINGS]
+    ]
+    more = len(texts) - _WARNINGS
+    if more > 0:
+        shown.append(f"and {more} more warning{'s' * (more > 1)}: see the table")
+    figure.supxlabel("\n".join(shown), x=0.01, ha="left", fontsize=9, color=WARNING_COLOR)
+
+
+def _angles_shown(angle_deg: np.ndarray) -> tuple[float, float]:
+    """Return the range of angles to draw: all of them, unless the data fill less than half."""
+    low, high = float(angle_deg.min()), float(angle_deg.max())
+    if high - low >= 45.0:
+        return 0.0, 90.0
+    margin = max(0.15 * (high - low), 2.0)
+    return max(low - margin, 0.0), min(high + margin, 90.0)
+
+
+def _span(m: Measurement) -> tuple[float, float]:
+    if over_wavelength(m):
+        known = m.wavelength_um[np.isfinite(m.wavelength_um)]
+        return float(known.min()), float(known.max())
+    return _angles_shown(m.angle_deg)
+
+
+def _panels(figure: Figure, kinds: list[str], spectrum: bool) -> tuple[Any, tuple[Any, Any] | None]:
+    """Return for each kind of quantity the axes of data and of residuals; and those of eta and k.
+
+    One kind: all below each other. More: one column each, eta and k below the first two.
+    """
+    if len(kinds) == 1:
+        ratios = (3.0, 1.0, 2.0, 2.0) if spectrum else (3.2, 1.0)
+        axes = figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios)
+        return {kinds[0]: (axes[0], axes[1])}, (axes[2], axes[3]) if spectrum else None
+    ratios = (3.0, 1.0, 2.4) if spectrum else (3.0, 1.0)
+    axes = figure.subplots(len(ratios), len(kinds), sharex=True, height_ratios=ratios)
+    pairs = {kind: (axes[0, i], axes[1, i]) for i, kind in enumerate(kinds)}
+    for extra in axes[2, 2:] if spectrum else ():
+        extra.set_visible(False)
+    return pairs, (axes[2, 0], axes[2, 1]) if spectrum else None
+
+
+def _legend(axes: Axes, banded: bool, outside: bool, few: bool) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles, labels = axes.get_legend_handles_labels()
+    fit = Line2D([], [], color=GREY)
+    shade = Patch(color=GREY, alpha=0.22, linewidth=0)
+    handle, label = ((shade, fit), r"fit with 1$\sigma$ band") if banded else (fit, "fit")
+    place: Any = (
+        {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0), "borderpad": 0.0}
+        if outside else {"loc": "best"}
+    )  # fmt: skip
+    axes.legend(
+        [*handles, handle],
+        [*labels, label],
+        handlelength=1.6,
+        markerscale=1.0 if few else 2.0,
+        **place,
+    )
+
+
+def _draw_data(figure: Figure, fit: Fit, m: Measurement, reference: str | None) -> Axes:
+    lines = lines_of(fit, m)
+    kinds = [kind for kind in PANELS if any(line.kind == kind for line in lines)]
+    spectrum = over_wavelength(m)
+    pairs, index = _panels(figure, kinds, spectrum and _has_index(fit))
+    low, high = _span(m)
+    curves = curves_of(fit, m, lines, grid_of(fit, m, low, high))
+    residual = fit.residuals
+    for kind, (top, bottom) in pairs.items():
+        of = [i for i, line in enumerate(lines) if line.kind == kind]
+        banded = [
+            draw_line((top, bottom), m, residual, lines[i], curves[i]) for i in of
+        ]  # fmt: skip
+        few = all(len(lines[i].rows) <= MANY for i in of)
+        _legend(top, any(banded), spectrum and len(kinds) == 1, few)
+        unit = "" if kind == "power" else r" ($\degree$)"
+        name = {"psi": r"$\Psi$ (degrees)", "delta": r"$\Delta$ (degrees)"}
+        top.set_ylabel(name.get(kind) or power_label(lines))
+        if kind == "power":
+            y_low, y_high = top.get_ylim()
+            top.set_ylim(max(y_low, -0.02), min(y_high, 1.02))
+        draw_zero(bottom, unit)
+        last = bottom
+        if not spectrum:
+            last.set_xlim(low, high)
+            if high - low == 90.0:
+                last.set_xticks(range(0, 91, 15))
+            last.set_xlabel("angle of incidence (degrees)")
+        elif index is None:
+            last.set_xlabel("wavelength (\u00b5m)")
+    if index is not None:
+        draw_index(*index, fit, reference)
+        for axes in index if len(kinds) > 1 else index[1:]:
+            axes.set_xlabel("wavelength (\u00b5m)")
+        for _, bottom in list(pairs.values())[2:]:
+            bottom.set_xlabel("wavelength (\u00b5m)")
+            bottom.tick_params(labelbottom=True)
+    return pairs[kinds[0]][0]
+
+
+def _has_index(fit: Fit) -> bool:
+    """Whether there is an index over wavelength to draw."""
+    if fit.sample is None or fit.evaluator is None:
+        return False
+    return not fit.shape or {"eta", "k"} <= set(fit.parameters)
+
+
+def _size(fit: Fit, m: Measurement | None) -> tuple[float, float]:
+    if m is None:
+        return 8.2, 6.4
+    kinds = sum(
+        bool((m.quantity == q).any()) for q in ("psi", "delta")
+    ) + bool((~np.isin(m.quantity, ("psi", "delta"))).any())  # fmt: skip
+    spectrum = over_wavelength(m)
+    if kinds == 1:
+        return (8.2, 10.0) if spectrum else (7.4, 6.2)
+    return 6.2 * kinds, 8.6 if spectrum else 6.0
+
+
+def draw(fit: Fit, reference: str | None = None) -> Figure:
+    """Return a matplotlib Figure of a fit.
+
+    Data with one-sigma error bars, fitted curves with their one-sigma bands, and data - fit below:
+    powers, psi and Delta in panels of their own; over the angle, or with more than one wavelength
+    over that. Then eta and k, with 95 % upper limits, and a tick where the data give none. Of a
+    batch without data its parameters. The warnings stand below.
+
+    reference: a named material, whose eta and k are drawn beside.
+    Raises ImportError where matplotlib is not installed, ValueError for an unknown material or
+    where there is nothing to draw.
+    """
+    check_matplotlib("plot")
+    from matplotlib.figure import Figure
+
+    m = fit.measurement
+    with our_style():
+        figure = Figure(figsize=_size(fit, m), layout="constrained", facecolor="white")
+        if m is not None:
+            first = _draw_data(figure, fit, m, reference)
+        elif fit.shape:
+            first = draw_batch(figure, fit)
+        else:
+            raise ValueError("this fit keeps no data, and is of one curve: there is no picture.")
+        _titles(figure, first, fit)
+        figure.align_ylabels()
+        return figure

@@ -1,0 +1,215 @@
+"""Data and fitted curves of a picture: what is drawn together, and the fitted curve in between."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from fitting.measurement import Measurement, concatenate
+from fitting.output.estimates import has_several_curves
+from fitting.output.numbers import escaped
+from fitting.output.style import GREY, LOOKS, OTHER, band, points
+from fitting.result import Fit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Points of a fitted curve over the angle; over the wavelength.
+_ANGLES, _WAVES = 361, 301
+# A legend of more lines than that says the range of the angles instead.
+_LINES = 7
+# Values that a row must have for its fitted curve to be asked for; they are not used.
+_ANY = {"psi": 45.0, "delta": 0.0}
+# How far a curve drawn between the data may be from what was fitted to them (rounding).
+_SAME = 1e-6
+
+PANELS = ("power", "psi", "delta")
+
+
+class Line(NamedTuple):
+    """Data that one curve runs through.
+
+    rows: of the measurement, in the order of x. kind: one of `PANELS`. quantity, polarizer_deg,
+    angle_deg: what they share; the angle NaN over the angle. look: see `style.LOOKS`. label: for
+    the legend; "" for none.
+    """
+
+    rows: np.ndarray
+    kind: str
+    quantity: str
+    polarizer_deg: float
+    angle_deg: float
+    look: tuple[str, str, bool, str]
+    label: str
+
+
+class Curve(NamedTuple):
+    """A fitted curve and its standard error, (A,) each."""
+
+    x: np.ndarray
+    value: np.ndarray
+    sigma: np.ndarray
+
+
+def over_wavelength(m: Measurement) -> bool:
+    """Whether there is more than one wavelength, and the picture is drawn over it."""
+    return len(np.unique(m.wavelength_um[np.isfinite(m.wavelength_um)])) > 1
+
+
+def _series(fit: Fit, m: Measurement) -> Iterator[tuple[str, str, float, np.ndarray]]:
+    """Yield name, quantity, polarizer's angle (or NaN) and mask of each kind of datum."""
+    curve = np.zeros(len(m), int) if fit.curve is None else np.asarray(fit.curve)
+    several = has_several_curves(fit)
+    for i in dict.fromkeys(curve.tolist()):
+        for quantity in dict.fromkeys(m.quantity[curve == i].tolist()):
+            of = (curve == i) & (m.quantity == quantity)
+            name = fit.curve_names[i].replace("NCS", quantity) if several else ""
+            if np.isnan(m.polarizer_deg[of]).any():
+                yield name, quantity, math.nan, of & np.isnan(m.polarizer_deg)
+            for angle in np.unique(m.polarizer_deg[of & np.isfinite(m.polarizer_deg)]):
+                yield name, quantity, float(angle), of & (m.polarizer_deg == angle)
+
+
+def _look(quantity: str, polarizer: float, place: int) -> tuple[str, str, bool, str]:
+    """Return how a kind of datum is drawn; ``place``: of so many of its quantity."""
+    color, marker, hollow, label = LOOKS.get(quantity, OTHER)
+    if math.isfinite(polarizer):
+        from matplotlib import colormaps
+        from matplotlib.colors import to_hex
+
+        color, marker = to_hex(colormaps["cividis"](polarizer / 90.0)), OTHER[1]
+        label = rf"{label or quantity}, polarizer at {polarizer:g}$\degree$"
+    if place:  # a second file with the same quantity
+        others = [look for name, look in LOOKS.items() if name not in ("psi", "delta")]
+        color, marker = others[(place + 2) % len(others)][:2]
+    return color, marker, hollow, label or quantity
+
+
+def _shade(color: str, share: float) -> str:
+    """Return the colour, paler for a small ``share`` of 1."""
+    from matplotlib.colors import to_hex, to_rgb
+
+    paler = 1.0 - (1.0 - np.array(to_rgb(color))) * (0.4 + 0.6 * share)
+    return to_hex((paler[0], paler[1], paler[2]))
+
+
+def lines_of(fit: Fit, m: Measurement) -> list[Line]:
+    """Return what is drawn as one line each: a quantity, over the wavelength at one angle."""
+    waves, out = over_wavelength(m), []
+    seen: dict[str, int] = {}
+    for name, quantity, polarizer, of in _series(fit, m):
+        look = _look(quantity, polarizer, seen.get(quantity, 0) if name else 0)
+        seen[quantity] = seen.get(quantity, 0) + 1
+        kind = quantity if quantity in PANELS else "power"
+        label = f"{look[3]} {escaped(name)}".replace("$ ", "$, ") if name else look[3]
+        angles = np.unique(m.angle_deg[of]).tolist() if waves else [math.nan]
+        for i, angle in enumerate(angles):
+            rows = np.flatnonzero(of & (m.angle_deg == angle) if waves else of)
+            x = m.wavelength_um if waves else m.angle_deg
+            rows = rows[np.argsort(x[rows], kind="stable")]
+            share = 1.0 if len(angles) == 1 else i / (len(angles) - 1)
+            shade = look if share == 1.0 else (_shade(look[0], share), *look[1:])
+            text = label
+            if waves and len(angles) > _LINES:
+                text = (
+                    f"{label}, {angles[0]:g} to {angles[-1]:g}$\\degree$\n(darker: larger)"
+                    if i == len(angles) - 1 else ""
+                )  # fmt: skip
+            elif waves and (len(angles) > 1 or angle > 0.0):
+                text = rf"{label}, {angle:g}$\degree$"
+            out.append(Line(rows, kind, quantity, polarizer, angle, shade, text))
+    return out
+
+
+def _between(m: Measurement, line: Line, x: np.ndarray) -> Measurement:
+    """Return rows at ``x``, of the quantity of ``line``, for their fitted values."""
+    value = np.full(len(x), _ANY.get(line.quantity, 0.5))
+    polarizer = line.polarizer_deg if math.isfinite(line.polarizer_deg) else None
+    if math.isfinite(line.angle_deg):
+        angle, waves = np.full(len(x), line.angle_deg), x
+    else:
+        angle, waves = x, m.wavelength_um[line.rows[0]]
+        waves = None if math.isnan(waves) else np.full(len(x), waves)
+    values: dict[str, Any] = {line.quantity: value}
+    return Measurement.from_columns(angle, waves, polarizer_deg=polarizer, **values)
+
+
+def curves_of(fit: Fit, m: Measurement, lines: list[Line], x: np.ndarray | None) -> list[Curve]:
+    """Return the fitted curve of each line, on the grid ``x`` if there is one.
+
+    None: at the data themselves, where nothing is known in between (an index that is free at every
+    wavelength). The same where a curve in between is not that of these data: of a second file with
+    a scale of its own.
+    """
+    at_data = fit.predict()
+    axis = m.wavelength_um if over_wavelength(m) else m.angle_deg
+    own = [Curve(axis[li.rows], at_data.value[li.rows], at_data.sigma[li.rows]) for li in lines]
+    if x is None or not np.isfinite(at_data.value).any():
+        return own
+    # One question for all lines: fewer programs are compiled.
+    asked = [np.concatenate([x, axis[line.rows]]) for line in lines]
+    found = fit.predict(concatenate(*map(_between, [m] * len(lines), lines, asked)))
+    ends = np.cumsum([len(one) for one in asked])[:-1]
+    out = []
+    for line, mine, value, sigma in zip(
+        lines, own, np.split(found.value, ends), np.split(found.sigma, ends), strict=True
+    ):
+        off = np.abs(value[len(x) :] - mine.value)
+        off = np.minimum(off, 360.0 - off) if line.quantity == "delta" else off
+        same = np.nanmax(off, initial=0.0) <= _SAME * max(1.0, np.nanmax(np.abs(mine.value)))
+        out.append(Curve(x, value[: len(x)], sigma[: len(x)]) if same else mine)
+    return out
+
+
+def grid_of(fit: Fit, m: Measurement, low: float, high: float) -> np.ndarray | None:
+    """Return where fitted curves are drawn from ``low`` to ``high``; None: at the data alone."""
+    if not over_wavelength(m):
+        return np.linspace(low, high, _ANGLES)
+    return None if fit.shape else np.linspace(low, high, _WAVES)
+
+
+def _broken(value: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """Return Delta as it was measured, from 0 to 360 or -180 to 180, broken where it goes round."""
+    value = (value + 180.0) % 360.0 - 180.0 if (measured < 0.0).any() else value % 360.0
+    return np.where(np.abs(np.diff(value, prepend=value[:1])) > 180.0, np.nan, value)
+
+
+def draw_line(
+    panels: tuple[Axes, Axes], m: Measurement, residual: np.ndarray, line: Line, curve: Curve
+) -> bool:
+    """Draw data, fitted curve and band on the first panel, data - fit on the second.
+
+    residual: (N,), of every datum. Returns whether there is a band.
+    """
+    top, bottom = panels
+    x = (m.wavelength_um if math.isfinite(line.angle_deg) else m.angle_deg)[line.rows]
+    measured, sigma = m.value[line.rows], m.sigma[line.rows]
+    points(top, x, measured, sigma, line.look, line.label)
+    points(bottom, x, residual[line.rows], sigma, line.look, "")
+    if np.isnan(curve.value).all():
+        return False
+    value = _broken(curve.value, measured) if line.kind == "delta" else curve.value
+    color = line.look[0]
+    # What lies on another line, R_back on R for one, leaves it to be seen.
+    top.plot(curve.x, value, "--" if line.look[2] else "-", color=color, zorder=2)
+    band(top, curve.x, value - curve.sigma, value + curve.sigma, color)
+    return bool(np.isfinite(curve.sigma).any())
+
+
+def power_label(lines: list[Line]) -> str:
+    """Return the label of the axis of R and T."""
+    letters = {line.quantity[0] for line in lines if line.kind == "power"}
+    names = [n for letter, n in (("R", "reflectance"), ("T", "transmittance")) if letter in letters]
+    return ", ".join(names)
+
+
+def draw_zero(axes: Axes, unit: str) -> None:
+    """Make ``axes`` those of data - fit: a line at 0, as much room above it as below."""
+    axes.axhline(0.0, color=GREY, linewidth=1.0, zorder=2)
+    # Below 1e-4 there is nothing to see in a reflectance but rounding.
+    reach = max(1.05 * max(abs(limit) for limit in axes.get_ylim()), 1e-4)
+    axes.set_ylim(-reach, reach)
+    axes.set_ylabel(f"data \u2212 fit{unit}")

@@ -1,0 +1,122 @@
+"""eta and k over wavelength in two panels of a picture."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fitting.output.estimates import symbols
+from fitting.output.reference import reference_index
+from fitting.output.style import ETA_COLOR, GREY, K_COLOR, MANY, band, points
+from fitting.result import CONVERGED, Fit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# k of a clear plate runs over decades; that of a metal hardly over one. Below a millionth of the
+# largest k nothing is seen of it.
+_DECADES, _SEEN = 30.0, 1e-6
+_FINE = 300
+_MATH = {"<n>": r"$\langle n \rangle$", "<k>": r"$\langle k \rangle$"}
+
+
+def _not_determined(axes: Axes, x: np.ndarray, everywhere: bool) -> None:
+    axes.plot(
+        x, np.zeros(len(x)), "|", transform=axes.get_xaxis_transform(), color=GREY,
+        markersize=9.0, label="not determined",
+    )  # fmt: skip
+    if everywhere:
+        axes.text(
+            0.5, 0.5, "not determined by these data", transform=axes.transAxes,
+            ha="center", va="center", color=GREY,
+        )  # fmt: skip
+        axes.set_yticks([])
+
+
+def _free(axes: Axes, fit: Fit, name: str, color: str) -> np.ndarray:
+    """Draw a parameter that is free at every wavelength; return the values that are shown."""
+    e, x = fit.parameters[name], np.asarray(fit.wavelength_um)
+    value, sigma, limit = (np.asarray(a, float) for a in (e.value, e.sigma, e.upper_limit))
+    limit = np.broadcast_to(limit, value.shape)
+    good = np.asarray(fit.status) == CONVERGED
+    known = good & np.isfinite(sigma) & ~np.isfinite(limit)
+    look = (color, "o", False, "")
+    if known.sum() > MANY:
+        gap = np.where(known, value, np.nan)
+        axes.plot(x, gap, color=color, zorder=3)
+        low = gap - sigma if name == "eta" else np.maximum(gap - sigma, 0.0)
+        band(axes, x, low, gap + sigma, color)
+    elif known.any():
+        points(axes, x[known], value[known], sigma[known], look, "")
+    bare = good & ~known
+    if bare.any():
+        label = "compatible with 0" if np.isfinite(limit[bare]).any() else "without an error"
+        axes.plot(
+            x[bare], value[bare], "o", markersize=5.0, markerfacecolor="white",
+            markeredgecolor=color, markeredgewidth=1.2, zorder=3, label=label,
+        )  # fmt: skip
+    limited = good & np.isfinite(limit)
+    if limited.any():
+        axes.plot(
+            x[limited], limit[limited], "v", color=color, markersize=6.0, zorder=3,
+            markerfacecolor="white", label="95 % upper limit",
+        )  # fmt: skip
+    if not good.all():
+        _not_determined(axes, x[~good], not good.any())
+    return np.concatenate([value[good], limit[limited]])
+
+
+def _dispersion(first: Axes, second: Axes, fit: Fit) -> np.ndarray:
+    """Draw eta and k of a dispersion model with their bands; return k."""
+    known = np.atleast_1d(fit.wavelength_um)
+    known = known[np.isfinite(known)]
+    fine = np.linspace(known.min(), known.max(), _FINE)
+    found = fit.index(fine)
+    first.plot(fine, found.eta, color=ETA_COLOR)
+    band(first, fine, found.eta - found.sigma_eta, found.eta + found.sigma_eta, ETA_COLOR)
+    second.plot(fine, found.k, color=K_COLOR)
+    # k is never below 0.
+    least = np.maximum(found.k - found.sigma_k, 0.0)
+    band(second, fine, least, found.k + found.sigma_k, K_COLOR)
+    return found.k
+
+
+def _scale_of_k(axes: Axes, k: np.ndarray) -> None:
+    """Make the axis of k logarithmic where k runs over decades, else let it begin at 0."""
+    positive = k[np.isfinite(k) & (k > 0.0)]
+    if len(positive) and positive.max() > _DECADES * np.median(positive):
+        least = max(positive.min(), _SEEN * positive.max())
+        axes.set_yscale("log")
+        axes.set_ylim(0.5 * least, 2.5 * positive.max())
+        return
+    low, high = axes.get_ylim()
+    if len(k) and low < 0.3 * high:
+        axes.set_ylim(-0.04 * high, high)  # from 0, with room for the points that lie there
+
+
+def draw_index(first: Axes, second: Axes, fit: Fit, reference: str | None) -> None:
+    """Draw eta and k over wavelength with their errors and limits, each in a panel of its own.
+
+    A tick on the axis where the data give no index; beside them those of ``reference``.
+    """
+    if fit.shape:
+        _free(first, fit, "eta", ETA_COLOR)
+        k = _free(second, fit, "k", K_COLOR)
+    else:
+        k = _dispersion(first, second, fit)
+    if reference:
+        known = np.atleast_1d(fit.wavelength_um)
+        known = known[np.isfinite(known)]
+        at, eta, other = reference_index(reference, np.linspace(known.min(), known.max(), _FINE))
+        look: dict[str, Any] = {"color": GREY, "linewidth": 1.2, "linestyle": "--"}
+        first.plot(at, eta, label=f"{reference} (reference)", **look)
+        second.plot(at, other, **look)
+        k = np.concatenate([k, other])
+    _scale_of_k(second, k)
+    names = symbols(fit)
+    first.set_ylabel(_MATH.get(names.get("eta", ""), r"$\eta$"))
+    second.set_ylabel(_MATH.get(names.get("k", ""), r"$k$"))
+    for axes in (first, second):
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend(loc="best")

@@ -1,0 +1,157 @@
+"""The table of a fit on a terminal, and the one line that stands for it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fitting.output import facts
+from fitting.output.estimates import (
+    beside,
+    by_wavelength,
+    reach,
+    state_of,
+    symbols,
+    value_text,
+    wave_text,
+)
+from fitting.output.layout import LABEL, labelled, rows_aligned, wrapped
+from fitting.output.numbers import escaped, number, size_text, with_unit
+from fitting.output.reference import reference_text
+from fitting.output.told import told_of
+from fitting.result import UNDETERMINED, Estimate, Fit
+
+# A batch of more fits than that is shown by its first and last ones.
+_ROWS, _ENDS = 400, 20
+
+
+def parameter_rows(fit: Fit) -> list[list[str]]:
+    """Return name, value, and what stands beside it, of every parameter of one set."""
+    names, student = symbols(fit), reach(fit)
+    return [
+        [names.get(name, name), value_text(e, student), beside(e)]
+        for name, e in fit.parameters.items()
+    ]
+
+
+def _one(fit: Fit, width: int) -> list[str]:
+    rows = parameter_rows(fit)
+    first = max(LABEL, 1 + max(len(row[0]) for row in rows))
+    second = 2 + max(len("value +- std. error"), max(len(row[1]) for row in rows))
+    head = ["", "value +- std. error", "95 % interval"]
+    lines = [
+        f"  {name:<{first}}{value:<{second}}{more}".rstrip() for name, value, more in [head, *rows]
+    ]
+    lines.append("")
+    lines += [wrapped(label, text, width) for label, text in facts.findings_of_one(fit)]
+    return lines + labelled((("warning", text) for text in told_of(fit).texts), width)
+
+
+def _cells(fit: Fit, index: tuple[int, ...], varied: list[str], stated: bool) -> list[str]:
+    cells = [wave_text(fit, index)]
+    status = str(np.asarray(fit.status)[index])
+    for name in varied:
+        e = fit.parameters[name].at(index)
+        # In brackets: one of many that fit alike.
+        text = value_text(e)
+        cells.append(f"({text})" if status == UNDETERMINED else text)
+    if stated:
+        cells.append(number(float(np.asarray(fit.chi2_reduced)[index]), 3))
+    return [*cells, size_text(float(np.asarray(fit.rms)[index])), status]
+
+
+def varied_of(fit: Fit) -> list[str]:
+    """Return the parameters that every fit of a batch has of its own."""
+    return [n for n, e in fit.parameters.items() if np.shape(e.value) == fit.shape]
+
+
+def shared_of(fit: Fit) -> list[tuple[str, str]]:
+    """Return the parameters that all fits of a batch have in common."""
+    return [
+        (name, f"{value_text(e)}  ({state_of(e)})")
+        for name, e in fit.parameters.items()
+        if np.shape(e.value) != fit.shape
+    ]
+
+
+def batch_rows(fit: Fit, marks: bool = True) -> list[list[str]]:
+    """Return heads and rows of the fits of a batch; of many its first and last ones."""
+    varied, told = varied_of(fit), told_of(fit)
+    stated = bool(np.isfinite(np.asarray(fit.chi2_reduced)).any())
+    names = symbols(fit)
+    units = {n: fit.parameters[n].unit for n in varied}
+    head = ["wavelength_um" if by_wavelength(fit) else "curve"]
+    head += [with_unit(names.get(n, n), f"({units[n]})" if units[n] else "") for n in varied]
+    head += [*["chi2/dof"] * stated, "rms", "status"]
+    notes = bool(told.texts) and marks
+    rows = [[*head, *["warnings"] * notes]]
+    size = int(np.prod(fit.shape))
+    shown = list(range(size))
+    if size > _ROWS:
+        shown = [*range(_ENDS), *range(size - _ENDS, size)]
+    for i in shown:
+        index = tuple(int(j) for j in np.unravel_index(i, fit.shape))
+        rows.append([*_cells(fit, index, varied, stated), *[told.marks(index)] * notes])
+    if size > _ROWS:
+        rows.insert(1 + _ENDS, ["...", *[""] * (len(rows[0]) - 1)])
+    return rows
+
+
+def _many(fit: Fit, width: int) -> list[str]:
+    lines = [*rows_aligned(batch_rows(fit)), ""]
+    lines += [wrapped(f"{label} ", text, width) for label, text in shared_of(fit)]
+    lines += [wrapped(label, text, width) for label, text in facts.findings_of_many(fit)]
+    texts = told_of(fit).texts
+    return lines + labelled(((f"warning {i}", t) for i, t in enumerate(texts, 1)), width)
+
+
+def table(fit: Fit, width: int = 80) -> str:
+    """Return the fit as lines of at most ``width`` characters (rows of a batch may be longer).
+
+    What was read and fitted; of one set of parameters each with its standard error and 95 %
+    interval, of a batch a line each; what the errors rest on, how well the fit describes the data,
+    second solutions, warnings and notes.
+    """
+    lines = [facts.title_of(fit)]
+    lines += [wrapped(label, text, width) for label, text in facts.heading(fit)]
+    lines += ["", *(_many(fit, width) if fit.shape else _one(fit, width))]
+    lines += labelled((("note", note.text) for note in fit.notes), width)
+    return "\n".join(escaped(line) for line in "\n".join(lines).split("\n")) + "\n"
+
+
+def text_of(fit: Fit, width: int = 80, reference: str = "", comparison: Any = None) -> str:
+    """Return what the command line prints: the table, and below it what was asked for beside.
+
+    reference: a material whose eta and k are shown beside. comparison: the `Comparison` of models.
+    """
+    text = table(fit, width)
+    if comparison is not None:
+        lines = ["", "  models compared (BIC above the lowest; > is taken)"]
+        lines += rows_aligned(comparison.rows)
+        lines += ["", *(wrapped("choice", reason, width) for reason in comparison.reasons)]
+        text += "\n".join(lines) + "\n"
+    if reference:
+        waves = np.atleast_1d(fit.wavelength_um)
+        text += "\n" + wrapped("reference", reference_text(reference, waves), width) + "\n"
+    return text
+
+
+def one_line(fit: Fit) -> str:
+    """Return ``<Fit: gold.csv, eta 0.344 +- 0.022, k 1.820 +- 0.087, converged>``."""
+    parts = [facts.title_of(fit)]
+    if fit.shape:
+        status = np.asarray(fit.status)
+        good = int((status == "converged").sum())
+        what = "wavelengths" if by_wavelength(fit) else "curves"
+        parts.append(f"{good} of {status.size} {what} converged")
+    else:
+        free = [e for e in fit.parameters.values() if isinstance(e, Estimate) and e.free]
+        names, student = symbols(fit), reach(fit)
+        parts += [f"{names.get(e.name, e.name)} {value_text(e, student)}" for e in free[:4]]
+        more = len(free) - 4
+        parts += [f"{more} more parameter{'s' * (more > 1)}"] * (more > 0)
+        parts.append(str(fit.status))
+        if fit.findings:
+            parts.append(f"{len(fit.findings)} warning{'s' * (len(fit.findings) > 1)}")
+    return escaped(f"<Fit: {', '.join(parts)}>")

@@ -1,0 +1,197 @@
+"""Parameters of a model fit: what each may be (free, held, bounded, with a prior) and its text.
+
+eta=1.5            held at 1.5
+k=0.1..2           free between .1 and 2 (either end may be left out: k=..2)
+scale~1+-0.02      free, and known beforehand to be 1 with a standard error of .02
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+# The coordinate that the solver moves in: the parameter itself, its logarithm or its square.
+PLAIN, LOG, SQUARE = "plain", "log", "square"
+# dR/du of u = k^2 is taken just off 0, where sqrt(u) and dR/dk = 2k dR/du are both exact.
+LEAST_SQUARE = 1e-24
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NAME = re.compile(r"\s*([A-Za-z_][-\w]*(?:\[[^\]]*\])?)\s*([=~])\s*(.*?)\s*$")
+_RANGE = re.compile(rf"({_NUMBER})?\s*\.\.\s*({_NUMBER})?$")
+_PRIOR = re.compile(rf"({_NUMBER})\s*\+-\s*({_NUMBER})$")
+
+
+class Parameter(NamedTuple):
+    """What a model says about one of its parameters.
+
+    start: the range that starts are drawn from, evenly, or evenly in the logarithm if ``decades``.
+    low, high: what it may be. coordinate: PLAIN, LOG or SQUARE. held: its value unless it is asked
+    to be free; None if it is free by itself. near: starts crowd about this value, at distances
+    from 1e-7 of it on (an index next to that of the medium before it).
+    """
+
+    name: str
+    unit: str
+    start: tuple[float, float]
+    low: float = -math.inf
+    high: float = math.inf
+    coordinate: str = PLAIN
+    held: float | None = None
+    decades: bool = False
+    near: float | None = None
+
+
+class Settings(NamedTuple):
+    """What the caller says about parameters, by name; a name is ``scale`` or ``scale[R_s]``.
+
+    variants: names of ``fixed`` that other fits of the same data free; they are unknowns of the
+    program whose bounds meet, so that all these fits share it.
+    """
+
+    free: tuple[str, ...] = ()
+    fixed: Mapping[str, float] = {}
+    bounds: Mapping[str, tuple[float, float]] = {}
+    priors: Mapping[str, tuple[float, float]] = {}
+    tie: Mapping[str, tuple[float, str]] = {}
+    variants: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All names that something is said about."""
+        said = (*self.free, *self.fixed, *self.bounds, *self.priors, *self.tie)
+        return tuple(dict.fromkeys((*said, *(of for _, of in self.tie.values()))))
+
+
+def plain_name(name: str) -> str:
+    """Return the name with underscores: on the command line a hyphen is as good."""
+    head, bracket, tail = name.strip().partition("[")
+    return head.replace("-", "_") + bracket + tail
+
+
+def _refuse(text: str) -> ValueError:
+    return ValueError(
+        f"{text!r} says nothing about a parameter; NAME=VALUE (held), NAME=LOW..HIGH (bounds) or "
+        "NAME~VALUE+-SIGMA (prior) was wanted, for example k=0, eta=1.4..1.6 or scale~1+-0.02."
+    )
+
+
+def parse_setting(text: str) -> tuple[str, str, Any]:
+    """Return name, "fixed", "bounds" or "priors", and the number or the pair of numbers.
+
+    Raises ValueError for anything but the three forms of the module's text.
+    """
+    found = _NAME.match(text)
+    if not found:
+        raise _refuse(text)
+    name, sign, rest = plain_name(found[1]), found[2], found[3]
+    if prior := _PRIOR.match(rest):
+        return name, "priors", (float(prior[1]), float(prior[2]))
+    if sign == "=" and (pair := _RANGE.match(rest)) and (pair[1] or pair[2]):
+        low, high = pair[1], pair[2]
+        return name, "bounds", (float(low or -math.inf), float(high or math.inf))
+    if sign == "=" and re.fullmatch(_NUMBER, rest):
+        return name, "fixed", float(rest)
+    raise _refuse(text)
+
+
+def names_of(names: str | Iterable[str]) -> tuple[str, ...]:
+    """Return names as a tuple: a string is one name, not its letters."""
+    return (names,) if isinstance(names, str) else tuple(names)
+
+
+def _pair(name: str, value: Any, what: str) -> tuple[float, float]:
+    try:
+        first, second = value
+        low = -math.inf if first is None else float(first)
+        high = math.inf if second is None else float(second)
+    except (TypeError, ValueError):
+        raise ValueError(f"{what} of {name} is {value!r}; a pair of numbers was wanted.") from None
+    if math.isnan(low) or math.isnan(high):
+        raise ValueError(f"{what} of {name} is {value!r}; NaN is no number to go by.")
+    return low, high
+
+
+def _tied(name: str, value: Any) -> tuple[float, str]:
+    """Return factor and name of what a parameter is tied to."""
+    if isinstance(value, str):
+        found = re.fullmatch(rf"\s*(?:({_NUMBER})\s*\*)?\s*([A-Za-z_][^*]*?)\s*", value)
+        if found:
+            return float(found[1] or 1.0), plain_name(found[2])
+    elif isinstance(value, tuple) and len(value) == 2:
+        return float(value[0]), plain_name(str(value[1]))
+    raise ValueError(
+        f"{name} is tied to {value!r}; the name of another parameter was wanted, or a multiple of "
+        "one: '0.5 * film.A'."
+    )
+
+
+def check_settings(settings: Settings) -> Settings:
+    """Return the settings with plain names and numbers, or raise ValueError for what is wrong."""
+    try:
+        fixed = {plain_name(n): float(v) for n, v in settings.fixed.items()}
+    except (TypeError, ValueError):
+        raise ValueError(f"fixed is {settings.fixed!r}; names with a number each.") from None
+    bounds = {plain_name(n): _pair(n, v, "the range") for n, v in settings.bounds.items()}
+    priors = {plain_name(n): _pair(n, v, "the prior") for n, v in settings.priors.items()}
+    free = tuple(plain_name(n) for n in settings.free)
+    for name, value in fixed.items():
+        if not math.isfinite(value):
+            raise ValueError(f"{name} is held at {value}; a finite number was wanted.")
+        if name in free or name in bounds or name in priors:
+            raise ValueError(f"{name} cannot be held and free, bounded or given a prior at once.")
+    for name, (low, high) in bounds.items():
+        if not low < high:
+            raise ValueError(f"the range of {name} is {low:g} to {high:g}; the lower end first.")
+    for name, (mean, sigma) in priors.items():
+        if not (math.isfinite(mean) and math.isfinite(sigma) and sigma > 0.0):
+            raise ValueError(
+                f"the prior of {name} is {mean:g} +- {sigma:g}; a finite value and a standard "
+                "error above 0 were wanted."
+            )
+    tie = {plain_name(n): _tied(n, of) for n, of in settings.tie.items()}
+    for name in tie:
+        if name in free or name in fixed or name in bounds or name in priors:
+            raise ValueError(f"{name} is tied to another parameter; say nothing else about it.")
+    return Settings(free, fixed, bounds, priors, tie, settings.variants)
+
+
+def to_parameter(coordinates: tuple[str, ...], y: Array) -> list[Array]:
+    """Return the parameters (each of shape y[0]) at the solver's coordinates y (p, ...)."""
+    out = []
+    for kind, value in zip(coordinates, y, strict=True):
+        if kind == LOG:
+            value = jnp.exp(value)
+        elif kind == SQUARE:
+            # The derivative at 0 is that just off it: a maximum alone would have none there.
+            least = jax.lax.stop_gradient(jnp.maximum(value, LEAST_SQUARE) - value)
+            value = jnp.sqrt(value + least)
+        out.append(value)
+    return out
+
+
+def from_parameter(kind: str, x: Any) -> np.ndarray:
+    """Return the solver's coordinate of parameter values (0 is -inf in LOG)."""
+    x = np.asarray(x, float)
+    if kind == LOG:
+        with np.errstate(divide="ignore"):
+            return np.log(np.maximum(x, 0.0))
+    return np.square(x) if kind == SQUARE else x
+
+
+def value_and_slope(kind: str, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return parameter and its derivative at the solver's coordinate; of a square at 0: 0, inf."""
+    if kind == LOG:
+        return np.exp(y), np.exp(y)
+    if kind == SQUARE:
+        root = np.sqrt(np.maximum(y, 0.0))
+        root = np.where(y <= 2.0 * LEAST_SQUARE, 0.0, root)
+        with np.errstate(divide="ignore"):
+            return root, 0.5 / root
+    return np.asarray(y, float), np.ones_like(y)

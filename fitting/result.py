@@ -1,0 +1,419 @@
+"""Fit: what a fit found and how well it is known. Data and thin methods; nothing is computed here.
+
+A fit may be of one set of parameters over all data (a dispersion model, batch shape S = ()), or of
+many that are independent: one index at every wavelength (S = (W,), in rising order), or any batch
+of curves (`fit_many`, S as it came). All arrays begin with S; one curve has Python scalars.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+
+from fitting.diagnostics import Finding
+from fitting.diagnostics import Warning as Warning
+from fitting.measurement import Measurement
+from fitting.sample import Sample
+
+if TYPE_CHECKING:
+    import os
+
+CONVERGED, UNDETERMINED = "converged", "undetermined"
+NOT_CONVERGED, NO_DATA = "not converged", "no data"
+FITTED, AT_LOWER, AT_UPPER = "fitted", "at lower bound", "at upper bound"
+FIXED, TIED = "fixed", "tied"
+QUADRATIC, PROFILE, NONE = "quadratic", "profile", "none"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Estimate:
+    """One parameter: its value and how well it is known. Arrays have the batch shape S.
+
+    name, unit: unit "" for a pure number.
+    value: NaN where the data say nothing of it.
+    sigma: standard error; NaN where the data give none (undetermined, at a bound), 0 if fixed.
+    interval: S + (2,), 95 % interval; NaN where there is none, infinite where it has no end; of a
+        fixed parameter its value twice.
+    interval_kind: "quadratic" (value +- t sigma; of k, where only k^2 is seen, from
+        k^2 +- t sigma(k^2)), "profile" (profile likelihood), or "none".
+    upper_limit: upper end of the 95 % interval of what cannot be negative and is compatible with
+        0; NaN elsewhere.
+    status: "fitted", "at lower bound" (k = 0, for one), "at upper bound", "undetermined", "fixed",
+        or "tied" (to another parameter).
+    """
+
+    name: str
+    value: Any
+    sigma: Any
+    interval: np.ndarray
+    interval_kind: Any
+    unit: str = ""
+    upper_limit: Any = np.nan
+    status: Any = FITTED
+
+    @property
+    def free(self) -> bool:
+        """Whether it was fitted: neither fixed nor tied."""
+        return not (isinstance(self.status, str) and self.status in (FIXED, TIED))
+
+    def at(self, index: tuple[int, ...]) -> Estimate:
+        """Return the estimate of one fit of a batch."""
+        return _picked(self, index)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Alternative:
+    """Another minimum that fits nearly as well (chi2 higher by less than 6).
+
+    parameters: name -> `Estimate` of each free parameter, as if that minimum were the best one.
+    delta_chi2: by how much worse it fits, in units of the scatter; in a batch of shape S, NaN where
+        there is none. reached: how many starts ended there, NaN if that was not counted.
+    """
+
+    parameters: Mapping[str, Estimate]
+    delta_chi2: Any
+    reached: Any = np.nan
+
+    def at(self, index: tuple[int, ...]) -> Alternative:
+        """Return the alternative of one fit of a batch."""
+        parameters = {name: e.at(index) for name, e in self.parameters.items()}
+        return replace(_picked(self, index), parameters=parameters)
+
+
+class IndexBand(NamedTuple):
+    """eta and k over wavelength with one standard error each, all (W,)."""
+
+    wavelength_um: np.ndarray
+    eta: np.ndarray
+    sigma_eta: np.ndarray
+    k: np.ndarray
+    sigma_k: np.ndarray
+
+
+class Prediction(NamedTuple):
+    """What the fitted sample shows, and the standard error of that: powers as fractions, psi and
+    Delta (0 to 360) in degrees."""
+
+    value: np.ndarray
+    sigma: np.ndarray
+
+
+class ErrorModel(NamedTuple):
+    """What was taken for the errors of the data.
+
+    taken: "stated" (as they are), "scaled" (stated errors times one factor; without stated errors
+    the scatter), "floor" (stated errors and one common error, added in squares), or "equal" (the
+    scatter about the fit; what is stated is not used). In a batch an array of shape S.
+    factor: what the standard errors of the parameters were multiplied by; 1 if "stated".
+    floor: the common error, in units of R, T and N, C, S; 0 unless "floor". stated: whether every
+    datum came with an error. widened: factor in it for residuals in order, sqrt((1+rho)/(1-rho)).
+    """
+
+    taken: Any
+    factor: Any
+    floor: Any = 0.0
+    stated: bool = False
+    widened: Any = 1.0
+
+
+class Evaluator(Protocol):
+    """What a fit is evaluated by after it has ended; made by the engine that found it."""
+
+    def predict(self, measurement: Measurement | None) -> Prediction:
+        """Return the model at every row of a measurement, (N,); None: of what was fitted."""
+        ...
+
+    def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
+        """Return each fit of the batch over angles (A,), S + (A,)."""
+        ...
+
+    def index(self, wavelength_um: np.ndarray | None, medium: str | None) -> IndexBand:
+        """Return eta and k of a medium; None: at the measured wavelengths, of the first unknown."""
+        ...
+
+    def at(self, index: tuple[int, ...]) -> Evaluator:
+        """Return the evaluator of one fit of the batch."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Fit:
+    """The result of `fit`, `fit_many`, `choose` and `fit_residuals`. S: see the module.
+
+    sample: what was fitted; None for the caller's own residuals.
+    parameters: name -> `Estimate`; the fitted ones first, then what was fixed or tied.
+    covariance: S + (P, P) of the fitted parameters in the order of `names`; NaN where a sigma is.
+    wavelength_um: S, micrometres; NaN where unknown. Of a dispersion model, where eta and k belong
+        to no single wavelength: the W measured ones.
+    chi2, chi2_reduced: sum of (residual / stated error)^2, and that by dof; NaN without stated
+        errors, the second also without a degree of freedom.
+    dof: data and priors minus fitted parameters, at least 0. n_data: a psi and a Delta are two.
+    rms: root mean square of the unweighted residuals; of psi and Delta of N, C, S. rms_of: the
+        same by quantity ("NCS": psi and Delta).
+    status: "converged"; "undetermined" (at its best, but the data do not see some combination of
+        the parameters); "not converged"; "no data".
+    evaluations: of residuals and derivatives, of all starts of a bare surface, of the winning start
+        of others. starts, reached: how many starts there were, and how many ended in the best
+        minimum; 0 where that is not counted.
+    errors: what was taken for the errors of the data.
+    loss, noise: "squares", "huber" or "student", and the noise at which a robust loss or a prior
+        was weighed, in units of the stated errors.
+    cost: what was minimised. bic, aicc: information criteria, NaN where they were not asked for.
+    findings, others, notes: what `warnings` and `alternatives` are made of; notes on all curves.
+    measurement: what was fitted, all files joined; None of `fit_many`. curve: (N,) which of
+        `curve_names` (a quantity of a file) each datum belongs to.
+    evaluator: what `predict` and `index` ask; None for the caller's own residuals.
+    """
+
+    sample: Sample | None
+    parameters: Mapping[str, Estimate]
+    covariance: np.ndarray
+    wavelength_um: Any
+    chi2: Any
+    chi2_reduced: Any
+    dof: Any
+    n_data: Any
+    rms: Any
+    status: Any
+    errors: ErrorModel
+    evaluations: Any = 0
+    starts: int = 0
+    reached: Any = 0
+    rms_of: Mapping[str, Any] = field(default_factory=dict)
+    loss: str = "squares"
+    noise: Any = 1.0
+    cost: Any = np.nan
+    bic: Any = np.nan
+    aicc: Any = np.nan
+    findings: tuple[Finding, ...] = ()
+    others: tuple[Alternative, ...] = ()
+    notes: tuple[Warning, ...] = ()
+    measurement: Measurement | None = None
+    curve: np.ndarray | None = None
+    curve_names: tuple[str, ...] = ()
+    evaluator: Evaluator | None = None
+
+    # What was fitted.
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The batch shape S; () for one set of parameters."""
+        return np.shape(self.status)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The fitted parameters, in the order of `covariance`."""
+        return tuple(name for name, e in self.parameters.items() if e.free)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Name -> value of all parameters, fitted, fixed and tied."""
+        return {name: e.value for name, e in self.parameters.items()}
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """S + (P, P), correlation of the fitted parameters; NaN where a sigma is."""
+        with np.errstate(all="ignore"):
+            size = np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
+            return self.covariance / (size[..., :, None] * size[..., None, :])
+
+    @property
+    def eta(self) -> Any:
+        """Real part of the unknown index at `wavelength_um`; errors: `parameters` or `index`."""
+        return self._index_part("eta")
+
+    @property
+    def k(self) -> Any:
+        """Imaginary part of the unknown index at `wavelength_um`."""
+        return self._index_part("k")
+
+    def _index_part(self, name: str) -> Any:
+        if name in self.parameters:
+            return self.parameters[name].value
+        return getattr(self.index(), name)
+
+    @property
+    def sigma_kind(self) -> Any:
+        """ "absolute" where stated errors were taken as they are, else "scaled"."""
+        taken = np.where(np.asarray(self.errors.taken) == "stated", "absolute", "scaled")
+        return taken if taken.shape else taken.item()
+
+    # What must be known about it.
+
+    @property
+    def warnings(self) -> Any:
+        """The warnings, the gravest first: a tuple; of a batch an object array of tuples."""
+        return self._each(self._warnings_at, [f.at for f in self.findings])
+
+    @property
+    def alternatives(self) -> Any:
+        """Other minima that fit nearly as well: a tuple; of a batch an object array of tuples."""
+        there = [np.isfinite(a.delta_chi2) for a in self.others]
+        return self._each(self._alternatives_at, there)
+
+    def _each(self, of: Any, where: list[Any]) -> Any:
+        if not self.shape:
+            return of(())
+        out = np.empty(self.shape, dtype=object)
+        out.fill(())
+        some = np.logical_or.reduce(where) if where else np.zeros(self.shape, bool)
+        for index in zip(*np.nonzero(some), strict=True):
+            out[index] = of(index)
+        return out
+
+    def _warnings_at(self, index: tuple[int, ...]) -> tuple[Warning, ...]:
+        place: dict[str, Any] = {}
+        wavelength = np.asarray(self.wavelength_um)
+        if wavelength.shape == self.shape and np.isfinite(wavelength[index]):
+            place = {"wavelength_um": float(wavelength[index])}
+        elif index:
+            place = {"curve": tuple(map(int, index))}
+        return tuple(f.of(index, place) for f in self.findings if np.asarray(f.at)[index])
+
+    def _alternatives_at(self, index: tuple[int, ...]) -> tuple[Alternative, ...]:
+        every = (a.at(index) for a in self.others) if self.shape else iter(self.others)
+        return tuple(a for a in every if np.isfinite(a.delta_chi2))
+
+    # What it shows.
+
+    def predict(self, at: Any = None, quantity: Any = "R", wavelength_um: Any = None) -> Prediction:
+        """Return what the fitted sample shows, with its standard error.
+
+        Args:
+            at: None for the data that were fitted; a `Measurement` for its rows; or angles of
+                incidence in degrees, (A,).
+            quantity: "R_s", "R_p", "R", "T", "psi", ... of the angles; one, or one for each.
+            wavelength_um: of the angles, micrometres; one, or one for each. Left out where each fit
+                of the batch has its own.
+
+        Returns: `Prediction` of shape (N,) at data and rows; S + (A,) at angles.
+        """
+        from fitting.predictions import predict
+
+        return predict(self, at, quantity, wavelength_um)
+
+    def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
+        """Return eta and k with standard errors, at wavelengths in micrometres.
+
+        Args:
+            wavelength_um: None for the measured ones. An index that is free at every wavelength is
+                known at these only.
+            medium: "film", "substrate", ... of `Sample.places`; None for the first unknown one.
+        """
+        if self.evaluator is None:
+            raise ValueError("this fit is of your own residuals; it knows of no index.")
+        return self.evaluator.index(wavelength_um, medium)
+
+    @property
+    def residuals(self) -> np.ndarray:
+        """value - fitted of every datum, (N,); of Delta from -180 to 180."""
+        from fitting.residuals import residuals
+
+        if self.measurement is None:
+            raise ValueError("this fit keeps no data: it came from arrays (fit_many).")
+        return residuals(self.measurement, self.predict().value)
+
+    # One of many.
+
+    def __len__(self) -> int:
+        if not self.shape:
+            raise TypeError("this fit is one set of parameters; it has no length")
+        return self.shape[0]
+
+    def __iter__(self) -> Iterator[Fit]:
+        return (self[i] for i in range(len(self)))
+
+    def __getitem__(self, index: int | tuple[int, ...]) -> Fit:
+        """Return the fit of one curve of a batch."""
+        index = index if isinstance(index, tuple) else (index,)
+        if len(index) != len(self.shape):
+            raise IndexError(
+                f"a batch of shape {self.shape} needs {len(self.shape)} indices; {len(index)} came"
+            )
+        picked = _picked(self, index)
+        rows = self._rows_of(index)
+        return replace(
+            picked,
+            parameters={name: e.at(index) for name, e in self.parameters.items()},
+            rms_of={name: _item(v, index, self.shape) for name, v in self.rms_of.items()},
+            errors=ErrorModel(*(_item(v, index, self.shape) for v in self.errors)),
+            findings=tuple(
+                Finding(f.code, np.True_, f.of(index, {}).values)
+                for f in self.findings
+                if np.asarray(f.at)[index]
+            ),
+            others=self._alternatives_at(index),
+            measurement=None if rows is None else self.measurement.where(rows),  # type: ignore
+            curve=None if rows is None or self.curve is None else self.curve[rows],
+            evaluator=None if self.evaluator is None else self.evaluator.at(index),
+        )
+
+    def _rows_of(self, index: tuple[int, ...]) -> np.ndarray | None:
+        """Return which rows of the measurement belong to one wavelength."""
+        if self.measurement is None:
+            return None
+        own, all_of = np.asarray(self.wavelength_um)[index], self.measurement.wavelength_um
+        return np.isnan(all_of) if np.isnan(own) else all_of == own
+
+    # How it is shown; each is one call into `fitting.output`.
+
+    def __repr__(self) -> str:
+        from fitting.output.shown import one_line
+
+        return one_line(self)
+
+    def __str__(self) -> str:
+        from fitting.output.shown import table
+
+        return table(self)
+
+    def _repr_html_(self) -> str:
+        from fitting.output.shown import html
+
+        return html(self)
+
+    def plot(self, reference: str | None = None) -> Any:
+        """Return a matplotlib Figure of data, fit and residuals; ``reference``: a material."""
+        from fitting.output.shown import figure
+
+        return figure(self, reference)
+
+    def report(self, folder: str | os.PathLike[str]) -> None:
+        """Write report.html, fit.json, data.csv, index.csv of a spectrum, and fit.png."""
+        from fitting.output.shown import report
+
+        report(self, folder)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for ``json.dumps``: NaN as None, arrays as lists, warnings as data."""
+        from fitting.output.shown import to_dict
+
+        return to_dict(self)
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas DataFrame: a row for each fit of the batch, else for each parameter."""
+        from fitting.output.shown import to_dataframe
+
+        return to_dataframe(self)
+
+
+def _item(value: Any, index: tuple[int, ...], shape: tuple[int, ...]) -> Any:
+    """Return the part of ``value`` that belongs to one fit of a batch of this shape."""
+    if not isinstance(value, np.ndarray) or value.shape[: len(shape)] != shape or not shape:
+        return value
+    part = value[index]
+    return part.item() if np.ndim(part) == 0 else part
+
+
+def _picked(record: Any, index: tuple[int, ...]) -> Any:
+    """Return a dataclass with every array field reduced to one fit of the batch."""
+    arrays = {
+        name: value for name, value in vars(record).items()
+        if isinstance(value, np.ndarray) and name != "curve"
+    }  # fmt: skip
+    picked = {name: value[index] for name, value in arrays.items()}
+    plain = {name: v.item() if np.ndim(v) == 0 else v for name, v in picked.items()}
+    return replace(record, **plain)

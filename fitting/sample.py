@@ -1,0 +1,254 @@
+"""What the light meets: media from the side that it comes from to the far side.
+
+A sample has a text form, the same in Python and on the command line. Media are separated by ``|``:
+
+    free                                    one bare surface, eta and k at every wavelength
+    cauchy                                  one bare surface with that dispersion
+    air | cauchy-urbach 3 mm thick | air    a plate; `thick`: its two faces do not interfere
+    air | cauchy 110 nm | Si                a coherent film on a named material
+    air | 1.45 2 nm | SiO2 100..150 nm | 3.88+0.016i
+
+The index of a medium is a number (``1.45``, ``0.2+3.1i``), a named material
+(`fresnel_jax.materials`), a dispersion model with the number of its terms (``drude-lorentz:2``),
+``free`` (eta and k at every wavelength), or ``auto`` (the simplest model that the data need;
+`choose`). ``air`` and ``vacuum`` are exactly 1: indices are relative to air, as those of glasses.
+
+A layer's thickness follows its index: ``110 nm`` is a start that is fitted, ``110 nm held`` is not
+fitted, ``100..150 nm`` is fitted within that range. Of a thick layer only the product of thickness
+and k is seen, so ``3 mm thick`` is held and ``2.9..3.1 mm thick`` is fitted.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import NamedTuple
+
+from fitting.dispersion import KINDS, Model, parse_model
+from fresnel_jax import materials
+
+FREE, AUTO = "free", "auto"
+# Lengths in micrometres.
+UNITS = {"nm": 1e-3, "um": 1.0, "\u00b5m": 1.0, "mm": 1e3, "cm": 1e4, "angstrom": 1e-4}
+
+_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_UNIT = "|".join(UNITS)
+_LAYER = re.compile(
+    rf"(?P<index>.*?)\s+(?:(?P<low>{_NUMBER})\s*\.\.\s*(?P<high>{_NUMBER})|(?P<start>{_NUMBER}))"
+    rf"\s*(?P<unit>{_UNIT})(?P<words>(?:\s+[A-Za-z]+)*)\s*$"
+)
+_COMPLEX = re.compile(rf"({_NUMBER})(?:\s*\+\s*({_NUMBER})\s*\*?\s*[ij])?$")
+_NOTHING = ("air", "vacuum")
+
+
+class Thickness(NamedTuple):
+    """Thickness of a layer in micrometres.
+
+    start_um: where a fit begins, and what is held. low_um, high_um: what it may be. held: not
+    fitted unless that is asked for. coherent: whether the reflections of its faces interfere.
+    """
+
+    start_um: float
+    low_um: float
+    high_um: float
+    held: bool
+    coherent: bool
+
+    @property
+    def unit(self) -> str:
+        """ "nm" of a film, "um" of a thick layer: the unit in the parameter's name."""
+        return "nm" if self.coherent else "um"
+
+
+class Medium(NamedTuple):
+    """One medium.
+
+    index: a complex number; a `Model`; the name of a material; `FREE` or `AUTO`. text: the index as
+    it was written. thickness: of a layer; None for the first and the last medium.
+    """
+
+    index: complex | Model | str
+    text: str
+    thickness: Thickness | None = None
+
+    @property
+    def unknown(self) -> bool:
+        """Whether the index has parameters of its own."""
+        return isinstance(self.index, Model) or self.index in (FREE, AUTO)
+
+    @property
+    def model(self) -> Model | None:
+        """The dispersion model; of a free index that of one constant; None if there is none."""
+        if isinstance(self.index, Model):
+            return self.index
+        return Model("constant", 1) if self.index == FREE else None
+
+    def __str__(self) -> str:
+        return f"{self.text} {_length_text(self.thickness)}" if self.thickness else self.text
+
+
+class Sample(NamedTuple):
+    """Media from the side that the light comes from to the far side; hashable."""
+
+    media: tuple[Medium, ...]
+
+    @staticmethod
+    def parse(text: str | Sample) -> Sample:
+        """Return the sample that a text describes; see the module.
+
+        Raises ValueError for a text that is none, with what was wanted.
+        """
+        return text if isinstance(text, Sample) else _parsed(str(text))
+
+    @property
+    def layers(self) -> tuple[Medium, ...]:
+        """The media between the first and the last."""
+        return self.media[1:-1]
+
+    @property
+    def eta_i(self) -> float:
+        """Index of the lossless medium that the light comes from; NaN if it is a material's."""
+        index = self.media[0].index
+        return index.real if isinstance(index, complex) else math.nan
+
+    @property
+    def bare(self) -> bool:
+        """Whether there is one boundary and no layer."""
+        return len(self.media) == 2
+
+    @property
+    def by_wavelength(self) -> bool:
+        """Whether an index is free at every wavelength."""
+        return any(m.index == FREE for m in self.media)
+
+    @property
+    def open(self) -> bool:
+        """Whether a dispersion model is left to `choose`."""
+        return any(m.index == AUTO for m in self.media)
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """A name for each medium: ambient, film (film_1, film_2, ..; plate if thick), substrate."""
+        names = []
+        kinds = ["film" if m.thickness and m.thickness.coherent else "plate" for m in self.layers]
+        for i, kind in enumerate(kinds):
+            names.append(kind if kinds.count(kind) == 1 else f"{kind}_{kinds[: i + 1].count(kind)}")
+        return ("ambient", *names, "substrate")
+
+    @property
+    def prefixes(self) -> tuple[str, ...]:
+        """What the parameter names of each medium begin with: "" if only one has parameters."""
+        some = [m.unknown or m.thickness is not None for m in self.media]
+        if sum(some) <= 1:
+            return ("",) * len(self.media)
+        return tuple(f"{place}." for place in self.places)
+
+    def with_model(self, model: Model | str) -> Sample:
+        """Return the sample with this model in place of `AUTO`."""
+        which = parse_model(model)
+        return Sample(
+            tuple(
+                m._replace(index=which, text=str(which)) if m.index == AUTO else m
+                for m in self.media
+            )
+        )
+
+    def __str__(self) -> str:
+        if self.bare and self.media[0].index == 1.0:
+            return str(self.media[1])
+        return " | ".join(map(str, self.media))
+
+
+def _length_text(d: Thickness) -> str:
+    unit = "nm" if d.start_um < 1.0 else "um" if d.start_um < 1e3 else "mm"
+    size = UNITS[unit]
+    ranged = d.low_um > 0.0
+    text = (
+        f"{d.low_um / size:.8g}..{d.high_um / size:.8g}" if ranged else f"{d.start_um / size:.8g}"
+    )
+    thick = "" if d.coherent else " thick"
+    held = " held" if d.held and d.coherent else ""
+    return f"{text} {unit}{thick}{held}"
+
+
+def _index(text: str) -> complex | Model | str:
+    """Return the index that a text names."""
+    found = _COMPLEX.match(text)
+    if found:
+        value = complex(float(found[1]), float(found[2] or 0.0))
+        if not (value.real > 0.0 and math.isfinite(abs(value))):
+            raise ValueError(f"the index {text!r} is not above 0.")
+        return value
+    lowered = text.lower()
+    if lowered in (FREE, AUTO):
+        return lowered
+    if lowered in _NOTHING:
+        return 1.0 + 0.0j
+    if lowered.partition(":")[0].strip().replace("_", "-") in KINDS:
+        return parse_model(text)
+    try:
+        return materials.lookup(text).name
+    except ValueError as error:
+        raise ValueError(
+            f"{text!r} is not an index: a number (1.45 or 0.2+3.1i), free, auto, a dispersion "
+            f"model ({', '.join(KINDS)}) or a named material was wanted. As a material: {error}."
+        ) from None
+
+
+def _layer(text: str) -> Medium:
+    found = _LAYER.match(text)
+    if not found:
+        raise ValueError(
+            f"the layer {text!r} has no thickness; write it after the index, with its unit "
+            f"({', '.join(dict.fromkeys(u for u in UNITS if u.isascii()))}): 'cauchy 110 nm', "
+            "'SiO2 100..150 nm', 'cauchy 3 mm thick'."
+        )
+    words = found["words"].split()
+    strange = [w for w in words if w not in ("thick", "held")]
+    if strange:
+        raise ValueError(f"the layer {text!r}: {strange[0]!r} is neither 'thick' nor 'held'.")
+    unit, coherent = UNITS[found["unit"]], "thick" not in words
+    if found["start"]:
+        start = low_high = float(found["start"]) * unit
+        low, high, held = 0.0, math.inf, not coherent or "held" in words
+    else:
+        low, high = float(found["low"]) * unit, float(found["high"]) * unit
+        low_high, start, held = low, 0.5 * (low + high), "held" in words
+        if not low < high:
+            raise ValueError(f"the layer {text!r}: the lower end of the thickness comes first.")
+    if not (0.0 < start < math.inf and low_high > 0.0):
+        raise ValueError(f"the layer {text!r}: a thickness above 0 was wanted.")
+    index = found["index"].strip()
+    return Medium(_index(index), index, Thickness(start, low, high, held, coherent))
+
+
+def _outer(text: str, side: str) -> Medium:
+    if _LAYER.match(text):
+        raise ValueError(
+            f"{text!r} has a thickness but is the {side} medium, which has none; a plate in air is "
+            "written 'air | cauchy 3 mm thick | air'."
+        )
+    return Medium(_index(text), text)
+
+
+def _parsed(text: str) -> Sample:
+    parts = [part.strip() for part in text.split("|")]
+    if not all(parts):
+        raise ValueError(
+            f"the sample {text!r} has an empty medium; 'free', 'cauchy' or 'air | cauchy 110 nm | "
+            "Si' was wanted."
+        )
+    if len(parts) == 1:
+        parts = ["air", *parts]
+    first, last = _outer(parts[0], "first"), _outer(parts[-1], "last")
+    index = first.index
+    if isinstance(index, str) and index not in (FREE, AUTO):
+        lossless = materials.lookup(index).kind == "dielectric"
+    else:
+        lossless = isinstance(index, complex) and not index.imag
+    if not lossless:
+        raise ValueError(
+            f"the sample {text!r}: the light comes from {first.text!r}; a lossless medium, one "
+            "real number above 0 or a named dielectric, was wanted there."
+        )
+    return Sample((first, *map(_layer, parts[1:-1]), last))

@@ -1,0 +1,216 @@
+"""95 % intervals of the parameters of a model: quadratic where that is right, else by profile.
+
+The quadratic ones are value +- t sigma, cut where the parameter's range ends; of what the data see
+by its square (k of a bare interface) from the square, also where that is compatible with 0. "auto"
+asks whether the end by profile is nearer than 1 - OFF, or farther than 1 + OFF, of the quadratic
+one's distance: by the rise of the cost at these two places, the other parameters fitted again. (Not
+by the rise at the quadratic end itself: where the floor of a valley flattens, its root may be next
+to 1 and the end far away.) OFF is how far the ends of `fitting.fit` are off where it begins to take
+the profile (sigma_eta of 2 % of eta; `index.intervals`). By profile always: what is compatible with
+0, as there, and all where one lies on a bound.
+
+An interval by profile is that of the parameter with all others free to move within their ranges,
+those on a bound too; a standard error beside a parameter on a bound is that for it lying there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.bare_surface.region_intervals import KINDS, NONE, PROFILE, QUADRATIC, ROUNDING
+from fitting.parameters import LOG, PLAIN, SQUARE, from_parameter, value_and_slope
+from fitting.search import End, Solving
+from fitting.uncertainty.limits import interval_from_zero, student_quantile
+from fitting.uncertainty.profile import FEW_ROUNDS, ROUNDS, Base, Search, follow, visit
+
+AUTO = "auto"
+OFF = 0.1
+
+
+class Intervals(NamedTuple):
+    """Of one minimum, over all p unknowns: ends (p, 2), the quadratic ones too; kind of each.
+
+    NaN where there is none. limits: (p,), upper limits of what is compatible with 0; NaN for what
+    is not, by the profile or at once. lowest: the least cost that was met, and where (p,).
+    """
+
+    ends: np.ndarray
+    quadratic: np.ndarray
+    kind: tuple[str, ...]
+    limits: np.ndarray
+    lowest: tuple[float, np.ndarray]
+
+    def without(self) -> Intervals:
+        """Return none at all, for a fit that failed."""
+        nothing = np.full_like(self.ends, np.nan)
+        none = (NONE,) * len(nothing)
+        return Intervals(nothing, nothing, none, nothing[:, 0], self.lowest)
+
+
+def check_intervals(wanted: str) -> None:
+    """Raise ValueError for what is no kind of interval."""
+    if wanted not in KINDS:
+        raise ValueError(f"intervals is {wanted!r}; one of {', '.join(KINDS)} was wanted.")
+
+
+def _from_zero(fit: Solving, end: End, t: float) -> np.ndarray:
+    """Return quadratic intervals (p, 2) of what may not be below 0 and is compatible with it.
+
+    NaN for the others. A square (k where the data depend on k^2) is compatible with 0 within three
+    standard errors of the square; another parameter whose range begins at 0, if it ended there.
+    """
+    out = np.full((len(end.y), 2), np.nan)
+    for i, u in enumerate(fit.u.moving):
+        sigma = end.known.edge[i] * np.sqrt(end.known.variance)
+        if not u.free or u.low != 0.0 or u.prior is not None or not np.isfinite(sigma):
+            continue
+        low = end.known.at_bound[i] == "low"
+        value = end.y[i] + (min(end.known.wide_step[i], 0.0) if low else 0.0)
+        ends = np.array(interval_from_zero(np.array(value), np.array(sigma), np.array(t)))
+        if u.parameter.coordinate == SQUARE and end.y[i] < 3.0 * sigma:
+            out[i] = np.sqrt(ends)
+        elif u.parameter.coordinate == PLAIN and low:
+            out[i] = ends
+    return out
+
+
+def _of(fit: Solving, j: int, y: float) -> float:
+    """Return the parameter at the solver's coordinate."""
+    return float(value_and_slope(fit.u.moving[j].parameter.coordinate, np.array(y))[0])
+
+
+def _quadratic(fit: Solving, end: End, from_zero: np.ndarray, t: float) -> np.ndarray:
+    """Return the quadratic intervals (p, 2)."""
+    out = np.full((len(end.y), 2), np.nan)
+    variance = np.diagonal(end.known.covariance)
+    for i, unknown in enumerate(fit.u.moving):
+        x = _of(fit, i, end.y[i])
+        half = t * np.sqrt(variance[i]) if variance[i] >= 0.0 else np.nan
+        kind = unknown.parameter.coordinate
+        if end.known.unseen_of[i] or not unknown.free:
+            continue
+        if np.isfinite(from_zero[i]).all():
+            out[i] = from_zero[i]
+        elif kind == SQUARE:
+            out[i] = np.sqrt(np.maximum(end.y[i] + half * np.array([-1.0, 1.0]), 0.0))
+        else:
+            half *= x if kind == LOG else 1.0
+            out[i] = x - half, x + half
+        out[i] = np.clip(out[i], unknown.low, unknown.high)
+    return out
+
+
+class _Pair(NamedTuple):
+    """The two searches for the ends of one parameter."""
+
+    base: int
+    j: int
+    searches: tuple[Search, Search]
+
+
+def _pair(
+    fit: Solving, end: End, base: Base, at: int, j: int, ends: np.ndarray, t: float, wanted: str
+) -> _Pair:
+    """Return the searches, whose first places are the ends of the quadratic interval.
+
+    To see whether that is right (AUTO): places on either side of them.
+    """
+    kind = fit.u.moving[j].parameter.coordinate
+    usual = t * end.known.edge[j] * np.sqrt(end.known.variance)
+    if not (np.isfinite(usual) and usual > 0.0):
+        usual = 0.1 * max(abs(end.y[j]), 1.0)
+    first: list[list[float]] = []
+    for sign, place in ((-1.0, ends[0]), (1.0, ends[1])):
+        limit = base.high[j] if sign > 0.0 else base.low[j]
+        c = float(from_parameter(kind, place)) if np.isfinite(place) else np.nan
+        far = sign * (c - end.y[j])
+        # A symmetric interval of what moves by its logarithm may reach down to next to nothing.
+        odd = kind == LOG and (far > 3.0 * usual or c == limit)
+        good = np.isfinite(far) and far > 0.0 and not odd
+        far = far if good else usual
+        both = [(1.0 - OFF) * far, (1.0 + OFF) * far]
+        first.append(both if wanted == AUTO and good else [far])
+    below, above = (
+        Search(base, j, s, f) for s, f in zip((-1.0, 1.0), first, strict=True)
+    )  # fmt: skip
+    return _Pair(at, j, (below, above))
+
+
+def _right(pair: _Pair) -> bool:
+    """Whether the first places show the quadratic interval to be right."""
+    for s in pair.searches:
+        if s.room == 0.0 or len(s.first) < 2:  # the minimum lies on a bound; no quadratic end
+            return False
+        near, far = s.first
+        outside = s.root_at(far) > 1.0 or far == s.room
+        if not (s.root_at(near) <= 1.0 and outside):
+            return False
+    return True
+
+
+def _start(fit: Solving, end: End, t: float) -> tuple[Intervals, Base]:
+    """Return the quadratic intervals at a minimum, and from where the search goes out."""
+    with np.errstate(all="ignore"):
+        from_zero = _from_zero(fit, end, t)
+        quadratic = _quadratic(fit, end, from_zero, t)
+        own = np.diagonal(end.known.wide)
+        along = np.nan_to_num(np.where(own > 0.0, end.known.wide / own, 0.0))
+    kind = tuple(NONE if np.isnan(q).any() else QUADRATIC for q in quadratic)
+    base = Base(end.y, end.cost, along, *fit.limits, t**2 * end.known.rise, [])
+    return Intervals(quadratic.copy(), quadratic, kind, from_zero[:, 1], (end.cost, end.y)), base
+
+
+def intervals(
+    fit: Solving,
+    ends: Sequence[End],
+    noise: float,
+    *,
+    wanted: str,
+    estimated: bool,
+) -> list[Intervals]:
+    """Return the 95 % intervals at some minima of a fit.
+
+    wanted: one of KINDS. estimated: whether the scale of the errors comes from the scatter (t with
+    its degrees of freedom, else the normal law).
+    Accuracy: at the ends by profile the root of the rise is right to 1e-3 of itself (coverage to
+    .0002), and so is their distance from the minimum, but where the cost hardly rises.
+    """
+    t = student_quantile(max(fit.dof, 1) if estimated else 0)
+    starts = [_start(fit, end, t) for end in ends]
+    out = [quadratic for quadratic, _ in starts]
+    if wanted == QUADRATIC:
+        return out
+    pairs = [
+        _pair(fit, ends[at], base, at, int(j), out[at].quadratic[j], t, wanted)
+        for at, (_, base) in enumerate(starts)
+        if base.rise > ROUNDING * fit.squares / noise**2
+        for j in np.flatnonzero(fit.u.free)
+        if wanted == PROFILE or not ends[at].known.unseen_of[j]
+    ]
+    every = pairs
+    if wanted == AUTO and pairs:
+        visit(fit, [s for pair in pairs for s in pair.searches], noise)
+        pairs = [
+            pair for pair in every
+            if any(ends[pair.base].known.at_bound)
+            or np.isfinite(out[pair.base].limits[pair.j])
+            or not _right(pair)
+        ]  # fmt: skip
+    rounds = ROUNDS if wanted == PROFILE else FEW_ROUNDS
+    follow(fit, [s for pair in pairs for s in pair.searches], noise, rounds)
+    for at, j, both in pairs:
+        found = out[at]
+        values = [_of(fit, j, s.end) for s in both]
+        kind = list(found.kind)
+        if not np.isnan(values).any():
+            found.ends[j], kind[j] = values, PROFILE
+            if np.isfinite(found.limits[j]):
+                found.limits[j] = values[1] if values[0] == 0.0 else np.nan
+        out[at] = found._replace(kind=tuple(kind))
+    for at, _, both in every:
+        lowest = min([out[at].lowest, *(s.lowest for s in both)], key=lambda met: met[0])
+        out[at] = out[at]._replace(lowest=lowest)
+    return out

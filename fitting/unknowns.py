@@ -1,0 +1,282 @@
+"""What is unknown in a fit: parameters of the sample and the instrument, as asked for."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fitting.dispersion import Model, Spectrum
+from fitting.instrument import INSTRUMENT, PER_CURVE, instrument_parameter
+from fitting.measurement import Measurement
+from fitting.observations import Observations
+from fitting.observe import NCS, Media, Spec
+from fitting.parameters import LOG, Parameter, Settings
+from fitting.sample import Medium, Sample
+from fitting.starts import Unknown
+from fresnel_jax.dispersion import material
+from fresnel_jax.materials import lookup
+
+
+class Unknowns(NamedTuple):
+    """The unknowns in the order of y, the constants, and the names that a person sees.
+
+    moving: one `Unknown` for each of ``spec.moving``; held: values of ``spec.held``. labels: name
+    inside -> name outside (``scale_0`` is ``scale[R_s]``, or ``scale`` if there is one curve;
+    ``substrate.A`` is ``A`` if no other medium has parameters); what is not in it is not shown.
+    units: by the name inside.
+    """
+
+    spec: Spec
+    moving: tuple[Unknown, ...]
+    held: np.ndarray
+    labels: dict[str, str]
+    units: dict[str, str]
+
+    @property
+    def free(self) -> np.ndarray:
+        """Which of the moving parameters are free, (p,)."""
+        return np.array([u.free for u in self.moving], bool)
+
+
+def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> None:
+    """Raise ValueError where the sample cannot say what was measured."""
+    thick = any(not m.thickness.coherent for m in sample.layers if m.thickness)
+    for m in measurements:
+        quantities = set(m.quantity.tolist())
+        behind = sorted(quantities & {"T", "T_s", "T_p", "R_back"})
+        if sample.bare and sample.by_wavelength and behind:
+            # "glass_3mm.csv", "CLEAR_0.7 mm.dat"
+            thick_mm = re.search(r"(?<![\d.])(\d+(?:\.\d+)?) ?mm(?![a-z])", m.source, re.IGNORECASE)
+            named = f"; the file name says {thick_mm[1]} mm" if thick_mm else ""
+            raise ValueError(
+                f"{m.source}: cannot fit {', '.join(behind)} to one bare surface: transmittance "
+                "and light from the back are of a plate, whose thickness is needed. "
+                f"Give the sample 'air | free {thick_mm[1] if thick_mm else 3} mm thick | air'"
+                f'{named}. Or name the columns to be read: columns="angle=1,R_s=2".'
+            )
+        if sample.bare and "R_back" in quantities:
+            raise ValueError(
+                f"{m.source}: R_back is light from the other face, which a bare surface does not "
+                "have. Fit a plate, 'air | free 3 mm thick | air', or leave the column out."
+            )
+        if thick and quantities & {"psi", "delta"}:
+            raise ValueError(
+                f"{m.source}: psi and Delta of a plate with both faces are not fitted, since light "
+                "from its back face has no definite phase. Fit R and T, or one bare surface."
+            )
+        _check_wavelengths(m, sample)
+
+
+def _check_wavelengths(m: Measurement, sample: Sample) -> None:
+    """Raise ValueError where a wavelength is unknown, or beyond what is known of a material."""
+    dispersive = [x for x in sample.media if isinstance(x.index, Model) and x.text != "constant"]
+    named = [x for x in sample.media if isinstance(x.index, str) and not x.unknown]
+    if np.isnan(m.wavelength_um).any() and (sample.layers or dispersive or named):
+        what = "a layer acts" if sample.layers else f"the index of {(dispersive + named)[0]} varies"
+        raise ValueError(
+            f"{m.source}: {what} with the wavelength, which is not known here; give it "
+            "(wavelength_um)."
+        )
+    for medium in named:
+        known = lookup(str(medium.index)).range_um
+        low, high = float(np.nanmin(m.wavelength_um)), float(np.nanmax(m.wavelength_um))
+        if known is not None and not (known[0] <= low and high <= known[1]):
+            raise ValueError(
+                f"{m.source}: {medium.index} is known from {known[0]:g} to {known[1]:g} um; data "
+                f"from {low:g} to {high:g} um came. Leave the others out, or give a model."
+            )
+
+
+def index_outside(sample: Sample, wavelength_um: Any) -> Any:
+    """Return the index of the medium that the light comes from: a number, or at wavelengths."""
+    index = sample.media[0].index
+    if isinstance(index, complex):
+        return np.float64(index.real)
+    return np.asarray(material(str(index)).model.index(np.asarray(wavelength_um)).eta)
+
+
+def spectrum_of(measurements: Sequence[Measurement], sample: Sample) -> Spectrum:
+    """Return what the ranges of starts depend on."""
+    wavelength = np.concatenate([m.wavelength_um for m in measurements])
+    known = wavelength[np.isfinite(wavelength)]
+    low, high = (float(known.min()), float(known.max())) if len(known) else (1.0, 1.0)
+    ellipsometry = any(np.isin(m.quantity, ("psi", "delta")).any() for m in measurements)
+    outside = float(np.mean(index_outside(sample, known if len(known) else np.ones(1))))
+    return Spectrum(low, high, outside, sample.bare and not ellipsometry)
+
+
+class _Offered(NamedTuple):
+    """A parameter that a fit may have. quiet: shown only if something is said about it."""
+
+    parameter: Parameter
+    label: str
+    quiet: bool = False
+
+
+def _of_medium(medium: Medium, place: str, prefix: str, spectrum: Spectrum) -> list[_Offered]:
+    """Return the parameters of a medium: those of its index, and its thickness."""
+    out = []
+    model = medium.model
+    if isinstance(medium.index, complex):
+        eta, k = Model("constant", 1).parameters(spectrum)
+        for p, value in ((eta, medium.index.real), (k, medium.index.imag)):
+            out.append(_Offered(p._replace(name=f"{place}.{p.name}", held=value),
+                                f"{place}.{p.name}", True))  # fmt: skip
+    elif model is not None:
+        for p in model.parameters(spectrum):
+            out.append(_Offered(p._replace(name=f"{place}.{p.name}"), prefix + p.name))
+    if medium.thickness is not None:
+        d = medium.thickness
+        name, size = ("thickness_nm", 1e3) if d.coherent else ("thickness_um", 1.0)
+        ranged = d.low_um > 0.0
+        wide = 0.5 if d.coherent else 0.1
+        low, high = (d.low_um, d.high_um) if ranged else (0.0, 1e7)
+        start = (low, high) if ranged else ((1.0 - wide) * d.start_um, (1.0 + wide) * d.start_um)
+        out.append(_Offered(
+            Parameter(
+                f"{place}.{name}", d.unit, (start[0] * size, start[1] * size), low * size,
+                high * size, held=d.start_um * size if d.held else None,
+            ),
+            prefix + name,
+        ))  # fmt: skip
+    return out
+
+
+def media_of(sample: Sample) -> Media:
+    """Return what a compiled program must know of a sample."""
+    index: list[Model | str] = []
+    for medium in sample.media[1:]:
+        if isinstance(medium.index, complex):
+            index.append(Model("constant", 1))
+        elif medium.model is not None:
+            index.append(medium.model)
+        else:
+            index.append(str(medium.index))
+    coherent = tuple(m.thickness.coherent for m in sample.layers if m.thickness)
+    closed = sample.media[-1].index == sample.media[0].index
+    return Media(tuple(index), sample.places[1:], coherent, bool(coherent) and closed)
+
+
+def _of_instrument(settings: Settings, seen: Observations) -> list[_Offered]:
+    """Return the instrument parameters that are mentioned, one for each curve where they are."""
+    bare = {name.partition("[")[0] for name in settings.names}
+    powers = [c for c in seen.channels if c != NCS]
+    curves = sorted({
+        i for c, own in zip(seen.channels, seen.curves, strict=True) if c in powers for i in own
+    })  # fmt: skip
+    out = []
+    for name in INSTRUMENT:
+        if name not in bare:
+            continue
+        if name in (*PER_CURVE, "leak") and not powers:
+            raise ValueError(
+                f"{name} acts on powers (R, T), and only psi and Delta were measured; leave it out."
+            )
+        parameter = instrument_parameter(name)
+        if name not in PER_CURVE:
+            out.append(_Offered(parameter, name))
+            continue
+        for i in curves:
+            label = name if len(curves) == 1 else f"{name}[{seen.curve_names[i]}]"
+            out.append(_Offered(parameter._replace(name=f"{name}_{i}"), label))
+    return out
+
+
+def _said(table, label: str):
+    """Return what is said about a label, by itself or by its bare name; None for nothing."""
+    if label in table:
+        return table[label]
+    return table.get(label.partition("[")[0])
+
+
+def _unknown(parameter: Parameter, label: str, settings: Settings) -> tuple[Unknown, bool]:
+    """Return the unknown, and whether it is a constant (held and never asked to be free)."""
+    value = _said(settings.fixed, label)
+    low, high = parameter.low, parameter.high
+    bounds, prior = _said(settings.bounds, label), _said(settings.priors, label)
+    asked = label in settings.free or label.partition("[")[0] in settings.free
+    asked = asked or bounds is not None or prior is not None
+    if value is None and parameter.held is not None and not asked:
+        value = parameter.held
+    if value is not None:
+        if not low <= value <= high or (parameter.coordinate == LOG and value <= 0.0):
+            raise ValueError(
+                f"{label} is held at {value:g}; a value from {low:g} to {high:g} was wanted."
+            )
+        constant = parameter.held is not None and label.partition("[")[0] not in settings.variants
+        return Unknown(parameter, value, value), constant
+    if bounds is not None:
+        # Only where nothing is said the model's own range holds; 0 is an end for what has one.
+        floor = 0.0 if low >= 0.0 else -math.inf
+        least, most = max(bounds[0], floor), bounds[1]
+        least = low if math.isinf(bounds[0]) else least
+        most = high if math.isinf(most) else most
+        if not least < most:
+            raise ValueError(f"the range of {label} is {least:g} to {most:g}: nothing is left.")
+        low, high = least, most
+    return Unknown(parameter, low, high, prior), False
+
+
+def _by_label(settings: Settings, offered: Sequence[_Offered], sample: Sample) -> Settings:
+    """Return the settings with every name as it is shown, or raise ValueError for a strange one."""
+    known = {label for o in offered for label in (o.label, o.label.partition("[")[0])}
+    full = {o.parameter.name: o.label for o in offered if "." in o.parameter.name}
+    names = {name: full.get(name, name) for name in settings.names}
+    for name, label in names.items():
+        if label not in known:
+            shown = sorted({o.label for o in offered if not o.quiet} | set(INSTRUMENT))
+            raise ValueError(
+                f"the sample {str(sample)!r} has no parameter {name!r}; it has {', '.join(shown)}."
+            )
+    return Settings(
+        tuple(names[n] for n in settings.free),
+        {names[n]: v for n, v in settings.fixed.items()},
+        {names[n]: v for n, v in settings.bounds.items()},
+        {names[n]: v for n, v in settings.priors.items()},
+        {names[n]: (factor, names[of]) for n, (factor, of) in settings.tie.items()},
+        settings.variants,
+    )
+
+
+def unknowns(
+    sample: Sample, spectrum: Spectrum, settings: Settings, seen: Observations, loss: str
+) -> Unknowns:
+    """Return the unknowns of a fit, or raise ValueError for a name that it does not have."""
+    offered = _of_instrument(settings, seen)
+    media = zip(sample.media[1:], sample.places[1:], sample.prefixes[1:], strict=True)
+    offered = [o for m, p, x in media for o in _of_medium(m, p, x, spectrum)] + offered
+    said = _by_label(settings, offered, sample)
+    inside = {o.label: o.parameter.name for o in offered}
+    moving, held, tied = [], [], []
+    for o in offered:
+        if o.label in said.tie:
+            factor, of = said.tie[o.label]
+            if of in said.tie:
+                raise ValueError(f"{o.label} is tied to {of}, which is tied itself.")
+            if of not in inside:
+                raise ValueError(f"{o.label} is tied to {of}, which is several parameters.")
+            tied.append((o.parameter.name, factor, inside[of]))
+            continue
+        unknown, constant = _unknown(o.parameter, o.label, said)
+        (held if constant else moving).append(unknown)
+    spec = Spec(
+        media=media_of(sample),
+        channels=seen.channels,
+        moving=tuple(u.parameter.name for u in moving),
+        coordinates=tuple(u.parameter.coordinate for u in moving),
+        held=tuple(u.parameter.name for u in held),
+        curves=seen.curves,
+        tied=tuple(tied),
+        loss=loss,
+        priors=any(u.prior is not None for u in moving),
+    )
+    mentioned = {name.partition("[")[0] for name in said.names} | set(said.names)
+    labels = {
+        o.parameter.name: o.label for o in offered if not o.quiet or o.label in mentioned
+    }  # fmt: skip
+    units = {o.parameter.name: o.parameter.unit for o in offered}
+    return Unknowns(spec, tuple(moving), np.array([u.low for u in held]), labels, units)

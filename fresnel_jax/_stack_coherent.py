@@ -1,0 +1,265 @@
+"""Coherent films between two half-spaces: amplitudes and powers for s and p polarization.
+
+Media 0 ... L + 1 of index N_j, of which 0 and L + 1 are half-spaces; K = N_0 sin(theta) is the same
+in all. With Q_j^2 = N_j^2 - K^2 and g = 1 for s, g = N_j^2 / N_0^2 for p, a layer maps the
+tangential fields (U, W) at its far side to those at its near side, C and sigma as in `_stack_wave`:
+
+    U' = C U + sigma g W,        W' = C W + (Q^2 sigma / g) U.
+
+What is reflected is M = Q_0 U - W over Q_0 U + W. Formed by that subtraction, M would lose its
+digits wherever little is reflected (X-rays, index match, thick weak absorbers), so it is carried
+along, in a form that subtracts nothing that agrees:
+
+    M' = E M + sigma h ((Q / g) U + W),
+                                  h_s = -(N^2 - N_0^2) / (Q + Q_0),
+                                  h_p = (N^2 - N_0^2)(g Q_0^2 - K^2) / (N_0^2 (Q + g Q_0)).
+
+It starts at the far half-space with U = 1, W = Q / g, M = h / g. The fields are divided by a power
+of two in every layer, so that a mirror of a thousand layers overflows as little as one layer.
+
+Source of the matrices: M. Born and E. Wolf, Principles of Optics, 7th ed., sec. 1.6.2. For the
+roughness of a boundary: L. Nevot and P. Croce 1980, doi:10.1051/rphysap:01980001503076100.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array
+
+from ._arithmetic import (
+    Complex,
+    reciprocal_or_zero,
+    squared_modulus,
+    times,
+)
+from ._double_word import (
+    DoubleWord,
+    difference_of_squares,
+    negative,
+    product_squared,
+    total,
+    twice_product,
+)
+from ._stack_wave import Pair, Wave, choose, root, wave
+
+UNROLLED = 2  # up to so many layers are written out; more run through one loop
+
+
+class Ambient(NamedTuple):
+    """The half-space that the light comes from."""
+
+    n: Array
+    k: Array | None
+    q: Complex  # N_0 cos(theta)
+    q2: tuple[DoubleWord, DoubleWord | None]  # its square
+    transverse2: Complex  # K^2
+
+
+class Medium(NamedTuple):
+    """What a layer or half-space of index N is beside the ambient of index N_0."""
+
+    contrast: tuple[DoubleWord, DoubleWord | None]  # N^2 - N_0^2
+    n2: Complex  # N^2
+    g: Complex  # N^2 / N_0^2
+    per_g: Complex  # N_0^2 / N^2
+
+
+class Fields(NamedTuple):
+    """U, W, M and the product of all f, each for s and p, in units of a power of two."""
+
+    u: tuple[Pair, Pair]
+    w: tuple[Pair, Pair]
+    m: tuple[Pair, Pair]
+    f: tuple[Pair, Pair]
+
+
+def plus(z: Complex, w: Complex) -> Complex:
+    (a, b), (c, d) = z, w
+    if b is None or d is None:
+        return a + c, d if b is None else b
+    return a + c, b + d
+
+
+def minus(z: Complex, w: Complex) -> Complex:
+    return plus(z, (-w[0], None if w[1] is None else -w[1]))
+
+
+def scaled(scale: Any, z: Complex) -> Complex:
+    return scale * z[0], None if z[1] is None else scale * z[1]
+
+
+def inverse(z: Complex) -> Complex:
+    per = reciprocal_or_zero(squared_modulus(z))
+    return z[0] * per, None if z[1] is None else -z[1] * per
+
+
+def square(z: Complex) -> Complex:
+    a, b = z
+    if b is None:
+        return a * a, None
+    return (a - b) * (a + b), 2.0 * a * b
+
+
+def ambient(c: Array, n: Array, k: Array | None) -> Ambient:
+    s2 = (1.0 - c) * (1.0 + c)
+    nc = product_squared(n, c)
+    if k is None:
+        return Ambient(n, None, (n * c, None), (nc, None), (n * n * s2, None))
+    kc = product_squared(k, c)
+    cross = twice_product(n * c, k * c)
+    n2 = square((n, k))
+    return Ambient(n, k, (n * c, k * c), (total(nc, negative(kc)), cross), scaled(s2, n2))
+
+
+def medium(n: Array, k: Array | None, n0: Array, k0: Array | None) -> Medium:
+    re, im = difference_of_squares(n, n0), None
+    if k is not None:
+        re = total(re, negative(difference_of_squares(k, jnp.zeros_like(k) if k0 is None else k0)))
+        im = twice_product(n, k)
+        if k0 is not None:
+            im = total(im, negative(twice_product(n0, k0)))
+    n2, n02 = square((n, k)), square((n0, k0))
+    return Medium((re, im), n2, times(n2, inverse(n02)), times(n02, inverse(n2)))
+
+
+def normal_squared(here: Medium, front: Ambient) -> tuple[DoubleWord, DoubleWord | None]:
+    """Q^2 of a medium, (N^2 - N_0^2) + Q_0^2: exact for matched media, and at grazing incidence."""
+    (d_re, d_im), (a_re, a_im) = here.contrast, front.q2
+    if d_im is None or a_im is None:
+        im = d_im if a_im is None else a_im
+    else:
+        im = total(d_im, a_im)
+    return total(d_re, a_re), im
+
+
+def mismatches(here: Medium, front: Ambient, q: Pair) -> tuple[Pair, Pair]:
+    """h_s = Q_0 - Q and h_p = g Q_0 - Q, without the subtraction."""
+    contrast = (here.contrast[0][0], None if here.contrast[1] is None else here.contrast[1][0])
+    h_s = times(scaled(-1.0, contrast), inverse(plus(q, front.q)))
+    n02 = square((front.n, front.k))
+    y = minus(times(here.g, square(front.q)), front.transverse2)
+    below = plus(times(n02, q), times(here.n2, front.q))
+    return h_s, times(times(contrast, y), inverse(below))
+
+
+@jax.custom_jvp
+def _deviation(near, u, w, m, q_over_g, wave_e, step, u_new, w_new, q0):
+    """M' of one layer; near the layer's critical angle its derivative is that of Q_0 U' - W'."""
+    return plus(times(wave_e, m), times(step, plus(times(q_over_g, u), w)))
+
+
+@_deviation.defjvp
+def _deviation_jvp(primals, tangents):
+    near, u, w, m, q_over_g, wave_e, step, u_new, _, q0 = primals
+    _, du, dw, dm, dq_over_g, dwave_e, dstep, du_new, dw_new, dq0 = tangents
+    down = plus(times(q_over_g, u), w)
+    d_down = plus(plus(times(dq_over_g, u), times(q_over_g, du)), dw)
+    far = plus(
+        plus(times(dwave_e, m), times(wave_e, dm)), plus(times(dstep, down), times(step, d_down))
+    )
+    close = minus(plus(times(q0, du_new), times(dq0, u_new)), dw_new)
+    return plus(times(wave_e, m), times(step, down)), choose(near, close, far)
+
+
+def _power_of_two_below(x: Array) -> Array:
+    """1 / 2^e with 2^e <= x < 2^(e + 1), by the bits of the float; x > 0."""
+    bits, field = (jnp.int64, 0x7FF) if x.dtype == jnp.float64 else (jnp.int32, 0xFF)
+    shift = 52 if bits == jnp.int64 else 23
+    exponent = lax.bitcast_convert_type(lax.stop_gradient(x), bits) & bits(field << shift)
+    exponent = jnp.clip(exponent, bits(1 << shift), bits((field - 2) << shift))
+    return lax.bitcast_convert_type(bits((field - 1) << shift) - exponent, x.dtype)
+
+
+def _rescaled(u, w, m, f):
+    size = jnp.maximum(
+        jnp.maximum(jnp.abs(u[0]), jnp.abs(u[1])), jnp.maximum(jnp.abs(w[0]), jnp.abs(w[1]))
+    )
+    scale = _power_of_two_below(size)
+    return scaled(scale, u), scaled(scale, w), scaled(scale, m), scaled(scale, f)
+
+
+def layer_wave(here: Medium, x: DoubleWord, front: Ambient) -> Wave:
+    re, im = normal_squared(here, front)
+    return wave(re, im, x, squared_modulus(front.q))
+
+
+def through_layer(fields: Fields, here: Medium, layer: Wave, front: Ambient) -> Fields:
+    """The fields at the near side of a layer from those at its far side."""
+    h_s, h_p = mismatches(here, front, layer.q)
+    sigma, out = layer.sine_over_q, []
+    for polarization, h in enumerate((h_s, h_p)):
+        u, w, m, f = (z[polarization] for z in fields)
+        g_sigma, sine, q_over_g = sigma, layer.q_sine, layer.q
+        if polarization == 1:
+            g_sigma, sine = times(here.g, sigma), times(here.per_g, sine)
+            q_over_g = times(here.per_g, layer.q)
+        u_new = plus(times(layer.cosine, u), times(g_sigma, w))
+        w_new = plus(times(layer.cosine, w), times(sine, u))
+        q0 = (front.q[0], jnp.zeros_like(front.q[0]) if front.q[1] is None else front.q[1])
+        m_new = _deviation(
+            layer.near_critical,
+            u,
+            w,
+            m,
+            q_over_g,
+            layer.round_trip,
+            times(sigma, h),
+            u_new,
+            w_new,
+            q0,
+        )
+        out.append(_rescaled(u_new, w_new, m_new, times(f, layer.passage)))
+    return Fields(*zip(*out, strict=True))
+
+
+@jax.custom_jvp
+def outgoing_root(re: DoubleWord, im: DoubleWord | None) -> Pair:
+    """Q of the wave that leaves through a half-space: Re Q + Im Q >= 0; derivative 0 at Q = 0."""
+    (a, _), (b, _) = root(re, im)
+    backward = a + b < 0.0
+    return jnp.where(backward, -a, a), jnp.where(backward, -b, b)
+
+
+@outgoing_root.defjvp
+def _outgoing_root_jvp(primals, tangents):
+    q = outgoing_root(*primals)
+    (d_re, _), d_im = tangents
+    dq2 = (d_re, jnp.zeros_like(d_re) if d_im is None else d_im[0])
+    return q, scaled(0.5, times(inverse(q), dq2))
+
+
+def far_fields(here: Medium, front: Ambient) -> tuple[Pair, Fields]:
+    """Q of the far half-space, and the fields of the wave that leaves through it."""
+    q = outgoing_root(*normal_squared(here, front))
+    h_s, h_p = mismatches(here, front, q)
+    one = (jnp.ones_like(q[0]), jnp.zeros_like(q[0]))
+    return q, Fields(
+        u=(one, one),
+        w=(q, times(here.per_g, q)),
+        m=(h_s, times(here.per_g, h_p)),
+        f=(one, one),
+    )
+
+
+def normal_flux(q: Complex, transverse2: Complex, n2: Complex) -> tuple[Array, Array]:
+    """Re Q and Re(Q / N^2): power along the normal of a wave of unit E_s, or unit H_p."""
+    p = q[0] * (squared_modulus(q) + transverse2[0])
+    if q[1] is not None and transverse2[1] is not None:
+        p = p + q[1] * transverse2[1]
+    return q[0], p * reciprocal_or_zero(squared_modulus(n2))
+
+
+def denominators(fields: Fields, front: Ambient) -> tuple[Pair, Pair]:
+    """Q_0 U + W for s and p: twice Q_0 times the amplitude that comes in."""
+    s, p = (plus(times(front.q, u), w) for u, w in zip(fields.u, fields.w, strict=True))
+    return s, p
+
+
+def reflected(fields: Fields, front: Ambient) -> tuple[list[Complex], list[Complex]]:
+    """r_s, r_p, and f / (Q_0 U + W) for s and p."""
+    inverses = [inverse(z) for z in denominators(fields, front)]
+    r = [times(m, per) for m, per in zip(fields.m, inverses, strict=True)]
+    through = [times(f, per) for f, per in zip(fields.f, inverses, strict=True)]
+    return r, through

@@ -1,0 +1,201 @@
+"""The wave in one layer of a stack: its normal wavevector, phase and attenuation.
+
+With Q = N cos(theta), the normal wavevector over k_0 (Im Q >= 0), kappa = k_0 thickness and
+delta = kappa Q, a layer is the matrix [[cos(delta), -i sin(delta) / Q], [-i Q sin(delta),
+cos(delta)]] of its tangential fields. Its entries grow as exp(Im delta) and are even in Q. Here all
+are multiplied by f = exp(i delta), so that none exceeds 1:
+
+    C = f cos(delta) = (1 + E) / 2,     sigma = -i f sin(delta) / Q = (1 - E) / (2 Q),    E = f^2.
+
+The phase: kappa Q = 2 pi (thickness / wavelength) Q is formed in turns, with thickness / wavelength
+and Q to twice the digits, and the whole turns are dropped before sine and cosine.
+
+Derivatives: f cancels from every reflectance, and what is left is analytic in Q^2 although Q is
+not. Where Q is small, at the layer's own critical angle, f is therefore held constant: dQ does not
+occur in the derivatives of C and sigma with respect to Q^2, which stay finite and exact at Q = 0.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ._arithmetic import complex_sqrt, fast_two_sum, reciprocal_or_zero, times
+from ._double_word import DoubleWord, root_correction, root_of_real, two_product
+
+Pair = tuple[Array, Array]  # real and imaginary part
+
+
+class Wave(NamedTuple):
+    q: Pair
+    round_trip: Pair  # E
+    cosine: Pair  # C
+    sine_over_q: Pair  # sigma
+    q_sine: Pair  # Q^2 sigma
+    passage: Pair  # f
+    near_critical: Array  # where f is held constant in derivatives
+
+
+def root(re: DoubleWord, im: DoubleWord | None) -> tuple[DoubleWord, DoubleWord]:
+    """The root a + ib with b >= 0 of re + i im, to twice the digits."""
+    if im is None:
+        return root_of_real(re)
+    a, b = complex_sqrt(re[0], jnp.abs(im[0]))
+    a = jnp.where(im[0] < 0.0, -a, a)
+    a_low, b_low = root_correction(re, im, a, b, reciprocal_or_zero(a * a + b * b))
+    return (a, a_low), (b, b_low)
+
+
+def _turns(x: DoubleWord, q: DoubleWord) -> DoubleWord:
+    product, error = two_product(x[0], q[0])
+    return product, error + (x[0] * q[1] + x[1] * q[0])
+
+
+def _fraction(turns: DoubleWord) -> Array:
+    """The turns less the nearest whole number."""
+    fraction = (turns[0] - jnp.round(turns[0])) + turns[1]
+    return fraction - jnp.round(fraction)
+
+
+def _sine_cosine(fraction: Array) -> Pair:
+    angle = (2.0 * jnp.pi) * fraction
+    return jnp.sin(angle), jnp.cos(angle)
+
+
+def _two_pi(dtype) -> tuple[float, float]:
+    high = float(np.asarray(2.0 * np.pi, dtype))
+    # 2 pi less its float64 value; in float32 the float64 value has digits enough.
+    low = 2.4492935982947064e-16 if dtype == jnp.float64 else 2.0 * 3.141592653589793 - high
+    return high, low
+
+
+def _decay(turns: DoubleWord) -> tuple[Array, Array]:
+    """exp(-2 pi turns) for turns >= 0, with a relative error that does not grow; and 2 pi turns."""
+    high, low = _two_pi(turns[0].dtype)
+    product, error = two_product(turns[0], jnp.full_like(turns[0], high))
+    depth, rest = fast_two_sum(product, error + (turns[0] * low + turns[1] * high))
+    return jnp.exp(-depth) * (1.0 - rest), depth
+
+
+@jax.custom_jvp
+def wave(re: DoubleWord, im: DoubleWord | None, x: DoubleWord, ambient2: Array) -> Wave:
+    """The wave of Q^2 = re + i im in a layer of x = thickness / wavelength.
+
+    ambient2 is |Q|^2 of the medium before the stack: it decides where `near_critical` starts.
+    """
+    a, b = root(re, im)
+    sine, cosine = _sine_cosine(_fraction(_turns(x, a)))
+    decay, depth = _decay(_turns(x, b))
+    (a, _), (b, _), kappa = a, b, (2.0 * jnp.pi) * x[0]
+    q2_abs = a * a + b * b
+    per_q2 = reciprocal_or_zero(q2_abs)
+    intensity = decay * decay
+    twice_sine2 = 2.0 * (sine * sine)
+    twice_sine_cosine = intensity * (2.0 * (sine * cosine))
+    round_trip = (intensity * (1.0 - twice_sine2), twice_sine_cosine)
+    # 1 - E as a sum of positive numbers
+    rest = (intensity * twice_sine2 - jnp.expm1(-2.0 * depth), -twice_sine_cosine)
+    over_q = times(rest, (0.5 * a * per_q2, -0.5 * b * per_q2))
+    critical = q2_abs == 0.0
+    sine_over_q = (jnp.where(critical, 0.0, over_q[0]), jnp.where(critical, -kappa, over_q[1]))
+    return Wave(
+        q=(a, b),
+        round_trip=round_trip,
+        cosine=(1.0 - 0.5 * rest[0], -0.5 * rest[1]),
+        sine_over_q=sine_over_q,
+        q_sine=times((0.5 * a, 0.5 * b), rest),
+        passage=(decay * cosine, decay * sine),
+        near_critical=(4.0 * q2_abs < ambient2) & (kappa * kappa * q2_abs < 1.0),
+    )
+
+
+# (cos(z) - sin(z) / z) / z^2 = sum of these times z^(2k): -2 (k + 1) (-1)^k / (2 k + 3)!
+_SERIES = tuple(
+    -((-1.0) ** k) * 2.0 * (k + 1) / float(factorial)
+    for k, factorial in enumerate(
+        (
+            6,
+            120,
+            5040,
+            362880,
+            39916800,
+            6227020800,
+            1307674368000,
+            355687428096000,
+            121645100408832000,
+        )
+    )
+)
+
+
+def _sine_derivative_series(z: Pair) -> Pair:
+    total = (jnp.full_like(z[0], _SERIES[-1]), jnp.zeros_like(z[0]))
+    for coefficient in _SERIES[-2::-1]:
+        re, im = times(total, z)
+        total = (re + coefficient, im)
+    return total
+
+
+def _scaled(scale: Array, z: Pair) -> Pair:
+    return scale * z[0], scale * z[1]
+
+
+def _plus(z: Pair, w: Pair) -> Pair:
+    return z[0] + w[0], z[1] + w[1]
+
+
+def _minus_i_times(z: Pair) -> Pair:
+    return z[1], -z[0]
+
+
+def choose(condition: Array, z: Pair, w: Pair) -> Pair:
+    return jnp.where(condition, z[0], w[0]), jnp.where(condition, z[1], w[1])
+
+
+@wave.defjvp
+def _wave_jvp(primals, tangents):
+    out = wave(*primals)
+    re, im, x, _ = primals
+    d_re, d_im, d_x, _ = tangents
+    q2 = (re[0], jnp.zeros_like(re[0]) if im is None else im[0])
+    dq2 = (d_re[0], jnp.zeros_like(re[0]) if im is None else d_im[0])
+    kappa, d_kappa = (2.0 * jnp.pi) * x[0], (2.0 * jnp.pi) * d_x[0]
+    near, (a, b) = out.near_critical, out.q
+    zero = jnp.zeros_like(a)
+
+    per_q2 = jnp.where(near, 0.0, reciprocal_or_zero(a * a + b * b))
+    per_q = (a * per_q2, -b * per_q2)
+    dq = times(_scaled(jnp.asarray(0.5, a.dtype), per_q), dq2)
+    d_delta = _plus(_scaled(d_kappa, out.q), _scaled(kappa, dq))
+    d_log_f = choose(near, (zero, zero), (-d_delta[1], d_delta[0]))
+    d_passage = times(d_log_f, out.passage)
+    d_round_trip = _scaled(jnp.asarray(2.0, a.dtype), times(d_log_f, out.round_trip))
+
+    half_kappa = 0.5 * kappa
+    d_delta_q = _plus(_scaled(d_kappa, q2), _scaled(half_kappa, dq2))  # Q d(delta)
+    d_cosine_near = _minus_i_times(times(out.sine_over_q, d_delta_q))
+    z = _scaled(kappa * kappa, q2)
+    outside = jnp.where(near, 1.0, 0.0)
+    series = _sine_derivative_series(_scaled(outside, z))
+    slope = _scaled(half_kappa * (kappa * kappa) * outside, times(series, out.passage))
+    d_sine_near = _minus_i_times(_plus(_scaled(d_kappa, out.cosine), times(slope, dq2)))
+    d_sine_far = _scaled(
+        jnp.asarray(-1.0, a.dtype),
+        times(
+            per_q,
+            _plus(_scaled(jnp.asarray(0.5, a.dtype), d_round_trip), times(out.sine_over_q, dq)),
+        ),
+    )
+    d_sine = choose(near, d_sine_near, d_sine_far)
+    tangent = Wave(
+        q=dq,
+        round_trip=d_round_trip,
+        cosine=choose(near, d_cosine_near, _scaled(jnp.asarray(0.5, a.dtype), d_round_trip)),
+        sine_over_q=d_sine,
+        q_sine=_plus(times(out.sine_over_q, dq2), times(q2, d_sine)),
+        passage=d_passage,
+        near_critical=jnp.zeros(near.shape, jax.dtypes.float0),
+    )
+    return out, tangent

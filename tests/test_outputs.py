@@ -1,0 +1,190 @@
+"""Results never replace a measurement, go where they were asked for, and survive a kill."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from fitting import cli
+from fitting.output import outputs
+from fitting.output.outputs import MARK, OutputError, Outputs, refuse_repeats
+
+ROOT = Path(__file__).resolve().parents[1]
+SPECTRUM = "wavelength_nm,R\n400,0.3\n500,0.4\n"
+
+
+@pytest.fixture(autouse=True)
+def no_fit(monkeypatch):
+    """Nothing here fits: what is wrong with a place is found before."""
+    monkeypatch.setattr(cli, "_fit", lambda *_: pytest.fail("fitted before the place was refused"))
+
+
+def refused(capsys, *arguments):
+    assert cli.main([str(a) for a in arguments]) == 2
+    return capsys.readouterr().err
+
+
+def contents(folder):
+    return {path.name: path.read_text() for path in folder.iterdir()}
+
+
+def test_a_result_whose_name_is_derived_replaces_no_measurement(tmp_path, capsys):
+    (tmp_path / "x.index.csv").write_text(SPECTRUM)
+    (tmp_path / "other.csv").write_text(SPECTRUM.replace("400", "410"))
+    before = contents(tmp_path)
+    for files in (["x.index.csv"], ["other.csv", "x.index.csv"]):
+        paths = [tmp_path / file for file in files]
+        said = refused(capsys, *paths, "--csv", tmp_path / "x.csv")
+        assert "x.index.csv is the measurement itself" in said
+    assert contents(tmp_path) == before
+
+
+def test_a_report_replaces_no_measurement(tmp_path, capsys):
+    """`fresnel-fit a.csv data.csv --report .`: data.csv is also a name of the report's."""
+    for name in ("a.csv", "data.csv"):
+        (tmp_path / name).write_text(SPECTRUM)
+    before = contents(tmp_path)
+    files = (tmp_path / "a.csv", tmp_path / "data.csv")
+    assert "--overwrite" in refused(capsys, *files, "--report", tmp_path)
+    assert "measurement itself" in refused(capsys, *files, "--report", tmp_path, "--overwrite")
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("link", [os.link, os.symlink])
+def test_a_measurement_is_known_by_any_name(tmp_path, capsys, link):
+    (tmp_path / "a.csv").write_text(SPECTRUM)
+    (tmp_path / "b.csv").write_text(SPECTRUM)
+    link(tmp_path / "b.csv", tmp_path / "c.json")
+    said = refused(capsys, tmp_path / "a.csv", tmp_path / "b.csv", "--json", tmp_path / "c.json")
+    assert "measurement itself" in said
+    assert (tmp_path / "b.csv").read_text() == SPECTRUM
+
+
+def test_a_measurement_on_standard_input_is_known_too(tmp_path):
+    (tmp_path / "a.csv").write_text(SPECTRUM)
+    code = (
+        "import sys; from fitting.output.outputs import Outputs\n"
+        "with Outputs() as outputs: outputs.open(sys.argv[1], inputs=['-'])"
+    )
+    with open(tmp_path / "a.csv") as file:
+        done = subprocess.run(
+            [sys.executable, "-c", code, str(tmp_path / "a.csv")],
+            stdin=file, capture_output=True, text=True, cwd=ROOT,
+        )  # fmt: skip
+    assert "measurement itself" in done.stderr
+
+
+def test_one_measurement_given_twice_is_refused(tmp_path, capsys):
+    (tmp_path / "a.csv").write_text(SPECTRUM)
+    os.link(tmp_path / "a.csv", tmp_path / "b.csv")
+    assert "count twice" in refused(capsys, tmp_path / "a.csv", tmp_path / "b.csv")
+    refuse_repeats(["-", str(tmp_path / "a.csv"), str(tmp_path / "none.csv")])
+
+
+def publish(folder, **options):
+    with Outputs() as staged:
+        place = staged.folder(folder, flag="--report", **options)
+        staged.open(place / "fit.json").write_text("new")
+        staged.publish()
+
+
+def test_a_report_goes_into_a_new_an_empty_or_its_own_folder(tmp_path):
+    empty, own, strange = (tmp_path / name for name in ("empty", "own", "strange"))
+    empty.mkdir()
+    strange.mkdir()
+    (strange / "fit.json").write_text("a stranger's")
+    for folder in (empty, own, own):
+        publish(folder)
+        assert contents(folder) == {"fit.json": "new", MARK: ""}
+    with pytest.raises(OutputError, match=r"--report .*no report made \(fit.json\).*--overwrite"):
+        publish(strange)
+    assert contents(strange) == {"fit.json": "a stranger's"}
+    publish(strange, overwrite=True)
+    assert contents(strange) == {"fit.json": "new"}
+    with pytest.raises(OutputError, match="no report made"):
+        publish(strange)  # it is still a stranger's
+
+
+def test_content_is_on_the_disk_before_it_takes_its_name(tmp_path, monkeypatch):
+    events = []
+    fsync, replace = os.fsync, os.replace
+    monkeypatch.setattr(os, "fsync", lambda fd: (events.append(os.fstat(fd).st_ino), fsync(fd)))
+    monkeypatch.setattr(os, "replace", lambda a, b: (events.append("name"), replace(a, b)))
+    with Outputs() as staged:
+        staged.open(tmp_path / "a").write_text("new")
+        staged.publish()
+    assert events == [(tmp_path / "a").stat().st_ino, "name", tmp_path.stat().st_ino]
+
+
+def test_names_of_any_length_can_be_written(tmp_path):
+    name = "\u20ac" * 85  # 255 bytes, the most that a file system takes
+    with Outputs() as staged:
+        staged.open(tmp_path / name).write_text("new")
+        staged.publish()
+    assert contents(tmp_path) == {name: "new"}
+
+
+@pytest.mark.skipif(outputs.fcntl is None, reason="this system has no locks to tell the dead by")
+def test_what_a_killed_run_left_is_removed_by_the_next(tmp_path):
+    code = (
+        "import os, signal, sys; from fitting.output.outputs import Outputs\n"
+        "outputs = Outputs(); outputs.open(sys.argv[1]).write_text('half')\n"
+        "os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    arguments = [sys.executable, "-c", code, str(tmp_path / "a")]
+    assert subprocess.run(arguments, cwd=ROOT, check=False).returncode == -signal.SIGKILL
+    assert len(contents(tmp_path)) == 1
+    (tmp_path / ".fresnel-fit-notes.part").write_text("not ours")
+    with Outputs() as running, Outputs() as other:
+        running.open(tmp_path / "b").write_text("b")  # cleans, and is on its way itself
+        other.open(tmp_path / "c").write_text("c")
+        running.publish()
+        other.publish()
+    assert contents(tmp_path) == {"b": "b", "c": "c", ".fresnel-fit-notes.part": "not ours"}
+
+
+def test_a_folder_that_a_killed_run_made_is_empty_again(tmp_path):
+    (tmp_path / "r").mkdir()
+    (tmp_path / "r" / (".fresnel-fit-" + "0" * 16 + ".part")).write_text("half")
+    publish(tmp_path / "r")
+    assert contents(tmp_path / "r") == {"fit.json": "new", MARK: ""}
+
+
+_WRITER = """
+import sys
+from pathlib import Path
+from fitting.output.outputs import Outputs
+
+print("ready", flush=True)
+for run in range(10**9):
+    with Outputs() as outputs:
+        folder = outputs.folder(sys.argv[1])
+        for name in ("a", "b", "c"):
+            outputs.open(folder / name).write_text(f"{run:09d}" * 20_000)
+        outputs.publish()
+"""
+
+
+@pytest.mark.skipif(outputs.fcntl is None, reason="this system has no locks to tell the dead by")
+def test_killed_at_any_moment_every_file_is_whole(tmp_path):
+    """FRESNEL_KILLS sets how many kills (default 12)."""
+    for kill in range(int(os.environ.get("FRESNEL_KILLS", "12"))):
+        folder = tmp_path / str(kill % 3)
+        writer = subprocess.Popen(
+            [sys.executable, "-c", _WRITER, str(folder)], stdout=subprocess.PIPE, cwd=ROOT
+        )
+        writer.stdout.readline()
+        time.sleep(0.02 * (kill % 7) + 0.003 * kill % 0.05)
+        writer.kill()
+        writer.wait()
+        writer.stdout.close()
+        for name in ("a", "b", "c"):
+            if (folder / name).exists():
+                text = (folder / name).read_text()
+                assert len(text) == 180_000 and text == text[:9] * 20_000
+        publish(folder)  # takes the folder for a report's own, and removes the leftovers
+        assert {p.name for p in folder.iterdir()} <= {"a", "b", "c", "fit.json", MARK}
