@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .fits import fit_many as fit_many
     from .measurement import Measurement as Measurement
     from .measurement import read_csv as read_csv
+    from .own_residuals import fit_residuals as fit_residuals
     from .predictions import simulate as simulate
     from .result import Fit as Fit
     from .sample import Sample as Sample
@@ -32,6 +33,7 @@ _HOME = {
     "choose": "selection",
     "fit": "fits",
     "fit_many": "fits",
+    "fit_residuals": "own_residuals",
     "model_names": "dispersion",
     "read_csv": "measurement",
     "simulate": "predictions",

@@ -53,6 +53,10 @@ class Evaluated(NamedTuple):
         """Return itself: it is of one fit."""
         return self
 
+    def widened(self, factor: np.ndarray) -> Evaluated:
+        """Return the same with all errors times a factor (1,)."""
+        return self._replace(covariance=self.covariance * factor[0] ** 2)
+
 
 class EachWavelength(NamedTuple):
     """The evaluators of many wavelengths, each fitted by itself, in rising order."""
@@ -99,6 +103,11 @@ class EachWavelength(NamedTuple):
     def at(self, index: tuple[int, ...]) -> Evaluator:
         """Return the evaluator of one wavelength."""
         return self.each[index[0]]
+
+    def widened(self, factor: np.ndarray) -> EachWavelength:
+        """Return the same with the errors of each wavelength times its factor, (W,)."""
+        wide = (e.widened(f[None]) for e, f in zip(self.each, factor, strict=True))
+        return self._replace(each=tuple(wide))
 
 
 def points_of(angle_deg: Any, quantity: Any, wavelength_um: Any = None) -> Measurement:

@@ -30,9 +30,11 @@ from fitting.sample import Sample
 from fitting.search import ERRORS, Asked, Solving, solved
 from fitting.starts import given_start, start_at, usual_starts
 from fitting.starts import starts as start_points
+from fitting.stated_errors import with_common_error
 from fitting.uncertainty.intervals import check_intervals
 from fitting.unknowns import check_quantities, index_outside, spectrum_of, unknowns
 from fitting.wavelengths import fit_wavelengths
+from fitting.widening import widened
 
 
 def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
@@ -117,6 +119,24 @@ def fit_checked(
         joined = concatenate(*measurements)
         return fit_bare_surface(joined, sample, asked.errors, asked.intervals, begin[1])
     check_quantities(measurements, sample)
+    found = _general(measurements, sample, settings, asked, begin)
+
+    def again(several: Sequence[Measurement], intervals: str) -> Fit:
+        return _general(several, sample, settings, asked._replace(intervals=intervals), begin)
+
+    if not settings.priors:
+        found = with_common_error(again, measurements, found, asked.errors, asked.intervals)
+    return widened(found) if asked.errors == "auto" else found
+
+
+def _general(
+    measurements: Sequence[Measurement],
+    sample: Sample,
+    settings: Settings,
+    asked: Asked,
+    begin: tuple[int | None, Mapping[str, Any] | None],
+) -> Fit:
+    """Return the fit of a general sample, with its stated errors or one factor on them."""
     waves = np.unique(np.concatenate([m.wavelength_um for m in measurements]))
     plain = asked.loss == "squares" and not settings.names and begin == (None, None)
     if sample.by_wavelength and (len(waves) > 1 or plain):

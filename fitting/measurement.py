@@ -12,12 +12,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from fitting.checks import EXCURSION_SIGMAS, Data, check_data, hint_for
+from fitting.checks import EXCURSION_SIGMAS, check_data, hint_for
 from fitting.errors import MeasurementError as MeasurementError
 from fitting.errors import place
+from fitting.from_arrays import Units, from_arrays
 from fitting.reader.columns import choose_columns
 from fitting.reader.lines import read_lines
 from fitting.reader.longform import long_columns
@@ -74,66 +76,64 @@ class Measurement:
         *,
         sigma: object = None,
         polarizer_deg: object = None,
+        angle_unit: str = "deg",
+        wavelength_unit: str = "um",
+        scale: float = 1.0,
         source: str = "arrays",
         **values: object,
     ) -> Measurement:
         """Return the checked measurement held by arrays of one length (or scalars).
 
-        angle_deg: degrees of incidence, 0 to 90.
-        wavelength_um: micrometres, above 0; None where unknown.
-        sigma: standard errors above 0: one number or array for all quantities, or a mapping
-            from quantity to one; None where unknown.
-        polarizer_deg: see :class:`Measurement`.
-        values: one array per quantity, named as in ``QUANTITIES``: ``R_s=..., R_p=...``. NaN is a
-            gap and leaves the datum out.
-        Raises MeasurementError for an unknown name, unequal lengths, or a value out of its range.
+        Args:
+            angle_deg: angles of incidence, 0 to 90 degrees, or in ``angle_unit``.
+            wavelength_um: micrometres above 0, or in ``wavelength_unit``; None where unknown.
+            sigma: standard errors above 0: one number or array for all quantities, or a mapping
+                from quantity to one; None where unknown.
+            polarizer_deg: see :class:`Measurement`.
+            angle_unit: deg, rad, mrad, grazing-deg, ... as in :func:`read_csv`.
+            wavelength_unit: um, nm, angstrom, eV, cm-1, THz, mm or keV.
+            scale: factor that makes powers (and their errors) fractions: 0.01 for percent.
+            values: one array per quantity, named as in ``QUANTITIES``: ``R_s=..., R_p=...``. NaN
+                is a gap and leaves the datum out.
+
+        Returns: a `Measurement` whose ``understood`` says the ranges that were taken.
+
+        Raises:
+            MeasurementError: for an unknown name, unequal lengths, or a value out of its range.
         """
-        unknown = [name for name in values if name not in QUANTITIES]
-        if unknown or not values:
-            came = f"there is no quantity {unknown[0]}" if unknown else "no values came"
+        data, understood = from_arrays(
+            [angle_deg, wavelength_um, polarizer_deg], values, sigma, source,
+            Units(angle_unit, wavelength_unit, float(scale)),
+        )  # fmt: skip
+        return Measurement(*map(_frozen, data), source=source, understood=understood)
+
+    @staticmethod
+    def from_dataframe(table: Mapping[str, object], **options: Any) -> Measurement:
+        """Return the measurement held by a table with named columns.
+
+        Args:
+            table: a pandas, polars or any other table with ``keys()`` and ``[name]``; a mapping.
+                Columns "angle_deg", "wavelength_um" (or "wavelength_nm"), "polarizer_deg", the
+                names in ``QUANTITIES``, and "sigma_" before one; others are left alone.
+            options: as for :meth:`from_columns`; they win over columns.
+        """
+        columns: dict[str, Any] = {}
+        sigma: dict[str, Any] = {}
+        for name in map(str, table.keys()):
+            if name in (*QUANTITIES, "angle_deg", "wavelength_um", "polarizer_deg"):
+                columns[name] = np.asarray(table[name])
+            elif name == "wavelength_nm":
+                columns["wavelength_um"] = np.asarray(table[name])
+                columns["wavelength_unit"] = "nm"
+            elif name.removeprefix("sigma_") in QUANTITIES:
+                sigma[name.removeprefix("sigma_")] = np.asarray(table[name])
+        if "angle_deg" not in {**columns, **options}:
             raise MeasurementError(
-                f"{source}: {came}; give one or more of {', '.join(QUANTITIES)}."
+                "the table has no column angle_deg; rename it, or give angle_deg=..."
             )
-        names = list(values)
-        sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(names, sigma)
-        stray = [name for name in sigmas if name not in values]
-        if stray:
-            raise MeasurementError(f"{source}: sigma has {stray[0]}, the values do not.")
-        columns = [angle_deg, wavelength_um, polarizer_deg]
-        columns += [sigmas.get(name) for name in names] + [values[name] for name in names]
-        try:
-            arrays = [np.asarray(np.nan if c is None else c, dtype=np.float64) for c in columns]
-            length = np.broadcast_shapes((1,), *(a.shape for a in arrays))
-            if len(length) != 1:
-                raise ValueError(f"{len(length)} dimensions came")
-            angle, wavelength, polarizer, *rest = (np.broadcast_to(a, length) for a in arrays)
-        except (ValueError, TypeError) as error:
-            raise MeasurementError(
-                f"{source}: the columns must be numbers of one length ({error})."
-            ) from error
-        count = len(names)
-        sigma_all, value_all = np.concatenate(rest[:count]), np.concatenate(rest[count:])
-        kept = np.flatnonzero(~np.isnan(value_all))
-        rows = length[0]
-
-        def where(i: int, role: str) -> str:
-            name = {"value": "", "sigma": "sigma of "}.get(role, f"{role} of ") + names[
-                kept[i] // rows
-            ]
-            return f"{source}, {name}[{kept[i] % rows}]"
-
-        data = Data(
-            np.tile(angle, count)[kept],
-            np.tile(wavelength, count)[kept],
-            np.repeat(np.array(names), rows)[kept],
-            value_all[kept],
-            sigma_all[kept],
-            np.tile(polarizer, count)[kept],
+        return Measurement.from_columns(
+            **{**columns, **({"sigma": sigma} if sigma else {}), "source": "table", **options}
         )
-        percent = "Powers are fractions: divide percent by 100."
-        check_data(source, data, where, lambda i: percent if data.value[i] > 1.0 else "")
-        text = f"took {len(kept)} values of {', '.join(names)} from arrays"
-        return Measurement(*map(_frozen, data), source=source, understood=text)
 
 
 def _arrays(m: Measurement) -> tuple[np.ndarray, ...]:

@@ -22,7 +22,7 @@ from fitting.instrument import cosines, detected
 from fitting.parameters import to_parameter
 from fresnel_jax import powers
 from fresnel_jax.dispersion import material
-from fresnel_jax.layers import slab
+from fresnel_jax.layers import slab, stack
 from fresnel_jax.polarization import ellipsometric_ratio
 
 POWERS = ("R_s", "R_p", "R", "R_back", "T_s", "T_p", "T")
@@ -142,10 +142,30 @@ def boundary(
     spec: Spec, c: Array, index: list[tuple[Array, Array]], v: Mapping[str, Array],
     points: Points, eta_i: Any,
 ) -> Any:  # fmt: skip
-    """Return R_s, R_p, T_s and T_p of the sample at cosines c (Q, M, L)."""
+    """Return R_s, R_p, T_s and T_p of the sample at cosines c (Q, M, L); of films also r_s, r_p."""
     if spec.media.bare:
         return powers(c, *index[0], eta_i)
-    return slab(c, *index[0], thickness_um(spec, v, 0), points.wavelength_um, eta_i)
+    if not all(spec.media.coherent):
+        return slab(c, *index[0], thickness_um(spec, v, 0), points.wavelength_um, eta_i)
+    shape = index[0][0].shape
+    outside = jnp.broadcast_to(jnp.asarray(eta_i, index[0][0].dtype), shape)
+    media = [jax.lax.complex(outside, jnp.zeros_like(outside))]
+    media += [jax.lax.complex(n, k) for n, k in index]
+    depth = [thickness_um(spec, v, i) for i in range(len(spec.media.coherent))]
+    return stack(c, jnp.stack(media), jnp.stack(depth)[:, None], points.wavelength_um)
+
+
+def _ellipsometry(
+    spec: Spec, c: Array, index: list[tuple[Array, Array]], both: Any, eta_i: Any
+) -> tuple[Array, Array, Array]:
+    """Return cos 2psi, sin 2psi cos Delta and sin 2psi sin Delta at cosines c (Q, M, L)."""
+    if spec.media.bare:
+        rho = ellipsometric_ratio(c, *index[0], eta_i)
+        share = 2.0 / (1.0 + rho.real**2 + rho.imag**2)
+        return share - 1.0, rho.real * share, -rho.imag * share
+    # By products of amplitudes: r_s may be 0.
+    cross, total = both.r_p * jnp.conj(both.r_s), both.R_s + both.R_p
+    return (both.R_s - both.R_p) / total, 2.0 * cross.real / total, -2.0 * cross.imag / total
 
 
 def predicted(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) -> dict[str, Any]:
@@ -160,16 +180,14 @@ def predicted(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) ->
     def mean(x: Array) -> Array:
         return x[0] if x.shape[0] == 1 else (weights * x).sum(0)
 
-    ideal = {name: mean(x) for name, x in zip(both._fields, both, strict=True)}
+    ideal = {name: mean(getattr(both, name)) for name in ("R_s", "R_p", "T_s", "T_p")}
     out: dict[str, Any] = {
         channel: detected(v, channel, ideal, points.s_share, (own, points.file))
         for channel, own in zip(spec.channels, spec.curves, strict=True)
         if channel != NCS
     }
     if NCS in spec.channels:
-        rho = ellipsometric_ratio(c, *index[0], eta_i)
-        share = 2.0 / (1.0 + rho.real**2 + rho.imag**2)
-        parts = (share - 1.0, rho.real * share, -rho.imag * share)
+        parts = _ellipsometry(spec, c, index, both, eta_i)
         if c.shape[0] > 1:
             # cos 2psi of a mixture is that of the summed intensities.
             intensity = both.R_s + both.R_p

@@ -32,7 +32,7 @@ _OTHERS = 3
 class Subject(NamedTuple):
     """What is fitted, and what must be said of it whatever comes out."""
 
-    sample: Sample
+    sample: Sample | None
     measurements: tuple[Measurement, ...]
     notes: tuple[Warning, ...] = ()
 
@@ -145,11 +145,11 @@ def _minima(fit: Solving, ends: Ends, end: End, noise: float, scatter: float) ->
     edge = end.known.edge * np.sqrt(scatter)
     spread = np.where(np.isfinite(edge), 4.0 * edge, np.inf)
     found = minima(ends, ends.y, scatter, rounding, spread)
-    names = fit.u.spec.moving
+    free = [i for i, name in enumerate(fit.u.spec.moving) if name.endswith(".eta")]
     eta_i = float(np.mean(fit.targets.eta_i))
-    if len(found) < 2 or "substrate.eta" not in names:
+    if len(found) < 2 or len(free) != 1:  # of the surface, or of a plate
         return found
-    eta = ends.y[names.index("substrate.eta")]
+    eta = ends.y[free[0]]
     least = ends.cost[found[0].lane]
     usual = [
         m for m in found
@@ -184,6 +184,22 @@ def _error_model(fit: Solving, end: End) -> ErrorModel:
     with np.errstate(invalid="ignore"):
         factor = float(np.sqrt(end.known.variance))
     return ErrorModel(taken, factor, 0.0, fit.seen.stated)
+
+
+def _own_quality(
+    fit: Solving, end: End, scatter_of: tuple[int, float], others: Sequence[Any]
+) -> Quality:
+    """Return the same for the caller's own residuals, of whose rows nothing is known."""
+    s, robust = end.slopes, fit.u.spec.loss != "squares"
+    size = reduced_chi2(fit.u.spec.loss, s.residual, fit.dof) if fit.seen.stated else np.nan
+    return Quality(
+        chi2_reduced=size, dof=fit.dof, n_data=fit.n_data, stated=fit.seen.stated,
+        errors=_error_model(fit, end).taken, rms=0.0, robust=robust, starts=fit.starts,
+        reached=scatter_of[0], lower=scatter_of[1], pattern=None, by_the_model_alone=False,
+        sample="your model",
+        others=tuple({n: e.value for n, e in a.parameters.items()} for a in others),
+        delta_chi2=float(others[0].delta_chi2) if others else np.nan,
+    )  # fmt: skip
 
 
 def _quality(
@@ -293,13 +309,23 @@ def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: 
             intervals=f.known.ends[free], quadratic=f.known.quadratic[free],
             kinds=tuple(k for k, is_free in zip(f.known.kind, free, strict=True) if is_free),
         )  # fmt: skip
-        found = findings(seen_of, _quality(fit, of, end, (f.reached, f.lower), f.others))
+        at = f.reached, f.lower
+        own = of.sample is None
+        found = findings(
+            seen_of,
+            _own_quality(fit, end, at, f.others) if own else _quality(fit, of, end, at, f.others),
+        )  # fmt: skip
     chi2 = float(s.residual @ s.residual) if seen.stated else np.nan
     bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, int(free.sum()), fit.asked.scaled)
     rms, rms_of = _rms(s)
-    joined = concatenate(*of.measurements)
-    known = np.unique(joined.wavelength_um)
+    joined = concatenate(*of.measurements) if of.measurements else None
+    known = np.array([np.nan]) if joined is None else np.unique(joined.wavelength_um)
     known = known[np.isfinite(known)] if np.isfinite(known).any() else known
+    evaluator = None
+    if of.sample is not None:
+        evaluator = Evaluated(
+            of.sample, u, seen, fit.targets, end.y, end.known.covariance, np.atleast_1d(known)
+        )
     undetermined = bool(end.known.unseen.size)
     return Fit(
         sample=of.sample, parameters=estimates | _fixed(u, end, estimates), covariance=of_x[sub],
@@ -310,10 +336,8 @@ def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: 
         status.UNDETERMINED if undetermined else status.CONVERGED,
         errors=_error_model(fit, end), evaluations=evaluations, starts=fit.starts,
         reached=f.reached, loss=u.spec.loss, bic=bic, aicc=aicc, findings=found, others=f.others,
-        notes=of.notes, measurement=joined, curve=seen.curve, curve_names=seen.curve_names,
-        evaluator=Evaluated(
-            of.sample, u, seen, fit.targets, end.y, end.known.covariance, np.atleast_1d(known)
-        ),
+        notes=of.notes, measurement=joined, curve=seen.curve if joined is not None else None,
+        curve_names=getattr(seen, "curve_names", ()), evaluator=evaluator,
     )  # fmt: skip
 
 

@@ -100,8 +100,13 @@ def _robust(loss: str, r: Array) -> Array:
     return r
 
 
-def _raw_residuals(spec: Spec, y: Array, targets: Targets) -> list[Array]:
-    """Return weighted residuals, one (M, L) array for each power channel and three for NCS."""
+def _raw_residuals(spec: Any, y: Array, targets: Targets) -> list[Array]:
+    """Return weighted residuals, one (M, L) array for each power channel and three for NCS.
+
+    spec: a `Spec`, or one that makes residuals of its own (`own_residuals.OwnSpec`).
+    """
+    if not isinstance(spec, Spec):
+        return spec.raw(y, targets)
     found = predicted(spec, spec.values(y, targets.held), targets.points, targets.eta_i)
     powers = [c for c in spec.channels if c != NCS]
     out = [
@@ -128,8 +133,10 @@ class Residuals(NamedTuple):
         if self.spec.priors:
             x = jnp.stack(to_parameter(self.spec.coordinates, y))
             off = (x - targets.prior[:, None]) * targets.prior_weight[:, None]
-            # In rows of their own size, as the sums want it.
-            out.append(jnp.zeros_like(out[0]).at[: len(off)].set(off))
+            # In rows of one size with the data's, as the sums want it.
+            size = len(out[0])
+            padded = jnp.zeros((-(-len(off) // size) * size, *off.shape[1:]), off.dtype)
+            out += list(padded.at[: len(off)].set(off).reshape(-1, *out[0].shape))
         return tuple(out), None
 
 

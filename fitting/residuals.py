@@ -27,14 +27,24 @@ def weighted_residuals(
     m, off = measurement, residuals(measurement, fitted)
     if stated and np.isfinite(m.sigma).all():
         return off / m.sigma
+    return off * arcs(m, fitted)
+
+
+def arcs(measurement: Measurement, fitted: np.ndarray) -> np.ndarray:
+    """Return what a residual or an error is multiplied by to be in one unit, (N,).
+
+    1 for R and T; for psi and Delta in degrees the arc of the sphere of N, C, S, see above.
+    """
+    m = measurement
     psi, delta = m.quantity == "psi", m.quantity == "delta"
+    out = np.ones(len(m))
     if not (psi.any() or delta.any()):
-        return off
+        return out
     wavelength = np.where(np.isfinite(m.wavelength_um), m.wavelength_um, -1.0)
     points = np.stack([m.angle_deg, wavelength])
     _, where = np.unique(points, axis=1, return_inverse=True)
     where = np.reshape(where, -1)
     psi_at = np.zeros(where.max() + 1)
     psi_at[where[psi]] = fitted[psi]
-    off = np.where(psi, np.radians(2.0 * off), off)
-    return np.where(delta, np.sin(np.radians(2.0 * psi_at[where])) * np.radians(off), off)
+    out = np.where(psi, np.radians(2.0), out)
+    return np.where(delta, np.radians(np.sin(np.radians(2.0 * psi_at[where]))), out)

@@ -138,6 +138,10 @@ class Evaluator(Protocol):
         """Return the evaluator of one fit of the batch."""
         ...
 
+    def widened(self, factor: np.ndarray) -> Evaluator:
+        """Return the evaluator with all errors times a factor (N,) of each fit."""
+        ...
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fit:

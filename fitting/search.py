@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.observations import Observations
-from fitting.observe import NCS
+from fitting.observe import NCS, Spec
 from fitting.parameters import Settings, value_and_slope
 from fitting.problem import Targets
 from fitting.starts import LANES, Ends, briefly, coordinate_bounds, each_within, run
@@ -173,7 +173,7 @@ class Solving:
         if NCS in seen.channels:
             weighted = np.einsum("ijml,jml->iml", seen.ncs_weights, seen.ncs)
             squares.append(float((weighted**2).sum()))
-        self.squares = sum(squares)
+        self.squares = sum(squares, getattr(seen, "squares", 0.0))
 
     def run(self, start: np.ndarray, noise: float, priors: bool = True, grow: bool = False) -> Ends:
         """Return the ends of the starts at this noise, terms in order."""
@@ -182,7 +182,7 @@ class Solving:
         if not priors:
             targets = targets._replace(prior_weight=np.zeros_like(targets.prior_weight))
         many, size = max(self.dof, 1.0), self.squares / noise**2
-        if grow:
+        if grow and isinstance(self.u.spec, Spec):
             grown = grown_starts(self.u, targets, start, self.limits, many, size)
             start = np.concatenate([grown, start], 1)
             lanes = start.shape[1]
@@ -206,6 +206,10 @@ class Solving:
 
     def slopes(self, y: np.ndarray) -> Slopes:
         """Return residuals and derivatives at y."""
+        if not isinstance(self.u.spec, Spec):
+            from fitting.own_residuals import own_slopes
+
+            return own_slopes(self.u.spec, self.targets, y)
         return slopes_at(self.u, self.seen, self.targets, y)
 
     def cost(self, s: Slopes, y: np.ndarray, noise: float) -> float:

@@ -170,7 +170,9 @@ def choose(
             free=(*base.free, *key.free), variants=tuple(quiet),
             fixed=base.fixed | quiet | ({"k": 0.0} if key.without_k else {}),
         )  # fmt: skip
-        asked = Asked(errors, kind, loss, seed)
+        # BIC compares fits of the same weights.
+        believed = "scaled" if errors == "auto" and kind == QUADRATIC else errors
+        asked = Asked(believed, kind, loss, seed)
         found = fit_checked(several, which.with_model(key.model), settings, asked, (starts, start))
         shown = {n: e for n, e in found.parameters.items() if n.partition("[")[0] not in quiet}
         return replace(found, parameters=shown)

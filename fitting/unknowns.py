@@ -15,7 +15,7 @@ from fitting.measurement import Measurement
 from fitting.observations import Observations
 from fitting.observe import NCS, Media, Spec
 from fitting.parameters import LOG, Parameter, Settings
-from fitting.sample import Medium, Sample
+from fitting.sample import FREE, Medium, Sample
 from fitting.starts import Unknown
 from fresnel_jax.dispersion import material
 from fresnel_jax.materials import lookup
@@ -68,7 +68,22 @@ def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> Non
                 f"{m.source}: psi and Delta of a plate with both faces are not fitted, since light "
                 "from its back face has no definite phase. Fit R and T, or one bare surface."
             )
+        if sample.layers and not sample.bare and "R_back" in quantities and not thick:
+            raise ValueError(f"{m.source}: R_back of films is not fitted; leave the column out.")
         _check_wavelengths(m, sample)
+    closed = sample.media[-1].index == sample.media[0].index
+    if thick and not (len(sample.layers) == 1 and closed):
+        raise ValueError(
+            f"the sample {str(sample)!r}: a thick layer is fitted alone and between equal media, "
+            "'air | cauchy 3 mm thick | air'; films on it, or another medium behind, are not."
+        )
+    free_films = [m for m in sample.layers if m.index == FREE and m.thickness.coherent]  # type: ignore
+    if free_films and not all(m.thickness.held for m in free_films):  # type: ignore
+        raise ValueError(
+            f"the sample {str(sample)!r}: eta and k free at every wavelength and a thickness that "
+            "they share are not fitted together; write 'held' after the thickness, or give the "
+            "index a dispersion model."
+        )
 
 
 def _check_wavelengths(m: Measurement, sample: Sample) -> None:
@@ -193,7 +208,7 @@ def _said(table, label: str):
     return table.get(label.partition("[")[0])
 
 
-def _unknown(parameter: Parameter, label: str, settings: Settings) -> tuple[Unknown, bool]:
+def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Unknown, bool]:
     """Return the unknown, and whether it is a constant (held and never asked to be free)."""
     value = _said(settings.fixed, label)
     low, high = parameter.low, parameter.high
@@ -261,7 +276,7 @@ def unknowns(
                 raise ValueError(f"{o.label} is tied to {of}, which is several parameters.")
             tied.append((o.parameter.name, factor, inside[of]))
             continue
-        unknown, constant = _unknown(o.parameter, o.label, said)
+        unknown, constant = unknown_of(o.parameter, o.label, said)
         (held if constant else moving).append(unknown)
     spec = Spec(
         media=media_of(sample),

@@ -205,6 +205,12 @@ def _solved(ones: list[_One]) -> list[tuple[_One, Ends]]:
     return [(one, ends) for one, ends in zip(ones, solved, strict=True) if ends is not None]
 
 
+_EACH = (
+    "covariance", "wavelength_um", "chi2", "chi2_reduced", "dof", "n_data", "rms", "status",
+    "evaluations", "reached", "noise", "cost", "bic", "aicc",
+)  # fmt: skip
+
+
 def _stack(values: Sequence[Any]) -> np.ndarray:
     return np.stack([np.asarray(v) for v in values])
 
@@ -258,27 +264,30 @@ def _findings(fits: Sequence[Fit]) -> tuple[Finding, ...]:
     return tuple(out)
 
 
+def stacked_fits(fits: Sequence[Fit]) -> Fit:
+    """Return fits of one kind, without a measurement, as one of batch shape (S,)."""
+    first = fits[0]
+    return replace(
+        first,
+        **{n: _stack([getattr(f, n) for f in fits]) for n in _EACH},
+        parameters={n: _estimate([f.parameters[n] for f in fits]) for n in first.parameters},
+        errors=ErrorModel(
+            *(_stack(part) for part in zip(*(f.errors[:3] for f in fits), strict=True)),
+            first.errors.stated, _stack([f.errors.widened for f in fits]),
+        ),
+        findings=_findings(fits), others=_alternatives(fits),
+    )  # fmt: skip
+
+
 def stacked(fits: Sequence[Fit], measurement: Measurement, notes: tuple[Warning, ...]) -> Fit:
     """Return the fits of single wavelengths as one of batch shape (W,)."""
-    first = fits[0]
-    names = (
-        "covariance", "wavelength_um", "chi2", "chi2_reduced", "dof", "n_data", "rms", "status",
-        "evaluations", "reached", "noise", "cost", "bic", "aicc",
-    )  # fmt: skip
     quantities = tuple(dict.fromkeys(measurement.quantity.tolist()))
     kinds = dict.fromkeys(kind for f in fits for kind in f.rms_of)
     wavelengths = _stack([f.wavelength_um for f in fits])
     return replace(
-        first,
-        **{n: _stack([getattr(f, n) for f in fits]) for n in names},
-        parameters={n: _estimate([f.parameters[n] for f in fits]) for n in first.parameters},
+        stacked_fits(fits),
         rms_of={k: _stack([f.rms_of.get(k, np.nan) for f in fits]) for k in kinds},
-        errors=ErrorModel(
-            *(_stack(part) for part in zip(*(f.errors[:3] for f in fits), strict=True)),
-            first.errors.stated,
-            _stack([f.errors.widened for f in fits]),
-        ),
-        findings=_findings(fits), others=_alternatives(fits), notes=notes, measurement=measurement,
+        notes=notes, measurement=measurement,
         curve=np.array([quantities.index(q) for q in measurement.quantity.tolist()]),
         curve_names=quantities,
         evaluator=EachWavelength(

@@ -111,10 +111,10 @@ class Answer(NamedTuple):
     dof: np.ndarray
 
 
-def answer(a: Arranged, absolute: bool, start: Any, wanted: str) -> Answer:
-    """Return what the engine found of all curves."""
+def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -> Answer:
+    """Return what the engine found of all curves. start: (3, N), one more start of each."""
     data = a.data
-    found, data = minima(data, _points(start, a))
+    found, data = minima(data, start)
     a = a._replace(data=data)
     s = found.best
     _, high, _ = _extent(data, a.angle_deg)
@@ -192,7 +192,7 @@ def answer(a: Arranged, absolute: bool, start: Any, wanted: str) -> Answer:
     )  # fmt: skip
 
 
-def _points(start: Mapping[str, Any] | None, a: Arranged) -> np.ndarray | None:
+def start_points(start: Mapping[str, Any] | None, a: Arranged) -> np.ndarray | None:
     if start is None:
         return None
     try:

@@ -153,6 +153,13 @@ class SurfaceCurves(NamedTuple):
         columns = (self.wavelength_um, self.eta, self.sigma_eta, self.k, self.sigma_k)
         return IndexBand(*(c[chosen] for c in columns))
 
+    def widened(self, factor: np.ndarray) -> SurfaceCurves:
+        """Return the same with the errors of each curve times its factor, (N,)."""
+        return self._replace(
+            sigma_eta=self.sigma_eta * factor, sigma_k=self.sigma_k * factor,
+            information=self.information / factor[:, None, None] ** 2,
+        )  # fmt: skip
+
     def at(self, index: tuple[int, ...]) -> SurfaceCurves:
         """Return that of one curve."""
         i = int(np.ravel_multi_index(index, self.shape))

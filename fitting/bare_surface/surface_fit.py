@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from fitting.bare_surface import thresholds as limit
-from fitting.bare_surface.answer import Answer, answer
+from fitting.bare_surface.answer import Answer, answer, start_points
 from fitting.bare_surface.arrange import Arranged, of_arrays, of_measurement
 from fitting.bare_surface.batch import fitted_curves
+from fitting.bare_surface.common_error import Taken, with_common_error
 from fitting.bare_surface.curves import SurfaceCurves
 from fitting.bare_surface.misfit import ENOUGH, order_of_residuals
 from fitting.diagnostics import Finding
@@ -32,6 +33,7 @@ from fitting.sample import Sample
 from fitting.search import ERRORS
 from fitting.sentences import SENTENCES
 from fitting.uncertainty.intervals import check_intervals
+from fitting.widening import widened
 
 
 def _shaped(values: Any, a: Arranged) -> Any:
@@ -92,7 +94,18 @@ def _trade(information: np.ndarray) -> float:
     return along_u / along_eta if along_eta else np.nan
 
 
-def _findings(a: Arranged, f: Answer, errors: str) -> tuple[Finding, ...]:
+def _of_floor(f: Answer, taken: Taken) -> dict[str, np.ndarray]:
+    """Return where a common error was taken, and where that changes more than the errors tell."""
+    used = np.isfinite(taken.gain)
+    with np.errstate(all="ignore"):
+        apart = [
+            np.abs(f.values[name] - taken.by_factor[:, i]) > f.values[f"sigma_{name}"]
+            for i, name in enumerate(("eta", "k"))
+        ]
+    return {"errors_floor": used, "errors_differ": used & np.logical_or(*apart)}
+
+
+def _findings(a: Arranged, f: Answer, taken: Taken, errors: str) -> tuple[Finding, ...]:
     v, s = f.values, f.solved
     with np.errstate(all="ignore"):
         chi2_reduced = np.where(f.dof > 0, v["chi2"] / f.dof, np.nan)
@@ -129,24 +142,33 @@ def _findings(a: Arranged, f: Answer, errors: str) -> tuple[Finding, ...]:
             "values": np.stack([f.other.eta, f.other.k], -1),
         },
     }  # fmt: skip
+    codes = f.codes | _of_floor(f, taken)
+    floored = np.stack([v["eta"], v["k"]], -1)
+    values["errors_floor"] = {
+        "chi2_reduced": chi2_reduced, "floor": taken.floor, "gain": taken.gain
+    }  # fmt: skip
+    values["errors_differ"] = {
+        "parameters": ("eta", "k"), "floor": floored, "factor": taken.by_factor
+    }  # fmt: skip
     return tuple(
         Finding(
             code,
-            np.reshape(f.codes[code], a.shape),
+            np.reshape(codes[code], a.shape),
             {
                 name: _shaped(v, a) if isinstance(v, np.ndarray) else v
                 for name, v in values.get(code, {}).items()
             },
         )
         for code in SENTENCES
-        if code in f.codes and f.codes[code].any()
+        if code in codes and codes[code].any()
     )
 
 
-def _fit(a: Arranged, f: Answer, sample: Sample, errors: str) -> Fit:
+def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> Fit:
     """Return what the engine found as a `Fit` of the batch's shape."""
     s, v = f.solved, f.values
-    taken = "stated" if errors == "stated" else "scaled" if a.stated else "equal"
+    believed = "stated" if errors == "stated" else "scaled" if a.stated else "equal"
+    believed = np.where(np.isfinite(taken.gain), "floor", believed)
     with np.errstate(all="ignore"):
         chi2_reduced = np.where(f.dof > 0, v["chi2"] / f.dof, np.nan)
         rms = np.sqrt(s.plain / s.count)
@@ -158,12 +180,12 @@ def _fit(a: Arranged, f: Answer, sample: Sample, errors: str) -> Fit:
         chi2_reduced=_shaped(chi2_reduced, a), dof=_shaped(f.dof.astype(int), a),
         n_data=_shaped(s.count.astype(int), a), rms=_shaped(rms, a), status=_shaped(f.status, a),
         errors=ErrorModel(
-            _shaped(np.full(len(rms), taken), a),
-            _shaped(np.where(taken == "stated", 1.0, v["factor"]), a),
+            _shaped(believed, a),
+            _shaped(np.where(believed == "stated", 1.0, v["factor"]), a),
             _shaped(np.zeros(len(rms)), a), a.stated, _shaped(np.ones(len(rms)), a),
         ),
         evaluations=_shaped(s.evaluations.astype(int), a), cost=_shaped(s.cost, a),
-        findings=_findings(a, f, errors), others=_alternatives(a, f),
+        findings=_findings(a, f, taken, errors), others=_alternatives(a, f),
         evaluator=SurfaceCurves(
             eta=v["eta"], k=v["k"], sigma_eta=v["sigma_eta"], sigma_k=v["sigma_k"],
             information=np.where(informed[:, None, None], v["information"], np.nan),
@@ -185,8 +207,10 @@ def fit_bare_surface(
     Arguments as in `fitting.fit`; batch shape () for one wavelength, else (W,) in rising order.
     """
     a = of_measurement(measurement, sample.eta_i, errors)
-    f = answer(a, errors == "stated", start, intervals)
-    found = _fit(a, f, sample, errors)
+    begin = start_points(start, a)
+    f = answer(a, errors == "stated", begin, intervals)
+    f, taken = with_common_error(a, f, errors, begin, intervals)
+    found = _fit(a, f, taken, sample, errors)
     quantities = tuple(dict.fromkeys(measurement.quantity.tolist()))
     evaluator = found.evaluator
     assert isinstance(evaluator, SurfaceCurves)
@@ -200,7 +224,18 @@ def fit_bare_surface(
         return found
     channel, curve, place = a.rows
     fitted = fitted_curves(a.data, f.solved)[channel, curve, place]
-    return with_order_of_residuals(found, measurement, fitted, a.stated)
+    weighed = _with_floor(found, measurement)
+    found = with_order_of_residuals(found, weighed, fitted, a.stated)
+    return widened(found) if errors == "auto" else found
+
+
+def _with_floor(found: Fit, m: Measurement) -> Measurement:
+    """Return the measurement with the errors that were taken."""
+    floor = np.atleast_1d(found.errors.floor)
+    if not floor.any():
+        return m
+    _, which = np.unique(m.wavelength_um, return_inverse=True)
+    return replace(m, sigma=np.hypot(m.sigma, floor[which]))
 
 
 def fit_many(
@@ -245,9 +280,14 @@ def fit_many(
         raise ValueError(f"errors is {errors!r}; one of {', '.join(ERRORS)} was wanted.")
     arrays = {"R_s": R_s, "R_p": R_p, "R": R}
     a = of_arrays(angles_deg, arrays, sigma if errors != "equal" else None, which.eta_i)
-    if errors == "stated" and not a.stated:
-        raise ValueError('errors="stated" was asked for, but there are no stated errors to take.')
-    return _fit(a, answer(a, errors == "stated", start, intervals), which, errors)
+    if errors in ("stated", "floor") and not a.stated:
+        raise ValueError(
+            f'errors="{errors}" was asked for, but there are no stated errors to take.'
+        )
+    begin = start_points(start, a)
+    f = answer(a, errors == "stated", begin, intervals)
+    f, taken = with_common_error(a, f, errors, begin, intervals)
+    return _fit(a, f, taken, which, errors)
 
 
 def _rms_of(a: Arranged, f: Answer, m: Measurement) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fitting.output.estimates import by_wavelength, has_several_curves
+from fitting.output.estimates import by_wavelength, has_several_curves, index_waves
 from fitting.output.facts import sample_text, title_of
 from fitting.output.missing import MissingExtra
 from fitting.output.numbers import escaped
@@ -56,15 +56,7 @@ def _each(fit: Fit, of: Any, value: Any) -> Any:
 
 def _index(fit: Fit) -> dict[str, Any]:
     """Return eta and k with their errors at the measured wavelengths."""
-    waves = np.asarray(fit.wavelength_um)
-    if (
-        fit.sample is None
-        or fit.evaluator is None
-        or not np.isfinite(waves).any()
-        or not waves.ndim
-    ):
-        return {}
-    return fit.index()._asdict()
+    return fit.index()._asdict() if len(index_waves(fit)) else {}
 
 
 def to_dict(fit: Fit) -> dict[str, Any]:

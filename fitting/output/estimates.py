@@ -127,6 +127,14 @@ def wave_text(fit: Fit, index: tuple[int, ...]) -> str:
     return ", ".join(str(i) for i in index)
 
 
+def index_waves(fit: Fit) -> np.ndarray:
+    """Return the known wavelengths, micrometres, at which `Fit.index` gives eta and k."""
+    if fit.sample is None or fit.evaluator is None:
+        return np.empty(0)
+    waves = np.atleast_1d(np.asarray(fit.wavelength_um, float))
+    return waves[np.isfinite(waves)]
+
+
 def by_wavelength(fit: Fit) -> bool:
     """Whether the batch is one fit a wavelength."""
     waves = np.asarray(fit.wavelength_um)

@@ -6,7 +6,14 @@ import math
 
 import numpy as np
 
-from fitting.output.estimates import by_wavelength, is_material, k_is_limited, k_text, symbols
+from fitting.output.estimates import (
+    by_wavelength,
+    index_waves,
+    is_material,
+    k_is_limited,
+    k_text,
+    symbols,
+)
 from fitting.output.numbers import escaped, number, size_text, with_error, with_unit
 from fitting.result import UNDETERMINED, Alternative, Fit
 
@@ -165,11 +172,10 @@ def alternative_text(fit: Fit, other: Alternative) -> str:
     return f"{values} (chi2 {higher if other.delta_chi2 >= 0.0 else higher.replace('high', 'low')})"
 
 
-def _index_rows(fit: Fit) -> Facts:
+def index_rows(fit: Fit) -> Facts:
     """Return eta and k of a dispersion model at the ends and in the middle of a spectrum."""
-    if fit.sample is None or fit.evaluator is None or {"eta", "k"} & set(fit.parameters):
-        return []
-    if len(np.atleast_1d(fit.wavelength_um)) < 2 or not any(map(is_material, fit.parameters)):
+    known = {"eta", "k"} & set(fit.parameters) or not any(map(is_material, fit.parameters))
+    if known or len(index_waves(fit)) < 2:
         return []
     band, limited = fit.index(), k_is_limited(fit)
     some = sorted({0, len(band.wavelength_um) // 2, len(band.wavelength_um) - 1})
@@ -192,8 +198,8 @@ def remedy(fit: Fit) -> Facts:
 
 
 def findings_of_one(fit: Fit) -> Facts:
-    """Return everything but the parameters of one set of them."""
-    rows = [*_index_rows(fit), _chi2(fit), ("rms", rms_text(fit))]
+    """Return how well one set of parameters describes the data, and what its errors rest on."""
+    rows = [_chi2(fit), ("rms", rms_text(fit))]
     if fit.loss != "squares":
         unit = " times the stated errors" if fit.errors.stated else ""
         rows.append(("loss", f"{fit.loss}, at a noise of {number(fit.noise, 3)}{unit}"))

@@ -6,9 +6,8 @@ import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-import numpy as np
-
 from fitting.output import as_data
+from fitting.output.estimates import index_waves
 from fitting.output.fit_page import Comparison, fit_page
 from fitting.output.outputs import Outputs
 from fitting.output.style import check_matplotlib, save
@@ -27,10 +26,7 @@ _FLAGS = {"json": "--json", "csv": "--csv", "index": "--csv", "plot": "--plot"}
 
 def has_index_table(fit: Fit) -> bool:
     """Whether there is more than one index, or a batch, which has a CSV of its own."""
-    if fit.shape:
-        return True
-    known = fit.sample is not None and fit.evaluator is not None
-    return known and np.size(fit.wavelength_um) > 1
+    return bool(fit.shape) or len(index_waves(fit)) > 1
 
 
 def _text(kind: str, fit: Fit, png: bytes, command: str, comparison: Comparison | None) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from fitting.output import facts
 from fitting.output.estimates import (
     by_wavelength,
+    index_waves,
     interval_of,
     k_is_limited,
     k_text,
@@ -67,10 +68,7 @@ def _correlations(fit: Fit) -> Table:
 
 def _index(fit: Fit) -> list[Table]:
     """Return eta and k of a dispersion model at every measured wavelength."""
-    waves = np.atleast_1d(fit.wavelength_um)
-    if fit.sample is None or fit.evaluator is None or np.ndim(fit.wavelength_um) == 0:
-        return []
-    if not np.isfinite(waves).any():
+    if fit.sample is None or fit.sample.by_wavelength or not len(index_waves(fit)):
         return []
     limited = k_is_limited(fit)
     rows = [
@@ -144,7 +142,7 @@ def _caption(fit: Fit) -> str:
     text = "Data with one standard error, the fitted curve with its one-sigma band, data - fit"
     if fit.measurement is None:
         return "The fitted parameters of the batch."
-    spectrum = by_wavelength(fit) or np.ndim(fit.wavelength_um) > 0
+    spectrum = len(index_waves(fit)) > 1
     return f"{text}{', eta and k over wavelength' if spectrum else ''}."
 
 
@@ -155,9 +153,11 @@ def fit_page(fit: Fit, png: bytes, command: str = "", comparison: Comparison | N
     what was compared, if a model was chosen.
     """
     pictures = [(_caption(fit), png)] if png else []
+    tables = [*_tables(fit, comparison), *data_table(fit)]
+    above = 0 if fit.shape else 1  # the parameters; a batch has too many of them
     return page(
         facts.title_of(fit), _facts(fit), told_of(fit).texts, _notes(fit, comparison), pictures,
-        [*_tables(fit, comparison), *data_table(fit)], command,
+        tables[above:], command, tables[:above],
     )  # fmt: skip
 
 

@@ -91,8 +91,11 @@ def page(
     pictures: Iterable[tuple[str, bytes]],
     tables: Iterable[Table],
     foot: str,
+    first: Iterable[Table] = (),
 ) -> str:
     """Return the page. facts: label and text. pictures: caption and the bytes of a PNG file.
+
+    first: tables that stand above the pictures.
 
     Everything is text of the user's data and is escaped; pictures stand in the page itself.
     """
@@ -102,6 +105,7 @@ def page(
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f"<title>{_escaped(title)}</title><style>body {{ {_BODY} }}{_STYLE}</style></head><body>",
         *_head(title, facts, warnings, notes, "h1"),
+        *(_table(table) for table in first),
     ]
     for caption, png in pictures:
         data = base64.b64encode(png).decode("ascii")

@@ -44,7 +44,8 @@ def _one(fit: Fit, width: int) -> list[str]:
         f"  {name:<{first}}{value:<{second}}{more}".rstrip() for name, value, more in [head, *rows]
     ]
     lines.append("")
-    lines += [wrapped(label, text, width) for label, text in facts.findings_of_one(fit)]
+    more = [*facts.index_rows(fit), *facts.findings_of_one(fit)]
+    lines += [wrapped(label, text, width) for label, text in more]
     return lines + labelled((("warning", text) for text in told_of(fit).texts), width)
 
 

@@ -1,0 +1,106 @@
+"""Curves of a bare surface whose stated errors are not met: fitted again with a common error."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fitting.bare_surface.answer import Answer, answer
+from fitting.bare_surface.arrange import Arranged
+from fitting.bare_surface.batch import Data, fitted_curves
+from fitting.error_model import GAIN, ROUNDS, likeliest_floor
+from fitting.result import CONVERGED
+
+
+class Taken(NamedTuple):
+    """What was taken for the errors of N curves: s, its gain in log likelihood (NaN: no s), and
+    eta and k (N, 2) with one factor on the stated errors instead."""
+
+    floor: np.ndarray
+    gain: np.ndarray
+    by_factor: np.ndarray
+
+
+def _wide(weights: np.ndarray, value: np.ndarray) -> np.ndarray:
+    return np.broadcast_to(weights, value.shape)
+
+
+def _residuals(data: Data, f: Answer) -> tuple[np.ndarray, np.ndarray]:
+    """Return residuals and stated errors (N, C M), inf where there is no datum."""
+    fitted = fitted_curves(data, f.solved)
+    off, sigma = [], []
+    for value, weight, at in zip(data.values, data.weights, fitted, strict=True):
+        wide = _wide(weight, value)
+        off.append(np.where(wide > 0.0, value - at, 0.0))
+        sigma.append(np.where(wide > 0.0, 1.0 / np.where(wide > 0.0, wide, 1.0), np.inf))
+    return np.concatenate(off, 1), np.concatenate(sigma, 1)
+
+
+def _with_floor(data: Data, s: np.ndarray) -> Data:
+    """Return the data with s added to every error in squares."""
+    weights = tuple(
+        np.where(w > 0.0, w / np.sqrt(1.0 + (w * s[:, None]) ** 2), 0.0)
+        for w in (_wide(w, v) for w, v in zip(data.weights, data.values, strict=True))
+    )
+    return data._replace(weights=weights)
+
+
+def _put(old: Any, new: Any, at: np.ndarray) -> Any:
+    """Return ``old`` with ``new`` in the rows ``at`` of every array in it."""
+    if isinstance(old, dict):
+        return {name: _put(value, new[name], at) for name, value in old.items()}
+    if isinstance(old, tuple):
+        return type(old)(*(_put(a, b, at) for a, b in zip(old, new, strict=True)))
+    out = np.array(old)
+    out[at] = new
+    return out
+
+
+def with_common_error(
+    a: Arranged, f: Answer, errors: str, start: np.ndarray | None, wanted: str
+) -> tuple[Answer, Taken]:
+    """Return the answer with a common error where it is asked for, or likelier than one factor.
+
+    errors: "floor": wherever there is a degree of freedom; "auto": where reduced chi2 is far too
+    large and s likelier than the factor; else nowhere. start: (3, N), one more start. chi2 stays
+    that of the stated errors.
+    """
+    count = a.data.curves
+    taken = Taken(np.zeros(count), np.full(count, np.nan), np.full((count, 2), np.nan))
+    if not a.stated or errors not in ("auto", "floor"):
+        return f, taken
+    far = (f.dof > 0) if errors == "floor" else f.codes["chi2_large"]
+    todo = np.flatnonzero(far & (f.status == CONVERGED))
+    if not len(todo):
+        return f, taken
+    data = a.data.take(todo)
+    off, sigma = _residuals(data, _rows(f, todo))
+    floor = likeliest_floor(off, sigma)
+    better = (floor.s > 0.0) & ((floor.gain >= GAIN) | (errors == "floor"))
+    todo, s = todo[better], floor.s[better]
+    if not len(todo):
+        return f, taken
+    data = a.data.take(todo)
+    angle = a.angle_deg[todo] if a.angle_deg.ndim == 2 else a.angle_deg
+    for left in reversed(range(ROUNDS)):
+        part = a._replace(data=_with_floor(data, s), angle_deg=angle)
+        kind = "quadratic" if left else wanted
+        found = answer(part, False, None if start is None else start[:, todo], kind)
+        off, sigma = _residuals(data, found)
+        floor = likeliest_floor(off, sigma)
+        if left:
+            s = floor.s
+    chi2 = np.where(np.isfinite(sigma), (off / sigma) ** 2, 0.0).sum(1)
+    found = found._replace(values={**found.values, "chi2": chi2})
+    taken.by_factor[todo] = np.stack([f.values["eta"][todo], f.values["k"][todo]], -1)
+    taken.floor[todo], taken.gain[todo] = s, floor.gain
+    return _put(f, found, todo), taken
+
+
+def _rows(f: Any, at: np.ndarray) -> Any:
+    if isinstance(f, dict):
+        return {name: _rows(value, at) for name, value in f.items()}
+    if isinstance(f, tuple):
+        return type(f)(*(_rows(value, at) for value in f))
+    return np.asarray(f)[at]

@@ -1,0 +1,114 @@
+"""From arrays to the checked columns of a measurement; see `Measurement.from_columns`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.checks import Data, check_data
+from fitting.errors import MeasurementError
+from fitting.reader import units
+from fitting.reader.options import QUANTITIES
+
+
+class Units(NamedTuple):
+    """Units of angles and wavelengths, and what makes powers fractions."""
+
+    angle: str
+    wavelength: str
+    scale: float
+
+
+def _converted(
+    source: str, wavelength: np.ndarray, angle: np.ndarray, of: Units
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return wavelengths in micrometres and angles in degrees."""
+    for name, unit, known in (
+        ("wavelength_unit", of.wavelength, units.WAVELENGTH_UNITS),
+        ("angle_unit", of.angle, units.ANGLE_UNITS),
+    ):
+        if unit not in known:
+            raise MeasurementError(f"{source}: {name} is {unit!r}; one of {', '.join(known)}.")
+    wave = wavelength if of.wavelength == "um" else units.wavelength_um(
+        wavelength, of.wavelength
+    )  # fmt: skip
+    return wave, angle if of.angle == "deg" else units.incidence_deg(angle, of.angle, wave)
+
+
+def _scaled(values: np.ndarray, factor: float) -> np.ndarray:
+    """Return values times a factor; percent is one division."""
+    return values if factor == 1.0 else units.scaled(values, factor)
+
+
+def _ranges(data: Data) -> str:
+    """Return the ranges of angle and wavelength as text."""
+    if not len(data.value):
+        return ""
+    low, high = data.angle_deg.min(), data.angle_deg.max()
+    out = f", {low:g} degrees" if low == high else f", {low:g} to {high:g} degrees"
+    known = data.wavelength_um[np.isfinite(data.wavelength_um)]
+    if not len(known):
+        return f"{out}, no wavelength"
+    low, high = known.min(), known.max()
+    return out + (f", {low:g} um" if low == high else f", {low:g} to {high:g} um")
+
+
+def from_arrays(
+    places: Sequence[object],
+    values: Mapping[str, object],
+    sigma: object,
+    source: str,
+    of: Units,
+) -> tuple[Data, str]:
+    """Return the checked columns, and how they were understood.
+
+    places: angles, wavelengths and polarizer angles. values: by quantity.
+    """
+    unknown = [name for name in values if name not in QUANTITIES]
+    if unknown or not values:
+        came = f"there is no quantity {unknown[0]}" if unknown else "no values came"
+        raise MeasurementError(f"{source}: {came}; give one or more of {', '.join(QUANTITIES)}.")
+    names = list(values)
+    sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(names, sigma)
+    stray = [name for name in sigmas if name not in values]
+    if stray:
+        raise MeasurementError(f"{source}: sigma has {stray[0]}, the values do not.")
+    columns = list(places)
+    columns += [sigmas.get(name) for name in names] + [values[name] for name in names]
+    try:
+        arrays = [np.asarray(np.nan if c is None else c, dtype=np.float64) for c in columns]
+        length = np.broadcast_shapes((1,), *(a.shape for a in arrays))
+        if len(length) != 1:
+            raise ValueError(f"{len(length)} dimensions came")
+        angle, wavelength, polarizer, *rest = (np.broadcast_to(a, length) for a in arrays)
+    except (ValueError, TypeError) as error:
+        raise MeasurementError(
+            f"{source}: the columns must be numbers of one length ({error})."
+        ) from error
+    wavelength, angle = _converted(source, wavelength, angle, of)
+    count = len(names)
+    power = np.array([name not in ("psi", "delta") for name in names])
+    factor = np.where(power, of.scale, 1.0)
+    rest = [_scaled(a, f) for a, f in zip(rest, np.tile(factor, 2), strict=True)]
+    sigma_all, value_all = np.concatenate(rest[:count]), np.concatenate(rest[count:])
+    kept = np.flatnonzero(~np.isnan(value_all))
+    rows = length[0]
+
+    def where(i: int, role: str) -> str:
+        name = {"value": "", "sigma": "sigma of "}.get(role, f"{role} of ") + names[kept[i] // rows]
+        return f"{source}, {name}[{kept[i] % rows}]"
+
+    data = Data(
+        np.tile(angle, count)[kept],
+        np.tile(wavelength, count)[kept],
+        np.repeat(np.array(names), rows)[kept],
+        value_all[kept],
+        sigma_all[kept],
+        np.tile(polarizer, count)[kept],
+    )
+    percent = "Powers are fractions: for percent give scale=0.01."
+    check_data(source, data, where, lambda i: percent if data.value[i] > 1.0 else "")
+    text = f"took {len(kept)} values of {', '.join(names)} from arrays{_ranges(data)}"
+    return data, text

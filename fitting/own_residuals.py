@@ -1,0 +1,240 @@
+"""`fit_residuals`: the caller's own model, with the starts, solver and errors of every fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from fitting.compiled import compiled
+from fitting.observe import Media
+from fitting.outcome import Subject, fit_of
+from fitting.parameters import (
+    LOG,
+    PLAIN,
+    SQUARE,
+    Parameter,
+    Settings,
+    check_settings,
+    names_of,
+    to_parameter,
+)
+from fitting.problem import LOSSES, Targets
+from fitting.result import Fit
+from fitting.search import Asked, Solving, solved
+from fitting.starts import given_start, start_at, usual_starts
+from fitting.starts import starts as start_points
+from fitting.uncertainty.covariance import Slopes
+from fitting.uncertainty.intervals import check_intervals
+from fitting.unknowns import Unknowns, unknown_of
+from fitting.wavelengths import stacked_fits
+
+Residual = Callable[[dict[str, Array], Any], Array]
+_COORDINATES = {"linear": PLAIN, "log": LOG, "square": SQUARE}
+
+
+class OwnSpec(NamedTuple):
+    """What a compiled program of the caller's residuals depends on; see `observe.Spec`."""
+
+    residuals: Residual
+    moving: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    held: tuple[str, ...]
+    tied: tuple[tuple[str, float, str], ...] = ()
+    loss: str = "squares"
+    priors: bool = False
+    media: Media = Media((), ())
+    channels: tuple[str, ...] = ()
+
+    def values(self, y: Array, held: Array) -> dict[str, Array]:
+        """Return every parameter, (L,), at the unknowns y (p, L) and constants (h,)."""
+        lanes = y.shape[1:]
+        out = dict(zip(self.moving, to_parameter(self.coordinates, y), strict=True))
+        pairs = zip(self.held, held, strict=True)
+        out |= {name: jnp.broadcast_to(value, lanes) for name, value in pairs}
+        return out | {name: factor * out[of] for name, factor, of in self.tied}
+
+    def raw(self, y: Array, targets: Targets) -> list[Array]:
+        """Return the residuals (n, L) at y (p, L), as a list of one."""
+        values = self.values(y, targets.held)
+        each = jax.vmap(lambda v: jnp.ravel(self.residuals(v, targets.points)), out_axes=-1)
+        return [each(values) / targets.noise]
+
+
+class OwnRows(NamedTuple):
+    """The rows of the caller's residuals, in place of `observations.Observations`."""
+
+    row: np.ndarray
+    stated: bool
+    curve: np.ndarray
+    squares: float
+    channels: tuple[str, ...] = ()
+    values: tuple[Any, ...] = ()
+    weights: tuple[Any, ...] = ()
+
+
+def _linearised(targets: Targets, y: Array, *, spec: OwnSpec) -> tuple[Array, Array]:
+    """Return the residuals (n,) at y (p,) and their derivatives (n, p)."""
+    p = y.shape[0]
+    value, slope = jax.jvp(
+        lambda lanes: spec.raw(lanes, targets)[0],
+        (jnp.broadcast_to(y[:, None], (p, p)),),
+        (jnp.eye(p),),
+    )
+    return value[..., 0], slope
+
+
+_own_linearised = compiled(_linearised, ("spec",))
+
+
+def own_slopes(spec: OwnSpec, targets: Targets, y: np.ndarray) -> Slopes:
+    """Return residuals and derivatives with respect to the solver's coordinates y (p,)."""
+    with jax.enable_x64(True):
+        value, slope = (np.asarray(a) for a in _own_linearised(targets, y, spec=spec))
+    return Slopes(
+        seen=value[None], slopes=slope[None], residual=value, jacobian=slope, plain=value,
+        kind=np.full(len(value), "residuals"),
+    )  # fmt: skip
+
+
+def _parameter(name: str, what: Any) -> Parameter:
+    """Return a parameter from what the caller says of it."""
+    if isinstance(what, Parameter):
+        return what._replace(name=name)
+    if isinstance(what, Mapping):
+        said = dict(what)
+        kind = said.pop("coordinate", "linear")
+        if kind not in _COORDINATES:
+            raise ValueError(
+                f"the coordinate of {name} is {kind!r}; one of {', '.join(_COORDINATES)}."
+            )
+        low, high = said.pop("bounds", (-np.inf, np.inf))
+        start, unit = said.pop("start", None), said.pop("unit", "")
+        if said or start is None:
+            raise ValueError(
+                f"{name}: {what!r}; start=(low, high) and, if wanted, bounds, coordinate and unit "
+                "were wanted."
+            )
+        low = max(low, 0.0) if kind != "linear" else low
+        return Parameter(name, unit, (float(start[0]), float(start[1])), float(low), float(high),
+                         _COORDINATES[kind], decades=kind == "log")  # fmt: skip
+    try:
+        low, high = what
+        return Parameter(name, "", (float(low), float(high)))
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{name}: {what!r}; the range (low, high) that starts are drawn from was wanted, or "
+            "{'start': (low, high), 'bounds': ..., 'coordinate': 'log', 'unit': 'nm'}."
+        ) from None
+
+
+def _unknowns(
+    residuals: Residual, parameters: Mapping[str, Any], settings: Settings, loss: str
+) -> Unknowns:
+    offered = [_parameter(name, what) for name, what in parameters.items()]
+    strange = [n for n in settings.names if n not in parameters]
+    if strange:
+        raise ValueError(
+            f"there is no parameter {strange[0]!r}; there are {', '.join(parameters)}."
+        )
+    tied = tuple((name, factor, of) for name, (factor, of) in settings.tie.items())
+    moving = [unknown_of(p, p.name, settings)[0] for p in offered if p.name not in settings.tie]
+    spec = OwnSpec(
+        residuals=residuals, moving=tuple(u.parameter.name for u in moving),
+        coordinates=tuple(u.parameter.coordinate for u in moving), held=(), tied=tied, loss=loss,
+        priors=any(u.prior is not None for u in moving),
+    )  # fmt: skip
+    names = {p.name: p.name for p in offered}
+    units = {p.name: p.unit for p in offered}
+    return Unknowns(spec, tuple(moving), np.empty(0), names, units)  # type: ignore[arg-type]
+
+
+def _targets(u: Unknowns, data: Any) -> Targets:
+    prior = np.array([w.prior[0] if w.prior else 0.0 for w in u.moving])
+    weight = np.array([1.0 / w.prior[1] if w.prior else 0.0 for w in u.moving])
+    return Targets(
+        points=data, values=(), weights=(), ncs=(), ncs_weights=(), noise=np.float64(1.0),
+        prior=prior, prior_weight=weight, held=np.empty(0), eta_i=np.float64(1.0),
+    )  # fmt: skip
+
+
+def _one(u: Unknowns, data: Any, settings: Settings, asked: Asked, points: np.ndarray) -> Fit:
+    """Return the fit of one set of data."""
+    targets = _targets(u, data)
+    middle = own_slopes(u.spec, targets, points[:, 0])  # type: ignore[arg-type]
+    count = len(middle.residual)
+    scale = float(np.nan_to_num(middle.residual @ middle.residual, nan=1.0, posinf=1.0))
+    rows = OwnRows(np.arange(count), asked.errors == "stated", np.zeros(count, int), scale)
+    job = Solving(u, rows, targets, settings, asked)  # type: ignore[arg-type]
+    job.starts = points.shape[1]
+    ends, noise = solved(job, points)
+    return fit_of(job, ends, noise, Subject(None, ()))
+
+
+def fit_residuals(
+    residuals: Residual,
+    parameters: Mapping[str, Any],
+    data: Any = (),
+    *,
+    free: str | Iterable[str] = (),
+    fixed: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    priors: Mapping[str, tuple[float, float]] | None = None,
+    tie: Mapping[str, str] | None = None,
+    loss: str = "squares",
+    errors: str = "scaled",
+    intervals: str = "auto",
+    starts: int | None = None,
+    start: Mapping[str, float] | None = None,
+    seed: int = 0,
+    batch: bool = False,
+) -> Fit:
+    """Return the caller's own model fitted, with the starts, solver and errors of `fit`.
+
+    Args:
+        residuals: ``residuals(values, data)`` in JAX -> array of residuals, (model - measured) /
+            sigma. values: name -> number; data as below. One function for all calls of a kind: it
+            is compiled once.
+        parameters: name -> the range (low, high) that starts are drawn from; or a mapping with
+            "start": that range, "bounds": what the value may be, "coordinate": "linear", "log" or
+            "square" (in which the residuals are nearly linear), "unit".
+        data: arrays, or any pytree of them; with ``batch`` each begins with the batch axis S.
+        free, fixed, bounds, priors, tie, loss, intervals, starts, start, seed: as in `fit`.
+        errors: "scaled" by the scatter, or "stated": residuals are in standard errors already.
+
+    Returns: `Fit` of batch shape () or (S,).
+
+    Raises:
+        ValueError: for names and values that do not go together.
+    """
+    if loss not in LOSSES:
+        raise ValueError(f"loss is {loss!r}; one of {', '.join(LOSSES)} was wanted.")
+    if errors not in ("scaled", "stated"):
+        raise ValueError(f'errors is {errors!r}; "scaled" or "stated" was wanted.')
+    check_intervals(intervals)
+    settings = check_settings(
+        Settings(names_of(free), fixed or {}, bounds or {}, priors or {}, tie or {})
+    )
+    u = _unknowns(residuals, parameters, settings, loss)
+    if not u.free.any():
+        raise ValueError("every parameter is fixed; leave one free.")
+    asked = Asked(errors, intervals, loss, seed)
+    count = usual_starts(int(u.free.sum())) if starts is None else starts
+    points = start_points(u.moving, count, seed)
+    if start is not None:
+        extra = start_at(u.moving, given_start(u.moving, u.labels, start))
+        points = np.concatenate([points, extra[:, None]], 1)
+    data = jax.tree.map(lambda a: np.asarray(a, float), data)
+    if not batch:
+        return _one(u, data, settings, asked, points)
+    sizes = {len(a) for a in jax.tree.leaves(data)}
+    if len(sizes) != 1:
+        raise ValueError(
+            f"the batch axes of the data have lengths {sorted(sizes)}; one was wanted."
+        )
+    each = (jax.tree.map(lambda a, i=i: a[i], data) for i in range(sizes.pop()))
+    return stacked_fits([_one(u, one, settings, asked, points) for one in each])
