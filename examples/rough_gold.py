@@ -90,7 +90,7 @@ def recover(target, keys, p):
     """(p, its standard errors) of Gauss-Newton steps, from two pictures with independent noise.
 
     The sum of squares of one noisy picture's residuals is least where the picture is least noisy,
-    not where it is right: with 64 paths that took 5 % off alpha, 15 standard errors. So residuals
+    not where it is right: with 64 paths that took 5 % off alpha, 15 of its errors. So residuals
     come from one picture and their weights, the derivatives, from another:
 
         step = -(J_1^T J_2)^-1 J_1^T (picture_2 - target).
@@ -101,8 +101,10 @@ def recover(target, keys, p):
         picture_2, J_2 = with_jacobian(p, keys[1], size)
         residual = picture_2 - target.ravel()
         p = p - jnp.linalg.solve(J_1.T @ J_2, J_1.T @ residual)
-    scatter = jnp.sum(residual**2) / jnp.sum(jnp.any(J_1 != 0.0, axis=1))
-    return p, jnp.sqrt(scatter * jnp.diagonal(jnp.linalg.inv(J_1.T @ J_2)))
+    # The errors contain the noise of J_1, which is not small: sum over J_1 r J_1^T r.
+    inverse = jnp.linalg.inv(J_1.T @ J_2)
+    covariance = inverse @ (J_1.T * residual**2) @ J_1 @ inverse.T
+    return p, jnp.sqrt(jnp.diagonal(covariance))
 
 
 def draw(path, start, found, target, derivatives) -> None:
