@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint accuracy bench stability startup fit-study fit-coverage model-coverage model-study model-success clean
+.PHONY: demo test lint accuracy bench stability startup fit-study fit-coverage model-coverage model-study model-success errors-study clean
 
 demo: .venv/installed-plot  ## fit the gold scan that ships with the project; table, plot, JSON in demo/
 	mkdir -p demo
@@ -32,8 +32,9 @@ stability: .venv/installed-bench  ## where each method fails: table and picture 
 startup: .venv/installed-plot  ## where the time of the command fresnel-fit goes
 	$(BIN)/python benchmarks/startup.py
 
-fit-study: .venv/installed-bench  ## how often the fit finds the best minimum, over 1e4 truths a class
-	$(BIN)/python -m benchmarks.fit_success
+CURVES ?= 1000000
+fit-study: .venv/installed-bench  ## how often the fit finds the best minimum, over measurements drawn at random (an hour; CURVES=100000 for less)
+	$(BIN)/python -m benchmarks.fit_success --curves $(CURVES) --out docs/benchmarks
 
 fit-coverage: .venv/installed-bench  ## how often the 95 % intervals hold the truth, over 1e4 repeats
 	$(BIN)/python -m benchmarks.fit_coverage
@@ -41,7 +42,10 @@ fit-coverage: .venv/installed-bench  ## how often the 95 % intervals hold the tr
 model-coverage: .venv/installed-bench  ## the same of the intervals of model fits (half an hour)
 	$(BIN)/python -m benchmarks.model_coverage
 
-model-study: .venv/installed-bench  ## how often --model auto finds the true model, and adds none too many
+errors-study: .venv/installed-bench  ## what 95 % intervals hold where stated errors are not the errors
+	$(BIN)/python -m benchmarks.errors_study
+
+model-study: .venv/installed-bench  ## how often --sample auto finds the true model, and adds none too many
 	$(BIN)/python -m benchmarks.model_choice
 
 model-success: .venv/installed-bench  ## how often a model fit reaches the best minimum (half an hour)

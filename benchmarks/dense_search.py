@@ -11,10 +11,10 @@ from scipy.optimize import least_squares
 
 from .random_measurements import Batch, Geometry, textbook
 
-# Relative index: n from .03 to 30, k of 0 and 1e-4 to 30, each step 4 to 13 %.
-N = np.geomspace(0.03, 30.0, 180)
-K = np.concatenate([[0.0], np.geomspace(1e-4, 0.03, 12)[:-1], np.geomspace(0.03, 30.0, 80)])
-GRID_MINIMA = 4
+# Relative index: n from .03 to 30, k of 0 and 1e-4 to 30, steps of 5 to 12 %.
+N = np.geomspace(0.03, 30.0, 140)
+K = np.concatenate([[0.0], np.geomspace(1e-4, 0.03, 12)[:-1], np.geomspace(0.03, 30.0, 60)])
+GRID_MINIMA = 3
 
 
 def grid_misfits(batch: Batch) -> np.ndarray:
@@ -54,7 +54,7 @@ def suspects(
     """
     misfit = grid_misfits(batch)
     low = misfit <= _among_neighbours(misfit, np.minimum)
-    rise = _among_neighbours(np.where(low, misfit, misfit), np.maximum) - misfit
+    rise = _among_neighbours(misfit, np.maximum) - misfit
     eta_i = batch.geometry.eta_i
     at_n = np.argmin(np.abs(np.log(N[:, None] * eta_i / eta[None])), axis=0)
     at_k = np.argmin(np.abs(K[:, None] * eta_i - k[None]), axis=0)

@@ -9,7 +9,10 @@ regular: k cannot be negative, so that its interval holds 97.5 % at k = 0 and no
 
 The statistical error of a share near .95 is .2 % (one sigma).
 
-    python -m benchmarks.fit_coverage [--repeats 10000]
+Then the same of measurements drawn at random (`random_measurements`: angles, quantity, noise,
+media, materials): one repeat of each, by quantity, class and lowest angle, of fits that converged.
+
+    python -m benchmarks.fit_coverage [--repeats 10000] [--curves 100000] [--seed 1]
 """
 
 from __future__ import annotations
@@ -23,7 +26,9 @@ import numpy as np
 from fitting import Fit, fit_many
 from fresnel_jax import powers
 
+from .fit_success import A_GEOMETRY, draw
 from .machine import conditions
+from .random_measurements import CLASSES
 
 MANY = np.linspace(1.0, 89.0, 60)
 FEW = np.linspace(20.0, 80.0, 13)
@@ -82,11 +87,56 @@ def study(case: tuple, repeats: int) -> dict:
     return found
 
 
+def random_study(curves: int, seed: int) -> list[tuple[tuple[str, str, str], int, float, float]]:
+    """Return cells of measurements drawn at random: fits that converged, shares that hold.
+
+    Cells are quantity, class and bin of the lowest angle; shares of the intervals of eta and of k.
+    """
+    cells: dict[tuple[str, str, str], list[np.ndarray]] = {}
+    for number in range(max(1, round(curves / A_GEOMETRY))):
+        batch, _ = draw(seed, number)
+        noisy = batch.take(np.flatnonzero(batch.noise > 0.0))
+        angles, data = noisy.padded()
+        result = fit_many(
+            angles, **data, sample=f"{float(noisy.geometry.eta_i)!r} | free", intervals="auto"
+        )
+        good = result.status == "converged"
+        hold = [
+            (ends[:, 0] <= truth) & (truth <= ends[:, 1])
+            for ends, truth in (
+                (result.parameters["eta"].interval, noisy.eta),
+                (result.parameters["k"].interval, noisy.k),
+            )
+        ]
+        for kind in CLASSES:
+            mine = good & (noisy.kind == kind)
+            cell = (noisy.geometry.quantity, kind, noisy.geometry.angle_bin)
+            cells.setdefault(cell, []).append(np.stack(hold)[:, mine])
+    rows = []
+    for cell, parts in sorted(cells.items()):
+        held_of = np.concatenate(parts, axis=1)
+        if held_of.shape[1]:
+            rows.append((cell, held_of.shape[1], *held_of.mean(1).tolist()))
+    return rows
+
+
+def print_random(rows: list[tuple[tuple[str, str, str], int, float, float]]) -> None:
+    """Print the cells and the one with the least share."""
+    print("\n| data | class | lowest angle, degrees | fits | eta | k |\n" + "| --- " * 6 + "|")
+    for cell, count, eta, k in rows:
+        print(f"| {' | '.join(cell)} | {count} | {100.0 * eta:.1f} | {100.0 * k:.1f} |")
+    cell, count, eta, k = min(rows, key=lambda row: min(row[2:]))
+    print(f"\nworst cell: {', '.join(cell)}: {100.0 * eta:.1f}, {100.0 * k:.1f} % of {count}")
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=10_000)
-    repeats = parser.parse_args().repeats
+    parser.add_argument("--curves", type=int, default=100_000, help="measurements at random")
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    repeats = options.repeats
     started = time.perf_counter()
     print(f"{conditions()}; {repeats} repeats; per cent that hold the true eta, k\n")
     sorts = [(kind, way) for kind in ("absolute", "scaled") for way in ("quadratic", "profile")]
@@ -102,6 +152,7 @@ def main() -> None:
         first += f" | {'yes' if row['regular'] else 'no'} | {100.0 * row['seen']:.0f} %"
         print(f"| {first} | " + " | ".join(cells) + " |", flush=True)
     print(f"\n{off} shares of the regular cases outside of 94 to 96 %")
+    print_random(random_study(options.curves, options.seed))
     print(f"{time.perf_counter() - started:.0f} s")
 
 

@@ -18,6 +18,23 @@ EXCURSION_SIGMAS = 4.0
 EXCURSION = 0.25
 
 
+def one_number(name: str, value: object, what: str, low: float, high: float) -> float:
+    """Return ``value`` as a float; raise ValueError, by its name, for what is no number in range.
+
+    A text is none, not even "3"; nor is a truth value, a complex number or an array.
+    """
+    try:
+        number = np.asarray(value)
+    except ValueError:  # a ragged list
+        number = np.asarray(None)
+    if number.ndim or number.dtype.kind not in "iuf" or not low <= number <= high:
+        raise ValueError(
+            f"{name} is {repr(value)[:40]}; {what}, one real number above 0 ({low:g} to {high:g}), "
+            "was wanted."
+        )
+    return float(number)
+
+
 class Data(NamedTuple):
     """The six columns of a Measurement, in its units; row i of each is one datum."""
 
@@ -27,6 +44,50 @@ class Data(NamedTuple):
     value: np.ndarray
     sigma: np.ndarray
     polarizer_deg: np.ndarray
+
+
+# Without stated errors, the scatter of a curve of that many values tells its noise; what it lets
+# lie beyond [0, 1] is held far below EXCURSION, since curvature looks like noise too.
+LEAST_VALUES, NOISE_EXCURSION = 8, 0.05
+# The scatter of 8 to 60 values is told to within a factor of two.
+SHOWN_SIGMAS = 2.0 * EXCURSION_SIGMAS
+_QUARTILE = 0.6745  # of the normal law, in standard deviations
+_ROUNDING = 1e-12  # of powers that were computed
+
+
+def _scatter(x: np.ndarray, y: np.ndarray) -> float:
+    """Return one standard deviation of the noise of y(x), x increasing; NaN of too few values.
+
+    From divided differences over 3, 4 and 5 neighbours, which a line, a parabola and a cubic do not
+    have; the median is blind to single outliers, the least of the three to most of the curvature.
+    """
+    found = []
+    for count in (3, 4, 5):
+        if len(x) < max(count, LEAST_VALUES):
+            return float("nan")
+        near = np.lib.stride_tricks.sliding_window_view(x, count)
+        gaps = near[:, :, None] - near[:, None, :] + np.eye(count)
+        weights = 1.0 / np.prod(gaps / np.abs(gaps).max((1, 2), keepdims=True), axis=2)
+        of_noise = np.sum(weights * np.lib.stride_tricks.sliding_window_view(y, count), axis=1)
+        of_noise = np.abs(of_noise) / np.sqrt(np.sum(weights**2, axis=1))
+        found.append(np.median(of_noise[np.isfinite(of_noise)]) / _QUARTILE)
+    return float(min(found))
+
+
+def _noise(data: Data) -> np.ndarray:
+    """Return the noise of the curve that each datum is of, as the curve itself shows it."""
+    spectral = len(np.unique(data.wavelength_um)) > 1
+    axis, other = (data.wavelength_um, data.angle_deg)[:: 1 if spectral else -1]
+    polarizer = np.nan_to_num(data.polarizer_deg, nan=-1.0)
+    names = np.unique(data.quantity, return_inverse=True)[1]
+    curves = np.stack([names, polarizer, np.nan_to_num(other)])
+    noise = np.full(len(axis), np.nan)
+    which = np.unique(curves, axis=1, return_inverse=True)[1].ravel()
+    for curve in range(which.max() + 1):
+        rows = np.flatnonzero(which == curve)
+        x, first = np.unique(axis[rows], return_index=True)
+        noise[rows] = _scatter(x, data.value[rows[first]])
+    return noise
 
 
 def hint_for(value: float, quantity: str, line: int, scale_given: bool, typical: float) -> str:
@@ -49,6 +110,11 @@ def hint_for(value: float, quantity: str, line: int, scale_given: bool, typical:
     return direct + leave
 
 
+def beyond(count: int) -> str:
+    """Return what is said of ``count`` powers that lie beyond [0, 1] by noise."""
+    return f"; {count} beyond [0, 1] by no more than the noise"
+
+
 @np.errstate(all="ignore")
 def check_data(
     source: str, data: Data, where: Callable[[int, str], str], hint: Callable[[int], str]
@@ -58,7 +124,8 @@ def check_data(
     where(i, role): the place of the angle, wavelength, sigma, polarizer or value of datum i.
     hint(i): what to do about its value.
     A power may lie outside [0, 1] by no more than ``EXCURSION_SIGMAS`` of its own standard errors
-    and no more than ``EXCURSION``; without a standard error, not at all.
+    and no more than ``EXCURSION``; without a standard error, of the noise that its curve shows, and
+    no more than ``NOISE_EXCURSION``.
     """
     angle, wavelength, quantity, value, sigma, polarizer = data
     if not len(value):
@@ -95,6 +162,14 @@ def check_data(
             "measured', say --missing 0."
         ),
     )
+    refuse(
+        sigma**2 < np.finfo(np.float64).tiny,
+        "sigma",
+        lambda i: (
+            f"standard error {sigma[i]:.10g} is so small that its square is no number. Give the "
+            "real one, or leave the standard errors out with --columns."
+        ),
+    )
     psi, delta = quantity == "psi", quantity == "delta"
     power = ~(psi | delta)
     refuse(
@@ -116,7 +191,12 @@ def check_data(
         "value",
         lambda i: f"delta {value[i]:.10g} degrees is outside [-360, 360]. {hint(i)}",
     )
-    slack = np.where(np.isnan(sigma), 0.0, np.minimum(EXCURSION_SIGMAS * sigma, EXCURSION))
+    slack = np.minimum(EXCURSION_SIGMAS * sigma, EXCURSION)
+    outside = power & ((value < 0.0) | (value > 1.0))
+    if (outside & np.isnan(sigma)).any():
+        shown = np.minimum(SHOWN_SIGMAS * _noise(data), NOISE_EXCURSION)
+        slack = np.where(np.isnan(sigma), shown, slack)
+    slack = np.fmax(slack, _ROUNDING)
     refuse(
         power & ((value < -slack) | (value > 1.0 + slack)),
         "value",
@@ -133,4 +213,4 @@ def check_data(
             "degrees from the plane of incidence was wanted (0 is R_p, 90 is R_s)."
         ),
     )
-    return int(np.sum(power & ((value < 0.0) | (value > 1.0))))
+    return int(outside.sum())

@@ -11,12 +11,12 @@ import contextlib
 import os
 import shlex
 import sys
-import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitting.cli_options import PROGRAM, fit_options, parser, reading_options
+from fitting.visible import visible
 
 if TYPE_CHECKING:
     from fitting.candidates import Choice
@@ -90,7 +90,7 @@ def _fit(
     measurements: list[Measurement], arguments: argparse.Namespace
 ) -> tuple[Fit, Choice | None]:
     """Return the fit that was asked for, and the comparison if a model was to be chosen."""
-    from fitting.output.progress import shown
+    from fitting.output.progress_bar import shown
     from fitting.start_up import set_up_jax
 
     options = fit_options(arguments)
@@ -99,9 +99,7 @@ def _fit(
     from fitting.sample import Sample
 
     sample = Sample.parse(arguments.sample or "free")
-    with warnings.catch_warnings(), shown("fit", quiet=arguments.quiet):
-        # A cache folder that is full or was taken away is not the user's business here.
-        warnings.filterwarnings("ignore", message=".*persistent compilation cache.*")
+    with shown("fit", quiet=arguments.quiet):
         if not sample.open:
             return fit(measurements, sample, **options), None
         from fitting.selection import choose
@@ -116,7 +114,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from fitting.measurement import read_csv
     from fitting.output import as_data, files, shown
     from fitting.output.outputs import Outputs
-    from fitting.output.progress import Progress
+    from fitting.output.progress_bar import Progress
     from fitting.output.reference import check_reference
 
     width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
@@ -156,11 +154,17 @@ def _print(text: str) -> None:
     # A name or unit may hold letters that a terminal of another encoding cannot show.
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
     try:
+        text = visible(text, "\n")
         sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
         sys.stdout.flush()
     except BrokenPipeError:
         # Python flushes stdout once more when it exits, and would complain.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _complain(text: str) -> None:
+    with contextlib.suppress(OSError):  # nowhere to say it
+        print(f"{PROGRAM}: {visible(text)}", file=sys.stderr)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -174,7 +178,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         arguments = parser().parse_args(argv)
         given = sys.argv[1:] if argv is None else argv
-        arguments.command = shlex.join([PROGRAM, *given])
+        arguments.command = visible(shlex.join([PROGRAM, *given]))
         from fitting.start_up import cheap_start
 
         with cheap_start():
@@ -183,7 +187,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(file=sys.stderr)
         return INTERRUPTED
     except OSError as error:
-        print(f"{PROGRAM}: {error.filename or 'writing'}: {error.strerror}", file=sys.stderr)
+        _complain(f"{error.filename or 'writing'}: {error.strerror}")
     except _Refused as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr)
+        _complain(str(error))
     return MISUSED

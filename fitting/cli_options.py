@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any, NoReturn
 
+from fitting.visible import visible
+
 PROGRAM = "fresnel-fit"
 
 _DESCRIPTION = """\
@@ -21,7 +23,8 @@ samples (media from the side of the light, separated by |):
   cauchy                                 one bare surface with that dispersion
   auto                                   the simplest dispersion that the data need
   1.515 | free                           light from inside glass
-  air | cauchy-urbach 3.05 mm thick | air    a plate, both faces, no interference
+  air | cauchy-urbach 3 mm thick | air   a plate: both faces, no interference
+  air | cauchy 110 nm | Si               a coherent film, thickness fitted
 An index is a number (1.45, 0.2+3.1i), a named material (gold, BK7), free, auto,
 or a dispersion model: constant, cauchy, cauchy-urbach, sellmeier, drude,
 lorentz, drude-lorentz, tauc-lorentz, with the number of its terms:
@@ -48,6 +51,8 @@ exit status:
        field "status" of the JSON say which)
   2    the command, the file or a value in it cannot be understood, or a result
        cannot be written
+  70   a defect of the program: please report it, with what it printed
+  71   not enough memory
   130  interrupted
 
 Compiled programs are kept in $XDG_CACHE_HOME/fresnel-fit or
@@ -65,7 +70,7 @@ _READING = (
     ("sigma", "SIGMA", "standard error of values that have none, a fraction"),
     ("psi-unit", "UNIT", "deg or rad"),
     ("missing", "VALUES", "numbers or words that stand for a gap: 0 or -9999,bad"),
-    ("keep", "COLUMN=VALUES", "rows to read, by the value of a column: Zone=1,2"),
+    ("keep", "COLUMN=VALUES", "rows to read, by the value of a column: Zone=1,2 or Zone=1-4"),
     ("lines", "FROM-TO", "lines to read: 10-200, 10- or -200"),
     ("delimiter", "NAME", "tab, semicolon, comma, pipe, blank, or the sign"),
     ("decimal", "SIGN", "decimal mark, . or ,"),
@@ -141,9 +146,14 @@ def _add_fitting(parser: argparse.ArgumentParser) -> None:
     fitting.add_argument("--starts", metavar="N", type=int, help="number of starts (default 64 up)")
 
 
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        super().error(visible(message))
+
+
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command."""
-    out = argparse.ArgumentParser(
+    out = _Parser(
         PROGRAM,
         usage="%(prog)s [options] FILE [FILE ...]",
         description=_DESCRIPTION,
@@ -153,7 +163,8 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument(
         "file", metavar="FILE", nargs="+",
-        help="text file with the measurement (CSV and its kin); several are fitted together",
+        help="text file with the measurement (CSV and its kin), - for standard input; several are "
+        "fitted together",
     )  # fmt: skip
     out.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     _add_results(out)

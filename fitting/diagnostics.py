@@ -52,7 +52,7 @@ class Finding:
     """
 
     code: str
-    at: np.ndarray
+    at: Any
     values: Mapping[str, Any]
 
     def of(self, index: tuple[int, ...], where: Mapping[str, Any]) -> Warning:

@@ -69,7 +69,7 @@ class Model(NamedTuple):
         return KINDS[self.name].model(self.terms, values)(wavelength_um)
 
 
-class _Kind(NamedTuple):
+class Kind(NamedTuple):
     parameters: Callable[[int, Spectrum], tuple[Parameter, ...]]
     model: Callable[[int, Mapping[str, Array]], dispersion.DispersionModel]
     absorbs: bool
@@ -225,22 +225,22 @@ def _tauc_lorentz_model(terms: int, v: Mapping[str, Array]) -> dispersion.Disper
 
 
 KINDS = {
-    "constant": _Kind(_constant, lambda terms, v: dispersion.Constant(v["eta"], v["k"]), True),
-    "cauchy": _Kind(
+    "constant": Kind(_constant, lambda terms, v: dispersion.Constant(v["eta"], v["k"]), True),
+    "cauchy": Kind(
         _cauchy, lambda n, v: dispersion.Cauchy(_cauchy_coefficients(n, v)), False, 3, 8
     ),
-    "cauchy-urbach": _Kind(
+    "cauchy-urbach": Kind(
         _cauchy_urbach,
         lambda n, v: dispersion.CauchyUrbach(
             _cauchy_coefficients(n, v), v["k_edge"], v["urbach_ev"], v["edge_ev"]
         ),
         True, 3, 8,
     ),
-    "sellmeier": _Kind(_sellmeier, _sellmeier_model, False, 1, 8, False),
-    "drude": _Kind(_drude, lambda n, v: _oscillator_model(True)(0, v), True),
-    "drude-lorentz": _Kind(_drude_lorentz, _oscillator_model(True), True, 1, 8),
-    "lorentz": _Kind(_lorentz, _oscillator_model(False), True, 1, 8),
-    "tauc-lorentz": _Kind(_tauc_lorentz, _tauc_lorentz_model, True, 1, 8),
+    "sellmeier": Kind(_sellmeier, _sellmeier_model, False, 1, 8, False),
+    "drude": Kind(_drude, lambda n, v: _oscillator_model(True)(0, v), True),
+    "drude-lorentz": Kind(_drude_lorentz, _oscillator_model(True), True, 1, 8),
+    "lorentz": Kind(_lorentz, _oscillator_model(False), True, 1, 8),
+    "tauc-lorentz": Kind(_tauc_lorentz, _tauc_lorentz_model, True, 1, 8),
 }  # fmt: skip
 
 

@@ -13,6 +13,7 @@ Fits run in float64, whether or not the caller has switched on jax_enable_x64.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from fitting.problem import LOSSES, targets_of
 from fitting.result import Fit
 from fitting.sample import Sample
 from fitting.search import ERRORS, Asked, Solving, solved
+from fitting.several_files import disagreement
 from fitting.starts import given_start, start_at, usual_starts
 from fitting.starts import starts as start_points
 from fitting.stated_errors import with_common_error
@@ -116,8 +118,13 @@ def fit_checked(
     if sample.open:
         raise ValueError(f"the sample {str(sample)!r} leaves its model open; choose(...) finds it.")
     if _is_special(sample, measurements, settings, asked.loss):
-        joined = concatenate(*measurements)
-        return fit_bare_surface(joined, sample, asked.errors, asked.intervals, begin[1])
+        found = fit_bare_surface(
+            concatenate(*measurements), sample, asked.errors, asked.intervals, begin[1]
+        )
+        if len(measurements) == 1:
+            return found
+        alone = [fit_bare_surface(m, sample, asked.errors, "quadratic") for m in measurements]
+        return replace(found, notes=(*found.notes, *disagreement(alone)))
     check_quantities(measurements, sample)
     found = _general(measurements, sample, settings, asked, begin)
 

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.checks import Data, check_data
+from fitting.checks import Data, beyond, check_data
 from fitting.errors import MeasurementError
 from fitting.reader import units
 from fitting.reader.options import QUANTITIES
+from fitting.visible import visible
 
 
 class Units(NamedTuple):
@@ -109,6 +110,8 @@ def from_arrays(
         np.tile(polarizer, count)[kept],
     )
     percent = "Powers are fractions: for percent give scale=0.01."
-    check_data(source, data, where, lambda i: percent if data.value[i] > 1.0 else "")
+    source = visible(source)
+    outside = check_data(source, data, where, lambda i: percent if data.value[i] > 1.0 else "")
     text = f"took {len(kept)} values of {', '.join(names)} from arrays{_ranges(data)}"
+    text += beyond(outside) if outside else ""
     return data, text

@@ -16,19 +16,20 @@ from typing import Any
 
 import numpy as np
 
-from fitting.checks import EXCURSION_SIGMAS, check_data, hint_for
+from fitting.checks import beyond, check_data, hint_for
 from fitting.errors import MeasurementError as MeasurementError
 from fitting.errors import place
 from fitting.from_arrays import Units, from_arrays
 from fitting.reader.columns import choose_columns
-from fitting.reader.lines import read_lines
-from fitting.reader.longform import long_columns
+from fitting.reader.formats import plain_table
+from fitting.reader.lines import read_lines, source_of
+from fitting.reader.longform import LongColumns, long_columns
 from fitting.reader.names import role_of
 from fitting.reader.options import QUANTITIES as QUANTITIES
-from fitting.reader.options import parse_options
+from fitting.reader.options import Options, parse_options
+from fitting.reader.own_export import own_columns
 from fitting.reader.rows import keep_rows
 from fitting.reader.table import read_table
-from fitting.reader.woollam import as_plain_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +161,32 @@ def concatenate(*measurements: Measurement) -> Measurement:
     )
 
 
+def _foreign_columns(
+    source: str,
+    texts: list[str],
+    notes: list[str],
+    options: Options,
+    delimiter: str | None,
+    decimal: str | None,
+    lines: str | None,
+) -> LongColumns:
+    """Return the data of a file that somebody else wrote."""
+    known = plain_table(texts)
+    if known is not None:
+        texts, notes = known[0], notes + known[1]
+    table = read_table(
+        source,
+        texts,
+        lambda name: bool(role_of(name).kind),
+        lambda name: role_of(name).kind == "value" or role_of(name).form == "incidence",
+        delimiter=delimiter,
+        decimal=decimal,
+        lines=lines,
+    )
+    table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)
+    return long_columns(table, choose_columns(table, options), options)
+
+
 def read_csv(
     path: str | PathLike[str],
     *,
@@ -181,6 +208,8 @@ def read_csv(
 ) -> Measurement:
     """Return the measurement in the text file at ``path``, with a sentence of how it was read.
 
+    A ``path`` of - is standard input.
+
     Delimiter, decimal mark, encoding, header, units and layout are found out; every one can be
     overruled. What has two readings, or contradicts itself, is refused. Every option is also the
     flag of the command line of the same name and takes the flag's text.
@@ -200,7 +229,7 @@ def read_csv(
     psi_unit: deg or rad, for psi and delta.
     missing: numbers or words that stand for a gap in the values, "0" or "-9999,bad"; "none" says
         that zeros were measured.
-    keep: column -> values of the rows to be read, ``"Zone=1,2,3,4"``.
+    keep: column -> values of the rows to be read, ``"Zone=1,2,3,4"`` or ``"Zone=1-4"``.
     lines: range of lines that may hold rows, 10-200, 10- or -200.
     delimiter: tab, semicolon, comma, pipe, blank, or the sign. decimal: "." or ",".
     encoding: a name that Python knows.
@@ -208,9 +237,9 @@ def read_csv(
     Raises MeasurementError, and nothing else, with file, line, column, what came, what was wanted
         and the option that settles it.
     """
-    file = Path(path)
+    source = source_of(path)
     options = parse_options(
-        file.name,
+        source,
         columns=columns,
         keep=keep,
         angle_deg=angle_deg,
@@ -223,32 +252,23 @@ def read_csv(
         psi_unit=psi_unit,
         missing=missing,
     )
-    texts, notes = read_lines(file, encoding)
-    plain_table = as_plain_table(texts)
-    if plain_table is not None:
-        texts, notes = plain_table[0], notes + plain_table[1]
-    table = read_table(
-        file.name,
-        texts,
-        lambda name: bool(role_of(name).kind),
-        delimiter=delimiter,
-        decimal=decimal,
-        lines=lines,
-    )
-    table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)
-    long = long_columns(table, choose_columns(table, options), options)
+    texts, notes = read_lines(Path(path), encoding)
+    bare = options == parse_options(source) and not (lines or delimiter or decimal)
+    long = own_columns(source, texts) if bare else None
+    if long is None:
+        long = _foreign_columns(source, texts, notes, options, delimiter, decimal, lines)
     data, understood = long.data, long.understood
-    typical = float(np.median(np.abs(data.value)))
+    typical = float(np.median(np.abs(data.value))) if len(data.value) else 0.0
 
     def where(i: int, role: str) -> str:
         line, value, error = long.places[i]
-        return place(file.name, line, {"value": value, "sigma": error, **long.labels}.get(role, ""))
+        return place(source, line, {"value": value, "sigma": error, **long.labels}.get(role, ""))
 
     def hint(i: int) -> str:
         line, scaled = long.places[i][0], options.scale is not None
         return hint_for(float(data.value[i]), data.quantity[i], line, scaled, typical)
 
-    outside = check_data(file.name, data, where, hint)
+    outside = check_data(source, data, where, hint)
     if outside:
-        understood += f"; {outside} beyond [0, 1] by at most {EXCURSION_SIGMAS:g} standard errors"
-    return Measurement(*map(_frozen, data), source=file.name, understood=understood)
+        understood += beyond(outside)
+    return Measurement(*map(_frozen, data), source=source, understood=understood)

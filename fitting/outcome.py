@@ -3,38 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from fitting import result as status
-from fitting.diagnostics import Finding, Warning
-from fitting.evaluation import Evaluated, at_data
-from fitting.findings import Quality, Seen, findings
-from fitting.measurement import Measurement, concatenate
+from fitting.diagnostics import Finding
+from fitting.evaluation import Evaluated
+from fitting.findings import Seen, findings
+from fitting.measurement import concatenate
+from fitting.minima import SAME_CHI2, Minimum, minima
 from fitting.parameters import value_and_slope
-from fitting.pattern import pattern
-from fitting.result import Alternative, ErrorModel, Estimate, Fit
-from fitting.sample import Sample
+from fitting.quality import Subject as Subject
+from fitting.quality import error_model_of, own_quality, quality, rms_of_residuals
+from fitting.result import Alternative, Estimate, Fit
 from fitting.search import End, Solving, best_of
-from fitting.starts import SAME_CHI2, STAGE, Ends, Minimum, minima
-from fitting.uncertainty.covariance import Slopes
+from fitting.starts import STAGE, Ends
 from fitting.uncertainty.intervals import QUADRATIC, Intervals, intervals
-from fitting.uncertainty.likelihood import criteria, reduced_chi2
+from fitting.uncertainty.likelihood import criteria
 from fitting.unknowns import Unknowns
 
 # What data are trusted to where neither errors nor scatter tell.
 ASSUMED_SIGMA = 1e-3
 # So many of the other minima are given intervals by profile, the rest quadratic ones.
 _OTHERS = 3
-
-
-class Subject(NamedTuple):
-    """What is fitted, and what must be said of it whatever comes out."""
-
-    sample: Sample | None
-    measurements: tuple[Measurement, ...]
-    notes: tuple[Warning, ...] = ()
 
 
 def _parameters_at(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -107,23 +99,6 @@ def _blank(covariance: np.ndarray, unseen: np.ndarray) -> np.ndarray:
     return out
 
 
-def _rms(s: Slopes) -> tuple[float, dict[str, float]]:
-    of = {k: float(np.sqrt(np.mean(s.plain[s.kind == k] ** 2))) for k in dict.fromkeys(s.kind)}
-    return float(np.sqrt(np.mean(s.plain**2))), {str(k): v for k, v in of.items()}
-
-
-def _one_power_a_wavelength(measurements: Sequence[Measurement]) -> bool:
-    """Whether every wavelength has a single value, and that one of R or T."""
-    wavelength = np.concatenate([m.wavelength_um for m in measurements])
-    quantity = np.concatenate([m.quantity for m in measurements])
-    angle = np.concatenate([m.angle_deg for m in measurements])
-    if np.isin(quantity, ("psi", "delta")).any():
-        return False
-    points = {*zip(wavelength.tolist(), quantity.tolist(), angle.tolist(), strict=True)}
-    normal = bool((angle == 0.0).all()) and len(set(quantity.tolist())) == 1
-    return normal or len(points) == len(np.unique(wavelength))
-
-
 def _scatter(fit: Solving, cost: float, noise: float, scaled: bool) -> float:
     """Return what a difference of the cost is measured in."""
     if fit.pooled is not None and scaled:
@@ -174,68 +149,6 @@ def _intervals(fit: Solving, every: Sequence[End], noise: float, failed: bool) -
 def _rounding(fit: Solving, noise: float) -> float:
     """Return the differences of the cost that are rounding."""
     return 1e-27 * fit.squares / noise**2
-
-
-def _error_model(fit: Solving, end: End) -> ErrorModel:
-    """Return what was taken for the errors of the data."""
-    taken = fit.asked.errors
-    if taken != "stated":
-        taken = "scaled" if fit.seen.stated else "equal"
-    with np.errstate(invalid="ignore"):
-        factor = float(np.sqrt(end.known.variance))
-    return ErrorModel(taken, factor, 0.0, fit.seen.stated)
-
-
-def _own_quality(
-    fit: Solving, end: End, scatter_of: tuple[int, float], others: Sequence[Any]
-) -> Quality:
-    """Return the same for the caller's own residuals, of whose rows nothing is known."""
-    s, robust = end.slopes, fit.u.spec.loss != "squares"
-    size = reduced_chi2(fit.u.spec.loss, s.residual, fit.dof) if fit.seen.stated else np.nan
-    return Quality(
-        chi2_reduced=size, dof=fit.dof, n_data=fit.n_data, stated=fit.seen.stated,
-        errors=_error_model(fit, end).taken, rms=0.0, robust=robust, starts=fit.starts,
-        reached=scatter_of[0], lower=scatter_of[1], pattern=None, by_the_model_alone=False,
-        sample="your model",
-        others=tuple({n: e.value for n, e in a.parameters.items()} for a in others),
-        delta_chi2=float(others[0].delta_chi2) if others else np.nan,
-    )  # fmt: skip
-
-
-def _quality(
-    fit: Solving, of: Subject, end: End, scatter_of: tuple[int, float], others: Sequence[Any]
-) -> Quality:
-    """Return how well the fit describes the data. scatter_of: reached, and chi2 that was lower."""
-    u, seen, s = fit.u, fit.seen, end.slopes
-    robust = u.spec.loss != "squares"
-    size = reduced_chi2(u.spec.loss, s.residual, fit.dof) if seen.stated else np.nan
-    wavelengths = len(np.unique(np.concatenate([m.wavelength_um for m in of.measurements])))
-    free = int(u.free.sum())
-    alone = wavelengths == 1 and free > 1 and not end.known.unseen.size
-    absorbs = any(m.absorbs for m in u.spec.media.index if not isinstance(m, str))
-    joined = concatenate(*of.measurements)
-    fitted = at_data(seen, s.seen)
-    return Quality(
-        chi2_reduced=size, dof=fit.dof, n_data=fit.n_data, stated=seen.stated,
-        errors=_error_model(fit, end).taken, rms=_rms(s)[0], robust=robust, starts=fit.starts,
-        reached=scatter_of[0], lower=scatter_of[1],
-        pattern=pattern(joined, fitted, seen.curve, seen.stated),
-        by_the_model_alone=_one_power_a_wavelength(of.measurements) and absorbs and not alone,
-        sample=describes(of.sample),
-        others=tuple({n: e.value for n, e in a.parameters.items()} for a in others),
-        delta_chi2=float(others[0].delta_chi2) if others else np.nan,
-    )  # fmt: skip
-
-
-def describes(sample: Sample) -> str:
-    """Return what a sample is in words."""
-    if sample.bare:
-        return "one bare surface"
-    return "this plate" if not any(m.coherent for m in _layers(sample)) else "this stack"
-
-
-def _layers(sample: Sample) -> list[Any]:
-    return [m.thickness for m in sample.layers]
 
 
 def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
@@ -313,11 +226,11 @@ def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: 
         own = of.sample is None
         found = findings(
             seen_of,
-            _own_quality(fit, end, at, f.others) if own else _quality(fit, of, end, at, f.others),
+            own_quality(fit, end, at, f.others) if own else quality(fit, of, end, at, f.others),
         )  # fmt: skip
     chi2 = float(s.residual @ s.residual) if seen.stated else np.nan
     bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, int(free.sum()), fit.asked.scaled)
-    rms, rms_of = _rms(s)
+    rms, rms_of = rms_of_residuals(s)
     joined = concatenate(*of.measurements) if of.measurements else None
     known = np.array([np.nan]) if joined is None else np.unique(joined.wavelength_um)
     known = known[np.isfinite(known)] if np.isfinite(known).any() else known
@@ -334,7 +247,7 @@ def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: 
         n_data=fit.n_data, rms=rms, rms_of=rms_of, cost=end.cost, noise=noise,
         status=status.NOT_CONVERGED if f.failed else
         status.UNDETERMINED if undetermined else status.CONVERGED,
-        errors=_error_model(fit, end), evaluations=evaluations, starts=fit.starts,
+        errors=error_model_of(fit, end), evaluations=evaluations, starts=fit.starts,
         reached=f.reached, loss=u.spec.loss, bic=bic, aicc=aicc, findings=found, others=f.others,
         notes=of.notes, measurement=joined, curve=seen.curve if joined is not None else None,
         curve_names=getattr(seen, "curve_names", ()), evaluator=evaluator,

@@ -59,7 +59,7 @@ class Settings(NamedTuple):
     fixed: Mapping[str, float] = {}
     bounds: Mapping[str, tuple[float, float]] = {}
     priors: Mapping[str, tuple[float, float]] = {}
-    tie: Mapping[str, tuple[float, str]] = {}
+    tie: Mapping[str, Any] = {}
     variants: tuple[str, ...] = ()
 
     @property
@@ -154,6 +154,11 @@ def check_settings(settings: Settings) -> Settings:
             raise ValueError(
                 f"the prior of {name} is {mean:g} +- {sigma:g}; a finite value and a standard "
                 "error above 0 were wanted."
+            )
+        if sigma < max(1e-9 * abs(mean), 1e-100):
+            raise ValueError(
+                f"the prior of {name} is {mean:g} +- {sigma:g}, narrower than a fit can resolve; "
+                f"fix it instead at {mean:g}."
             )
     tie = {plain_name(n): _tied(n, of) for n, of in settings.tie.items()}
     for name in tie:

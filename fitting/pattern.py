@@ -7,11 +7,14 @@ wavelength. If the signs of the e are chance, those of the products along a line
 too, whatever the sizes of the e (for these may differ from point to point, and outliers are cut at
 three deviations). So the law of T given the sizes is that of a sum of numbers with random signs;
 it is drawn, not assumed, where few of them make most of the sum. A fit takes from its residuals
-what looks like the model, which makes neighbours less alike: the test errs to silence.
+what looks like the model, which makes neighbours less alike: the test errs to silence. The signs of
+the products alone, half of them positive by chance, are asked beside T.
 """
 
 from __future__ import annotations
 
+import math
+from statistics import NormalDist
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -25,6 +28,10 @@ if TYPE_CHECKING:
 _CHANCE, _NORMAL = 2.5e-3, 2.81
 # So many of the largest products get signs of their own, the others a normal law.
 _DRAWS, _DRAWN = 20000, 100
+# And by the signs alone of as many neighbours, which see what a few large residuals hide.
+_SIGN_CHANCE = 5e-4
+# The same at fixed angles of many wavelengths that were fitted one by one: pooled over so many.
+_POOLED_CHANCE, _POOLED = 1e-3, 8
 # With fewer neighbours random signs are all alike more often than that.
 _LEAST = 10
 # A residual below so much of the largest value is rounding, or where a solver stops.
@@ -32,11 +39,34 @@ _ROUNDING = 1e-7
 
 
 class Pattern(NamedTuple):
-    """along: "wavelength" or "angle"; correlation: of neighbours; chance: what chance gives."""
+    """along: "wavelength" or "angle"; correlation: of neighbours; chance: what chance gives.
+
+    alike, pairs: how many of the neighbours have one sign.
+    """
 
     along: str
     correlation: float
     chance: float
+    alike: int = 0
+    pairs: int = 0
+
+    @property
+    def variance_factor(self) -> float:
+        """By how much the variances of the parameters are larger than those of white noise.
+
+        (1 + rho) / (1 - rho), as for the mean of a first-order autoregressive series.
+        """
+        rho = min(max(self.correlation, 0.0), 0.95)
+        return (1.0 + rho) / (1.0 - rho)
+
+
+class Pooled(NamedTuple):
+    """A residual that many wavelengths share at one angle: the largest, in standard errors."""
+
+    quantity: str
+    angle_deg: float
+    mean: float
+    probability: float
 
 
 def _last_digit(values: np.ndarray) -> float:
@@ -92,6 +122,23 @@ def _by_chance(products: np.ndarray) -> float:
     return float(np.quantile(sums, 1.0 - _CHANCE))
 
 
+def _as_many_alike(alike: int, pairs: int) -> float:
+    """Return the probability that so many of ``pairs`` random signs or more are positive."""
+    if pairs > 1000:
+        return 1.0 - NormalDist().cdf((2.0 * alike - 1.0 - pairs) / math.sqrt(pairs))
+    return sum(math.comb(pairs, i) for i in range(alike, pairs + 1)) / 2**pairs
+
+
+def _as_large(squares: float, count: int) -> float:
+    """Return the probability of a larger chi2 of ``count`` degrees of freedom.
+
+    By the cube root of E. B. Wilson and M. M. Hilferty, PNAS 17, 684 (1931).
+    """
+    a = 2.0 / (9.0 * count)
+    deviations = ((squares / count) ** (1.0 / 3.0) - 1.0 + a) / math.sqrt(a)
+    return 0.5 * math.erfc(deviations / math.sqrt(2.0))
+
+
 def pattern(
     measurement: Measurement, fitted: np.ndarray, curve: np.ndarray, stated: bool = True
 ) -> Pattern | None:
@@ -116,9 +163,46 @@ def pattern(
     ):  # fmt: skip
         first, second = _neighbours((other, light, kind, curve), along).T
         products = e[first] * e[second]
-        total, size = products.sum(), np.sqrt((e[first] ** 2).sum() * (e[second] ** 2).sum())
-        if np.count_nonzero(products) <= _LEAST or total <= 2.0 * np.sqrt((products**2).sum()):
+        pairs, alike = int(np.count_nonzero(products)), int((products > 0.0).sum())
+        if pairs <= _LEAST:
             continue
-        if total > (chance := _by_chance(products)):
-            found.append(Pattern(name, float(total / size), chance / float(size)))
+        total, size = products.sum(), np.sqrt((e[first] ** 2).sum() * (e[second] ** 2).sum())
+        by_signs = _as_many_alike(alike, pairs) < _SIGN_CHANCE
+        if not by_signs and total <= 2.0 * np.sqrt((products**2).sum()):
+            continue
+        if total > (chance := _by_chance(products)) or by_signs:
+            found.append(Pattern(name, float(total / size), chance / float(size), alike, pairs))
     return max(found, key=lambda p: p.correlation / p.chance, default=None)
+
+
+def pooled_pattern(
+    measurement: Measurement, fitted: np.ndarray, stated: bool = True
+) -> Pooled | None:
+    """Return what residuals have in common at one angle over many wavelengths; None where nothing.
+
+    measurement, fitted: (N,) data of all wavelengths and the model at each, fitted wavelength by
+    wavelength. Each sum of residuals at a fixed angle and quantity is compared with the sum of
+    their squares, as for signs that are chance, and the squares of all angles are added up.
+    """
+    m = measurement
+    if not np.isfinite(fitted).any():
+        return None
+    usable = np.isfinite(fitted)
+    m, fitted = m.where(np.flatnonzero(usable)), np.asarray(fitted)[usable]
+    e = _usable(m, fitted, np.zeros(len(m), int), stated)
+    groups: dict[tuple[str, float], float] = {}
+    for quantity in sorted(set(m.quantity.tolist())):
+        of = m.quantity == quantity
+        for angle in np.unique(m.angle_deg[of]).tolist():
+            here = e[of & (m.angle_deg == angle)]
+            here = here[here != 0.0]
+            if len(here) >= _POOLED:
+                groups[quantity, angle] = float(here.sum() / np.sqrt((here**2).sum()))
+    if not groups:
+        return None
+    z = np.array(list(groups.values()))
+    probability = _as_large(float((z**2).sum()), len(z))
+    if probability > _POOLED_CHANCE:
+        return None
+    (quantity, angle), mean = max(groups.items(), key=lambda item: abs(item[1]))
+    return Pooled(quantity, angle, mean, probability)

@@ -9,138 +9,36 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fitting.diagnostics import Finding
 from fitting.diagnostics import Warning as Warning
 from fitting.measurement import Measurement
+from fitting.result_parts import AT_LOWER as AT_LOWER
+from fitting.result_parts import AT_UPPER as AT_UPPER
+from fitting.result_parts import CONVERGED as CONVERGED
+from fitting.result_parts import FITTED as FITTED
+from fitting.result_parts import FIXED as FIXED
+from fitting.result_parts import NO_DATA as NO_DATA
+from fitting.result_parts import NONE as NONE
+from fitting.result_parts import NOT_CONVERGED as NOT_CONVERGED
+from fitting.result_parts import PROFILE as PROFILE
+from fitting.result_parts import QUADRATIC as QUADRATIC
+from fitting.result_parts import TIED as TIED
+from fitting.result_parts import UNDETERMINED as UNDETERMINED
+from fitting.result_parts import Alternative as Alternative
+from fitting.result_parts import ErrorModel as ErrorModel
+from fitting.result_parts import Estimate as Estimate
+from fitting.result_parts import Evaluator as Evaluator
+from fitting.result_parts import IndexBand as IndexBand
+from fitting.result_parts import Prediction as Prediction
+from fitting.result_parts import item, picked
 from fitting.sample import Sample
 
 if TYPE_CHECKING:
     import os
-
-CONVERGED, UNDETERMINED = "converged", "undetermined"
-NOT_CONVERGED, NO_DATA = "not converged", "no data"
-FITTED, AT_LOWER, AT_UPPER = "fitted", "at lower bound", "at upper bound"
-FIXED, TIED = "fixed", "tied"
-QUADRATIC, PROFILE, NONE = "quadratic", "profile", "none"
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Estimate:
-    """One parameter: its value and how well it is known. Arrays have the batch shape S.
-
-    name, unit: unit "" for a pure number.
-    value: NaN where the data say nothing of it.
-    sigma: standard error; NaN where the data give none (undetermined, at a bound), 0 if fixed.
-    interval: S + (2,), 95 % interval; NaN where there is none, infinite where it has no end; of a
-        fixed parameter its value twice.
-    interval_kind: "quadratic" (value +- t sigma; of k, where only k^2 is seen, from
-        k^2 +- t sigma(k^2)), "profile" (profile likelihood), or "none".
-    upper_limit: upper end of the 95 % interval of what cannot be negative and is compatible with
-        0; NaN elsewhere.
-    status: "fitted", "at lower bound" (k = 0, for one), "at upper bound", "undetermined", "fixed",
-        or "tied" (to another parameter).
-    """
-
-    name: str
-    value: Any
-    sigma: Any
-    interval: np.ndarray
-    interval_kind: Any
-    unit: str = ""
-    upper_limit: Any = np.nan
-    status: Any = FITTED
-
-    @property
-    def free(self) -> bool:
-        """Whether it was fitted: neither fixed nor tied."""
-        return not (isinstance(self.status, str) and self.status in (FIXED, TIED))
-
-    def at(self, index: tuple[int, ...]) -> Estimate:
-        """Return the estimate of one fit of a batch."""
-        return _picked(self, index)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Alternative:
-    """Another minimum that fits nearly as well (chi2 higher by less than 6).
-
-    parameters: name -> `Estimate` of each free parameter, as if that minimum were the best one.
-    delta_chi2: by how much worse it fits, in units of the scatter; in a batch of shape S, NaN where
-        there is none. reached: how many starts ended there, NaN if that was not counted.
-    """
-
-    parameters: Mapping[str, Estimate]
-    delta_chi2: Any
-    reached: Any = np.nan
-
-    def at(self, index: tuple[int, ...]) -> Alternative:
-        """Return the alternative of one fit of a batch."""
-        parameters = {name: e.at(index) for name, e in self.parameters.items()}
-        return replace(_picked(self, index), parameters=parameters)
-
-
-class IndexBand(NamedTuple):
-    """eta and k over wavelength with one standard error each, all (W,)."""
-
-    wavelength_um: np.ndarray
-    eta: np.ndarray
-    sigma_eta: np.ndarray
-    k: np.ndarray
-    sigma_k: np.ndarray
-
-
-class Prediction(NamedTuple):
-    """What the fitted sample shows, and the standard error of that: powers as fractions, psi and
-    Delta (0 to 360) in degrees."""
-
-    value: np.ndarray
-    sigma: np.ndarray
-
-
-class ErrorModel(NamedTuple):
-    """What was taken for the errors of the data.
-
-    taken: "stated" (as they are), "scaled" (stated errors times one factor; without stated errors
-    the scatter), "floor" (stated errors and one common error, added in squares), or "equal" (the
-    scatter about the fit; what is stated is not used). In a batch an array of shape S.
-    factor: what the standard errors of the parameters were multiplied by; 1 if "stated".
-    floor: the common error, in units of R, T and N, C, S; 0 unless "floor". stated: whether every
-    datum came with an error. widened: factor in it for residuals in order, sqrt((1+rho)/(1-rho)).
-    """
-
-    taken: Any
-    factor: Any
-    floor: Any = 0.0
-    stated: bool = False
-    widened: Any = 1.0
-
-
-class Evaluator(Protocol):
-    """What a fit is evaluated by after it has ended; made by the engine that found it."""
-
-    def predict(self, measurement: Measurement | None) -> Prediction:
-        """Return the model at every row of a measurement, (N,); None: of what was fitted."""
-        ...
-
-    def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
-        """Return each fit of the batch over angles (A,), S + (A,)."""
-        ...
-
-    def index(self, wavelength_um: np.ndarray | None, medium: str | None) -> IndexBand:
-        """Return eta and k of a medium; None: at the measured wavelengths, of the first unknown."""
-        ...
-
-    def at(self, index: tuple[int, ...]) -> Evaluator:
-        """Return the evaluator of one fit of the batch."""
-        ...
-
-    def widened(self, factor: np.ndarray) -> Evaluator:
-        """Return the evaluator with all errors times a factor (N,) of each fit."""
-        ...
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -337,13 +235,13 @@ class Fit:
             raise IndexError(
                 f"a batch of shape {self.shape} needs {len(self.shape)} indices; {len(index)} came"
             )
-        picked = _picked(self, index)
+        one = picked(self, index)
         rows = self._rows_of(index)
         return replace(
-            picked,
+            one,
             parameters={name: e.at(index) for name, e in self.parameters.items()},
-            rms_of={name: _item(v, index, self.shape) for name, v in self.rms_of.items()},
-            errors=ErrorModel(*(_item(v, index, self.shape) for v in self.errors)),
+            rms_of={name: item(v, index, self.shape) for name, v in self.rms_of.items()},
+            errors=ErrorModel(*(item(v, index, self.shape) for v in self.errors)),
             findings=tuple(
                 Finding(f.code, np.True_, f.of(index, {}).values)
                 for f in self.findings
@@ -402,22 +300,3 @@ class Fit:
         from fitting.output.shown import to_dataframe
 
         return to_dataframe(self)
-
-
-def _item(value: Any, index: tuple[int, ...], shape: tuple[int, ...]) -> Any:
-    """Return the part of ``value`` that belongs to one fit of a batch of this shape."""
-    if not isinstance(value, np.ndarray) or value.shape[: len(shape)] != shape or not shape:
-        return value
-    part = value[index]
-    return part.item() if np.ndim(part) == 0 else part
-
-
-def _picked(record: Any, index: tuple[int, ...]) -> Any:
-    """Return a dataclass with every array field reduced to one fit of the batch."""
-    arrays = {
-        name: value for name, value in vars(record).items()
-        if isinstance(value, np.ndarray) and name != "curve"
-    }  # fmt: skip
-    picked = {name: value[index] for name, value in arrays.items()}
-    plain = {name: v.item() if np.ndim(v) == 0 else v for name, v in picked.items()}
-    return replace(record, **plain)

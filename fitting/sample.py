@@ -176,8 +176,8 @@ def _index(text: str) -> complex | Model | str:
     found = _COMPLEX.match(text)
     if found:
         value = complex(float(found[1]), float(found[2] or 0.0))
-        if not (value.real > 0.0 and math.isfinite(abs(value))):
-            raise ValueError(f"the index {text!r} is not above 0.")
+        if not 1e-3 <= value.real <= 1e3 or value.imag > 1e3:
+            raise ValueError(f"the index is {text!r}; a number above 0, 0.001 to 1000, was wanted.")
         return value
     lowered = text.lower()
     if lowered in (FREE, AUTO):
@@ -216,8 +216,8 @@ def _layer(text: str) -> Medium:
         low_high, start, held = low, 0.5 * (low + high), "held" in words
         if not low < high:
             raise ValueError(f"the layer {text!r}: the lower end of the thickness comes first.")
-    if not (0.0 < start < math.inf and low_high > 0.0):
-        raise ValueError(f"the layer {text!r}: a thickness above 0 was wanted.")
+    if not (1e-6 <= start <= 1e9 and low_high > 0.0):
+        raise ValueError(f"the layer {text!r}: a thickness above 0 (1e-6 to 1e9 um) was wanted.")
     index = found["index"].strip()
     return Medium(_index(index), index, Thickness(start, low, high, held, coherent))
 

@@ -168,7 +168,7 @@ def choose(
         }  # fmt: skip
         settings = base._replace(
             free=(*base.free, *key.free), variants=tuple(quiet),
-            fixed=base.fixed | quiet | ({"k": 0.0} if key.without_k else {}),
+            fixed={**base.fixed, **quiet, **({"k": 0.0} if key.without_k else {})},
         )  # fmt: skip
         # BIC compares fits of the same weights.
         believed = "scaled" if errors == "auto" and kind == QUADRATIC else errors

@@ -4,27 +4,66 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import glob
 import os
+import re
+import stat
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 FOLDER = "fresnel-fit"
 
 
+def _foreign(status: os.stat_result) -> bool:
+    """Return whether somebody else owns a file or folder, or may write to it."""
+    return hasattr(os, "getuid") and bool(status.st_uid != os.getuid() or status.st_mode & 0o022)
+
+
 def cache_folder() -> Path | None:
-    """Return the folder for compiled programs, made if need be; None where there can be none."""
+    """Return the folder for compiled programs, made if need be; None where there can be none.
+
+    Programs are run from there, so it, and every file in it, must be the user's own and nobody
+    else's to write to; a file that is not is removed. XDG_CACHE_HOME counts where it is absolute,
+    as the XDG Base Directory Specification has it.
+    """
     try:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-        folder = base / FOLDER
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        # Programs are run from here, so it must be the user's own and nobody else's to write to.
-        if hasattr(os, "getuid"):
-            status = folder.stat()
-            if status.st_uid != os.getuid() or status.st_mode & 0o022:
+        base = os.environ.get("XDG_CACHE_HOME", "")
+        folder = (Path(base) if os.path.isabs(base) else Path.home() / ".cache") / FOLDER
+        programs = folder / "jax"
+        for each in (folder, programs):
+            each.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if _foreign(each.stat()):
                 return None
-        return folder if os.access(folder, os.W_OK) else None
+        with os.scandir(programs) as entries:
+            for entry in entries:
+                status = entry.stat(follow_symlinks=False)
+                # Linked from elsewhere, or somebody's: another compilation is cheap.
+                if not stat.S_ISREG(status.st_mode) or _foreign(status):
+                    os.unlink(entry.path)
+        return programs if os.access(programs, os.W_OK) else None
     except (OSError, RuntimeError):  # RuntimeError: no home folder
         return None
+
+
+def _mend_cache(programs: Path) -> None:
+    """Remove an entry that jax finds damaged, which it would not write anew, and say nothing of it.
+
+    jax names the program in a warning and compiles it; the new one is kept where no file stands.
+    """
+    tell = warnings.showwarning
+
+    def show(message: Warning | str, *rest: Any, **more: Any) -> None:
+        text = str(message)
+        if "persistent compilation cache" not in text:
+            tell(message, *rest, **more)
+        elif damaged := re.search(r"Error reading .* entry for '([^']+)'", text):
+            for file in programs.glob(glob.escape(damaged[1]) + "-*"):
+                file.unlink(missing_ok=True)
+
+    warnings.showwarning = show
+    warnings.filterwarnings("always", message=".*persistent compilation cache.*")
 
 
 def set_up_jax() -> None:
@@ -36,9 +75,17 @@ def set_up_jax() -> None:
     jax.config.update("jax_traceback_in_locations_limit", 0)
     if not os.environ.get("JAX_PLATFORMS"):
         jax.config.update("jax_platforms", "cpu")
+    try:
+        jax.devices()
+    except RuntimeError as error:
+        raise ValueError(
+            f"JAX_PLATFORMS={os.environ.get('JAX_PLATFORMS')}: jax cannot use it "
+            f"({' '.join(str(error).split())}). Unset it, or set it to cpu."
+        ) from error
     folder = cache_folder()
     if folder is not None and not os.environ.get("JAX_COMPILATION_CACHE_DIR"):
-        jax.config.update("jax_compilation_cache_dir", str(folder / "jax"))
+        jax.config.update("jax_compilation_cache_dir", str(folder))
+        _mend_cache(folder)
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
         jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 

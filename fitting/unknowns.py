@@ -16,6 +16,7 @@ from fitting.observations import Observations
 from fitting.observe import NCS, Media, Spec
 from fitting.parameters import LOG, Parameter, Settings
 from fitting.sample import FREE, Medium, Sample
+from fitting.several_files import refuse_several_thicknesses
 from fitting.starts import Unknown
 from fresnel_jax.dispersion import material
 from fresnel_jax.materials import lookup
@@ -72,6 +73,8 @@ def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> Non
             raise ValueError(f"{m.source}: R_back of films is not fitted; leave the column out.")
         _check_wavelengths(m, sample)
     closed = sample.media[-1].index == sample.media[0].index
+    if thick:
+        refuse_several_thicknesses([m.source for m in measurements])
     if thick and not (len(sample.layers) == 1 and closed):
         raise ValueError(
             f"the sample {str(sample)!r}: a thick layer is fitted alone and between equal media, "
@@ -111,7 +114,7 @@ def index_outside(sample: Sample, wavelength_um: Any) -> Any:
     index = sample.media[0].index
     if isinstance(index, complex):
         return np.float64(index.real)
-    return np.asarray(material(str(index)).model.index(np.asarray(wavelength_um)).eta)
+    return np.asarray(material(str(index)).model(np.asarray(wavelength_um)).eta)
 
 
 def spectrum_of(measurements: Sequence[Measurement], sample: Sample) -> Spectrum:

@@ -272,8 +272,10 @@ def stacked_fits(fits: Sequence[Fit]) -> Fit:
         **{n: _stack([getattr(f, n) for f in fits]) for n in _EACH},
         parameters={n: _estimate([f.parameters[n] for f in fits]) for n in first.parameters},
         errors=ErrorModel(
-            *(_stack(part) for part in zip(*(f.errors[:3] for f in fits), strict=True)),
-            first.errors.stated, _stack([f.errors.widened for f in fits]),
+            taken=_stack([f.errors.taken for f in fits]),
+            factor=_stack([f.errors.factor for f in fits]),
+            floor=_stack([f.errors.floor for f in fits]), stated=first.errors.stated,
+            widened=_stack([f.errors.widened for f in fits]),
         ),
         findings=_findings(fits), others=_alternatives(fits),
     )  # fmt: skip

@@ -30,6 +30,10 @@ def _estimate(e: Estimate, factor: Any) -> Estimate:
 def _finding(f: Finding, factor: Any) -> Finding:
     if f.code == "residuals_in_order":
         return Finding(f.code, f.at, {**f.values, "widened": factor})
+    if f.code == "chi2_small":
+        # Of a batch with others that are not in order the sentence stays what it was.
+        kept = np.all(np.asarray(factor) > 1.0)
+        return Finding(f.code, f.at, {**f.values, "errors": "kept"}) if kept else f
     if f.code == "compatible_with_zero":
         return Finding(f.code, f.at, {**f.values, "limit": np.multiply(f.values["limit"], factor)})
     return f
@@ -46,7 +50,9 @@ def widened(fit: Fit) -> Fit:
         return fit
     one = found[0]
     rho = np.where(one.at, one.values["correlation"], np.nan).astype(float)
-    factor: Any = widening(rho)
+    # What is in order was not scaled below what was stated.
+    scale = np.where(np.asarray(fit.errors.stated), np.fmin(fit.errors.factor, 1.0), 1.0)
+    factor: Any = widening(rho) / np.where(np.isfinite(rho), scale, 1.0)
     factor = factor if fit.shape else float(factor)
     square = np.asarray(factor)[..., None, None] ** 2
     return replace(

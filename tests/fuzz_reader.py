@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from varieties import VARIETIES
 
-from fitting.checks import EXCURSION, EXCURSION_SIGMAS
+from fitting.checks import EXCURSION, EXCURSION_SIGMAS, NOISE_EXCURSION
 from fitting.measurement import Measurement, MeasurementError, read_csv
 
 _JUNK = (
@@ -191,7 +191,8 @@ def damaged(rng: np.random.Generator, files: list[bytes]) -> bytes:
 def refuse_nonsense(measurement: Measurement) -> None:
     """Raise AssertionError unless every number is one that a Measurement may hold."""
     m, power = measurement, ~np.isin(measurement.quantity, ("psi", "delta"))
-    slack = np.where(np.isnan(m.sigma), 0.0, np.minimum(EXCURSION_SIGMAS * m.sigma, EXCURSION))
+    stated = np.minimum(EXCURSION_SIGMAS * m.sigma, EXCURSION)
+    slack = np.where(np.isnan(m.sigma), NOISE_EXCURSION, np.fmax(stated, 1e-12))
     assert len(m) > 0 and m.understood
     assert np.all((m.angle_deg >= 0) & (m.angle_deg <= 90))
     assert (

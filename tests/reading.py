@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 
 from fitting.measurement import Measurement, MeasurementError, read_csv
@@ -54,3 +55,9 @@ def refusal(folder: Path, content: bytes | str, name: str = "gold.csv", **option
     text = str(caught.value)
     assert text.startswith(name), text
     return text
+
+
+def columns_of(path):
+    """The columns of a CSV file of results by name; lines of comments are left out."""
+    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
+    return np.genfromtxt(lines, delimiter=",", names=True, dtype=None, encoding="utf-8")

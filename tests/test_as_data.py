@@ -83,7 +83,7 @@ def rows_of(text):
 def test_csv_of_the_data_reads_back_to_the_last_bit(gold):
     m = gold.measurement
     rows = rows_of(data_csv(gold))
-    assert "wavelength_um" not in rows[0]
+    assert [float(r["wavelength_um"]) for r in rows] == m.wavelength_um.tolist()
     assert "polarizer_deg" not in rows[0]
     assert "curve" not in rows[0]
     assert [float(r["angle_deg"]) for r in rows] == m.angle_deg.tolist()
@@ -95,6 +95,23 @@ def test_csv_of_the_data_reads_back_to_the_last_bit(gold):
     residual = [float(r["value"]) - float(r["fitted"]) for r in rows]
     assert [float(r["residual"]) for r in rows] == residual
     assert all(float(r["sigma_fitted"]) > 0.0 for r in rows)
+
+
+def test_csv_of_the_data_is_read_as_the_same_measurement(gold, spectrum, tmp_path):
+    for found in (gold, spectrum):
+        (tmp_path / "data.csv").write_text(data_csv(found))
+        back, m = read_csv(tmp_path / "data.csv"), found.measurement
+        for name in ("angle_deg", "wavelength_um", "quantity", "value", "sigma", "polarizer_deg"):
+            np.testing.assert_array_equal(getattr(back, name), getattr(m, name))
+
+
+def test_csv_of_the_index_is_a_table_of_an_index(spectrum):
+    rows = np.genfromtxt(
+        io.StringIO(index_csv(spectrum)), delimiter=",", comments="#", usecols=(0, 1, 2)
+    )
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    np.testing.assert_array_equal(rows[:, 1], spectrum.eta)
+    np.testing.assert_array_equal(rows[:, 2], spectrum.k)
 
 
 def test_csv_of_a_spectrum(spectrum):
@@ -122,6 +139,7 @@ def test_csv_keeps_the_polarizer():
         [40.0, 50.0, 60.0, 70.0], polarizer_deg=30.0, R=[0.9, 0.9, 0.91, 0.93]
     )
     rows = rows_of(data_csv(fit(m)))
+    assert "wavelength_um" not in rows[0]
     assert {r["polarizer_deg"] for r in rows} == {"30.0"}
     assert {r["sigma"] for r in rows} == {""}
 
@@ -165,3 +183,32 @@ def test_without_pandas_the_extra_is_named(gold, monkeypatch):
     )
     with pytest.raises(ImportError, match=r"pandas.*fresnel-jax\[dataframe\]"):
         gold.to_dataframe()
+
+
+def test_a_fit_of_own_residuals_is_shown_as_well(tmp_path):
+    import jax.numpy as jnp
+
+    from fitting import fit_residuals
+
+    x = np.linspace(0.0, 2.0, 12)
+    y = 3.0 * np.exp(-0.7 * x) + 0.01 * np.random.default_rng(0).normal(size=(4, 12))
+
+    def decay(values, data):
+        return (values["height"] * jnp.exp(-values["rate"] * x) - data) / 0.01
+
+    asked = {"height": (0.1, 10.0), "rate": {"start": (0.1, 5.0), "unit": "1/s"}}
+    one = fit_residuals(decay, asked, y[0])
+    text = str(one)
+    assert "1/s" in text and "your own residual function" in text
+    assert repr(one).startswith("<Fit: your own residuals, height ")
+    fields = json.loads(json_text(one))
+    assert fields["sample"] is None
+    assert fields["parameters"]["rate"]["value"] == one.parameters["rate"].value
+    with pytest.raises(ValueError, match="no picture"):
+        one.plot()
+    many = fit_residuals(decay, asked, y, batch=True)
+    assert many.to_dataframe()["rate"].tolist() == many.parameters["rate"].value.tolist()
+    assert "4 curves: 4 converged" in " ".join(str(many).split())
+    assert many.plot().axes[0].containers
+    many.report(tmp_path / "many")
+    assert "4 curves" in (tmp_path / "many" / "report.html").read_text()

@@ -187,7 +187,7 @@ def test_errors_missing_from_some_data_are_not_guessed():
         ({"sigma": {"R_s": 1e-3}}, "missing for R_p"),
         ({"sigma": {"R": 1e-3}}, "sigma has R,"),
         ({"errors": "stated"}, "no stated errors"),
-        ({"sample": "0 | free"}, "'0' is not above 0"),
+        ({"sample": "0 | free"}, "is '0'; a number above 0"),
         (
             {"sample": "1+1i | free"},
             r"comes from '1\+1i'; a lossless medium, one real number above 0",

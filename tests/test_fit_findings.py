@@ -151,7 +151,7 @@ def test_two_solutions_that_fit_alike_are_both_reported():
         assert other.parameters["eta"].value == alternative_eta[i]
         assert "second solution" in " ".join(w.text for w in found.warnings[i])
     assert hits > 0.9 * len(twins)  # a few have a third solution
-    single = np.isnan(alternative_eta)
+    single = np.isnan(alternative_eta) & (found.status != "undetermined")
     np.testing.assert_allclose(found.eta[single], eta[single], rtol=1e-5)
 
 

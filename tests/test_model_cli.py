@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from reading import columns_of
 
 from fitting import cli, simulate
 
@@ -61,14 +62,12 @@ def test_two_files_one_model(spectrum, tmp_path, capsys):
     for name, true in zip(data["names"], (1.5, 0.01, 0.97), strict=True):
         assert abs(parameters[name]["value"] - true) < 4.5 * parameters[name]["sigma"]
     assert len(data["index"]["eta"]) == len(WAVELENGTHS)
-    table = np.genfromtxt(csv, delimiter=",", names=True, skip_header=2, encoding="utf-8",
-                          dtype=None)  # fmt: skip
+    table = columns_of(csv)  # fmt: skip
     assert len(table) == 2 * len(ANGLES) * len(WAVELENGTHS)
     np.testing.assert_allclose(
         table["residual"], table["value"] - table["fitted"], atol=1e-15, rtol=0
     )
-    index = np.genfromtxt(csv.with_name("fit.index.csv"), delimiter=",", names=True,
-                          skip_header=2)  # fmt: skip
+    index = columns_of(csv.with_name("fit.index.csv"))  # fmt: skip
     np.testing.assert_allclose(index["eta"], data["index"]["eta"])
 
 

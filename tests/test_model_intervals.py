@@ -280,7 +280,7 @@ def test_second_solutions_have_errors_of_their_own():
         low, high = estimate.interval
         assert low < estimate.value < high
     text = " ".join(str(found).split())
-    assert text.partition("or else")[2].partition("chi2")[0].count("+-") == 2
+    assert text.partition("also fits")[2].partition("chi2")[0].count("+-") == 2
 
 
 def test_a_lower_minimum_on_the_way_is_taken():

@@ -12,7 +12,7 @@ from fitting.parameters import Settings, check_settings, names_of, parse_setting
     ({"sample": "drude:2"}, "takes no number of terms"),
     ({"sample": "film"}, "'film' is not an index"),
     ({"sample": "air | cauchy | air"}, "the layer 'cauchy' has no thickness"),
-    ({"sample": "air | cauchy -1 um thick | air"}, "is not an index"),
+    ({"sample": "air | cauchy -1 um thick | air"}, "has no thickness"),
     ({"sample": "air | cauchy 0 um thick | air"}, "a thickness above 0"),
     ({"sample": "air | cauchy 1 um stiff | air"}, "'stiff' is neither 'thick' nor 'held'"),
     ({"sample": "air | cauchy 3..2 mm thick | air"}, "the lower end of the thickness comes first"),

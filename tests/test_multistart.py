@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from benchmarks import model_success
+from fitting.minima import minima
 from fitting.parameters import LOG, SQUARE, Parameter
-from fitting.starts import Ends, Unknown, minima, quasi_random, start_at, starts
+from fitting.starts import Ends, Unknown, quasi_random, start_at, starts
 
 
 @pytest.mark.parametrize("dimensions", [1, 2, 5, 12])

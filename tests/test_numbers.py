@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from fitting.output.estimates import beside, k_text, value_text
-from fitting.output.numbers import agree, escaped, interval_text, size_text, with_error
+from fitting.output.numbers import agree, interval_text, size_text, with_error
 from fitting.plain_data import plain
 from fitting.result import Estimate
+from fitting.visible import visible
 
 
 @pytest.mark.parametrize(
@@ -120,10 +121,10 @@ def test_a_residual_that_is_rounding_is_0():
 
 
 def test_control_characters_are_escaped():
-    assert escaped("\x1b[31mred\x07\r\n") == "\\x1b[31mred\\x07\\r\\n"
-    assert escaped("Messung \u00b5m \u91d1.csv") == "Messung \u00b5m \u91d1.csv"
-    assert escaped("\udcff") == "\\udcff"
-    assert escaped("a\u202eb\u2028") == "a\\u202eb\\u2028"
+    assert visible("\x1b[31mred\x07\r\n") == "\\x1b[31mred\\x07\\r\\n"
+    assert visible("Messung \u00b5m \u91d1.csv") == "Messung \u00b5m \u91d1.csv"
+    assert visible("\udcff") == "\\udcff"
+    assert visible("a\u202eb\u2028") == "a\\u202eb\\u2028"
 
 
 def test_plain_data_of_every_kind():

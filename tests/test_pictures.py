@@ -5,6 +5,7 @@ import math
 import struct
 import warnings
 import zlib
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -214,8 +215,8 @@ def glass_plate(angles=(0.0,)):
     angle, wave = np.array(points).T
     of = {q: simulate(text, true, angle, wave, q) for q in ("R", "R_back", "T")}
     rng = np.random.default_rng(2)
-    of = {q: v + 1e-3 * rng.normal(size=len(v)) for q, v in of.items()}
-    return Measurement.from_columns(angle, wave, sigma=1e-3, **of), text
+    noisy: dict[str, Any] = {q: v + 1e-3 * rng.normal(size=len(v)) for q, v in of.items()}
+    return Measurement.from_columns(angle, wave, sigma=1e-3, **noisy), text
 
 
 @pytest.fixture(scope="module")

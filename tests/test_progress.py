@@ -9,8 +9,8 @@ from types import ModuleType
 
 import pytest
 
-from fitting.output import progress
-from fitting.output.progress import Progress, shown
+from fitting.output import progress_bar as progress
+from fitting.output.progress_bar import Progress, shown
 from fitting.progress import tell
 
 

@@ -10,6 +10,7 @@ import re
 import numpy as np
 import pytest
 from estimates import intervals
+from reading import columns_of
 
 from fitting import Measurement, cli, fit, read_csv
 from fitting.progress import listening
@@ -93,11 +94,9 @@ def test_one_angle_by_wavelength_with_every_result(bare, tmp_path, capsys):
     np.testing.assert_allclose(found, true, rtol=1e-6)  # nine decimals of a degree in the file
     assert data["parameters"]["eta"]["sigma"] == [None] * 9
     assert "pseudo_index" in [note["code"] for note in data["notes"]]
-    index = np.genfromtxt(csv.with_name("fit.index.csv"), delimiter=",", names=True,
-                          skip_header=2, dtype=None, encoding="utf-8")  # fmt: skip
+    index = columns_of(csv.with_name("fit.index.csv"))  # fmt: skip
     np.testing.assert_array_equal(index["eta"], data["eta"])
-    rows = np.genfromtxt(csv, delimiter=",", names=True, skip_header=2, dtype=None,
-                         encoding="utf-8")  # fmt: skip
+    rows = columns_of(csv)  # fmt: skip
     assert len(rows) == 18 and np.abs(rows["residual"]).max() < 1e-6
 
 

@@ -97,7 +97,7 @@ REFUSALS = {
     "samples of one point": ("\tV\n\t2.8\n\t2.9\n", ("one column", "angle_deg,R_s,sigma_R_s")),
     "comma twice": ("angle,Rs\n29,6667,0,75\n34,6667,0,77\n", ("2 names", "4 cells", "semicolons")),
     "both decimal marks": ("angle;Rs\n29,5;0,75\n34.5;0.77\n", ("line 2", "line 3", "decimal")),
-    "thousands": ("wavelength (nm);R\n1,200;1,000\n1,300;1,000\n", ("thousands", "--decimal")),
+    "thousands": ("wavelength (nm);T (K)\n1,200;1,000\n1,300;1,000\n", ("thousands", "--decimal")),
     "not a number": ("angle,Rs\n10,.1\n20,bad\n", ("line 3", "column Rs", "'bad'", "number")),
     "percent signs here and there": ("angle,Rs\n10,4%\n20,.05\n", ("line 3", "column Rs", "%")),
     "wavelength of no unit": ("wavelength,R\n.4,.1\n.5,.1\n", ("no unit", "--wavelength-unit")),

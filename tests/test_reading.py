@@ -286,8 +286,11 @@ def test_remarks_above_the_numbers_give_wavelength_and_angle(tmp_path: Path) -> 
     assert "line 1" in m.understood and "line 2" in m.understood
     m = read(tmp_path, text, wavelength_um=0.6, angle_deg="50")
     assert m.wavelength_um.tolist() == [0.6] * 2 and m.angle_deg.tolist() == [50.0] * 2
-    assert "no column is an angle" in refusal(tmp_path, text.replace("45 deg", "45 deg or 50 deg"))
-    assert np.isnan(read(tmp_path, "# laser: 633 nm\n" + text).wavelength_um).all()
+    assert "--angle-deg" in refusal(tmp_path, text.replace("45 deg", "45 deg or 50 deg"))
+    two = "# laser: 633 nm\n" + text
+    said = refusal(tmp_path, two)
+    assert "line 1" in said and "line 2" in said and "--wavelength-um" in said
+    assert read(tmp_path, two, wavelength_um=0.633).wavelength_um.tolist() == [0.633] * 2
 
 
 def test_two_files_of_one_polarisation_each_are_joined(tmp_path: Path) -> None:

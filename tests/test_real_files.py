@@ -186,4 +186,9 @@ def test_no_file_of_the_collection_is_read_without_a_row_above(measured_files: P
         "reflection_EKSMA_Ag.csv",
         "reflection_EKSMA_Al.csv",
         "si_d2o_lambda5A_aoi.csv",
+        "TestData_bareSI.txt",
+        "WVASE_example_2nmSiO2_117nmAu_MultiWavelength.txt",
+        "WVASE_example_10nmSiO2_325nmAl2O3_MultiWavelength.txt",
+        "WVASE_example_3nmSiO2_30EMA_MultiWavelength.txt",
+        "WVASE_example_2nmSiO2_20nmPNIPAM_50EMA_MultiWavelength.txt",
     }

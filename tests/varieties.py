@@ -170,7 +170,9 @@ VARIETIES = {
         b"angle,Rs,Rp\n" + BODY.replace("0.676313\n", "0.676313  # lamp drifted\n").encode(), BOTH
     ),
     "comment marks ; and !": Variety(
-        b"; WAVELENGTH 70.06 70.06\n! run\nangle,Rs,Rp\n" + BODY.encode(), BOTH
+        b"; WAVELENGTH 70.06 70.06\n! run\nangle,Rs,Rp\n" + BODY.encode(),
+        BOTH,
+        {"wavelength_um": 0.532},
     ),
     "text below": Variety(
         b"angle,Rs,Rp\n" + BODY.encode() + b"\nEnd of data\nmeasured by A. B.\n", BOTH

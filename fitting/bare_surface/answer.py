@@ -27,12 +27,15 @@ from fitting.bare_surface.estimate import Estimated, estimate
 from fitting.bare_surface.mirror import allowed_rise, like_mirrors
 from fitting.bare_surface.region_intervals import Intervals, intervals
 from fitting.bare_surface.valley import open_to_the_other_end
+from fitting.misfit import misses_its_noise
 from fitting.noise_level import CHI2_LARGE, CHI2_SMALL, chi2_flags
 
 # A second solution is reported if its chi2 is less than this higher: 5 % of what two parameters do.
 ALTERNATIVE_CHI2 = 6.0
 # Two indices fit alike if their chi2 differs by less: two standard errors.
 ALIKE_CHI2 = 4.0
+# In a batch, where residuals are not looked at one by one, no misfit below that rms is looked for.
+LEAST_MISS = 0.01
 # What a reflectance is trusted to where neither errors nor scatter tell (two data, no errors).
 ASSUMED_SIGMA = 1e-3
 
@@ -60,6 +63,21 @@ def _undetermined(e: Estimated) -> np.ndarray:
         return e.singular | (e.spread > limit.UNDETERMINED_LIMIT)
 
 
+def _missed(a: Arranged, rms: np.ndarray) -> np.ndarray:
+    """Where a fit misses its data by more than the noise that they show, if by enough to matter."""
+    found = np.zeros(len(rms), bool)
+    some = np.flatnonzero(rms > LEAST_MISS)
+    if len(some):
+        part = a.data.take(some)
+        angle = np.degrees(np.arccos(np.atleast_2d(part.cos_theta)))
+        values = tuple(
+            np.where(np.broadcast_to(w, v.shape) > 0.0, v, np.nan)
+            for v, w in zip(part.values, part.weights, strict=True)
+        )
+        found[some] = misses_its_noise(angle, values, rms[some])
+    return found
+
+
 def _codes(
     a: Arranged,
     e: Estimated,
@@ -83,7 +101,7 @@ def _codes(
             "same_at_45_degrees": undetermined & at_45 & ~mirror,
             "circle": undetermined & circle & ~mirror,
             "combination": undetermined & ~at_45 & ~circle & ~mirror,
-            "does_not_describe": np.sqrt(s.plain / s.count) > limit.OUT_OF_MODEL,
+            "does_not_describe": _missed(a, np.sqrt(s.plain / s.count)),
             "compatible_with_zero": clear & np.isfinite(e.k_upper_limit),
             "poorly_determined": clear & (e.sigma_eta > limit.VAGUE_LIMIT * e.eta),
             "correlated": clear & (np.abs(e.correlation) > limit.CORRELATION_LIMIT),
@@ -138,8 +156,11 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
         allowed = part.cost + ALIKE_CHI2 * scatter[inner]
         undetermined[inner] |= open_to_the_other_end(data.take(inner), part, allowed)
     with np.errstate(all="ignore"):
-        bound = like_mirrors(data, s.scale, s.cost + allowed_rise(dof) * scatter, scatter)
-    bound = np.where(no_data | matched, np.nan, bound)
+        most = s.cost + allowed_rise(dof) * scatter
+        bound, perfect = like_mirrors(data, s.scale, most, scatter)
+        # A best fit that is a mirror itself, and is undetermined as such, names its circle.
+        names_circle = undetermined & ~perfect & (np.tanh(0.5 * s.x) >= bound)
+    bound = np.where(no_data | matched | names_circle, np.nan, bound)
     mirror = np.isfinite(bound) | (undetermined & (s.x > limit.MIRROR_LIMIT))
     undetermined |= mirror
     failed = ~no_data & ~undetermined & ~matched & ~(s.done > 0)

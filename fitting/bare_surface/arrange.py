@@ -9,6 +9,7 @@ import numpy as np
 
 from fitting.bare_surface.batch import Data
 from fitting.bare_surface.reflectances import CHANNELS
+from fitting.checks import one_number
 from fitting.measurement import Measurement
 
 
@@ -31,19 +32,9 @@ class Arranged(NamedTuple):
 def medium_outside(eta_i: Any) -> float:
     """Return the index of a lossless medium as a float.
 
-    Raises ValueError for anything but one real number above 0.
+    Raises ValueError for anything but one real number from 1e-3 to 1e3.
     """
-    try:
-        number = np.asarray(eta_i)
-    except ValueError:  # a ragged list
-        number = np.asarray(None)
-    # Of the kinds of numbers not complex ones, nor truth values.
-    if number.ndim or number.dtype.kind not in "iuf" or not 0.0 < number < np.inf:
-        raise ValueError(
-            f"eta_i is {repr(eta_i)[:40]}; the index of a lossless medium, one real number above "
-            "0, was wanted."
-        )
-    return float(number)
+    return one_number("eta_i", eta_i, "the index of a lossless medium", 1e-3, 1e3)
 
 
 def _data(

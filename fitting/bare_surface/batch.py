@@ -17,6 +17,8 @@ from fitting.solver import START_DAMPING
 
 FEW = 8
 MANY, LANES = 1024, 64
+# Up to SEVERAL curves one group at a time: most of a call for MANY would be spent on empty lanes.
+SEVERAL = 256
 # Most lanes end within 4 evaluations; the others would make their whole group wait, so they are
 # collected and go on among themselves.
 FIRST_STEPS, MOST_STEPS = 4, 400
@@ -115,7 +117,9 @@ def run(data: Data, start: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarr
     And the further starts that the mesh offers, (E, 3, N).
     """
     count = data.curves
-    size, lanes = (FEW, FEW) if count <= FEW else (MANY, LANES)
+    size, lanes = (LANES if count <= SEVERAL else MANY), LANES
+    if count <= FEW:
+        size, lanes = FEW, FEW
 
     def one(first: int) -> tuple[np.ndarray, np.ndarray]:
         chunk = slice(first, first + size)
@@ -238,18 +242,16 @@ def minima(data: Data, points: np.ndarray | None = None) -> tuple[Minima, Data]:
     if not data.curves:
         return _minima(data, points), data
     data, kinds = with_mesh(data)
-    found = None
+    shape = len(Solved._fields), data.curves
+    best, other = np.full(shape, np.nan), np.full(shape, np.nan)
     for mesh in dict.fromkeys(kinds.tolist()):
         mine = np.flatnonzero(kinds == mesh)
         if len(mine) == data.curves:
             return _minima(data, points), data
         part = data.take(mine)._replace(mesh=mesh)
         new = _minima(part, None if points is None else points[:, mine])
-        if found is None:
-            found = Minima(*(np.full((len(Solved._fields), data.curves), np.nan) for _ in new))
-        for whole, some in zip(found, new, strict=True):
-            whole[:, mine] = np.array(some)
-    return Minima(*(Solved(*np.asarray(a)) for a in found)), data
+        best[:, mine], other[:, mine] = np.array(new.best), np.array(new.other)
+    return Minima(Solved(*best), Solved(*other)), data
 
 
 def _minima(data: Data, points: np.ndarray | None) -> Minima:

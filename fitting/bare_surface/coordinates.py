@@ -127,7 +127,7 @@ def to_eps(x: np.ndarray, w: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray,
 def from_eps(re: np.ndarray, log_im: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return x, w and chart of Re eps and log Im eps, with every digit of a small k."""
     index = np.sqrt(re + 1j * np.exp(log_im))
-    n, k = index.real, index.imag
+    n, k = np.real(index), np.imag(index)
     x, w, chart = coordinates_of(n, k)
     return x, np.where(chart < 0.0, w_of_small_k(x, k), w), chart
 

@@ -63,16 +63,19 @@ def _last_step(
     """
 
     def body(carry):
-        y, *_ = carry
+        y, *_, runs = carry
         found = model(curves, y[0], y[1], chart, channels)
         weighted, plain = sums_of_squares(curves, found)
         worse = ~(weighted <= allowed) & (y != best).any(0)
-        return jnp.where(worse, best, y), weighted, plain, found, worse.any()
+        return jnp.where(worse, best, y), weighted, plain, found, worse.any(), runs + 1
 
     none = jnp.zeros_like(allowed)
     nowhere = tuple(jnp.zeros_like(v) for v in curves.values)
-    y, weighted, plain, found, _ = jax.lax.while_loop(
-        lambda carry: carry[4], body, (trial, none, none, nowhere, jnp.array(True))
+    # The count ends it where NaN, which is unlike itself, would have it step back for ever.
+    y, weighted, plain, found, _, _ = jax.lax.while_loop(
+        lambda carry: carry[4] & (carry[5] < 2),
+        body,
+        (trial, none, none, nowhere, jnp.array(True), jnp.array(0)),
     )
     return y, weighted, plain, found
 

@@ -24,7 +24,7 @@ NORMAL_95 = 1.645
 
 
 def allowed_rise(dof: np.ndarray) -> np.ndarray:
-    """Return by how many scatters the family may be worse: twice F's quantile of 2 and ``dof``."""
+    """Return by how many scatters a mirror may be worse: twice the F quantile of 2 and dof."""
     d = np.maximum(dof, 1)
     return d * (CHANCE ** (-2.0 / d) - 1.0)
 
@@ -60,20 +60,21 @@ def mirror_fit(data: Data) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def like_mirrors(
     data: Data, scale: np.ndarray, limit: np.ndarray, variance: np.ndarray
-) -> np.ndarray:
+) -> tuple[np.ndarray, np.ndarray]:
     """Return for curves that a mirror fits at a cost of ``limit`` or less the bound of R(0), (N,).
 
-    The least R at normal incidence (95 %); NaN for all other curves.
+    The least R at normal incidence (95 %); NaN for all other curves. And where R = 1 does, (N,).
     scale: (N,), the weighted sums of squares of the values. variance: (N,), what one unit of them
     stands for.
     """
-    found = np.full(len(scale), np.nan)
+    found, perfect = np.full(len(scale), np.nan), np.zeros(len(scale), bool)
     ones = sum((w * w).sum(-1) for w in data.weights)
     with np.errstate(all="ignore"):
         maybe = np.flatnonzero(scale > LEAST_RMS**2 * ones)
         if len(maybe):
             cost, a, information = mirror_fit(data.take(maybe))
-            a = a + NORMAL_95 * np.sqrt(variance[maybe] / information)
-            bound = np.maximum(1.0 - a / (1.0 + 0.5 * a), 0.0)
+            most = a + NORMAL_95 * np.sqrt(variance[maybe] / information)
+            bound = np.maximum(1.0 - most / (1.0 + 0.5 * most), 0.0)
             found[maybe] = np.where(cost <= limit[maybe], bound, np.nan)
-    return found
+            perfect[maybe] = cost + information * a**2 <= limit[maybe]
+    return found, perfect

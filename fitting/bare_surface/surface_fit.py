@@ -8,21 +8,24 @@ from typing import Any
 
 import numpy as np
 
-from fitting.bare_surface import thresholds as limit
 from fitting.bare_surface.answer import Answer, answer, start_points
 from fitting.bare_surface.arrange import Arranged, of_arrays, of_measurement
 from fitting.bare_surface.batch import fitted_curves
 from fitting.bare_surface.common_error import Taken, with_common_error
 from fitting.bare_surface.curves import SurfaceCurves
-from fitting.bare_surface.misfit import ENOUGH, order_of_residuals
-from fitting.diagnostics import Finding
+from fitting.bare_surface.residual_order import Order, order_of_residuals
+from fitting.bare_surface.surface_findings import findings, shaped
+from fitting.diagnostics import Finding, Warning
 from fitting.measurement import Measurement
 from fitting.observations import missing_errors
+from fitting.pattern import pooled_pattern
 from fitting.result import (
     AT_LOWER,
     CONVERGED,
     FITTED,
+    NO_DATA,
     NONE,
+    NOT_CONVERGED,
     UNDETERMINED,
     Alternative,
     ErrorModel,
@@ -36,29 +39,22 @@ from fitting.uncertainty.intervals import check_intervals
 from fitting.widening import widened
 
 
-def _shaped(values: Any, a: Arranged) -> Any:
-    """Return (N, ...) in the batch's shape; of one curve as a Python scalar where it is one."""
-    array = np.asarray(values)
-    array = array.reshape(a.shape + array.shape[1:])
-    return array.item() if array.ndim == 0 else array
-
-
 def _estimates(a: Arranged, f: Answer) -> dict[str, Estimate]:
     known, v = f.known, f.values
     clear = f.status == CONVERGED
     open_ = np.where(clear, FITTED, UNDETERMINED)
     of_k = np.where(v["at_zero"], AT_LOWER, open_)
-    kind = _shaped(known.kind, a)
+    kind = shaped(known.kind, a)
     return {
         "eta": Estimate(
-            name="eta", value=_shaped(v["eta"], a), sigma=_shaped(v["sigma_eta"], a),
-            interval=_shaped(known.eta, a), interval_kind=kind, status=_shaped(open_, a),
-            upper_limit=_shaped(np.full_like(v["eta"], np.nan), a),
+            name="eta", value=shaped(v["eta"], a), sigma=shaped(v["sigma_eta"], a),
+            interval=shaped(known.eta, a), interval_kind=kind, status=shaped(open_, a),
+            upper_limit=shaped(np.full_like(v["eta"], np.nan), a),
         ),
         "k": Estimate(
-            name="k", value=_shaped(v["k"], a), sigma=_shaped(v["sigma_k"], a),
-            interval=_shaped(known.k, a), interval_kind=kind, status=_shaped(of_k, a),
-            upper_limit=_shaped(v["limit"], a),
+            name="k", value=shaped(v["k"], a), sigma=shaped(v["sigma_k"], a),
+            interval=shaped(known.k, a), interval_kind=kind, status=shaped(of_k, a),
+            upper_limit=shaped(v["limit"], a),
         ),
     }  # fmt: skip
 
@@ -72,96 +68,19 @@ def _alternatives(a: Arranged, f: Answer) -> tuple[Alternative, ...]:
         value = np.where(f.second, getattr(f.other, name), np.nan)
         nothing = np.full_like(value, np.nan)
         return Estimate(
-            name=name, value=_shaped(value, a), sigma=_shaped(nothing, a),
-            interval=_shaped(np.stack([nothing, nothing], -1), a),
-            interval_kind=_shaped(np.full(value.shape, NONE), a),
-            status=_shaped(np.full(value.shape, FITTED), a), upper_limit=_shaped(nothing, a),
+            name=name, value=shaped(value, a), sigma=shaped(nothing, a),
+            interval=shaped(np.stack([nothing, nothing], -1), a),
+            interval_kind=shaped(np.full(value.shape, NONE), a),
+            status=shaped(np.full(value.shape, FITTED), a), upper_limit=shaped(nothing, a),
         )  # fmt: skip
 
     excess = np.where(f.second, f.excess, np.nan)
     return (
         Alternative(
             parameters={name: estimate(name) for name in ("eta", "k")},
-            delta_chi2=_shaped(excess, a), reached=_shaped(np.full_like(excess, np.nan), a),
+            delta_chi2=shaped(excess, a), reached=shaped(np.full_like(excess, np.nan), a),
         ),
     )  # fmt: skip
-
-
-def _trade(information: np.ndarray) -> float:
-    """Return by how much k^2 changes for one of eta along what the data see least; NaN: nothing."""
-    _, vectors = np.linalg.eigh(np.nan_to_num(information))
-    along_eta, along_u = vectors[:, 0]
-    return along_u / along_eta if along_eta else np.nan
-
-
-def _of_floor(f: Answer, taken: Taken) -> dict[str, np.ndarray]:
-    """Return where a common error was taken, and where that changes more than the errors tell."""
-    used = np.isfinite(taken.gain)
-    with np.errstate(all="ignore"):
-        apart = [
-            np.abs(f.values[name] - taken.by_factor[:, i]) > f.values[f"sigma_{name}"]
-            for i, name in enumerate(("eta", "k"))
-        ]
-    return {"errors_floor": used, "errors_differ": used & np.logical_or(*apart)}
-
-
-def _findings(a: Arranged, f: Answer, taken: Taken, errors: str) -> tuple[Finding, ...]:
-    v, s = f.values, f.solved
-    with np.errstate(all="ignore"):
-        chi2_reduced = np.where(f.dof > 0, v["chi2"] / f.dof, np.nan)
-        share, rms = v["sigma_eta"] / v["eta"], np.sqrt(s.plain / s.count)
-        correlation = v["covariance"][:, 0, 1] / (v["sigma_eta"] * v["sigma_k"])
-    of_chi2 = {
-        "chi2_reduced": chi2_reduced, "factor": np.sqrt(chi2_reduced),
-        "errors": "stated" if errors == "stated" else "scaled",
-    }  # fmt: skip
-    at_k = {"eta": v["eta"], "k": v["k"], "eta_i": a.data.eta_i}
-    slopes = np.full(len(v["eta"]), np.nan)
-    for i in np.flatnonzero(f.codes["combination"]):
-        slopes[i] = _trade(v["information"][i])
-    values: dict[str, dict[str, Any]] = {
-        "not_converged": {"evaluations": s.evaluations.astype(int)},
-        "perfect_mirror": {"least_reflectance": v["least_reflectance"]},
-        "no_reflection": {"eta_i": a.data.eta_i},
-        "circle": at_k, "same_at_45_degrees": at_k, "combination": {**at_k, "slope": slopes},
-        "does_not_describe": {"rms": rms, "sample": "one bare surface"},
-        "compatible_with_zero": {
-            "parameter": "k", "limit": v["limit"], "even": v["eta"] >= a.data.eta_i,
-        },
-        "poorly_determined": {"parameters": ("eta",), "shares": share[:, None]},
-        "correlated": {
-            "first": ("eta",), "second": ("k",), "correlation": correlation[:, None]
-        },
-        "chi2_large": of_chi2, "chi2_small": of_chi2,
-        "flat_curve": {"below_deg": limit.FLAT_BELOW_DEG},
-        "no_degrees_of_freedom": {
-            "n_data": s.count.astype(int), "unknowns": 2, "stated": np.isfinite(v["sigma_eta"]),
-        },
-        "other_minima": {
-            "count": 1, "delta_chi2": f.excess, "parameters": ("eta", "k"),
-            "values": np.stack([f.other.eta, f.other.k], -1),
-        },
-    }  # fmt: skip
-    codes = f.codes | _of_floor(f, taken)
-    floored = np.stack([v["eta"], v["k"]], -1)
-    values["errors_floor"] = {
-        "chi2_reduced": chi2_reduced, "floor": taken.floor, "gain": taken.gain
-    }  # fmt: skip
-    values["errors_differ"] = {
-        "parameters": ("eta", "k"), "floor": floored, "factor": taken.by_factor
-    }  # fmt: skip
-    return tuple(
-        Finding(
-            code,
-            np.reshape(codes[code], a.shape),
-            {
-                name: _shaped(v, a) if isinstance(v, np.ndarray) else v
-                for name, v in values.get(code, {}).items()
-            },
-        )
-        for code in SENTENCES
-        if code in codes and codes[code].any()
-    )
 
 
 def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> Fit:
@@ -175,17 +94,17 @@ def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> F
         informed = np.isfinite(v["information"]).all((1, 2))
     estimates = _estimates(a, f)
     return Fit(
-        sample=sample, parameters=estimates, covariance=_shaped(v["covariance"], a),
-        wavelength_um=_shaped(a.wavelength_um, a), chi2=_shaped(v["chi2"], a),
-        chi2_reduced=_shaped(chi2_reduced, a), dof=_shaped(f.dof.astype(int), a),
-        n_data=_shaped(s.count.astype(int), a), rms=_shaped(rms, a), status=_shaped(f.status, a),
+        sample=sample, parameters=estimates, covariance=shaped(v["covariance"], a),
+        wavelength_um=shaped(a.wavelength_um, a), chi2=shaped(v["chi2"], a),
+        chi2_reduced=shaped(chi2_reduced, a), dof=shaped(f.dof.astype(int), a),
+        n_data=shaped(s.count.astype(int), a), rms=shaped(rms, a), status=shaped(f.status, a),
         errors=ErrorModel(
-            _shaped(believed, a),
-            _shaped(np.where(believed == "stated", 1.0, v["factor"]), a),
-            _shaped(np.zeros(len(rms)), a), a.stated, _shaped(np.ones(len(rms)), a),
+            shaped(believed, a),
+            shaped(np.where(believed == "stated", 1.0, v["factor"]), a),
+            shaped(np.zeros(len(rms)), a), a.stated, shaped(np.ones(len(rms)), a),
         ),
-        evaluations=_shaped(s.evaluations.astype(int), a), cost=_shaped(s.cost, a),
-        findings=_findings(a, f, taken, errors), others=_alternatives(a, f),
+        evaluations=shaped(s.evaluations.astype(int), a), cost=shaped(s.cost, a),
+        findings=findings(a, f, taken, errors), others=_alternatives(a, f),
         evaluator=SurfaceCurves(
             eta=v["eta"], k=v["k"], sigma_eta=v["sigma_eta"], sigma_k=v["sigma_k"],
             information=np.where(informed[:, None, None], v["information"], np.nan),
@@ -220,12 +139,17 @@ def fit_bare_surface(
         curve_names=quantities, evaluator=evaluator._replace(measurement=measurement),
         rms_of=_rms_of(a, f, measurement),
     )  # fmt: skip
-    if np.max(found.n_data) < ENOUGH:
-        return found
     channel, curve, place = a.rows
     fitted = fitted_curves(a.data, f.solved)[channel, curve, place]
+    known = ~np.isin(np.atleast_1d(found.status), (NO_DATA, NOT_CONVERGED))
+    fitted = np.where(known[curve], fitted, np.nan)
     weighed = _with_floor(found, measurement)
-    found = with_order_of_residuals(found, weighed, fitted, a.stated)
+    found = _with_order(found, order_of_residuals(weighed, fitted, a.stated))
+    pooled = pooled_pattern(weighed, fitted, a.stated)
+    if pooled is not None:
+        found = replace(
+            found, notes=(*found.notes, Warning("shared_pattern", {}, pooled._asdict()))
+        )
     return widened(found) if errors == "auto" else found
 
 
@@ -295,16 +219,28 @@ def _rms_of(a: Arranged, f: Answer, m: Measurement) -> dict[str, Any]:
     with np.errstate(all="ignore"):
         rms = np.sqrt(f.solved.plain / f.solved.count)
     names = dict.fromkeys(m.quantity.tolist())
-    return {next(iter(names)): _shaped(rms, a)} if len(names) == 1 else {}
+    return {next(iter(names)): shaped(rms, a)} if len(names) == 1 else {}
 
 
-def with_order_of_residuals(found: Fit, m: Measurement, fitted: np.ndarray, stated: bool) -> Fit:
-    """Return the fit with the finding on residuals that are no noise, where there are such."""
-    at, values = order_of_residuals(found, m, fitted, stated)
-    if not at.any():
-        return found
-    shaped = {name: v.reshape(found.shape) for name, v in values.items()}
-    new = Finding("residuals_in_order", at.reshape(found.shape), {"along": "angle", **shaped})
-    order = list(SENTENCES)
-    both = sorted([*found.findings, new], key=lambda f: order.index(f.code))
-    return replace(found, findings=tuple(both))
+def _with_order(found: Fit, order: Order) -> Fit:
+    """Return the fit with what its residuals say: an order, and a misfit larger than the noise."""
+    shape = found.shape
+    of_rms = {"rms": np.atleast_1d(found.rms), "noise": order.noise}
+    new = {
+        "residuals_in_order": (order.correlation, {
+            "correlation": order.correlation, "chance": order.chance
+        }),
+        "does_not_describe": (order.noise, of_rms),
+    }  # fmt: skip
+    texts = {
+        "residuals_in_order": {"along": "angle"},
+        "does_not_describe": {"sample": "one bare surface"},
+    }  # fmt: skip
+    kept = [f for f in found.findings if f.code not in new]
+    for code, (where, values) in new.items():
+        at = np.isfinite(where)
+        if at.any():
+            reshaped = {name: v.reshape(shape) for name, v in values.items()}
+            kept.append(Finding(code, at.reshape(shape), {**texts[code], **reshaped}))
+    rank = list(SENTENCES)
+    return replace(found, findings=tuple(sorted(kept, key=lambda f: rank.index(f.code))))

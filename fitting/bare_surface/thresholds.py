@@ -12,5 +12,3 @@ FLAT_BELOW_DEG = 30.0
 MIRROR_LIMIT = 9.0
 # exp(x) - 1 = |N - 1|^2 / 2n: R(0) below 5e-17, less than the rounding of any datum.
 NOTHING_LIMIT = 1e-16
-# Root mean square of R that a bare surface misses data by.
-OUT_OF_MODEL = 0.1

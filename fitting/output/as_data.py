@@ -15,11 +15,11 @@ import numpy as np
 from fitting.output.estimates import by_wavelength, has_several_curves, index_waves
 from fitting.output.facts import sample_text, title_of
 from fitting.output.missing import MissingExtra
-from fitting.output.numbers import escaped
 from fitting.output.text_table import varied_of
 from fitting.plain_data import json_object, plain
 from fitting.residuals import residuals
 from fitting.result import Alternative, Estimate, Fit
+from fitting.visible import visible
 
 _ESTIMATE = ("value", "sigma", "interval", "interval_kind", "unit", "upper_limit", "status")
 _AS_IT_IS = (
@@ -93,7 +93,7 @@ def _csv_text(comments: Iterable[str], columns: dict[str, Iterable[Any]]) -> str
     """Return columns as CSV below comment lines; what is NaN is empty."""
     out = io.StringIO()
     for comment in comments:
-        out.write("# " + escaped(" ".join(comment.split())) + "\n")
+        out.write("# " + visible(" ".join(comment.split())) + "\n")
     out.write(",".join(columns) + "\n")
     for row in zip(*columns.values(), strict=True):
         cells = ("" if isinstance(c, float) and math.isnan(c) else str(c) for c in row)
@@ -123,7 +123,7 @@ def data_csv(fit: Fit) -> str:
     found = fit.predict()
     columns: dict[str, Iterable[Any]] = {}
     if has_several_curves(fit) and fit.curve is not None:
-        columns["curve"] = [escaped(fit.curve_names[i]) for i in fit.curve]
+        columns["curve"] = [visible(fit.curve_names[i]) for i in fit.curve]
     columns["angle_deg"] = m.angle_deg.tolist()
     if np.isfinite(m.wavelength_um).any():
         columns["wavelength_um"] = m.wavelength_um.tolist()

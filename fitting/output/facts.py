@@ -14,8 +14,9 @@ from fitting.output.estimates import (
     k_text,
     symbols,
 )
-from fitting.output.numbers import escaped, number, size_text, with_error, with_unit
+from fitting.output.numbers import number, size_text, with_error, with_unit
 from fitting.result import UNDETERMINED, Alternative, Fit
+from fitting.visible import visible
 
 Facts = list[tuple[str, str]]
 # Second solutions, and pairs of parameters, that are shown.
@@ -26,7 +27,7 @@ _NCS = "cos 2psi, sin 2psi cos Delta, sin 2psi sin Delta"
 def title_of(fit: Fit) -> str:
     """Return what was fitted: the name of the file or files, or of the batch."""
     if fit.measurement is not None:
-        return escaped(fit.measurement.source)
+        return visible(fit.measurement.source)
     if fit.shape:
         return f"{' x '.join(map(str, fit.shape))} curves"
     return "one curve" if fit.sample is not None else "your own residuals"
@@ -70,7 +71,7 @@ def heading(fit: Fit) -> Facts:
     """Return how the file was read, and what was fitted."""
     rows: Facts = []
     if fit.measurement is not None:
-        rows.append(("read", escaped(fit.measurement.understood.removeprefix("read "))))
+        rows.append(("read", visible(fit.measurement.understood.removeprefix("read "))))
     return [*rows, ("sample", sample_text(fit))]
 
 

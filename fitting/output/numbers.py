@@ -11,17 +11,6 @@ _ROUNDING = 1e-14
 _CONTRADICTS = 0.25
 
 
-def escaped(text: str) -> str:
-    """Return ``text`` with its control characters, and bytes that are no text, as escapes.
-
-    Names of files and columns come from strangers: an escape sequence must not reach a terminal,
-    nor a control character an XML file, which may not hold any.
-    """
-    text = text.encode("utf-8", "backslashreplace").decode("utf-8")
-    shown = (c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
-    return "".join(shown)
-
-
 def number(value: float, digits: int = 4) -> str:
     """Return ``value`` with that many significant digits, trailing zeros kept; "-" for NaN."""
     if math.isnan(value):

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from fitting.output.numbers import escaped
+from fitting.visible import visible
 
 # Beyond this many rows a table is folded away: the page is for reading, the CSV for numbers.
 OPEN_ROWS = 40
@@ -47,7 +47,7 @@ class Table(NamedTuple):
 
 
 def _escaped(text: str) -> str:
-    return html.escape(escaped(text))
+    return html.escape(visible(text))
 
 
 def _table(table: Table, level: str = "h2") -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from fitting.output import facts
 from fitting.output.estimates import by_wavelength, reach, symbols, value_text
-from fitting.output.numbers import escaped, number, size_text
+from fitting.output.numbers import number, size_text
 from fitting.output.picture_batch import draw_batch
 from fitting.output.picture_data import (
     PANELS,
@@ -35,6 +35,7 @@ from fitting.output.style import (
 )
 from fitting.output.told import told_of
 from fitting.result import UNDETERMINED, Fit
+from fitting.visible import visible
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -82,7 +83,7 @@ def _titles(figure: Figure, axes: Axes, fit: Fit) -> None:
         _subtitle(fit), (0.0, 1.0), (0.0, 9.0), xycoords="axes fraction",
         textcoords="offset points", va="bottom", ha="left", color="#333333",
     ).set_in_layout(False)  # fmt: skip  # the title above it makes the room
-    texts = [escaped(text).replace("$", r"\$") for text in told_of(fit).texts]
+    texts = [visible(text).replace("$", r"\$") for text in told_of(fit).texts]
     if not texts:
         return
     width = int(13.5 * figure.get_figwidth())

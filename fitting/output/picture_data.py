@@ -10,9 +10,9 @@ import numpy as np
 
 from fitting.measurement import Measurement, concatenate
 from fitting.output.estimates import has_several_curves
-from fitting.output.numbers import escaped
 from fitting.output.style import GREY, LOOKS, OTHER, band, points
 from fitting.result import Fit
+from fitting.visible import visible
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -104,7 +104,7 @@ def lines_of(fit: Fit, m: Measurement) -> list[Line]:
         look = _look(quantity, polarizer, seen.get(quantity, 0) if name else 0)
         seen[quantity] = seen.get(quantity, 0) + 1
         kind = quantity if quantity in PANELS else "power"
-        label = f"{look[3]} {escaped(name)}".replace("$ ", "$, ") if name else look[3]
+        label = f"{look[3]} {visible(name)}".replace("$ ", "$, ") if name else look[3]
         angles = np.unique(m.angle_deg[of]).tolist() if waves else [math.nan]
         for i, angle in enumerate(angles):
             rows = np.flatnonzero(of & (m.angle_deg == angle) if waves else of)

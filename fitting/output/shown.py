@@ -6,7 +6,7 @@ A command line writes a text of its own width with `text_of`, and files with `fi
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fitting.output import as_data, fit_page, text_table
 from fitting.output.fit_page import Comparison as Comparison
@@ -32,10 +32,3 @@ def report(fit: Fit, folder: str | os.PathLike[str]) -> None:
     from fitting.output.files import report as write
 
     write(fit, folder)
-
-
-def save(fit: Any, path: str | os.PathLike[str], reference: str | None = None) -> None:
-    """Draw the fit to the file ``path``, whose ending names the format (.png, .pdf, .svg)."""
-    from fitting.output.style import save as write
-
-    write(figure(fit, reference), path)

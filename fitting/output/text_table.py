@@ -17,10 +17,11 @@ from fitting.output.estimates import (
     wave_text,
 )
 from fitting.output.layout import LABEL, labelled, rows_aligned, wrapped
-from fitting.output.numbers import escaped, number, size_text, with_unit
+from fitting.output.numbers import number, size_text, with_unit
 from fitting.output.reference import reference_text
 from fitting.output.told import told_of
 from fitting.result import UNDETERMINED, Estimate, Fit
+from fitting.visible import visible
 
 # A batch of more fits than that is shown by its first and last ones.
 _ROWS, _ENDS = 400, 20
@@ -118,7 +119,7 @@ def table(fit: Fit, width: int = 80) -> str:
     lines += [wrapped(label, text, width) for label, text in facts.heading(fit)]
     lines += ["", *(_many(fit, width) if fit.shape else _one(fit, width))]
     lines += labelled((("note", note.text) for note in fit.notes), width)
-    return "\n".join(escaped(line) for line in "\n".join(lines).split("\n")) + "\n"
+    return "\n".join(visible(line) for line in "\n".join(lines).split("\n")) + "\n"
 
 
 def text_of(fit: Fit, width: int = 80, reference: str = "", comparison: Any = None) -> str:
@@ -155,4 +156,4 @@ def one_line(fit: Fit) -> str:
         parts.append(str(fit.status))
         if fit.findings:
             parts.append(f"{len(fit.findings)} warning{'s' * (len(fit.findings) > 1)}")
-    return escaped(f"<Fit: {', '.join(parts)}>")
+    return visible(f"<Fit: {', '.join(parts)}>")

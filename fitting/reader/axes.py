@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import re
-from pathlib import PurePath
 
 import numpy as np
 
 from fitting.errors import MeasurementError, place
 from fitting.reader.columns import Column, Layout
-from fitting.reader.evidence import angle_in_name, angle_said, wavelength_said
+from fitting.reader.evidence import Evidence
 from fitting.reader.options import Options
 from fitting.reader.rows import numbers_of, span_of
 from fitting.reader.table import Table
 from fitting.reader.units import Q_UNITS, WAVELENGTH_UNITS, incidence_deg, wavelength_um
 
-HALF_PI = 1.5708  # pi / 2 as files round it
+# pi / 2 as files round it, up or down; the largest of them, to one digit, is 1.6
+RIGHT_ANGLES = np.array(sorted({round(np.pi / 2.0, digits) for digits in range(1, 16)}))
+HALF_PI = 1.5708
 # names by which a column, though not understood, speaks against normal incidence
 _ANGULAR = re.compile("(?i)angle|theta|winkel|incid|aoi|mount|motor|stage|gonio|deg")
 _UNITS_OF_FORM = {
@@ -27,7 +28,12 @@ _UNITS_OF_FORM = {
 
 
 def _wavelength_unit(
-    table: Table, layout: Layout, column: Column, options: Options, notes: list[str]
+    table: Table,
+    layout: Layout,
+    column: Column,
+    options: Options,
+    said: Evidence,
+    notes: list[str],
 ) -> str:
     at = place(table.source, table.header, column.label)
     numbers, _ = numbers_of(table, column, [])
@@ -38,8 +44,13 @@ def _wavelength_unit(
     finite = numbers[np.isfinite(numbers)]
     low, high = (finite.min(), finite.max()) if len(finite) else (np.nan, np.nan)
     if options.wavelength_unit:
-        unit = options.wavelength_unit
-    elif not unit:
+        return options.wavelength_unit
+    if unit:
+        said.refuse_other("wavelength unit", lambda u: u != unit, at, f"the header says {unit}")
+    elif form == "wavelength" and (beside := said.one("wavelength unit")):
+        unit = str(beside.value)
+        notes.append(f"wavelengths in {unit} ({beside.where}; --wavelength-unit)")
+    if not unit:
         # 190 to 3300 is the range of spectrometers in nm; as angstrom it would begin below 190 nm
         # in the far ultraviolet, as um lie beyond the far infrared
         if form != "wavelength" or not (190.0 <= low < 1900.0 and high <= 3300.0):
@@ -63,17 +74,19 @@ def _wavelength_unit(
     return unit
 
 
-def wavelengths(table: Table, layout: Layout, options: Options, notes: list[str]) -> np.ndarray:
+def wavelengths(
+    table: Table, layout: Layout, options: Options, said: Evidence, notes: list[str]
+) -> np.ndarray:
     """Return the wavelength of each row in micrometres, NaN where none is known.
 
     Raises MeasurementError where the unit is open, or the name, the unit and the numbers disagree.
     """
     column, given = layout.wavelength, options.wavelength_um
     if column is None:
-        said = None if given is not None else wavelength_said(table.preamble)
-        if said is not None:
-            notes.append(f"wavelength {said.value:.6g} um (line {said.line}; --wavelength-um)")
-            given = said.value
+        clear = said.clear("wavelength")
+        if given is None and clear:
+            given = said.one("wavelength").value  # type: ignore[union-attr]
+            notes.append(f"wavelength {given:.6g} um ({clear[0].where}; --wavelength-um)")
         return np.full(len(table.rows), np.nan if given is None else given)
     at = place(table.source, table.header, column.label)
     if given is not None:
@@ -81,8 +94,12 @@ def wavelengths(table: Table, layout: Layout, options: Options, notes: list[str]
             f"{at}: the file gives wavelengths, and --wavelength-um {given:g} came too. Drop the "
             "option, or name the columns to be read with --columns."
         )
-    unit = _wavelength_unit(table, layout, column, options, notes)
+    unit = _wavelength_unit(table, layout, column, options, said, notes)
     microns = wavelength_um(numbers_of(table, column, [])[0], unit)
+    if not options.columns and len(layout.values) and np.isfinite(microns).any():
+        low, high = np.nanmin(microns) * 0.99, np.nanmax(microns) * 1.01
+        came = f"the wavelengths are {span_of(microns)} um"
+        said.refuse_other("wavelength", lambda w: not low <= w <= high, at, came)
     if layout.repeat is not None and layout.repeat.role.unit in WAVELENGTH_UNITS:
         again = wavelength_um(numbers_of(table, layout.repeat, [])[0], layout.repeat.role.unit)
         # files round the second to three digits or so
@@ -97,10 +114,19 @@ def wavelengths(table: Table, layout: Layout, options: Options, notes: list[str]
     return microns
 
 
-def _angle_unit(at: str, numbers: np.ndarray, column: Column, notes: list[str]) -> str:
+def _angle_unit(
+    at: str, numbers: np.ndarray, column: Column, said: Evidence, notes: list[str]
+) -> str:
     form, unit = column.role.form, column.role.unit
     finite = np.abs(numbers[np.isfinite(numbers)])
     high, several = finite.max(initial=0.0), len(np.unique(finite)) > 2
+    if form == "incidence" and (beside := said.one("angle unit")):
+        if unit not in ("", beside.value):
+            said.refuse_other("angle unit", lambda u: u != unit, at, f"the header says {unit}")
+        unit = str(beside.value)
+        notes.append(f"angles in {unit} ({beside.where}; --angle-unit)")
+        if unit.startswith("grazing"):
+            return unit
     if form == "q":
         if unit not in Q_UNITS:
             raise MeasurementError(f"{at}: Q has no unit. Say --angle-unit 1/angstrom or 1/nm.")
@@ -111,7 +137,7 @@ def _angle_unit(at: str, numbers: np.ndarray, column: Column, notes: list[str]) 
             "..."
         )
     if not unit:
-        if form == "incidence" and (high > HALF_PI or high == 0.0):
+        if form == "incidence" and (high > RIGHT_ANGLES[-1] or high == 0.0):
             return "deg"
         choice = {"grazing": "grazing-deg or grazing-rad", "2theta": "2theta-deg"}.get(
             form, "deg or rad"
@@ -124,7 +150,8 @@ def _angle_unit(at: str, numbers: np.ndarray, column: Column, notes: list[str]) 
         return {"deg": "grazing-deg", "rad": "grazing-rad"}.get(unit, unit)
     if form == "2theta" and unit == "deg":
         return "2theta-deg"
-    if form == "incidence" and unit != "deg" and high > HALF_PI * (1e3 if unit == "mrad" else 1.0):
+    right = RIGHT_ANGLES[-1] if high in RIGHT_ANGLES else HALF_PI
+    if form == "incidence" and unit != "deg" and high > right * (1e3 if unit == "mrad" else 1.0):
         raise MeasurementError(
             f"{at}: the header says {unit}, the numbers are {span_of(numbers)}, more than pi/2. "
             "Say --angle-unit deg if they are degrees."
@@ -138,7 +165,12 @@ def _angle_unit(at: str, numbers: np.ndarray, column: Column, notes: list[str]) 
 
 
 def angles(
-    table: Table, layout: Layout, options: Options, wavelength: np.ndarray, notes: list[str]
+    table: Table,
+    layout: Layout,
+    options: Options,
+    wavelength: np.ndarray,
+    said: Evidence,
+    notes: list[str],
 ) -> np.ndarray:
     """Return the angle of incidence of each row in degrees.
 
@@ -150,16 +182,18 @@ def angles(
     if column is None:
         if given is not None:
             return np.full(rows, given)
-        said = angle_said(table.preamble)
-        if said is not None:
+        if any(value.role.at is not None for value in layout.values):
+            return np.full(rows, np.nan)  # each column has its own
+        if (counted := said.one("angle unit")) and str(counted.value).startswith("grazing"):
+            said.refuse(counted)
+        beside = said.one("angle")
+        if beside is not None:
             notes.append(
-                f"angle of incidence {said.value:g} degrees (line {said.line}; --angle-deg)"
+                f"angle of incidence {beside.value:g} degrees ({beside.where}; --angle-deg)"
             )
-            return np.full(rows, said.value)
-        name = angle_in_name(PurePath(table.source).stem)
+            return np.full(rows, beside.value)
         oblique = (
-            name
-            or layout.polarization
+            layout.polarization
             or layout.polarizer
             or any(value.role.quantity not in ("R", "T", "R_back") for value in layout.values)
             or any(_ANGULAR.search(label) for label in layout.unused)
@@ -168,10 +202,10 @@ def angles(
             notes.append("no angle given: normal incidence assumed (--angle-deg)")
             return np.zeros(rows)
         rest = f" (not understood: {', '.join(layout.unused[:6])})" if layout.unused else ""
-        hint = "Say --angle-deg NUMBER, or which column it is with --columns angle=..."
-        if name:
-            hint = f"The file name says {name}deg: if that is it, say --angle-deg {name}."
-        raise MeasurementError(f"{table.source}: no column is an angle of incidence{rest}. {hint}")
+        raise MeasurementError(
+            f"{table.source}: no column is an angle of incidence{rest}. Say --angle-deg NUMBER, or "
+            "which column it is with --columns angle=..."
+        )
     at = place(table.source, table.header or table.lines[0], column.label)
     if given is not None:
         raise MeasurementError(
@@ -181,16 +215,23 @@ def angles(
     numbers, sign = numbers_of(table, column, [])
     if sign == "\u00b0" and not column.role.unit:
         column = column._replace(role=column.role._replace(unit="deg"))
-    unit = options.angle_unit or _angle_unit(at, numbers, column, notes)
+    unit = options.angle_unit or _angle_unit(at, numbers, column, said, notes)
     if unit in Q_UNITS and np.isnan(wavelength).all():
-        said = [
-            f" Line {n} has {t[:40]!r}." for n, t in table.preamble if "wavelength" in t.lower()
-        ]
+        open_ones = [one for one in said.said if one.kind == "wavelength"]
+        there = (
+            f" {open_ones[0].where.capitalize()} has {open_ones[0].text!r}." if open_ones else ""
+        )
         raise MeasurementError(
-            f"{at}: Q becomes an angle through the wavelength, which is not "
-            f"known.{''.join(said[:1])} Say --wavelength-um NUMBER (5 angstrom are 0.0005)."
+            f"{at}: Q becomes an angle through the wavelength, which is not known.{there} Say "
+            "--wavelength-um NUMBER (5 angstrom are 0.0005)."
         )
     degrees = incidence_deg(numbers, unit, wavelength)
+    if unit == "rad":
+        degrees = np.where(np.isin(numbers, RIGHT_ANGLES), np.minimum(degrees, 90.0), degrees)
+    if not options.columns and np.isfinite(degrees).any():
+        low, high = np.nanmin(degrees) - 0.05, np.nanmax(degrees) + 0.05
+        came = f"the angles of incidence are {span_of(degrees)} degrees"
+        said.refuse_other("angle", lambda a: not low <= a <= high, at, came)
     if unit == "deg.arcmin":
         minutes = np.abs(numbers - np.trunc(numbers)) * 100.0
         wrong = np.flatnonzero(minutes > 59.999999)

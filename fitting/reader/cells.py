@@ -129,18 +129,27 @@ def guess_delimiter(texts: Sequence[str], wanted: str | None) -> tuple[str, int]
     return best
 
 
-def decide_decimal(source: str, rows: list[list[str]], lines: list[int], wanted: str | None) -> str:
-    """Return the decimal mark that the cells show; raise where they show both, or leave it open."""
+def decide_decimal(
+    source: str,
+    rows: list[list[str]],
+    lines: list[int],
+    wanted: str | None,
+    small: set[int],
+) -> str:
+    """Return the decimal mark that the cells show; raise where they show both, or leave it open.
+
+    small: columns whose numbers cannot reach a thousand.
+    """
     if wanted:
         return wanted
     comma = point = 0
     grouped = True
     for row, line in zip(rows, lines, strict=True):
-        for cell in row:
+        for index, cell in enumerate(row):
             if "," in cell:
                 if is_number(cell):
                     comma = comma or line
-                    grouped = grouped and _GROUPED.fullmatch(cell) is not None
+                    grouped = grouped and index not in small and bool(_GROUPED.fullmatch(cell))
             elif not point and "." in cell and is_number(cell):
                 point = line
     if comma and point:

@@ -137,7 +137,7 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
         elif name in ("polarization", "polarizer"):
             role = Role(name, unit=unit)
         else:
-            role = Role("value", name, "", unit)
+            role = Role("value", name, "", unit, "", said.at if said.kind == "value" else None)
         found.setdefault(role.kind, []).append(Column(index, label_of(table, index), role))
     if not found["value"]:
         raise MeasurementError(
@@ -146,7 +146,7 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
     return found
 
 
-def _implicit(table: Table) -> dict[str, list[Column]]:
+def _implicit(table: Table, options: Options) -> dict[str, list[Column]]:
     orso = any("ORSO reflectivity data file" in text for _, text in table.preamble[:3])
     found: dict[str, list[Column]] = {"angle": [], "wavelength": [], "value": [], "sigma": []}
     roles = []
@@ -155,6 +155,8 @@ def _implicit(table: Table) -> dict[str, list[Column]]:
         if orso and name[:1] == "s" and name[1:2].isupper():
             name = "sigma " + name[1:]  # the prefix by which that format marks errors
         role = role_of(name, table.units[index])
+        if role.at is not None and not role.kind and options.angle_unit == "deg":
+            role = role._replace(kind=role.form, form="")  # the option says what R_45 means
         roles.append(role)
         if role.kind == "unclear" and index in filled:
             value, named = role.quantity.removeprefix("sigma_"), f"{role.quantity}={index + 1}"
@@ -216,6 +218,8 @@ def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Co
             name, tail = sigma.role.quantity, len(sigma.role.quantity)
             part = -tail if name.startswith("_") else 0
             fits = [i for i, v in enumerate(values) if v.role.quantity[part:] == name]
+            if sigma.role.at is not None:
+                fits = [i for i in fits if values[i].role.at == sigma.role.at]
             if not fits:
                 continue
         if len(fits) != 1 or attached[fits[0]] is not None:
@@ -241,10 +245,20 @@ def choose_columns(table: Table, options: Options) -> Layout:
     Raises MeasurementError where two columns claim one role, none holds a value, or rows are
     statistics of other rows.
     """
-    found = _explicit(table, options) if options.columns else _implicit(table)
+    found = _explicit(table, options) if options.columns else _implicit(table, options)
     values = found["value"]
-    for quantity in dict.fromkeys(value.role.quantity for value in values):
-        _only(table, [v for v in values if v.role.quantity == quantity], quantity)
+    for quantity, at in dict.fromkeys((v.role.quantity, v.role.at) for v in values):
+        _only(
+            table, [v for v in values if (v.role.quantity, v.role.at) == (quantity, at)], quantity
+        )
+    angled = {value.role.at is not None for value in values}
+    if len(angled) == 2 or (True in angled and found["angle"]):
+        one = next(value for value in values if value.role.at is not None)
+        raise MeasurementError(
+            f"{place(table.source, table.header, one.label)}: this name gives an angle of "
+            "incidence, and other columns give another, or none. Name all columns to be read with "
+            "--columns, and the angle with --angle-deg."
+        )
     axes = found["wavelength"]
     repeat = None
     if len(axes) == 2 and axes[0].role.form != axes[1].role.form:

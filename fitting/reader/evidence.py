@@ -1,115 +1,270 @@
-"""What the lines above the numbers and the name of the file say about the whole measurement."""
+"""What comments, settings and the name of the file say about the whole measurement.
+
+Each of them that names an angle, a polarization, a wavelength or a unit is heard: it is used where
+it says one thing and nothing else; it is overruled by the option for it; else the file is refused
+and the option named. What is not in the vocabulary is not understood, and no reason to guess.
+"""
 
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fitting.errors import MeasurementError
-from fitting.reader.units import plain, unit_of, wavelength_um
+from fitting.reader.options import Options
+from fitting.reader.units import WAVELENGTH_UNITS, incidence_deg, wavelength_um
+from fitting.reader.vocabulary import AXIS_CONCEPTS, QUANTITY_CONCEPTS, Words, plain, words_of
 
-_NUMBER = r"([0-9]+(?:[.,][0-9]+)?)"
-_WAVELENGTH = re.compile(
-    r"(?:wavelength|lambda|laser)(?:_([a-z]+))?\s*(?:[:=,]|\bis\b|\s)\s*"
-    rf"{_NUMBER}[\s,;]*([a-z]*)\W*",
-    re.IGNORECASE,
-)
-_ANGLE = re.compile(
-    r"(?:angle of incidence|angle_of_incidence|incidence angle|incidence_angle|incidence|aoi|angle)"
-    rf"(?:_(deg))?\s*(?:[:=,]|\bis\b|\s)\s*{_NUMBER}[\s,;]*([a-z]*)\W*",
-    re.IGNORECASE,
-)
-_LIGHT = re.compile(
-    r"polari[sz]ation\s*[:=,\s]\s*([a-z]+)(?:[ -]?polari[sz]ed|[ -]?pol)?\W*", re.IGNORECASE
-)
-_WORDS = {
-    "s": "s",
-    "te": "s",
-    "p": "p",
-    "tm": "p",
-    "unpolarized": "u",
-    "unpolarised": "u",
-    "none": "u",
+# kind of statement -> what it gives, and the option that overrules it
+OPTION = {
+    "angle": ("the angle of incidence", "--angle-deg NUMBER"),
+    "angle unit": ("how the angles count", "--angle-unit UNIT (deg, rad, grazing-deg, ...)"),
+    "light": ("the polarisation", "--polarization s, p or unpolarized"),
+    "wavelength": ("the wavelength", "--wavelength-um NUMBER"),
+    "wavelength unit": ("the unit of the wavelength", "--wavelength-unit UNIT (nm, um, ...)"),
+    "power unit": ("the unit of R or T", "--scale FACTOR (0.01 for percent, 1 for fractions)"),
+    "psi unit": ("the unit of psi and delta", "--psi-unit deg or rad"),
 }
-_NAME_LIGHT = {"spol": "s", "ppol": "p", "TE": "s", "TM": "p", "Rs": "s", "Rp": "p", "unpol": "u"}
+FULL_NAME = "the file name"
+_LENGTHS = ("nm", "um", "angstrom")
+_CLAUSE = re.compile(r"[,;|](?=\s|$)|(?<=[a-z])\.\s")  # "incidence;45" is one
+
+
+_BESIDE = re.compile(
+    r"(?i)(?<![\w.])([0-9]+(?:[.,][0-9]+)?)\s*(nm|um)\s+(?:laser|wavelength)\b"
+    r"|\b(?:laser|wavelength)\s*(?:of|at|is|[:=])?\s*([0-9]+(?:[.,][0-9]+)?)\s*(nm|um)\b"
+)
 
 
 class Said(NamedTuple):
-    """A number that a line of the preamble gives."""
+    """One thing that is said. value: a number (degrees, micrometres), a letter or a unit, or None
+    where the words say more than that, or something else."""
 
-    value: float
-    line: int
-
-
-def _one(found: list[Said]) -> Said | None:
-    """Return the one thing said; None where nothing is, or lines contradict one another."""
-    return found[0] if len({said.value for said in found}) == 1 else None
+    kind: str
+    value: float | str | None
+    where: str
+    text: str
 
 
-def wavelength_said(preamble: list[tuple[int, str]]) -> Said | None:
-    """Return the wavelength in micrometres that a line such as ``wavelength: 532 nm`` gives."""
-    found = []
-    for line, text in preamble:
-        match = _WAVELENGTH.fullmatch(plain(text).strip())
-        unit = unit_of((match[1] or match[3]) if match else "")
-        if match and unit in ("nm", "um", "angstrom"):
-            number = wavelength_um(np.array(float(match[2].replace(",", "."))), unit)
-            if number > 0.0:
-                found.append(Said(float(number), line))
-    return _one(found)
+_KNOWN = {"filler", "article"}
 
 
-def angle_said(preamble: list[tuple[int, str]]) -> Said | None:
-    """Return the angle in degrees that a line such as ``angle of incidence: 45 deg`` gives."""
-    found = []
-    for line, text in preamble:
-        match = _ANGLE.fullmatch(plain(text).strip())
-        if match and unit_of(match[1] or match[3]) == "deg":
-            found.append(Said(float(match[2].replace(",", ".")), line))
-    return _one(found)
-
-
-def angle_in_name(stem: str) -> str:
-    """Return the number in a file name such as ``hafnia_60deg``, for a hint; "" where none is."""
-    match = re.search(r"(?<![0-9.])([0-9]{1,2}(?:\.[0-9]+)?) ?deg", stem)
-    return match[1] if match else ""
-
-
-def light_said(source: str, stem: str, preamble: list[tuple[int, str]]) -> tuple[str, str]:
-    """Return "s", "p" or "u" and the place that says so, or two empty strings.
-
-    A line ``polarization: s`` counts, and the words TE, TM, Rs, Rp, spol, p-pol in the file name.
-    Raises MeasurementError where they contradict one another, or the name may mean it or not.
-    """
-    said = {}
-    for line, text in preamble:
-        match = _LIGHT.fullmatch(plain(text).strip())
-        if match and match[1].lower() in _WORDS:
-            said[_WORDS[match[1].lower()]] = f"line {line}"
-    words = re.findall(
-        r"[A-Za-z]+",
-        re.sub(
-            r"(?i)(?<![a-z])([sp])[ _-]?pol(?:ari[sz]ed)?(?![a-z])",
-            lambda m: m[1].lower() + "pol",
-            stem,
-        ),
+def _angle(words: Words, where: str, text: str) -> list[Said]:
+    """Return what a clause says of the angle of incidence, or of how angles count."""
+    said = words.concepts
+    named = "incidence" in said or "grazing" in said
+    about = named or (("angle" in said or "doubled" in said) and "no incidence" not in said)
+    degrees = [unit for _, unit in words.numbers if unit in ("deg", "rad", "mrad")]
+    other = said & {"no incidence", "polarization", "polarizer", "psi", "delta", "s", "p"}
+    if not about and not (degrees and not other):
+        return []
+    clear = not words.unknown and said <= _KNOWN | {"incidence", "angle", "grazing"}
+    if "none" in said or other & {"psi", "delta"}:
+        clear = False
+    raw = text.lower()
+    if not words.numbers:
+        unit = next(iter(words.units & {"deg", "rad", "mrad"}), "")
+        if re.search(r"\bnormal\b", raw) and "incidence" in said and not unit:
+            return [Said("angle", 0.0 if clear else None, where, text)]
+        if "grazing" in said or "doubled" in said or ("surface" in raw and "normal" not in raw):
+            form = "grazing-" + unit if clear and unit in ("deg", "rad") else None
+            return [Said("angle unit", form, where, text)]
+        return [Said("angle unit", unit if clear else None, where, text)] if unit else []
+    number, unit = words.numbers[0]
+    unit = unit or next(iter(words.units & {"deg", "rad", "mrad"}), "")
+    # 1.6 is the largest number that can be a right angle in radians
+    clear = (
+        clear
+        and len(words.numbers) == 1
+        and about
+        and (unit != "" or number > 1.6 or number == 0.0)
     )
-    for word in words:
-        if word in _NAME_LIGHT:
-            said[_NAME_LIGHT[word]] = "the file name"
-    if len(said) > 1:
-        facts = " and ".join(f"{where} says {light}" for light, where in said.items())
-        raise MeasurementError(
-            f"{source}: {facts}-polarised. Say --polarization s, p or unpolarized."
+    unit = unit or "deg"
+    if "grazing" in said:
+        clear, unit = clear and unit in ("deg", "rad"), "grazing-" + unit
+    value = float(incidence_deg(np.array(number), unit, np.array(np.nan))) if clear else np.nan
+    return [Said("angle", value if 0.0 <= value <= 90.0 else None, where, text)]
+
+
+def _wavelength(words: Words, where: str, text: str) -> list[Said]:
+    if not words.concepts & set(AXIS_CONCEPTS):
+        return []
+    clear = not words.unknown and words.concepts <= _KNOWN | {"wavelength", "energy", "wavenumber"}
+    if not words.numbers:
+        unit = next(iter(words.units & set(WAVELENGTH_UNITS)), None)
+        return [Said("wavelength unit", unit if clear else None, where, text)] if unit else []
+    number, unit = words.numbers[0]
+    unit = unit or next(iter(words.units & set(WAVELENGTH_UNITS)), "")
+    if not unit and 190.0 <= number <= 3300.0:
+        unit = "nm"  # as in a column
+    if words.unknown and (match := _BESIDE.search(plain(text))):  # "a 532 nm laser on a bench"
+        number, unit = (
+            float((match[1] or match[3]).replace(",", ".")),
+            (match[2] or match[4]).lower(),
         )
-    code = re.search(r"(?i)pol(?:ari[sz]ation)?[ ._-]?([0-9]+)(?![0-9])", stem)
-    letter = [word for word in words if word in ("s", "p", "S", "P")]
-    if not said and (code or len(set(letter)) == 1):
-        what = f"polarisation {code[1]}" if code else f"the letter {letter[0]!r}"
+        clear = bool(0.1 <= float(wavelength_um(np.array(number), unit)) <= 100.0)
+    if not clear or len(words.numbers) != 1 or unit not in WAVELENGTH_UNITS or number <= 0.0:
+        return [Said("wavelength", None, where, text)]
+    return [Said("wavelength", float(wavelength_um(np.array(number), unit)), where, text)]
+
+
+def _light(words: Words, where: str, text: str) -> list[Said]:
+    said = words.concepts
+    letters = said & {"s", "p", "u"}
+    modes = {"s" for word in words.capitals if word == "TE"} | {
+        "p" for word in words.capitals if word == "TM"
+    }
+    about = said & {"polarization", "polarizer"} or letters & {"u"} - {"u"} or modes
+    unpolarized = "u" in said and "unpol" in text.lower()
+    if not about and not unpolarized:
+        return []
+    if "none" in said and not letters:
+        letters = {"u"}
+    clear = not words.unknown and said <= _KNOWN | {"s", "p", "u", "polarization", "none"}
+    clear = clear and not words.numbers and len(letters) == 1
+    return [Said("light", next(iter(letters)) if clear else None, where, text)]
+
+
+def _units(words: Words, where: str, text: str) -> list[Said]:
+    """Return what a clause without a number says of the unit of powers, or of psi and Delta."""
+    if words.numbers or not words.units:
+        return []
+    clear = not words.unknown and len(words.units) == 1
+    unit = next(iter(words.units))
+    quantities = words.concepts & set(QUANTITY_CONCEPTS)
+    if quantities & {"psi", "delta"} and unit in ("deg", "rad"):
+        clear = clear and words.concepts <= _KNOWN | {"psi", "delta", "angle"}
+        return [Said("psi unit", unit if clear else None, where, text)]
+    if unit in ("percent", "permille") or (quantities & {"R", "T"} and unit in ("1", "arb")):
+        clear = clear and unit != "permille" and words.concepts <= _KNOWN | {"R", "T"}
+        return [Said("power unit", unit if clear else None, where, text)]
+    return []
+
+
+def statements(line: int, text: str) -> list[Said]:
+    """Return what one comment, setting or remark says of the whole measurement."""
+    found = []
+    for clause in [text] if "{" in text else _CLAUSE.split(text):
+        if clause and not clause.isspace():
+            words = words_of(re.sub(r"(?i)\b[dl]['\u2019](?=\w)", "", clause))
+            for hear in (_angle, _wavelength, _light, _units):
+                found += hear(words, f"line {line}", text.strip()[:80])
+    return found
+
+
+def statements_of_name(stem: str) -> list[Said]:
+    """Return what the name of the file says; of an angle, that it does, for people to confirm."""
+    text = re.sub(r"(?<=[^\W_])-(?=[^\W_])", " ", plain(stem))
+    words = words_of(text)
+    found = []
+    said = words.concepts
+    angles = [number for number, unit in words.numbers if unit == "deg"]
+    numbers = [number for number, unit in words.numbers if not unit]
+    if (angles and "no incidence" not in said) or (numbers and said & {"incidence", "grazing"}):
+        found.append(Said("angle", None, FULL_NAME, str((angles or numbers)[0])))
+    modes = {"TE": "s", "Rs": "s", "Ts": "s", "TM": "p", "Rp": "p", "Tp": "p"}
+    # written as a word of its own, or before "pol": p-pol, s_polarized; not "sp", nor "P3HT"
+    parts = re.findall(r"[^\W_]+", text)
+    letters = {modes[part] for part in parts if part in modes}
+    letters |= {part[0].lower() for part in parts if part.lower() in ("spol", "ppol")}
+    pairs = re.findall(r"(?i)(?<![^\W_])([sp])[ _]?pol(?:ari[sz]ed)?(?![^\W_\d])", text)
+    letters |= {letter.lower() for letter in pairs}
+    letters |= {"u" for part in parts if part.lower().startswith("unpol")}
+    alone = {part.lower() for part in parts if part in ("s", "p", "S", "P")}
+    coded = re.search(r"(?i)pol(?:ari[sz]ation)?[ ._-]?[0-9]", text)
+    if letters:
+        value = next(iter(letters)) if len(letters) == 1 else None
+        found.append(Said("light", value, FULL_NAME, stem[:80]))
+    elif coded or len(alone) == 1:
+        found.append(Said("light", None, FULL_NAME, stem[:80]))
+    wave = words.numbers and "wavelength" in said and [n for n in words.numbers if n[1] in _LENGTHS]
+    if wave and len(wave) == 1:
+        value = float(wavelength_um(np.array(wave[0][0]), wave[0][1]))
+        found.append(Said("wavelength", value, FULL_NAME, stem[:80]))
+    return found
+
+
+class Evidence(NamedTuple):
+    """All that is said beside the table."""
+
+    source: str
+    said: list[Said]
+    quantities: set[str]
+
+    def refuse(self, said: Said) -> None:
+        """Raise because ``said`` is not understood, or not here."""
+        what, option = OPTION[said.kind]
+        if said.where == FULL_NAME and said.kind == "angle":
+            raise MeasurementError(
+                f"{self.source}: The file name says {float(said.text):g}deg: if that is it, say "
+                f"--angle-deg {float(said.text):g}."
+            )
         raise MeasurementError(
-            f"{source}: the file name has {what}, the column says no polarisation. Say "
-            "--polarization s, p or unpolarized."
+            f"{self.source}: {said.where} ({said.text!r}) may give {what}, and is not understood. "
+            f"Say {option}."
         )
-    return next(iter(said.items()), ("", ""))
+
+    def without(self, options: Options) -> Evidence:
+        """Return the evidence that no option overrules."""
+        overruled = {
+            "angle": options.angle_deg is not None,
+            "angle unit": options.angle_unit,
+            "light": options.light or options.codes or options.polarizer,
+            "wavelength": options.wavelength_um is not None,
+            "wavelength unit": options.wavelength_unit,
+            "power unit": options.scale is not None,
+            "psi unit": options.psi_unit,
+        }
+        return self._replace(said=[said for said in self.said if not overruled[said.kind]])
+
+    def one(self, kind: str) -> Said | None:
+        """Return the one thing that is said of ``kind``, None where nothing is.
+
+        Raises MeasurementError where it is not understood, or two places contradict one another.
+        """
+        chosen = [said for said in self.said if said.kind == kind]
+        clear = [said for said in chosen if said.value is not None]
+        for said in chosen:
+            if said.value is None:
+                if said.where == FULL_NAME and clear and said.text == str(clear[0].value):
+                    continue  # gold_60deg.csv, and a line that gives 60 degrees
+                self.refuse(said)
+            if said.value != clear[0].value:
+                what, option = OPTION[kind]
+                raise MeasurementError(
+                    f"{self.source}: {clear[0].where} ({clear[0].text!r}) and {said.where} "
+                    f"({said.text!r}) give {what} differently. Say {option}."
+                )
+        return clear[0] if clear else None
+
+    def clear(self, kind: str) -> list[Said]:
+        """Return the statements of ``kind`` that are understood, to be compared with a column."""
+        return [said for said in self.said if said.kind == kind and said.value is not None]
+
+    def refuse_other(self, kind: str, is_other: Callable[[Any], bool], at: str, came: str) -> None:
+        """Raise where a statement of ``kind`` says other than the column at ``at`` does."""
+        for said in self.clear(kind):
+            if is_other(said.value):
+                what, option = OPTION[kind]
+                raise MeasurementError(
+                    f"{at}: {came}, and {said.where} ({said.text!r}) gives {what} differently. Say "
+                    f"{option}, or name all columns to be read with --columns."
+                )
+
+
+def evidence(source: str, stem: str, preamble: list[tuple[int, str]]) -> Evidence:
+    """Return what the lines beside the numbers and the name of the file say."""
+    said = [one for line, text in preamble for one in statements(line, text)]
+    texts = [stem.replace("_", " "), *(text for _, text in preamble)]
+    concepts = [words_of(text).concepts for text in texts]
+    letters = [words_of(text).capitals for text in texts]
+    quantities = {
+        concept
+        for found, capitals in zip(concepts, letters, strict=True)
+        for concept in found & {"R", "T", "A"}
+        if concept not in capitals  # written out, not as a letter
+    }
+    return Evidence(source, said + statements_of_name(stem), quantities)

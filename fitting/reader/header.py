@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from fitting.errors import MeasurementError, place
 from fitting.reader.cells import DIGIT, is_comment, is_number, looks_like_data, split_cells
-from fitting.reader.units import unit_of
+from fitting.reader.vocabulary import unit_of
 
 _LETTER = re.compile(r"[^\W\d_]")
 _RULE = re.compile(r"[\s|:=+_\-]*")  # "|---|---|" and empty cells
@@ -23,20 +23,20 @@ def uncomment(text: str) -> str:
     return text.lstrip('"#!;%/ ').strip() if is_comment(text, "") else text
 
 
-def _split_names(text: str, delimiter: str, count: int) -> list[str]:
+def split_names(text: str, delimiter: str, count: int) -> list[str]:
     """Return the header line in ``count`` names, or parted by ``delimiter`` if nothing fits."""
     # "#columns Qz R dR" of the neutron formats
     text = re.sub(
         r"^(?:columns?|fields|labels)\b\s*[:=]?\s*", "", text.strip(), flags=re.IGNORECASE
     )
-    ways = [split_cells(text, delimiter)]
+    ways = [split_cells(text, delimiter)] if delimiter else []
     ways += [split_cells(text, mark) for mark in "|\t;," if mark in text and mark != delimiter]
     ways.append([cell for cell in re.split(r"\s{2,}|\t", text) if cell])
-    ways.append(re.findall(r"[^\s(\[]+(?:\s?[(\[][^)\]]*[)\]])?", text))  # "angle (deg) R_s"
+    ways.append(re.findall(r"[^\s(\[]+(?:\s?[(\[][^()\[\]]*[)\]])?", text))  # "angle (deg) R_s"
     ways.append(text.split())
     for cells in ways:
-        while len(cells) > count and not cells[-1]:
-            cells = cells[:-1]
+        if len(cells) > count and not any(cells[count:]):
+            cells = cells[:count]
         if len(cells) == count:
             return cells
     return ways[0]
@@ -50,12 +50,18 @@ def units_row(cells: list[str]) -> list[str] | None:
 
 
 def find_header(
-    before: Lines, delimiter: str, count: int, spare: int, recognise: Callable[[str], bool]
+    before: Lines,
+    delimiter: str,
+    count: int,
+    spare: int,
+    recognise: Callable[[str], bool],
+    block: int,
 ) -> tuple[list[str], list[str], int, str]:
     """Return names, units, line of the header among the lines before the numbers, and a misfit.
 
     The line with the most names that are recognised wins, the nearest of equals; a line without any
     is taken if it stands right above the numbers and every name in it has a letter.
+    block: first line of the rows without a break that lead up to the numbers.
     spare: 1 if every row ends in a delimiter, so that the last column needs no name.
     """
     nothing = [""] * count
@@ -64,11 +70,13 @@ def find_header(
     nearest = True
     for line, text in reversed(before):
         numbers = looks_like_data(split_cells(text, delimiter))[0]
+        if numbers and not is_comment(text, delimiter) and line >= block:
+            continue  # rows of the same table, which --lines leaves out
         if numbers and not nearest and not is_comment(text, delimiter):
             break  # what stands above other numbers is their header
-        cells = _split_names(uncomment(text), delimiter, count)
+        cells = split_names(uncomment(text), delimiter, count)
         if spare and len(cells) != count:
-            cells = _split_names(uncomment(text), delimiter, count - 1)
+            cells = split_names(uncomment(text), delimiter, count - 1)
             cells += [""] * (len(cells) == count - 1)
         if not any(cells):
             continue

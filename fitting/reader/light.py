@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import PurePath
 from typing import NamedTuple
 
 import numpy as np
@@ -11,17 +10,13 @@ import numpy as np
 from fitting.errors import MeasurementError, place
 from fitting.reader.cells import is_missing, is_number, number_or_none
 from fitting.reader.columns import Column, Layout
-from fitting.reader.evidence import light_said
+from fitting.reader.evidence import Evidence
 from fitting.reader.options import Options
 from fitting.reader.rows import numbers_of
 from fitting.reader.table import Table
-from fitting.reader.units import plain
+from fitting.reader.vocabulary import CONCEPT, plain
 
-_WORDS = {
-    **dict.fromkeys(["s", "te", "perp", "perpendicular", "senkrecht", "spol", "rs"], "s"),
-    **dict.fromkeys(["p", "tm", "par", "para", "parallel", "ppol", "rp"], "p"),
-    **dict.fromkeys(["u", "unpol", "unpolarized", "unpolarised", "mixed", "natural"], "u"),
-}
+_GLUED = {"rs": "s", "rp": "p"}
 _TAIL = re.compile(r"(?<=.)(?:pol|polarized|polarised|polarization|polarisation|wave)$")
 
 
@@ -34,7 +29,8 @@ class Light(NamedTuple):
 
 def _letter(cell: str) -> str:
     word = re.sub(r"[^a-z]", "", plain(cell).lower()) if not any(map(str.isdigit, cell)) else ""
-    return _WORDS.get(word) or _WORDS.get(_TAIL.sub("", word), "")
+    found = {_GLUED.get(text) or CONCEPT.get(text, "") for text in (word, _TAIL.sub("", word))}
+    return next(iter(found & {"s", "p", "u"}), "")
 
 
 def _from_angles(table: Table, column: Column, options: Options) -> Light:
@@ -84,7 +80,12 @@ def _from_cells(table: Table, column: Column, options: Options) -> Light:
 
 
 def light_of_rows(
-    table: Table, layout: Layout, options: Options, oblique: bool, notes: list[str]
+    table: Table,
+    layout: Layout,
+    options: Options,
+    oblique: bool,
+    said: Evidence,
+    notes: list[str],
 ) -> Light:
     """Return the polarisation of each row as far as it is not said by the columns' own names.
 
@@ -122,7 +123,12 @@ def light_of_rows(
                 f"{at}: a polariser's angle can count from the plane of incidence (0 is p) or from "
                 "its normal (0 is s). Say --polarization angle-from-p or angle-from-s."
             )
-        return _from_cells(table, column, options)
+        light = _from_cells(table, column, options)
+        here = set(light.letter.tolist()) - {""}
+        if not options.columns:
+            came = f"the rows are of {' and '.join(sorted(here))}-polarised light"
+            said.refuse_other("light", lambda letter: letter not in here, at, came)
+        return light
     if options.codes or options.polarizer:
         raise MeasurementError(
             f"{table.source}: --polarization gives a meaning to a column, but none is named as the "
@@ -136,9 +142,13 @@ def light_of_rows(
             f"{named[0].role.quantity}, and --polarization says otherwise. Name the columns to be "
             "read with --columns."
         )
-    if not letter and bare and not named and oblique:
-        letter, where = light_said(table.source, PurePath(table.source).stem, table.preamble)
-        if letter:
-            what = {"s": "s", "p": "p", "u": "unpolarised"}[letter]
-            notes.append(f"{what} light ({where}; --polarization)")
+    if not letter and bare and not named and oblique and (beside := said.one("light")):
+        letter = str(beside.value)
+        what = {"s": "s", "p": "p", "u": "unpolarised"}[letter]
+        notes.append(f"{what} light ({beside.where}; --polarization)")
+    elif not options.light and not options.columns and named:
+        here = {v.role.quantity[2:] for v in named}
+        at = place(table.source, table.header, named[0].label)
+        came = f"the columns are of {' and '.join(sorted(here))}-polarised light"
+        said.refuse_other("light", lambda letter: letter not in here, at, came)
     return Light(np.full(rows, letter or "u"), np.full(rows, np.nan))

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import codecs
 import re
+import sys
+from os import PathLike
 from pathlib import Path
 
 from fitting.errors import MeasurementError
+from fitting.visible import visible
 
-MAX_BYTES = 200_000_000  # text of a million rows; anything larger is not one curve
+# A million rows; anything larger is not one curve, and cells take 20 times the text's memory.
+MAX_BYTES = 20_000_000
+STDIN = "-"
 
 _MARKS = (  # the 32-bit mark begins with the 16-bit one, so the longer comes first
     (codecs.BOM_UTF8, "utf-8-sig"),
@@ -29,6 +34,7 @@ _NOT_TEXT = (
 # Every byte is a character of Latin-1; measured files hold a few of its letters (micro, degree,
 # Angstrom), which Windows-1252 writes alike. It is the reading of bytes that are not UTF-8.
 _FALLBACK = "latin-1"
+_WORKBOOKS = (".xlsx", ".xlsm", ".ods", ".numbers")
 _MARKED_UP = re.compile(r"\ufeff?\s*(?:[{\[]\s*[\"{\[]|<[!?a-zA-Z])")
 _LINE_END = re.compile("\r\n|\n|\r")  # not splitlines, which also cuts at form feeds
 
@@ -54,23 +60,52 @@ def _guess_encoding(data: bytes) -> str:
     return "utf-8"
 
 
+def source_of(path: str | PathLike[str]) -> str:
+    """Return the name of a file as messages and results show it, escapes and all."""
+    return "standard input" if str(path) == STDIN else visible(Path(path).name)
+
+
+def _bytes(path: Path, name: str) -> bytes:
+    """Return what the file, pipe or device holds, up to the limit, or raise MeasurementError."""
+    large = (
+        f"{name}: more than {MAX_BYTES // 10**6} MB came, which is the most that is read (about a "
+        "million rows). Average or thin out the rows, or give the curves as files of their own."
+    )
+    try:
+        if str(path) == STDIN:
+            data = sys.stdin.buffer.read(MAX_BYTES + 1)
+        else:
+            if path.stat().st_size > MAX_BYTES:
+                raise MeasurementError(large)
+            with path.open("rb") as file:
+                data = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        if isinstance(error, MeasurementError):
+            raise
+        what = getattr(error, "strerror", None) or str(error)
+        raise MeasurementError(
+            f"{visible(str(path))}: the file cannot be opened ({what})."
+        ) from error
+    if len(data) > MAX_BYTES:
+        raise MeasurementError(large)
+    return data
+
+
 def read_lines(path: Path, encoding: str | None) -> tuple[list[str], list[str]]:
     """Return the lines of the file at ``path`` without their ends, and notes on how they were read.
+
+    ``-`` is standard input. Control characters are shown as escapes; a form feed is a blank.
 
     encoding: a name that Python knows (utf-8, latin-1, utf-16, ...); None takes a byte-order mark,
         the zero bytes of UTF-16, valid UTF-8, else Latin-1, in this order.
     Lines end with LF, CRLF or CR. Raises MeasurementError where there is no text to read.
     """
-    name = path.name
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise MeasurementError(f"{name}: the file is larger than {MAX_BYTES // 10**6} MB.")
-        data = path.read_bytes()
-    except (OSError, ValueError) as error:
-        if isinstance(error, MeasurementError):
-            raise
-        what = getattr(error, "strerror", None) or str(error)
-        raise MeasurementError(f"{path}: the file cannot be opened ({what}).") from error
+    name = source_of(path)
+    if path.suffix.lower() in _WORKBOOKS:
+        raise MeasurementError(
+            f"{name}: this is the name of a workbook, not of a text. Save the sheet as CSV."
+        )
+    data = _bytes(path, name)
     for magic, what in _NOT_TEXT:
         if data.startswith(magic):
             raise MeasurementError(f"{name}: this is not text but {what}.")
@@ -95,4 +130,6 @@ def read_lines(path: Path, encoding: str | None) -> tuple[list[str], list[str]]:
     notes = []
     if not encoding and chosen == _FALLBACK:
         notes.append("letters read as Latin-1 (--encoding)")
-    return _LINE_END.split(text.removeprefix("\ufeff")), notes
+    text = text.removeprefix("\ufeff").removesuffix("\x1a")  # by which old systems end a text
+    text = visible(text.replace("\f", " ").replace("\v", " "), "\t\r\n")
+    return _LINE_END.split(text), notes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from fitting.checks import Data
 from fitting.errors import MeasurementError, place
 from fitting.reader.axes import angles, wavelengths
 from fitting.reader.columns import Column, Layout
+from fitting.reader.evidence import Evidence, evidence
 from fitting.reader.light import light_of_rows
 from fitting.reader.options import Options
 from fitting.reader.rows import numbers_of, refuse_gaps
@@ -63,6 +65,13 @@ def _refuse_zeros(
     """Raise where zeros among larger values may stand for values never measured."""
     if options.zero_is_value or value.role.quantity in ("psi", "delta"):
         return
+    bare = np.flatnonzero(np.isin(numbers, (-1.0, -9.0, -99.0, -999.0, -9999.0)))
+    if len(bare) and np.nanmax(numbers, initial=0.0) > 1.0:
+        raise MeasurementError(
+            f"{place(table.source, table.lines[int(bare[0])], value.label)}: "
+            f"{numbers[bare[0]]:g} came, which may stand for 'not measured'. Say "
+            f"--missing={numbers[bare[0]]:g} if so, --missing none if it was measured."
+        )
     for quantity in np.unique(name):
         chosen = np.flatnonzero((name == quantity) & np.isfinite(numbers))
         zeros = chosen[numbers[chosen] == 0.0]
@@ -80,6 +89,36 @@ def _refuse_zeros(
                 f"other value is {others.min():.6g}. Say --missing 0 if it stands for 'not "
                 "measured', --missing none if it was measured."
             )
+
+
+def _refuse_dark_rows(
+    table: Table, layout: Layout, numbers: dict[int, np.ndarray], options: Options
+) -> None:
+    """Raise where psi and Delta are both 0 in some rows, as files write what was not measured."""
+    by_name = {value.role.quantity: value for value in layout.values}
+    if options.zero_is_value or not {"psi", "delta"} <= set(by_name):
+        return
+    psi, delta = numbers[by_name["psi"].index], numbers[by_name["delta"].index]
+    dark = np.flatnonzero((psi == 0.0) & (delta == 0.0))
+    if len(dark) and np.any((psi != 0.0) & ~np.isnan(psi)):
+        raise MeasurementError(
+            f"{place(table.source, table.lines[int(dark[0])], by_name['psi'].label)}: psi and "
+            "Delta are both 0. Say --missing 0 if that stands for 'not measured', --missing none "
+            "if it was measured."
+        )
+
+
+def _refuse_other_quantity(table: Table, layout: Layout, options: Options, said: Evidence) -> None:
+    """Raise where the file speaks of transmission or absorption alone, and the columns are R."""
+    here = {value.role.quantity[0] for value in layout.values} & {"R", "T"}
+    if here and said.quantities and not here & said.quantities and not options.columns:
+        word = {"R": "reflection", "T": "transmission", "A": "absorption"}[min(said.quantities)]
+        value = layout.values[0]
+        raise MeasurementError(
+            f"{place(table.source, table.header, value.label)}: a column of {value.role.quantity}, "
+            f"and the lines around the table or the file name speak of {word}. Name all columns to "
+            f"be read, for example --columns angle=1,{value.role.quantity}={value.index + 1}."
+        )
 
 
 def _drop_mean(
@@ -131,6 +170,8 @@ def _understood(
             text += f", times {options.scale:g}"
         else:
             text += ", percent" if factor == 0.01 else ", fraction"
+    if angled := sorted({v.role.at for v in layout.values if v.role.at is not None}):
+        notes.append(f"angles {', '.join(f'{at:g}' for at in angled)} degrees by the column names")
     known = np.isfinite(data.sigma)
     text += ", with standard errors" if known.any() else ", without standard errors"
     if spectral:
@@ -157,19 +198,33 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
     Measurement to check.
     """
     notes = [*table.notes, *layout.notes]
-    wavelength = wavelengths(table, layout, options, notes)
-    angle = angles(table, layout, options, wavelength, notes)
+    said = evidence(table.source, PurePath(table.source).stem, table.preamble)
+    said = said.without(options)
+    _refuse_other_quantity(table, layout, options, said)
+    wavelength = wavelengths(table, layout, options, said, notes)
+    angle = angles(table, layout, options, wavelength, said, notes)
+    if layout.wavelength is None and options.wavelength_um is None:
+        said.one("wavelength")
     read = {v.index: numbers_of(table, v, options.missing) for v in layout.values}
     numbers = {index: pair[0] for index, pair in read.items()}
     _refuse_copies(table, layout, numbers)
     layout = _drop_mean(table, layout, numbers, notes)
-    light = light_of_rows(table, layout, options, bool(np.nan_to_num(angle).any()), notes)
-    factor = power_scale(table, layout, options, numbers, {i: pair[1] for i, pair in read.items()})
-    psi_units = psi_delta_unit(table, layout, options, numbers)
+    ats = [value.role.at for value in layout.values]
+    oblique = bool(np.nan_to_num(angle).any() or any(ats))
+    light = light_of_rows(table, layout, options, oblique, said, notes)
+    signs = {index: pair[1] for index, pair in read.items()}
+    factor = power_scale(table, layout, options, numbers, signs, said, notes)
+    psi_units = psi_delta_unit(table, layout, options, numbers, said)
+    _refuse_dark_rows(table, layout, numbers, options)
+    columns_angle = angle
     parts: list[tuple[np.ndarray, ...]] = []
     places: list[tuple[int, str, str]] = []
     for value, sigma_column in zip(layout.values, layout.sigmas, strict=True):
         raw, quantity = numbers[value.index], value.role.quantity
+        if value.role.at is not None and options.angle_deg is None:
+            angle = np.full(len(raw), value.role.at)
+        else:
+            angle = columns_angle
         unit = psi_units.get(value.index, "")
         if quantity in ("psi", "delta"):
             converted = np.degrees(raw) if unit == "rad" else raw

@@ -3,56 +3,46 @@
 from __future__ import annotations
 
 import re
-import unicodedata
 from functools import lru_cache
 from typing import NamedTuple
 
-from fitting.reader.units import plain, unit_of
+from fitting.reader.vocabulary import CONCEPT, LONGEST, plain, unit_of
+
+
+def _of(*concepts: str) -> frozenset[str]:
+    return frozenset(word for word, concept in CONCEPT.items() if concept in concepts)
 
 
 def _set(words: str) -> frozenset[str]:
     return frozenset(words.split())
 
 
-_ANGLE = _set(
-    "angle angles aoi theta phi winkel einfallswinkel angolo angulo incidence incident incidenza"
-)
-_ANGLE_REST = _set("inc i in out reflection deg external")
-_WAVELENGTH = _set(
-    "wavelength wavelengths lambda wl wvl wave length wellenlange wellenlaenge longueur onde"
-)
-_ENERGY = _set("energy energies energie photon hv")
-_WAVENUMBER = _set("wavenumber wavenumbers wellenzahl")
-_FREQUENCY = _set("frequency freq frequenz")
-_REFLECTANCE = _set(
-    "r refl reflectance reflectances reflectivity reflection reflexion reflektanz reflexionsgrad "
-    "riflettanza reflectancia"
-)
-_TRANSMITTANCE = _set(
-    "t trans transmittance transmission transmissivity transmissionsgrad transmittanz trasmittanza"
-)
-_S = _set("s te perp perpendicular senkrecht spol")
-_P = _set("p tm par para parallel ppol")
-_UNPOLARIZED = _set("unpolarized unpolarised unpol")
-_BACK = _set("back rear")
-_ERROR = _set(
-    "std sd stdev stddev sigma err error errors unc uncert uncertainty se sem stderr fehler "
-    "unsicherheit incertezza"
-)
-_ERROR_REST = _set("standard deviation dev bar bars of 1 abs absolute")
-_FILL = _set(
-    "avg average ave mean measured meas value values data experimental exp the light beam of for "
-    "at pol polarized polarised polarization polarisation total specular front power col column"
-)
-_POLARIZATION = _set("polarization polarisation pol polarisierung polarizzazione")
-_RAW = _set(
-    "signal intensity intensities voltage current counts photocurrent irradiance i reference"
-)
-_CONSTANT = _set("n k nk eps epsilon e1 e2 index")
-_NOT_INCIDENCE = _set(
-    "mount motor stage position rotation goniometer detector azimuth analyzer analyser analysator "
-    "compensator tilt"
-)
+_ANGLE = _of("incidence", "angle")
+_ANGLE_REST = _set("inc i in out reflection deg external d di de of")
+_REFLECTANCE, _TRANSMITTANCE = _of("R"), _of("T")
+_S, _P = _of("s"), _of("p")
+_UNPOLARIZED = _of("u") - {"u"}
+_LIGHT = {
+    **dict.fromkeys(_S, "s"), **dict.fromkeys(_P, "p"), **dict.fromkeys(_UNPOLARIZED, "u"),
+}  # fmt: skip
+_BACK, _ERROR, _RAW, _CONSTANT = _of("back"), _of("error"), _of("raw"), _of("constant")
+_RELATIVE, _POLARIZER = _of("relative"), _of("polarizer")
+_ERROR_REST = _set("standard deviation dev bar bars of 1 abs absolute ecart type")
+_POLARIZATION = _of("polarization")
+_FILL = _of("filler") | _POLARIZATION
+_AXES = {
+    "wavelength": _of("wavelength") | _set("wave length d di de"),
+    "energy": _of("energy"),
+    "wavenumber": _of("wavenumber") | _set("wave number"),
+    "frequency": _of("frequency"),
+}
+_AXIS_SYMBOLS = {
+    **dict.fromkeys(["nm", "um", "angstrom"], ("wavelength", "")),
+    **dict.fromkeys(["eV", "keV"], ("energy", "e")),
+    "cm-1": ("wavenumber", "k nu"),
+    "THz": ("frequency", "f nu"),
+}
+_NOT_INCIDENCE = _of("no incidence") - _set("phase temperature celsius")
 # names glued of a quantity and its polarisation; T in capitals only (tp, ts are times as well)
 _GLUED = re.compile(
     "(?:([Rr])(?:efl)?|(T)|([Rr]eflectance|[Tt]ransmittance))"
@@ -61,7 +51,7 @@ _GLUED = re.compile(
 _SUFFIX = re.compile(
     r"(?<=[\w)\]])(?:[\s_.]+|(?:\s*[/,]\s*)|\s+in\s+)"
     r"(deg|degrees?|rad|radians?|mrad|nm|um|microns?|angstroms?|ev|kev|cm-1|cm\^-1|1/cm|thz|mm"
-    r"|percent|pct|%)$",
+    r"|percent|pct|%|grad|a)$",
     re.IGNORECASE,
 )
 # the field's names of amplitudes; as a power, percent or capitals say so
@@ -69,6 +59,14 @@ _AMPLITUDE = re.compile(
     r"r[\s_.-]?(?:(s|te|perp|spol|ss)|(p|tm|par|parallel|ppol|pp))", re.IGNORECASE
 )
 _AXIS_UNITS = ("nm", "um", "angstrom", "eV", "cm-1", "THz", "1/angstrom", "1/nm")
+# R(45 deg), R_45, Rs@60: the angle of a column in a wide table, sure if a sign says so
+_AT = re.compile(
+    r"\s*[(\[_@\s]\s*(?:at|aoi|theta|angle)?\s*=?\s*([0-9]{1,2}(?:\.[0-9]+)?)\s*_?"
+    r"(deg(?:rees?)?)?\s*[)\]]?(?=$|[\s_(\[])",
+    re.IGNORECASE,
+)
+# what may stand between words and means nothing; a prime, a root, a ratio does mean something
+_NO_SIGNS = re.compile(r"[\w\s.,:;()\[\]{}\-]*")
 
 
 class Role(NamedTuple):
@@ -81,8 +79,10 @@ class Role(NamedTuple):
         the name does not say of what.
     form: of an angle incidence, grazing, 2theta or q; of a wavelength the word that names it
         (wavelength, energy, wavenumber, frequency).
-    unit: a key of :mod:`fitting.reader.units`, "" where the name gives none.
+    unit: a key of :mod:`fitting.reader.vocabulary`, "" where the name gives none.
     why: for kind "", why the column cannot be used, if known; for unclear, both readings.
+    at: for value and sigma, the angle of incidence in degrees that the name gives, else None; for
+        kind "" a number that may be one, and form is what the column would be then.
     """
 
     kind: str
@@ -90,6 +90,7 @@ class Role(NamedTuple):
     form: str = ""
     unit: str = ""
     why: str = ""
+    at: float | None = None
 
 
 def _part_unit(name: str) -> tuple[str, str]:
@@ -109,8 +110,14 @@ def _part_unit(name: str) -> tuple[str, str]:
     if rest.startswith("%"):
         rest, unit = rest[1:].strip(), unit or "percent"
     if rest.endswith("%"):
-        rest, unit = rest[:-1].rstrip("/ _,"), unit or "percent"
-    if not unit and (match := _SUFFIX.search(rest)):
+        rest, unit = re.sub(r"(?:\s+in)?[/ _,]*$", "", rest[:-1]), unit or "percent"
+    match = None if unit else _SUFFIX.search(rest)
+    # one letter is a unit of length behind a wavelength alone
+    if match and (
+        len(match[1]) > 1
+        or match[1] == "%"
+        or set(_tokens(rest[: match.start()])) <= _AXES["wavelength"]
+    ):
         rest, unit = rest[: match.start()], unit_of(match[1]) or ""
     return rest, unit
 
@@ -124,7 +131,7 @@ def _tokens(rest: str) -> list[str]:
             head = "R" if (match[1] or (match[3] or "")[:1].lower() == "r") else "T"
             tail = match[4].lower()
             words += [head, tail[0] if tail in ("ss", "pp") else tail]
-        elif word.isupper() or not word.isalpha():
+        elif word.isupper() or not (word.isascii() and word.isalpha()):
             words += [word]
         else:
             words += re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", word) or [word]
@@ -148,11 +155,10 @@ def _optical(tokens: list[str], unit: str, error: bool) -> Role | None:
             new = "T"
         elif token in ("psi", "delta"):
             new = token
-        elif token in _S | _P | _UNPOLARIZED:
-            letter = "s" if token in _S else "p" if token in _P else "u"
-            if light not in ("", letter):
+        elif token in _LIGHT:
+            if light not in ("", _LIGHT[token]):
                 return None
-            light = letter
+            light = _LIGHT[token]
             continue
         elif token in _BACK:
             side = "_back"
@@ -180,12 +186,8 @@ def _optical(tokens: list[str], unit: str, error: bool) -> Role | None:
 def _axis(tokens: list[str], unit: str) -> Role | None:
     """Return the role of an angle, wavelength or polarisation column, or None."""
     words = {token.lower() for token in tokens} - _FILL
-    if words & _set("polarizer polariser polarisator"):
-        return (
-            Role("polarizer", unit=unit)
-            if words - _ANGLE <= _set("polarizer polariser polarisator")
-            else None
-        )
+    if words & _POLARIZER:
+        return Role("polarizer", unit=unit) if words - _ANGLE <= _POLARIZER else None
     if (not words and set(tokens) & _POLARIZATION) or (
         words and words <= _set("state mode") | _POLARIZATION
     ):
@@ -194,37 +196,52 @@ def _axis(tokens: list[str], unit: str) -> Role | None:
         words and words <= _set("q qz z momentum transfer") and words != {"z"}
     ):
         return Role("angle", form="q", unit=unit)
-    double = words & _set("twotheta tth 2th 2theta") or ("theta" in words and words & {"2", "two"})
-    if double and words <= _set("2 two twotheta tth 2th 2theta") | _ANGLE:
+    double = words & _of("doubled") or ("theta" in words and words & {"2", "two"})
+    if double and words <= _set("2 two") | _of("doubled") | _ANGLE:
         return Role("angle", form="2theta", unit=unit)
-    if words & _set("grazing glancing") and words <= _ANGLE | _set("grazing glancing"):
+    if words & _of("grazing") and words <= _ANGLE | _of("grazing"):
         return Role("angle", form="grazing", unit=unit)
     if words & _ANGLE and words <= _ANGLE | _ANGLE_REST:
         return Role("angle", form="incidence", unit=unit)
-    if (words and words <= _WAVELENGTH and words != {"length"}) or (
-        unit in ("nm", "um", "angstrom") and not words
-    ):
-        return Role("wavelength", form="wavelength", unit=unit)
-    if (words and words <= _ENERGY) or (unit in ("eV", "keV") and words <= {"e"}):
-        return Role("wavelength", form="energy", unit=unit)
-    if (words and (words <= _WAVENUMBER or words == _set("wave number"))) or (
-        unit == "cm-1" and words <= _set("k nu")
-    ):
-        return Role("wavelength", form="wavenumber", unit=unit)
-    if (words and words <= _FREQUENCY) or (unit == "THz" and words <= _set("f nu")):
-        return Role("wavelength", form="frequency", unit=unit)
+    form, symbols = _AXIS_SYMBOLS.get(unit, ("", ""))
+    if form and words <= set(symbols.split()):
+        return Role("wavelength", form=form, unit=unit)
+    for form, names in _AXES.items():
+        if words <= names and words & (_of(form) | {"wave"}):
+            return Role("wavelength", form=form, unit=unit)
     return None
+
+
+def _angled(name: str, unit: str) -> Role | None:
+    """Return the role of a value at one angle, R(45 deg), or None where the name holds no angle."""
+    match = _AT.search(name)
+    if match is None:
+        return None
+    unit = "" if unit == "deg" else unit  # that of the angle
+    role = role_of(name[: match.start()] + " " + name[match.end() :], unit)
+    if role.kind not in ("value", "sigma") or not role.quantity or role.at is not None:
+        return None
+    at = float(match[1])
+    if match[2] or "@" in match[0]:
+        return role._replace(at=at)
+    why = f"{match[1]} may be its angle of incidence: say --angle-unit deg"
+    return role._replace(kind="", form=role.kind, why=why, at=at)
 
 
 @lru_cache(maxsize=4096)
 def role_of(name: str, unit: str = "") -> Role:
     """Return what the header ``name`` says, with ``unit`` from a row of units where it gives none.
 
-    Every word must be known: "R of sample 2" is not taken for a reflectance. Greek letters, German
-    and a few other spellings count. kind "" means that the column is not understood.
+    Every word and every sign must be known: neither "R of sample 2" nor "R'" is taken for a
+    reflectance. kind "" means that the column is not understood.
     """
-    text = unicodedata.normalize("NFKD", plain(name)).encode("ascii", "ignore").decode()
-    text = text.strip().strip("'\"$|").replace("\\", "").replace("$", "").strip()
+    if len(name) > LONGEST:
+        return Role("", why="its name is too long")
+    text = plain(name).strip().strip("$").replace("\\", "").replace("$", "").strip()
+    if len(text) > 1 and text[0] == text[-1] and text[0] in "'\"":
+        text = text[1:-1]
+    text = re.sub(r"\|\||(?<=[Rr_\s])//|//$", " par ", text)
+    text = re.sub(r"\b[dl]'(?=[a-z])", "", text)  # angle d'incidence
     rest, own = _part_unit(text)
     if not own and unit_of(rest) in _AXIS_UNITS and len(rest) > 1:
         rest, own = "", unit_of(rest) or ""  # the unit is all the name there is
@@ -240,11 +257,16 @@ def role_of(name: str, unit: str = "") -> Role:
     if amplitude:
         rest = "R" + rest[1:]
     tokens = _tokens(rest)
+    lower = {token.lower() for token in tokens}
+    of_error = lower & _ERROR or tokens[:1] in (["d"], ["delta"])
+    if (of_error and ("/" in rest or lower & _RELATIVE)) or (lower and lower <= _RELATIVE):
+        return Role("unclear", "sigma_R", why="a relative error, where absolute ones are wanted")
+    if not _NO_SIGNS.fullmatch(rest) or rest.startswith("-"):
+        return _angled(text, unit) or Role("", unit=unit)
     if not tokens and not unit:
         return Role("")
-    if not tokens and unit in ("deg", "rad", "percent", "1", "arb"):
+    if not tokens and unit in ("deg", "rad", "percent", "1", "arb", "permille"):
         return Role("", unit=unit)
-    lower = {token.lower() for token in tokens}
     if lower & _NOT_INCIDENCE:
         return Role("", unit=unit, why="it is no angle of incidence")
     error = bool(lower & _ERROR)
@@ -267,6 +289,8 @@ def role_of(name: str, unit: str = "") -> Role:
     found = _optical(optical, unit, error)
     if found:
         return found
+    if angled := _angled(text, unit):
+        return angled
     if lower & _set("psi delta") and lower & _set("tan cos sin"):
         return Role("", why="psi and delta themselves are wanted, in degrees")
     if lower and lower <= _CONSTANT:

@@ -7,7 +7,8 @@ from math import isfinite
 from typing import NamedTuple
 
 from fitting.errors import MeasurementError
-from fitting.reader.units import ANGLE_UNITS, WAVELENGTH_UNITS, plain, unit_of
+from fitting.reader.units import ANGLE_UNITS, WAVELENGTH_UNITS
+from fitting.reader.vocabulary import plain, unit_of
 
 QUANTITIES = ("R_s", "R_p", "R", "R_back", "T_s", "T_p", "T", "psi", "delta")
 """What a datum can be. R and T are powers of unpolarised light, unless ``polarizer_deg``
@@ -86,6 +87,10 @@ def _pairs(source: str, name: str, value: object) -> dict[str, str]:
         left, equals, right = part.partition("=")
         if equals:
             key = left.strip()
+            if key in pairs:
+                raise MeasurementError(
+                    f"{source}: {_flag(name)} gives {key} twice, {pairs[key]} and {right.strip()}."
+                )
             pairs[key] = right.strip()
         elif key:
             pairs[key] += "," + part.strip()

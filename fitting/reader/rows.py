@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from fitting.errors import MeasurementError, place
@@ -11,15 +13,28 @@ from fitting.reader.options import Options
 from fitting.reader.table import Table, find_column
 
 
+def _span(word: str) -> tuple[float, float] | None:
+    """Return the ends of a range such as 1-4, None for any other word."""
+    match = re.fullmatch(r"\s*(-?[0-9.]+)\s*-\s*(-?[0-9.]+)\s*", word)
+    ends = [number_or_none(end) for end in match.groups()] if match else [None]
+    return None if None in ends else (ends[0], ends[1])  # type: ignore[return-value]
+
+
 def keep_rows(table: Table, options: Options) -> Table:
-    """Return the table with the rows that the option ``keep`` (column=value,...) lets through."""
+    """Return the table with the rows that the option ``keep`` (column=1,3-5,...) lets through."""
     rows, lines = table.rows, table.lines
     for name, wanted in options.keep.items():
         index = find_column(table, name, "--keep")
         texts = {word.lower() for word in wanted}
         numbers = {number for word in wanted if (number := number_or_none(word)) is not None}
+        spans = [_span(word) for word in wanted]
         cells = [row[index] for row in rows]
-        kept = [c.lower() in texts or number_or_none(c) in numbers for c in cells]
+        kept = [
+            c.lower() in texts
+            or (number := number_or_none(c)) in numbers
+            or any(s and number is not None and s[0] <= number <= s[1] for s in spans)
+            for c in cells
+        ]
         chosen = [i for i, keep in enumerate(kept) if keep]
         rows, lines = [rows[i] for i in chosen], [lines[i] for i in chosen]
         if not rows:

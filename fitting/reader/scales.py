@@ -7,13 +7,18 @@ import numpy as np
 from fitting.errors import MeasurementError, place
 from fitting.reader.axes import HALF_PI
 from fitting.reader.columns import Layout
+from fitting.reader.evidence import Evidence
 from fitting.reader.options import Options
 from fitting.reader.rows import span_of
 from fitting.reader.table import Table
 
 
 def psi_delta_unit(
-    table: Table, layout: Layout, options: Options, columns: dict[int, np.ndarray]
+    table: Table,
+    layout: Layout,
+    options: Options,
+    columns: dict[int, np.ndarray],
+    said: Evidence,
 ) -> dict[int, str]:
     """Return deg or rad for each column of psi and delta, by the option, the header, or the range.
 
@@ -22,12 +27,14 @@ def psi_delta_unit(
     """
     units: dict[int, str] = {}
     chosen = [v for v in layout.values if v.role.quantity in ("psi", "delta")]
-    small = True
+    small: dict[str, bool] = {}
+    beside = None if options.psi_unit or not chosen else said.one("psi unit")
     for value in chosen:
         limit = HALF_PI if value.role.quantity == "psi" else 2.0 * HALF_PI * 2.0
         numbers = columns[value.index]
         high = np.abs(numbers[np.isfinite(numbers)]).max(initial=0.0)
-        small = small and high <= limit
+        quantity = value.role.quantity
+        small[quantity] = small.get(quantity, True) and high <= limit
         at = place(table.source, table.header, value.label)
         if not options.psi_unit and value.role.unit == "rad" and high > limit:
             raise MeasurementError(
@@ -35,8 +42,12 @@ def psi_delta_unit(
                 f"{value.role.quantity} in radians is at most {limit:.4f}. Say --psi-unit deg if "
                 "they are degrees."
             )
-        units[value.index] = options.psi_unit or value.role.unit
-    both = len({value.role.quantity for value in chosen}) == 2
+        if beside and value.role.unit:
+            came = f"the header says {value.role.unit}"
+            said.refuse_other("psi unit", lambda u, own=value.role.unit: u != own, at, came)
+        own = value.role.unit or (str(beside.value) if beside else "")
+        units[value.index] = options.psi_unit or own
+    both = len(small) == 2
     for value in chosen:
         at = place(table.source, table.header, value.label)
         unit = units[value.index]
@@ -46,10 +57,12 @@ def psi_delta_unit(
             )
         if options.psi_unit or unit == "rad":
             continue
-        if small and (both or not unit):
-            said = "the header says degrees, but" if unit else "psi and delta have no unit, and"
+        # all of them, or one in radians beside the other in degrees
+        alone = small[value.role.quantity] and not unit and bool(columns[value.index].any())
+        if alone or (all(small.values()) and (both or not unit)):
+            came = "the header says degrees, but" if unit else "psi and delta have no unit, and"
             raise MeasurementError(
-                f"{at}: {said} the numbers ({span_of(columns[value.index])}) are as small as "
+                f"{at}: {came} the numbers ({span_of(columns[value.index])}) are as small as "
                 "radians. Say --psi-unit deg or --psi-unit rad."
             )
         units[value.index] = "deg"
@@ -62,12 +75,26 @@ def power_scale(
     options: Options,
     columns: dict[int, np.ndarray],
     signs: dict[int, str],
+    said: Evidence,
+    notes: list[str],
 ) -> float:
     """Return the factor that makes all powers of the file fractions; raise where it is open."""
     if options.scale is not None:
         return options.scale
     powers = [value for value in layout.values if value.role.quantity not in ("psi", "delta")]
     units = {v.index: "percent" if signs[v.index] == "%" else v.role.unit for v in powers}
+    beside = said.one("power unit") if powers else None
+    if beside and not any(units.values()):
+        units = dict.fromkeys(units, str(beside.value))
+        notes.append(
+            f"values in {beside.value} ({beside.where}; --scale)".replace(
+                " in 1 ", " as fractions "
+            )
+        )
+    for value in powers:
+        at, own = place(table.source, table.header, value.label), units[value.index]
+        came = f"the header says {own or 'no unit'}"
+        said.refuse_other("power unit", lambda unit, own=own: unit != own, at, came)
     percent = [value for value in powers if units[value.index] == "percent"]
     for value in powers:
         at = place(table.source, table.header, value.label)

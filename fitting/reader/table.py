@@ -18,7 +18,16 @@ from fitting.reader.cells import (
     looks_like_data,
     split_cells,
 )
-from fitting.reader.header import Lines, find_header, refuse_strays, uncomment, units_row
+from fitting.reader.evidence import statements
+from fitting.reader.header import (
+    Lines,
+    find_header,
+    refuse_strays,
+    split_names,
+    uncomment,
+    units_row,
+)
+from fitting.reader.vocabulary import LONGEST
 
 # a comment after the numbers; "#N/A" and its kin are gaps
 _INLINE = re.compile(r"\s(?:#(?!n/?a|nv|num|value|div)|//|!)", re.IGNORECASE)
@@ -102,18 +111,25 @@ def _first_row(lines: Lines, delimiter: str, count: int) -> int:
 
 def _body(
     source: str, lines: Lines, delimiter: str, count: int, header: str, whole: bool
-) -> tuple[list[list[str]], list[int], list[str]]:
-    """Return rows of ``count`` cells, their lines, and notes on what was left out or filled up."""
+) -> tuple[list[list[str]], list[int], list[tuple[int, str]], list[str]]:
+    """Return rows of ``count`` cells, their lines, the remarks between and below them, and notes.
+
+    The notes say what was left out or filled up.
+    """
     rows: list[list[str]] = []
     numbers: list[int] = []
     marked = short = 0
+    remarks: list[tuple[int, str]] = []
     texts: list[int] = []
     end = lines[-1][0]
     for line, text in lines:
         if not text or text.isspace():
             continue
         if is_comment(text, delimiter):
-            marked += looks_like_data(split_cells(uncomment(text), delimiter))[0]
+            if looks_like_data(split_cells(uncomment(text), delimiter))[0]:
+                marked += 1
+            else:
+                remarks.append((line, uncomment(text)))
             continue
         cells = split_cells(text, delimiter)
         if not any(cells):
@@ -125,6 +141,7 @@ def _body(
             # a header that is repeated on every page says nothing new
             if text.strip() != header and units_row(cells) is None:
                 texts.append(line)
+                remarks.append((line, text.strip()))
             continue
         if texts:
             raise MeasurementError(
@@ -143,6 +160,12 @@ def _body(
                 )
             short += 1
             cells += [""] * (count - len(cells))
+        elif short:
+            raise MeasurementError(
+                f"{place(source, numbers[-1])}: this row has fewer than {count} cells, and rows "
+                "below it are whole: it is not clear which cell it lacks. Complete the row, or "
+                "leave it out with --lines A-B."
+            )
         elif len(cells) > count:
             raise MeasurementError(
                 f"{place(source, line)}: {len(cells)} cells came where {count} were wanted. If the "
@@ -157,7 +180,28 @@ def _body(
         notes.append(f"{short} row{'s' * (short > 1)} with fewer cells filled with gaps")
     if texts:
         notes.append(f"text after the numbers (line {texts[0]}) left out")
-    return rows, numbers, notes
+    return rows, numbers, remarks, notes
+
+
+def _refuse_inside(
+    source: str,
+    remarks: list[tuple[int, str]],
+    before: list[str],
+    recognise: Callable[[str], bool],
+    count: int,
+) -> None:
+    """Raise where a remark between the rows says what the rows below it are: another measurement.
+
+    before: the lines above the numbers, which a page may repeat.
+    """
+    for line, text in remarks:
+        names = split_names(text, "", count)
+        other = len(names) == count and sum(map(recognise, names)) >= 2
+        if text not in before and (other or statements(line, text)):
+            raise MeasurementError(
+                f"{place(source, line)}: {text[:60]!r} stands between the numbers, and may say "
+                "that another measurement begins. Read one of them with --lines A-B."
+            )
 
 
 def _refuse_one_column(source: str, rows: list[list[str]], lines: list[int]) -> None:
@@ -171,6 +215,16 @@ def _refuse_one_column(source: str, rows: list[list[str]], lines: list[int]) -> 
             "value in each row. If this file is one point of a scan, gather the points, divided "
             "by the direct beam, in a table with the header angle_deg,R_s,sigma_R_s."
         )
+
+
+def _block(before: Lines, delimiter: str, count: int, line: int) -> int:
+    """Return the first line of the rows that stand without a break above ``line``."""
+    for number, text in reversed(before):
+        cells = split_cells(text, delimiter)
+        if number != line - 1 or len(cells) != count or not all(map(is_number, cells)):
+            break
+        line = number
+    return line
 
 
 def _range(source: str, option: str | None, count: int) -> tuple[int, int]:
@@ -190,6 +244,7 @@ def read_table(
     source: str,
     texts: Sequence[str],
     recognise: Callable[[str], bool],
+    below_thousand: Callable[[str], bool],
     *,
     delimiter: str | None = None,
     decimal: str | None = None,
@@ -199,6 +254,7 @@ def read_table(
 
     source: name of the file, for refusals.
     recognise: whether a header name means something; decides which line is the header.
+    below_thousand: whether a header name means numbers that cannot reach a thousand.
     delimiter: tab, semicolon, comma, pipe, blank or the sign itself; None guesses by the split that
         makes the most lines rows of one length.
     decimal: "." or ","; None takes the mark that the cells show.
@@ -240,22 +296,37 @@ def read_table(
     spare = not split_cells(inside[start][1], delimiter)[-1] and all(
         len(cells) != count or not cells[-1] for cells in body
     )
-    names, units, header, misfit = find_header(before, delimiter, count, int(spare), recognise)
+    block = _block(before, delimiter, count, first + start + 1)
+    names, units, header, misfit = find_header(
+        before, delimiter, count, int(spare), recognise, block
+    )
     # a file that ends without a line end may have been cut in its last row
     whole = last >= len(texts) and bool(texts[-1].strip())
     head = texts[header - 1].strip() if header else ""
-    rows, row_lines, notes = _body(source, inside[start:], delimiter, count, head, whole)
+    rows, row_lines, remarks, notes = _body(source, inside[start:], delimiter, count, head, whole)
+    below = [remark for remark in remarks if remark[0] > row_lines[-1]]
+    known = [uncomment(text) for _, text in before]
+    _refuse_inside(source, remarks[: len(remarks) - len(below)], known, recognise, count)
+    behind = [(n, texts[n - 1][len(text) :]) for n, text in inside if len(text) < len(texts[n - 1])]
+    used = set(row_lines)
+    _refuse_inside(source, [r for r in behind if r[0] in used], known, recognise, 0)
     _refuse_one_column(source, rows, row_lines)
     refuse_strays(source, [b for b in before if b[0] > first], header, delimiter, count)
+    beside = [
+        (line, uncomment(text))
+        for line, text in before
+        if units_row(split_cells(uncomment(text), delimiter)) is None
+    ]
+    small = {i for i, name in enumerate(names) if below_thousand(name)}
     return Table(
         source=source,
-        names=names,
+        names=[name if len(name) <= LONGEST else name[:80] + "\u2026" for name in names],
         units=units,
         header=header,
         misfit=misfit,
         rows=rows,
         lines=row_lines,
-        preamble=[(line, uncomment(text)) for line, text in before if line != header],
-        decimal=decide_decimal(source, rows, row_lines, decimal),
+        preamble=[(line, text) for line, text in beside if line != header] + below,
+        decimal=decide_decimal(source, rows, row_lines, decimal, small),
         notes=notes,
     )

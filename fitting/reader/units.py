@@ -1,8 +1,6 @@
-"""Spellings of units, and the way from each to degrees of incidence, micrometres and fractions."""
+"""The way from each unit to degrees of incidence, micrometres and fractions."""
 
 from __future__ import annotations
-
-import re
 
 import numpy as np
 
@@ -10,30 +8,6 @@ import numpy as np
 _EV_UM = 1.2398419843320026
 _THZ_UM = 299.792458  # c in um THz
 
-_SPELLINGS = {
-    "deg": "deg degs degree degrees",
-    "rad": "rad rads radian radians",
-    "mrad": "mrad milliradian milliradians",
-    "deg.arcmin": "deg.arcmin degrees.arcminutes",
-    "grazing-deg": "grazing-deg",
-    "grazing-rad": "grazing-rad",
-    "2theta-deg": "2theta-deg 2theta",
-    "1/angstrom": "1/angstrom 1/angstroms 1/a a^-1 a-1 angstrom^-1 angstrom-1 inv_angstrom",
-    "1/nm": "1/nm nm^-1 nm-1",
-    "nm": "nm nanometer nanometers nanometre nanometres nanometro nanometri",
-    "um": "um micron microns micrometer micrometers micrometre micrometres mum mkm",
-    "angstrom": "angstrom angstroms a ang aa",
-    "mm": "mm",
-    "eV": "ev electronvolt electronvolts electron_volt",
-    "keV": "kev",
-    "cm-1": "cm-1 cm^-1 1/cm cm**-1 cm^(-1 kayser wavenumbers",
-    "THz": "thz",
-    "percent": "% percent per_cent pct prozent %r %t",
-    "1": "1 - -- none fraction dimensionless ratio abs 0..1 0-1 [] au/au",
-    "arb": "a.u. arb arb. arb.u. arb.units arb._units arbitrary arbitrary_units counts cts cps v mv"
-    " volt volts uv ma ua na pa w mw uw db",
-}
-UNITS = {word: unit for unit, words in _SPELLINGS.items() for word in words.split()}
 WAVELENGTH_UNITS = ("nm", "um", "angstrom", "eV", "cm-1", "THz", "mm", "keV")
 ANGLE_UNITS = (
     "deg",
@@ -47,48 +21,6 @@ ANGLE_UNITS = (
     "1/nm",
 )
 Q_UNITS = ("1/angstrom", "1/nm")
-
-_GREEK = {
-    "\u03bb": "lambda",
-    "\u03b8": "theta",
-    "\u03d1": "theta",
-    "\u03c8": "psi",
-    "\u03a8": "psi",
-    "\u03c6": "phi",
-    "\u03d5": "phi",
-    "\u0394": "Delta",
-    "\u2206": "Delta",
-    "\u03b4": "delta",
-    "\u03c3": "sigma",
-    "\u00b5": "u",
-    "\u03bc": "u",
-    "\u03bd": "nu",
-    "\u00c5": "angstrom",
-    "\u212b": "angstrom",
-    "\u00b0": "deg",
-    "\u02da": "deg",
-    "\u00ba": "deg",
-    "\u22a5": " perp ",
-    "\u2225": " par ",
-    "\u2212": "-",
-    "\u2013": "-",
-    "\u207b": "-",
-    "\u00b9": "1",
-    "\u00b2": "2",
-    "\u00b1": " error ",
-}
-_TRANSLATION = str.maketrans(_GREEK)
-
-
-def plain(text: str) -> str:
-    """Return ``text`` with Greek letters as words and typographic signs as ASCII ones."""
-    return text if text.isascii() else text.translate(_TRANSLATION)
-
-
-def unit_of(text: str) -> str | None:
-    """Return the unit that ``text`` spells (a key such as nm, deg, percent), or None."""
-    word = re.sub(r"\s+", "_", plain(text).strip().strip("[](){}").strip().lower())
-    return UNITS.get(word.replace("{", "").replace("}", "").replace("$", ""))
 
 
 def wavelength_um(number: np.ndarray, unit: str) -> np.ndarray:

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from fitting.reader.cells import DELIMITERS
-from fitting.reader.units import unit_of
+from fitting.reader.vocabulary import unit_of
 
 _COLUMNS = ("angle (deg)", "psi (deg)", "delta (deg)", "sigma psi (deg)", "sigma delta (deg)")
 

@@ -1,0 +1,63 @@
+"""What the residuals of the fit of one index say: an order, and a misfit larger than the noise."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.measurement import Measurement
+from fitting.misfit import misfit
+from fitting.pattern import pattern
+
+# With fewer data `pattern` never finds one.
+ENOUGH = 11
+
+
+class Order(NamedTuple):
+    """Of each wavelength, (N,) each.
+
+    correlation: of neighbours where residuals are in order, NaN elsewhere. chance: what chance
+    gives. noise: what neighbours scatter where the fit misses the data by
+    more than that, NaN elsewhere.
+    """
+
+    correlation: np.ndarray
+    chance: np.ndarray
+    noise: np.ndarray
+
+
+def order_of_residuals(m: Measurement, fitted: np.ndarray, stated: bool) -> Order:
+    """Return what the residuals of every wavelength say; each is looked at by itself.
+
+    m: what was fitted, fitted: the curve there, NaN where no fit is. stated: whether the fit
+    weighed by stated errors.
+    """
+    _, which = np.unique(m.wavelength_um, return_inverse=True)
+    many = np.bincount(which)
+    nan = np.full(len(many), np.nan)
+    correlation, chance, noise = nan.copy(), nan.copy(), nan.copy()
+    each = np.split(np.argsort(which, kind="stable"), np.cumsum(many)[:-1])
+    for i, rows in enumerate(each):
+        part, at = m.where(rows), fitted[rows]
+        if not np.isfinite(at).all():
+            continue
+        noise[i] = _noise_of_a_misfit(part, at)
+        if many[i] < ENOUGH:
+            continue
+        found = pattern(part, at, np.zeros(len(rows), int), stated)
+        if found is not None:
+            correlation[i], chance[i] = found.correlation, found.chance
+    return Order(correlation, chance, noise)
+
+
+def _noise_of_a_misfit(m: Measurement, fitted: np.ndarray) -> float:
+    """Return the noise of the quantity that is missed by most of it; NaN where none is missed."""
+    worst, noise = 0.0, np.nan
+    for quantity in sorted(set(m.quantity.tolist())):
+        here = m.quantity == quantity
+        off = (m.value - fitted)[here]
+        found = misfit(m.angle_deg[here], m.value[here], off)
+        if found.found[0] and found.rms[0] > worst:
+            worst, noise = float(found.rms[0]), float(found.noise[0])
+    return noise

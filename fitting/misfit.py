@@ -1,0 +1,74 @@
+"""Whether a fitted curve misses the data by more than the noise that they show themselves."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.noise import INDEPENDENT, neighbour_noise
+
+# Called a misfit by chance in one curve of a thousand (3.09 deviations of a normal law), and never
+# below twice the noise.
+_DEVIATIONS, _LEAST_RATIO = 3.09, 2.0
+# A residual below so much of the largest value is rounding.
+_ROUNDING = 1e-7
+
+
+class Misfit(NamedTuple):
+    """rms: of the residuals of each curve, (L,); noise: what neighbours scatter; found: (L,)."""
+
+    rms: np.ndarray
+    noise: np.ndarray
+    found: np.ndarray
+
+
+def _ratio(count: np.ndarray, triples: np.ndarray) -> np.ndarray:
+    """Return the root of the F quantile for ``count`` residuals and the noise of ``triples``.
+
+    By the cubes of E. Paulson, Ann. Math. Stat. 13, 233 (1942), doi:10.1214/aoms/1177731608;
+    infinite below 6 triples, of which chance makes anything.
+    """
+    a = 2.0 / (9.0 * np.maximum(count, 1.0))
+    b = 2.0 / (9.0 * np.maximum(INDEPENDENT * triples, 1.0))
+    z = _DEVIATIONS
+    below = (1.0 - b) ** 2 - b * z * z
+    root = np.sqrt((1.0 - a) ** 2 * b + (1.0 - b) ** 2 * a - a * b * z * z)
+    cube = ((1.0 - a) * (1.0 - b) + z * root) / below
+    return np.where((below > 0.0) & (triples >= 6), cube**1.5, np.inf)
+
+
+def misfit(position: np.ndarray, value: np.ndarray, residual: np.ndarray) -> Misfit:
+    """Return where the residuals are larger than the noise, for curves (L, M), NaN for gaps.
+
+    position: angle (or wavelength). value: the data, of which the rounding is asked.
+    The noise is that of the residuals' neighbours: what misses the data smoothly falls out of it.
+    The limit is that of F for the mean squares of residuals and of differences.
+    """
+    residual = np.atleast_2d(residual)
+    noise = neighbour_noise(position, residual)
+    with np.errstate(all="ignore"):
+        count = np.isfinite(residual).sum(1)
+        rms = np.sqrt(np.nansum(residual**2, axis=1) / count)
+        ratio = _ratio(count, noise.triples)
+        least = _ROUNDING * np.nanmax(np.abs(np.atleast_2d(value)), axis=1, initial=0.0)
+        sigma = np.maximum(noise.sigma, least)
+        found = rms > np.maximum(ratio, _LEAST_RATIO) * sigma
+    return Misfit(rms, noise.sigma, found)
+
+
+def misses_its_noise(
+    position: np.ndarray, values: tuple[np.ndarray, ...], rms: np.ndarray
+) -> np.ndarray:
+    """Return the same of curves of which only the ``rms`` (L,) of all residuals is known.
+
+    values: the data by channel, (L, M) each, NaN for gaps. Their own neighbours tell the noise,
+    which is then an upper bound: what bends within three points counts as noise.
+    """
+    each = [neighbour_noise(position, value) for value in values]
+    triples = sum(noise.triples for noise in each)
+    with np.errstate(all="ignore"):
+        squares = sum(np.nan_to_num(noise.sigma) ** 2 * noise.triples for noise in each)
+        sigma = np.sqrt(squares / triples)
+        count = sum(np.isfinite(value).sum(1) for value in values)
+        return rms > np.maximum(_ratio(count, triples), _LEAST_RATIO) * sigma

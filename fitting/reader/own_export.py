@@ -1,0 +1,58 @@
+"""The data table that this package writes (``--csv``), read back to the last bit.
+
+Its columns have fixed names and units, a datum a row; the comments above tell of the fit and of the
+file that was read then, and are no statements about these numbers.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+
+import numpy as np
+
+from fitting.checks import Data
+from fitting.errors import MeasurementError, place
+from fitting.reader.longform import LongColumns
+from fitting.reader.options import QUANTITIES
+
+_NEEDED = {"angle_deg", "quantity", "value", "fitted", "residual"}
+
+
+def own_columns(source: str, texts: Sequence[str]) -> LongColumns | None:
+    """Return the data of a table that this package wrote; None for any other file.
+
+    Raises MeasurementError where a row was damaged since.
+    """
+    start = next((i for i, text in enumerate(texts) if not text.startswith("#")), len(texts))
+    names = texts[start].split(",") if start < len(texts) else []
+    if not set(names) >= _NEEDED:
+        return None
+    numbers: dict[str, list[float]] = {
+        name: [] for name in ("angle_deg", "wavelength_um", "value", "sigma", "polarizer_deg")
+    }
+    quantities, lines = [], []
+    for line, cells in enumerate(csv.reader(texts[start + 1 :]), start + 2):
+        if not cells:
+            continue
+        row = dict(zip(names, cells, strict=False))
+        try:
+            if len(cells) != len(names) or row["quantity"] not in QUANTITIES:
+                raise ValueError
+            for name, column in numbers.items():
+                column.append(float(row.get(name) or "nan"))
+        except ValueError:
+            raise MeasurementError(
+                f"{place(source, line)}: this is no row of the table that fresnel-fit writes "
+                "(--csv). Write it anew, or name the columns to be read with --columns."
+            ) from None
+        quantities.append(row["quantity"])
+        lines.append(line)
+    angle, wavelength, value, sigma, polarizer = map(np.array, numbers.values())
+    data = Data(angle, wavelength, np.array(quantities, dtype="<U6"), value, sigma, polarizer)
+    return LongColumns(
+        data,
+        [(line, "value", "sigma") for line in lines],
+        {"angle": "angle_deg", "wavelength": "wavelength_um", "polarizer": "polarizer_deg"},
+        f"read {len(lines)} values from a table that fresnel-fit wrote",
+    )

@@ -1,0 +1,281 @@
+"""The longer sentences of warnings; the table of all is in `sentences`.
+
+Each function takes the values of a finding (`diagnostics.Warning.values`); the keys that it looks
+up are the values that the code has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+
+def num(value: float) -> str:
+    return f"{value:.4g}"
+
+
+def listed(names: Iterable[str]) -> str:
+    *others, last = names
+    return f"{', '.join(others)} and {last}" if others else last
+
+
+MEMBER = (
+    "The values shown are the best fit, one of many that fit alike; the 95 % intervals are what "
+    "the data leave."
+)
+
+
+def mirror(v: Mapping[str, Any]) -> str:
+    said = "the data are those of a perfect mirror, or of one as good within their noise"
+    if not v["least_reflectance"] > 0.0:
+        return said + ": they do not determine eta and k."
+    return (
+        f"{said}: every index with the same reflectance at normal incidence fits as well. That is "
+        f"at least {v['least_reflectance']:.4f} (95 %); nothing else is known of eta and k."
+    )
+
+
+def circle(v: Mapping[str, Any]) -> str:
+    m, eta, k = v["eta_i"], v["eta"], v["k"]
+    a = (m * m + eta**2 + k**2) / (2.0 * eta)
+    return (
+        "eta and k are not determined separately: the data fix only the circle "
+        f"(eta - {num(a)})^2 + k^2 = {num(a * a - m * m)}. {MEMBER}"
+    )
+
+
+def combination(v: Mapping[str, Any]) -> str:
+    slope = v.get("slope", float("nan"))
+    trade = f" (a change of eta by 1 is the same as one of k^2 by {num(slope)})"
+    return (
+        "eta and k are not determined separately: the data fix only one combination of them"
+        f"{trade if np.isfinite(slope) else ''}. {MEMBER}"
+    )
+
+
+def not_seen(v: Mapping[str, Any]) -> str:
+    if len(v["parameters"]) == 1:
+        return f"{v['parameters'][0]} is not determined: the data do not change with it."
+    return (
+        f"{listed(v['parameters'])} are not determined separately: a common change of them leaves "
+        "the fitted curve as it is. The values shown are one of many that fit alike; fix one of "
+        "them, or give it a prior."
+    )
+
+
+def does_not_describe(v: Mapping[str, Any]) -> str:
+    noise = ""
+    if v.get("noise", np.nan) > 0.0:
+        noise = (
+            f", {v['rms'] / v['noise']:.2g} times the noise that neighbouring points show "
+            f"({num(v['noise'])})"
+        )
+    return (
+        f"the fitted curve misses the data by {num(v['rms'])} (rms){noise}: {v['sample']} does not "
+        "describe them."
+    )
+
+
+def files_exclude(v: Mapping[str, Any]) -> str:
+    (one, other), (a, b), (da, db) = v["files"], v["values"], v["sigmas"]
+    return (
+        f"the files exclude each other: {v['parameter']} is {a:.5g} +- {da:.2g} by {one} alone and "
+        f"{b:.5g} +- {db:.2g} by {other} alone, {v['apart']:.2g} standard errors apart. They are "
+        "not of one sample, or one of them is off; the values average what cannot both be right."
+    )
+
+
+def shared_pattern(v: Mapping[str, Any]) -> str:
+    return (
+        f"the residuals of all wavelengths share a pattern along the angle (probability by chance "
+        f"{v['probability']:.1g}): the mean of {v['quantity']} at {v['angle_deg']:g} degrees is "
+        f"{v['mean']:+.2g} standard errors off. One index does not describe the data, or the "
+        "angles or intensities are off."
+    )
+
+
+def residuals_in_order(v: Mapping[str, Any]) -> str:
+    widened = v.get("widened", 1.0)
+    then = (
+        f"The standard errors are multiplied by {widened:.2g} for that, which may not be enough."
+        if widened > 1.0
+        else "The standard errors of the parameters are too small."
+    )
+    return (
+        f"the residuals are autocorrelated along the {v['along']}, which noise is not (lag-1 "
+        f"correlation {v['correlation']:.2f}; of noise below {v['chance']:.2f}): the model is "
+        f"incomplete or the instrument drifted. {then}"
+    )
+
+
+def other_minima(v: Mapping[str, Any]) -> str:
+    pairs = zip(v["parameters"], v["values"], strict=True)
+    values = ", ".join(f"{name} {num(x)}" for name, x in pairs)
+    many = f"{v['count']} other solutions fit" if v["count"] > 1 else "a second solution fits"
+    best = "; the best of them has " if v["count"] > 1 else ": "
+    return f"{many} nearly as well{best}{values} (chi2 higher by {v['delta_chi2']:.2g})."
+
+
+def at_bound(v: Mapping[str, Any]) -> str:
+    return (
+        f"{v['parameter']} ended at the {v['end']} end of its range, {num(v['value'])}: it has no "
+        f"standard error{others_hold(v)}."
+    )
+
+
+def others_hold(v: Mapping[str, Any]) -> str:
+    if not v.get("others"):
+        return ""
+    text = f", and the standard errors of the others hold for {v['parameter']} = {num(v['value'])}"
+    return text + ", their 95 % intervals for all that it may be" * bool(v.get("profile"))
+
+
+def compatible_with_zero(v: Mapping[str, Any]) -> str:
+    text = (
+        f"{v['parameter']} is compatible with 0 and below what these data can show: "
+        f"{v['parameter']} < {num(v['limit'])} (95 %){others_hold(v)}."
+    )
+    return text + " External reflectance depends on k^2 there." * bool(v.get("even"))
+
+
+def not_quadratic(v: Mapping[str, Any]) -> str:
+    def ends(pair: Any) -> str:
+        return f"{num(pair[0])} to {num(pair[1])}"
+
+    rows = list(zip(v["parameters"], v["intervals"], v["by_sigma"], strict=True))
+    each = "; ".join(
+        f"{name}: {ends(own)}, by its standard error {ends(by_error)}"
+        for name, own, by_error in rows[:4]
+    )
+    more = f"; and {len(rows) - 4} more" if len(rows) > 4 else ""
+    return (
+        "standard errors do not tell how far these parameters may be off, since the fit is not "
+        f"linear enough; their 95 % intervals (profile likelihood) are {each}{more}."
+    )
+
+
+def correlated(v: Mapping[str, Any]) -> str:
+    pairs = list(zip(v["first"], v["second"], v["correlation"], strict=True))
+    text = "; ".join(f"{a} and {b} are strongly correlated ({c:+.4f})" for a, b, c in pairs[:4])
+    more = f"; and {len(pairs) - 4} more" if len(pairs) > 4 else ""
+    return f"{text}{more}: their combination is known far better than either."
+
+
+def poorly_determined(v: Mapping[str, Any]) -> str:
+    pairs = zip(v["parameters"], v["shares"], strict=True)
+    each = listed(f"{name} ({100.0 * share:.2g} %)" for name, share in pairs)
+    return f"poorly determined: the standard error is a large part of the value of {each}."
+
+
+def chi2_large(v: Mapping[str, Any]) -> str:
+    then = {
+        "scaled": "the errors of the parameters are scaled up by that factor",
+        "floor": "an error common to all data is added to them in squares",
+        "stated": "the errors of the parameters are taken as stated (absolute), and are too small",
+    }[v["errors"]]
+    outliers = ", without the outliers," * bool(v.get("robust"))
+    return (
+        f"reduced chi2{outliers} is {num(v['chi2_reduced'])}: the residuals are {v['factor']:.2g} "
+        "times the stated errors, which are too small, or the sample or the instrument is not "
+        f"described completely; {then}."
+    )
+
+
+def chi2_small(v: Mapping[str, Any]) -> str:
+    outliers = ", without the outliers," * bool(v.get("robust"))
+    then = {
+        "scaled": "; the errors of the parameters are scaled down by that",
+        "kept": ". The residuals are in order: the errors of the parameters are not scaled down",
+    }.get(v["errors"], "")
+    return (
+        f"reduced chi2{outliers} is {num(v['chi2_reduced'])}: the residuals are only "
+        f"{v['factor']:.2g} times the stated errors, which look too large{then}."
+    )
+
+
+def few_starts_agree(v: Mapping[str, Any]) -> str:
+    return (
+        f"only {v['reached']} of {v['starts']} starts ended in the best minimum: a better one may "
+        "exist. Take more starts, or fewer parameters."
+    )
+
+
+def no_freedom(v: Mapping[str, Any]) -> str:
+    known = "as stated and unchecked" if v["stated"] else "unknown"
+    unknowns = {1: "one unknown", 2: "two unknowns"}.get(v["unknowns"], f"{v['unknowns']} unknowns")
+    return (
+        f"{v['n_data']} data for {unknowns} leave no degree of freedom to test the fit; its errors "
+        f"are {known}."
+    )
+
+
+def errors_floor(v: Mapping[str, Any]) -> str:
+    return (
+        f"reduced chi2 with the stated errors is {num(v['chi2_reduced'])}. A standard error of "
+        f"{v['floor']:.2g}, common to all data and added in squares, is likelier than one factor "
+        f"on all stated errors (log likelihood higher by {v['gain']:.3g}), and is taken."
+    )
+
+
+def errors_differ(v: Mapping[str, Any]) -> str:
+    rows = zip(v["parameters"], v["floor"], v["factor"], strict=True)
+    each = ", ".join(f"{name} {num(a)} (floor) or {num(b)} (factor)" for name, a, b in rows)
+    return (
+        "what is assumed of errors that are not met changes the result by more than its standard "
+        f"errors: {each}."
+    )
+
+
+def does_not_fit(v: Mapping[str, Any]) -> str:
+    doubt = "Do not take its parameters, or their errors, for those of the material."
+    if v.get("better"):
+        return (
+            f"{quoted([v['taken']])} does not describe these data; {quoted(v['better'])} would, "
+            f"but the data do not support so many parameters. {doubt}"
+        )
+    if "factor" in v:
+        return (
+            "no candidate describes these data to their stated errors: "
+            f"{quoted([v['taken']])} is the best, and its residuals are {v['factor']:.2g} times "
+            "these. Either they are too small, or the parameters are not those of the material."
+        )
+    return (
+        f"no candidate describes these data: {quoted([v['taken']])} is the best, and its "
+        f"residuals are not noise (rms {v['rms']:.3g}). {doubt}"
+    )
+
+
+def quoted(labels: Iterable[str]) -> str:
+    """Return labels, which hold commas."""
+    return listed(f'"{label}"' for label in labels)
+
+
+def choice_alike(v: Mapping[str, Any]) -> str:
+    why = ""
+    if v["fewest"]:
+        why = "; it has the fewest parameters"
+        why += f" and, of {v['as_large'] + 1} that have, the lowest BIC" * bool(v["as_large"])
+    return (
+        f'the data do not tell "{v["taken"]}" from {quoted(v["others"])} (BIC closer than '
+        f"{v['margin']:g}){why}."
+    )
+
+
+def pseudo_misfit(v: Mapping[str, Any]) -> str:
+    cause = {
+        "k_negative": "psi and Delta ask for a k below 0, which no bare medium has: k is held at "
+        "0. There is a film, or Delta has the other sign",
+        "film": "no bare boundary has these psi and Delta together: there is a film, or roughness",
+    }[v["cause"]]
+    count, of = v["count"], v["of"]
+    low, high = v["range_um"]
+    at = f"at all {of} wavelengths " if count == of else ""
+    if not at:
+        place = f"{low:.4g} um" if low == high else f"{low:.4g} to {high:.4g} um"
+        at = f"at {count} of {of} wavelengths ({place}) "
+    return (
+        f"{at if of > 1 else ''}{cause}; the misfit (rms of cos 2psi, sin 2psi cos Delta and sin "
+        f"2psi sin Delta) is up to {v['misfit']:.2g}."
+    )

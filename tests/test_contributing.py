@@ -1,0 +1,110 @@
+"""The recipes of CONTRIBUTING.md, carried out on a copy of the package."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+
+
+def recipe(kind, name):
+    (found,) = re.findall(rf"```{kind} recipe={name}\n(.*?)```", TEXT, re.DOTALL)
+    return found
+
+
+@pytest.fixture
+def copy(tmp_path):
+    shutil.copytree(ROOT / "fitting", tmp_path / "fitting")
+    return tmp_path
+
+
+def edited(copy, name):
+    """Make the replacements of a recipe; return the files that were changed."""
+    files = set()
+    for line in recipe("text", name).splitlines():
+        path, _, change = line.partition(": ")
+        old, _, new = change.partition(" -> ")
+        text = (copy / path).read_text(encoding="utf-8")
+        assert text.count(old) == 1, line
+        (copy / path).write_text(text.replace(old, new), encoding="utf-8")
+        files.add(path)
+    return files
+
+
+def run(copy, code):
+    code = f"import sys; sys.path.insert(0, {str(copy)!r})\n{code}"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=copy, timeout=600
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_dispersion_model_is_one_entry_in_one_file(copy):
+    code = recipe("python", "dispersion")
+    code = code.replace("from fitting.dispersion import KINDS, Kind\n", "")
+    code = code.replace("from fitting.parameters import Parameter\n", "")
+    code = code.replace("from fresnel_jax import dispersion\n", "")
+    file = copy / "fitting" / "dispersion.py"
+    file.write_text(file.read_text(encoding="utf-8") + code, encoding="utf-8")
+    out = run(copy, """
+import numpy as np
+from fitting import Measurement, fit, simulate
+waves = np.linspace(0.4, 0.8, 12)
+truth = {"A": 1.6, "slope": 0.05}
+R = {q: simulate("linear", truth, 60.0, waves, q) for q in ("R_s", "R_p")}
+found = fit(Measurement.from_columns(60.0, waves, sigma=1e-3, **R), "linear")
+assert found.names == ("A", "slope"), found.names
+assert abs(found.parameters["slope"].value - 0.05) < 1e-6
+assert "slope" in str(found)
+print(found.status)
+""")  # fmt: skip
+    assert out.strip() == "converged"
+
+
+def test_an_observable_is_at_most_four_files(copy):
+    assert len(edited(copy, "observable")) <= 4
+    out = run(copy, """
+import numpy as np
+from fitting import Measurement, fit, simulate
+angles = np.linspace(20.0, 80.0, 12)
+truth = {"eta": 0.5, "k": 2.0}
+seen = simulate("constant", truth, angles, 0.5, "R_45")
+s, p = (simulate("constant", truth, angles, 0.5, q) for q in ("R_s", "R_p"))
+assert np.allclose(seen, 0.5 * (s + p), atol=1e-15)
+found = fit(Measurement.from_columns(angles, 0.5, R_45=seen, sigma=1e-3), "constant")
+assert abs(found.parameters["eta"].value - 0.5) < 1e-6
+assert "R_45" in str(found)
+print(found.status)
+""")  # fmt: skip
+    assert out.strip() == "converged"
+
+
+def test_a_text_format_is_two_files(copy):
+    module = copy / "fitting" / "reader" / "toy.py"
+    module.write_text(recipe("python", "format"), encoding="utf-8")
+    assert len({module, *edited(copy, "format")}) == 2
+    (copy / "a.toy").write_text("TOY\nangle R_s\n30,0.1\n60,0.2\n")
+    out = run(copy, """
+from fitting import read_csv
+m = read_csv("a.toy")
+assert m.value.tolist() == [0.1, 0.2] and m.angle_deg.tolist() == [30.0, 60.0]
+print(m.understood)
+""")  # fmt: skip
+    assert "a toy file" in out
+
+
+def test_the_map_names_every_file():
+    own = {p.name for p in (ROOT / "fitting").glob("*.py") if not p.name.startswith("__")}
+    told = set(re.findall(r"\b(\w+\.py)\b", TEXT))
+    assert own <= told, own - told
+
+
+def test_no_module_stem_comes_twice():
+    stems = [p.stem for p in (ROOT / "fitting").rglob("*.py") if p.stem != "__init__"]
+    assert len(stems) == len(set(stems)), sorted(s for s in stems if stems.count(s) > 1)

@@ -1,0 +1,128 @@
+"""What a file says around its table is heard or refused; files of known truth are read right."""
+
+from pathlib import Path
+
+import pytest
+from fuzz_meaning import run
+from reading import read, refusal
+
+SCAN = "angle,R\n10,.1\n45,.2\n80,.5\n"
+SPECTRUM = "wavelength_nm,R\n500,.1\n600,.2\n700,.3\n"
+ELLIPSE = "angle,psi,delta\n50,20,100\n60,25,95\n70,30,90\n"
+
+HEARD = {
+    "# Angle of incidence: 60\n" + SPECTRUM: ("angle_deg", 60.0, "line 1"),
+    "# AOI = 45\n" + SPECTRUM: ("angle_deg", 45.0, "line 1"),
+    "# grazing incidence: 20 deg\n" + SPECTRUM: ("angle_deg", 70.0, "line 1"),
+    "# Einfallswinkel: 60\u00b0\n" + SPECTRUM: ("angle_deg", 60.0, "line 1"),
+    "# angle d'incidence : 60 \u00b0\n" + SPECTRUM: ("angle_deg", 60.0, "line 1"),
+    "# \u5165\u5c04\u89d2: 60\u00b0\n" + SPECTRUM: ("angle_deg", 60.0, "line 1"),
+    SPECTRUM + "\n# AOI: 60\n": ("angle_deg", 60.0, "line 6"),
+    "incidence;45\nnm;%R\n500;10\n600;11\n": ("angle_deg", 45.0, "line 1"),
+    "# p-polarized\n" + SCAN: ("quantity", "R_p", "line 1"),
+    "# \u504f\u632f: s\n" + SCAN: ("quantity", "R_s", "line 1"),
+    "# R in percent\nangle,R\n10,10\n45,10\n": ("value", 0.1, "line 1"),
+    "# wavelength in um\nwavelength,R\n500,.1\n600,.2\n": None,
+    "# a 532 nm laser on a bench\n" + SCAN: ("wavelength_um", 0.532, "line 1"),
+    "angle,R in %\n10,10\n45,10\n": ("value", 0.1, "percent"),
+    "wavelength_A,R\n5000,.1\n5000,.2\n": ("wavelength_um", 0.5, "0.5 um"),
+    "angle,R_||\n10,.1\n45,.2\n": ("quantity", "R_p", "R_p"),
+    "angle,R//\n10,.1\n45,.2\n": ("quantity", "R_p", "R_p"),
+    "angle,R\u2016\n10,.1\n45,.2\n": ("quantity", "R_p", "R_p"),
+    "angle_rad,R\n1.5708,.5\n1.571,.5\n": ("angle_deg", 90.0, "rad"),
+    "wavelength_nm,Rs@60\n500,.1\n600,.2\n": ("angle_deg", 60.0, "60 degrees by the column names"),
+    "nm;%R\n500;10\n600;10\n": ("value", 0.1, "percent"),
+    "angle;R\n10,000;0,250\n45,000;0,250\n": ("value", 0.25, "fraction"),
+}
+
+
+@pytest.mark.parametrize("text", [text for text, heard in HEARD.items() if heard])
+def test_what_a_line_says_is_used_and_that_is_said(tmp_path: Path, text: str) -> None:
+    name, value, where = HEARD[text]
+    m = read(tmp_path, text)
+    assert set(getattr(m, name).tolist()) == {value}
+    assert where in m.understood
+
+
+REFUSED = {
+    "# AOI = 45\n# AOI = 50\n" + SPECTRUM: ("line 1", "line 2", "--angle-deg"),
+    "# measured at 45 deg\n" + SPECTRUM: ("line 1", "--angle-deg"),
+    "# AOI: 85\n" + SCAN: ("line 1", "10 to 80", "--angle-deg"),
+    "# polarization: vertical\n" + SCAN: ("line 1", "--polarization"),
+    "# polarization: s\n# TM\n" + SCAN: ("line 1", "line 2", "--polarization"),
+    "# p-polarised\nangle,R_s\n10,.1\n20,.2\n": ("line 1", "R_s", "--polarization"),
+    "# angles are grazing\n" + SCAN: ("line 1", "--angle-unit"),
+    "# angle measured from the surface\n" + SCAN: ("line 1", "--angle-unit"),
+    "# angles in radians\nangle_deg,R\n10,.1\n20,.2\n": ("deg", "line 1", "--angle-unit"),
+    "# wavelength in um\nwavelength_nm,R\n500,.1\n600,.2\n": ("nm", "line 1", "--wavelength-unit"),
+    "# R in per mille\n" + SCAN: ("line 1", "--scale"),
+    "# R in percent\nangle,R (-)\n10,.1\n20,.2\n": ("line 1", "--scale"),
+    "# Transmission\n" + SCAN: ("transmission", "--columns"),
+    "angle,R\n10,.1\n45,.2\n# AOI: 60\n80,.5\n": ("line 4", "--lines"),
+    "angle,R_s\n10,.1\n45,.2\n# angle,T_s\n80,.5\n": ("line 4", "--lines"),
+    "angle,R_s\n10,.1\n45,.2 # p-pol\n80,.5\n": ("line 3", "--lines"),
+    "angle,R\n.1,.1\n.5,.2\n1.571,.5\n": ("no unit", "--angle-unit"),
+    "angle,R\n.1,.1\n.5,.2\n1.6,.5\n": ("no unit", "--angle-unit"),
+    "angle,R,dR/R\n10,.1,.01\n45,.2,.02\n": ("relative error", "--columns"),
+    "angle,R,rel. error\n10,.1,.01\n45,.2,.02\n": ("relative error", "--columns"),
+    "angle,R (\u2030)\n10,.1\n45,.2\n": ("permille", "--scale"),
+    "angle,R_s,R_p\n10,.1,.2\n45,.2\n80,.3,.4\n": ("line 3", "--lines"),
+    "angle,R (%),err\n10,10,1\n45,-1,1\n80,12,1\n": ("line 3", "--missing=-1"),
+    "angle,psi,delta\n50,20,100\n60,0,0\n70,30,90\n": ("line 3", "--missing 0"),
+    "angle,psi,delta\n50,.2,100\n60,.3,90\n70,.4,80\n": ("column psi", "--psi-unit"),
+    "angle,psi,delta\n50,20,1.5\n60,25,1.6\n70,30,1.7\n": ("column delta", "--psi-unit"),
+    "wavelength_nm,R_45,R_60\n500,.1,.2\n600,.1,.2\n": ("R_45", "--angle-unit deg"),
+    "# psi and delta in radians\nangle,psi (deg),delta\n50,20,100\n60,25,95\n": ("--psi-unit",),
+}
+
+
+@pytest.mark.parametrize("text", REFUSED)
+def test_what_is_not_understood_or_contradicts_is_refused(tmp_path: Path, text: str) -> None:
+    said = refusal(tmp_path, text)
+    for part in REFUSED[text]:
+        assert part in said, said
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["R'", "R\u2032", "\u221aR", "sqrt(R)", "1-R", "-R", "R^2", "R/R0", "Rs/Rp", "R_d"]
+    + ["R \u4e0d", "R*", "R+T", "R\u0302"],
+)
+def test_a_word_or_sign_that_is_not_known_is_not_dropped_from_a_header(
+    tmp_path: Path, name: str
+) -> None:
+    assert "no column is named" in refusal(tmp_path, f"angle,{name}\n10,.1\n45,.2\n")
+
+
+def test_an_option_overrules_what_a_line_says(tmp_path: Path) -> None:
+    two = "# AOI = 45\n# AOI = 50\n# polarization: vertical\n" + SPECTRUM
+    m = read(tmp_path, two, angle_deg=30, polarization="p")
+    assert set(m.angle_deg.tolist()) == {30.0} and set(m.quantity.tolist()) == {"R_p"}
+    grazing = "# angles are grazing\n" + SCAN
+    assert read(tmp_path, grazing, angle_unit="grazing-deg").angle_deg.tolist() == [80, 45, 10]
+    wide = "wavelength_nm,R_45,R_60\n500,.1,.2\n600,.1,.2\n"
+    m = read(tmp_path, wide, angle_unit="deg")
+    assert m.angle_deg.tolist() == [45, 45, 60, 60]
+    assert "angles 45, 60 degrees by the column names" in m.understood
+
+
+def test_several_angles_in_one_wide_table(tmp_path: Path) -> None:
+    text = "wavelength_nm,Rs(45 deg) [%],Rp(45 deg) [%],Rs(60\u00b0) [%],Rp(60\u00b0) [%]\n"
+    m = read(tmp_path, text + "500,10,5,20,3\n600,11,6,21,4\n")
+    assert m.angle_deg.tolist() == [45.0] * 4 + [60.0] * 4
+    assert m.quantity.tolist() == ["R_s"] * 2 + ["R_p"] * 2 + ["R_s"] * 2 + ["R_p"] * 2
+    assert m.value.tolist() == [0.1, 0.11, 0.05, 0.06, 0.2, 0.21, 0.03, 0.04]
+
+
+def test_a_name_and_a_line_that_say_the_same_agree(tmp_path: Path) -> None:
+    m = read(tmp_path, "# AOI: 60 deg\n" + SPECTRUM, "gold_60deg.csv")
+    assert set(m.angle_deg.tolist()) == {60.0}
+    assert "--angle-deg" in refusal(tmp_path, "# AOI: 60 deg\n" + SPECTRUM, "gold_50deg.csv")
+    assert len(read(tmp_path, "# AOI: 60 deg\n" + ELLIPSE)) == 6  # one of the angles
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_files_of_known_truth_are_read_right_or_refused(tmp_path: Path, seed: int) -> None:
+    ends, wrong = run(500, seed, tmp_path)
+    assert not wrong, "\n".join(wrong[:5])
+    assert ends["read"] > 200 and ends["refused"] > 100

@@ -1,0 +1,169 @@
+"""Reading back our own tables, pipes, ranges of rows, invisible characters, large files."""
+
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fitting.output.export import data_csv
+from fitting.output.plot import save_plot
+from reading import read, refusal
+from simulated import GOLD
+
+from fitting import cli, fit, read_csv
+from fitting.bare_surface.curves import fitted_values
+from fitting.measurement import Measurement, MeasurementError
+from fitting.reader import lines as lines_module
+from fitting.visible import visible
+
+ROOT = Path(__file__).resolve().parents[1]
+TABLE = "angle,R\n10,.1\n45,.2\n80,.5\n"
+
+
+def same(one: Measurement, other: Measurement) -> None:
+    for name in ("angle_deg", "wavelength_um", "quantity", "value", "sigma", "polarizer_deg"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+def test_our_own_table_of_data_is_read_back_to_the_last_bit(tmp_path: Path) -> None:
+    gold = read_csv(GOLD)
+    mixed = Measurement.from_columns(
+        [30.0, 40.0, 50.0], [0.5, 0.6, 0.5], R=[0.3, 0.1, 0.2], polarizer_deg=30.0, sigma=0.01
+    )
+    for number, m in enumerate((gold, mixed)):
+        result = fit(m)
+        path = tmp_path / f"{number}.csv"
+        path.write_text(data_csv(result, m, *fitted_values(result, m)))
+        same(read_csv(path), m)
+        text = path.read_text()
+        assert f"line {text.count(chr(10))}" in refusal(tmp_path, text[: text.rindex(",")])
+
+
+def test_standard_input_and_pipes(tmp_path: Path) -> None:
+    code = "from fitting.measurement import read_csv; m = read_csv('-'); print(len(m), m.source)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], input=TABLE, capture_output=True, text=True, cwd=ROOT
+    )
+    assert done.stdout == "3 standard input\n", done.stderr
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=lambda: pipe.write_text(TABLE))
+    writer.start()
+    assert len(read_csv(pipe)) == 3
+    writer.join()
+
+
+def test_a_file_that_is_too_large_is_refused_at_once(tmp_path: Path, monkeypatch) -> None:
+    with open(tmp_path / "large.csv", "wb") as file:
+        file.truncate(200_000_000)
+    with pytest.raises(MeasurementError, match="more than 20 MB came"):
+        read_csv(tmp_path / "large.csv")
+    monkeypatch.setattr(lines_module, "MAX_BYTES", 10)  # a pipe or a device has no size
+    if Path("/dev/zero").exists():
+        with pytest.raises(MeasurementError, match="the most that is read"):
+            read_csv("/dev/zero")
+
+
+LONG = 40_000
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "angle," + "_" * LONG + "\n",
+        "#" + " " * LONG + "x\nangle,R\n",
+        "# angle" + " " * LONG + "x\nangle,R\n",
+        "#" + " wavelength" * LONG + "\nangle,R\n",
+        "(" * LONG + "\nangle,R\n",
+        "angle,R" + " (" * LONG + "\n",
+        "# " + "1." * LONG + "\nangle,R\n",
+        "# " + "aB" * LONG + "\nangle,R\n",
+        "# " + "'d " * LONG + "\nangle,R\n",
+        "angle,R" + "/" * LONG + "\n",
+        "," * LONG + "\n",
+        '"' * LONG + "\nangle,R\n",
+        "# " + "\u5165" * LONG + "\nangle,R\n",
+    ],
+)
+def test_no_line_takes_time_that_grows_as_its_square(tmp_path: Path, text: str) -> None:
+    """All of these together take seconds; quadratic patterns took minutes for one of them."""
+    (tmp_path / "a.csv").write_text(text + "10,.1\n45,.2\n80,.5\n")
+    try:
+        assert len(read_csv(tmp_path / "a.csv")) == 3
+    except MeasurementError as refused:
+        assert len(str(refused)) < 2_000
+
+
+def test_rows_by_a_range_of_values(tmp_path: Path) -> None:
+    text = "angle,R,run\n10,.1,1\n20,.2,4\n30,.3,5\n40,.4,0\n"
+    assert read(tmp_path, text, keep="run=1-4").angle_deg.tolist() == [10, 20]
+    assert read(tmp_path, text, keep="run=0,4-5").angle_deg.tolist() == [20, 30, 40]
+    assert "leaves no row" in refusal(tmp_path, text, keep="run=7-9")
+
+
+def test_lines_keep_the_header_above_the_rows_that_they_leave_out(tmp_path: Path) -> None:
+    for lines, angles in (("3-", [45, 80]), ("4-4", [80]), ("2-3", [10, 45])):
+        assert read(tmp_path, TABLE, lines=lines).angle_deg.tolist() == angles
+    two = TABLE + "\nangle,T\n10,.9\n45,.8\n"
+    m = read(tmp_path, two, lines="8-")
+    assert set(m.quantity.tolist()) == {"T"} and m.angle_deg.tolist() == [45]
+
+
+def test_a_role_given_twice_and_a_workbook_are_refused(tmp_path: Path) -> None:
+    assert "gives R twice" in refusal(tmp_path, TABLE, columns="angle=1,R=2,R=1")
+    assert "Save the sheet as CSV" in refusal(tmp_path, TABLE, "gold.xlsx")
+
+
+EVIL = "\x1b[31mred\x1b[0m\x07\u202e\u200b"
+
+
+def test_what_a_terminal_would_obey_is_shown(tmp_path: Path, capsys) -> None:
+    name = EVIL + ".csv"
+    (tmp_path / name).write_text(f"# {EVIL}\nangle,R,{EVIL}\n10,.1,1\n45,.2,2\n80,.5,3\n")
+    out = tmp_path / "out.svg"
+    cli.main([str(tmp_path / name), "--plot", str(out), "--json", str(tmp_path / "out.json")])
+    cli.main([str(tmp_path / ("no" + name))])
+    cli.main([str(tmp_path / name), "--json", str(tmp_path / EVIL / "x")])
+    shown = capsys.readouterr()
+    texts = [shown.out, shown.err, out.read_text(), (tmp_path / "out.json").read_text()]
+    for text in texts:
+        assert not set("\x1b\x07\u202e\u200b") & set(text)
+    assert r"\x1b[31mred" in shown.out and r"\x1b[31mred" in shown.err
+    import xml.dom.minidom
+
+    xml.dom.minidom.parseString(out.read_text())
+    with pytest.raises(SystemExit):
+        cli.main(["--" + EVIL])
+    assert "\x1b" not in capsys.readouterr().err
+
+
+def test_what_is_visible_stays() -> None:
+    for text in ("R_s (\u00b0) \u03bb \u5165\u5c04\u89d2", "", "a\u00a0b"):
+        assert visible(text) == text
+    assert visible("a\tb\nc") == r"a\tb\nc" and visible("a\tb\nc", "\t\n") == "a\tb\nc"
+
+
+@pytest.mark.parametrize("suffix", [".svg", ".pdf", ".png"])
+def test_a_picture_is_the_same_bytes_each_time(tmp_path: Path, suffix: str, monkeypatch) -> None:
+    pytest.importorskip("matplotlib")
+    m = read_csv(GOLD)
+    result = fit(m)
+    pictures = []
+    for day in ("1000000000", "2000000000"):
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", day)
+        save_plot(result, m, tmp_path / f"a{suffix}")
+        pictures.append((tmp_path / f"a{suffix}").read_bytes())
+    assert pictures[0] == pictures[1]
+
+
+def test_letters_that_the_font_lacks_are_said_once(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    m = Measurement.from_columns(
+        [30.0, 50.0, 70.0], R=[0.1, 0.2, 0.4], source="\u91d1\u819c \u91d1"
+    )
+    with pytest.warns(UserWarning, match="lacks '\u91d1\u819c'") as caught:
+        save_plot(fit(m), m, tmp_path / "a.png")
+    assert len(caught) == 1
