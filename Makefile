@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint accuracy bench stability startup fit-study fit-coverage model-coverage model-study model-success errors-study clean
+.PHONY: demo test lint accuracy bench stability startup fit-study fit-coverage model-coverage model-study model-success errors-study fuzz clean
 
 demo: .venv/installed-plot  ## fit the gold scan that ships with the project; table, plot, JSON in demo/
 	mkdir -p demo
@@ -50,6 +50,14 @@ model-study: .venv/installed-bench  ## how often --sample auto finds the true mo
 
 model-success: .venv/installed-bench  ## how often a model fit reaches the best minimum (half an hour)
 	$(BIN)/python -m benchmarks.model_success --truths 20
+
+# more, and others: make fuzz FUZZ=1000000 SEED=7
+FUZZ ?= 100000
+SEED ?= 0
+fuzz: .venv/installed-test  ## files of known truth, damaged files, kills: none misread, none lost (half an hour)
+	$(BIN)/python tests/fuzz_meaning.py $(FUZZ) $(SEED)
+	$(BIN)/python tests/fuzz_reader.py $(FUZZ) $(SEED)
+	FRESNEL_KILLS=300 $(BIN)/python -m pytest -q tests/test_outputs.py
 
 .venv/installed-%: pyproject.toml
 	test -d .venv || $(PYTHON) -m venv .venv

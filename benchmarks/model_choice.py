@@ -1,4 +1,4 @@
-"""How often --model auto takes the true model, and how seldom a parameter that is not needed.
+"""How often --sample auto takes the true model, and how seldom a parameter that is not needed.
 
 Spectra of 40 wavelengths from .4 to 1 um at 55, 65 and 75 degrees, R_s and R_p, noise .1 %, of
 materials with random parameters, and curves of 30 angles at one wavelength. Of the models taken,

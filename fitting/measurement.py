@@ -27,7 +27,7 @@ from fitting.reader.longform import LongColumns, long_columns
 from fitting.reader.names import role_of
 from fitting.reader.options import QUANTITIES as QUANTITIES
 from fitting.reader.options import Options, parse_options
-from fitting.reader.own_export import own_columns
+from fitting.reader.own_export import own_columns, own_header
 from fitting.reader.rows import keep_rows
 from fitting.reader.table import read_table
 
@@ -254,8 +254,11 @@ def read_csv(
     )
     texts, notes = read_lines(Path(path), encoding)
     bare = options == parse_options(source) and not (lines or delimiter or decimal)
-    long = own_columns(source, texts) if bare else None
-    if long is None:
+    own = own_header(texts)
+    if own >= 0 and bare:
+        long = own_columns(source, texts, own)
+    else:
+        texts[: max(own, 0)] = [""] * max(own, 0)  # they tell of the fit
         long = _foreign_columns(source, texts, notes, options, delimiter, decimal, lines)
     data, understood = long.data, long.understood
     typical = float(np.median(np.abs(data.value))) if len(data.value) else 0.0

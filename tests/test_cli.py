@@ -220,10 +220,10 @@ def test_a_folder_in_place_of_a_file(capsys, tmp_path):
 def test_a_file_that_must_not_be_read(capsys, tmp_path, monkeypatch):
     (tmp_path / "secret.csv").write_text(GLASS)
 
-    def forbidden(self):
+    def forbidden(self, *_):
         raise PermissionError(13, "Permission denied", str(self))
 
-    monkeypatch.setattr(Path, "read_bytes", forbidden)  # root may read everything
+    monkeypatch.setattr(Path, "open", forbidden)  # root may read everything
     assert "Permission denied" in refused(capsys, tmp_path / "secret.csv")
 
 

@@ -67,7 +67,7 @@ REFUSED = {
     "angle,R,rel. error\n10,.1,.01\n45,.2,.02\n": ("relative error", "--columns"),
     "angle,R (\u2030)\n10,.1\n45,.2\n": ("permille", "--scale"),
     "angle,R_s,R_p\n10,.1,.2\n45,.2\n80,.3,.4\n": ("line 3", "--lines"),
-    "angle,R (%),err\n10,10,1\n45,-1,1\n80,12,1\n": ("line 3", "--missing=-1"),
+    "angle,R (%),err (%)\n10,10,1\n45,-1,1\n80,12,1\n": ("line 3", "--missing=-1"),
     "angle,psi,delta\n50,20,100\n60,0,0\n70,30,90\n": ("line 3", "--missing 0"),
     "angle,psi,delta\n50,.2,100\n60,.3,90\n70,.4,80\n": ("column psi", "--psi-unit"),
     "angle,psi,delta\n50,20,1.5\n60,25,1.6\n70,30,1.7\n": ("column delta", "--psi-unit"),

@@ -69,10 +69,10 @@ REFUSALS = {
         "angle_deg,r_p\n10,.1\n20,.2\n",
         ("column r_p", "amplitude r_p", "--columns angle=1,R_p=2"),
     ),
-    "s alone": ("angle_deg,s\n10,.1\n20,.2\n", ("no column is named", "--columns angle=1,R_s=2")),
+    "s alone": ("angle_deg,s\n10,.1\n20,.2\n", ("no column is named", "--columns angle=1,R=2")),
     "TE of what": (
         "# Transmission, run 3\nangle_deg,TE,TM\n10,.1,.2\n20,.2,.3\n",
-        ("column TE", "transmission", "--columns angle=1,R_s=2", "T_s"),
+        ("no column is named", "--columns angle=1"),
     ),
     "errors of one of two": ("angle,Rs,Rp,err\n10,.1,.1,.01\n", ("'err'", "sigma_R_s=4")),
     "code 0 and 1": ("angle,pol,R\n10,0,.2\n10,1,.1\n", ("0, 1", "--polarization 0=s,1=p")),

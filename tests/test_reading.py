@@ -106,53 +106,12 @@ def test_standard_errors_follow_their_values(tmp_path: Path) -> None:
     assert psi.sigma == pytest.approx([math.degrees(0.01)] * 2, rel=1e-15)
 
 
-def test_errors_without_a_unit_beside_percent_are_percent_where_the_data_say_so(
-    tmp_path: Path,
-) -> None:
-    """Above 1, or of the size of the values, or far above their scatter: no fractions."""
-    angles = tuple(str(a) for a in range(10, 80, 10))
-    smooth, above = tuple(f"{90 - 0.01 * int(a):g}" for a in angles), ("0.3",) * 6 + ("1.5",)
-    header = "angle_deg,R_s (%),sigma_R_s\n"
-    for values, errors in (
-        (("60",) * 7, above),
-        (("6",) * 6 + ("20",), ("0.1",) * 7),
-        (smooth, ("0.3",) * 7),
-    ):
-        m = read(tmp_path, header + rows(angles, values, errors))
-        assert m.sigma.tolist() == [float(e) / 100.0 for e in errors]
-        assert "percent, with standard errors" in m.understood
-        assert "errors of R_s (%) read as percent (--scale)" in m.understood
-    # rows of s and p in turn are two curves, each of them smooth
-    long = "".join(f"{a},{w},{90 - o},0.3\n" for a in angles for w, o in (("s", 0), ("p", 20)))
-    assert read(tmp_path, "angle_deg,pol,R (%),err\n" + long).sigma.max() == 0.003
-    # rough by as much as fractions would allow: open, unless the option says it
-    rough = header + rows(angles, ("60", "61", "60", "61", "60", "61", "60"), ("0.01",) * 7)
-    assert "--scale 0.01" in refusal(tmp_path, rough)
-    assert read(tmp_path, rough, scale=0.01).sigma.max() == 1e-4
-    # a unit of their own, in the header or on the numbers, needs no evidence
-    said = rough.replace("sigma_R_s", "sigma_R_s (%)")
-    assert "(--scale)" not in read(tmp_path, said).understood
-
-
-@pytest.mark.parametrize(
-    ("header", "said"),
-    [
-        ("angle_deg,TE,TM", "TE as R_s, TM as R_p (--columns)"),
-        ("angle_deg,s,p", "s as R_s, p as R_p (--columns)"),
-        ("AOI,S-pol,p-pol", "S-pol as R_s, p-pol as R_p (--columns)"),
-        ("angle_deg,senkrecht,parallel", "senkrecht as R_s, parallel as R_p (--columns)"),
-    ],
-)
-def test_columns_named_by_the_polarisation_are_reflectances_and_that_is_said(
-    tmp_path: Path, header: str, said: str
-) -> None:
-    m = read(tmp_path, header + "\n" + rows(ANGLES, R_S, R_P))
-    assert m.where(m.quantity == "R_s").value.tolist() == [float(v) for v in R_S]
-    assert m.where(m.quantity == "R_p").value.tolist() == [float(v) for v in R_P]
-    assert said in m.understood
-    # beside other values they are no values
-    other = read(tmp_path, "angle_deg,R_s,p\n" + rows(ANGLES, R_S, R_P))
-    assert set(other.quantity) == {"R_s"} and "columns not used: p" in other.understood
+def test_errors_without_a_unit_beside_percent_are_settled_by_the_option(tmp_path: Path) -> None:
+    text = "angle_deg,R_s (%),sigma_R_s\n10,60,0.3\n20,61,0.3\n"
+    assert "--scale 0.01" in refusal(tmp_path, text)
+    assert read(tmp_path, text, scale=0.01).sigma.tolist() == [0.003, 0.003]
+    # a unit of their own, in the header or on the numbers, settles it too
+    assert read(tmp_path, text.replace("sigma_R_s", "sigma_R_s (%)")).sigma.max() == 0.003
 
 
 C = 299792458.0  # m/s, SI

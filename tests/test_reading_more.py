@@ -38,6 +38,8 @@ def test_our_own_table_of_data_is_read_back_to_the_last_bit(tmp_path: Path) -> N
         path = tmp_path / f"{number}.csv"
         path.write_text(data_csv(result, m, *fitted_values(result, m)))
         same(read_csv(path), m)
+        options = {"columns": "angle=angle_deg,R=value", "keep": "quantity=R_s,R"}
+        assert read_csv(path, **options).value.size == np.isin(m.quantity, ("R_s", "R")).sum()
         text = path.read_text()
         assert f"line {text.count(chr(10))}" in refusal(tmp_path, text[: text.rindex(",")])
 

@@ -3,7 +3,9 @@
 In the order in which a file passes through:
 
     lines, cells, header, woollam, table    bytes -> lines -> cells -> a table with line numbers
-    units, names, options, columns          what the user and the header say that a column is
-    evidence, rows, axes, light, scales     angles, wavelengths, polarisation, percent or fraction
+    vocabulary, names, options, columns     what the user and the header say that a column is
+    evidence, remarks                       what comments, settings and the file name say
+    units, rows, axes, light, scales     angles, wavelengths, polarisation, percent or fraction
+    own_export                              a table that this package wrote
     longform                                one datum per row
 """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import NamedTuple, NoReturn
 
 from fitting.errors import MeasurementError, place
@@ -27,7 +26,6 @@ class Layout(NamedTuple):
     """The columns in use. ``sigmas`` has for each value its standard error, or None.
 
     repeat: the wavelength once more in another form (energy, wavenumber), to be compared.
-    notes: what was taken for granted.
     """
 
     angle: Column | None
@@ -38,7 +36,6 @@ class Layout(NamedTuple):
     values: list[Column]
     sigmas: list[Column | None]
     unused: list[str]
-    notes: list[str]
 
 
 def _range_of(table: Table, index: int) -> str:
@@ -97,7 +94,7 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
             f"{place(table.source, table.lines[0])}: {len(filled)} columns without names "
             f"({listed}). S{example[1:]}"
         )
-    open_ones = [i for i in filled if not roles[i].why and roles[i].kind in ("", "light")]
+    open_ones = [i for i in filled if not roles[i].why and not roles[i].kind]
     advice = (
         f"If one is, {example}"
         if open_ones
@@ -168,28 +165,8 @@ def _implicit(table: Table, options: Options) -> dict[str, list[Column]]:
         if role.kind and index in filled:
             found.setdefault(role.kind, []).append(Column(index, label_of(table, index), role))
     if not found["value"]:
-        found["value"] = _values_by_light(table, found.get("light", []))
-    if not found["value"]:
         _refuse_without_values(table, roles)
     return found
-
-
-def _values_by_light(table: Table, columns: list[Column]) -> list[Column]:
-    """Return columns named by a polarisation alone (TE, TM, s-pol), which are reflectances then.
-
-    One letter alone is too little: s may be seconds, p a pressure; s and p side by side are not.
-    """
-    letters = {c.label.strip().lower() for c in columns} & {"s", "p"}
-    if letters and len({c.role.quantity for c in columns}) < 2:
-        return []
-    said = " ".join([table.source, *(text for _, text in table.preamble)])
-    if columns and re.search("transmi", said, re.IGNORECASE):
-        raise MeasurementError(
-            f"{place(table.source, table.header, columns[0].label)}: this names a polarisation, "
-            "and the file speaks of transmission. Name all columns to be read, for example "
-            f"--columns angle=1,{columns[0].role.quantity}={columns[0].index + 1}, or T_s or T_p."
-        )
-    return [column._replace(role=column.role._replace(kind="value")) for column in columns]
 
 
 def _only(table: Table, columns: list[Column], role: str) -> Column | None:
@@ -232,13 +209,6 @@ def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Co
     return attached
 
 
-def _taken(found: dict[str, list[Column]]) -> list[str]:
-    """Return the note on values that only a polarisation names."""
-    taken = {column.index for column in found.get("light", [])}
-    pairs = [f"{c.label} as {c.role.quantity}" for c in found["value"] if c.index in taken]
-    return [f"{', '.join(pairs)} (--columns)"] if pairs else []
-
-
 def choose_columns(table: Table, options: Options) -> Layout:
     """Return the columns to be read, as the option ``columns`` or else the header says.
 
@@ -273,7 +243,6 @@ def choose_columns(table: Table, options: Options) -> Layout:
         values=values,
         sigmas=_attach(table, values, found["sigma"]),
         unused=[],
-        notes=_taken(found),
     )
     used = {
         c.index

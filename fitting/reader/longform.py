@@ -48,17 +48,6 @@ def _refuse_copies(table: Table, layout: Layout, numbers: dict[int, np.ndarray])
             )
 
 
-def _curves(
-    angle: np.ndarray, wavelength: np.ndarray, letter: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the axis along which the values make curves, and the number of each row's curve."""
-    spectral = len(np.unique(wavelength)) > 1
-    axis, other = (wavelength, angle) if spectral else (angle, wavelength)
-    _, first = np.unique(other, return_inverse=True)
-    _, second = np.unique(letter, return_inverse=True)
-    return axis, first * len(letter) + second
-
-
 def _refuse_zeros(
     table: Table, value: Column, numbers: np.ndarray, name: np.ndarray, options: Options
 ) -> None:
@@ -197,7 +186,7 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
     Raises MeasurementError for what is ambiguous or contradicts itself; ranges are for the
     Measurement to check.
     """
-    notes = [*table.notes, *layout.notes]
+    notes = [*table.notes]
     said = evidence(table.source, PurePath(table.source).stem, table.preamble)
     said = said.without(options)
     _refuse_other_quantity(table, layout, options, said)
@@ -230,10 +219,7 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
             converted = np.degrees(raw) if unit == "rad" else raw
         else:
             converted = scaled(raw, factor)
-        same_curve = (raw, *_curves(angle, wavelength, light.letter))
-        sigma = standard_errors(
-            table, value, sigma_column, options, unit, factor, same_curve, notes
-        )
+        sigma = standard_errors(table, value, sigma_column, options, unit, factor)
         there = ~np.isnan(raw)
         if sigma_column is not None and options.sigma is None:
             refuse_gaps(table, sigma_column, there & np.isnan(sigma), "standard error")

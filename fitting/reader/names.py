@@ -70,10 +70,7 @@ _NO_SIGNS = re.compile(r"[\w\s.,:;()\[\]{}\-]*")
 
 
 class Role(NamedTuple):
-    """What a column is: angle, wavelength, polarization, polarizer, value, sigma, light, unclear
-    or "".
-
-    light: named by a polarisation and nothing else, such as TE: values, if there are no others.
+    """What a column is: angle, wavelength, polarization, polarizer, value, sigma, unclear or "".
 
     quantity: for value and sigma, a name of QUANTITIES; for sigma also "_s" and "_p", or "" where
         the name does not say of what.
@@ -295,11 +292,4 @@ def role_of(name: str, unit: str = "") -> Role:
         return Role("", why="psi and delta themselves are wanted, in degrees")
     if lower and lower <= _CONSTANT:
         return Role("", unit=unit, why="it is an optical constant, not a measured power")
-    letters = [
-        letter
-        for letter, words in (("s", _S), ("p", _P), ("", _UNPOLARIZED))
-        if lower & words and lower <= words | _FILL
-    ]
-    if len(letters) == 1 and not error:
-        return Role("light", "R_" + letters[0] if letters[0] else "R", unit=unit)
     return Role("", unit=unit)

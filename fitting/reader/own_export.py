@@ -19,15 +19,18 @@ from fitting.reader.options import QUANTITIES
 _NEEDED = {"angle_deg", "quantity", "value", "fitted", "residual"}
 
 
-def own_columns(source: str, texts: Sequence[str]) -> LongColumns | None:
-    """Return the data of a table that this package wrote; None for any other file.
+def own_header(texts: Sequence[str]) -> int:
+    """Return where the header of a table that this package wrote stands; -1 in any other file."""
+    start = next((i for i, text in enumerate(texts) if not text.startswith("#")), -1)
+    return start if start >= 0 and set(texts[start].split(",")) >= _NEEDED else -1
+
+
+def own_columns(source: str, texts: Sequence[str], start: int) -> LongColumns:
+    """Return the data of a table that this package wrote, its header at ``start``.
 
     Raises MeasurementError where a row was damaged since.
     """
-    start = next((i for i, text in enumerate(texts) if not text.startswith("#")), len(texts))
-    names = texts[start].split(",") if start < len(texts) else []
-    if not set(names) >= _NEEDED:
-        return None
+    names = texts[start].split(",")
     numbers: dict[str, list[float]] = {
         name: [] for name in ("angle_deg", "wavelength_um", "value", "sigma", "polarizer_deg")
     }

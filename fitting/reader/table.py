@@ -18,19 +18,9 @@ from fitting.reader.cells import (
     looks_like_data,
     split_cells,
 )
-from fitting.reader.evidence import statements
-from fitting.reader.header import (
-    Lines,
-    find_header,
-    refuse_strays,
-    split_names,
-    uncomment,
-    units_row,
-)
+from fitting.reader.header import Lines, find_header, refuse_strays, uncomment, units_row
+from fitting.reader.remarks import refuse_inside, without_remark
 from fitting.reader.vocabulary import LONGEST
-
-# a comment after the numbers; "#N/A" and its kin are gaps
-_INLINE = re.compile(r"\s(?:#(?!n/?a|nv|num|value|div)|//|!)", re.IGNORECASE)
 
 
 class Table(NamedTuple):
@@ -51,12 +41,6 @@ class Table(NamedTuple):
     preamble: list[tuple[int, str]]
     decimal: str
     notes: list[str]
-
-
-def _without_remark(text: str) -> str:
-    if "#" not in text and "//" not in text and "!" not in text:
-        return text
-    return _INLINE.split(text, maxsplit=1)[0] if text.strip()[:1] not in '#!/"%;' else text
 
 
 def label_of(table: Table, index: int) -> str:
@@ -183,27 +167,6 @@ def _body(
     return rows, numbers, remarks, notes
 
 
-def _refuse_inside(
-    source: str,
-    remarks: list[tuple[int, str]],
-    before: list[str],
-    recognise: Callable[[str], bool],
-    count: int,
-) -> None:
-    """Raise where a remark between the rows says what the rows below it are: another measurement.
-
-    before: the lines above the numbers, which a page may repeat.
-    """
-    for line, text in remarks:
-        names = split_names(text, "", count)
-        other = len(names) == count and sum(map(recognise, names)) >= 2
-        if text not in before and (other or statements(line, text)):
-            raise MeasurementError(
-                f"{place(source, line)}: {text[:60]!r} stands between the numbers, and may say "
-                "that another measurement begins. Read one of them with --lines A-B."
-            )
-
-
 def _refuse_one_column(source: str, rows: list[list[str]], lines: list[int]) -> None:
     filled = [
         i for i in range(len(rows[0]) if rows else 0) if any(not is_missing(row[i]) for row in rows)
@@ -280,7 +243,7 @@ def read_table(
         )
     first, last = _range(source, lines, len(texts))
     numbered = list(enumerate(texts[:last], start=1))
-    inside = [(line, _without_remark(text)) for line, text in numbered[first:]]
+    inside = [(line, without_remark(text)) for line, text in numbered[first:]]
     delimiter, count = guess_delimiter([text for _, text in inside], delimiter)
     start = _first_row(inside, delimiter, count) if count else -1
     if start < 0:
@@ -306,10 +269,10 @@ def read_table(
     rows, row_lines, remarks, notes = _body(source, inside[start:], delimiter, count, head, whole)
     below = [remark for remark in remarks if remark[0] > row_lines[-1]]
     known = [uncomment(text) for _, text in before]
-    _refuse_inside(source, remarks[: len(remarks) - len(below)], known, recognise, count)
+    refuse_inside(source, remarks[: len(remarks) - len(below)], known, recognise, count)
     behind = [(n, texts[n - 1][len(text) :]) for n, text in inside if len(text) < len(texts[n - 1])]
     used = set(row_lines)
-    _refuse_inside(source, [r for r in behind if r[0] in used], known, recognise, 0)
+    refuse_inside(source, [r for r in behind if r[0] in used], known, recognise, 0)
     _refuse_one_column(source, rows, row_lines)
     refuse_strays(source, [b for b in before if b[0] > first], header, delimiter, count)
     beside = [
