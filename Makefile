@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint accuracy bench stability startup fit-study fit-coverage model-coverage model-study model-success errors-study fuzz clean
+.PHONY: demo test lint accuracy accuracy-search bench stability startup fit-study fit-coverage model-coverage model-study model-success errors-study fuzz clean
 
 demo: .venv/installed-plot  ## fit the gold scan that ships with the project; table, plot, JSON in demo/
 	mkdir -p demo
@@ -18,6 +18,9 @@ lint: .venv/installed-test .venv/installed-lint  ## linters and type checker
 
 accuracy: .venv/installed-test  ## the accuracy table of the README (a minute)
 	$(BIN)/python benchmarks/interface_accuracy.py
+
+accuracy-search: .venv/installed-test  ## search for the largest errors; e.g. SEARCH="--seed 1 --minutes 60"
+	$(BIN)/python -m benchmarks.accuracy_search $(or $(SEARCH),--minutes 10)
 
 bench: .venv/installed-bench  ## speed against accuracy: docs/benchmarks, and the tables of docs (10 minutes)
 	$(BIN)/python -m benchmarks

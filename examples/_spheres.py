@@ -2,7 +2,7 @@
 
 At each hit the Fresnel equations say how much light is reflected and how much goes through; gold
 has a reflectance per colour from its complex index. Light that passes a sphere meets both faces at
-one angle and in one polarisation: (T_s^2 + T_p^2) / 2 of it comes out, s and p summed apart.
+one angle and in one polarization: (T_s^2 + T_p^2) / 2 of it comes out, s and p summed apart.
 Sunlight that the glass focuses on the floor, the caustic, is traced forwards, from the sun.
 """
 

@@ -30,7 +30,7 @@ GLASS_LABELS = {0.05: (43, 0.65), 0.1: (61, 0.65), 0.2: (72, 0.65), 0.6: (84, 0.
 
 
 def reflectance_map(matter, angle_deg, wavelength_um):
-    """Unpolarised R, shape (wavelengths, angles)."""
+    """Unpolarized R, shape (wavelengths, angles)."""
     eta, k = matter(wavelength_um[:, None])
     return reflectance(jnp.cos(jnp.deg2rad(angle_deg)), eta, k)
 
@@ -90,7 +90,7 @@ def draw(path, size: int) -> None:
             strip.set(xlabel="angle of incidence (degrees)", yticks=[], xticks=range(0, 91, 15))
             strip.set_title("colour of reflected white light", fontsize=10.5)
         maps[0].set_ylabel(r"wavelength ($\mathrm{\mu}$m)")
-        fig.colorbar(image, ax=maps, pad=0.01, label="R, unpolarised")
+        fig.colorbar(image, ax=maps, pad=0.01, label="R, unpolarized")
 
 
 def main(argv=None) -> dict[str, float]:

@@ -1,13 +1,64 @@
-"""Fresnel optics that is accurate everywhere and differentiable everywhere, in JAX."""
+"""Fresnel optics that is accurate everywhere and differentiable everywhere, in JAX.
 
-from .directions import faceforward as faceforward
-from .directions import reflect as reflect
-from .directions import refract as refract
-from .interface import Amplitudes as Amplitudes
-from .interface import Powers as Powers
-from .interface import amplitudes as amplitudes
-from .interface import fresnel_complex as fresnel_complex
-from .interface import fresnel_conductor as fresnel_conductor
-from .interface import fresnel_dielectric as fresnel_dielectric
-from .interface import powers as powers
-from .interface import reflectance as reflectance
+The names below are those of one smooth boundary. Submodules are attributes, imported when they are
+first used: `approximate`, `bsdf`, `directions`, `dispersion`, `fresnel_terms`, `interface`,
+`layers`, `materials`, `microfacet`, `polarization`.
+"""
+
+import importlib
+from typing import Any
+
+from ._fence import fenced
+from .directions import faceforward, reflect, refract
+from .interface import (
+    Amplitudes,
+    Powers,
+    amplitudes,
+    fresnel_complex,
+    fresnel_conductor,
+    fresnel_dielectric,
+    powers,
+    reflectance,
+)
+
+_SUBMODULES = (
+    "approximate",
+    "bsdf",
+    "directions",
+    "dispersion",
+    "fresnel_terms",
+    "interface",
+    "layers",
+    "materials",
+    "microfacet",
+    "polarization",
+)
+
+__all__ = [
+    "Amplitudes",
+    "Powers",
+    "amplitudes",
+    "faceforward",
+    "fenced",
+    "fresnel_complex",
+    "fresnel_conductor",
+    "fresnel_dielectric",
+    "powers",
+    "reflect",
+    "reflectance",
+    "refract",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _SUBMODULES:
+        return importlib.import_module(f".{name}", __name__)
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("fresnel-jax")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_SUBMODULES, "__version__"])

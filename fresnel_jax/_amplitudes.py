@@ -17,13 +17,13 @@ import jax.numpy as jnp
 from jax import lax
 
 from ._arithmetic import reciprocal_or_zero, squared_modulus, times
-from ._boundary import Boundary, boundary, unsigned
+from ._boundary import Boundary, boundary, unsigned, within_one
 
 
 @jax.custom_jvp
 def amplitudes_kernel(c, n, k, m):
     """r_s, r_p, t_s, t_p as complex arrays, for real c (sign ignored), n, k, m of one dtype."""
-    return _amplitudes(boundary(jnp.abs(c), n, k, m), n, k, m)
+    return _amplitudes(boundary(within_one(c), n, k, m), n, k, m)
 
 
 def _inverses(q: Boundary):

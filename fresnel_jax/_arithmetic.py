@@ -131,8 +131,8 @@ def real_sqrt(x: Array) -> tuple[Array, Array]:
     At x = 0 the derivative is infinite; 0 is returned.
     """
     root = jnp.sqrt(jnp.abs(x))
-    zero = jnp.zeros_like(root)
-    return jnp.where(x >= 0.0, root, zero), jnp.where(x >= 0.0, zero, root)
+    # Neither comparison holds for NaN, which must not become an exact 0: that is a perfect mirror.
+    return jnp.where(x < 0.0, 0.0, root), jnp.where(x > 0.0, 0.0, root)
 
 
 @real_sqrt.defjvp
@@ -153,8 +153,27 @@ def _scales(re: Array, im: Array) -> tuple[Array | float, Array | float]:
     return scale, jnp.where(tiny, 2.0**-30, 1.0).astype(re.dtype)
 
 
+def _modulus(re: Array, half_im: Array) -> Array:
+    return jnp.sqrt(re * re + 4.0 * (half_im * half_im))
+
+
 def _larger_part_squared(re: Array, half_im: Array) -> Array:
-    return 0.5 * (jnp.sqrt(re * re + 4.0 * (half_im * half_im)) + jnp.abs(re))
+    return 0.5 * (_modulus(re, half_im) + jnp.abs(re))
+
+
+@jax.custom_jvp
+def modulus(re: Array, im: Array) -> Array:
+    """|re + i im|, from the root that `complex_sqrt` takes as well; 0 with derivative 0 at 0."""
+    scale, unscale = _scales(re, im)
+    return _modulus(re * scale, 0.5 * (im * scale)) * unscale * unscale
+
+
+@modulus.defjvp
+def _modulus_jvp(primals, tangents):
+    (re, im), (d_re, d_im) = primals, tangents
+    size = modulus(re, im)
+    per = reciprocal_or_zero(size)
+    return size, (re * per) * d_re + (im * per) * d_im
 
 
 @jax.custom_jvp

@@ -24,6 +24,7 @@ from ._arithmetic import (
     Complex,
     complex_sqrt,
     fast_two_sum,
+    modulus,
     opaque,
     real_sqrt,
     sum_exactly,
@@ -37,6 +38,7 @@ class Boundary(NamedTuple):
     difference: Array  # n - m
     total: Array  # n + m
     q: tuple[Array, Array]
+    rho: Array  # |Q|^2
     y: Complex
     s: tuple[Array, Array]
     x: tuple[Array, Array]
@@ -48,11 +50,12 @@ def boundary(c: Array, n: Array, k: Array | None, m: Array | None) -> Boundary:
     re_q2, re_y = lossless_sums(c, n, m, exactly=True)
     re_q2, re_y = computed_once(re_q2), computed_once(re_y)
     if k is None:
-        q = real_sqrt(re_q2)
+        q, rho = real_sqrt(re_q2), jnp.abs(re_q2)
         y = (re_y, None)
     else:
         # k^2 needs no care: where n^2 - m^2 s^2 cancels against it, Im Q^2 = 2nk is larger
-        q = complex_sqrt(re_q2 - k * k, 2.0 * n * k)
+        square = re_q2 - k * k, 2.0 * n * k
+        q, rho = complex_sqrt(*square), modulus(*square)
         ck = c * k
         y = (re_y - ck * ck, 2.0 * (c * n) * ck)
     one_or_m = 1.0 if m is None else m
@@ -64,6 +67,7 @@ def boundary(c: Array, n: Array, k: Array | None, m: Array | None) -> Boundary:
         difference=n - one_or_m,
         total=n + one_or_m,
         q=q,
+        rho=rho,
         y=y,
         s=(mc + a, b),
         x=(mc * a + ms_squared, mc * b),
@@ -71,10 +75,26 @@ def boundary(c: Array, n: Array, k: Array | None, m: Array | None) -> Boundary:
     )
 
 
+@jax.custom_jvp
+def within_one(c: Array) -> Array:
+    """min(|c|, 1): a cosine whose sign does not count.
+
+    A dot product of unit vectors exceeds 1 by an eps or two. It means normal incidence, and gets
+    the value and the derivative of |c| = 1: a derivative of 0 would stop a search that meets it.
+    Differentiated from above at c = 0.
+    """
+    return jnp.minimum(jnp.abs(c), 1.0)
+
+
+@within_one.defjvp
+def _within_one_jvp(primals, tangents):
+    c, sign = unsigned(primals[0])
+    return c, sign * tangents[0]
+
+
 def unsigned(c: Array) -> tuple[Array, Array]:
-    """|c| and the sign d|c|/dc, which is +1 at c = 0: cosines are differentiated from above."""
-    sign = jnp.where(c < 0.0, -1.0, 1.0).astype(c.dtype)
-    return jnp.where(c < 0.0, -c, c), sign
+    """`within_one`, and the sign that its derivative has."""
+    return within_one(c), jnp.where(c < 0.0, -1.0, 1.0).astype(c.dtype)
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(3,))

@@ -4,14 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-
-def as_floats(*arguments: ArrayLike) -> tuple[Array, ...]:
-    """The arguments as arrays of one float dtype; a complex one is refused."""
-    for value in arguments:
-        if jnp.iscomplexobj(value):
-            raise ValueError("an argument is complex; give the real part as eta and the other as k")
-    dtype = jnp.result_type(*arguments, 1.0)
-    return tuple(jnp.asarray(x, dtype) for x in arguments)
+from ._arguments import named_floats
 
 
 def reflectance_at_normal(eta: Array, k: Array, eta_i: Array | float) -> Array:
@@ -30,7 +23,7 @@ def normal_reflectance(eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.
     Returns:
         R in [0, 1], exact to 5 eps, of the broadcast shape.
     """
-    return reflectance_at_normal(*as_floats(eta, k, eta_i))
+    return reflectance_at_normal(*named_floats(eta=eta, k=k, eta_i=eta_i))
 
 
 @jax.jit
@@ -49,7 +42,7 @@ def real_index(R_0: ArrayLike, eta_i: ArrayLike = 1.0) -> Array:
         eta >= eta_i, exact to 5 eps. Its derivative with respect to R_0 is infinite at R_0 = 0, and
         so is what `grad` returns there.
     """
-    R_0, eta_i = as_floats(R_0, eta_i)
+    R_0, eta_i = named_floats(R_0=R_0, eta_i=eta_i)
     root = jnp.sqrt(R_0)
     return eta_i * ((1.0 + root) * (1.0 + root) / (1.0 - R_0))
 
@@ -75,7 +68,7 @@ def gulbrandsen_index(r: ArrayLike, g: ArrayLike) -> tuple[Array, Array]:
 
     Source: O. Gulbrandsen, Artist friendly metallic Fresnel, JCGT 3(4), 2014.
     """
-    r, g = as_floats(r, g)
+    r, g = named_floats(r=r, g=g)
     root = jnp.sqrt(r)
     up2, less, more = (1.0 + root) * (1.0 + root), 1.0 - r, 1.0 + r
     eta = g * (less / more) + (1.0 - g) * (up2 / less)
@@ -101,7 +94,7 @@ def gulbrandsen_parameters(eta: ArrayLike, k: ArrayLike) -> tuple[Array, Array]:
 
     Source: as `gulbrandsen_index`.
     """
-    eta, k = as_floats(eta, k)
+    eta, k = named_floats(eta=eta, k=k)
     r = reflectance_at_normal(eta, k, 1.0)
     matched = r == 0.0
     root = jnp.sqrt(jnp.where(matched, 1.0, r))

@@ -85,8 +85,8 @@ def visible_normal(alphas: Alphas, w: Vector, u1: Array, u2: Array) -> Vector:
     w = select(w.z < 0.0, scale(-1.0, w), w)
     v = normalize(Vector(alphas.x * w.x, alphas.y * w.y, w.z))
     u2 = jnp.minimum(u2, 1.0 - 0.5 * jnp.finfo(u2.dtype).eps)
-    positive = u2 > 0.0
-    root_u2 = jnp.where(positive, jnp.sqrt(jnp.where(positive, u2, 1.0)), 0.0)
+    zero = u2 <= 0.0
+    root_u2 = jnp.where(zero, 0.0, jnp.sqrt(jnp.where(zero, 1.0, u2)))
     # sqrt(t (2 - t)) with the root of u2 taken apart: its derivative is infinite at u2 = 0, that
     # of the other factor never is.
     radius = root_u2 * jnp.sqrt((1.0 + v.z) * (2.0 - u2 * (1.0 + v.z)))

@@ -44,7 +44,8 @@ class BSDFSample(NamedTuple):
     """One sampled direction; arrays of shape (...), direction (..., 3).
 
     Where `valid` is False (no lobe wanted, total reflection with transmission alone, a direction
-    that ends on the wrong side), value, density and weight are 0 and direction is finite.
+    that ends on the wrong side), value, density and weight are 0 and direction is finite. A NaN
+    among what the sample is made from makes it invalid, with a direction that may be NaN.
     """
 
     direction: Array  # w_i, a unit vector that points away from the surface
@@ -67,11 +68,24 @@ def local_direction(w: ArrayLike, name: str) -> tuple[Vector, Array]:
 
     A direction in the surface (|z|^2 below the smallest normal number) carries no flux. It is
     replaced by the normal, so that what is computed for it, and every derivative, is finite before
-    it is masked.
+    it is masked. A direction with a NaN is kept: it does not leave, and `zero_or_nan` tells it.
     """
     v = components(w, name)
-    leaves = v.z * v.z > jnp.finfo(v.z.dtype).tiny
-    return select(leaves, v, upward(v)), leaves
+    flux = v.z * v.z
+    unknown = zero_or_nan(*v) != 0.0
+    leaves = (flux > jnp.finfo(v.z.dtype).tiny) & ~unknown
+    return select(leaves | unknown, v, upward(v)), leaves
+
+
+def zero_or_nan(*values: Array) -> Array:
+    """0, and NaN where one of the values is NaN: what masked results are filled with."""
+    total = sum(values[1:], values[0])
+    return jnp.where(total == total, 0.0, jnp.nan).astype(total.dtype)
+
+
+def nothing(model, *directions: Vector) -> Array:
+    """`zero_or_nan` of the directions and of every parameter of the model."""
+    return zero_or_nan(*(x for v in directions for x in v), *jax.tree.leaves(model))
 
 
 class LobeChoice(NamedTuple):
@@ -91,10 +105,11 @@ def choose_lobe(u_lobe: ArrayLike, reflected: Array, transmitted: Array) -> Lobe
     """
     total = reflected + transmitted
     total = jnp.where(total > 0.0, total, 1.0)
+    u_lobe = jnp.asarray(u_lobe)
     # The second condition keeps u_lobe = 1 in total reflection from a lobe without power.
-    reflection = (jnp.asarray(u_lobe) < reflected / total) | (transmitted == 0.0)
+    reflection = (u_lobe < reflected / total) | (transmitted == 0.0)
     power = jnp.where(reflection, reflected, transmitted)
-    possible = power > 0.0
+    possible = (power > 0.0) & (u_lobe == u_lobe)  # not for NaN
     probability = jax.lax.stop_gradient(jnp.where(possible, power / total, 1.0))
     return LobeChoice(reflection, power, probability, possible)
 
@@ -114,6 +129,7 @@ def assemble(
         value, density, weight, eta, transmission, specular, valid, direction.z
     )
     dtype = jnp.result_type(value, direction.z)
+    valid = valid & (zero_or_nan(value, density, weight, *direction) == 0.0)
     value, density, weight = (
         jnp.where(valid, a, 0.0).astype(dtype) for a in (value, density, weight)
     )

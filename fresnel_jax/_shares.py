@@ -1,4 +1,4 @@
-"""Reflected and transmitted power between lossless media, for unpolarised light.
+"""Reflected and transmitted power between lossless media, for unpolarized light.
 
 A BSDF needs R and T but not their s and p parts, and R next to Brewster's angle does not vanish:
 without the exact sums that R_p needs there, the pair costs half of `interface.powers`.
@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ._arithmetic import reciprocal_or_zero
-from ._boundary import computed_once, lossless_sums
+from ._boundary import computed_once, lossless_sums, within_one
 from ._powers import powers_kernel
 
 
@@ -35,10 +35,10 @@ def shares(cosine: Array, eta_t: Array, eta_i: Array, exactly: bool) -> Shares:
     Both within 12 eps; without `exactly`, T of light that goes to the less dense side only within
     12 eps of R + T, at two thirds of the cost.
     """
-    c, m, n = jnp.abs(cosine), eta_i, eta_t
+    c, m, n = within_one(cosine), eta_i, eta_t
     re_q2 = computed_once(lossless_sums(c, n, m, exactly)[0])
     rho = jnp.abs(re_q2)
-    a = jnp.where(re_q2 > 0.0, jnp.sqrt(rho), 0.0)
+    a = jnp.where(re_q2 < 0.0, 0.0, jnp.sqrt(rho))
     C, sigma = m * c, (1.0 - c) * (1.0 + c) * (m * m)
     twice_Ca = 2.0 * (C * a)
     per_s2 = reciprocal_or_zero((C * C + rho) + twice_Ca)
@@ -46,8 +46,8 @@ def shares(cosine: Array, eta_t: Array, eta_i: Array, exactly: bool) -> Shares:
     per_x2 = 1.0 / (u + sigma * twice_Ca)
     r_s = ((n - m) * per_s2) * (n + m)
     half_T_s, mn = twice_Ca * per_s2, m * n
-    # At cos = 0 matched media have C + Q = 0, and total reflection is exactly 1.
-    matched = n == m
+    # At cos = 0 matched media have C + Q = 0, and total reflection is exactly 1. NaN is neither.
+    matched = (n == m) & (re_q2 == re_q2)
     R = jnp.where(matched, 0.0, jnp.where(a == 0.0, 1.0, (r_s * r_s) * (u * per_x2)))
     return Shares(R, jnp.where(matched, 1.0, half_T_s + half_T_s * (mn * mn * per_x2)))
 

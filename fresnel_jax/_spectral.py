@@ -11,6 +11,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
+from ._arguments import real
 from ._arithmetic import complex_sqrt
 from ._vectors import as_float
 
@@ -46,6 +47,7 @@ class DispersionModel(eqx.Module):
 
 def in_one_type(wavelength_um: ArrayLike, model) -> Array:
     """Wavelengths in their own floating-point type; Python numbers in that of the model."""
+    wavelength_um = real(wavelength_um, "wavelength_um")
     dtype = getattr(wavelength_um, "dtype", None)
     if dtype is not None and jnp.issubdtype(dtype, jnp.floating):
         # No dtype is named: where float64 is off, NumPy's arrays become float32 without a warning.

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
+from ._arguments import real
 from ._arithmetic import opaque, sum_exactly, two_product
 from ._boundary import computed_once
 
@@ -23,15 +24,15 @@ class Vector(NamedTuple):
     z: Array
 
 
-def as_float(x: ArrayLike) -> Array:
+def as_float(x: ArrayLike, name: str = "a parameter") -> Array:
     """x as an array of floats; a Python number stays weakly typed and so leaves float32 alone."""
-    x = jnp.asarray(x)
+    x = jnp.asarray(real(x, name))
     return x if jnp.issubdtype(x.dtype, jnp.floating) else x.astype(jnp.result_type(float))
 
 
 def components(v: ArrayLike, name: str) -> Vector:
     """The components of an array of shape (..., 3); ValueError, with `name`, for other shapes."""
-    v = as_float(v)
+    v = as_float(v, name)
     if v.ndim == 0 or v.shape[-1] != 3:
         raise ValueError(
             f"{name} has shape {v.shape}; wanted (..., 3), a direction along the last axis."
@@ -92,5 +93,5 @@ def normalize(v: Vector) -> Vector:
     of every result that needs it (a sample of a rough conductor: 642 operations instead of 849).
     """
     squared = dot(v, v)
-    length = jnp.sqrt(jnp.where(squared > 0.0, squared, 1.0))
+    length = jnp.sqrt(jnp.where(squared == 0.0, 1.0, squared))
     return Vector(v.x / length, v.y / length, v.z / length)

@@ -1,7 +1,7 @@
 """Approximations of the reflectance of one boundary, each with its known largest error.
 
-All of them give the power reflectance of unpolarised light, for light that enters the denser medium
-or a metal; none knows total reflection, Brewster's angle of one polarisation, or phase. They
+All of them give the power reflectance of unpolarized light, for light that enters the denser medium
+or a metal; none knows total reflection, Brewster's angle of one polarization, or phase. They
 broadcast as NumPy does, keep the dtype, and work under `jit`, `vmap` and `grad`; their derivatives
 are finite everywhere. The sign of the cosine is ignored, as in `interface`.
 
@@ -34,11 +34,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike
 
-from ._colours import as_floats, reflectance_at_normal
+from ._arguments import named_floats
+from ._boundary import within_one
 from ._colours import gulbrandsen_index as gulbrandsen_index
 from ._colours import gulbrandsen_parameters as gulbrandsen_parameters
 from ._colours import normal_reflectance as normal_reflectance
 from ._colours import real_index as real_index
+from ._colours import reflectance_at_normal
 from .interface import reflectance
 
 # F82 is fixed at the cosine 1/7 (81.8 degrees), where c (1 - c)^6 is largest.
@@ -104,8 +106,8 @@ def schlick(
     Source: C. Schlick, An inexpensive BRDF model for physically-based rendering, Computer Graphics
     Forum 13(3), 1994, doi:10.1111/1467-8659.1330233.
     """
-    c, eta, k, eta_i = as_floats(cos_theta_i, eta, k, eta_i)
-    return _schlick(jnp.abs(c), reflectance_at_normal(eta, k, eta_i))
+    c, eta, k, eta_i = named_floats(cos_theta_i=cos_theta_i, eta=eta, k=k, eta_i=eta_i)
+    return _schlick(within_one(c), reflectance_at_normal(eta, k, eta_i))
 
 
 @jax.jit
@@ -121,7 +123,7 @@ def lazanyi_szirmay_kalos(
 
     Source: I. Lazanyi and L. Szirmay-Kalos, Fresnel term approximations for metals, WSCG 2005.
     """
-    c, eta, k, eta_i = as_floats(cos_theta_i, eta, k, eta_i)
+    c, eta, k, eta_i = named_floats(cos_theta_i=cos_theta_i, eta=eta, k=k, eta_i=eta_i)
     R_0 = reflectance_at_normal(eta, k, eta_i)
     nodes, weights = _gauss_legendre(16)
     shape = nodes * (1.0 - nodes) ** 6
@@ -129,7 +131,7 @@ def lazanyi_szirmay_kalos(
     moments = weights * shape / np.sum(weights * shape * shape)
     excess = _schlick(cosines, R_0) - exact
     coefficient = jnp.tensordot(jnp.asarray(moments, c.dtype), excess, 1)
-    return _with_correction(jnp.abs(c), R_0, coefficient)
+    return _with_correction(within_one(c), R_0, coefficient)
 
 
 @jax.jit
@@ -144,7 +146,7 @@ def f82(
     appearance modeling, 2019; C. Kutz, M. Hasan and M. Edmondson, Novel aspects of the Adobe
     Standard Material, 2021.
     """
-    c, eta, k, eta_i = as_floats(cos_theta_i, eta, k, eta_i)
+    c, eta, k, eta_i = named_floats(cos_theta_i=cos_theta_i, eta=eta, k=k, eta_i=eta_i)
     R_82 = reflectance(jnp.full_like(eta, _COSINE_82), eta, k, eta_i)
     return f82_from_reflectances(c, reflectance_at_normal(eta, k, eta_i), R_82)
 
@@ -160,9 +162,9 @@ def f82_from_reflectances(cos_theta_i: ArrayLike, R_0: ArrayLike, R_82: ArrayLik
 
     Source: as `f82`.
     """
-    c, R_0, R_82 = as_floats(cos_theta_i, R_0, R_82)
+    c, R_0, R_82 = named_floats(cos_theta_i=cos_theta_i, R_0=R_0, R_82=R_82)
     coefficient = (_schlick(_COSINE_82, R_0) - R_82) * (1.0 / _LARGEST_CORRECTION)
-    return _with_correction(jnp.abs(c), R_0, coefficient)
+    return _with_correction(within_one(c), R_0, coefficient)
 
 
 @jax.jit
@@ -180,8 +182,8 @@ def large_index(
     Source: M. Born and E. Wolf, Principles of Optics, 7th ed., sec. 14.2; used for rendering by
     R. L. Cook and K. E. Torrance 1982 and by Gulbrandsen 2014.
     """
-    c, eta, k, eta_i = as_floats(cos_theta_i, eta, k, eta_i)
-    c = jnp.abs(c)
+    c, eta, k, eta_i = named_floats(cos_theta_i=cos_theta_i, eta=eta, k=k, eta_i=eta_i)
+    c = within_one(c)
     n, k = eta / eta_i, k / eta_i
     modulus2, c2, twice = n * n + k * k, c * c, 2.0 * (n * c)
     D_s, D_p = (modulus2 + c2) + twice, (modulus2 * c2 + 1.0) + twice
@@ -216,11 +218,11 @@ def polynomial(
     """
     if not isinstance(degree, int) or not 1 <= degree <= 40:
         raise ValueError(f"degree is {degree!r}, an int from 1 to 40 is wanted; 8 is a good one")
-    c, eta, k, eta_i = as_floats(cos_theta_i, eta, k, eta_i)
+    c, eta, k, eta_i = named_floats(cos_theta_i=cos_theta_i, eta=eta, k=k, eta_i=eta_i)
     nodes, matrix = _chebyshev_transform(degree)
     _, exact = _exact_at(nodes, eta, k, eta_i)
     coefficients = jnp.tensordot(jnp.asarray(matrix, c.dtype), exact, 1)
-    twice = 4.0 * jnp.abs(c) - 2.0
+    twice = 4.0 * within_one(c) - 2.0
     later, latest = jnp.zeros_like(twice), coefficients[degree]
     for j in range(degree - 1, 0, -1):
         later, latest = latest, twice * latest - later + coefficients[j]

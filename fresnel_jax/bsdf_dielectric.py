@@ -16,6 +16,7 @@ from ._scattering import (
     assemble,
     choose_lobe,
     local_direction,
+    nothing,
     upward,
 )
 from ._shares import Shares, shares
@@ -31,6 +32,7 @@ class _Meeting(NamedTuple):
     fresnel: Shares
     reflection: Array
     possible: Array
+    nothing: Array  # 0, or NaN where something came that is NaN
 
 
 def _shares(cosine: Array, eta_t: Array, eta_i: Array, exactly: bool) -> Shares:
@@ -87,10 +89,10 @@ class Dielectric(eqx.Module):
 
     def _lobe_powers(self, fresnel: Shares, lobes: Lobes) -> tuple[Array, Array]:
         lobes = lobes & self.lobes
-        nothing = jnp.zeros_like(fresnel.R)
+        none = jnp.zeros_like(fresnel.R)
         return (
-            fresnel.R if Lobes.REFLECTION in lobes else nothing,
-            fresnel.T if Lobes.TRANSMISSION in lobes else nothing,
+            fresnel.R if Lobes.REFLECTION in lobes else none,
+            fresnel.T if Lobes.TRANSMISSION in lobes else none,
         )
 
     def _refracted(
@@ -130,6 +132,7 @@ class Dielectric(eqx.Module):
             _shares(cosine, eta_there, eta_here, False),
             reflection,
             o_leaves & i_leaves & facing & ~self._is_delta(),
+            nothing(self, o, i),
         )
 
     def evaluate(
@@ -137,7 +140,7 @@ class Dielectric(eqx.Module):
     ) -> Array:
         """f(wo, wi), shape (...); 0 where the surface is specular."""
         if self.distribution is None:
-            return jnp.zeros_like(local_direction(wo, "wo")[0].z + local_direction(wi, "wi")[0].z)
+            return nothing(self, local_direction(wo, "wo")[0], local_direction(wi, "wi")[0])
         meeting = self._meeting(wo, wi, mode)
         reflected, transmitted = self._lobe_powers(meeting.fresnel, Lobes.ALL)
         fresnel = jnp.where(
@@ -145,18 +148,18 @@ class Dielectric(eqx.Module):
             self.reflection_scale * reflected,
             self.transmission_scale * transmitted,
         )
-        return jnp.where(meeting.possible, fresnel * meeting.bounce.value, 0.0)
+        return jnp.where(meeting.possible, fresnel * meeting.bounce.value, meeting.nothing)
 
     def density(self, wo: ArrayLike, wi: ArrayLike, lobes: Lobes = Lobes.ALL) -> Array:
         """Density per solid angle with which `sample` draws wi, shape (...); 0 where specular."""
         if self.distribution is None:
-            return jnp.zeros_like(local_direction(wo, "wo")[0].z + local_direction(wi, "wi")[0].z)
+            return nothing(self, local_direction(wo, "wo")[0], local_direction(wi, "wi")[0])
         meeting = self._meeting(wo, wi, TransportMode.IMPORTANCE)
         reflected, transmitted = self._lobe_powers(meeting.fresnel, lobes)
         total = reflected + transmitted
         chosen = jnp.where(meeting.reflection, reflected, transmitted)
         probability = chosen / jnp.where(total > 0.0, total, 1.0)
-        return jnp.where(meeting.possible, probability * meeting.bounce.density, 0.0)
+        return jnp.where(meeting.possible, probability * meeting.bounce.density, meeting.nothing)
 
     def sample(
         self,

@@ -13,6 +13,7 @@ from ._scattering import (
     TransportMode,
     assemble,
     local_direction,
+    nothing,
     upward,
 )
 from ._vectors import Vector, as_float, dot, once, select
@@ -53,16 +54,19 @@ class Reflector(eqx.Module):
         """f(wo, wi), shape (...); 0 where smooth and across the surface; `mode` changes nothing."""
         o, i, m, possible = self._facet(wo, wi)
         if self.distribution is None:
-            return jnp.zeros_like(o.z + i.z)
+            return nothing(self, o, i)
         value = bounce(self.distribution.bounded(), o, i, m).value
-        return jnp.where(possible, self.scale * self.fresnel(dot(o, m)) * value, 0.0)
+        return jnp.where(
+            possible, self.scale * self.fresnel(dot(o, m)) * value, nothing(self, o, i)
+        )
 
     def density(self, wo: ArrayLike, wi: ArrayLike, lobes: Lobes = Lobes.ALL) -> Array:
         """Density per solid angle with which `sample` draws wi, shape (...); 0 if smooth."""
         o, i, m, possible = self._facet(wo, wi)
         if self.distribution is None or Lobes.REFLECTION not in lobes:
-            return jnp.zeros_like(o.z + i.z)
-        return jnp.where(possible, bounce(self.distribution.bounded(), o, i, m).density, 0.0)
+            return nothing(self, o, i)
+        density = bounce(self.distribution.bounded(), o, i, m).density
+        return jnp.where(possible, density, nothing(self, o, i))
 
     def _facet(self, wo: ArrayLike, wi: ArrayLike) -> tuple[Vector, Vector, Vector, Array]:
         o, o_leaves = local_direction(wo, "wo")

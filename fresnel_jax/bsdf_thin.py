@@ -12,6 +12,7 @@ from ._scattering import (
     assemble,
     choose_lobe,
     local_direction,
+    nothing,
 )
 from ._vectors import Vector, as_float
 from .interface import powers
@@ -20,9 +21,9 @@ from .interface import powers
 class ThinDielectric(eqx.Module):
     """Reflection and straight transmission of a slab, all bounces between its faces summed.
 
-    For each polarisation R' = 2 R / (1 + R) and T' = (1 - R) / (1 + R) = T / (1 + R), then the mean
+    For each polarization R' = 2 R / (1 + R) and T' = (1 - R) / (1 + R) = T / (1 + R), then the mean
     of both. The mean of R taken first, as is often done, is wrong by up to .022 for eta = 1.5 and
-    .078 for 2.42, because the slab polarises the light that goes round in it. The series in its
+    .078 for 2.42, because the slab polarizes the light that goes round in it. The series in its
     printed form, R + T^2 R / (1 - R^2), is 0 / 0 at R = 1; this one has no such place.
 
     Argument: `eta` > 0, index of the slab over that of the medium on both of its sides. Only
@@ -39,7 +40,7 @@ class ThinDielectric(eqx.Module):
         return ScatteringFlags(self.eta != 1.0, always, always, ~always)
 
     def powers(self, cos_theta: ArrayLike) -> tuple[Array, Array]:
-        """R' and T' of unpolarised light at |cos_theta|, shape (...); they add to 1 in an eps."""
+        """R' and T' of unpolarized light at |cos_theta|, shape (...); they add to 1 in an eps."""
         one_face = powers(cos_theta, self.eta)
         per_s, per_p = 1.0 / (1.0 + one_face.R_s), 1.0 / (1.0 + one_face.R_p)
         return (
@@ -51,7 +52,7 @@ class ThinDielectric(eqx.Module):
         self, wo: ArrayLike, wi: ArrayLike, mode: TransportMode = TransportMode.RADIANCE
     ) -> Array:
         """0, shape (...): all scattering is a delta distribution."""
-        return jnp.zeros_like(local_direction(wo, "wo")[0].z + local_direction(wi, "wi")[0].z)
+        return nothing(self, local_direction(wo, "wo")[0], local_direction(wi, "wi")[0])
 
     def density(self, wo: ArrayLike, wi: ArrayLike, lobes: Lobes = Lobes.ALL) -> Array:
         """0, shape (...)."""
@@ -68,9 +69,9 @@ class ThinDielectric(eqx.Module):
         """Mirrors wo if u_lobe < R' / (R' + T'), goes straight on otherwise. `u` is not used."""
         o, leaves = local_direction(wo, "wo")
         reflected, transmitted = self.powers(o.z)
-        nothing = jnp.zeros_like(reflected)
-        reflected = reflected if Lobes.REFLECTION in lobes else nothing
-        transmitted = transmitted if Lobes.TRANSMISSION in lobes else nothing
+        none = jnp.zeros_like(reflected)
+        reflected = reflected if Lobes.REFLECTION in lobes else none
+        transmitted = transmitted if Lobes.TRANSMISSION in lobes else none
         reflection, power, probability, possible = choose_lobe(u_lobe, reflected, transmitted)
         valid = leaves & possible
         return assemble(

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._boundary import boundary
+from ._boundary import boundary, within_one
 from ._vectors import (
     Vector,
     add,
@@ -20,7 +20,6 @@ from ._vectors import (
     dot_exactly,
     normalize,
     scale,
-    select,
     stack,
 )
 
@@ -49,8 +48,8 @@ class _Refracted(NamedTuple):
 
 def _root(x: Array) -> Array:
     """sqrt(x) for x >= 0; the infinite derivative at 0 is given as 0."""
-    positive = x > 0.0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, x, 1.0)), 0.0)
+    zero = x <= 0.0  # not so for NaN
+    return jnp.where(zero, 0.0, jnp.sqrt(jnp.where(zero, 1.0, x)))
 
 
 def sides(inside: Array, eta: Array) -> tuple[Array, Array]:
@@ -79,10 +78,11 @@ def refract_components(
     """
     dtype = jnp.result_type(cosine, eta_i)
     cosine, eta_i, eta_t = (a.astype(dtype) for a in (cosine, eta_i, eta_t))
-    root, _ = boundary(jnp.abs(cosine), eta_t, None, eta_i).q
+    unsigned = within_one(cosine)
+    root, _ = boundary(unsigned, eta_t, None, eta_i).q
     # Only where the squared cosine has underflown: elsewhere the root carries d cos_t / d eta.
     straight_on = (eta_i == eta_t) & (root == 0.0)
-    cos_t = jnp.where(straight_on, jnp.abs(cosine), root / eta_t)
+    cos_t = jnp.where(straight_on, unsigned, root / eta_t)
     valid = (root > 0.0) | straight_on
     ratio = eta_i / eta_t
     tangential = add(scale(cosine, n), scale(-1.0, wi))
@@ -117,19 +117,24 @@ def refract(wi: ArrayLike, n: ArrayLike, eta: ArrayLike) -> Refraction:
     normal that lies on the side of wi, `eta` is simply eta_t / eta_i (the inverse of the ratio
     that PBRT's 3rd edition asks for).
 
-    Returns `Refraction(direction, eta, valid)`. direction: unit length to 4 eps; its cosine has a
-    relative error of a few eps, also next to the critical angle and at grazing incidence, for the
-    cosine wi . n and the index as given. eta: eta outside, 1 / eta inside. valid: False in total
-    reflection and at the critical angle itself; direction is then the unit vector along the
-    surface in which the evanescent wave travels, finite and with finite derivatives. The
-    derivative is infinite at the critical angle (0 is returned), finite everywhere else.
+    Returns `Refraction(direction, eta, valid)`. direction: unit length to 4 eps, components
+    within a few eps. For the normal +z its cosine, the component z, has a relative error of a few
+    eps, also next to the critical angle and at grazing incidence, for the cosine wi . n and the
+    index as given. For a tilted normal the cosine is a sum of rounded components, and its error a
+    few eps of 1, not of itself: where that counts, turn into the local frame first.
+    eta: eta outside, 1 / eta inside. valid: False in total reflection and at the critical angle
+    itself; direction is then the unit vector along the surface in which the evanescent wave
+    travels, finite and with finite derivatives. The derivative is infinite at the critical angle
+    (0 is returned), finite everywhere else. NaN in is NaN out.
     ValueError for a last axis that is not 3. Source: PBRT 4th ed. eq. 9.4, 9.5.
     """
     w, normal, eta = components(wi, "wi"), components(n, "n"), as_float(eta)
     cosine = dot_exactly(w, normal)
     eta_i, eta_t = sides(cosine < 0.0, eta)
     refracted = refract_components(w, normal, cosine, eta_i, eta_t)
-    return Refraction(stack(refracted.direction), eta_t / eta_i, refracted.valid)
+    # which side a NaN lies on is unknown
+    relative = jnp.where(cosine == cosine, eta_t / eta_i, jnp.nan)
+    return Refraction(stack(refracted.direction), relative, refracted.valid)
 
 
 def faceforward(n: ArrayLike, v: ArrayLike) -> Array:
@@ -140,8 +145,9 @@ def faceforward(n: ArrayLike, v: ArrayLike) -> Array:
     Source: PBRT 3rd ed. sec. 2.4.
     """
     normal = components(n, "n")
-    behind = dot_exactly(normal, components(v, "v")) < 0.0
-    return stack(select(behind, scale(-1.0, normal), normal))
+    cosine = dot_exactly(normal, components(v, "v"))
+    sign = jnp.where(cosine == cosine, jnp.where(cosine < 0.0, -1.0, 1.0), jnp.nan)
+    return stack(scale(sign, normal))
 
 
 def entering(wi: ArrayLike, n: ArrayLike) -> Array:
@@ -208,7 +214,7 @@ def critical_angle_deg(eta: ArrayLike) -> Array:
 
 
 def brewster_angle_deg(eta: ArrayLike) -> Array:
-    """The angle of incidence at which no p-polarised light is reflected: arctan(eta).
+    """The angle of incidence at which no p-polarized light is reflected: arctan(eta).
 
     Argument: `eta` > 0, index of the medium entered over that of the medium left. Returns degrees,
     to 4 eps. Smooth. Source: Born and Wolf, Principles of Optics, sec. 1.5.3.

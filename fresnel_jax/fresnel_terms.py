@@ -54,7 +54,8 @@ class FresnelNone(eqx.Module):
     def __call__(self, cos_theta: ArrayLike) -> Array:
         """1 for every `cos_theta`, shape (...)."""
         cosine = jnp.asarray(cos_theta)
-        return jnp.ones_like(cosine, dtype=jnp.result_type(cosine, 1.0))
+        known = jnp.where(cosine == cosine, 1.0, jnp.nan)
+        return known.astype(jnp.result_type(cosine, 1.0))
 
 
 FresnelTerm = FresnelDielectric | FresnelConductor | FresnelNone

@@ -22,12 +22,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import ArrayLike
 
+from ._arguments import real, structure
 from ._arithmetic import reciprocal_or_zero
-from ._boundary import boundary
+from ._boundary import boundary, within_one
 from ._powers import powers_kernel
 from ._stack import Stack as Stack
 from ._stack import stack as stack
-from .interface import Powers, _structure
+from .interface import Powers
 
 
 def _both_faces(R_1, T_1, passage, absorbed_twice):
@@ -48,7 +49,7 @@ def _jit_slab(cos_theta_i, eta, k, eta_i, thickness_um, wavelength_um):
     )
     k, m = (None if x is None else jnp.asarray(x, dtype) for x in (k, eta_i))
     R_s, R_p, T_s, T_p = powers_kernel(c, n, k, m)
-    _, b = boundary(jnp.abs(c), n, k, m).q
+    _, b = boundary(within_one(c), n, k, m).q
     depth = 4.0 * jnp.pi * (thickness / wavelength) * b
     passage, absorbed_twice = jnp.exp(-depth), -jnp.expm1(-2.0 * depth)
     through_s, through_p = (
@@ -80,7 +81,7 @@ def slab(
         eta_i: real index > 0 of the medium before and behind the slab.
 
     Returns:
-        `Powers(R_s, R_p, T_s, T_p)` with `.R` and `.T` for unpolarised light, of the broadcast
+        `Powers(R_s, R_p, T_s, T_p)` with `.R` and `.T` for unpolarized light, of the broadcast
         shape, float32 or float64 as the arguments. R from the other face is the same. Error
         within 24 eps of R and (24 + 4 ln(1 / A)) eps of T (a transmittance of 1e-30 is a power of a
         rounded number). In total reflection R is 1 and T is 0.
@@ -91,7 +92,9 @@ def slab(
     Raises:
         ValueError: the shapes do not broadcast, or an argument other than eta is complex.
     """
-    face = _structure(cos_theta_i, eta, k, eta_i)
+    face = structure(cos_theta_i, eta, k, eta_i)
+    thickness_um = real(thickness_um, "thickness_um")
+    wavelength_um = real(wavelength_um, "wavelength_um")
     shapes = [jnp.shape(x) for x in face if x is not None]
     last = [jnp.shape(thickness_um), jnp.shape(wavelength_um)]
     try:
@@ -102,7 +105,4 @@ def slab(
             f"broadcast with those of the other arguments, {', '.join(map(str, shapes))}; add axes "
             "of length 1 so that they do"
         ) from None
-    for name, value in (("thickness_um", thickness_um), ("wavelength_um", wavelength_um)):
-        if jnp.iscomplexobj(value):
-            raise ValueError(f"{name} is complex, a real number is wanted; only eta may be complex")
     return _jit_slab(*face, thickness_um, wavelength_um)

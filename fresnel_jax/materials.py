@@ -7,7 +7,8 @@ makes a model of them that can be evaluated:
     dispersion.material("gold")  -> a model; call it with wavelengths in micrometres
 
 Metals by their plain name are measured tables (gold, silver, copper) or the closer of the two fits
-of Rakic et al. (the others); "gold Rakic BB" and "gold Rakic LD" name a fit.
+of Rakic et al. (the others); "gold Rakic BB" and "gold Rakic LD" name a fit. Silicon and germanium
+are tables of the visible; "silicon infrared" and "germanium infrared" are their transparent range.
 """
 
 import dataclasses

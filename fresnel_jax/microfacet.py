@@ -61,7 +61,7 @@ class TrowbridgeReitz(eqx.Module):
         Source: PBRT 4th ed. eq. 9.16.
         """
         v = components(m, "m")
-        return jnp.where(v.z > 0.0, normal_density(self.bounded(), v), 0.0)
+        return jnp.where(v.z <= 0.0, 0.0, normal_density(self.bounded(), v))
 
     def Lambda(self, w: ArrayLike) -> Array:
         """Smith's function, masked over visible projected area: (S - |z|) / (2 |z|).
@@ -100,8 +100,8 @@ class TrowbridgeReitz(eqx.Module):
         o, i, alphas = components(wo, "wo"), components(wi, "wi"), self.bounded()
         z_o, z_i = jnp.abs(o.z), jnp.abs(i.z)
         both = z_o * stretched_length(alphas, i) + z_i * stretched_length(alphas, o)
-        positive = both > 0.0
-        return jnp.where(positive, 2.0 * z_o * z_i / jnp.where(positive, both, 1.0), 0.0)
+        zero = both == 0.0
+        return jnp.where(zero, 0.0, 2.0 * z_o * z_i / jnp.where(zero, 1.0, both))
 
     def D_visible(self, w: ArrayLike, m: ArrayLike) -> Array:
         """The density of normals m (per solid angle) that `sample_visible` draws for w.
@@ -113,7 +113,7 @@ class TrowbridgeReitz(eqx.Module):
         v, m_, alphas = components(w, "w"), components(m, "m"), self.bounded()
         cosine = jnp.where(v.z < 0.0, -dot(v, m_), dot(v, m_))
         shared = 2.0 * normal_density(alphas, m_) / (jnp.abs(v.z) + stretched_length(alphas, v))
-        return jnp.where((m_.z > 0.0) & (cosine > 0.0), shared * cosine, 0.0)
+        return jnp.where((m_.z <= 0.0) | (cosine <= 0.0), 0.0, shared * cosine)
 
     def sample_visible(self, w: ArrayLike, u: ArrayLike) -> Array:
         """A normal m on the upper side, distributed as `D_visible(w, m)`.
@@ -168,4 +168,4 @@ def half_vector_jacobian(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Array:
     c_o, c_i = jnp.abs(dot(o, m)), jnp.abs(dot(i, m))
     eta_i = jnp.where(i.z < 0.0, eta, 1.0)
     across = eta_i * eta_i * c_i * per_length_squared(o.z < 0.0, c_o, c_i, eta)
-    return jnp.where(o.z * i.z > 0.0, 0.25 / jnp.where(c_i > 0.0, c_i, 1.0), across)
+    return jnp.where(o.z * i.z > 0.0, 0.25 / jnp.where(c_i == 0.0, 1.0, c_i), across)

@@ -1,4 +1,4 @@
-"""Polarisation after one smooth boundary: phases, psi and Delta, Mueller matrices, depths.
+"""Polarization after one smooth boundary: phases, psi and Delta, Mueller matrices, depths.
 
 Conventions, as in `interface`: time dependence exp(-i w t), absorbing index eta + ik with k >= 0,
 r_p = -r_s at normal incidence. Angles that come out are radians. Every function takes its
@@ -15,10 +15,11 @@ Stokes vectors are (I, Q, U, V) = (|E_s|^2 + |E_p|^2, |E_s|^2 - |E_p|^2, 2 Re E_
 propagation are right-handed. V > 0: the field turns counterclockwise for an observer who looks into
 the beam. With Q measured from p instead, as ellipsometers do, Q and U (or V) change sign.
 
-Accuracy over the sets of `interface`, where published forms fail: 2 pi eps for phases, 12 eps of
-Delta, psi, rho and depths themselves (however small), 24 eps of R for Mueller matrices; gradients
-of phases, psi and Delta 12 eps of their norm (measured: 5). At the critical angle itself
-derivatives are infinite; 0 is returned.
+Accuracy over the domain of `interface`: 2 pi eps for phases, 12 eps of Delta, psi and depths
+themselves (however small), 8 eps of rho, 24 eps of R for Mueller matrices; gradients of psi and
+Delta 50 + 4 (eta_i / |N|)^2 eps of their norm, in relative changes of the arguments as in
+`interface` (the second term counts at the critical angle of small indices). At the critical angle
+itself derivatives are infinite; 0 is returned.
 
 References: M. Born and E. Wolf, Principles of Optics, 7th ed., secs. 1.5 and 14.2; R. M. A. Azzam
 and N. M. Bashara, Ellipsometry and Polarized Light, 1977, sec. 4.2; E. Collett, Polarized Light,
@@ -31,10 +32,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
+from ._arguments import as_floats, check_extinction, real, structure
 from ._arithmetic import reciprocal_or_zero
-from ._boundary import boundary
-from ._phases import phases_kernel
-from .interface import _as_floats, _structure, amplitudes, powers
+from ._boundary import boundary, within_one
+from ._phases import phases_kernel, psi_kernel
+from .interface import amplitudes, powers
 
 
 class Phases(NamedTuple):
@@ -69,7 +71,7 @@ def _angle_jvp(primals, tangents):
 
 def _all_floats(*arguments):
     """cos_theta_i, eta, k, eta_i as arrays of one dtype."""
-    c, n, k, m = _as_floats(*arguments)
+    c, n, k, m = as_floats(*arguments)
     k = jnp.zeros_like(n) if k is None else k
     m = jnp.ones_like(n) if m is None else m
     return c, n, k, m
@@ -90,9 +92,9 @@ def _jit_ratio(*arguments):
 
 @jax.jit
 def _jit_psi_delta(*arguments):
-    # |g| is never 0: no floating-point cosine is that of Brewster's angle exactly.
-    _, _, g_re, g_im = phases_kernel(*_all_floats(*arguments))
-    return PsiDelta(jnp.arctan(jnp.sqrt(g_re * g_re + g_im * g_im)), _angle(g_im, -g_re))
+    arguments = _all_floats(*arguments)
+    _, _, g_re, g_im = phases_kernel(*arguments)
+    return PsiDelta(psi_kernel(*arguments), _angle(g_im, -g_re))
 
 
 def _mueller(R_s, R_p, product):
@@ -121,14 +123,14 @@ def _jit_mueller_refraction(cos_theta_i, eta, eta_i):
     T = powers(cos_theta_i, eta, 0.0, eta_i)
     c, n, _, m = _all_floats(cos_theta_i, eta, None, eta_i)
     # sqrt(T_s T_p) without the root, whose derivative is lost where both vanish; X > 0 always
-    X, _ = boundary(jnp.abs(c), n, None, m).x
+    X, _ = boundary(within_one(c), n, None, m).x
     return _mueller(T.T_s, T.T_p, T.T_s * (n * m / X))
 
 
 @jax.jit
 def _jit_penetration(wavelength_um, cos_theta_i, eta, k, eta_i):
-    c, n, k, m = _as_floats(cos_theta_i, eta, k, eta_i)
-    _, b = boundary(jnp.abs(c), n, k, m).q
+    c, n, k, m = as_floats(cos_theta_i, eta, k, eta_i)
+    _, b = boundary(within_one(c), n, k, m).q
     return _depth(wavelength_um, b)
 
 
@@ -138,7 +140,8 @@ def _depth(wavelength_um, k):
     return wavelength_um * per_k
 
 
-def _check_wavelength(wavelength_um, *arguments):
+def _checked_wavelength(wavelength_um, *arguments):
+    wavelength_um = real(wavelength_um, "wavelength_um")
     shapes = [jnp.shape(x) for x in (wavelength_um, *arguments) if x is not None]
     try:
         jnp.broadcast_shapes(*shapes)
@@ -147,6 +150,7 @@ def _check_wavelength(wavelength_um, *arguments):
             f"the shape of wavelength_um, {shapes[0]}, does not broadcast with those of the other "
             f"arguments, {', '.join(map(str, shapes[1:]))}; add axes of length 1 so that it does"
         ) from None
+    return wavelength_um
 
 
 def phases(
@@ -166,7 +170,7 @@ def phases(
     derivative 0; at Brewster's angle of a lossless medium phi_p jumps by pi.
     Source: Born and Wolf, 7th ed., sec. 1.5.4, whose phases in total reflection these are.
     """
-    return _jit_phases(*_structure(cos_theta_i, eta, k, eta_i))
+    return _jit_phases(*structure(cos_theta_i, eta, k, eta_i))
 
 
 def ellipsometric_ratio(
@@ -182,7 +186,7 @@ def ellipsometric_ratio(
     C - iS = 2 rho / (1 + |rho|^2) with C = sin 2 psi cos Delta, S = sin 2 psi sin Delta.
     Source: Azzam and Bashara, sec. 4.2.
     """  # noqa: E501
-    return _jit_ratio(*_structure(cos_theta_i, eta, k, eta_i))
+    return _jit_ratio(*structure(cos_theta_i, eta, k, eta_i))
 
 
 def psi_delta(
@@ -200,7 +204,7 @@ def psi_delta(
     through pi/2 there, however small k is. Where r_p is exactly 0, Delta is pi and both derivatives
     are 0. The derivative of psi in total reflection (psi = pi/4) is 0 up to rounding.
     """
-    return _jit_psi_delta(*_structure(cos_theta_i, eta, k, eta_i))
+    return _jit_psi_delta(*structure(cos_theta_i, eta, k, eta_i))
 
 
 def mueller_reflection(
@@ -213,11 +217,11 @@ def mueller_reflection(
         0               0                Re w      -Im w       w = r_s conj(r_p)
         0               0                Im w       Re w
 
-    Not normalised: M[0, 0] is the reflectance of unpolarised light. At normal incidence it is
+    Not normalised: M[0, 0] is the reflectance of unpolarized light. At normal incidence it is
     R diag(1, 1, -1, -1), because p and s of the reflected beam are mirrored.
     Stokes vectors as the module's docstring says. Source: Collett, sec. 8.3.
     """
-    return _jit_mueller_reflection(*_structure(cos_theta_i, eta, k, eta_i))
+    return _jit_mueller_reflection(*structure(cos_theta_i, eta, k, eta_i))
 
 
 def mueller_refraction(cos_theta_i: ArrayLike, eta: ArrayLike, eta_i: ArrayLike = 1.0) -> Array:
@@ -228,7 +232,7 @@ def mueller_refraction(cos_theta_i: ArrayLike, eta: ArrayLike, eta_i: ArrayLike 
         0               0                sqrt(T_s T_p)    0
         0               0                0                sqrt(T_s T_p)
 
-    Normalised to power through the surface: M[0, 0] is the transmittance T of unpolarised light
+    Normalised to power through the surface: M[0, 0] is the transmittance T of unpolarized light
     (the factor eta cos_t / (eta_i cos_i) is in, the change of radiance by eta^2 / eta_i^2 is not).
     All zeros in total reflection.
 
@@ -241,7 +245,7 @@ def mueller_refraction(cos_theta_i: ArrayLike, eta: ArrayLike, eta_i: ArrayLike 
             "eta is complex, but the Mueller matrix of a refraction is defined for a lossless "
             "medium only; give its real index, or use fresnel_jax.powers for T_s and T_p"
         )
-    cos_theta_i, eta, _, m = _structure(cos_theta_i, eta, 0.0, eta_i)
+    cos_theta_i, eta, _, m = structure(cos_theta_i, eta, 0.0, eta_i)
     return _jit_mueller_refraction(cos_theta_i, eta, 1.0 if m is None else m)
 
 
@@ -264,8 +268,8 @@ def penetration_depth(
     total reflection the depth is inf, and its derivative is returned as 0.
     Source: Born and Wolf, 7th ed., secs. 1.5.4 and 14.2.
     """
-    arguments = _structure(cos_theta_i, eta, k, eta_i)
-    _check_wavelength(wavelength_um, *arguments)
+    arguments = structure(cos_theta_i, eta, k, eta_i)
+    wavelength_um = _checked_wavelength(wavelength_um, *arguments)
     return _jit_penetration(wavelength_um, *arguments)
 
 
@@ -276,5 +280,6 @@ def absorption_depth(wavelength_um: ArrayLike, k: ArrayLike) -> Array:
     for k = 0. About .01 um for metals in the visible: they are opaque at a tenth of a micrometre.
     Source: Born and Wolf, 7th ed., sec. 14.1.
     """
-    _check_wavelength(wavelength_um, k)
-    return _depth(wavelength_um, k)
+    k = real(k, "k")
+    check_extinction(k)
+    return _depth(_checked_wavelength(wavelength_um, k), k)

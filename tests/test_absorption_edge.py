@@ -99,6 +99,37 @@ def test_random_oscillators_against_the_published_form(dtype):
             assert abs(found - mp.mpc(re, im)) <= allowed, (E, A, E_0, C, gap)
 
 
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("kind", ["narrow", "width near 2 E_j", "gap above"])
+def test_extreme_oscillators_stay_within_the_stated_bound(kind, dtype):
+    """The published form needs 80 digits here; the bound grows as the docstring says."""
+    random, eps = np.random.default_rng(4), np.finfo(dtype).eps
+    for _ in range(40):
+        c = {
+            "narrow": 10.0 ** random.uniform(-4, -1),
+            "width near 2 E_j": 2.0 - 10.0 ** random.uniform(-4, -1),
+            "gap above": random.uniform(0.1, 1.9),
+        }[kind]
+        g = random.uniform(1.0, 2.0) if kind == "gap above" else random.uniform(0.0, 1.0)
+        E_0 = random.uniform(0.5, 8.0)
+        E = E_0 * 10.0 ** random.uniform(-0.5, 0.5)
+        numbers = [float(dtype(x)) for x in (10.0 ** random.uniform(0, 2.3), E_0, c * E_0, g * E_0)]
+        A, E_0, C, gap = numbers
+        wavelength = dtype(HC_EV_UM / E)
+        eta, k = TaucLorentz(*(jnp.asarray(x, dtype) for x in numbers))(wavelength)
+        with mp.workdps(80):
+            energy = mp.mpf(HC_EV_UM) / mp.mpf(float(wavelength))
+            true = mp.mpc(
+                1 + published(energy, A, E_0, C, gap),
+                imaginary_part(energy, *map(mp.mpf, numbers)),
+            )
+            found = mp.mpc(float(eta), float(k)) ** 2
+            near_2 = E_0 / mp.sqrt(4 * mp.mpf(E_0) ** 2 - mp.mpf(C) ** 2)
+            factor = (1 + E_0 / C + near_2) * (10 if gap > E_0 else 1)
+            bound = BOUND * factor * max(1, abs(true)) * eps
+            assert abs(found - true) <= bound, (E, *numbers)
+
+
 def test_gap_is_exact_and_smooth():
     model = TaucLorentz([100.0, 30.0], [4.0, 7.0], [1.5, 2.0], 2.0, 1.2)
     energies = jnp.array([0.5, 1.0, 1.999, 2.0, 2.001, 5.0])

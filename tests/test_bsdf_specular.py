@@ -87,7 +87,7 @@ def test_samples_agree_with_the_table(name, mode):
     assert np.all(sample.specular)
 
 
-def test_thin_slab_sums_each_polarisation_apart():
+def test_thin_slab_sums_each_polarization_apart():
     with open(REFERENCE / "golden_dielectric.csv", newline="") as file:
         columns = ("eta", "cos_i", "thin_unpol", "thin_sp")
         rows = [

@@ -82,7 +82,9 @@ def test_three_classes_by_one_routine():
     assert abs(R["BK7"] - 0.042) < 0.0005
     assert 0.75 < R["gold"] < 0.85 and R["silver"] > 0.97
     assert abs(R["silicon"] - 0.37) < 0.01 and abs(R["germanium"] - 0.52) < 0.02
-    assert set(materials.names("semiconductor")) == {"silicon", "germanium", "GaAs", "SiC"}
+    assert set(materials.names("semiconductor")) == {
+        "silicon", "silicon infrared", "germanium", "germanium infrared", "GaAs", "SiC", "ZnSe",
+    }  # fmt: skip
     kinds = [set(materials.names(k)) for k in ("dielectric", "conductor", "semiconductor")]
     assert sum(map(len, kinds)) == len(set.union(*kinds)) == len(materials.names())
 
@@ -217,6 +219,38 @@ def test_formulas_agree_with_reference_tables(measured_files, name, table):
     np.testing.assert_allclose(model(wavelength).eta, n, atol=8e-6)
 
 
+@pytest.mark.parametrize(
+    "name, wavelength_um, n",
+    [
+        # the catalogues' index at the helium d line
+        ("SF10", 0.5875618, 1.72825),
+        ("BaF10", 0.5875618, 1.67003),
+        ("LaSF9", 0.5875618, 1.85025),
+        # tables of the papers named, as data sheets of infrared optics print them
+        ("ZnSe", 10.6, 2.4028),
+        ("silicon infrared", 4.0, 3.4255),
+        ("germanium infrared", 10.6, 4.0038),
+    ],
+)
+def test_printed_indices_of_glasses_and_infrared_optics(name, wavelength_um, n):
+    tolerance = 6e-6 if wavelength_um < 1 else 1e-3
+    assert float(material(name)(wavelength_um).eta) == pytest.approx(n, abs=tolerance)
+
+
+def test_silicon_of_both_ranges_agrees_where_they_overlap():
+    wavelength = np.linspace(1.36, 1.45, 10)
+    visible, infrared = material("silicon")(wavelength), material("silicon infrared")(wavelength)
+    np.testing.assert_allclose(visible.eta, infrared.eta, atol=0.005)
+
+
+def test_brass_is_yellow():
+    """Blue is absorbed, and the table ends where the publication's is cut."""
+    blue, red = (float(reflectance(1.0, *material("brass")(x))) for x in (0.45, 0.65))
+    assert blue < 0.5 < 0.85 < red
+    with pytest.raises(ValueError, match="brass"):
+        material("brass")(1.1)
+
+
 RAKIC = dict(
     zip(
         ("Ag", "Au", "Cu", "Al", "Be", "Cr", "Ni", "Pd", "Pt", "Ti", "W"),
@@ -249,6 +283,7 @@ def test_brendel_bormann_metals_agree_with_reference_tables(measured_files, symb
         ("copper", "Cu_Johnson"),
         ("silicon", "Si_Green-2008"),
         ("germanium", "Ge_Aspnes"),
+        ("iron", "Fe_Johnson"),
     ],
 )
 def test_tables_are_the_published_ones(measured_files, name, table):

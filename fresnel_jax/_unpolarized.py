@@ -1,4 +1,4 @@
-"""Power reflectance of one boundary for unpolarised light, with its derivatives in closed form.
+"""Power reflectance of one boundary for unpolarized light, with its derivatives in closed form.
 
 With the quantities of `_boundary`, C = m c, sigma = m^2 s^2 and X = C Q + sigma,
 
@@ -35,19 +35,19 @@ from ._arithmetic import (
     times,
     two_product,
 )
-from ._boundary import lossless_sums, unsigned
+from ._boundary import lossless_sums, unsigned, within_one
 from ._powers import _along, contrast_over_s2
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(4,))
-def unpolarised_kernel(c, n, k, m, compensated=True):
+def unpolarized_kernel(c, n, k, m, compensated=True):
     """R, for c, n, k, m as `boundary` takes them; the sign of c is ignored.
 
     Without `compensated` Re Q^2 is summed plainly: the error of R is then up to 24 eps m / (c |Q|)
     near the critical angle (at most 40 sqrt(eps) / c; for |N| < m both times (m / |N|)^2) and the
     same elsewhere, at .6 of the cost.
     """
-    c = jnp.abs(c)
+    c = within_one(c)
     re_q2 = lossless_sums(c, n, m, exactly=False)[0] if compensated else _re_q2_plain(c, n, m)
     p = _Parts(c, n, k, m, _root(re_q2, n, k, complex_sqrt))
     return _reflected(p, reciprocal_or_zero(p.s2), p.u / one_if_zero(p.x2))
@@ -131,7 +131,7 @@ def _reflected(p: _Parts, per_s2, u_per_x2):
     return jnp.where((p.q[0] == 0.0) & contrast, 1.0, jnp.minimum(R, 1.0))
 
 
-def _unpolarised_jvp(compensated, primals, tangents):
+def _unpolarized_jvp(compensated, primals, tangents):
     (c, sign), n, k, m = unsigned(primals[0]), *primals[1:]
     re_q2 = lossless_sums(c, n, m, exactly=True)[0] if compensated else _re_q2_plain(c, n, m)
     p = _Parts(c, n, k, m, _root(re_q2, n, k, shared_sqrt))
@@ -187,4 +187,4 @@ def _turned(p: _Parts, q: Complex) -> Complex:
     )
 
 
-unpolarised_kernel.defjvp(_unpolarised_jvp, symbolic_zeros=True)
+unpolarized_kernel.defjvp(_unpolarized_jvp, symbolic_zeros=True)

@@ -1,4 +1,4 @@
-"""The command `python -m fresnel_jax.scene`."""
+"""The command `python -m examples.advisor`."""
 
 import argparse
 import importlib.util
@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .scene import FORMS, Advice, Scene, advise, measured
+from . import FORMS, Advice, Scene, advise, measured
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        "python -m fresnel_jax.scene", description="Which simplifications are safe in this scene?"
+        "python -m examples.advisor", description="Which simplifications are safe in this scene?"
     )
     parser.add_argument(
         "material",
@@ -49,9 +49,9 @@ def _save_plot(advice: Advice, path: str):
     figure = Figure(figsize=(8.0, 0.8 + 0.33 * len(labels)), layout="constrained")
     axis = figure.subplots()
     smallest = 1e-8
-    for light, marker, colour in (("polarised", "o", "#0072B2"), ("unpolarised", "D", "#D55E00")):
+    for light, marker, colour in (("polarized", "o", "#0072B2"), ("unpolarized", "D", "#D55E00")):
         errors = [getattr(advice.findings[x], light).error for x in labels]
-        label = "unpolarised R" if light == "unpolarised" else "R_s and R_p"
+        label = "unpolarized R" if light == "unpolarized" else "R_s and R_p"
         axis.plot(np.maximum(errors, smallest), labels, marker, color=colour, label=label)
     axis.axvline(advice.scene.accuracy, color="black", linestyle="--", label="accuracy wanted")
     axis.set_xscale("log")
@@ -86,6 +86,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if given.plot:
             _save_plot(advice, given.plot)
     except (ValueError, OSError) as error:
-        print(f"fresnel_jax.scene: {error}", file=sys.stderr)
+        print(f"examples.advisor: {error}", file=sys.stderr)
         return 2
     return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

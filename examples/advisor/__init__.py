@@ -1,6 +1,6 @@
 """Which simplifications are safe in a scene? The largest error of each, and the cheapest.
 
-    python -m fresnel_jax.scene gold aluminium --wavelength-um 0.38 0.78 --accuracy 0.01
+    python -m examples.advisor gold aluminium --wavelength-um 0.38 0.78 --accuracy 0.01
 
     advice = advise(Scene({"pane": "window glass"}, wavelength_um=(0.4, 0.7), accuracy=1e-3))
     print(advice.table())
@@ -8,12 +8,13 @@
 A scene is boundaries between one medium that light comes from and one or more materials, a range of
 wavelengths, a range of angles and the accuracy wanted of R. Against R_s and R_p by `powers` at
 every wavelength, in float64, these simplifications are held, one at a time and combined:
-unpolarised R; one wavelength, or three bands, for the spectrum; k = 0; the value at normal
-incidence; each approximation of `approximate`; float32. fresnel_jax has no layers, so that coherent
-or incoherent slabs are not among them.
+unpolarized R; one wavelength, or three bands, for the spectrum; k = 0; the value at normal
+incidence; each approximation of `approximate`; float32. Slabs and films are not among them.
 
-Errors are absolute, found on a dense grid and then by refinement (`_scene_search`). That of float32
-contains the rounding of the arguments, and is the largest of some 20 000 evaluations, not a bound.
+Errors are absolute, and upper bounds: the largest of a dense grid and its refinement (`search`), a
+hundredth more for what they miss, and the rounding of the precision. That of float32 is the largest
+error at the corners of the box that rounding makes of (cos, eta, k, eta_i), and of the arithmetic.
+tests/test_advisor.py holds random scenes against brute force.
 """
 
 import dataclasses
@@ -24,13 +25,11 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from ._scene_boundary import BANDS, LIGHT, Boundary
-from ._scene_boundary import Model as Model
-from ._scene_boundary import Worst as Worst
-from ._scene_forms import EXACT, FORMS, Form
-from ._scene_forms import measured as measured
-
-_ROUNDING = 7e-15  # two exact forms, each within 12 eps, agree to this: shown as 0
+from .boundary import BANDS, LIGHT, Boundary
+from .boundary import Model as Model
+from .boundary import Worst as Worst
+from .forms import EXACT, FORMS, Form
+from .forms import measured as measured
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,13 +76,13 @@ class Scene:
 class Finding(NamedTuple):
     """A model, its cost relative to `Model()`, and its largest error of R_s and R_p, and of R.
 
-    `polarised` or `unpolarised` is None in `Advice.cheapest`, where only the other was looked for.
+    `polarized` or `unpolarized` is None in `Advice.cheapest`, where only the other was looked for.
     """
 
     model: Model
     cost: float
-    polarised: Worst | None
-    unpolarised: Worst | None
+    polarized: Worst | None
+    unpolarized: Worst | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,25 +94,52 @@ class Advice:
     cheapest: dict[str, Finding]
 
     def table(self) -> str:
-        """Text for a terminal, at most 100 columns wide; * marks errors within the accuracy."""
+        """Text for a terminal, at most 110 columns wide."""
         scene = self.scene
         lines = [
-            f"{', '.join(scene.materials)}; {_range(scene.wavelength_um)} um, "
-            f"{_range(scene.angle_deg)} degrees; accuracy of R wanted: {scene.accuracy:g}",
+            f"{', '.join(scene.materials)}; wavelengths {_range(scene.wavelength_um)} um, "
+            f"angles {_range(scene.angle_deg)} degrees from the normal",
+            f"accuracy wanted of the reflectance R (a fraction, 0 to 1): {scene.accuracy:g}",
             "",
-            f"{'largest error of R, by':23}{'s and p, at':33}{'unpolarised, at':33}{'cost':>8}",
+            "Each simplification alone: upper bound of the absolute error of R, and where it is",
+            "largest; computing time relative to the exact form. * : within the accuracy wanted.",
+            "",
+            f"{'simplification':23}{'error of R_s and R_p':33}"
+            f"{'error of unpolarized R':33}{'time':>8}",
         ]
         for label, found in self.findings.items():
-            worst = (found.polarised, found.unpolarised)
+            worst = (found.polarized, found.unpolarized)
             cells = (_cell(x, scene) for x in worst if x is not None)
             lines.append(f"{label:23}{''.join(f'{x:33}' for x in cells)}{found.cost:8.2g}")
-        lines += ["", f"Cost: relative to {EXACT}; float64 at {scene.samples} wavelengths."]
+        lines += ["", f"Time 1: {EXACT}, float64, at {scene.samples} wavelengths."]
         for light, found in self.cheapest.items():
-            worst = found.polarised or found.unpolarised
-            error = 0.0 if worst is None else worst.error
-            text = f"{found.model}: error {error:.2g}, cost {found.cost:.2g}"
-            lines.append(f"Cheapest for {light} light:  {text}")
+            worst = found.polarized or found.unpolarized
+            error = 0.0 if worst is None else worst.bound
+            lines += [
+                "",
+                f"Fastest within the accuracy, for {light}: {found.model}",
+                f"  error at most {error:.2g}, time {found.cost:.2g}",
+                f"  {_call(found.model)}",
+            ]
         return "\n".join(lines)
+
+
+def _call(model: Model) -> str:
+    """The line of Python to copy."""
+    k = "" if "k = 0" in model.form else ", k"
+    name, _, degree = model.form.partition(", degree ")
+    if model.form in ("exact, s and p", "k = 0, s and p"):
+        call = f"fresnel_jax.powers(cos_theta, eta{k or ', 0.0'}, eta_i=eta_i)"
+    elif model.form in ("exact, unpolarized", "k = 0"):
+        call = f"fresnel_jax.reflectance(cos_theta, eta{k or ', 0.0'}, eta_i=eta_i)"
+    elif name == "normal incidence":
+        call = "fresnel_jax.approximate.normal_reflectance(eta, k, eta_i)"
+    else:
+        more = f", degree={degree}" if degree else ""
+        call = f"fresnel_jax.approximate.{name}(cos_theta, eta, k, eta_i{more})"
+    bands = {0: "eta, k at each wavelength", 1: "eta, k at the middle of the range"}
+    where = bands.get(model.bands, f"eta, k at the middle of each of {model.bands} equal bands")
+    return f"{call}  # {where}, in {model.dtype}"
 
 
 def _range(ends):
@@ -121,20 +147,26 @@ def _range(ends):
 
 
 def _cell(worst: Worst, scene: Scene) -> str:
-    mark = "*" if worst.error <= scene.accuracy else ""
-    if worst.error <= _ROUNDING:
-        return f"0{mark}"
+    mark = "*" if worst.bound <= scene.accuracy else ""
+    if worst.error < 7e-15:
+        return f"none{mark}"
     name = f"{worst.material[:9]} " if len(scene.materials) > 1 else ""
-    number = f"{worst.error:.2g}{mark}"
+    number = f"{_rounded_up(worst.bound)}{mark}"
     return f"{number:9}{name}{worst.wavelength_um:.4g} um {worst.angle_deg:.4g}"
+
+
+def _rounded_up(x: float) -> str:
+    """Two digits, not below x."""
+    decade = 10.0 ** (np.floor(np.log10(x)) - 1.0)
+    return f"{np.ceil(x / decade) * decade:.2g}"
 
 
 def _worst(boundaries, model, light, enough=np.inf) -> Worst:
     worst = None
     for boundary in boundaries:
-        found = boundary.worst(model, light, enough)
+        found = boundary.worst(model, light, enough / 1.01)
         worst = found if worst is None else max(worst, found)
-        if worst.error > enough:
+        if worst.bound > enough:
             break
     assert worst is not None  # a scene has materials
     return worst
@@ -149,7 +181,7 @@ def advise(scene: Scene, forms: Mapping[str, Form] = FORMS) -> Advice:
 
     Returns:
         `Advice`: `findings` by simplification, each alone against the exact model, and `cheapest`
-        by light ("s and p", "unpolarised"): of all forms combined with spectrum, three bands or one
+        by light ("s and p", "unpolarized"): of all forms combined with spectrum, three bands or one
         wavelength, and float64 or float32, the one of least cost whose error is within the
         accuracy. That error is found as such, not added up. The wavelength in the middle of a band
         stands for the band.
@@ -164,7 +196,7 @@ def advise(scene: Scene, forms: Mapping[str, Form] = FORMS) -> Advice:
 
     low, high = scene.wavelength_um
     bands = (0,) if low == high else tuple(BANDS)
-    alone = {"unpolarised": Model("exact, unpolarised")}
+    alone = {"unpolarized": Model("exact, unpolarized")}
     alone |= {BANDS[x]: Model(bands=x) for x in bands if x}
     alone |= {"k = 0": Model("k = 0, s and p"), "float32": Model(dtype="float32")}
     alone |= {name: Model(name) for name in list(forms)[4:]}
@@ -182,14 +214,8 @@ def advise(scene: Scene, forms: Mapping[str, Form] = FORMS) -> Advice:
         for light in LIGHT:
             for model in sorted(models, key=cost):
                 worst = _worst(boundaries, model, light, scene.accuracy)
-                if worst.error <= scene.accuracy:
+                if worst.bound <= scene.accuracy:
                     both = (worst, None) if light == LIGHT[0] else (None, worst)
                     cheapest[light] = Finding(model, cost(model), *both)
                     break
     return Advice(scene, findings, cheapest)
-
-
-if __name__ == "__main__":
-    from ._scene_command import main
-
-    raise SystemExit(main())

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from . import dispersion
-from ._scene_forms import EXACT, Form
-from ._scene_search import (
+from fresnel_jax import dispersion
+
+from .forms import EXACT, Form
+from .search import (
     FROM_SPECIAL,
     Place,
     angle_grid,
@@ -20,9 +21,24 @@ from ._scene_search import (
 )
 
 BANDS = {0: "spectrum", 1: "one wavelength", 3: "three bands"}
-LIGHT = ("s and p", "unpolarised")
+LIGHT = ("s and p", "unpolarized")
 # Arguments of one shape: one compiled program per form and dtype, and per material.
 _CHUNK, _WAVELENGTH_CHUNK = 4096, 512
+# Of an exact form in float64, within 8 eps, and of the reference that it is compared with.
+_ROUNDING_64 = 7e-15
+# Float32, in half eps: one for the cosine and each index (two where eta_i is rounded as well: only
+# quotients count), then the arithmetic. R is monotonic over so small a box, whose corners hold its
+# extremes.
+_EPS_32 = float(np.finfo(np.float32).eps)
+_CORNERS = {
+    "float64": [(0.0, 0.0, 0.0)],
+    "float32": [
+        (0.5 * c * _EPS_32, 0.5 * n * _EPS_32, 0.5 * k * _EPS_32)
+        for c, n, k in itertools.product((-1.0, 1.0), repeat=3)
+    ],
+}
+_ARITHMETIC = {"float64": 0.0, "float32": 8.0 * _EPS_32}
+_POLYNOMIAL_ARITHMETIC = 64.0 * _EPS_32  # Clenshaw's sums; measured: 20
 
 
 class Model(NamedTuple):
@@ -37,12 +53,17 @@ class Model(NamedTuple):
 
 
 class Worst(NamedTuple):
-    """A largest error of R and where it is."""
+    """The largest error of R that was found, and where it is."""
 
     error: float
     material: str
     wavelength_um: float
     angle_deg: float
+
+    @property
+    def bound(self) -> float:
+        """What no error exceeds: the search may miss a hundredth of the highest peak."""
+        return 1.01 * self.error + _ROUNDING_64
 
 
 def _evaluated(given: Any, name: str) -> tuple[Callable, np.ndarray]:
@@ -113,12 +134,12 @@ class Boundary:
             raise ValueError("eta_i has k > 0; the medium that light comes from must be lossless")
         return eta, k, eta_i
 
-    def evaluate(self, form: str, dtype: str, cosines, media) -> np.ndarray:
+    def evaluate(self, form: str, cosines, media) -> np.ndarray:
         """R_s and R_p in float64, of shape (2, ...)."""
         arrays = np.broadcast_arrays(cosines, *media)
         flat = np.stack([x.ravel() for x in arrays])
         size = flat.shape[1]
-        flat = np.pad(flat, ((0, 0), (0, -size % _CHUNK)), mode="edge").astype(dtype)
+        flat = np.pad(flat, ((0, 0), (0, -size % _CHUNK)), mode="edge")
         parts = [
             np.asarray(self.forms[form].function(*map(jnp.asarray, piece)), float)
             for piece in np.split(flat, flat.shape[1] // _CHUNK, axis=1)
@@ -131,7 +152,7 @@ class Boundary:
         if key in self._grids:
             return self._grids[key]
         media = self.media(wavelength)
-        result = media, self.evaluate(EXACT, "float64", cosine(angle), media)
+        result = media, self.evaluate(EXACT, cosine(angle), media)
         if angle.ndim == 2:
             self._grids[key] = result
         return result
@@ -140,6 +161,9 @@ class Boundary:
         """The largest error; the search ends early with the first that exceeds `enough`."""
         low, high = self.wavelength_um
         edges = np.linspace(low, high, max(model.bands, 1) + 1)
+        arithmetic = _ARITHMETIC[model.dtype]
+        if model.form.startswith("polynomial") and model.dtype == "float32":
+            arithmetic = _POLYNOMIAL_ARITHMETIC
         best = Place(0.0, low, self.angle_deg[0])
         for band in itertools.pairwise(edges):
             centre = np.array([[sum(band) / 2.0]])
@@ -148,9 +172,17 @@ class Boundary:
             def difference(wavelength, angle, representative=representative):
                 media, true = self.exact(wavelength, angle)
                 used = representative or media
-                errors = self.evaluate(model.form, model.dtype, cosine(angle), used) - true
-                errors = errors if light == LIGHT[0] else np.mean(errors, axis=0, keepdims=True)
-                return np.max(np.abs(errors), axis=0)
+                eta, k, eta_i = used
+                roundings = 1.0 if (np.float32(eta_i) == eta_i).all() else 2.0
+                largest_error = np.zeros(true.shape[1:])
+                for by_c, by_n, by_k in _CORNERS[model.dtype]:
+                    by_n, by_k = roundings * by_n, roundings * by_k
+                    corner = eta * (1.0 + by_n), k * (1.0 + by_k), eta_i
+                    c = np.minimum(cosine(angle) * (1.0 + by_c), 1.0)
+                    errors = self.evaluate(model.form, c, corner) - true
+                    errors = errors if light == LIGHT[0] else np.mean(errors, axis=0, keepdims=True)
+                    largest_error = np.maximum(largest_error, np.max(np.abs(errors), axis=0))
+                return largest_error + arithmetic
 
             wavelengths = wavelength_grid(*band, self.knots)
             both = [self.media(wavelengths)] + [self.media(centre[0])] * (model.bands > 0)

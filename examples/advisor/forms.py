@@ -1,6 +1,6 @@
 """The models of one boundary that a scene may choose from, and what each costs.
 
-A form maps (cos, eta, k, eta_i) to (R_s, R_p). All but the first two know unpolarised light only
+A form maps (cos, eta, k, eta_i) to (R_s, R_p). All but the first two know unpolarized light only
 and return its R twice.
 """
 
@@ -13,16 +13,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from . import approximate
-from .interface import powers, reflectance
+from fresnel_jax import approximate, powers, reflectance
 
 
 class Form(NamedTuple):
-    """`polarised`: tells s from p; `costs`: time relative to `EXACT` in float64, by dtype."""
+    """`polarized`: tells s from p; `costs`: time relative to `EXACT` in float64, by dtype."""
 
     name: str
     function: Callable
-    polarised: bool
+    polarized: bool
     costs: dict[str, float]
 
 
@@ -34,11 +33,11 @@ def _without_k(c, eta, k, eta_i):
     return powers(c, eta, 0.0, eta_i)[:2]
 
 
-def _unpolarised(c, eta, k, eta_i):
+def _unpolarized(c, eta, k, eta_i):
     return (reflectance(c, eta, k, eta_i),) * 2
 
 
-def _unpolarised_without_k(c, eta, k, eta_i):
+def _unpolarized_without_k(c, eta, k, eta_i):
     return (reflectance(c, eta, 0.0, eta_i),) * 2
 
 
@@ -72,14 +71,14 @@ def _polynomial(degree):
 
 
 EXACT = "exact, s and p"
-# (float64, float32), by `python -m fresnel_jax.scene gold --measure` on 2 cores of an AMD EPYC
+# (float64, float32), by `python -m examples.advisor gold --measure` on 2 cores of an AMD EPYC
 # (family 25, model 17), jax 0.10.2, 2026-11-21: median ratios of 15 interleaved rounds, 1e5 angles
 # of one material. The machine was busy: trust them to a third. Approximations include the way
 # from the thin side below.
 _COSTS = {
     EXACT: (1.0, 0.59),
     "k = 0, s and p": (0.79, 0.41),
-    "exact, unpolarised": (0.51, 0.31),
+    "exact, unpolarized": (0.51, 0.31),
     "k = 0": (0.33, 0.17),
     "normal incidence": (0.02, 0.01),
     "schlick": (0.06, 0.03),
@@ -93,8 +92,8 @@ _COSTS = {
 _FUNCTIONS = (
     _exact,
     _without_k,
-    _unpolarised,
-    _unpolarised_without_k,
+    _unpolarized,
+    _unpolarized_without_k,
     _at_normal,
     _from_the_thin_side(approximate.schlick),
     _from_the_thin_side(approximate.large_index),
@@ -122,7 +121,7 @@ def measured(angles: int = 100_000, rounds: int = 15) -> dict[str, Form]:
             cosines = jnp.asarray(random.uniform(0.01, 1.0, angles), dtype)
             material = [jnp.asarray(x, dtype) for x in (1.5, 3.0, 1.0)]
             for name, form in FORMS.items():
-                call = jax.jit(form.function if form.polarised else _only(form.function))
+                call = jax.jit(form.function if form.polarized else _only(form.function))
                 jax.block_until_ready(call(cosines, *material))
                 calls[name, dtype] = functools.partial(call, cosines, *material)
         ratios = {key: [] for key in calls}

@@ -18,7 +18,7 @@ _ANGLES = 181
 _DECADES = 10.0 ** np.arange(-7.0, 0.6, 0.5)  # degrees from a special angle
 # distances from a special wavelength, as parts of the range of wavelengths
 FROM_SPECIAL = 0.1 * np.concatenate([-_DECADES, [0.0], _DECADES])
-_BLOCKS = (4, 8)  # the best cell of each block of the grid is refined
+_BLOCKS = (8, 12)  # the best cell of each block of the grid is refined
 _SAMPLES = 9  # per axis and round
 _ROUNDS_BEFORE, _ROUNDS = 4, 24
 _NARROWING = 3.0  # of a cell per round: to 1e-8 of a cell of the grid

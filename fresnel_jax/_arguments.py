@@ -1,0 +1,147 @@
+"""The arguments of one boundary at the border: what is refused by name, what selects a program."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+# No rounding of a dot product of unit vectors, in float32 or coarser, comes this far above 1.
+_LARGEST_COSINE = 1.001
+# Of a NumPy array so many values are looked at, evenly spaced: 5 us, whatever its size.
+_LOOKED_AT = 1024
+_HALF = ("float16", "bfloat16")
+
+
+def structure(cos_theta_i, eta, k, eta_i):
+    """The arguments with an exact Python 0 for k, or 1 for eta_i, replaced by None.
+
+    None is structure, not a value: the program for lossless media or for light from vacuum leaves
+    out what they do not need. A complex eta is taken apart here. Values are refused only where they
+    are known without waiting for a device: Python numbers and NumPy arrays.
+    """
+    cos_theta_i, eta, k, eta_i = (
+        real_or_complex(x, name)
+        for x, name in ((cos_theta_i, "cos_theta_i"), (eta, "eta"), (k, "k"), (eta_i, "eta_i"))
+    )
+    shapes = [jnp.shape(x) for x in (cos_theta_i, eta, k, eta_i)]
+    try:
+        jnp.broadcast_shapes(*shapes)
+    except ValueError:
+        raise ValueError(
+            "the shapes of cos_theta_i, eta, k and eta_i, "
+            f"{', '.join(map(str, shapes))}, do not broadcast to one shape; "
+            "add axes of length 1 so that they do, e.g. eta[:, None]"
+        ) from None
+    if jnp.iscomplexobj(eta):
+        if not is_exactly(k, 0):
+            raise ValueError("a complex eta already contains k; leave the argument k out")
+        eta, k = (np if _known(eta) else jnp).real(eta), (np if _known(eta) else jnp).imag(eta)
+    if jnp.iscomplexobj(eta_i):
+        raise ValueError(
+            "eta_i is complex, a real number is wanted; only eta may be complex. Between two "
+            "absorbing media R and T are no separate powers; fresnel_complex(cos, eta / eta_i) is "
+            "the R of the relative index"
+        )
+    for name, value in (("cos_theta_i", cos_theta_i), ("k", k)):
+        if jnp.iscomplexobj(value):
+            raise ValueError(f"{name} is complex, a real number is wanted; only eta may be complex")
+    check_cosine(cos_theta_i)
+    check_extinction(k)
+    k = None if is_exactly(k, 0) else k
+    eta_i = None if is_exactly(eta_i, 1) else eta_i
+    return cos_theta_i, eta, k, eta_i
+
+
+def is_exactly(value, number: int) -> bool:
+    # Not a NumPy scalar, whose dtype counts.
+    return type(value) in (int, float) and value == number
+
+
+def real_or_complex(value, name: str) -> Any:
+    """The value, a list or tuple as an array; ValueError, with the name, for other types."""
+    if type(value) in (float, int, complex):
+        return value
+    if not isinstance(value, jax.Array | np.ndarray | np.generic):
+        # a list of jax's own numbers, traced ones among them, only jax can join
+        join = jnp.asarray if _holds_jax_arrays(value) else np.asarray
+        try:
+            value = join(value)
+        except (TypeError, ValueError):
+            raise ValueError(f"{name} is {value!r:.60}; wanted an array of numbers") from None
+    dtype = value.dtype
+    if not (jnp.issubdtype(dtype, jnp.number) or dtype.name == "bool"):
+        raise ValueError(f"{name} is {value!r:.60}; wanted a number or an array of numbers")
+    if dtype.name in _HALF:
+        raise ValueError(
+            f"{name} is {dtype.name}, which holds too few digits of a reflectance; "
+            f"wanted float32 or float64: {name}.astype('float32')"
+        )
+    return value
+
+
+def _holds_jax_arrays(values) -> bool:
+    return any(isinstance(x, jax.Array) for x in jax.tree.leaves(values))
+
+
+def _known(value) -> bool:
+    return isinstance(value, int | float | complex | np.ndarray | np.generic)
+
+
+def _some_values(value) -> np.ndarray:
+    flat = np.asarray(value).reshape(-1)
+    return flat[:: max(1, flat.size // _LOOKED_AT)]
+
+
+def check_cosine(cosine, name: str = "cos_theta_i"):
+    """ValueError for a known cosine beyond what rounding makes of 1."""
+    if type(cosine) in (float, int):
+        largest = abs(cosine)
+    elif _known(cosine) and np.size(cosine):
+        some = _some_values(cosine)
+        largest = max(float(some.max()), -float(some.min()))  # NaN is let through
+    else:
+        return
+    if largest > _LARGEST_COSINE:
+        raise ValueError(
+            f"{name} is {largest:g}, which is no cosine; wanted a number in [-1, 1]. "
+            "If it is an angle in degrees: jnp.cos(jnp.deg2rad(angle))"
+        )
+
+
+def check_extinction(k, name: str = "k"):
+    """ValueError for a known k < 0."""
+    if type(k) in (float, int):
+        smallest = k
+    elif _known(k) and np.size(k):
+        smallest = float(_some_values(k).min())
+    else:
+        return
+    if smallest < 0:
+        raise ValueError(
+            f"{name} is {smallest:g}; wanted k >= 0. With the time dependence exp(-i w t) of this "
+            "library eta + ik absorbs; conjugate an index that is written eta - ik"
+        )
+
+
+def real(value, name: str) -> Any:
+    """`real_or_complex` without the complex."""
+    value = real_or_complex(value, name)
+    if jnp.iscomplexobj(value):
+        raise ValueError(f"{name} is complex, a real number is wanted")
+    return value
+
+
+def named_floats(**arguments) -> tuple[Array, ...]:
+    """The arguments as arrays of one floating-point type; wrong ones are refused by their name."""
+    taken = [real(value, name) for name, value in arguments.items()]
+    dtype = jnp.result_type(*taken, 1.0)
+    return tuple(jnp.asarray(x, dtype) for x in taken)
+
+
+def as_floats(cos_theta_i, eta, k, eta_i) -> tuple[Any, ...]:
+    """The arguments as arrays of one floating-point type; None stays None."""
+    given = [x for x in (cos_theta_i, eta, k, eta_i) if x is not None]
+    dtype = jnp.result_type(*given, 1.0)
+    return tuple(None if x is None else jnp.asarray(x, dtype) for x in (cos_theta_i, eta, k, eta_i))

@@ -1,0 +1,54 @@
+"""What `import fresnel_jax` gives, and what it costs."""
+
+import importlib.metadata
+import subprocess
+import sys
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import fresnel_jax
+
+FILES = Path(fresnel_jax.__file__).parent.glob("[a-z]*.py")
+# the parts of `bsdf` are exported by it
+SUBMODULES = sorted(path.stem for path in FILES if not path.stem.startswith("bsdf_"))
+
+
+def in_a_new_process(code: str) -> str:
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout
+
+
+def test_every_submodule_is_an_attribute():
+    assert set(SUBMODULES) == set(fresnel_jax._SUBMODULES)
+    calls = "; ".join(f"fresnel_jax.{name}" for name in SUBMODULES)
+    in_a_new_process(f"import fresnel_jax; {calls}")
+    assert set(SUBMODULES) <= set(dir(fresnel_jax))
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = fresnel_jax.nothing
+
+
+def test_the_import_brings_no_more_than_it_needs():
+    loaded = in_a_new_process("import fresnel_jax, sys; print(*sys.modules)").split()
+    for name in ("optimistix", "matplotlib", "pandas", "fitting", "fresnel_jax.bsdf",
+                 "fresnel_jax.dispersion", "fresnel_jax.polarization"):  # fmt: skip
+        assert name not in loaded
+
+
+def test_version_names_and_types():
+    assert fresnel_jax.__version__ == importlib.metadata.version("fresnel-jax")
+    assert all(hasattr(fresnel_jax, name) for name in fresnel_jax.__all__)
+    assert (Path(fresnel_jax.__file__).parent / "py.typed").is_file()
+
+
+def test_a_fence_changes_nothing_but_the_program():
+    x = np.array([1.0, 1e-300, np.inf, -0.1])
+    np.testing.assert_array_equal(fresnel_jax.fenced(x), x)
+    assert fresnel_jax.fenced(np.float32(0.1)).dtype == np.float32
+    assert jax.grad(lambda y: jnp.sum(fresnel_jax.fenced(y) ** 2))(3.0) == 6.0
+    text = jax.jit(lambda y: jnp.sum(fresnel_jax.fenced(2.0 * y))).lower(jnp.ones(9)).as_text()
+    assert "reduce_precision" in text
