@@ -39,6 +39,24 @@ from ._spectral import Index as Index
 from ._spectral import evaluate_within, in_one_type, parameters
 from ._tabulated import Tabulated as Tabulated
 
+__all__ = [
+    "HC_EV_UM",
+    "BrendelBormann",
+    "Cauchy",
+    "CauchyUrbach",
+    "Constant",
+    "DispersionModel",
+    "DrudeLorentz",
+    "Index",
+    "Material",
+    "Sellmeier",
+    "Tabulated",
+    "TaucLorentz",
+    "drude",
+    "lorentz_drude",
+    "material",
+]
+
 
 class Material(DispersionModel):
     """A dispersion model with the range of wavelengths in which it is known, and a name.

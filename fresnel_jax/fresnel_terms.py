@@ -10,6 +10,12 @@ from jaxtyping import Array, ArrayLike
 from ._vectors import as_float
 from .interface import reflectance
 
+__all__ = [
+    "FresnelConductor",
+    "FresnelDielectric",
+    "FresnelNone",
+]
+
 
 class FresnelDielectric(eqx.Module):
     """Reflectance between two transparent media; the sign of the cosine picks the side.
