@@ -59,7 +59,7 @@ def figure(path: Path, width: float, height: float, **options: Any) -> Iterator[
     except ModuleNotFoundError:
         raise ModuleNotFoundError(
             "the examples draw with matplotlib, which is not installed: "
-            "pip install 'fresnel-jax[plot]'"
+            "pip install matplotlib"
         ) from None
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
