@@ -139,7 +139,7 @@ def study(curves: int, seed: int) -> dict[str, Any]:
             wrong = sum(int(c[1]) for c in cells.values())
             spent = time.perf_counter() - started
             print(f"{(number + 1) * A_GEOMETRY} curves, {wrong} wrong, {spent:.0f} s", flush=True)
-    rows = [
+    rows: list[dict[str, Any]] = [
         dict(zip(("data", "class", "lowest angle", "curves", "wrong", "failed", "open"),
                  (*cell, *map(int, counts)), strict=True))
         for cell, counts in sorted(cells.items())

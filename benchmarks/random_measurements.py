@@ -7,7 +7,7 @@ program: curves are filled up to `MOST_ANGLES` with gaps.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,7 +43,7 @@ class Batch(NamedTuple):
     noise: np.ndarray
     data: dict[str, np.ndarray]
 
-    def padded(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    def padded(self) -> tuple[np.ndarray, dict[str, Any]]:
         """Return angles (MOST_ANGLES,) and data with gaps after the last angle."""
         more = MOST_ANGLES - len(self.geometry.angles)
         angles = np.pad(self.geometry.angles, (0, more), mode="edge")
@@ -54,8 +54,10 @@ class Batch(NamedTuple):
 
     def take(self, pick: np.ndarray) -> Batch:
         """Return the curves of ``pick``."""
-        rest = (a[pick] for a in self[1:5])
-        return Batch(self.geometry, *rest, {name: v[pick] for name, v in self.data.items()})
+        return Batch(
+            self.geometry, self.eta[pick], self.k[pick], self.kind[pick], self.noise[pick],
+            {name: v[pick] for name, v in self.data.items()},
+        )  # fmt: skip
 
 
 def draw_geometry(rng: np.random.Generator, quantity: str | None = None) -> Geometry:
@@ -91,7 +93,7 @@ def textbook(angle_deg: np.ndarray, index: np.ndarray, eta_i: float = 1.0) -> di
     index = index / eta_i
     # The root with Im >= 0: the wave decays away from the boundary.
     q = np.sqrt(index**2 - (1.0 - cos_i**2) + 0j)
-    q = np.where(q.imag < 0.0, -q, q)
+    q = np.where(np.imag(q) < 0.0, -q, q)
     R_s = np.abs((cos_i - q) / (cos_i + q)) ** 2
     R_p = np.abs((index**2 * cos_i - q) / (index**2 * cos_i + q)) ** 2
     return {"R_s": R_s, "R_p": R_p, "R": 0.5 * (R_s + R_p)}

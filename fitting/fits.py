@@ -35,7 +35,7 @@ from fitting.starts import starts as start_points
 from fitting.stated_errors import with_common_error
 from fitting.uncertainty.intervals import check_intervals
 from fitting.unknowns import check_quantities, index_outside, spectrum_of, unknowns
-from fitting.wavelengths import fit_wavelengths
+from fitting.wavelengths import check_wavelengths, fit_wavelengths, stacked
 from fitting.widening import widened
 
 
@@ -145,10 +145,17 @@ def _general(
 ) -> Fit:
     """Return the fit of a general sample, with its stated errors or one factor on them."""
     waves = np.unique(np.concatenate([m.wavelength_um for m in measurements]))
-    plain = asked.loss == "squares" and not settings.names and begin == (None, None)
-    if sample.by_wavelength and (len(waves) > 1 or plain):
-        return fit_wavelengths(concatenate(*measurements), sample, settings, asked)
-    return _shared(measurements, sample, settings, asked, begin)
+    # The noise of a robust loss or a prior is found in rounds, which lanes do not share.
+    plain = asked.loss == "squares" and not settings.priors and begin == (None, None)
+    if not sample.by_wavelength or (len(waves) == 1 and (settings.names or not plain)):
+        return _shared(measurements, sample, settings, asked, begin)
+    joined = concatenate(*measurements)
+    check_wavelengths(joined, settings)
+    if plain:
+        return fit_wavelengths(joined, sample, settings, asked)
+    parts = [joined.where(joined.wavelength_um == w) for w in waves]
+    each = [_shared([part], sample, settings, asked, begin) for part in parts]
+    return stacked(each, joined, missing_errors([joined], asked.errors))
 
 
 def fit(

@@ -66,9 +66,9 @@ def misses_its_noise(
     which is then an upper bound: what bends within three points counts as noise.
     """
     each = [neighbour_noise(position, value) for value in values]
-    triples = sum(noise.triples for noise in each)
+    triples = np.sum([noise.triples for noise in each], axis=0)
     with np.errstate(all="ignore"):
-        squares = sum(np.nan_to_num(noise.sigma) ** 2 * noise.triples for noise in each)
+        squares = np.sum([np.nan_to_num(n.sigma) ** 2 * n.triples for n in each], axis=0)
         sigma = np.sqrt(squares / triples)
-        count = sum(np.isfinite(value).sum(1) for value in values)
+        count = np.sum([np.isfinite(value).sum(1) for value in values], axis=0)
         return rms > np.maximum(_ratio(count, triples), _LEAST_RATIO) * sigma

@@ -48,7 +48,9 @@ def error_model_of(fit: Solving, end: End) -> ErrorModel:
     """Return what was taken for the errors of the data."""
     taken = fit.asked.errors
     if taken != "stated":
-        taken = "scaled" if fit.seen.stated else "equal"
+        # Without a degree of freedom stated errors are all there is to go by.
+        alone = "scaled" if fit.dof else "stated"
+        taken = alone if fit.seen.stated else "equal"
     with np.errstate(invalid="ignore"):
         factor = float(np.sqrt(end.known.variance))
     return ErrorModel(taken, factor, 0.0, fit.seen.stated)
@@ -90,7 +92,7 @@ def quality(
         reached=scatter_of[0], lower=scatter_of[1],
         pattern=pattern(joined, fitted, seen.curve, seen.stated),
         by_the_model_alone=_one_power_a_wavelength(of.measurements) and absorbs and not alone,
-        sample=describes(of.sample),
+        sample=describes(of.sample) if of.sample else "your model",
         others=tuple({n: e.value for n, e in a.parameters.items()} for a in others),
         delta_chi2=float(others[0].delta_chi2) if others else np.nan,
     )  # fmt: skip

@@ -49,8 +49,8 @@ class Estimate:
         return not (isinstance(self.status, str) and self.status in (FIXED, TIED))
 
     def at(self, index: tuple[int, ...]) -> Estimate:
-        """Return the estimate of one fit of a batch."""
-        return picked(self, index)
+        """Return the estimate of one fit of a batch; what was fixed is the same for all."""
+        return picked(self, index) if self.free else self
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

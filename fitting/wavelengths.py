@@ -126,7 +126,7 @@ def too_few(free: int, found: Fit) -> Fit:
     )  # fmt: skip
 
 
-def _check(measurement: Measurement, settings: Settings) -> None:
+def check_wavelengths(measurement: Measurement, settings: Settings) -> None:
     """Raise ValueError for unknown wavelengths, and parameters that wavelengths share."""
     wave = measurement.wavelength_um
     if np.isnan(wave).any() and not np.isnan(wave).all():
@@ -151,7 +151,6 @@ def fit_wavelengths(
     psi and Delta of a bare surface give the pseudo-index, see `pseudo_index`. With fewer than five
     data to spare at some wavelength, the scatter behind scaled errors is that of all.
     """
-    _check(measurement, settings)
     wavelengths, which = np.unique(measurement.wavelength_um, return_inverse=True)
     several = len(wavelengths) > 1
     if several and asked.intervals == "auto" and not sample.eta_i > 1.0:

@@ -80,3 +80,12 @@ def test_values_beyond_0_and_1_within_the_noise_of_their_curve_are_data():
 def test_too_few_points_excuse_nothing():
     with pytest.raises(MeasurementError, match=r"outside \[0, 1\]"):
         Measurement.from_columns([30.0, 50.0, 60.0], R_p=[0.02, -0.001, 0.01])
+
+
+def test_an_interval_narrower_than_six_digits_shows_its_width():
+    from fitting.output.report import between
+
+    assert between(1.0, 1.0 + 3e-12) != "1 to 1"
+    low, high = between(1.0 - 1e-12, 1.0 + 3e-12).split(" to ")
+    assert low != high
+    assert between(1.4959, 1.503) == "1.4959 to 1.5030"

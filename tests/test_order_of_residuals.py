@@ -20,13 +20,12 @@ def test_probabilities_are_those_of_scipy():
         assert _as_many_alike(alike, pairs) == pytest.approx(bdtrc(alike - 1, pairs, 0.5), rel=0.05)
     for count in (2, 10, 40):
         wanted = chdtrc(count, 3.0 * count + 5.0)
-        assert math.log(_as_large(3.0 * count + 5.0, count)) == pytest.approx(
-            math.log(wanted), rel=0.1
-        )
-    for triples in (10, 28, 58):
+        found = _as_large(3.0 * count + 5.0, count)
+        assert math.log(found) == pytest.approx(math.log(wanted), rel=0.05)
+    for triples, most in ((10, 1.2), (28, 1.02), (58, 1.01)):  # of few it errs to silence
         wanted = math.sqrt(fdtri(triples + 2, INDEPENDENT * triples, 0.999))
         found = float(_ratio(np.array(triples + 2.0), np.array(triples)))
-        assert found == pytest.approx(wanted, rel=0.1)
+        assert wanted <= found <= most * wanted
 
 
 def test_runs_are_seen_where_a_few_large_residuals_hide_the_correlation():

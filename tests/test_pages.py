@@ -28,9 +28,10 @@ class Page(html.parser.HTMLParser):
 
     def __init__(self, text):
         super().__init__()
-        self.tags, self.loaded, self.text, self.open = [], [], [], []
+        self.tags, self.loaded, self.open = [], [], []
+        self._texts: list[str] = []
         self.feed(text)
-        self.text = " ".join(" ".join(self.text).split())
+        self.text = " ".join(" ".join(self._texts).split())
 
     def handle_starttag(self, tag, attrs):
         self.tags.append(tag)
@@ -42,7 +43,7 @@ class Page(html.parser.HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data):
-        self.text.append(data)
+        self._texts.append(data)
 
 
 def test_the_gold_scan(tmp_path, capsys):

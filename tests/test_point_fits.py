@@ -98,3 +98,19 @@ def test_plain_data_and_refusals():
         fit(m, PLATE, errors="stated")
     with pytest.raises(ValueError, match="wavelength"):
         fit(Measurement.from_columns([0.0, 1.0], [0.5, np.nan], R=[0.1, 0.1]), PLATE)
+
+
+def test_a_robust_loss_means_the_same_at_every_wavelength():
+    """An outlier at each of two wavelengths, without stated errors: the noise is found for each."""
+    angle = np.tile(np.linspace(20.0, 75.0, 30), 2)
+    wave = np.repeat([0.5, 0.6], 30)
+    rng = np.random.default_rng(1)
+    clean = simulate("constant", {"eta": 1.6, "k": 0.5}, angle, wave, "R_s")
+    R = clean + 1e-3 * rng.standard_normal(60)
+    R[[10, 40]] += 0.2
+    m = Measurement.from_columns(angle, wave, R_s=R)
+    robust, plain = fit(m, loss="student"), fit(m)
+    assert robust.shape == plain.shape == (2,)
+    assert np.abs(robust.eta - 1.6).max() < 0.02 < np.abs(plain.eta - 1.6).max()
+    one = fit(m.where(wave == 0.5), loss="student")
+    np.testing.assert_allclose(robust.eta[0], one.eta, rtol=1e-9)

@@ -94,6 +94,18 @@ def test_a_word_or_sign_that_is_not_known_is_not_dropped_from_a_header(
     assert "no column is named" in refusal(tmp_path, f"angle,{name}\n10,.1\n45,.2\n")
 
 
+def test_lines_about_something_else_are_no_statements(tmp_path: Path) -> None:
+    for text in (
+        "laser power 5 mW", "chopper frequency 1 kHz", "pulse energy: 5 uJ", "25 \u00b0C",
+        "analyzer 45 deg", "humidity 45 %", "film of 120 nm", "sample rotated by 90 deg",
+        "integration time: 20 ms", "detector angle 30 deg", "date: 2024-03-11", "class 2 laser",
+    ):  # fmt: skip
+        for table in (SCAN, SPECTRUM):
+            assert (
+                read(tmp_path, f"# {text}\n" + table).understood == read(tmp_path, table).understood
+            )
+
+
 def test_an_option_overrules_what_a_line_says(tmp_path: Path) -> None:
     two = "# AOI = 45\n# AOI = 50\n# polarization: vertical\n" + SPECTRUM
     m = read(tmp_path, two, angle_deg=30, polarization="p")

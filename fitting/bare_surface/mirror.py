@@ -68,7 +68,7 @@ def like_mirrors(
     stands for.
     """
     found, perfect = np.full(len(scale), np.nan), np.zeros(len(scale), bool)
-    ones = sum((w * w).sum(-1) for w in data.weights)
+    ones = np.sum([(w * w).sum(-1) for w in data.weights], axis=0)
     with np.errstate(all="ignore"):
         maybe = np.flatnonzero(scale > LEAST_RMS**2 * ones)
         if len(maybe):

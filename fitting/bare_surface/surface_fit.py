@@ -88,6 +88,8 @@ def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> F
     s, v = f.solved, f.values
     believed = "stated" if errors == "stated" else "scaled" if a.stated else "equal"
     believed = np.where(np.isfinite(taken.gain), "floor", believed)
+    # Without a degree of freedom stated errors are all there is to go by.
+    believed = np.where((f.dof == 0) & a.stated, "stated", believed)
     with np.errstate(all="ignore"):
         chi2_reduced = np.where(f.dof > 0, v["chi2"] / f.dof, np.nan)
         rms = np.sqrt(s.plain / s.count)
@@ -99,9 +101,9 @@ def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> F
         chi2_reduced=shaped(chi2_reduced, a), dof=shaped(f.dof.astype(int), a),
         n_data=shaped(s.count.astype(int), a), rms=shaped(rms, a), status=shaped(f.status, a),
         errors=ErrorModel(
-            shaped(believed, a),
-            shaped(np.where(believed == "stated", 1.0, v["factor"]), a),
-            shaped(np.zeros(len(rms)), a), a.stated, shaped(np.ones(len(rms)), a),
+            taken=shaped(believed, a),
+            factor=shaped(np.where(believed == "stated", 1.0, v["factor"]), a),
+            floor=shaped(taken.floor, a), stated=a.stated, widened=shaped(np.ones(len(rms)), a),
         ),
         evaluations=shaped(s.evaluations.astype(int), a), cost=shaped(s.cost, a),
         findings=findings(a, f, taken, errors), others=_alternatives(a, f),
@@ -158,7 +160,7 @@ def _with_floor(found: Fit, m: Measurement) -> Measurement:
     floor = np.atleast_1d(found.errors.floor)
     if not floor.any():
         return m
-    _, which = np.unique(m.wavelength_um, return_inverse=True)
+    which: np.ndarray = np.unique(m.wavelength_um, return_inverse=True)[1]
     return replace(m, sigma=np.hypot(m.sigma, floor[which]))
 
 

@@ -90,9 +90,16 @@ def _angle(words: Words, where: str, text: str) -> list[Said]:
 
 
 def _wavelength(words: Words, where: str, text: str) -> list[Said]:
-    if not words.concepts & set(AXIS_CONCEPTS):
-        return []
-    clear = not words.unknown and words.concepts <= _KNOWN | {"wavelength", "energy", "wavenumber"}
+    said = words.concepts
+    sized = {unit for _, unit in words.numbers} | words.units
+    alone = said <= _KNOWN | {"laser"} and not (words.unknown or words.units)  # "laser,532"
+    if not (
+        "wavelength" in said
+        or (said & set(AXIS_CONCEPTS) and sized & set(WAVELENGTH_UNITS))
+        or ("laser" in said and (sized & set(_LENGTHS) or alone))
+    ):
+        return []  # a laser's power, a pulse's energy, a chopper's frequency
+    clear = not words.unknown and said <= _KNOWN | {"wavelength", "laser", *AXIS_CONCEPTS}
     if not words.numbers:
         unit = next(iter(words.units & set(WAVELENGTH_UNITS)), None)
         return [Said("wavelength unit", unit if clear else None, where, text)] if unit else []

@@ -28,7 +28,7 @@ def psi_delta_unit(
     units: dict[int, str] = {}
     chosen = [v for v in layout.values if v.role.quantity in ("psi", "delta")]
     small: dict[str, bool] = {}
-    beside = None if options.psi_unit or not chosen else said.one("psi unit")
+    beside = None if all(value.role.unit for value in chosen) else said.one("psi unit")
     for value in chosen:
         limit = HALF_PI if value.role.quantity == "psi" else 2.0 * HALF_PI * 2.0
         numbers = columns[value.index]
@@ -83,7 +83,7 @@ def power_scale(
         return options.scale
     powers = [value for value in layout.values if value.role.quantity not in ("psi", "delta")]
     units = {v.index: "percent" if signs[v.index] == "%" else v.role.unit for v in powers}
-    beside = said.one("power unit") if powers else None
+    beside = None if all(units.values()) else said.one("power unit")
     if beside and not any(units.values()):
         units = dict.fromkeys(units, str(beside.value))
         notes.append(

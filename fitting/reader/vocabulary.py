@@ -26,7 +26,8 @@ _CONCEPTS = {
     "waveplate tilt phase latitude divergence acceptance aperture slit temperature celsius bragg",
     # wavelength
     "wavelength": "wavelength wavelengths lambda wl wvl wellenlange wellenlaenge wellenlangen "
-    "longueur onde lunghezza onda longitud comprimento golflengte laser длина волны 波长 波長",
+    "longueur onde lunghezza onda longitud comprimento golflengte длина волны 波长 波長",
+    "laser": "laser",
     "energy": "energy energies energie energia photon photonenenergie hv энергия 能量 光子能量",
     "wavenumber": "wavenumber wavenumbers wellenzahl wellenzahlen число 波数",
     "frequency": "frequency freq frequenz frequence frecuencia частота 频率",
@@ -194,7 +195,7 @@ def words_of(text: str) -> Words:
             end = match.end()
             continue
         if match.lastgroup == "digits":  # AOI60, lambda532; but not "sample2"
-            if last in ("incidence", "angle", "grazing", "wavelength"):
+            if last in ("incidence", "angle", "grazing", "wavelength", "laser"):
                 numbers.append((float(match[0]), ""))
                 end = match.end()
             else:
