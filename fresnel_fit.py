@@ -1,8 +1,8 @@
 """Where the command fresnel-fit begins: `fitting` is taken from beside this file.
 
-A folder on PYTHONPATH that holds a `fitting.py` of the user's own comes before installed packages, so
-that a plain import would run that file. `import fitting` in Python cannot be helped (docs/faq.md); the
-command can.
+A folder on PYTHONPATH that holds a `fitting.py` of the user's own comes before installed packages,
+so that a plain import would run that file. `import fitting` in Python cannot be helped
+(docs/faq.md); the command can.
 """
 
 import importlib.util

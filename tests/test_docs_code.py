@@ -1,9 +1,9 @@
 """Every code block of README and docs runs as it stands, and prints what stands below it.
 
-The blocks of a page run in its order, in one namespace and in an empty folder that has the project's
-`examples`, with JAX as a newcomer has it (float32). A block of text right below a Python block is what
-that block prints. Commands of shell blocks are run where their files exist; of others the options are
-checked.
+The blocks of a page run in its order, in one namespace and in an empty folder that has the
+project's `examples`, with JAX as a newcomer has it (float32). A block of text right below a Python
+block is what that block prints. Commands of shell blocks are run where their files exist; of others
+the options are checked.
 """
 
 import contextlib
