@@ -10,8 +10,7 @@ demo: .venv/installed-plot  ## fit the two scans that ship with the project; tab
 	$(BIN)/fresnel-fit examples/data/gold_532nm.csv --plot demo/gold.png --json demo/gold.json
 
 docs: .venv/installed-docs  ## the documentation site in build/site, strictly: a warning is an error
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
-	@echo "open build/site/index.html"
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 notebooks: .venv/installed-test  ## the tutorials as notebooks, in examples/notebooks
 	$(BIN)/python examples/notebooks/make.py

@@ -151,8 +151,9 @@ _FORMS = {
 def material(name: str) -> Material:
     """The dispersion model of a named material, with the range of wavelengths of its source.
 
-    Args: `name`: as `materials.lookup` takes it; `materials.names()` lists them, and
-        `materials.lookup(name)` gives source and DOI.
+    Args:
+        name: as `materials.lookup` takes it; `materials.names()` lists them, and
+            `materials.lookup(name)` gives source and DOI.
 
     Raises:
         ValueError: there is no such material; the text lists similar names.

@@ -64,7 +64,7 @@ def commands():
                     yield pytest.param(line, id=f"{name(page)}: {line[:50]}")
 
 
-@pytest.mark.parametrize("line", commands())
+@pytest.mark.parametrize("line", list(commands()))
 def test_commands_run_or_have_options_that_exist(line, as_a_newcomer, capsys):
     arguments = shlex.split(line, comments=True)[1:]
     given = command_parser().parse_args(arguments)
