@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo docs notebooks test lint accuracy accuracy-search bench stability startup fit-study fit-coverage model-coverage model-study model-success errors-study fuzz clean
+.PHONY: demo docs notebooks test lint accuracy accuracy-search bench stability startup fit-study fit-coverage model-coverage model-study model-success errors-study film-study fuzz clean
 
 demo: .venv/installed-plot  ## fit the two scans that ship with the project; tables, pictures, JSON in demo/
 	mkdir -p demo
@@ -68,6 +68,10 @@ fuzz: .venv/installed-test  ## files of known truth, damaged files, kills: none 
 	$(BIN)/python tests/fuzz_meaning.py $(FUZZ) $(SEED)
 	$(BIN)/python tests/fuzz_reader.py $(FUZZ) $(SEED)
 	FRESNEL_KILLS=300 $(BIN)/python -m pytest -q tests/test_outputs.py
+
+FILMS ?= 10000
+film-study: .venv/installed-bench  ## how often the right thickness of a film is found (hours; FILMS=200 for a look)
+	$(BIN)/python -m benchmarks.film_success --films $(FILMS)
 
 .venv/installed-%: pyproject.toml
 	test -d .venv || $(PYTHON) -m venv .venv

@@ -73,7 +73,7 @@ def _one_by_one(
 ) -> tuple[np.ndarray, np.ndarray, float]:
     held, widths, said = [], [], 0
     for i in range(len(data["R_s"])):
-        values = {name: np.clip(v[i], -0.005, 1.005) for name, v in data.items()}
+        values = {name: np.clip(v[i], 0.0, 1.0) for name, v in data.items()}
         found = fit(Measurement.from_columns(ANGLES, sigma=sigma, **values), errors=errors)
         share, width = _held(found, index)
         held.append(share)

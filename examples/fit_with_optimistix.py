@@ -262,7 +262,8 @@ def main(argv=None) -> dict[str, float]:
     results = {
         "eta": float(plain.eta), "k": float(plain.k), "sigma_eta": float(sigma[0]),
         "sigma_k": float(sigma[1]), "chi2_reduced": float(scatter**2),
-        "fit_eta": package.eta, "fit_k": package.k, "fit_sigma_eta": package.parameters["eta"].sigma,
+        "fit_eta": package.eta, "fit_k": package.k,
+        "fit_sigma_eta": package.parameters["eta"].sigma,
         "scale": float(p[2]), "offset_deg": float(p[3]),
         "chi2_reduced_with_instrument": float(chi2) / (len(data.value) - 2),
     }  # fmt: skip

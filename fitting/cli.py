@@ -96,15 +96,15 @@ def _fit(
     options = fit_options(arguments)
     set_up_jax()
     from fitting.fits import fit
-    from fitting.sample import Sample
+    from fitting.sample_choice import several_samples
 
-    sample = Sample.parse(arguments.sample or "free")
+    samples = several_samples(arguments.sample or "free")
     with shown("fit", quiet=arguments.quiet):
-        if not sample.open:
-            return fit(measurements, sample, **options), None
+        if len(samples) == 1 and not samples[0].open:
+            return fit(measurements, samples[0], **options), None
         from fitting.selection import choose
 
-        choice = choose(measurements, sample, **options)
+        choice = choose(measurements, samples, **options)
         return choice.fit, choice
 
 

@@ -25,10 +25,14 @@ samples (media from the side of the light, separated by |):
   1.515 | free                           light from inside glass
   air | cauchy-urbach 3 mm thick | air   a plate: both faces, no interference
   air | cauchy 110 nm | Si               a coherent film, thickness fitted
-An index is a number (1.45, 0.2+3.1i), a named material (gold, BK7), free, auto,
-or a dispersion model: constant, cauchy, cauchy-urbach, sellmeier, drude,
-lorentz, drude-lorentz, tauc-lorentz, with the number of its terms:
-drude-lorentz:2.
+  air | cauchy 5..20000 nm | Si          the same, its thickness within a range
+  air | rough 2 nm | film.yml 110 nm | Si   rough: half air, half film
+  Si or air | SiO2 1..50 nm | Si         that which the data need
+An index is a number (1.45, 0.2+3.1i), a named material (gold, BK7), a file
+(refractiveindex.info YAML, or CSV of wavelength, n and k), a mixture
+(bruggeman(SiO2, water 30 %)), free, auto, or a dispersion model: constant,
+cauchy, cauchy-urbach, sellmeier, drude, lorentz, drude-lorentz, tauc-lorentz,
+with the number of its terms: drude-lorentz:2.
 
 examples:
   fresnel-fit gold.csv --plot gold.png --json gold.json

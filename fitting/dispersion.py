@@ -14,6 +14,8 @@ import jax.numpy as jnp
 from jax import Array
 
 from fitting.parameters import LOG, PLAIN, SQUARE, Parameter
+from fitting.spline_index import NAME as SPLINE
+from fitting.spline_index import knots_over, spline_model, spline_parameters, without_knots
 from fresnel_jax import dispersion
 from fresnel_jax.dispersion import HC_EV_UM
 
@@ -42,10 +44,14 @@ class Spectrum(NamedTuple):
 
 
 class Model(NamedTuple):
-    """A dispersion model by name, with its number of terms; hashable, so that jit can go by it."""
+    """A dispersion model by name, with its number of terms; hashable, so that jit can go by it.
+
+    knots_ev: of a spline, where they are known; see `over`.
+    """
 
     name: str
     terms: int
+    knots_ev: tuple[float, ...] = ()
 
     def __str__(self) -> str:
         return f"{self.name}:{self.terms}" if KINDS[self.name].most > 1 else self.name
@@ -64,8 +70,17 @@ class Model(NamedTuple):
         """Return the parameters in the order of the formula."""
         return KINDS[self.name].parameters(self.terms, spectrum)
 
+    def over(self, spectrum: Spectrum) -> Model:
+        """Return the model with its knots, evenly over the measured range and two beside it."""
+        if self.name != SPLINE or self.knots_ev:
+            return self
+        knots = knots_over(self.terms, spectrum.low_ev, spectrum.high_ev)
+        return self._replace(knots_ev=knots)
+
     def index(self, values: Mapping[str, Array], wavelength_um: Array) -> dispersion.Index:
         """Return eta and k at wavelengths, for one value () of every parameter."""
+        if self.knots_ev:
+            return spline_model(self.terms, self.knots_ev, values)(wavelength_um)
         return KINDS[self.name].model(self.terms, values)(wavelength_um)
 
 
@@ -224,6 +239,10 @@ def _tauc_lorentz_model(terms: int, v: Mapping[str, Array]) -> dispersion.Disper
     return dispersion.TaucLorentz(amplitudes, resonances, widths, v["gap_ev"], v["eps_inf"])
 
 
+def _kk_spline(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
+    return _eps_inf(4.0), *spline_parameters(terms, spectrum.high_ev)
+
+
 KINDS = {
     "constant": Kind(_constant, lambda terms, v: dispersion.Constant(v["eta"], v["k"]), True),
     "cauchy": Kind(
@@ -241,6 +260,8 @@ KINDS = {
     "drude-lorentz": Kind(_drude_lorentz, _oscillator_model(True), True, 1, 8),
     "lorentz": Kind(_lorentz, _oscillator_model(False), True, 1, 8),
     "tauc-lorentz": Kind(_tauc_lorentz, _tauc_lorentz_model, True, 1, 8),
+    # The terms are amplitudes of B-splines in their order.
+    SPLINE: Kind(_kk_spline, without_knots, True, 12, 60, exchangeable=False),
 }  # fmt: skip
 
 

@@ -24,8 +24,8 @@ _STEPS = 60
 ROUNDS = 4
 # A common error is taken only if it is likelier by this much (2 of 2 log L: a factor e).
 GAIN = 1.0
-# Beyond this correlation the factor would exceed 4, and nothing is known of the errors any more.
-MOST_CORRELATED = 0.88
+# Beyond this correlation the factor would exceed 6, and nothing is known of the errors any more.
+MOST_CORRELATED = 0.95
 
 
 class Floor(NamedTuple):

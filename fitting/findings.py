@@ -66,6 +66,7 @@ class Quality(NamedTuple):
     sample: str
     others: tuple[dict[str, float], ...]
     delta_chi2: float
+    shortest_nm: float = np.inf
 
 
 def _finding(code: str, **values: Any) -> Finding:
@@ -104,6 +105,34 @@ def _correlated(f: Seen) -> list[Finding]:
         return []
     seconds, firsts, values = zip(*out, strict=True)
     return [_finding("correlated", first=seconds, second=firsts, correlation=values)]
+
+
+# A film thinner than that part of the wavelength, and its index, act as one product where they are
+# so much correlated.
+_THIN, _ONE_PRODUCT = 0.08, 0.95
+
+
+def _thin_film(f: Seen, shortest_nm: float) -> list[Finding]:
+    """Say of a very thin film that its thickness and its index are one number."""
+    out = []
+    for i, name in enumerate(f.names):
+        if not name.endswith("thickness_nm") or not f.values[i] < _THIN * shortest_nm:
+            continue
+        head = name.removesuffix("thickness_nm")
+        own = [
+            j for j, n in enumerate(f.names)
+            if j != i and n.startswith(head) and abs(f.correlation[i, j]) > _ONE_PRODUCT
+        ]  # fmt: skip
+        if not own or not np.isfinite(f.sigmas[i]):
+            continue
+        share = float(f.sigmas[i] / f.values[i])
+        most = float(max(abs(f.correlation[i, j]) for j in own))
+        out.append(_finding(
+            "thin_film", thickness=name, value=float(f.values[i]), share=share,
+            parameters=tuple(f.names[j] for j in own),
+            held_share=share * float(np.sqrt(max(1.0 - most**2, 0.0))),
+        ))  # fmt: skip
+    return out
 
 
 def _bounds(f: Seen) -> list[Finding]:
@@ -178,7 +207,7 @@ def findings(f: Seen, q: Quality) -> tuple[Finding, ...]:
 
     Where the data do not see some combination its valley is one solution: starts end all along it.
     """
-    out = _unseen(f)
+    out = _unseen(f) + _thin_film(f, q.shortest_nm)
     if q.by_the_model_alone:
         out.append(_finding("by_the_model_alone"))
     if q.rms > OUT_OF_MODEL:

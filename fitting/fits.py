@@ -21,6 +21,8 @@ import numpy as np
 from fitting.bare_surface.reflectances import CHANNELS
 from fitting.bare_surface.surface_fit import fit_bare_surface
 from fitting.bare_surface.surface_fit import fit_many as fit_many
+from fitting.film_starts import film_starts, with_neighbours
+from fitting.free_films import fit_free_film, free_film
 from fitting.measurement import Measurement, concatenate
 from fitting.observations import missing_errors, observations
 from fitting.outcome import Subject, fit_of
@@ -96,8 +98,11 @@ def _shared(
     if start is not None:
         extra = start_at(u.moving, given_start(u.moving, u.labels, start))
         points = np.concatenate([points, extra[:, None]], 1)
+    if starts is None:
+        points = np.concatenate([points, film_starts(job, points)], 1)
     job.starts = points.shape[1]
     ends, noise = solved(job, points)
+    ends = with_neighbours(job, ends, noise)
     notes = missing_errors(measurements, asked.errors)
     return fit_of(job, ends, noise, Subject(sample, tuple(measurements), notes))
 
@@ -144,6 +149,8 @@ def _general(
     begin: tuple[int | None, Mapping[str, Any] | None],
 ) -> Fit:
     """Return the fit of a general sample, with its stated errors or one factor on them."""
+    if free_film(sample) is not None:
+        return fit_free_film(concatenate(*measurements), sample, settings, asked)
     waves = np.unique(np.concatenate([m.wavelength_um for m in measurements]))
     # The noise of a robust loss or a prior is found in rounds, which lanes do not share.
     plain = asked.loss == "squares" and not settings.priors and begin == (None, None)

@@ -19,9 +19,11 @@ from jax import Array
 
 from fitting.dispersion import Model
 from fitting.instrument import cosines, detected
+from fitting.known_media import Known, Mixture
+from fitting.layer_index import Pair, slices_of
+from fitting.layer_index import medium_index as medium_index
 from fitting.parameters import to_parameter
 from fresnel_jax import powers
-from fresnel_jax.dispersion import material
 from fresnel_jax.layers import slab, stack
 from fresnel_jax.polarization import ellipsometric_ratio
 
@@ -50,14 +52,16 @@ class Points(NamedTuple):
 class Media(NamedTuple):
     """What a compiled program must know of a sample: its media after the first, and no number.
 
-    index: a `Model`, or the name of a material. places: their names. coherent: of each layer.
-    closed: whether the last medium is the first one again.
+    index: a `Model`, a `Mixture`, the name of a material or its file. places: their names.
+    coherent: of each layer. closed: whether the last medium is the first one again. graded: of each
+    layer, whether its index changes with depth.
     """
 
-    index: tuple[Model | str, ...]
+    index: tuple[Model | Mixture | Known, ...]
     places: tuple[str, ...]
     coherent: tuple[bool, ...] = ()
     closed: bool = False
+    graded: tuple[bool, ...] = ()
 
     @property
     def bare(self) -> bool:
@@ -94,40 +98,24 @@ class Spec(NamedTuple):
         return out | {name: factor * out[of] for name, factor, of in self.tied}
 
 
-def medium_index(
-    spec: Spec, medium: int, v: Mapping[str, Array], wavelength_um: Any
-) -> tuple[Array, Array]:
-    """Return eta and k, (M, L), of a medium at wavelengths (M, 1) or (M, L).
-
-    NaN where eta is not positive: a step of the solver to where a formula has no meaning is refused
-    by it, as the cost is NaN.
-    """
-    wavelength_um = jnp.asarray(wavelength_um)
-    which, place = spec.media.index[medium], spec.media.places[medium]
-    lanes = jax.tree.leaves(dict(v))[0].shape[-1]
-    if isinstance(which, str):
-        known = material(which).model.index(wavelength_um)
-        shape = (wavelength_um.shape[0], lanes)
-        return jnp.broadcast_to(known.eta, shape), jnp.broadcast_to(known.k, shape)
-    shared = wavelength_um.shape[-1] == 1
-    at = wavelength_um[:, 0] if shared else wavelength_um
-    head = f"{place}."
-    own = {
-        name.removeprefix(head): value for name, value in v.items()
-        if name.startswith(head) and not name.startswith(f"{head}thickness")
-    }  # fmt: skip
-    index = jax.vmap(which.index, in_axes=(0, None if shared else -1), out_axes=-1)(own, at)
-    return jnp.where(index.eta > 0.0, index.eta, jnp.nan), index.k
-
-
-def _at_rows(spec: Spec, v: Mapping[str, Array], points: Points) -> list[tuple[Array, Array]]:
-    """Return eta and k of every medium after the first, at every row."""
+def _at_rows(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) -> list[list[Pair]]:
+    """Return eta and k of every medium after the first, of its slices from above, at every row."""
     repeated = points.place is not None
-    at = points.distinct_um if repeated else points.wavelength_um
-    out = [medium_index(spec, i, v, at) for i in range(len(spec.media.index))]
+    at = jnp.asarray(points.distinct_um if repeated else points.wavelength_um)
+    outside = eta_i[_first_of(points)] if repeated and jnp.ndim(eta_i) else eta_i
+    out = [slices_of(spec, i, v, at, outside) for i in range(len(spec.media.index))]
     # Without the barrier XLA repeats the model's formula for every angle and output.
     out = jax.lax.optimization_barrier(out)
-    return [(n[points.place], k[points.place]) for n, k in out] if repeated else out
+    if not repeated:
+        return out
+    return [[(n[points.place], k[points.place]) for n, k in each] for each in out]
+
+
+def _first_of(points: Points) -> Array:
+    """Return a row (U,) of each distinct wavelength."""
+    count = points.distinct_um.shape[0]
+    rows = jnp.arange(points.place.shape[0])
+    return jnp.zeros(count, rows.dtype).at[points.place].max(rows)
 
 
 def thickness_um(spec: Spec, v: Mapping[str, Array], layer: int) -> Array:
@@ -138,34 +126,59 @@ def thickness_um(spec: Spec, v: Mapping[str, Array], layer: int) -> Array:
     return v[f"{place}.thickness_um"]
 
 
+class Light(NamedTuple):
+    """Powers of s and p, and the ratio r_p / r_s as (re, im), (Q, M, L); None if not asked for."""
+
+    R_s: Array
+    R_p: Array
+    T_s: Array
+    T_p: Array
+    ellipse: tuple[Array, Array, Array] | None = None
+
+
 def boundary(
-    spec: Spec, c: Array, index: list[tuple[Array, Array]], v: Mapping[str, Array],
+    spec: Spec, c: Array, index: list[list[Pair]], v: Mapping[str, Array],
     points: Points, eta_i: Any,
-) -> Any:  # fmt: skip
-    """Return R_s, R_p, T_s and T_p of the sample at cosines c (Q, M, L); of films also r_s, r_p."""
-    if spec.media.bare:
-        return powers(c, *index[0], eta_i)
-    if not all(spec.media.coherent):
-        return slab(c, *index[0], thickness_um(spec, v, 0), points.wavelength_um, eta_i)
-    shape = index[0][0].shape
-    outside = jnp.broadcast_to(jnp.asarray(eta_i, index[0][0].dtype), shape)
-    media = [jax.lax.complex(outside, jnp.zeros_like(outside))]
-    media += [jax.lax.complex(n, k) for n, k in index]
-    depth = [thickness_um(spec, v, i) for i in range(len(spec.media.coherent))]
-    return stack(c, jnp.stack(media), jnp.stack(depth)[:, None], points.wavelength_um)
+) -> Light:  # fmt: skip
+    """Return what the sample does to light at cosines c (Q, M, L).
+
+    ellipse: cos 2psi, sin 2psi cos Delta and sin 2psi sin Delta.
+    """
+    media, pairs = spec.media, NCS in spec.channels
+    if media.bare:
+        both = powers(c, *index[0][0], eta_i)
+        rho = ellipsometric_ratio(c, *index[0][0], eta_i) if pairs else None
+        return Light(*both, None if rho is None else _ellipse(rho))
+    if media.coherent == (False,) and media.closed:
+        one = thickness_um(spec, v, 0)
+        return Light(*slab(c, *index[0][0], one, points.wavelength_um, eta_i))
+    layers = [
+        (jax.lax.complex(*pair), thickness_um(spec, v, i) / len(slices))
+        for i, slices in enumerate(index[:-1])
+        for pair in slices
+    ]
+    first = jnp.asarray(eta_i, float) + 0.0j
+    far = jax.lax.complex(*index[-1][0])
+    n = [first, *(n for n, _ in layers), far]
+    together = zip(media.coherent, index[:-1], strict=True)
+    coherent = [interferes for interferes, slices in together for _ in slices]
+    found = stack(c, n, [d for _, d in layers], points.wavelength_um, coherent)
+    ellipse = None
+    if pairs:
+        # No quotient r_p / r_s: a film may extinguish r_s.
+        total = found.R_s + found.R_p
+        product = found.r_p * jnp.conj(found.r_s)
+        ellipse = (
+            (found.R_s - found.R_p) / total,
+            2.0 * product.real / total,
+            -2.0 * product.imag / total,
+        )
+    return Light(found.R_s, found.R_p, found.T_s, found.T_p, ellipse)
 
 
-def _ellipsometry(
-    spec: Spec, c: Array, index: list[tuple[Array, Array]], both: Any, eta_i: Any
-) -> tuple[Array, Array, Array]:
-    """Return cos 2psi, sin 2psi cos Delta and sin 2psi sin Delta at cosines c (Q, M, L)."""
-    if spec.media.bare:
-        rho = ellipsometric_ratio(c, *index[0], eta_i)
-        share = 2.0 / (1.0 + rho.real**2 + rho.imag**2)
-        return share - 1.0, rho.real * share, -rho.imag * share
-    # By products of amplitudes: r_s may be 0.
-    cross, total = both.r_p * jnp.conj(both.r_s), both.R_s + both.R_p
-    return (both.R_s - both.R_p) / total, 2.0 * cross.real / total, -2.0 * cross.imag / total
+def _ellipse(rho: Array) -> tuple[Array, Array, Array]:
+    share = 2.0 / (1.0 + rho.real**2 + rho.imag**2)
+    return share - 1.0, rho.real * share, -rho.imag * share
 
 
 def predicted(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) -> dict[str, Any]:
@@ -173,7 +186,7 @@ def predicted(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) ->
 
     v: every parameter, (L,); an instrument parameter that is left out is neutral.
     """
-    index = _at_rows(spec, v, points)
+    index = _at_rows(spec, v, points, eta_i)
     c, weights = cosines(v, points.angle_deg)
     both = boundary(spec, c, index, v, points, eta_i)
 
@@ -186,14 +199,13 @@ def predicted(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) ->
         for channel, own in zip(spec.channels, spec.curves, strict=True)
         if channel != NCS
     }
-    if NCS in spec.channels:
-        parts = _ellipsometry(spec, c, index, both, eta_i)
+    if both.ellipse is not None:
+        parts = list(both.ellipse)
         if c.shape[0] > 1:
             # cos 2psi of a mixture is that of the summed intensities.
             intensity = both.R_s + both.R_p
-            parts = [intensity * x for x in parts]
             total = mean(intensity)
-            parts = [x / total for x in map(mean, parts)]
+            parts = [mean(intensity * x) / total for x in parts]
         else:
             parts = [mean(x) for x in parts]
         # Not stacked: XLA computes anew what it joins, and a fit of psi and Delta took 4 times as

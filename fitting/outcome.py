@@ -17,8 +17,8 @@ from fitting.parameters import value_and_slope
 from fitting.quality import Subject as Subject
 from fitting.quality import error_model_of, own_quality, quality, rms_of_residuals
 from fitting.result import Alternative, Estimate, Fit
-from fitting.search import End, Solving, best_of
-from fitting.starts import STAGE, Ends
+from fitting.search import End, Solving
+from fitting.starts import STAGE, Ends, best_of
 from fitting.uncertainty.intervals import QUADRATIC, Intervals, intervals
 from fitting.uncertainty.likelihood import criteria
 from fitting.unknowns import Unknowns

@@ -8,8 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.diagnostics import Warning
+from fitting.dispersion import Model
 from fitting.evaluation import at_data
 from fitting.findings import Quality
+from fitting.known_media import Mixture
 from fitting.measurement import Measurement, concatenate
 from fitting.pattern import pattern
 from fitting.result import ErrorModel
@@ -82,7 +84,7 @@ def quality(
     wavelengths = len(np.unique(np.concatenate([m.wavelength_um for m in of.measurements])))
     free = int(u.free.sum())
     alone = wavelengths == 1 and free > 1 and not end.known.unseen.size
-    absorbs = any(m.absorbs for m in u.spec.media.index if not isinstance(m, str))
+    absorbs = any(m.absorbs for m in u.spec.media.index if isinstance(m, Model | Mixture))
     joined = concatenate(*of.measurements)
     fitted = at_data(seen, s.seen)
     return Quality(
@@ -95,6 +97,7 @@ def quality(
         sample=describes(of.sample) if of.sample else "your model",
         others=tuple({n: e.value for n, e in a.parameters.items()} for a in others),
         delta_chi2=float(others[0].delta_chi2) if others else np.nan,
+        shortest_nm=1e3 * float(np.nanmin(joined.wavelength_um)) if of.sample.films else np.inf,
     )  # fmt: skip
 
 

@@ -26,6 +26,7 @@ from fitting.result_parts import NONE as NONE
 from fitting.result_parts import NOT_CONVERGED as NOT_CONVERGED
 from fitting.result_parts import PROFILE as PROFILE
 from fitting.result_parts import QUADRATIC as QUADRATIC
+from fitting.result_parts import SHARED as SHARED
 from fitting.result_parts import TIED as TIED
 from fitting.result_parts import UNDETERMINED as UNDETERMINED
 from fitting.result_parts import Alternative as Alternative

@@ -14,6 +14,7 @@ CONVERGED, UNDETERMINED = "converged", "undetermined"
 NOT_CONVERGED, NO_DATA = "not converged", "no data"
 FITTED, AT_LOWER, AT_UPPER = "fitted", "at lower bound", "at upper bound"
 FIXED, TIED = "fixed", "tied"
+SHARED = "shared"  # by all wavelengths, each of which has an index of its own
 QUADRATIC, PROFILE, NONE = "quadratic", "profile", "none"
 
 
@@ -31,7 +32,7 @@ class Estimate:
     upper_limit: upper end of the 95 % interval of what cannot be negative and is compatible with
         0; NaN elsewhere.
     status: "fitted", "at lower bound" (k = 0, for one), "at upper bound", "undetermined", "fixed",
-        or "tied" (to another parameter).
+        "tied" (to another parameter), or "shared" (by all wavelengths of a batch).
     """
 
     name: str
@@ -46,7 +47,7 @@ class Estimate:
     @property
     def free(self) -> bool:
         """Whether it was fitted: neither fixed nor tied."""
-        return not (isinstance(self.status, str) and self.status in (FIXED, TIED))
+        return not (isinstance(self.status, str) and self.status in (FIXED, TIED, SHARED))
 
     def at(self, index: tuple[int, ...]) -> Estimate:
         """Return the estimate of one fit of a batch; what was fixed is the same for all."""

@@ -8,14 +8,18 @@ A sample has a text form, the same in Python and on the command line. Media are 
     air | cauchy 110 nm | Si                a coherent film on a named material
     air | 1.45 2 nm | SiO2 100..150 nm | 3.88+0.016i
 
+    air | rough 3 nm | cauchy 110 nm | film.yml
+
 The index of a medium is a number (``1.45``, ``0.2+3.1i``), a named material
-(`fresnel_jax.materials`), a dispersion model with the number of its terms (``drude-lorentz:2``),
-``free`` (eta and k at every wavelength), or ``auto`` (the simplest model that the data need;
-`choose`). ``air`` and ``vacuum`` are exactly 1: indices are relative to air, as those of glasses.
+(`fresnel_jax.materials`), a file with an index (`material_files`), a dispersion model with the
+number of its terms (``drude-lorentz:2``), ``free`` (eta and k at every wavelength), ``auto`` (the
+simplest model that the data need; `choose`), or a mixture (`known_media`). ``air`` and ``vacuum``
+are exactly 1: indices are relative to air, as those of glasses.
 
 A layer's thickness follows its index: ``110 nm`` is a start that is fitted, ``110 nm held`` is not
 fitted, ``100..150 nm`` is fitted within that range. Of a thick layer only the product of thickness
-and k is seen, so ``3 mm thick`` is held and ``2.9..3.1 mm thick`` is fitted.
+and k is seen, so ``3 mm thick`` is held and ``2.9..3.1 mm thick`` is fitted. ``graded`` after it
+lets the index of a film rise or fall evenly with depth: ``cauchy 110 nm graded``.
 """
 
 from __future__ import annotations
@@ -25,6 +29,16 @@ import re
 from typing import NamedTuple
 
 from fitting.dispersion import KINDS, Model, parse_model
+from fitting.known_media import (
+    Known,
+    MaterialFile,
+    Mixture,
+    is_mixture,
+    known_medium,
+    named,
+    parse_mixture,
+)
+from fitting.material_files import MaterialFileError
 from fresnel_jax import materials
 
 FREE, AUTO = "free", "auto"
@@ -46,6 +60,7 @@ class Thickness(NamedTuple):
 
     start_um: where a fit begins, and what is held. low_um, high_um: what it may be. held: not
     fitted unless that is asked for. coherent: whether the reflections of its faces interfere.
+    graded: whether its index changes with depth.
     """
 
     start_um: float
@@ -53,6 +68,7 @@ class Thickness(NamedTuple):
     high_um: float
     held: bool
     coherent: bool
+    graded: bool = False
 
     @property
     def unit(self) -> str:
@@ -63,24 +79,36 @@ class Thickness(NamedTuple):
 class Medium(NamedTuple):
     """One medium.
 
-    index: a complex number; a `Model`; the name of a material; `FREE` or `AUTO`. text: the index as
-    it was written. thickness: of a layer; None for the first and the last medium.
+    index: a complex number; a `Model`; a `Mixture`; the name of a material or a file with one;
+    `FREE` or `AUTO`. text: the index as it was written. thickness: of a layer; None for the first
+    and the last medium.
     """
 
-    index: complex | Model | str
+    index: complex | Model | Mixture | MaterialFile | str
     text: str
     thickness: Thickness | None = None
 
     @property
     def unknown(self) -> bool:
         """Whether the index has parameters of its own."""
+        if isinstance(self.index, Mixture):
+            return self.index.model is not None or bool(self.index.fractions)
         return isinstance(self.index, Model) or self.index in (FREE, AUTO)
+
+    @property
+    def known(self) -> tuple[Known, ...]:
+        """The materials and files that it is made of."""
+        parts = self.index.parts if isinstance(self.index, Mixture) else (self.index,)
+        words = (FREE, AUTO, "above", "below")
+        return tuple(p for p in parts if isinstance(p, str | MaterialFile) and p not in words)
 
     @property
     def model(self) -> Model | None:
         """The dispersion model; of a free index that of one constant; None if there is none."""
         if isinstance(self.index, Model):
             return self.index
+        if isinstance(self.index, Mixture):
+            return self.index.model
         return Model("constant", 1) if self.index == FREE else None
 
     def __str__(self) -> str:
@@ -110,6 +138,11 @@ class Sample(NamedTuple):
         """Index of the lossless medium that the light comes from; NaN if it is a material's."""
         index = self.media[0].index
         return index.real if isinstance(index, complex) else math.nan
+
+    @property
+    def films(self) -> bool:
+        """Whether there is a layer whose reflections interfere."""
+        return any(m.thickness.coherent for m in self.layers if m.thickness)
 
     @property
     def bare(self) -> bool:
@@ -168,11 +201,13 @@ def _length_text(d: Thickness) -> str:
     )
     thick = "" if d.coherent else " thick"
     held = " held" if d.held and d.coherent else ""
-    return f"{text} {unit}{thick}{held}"
+    return f"{text} {unit}{thick}{held}{' graded' if d.graded else ''}"
 
 
-def _index(text: str) -> complex | Model | str:
+def _index(text: str) -> complex | Model | Mixture | MaterialFile | str:
     """Return the index that a text names."""
+    if is_mixture(text):
+        return parse_mixture(text, _index)
     found = _COMPLEX.match(text)
     if found:
         value = complex(float(found[1]), float(found[2] or 0.0))
@@ -187,11 +222,14 @@ def _index(text: str) -> complex | Model | str:
     if lowered.partition(":")[0].strip().replace("_", "-") in KINDS:
         return parse_model(text)
     try:
-        return materials.lookup(text).name
+        return named(text)
+    except MaterialFileError:
+        raise
     except ValueError as error:
         raise ValueError(
             f"{text!r} is not an index: a number (1.45 or 0.2+3.1i), free, auto, a dispersion "
-            f"model ({', '.join(KINDS)}) or a named material was wanted. As a material: {error}."
+            f"model ({', '.join(KINDS)}), a named material, a file (film.yml) or a mixture "
+            f"(bruggeman(SiO2, water 30 %)) was wanted. As a material: {error}."
         ) from None
 
 
@@ -204,9 +242,11 @@ def _layer(text: str) -> Medium:
             "'SiO2 100..150 nm', 'cauchy 3 mm thick'."
         )
     words = found["words"].split()
-    strange = [w for w in words if w not in ("thick", "held")]
+    strange = [w for w in words if w not in ("thick", "held", "graded")]
     if strange:
-        raise ValueError(f"the layer {text!r}: {strange[0]!r} is neither 'thick' nor 'held'.")
+        raise ValueError(
+            f"the layer {text!r}: {strange[0]!r} is neither 'thick' nor 'held' nor 'graded'."
+        )
     unit, coherent = UNITS[found["unit"]], "thick" not in words
     if found["start"]:
         start = low_high = float(found["start"]) * unit
@@ -218,8 +258,10 @@ def _layer(text: str) -> Medium:
             raise ValueError(f"the layer {text!r}: the lower end of the thickness comes first.")
     if not (1e-6 <= start <= 1e9 and low_high > 0.0):
         raise ValueError(f"the layer {text!r}: a thickness above 0 (1e-6 to 1e9 um) was wanted.")
-    index = found["index"].strip()
-    return Medium(_index(index), index, Thickness(start, low, high, held, coherent))
+    index, graded = found["index"].strip(), "graded" in words
+    if graded and not coherent:
+        raise ValueError(f"the layer {text!r}: a thick layer cannot be graded.")
+    return Medium(_index(index), index, Thickness(start, low, high, held, coherent, graded))
 
 
 def _outer(text: str, side: str) -> Medium:
@@ -244,6 +286,10 @@ def _parsed(text: str) -> Sample:
     index = first.index
     if isinstance(index, str) and index not in (FREE, AUTO):
         lossless = materials.lookup(index).kind == "dielectric"
+    elif isinstance(index, MaterialFile):
+        table = known_medium(index)
+        low, high = table.range_um or (0.5, 0.5)
+        lossless = not any(table(low + (high - low) * x).k for x in (0.0, 0.25, 0.5, 0.75, 1.0))
     else:
         lossless = isinstance(index, complex) and not index.imag
     if not lossless:

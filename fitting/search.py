@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fitting.dispersion import Model
 from fitting.observations import Observations
 from fitting.observe import NCS, Spec
 from fitting.parameters import Settings, value_and_slope
 from fitting.problem import Targets
-from fitting.starts import LANES, Ends, briefly, coordinate_bounds, each_within, run
+from fitting.starts import LANES, Ends, best_of, briefly, coordinate_bounds, each_within, run
 from fitting.uncertainty.covariance import Slopes, Uncertainty, loss_of, slopes_at, uncertainty
 from fitting.unknowns import Unknowns
 
@@ -31,7 +32,7 @@ def _in_order(u: Unknowns, y: np.ndarray, settings: Settings) -> np.ndarray:
     out = y.copy()
     for place, model in zip(u.spec.media.places, u.spec.media.index, strict=True):
         groups = _terms(names, f"{place}.")
-        if len(groups) < 2 or isinstance(model, str):
+        if len(groups) < 2 or not isinstance(model, Model):
             continue
         key = next(i for i, n in enumerate(groups[0]) if ".resonance" in names[n])
         rows = np.array(groups)  # (terms, parameters of a term)
@@ -257,13 +258,6 @@ class Solving:
                 jacobian=np.zeros_like(s.jacobian), residual=np.zeros_like(s.residual)
             )  # fmt: skip
         return End(y, s, self.known(s, y, noise, scaled), self.cost(s, y, noise), finite)
-
-
-def best_of(ends: Ends) -> int | None:
-    good = ends.done & np.isfinite(ends.cost)
-    if not good.any():
-        return None
-    return int(np.argmin(np.where(good, ends.cost, np.inf)))
 
 
 def solved(fit: Solving, start: np.ndarray) -> tuple[Ends, float]:

@@ -28,6 +28,7 @@ from fitting.progress import tell
 from fitting.residuals import weighted_residuals
 from fitting.result import NOT_CONVERGED, Fit
 from fitting.sample import Sample
+from fitting.sample_choice import choose_sample, several_samples
 from fitting.search import Asked
 from fitting.uncertainty.intervals import QUADRATIC, check_intervals
 
@@ -116,7 +117,7 @@ def _of_instrument(m: Measurement) -> list[str]:
 
 def choose(
     measurement: Measurement | Sequence[Measurement],
-    sample: str | Sample = "auto",
+    sample: str | Sample | Sequence[str | Sample] = "auto",
     *,
     free: str | Iterable[str] = (),
     fixed: Mapping[str, float] | None = None,
@@ -125,11 +126,12 @@ def choose(
     progress: Callable[[str], None] | None = None,
     **options: Any,
 ) -> Choice:
-    """Return the smallest dispersion model that the data do not contradict, with the comparison.
+    """Return the smallest model or sample that the data do not contradict, with the comparison.
 
     Args:
         measurement, free, fixed: as for `fit`, and used for every candidate.
-        sample: with one medium that is `auto`: "auto", "air | auto 3 mm thick | air".
+        sample: with one medium that is `auto`: "auto", "air | auto 3 mm thick | air"; or several
+            samples, in a list or with "or" between them: "Si or air | SiO2 1..50 nm | Si".
         instrument: whether a free scale and angle offset are tried.
         intervals: of the model that is taken, as for `fit`.
         progress: called with the label of each candidate before it is tried; ``print`` will do.
@@ -141,9 +143,18 @@ def choose(
     Raises:
         ValueError: as `fit` does, and for parameters that only some of the models have.
     """
-    which = Sample.parse(sample)
+    samples = several_samples(sample)
+    if len(samples) > 1:
+        given = {"free": free, "fixed": fixed, **options}
+        return choose_sample(
+            measurement, samples, intervals=intervals, progress=progress, **given
+        )  # fmt: skip
+    which = samples[0]
     if not which.open:
-        raise ValueError(f"the sample {str(which)!r} leaves nothing to choose; write auto in it.")
+        raise ValueError(
+            f"the sample {str(which)!r} leaves nothing to choose; write auto in it, or several "
+            "samples with 'or' between them."
+        )
     check_intervals(intervals)
     several = measurements_of(measurement)
     held, given = dict(fixed or {}), names_of(free)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from fitting import wording
+from fitting import film_wording, wording
 from fitting.wording import num
 
 Sentence = Callable[[Mapping[str, Any]], str]
@@ -40,6 +40,9 @@ SENTENCES: dict[str, Sentence] = {
         "two of them. The values shown are one pair of many that fit alike."
     ),
     "not_seen": wording.not_seen,
+    "shared_not_seen": film_wording.shared_not_seen,
+    "other_thickness": film_wording.other_thickness,
+    "thin_film": film_wording.thin_film,
     "by_the_model_alone": lambda v: (
         "eta and k are not determined by the data alone: there is one "
         "reflectance or transmittance at each wavelength, at one angle. What separates them is the "

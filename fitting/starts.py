@@ -51,7 +51,7 @@ class Ends(NamedTuple):
     evaluations: np.ndarray
 
 
-def _start_range(unknown: Unknown) -> tuple[float, float]:
+def start_range(unknown: Unknown) -> tuple[float, float]:
     """Return the range of starts: the model's, cut to bounds and prior."""
     low, high = unknown.parameter.start
     if unknown.prior is not None:
@@ -88,7 +88,7 @@ def starts(unknowns: Sequence[Unknown], count: int, seed: int) -> np.ndarray:
         if not unknown.free:
             x = np.full(count, unknown.low)
         else:
-            low, high = _start_range(unknown)
+            low, high = start_range(unknown)
             if parameter.decades and low < high:
                 low = max(low, 1e-9 * high)
                 x = low * (high / low) ** u
@@ -264,3 +264,11 @@ def run(
         if not (~ends.done & (ends.cost < best[groups])).any():
             break
     return ends._replace(evaluations=total)
+
+
+def best_of(ends: Ends) -> int | None:
+    """Return the lowest lane that is done; None if none is."""
+    good = ends.done & np.isfinite(ends.cost)
+    if not good.any():
+        return None
+    return int(np.argmin(np.where(good, ends.cost, np.inf)))

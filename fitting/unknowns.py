@@ -11,15 +11,14 @@ import numpy as np
 
 from fitting.dispersion import Model, Spectrum
 from fitting.instrument import INSTRUMENT, PER_CURVE, instrument_parameter
+from fitting.known_media import Known, Mixture, known_medium
 from fitting.measurement import Measurement
 from fitting.observations import Observations
 from fitting.observe import NCS, Media, Spec
 from fitting.parameters import LOG, Parameter, Settings
-from fitting.sample import FREE, Medium, Sample
+from fitting.sample import Medium, Sample
 from fitting.several_files import refuse_several_thicknesses
 from fitting.starts import Unknown
-from fresnel_jax.dispersion import material
-from fresnel_jax.materials import lookup
 
 
 class Unknowns(NamedTuple):
@@ -69,42 +68,30 @@ def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> Non
                 f"{m.source}: psi and Delta of a plate with both faces are not fitted, since light "
                 "from its back face has no definite phase. Fit R and T, or one bare surface."
             )
-        if sample.layers and not sample.bare and "R_back" in quantities and not thick:
+        if "R_back" in quantities and sample.layers and (sample.films or not thick):
             raise ValueError(f"{m.source}: R_back of films is not fitted; leave the column out.")
         _check_wavelengths(m, sample)
-    closed = sample.media[-1].index == sample.media[0].index
     if thick:
         refuse_several_thicknesses([m.source for m in measurements])
-    if thick and not (len(sample.layers) == 1 and closed):
-        raise ValueError(
-            f"the sample {str(sample)!r}: a thick layer is fitted alone and between equal media, "
-            "'air | cauchy 3 mm thick | air'; films on it, or another medium behind, are not."
-        )
-    free_films = [m for m in sample.layers if m.index == FREE and m.thickness.coherent]  # type: ignore
-    if free_films and not all(m.thickness.held for m in free_films):  # type: ignore
-        raise ValueError(
-            f"the sample {str(sample)!r}: eta and k free at every wavelength and a thickness that "
-            "they share are not fitted together; write 'held' after the thickness, or give the "
-            "index a dispersion model."
-        )
 
 
 def _check_wavelengths(m: Measurement, sample: Sample) -> None:
     """Raise ValueError where a wavelength is unknown, or beyond what is known of a material."""
     dispersive = [x for x in sample.media if isinstance(x.index, Model) and x.text != "constant"]
-    named = [x for x in sample.media if isinstance(x.index, str) and not x.unknown]
+    named = [known for x in sample.media for known in x.known]
     if np.isnan(m.wavelength_um).any() and (sample.layers or dispersive or named):
         what = "a layer acts" if sample.layers else f"the index of {(dispersive + named)[0]} varies"
         raise ValueError(
             f"{m.source}: {what} with the wavelength, which is not known here; give it "
             "(wavelength_um)."
         )
-    for medium in named:
-        known = lookup(str(medium.index)).range_um
+    for which in named:
+        medium = known_medium(which)
+        known = medium.range_um
         low, high = float(np.nanmin(m.wavelength_um)), float(np.nanmax(m.wavelength_um))
         if known is not None and not (known[0] <= low and high <= known[1]):
             raise ValueError(
-                f"{m.source}: {medium.index} is known from {known[0]:g} to {known[1]:g} um; data "
+                f"{m.source}: {medium.name} is known from {known[0]:g} to {known[1]:g} um; data "
                 f"from {low:g} to {high:g} um came. Leave the others out, or give a model."
             )
 
@@ -114,7 +101,7 @@ def index_outside(sample: Sample, wavelength_um: Any) -> Any:
     index = sample.media[0].index
     if isinstance(index, complex):
         return np.float64(index.real)
-    return np.asarray(material(str(index)).model(np.asarray(wavelength_um)).eta)
+    return np.asarray(known_medium(index)(np.asarray(wavelength_um)).eta)  # type: ignore
 
 
 def spectrum_of(measurements: Sequence[Measurement], sample: Sample) -> Spectrum:
@@ -147,6 +134,16 @@ def _of_medium(medium: Medium, place: str, prefix: str, spectrum: Spectrum) -> l
     elif model is not None:
         for p in model.parameters(spectrum):
             out.append(_Offered(p._replace(name=f"{place}.{p.name}"), prefix + p.name))
+    if isinstance(medium.index, Mixture):
+        for name, share in zip(medium.index.fractions, medium.index.shares, strict=False):
+            out.append(_Offered(
+                Parameter(f"{place}.{name}", "", (share.low, share.high), share.low, share.high,
+                          held=share.start if share.held else None),
+                prefix + name, share.held,
+            ))  # fmt: skip
+    if medium.thickness is not None and medium.thickness.graded:
+        out.append(_Offered(Parameter(f"{place}.grade", "", (-0.1, 0.1), -1.0, 1.0),
+                            f"{prefix}grade"))  # fmt: skip
     if medium.thickness is not None:
         d = medium.thickness
         name, size = ("thickness_nm", 1e3) if d.coherent else ("thickness_um", 1.0)
@@ -158,25 +155,28 @@ def _of_medium(medium: Medium, place: str, prefix: str, spectrum: Spectrum) -> l
             Parameter(
                 f"{place}.{name}", d.unit, (start[0] * size, start[1] * size), low * size,
                 high * size, held=d.start_um * size if d.held else None,
+                decades=start[1] > 10.0 * start[0] > 0.0,
             ),
             prefix + name,
         ))  # fmt: skip
     return out
 
 
-def media_of(sample: Sample) -> Media:
+def media_of(sample: Sample, spectrum: Spectrum | None = None) -> Media:
     """Return what a compiled program must know of a sample."""
-    index: list[Model | str] = []
+    index: list[Model | Mixture | Known] = []
     for medium in sample.media[1:]:
         if isinstance(medium.index, complex):
             index.append(Model("constant", 1))
-        elif medium.model is not None:
-            index.append(medium.model)
+        elif isinstance(medium.index, Mixture) or medium.model is None:
+            index.append(medium.index)  # type: ignore
         else:
-            index.append(str(medium.index))
-    coherent = tuple(m.thickness.coherent for m in sample.layers if m.thickness)
+            index.append(medium.model.over(spectrum) if spectrum else medium.model)
+    layers = [m.thickness for m in sample.layers if m.thickness]
+    coherent = tuple(d.coherent for d in layers)
     closed = sample.media[-1].index == sample.media[0].index
-    return Media(tuple(index), sample.places[1:], coherent, bool(coherent) and closed)
+    graded = tuple(d.graded for d in layers)
+    return Media(tuple(index), sample.places[1:], coherent, bool(coherent) and closed, graded)
 
 
 def _of_instrument(settings: Settings, seen: Observations) -> list[_Offered]:
@@ -282,7 +282,7 @@ def unknowns(
         unknown, constant = unknown_of(o.parameter, o.label, said)
         (held if constant else moving).append(unknown)
     spec = Spec(
-        media=media_of(sample),
+        media=media_of(sample, spectrum),
         channels=seen.channels,
         moving=tuple(u.parameter.name for u in moving),
         coordinates=tuple(u.parameter.coordinate for u in moving),

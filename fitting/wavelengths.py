@@ -36,7 +36,7 @@ _TOGETHER = 16
 _ENOUGH = 5
 
 
-class _One(NamedTuple):
+class One(NamedTuple):
     """One wavelength before it is solved."""
 
     fit: Solving
@@ -50,7 +50,7 @@ class _One(NamedTuple):
         return self.fit.u.spec, self.fit.seen.points.angle_deg.shape[0]
 
 
-def _lanes(several: list[_One], count: int) -> Targets:
+def _lanes(several: list[One], count: int) -> Targets:
     """Return the targets of wavelengths side by side, each for ``count`` lanes."""
     targets = [one.fit.targets for one in several]
 
@@ -74,16 +74,16 @@ def _lanes(several: list[_One], count: int) -> Targets:
     )
 
 
-def _chunks(ones: list[_One]) -> Iterator[list[_One]]:
-    kinds: dict[tuple[Any, ...], list[_One]] = {}
+def _chunks(ones: list[One], together: int) -> Iterator[list[One]]:
+    kinds: dict[tuple[Any, ...], list[One]] = {}
     for one in ones:
         kinds.setdefault(one.kind, []).append(one)
     for alike in kinds.values():
-        for first in range(0, len(alike), _TOGETHER):
-            yield alike[first : first + _TOGETHER]
+        for first in range(0, len(alike), together):
+            yield alike[first : first + together]
 
 
-def _scatter(pairs: list[tuple[_One, Ends]]) -> float | None:
+def _scatter(pairs: list[tuple[One, Ends]]) -> float | None:
     """Return the mean square of the residuals of all wavelengths, None where each has enough.
 
     Two or three values for two unknowns say nothing of their noise, or that it is 0.
@@ -143,20 +143,9 @@ def check_wavelengths(measurement: Measurement, settings: Settings) -> None:
         )
 
 
-def fit_wavelengths(
-    measurement: Measurement, sample: Sample, settings: Settings, asked: Asked
-) -> Fit:
-    """Return the fit of every wavelength by itself, batch shape (W,) in rising order.
-
-    psi and Delta of a bare surface give the pseudo-index, see `pseudo_index`. With fewer than five
-    data to spare at some wavelength, the scatter behind scaled errors is that of all.
-    """
+def jobs(measurement: Measurement, sample: Sample, settings: Settings, asked: Asked) -> list[One]:
+    """Return the fit of every wavelength, not yet solved, in rising order."""
     wavelengths, which = np.unique(measurement.wavelength_um, return_inverse=True)
-    several = len(wavelengths) > 1
-    if several and asked.intervals == "auto" and not sample.eta_i > 1.0:
-        # By profile an interval takes some .1 s; in total reflection a quadratic limit of k can be
-        # 12 times too small.
-        asked = asked._replace(intervals=QUADRATIC)
     ones = []
     for place in range(len(wavelengths)):
         part = measurement.where(which == place)
@@ -165,8 +154,25 @@ def fit_wavelengths(
         outside = index_outside(sample, seen.points.wavelength_um)
         job = Solving(u, seen, targets_of(u, seen, outside), settings, asked)
         job.starts = LANES
-        ones.append(_One(job, start_points(u.moving, LANES, asked.seed), part, place))
-    pairs = _solved(ones)
+        ones.append(One(job, start_points(u.moving, LANES, asked.seed), part, place))
+    return ones
+
+
+def fit_wavelengths(
+    measurement: Measurement, sample: Sample, settings: Settings, asked: Asked
+) -> Fit:
+    """Return the fit of every wavelength by itself, batch shape (W,) in rising order.
+
+    psi and Delta of a bare surface give the pseudo-index, see `pseudo_index`. With fewer than five
+    data to spare at some wavelength, the scatter behind scaled errors is that of all.
+    """
+    several = len(np.unique(measurement.wavelength_um)) > 1
+    if several and asked.intervals == "auto" and not sample.eta_i > 1.0:
+        # By profile an interval takes some .1 s; in total reflection a quadratic limit of k can be
+        # 12 times too small.
+        asked = asked._replace(intervals=QUADRATIC)
+    ones = jobs(measurement, sample, settings, asked)
+    pairs = solved_each(ones)
     pooled = _scatter(pairs) if several else None
     fits = []
     for one, ends in pairs:
@@ -179,26 +185,27 @@ def fit_wavelengths(
     return stacked(fits, measurement, notes) if several else replace(fits[0], notes=notes)
 
 
-def _solved(ones: list[_One]) -> list[tuple[_One, Ends]]:
-    """Return every wavelength with the ends of its starts."""
+def solved_each(ones: list[One], count: int = LANES) -> list[tuple[One, Ends]]:
+    """Return every wavelength with the ends of its first ``count`` starts."""
     solved: list[Ends | None] = [None] * len(ones)
     tell(total=2 * len(ones), done=0)  # each is solved, and then looked at closely
-    for chunk in _chunks(ones):
+    together = _TOGETHER * LANES // count
+    for chunk in _chunks(ones, together):
         # Filled up with the last one, so that one program serves.
-        full = chunk + [chunk[-1]] * (_TOGETHER - len(chunk))
-        groups = np.repeat(np.arange(_TOGETHER), LANES)
+        full = chunk + [chunk[-1]] * (together - len(chunk))
+        groups = np.repeat(np.arange(together), count)
         with listening(None):  # wavelengths are counted here, not rounds
             ends = run(
                 chunk[0].fit.u.spec,
-                _lanes(full, LANES),
-                np.concatenate([one.start for one in full], 1),
+                _lanes(full, count),
+                np.concatenate([one.start[:, :count] for one in full], 1),
                 full[0].fit.limits,
-                np.repeat([max(one.fit.dof, 1.0) for one in full], LANES),
-                np.repeat([one.fit.squares for one in full], LANES),
+                np.repeat([max(one.fit.dof, 1.0) for one in full], count),
+                np.repeat([one.fit.squares for one in full], count),
                 groups,
             )
         for i, one in enumerate(chunk):
-            own = slice(i * LANES, (i + 1) * LANES)
+            own = slice(i * count, (i + 1) * count)
             solved[one.place] = Ends(*(a[..., own] for a in ends))
         tell(done=len(chunk))
     return [(one, ends) for one, ends in zip(ones, solved, strict=True) if ends is not None]

@@ -42,9 +42,7 @@ from ._double_word import (
     total,
     twice_product,
 )
-from ._stack_wave import Pair, Wave, choose, root, wave
-
-UNROLLED = 2  # up to so many layers are written out; more run through one loop
+from ._stack_wave import Pair, Wave, choose, root
 
 
 class Ambient(NamedTuple):
@@ -172,17 +170,23 @@ def _power_of_two_below(x: Array) -> Array:
     return lax.bitcast_convert_type(bits((field - 1) << shift) - exponent, x.dtype)
 
 
-def _rescaled(u, w, m, f):
-    size = jnp.maximum(
-        jnp.maximum(jnp.abs(u[0]), jnp.abs(u[1])), jnp.maximum(jnp.abs(w[0]), jnp.abs(w[1]))
+def rescaled(fields: Fields) -> tuple[Fields, tuple[Array, Array]]:
+    """The fields divided by a power of two near their size, and one over it, for s and p.
+
+    Only of fields that stand in memory, as the carry of a loop does: XLA computes a scale once for
+    every array that needs it, and rounding differently next to a power of two it gave different
+    scales, hence fields wrong by a factor of 2.
+    """
+    scales = tuple(
+        _power_of_two_below(
+            jnp.maximum(
+                jnp.maximum(jnp.abs(u[0]), jnp.abs(u[1])), jnp.maximum(jnp.abs(w[0]), jnp.abs(w[1]))
+            )
+        )
+        for u, w in zip(fields.u, fields.w, strict=True)
     )
-    scale = _power_of_two_below(size)
-    return scaled(scale, u), scaled(scale, w), scaled(scale, m), scaled(scale, f)
-
-
-def layer_wave(here: Medium, x: DoubleWord, front: Ambient) -> Wave:
-    re, im = normal_squared(here, front)
-    return wave(re, im, x, squared_modulus(front.q))
+    s, p = scales
+    return Fields(*((scaled(s, z_s), scaled(p, z_p)) for z_s, z_p in fields)), (s, p)
 
 
 def through_layer(fields: Fields, here: Medium, layer: Wave, front: Ambient) -> Fields:
@@ -210,7 +214,7 @@ def through_layer(fields: Fields, here: Medium, layer: Wave, front: Ambient) -> 
             w_new,
             q0,
         )
-        out.append(_rescaled(u_new, w_new, m_new, times(f, layer.passage)))
+        out.append((u_new, w_new, m_new, times(f, layer.passage)))
     return Fields(*zip(*out, strict=True))
 
 
@@ -249,17 +253,3 @@ def normal_flux(q: Complex, transverse2: Complex, n2: Complex) -> tuple[Array, A
     if q[1] is not None and transverse2[1] is not None:
         p = p + q[1] * transverse2[1]
     return q[0], p * reciprocal_or_zero(squared_modulus(n2))
-
-
-def denominators(fields: Fields, front: Ambient) -> tuple[Pair, Pair]:
-    """Q_0 U + W for s and p: twice Q_0 times the amplitude that comes in."""
-    s, p = (plus(times(front.q, u), w) for u, w in zip(fields.u, fields.w, strict=True))
-    return s, p
-
-
-def reflected(fields: Fields, front: Ambient) -> tuple[list[Complex], list[Complex]]:
-    """r_s, r_p, and f / (Q_0 U + W) for s and p."""
-    inverses = [inverse(z) for z in denominators(fields, front)]
-    r = [times(m, per) for m, per in zip(fields.m, inverses, strict=True)]
-    through = [times(f, per) for f, per in zip(fields.f, inverses, strict=True)]
-    return r, through

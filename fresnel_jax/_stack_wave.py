@@ -35,6 +35,7 @@ class Wave(NamedTuple):
     sine_over_q: Pair  # sigma
     q_sine: Pair  # Q^2 sigma
     passage: Pair  # f
+    sine2: Array  # |f|^2 sin^2(Re delta)
     near_critical: Array  # where f is held constant in derivatives
 
 
@@ -100,33 +101,25 @@ def wave(re: DoubleWord, im: DoubleWord | None, x: DoubleWord, ambient2: Array) 
     over_q = times(rest, (0.5 * a * per_q2, -0.5 * b * per_q2))
     critical = q2_abs == 0.0
     sine_over_q = (jnp.where(critical, 0.0, over_q[0]), jnp.where(critical, -kappa, over_q[1]))
-    return Wave(
+    shapes = [z.shape for z in (a, kappa, ambient2)]
+    out = Wave(
         q=(a, b),
         round_trip=round_trip,
         cosine=(1.0 - 0.5 * rest[0], -0.5 * rest[1]),
         sine_over_q=sine_over_q,
         q_sine=times((0.5 * a, 0.5 * b), rest),
         passage=(decay * cosine, decay * sine),
-        near_critical=(4.0 * q2_abs < ambient2) & (kappa * kappa * q2_abs < 1.0),
+        sine2=0.5 * (intensity * twice_sine2),
+        near_critical=(4.0 * q2_abs < ambient2) & (kappa * kappa * q2_abs < 0.25),
     )
+    # One shape: the derivative of q is masked by near_critical, which depends on the thickness too.
+    return jax.tree.map(lambda z: jnp.broadcast_to(z, jnp.broadcast_shapes(*shapes)), out)
 
 
 # (cos(z) - sin(z) / z) / z^2 = sum of these times z^(2k): -2 (k + 1) (-1)^k / (2 k + 3)!
 _SERIES = tuple(
     -((-1.0) ** k) * 2.0 * (k + 1) / float(factorial)
-    for k, factorial in enumerate(
-        (
-            6,
-            120,
-            5040,
-            362880,
-            39916800,
-            6227020800,
-            1307674368000,
-            355687428096000,
-            121645100408832000,
-        )
-    )
+    for k, factorial in enumerate((6, 120, 5040, 362880, 39916800, 6227020800, 1307674368000))
 )
 
 
@@ -196,6 +189,7 @@ def _wave_jvp(primals, tangents):
         sine_over_q=d_sine,
         q_sine=_plus(times(out.sine_over_q, dq2), times(q2, d_sine)),
         passage=d_passage,
+        sine2=jnp.where(near, 0.0, out.round_trip[1] * d_delta[0] - 2.0 * out.sine2 * d_delta[1]),
         near_critical=jnp.zeros(near.shape, jax.dtypes.float0),
     )
     return out, tangent

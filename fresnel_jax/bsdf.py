@@ -39,7 +39,13 @@ from ._vectors import as_float
 from .bsdf_dielectric import Dielectric
 from .bsdf_reflection import Reflector
 from .bsdf_thin import ThinDielectric
-from .fresnel_terms import FresnelConductor, FresnelDielectric, FresnelNone, FresnelTerm
+from .fresnel_terms import (
+    FresnelConductor,
+    FresnelDielectric,
+    FresnelNone,
+    FresnelStack,
+    FresnelTerm,
+)
 from .microfacet import TrowbridgeReitz
 
 __all__ = [
@@ -49,6 +55,7 @@ __all__ = [
     "FresnelConductor",
     "FresnelDielectric",
     "FresnelNone",
+    "FresnelStack",
     "FresnelTerm",
     "Lobes",
     "Reflector",

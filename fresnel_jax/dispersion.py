@@ -31,6 +31,7 @@ from ._absorption_edge import TaucLorentz as TaucLorentz
 from ._formulas import Cauchy as Cauchy
 from ._formulas import Constant as Constant
 from ._formulas import Sellmeier as Sellmeier
+from ._kramers_kronig import KramersKronigSpline as KramersKronigSpline
 from ._oscillators import BrendelBormann as BrendelBormann
 from ._oscillators import DrudeLorentz as DrudeLorentz
 from ._spectral import HC_EV_UM as HC_EV_UM

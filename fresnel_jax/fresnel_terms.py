@@ -9,11 +9,22 @@ from jaxtyping import Array, ArrayLike
 
 from ._vectors import as_float
 from .interface import reflectance
+from .layers import stack
+
+
+def _stacked(index) -> Array:
+    """One array of a list of media."""
+    if isinstance(index, (list, tuple)):
+        return jnp.stack(jnp.broadcast_arrays(*index))
+    return jnp.asarray(index)
+
 
 __all__ = [
     "FresnelConductor",
     "FresnelDielectric",
     "FresnelNone",
+    "FresnelStack",
+    "FresnelTerm",
 ]
 
 
@@ -54,6 +65,25 @@ class FresnelConductor(eqx.Module):
         return reflectance(cos_theta, self.eta, self.k, self.eta_outside)
 
 
+class FresnelStack(eqx.Module):
+    """Reflectance of films on a substrate, for unpolarized light, from either side alike.
+
+    Arguments as those of `layers.stack`: `index` of the L + 2 media and `thickness_um` of the L
+    layers, each on its leading axis, and `wavelength_um`. What follows the leading axes broadcasts
+    with the cosine, so that a colour of three or a spectrum of many wavelengths takes part in the
+    axes of the model as any other field does. Accuracy and derivatives as `layers.stack`.
+    Source: `layers.stack`.
+    """
+
+    index: Array = eqx.field(converter=_stacked)
+    thickness_um: Array = eqx.field(converter=as_float)
+    wavelength_um: Array = eqx.field(converter=as_float)
+
+    def __call__(self, cos_theta: ArrayLike) -> Array:
+        """R at the absolute value of `cos_theta`, shape (...)."""
+        return stack(cos_theta, self.index, self.thickness_um, self.wavelength_um).R
+
+
 class FresnelNone(eqx.Module):
     """No Fresnel effect: everything is reflected. Source: PBRT 3rd ed. `FresnelNoOp`."""
 
@@ -64,4 +94,4 @@ class FresnelNone(eqx.Module):
         return known.astype(jnp.result_type(cosine, 1.0))
 
 
-FresnelTerm = FresnelDielectric | FresnelConductor | FresnelNone
+FresnelTerm = FresnelDielectric | FresnelConductor | FresnelStack | FresnelNone

@@ -193,7 +193,7 @@ def ellipsometric_ratio(
     rho = (eta_i^2 sin^2 - Q eta_i cos) / (eta_i^2 sin^2 + Q eta_i cos),  Q = N cos_t.
 
     -1 at normal incidence, 1 at grazing incidence, 0 at Brewster's angle; Im rho <= 0. For matched
-    media it is the limit -cos(2 theta). Error 12 eps of |rho|, also where it vanishes. The numbers
+    media it is the limit -cos(2 theta). Error 8 eps of |rho|, also where it vanishes. The numbers
     to fit to ellipsometric data are N = cos 2 psi = (1 - |rho|^2) / (1 + |rho|^2) and
     C - iS = 2 rho / (1 + |rho|^2) with C = sin 2 psi cos Delta, S = sin 2 psi sin Delta.
     Source: Azzam and Bashara, sec. 4.2.

@@ -63,6 +63,12 @@ def test_gold_and_glass_as_a_command(tmp_path):
     assert rgb[0] > rgb[1] > rgb[2]
 
 
+def test_film_colours(example, tmp_path):
+    results = example("film_colours").main([str(tmp_path / "films.png"), "--size", "24"])
+    drawn(tmp_path / "films.png")
+    assert results["found_nm"] == pytest.approx(results["true_nm"], rel=1e-9)
+
+
 def test_snells_window(example, tmp_path, capsys):
     results = example("snells_window").main([str(tmp_path / "window.png"), "--size", "48"])
     drawn(tmp_path / "window.png")

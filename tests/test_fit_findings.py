@@ -109,7 +109,10 @@ def test_s_alone_on_a_metal_names_the_circle():
     index = int(np.flatnonzero(blind)[0])
     assert "only the circle" in found.warnings[index][0].text
     a = (1 + found.eta**2 + found.k**2) / (2 * found.eta)
-    assert np.median(a[blind]) == pytest.approx((1 + 1.2**2 + 49) / 2.4, rel=0.1)
+    # Noise makes perfect mirrors of a few, which have no value at all.
+    valued = blind & np.isfinite(found.eta)
+    assert valued.sum() > 0.9 * blind.sum()
+    assert np.median(a[valued]) == pytest.approx((1 + 1.2**2 + 49) / 2.4, rel=0.1)
 
 
 def test_a_perfect_mirror_has_no_index():

@@ -83,7 +83,7 @@ def test_too_few_points_excuse_nothing():
 
 
 def test_an_interval_narrower_than_six_digits_shows_its_width():
-    from fitting.output.report import between
+    from fitting.output.numbers import interval_text as between
 
     assert between(1.0, 1.0 + 3e-12) != "1 to 1"
     low, high = between(1.0 - 1e-12, 1.0 + 3e-12).split(" to ")

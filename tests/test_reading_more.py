@@ -8,14 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fitting.output.export import data_csv
-from fitting.output.plot import save_plot
 from reading import read, refusal
 from simulated import GOLD
 
 from fitting import cli, fit, read_csv
-from fitting.bare_surface.curves import fitted_values
 from fitting.measurement import Measurement, MeasurementError
+from fitting.output.as_data import data_csv
 from fitting.reader import lines as lines_module
 from fitting.visible import visible
 
@@ -36,7 +34,7 @@ def test_our_own_table_of_data_is_read_back_to_the_last_bit(tmp_path: Path) -> N
     for number, m in enumerate((gold, mixed)):
         result = fit(m)
         path = tmp_path / f"{number}.csv"
-        path.write_text(data_csv(result, m, *fitted_values(result, m)))
+        path.write_text(data_csv(result))
         same(read_csv(path), m)
         options = {"columns": "angle=angle_deg,R=value", "keep": "quantity=R_s,R"}
         assert read_csv(path, **options).value.size == np.isin(m.quantity, ("R_s", "R")).sum()
@@ -146,26 +144,3 @@ def test_what_is_visible_stays() -> None:
     for text in ("R_s (\u00b0) \u03bb \u5165\u5c04\u89d2", "", "a\u00a0b"):
         assert visible(text) == text
     assert visible("a\tb\nc") == r"a\tb\nc" and visible("a\tb\nc", "\t\n") == "a\tb\nc"
-
-
-@pytest.mark.parametrize("suffix", [".svg", ".pdf", ".png"])
-def test_a_picture_is_the_same_bytes_each_time(tmp_path: Path, suffix: str, monkeypatch) -> None:
-    pytest.importorskip("matplotlib")
-    m = read_csv(GOLD)
-    result = fit(m)
-    pictures = []
-    for day in ("1000000000", "2000000000"):
-        monkeypatch.setenv("SOURCE_DATE_EPOCH", day)
-        save_plot(result, m, tmp_path / f"a{suffix}")
-        pictures.append((tmp_path / f"a{suffix}").read_bytes())
-    assert pictures[0] == pictures[1]
-
-
-def test_letters_that_the_font_lacks_are_said_once(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
-    m = Measurement.from_columns(
-        [30.0, 50.0, 70.0], R=[0.1, 0.2, 0.4], source="\u91d1\u819c \u91d1"
-    )
-    with pytest.warns(UserWarning, match="lacks '\u91d1\u819c'") as caught:
-        save_plot(fit(m), m, tmp_path / "a.png")
-    assert len(caught) == 1

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from fresnel_jax import amplitudes, powers
-from fresnel_jax.layers import stack
+from fresnel_jax.bsdf import FresnelStack
+from fresnel_jax.layers import slab, stack
 
 DTYPES = [np.float32, np.float64]
 COSINES = np.linspace(0.05, 1.0, 20)
@@ -44,15 +45,16 @@ def test_compiled_mapped_and_looped_calls_agree():
     def one(c, w):
         return stack(c, index, thickness, w)
 
-    whole = stack(jnp.asarray(COSINES)[:, None], index[:, None, None], thickness, wavelength[1])
+    cosines = jnp.asarray(COSINES)[:, None]
+    whole = stack(cosines, index[:, None, None], thickness[:, None, None], wavelength[1])
     for i, c in enumerate(COSINES[:3]):
         for a, b in zip(whole, one(c, wavelength[1]), strict=True):
-            np.testing.assert_allclose(np.ravel(a)[i], b, rtol=1e-13)
+            np.testing.assert_allclose(np.asarray(a)[..., i, 0], b, rtol=1e-12)
     mapped = jax.jit(jax.vmap(one, (None, 0)))(0.3, wavelength)
-    for a, b in zip(
-        mapped, stack(0.3, index[:, None], thickness[:, None], wavelength), strict=True
-    ):
-        np.testing.assert_allclose(a, b, rtol=1e-13)
+    whole = stack(0.3, index[:, None], thickness[:, None], wavelength)
+    for a, b in zip(mapped[:8], whole[:8], strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12)
+    np.testing.assert_allclose(mapped.A.T, whole.A, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -68,3 +70,45 @@ def test_compiled_mapped_and_looped_calls_agree():
 def test_wrong_arguments_are_named(arguments, words):
     with pytest.raises(ValueError, match=words):
         stack(*arguments)
+
+
+def test_a_layer_that_is_not_coherent_is_the_slab():
+    for k in (0.0, 1e-6, 1e-2):
+        got = stack(COSINES, [1.2, 1.5 + 1j * k, 1.2], [100.0], 0.5, coherent=False)
+        for value, exact in zip(got[:4], slab(COSINES, 1.5, k, 100.0, 0.5, 1.2), strict=True):
+            np.testing.assert_allclose(value, exact, rtol=1e-13)
+        np.testing.assert_allclose(got.R + got.T + got.A[0], 1.0, rtol=1e-14)
+
+
+def test_transmittance_is_the_same_from_both_sides():
+    index = np.array([1.3, 2.1 + 0.2j, 0.3 + 3j, 1.7, 1.6])
+    thickness = np.array([0.1, 0.02, 0.4])
+    there = stack(COSINES, index, thickness, 0.6)
+    cosine = np.sqrt(1.0 - (1.3 / 1.6) ** 2 * (1.0 - COSINES**2))
+    back = stack(cosine, index[::-1], thickness[::-1], 0.6)
+    for a, b in zip(there[2:4], back[2:4], strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12)
+
+
+def test_films_are_a_fresnel_term():
+    model = FresnelStack([1.0, 1.46, 3.9 + 0.02j], [0.1], 0.55)
+    np.testing.assert_array_equal(model(0.7), stack(0.7, [1.0, 1.46, 3.9 + 0.02j], [0.1], 0.55).R)
+
+
+def test_coherent_must_be_static():
+    with pytest.raises(ValueError, match="one of them for each of the 1 layers"):
+        stack(1.0, [1.0, 1.4, 1.5], [0.1], 0.5, coherent=(True, False))
+
+
+def test_gradients_of_arguments_that_broadcast():
+    wavelength, c = jnp.linspace(0.4, 0.7, 3), jnp.asarray(COSINES[:4])[:, None]
+
+    def total(n, thickness):
+        return jnp.sum(stack(c, n[:, None, None], thickness[:, None, None], wavelength).R)
+
+    n, thickness = jnp.array([1.0, 1.46, 2.3, 3.9]), jnp.array([0.1, 0.2])
+    gradient = jax.grad(total, (0, 1))(n, thickness)
+    for i in range(2):
+        step = 1e-6 * (jnp.arange(2) == i)
+        slope = (total(n, thickness + step) - total(n, thickness - step)) / 2e-6
+        np.testing.assert_allclose(gradient[1][i], slope, rtol=1e-7)

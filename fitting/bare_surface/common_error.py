@@ -10,7 +10,7 @@ from fitting.bare_surface.answer import Answer, answer
 from fitting.bare_surface.arrange import Arranged
 from fitting.bare_surface.batch import Data, fitted_curves
 from fitting.error_model import GAIN, ROUNDS, likeliest_floor
-from fitting.result import CONVERGED
+from fitting.result import NO_DATA
 
 
 class Taken(NamedTuple):
@@ -71,7 +71,9 @@ def with_common_error(
     if not a.stated or errors not in ("auto", "floor"):
         return f, taken
     far = (f.dof > 0) if errors == "floor" else f.codes["chi2_large"]
-    todo = np.flatnonzero(far & (f.status == CONVERGED))
+    # Not only what converged: where the better stated half of the data was fitted alone, that may
+    # have determined nothing.
+    todo = np.flatnonzero(far & (f.status != NO_DATA) & np.isfinite(f.solved.cost))
     if not len(todo):
         return f, taken
     data = a.data.take(todo)

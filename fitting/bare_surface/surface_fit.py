@@ -93,7 +93,7 @@ def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> F
     with np.errstate(all="ignore"):
         chi2_reduced = np.where(f.dof > 0, v["chi2"] / f.dof, np.nan)
         rms = np.sqrt(s.plain / s.count)
-        informed = np.isfinite(v["information"]).all((1, 2))
+        informed = np.asarray(np.isfinite(v["information"]).all((1, 2)))
     estimates = _estimates(a, f)
     return Fit(
         sample=sample, parameters=estimates, covariance=shaped(v["covariance"], a),

@@ -1,0 +1,162 @@
+"""How often the fit of a film finds the best minimum, and with it the right fringe order.
+
+Random films: 5 nm to 20 um thick (evenly in the logarithm), of a Cauchy, a Cauchy-Urbach or a
+Drude-Lorentz material with random parameters, on glass, silicon or silver; R alone, T alone, R and
+T (on glass), or psi and Delta; random range of wavelengths and random angle, as many wavelengths as
+resolve the fringes of the film, Gaussian noise of .001 (R, T), .05 and .1 degrees (psi, Delta). The
+fit knows that the film is 5 nm to 20 um thick, and nothing else. It is compared with the best
+minimum known, that of the same fit started at the truth as well. Counted, in per cent, are
+
+  best    chi2 within a hundredth of a unit of the best known
+  false   chi2 higher than that, and yet nothing in the result says so (status "converged", three
+          starts or more that ended in the same minimum, no alternative)
+  order   the thickness is within half a fringe of the truth, or the truth is among the alternatives
+
+    python -m benchmarks.film_success [--films 10000] [--seed 0] [--only psi]
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from benchmarks.model_success import truth
+from fitting import Measurement, fit, simulate
+from fitting.known_media import known_medium
+
+LOW_NM, HIGH_NM = 5.0, 20_000.0
+MODELS = ("cauchy:3", "cauchy-urbach:2", "drude-lorentz:1")
+SUBSTRATES = ("BK7", "Si", "silver")
+MEASURED = {
+    "R": {"R": 1e-3}, "T": {"T": 1e-3}, "R, T": {"R": 1e-3, "T": 1e-3},
+    "psi, Delta": {"psi": 0.05, "delta": 0.1},
+}  # fmt: skip
+# Numbers of wavelengths that programs are compiled for.
+SIZES = (128, 256, 512, 1024)
+
+
+class Case(NamedTuple):
+    """One simulated film: what it is, what was measured, and the truth by parameter."""
+
+    cell: tuple[str, str, str]
+    measurement: Measurement
+    truth: dict[str, float]
+    fringe_nm: float
+
+    @property
+    def sample(self) -> str:
+        """What is fitted."""
+        model, substrate, _ = self.cell
+        return f"air | {model} {LOW_NM:g}..{HIGH_NM:g} nm | {substrate}"
+
+
+def _parameters(model: str, random: np.random.Generator, shortest_um: float) -> dict[str, float]:
+    """Return a random material that a film of it is seen through at some wavelengths."""
+    p = truth(model, random)
+    if model.startswith("cauchy-urbach"):
+        p = {k: v for k, v in p.items() if k != "C"}
+        p |= {"k_edge": 10.0 ** random.uniform(-3.0, -0.7), "edge_ev": 1.2398 / shortest_um}
+    if model.startswith("drude-lorentz"):
+        # a transparent conductor: free electrons in the infrared, a resonance in the ultraviolet
+        p |= {
+            "eps_inf": random.uniform(1.5, 4.0), "plasma_ev": 10.0 ** random.uniform(-0.7, 0.4),
+            "width_ev": 10.0 ** random.uniform(-1.3, -0.3),
+            "resonance_ev_1": random.uniform(3.5, 8.0), "width_ev_1": random.uniform(0.05, 1.0),
+        }  # fmt: skip
+    return p
+
+
+def simulated(seed: int) -> Case | None:
+    """Return a random film; None where the random material is none."""
+    random = np.random.default_rng([7, seed])
+    model, substrate = random.choice(MODELS), random.choice(SUBSTRATES)
+    names = list(MEASURED) if substrate == "BK7" else ["R", "psi, Delta"]
+    measured = str(random.choice(names))
+    low = random.uniform(0.35, 0.5)
+    high = min(low * random.uniform(1.5, 3.0), 0.99 * known_medium(substrate).range_um[1])  # type: ignore
+    thickness = float(np.exp(random.uniform(np.log(LOW_NM), np.log(HIGH_NM))))
+    p = _parameters(model, random, low)
+    angle = 0.0 if measured != "psi, Delta" else random.uniform(55.0, 75.0)
+    # five points to the narrowest fringe of an index of 2.5, as a spectrometer that is up to it
+    fringes = 2.0 * 2.5 * thickness * 1e-3 * (1.0 / low - 1.0 / high)
+    count = next((n for n in SIZES if n > 5.0 * fringes), SIZES[-1])
+    wavelength = 1.0 / np.linspace(1.0 / high, 1.0 / low, count)
+    values = p | {"thickness_nm": thickness}
+    sample = f"air | {model} {thickness:.6g} nm | {substrate}"
+    columns, sigma = {}, {}
+    for quantity, error in MEASURED[measured].items():
+        value = simulate(sample, values, angle, wavelength, quantity)
+        if not np.isfinite(value).all():
+            return None
+        value = value + error * random.standard_normal(count)
+        if quantity == "psi":
+            value = np.clip(value, 0.0, 90.0)
+        columns[quantity], sigma[quantity] = value, error
+    m = Measurement.from_columns(angle, wavelength, sigma=sigma, **columns)
+    index = 2.0  # a fringe, for the tolerance of the order
+    return Case((str(model), str(substrate), measured), m, values, 1e3 * low / (2.0 * index))
+
+
+def outcome(case: Case, seed: int, **options: Any) -> dict[str, Any]:
+    """Return what the fit of a film came to."""
+    began = time.perf_counter()
+    found = fit(case.measurement, case.sample, errors="stated", intervals="quadratic", **options)
+    seconds = time.perf_counter() - began
+    start = {k: v for k, v in case.truth.items() if k != "edge_ev"}
+    known = fit(
+        case.measurement, case.sample, errors="stated", intervals="quadratic", start=start,
+        **options,
+    )  # fmt: skip
+    best = min(found.cost, known.cost)
+    good = bool(found.cost <= best + 0.01) and found.status != "not converged"
+    quiet = found.status == "converged" and found.reached >= 3 and not found.alternatives
+    true = case.truth["thickness_nm"]
+    shown = [found.parameters["thickness_nm"].value]
+    shown += [a.parameters["thickness_nm"].value for a in found.alternatives]
+    order = any(abs(d - true) < 0.5 * case.fringe_nm for d in shown)
+    return {
+        "cell": case.cell, "best": good, "false": not good and quiet, "order": order,
+        "rise": found.cost - best, "seed": seed, "thickness": true, "seconds": seconds,
+    }  # fmt: skip
+
+
+def _line(name: str, rows: list[dict[str, Any]]) -> str:
+    mean = [100.0 * float(np.mean([r[k] for r in rows])) for k in ("best", "false", "order")]
+    seconds = float(np.median([r["seconds"] for r in rows]))
+    return f"{name:46}{len(rows):6d}" + "".join(f"{m:8.1f}" for m in mean) + f"{seconds:8.2f}"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--films", type=int, default=10_000)
+    parser.add_argument("--seed", type=int, default=0, help="the first film")
+    parser.add_argument("--only", default="", help="what was measured begins so")
+    arguments = parser.parse_args()
+    rows: list[dict[str, Any]] = []
+    seed = arguments.seed
+    while len(rows) < arguments.films:
+        case = simulated(seed)
+        if case is not None and case.cell[2].startswith(arguments.only):
+            rows.append(outcome(case, seed))
+            if not rows[-1]["best"]:
+                r = rows[-1]
+                print(f"missed: film {seed}, {', '.join(r['cell'])}, {r['thickness']:.4g} nm, chi2 "
+                      f"{r['rise']:.3g} above the best", flush=True)  # fmt: skip
+        seed += 1
+    print(f"\n{'film on substrate, measured':46}{'films':>6}{'best':>8}{'false':>8}{'order':>8}"
+          f"{'s':>8}")  # fmt: skip
+    for cell in sorted({r["cell"] for r in rows}):
+        print(_line(f"{cell[0]} on {cell[1]}, {cell[2]}", [r for r in rows if r["cell"] == cell]))
+    for low, high in ((5, 50), (50, 500), (500, 5000), (5000, 20000)):
+        some = [r for r in rows if low <= r["thickness"] < high]
+        if some:
+            print(_line(f"{low} to {high} nm", some))
+    print(_line("all", rows))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,213 @@
+"""A film whose eta and k are free at every wavelength, with one thickness that all of them share.
+
+For a given thickness every wavelength is a fit by itself (`wavelengths`); the thickness is where
+the sum of their costs is least. That takes more than two numbers at a wavelength: psi and Delta at
+one angle give an eta and a k for any thickness. The errors of eta and k hold that of the thickness.
+
+Source: the point-by-point fit with a common thickness of H. G. Tompkins and E. A. Irene (eds.),
+Handbook of Ellipsometry (2005), sec. 3.4.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.diagnostics import Finding
+from fitting.measurement import Measurement
+from fitting.minima import ALTERNATIVE_CHI2
+from fitting.parameters import Settings
+from fitting.result import NONE, QUADRATIC, SHARED, UNDETERMINED, Estimate, Fit
+from fitting.sample import FREE, Sample
+from fitting.search import Asked
+from fitting.wavelengths import One, fit_wavelengths, jobs, solved_each
+
+# Starts of each wavelength at one thickness; thicknesses of the first look; looks closer.
+_STARTS, _GRID, _CLOSER, _WITHIN = 16, 25, 3, 7
+
+
+class _Profile(NamedTuple):
+    """Cost by thickness, (D,) each, in rising order; scatter: what a rise is measured in."""
+
+    thickness_nm: np.ndarray
+    cost: np.ndarray
+    scatter: float
+
+    @property
+    def best(self) -> int:
+        """Which thickness is the best."""
+        return int(np.argmin(self.cost))
+
+
+def free_film(sample: Sample) -> int | None:
+    """Return which medium is a film that is free at every wavelength and of free thickness."""
+    for i, medium in enumerate(sample.media):
+        d = medium.thickness
+        if medium.index == FREE and d is not None and d.coherent and not d.held:
+            return i
+    return None
+
+
+def _check(measurement: Measurement, sample: Sample, which: int) -> None:
+    """Raise ValueError where the data cannot tell the thickness, with what is missing."""
+    d = sample.media[which].thickness
+    assert d is not None
+    if not d.low_um > 0.0:
+        raise ValueError(
+            f"the sample {str(sample)!r}: a range of the thickness was wanted where eta and k are "
+            f"free at every wavelength: '{FREE} {500 * d.start_um:g}..{2000 * d.start_um:g} nm'."
+        )
+    others = [m for i, m in enumerate(sample.layers, 1) if i != which and m.thickness]
+    if any(not m.thickness.held for m in others if m.thickness):
+        raise ValueError(
+            f"the sample {str(sample)!r}: one thickness is fitted beside an index that is free at "
+            "every wavelength; write 'held' after the others."
+        )
+    waves = np.unique(measurement.wavelength_um)
+    if len(measurement) > 2 * len(waves):
+        return
+    names = dict.fromkeys(measurement.quantity.tolist())
+    each = len(measurement) / len(waves)
+    raise ValueError(
+        f"{measurement.source}: {', '.join(names)} at one angle are {each:.3g} numbers at a "
+        "wavelength, and eta and k are two: any thickness fits. What is missing is a second angle, "
+        "R and T together with a third quantity, or psi and Delta with one more; or write 'held' "
+        "after a thickness that is known, or give the film a dispersion model (cauchy, "
+        "tauc-lorentz)."
+    )
+
+
+def _held(sample: Sample, which: int, thickness_nm: float) -> Sample:
+    """Return the sample with that thickness of the film, held."""
+    media = list(sample.media)
+    d = media[which].thickness
+    assert d is not None
+    held = d._replace(start_um=1e-3 * thickness_nm, low_um=0.0, high_um=np.inf, held=True)
+    media[which] = media[which]._replace(thickness=held)
+    return Sample(tuple(media))
+
+
+def _cost(ones: Sequence[One], row: int, thickness_nm: float) -> float:
+    """Return the sum of the costs of all wavelengths at a thickness."""
+    moved = []
+    for one in ones:
+        job = copy.copy(one.fit)
+        held = one.fit.targets.held.copy()
+        held[row] = thickness_nm
+        job.targets = one.fit.targets._replace(held=held)
+        moved.append(one._replace(fit=job))
+    total = 0.0
+    for _, ends in solved_each(moved, _STARTS):
+        total += float(np.min(np.where(np.isfinite(ends.cost), ends.cost, np.inf)))
+    return total
+
+
+def _profile(ones: Sequence[One], row: int, ends: tuple[float, float], scaled: bool) -> _Profile:
+    known: dict[float, float] = {}
+
+    def look(places: np.ndarray) -> None:
+        for d in places.tolist():
+            if d not in known:
+                known[d] = _cost(ones, row, d)
+
+    look(np.geomspace(*ends, _GRID) if ends[1] > 4.0 * ends[0] else np.linspace(*ends, _GRID))
+    for _ in range(_CLOSER):
+        order = sorted(known)
+        best = min(range(len(order)), key=lambda i: known[order[i]])
+        low, high = order[max(best - 1, 0)], order[min(best + 1, len(order) - 1)]
+        look(np.linspace(low, high, _WITHIN))
+    thickness = np.array(sorted(known))
+    cost = np.array([known[d] for d in thickness.tolist()])
+    data = sum(one.fit.n_data for one in ones)
+    dof = max(data - 2 * len(ones) - 1, 1)
+    scatter = cost.min() / dof if scaled or not ones[0].fit.seen.stated else 1.0
+    least = 1e-24 * sum(one.fit.squares for one in ones)
+    return _Profile(thickness, cost, max(scatter, least))
+
+
+def _error(p: _Profile) -> float:
+    """Return the standard error of the thickness: where the cost has risen by the scatter."""
+    rise = (p.cost - p.cost[p.best]) / p.scatter
+    near = rise < 9.0
+    if near.sum() < 5:
+        near = np.zeros(len(rise), bool)
+        near[np.argsort(np.abs(p.thickness_nm - p.thickness_nm[p.best]))[:5]] = True
+    away = p.thickness_nm[near] - p.thickness_nm[p.best]
+    size = np.abs(away).max()
+    bend = np.polyfit(away / size, rise[near], 2)[0]
+    return float(size / np.sqrt(bend)) if bend > 0.0 else np.inf
+
+
+def _others(p: _Profile) -> tuple[tuple[float, float], ...]:
+    """Return other thicknesses that fit nearly as well, with the rise of chi2."""
+    rise = (p.cost - p.cost[p.best]) / p.scatter
+    lower = np.r_[True, rise[1:] <= rise[:-1]] & np.r_[rise[:-1] <= rise[1:], True]
+    out = []
+    for i in np.flatnonzero(lower & (rise < ALTERNATIVE_CHI2)):
+        between = rise[min(i, p.best) : max(i, p.best) + 1]
+        if i != p.best and between.max() > rise[i] + 1.0:
+            out.append((float(p.thickness_nm[i]), float(rise[i])))
+    return tuple(out)
+
+
+def fit_free_film(
+    measurement: Measurement, sample: Sample, settings: Settings, asked: Asked
+) -> Fit:
+    """Return the fit of batch shape (W,), with the shared thickness among its parameters.
+
+    Raises ValueError where the data leave the thickness open, with what is missing.
+    """
+    which = free_film(sample)
+    assert which is not None
+    _check(measurement, sample, which)
+    d = sample.media[which].thickness
+    assert d is not None
+    ends = 1e3 * d.low_um, 1e3 * d.high_um
+    ones = jobs(measurement, _held(sample, which, ends[0]), settings, asked)
+    name = f"{sample.places[which]}.thickness_nm"
+    row = ones[0].fit.u.spec.held.index(name)
+    p = _profile(ones, row, ends, asked.scaled)
+    best, sigma = float(p.thickness_nm[p.best]), _error(p)
+    found = fit_wavelengths(measurement, _held(sample, which, best), settings, asked)
+    label = ones[0].fit.u.labels[name]
+    wide = sigma > 0.3 * (ends[1] - ends[0]) or not np.isfinite(sigma)
+    shift = 0.0 if wide else min(sigma, 0.2 * best)
+    moved = fit_wavelengths(measurement, _held(sample, which, best + shift), settings, asked)
+    parameters = {
+        n: _with_thickness(e, moved.parameters[n], sigma / shift if shift else 0.0)
+        for n, e in found.parameters.items() if n != label
+    }  # fmt: skip
+    interval = np.clip(best + 1.96 * sigma * np.array([-1.0, 1.0]), 0.0, np.inf)
+    parameters[label] = Estimate(
+        name=label, unit="nm", value=best, sigma=np.nan if wide else sigma,
+        interval=np.full(2, np.nan) if wide else interval,
+        interval_kind=NONE if wide else QUADRATIC, status=UNDETERMINED if wide else SHARED,
+    )  # fmt: skip
+    findings = list(found.findings)
+    everywhere = np.ones(found.shape, bool)
+    if wide:
+        findings.insert(0, Finding("shared_not_seen", everywhere, {"parameter": label}))
+    others = _others(p)
+    if others and not wide:
+        values = {"parameter": label, "values": tuple(o[0] for o in others),
+                  "delta_chi2": tuple(o[1] for o in others)}  # fmt: skip
+        findings.insert(0, Finding("other_thickness", everywhere, values))
+    return replace(found, sample=sample, parameters=parameters, findings=tuple(findings))
+
+
+def _with_thickness(e: Estimate, moved: Estimate, per_shift: float) -> Estimate:
+    """Return the estimate with the error of the thickness in its own."""
+    if not e.free:
+        return e
+    by = np.abs(np.asarray(moved.value) - np.asarray(e.value)) * per_shift
+    own = np.asarray(e.sigma)
+    sigma = np.hypot(own, np.where(np.isfinite(by), by, 0.0))
+    with np.errstate(all="ignore"):
+        wider = np.where(own > 0.0, sigma / own, 1.0)
+    value = np.asarray(e.value)[..., None]
+    interval = value + (e.interval - value) * wider[..., None]
+    return replace(e, sigma=sigma, interval=interval)

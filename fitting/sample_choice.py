@@ -1,0 +1,89 @@
+"""Which of several samples the data need: is there a film at all, an oxide, roughness, a gradient?
+
+    choose(m, "Si or air | SiO2 1..50 nm | Si")
+    choose(m, "air | cauchy 50..500 nm | Si or air | rough 1..20 nm | cauchy 50..500 nm | Si "
+              "or air | cauchy 50..500 nm graded | Si")
+
+Each is fitted, and the smallest whose BIC is within a margin of the lowest is taken (`candidates`):
+a layer more needs evidence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from fitting.candidates import Candidate, Choice, Key, decide
+from fitting.diagnostics import Finding
+from fitting.fits import fit
+from fitting.measurement import Measurement
+from fitting.progress import tell
+from fitting.result import CONVERGED, Fit
+from fitting.sample import Sample
+from fitting.uncertainty.intervals import QUADRATIC
+
+OR = " or "
+
+
+def several_samples(text: Any) -> tuple[Sample, ...]:
+    """Return the samples that a text with "or", or a sequence, stands for."""
+    parts = text.split(OR) if isinstance(text, str) else text
+    if isinstance(parts, Sample):
+        parts = (parts,)
+    return tuple(Sample.parse(part) for part in parts)
+
+
+def _candidate(which: Sample, run: Callable[[Sample, str], Fit]) -> Candidate:
+    found = run(which, QUADRATIC)
+    thin = any(f.code == "thin_film" for f in found.findings)
+    # A layer whose thickness and index the data see as one product has one parameter, not two: it
+    # is there, however little is known of it.
+    if thin and found.status != CONVERGED:
+        found = replace(found, status=CONVERGED)
+    return Candidate(Key(str(which)), found)
+
+
+def choose_sample(
+    measurement: Measurement | Sequence[Measurement],
+    samples: Sequence[Sample],
+    *,
+    intervals: str = "auto",
+    progress: Callable[[str], None] | None = None,
+    **options: Any,
+) -> Choice:
+    """Return the smallest of the samples that the data do not contradict, with the comparison.
+
+    options: as for `fit`, used for every sample; `errors` "auto" is "scaled" while they are
+    compared, since BIC compares fits of the same weights.
+    Raises ValueError as `fit` does, and for samples that have nothing to be compared by.
+    """
+    for which in samples:
+        if which.by_wavelength or which.open:
+            raise ValueError(
+                f"the sample {str(which)!r} is free or auto; samples with numbers, materials and "
+                "named dispersion models can be compared."
+            )
+    believed: Mapping[str, Any] = {**options}
+    errors = options.get("errors", "auto")
+    compared = {**believed, "errors": "scaled" if errors == "auto" else errors}
+
+    def run(which: Sample, kind: str) -> Fit:
+        (progress or (lambda label: None))(str(which))
+        tell(str(which))
+        return fit(measurement, which, intervals=kind, **compared)
+
+    choice = decide([_candidate(which, run) for which in samples])
+    taken = next(s for s in samples if str(s) == choice.taken.label)
+    if intervals != QUADRATIC:
+        choice = choice.with_fit(fit(measurement, taken, intervals=intervals, **believed))
+    found = choice.fit
+    doubtful = [f for f in found.findings if f.code in ("residuals_in_order", "does_not_describe")]
+    if not doubtful:
+        return choice
+    doubt = Finding(
+        "candidates_do_not_describe", doubtful[0].at,
+        {"taken": choice.taken.label, "rms": found.rms},
+    )  # fmt: skip
+    told = replace(found, findings=(doubt, *found.findings))
+    return replace(choice.with_fit(told), describes=False)

@@ -1,0 +1,57 @@
+"""The free-form index that obeys the Kramers-Kronig relations, as a model that can be fitted.
+
+Amplitudes >= 0 of cubic B-splines of the absorption, evenly over the measured photon energies and
+two steps beside them; what absorbs beyond is one pole above (``pole_ev2``), free electrons or a
+lattice below (``drude_ev2``, 0 unless it is freed), and ``eps_inf``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from fitting.parameters import Parameter
+from fresnel_jax import dispersion
+
+NAME = "kk-spline"
+
+
+def knots_over(terms: int, low_ev: float, high_ev: float) -> tuple[float, ...]:
+    """Return the knots for so many splines and measured photon energies between two."""
+    step = (high_ev - low_ev) / (terms - 1)
+    if not step > 0.0:
+        raise ValueError(f"{NAME}:{terms} is a spline over a spectrum; one wavelength came.")
+    first = max(low_ev - 2.0 * step, 0.02 * low_ev)
+    return tuple(np.linspace(first, high_ev + 2.0 * step, terms + 4).tolist())
+
+
+def spline_parameters(terms: int, high_ev: float) -> tuple[Parameter, ...]:
+    """Return the parameters beside eps_inf."""
+    square = high_ev**2
+    return (
+        Parameter("pole_ev2", "eV^2", (0.0, 20.0 * square), 0.0, 1e4 * square),
+        Parameter("drude_ev2", "eV^2", (0.0, 0.0), 0.0, 1e4 * square, held=0.0),
+        *(Parameter(f"eps2_{j}", "", (0.0, 8.0), 0.0, 1e4) for j in range(1, terms + 1)),
+    )
+
+
+def spline_model(
+    terms: int, knots_ev: tuple[float, ...], v: Mapping[str, Array]
+) -> dispersion.DispersionModel:
+    """Return the index of these parameters."""
+    amplitudes = jnp.stack([v[f"eps2_{j}"] for j in range(1, terms + 1)])
+    # a term strength / (0 - E^2) of free electrons lowers Re eps
+    strengths = jnp.stack([v["pole_ev2"], v["drude_ev2"]])
+    poles = (1.5 * knots_ev[-1], 0.0)
+    return dispersion.KramersKronigSpline(amplitudes, knots_ev, v["eps_inf"], strengths, poles)
+
+
+def without_knots(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
+    """Refuse to evaluate a spline whose knots are not known."""
+    raise ValueError(
+        f"the knots of {NAME}:{terms} follow the measured wavelengths: it can be fitted, and "
+        "evaluated by the fit, but not simulated without one."
+    )

@@ -1,0 +1,69 @@
+"""A fitted index for others: a file of the form of refractiveindex.info, and its errors as CSV.
+
+`fitting.material_files` reads both again.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+def write_material(
+    path: str | os.PathLike[str],
+    wavelength_um: Any,
+    eta: Any,
+    k: Any,
+    *,
+    sigma_eta: Any = None,
+    sigma_k: Any = None,
+    reference: str = "",
+    comments: str = "",
+    conditions: Mapping[str, object] | None = None,
+) -> tuple[Path, Path | None]:
+    """Write an index as a file of the form of refractiveindex.info, its errors as CSV beside it.
+
+    path: ends in .yml. wavelength_um, eta, k: (W,). sigma_eta, sigma_k: (W,) standard errors, which
+    that form has no place for: with them ``NAME_errors.csv`` is written too. reference, comments:
+    plain text. conditions: name -> value, such as ``{"temperature": 293, "thickness": "108 nm"}``.
+    Returns both paths (None: no errors). Rows without a number are left out.
+    """
+    file = Path(path)
+    if file.suffix.lower() not in (".yml", ".yaml"):
+        raise ValueError(f"{file.name}: wanted a name that ends in .yml")
+    columns = [np.atleast_1d(np.asarray(x, float)) for x in (wavelength_um, eta, k)]
+    known = np.isfinite(columns).all(axis=0)
+    if not known.any():
+        raise ValueError(f"{file.name}: no wavelength has an index; nothing was written")
+    order = np.flatnonzero(known)[np.argsort(columns[0][known], kind="stable")]
+    lines = []
+    for key, text in (("REFERENCES", reference), ("COMMENTS", comments)):
+        if text:
+            lines += [f"{key}: |", *(f"    {line}" for line in text.splitlines())]
+    if conditions:
+        lines += ["CONDITIONS:", *(f"  {name}: {_plain(v)}" for name, v in conditions.items())]
+    lines += ["DATA:", "  - type: tabulated nk", "    data: |"]
+    lines += ["        " + " ".join(f"{c[i]:.9g}" for c in columns) for i in order]
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if sigma_eta is None and sigma_k is None:
+        return file, None
+    errors = [
+        np.broadcast_to(math.nan if s is None else np.asarray(s, float), columns[0].shape)
+        for s in (sigma_eta, sigma_k)
+    ]
+    beside = file.with_name(f"{file.stem}_errors.csv")
+    rows = [",".join(f"{c[i]:.9g}" for c in (*columns, *errors)) for i in order]
+    beside.write_text("\n".join(["wavelength_um,n,k,sigma_n,sigma_k", *rows]) + "\n", "utf-8")
+    return file, beside
+
+
+def _plain(value: object) -> str:
+    """Return a number as it is and any text in quotes, which YAML cannot misread."""
+    if isinstance(value, int | float):
+        return f"{value:g}"
+    return '"' + str(value).replace("\\", "\\\\").replace('"', '\\"') + '"'

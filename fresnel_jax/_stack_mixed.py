@@ -1,0 +1,138 @@
+"""Stacks in which some layers are too thick, or the light too broad, for interference.
+
+The incoherent layers cut the stack into packets of coherent films. Powers, not amplitudes, are
+summed over the reflections in an incoherent layer, whose single pass lets through
+P = exp(-2 k_0 thickness Im Q). With R, R' of a packet from its front and its back and T,
+
+    R_total = R + T^2 P^2 R_next / (1 - R' P^2 R_next)
+
+from the far side on, R_next being what all the rest reflects. T of a packet is the same in both
+directions; between a lossless and an absorbing medium it is the power that enters the absorbing
+one, as in `layers.slab`. What light inside an absorbing layer loses where it meets its own
+reflection counts as absorbed in that layer.
+
+Source: O. S. Heavens, Optical Properties of Thin Solid Films, 1955, sec. 4.11.
+"""
+
+import itertools
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ._arithmetic import Complex, reciprocal_or_zero, squared_modulus, times
+from ._double_word import DoubleWord
+from ._stack_coherent import Ambient, inverse, medium, normal_squared, outgoing_root, square
+from ._stack_packet import Packet, packet
+from ._stack_wave import wave
+
+
+class _Face(NamedTuple):
+    """One side of a packet, for one polarization: what becomes of light that meets it."""
+
+    R: Array
+    T: Array
+    absorption: Array  # leading axis: the packet's layers, from this side
+    own: Array  # lost in the medium that the light comes from
+
+
+def _inside(front: Ambient, n: Array, k: Array | None, i: int) -> Ambient:
+    """Medium i as the one that the light comes from."""
+    k_i, k_0 = (None, None) if k is None else (k[i], k[0])
+    q2 = normal_squared(medium(n[i], k_i, n[0], k_0), front)
+    return Ambient(n[i], k_i, outgoing_root(*q2), q2, front.transverse2)
+
+
+def _faces(seen: Packet, front: Ambient, inside: bool) -> list[_Face]:
+    """What becomes of s and p light that meets the packet; inside: from an incoherent layer."""
+    n2 = square((front.n, front.k))
+    admittances = (front.q, times(front.q, inverse(n2)))
+    faces = []
+    for r, R, T, A, y in zip(seen.r, seen.R, seen.T, seen.absorption, admittances, strict=True):
+        own = jnp.zeros_like(R)
+        if inside and y[1] is not None:
+            lost = T + jnp.sum(A, axis=0) - 2.0 * y[1] * reciprocal_or_zero(y[0]) * _imaginary(r)
+            share = y[0] * y[0] * reciprocal_or_zero(squared_modulus(y))
+            T, A = T * share, A * share
+            own = lost - T - jnp.sum(A, axis=0)
+        faces.append(_Face(R, T, A, own))
+    return faces
+
+
+def _imaginary(z: Complex) -> Array:
+    return jnp.zeros_like(z[0]) if z[1] is None else z[1]
+
+
+def _lost(face: _Face) -> Array:
+    """1 - R, without the subtraction."""
+    return face.T + jnp.sum(face.absorption, axis=0) + face.own
+
+
+def _one_polarization(
+    fronts: list[_Face], backs: list[_Face], passages: list[tuple[Array, Array]]
+) -> tuple[Array, Array, list[Array]]:
+    """R, T and the absorptions of films and incoherent layers in turn; passages are P and 1 - P."""
+    R, lost = fronts[-1].R, _lost(fronts[-1])
+    going_on: list[tuple[Array, Array]] = []
+    for front, back, (P, gone) in reversed(list(zip(fronts[:-1], backs, passages, strict=True))):
+        # 1 - R' P^2 R, without cancellation for mirrors that face each other
+        reflections = _lost(back) + back.R * (gone * (1.0 + P) + P * P * lost)
+        down = front.T * reciprocal_or_zero(reflections)
+        going_on.insert(0, (down, R))
+        in_films = jnp.sum(back.absorption, axis=0) + back.own
+        lost = (_lost(front) - front.T) + down * (
+            gone * (1.0 + P * R) + P * lost + P * P * R * in_films
+        )
+        R = front.R + down * back.T * P * P * R
+    light, absorptions = jnp.ones_like(R), []
+    for i, (P, gone) in enumerate(passages):
+        down, R_next = going_on[i]
+        down = light * down
+        up = down * P * P * R_next
+        films = light * fronts[i].absorption + up * backs[i].absorption[::-1]
+        light = down * P
+        layer = down * gone * (1.0 + P * R_next) + up * backs[i].own + light * fronts[i + 1].own
+        absorptions += [films, layer[None]]
+    absorptions.append(light * fronts[-1].absorption)
+    return R, light * fronts[-1].T, absorptions
+
+
+def mixed(
+    front: Ambient,
+    n: Array,
+    k: Array | None,
+    x: DoubleWord,
+    coherent: tuple[bool, ...],
+    shape: tuple[int, ...],
+) -> tuple[list[Array], list[Array], list[Array]]:
+    """R, T and the absorption of every layer, each for s and p."""
+    edges = [0, *(i + 1 for i, with_phase in enumerate(coherent) if not with_phase)]
+    edges.append(n.shape[0] - 1)
+    fronts, backs, passages = [], [], []
+    ambients = [front, *(_inside(front, n, k, i) for i in edges[1:-1])]
+    for p, (first, last) in enumerate(itertools.pairwise(edges)):
+        n_here, k_here = n[first : last + 1], None if k is None else k[first : last + 1]
+        x_here = (x[0][first : last - 1], x[1][first : last - 1])
+        seen = packet(ambients[p], n_here, k_here, x_here, shape)
+        fronts.append(_faces(seen, ambients[p], inside=p > 0))
+        if p + 1 < len(ambients):
+            turned = None if k_here is None else k_here[::-1]
+            x_turned = (x_here[0][::-1], x_here[1][::-1])
+            seen = packet(ambients[p + 1], n_here[::-1], turned, x_turned, shape)
+            backs.append(_faces(seen, ambients[p + 1], inside=True))
+            passages.append(_passage(ambients[p + 1], (x[0][last - 1], x[1][last - 1])))
+    out = [
+        _one_polarization([f[i] for f in fronts], [b[i] for b in backs], passages) for i in range(2)
+    ]
+    absorptions = [
+        jnp.concatenate([jnp.broadcast_to(a, (a.shape[0], *shape)) for a in parts])
+        for _, _, parts in out
+    ]
+    return [R for R, _, _ in out], [T for _, T, _ in out], absorptions
+
+
+def _passage(inside: Ambient, x: DoubleWord) -> tuple[Array, Array]:
+    """P of an incoherent layer, and 1 - P."""
+    layer = wave(*inside.q2, x, squared_modulus(inside.q))
+    b = _imaginary(inside.q)
+    return squared_modulus(layer.passage), -jnp.expm1(-4.0 * jnp.pi * x[0] * b)

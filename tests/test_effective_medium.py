@@ -1,0 +1,173 @@
+"""Effective media against their defining equations in 60 digits, and their limits."""
+
+import jax
+import jax.numpy as jnp
+import mpmath as mp
+import numpy as np
+import pytest
+
+from fresnel_jax.effective_medium import bruggeman, linear, looyenga, maxwell_garnett
+
+MODELS = [bruggeman, looyenga, maxwell_garnett, linear]
+INDEX_BOUND, K_BOUND = 16.0, 32.0  # eps of |N|, and of k itself
+
+
+def _bruggeman_root(eps, f):
+    """The root in the cone of the constituents, among all of the polynomial's."""
+    total = np.zeros(1)
+    for j, share in enumerate(f):
+        product = np.ones(1)
+        for i, other in enumerate(eps):
+            product = np.polymul(product, [-1, complex(other)] if i == j else [2, complex(other)])
+        total = np.polyadd(total, float(share) * product)
+    phases = [float(mp.arg(e)) for e in eps]
+    inside = [r for r in np.roots(total) if min(phases) - 1e-6 <= np.angle(r) <= max(phases) + 1e-6]
+    assert len(inside) == 1, (inside, phases)
+
+    def equation(x):
+        return sum(s * (e - x) / (e + 2 * x) for s, e in zip(f, eps, strict=True))
+
+    return mp.findroot(equation, mp.mpc(inside[0]))
+
+
+def oracle(model, eta, k, fraction):
+    with mp.workdps(60):
+        eps = [mp.mpc(float(n), float(kk)) ** 2 for n, kk in zip(eta, k, strict=True)]
+        rest = [mp.mpf(float(x)) for x in fraction]
+        f = [1 - sum(rest), *rest]
+        if model is looyenga:
+            mixture = sum(x * e ** (mp.mpf(1) / 3) for x, e in zip(f, eps, strict=True)) ** 3
+        elif model is maxwell_garnett:
+            s = sum(x * (e - eps[0]) / (e + 2 * eps[0]) for x, e in zip(f, eps, strict=True))
+            mixture = eps[0] * (1 + 2 * s) / (1 - s)
+        elif model is linear:
+            mixture = sum(x * e for x, e in zip(f, eps, strict=True))
+        else:
+            mixture = _bruggeman_root(eps, f)
+        return mp.sqrt(mixture)
+
+
+def media(dtype, count, several, seed):
+    """Random constituents: dielectrics, weak absorbers, semiconductors, metals; any fractions."""
+    random = np.random.default_rng(seed)
+    for _ in range(count):
+        kinds = random.integers(0, 4, several)
+
+        def drawn(low, high):
+            return random.uniform(low, high, several)
+
+        eta = np.choose(kinds, [drawn(1, 4), drawn(1, 3), drawn(2, 5), drawn(0.05, 3)])
+        k = np.choose(kinds, [drawn(0, 0), 10 ** drawn(-9, -2), drawn(0.01, 3), drawn(1, 10)])
+        share = random.dirichlet(np.ones(several) * random.choice([0.2, 1.0]))[1:]
+        yield eta.astype(dtype), k.astype(dtype), share.astype(dtype)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("several", [2, 3, 4])
+@pytest.mark.parametrize("model", MODELS)
+def test_random_mixtures_against_the_defining_equation(model, several, dtype):
+    eps = float(np.finfo(dtype).eps)
+    for eta, k, fraction in media(dtype, 30, several, several):
+        found = model(eta, k, fraction)
+        assert found.eta.dtype == found.k.dtype == dtype
+        true = oracle(model, eta, k, fraction)
+        with mp.workdps(60):
+            off = abs(mp.mpc(float(found.eta), float(found.k)) - true) / abs(true)
+            assert off <= INDEX_BOUND * eps, (eta, k, fraction)
+            off_k = abs(float(found.k) - true.imag)
+            assert off_k <= K_BOUND * eps * true.imag + 1e-40, (eta, k, fraction)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("model", MODELS)
+def test_pure_and_matched_media_come_out_as_they_are(model, dtype):
+    eps = float(np.finfo(dtype).eps)
+    eta, k = np.array([1.5, 3.9], dtype), np.array([1e-9, 0.02], dtype)
+    for i, share in ((0, 0.0), (1, 1.0)):
+        found = model(eta, k, np.array([share], dtype))
+        np.testing.assert_allclose(found.eta, eta[i], rtol=8 * eps)
+        np.testing.assert_allclose(found.k, k[i], rtol=16 * eps)
+    # a trace of an absorber: its k comes in proportion, not as the rounding of the host's index
+    clear = np.array([1.5, 3.9], dtype), np.array([0.0, 0.02], dtype)
+    traces = [float(model(*clear, np.array([f], dtype)).k) for f in (1e-7, 1e-9)]
+    assert traces[0] / traces[1] == pytest.approx(100.0, rel=1e-4)
+    for share in (0.0, 0.3, 1.0):
+        found = model(np.full(2, 2.2, dtype), np.full(2, 1e-7, dtype), np.array([share], dtype))
+        np.testing.assert_allclose(found.eta, 2.2, rtol=8 * eps)
+        np.testing.assert_allclose(found.k, 1e-7, rtol=16 * eps)
+    # nothing absorbs: k is 0, not its rounding
+    assert float(model(eta, np.zeros(2, dtype), np.array([0.4], dtype)).k) == 0.0
+
+
+def test_published_numbers():
+    # Half void and half glass (n 1.5): eps 1 and 2.25 give by hand 1.5625, 1.5473, 1.5278
+    found = [float(m([1.0, 1.5], [0.0, 0.0], [0.5]).eta) ** 2 for m in MODELS]
+    by_hand = [
+        (0.5 * 3.25 + np.sqrt((0.5 * 3.25) ** 2 + 8 * 2.25)) / 4,
+        (0.5 + 0.5 * 2.25 ** (1 / 3)) ** 3,
+        (1 + 2 * 0.5 * 1.25 / 4.25) / (1 - 0.5 * 1.25 / 4.25),
+        1.625,
+    ]
+    np.testing.assert_allclose(found, by_hand, rtol=1e-14)
+    # Maxwell Garnett's plasmon: silver spheres in vacuum absorb where Re eps is near -2 (Froehlich)
+    wavelength_k = np.linspace(1.0, 2.0, 101)
+    absorbed = maxwell_garnett(
+        np.array([np.ones(101), np.full(101, 0.2)]), np.array([np.zeros(101), wavelength_k]), [0.01]
+    ).k
+    assert (wavelength_k[np.argmax(absorbed)] ** 2 - 0.04) == pytest.approx(2.0, abs=0.06)
+
+
+@pytest.mark.parametrize("several", [2, 3])
+@pytest.mark.parametrize("model", MODELS)
+def test_derivatives_against_differences_of_the_oracle(model, several):
+    cases = list(media(np.float64, 5, several, 10 + several))
+    cases.append((np.linspace(1.3, 2.2, several), np.zeros(several), np.zeros(several - 1)))
+
+    def split(x):
+        return x[:several], x[several : 2 * several], x[2 * several :]
+
+    def ours(x):
+        return jnp.stack(model(*split(x)))
+
+    forward, reverse = jax.jit(jax.jacfwd(ours)), jax.jit(jax.jacrev(ours))
+    second = jax.jit(jax.jacfwd(jax.jacfwd(ours)))
+    for eta, k, fraction in cases:
+        flat = np.concatenate([eta, k, fraction])
+        slopes = forward(flat)
+        np.testing.assert_allclose(reverse(flat), slopes, rtol=1e-10, atol=1e-10)
+        assert np.isfinite(second(flat)).all()
+        for i in range(len(flat)):
+            step = 1e-6
+            up, down = flat.copy(), flat.copy()
+            up[i] += step
+            down[i] = max(down[i] - step, 0.0) if i >= several else down[i] - step
+            high, low = (oracle(model, *split(x)) for x in (up, down))
+            true = (high - low) / (up[i] - down[i])
+            tolerance = 1e-4 * (1 + abs(complex(true)))
+            assert abs(complex(*map(float, slopes[:, i])) - complex(true)) < tolerance
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_shapes_and_transformations(model):
+    wavelengths, batch = 5, 3
+    eta = [1.0, np.linspace(1.4, 1.6, wavelengths)]
+    found = model(eta, [0.0, 0.0], np.full((1, batch, 1), 0.3))
+    assert found.eta.shape == (batch, wavelengths)
+    eta = jnp.stack([jnp.ones(wavelengths), eta[1]])
+    one = [model(eta[:, i], jnp.zeros(2), [0.3]).eta for i in range(wavelengths)]
+    lanes = jax.vmap(lambda n: model(n, jnp.zeros(2), [0.3]).eta, in_axes=1)(eta)
+    np.testing.assert_allclose(found.eta[0], one, rtol=1e-15)
+    np.testing.assert_allclose(lanes, one, rtol=1e-15)
+
+
+@pytest.mark.parametrize("call, says", [
+    (lambda m: m(1.5, 0.0, [0.5]), "two or more"),
+    (lambda m: m([1.5], [0.0], []), "two or more"),
+    (lambda m: m([1.0, 1.5], [0.0, 0.0], 0.5), "but the first"),
+    (lambda m: m([1.0, 1.5], [0.0, 0.0], [0.5, 0.5]), "but the first"),
+    (lambda m: m(np.ones((2, 3)), np.zeros((2, 4)), [0.5]), "broadcast"),
+])  # fmt: skip
+@pytest.mark.parametrize("model", MODELS)
+def test_refusals(model, call, says):
+    with pytest.raises(ValueError, match=says):
+        call(model)

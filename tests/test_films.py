@@ -1,0 +1,204 @@
+"""Films: what the text of a sample means, where thicknesses start, what a fit says of them."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from fitting import Measurement, choose, fit, simulate
+from fitting.fringes import likely_thicknesses, phase_rate
+from fitting.known_media import Mixture
+from fitting.sample import Sample
+from fresnel_jax.dispersion import material
+from fresnel_jax.effective_medium import bruggeman
+from fresnel_jax.layers import stack
+
+WAVES = np.linspace(0.4, 0.9, 16)
+
+
+def parameters_of(text: str) -> set[str]:
+    sample = Sample.parse(text)
+    assert Sample.parse(str(sample)) == sample
+    return {
+        f"{prefix}{name}"
+        for medium, prefix in zip(sample.media, sample.prefixes, strict=True)
+        if isinstance(medium.index, Mixture)
+        for name in medium.index.fractions
+    }
+
+
+def test_text_of_mixtures_and_files(tmp_path):
+    file = tmp_path / "film.csv"
+    file.write_text("wavelength_um,n,k\n0.3,1.6,0\n1.0,1.5,0\n")
+    assert parameters_of("water | bruggeman(SiO2, water 30 %) 3 nm | Si") == {"fraction"}
+    assert parameters_of("air | linear(1.5, air 5..60 %, water 10 % held) 3 nm | Si") == {
+        "fraction_1", "fraction_2",
+    }  # fmt: skip
+    sample = Sample.parse(f"air | rough 2 nm | {file} 110 nm graded | Si")
+    assert sample.layers[0].index.shares[0].held  # type: ignore
+    assert sample.layers[1].thickness.graded  # type: ignore
+    assert sample.films and not sample.bare
+
+
+@pytest.mark.parametrize("text, says", [
+    ("air | bruggeman(SiO2) 3 nm | Si", "parts in brackets"),
+    ("air | bruggeman(SiO2, water) 3 nm | Si", "has no share"),
+    ("air | bruggeman(SiO2, water 130 %) 3 nm | Si", "between 0 and 100"),
+    ("air | bruggeman(cauchy, lorentz 10 %) 3 nm | Si", "one part at most"),
+    ("air | nothing.yml 3 nm | Si", "cannot be read"),
+    ("air | 1.5 3 mm thick graded | Si", "cannot be graded"),
+    ("air | 1.5 3 nm fast | Si", "neither"),
+])  # fmt: skip
+def test_refused_texts(text, says):
+    with pytest.raises(ValueError, match=says):
+        Sample.parse(text)
+
+
+def stacked(index, thickness_um, quantity="R"):
+    with jax.enable_x64(True):
+        found = stack(1.0, [jnp.asarray(n) + 0j for n in index], thickness_um, WAVES)
+    return np.asarray(getattr(found, quantity))
+
+
+def test_samples_are_the_stacks_that_they_name():
+    si = material("Si")(WAVES)
+    n_si = np.asarray(si.eta) + 1j * np.asarray(si.k)
+    film = {"film_2.eta": 1.5, "film_2.k": 0.0}
+    # half of air, half of the film below
+    shown = simulate("air | rough 20 nm held | constant 100 nm held | Si", film, 0.0, WAVES, "R")
+    mixed = float(bruggeman([1.0, 1.5], [0.0, 0.0], [0.5]).eta)
+    np.testing.assert_allclose(shown, stacked([1.0, mixed, 1.5, n_si], [0.02, 0.1]), rtol=1e-6)
+    # from the film to the substrate in eight steps
+    shown = simulate(
+        "air | 1.5 100 nm held | interface 20 nm held | Si", {}, 0.0, WAVES, "R"
+    )  # fmt: skip
+    one = np.ones_like(WAVES)
+    steps = []
+    for share in (np.arange(8) + 0.5) / 8:
+        mixture = bruggeman([1.5 * one, si.eta], [0.0 * one, si.k], [share])
+        steps.append(np.asarray(mixture.eta) + 1j * np.asarray(mixture.k))
+    expected = stacked([1.0, 1.5, *steps, n_si], [0.1, *[0.02 / 8] * 8])
+    np.testing.assert_allclose(shown, expected, rtol=1e-6)
+
+
+def test_film_on_a_plate_with_its_back_face():
+    """R and T of a lossless film on a lossless plate add up to 1, and are Airy's on both sides."""
+    sample = "air | 1.38 100 nm held | 1.52 1 mm thick | air"
+    R, T = (simulate(sample, {}, 0.0, WAVES, q) for q in ("R", "T"))
+    np.testing.assert_allclose(R + T, 1.0, rtol=1e-12)
+    front = stacked([1.0, 1.38, 1.52], [0.1])
+    back = (0.52 / 2.52) ** 2
+    # lossless: the front reflects alike from both sides
+    np.testing.assert_allclose(T, (1 - front) * (1 - back) / (1 - front * back), rtol=1e-10)
+
+
+@pytest.mark.parametrize("thickness", [0.3, 2.2, 17.0])
+def test_fringes_tell_the_thickness(thickness):
+    random = np.random.default_rng(3)
+    wave = 1.0 / np.linspace(1.0 / 0.9, 1.0 / 0.45, 900)
+    A, B = random.uniform(1.3, 2.5, 30), random.uniform(0.0, 0.02, 30)
+    A[4], B[4] = 1.7, 0.01
+    rates = phase_rate(A[:, None] + B[:, None] / wave**2, wave, np.zeros(900), 1.0)
+    # two curves of other contrasts and phases, on slopes
+    values = np.stack([
+        0.2 + 0.1 / wave + 0.05 * np.cos(2 * np.pi * thickness * rates[4] + 0.7),
+        0.7 - 0.03 * wave * np.sin(2 * np.pi * thickness * rates[4]),
+    ]) + 0.003 * random.standard_normal((2, 900))  # fmt: skip
+    which, where = likely_thicknesses(rates, 0.005, 20.0, values, np.ones((2, 900)), 12)
+    # the optical thickness, whatever the index
+    found = (where[:, None] * rates[which]).mean(axis=1)
+    assert np.abs(found / (thickness * rates[4].mean()) - 1.0).min() < 0.2 / thickness / 2.0
+    assert np.median(np.abs(found - thickness * rates[4].mean())) < 1.0
+
+
+def measured(sample, values, sigma, angle=0.0, waves=None, seed=0, quantities=("R",)):
+    waves = np.linspace(0.4, 0.9, 120) if waves is None else waves
+    random = np.random.default_rng(seed)
+    columns = {
+        q: simulate(sample, values, angle, waves, q) + sigma * random.standard_normal(len(waves))
+        for q in quantities
+    }
+    return Measurement.from_columns(angle, waves, sigma=sigma, **columns)
+
+
+def test_the_right_order_is_found_in_a_wide_range():
+    truth = {"A": 1.46, "B": 0.0035, "thickness_nm": 3210.0}
+    m = measured("air | cauchy:2 1 nm | Si", truth, 0.002)
+    found = fit(m, "air | cauchy:2 5..20000 nm | Si", intervals="quadratic")
+    thickness = found.parameters["thickness_nm"]
+    assert abs(thickness.value - 3210.0) < 4.0 * thickness.sigma < 40.0
+    # a narrow band leaves the order open, and that is said
+    narrow = measured(
+        "air | cauchy:2 1 nm | Si", truth, 0.01, waves=np.linspace(0.62, 0.66, 120)
+    )  # fmt: skip
+    found = fit(
+        narrow, "air | cauchy:2 2500..4000 nm | Si", fixed={"B": 0.0035}, intervals="quadratic"
+    )  # fmt: skip
+    shown = [found.parameters["thickness_nm"].value]
+    shown += [a.parameters["thickness_nm"].value for a in found.alternatives]
+    assert min(abs(d - 3210.0) for d in shown) < 60.0
+
+
+def test_a_film_or_none():
+    bare = measured("Si", {}, 0.002, angle=60.0, quantities=("R_s", "R_p"))
+    text = "Si or air | SiO2 1..60 nm | Si"
+    assert choose(bare, text, intervals="quadratic").taken.label == "Si"
+    coated = measured(
+        "air | SiO2 1 nm | Si", {"thickness_nm": 12.0}, 0.002, angle=60.0, quantities=("R_s", "R_p")
+    )
+    choice = choose(coated, text, intervals="quadratic")
+    assert choice.taken.label.startswith("air | SiO2")
+    thickness = choice.fit.parameters["thickness_nm"]
+    assert abs(thickness.value - 12.0) < 4.0 * thickness.sigma
+
+
+def test_free_film_refusals():
+    waves = np.array([0.5, 0.6])
+    m = Measurement.from_columns(65.0, waves, psi=[30.0, 31.0], delta=[100.0, 110.0])
+    with pytest.raises(ValueError, match="What is missing is a second angle"):
+        fit(m, "water | free 5..50 nm | Si")
+    with pytest.raises(ValueError, match="range of the thickness was wanted"):
+        fit(m, "water | free 20 nm | Si")
+
+
+def test_free_film_with_a_shared_thickness():
+    waves, angle = np.repeat(np.linspace(0.4, 0.8, 5), 2), np.tile([60.0, 72.0], 5)
+    film = {
+        "eps_inf": 1.2, "amplitude_ev_1": 60.0, "resonance_ev_1": 4.0, "width_ev_1": 2.0,
+        "gap_ev": 1.2, "thickness_nm": 30.0,
+    }  # fmt: skip
+    random = np.random.default_rng(0)
+    psi, delta = (
+        simulate("water | tauc-lorentz 1 nm | Si", film, angle, waves, q)
+        + error * random.standard_normal(10)
+        for q, error in (("psi", 0.01), ("delta", 0.02))
+    )
+    m = Measurement.from_columns(
+        angle, waves, psi=psi, delta=delta % 360.0, sigma={"psi": 0.01, "delta": 0.02}
+    )
+    found = fit(m, "water | free 10..60 nm | Si", errors="stated")
+    thickness = found.parameters["thickness_nm"]
+    assert thickness.status == "shared"
+    assert abs(thickness.value - 30.0) < 4.0 * thickness.sigma < 8.0
+    assert found.shape == (5,)
+    assert (found.parameters["eta"].sigma > 0.0).all()
+
+
+def test_free_form_index_of_a_surface():
+    """A kk-spline finds a Tauc-Lorentz truth that it knows nothing of, and more knots nearer."""
+    waves = np.repeat(1.2398 / np.linspace(1.2, 5.5, 40), 2)
+    angle = np.tile([60.0, 70.0], 40)
+    truth = {
+        "eps_inf": 1.2, "amplitude_ev_1": 90.0, "resonance_ev_1": 4.0, "width_ev_1": 2.2,
+        "gap_ev": 1.4,
+    }  # fmt: skip
+    psi, delta = (simulate("tauc-lorentz", truth, angle, waves, q) for q in ("psi", "delta"))
+    m = Measurement.from_columns(angle, waves, psi=psi, delta=delta)
+    found = fit(m, "kk-spline:12", intervals="quadratic")
+    assert found.status == "converged"
+    at = np.linspace(0.3, 0.9, 7)
+    expected = simulate("tauc-lorentz", truth, 70.0, at, "psi")
+    shown = found.predict(np.full(7, 70.0), "psi", at).value
+    np.testing.assert_allclose(shown, expected, atol=0.5)
+    with pytest.raises(ValueError, match="cannot be simulated|not simulated"):
+        simulate("kk-spline:12", dict.fromkeys(found.names, 1.0), 60.0, 0.5, "R")

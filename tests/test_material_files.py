@@ -1,0 +1,183 @@
+"""Materials from refractiveindex.info files and tables, against published indices; and written."""
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from fitting.material_files import MaterialFileError, read_material
+from fitting.published_formulas import PublishedFormula
+from fitting.written_material import write_material
+
+# (formula, coefficients, wavelength_um, index): files of the database (CC0) and what the site or
+# the paper behind prints
+PUBLISHED = [
+    (1, "0 0.6961663 0.0684043 0.4079426 0.1162414 0.8974794 9.896161", 0.5875618, 1.458464),
+    (2, "0 1.03961212 0.00600069867 0.231792344 0.0200179144 1.01046945 103.560653", 0.5875618,
+     1.51680),
+    (4, "5.913 0.2441 0 0.0803 1 0 0 0 1", 0.5875618, 2.614265),
+    (4, "2.956362 0.0219577 0 0.01428322 1 0 0 0 1 -0.01062387 2 -2.04968e-05 4", 3.0, 1.691606),
+    (5, "1.875 0.00628 -2 0.00058 -4", 1.0, 1.88186),
+    (5, "1.513 -0.003169 2 0.003962 -2", 0.5875618, 1.523382),
+    # Bideau-Mehu 1981, argon at standard conditions: (n - 1) 1e6 at .5462 um is 282
+    (6, "0 2.50141e-3 91.012 5.00283e-4 87.892 5.22343e-2 214.02", 0.5462, 1.000282),
+    # Edwards and Ochoa 1980, silicon; Salzberg and Villa 1957 measured 3.4408 and 3.4179
+    (7, "3.41983 0.159906 -0.123109 1.26878E-6 -1.95104E-9", 2.4373, 3.4408),
+    (7, "3.41983 0.159906 -0.123109 1.26878E-6 -1.95104E-9", 10.0, 3.4179),
+    # Schroeter 1931, silver bromide; Crystran's data sheet has 2.25
+    (8, "0.452505 0.09939 0.070537 -0.000150", 0.6, 2.25),
+    # Rosker 1985, urea, extraordinary; about 1.60 in the visible
+    (9, "2.51527 0.0240 0.0300 0.020 1.52 0.8771", 0.6, 1.60),
+]  # fmt: skip
+
+
+def by_definition(number, c, w):
+    """The formulas of refractiveindex.info, coefficient by coefficient, in 30 digits."""
+    c = [mp.mpf(x) for x in c] + [mp.mpf(0)] * 30
+    w = mp.mpf(w)
+    terms = [(c[i], c[i + 1]) for i in range(1, 21, 2)]
+    if number == 1:
+        return mp.sqrt(1 + c[0] + sum(a * w**2 / (w**2 - b**2) for a, b in terms))
+    if number == 2:
+        return mp.sqrt(1 + c[0] + sum(a * w**2 / (w**2 - b) for a, b in terms))
+    if number == 3:
+        return mp.sqrt(c[0] + sum(a * w**b for a, b in terms))
+    if number == 4:
+        first = c[1] * w ** c[2] / (w**2 - c[3] ** c[4])
+        second = c[5] * w ** c[6] / (w**2 - c[7] ** c[8])
+        return mp.sqrt(c[0] + first + second + sum(c[i] * w ** c[i + 1] for i in range(9, 25, 2)))
+    if number == 5:
+        return c[0] + sum(a * w**b for a, b in terms)
+    if number == 6:
+        return 1 + c[0] + sum(a / (b - w**-2) for a, b in terms)
+    if number == 7:
+        x = 1 / (w**2 - mp.mpf("0.028"))
+        return c[0] + c[1] * x + c[2] * x**2 + c[3] * w**2 + c[4] * w**4 + c[5] * w**6
+    if number == 8:
+        x = c[0] + c[1] * w**2 / (w**2 - c[2]) + c[3] * w**2
+        return mp.sqrt((1 + 2 * x) / (1 - x))
+    return mp.sqrt(c[0] + c[1] / (w**2 - c[2]) + c[3] * (w - c[4]) / ((w - c[4]) ** 2 + c[5]))
+
+
+@pytest.mark.parametrize("number, coefficients, wavelength, index", PUBLISHED)
+def test_formulas_give_published_indices(number, coefficients, wavelength, index, tmp_path):
+    file = tmp_path / "material.yml"
+    file.write_text(
+        "REFERENCES: |\n    Somebody, <i>J. Opt.</i> 1 (1980)\nDATA:\n"
+        f"  - type: formula {number}\n    wavelength_range: 0.3 12\n"
+        f"    coefficients: {coefficients}\n"
+    )
+    found = read_material(file)(wavelength)
+    assert float(found.eta) == pytest.approx(index, abs=6e-3 if number > 6 else 2e-6)
+    assert float(found.k) == 0.0
+
+
+@pytest.mark.parametrize("number", range(1, 10))
+def test_formulas_against_their_definition(number):
+    random = np.random.default_rng(number)
+    for _ in range(5):
+        c = {
+            1: [0.1, 0.7, 0.07, 0.4, 0.12, 0.5, 20.0],
+            2: [0.1, 1.0, 0.006, 0.23, 0.02, 0.5, 200.0],
+            3: [2.3, 0.01, -2.0, 0.002, 2.0, 1e-3, -4.0, 1e-4, 1.5],
+            4: [2.0, 0.3, 2.0, 0.1, 2.0, 0.02, 0.0, 0.15, 1.5, -0.01, 2.0, 0.001, -2.0],
+            5: [1.5, 0.004, -2.0, -0.003, 2.0, 1e-4, -4.0],
+            6: [1e-6, 5e-2, 240.0, 2e-3, 57.0],
+            7: [3.4, 0.16, -0.12, 1e-6, -2e-9, 1e-12],
+            8: [0.45, 0.1, 0.07, -1.5e-4],
+            9: [2.5, 0.024, 0.03, 0.02, 1.52, 0.877],
+        }[number]
+        c = [x * random.uniform(0.9, 1.1) if number not in (3, 4, 5) else x for x in c]
+        wavelength = random.uniform(0.5, 1.4)
+        found = PublishedFormula(number, tuple(c))(wavelength).eta
+        with mp.workdps(30):
+            assert float(found) == pytest.approx(
+                float(by_definition(number, c, wavelength)), rel=4e-15
+            )
+
+
+def test_tables_and_ranges(tmp_path):
+    file = tmp_path / "glass.yml"
+    file.write_text(
+        "DATA:\n  - type: formula 5\n    wavelength_range: 0.3 2.5\n"
+        "    coefficients: 1.5 0.004 -2\n"
+        "  - type: tabulated k\n    data: |\n        0.4 1e-8\n        0.8 3e-8\n        1.2 2e-8\n"
+    )
+    glass = read_material(file)
+    assert glass.range_um == (0.4, 1.2)
+    assert float(glass(0.8).eta) == pytest.approx(1.5 + 0.004 / 0.64)
+    assert float(glass(0.8).k) == pytest.approx(3e-8)
+    with pytest.raises(ValueError, match="glass is known from 0.4 to 1.2 um"):
+        glass(0.35)
+    file.write_text(
+        "DATA:\n  - type: tabulated nk\n    data: |\n        .6 .3 2.9\n        .5 .8 1.8\n"
+    )
+    assert [float(x) for x in read_material(file)(0.5)] == [0.8, 1.8]
+
+
+def test_csv_with_units_blocks_and_marks(tmp_path):
+    file = tmp_path / "gold.csv"
+    for header, factor in (
+        ("wavelength_um,n,k", 1.0), ('\ufeff"Wavelength, \u00b5m",n,k', 1.0),
+        ("Wavelength (nm);n;k", 1e3), ("wl,n,k", 1.0), ("Wavelength\tn\tk", 1e3),
+        ("energy_eV,n,k", None),
+    ):  # fmt: skip
+        mark = next((d for d in "\t;" if d in header), ",")
+        rows = [
+            (1.2398419843320025 / w if factor is None else w * factor, n, k)
+            for w, n, k in ((0.5, 0.85, 1.9), (0.6, 0.25, 2.9), (0.7, 0.15, 3.7))
+        ]
+        file.write_text("\n".join([header, *(mark.join(f"{x:.12g}" for x in r) for r in rows)]))
+        found = read_material(file)
+        assert found.range_um == pytest.approx((0.5, 0.7)), header
+        assert [float(x) for x in found(0.6)] == pytest.approx([0.25, 2.9]), header
+    file.write_text("wl,n\n0.5,1.5\n0.7,1.48\n\nwl,k\n0.4,0.1\n0.6,0.2\n")
+    assert read_material(file).range_um == (0.5, 0.6)
+
+
+def test_written_index_is_read_again(tmp_path):
+    wavelength = np.array([0.7, 0.5, 0.6])
+    eta, k = np.array([2.05, 2.1, 2.07]), np.array([0.0, 1e-5, np.nan])
+    paths = write_material(
+        tmp_path / "film.yml", wavelength, eta, k, sigma_eta=[0.01, 0.02, 0.03],
+        reference='Fit of "film.csv": fresnel-fit\nsecond line', comments="108.4 nm on silica",
+        conditions={"temperature": 293, "sample": 'a "b"'},
+    )  # fmt: skip
+    assert [p.name for p in paths] == ["film.yml", "film_errors.csv"]
+    found = read_material(paths[0])
+    assert found.range_um == (0.5, 0.7)
+    assert [float(x) for x in found(0.5)] == [2.1, 1e-5]
+    lines = paths[1].read_text().splitlines()
+    assert lines[0] == "wavelength_um,n,k,sigma_n,sigma_k"
+    assert lines[1:] == ["0.5,2.1,1e-05,0.02,nan", "0.7,2.05,0,0.01,nan"]
+    # and by the CSV reader too
+    assert [float(x) for x in read_material(paths[1])(0.7)] == [2.05, 0.0]
+    with pytest.raises(ValueError, match="nothing was written"):
+        write_material(tmp_path / "no.yml", 0.5, np.nan, 0.0)
+    assert not (tmp_path / "no.yml").exists()
+
+
+@pytest.mark.parametrize("name, text, says", [
+    ("a.yml", "DATA:\n  - type: formula 12\n    wavelength_range: 1 2\n", "formula 1 to formula 9"),
+    ("a.yml", "DATA:\n  - type: formula 1\n    wavelength_range: 1\n    coefficients: 1\n", "two"),
+    ("a.yml", "DATA:\n  - type: tabulated k\n    data: |\n      1 2\n      2 3\n", "wanted n"),
+    ("a.yml", "DATA:\n  - type: tabulated nk\n    data: |\n      1 2\n", "rows of 3 numbers"),
+    ("a.yml", "{", "no YAML"), ("a.yml", "hello", "no list DATA"),
+    ("a.csv", "x,n,k\n1,2,3\n", "none of the columns"), ("a.csv", "wl,m\n1,2\n", "no column n"),
+    ("a.csv", "1,2,3\n", "wanted a header"), ("a.csv", "wavelength,n\n50,1\n500,2\n", "may be um"),
+    ("a.csv", "wavelength_um,n,k\n1,2,-3\n2,2,3\n", "k"),
+])  # fmt: skip
+def test_refusals(name, text, says, tmp_path):
+    file = tmp_path / name
+    file.write_text(text)
+    with pytest.raises(MaterialFileError, match=says) as error:
+        read_material(file)
+    assert name in str(error.value)
+    with pytest.raises(MaterialFileError, match="cannot be read"):
+        read_material(tmp_path / "not there.yml")
+
+
+def test_tables_of_others(measured_files):
+    for path, wavelength in (("wvase_films/materials/gold.csv", 0.3), ("nk/Au_Johnson.csv", 0.1879),
+                             ("formats/gold_bom_quoted_header.csv", 0.3),
+                             ("wvase_films/materials/air.csv", 0.23)):  # fmt: skip
+        assert read_material(measured_files / path).range_um[0] == pytest.approx(wavelength)
