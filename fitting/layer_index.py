@@ -49,6 +49,12 @@ def _mixed(mixture: Mixture, parts: list[Pair], fractions: list[Array]) -> Pair:
     return tuple(_RULES[mixture.rule](eta, k, shares))  # type: ignore
 
 
+def _lanes(v: Mapping[str, Array]) -> int:
+    """Return the number of lanes; 1 of a sample that has no parameter at all."""
+    some = jax.tree.leaves(dict(v))
+    return some[0].shape[-1] if some else 1
+
+
 def _own(spec: Spec, medium: int, v: Mapping[str, Array]) -> dict[str, Array]:
     head = f"{spec.media.places[medium]}."
     return {
@@ -67,7 +73,7 @@ def medium_index(
     medium, for a layer that is mixed with it.
     """
     wavelength_um = jnp.asarray(wavelength_um)
-    lanes = jax.tree.leaves(dict(v))[0].shape[-1]
+    lanes = _lanes(v)
     which = spec.media.index[medium]
     if not isinstance(which, Mixture):
         own = _own(spec, medium, v)
@@ -85,7 +91,7 @@ def _parts(
     """Return eta and k of the parts of a mixture."""
     which = spec.media.index[medium]
     assert isinstance(which, Mixture)
-    lanes = jax.tree.leaves(dict(v))[0].shape[-1]
+    lanes = _lanes(v)
     own = {n: x for n, x in _own(spec, medium, v).items() if not n.startswith("fraction")}
     out = []
     for part in which.parts:

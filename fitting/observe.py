@@ -162,9 +162,11 @@ def boundary(
     n = [first, *(n for n, _ in layers), far]
     together = zip(media.coherent, index[:-1], strict=True)
     coherent = [interferes for interferes, slices in together for _ in slices]
-    found = stack(c, n, [d for _, d in layers], points.wavelength_um, coherent)
+    thicknesses: Any = [d for _, d in layers]
+    media_index: Any = n
+    found = stack(c, media_index, thicknesses, points.wavelength_um, coherent)
     ellipse = None
-    if pairs:
+    if pairs and found.r_s is not None and found.r_p is not None:
         # No quotient r_p / r_s: a film may extinguish r_s.
         total = found.R_s + found.R_p
         product = found.r_p * jnp.conj(found.r_s)

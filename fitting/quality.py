@@ -97,8 +97,14 @@ def quality(
         sample=describes(of.sample) if of.sample else "your model",
         others=tuple({n: e.value for n, e in a.parameters.items()} for a in others),
         delta_chi2=float(others[0].delta_chi2) if others else np.nan,
-        shortest_nm=1e3 * float(np.nanmin(joined.wavelength_um)) if of.sample.films else np.inf,
+        shortest_nm=_shortest_nm(of, joined),
     )  # fmt: skip
+
+
+def _shortest_nm(of: Subject, joined: Measurement) -> float:
+    """Return the shortest wavelength for a sample with films; infinite for others."""
+    films = of.sample is not None and of.sample.films
+    return 1e3 * float(np.nanmin(joined.wavelength_um)) if films else np.inf
 
 
 def describes(sample: Sample) -> str:

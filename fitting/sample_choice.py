@@ -14,6 +14,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from fitting.candidates import Candidate, Choice, Key, decide
 from fitting.diagnostics import Finding
 from fitting.fits import fit
@@ -24,6 +26,7 @@ from fitting.sample import Sample
 from fitting.uncertainty.intervals import QUADRATIC
 
 OR = " or "
+_NEUTRAL = "angle_offset"
 
 
 def several_samples(text: Any) -> tuple[Sample, ...]:
@@ -32,6 +35,27 @@ def several_samples(text: Any) -> tuple[Sample, ...]:
     if isinstance(parts, Sample):
         parts = (parts,)
     return tuple(Sample.parse(part) for part in parts)
+
+
+def _is_fixed(which: Sample) -> bool:
+    """Whether a sample has nothing to be fitted: numbers, materials and held thicknesses."""
+    held = all(m.thickness is None or m.thickness.held for m in which.media)
+    return held and not any(m.unknown for m in which.media)
+
+
+def _without_unknowns(which: Sample, fitted: Callable[..., Fit], kind: str) -> Fit:
+    """Return a sample as a fit of no parameter: one of an offset of the angle that is next to 0."""
+    found = fitted(which, kind, bounds={_NEUTRAL: (-1e-9, 1e-9)})
+    parameters = {n: e for n, e in found.parameters.items() if n != _NEUTRAL}
+    findings = tuple(
+        f for f in found.findings if f.values.get("parameter") != _NEUTRAL
+        and _NEUTRAL not in (f.values.get("parameters") or ())
+    )  # fmt: skip
+    less = float(np.log(found.n_data))
+    return replace(
+        found, parameters=parameters, covariance=found.covariance[:0, :0], findings=findings,
+        bic=found.bic - less, status=CONVERGED,
+    )  # fmt: skip
 
 
 def _candidate(which: Sample, run: Callable[[Sample, str], Fit]) -> Candidate:
@@ -68,14 +92,20 @@ def choose_sample(
     errors = options.get("errors", "auto")
     compared = {**believed, "errors": "scaled" if errors == "auto" else errors}
 
+    def fitted(which: Sample, kind: str, **more: Any) -> Fit:
+        joined = {**compared, **more}
+        if more and compared.get("bounds"):
+            joined["bounds"] = {**compared["bounds"], **more["bounds"]}
+        return fit(measurement, which, intervals=kind, **joined)
+
     def run(which: Sample, kind: str) -> Fit:
         (progress or (lambda label: None))(str(which))
         tell(str(which))
-        return fit(measurement, which, intervals=kind, **compared)
+        return _without_unknowns(which, fitted, kind) if _is_fixed(which) else fitted(which, kind)
 
     choice = decide([_candidate(which, run) for which in samples])
     taken = next(s for s in samples if str(s) == choice.taken.label)
-    if intervals != QUADRATIC:
+    if intervals != QUADRATIC and not _is_fixed(taken):
         choice = choice.with_fit(fit(measurement, taken, intervals=intervals, **believed))
     found = choice.fit
     doubtful = [f for f in found.findings if f.code in ("residuals_in_order", "does_not_describe")]

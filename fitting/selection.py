@@ -149,7 +149,7 @@ def choose(
         return choose_sample(
             measurement, samples, intervals=intervals, progress=progress, **given
         )  # fmt: skip
-    which = samples[0]
+    which = Sample.parse(next(iter(samples)))
     if not which.open:
         raise ValueError(
             f"the sample {str(which)!r} leaves nothing to choose; write auto in it, or several "

@@ -36,6 +36,9 @@ Soc. A 203, 385 (1904), doi:10.1098/rsta.1904.0024; a comparison: D. E. Aspnes, 
 249 (1982), doi:10.1016/0040-6090(82)90590-9.
 """
 
+from collections.abc import Iterator
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
@@ -86,7 +89,7 @@ def _constituents(eta, k, fraction) -> tuple[Array, Array, Array]:
     return eta, k, jnp.concatenate([(rest + error)[None], fraction])
 
 
-def _arrays(*values):
+def _arrays(*values) -> Iterator[Any]:
     """Lists of constituents with shapes of their own (a number beside a spectrum) as arrays."""
     return (
         jnp.stack(jnp.broadcast_arrays(*map(as_float, x)))

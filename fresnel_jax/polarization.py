@@ -16,7 +16,8 @@ propagation are right-handed. V > 0: the field turns counterclockwise for an obs
 the beam. With Q measured from p instead, as ellipsometers do, Q and U (or V) change sign.
 
 Accuracy over the domain of `interface`: 2 pi eps for phases, 12 eps of Delta, psi and depths
-themselves (however small), 8 eps of rho, 24 eps of R for Mueller matrices; gradients of psi and
+themselves (however small), 8 eps of rho, 24 eps of R for Mueller matrices (their gradients: 100 eps
+of the larger of the largest element's gradient and sqrt(R)); gradients of psi and
 Delta 50 + 4 (eta_i / |N|)^2 eps of their norm, in relative changes of the arguments as in
 `interface` (the second term counts at the critical angle of small indices). At the critical angle
 itself derivatives are infinite; 0 is returned.

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from benchmarks import search_functions
 from benchmarks.accuracy_search import search
+from benchmarks.search_models import MODELS
+from benchmarks.search_optics import OPTICS
 from benchmarks.search_quantities import PROGRAMS, QUANTITIES, errors
 
 DTYPES = pytest.mark.parametrize("dtype", [np.float64, np.float32])
@@ -40,3 +43,15 @@ def test_a_short_search(name, dtype):
         random = np.random.default_rng([20261122, i])
         worst, place, _ = search(name, program, dtype, random, 512)
         assert worst <= 1.0, (program, place)
+
+
+@DTYPES
+@pytest.mark.parametrize("name", OPTICS | MODELS)
+def test_a_short_search_of_every_other_function(name, dtype):
+    """The slowest gradients (two layers: 11 arguments) are left to `make accuracy-search`."""
+    entry = (OPTICS | MODELS)[name]
+    kinds = [False] if entry.gradient_bound is None or len(entry.limits) > 8 else [False, True]
+    for gradient in kinds:
+        random = np.random.default_rng(20261122)
+        worst, place, _ = search_functions.search(entry, gradient, dtype, random, 256)
+        assert worst <= 1.0, (gradient, place)

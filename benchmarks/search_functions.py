@@ -1,0 +1,165 @@
+"""The accuracy search for every further public function: one entry each, in the tables beside.
+
+An entry has a sampler of its domain, the function of single numbers, the textbook's formula in
+gmpy2, and the bounds. The derivative of the truth is a central difference in the oracle's digits
+(its step is 2^-250 of the argument), so that no derivative is written down twice.
+
+Errors of values are in eps of the scale that the truth gives (the value itself if it gives none);
+those of gradients in eps of the larger of the scale and the gradient's norm, in relative changes
+of the arguments.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import gmpy2
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+CONTEXT = gmpy2.context(precision=1000, emin=-(10**6), emax=10**6)
+_STEP = gmpy2.mpfr(2) ** -250
+
+
+class Function(NamedTuple):
+    """`truth` takes the same numbers as `function`, exactly, and returns (value, scale or None)s,
+    or None where the point is left out."""
+
+    draw: Callable  # (random, size, eps) -> columns
+    limits: tuple[tuple[float, float], ...]  # of each column, for the climb
+    function: Callable  # scalars -> tuple of scalars
+    truth: Callable[..., list | None]
+    bound: float  # eps
+    gradient_bound: float | None = None  # eps; None: the function has no derivative of interest
+    arguments: Callable = lambda *columns: (
+        columns
+    )  # columns -> arguments: directions from angles, for example
+    fixed: tuple[int, ...] = ()  # arguments that the gradient leaves out
+    amplified: bool = False  # the norm of a gradient counts with the factor scale / value, too
+    shared: bool = False  # the results' gradients are measured by the largest of their norms
+    conditioned: bool = False  # values: by the norm of the gradient where it is larger
+
+
+def _all_of(entry, function, arguments):
+    return jnp.stack([jnp.asarray(x) for x in function(*arguments)])
+
+
+@functools.cache
+def compiled(entry: Function, gradient: bool):
+    """Arguments -> (points, results), or (points, results, variables)."""
+
+    def values(*arguments):
+        return _all_of(entry, entry.function, arguments)
+
+    if not gradient:
+        return jax.jit(jax.vmap(values))
+
+    def partials(*arguments):
+        rows = []
+        for i in _variables(entry, len(arguments)):
+            tangents = tuple(jnp.ones_like(x) * (i == j) for j, x in enumerate(arguments))
+            rows.append(jax.jvp(values, arguments, tangents)[1])
+        return jnp.stack(rows, axis=-1)
+
+    return jax.jit(jax.vmap(partials))
+
+
+def _variables(entry, count):
+    return [i for i in range(count) if i not in entry.fixed]
+
+
+def errors(entry: Function, gradient: bool, columns, dtype) -> np.ndarray:
+    """In eps, the largest of each point's results; NaN counts as infinite."""
+    arguments = [np.asarray(x, dtype) for x in entry.arguments(*columns)]
+    eps, tiny = float(np.finfo(dtype).eps), float(np.finfo(dtype).tiny)
+    ours = np.asarray(compiled(entry, gradient)(*map(jnp.asarray, arguments)))
+    worst = np.zeros(len(arguments[0]))
+    with gmpy2.context(CONTEXT):
+        for i, point in enumerate(zip(*arguments, strict=True)):
+            exact = [gmpy2.mpfr(float(x)) for x in point]
+            true = entry.truth(*exact)
+            if true is None:
+                continue
+            scales = [max(abs(v) if s is None else s, tiny / eps) for v, s in true]
+            largest = float(np.finfo(dtype).max) / 16
+            if max(abs(v) for v, _ in true) > largest:
+                continue  # not representable
+            if not gradient:
+                if entry.conditioned:
+                    norms = _gradients(entry, exact, np.zeros((len(true), len(exact))))[1]
+                    scales = [max(pair) for pair in zip(scales, norms, strict=True)]
+                found = [
+                    abs(gmpy2.mpc(complex(x)) - v) / s
+                    for x, (v, _), s in zip(ours[i], true, scales, strict=True)
+                ]
+            else:
+                distances, norms, steepest = _gradients(entry, exact, ours[i])
+                if steepest > largest:
+                    continue
+                if entry.shared:
+                    norms = [max(norms)] * len(norms)
+                if entry.amplified:
+                    pairs = zip(norms, scales, true, strict=True)
+                    norms = [n * s / abs(v) if v else n for n, s, (v, _) in pairs]
+                found = [d / max(s, n) for d, s, n in zip(distances, scales, norms, strict=True)]
+            for error in found:
+                error = float(error)
+                worst[i] = max(worst[i], error / eps if error == error else np.inf)
+    return worst
+
+
+def _gradients(entry, exact, ours):
+    """Of each result: the distance of our gradient from the true one, whose norm comes next; and
+    the largest of all slopes. A point beside which there is no truth has distances of 0."""
+    error2, norm2 = ([gmpy2.mpfr(0)] * len(ours) for _ in range(2))
+    steepest = gmpy2.mpfr(0)
+    for column, j in enumerate(_variables(entry, len(exact))):
+        h = _STEP * exact[j] if exact[j] != 0 else _STEP
+        unit = abs(exact[j])
+        pair = [entry.truth(*exact[:j], exact[j] + sign * h, *exact[j + 1 :]) for sign in (1, -1)]
+        if pair[0] is None or pair[1] is None:
+            return error2, norm2, gmpy2.inf()
+        for r, ((above, _), (below, _)) in enumerate(zip(*pair, strict=True)):
+            slope = (above - below) / (2 * h)
+            steepest = max(steepest, abs(slope))
+            off = gmpy2.mpc(complex(ours[r, column])) - slope
+            error2[r] += gmpy2.norm(gmpy2.mpc(unit * off))
+            norm2[r] += gmpy2.norm(gmpy2.mpc(unit * slope))
+    return [*map(gmpy2.sqrt, error2)], [*map(gmpy2.sqrt, norm2)], steepest
+
+
+def search(entry: Function, gradient: bool, dtype, random, size, batch=128, survivors=16):
+    """The largest error over its bound, and its columns; the first third of `size` is random."""
+    bound = entry.gradient_bound if gradient else entry.bound
+    eps = float(np.finfo(dtype).eps)
+    best, places, done = np.zeros(0), None, 0
+    while done < size:
+        if places is None or done < size / 3 or random.random() < 0.25:
+            columns = [np.asarray(x, float) for x in entry.draw(random, batch, eps)]
+        else:
+            columns = _moved(random, places, batch // len(places[0]))
+        columns = [
+            np.clip(x, *limit) if limit[1] > limit[0] else x
+            for x, limit in zip(columns, entry.limits, strict=True)
+        ]
+        found = errors(entry, gradient, columns, dtype) / bound
+        done += len(found)
+        best = np.concatenate([best, found])
+        pairs = (
+            columns if places is None else map(np.concatenate, zip(places, columns, strict=True))
+        )
+        order = np.argsort(-best, kind="stable")[:survivors]
+        places = [x[order] for x in pairs]
+        best = best[order]
+    return best[0], tuple(x[0] for x in places), done
+
+
+def _moved(random, places, copies):
+    moved = []
+    step = 10.0 ** random.uniform(-17.0, 0.3, copies * len(places[0]))
+    for x in places:
+        x = np.repeat(x, copies)
+        changed = random.random(len(x)) < 0.5
+        moved.append(np.where(changed, x * (1.0 + step * random.standard_normal(len(x))), x))
+    return moved

@@ -1,0 +1,228 @@
+"""Entries of the accuracy search: dispersion models and rough surfaces."""
+
+import gmpy2
+import jax.numpy as jnp
+import numpy as np
+
+from fresnel_jax import bsdf
+from fresnel_jax.dispersion import (
+    HC_EV_UM,
+    Cauchy,
+    CauchyUrbach,
+    DrudeLorentz,
+    Sellmeier,
+    TaucLorentz,
+    drude,
+)
+from fresnel_jax.microfacet import TrowbridgeReitz
+
+from .search_functions import Function
+from .search_optics import decades, directions, two_directions
+
+WAVELENGTH = (0.1, 20.0)
+
+
+def _energy(w):
+    return gmpy2.mpfr(HC_EV_UM) / w
+
+
+def _of_permittivity(eps, *also):
+    """eta and k; the scale of both errors is that of the permittivity's through the root, which
+    is the part itself away from a zero of Re eps and of the resonances."""
+    N = gmpy2.sqrt(eps)
+    scale = max([abs(eps), *also])
+    return [(N.real, max(N.real, scale / abs(N))), (N.imag, max(N.imag, scale / abs(N)))]
+
+
+def _cauchy(w, a, b, c):
+    terms = (a, b / w**2, c / w**4)
+    return [(sum(terms), sum(map(abs, terms)))]
+
+
+def _sellmeier(w, b1, c1, b2, c2):
+    terms = (b1 * w * w / (w * w - c1), b2 * w * w / (w * w - c2))
+    eps = 1 + sum(terms)
+    # the root halves relative errors; terms of both signs cancel
+    return None if eps <= 0 else [
+        (gmpy2.sqrt(eps), (1 + sum(map(abs, terms))) / gmpy2.sqrt(eps))
+    ]  # fmt: skip
+
+
+def _urbach(w, a, b, edge_k, width, edge):
+    E = _energy(w)
+    k = edge_k * gmpy2.exp((E - edge) / width)
+    return [(a + b / w**2, None), (k, k * (1 + (E + edge) / (2 * width)))]
+
+
+def _drude(w, plasma, width):
+    E = _energy(w)
+    chi = plasma**2 / (E * gmpy2.mpc(E, width))
+    return _of_permittivity(1 - chi, abs(chi))
+
+
+def _lorentz(w, strength, resonance, width):
+    E = _energy(w)
+    bottom = gmpy2.mpc(resonance**2 - E**2, -E * width)
+    chi = strength / bottom
+    return _of_permittivity(1 + chi, abs(chi) * (1 + 2 * E * E / abs(bottom)))
+
+
+def _tauc_lorentz(w, A, E_0, C, gap, eps_inf):
+    """Jellison and Modine's closed form with its erratum (doi:10.1063/1.118155)."""
+    if C >= 2 * E_0 or gap > 2 * E_0:
+        return None  # no such oscillator; no bound is stated
+    E, pi, atan, log = _energy(w), gmpy2.const_pi(), gmpy2.atan, gmpy2.log
+    alpha, gamma2 = gmpy2.sqrt(4 * E_0**2 - C**2), E_0**2 - C**2 / 2
+    zeta4 = (E**2 - gamma2) ** 2 + alpha**2 * C**2 / 4
+    a_ln = (gap**2 - E_0**2) * E**2 + gap**2 * C**2 - E_0**2 * (E_0**2 + 3 * gap**2)
+    a_atan = (E**2 - E_0**2) * (E_0**2 + gap**2) + gap**2 * C**2
+    edge = E_0**2 + gap**2
+    angles = pi - atan((2 * gap + alpha) / C) + atan((alpha - 2 * gap) / C)
+    other = pi + 2 * atan(2 * (gamma2 - gap**2) / (alpha * C))
+    ratio = abs(E - gap) * (E + gap) / gmpy2.sqrt((E_0**2 - gap**2) ** 2 + gap**2 * C**2)
+    re = eps_inf + (
+        A * C * a_ln / (2 * pi * zeta4 * alpha * E_0)
+        * log((edge + alpha * gap) / (edge - alpha * gap))
+        - A * a_atan / (pi * zeta4 * E_0) * angles
+        + 2 * A * E_0 * gap * (E**2 - gamma2) / (pi * zeta4 * alpha) * other
+        - A * E_0 * C * (E**2 + gap**2) / (pi * zeta4 * E) * log(abs(E - gap) / (E + gap))
+        + 2 * A * E_0 * C * gap / (pi * zeta4) * log(ratio)
+    )  # fmt: skip
+    im = gmpy2.mpfr(0)
+    if gap < E:
+        im = A * E_0 * C * (E - gap) ** 2 / (((E * E - E_0**2) ** 2 + C**2 * E * E) * E)
+    condition = 1 + E_0 / C + E_0 / alpha
+    scale = (1 if gap <= E_0 else 10) * condition * max(1, abs(gmpy2.mpc(re, im)))
+    # the permittivity, as the class states its bound
+    return [(re, scale), (im, scale)]
+
+
+def _permittivity(index):
+    return (index.eta - index.k) * (index.eta + index.k), 2.0 * index.eta * index.k
+
+
+def _s(v, a, b):
+    return gmpy2.sqrt(v[2] ** 2 + (a * v[0]) ** 2 + (b * v[1]) ** 2)
+
+
+def _D(*v):
+    m, a, b = v[:3], v[-2], v[-1]
+    if m[2] <= 0:
+        return None
+    return [
+        (
+            1 / (gmpy2.const_pi() * a * b * ((m[0] / a) ** 2 + (m[1] / b) ** 2 + m[2] ** 2) ** 2),
+            None,
+        )
+    ]
+
+
+def _masking(*v):
+    w, a, b = v[:3], v[-2], v[-1]
+    z = abs(w[2])
+    return [((_s(w, a, b) - z) / (2 * z), None), (2 * z / (z + _s(w, a, b)), None)]
+
+
+def _G(*v):
+    (x, _), (y, _) = _masking(*v[:3], *v[6:])[0], _masking(*v[3:6], *v[6:])[0]
+    return [(1 / (1 + x + y), None)]
+
+
+def _mirror_facets(*v):
+    """f and density of a Trowbridge-Reitz mirror with F = 1, at the half vector of the inputs."""
+    o, i, a, b = v[:3], v[3:6], v[6], v[7]
+    if o[2] * i[2] <= 0:
+        return None
+    h = [x + y for x, y in zip(o, i, strict=True)]
+    length = gmpy2.sqrt(sum(x * x for x in h))
+    h = [x / length * (1 if o[2] > 0 else -1) for x in h]
+    D, G = _D(*h, a, b)[0][0], _G(*v)[0][0]
+    G1 = 2 * abs(o[2]) / (abs(o[2]) + _s(o, a, b))
+    value, density = D * G / (4 * abs(o[2] * i[2])), G1 * D / (4 * abs(o[2]))
+    # D falls by its fourth power of 1 / alpha where rounding turns the half vector
+    steep = (
+        1 + 4 * sum(abs(x) * abs(y) for x, y in zip(h[:2], (1 / a, 1 / b), strict=True)) / length
+    )
+    return [(value, value * steep), (density, density * steep)]
+
+
+def _rough(*columns):
+    """Both directions above the surface, so that none of the points is empty."""
+    z_o, t_o, z_i, t_i, *alphas = columns
+    return directions(np.abs(z_o), t_o, np.abs(z_i), t_i, *alphas)
+
+
+def _facets(random, size, eps):
+    return (
+        *two_directions(random, size, eps),
+        decades(random, size, -3, 0),
+        decades(random, size, -3, 0),
+    )
+
+
+_FACETS = ((-1.0, 1.0), (0.0, 6.3), (-1.0, 1.0), (0.0, 6.3), (1e-3, 1.0), (1e-3, 1.0))
+
+
+def _vectors(v):
+    return jnp.stack(v[:3]), jnp.stack(v[3:6]), TrowbridgeReitz(v[6], v[7])
+
+
+def _our_mirror(*v):
+    o, i, facets = _vectors(v)
+    model = bsdf.Reflector(bsdf.FresnelNone(), facets)
+    return model.evaluate(o, i), model.density(o, i)
+
+
+def _uniform(*limits):
+    return lambda random, size, eps: tuple(
+        10.0 ** random.uniform(np.log10(low), np.log10(high), size) for low, high in limits
+    )
+
+
+def _entry(limits, function, truth, *bounds, **options):
+    return Function(_uniform(*limits), limits, function, truth, *bounds, **options)
+
+
+MODELS = {
+    "Cauchy": _entry(
+        (WAVELENGTH, (1.0, 4.0), (1e-6, 0.1), (1e-9, 0.01)),
+        lambda w, a, b, c: (Cauchy(jnp.stack([a, b, c]))(w).eta,), _cauchy, 4.0, 8.0,
+    ),
+    "Sellmeier": _entry(
+        (WAVELENGTH, (0.01, 10.0), (1e-4, 0.05), (0.01, 10.0), (50.0, 1e3)),
+        lambda w, b1, c1, b2, c2: (Sellmeier(jnp.stack([b1, b2]), jnp.stack([c1, c2]))(w).eta,),
+        _sellmeier, 4.0, 16.0,
+    ),
+    "CauchyUrbach": _entry(
+        (WAVELENGTH, (1.0, 4.0), (1e-6, 0.1), (1e-6, 1.0), (0.05, 1.0), (1.0, 6.0)),
+        lambda w, a, b, k, u, e: tuple(CauchyUrbach(jnp.stack([a, b]), k, u, e)(w)),
+        _urbach, 4.0, 16.0, amplified=True,
+    ),
+    "drude": _entry(
+        (WAVELENGTH, (0.1, 20.0), (1e-3, 1.0)),
+        lambda w, p, g: tuple(drude(p, g)(w)), _drude, 12.0, 24.0,
+    ),
+    "DrudeLorentz": _entry(
+        (WAVELENGTH, (0.1, 300.0), (0.1, 12.0), (1e-3, 3.0)),
+        lambda w, s, e, g: tuple(DrudeLorentz(s, e, g)(w)), _lorentz, 12.0, 48.0,
+    ),
+    "TaucLorentz": _entry(
+        (WAVELENGTH, (1.0, 200.0), (0.5, 12.0), (1e-3, 20.0), (0.1, 10.0), (1.0, 5.0)),
+        lambda w, a, e, c, g, x: _permittivity(TaucLorentz(a, e, c, g, x)(w)),
+        _tauc_lorentz, 500.0, None,
+    ),
+    "TrowbridgeReitz.D": Function(
+        _facets, _FACETS, lambda *v: (_vectors(v)[2].D(_vectors(v)[0]),), _D, 12.0, 24.0, _rough,
+    ),
+    "TrowbridgeReitz.Lambda, G1": Function(
+        _facets, _FACETS,
+        lambda *v: (_vectors(v)[2].Lambda(_vectors(v)[0]), _vectors(v)[2].G1(_vectors(v)[0])),
+        _masking, 12.0, 24.0, _rough,
+    ),
+    "TrowbridgeReitz.G": Function(
+        _facets, _FACETS, lambda *v: (_vectors(v)[2].G(*_vectors(v)[:2]),), _G, 12.0, 24.0, _rough,
+    ),
+    "Reflector.evaluate, density": Function(
+        _facets, _FACETS, _our_mirror, _mirror_facets, 24.0, None, _rough,
+    ),
+}  # fmt: skip
