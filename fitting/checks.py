@@ -70,7 +70,10 @@ def _scatter(x: np.ndarray, y: np.ndarray) -> float:
         weights = 1.0 / np.prod(gaps / np.abs(gaps).max((1, 2), keepdims=True), axis=2)
         of_noise = np.sum(weights * np.lib.stride_tricks.sliding_window_view(y, count), axis=1)
         of_noise = np.abs(of_noise) / np.sqrt(np.sum(weights**2, axis=1))
-        found.append(np.median(of_noise[np.isfinite(of_noise)]) / _QUARTILE)
+        finite = of_noise[np.isfinite(of_noise)]
+        if not len(finite):  # values so large that their squares overflow
+            return float("nan")
+        found.append(np.median(finite) / _QUARTILE)
     return float(min(found))
 
 

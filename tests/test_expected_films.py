@@ -156,9 +156,15 @@ def test_wvase_silica_with_water(measured_files, tmp_path):
     water = cauchy_file(tmp_path / "water.yml", 1.3242, 0.003064)
     silica, silicon = media(measured_files, "silica", "silicon")
     m = wvase(measured_files, "WVASE_example_3nmSiO2_30EMA_MultiWavelength.txt")
-    held = fit(m, f"{water} | linear({silica}, {water} 30 % held) 0.5..50 nm | {silicon}")
+    held = fit(
+        m, f"{water} | linear({silica}, {water} 30 % held) 1..50 nm | {silicon}",
+        intervals="quadratic",
+    )  # fmt: skip
     assert value(held, "film.thickness_nm") == pytest.approx(3.0, abs=0.1)
-    both = fit(m, f"{water} | linear({silica}, {water} 0..90 %) 0.5..50 nm | {silicon}")
+    both = fit(
+        m, f"{water} | linear({silica}, {water} 0..90 %) 1..50 nm | {silicon}",
+        intervals="quadratic",
+    )  # fmt: skip
     (told,) = [w.text for w in both.warnings if w.code == "thin_film"]
     assert "seen as one product" in told
 
