@@ -2,11 +2,18 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint accuracy accuracy-search bench stability startup fit-study fit-coverage model-coverage model-study model-success errors-study film-study fuzz clean
+.PHONY: demo docs notebooks test lint accuracy accuracy-search bench stability startup fit-study fit-coverage model-coverage model-study model-success errors-study film-study fuzz clean
 
-demo: .venv/installed-plot  ## fit the gold scan that ships with the project; table, plot, JSON in demo/
+demo: .venv/installed-plot  ## fit the two scans that ship with the project; tables, pictures, JSON in demo/
 	mkdir -p demo
+	$(BIN)/fresnel-fit examples/data/germanium_633nm_simulated.csv --plot demo/germanium.png --json demo/germanium.json
 	$(BIN)/fresnel-fit examples/data/gold_532nm.csv --plot demo/gold.png --json demo/gold.json
+
+docs: .venv/installed-docs  ## the documentation site in build/site, strictly: a warning is an error
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+notebooks: .venv/installed-test  ## the tutorials as notebooks, in examples/notebooks
+	$(BIN)/python examples/notebooks/make.py
 
 test: .venv/installed-test  ## the tests (several minutes on 2 cores)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
@@ -16,7 +23,7 @@ lint: .venv/installed-test .venv/installed-lint  ## linters and type checker
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 
-accuracy: .venv/installed-test  ## the accuracy table of the README (a minute)
+accuracy: .venv/installed-test  ## the table of docs/accuracy.md (a minute)
 	$(BIN)/python benchmarks/interface_accuracy.py
 
 accuracy-search: .venv/installed-test  ## search for the largest errors; e.g. SEARCH="--seed 1 --minutes 60"

@@ -97,9 +97,11 @@ def main():
         data_file.write_text(json.dumps(results, indent=1) + "\n")
     (options.out / "benchmarks.md").write_text(markdown(results))
     from .chart import draw
+    from .overview import draw_overview
 
     for where in sorted({x["platform"] for x in results["runs"]}):
         draw(results, options.out, where)
+    draw_overview(results, options.out / "overview.png")
     print(f"wrote {data_file}, benchmarks.md and the charts beside it")
     if not options.chart_only and not options.only:
         bsdf.run(options.out, 2 if options.quick else options.rounds, machine())

@@ -1,4 +1,4 @@
-"""The accuracy table of the README: `make accuracy`, or `python benchmarks/interface_accuracy.py`.
+"""The table of docs/accuracy.md: `make accuracy`, or `python benchmarks/interface_accuracy.py`.
 
 Largest errors, in units of eps, over the hard sets of the tests, against the textbook forms in 100
 digits at the exact inputs: of R_s, R_p, T_s, T_p relative to each (an R below eps^2 counts as

@@ -58,8 +58,7 @@ def figure(path: Path, width: float, height: float, **options: Any) -> Iterator[
         from matplotlib.figure import Figure
     except ModuleNotFoundError:
         raise ModuleNotFoundError(
-            "the examples draw with matplotlib, which is not installed: "
-            "pip install 'fresnel-jax[plot]'"
+            "the examples draw with matplotlib, which is not installed: pip install matplotlib"
         ) from None
     with matplotlib.rc_context():
         matplotlib.rcdefaults()

@@ -1,8 +1,8 @@
 """Fresnel optics that is accurate everywhere and differentiable everywhere, in JAX.
 
 The names below are those of one smooth boundary. Submodules are attributes, imported when they are
-first used: `approximate`, `bsdf`, `directions`, `dispersion`, `fresnel_terms`, `interface`,
-`layers`, `materials`, `microfacet`, `polarization`.
+first used: `approximate`, `bsdf`, `directions`, `dispersion`, `effective_medium`, `fresnel_terms`,
+`interface`, `layers`, `materials`, `microfacet`, `polarization`.
 """
 
 import importlib
@@ -26,6 +26,7 @@ _SUBMODULES = (
     "bsdf",
     "directions",
     "dispersion",
+    "effective_medium",
     "fresnel_terms",
     "interface",
     "layers",

@@ -43,6 +43,19 @@ from ._colours import real_index as real_index
 from ._colours import reflectance_at_normal
 from .interface import reflectance
 
+__all__ = [
+    "f82",
+    "f82_from_reflectances",
+    "gulbrandsen_index",
+    "gulbrandsen_parameters",
+    "large_index",
+    "lazanyi_szirmay_kalos",
+    "normal_reflectance",
+    "polynomial",
+    "real_index",
+    "schlick",
+]
+
 # F82 is fixed at the cosine 1/7 (81.8 degrees), where c (1 - c)^6 is largest.
 _COSINE_82 = 1.0 / 7.0
 _LARGEST_CORRECTION = _COSINE_82 * (1.0 - _COSINE_82) ** 6

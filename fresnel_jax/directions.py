@@ -23,6 +23,21 @@ from ._vectors import (
     stack,
 )
 
+__all__ = [
+    "Frame",
+    "Refraction",
+    "brewster_angle_deg",
+    "critical_angle_deg",
+    "entering",
+    "faceforward",
+    "local_frame",
+    "reflect",
+    "refract",
+    "snells_window",
+    "to_local",
+    "to_world",
+]
+
 
 class Refraction(NamedTuple):
     """What `refract` gives back."""

@@ -40,6 +40,24 @@ from ._spectral import Index as Index
 from ._spectral import evaluate_within, in_one_type, parameters
 from ._tabulated import Tabulated as Tabulated
 
+__all__ = [
+    "HC_EV_UM",
+    "BrendelBormann",
+    "Cauchy",
+    "CauchyUrbach",
+    "Constant",
+    "DispersionModel",
+    "DrudeLorentz",
+    "Index",
+    "Material",
+    "Sellmeier",
+    "Tabulated",
+    "TaucLorentz",
+    "drude",
+    "lorentz_drude",
+    "material",
+]
+
 
 class Material(DispersionModel):
     """A dispersion model with the range of wavelengths in which it is known, and a name.
@@ -134,8 +152,9 @@ _FORMS = {
 def material(name: str) -> Material:
     """The dispersion model of a named material, with the range of wavelengths of its source.
 
-    Args: `name`: as `materials.lookup` takes it; `materials.names()` lists them, and
-        `materials.lookup(name)` gives source and DOI.
+    Args:
+        name: as `materials.lookup` takes it; `materials.names()` lists them, and
+            `materials.lookup(name)` gives source and DOI.
 
     Raises:
         ValueError: there is no such material; the text lists similar names.

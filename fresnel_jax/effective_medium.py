@@ -47,6 +47,8 @@ from ._arithmetic import complex_sqrt, opaque, sum_exactly
 from ._spectral import Index
 from ._vectors import as_float
 
+__all__ = ["bruggeman", "linear", "looyenga", "maxwell_garnett"]
+
 # Of three or more constituents Bruggeman's equation is solved by iteration; see `_several`.
 _STEPS = 40
 

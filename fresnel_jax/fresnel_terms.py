@@ -19,6 +19,15 @@ def _stacked(index) -> Array:
     return jnp.asarray(index)
 
 
+__all__ = [
+    "FresnelConductor",
+    "FresnelDielectric",
+    "FresnelNone",
+    "FresnelStack",
+    "FresnelTerm",
+]
+
+
 class FresnelDielectric(eqx.Module):
     """Reflectance between two transparent media; the sign of the cosine picks the side.
 

@@ -55,6 +55,17 @@ from ._arguments import as_floats, real, structure
 from ._powers import powers_kernel
 from ._unpolarized import unpolarized_kernel
 
+__all__ = [
+    "Amplitudes",
+    "Powers",
+    "amplitudes",
+    "fresnel_complex",
+    "fresnel_conductor",
+    "fresnel_dielectric",
+    "powers",
+    "reflectance",
+]
+
 
 class Powers(NamedTuple):
     """Fractions of the incident power, for s and p polarization, all of the broadcast shape."""

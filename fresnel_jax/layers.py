@@ -30,6 +30,12 @@ from ._stack import Stack as Stack
 from ._stack import stack as stack
 from .interface import Powers
 
+__all__ = [
+    "Stack",
+    "slab",
+    "stack",
+]
+
 
 def _both_faces(R_1, T_1, passage, absorbed_twice):
     """R and T of the slab from one face's R and T, A, and 1 - A^2."""

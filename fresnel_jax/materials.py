@@ -21,6 +21,13 @@ from typing import Any, Literal
 
 import numpy as np
 
+__all__ = [
+    "INDICES",
+    "Record",
+    "lookup",
+    "names",
+]
+
 Kind = Literal["dielectric", "conductor", "semiconductor"]
 
 # One number for visible light each (vacuum aside). "glass" is the lighter end of the printed range

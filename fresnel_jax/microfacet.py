@@ -18,6 +18,12 @@ from ._facets import (
 )
 from ._vectors import as_float, components, dot, stack
 
+__all__ = [
+    "TrowbridgeReitz",
+    "half_vector",
+    "half_vector_jacobian",
+]
+
 # A model's constants, not thresholds of the arithmetic, hence the same in float32 and float64:
 # below the first (both axes) a surface counts as smooth; the second bounds one axis, so that
 # D <= 1 / (pi alpha_x alpha_y) = 3e7 stays representable (PBRT 4th ed. sec. 9.6.1).

@@ -39,6 +39,18 @@ from ._boundary import boundary, within_one
 from ._phases import phases_kernel, psi_kernel
 from .interface import amplitudes, powers
 
+__all__ = [
+    "Phases",
+    "PsiDelta",
+    "absorption_depth",
+    "ellipsometric_ratio",
+    "mueller_reflection",
+    "mueller_refraction",
+    "penetration_depth",
+    "phases",
+    "psi_delta",
+]
+
 
 class Phases(NamedTuple):
     """Phases of the reflected s and p wave in radians, both of the broadcast shape."""

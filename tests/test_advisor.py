@@ -200,4 +200,4 @@ def test_matplotlib_is_not_imported_and_a_missing_one_is_named(monkeypatch, caps
 
     monkeypatch.setattr(command.importlib.util, "find_spec", lambda name: None)
     assert command.main(["1.5", "--plot", "x.png"]) == 2
-    assert "fresnel-jax[plot]" in capsys.readouterr().err
+    assert "pip install matplotlib" in capsys.readouterr().err

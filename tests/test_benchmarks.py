@@ -103,3 +103,24 @@ def test_the_stages_of_the_command_are_timed(tmp_path):
     )
     assert {"import jax", "fit, first call", "table"} <= stages.keys()
     assert min(stages.values()) > 0.0
+
+
+def test_the_overview_names_every_mark_at_its_place(tmp_path, monkeypatch):
+
+    from matplotlib.figure import Figure
+
+    from benchmarks import overview
+
+    drawn = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, file: drawn.append(figure))
+    results = json.loads((ROOT / "docs/benchmarks/benchmarks.json").read_text(encoding="utf-8"))
+    overview.draw_overview(results, tmp_path / "never.png")
+    (figure,) = drawn
+    figure.canvas.draw()
+    for axes in figure.axes:
+        labels = [t for t in axes.texts if not t.get_text().startswith(" eps")]
+        assert [t.get_text() for t in labels] == [row[2] for row in overview.SHOWN]
+        boxes = [t.get_window_extent() for t in labels]
+        assert not any(
+            a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[i + 1 :]
+        )  # fmt: skip

@@ -314,7 +314,7 @@ def test_a_picture_of_an_unknown_kind(capsys, tmp_path, no_fit):
 
 def test_missing_matplotlib(capsys, tmp_path, no_fit, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-    assert "fresnel-jax[plot]" in refused(capsys, GOLD, "--plot", tmp_path / "gold.png")
+    assert "pip install matplotlib" in refused(capsys, GOLD, "--plot", tmp_path / "gold.png")
 
 
 @pytest.mark.parametrize("error", [RuntimeError("defect"), OSError(28, "No space left on device")])

@@ -68,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = _parser().parse_args(arguments)
     try:
         if given.plot and importlib.util.find_spec("matplotlib") is None:
-            raise ValueError("--plot needs matplotlib: pip install 'fresnel-jax[plot]'")
+            raise ValueError("--plot needs matplotlib: pip install matplotlib")
         scene = Scene(
             {text: _from_text(text) for text in given.material},
             tuple(given.wavelength_um), tuple(given.angle_deg), given.accuracy,

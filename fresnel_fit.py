@@ -1,0 +1,27 @@
+"""Where the command fresnel-fit begins: `fitting` is taken from beside this file.
+
+A folder on PYTHONPATH that holds a `fitting.py` of the user's own comes before installed packages,
+so that a plain import would run that file. `import fitting` in Python cannot be helped
+(docs/faq.md); the command can.
+"""
+
+import importlib.util
+import sys
+from pathlib import Path
+from typing import NoReturn
+
+
+def run() -> NoReturn:
+    """Run the command and end the process."""
+    package = Path(__file__).resolve().parent / "fitting"
+    spec = importlib.util.spec_from_file_location(
+        "fitting", package / "__init__.py", submodule_search_locations=[str(package)]
+    )
+    assert spec is not None and spec.loader is not None  # a path to a Python file has both
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["fitting"] = module
+    spec.loader.exec_module(module)
+
+    from fitting.__main__ import run as run_command
+
+    run_command()
