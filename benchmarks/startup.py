@@ -30,7 +30,7 @@ def mark(name):
     marks.append((name, time.time()))
 mark("start of Python")
 from fitting import cli
-cli._parser().parse_args([{str(GOLD)!r}])
+cli.parser().parse_args([{str(GOLD)!r}])
 mark("options")
 from fitting.start_up import cheap_start, set_up_jax
 with cheap_start():

@@ -4,7 +4,7 @@ m = read_csv("gold.csv")
 found = fit(m)                       # one bare surface, eta and k at every wavelength
 print(found)
 found = fit(m, "air | cauchy 3 mm thick | air", free="scale")
-found = choose(m).fit                # the simplest dispersion that the data need
+found = choose(m).fit                # the simplest that the data need
 """
 
 import importlib

@@ -21,7 +21,7 @@ samples (media from the side of the light, separated by |):
   free                                   one bare surface, eta and k at every
                                          wavelength (the default)
   cauchy                                 one bare surface with that dispersion
-  auto                                   the simplest dispersion that the data need
+  auto                                   the simplest that the data need
   1.515 | free                           light from inside glass
   air | cauchy-urbach 3 mm thick | air   a plate: both faces, no interference
   air | cauchy 110 nm | Si               a coherent film, thickness fitted

@@ -16,7 +16,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from fitting.dispersion import Model
+from fitting.dispersion import KINDS, Model
 from fitting.material_files import is_material_file, read_material
 from fresnel_jax import materials
 from fresnel_jax.dispersion import Material, material
@@ -103,8 +103,10 @@ def named(text: str) -> Known:
 
 
 def is_mixture(text: str) -> bool:
-    """Whether a text is that of a mixture."""
-    return text.strip() in BETWEEN or text.partition("(")[0].strip().lower() in RULES
+    """Whether a text is that of a mixture; the name of a rule alone is, unless a model has it."""
+    name, bracket, _ = text.strip().partition("(")
+    rule = name.strip().lower()
+    return text.strip() in BETWEEN or (rule in RULES and (bool(bracket) or rule not in KINDS))
 
 
 def parse_mixture(text: str, index) -> Mixture:

@@ -21,12 +21,12 @@ from fitting import result
 from fitting.bare_surface import thresholds as limit
 from fitting.bare_surface.arrange import Arranged
 from fitting.bare_surface.batch import Data, minima
-from fitting.bare_surface.coordinates import coordinates_of
+from fitting.bare_surface.coordinates import W_MIN, coordinates_of, xi_of
 from fitting.bare_surface.engine import Solved
 from fitting.bare_surface.estimate import Estimated, estimate
 from fitting.bare_surface.mirror import allowed_rise, like_mirrors
 from fitting.bare_surface.region_intervals import Intervals, intervals
-from fitting.bare_surface.valley import open_to_the_other_end
+from fitting.bare_surface.valley import Lanes, evaluate, open_to_the_other_end
 from fitting.misfit import misses_its_noise
 from fitting.noise_level import CHI2_LARGE, CHI2_SMALL, chi2_flags
 
@@ -34,6 +34,8 @@ from fitting.noise_level import CHI2_LARGE, CHI2_SMALL, chi2_flags
 ALTERNATIVE_CHI2 = 6.0
 # Two indices fit alike if their chi2 differs by less: two standard errors.
 ALIKE_CHI2 = 4.0
+# And nothing tells them apart if it differs by less than this.
+ALIKE_MEMBERS = 0.01
 # In a batch, where residuals are not looked at one by one, no misfit below that rms is looked for.
 LEAST_MISS = 0.01
 # What a reflectance is trusted to where neither errors nor scatter tell (two data, no errors).
@@ -78,20 +80,41 @@ def _missed(a: Arranged, rms: np.ndarray) -> np.ndarray:
     return found
 
 
+def _of_many_the_lossless(
+    data: Data, s: Solved, e: Estimated, undetermined: np.ndarray, scatter: np.ndarray
+) -> Estimated:
+    """Return what is shown where many indices fit: the one with k = 0, n > eta_i if it is of them.
+
+    Else the best fit, as everywhere. Along a whole circle only rounding tells its members apart,
+    and neighbours in a spectrum would jump from one end to the other.
+    """
+    rows = np.flatnonzero(undetermined)
+    if not len(rows):
+        return e
+    x = s.x[rows]
+    ends = Lanes(np.arange(len(rows)), x, np.full_like(x, W_MIN), np.ones_like(x))
+    alike = evaluate(data.take(rows), ends).cost <= s.cost[rows] + ALIKE_MEMBERS * scatter[rows]
+    eta, k = e.eta.copy(), e.k.copy()
+    eta[rows[alike]] = data.eta_i * np.exp(xi_of(x[alike]))
+    k[rows[alike]] = 0.0
+    return e._replace(eta=eta, k=k)
+
+
 def _codes(
     a: Arranged,
     e: Estimated,
     s: Solved,
     undetermined: np.ndarray,
     mirror: np.ndarray,
+    on_circle: np.ndarray,
     dof: np.ndarray,
 ) -> dict[str, np.ndarray]:
-    """Return where each code holds, but for what `_found` knows by itself."""
+    """Return where each code holds, but for what `answer` knows by itself."""
     low, high, channels = _extent(a.data, a.angle_deg)
     names = a.data.channels
     with np.errstate(all="ignore"):
         at_45 = (low > 44.9) & (high < 45.1) & (channels == 2) & ("R" not in names)
-        circle = ~at_45 & (~(e.moved > limit.CIRCLE_LIMIT) | (s.count == 1))
+        circle = ~at_45 & (~(e.moved > limit.CIRCLE_LIMIT) | (s.count == 1) | on_circle)
         chi2 = chi2_flags(s.cost / dof, dof) if a.stated else np.zeros(len(dof), int)
         nothing = s.x < limit.NOTHING_LIMIT
         clear = ~undetermined & ~nothing
@@ -156,13 +179,16 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
         allowed = part.cost + ALIKE_CHI2 * scatter[inner]
         undetermined[inner] |= open_to_the_other_end(data.take(inner), part, allowed)
     with np.errstate(all="ignore"):
-        most = s.cost + allowed_rise(dof) * scatter
+        most = s.cost + allowed_rise(dof, stated > 0.0) * scatter
         bound, perfect = like_mirrors(data, s.scale, most, scatter)
-        # A best fit that is a mirror itself, and is undetermined as such, names its circle.
-        names_circle = undetermined & ~perfect & (np.tanh(0.5 * s.x) >= bound)
-    bound = np.where(no_data | matched | names_circle, np.nan, bound)
+    undetermined |= ~no_data & ~matched & np.isfinite(bound)
+    with np.errstate(invalid="ignore"):
+        # Where R = 1 does not fit, a best fit that is a mirror itself names its circle.
+        on_circle = ~perfect & (np.tanh(0.5 * s.x) >= bound)
+    bound = np.where(no_data | matched | on_circle, np.nan, bound)
     mirror = np.isfinite(bound) | (undetermined & (s.x > limit.MIRROR_LIMIT))
     undetermined |= mirror
+    e = _of_many_the_lossless(data, s, e, undetermined & ~mirror, scatter)
     failed = ~no_data & ~undetermined & ~matched & ~(s.done > 0)
     second = (
         ~(no_data | failed | undetermined | matched)
@@ -174,7 +200,7 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
         second &= _distinct(e, other)
     else:
         other = e
-    codes = _codes(a, e, s, undetermined, mirror, dof)
+    codes = _codes(a, e, s, undetermined, mirror, on_circle, dof)
     codes = {code: at & ~failed & ~no_data for code, at in codes.items()}
     codes = {"not_converged": failed, **codes, "other_minima": second & ~failed}
     status = np.select(
@@ -195,6 +221,8 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     def but(value: np.ndarray, empty: np.ndarray) -> np.ndarray:
         return np.where(empty.reshape(-1, *(1,) * (value.ndim - 1)), np.nan, value)
 
+    with np.errstate(all="ignore"):
+        information = e.information / e.variance[:, None, None]  # infinite of exact data
     values = {
         "eta": but(np.where(matched, data.eta_i, e.eta), nothing),
         "k": but(np.where(matched, 0.0, e.k), nothing),
@@ -202,7 +230,7 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
         "covariance": but(e.covariance, blank),
         "chi2": but(s.cost if a.stated else np.full_like(s.cost, np.nan), no_data),
         "limit": but(upper, blank),
-        "information": but(e.information / e.variance[:, None, None], no_data | failed),
+        "information": but(information, no_data | failed),
         "at_zero": (e.at_zero | matched) & ~no_data & ~failed & ~undetermined,
         "factor": np.sqrt(e.variance) * np.ones_like(s.cost),
         "least_reflectance": bound,

@@ -23,10 +23,14 @@ LEAST_RMS, MOST_A = 0.85, 0.3
 NORMAL_95 = 1.645
 
 
-def allowed_rise(dof: np.ndarray) -> np.ndarray:
-    """Return by how many scatters a mirror may be worse: twice the F quantile of 2 and dof."""
+def allowed_rise(dof: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Return by how many scatters a mirror may be worse, two parameters less, (N,).
+
+    The quantile of chi2 with 2 degrees of freedom where the scatter is ``known`` beforehand; where
+    it comes from the residuals themselves twice the quantile of F with 2 and dof.
+    """
     d = np.maximum(dof, 1)
-    return d * (CHANCE ** (-2.0 / d) - 1.0)
+    return np.where(known, -2.0 * np.log(CHANCE), d * (CHANCE ** (-2.0 / d) - 1.0))
 
 
 def _shapes(data: Data) -> list[np.ndarray]:
