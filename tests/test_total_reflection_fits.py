@@ -99,7 +99,7 @@ def test_intervals_are_those_of_the_likelihood_on_a_grid(eta, k, eta_i, kinds):
         found = fitted(data, eta_i, intervals=kind)
         near_0 = found.k < 3e-4
         assert (
-            found.parameters["eta"].parameters["eta"].interval_kind[near_0]
+            found.parameters["eta"].interval_kind[near_0]
             == ("quadratic" if kind == "quadratic" else "profile")
         ).all()
         for i in range(4):
@@ -148,7 +148,7 @@ def test_what_is_said_and_drawn_of_a_k_that_is_not_seen():
     found = fitted(measured(1.0, 0.0, 1.5, 30), 1.5)
     zero = found[int(np.flatnonzero(at_zero(found))[0])]
     (said,) = texts(zero)
-    assert "k is below what these data can show" in said
+    assert "below what these data can show" in said
     assert "k^2" not in said
     # The band of the curve beyond the critical angle is what the error of k gives it.
     step = 1e-7

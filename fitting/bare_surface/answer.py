@@ -183,8 +183,9 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
         bound, perfect = like_mirrors(data, s.scale, most, scatter)
     undetermined |= ~no_data & ~matched & np.isfinite(bound)
     with np.errstate(invalid="ignore"):
-        # Where R = 1 does not fit, a best fit that is a mirror itself names its circle.
-        on_circle = ~perfect & (np.tanh(0.5 * s.x) >= bound)
+        # Where R = 1 does not fit, a best fit that is such a reflector itself (and not a critical
+        # angle next to one low datum, of a small R(0)) names its circle.
+        on_circle = ~perfect & (1.0 - np.tanh(0.5 * s.x) <= 2.0 * (1.0 - bound))
     bound = np.where(no_data | matched | on_circle, np.nan, bound)
     mirror = np.isfinite(bound) | (undetermined & (s.x > limit.MIRROR_LIMIT))
     undetermined |= mirror
