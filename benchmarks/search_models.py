@@ -194,7 +194,8 @@ MODELS = {
         _sellmeier, 4.0, 16.0,
     ),
     "CauchyUrbach": _entry(
-        (WAVELENGTH, (1.0, 4.0), (1e-6, 0.1), (1e-6, 1.0), (0.05, 1.0), (1.0, 6.0)),
+        # From .15 eV on: of .05 eV, far above the edge, k leaves the range of float32.
+        (WAVELENGTH, (1.0, 4.0), (1e-6, 0.1), (1e-6, 1.0), (0.15, 1.0), (1.0, 6.0)),
         lambda w, a, b, k, u, e: tuple(CauchyUrbach(jnp.stack([a, b]), k, u, e)(w)),
         _urbach, 4.0, 16.0, amplified=True,
     ),

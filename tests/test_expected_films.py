@@ -160,7 +160,7 @@ def test_wvase_silica_with_water(measured_files, tmp_path):
         m, f"{water} | linear({silica}, {water} 30 % held) 1..50 nm | {silicon}",
         intervals="quadratic",
     )  # fmt: skip
-    assert value(held, "film.thickness_nm") == pytest.approx(3.0, abs=0.1)
+    assert value(held, "thickness_nm") == pytest.approx(3.0, abs=0.1)
     both = fit(
         m, f"{water} | linear({silica}, {water} 0..90 %) 1..50 nm | {silicon}",
         intervals="quadratic",

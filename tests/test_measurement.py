@@ -39,7 +39,7 @@ def test_arrays_meet_the_same_checks() -> None:
         ({"angle_deg": [10, 95], "R_s": [0.1, 0.2]}, r"angle of R_s\[1\]: .*95"),
         (
             {"angle_deg": [10, 20], "R_s": [0.1, 1.2]},
-            r"R_s\[1\]: reflectance 1.2 .*divide percent by 100",
+            r"R_s\[1\]: reflectance 1.2 .*for percent give scale=0.01",
         ),
         ({"angle_deg": [10, 20], "R_s": [0.1, -0.2]}, r"R_s\[1\]: reflectance -0.2"),
         ({"angle_deg": [10, 20], "T_p": [0.1, np.inf]}, r"T_p\[1\]: inf"),
