@@ -9,8 +9,10 @@ from typing import Any
 import jax
 
 # XLA's older CPU emitters halve the time to compile the fit (1.5 s for 2.7 s) and make it a fifth
-# faster; full-width vectors a tenth. Measured with jax 0.10.2 on AVX-512, 60 angles, s and p.
-_OPTIONS = {"xla_cpu_use_fusion_emitters": False, "xla_cpu_prefer_vector_width": 512}
+# faster. Measured with jax 0.10.2 on AVX-512, 60 angles, s and p. Vectors of 512 bits would give a
+# tenth more, but their programs can be wrong: with jaxlib 0.10.2 the derivative program of a film
+# (psi, Delta and a free angle offset) returns cos 2psi off by 2.7.
+_OPTIONS = {"xla_cpu_use_fusion_emitters": False}
 
 
 def compiled(function: Callable, static: tuple[str, ...]) -> Callable:
