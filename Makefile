@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo docs notebooks test lint accuracy accuracy-search bench stability startup fit-study fit-coverage model-coverage model-study model-success errors-study film-study fuzz clean
+.PHONY: demo docs notebooks test test-studies lint accuracy accuracy-search bench stability startup fit-study fit-coverage model-coverage model-study model-success errors-study film-study fuzz clean
 
 demo: .venv/installed-plot  ## fit the two scans that ship with the project; tables, pictures, JSON in demo/
 	mkdir -p demo
@@ -17,6 +17,9 @@ notebooks: .venv/installed-test  ## the tutorials as notebooks, in examples/note
 
 test: .venv/installed-test  ## the tests (several minutes on 2 cores)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+test-studies: .venv/installed-test  ## the tests that `make test` leaves out, since each takes a minute or more
+	$(BIN)/python -m pytest -n 2 -m study
 
 lint: .venv/installed-test .venv/installed-lint  ## linters and type checker
 	$(BIN)/ruff check .

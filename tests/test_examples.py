@@ -149,6 +149,7 @@ def test_lobe_choice(example, tmp_path):
     assert total == pytest.approx(1.0, rel=1e-12)  # (1 - 2)^2: half of the paths are lost
 
 
+@pytest.mark.study
 def test_two_spheres_recovers_the_index(example, tmp_path):
     spheres = example("two_spheres")
     results = spheres.main([str(tmp_path / "spheres.png"), "--size", "32"])

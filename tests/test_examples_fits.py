@@ -19,6 +19,7 @@ def example(monkeypatch):
     return importlib.import_module
 
 
+@pytest.mark.study
 def test_optimistix_on_gold_and_the_count_of_failures(example, tmp_path):
     own = example("fit_with_optimistix")
     results = own.main([str(tmp_path / "own.png"), "--size", "20"])
@@ -35,6 +36,7 @@ def test_optimistix_on_gold_and_the_count_of_failures(example, tmp_path):
     assert np.all(k >= 0.0) and np.any(k[:5] == 0.0)
 
 
+@pytest.mark.study
 def test_rough_gold_is_found_again(example, tmp_path):
     gold = example("rough_gold")
     jax.config.update("jax_enable_x64", False)

@@ -55,6 +55,7 @@ def diamond(folder: Path) -> Measurement:
     return m.where((m.wavelength_um >= 0.42) & (m.wavelength_um <= 0.8))
 
 
+@pytest.mark.study
 def test_diamond_film_on_glass(measured_files):
     """AFM and the authors: 286 nm. Nothing but "5 nm to 2 um" is told to the fit."""
     found = fit(
@@ -66,6 +67,7 @@ def test_diamond_film_on_glass(measured_files):
     assert found.rms < 0.004
 
 
+@pytest.mark.study
 def test_diamond_film_with_a_free_scale(measured_files):
     found = fit(
         diamond(measured_files), "air | cauchy-urbach:2 5..2000 nm | 1.53", free="scale",
@@ -100,6 +102,7 @@ def test_hafnia_film_on_silica(measured_files):
     assert moved.rms_of["NCS"] == pytest.approx(0.0058, abs=1e-4)
 
 
+@pytest.mark.study
 def test_lsat_overlayer(measured_files):
     m = read_csv(measured_files / "lsat_psi_delta_658nm" / "LSAT_test_data.txt", psi_unit="deg")
     found = fit(m, "air | 1.5 0.5..5 nm | constant", fixed={"substrate.k": 0.0}, errors="equal")
@@ -117,6 +120,7 @@ def test_ep4_polymer_brush(measured_files):
     assert found.rms_of["NCS"] == pytest.approx(0.0014, abs=1e-4)
 
 
+@pytest.mark.study
 def test_wvase_bare_silicon(measured_files, tmp_path):
     """No film, by the choice of sample: the table itself is off by .03 and .27 degrees."""
     (silica,) = media(measured_files, "silica")
@@ -127,6 +131,7 @@ def test_wvase_bare_silicon(measured_files, tmp_path):
     assert choice.taken.label == silicon
 
 
+@pytest.mark.study
 def test_wvase_gold_film(measured_files):
     gold, silica, silicon = media(measured_files, "gold", "silica", "silicon")
     found = fit(
@@ -137,6 +142,7 @@ def test_wvase_gold_film(measured_files):
     assert found.rms_of["NCS"] < 1e-4
 
 
+@pytest.mark.study
 def test_wvase_opaque_film(measured_files):
     """The table named aluminium_oxide is one of aluminium (n 1.09, k 10.5 at 1.2 um), and the data
     are of it: 325 nm let no light through, so that no thickness can be found, and that is said."""
@@ -152,6 +158,7 @@ def test_wvase_opaque_film(measured_files):
     assert codes & {"not_seen", "poorly_determined", "open_interval", "at_bound"}
 
 
+@pytest.mark.study
 def test_wvase_silica_with_water(measured_files, tmp_path):
     water = cauchy_file(tmp_path / "water.yml", 1.3242, 0.003064)
     silica, silicon = media(measured_files, "silica", "silicon")
@@ -169,6 +176,7 @@ def test_wvase_silica_with_water(measured_files, tmp_path):
     assert "seen as one product" in told
 
 
+@pytest.mark.study
 def test_wvase_polymer_films(measured_files, tmp_path):
     water = cauchy_file(tmp_path / "water.yml", 1.3242, 0.003064)
     polymer = cauchy_file(tmp_path / "polymer.yml", 1.47, 0.00495)
@@ -187,6 +195,7 @@ def test_wvase_polymer_films(measured_files, tmp_path):
     assert value(swollen, "film_1.fraction") == pytest.approx(0.50, abs=0.02)
 
 
+@pytest.mark.study
 def test_wvase_tauc_lorentz_film(measured_files):
     silica, silicon = media(measured_files, "silica", "silicon")
     name = "WVASE_TaucLorentz_example_350nmFilm_MultiWavelength_MultiAngle.txt"

@@ -139,6 +139,7 @@ def test_the_right_order_is_found_in_a_wide_range():
     assert min(abs(d - 3210.0) for d in shown) < 60.0
 
 
+@pytest.mark.study
 def test_a_film_or_none():
     bare = measured("Si", {}, 0.002, angle=60.0, quantities=("R_s", "R_p"))
     text = "Si or air | SiO2 1..60 nm | Si"
@@ -161,6 +162,7 @@ def test_free_film_refusals():
         fit(m, "water | free 20 nm | Si")
 
 
+@pytest.mark.study
 def test_free_film_with_a_shared_thickness():
     waves, angle = np.repeat(np.linspace(0.4, 0.8, 5), 2), np.tile([60.0, 72.0], 5)
     film = {
@@ -184,6 +186,7 @@ def test_free_film_with_a_shared_thickness():
     assert (found.parameters["eta"].sigma > 0.0).all()
 
 
+@pytest.mark.study
 def test_free_form_index_of_a_surface():
     """A kk-spline finds a Tauc-Lorentz truth that it knows nothing of, and more knots nearer."""
     waves = np.repeat(1.2398 / np.linspace(1.2, 5.5, 40), 2)

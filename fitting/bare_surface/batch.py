@@ -95,10 +95,13 @@ def _call(
 ) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
     """Return what one call of the program gives for up to ``size`` curves."""
     here, angles = data.curves, data.values[0].shape[1]
-    few = size == FEW
-    # A few curves: the number of angles is rounded up (with no data), so that a handful of compiled
-    # programs serves every small file.
-    wide = max(16, 1 << (angles - 1).bit_length()) if few else angles
+    few, wide = size == FEW, angles
+    # The number of angles is rounded up (with no data), so that a handful of compiled programs
+    # serves every file; not of many curves, of which each empty angle costs as much as a full one.
+    if few:
+        wide = max(16, 1 << (angles - 1).bit_length())
+    elif size < MANY:
+        wide = -(-angles // 16) * 16
     part = data.padded(size, wide)
     begin = np.pad(start, ((0, 0), (0, size - here)), constant_values=1.0)
     with jax.enable_x64(True):
