@@ -179,7 +179,7 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
         allowed = part.cost + ALIKE_CHI2 * scatter[inner]
         undetermined[inner] |= open_to_the_other_end(data.take(inner), part, allowed)
     with np.errstate(all="ignore"):
-        most = s.cost + allowed_rise(dof, stated > 0.0) * scatter
+        most = s.cost + allowed_rise(dof, np.greater(stated, 0.0)) * scatter
         bound, perfect = like_mirrors(data, s.scale, most, scatter)
     undetermined |= ~no_data & ~matched & np.isfinite(bound)
     with np.errstate(invalid="ignore"):
