@@ -10,6 +10,7 @@ of the arguments.
 """
 
 import functools
+import time
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -39,6 +40,22 @@ class Function(NamedTuple):
     amplified: bool = False  # the norm of a gradient counts with the factor scale / value, too
     shared: bool = False  # the results' gradients are measured by the largest of their norms
     conditioned: bool = False  # values: by the norm of the gradient where it is larger
+
+
+def decades(random, size, low, high):
+    return 10.0 ** random.uniform(low, high, size)
+
+
+def uniform_decades(*limits):
+    """A sampler of columns, each log-uniform between its limits."""
+    return lambda random, size, eps: tuple(
+        10.0 ** random.uniform(np.log10(low), np.log10(high), size) for low, high in limits
+    )
+
+
+def plain_entry(limits, function, truth, *bounds, **options):
+    """An entry whose whole domain is drawn log-uniformly."""
+    return Function(uniform_decades(*limits), limits, function, truth, *bounds, **options)
 
 
 def _all_of(entry, function, arguments):
@@ -129,12 +146,15 @@ def _gradients(entry, exact, ours):
     return [*map(gmpy2.sqrt, error2)], [*map(gmpy2.sqrt, norm2)], steepest
 
 
-def search(entry: Function, gradient: bool, dtype, random, size, batch=128, survivors=16):
+def search(
+    entry: Function, gradient: bool, dtype, random, size, seconds=np.inf, batch=128, survivors=16
+):
     """The largest error over its bound, and its columns; the first third of `size` is random."""
     bound = entry.gradient_bound if gradient else entry.bound
     eps = float(np.finfo(dtype).eps)
+    end = time.monotonic() + seconds
     best, places, done = np.zeros(0), None, 0
-    while done < size:
+    while done == 0 or (done < size and time.monotonic() < end):
         if places is None or done < size / 3 or random.random() < 0.25:
             columns = [np.asarray(x, float) for x in entry.draw(random, batch, eps)]
         else:

@@ -1,10 +1,8 @@
-"""Entries of the accuracy search: dispersion models and rough surfaces."""
+"""Entries of the accuracy search: dispersion models."""
 
 import gmpy2
 import jax.numpy as jnp
-import numpy as np
 
-from fresnel_jax import bsdf
 from fresnel_jax.dispersion import (
     HC_EV_UM,
     Cauchy,
@@ -14,19 +12,17 @@ from fresnel_jax.dispersion import (
     TaucLorentz,
     drude,
 )
-from fresnel_jax.microfacet import TrowbridgeReitz
 
-from .search_functions import Function
-from .search_optics import decades, directions, two_directions
+from .search_functions import plain_entry
 
 WAVELENGTH = (0.1, 20.0)
 
 
-def _energy(w):
+def energy(w):
     return gmpy2.mpfr(HC_EV_UM) / w
 
 
-def _of_permittivity(eps, *also):
+def of_permittivity(eps, *also):
     """eta and k; the scale of both errors is that of the permittivity's through the root, which
     is the part itself away from a zero of Re eps and of the resonances."""
     N = gmpy2.sqrt(eps)
@@ -49,29 +45,29 @@ def _sellmeier(w, b1, c1, b2, c2):
 
 
 def _urbach(w, a, b, edge_k, width, edge):
-    E = _energy(w)
+    E = energy(w)
     k = edge_k * gmpy2.exp((E - edge) / width)
     return [(a + b / w**2, None), (k, k * (1 + (E + edge) / (2 * width)))]
 
 
 def _drude(w, plasma, width):
-    E = _energy(w)
+    E = energy(w)
     chi = plasma**2 / (E * gmpy2.mpc(E, width))
-    return _of_permittivity(1 - chi, abs(chi))
+    return of_permittivity(1 - chi, abs(chi))
 
 
 def _lorentz(w, strength, resonance, width):
-    E = _energy(w)
+    E = energy(w)
     bottom = gmpy2.mpc(resonance**2 - E**2, -E * width)
     chi = strength / bottom
-    return _of_permittivity(1 + chi, abs(chi) * (1 + 2 * E * E / abs(bottom)))
+    return of_permittivity(1 + chi, abs(chi) * (1 + 2 * E * E / abs(bottom)))
 
 
 def _tauc_lorentz(w, A, E_0, C, gap, eps_inf):
     """Jellison and Modine's closed form with its erratum (doi:10.1063/1.118155)."""
     if C >= 2 * E_0 or gap > 2 * E_0:
         return None  # no such oscillator; no bound is stated
-    E, pi, atan, log = _energy(w), gmpy2.const_pi(), gmpy2.atan, gmpy2.log
+    E, pi, atan, log = energy(w), gmpy2.const_pi(), gmpy2.atan, gmpy2.log
     alpha, gamma2 = gmpy2.sqrt(4 * E_0**2 - C**2), E_0**2 - C**2 / 2
     zeta4 = (E**2 - gamma2) ** 2 + alpha**2 * C**2 / 4
     a_ln = (gap**2 - E_0**2) * E**2 + gap**2 * C**2 - E_0**2 * (E_0**2 + 3 * gap**2)
@@ -101,129 +97,33 @@ def _permittivity(index):
     return (index.eta - index.k) * (index.eta + index.k), 2.0 * index.eta * index.k
 
 
-def _s(v, a, b):
-    return gmpy2.sqrt(v[2] ** 2 + (a * v[0]) ** 2 + (b * v[1]) ** 2)
-
-
-def _D(*v):
-    m, a, b = v[:3], v[-2], v[-1]
-    if m[2] <= 0:
-        return None
-    return [
-        (
-            1 / (gmpy2.const_pi() * a * b * ((m[0] / a) ** 2 + (m[1] / b) ** 2 + m[2] ** 2) ** 2),
-            None,
-        )
-    ]
-
-
-def _masking(*v):
-    w, a, b = v[:3], v[-2], v[-1]
-    z = abs(w[2])
-    return [((_s(w, a, b) - z) / (2 * z), None), (2 * z / (z + _s(w, a, b)), None)]
-
-
-def _G(*v):
-    (x, _), (y, _) = _masking(*v[:3], *v[6:])[0], _masking(*v[3:6], *v[6:])[0]
-    return [(1 / (1 + x + y), None)]
-
-
-def _mirror_facets(*v):
-    """f and density of a Trowbridge-Reitz mirror with F = 1, at the half vector of the inputs."""
-    o, i, a, b = v[:3], v[3:6], v[6], v[7]
-    if o[2] * i[2] <= 0:
-        return None
-    h = [x + y for x, y in zip(o, i, strict=True)]
-    length = gmpy2.sqrt(sum(x * x for x in h))
-    h = [x / length * (1 if o[2] > 0 else -1) for x in h]
-    D, G = _D(*h, a, b)[0][0], _G(*v)[0][0]
-    G1 = 2 * abs(o[2]) / (abs(o[2]) + _s(o, a, b))
-    value, density = D * G / (4 * abs(o[2] * i[2])), G1 * D / (4 * abs(o[2]))
-    # D falls by its fourth power of 1 / alpha where rounding turns the half vector
-    steep = (
-        1 + 4 * sum(abs(x) * abs(y) for x, y in zip(h[:2], (1 / a, 1 / b), strict=True)) / length
-    )
-    return [(value, value * steep), (density, density * steep)]
-
-
-def _rough(*columns):
-    """Both directions above the surface, so that none of the points is empty."""
-    z_o, t_o, z_i, t_i, *alphas = columns
-    return directions(np.abs(z_o), t_o, np.abs(z_i), t_i, *alphas)
-
-
-def _facets(random, size, eps):
-    return (
-        *two_directions(random, size, eps),
-        decades(random, size, -3, 0),
-        decades(random, size, -3, 0),
-    )
-
-
-_FACETS = ((-1.0, 1.0), (0.0, 6.3), (-1.0, 1.0), (0.0, 6.3), (1e-3, 1.0), (1e-3, 1.0))
-
-
-def _vectors(v):
-    return jnp.stack(v[:3]), jnp.stack(v[3:6]), TrowbridgeReitz(v[6], v[7])
-
-
-def _our_mirror(*v):
-    o, i, facets = _vectors(v)
-    model = bsdf.Reflector(bsdf.FresnelNone(), facets)
-    return model.evaluate(o, i), model.density(o, i)
-
-
-def _uniform(*limits):
-    return lambda random, size, eps: tuple(
-        10.0 ** random.uniform(np.log10(low), np.log10(high), size) for low, high in limits
-    )
-
-
-def _entry(limits, function, truth, *bounds, **options):
-    return Function(_uniform(*limits), limits, function, truth, *bounds, **options)
-
-
 MODELS = {
-    "Cauchy": _entry(
+    "Cauchy": plain_entry(
         (WAVELENGTH, (1.0, 4.0), (1e-6, 0.1), (1e-9, 0.01)),
         lambda w, a, b, c: (Cauchy(jnp.stack([a, b, c]))(w).eta,), _cauchy, 4.0, 8.0,
     ),
-    "Sellmeier": _entry(
+    "Sellmeier": plain_entry(
         (WAVELENGTH, (0.01, 10.0), (1e-4, 0.05), (0.01, 10.0), (50.0, 1e3)),
         lambda w, b1, c1, b2, c2: (Sellmeier(jnp.stack([b1, b2]), jnp.stack([c1, c2]))(w).eta,),
         _sellmeier, 4.0, 16.0,
     ),
-    "CauchyUrbach": _entry(
+    "CauchyUrbach": plain_entry(
         # From .15 eV on: of .05 eV, far above the edge, k leaves the range of float32.
         (WAVELENGTH, (1.0, 4.0), (1e-6, 0.1), (1e-6, 1.0), (0.15, 1.0), (1.0, 6.0)),
         lambda w, a, b, k, u, e: tuple(CauchyUrbach(jnp.stack([a, b]), k, u, e)(w)),
         _urbach, 4.0, 16.0, amplified=True,
     ),
-    "drude": _entry(
+    "drude": plain_entry(
         (WAVELENGTH, (0.1, 20.0), (1e-3, 1.0)),
         lambda w, p, g: tuple(drude(p, g)(w)), _drude, 12.0, 24.0,
     ),
-    "DrudeLorentz": _entry(
+    "DrudeLorentz": plain_entry(
         (WAVELENGTH, (0.1, 300.0), (0.1, 12.0), (1e-3, 3.0)),
         lambda w, s, e, g: tuple(DrudeLorentz(s, e, g)(w)), _lorentz, 12.0, 48.0,
     ),
-    "TaucLorentz": _entry(
+    "TaucLorentz": plain_entry(
         (WAVELENGTH, (1.0, 200.0), (0.5, 12.0), (1e-3, 20.0), (0.1, 10.0), (1.0, 5.0)),
         lambda w, a, e, c, g, x: _permittivity(TaucLorentz(a, e, c, g, x)(w)),
         _tauc_lorentz, 500.0, None,
-    ),
-    "TrowbridgeReitz.D": Function(
-        _facets, _FACETS, lambda *v: (_vectors(v)[2].D(_vectors(v)[0]),), _D, 12.0, 24.0, _rough,
-    ),
-    "TrowbridgeReitz.Lambda, G1": Function(
-        _facets, _FACETS,
-        lambda *v: (_vectors(v)[2].Lambda(_vectors(v)[0]), _vectors(v)[2].G1(_vectors(v)[0])),
-        _masking, 12.0, 24.0, _rough,
-    ),
-    "TrowbridgeReitz.G": Function(
-        _facets, _FACETS, lambda *v: (_vectors(v)[2].G(*_vectors(v)[:2]),), _G, 12.0, 24.0, _rough,
-    ),
-    "Reflector.evaluate, density": Function(
-        _facets, _FACETS, _our_mirror, _mirror_facets, 24.0, None, _rough,
     ),
 }  # fmt: skip

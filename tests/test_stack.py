@@ -18,7 +18,7 @@ def _eps(dtype):
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("layers", [0, 1, 3])
+@pytest.mark.parametrize("layers", [0, 3])
 def test_layers_of_no_thickness_are_one_boundary(dtype, layers):
     c = COSINES.astype(dtype)
     inner = np.array([2.1 + 0.3j, 1.3, 0.2 + 3j])[:layers]
@@ -46,15 +46,14 @@ def test_compiled_mapped_and_looped_calls_agree():
         return stack(c, index, thickness, w)
 
     cosines = jnp.asarray(COSINES)[:, None]
-    whole = stack(cosines, index[:, None, None], thickness[:, None, None], wavelength[1])
+    whole = stack(cosines, index[:, None, None], thickness[:, None, None], wavelength)
     for i, c in enumerate(COSINES[:3]):
         for a, b in zip(whole, one(c, wavelength[1]), strict=True):
-            np.testing.assert_allclose(np.asarray(a)[..., i, 0], b, rtol=1e-12)
-    mapped = jax.jit(jax.vmap(one, (None, 0)))(0.3, wavelength)
-    whole = stack(0.3, index[:, None], thickness[:, None], wavelength)
+            np.testing.assert_allclose(np.asarray(a)[..., i, 1], b, rtol=1e-12)
+    mapped = jax.jit(jax.vmap(one, (None, 0)))(COSINES[2], wavelength)
     for a, b in zip(mapped[:8], whole[:8], strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-12)
-    np.testing.assert_allclose(mapped.A.T, whole.A, rtol=1e-12)
+        np.testing.assert_allclose(a, b[2], rtol=1e-12)
+    np.testing.assert_allclose(mapped.A.T, whole.A[:, 2], rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -106,9 +105,16 @@ def test_gradients_of_arguments_that_broadcast():
     def total(n, thickness):
         return jnp.sum(stack(c, n[:, None, None], thickness[:, None, None], wavelength).R)
 
-    n, thickness = jnp.array([1.0, 1.46, 2.3, 3.9]), jnp.array([0.1, 0.2])
-    gradient = jax.grad(total, (0, 1))(n, thickness)
-    for i in range(2):
-        step = 1e-6 * (jnp.arange(2) == i)
-        slope = (total(n, thickness + step) - total(n, thickness - step)) / 2e-6
-        np.testing.assert_allclose(gradient[1][i], slope, rtol=1e-7)
+    # one program for values and gradient: each takes ten seconds to compile
+    both = jax.jit(jax.value_and_grad(total, (0, 1)))
+    given = jnp.array([1.0, 1.46, 2.3, 3.9]), jnp.array([0.1, 0.2])
+    gradient = both(*given)[1]
+    for argument, size in enumerate((4, 2)):
+        for i in range(size):
+            step = [0.0, 0.0]
+            step[argument] = 1e-6 * (jnp.arange(size) == i)
+            above, below = (
+                both(*(x + sign * y for x, y in zip(given, step, strict=True)))[0]
+                for sign in (1, -1)
+            )
+            np.testing.assert_allclose(gradient[argument][i], (above - below) / 2e-6, rtol=1e-7)

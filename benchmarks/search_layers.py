@@ -1,0 +1,114 @@
+"""Entries of the accuracy search: slabs, and stacks of one, two and three layers."""
+
+import gmpy2
+import jax.numpy as jnp
+import numpy as np
+
+from fresnel_jax import layers
+
+from .search_boundary import BOUNDARY, boundary, textbook
+from .search_functions import Function, decades
+
+
+def _slab(c, n, k, m, d, w):
+    exact = textbook(c, n, k, m)
+    if exact is None:
+        return None
+    A = gmpy2.exp(-4 * gmpy2.const_pi() * d / w * exact.Q.imag)
+    values = []
+    for R in (gmpy2.norm(exact.r_s), gmpy2.norm(exact.r_p)):
+        T = (1 - R) ** 2 * A / (1 - (R * A) ** 2)
+        reflected = R + R * A * T
+        values.append([(reflected, None), (T, T * (1 - gmpy2.log(A) / 6) if A else T)])
+    return [values[0][0], values[1][0], values[0][1], values[1][1]]
+
+
+def _split(c, n0, *rest):
+    """(c, index of every medium as (n, k), thicknesses, wavelength) of a stack's columns."""
+    count = (len(rest) - 3) // 3
+    media = [(n0, None), *zip(rest[: 2 * count + 2 : 2], rest[1 : 2 * count + 2 : 2], strict=True)]
+    return c, media, rest[2 * count + 2 : -1], rest[-1]
+
+
+def _stack(*columns):
+    """Abeles' characteristic matrices, as textbooks print them."""
+    c, media, thicknesses, w = _split(*columns)
+    n0 = media[0][0]
+    N = [gmpy2.mpc(n, 0 if k is None else k) for n, k in media]
+    with gmpy2.context(gmpy2.get_context(), precision=2500):
+        Q = []
+        for z in N:
+            q = gmpy2.sqrt(z * z - n0 * n0 * (1 - c * c))
+            Q.append(-q if q.imag < 0 or (q.imag == 0 and q.real < 0) else q)
+        Q[0] = gmpy2.mpc(n0 * c)
+        found = []
+        for Y in (Q, [q / (z * z) for q, z in zip(Q, N, strict=True)]):
+            U, V = gmpy2.mpc(1), Y[-1]
+            for y, q, d in reversed(list(zip(Y[1:-1], Q[1:-1], thicknesses, strict=True))):
+                delta = 2 * gmpy2.const_pi() * q * d / w
+                U, V = (
+                    gmpy2.cos(delta) * U - gmpy2.mpc(0, 1) * gmpy2.sin(delta) / y * V,
+                    gmpy2.cos(delta) * V - gmpy2.mpc(0, 1) * y * gmpy2.sin(delta) * U,
+                )
+            r, t = (Y[0] * U - V) / (Y[0] * U + V), 2 * Y[0] / (Y[0] * U + V)
+            found.append((gmpy2.norm(r), gmpy2.norm(t) * Y[-1].real / Y[0].real, r))
+        (R_s, T_s, r_s), (R_p, T_p, r_p) = found
+        # an R below .01 counts as a tenth of its root, as docs/stacks.md states
+        return [
+            *((R, max(R, gmpy2.sqrt(R) / 10)) for R in (R_s, R_p)),
+            (T_s, None),
+            (T_p, None),
+            (r_s, gmpy2.mpfr(1)),
+            (r_p, gmpy2.mpfr(1)),
+        ]
+
+
+def _our_stack(*columns):
+    c, media, thicknesses, w = _split(*columns)
+    index = [n + (0j if k is None else 1j * k) for n, k in media]
+    out = layers.stack(c, jnp.stack(index), jnp.stack(thicknesses), w)
+    return out.R_s, out.R_p, out.T_s, out.T_p, out.r_s, out.r_p
+
+
+def _drawn(random, size, count):
+    columns = [
+        np.choose(
+            random.integers(0, 3, size),
+            [random.uniform(0, 1, size), decades(random, size, -6, 0), np.ones(size)],
+        ),
+        random.uniform(1, 2, size),
+    ]
+    for _ in range(count + 1):
+        columns.append(
+            np.choose(
+                random.integers(0, 2, size),
+                [random.uniform(1, 4, size), decades(random, size, -1, 0.7)],
+            )
+        )
+        columns.append(decades(random, size, -9, 0.7))
+    columns += [decades(random, size, -4, 0.3) for _ in range(count)]
+    return [*columns, random.uniform(0.3, 2, size)]
+
+
+def _stack_entry(count):
+    medium = ((0.1, 5.0), (1e-9, 5.0))
+    limits = (
+        (1e-6, 1.0), (1.0, 2.0), *medium * (count + 1), *((1e-4, 2.0),) * count, (0.3, 2.0)
+    )  # fmt: skip
+    return Function(
+        lambda random, size, eps: _drawn(random, size, count),
+        limits, _our_stack, _stack, 64.0, 64.0, conditioned=True,
+    )  # fmt: skip
+
+
+LAYERS = {
+    "slab": Function(
+        lambda r, s, e: (*boundary(r, s, e), decades(r, s, -4, 3), decades(r, s, -1, 1)),
+        (*BOUNDARY, (1e-4, 1e3), (0.1, 10.0)),
+        lambda c, n, k, m, d, w: tuple(layers.slab(c, n, k, d, w, m)), _slab, 24.0, 100.0,
+        amplified=True,
+    ),
+    "stack of one layer": _stack_entry(1),
+    "stack of two layers": _stack_entry(2),
+    "stack of three layers": _stack_entry(3),
+}  # fmt: skip

@@ -1,0 +1,86 @@
+"""Entries of the accuracy search: Mueller matrices, penetration depth, psi and Delta."""
+
+import gmpy2
+
+from fresnel_jax import polarization
+
+from .search_boundary import BOUNDARY, boundary, textbook
+from .search_functions import Function, decades
+
+
+def _mueller(c, n, k, m):
+    exact = textbook(c, n, k, m)
+    if exact is None:
+        return None
+    R_s, R_p = gmpy2.norm(exact.r_s), gmpy2.norm(exact.r_p)
+    w = exact.r_s * exact.r_p.conjugate()
+    R, zero = (R_s + R_p) / 2, gmpy2.mpfr(0)
+    D = (R_s - R_p) / 2
+    rows = (
+        R,
+        D,
+        zero,
+        zero,
+        D,
+        R,
+        zero,
+        zero,
+        zero,
+        zero,
+        w.real,
+        -w.imag,
+        zero,
+        zero,
+        w.imag,
+        w.real,
+    )
+    return [(x, R) for x in rows]
+
+
+def _mueller_by_amplitudes(*point):
+    """With the scale |r| |gradient of r|: near index match the products' derivatives cancel."""
+    elements, here = _mueller(*point), textbook(*point)
+    if elements is None or here is None:
+        return None
+    norm2 = gmpy2.mpfr(0)
+    for j, x in enumerate(point):
+        near = textbook(*point[:j], x * (1 + gmpy2.mpfr(2) ** -250), *point[j + 1 :])
+        if near is None:
+            return None
+        for a, b in ((near.r_s, here.r_s), (near.r_p, here.r_p)):
+            norm2 += gmpy2.norm((a - b) * gmpy2.mpfr(2) ** 250)
+    scale = gmpy2.sqrt(elements[0][1] * norm2)
+    return [(x, max(R, scale)) for x, R in elements]
+
+
+def _depth(w, c, n, k, m):
+    exact = textbook(c, n, k, m)
+    return None if exact is None else [(w / (4 * gmpy2.const_pi() * exact.Q.imag), None)]
+
+
+def _psi_delta(c, n, k, m):
+    exact = textbook(c, n, k, m)
+    if exact is None or exact.r_s == 0 or exact.r_p == 0:
+        return None
+    rho = exact.r_p / exact.r_s
+    delta = gmpy2.const_pi() - gmpy2.phase(-rho)  # smooth at normal incidence
+    return [(gmpy2.atan(abs(rho)), None), (delta, None)]
+
+
+POLARIZATION = {
+    "mueller_reflection": Function(
+        boundary, BOUNDARY, lambda *a: tuple(polarization.mueller_reflection(*a).ravel()),
+        _mueller, 24.0,
+    ),
+    "gradient of mueller_reflection": Function(
+        boundary, BOUNDARY, lambda *a: tuple(polarization.mueller_reflection(*a).ravel()),
+        _mueller_by_amplitudes, 24.0, 100.0, shared=True,
+    ),
+    "penetration_depth": Function(
+        lambda r, s, e: (decades(r, s, -1, 1), *boundary(r, s, e)), ((0.1, 10.0), *BOUNDARY),
+        lambda *a: (polarization.penetration_depth(*a),), _depth, 12.0, 50.0,
+    ),
+    "psi_delta": Function(
+        boundary, BOUNDARY, lambda *a: tuple(polarization.psi_delta(*a)), _psi_delta, 12.0, 50.0,
+    ),
+}  # fmt: skip
