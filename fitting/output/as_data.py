@@ -197,7 +197,7 @@ def to_dataframe(fit: Fit) -> Any:
     Raises ImportError where pandas is not installed.
     """
     if importlib.util.find_spec("pandas") is None:
-        raise MissingExtra("to_dataframe", "pandas", "pip install pandas")
+        raise MissingExtra("to_dataframe", "pandas", "dataframe")
     pandas: Any = importlib.import_module("pandas")
     if fit.shape:
         columns = batch_columns(fit)
