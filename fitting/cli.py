@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitting.cli_options import PROGRAM, fit_options, parser, reading_options
+from fitting.interrupt import INTERRUPTED
 from fitting.visible import visible
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from fitting.output.outputs import Outputs
     from fitting.result import Fit
 
-FITTED, NOT_FITTED, MISUSED, INTERRUPTED = 0, 1, 2, 130
+FITTED, NOT_FITTED, MISUSED = 0, 1, 2
 
 
 class _Refused(Exception):

@@ -10,6 +10,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
 
+from fitting.interrupt import last_acts
+
 try:
     import fcntl
 except ImportError:  # a system without these locks keeps the leftovers of killed runs
@@ -252,6 +254,7 @@ class Outputs:
         self._made.clear()
 
     def __enter__(self) -> Outputs:
+        last_acts.append(self._remove)
         return self
 
     def __exit__(
@@ -260,6 +263,10 @@ class Outputs:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        last_acts.remove(self._remove)
+        self._remove()
+
+    def _remove(self) -> None:
         for staged in self._staged.values():
             staged.remove()
         self._staged.clear()
