@@ -28,12 +28,7 @@ _UNITS_OF_FORM = {
 
 
 def _wavelength_unit(
-    table: Table,
-    layout: Layout,
-    column: Column,
-    options: Options,
-    said: Evidence,
-    notes: list[str],
+    table: Table, layout: Layout, column: Column, options: Options, said: Evidence, notes: list[str]
 ) -> str:
     at = place(table.source, table.header, column.label)
     numbers, _ = numbers_of(table, column, [])

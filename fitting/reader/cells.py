@@ -130,11 +130,7 @@ def guess_delimiter(texts: Sequence[str], wanted: str | None) -> tuple[str, int]
 
 
 def decide_decimal(
-    source: str,
-    rows: list[list[str]],
-    lines: list[int],
-    wanted: str | None,
-    small: set[int],
+    source: str, rows: list[list[str]], lines: list[int], wanted: str | None, small: set[int]
 ) -> str:
     """Return the decimal mark that the cells show; raise where they show both, or leave it open.
 

@@ -80,12 +80,7 @@ def _from_cells(table: Table, column: Column, options: Options) -> Light:
 
 
 def light_of_rows(
-    table: Table,
-    layout: Layout,
-    options: Options,
-    oblique: bool,
-    said: Evidence,
-    notes: list[str],
+    table: Table, layout: Layout, options: Options, oblique: bool, said: Evidence, notes: list[str]
 ) -> Light:
     """Return the polarisation of each row as far as it is not said by the columns' own names.
 

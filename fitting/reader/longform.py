@@ -136,12 +136,7 @@ def _listed(names: list[str]) -> str:
 
 
 def _understood(
-    table: Table,
-    layout: Layout,
-    options: Options,
-    data: Data,
-    factor: float,
-    notes: list[str],
+    table: Table, layout: Layout, options: Options, data: Data, factor: float, notes: list[str]
 ) -> str:
     angle, wavelength, quantity = data.angle_deg, data.wavelength_um, data.quantity
     spectral = len(np.unique(wavelength)) > 1

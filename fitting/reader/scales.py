@@ -14,11 +14,7 @@ from fitting.reader.table import Table
 
 
 def psi_delta_unit(
-    table: Table,
-    layout: Layout,
-    options: Options,
-    columns: dict[int, np.ndarray],
-    said: Evidence,
+    table: Table, layout: Layout, options: Options, columns: dict[int, np.ndarray], said: Evidence
 ) -> dict[int, str]:
     """Return deg or rad for each column of psi and delta, by the option, the header, or the range.
 

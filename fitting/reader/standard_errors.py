@@ -13,12 +13,7 @@ from fitting.reader.units import scaled
 
 
 def standard_errors(
-    table: Table,
-    value: Column,
-    column: Column | None,
-    options: Options,
-    unit: str,
-    factor: float,
+    table: Table, value: Column, column: Column | None, options: Options, unit: str, factor: float
 ) -> np.ndarray:
     """Return the standard errors of one value in the unit of the result, NaN without a column.
 
