@@ -12,19 +12,13 @@ from fitting.reader.evidence import Evidence
 from fitting.reader.options import Options
 from fitting.reader.rows import numbers_of, span_of
 from fitting.reader.table import Table
-from fitting.reader.units import Q_UNITS, WAVELENGTH_UNITS, incidence_deg, wavelength_um
+from fitting.reader.units import FORM_OF, Q_UNITS, WAVELENGTH_UNITS, incidence_deg, wavelength_um
 
 # pi / 2 as files round it, up or down; the largest of them, to one digit, is 1.6
 RIGHT_ANGLES = np.array(sorted({round(np.pi / 2.0, digits) for digits in range(1, 16)}))
 HALF_PI = 1.5708
 # names by which a column, though not understood, speaks against normal incidence
 _ANGULAR = re.compile("(?i)angle|theta|winkel|incid|aoi|mount|motor|stage|gonio|deg")
-_UNITS_OF_FORM = {
-    "wavelength": ("nm", "um", "angstrom", "mm"),
-    "energy": ("eV", "keV"),
-    "wavenumber": ("cm-1",),
-    "frequency": ("THz",),
-}
 
 
 def _wavelength_unit(
@@ -55,7 +49,7 @@ def _wavelength_unit(
             )
         unit = "nm"
         notes.append("wavelengths taken as nm by their range (--wavelength-unit)")
-    elif unit not in _UNITS_OF_FORM[form]:
+    elif FORM_OF.get(unit) != form:
         raise MeasurementError(
             f"{at}: the name says {form}, the unit says {unit}. Say --wavelength-unit {unit} if "
             "the unit is right."

@@ -14,7 +14,7 @@ from fitting.reader.evidence import Evidence
 from fitting.reader.options import Options
 from fitting.reader.rows import numbers_of
 from fitting.reader.table import Table
-from fitting.reader.vocabulary import CONCEPT, plain
+from fitting.reader.vocabulary import light_of, plain
 
 _GLUED = {"rs": "s", "rp": "p"}
 _TAIL = re.compile(r"(?<=.)(?:pol|polarized|polarised|polarization|polarisation|wave)$")
@@ -29,8 +29,7 @@ class Light(NamedTuple):
 
 def _letter(cell: str) -> str:
     word = re.sub(r"[^a-z]", "", plain(cell).lower()) if not any(map(str.isdigit, cell)) else ""
-    found = {_GLUED.get(text) or CONCEPT.get(text, "") for text in (word, _TAIL.sub("", word))}
-    return next(iter(found & {"s", "p", "u"}), "")
+    return _GLUED.get(word) or light_of(word) or light_of(_TAIL.sub("", word))
 
 
 def _from_angles(table: Table, column: Column, options: Options) -> Light:
