@@ -14,10 +14,12 @@ _ZONES = frozenset("05")
 def refuse_computed_rows(table: Table, used: set[int]) -> None:
     """Raise where a column shows that some rows are means or deviations of others."""
     for index, name in enumerate(table.names):
-        cells = [row[index].lower() for row in table.rows]
         # Accurion EP3 and EP4 write the mean of the zones as zone 0, their deviation as zone 5
         zones = name.lower() == "zone"
-        words = _ZONES if zones else _STATISTICS if index not in used else frozenset()
+        if index in used and not zones:
+            continue
+        words = _ZONES if zones else _STATISTICS
+        cells = [row[index].lower() for row in table.rows]
         first = next((i for i, cell in enumerate(cells) if cell in words), -1)
         if first >= 0 and len(set(cells)) > 1:
             label = label_of(table, index)
