@@ -156,10 +156,12 @@ def _implicit(table: Table, options: Options) -> dict[str, list[Column]]:
         roles.append(role)
         if role.kind == "unclear" and index in filled:
             value, named = role.quantity.removeprefix("sigma_"), f"{role.quantity}={index + 1}"
+            wanted = named if value == role.quantity else f"{value}=2,{named}"
+            if not role.quantity:  # of no use as it is
+                wanted = "R=2 without it, or make them absolute"
             raise MeasurementError(
                 f"{place(table.source, table.header, name)}: this may be {role.why}. Name all "
-                f"columns to be read, for example --columns angle=1,"
-                f"{named if value == role.quantity else f'{value}=2,{named}'}."
+                f"columns to be read, for example --columns angle=1,{wanted}."
             )
         if role.kind and index in filled:
             found.setdefault(role.kind, []).append(Column(index, label_of(table, index), role))

@@ -248,7 +248,7 @@ def role_of(name: str, unit: str = "") -> Role:
     lower = {token.lower() for token in tokens}
     of_error = lower & _ERROR or tokens[:1] in (["d"], ["delta"])
     if (of_error and ("/" in rest or lower & _RELATIVE)) or (lower and lower <= _RELATIVE):
-        return Role("unclear", "sigma_R", why="a relative error, where absolute ones are wanted")
+        return Role("unclear", why="a relative error, where absolute ones are wanted")
     if not _NO_SIGNS.fullmatch(rest) or rest.startswith("-"):
         return _angled(text, unit) or Role("", unit=unit)
     if not tokens and not unit:
