@@ -46,8 +46,8 @@ def _differences(position: np.ndarray, value: np.ndarray, count: int) -> np.ndar
     for here in near:
         gaps = [here - other for other in near if other is not here]
         weights.append(1.0 / np.prod(gaps, axis=0))
-    length = np.sqrt(sum(weight * weight for weight in weights))
-    return sum(w / length * y[:, j : j + width] for j, w in enumerate(weights))
+    length = np.sqrt(np.sum(np.square(weights), axis=0))
+    return np.sum([w / length * y[:, j : j + width] for j, w in enumerate(weights)], axis=0)
 
 
 def neighbour_noise(position: np.ndarray, value: np.ndarray) -> Noise:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, NoReturn
+from collections.abc import Callable
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -32,7 +33,9 @@ class Reading(NamedTuple):
         """Return the numbers of a column, NaN for gaps."""
         return numbers_of(self.table, column, [])[0]
 
-    def contradicted(self, kind: str, is_other, column: Column, came: str) -> None:
+    def contradicted(
+        self, kind: str, is_other: Callable[[Any], bool], column: Column, came: str
+    ) -> None:
         """Raise where what is said of ``kind`` is other than what ``column`` shows (``came``)."""
         at = place(self.table.source, self.table.header, column.label)
         self.said.refuse_other(kind, is_other, at, came)
