@@ -7,6 +7,7 @@ import warnings
 from typing import NoReturn
 
 from fitting.cli import PROGRAM, main
+from fitting.interrupt import end_on_interrupt
 
 DEFECT, NO_MEMORY = 70, 71  # as sysexits.h numbers an internal software error and a system's
 
@@ -40,6 +41,7 @@ def run() -> NoReturn:
 
     At once: taking jax apart, object by object, would cost 0.35 s after the answer is there.
     """
+    end_on_interrupt()
     for name in ("stdin", "stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by who started the command
             setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w"))  # noqa: SIM115

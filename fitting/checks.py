@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.errors import MeasurementError
+from fitting.noise import robust_noise
 
 # A noisy R of a true 1 (or 0) lies beyond it half of the time, and to drop or clip those values
 # would pull a fit inwards. Beyond 4 standard errors lies 3e-5 of a normal law: less than one
@@ -46,35 +47,12 @@ class Data(NamedTuple):
     polarizer_deg: np.ndarray
 
 
-# Without stated errors, the scatter of a curve of that many values tells its noise; what it lets
-# lie beyond [0, 1] is held far below EXCURSION, since curvature looks like noise too.
-LEAST_VALUES, NOISE_EXCURSION = 8, 0.05
+# Without stated errors, the scatter of a curve tells its noise; what it lets lie beyond [0, 1] is
+# held far below EXCURSION, since curvature looks like noise too.
+NOISE_EXCURSION = 0.05
 # The scatter of 8 to 60 values is told to within a factor of two.
 SHOWN_SIGMAS = 2.0 * EXCURSION_SIGMAS
-_QUARTILE = 0.6745  # of the normal law, in standard deviations
 _ROUNDING = 1e-12  # of powers that were computed
-
-
-def _scatter(x: np.ndarray, y: np.ndarray) -> float:
-    """Return one standard deviation of the noise of y(x), x increasing; NaN of too few values.
-
-    From divided differences over 3, 4 and 5 neighbours, which a line, a parabola and a cubic do not
-    have; the median is blind to single outliers, the least of the three to most of the curvature.
-    """
-    found = []
-    for count in (3, 4, 5):
-        if len(x) < max(count, LEAST_VALUES):
-            return float("nan")
-        near = np.lib.stride_tricks.sliding_window_view(x, count)
-        gaps = near[:, :, None] - near[:, None, :] + np.eye(count)
-        weights = 1.0 / np.prod(gaps / np.abs(gaps).max((1, 2), keepdims=True), axis=2)
-        of_noise = np.sum(weights * np.lib.stride_tricks.sliding_window_view(y, count), axis=1)
-        of_noise = np.abs(of_noise) / np.sqrt(np.sum(weights**2, axis=1))
-        finite = of_noise[np.isfinite(of_noise)]
-        if not len(finite):  # values so large that their squares overflow
-            return float("nan")
-        found.append(np.median(finite) / _QUARTILE)
-    return float(min(found))
 
 
 def _noise(data: Data) -> np.ndarray:
@@ -89,7 +67,7 @@ def _noise(data: Data) -> np.ndarray:
     for curve in range(which.max() + 1):
         rows = np.flatnonzero(which == curve)
         x, first = np.unique(axis[rows], return_index=True)
-        noise[rows] = _scatter(x, data.value[rows[first]])
+        noise[rows] = robust_noise(x, data.value[rows[first]])
     return noise
 
 

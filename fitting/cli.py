@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fitting.cli_options import PROGRAM, fit_options, parser, reading_options
+from fitting.interrupt import INTERRUPTED
 from fitting.visible import visible
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from fitting.output.outputs import Outputs
     from fitting.result import Fit
 
-FITTED, NOT_FITTED, MISUSED, INTERRUPTED = 0, 1, 2, 130
+FITTED, NOT_FITTED, MISUSED = 0, 1, 2
 
 
 class _Refused(Exception):
@@ -64,6 +65,7 @@ def _stage(outputs: Outputs, arguments: argparse.Namespace, spectrum: bool) -> d
     spectrum: whether there is an index a wavelength, which has a CSV of its own.
     Raises OutputError (a ValueError) where a file cannot be written.
     """
+    from fitting.output.as_data import INDEX_MARK
     from fitting.output.files import REPORT
 
     names: dict[str, str] = {"csv": arguments.csv, "plot": arguments.plot}
@@ -73,8 +75,12 @@ def _stage(outputs: Outputs, arguments: argparse.Namespace, spectrum: bool) -> d
         path = Path(arguments.csv)
         names["index"] = str(path.with_name(f"{path.stem}.index{path.suffix}"))
     flags = {"json": "--json", "csv": "--csv", "index": "--csv", "plot": "--plot"}
+    # The user names the others, and so asks for them to be replaced.
+    only_over = {} if arguments.overwrite else {"index": INDEX_MARK}
     staged = {
-        kind: outputs.open(name, flag=flags[kind], inputs=arguments.file)
+        kind: outputs.open(
+            name, flag=flags[kind], inputs=arguments.file, only_over=only_over.get(kind, "")
+        )
         for kind, name in names.items()
         if name is not None
     }

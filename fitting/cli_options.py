@@ -108,7 +108,10 @@ def _add_results(parser: argparse.ArgumentParser) -> None:
     ):  # fmt: skip
         results.add_argument(f"--{flag}", metavar=metavar, help=text)
     results.add_argument(
-        "--overwrite", action="store_true", help="let --report use a folder that holds other files"
+        "--overwrite",
+        action="store_true",
+        help="let --report use a folder that holds other files, and --csv replace an OUT.index "
+        "that no fit wrote",
     )
     results.add_argument("--quiet", action="store_true", help="print no table")
 

@@ -6,8 +6,8 @@
 In the text of a sample the name of a file stands where the name of a material would:
 ``air | film.yml 110 nm | Si``.
 
-A YAML file is read by PyYAML, an extra (``pip install fresnel-jax[yaml]``): a parser of our own for
-the part of YAML that those files use today would be one for the files of yesterday.
+A YAML file is read by PyYAML, an extra (``yaml``): a parser of our own for the part of YAML that
+those files use today would be one for the files of yesterday.
 """
 
 from __future__ import annotations
@@ -84,8 +84,9 @@ def _from_yaml(text: str, name: str) -> Material:
         import yaml
     except ImportError:
         raise ValueError(
-            "reading YAML needs PyYAML, which is not installed: pip install 'fresnel-jax[yaml]'; "
-            "or save the index as CSV with columns wavelength_um, n, k"
+            "reading YAML needs PyYAML, which is not installed: pip install pyyaml (or install "
+            "fresnel-jax with its extra 'yaml'); or save the index as CSV with columns "
+            "wavelength_um, n, k"
         ) from None
     try:
         content = yaml.safe_load(text)

@@ -1,10 +1,9 @@
-"""The noise that a curve shows of itself: what neighbours scatter about a line through them.
+"""The noise that a curve shows of itself: what neighbours scatter about a polynomial through them.
 
-    e_i = y_i - (a y_(i-1) + b y_(i+1)),    a + b = 1,    var e_i = (1 + a^2 + b^2) sigma^2
-
-with a and b of the straight line through both neighbours, so that points need not be equidistant
-(T. Gasser, L. Sroka and C. Jennen-Steinmetz, Biometrika 73, 625 (1986),
-doi:10.1093/biomet/73.3.625). What is smooth over three points falls out, a misfit as the curve.
+Of ``count`` neighbours the divided difference of order count - 1 does not see a polynomial of lower
+degree; over the root of the sum of its squared weights it has the variance of one datum, at
+positions however spaced. Three neighbours leave what a straight line does not explain (T. Gasser,
+L. Sroka and C. Jennen-Steinmetz, Biometrika 73, 625 (1986), doi:10.1093/biomet/73.3.625).
 """
 
 from __future__ import annotations
@@ -13,13 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Of white noise the mean square of the e has the scatter of so many independent squares each (the e
-# of neighbours are correlated: 35 / 18 as many are needed at equal distances).
+# Of white noise the mean square of three neighbours' differences has the scatter of so many
+# independent squares each (those of neighbours are correlated: 35 / 18 as many are needed at equal
+# distances).
 INDEPENDENT = 18.0 / 35.0
-# Values beyond [0, 1] are noise within so many of these deviations ...
-EXCURSION_DEVIATIONS = 4.0
-# ... which at least so many triples of neighbours must show.
-LEAST_TRIPLES = 3
+# Fewer values tell nothing of their noise where outliers and curvature are to be left out.
+LEAST_VALUES = 8
+_QUARTILE = 0.6745  # of the normal law, in standard deviations
+# Repeats of one position are held apart by this part of the range, in the order in which they come.
+_APART = 1e-9
 
 
 class Noise(NamedTuple):
@@ -29,45 +30,56 @@ class Noise(NamedTuple):
     triples: np.ndarray
 
 
+def _differences(position: np.ndarray, value: np.ndarray, count: int) -> np.ndarray:
+    """Return the divided differences of ``count`` neighbours, of unit variance: (L, M - count + 1).
+
+    position, value: (L, M), NaN where there is no datum; positions in any order.
+    """
+    position = np.where(np.isfinite(value), position, np.nan)
+    order = np.argsort(position, axis=1, kind="stable")  # NaN last
+    x, y = (np.take_along_axis(a, order, axis=1) for a in (position, value))
+    span = np.fmax.reduce(x, axis=1, keepdims=True, initial=-np.inf) - x[:, :1]
+    x = (x - x[:, :1]) / np.where(span > 0.0, span, 1.0) + _APART * np.arange(x.shape[1])
+    width = x.shape[1] - count + 1
+    near = [x[:, j : j + width] for j in range(count)]
+    weights = []
+    for here in near:
+        gaps = [here - other for other in near if other is not here]
+        weights.append(1.0 / np.prod(gaps, axis=0))
+    length = np.sqrt(np.sum(np.square(weights), axis=0))
+    return np.sum([w / length * y[:, j : j + width] for j, w in enumerate(weights)], axis=0)
+
+
 def neighbour_noise(position: np.ndarray, value: np.ndarray) -> Noise:
-    """Return the noise of each curve, (L,).
+    """Return the noise of each curve, (L,), the root mean square of three neighbours' differences.
 
     position, value: (L, M), NaN where there is no datum; positions in any order. Repeats of one
     position count as neighbours of each other.
     """
     position, value = (np.atleast_2d(np.asarray(a, float)) for a in (position, value))
     position, value = np.broadcast_arrays(position, value)
-    position = np.where(np.isfinite(value), position, np.nan)
-    order = np.argsort(position, axis=1)  # NaN last
-    x, y = (np.take_along_axis(a, order, axis=1) for a in (position, value))
+    if value.shape[1] < 3:
+        none = np.zeros(len(value), int)
+        return Noise(np.full(len(value), np.nan), none)
     with np.errstate(all="ignore"):
-        span = x[:, 2:] - x[:, :-2]
-        b = np.where(span > 0.0, (x[:, 1:-1] - x[:, :-2]) / span, 0.5)
-        a = 1.0 - b
-        off = y[:, 1:-1] - a * y[:, :-2] - b * y[:, 2:]
-        square = off**2 / (1.0 + a * a + b * b)
+        square = _differences(position, value, 3) ** 2
         triples = np.isfinite(square).sum(1)
         sigma = np.sqrt(np.nansum(square, axis=1) / np.maximum(triples, 1))
     return Noise(np.where(triples > 0, sigma, np.nan), triples)
 
 
-def within_noise(position: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """Return which values of one curve (M,) outside of [0, 1] are noise about 0 or 1.
+def robust_noise(position: np.ndarray, value: np.ndarray) -> float:
+    """Return the noise of one curve (M,) with outliers and curvature; NaN of too few values.
 
-    Those within `EXCURSION_DEVIATIONS` of the noise that the curve shows. The deviation is found
-    without the values in question: a wrong one must not excuse itself.
+    The least of the medians of 3, 4 and 5 neighbours: a median is blind to single outliers, the
+    least of the three to most of the curvature.
     """
-    position, value = (np.asarray(a, float) for a in (position, value))
-    out = (value < 0.0) | (value > 1.0)
-    if not out.any():
-        return out
-    beyond = np.where(value < 0.0, -value, value - 1.0)
-    excused = np.zeros_like(out)
-    # The farthest one is judged by all others, as long as one is too far.
-    for first in np.argsort(-beyond)[: int(out.sum())]:
-        others = np.where((np.arange(len(value)) == first) | ~np.isfinite(value), np.nan, value)
-        others = np.where(out & (beyond > beyond[first]), np.nan, others)
-        noise = neighbour_noise(position, others)
-        enough = noise.triples[0] >= LEAST_TRIPLES
-        excused[first] = enough and beyond[first] <= EXCURSION_DEVIATIONS * noise.sigma[0]
-    return excused
+    if len(value) < LEAST_VALUES:
+        return float("nan")
+    found = []
+    with np.errstate(all="ignore"):
+        for count in (3, 4, 5):
+            each = np.abs(_differences(position[None], value[None], count))
+            each = each[np.isfinite(each)]
+            found.append(np.median(each) / _QUARTILE if len(each) else np.nan)
+    return float(min(found))

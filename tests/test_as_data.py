@@ -12,7 +12,7 @@ from simulated import GOLD, simulated, textbook
 
 from fitting import fit, fit_many
 from fitting.measurement import Measurement, concatenate, read_csv
-from fitting.output.as_data import data_csv, index_csv, json_text
+from fitting.output.as_data import INDEX_MARK, data_csv, index_csv, json_text
 
 
 @pytest.fixture(scope="module")
@@ -117,6 +117,7 @@ def test_csv_of_the_index_is_a_table_of_an_index(spectrum):
 def test_csv_of_a_spectrum(spectrum):
     data = rows_of(data_csv(spectrum))
     assert [float(r["wavelength_um"]) for r in data] == spectrum.measurement.wavelength_um.tolist()
+    assert index_csv(spectrum).startswith(INDEX_MARK + "\n")
     index = rows_of(index_csv(spectrum))
     assert list(index[0])[:3] == ["wavelength_um", "eta", "k"]
     assert [float(r["wavelength_um"]) for r in index] == [0.5, 0.6, 0.7]
@@ -181,7 +182,7 @@ def test_without_pandas_the_extra_is_named(gold, monkeypatch):
     monkeypatch.setattr(
         importlib.util, "find_spec", lambda name: None if name == "pandas" else found(name)
     )
-    with pytest.raises(ImportError, match=r"pandas.*fresnel-jax\[dataframe\]"):
+    with pytest.raises(ImportError, match="pip install pandas .*extra 'dataframe'"):
         gold.to_dataframe()
 
 

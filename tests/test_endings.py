@@ -105,6 +105,32 @@ def test_a_standard_error_whose_square_is_no_number_is_refused():
         Measurement.from_columns([45.0], R_s=[0.5], sigma=2e-160)
 
 
+def test_what_python_cannot_interrupt_ends_too(tmp_path):
+    """A compilation hears no signal, for a minute on a busy machine."""
+    code = (
+        "import sys, time, fitting.__main__ as m\n"
+        "from fitting.output.outputs import Outputs\n"
+        "def deaf():\n"
+        "    with Outputs() as outputs:\n"
+        "        outputs.open(sys.argv[1])\n"
+        "        print('at work', flush=True)\n"
+        "        while True:\n"
+        "            try:\n"
+        "                time.sleep(60)\n"
+        "            except KeyboardInterrupt:\n"
+        "                pass\n"
+        "m.main = deaf\n"
+        "m.run()"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path / "out.json")]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stdout.readline() == b"at work\n"
+        assert len(list(tmp_path.iterdir())) == 1
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=60.0) == 130
+    assert not list(tmp_path.iterdir())
+
+
 def test_interrupted_in_a_long_fit_it_ends_at_once(tmp_path):
     angles, waves = np.meshgrid(np.arange(20.0, 80.0, 4.0), np.linspace(0.4, 0.8, 20_000))
     data = "\n".join(f"{a},{w:.6f},0.5" for a, w in zip(angles.ravel(), waves.ravel(), strict=True))

@@ -11,6 +11,7 @@ import pytest
 
 from fitting import cli
 from fitting.output import outputs
+from fitting.output.as_data import INDEX_MARK
 from fitting.output.outputs import MARK, OutputError, Outputs, refuse_repeats
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -41,6 +42,23 @@ def test_a_result_whose_name_is_derived_replaces_no_measurement(tmp_path, capsys
         said = refused(capsys, *paths, "--csv", tmp_path / "x.csv")
         assert "x.index.csv is the measurement itself" in said
     assert contents(tmp_path) == before
+
+
+def test_a_result_whose_name_is_derived_replaces_no_stranger(tmp_path, capsys):
+    """A named file is replaced, since it was asked for; `x.index.csv` was not."""
+    files = tmp_path / "s.csv", "--quiet", "--csv", tmp_path / "x.csv"
+    (tmp_path / "s.csv").write_text(SPECTRUM)
+    (tmp_path / "x.csv").write_text("named\n")
+    (tmp_path / "x.index.csv").write_text("a stranger's\n")
+    before = contents(tmp_path)
+    said = refused(capsys, *files)
+    assert "x.index.csv: the file is there and no fit wrote it" in said and "--overwrite" in said
+    assert contents(tmp_path) == before
+    with Outputs() as outputs:
+        outputs.open(tmp_path / "x.index.csv").write_text(INDEX_MARK + "\n...")
+        outputs.publish()
+    with Outputs() as outputs:  # a fit's own is replaced
+        outputs.open(tmp_path / "x.index.csv", only_over=INDEX_MARK)
 
 
 def test_a_report_replaces_no_measurement(tmp_path, capsys):

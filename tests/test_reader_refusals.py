@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from reading import ANGLES, DELTA, ERRORS, NANOMETRES, PSI, R_P, R_S, read, refusal, rows
 from varieties import BODY
@@ -262,3 +263,12 @@ def test_a_row_that_may_be_cut_short_at_the_end_of_the_file(tmp_path: Path) -> N
     assert "cut short" in refusal(tmp_path, text)
     m = read(tmp_path, text + "\n")
     assert len(m) == 5 and "fewer cells" in m.understood
+
+
+@pytest.mark.parametrize("name", ["dR/R", "rel. error", "relative error (%)"])
+def test_the_advice_for_relative_errors_does_not_take_them_for_absolute_ones(tmp_path, name):
+    text = f"angle_deg,R,{name}\n30,.3,.01\n40,.31,.01\n50,.33,.01\n"
+    with pytest.raises(MeasurementError, match="relative error") as refusal:
+        read(tmp_path, text)
+    assert "sigma" not in str(refusal.value) and "--columns angle=1,R=2 " in str(refusal.value)
+    assert np.isnan(read(tmp_path, text, columns="angle=1,R=2").sigma).all()

@@ -38,6 +38,10 @@ def _version() -> str:
         return ""
 
 
+INDEX_MARK = "# index of a fit, written by fresnel-fit"
+"""The first line of `index_csv`, by which a later run knows such a file for one of its own."""
+
+
 def _estimate(e: Estimate) -> dict[str, Any]:
     return {name: getattr(e, name) for name in _ESTIMATE}
 
@@ -180,13 +184,14 @@ def index_csv(fit: Fit) -> str:
     """Return eta and k as CSV, a wavelength (or a curve of a batch) a row.
 
     The first three columns are wavelength_um, eta and k, as tables of indices are read; what is
-    not known is empty.
+    not known is empty. The first line is ``INDEX_MARK``.
     """
+    comments = [INDEX_MARK.removeprefix("# "), *_comments(fit)]
     if fit.shape:
-        return _csv_text(_comments(fit), dict(batch_columns(fit)))
+        return _csv_text(comments, dict(batch_columns(fit)))
     band = fit.index()._asdict()
     order = ("wavelength_um", "eta", "k", "sigma_eta", "sigma_k")
-    return _csv_text(_comments(fit), {name: np.asarray(band[name]).tolist() for name in order})
+    return _csv_text(comments, {name: np.asarray(band[name]).tolist() for name in order})
 
 
 def to_dataframe(fit: Fit) -> Any:
@@ -197,7 +202,7 @@ def to_dataframe(fit: Fit) -> Any:
     Raises ImportError where pandas is not installed.
     """
     if importlib.util.find_spec("pandas") is None:
-        raise MissingExtra("to_dataframe", "pandas", "pip install pandas")
+        raise MissingExtra("to_dataframe", "pandas", "dataframe")
     pandas: Any = importlib.import_module("pandas")
     if fit.shape:
         columns = batch_columns(fit)

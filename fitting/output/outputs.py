@@ -10,6 +10,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
 
+from fitting.interrupt import last_acts
+
 try:
     import fcntl
 except ImportError:  # a system without these locks keeps the leftovers of killed runs
@@ -73,6 +75,15 @@ def _clean(folder: Path) -> None:
                         os.unlink(entry.path)
                 finally:
                     os.close(descriptor)
+
+
+def _begins(file: Path, text: str) -> bool:
+    """Return whether a file can be read and begins with ``text``; an empty one holds nothing."""
+    try:
+        with file.open("rb") as stream:
+            return stream.read(len(text)) in (text.encode(), b"")
+    except OSError:
+        return False
 
 
 class _Staged:
@@ -175,13 +186,19 @@ class Outputs:
         return folder
 
     def open(
-        self, path: str | os.PathLike[str], *, flag: str = "", inputs: Iterable[str] = ()
+        self,
+        path: str | os.PathLike[str],
+        *,
+        flag: str = "",
+        inputs: Iterable[str] = (),
+        only_over: str = "",
     ) -> Path:
         """Return the file to write to in place of ``path``, empty now.
 
         flag: how the user named the file, for the error's text. inputs: files that must not be
         overwritten, by whatever name. An existing file is replaced and keeps its permissions; of a
-        symbolic link the target is replaced.
+        symbolic link the target is replaced. only_over: how a file must begin to be replaced; for
+        a name that the user did not give.
         Raises OutputError where nothing can be written.
         """
         name = f"{flag} {path}".strip()
@@ -202,6 +219,11 @@ class Outputs:
                 raise OutputError(f"{name}: this is {what}; a file name was wanted.")
             if not os.access(final, os.W_OK):
                 raise OutputError(f"{name}: the file is there and must not be written to.")
+            if only_over and not _begins(final, only_over):
+                raise OutputError(
+                    f"{name}: the file is there and no fit wrote it. Choose another name for "
+                    f"{flag}, or say --overwrite to replace it."
+                )
         elif not final.parent.is_dir():
             raise OutputError(f"{name}: there is no folder {final.parent}; make it first.")
         self._clean(final.parent)
@@ -232,6 +254,7 @@ class Outputs:
         self._made.clear()
 
     def __enter__(self) -> Outputs:
+        last_acts.append(self._remove)
         return self
 
     def __exit__(
@@ -240,6 +263,10 @@ class Outputs:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        last_acts.remove(self._remove)
+        self._remove()
+
+    def _remove(self) -> None:
         for staged in self._staged.values():
             staged.remove()
         self._staged.clear()

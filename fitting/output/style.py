@@ -81,7 +81,7 @@ def our_style() -> Iterator[None]:
 def check_matplotlib(asked: str = "--plot") -> None:
     """Raise ImportError where matplotlib, which ``asked`` needs, is not installed."""
     if importlib.util.find_spec("matplotlib") is None:
-        raise MissingExtra(asked, "matplotlib", "pip install matplotlib")
+        raise MissingExtra(asked, "matplotlib", "plot")
 
 
 def check_picture(path: str | PathLike[str], asked: str = "--plot") -> None:

@@ -7,36 +7,21 @@ import re
 import numpy as np
 
 from fitting.errors import MeasurementError, place
-from fitting.reader.columns import Column, Layout
-from fitting.reader.evidence import Evidence
-from fitting.reader.options import Options
+from fitting.reader.columns import Column
+from fitting.reader.reading import Reading
 from fitting.reader.rows import numbers_of, span_of
-from fitting.reader.table import Table
-from fitting.reader.units import Q_UNITS, WAVELENGTH_UNITS, incidence_deg, wavelength_um
+from fitting.reader.units import FORM_OF, Q_UNITS, WAVELENGTH_UNITS, incidence_deg, wavelength_um
 
 # pi / 2 as files round it, up or down; the largest of them, to one digit, is 1.6
 RIGHT_ANGLES = np.array(sorted({round(np.pi / 2.0, digits) for digits in range(1, 16)}))
 HALF_PI = 1.5708
 # names by which a column, though not understood, speaks against normal incidence
 _ANGULAR = re.compile("(?i)angle|theta|winkel|incid|aoi|mount|motor|stage|gonio|deg")
-_UNITS_OF_FORM = {
-    "wavelength": ("nm", "um", "angstrom", "mm"),
-    "energy": ("eV", "keV"),
-    "wavenumber": ("cm-1",),
-    "frequency": ("THz",),
-}
 
 
-def _wavelength_unit(
-    table: Table,
-    layout: Layout,
-    column: Column,
-    options: Options,
-    said: Evidence,
-    notes: list[str],
-) -> str:
-    at = place(table.source, table.header, column.label)
-    numbers, _ = numbers_of(table, column, [])
+def _wavelength_unit(reading: Reading, column: Column) -> str:
+    _, layout, options, said, notes = reading
+    numbers = reading.numbers(column)
     form, unit = column.role.form, column.role.unit
     # X-rays and neutrons are measured at grazing angles, in nm below 5
     grazing = options.angle_unit.startswith(("grazing", "2theta", "1/"))
@@ -46,7 +31,8 @@ def _wavelength_unit(
     if options.wavelength_unit:
         return options.wavelength_unit
     if unit:
-        said.refuse_other("wavelength unit", lambda u: u != unit, at, f"the header says {unit}")
+        came = f"the header says {unit}"
+        reading.contradicted("wavelength unit", lambda u: u != unit, column, came)
     elif form == "wavelength" and (beside := said.one("wavelength unit")):
         unit = str(beside.value)
         notes.append(f"wavelengths in {unit} ({beside.where}; --wavelength-unit)")
@@ -54,33 +40,35 @@ def _wavelength_unit(
         # 190 to 3300 is the range of spectrometers in nm; as angstrom it would begin below 190 nm
         # in the far ultraviolet, as um lie beyond the far infrared
         if form != "wavelength" or not (190.0 <= low < 1900.0 and high <= 3300.0):
-            raise MeasurementError(
-                f"{at}: the {form} has no unit, and its numbers ({span_of(numbers)}) do not tell. "
-                f"Say --wavelength-unit {', '.join(WAVELENGTH_UNITS[:6])}."
+            reading.refuse(
+                column,
+                f"the {form} has no unit, and its numbers ({span_of(numbers)}) do not tell. Say "
+                f"--wavelength-unit {', '.join(WAVELENGTH_UNITS[:6])}.",
             )
         unit = "nm"
         notes.append("wavelengths taken as nm by their range (--wavelength-unit)")
-    elif unit not in _UNITS_OF_FORM[form]:
-        raise MeasurementError(
-            f"{at}: the name says {form}, the unit says {unit}. Say --wavelength-unit {unit} if "
-            "the unit is right."
+    elif FORM_OF.get(unit) != form:
+        reading.refuse(
+            column,
+            f"the name says {form}, the unit says {unit}. Say --wavelength-unit {unit} if the unit "
+            "is right.",
         )
     elif optical and ((unit == "nm" and high < 5.0) or (unit == "um" and low >= 100.0)):
         other = "um" if unit == "nm" else "nm"
-        raise MeasurementError(
-            f"{at}: the header says {unit}, the numbers are {span_of(numbers)}, as wavelengths in "
-            f"{other} are. Say --wavelength-unit {unit} or --wavelength-unit {other}."
+        reading.refuse(
+            column,
+            f"the header says {unit}, the numbers are {span_of(numbers)}, as wavelengths in "
+            f"{other} are. Say --wavelength-unit {unit} or --wavelength-unit {other}.",
         )
     return unit
 
 
-def wavelengths(
-    table: Table, layout: Layout, options: Options, said: Evidence, notes: list[str]
-) -> np.ndarray:
+def wavelengths(reading: Reading) -> np.ndarray:
     """Return the wavelength of each row in micrometres, NaN where none is known.
 
     Raises MeasurementError where the unit is open, or the name, the unit and the numbers disagree.
     """
+    table, layout, options, said, notes = reading
     column, given = layout.wavelength, options.wavelength_um
     if column is None:
         clear = said.clear("wavelength")
@@ -88,20 +76,20 @@ def wavelengths(
             given = said.one("wavelength").value  # type: ignore[union-attr]
             notes.append(f"wavelength {given:.6g} um ({clear[0].where}; --wavelength-um)")
         return np.full(len(table.rows), np.nan if given is None else given)
-    at = place(table.source, table.header, column.label)
     if given is not None:
-        raise MeasurementError(
-            f"{at}: the file gives wavelengths, and --wavelength-um {given:g} came too. Drop the "
-            "option, or name the columns to be read with --columns."
+        reading.refuse(
+            column,
+            f"the file gives wavelengths, and --wavelength-um {given:g} came too. Drop the option, "
+            "or name the columns to be read with --columns.",
         )
-    unit = _wavelength_unit(table, layout, column, options, said, notes)
-    microns = wavelength_um(numbers_of(table, column, [])[0], unit)
+    unit = _wavelength_unit(reading, column)
+    microns = wavelength_um(reading.numbers(column), unit)
     if not options.columns and len(layout.values) and np.isfinite(microns).any():
         low, high = np.nanmin(microns) * 0.99, np.nanmax(microns) * 1.01
         came = f"the wavelengths are {span_of(microns)} um"
-        said.refuse_other("wavelength", lambda w: not low <= w <= high, at, came)
+        reading.contradicted("wavelength", lambda w: not low <= w <= high, column, came)
     if layout.repeat is not None and layout.repeat.role.unit in WAVELENGTH_UNITS:
-        again = wavelength_um(numbers_of(table, layout.repeat, [])[0], layout.repeat.role.unit)
+        again = wavelength_um(reading.numbers(layout.repeat), layout.repeat.role.unit)
         # files round the second to three digits or so
         wrong = np.flatnonzero(np.abs(again - microns) > 0.01 * microns)
         if len(wrong):
@@ -114,27 +102,26 @@ def wavelengths(
     return microns
 
 
-def _angle_unit(
-    at: str, numbers: np.ndarray, column: Column, said: Evidence, notes: list[str]
-) -> str:
+def _angle_unit(reading: Reading, numbers: np.ndarray, column: Column) -> str:
     form, unit = column.role.form, column.role.unit
     finite = np.abs(numbers[np.isfinite(numbers)])
     high, several = finite.max(initial=0.0), len(np.unique(finite)) > 2
-    if form == "incidence" and (beside := said.one("angle unit")):
+    if form == "incidence" and (beside := reading.said.one("angle unit")):
         if unit not in ("", beside.value):
-            said.refuse_other("angle unit", lambda u: u != unit, at, f"the header says {unit}")
+            came = f"the header says {unit}"
+            reading.contradicted("angle unit", lambda u: u != unit, column, came)
         unit = str(beside.value)
-        notes.append(f"angles in {unit} ({beside.where}; --angle-unit)")
+        reading.notes.append(f"angles in {unit} ({beside.where}; --angle-unit)")
         if unit.startswith("grazing"):
             return unit
     if form == "q":
         if unit not in Q_UNITS:
-            raise MeasurementError(f"{at}: Q has no unit. Say --angle-unit 1/angstrom or 1/nm.")
+            reading.refuse(column, "Q has no unit. Say --angle-unit 1/angstrom or 1/nm.")
         return unit
     if unit not in ("", "deg", "rad", "mrad"):
-        raise MeasurementError(
-            f"{at}: an angle in {unit} came. Say --angle-unit deg, rad, grazing-deg, 2theta-deg, "
-            "..."
+        reading.refuse(
+            column,
+            f"an angle in {unit} came. Say --angle-unit deg, rad, grazing-deg, 2theta-deg, ...",
         )
     if not unit:
         if form == "incidence" and (high > RIGHT_ANGLES[-1] or high == 0.0):
@@ -142,9 +129,10 @@ def _angle_unit(
         choice = {"grazing": "grazing-deg or grazing-rad", "2theta": "2theta-deg"}.get(
             form, "deg or rad"
         )
-        raise MeasurementError(
-            f"{at}: the angle has no unit; its numbers ({span_of(numbers)}) may be radians or "
-            f"degrees. Say --angle-unit {choice}."
+        reading.refuse(
+            column,
+            f"the angle has no unit; its numbers ({span_of(numbers)}) may be radians or degrees. "
+            f"Say --angle-unit {choice}.",
         )
     if form == "grazing":
         return {"deg": "grazing-deg", "rad": "grazing-rad"}.get(unit, unit)
@@ -152,31 +140,27 @@ def _angle_unit(
         return "2theta-deg"
     right = RIGHT_ANGLES[-1] if high in RIGHT_ANGLES else HALF_PI
     if form == "incidence" and unit != "deg" and high > right * (1e3 if unit == "mrad" else 1.0):
-        raise MeasurementError(
-            f"{at}: the header says {unit}, the numbers are {span_of(numbers)}, more than pi/2. "
-            "Say --angle-unit deg if they are degrees."
+        reading.refuse(
+            column,
+            f"the header says {unit}, the numbers are {span_of(numbers)}, more than pi/2. Say "
+            "--angle-unit deg if they are degrees.",
         )
     if form == "incidence" and unit == "deg" and several and high <= HALF_PI:
-        raise MeasurementError(
-            f"{at}: the header says degrees, the numbers are {span_of(numbers)}, as radians are. "
-            "Say --angle-unit rad, or --angle-unit deg if they are degrees."
+        reading.refuse(
+            column,
+            f"the header says degrees, the numbers are {span_of(numbers)}, as radians are. Say "
+            "--angle-unit rad, or --angle-unit deg if they are degrees.",
         )
     return unit
 
 
-def angles(
-    table: Table,
-    layout: Layout,
-    options: Options,
-    wavelength: np.ndarray,
-    said: Evidence,
-    notes: list[str],
-) -> np.ndarray:
+def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
     """Return the angle of incidence of each row in degrees.
 
     A spectrum of R or T without an angle is taken at normal incidence, where s and p are one.
     Raises MeasurementError where the unit is open or contradicts the numbers, or no angle is known.
     """
+    table, layout, options, said, notes = reading
     column, given = layout.angle, options.angle_deg
     rows = len(table.rows)
     if column is None:
@@ -206,24 +190,25 @@ def angles(
             f"{table.source}: no column is an angle of incidence{rest}. Say --angle-deg NUMBER, or "
             "which column it is with --columns angle=..."
         )
-    at = place(table.source, table.header or table.lines[0], column.label)
     if given is not None:
-        raise MeasurementError(
-            f"{at}: the file gives angles, and --angle-deg {given:g} came too. Drop the option, or "
-            "name the columns to be read with --columns."
+        reading.refuse(
+            column,
+            f"the file gives angles, and --angle-deg {given:g} came too. Drop the option, or name "
+            "the columns to be read with --columns.",
         )
     numbers, sign = numbers_of(table, column, [])
     if sign == "\u00b0" and not column.role.unit:
         column = column._replace(role=column.role._replace(unit="deg"))
-    unit = options.angle_unit or _angle_unit(at, numbers, column, said, notes)
+    unit = options.angle_unit or _angle_unit(reading, numbers, column)
     if unit in Q_UNITS and np.isnan(wavelength).all():
         open_ones = [one for one in said.said if one.kind == "wavelength"]
         there = (
             f" {open_ones[0].where.capitalize()} has {open_ones[0].text!r}." if open_ones else ""
         )
-        raise MeasurementError(
-            f"{at}: Q becomes an angle through the wavelength, which is not known.{there} Say "
-            "--wavelength-um NUMBER (5 angstrom are 0.0005)."
+        reading.refuse(
+            column,
+            f"Q becomes an angle through the wavelength, which is not known.{there} Say "
+            "--wavelength-um NUMBER (5 angstrom are 0.0005).",
         )
     degrees = incidence_deg(numbers, unit, wavelength)
     if unit == "rad":
@@ -231,7 +216,7 @@ def angles(
     if not options.columns and np.isfinite(degrees).any():
         low, high = np.nanmin(degrees) - 0.05, np.nanmax(degrees) + 0.05
         came = f"the angles of incidence are {span_of(degrees)} degrees"
-        said.refuse_other("angle", lambda a: not low <= a <= high, at, came)
+        reading.contradicted("angle", lambda a: not low <= a <= high, column, came)
     if unit == "deg.arcmin":
         minutes = np.abs(numbers - np.trunc(numbers)) * 100.0
         wrong = np.flatnonzero(minutes > 59.999999)
@@ -243,10 +228,7 @@ def angles(
         )
     if len(wrong):
         i = int(wrong[0])
-        raise MeasurementError(
-            f"{place(table.source, table.lines[i], column.label)}: "
-            + text.format(table.rows[i][column.index])
-        )
+        reading.refuse(column, text.format(table.rows[i][column.index]), i)
     if unit not in ("deg",):
         notes.append(f"angles converted from {unit}")
     return degrees

@@ -12,32 +12,10 @@ import numpy as np
 from fitting.errors import MeasurementError, place
 
 DELIMITERS = {"tab": "\t", "semicolon": ";", "comma": ",", "pipe": "|", "blank": " "}
-MISSING = frozenset(
-    [
-        "nan",
-        "na",
-        "n/a",
-        "#n/a",
-        "#na",
-        "#nv",
-        "#num!",
-        "#value!",
-        "#div/0!",
-        "null",
-        "none",
-        "nil",
-        "nd",
-        "n.d.",
-        "-",
-        "--",
-        "---",
-        ".",
-        "?",
-        "*",
-        "/",
-    ]
-    + [""]
-)
+MISSING = frozenset([
+    "", "nan", "na", "n/a", "#n/a", "#na", "#nv", "#num!", "#value!", "#div/0!", "null", "none",
+    "nil", "nd", "n.d.", "-", "--", "---", ".", "?", "*", "/",
+])  # fmt: skip
 DIGIT = re.compile("[0-9]")
 _NUMBER = re.compile(
     "[+\\-\u2212]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eEdD][+\\-\u2212]?[0-9]+)?(?:\\s?[%\u00b0])?"
@@ -130,11 +108,7 @@ def guess_delimiter(texts: Sequence[str], wanted: str | None) -> tuple[str, int]
 
 
 def decide_decimal(
-    source: str,
-    rows: list[list[str]],
-    lines: list[int],
-    wanted: str | None,
-    small: set[int],
+    source: str, rows: list[list[str]], lines: list[int], wanted: str | None, small: set[int]
 ) -> str:
     """Return the decimal mark that the cells show; raise where they show both, or leave it open.
 

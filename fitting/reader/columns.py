@@ -10,8 +10,7 @@ from fitting.reader.computed_rows import refuse_computed_rows
 from fitting.reader.names import Role, role_of
 from fitting.reader.options import Options
 from fitting.reader.table import Table, find_column, label_of
-
-_FORMS = {"eV": "energy", "keV": "energy", "cm-1": "wavenumber", "THz": "frequency"}
+from fitting.reader.units import FORM_OF
 
 
 class Column(NamedTuple):
@@ -127,7 +126,7 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
             if role.form == "incidence" and unit in ("1/angstrom", "1/nm"):
                 role = role._replace(form="q")
         elif name == "wavelength":
-            form = _FORMS.get(unit, "wavelength")
+            form = FORM_OF.get(unit, "wavelength")
             role = said if said.kind == "wavelength" else Role("wavelength", "", form, unit)
         elif name.startswith("sigma_"):
             role = Role("sigma", name.removeprefix("sigma_"), "", unit)
@@ -157,10 +156,12 @@ def _implicit(table: Table, options: Options) -> dict[str, list[Column]]:
         roles.append(role)
         if role.kind == "unclear" and index in filled:
             value, named = role.quantity.removeprefix("sigma_"), f"{role.quantity}={index + 1}"
+            wanted = named if value == role.quantity else f"{value}=2,{named}"
+            if not role.quantity:  # of no use as it is
+                wanted = "R=2 without it, or make them absolute"
             raise MeasurementError(
                 f"{place(table.source, table.header, name)}: this may be {role.why}. Name all "
-                f"columns to be read, for example --columns angle=1,"
-                f"{named if value == role.quantity else f'{value}=2,{named}'}."
+                f"columns to be read, for example --columns angle=1,{wanted}."
             )
         if role.kind and index in filled:
             found.setdefault(role.kind, []).append(Column(index, label_of(table, index), role))

@@ -11,9 +11,10 @@ from fitting.checks import Data
 from fitting.errors import MeasurementError, place
 from fitting.reader.axes import angles, wavelengths
 from fitting.reader.columns import Column, Layout
-from fitting.reader.evidence import Evidence, evidence
+from fitting.reader.evidence import evidence
 from fitting.reader.light import light_of_rows
 from fitting.reader.options import Options
+from fitting.reader.reading import Reading
 from fitting.reader.rows import numbers_of, refuse_gaps
 from fitting.reader.scales import power_scale, psi_delta_unit
 from fitting.reader.standard_errors import standard_errors
@@ -35,85 +36,73 @@ class LongColumns(NamedTuple):
     understood: str
 
 
-def _refuse_copies(table: Table, layout: Layout, numbers: dict[int, np.ndarray]) -> None:
-    """Raise where Delta repeats psi."""
-    by_name = {value.role.quantity: value for value in layout.values}
-    if "psi" in by_name and "delta" in by_name:
-        psi, delta = numbers[by_name["psi"].index], numbers[by_name["delta"].index]
-        if np.isfinite(psi).sum() > 1 and np.array_equal(psi, delta, equal_nan=True):
-            raise MeasurementError(
-                f"{place(table.source, table.header, by_name['delta'].label)}: every number equals "
-                "psi, which no surface gives. Mend the file, or name another column with "
-                "--columns delta=..."
-            )
+def _refuse_placeholders(reading: Reading, numbers: dict[int, np.ndarray]) -> None:
+    """Raise where Delta repeats psi, or both are 0 in some rows, as for what was not measured."""
+    by_name = {value.role.quantity: value for value in reading.layout.values}
+    if not {"psi", "delta"} <= set(by_name):
+        return
+    psi, delta = (numbers[by_name[name].index] for name in ("psi", "delta"))
+    if np.isfinite(psi).sum() > 1 and np.array_equal(psi, delta, equal_nan=True):
+        reading.refuse(
+            by_name["delta"],
+            "every number equals psi, which no surface gives. Mend the file, or name another "
+            "column with --columns delta=...",
+        )
+    dark = np.flatnonzero((psi == 0.0) & (delta == 0.0))
+    if len(dark) and not reading.options.zero_is_value and np.any((psi != 0.0) & ~np.isnan(psi)):
+        reading.refuse(
+            by_name["psi"],
+            "psi and Delta are both 0. Say --missing 0 if that stands for 'not measured', "
+            "--missing none if it was measured.",
+            int(dark[0]),
+        )
 
 
-def _refuse_zeros(
-    table: Table, value: Column, numbers: np.ndarray, name: np.ndarray, options: Options
-) -> None:
+def _refuse_zeros(reading: Reading, value: Column, numbers: np.ndarray, name: np.ndarray) -> None:
     """Raise where zeros among larger values may stand for values never measured."""
-    if options.zero_is_value or value.role.quantity in ("psi", "delta"):
+    if reading.options.zero_is_value or value.role.quantity in ("psi", "delta"):
         return
     bare = np.flatnonzero(np.isin(numbers, (-1.0, -9.0, -99.0, -999.0, -9999.0)))
     if len(bare) and np.nanmax(numbers, initial=0.0) > 1.0:
-        raise MeasurementError(
-            f"{place(table.source, table.lines[int(bare[0])], value.label)}: "
-            f"{numbers[bare[0]]:g} came, which may stand for 'not measured'. Say "
-            f"--missing={numbers[bare[0]]:g} if so, --missing none if it was measured."
+        code = f"{numbers[bare[0]]:g}"
+        reading.refuse(
+            value,
+            f"{code} came, which may stand for 'not measured'. Say --missing={code} if so, "
+            "--missing none if it was measured.",
+            int(bare[0]),
         )
     for quantity in np.unique(name):
         chosen = np.flatnonzero((name == quantity) & np.isfinite(numbers))
         zeros = chosen[numbers[chosen] == 0.0]
         others = np.abs(numbers[chosen][numbers[chosen] != 0.0])
+        least = others.min(initial=np.inf)
         # a true zero (Brewster's angle, a fringe) is approached by its neighbours
-        if (
-            len(zeros)
-            and len(others)
-            and others.min() > 0.02 * others.max()
-            and others.min() > 1e-2
-        ):
-            i = int(zeros[0])
-            raise MeasurementError(
-                f"{place(table.source, table.lines[i], value.label)}: 0 came, where the smallest "
-                f"other value is {others.min():.6g}. Say --missing 0 if it stands for 'not "
-                "measured', --missing none if it was measured."
+        if len(zeros) and len(others) and least > max(0.02 * others.max(), 1e-2):
+            reading.refuse(
+                value,
+                f"0 came, where the smallest other value is {least:.6g}. Say --missing 0 if it "
+                "stands for 'not measured', --missing none if it was measured.",
+                int(zeros[0]),
             )
 
 
-def _refuse_dark_rows(
-    table: Table, layout: Layout, numbers: dict[int, np.ndarray], options: Options
-) -> None:
-    """Raise where psi and Delta are both 0 in some rows, as files write what was not measured."""
-    by_name = {value.role.quantity: value for value in layout.values}
-    if options.zero_is_value or not {"psi", "delta"} <= set(by_name):
-        return
-    psi, delta = numbers[by_name["psi"].index], numbers[by_name["delta"].index]
-    dark = np.flatnonzero((psi == 0.0) & (delta == 0.0))
-    if len(dark) and np.any((psi != 0.0) & ~np.isnan(psi)):
-        raise MeasurementError(
-            f"{place(table.source, table.lines[int(dark[0])], by_name['psi'].label)}: psi and "
-            "Delta are both 0. Say --missing 0 if that stands for 'not measured', --missing none "
-            "if it was measured."
-        )
-
-
-def _refuse_other_quantity(table: Table, layout: Layout, options: Options, said: Evidence) -> None:
+def _refuse_other_quantity(reading: Reading) -> None:
     """Raise where the file speaks of transmission or absorption alone, and the columns are R."""
-    here = {value.role.quantity[0] for value in layout.values} & {"R", "T"}
-    if here and said.quantities and not here & said.quantities and not options.columns:
-        word = {"R": "reflection", "T": "transmission", "A": "absorption"}[min(said.quantities)]
-        value = layout.values[0]
-        raise MeasurementError(
-            f"{place(table.source, table.header, value.label)}: a column of {value.role.quantity}, "
-            f"and the lines around the table or the file name speak of {word}. Name all columns to "
-            f"be read, for example --columns angle=1,{value.role.quantity}={value.index + 1}."
+    value, quantities = reading.layout.values[0], reading.said.quantities
+    here = {value.role.quantity[0] for value in reading.layout.values} & {"R", "T"}
+    if here and quantities and not here & quantities and not reading.options.columns:
+        word = {"R": "reflection", "T": "transmission", "A": "absorption"}[min(quantities)]
+        reading.refuse(
+            value,
+            f"a column of {value.role.quantity}, and the lines around the table or the file name "
+            f"speak of {word}. Name all columns to be read, for example --columns "
+            f"angle=1,{value.role.quantity}={value.index + 1}.",
         )
 
 
-def _drop_mean(
-    table: Table, layout: Layout, numbers: dict[int, np.ndarray], notes: list[str]
-) -> Layout:
+def _without_mean(reading: Reading, numbers: dict[int, np.ndarray]) -> Layout:
     """Return the layout without an R (or T) that is only the mean of R_s and R_p beside it."""
+    layout = reading.layout
     by_name = {value.role.quantity: value for value in layout.values}
     for letter in "RT":
         three = [by_name.get(letter + tail) for tail in ("", "_s", "_p")]
@@ -127,7 +116,7 @@ def _drop_mean(
             layout = layout._replace(
                 values=[layout.values[i] for i in kept], sigmas=[layout.sigmas[i] for i in kept]
             )
-            notes.append(f"{letter} left out: the mean of {letter}_s and {letter}_p")
+            reading.notes.append(f"{letter} left out: the mean of {letter}_s and {letter}_p")
     return layout
 
 
@@ -135,14 +124,8 @@ def _listed(names: list[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def _understood(
-    table: Table,
-    layout: Layout,
-    options: Options,
-    data: Data,
-    factor: float,
-    notes: list[str],
-) -> str:
+def _understood(reading: Reading, data: Data, factor: float) -> str:
+    table, layout, options, _, notes = reading
     angle, wavelength, quantity = data.angle_deg, data.wavelength_um, data.quantity
     spectral = len(np.unique(wavelength)) > 1
     axis, what, unit = (wavelength, "wavelength", "um") if spectral else (angle, "angle", "degrees")
@@ -186,26 +169,23 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
     Raises MeasurementError for what is ambiguous or contradicts itself; ranges are for the
     Measurement to check.
     """
-    notes = [*table.notes]
-    said = evidence(table.source, PurePath(table.source).stem, table.preamble)
-    said = said.without(options)
-    _refuse_other_quantity(table, layout, options, said)
-    wavelength = wavelengths(table, layout, options, said, notes)
-    angle = angles(table, layout, options, wavelength, said, notes)
+    said = evidence(table.source, PurePath(table.source).stem, table.preamble).without(options)
+    reading = Reading(table, layout, options, said, [*table.notes])
+    _refuse_other_quantity(reading)
+    wavelength = wavelengths(reading)
+    columns_angle = angles(reading, wavelength)
     if layout.wavelength is None and options.wavelength_um is None:
         said.one("wavelength")
     read = {v.index: numbers_of(table, v, options.missing) for v in layout.values}
     numbers = {index: pair[0] for index, pair in read.items()}
-    _refuse_copies(table, layout, numbers)
-    layout = _drop_mean(table, layout, numbers, notes)
+    _refuse_placeholders(reading, numbers)
+    layout = _without_mean(reading, numbers)
+    reading = reading._replace(layout=layout)
     ats = [value.role.at for value in layout.values]
-    oblique = bool(np.nan_to_num(angle).any() or any(ats))
-    light = light_of_rows(table, layout, options, oblique, said, notes)
+    light = light_of_rows(reading, bool(np.nan_to_num(columns_angle).any() or any(ats)))
     signs = {index: pair[1] for index, pair in read.items()}
-    factor = power_scale(table, layout, options, numbers, signs, said, notes)
-    psi_units = psi_delta_unit(table, layout, options, numbers, said)
-    _refuse_dark_rows(table, layout, numbers, options)
-    columns_angle = angle
+    factor = power_scale(reading, numbers, signs)
+    psi_units = psi_delta_unit(reading, numbers)
     parts: list[tuple[np.ndarray, ...]] = []
     places: list[tuple[int, str, str]] = []
     for value, sigma_column in zip(layout.values, layout.sigmas, strict=True):
@@ -219,7 +199,7 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
             converted = np.degrees(raw) if unit == "rad" else raw
         else:
             converted = scaled(raw, factor)
-        sigma = standard_errors(table, value, sigma_column, options, unit, factor)
+        sigma = standard_errors(reading, value, sigma_column, unit, factor)
         there = ~np.isnan(raw)
         if sigma_column is not None and options.sigma is None:
             refuse_gaps(table, sigma_column, there & np.isnan(sigma), "standard error")
@@ -234,25 +214,15 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
         if quantity in ("R", "T"):
             column = layout.polarizer or layout.polarization
             if column is not None:
-                said = (light.letter != "") | ~np.isnan(light.polarizer_deg)
-                refuse_gaps(table, column, there & ~said, "polarisation")
-            letter = light.letter
-            name = np.where(
-                letter == "s", quantity + "_s", np.where(letter == "p", quantity + "_p", name)
-            )
+                known = (light.letter != "") | ~np.isnan(light.polarizer_deg)
+                refuse_gaps(table, column, there & ~known, "polarisation")
+            for letter in "sp":
+                name[light.letter == letter] = f"{quantity}_{letter}"
             polarizer = light.polarizer_deg
-        _refuse_zeros(table, value, raw, name, options)
+        _refuse_zeros(reading, value, raw, name)
         kept = np.flatnonzero(there)
-        parts.append(
-            (
-                angle[kept],
-                wavelength[kept],
-                name[kept],
-                converted[kept],
-                sigma[kept],
-                polarizer[kept],
-            )
-        )
+        columns = (angle, wavelength, name, converted, sigma, polarizer)
+        parts.append(tuple(column[kept] for column in columns))
         error = sigma_column.label if sigma_column is not None else ""
         places += [(table.lines[i], value.label, error) for i in kept]
     if not places:
@@ -264,5 +234,5 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
     axes = {"angle": layout.angle, "wavelength": layout.wavelength, "polarizer": layout.polarizer}
     labels = {name: column.label for name, column in axes.items() if column is not None}
     data = Data(*joined)
-    understood = _understood(table, layout, options, data, factor, notes)
+    understood = _understood(reading, data, factor)
     return LongColumns(data, places, labels, understood)

@@ -6,7 +6,8 @@ import re
 from functools import lru_cache
 from typing import NamedTuple
 
-from fitting.reader.vocabulary import CONCEPT, LONGEST, plain, unit_of
+from fitting.reader.units import FORM_OF, Q_UNITS
+from fitting.reader.vocabulary import CONCEPT, LONGEST, light_of, plain, unit_of
 
 
 def _of(*concepts: str) -> frozenset[str]:
@@ -20,11 +21,6 @@ def _set(words: str) -> frozenset[str]:
 _ANGLE = _of("incidence", "angle")
 _ANGLE_REST = _set("inc i in out reflection deg external d di de of")
 _REFLECTANCE, _TRANSMITTANCE = _of("R"), _of("T")
-_S, _P = _of("s"), _of("p")
-_UNPOLARIZED = _of("u") - {"u"}
-_LIGHT = {
-    **dict.fromkeys(_S, "s"), **dict.fromkeys(_P, "p"), **dict.fromkeys(_UNPOLARIZED, "u"),
-}  # fmt: skip
 _BACK, _ERROR, _RAW, _CONSTANT = _of("back"), _of("error"), _of("raw"), _of("constant")
 _RELATIVE, _POLARIZER = _of("relative"), _of("polarizer")
 _ERROR_REST = _set("standard deviation dev bar bars of 1 abs absolute ecart type")
@@ -36,12 +32,7 @@ _AXES = {
     "wavenumber": _of("wavenumber") | _set("wave number"),
     "frequency": _of("frequency"),
 }
-_AXIS_SYMBOLS = {
-    **dict.fromkeys(["nm", "um", "angstrom"], ("wavelength", "")),
-    **dict.fromkeys(["eV", "keV"], ("energy", "e")),
-    "cm-1": ("wavenumber", "k nu"),
-    "THz": ("frequency", "f nu"),
-}
+_SYMBOLS = {"wavelength": "", "energy": "e", "wavenumber": "k nu", "frequency": "f nu"}
 _NOT_INCIDENCE = _of("no incidence") - _set("phase temperature celsius")
 # names glued of a quantity and its polarisation; T in capitals only (tp, ts are times as well)
 _GLUED = re.compile(
@@ -58,7 +49,7 @@ _SUFFIX = re.compile(
 _AMPLITUDE = re.compile(
     r"r[\s_.-]?(?:(s|te|perp|spol|ss)|(p|tm|par|parallel|ppol|pp))", re.IGNORECASE
 )
-_AXIS_UNITS = ("nm", "um", "angstrom", "eV", "cm-1", "THz", "1/angstrom", "1/nm")
+_AXIS_UNITS = ("nm", "um", "angstrom", "eV", "cm-1", "THz", *Q_UNITS)
 # R(45 deg), R_45, Rs@60: the angle of a column in a wide table, sure if a sign says so
 _AT = re.compile(
     r"\s*[(\[_@\s]\s*(?:at|aoi|theta|angle)?\s*=?\s*([0-9]{1,2}(?:\.[0-9]+)?)\s*_?"
@@ -152,10 +143,10 @@ def _optical(tokens: list[str], unit: str, error: bool) -> Role | None:
             new = "T"
         elif token in ("psi", "delta"):
             new = token
-        elif token in _LIGHT:
-            if light not in ("", _LIGHT[token]):
+        elif token != "u" and light_of(token):
+            if light not in ("", light_of(token)):
                 return None
-            light = _LIGHT[token]
+            light = light_of(token)
             continue
         elif token in _BACK:
             side = "_back"
@@ -200,8 +191,8 @@ def _axis(tokens: list[str], unit: str) -> Role | None:
         return Role("angle", form="grazing", unit=unit)
     if words & _ANGLE and words <= _ANGLE | _ANGLE_REST:
         return Role("angle", form="incidence", unit=unit)
-    form, symbols = _AXIS_SYMBOLS.get(unit, ("", ""))
-    if form and words <= set(symbols.split()):
+    form = FORM_OF.get(unit, "") if unit != "mm" else ""
+    if form and words <= _set(_SYMBOLS[form]):
         return Role("wavelength", form=form, unit=unit)
     for form, names in _AXES.items():
         if words <= names and words & (_of(form) | {"wave"}):
@@ -257,7 +248,7 @@ def role_of(name: str, unit: str = "") -> Role:
     lower = {token.lower() for token in tokens}
     of_error = lower & _ERROR or tokens[:1] in (["d"], ["delta"])
     if (of_error and ("/" in rest or lower & _RELATIVE)) or (lower and lower <= _RELATIVE):
-        return Role("unclear", "sigma_R", why="a relative error, where absolute ones are wanted")
+        return Role("unclear", why="a relative error, where absolute ones are wanted")
     if not _NO_SIGNS.fullmatch(rest) or rest.startswith("-"):
         return _angled(text, unit) or Role("", unit=unit)
     if not tokens and not unit:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from fitting.errors import MeasurementError
 from fitting.reader.units import ANGLE_UNITS, WAVELENGTH_UNITS
-from fitting.reader.vocabulary import plain, unit_of
+from fitting.reader.vocabulary import light_of, plain, unit_of
 
 QUANTITIES = ("R_s", "R_p", "R", "R_back", "T_s", "T_p", "T", "psi", "delta")
 """What a datum can be. R and T are powers of unpolarised light, unless ``polarizer_deg``
@@ -19,15 +19,6 @@ ROLES = (
     + QUANTITIES
     + tuple("sigma_" + quantity for quantity in QUANTITIES)
 )
-_LIGHT = {
-    "s": "s",
-    "te": "s",
-    "p": "p",
-    "tm": "p",
-    "unpolarized": "u",
-    "unpolarised": "u",
-    "u": "u",
-}
 POLARIZER_FROM = ("angle-from-p", "angle-from-s")
 
 
@@ -115,14 +106,14 @@ def _polarization(source: str, value: object) -> tuple[str, dict[str, str], str]
     if value is None:
         return "", {}, ""
     text = "" if isinstance(value, (Mapping, list, tuple)) else plain(str(value)).strip().lower()
-    if text in _LIGHT:
-        return _LIGHT[text], {}, ""
+    if light_of(text):
+        return light_of(text), {}, ""
     if text in POLARIZER_FROM:
         return "", {}, text
     codes = {}
     if not text or "=" in text:
         pairs = _pairs(source, "polarization", value)
-        codes = {key.lower(): _LIGHT.get(item.lower(), "") for key, item in pairs.items()}
+        codes = {key.lower(): light_of(item.lower()) for key, item in pairs.items()}
     if not codes or not all(codes.values()):
         raise MeasurementError(
             f"{source}: --polarization {value} is not known; it can be s, p or unpolarized for the "

@@ -8,18 +8,16 @@ import numpy as np
 _EV_UM = 1.2398419843320026
 _THZ_UM = 299.792458  # c in um THz
 
-WAVELENGTH_UNITS = ("nm", "um", "angstrom", "eV", "cm-1", "THz", "mm", "keV")
+# what a number in the unit is
+FORM_OF = {
+    "nm": "wavelength", "um": "wavelength", "angstrom": "wavelength", "eV": "energy",
+    "cm-1": "wavenumber", "THz": "frequency", "mm": "wavelength", "keV": "energy",
+}  # fmt: skip
+WAVELENGTH_UNITS = tuple(FORM_OF)
 ANGLE_UNITS = (
-    "deg",
-    "rad",
-    "mrad",
-    "deg.arcmin",
-    "grazing-deg",
-    "grazing-rad",
-    "2theta-deg",
-    "1/angstrom",
-    "1/nm",
-)
+    "deg", "rad", "mrad", "deg.arcmin", "grazing-deg", "grazing-rad", "2theta-deg",
+    "1/angstrom", "1/nm",
+)  # fmt: skip
 Q_UNITS = ("1/angstrom", "1/nm")
 
 

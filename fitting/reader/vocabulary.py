@@ -68,6 +68,7 @@ _CONCEPTS = {
     "licht lumiere luce luz number no коэффициент",
 }
 CONCEPT = {word: concept for concept, words in _CONCEPTS.items() for word in words.split()}
+LETTERS = frozenset("spu")
 _UNPARTED = {w: c for w, c in CONCEPT.items() if not w.isascii() and len(w) > 1}
 QUANTITY_CONCEPTS = ("R", "T", "A", "psi", "delta")
 AXIS_CONCEPTS = ("wavelength", "energy", "wavenumber", "frequency")
@@ -134,6 +135,12 @@ def plain(text: str) -> str:
         "NFC", text.replace("\u00b0C", " celsius ").translate(_TRANSLATION)
     )
     return "".join(map(_letter, text))
+
+
+def light_of(word: str) -> str:
+    """Return "s", "p" or "u" of a word for one polarization, "" of any other."""
+    concept = CONCEPT.get(word, "")
+    return concept if concept in LETTERS else ""
 
 
 def unit_of(text: str) -> str | None:

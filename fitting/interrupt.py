@@ -1,0 +1,40 @@
+"""Ctrl-C ends the command, whatever it is at.
+
+Python raises KeyboardInterrupt between two steps of its own. A compilation is one step, of seconds
+on a free machine and of a minute on a busy one, and so is a compiled program; neither can be
+interrupted. The number of a signal is written to a pipe at once, though, and a thread reads it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+
+INTERRUPTED = 130
+# What KeyboardInterrupt does not end within so many seconds ends without it.
+GRACE_S = 2.0
+
+last_acts: list[Callable[[], None]] = []
+"""What is still to be done if the process ends so: temporary files are removed."""
+
+
+def end_on_interrupt() -> None:
+    """End the process ``GRACE_S`` after the first SIGINT at the latest; for the command alone."""
+    read, write = os.pipe()
+    os.set_blocking(write, False)
+    signal.set_wakeup_fd(write, warn_on_full_buffer=False)
+
+    def watch() -> None:
+        while signal.SIGINT not in os.read(read, 64):
+            pass
+        time.sleep(GRACE_S)
+        for act in last_acts:
+            with contextlib.suppress(Exception):  # nothing may keep it from its end
+                act()
+        os._exit(INTERRUPTED)
+
+    threading.Thread(target=watch, daemon=True).start()
