@@ -7,7 +7,7 @@ import warnings
 from typing import NoReturn
 
 from fitting.cli import PROGRAM, main
-from fitting.interrupt import end_on_interrupt
+from fitting.interrupt import INTERRUPTED, end_on_interrupt
 
 DEFECT, NO_MEMORY = 70, 71  # as sysexits.h numbers an internal software error and a system's
 
@@ -25,6 +25,8 @@ def _status() -> int:
     except OSError as error:  # a stream that argparse writes to
         _say(f"{PROGRAM}: {error.strerror or error}")
         return 2
+    except KeyboardInterrupt:  # before or behind what `main` hears
+        return INTERRUPTED
     except BaseException as error:
         if isinstance(error, MemoryError) or "RESOURCE_EXHAUSTED" in str(error):
             _say(f"{PROGRAM}: there is not enough memory for this many data.")

@@ -77,6 +77,10 @@ def test_a_defect_has_a_status_of_its_own_and_shows_where():
     assert done.returncode == 70 and "RuntimeError: an assumption" in done.stderr
 
 
+def test_an_interrupt_that_the_command_does_not_hear_is_no_defect():
+    assert ends("raise KeyboardInterrupt", "").returncode == 130
+
+
 @pytest.mark.parametrize("error", ["MemoryError", "RuntimeError('RESOURCE_EXHAUSTED: 9 GB')"])
 def test_too_little_memory_is_said_in_one_line(error):
     done = ends(f"raise {error}", "not enough memory")
@@ -113,9 +117,10 @@ def test_what_python_cannot_interrupt_ends_too(tmp_path):
         "def deaf():\n"
         "    with Outputs() as outputs:\n"
         "        outputs.open(sys.argv[1])\n"
-        "        print('at work', flush=True)\n"
+        "        said = False\n"
         "        while True:\n"
         "            try:\n"
+        "                said = said or print('at work', flush=True) is None\n"
         "                time.sleep(60)\n"
         "            except KeyboardInterrupt:\n"
         "                pass\n"
