@@ -52,5 +52,5 @@ def test_a_short_search_of_every_other_function(name, dtype):
     kinds = [gradient for gradient, bound in bounds.items() if bound is not None]
     for gradient in kinds:
         random = np.random.default_rng(20261122)
-        worst, place, _ = search_functions.search(entry, gradient, dtype, random, 256)
+        worst, place, _ = search_functions.search(entry, gradient, dtype, random, 128)
         assert worst <= 1.0, (gradient, place)
