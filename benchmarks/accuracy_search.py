@@ -141,7 +141,8 @@ def _rows(only: str):
     for name, entry in FUNCTIONS.items():
         for dtype in (np.float64, np.float32):
             if only in name:
-                yield name, dtype, "value"
+                if entry.bound is not None:
+                    yield name, dtype, "value"
                 if entry.gradient_bound is not None:
                     yield name, dtype, "gradient"
 

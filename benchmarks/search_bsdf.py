@@ -105,21 +105,33 @@ def _smooth(_, z, eta):
     # T by what is transmitted, not as a remainder
     t_s, t_p = 2 * m * cosine / (m * cosine + n * cos_t), 2 * m * cosine / (n * cosine + m * cos_t)
     T = n * cos_t / (m * cosine) * (t_s**2 + t_p**2) / 2
+    if R < 1e-30 or T < 1e-5:
+        return None  # a lobe that no number below 1 in float32 chooses
     spread = (m / n) ** 2
     return [
-        (R / cosine, None), (R, None), (R, None), (z, None),
-        (T * spread / cos_t, None), (T * spread, None), (T, None),
-        (-cos_t if z > 0 else cos_t, None),
+        (R / cosine, None), (R, None), (z, None), (T * spread / cos_t, None),
+        (T * spread, None), (-cos_t if z > 0 else cos_t, None), (R, None), (T, None),
     ]  # fmt: skip
 
 
+def _smooth_without_density(*point):
+    """Away from the critical angle, where the derivatives magnify the rounding of the direction."""
+    found = _smooth(*point)
+    return None if found is None or abs(found[5][0]) < 0.3 else found[:-2]
+
+
 def _our_smooth(x, z, eta):
+    return *_our_smooth_without_density(x, z, eta), *(
+        bsdf.Dielectric(eta).sample(jnp.stack([x, 0.0 * x, z]), u_lobe, (0.5, 0.5)).density
+        for u_lobe in (0.0, 1.0 - 2.0**-20)
+    )
+
+
+def _our_smooth_without_density(x, z, eta):
     model, wo, out = bsdf.Dielectric(eta), jnp.stack([x, 0.0 * x, z]), []
-    for u_lobe, probability in ((0.0, 0), (1.0 - 2.0**-20, 1)):
-        both = model.sample(wo, u_lobe, (0.5, 0.5))
-        lobe = (bsdf.Lobes.REFLECTION, bsdf.Lobes.TRANSMISSION)[probability]
-        alone = model.sample(wo, 0.5, (0.5, 0.5), lobe)
-        out += [alone.value, alone.weight, both.density, alone.direction[2]]
+    for lobe in (bsdf.Lobes.REFLECTION, bsdf.Lobes.TRANSMISSION):
+        sample = model.sample(wo, 0.5, (0.5, 0.5), lobe)
+        out += [sample.value, sample.weight, sample.direction[2]]
     return tuple(out)
 
 
@@ -153,12 +165,18 @@ def _sided(random, size, eps):
 
 SMOOTH = {
     "Dielectric.sample, smooth": Function(
-        _sided, ((-1.0, 1.0), INDEX), _our_smooth, _smooth, 12.0, 100.0, _ray, (0,),
+        _sided, ((-1.0, 1.0), INDEX), _our_smooth, _smooth, 12.0, None, _ray, (0,),
         conditioned=True,
     ),
+    # By eta: samples hold their density fixed, and the direction is drawn, not differentiated by.
+    "gradient of Dielectric.sample": Function(
+        _sided, ((-1.0, 1.0), INDEX), _our_smooth_without_density, _smooth_without_density,
+        None, 100.0, _ray, (0, 1),
+    ),
     "ThinDielectric.powers": Function(
-        _sided, ((-1.0, 1.0), INDEX), lambda x, z, eta: bsdf.ThinDielectric(eta).powers(z),
-        _slab_of_no_phase, 12.0, 100.0, _ray, (0,),
+        # The gradient's bound grows as (1 / eta)^2, as that of `powers`.
+        _sided, ((-1.0, 1.0), (0.1, 1e2)), lambda x, z, eta: bsdf.ThinDielectric(eta).powers(z),
+        _slab_of_no_phase, 12.0, 500.0, _ray, (0,),
     ),
     "Reflector.sample, smooth metal": Function(
         lambda *a: boundary(*a)[:3], BOUNDARY[:3], _our_mirror_of_metal, _mirror, 12.0, 100.0,

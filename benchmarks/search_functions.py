@@ -31,7 +31,7 @@ class Function(NamedTuple):
     limits: tuple[tuple[float, float], ...]  # of each column, for the climb
     function: Callable  # scalars -> tuple of scalars
     truth: Callable[..., list | None]
-    bound: float  # eps
+    bound: float | None  # eps; None: another entry has the values
     gradient_bound: float | None = None  # eps; None: the function has no derivative of interest
     arguments: Callable = lambda *columns: (
         columns

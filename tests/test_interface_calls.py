@@ -1,5 +1,7 @@
 """How the interface is called: broadcasting, dtypes, transformations, singular points, errors."""
 
+import functools
+
 import adversarial
 import jax
 import jax.numpy as jnp
@@ -81,17 +83,19 @@ def test_programs_for_simpler_scenes_agree(structure):
         np.testing.assert_allclose(np.asarray(one), np.asarray(other), rtol=1e-13, atol=1e-29)
 
 
+@functools.partial(jax.jit, static_argnums=0)
+def hessians(power, *points):
+    """Compiled once for all sets of points, which have one shape."""
+    gradient = jax.grad(lambda *x: powers(*x)[power], argnums=(0, 1, 2, 3))
+    return tuple(jax.vmap(f(gradient, argnums=(0, 1)))(*points) for f in (jax.jacfwd, jax.jacrev))
+
+
 @pytest.mark.parametrize("name", ["metal", "two media", "grazing"])
 @pytest.mark.parametrize("power", [0, 1, 2, 3])
 def test_second_derivatives(name, power):
     """Forward and reverse over reverse, against numerical derivatives in 100 digits."""
     points = [x[:4] for x in adversarial.hard_sets(np.float64)[name]]
-    forward_over_reverse = jax.vmap(
-        jax.jacfwd(jax.grad(lambda *x: powers(*x)[power], argnums=(0, 1, 2, 3)), argnums=(0, 1))
-    )(*points)
-    reverse_over_reverse = jax.vmap(
-        jax.jacrev(jax.grad(lambda *x: powers(*x)[power], argnums=(0, 1, 2, 3)), argnums=(0, 1))
-    )(*points)
+    forward_over_reverse, reverse_over_reverse = hessians(power, *points)
     mp.mp.dps = oracle.DIGITS
     step = mp.mpf(10) ** -30
     for i, point in enumerate(zip(*points, strict=True)):
