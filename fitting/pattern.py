@@ -50,15 +50,6 @@ class Pattern(NamedTuple):
     alike: int = 0
     pairs: int = 0
 
-    @property
-    def variance_factor(self) -> float:
-        """By how much the variances of the parameters are larger than those of white noise.
-
-        (1 + rho) / (1 - rho), as for the mean of a first-order autoregressive series.
-        """
-        rho = min(max(self.correlation, 0.0), 0.95)
-        return (1.0 + rho) / (1.0 - rho)
-
 
 class Pooled(NamedTuple):
     """A residual that many wavelengths share at one angle: the largest, in standard errors."""

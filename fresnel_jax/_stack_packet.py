@@ -142,7 +142,19 @@ def packet(
     if roughness is not None:
         one = (jnp.ones_like(front.n), None if k is None else jnp.zeros_like(front.n))
         fields = rough(fields, roughness[0], (front.q, one), below)
-    return _packet(fields, front, far, q_far, losses, shape)
+    whole = _packet(fields, front, far, q_far, losses, shape)
+    if roughness is not None:
+        return whole
+    lossless = True if k is None else (k == 0.0).all(axis=0)
+    return whole._replace(R=_all_of_it(whole.R, lossless & (q_far[0] == 0.0) & (q_far[1] > 0.0)))
+
+
+def _all_of_it(R: list[Array], total: Array) -> list[Array]:
+    """R where nothing absorbs and nothing leaves: exactly 1, with the derivatives that it has.
+
+    The fields of a stack at grazing incidence know it to 101 eps.
+    """
+    return [jnp.where(total, r + lax.stop_gradient(1.0 - r), r) for r in R]
 
 
 def _packet(fields, front, far, q_far, losses, shape):

@@ -89,6 +89,26 @@ def test_transmittance_is_the_same_from_both_sides():
         np.testing.assert_allclose(a, b, rtol=1e-12)
 
 
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_total_reflection_without_absorption_is_exactly_one(dtype):
+    """R_p was 101 eps off (cosine .0027); a little absorption takes of it what it did."""
+    index = np.array([3.80, 4.70, 0.118, 1.5], dtype)
+    thickness = np.array([0.3, 0.4], dtype)
+
+    def reflected(k):
+        media = index + 1j * k * np.array([0.0, 1.0, 0.0, 0.0], dtype)
+        return stack(dtype(0.0027), media, thickness, dtype(0.5)).R_p
+
+    value, slope = jax.jit(jax.value_and_grad(reflected))(dtype(0.0))
+    assert value == 1.0 and value.dtype == dtype
+    # the loss of the next larger k, from another program path: A = -dR
+    small = dtype(1e-4)
+    lost = stack(
+        dtype(0.0027), index + 1j * small * np.array([0, 1, 0, 0], dtype), thickness, dtype(0.5)
+    ).A_p.sum()
+    assert slope == pytest.approx(-float(lost) / float(small), rel=2e-3)
+
+
 def test_films_are_a_fresnel_term():
     model = FresnelStack([1.0, 1.46, 3.9 + 0.02j], [0.1], 0.55)
     np.testing.assert_array_equal(model(0.7), stack(0.7, [1.0, 1.46, 3.9 + 0.02j], [0.1], 0.55).R)
