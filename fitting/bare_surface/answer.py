@@ -93,11 +93,15 @@ def _of_many_the_lossless(
         return e
     x = s.x[rows]
     ends = Lanes(np.arange(len(rows)), x, np.full_like(x, W_MIN), np.ones_like(x))
-    alike = evaluate(data.take(rows), ends).cost <= s.cost[rows] + ALIKE_MEMBERS * scatter[rows]
-    eta, k = e.eta.copy(), e.k.copy()
+    part = data.take(rows)
+    there = evaluate(part, ends)
+    alike = there.cost <= s.cost[rows] + ALIKE_MEMBERS * scatter[rows]
+    known = estimate(part, there, stated=True, absolute=True, sin_max=np.zeros(len(rows)))
+    eta, k, information = e.eta.copy(), e.k.copy(), e.information.copy()
     eta[rows[alike]] = data.eta_i * np.exp(xi_of(x[alike]))
     k[rows[alike]] = 0.0
-    return e._replace(eta=eta, k=k)
+    information[rows[alike]] = known.information[alike]
+    return e._replace(eta=eta, k=k, information=information)
 
 
 def _codes(
