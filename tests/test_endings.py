@@ -109,10 +109,13 @@ def test_a_standard_error_whose_square_is_no_number_is_refused():
         Measurement.from_columns([45.0], R_s=[0.5], sigma=2e-160)
 
 
-@pytest.mark.skipif(
+where_SIGINT_is_heard = pytest.mark.skipif(
     signal.getsignal(signal.SIGINT) == signal.SIG_IGN,
     reason="SIGINT is ignored here, as of a job in the background, and so by what a test starts",
 )
+
+
+@where_SIGINT_is_heard
 def test_what_python_cannot_interrupt_ends_too(tmp_path):
     """A compilation hears no signal, for a minute on a busy machine."""
     code = (
@@ -143,10 +146,7 @@ def test_what_python_cannot_interrupt_ends_too(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.skipif(
-    signal.getsignal(signal.SIGINT) == signal.SIG_IGN,
-    reason="SIGINT is ignored here, as of a job in the background, and so by what a test starts",
-)
+@where_SIGINT_is_heard
 def test_interrupted_in_a_long_fit_it_ends_at_once(tmp_path):
     angles, waves = np.meshgrid(np.arange(20.0, 80.0, 4.0), np.linspace(0.4, 0.8, 20_000))
     data = "\n".join(f"{a},{w:.6f},0.5" for a, w in zip(angles.ravel(), waves.ravel(), strict=True))

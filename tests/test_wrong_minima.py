@@ -95,6 +95,13 @@ def test_curves_of_a_batch_start_as_they_would_alone():
         assert found.eta[i] == pytest.approx(one.eta, rel=1e-6)
 
 
+def of_a_strong_reflector(low, noise, stated):
+    """The angles and 300 curves of R_s of .06 + 3.6 i, and their fit."""
+    angles = np.linspace(low, 85.0, 40)
+    data = of(angles, np.full(300, 0.06), np.full(300, 3.6), noise, "R_s")
+    return angles, data, fit_many(angles, **data, sigma=noise if stated else None)
+
+
 def reflectance_of(eta, k):
     return ((eta - 1.0) ** 2 + k**2) / ((eta + 1.0) ** 2 + k**2)
 
@@ -103,9 +110,7 @@ def reflectance_of(eta, k):
 @pytest.mark.parametrize("stated", [False, True])
 def test_a_metal_by_R_s_alone_names_its_circle(low, stated):
     """.06 + 3.6 i, noise .01: a fifth to a half converged on total reflection, .76 +- .004."""
-    angles = np.linspace(low, 85.0, 40)
-    data = of(angles, np.full(300, 0.06), np.full(300, 3.6), 0.01, "R_s")
-    found = fit_many(angles, **data, sigma=0.01 if stated else None)
+    angles, data, found = of_a_strong_reflector(low, 0.01, stated)
     assert (found.status == "undetermined").all()
     shown = np.isfinite(found.eta)
     (circle,) = (f for f in found.findings if f.code == "circle")
@@ -122,15 +127,15 @@ def test_a_metal_by_R_s_alone_names_its_circle(low, stated):
 @pytest.mark.parametrize("low", [1.0, 50.0])
 @pytest.mark.parametrize("stated", [False, True])
 def test_where_a_perfect_mirror_fits_there_is_only_a_bound(low, stated):
-    angles = np.linspace(low, 85.0, 40)
-    data = of(angles, np.full(300, 0.06), np.full(300, 3.6), 0.05, "R_s")
-    found = fit_many(angles, **data, sigma=0.05 if stated else None)
+    *_, found = of_a_strong_reflector(low, 0.05, stated)
     assert (found.status == "undetermined").all()
     mirrors = np.isnan(found.eta)
     assert mirrors.mean() > 0.9
     least = bounds_of(found)[mirrors]
     # 95 % are due where 1 / |N|^2 is nothing; here it is .08
-    assert (least <= reflectance_of(0.06, 3.6)).mean() > 0.9
+    true = reflectance_of(0.06, 3.6)
+    assert (least <= true).mean() > 0.9
+    assert true - least.mean() < 0.05  # five times that of noise .01
     assert "at least 0.9" in found[int(np.flatnonzero(mirrors)[0])].warnings[0].text
 
 

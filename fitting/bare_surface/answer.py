@@ -21,7 +21,7 @@ from fitting import result
 from fitting.bare_surface import thresholds as limit
 from fitting.bare_surface.arrange import Arranged
 from fitting.bare_surface.batch import Data, minima
-from fitting.bare_surface.coordinates import W_MIN, coordinates_of, xi_of
+from fitting.bare_surface.coordinates import W_MIN, coordinates_of
 from fitting.bare_surface.engine import Solved
 from fitting.bare_surface.estimate import Estimated, estimate
 from fitting.bare_surface.mirror import allowed_rise, like_mirrors
@@ -98,7 +98,7 @@ def _of_many_the_lossless(
     alike = there.cost <= s.cost[rows] + ALIKE_MEMBERS * scatter[rows]
     known = estimate(part, there, stated=True, absolute=True, sin_max=np.zeros(len(rows)))
     eta, k, information = e.eta.copy(), e.k.copy(), e.information.copy()
-    eta[rows[alike]] = data.eta_i * np.exp(xi_of(x[alike]))
+    eta[rows[alike]] = known.eta[alike]
     k[rows[alike]] = 0.0
     information[rows[alike]] = known.information[alike]
     return e._replace(eta=eta, k=k, information=information)
