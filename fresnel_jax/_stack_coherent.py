@@ -64,6 +64,9 @@ class Medium(NamedTuple):
     per_g: Complex  # N_0^2 / N^2
 
 
+ONE: Complex = (1.0, None)  # g of s
+
+
 class Fields(NamedTuple):
     """U, W, M and the product of all f, each for s and p, in units of a power of two."""
 
@@ -189,27 +192,31 @@ def rescaled(fields: Fields) -> tuple[Fields, tuple[Array, Array]]:
     return Fields(*((scaled(s, z_s), scaled(p, z_p)) for z_s, z_p in fields)), (s, p)
 
 
-def through_layer(fields: Fields, here: Medium, layer: Wave, front: Ambient) -> Fields:
+def crossed(u: Pair, w: Pair, layer: Wave, g: Complex, per_g: Complex) -> tuple[Pair, Pair]:
+    """The fields (U, W) at the other side of a layer; g and 1 / g are 1 for s."""
+    over_q, q_sine = times(g, layer.sine_over_q), times(per_g, layer.q_sine)
+    return plus(times(layer.cosine, u), times(over_q, w)), plus(
+        times(layer.cosine, w), times(q_sine, u)
+    )
+
+
+def through_layer(
+    fields: Fields, here: Medium, layer: Wave, front: Ambient, h: tuple[Pair, Pair]
+) -> Fields:
     """The fields at the near side of a layer from those at its far side."""
-    h_s, h_p = mismatches(here, front, layer.q)
-    sigma, out = layer.sine_over_q, []
-    for polarization, h in enumerate((h_s, h_p)):
-        u, w, m, f = (z[polarization] for z in fields)
-        g_sigma, sine, q_over_g = sigma, layer.q_sine, layer.q
-        if polarization == 1:
-            g_sigma, sine = times(here.g, sigma), times(here.per_g, sine)
-            q_over_g = times(here.per_g, layer.q)
-        u_new = plus(times(layer.cosine, u), times(g_sigma, w))
-        w_new = plus(times(layer.cosine, w), times(sine, u))
-        q0 = (front.q[0], jnp.zeros_like(front.q[0]) if front.q[1] is None else front.q[1])
+    q0 = (front.q[0], jnp.zeros_like(front.q[0]) if front.q[1] is None else front.q[1])
+    out = []
+    for p, (g, per_g) in enumerate(((ONE, ONE), (here.g, here.per_g))):
+        u, w, m, f = (z[p] for z in fields)
+        u_new, w_new = crossed(u, w, layer, g, per_g)
         m_new = _deviation(
             layer.near_critical,
             u,
             w,
             m,
-            q_over_g,
+            times(per_g, layer.q),
             layer.round_trip,
-            times(sigma, h),
+            times(layer.sine_over_q, h[p]),
             u_new,
             w_new,
             q0,
@@ -234,12 +241,11 @@ def _outgoing_root_jvp(primals, tangents):
     return q, scaled(0.5, times(inverse(q), dq2))
 
 
-def far_fields(here: Medium, front: Ambient) -> tuple[Pair, Fields]:
-    """Q of the far half-space, and the fields of the wave that leaves through it."""
-    q = outgoing_root(*normal_squared(here, front))
+def far_fields(here: Medium, front: Ambient, q: Pair) -> Fields:
+    """The fields of the wave that leaves through the far half-space, with its Q."""
     h_s, h_p = mismatches(here, front, q)
     one = (jnp.ones_like(q[0]), jnp.zeros_like(q[0]))
-    return q, Fields(
+    return Fields(
         u=(one, one),
         w=(q, times(here.per_g, q)),
         m=(h_s, times(here.per_g, h_p)),

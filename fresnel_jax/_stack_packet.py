@@ -3,42 +3,27 @@
 Media and layers come with their leading axis; the result has the broadcast shape.
 """
 
-import functools
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array
 
-from ._arithmetic import (
-    Complex,
-    conjugate_times,
-    one_if_zero,
-    reciprocal_or_zero,
-    squared_modulus,
-    times,
-)
+from ._arithmetic import Complex, reciprocal_or_zero, squared_modulus, times
 from ._double_word import DoubleWord
-from ._stack_absorption import absorbed
 from ._stack_coherent import (
     Ambient,
-    Fields,
-    far_fields,
-    inverse,
+    Medium,
     medium,
     normal_flux,
     normal_squared,
-    plus,
-    rescaled,
+    outgoing_root,
     scaled,
     square,
-    through_layer,
 )
-from ._stack_roughness import rough_boundary
-from ._stack_wave import wave
-
-_UNROLLED = 2  # up to so many layers are written out; more run through one loop
+from ._stack_derivative import solve
+from ._stack_fields import Solved, at, solve_fields
+from ._stack_wave import Pair
 
 
 class Packet(NamedTuple):
@@ -50,33 +35,6 @@ class Packet(NamedTuple):
     T: list[Array]
     absorption: tuple[Array, Array]  # leading axis: layers
     flux_in: tuple[Array, Array]
-
-
-def _at(i: Any, tree: Any) -> Any:
-    return jax.tree.map(lambda z: z[i], tree)
-
-
-@functools.partial(jax.custom_jvp, nondiff_argnums=(4,))
-def _reflected_power(u: Complex, w: Complex, m: Complex, q0: Complex, real: bool) -> Array:
-    """|M|^2 / |Q_0 U + W|^2; real: Q_0 is."""
-    return squared_modulus(m) / one_if_zero(squared_modulus(plus(times(q0, u), w)))
-
-
-@_reflected_power.defjvp
-def _reflected_power_jvp(real, primals, tangents):
-    def from_amplitude(u, w, m, q0):
-        return squared_modulus(m) / one_if_zero(squared_modulus(plus(times(q0, u), w)))
-
-    def from_absorptance(u, w, m, q0):
-        flux = conjugate_times(u, w)[0]
-        bottom = one_if_zero(squared_modulus(plus(times(q0, u), w)))
-        return 1.0 - 4.0 * q0[0] * (flux / bottom)
-
-    R, dR = jax.jvp(from_amplitude, primals, tangents)
-    if not real:
-        return R, dR
-    # In total reflection r only turns its phase: dR is what is left of a much larger dr.
-    return R, jnp.where(R > 0.5, jax.jvp(from_absorptance, primals, tangents)[1], dR)
 
 
 def packet(
@@ -93,56 +51,11 @@ def packet(
     """
     k0 = None if k is None else k[0]
     behind = medium(n[1:], None if k is None else k[1:], n[0], k0)
-    layers, far = _at(slice(-1), behind), _at(-1, behind)
-    n02 = square((front.n, front.k))
-    q_far, fields = far_fields(far, front)
-    fields = jax.tree.map(lambda z: jnp.broadcast_to(z, shape), fields)
-
-    def rough(fields: Fields, sigma: Array, above: Any, below: Any) -> Fields:
-        fields = rough_boundary(fields, sigma, above, below, front.q)
-        return jax.tree.map(lambda z: jnp.broadcast_to(z, shape), fields)
-
-    def step(carry, layer):
-        fields, below = carry
-        here, x, sigma = layer
-        re, im = normal_squared(here, front)
-        inside = wave(re, im, x, squared_modulus(front.q))
-        if sigma is not None:
-            above = (inside.q, here.g)
-            fields = rough(fields, sigma, above, below)
-            below = jax.tree.map(lambda z: jnp.broadcast_to(z, shape), above)
-        media = (here.n2, here.g, here.per_g, n02, front.transverse2)
-        ends = ((fields.u[0], fields.w[0]), (fields.u[1], fields.w[1]))
-        losses = absorbed(ends, inside, re, im, x[0], media)
-        passage2 = jnp.broadcast_to(squared_modulus(inside.passage), shape)
-        fields = through_layer(fields, here, inside, front)
-        return (fields, below), tuple((jnp.broadcast_to(z, shape), passage2) for z in losses)
-
-    def scaled_step(carry, layer):
-        fields, scales = rescaled(carry[0])
-        carry, parts = step((fields, carry[1]), layer)
-        return carry, tuple(
-            (loss, passage2 * scale * scale)
-            for (loss, passage2), scale in zip(parts, scales, strict=True)
-        )
-
-    below = jax.tree.map(lambda z: jnp.broadcast_to(z, shape), (q_far, far.g))
-    carry = (fields, None if roughness is None else below)
-    passed = (layers, x, None if roughness is None else roughness[1:])
-    count = x[0].shape[0]
-    if count <= _UNROLLED:
-        parts = []
-        for i in reversed(range(count)):
-            carry, part = step(carry, _at(i, passed))
-            parts.insert(0, part)
-        losses = jax.tree.map(lambda *z: jnp.stack(z), *parts) if parts else None
-    else:
-        carry, losses = lax.scan(scaled_step, carry, passed, reverse=True)
-    fields, below = carry
-    if roughness is not None:
-        one = (jnp.ones_like(front.n), None if k is None else jnp.zeros_like(front.n))
-        fields = rough(fields, roughness[0], (front.q, one), below)
-    whole = _packet(fields, front, far, q_far, losses, shape)
+    layers, far = at(slice(-1), behind), at(-1, behind)
+    q_far = outgoing_root(*normal_squared(far, front))
+    films = (front, layers, far, q_far, x, shape)
+    solved = solve(*films) if roughness is None else solve_fields(*films, roughness)[0]
+    whole = _packet(solved, front, far, q_far, shape)
     if roughness is not None:
         return whole
     lossless = True if k is None else (k == 0.0).all(axis=0)
@@ -157,36 +70,32 @@ def _all_of_it(R: list[Array], total: Array) -> list[Array]:
     return [jnp.where(total, r + lax.stop_gradient(1.0 - r), r) for r in R]
 
 
-def _packet(fields, front, far, q_far, losses, shape):
+def _packet(solved: Solved, front: Ambient, far: Medium, q_far: Pair, shape) -> Packet:
     n02 = square((front.n, front.k))
     flux_in = normal_flux(front.q, front.transverse2, n02)
     flux_out = normal_flux(q_far, front.transverse2, far.n2)
-    r, t, R, T, absorption = [], [], [], [], []
+    t, R, T, absorption = [], [], [], []
     for i, n2 in enumerate(((1.0, None), n02)):
-        u, w, m, f = (z[i] for z in fields)
-        bottom = plus(times(front.q, u), w)
-        per = inverse(bottom)
+        through, light = solved.through[i], solved.light[i]
         # Matched media at grazing incidence: nothing is left to reflect, and all goes through.
-        matched = squared_modulus(bottom) == 0.0
-        r.append(times(m, per))
-        through = times(f, per)
+        matched = light == 0.0
         amplitude = times(scaled(2.0, front.q), through)
         t.append((jnp.where(matched, 1.0, amplitude[0]), amplitude[1]))
-        R.append(jnp.where(matched, 0.0, _reflected_power(u, w, m, front.q, front.q[1] is None)))
+        R.append(jnp.where(matched, 0.0, solved.R[i]))
         if front.k is None and front.q[1] is None:
             # |Q_0|^2 / flux_in, without a division by a cosine of 0
             gain = 4.0 * front.q[0] * n2[0]
         else:
             gain = 4.0 * squared_modulus(front.q) * reciprocal_or_zero(flux_in[i])
         T.append(jnp.where(matched, 1.0, gain * flux_out[i] * squared_modulus(through)))
-        if losses is None:
+        if solved.losses is None:
             absorption.append(jnp.zeros((0, *shape), R[i].dtype))
             continue
-        light = jnp.broadcast_to(gain * squared_modulus(per), shape)
 
         def into_next(light, layer):
             loss, passed = layer
             return light * passed, light * loss
 
-        absorption.append(lax.scan(into_next, light, losses[i])[1])
-    return Packet(r, t, R, T, (absorption[0], absorption[1]), flux_in)
+        light = jnp.broadcast_to(gain * light, shape)
+        absorption.append(lax.scan(into_next, light, solved.losses[i])[1])
+    return Packet(list(solved.r), t, R, T, (absorption[0], absorption[1]), flux_in)

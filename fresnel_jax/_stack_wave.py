@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ._arithmetic import complex_sqrt, fast_two_sum, reciprocal_or_zero, times
+from ._boundary import computed_once
 from ._double_word import DoubleWord, root_correction, root_of_real, two_product
 
 Pair = tuple[Array, Array]  # real and imaginary part
@@ -87,7 +88,7 @@ def wave(re: DoubleWord, im: DoubleWord | None, x: DoubleWord, ambient2: Array) 
     ambient2 is |Q|^2 of the medium before the stack: it decides where `near_critical` starts.
     """
     a, b = root(re, im)
-    sine, cosine = _sine_cosine(_fraction(_turns(x, a)))
+    sine, cosine = (computed_once(z) for z in _sine_cosine(_fraction(_turns(x, a))))
     decay, depth = _decay(_turns(x, b))
     (a, _), (b, _), kappa = a, b, (2.0 * jnp.pi) * x[0]
     q2_abs = a * a + b * b
@@ -123,12 +124,18 @@ _SERIES = tuple(
 )
 
 
-def _sine_derivative_series(z: Pair) -> Pair:
-    total = (jnp.full_like(z[0], _SERIES[-1]), jnp.zeros_like(z[0]))
-    for coefficient in _SERIES[-2::-1]:
+def polynomial(coefficients: tuple[float, ...], z: Pair) -> Pair:
+    """The sum of coefficients[i] z^i."""
+    total = (jnp.full_like(z[0], coefficients[-1]), jnp.zeros_like(z[0]))
+    for coefficient in coefficients[-2::-1]:
         re, im = times(total, z)
         total = (re + coefficient, im)
     return total
+
+
+def sine_derivative_series(z: Pair) -> Pair:
+    """(cos(x) - sin(x) / x) / x^2 for a small x^2 = z."""
+    return polynomial(_SERIES, z)
 
 
 def _scaled(scale: Array, z: Pair) -> Pair:
@@ -171,7 +178,7 @@ def _wave_jvp(primals, tangents):
     d_cosine_near = _minus_i_times(times(out.sine_over_q, d_delta_q))
     z = _scaled(kappa * kappa, q2)
     outside = jnp.where(near, 1.0, 0.0)
-    series = _sine_derivative_series(_scaled(outside, z))
+    series = sine_derivative_series(_scaled(outside, z))
     slope = _scaled(half_kappa * (kappa * kappa) * outside, times(series, out.passage))
     d_sine_near = _minus_i_times(_plus(_scaled(d_kappa, out.cosine), times(slope, dq2)))
     d_sine_far = _scaled(

@@ -1,0 +1,140 @@
+"""One pass through coherent films, from the far side to the front: their fields and amplitudes."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array
+
+from ._arithmetic import Complex, one_if_zero, squared_modulus, times
+from ._double_word import DoubleWord
+from ._stack_absorption import absorbed
+from ._stack_coherent import (
+    ONE,
+    Ambient,
+    Fields,
+    Medium,
+    far_fields,
+    inverse,
+    minus,
+    mismatches,
+    normal_squared,
+    plus,
+    rescaled,
+    scaled,
+    square,
+    through_layer,
+)
+from ._stack_roughness import rough_boundary
+from ._stack_wave import Pair, Wave, wave
+
+_UNROLLED = 2  # up to so many layers are written out; more run through one loop
+
+
+class Solved(NamedTuple):
+    """What the films do to a wave of unit amplitude, each for s and p."""
+
+    r: tuple[Pair, Pair]
+    through: tuple[Pair, Pair]  # F / (Q_0 U + W)
+    R: tuple[Array, Array]
+    light: tuple[Array, Array]  # 1 / |Q_0 U + W|^2
+    losses: Any  # in each layer, in units of the light that comes to it, and what passes it
+
+
+class Inside(NamedTuple):
+    """The wave in each layer and the fields at its far side, for s and p; leading axis: layers."""
+
+    wave: Wave
+    u: tuple[Pair, Pair]
+    down: tuple[Pair, Pair]  # (Q / g) U - W, what comes back from what lies behind
+    scale: tuple[Array, Array]  # one over the size in whose units the fields behind were
+
+
+class Ends(NamedTuple):
+    """Fields at the front of the films, for s and p."""
+
+    u: tuple[Pair, Pair]
+    w: tuple[Pair, Pair]
+
+
+def at(i: Any, tree: Any) -> Any:
+    """The entries i of the leading axis of every array of a tree."""
+    return jax.tree.map(lambda z: z[i], tree)
+
+
+def over_layers(step: Any, carry: Any, layers: Any, count: int, reverse: bool) -> tuple[Any, Any]:
+    """`lax.scan` over the layers, written out for few of them."""
+    if count > _UNROLLED:
+        return lax.scan(step, carry, layers, reverse=reverse)
+    parts: list[Any] = [None] * count
+    for i in reversed(range(count)) if reverse else range(count):
+        carry, parts[i] = step(carry, at(i, layers))
+    return carry, jax.tree.map(lambda *z: jnp.stack(z), *parts) if parts else None
+
+
+def solve_fields(
+    front: Ambient,
+    layers: Medium,
+    far: Medium,
+    q_far: Pair,
+    x: DoubleWord,
+    shape: tuple[int, ...],
+    roughness: Array | None = None,
+) -> tuple[Solved, Inside | None, Ends]:
+    """The films between `front` and `far`; x is thickness / wavelength of the layers."""
+
+    def whole(tree):
+        return jax.tree.map(lambda z: jnp.broadcast_to(z, shape), tree)
+
+    n02 = square((front.n, front.k))
+    count = x[0].shape[0]
+
+    def step(carry, layer):
+        fields, below = carry
+        here, x, sigma = layer
+        scale = (jnp.ones(shape, front.n.dtype),) * 2
+        if count > _UNROLLED:
+            fields, scale = rescaled(fields)
+        re, im = normal_squared(here, front)
+        inside = wave(re, im, x, squared_modulus(front.q))
+        if sigma is not None:
+            above = (inside.q, here.g)
+            fields = whole(rough_boundary(fields, sigma, above, below, front.q))
+            below = whole(above)
+        media = (here.n2, here.g, here.per_g, n02, front.transverse2)
+        ends = ((fields.u[0], fields.w[0]), (fields.u[1], fields.w[1]))
+        losses = absorbed(ends, inside, re, im, x[0], media)
+        passage2 = squared_modulus(inside.passage)
+        losses = tuple(
+            whole((loss, passage2 * z * z)) for loss, z in zip(losses, scale, strict=True)
+        )
+        h = mismatches(here, front, inside.q)
+        down = tuple(
+            minus(m, times(times(per_g, z), u))
+            for m, per_g, z, u in zip(fields.m, (ONE, here.per_g), h, fields.u, strict=True)
+        )
+        seen = Inside(whole(inside), fields.u, whole(down), scale)
+        return (whole(through_layer(fields, here, inside, front, h)), below), (losses, seen)
+
+    fields = whole(far_fields(far, front, q_far))
+    below = None if roughness is None else whole((q_far, far.g))
+    passed = (layers, x, None if roughness is None else roughness[1:])
+    (fields, below), seen = over_layers(step, (fields, below), passed, count, reverse=True)
+    if roughness is not None:
+        one = (jnp.ones_like(front.n), None if front.k is None else jnp.zeros_like(front.n))
+        fields = whole(rough_boundary(fields, roughness[0], (front.q, one), below, front.q))
+    return _amplitudes(fields, front, None if seen is None else seen[0]), *(
+        (None if seen is None else seen[1]), Ends(fields.u, fields.w)
+    )
+
+
+def _amplitudes(fields: Fields, front: Ambient, losses: Any) -> Solved:
+    parts = []
+    for u, w, m, f in zip(*fields, strict=True):
+        bottom = plus(times(front.q, u), w)
+        per, size = inverse(bottom), squared_modulus(bottom)
+        # R is a quotient of its own: in total reflection it stays within an eps of 1.
+        R = squared_modulus(m) / one_if_zero(size)
+        parts.append((times(m, per), times(f, per), R, squared_modulus(per)))
+    return Solved(*zip(*parts, strict=True), losses)
