@@ -27,6 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ._arithmetic import Complex, conjugate_times, squared_modulus, times
+from ._boundary import computed_once
 from ._double_word import DoubleWord
 from ._stack_coherent import (
     ONE,
@@ -143,7 +144,8 @@ def _from_the_front(front: Ambient, media: Medium, inside: Inside | None, shape,
         for p, (g, per_g) in enumerate(((ONE, ONE), (here.g, here.per_g))):
             a, b, f = carry[p]
             b, a = crossed(b, a, wave, g, per_g)
-            out.append(tuple(scaled(scales[p], z) for z in (a, b, times(f, wave.passage))))
+            moved = tuple(scaled(scales[p], z) for z in (a, b, times(f, wave.passage)))
+            out.append(jax.tree.map(computed_once, moved))
         return tuple(out), carry
 
     start = ((q0, (one, zero), (one, zero)),) * 2
@@ -197,6 +199,7 @@ def _solve_jvp(shape, primals, tangents):
             of_r = _of_r(layer, times(front.q, times(f_per, f_per)))
             of_through = _of_through(layer, a, b, per)
             for change, total in ((of_r, 0), (of_through, 1)):
+                change = jax.tree.map(computed_once, change)
                 terms = plus(times(change.q2, d_q2), times(change.depth, d_kappa))
                 if p == 1:
                     terms = plus(terms, times(change.g, d_layers.g))

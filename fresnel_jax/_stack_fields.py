@@ -8,6 +8,7 @@ from jax import lax
 from jaxtyping import Array
 
 from ._arithmetic import Complex, one_if_zero, squared_modulus, times
+from ._boundary import computed_once
 from ._double_word import DoubleWord
 from ._stack_absorption import absorbed
 from ._stack_coherent import (
@@ -96,7 +97,7 @@ def solve_fields(
         scale = (jnp.ones(shape, front.n.dtype),) * 2
         if count > _UNROLLED:
             fields, scale = rescaled(fields)
-        re, im = normal_squared(here, front)
+        re, im = jax.tree.map(computed_once, normal_squared(here, front))
         inside = wave(re, im, x, squared_modulus(front.q))
         if sigma is not None:
             above = (inside.q, here.g)
@@ -115,7 +116,10 @@ def solve_fields(
             for m, per_g, z, u in zip(fields.m, (ONE, here.per_g), h, fields.u, strict=True)
         )
         seen = Inside(whole(inside), fields.u, whole(down), scale)
-        return (whole(through_layer(fields, here, inside, front, h)), below), (losses, seen)
+        fields = through_layer(fields, here, inside, front, h)
+        if count <= _UNROLLED:  # else they stand in memory as the carry of the loop
+            fields = jax.tree.map(computed_once, fields)
+        return (whole(fields), below), (losses, seen)
 
     fields = whole(far_fields(far, front, q_far))
     below = None if roughness is None else whole((q_far, far.g))

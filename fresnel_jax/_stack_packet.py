@@ -5,11 +5,13 @@ Media and layers come with their leading axis; the result has the broadcast shap
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array
 
 from ._arithmetic import Complex, reciprocal_or_zero, squared_modulus, times
+from ._boundary import computed_once
 from ._double_word import DoubleWord
 from ._stack_coherent import (
     Ambient,
@@ -51,6 +53,8 @@ def packet(
     """
     k0 = None if k is None else k[0]
     behind = medium(n[1:], None if k is None else k[1:], n[0], k0)
+    # Without a division the compiler writes these sums anew into each of some thirty loops.
+    front, behind, x = jax.tree.map(computed_once, (front, behind, x))
     layers, far = at(slice(-1), behind), at(-1, behind)
     q_far = outgoing_root(*normal_squared(far, front))
     films = (front, layers, far, q_far, x, shape)

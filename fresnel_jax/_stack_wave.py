@@ -102,14 +102,18 @@ def wave(re: DoubleWord, im: DoubleWord | None, x: DoubleWord, ambient2: Array) 
     over_q = times(rest, (0.5 * a * per_q2, -0.5 * b * per_q2))
     critical = q2_abs == 0.0
     sine_over_q = (jnp.where(critical, 0.0, over_q[0]), jnp.where(critical, -kappa, over_q[1]))
+    # Some ten loops read these; without a division each would compute them again.
+    q, round_trip, sine_over_q, passage = jax.tree.map(
+        computed_once, ((a, b), round_trip, sine_over_q, (decay * cosine, decay * sine))
+    )
     shapes = [z.shape for z in (a, kappa, ambient2)]
     out = Wave(
-        q=(a, b),
+        q=q,
         round_trip=round_trip,
-        cosine=(1.0 - 0.5 * rest[0], -0.5 * rest[1]),
+        cosine=(0.5 * (1.0 + round_trip[0]), 0.5 * round_trip[1]),
         sine_over_q=sine_over_q,
-        q_sine=times((0.5 * a, 0.5 * b), rest),
-        passage=(decay * cosine, decay * sine),
+        q_sine=times(times(q, q), sine_over_q),
+        passage=passage,
         sine2=0.5 * (intensity * twice_sine2),
         near_critical=(4.0 * q2_abs < ambient2) & (kappa * kappa * q2_abs < 0.25),
     )
