@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array
 
-from ._arithmetic import Complex, one_if_zero, squared_modulus, times
+from ._arithmetic import conjugate_times, one_if_zero, squared_modulus, times
 from ._boundary import computed_once
 from ._double_word import DoubleWord
 from ._stack_absorption import absorbed
@@ -28,7 +28,7 @@ from ._stack_coherent import (
     through_layer,
 )
 from ._stack_roughness import rough_boundary
-from ._stack_wave import Pair, Wave, wave
+from ._stack_wave import Pair, Wave, choose, wave
 
 _UNROLLED = 2  # up to so many layers are written out; more run through one loop
 
@@ -136,9 +136,14 @@ def solve_fields(
 def _amplitudes(fields: Fields, front: Ambient, losses: Any) -> Solved:
     parts = []
     for u, w, m, f in zip(*fields, strict=True):
-        bottom = plus(times(front.q, u), w)
-        per, size = inverse(bottom), squared_modulus(bottom)
-        # R is a quotient of its own: in total reflection it stays within an eps of 1.
-        R = squared_modulus(m) / one_if_zero(size)
-        parts.append((times(m, per), times(f, per), R, squared_modulus(per)))
+        q0_u = times(front.q, u)
+        bottom = plus(q0_u, w)
+        per, size = inverse(bottom), one_if_zero(squared_modulus(bottom))
+        # Next to |r| = 1 the errors of Q_0 U - W are those of the bottom, and cancel; those of M do
+        # not: R of a guided mode at grazing incidence (cosine 1e-6) was off by 590 eps.
+        strong = squared_modulus(m) > 0.5 * size
+        r = times(choose(strong, minus(q0_u, w), m), per)
+        weak = squared_modulus(m) / size
+        R = jnp.where(weak > 0.5, 1.0 - 4.0 * (conjugate_times(q0_u, w)[0] / size), weak)
+        parts.append((r, times(f, per), R, squared_modulus(per)))
     return Solved(*zip(*parts, strict=True), losses)
