@@ -3,7 +3,6 @@
 Media and layers come with their leading axis; the result has the broadcast shape.
 """
 
-import functools
 from typing import Any, NamedTuple
 
 import jax
@@ -27,6 +26,7 @@ from ._stack_coherent import (
     far_fields,
     inverse,
     medium,
+    minus,
     normal_flux,
     normal_squared,
     plus,
@@ -36,7 +36,7 @@ from ._stack_coherent import (
     through_layer,
 )
 from ._stack_roughness import rough_boundary
-from ._stack_wave import wave
+from ._stack_wave import choose, wave
 
 _UNROLLED = 2  # up to so many layers are written out; more run through one loop
 
@@ -56,27 +56,39 @@ def _at(i: Any, tree: Any) -> Any:
     return jax.tree.map(lambda z: z[i], tree)
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(4,))
-def _reflected_power(u: Complex, w: Complex, m: Complex, q0: Complex, real: bool) -> Array:
-    """|M|^2 / |Q_0 U + W|^2; real: Q_0 is."""
-    return squared_modulus(m) / one_if_zero(squared_modulus(plus(times(q0, u), w)))
+@jax.custom_jvp
+def _reflected_amplitude(u: Complex, w: Complex, m: Complex, q0: Complex) -> Complex:
+    """r = M / B, B = Q_0 U + W; and M = Q_0 U - W, where that loses nothing."""
+    q0_u = times(q0, u)
+    bottom = plus(q0_u, w)
+    strong = squared_modulus(m) > 0.5 * squared_modulus(bottom)
+    # Next to |r| = 1 the errors of Q_0 U - W are those of B, and cancel; those of M do not: R of a
+    # guided mode at grazing incidence (cosine 1e-6) was off by 590 eps.
+    return times(choose(strong, minus(q0_u, w), m), inverse(bottom))
 
 
-@_reflected_power.defjvp
-def _reflected_power_jvp(real, primals, tangents):
-    def from_amplitude(u, w, m, q0):
-        return squared_modulus(m) / one_if_zero(squared_modulus(plus(times(q0, u), w)))
+@_reflected_amplitude.defjvp
+def _reflected_amplitude_jvp(primals, tangents):
+    (u, w, m, q0), (du, dw, dm, dq0) = primals, tangents
+    q0_u = times(q0, u)
+    per, d_q0_u = inverse(plus(q0_u, w)), plus(times(dq0, u), times(q0, du))
+    r = _reflected_amplitude(*primals)
+    weak = minus(dm, times(r, plus(d_q0_u, dw)))
+    # Both terms of `weak` are near dW or Q_0 dU where |r| is near 1: at a cosine of 6e-6 their
+    # difference left an error of 4,800 eps. Without M, dr is 2 Q_0 (W dU - U dW) / B^2.
+    strong = scaled(2.0, minus(times(times(w, per), d_q0_u), times(times(q0_u, per), dw)))
+    return r, times(choose(squared_modulus(r) > 0.5, strong, weak), per)
 
-    def from_absorptance(u, w, m, q0):
-        flux = conjugate_times(u, w)[0]
-        bottom = one_if_zero(squared_modulus(plus(times(q0, u), w)))
-        return 1.0 - 4.0 * q0[0] * (flux / bottom)
 
-    R, dR = jax.jvp(from_amplitude, primals, tangents)
-    if not real:
-        return R, dR
-    # In total reflection r only turns its phase: dR is what is left of a much larger dr.
-    return R, jnp.where(R > 0.5, jax.jvp(from_absorptance, primals, tangents)[1], dR)
+def _reflected_power(u: Complex, w: Complex, m: Complex, q0: Complex) -> Array:
+    """|M|^2 / |B|^2, and 1 - 4 Re(conj(Q_0 U) W) / |B|^2 where most is reflected.
+
+    In total reflection r only turns its phase: dR is what is left of a much larger dr.
+    """
+    q0_u = times(q0, u)
+    bottom = one_if_zero(squared_modulus(plus(q0_u, w)))
+    R = squared_modulus(m) / bottom
+    return jnp.where(R > 0.5, 1.0 - 4.0 * (conjugate_times(q0_u, w)[0] / bottom), R)
 
 
 def packet(
@@ -168,11 +180,11 @@ def _packet(fields, front, far, q_far, losses, shape):
         per = inverse(bottom)
         # Matched media at grazing incidence: nothing is left to reflect, and all goes through.
         matched = squared_modulus(bottom) == 0.0
-        r.append(times(m, per))
+        r.append(_reflected_amplitude(u, w, m, front.q))
         through = times(f, per)
         amplitude = times(scaled(2.0, front.q), through)
         t.append((jnp.where(matched, 1.0, amplitude[0]), amplitude[1]))
-        R.append(jnp.where(matched, 0.0, _reflected_power(u, w, m, front.q, front.q[1] is None)))
+        R.append(jnp.where(matched, 0.0, _reflected_power(u, w, m, front.q)))
         if front.k is None and front.q[1] is None:
             # |Q_0|^2 / flux_in, without a division by a cosine of 0
             gain = 4.0 * front.q[0] * n2[0]

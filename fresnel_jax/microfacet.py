@@ -166,7 +166,8 @@ def half_vector_jacobian(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Array:
     surface. Exchange wo and wi for the density of wo with wi fixed.
 
     Arguments as for `half_vector`. Shape (...); the error is that of m; 0 across the surface at
-    eta = 1, where there is no density.
+    eta = 1, where there is no density. Across the surface wo . m and wi . m differ in sign; a pair
+    of one sign is connected by no facet, and what is given back for it has no meaning.
     Source: Walter et al. 2007, doi:10.2312/EGWR/EGSR07/195-206, eq. 14 and 17.
     """
     o, i, eta = components(wo, "wo"), components(wi, "wi"), as_float(eta)
