@@ -49,9 +49,10 @@ def _mirror_facets(*v):
     h = [x + y for x, y in zip(o, i, strict=True)]
     length = gmpy2.sqrt(sum(x * x for x in h))
     h = [x / length * (1 if o[2] > 0 else -1) for x in h]
-    D, G = D(*h, a, b)[0][0], G(*v)[0][0]
+    facets, visible = D(*h, a, b)[0][0], G(*v)[0][0]
     G1 = 2 * abs(o[2]) / (abs(o[2]) + stretched(o, a, b))
-    value, density = D * G / (4 * abs(o[2] * i[2])), G1 * D / (4 * abs(o[2]))
+    value = facets * visible / (4 * abs(o[2] * i[2]))
+    density = G1 * facets / (4 * abs(o[2]))
     # D falls by its fourth power of 1 / alpha where rounding turns the half vector
     steep = (
         1 + 4 * sum(abs(x) * abs(y) for x, y in zip(h[:2], (1 / a, 1 / b), strict=True)) / length

@@ -42,7 +42,7 @@ class Function(NamedTuple):
     shared: bool = False  # the results' gradients are measured by the largest of their norms
     # by what a relative change of one eps in each argument does to the truth, where it is larger
     conditioned: bool = False
-    # pairs (result, other): the sensitivity of the other's gradient counts for the result's, too
+    # pairs (result, other): what such a change does to the other counts for the result, too
     coupled: tuple[tuple[int, int], ...] = ()
 
 
@@ -108,6 +108,8 @@ def errors(entry: Function, gradient: bool, columns, dtype) -> np.ndarray:
             if not gradient:
                 if entry.conditioned:
                     norms = _gradients(entry, exact, np.zeros((len(true), len(exact))))[1]
+                    for result, other in entry.coupled:
+                        norms[result] = max(norms[result], norms[other])
                     scales = [max(pair) for pair in zip(scales, norms, strict=True)]
                 found = [
                     abs(gmpy2.mpc(complex(x)) - v) / s
@@ -123,7 +125,9 @@ def errors(entry: Function, gradient: bool, columns, dtype) -> np.ndarray:
                     pairs = zip(norms, scales, true, strict=True)
                     norms = [n * s / abs(v) if v else n for n, s, (v, _) in pairs]
                 measured = [max(pair) for pair in zip(scales, norms, strict=True)]
-                if entry.conditioned and max(map(truediv, distances, measured)) > eps:
+                # The second derivatives cost as much as twenty points: only where they decide.
+                worse = max(map(truediv, distances, measured)) > 0.9 * entry.gradient_bound * eps
+                if entry.conditioned and worse:
                     sensitive = _sensitivities(entry, exact, len(true))
                     for result, other in entry.coupled:
                         sensitive[result] = max(sensitive[result], sensitive[other])

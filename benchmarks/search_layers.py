@@ -119,11 +119,11 @@ def _stack_entries(name, count):
     value = Function(
         lambda random, size, eps: _drawn(random, size, count),
         limits, _our_stack, _stack, 64.0, conditioned=True,
+        # In total reflection R hardly changes while r turns fast: R has the rounding of r.
+        coupled=((0, 4), (1, 5)),
     )  # fmt: skip
     gradient = value._replace(
         truth=_away_from_the_last_critical_angle, bound=None, gradient_bound=64.0,
-        # In lossless total reflection R is 1 and only r changes: R has its rounding.
-        coupled=((0, 4), (1, 5)),
     )  # fmt: skip
     return {f"stack of {name}": value, f"gradient of stack of {name}": gradient}
 

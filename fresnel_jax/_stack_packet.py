@@ -69,7 +69,7 @@ def _reflected_amplitude(u: Complex, w: Complex, m: Complex, q0: Complex) -> Com
 
 @_reflected_amplitude.defjvp
 def _reflected_amplitude_jvp(primals, tangents):
-    (u, w, m, q0), (du, dw, dm, dq0) = primals, tangents
+    (u, w, _, q0), (du, dw, dm, dq0) = primals, tangents
     q0_u = times(q0, u)
     per, d_q0_u = inverse(plus(q0_u, w)), plus(times(dq0, u), times(q0, du))
     r = _reflected_amplitude(*primals)

@@ -1,9 +1,12 @@
 """Guided modes at grazing incidence: where |r| is near 1 and the derivatives of R are large.
 
-A random search with a hill climb found these places: R was off by 590 eps, and its gradient, formed
-from those of Q_0 U - W and Q_0 U + W, which agree there in all but a part of Q_0, by 4,800 eps of its
-norm at the first place and by 2e8 and 7e9 at the others. What is held is 64 eps of the larger of the
-norm and of what a relative change of one eps in each argument does to the true gradient.
+A random search with a hill climb found these places. The gradient of R, formed from those of
+Q_0 U - W and Q_0 U + W, which agree there in all but a part of Q_0, was off by 4,800 eps of its
+norm at the first place, and by 2e8 and 7e9 at the next two; R itself by 5,200 eps, r by 14,000.
+What is held is 64 eps of the larger of the value, the norm of its gradient and, for gradients, of
+what a relative change of one eps in each argument does to the true one. R and its gradient have
+2,000: a mode that hardly loses anything has R next to 1, as what rounding leaves of a phase that
+turns fast (found: 680 for R and its gradient in float32).
 """
 
 import jax
@@ -71,11 +74,22 @@ def test_values_and_gradients_at_guided_modes(dtype):
                 size = abs(exact[r]) if r in (2, 3) else mp.mpf(1)
                 size = max(size, mp.norm(row))
                 off = abs(mp.mpf(float(values[i, r])) - exact[r])
-                assert off <= bound * size, (FOUND[i], r)
+                looser = 2000 / 64 if r < 2 else 1
+                assert off <= looser * bound * size, (FOUND[i], r)
                 sensitive = mp.norm(
                     [(b - a) / step for m in moved for a, b in zip(row, m[r], strict=True)]
                 )
                 for ours in gradients:
                     units = [mp.mpf(float(g)) * x for g, x in zip(ours[i, r], point, strict=True)]
                     error = mp.norm([a - b for a, b in zip(units, row, strict=True)])
-                    assert error <= bound * max(size, sensitive), (FOUND[i], r)
+                    assert error <= looser * bound * max(size, sensitive), (FOUND[i], r)
+
+
+@pytest.mark.xfail(strict=True, reason="the rounding of what an opaque film hides remains")
+def test_gradient_behind_an_opaque_film():
+    """Beside the critical angle of the last medium its Q has steep derivatives. Behind a film that
+    lets 1e-41 through they should leave nothing, but dR_p by n_2 is 1e-2 in float32."""
+    point = (0.992497, 1.73697, 0.1, 3.58488, 0.212021, 4.38319e-07, 0.6268, 0.3)
+    point = [jnp.asarray(x, jnp.float32) for x in point]
+    by_n2 = jax.jit(jax.jacfwd(results, argnums=4))(*point)
+    assert abs(by_n2[1]) <= 1e-5
