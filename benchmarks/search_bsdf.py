@@ -172,7 +172,8 @@ SMOOTH = {
     # By eta: samples hold their density fixed, and the direction is drawn, not differentiated by.
     "gradient of Dielectric.sample": Function(
         _sided, ((-1.0, 1.0), INDEX), _our_smooth_without_density, _smooth_without_density,
-        None, 100.0, _ray, (0, 1),
+        # Conditioned: a rounded direction is a unit vector to an eps, and its x^2 is not 1 - z^2.
+        None, 100.0, _ray, (0, 1), conditioned=True,
     ),
     "ThinDielectric.powers": Function(
         # The gradient's bound grows as (1 / eta)^2, as that of `powers`.
