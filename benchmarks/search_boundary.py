@@ -88,7 +88,7 @@ _DIELECTRIC = Function(
 BOUNDARY_FUNCTIONS = {
     "fresnel_dielectric": _DIELECTRIC,
     # Beside the critical angle from inside, 200 eps of the norm were found, where a relative change
-    # of one eps in each argument does 4e7 to the gradient. (`reflectance` has 50 + 100 (eta_i / n)^2.)
+    # of one eps in each does 4e7 to the gradient; `reflectance` has 50 + 100 (eta_i / n)^2.
     "gradient of fresnel_dielectric": _DIELECTRIC._replace(
         bound=None, gradient_bound=100.0, conditioned=True
     ),
