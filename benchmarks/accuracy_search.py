@@ -25,6 +25,7 @@ from .search_approximations import APPROXIMATIONS
 from .search_boundary import BOUNDARY_FUNCTIONS
 from .search_bsdf import BSDFS
 from .search_directions import DIRECTIONS
+from .search_facets import FACETS
 from .search_layers import LAYERS
 from .search_media import MEDIA
 from .search_models import MODELS
@@ -41,6 +42,7 @@ FUNCTIONS = (
     | MODELS
     | MEDIA
     | BSDFS
+    | FACETS
 )
 
 
@@ -158,6 +160,9 @@ def main(arguments=None) -> int:
     seed = np.random.SeedSequence().entropy % 10**9 if given.seed is None else given.seed
     print(f"seed {seed}; errors in eps", flush=True)
     rows, missed = list(_rows(given.only)), 0
+    if not rows:
+        known = ", ".join([*QUANTITIES, *FUNCTIONS])
+        parser.error(f"--only {given.only!r} is in no name; there are {known}")
     limited = given.minutes is not None
     end = time.monotonic() + 60.0 * given.minutes if limited else np.inf
     points = 10**9 if limited else given.points

@@ -110,8 +110,9 @@ APPROXIMATIONS = {
         approximate.lazanyi_szirmay_kalos, _lazanyi, 24.0, 100.0
     ),
     "approximate.large_index": _on_boundary(approximate.large_index, _large_index, 8.0, 50.0),
-    # T_j' grows to 2 j^2 at both ends: the derivative by the cosine has 64 times the rounding of
-    # the value, at cosine 1 (found: 1,000 eps).
+    # The slope at cosines 0 and 1 changes by 207 eps if each of the nine reflectances at the nodes
+    # does by one: the sum of |l_i'| of Lagrange's polynomials. 4,000 is 20 eps of each
+    # (found: 1,000).
     "approximate.polynomial": _on_boundary(approximate.polynomial, _polynomial, 24.0, 4000.0),
     "approximate.f82_from_reflectances": plain_entry(
         ((1e-9, 1.0), (1e-6, 1.0), (1e-6, 1.0)),

@@ -14,11 +14,11 @@ from .search_functions import Function, decades
 _ONE = gmpy2.mpfr(1)
 
 
-def _s(v, a, b):
+def stretched(v, a, b):
     return gmpy2.sqrt(v[2] ** 2 + (a * v[0]) ** 2 + (b * v[1]) ** 2)
 
 
-def _D(*v):
+def D(*v):
     m, a, b = v[:3], v[-2], v[-1]
     if m[2] <= 0:
         return None
@@ -33,10 +33,10 @@ def _D(*v):
 def _masking(*v):
     w, a, b = v[:3], v[-2], v[-1]
     z = abs(w[2])
-    return [((_s(w, a, b) - z) / (2 * z), None), (2 * z / (z + _s(w, a, b)), None)]
+    return [((stretched(w, a, b) - z) / (2 * z), None), (2 * z / (z + stretched(w, a, b)), None)]
 
 
-def _G(*v):
+def G(*v):
     (x, _), (y, _) = _masking(*v[:3], *v[6:])[0], _masking(*v[3:6], *v[6:])[0]
     return [(1 / (1 + x + y), None)]
 
@@ -49,9 +49,10 @@ def _mirror_facets(*v):
     h = [x + y for x, y in zip(o, i, strict=True)]
     length = gmpy2.sqrt(sum(x * x for x in h))
     h = [x / length * (1 if o[2] > 0 else -1) for x in h]
-    D, G = _D(*h, a, b)[0][0], _G(*v)[0][0]
-    G1 = 2 * abs(o[2]) / (abs(o[2]) + _s(o, a, b))
-    value, density = D * G / (4 * abs(o[2] * i[2])), G1 * D / (4 * abs(o[2]))
+    facets, visible = D(*h, a, b)[0][0], G(*v)[0][0]
+    G1 = 2 * abs(o[2]) / (abs(o[2]) + stretched(o, a, b))
+    value = facets * visible / (4 * abs(o[2] * i[2]))
+    density = G1 * facets / (4 * abs(o[2]))
     # D falls by its fourth power of 1 / alpha where rounding turns the half vector
     steep = (
         1 + 4 * sum(abs(x) * abs(y) for x, y in zip(h[:2], (1 / a, 1 / b), strict=True)) / length
@@ -171,7 +172,8 @@ SMOOTH = {
     # By eta: samples hold their density fixed, and the direction is drawn, not differentiated by.
     "gradient of Dielectric.sample": Function(
         _sided, ((-1.0, 1.0), INDEX), _our_smooth_without_density, _smooth_without_density,
-        None, 100.0, _ray, (0, 1),
+        # Conditioned: a rounded direction is a unit vector to an eps, and its x^2 is not 1 - z^2.
+        None, 100.0, _ray, (0, 1), conditioned=True,
     ),
     "ThinDielectric.powers": Function(
         # The gradient's bound grows as (1 / eta)^2, as that of `powers`.
@@ -185,7 +187,7 @@ SMOOTH = {
 }  # fmt: skip
 BSDFS = SMOOTH | {
     "TrowbridgeReitz.D": Function(
-        _facets, _FACETS, lambda *v: (_vectors(v)[2].D(_vectors(v)[0]),), _D, 12.0, 24.0, _rough,
+        _facets, _FACETS, lambda *v: (_vectors(v)[2].D(_vectors(v)[0]),), D, 12.0, 24.0, _rough,
     ),
     "TrowbridgeReitz.Lambda, G1": Function(
         _facets, _FACETS,
@@ -193,7 +195,7 @@ BSDFS = SMOOTH | {
         _masking, 12.0, 24.0, _rough,
     ),
     "TrowbridgeReitz.G": Function(
-        _facets, _FACETS, lambda *v: (_vectors(v)[2].G(*_vectors(v)[:2]),), _G, 12.0, 24.0, _rough,
+        _facets, _FACETS, lambda *v: (_vectors(v)[2].G(*_vectors(v)[:2]),), G, 12.0, 24.0, _rough,
     ),
     "Reflector.evaluate, density": Function(
         _facets, _FACETS, _our_mirror, _mirror_facets, 24.0, None, _rough,

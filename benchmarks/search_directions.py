@@ -5,6 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from fresnel_jax import reflect, refract
+from fresnel_jax.directions import (
+    brewster_angle_deg,
+    critical_angle_deg,
+    local_frame,
+    snells_window,
+    to_local,
+    to_world,
+)
 
 from .search_functions import Function, decades
 
@@ -67,7 +75,54 @@ def _refract(*v):
     return [(ratio * (cosine * b - a) - sign * cos_t * b, scale) for a, b in zip(w, n, strict=True)]
 
 
+def _frame(*n):
+    """Duff's basis, as printed."""
+    x, y, z = n
+    sign = -1 if z < 0 else 1
+    a = -1 / (sign + z)
+    b = x * y * a
+    return (1 + sign * x * x * a, sign * b, -sign * x), (b, sign + y * y * a, -y), n
+
+
+def _in_frame(*v):
+    """The components of v in the frame of n, and the vector whose components there are v."""
+    frame = _frame(*v[3:6])
+    local = [_dot(v[:3], axis) for axis in frame]
+    world = [_dot(v[:3], [axis[i] for axis in frame]) for i in range(3)]
+    return [(x, _ONE) for axis in frame for x in axis] + [(x, _ONE) for x in (*local, *world)]
+
+
+def _our_frame(*v):
+    v, frame = jnp.stack(v[:3]), local_frame(jnp.stack(v[3:6]))
+    return *(x for axis in frame for x in axis), *to_local(v, frame), *to_world(v, frame)
+
+
+def _angles(eta):
+    small = min(eta, 1 / eta)
+    degree = 180 / gmpy2.const_pi()
+    if eta == 1:
+        return None  # the derivatives are infinite
+    return [
+        (gmpy2.asin(small) * degree, None),
+        (gmpy2.atan(eta) * degree, None),
+        (1 - gmpy2.sqrt(1 - small * small), None),
+    ]
+
+
+def _indices(random, size, eps):
+    beside = 1 + random.choice([-1.0, 1.0], size) * decades(random, size, -16, -1)
+    return (np.where(random.random(size) < 0.5, beside, decades(random, size, -2, 2)),)
+
+
 DIRECTIONS = {
+    "critical and Brewster's angle, Snell's window": Function(
+        _indices, ((1e-2, 1e2),),
+        lambda eta: (critical_angle_deg(eta), brewster_angle_deg(eta), snells_window(eta)),
+        _angles, 4.0, 16.0,
+    ),
+    "local_frame, to_local, to_world": Function(
+        two_directions, TWO_DIRECTIONS, _our_frame, _in_frame, 6.0, 16.0, directions,
+    ),
     "reflect": Function(
         two_directions, TWO_DIRECTIONS,
         lambda *v: tuple(reflect(jnp.stack(v[:3]), jnp.stack(v[3:]))), _reflect, 6.0, 12.0,

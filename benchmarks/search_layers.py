@@ -1,5 +1,7 @@
 """Entries of the accuracy search: slabs, and stacks of one, two and three layers."""
 
+import itertools
+
 import gmpy2
 import jax.numpy as jnp
 import numpy as np
@@ -8,6 +10,8 @@ from fresnel_jax import layers
 
 from .search_boundary import BOUNDARY, boundary, textbook
 from .search_functions import Function, decades
+
+_ONE = gmpy2.mpfr(1)
 
 
 def _slab(c, n, k, m, d, w):
@@ -35,7 +39,8 @@ def _stack(*columns):
     c, media, thicknesses, w = _split(*columns)
     n0 = media[0][0]
     N = [gmpy2.mpc(n, 0 if k is None else k) for n, k in media]
-    with gmpy2.context(gmpy2.get_context(), precision=2500):
+    # an opaque layer of 600 bits each may cancel
+    with gmpy2.context(gmpy2.get_context(), precision=500 + 650 * len(thicknesses)):
         Q = []
         for z in N:
             q = gmpy2.sqrt(z * z - n0 * n0 * (1 - c * c))
@@ -44,22 +49,27 @@ def _stack(*columns):
         found = []
         for Y in (Q, [q / (z * z) for q, z in zip(Q, N, strict=True)]):
             U, V = gmpy2.mpc(1), Y[-1]
+            fluxes = [(V * U.conjugate()).real]
             for y, q, d in reversed(list(zip(Y[1:-1], Q[1:-1], thicknesses, strict=True))):
                 delta = 2 * gmpy2.const_pi() * q * d / w
                 U, V = (
                     gmpy2.cos(delta) * U - gmpy2.mpc(0, 1) * gmpy2.sin(delta) / y * V,
                     gmpy2.cos(delta) * V - gmpy2.mpc(0, 1) * y * gmpy2.sin(delta) * U,
                 )
+                fluxes.insert(0, (V * U.conjugate()).real)
             r, t = (Y[0] * U - V) / (Y[0] * U + V), 2 * Y[0] / (Y[0] * U + V)
-            found.append((gmpy2.norm(r), gmpy2.norm(t) * Y[-1].real / Y[0].real, r))
-        (R_s, T_s, r_s), (R_p, T_p, r_p) = found
+            share = gmpy2.norm(t) / Y[0].real
+            losses = [(a - b) * share for a, b in itertools.pairwise(fluxes)]
+            found.append((gmpy2.norm(r), share * Y[-1].real, r, t, losses))
+        (R_s, T_s, r_s, t_s, A_s), (R_p, T_p, r_p, t_p, A_p) = found
+        t_p = t_p * N[0] / N[-1]  # of E, where the matrices have H
         # an R below .01 counts as a tenth of its root, as docs/stacks.md states
         return [
             *((R, max(R, gmpy2.sqrt(R) / 10)) for R in (R_s, R_p)),
             (T_s, None),
             (T_p, None),
-            (r_s, gmpy2.mpfr(1)),
-            (r_p, gmpy2.mpfr(1)),
+            *((z, max(_ONE, abs(z))) for z in (r_s, r_p, t_s, t_p)),
+            *((A, None) for A in (*A_s, *A_p)),
         ]
 
 
@@ -67,7 +77,7 @@ def _our_stack(*columns):
     c, media, thicknesses, w = _split(*columns)
     index = [n + (0j if k is None else 1j * k) for n, k in media]
     out = layers.stack(c, jnp.stack(index), jnp.stack(thicknesses), w)
-    return out.R_s, out.R_p, out.T_s, out.T_p, out.r_s, out.r_p
+    return *out[:8], *out.A_s, *out.A_p
 
 
 def _drawn(random, size, count):
@@ -90,15 +100,32 @@ def _drawn(random, size, count):
     return [*columns, random.uniform(0.3, 2, size)]
 
 
-def _stack_entry(count):
+def _away_from_the_last_critical_angle(*columns):
+    """Gradients beside the critical angle of the last medium are not held to the bound of others.
+
+    They grow as 1 / |Q| there, and what of it an opaque layer hides leaves its rounding behind.
+    """
+    c, media, _, _ = _split(*columns)
+    n0 = media[0][0]
+    q2 = gmpy2.mpc(*media[-1]) ** 2 - n0 * n0 * (1 - c * c)
+    return None if abs(q2) < 0.01 * n0 * n0 else _stack(*columns)
+
+
+def _stack_entries(name, count):
     medium = ((0.1, 5.0), (1e-9, 5.0))
     limits = (
         (1e-6, 1.0), (1.0, 2.0), *medium * (count + 1), *((1e-4, 2.0),) * count, (0.3, 2.0)
     )  # fmt: skip
-    return Function(
+    value = Function(
         lambda random, size, eps: _drawn(random, size, count),
-        limits, _our_stack, _stack, 64.0, 64.0, conditioned=True,
+        limits, _our_stack, _stack, 64.0, conditioned=True,
+        # In total reflection R hardly changes while r turns fast: R has the rounding of r.
+        coupled=((0, 4), (1, 5)),
     )  # fmt: skip
+    gradient = value._replace(
+        truth=_away_from_the_last_critical_angle, bound=None, gradient_bound=64.0,
+    )  # fmt: skip
+    return {f"stack of {name}": value, f"gradient of stack of {name}": gradient}
 
 
 LAYERS = {
@@ -108,7 +135,7 @@ LAYERS = {
         lambda c, n, k, m, d, w: tuple(layers.slab(c, n, k, d, w, m)), _slab, 24.0, 100.0,
         amplified=True,
     ),
-    "stack of one layer": _stack_entry(1),
-    "stack of two layers": _stack_entry(2),
-    "stack of three layers": _stack_entry(3),
+    **_stack_entries("one layer", 1),
+    **_stack_entries("two layers", 2),
+    **_stack_entries("three layers", 3),
 }  # fmt: skip

@@ -1,11 +1,11 @@
-"""Entries of the accuracy search: Mueller matrices, penetration depth, psi and Delta."""
+"""Entries of the accuracy search: Mueller matrices, depths, phases, psi and Delta."""
 
 import gmpy2
 
 from fresnel_jax import polarization
 
 from .search_boundary import BOUNDARY, boundary, textbook
-from .search_functions import Function, decades
+from .search_functions import Function, decades, plain_entry
 
 
 def _mueller(c, n, k, m):
@@ -67,6 +67,31 @@ def _psi_delta(c, n, k, m):
     return [(gmpy2.atan(abs(rho)), None), (delta, None)]
 
 
+def _phases(c, n, k, m):
+    exact, angles = textbook(c, n, k, m), _psi_delta(c, n, k, m)
+    if exact is None or angles is None:
+        return None
+    phi_s = gmpy2.phase(exact.r_s)
+    phi_s = phi_s - 2 * gmpy2.const_pi() if phi_s > 0 else phi_s
+    return [(phi_s, None), (phi_s - angles[1][0], None)]
+
+
+def _refraction(c, n, m):
+    """By amplitudes; total reflection is left out, where all elements are 0."""
+    if n * n <= m * m * (1 - c * c):
+        return None
+    q = gmpy2.sqrt(n * n - m * m * (1 - c * c))
+    T_s = 4 * m * c * q / (m * c + q) ** 2
+    T_p = 4 * m * c * q * n * n / (n * n * c + m * q) ** 2
+    T = (T_s + T_p) / 2
+    return [(T, None), ((T_s - T_p) / 2, T), (gmpy2.sqrt(T_s * T_p), None)]
+
+
+def _our_refraction(c, n, m):
+    M = polarization.mueller_refraction(c, n, m)
+    return M[0, 0], M[0, 1], M[2, 2]
+
+
 POLARIZATION = {
     "mueller_reflection": Function(
         boundary, BOUNDARY, lambda *a: tuple(polarization.mueller_reflection(*a).ravel()),
@@ -79,6 +104,19 @@ POLARIZATION = {
     "penetration_depth": Function(
         lambda r, s, e: (decades(r, s, -1, 1), *boundary(r, s, e)), ((0.1, 10.0), *BOUNDARY),
         lambda *a: (polarization.penetration_depth(*a),), _depth, 12.0, 50.0,
+    ),
+    "phases": Function(
+        # The gradient's bound grows as (eta_i / |N|)^2, as that of `amplitudes`.
+        boundary, (BOUNDARY[0], (0.1, 1e2), *BOUNDARY[2:]),
+        lambda *a: tuple(polarization.phases(*a)), _phases, 12.0, 50.0,
+    ),
+    "mueller_refraction": Function(
+        lambda *a: (lambda c, n, k, m: (c, n, m))(*boundary(*a)), (BOUNDARY[0], *BOUNDARY[1::2]),
+        _our_refraction, _refraction, 12.0, 100.0, shared=True,
+    ),
+    "absorption_depth": plain_entry(
+        ((0.1, 10.0), (1e-12, 1e2)), lambda w, k: (polarization.absorption_depth(w, k),),
+        lambda w, k: [(w / (4 * gmpy2.const_pi() * k), None)], 4.0, 8.0,
     ),
     "psi_delta": Function(
         boundary, BOUNDARY, lambda *a: tuple(polarization.psi_delta(*a)), _psi_delta, 12.0, 50.0,

@@ -97,9 +97,7 @@ class PyElliStack:
 
     def powers(self, index, thickness_um, angles, wavelengths_um):
         elli = self._elli
-        media = [
-            elli.IsotropicMaterial(elli.ConstantRefractiveIndex(n=complex(n))) for n in index
-        ]
+        media = [elli.IsotropicMaterial(elli.ConstantRefractiveIndex(n=complex(n))) for n in index]
         layers = [elli.Layer(m, 1e3 * d) for m, d in zip(media[1:-1], thickness_um, strict=True)]
         structure = elli.Structure(media[0], layers, media[-1])
         out = []

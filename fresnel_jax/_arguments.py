@@ -1,5 +1,7 @@
 """The arguments of one boundary at the border: what is refused by name, what selects a program."""
 
+import functools
+import inspect
 from typing import Any
 
 import jax
@@ -123,6 +125,21 @@ def check_extinction(k, name: str = "k"):
             f"{name} is {smallest:g}; wanted k >= 0. With the time dependence exp(-i w t) of this "
             "library eta + ik absorbs; conjugate an index that is written eta - ik"
         )
+
+
+def looked_at(function):
+    """A compiled function whose known cosine and k are looked at before it is called."""
+    checks = {"cos_theta_i": check_cosine, "k": check_extinction}
+    places = [(i, name) for i, name in enumerate(inspect.signature(function).parameters)]
+    places = [(i, name, checks[name]) for i, name in places if name in checks]
+
+    @functools.wraps(function)
+    def checked(*arguments, **named):
+        for i, name, check in places:
+            check(arguments[i] if i < len(arguments) else named.get(name, 0.0))
+        return function(*arguments, **named)
+
+    return checked
 
 
 def real(value, name: str) -> Any:

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._arguments import named_floats
+from ._arguments import looked_at, named_floats
 
 
 def reflectance_at_normal(eta: Array, k: Array, eta_i: Array | float) -> Array:
@@ -12,6 +12,7 @@ def reflectance_at_normal(eta: Array, k: Array, eta_i: Array | float) -> Array:
     return (near * near + k * k) / (far * far + k * k)
 
 
+@looked_at
 @jax.jit
 def normal_reflectance(eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0) -> Array:
     """Power reflectance at normal incidence, ((eta - eta_i)^2 + k^2) / ((eta + eta_i)^2 + k^2).
@@ -78,6 +79,7 @@ def gulbrandsen_index(r: ArrayLike, g: ArrayLike) -> tuple[Array, Array]:
     return eta, 2.0 * root * (jnp.sqrt(g) * jnp.sqrt(below_max * above_inverse))
 
 
+@looked_at
 @jax.jit
 def gulbrandsen_parameters(eta: ArrayLike, k: ArrayLike) -> tuple[Array, Array]:
     """(r, g) of a metal of relative index eta + ik; `gulbrandsen_index` undoes it.

@@ -13,7 +13,7 @@ from ._spectral import (
     check_lengths,
     parameters,
 )
-from ._vectors import as_float
+from ._vectors import as_float, extinction
 
 
 class Constant(DispersionModel):
@@ -23,7 +23,7 @@ class Constant(DispersionModel):
     """
 
     eta: Array = eqx.field(converter=as_float)
-    k: Array = eqx.field(converter=as_float, default=0.0)
+    k: Array = eqx.field(converter=extinction, default=0.0)
 
     def index(self, wavelength_um: Array) -> Index:
         like = jnp.zeros_like(wavelength_um)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ._vectors import Vector, components, select, stack
 
@@ -35,8 +35,8 @@ class ScatteringFlags(NamedTuple):
     """What a model does, as boolean arrays of the shape of its parameters."""
 
     reflection: Array
-    transmission: Array
-    specular: Array  # all scattering is a delta distribution
+    transmission: Bool[Array, "..."]
+    specular: Bool[Array, "..."]  # all scattering is a delta distribution
     glossy: Array
 
 
@@ -48,14 +48,14 @@ class BSDFSample(NamedTuple):
     among what the sample is made from makes it invalid, with a direction that may be NaN.
     """
 
-    direction: Array  # w_i, a unit vector that points away from the surface
-    value: Array  # f; of a delta distribution the coefficient F / |cos_i|
-    density: Array  # per solid angle; of a delta distribution the probability of the lobe
-    weight: Array  # f |cos_i| / density, in a form that neither over- nor underflows
-    eta: Array  # index of the medium of w_i over that of w_o; 1 in reflection
-    transmission: Array  # True: across the surface
-    specular: Array  # True: value and density are coefficients of a delta distribution
-    valid: Array
+    direction: Float[Array, "... 3"]  # w_i, a unit vector that points away from the surface
+    value: Float[Array, "..."]  # f; of a delta distribution the coefficient F / |cos_i|
+    density: Float[Array, "..."]  # per solid angle; of a delta distribution that of the lobe
+    weight: Float[Array, "..."]  # f |cos_i| / density, in a form that neither over- nor underflows
+    eta: Float[Array, "..."]  # index of the medium of w_i over that of w_o; 1 in reflection
+    transmission: Bool[Array, "..."]  # True: across the surface
+    specular: Bool[Array, "..."]  # True: value and density are those of a delta distribution
+    valid: Bool[Array, "..."]
 
 
 def upward(like: Vector) -> Vector:

@@ -8,8 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, ArrayLike
+from jaxtyping import Array, ArrayLike, Complex, Float
 
+from ._arguments import check_cosine, check_extinction, real, real_or_complex
 from ._arithmetic import times
 from ._boundary import unsigned
 from ._double_word import ratio
@@ -25,29 +26,29 @@ class Stack(NamedTuple):
     layers on their leading axis. The amplitudes are complex.
     """
 
-    R_s: Array
-    R_p: Array
-    T_s: Array
-    T_p: Array
-    r_s: Array | None
-    r_p: Array | None
-    t_s: Array | None
-    t_p: Array | None
-    A_s: Array
-    A_p: Array
+    R_s: Float[Array, "..."]
+    R_p: Float[Array, "..."]
+    T_s: Float[Array, "..."]
+    T_p: Float[Array, "..."]
+    r_s: Complex[Array, "..."] | None
+    r_p: Complex[Array, "..."] | None
+    t_s: Complex[Array, "..."] | None
+    t_p: Complex[Array, "..."] | None
+    A_s: Float[Array, "layers ..."]
+    A_p: Float[Array, "layers ..."]
 
     @property
-    def R(self) -> Array:
+    def R(self) -> Float[Array, "..."]:
         """Reflectance of unpolarized light."""
         return 0.5 * (self.R_s + self.R_p)
 
     @property
-    def T(self) -> Array:
+    def T(self) -> Float[Array, "..."]:
         """Transmittance of unpolarized light."""
         return 0.5 * (self.T_s + self.T_p)
 
     @property
-    def A(self) -> Array:
+    def A(self) -> Float[Array, "layers ..."]:
         """Absorptance of every layer for unpolarized light; layers on the leading axis."""
         return 0.5 * (self.A_s + self.A_p)
 
@@ -73,6 +74,10 @@ def _jit_stack(c, n, k, thickness, wavelength, roughness, coherent, shape):
 
 def _media(values: Any, name: str, least: int) -> Array:
     """An array with the media or layers on its leading axis, from an array or a sequence."""
+    for entry in values if isinstance(values, (list, tuple)) else (values,):
+        number = real_or_complex(entry, name)
+        if isinstance(number, complex | np.ndarray | np.generic) and np.iscomplexobj(number):
+            check_extinction(np.imag(number), f"the imaginary part of {name}")
     if isinstance(values, (list, tuple)):
         try:
             values = jnp.stack(jnp.broadcast_arrays(*values)) if values else jnp.zeros((0,))
@@ -157,18 +162,19 @@ def stack(
     absolute error of some eps is left.
 
     Raises:
-        ValueError: shapes that do not fit each other, a complex argument other than index, or a
-            `coherent` that is not static.
+        ValueError: shapes that do not fit each other, a complex argument other than index, a known
+            cosine above 1 or imaginary part of an index below 0, a type that is neither float32
+            nor float64, or a `coherent` that is not static.
     """
     media: Array = _media(index, "index", 2)
     thickness: Array = _media(thickness_um, "thickness_um", 0)
-    for name, value in (
-        ("cos_theta_i", cos_theta_i),
-        ("thickness_um", thickness),
-        ("wavelength_um", wavelength_um),
-    ):
-        if jnp.iscomplexobj(value):
-            raise ValueError(f"{name} is complex, a real number is wanted; only index is complex")
+    if jnp.iscomplexobj(thickness):
+        raise ValueError("thickness_um is complex, a real number is wanted; only index is complex")
+    cos_theta_i, wavelength_um = (
+        real(cos_theta_i, "cos_theta_i"),
+        real(wavelength_um, "wavelength_um"),
+    )
+    check_cosine(cos_theta_i)
     if media.shape[0] != thickness.shape[0] + 2:
         raise ValueError(
             f"index has {media.shape[0]} media and thickness_um {thickness.shape[0]} layers on "

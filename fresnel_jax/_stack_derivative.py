@@ -180,7 +180,7 @@ def _solve_jvp(shape, primals, tangents):
     kappa, d_kappa = (2.0 * jnp.pi) * x[0], ((2.0 * jnp.pi) * d_x[0], None)
     d_r, d_through = [], []
     for p, (g, per_g) in enumerate(((ONE, ONE), (layers.g, layers.per_g))):
-        d_z, far_admittance = d_q_far, q_far
+        d_z = d_q_far
         if p == 1:
             d_z = plus(times(far.per_g, d_q_far), times(d_far.per_g, q_far))
         u, w = ends.u[p], ends.w[p]

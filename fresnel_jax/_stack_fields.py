@@ -23,7 +23,6 @@ from ._stack_coherent import (
     normal_squared,
     plus,
     rescaled,
-    scaled,
     square,
     through_layer,
 )
@@ -129,7 +128,8 @@ def solve_fields(
         one = (jnp.ones_like(front.n), None if front.k is None else jnp.zeros_like(front.n))
         fields = whole(rough_boundary(fields, roughness[0], (front.q, one), below, front.q))
     return _amplitudes(fields, front, None if seen is None else seen[0]), *(
-        (None if seen is None else seen[1]), Ends(fields.u, fields.w)
+        (None if seen is None else seen[1]),
+        Ends(fields.u, fields.w),
     )
 
 

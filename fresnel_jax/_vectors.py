@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._arguments import real
+from ._arguments import check_extinction, real
 from ._arithmetic import opaque, sum_exactly, two_product
 from ._boundary import computed_once
 
@@ -28,6 +28,13 @@ def as_float(x: ArrayLike, name: str = "a parameter") -> Array:
     """x as an array of floats; a Python number stays weakly typed and so leaves float32 alone."""
     x = jnp.asarray(real(x, name))
     return x if jnp.issubdtype(x.dtype, jnp.floating) else x.astype(jnp.result_type(float))
+
+
+def extinction(k: ArrayLike) -> Array:
+    """`as_float` of an extinction coefficient; ValueError for a known k < 0."""
+    k = real(k, "k")
+    check_extinction(k)
+    return as_float(k)
 
 
 def components(v: ArrayLike, name: str) -> Vector:

@@ -34,7 +34,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike
 
-from ._arguments import named_floats
+from ._arguments import looked_at, named_floats
 from ._boundary import within_one
 from ._colours import gulbrandsen_index as gulbrandsen_index
 from ._colours import gulbrandsen_parameters as gulbrandsen_parameters
@@ -99,6 +99,7 @@ def _exact_at(cosines: np.ndarray, eta, k, eta_i):
     return leading, reflectance(leading, eta, k, eta_i)
 
 
+@looked_at
 @jax.jit
 def schlick(
     cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
@@ -123,6 +124,7 @@ def schlick(
     return _schlick(within_one(c), reflectance_at_normal(eta, k, eta_i))
 
 
+@looked_at
 @jax.jit
 def lazanyi_szirmay_kalos(
     cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
@@ -147,6 +149,7 @@ def lazanyi_szirmay_kalos(
     return _with_correction(within_one(c), R_0, coefficient)
 
 
+@looked_at
 @jax.jit
 def f82(
     cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
@@ -164,6 +167,7 @@ def f82(
     return f82_from_reflectances(c, reflectance_at_normal(eta, k, eta_i), R_82)
 
 
+@looked_at
 @jax.jit
 def f82_from_reflectances(cos_theta_i: ArrayLike, R_0: ArrayLike, R_82: ArrayLike) -> Array:
     """`f82` from two reflectances, an artist's colours for example, instead of an index.
@@ -180,6 +184,7 @@ def f82_from_reflectances(cos_theta_i: ArrayLike, R_0: ArrayLike, R_82: ArrayLik
     return _with_correction(within_one(c), R_0, coefficient)
 
 
+@looked_at
 @jax.jit
 def large_index(
     cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
@@ -203,6 +208,7 @@ def large_index(
     return 1.0 - twice * ((D_s + D_p) / (D_s * D_p))
 
 
+@looked_at
 @functools.partial(jax.jit, static_argnames="degree")
 def polynomial(
     cos_theta_i: ArrayLike,

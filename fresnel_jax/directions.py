@@ -8,7 +8,7 @@ inside. All arguments broadcast as in NumPy (the last axis of a direction apart)
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ._boundary import boundary, within_one
 from ._vectors import (
@@ -42,17 +42,17 @@ __all__ = [
 class Refraction(NamedTuple):
     """What `refract` gives back."""
 
-    direction: Array  # unit vector, shape (..., 3)
-    eta: Array  # index of the medium entered over that of the medium left
-    valid: Array  # False in total reflection
+    direction: Float[Array, "... 3"]  # unit vector
+    eta: Float[Array, "..."]  # index of the medium entered over that of the medium left
+    valid: Bool[Array, "..."]  # False in total reflection
 
 
 class Frame(NamedTuple):
     """An orthonormal right-handed frame; each axis has shape (..., 3)."""
 
-    tangent: Array
-    bitangent: Array
-    normal: Array
+    tangent: Float[Array, "... 3"]
+    bitangent: Float[Array, "... 3"]
+    normal: Float[Array, "... 3"]
 
 
 class _Refracted(NamedTuple):
@@ -105,7 +105,7 @@ def refract_components(
     return _Refracted(normalize(add(scale(ratio, tangential), scale(normal_part, n))), cos_t, valid)
 
 
-def reflect(wo: ArrayLike, n: ArrayLike) -> Array:
+def reflect(wo: ArrayLike, n: ArrayLike) -> Float[Array, "... 3"]:
     """The mirror direction of wo about the normal n: 2 (wo . n) n - wo.
 
     With the normal +z of the local frame this is (-x, -y, z). The result does not depend on the
@@ -154,7 +154,7 @@ def refract(wi: ArrayLike, n: ArrayLike, eta: ArrayLike) -> Refraction:
     return Refraction(stack(refracted.direction), relative, refracted.valid)
 
 
-def faceforward(n: ArrayLike, v: ArrayLike) -> Array:
+def faceforward(n: ArrayLike, v: ArrayLike) -> Float[Array, "... 3"]:
     """n, or -n where n . v < 0: the one that lies on the side of v.
 
     Arguments: `n` and `v`, shape (..., 3). Exact; constant but for the sign, so the derivative with
@@ -167,7 +167,7 @@ def faceforward(n: ArrayLike, v: ArrayLike) -> Array:
     return stack(scale(sign, normal))
 
 
-def entering(wi: ArrayLike, n: ArrayLike) -> Array:
+def entering(wi: ArrayLike, n: ArrayLike) -> Bool[Array, "..."]:
     """True where light from wi (a direction away from the surface) comes from outside: wi . n >= 0.
 
     Arguments: `wi` and `n`, shape (..., 3). ValueError for a last axis that is not 3.
@@ -194,7 +194,7 @@ def local_frame(n: ArrayLike) -> Frame:
     return Frame(stack(tangent), stack(bitangent), stack(v))
 
 
-def to_local(v: ArrayLike, frame: Frame) -> Array:
+def to_local(v: ArrayLike, frame: Frame) -> Float[Array, "... 3"]:
     """The components of v along the axes of the frame, shape (..., 3); inverse of `to_world`.
 
     Arguments: `v`, shape (..., 3); `frame`, from `local_frame`. Rounded to an eps of |v|.
@@ -204,7 +204,7 @@ def to_local(v: ArrayLike, frame: Frame) -> Array:
     return stack(Vector(*(dot(parts, components(axis, "frame")) for axis in frame)))
 
 
-def to_world(v: ArrayLike, frame: Frame) -> Array:
+def to_world(v: ArrayLike, frame: Frame) -> Float[Array, "... 3"]:
     """The vector whose components along the axes of the frame are v; inverse of `to_local`.
 
     Arguments: `v`, shape (..., 3); `frame`, from `local_frame`. Rounded to an eps of |v|.

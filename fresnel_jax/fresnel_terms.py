@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._vectors import as_float
+from ._vectors import as_float, extinction
 from .interface import reflectance
 from .layers import stack
 
@@ -57,7 +57,7 @@ class FresnelConductor(eqx.Module):
     """
 
     eta: Array = eqx.field(converter=as_float)
-    k: Array = eqx.field(converter=as_float)
+    k: Array = eqx.field(converter=extinction)
     eta_outside: Array = eqx.field(converter=as_float, default=1.0)
 
     def __call__(self, cos_theta: ArrayLike) -> Array:

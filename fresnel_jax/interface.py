@@ -14,6 +14,8 @@ Both media absorbing: a complex `eta_i` is refused, because incident and reflect
 there, so that R and T are no separate powers (R + T is not 1), and because the root for cos_t has
 no branch that both decays and carries power forward at every angle. `fresnel_complex(cos, N / N_i)`
 is the abs(r)^2 that one gets by dividing the indices, as long as Im(N / N_i) >= 0.
+`layers.stack(cos, [N_i, N], [], wavelength)` takes a first medium that absorbs, and states what R
+and T are there.
 
 Accuracy
 --------
@@ -48,7 +50,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike
+from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ._amplitudes import amplitudes_kernel
 from ._arguments import as_floats, real, structure
@@ -70,10 +72,10 @@ __all__ = [
 class Powers(NamedTuple):
     """Fractions of the incident power, for s and p polarization, all of the broadcast shape."""
 
-    R_s: Array
-    R_p: Array
-    T_s: Array
-    T_p: Array
+    R_s: Float[Array, "..."]
+    R_p: Float[Array, "..."]
+    T_s: Float[Array, "..."]
+    T_p: Float[Array, "..."]
 
     @property
     def R(self) -> Array:
@@ -89,10 +91,10 @@ class Powers(NamedTuple):
 class Amplitudes(NamedTuple):
     """Ratios of the electric fields to the incident one, complex, all of the broadcast shape."""
 
-    r_s: Array
-    r_p: Array
-    t_s: Array
-    t_p: Array
+    r_s: Complex[Array, "..."]
+    r_p: Complex[Array, "..."]
+    t_s: Complex[Array, "..."]
+    t_p: Complex[Array, "..."]
 
 
 @jax.jit

@@ -6,7 +6,7 @@ raises ValueError for a last axis that is not 3. `_facets` has the algebra.
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike
+from jaxtyping import Array, ArrayLike, Float
 
 from ._facets import (
     Alphas,
@@ -59,7 +59,7 @@ class TrowbridgeReitz(eqx.Module):
         """True where both roughnesses are below 1e-3. Source: PBRT 4th ed. sec. 9.6.1."""
         return jnp.maximum(self.alpha_x, self.alpha_y) < SMOOTH_BELOW
 
-    def D(self, m: ArrayLike) -> Array:
+    def D(self, m: ArrayLike) -> Float[Array, "..."]:
         """Area of microfacets per unit solid angle around the normal m and per unit surface area.
 
         D = 1 / (pi alpha_x alpha_y ((x / alpha_x)^2 + (y / alpha_y)^2 + z^2)^2), 0 for z <= 0;
@@ -69,7 +69,7 @@ class TrowbridgeReitz(eqx.Module):
         v = components(m, "m")
         return jnp.where(v.z <= 0.0, 0.0, normal_density(self.bounded(), v))
 
-    def Lambda(self, w: ArrayLike) -> Array:
+    def Lambda(self, w: ArrayLike) -> Float[Array, "..."]:
         """Smith's function, masked over visible projected area: (S - |z|) / (2 |z|).
 
         S = sqrt(z^2 + alpha_x^2 x^2 + alpha_y^2 y^2). Written without the difference as
@@ -81,7 +81,7 @@ class TrowbridgeReitz(eqx.Module):
         tilt = (alphas.x * v.x) ** 2 + (alphas.y * v.y) ** 2
         return tilt / (2.0 * z * (stretched_length(alphas, v) + z))
 
-    def G1(self, w: ArrayLike) -> Array:
+    def G1(self, w: ArrayLike) -> Float[Array, "..."]:
         """The visible fraction of the facets that face w: 1 / (1 + Lambda) = 2 |z| / (|z| + S).
 
         A few eps; 0 at z = 0. Source: PBRT 4th ed. eq. 9.18 to 9.21.
@@ -90,7 +90,7 @@ class TrowbridgeReitz(eqx.Module):
         z = jnp.abs(v.z)
         return 2.0 * z / (z + stretched_length(self.bounded(), v))
 
-    def G(self, wo: ArrayLike, wi: ArrayLike) -> Array:
+    def G(self, wo: ArrayLike, wi: ArrayLike) -> Float[Array, "..."]:
         """The fraction visible from both wo and wi: 1 / (1 + Lambda(wo) + Lambda(wi)).
 
         This is Smith's height-correlated form for two directions on one side. The same form is used
@@ -109,7 +109,7 @@ class TrowbridgeReitz(eqx.Module):
         zero = both == 0.0
         return jnp.where(zero, 0.0, 2.0 * z_o * z_i / jnp.where(zero, 1.0, both))
 
-    def D_visible(self, w: ArrayLike, m: ArrayLike) -> Array:
+    def D_visible(self, w: ArrayLike, m: ArrayLike) -> Float[Array, "..."]:
         """The density of normals m (per solid angle) that `sample_visible` draws for w.
 
         D_w(m) = G1(w) D(m) max(0, w . m) / |z| = 2 D(m) max(0, w . m) / (|z| + S); integrates to 1.
@@ -121,7 +121,7 @@ class TrowbridgeReitz(eqx.Module):
         shared = 2.0 * normal_density(alphas, m_) / (jnp.abs(v.z) + stretched_length(alphas, v))
         return jnp.where((m_.z <= 0.0) | (cosine <= 0.0), 0.0, shared * cosine)
 
-    def sample_visible(self, w: ArrayLike, u: ArrayLike) -> Array:
+    def sample_visible(self, w: ArrayLike, u: ArrayLike) -> Float[Array, "... 3"]:
         """A normal m on the upper side, distributed as `D_visible(w, m)`.
 
         Arguments: `w`, shape (..., 3); `u`, two numbers in [0, 1], shape (..., 2). Returns a unit
@@ -144,7 +144,7 @@ def two_numbers(u: ArrayLike) -> tuple[Array, Array]:
     return u[..., 0], u[..., 1]
 
 
-def half_vector(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Array:
+def half_vector(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Float[Array, "... 3"]:
     """The microfacet normal, on the upper side, that reflects or refracts wo into wi.
 
     m is along wo + wi for directions on one side, along eta_o wo + eta_i wi across the surface,
@@ -166,7 +166,8 @@ def half_vector_jacobian(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Array:
     surface. Exchange wo and wi for the density of wo with wi fixed.
 
     Arguments as for `half_vector`. Shape (...); the error is that of m; 0 across the surface at
-    eta = 1, where there is no density.
+    eta = 1, where there is no density. Across the surface wo . m and wi . m differ in sign; a pair
+    of one sign is connected by no facet, and what is given back for it has no meaning.
     Source: Walter et al. 2007, doi:10.2312/EGWR/EGSR07/195-206, eq. 14 and 17.
     """
     o, i, eta = components(wo, "wo"), components(wi, "wi"), as_float(eta)

@@ -31,7 +31,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike
+from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ._arguments import as_floats, check_extinction, real, structure
 from ._arithmetic import reciprocal_or_zero
@@ -55,15 +55,15 @@ __all__ = [
 class Phases(NamedTuple):
     """Phases of the reflected s and p wave in radians, both of the broadcast shape."""
 
-    phi_s: Array
-    phi_p: Array
+    phi_s: Float[Array, "..."]
+    phi_p: Float[Array, "..."]
 
 
 class PsiDelta(NamedTuple):
     """Ellipsometric angles in radians, both of the broadcast shape."""
 
-    psi: Array
-    delta: Array
+    psi: Float[Array, "..."]
+    delta: Float[Array, "..."]
 
 
 @jax.custom_jvp
@@ -188,7 +188,7 @@ def phases(
 
 def ellipsometric_ratio(
     cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
-) -> Array:
+) -> Complex[Array, "..."]:
     """The complex ratio rho = r_p / r_s = tan(psi) exp(-i Delta), smooth wherever psi or Delta is not.
 
     rho = (eta_i^2 sin^2 - Q eta_i cos) / (eta_i^2 sin^2 + Q eta_i cos),  Q = N cos_t.
@@ -222,7 +222,7 @@ def psi_delta(
 
 def mueller_reflection(
     cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
-) -> Array:
+) -> Float[Array, "... 4 4"]:
     """The Mueller matrix of one reflection, shape (..., 4, 4): reflected = M @ incident.
 
         (R_s + R_p)/2   (R_s - R_p)/2    0          0
@@ -237,7 +237,9 @@ def mueller_reflection(
     return _jit_mueller_reflection(*structure(cos_theta_i, eta, k, eta_i))
 
 
-def mueller_refraction(cos_theta_i: ArrayLike, eta: ArrayLike, eta_i: ArrayLike = 1.0) -> Array:
+def mueller_refraction(
+    cos_theta_i: ArrayLike, eta: ArrayLike, eta_i: ArrayLike = 1.0
+) -> Float[Array, "... 4 4"]:
     """The Mueller matrix of one refraction into a lossless medium, shape (..., 4, 4).
 
         (T_s + T_p)/2   (T_s - T_p)/2    0                0

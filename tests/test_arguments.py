@@ -14,9 +14,9 @@ from fresnel_jax import (
     powers,
     reflectance,
 )
-from fresnel_jax.bsdf import Dielectric, ThinDielectric
-from fresnel_jax.dispersion import material
-from fresnel_jax.layers import slab
+from fresnel_jax.bsdf import Dielectric, ThinDielectric, conductor
+from fresnel_jax.dispersion import Constant, material
+from fresnel_jax.layers import slab, stack
 
 DTYPES = pytest.mark.parametrize("dtype", [np.float64, np.float32])
 FUNCTIONS = pytest.mark.parametrize(
@@ -93,6 +93,34 @@ def test_negative_k_is_refused(k):
         polarization.absorption_depth(0.5, k)
 
 
+@pytest.mark.parametrize("k", [-1e-3, np.float32(-1.0), np.array([0.1, -0.1])])
+def test_negative_k_is_refused_elsewhere(k):
+    """A mirror of weight 1, and stacks with T = 1.35, came of it."""
+    for call in (
+        lambda: stack(0.5, [1.0, 1.5 + 1j * k, 1.0], [0.1], 0.5),
+        lambda: stack(0.5, np.stack(np.broadcast_arrays(1.0, 1.5 + 1j * k, 1.0)), [0.1], 0.5),
+        lambda: conductor(0.2, k),
+        lambda: Constant(0.2, k),
+        lambda: approximate.schlick(0.5, 1.5, k),
+        lambda: approximate.f82(0.5, 1.5, k=k),
+        lambda: approximate.polynomial(0.5, 1.5, k, degree=4),
+        lambda: approximate.normal_reflectance(1.5, k),
+    ):
+        with pytest.raises(ValueError, match="wanted k >= 0"):
+            call()
+    assert np.isfinite(jax.jit(approximate.schlick)(0.5, 1.5, jnp.asarray(k))).all()
+
+
+def test_degrees_are_refused_elsewhere():
+    for call in (
+        lambda: stack(60.0, [1.0, 1.5, 1.0], [0.1], 0.5),
+        lambda: approximate.schlick(60.0, 1.5),
+        lambda: approximate.f82_from_reflectances(60.0, 0.5, 0.6),
+    ):
+        with pytest.raises(ValueError, match="which is no cosine"):
+            call()
+
+
 @FUNCTIONS
 def test_lists_are_arrays(function):
     listed = function([0.5, 0.6], [1.5, 2.0], [0.1, 0.2])
@@ -127,6 +155,9 @@ def test_half_precision_elsewhere():
         lambda: Dielectric(1.5).sample(half, 0.5, jnp.ones(2)),
         lambda: material("gold")(half),
         lambda: slab(0.5, 1.5, 0.0, half, 0.5),
+        lambda: stack(0.5, [1.0, 1.5, 1.0], half[:1], 0.5),
+        lambda: stack(0.5, half, jnp.ones(1), 0.5),
+        lambda: stack(half, [1.0, 1.5, 1.0], [0.1], 0.5),
     ):
         with pytest.raises(ValueError, match="bfloat16"):
             call()
