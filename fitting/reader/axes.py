@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from fitting.errors import MeasurementError, place
+from fitting.errors import MeasurementError
 from fitting.reader.columns import Column
 from fitting.reader.reading import Reading
 from fitting.reader.rows import numbers_of, span_of
@@ -88,17 +88,6 @@ def wavelengths(reading: Reading) -> np.ndarray:
         low, high = np.nanmin(microns) * 0.99, np.nanmax(microns) * 1.01
         came = f"the wavelengths are {span_of(microns)} um"
         reading.contradicted("wavelength", lambda w: not low <= w <= high, column, came)
-    if layout.repeat is not None and layout.repeat.role.unit in WAVELENGTH_UNITS:
-        again = wavelength_um(reading.numbers(layout.repeat), layout.repeat.role.unit)
-        # files round the second to three digits or so
-        wrong = np.flatnonzero(np.abs(again - microns) > 0.01 * microns)
-        if len(wrong):
-            i = int(wrong[0])
-            raise MeasurementError(
-                f"{place(table.source, table.lines[i])}: {column.label} says {microns[i]:.6g} um, "
-                f"{layout.repeat.label} says {again[i]:.6g} um. Name the columns to be read with "
-                "--columns."
-            )
     return microns
 
 
@@ -166,8 +155,6 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
     if column is None:
         if given is not None:
             return np.full(rows, given)
-        if any(value.role.at is not None for value in layout.values):
-            return np.full(rows, np.nan)  # each column has its own
         if (counted := said.one("angle unit")) and str(counted.value).startswith("grazing"):
             said.refuse(counted)
         beside = said.one("angle")
@@ -201,13 +188,10 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
         column = column._replace(role=column.role._replace(unit="deg"))
     unit = options.angle_unit or _angle_unit(reading, numbers, column)
     if unit in Q_UNITS and np.isnan(wavelength).all():
-        open_ones = [one for one in said.said if one.kind == "wavelength"]
-        there = (
-            f" {open_ones[0].where.capitalize()} has {open_ones[0].text!r}." if open_ones else ""
-        )
+        said.one("wavelength")
         reading.refuse(
             column,
-            f"Q becomes an angle through the wavelength, which is not known.{there} Say "
+            "Q becomes an angle through the wavelength, which is not known. Say "
             "--wavelength-um NUMBER (5 angstrom are 0.0005).",
         )
     degrees = incidence_deg(numbers, unit, wavelength)

@@ -33,12 +33,6 @@ _LENGTHS = ("nm", "um", "angstrom")
 _CLAUSE = re.compile(r"[,;|](?=\s|$)|(?<=[a-z])\.\s")  # "incidence;45" is one
 
 
-_BESIDE = re.compile(
-    r"(?i)(?<![\w.])([0-9]+(?:[.,][0-9]+)?)\s*(nm|um)\s+(?:laser|wavelength)\b"
-    r"|\b(?:laser|wavelength)\s*(?:of|at|is|[:=])?\s*([0-9]+(?:[.,][0-9]+)?)\s*(nm|um)\b"
-)
-
-
 class Said(NamedTuple):
     """One thing that is said. value: a number (degrees, micrometres), a letter or a unit, or None
     where the words say more than that, or something else."""
@@ -107,12 +101,6 @@ def _wavelength(words: Words, where: str, text: str) -> list[Said]:
     unit = unit or next(iter(words.units & set(WAVELENGTH_UNITS)), "")
     if not unit and 190.0 <= number <= 3300.0:
         unit = "nm"  # as in a column
-    if words.unknown and (match := _BESIDE.search(plain(text))):  # "a 532 nm laser on a bench"
-        number, unit = (
-            float((match[1] or match[3]).replace(",", ".")),
-            (match[2] or match[4]).lower(),
-        )
-        clear = bool(0.1 <= float(wavelength_um(np.array(number), unit)) <= 100.0)
     if not clear or len(words.numbers) != 1 or unit not in WAVELENGTH_UNITS or number <= 0.0:
         return [Said("wavelength", None, where, text)]
     return [Said("wavelength", float(wavelength_um(np.array(number), unit)), where, text)]

@@ -173,16 +173,18 @@ _WORD = re.compile(
 _UNIT_WORD = re.compile(
     r"(?i)(?:1/(?:nm|cm|angstroms?|a)\b|(?:nm|cm|angstrom|a)\^?-1\b)"
 )  # fmt: skip
+# words that are a unit wherever they stand, and those that are one behind a name
 _STRONG_UNITS = frozenset(
     ["deg", "rad", "mrad", "nm", "um", "angstrom", "eV", "keV", "THz", "percent", "permille"]
 )
+UNITS_BEHIND_WORDS = _STRONG_UNITS | {"cm-1", "mm", "1/angstrom", "1/nm"}
 
 
-def _cased(text: str) -> list[str]:
+def cased(word: str) -> list[str]:
     """Return a word taken apart where small letters end and capitals begin: angleOfIncidence."""
-    if text.isupper() or text.islower() or not text.isascii():
-        return [text]
-    return re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", text) or [text]
+    if word.isupper() or not (word.isascii() and word.isalpha()):
+        return [word]
+    return re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", word) or [word]
 
 
 def words_of(text: str) -> Words:
@@ -219,7 +221,7 @@ def words_of(text: str) -> Words:
                 units.add(unit or "")
             capitals.append(whole)
             continue
-        for word in _cased(whole):
+        for word in cased(whole):
             capitals.append(word)
             found = last = CONCEPT.get(word.lower())
             if word in ("R", "T"):
