@@ -174,9 +174,8 @@ _UNIT_WORD = re.compile(
     r"(?i)(?:1/(?:nm|cm|angstroms?|a)\b|(?:nm|cm|angstrom|a)\^?-1\b)"
 )  # fmt: skip
 # words that are a unit wherever they stand, and those that are one behind a name
-_STRONG_UNITS = frozenset(
-    ["deg", "rad", "mrad", "nm", "um", "angstrom", "eV", "keV", "THz", "percent", "permille"]
-)
+_ALWAYS = "deg rad mrad nm um angstrom eV keV THz percent permille"
+_STRONG_UNITS = frozenset(_ALWAYS.split())
 UNITS_BEHIND_WORDS = _STRONG_UNITS | {"cm-1", "mm", "1/angstrom", "1/nm"}
 
 
