@@ -51,9 +51,7 @@ class Reading(NamedTuple):
         beside, own = self.said.one(kind), column.role.unit
         if own:
             self.contradicted(kind, lambda u: u != own, column, f"the header says {own}")
-            return own
-        if beside is None:
-            return ""
-        flag = OPTION[kind][1].split(" ")[0]
-        self.notes.append(f"{what} in {beside.value} ({beside.where}; {flag})")
-        return str(beside.value)
+        if beside:
+            flag = OPTION[kind][1].split(" ")[0]
+            self.notes.append(f"{what} in {beside.value} ({beside.where}; {flag})")
+        return own or str(beside.value if beside else "")
