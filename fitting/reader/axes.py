@@ -151,9 +151,9 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
     if column is None:
         if given is not None:
             return np.full(rows, given)
-        if (counted := said.one("angle unit")) and str(counted.value).startswith("grazing"):
+        beside, counted = said.one("angle"), said.one("angle unit")
+        if counted and str(counted.value).startswith("grazing"):
             said.refuse(counted)
-        beside = said.one("angle")
         if beside is not None:
             notes.append(
                 f"angle of incidence {beside.value:g} degrees ({beside.where}; --angle-deg)"

@@ -30,6 +30,7 @@ OPTION = {
 }
 FULL_NAME = "the file name"
 _LENGTHS = ("nm", "um", "angstrom")
+_ANGULAR = {"deg", "rad", "mrad"}
 _CLAUSE = re.compile(r"[,;|](?=\s|$)|(?<=[a-z])\.\s")  # "incidence;45" is one
 
 
@@ -43,39 +44,37 @@ class Said(NamedTuple):
     text: str
 
 
-_KNOWN = {"filler", "article"}
+_KNOWN = {"filler", "article", "normal"}
 
 
 def _angle(words: Words, where: str, text: str) -> list[Said]:
     """Return what a clause says of the angle of incidence, or of how angles count."""
     said = words.concepts
-    named = "incidence" in said or "grazing" in said
-    about = named or (("angle" in said or "doubled" in said) and "no incidence" not in said)
-    degrees = [unit for _, unit in words.numbers if unit in ("deg", "rad", "mrad")]
+    named = bool(said & {"incidence", "grazing"})
+    about = named or (bool(said & {"angle", "doubled"}) and "no incidence" not in said)
+    units = words.units & _ANGULAR
     other = said & {"no incidence", "polarization", "polarizer", "psi", "delta", "s", "p"}
-    if not about and not (degrees and not other):
+    if not about and (other or not units | {unit for _, unit in words.numbers} & _ANGULAR):
         return []
-    clear = not words.unknown and said <= _KNOWN | {"incidence", "angle", "grazing"}
-    if "none" in said or other & {"psi", "delta"}:
-        clear = False
-    raw = text.lower()
+    clear = about and not words.unknown and said <= _KNOWN | {"incidence", "angle", "grazing"}
     if not words.numbers:
-        unit = next(iter(words.units & {"deg", "rad", "mrad"}), "")
-        if re.search(r"\bnormal\b", raw) and "incidence" in said and not unit:
-            return [Said("angle", 0.0 if clear else None, where, text)]
-        if "grazing" in said or "doubled" in said or ("surface" in raw and "normal" not in raw):
+        if clear and "normal" in said and "incidence" in said and not units:
+            return [Said("angle", 0.0, where, text)]
+        open_angle = [Said("angle", None, where, text)]
+        unit = next(iter(units), "")
+        surface = "surface" in text.lower() and "normal" not in said
+        if about and (surface or said & {"grazing", "doubled"}):
             form = "grazing-" + unit if clear and unit in ("deg", "rad") else None
-            return [Said("angle unit", form, where, text)]
-        return [Said("angle unit", unit if clear else None, where, text)] if unit else []
+            return [Said("angle unit", form, where, text), *open_angle]
+        if about and unit:
+            return [Said("angle unit", unit if clear else None, where, text)] + (
+                [] if clear else open_angle
+            )
+        return open_angle
     number, unit = words.numbers[0]
-    unit = unit or next(iter(words.units & {"deg", "rad", "mrad"}), "")
+    unit = unit or next(iter(units), "")
     # 1.6 is the largest number that can be a right angle in radians
-    clear = (
-        clear
-        and len(words.numbers) == 1
-        and about
-        and (unit != "" or number > 1.6 or number == 0.0)
-    )
+    clear = clear and len(words.numbers) == 1 and (unit != "" or number > 1.6 or number == 0.0)
     unit = unit or "deg"
     if "grazing" in said:
         clear, unit = clear and unit in ("deg", "rad"), "grazing-" + unit

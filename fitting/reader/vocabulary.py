@@ -14,11 +14,13 @@ LONGEST = 200  # letters of a column's name; what is longer is a text
 _CONCEPTS = {
     # angle of incidence: named outright, or an angle of some kind
     "incidence": "aoi incidence incidencia incidenza einfallswinkel invalshoek invallend einfall "
-    "падения 入射角 入射角度 入射",
+    "падения padania dopadu infallsvinkel indfaldsvinkel innfallsvinkel 入射角 入射角度 入射 "
+    "입사각",
+    "normal": "normal normale normaal normalen senkrechter senkrechtem нормальное нормальном",
     "angle": "angle angles angular winkel angolo angoli angulo angulos hoek theta phi incident "
     "угол угла углы 角 角度",
-    "grazing": "grazing glancing streifwinkel streifend glanzwinkel rasant rasante "
-    "скользящий скользящего 掠射 掠入射 掠射角",
+    "grazing": "grazing glancing streifwinkel streifend streifender glanzwinkel rasant rasante "
+    "radente скользящий скользящего 掠射 掠入射 掠射角",
     "doubled": "2theta 2th tth twotheta",
     "transfer": "q qz momentum transfer",
     "no incidence": "mount motor stage position rotation rotated rotator goniometer detector "
@@ -64,7 +66,7 @@ _CONCEPTS = {
     "filler": "of the at for value values data measured meas light beam total specular front "
     "power avg average ave mean experimental exp col column",
     "article": "per is in was with as are all unit units given set fixed constant mode state a and "
-    "d de di du da do del der des die das l la le im von et und e y near normal nominal mit bei "
+    "d de di du da do del der des die das l la le im von et und e y near nominal mit bei "
     "licht lumiere luce luz number no коэффициент",
 }
 CONCEPT = {word: concept for concept, words in _CONCEPTS.items() for word in words.split()}
@@ -74,7 +76,8 @@ QUANTITY_CONCEPTS = ("R", "T", "A", "psi", "delta")
 AXIS_CONCEPTS = ("wavelength", "energy", "wavenumber", "frequency")
 
 _UNIT_SPELLINGS = {
-    "deg": "deg degs degree degrees 度 grad grade grados gradi graus degres",
+    "deg": "deg degs degree degrees 度 grad grade grados gradi graus degres graden "
+    "градус градуса градусов stopni stupnu",
     "rad": "rad rads radian radians radiant radianti radianes radianten",
     "mrad": "mrad milliradian milliradians",
     "deg.arcmin": "deg.arcmin degrees.arcminutes",
