@@ -64,7 +64,7 @@ def _wavelength_unit(reading: Reading, column: Column) -> str:
         other = "um" if unit == "nm" else "nm"
         reading.refuse(
             column,
-            f"the header says {unit}, the numbers are {span_of(numbers)}, as wavelengths in "
+            f"the file says {unit}, the numbers are {span_of(numbers)}, as wavelengths in "
             f"{other} are. Say --wavelength-unit {unit} or --wavelength-unit {other}.",
         )
     return unit
@@ -82,11 +82,7 @@ def wavelengths(reading: Reading) -> np.ndarray:
             reading.notes.append(f"wavelength {given:.6g} um ({beside.where}; --wavelength-um)")
         return np.full(len(reading.table.rows), np.nan if given is None else given)
     if given is not None:
-        reading.refuse(
-            column,
-            f"the file gives wavelengths, and --wavelength-um {given:g} came too. Drop the option, "
-            "or name the columns to be read with --columns.",
-        )
+        reading.refuse_both(column, "wavelengths", f"--wavelength-um {given:g}")
     unit = _wavelength_unit(reading, column)
     microns = wavelength_um(reading.numbers(column), unit)
     if not reading.options.columns and np.isfinite(microns).any():
@@ -127,13 +123,13 @@ def _angle_unit(reading: Reading, numbers: np.ndarray, column: Column) -> str:
     if unit != "deg" and high > right * (1e3 if unit == "mrad" else 1.0):
         reading.refuse(
             column,
-            f"the header says {unit}, the numbers are {span_of(numbers)}, more than pi/2. Say "
+            f"the file says {unit}, the numbers are {span_of(numbers)}, more than pi/2. Say "
             "--angle-unit deg if they are degrees.",
         )
     if unit == "deg" and several and high <= HALF_PI:
         reading.refuse(
             column,
-            f"the header says degrees, the numbers are {span_of(numbers)}, as radians are. Say "
+            f"the file says degrees, the numbers are {span_of(numbers)}, as radians are. Say "
             "--angle-unit rad, or --angle-unit deg if they are degrees.",
         )
     return unit
@@ -174,11 +170,7 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
             "which column it is with --columns angle=..."
         )
     if given is not None:
-        reading.refuse(
-            column,
-            f"the file gives angles, and --angle-deg {given:g} came too. Drop the option, or name "
-            "the columns to be read with --columns.",
-        )
+        reading.refuse_both(column, "angles", f"--angle-deg {given:g}")
     numbers, sign = numbers_of(table, column, [])
     if sign == "\u00b0" and not column.role.unit:
         column = column._replace(role=column.role._replace(unit="deg"))

@@ -187,6 +187,14 @@ def choose_columns(table: Table, options: Options) -> Layout:
     values = found["value"]
     for quantity in dict.fromkeys(value.role.quantity for value in values):
         _only(table, [value for value in values if value.role.quantity == quantity], quantity)
+    names = {value.role.quantity for value in values}
+    for letter in "RT":
+        if {letter, letter + "_s", letter + "_p"} <= names and not options.columns:
+            raise MeasurementError(
+                f"{place(table.source, table.header)}: {letter} beside {letter}_s and {letter}_p "
+                "may be their mean, and would count twice. Name all columns to be read, for "
+                f"example --columns angle=1,{letter}_s=2,{letter}_p=3."
+            )
     kinds = ("angle", "wavelength", "polarization", "polarizer")
     single = {kind: _only(table, found[kind], kind) for kind in kinds}
     sigmas = _attach(table, values, found["sigma"])

@@ -11,7 +11,7 @@ from fitting.checks import Data
 from fitting.errors import MeasurementError, place
 from fitting.reader.axes import angles, wavelengths
 from fitting.reader.columns import Column, Layout
-from fitting.reader.evidence import evidence
+from fitting.reader.evidence import evidence, statements
 from fitting.reader.light import light_of_rows
 from fitting.reader.options import Options
 from fitting.reader.reading import Reading
@@ -147,7 +147,10 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
     Raises MeasurementError for what is ambiguous or contradicts itself; ranges are for the
     Measurement to check.
     """
-    said = evidence(table.source, PurePath(table.source).stem, table.preamble).without(options)
+    said = evidence(table.source, PurePath(table.source).stem, table.preamble)
+    for value in layout.values if options.columns else []:  # R(45 deg)
+        said.said.extend(s for s in statements(table.header, value.label) if s.kind == "angle")
+    said = said.without(options)
     reading = Reading(table, layout, options, said, [*table.notes])
     _refuse_other_quantity(reading)
     wavelength = wavelengths(reading)

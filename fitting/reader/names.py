@@ -13,8 +13,9 @@ from fitting.reader.vocabulary import (
     UNITS_BEHIND_WORDS,
     cased,
     light_of,
-    plain,
+    spelled,
     unit_of,
+    words_of,
 )
 
 
@@ -188,13 +189,10 @@ def role_of(name: str, unit: str = "") -> Role:
     """
     if len(name) > LONGEST:
         return Role("", why="its name is too long")
-    text = plain(name).strip().strip("$").replace("\\", "").replace("$", "").strip()
+    text = spelled(name).strip().strip("$").replace("\\", "").replace("$", "").strip()
     if len(text) > 1 and text[0] == text[-1] and text[0] in "'\"":
         text = text[1:-1]
     text = re.sub(r"\|\||(?<=[Rr_\s])//|//$", " par ", text)
-    text = re.sub(r"\b[dl]'(?=[a-z])", "", text)  # angle d'incidence
-    text = re.sub(r"(?i)\b(?:2|two)[\s_-]*theta", "twotheta", text)
-    text = re.sub(r"(?i)\bwave[\s_-]+(?=length|number)", "wave", text)
     rest, own = _part_unit(text)
     if not own and unit_of(rest) in _AXIS_UNITS and len(rest) > 1:
         rest, own = "", unit_of(rest) or ""  # the unit is all the name there is
@@ -241,4 +239,6 @@ def role_of(name: str, unit: str = "") -> Role:
         return Role("", why="psi and delta themselves are wanted, in degrees")
     if lower and lower <= _CONSTANT:
         return Role("", unit=unit, why="it is an optical constant, not a measured power")
+    if any(behind == "deg" for _, behind in words_of(text).numbers):
+        return Role("", unit=unit, why="its name has an angle: --columns, with --angle-deg NUMBER")
     return Role("", unit=unit)

@@ -29,6 +29,14 @@ class Reading(NamedTuple):
         line = (self.table.header or self.table.lines[0]) if row is None else self.table.lines[row]
         raise MeasurementError(f"{place(self.table.source, line, column.label)}: {text}")
 
+    def refuse_both(self, column: Column, what: str, option: str) -> NoReturn:
+        """Raise because an option gives what a column gives."""
+        self.refuse(
+            column,
+            f"the file gives {what}, and {option} came too. Drop the option, or name the columns "
+            "to be read with --columns.",
+        )
+
     def numbers(self, column: Column) -> np.ndarray:
         """Return the numbers of a column, NaN for gaps."""
         return numbers_of(self.table, column, [])[0]

@@ -256,6 +256,7 @@ def read_table(
         (line, uncomment(text))
         for line, text in before
         if units_row(split_cells(uncomment(text), delimiter)) is None
+        and (line > first or sum(map(recognise, split_cells(text, delimiter))) < 2)
     ]
     small = {i for i, name in enumerate(names) if below_thousand(name)}
     return Table(

@@ -57,28 +57,35 @@ _CONCEPTS = {
     "polarizer": "polarizer polariser polarisator polariseur polarizzatore polarizador поляризатор "
     "偏振片 起偏器",
     "s": "s te perp perpendicular senkrecht spol ss perpendiculaire perpendicolare",
-    "p": "p tm par para parallel ppol pp parallele parallelo paralela paralelo",
+    "p": "p tm par para parallel ppol pp parallele parallelo parallela paralela paralelo",
     "u": "unpolarized unpolarised unpol u mixed natural unpolarisiert",
     "none": "none without ohne keine sans",
-    # the side of a plate
+    "wave": "wave waves welle",
+    # the surface, and the side of a plate
+    "surface": "surface oberflache superficie поверхность поверхности 表面",
     "back": "back rear ruckseite",
     # words that change nothing, in a header and in a sentence
     "filler": "of the at for value values data measured meas light beam total specular front "
     "power avg average ave mean experimental exp col column",
-    "article": "per is in was with as are all unit units given set fixed constant mode state a and "
-    "d de di du da do del der des die das l la le im von et und e y near nominal mit bei "
-    "licht lumiere luce luz number no коэффициент",
+    "article": "per is in en im zur zum from was with as are all unit units given set fixed "
+    "constant mode state a and d de di du da do del der des die das l la le von et und e y near "
+    "nominal mit bei licht lumiere luce luz number no коэффициент",
 }
 CONCEPT = {word: concept for concept, words in _CONCEPTS.items() for word in words.split()}
 LETTERS = frozenset("spu")
-_UNPARTED = {w: c for w, c in CONCEPT.items() if not w.isascii() and len(w) > 1}
+# what an unknown word speaks of if it holds one of these: compounds, scripts that part no words
+_ROOTS = {w: c for w, c in CONCEPT.items() if not w.isascii() and len(w) > 1} | {
+    "winkel": "angle", "vinkel": "angle", "einfall": "incidence", "polari": "polarization",
+    "polary": "polarization",
+}  # fmt: skip
 QUANTITY_CONCEPTS = ("R", "T", "A", "psi", "delta")
 AXIS_CONCEPTS = ("wavelength", "energy", "wavenumber", "frequency")
 
 _UNIT_SPELLINGS = {
     "deg": "deg degs degree degrees 度 grad grade grados gradi graus degres graden "
     "градус градуса градусов stopni stupnu",
-    "rad": "rad rads radian radians radiant radianti radianes radianten",
+    "rad": "rad rads radian radians radiant radianti radianes radianten bogenmass "
+    "bogenmaß радиан радианы радианах 弧度",
     "mrad": "mrad milliradian milliradians",
     "deg.arcmin": "deg.arcmin degrees.arcminutes",
     "grazing-deg": "grazing-deg",
@@ -140,6 +147,14 @@ def plain(text: str) -> str:
     return "".join(map(_letter, text))
 
 
+def spelled(text: str) -> str:
+    """Return ``plain`` text with names of several parts as one word: 2 theta, wave length."""
+    text = re.sub(r"(?i)\b[dl]'(?=\w)", "", plain(text))  # angle d'incidence
+    text = re.sub(r"@\s*(?=[0-9])", " angle ", text)  # R@60
+    text = re.sub(r"(?i)(?<![^\W_])(?:2|two)[\s_-]*theta", "twotheta", text)
+    return re.sub(r"(?i)(?<![^\W_])wave[\s_-]+(?=length|number)", "wave", text)
+
+
 def light_of(word: str) -> str:
     """Return "s", "p" or "u" of a word for one polarization, "" of any other."""
     concept = CONCEPT.get(word, "")
@@ -195,7 +210,7 @@ def words_of(text: str) -> Words:
     numbers: list[tuple[float, str]] = []
     units: set[str] = set()
     unknown, capitals = False, []
-    text = plain(text)
+    text = spelled(text)
     for unit in {unit_of(match) or "" for match in _UNIT_WORD.findall(text)}:
         units.add(unit)
     text = _UNIT_WORD.sub(" ", text)
@@ -233,8 +248,7 @@ def words_of(text: str) -> Words:
                 continue
             if found is None:
                 unknown = True
-                if not word.isascii():  # scripts that part no words
-                    concepts |= {c for known, c in _UNPARTED.items() if known in word}
+                concepts |= {c for root, c in _ROOTS.items() if root in word.lower()}
             else:
                 concepts.add(found)
     return Words(concepts - {""}, numbers, units - {""}, unknown, capitals)
