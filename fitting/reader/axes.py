@@ -176,7 +176,6 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
         column = column._replace(role=column.role._replace(unit="deg"))
     unit = options.angle_unit or _angle_unit(reading, numbers, column)
     if unit in Q_UNITS and np.isnan(wavelength).all():
-        said.one("wavelength")
         reading.refuse(
             column,
             "Q becomes an angle through the wavelength, which is not known. Say "

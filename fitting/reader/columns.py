@@ -55,9 +55,9 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
     )
     x, y = filled[0] + 1, filled[1] + 1
     example = (
-        f"say what they are, for example --columns angle={x},R={y} --angle-unit deg (rad, "
-        f"1/angstrom for Q, ...) or --columns wavelength={x},R={y} --wavelength-unit nm, with "
-        "--scale 0.01 if R is in percent."
+        f"say what they are, for example --columns angle={x},R={y} --angle-unit deg (or rad; for "
+        f"Q 1/angstrom, with --wavelength-um NUMBER) or --columns wavelength={x},R={y} "
+        "--wavelength-unit nm, with --scale 0.01 if R is in percent."
     )
     if table.misfit:
         raise MeasurementError(

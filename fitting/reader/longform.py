@@ -155,8 +155,6 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
     _refuse_other_quantity(reading)
     wavelength = wavelengths(reading)
     angle = angles(reading, wavelength)
-    if layout.wavelength is None and options.wavelength_um is None:
-        said.one("wavelength")
     read = {v.index: numbers_of(table, v, options.missing) for v in layout.values}
     numbers = {index: pair[0] for index, pair in read.items()}
     _refuse_placeholders(reading, numbers)

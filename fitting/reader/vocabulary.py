@@ -58,7 +58,7 @@ _CONCEPTS = {
     "偏振片 起偏器",
     "s": "s te perp perpendicular senkrecht spol ss perpendiculaire perpendicolare",
     "p": "p tm par para parallel ppol pp parallele parallelo parallela paralela paralelo",
-    "u": "unpolarized unpolarised unpol u mixed natural unpolarisiert",
+    "u": "unpolarized unpolarised unpol u mixed natural naturliches unpolarisiert",
     "none": "none without ohne keine sans",
     "wave": "wave waves welle",
     # the surface, and the side of a plate
