@@ -25,6 +25,7 @@ HEARD = {
     "# wavelength in um\nwavelength,R\n500,.1\n600,.2\n": None,
     "angle,R in %\n10,10\n45,10\n": ("value", 0.1, "percent"),
     "wavelength_A,R\n5000,.1\n5000,.2\n": ("wavelength_um", 0.5, "0.5 um"),
+    "wavelength_nm,Rs@60\n500,.1\n600,.2\n": ("angle_deg", 60.0, "60 degrees by the column name"),
     "angle,R_||\n10,.1\n45,.2\n": ("quantity", "R_p", "R_p"),
     "angle,R//\n10,.1\n45,.2\n": ("quantity", "R_p", "R_p"),
     "angle,R\u2016\n10,.1\n45,.2\n": ("quantity", "R_p", "R_p"),
@@ -59,8 +60,7 @@ for said, light in {
 
 REFUSED = {
     "# a 532 nm laser on a bench\n" + SCAN: ("line 1", "--wavelength-um"),
-    "wavelength_nm,Rs@60\n500,.1\n600,.2\n": ("no column is named", "--columns"),
-    "wavelength_nm,R(60 deg)\n500,.1\n600,.2\n": ("its name has an angle", "--angle-deg"),
+    "wavelength_nm,R@60,R\n500,.1,.2\n600,.2,.2\n": ("gives an angle", "--angle-deg"),
     "angle,R,R_s,R_p\n10,.2,.1,.3\n45,.2,.1,.3\n": ("their mean", "--columns"),
     "grazing angle (mrad),R\n10,.2\n45,.2\n": ("grazing-mrad", "--angle-unit grazing-deg"),
     "2theta (rad),R\n.1,.2\n.4,.2\n": ("2theta-rad", "--angle-unit 2theta-deg"),
@@ -154,13 +154,15 @@ def test_an_option_overrules_what_a_line_says(tmp_path: Path) -> None:
     assert read(tmp_path, grazing, angle_unit="grazing-deg").angle_deg.tolist() == [80, 45, 10]
 
 
-def test_a_table_of_several_angles_is_read_one_at_a_time(tmp_path: Path) -> None:
-    text = "wavelength_nm,R(45 deg) [%],R(60\u00b0) [%],R@70\n500,10,20,30\n600,11,21,31\n"
-    for number, angle in ((2, 45), (3, 60), (4, 70)):
-        columns = f"wavelength=1,R={number}"
-        assert "--angle-deg" in refusal(tmp_path, text, columns=columns, scale=0.01)
-        m = read(tmp_path, text, columns=columns, angle_deg=angle, scale=0.01)
-        assert m.angle_deg.tolist() == [angle] * 2
+def test_several_angles_in_one_wide_table(tmp_path: Path) -> None:
+    text = "wavelength_nm,Rs(45 deg) [%],Rp(45 deg) [%],Rs(60\u00b0) [%],Rp(60\u00b0) [%]\n"
+    text += "500,10,5,20,3\n600,11,6,21,4\n"
+    m = read(tmp_path, text)
+    assert m.angle_deg.tolist() == [45.0] * 4 + [60.0] * 4
+    assert m.quantity.tolist() == ["R_s"] * 2 + ["R_p"] * 2 + ["R_s"] * 2 + ["R_p"] * 2
+    assert m.value.tolist() == [0.1, 0.11, 0.05, 0.06, 0.2, 0.21, 0.03, 0.04]
+    one = read(tmp_path, text, columns="wavelength=1,R_s=4")
+    assert one.angle_deg.tolist() == [60.0, 60.0]
 
 
 def test_a_name_and_a_line_that_say_the_same_agree(tmp_path: Path) -> None:

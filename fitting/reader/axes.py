@@ -147,6 +147,8 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
     if column is None:
         if given is not None:
             return np.full(rows, given)
+        if any(value.role.at is not None for value in layout.values):
+            return np.full(rows, np.nan)  # each column has its own
         beside, counted = said.one("angle"), said.one("angle unit")
         if counted and str(counted.value).startswith("grazing"):
             said.refuse(counted)

@@ -104,7 +104,7 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
             role = Role(name, unit=unit)
         else:
             kind = "sigma" if name.startswith("sigma_") else "value"
-            role = Role(kind, name.removeprefix("sigma_"), unit=unit)
+            role = Role(kind, name.removeprefix("sigma_"), unit=unit, at=role.at)
         found[role.kind].append(Column(index, label_of(table, index), role))
     if not found["value"]:
         raise MeasurementError(
@@ -165,6 +165,8 @@ def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Co
             name, tail = sigma.role.quantity, len(sigma.role.quantity)
             part = -tail if name.startswith("_") else 0
             fits = [i for i, v in enumerate(values) if v.role.quantity[part:] == name]
+            if sigma.role.at is not None:
+                fits = [i for i in fits if values[i].role.at == sigma.role.at]
             if not fits:
                 continue
         if len(fits) != 1 or attached[fits[0]] is not None:
@@ -185,8 +187,15 @@ def choose_columns(table: Table, options: Options) -> Layout:
     """
     found = _explicit(table, options) if options.columns else _implicit(table)
     values = found["value"]
-    for quantity in dict.fromkeys(value.role.quantity for value in values):
-        _only(table, [value for value in values if value.role.quantity == quantity], quantity)
+    for of in dict.fromkeys((value.role.quantity, value.role.at) for value in values):
+        _only(table, [v for v in values if (v.role.quantity, v.role.at) == of], of[0])
+    angled = [value for value in values if value.role.at is not None]
+    if angled and (len(angled) < len(values) or found["angle"]):
+        raise MeasurementError(
+            f"{place(table.source, table.header, angled[0].label)}: this name gives an angle of "
+            "incidence, and other columns give another, or none. Name all columns to be read with "
+            "--columns, and the angle with --angle-deg."
+        )
     names = {value.role.quantity for value in values}
     for letter in "RT":
         if {letter, letter + "_s", letter + "_p"} <= names and not options.columns:

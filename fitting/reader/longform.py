@@ -148,17 +148,21 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
     Measurement to check.
     """
     said = evidence(table.source, PurePath(table.source).stem, table.preamble)
-    for value in layout.values if options.columns else []:  # R(45 deg)
+    ats = [value.role.at for value in layout.values]
+    notes = [
+        f"angle {at:g} degrees by the column name" for at in dict.fromkeys(ats) if at is not None
+    ]
+    for value in [v for v in layout.values if options.columns and v.role.at is None]:
         said.said.extend(s for s in statements(table.header, value.label) if s.kind == "angle")
     said = said.without(options)
-    reading = Reading(table, layout, options, said, [*table.notes])
+    reading = Reading(table, layout, options, said, [*table.notes, *notes])
     _refuse_other_quantity(reading)
     wavelength = wavelengths(reading)
     angle = angles(reading, wavelength)
     read = {v.index: numbers_of(table, v, options.missing) for v in layout.values}
     numbers = {index: pair[0] for index, pair in read.items()}
     _refuse_placeholders(reading, numbers)
-    light = light_of_rows(reading, bool(np.nan_to_num(angle).any()))
+    light = light_of_rows(reading, bool(np.nan_to_num(angle).any() or any(ats)))
     signs = {index: pair[1] for index, pair in read.items()}
     factor = power_scale(reading, numbers, signs)
     psi_units = psi_delta_unit(reading, numbers)
@@ -171,6 +175,8 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
             converted = np.degrees(raw) if unit == "rad" else raw
         else:
             converted = scaled(raw, factor)
+        if value.role.at is not None and options.angle_deg is None:
+            angle = np.full(len(raw), value.role.at)
         sigma = standard_errors(reading, value, sigma_column, unit, factor)
         there = ~np.isnan(raw)
         if sigma_column is not None and options.sigma is None:

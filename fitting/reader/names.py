@@ -15,7 +15,6 @@ from fitting.reader.vocabulary import (
     light_of,
     spelled,
     unit_of,
-    words_of,
 )
 
 
@@ -60,6 +59,12 @@ _SUFFIX = re.compile(r"(?<=[\w)\]])(?:[\s_.]+|\s*[/,]\s*|\s+in\s+)([^\s_]+)$")
 _AMPLITUDE = re.compile(
     r"r[\s_.-]?(?:(s|te|perp|spol|ss)|(p|tm|par|parallel|ppol|pp))", re.IGNORECASE
 )
+# R(45 deg), Rs@60, "angle 60" once it is spelled out: the angle of a column in a wide table
+_AT = re.compile(
+    r"[(\[_\s]\s*(?:(?:at|aoi|theta)\s*=?\s*)?(?:([0-9]+(?:\.[0-9]+)?)\s*_?deg(?:rees?)?"
+    r"|angle ([0-9]+(?:\.[0-9]+)?))\s*[)\]]?(?=$|[\s_(\[])",
+    re.IGNORECASE,
+)
 # what may stand between words and means nothing; a prime, a root, a ratio does mean something
 _AXIS_UNITS = ("nm", "um", "angstrom", "eV", "cm-1", "THz", *Q_UNITS)
 _NO_SIGNS = re.compile(r"[\w\s.,:;()\[\]{}\-]*")
@@ -73,6 +78,7 @@ class Role(NamedTuple):
     form: of an angle incidence, grazing, 2theta or q; of a wavelength the word that names it
         (wavelength, energy, wavenumber, frequency).
     unit: a key of :mod:`fitting.reader.vocabulary`, "" where the name gives none.
+    at: for value and sigma, the angle of incidence in degrees that the name gives, else None.
     why: for kind "", why the column cannot be used, if known; for unclear, both readings.
     """
 
@@ -81,6 +87,7 @@ class Role(NamedTuple):
     form: str = ""
     unit: str = ""
     why: str = ""
+    at: float | None = None
 
 
 def _part_unit(name: str) -> tuple[str, str]:
@@ -239,6 +246,8 @@ def role_of(name: str, unit: str = "") -> Role:
         return Role("", why="psi and delta themselves are wanted, in degrees")
     if lower and lower <= _CONSTANT:
         return Role("", unit=unit, why="it is an optical constant, not a measured power")
-    if any(behind == "deg" for _, behind in words_of(text).numbers):
-        return Role("", unit=unit, why="its name has an angle: --columns, with --angle-deg NUMBER")
+    if match := _AT.search(text):
+        bare = role_of(text[: match.start()] + " " + text[match.end() :], unit.replace("deg", ""))
+        if bare.kind in ("value", "sigma") and bare.quantity and bare.at is None:
+            return bare._replace(at=float(match[1] or match[2]))
     return Role("", unit=unit)
