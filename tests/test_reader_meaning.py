@@ -165,6 +165,11 @@ def test_several_angles_in_one_wide_table(tmp_path: Path) -> None:
     assert one.angle_deg.tolist() == [60.0, 60.0]
 
 
+def test_a_column_in_units_of_q_is_no_wavelength(tmp_path: Path) -> None:
+    text = "Qz (1/angstrom),R\n.002,.9\n.003,.8\n"
+    assert "--wavelength-unit" in refusal(tmp_path, text, columns="wavelength=1,R=2")
+
+
 def test_a_name_and_a_line_that_say_the_same_agree(tmp_path: Path) -> None:
     m = read(tmp_path, "# AOI: 60 deg\n" + SPECTRUM, "gold_60deg.csv")
     assert set(m.angle_deg.tolist()) == {60.0}

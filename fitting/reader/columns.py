@@ -11,7 +11,7 @@ from fitting.reader.computed_rows import refuse_computed_rows
 from fitting.reader.names import Role, role_of
 from fitting.reader.options import Options
 from fitting.reader.table import Table, find_column, label_of
-from fitting.reader.units import FORM_OF
+from fitting.reader.units import FORM_OF, Q_UNITS
 
 
 class Column(NamedTuple):
@@ -96,9 +96,11 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
         role = role_of(table.names[index], table.units[index])
         unit = role.unit
         if name in ("angle", "wavelength"):
-            form = FORM_OF.get(unit, "wavelength")
+            q = unit in Q_UNITS
             if name == "angle":
-                form = "q" if form == "q" else "incidence"
+                form = "q" if q else "incidence"
+            else:
+                form = "wavelength" if q else FORM_OF.get(unit, "wavelength")
             role = role if role.kind == name else Role(name, "", form, unit)
         elif name in ("polarization", "polarizer"):
             role = Role(name, unit=unit)
