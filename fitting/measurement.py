@@ -238,22 +238,13 @@ def read_csv(
         and the option that settles it.
     """
     source = source_of(path)
-    options = parse_options(
-        source,
-        columns=columns,
-        keep=keep,
-        angle_deg=angle_deg,
-        angle_unit=angle_unit,
-        wavelength_um=wavelength_um,
-        wavelength_unit=wavelength_unit,
-        polarization=polarization,
-        scale=scale,
-        sigma=sigma,
-        psi_unit=psi_unit,
-        missing=missing,
-    )
+    options = parse_options(source, dict(
+        columns=columns, keep=keep, angle_deg=angle_deg, angle_unit=angle_unit,
+        wavelength_um=wavelength_um, wavelength_unit=wavelength_unit, polarization=polarization,
+        scale=scale, sigma=sigma, psi_unit=psi_unit, missing=missing,
+    ))  # fmt: skip
     texts, notes = read_lines(Path(path), encoding)
-    bare = options == parse_options(source) and not (lines or delimiter or decimal)
+    bare = options == parse_options(source, {}) and not (lines or delimiter or decimal)
     own = own_header(texts)
     if own >= 0 and bare:
         long = own_columns(source, texts, own)

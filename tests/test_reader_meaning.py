@@ -23,14 +23,13 @@ HEARD = {
     "# \u504f\u632f: s\n" + SCAN: ("quantity", "R_s", "line 1"),
     "# R in percent\nangle,R\n10,10\n45,10\n": ("value", 0.1, "line 1"),
     "# wavelength in um\nwavelength,R\n500,.1\n600,.2\n": None,
-    "# a 532 nm laser on a bench\n" + SCAN: ("wavelength_um", 0.532, "line 1"),
     "angle,R in %\n10,10\n45,10\n": ("value", 0.1, "percent"),
     "wavelength_A,R\n5000,.1\n5000,.2\n": ("wavelength_um", 0.5, "0.5 um"),
+    "wavelength_nm,Rs@60\n500,.1\n600,.2\n": ("angle_deg", 60.0, "60 degrees by the column name"),
     "angle,R_||\n10,.1\n45,.2\n": ("quantity", "R_p", "R_p"),
     "angle,R//\n10,.1\n45,.2\n": ("quantity", "R_p", "R_p"),
     "angle,R\u2016\n10,.1\n45,.2\n": ("quantity", "R_p", "R_p"),
     "angle_rad,R\n1.5708,.5\n1.571,.5\n": ("angle_deg", 90.0, "rad"),
-    "wavelength_nm,Rs@60\n500,.1\n600,.2\n": ("angle_deg", 60.0, "60 degrees by the column names"),
     "nm;%R\n500;10\n600;10\n": ("value", 0.1, "percent"),
     "angle;R\n10,000;0,250\n45,000;0,250\n": ("value", 0.25, "fraction"),
 }
@@ -44,7 +43,28 @@ def test_what_a_line_says_is_used_and_that_is_said(tmp_path: Path, text: str) ->
     assert where in m.understood
 
 
+for said, angle in {
+    "Einfallswinkel 60 Grad": 60.0, "angle d'incidence : 60": 60.0, "AOI60": 60.0,
+    "\u00e2ngulo de incid\u00eancia: 60 graus": 60.0, "invalshoek 60 graden": 60.0,
+    "угол падения 60 градусов": 60.0,
+    "\u5165\u5c04\u89d260\u5ea6": 60.0, "infallsvinkel 60": 60.0, "AOI 1.5 rad": 85.94366926962348,
+    "streifender Einfall 20 Grad": 70.0, "incidenza radente 20 gradi": 70.0,
+    "incidence normale": 0.0, "senkrechter Einfall": 0.0, "near-normal incidence": 0.0,
+}.items():  # fmt: skip
+    HEARD[f"# {said}\n" + SPECTRUM] = ("angle_deg", angle, "line 1")
+for said, light in {
+    "polarizzazione parallela": "R_p", "p wave": "R_p", "\u504f\u5149: p": "R_p", "TE mode": "R_s",
+    "polarisation perpendiculaire": "R_s", "lumi\u00e8re polaris\u00e9e p": "R_p",
+}.items():  # fmt: skip
+    HEARD[f"# {said}\n" + SCAN] = ("quantity", light, "line 1")
+
 REFUSED = {
+    "# a 532 nm laser on a bench\n" + SCAN: ("line 1", "--wavelength-um"),
+    "wavelength_nm,R@60,R\n500,.1,.2\n600,.2,.2\n": ("gives an angle", "--angle-deg"),
+    "angle,R,R_s,R_p\n10,.2,.1,.3\n45,.2,.1,.3\n": ("their mean", "--columns"),
+    "grazing angle (mrad),R\n10,.2\n45,.2\n": ("grazing-mrad", "--angle-unit grazing-deg"),
+    "2theta (rad),R\n.1,.2\n.4,.2\n": ("2theta-rad", "--angle-unit 2theta-deg"),
+    "aoi,polarization angle,R\n9,10,.2\n9,45,.2\n": ("polarization angle", "angle-from-p"),
     "# AOI = 45\n# AOI = 50\n" + SPECTRUM: ("line 1", "line 2", "--angle-deg"),
     "# measured at 45 deg\n" + SPECTRUM: ("line 1", "--angle-deg"),
     "# AOI: 85\n" + SCAN: ("line 1", "10 to 80", "--angle-deg"),
@@ -71,9 +91,29 @@ REFUSED = {
     "angle,psi,delta\n50,20,100\n60,0,0\n70,30,90\n": ("line 3", "--missing 0"),
     "angle,psi,delta\n50,.2,100\n60,.3,90\n70,.4,80\n": ("column psi", "--psi-unit"),
     "angle,psi,delta\n50,20,1.5\n60,25,1.6\n70,30,1.7\n": ("column delta", "--psi-unit"),
-    "wavelength_nm,R_45,R_60\n500,.1,.2\n600,.1,.2\n": ("R_45", "--angle-unit deg"),
+    "wavelength_nm,R_45,R_60\n500,.1,.2\n600,.1,.2\n": ("R_45", "--columns"),
     "# psi and delta in radians\nangle,psi (deg),delta\n50,20,100\n60,25,95\n": ("--psi-unit",),
 }
+
+
+for said in (
+    "Einfallswinkel sechzig Grad", "angle of incidence: sixty degrees", "sixty degrees incidence",
+    "k\u0105t padania 60", "\u00fahel dopadu 60", "Messwinkel 60", "Lichteinfallswinkel: 60\u00b0",
+    "oblique incidence", "Brewster angle", "gemessen unter 60 Grad", "medido a 60 grados",
+    "60\u00b0", "incident power 5 mW", "60 graden", "sixty deg",
+):  # fmt: skip
+    REFUSED[f"# {said}\n" + SPECTRUM] = ("line 1", "--angle-deg")
+for said in (
+    "2theta scan", "Winkel zur Oberfl\u00e4che", "angle measured from the sample plane",
+    "complement of incidence", "Winkel im Bogenma\u00df ca.", "angle from the surface",
+):  # fmt: skip
+    REFUSED[f"# {said}\n" + SCAN] = ("line 1", "--angle-unit")
+for said in (
+    "polaryzacja p", "nat\u00fcrliches Licht", "E perpendicular", "depolarized",
+    "horizontally polarised", "s and p polarization", "polarizer at 90 deg",
+):  # fmt: skip
+    REFUSED[f"# {said}\n" + SCAN] = ("line 1", "--polarization")
+REFUSED["# wavelength five hundred nm\n" + SCAN] = ("line 1", "--wavelength-um")
 
 
 @pytest.mark.parametrize("text", REFUSED)
@@ -112,18 +152,22 @@ def test_an_option_overrules_what_a_line_says(tmp_path: Path) -> None:
     assert set(m.angle_deg.tolist()) == {30.0} and set(m.quantity.tolist()) == {"R_p"}
     grazing = "# angles are grazing\n" + SCAN
     assert read(tmp_path, grazing, angle_unit="grazing-deg").angle_deg.tolist() == [80, 45, 10]
-    wide = "wavelength_nm,R_45,R_60\n500,.1,.2\n600,.1,.2\n"
-    m = read(tmp_path, wide, angle_unit="deg")
-    assert m.angle_deg.tolist() == [45, 45, 60, 60]
-    assert "angles 45, 60 degrees by the column names" in m.understood
 
 
 def test_several_angles_in_one_wide_table(tmp_path: Path) -> None:
     text = "wavelength_nm,Rs(45 deg) [%],Rp(45 deg) [%],Rs(60\u00b0) [%],Rp(60\u00b0) [%]\n"
-    m = read(tmp_path, text + "500,10,5,20,3\n600,11,6,21,4\n")
+    text += "500,10,5,20,3\n600,11,6,21,4\n"
+    m = read(tmp_path, text)
     assert m.angle_deg.tolist() == [45.0] * 4 + [60.0] * 4
     assert m.quantity.tolist() == ["R_s"] * 2 + ["R_p"] * 2 + ["R_s"] * 2 + ["R_p"] * 2
     assert m.value.tolist() == [0.1, 0.11, 0.05, 0.06, 0.2, 0.21, 0.03, 0.04]
+    one = read(tmp_path, text, columns="wavelength=1,R_s=4")
+    assert one.angle_deg.tolist() == [60.0, 60.0]
+
+
+def test_a_column_in_units_of_q_is_no_wavelength(tmp_path: Path) -> None:
+    text = "Qz (1/angstrom),R\n.002,.9\n.003,.8\n"
+    assert "--wavelength-unit" in refusal(tmp_path, text, columns="wavelength=1,R=2")
 
 
 def test_a_name_and_a_line_that_say_the_same_agree(tmp_path: Path) -> None:

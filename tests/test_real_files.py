@@ -117,7 +117,7 @@ def test_neutrons_by_angle_and_by_q(measured_files: Path) -> None:
     folder = measured_files / "neutron_si_d2o"
     angle = read_csv(folder / "si_d2o_lambda5A_aoi.csv")
     path = folder / "Si_D2O_HEPES_20mM.dat"
-    refusal(path, "3 columns without names", "--angle-unit 1/angstrom --wavelength-um")
+    refusal(path, "3 columns without names", "for Q 1/angstrom, with --wavelength-um")
     q = read_csv(
         path, columns="angle=1,R=2,sigma_R=3", angle_unit="1/angstrom", wavelength_um="0.0005"
     )
@@ -130,13 +130,13 @@ def test_neutrons_by_angle_and_by_q(measured_files: Path) -> None:
 
 def test_reflectometry_formats(measured_files: Path) -> None:
     ort = measured_files / "formats" / "prist5_10K_m_025.Rqz.ort"
-    refusal(ort, "line 45", "Qz", "--wavelength-um")
+    refusal(ort, "line 23", "wavelength: {min: 3.0", "--wavelength-um")
     refusal(ort, "line 47", "standard error 0", "--missing 0", wavelength_um=5e-4)
     m = read_csv(ort, wavelength_um=5e-4, missing=0)
     assert len(m) == 71 and "8 gaps" in m.understood and "sQz" in m.understood
     refl = measured_files / "formats" / "10ndt001.refl"
-    refusal(refl, "Q has no unit", "--angle-unit")
-    refusal(refl, "Line 8", "wavelength 4.760", angle_unit="1/angstrom")
+    refusal(refl, "line 8", "wavelength 4.760", "--wavelength-um")
+    refusal(refl, "Q has no unit", "--angle-unit", wavelength_um=4.76e-4)
     m = read_csv(refl, angle_unit="1/angstrom", wavelength_um=4.76e-4)
     assert m.value.tolist() == column(refl, 1, None, 13) and m.sigma.tolist() == column(
         refl, 2, None, 13

@@ -81,7 +81,7 @@ VARIETIES = {
     "names that are numbers": Variety(
         b"angle,405,532\n" + BODY.encode(),
         BOTH,
-        {"columns": {"angle": "angle", "R_s": "405", "R_p": 3}},
+        {"columns": {"angle": "angle", "R_s": "405", "R_p": 3}, "lines": "2-"},
     ),
     "second block, named alone": Variety(
         b"angle,R_s,R_p\n1,.1,.1\n2,.2,.2\n\nangle,R_s,x\n" + BODY.encode(), ONE, {"lines": "6-"}
@@ -99,8 +99,12 @@ VARIETIES = {
     "no last line end": Variety(b"angle,Rs,Rp\n" + BODY.rstrip().encode(), BOTH),
     "utf-8 mark": Variety(b"\xef\xbb\xbfangle,Rs,Rp\n" + BODY.encode(), BOTH),
     "utf-16 with mark": Variety(("angle,Rs,Rp\n" + BODY).encode("utf-16"), BOTH),
-    "utf-16-le": Variety(("angle,Rs,Rp\n" + BODY).encode("utf-16-le"), BOTH),
-    "utf-16-be": Variety(("angle,Rs,Rp\n" + BODY).encode("utf-16-be"), BOTH),
+    "utf-16-le": Variety(
+        ("angle,Rs,Rp\n" + BODY).encode("utf-16-le"), BOTH, {"encoding": "utf-16-le"}
+    ),
+    "utf-16-be": Variety(
+        ("angle,Rs,Rp\n" + BODY).encode("utf-16-be"), BOTH, {"encoding": "utf-16-be"}
+    ),
     "utf-32": Variety(("angle,Rs,Rp\n" + BODY).encode("utf-32"), BOTH),
     "latin-1 degree": Variety(("Einfallswinkel / \u00b0,Rs,Rp\n" + BODY).encode("latin-1"), BOTH),
     "greek": Variety(("\u03b8 [\u00b0],R\u22a5,R\u2225\n" + BODY).encode(), BOTH),
@@ -252,6 +256,7 @@ VARIETIES = {
             tuple(f"{(float(s) + float(p)) / 2:.6f}" for s, p in zip(R_S, R_P, strict=True)),
         ).encode(),
         BOTH,
+        {"columns": "angle=1,R_s=2,R_p=3"},
     ),
     "psi and delta": Variety(
         b"Angle of Incidence,Psi,Delta\n" + rows(ANGLES, PSI, DELTA).encode(),

@@ -6,36 +6,39 @@ import re
 
 import numpy as np
 
-from fitting.errors import MeasurementError, place
+from fitting.errors import MeasurementError
 from fitting.reader.columns import Column
 from fitting.reader.reading import Reading
 from fitting.reader.rows import numbers_of, span_of
-from fitting.reader.units import FORM_OF, Q_UNITS, WAVELENGTH_UNITS, incidence_deg, wavelength_um
+from fitting.reader.units import (
+    ANGLE_UNITS,
+    FORM_OF,
+    Q_UNITS,
+    WAVELENGTH_UNITS,
+    incidence_deg,
+    wavelength_um,
+)
 
 # pi / 2 as files round it, up or down; the largest of them, to one digit, is 1.6
 RIGHT_ANGLES = np.array(sorted({round(np.pi / 2.0, digits) for digits in range(1, 16)}))
 HALF_PI = 1.5708
+_UNITS_OF = {
+    "incidence": "deg or rad",
+    "grazing": "grazing-deg or grazing-rad",
+    "2theta": "2theta-deg",
+}
 # names by which a column, though not understood, speaks against normal incidence
 _ANGULAR = re.compile("(?i)angle|theta|winkel|incid|aoi|mount|motor|stage|gonio|deg")
 
 
 def _wavelength_unit(reading: Reading, column: Column) -> str:
-    _, layout, options, said, notes = reading
+    options, form = reading.options, column.role.form
     numbers = reading.numbers(column)
-    form, unit = column.role.form, column.role.unit
-    # X-rays and neutrons are measured at grazing angles, in nm below 5
-    grazing = options.angle_unit.startswith(("grazing", "2theta", "1/"))
-    optical = not grazing and (layout.angle is None or layout.angle.role.form == "incidence")
     finite = numbers[np.isfinite(numbers)]
-    low, high = (finite.min(), finite.max()) if len(finite) else (np.nan, np.nan)
+    low, high = finite.min(initial=np.inf), finite.max(initial=-np.inf)
+    unit = reading.unit("wavelength unit", column, options.wavelength_unit, "wavelengths")
     if options.wavelength_unit:
-        return options.wavelength_unit
-    if unit:
-        came = f"the header says {unit}"
-        reading.contradicted("wavelength unit", lambda u: u != unit, column, came)
-    elif form == "wavelength" and (beside := said.one("wavelength unit")):
-        unit = str(beside.value)
-        notes.append(f"wavelengths in {unit} ({beside.where}; --wavelength-unit)")
+        return unit
     if not unit:
         # 190 to 3300 is the range of spectrometers in nm; as angstrom it would begin below 190 nm
         # in the far ultraviolet, as um lie beyond the far infrared
@@ -45,19 +48,23 @@ def _wavelength_unit(reading: Reading, column: Column) -> str:
                 f"the {form} has no unit, and its numbers ({span_of(numbers)}) do not tell. Say "
                 f"--wavelength-unit {', '.join(WAVELENGTH_UNITS[:6])}.",
             )
-        unit = "nm"
-        notes.append("wavelengths taken as nm by their range (--wavelength-unit)")
-    elif FORM_OF.get(unit) != form:
+        reading.notes.append("wavelengths taken as nm by their range (--wavelength-unit)")
+        return "nm"
+    if FORM_OF.get(unit) != form:
         reading.refuse(
             column,
             f"the name says {form}, the unit says {unit}. Say --wavelength-unit {unit} if the unit "
             "is right.",
         )
-    elif optical and ((unit == "nm" and high < 5.0) or (unit == "um" and low >= 100.0)):
+    # X-rays and neutrons are measured at grazing angles, in nm below 5
+    angle = reading.layout.angle
+    grazing = options.angle_unit.startswith(("grazing", "2theta", "1/"))
+    optical = not grazing and (angle is None or angle.role.form == "incidence")
+    if optical and ((unit == "nm" and high < 5.0) or (unit == "um" and low >= 100.0)):
         other = "um" if unit == "nm" else "nm"
         reading.refuse(
             column,
-            f"the header says {unit}, the numbers are {span_of(numbers)}, as wavelengths in "
+            f"the file says {unit}, the numbers are {span_of(numbers)}, as wavelengths in "
             f"{other} are. Say --wavelength-unit {unit} or --wavelength-unit {other}.",
         )
     return unit
@@ -68,87 +75,61 @@ def wavelengths(reading: Reading) -> np.ndarray:
 
     Raises MeasurementError where the unit is open, or the name, the unit and the numbers disagree.
     """
-    table, layout, options, said, notes = reading
-    column, given = layout.wavelength, options.wavelength_um
+    column, given = reading.layout.wavelength, reading.options.wavelength_um
     if column is None:
-        clear = said.clear("wavelength")
-        if given is None and clear:
-            given = said.one("wavelength").value  # type: ignore[union-attr]
-            notes.append(f"wavelength {given:.6g} um ({clear[0].where}; --wavelength-um)")
-        return np.full(len(table.rows), np.nan if given is None else given)
+        if given is None and (beside := reading.said.one("wavelength")):
+            given = float(beside.value or 0.0)
+            reading.notes.append(f"wavelength {given:.6g} um ({beside.where}; --wavelength-um)")
+        return np.full(len(reading.table.rows), np.nan if given is None else given)
     if given is not None:
-        reading.refuse(
-            column,
-            f"the file gives wavelengths, and --wavelength-um {given:g} came too. Drop the option, "
-            "or name the columns to be read with --columns.",
-        )
+        reading.refuse_both(column, "wavelengths", f"--wavelength-um {given:g}")
     unit = _wavelength_unit(reading, column)
     microns = wavelength_um(reading.numbers(column), unit)
-    if not options.columns and len(layout.values) and np.isfinite(microns).any():
+    if not reading.options.columns and np.isfinite(microns).any():
         low, high = np.nanmin(microns) * 0.99, np.nanmax(microns) * 1.01
         came = f"the wavelengths are {span_of(microns)} um"
         reading.contradicted("wavelength", lambda w: not low <= w <= high, column, came)
-    if layout.repeat is not None and layout.repeat.role.unit in WAVELENGTH_UNITS:
-        again = wavelength_um(reading.numbers(layout.repeat), layout.repeat.role.unit)
-        # files round the second to three digits or so
-        wrong = np.flatnonzero(np.abs(again - microns) > 0.01 * microns)
-        if len(wrong):
-            i = int(wrong[0])
-            raise MeasurementError(
-                f"{place(table.source, table.lines[i])}: {column.label} says {microns[i]:.6g} um, "
-                f"{layout.repeat.label} says {again[i]:.6g} um. Name the columns to be read with "
-                "--columns."
-            )
     return microns
 
 
 def _angle_unit(reading: Reading, numbers: np.ndarray, column: Column) -> str:
-    form, unit = column.role.form, column.role.unit
+    form, unit, given = column.role.form, column.role.unit, reading.options.angle_unit
+    if given:
+        return given
     finite = np.abs(numbers[np.isfinite(numbers)])
     high, several = finite.max(initial=0.0), len(np.unique(finite)) > 2
-    if form == "incidence" and (beside := reading.said.one("angle unit")):
-        if unit not in ("", beside.value):
-            came = f"the header says {unit}"
-            reading.contradicted("angle unit", lambda u: u != unit, column, came)
-        unit = str(beside.value)
-        reading.notes.append(f"angles in {unit} ({beside.where}; --angle-unit)")
+    if form == "incidence":
+        unit = reading.unit("angle unit", column, "", "angles")
         if unit.startswith("grazing"):
             return unit
     if form == "q":
         if unit not in Q_UNITS:
             reading.refuse(column, "Q has no unit. Say --angle-unit 1/angstrom or 1/nm.")
         return unit
-    if unit not in ("", "deg", "rad", "mrad"):
-        reading.refuse(
-            column,
-            f"an angle in {unit} came. Say --angle-unit deg, rad, grazing-deg, 2theta-deg, ...",
-        )
+    whole = unit if form == "incidence" or not unit else f"{form}-{unit}"
+    if whole not in ("", *ANGLE_UNITS):
+        reading.refuse(column, f"an angle in {whole} came. Say --angle-unit {_UNITS_OF[form]}.")
+    if form != "incidence" and unit:
+        return whole
     if not unit:
         if form == "incidence" and (high > RIGHT_ANGLES[-1] or high == 0.0):
             return "deg"
-        choice = {"grazing": "grazing-deg or grazing-rad", "2theta": "2theta-deg"}.get(
-            form, "deg or rad"
-        )
         reading.refuse(
             column,
             f"the angle has no unit; its numbers ({span_of(numbers)}) may be radians or degrees. "
-            f"Say --angle-unit {choice}.",
+            f"Say --angle-unit {_UNITS_OF[form]}.",
         )
-    if form == "grazing":
-        return {"deg": "grazing-deg", "rad": "grazing-rad"}.get(unit, unit)
-    if form == "2theta" and unit == "deg":
-        return "2theta-deg"
     right = RIGHT_ANGLES[-1] if high in RIGHT_ANGLES else HALF_PI
-    if form == "incidence" and unit != "deg" and high > right * (1e3 if unit == "mrad" else 1.0):
+    if unit != "deg" and high > right * (1e3 if unit == "mrad" else 1.0):
         reading.refuse(
             column,
-            f"the header says {unit}, the numbers are {span_of(numbers)}, more than pi/2. Say "
+            f"the file says {unit}, the numbers are {span_of(numbers)}, more than pi/2. Say "
             "--angle-unit deg if they are degrees.",
         )
-    if form == "incidence" and unit == "deg" and several and high <= HALF_PI:
+    if unit == "deg" and several and high <= HALF_PI:
         reading.refuse(
             column,
-            f"the header says degrees, the numbers are {span_of(numbers)}, as radians are. Say "
+            f"the file says degrees, the numbers are {span_of(numbers)}, as radians are. Say "
             "--angle-unit rad, or --angle-unit deg if they are degrees.",
         )
     return unit
@@ -168,9 +149,9 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
             return np.full(rows, given)
         if any(value.role.at is not None for value in layout.values):
             return np.full(rows, np.nan)  # each column has its own
-        if (counted := said.one("angle unit")) and str(counted.value).startswith("grazing"):
+        beside, counted = said.one("angle"), said.one("angle unit")
+        if counted and str(counted.value).startswith("grazing"):
             said.refuse(counted)
-        beside = said.one("angle")
         if beside is not None:
             notes.append(
                 f"angle of incidence {beside.value:g} degrees ({beside.where}; --angle-deg)"
@@ -191,23 +172,15 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
             "which column it is with --columns angle=..."
         )
     if given is not None:
-        reading.refuse(
-            column,
-            f"the file gives angles, and --angle-deg {given:g} came too. Drop the option, or name "
-            "the columns to be read with --columns.",
-        )
+        reading.refuse_both(column, "angles", f"--angle-deg {given:g}")
     numbers, sign = numbers_of(table, column, [])
     if sign == "\u00b0" and not column.role.unit:
         column = column._replace(role=column.role._replace(unit="deg"))
     unit = options.angle_unit or _angle_unit(reading, numbers, column)
     if unit in Q_UNITS and np.isnan(wavelength).all():
-        open_ones = [one for one in said.said if one.kind == "wavelength"]
-        there = (
-            f" {open_ones[0].where.capitalize()} has {open_ones[0].text!r}." if open_ones else ""
-        )
         reading.refuse(
             column,
-            f"Q becomes an angle through the wavelength, which is not known.{there} Say "
+            "Q becomes an angle through the wavelength, which is not known. Say "
             "--wavelength-um NUMBER (5 angstrom are 0.0005).",
         )
     degrees = incidence_deg(numbers, unit, wavelength)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from typing import NamedTuple, NoReturn
 
 from fitting.errors import MeasurementError, place
@@ -10,7 +11,7 @@ from fitting.reader.computed_rows import refuse_computed_rows
 from fitting.reader.names import Role, role_of
 from fitting.reader.options import Options
 from fitting.reader.table import Table, find_column, label_of
-from fitting.reader.units import FORM_OF
+from fitting.reader.units import FORM_OF, Q_UNITS
 
 
 class Column(NamedTuple):
@@ -22,14 +23,10 @@ class Column(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """The columns in use. ``sigmas`` has for each value its standard error, or None.
-
-    repeat: the wavelength once more in another form (energy, wavenumber), to be compared.
-    """
+    """The columns in use. ``sigmas`` has for each value its standard error, or None."""
 
     angle: Column | None
     wavelength: Column | None
-    repeat: Column | None
     polarization: Column | None
     polarizer: Column | None
     values: list[Column]
@@ -39,39 +36,14 @@ class Layout(NamedTuple):
 
 def _range_of(table: Table, index: int) -> str:
     cells = [row[index] for row in table.rows if is_number(row[index])]
-    if not cells:
-        return "no numbers"
-    mark = "," if "," in "".join(cells) else "."
-    numbers, _ = to_numbers(cells, [0] * len(cells), mark, table.source, str(index + 1))
-    return f"{numbers.min():.4g} to {numbers.max():.4g}"
+    numbers, _ = to_numbers(cells, [0] * len(cells), table.decimal, table.source, str(index + 1))
+    return f"{numbers.min():.4g} to {numbers.max():.4g}" if cells else "no numbers"
 
 
 def _filled(table: Table) -> list[int]:
     """Return the columns that hold anything at all."""
     width = range(len(table.names))
     return [i for i in width if any(not is_missing(row[i]) for row in table.rows)]
-
-
-def _example(table: Table, filled: list[int], roles: list[Role]) -> str:
-    """Return options that would name the columns, as the numbers in them suggest."""
-    x, y = filled[0] + 1, filled[1] + 1
-    R = roles[filled[1]].quantity or "R"
-    first, second = (_range_of(table, i).split(" ") for i in filled[:2])
-    high = float(first[2]) if len(first) == 3 else 0.0
-    if high > 90.0:
-        text = f"--columns wavelength={x},{R}={y} --wavelength-unit nm"
-    elif high < 1.0:
-        text = (
-            f"--columns angle={x},{R}={y} --angle-unit 1/angstrom --wavelength-um NUMBER (if "
-            f"column {x} is Q) or --angle-unit rad"
-        )
-    else:
-        text = (
-            f"--columns angle={x},{R}={y} --angle-unit deg or --columns wavelength={x},{R}={y} "
-            "--wavelength-unit um"
-        )
-    percent = len(second) == 3 and 1.0 < float(second[2]) <= 100.0
-    return text + (", with --scale 0.01 if in percent" if percent else "")
 
 
 def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
@@ -81,7 +53,12 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
         + (f" ({roles[i].why})" if roles[i].why else "")
         for i in filled[:8]
     )
-    example = f"say what they are, for example {_example(table, filled, roles)}."
+    x, y = filled[0] + 1, filled[1] + 1
+    example = (
+        f"say what they are, for example --columns angle={x},R={y} --angle-unit deg (or rad; for "
+        f"Q 1/angstrom, with --wavelength-um NUMBER) or --columns wavelength={x},R={y} "
+        "--wavelength-unit nm, with --scale 0.01 if R is in percent."
+    )
     if table.misfit:
         raise MeasurementError(
             f"{table.source}: {table.misfit}. If the comma is the decimal mark as well as the "
@@ -93,15 +70,12 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
             f"{place(table.source, table.lines[0])}: {len(filled)} columns without names "
             f"({listed}). S{example[1:]}"
         )
-    open_ones = [i for i in filled if not roles[i].why and not roles[i].kind]
-    advice = (
-        f"If one is, {example}"
-        if open_ones
-        else (
+    advice = f"If one is, {example}"
+    if all(roles[i].why or roles[i].kind for i in filled):
+        advice = (
             "A table of an angle or a wavelength and R, R_s, R_p, T, psi or delta was wanted, "
             "powers as a ratio to the direct beam; --columns names other columns."
         )
-    )
     raise MeasurementError(
         f"{place(table.source, table.header)}: no column is named as a reflectance, transmittance, "
         f"psi or delta that can be fitted ({listed}). {advice}"
@@ -109,7 +83,7 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
 
 
 def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
-    found: dict[str, list[Column]] = {"angle": [], "wavelength": [], "value": [], "sigma": []}
+    found = defaultdict[str, list[Column]](list)
     taken: dict[int, str] = {}
     for name, wanted in options.columns.items():
         index = find_column(table, wanted, "--columns")
@@ -119,22 +93,21 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
                 f"{name}."
             )
         taken[index] = name
-        said = role_of(table.names[index], table.units[index])
-        unit = said.unit
-        if name == "angle":
-            role = said if said.kind == "angle" else Role("angle", "", "incidence", unit)
-            if role.form == "incidence" and unit in ("1/angstrom", "1/nm"):
-                role = role._replace(form="q")
-        elif name == "wavelength":
-            form = FORM_OF.get(unit, "wavelength")
-            role = said if said.kind == "wavelength" else Role("wavelength", "", form, unit)
-        elif name.startswith("sigma_"):
-            role = Role("sigma", name.removeprefix("sigma_"), "", unit)
+        role = role_of(table.names[index], table.units[index])
+        unit = role.unit
+        if name in ("angle", "wavelength"):
+            q = unit in Q_UNITS
+            if name == "angle":
+                form = "q" if q else "incidence"
+            else:
+                form = "wavelength" if q else FORM_OF.get(unit, "wavelength")
+            role = role if role.kind == name else Role(name, "", form, unit)
         elif name in ("polarization", "polarizer"):
             role = Role(name, unit=unit)
         else:
-            role = Role("value", name, "", unit, "", said.at if said.kind == "value" else None)
-        found.setdefault(role.kind, []).append(Column(index, label_of(table, index), role))
+            kind = "sigma" if name.startswith("sigma_") else "value"
+            role = Role(kind, name.removeprefix("sigma_"), unit=unit, at=role.at)
+        found[role.kind].append(Column(index, label_of(table, index), role))
     if not found["value"]:
         raise MeasurementError(
             f"{table.source}: --columns names no value; add one such as R=2, R_s=2 or psi=3."
@@ -142,17 +115,15 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
     return found
 
 
-def _implicit(table: Table, options: Options) -> dict[str, list[Column]]:
+def _implicit(table: Table) -> dict[str, list[Column]]:
     orso = any("ORSO reflectivity data file" in text for _, text in table.preamble[:3])
-    found: dict[str, list[Column]] = {"angle": [], "wavelength": [], "value": [], "sigma": []}
+    found = defaultdict[str, list[Column]](list)
     roles = []
     filled = set(_filled(table))
     for index, name in enumerate(table.names):
         if orso and name[:1] == "s" and name[1:2].isupper():
             name = "sigma " + name[1:]  # the prefix by which that format marks errors
         role = role_of(name, table.units[index])
-        if role.at is not None and not role.kind and options.angle_unit == "deg":
-            role = role._replace(kind=role.form, form="")  # the option says what R_45 means
         roles.append(role)
         if role.kind == "unclear" and index in filled:
             value, named = role.quantity.removeprefix("sigma_"), f"{role.quantity}={index + 1}"
@@ -164,7 +135,7 @@ def _implicit(table: Table, options: Options) -> dict[str, list[Column]]:
                 f"columns to be read, for example --columns angle=1,{wanted}."
             )
         if role.kind and index in filled:
-            found.setdefault(role.kind, []).append(Column(index, label_of(table, index), role))
+            found[role.kind].append(Column(index, label_of(table, index), role))
     if not found["value"]:
         _refuse_without_values(table, roles)
     return found
@@ -216,42 +187,29 @@ def choose_columns(table: Table, options: Options) -> Layout:
     Raises MeasurementError where two columns claim one role, none holds a value, or rows are
     statistics of other rows.
     """
-    found = _explicit(table, options) if options.columns else _implicit(table, options)
+    found = _explicit(table, options) if options.columns else _implicit(table)
     values = found["value"]
-    for quantity, at in dict.fromkeys((v.role.quantity, v.role.at) for v in values):
-        _only(
-            table, [v for v in values if (v.role.quantity, v.role.at) == (quantity, at)], quantity
-        )
-    angled = {value.role.at is not None for value in values}
-    if len(angled) == 2 or (True in angled and found["angle"]):
-        one = next(value for value in values if value.role.at is not None)
+    for of in dict.fromkeys((value.role.quantity, value.role.at) for value in values):
+        _only(table, [v for v in values if (v.role.quantity, v.role.at) == of], of[0])
+    angled = [value for value in values if value.role.at is not None]
+    if angled and (len(angled) < len(values) or found["angle"]):
         raise MeasurementError(
-            f"{place(table.source, table.header, one.label)}: this name gives an angle of "
+            f"{place(table.source, table.header, angled[0].label)}: this name gives an angle of "
             "incidence, and other columns give another, or none. Name all columns to be read with "
             "--columns, and the angle with --angle-deg."
         )
-    axes = found["wavelength"]
-    repeat = None
-    if len(axes) == 2 and axes[0].role.form != axes[1].role.form:
-        axes = sorted(axes, key=lambda axis: axis.role.form != "wavelength")
-        axes, repeat = axes[:1], axes[1]
-    layout = Layout(
-        angle=_only(table, found["angle"], "angle"),
-        wavelength=_only(table, axes, "wavelength"),
-        repeat=repeat,
-        polarization=_only(table, found.get("polarization", []), "polarization"),
-        polarizer=_only(table, found.get("polarizer", []), "polarizer"),
-        values=values,
-        sigmas=_attach(table, values, found["sigma"]),
-        unused=[],
-    )
-    used = {
-        c.index
-        for c in [layout.angle, layout.wavelength, repeat, layout.polarization, layout.polarizer]
-        + values
-        + layout.sigmas
-        if c is not None
-    }
+    names = {value.role.quantity for value in values}
+    for letter in "RT":
+        if {letter, letter + "_s", letter + "_p"} <= names and not options.columns:
+            raise MeasurementError(
+                f"{place(table.source, table.header)}: {letter} beside {letter}_s and {letter}_p "
+                "may be their mean, and would count twice. Name all columns to be read, for "
+                f"example --columns angle=1,{letter}_s=2,{letter}_p=3."
+            )
+    kinds = ("angle", "wavelength", "polarization", "polarizer")
+    single = {kind: _only(table, found[kind], kind) for kind in kinds}
+    sigmas = _attach(table, values, found["sigma"])
+    used = {c.index for c in [*single.values(), *values, *sigmas] if c is not None}
     refuse_computed_rows(table, used)
     unused = [label_of(table, i) for i in _filled(table) if i not in used]
-    return layout._replace(unused=unused)
+    return Layout(**single, values=values, sigmas=sigmas, unused=unused)

@@ -16,7 +16,15 @@ import numpy as np
 from fitting.errors import MeasurementError
 from fitting.reader.options import Options
 from fitting.reader.units import WAVELENGTH_UNITS, incidence_deg, wavelength_um
-from fitting.reader.vocabulary import AXIS_CONCEPTS, QUANTITY_CONCEPTS, Words, plain, words_of
+from fitting.reader.vocabulary import (
+    AXIS_CONCEPTS,
+    LETTERS,
+    QUANTITY_CONCEPTS,
+    Words,
+    light_of,
+    plain,
+    words_of,
+)
 
 # kind of statement -> what it gives, and the option that overrules it
 OPTION = {
@@ -30,13 +38,8 @@ OPTION = {
 }
 FULL_NAME = "the file name"
 _LENGTHS = ("nm", "um", "angstrom")
+_ANGULAR = {"deg", "rad", "mrad"}
 _CLAUSE = re.compile(r"[,;|](?=\s|$)|(?<=[a-z])\.\s")  # "incidence;45" is one
-
-
-_BESIDE = re.compile(
-    r"(?i)(?<![\w.])([0-9]+(?:[.,][0-9]+)?)\s*(nm|um)\s+(?:laser|wavelength)\b"
-    r"|\b(?:laser|wavelength)\s*(?:of|at|is|[:=])?\s*([0-9]+(?:[.,][0-9]+)?)\s*(nm|um)\b"
-)
 
 
 class Said(NamedTuple):
@@ -49,105 +52,96 @@ class Said(NamedTuple):
     text: str
 
 
-_KNOWN = {"filler", "article"}
+_KNOWN = {"filler", "article", "normal"}
+Heard = list[tuple[str, float | str | None]]
 
 
-def _angle(words: Words, where: str, text: str) -> list[Said]:
+def _angle(words: Words) -> Heard:
     """Return what a clause says of the angle of incidence, or of how angles count."""
     said = words.concepts
-    named = "incidence" in said or "grazing" in said
-    about = named or (("angle" in said or "doubled" in said) and "no incidence" not in said)
-    degrees = [unit for _, unit in words.numbers if unit in ("deg", "rad", "mrad")]
-    other = said & {"no incidence", "polarization", "polarizer", "psi", "delta", "s", "p"}
-    if not about and not (degrees and not other):
-        return []
-    clear = not words.unknown and said <= _KNOWN | {"incidence", "angle", "grazing"}
-    if "none" in said or other & {"psi", "delta"}:
-        clear = False
-    raw = text.lower()
-    if not words.numbers:
-        unit = next(iter(words.units & {"deg", "rad", "mrad"}), "")
-        if re.search(r"\bnormal\b", raw) and "incidence" in said and not unit:
-            return [Said("angle", 0.0 if clear else None, where, text)]
-        if "grazing" in said or "doubled" in said or ("surface" in raw and "normal" not in raw):
-            form = "grazing-" + unit if clear and unit in ("deg", "rad") else None
-            return [Said("angle unit", form, where, text)]
-        return [Said("angle unit", unit if clear else None, where, text)] if unit else []
-    number, unit = words.numbers[0]
-    unit = unit or next(iter(words.units & {"deg", "rad", "mrad"}), "")
-    # 1.6 is the largest number that can be a right angle in radians
-    clear = (
-        clear
-        and len(words.numbers) == 1
-        and about
-        and (unit != "" or number > 1.6 or number == 0.0)
+    units = words.units | {unit for _, unit in words.numbers} - {""}
+    about = said & {"incidence", "grazing"} or (
+        said & {"angle", "doubled"} and "no incidence" not in said
     )
+    other = said & {"no incidence", "polarization", "polarizer", "psi", "delta", "s", "p"}
+    if not about and (other or not units & _ANGULAR):
+        return []
+    clear = about and not words.unknown and units <= _ANGULAR
+    clear = clear and said <= _KNOWN | {"incidence", "angle", "grazing", "doubled", "surface"}
+    unit = next(iter(units & _ANGULAR), "")
+    if not words.numbers:
+        if not clear:
+            return [("angle", None), ("angle unit", None)]
+        if said & {"grazing", "doubled"} or ("surface" in said and "normal" not in said):
+            known = "grazing" in said and unit in ("deg", "rad")
+            return [("angle", None), ("angle unit", "grazing-" + unit if known else None)]
+        if unit:
+            return [("angle unit", unit)]
+        return [("angle", 0.0 if {"normal", "incidence"} <= said else None)]
+    number = words.numbers[0][0]
+    # 1.6 is the largest number that can be a right angle in radians
+    clear = clear and len(words.numbers) == 1 and (unit or number > 1.6 or number == 0.0)
+    clear = clear and not said & {"doubled", "surface"}
     unit = unit or "deg"
     if "grazing" in said:
         clear, unit = clear and unit in ("deg", "rad"), "grazing-" + unit
     value = float(incidence_deg(np.array(number), unit, np.array(np.nan))) if clear else np.nan
-    return [Said("angle", value if 0.0 <= value <= 90.0 else None, where, text)]
+    return [("angle", value if 0.0 <= value <= 90.0 else None)]
 
 
-def _wavelength(words: Words, where: str, text: str) -> list[Said]:
+def _wavelength(words: Words) -> Heard:
     said = words.concepts
-    sized = {unit for _, unit in words.numbers} | words.units
+    sized = ({unit for _, unit in words.numbers} | words.units) & set(WAVELENGTH_UNITS)
     alone = said <= _KNOWN | {"laser"} and not (words.unknown or words.units)  # "laser,532"
     if not (
         "wavelength" in said
-        or (said & set(AXIS_CONCEPTS) and sized & set(WAVELENGTH_UNITS))
+        or (said & set(AXIS_CONCEPTS) and sized)
         or ("laser" in said and (sized & set(_LENGTHS) or alone))
     ):
         return []  # a laser's power, a pulse's energy, a chopper's frequency
     clear = not words.unknown and said <= _KNOWN | {"wavelength", "laser", *AXIS_CONCEPTS}
+    unit = next(iter(sized), "")
     if not words.numbers:
-        unit = next(iter(words.units & set(WAVELENGTH_UNITS)), None)
-        return [Said("wavelength unit", unit if clear else None, where, text)] if unit else []
-    number, unit = words.numbers[0]
-    unit = unit or next(iter(words.units & set(WAVELENGTH_UNITS)), "")
+        if not clear and unit:
+            return [("wavelength", None), ("wavelength unit", None)]
+        return [("wavelength unit", unit)] if unit else []
+    number = words.numbers[0][0]
     if not unit and 190.0 <= number <= 3300.0:
         unit = "nm"  # as in a column
-    if words.unknown and (match := _BESIDE.search(plain(text))):  # "a 532 nm laser on a bench"
-        number, unit = (
-            float((match[1] or match[3]).replace(",", ".")),
-            (match[2] or match[4]).lower(),
-        )
-        clear = bool(0.1 <= float(wavelength_um(np.array(number), unit)) <= 100.0)
-    if not clear or len(words.numbers) != 1 or unit not in WAVELENGTH_UNITS or number <= 0.0:
-        return [Said("wavelength", None, where, text)]
-    return [Said("wavelength", float(wavelength_um(np.array(number), unit)), where, text)]
+    if not clear or len(words.numbers) != 1 or not unit or number <= 0.0:
+        return [("wavelength", None)]
+    return [("wavelength", float(wavelength_um(np.array(number), unit)))]
 
 
-def _light(words: Words, where: str, text: str) -> list[Said]:
+def _light(words: Words) -> Heard:
     said = words.concepts
-    letters = said & {"s", "p", "u"}
-    modes = {"s" for word in words.capitals if word == "TE"} | {
-        "p" for word in words.capitals if word == "TM"
-    }
-    about = said & {"polarization", "polarizer"} or letters & {"u"} - {"u"} or modes
-    unpolarized = "u" in said and "unpol" in text.lower()
-    if not about and not unpolarized:
+    letters = said & LETTERS or ({"u"} if "none" in said else set())
+    named = said & {"polarization", "polarizer"} or ("wave" in said and letters)
+    named = named or any(
+        word in ("TE", "TM") or word.lower().startswith(("unpol", "spol", "ppol"))
+        for word in words.capitals
+    )
+    # "parallel" alone may be the light's direction or that of its field
+    if not named and not any(len(w) > 2 and light_of(w.lower()) for w in words.capitals):
         return []
-    if "none" in said and not letters:
-        letters = {"u"}
-    clear = not words.unknown and said <= _KNOWN | {"s", "p", "u", "polarization", "none"}
-    clear = clear and not words.numbers and len(letters) == 1
-    return [Said("light", next(iter(letters)) if clear else None, where, text)]
+    clear = named and not words.unknown and not words.numbers and len(letters) == 1
+    clear = clear and said <= _KNOWN | LETTERS | {"polarization", "wave", "none"}
+    return [("light", next(iter(letters)) if clear else None)]
 
 
-def _units(words: Words, where: str, text: str) -> list[Said]:
+def _units(words: Words) -> Heard:
     """Return what a clause without a number says of the unit of powers, or of psi and Delta."""
     if words.numbers or not words.units:
         return []
     clear = not words.unknown and len(words.units) == 1
     unit = next(iter(words.units))
-    quantities = words.concepts & set(QUANTITY_CONCEPTS)
+    quantities = words.concepts & {*QUANTITY_CONCEPTS, "raw"}
     if quantities & {"psi", "delta"} and unit in ("deg", "rad"):
         clear = clear and words.concepts <= _KNOWN | {"psi", "delta", "angle"}
-        return [Said("psi unit", unit if clear else None, where, text)]
-    if unit in ("percent", "permille") or (quantities & {"R", "T"} and unit in ("1", "arb")):
+        return [("psi unit", unit if clear else None)]
+    if unit in ("percent", "permille") or (quantities and unit in ("1", "arb")):
         clear = clear and unit != "permille" and words.concepts <= _KNOWN | {"R", "T"}
-        return [Said("power unit", unit if clear else None, where, text)]
+        return [("power unit", unit if clear else None)]
     return []
 
 
@@ -155,10 +149,9 @@ def statements(line: int, text: str) -> list[Said]:
     """Return what one comment, setting or remark says of the whole measurement."""
     found = []
     for clause in [text] if "{" in text else _CLAUSE.split(text):
-        if clause and not clause.isspace():
-            words = words_of(re.sub(r"(?i)\b[dl]['\u2019](?=\w)", "", clause))
-            for hear in (_angle, _wavelength, _light, _units):
-                found += hear(words, f"line {line}", text.strip()[:80])
+        words = words_of(clause)
+        for hear in (_angle, _wavelength, _light, _units):
+            found += [Said(*heard, f"line {line}", text.strip()[:80]) for heard in hear(words)]
     return found
 
 

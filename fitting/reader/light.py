@@ -102,11 +102,7 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
             notes.append(f"column {column.label} not needed")
             return Light(np.full(rows, ""), np.full(rows, np.nan))
         if options.light:
-            reading.refuse(
-                column,
-                "the file gives the polarisation, and --polarization came too. Drop the option, or "
-                "name the columns to be read with --columns.",
-            )
+            reading.refuse_both(column, "the polarisation", "--polarization")
         if options.polarizer:
             return _from_angles(reading, column)
         if column is layout.polarizer and not options.codes:

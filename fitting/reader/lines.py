@@ -43,16 +43,6 @@ def _guess_encoding(data: bytes) -> str:
     for mark, name in _MARKS:
         if data.startswith(mark):
             return name
-    head = data[:4096]
-    zeros = head.count(0)
-    if zeros:
-        # ASCII characters in UTF-16 have a zero for every second byte
-        odd, even = head[1::2].count(0), head[0::2].count(0)
-        if odd > 0.4 * len(head[1::2]) and even < 0.1 * len(head):
-            return "utf-16-le"
-        if even > 0.4 * len(head[0::2]) and odd < 0.1 * len(head):
-            return "utf-16-be"
-        return ""
     try:
         data.decode("utf-8")
     except UnicodeDecodeError:
@@ -97,7 +87,7 @@ def read_lines(path: Path, encoding: str | None) -> tuple[list[str], list[str]]:
     ``-`` is standard input. Control characters are shown as escapes; a form feed is a blank.
 
     encoding: a name that Python knows (utf-8, latin-1, utf-16, ...); None takes a byte-order mark,
-        the zero bytes of UTF-16, valid UTF-8, else Latin-1, in this order.
+        valid UTF-8, else Latin-1, in this order.
     Lines end with LF, CRLF or CR. Raises MeasurementError where there is no text to read.
     """
     name = source_of(path)
@@ -113,8 +103,6 @@ def read_lines(path: Path, encoding: str | None) -> tuple[list[str], list[str]]:
     wanted = (
         "Say --encoding NAME (utf-8, utf-16, latin-1, ...) if it is text, else export it as CSV."
     )
-    if not chosen:
-        raise MeasurementError(f"{name}: the file holds zero bytes, as no text does. {wanted}")
     try:
         text = data.decode(chosen)
     except (UnicodeError, LookupError, ValueError) as error:

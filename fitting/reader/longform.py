@@ -11,7 +11,7 @@ from fitting.checks import Data
 from fitting.errors import MeasurementError, place
 from fitting.reader.axes import angles, wavelengths
 from fitting.reader.columns import Column, Layout
-from fitting.reader.evidence import evidence
+from fitting.reader.evidence import evidence, statements
 from fitting.reader.light import light_of_rows
 from fitting.reader.options import Options
 from fitting.reader.reading import Reading
@@ -100,26 +100,6 @@ def _refuse_other_quantity(reading: Reading) -> None:
         )
 
 
-def _without_mean(reading: Reading, numbers: dict[int, np.ndarray]) -> Layout:
-    """Return the layout without an R (or T) that is only the mean of R_s and R_p beside it."""
-    layout = reading.layout
-    by_name = {value.role.quantity: value for value in layout.values}
-    for letter in "RT":
-        three = [by_name.get(letter + tail) for tail in ("", "_s", "_p")]
-        if None in three:
-            continue
-        mean, s, p = (numbers[column.index] for column in three if column is not None)
-        both = np.isfinite(mean) & np.isfinite(s) & np.isfinite(p)
-        slack = 2e-3 * np.nanmax(np.abs(mean), initial=0.0)
-        if both.any() and np.all(np.abs(mean - 0.5 * (s + p))[both] <= slack):
-            kept = [i for i, v in enumerate(layout.values) if v.role.quantity != letter]
-            layout = layout._replace(
-                values=[layout.values[i] for i in kept], sigmas=[layout.sigmas[i] for i in kept]
-            )
-            reading.notes.append(f"{letter} left out: the mean of {letter}_s and {letter}_p")
-    return layout
-
-
 def _listed(names: list[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
@@ -142,8 +122,6 @@ def _understood(reading: Reading, data: Data, factor: float) -> str:
             text += f", times {options.scale:g}"
         else:
             text += ", percent" if factor == 0.01 else ", fraction"
-    if angled := sorted({v.role.at for v in layout.values if v.role.at is not None}):
-        notes.append(f"angles {', '.join(f'{at:g}' for at in angled)} degrees by the column names")
     known = np.isfinite(data.sigma)
     text += ", with standard errors" if known.any() else ", without standard errors"
     if spectral:
@@ -169,20 +147,22 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
     Raises MeasurementError for what is ambiguous or contradicts itself; ranges are for the
     Measurement to check.
     """
-    said = evidence(table.source, PurePath(table.source).stem, table.preamble).without(options)
-    reading = Reading(table, layout, options, said, [*table.notes])
+    said = evidence(table.source, PurePath(table.source).stem, table.preamble)
+    ats = [value.role.at for value in layout.values]
+    notes = [
+        f"angle {at:g} degrees by the column name" for at in dict.fromkeys(ats) if at is not None
+    ]
+    for value in [v for v in layout.values if options.columns and v.role.at is None]:
+        said.said.extend(s for s in statements(table.header, value.label) if s.kind == "angle")
+    said = said.without(options)
+    reading = Reading(table, layout, options, said, [*table.notes, *notes])
     _refuse_other_quantity(reading)
     wavelength = wavelengths(reading)
-    columns_angle = angles(reading, wavelength)
-    if layout.wavelength is None and options.wavelength_um is None:
-        said.one("wavelength")
+    angle = angles(reading, wavelength)
     read = {v.index: numbers_of(table, v, options.missing) for v in layout.values}
     numbers = {index: pair[0] for index, pair in read.items()}
     _refuse_placeholders(reading, numbers)
-    layout = _without_mean(reading, numbers)
-    reading = reading._replace(layout=layout)
-    ats = [value.role.at for value in layout.values]
-    light = light_of_rows(reading, bool(np.nan_to_num(columns_angle).any() or any(ats)))
+    light = light_of_rows(reading, bool(np.nan_to_num(angle).any() or any(ats)))
     signs = {index: pair[1] for index, pair in read.items()}
     factor = power_scale(reading, numbers, signs)
     psi_units = psi_delta_unit(reading, numbers)
@@ -190,15 +170,13 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
     places: list[tuple[int, str, str]] = []
     for value, sigma_column in zip(layout.values, layout.sigmas, strict=True):
         raw, quantity = numbers[value.index], value.role.quantity
-        if value.role.at is not None and options.angle_deg is None:
-            angle = np.full(len(raw), value.role.at)
-        else:
-            angle = columns_angle
         unit = psi_units.get(value.index, "")
         if quantity in ("psi", "delta"):
             converted = np.degrees(raw) if unit == "rad" else raw
         else:
             converted = scaled(raw, factor)
+        if value.role.at is not None and options.angle_deg is None:
+            angle = np.full(len(raw), value.role.at)
         sigma = standard_errors(reading, value, sigma_column, unit, factor)
         there = ~np.isnan(raw)
         if sigma_column is not None and options.sigma is None:

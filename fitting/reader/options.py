@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
 from typing import NamedTuple
 
 from fitting.errors import MeasurementError
@@ -45,10 +44,6 @@ class Options(NamedTuple):
     zero_is_value: bool
 
 
-def _flag(name: str) -> str:
-    return "--" + name.replace("_", "-")
-
-
 def _number(source: str, name: str, value: object, low: float, high: float) -> float | None:
     if value is None:
         return None
@@ -56,10 +51,9 @@ def _number(source: str, name: str, value: object, low: float, high: float) -> f
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         number = float("nan")
-    if not (isfinite(number) and low <= number <= high):
+    if not low <= number <= high:
         raise MeasurementError(
-            f"{source}: {_flag(name)} {value} came where a number from {low:g} to {high:g} was "
-            "wanted."
+            f"{source}: --{name} {value} came where a number from {low:g} to {high:g} was wanted."
         )
     return number
 
@@ -69,24 +63,23 @@ def _pairs(source: str, name: str, value: object) -> dict[str, str]:
     if value is None:
         return {}
     if isinstance(value, Mapping):
-        joined = {k: v if isinstance(v, (list, tuple)) else [v] for k, v in value.items()}
-        return {str(k).strip(): ",".join(map(str, v)).strip() for k, v in joined.items()}
+        value = [f"{k}={','.join(map(str, v)) if isinstance(v, (list, tuple)) else v}"
+                 for k, v in value.items()]  # fmt: skip
     parts = value if isinstance(value, (list, tuple)) else [value]
     pairs: dict[str, str] = {}
     key = ""
     for part in ",".join(map(str, parts)).split(","):
-        left, equals, right = part.partition("=")
+        left, equals, right = map(str.strip, part.partition("="))
+        if equals and left in pairs:
+            raise MeasurementError(
+                f"{source}: --{name} gives {left} twice, {pairs[left]} and {right}."
+            )
         if equals:
-            key = left.strip()
-            if key in pairs:
-                raise MeasurementError(
-                    f"{source}: {_flag(name)} gives {key} twice, {pairs[key]} and {right.strip()}."
-                )
-            pairs[key] = right.strip()
+            key, pairs[left] = left, right
         elif key:
-            pairs[key] += "," + part.strip()
+            pairs[key] += "," + left
     if not pairs:
-        raise MeasurementError(f"{source}: {_flag(name)} {value} came where NAME=VALUE was wanted.")
+        raise MeasurementError(f"{source}: --{name} {value} came where NAME=VALUE was wanted.")
     return pairs
 
 
@@ -97,7 +90,7 @@ def _one_of(source: str, name: str, value: object, wanted: tuple[str, ...]) -> s
     found = text if text in wanted else unit_of(text)
     if found not in wanted:
         raise MeasurementError(
-            f"{source}: {_flag(name)} {value} is not known; it can be {', '.join(wanted)}."
+            f"{source}: --{name} {value} is not known; it can be {', '.join(wanted)}."
         )
     return found
 
@@ -123,45 +116,42 @@ def _polarization(source: str, value: object) -> tuple[str, dict[str, str], str]
     return "", codes, ""
 
 
-def parse_options(
-    source: str,
-    *,
-    columns: object = None,
-    keep: object = None,
-    angle_deg: object = None,
-    angle_unit: object = None,
-    wavelength_um: object = None,
-    wavelength_unit: object = None,
-    polarization: object = None,
-    scale: object = None,
-    sigma: object = None,
-    psi_unit: object = None,
-    missing: object = None,
-) -> Options:
-    """Return the options as :class:`Options`; raise MeasurementError for one that means nothing."""
-    chosen = _pairs(source, "columns", columns)
-    stray = [role for role in chosen if role not in ROLES]
+def parse_options(source: str, given: Mapping[str, object]) -> Options:
+    """Return the options of ``read_csv`` by their names, checked; None is not given.
+
+    Raises MeasurementError for one that means nothing.
+    """
+
+    def number(name: str, low: float, high: float) -> float | None:
+        return _number(source, name.replace("_", "-"), given.get(name), low, high)
+
+    def one_of(name: str, wanted: tuple[str, ...]) -> str:
+        return _one_of(source, name.replace("_", "-"), given.get(name), wanted)
+
+    columns = _pairs(source, "columns", given.get("columns"))
+    stray = [role for role in columns if role not in ROLES]
     if stray:
         raise MeasurementError(
             f"{source}: --columns has {stray[0]}, which is none of {', '.join(ROLES)}."
         )
-    light, codes, polarizer = _polarization(source, polarization)
-    words = missing if isinstance(missing, (list, tuple)) else [] if missing is None else [missing]
+    light, codes, polarizer = _polarization(source, given.get("polarization"))
+    words = [] if given.get("missing") is None else given["missing"]
+    words = words if isinstance(words, (list, tuple)) else [words]
     gaps = [part.strip() for word in words for part in str(word).split(",")]
-    keeps = _pairs(source, "keep", keep)
+    keep = _pairs(source, "keep", given.get("keep"))
     return Options(
-        columns=chosen,
-        keep={k: [part.strip() for part in v.split(",")] for k, v in keeps.items()},
-        angle_deg=_number(source, "angle_deg", angle_deg, 0.0, 90.0),
-        angle_unit=_one_of(source, "angle_unit", angle_unit, ANGLE_UNITS),
-        wavelength_um=_number(source, "wavelength_um", wavelength_um, 1e-9, 1e9),
-        wavelength_unit=_one_of(source, "wavelength_unit", wavelength_unit, WAVELENGTH_UNITS),
+        columns=columns,
+        keep={k: [part.strip() for part in v.split(",")] for k, v in keep.items()},
+        angle_deg=number("angle_deg", 0.0, 90.0),
+        angle_unit=one_of("angle_unit", ANGLE_UNITS),
+        wavelength_um=number("wavelength_um", 1e-9, 1e9),
+        wavelength_unit=one_of("wavelength_unit", WAVELENGTH_UNITS),
         light=light,
         codes=codes,
         polarizer=polarizer,
-        scale=_number(source, "scale", scale, 1e-300, 1e300),
-        sigma=_number(source, "sigma", sigma, 1e-300, 1e300),
-        psi_unit=_one_of(source, "psi_unit", psi_unit, ("deg", "rad")),
+        scale=number("scale", 1e-300, 1e300),
+        sigma=number("sigma", 1e-300, 1e300),
+        psi_unit=one_of("psi_unit", ("deg", "rad")),
         missing=gaps,
         zero_is_value="none" in gaps,
     )

@@ -8,6 +8,9 @@ from fitting.reader.axes import HALF_PI
 from fitting.reader.reading import Reading
 from fitting.reader.rows import span_of
 
+# of radians
+_LIMITS = {"psi": HALF_PI, "delta": 4.0 * HALF_PI}
+
 
 def psi_delta_unit(reading: Reading, columns: dict[int, np.ndarray]) -> dict[int, str]:
     """Return deg or rad for each column of psi and delta, by the option, the header, or the range.
@@ -15,46 +18,33 @@ def psi_delta_unit(reading: Reading, columns: dict[int, np.ndarray]) -> dict[int
     columns: numbers by the index of the column.
     Raises MeasurementError where the header contradicts the numbers, or neither tells.
     """
-    layout, options = reading.layout, reading.options
-    units: dict[int, str] = {}
-    chosen = [v for v in layout.values if v.role.quantity in ("psi", "delta")]
-    small: dict[str, bool] = {}
-    beside = None if all(value.role.unit for value in chosen) else reading.said.one("psi unit")
+    given = reading.options.psi_unit
+    chosen = [v for v in reading.layout.values if v.role.quantity in _LIMITS]
+    units = {v.index: reading.unit("psi unit", v, given, "psi and delta") for v in chosen}
+    if given:
+        return units
+    small = {
+        v.index: bool(np.nanmax(np.abs(columns[v.index]), initial=0.0) <= _LIMITS[v.role.quantity])
+        for v in chosen
+    }
     for value in chosen:
-        limit = HALF_PI if value.role.quantity == "psi" else 2.0 * HALF_PI * 2.0
-        numbers = columns[value.index]
-        high = np.abs(numbers[np.isfinite(numbers)]).max(initial=0.0)
-        quantity = value.role.quantity
-        small[quantity] = small.get(quantity, True) and high <= limit
-        if not options.psi_unit and value.role.unit == "rad" and high > limit:
-            reading.refuse(
-                value,
-                f"the header says rad, the numbers are {span_of(numbers)}; {quantity} in radians "
-                f"is at most {limit:.4f}. Say --psi-unit deg if they are degrees.",
-            )
-        if beside and value.role.unit:
-            own = value.role.unit
-            came = f"the header says {own}"
-            reading.contradicted("psi unit", lambda u, own=own: u != own, value, came)
-        own = value.role.unit or (str(beside.value) if beside else "")
-        units[value.index] = options.psi_unit or own
-    both = len(small) == 2
-    for value in chosen:
-        unit = units[value.index]
+        unit, numbers = units[value.index], columns[value.index]
+        came = f"the numbers are {span_of(numbers)}, and "
         if unit not in ("deg", "rad", ""):
-            reading.refuse(value, f"an angle in {unit} came. Say --psi-unit deg or --psi-unit rad.")
-        if options.psi_unit or unit == "rad":
+            came = f"an angle in {unit} came"
+        elif unit == "rad":
+            if small[value.index]:
+                continue
+            came += f"the header says rad, in which {value.role.quantity} is at most "
+            came += f"{_LIMITS[value.role.quantity]:.4f}"
+        elif small[value.index] and not unit and numbers.any():
+            came += "as small as radians, without a unit"
+        elif unit and len(chosen) > 1 and all(small.values()):
+            came += "the header says degrees, though they are as small as radians"
+        else:
+            units[value.index] = "deg"
             continue
-        # all of them, or one in radians beside the other in degrees
-        alone = small[value.role.quantity] and not unit and bool(columns[value.index].any())
-        if alone or (all(small.values()) and (both or not unit)):
-            came = "the header says degrees, but" if unit else "psi and delta have no unit, and"
-            reading.refuse(
-                value,
-                f"{came} the numbers ({span_of(columns[value.index])}) are as small as radians. "
-                "Say --psi-unit deg or --psi-unit rad.",
-            )
-        units[value.index] = "deg"
+        reading.refuse(value, f"{came}. Say --psi-unit deg or --psi-unit rad.")
     return units
 
 
@@ -65,16 +55,11 @@ def power_scale(reading: Reading, columns: dict[int, np.ndarray], signs: dict[in
     powers = [
         value for value in reading.layout.values if value.role.quantity not in ("psi", "delta")
     ]
-    units = {v.index: "percent" if signs[v.index] == "%" else v.role.unit for v in powers}
-    beside = None if all(units.values()) else reading.said.one("power unit")
-    if beside and not any(units.values()):
-        units = dict.fromkeys(units, str(beside.value))
-        form = "as fractions" if beside.value == "1" else f"in {beside.value}"
-        reading.notes.append(f"values {form} ({beside.where}; --scale)")
+    units = {}
     for value in powers:
-        own = units[value.index]
-        came = f"the header says {own or 'no unit'}"
-        reading.contradicted("power unit", lambda unit, own=own: unit != own, value, came)
+        unit = "percent" if signs[value.index] == "%" else value.role.unit
+        value = value._replace(role=value.role._replace(unit=unit))
+        units[value.index] = reading.unit("power unit", value, "", "values")
     percent = [value for value in powers if units[value.index] == "percent"]
     for value in powers:
         unit = units[value.index]

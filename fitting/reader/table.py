@@ -9,7 +9,6 @@ from typing import NamedTuple
 from fitting.errors import MeasurementError, place
 from fitting.reader.cells import (
     DELIMITERS,
-    DIGIT,
     decide_decimal,
     guess_delimiter,
     is_comment,
@@ -74,23 +73,12 @@ def find_column(table: Table, wanted: str, option: str) -> int:
 
 def _first_row(lines: Lines, delimiter: str, count: int) -> int:
     """Return the index of the first line of the table's numbers, or -1."""
-    candidate, earlier = -1, [""]
     for index, (_, text) in enumerate(lines):
-        if is_comment(text, delimiter):
-            continue
-        cells = split_cells(text, delimiter)
-        if len(cells) != count or not looks_like_data(cells)[0]:
-            continue
-        if candidate < 0:
-            candidate, earlier = index, cells
-            continue
-        # "wavelength,45,60" above rows of numbers is a header, though two of its names are numbers
-        headed = any(
-            is_number(now) and not (is_number(was) or DIGIT.search(was) or is_missing(was))
-            for was, now in zip(earlier, cells, strict=True)
-        )
-        return index if headed else candidate
-    return candidate
+        if not is_comment(text, delimiter):
+            cells = split_cells(text, delimiter)
+            if len(cells) == count and looks_like_data(cells)[0]:
+                return index
+    return -1
 
 
 def _body(
@@ -98,11 +86,11 @@ def _body(
 ) -> tuple[list[list[str]], list[int], list[tuple[int, str]], list[str]]:
     """Return rows of ``count`` cells, their lines, the remarks between and below them, and notes.
 
-    The notes say what was left out or filled up.
+    The notes say what was left out.
     """
     rows: list[list[str]] = []
     numbers: list[int] = []
-    marked = short = 0
+    marked = 0
     remarks: list[tuple[int, str]] = []
     texts: list[int] = []
     end = lines[-1][0]
@@ -135,22 +123,13 @@ def _body(
         if len(cells) > count and not any(cells[count:]):
             cells = cells[:count]
         if len(cells) < count:
-            cut = whole and line == end
-            if cut or delimiter == " " or len(cells) < 2:
-                why = " The file ends in it and may be cut short." if cut else ""
-                raise MeasurementError(
-                    f"{place(source, line)}: {len(cells)} cell{'s' * (len(cells) > 1)} came where "
-                    f"{count} were wanted.{why} Complete the row, or leave it out with --lines A-B."
-                )
-            short += 1
-            cells += [""] * (count - len(cells))
-        elif short:
+            why = " The file ends in it and may be cut short." if whole and line == end else ""
             raise MeasurementError(
-                f"{place(source, numbers[-1])}: this row has fewer than {count} cells, and rows "
-                "below it are whole: it is not clear which cell it lacks. Complete the row, or "
-                "leave it out with --lines A-B."
+                f"{place(source, line)}: {len(cells)} cell{'s' * (len(cells) > 1)} came where "
+                f"{count} were wanted.{why} Complete the row (a gap is an empty cell), or leave it "
+                "out with --lines A-B."
             )
-        elif len(cells) > count:
+        if len(cells) > count:
             raise MeasurementError(
                 f"{place(source, line)}: {len(cells)} cells came where {count} were wanted. If the "
                 "delimiter was misread, say --delimiter; else mend the row."
@@ -160,8 +139,6 @@ def _body(
     notes = []
     if marked:
         notes.append(f"{marked} commented-out row{'s' * (marked > 1)} left out")
-    if short:
-        notes.append(f"{short} row{'s' * (short > 1)} with fewer cells filled with gaps")
     if texts:
         notes.append(f"text after the numbers (line {texts[0]}) left out")
     return rows, numbers, remarks, notes
@@ -279,6 +256,7 @@ def read_table(
         (line, uncomment(text))
         for line, text in before
         if units_row(split_cells(uncomment(text), delimiter)) is None
+        and (line > first or sum(map(recognise, split_cells(text, delimiter))) < 2)
     ]
     small = {i for i, name in enumerate(names) if below_thousand(name)}
     return Table(

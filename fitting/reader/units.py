@@ -12,8 +12,9 @@ _THZ_UM = 299.792458  # c in um THz
 FORM_OF = {
     "nm": "wavelength", "um": "wavelength", "angstrom": "wavelength", "eV": "energy",
     "cm-1": "wavenumber", "THz": "frequency", "mm": "wavelength", "keV": "energy",
+    "1/angstrom": "q", "1/nm": "q",
 }  # fmt: skip
-WAVELENGTH_UNITS = tuple(FORM_OF)
+WAVELENGTH_UNITS = tuple(unit for unit, form in FORM_OF.items() if form != "q")
 ANGLE_UNITS = (
     "deg", "rad", "mrad", "deg.arcmin", "grazing-deg", "grazing-rad", "2theta-deg",
     "1/angstrom", "1/nm",

@@ -14,11 +14,13 @@ LONGEST = 200  # letters of a column's name; what is longer is a text
 _CONCEPTS = {
     # angle of incidence: named outright, or an angle of some kind
     "incidence": "aoi incidence incidencia incidenza einfallswinkel invalshoek invallend einfall "
-    "падения 入射角 入射角度 入射",
+    "падения padania dopadu infallsvinkel indfaldsvinkel innfallsvinkel 入射角 入射角度 入射 "
+    "입사각",
+    "normal": "normal normale normaal normalen senkrechter senkrechtem нормальное нормальном",
     "angle": "angle angles angular winkel angolo angoli angulo angulos hoek theta phi incident "
     "угол угла углы 角 角度",
-    "grazing": "grazing glancing streifwinkel streifend glanzwinkel rasant rasante "
-    "скользящий скользящего 掠射 掠入射 掠射角",
+    "grazing": "grazing glancing streifwinkel streifend streifender glanzwinkel rasant rasante "
+    "radente скользящий скользящего 掠射 掠入射 掠射角",
     "doubled": "2theta 2th tth twotheta",
     "transfer": "q qz momentum transfer",
     "no incidence": "mount motor stage position rotation rotated rotator goniometer detector "
@@ -55,27 +57,35 @@ _CONCEPTS = {
     "polarizer": "polarizer polariser polarisator polariseur polarizzatore polarizador поляризатор "
     "偏振片 起偏器",
     "s": "s te perp perpendicular senkrecht spol ss perpendiculaire perpendicolare",
-    "p": "p tm par para parallel ppol pp parallele parallelo paralela paralelo",
-    "u": "unpolarized unpolarised unpol u mixed natural unpolarisiert",
+    "p": "p tm par para parallel ppol pp parallele parallelo parallela paralela paralelo",
+    "u": "unpolarized unpolarised unpol u mixed natural naturliches unpolarisiert",
     "none": "none without ohne keine sans",
-    # the side of a plate
+    "wave": "wave waves welle",
+    # the surface, and the side of a plate
+    "surface": "surface oberflache superficie поверхность поверхности 表面",
     "back": "back rear ruckseite",
     # words that change nothing, in a header and in a sentence
     "filler": "of the at for value values data measured meas light beam total specular front "
     "power avg average ave mean experimental exp col column",
-    "article": "per is in was with as are all unit units given set fixed constant mode state a and "
-    "d de di du da do del der des die das l la le im von et und e y near normal nominal mit bei "
-    "licht lumiere luce luz number no коэффициент",
+    "article": "per is in en im zur zum from was with as are all unit units given set fixed "
+    "constant mode state a and d de di du da do del der des die das l la le von et und e y near "
+    "nominal mit bei licht lumiere luce luz number no коэффициент",
 }
 CONCEPT = {word: concept for concept, words in _CONCEPTS.items() for word in words.split()}
 LETTERS = frozenset("spu")
-_UNPARTED = {w: c for w, c in CONCEPT.items() if not w.isascii() and len(w) > 1}
+# what an unknown word speaks of if it holds one of these: compounds, scripts that part no words
+_ROOTS = {w: c for w, c in CONCEPT.items() if not w.isascii() and len(w) > 1} | {
+    "winkel": "angle", "vinkel": "angle", "einfall": "incidence", "polari": "polarization",
+    "polary": "polarization",
+}  # fmt: skip
 QUANTITY_CONCEPTS = ("R", "T", "A", "psi", "delta")
 AXIS_CONCEPTS = ("wavelength", "energy", "wavenumber", "frequency")
 
 _UNIT_SPELLINGS = {
-    "deg": "deg degs degree degrees 度 grad grade grados gradi graus degres",
-    "rad": "rad rads radian radians radiant radianti radianes radianten",
+    "deg": "deg degs degree degrees 度 grad grade grados gradi graus degres graden "
+    "градус градуса градусов stopni stupnu",
+    "rad": "rad rads radian radians radiant radianti radianes radianten bogenmass "
+    "bogenmaß радиан радианы радианах 弧度",
     "mrad": "mrad milliradian milliradians",
     "deg.arcmin": "deg.arcmin degrees.arcminutes",
     "grazing-deg": "grazing-deg",
@@ -137,6 +147,14 @@ def plain(text: str) -> str:
     return "".join(map(_letter, text))
 
 
+def spelled(text: str) -> str:
+    """Return ``plain`` text with names of several parts as one word: 2 theta, wave length."""
+    text = re.sub(r"(?i)\b[dl]'(?=\w)", "", plain(text))  # angle d'incidence
+    text = re.sub(r"@\s*(?=[0-9])", " angle ", text)  # R@60
+    text = re.sub(r"(?i)(?<![^\W_])(?:2|two)[\s_-]*theta", "twotheta", text)
+    return re.sub(r"(?i)(?<![^\W_])wave[\s_-]+(?=length|number)", "wave", text)
+
+
 def light_of(word: str) -> str:
     """Return "s", "p" or "u" of a word for one polarization, "" of any other."""
     concept = CONCEPT.get(word, "")
@@ -173,16 +191,17 @@ _WORD = re.compile(
 _UNIT_WORD = re.compile(
     r"(?i)(?:1/(?:nm|cm|angstroms?|a)\b|(?:nm|cm|angstrom|a)\^?-1\b)"
 )  # fmt: skip
-_STRONG_UNITS = frozenset(
-    ["deg", "rad", "mrad", "nm", "um", "angstrom", "eV", "keV", "THz", "percent", "permille"]
-)
+# words that are a unit wherever they stand, and those that are one behind a name
+_ALWAYS = "deg rad mrad nm um angstrom eV keV THz percent permille"
+_STRONG_UNITS = frozenset(_ALWAYS.split())
+UNITS_BEHIND_WORDS = _STRONG_UNITS | {"cm-1", "mm", "1/angstrom", "1/nm"}
 
 
-def _cased(text: str) -> list[str]:
+def cased(word: str) -> list[str]:
     """Return a word taken apart where small letters end and capitals begin: angleOfIncidence."""
-    if text.isupper() or text.islower() or not text.isascii():
-        return [text]
-    return re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", text) or [text]
+    if word.isupper() or not (word.isascii() and word.isalpha()):
+        return [word]
+    return re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", word) or [word]
 
 
 def words_of(text: str) -> Words:
@@ -191,7 +210,7 @@ def words_of(text: str) -> Words:
     numbers: list[tuple[float, str]] = []
     units: set[str] = set()
     unknown, capitals = False, []
-    text = plain(text)
+    text = spelled(text)
     for unit in {unit_of(match) or "" for match in _UNIT_WORD.findall(text)}:
         units.add(unit)
     text = _UNIT_WORD.sub(" ", text)
@@ -219,7 +238,7 @@ def words_of(text: str) -> Words:
                 units.add(unit or "")
             capitals.append(whole)
             continue
-        for word in _cased(whole):
+        for word in cased(whole):
             capitals.append(word)
             found = last = CONCEPT.get(word.lower())
             if word in ("R", "T"):
@@ -229,8 +248,7 @@ def words_of(text: str) -> Words:
                 continue
             if found is None:
                 unknown = True
-                if not word.isascii():  # scripts that part no words
-                    concepts |= {c for known, c in _UNPARTED.items() if known in word}
+                concepts |= {c for root, c in _ROOTS.items() if root in word.lower()}
             else:
                 concepts.add(found)
     return Words(concepts - {""}, numbers, units - {""}, unknown, capitals)
