@@ -42,9 +42,11 @@ bench: .venv/installed-bench  ## speed against accuracy: docs/benchmarks, and th
 	$(BIN)/python -m benchmarks.operations
 	$(BIN)/python -m benchmarks.tiers
 	$(BIN)/python -m benchmarks.losses
+	$(BIN)/python -m benchmarks.stacks --out docs/benchmarks
 
 stability: .venv/installed-bench  ## where each method fails: table and picture in docs/stability
 	$(BIN)/python -m benchmarks.stability
+	$(BIN)/python -m benchmarks.stack_failures
 
 startup: .venv/installed-plot  ## where the time of the command fresnel-fit goes
 	$(BIN)/python benchmarks/startup.py

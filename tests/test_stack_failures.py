@@ -1,0 +1,39 @@
+"""`stack` at every case of the map in which other programs fail, against mpmath."""
+
+import jax
+import numpy as np
+import pytest
+import stack_cases
+import stack_oracle
+
+from fresnel_jax.layers import stack
+
+
+@pytest.mark.parametrize("family", stack_cases.FAMILIES)
+def test_every_case_of_the_map(family):
+    _, values, case = stack_cases.FAMILIES[family]
+    for value in values:
+        c, index, thickness, wavelength = case(float(value))
+        exact = stack_oracle.stack(c, index, thickness, wavelength)[:4]
+        found = stack(c, np.array(index), np.array(thickness), wavelength)[:4]
+        layers = len(thickness)
+        bound = 64.0 if layers <= 10 else 8.0 * layers
+        assert stack_cases.error_eps(found, exact) <= bound, (family, value)
+
+
+def test_gradients_are_finite_at_every_case():
+    """One program for all families of one film."""
+
+    def total(c, n, k, thickness, wavelength):
+        return sum(stack(c, n + 1j * k, thickness, wavelength)[:4])
+
+    gradient = jax.jit(jax.vmap(jax.grad(total, (0, 1, 2, 3, 4))))
+    cases = [
+        case(float(value))
+        for _, values, case in stack_cases.FAMILIES.values()
+        for value in values
+        if len(case(float(value))[2]) == 1
+    ]
+    c, index, thickness, wavelength = (np.array(z) for z in zip(*cases, strict=True))
+    found = gradient(c, index.real, index.imag, thickness, wavelength)
+    assert all(np.isfinite(np.asarray(z)).all() for z in found)
