@@ -15,6 +15,7 @@ not. Where Q is small, at the layer's own critical angle, f is therefore held co
 occur in the derivatives of C and sigma with respect to Q^2, which stay finite and exact at Q = 0.
 """
 
+import math
 from typing import NamedTuple
 
 import jax
@@ -61,9 +62,29 @@ def _fraction(turns: DoubleWord) -> Array:
     return fraction - jnp.round(fraction)
 
 
+def _taylor(first: int, terms: int) -> tuple[float, ...]:
+    """Of sine (first 1) over its argument or of cosine (first 0), in squares of the argument."""
+    return tuple((-1.0) ** i / math.factorial(2 * i + first) for i in range(terms))
+
+
 def _sine_cosine(fraction: Array) -> Pair:
-    angle = (2.0 * jnp.pi) * fraction
-    return jnp.sin(angle), jnp.cos(angle)
+    """Sine and cosine of a fraction of a turn between -1/2 and 1/2, by vectorized arithmetic.
+
+    The calls of jnp.sin and jnp.cos took 16 ns a point, an eighth of a layer's time. Subtracting the
+    nearest quarter of a turn is exact, so that a half-wave film keeps the digits of its sine.
+    """
+    quarters = jnp.round(4.0 * fraction)
+    angle = (2.0 * jnp.pi) * (fraction - 0.25 * quarters)
+    terms = 9 if fraction.dtype == jnp.float64 else 5
+    near_sine, near_cosine = jnp.zeros_like(angle), jnp.zeros_like(angle)
+    square = angle * angle
+    for s, c in zip(_taylor(1, terms)[::-1], _taylor(0, terms + 1)[:0:-1], strict=True):
+        near_sine, near_cosine = near_sine * square + s, near_cosine * square + c
+    near_sine, near_cosine = angle * near_sine, 1.0 + square * near_cosine
+    odd, behind = jnp.abs(quarters) == 1.0, jnp.abs(quarters) == 2.0
+    sine = jnp.where(odd, quarters * near_cosine, near_sine)
+    cosine = jnp.where(odd, -quarters * near_sine, near_cosine)
+    return jnp.where(behind, -sine, sine), jnp.where(behind, -cosine, cosine)
 
 
 def _two_pi(dtype) -> tuple[float, float]:
