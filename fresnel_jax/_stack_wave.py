@@ -70,8 +70,8 @@ def _taylor(first: int, terms: int) -> tuple[float, ...]:
 def _sine_cosine(fraction: Array) -> Pair:
     """Sine and cosine of a fraction of a turn between -1/2 and 1/2, by vectorized arithmetic.
 
-    The calls of jnp.sin and jnp.cos took 16 ns a point, an eighth of a layer's time. Subtracting the
-    nearest quarter of a turn is exact, so that a half-wave film keeps the digits of its sine.
+    The calls of jnp.sin and jnp.cos took 16 ns a point, an eighth of the time of a layer. The
+    nearest quarter of a turn is subtracted exactly: a half-wave film keeps the digits of its sine.
     """
     quarters = jnp.round(4.0 * fraction)
     angle = (2.0 * jnp.pi) * (fraction - 0.25 * quarters)

@@ -99,43 +99,68 @@ def test_powers_and_amplitudes_of_hard_stacks(layers, dtype):
         assert np.max(np.abs(sums[lossless_front] - 1.0)) < 64 * eps
 
 
+def _powers(c, n, k, d, wavelength):
+    return jnp.stack(stack(c, n + 1j * k, d, wavelength)[:4])
+
+
+def _true_derivatives(point, layers):
+    """Rows: R_s, R_p, T_s, T_p; columns: c, n, k, d, wavelength."""
+    step = mp.mpf(10) ** -30
+    with mp.workdps(90):
+        point = [mp.mpf(float(x)) for x in point]
+
+        def exact(p):
+            n, k = p[1 : layers + 3], p[layers + 3 : 2 * layers + 5]
+            index = [mp.mpc(a, b) for a, b in zip(n, k, strict=True)]
+            return stack_oracle.stack(p[0], index, p[2 * layers + 5 : -1], p[-1], digits=90)[:4]
+
+        here, columns = exact(point), []
+        for j in range(len(point)):
+            moved = exact([x + step if m == j else x for m, x in enumerate(point)])
+            columns.append([float((a - b) / step) for a, b in zip(moved, here, strict=True)])
+    return np.array(columns).T
+
+
+def _derivative_errors(layers, dtype, each, mode, seed):
+    """{kind: largest error of the gradients of R and of T, in eps of their norms}."""
+    rng = np.random.default_rng(seed)
+    kinds = KINDS[:-1]  # lossless first media
+    drawn = [_draw(kind, layers, dtype, rng) for kind in kinds for _ in range(each)]
+    arguments = [jnp.asarray(np.stack(z)) for z in zip(*drawn, strict=True)]
+    jacobian = jax.jit(jax.vmap(mode(_powers, argnums=(0, 1, 2, 3, 4))))
+    gradients = [np.asarray(g, float) for g in jacobian(*arguments)]
+    found = {kind: [0.0, 0.0] for kind in kinds}
+    for i, point in enumerate(drawn):
+        ours = np.concatenate([g[i].reshape(4, -1) for g in gradients], axis=1)
+        assert np.all(np.isfinite(ours))
+        truth = _true_derivatives(np.concatenate([np.ravel(z) for z in point]), layers)
+        ours[:, layers + 3] = truth[:, layers + 3] = 0.0  # k of the first medium, 0 by choice
+        # Below 1e8 times the smallest float, products underflow. In total reflection at grazing
+        # incidence dR / dcos is 0; the fields know it to some eps.
+        norm = np.linalg.norm(truth, axis=1) + 1e8 * float(np.finfo(dtype).tiny)
+        error = np.linalg.norm(ours - truth, axis=1) / float(np.finfo(dtype).eps)
+        if kinds[i // each] == "grazing incidence":
+            error[:2] = np.maximum(error[:2] - 16, 0.0)
+        error /= norm
+        worst = found[kinds[i // each]]
+        worst[:] = max(worst[0], *error[:2]), max(worst[1], *error[2:])
+    return found
+
+
 def test_derivatives_of_hard_stacks():
-    c, n, k, d, wavelength = (z.astype(float) for z in _stacks(4, np.float64))
-    chosen = np.arange(0, c.size, CASES)[:-1]  # one of each kind, lossless first media
-    arguments = [jnp.asarray(z[..., chosen]) for z in (c, n, k, d, wavelength)]
+    for kind, errors in _derivative_errors(4, np.float64, 1, jax.jacrev, 4).items():
+        assert max(errors) <= 200, (kind, errors)
 
-    def powers(c, n, k, d, wavelength):
-        return jnp.stack(stack(c, n + 1j * k, d, wavelength)[:4])
 
-    def one(*z):
-        return jax.jacrev(powers, argnums=(0, 1, 2, 3, 4))(*z)
-
-    gradients = jax.jit(jax.vmap(one, in_axes=-1))(*arguments)
-    step, eps = mp.mpf(10) ** -30, float(np.finfo(float).eps)
-    for row, i in enumerate(chosen):
-        flat = np.concatenate([np.asarray(g[row], float).reshape(4, -1) for g in gradients], axis=1)
-        assert np.all(np.isfinite(flat))
-        with mp.workdps(90):
-            point = [
-                mp.mpf(float(x)) for z in (c, n, k, d, wavelength) for x in np.ravel(z[..., i])
-            ]
-
-            def exact(p):
-                index = [mp.mpc(a, b) for a, b in zip(p[1:7], p[7:13], strict=True)]
-                return stack_oracle.stack(p[0], index, p[13:17], p[17], digits=90)[:4]
-
-            here = exact(point)
-            truth = np.zeros_like(flat)
-            for j in range(len(point)):
-                moved = [x + step if m == j else x for m, x in enumerate(point)]
-                truth[:, j] = [
-                    float((a - b) / step) for a, b in zip(exact(moved), here, strict=True)
-                ]
-        flat[:, 7] = truth[:, 7] = 0.0  # the first medium is lossless by choice
-        norm = np.linalg.norm(truth, axis=1)
-        error = np.linalg.norm(flat - truth, axis=1)
-        # At grazing incidence in total reflection R does not change but for losses in proportion
-        # to the cosine: what its derivatives cancel from leaves eps, which is not small there.
-        least = 16 * eps if KINDS[i // CASES] == "grazing incidence" else 0.0
-        assert np.all(error[:2] <= 200 * eps * norm[:2] + least), KINDS[i // CASES]
-        assert np.all(error[2:] <= 200 * eps * norm[2:] + 1e-300), KINDS[i // CASES]
+@pytest.mark.study
+@pytest.mark.parametrize("mode", [jax.jacrev, jax.jacfwd])
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("layers", [1, 2, 4, 10])
+def test_derivatives_of_many_hard_stacks(layers, dtype, mode):
+    """Another seed each time, printed. Of 480 stacks (seed 11) the worst two had 242 and 203 eps:
+    T at a cosine of 4e-9, and an R whose phase changes 100 times as fast as its size."""
+    seed = int(np.random.SeedSequence().generate_state(1)[0])
+    found = _derivative_errors(layers, dtype, 6, mode, seed)
+    print(seed, {kind: [round(e, 1) for e in errors] for kind, errors in found.items()})
+    for kind, errors in found.items():
+        assert max(errors) <= 500, (kind, errors, seed)
