@@ -20,7 +20,7 @@ therefore cost two passes through the stack. The integrals are our own.
 
 import functools
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -65,11 +65,11 @@ class _Layers(NamedTuple):
 
 
 class _Change(NamedTuple):
-    """What an amplitude gains for each unit of Q^2, of g and of k_0 thickness of a layer."""
+    """For Q^2, g and k_0 thickness of every layer: what an amplitude gains for a unit of each."""
 
-    q2: Pair
-    g: Pair
-    depth: Pair
+    q2: Complex
+    g: Any  # None: it stays as it is
+    depth: Complex
 
 
 def _times_i(z: Pair) -> Pair:
@@ -166,6 +166,16 @@ def solve(
     return solve_fields(front, layers, far, q_far, x, shape)[0]
 
 
+def _over_layers(change: _Change, moved: _Change) -> Pair:
+    """The sum over layers of the coefficients times how much each quantity is moved."""
+    # Real and imaginary part, and every column of a Jacobian, read them in loops of their own.
+    change = jax.tree.map(computed_once, change)
+    terms = plus(times(change.q2, moved.q2), times(change.depth, moved.depth))
+    if moved.g is not None:
+        terms = plus(terms, times(change.g, moved.g))
+    return jnp.sum(terms[0], axis=0), jnp.sum(terms[1], axis=0)
+
+
 @solve.defjvp
 def _solve_jvp(shape, primals, tangents):
     front, layers, far, q_far, x = primals
@@ -178,38 +188,30 @@ def _solve_jvp(shape, primals, tangents):
     _, (d_re, d_im) = jax.jvp(normal_squared, (layers, front), (d_layers, d_front))
     d_q2 = (d_re[0], None if d_im is None else d_im[0])
     kappa, d_kappa = (2.0 * jnp.pi) * x[0], ((2.0 * jnp.pi) * d_x[0], None)
+    d_z_far = (d_q_far, plus(times(far.per_g, d_q_far), times(d_far.per_g, q_far)))
     d_r, d_through = [], []
-    for p, (g, per_g) in enumerate(((ONE, ONE), (layers.g, layers.per_g))):
-        d_z = d_q_far
-        if p == 1:
-            d_z = plus(times(far.per_g, d_q_far), times(d_far.per_g, q_far))
-        u, w = ends.u[p], ends.w[p]
-        per = inverse(plus(times(front.q, u), w))
-        through = solved.through[p]
+    for p, (g, per_g, d_g) in enumerate(
+        ((ONE, ONE, None), (layers.g, layers.per_g, d_layers.g)),
+    ):
+        through, u = solved.through[p], ends.u[p]
+        per = inverse(plus(times(front.q, u), ends.w[p]))
+        u_per = times(u, per)
         dr = minus(
-            times(scaled(2.0, times(times(u, per), times(w, per))), d_front.q),
-            times(scaled(2.0, times(front.q, times(through, through))), d_z),
+            times(times(u_per, times(ends.w[p], per)), d_front.q),
+            times(times(front.q, times(through, through)), d_z_far[p]),
         )
-        d_log = plus(times(times(u, per), d_front.q), times(times(behind[p][1], per), d_z))
+        dr = scaled(2.0, dr)
+        d_log = plus(times(u_per, d_front.q), times(times(behind[p][1], per), d_z_far[p]))
         d_log = scaled(-1.0, d_log)
         if inside is not None:
             layer = _layers(inside.wave, g, per_g, kappa, inside.u[p], inside.down[p])
+            moved = _Change(d_q2, d_g, d_kappa)
             a, b, f = at_front[p]
             f_per = times(f, per)
             of_r = _of_r(layer, times(front.q, times(f_per, f_per)))
-            of_through = _of_through(layer, a, b, per)
-            for change, total in ((of_r, 0), (of_through, 1)):
-                change = jax.tree.map(computed_once, change)
-                terms = plus(times(change.q2, d_q2), times(change.depth, d_kappa))
-                if p == 1:
-                    terms = plus(terms, times(change.g, d_layers.g))
-                terms = tuple(jnp.sum(z, axis=0) for z in terms)
-                if total == 0:
-                    dr = plus(dr, terms)
-                else:
-                    d_log = plus(d_log, terms)
+            dr = plus(dr, _over_layers(of_r, moved))
+            d_log = plus(d_log, _over_layers(_of_through(layer, a, b, per), moved))
         d_r.append(dr)
         d_through.append(times(through, d_log))
     d_R = [2.0 * conjugate_times(r, dr)[0] for r, dr in zip(solved.r, d_r, strict=True)]
-    tangent = Solved(tuple(d_r), tuple(d_through), tuple(d_R), *absorption)
-    return solved, tangent
+    return solved, Solved(tuple(d_r), tuple(d_through), tuple(d_R), *absorption)
