@@ -34,7 +34,7 @@ accuracy-search: .venv/installed-test  ## search for the largest errors; e.g. SE
 
 SCENES ?= 20
 advisor-study: .venv/installed-test  ## what the scene advisor states, by brute force over all scenes, SCENES of them random
-	FRESNEL_SCENES=$(SCENES) $(BIN)/python -m pytest -q tests/test_advisor.py
+	FRESNEL_SCENES=$(SCENES) $(BIN)/python -m pytest -q -m "study or not study" tests/test_advisor.py
 
 bench: .venv/installed-bench  ## speed against accuracy: docs/benchmarks, and the tables of docs (10 minutes)
 	$(BIN)/python -m benchmarks

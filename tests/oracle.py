@@ -5,6 +5,8 @@ T, and the quotient rule for derivatives. Inputs are the exact values of binary 
 or mpmath numbers.
 """
 
+import functools
+
 import mpmath as mp
 
 DIGITS = 100
@@ -27,6 +29,7 @@ def amplitudes(c, n, k, m):
         return (m * c - Q) / s, (N * N * c - m * Q) / p, 2 * m * c / s, 2 * m * c * N / p
 
 
+@functools.lru_cache(100_000)
 def powers(c, n, k, m):
     """R_s, R_p, T_s, T_p; T is the ratio of the Poynting vectors' normal components."""
     with mp.workdps(DIGITS):

@@ -46,6 +46,7 @@ def test_a_short_search(name, dtype):
         assert worst <= 1.0, (program, place)
 
 
+@pytest.mark.study
 @DTYPES
 @pytest.mark.parametrize("name", [x for x in FUNCTIONS if not any(y in x for y in SLOW)])
 def test_a_short_search_of_every_other_function(name, dtype):

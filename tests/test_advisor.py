@@ -32,6 +32,7 @@ NAMES = list(SCENES) if STUDY else ["water from below", "gold", "X-ray mirror"]
 in_each_scene = pytest.mark.parametrize("name", NAMES)
 
 
+@pytest.mark.study
 @in_each_scene
 def test_no_error_of_brute_force_is_larger(name):
     for label, found in advice(name).findings.items():
@@ -87,6 +88,7 @@ def random_scenes(count):
         yield Scene({"medium": medium}, (0.4, 0.7), ends, accuracy, eta_i)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("scene", list(random_scenes(STUDY or 2)))
 def test_bounds_of_random_scenes_by_brute_force(scene, monkeypatch):
     """What is stated, and what is recommended, stays within its bound, in its precision."""

@@ -185,6 +185,7 @@ def gradient_samples(build, parameters, wo, u, lobes):
     return jax.vmap(jax.jacfwd(estimate), (None, 0))(parameters, u)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("build", "parameters", "cosine", "lobes", "bar"),
     [

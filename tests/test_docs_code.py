@@ -41,9 +41,16 @@ def as_a_newcomer(tmp_path, monkeypatch):
 
 
 WITH_PYTHON = [p for p in PAGES if PYTHON.search(p.read_text(encoding="utf-8"))]
+LONG = {"own_loss.md", "film.md", "path_tracer.md"}  # tutorials that compile for a minute
 
 
-@pytest.mark.parametrize("page", WITH_PYTHON, ids=name)
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(p, marks=[pytest.mark.study] * (p.name in LONG), id=name(p))
+        for p in WITH_PYTHON
+    ],
+)
 @pytest.mark.filterwarnings("default")
 def test_python_blocks_run_and_print_what_is_shown(page, as_a_newcomer):
     namespace = {"__name__": "page"}

@@ -51,6 +51,7 @@ def test_rough_gold_is_found_again(example, tmp_path):
     assert (tmp_path / "gold.png").stat().st_size > 20_000
 
 
+@pytest.mark.study
 def test_a_rendered_picture_has_the_derivatives_of_its_own_differences(example):
     gold = example("rough_gold")
     p, key, step = np.array(gold.TRUE), jax.random.key(1), 1e-6

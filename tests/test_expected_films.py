@@ -85,6 +85,7 @@ def hafnia(folder: Path) -> Measurement:
     return m.where((m.wavelength_um >= 0.33) & (m.wavelength_um <= 2.0))
 
 
+@pytest.mark.study
 def test_hafnia_film_on_silica(measured_files):
     found = fit(hafnia(measured_files), "air | cauchy:2 5..1000 nm | SiO2", intervals="quadratic")
     assert value(found, "thickness_nm") == pytest.approx(108.4, abs=0.1)

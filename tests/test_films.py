@@ -121,6 +121,7 @@ def measured(sample, values, sigma, angle=0.0, waves=None, seed=0, quantities=("
     return Measurement.from_columns(angle, waves, sigma=sigma, **columns)
 
 
+@pytest.mark.study
 def test_the_right_order_is_found_in_a_wide_range():
     truth = {"A": 1.46, "B": 0.0035, "thickness_nm": 3210.0}
     m = measured("air | cauchy:2 1 nm | Si", truth, 0.002)

@@ -202,6 +202,7 @@ def test_a_polariser_between_s_and_p_mixes_them():
     assert (found.eta, found.k) == pytest.approx((0.36, 2.6), rel=1e-10)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("channels", [("R_s", "R_p"), ("R_p",), ("R",)])
 def test_a_curve_in_total_reflection_from_end_to_end_finds_its_minimum(channels):
     """One such curve in four ended in a worse minimum before there were starts for them."""

@@ -136,6 +136,7 @@ def test_derivatives_at_knots_too():
         np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11)
 
 
+@pytest.mark.study
 def test_tauc_lorentz_truths():
     """Where the absorption agrees, so does the refraction: nobody told the spline."""
     random = np.random.default_rng(5)
@@ -154,6 +155,7 @@ def test_tauc_lorentz_truths():
         np.testing.assert_allclose(found.k, true.k, atol=0.004)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("name, step, off", [("silicon", 0.1, 0.02), ("gold", 0.25, 0.03)])
 def test_tabulated_silicon_and_gold(name, step, off):
     """One spline gives n and k of the tables together: they obey the relations, and so does it."""

@@ -81,6 +81,7 @@ def test_fits_in_total_reflection_do_not_creep():
         assert "not converged" not in found.status
 
 
+@pytest.mark.study
 def test_curves_of_a_batch_start_as_they_would_alone():
     """Gaps leave some with few angles, which take a mesh of their own; so do empty curves."""
     angles = np.linspace(20.0, 80.0, 30)
@@ -164,6 +165,7 @@ def test_what_is_undetermined_lies_within_its_own_range():
         assert (found.rms[some] <= start.rms[some] * (1.0 + 1e-6)).all()
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("number", range(4))
 def test_measurements_drawn_at_random(number):
     """The study of `benchmarks.fit_success`, small."""
