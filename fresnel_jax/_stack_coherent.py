@@ -64,7 +64,7 @@ class Medium(NamedTuple):
     per_g: Complex  # N_0^2 / N^2
 
 
-ONE: Complex = (1.0, None)  # g of s
+ONE: Any = (1.0, None)  # g of s
 
 
 class Fields(NamedTuple):

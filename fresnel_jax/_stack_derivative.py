@@ -176,14 +176,20 @@ def _over_layers(change: _Change, moved: _Change) -> Pair:
     return jnp.sum(terms[0], axis=0), jnp.sum(terms[1], axis=0)
 
 
+def _absorbed(shape, front, layers, far, q_far, x):
+    solved = solve_fields(front, layers, far, q_far, x, shape)[0]
+    return solved.light, solved.losses
+
+
 @solve.defjvp
 def _solve_jvp(shape, primals, tangents):
     front, layers, far, q_far, x = primals
     d_front, d_layers, d_far, d_q_far, d_x = tangents
-    solved, inside, ends = solve_fields(*primals, shape)
+    solved, inside, ends = solve_fields(front, layers, far, q_far, x, shape)
     behind, at_front = _from_the_front(front, layers, inside, shape, x[0].shape[0])
     # Absorption has no such formula; all of this line is dropped where nobody asks for it.
-    absorption = jax.jvp(lambda *z: solve_fields(*z, shape)[0][3:], primals, tangents)[1]
+    in_layers = functools.partial(_absorbed, shape)
+    d_light, d_losses = jax.jvp(in_layers, primals, tangents)[1]
 
     _, (d_re, d_im) = jax.jvp(normal_squared, (layers, front), (d_layers, d_front))
     d_q2 = (d_re[0], None if d_im is None else d_im[0])
@@ -213,5 +219,9 @@ def _solve_jvp(shape, primals, tangents):
             d_log = plus(d_log, _over_layers(_of_through(layer, a, b, per), moved))
         d_r.append(dr)
         d_through.append(times(through, d_log))
-    d_R = [2.0 * conjugate_times(r, dr)[0] for r, dr in zip(solved.r, d_r, strict=True)]
-    return solved, Solved(tuple(d_r), tuple(d_through), tuple(d_R), *absorption)
+    d_R_s, d_R_p = (2.0 * conjugate_times(*z)[0] for z in zip(solved.r, d_r, strict=True))
+    d_r_s, d_r_p = d_r
+    d_through_s, d_through_p = d_through
+    return solved, Solved(
+        (d_r_s, d_r_p), (d_through_s, d_through_p), (d_R_s, d_R_p), d_light, d_losses
+    )

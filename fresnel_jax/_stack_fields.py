@@ -93,7 +93,8 @@ def solve_fields(
     def step(carry, layer):
         fields, below = carry
         here, x, sigma = layer
-        scale = (jnp.ones(shape, front.n.dtype),) * 2
+        one = jnp.ones(shape, front.n.dtype)
+        scale = (one, one)
         if count > _UNROLLED:
             fields, scale = rescaled(fields)
         re, im = jax.tree.map(computed_once, normal_squared(here, front))
@@ -146,4 +147,5 @@ def _amplitudes(fields: Fields, front: Ambient, losses: Any) -> Solved:
         weak = squared_modulus(m) / size
         R = jnp.where(weak > 0.5, 1.0 - 4.0 * (conjugate_times(q0_u, w)[0] / size), weak)
         parts.append((r, times(f, per), R, squared_modulus(per)))
-    return Solved(*zip(*parts, strict=True), losses)
+    r, through, R, light = zip(*parts, strict=True)
+    return Solved(r, through, R, light, losses)
