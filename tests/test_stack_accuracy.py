@@ -157,8 +157,8 @@ def test_derivatives_of_hard_stacks():
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("layers", [1, 2, 4, 10])
 def test_derivatives_of_many_hard_stacks(layers, dtype, mode):
-    """Another seed each time, printed. Of 240 stacks of 1 and 4 layers (seed 11) two had 242 and 203:
-    T at a cosine of 4e-9, and an R whose phase changes 100 times as fast as its size."""
+    """Another seed each time, printed. Of 240 stacks of 1 and 4 layers (seed 11) two had 242 and
+    203: T at a cosine of 4e-9, and an R whose phase changes 100 times as fast as its size."""
     seed = int(np.random.SeedSequence().generate_state(1)[0])
     found = _derivative_errors(layers, dtype, 6, mode, seed)
     print(seed, {kind: [round(e, 1) for e in errors] for kind, errors in found.items()})
