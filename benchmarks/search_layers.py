@@ -103,7 +103,7 @@ def _drawn(random, size, count):
 def _away_from_the_last_critical_angle(*columns):
     """Gradients beside the critical angle of the last medium are not held to the bound of others.
 
-    They grow as 1 / |Q| there, and what of it an opaque layer hides leaves its rounding behind.
+    They grow as 1 / |Q| there.
     """
     c, media, _, _ = _split(*columns)
     n0 = media[0][0]

@@ -34,10 +34,10 @@ class Lobes(enum.Flag):
 class ScatteringFlags(NamedTuple):
     """What a model does, as boolean arrays of the shape of its parameters."""
 
-    reflection: Array
+    reflection: Bool[Array, "..."]
     transmission: Bool[Array, "..."]
     specular: Bool[Array, "..."]  # all scattering is a delta distribution
-    glossy: Array
+    glossy: Bool[Array, "..."]
 
 
 class BSDFSample(NamedTuple):
