@@ -10,7 +10,7 @@ jax.config.update("jax_enable_x64", True)
 # the command is tested in processes of its own.
 jax.config.update("jax_enable_compilation_cache", False)
 
-MOST_MAPPINGS = 15_000
+MOST_MAPPINGS = 25_000
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -13,6 +13,7 @@ import numpy as np
 from fitting.bare_surface import mesh as starts
 from fitting.bare_surface.coordinates import EPS, FAR_END, W_MAX, W_MIN, from_eps, to_eps, xi_of
 from fitting.bare_surface.engine import Solved, solve
+from fitting.bare_surface.reflectances import CHANNELS
 from fitting.solver import START_DAMPING
 
 FEW = 8
@@ -67,6 +68,22 @@ class Data(NamedTuple):
 
         return self._map(pad)
 
+    def with_all_channels(self) -> Data:
+        """Return the data with all CHANNELS, some without a datum, and weights of every curve's own.
+
+        One compiled program then serves data of all kinds.
+        """
+        values = dict(zip(self.channels, self.values, strict=True))
+        weights = dict(zip(self.channels, self.weights, strict=True))
+        none = np.zeros_like(self.values[0])
+        return self._replace(
+            values=tuple(values.get(name, none) for name in CHANNELS),
+            weights=tuple(
+                np.broadcast_to(weights.get(name, none), none.shape) for name in CHANNELS
+            ),
+            channels=CHANNELS,
+        )
+
     def _map(self, change) -> Data:
         return self._replace(
             cos_theta=change(self.cos_theta, 1.0),
@@ -95,22 +112,25 @@ def _call(
 ) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
     """Return what one call of the program gives for up to ``size`` curves."""
     here, angles = data.curves, data.values[0].shape[1]
-    few, wide = size == FEW, angles
-    # The number of angles is rounded up (with no data), so that a handful of compiled programs
-    # serves every file; not of many curves, of which each empty angle costs as much as a full one.
+    few, wide, part = size == FEW, angles, data
+    # Of a few curves the number of angles is rounded up (with no data) and every channel is there,
+    # so that a handful of compiled programs serves every file: a program takes 5 s to compile, and
+    # a fit milliseconds. Not of many curves, where what is empty costs as much as what is full.
     if few:
         wide = max(16, 1 << (angles - 1).bit_length())
+        part = data.with_all_channels()
     elif size < MANY:
         wide = -(-angles // 16) * 16
-    part = data.padded(size, wide)
+    part = part.padded(size, wide)
     begin = np.pad(start, ((0, 0), (0, size - here)), constant_values=1.0)
     with jax.enable_x64(True):
         solved, further, fitted = solve(
             part.cos_theta, part.s_share, part.values, part.weights,
             begin, np.int64(steps),
-            channels=data.channels, mesh=data.mesh, lanes=lanes, fitted=few,
+            channels=part.channels, mesh=data.mesh, lanes=lanes, fitted=few,
         )  # fmt: skip
-        at = tuple(np.asarray(a)[:here, :angles] for a in fitted)
+        of = dict(zip(part.channels, fitted, strict=False))  # none were asked for of many
+        at = tuple(np.asarray(of[name])[:here, :angles] for name in data.channels if few)
         return np.asarray(solved)[:, :here], np.asarray(further)[..., :here], at
 
 
