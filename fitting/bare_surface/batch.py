@@ -69,7 +69,7 @@ class Data(NamedTuple):
         return self._map(pad)
 
     def with_all_channels(self) -> Data:
-        """Return the data with all CHANNELS, some without a datum, and weights of every curve's own.
+        """Return the data with all CHANNELS, some empty, and weights of every curve's own.
 
         One compiled program then serves data of all kinds.
         """
