@@ -8,23 +8,24 @@ import argparse
 import contextlib
 import json
 import os
-import statistics
 import sys
-import time
 from pathlib import Path
 
 from .contestants import OURS, PEER, Contestant
-from .speed import Process
+from .speed import Process, in_rounds
+from .worker import serve
 
 SIZES = (10_000, 100_000, 1_000_000)
 JOBS = ("sample", "evaluate", "density", "evaluate and density")
 ALPHA, ETA, GOLD = 0.3, 1.5, (0.2, 3.9)
-REFERENCE = "fresnel_jax"
+REFERENCE, MITSUBA, OF_MITSUBA = "fresnel_jax", "Mitsuba LLVM", 0.4
+KEPT = "fresnel_jax, memory kept"
 IN_BLOCKS, BLOCK = "fresnel_jax, in blocks", 50_000
 CONTESTANTS = (
     Contestant(REFERENCE, OURS),
+    Contestant(KEPT, OURS),
     Contestant(IN_BLOCKS, OURS),
-    Contestant("Mitsuba LLVM", PEER, package="mitsuba", dtypes=("float32",)),
+    Contestant(MITSUBA, PEER, package="mitsuba", dtypes=("float32",)),
 )
 
 
@@ -39,8 +40,12 @@ def inputs(dtype: str, size: int):
     ) + (rng.random(size).astype(dtype), rng.random((2, size)).astype(dtype))
 
 
-def ours(dtype: str, in_blocks: bool):
+def ours(dtype: str, way: str):
     """run(model, job, size) -> a callable without arguments that does the work once."""
+    from fresnel_jax.many_points import in_blocks, keep_memory
+
+    if way == KEPT and not keep_memory():
+        raise SystemExit("memory cannot be kept: the C library is not glibc")
     import jax
     import jax.numpy as jnp
     import numpy as np
@@ -62,9 +67,9 @@ def ours(dtype: str, in_blocks: bool):
     jobs["evaluate and density"] = lambda *x: (jobs["evaluate"](*x), jobs["density"](*x))
 
     def compiled(job):
-        if not in_blocks:
+        if way != IN_BLOCKS:
             return jax.jit(job)
-        return jax.jit(lambda model, *x: jax.lax.map(lambda y: job(model, *y), x, batch_size=BLOCK))
+        return jax.jit(lambda model, *x: in_blocks(lambda *y: job(model, *y), *x, points=BLOCK))
 
     programs = {name: compiled(job) for name, job in jobs.items()}
 
@@ -115,24 +120,10 @@ def mitsuba(dtype: str):
 
 
 def work(name: str, dtype: str):
-    """A contestant's process: reads a command per line, answers with one line of JSON."""
+    """A contestant's process."""
     with contextlib.redirect_stdout(sys.stderr):
-        prepare = mitsuba(dtype) if name.startswith("Mitsuba") else ours(dtype, name == IN_BLOCKS)
-    print(json.dumps({"ready": True}), flush=True)
-    key, run = None, None
-    for line in sys.stdin:
-        command = json.loads(line)
-        asked = command["model"], command["job"], command["size"]
-        best, spent = float("inf"), 0.0
-        if asked != key:
-            key, run = asked, prepare(*asked)
-            run()
-            run()
-        while spent < command["seconds"]:
-            start = time.perf_counter()
-            run()
-            best, spent = min(best, took := time.perf_counter() - start), spent + took
-        print(json.dumps({"s": best}), flush=True)
+        prepare = mitsuba(dtype) if name.startswith("Mitsuba") else ours(dtype, name)
+    serve(prepare)
 
 
 def measure(rounds: int) -> dict:
@@ -157,30 +148,12 @@ def measure(rounds: int) -> dict:
                 for size in SIZES:
                     # below a block both are one program
                     some = {n: p for n, p in processes.items() if n != IN_BLOCKS or size > BLOCK}
-                    asked = {"model": model, "job": job, "size": size, "seconds": 0.03}
+                    asked = {"asked": (model, job, size), "seconds": 0.03}
                     found = table.setdefault(model, {}).setdefault(job, {})
-                    found[str(size)] = _rounds(some, asked, rounds)
+                    found[str(size)] = in_rounds(some, asked, rounds, REFERENCE)
         for process in processes.values():
             process.close()
     return {"rounds": rounds, "left_out": left_out, "times": results}
-
-
-def _rounds(processes, asked, rounds) -> dict:
-    times = {name: [] for name in processes}
-    for number in range(rounds):
-        names = list(processes)
-        # every other round backwards: nobody always follows the same neighbour
-        for name in names if number % 2 == 0 else names[::-1]:
-            times[name].append(processes[name].ask(**asked).get("s", float("nan")))
-    return {
-        name: {
-            "s": min(taken),
-            "to_reference": statistics.median(
-                t / r for t, r in zip(taken, times[REFERENCE], strict=True)
-            ),
-        }
-        for name, taken in times.items()
-    }
 
 
 def markdown(results: dict) -> str:
@@ -202,6 +175,7 @@ def markdown(results: dict) -> str:
                         row.append(f"{found[x]['to_reference']:.2f}" if x in found else "")
                     parts.append("| " + " | ".join(row) + " |")
         parts.append("")
+    parts.append(_aims(results["times"]))
     head = (
         "# Rough surfaces: speed\n\nMade by `make bench` (`python -m benchmarks.bsdf`).\n\n"
         f"{machine['date']}; {machine['processor']}; {machine['cores']} cores, load "
@@ -210,12 +184,33 @@ def markdown(results: dict) -> str:
         "ours is faster. Directions over the whole sphere, "
         f"roughness {ALPHA}, eta = {ETA}; gold for the conductor. Ours takes and gives directions "
         "as (n, 3) and also gives index ratio, flags and validity; Mitsuba stores components "
-        "apart and computes in float32 only. 'In blocks': the same through "
-        f"`jax.lax.map(..., batch_size={BLOCK})`, so that intermediate arrays stay in the cache; "
-        "Mitsuba compiles each job to one loop, whose intermediates stay in registers.\n\n"
+        "apart and computes in float32 only. 'Memory kept': after `keep_memory`; 'in blocks': by "
+        f"`in_blocks(..., points={BLOCK})`, so that intermediate arrays stay in the cache, on one "
+        "core ([speed](../speed.md)); Mitsuba compiles each job to one loop, whose "
+        "intermediates stay in registers.\n\n"
     )
     tail = "".join(f"\nLeft out: {name}: {why}.\n" for name, why in results["left_out"].items())
     return head + "\n".join(parts) + tail
+
+
+def _aims(times: dict) -> str:
+    """The aim for single precision, and what the better of our ways reaches."""
+    rows = []
+    for model, jobs in times.get("float32", {}).items():
+        for job, sizes in jobs.items():
+            for size in ("100000", "1000000"):
+                found = sizes.get(size, {})
+                if MITSUBA not in found:
+                    continue
+                shares = {x: found[MITSUBA]["s"] / found[x]["s"] for x in found if x != MITSUBA}
+                best = max(shares, key=lambda x: shares[x])
+                met = "yes" if shares[best] >= OF_MITSUBA else "no"
+                what = f"rough {model}, {job}, {float(size):.0e}"
+                rows.append(f"| {what} | {shares[best]:.2f} | {best} | {met} |")
+    if not rows:
+        return ""
+    head = f"| float32 | speed over Mitsuba's, aim {OF_MITSUBA:g} | by | met |\n" + "| --- " * 4
+    return "## Aims\n\n" + "\n".join([head + "|", *rows]) + "\n"
 
 
 def run(out: Path, rounds: int, machine: dict):

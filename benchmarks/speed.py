@@ -149,3 +149,22 @@ def _summary(times, reference) -> dict:
         pairs = zip(times, reference, strict=True)
         summary["to_reference"] = statistics.median(t / r for t, r in pairs)
     return summary
+
+
+def in_rounds(processes: dict[str, Process], asked, rounds: int, reference: str) -> dict:
+    """{name: {"s": fastest, "to_reference": median ratio in rounds}} of workers that `serve`."""
+    times = {name: [] for name in processes}
+    for number in range(rounds):
+        names = list(processes)
+        # every other round backwards: nobody always follows the same neighbour
+        for name in names if number % 2 == 0 else names[::-1]:
+            times[name].append(processes[name].ask(**asked).get("s", float("nan")))
+    return {
+        name: {
+            "s": min(taken),
+            "to_reference": statistics.median(
+                t / r for t, r in zip(taken, times[reference], strict=True)
+            ),
+        }
+        for name, taken in times.items()
+    }

@@ -2,7 +2,7 @@
 
 The names below are those of one smooth boundary. Submodules are attributes, imported when they are
 first used: `approximate`, `bsdf`, `directions`, `dispersion`, `effective_medium`, `fresnel_terms`,
-`interface`, `layers`, `materials`, `microfacet`, `polarization`.
+`interface`, `layers`, `many_points`, `materials`, `microfacet`, `polarization`.
 """
 
 import importlib
@@ -30,6 +30,7 @@ _SUBMODULES = (
     "fresnel_terms",
     "interface",
     "layers",
+    "many_points",
     "materials",
     "microfacet",
     "polarization",

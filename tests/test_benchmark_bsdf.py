@@ -23,7 +23,7 @@ def test_inputs_are_directions_and_random_numbers():
 
 
 def test_a_worker_answers():
-    job = {"model": "dielectric", "job": "sample", "size": 100, "seconds": 0.001}
+    job = {"asked": ["dielectric", "sample", 100], "seconds": 0.001}
     worker = subprocess.run(
         [sys.executable, "-m", "benchmarks.bsdf", "--worker", bsdf.REFERENCE, "float32"],
         input=json.dumps(job) + "\n",
