@@ -38,6 +38,7 @@ advisor-study: .venv/installed-test  ## what the scene advisor states, by brute 
 
 bench: .venv/installed-bench  ## speed against accuracy: docs/benchmarks, and the tables of docs (10 minutes)
 	$(BIN)/python -m benchmarks
+	$(BIN)/python -m benchmarks.many_points --out docs/benchmarks
 	$(BIN)/python -m benchmarks.fit_throughput --out docs/benchmarks
 	$(BIN)/python -m benchmarks.operations
 	$(BIN)/python -m benchmarks.tiers

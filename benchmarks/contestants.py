@@ -36,11 +36,12 @@ class Contestant:
 
     loss: bool = False  # a mean squared residual and its gradient are timed too
     large_only: bool = False  # timed at 1e5 points and more only
+    kept: bool = False  # after `keep_memory`
 
     @property
     def variant(self) -> bool:
         """The same program in another environment."""
-        return bool(self.environment)
+        return self.kept or bool(self.environment)
 
     @property
     def runs_on_gpu(self) -> bool:
@@ -61,20 +62,13 @@ class Built:
     wait: Callable = np.shape  # arrays that are there already
 
 
-# Memory freed by one call is given to the next instead of back to the system, in large pages: fresh
-# pages cost more than the arithmetic at 1e6 points. The vector width is XLA's choice otherwise.
-KEEP_MEMORY = {
-    "GLIBC_TUNABLES": "glibc.malloc.hugetlb=1:glibc.malloc.arena_max=1"
-    ":glibc.malloc.mmap_threshold=1000000000000:glibc.malloc.trim_threshold=1000000000000"
-}
+# The vector width is XLA's choice otherwise; see docs/speed.md why it should stay so.
 WIDE = {"XLA_FLAGS": "--xla_cpu_prefer_vector_width=512"}
 
 CONTESTANTS = [
     Contestant("reflectance", OURS, loss=True),
-    Contestant(
-        "reflectance, memory kept", OURS, environment=KEEP_MEMORY, loss=True, large_only=True
-    ),
-    Contestant("reflectance, 512 bit too", OURS, environment=KEEP_MEMORY | WIDE, large_only=True),
+    Contestant("reflectance, memory kept", OURS, kept=True, loss=True, large_only=True),
+    Contestant("reflectance, 512 bit too", OURS, kept=True, environment=WIDE, large_only=True),
     Contestant("fresnel_dielectric", OURS, lossy=False),
     Contestant("powers (R and T)", OURS),
     Contestant("pbrt-v4 FrDielectric", PRINTED, lossy=False),

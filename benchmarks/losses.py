@@ -3,14 +3,8 @@
     python -m benchmarks.losses
 
 Prints the tables of docs/losses.md: mean squared residuals of one material, relative to the
-elementwise kernel in the same run; and value with gradient in several settings of the C library's
-memory allocator, each in a process of its own.
+elementwise kernel in the same run.
 """
-
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +14,6 @@ from fresnel_jax import powers, reflectance
 
 from .timing import fastest
 
-ROOT = Path(__file__).resolve().parents[1]
 ETA, K = 1.7, 0.4
 
 
@@ -37,31 +30,6 @@ SUMS = {
     "`jnp.sum(jnp.where(x == x, x, nan))`": lambda x: jnp.sum(jnp.where(x == x, x, jnp.nan)),
     "`jnp.sum(lax.reduce_precision(x, nexp, nmant))`": lambda x: jnp.sum(fenced(x)),
 }
-
-ALLOCATOR = {
-    "as it comes": {},
-    "`MALLOC_MMAP_MAX_=0 MALLOC_TRIM_THRESHOLD_=100000000000`": {
-        "MALLOC_MMAP_MAX_": "0",
-        "MALLOC_TRIM_THRESHOLD_": "100000000000",
-    },
-    "`GLIBC_TUNABLES=glibc.malloc.hugetlb=1:glibc.malloc.arena_max=1:"
-    "glibc.malloc.mmap_threshold=1000000000000:glibc.malloc.trim_threshold=1000000000000`": {
-        "GLIBC_TUNABLES": "glibc.malloc.hugetlb=1:glibc.malloc.arena_max=1"
-        ":glibc.malloc.mmap_threshold=1000000000000:glibc.malloc.trim_threshold=1000000000000"
-    },
-}
-
-MEMORY = """
-import jax, numpy as np
-jax.config.update("jax_enable_x64", True)
-from benchmarks.operations import with_gradient
-from benchmarks.tiers import points
-from benchmarks.timing import fastest
-from fresnel_jax import reflectance
-both = jax.jit(with_gradient(reflectance, 3))
-print(fastest({"both": both}, points(True, "float64", 10**6), rounds=4)["both"])
-"""
-
 
 def squares(cosine, data, eta, k):
     """Elementwise squared residuals, by `powers`: nothing in it stops the compiler by itself."""
@@ -99,24 +67,12 @@ def by_reflectance(cosine, data, eta, k):
     return (reflectance(cosine, eta, k) - data) ** 2
 
 
-def memory() -> None:
-    print("| | value with gradient, 1e6 float64, ms |\n| --- | --- |")
-    for name, variables in ALLOCATOR.items():
-        done = subprocess.run(
-            [sys.executable, "-c", MEMORY], cwd=ROOT, env=os.environ | variables,
-            capture_output=True, text=True, check=True,
-        )  # fmt: skip
-        print(f"| {name} | {1e3 * float(done.stdout):.0f} |")
-
-
 def main():
     jax.config.update("jax_enable_x64", True)
     print("by `powers`:\n")
     of_sums(squares, SUMS)
     print("\nby `reflectance`:\n")
     of_sums(by_reflectance, {"`jnp.sum(x)`, `jnp.mean(x)`": jnp.sum})
-    print()
-    memory()
 
 
 if __name__ == "__main__":
