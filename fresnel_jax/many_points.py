@@ -17,6 +17,8 @@ from jaxtyping import ArrayLike
 
 from ._fence import fenced
 
+__all__ = ["in_blocks", "keep_memory"]
+
 # Of malloc.h: the most that is kept at the top of the heap, the most arrays mapped apart, the most
 # arenas. An arena of a thread holds at most 64 MB, and larger arrays are mapped anew at every call.
 _TRIM_THRESHOLD, _MMAP_MAX, _ARENA_MAX = -1, -4, -8
