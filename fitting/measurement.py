@@ -24,11 +24,10 @@ from fitting.reader.columns import choose_columns
 from fitting.reader.formats import plain_table
 from fitting.reader.lines import read_lines, source_of
 from fitting.reader.longform import LongColumns, long_columns
-from fitting.reader.names import role_of
 from fitting.reader.options import QUANTITIES as QUANTITIES
 from fitting.reader.options import Options, parse_options
 from fitting.reader.own_export import own_columns, own_header
-from fitting.reader.rows import keep_rows
+from fitting.reader.reading import keep_rows
 from fitting.reader.table import read_table
 
 
@@ -174,15 +173,7 @@ def _foreign_columns(
     known = plain_table(texts)
     if known is not None:
         texts, notes = known[0], notes + known[1]
-    table = read_table(
-        source,
-        texts,
-        lambda name: bool(role_of(name).kind),
-        lambda name: role_of(name).kind == "value" or role_of(name).form == "incidence",
-        delimiter=delimiter,
-        decimal=decimal,
-        lines=lines,
-    )
+    table = read_table(source, texts, delimiter=delimiter, decimal=decimal, lines=lines)
     table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)
     return long_columns(table, choose_columns(table, options), options)
 
