@@ -26,35 +26,25 @@ from fitting.reader.vocabulary import (
     words_of,
 )
 
-
-class _Kind(NamedTuple):
-    """What statements of a kind give, the option that overrules them, its fields in Options."""
-
-    gives: str
-    option: str
-    fields: tuple[str, ...]
-
-
+# kind of statement -> what it gives, the option that overrules it, and the fields of that option
 OPTION = {
-    "angle": _Kind("the angle of incidence", "--angle-deg NUMBER", ("angle_deg",)),
-    "angle unit": _Kind(
-        "how the angles count", "--angle-unit UNIT (deg, rad, grazing-deg, ...)", ("angle_unit",)
+    "angle": ("the angle of incidence", "--angle-deg NUMBER", "angle_deg"),
+    "angle unit": ("how angles count", "--angle-unit deg, rad, grazing-deg, ...", "angle_unit"),
+    "light": ("the polarisation", "--polarization s, p or unpolarized", "light codes polarizer"),
+    "wavelength": ("the wavelength", "--wavelength-um NUMBER", "wavelength_um"),
+    "wavelength unit": (
+        "the unit of wavelengths",
+        "--wavelength-unit nm, um, ...",
+        "wavelength_unit",
     ),
-    "light": _Kind(
-        "the polarisation", "--polarization s, p or unpolarized", ("light", "codes", "polarizer")
-    ),
-    "wavelength": _Kind("the wavelength", "--wavelength-um NUMBER", ("wavelength_um",)),
-    "wavelength unit": _Kind(
-        "the unit of the wavelength", "--wavelength-unit UNIT (nm, um, ...)", ("wavelength_unit",)
-    ),
-    "power unit": _Kind(
-        "the unit of R or T", "--scale FACTOR (0.01 for percent, 1 for fractions)", ("scale",)
-    ),
-    "psi unit": _Kind("the unit of psi and delta", "--psi-unit deg or rad", ("psi_unit",)),
+    "power unit": ("the unit of R or T", "--scale 0.01 for percent, 1 for fractions", "scale"),
+    "psi unit": ("the unit of psi and delta", "--psi-unit deg or rad", "psi_unit"),
+    "quantity": ("what was measured", "--columns angle=1,R=2 or the like", "columns"),
 }
 FULL_NAME = "the file name"
 _LENGTHS = {"nm", "um", "angstrom"}
 _ANGULAR = {"deg", "rad", "mrad"}
+_ANGLES = ("incidence", "angle", "grazing", "doubled", "surface")
 _CLAUSE = re.compile(r"[,;|](?=\s|$)|(?<=[a-z])\.\s")  # "incidence;45" is one
 # in the name of a file: s or p before "pol", and words that are a polarization as they are written
 _POLARIZED = re.compile(r"(?i)(?<![^\W_])([sp])[ _]?pol(?:ari[sz]ed)?(?![^\W_\d])")
@@ -94,7 +84,7 @@ def _angle(words: Words) -> Heard:
     if not (about or perhaps) and (other or not units & _ANGULAR):
         return []
     clear = about and units <= _ANGULAR
-    clear = clear and _only(words, "incidence", "angle", "grazing", "doubled", "surface")
+    clear = clear and _only(words, *_ANGLES)
     unit = next(iter(units & _ANGULAR), "")
     if not words.numbers:
         if not clear:
@@ -173,9 +163,19 @@ def _units(words: Words) -> Heard:
     return []
 
 
+def _quantity(words: Words) -> Heard:
+    """Return the quantities that are written out; as letters they are names of columns."""
+    return [("quantity", q) for q in words.concepts & {"R", "T", "A"} if q not in words.capitals]
+
+
+_HEARERS = (_angle, _wavelength, _light, _units, _quantity)
+
+
 def _heard(words: Words, where: str, text: str) -> list[Said]:
-    numbers = tuple(number for number, unit in words.numbers if unit in ("", "deg"))
-    found = [pair for hear in (_angle, _wavelength, _light, _units) for pair in hear(words)]
+    # two numbers may be the range of a scan
+    numbers = tuple(n for n, unit in words.numbers if unit in ("", "deg"))
+    numbers = numbers if len(words.numbers) == 1 else ()
+    found = [pair for hear in _HEARERS for pair in hear(words)]
     return [
         Said(kind, value, where, text[:80], numbers if kind == "angle" and value is None else ())
         for kind, value in found
@@ -189,29 +189,32 @@ def statements(line: int, text: str) -> list[Said]:
 
 
 def statements_of_name(stem: str) -> list[Said]:
-    """Return what the name of the file says; of an angle, that it does, for people to confirm."""
+    """Return what the name of the file says; of an angle, that it does, for people to confirm.
+
+    A word that is not known is the sample's, and no reason for doubt.
+    """
     text = re.sub(r"(?<=[^\W_])-(?=[^\W_])", " ", plain(stem))
-    words = words_of(text)
-    found, said = [], words.concepts
-    numbers = [number for number, unit in words.numbers if unit == "deg"]
-    if not numbers and said & {"incidence", "grazing", "some angle"}:
-        numbers = [number for number, unit in words.numbers if not unit]
-    if numbers and (said & {"incidence", "grazing"} or "no incidence" not in said):
-        found.append(Said("angle", None, FULL_NAME, str(numbers[0]), tuple(numbers[:1])))
+    words = words_of(text)._replace(unknown=False)
+    said, name = words.concepts, stem[:80]
+    found = []
+    named = bool(said & {"incidence", "grazing", "some angle"})
+    degrees = [n for n, unit in words.numbers if unit == "deg" or (named and not unit)]
+    if degrees and (named or "no incidence" not in said):
+        found.append(Said("angle", None, FULL_NAME, str(degrees[0]), (degrees[0],)))
+    lengths = [number for number in words.numbers if number[1] in _LENGTHS]
+    heard = _wavelength(words._replace(concepts=said & {"wavelength"}, numbers=lengths))
+    heard += _units(words._replace(numbers=[])) + _quantity(words)
+    counted = words._replace(concepts=said & {"normal", *_ANGLES}, numbers=[])
+    heard += [pair for pair in _angle(counted) if pair != ("angle", None)]
+    found += [Said(*pair, FULL_NAME, name) for pair in heard]
     # written as a word of its own, or before "pol": p-pol, s_polarized; not "sp", nor "P3HT"
     parts = re.findall(r"[^\W_]+", text)
     letters = {_MODES.get(part, "u" if part.lower().startswith("unpol") else "") for part in parts}
     letters = (letters | {letter.lower() for letter in _POLARIZED.findall(text)}) - {""}
     alone = {part.lower() for part in parts if part in ("s", "p", "S", "P")}
     if letters or _CODED.search(text) or len(alone) == 1:
-        value = next(iter(letters)) if len(letters) == 1 else None
-        found.append(Said("light", value, FULL_NAME, stem[:80]))
-    if sum(unit in _LENGTHS for _, unit in words.numbers) == 1:
-        wave = [n for n in words.numbers if n[1] in _LENGTHS]
-        heard = _wavelength(
-            words._replace(concepts=said & {"wavelength"}, numbers=wave, unknown=False)
-        )
-        found += [Said(*pair, FULL_NAME, stem[:80]) for pair in heard]
+        light = next(iter(letters)) if len(letters) == 1 else None
+        found.append(Said("light", light, FULL_NAME, name))
     return found
 
 
@@ -220,29 +223,20 @@ class Evidence(NamedTuple):
 
     source: str
     said: list[Said]
-    quantities: set[str]
 
     def refuse(self, said: Said) -> None:
         """Raise because ``said`` is not understood, or not here."""
-        kind = OPTION[said.kind]
+        gives, option, _ = OPTION[said.kind]
+        why = f"{said.where} ({said.text!r}) may give {gives}, and is not understood. Say {option}."
         if said.where == FULL_NAME and said.kind == "angle":
-            raise MeasurementError(
-                f"{self.source}: The file name says {float(said.text):g}deg: if that is it, say "
-                f"--angle-deg {float(said.text):g}."
-            )
-        raise MeasurementError(
-            f"{self.source}: {said.where} ({said.text!r}) may give {kind.gives}, and is not "
-            f"understood. Say {kind.option}."
-        )
+            angle = f"{float(said.text):g}"
+            why = f"The file name says {angle}deg: if that is it, say --angle-deg {angle}."
+        raise MeasurementError(f"{self.source}: {why}")
 
     def without(self, options: Options) -> Evidence:
         """Return the evidence that no option overrules."""
-        nothing = (None, "", {})
-        kept = [
-            said
-            for said in self.said
-            if all(getattr(options, field) in nothing for field in OPTION[said.kind].fields)
-        ]
+        given = {name for name, value in options._asdict().items() if value not in (None, "", {})}
+        kept = [said for said in self.said if not given & set(OPTION[said.kind][2].split())]
         return self._replace(said=kept)
 
     def one(self, kind: str) -> Said | None:
@@ -258,10 +252,10 @@ class Evidence(NamedTuple):
                     continue  # gold_60deg.csv, and a line that gives 60 degrees
                 self.refuse(said)
             if said.value != clear[0].value:
+                gives, option, _ = OPTION[kind]
                 raise MeasurementError(
                     f"{self.source}: {clear[0].where} ({clear[0].text!r}) and {said.where} "
-                    f"({said.text!r}) give {OPTION[kind].gives} differently. Say "
-                    f"{OPTION[kind].option}."
+                    f"({said.text!r}) give {gives} differently. Say {option}."
                 )
         return clear[0] if clear else None
 
@@ -270,21 +264,14 @@ class Evidence(NamedTuple):
         for said in self.said:
             values = said.numbers if said.value is None else (said.value,)
             if said.kind == kind and any(map(is_other, values)):
+                gives, option, _ = OPTION[kind]
                 raise MeasurementError(
-                    f"{came}, and {said.where} ({said.text!r}) gives {OPTION[kind].gives} "
-                    f"differently. Say {OPTION[kind].option}, or name all columns to be read with "
-                    "--columns."
+                    f"{came}, and {said.where} ({said.text!r}) gives {gives} differently. Name all "
+                    f"columns to be read with --columns if the column is right; else say {option}."
                 )
 
 
 def evidence(source: str, stem: str, preamble: list[tuple[int, str]]) -> Evidence:
     """Return what the lines beside the numbers and the name of the file say."""
     said = [one for line, text in preamble for one in statements(line, text)]
-    texts = [stem.replace("_", " "), *(text for _, text in preamble)]
-    quantities = {
-        concept
-        for words in map(words_of, texts)
-        for concept in words.concepts & {"R", "T", "A"}
-        if concept not in words.capitals  # written out, not as a letter
-    }
-    return Evidence(source, said + statements_of_name(stem), quantities)
+    return Evidence(source, said + statements_of_name(stem))

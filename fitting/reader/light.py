@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import NamedTuple
 
 import numpy as np
@@ -11,10 +10,7 @@ from fitting.errors import MeasurementError
 from fitting.reader.cells import is_missing, is_number, number_or_none
 from fitting.reader.columns import Column
 from fitting.reader.reading import Reading
-from fitting.reader.vocabulary import light_of, plain
-
-_GLUED = {"rs": "s", "rp": "p"}
-_TAIL = re.compile(r"(?<=.)(?:pol|polarized|polarised|polarization|polarisation|wave)$")
+from fitting.reader.vocabulary import LETTERS, words_of
 
 
 class Light(NamedTuple):
@@ -25,8 +21,11 @@ class Light(NamedTuple):
 
 
 def _letter(cell: str) -> str:
-    word = re.sub(r"[^a-z]", "", plain(cell).lower()) if not any(map(str.isdigit, cell)) else ""
-    return _GLUED.get(word) or light_of(word) or light_of(_TAIL.sub("", word))
+    """Return the polarization that a cell says and nothing else: s, TM, p-polarized, senkrecht."""
+    words = words_of(cell)
+    letters = words.concepts & LETTERS
+    known = not words.unknown and words.concepts <= {*letters, "polarization", "wave"}
+    return next(iter(letters)) if known and len(letters) == 1 and not words.numbers else ""
 
 
 def _from_angles(reading: Reading, column: Column) -> Light:

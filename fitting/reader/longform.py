@@ -84,14 +84,14 @@ def _refuse_zeros(reading: Reading, value: Column, numbers: np.ndarray, name: np
 
 def _refuse_other_quantity(reading: Reading) -> None:
     """Raise where the file speaks of transmission or absorption alone, and the columns are R."""
-    value, quantities = reading.layout.values[0], reading.said.quantities
+    value = reading.layout.values[0]
     here = {value.role.quantity[0] for value in reading.layout.values} & {"R", "T"}
-    if here and quantities and not here & quantities and not reading.options.columns:
-        word = {"R": "reflection", "T": "transmission", "A": "absorption"}[min(quantities)]
+    other = [said for said in reading.said.said if said.kind == "quantity"]
+    if here and other and not here & {said.value for said in other}:
         reading.refuse(
             value,
-            f"a column of {value.role.quantity}, and the lines around the table or the file name "
-            f"speak of {word}. Name all columns to be read, for example --columns "
+            f"a column of {value.role.quantity}, and {other[0].where} ({other[0].text!r}) speaks "
+            "of another quantity. Name all columns to be read, for example --columns "
             f"angle=1,{value.role.quantity}={value.index + 1}.",
         )
 

@@ -127,6 +127,6 @@ class Reading(NamedTuple):
             at = place(self.table.source, self.table.header, column.label)
             self.said.refuse_other(kind, lambda u: u != own, f"{at}: the header says {own}")
         if beside:
-            flag = OPTION[kind].option.split(" ")[0]
+            flag = OPTION[kind][1].split(" ")[0]
             self.notes.append(f"{what} in {beside.value} ({beside.where}; {flag})")
         return own or str(beside.value if beside else "")

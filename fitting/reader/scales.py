@@ -102,11 +102,12 @@ def standard_errors(
         return np.degrees(numbers) if own == "rad" else numbers
     percent = factor == 0.01
     if options.scale is None and (own or percent) and own != ("percent" if percent else "1"):
+        came = f"are in {own}" if own else "have no unit"
         reading.refuse(
             column,
-            f"these standard errors ({span_of(numbers)}) {f'are in {own}' if own else 'have no unit'}"
-            f", the values are {'' if percent else 'not '}in percent: the errors may be relative, or "
-            "in another unit. Say --scale 0.01 if all are in percent; else convert them, or leave "
-            "them out by naming the columns to be read with --columns.",
+            f"these standard errors ({span_of(numbers)}) {came}, the values are "
+            f"{'percent' if percent else 'fractions'}: the errors may be relative, or in another "
+            "unit. Say --scale 0.01 if all are in percent; else convert them, or leave them out by "
+            "naming the columns to be read with --columns.",
         )
     return scaled(numbers, factor)
