@@ -137,6 +137,20 @@ REFUSALS = {
     "empty": ("", ("no row", "in 0 lines.")),
     "json": ('{"angle": [1, 2]}', ("JSON",)),
     "workbook": (b"PK\x03\x04\x14\x00", ("Excel", "CSV")),
+    "laser of no unit": (
+        "instrument,goniometer,\nlaser,532,\nangle_deg,R_s,R_p\n10,.1,.2\n20,.1,.2\n",
+        ("line 2", "--wavelength-um"),
+    ),
+    "nanometres by their range": ("wavelength,R\n400,.1\n500,.1\n", ("--wavelength-unit nm",)),
+    "rows that end in a delimiter": (
+        "angle,Rs,Rp\n10,.1,.2,\n20,.1,.2,\n",
+        ("3 names", "4 cells", "--columns angle=1"),
+    ),
+    "percent with three digits behind a comma": (
+        "nm;R (%)\n400;10,125\n500;11,250\n",
+        ("line 2", "--decimal ,"),
+    ),
+    "utf-32": ("angle,R\n10,.1\n20,.2\n".encode("utf-32"), ("zero bytes", "--encoding")),
     "zero bytes": (b"angle,R\n1,2\x00\x01\x00\x00\x00\x02\n", ("zero bytes", "--encoding")),
 }
 

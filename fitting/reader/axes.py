@@ -25,6 +25,7 @@ _UNITS_OF = {
     "incidence": "deg or rad",
     "grazing": "grazing-deg or grazing-rad",
     "2theta": "2theta-deg",
+    "q": "1/angstrom or 1/nm",
 }
 # names by which a column, though not understood, speaks against normal incidence
 _ANGULAR = re.compile(
@@ -33,34 +34,18 @@ _ANGULAR = re.compile(
 
 
 def _wavelength_unit(reading: Reading, column: Column, numbers: np.ndarray) -> str:
-    options, form = reading.options, column.role.form
-    finite = numbers[np.isfinite(numbers)]
-    low, high = finite.min(initial=np.inf), finite.max(initial=-np.inf)
-    unit = reading.unit("wavelength unit", column, options.wavelength_unit, "wavelengths")
-    if options.wavelength_unit:
-        return unit
-    if not unit:
-        # 190 to 3300 is the range of spectrometers in nm; as angstrom it would begin below 190 nm
-        # in the far ultraviolet, as um lie beyond the far infrared
-        if form != "wavelength" or not (190.0 <= low < 1900.0 and high <= 3300.0):
-            reading.refuse(
-                column,
-                f"the {form} has no unit, and its numbers ({span_of(numbers)}) do not tell. Say "
-                f"--wavelength-unit {', '.join(WAVELENGTH_UNITS[:6])}.",
-            )
-        reading.notes.append("wavelengths taken as nm by their range (--wavelength-unit)")
-        return "nm"
-    # X-rays and neutrons are measured at grazing angles, in nm below 5
-    angle = reading.layout.angle
-    grazing = options.angle_unit.startswith(("grazing", "2theta", "1/"))
-    optical = not grazing and (angle is None or angle.role.form == "incidence")
-    off = optical and ((unit == "nm" and high < 5.0) or (unit == "um" and low >= 100.0))
-    if off or FORM_OF.get(unit) != form:
-        other = " or --wavelength-unit " + ("um" if unit == "nm" else "nm") if off else ""
+    given, form = reading.options.wavelength_unit, column.role.form
+    unit = reading.unit("wavelength unit", column, given, "wavelengths")
+    low, high = np.nanmin(numbers, initial=np.inf), np.nanmax(numbers, initial=0.0)
+    # no spectrometer counts so; one of the two is misread
+    off = (unit == "nm" and high < 5.0) or (unit == "um" and low >= 100.0)
+    if not given and (off or FORM_OF.get(unit) != form):
+        choices = (unit, "nm" if unit == "um" else "um") if off else (unit,)
+        said = f"the unit {unit}" if unit else "no unit"
         reading.refuse(
             column,
-            f"the name says {form}, the unit {unit}, the numbers are {span_of(numbers)}, which do "
-            f"not go together. Say --wavelength-unit {unit}{other}.",
+            f"the name says {form}, with {said}, and the numbers are {span_of(numbers)}. Say "
+            f"--wavelength-unit {' or '.join(choices) if unit else ', '.join(WAVELENGTH_UNITS)}.",
         )
     return unit
 
@@ -90,32 +75,24 @@ def _angle_unit(reading: Reading, numbers: np.ndarray, column: Column) -> str:
     form, unit = column.role.form, column.role.unit
     finite = np.abs(numbers[np.isfinite(numbers)])
     high, several = finite.max(initial=0.0), len(np.unique(finite)) > 2
+    right = RIGHT_ANGLES[-1] if high in RIGHT_ANGLES else HALF_PI
     if form == "incidence":
         unit = reading.unit("angle unit", column, "", "angles")
-        if unit.startswith("grazing"):
-            return unit
-    if form == "q":
-        if unit not in Q_UNITS:
-            reading.refuse(column, "Q has no unit. Say --angle-unit 1/angstrom or 1/nm.")
-        return unit
-    whole = unit if form == "incidence" or not unit else f"{form}-{unit}"
-    wrong = ""
-    right = RIGHT_ANGLES[-1] if high in RIGHT_ANGLES else HALF_PI
-    if whole not in ("", *ANGLE_UNITS):
-        wrong = f"an angle in {whole} came"
-    elif form != "incidence" and unit:
-        return whole
+    elif unit:
+        unit = unit if form == "q" and unit in Q_UNITS else f"{form}-{unit}"
+    if unit not in ("", *ANGLE_UNITS):
+        wrong = f"an angle in {unit} came"
     elif not unit and form == "incidence" and (high > RIGHT_ANGLES[-1] or high == 0.0):
         return "deg"
     elif not unit:
-        wrong = "the angle has no unit; its numbers may be radians or degrees"
-    elif unit != "deg" and high > right * (1e3 if unit == "mrad" else 1.0):
+        wrong = f"{'Q' if form == 'q' else 'the angle'} has no unit"
+    elif unit in ("rad", "mrad") and high > right * (1e3 if unit == "mrad" else 1.0):
         wrong = f"the file says {unit}, and the numbers are more than pi/2"
     elif unit == "deg" and several and high <= HALF_PI:
         wrong = "the file says degrees, and the numbers are as small as radians"
-    if wrong:
-        reading.refuse(column, f"{wrong} ({span_of(numbers)}). Say --angle-unit {_UNITS_OF[form]}.")
-    return unit
+    else:
+        return unit
+    reading.refuse(column, f"{wrong} ({span_of(numbers)}). Say --angle-unit {_UNITS_OF[form]}.")
 
 
 def _angles_without_column(reading: Reading) -> np.ndarray:
@@ -171,8 +148,9 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
     degrees = incidence_deg(numbers, unit, wavelength)
     if unit == "rad":
         degrees = np.where(np.isin(numbers, RIGHT_ANGLES), np.minimum(degrees, 90.0), degrees)
-    came = f"the angles of incidence are {span_of(degrees)} degrees"
-    reading.contradicted("angle", lambda a: not (abs(degrees - a) < 0.05).any(), column, came)
+    if unit not in Q_UNITS:  # which stands for an angle only with the wavelength that is given
+        came = f"the angles of incidence are {span_of(degrees)} degrees"
+        reading.contradicted("angle", lambda a: not (abs(degrees - a) < 0.05).any(), column, came)
     if unit == "deg.arcmin":
         wrong = np.abs(numbers - np.trunc(numbers)) * 100.0 > 59.999999
         text = "{} has more than 59 minutes of arc behind the point. Say --angle-unit deg."

@@ -90,12 +90,10 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
             )
         taken[index] = name
         role = role_of(table.names[index], table.units[index])
-        form = FORM_OF.get(role.unit, "")
-        if name == "angle":
-            form = "q" if form == "q" else "incidence"
-            role = role if role.kind == name else Role(name, form=form, unit=role.unit)
-        elif name == "wavelength":
-            form = "wavelength" if form in ("", "q") else form
+        if name in ("angle", "wavelength"):
+            form = FORM_OF.get(role.unit, "q")
+            if (form == "q") == (name == "wavelength") or not role.unit:
+                form = "incidence" if name == "angle" else "wavelength"
             role = role if role.kind == name else Role(name, form=form, unit=role.unit)
         elif name in ("polarization", "polarizer"):
             role = Role(name, unit=role.unit)

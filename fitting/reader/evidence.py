@@ -122,8 +122,6 @@ def _wavelength(words: Words) -> Heard:
             return [("wavelength", None), ("wavelength unit", None)]
         return [("wavelength unit", unit)] if unit else []
     number = words.numbers[0][0]
-    if not unit and 190.0 <= number <= 3300.0:
-        unit = "nm"  # as in a column
     if not clear or not unit or number <= 0.0:
         return [("wavelength", None)]
     return [("wavelength", float(wavelength_um(np.array(number), unit)))]

@@ -63,13 +63,12 @@ def units_row(cells: list[str]) -> list[str] | None:
 
 
 def find_header(
-    before: Lines, delimiter: str, count: int, spare: int, top: int
+    before: Lines, delimiter: str, count: int, top: int
 ) -> tuple[list[str], list[str], int, str]:
     """Return names, units, line of the header among the lines before the numbers, and a misfit.
 
     The line with the most names that are known wins, the nearest of equals; a line without any
     is taken if it stands right above the numbers and every name in it has a letter.
-    spare: 1 if every row ends in a delimiter, so that the last column needs no name.
     top: line of the first row.
     """
     nothing = [""] * count
@@ -84,9 +83,6 @@ def find_header(
         if not (nearest or marked) and looks_like_data(row)[0]:
             break  # what stands above other numbers is their header
         cells = split_names(uncomment(text), delimiter, count)
-        if spare and len(cells) != count:
-            cells = split_names(uncomment(text), delimiter, count - 1)
-            cells += [""] * (len(cells) == count - 1)
         if not any(cells):
             continue
         here = units_row(cells) if len(cells) == count else None

@@ -15,21 +15,16 @@ from fitting.visible import visible
 MAX_BYTES = 10_000_000
 STDIN = "-"
 
-_MARKS = (  # the 32-bit mark begins with the 16-bit one, so the longer comes first
+_MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
-    (codecs.BOM_UTF32_LE, "utf-32"),
-    (codecs.BOM_UTF32_BE, "utf-32"),
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
 _NOT_TEXT = (
     (b"PK\x03\x04", "an Excel workbook or another zip archive; save the sheet as CSV"),
     (b"\xd0\xcf\x11\xe0", "an old Excel workbook; save the sheet as CSV"),
-    (b"\x89HDF", "an HDF5 file; export the curve as CSV"),
     (b"%PDF", "a PDF"),
     (b"\x1f\x8b", "a gzip archive; unpack it first"),
-    (b"\x93NUMPY", "a NumPy array; use Measurement.from_columns in Python"),
-    (b"\x89PNG", "a picture"),
 )
 # Every byte is a character of Latin-1; measured files hold a few of its letters (micro, degree,
 # Angstrom), which Windows-1252 writes alike. It is the reading of bytes that are not UTF-8.

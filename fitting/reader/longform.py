@@ -88,10 +88,11 @@ def _refuse_other_quantity(reading: Reading) -> None:
     here = {value.role.quantity[0] for value in reading.layout.values} & {"R", "T"}
     other = [said for said in reading.said.said if said.kind == "quantity"]
     if here and other and not here & {said.value for said in other}:
+        word = {"R": "reflection", "T": "transmission", "A": "absorption"}[str(other[0].value)]
         reading.refuse(
             value,
             f"a column of {value.role.quantity}, and {other[0].where} ({other[0].text!r}) speaks "
-            "of another quantity. Name all columns to be read, for example --columns "
+            f"of {word}. Name all columns to be read, for example --columns "
             f"angle=1,{value.role.quantity}={value.index + 1}.",
         )
 

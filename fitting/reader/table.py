@@ -92,22 +92,12 @@ def _without_remark(text: str) -> str:
     return _INLINE.split(text, maxsplit=1)[0] if text.strip()[:1] not in '#!/"%;' else text
 
 
-def _first_row(lines: Lines, delimiter: str, count: int) -> int:
-    """Return the index of the first line of the table's numbers, or -1."""
-    for index, (_, text) in enumerate(lines):
-        if not is_comment(text, delimiter):
-            cells = split_cells(text, delimiter)
-            if len(cells) == count and looks_like_data(cells)[0]:
-                return index
-    return -1
-
-
 def _body(
-    source: str, lines: Lines, delimiter: str, count: int, header: str, whole: bool
+    source: str, lines: Lines, delimiter: str, count: int, header: str
 ) -> tuple[list[list[str]], list[int], list[tuple[int, str]], list[str]]:
     """Return rows of ``count`` cells, their lines, the remarks between and below them, and notes.
 
-    The notes say what was left out. whole: whether the last line ends as a cut one may.
+    The notes say what was left out.
     """
     rows: list[list[str]] = []
     numbers: list[int] = []
@@ -139,11 +129,8 @@ def _body(
         if len(cells) != count:
             why = "If the delimiter was misread, say --delimiter; else mend the row."
             if len(cells) < count:
-                cut = whole and line == lines[-1][0]
-                why = "The file ends in it and may be cut short. " if cut else ""
-                why += (
-                    "Complete the row (a gap is an empty cell), or leave it out with --lines A-B."
-                )
+                why = "It may be cut short. Complete it (a gap is an empty cell), or leave it out "
+                why += "with --lines A-B."
             raise MeasurementError(
                 f"{place(source, line)}: {len(cells)} cell{'s' * (len(cells) > 1)} came where "
                 f"{count} were wanted. {why}"
@@ -168,13 +155,12 @@ def _range(source: str, option: str | None, count: int) -> tuple[int, int]:
     return int(first) - 1, int(last)
 
 
-def _marks(source: str, first: str, delimiter: object, decimal: object) -> str | None:
-    """Return the delimiter that the option or the first line gives, None to guess it."""
+def _mark(source: str, delimiter: object, decimal: object) -> str | None:
+    """Return the delimiter that the option gives, None to guess it; check the decimal mark."""
     if decimal not in (None, ".", ","):
         raise MeasurementError(f"{source}: --decimal {decimal!r} is neither . nor , (a comma).")
-    if delimiter is None:  # "sep=;" is the line by which spreadsheets tell each other
-        match = re.fullmatch(r'"?sep=(.)"?', first.strip())
-        return match[1] if match else None
+    if delimiter is None:
+        return None
     mark = DELIMITERS.get(str(delimiter), str(delimiter))
     if len(mark) != 1 or mark.isalnum() or mark in "\r\n\"'.+-" or mark == decimal:
         raise MeasurementError(
@@ -201,13 +187,15 @@ def read_table(
     lines: range of lines that may hold rows; the header may stand before it.
     Raises MeasurementError where no table is found, or a line may be part of it or not.
     """
-    mark = _marks(source, next(iter(texts), ""), delimiter, decimal)
+    mark = _mark(source, delimiter, decimal)
     first, last = _range(source, lines, len(texts))
     numbered = list(enumerate(texts[:last], start=1))
     inside = [(line, _without_remark(text)) for line, text in numbered[first:]]
     mark, count = guess_delimiter([text for _, text in inside], mark)
-    start = _first_row(inside, mark, count) if count else -1
-    if start < 0:
+    splits = ((i, split_cells(text, mark)) for i, (_, text) in enumerate(inside)
+              if count and not is_comment(text, mark))  # fmt: skip
+    start = next((i for i, row in splits if len(row) == count and looks_like_data(row)[0]), None)
+    if start is None:
         # What stands behind the last line end is no line.
         came = len(inside) - (bool(inside) and last >= len(texts) and not texts[-1])
         raise MeasurementError(
@@ -216,16 +204,10 @@ def read_table(
             "delta. If it is there, say --delimiter or --decimal."
         )
     before = [(line, text) for line, text in numbered[: first + start] if text.strip()]
-    body = (split_cells(text, mark) for _, text in inside[start:])
-    spare = not split_cells(inside[start][1], mark)[-1] and all(
-        len(cells) != count or not cells[-1] for cells in body
-    )
-    names, units, header, misfit = find_header(before, mark, count, int(spare), first + start + 1)
-    # a file that ends without a line end may have been cut in its last row
-    whole = last >= len(texts) and bool(texts[-1].strip())
+    names, units, header, misfit = find_header(before, mark, count, first + start + 1)
     head = texts[header - 1].strip() if header else ""
     filled = [(line, text) for line, text in inside[start:] if text.strip()]
-    rows, row_lines, remarks, notes = _body(source, filled, mark, count, head, whole)
+    rows, row_lines, remarks, notes = _body(source, filled, mark, count, head)
     if len(column := filled_columns(rows)) == 1:
         raise MeasurementError(
             f"{place(source, row_lines[0])}: only one column holds numbers ({len(rows)} rows, the "

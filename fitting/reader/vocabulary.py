@@ -34,19 +34,9 @@ LETTERS = frozenset("spu")
 QUANTITY_CONCEPTS = ("R", "T", "A", "psi", "delta")
 AXIS_CONCEPTS = ("wavelength", "energy", "wavenumber", "frequency")
 
-_SIGNS = {
-    "\u00b5": "u", "\u03bc": "u",
-    "\u00c5": "angstrom", "\u212b": "angstrom",
-    "\u00b0": "deg", "\u02da": "deg", "\u00ba": "deg", "\u2103": " celsius ",
-    "\u22a5": " perp ", "\u27c2": " perp ", "\u2225": " par ", "\u2016": " par ", "\u2afd": " par ",
-    "\u2212": "-", "\u2013": "-", "\u2010": "-", "\u2011": "-", "\u207b": "-",
-    "\u00b9": "1", "\u00b2": "2", "\u00b1": " error ", "\u00b4": "'", "\u2019": "'",
-    "\u03bb": "lambda",
-    "\u03b8": "theta", "\u0398": "theta", "\u03d1": "theta", "\u03c8": "psi", "\u03a8": "psi",
-    "\u03c6": "phi", "\u03d5": "phi", "\u0394": "Delta", "\u2206": "Delta", "\u03b4": "delta",
-    "\u03b1": "alpha", "\u03c3": "sigma", "\u03bd": "nu",
-}  # fmt: skip
-_TRANSLATION = str.maketrans(_SIGNS)
+_TRANSLATION = str.maketrans(
+    _WORDS["sign"] | {sign: f" {word} " for sign, word in _WORDS["sign for a word"].items()}
+)
 
 
 def _letter(sign: str) -> str:
