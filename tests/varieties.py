@@ -105,9 +105,7 @@ VARIETIES = {
     "utf-16-be": Variety(
         ("angle,Rs,Rp\n" + BODY).encode("utf-16-be"), BOTH, {"encoding": "utf-16-be"}
     ),
-    "utf-32": Variety(
-        ("angle,Rs,Rp\n" + BODY).encode("utf-32"), BOTH, {"encoding": "utf-32"}
-    ),
+    "utf-32": Variety(("angle,Rs,Rp\n" + BODY).encode("utf-32"), BOTH, {"encoding": "utf-32"}),
     "latin-1 degree": Variety(("Einfallswinkel / \u00b0,Rs,Rp\n" + BODY).encode("latin-1"), BOTH),
     "greek": Variety(("\u03b8 [\u00b0],R\u22a5,R\u2225\n" + BODY).encode(), BOTH),
     "quoted header with a comma": Variety(

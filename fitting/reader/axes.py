@@ -151,16 +151,6 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
     if unit not in Q_UNITS:  # which stands for an angle only with the wavelength that is given
         came = f"the angles of incidence are {span_of(degrees)} degrees"
         reading.contradicted("angle", lambda a: not (abs(degrees - a) < 0.05).any(), column, came)
-    if unit == "deg.arcmin":
-        wrong = np.abs(numbers - np.trunc(numbers)) * 100.0 > 59.999999
-        text = "{} has more than 59 minutes of arc behind the point. Say --angle-unit deg."
-    else:
-        wrong = np.isnan(degrees) & ~np.isnan(numbers)
-        text = (
-            "Q {} is negative or beyond 4 pi / wavelength. Check --wavelength-um and --angle-unit."
-        )
-    for i in np.flatnonzero(wrong)[:1].tolist():
-        reading.refuse(column, text.format(reading.table.rows[i][column.index]), i)
     if unit != "deg":
         reading.notes.append(f"angles converted from {unit}")
     return degrees

@@ -14,10 +14,8 @@ from fitting.reader.units import FORM_OF
 
 # words by which a column shows that rows are means or deviations of other rows; Accurion EP3 and
 # EP4 write the mean of the zones as zone 0, their deviation as zone 5
-_STATISTICS = frozenset(
-    ["mean", "avg", "average", "std", "stdev", "sd", "sigma", "error", "median"]
-)
-_ZONES = frozenset("05")
+_STATISTICS = {"mean", "avg", "average", "std", "stdev", "sd", "sigma", "error", "median"}
+_ZONES = {"0", "5"}
 
 
 class Column(NamedTuple):
@@ -64,13 +62,11 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
         f"Q 1/angstrom, with --wavelength-um NUMBER) or --columns wavelength={x},R={y} "
         "--wavelength-unit nm, with --scale 0.01 if R is in percent."
     )
-    came = f"{len(filled)} columns without names"
-    if table.header:
-        came = "no column is named as a reflectance, transmittance, psi or delta that can be fitted"
-    if table.misfit:
-        came = table.misfit
-        advice = f"If the comma is the decimal mark too, write the file with semicolons. {advice}"
-    elif table.header and all(roles[i].why or roles[i].kind for i in filled):
+    came = "no column is named as a reflectance, transmittance, psi or delta that can be fitted"
+    if not table.header:
+        came = f"{len(filled)} columns without names, since no line above has {len(table.names)}"
+        advice += " If the comma is the decimal mark too, write the file with semicolons."
+    elif all(roles[i].why or roles[i].kind for i in filled):
         advice = (
             "A table of an angle or a wavelength and R, R_s, R_p, T, psi or delta was wanted, "
             "powers as a ratio to the direct beam; --columns names other columns."

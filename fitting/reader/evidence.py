@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from pathlib import PurePath
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,7 +50,8 @@ _CLAUSE = re.compile(r"[,;|](?=\s|$)|(?<=[a-z])\.\s")  # "incidence;45" is one
 # in the name of a file: s or p before "pol", and words that are a polarization as they are written
 _POLARIZED = re.compile(r"(?i)(?<![^\W_])([sp])[ _]?pol(?:ari[sz]ed)?(?![^\W_\d])")
 _MODES = {"TE": "s", "Rs": "s", "Ts": "s", "TM": "p", "Rp": "p", "Tp": "p"}
-_CODED = re.compile(r"(?i)pol(?:ari[sz]ation)?[ ._-]?[0-9]")
+_NUMBERED = re.compile(r"(?i)(?:angle|theta|winkel)[ _=]*[0-9]")
+_CODED = re.compile(r"(?i)pol(?:ari[sz]\w*)?[ ._-]?[0-9]")
 
 
 class Said(NamedTuple):
@@ -76,7 +78,7 @@ def _angle(words: Words) -> Heard:
     """Return what a clause says of the angle of incidence, or of how angles count."""
     said = words.concepts
     units = words.units | {unit for _, unit in words.numbers} - {""}
-    about = said & {"incidence", "grazing"} or (
+    about = said & {"incidence", "grazing", "oblique"} or (
         said & {"angle", "doubled"} and "no incidence" not in said
     )
     other = said & {"no incidence", "polarization", "polarizer", "psi", "delta", "s", "p"}
@@ -88,7 +90,8 @@ def _angle(words: Words) -> Heard:
     unit = next(iter(units & _ANGULAR), "")
     if not words.numbers:
         if not clear:
-            return [("angle", None), ("angle unit", None)]
+            kinds = ("angle",) if "oblique" in said else ("angle", "angle unit")
+            return [(kind, None) for kind in kinds]
         if said & {"grazing", "doubled"} or ("surface" in said and "normal" not in said):
             known = "grazing" in said and unit in ("deg", "rad")
             return [("angle", None), ("angle unit", "grazing-" + unit if known else None)]
@@ -136,7 +139,8 @@ def _light(words: Words) -> Heard:
         for word in words.capitals
     )
     # "parallel" alone may be the light's direction or that of its field
-    if not named and not any(len(w) > 2 and light_of(w.lower()) for w in words.capitals):
+    alone = any(len(w) > 2 and light_of(w.lower()) for w in words.capitals)
+    if not (named or alone or "direction" in said):
         return []
     clear = named and not words.numbers and len(letters) == 1
     clear = clear and _only(words, "polarization", "wave", "none", *LETTERS)
@@ -146,7 +150,8 @@ def _light(words: Words) -> Heard:
 def _units(words: Words) -> Heard:
     """Return what a clause says of the unit of powers, or, without a number, of psi and Delta."""
     said = words.concepts
-    if "normalized" in said or {"relative", "raw"} <= said:
+    relative = "relative" in said and said & {"R", "T", "raw"} and "error" not in said
+    if relative or "normalized" in said:
         return [("power unit", None)]  # to a reference mirror, not to the direct beam
     if words.numbers or not words.units:
         return []
@@ -186,7 +191,7 @@ def statements(line: int, text: str) -> list[Said]:
     return [s for clause in clauses for s in _heard(words_of(clause), f"line {line}", text.strip())]
 
 
-def statements_of_name(stem: str) -> list[Said]:
+def _statements_of_name(stem: str) -> list[Said]:
     """Return what the name of the file says; of an angle, that it does, for people to confirm.
 
     A word that is not known is the sample's, and no reason for doubt.
@@ -195,7 +200,7 @@ def statements_of_name(stem: str) -> list[Said]:
     words = words_of(text)._replace(unknown=False)
     said, name = words.concepts, stem[:80]
     found = []
-    named = bool(said & {"incidence", "grazing", "some angle"})
+    named = bool(said & {"incidence", "grazing", "some angle"} or _NUMBERED.search(text))
     degrees = [n for n, unit in words.numbers if unit == "deg" or (named and not unit)]
     if degrees and (named or "no incidence" not in said):
         found.append(Said("angle", None, FULL_NAME, str(degrees[0]), (degrees[0],)))
@@ -210,7 +215,8 @@ def statements_of_name(stem: str) -> list[Said]:
     letters = {_MODES.get(part, "u" if part.lower().startswith("unpol") else "") for part in parts}
     letters = (letters | {letter.lower() for letter in _POLARIZED.findall(text)}) - {""}
     alone = {part.lower() for part in parts if part in ("s", "p", "S", "P")}
-    if letters or _CODED.search(text) or len(alone) == 1:
+    doubt = _CODED.search(text) or len(alone) == 1 or _light(words._replace(numbers=[]))
+    if letters or doubt:
         light = next(iter(letters)) if len(letters) == 1 else None
         found.append(Said("light", light, FULL_NAME, name))
     return found
@@ -269,7 +275,7 @@ class Evidence(NamedTuple):
                 )
 
 
-def evidence(source: str, stem: str, preamble: list[tuple[int, str]]) -> Evidence:
+def evidence(source: str, preamble: list[tuple[int, str]]) -> Evidence:
     """Return what the lines beside the numbers and the name of the file say."""
     said = [one for line, text in preamble for one in statements(line, text)]
-    return Evidence(source, said + statements_of_name(stem))
+    return Evidence(source, said + _statements_of_name(PurePath(source).stem))

@@ -64,16 +64,15 @@ def units_row(cells: list[str]) -> list[str] | None:
 
 def find_header(
     before: Lines, delimiter: str, count: int, top: int
-) -> tuple[list[str], list[str], int, str]:
-    """Return names, units, line of the header among the lines before the numbers, and a misfit.
+) -> tuple[list[str], list[str], int]:
+    """Return names, units and the line of the header among the lines before the numbers.
 
     The line with the most names that are known wins, the nearest of equals; a line without any
     is taken if it stands right above the numbers and every name in it has a letter.
     top: line of the first row.
     """
-    nothing = [""] * count
-    units, units_line, misfit = nothing, 0, ""
-    best, best_line, best_known = nothing, 0, 0
+    units, units_line = [""] * count, 0
+    best, best_line, best_known = [""] * count, 0, 0
     nearest = True
     for line, text in reversed(before):
         marked, row = is_comment(text, delimiter), split_cells(text, delimiter)
@@ -87,24 +86,17 @@ def find_header(
             continue
         here = units_row(cells) if len(cells) == count else None
         adjacent, nearest = nearest, nearest and (marked or here is not None)
-        known = known_names(cells)
-        if len(cells) != count:
-            if known >= 2 and line == before[-1][0]:
-                misfit = (
-                    f"the header on line {line} has {len(cells)} names, the rows have {count} cells"
-                )
-        elif here is not None:
+        if here is not None:
             if not (units_line or best_line) and any(here):
                 units, units_line = here, line
-        else:
+        elif len(cells) == count:
+            known = known_names(cells)
             words = all(not cell or _LETTER.search(cell) for cell in cells)
             if known > best_known or (adjacent and words and not marked):
                 best, best_line, best_known = cells, line, known
-    if best_line:
-        return best, units, best_line, ""
-    if units_line:  # "nm,%" alone: the units are all the names that there are
-        return units, nothing, units_line, misfit
-    return nothing, nothing, 0, misfit
+    if units_line and not best_line:  # "nm,%" alone: the units are all the names that there are
+        return units, [""] * count, units_line
+    return best, units, best_line
 
 
 def refuse_strays(source: str, before: Lines, header: int, delimiter: str, count: int) -> None:

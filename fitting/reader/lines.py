@@ -15,16 +15,10 @@ from fitting.visible import visible
 MAX_BYTES = 10_000_000
 STDIN = "-"
 
-_MARKS = (
-    (codecs.BOM_UTF8, "utf-8-sig"),
-    (codecs.BOM_UTF16_LE, "utf-16"),
-    (codecs.BOM_UTF16_BE, "utf-16"),
-)
 _NOT_TEXT = (
     (b"PK\x03\x04", "an Excel workbook or another zip archive; save the sheet as CSV"),
     (b"\xd0\xcf\x11\xe0", "an old Excel workbook; save the sheet as CSV"),
     (b"%PDF", "a PDF"),
-    (b"\x1f\x8b", "a gzip archive; unpack it first"),
 )
 # Every byte is a character of Latin-1; measured files hold a few of its letters (micro, degree,
 # Angstrom), which Windows-1252 writes alike. It is the reading of bytes that are not UTF-8.
@@ -35,9 +29,8 @@ _LINE_END = re.compile("\r\n|\n|\r")  # not splitlines, which also cuts at form 
 
 
 def _guess_encoding(data: bytes) -> str:
-    for mark, name in _MARKS:
-        if data.startswith(mark):
-            return name
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
     try:
         data.decode("utf-8")
     except UnicodeDecodeError:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import PurePath
 from typing import NamedTuple
 
 import numpy as np
@@ -136,7 +135,7 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
     Raises MeasurementError for what is ambiguous or contradicts itself; ranges are for the
     Measurement to check.
     """
-    said = evidence(table.source, PurePath(table.source).stem, table.preamble)
+    said = evidence(table.source, table.preamble)
     ats = dict.fromkeys(v.role.at for v in layout.values if v.role.at is not None)
     notes = [f"angle {at:g} degrees by the column name" for at in ats]
     for value in [v for v in layout.values if options.columns and v.role.at is None]:

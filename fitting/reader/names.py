@@ -45,6 +45,7 @@ _AXIS_UNITS = ("nm", "um", "angstrom", "eV", "cm-1", "THz", *Q_UNITS)
 # why a column with a word of this concept cannot be used
 _WHY = {
     "no incidence": "it is no angle of incidence",
+    "turned": "it is no angle of incidence",
     "some angle": "it may be the angle of incidence or another one",
     "raw": "it is a raw signal, not a ratio to the direct beam",
     "constant": "it is an optical constant, not a measured power",
@@ -166,10 +167,7 @@ def role_of(name: str, unit: str = "") -> Role:
     """
     if len(name) > LONGEST:
         return Role("", why="its name is too long")
-    text = spelled(name).strip().strip("$").replace("\\", "").replace("$", "").strip()
-    if len(text) > 1 and text[0] == text[-1] and text[0] in "'\"":
-        text = text[1:-1]
-    text = re.sub(r"\|\||(?<=[Rr_\s])//|//$", " par ", text)
+    text = re.sub(r"\|\||(?<=[Rr_\s])//|//$", " par ", spelled(name).strip())
     rest, own = _part_unit(text)
     if not own and unit_of(rest) in _AXIS_UNITS and len(rest) > 1:
         rest, own = "", unit_of(rest) or ""  # the unit is all the name there is
@@ -207,6 +205,4 @@ def role_of(name: str, unit: str = "") -> Role:
         bare = role_of(text[: match.start()] + " " + text[match.end() :], unit.replace("deg", ""))
         if bare.kind in ("value", "sigma") and bare.quantity and bare.at is None:
             return bare._replace(at=float(match[1] or match[2]))
-    if said & {"psi", "delta"} and {"tan", "cos", "sin"} & set(tokens):
-        return Role("", unit=unit, why="psi and delta themselves are wanted, in degrees")
     return Role("", unit=unit, why=next((_WHY[concept] for concept in _WHY if concept in said), ""))

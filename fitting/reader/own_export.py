@@ -34,19 +34,21 @@ def own_columns(source: str, texts: Sequence[str], start: int) -> LongColumns:
     names = texts[start].split(",")
     quantities, rows, lines = [], [], []
     for line, cells in enumerate(csv.reader(texts[start + 1 :]), start + 2):
+        if not cells:
+            continue
         row = dict(zip(names, cells, strict=False))
         try:
-            if cells:
-                quantities.append(QUANTITIES[QUANTITIES.index(row["quantity"])])
-                rows.append([float(row.get(name) or "nan") for name in _NUMBERS])
-                lines.append(line)
-        except (KeyError, ValueError):
-            row = {}
-        if cells and len(row) != len(names):
+            numbers = [float(row.get(name) or "nan") for name in _NUMBERS]
+        except ValueError:
+            numbers = []
+        if not numbers or len(cells) != len(names) or row["quantity"] not in QUANTITIES:
             raise MeasurementError(
                 f"{place(source, line)}: this is no row of the table that fresnel-fit writes "
                 "(--csv). Write it anew, or name the columns to be read with --columns."
             )
+        quantities.append(row["quantity"])
+        rows.append(numbers)
+        lines.append(line)
     angle, wavelength, value, sigma, polarizer = np.array(rows).reshape(-1, len(_NUMBERS)).T
     data = Data(angle, wavelength, np.array(quantities, dtype="<U6"), value, sigma, polarizer)
     return LongColumns(

@@ -76,13 +76,13 @@ class Reading(NamedTuple):
         """Raise for the first row in ``gone``, which has a value but no ``what``."""
         for i in np.flatnonzero(gone)[:1].tolist():
             cell = self.table.rows[i][column.index]
-            known = "missing" if is_missing(cell) else f"{cell[:30]!r}, which is not known,"
-            self.refuse(
-                column,
-                f"the {what} is {known} in a row that has a value. Fill it in, or leave the line "
-                "out with --lines A-B.",
-                i,
-            )
+            came = f"the {what} is missing in a row that has a value"
+            if not is_missing(cell):
+                came = (
+                    f"{cell[:30]!r} is no {what}: Q is not negative nor beyond 4 pi / wavelength "
+                )
+                came += "(--wavelength-um), an angle has 59 minutes at most (--angle-unit)"
+            self.refuse(column, f"{came}. Mend it, or leave the line out with --lines A-B.", i)
 
     def numbers(self, column: Column, gaps: bool = False) -> tuple[np.ndarray, str]:
         """Return the numbers of a column, NaN for missing ones, and the sign (% or degree) on them.

@@ -36,7 +36,7 @@ class Table(NamedTuple):
     """Cells as text, with the number of the line that each row stands on.
 
     names and units have one entry per column, "" where the file gives none; ``header`` is the
-    line of the names, 0 where there is none, and ``misfit`` says why a header was not taken.
+    line of the names, 0 where there is none.
     ``preamble`` holds (line, text) of what stands before the numbers, comment marks taken off.
     """
 
@@ -44,7 +44,6 @@ class Table(NamedTuple):
     names: list[str]
     units: list[str]
     header: int
-    misfit: str
     rows: list[list[str]]
     lines: list[int]
     preamble: list[tuple[int, str]]
@@ -204,7 +203,7 @@ def read_table(
             "delta. If it is there, say --delimiter or --decimal."
         )
     before = [(line, text) for line, text in numbered[: first + start] if text.strip()]
-    names, units, header, misfit = find_header(before, mark, count, first + start + 1)
+    names, units, header = find_header(before, mark, count, first + start + 1)
     head = texts[header - 1].strip() if header else ""
     filled = [(line, text) for line, text in inside[start:] if text.strip()]
     rows, row_lines, remarks, notes = _body(source, filled, mark, count, head)
@@ -222,19 +221,19 @@ def read_table(
     behind = [(n, texts[n - 1][len(text) :]) for n, text in inside if n in used]
     refuse_between(source, [(n, text) for n, text in behind if text], known, 0)
     refuse_strays(source, [b for b in before if b[0] > first], header, mark, count)
-    beside = [
-        (line, uncomment(text))
-        for line, text in before
-        if line != header
-        and units_row(split_cells(uncomment(text), mark)) is None
-        and (line > first or known_names(split_cells(text, mark)) < 2)
-    ]
+    beside = []
+    for line, text in before:
+        cells = split_cells(uncomment(text), mark)
+        row = units_row(cells)
+        # units of all columns were taken; one unit alone is said of the whole measurement
+        says = row is None or (any(row) and len(cells) != count)
+        if line != header and says and (line > first or known_names(cells) < 2):
+            beside.append((line, uncomment(text)))
     return Table(
         source=source,
         names=[name if len(name) <= LONGEST else name[:80] + "\u2026" for name in names],
         units=units,
         header=header,
-        misfit=misfit,
         rows=rows,
         lines=row_lines,
         preamble=beside + below,

@@ -46,7 +46,8 @@ def incidence_deg(number: np.ndarray, unit: str, wavelength: np.ndarray) -> np.n
         if unit == "deg.arcmin":
             whole = np.trunc(number)
             # files give two digits of minutes; rounding takes off what binary fractions add
-            return whole + np.round((number - whole) * 100.0, 9) / 60.0
+            minutes = np.round((number - whole) * 100.0, 9)
+            return np.where(np.abs(minutes) < 60.0, whole + minutes / 60.0, np.nan)
         if unit == "2theta-deg":
             return 90.0 - number / 2.0
         degrees = np.degrees(number / 1e3 if unit == "mrad" else number)

@@ -65,6 +65,7 @@ def spelled(text: str) -> str:
     text = re.sub(r"(?i)\b[dl]'(?=\w)", "", plain(text))  # angle d'incidence
     text = re.sub(r"@\s*(?=[0-9])", " angle ", text)  # R@60
     text = re.sub(r"(?i)(?<![^\W_])(?:2|two)[\s_-]*theta", "twotheta", text)
+    text = re.sub(r"(?i)(?<![^\W_])relative\s+to(?![^\W_])", "normalized", text)
     return re.sub(r"(?i)(?<![^\W_])wave[\s_-]+(?=length|number)", "wave", text)
 
 
@@ -79,7 +80,7 @@ def unit_of(text: str) -> str | None:
     if len(text) > 40:
         return None
     word = re.sub(r"\s+", "_", plain(text).strip().strip("[](){}").strip().lower())
-    return UNITS.get(word.replace("{", "").replace("}", "").replace("$", ""))
+    return UNITS.get(word)
 
 
 class Words(NamedTuple):
@@ -101,7 +102,9 @@ _WORD = re.compile(
     r"(?P<number>(?<![^\W_])(?<!\.)(?:(?<=[\s=:(])[-+])?(?:[0-9]+(?:[.,][0-9]+)?|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?)"
     r"|(?P<word>[A-Za-z]+|[^\W_0-9A-Za-z]+)|(?P<sign>[%\u2030])|(?P<digits>[0-9]+)"
 )
-_UNIT_WORD = re.compile(r"(?i)(?:1/(?:nm|cm|angstroms?|a)\b|(?:nm|cm|angstrom|a)\^?-1\b)")
+_UNIT_WORD = re.compile(
+    r"(?i)(?:1/(?:nm|cm|angstroms?|a)\b|(?:nm|cm|angstrom|a)\^?-1\b|\ba\.u\.|\bdB\b)"
+)
 # words that are a unit wherever they stand, and those that are one behind a name
 _STRONG_UNITS = frozenset(
     ["deg", "rad", "mrad", "nm", "um", "angstrom", "eV", "keV", "THz", "percent", "permille"]
