@@ -49,7 +49,7 @@ def test_a_backend_for_windows_that_is_not_there_does_not_matter(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
-@pytest.mark.parametrize("arguments", [[GOLD], [GOLD, "--json", "-"]])
+@pytest.mark.parametrize("arguments", [[GOLD], [GOLD, "--json", "-"], ["--help"]])
 def test_a_full_stdout_ends_in_one_line(arguments):
     with open("/dev/full", "w") as full:
         in_one_line(run(*arguments, stdout=full), "No space left")
