@@ -5,14 +5,22 @@ so that a plain import would run that file. `import fitting` in Python cannot be
 (docs/faq.md); the command can.
 """
 
-import importlib.util
+import os
+import signal
 import sys
-from pathlib import Path
 from typing import NoReturn
+
+INTERRUPTED = 130
 
 
 def run() -> NoReturn:
     """Run the command and end the process."""
+    if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
+        # Until `run_command` takes over: nothing is open yet, and an import would show where it was
+        signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
+    import importlib.util
+    from pathlib import Path
+
     package = Path(__file__).resolve().parent / "fitting"
     spec = importlib.util.spec_from_file_location(
         "fitting", package / "__init__.py", submodule_search_locations=[str(package)]

@@ -1,6 +1,7 @@
 """``python -m fitting FILE``, the same as ``fresnel-fit FILE``."""
 
 import contextlib
+import math
 import os
 import sys
 import warnings
@@ -10,6 +11,10 @@ from fitting.cli import PROGRAM, main
 from fitting.interrupt import INTERRUPTED, end_on_interrupt
 
 DEFECT, NO_MEMORY = 70, 71  # as sysexits.h numbers an internal software error and a system's
+# Below this limit of addresses jax aborts the process as it starts its threads: with 1.0 GB it did
+# on two cores, with 1.5 GB it did not.
+LEAST_BYTES = 1_500_000_000
+_OUT_OF_MEMORY = ("RESOURCE_EXHAUSTED", "failed to map segment", "Cannot allocate memory")
 
 
 def _say(text: str) -> None:
@@ -17,7 +22,23 @@ def _say(text: str) -> None:
         print(text, file=sys.stderr)
 
 
+def _limit_bytes() -> float:
+    """Return how much memory the process may address; infinity where no limit is known."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return math.inf
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return math.inf if soft == resource.RLIM_INFINITY else soft
+
+
 def _status() -> int:
+    if (limit := _limit_bytes()) < LEAST_BYTES:
+        _say(
+            f"{PROGRAM}: the memory of this process is limited to {limit / 1e9:.1f} GB, and "
+            f"{LEAST_BYTES / 1e9:.1f} GB are needed. Raise the limit (ulimit -v, in kB)."
+        )
+        return NO_MEMORY
     try:
         return main()
     except SystemExit as end:  # argparse
@@ -28,7 +49,7 @@ def _status() -> int:
     except KeyboardInterrupt:  # before or behind what `main` hears
         return INTERRUPTED
     except BaseException as error:
-        if isinstance(error, MemoryError) or "RESOURCE_EXHAUSTED" in str(error):
+        if isinstance(error, MemoryError) or any(text in str(error) for text in _OUT_OF_MEMORY):
             _say(f"{PROGRAM}: there is not enough memory for this many data.")
             return NO_MEMORY
         import traceback

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from typing import Any, NoReturn
 
 from fitting.visible import visible
@@ -156,6 +157,10 @@ def _add_fitting(parser: argparse.ArgumentParser) -> None:
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         super().error(visible(message))
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if message:  # argparse itself says nothing of a full disk
+            (file or sys.stderr).write(message)
 
 
 def parser() -> argparse.ArgumentParser:

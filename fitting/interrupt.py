@@ -24,6 +24,8 @@ last_acts: list[Callable[[], None]] = []
 
 def end_on_interrupt() -> None:
     """End the process ``GRACE_S`` after the first SIGINT at the latest; for the command alone."""
+    if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:  # as that of a job in the background
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     read, write = os.pipe()
     os.set_blocking(write, False)
     signal.set_wakeup_fd(write, warn_on_full_buffer=False)

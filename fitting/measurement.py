@@ -20,16 +20,20 @@ from fitting.checks import beyond, check_data, hint_for
 from fitting.errors import MeasurementError as MeasurementError
 from fitting.errors import place
 from fitting.from_arrays import Units, from_arrays
+from fitting.reader import woollam
 from fitting.reader.columns import choose_columns
-from fitting.reader.formats import plain_table
 from fitting.reader.lines import read_lines, source_of
 from fitting.reader.longform import LongColumns, long_columns
-from fitting.reader.names import role_of
 from fitting.reader.options import QUANTITIES as QUANTITIES
 from fitting.reader.options import Options, parse_options
 from fitting.reader.own_export import own_columns, own_header
-from fitting.reader.rows import keep_rows
+from fitting.reader.reading import keep_rows
 from fitting.reader.table import read_table
+
+FORMATS = (woollam.as_plain_table,)
+"""What knows the text formats that are no plain tables. Each takes the lines of a file and returns
+those of a plain table with a header, as many of them (so that line numbers stay), and sentences on
+how they were read; None for a file of another kind."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,18 +175,10 @@ def _foreign_columns(
     lines: str | None,
 ) -> LongColumns:
     """Return the data of a file that somebody else wrote."""
-    known = plain_table(texts)
+    known = next((found for each in FORMATS if (found := each(texts)) is not None), None)
     if known is not None:
         texts, notes = known[0], notes + known[1]
-    table = read_table(
-        source,
-        texts,
-        lambda name: bool(role_of(name).kind),
-        lambda name: role_of(name).kind == "value" or role_of(name).form == "incidence",
-        delimiter=delimiter,
-        decimal=decimal,
-        lines=lines,
-    )
+    table = read_table(source, texts, delimiter=delimiter, decimal=decimal, lines=lines)
     table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)
     return long_columns(table, choose_columns(table, options), options)
 

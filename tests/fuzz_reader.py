@@ -209,7 +209,7 @@ def refuse_nonsense(measurement: Measurement) -> None:
 def run(count: int, seed: int, files: list[bytes], folder: Path) -> Counter[str]:
     """Read ``count`` damaged files and return how many ended in which way."""
     rng = np.random.default_rng(seed)
-    names = ("gold.csv", "gold_s.csv", "Polarisation0.csv", "x_p-pol_60deg.txt")
+    names = ("gold.csv", "gold_s.csv", "Polarisation0.csv", "x_p-pol_61.25deg.txt")
     ends: Counter[str] = Counter()
     for number in range(count):
         data = damaged(rng, files)

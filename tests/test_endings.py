@@ -49,7 +49,7 @@ def test_a_backend_for_windows_that_is_not_there_does_not_matter(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
-@pytest.mark.parametrize("arguments", [[GOLD], [GOLD, "--json", "-"]])
+@pytest.mark.parametrize("arguments", [[GOLD], [GOLD, "--json", "-"], ["--help"]])
 def test_a_full_stdout_ends_in_one_line(arguments):
     with open("/dev/full", "w") as full:
         in_one_line(run(*arguments, stdout=full), "No space left")
@@ -81,7 +81,36 @@ def test_an_interrupt_that_the_command_does_not_hear_is_no_defect():
     assert ends("raise KeyboardInterrupt", "").returncode == 130
 
 
-@pytest.mark.parametrize("error", ["MemoryError", "RuntimeError('RESOURCE_EXHAUSTED: 9 GB')"])
+def test_an_interrupt_while_the_command_is_imported_shows_no_traceback():
+    code = (
+        "import os, signal, sys, time\n"
+        "class Slow:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'fitting.cli':\n"
+        "            os.kill(os.getpid(), signal.SIGINT)\n"
+        "            time.sleep(10)\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "sys.meta_path.insert(0, Slow())\n"
+        "import fresnel_fit\n"
+        "fresnel_fit.run()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert (done.returncode, done.stderr) == (130, "")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the shell of this system has no limit of memory")
+def test_a_limit_of_memory_that_jax_would_not_survive_is_named():
+    command = f"ulimit -v 1000000; {sys.executable} -m fitting {GOLD}"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, cwd=ROOT)
+    assert (done.returncode, done.stderr.count("\n")) == (71, 1)
+    assert "limited to 1.0 GB" in done.stderr and "ulimit" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "error",
+    ["MemoryError", "RuntimeError('RESOURCE_EXHAUSTED: 9 GB')"]
+    + ["ImportError('libjax.so: failed to map segment from shared object')"],
+)
 def test_too_little_memory_is_said_in_one_line(error):
     done = ends(f"raise {error}", "not enough memory")
     assert done.returncode == 71 and done.stderr.count("\n") == 1

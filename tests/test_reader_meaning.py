@@ -113,6 +113,29 @@ for said in (
     "horizontally polarised", "s and p polarization", "polarizer at 90 deg",
 ):  # fmt: skip
     REFUSED[f"# {said}\n" + SCAN] = ("line 1", "--polarization")
+for said in (
+    "45/45 geometry", "geometry: 45/45", "d/8 geometry", "8\u00b0/d", "Messgeometrie 45:0",
+    "\u03c6 = 60", "phi = 60", "\u03b1 = 60", "k\u0105t 60", "goniometer at 45 deg",
+    "mount angle 45 deg", "tilt 5 deg", "Brewster", "schr\u00e4ger Einfall",
+):  # fmt: skip
+    REFUSED[f"# {said}\n" + SPECTRUM] = ("line 1", "--angle-deg")
+for said in (
+    "Messwinkel 20", "Winkeloffset 1.5\u00b0", "angle offset 1.5 deg", "measured at 60 deg",
+    "misalignment 0.5 deg", "AOI: 44", "phi = 30", "stage angle 60 deg",
+):  # fmt: skip
+    REFUSED[f"# {said}\n" + SCAN] = ("column angle", "line 1", "--columns", "--angle-deg")
+for said in (
+    "normalized to reference", "normalised to an Al mirror", "relative to gold mirror",
+    "relative reflectance", "normiert auf Spiegel", "normalis\u00e9 \u00e0 la r\u00e9f\u00e9rence",
+    "\u5f52\u4e00\u5316", "R (a.u.)", "arbitrary units", "R in dB", "log scale",
+):  # fmt: skip
+    REFUSED[f"# {said}\n" + SCAN] = ("--scale",)
+for header in ("phi", "\u03c6", "phi (deg)", "\u03b1 / deg"):
+    REFUSED[f"{header},R\n10,.1\n45,.2\n"] = ("no column is an angle", header, "--columns angle=")
+    REFUSED[f"wavelength_nm,{header},R\n500,10,.1\n600,45,.2\n"] = (header, "--angle-deg")
+REFUSED["# 2theta\n" + SCAN] = ("line 1", "--angle-unit")
+for said in ("vertical", "E horizontal", "vertikal"):
+    REFUSED[f"# {said}\n" + SCAN] = ("line 1", "--polarization")
 REFUSED["# wavelength five hundred nm\n" + SCAN] = ("line 1", "--wavelength-um")
 
 
@@ -121,6 +144,28 @@ def test_what_is_not_understood_or_contradicts_is_refused(tmp_path: Path, text: 
     said = refusal(tmp_path, text)
     for part in REFUSED[text]:
         assert part in said, said
+
+
+NAMES = {
+    ("grazing_incidence.csv", SCAN): "--angle-unit",
+    ("2theta_scan.csv", SCAN): "--angle-unit",
+    ("gold_theta60.csv", SPECTRUM): "--angle-deg 60",
+    ("gold_phi_60.csv", SPECTRUM): "--angle-deg 60",
+    ("gold_60deg.csv", SCAN): "--columns",
+    ("normal_incidence.csv", SCAN): "--columns",
+    ("gold_45deg_tilt.csv", SPECTRUM): "--angle-deg 45",
+    ("gold_percent.csv", SCAN): "--scale 0.01",
+    ("gold_normalized.csv", SCAN): "--scale",
+    ("polarizer_45.csv", SCAN): "--polarization",
+    ("gold_senkrecht.csv", SCAN): "--polarization",
+    ("gold_vertical.csv", SCAN): "--polarization",
+    ("angle_rad.csv", "angle_deg,R\n10,.1\n45,.2\n"): "--angle-unit",
+}
+
+
+@pytest.mark.parametrize(("name", "text"), NAMES)
+def test_what_the_name_of_the_file_says_is_heard(tmp_path: Path, name: str, text: str) -> None:
+    assert NAMES[name, text] in refusal(tmp_path, text, name)
 
 
 @pytest.mark.parametrize(
@@ -139,6 +184,7 @@ def test_lines_about_something_else_are_no_statements(tmp_path: Path) -> None:
         "laser power 5 mW", "chopper frequency 1 kHz", "pulse energy: 5 uJ", "25 \u00b0C",
         "analyzer 45 deg", "humidity 45 %", "film of 120 nm", "sample rotated by 90 deg",
         "integration time: 20 ms", "detector angle 30 deg", "date: 2024-03-11", "class 2 laser",
+        "angle step 5 deg", "geometry: reflection", "position 12", "error of R: relative",
     ):  # fmt: skip
         for table in (SCAN, SPECTRUM):
             assert (

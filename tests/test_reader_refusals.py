@@ -96,7 +96,10 @@ REFUSALS = {
     "header only, no line end": ("angle,R_s", ("in 1 line.",)),
     "header and text": ("angle,R_s\r\nnone\r\n", ("in 2 lines.",)),
     "samples of one point": ("\tV\n\t2.8\n\t2.9\n", ("one column", "angle_deg,R_s,sigma_R_s")),
-    "comma twice": ("angle,Rs\n29,6667,0,75\n34,6667,0,77\n", ("2 names", "4 cells", "semicolons")),
+    "comma twice": (
+        "angle,Rs\n29,6667,0,75\n34,6667,0,77\n",
+        ("4 columns without names", "--columns angle=1", "semicolons"),
+    ),
     "both decimal marks": ("angle;Rs\n29,5;0,75\n34.5;0.77\n", ("line 2", "line 3", "decimal")),
     "thousands": ("wavelength (nm);T (K)\n1,200;1,000\n1,300;1,000\n", ("thousands", "--decimal")),
     "not a number": ("angle,Rs\n10,.1\n20,bad\n", ("line 3", "column Rs", "'bad'", "number")),
@@ -137,6 +140,20 @@ REFUSALS = {
     "empty": ("", ("no row", "in 0 lines.")),
     "json": ('{"angle": [1, 2]}', ("JSON",)),
     "workbook": (b"PK\x03\x04\x14\x00", ("Excel", "CSV")),
+    "laser of no unit": (
+        "instrument,goniometer,\nlaser,532,\nangle_deg,R_s,R_p\n10,.1,.2\n20,.1,.2\n",
+        ("line 2", "--wavelength-um"),
+    ),
+    "nanometres by their range": ("wavelength,R\n400,.1\n500,.1\n", ("--wavelength-unit nm",)),
+    "rows that end in a delimiter": (
+        "angle,Rs,Rp\n10,.1,.2,\n20,.1,.2,\n",
+        ("3 columns without names", "no line above has 4", "--columns angle=1"),
+    ),
+    "percent with three digits behind a comma": (
+        "nm;R (%)\n400;10,125\n500;11,250\n",
+        ("line 2", "--decimal ,"),
+    ),
+    "utf-32": ("angle,R\n10,.1\n20,.2\n".encode("utf-32"), ("zero bytes", "--encoding")),
     "zero bytes": (b"angle,R\n1,2\x00\x01\x00\x00\x00\x02\n", ("zero bytes", "--encoding")),
 }
 

@@ -165,7 +165,8 @@ def test_angles_become_degrees_of_incidence(
 
 def test_units_that_only_look_wrong(tmp_path: Path) -> None:
     x_ray = "grazing angle (deg),wavelength (nm),R\n0.2,0.154,.9\n0.4,0.154,.1\n0.6,0.154,.01\n"
-    assert read(tmp_path, x_ray).angle_deg.tolist() == [89.8, 89.6, 89.4]
+    assert "--wavelength-unit nm" in refusal(tmp_path, x_ray)
+    assert read(tmp_path, x_ray, wavelength_unit="nm").angle_deg.tolist() == [89.8, 89.6, 89.4]
     signs = read(tmp_path, "angle,R_s\n0.5\u00b0,.1\n1.0\u00b0,.1\n")
     assert signs.angle_deg.tolist() == [0.5, 1.0]
     by_number = read(

@@ -105,7 +105,7 @@ VARIETIES = {
     "utf-16-be": Variety(
         ("angle,Rs,Rp\n" + BODY).encode("utf-16-be"), BOTH, {"encoding": "utf-16-be"}
     ),
-    "utf-32": Variety(("angle,Rs,Rp\n" + BODY).encode("utf-32"), BOTH),
+    "utf-32": Variety(("angle,Rs,Rp\n" + BODY).encode("utf-32"), BOTH, {"encoding": "utf-32"}),
     "latin-1 degree": Variety(("Einfallswinkel / \u00b0,Rs,Rp\n" + BODY).encode("latin-1"), BOTH),
     "greek": Variety(("\u03b8 [\u00b0],R\u22a5,R\u2225\n" + BODY).encode(), BOTH),
     "quoted header with a comma": Variety(
@@ -158,7 +158,9 @@ VARIETIES = {
         {"psi": PSI, "delta": DELTA},
     ),
     "settings with a cell of their own": Variety(
-        b"instrument,goniometer,\nlaser,532,\nangle_deg,R_s,R_p\n" + BODY.encode(), BOTH
+        b"instrument,goniometer,\nlaser,532,\nangle_deg,R_s,R_p\n" + BODY.encode(),
+        BOTH,
+        {"wavelength_um": 0.532},
     ),
     "columns keyword": Variety(
         b'#RRF 1 1\n#title "run 4"\n#columns AOI Rs Rp\n'
@@ -186,7 +188,9 @@ VARIETIES = {
     ),
     "trailing delimiter": Variety(b"angle,Rs,Rp,\n" + BODY.replace("\n", ",\n").encode(), BOTH),
     "trailing delimiter, rows only": Variety(
-        b"angle,Rs,Rp\n" + BODY.replace("\n", ",\n").encode(), BOTH
+        b"angle,Rs,Rp\n" + BODY.replace("\n", ",\n").encode(),
+        BOTH,
+        {"columns": "angle=1,R_s=2,R_p=3", "angle_unit": "deg"},
     ),
     "no header": Variety(BODY.encode(), BOTH, {"columns": {"angle": 1, "R_s": 2, "R_p": 3}}),
     "columns by name": Variety(

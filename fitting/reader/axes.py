@@ -8,8 +8,7 @@ import numpy as np
 
 from fitting.errors import MeasurementError
 from fitting.reader.columns import Column
-from fitting.reader.reading import Reading
-from fitting.reader.rows import numbers_of, span_of
+from fitting.reader.reading import Reading, span_of
 from fitting.reader.units import (
     ANGLE_UNITS,
     FORM_OF,
@@ -26,46 +25,27 @@ _UNITS_OF = {
     "incidence": "deg or rad",
     "grazing": "grazing-deg or grazing-rad",
     "2theta": "2theta-deg",
+    "q": "1/angstrom or 1/nm",
 }
 # names by which a column, though not understood, speaks against normal incidence
-_ANGULAR = re.compile("(?i)angle|theta|winkel|incid|aoi|mount|motor|stage|gonio|deg")
+_ANGULAR = re.compile(
+    "(?i)angle|theta|phi|\u03c6|\u03d5|winkel|incid|aoi|mount|motor|stage|gonio|deg"
+)
 
 
-def _wavelength_unit(reading: Reading, column: Column) -> str:
-    options, form = reading.options, column.role.form
-    numbers = reading.numbers(column)
-    finite = numbers[np.isfinite(numbers)]
-    low, high = finite.min(initial=np.inf), finite.max(initial=-np.inf)
-    unit = reading.unit("wavelength unit", column, options.wavelength_unit, "wavelengths")
-    if options.wavelength_unit:
-        return unit
-    if not unit:
-        # 190 to 3300 is the range of spectrometers in nm; as angstrom it would begin below 190 nm
-        # in the far ultraviolet, as um lie beyond the far infrared
-        if form != "wavelength" or not (190.0 <= low < 1900.0 and high <= 3300.0):
-            reading.refuse(
-                column,
-                f"the {form} has no unit, and its numbers ({span_of(numbers)}) do not tell. Say "
-                f"--wavelength-unit {', '.join(WAVELENGTH_UNITS[:6])}.",
-            )
-        reading.notes.append("wavelengths taken as nm by their range (--wavelength-unit)")
-        return "nm"
-    if FORM_OF.get(unit) != form:
+def _wavelength_unit(reading: Reading, column: Column, numbers: np.ndarray) -> str:
+    given, form = reading.options.wavelength_unit, column.role.form
+    unit = reading.unit("wavelength unit", column, given, "wavelengths")
+    low, high = np.nanmin(numbers, initial=np.inf), np.nanmax(numbers, initial=0.0)
+    # no spectrometer counts so; one of the two is misread
+    off = (unit == "nm" and high < 5.0) or (unit == "um" and low >= 100.0)
+    if not given and (off or FORM_OF.get(unit) != form):
+        choices = (unit, "nm" if unit == "um" else "um") if off else (unit,)
+        said = f"the unit {unit}" if unit else "no unit"
         reading.refuse(
             column,
-            f"the name says {form}, the unit says {unit}. Say --wavelength-unit {unit} if the unit "
-            "is right.",
-        )
-    # X-rays and neutrons are measured at grazing angles, in nm below 5
-    angle = reading.layout.angle
-    grazing = options.angle_unit.startswith(("grazing", "2theta", "1/"))
-    optical = not grazing and (angle is None or angle.role.form == "incidence")
-    if optical and ((unit == "nm" and high < 5.0) or (unit == "um" and low >= 100.0)):
-        other = "um" if unit == "nm" else "nm"
-        reading.refuse(
-            column,
-            f"the file says {unit}, the numbers are {span_of(numbers)}, as wavelengths in "
-            f"{other} are. Say --wavelength-unit {unit} or --wavelength-unit {other}.",
+            f"the name says {form}, with {said}, and the numbers are {span_of(numbers)}. Say "
+            f"--wavelength-unit {' or '.join(choices) if unit else ', '.join(WAVELENGTH_UNITS)}.",
         )
     return unit
 
@@ -83,56 +63,65 @@ def wavelengths(reading: Reading) -> np.ndarray:
         return np.full(len(reading.table.rows), np.nan if given is None else given)
     if given is not None:
         reading.refuse_both(column, "wavelengths", f"--wavelength-um {given:g}")
-    unit = _wavelength_unit(reading, column)
-    microns = wavelength_um(reading.numbers(column), unit)
-    if not reading.options.columns and np.isfinite(microns).any():
-        low, high = np.nanmin(microns) * 0.99, np.nanmax(microns) * 1.01
-        came = f"the wavelengths are {span_of(microns)} um"
-        reading.contradicted("wavelength", lambda w: not low <= w <= high, column, came)
+    numbers, _ = reading.numbers(column)
+    microns = wavelength_um(numbers, _wavelength_unit(reading, column, numbers))
+    low, high = np.nanmin(microns, initial=np.inf), np.nanmax(microns, initial=0.0)
+    came = f"the wavelengths are {span_of(microns)} um"
+    reading.contradicted("wavelength", lambda w: not 0.99 * low <= w <= 1.01 * high, column, came)
     return microns
 
 
 def _angle_unit(reading: Reading, numbers: np.ndarray, column: Column) -> str:
-    form, unit, given = column.role.form, column.role.unit, reading.options.angle_unit
-    if given:
-        return given
+    form, unit = column.role.form, column.role.unit
     finite = np.abs(numbers[np.isfinite(numbers)])
     high, several = finite.max(initial=0.0), len(np.unique(finite)) > 2
+    right = RIGHT_ANGLES[-1] if high in RIGHT_ANGLES else HALF_PI
     if form == "incidence":
         unit = reading.unit("angle unit", column, "", "angles")
-        if unit.startswith("grazing"):
-            return unit
-    if form == "q":
-        if unit not in Q_UNITS:
-            reading.refuse(column, "Q has no unit. Say --angle-unit 1/angstrom or 1/nm.")
+    elif unit:
+        unit = unit if form == "q" and unit in Q_UNITS else f"{form}-{unit}"
+    if unit not in ("", *ANGLE_UNITS):
+        wrong = f"an angle in {unit} came"
+    elif not unit and form == "incidence" and (high > RIGHT_ANGLES[-1] or high == 0.0):
+        return "deg"
+    elif not unit:
+        wrong = f"{'Q' if form == 'q' else 'the angle'} has no unit"
+    elif unit in ("rad", "mrad") and high > right * (1e3 if unit == "mrad" else 1.0):
+        wrong = f"the file says {unit}, and the numbers are more than pi/2"
+    elif unit == "deg" and several and high <= HALF_PI:
+        wrong = "the file says degrees, and the numbers are as small as radians"
+    else:
         return unit
-    whole = unit if form == "incidence" or not unit else f"{form}-{unit}"
-    if whole not in ("", *ANGLE_UNITS):
-        reading.refuse(column, f"an angle in {whole} came. Say --angle-unit {_UNITS_OF[form]}.")
-    if form != "incidence" and unit:
-        return whole
-    if not unit:
-        if form == "incidence" and (high > RIGHT_ANGLES[-1] or high == 0.0):
-            return "deg"
-        reading.refuse(
-            column,
-            f"the angle has no unit; its numbers ({span_of(numbers)}) may be radians or degrees. "
-            f"Say --angle-unit {_UNITS_OF[form]}.",
-        )
-    right = RIGHT_ANGLES[-1] if high in RIGHT_ANGLES else HALF_PI
-    if unit != "deg" and high > right * (1e3 if unit == "mrad" else 1.0):
-        reading.refuse(
-            column,
-            f"the file says {unit}, the numbers are {span_of(numbers)}, more than pi/2. Say "
-            "--angle-unit deg if they are degrees.",
-        )
-    if unit == "deg" and several and high <= HALF_PI:
-        reading.refuse(
-            column,
-            f"the file says degrees, the numbers are {span_of(numbers)}, as radians are. Say "
-            "--angle-unit rad, or --angle-unit deg if they are degrees.",
-        )
-    return unit
+    reading.refuse(column, f"{wrong} ({span_of(numbers)}). Say --angle-unit {_UNITS_OF[form]}.")
+
+
+def _angles_without_column(reading: Reading) -> np.ndarray:
+    table, layout, options, said, notes = reading
+    rows = len(table.rows)
+    if options.angle_deg is not None:
+        return np.full(rows, options.angle_deg)
+    if any(value.role.at is not None for value in layout.values):
+        return np.full(rows, np.nan)  # each column has its own
+    beside, counted = said.one("angle"), said.one("angle unit")
+    if counted and str(counted.value).startswith("grazing"):
+        said.refuse(counted)
+    if beside is not None:
+        notes.append(f"angle of incidence {beside.value:g} degrees ({beside.where}; --angle-deg)")
+        return np.full(rows, beside.value)
+    oblique = (
+        layout.polarization
+        or layout.polarizer
+        or any(value.role.quantity not in ("R", "T", "R_back") for value in layout.values)
+        or any(_ANGULAR.search(label) for label in layout.unused)
+    )
+    if layout.wavelength and not oblique:
+        notes.append("no angle given: normal incidence assumed (--angle-deg)")
+        return np.zeros(rows)
+    rest = f" (not understood: {', '.join(layout.unused[:6])})" if layout.unused else ""
+    raise MeasurementError(
+        f"{table.source}: no column is an angle of incidence{rest}. Say --angle-deg NUMBER, or "
+        "which column it is with --columns angle=..."
+    )
 
 
 def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
@@ -141,39 +130,12 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
     A spectrum of R or T without an angle is taken at normal incidence, where s and p are one.
     Raises MeasurementError where the unit is open or contradicts the numbers, or no angle is known.
     """
-    table, layout, options, said, notes = reading
-    column, given = layout.angle, options.angle_deg
-    rows = len(table.rows)
+    column, options = reading.layout.angle, reading.options
     if column is None:
-        if given is not None:
-            return np.full(rows, given)
-        if any(value.role.at is not None for value in layout.values):
-            return np.full(rows, np.nan)  # each column has its own
-        beside, counted = said.one("angle"), said.one("angle unit")
-        if counted and str(counted.value).startswith("grazing"):
-            said.refuse(counted)
-        if beside is not None:
-            notes.append(
-                f"angle of incidence {beside.value:g} degrees ({beside.where}; --angle-deg)"
-            )
-            return np.full(rows, beside.value)
-        oblique = (
-            layout.polarization
-            or layout.polarizer
-            or any(value.role.quantity not in ("R", "T", "R_back") for value in layout.values)
-            or any(_ANGULAR.search(label) for label in layout.unused)
-        )
-        if layout.wavelength and not oblique:
-            notes.append("no angle given: normal incidence assumed (--angle-deg)")
-            return np.zeros(rows)
-        rest = f" (not understood: {', '.join(layout.unused[:6])})" if layout.unused else ""
-        raise MeasurementError(
-            f"{table.source}: no column is an angle of incidence{rest}. Say --angle-deg NUMBER, or "
-            "which column it is with --columns angle=..."
-        )
-    if given is not None:
-        reading.refuse_both(column, "angles", f"--angle-deg {given:g}")
-    numbers, sign = numbers_of(table, column, [])
+        return _angles_without_column(reading)
+    if options.angle_deg is not None:
+        reading.refuse_both(column, "angles", f"--angle-deg {options.angle_deg:g}")
+    numbers, sign = reading.numbers(column)
     if sign == "\u00b0" and not column.role.unit:
         column = column._replace(role=column.role._replace(unit="deg"))
     unit = options.angle_unit or _angle_unit(reading, numbers, column)
@@ -186,22 +148,9 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
     degrees = incidence_deg(numbers, unit, wavelength)
     if unit == "rad":
         degrees = np.where(np.isin(numbers, RIGHT_ANGLES), np.minimum(degrees, 90.0), degrees)
-    if not options.columns and np.isfinite(degrees).any():
-        low, high = np.nanmin(degrees) - 0.05, np.nanmax(degrees) + 0.05
+    if unit not in Q_UNITS:  # which stands for an angle only with the wavelength that is given
         came = f"the angles of incidence are {span_of(degrees)} degrees"
-        reading.contradicted("angle", lambda a: not low <= a <= high, column, came)
-    if unit == "deg.arcmin":
-        minutes = np.abs(numbers - np.trunc(numbers)) * 100.0
-        wrong = np.flatnonzero(minutes > 59.999999)
-        text = "{} has more than 59 minutes of arc behind the point. Say --angle-unit deg."
-    else:
-        wrong = np.flatnonzero(np.isnan(degrees) & ~np.isnan(numbers))
-        text = (
-            "Q {} is negative or beyond 4 pi / wavelength. Check --wavelength-um and --angle-unit."
-        )
-    if len(wrong):
-        i = int(wrong[0])
-        reading.refuse(column, text.format(table.rows[i][column.index]), i)
-    if unit not in ("deg",):
-        notes.append(f"angles converted from {unit}")
+        reading.contradicted("angle", lambda a: not (abs(degrees - a) < 0.05).any(), column, came)
+    if unit != "deg":
+        reading.notes.append(f"angles converted from {unit}")
     return degrees

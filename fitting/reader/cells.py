@@ -107,38 +107,28 @@ def guess_delimiter(texts: Sequence[str], wanted: str | None) -> tuple[str, int]
     return best
 
 
-def decide_decimal(
-    source: str, rows: list[list[str]], lines: list[int], wanted: str | None, small: set[int]
-) -> str:
-    """Return the decimal mark that the cells show; raise where they show both, or leave it open.
-
-    small: columns whose numbers cannot reach a thousand.
-    """
+def decide_decimal(source: str, rows: list[list[str]], lines: list[int], wanted: str | None) -> str:
+    """Return the decimal mark that the cells show; raise where they show both, or leave it open."""
     if wanted:
         return wanted
-    comma = point = 0
-    grouped = True
-    for row, line in zip(rows, lines, strict=True):
-        for index, cell in enumerate(row):
-            if "," in cell:
-                if is_number(cell):
-                    comma = comma or line
-                    grouped = grouped and index not in small and bool(_GROUPED.fullmatch(cell))
-            elif not point and "." in cell and is_number(cell):
-                point = line
-    if comma and point:
+    numbered = list(zip(lines, rows, strict=True))
+    commas = [(n, c) for n, row in numbered for c in row if "," in c and is_number(c)]
+    points = (n for n, row in numbered for c in row if "." in c and "," not in c and is_number(c))
+    if not commas:
+        return "."
+    comma, point = commas[0][0], next(points, 0)
+    if point:
         raise MeasurementError(
             f"{source}: the decimal mark is a comma on line {comma} and a point on line {point}. "
-            "One of them was wanted throughout; mend the file, or leave lines out with --lines "
-            "A-B."
+            "Mend the file, or leave lines out with --lines A-B."
         )
-    if comma and grouped:
+    if all(_GROUPED.fullmatch(cell) for _, cell in commas):
         raise MeasurementError(
             f"{place(source, comma)}: a comma before three digits may be a decimal mark or part "
             "thousands. Say --decimal , if it is the decimal mark; else write the numbers without "
             "it."
         )
-    return "," if comma else "."
+    return ","
 
 
 def to_numbers(
@@ -165,9 +155,8 @@ def to_numbers(
         if not is_number(cell) or other in cell:
             hint = f" (the decimal mark is {decimal!r})" if is_number(cell) else ""
             raise MeasurementError(
-                f"{place(source, line, column)}: {cell[:40]!r} came where a number was "
-                f"wanted{hint}. Mend it, leave the cell empty for a gap, mark the line with #, or "
-                "leave it out with --lines A-B."
+                f"{place(source, line, column)}: {cell[:40]!r} came where a number was wanted"
+                f"{hint}. Mend it, or leave the cell empty for a gap."
             )
         sign = cell[-1] if cell[-1] in "%\u00b0" else ""
         signs.setdefault(sign, line)
@@ -176,7 +165,6 @@ def to_numbers(
     if len(signs) > 1:
         raise MeasurementError(
             f"{place(source, max(signs.values()), column)}: numbers with and without the sign "
-            f"{max(signs)} came in one column; one or the other was wanted throughout. Mend the "
-            "file."
+            f"{max(signs)} came in one column. Mend the file."
         )
     return np.array(numbers, dtype=np.float64), max(signs, default="")

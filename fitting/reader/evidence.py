@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from pathlib import PurePath
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,52 +27,71 @@ from fitting.reader.vocabulary import (
     words_of,
 )
 
-# kind of statement -> what it gives, and the option that overrules it
+# kind of statement -> what it gives, the option that overrules it, and the fields of that option
 OPTION = {
-    "angle": ("the angle of incidence", "--angle-deg NUMBER"),
-    "angle unit": ("how the angles count", "--angle-unit UNIT (deg, rad, grazing-deg, ...)"),
-    "light": ("the polarisation", "--polarization s, p or unpolarized"),
-    "wavelength": ("the wavelength", "--wavelength-um NUMBER"),
-    "wavelength unit": ("the unit of the wavelength", "--wavelength-unit UNIT (nm, um, ...)"),
-    "power unit": ("the unit of R or T", "--scale FACTOR (0.01 for percent, 1 for fractions)"),
-    "psi unit": ("the unit of psi and delta", "--psi-unit deg or rad"),
+    "angle": ("the angle of incidence", "--angle-deg NUMBER", "angle_deg"),
+    "angle unit": ("how angles count", "--angle-unit deg, rad, grazing-deg, ...", "angle_unit"),
+    "light": ("the polarisation", "--polarization s, p or unpolarized", "light codes polarizer"),
+    "wavelength": ("the wavelength", "--wavelength-um NUMBER", "wavelength_um"),
+    "wavelength unit": (
+        "the unit of wavelengths",
+        "--wavelength-unit nm, um, ...",
+        "wavelength_unit",
+    ),
+    "power unit": ("the unit of R or T", "--scale 0.01 for percent, 1 for fractions", "scale"),
+    "psi unit": ("the unit of psi and delta", "--psi-unit deg or rad", "psi_unit"),
+    "quantity": ("what was measured", "--columns angle=1,R=2 or the like", "columns"),
 }
 FULL_NAME = "the file name"
-_LENGTHS = ("nm", "um", "angstrom")
+_LENGTHS = {"nm", "um", "angstrom"}
 _ANGULAR = {"deg", "rad", "mrad"}
+_ANGLES = ("incidence", "angle", "grazing", "doubled", "surface")
 _CLAUSE = re.compile(r"[,;|](?=\s|$)|(?<=[a-z])\.\s")  # "incidence;45" is one
+# in the name of a file: s or p before "pol", and words that are a polarization as they are written
+_POLARIZED = re.compile(r"(?i)(?<![^\W_])([sp])[ _]?pol(?:ari[sz]ed)?(?![^\W_\d])")
+_MODES = {"TE": "s", "Rs": "s", "Ts": "s", "TM": "p", "Rp": "p", "Tp": "p"}
+_NUMBERED = re.compile(r"(?i)(?:angle|theta|winkel)[ _=]*[0-9]")
+_CODED = re.compile(r"(?i)pol(?:ari[sz]\w*)?[ ._-]?[0-9]")
 
 
 class Said(NamedTuple):
     """One thing that is said. value: a number (degrees, micrometres), a letter or a unit, or None
-    where the words say more than that, or something else."""
+    where the words say more than that, or something else; numbers: those of such an angle."""
 
     kind: str
     value: float | str | None
     where: str
     text: str
+    numbers: tuple[float, ...] = ()
 
 
-_KNOWN = {"filler", "article", "normal"}
 Heard = list[tuple[str, float | str | None]]
+
+
+def _only(words: Words, *concepts: str) -> bool:
+    """Return whether a clause says nothing beyond these concepts, and one number at most."""
+    known = {"filler", "article", "normal", *concepts}
+    return not words.unknown and words.concepts <= known and len(words.numbers) <= 1
 
 
 def _angle(words: Words) -> Heard:
     """Return what a clause says of the angle of incidence, or of how angles count."""
     said = words.concepts
     units = words.units | {unit for _, unit in words.numbers} - {""}
-    about = said & {"incidence", "grazing"} or (
+    about = said & {"incidence", "grazing", "oblique"} or (
         said & {"angle", "doubled"} and "no incidence" not in said
     )
     other = said & {"no incidence", "polarization", "polarizer", "psi", "delta", "s", "p"}
-    if not about and (other or not units & _ANGULAR):
+    perhaps = words.numbers and "some angle" in said
+    if not (about or perhaps) and (other or not units & _ANGULAR):
         return []
-    clear = about and not words.unknown and units <= _ANGULAR
-    clear = clear and said <= _KNOWN | {"incidence", "angle", "grazing", "doubled", "surface"}
+    clear = about and units <= _ANGULAR
+    clear = clear and _only(words, *_ANGLES)
     unit = next(iter(units & _ANGULAR), "")
     if not words.numbers:
         if not clear:
-            return [("angle", None), ("angle unit", None)]
+            kinds = ("angle",) if "oblique" in said else ("angle", "angle unit")
+            return [(kind, None) for kind in kinds]
         if said & {"grazing", "doubled"} or ("surface" in said and "normal" not in said):
             known = "grazing" in said and unit in ("deg", "rad")
             return [("angle", None), ("angle unit", "grazing-" + unit if known else None)]
@@ -80,11 +100,10 @@ def _angle(words: Words) -> Heard:
         return [("angle", 0.0 if {"normal", "incidence"} <= said else None)]
     number = words.numbers[0][0]
     # 1.6 is the largest number that can be a right angle in radians
-    clear = clear and len(words.numbers) == 1 and (unit or number > 1.6 or number == 0.0)
-    clear = clear and not said & {"doubled", "surface"}
+    clear = clear and (unit or number > 1.6 or number == 0.0) and not said & {"doubled", "surface"}
     unit = unit or "deg"
     if "grazing" in said:
-        clear, unit = clear and unit in ("deg", "rad"), "grazing-" + unit
+        clear, unit = clear and unit != "mrad", "grazing-" + unit
     value = float(incidence_deg(np.array(number), unit, np.array(np.nan))) if clear else np.nan
     return [("angle", value if 0.0 <= value <= 90.0 else None)]
 
@@ -92,23 +111,21 @@ def _angle(words: Words) -> Heard:
 def _wavelength(words: Words) -> Heard:
     said = words.concepts
     sized = ({unit for _, unit in words.numbers} | words.units) & set(WAVELENGTH_UNITS)
-    alone = said <= _KNOWN | {"laser"} and not (words.unknown or words.units)  # "laser,532"
+    alone = not words.units and _only(words, "laser")  # "laser,532"
     if not (
         "wavelength" in said
         or (said & set(AXIS_CONCEPTS) and sized)
-        or ("laser" in said and (sized & set(_LENGTHS) or alone))
+        or ("laser" in said and (sized & _LENGTHS or alone))
     ):
         return []  # a laser's power, a pulse's energy, a chopper's frequency
-    clear = not words.unknown and said <= _KNOWN | {"wavelength", "laser", *AXIS_CONCEPTS}
+    clear = _only(words, "wavelength", "laser", *AXIS_CONCEPTS)
     unit = next(iter(sized), "")
     if not words.numbers:
         if not clear and unit:
             return [("wavelength", None), ("wavelength unit", None)]
         return [("wavelength unit", unit)] if unit else []
     number = words.numbers[0][0]
-    if not unit and 190.0 <= number <= 3300.0:
-        unit = "nm"  # as in a column
-    if not clear or len(words.numbers) != 1 or not unit or number <= 0.0:
+    if not clear or not unit or number <= 0.0:
         return [("wavelength", None)]
     return [("wavelength", float(wavelength_um(np.array(number), unit)))]
 
@@ -122,68 +139,86 @@ def _light(words: Words) -> Heard:
         for word in words.capitals
     )
     # "parallel" alone may be the light's direction or that of its field
-    if not named and not any(len(w) > 2 and light_of(w.lower()) for w in words.capitals):
+    alone = any(len(w) > 2 and light_of(w.lower()) for w in words.capitals)
+    if not (named or alone or "direction" in said):
         return []
-    clear = named and not words.unknown and not words.numbers and len(letters) == 1
-    clear = clear and said <= _KNOWN | LETTERS | {"polarization", "wave", "none"}
+    clear = named and not words.numbers and len(letters) == 1
+    clear = clear and _only(words, "polarization", "wave", "none", *LETTERS)
     return [("light", next(iter(letters)) if clear else None)]
 
 
 def _units(words: Words) -> Heard:
-    """Return what a clause without a number says of the unit of powers, or of psi and Delta."""
+    """Return what a clause says of the unit of powers, or, without a number, of psi and Delta."""
+    said = words.concepts
+    relative = "relative" in said and said & {"R", "T", "raw"} and "error" not in said
+    if relative or "normalized" in said:
+        return [("power unit", None)]  # to a reference mirror, not to the direct beam
     if words.numbers or not words.units:
         return []
-    clear = not words.unknown and len(words.units) == 1
-    unit = next(iter(words.units))
-    quantities = words.concepts & {*QUANTITY_CONCEPTS, "raw"}
-    if quantities & {"psi", "delta"} and unit in ("deg", "rad"):
-        clear = clear and words.concepts <= _KNOWN | {"psi", "delta", "angle"}
-        return [("psi unit", unit if clear else None)]
-    if unit in ("percent", "permille") or (quantities and unit in ("1", "arb")):
-        clear = clear and unit != "permille" and words.concepts <= _KNOWN | {"R", "T"}
+    unit = next(iter(words.units)) if len(words.units) == 1 else ""
+    quantities = said & {*QUANTITY_CONCEPTS, "raw"}
+    if quantities & {"psi", "delta"} and words.units & {"deg", "rad"}:
+        return [("psi unit", unit if unit and _only(words, "psi", "delta", "angle") else None)]
+    powers = {"percent", "permille"} | ({"1", "arb"} if quantities else set())
+    if words.units & powers:
+        clear = unit and unit != "permille" and _only(words, "R", "T")
         return [("power unit", unit if clear else None)]
     return []
 
 
+def _quantity(words: Words) -> Heard:
+    """Return the quantities that are written out; as letters they are names of columns."""
+    return [("quantity", q) for q in words.concepts & {"R", "T", "A"} if q not in words.capitals]
+
+
+_HEARERS = (_angle, _wavelength, _light, _units, _quantity)
+
+
+def _heard(words: Words, where: str, text: str) -> list[Said]:
+    # two numbers may be the range of a scan
+    numbers = tuple(n for n, unit in words.numbers if unit in ("", "deg"))
+    numbers = numbers if len(words.numbers) == 1 else ()
+    found = [pair for hear in _HEARERS for pair in hear(words)]
+    return [
+        Said(kind, value, where, text[:80], numbers if kind == "angle" and value is None else ())
+        for kind, value in found
+    ]
+
+
 def statements(line: int, text: str) -> list[Said]:
     """Return what one comment, setting or remark says of the whole measurement."""
-    found = []
-    for clause in [text] if "{" in text else _CLAUSE.split(text):
-        words = words_of(clause)
-        for hear in (_angle, _wavelength, _light, _units):
-            found += [Said(*heard, f"line {line}", text.strip()[:80]) for heard in hear(words)]
-    return found
+    clauses = [text] if "{" in text else _CLAUSE.split(text)
+    return [s for clause in clauses for s in _heard(words_of(clause), f"line {line}", text.strip())]
 
 
-def statements_of_name(stem: str) -> list[Said]:
-    """Return what the name of the file says; of an angle, that it does, for people to confirm."""
+def _statements_of_name(stem: str) -> list[Said]:
+    """Return what the name of the file says; of an angle, that it does, for people to confirm.
+
+    A word that is not known is the sample's, and no reason for doubt.
+    """
     text = re.sub(r"(?<=[^\W_])-(?=[^\W_])", " ", plain(stem))
-    words = words_of(text)
+    words = words_of(text)._replace(unknown=False)
+    said, name = words.concepts, stem[:80]
     found = []
-    said = words.concepts
-    angles = [number for number, unit in words.numbers if unit == "deg"]
-    numbers = [number for number, unit in words.numbers if not unit]
-    if (angles and "no incidence" not in said) or (numbers and said & {"incidence", "grazing"}):
-        found.append(Said("angle", None, FULL_NAME, str((angles or numbers)[0])))
-    modes = {"TE": "s", "Rs": "s", "Ts": "s", "TM": "p", "Rp": "p", "Tp": "p"}
+    named = bool(said & {"incidence", "grazing", "some angle"} or _NUMBERED.search(text))
+    degrees = [n for n, unit in words.numbers if unit == "deg" or (named and not unit)]
+    if degrees and (named or "no incidence" not in said):
+        found.append(Said("angle", None, FULL_NAME, str(degrees[0]), (degrees[0],)))
+    lengths = [number for number in words.numbers if number[1] in _LENGTHS]
+    heard = _wavelength(words._replace(concepts=said & {"wavelength"}, numbers=lengths))
+    heard += _units(words._replace(numbers=[])) + _quantity(words)
+    counted = words._replace(concepts=said & {"normal", *_ANGLES}, numbers=[])
+    heard += [pair for pair in _angle(counted) if pair != ("angle", None)]
+    found += [Said(*pair, FULL_NAME, name) for pair in heard]
     # written as a word of its own, or before "pol": p-pol, s_polarized; not "sp", nor "P3HT"
     parts = re.findall(r"[^\W_]+", text)
-    letters = {modes[part] for part in parts if part in modes}
-    letters |= {part[0].lower() for part in parts if part.lower() in ("spol", "ppol")}
-    pairs = re.findall(r"(?i)(?<![^\W_])([sp])[ _]?pol(?:ari[sz]ed)?(?![^\W_\d])", text)
-    letters |= {letter.lower() for letter in pairs}
-    letters |= {"u" for part in parts if part.lower().startswith("unpol")}
+    letters = {_MODES.get(part, "u" if part.lower().startswith("unpol") else "") for part in parts}
+    letters = (letters | {letter.lower() for letter in _POLARIZED.findall(text)}) - {""}
     alone = {part.lower() for part in parts if part in ("s", "p", "S", "P")}
-    coded = re.search(r"(?i)pol(?:ari[sz]ation)?[ ._-]?[0-9]", text)
-    if letters:
-        value = next(iter(letters)) if len(letters) == 1 else None
-        found.append(Said("light", value, FULL_NAME, stem[:80]))
-    elif coded or len(alone) == 1:
-        found.append(Said("light", None, FULL_NAME, stem[:80]))
-    wave = words.numbers and "wavelength" in said and [n for n in words.numbers if n[1] in _LENGTHS]
-    if wave and len(wave) == 1:
-        value = float(wavelength_um(np.array(wave[0][0]), wave[0][1]))
-        found.append(Said("wavelength", value, FULL_NAME, stem[:80]))
+    doubt = _CODED.search(text) or len(alone) == 1 or _light(words._replace(numbers=[]))
+    if letters or doubt:
+        light = next(iter(letters)) if len(letters) == 1 else None
+        found.append(Said("light", light, FULL_NAME, name))
     return found
 
 
@@ -192,33 +227,21 @@ class Evidence(NamedTuple):
 
     source: str
     said: list[Said]
-    quantities: set[str]
 
     def refuse(self, said: Said) -> None:
         """Raise because ``said`` is not understood, or not here."""
-        what, option = OPTION[said.kind]
+        gives, option, _ = OPTION[said.kind]
+        why = f"{said.where} ({said.text!r}) may give {gives}, and is not understood. Say {option}."
         if said.where == FULL_NAME and said.kind == "angle":
-            raise MeasurementError(
-                f"{self.source}: The file name says {float(said.text):g}deg: if that is it, say "
-                f"--angle-deg {float(said.text):g}."
-            )
-        raise MeasurementError(
-            f"{self.source}: {said.where} ({said.text!r}) may give {what}, and is not understood. "
-            f"Say {option}."
-        )
+            angle = f"{float(said.text):g}"
+            why = f"The file name says {angle}deg: if that is it, say --angle-deg {angle}."
+        raise MeasurementError(f"{self.source}: {why}")
 
     def without(self, options: Options) -> Evidence:
         """Return the evidence that no option overrules."""
-        overruled = {
-            "angle": options.angle_deg is not None,
-            "angle unit": options.angle_unit,
-            "light": options.light or options.codes or options.polarizer,
-            "wavelength": options.wavelength_um is not None,
-            "wavelength unit": options.wavelength_unit,
-            "power unit": options.scale is not None,
-            "psi unit": options.psi_unit,
-        }
-        return self._replace(said=[said for said in self.said if not overruled[said.kind]])
+        given = {name for name, value in options._asdict().items() if value not in (None, "", {})}
+        kept = [said for said in self.said if not given & set(OPTION[said.kind][2].split())]
+        return self._replace(said=kept)
 
     def one(self, kind: str) -> Said | None:
         """Return the one thing that is said of ``kind``, None where nothing is.
@@ -233,38 +256,26 @@ class Evidence(NamedTuple):
                     continue  # gold_60deg.csv, and a line that gives 60 degrees
                 self.refuse(said)
             if said.value != clear[0].value:
-                what, option = OPTION[kind]
+                gives, option, _ = OPTION[kind]
                 raise MeasurementError(
                     f"{self.source}: {clear[0].where} ({clear[0].text!r}) and {said.where} "
-                    f"({said.text!r}) give {what} differently. Say {option}."
+                    f"({said.text!r}) give {gives} differently. Say {option}."
                 )
         return clear[0] if clear else None
 
-    def clear(self, kind: str) -> list[Said]:
-        """Return the statements of ``kind`` that are understood, to be compared with a column."""
-        return [said for said in self.said if said.kind == kind and said.value is not None]
-
-    def refuse_other(self, kind: str, is_other: Callable[[Any], bool], at: str, came: str) -> None:
-        """Raise where a statement of ``kind`` says other than the column at ``at`` does."""
-        for said in self.clear(kind):
-            if is_other(said.value):
-                what, option = OPTION[kind]
+    def refuse_other(self, kind: str, is_other: Callable[[Any], bool], came: str) -> None:
+        """Raise where a statement of ``kind`` says other than a column does (``came``)."""
+        for said in self.said:
+            values = said.numbers if said.value is None else (said.value,)
+            if said.kind == kind and any(map(is_other, values)):
+                gives, option, _ = OPTION[kind]
                 raise MeasurementError(
-                    f"{at}: {came}, and {said.where} ({said.text!r}) gives {what} differently. Say "
-                    f"{option}, or name all columns to be read with --columns."
+                    f"{came}, and {said.where} ({said.text!r}) gives {gives} differently. Name all "
+                    f"columns to be read with --columns if the column is right; else say {option}."
                 )
 
 
-def evidence(source: str, stem: str, preamble: list[tuple[int, str]]) -> Evidence:
+def evidence(source: str, preamble: list[tuple[int, str]]) -> Evidence:
     """Return what the lines beside the numbers and the name of the file say."""
     said = [one for line, text in preamble for one in statements(line, text)]
-    texts = [stem.replace("_", " "), *(text for _, text in preamble)]
-    concepts = [words_of(text).concepts for text in texts]
-    letters = [words_of(text).capitals for text in texts]
-    quantities = {
-        concept
-        for found, capitals in zip(concepts, letters, strict=True)
-        for concept in found & {"R", "T", "A"}
-        if concept not in capitals  # written out, not as a letter
-    }
-    return Evidence(source, said + statements_of_name(stem), quantities)
+    return Evidence(source, said + _statements_of_name(PurePath(source).stem))

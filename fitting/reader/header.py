@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from fitting.errors import MeasurementError, place
-from fitting.reader.cells import DIGIT, is_comment, is_number, looks_like_data, split_cells
+from fitting.reader.cells import (
+    DIGIT,
+    is_comment,
+    is_missing,
+    is_number,
+    looks_like_data,
+    split_cells,
+)
+from fitting.reader.evidence import statements
+from fitting.reader.names import role_of
 from fitting.reader.vocabulary import unit_of
 
 _LETTER = re.compile(r"[^\W\d_]")
 _RULE = re.compile(r"[\s|:=+_\-]*")  # "|---|---|" and empty cells
+# "#columns Qz R dR" of the neutron formats
+_KEYWORD = re.compile(r"^(?:columns?|fields|labels)\b\s*[:=]?\s*", re.IGNORECASE)
 
 Lines = Sequence[tuple[int, str]]
 
@@ -25,10 +36,7 @@ def uncomment(text: str) -> str:
 
 def split_names(text: str, delimiter: str, count: int) -> list[str]:
     """Return the header line in ``count`` names, or parted by ``delimiter`` if nothing fits."""
-    # "#columns Qz R dR" of the neutron formats
-    text = re.sub(
-        r"^(?:columns?|fields|labels)\b\s*[:=]?\s*", "", text.strip(), flags=re.IGNORECASE
-    )
+    text = _KEYWORD.sub("", text.strip())
     ways = [split_cells(text, delimiter)] if delimiter else []
     ways += [split_cells(text, mark) for mark in "|\t;," if mark in text and mark != delimiter]
     ways.append([cell for cell in re.split(r"\s{2,}|\t", text) if cell])
@@ -42,6 +50,11 @@ def split_names(text: str, delimiter: str, count: int) -> list[str]:
     return ways[0]
 
 
+def known_names(cells: list[str]) -> int:
+    """Return how many of the cells are names of columns."""
+    return sum(bool(role_of(cell).kind) for cell in cells)
+
+
 def units_row(cells: list[str]) -> list[str] | None:
     """Return the units in a row that holds nothing else, "" for a rule or a gap; else None."""
     units = [unit_of(cell) or "" for cell in cells]
@@ -50,57 +63,40 @@ def units_row(cells: list[str]) -> list[str] | None:
 
 
 def find_header(
-    before: Lines,
-    delimiter: str,
-    count: int,
-    spare: int,
-    recognise: Callable[[str], bool],
-    block: int,
-) -> tuple[list[str], list[str], int, str]:
-    """Return names, units, line of the header among the lines before the numbers, and a misfit.
+    before: Lines, delimiter: str, count: int, top: int
+) -> tuple[list[str], list[str], int]:
+    """Return names, units and the line of the header among the lines before the numbers.
 
-    The line with the most names that are recognised wins, the nearest of equals; a line without any
+    The line with the most names that are known wins, the nearest of equals; a line without any
     is taken if it stands right above the numbers and every name in it has a letter.
-    block: first line of the rows without a break that lead up to the numbers.
-    spare: 1 if every row ends in a delimiter, so that the last column needs no name.
+    top: line of the first row.
     """
-    nothing = [""] * count
-    units, units_line, misfit = nothing, 0, ""
-    best, best_line, best_known = nothing, 0, 0
+    units, units_line = [""] * count, 0
+    best, best_line, best_known = [""] * count, 0, 0
     nearest = True
     for line, text in reversed(before):
-        numbers = looks_like_data(split_cells(text, delimiter))[0]
-        if numbers and not is_comment(text, delimiter) and line >= block:
-            continue  # rows of the same table, which --lines leaves out
-        if numbers and not nearest and not is_comment(text, delimiter):
+        marked, row = is_comment(text, delimiter), split_cells(text, delimiter)
+        if line == top - 1 and all(is_number(cell) or is_missing(cell) for cell in row):
+            top = line  # a row of the same table, which --lines leaves out
+            continue
+        if not (nearest or marked) and looks_like_data(row)[0]:
             break  # what stands above other numbers is their header
         cells = split_names(uncomment(text), delimiter, count)
-        if spare and len(cells) != count:
-            cells = split_names(uncomment(text), delimiter, count - 1)
-            cells += [""] * (len(cells) == count - 1)
         if not any(cells):
             continue
-        marked = is_comment(text, delimiter)
-        row = units_row(cells) if len(cells) == count else None
-        adjacent, nearest = nearest, nearest and (marked or row is not None)
-        known = sum(map(recognise, cells))
-        if len(cells) != count:
-            if known >= 2 and line == before[-1][0]:
-                misfit = (
-                    f"the header on line {line} has {len(cells)} names, the rows have {count} cells"
-                )
-        elif row is not None:
-            if not (units_line or best_line) and any(row):
-                units, units_line = row, line
-        else:
+        here = units_row(cells) if len(cells) == count else None
+        adjacent, nearest = nearest, nearest and (marked or here is not None)
+        if here is not None:
+            if not (units_line or best_line) and any(here):
+                units, units_line = here, line
+        elif len(cells) == count:
+            known = known_names(cells)
             words = all(not cell or _LETTER.search(cell) for cell in cells)
             if known > best_known or (adjacent and words and not marked):
                 best, best_line, best_known = cells, line, known
-    if best_line:
-        return best, units, best_line, ""
-    if units_line:  # "nm,%" alone: the units are all the names that there are
-        return units, nothing, units_line, misfit
-    return nothing, nothing, 0, misfit
+    if units_line and not best_line:  # "nm,%" alone: the units are all the names that there are
+        return units, [""] * count, units_line
+    return best, units, best_line
 
 
 def refuse_strays(source: str, before: Lines, header: int, delimiter: str, count: int) -> None:
@@ -112,13 +108,26 @@ def refuse_strays(source: str, before: Lines, header: int, delimiter: str, count
         cells = split_cells(text, delimiter)
         digits = sum(DIGIT.search(cell) is not None for cell in cells)
         if not header:  # settings such as "Int.Time2:0.0" may stand there
-            numbers = sum(map(is_number, cells))
-            digits = (
-                digits if 2 * digits >= len(cells) >= 2 and (numbers or len(cells) == count) else 0
-            )
+            like_a_row = any(map(is_number, cells)) or len(cells) == count
+            digits *= 2 * digits >= len(cells) >= 2 and like_a_row
         if digits and not units_row(cells):
             raise MeasurementError(
                 f"{place(source, line)}: {text.strip()[:60]!r} stands before the numbers and is "
                 f"neither a header nor a row of {count} numbers. Mend it, mark it with #, or start "
                 f"below it with --lines {line + 1}-."
+            )
+
+
+def refuse_between(source: str, remarks: Lines, before: list[str], count: int) -> None:
+    """Raise where a remark between the rows says what the rows below it are: another measurement.
+
+    before: the lines above the numbers, which a page may repeat.
+    """
+    for line, text in remarks:
+        names = split_names(text, "", count)
+        other = len(names) == count and known_names(names) >= 2
+        if text not in before and (other or statements(line, text)):
+            raise MeasurementError(
+                f"{place(source, line)}: {text[:60]!r} stands between the numbers, and may say "
+                "that another measurement begins. Read one of them with --lines A-B."
             )

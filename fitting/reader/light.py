@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import NamedTuple
 
 import numpy as np
@@ -11,10 +10,7 @@ from fitting.errors import MeasurementError
 from fitting.reader.cells import is_missing, is_number, number_or_none
 from fitting.reader.columns import Column
 from fitting.reader.reading import Reading
-from fitting.reader.vocabulary import light_of, plain
-
-_GLUED = {"rs": "s", "rp": "p"}
-_TAIL = re.compile(r"(?<=.)(?:pol|polarized|polarised|polarization|polarisation|wave)$")
+from fitting.reader.vocabulary import LETTERS, words_of
 
 
 class Light(NamedTuple):
@@ -25,12 +21,15 @@ class Light(NamedTuple):
 
 
 def _letter(cell: str) -> str:
-    word = re.sub(r"[^a-z]", "", plain(cell).lower()) if not any(map(str.isdigit, cell)) else ""
-    return _GLUED.get(word) or light_of(word) or light_of(_TAIL.sub("", word))
+    """Return the polarization that a cell says and nothing else: s, TM, p-polarized, senkrecht."""
+    words = words_of(cell)
+    letters = words.concepts & LETTERS
+    known = not words.unknown and words.concepts <= {*letters, "polarization", "wave"}
+    return next(iter(letters)) if known and len(letters) == 1 and not words.numbers else ""
 
 
 def _from_angles(reading: Reading, column: Column) -> Light:
-    numbers = reading.numbers(column)
+    numbers, _ = reading.numbers(column)
     unit = column.role.unit or "deg"
     if unit not in ("deg", "rad"):
         reading.refuse(column, f"a polariser angle in {unit} came where degrees were wanted.")
@@ -46,33 +45,44 @@ def _from_angles(reading: Reading, column: Column) -> Light:
 def _from_cells(reading: Reading, column: Column) -> Light:
     cells = [row[column.index] for row in reading.table.rows]
     codes = reading.options.codes
-    known: dict[str, str] = {}
-    for cell in set(cells):
-        text = cell.lower()
-        letter = codes.get(text, "") or (not codes and _letter(cell)) or ""
-        if not letter and (number := number_or_none(cell)) is not None:
-            letter = next((codes[c] for c in codes if number_or_none(c) == number), "")
-        known[cell] = letter
+    numbers = {number_or_none(code): letter for code, letter in codes.items()}
+    numbers.pop(None, "")
+    known = {
+        cell: codes.get(cell.lower()) or numbers.get(number_or_none(cell), "")
+        if codes
+        else _letter(cell)
+        for cell in set(cells)
+    }
     lost = [i for i, cell in enumerate(cells) if not known[cell] and not is_missing(cell)]
     if lost:
-        i = lost[0]
-        values = sorted({cells[j] for j in lost})[:4]
+        values = sorted({cells[i] for i in lost})[:4]
+        first = cells[lost[0]][:30]
+        came = f"{first!r} came where s, p, TE, TM or unpolarized was wanted"
+        option = f"{first}=s"
         if all(is_number(value) for value in values):
+            came = f"{', '.join(values)} may be codes or angles of a polariser"
             codes = ",".join(v + "=" + "sp"[n % 2] for n, v in enumerate(values[:2]))
-            reading.refuse(
-                column,
-                f"{', '.join(values)} may be codes or angles of a polariser. Say --polarization "
-                f"{codes} (or the other way round), or angle-from-p or angle-from-s if they are "
-                "degrees.",
-                i,
-            )
+            option = f"{codes} (or the other way round), or angle-from-p or angle-from-s if they "
+            option += "are degrees"
+        reading.refuse(column, f"{came}. Say what it means with --polarization {option}.", lost[0])
+    return Light(np.array([known[cell] for cell in cells]), np.full(len(cells), np.nan))
+
+
+def _from_column(reading: Reading, column: Column) -> Light:
+    options = reading.options
+    if options.light:
+        reading.refuse_both(column, "the polarisation", "--polarization")
+    if options.polarizer:
+        return _from_angles(reading, column)
+    if column is reading.layout.polarizer and not options.codes:
         reading.refuse(
             column,
-            f"{cells[i][:30]!r} came where s, p, TE, TM or unpolarized was wanted. Say what it "
-            f"means with --polarization {cells[i][:30]}=s.",
-            i,
+            "a polariser's angle can count from the plane of incidence (0 is p) or from its "
+            "normal (0 is s). Say --polarization angle-from-p or angle-from-s.",
         )
-    return Light(np.array([known[cell] for cell in cells]), np.full(len(cells), np.nan))
+    light = _from_cells(reading, column)
+    reading.refuse_other_light(set(light.letter.tolist()) - {""}, column)
+    return light
 
 
 def light_of_rows(reading: Reading, oblique: bool) -> Light:
@@ -82,41 +92,22 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
     Raises MeasurementError where two facts disagree, or a code has two readings.
     """
     table, layout, options, said, notes = reading
-    rows = len(table.rows)
+    rows, nowhere = len(table.rows), np.full(len(table.rows), np.nan)
     column = layout.polarizer or layout.polarization
     bare = [v for v in layout.values if v.role.quantity in ("R", "T")]
     named = [v for v in layout.values if v.role.quantity[1:] in ("_s", "_p")]
-    if layout.polarizer and layout.polarization:
-        raise MeasurementError(
-            f"{table.source}: columns {layout.polarization.label!r} and {layout.polarizer.label!r} "
-            "both give the polarisation. Name all columns to be read with --columns."
-        )
     if column is not None:
-        if named:
+        other = layout.polarization if layout.polarizer else named[0] if named else None
+        if other:
             reading.refuse(
                 column,
-                "this column gives the polarisation, and so does the name of column "
-                f"{named[0].label!r}. Name the columns to be read with --columns.",
+                f"this column gives the polarisation, and so does column {other.label!r}. Name the "
+                "columns to be read with --columns.",
             )
-        if not bare:
-            notes.append(f"column {column.label} not needed")
-            return Light(np.full(rows, ""), np.full(rows, np.nan))
-        if options.light:
-            reading.refuse_both(column, "the polarisation", "--polarization")
-        if options.polarizer:
-            return _from_angles(reading, column)
-        if column is layout.polarizer and not options.codes:
-            reading.refuse(
-                column,
-                "a polariser's angle can count from the plane of incidence (0 is p) or from its "
-                "normal (0 is s). Say --polarization angle-from-p or angle-from-s.",
-            )
-        light = _from_cells(reading, column)
-        here = set(light.letter.tolist()) - {""}
-        if not options.columns:
-            came = f"the rows are of {' and '.join(sorted(here))}-polarised light"
-            reading.contradicted("light", lambda letter: letter not in here, column, came)
-        return light
+        if bare:
+            return _from_column(reading, column)
+        notes.append(f"column {column.label} not needed")
+        return Light(np.full(rows, ""), nowhere)
     if options.codes or options.polarizer:
         raise MeasurementError(
             f"{table.source}: --polarization gives a meaning to a column, but none is named as the "
@@ -134,8 +125,6 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
         letter = str(beside.value)
         what = {"s": "s", "p": "p", "u": "unpolarised"}[letter]
         notes.append(f"{what} light ({beside.where}; --polarization)")
-    elif not options.light and not options.columns and named:
-        here = {v.role.quantity[2:] for v in named}
-        came = f"the columns are of {' and '.join(sorted(here))}-polarised light"
-        reading.contradicted("light", lambda letter: letter not in here, named[0], came)
-    return Light(np.full(rows, letter or "u"), np.full(rows, np.nan))
+    elif named and not letter:
+        reading.refuse_other_light({v.role.quantity[2:] for v in named}, named[0])
+    return Light(np.full(rows, letter or "u"), nowhere)

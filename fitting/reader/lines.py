@@ -15,21 +15,10 @@ from fitting.visible import visible
 MAX_BYTES = 10_000_000
 STDIN = "-"
 
-_MARKS = (  # the 32-bit mark begins with the 16-bit one, so the longer comes first
-    (codecs.BOM_UTF8, "utf-8-sig"),
-    (codecs.BOM_UTF32_LE, "utf-32"),
-    (codecs.BOM_UTF32_BE, "utf-32"),
-    (codecs.BOM_UTF16_LE, "utf-16"),
-    (codecs.BOM_UTF16_BE, "utf-16"),
-)
 _NOT_TEXT = (
     (b"PK\x03\x04", "an Excel workbook or another zip archive; save the sheet as CSV"),
     (b"\xd0\xcf\x11\xe0", "an old Excel workbook; save the sheet as CSV"),
-    (b"\x89HDF", "an HDF5 file; export the curve as CSV"),
     (b"%PDF", "a PDF"),
-    (b"\x1f\x8b", "a gzip archive; unpack it first"),
-    (b"\x93NUMPY", "a NumPy array; use Measurement.from_columns in Python"),
-    (b"\x89PNG", "a picture"),
 )
 # Every byte is a character of Latin-1; measured files hold a few of its letters (micro, degree,
 # Angstrom), which Windows-1252 writes alike. It is the reading of bytes that are not UTF-8.
@@ -40,9 +29,8 @@ _LINE_END = re.compile("\r\n|\n|\r")  # not splitlines, which also cuts at form 
 
 
 def _guess_encoding(data: bytes) -> str:
-    for mark, name in _MARKS:
-        if data.startswith(mark):
-            return name
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
     try:
         data.decode("utf-8")
     except UnicodeDecodeError:
@@ -57,27 +45,23 @@ def source_of(path: str | PathLike[str]) -> str:
 
 def _bytes(path: Path, name: str) -> bytes:
     """Return what the file, pipe or device holds, up to the limit, or raise MeasurementError."""
-    large = (
-        f"{name}: more than {MAX_BYTES // 10**6} MB came, which is the most that is read (some "
-        "400,000 rows). Average or thin out the rows, or give the curves as files of their own."
-    )
+    size, data = 0, b""
     try:
         if str(path) == STDIN:
             data = sys.stdin.buffer.read(MAX_BYTES + 1)
-        else:
-            if path.stat().st_size > MAX_BYTES:
-                raise MeasurementError(large)
+        elif (size := path.stat().st_size) <= MAX_BYTES:
             with path.open("rb") as file:
                 data = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
-        if isinstance(error, MeasurementError):
-            raise
         what = getattr(error, "strerror", None) or str(error)
         raise MeasurementError(
             f"{visible(str(path))}: the file cannot be opened ({what})."
         ) from error
-    if len(data) > MAX_BYTES:
-        raise MeasurementError(large)
+    if max(size, len(data)) > MAX_BYTES:
+        raise MeasurementError(
+            f"{name}: more than {MAX_BYTES // 10**6} MB came, which is the most that is read (some "
+            "400,000 rows). Average or thin out the rows, or give the curves as files of their own."
+        )
     return data
 
 
@@ -100,24 +84,20 @@ def read_lines(path: Path, encoding: str | None) -> tuple[list[str], list[str]]:
         if data.startswith(magic):
             raise MeasurementError(f"{name}: this is not text but {what}.")
     chosen = str(encoding) if encoding else _guess_encoding(data)
-    wanted = (
-        "Say --encoding NAME (utf-8, utf-16, latin-1, ...) if it is text, else export it as CSV."
-    )
     try:
         text = data.decode(chosen)
+        if "\0" in text:
+            raise ValueError("there are zero bytes")
     except (UnicodeError, LookupError, ValueError) as error:
         raise MeasurementError(
-            f"{name}: the bytes are not {chosen} text ({error}). {wanted}"
+            f"{name}: the bytes are not {chosen} text ({error}). Say --encoding NAME (utf-8, "
+            "utf-16, latin-1, ...) if it is text, else export it as CSV."
         ) from error
-    if "\0" in text:
-        raise MeasurementError(f"{name}: the file holds zero bytes, as no text does. {wanted}")
     if _MARKED_UP.match(text):
         raise MeasurementError(
             f"{name}: this is JSON or markup, not a table. Export the curve as CSV."
         )
-    notes = []
-    if not encoding and chosen == _FALLBACK:
-        notes.append("letters read as Latin-1 (--encoding)")
+    guessed = not encoding and chosen == _FALLBACK
     text = text.removeprefix("\ufeff").removesuffix("\x1a")  # by which old systems end a text
     text = visible(text.replace("\f", " ").replace("\v", " "), "\t\r\n")
-    return _LINE_END.split(text), notes
+    return _LINE_END.split(text), ["letters read as Latin-1 (--encoding)"] if guessed else []

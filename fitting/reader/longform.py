@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import PurePath
 from typing import NamedTuple
 
 import numpy as np
@@ -15,9 +14,7 @@ from fitting.reader.evidence import evidence, statements
 from fitting.reader.light import light_of_rows
 from fitting.reader.options import Options
 from fitting.reader.reading import Reading
-from fitting.reader.rows import numbers_of, refuse_gaps
-from fitting.reader.scales import power_scale, psi_delta_unit
-from fitting.reader.standard_errors import standard_errors
+from fitting.reader.scales import power_scale, psi_delta_unit, standard_errors
 from fitting.reader.table import Table
 from fitting.reader.units import scaled
 
@@ -49,28 +46,30 @@ def _refuse_placeholders(reading: Reading, numbers: dict[int, np.ndarray]) -> No
             "column with --columns delta=...",
         )
     dark = np.flatnonzero((psi == 0.0) & (delta == 0.0))
-    if len(dark) and not reading.options.zero_is_value and np.any((psi != 0.0) & ~np.isnan(psi)):
+    if len(dark) and np.any((psi != 0.0) & ~np.isnan(psi)):
+        _refuse_code(reading, by_name["psi"], int(dark[0]), "0", "psi and Delta are both 0")
+
+
+def _refuse_code(reading: Reading, value: Column, row: int, code: str, came: str) -> None:
+    """Raise because a number may stand for 'not measured', unless an option says that none does."""
+    if not reading.options.zero_is_value:
+        flag = f"--missing{'=' if code[0] == '-' else ' '}{code}"
         reading.refuse(
-            by_name["psi"],
-            "psi and Delta are both 0. Say --missing 0 if that stands for 'not measured', "
-            "--missing none if it was measured.",
-            int(dark[0]),
+            value,
+            f"{came}. Say {flag} if that stands for 'not measured', --missing none if it was "
+            "measured.",
+            row,
         )
 
 
 def _refuse_zeros(reading: Reading, value: Column, numbers: np.ndarray, name: np.ndarray) -> None:
-    """Raise where zeros among larger values may stand for values never measured."""
-    if reading.options.zero_is_value or value.role.quantity in ("psi", "delta"):
+    """Raise where codes or zeros among larger values may stand for values never measured."""
+    if value.role.quantity in ("psi", "delta"):
         return
-    bare = np.flatnonzero(np.isin(numbers, (-1.0, -9.0, -99.0, -999.0, -9999.0)))
-    if len(bare) and np.nanmax(numbers, initial=0.0) > 1.0:
-        code = f"{numbers[bare[0]]:g}"
-        reading.refuse(
-            value,
-            f"{code} came, which may stand for 'not measured'. Say --missing={code} if so, "
-            "--missing none if it was measured.",
-            int(bare[0]),
-        )
+    codes = np.flatnonzero(np.isin(numbers, (-1.0, -9.0, -99.0, -999.0, -9999.0)))
+    if len(codes) and np.nanmax(numbers, initial=0.0) > 1.0:
+        code = f"{numbers[codes[0]]:g}"
+        _refuse_code(reading, value, int(codes[0]), code, f"{code} came")
     for quantity in np.unique(name):
         chosen = np.flatnonzero((name == quantity) & np.isfinite(numbers))
         zeros = chosen[numbers[chosen] == 0.0]
@@ -78,30 +77,23 @@ def _refuse_zeros(reading: Reading, value: Column, numbers: np.ndarray, name: np
         least = others.min(initial=np.inf)
         # a true zero (Brewster's angle, a fringe) is approached by its neighbours
         if len(zeros) and len(others) and least > max(0.02 * others.max(), 1e-2):
-            reading.refuse(
-                value,
-                f"0 came, where the smallest other value is {least:.6g}. Say --missing 0 if it "
-                "stands for 'not measured', --missing none if it was measured.",
-                int(zeros[0]),
-            )
+            came = f"0 came, where the smallest other value is {least:.6g}"
+            _refuse_code(reading, value, int(zeros[0]), "0", came)
 
 
 def _refuse_other_quantity(reading: Reading) -> None:
     """Raise where the file speaks of transmission or absorption alone, and the columns are R."""
-    value, quantities = reading.layout.values[0], reading.said.quantities
+    value = reading.layout.values[0]
     here = {value.role.quantity[0] for value in reading.layout.values} & {"R", "T"}
-    if here and quantities and not here & quantities and not reading.options.columns:
-        word = {"R": "reflection", "T": "transmission", "A": "absorption"}[min(quantities)]
+    other = [said for said in reading.said.said if said.kind == "quantity"]
+    if here and other and not here & {said.value for said in other}:
+        word = {"R": "reflection", "T": "transmission", "A": "absorption"}[str(other[0].value)]
         reading.refuse(
             value,
-            f"a column of {value.role.quantity}, and the lines around the table or the file name "
-            f"speak of {word}. Name all columns to be read, for example --columns "
+            f"a column of {value.role.quantity}, and {other[0].where} ({other[0].text!r}) speaks "
+            f"of {word}. Name all columns to be read, for example --columns "
             f"angle=1,{value.role.quantity}={value.index + 1}.",
         )
-
-
-def _listed(names: list[str]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def _understood(reading: Reading, data: Data, factor: float) -> str:
@@ -111,19 +103,15 @@ def _understood(reading: Reading, data: Data, factor: float) -> str:
     axis, what, unit = (wavelength, "wavelength", "um") if spectral else (angle, "angle", "degrees")
     count = len(np.unique(axis))
     span = f"{axis.min():.6g} to {axis.max():.6g}" if count > 1 else f"{axis[0]:.6g}"
-    text = f"read {count} {what}{'s' * (count != 1)} ({span} {unit})"
-    names = list(dict.fromkeys(quantity.tolist()))
+    text = f"read {count} {what}{'s' * (count != 1)} ({span} {unit}), "
     plain = " (unpolarised)" if angle.any() and np.isnan(data.polarizer_deg).all() else ""
-    text += ", " + _listed(
-        [f"{np.sum(quantity == name)} {name}{plain * (name in ('R', 'T'))}" for name in names]
-    )
-    if any(name not in ("psi", "delta") for name in names):
-        if options.scale is not None:
-            text += f", times {options.scale:g}"
-        else:
-            text += ", percent" if factor == 0.01 else ", fraction"
-    known = np.isfinite(data.sigma)
-    text += ", with standard errors" if known.any() else ", without standard errors"
+    names = list(dict.fromkeys(quantity.tolist()))
+    counts = [f"{np.sum(quantity == n)} {n}{plain * (n in ('R', 'T'))}" for n in names]
+    text += ", ".join(counts[:-1]) + " and " * (len(counts) > 1) + counts[-1]
+    if set(names) - {"psi", "delta"}:
+        scale = ", percent" if factor == 0.01 else ", fraction"
+        text += scale if options.scale is None else f", times {options.scale:g}"
+    text += f", with{'' if np.isfinite(data.sigma).any() else 'out'} standard errors"
     if spectral:
         several = len(np.unique(angle))
         if several > 1 or layout.angle is not None or options.angle_deg is not None:
@@ -147,53 +135,47 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
     Raises MeasurementError for what is ambiguous or contradicts itself; ranges are for the
     Measurement to check.
     """
-    said = evidence(table.source, PurePath(table.source).stem, table.preamble)
-    ats = [value.role.at for value in layout.values]
-    notes = [
-        f"angle {at:g} degrees by the column name" for at in dict.fromkeys(ats) if at is not None
-    ]
+    said = evidence(table.source, table.preamble)
+    ats = dict.fromkeys(v.role.at for v in layout.values if v.role.at is not None)
+    notes = [f"angle {at:g} degrees by the column name" for at in ats]
     for value in [v for v in layout.values if options.columns and v.role.at is None]:
         said.said.extend(s for s in statements(table.header, value.label) if s.kind == "angle")
-    said = said.without(options)
-    reading = Reading(table, layout, options, said, [*table.notes, *notes])
+    reading = Reading(table, layout, options, said.without(options), [*table.notes, *notes])
     _refuse_other_quantity(reading)
     wavelength = wavelengths(reading)
     angle = angles(reading, wavelength)
-    read = {v.index: numbers_of(table, v, options.missing) for v in layout.values}
+    read = {v.index: reading.numbers(v, gaps=True) for v in layout.values}
     numbers = {index: pair[0] for index, pair in read.items()}
     _refuse_placeholders(reading, numbers)
     light = light_of_rows(reading, bool(np.nan_to_num(angle).any() or any(ats)))
-    signs = {index: pair[1] for index, pair in read.items()}
-    factor = power_scale(reading, numbers, signs)
+    factor = power_scale(reading, numbers, {index: pair[1] for index, pair in read.items()})
     psi_units = psi_delta_unit(reading, numbers)
     parts: list[tuple[np.ndarray, ...]] = []
     places: list[tuple[int, str, str]] = []
-    for value, sigma_column in zip(layout.values, layout.sigmas, strict=True):
+    for value, error in zip(layout.values, layout.sigmas, strict=True):
         raw, quantity = numbers[value.index], value.role.quantity
         unit = psi_units.get(value.index, "")
-        if quantity in ("psi", "delta"):
-            converted = np.degrees(raw) if unit == "rad" else raw
-        else:
-            converted = scaled(raw, factor)
+        converted = scaled(raw, 1.0 if unit else factor)
+        if unit == "rad":
+            converted = np.degrees(raw)
         if value.role.at is not None and options.angle_deg is None:
             angle = np.full(len(raw), value.role.at)
-        sigma = standard_errors(reading, value, sigma_column, unit, factor)
+        sigma = standard_errors(reading, value, error, unit, factor)
         there = ~np.isnan(raw)
-        if sigma_column is not None and options.sigma is None:
-            refuse_gaps(table, sigma_column, there & np.isnan(sigma), "standard error")
         if options.sigma is not None:
             sigma = np.where(np.isnan(sigma), options.sigma, sigma)
-        if layout.angle is not None:
-            refuse_gaps(table, layout.angle, there & np.isnan(angle), "angle")
-        if layout.wavelength is not None:
-            refuse_gaps(table, layout.wavelength, there & np.isnan(wavelength), "wavelength")
+        needed = ((error, sigma, "standard error"), (layout.angle, angle, "angle"),
+                  (layout.wavelength, wavelength, "wavelength"))  # fmt: skip
+        for column, known, what in needed:
+            if column is not None:
+                reading.refuse_gaps(column, there & np.isnan(known), what)
         name = np.full(len(raw), quantity, dtype="<U6")
         polarizer = np.full(len(raw), np.nan)
         if quantity in ("R", "T"):
             column = layout.polarizer or layout.polarization
             if column is not None:
-                known = (light.letter != "") | ~np.isnan(light.polarizer_deg)
-                refuse_gaps(table, column, there & ~known, "polarisation")
+                unknown = (light.letter == "") & np.isnan(light.polarizer_deg)
+                reading.refuse_gaps(column, there & unknown, "polarisation")
             for letter in "sp":
                 name[light.letter == letter] = f"{quantity}_{letter}"
             polarizer = light.polarizer_deg
@@ -201,16 +183,13 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
         kept = np.flatnonzero(there)
         columns = (angle, wavelength, name, converted, sigma, polarizer)
         parts.append(tuple(column[kept] for column in columns))
-        error = sigma_column.label if sigma_column is not None else ""
-        places += [(table.lines[i], value.label, error) for i in kept]
+        places += [(table.lines[i], value.label, error.label if error else "") for i in kept]
     if not places:
         raise MeasurementError(
             f"{place(table.source, table.lines[0])}: the {len(table.rows)} rows hold gaps only; at "
             "least one measured value was wanted."
         )
-    joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    data = Data(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     axes = {"angle": layout.angle, "wavelength": layout.wavelength, "polarizer": layout.polarizer}
     labels = {name: column.label for name, column in axes.items() if column is not None}
-    data = Data(*joined)
-    understood = _understood(reading, data, factor)
-    return LongColumns(data, places, labels, understood)
+    return LongColumns(data, places, labels, _understood(reading, data, factor))

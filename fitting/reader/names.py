@@ -9,56 +9,54 @@ from typing import NamedTuple
 from fitting.reader.units import FORM_OF, Q_UNITS
 from fitting.reader.vocabulary import (
     CONCEPT,
+    LETTERS,
     LONGEST,
     UNITS_BEHIND_WORDS,
     cased,
-    light_of,
     spelled,
     unit_of,
 )
 
-
-def _of(*concepts: str) -> frozenset[str]:
-    return frozenset(word for word, concept in CONCEPT.items() if concept in concepts)
-
-
-def _set(words: str) -> frozenset[str]:
-    return frozenset(words.split())
-
-
-_REFLECTANCE, _TRANSMITTANCE = _of("R") - {"r"}, _of("T") - {"t"}
-_BACK, _ERROR, _RAW, _CONSTANT = _of("back"), _of("error"), _of("raw"), _of("constant")
-_RELATIVE, _FILL, _POLARIZATION = _of("relative"), _of("filler"), _of("polarization")
-_ERROR_REST = _set("standard deviation dev bar bars of 1 abs absolute ecart type")
-_ANGLE = _of("incidence", "angle")
-_AXES = (  # kind and form; one of these words is there, and beside it these
-    ("polarization", "", _POLARIZATION | _set("state mode"), _FILL),
-    ("polarizer", "", _of("polarizer") | _POLARIZATION, _ANGLE),
-    ("angle", "q", _of("transfer"), _set("z")),
-    ("angle", "2theta", _of("doubled"), _ANGLE),
-    ("angle", "grazing", _of("grazing"), _ANGLE),
-    ("angle", "incidence", _ANGLE, _set("inc i in out reflection deg external d di de of")),
-    ("wavelength", "wavelength", _of("wavelength"), _set("d di de")),
-    ("wavelength", "energy", _of("energy"), _set("")),
-    ("wavelength", "wavenumber", _of("wavenumber"), _set("")),
-    ("wavelength", "frequency", _of("frequency"), _set("")),
+_ANGLES = {"incidence", "angle"}
+_BESIDE_ANGLES = {
+    *_ANGLES,
+    "inc",
+    "raw",
+    "R",
+    "out",
+    "external",
+    "deg",
+}  # theta i, reflection angle
+_AXES = (  # kind and form; one of these concepts is there, and beside it these, or other words
+    ("polarization", "", {"polarization"}, {"state", "mode"}),
+    ("polarizer", "", {"polarizer", "polarization"}, _ANGLES),
+    ("angle", "q", {"transfer"}, {"z"}),
+    ("angle", "2theta", {"doubled"}, _ANGLES),
+    ("angle", "grazing", {"grazing"}, _ANGLES),
+    ("angle", "incidence", _ANGLES, _BESIDE_ANGLES),
+    ("wavelength", "wavelength", {"wavelength"}, set()),
+    ("wavelength", "energy", {"energy"}, set()),
+    ("wavelength", "wavenumber", {"wavenumber"}, set()),
+    ("wavelength", "frequency", {"frequency"}, set()),
 )
 # letters that are such a quantity beside its unit
-_SYMBOLS = {
-    "wavelength": _set(""), "energy": _set("e"), "wavenumber": _set("k nu"),
-    "frequency": _set("f nu"), "q": _set("z"),
-}  # fmt: skip
-_NOT_INCIDENCE = _of("no incidence") - _set("phase temperature celsius")
+_SYMBOLS = {"energy": {"e"}, "wavenumber": {"k", "nu"}, "frequency": {"f", "nu"}, "q": {"z"}}
+_AXIS_UNITS = ("nm", "um", "angstrom", "eV", "cm-1", "THz", *Q_UNITS)
+# why a column with a word of this concept cannot be used
+_WHY = {
+    "no incidence": "it is no angle of incidence",
+    "turned": "it is no angle of incidence",
+    "some angle": "it may be the angle of incidence or another one",
+    "raw": "it is a raw signal, not a ratio to the direct beam",
+    "constant": "it is an optical constant, not a measured power",
+}
 # names glued of a quantity and its polarisation; T in capitals only (tp, ts are times as well)
 _GLUED = re.compile(
-    "(?:([Rr])(?:efl)?|(T)|([Rr]eflectance|[Tt]ransmittance))"
+    "(?:(r)|(R)|[Rr]efl|(T)|[Rr]eflectance|([Tt]ransmittance))"
     "(s|p|S|P|te|tm|TE|TM|ss|pp|perp|par|spol|ppol|unpol|mean|avg|front|back)"
 )
 _SUFFIX = re.compile(r"(?<=[\w)\]])(?:[\s_.]+|\s*[/,]\s*|\s+in\s+)([^\s_]+)$")
-# the field's names of amplitudes; as a power, percent or capitals say so
-_AMPLITUDE = re.compile(
-    r"r[\s_.-]?(?:(s|te|perp|spol|ss)|(p|tm|par|parallel|ppol|pp))", re.IGNORECASE
-)
+_BRACKETS = re.compile(r"\(([^()]*(?:\([^()]*\))?[^()]*)\)|\[([^\[\]]*)\]")
 # R(45 deg), Rs@60, "angle 60" once it is spelled out: the angle of a column in a wide table
 _AT = re.compile(
     r"[(\[_\s]\s*(?:(?:at|aoi|theta)\s*=?\s*)?(?:([0-9]+(?:\.[0-9]+)?)\s*_?deg(?:rees?)?"
@@ -66,7 +64,6 @@ _AT = re.compile(
     re.IGNORECASE,
 )
 # what may stand between words and means nothing; a prime, a root, a ratio does mean something
-_AXIS_UNITS = ("nm", "um", "angstrom", "eV", "cm-1", "THz", *Q_UNITS)
 _NO_SIGNS = re.compile(r"[\w\s.,:;()\[\]{}\-]*")
 
 
@@ -92,35 +89,21 @@ class Role(NamedTuple):
 
 def _part_unit(name: str) -> tuple[str, str]:
     """Return the name without its unit, and the unit ("" where none is there)."""
-    unit = ""
-
-    def bracket(match: re.Match[str]) -> str:
-        nonlocal unit
-        inner = match[1] if match[1] is not None else match[2]
-        found = unit_of(inner)
-        if found or not inner.strip():
-            unit = unit or found or ""
-            return " "
-        return f" {inner} "
-
-    rest = re.sub(r"\(([^()]*(?:\([^()]*\))?[^()]*)\)|\[([^\[\]]*)\]", bracket, name).strip(" ,:;")
+    found = [unit_of(round_ or square) for round_, square in _BRACKETS.findall(name)]
+    unit = next(filter(None, found), "")
+    rest = _BRACKETS.sub(
+        lambda match: " " if unit_of(match[0][1:-1]) else f" {match[0][1:-1]} ", name
+    ).strip(" ,:;")
     if rest.startswith("%"):
         rest, unit = rest[1:].strip(), unit or "percent"
     if rest.endswith("%"):
         rest, unit = re.sub(r"(?:\s+in)?[/ _,]*$", "", rest[:-1]), unit or "percent"
     match = None if unit else _SUFFIX.search(rest)
-    suffix = unit_of(match[1]) if match else None
-    # one letter is a unit of length behind a wavelength alone
-    if (
-        match
-        and suffix in UNITS_BEHIND_WORDS
-        and (
-            len(match[1]) > 1
-            or match[1] == "%"
-            or set(_tokens(rest[: match.start()])) <= _of("wavelength")
-        )
-    ):
-        rest, unit = rest[: match.start()], suffix or ""
+    if match and unit_of(match[1]) in UNITS_BEHIND_WORDS:
+        words = {CONCEPT.get(token) for token in _tokens(rest[: match.start()])}
+        # one letter is a unit of length behind a wavelength alone
+        if len(match[1]) > 1 or words <= {"wavelength", "article"}:
+            rest, unit = rest[: match.start()], unit_of(match[1]) or ""
     return rest, unit
 
 
@@ -129,9 +112,9 @@ def _tokens(rest: str) -> list[str]:
     tokens = []
     for word in re.findall(r"[^\W_]+", rest):
         for part in [word] if _GLUED.fullmatch(word) else cased(word):
-            glued = _GLUED.fullmatch(part)
-            if glued:
-                tokens += ["T" if part[0] in "Tt" else "R", glued[4].lower()]
+            if glued := _GLUED.fullmatch(part):
+                head = "r" if glued[1] else "T" if glued[3] or glued[4] else "R"
+                tokens += [head, glued[5].lower()]
             else:
                 tokens.append(part if part in ("R", "T") else part.lower())
     return tokens
@@ -139,50 +122,38 @@ def _tokens(rest: str) -> list[str]:
 
 def _optical(tokens: list[str], unit: str, error: bool) -> Role | None:
     """Return the role of a value or of its standard error, or None where a word is left over."""
-    quantity, side, light = "", "", ""
+    quantities, lights, side = set(), set(), ""
     for token in tokens:
-        if token == "R" or token in _REFLECTANCE:
-            new = "R"
-        elif token == "T" or token in _TRANSMITTANCE:
-            new = "T"
-        elif token in ("psi", "delta"):
-            new = token
-        elif token != "u" and light_of(token):
-            if light not in ("", light_of(token)):
-                return None
-            light = light_of(token)
-            continue
-        elif token in _BACK:
+        concept = token if token in ("R", "T") else CONCEPT.get(token, "")
+        if concept in ("R", "T", "psi", "delta"):
+            quantities.add(concept)
+        elif concept in LETTERS and token != "u":
+            lights.add(concept)
+        elif concept == "back":
             side = "_back"
-            continue
-        elif token in _FILL | _POLARIZATION:
-            continue
-        else:
+        elif concept not in ("filler", "polarization"):
             return None
-        if quantity not in ("", new):
-            return None
-        quantity = new
-    if quantity in ("R", "T"):
-        if side and (light or quantity == "T"):
-            return None
-        quantity += side or {"s": "_s", "p": "_p"}.get(light, "")
-    elif side or (light and (quantity or not error)):
+    quantity, light = "".join(quantities), "".join(lights)
+    if len(quantities) > 1 or len(lights) > 1 or not (quantity or error):
         return None
-    elif light:
-        quantity = "_" + light  # err_s beside R_s
-    if not quantity and not error:
+    if side and (light or quantity != "R"):
         return None
-    return Role("sigma" if error else "value", quantity, unit=unit)
+    if light and (quantity in ("psi", "delta") or not (quantity or error)):
+        return None
+    tail = side or ("" if light in ("", "u") else "_" + light)
+    return Role("sigma" if error else "value", quantity + tail, unit=unit)
 
 
 def _axis(tokens: list[str], unit: str) -> Role | None:
     """Return the role of an angle, wavelength or polarisation column, or None."""
-    words = {token.lower() for token in tokens}
+    said = {CONCEPT.get(token.lower(), token.lower()) for token in tokens}
+    words = said - {"filler", "article"}
     for kind, form, needed, others in _AXES:
-        if words & needed and words <= needed | others | _FILL:
+        if words & needed and words <= needed | others:
             return Role(kind, form=form, unit=unit)
     form = FORM_OF.get(unit, "") if unit != "mm" else ""
-    if form and words <= _SYMBOLS[form] | _FILL:
+    letters = {token.lower() for token in tokens} - {"the", "of"}
+    if form and letters <= _SYMBOLS.get(form, set()):
         return Role("angle" if form == "q" else "wavelength", form=form, unit=unit)
     return None
 
@@ -196,10 +167,7 @@ def role_of(name: str, unit: str = "") -> Role:
     """
     if len(name) > LONGEST:
         return Role("", why="its name is too long")
-    text = spelled(name).strip().strip("$").replace("\\", "").replace("$", "").strip()
-    if len(text) > 1 and text[0] == text[-1] and text[0] in "'\"":
-        text = text[1:-1]
-    text = re.sub(r"\|\||(?<=[Rr_\s])//|//$", " par ", text)
+    text = re.sub(r"\|\||(?<=[Rr_\s])//|//$", " par ", spelled(name).strip())
     rest, own = _part_unit(text)
     if not own and unit_of(rest) in _AXIS_UNITS and len(rest) > 1:
         rest, own = "", unit_of(rest) or ""  # the unit is all the name there is
@@ -207,47 +175,34 @@ def role_of(name: str, unit: str = "") -> Role:
     if re.fullmatch(r"s(?:[RT]|Qz?|psi|Psi)", rest):
         why = f"the standard error of {rest[1:]}, or {rest[1:]} of s-polarised light"
         return Role("unclear", "sigma_" + rest[1:], why=why)
-    amplitude = _AMPLITUDE.fullmatch(rest) if rest[:1] == "r" else None
-    if amplitude and unit != "percent":
-        letter = "s" if amplitude[1] else "p"
-        why = f"the amplitude r_{letter} or the reflectance R_{letter} = |r_{letter}|^2"
-        return Role("unclear", "R_" + letter, why=why)
-    if amplitude:
-        rest = "R" + rest[1:]
     tokens = _tokens(rest)
-    lower = {token.lower() for token in tokens}
-    of_error = lower & _ERROR or tokens[:1] in (["d"], ["delta"])
-    if (of_error and ("/" in rest or lower & _RELATIVE)) or (lower and lower <= _RELATIVE):
+    if tokens[:1] == ["r"] and len(tokens) == 2 and CONCEPT.get(tokens[1]) in ("s", "p"):
+        if unit != "percent":  # by which the field's name of an amplitude is one of a power
+            letter = CONCEPT[tokens[1]]
+            why = f"the amplitude r_{letter} or the reflectance R_{letter} = |r_{letter}|^2"
+            return Role("unclear", "R_" + letter, why=why)
+        tokens[0] = "R"
+    said = {CONCEPT.get(token.lower(), "") for token in tokens}
+    of_error = "error" in said or tokens[:1] in (["d"], ["delta"])
+    if (of_error and ("/" in rest or "relative" in said)) or said == {"relative"}:
         return Role("unclear", why="a relative error, where absolute ones are wanted")
-    if not _NO_SIGNS.fullmatch(rest) or rest.startswith("-"):
+    signs = not _NO_SIGNS.fullmatch(rest) or rest.startswith("-")
+    if signs or not (tokens or unit in _AXIS_UNITS):
         return Role("", unit=unit)
-    if not tokens and unit not in _AXIS_UNITS:
-        return Role("", unit=unit)
-    if lower & _NOT_INCIDENCE:
-        return Role("", unit=unit, why="it is no angle of incidence")
-    error = bool(lower & _ERROR)
-    optical = [token for token in tokens if token.lower() not in _ERROR]
+    error, optical = "error" in said, tokens
     if error:
-        optical = [token for token in optical if token.lower() not in _ERROR_REST]
-    elif len(tokens) > 1 and tokens[0] in ("d", "delta"):
-        head = _optical(tokens[1:], unit, error=True)
-        if head and head.quantity:
-            return head  # dR, delta R
-        if _axis(tokens[1:], unit):
-            return Role("", why="it is the uncertainty or resolution of an axis")
+        optical = [t for t in tokens if CONCEPT.get(t.lower()) not in ("error", "of errors")]
+    elif tokens[:1] in (["d"], ["delta"]) and (behind := tokens[1:]):  # dR, delta R
+        of = _axis(behind, unit) or _optical(behind, unit, error=True)
+        if of and (of.quantity or of.form):
+            error, optical = True, behind
     axis = _axis(optical, unit) if optical or not error else None
     if axis:
         return Role("", why="it is the uncertainty or resolution of an axis") if error else axis
-    if lower & _RAW:
-        return Role("", unit=unit, why="it is a raw signal, not a ratio to the direct beam")
     if found := _optical(optical, unit, error):
         return found
-    if lower & {"psi", "delta"} and lower & {"tan", "cos", "sin"}:
-        return Role("", why="psi and delta themselves are wanted, in degrees")
-    if lower and lower <= _CONSTANT:
-        return Role("", unit=unit, why="it is an optical constant, not a measured power")
     if match := _AT.search(text):
         bare = role_of(text[: match.start()] + " " + text[match.end() :], unit.replace("deg", ""))
         if bare.kind in ("value", "sigma") and bare.quantity and bare.at is None:
             return bare._replace(at=float(match[1] or match[2]))
-    return Role("", unit=unit)
+    return Role("", unit=unit, why=next((_WHY[concept] for concept in _WHY if concept in said), ""))

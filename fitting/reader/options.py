@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 from fitting.errors import MeasurementError
 from fitting.reader.units import ANGLE_UNITS, WAVELENGTH_UNITS
@@ -44,114 +44,113 @@ class Options(NamedTuple):
     zero_is_value: bool
 
 
-def _number(source: str, name: str, value: object, low: float, high: float) -> float | None:
-    if value is None:
-        return None
-    try:
-        number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        number = float("nan")
-    if not low <= number <= high:
-        raise MeasurementError(
-            f"{source}: --{name} {value} came where a number from {low:g} to {high:g} was wanted."
-        )
-    return number
+class _Given(NamedTuple):
+    """The options as they came, by name, and the file that they are for."""
 
+    source: str
+    by_name: Mapping[str, object]
 
-def _pairs(source: str, name: str, value: object) -> dict[str, str]:
-    """Return the pairs of ``A=1,B=2`` or a mapping; a part without = belongs to the one before."""
-    if value is None:
-        return {}
-    if isinstance(value, Mapping):
-        value = [f"{k}={','.join(map(str, v)) if isinstance(v, (list, tuple)) else v}"
-                 for k, v in value.items()]  # fmt: skip
-    parts = value if isinstance(value, (list, tuple)) else [value]
-    pairs: dict[str, str] = {}
-    key = ""
-    for part in ",".join(map(str, parts)).split(","):
-        left, equals, right = map(str.strip, part.partition("="))
-        if equals and left in pairs:
-            raise MeasurementError(
-                f"{source}: --{name} gives {left} twice, {pairs[left]} and {right}."
+    def refuse(self, name: str, text: str) -> NoReturn:
+        """Raise because the value of an option means nothing."""
+        came = f"--{name.replace('_', '-')} {self.by_name[name]}"
+        raise MeasurementError(f"{self.source}: {came} {text}")
+
+    def number(self, name: str, low: float, high: float) -> float | None:
+        """Return a number from low to high, None where none was given."""
+        value = self.by_name.get(name)
+        try:
+            number = None if value is None else float(value)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            number = float("nan")
+        if number is not None and not low <= number <= high:
+            self.refuse(name, f"came where a number from {low:g} to {high:g} was wanted.")
+        return number
+
+    def one_of(self, name: str, wanted: tuple[str, ...]) -> str:
+        """Return one of the words wanted, however it is spelled; "" where none was given."""
+        if (value := self.by_name.get(name)) is None:
+            return ""
+        text = str(value).strip()
+        found = text if text in wanted else unit_of(text)
+        if found not in wanted:
+            self.refuse(name, f"is not known; it can be {', '.join(wanted)}.")
+        return found
+
+    def pairs(self, name: str) -> dict[str, str]:
+        """Return the pairs of ``A=1,B=2`` or a mapping; a part without = goes to the one before."""
+        value = self.by_name.get(name)
+        if value is None:
+            return {}
+        if isinstance(value, Mapping):
+            value = [f"{k}={','.join(map(str, v)) if isinstance(v, (list, tuple)) else v}"
+                     for k, v in value.items()]  # fmt: skip
+        parts = value if isinstance(value, (list, tuple)) else [value]
+        pairs: dict[str, str] = {}
+        key = ""
+        for part in ",".join(map(str, parts)).split(","):
+            left, equals, right = map(str.strip, part.partition("="))
+            if equals and left in pairs:
+                self.refuse(name, f"gives {left} twice, {pairs[left]} and {right}.")
+            if equals:
+                key, pairs[left] = left, right
+            elif key:
+                pairs[key] += "," + left
+        if not pairs:
+            self.refuse(name, "came where NAME=VALUE was wanted.")
+        return pairs
+
+    def polarization(self) -> tuple[str, dict[str, str], str]:
+        """Return the light of the whole file, the meaning of codes, where a polariser counts from.
+
+        One of them at most is not empty.
+        """
+        value = self.by_name.get("polarization")
+        if value is None:
+            return "", {}, ""
+        text = plain(str(value)).strip().lower() if isinstance(value, str) else ""
+        if light_of(text) or text in POLARIZER_FROM:
+            return light_of(text), {}, text if text in POLARIZER_FROM else ""
+        codes = {}
+        if not text or "=" in text:
+            pairs = self.pairs("polarization")
+            codes = {key.lower(): light_of(item.lower()) for key, item in pairs.items()}
+        if not codes or not all(codes.values()):
+            self.refuse(
+                "polarization",
+                "is not known; it can be s, p or unpolarized for the whole file, codes of a column "
+                "such as 0=s,1=p, or angle-from-p or angle-from-s for the angle of a polariser "
+                "from the plane of incidence or from its normal.",
             )
-        if equals:
-            key, pairs[left] = left, right
-        elif key:
-            pairs[key] += "," + left
-    if not pairs:
-        raise MeasurementError(f"{source}: --{name} {value} came where NAME=VALUE was wanted.")
-    return pairs
+        return "", codes, ""
 
 
-def _one_of(source: str, name: str, value: object, wanted: tuple[str, ...]) -> str:
-    if value is None:
-        return ""
-    text = str(value).strip()
-    found = text if text in wanted else unit_of(text)
-    if found not in wanted:
-        raise MeasurementError(
-            f"{source}: --{name} {value} is not known; it can be {', '.join(wanted)}."
-        )
-    return found
-
-
-def _polarization(source: str, value: object) -> tuple[str, dict[str, str], str]:
-    if value is None:
-        return "", {}, ""
-    text = "" if isinstance(value, (Mapping, list, tuple)) else plain(str(value)).strip().lower()
-    if light_of(text):
-        return light_of(text), {}, ""
-    if text in POLARIZER_FROM:
-        return "", {}, text
-    codes = {}
-    if not text or "=" in text:
-        pairs = _pairs(source, "polarization", value)
-        codes = {key.lower(): light_of(item.lower()) for key, item in pairs.items()}
-    if not codes or not all(codes.values()):
-        raise MeasurementError(
-            f"{source}: --polarization {value} is not known; it can be s, p or unpolarized for the "
-            "whole file, codes of a column such as 0=s,1=p, or angle-from-p or angle-from-s for "
-            "the angle of a polariser from the plane of incidence or from its normal."
-        )
-    return "", codes, ""
-
-
-def parse_options(source: str, given: Mapping[str, object]) -> Options:
+def parse_options(source: str, by_name: Mapping[str, object]) -> Options:
     """Return the options of ``read_csv`` by their names, checked; None is not given.
 
     Raises MeasurementError for one that means nothing.
     """
-
-    def number(name: str, low: float, high: float) -> float | None:
-        return _number(source, name.replace("_", "-"), given.get(name), low, high)
-
-    def one_of(name: str, wanted: tuple[str, ...]) -> str:
-        return _one_of(source, name.replace("_", "-"), given.get(name), wanted)
-
-    columns = _pairs(source, "columns", given.get("columns"))
+    given = _Given(source, by_name)
+    columns = given.pairs("columns")
     stray = [role for role in columns if role not in ROLES]
     if stray:
-        raise MeasurementError(
-            f"{source}: --columns has {stray[0]}, which is none of {', '.join(ROLES)}."
-        )
-    light, codes, polarizer = _polarization(source, given.get("polarization"))
-    words = [] if given.get("missing") is None else given["missing"]
-    words = words if isinstance(words, (list, tuple)) else [words]
+        given.refuse("columns", f"has {stray[0]}, which is none of {', '.join(ROLES)}.")
+    light, codes, polarizer = given.polarization()
+    words = by_name.get("missing")
+    words = [] if words is None else words if isinstance(words, (list, tuple)) else [words]
     gaps = [part.strip() for word in words for part in str(word).split(",")]
-    keep = _pairs(source, "keep", given.get("keep"))
     return Options(
         columns=columns,
-        keep={k: [part.strip() for part in v.split(",")] for k, v in keep.items()},
-        angle_deg=number("angle_deg", 0.0, 90.0),
-        angle_unit=one_of("angle_unit", ANGLE_UNITS),
-        wavelength_um=number("wavelength_um", 1e-9, 1e9),
-        wavelength_unit=one_of("wavelength_unit", WAVELENGTH_UNITS),
+        keep={k: [part.strip() for part in v.split(",")] for k, v in given.pairs("keep").items()},
+        angle_deg=given.number("angle_deg", 0.0, 90.0),
+        angle_unit=given.one_of("angle_unit", ANGLE_UNITS),
+        wavelength_um=given.number("wavelength_um", 1e-9, 1e9),
+        wavelength_unit=given.one_of("wavelength_unit", WAVELENGTH_UNITS),
         light=light,
         codes=codes,
         polarizer=polarizer,
-        scale=number("scale", 1e-300, 1e300),
-        sigma=number("sigma", 1e-300, 1e300),
-        psi_unit=one_of("psi_unit", ("deg", "rad")),
+        scale=given.number("scale", 1e-300, 1e300),
+        sigma=given.number("sigma", 1e-300, 1e300),
+        psi_unit=given.one_of("psi_unit", ("deg", "rad")),
         missing=gaps,
         zero_is_value="none" in gaps,
     )

@@ -17,6 +17,7 @@ from fitting.reader.longform import LongColumns
 from fitting.reader.options import QUANTITIES
 
 _NEEDED = {"angle_deg", "quantity", "value", "fitted", "residual"}
+_NUMBERS = ("angle_deg", "wavelength_um", "value", "sigma", "polarizer_deg")
 
 
 def own_header(texts: Sequence[str]) -> int:
@@ -31,27 +32,24 @@ def own_columns(source: str, texts: Sequence[str], start: int) -> LongColumns:
     Raises MeasurementError where a row was damaged since.
     """
     names = texts[start].split(",")
-    numbers: dict[str, list[float]] = {
-        name: [] for name in ("angle_deg", "wavelength_um", "value", "sigma", "polarizer_deg")
-    }
-    quantities, lines = [], []
+    quantities, rows, lines = [], [], []
     for line, cells in enumerate(csv.reader(texts[start + 1 :]), start + 2):
         if not cells:
             continue
         row = dict(zip(names, cells, strict=False))
         try:
-            if len(cells) != len(names) or row["quantity"] not in QUANTITIES:
-                raise ValueError
-            for name, column in numbers.items():
-                column.append(float(row.get(name) or "nan"))
+            numbers = [float(row.get(name) or "nan") for name in _NUMBERS]
         except ValueError:
+            numbers = []
+        if not numbers or len(cells) != len(names) or row["quantity"] not in QUANTITIES:
             raise MeasurementError(
                 f"{place(source, line)}: this is no row of the table that fresnel-fit writes "
                 "(--csv). Write it anew, or name the columns to be read with --columns."
-            ) from None
+            )
         quantities.append(row["quantity"])
+        rows.append(numbers)
         lines.append(line)
-    angle, wavelength, value, sigma, polarizer = map(np.array, numbers.values())
+    angle, wavelength, value, sigma, polarizer = np.array(rows).reshape(-1, len(_NUMBERS)).T
     data = Data(angle, wavelength, np.array(quantities, dtype="<U6"), value, sigma, polarizer)
     return LongColumns(
         data,

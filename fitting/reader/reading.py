@@ -1,18 +1,53 @@
-"""What is known of a file while its columns become numbers: one thing that is handed around."""
+"""Rows to be read, numbers in a column, and what is known of a file while they are made of it."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
 from fitting.errors import MeasurementError, place
+from fitting.reader.cells import is_missing, number_or_none, to_numbers
 from fitting.reader.columns import Column, Layout
 from fitting.reader.evidence import OPTION, Evidence
 from fitting.reader.options import Options
-from fitting.reader.rows import numbers_of
-from fitting.reader.table import Table
+from fitting.reader.table import Table, find_column
+
+
+def _span(word: str) -> tuple[float, float] | None:
+    """Return the ends of a range such as 1-4, those of a number twice; None for any other word."""
+    match = re.fullmatch(r"\s*(-?[0-9.]+)\s*-\s*(-?[0-9.]+)\s*", word)
+    low, high = (number_or_none(end) for end in (match.groups() if match else (word, word)))
+    return None if low is None or high is None else (low, high)
+
+
+def keep_rows(table: Table, options: Options) -> Table:
+    """Return the table with the rows that the option ``keep`` (column=1,3-5,...) lets through."""
+    rows, lines = table.rows, table.lines
+    for name, wanted in options.keep.items():
+        index = find_column(table, name, "--keep")
+        words = {word.lower() for word in wanted}
+        spans = [span for word in wanted if (span := _span(word))]
+        chosen = []
+        for i, row in enumerate(rows):
+            number = number_or_none(row[index])
+            inside = number is not None and any(low <= number <= high for low, high in spans)
+            if inside or row[index].lower() in words:
+                chosen.append(i)
+        rows, lines = [rows[i] for i in chosen], [lines[i] for i in chosen]
+        if not rows:
+            raise MeasurementError(
+                f"{table.source}: --keep {name}={','.join(wanted)} leaves no row."
+            )
+    return table._replace(rows=rows, lines=lines)
+
+
+def span_of(numbers: np.ndarray) -> str:
+    """Return "low to high" of the finite numbers, for messages."""
+    finite = numbers[np.isfinite(numbers)]
+    return f"{finite.min():.6g} to {finite.max():.6g}" if len(finite) else "nothing"
 
 
 class Reading(NamedTuple):
@@ -37,16 +72,47 @@ class Reading(NamedTuple):
             "to be read with --columns.",
         )
 
-    def numbers(self, column: Column) -> np.ndarray:
-        """Return the numbers of a column, NaN for gaps."""
-        return numbers_of(self.table, column, [])[0]
+    def refuse_gaps(self, column: Column, gone: np.ndarray, what: str) -> None:
+        """Raise for the first row in ``gone``, which has a value but no ``what``."""
+        for i in np.flatnonzero(gone)[:1].tolist():
+            cell = self.table.rows[i][column.index]
+            came = f"the {what} is missing in a row that has a value"
+            if not is_missing(cell):
+                came = (
+                    f"{cell[:30]!r} is no {what}: Q is not negative nor beyond 4 pi / wavelength "
+                )
+                came += "(--wavelength-um), an angle has 59 minutes at most (--angle-unit)"
+            self.refuse(column, f"{came}. Mend it, or leave the line out with --lines A-B.", i)
+
+    def numbers(self, column: Column, gaps: bool = False) -> tuple[np.ndarray, str]:
+        """Return the numbers of a column, NaN for missing ones, and the sign (% or degree) on them.
+
+        gaps: whether the words of the option ``missing`` count as missing too.
+        """
+        table, missing = self.table, self.options.missing if gaps else []
+        cells = [row[column.index] for row in table.rows]
+        if missing:
+            words = {gap.lower() for gap in missing}
+            cells = ["" if cell.lower() in words else cell for cell in cells]
+        numbers, sign = to_numbers(cells, table.lines, table.decimal, table.source, column.label)
+        values = [number for gap in missing if (number := number_or_none(gap)) is not None]
+        return np.where(np.isin(numbers, values), np.nan, numbers), sign
 
     def contradicted(
         self, kind: str, is_other: Callable[[Any], bool], column: Column, came: str
     ) -> None:
-        """Raise where what is said of ``kind`` is other than what ``column`` shows (``came``)."""
-        at = place(self.table.source, self.table.header, column.label)
-        self.said.refuse_other(kind, is_other, at, came)
+        """Raise where what is said of ``kind`` is other than what ``column`` shows (``came``).
+
+        Columns that an option names hold against all that is said.
+        """
+        if not self.options.columns:
+            at = place(self.table.source, self.table.header, column.label)
+            self.said.refuse_other(kind, is_other, f"{at}: {came}")
+
+    def refuse_other_light(self, letters: set[str], column: Column) -> None:
+        """Raise where another light than that of the columns or rows, s, p or u, is said."""
+        came = f"the light is {' and '.join(sorted(letters))}-polarised"
+        self.contradicted("light", lambda letter: letter not in letters, column, came)
 
     def unit(self, kind: str, column: Column, option: str, what: str) -> str:
         """Return the unit of a column: of the option, the header, or a line beside; else "".
@@ -58,7 +124,8 @@ class Reading(NamedTuple):
             return option
         beside, own = self.said.one(kind), column.role.unit
         if own:
-            self.contradicted(kind, lambda u: u != own, column, f"the header says {own}")
+            at = place(self.table.source, self.table.header, column.label)
+            self.said.refuse_other(kind, lambda u: u != own, f"{at}: the header says {own}")
         if beside:
             flag = OPTION[kind][1].split(" ")[0]
             self.notes.append(f"{what} in {beside.value} ({beside.where}; {flag})")

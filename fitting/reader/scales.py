@@ -1,12 +1,13 @@
-"""The units of values: degrees or radians for psi and Delta, percent or fraction for powers."""
+"""The units of values and of their standard errors: degrees or radians, percent or fractions."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from fitting.reader.axes import HALF_PI
-from fitting.reader.reading import Reading
-from fitting.reader.rows import span_of
+from fitting.reader.columns import Column
+from fitting.reader.reading import Reading, span_of
+from fitting.reader.units import scaled
 
 # of radians
 _LIMITS = {"psi": HALF_PI, "delta": 4.0 * HALF_PI}
@@ -23,28 +24,23 @@ def psi_delta_unit(reading: Reading, columns: dict[int, np.ndarray]) -> dict[int
     units = {v.index: reading.unit("psi unit", v, given, "psi and delta") for v in chosen}
     if given:
         return units
-    small = {
-        v.index: bool(np.nanmax(np.abs(columns[v.index]), initial=0.0) <= _LIMITS[v.role.quantity])
-        for v in chosen
-    }
+    high = {v.index: np.nanmax(np.abs(columns[v.index]), initial=0.0) for v in chosen}
+    small = {v.index: high[v.index] <= _LIMITS[v.role.quantity] for v in chosen}
     for value in chosen:
-        unit, numbers = units[value.index], columns[value.index]
-        came = f"the numbers are {span_of(numbers)}, and "
-        if unit not in ("deg", "rad", ""):
-            came = f"an angle in {unit} came"
-        elif unit == "rad":
-            if small[value.index]:
-                continue
-            came += f"the header says rad, in which {value.role.quantity} is at most "
-            came += f"{_LIMITS[value.role.quantity]:.4f}"
-        elif small[value.index] and not unit and numbers.any():
-            came += "as small as radians, without a unit"
-        elif unit and len(chosen) > 1 and all(small.values()):
-            came += "the header says degrees, though they are as small as radians"
-        else:
-            units[value.index] = "deg"
-            continue
-        reading.refuse(value, f"{came}. Say --psi-unit deg or --psi-unit rad.")
+        unit, as_radians = units[value.index], small[value.index]
+        doubtful = {
+            "": as_radians and high[value.index] > 0.0,
+            "rad": not as_radians,
+            "deg": len(chosen) > 1 and all(small.values()),
+        }
+        if doubtful.get(unit, True):
+            reading.refuse(
+                value,
+                f"the file {f'says {unit}' if unit else 'gives no unit'}, the numbers are "
+                f"{span_of(columns[value.index])}; in radians {value.role.quantity} is at most "
+                f"{_LIMITS[value.role.quantity]:.4f}. Say --psi-unit deg or --psi-unit rad.",
+            )
+        units[value.index] = unit or "deg"
     return units
 
 
@@ -52,9 +48,7 @@ def power_scale(reading: Reading, columns: dict[int, np.ndarray], signs: dict[in
     """Return the factor that makes all powers of the file fractions; raise where it is open."""
     if reading.options.scale is not None:
         return reading.options.scale
-    powers = [
-        value for value in reading.layout.values if value.role.quantity not in ("psi", "delta")
-    ]
+    powers = [value for value in reading.layout.values if value.role.quantity not in _LIMITS]
     units = {}
     for value in powers:
         unit = "percent" if signs[value.index] == "%" else value.role.unit
@@ -78,8 +72,7 @@ def power_scale(reading: Reading, columns: dict[int, np.ndarray], signs: dict[in
             )
     if not percent:
         return 1.0
-    high = max(np.nan_to_num(columns[v.index], nan=-np.inf).max(initial=-np.inf) for v in percent)
-    if high <= 1.0:
+    if max(np.nanmax(columns[v.index], initial=-np.inf) for v in percent) <= 1.0:
         reading.refuse(
             percent[0],
             "the header says percent, but no number is above 1 "
@@ -87,3 +80,34 @@ def power_scale(reading: Reading, columns: dict[int, np.ndarray], signs: dict[in
             "0.01 if they are percent.",
         )
     return 0.01
+
+
+def standard_errors(
+    reading: Reading, value: Column, column: Column | None, unit: str, factor: float
+) -> np.ndarray:
+    """Return the standard errors of one value in the unit of the result, NaN without a column.
+
+    unit: of psi and delta. factor: what makes the values fractions.
+    Raises MeasurementError where the unit is another than that of the values, or may be.
+    """
+    if column is None:
+        return np.full(len(reading.table.rows), np.nan)
+    options = reading.options
+    numbers, sign = reading.numbers(column, gaps=True)
+    own = "percent" if sign == "%" else column.role.unit
+    if value.role.quantity in _LIMITS:
+        own = options.psi_unit or own or unit
+        if own not in ("deg", "rad"):
+            reading.refuse(column, f"standard errors in {own} came where degrees were wanted.")
+        return np.degrees(numbers) if own == "rad" else numbers
+    percent = factor == 0.01
+    if options.scale is None and (own or percent) and own != ("percent" if percent else "1"):
+        came = f"are in {own}" if own else "have no unit"
+        reading.refuse(
+            column,
+            f"these standard errors ({span_of(numbers)}) {came}, the values are "
+            f"{'percent' if percent else 'fractions'}: the errors may be relative, or in another "
+            "unit. Say --scale 0.01 if all are in percent; else convert them, or leave them out by "
+            "naming the columns to be read with --columns.",
+        )
+    return scaled(numbers, factor)

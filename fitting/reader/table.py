@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from fitting.errors import MeasurementError, place
@@ -17,16 +17,26 @@ from fitting.reader.cells import (
     looks_like_data,
     split_cells,
 )
-from fitting.reader.header import Lines, find_header, refuse_strays, uncomment, units_row
-from fitting.reader.remarks import refuse_inside, without_remark
+from fitting.reader.header import (
+    Lines,
+    find_header,
+    known_names,
+    refuse_between,
+    refuse_strays,
+    uncomment,
+    units_row,
+)
 from fitting.reader.vocabulary import LONGEST
+
+# a comment after the numbers; "#N/A" and its kin are gaps
+_INLINE = re.compile(r"\s(?:#(?!n/?a|nv|num|value|div)|//|!)", re.IGNORECASE)
 
 
 class Table(NamedTuple):
     """Cells as text, with the number of the line that each row stands on.
 
     names and units have one entry per column, "" where the file gives none; ``header`` is the
-    line of the names, 0 where there is none, and ``misfit`` says why a header was not taken.
+    line of the names, 0 where there is none.
     ``preamble`` holds (line, text) of what stands before the numbers, comment marks taken off.
     """
 
@@ -34,7 +44,6 @@ class Table(NamedTuple):
     names: list[str]
     units: list[str]
     header: int
-    misfit: str
     rows: list[list[str]]
     lines: list[int]
     preamble: list[tuple[int, str]]
@@ -51,18 +60,16 @@ def find_column(table: Table, wanted: str, option: str) -> int:
     """Return the index of the column that an option names by header or by number from 1."""
     names = table.names
     plain_name = wanted.strip().lower()
-    for match in (
-        [i for i, name in enumerate(names) if name and name == wanted],
-        [i for i, name in enumerate(names) if name and name.lower() == plain_name],
-    ):
-        if len(match) > 1:
-            numbers = " and ".join(str(i + 1) for i in match[:2])
-            raise MeasurementError(
-                f"{place(table.source, table.header)}: columns {numbers} are both named "
-                f"{wanted!r}; {option} can have the number instead."
-            )
-        if match:
-            return match[0]
+    match = [i for i, name in enumerate(names) if name and name == wanted]
+    match = match or [i for i, name in enumerate(names) if name and name.lower() == plain_name]
+    if len(match) > 1:
+        numbers = " and ".join(str(i + 1) for i in match[:2])
+        raise MeasurementError(
+            f"{place(table.source, table.header)}: columns {numbers} are both named {wanted!r}; "
+            f"{option} can have the number instead."
+        )
+    if match:
+        return match[0]
     if wanted.isascii() and wanted.isdigit() and len(wanted) < 6 and 1 <= int(wanted) <= len(names):
         return int(wanted) - 1
     there = ", ".join(f"{i + 1} {name}".strip() for i, name in enumerate(names))
@@ -71,18 +78,21 @@ def find_column(table: Table, wanted: str, option: str) -> int:
     )
 
 
-def _first_row(lines: Lines, delimiter: str, count: int) -> int:
-    """Return the index of the first line of the table's numbers, or -1."""
-    for index, (_, text) in enumerate(lines):
-        if not is_comment(text, delimiter):
-            cells = split_cells(text, delimiter)
-            if len(cells) == count and looks_like_data(cells)[0]:
-                return index
-    return -1
+def filled_columns(rows: list[list[str]]) -> list[int]:
+    """Return the columns that hold anything at all."""
+    width = range(len(rows[0]) if rows else 0)
+    return [i for i in width if any(not is_missing(row[i]) for row in rows)]
+
+
+def _without_remark(text: str) -> str:
+    """Return a row without the remark that stands behind its numbers."""
+    if "#" not in text and "//" not in text and "!" not in text:
+        return text
+    return _INLINE.split(text, maxsplit=1)[0] if text.strip()[:1] not in '#!/"%;' else text
 
 
 def _body(
-    source: str, lines: Lines, delimiter: str, count: int, header: str, whole: bool
+    source: str, lines: Lines, delimiter: str, count: int, header: str
 ) -> tuple[list[list[str]], list[int], list[tuple[int, str]], list[str]]:
     """Return rows of ``count`` cells, their lines, the remarks between and below them, and notes.
 
@@ -90,81 +100,45 @@ def _body(
     """
     rows: list[list[str]] = []
     numbers: list[int] = []
-    marked = 0
     remarks: list[tuple[int, str]] = []
-    texts: list[int] = []
-    end = lines[-1][0]
+    marked, texts = 0, 0  # rows behind a comment mark; line of the first text
     for line, text in lines:
-        if not text or text.isspace():
-            continue
+        cells = split_cells(text, delimiter)
         if is_comment(text, delimiter):
             if looks_like_data(split_cells(uncomment(text), delimiter))[0]:
                 marked += 1
             else:
                 remarks.append((line, uncomment(text)))
             continue
-        cells = split_cells(text, delimiter)
-        if not any(cells):
-            continue
-        head = cells[0][:1]
+        head = next(iter(cells), "")[:1]
         if not (head.isdigit() or (head and head in "+-.")) and not any(map(is_number, cells)):
-            if all(map(is_missing, cells)):
-                continue
-            # a header that is repeated on every page says nothing new
-            if text.strip() != header and units_row(cells) is None:
-                texts.append(line)
+            # gaps, or a header that is repeated on every page, say nothing new
+            said = not all(map(is_missing, cells)) and text.strip() != header
+            if said and units_row(cells) is None:
+                texts = texts or line
                 remarks.append((line, text.strip()))
             continue
         if texts:
             raise MeasurementError(
-                f"{place(source, texts[0])}: text stands in the middle of the numbers. If another "
+                f"{place(source, texts)}: text stands in the middle of the numbers. If another "
                 "table begins there, read one with --lines A-B; if it is a remark, mark it with #."
             )
         if len(cells) > count and not any(cells[count:]):
             cells = cells[:count]
-        if len(cells) < count:
-            why = " The file ends in it and may be cut short." if whole and line == end else ""
+        if len(cells) != count:
+            why = "If the delimiter was misread, say --delimiter; else mend the row."
+            if len(cells) < count:
+                why = "It may be cut short. Complete it (a gap is an empty cell), or leave it out "
+                why += "with --lines A-B."
             raise MeasurementError(
                 f"{place(source, line)}: {len(cells)} cell{'s' * (len(cells) > 1)} came where "
-                f"{count} were wanted.{why} Complete the row (a gap is an empty cell), or leave it "
-                "out with --lines A-B."
-            )
-        if len(cells) > count:
-            raise MeasurementError(
-                f"{place(source, line)}: {len(cells)} cells came where {count} were wanted. If the "
-                "delimiter was misread, say --delimiter; else mend the row."
+                f"{count} were wanted. {why}"
             )
         rows.append(cells)
         numbers.append(line)
-    notes = []
-    if marked:
-        notes.append(f"{marked} commented-out row{'s' * (marked > 1)} left out")
-    if texts:
-        notes.append(f"text after the numbers (line {texts[0]}) left out")
+    notes = [f"{marked} commented-out row{'s' * (marked > 1)} left out"] if marked else []
+    notes += [f"text after the numbers (line {texts}) left out"] if texts else []
     return rows, numbers, remarks, notes
-
-
-def _refuse_one_column(source: str, rows: list[list[str]], lines: list[int]) -> None:
-    filled = [
-        i for i in range(len(rows[0]) if rows else 0) if any(not is_missing(row[i]) for row in rows)
-    ]
-    if len(filled) == 1:
-        raise MeasurementError(
-            f"{place(source, lines[0])}: only one column holds numbers ({len(rows)} rows, the "
-            f"first {rows[0][filled[0]]!r}). A curve was wanted: an angle or a wavelength and a "
-            "value in each row. If this file is one point of a scan, gather the points, divided "
-            "by the direct beam, in a table with the header angle_deg,R_s,sigma_R_s."
-        )
-
-
-def _block(before: Lines, delimiter: str, count: int, line: int) -> int:
-    """Return the first line of the rows that stand without a break above ``line``."""
-    for number, text in reversed(before):
-        cells = split_cells(text, delimiter)
-        if number != line - 1 or len(cells) != count or not all(map(is_number, cells)):
-            break
-        line = number
-    return line
 
 
 def _range(source: str, option: str | None, count: int) -> tuple[int, int]:
@@ -180,11 +154,24 @@ def _range(source: str, option: str | None, count: int) -> tuple[int, int]:
     return int(first) - 1, int(last)
 
 
+def _mark(source: str, delimiter: object, decimal: object) -> str | None:
+    """Return the delimiter that the option gives, None to guess it; check the decimal mark."""
+    if decimal not in (None, ".", ","):
+        raise MeasurementError(f"{source}: --decimal {decimal!r} is neither . nor , (a comma).")
+    if delimiter is None:
+        return None
+    mark = DELIMITERS.get(str(delimiter), str(delimiter))
+    if len(mark) != 1 or mark.isalnum() or mark in "\r\n\"'.+-" or mark == decimal:
+        raise MeasurementError(
+            f"{source}: --delimiter {delimiter!r} is none of {', '.join(DELIMITERS)}, nor a sign "
+            "other than the decimal mark."
+        )
+    return mark
+
+
 def read_table(
     source: str,
     texts: Sequence[str],
-    recognise: Callable[[str], bool],
-    below_thousand: Callable[[str], bool],
     *,
     delimiter: str | None = None,
     decimal: str | None = None,
@@ -193,37 +180,21 @@ def read_table(
     """Return the table of numbers that stands in ``texts``, the lines of one file.
 
     source: name of the file, for refusals.
-    recognise: whether a header name means something; decides which line is the header.
-    below_thousand: whether a header name means numbers that cannot reach a thousand.
     delimiter: tab, semicolon, comma, pipe, blank or the sign itself; None guesses by the split that
         makes the most lines rows of one length.
     decimal: "." or ","; None takes the mark that the cells show.
     lines: range of lines that may hold rows; the header may stand before it.
     Raises MeasurementError where no table is found, or a line may be part of it or not.
     """
-    if delimiter is not None:
-        delimiter = DELIMITERS.get(str(delimiter), str(delimiter))
-        if len(delimiter) != 1 or delimiter.isalnum() or delimiter in "\r\n\"'.+-":
-            names = ", ".join(DELIMITERS)
-            raise MeasurementError(
-                f"{source}: --delimiter {delimiter!r} is none of {names}, nor a sign."
-            )
-    if decimal not in (None, ".", ","):
-        raise MeasurementError(f"{source}: --decimal {decimal!r} is neither . nor , (a comma).")
-    if texts and (match := re.fullmatch(r'"?sep=(.)"?', texts[0].strip())) and not delimiter:
-        delimiter = match[1]  # the line by which spreadsheets tell each other
-    if texts and texts[0].strip() in ("sep=", "sep=\\t"):
-        delimiter = delimiter or "\t"
-    if delimiter is not None and delimiter == decimal:
-        raise MeasurementError(
-            f"{source}: --delimiter and --decimal are both {decimal!r}; one sign cannot be both."
-        )
+    mark = _mark(source, delimiter, decimal)
     first, last = _range(source, lines, len(texts))
     numbered = list(enumerate(texts[:last], start=1))
-    inside = [(line, without_remark(text)) for line, text in numbered[first:]]
-    delimiter, count = guess_delimiter([text for _, text in inside], delimiter)
-    start = _first_row(inside, delimiter, count) if count else -1
-    if start < 0:
+    inside = [(line, _without_remark(text)) for line, text in numbered[first:]]
+    mark, count = guess_delimiter([text for _, text in inside], mark)
+    splits = ((i, split_cells(text, mark)) for i, (_, text) in enumerate(inside)
+              if count and not is_comment(text, mark))  # fmt: skip
+    start = next((i for i, row in splits if len(row) == count and looks_like_data(row)[0]), None)
+    if start is None:
         # What stands behind the last line end is no line.
         came = len(inside) - (bool(inside) and last >= len(texts) and not texts[-1])
         raise MeasurementError(
@@ -232,42 +203,40 @@ def read_table(
             "delta. If it is there, say --delimiter or --decimal."
         )
     before = [(line, text) for line, text in numbered[: first + start] if text.strip()]
-    body = (split_cells(text, delimiter) for _, text in inside[start:])
-    spare = not split_cells(inside[start][1], delimiter)[-1] and all(
-        len(cells) != count or not cells[-1] for cells in body
-    )
-    block = _block(before, delimiter, count, first + start + 1)
-    names, units, header, misfit = find_header(
-        before, delimiter, count, int(spare), recognise, block
-    )
-    # a file that ends without a line end may have been cut in its last row
-    whole = last >= len(texts) and bool(texts[-1].strip())
+    names, units, header = find_header(before, mark, count, first + start + 1)
     head = texts[header - 1].strip() if header else ""
-    rows, row_lines, remarks, notes = _body(source, inside[start:], delimiter, count, head, whole)
+    filled = [(line, text) for line, text in inside[start:] if text.strip()]
+    rows, row_lines, remarks, notes = _body(source, filled, mark, count, head)
+    if len(column := filled_columns(rows)) == 1:
+        raise MeasurementError(
+            f"{place(source, row_lines[0])}: only one column holds numbers ({len(rows)} rows, the "
+            f"first {rows[0][column[0]]!r}). A curve was wanted: an angle or a wavelength and a "
+            "value in each row. If this file is one point of a scan, gather the points, divided "
+            "by the direct beam, in a table with the header angle_deg,R_s,sigma_R_s."
+        )
     below = [remark for remark in remarks if remark[0] > row_lines[-1]]
     known = [uncomment(text) for _, text in before]
-    refuse_inside(source, remarks[: len(remarks) - len(below)], known, recognise, count)
-    behind = [(n, texts[n - 1][len(text) :]) for n, text in inside if len(text) < len(texts[n - 1])]
+    refuse_between(source, remarks[: len(remarks) - len(below)], known, count)
     used = set(row_lines)
-    refuse_inside(source, [r for r in behind if r[0] in used], known, recognise, 0)
-    _refuse_one_column(source, rows, row_lines)
-    refuse_strays(source, [b for b in before if b[0] > first], header, delimiter, count)
-    beside = [
-        (line, uncomment(text))
-        for line, text in before
-        if units_row(split_cells(uncomment(text), delimiter)) is None
-        and (line > first or sum(map(recognise, split_cells(text, delimiter))) < 2)
-    ]
-    small = {i for i, name in enumerate(names) if below_thousand(name)}
+    behind = [(n, texts[n - 1][len(text) :]) for n, text in inside if n in used]
+    refuse_between(source, [(n, text) for n, text in behind if text], known, 0)
+    refuse_strays(source, [b for b in before if b[0] > first], header, mark, count)
+    beside = []
+    for line, text in before:
+        cells = split_cells(uncomment(text), mark)
+        row = units_row(cells)
+        # units of all columns were taken; one unit alone is said of the whole measurement
+        says = row is None or (any(row) and len(cells) != count)
+        if line != header and says and (line > first or known_names(cells) < 2):
+            beside.append((line, uncomment(text)))
     return Table(
         source=source,
         names=[name if len(name) <= LONGEST else name[:80] + "\u2026" for name in names],
         units=units,
         header=header,
-        misfit=misfit,
         rows=rows,
         lines=row_lines,
-        preamble=[(line, text) for line, text in beside if line != header] + below,
-        decimal=decide_decimal(source, rows, row_lines, decimal, small),
+        preamble=beside + below,
+        decimal=decide_decimal(source, rows, row_lines, decimal),
         notes=notes,
     )

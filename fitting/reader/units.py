@@ -6,7 +6,8 @@ import numpy as np
 
 # h c / e in eV um, exact since the SI of 2019: 6.62607015e-34 * 299792458 / 1.602176634e-19 * 1e6
 _EV_UM = 1.2398419843320026
-_THZ_UM = 299.792458  # c in um THz
+_RECIPROCAL = {"eV": _EV_UM, "keV": _EV_UM / 1e3, "cm-1": 1e4, "THz": 299.792458}  # c in um THz
+_UM = {"um": 1.0, "nm": 1e-3, "angstrom": 1e-4, "mm": 1e3}
 
 # what a number in the unit is
 FORM_OF = {
@@ -28,14 +29,7 @@ def wavelength_um(number: np.ndarray, unit: str) -> np.ndarray:
     A decimal prefix is a division by a power of ten, so 658 nm becomes the float 0.658 itself.
     """
     with np.errstate(all="ignore"):
-        if unit == "um":
-            return number
-        if unit in ("nm", "angstrom"):
-            return number / {"nm": 1e3, "angstrom": 1e4}[unit]
-        if unit == "mm":
-            return number * 1e3
-        top = {"eV": _EV_UM, "keV": _EV_UM / 1e3, "cm-1": 1e4, "THz": _THZ_UM}[unit]
-        return top / number
+        return scaled(number, _UM[unit]) if unit in _UM else _RECIPROCAL[unit] / number
 
 
 def incidence_deg(number: np.ndarray, unit: str, wavelength: np.ndarray) -> np.ndarray:
@@ -45,25 +39,20 @@ def incidence_deg(number: np.ndarray, unit: str, wavelength: np.ndarray) -> np.n
         cos(angle) = Q lambda / (4 pi) and a Q beyond 4 pi / lambda gives NaN.
     """
     with np.errstate(all="ignore"):
-        if unit == "deg":
-            return number
-        if unit == "rad":
-            return np.degrees(number)
-        if unit == "mrad":
-            return np.degrees(number / 1e3)
+        if unit in Q_UNITS:
+            per_um = {"1/angstrom": 1e4, "1/nm": 1e3}[unit]
+            cosine = number * per_um * wavelength / (4.0 * np.pi)
+            return np.where(number < 0.0, np.nan, np.degrees(np.arccos(cosine)))
         if unit == "deg.arcmin":
             whole = np.trunc(number)
             # files give two digits of minutes; rounding takes off what binary fractions add
-            return whole + np.round((number - whole) * 100.0, 9) / 60.0
-        if unit == "grazing-deg":
-            return 90.0 - number
-        if unit == "grazing-rad":
-            return 90.0 - np.degrees(number)
+            minutes = np.round((number - whole) * 100.0, 9)
+            return np.where(np.abs(minutes) < 60.0, whole + minutes / 60.0, np.nan)
         if unit == "2theta-deg":
             return 90.0 - number / 2.0
-        per_um = {"1/angstrom": 1e4, "1/nm": 1e3}[unit]
-        cosine = number * per_um * wavelength / (4.0 * np.pi)
-        return np.where(number < 0.0, np.nan, np.degrees(np.arccos(cosine)))
+        degrees = np.degrees(number / 1e3 if unit == "mrad" else number)
+        degrees = number if unit.endswith("deg") else degrees
+        return 90.0 - degrees if unit.startswith("grazing") else degrees
 
 
 def scaled(number: np.ndarray, scale: float) -> np.ndarray:

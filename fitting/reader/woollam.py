@@ -23,12 +23,11 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
     The result has as many lines as ``texts``, so that line numbers stay. Rows of other records
     become empty lines and are counted in the notes.
     """
-    head = next((i for i, text in enumerate(texts[:4]) if text.startswith("VASEmethod[")), -1)
-    if head < 0:
-        return None
-    stop = min(len(texts), head + 4)
-    unit_line = next((i for i in range(head + 1, stop) if unit_of(texts[i])), -1)
-    if unit_line < 0:
+    head = next((i for i, text in enumerate(texts[:4]) if text.startswith("VASEmethod[")), 9)
+    unit_line = next(
+        (i for i in range(head + 1, head + 4) if unit_of("".join(texts[i : i + 1]))), 0
+    )
+    if not unit_line:
         return None
     out = ["# " + text if text else "" for text in texts[:unit_line]]
     out.append("")
