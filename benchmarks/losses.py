@@ -31,6 +31,7 @@ SUMS = {
     "`jnp.sum(lax.reduce_precision(x, nexp, nmant))`": lambda x: jnp.sum(fenced(x)),
 }
 
+
 def squares(cosine, data, eta, k):
     """Elementwise squared residuals, by `powers`: nothing in it stops the compiler by itself."""
     both = powers(cosine, eta, k)
