@@ -5,6 +5,7 @@ elementwise work on three arrays into one vectorised loop, and breaks the loop a
 axis of length 3.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax
@@ -24,17 +25,22 @@ class Vector(NamedTuple):
     z: Array
 
 
-def as_float(x: ArrayLike, name: str = "a parameter") -> Array:
+def as_float(x: ArrayLike, name: str) -> Array:
     """x as an array of floats; a Python number stays weakly typed and so leaves float32 alone."""
     x = jnp.asarray(real(x, name))
     return x if jnp.issubdtype(x.dtype, jnp.floating) else x.astype(jnp.result_type(float))
+
+
+def float_named(name: str):
+    """`as_float` as the converter of the field of that name."""
+    return functools.partial(as_float, name=name)
 
 
 def extinction(k: ArrayLike) -> Array:
     """`as_float` of an extinction coefficient; ValueError for a known k < 0."""
     k = real(k, "k")
     check_extinction(k)
-    return as_float(k)
+    return as_float(k, "k")
 
 
 def components(v: ArrayLike, name: str) -> Vector:
