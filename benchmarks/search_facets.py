@@ -78,9 +78,7 @@ def _sampled(*v):
     cap = [radius * gmpy2.cos(turn), radius * gmpy2.sin(turn), height]
     half = [p + q for p, q in zip(cap, (x, y, z), strict=True)]
     stretched_half = [a * half[0], b * half[1], half[2]]
-    # A sum of two unit vectors, each rounded, which cancel where u2 is near 1.
-    scale = max(_ONE, max(a, b) / gmpy2.sqrt(_dot(stretched_half, stretched_half)))
-    return [(p, scale) for p in _unit(stretched_half)]
+    return [(p, _ONE) for p in _unit(stretched_half)]
 
 
 def _dielectric(*v):
