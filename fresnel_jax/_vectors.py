@@ -37,7 +37,7 @@ def float_named(name: str):
 
 
 def extinction(k: ArrayLike) -> Array:
-    """`as_float` of an extinction coefficient; ValueError for a known k < 0."""
+    """`as_float` of an extinction coefficient; ValueError for a readable k < 0."""
     k = real(k, "k")
     check_extinction(k)
     return as_float(k, "k")
