@@ -93,6 +93,8 @@ def _dielectric(*v):
         return None
     n, here = (_ONE, eta) if o[2] < 0 else (eta, _ONE)
     cos2 = 1 - (here / n) ** 2 * (1 - c_o * c_o)
+    if cos2 <= 0 and o[2] * i[2] < 0:
+        return None  # rounding left the pair beyond the critical angle of its facet
     R = _ONE
     if cos2 > 0:
         fresnel = unpolarized(abs(c_o), n, _ZERO, here)
@@ -141,7 +143,7 @@ FACETS = {
     "half_vector_jacobian": Function(
         lambda r, s, e: (*two_directions(r, s, e), _eta(r, s)), (*TWO_DIRECTIONS, _ETA),
         lambda *v: (half_vector_jacobian(jnp.stack(v[:3]), jnp.stack(v[3:6]), v[6]),), _jacobian,
-        24.0, None, directions, conditioned=True,
+        24.0, 50.0, directions, (0, 1, 2, 3, 4, 5), conditioned=True,
     ),
     "TrowbridgeReitz.D_visible": Function(
         lambda r, s, e: (*two_directions(r, s, e), *_roughness(r, s)),
@@ -160,7 +162,8 @@ FACETS = {
     ),
     "Dielectric.evaluate, density": Function(
         lambda r, s, e: (*two_directions(r, s, e), *_roughness(r, s), _eta(r, s)),
-        (*TWO_DIRECTIONS, *_ALPHAS, _ETA), _our_dielectric, _dielectric, 24.0, None,
-        directions, conditioned=True,
+        (*TWO_DIRECTIONS, *_ALPHAS, _ETA), _our_dielectric, _dielectric, 24.0, 100.0,
+        # By roughness and index: |H| is taken from Snell's law, for unit vectors alone.
+        directions, (0, 1, 2, 3, 4, 5), conditioned=True,
     ),
 }  # fmt: skip
