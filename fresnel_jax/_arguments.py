@@ -7,6 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array
 
 # No rounding of a dot product of unit vectors, in float32 or coarser, comes this far above 1.
@@ -95,7 +96,7 @@ def readable(value) -> bool:
     """True if no tracer and no other device stands between us and the numbers."""
     if not isinstance(value, jax.Array):
         return _known(value)
-    if isinstance(value, jax.core.Tracer) or not value.is_fully_addressable:
+    if isinstance(value, Tracer) or not value.is_fully_addressable:
         return False
     return all(device.platform == "cpu" for device in value.devices())
 

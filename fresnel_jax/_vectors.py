@@ -6,7 +6,8 @@ axis of length 3.
 """
 
 import functools
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -25,7 +26,7 @@ class Vector(NamedTuple):
     z: Array
 
 
-def as_float(x: ArrayLike, name: str) -> Array:
+def as_float(x: ArrayLike | Sequence[Any], name: str) -> Array:
     """x as an array of floats; a Python number stays weakly typed and so leaves float32 alone."""
     x = jnp.asarray(real(x, name))
     return x if jnp.issubdtype(x.dtype, jnp.floating) else x.astype(jnp.result_type(float))
