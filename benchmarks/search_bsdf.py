@@ -51,13 +51,10 @@ def _mirror_facets(*v):
     h = [x / length * (1 if o[2] > 0 else -1) for x in h]
     facets, visible = D(*h, a, b)[0][0], G(*v)[0][0]
     G1 = 2 * abs(o[2]) / (abs(o[2]) + stretched(o, a, b))
-    value = facets * visible / (4 * abs(o[2] * i[2]))
-    density = G1 * facets / (4 * abs(o[2]))
-    # D falls by its fourth power of 1 / alpha where rounding turns the half vector
-    steep = (
-        1 + 4 * sum(abs(x) * abs(y) for x, y in zip(h[:2], (1 / a, 1 / b), strict=True)) / length
-    )
-    return [(value, value * steep), (density, density * steep)]
+    return [
+        (facets * visible / (4 * abs(o[2] * i[2])), None),
+        (G1 * facets / (4 * abs(o[2])), None),
+    ]
 
 
 def _rough(*columns):
@@ -198,6 +195,6 @@ BSDFS = SMOOTH | {
         _facets, _FACETS, lambda *v: (_vectors(v)[2].G(*_vectors(v)[:2]),), G, 12.0, 24.0, _rough,
     ),
     "Reflector.evaluate, density": Function(
-        _facets, _FACETS, _our_mirror, _mirror_facets, 24.0, None, _rough,
+        _facets, _FACETS, _our_mirror, _mirror_facets, 24.0, 100.0, _rough, conditioned=True,
     ),
 }  # fmt: skip

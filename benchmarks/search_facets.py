@@ -78,9 +78,7 @@ def _sampled(*v):
     cap = [radius * gmpy2.cos(turn), radius * gmpy2.sin(turn), height]
     half = [p + q for p, q in zip(cap, (x, y, z), strict=True)]
     stretched_half = [a * half[0], b * half[1], half[2]]
-    # A sum of two unit vectors, each rounded, which cancel where u2 is near 1.
-    scale = max(_ONE, max(a, b) / gmpy2.sqrt(_dot(stretched_half, stretched_half)))
-    return [(p, scale) for p in _unit(stretched_half)]
+    return [(p, _ONE) for p in _unit(stretched_half)]
 
 
 def _dielectric(*v):
@@ -95,6 +93,8 @@ def _dielectric(*v):
         return None
     n, here = (_ONE, eta) if o[2] < 0 else (eta, _ONE)
     cos2 = 1 - (here / n) ** 2 * (1 - c_o * c_o)
+    if cos2 <= 0 and o[2] * i[2] < 0:
+        return None  # rounding left the pair beyond the critical angle of its facet
     R = _ONE
     if cos2 > 0:
         fresnel = unpolarized(abs(c_o), n, _ZERO, here)
@@ -143,7 +143,7 @@ FACETS = {
     "half_vector_jacobian": Function(
         lambda r, s, e: (*two_directions(r, s, e), _eta(r, s)), (*TWO_DIRECTIONS, _ETA),
         lambda *v: (half_vector_jacobian(jnp.stack(v[:3]), jnp.stack(v[3:6]), v[6]),), _jacobian,
-        24.0, None, directions, conditioned=True,
+        24.0, 50.0, directions, (0, 1, 2, 3, 4, 5), conditioned=True,
     ),
     "TrowbridgeReitz.D_visible": Function(
         lambda r, s, e: (*two_directions(r, s, e), *_roughness(r, s)),
@@ -162,7 +162,8 @@ FACETS = {
     ),
     "Dielectric.evaluate, density": Function(
         lambda r, s, e: (*two_directions(r, s, e), *_roughness(r, s), _eta(r, s)),
-        (*TWO_DIRECTIONS, *_ALPHAS, _ETA), _our_dielectric, _dielectric, 24.0, None,
-        directions, conditioned=True,
+        (*TWO_DIRECTIONS, *_ALPHAS, _ETA), _our_dielectric, _dielectric, 24.0, 100.0,
+        # By roughness and index: |H| is taken from Snell's law, for unit vectors alone.
+        directions, (0, 1, 2, 3, 4, 5), conditioned=True,
     ),
 }  # fmt: skip

@@ -124,6 +124,6 @@ MODELS = {
     "TaucLorentz": plain_entry(
         (WAVELENGTH, (1.0, 200.0), (0.5, 12.0), (1e-3, 20.0), (0.1, 10.0), (1.0, 5.0)),
         lambda w, a, e, c, g, x: _permittivity(TaucLorentz(a, e, c, g, x)(w)),
-        _tauc_lorentz, 500.0, None,
+        _tauc_lorentz, 500.0, 500.0, conditioned=True,
     ),
 }  # fmt: skip

@@ -106,9 +106,8 @@ POLARIZATION = {
         lambda *a: (polarization.penetration_depth(*a),), _depth, 12.0, 50.0,
     ),
     "phases": Function(
-        # The gradient's bound grows as (eta_i / |N|)^2, as that of `amplitudes`.
-        boundary, (BOUNDARY[0], (0.1, 1e2), *BOUNDARY[2:]),
-        lambda *a: tuple(polarization.phases(*a)), _phases, 12.0, 50.0,
+        boundary, BOUNDARY, lambda *a: tuple(polarization.phases(*a)), _phases, 12.0, 50.0,
+        conditioned=True,
     ),
     "mueller_refraction": Function(
         lambda *a: (lambda c, n, k, m: (c, n, m))(*boundary(*a)), (BOUNDARY[0], *BOUNDARY[1::2]),

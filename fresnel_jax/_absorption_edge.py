@@ -11,10 +11,10 @@ from ._spectral import (
     Index,
     check_lengths,
     index_of_permittivity,
-    parameters,
+    parameters_named,
     photon_energy_ev,
 )
-from ._vectors import as_float
+from ._vectors import float_named
 
 
 class CauchyUrbach(DispersionModel):
@@ -36,10 +36,10 @@ class CauchyUrbach(DispersionModel):
     doi:10.1103/PhysRev.92.1324.
     """
 
-    coefficients: Array = eqx.field(converter=parameters)
-    k_edge: Array = eqx.field(converter=as_float)
-    urbach_ev: Array = eqx.field(converter=as_float)
-    edge_ev: Array = eqx.field(converter=as_float)
+    coefficients: Array = eqx.field(converter=parameters_named("coefficients"))
+    k_edge: Array = eqx.field(converter=float_named("k_edge"))
+    urbach_ev: Array = eqx.field(converter=float_named("urbach_ev"))
+    edge_ev: Array = eqx.field(converter=float_named("edge_ev"))
 
     def index(self, wavelength_um: Array) -> Index:
         dtype = wavelength_um.dtype
@@ -114,11 +114,11 @@ class TaucLorentz(DispersionModel):
     erratum 69, 2137, doi:10.1063/1.118155, whose closed form is another one of the same integral.
     """
 
-    amplitudes_ev: Array = eqx.field(converter=parameters)
-    resonances_ev: Array = eqx.field(converter=parameters)
-    widths_ev: Array = eqx.field(converter=parameters)
-    gap_ev: Array = eqx.field(converter=as_float)
-    eps_inf: Array = eqx.field(converter=as_float, default=1.0)
+    amplitudes_ev: Array = eqx.field(converter=parameters_named("amplitudes_ev"))
+    resonances_ev: Array = eqx.field(converter=parameters_named("resonances_ev"))
+    widths_ev: Array = eqx.field(converter=parameters_named("widths_ev"))
+    gap_ev: Array = eqx.field(converter=float_named("gap_ev"))
+    eps_inf: Array = eqx.field(converter=float_named("eps_inf"), default=1.0)
 
     def __check_init__(self):
         check_lengths(

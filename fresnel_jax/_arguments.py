@@ -7,11 +7,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array
 
 # No rounding of a dot product of unit vectors, in float32 or coarser, comes this far above 1.
 _LARGEST_COSINE = 1.001
-# Of a NumPy array so many values are looked at, evenly spaced: 5 us, whatever its size.
+# Of an array so many values are looked at, evenly spaced: 5 us, whatever its size.
 _LOOKED_AT = 1024
 _HALF = ("float16", "bfloat16")
 
@@ -21,7 +22,7 @@ def structure(cos_theta_i, eta, k, eta_i):
 
     None is structure, not a value: the program for lossless media or for light from vacuum leaves
     out what they do not need. A complex eta is taken apart here. Values are refused only where they
-    are known without waiting for a device: Python numbers and NumPy arrays.
+    can be read in 6 us: Python numbers, NumPy arrays, and JAX arrays in the memory of the CPU.
     """
     cos_theta_i, eta, k, eta_i = (
         real_or_complex(x, name)
@@ -44,7 +45,7 @@ def structure(cos_theta_i, eta, k, eta_i):
         raise ValueError(
             "eta_i is complex, a real number is wanted; only eta may be complex. Between two "
             "absorbing media R and T are no separate powers; fresnel_complex(cos, eta / eta_i) is "
-            "the R of the relative index"
+            "the R of the relative index, and layers.stack takes a first medium that absorbs"
         )
     for name, value in (("cos_theta_i", cos_theta_i), ("k", k)):
         if jnp.iscomplexobj(value):
@@ -91,16 +92,25 @@ def _known(value) -> bool:
     return isinstance(value, int | float | complex | np.ndarray | np.generic)
 
 
+def readable(value) -> bool:
+    """True if no tracer and no other device stands between us and the numbers."""
+    if not isinstance(value, jax.Array):
+        return _known(value)
+    if isinstance(value, Tracer) or not value.is_fully_addressable:
+        return False
+    return all(device.platform == "cpu" for device in value.devices())
+
+
 def _some_values(value) -> np.ndarray:
     flat = np.asarray(value).reshape(-1)
     return flat[:: max(1, flat.size // _LOOKED_AT)]
 
 
 def check_cosine(cosine, name: str = "cos_theta_i"):
-    """ValueError for a known cosine beyond what rounding makes of 1."""
+    """ValueError for a readable cosine beyond what rounding makes of 1."""
     if type(cosine) in (float, int):
         largest = abs(cosine)
-    elif _known(cosine) and np.size(cosine):
+    elif readable(cosine) and np.size(cosine):
         some = _some_values(cosine)
         largest = max(float(some.max()), -float(some.min()))  # NaN is let through
     else:
@@ -113,10 +123,10 @@ def check_cosine(cosine, name: str = "cos_theta_i"):
 
 
 def check_extinction(k, name: str = "k"):
-    """ValueError for a known k < 0."""
+    """ValueError for a readable k < 0."""
     if type(k) in (float, int):
         smallest = k
-    elif _known(k) and np.size(k):
+    elif readable(k) and np.size(k):
         smallest = float(_some_values(k).min())
     else:
         return
@@ -128,7 +138,7 @@ def check_extinction(k, name: str = "k"):
 
 
 def looked_at(function):
-    """A compiled function whose known cosine and k are looked at before it is called."""
+    """A compiled function whose readable cosine and k are looked at before it is called."""
     checks = {"cos_theta_i": check_cosine, "k": check_extinction}
     places = [(i, name) for i, name in enumerate(inspect.signature(function).parameters)]
     places = [(i, name, checks[name]) for i, name in places if name in checks]

@@ -11,9 +11,9 @@ from ._spectral import (
     Index,
     as_powers,
     check_lengths,
-    parameters,
+    parameters_named,
 )
-from ._vectors import as_float, extinction
+from ._vectors import extinction, float_named
 
 
 class Constant(DispersionModel):
@@ -22,7 +22,7 @@ class Constant(DispersionModel):
     Arguments: `eta` > 0 and `k` >= 0, numbers.
     """
 
-    eta: Array = eqx.field(converter=as_float)
+    eta: Array = eqx.field(converter=float_named("eta"))
     k: Array = eqx.field(converter=extinction, default=0.0)
 
     def index(self, wavelength_um: Array) -> Index:
@@ -41,7 +41,7 @@ class Cauchy(DispersionModel):
     Source: Born and Wolf, Principles of Optics, 7th ed., sec. 2.3.4.
     """
 
-    coefficients: Array = eqx.field(converter=parameters)
+    coefficients: Array = eqx.field(converter=parameters_named("coefficients"))
     powers: tuple[float, ...] = eqx.field(static=True, converter=as_powers, default=())
 
     def __check_init__(self):
@@ -78,10 +78,10 @@ class Sellmeier(DispersionModel):
     doi:10.1002/andp.18712190612.
     """
 
-    strengths: Array = eqx.field(converter=parameters)
-    poles_um2: Array = eqx.field(converter=parameters)
-    constant: Array = eqx.field(converter=as_float, default=1.0)
-    coefficients: Array = eqx.field(converter=parameters, default=())
+    strengths: Array = eqx.field(converter=parameters_named("strengths"))
+    poles_um2: Array = eqx.field(converter=parameters_named("poles_um2"))
+    constant: Array = eqx.field(converter=float_named("constant"), default=1.0)
+    coefficients: Array = eqx.field(converter=parameters_named("coefficients"), default=())
     powers: tuple[float, ...] = eqx.field(static=True, converter=as_powers, default=())
 
     def __check_init__(self):

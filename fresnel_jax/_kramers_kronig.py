@@ -22,10 +22,10 @@ from ._spectral import (
     as_powers,
     check_lengths,
     index_of_permittivity,
-    parameters,
+    parameters_named,
     photon_energy_ev,
 )
-from ._vectors import as_float
+from ._vectors import float_named
 
 DEGREE = 3
 # Beyond |z| = 2 the rule of 16 nodes has an error of 3.7^-32; below, Q_3 loses a factor of 10.
@@ -148,11 +148,13 @@ class KramersKronigSpline(DispersionModel):
         ValueError: knots do not ascend, or the numbers of knots and amplitudes do not agree.
     """
 
-    amplitudes: Array = eqx.field(converter=parameters)
+    amplitudes: Array = eqx.field(converter=parameters_named("amplitudes"))
     knots_ev: tuple[float, ...] = eqx.field(static=True, converter=as_powers)
-    eps_inf: Array = eqx.field(converter=as_float, default=1.0)
-    pole_strengths_ev2: Array = eqx.field(converter=parameters, default=())
-    poles_ev: Array = eqx.field(converter=parameters, default=())
+    eps_inf: Array = eqx.field(converter=float_named("eps_inf"), default=1.0)
+    pole_strengths_ev2: Array = eqx.field(
+        converter=parameters_named("pole_strengths_ev2"), default=()
+    )
+    poles_ev: Array = eqx.field(converter=parameters_named("poles_ev"), default=())
 
     def __check_init__(self):
         knots = np.array(self.knots_ev)

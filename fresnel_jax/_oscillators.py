@@ -12,10 +12,10 @@ from ._spectral import (
     Index,
     check_lengths,
     index_of_permittivity,
-    parameters,
+    parameters_named,
     photon_energy_ev,
 )
-from ._vectors import as_float
+from ._vectors import float_named
 
 
 def _lorentz(energy: Array, strengths: Array, resonances: Array, widths: Array):
@@ -51,10 +51,10 @@ class DrudeLorentz(DispersionModel):
     and Scattering of Light by Small Particles, secs. 9.1 and 9.4.
     """
 
-    strengths_ev2: Array = eqx.field(converter=parameters)
-    resonances_ev: Array = eqx.field(converter=parameters)
-    widths_ev: Array = eqx.field(converter=parameters)
-    eps_inf: Array = eqx.field(converter=as_float, default=1.0)
+    strengths_ev2: Array = eqx.field(converter=parameters_named("strengths_ev2"))
+    resonances_ev: Array = eqx.field(converter=parameters_named("resonances_ev"))
+    widths_ev: Array = eqx.field(converter=parameters_named("widths_ev"))
+    eps_inf: Array = eqx.field(converter=float_named("eps_inf"), default=1.0)
 
     def __check_init__(self):
         check_lengths(
@@ -86,13 +86,13 @@ class BrendelBormann(DispersionModel):
     Rakic et al., Appl. Opt. 37, 5271 (1998), doi:10.1364/AO.37.005271.
     """
 
-    drude_strength_ev2: Array = eqx.field(converter=as_float)
-    drude_width_ev: Array = eqx.field(converter=as_float)
-    strengths_ev2: Array = eqx.field(converter=parameters)
-    resonances_ev: Array = eqx.field(converter=parameters)
-    widths_ev: Array = eqx.field(converter=parameters)
-    deviations_ev: Array = eqx.field(converter=parameters)
-    eps_inf: Array = eqx.field(converter=as_float, default=1.0)
+    drude_strength_ev2: Array = eqx.field(converter=float_named("drude_strength_ev2"))
+    drude_width_ev: Array = eqx.field(converter=float_named("drude_width_ev"))
+    strengths_ev2: Array = eqx.field(converter=parameters_named("strengths_ev2"))
+    resonances_ev: Array = eqx.field(converter=parameters_named("resonances_ev"))
+    widths_ev: Array = eqx.field(converter=parameters_named("widths_ev"))
+    deviations_ev: Array = eqx.field(converter=parameters_named("deviations_ev"))
+    eps_inf: Array = eqx.field(converter=float_named("eps_inf"), default=1.0)
 
     def __check_init__(self):
         check_lengths(
@@ -106,7 +106,10 @@ class BrendelBormann(DispersionModel):
         energy = photon_energy_ev(wavelength_um)
         zero = jnp.zeros(1, energy.dtype)
         re, im = _lorentz(
-            energy, parameters(self.drude_strength_ev2), zero, parameters(self.drude_width_ev)
+            energy,
+            jnp.atleast_1d(self.drude_strength_ev2),
+            zero,
+            jnp.atleast_1d(self.drude_width_ev),
         )
         chi_re, chi_im = self._scattered(energy)
         return index_of_permittivity(self.eps_inf.astype(re.dtype) + re + chi_re, im + chi_im)

@@ -1,6 +1,7 @@
 """What every dispersion model shares: its call, its range of wavelengths, its numbers' type."""
 
 import abc
+import functools
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -103,9 +104,14 @@ def photon_energy_ev(wavelength_um: Array) -> Array:
     return HC_EV_UM / wavelength_um
 
 
-def parameters(x: ArrayLike | Sequence[float]) -> Array:
-    """x as a one-dimensional array of floats: a converter for fields."""
-    return jnp.atleast_1d(as_float(jnp.asarray(x)))
+def parameters(x: ArrayLike | Sequence[float], name: str) -> Array:
+    """x as a one-dimensional array of floats."""
+    return jnp.atleast_1d(as_float(x, name))
+
+
+def parameters_named(name: str):
+    """`parameters` as the converter of the field of that name."""
+    return functools.partial(parameters, name=name)
 
 
 def as_powers(x: Iterable[float]) -> tuple[float, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ._arguments import check_cosine, check_extinction, real, real_or_complex
+from ._arguments import check_cosine, check_extinction, readable, real, real_or_complex
 from ._arithmetic import times
 from ._boundary import unsigned
 from ._double_word import ratio
@@ -76,8 +76,8 @@ def _media(values: Any, name: str, least: int) -> Array:
     """An array with the media or layers on its leading axis, from an array or a sequence."""
     for entry in values if isinstance(values, (list, tuple)) else (values,):
         number = real_or_complex(entry, name)
-        if isinstance(number, complex | np.ndarray | np.generic) and np.iscomplexobj(number):
-            check_extinction(np.imag(number), f"the imaginary part of {name}")
+        if readable(number) and np.iscomplexobj(number):
+            check_extinction(number.imag, f"the imaginary part of {name}")
     if isinstance(values, (list, tuple)):
         try:
             values = jnp.stack(jnp.broadcast_arrays(*values)) if values else jnp.zeros((0,))

@@ -7,7 +7,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
 from ._spectral import DispersionModel, Index, evaluate_within, in_one_type
-from ._vectors import as_float
+from ._vectors import float_named
 
 
 def _slopes(x: Array, y: Array) -> Array:
@@ -85,9 +85,9 @@ class Tabulated(DispersionModel):
         ValueError: shapes, order or signs are not as above, or a value is not finite.
     """
 
-    wavelength_um: Array = eqx.field(converter=as_float)
-    eta: Array = eqx.field(converter=as_float)
-    k: Array = eqx.field(converter=as_float, default=0.0)
+    wavelength_um: Array = eqx.field(converter=float_named("wavelength_um"))
+    eta: Array = eqx.field(converter=float_named("eta"))
+    k: Array = eqx.field(converter=float_named("k"), default=0.0)
 
     def __check_init__(self):
         shape = self.wavelength_um.shape

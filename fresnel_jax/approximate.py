@@ -84,12 +84,18 @@ def _gauss_legendre(order: int) -> tuple[np.ndarray, np.ndarray]:
 
 @functools.cache
 def _chebyshev_transform(degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Cosines in [0, 1] and the matrix from R at them to the Chebyshev coefficients."""
+    """Cosines in [0, 1] and the matrix from R at them to the Chebyshev coefficients.
+
+    Angles are whole parts of a turn, reduced as integers: with cosines of their rounded products
+    the slope at normal incidence was off by 570 eps, with these by 104.
+    """
     size = degree + 1
-    angles = np.pi * (np.arange(size) + 0.5) / size
-    matrix = 2.0 / size * np.cos(np.outer(np.arange(size), angles))
+    node = np.arange(size)
+    parts = np.outer(node, 2 * node + 1) % (4 * size)
+    parts = np.minimum(parts, 4 * size - parts)
+    matrix = 2.0 / size * np.sin(np.pi * (size - parts) / (2 * size))
     matrix[0] *= 0.5
-    return 0.5 * (np.cos(angles) + 1.0), matrix
+    return np.sin(np.pi * (2 * (size - node) - 1) / (4 * size)) ** 2, matrix
 
 
 def _exact_at(cosines: np.ndarray, eta, k, eta_i):

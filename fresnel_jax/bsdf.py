@@ -100,7 +100,9 @@ def specular_transmission(scale: ArrayLike, eta_a: ArrayLike, eta_b: ArrayLike) 
     index on the other side. The transport mode is an argument of `sample`.
     Source: PBRT 3rd ed. sec. 8.2.3.
     """
-    return Dielectric(as_float(eta_b) / as_float(eta_a), None, 1.0, scale, Lobes.TRANSMISSION)
+    return Dielectric(
+        as_float(eta_b, "eta_b") / as_float(eta_a, "eta_a"), None, 1.0, scale, Lobes.TRANSMISSION
+    )
 
 
 def fresnel_specular(
@@ -112,7 +114,12 @@ def fresnel_specular(
     side of the normal; `eta_b` > 0, index on the other side. Reflection is chosen with probability
     F. Source: PBRT 3rd ed. sec. 8.2.4 and 14.1.3.
     """
-    return Dielectric(as_float(eta_b) / as_float(eta_a), None, scale_reflection, scale_transmission)
+    return Dielectric(
+        as_float(eta_b, "eta_b") / as_float(eta_a, "eta_a"),
+        None,
+        scale_reflection,
+        scale_transmission,
+    )
 
 
 def adjoint(model: BSDF, wo: ArrayLike, wi: ArrayLike) -> Array:

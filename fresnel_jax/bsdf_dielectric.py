@@ -20,7 +20,7 @@ from ._scattering import (
     upward,
 )
 from ._shares import Shares, shares
-from ._vectors import Vector, as_float, dot, once, select
+from ._vectors import Vector, dot, float_named, once, select
 from .directions import reflect_components, refract_components, sides
 from .microfacet import TrowbridgeReitz, two_numbers
 
@@ -64,10 +64,10 @@ class Dielectric(eqx.Module):
     doi:10.2312/EGWR/EGSR07/195-206.
     """
 
-    eta: Array = eqx.field(converter=as_float)
+    eta: Array = eqx.field(converter=float_named("eta"))
     distribution: TrowbridgeReitz | None = None
-    reflection_scale: Array = eqx.field(converter=as_float, default=1.0)
-    transmission_scale: Array = eqx.field(converter=as_float, default=1.0)
+    reflection_scale: Array = eqx.field(converter=float_named("reflection_scale"), default=1.0)
+    transmission_scale: Array = eqx.field(converter=float_named("transmission_scale"), default=1.0)
     lobes: Lobes = eqx.field(static=True, default=Lobes.ALL)
 
     def _is_delta(self) -> Array:

@@ -16,7 +16,7 @@ from ._scattering import (
     nothing,
     upward,
 )
-from ._vectors import Vector, as_float, dot, once, select
+from ._vectors import Vector, dot, float_named, once, select
 from .directions import reflect_components
 from .fresnel_terms import FresnelTerm
 from .microfacet import TrowbridgeReitz, two_numbers
@@ -36,7 +36,7 @@ class Reflector(eqx.Module):
 
     fresnel: FresnelTerm
     distribution: TrowbridgeReitz | None = None
-    scale: Array = eqx.field(converter=as_float, default=1.0)
+    scale: Array = eqx.field(converter=float_named("scale"), default=1.0)
 
     def _is_delta(self) -> Array:
         if self.distribution is None:

@@ -14,7 +14,7 @@ from ._scattering import (
     local_direction,
     nothing,
 )
-from ._vectors import Vector, as_float
+from ._vectors import Vector, float_named
 from .interface import powers
 
 
@@ -32,7 +32,7 @@ class ThinDielectric(eqx.Module):
     Source: Stokes 1860, doi:10.1098/rspl.1860.0119; PBRT 4th ed. eq. 9.10.
     """
 
-    eta: Array = eqx.field(converter=as_float)
+    eta: Array = eqx.field(converter=float_named("eta"))
 
     def flags(self) -> ScatteringFlags:
         """Specular; transmission alone at eta = 1."""

@@ -145,7 +145,7 @@ def refract(wi: ArrayLike, n: ArrayLike, eta: ArrayLike) -> Refraction:
     (0 is returned), finite everywhere else. NaN in is NaN out.
     ValueError for a last axis that is not 3. Source: PBRT 4th ed. eq. 9.4, 9.5.
     """
-    w, normal, eta = components(wi, "wi"), components(n, "n"), as_float(eta)
+    w, normal, eta = components(wi, "wi"), components(n, "n"), as_float(eta, "eta")
     cosine = dot_exactly(w, normal)
     eta_i, eta_t = sides(cosine < 0.0, eta)
     refracted = refract_components(w, normal, cosine, eta_i, eta_t)
@@ -225,7 +225,7 @@ def critical_angle_deg(eta: ArrayLike) -> Array:
     eta = 1, where the derivative is infinite (0 is returned).
     Source: PBRT 4th ed. sec. 9.3.4.
     """
-    eta = as_float(eta)
+    eta = as_float(eta, "eta")
     small, large = jnp.minimum(eta, 1.0), jnp.maximum(eta, 1.0)
     return jnp.rad2deg(jnp.arctan2(small, _root((large - small) * (large + small))))
 
@@ -236,7 +236,7 @@ def brewster_angle_deg(eta: ArrayLike) -> Array:
     Argument: `eta` > 0, index of the medium entered over that of the medium left. Returns degrees,
     to 4 eps. Smooth. Source: Born and Wolf, Principles of Optics, sec. 1.5.3.
     """
-    return jnp.rad2deg(jnp.arctan(as_float(eta)))
+    return jnp.rad2deg(jnp.arctan(as_float(eta, "eta")))
 
 
 def snells_window(eta: ArrayLike) -> Array:
@@ -248,7 +248,7 @@ def snells_window(eta: ArrayLike) -> Array:
     1 at eta = 1, where the derivative is infinite (0 is returned).
     Source: PBRT 4th ed. fig. 9.18.
     """
-    eta = as_float(eta)
+    eta = as_float(eta, "eta")
     small, large = jnp.minimum(eta, 1.0), jnp.maximum(eta, 1.0)
     root = _root((large - small) * (large + small))
     return (small / large) * (small / (large + root))

@@ -120,7 +120,7 @@ def drude(plasma_ev: ArrayLike, width_ev: ArrayLike, eps_inf: ArrayLike = 1.0) -
     Args: plasma energy and width (hbar over the relaxation time) in eV, eps_inf without unit.
     Source: Born and Wolf, 7th ed., sec. 14.3.
     """
-    return DrudeLorentz(parameters(plasma_ev) ** 2, 0.0, width_ev, eps_inf)
+    return DrudeLorentz(parameters(plasma_ev, "plasma_ev") ** 2, 0.0, width_ev, eps_inf)
 
 
 def lorentz_drude(
@@ -136,7 +136,7 @@ def lorentz_drude(
     E_j = resonances_ev_j, 0 for the Drude term.
     Source: A. D. Rakic et al., Appl. Opt. 37, 5271 (1998), doi:10.1364/AO.37.005271, eqs. 1 to 5.
     """
-    strengths_ev2 = parameters(strengths) * parameters(plasma_ev) ** 2
+    strengths_ev2 = parameters(strengths, "strengths") * parameters(plasma_ev, "plasma_ev") ** 2
     return DrudeLorentz(strengths_ev2, resonances_ev, widths_ev, eps_inf)
 
 

@@ -37,7 +37,6 @@ Soc. A 203, 385 (1904), doi:10.1098/rsta.1904.0024; a comparison: D. E. Aspnes, 
 """
 
 from collections.abc import Iterator
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -55,7 +54,7 @@ _STEPS = 40
 
 def _constituents(eta, k, fraction) -> tuple[Array, Array, Array]:
     """eta, k and fractions of all constituents, (M, ...) each, of one type; checked shapes."""
-    eta, k, fraction = (as_float(x) for x in _arrays(eta, k, fraction))
+    eta, k, fraction = _arrays(eta=eta, k=k, fraction=fraction)
     count = eta.shape[0] if eta.ndim else 0
     if count < 2 or k.ndim == 0 or k.shape[0] != count:
         raise ValueError(
@@ -89,14 +88,14 @@ def _constituents(eta, k, fraction) -> tuple[Array, Array, Array]:
     return eta, k, jnp.concatenate([(rest + error)[None], fraction])
 
 
-def _arrays(*values) -> Iterator[Any]:
-    """Lists of constituents with shapes of their own (a number beside a spectrum) as arrays."""
-    return (
-        jnp.stack(jnp.broadcast_arrays(*map(as_float, x)))
-        if isinstance(x, list | tuple) and len(x)
-        else x
-        for x in values
-    )
+def _arrays(**values) -> Iterator[Array]:
+    """Arrays of floats; lists of constituents may have shapes of their own (a number beside a
+    spectrum)."""
+    for name, x in values.items():
+        if isinstance(x, list | tuple) and len(x):
+            yield jnp.stack(jnp.broadcast_arrays(*(as_float(part, name) for part in x)))
+        else:
+            yield as_float(x, name)
 
 
 def _mixed(permittivity: Array, fraction: Array, around: Array) -> tuple[Array, Array]:

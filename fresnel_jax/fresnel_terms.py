@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._vectors import as_float, extinction
+from ._vectors import extinction, float_named
 from .interface import reflectance
 from .layers import stack
 
@@ -36,8 +36,8 @@ class FresnelDielectric(eqx.Module):
     Source: PBRT 3rd ed. `FresnelDielectric`, 4th ed. sec. 9.3.5.
     """
 
-    eta: Array = eqx.field(converter=as_float)
-    eta_outside: Array = eqx.field(converter=as_float, default=1.0)
+    eta: Array = eqx.field(converter=float_named("eta"))
+    eta_outside: Array = eqx.field(converter=float_named("eta_outside"), default=1.0)
 
     def __call__(self, cos_theta: ArrayLike) -> Array:
         """R at `cos_theta` in [-1, 1] (negative: light comes from inside), shape (...)."""
@@ -56,9 +56,9 @@ class FresnelConductor(eqx.Module):
     Source: PBRT 3rd ed. `FresnelConductor`, 4th ed. sec. 9.3.6.
     """
 
-    eta: Array = eqx.field(converter=as_float)
+    eta: Array = eqx.field(converter=float_named("eta"))
     k: Array = eqx.field(converter=extinction)
-    eta_outside: Array = eqx.field(converter=as_float, default=1.0)
+    eta_outside: Array = eqx.field(converter=float_named("eta_outside"), default=1.0)
 
     def __call__(self, cos_theta: ArrayLike) -> Array:
         """R at the absolute value of `cos_theta`, shape (...)."""
@@ -76,8 +76,8 @@ class FresnelStack(eqx.Module):
     """
 
     index: Array = eqx.field(converter=_stacked)
-    thickness_um: Array = eqx.field(converter=as_float)
-    wavelength_um: Array = eqx.field(converter=as_float)
+    thickness_um: Array = eqx.field(converter=float_named("thickness_um"))
+    wavelength_um: Array = eqx.field(converter=float_named("wavelength_um"))
 
     def __call__(self, cos_theta: ArrayLike) -> Array:
         """R at the absolute value of `cos_theta`, shape (...)."""

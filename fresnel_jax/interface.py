@@ -6,9 +6,10 @@ NumPy does, keeps their dtype (float32 or float64; integers become the default f
 under `jit`, `vmap` and `grad`. Lists are taken; float16 and bfloat16 are refused.
 
 NaN in is NaN out. A cosine above 1, as the rounded dot product of two unit vectors gives it, counts
-as 1, in value and derivative. Python numbers and NumPy arrays are looked at (of a large array 1,024
-values): a cosine above 1.001, which is an angle in degrees, and a k < 0 are refused. What is on a
-device or traced is not: there |cos| > 1 counts as 1, and k < 0 means nothing.
+as 1, in value and derivative. Python numbers, NumPy arrays and JAX arrays in the memory of the CPU
+are looked at (of a large array 1,024 values): a cosine above 1.001, which is an angle in degrees,
+and a k < 0 are refused. What is on another device or traced is not: there |cos| > 1 counts as 1,
+and k < 0 means nothing.
 
 Both media absorbing: a complex `eta_i` is refused, because incident and reflected wave interfere
 there, so that R and T are no separate powers (R + T is not 1), and because the root for cos_t has

@@ -46,8 +46,8 @@ class TrowbridgeReitz(eqx.Module):
     alpha_y: Array
 
     def __init__(self, alpha_x: ArrayLike, alpha_y: ArrayLike | None = None):
-        self.alpha_x = as_float(alpha_x)
-        self.alpha_y = self.alpha_x if alpha_y is None else as_float(alpha_y)
+        self.alpha_x = as_float(alpha_x, "alpha_x")
+        self.alpha_y = self.alpha_x if alpha_y is None else as_float(alpha_y, "alpha_y")
 
     def bounded(self) -> Alphas:
         """Both roughnesses, each at least 1e-4."""
@@ -156,7 +156,7 @@ def half_vector(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Float[Array, ".
     eta = 1) there is no such normal, and +z is given back.
     Source: Walter et al. 2007, doi:10.2312/EGWR/EGSR07/195-206, eq. 13 and 16.
     """
-    return stack(half_vector_of(components(wo, "wo"), components(wi, "wi"), as_float(eta)))
+    return stack(half_vector_of(components(wo, "wo"), components(wi, "wi"), as_float(eta, "eta")))
 
 
 def half_vector_jacobian(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Array:
@@ -170,7 +170,7 @@ def half_vector_jacobian(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Array:
     of one sign is connected by no facet, and what is given back for it has no meaning.
     Source: Walter et al. 2007, doi:10.2312/EGWR/EGSR07/195-206, eq. 14 and 17.
     """
-    o, i, eta = components(wo, "wo"), components(wi, "wi"), as_float(eta)
+    o, i, eta = components(wo, "wo"), components(wi, "wi"), as_float(eta, "eta")
     m = half_vector_of(o, i, eta)
     c_o, c_i = jnp.abs(dot(o, m)), jnp.abs(dot(i, m))
     eta_i = jnp.where(i.z < 0.0, eta, 1.0)

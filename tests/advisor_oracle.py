@@ -114,10 +114,12 @@ def polynomial(c, n, k, m, degree):
 
 def from_thin_side(approximation):
     def form(c, n, k, m):
-        if not (np.all(k == 0) and np.all(n < m)):
-            return np.array([approximation(c, n, k, m)] * 2)
-        cos2 = 1 - (m / n) ** 2 * (1 - c * c)
-        R = approximation(np.sqrt(np.maximum(cos2, 0)), m, k, n)
+        # Point by point: a dispersive index may cross that of the first medium within a scene.
+        c, n, k, m = np.broadcast_arrays(c, n, k, m)
+        thinner = (k == 0) & (n < m)
+        cos2 = np.where(thinner, 1 - (m / n) ** 2 * (1 - c * c), 1.0)
+        cosine = np.where(thinner, np.sqrt(np.maximum(cos2, 0)), c)
+        R = approximation(cosine, np.where(thinner, m, n), k, np.where(thinner, n, m))
         return np.array([np.where(cos2 <= 0, 1.0, R)] * 2)
 
     return form

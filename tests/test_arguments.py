@@ -14,9 +14,12 @@ from fresnel_jax import (
     powers,
     reflectance,
 )
-from fresnel_jax.bsdf import Dielectric, ThinDielectric, conductor
-from fresnel_jax.dispersion import Constant, material
+from fresnel_jax.bsdf import Dielectric, ThinDielectric, conductor, fresnel_specular
+from fresnel_jax.directions import critical_angle_deg
+from fresnel_jax.dispersion import Constant, DrudeLorentz, lorentz_drude, material
+from fresnel_jax.effective_medium import bruggeman
 from fresnel_jax.layers import slab, stack
+from fresnel_jax.microfacet import TrowbridgeReitz
 
 DTYPES = pytest.mark.parametrize("dtype", [np.float64, np.float32])
 FUNCTIONS = pytest.mark.parametrize(
@@ -83,7 +86,12 @@ def test_degrees_are_refused(cosine):
     assert float(jax.jit(reflectance)(60.0, 1.5)) == pytest.approx(0.04, rel=1e-14)
 
 
-@pytest.mark.parametrize("k", [-1e-3, np.float32(-1.0), np.array([0.1, -0.1])])
+NEGATIVE = pytest.mark.parametrize(
+    "k", [-1e-3, np.float32(-1.0), np.array([0.1, -0.1]), jnp.array([0.1, -0.1])], ids=repr
+)
+
+
+@NEGATIVE
 def test_negative_k_is_refused(k):
     with pytest.raises(ValueError, match="wanted k >= 0.*eta - ik"):
         powers(0.5, 1.5, k)
@@ -93,7 +101,7 @@ def test_negative_k_is_refused(k):
         polarization.absorption_depth(0.5, k)
 
 
-@pytest.mark.parametrize("k", [-1e-3, np.float32(-1.0), np.array([0.1, -0.1])])
+@NEGATIVE
 def test_negative_k_is_refused_elsewhere(k):
     """A mirror of weight 1, and stacks with T = 1.35, came of it."""
     for call in (
@@ -146,6 +154,21 @@ def test_half_precision_is_refused_by_name(function, dtype):
         function(half, 1.5, 0.1)
     with pytest.raises(ValueError, match=f"eta is {dtype}"):
         function(0.5, half, 0.1)
+
+
+def test_half_precision_of_a_parameter_is_refused_by_its_name():
+    half = jnp.asarray(0.5, "float16")
+    for name, call in {
+        "alpha_x": lambda: TrowbridgeReitz(half),
+        "reflection_scale": lambda: Dielectric(1.5, reflection_scale=half),
+        "eta_a": lambda: fresnel_specular(1.0, 1.0, half, 1.5),
+        "eta": lambda: critical_angle_deg(half),
+        "widths_ev": lambda: DrudeLorentz(1.0, 2.0, half),
+        "strengths": lambda: lorentz_drude(9.0, half, 1.0, 2.0),
+        "fraction": lambda: bruggeman([1.0, 1.5], [0.0, 0.0], half[None]),
+    }.items():
+        with pytest.raises(ValueError, match=f"^{name} is float16"):
+            call()
 
 
 def test_half_precision_elsewhere():
