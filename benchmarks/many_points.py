@@ -2,7 +2,7 @@
 
     python -m benchmarks.many_points --out docs/benchmarks
 
-Writes many_points.md. Each way is a process of its own, asked in turn; see `WAYS`.
+Writes many_points.md and many_points.png. Each way is a process of its own, asked in turn: `WAYS`.
 """
 
 import argparse
@@ -13,6 +13,7 @@ from pathlib import Path
 
 from . import scenes
 from .contestants import OURS, Contestant
+from .many_points_chart import draw
 from .speed import Process, in_rounds
 from .worker import serve
 
@@ -32,7 +33,8 @@ SIZES = (10_000, 100_000, 1_000_000, 10_000_000)
 LARGE = SIZES[2:]
 VALUES = ("reflectance", "powers", "amplitudes")
 ELEMENTWISE, LOSS = "one material, with gradient", "loss with gradient"
-JOBS = (*VALUES, "lossless", "lossless, with gradient", "lossy, with gradient", ELEMENTWISE, LOSS)
+CHARTED = (*VALUES, "lossy, with gradient")
+JOBS = (*CHARTED, "lossless", "lossless, with gradient", ELEMENTWISE, LOSS)
 
 
 def worker(way: str, dtype: str):
@@ -168,7 +170,7 @@ def _by_threads(program):
 def jobs(way: str) -> list[tuple[str, int]]:
     """What a way is timed at; all sizes only for the two that the aims speak of."""
     if way in (PLAIN, KEPT):
-        return [(job, size) for job in JOBS for size in (SIZES if job in VALUES else LARGE)]
+        return [(job, size) for job in JOBS for size in (SIZES if job in CHARTED else LARGE)]
     some = ("powers", "lossy, with gradient", ELEMENTWISE, LOSS)
     last = None if way in ("in blocks", "all cores") else 2
     return [(job, size) for job in some[:last] for size in LARGE]
@@ -233,7 +235,8 @@ def markdown(results: dict, machine: dict) -> str:
         "(`make bench` runs it too). What to do about it is said in [speed](../speed.md).\n\n"
         f"{machine['date']}; {machine['processor']}; {machine['cores']} cores, load "
         f"{machine['load_before']:.1f} before the run; {machine['system']}. Fastest calls of "
-        "interleaved rounds.\n\n## Aims\n\n| precision | way | figure | aim | measured | met |\n"
+        "interleaved rounds.\n\n![](many_points.png)\n\n## Aims\n\n"
+        "| precision | way | figure | aim | measured | met |\n"
         + "| --- " * 6 + "|\n"
     ]  # fmt: skip
     for *cells, measured, met in aims(results):
@@ -264,10 +267,11 @@ def main():
     from .__main__ import machine
 
     about = machine()
-    text = markdown(measure(options.rounds), about)
+    results = measure(options.rounds)
     options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "many_points.md").write_text(text)
-    print(f"wrote {options.out / 'many_points.md'}")
+    (options.out / "many_points.md").write_text(markdown(results, about))
+    draw(results["float64"], CHARTED, options.out / "many_points.png")
+    print(f"wrote many_points.md and many_points.png in {options.out}")
 
 
 if __name__ == "__main__":
