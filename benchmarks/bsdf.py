@@ -4,16 +4,14 @@
 contestant once for every job, and ratios are medians of those within rounds.
 """
 
-import argparse
 import contextlib
 import json
-import os
 import sys
 from pathlib import Path
 
 from .contestants import OURS, PEER, Contestant
 from .speed import Process, in_rounds
-from .worker import serve
+from .worker import options_of, serve
 
 SIZES = (10_000, 100_000, 1_000_000)
 JOBS = ("sample", "evaluate", "density", "evaluate and density")
@@ -223,14 +221,7 @@ def run(out: Path, rounds: int, machine: dict):
 
 
 def main():
-    parser = argparse.ArgumentParser(prog="benchmarks.bsdf", description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("docs/benchmarks"))
-    parser.add_argument("--rounds", type=int, default=4, help="rounds of interleaved timing")
-    parser.add_argument("--worker", nargs=2, help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.worker:
-        os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-        return work(*options.worker)
+    options = options_of("benchmarks.bsdf", __doc__, work)
     from .__main__ import machine
 
     return run(options.out, options.rounds, machine())

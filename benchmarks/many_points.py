@@ -5,17 +5,14 @@
 Writes many_points.md and many_points.png. Each way is a process of its own, asked in turn: `WAYS`.
 """
 
-import argparse
 import math
 import os
-import sys
-from pathlib import Path
 
 from . import scenes
 from .contestants import OURS, Contestant
 from .many_points_chart import draw
 from .speed import Process, in_rounds
-from .worker import serve
+from .worker import options_of, serve
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 PLAIN, KEPT = "as it comes", "memory kept"
@@ -256,14 +253,7 @@ def markdown(results: dict, machine: dict) -> str:
 
 
 def main():
-    parser = argparse.ArgumentParser(prog="benchmarks.many_points", description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("docs/benchmarks"))
-    parser.add_argument("--rounds", type=int, default=4, help="rounds of interleaved timing")
-    parser.add_argument("--worker", nargs=2, help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.worker:
-        os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-        sys.exit(worker(*options.worker))
+    options = options_of("benchmarks.many_points", __doc__, worker)
     from .__main__ import machine
 
     about = machine()

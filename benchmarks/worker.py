@@ -3,11 +3,14 @@
 Nothing another contestant does can warm it, and between commands it waits without work.
 """
 
+import argparse
 import contextlib
 import json
 import os
 import sys
 import time
+from collections.abc import Callable
+from pathlib import Path
 
 
 def main(name: str, dtype: str):
@@ -128,6 +131,23 @@ def time_calls(built, description, dtype, programs, what, lossless, size, second
         took = time.perf_counter() - start
         best, spent, calls = min(best, took), spent + took, calls + 1
     return {"s": best, "calls": calls}
+
+
+def options_of(prog: str, description: str, work: Callable[[str, str], None]):
+    """The options of a benchmark whose contestants are processes of its own module.
+
+    In such a process, which is started with --worker NAME DTYPE, ``work`` is called instead.
+    """
+    parser = argparse.ArgumentParser(prog=prog, description=description)
+    parser.add_argument("--out", type=Path, default=Path("docs/benchmarks"))
+    parser.add_argument("--rounds", type=int, default=4, help="rounds of interleaved timing")
+    parser.add_argument("--worker", nargs=2, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.worker:
+        os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+        work(*options.worker)
+        sys.exit()
+    return options
 
 
 def serve(prepare):
