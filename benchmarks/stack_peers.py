@@ -131,7 +131,51 @@ class PyMooshStack:
         return out
 
 
-PEERS = (TmmStack, TmmFastStack, TmmaxStack, JaxLayerLumosStack, PyElliStack, PyMooshStack)
+class TmmFasterStack:
+    """Transfer matrices in C++, on all cores."""
+
+    package, share = "tmm_faster", 1.0
+
+    def __init__(self):
+        import tmm_faster
+
+        self._solve = tmm_faster.calc_coherent
+
+    def powers(self, index, thickness_um, angles, wavelengths_um):
+        media = np.tile(index, (len(wavelengths_um), 1))
+        depths = [np.inf, *(1e3 * thickness_um), np.inf]
+        found = self._solve(media, depths, np.degrees(angles), 1e3 * wavelengths_um)
+        return np.array([np.asarray(found[name]).T for name in ("R_s", "R_p", "T_s", "T_p")])
+
+
+class OptilandStack:
+    package, share = "optiland", 1.0
+
+    def __init__(self):
+        from optiland.materials import IdealMaterial
+        from optiland.thin_film import ThinFilmStack
+
+        self._material, self._stack = IdealMaterial, ThinFilmStack
+
+    def powers(self, index, thickness_um, angles, wavelengths_um):
+        first, *films, last = (self._material(float(n.real), float(n.imag)) for n in index)
+        structure = self._stack(first, last)
+        for film, depth in zip(films, thickness_um, strict=True):
+            structure.add_layer(film, float(depth))
+        found = [structure.compute_rtRTA(wavelengths_um, angles, p) for p in "sp"]
+        return np.array([np.asarray(z[power]).T for power in "RT" for z in found])
+
+
+PEERS = (
+    TmmStack,
+    TmmFastStack,
+    TmmaxStack,
+    JaxLayerLumosStack,
+    PyElliStack,
+    PyMooshStack,
+    TmmFasterStack,
+    OptilandStack,
+)
 
 
 def installed() -> tuple[dict, dict[str, str]]:
