@@ -111,10 +111,7 @@ def _stack_entries(name, count):
         # In total reflection R hardly changes while r turns fast: R has the rounding of r.
         coupled=((0, 4), (1, 5)),
     )  # fmt: skip
-    # What a change behind an opaque layer does to the fields on both its sides alike cancels in the
-    # power that it absorbs: that change, which is that of t, counts as well.
-    absorptions = [(8 + p * count + i, 6 + p) for p in (0, 1) for i in range(count)]
-    gradient = value._replace(bound=None, gradient_bound=64.0, fields=tuple(absorptions))
+    gradient = value._replace(bound=None, gradient_bound=64.0)
     return {f"stack of {name}": value, f"gradient of stack of {name}": gradient}
 
 
