@@ -33,8 +33,8 @@ from ._arithmetic import (
     squared_modulus,
     times,
 )
-from ._stack_coherent import minus, plus, scaled
-from ._stack_wave import Pair, Wave
+from ._stack_coherent import ZERO, minus, plus, scaled
+from ._stack_wave import Pair, Wave, choose
 
 _TERMS = 10
 
@@ -148,12 +148,13 @@ def product_in_thin(
     For |delta|^2 <= 1 / 4; for others put 0 in place of Q^2.
     """
     integrals = _thin_integrals(kappa, scaled(kappa * kappa, q2))
-    electric = ((u, times(g, w)) for u, w in (first, second))
+    (u_1, w_1), (u_2, w_2) = first, second
+    electric = ((u_1, times(g, w_1)), (u_2, times(g, w_2)))
     product = scaled(weight.t, _product_along(*electric, integrals))
     if weight.m is None:
         return product
     beta = times(per_g, q2)
-    magnetic = ((w, times(beta, u)) for u, w in (first, second))
+    magnetic = ((w_1, times(beta, u_1)), (w_2, times(beta, u_2)))
     return plus(product, scaled(weight.m, _product_along(*magnetic, integrals)))
 
 
@@ -173,7 +174,6 @@ def absorbed(
     inside = along(layer, z, kappa)
     waves = absorbed_by_waves(weight, inside, plus(times(z, u), w), down)
     thin = is_thin(kappa, q2)
-    near = jnp.where(thin, q2[0], 0.0), jnp.where(thin, q2[1], 0.0)
-    series = product_in_thin(weight, kappa, near, g, per_g, (u, w), (u, w))[0]
+    series = product_in_thin(weight, kappa, choose(thin, q2, ZERO), g, per_g, (u, w), (u, w))[0]
     far = 0.25 * waves * reciprocal_or_zero(squared_modulus(z))
     return jnp.where(thin, inside.intensity * series, far)

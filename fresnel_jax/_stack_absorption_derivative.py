@@ -37,7 +37,7 @@ from ._stack_absorption import (
     product_in_thin,
 )
 from ._stack_coefficients import Change, Layers, of_r
-from ._stack_coherent import crossed, inverse, minus, plus, scaled
+from ._stack_coherent import ZERO, crossed, inverse, minus, plus, scaled
 from ._stack_fields import over_layers
 from ._stack_wave import Pair, choose
 
@@ -98,7 +98,7 @@ def _moved_waves(layers: Layers, inside: Along, moved: Change) -> tuple[Pair, Pa
     kappa, round_trip = layers.kappa, layers.wave.round_trip
     # 0 in a thin layer, in which it is not used and might overflow
     per_twice_q = times(layers.per_twice_q2, layers.wave.q)
-    dq = times(tuple(jnp.where(layers.thin, 0.0, z) for z in per_twice_q), moved.q2)
+    dq = times(choose(layers.thin, ZERO, per_twice_q), moved.q2)
     dz = times(layers.per_g, dq)
     if moved.g is not None:
         dz = minus(dz, times(times(layers.z, layers.per_g), moved.g))
@@ -143,8 +143,7 @@ def _of_itself(
     per_up = inverse(choose(forward, layers.up, (jnp.ones_like(returned[0]), returned[1])))
     turned = scaled(2.0, times(times(times(layers.u, layers.w), per_up), dz))
     du = times(dz, layers.u)
-    zero = jnp.zeros_like(du[0])
-    d_up, d_down = choose(forward, (zero, zero), du), choose(forward, turned, du)
+    d_up, d_down = choose(forward, ZERO, du), choose(forward, turned, du)
     far = jax.jvp(
         absorbed_by_waves,
         (weight[0], inside, layers.up, layers.down),
@@ -158,6 +157,15 @@ def _of_itself(
     bottom = plus(bottom, times(minus(layers.up, returned), times(front.b, dz)))
     d_log = scaled(-0.5, times(times(bottom, per), inverse(layers.z)))
     return jnp.where(layers.thin, inside.intensity * thin, far), d_log
+
+
+def _before(front: Pair, layers: Pair) -> Pair:
+    """The sum of what the first medium and all layers in front of each one add."""
+    re, im = (
+        jnp.cumsum(jnp.concatenate([x[None], z[:-1]]), axis=0)
+        for x, z in zip(front, layers, strict=True)
+    )
+    return re, im
 
 
 def absorption_derivative(
@@ -179,17 +187,13 @@ def absorption_derivative(
     d_log_front by the first medium's; far is kappa of the last medium; per is 1 / B; scale that of
     the fields in each layer.
     """
-    near = tuple(tuple(jnp.where(layers.thin, x, 0.0) for x in z) for z in q2)
+    near = choose(layers.thin, q2[0], ZERO), choose(layers.thin, q2[1], ZERO)
     inside = along(layers.wave, layers.z, layers.kappa)
     behind = _sent_back(layers, moved, per, far, scale)
     product = _product(layers, weight[0], inside, near[0], front)
     d_integral, d_log_waves = _of_itself(layers, weight, inside, near, front, moved, per)
 
-    before = tuple(
-        jnp.cumsum(jnp.concatenate([x[None], z[:-1]]), axis=0)
-        for x, z in zip(d_log_front, d_log, strict=True)
-    )
-    d_light = plus(before, choose(layers.thin, d_log, d_log_waves))
+    light = plus(_before(d_log_front, d_log), choose(layers.thin, d_log, d_log_waves))
     sent = 2.0 * conjugate_times(per, times(product, behind))[0]
-    light = squared_modulus(front.f)
-    return 2.0 * absorbed * d_light[0] + light * (squared_modulus(per) * d_integral + sent)
+    passed = squared_modulus(front.f)
+    return 2.0 * absorbed * light[0] + passed * (squared_modulus(per) * d_integral + sent)

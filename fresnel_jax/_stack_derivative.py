@@ -149,8 +149,8 @@ def _solve_jvp(shape, primals, tangents):
         d_r.append(dr)
         d_through.append(times(through, d_log))
         d_absorbed.append(d_lost)
-    d_R = (2.0 * conjugate_times(*z)[0] for z in zip(solved.r, d_r, strict=True))
+    d_R_s, d_R_p = (2.0 * conjugate_times(*z)[0] for z in zip(solved.r, d_r, strict=True))
     constant = jnp.zeros(shape, jax.dtypes.float0)
     return solved, Solved(
-        tuple(d_r), tuple(d_through), tuple(d_R), (constant, constant), tuple(d_absorbed)
+        tuple(d_r), tuple(d_through), (d_R_s, d_R_p), (constant, constant), tuple(d_absorbed)
     )
