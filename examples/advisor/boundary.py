@@ -22,8 +22,9 @@ from .search import (
 BANDS = {0: "spectrum", 1: "one wavelength", 3: "three bands"}
 LIGHT = ("s and p", "unpolarized")
 # Arguments of one shape: one compiled program per form and dtype, and per material. A round of the
-# refinement has 7,776 points; in chunks of 16,384 half of all arithmetic was of what fills them up.
-_CHUNK, _WAVELENGTH_CHUNK = 8192, 512
+# refinement has 7,776 points, later ones fewer; in chunks of 16,384 most arithmetic was of what
+# fills them up.
+_CHUNK, _WAVELENGTH_CHUNK = 2592, 512
 # Of an exact form in float64, within 8 eps, and of the reference that it is compared with.
 _ROUNDING_64 = 7e-15
 # Float32, in half eps: one for the cosine and each index (two where eta_i is rounded as well: only
