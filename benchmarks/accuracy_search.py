@@ -28,6 +28,7 @@ from .search_directions import DIRECTIONS
 from .search_facets import FACETS
 from .search_layers import LAYERS
 from .search_media import MEDIA
+from .search_mixed import MIXED
 from .search_models import MODELS
 from .search_polarization import POLARIZATION
 from .search_quantities import PROGRAMS, QUANTITIES, errors
@@ -36,6 +37,7 @@ BATCH, SURVIVORS = 256, 16
 FUNCTIONS = (
     BOUNDARY_FUNCTIONS
     | LAYERS
+    | MIXED
     | POLARIZATION
     | DIRECTIONS
     | APPROXIMATIONS

@@ -44,8 +44,6 @@ class Function(NamedTuple):
     conditioned: bool = False
     # pairs (result, other): what such a change does to the other counts for the result, too
     coupled: tuple[tuple[int, int], ...] = ()
-    # pairs (result, amplitude): the result times the relative change of the amplitude counts, too
-    fields: tuple[tuple[int, int], ...] = ()
 
 
 def decades(random, size, low, high):
@@ -127,9 +125,6 @@ def errors(entry: Function, gradient: bool, columns, dtype) -> np.ndarray:
                     pairs = zip(norms, scales, true, strict=True)
                     norms = [n * s / abs(v) if v else n for n, s, (v, _) in pairs]
                 measured = [max(pair) for pair in zip(scales, norms, strict=True)]
-                for result, field in entry.fields:
-                    of_field = abs(true[result][0]) * norms[field] / abs(true[field][0])
-                    measured[result] = max(measured[result], of_field)
                 # The second derivatives cost as much as twenty points: only where they decide.
                 worse = max(map(truediv, distances, measured)) > 0.9 * entry.gradient_bound * eps
                 if entry.conditioned and worse:

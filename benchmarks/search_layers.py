@@ -27,36 +27,47 @@ def _slab(c, n, k, m, d, w):
     return [values[0][0], values[1][0], values[0][1], values[1][1]]
 
 
-def _split(c, n0, *rest):
+def split(c, n0, *rest):
     """(c, index of every medium as (n, k), thicknesses, wavelength) of a stack's columns."""
     count = (len(rest) - 3) // 3
     media = [(n0, None), *zip(rest[: 2 * count + 2 : 2], rest[1 : 2 * count + 2 : 2], strict=True)]
     return c, media, rest[2 * count + 2 : -1], rest[-1]
 
 
-def _stack(*columns):
-    """Abeles' characteristic matrices, as textbooks print them."""
-    c, media, thicknesses, w = _split(*columns)
-    n0 = media[0][0]
+def normal_wavevectors(c, media):
+    """Every N, and its Q = N cos(theta) of the wave that decays, or goes on."""
     N = [gmpy2.mpc(n, 0 if k is None else k) for n, k in media]
+    Q = [gmpy2.mpc(N[0].real * c)]
+    for z in N[1:]:
+        q = gmpy2.sqrt(z * z - N[0].real ** 2 * (1 - c * c))
+        Q.append(-q if q.imag < 0 or (q.imag == 0 and q.real < 0) else q)
+    return N, Q
+
+
+def fields(Y, Q, thicknesses, w):
+    """Tangential fields behind each boundary, by Abeles' matrices, with 1 and Y behind the last."""
+    U, V = gmpy2.mpc(1), Y[-1]
+    found = [(U, V)]
+    for y, q, d in reversed(list(zip(Y[1:-1], Q[1:-1], thicknesses, strict=True))):
+        delta = 2 * gmpy2.const_pi() * q * d / w
+        U, V = (
+            gmpy2.cos(delta) * U - gmpy2.mpc(0, 1) * gmpy2.sin(delta) / y * V,
+            gmpy2.cos(delta) * V - gmpy2.mpc(0, 1) * y * gmpy2.sin(delta) * U,
+        )
+        found.insert(0, (U, V))
+    return found
+
+
+def _stack(*columns):
+    c, media, thicknesses, w = split(*columns)
     # an opaque layer of 600 bits each may cancel
     with gmpy2.context(gmpy2.get_context(), precision=500 + 650 * len(thicknesses)):
-        Q = []
-        for z in N:
-            q = gmpy2.sqrt(z * z - n0 * n0 * (1 - c * c))
-            Q.append(-q if q.imag < 0 or (q.imag == 0 and q.real < 0) else q)
-        Q[0] = gmpy2.mpc(n0 * c)
+        N, Q = normal_wavevectors(c, media)
         found = []
         for Y in (Q, [q / (z * z) for q, z in zip(Q, N, strict=True)]):
-            U, V = gmpy2.mpc(1), Y[-1]
-            fluxes = [(V * U.conjugate()).real]
-            for y, q, d in reversed(list(zip(Y[1:-1], Q[1:-1], thicknesses, strict=True))):
-                delta = 2 * gmpy2.const_pi() * q * d / w
-                U, V = (
-                    gmpy2.cos(delta) * U - gmpy2.mpc(0, 1) * gmpy2.sin(delta) / y * V,
-                    gmpy2.cos(delta) * V - gmpy2.mpc(0, 1) * y * gmpy2.sin(delta) * U,
-                )
-                fluxes.insert(0, (V * U.conjugate()).real)
+            inside = fields(Y, Q, thicknesses, w)
+            U, V = inside[0]
+            fluxes = [(v * u.conjugate()).real for u, v in inside]
             r, t = (Y[0] * U - V) / (Y[0] * U + V), 2 * Y[0] / (Y[0] * U + V)
             share = gmpy2.norm(t) / Y[0].real
             losses = [(a - b) * share for a, b in itertools.pairwise(fluxes)]
@@ -74,13 +85,13 @@ def _stack(*columns):
 
 
 def _our_stack(*columns):
-    c, media, thicknesses, w = _split(*columns)
+    c, media, thicknesses, w = split(*columns)
     index = [n + (0j if k is None else 1j * k) for n, k in media]
     out = layers.stack(c, jnp.stack(index), jnp.stack(thicknesses), w)
     return *out[:8], *out.A_s, *out.A_p
 
 
-def _drawn(random, size, count):
+def drawn_stack(random, size, count):
     columns = [
         np.choose(
             random.integers(0, 3, size),
@@ -100,21 +111,20 @@ def _drawn(random, size, count):
     return [*columns, random.uniform(0.3, 2, size)]
 
 
+def stack_limits(thicknesses):
+    media = ((0.1, 5.0), (1e-9, 5.0)) * (len(thicknesses) + 1)
+    return (1e-6, 1.0), (1.0, 2.0), *media, *thicknesses, (0.3, 2.0)
+
+
 def _stack_entries(name, count):
-    medium = ((0.1, 5.0), (1e-9, 5.0))
-    limits = (
-        (1e-6, 1.0), (1.0, 2.0), *medium * (count + 1), *((1e-4, 2.0),) * count, (0.3, 2.0)
-    )  # fmt: skip
+    limits = stack_limits([(1e-4, 2.0)] * count)
     value = Function(
-        lambda random, size, eps: _drawn(random, size, count),
+        lambda random, size, eps: drawn_stack(random, size, count),
         limits, _our_stack, _stack, 64.0, conditioned=True,
         # In total reflection R hardly changes while r turns fast: R has the rounding of r.
         coupled=((0, 4), (1, 5)),
     )  # fmt: skip
-    # What a change behind an opaque layer does to the fields on both its sides alike cancels in the
-    # power that it absorbs: that change, which is that of t, counts as well.
-    absorptions = [(8 + p * count + i, 6 + p) for p in (0, 1) for i in range(count)]
-    gradient = value._replace(bound=None, gradient_bound=64.0, fields=tuple(absorptions))
+    gradient = value._replace(bound=None, gradient_bound=64.0)
     return {f"stack of {name}": value, f"gradient of stack of {name}": gradient}
 
 

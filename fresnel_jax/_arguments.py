@@ -22,7 +22,7 @@ def structure(cos_theta_i, eta, k, eta_i):
 
     None is structure, not a value: the program for lossless media or for light from vacuum leaves
     out what they do not need. A complex eta is taken apart here. Values are refused only where they
-    can be read in 6 us: Python numbers, NumPy arrays, and JAX arrays in the memory of the CPU.
+    can be read in 6 us: Python numbers, NumPy arrays, and JAX arrays that lie in the CPU's memory.
     """
     cos_theta_i, eta, k, eta_i = (
         real_or_complex(x, name)
@@ -93,10 +93,17 @@ def _known(value) -> bool:
 
 
 def readable(value) -> bool:
-    """True if no tracer and no other device stands between us and the numbers."""
+    """True if no tracer, no other device and no computation stands between us and the numbers.
+
+    An array that is still being computed is let through: two hundred calls of 100 points, each of
+    the result of the last, took 51 to 77 ms where they were waited for, 40 to 45 without, and 27 to
+    45 without a look at any value (2 busy cores).
+    """
     if not isinstance(value, jax.Array):
         return _known(value)
     if isinstance(value, Tracer) or not value.is_fully_addressable:
+        return False
+    if not value.is_ready():  # pyright: ignore[reportAttributeAccessIssue]
         return False
     return all(device.platform == "cpu" for device in value.devices())
 

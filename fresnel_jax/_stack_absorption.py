@@ -3,31 +3,102 @@
 With the fields U and W of `_stack_coherent` at the far side of a layer and zeta = k_0 times the
 distance from there,
 
-    d Re(W conj(U)) / d zeta = Im(Q^2 / g) |U|^2 + Im(g) |W|^2        (for p, W in units of N_0^2)
+    d Re(W conj(U)) / d zeta = t |U|^2 + m |W|^2,
 
-whose integral needs those of |cos(Q zeta)|^2, |sin(Q zeta) / Q|^2 and conj(cos) sin / Q. All are in
-units of |f|^-2, so that none grows. In closed form they cancel for thin layers, and at the layer's
-critical angle; there, series take their place, which are polynomials in the real and the imaginary
-part of delta^2 and therefore also have their derivatives.
+with t = Im(Q^2) and m = 0 for s, t = Im(Q^2 / N^2) and m = Im(N^2) / |N_0^2|^2 for p. In a layer
+that is not thin the fields are two waves, S = Z U + W forward and D = Z U - W backward, Z = Q / g,
+and the integral in units of |f|^-2, in which nothing grows, is
+
+    ((t + m |Z|^2) (|S|^2 + |E D^2|) H + (t - m |Z|^2) 2 Re(conj(S) D V)) / |2 Z|^2
+
+with H = int exp(-2 Im(Q) zeta) and V = |E| int exp(2 i Re(Q) zeta). Where a layer is thin, or at
+its critical angle, the two waves are nearly one; there, series of |cos|^2, |sin / Q|^2 and
+conj(cos) sin / Q take their place, which are polynomials in the real and the imaginary part of
+delta^2 and therefore also have their derivatives.
 
 Source: M. Born and E. Wolf, Principles of Optics, 7th ed., sec. 1.6; the integrals are our own.
 """
 
 import math
-from typing import Any
+from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ._arithmetic import Complex, conjugate_times, one_if_zero, squared_modulus, times
-from ._double_word import DoubleWord
-from ._stack_wave import Pair, Wave
+from ._arithmetic import (
+    Complex,
+    conjugate_times,
+    one_if_zero,
+    reciprocal_or_zero,
+    squared_modulus,
+    times,
+)
+from ._stack_coherent import ZERO, minus, plus, scaled
+from ._stack_wave import Pair, Wave, choose
 
 _TERMS = 10
 
 
-def _thin(kappa: Array, z: Pair) -> tuple[Array, Array, Pair]:
-    """The three integrals as series in z = delta^2, for |z| <= 1 / 4."""
+class Weights(NamedTuple):
+    """What |U|^2 and |W|^2 lose per unit of zeta."""
+
+    t: Array
+    m: Array | None  # None: 0
+
+
+class Along(NamedTuple):
+    """The two waves of a layer along its depth."""
+
+    z: Pair  # Q / g
+    intensity: Array  # |E|
+    decaying: Array  # H
+    beating: Pair  # V
+
+
+def weights(
+    im_q2: Array, n2: Complex, n02: Complex, transverse2: Complex
+) -> tuple[Weights, Weights]:
+    """Of s and p, from Im(Q^2), N^2, N_0^2 and K^2; without a subtraction."""
+    zero = jnp.zeros_like(im_q2)
+    # Im(Q^2 / N^2) = -Im(K^2 / N^2)
+    tangential = -conjugate_times(
+        (n2[0], zero if n2[1] is None else n2[1]),
+        (transverse2[0], zero if transverse2[1] is None else transverse2[1]),
+    )[1] / squared_modulus(n2)
+    normal = (zero if n2[1] is None else n2[1]) / squared_modulus(n02)
+    return Weights(im_q2, None), Weights(tangential, normal)
+
+
+def is_thin(kappa: Array, q2: Pair) -> Array:
+    return squared_modulus(scaled(kappa * kappa, q2)) < 0.0625
+
+
+def along(layer: Wave, z: Pair, kappa: Array) -> Along:
+    a, b = layer.q
+    intensity, per_a = squared_modulus(layer.passage), 0.5 * reciprocal_or_zero(a)
+    decaying = jnp.where(b == 0.0, kappa, -0.5 * jnp.expm1(-2.0 * kappa * b) / one_if_zero(b))
+    beat = jnp.where(a == 0.0, kappa * intensity, layer.round_trip[1] * per_a)
+    return Along(z, intensity, decaying, (beat, 2.0 * layer.sine2 * per_a))
+
+
+def of_waves(weight: Weights, z: Pair) -> tuple[Array, Array]:
+    """t + m |Z|^2 and t - m |Z|^2."""
+    if weight.m is None:
+        return weight.t, weight.t
+    magnetic = weight.m * squared_modulus(z)
+    return weight.t + magnetic, weight.t - magnetic
+
+
+def absorbed_by_waves(weight: Weights, inside: Along, up: Pair, down: Pair) -> Array:
+    """The integral times |2 Z|^2; up and down are S and D."""
+    own, crossed = of_waves(weight, inside.z)
+    each = squared_modulus(up) + inside.intensity * squared_modulus(down)
+    both = 2.0 * times(conjugate_times(up, down), inside.beating)[0]
+    return own * (each * inside.decaying) + crossed * both
+
+
+def _thin_integrals(kappa: Array, z: Pair) -> tuple[Array, Array, Pair]:
+    """int |cos|^2, |sin / Q|^2 and -i conj(cos) sin / Q as series in z = delta^2, |z| <= 1 / 4."""
     re, quarter_im2 = z[0], 0.25 * z[1] * z[1]
     # c = y^(2k) + (-1)^k x^(2k), d = (y^(2k) - (-1)^k x^(2k)) / |z|, with delta = x + iy
     c, c_before = -re, jnp.full_like(re, 2.0)
@@ -46,71 +117,63 @@ def _thin(kappa: Array, z: Pair) -> tuple[Array, Array, Pair]:
     return 0.5 * kappa * cosine2, 0.5 * kappa * kappa2 * sine2, cross
 
 
-def _thick(kappa: Array, layer: Wave) -> tuple[Array, Array, Pair]:
-    """The three integrals in units of |f|^-2, in closed form."""
-    a, b = layer.q
-    lossless, evanescent = b == 0.0, a == 0.0
-    per_a, per_b = (jnp.where(z == 0.0, 0.0, 0.5 / one_if_zero(z)) for z in (a, b))
-    lost, lost_twice = (-jnp.expm1(-x * kappa * b) for x in (2.0, 4.0))
-    hyperbolic = jnp.where(lossless, kappa, 0.5 * lost_twice * per_b)
-    intensity = squared_modulus(layer.passage)
-    circular = jnp.where(evanescent, kappa * intensity, layer.round_trip[1] * per_a)
-    per_q2 = 1.0 / one_if_zero(a * a + b * b)
-    cross = times((b * per_q2, a * per_q2), (-layer.sine2 * per_a, -0.25 * lost * lost * per_b))
-    return 0.5 * (hyperbolic + circular), 0.5 * (hyperbolic - circular) * per_q2, cross
-
-
-def _integrals(kappa: Array, q2: Pair, layer: Wave) -> tuple[Array, Array, Pair]:
-    z = (kappa * kappa * q2[0], kappa * kappa * q2[1])
-    thin = 16.0 * (z[0] * z[0] + z[1] * z[1]) < 1.0
-    series = _thin(kappa, (jnp.where(thin, z[0], 0.0), jnp.where(thin, z[1], 0.0)))
-    closed = _thick(kappa, layer)
-    intensity = squared_modulus(layer.passage)
-    cosine2, sine2, cross_re, cross_im = (
-        jnp.where(thin, intensity * s, c)
-        for s, c in zip((*series[:2], *series[2]), (*closed[:2], *closed[2]), strict=True)
-    )
-    return cosine2, sine2, (cross_re, cross_im)
-
-
-def _field_squared(field: Pair, slope: Pair, integrals: Any) -> Array:
-    """The integral of |field cos - i slope sin / Q|^2."""
+def _product_along(
+    first: tuple[Pair, Pair], second: tuple[Pair, Pair], integrals: tuple[Array, Array, Pair]
+) -> Pair:
+    """The integral of conj(F_1) F_2, where F = field cos - i slope sin / Q of (field, slope)."""
     cosine2, sine2, cross = integrals
-    return (
-        cosine2 * squared_modulus(field)
-        + sine2 * squared_modulus(slope)
-        + 2.0 * times(conjugate_times(field, slope), cross)[0]
+    (field_1, slope_1), (field_2, slope_2) = first, second
+    squares = plus(
+        scaled(cosine2, conjugate_times(field_1, field_2)),
+        scaled(sine2, conjugate_times(slope_1, slope_2)),
     )
+    mixed = plus(
+        times(cross, conjugate_times(field_1, slope_2)),
+        conjugate_times(cross, conjugate_times(slope_1, field_2)),
+    )
+    return plus(squares, mixed)
+
+
+def product_in_thin(
+    weight: Weights,
+    kappa: Array,
+    q2: Pair,
+    g: Complex,
+    per_g: Complex,
+    first: tuple[Pair, Pair],
+    second: tuple[Pair, Pair],
+) -> Pair:
+    """int t conj(U_1) U_2 + m conj(W_1) W_2 of two fields (U, W), not in units of |f|^-2.
+
+    For |delta|^2 <= 1 / 4; for others put 0 in place of Q^2.
+    """
+    integrals = _thin_integrals(kappa, scaled(kappa * kappa, q2))
+    (u_1, w_1), (u_2, w_2) = first, second
+    electric = ((u_1, times(g, w_1)), (u_2, times(g, w_2)))
+    product = scaled(weight.t, _product_along(*electric, integrals))
+    if weight.m is None:
+        return product
+    beta = times(per_g, q2)
+    magnetic = ((w_1, times(beta, u_1)), (w_2, times(beta, u_2)))
+    return plus(product, scaled(weight.m, _product_along(*magnetic, integrals)))
 
 
 def absorbed(
-    fields: tuple[tuple[Pair, Pair], tuple[Pair, Pair]],
+    weight: Weights,
     layer: Wave,
-    re: DoubleWord,
-    im: DoubleWord | None,
-    x: Array,
-    media: tuple[Complex, Complex, Complex, Complex, Complex],
-) -> tuple[Array, Array]:
-    """Re(W conj(U)) at the near side of the layer less that at its far side, for s and p.
-
-    fields are (U, W) for s and p at the far side; re + i im is Q^2, x thickness / wavelength,
-    media are N^2, g, 1 / g, N_0^2 and K^2. For p, W is in units of N_0^2.
-    """
-    n2, g, per_g, n02, transverse2 = media
-    zero = jnp.zeros_like(layer.q[0])
-    if im is None:
-        return zero, zero
-    q2 = (re[0], im[0])
-    kappa = (2.0 * jnp.pi) * x
-    integrals = _integrals(kappa, q2, layer)
-    (u_s, w_s), (u_p, w_p) = fields
-    loss_s = im[0] * _field_squared(u_s, w_s, integrals)
-    # Im(Q^2 / N^2) = -Im(K^2 / N^2)
-    tangential = -conjugate_times(
-        (n2[0], zero if n2[1] is None else n2[1]),
-        (transverse2[0], zero if transverse2[1] is None else transverse2[1]),
-    )[1] / squared_modulus(n2)
-    normal = (0.0 if n2[1] is None else n2[1]) / squared_modulus(n02)
-    loss_p = tangential * _field_squared(u_p, times(g, w_p), integrals)
-    loss_p = loss_p + normal * _field_squared(w_p, times(times(per_g, q2), u_p), integrals)
-    return loss_s, loss_p
+    kappa: Array,
+    q2: Pair,
+    g: Complex,
+    per_g: Complex,
+    u: Pair,
+    down: Pair,
+) -> Array:
+    """Re(W conj(U)) at the near side of the layer less that at its far side, over |f|^-2."""
+    z = times(per_g, layer.q)
+    w = minus(times(z, u), down)
+    inside = along(layer, z, kappa)
+    waves = absorbed_by_waves(weight, inside, plus(times(z, u), w), down)
+    thin = is_thin(kappa, q2)
+    series = product_in_thin(weight, kappa, choose(thin, q2, ZERO), g, per_g, (u, w), (u, w))[0]
+    far = 0.25 * waves * reciprocal_or_zero(squared_modulus(z))
+    return jnp.where(thin, inside.intensity * series, far)

@@ -65,6 +65,7 @@ class Medium(NamedTuple):
 
 
 ONE: Any = (1.0, None)  # g of s
+ZERO: Any = (0.0, 0.0)
 
 
 class Fields(NamedTuple):

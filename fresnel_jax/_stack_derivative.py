@@ -8,10 +8,8 @@ front, zeta = k_0 times the distance from the far side of a layer and beta = Q^2
     d B = -i int (d beta  b u + d g  a w) d zeta,
     d r = (2 i Q_0 / B^2) int (d beta  u^2 - d g  w^2) d zeta,
 
-the second since (w, -u) obeys the same law as (a, b). In a layer the integrals are closed forms of
-the waves S = Z u + w and D = Z u - w with Z = Q / g (and likewise of Z b + a and Z b - a). They
-cancel where a layer is thin against a wavelength, or at its critical angle; there the entries of
-its matrix and a series take their place, both even in Q. Nothing grows with the thickness.
+the second since (w, -u) obeys the same law as (a, b). The integrals over a layer
+are closed forms (`_stack_coefficients`).
 
 All derivatives of R, T, r and t are sums over layers of these coefficients times the changes of
 Q^2, g and thickness. A gradient, a Jacobian with any number of columns and a directional derivative
@@ -19,16 +17,16 @@ therefore cost two passes through the stack. The integrals are our own.
 """
 
 import functools
-import math
-from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
 
-from ._arithmetic import Complex, conjugate_times, squared_modulus, times
+from ._arithmetic import conjugate_times, times
 from ._boundary import computed_once
 from ._double_word import DoubleWord
+from ._stack_absorption import weights
+from ._stack_absorption_derivative import Front, absorption_derivative
+from ._stack_coefficients import Change, layers_of, of_r, of_through
 from ._stack_coherent import (
     ONE,
     Ambient,
@@ -39,98 +37,10 @@ from ._stack_coherent import (
     normal_squared,
     plus,
     scaled,
+    square,
 )
 from ._stack_fields import Inside, Solved, over_layers, solve_fields
-from ._stack_wave import Pair, Wave, choose, polynomial, sine_derivative_series
-
-# (1 - sin(2 z) / (2 z)) / (2 z^2) is the sum of these times z^(2 m).
-_SERIES = tuple((-1.0) ** m * 2.0 * 4.0**m / math.factorial(2 * m + 3) for m in range(9))
-
-
-class _Layers(NamedTuple):
-    """What the coefficients of both amplitudes need of every layer, for s or p."""
-
-    wave: Wave
-    g: Complex
-    per_g: Complex
-    z: Pair  # Q / g
-    per_twice_q2: Pair
-    kappa: Array  # k_0 thickness
-    thin: Array
-    delta2: Pair  # (kappa Q)^2 where thin
-    u: Pair
-    w: Pair
-    down: Pair  # Z u - w
-    up: Pair  # Z u + w
-
-
-class _Change(NamedTuple):
-    """For Q^2, g and k_0 thickness of every layer: what an amplitude gains for a unit of each."""
-
-    q2: Complex
-    g: Any  # None: it stays as it is
-    depth: Complex
-
-
-def _times_i(z: Pair) -> Pair:
-    return -z[1], z[0]
-
-
-def _layers(wave: Wave, g: Complex, per_g: Complex, kappa: Array, u: Pair, down: Pair) -> _Layers:
-    q2 = times(wave.q, wave.q)
-    delta2 = scaled(kappa * kappa, q2)
-    thin = squared_modulus(delta2) < 0.0625
-    near = jnp.where(thin, delta2[0], 0.0), jnp.where(thin, delta2[1], 0.0)
-    z = times(per_g, wave.q)
-    w = minus(times(z, u), down)
-    twice = scaled(0.5, inverse(q2))
-    return _Layers(wave, g, per_g, z, twice, kappa, thin, near, u, w, down, plus(times(z, u), w))
-
-
-def _of_r(layer: _Layers, per: Pair) -> _Change:
-    """Of r; per is Q_0 / B^2 in the units of the fields of the layer."""
-    sigma, round_trip, kappa = layer.wave.sine_over_q, layer.wave.round_trip, layer.kappa
-    waves2 = plus(times(layer.up, layer.up), times(round_trip, times(layer.down, layer.down)))
-    waves2, gain = times(sigma, waves2), times(layer.g, per)
-    beat = _times_i(times(round_trip, times(layer.up, layer.down)))
-    wide = times(layer.per_twice_q2, minus(scaled(2.0 * kappa, beat), waves2))
-
-    gw = times(layer.g, layer.w)
-    both = _times_i(times(sigma, layer.wave.cosine))
-    cosine2 = scaled(0.5, plus(scaled(kappa, round_trip), both))
-    sine2 = scaled(kappa**3, times(round_trip, polynomial(_SERIES, layer.delta2)))
-    thin = minus(times(cosine2, times(layer.u, layer.u)), times(sine2, times(gw, gw)))
-    thin = plus(thin, _times_i(times(times(sigma, sigma), times(layer.u, gw))))
-    thin = scaled(2.0, _times_i(times(times(layer.per_g, layer.per_g), thin)))
-    return _Change(
-        q2=times(gain, choose(layer.thin, thin, wide)),
-        g=times(per, waves2),
-        depth=scaled(2.0, times(gain, beat)),
-    )
-
-
-def _of_through(layer: _Layers, a: Pair, b: Pair, per: Pair) -> _Change:
-    """Of log(F / B); (a, b) is at the front of the layer, per is 1 / B in its units."""
-    sigma, kappa, wave = layer.wave.sine_over_q, layer.kappa, layer.wave
-    zb, gain = times(layer.z, b), scaled(0.5, _times_i(times(layer.g, per)))
-    up, down = plus(zb, a), minus(zb, a)
-    along = plus(times(up, layer.up), times(wave.round_trip, times(down, layer.down)))
-    across = _times_i(times(sigma, plus(times(up, layer.down), times(down, layer.up))))
-    wide = times(layer.per_twice_q2, plus(scaled(kappa, along), across))
-
-    cosine2 = plus(scaled(kappa, wave.cosine), _times_i(sigma))
-    sine2 = scaled(kappa**3, times(wave.passage, sine_derivative_series(layer.delta2)))
-    crossing = plus(times(b, layer.w), times(a, layer.u))
-    thin = plus(
-        times(layer.per_g, times(cosine2, times(b, layer.u))),
-        scaled(kappa, times(sigma, crossing)),
-    )
-    thin = plus(times(layer.per_g, thin), times(sine2, times(a, layer.w)))
-    return _Change(
-        q2=times(gain, choose(layer.thin, thin, wide)),
-        g=scaled(-1.0, times(times(gain, layer.per_g), across)),
-        depth=times(gain, along),
-    )
+from ._stack_wave import Pair
 
 
 def _from_the_front(front: Ambient, media: Medium, inside: Inside | None, shape, count: int):
@@ -166,19 +76,25 @@ def solve(
     return solve_fields(front, layers, far, q_far, x, shape)[0]
 
 
-def _over_layers(change: _Change, moved: _Change) -> Pair:
-    """The sum over layers of the coefficients times how much each quantity is moved."""
+def _in_layers(change: Change, moved: Change) -> Pair:
+    """The coefficients times how much each quantity is moved, for every layer."""
     # Real and imaginary part, and every column of a Jacobian, read them in loops of their own.
     change = jax.tree.map(computed_once, change)
     terms = plus(times(change.q2, moved.q2), times(change.depth, moved.depth))
-    if moved.g is not None:
-        terms = plus(terms, times(change.g, moved.g))
+    return terms if moved.g is None else plus(terms, times(change.g, moved.g))
+
+
+def _all(terms: Pair) -> Pair:
     return jnp.sum(terms[0], axis=0), jnp.sum(terms[1], axis=0)
 
 
-def _absorbed(shape, front, layers, far, q_far, x):
-    solved = solve_fields(front, layers, far, q_far, x, shape)[0]
-    return solved.light, solved.losses
+def _lossy(front: Ambient, layers: Medium):
+    """Q^2 of the layers, to working precision, and their `weights`."""
+    re, im = normal_squared(layers, front)
+    if im is None:
+        return None
+    n02 = square((front.n, front.k))
+    return (re[0], im[0]), weights(im[0], layers.n2, n02, front.transverse2)
 
 
 @solve.defjvp
@@ -187,15 +103,13 @@ def _solve_jvp(shape, primals, tangents):
     d_front, d_layers, d_far, d_q_far, d_x = tangents
     solved, inside, ends = solve_fields(front, layers, far, q_far, x, shape)
     behind, at_front = _from_the_front(front, layers, inside, shape, x[0].shape[0])
-    # Absorption has no such formula; all of this line is dropped where nobody asks for it.
-    in_layers = functools.partial(_absorbed, shape)
-    d_light, d_losses = jax.jvp(in_layers, primals, tangents)[1]
 
     _, (d_re, d_im) = jax.jvp(normal_squared, (layers, front), (d_layers, d_front))
     d_q2 = (d_re[0], None if d_im is None else d_im[0])
+    lossy, d_lossy = jax.jvp(_lossy, (front, layers), (d_front, d_layers))
     kappa, d_kappa = (2.0 * jnp.pi) * x[0], ((2.0 * jnp.pi) * d_x[0], None)
     d_z_far = (d_q_far, plus(times(far.per_g, d_q_far), times(d_far.per_g, q_far)))
-    d_r, d_through = [], []
+    d_r, d_through, d_absorbed = [], [], []
     for p, (g, per_g, d_g) in enumerate(
         ((ONE, ONE, None), (layers.g, layers.per_g, d_layers.g)),
     ):
@@ -207,21 +121,36 @@ def _solve_jvp(shape, primals, tangents):
             times(times(front.q, times(through, through)), d_z_far[p]),
         )
         dr = scaled(2.0, dr)
-        d_log = plus(times(u_per, d_front.q), times(times(behind[p][1], per), d_z_far[p]))
-        d_log = scaled(-1.0, d_log)
+        d_log_front = scaled(-1.0, times(u_per, d_front.q))
+        d_log = minus(d_log_front, times(times(behind[p][1], per), d_z_far[p]))
+        d_lost = None if solved.absorbed[p] is None else jnp.zeros_like(solved.absorbed[p])
         if inside is not None:
-            layer = _layers(inside.wave, g, per_g, kappa, inside.u[p], inside.down[p])
-            moved = _Change(d_q2, d_g, d_kappa)
+            layer = layers_of(inside.wave, g, per_g, kappa, inside.u[p], inside.down[p])
+            moved = Change(d_q2, d_g, d_kappa)
             a, b, f = at_front[p]
             f_per = times(f, per)
-            of_r = _of_r(layer, times(front.q, times(f_per, f_per)))
-            dr = plus(dr, _over_layers(of_r, moved))
-            d_log = plus(d_log, _over_layers(_of_through(layer, a, b, per), moved))
+            dr = plus(dr, _all(_in_layers(of_r(layer, times(front.q, times(f_per, f_per))), moved)))
+            in_each = _in_layers(of_through(layer, a, b, per), moved)
+            d_log = plus(d_log, _all(in_each))
+            if lossy is not None and d_lossy is not None:
+                d_lost = absorption_derivative(
+                    solved.absorbed[p],
+                    layer,
+                    (lossy[1][p], d_lossy[1][p]),
+                    (lossy[0], d_lossy[0]),
+                    Front(a, b, f),
+                    moved,
+                    in_each,
+                    d_log_front,
+                    scaled(-1.0, times(times(per, per), d_z_far[p])),
+                    per,
+                    inside.scale[p],
+                )
         d_r.append(dr)
         d_through.append(times(through, d_log))
+        d_absorbed.append(d_lost)
     d_R_s, d_R_p = (2.0 * conjugate_times(*z)[0] for z in zip(solved.r, d_r, strict=True))
-    d_r_s, d_r_p = d_r
-    d_through_s, d_through_p = d_through
+    constant = jnp.zeros(shape, jax.dtypes.float0)
     return solved, Solved(
-        (d_r_s, d_r_p), (d_through_s, d_through_p), (d_R_s, d_R_p), d_light, d_losses
+        tuple(d_r), tuple(d_through), (d_R_s, d_R_p), (constant, constant), tuple(d_absorbed)
     )

@@ -10,7 +10,7 @@ from jaxtyping import Array
 from ._arithmetic import conjugate_times, one_if_zero, squared_modulus, times
 from ._boundary import computed_once
 from ._double_word import DoubleWord
-from ._stack_absorption import absorbed
+from ._stack_absorption import absorbed, weights
 from ._stack_coherent import (
     ONE,
     Ambient,
@@ -38,8 +38,8 @@ class Solved(NamedTuple):
     r: tuple[Pair, Pair]
     through: tuple[Pair, Pair]  # F / (Q_0 U + W)
     R: tuple[Array, Array]
-    light: tuple[Array, Array]  # 1 / |Q_0 U + W|^2
-    losses: Any  # in each layer, in units of the light that comes to it, and what passes it
+    nothing: tuple[Array, Array]  # whether Q_0 U + W is 0: matched media at grazing incidence
+    absorbed: Any  # power absorbed by each layer, in units of |Q_0 U + W|^2; None without layers
 
 
 class Inside(NamedTuple):
@@ -103,17 +103,25 @@ def solve_fields(
             above = (inside.q, here.g)
             fields = whole(rough_boundary(fields, sigma, above, below, front.q))
             below = whole(above)
-        media = (here.n2, here.g, here.per_g, n02, front.transverse2)
-        ends = ((fields.u[0], fields.w[0]), (fields.u[1], fields.w[1]))
-        losses = absorbed(ends, inside, re, im, x[0], media)
-        passage2 = squared_modulus(inside.passage)
-        losses = tuple(
-            whole((loss, passage2 * z * z)) for loss, z in zip(losses, scale, strict=True)
-        )
         h = mismatches(here, front, inside.q)
         down = tuple(
             minus(m, times(times(per_g, z), u))
             for m, per_g, z, u in zip(fields.m, (ONE, here.per_g), h, fields.u, strict=True)
+        )
+        losses = jnp.zeros((2, *shape), one.dtype)
+        if im is not None:
+            kappa, q2 = (2.0 * jnp.pi) * x[0], (re[0], im[0])
+            of_both = zip(
+                fields.u, down, (ONE, here.g), (ONE, here.per_g),
+                weights(im[0], here.n2, n02, front.transverse2), strict=True,
+            )  # fmt: skip
+            losses = tuple(
+                absorbed(weight, inside, kappa, q2, g, per_g, u, back)
+                for u, back, g, per_g, weight in of_both
+            )
+        passage2 = squared_modulus(inside.passage)
+        losses = tuple(
+            whole((loss, passage2 * z * z)) for loss, z in zip(losses, scale, strict=True)
         )
         seen = Inside(whole(inside), fields.u, whole(down), scale)
         fields = through_layer(fields, here, inside, front, h)
@@ -136,7 +144,7 @@ def solve_fields(
 
 def _amplitudes(fields: Fields, front: Ambient, losses: Any) -> Solved:
     parts = []
-    for u, w, m, f in zip(*fields, strict=True):
+    for p, (u, w, m, f) in enumerate(zip(*fields, strict=True)):
         q0_u = times(front.q, u)
         bottom = plus(q0_u, w)
         per, size = inverse(bottom), one_if_zero(squared_modulus(bottom))
@@ -146,6 +154,12 @@ def _amplitudes(fields: Fields, front: Ambient, losses: Any) -> Solved:
         r = times(choose(strong, minus(q0_u, w), m), per)
         weak = squared_modulus(m) / size
         R = jnp.where(weak > 0.5, 1.0 - 4.0 * (conjugate_times(q0_u, w)[0] / size), weak)
-        parts.append((r, times(f, per), R, squared_modulus(per)))
-    r, through, R, light = zip(*parts, strict=True)
-    return Solved(r, through, R, light, losses)
+        light = squared_modulus(per)
+        lost = None if losses is None else lax.scan(_into_next, light, losses[p])[1]
+        parts.append((r, times(f, per), R, light == 0.0, lost))
+    return Solved(*zip(*parts, strict=True))
+
+
+def _into_next(light: Array, layer: tuple[Array, Array]) -> tuple[Array, Array]:
+    loss, passed = layer
+    return light * passed, light * loss

@@ -51,10 +51,12 @@ def _faces(seen: Packet, front: Ambient, inside: bool) -> list[_Face]:
     for r, R, T, A, y in zip(seen.r, seen.R, seen.T, seen.absorption, admittances, strict=True):
         own = jnp.zeros_like(R)
         if inside and y[1] is not None:
-            lost = T + jnp.sum(A, axis=0) - 2.0 * y[1] * reciprocal_or_zero(y[0]) * _imaginary(r)
-            share = y[0] * y[0] * reciprocal_or_zero(squared_modulus(y))
+            per = reciprocal_or_zero(squared_modulus(y))
+            share = y[0] * y[0] * per
             T, A = T * share, A * share
-            own = lost - T - jnp.sum(A, axis=0)
+            # Of unit light in the medium itself, 1 - R - T - sum(A); as the difference of what
+            # crosses the boundary and of R, A beyond the critical angle was 8e8 eps off.
+            own = y[1] * per * (y[1] * (1.0 - R) - 2.0 * y[0] * _imaginary(r))
         faces.append(_Face(R, T, A, own))
     return faces
 

@@ -80,9 +80,9 @@ def _packet(solved: Solved, front: Ambient, far: Medium, q_far: Pair, shape) -> 
     flux_out = normal_flux(q_far, front.transverse2, far.n2)
     t, R, T, absorption = [], [], [], []
     for i, n2 in enumerate(((1.0, None), n02)):
-        through, light = solved.through[i], solved.light[i]
+        through = solved.through[i]
         # Matched media at grazing incidence: nothing is left to reflect, and all goes through.
-        matched = light == 0.0
+        matched = solved.nothing[i]
         amplitude = times(scaled(2.0, front.q), through)
         t.append((jnp.where(matched, 1.0, amplitude[0]), amplitude[1]))
         R.append(jnp.where(matched, 0.0, solved.R[i]))
@@ -92,14 +92,6 @@ def _packet(solved: Solved, front: Ambient, far: Medium, q_far: Pair, shape) -> 
         else:
             gain = 4.0 * squared_modulus(front.q) * reciprocal_or_zero(flux_in[i])
         T.append(jnp.where(matched, 1.0, gain * flux_out[i] * squared_modulus(through)))
-        if solved.losses is None:
-            absorption.append(jnp.zeros((0, *shape), R[i].dtype))
-            continue
-
-        def into_next(light, layer):
-            loss, passed = layer
-            return light * passed, light * loss
-
-        light = jnp.broadcast_to(gain * light, shape)
-        absorption.append(lax.scan(into_next, light, solved.losses[i])[1])
+        lost = solved.absorbed[i]
+        absorption.append(jnp.zeros((0, *shape), R[i].dtype) if lost is None else gain * lost)
     return Packet(list(solved.r), t, R, T, (absorption[0], absorption[1]), flux_in)

@@ -100,10 +100,10 @@ def test_bounds_of_random_scenes_by_brute_force(scene, monkeypatch):
     for finding in candidates:
         for light, worst in zip(LIGHT, finding[2:], strict=True):
             if worst is not None:
-                seen = brute("random", finding.model, light, 23, 1501)
+                seen = brute("random", finding.model, light, 13, 1501)
                 assert seen <= worst.bound + TEXTBOOK_ERROR * (worst.bound > TEXTBOOK_ERROR)
     for light, finding in found.cheapest.items():
-        assert brute("random", finding.model, light, 23, 1501) <= scene.accuracy
+        assert brute("random", finding.model, light, 13, 1501) <= scene.accuracy
     media_at.cache_clear()
     brute.cache_clear()
 

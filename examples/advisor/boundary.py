@@ -21,9 +21,10 @@ from .search import (
 
 BANDS = {0: "spectrum", 1: "one wavelength", 3: "three bands"}
 LIGHT = ("s and p", "unpolarized")
-# Arguments of one shape: one compiled program per form and dtype, and per material. A call costs
-# 2 ms beside its arithmetic: chunks of 4,096 took twice as long.
-_CHUNK, _WAVELENGTH_CHUNK = 16384, 512
+# Arguments of one shape: one compiled program per form and dtype, and per material. A round of the
+# refinement has 7,776 points, later ones fewer; in chunks of 16,384 most arithmetic was of what
+# fills them up.
+_CHUNK, _WAVELENGTH_CHUNK = 2592, 512
 # Of an exact form in float64, within 8 eps, and of the reference that it is compared with.
 _ROUNDING_64 = 7e-15
 # Float32, in half eps: one for the cosine and each index (two where eta_i is rounded as well: only

@@ -19,9 +19,13 @@ _DECADES = 10.0 ** np.arange(-7.0, 0.6, 0.5)  # degrees from a special angle
 # distances from a special wavelength, as parts of the range of wavelengths
 FROM_SPECIAL = 0.1 * np.concatenate([-_DECADES, [0.0], _DECADES])
 _BLOCKS = (8, 12)  # the best cell of each block of the grid is refined
+_EPS = float(np.finfo(float).eps)
 _SAMPLES = 9  # per axis and round
 _ROUNDS_BEFORE, _ROUNDS = 4, 24
-_NARROWING = 3.0  # of a cell per round: to 1e-8 of a cell of the grid
+_NARROWING = 3.0  # of a cell per round: to 3e-12 of a cell of the grid
+# A cell is left when ten times what its last two rounds added would not reach the largest found. At
+# a cusp, where the gain falls by sqrt(3) a round, four times are left to come.
+_PATIENCE = 10.0
 
 
 class Place(NamedTuple):
@@ -114,10 +118,11 @@ def largest(
     centre, width, angle, angle_width = _best_cells(difference, errors, wavelengths, angles)
     low, high = angles.min(), angles.max()
     steps = np.linspace(-1.0, 1.0, _SAMPLES)
-    each, slope = np.arange(len(centre)), np.zeros(len(centre))
+    slope, earlier = np.zeros(len(centre)), np.full((2, len(centre)), -np.inf)
     for _ in range(_ROUNDS):
-        if best.error > enough:
+        if best.error > enough or len(centre) == 0:
             break
+        each = np.arange(len(centre))
         across = np.clip(centre[:, None] + width[:, None] * steps, wavelengths[0], wavelengths[-1])
         along = (angle + slope * (across.T - centre)).T[:, :, None]
         along = np.clip(along + np.multiply.outer(angle_width, steps)[:, None], low, high)
@@ -138,4 +143,9 @@ def largest(
         top = int(np.argmax(found))
         if found[top] > best.error:
             best = Place(float(found[top]), float(centre[top]), float(angle[top]))
+        going = found + _PATIENCE * (found - earlier[0]) > best.error * (1.0 + _EPS)
+        earlier = np.stack([earlier[1], found])[:, going]
+        centre, width, angle, angle_width, slope = (
+            x[going] for x in (centre, width, angle, angle_width, slope)
+        )
     return best

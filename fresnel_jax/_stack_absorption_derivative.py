@@ -1,0 +1,199 @@
+"""How the power that each layer of a stack absorbs changes with every layer.
+
+A layer sees a change in three ways, of which each is its own sum here, so that nothing cancels
+between them. With the fields (u, w) and (a, b) and B of `_stack_derivative`:
+
+A change in front of the layer, or of the first medium, changes the light that comes to it: all
+fields from there on change by the factor 1 + d log(1 / B).
+
+A change behind it sends back a field that the front only reflects. That is kappa (b, -a), the same
+in all layers in front of the change, and kappa = d r / (2 Q_0). What is absorbed changes by twice
+the real part of its product with the field, integrated as the power itself is.
+
+A change in the layer itself changes its integral over |B|^2. With the waves S = Z u + w and
+D = Z u - w, of which what lies behind fixes only the ratio u / w,
+
+    2 Z B = S (a + b Z) + E D (a - b Z),      d(D / S) = 2 u w dZ / S^2.
+
+S is held where it is the larger part of B: when the layers behind are near a guided mode S is
+small, and d log S would be large and cancel between the integral and B. That, with derivatives of
+the fields as a whole in place of these sums, made 933 to 13,000 eps of error in front of guided
+modes and opaque films. The formulas are our own.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ._arithmetic import conjugate_times, one_if_zero, reciprocal_or_zero, squared_modulus, times
+from ._stack_absorption import (
+    Along,
+    Weights,
+    absorbed_by_waves,
+    along,
+    of_waves,
+    product_in_thin,
+)
+from ._stack_coefficients import Change, Layers, of_r
+from ._stack_coherent import ZERO, crossed, inverse, minus, plus, scaled
+from ._stack_fields import over_layers
+from ._stack_wave import Pair, choose
+
+
+class Front(NamedTuple):
+    """(a, b) and the product of all f at the front of each layer."""
+
+    a: Pair
+    b: Pair
+    f: Pair
+
+
+def _sent_back(layers: Layers, moved: Change, per: Pair, far: Pair, scale: Array) -> Pair:
+    """kappa of all that changes behind each layer, over f^2 of all layers in front of that."""
+    change = of_r(layers, scaled(0.5, times(per, per)))
+    here = plus(times(change.q2, moved.q2), times(change.depth, moved.depth))
+    if moved.g is not None:
+        here = plus(here, times(change.g, moved.g))
+
+    def step(behind, layer):
+        here, round_trip, scale = layer
+        behind = scaled(scale * scale, behind)
+        return plus(here, times(round_trip, behind)), behind
+
+    inputs = (here, layers.wave.round_trip, scale)
+    return over_layers(step, far, inputs, scale.shape[0], reverse=True)[1]
+
+
+def _product(layers: Layers, weight: Weights, inside: Along, near_q2: Pair, front: Front) -> Pair:
+    """The integral of the field's conjugate and (b, -a), both as `_sent_back` needs them."""
+    zb, round_trip, V = times(layers.z, front.b), layers.wave.round_trip, inside.beating
+    up, down = minus(zb, front.a), plus(zb, front.a)
+    of_own, of_crossed = of_waves(weight, inside.z)
+    own = plus(
+        times(round_trip, conjugate_times(layers.up, up)),
+        scaled(inside.intensity, conjugate_times(layers.down, down)),
+    )
+    crossed_over = plus(
+        conjugate_times(layers.up, down),
+        scaled(inside.intensity, conjugate_times(layers.down, up)),
+    )
+    waves = plus(
+        scaled(of_own * inside.decaying, own),
+        scaled(of_crossed, times(V, crossed_over)),
+    )
+    b, a = crossed(front.b, front.a, layers.wave, layers.g, layers.per_g)
+    thin = product_in_thin(
+        weight, layers.kappa, near_q2, layers.g, layers.per_g,
+        (layers.u, layers.w), (b, scaled(-1.0, a)),
+    )  # fmt: skip
+    waves = scaled(0.25 * reciprocal_or_zero(squared_modulus(layers.z)), waves)
+    return choose(layers.thin, scaled(inside.intensity, thin), waves)
+
+
+def _moved_waves(layers: Layers, inside: Along, moved: Change) -> tuple[Pair, Pair, Along]:
+    """The changes of Z, of E and of the integrals along the layer; where it is not thin."""
+    a, b = layers.wave.q
+    kappa, round_trip = layers.kappa, layers.wave.round_trip
+    # 0 in a thin layer, in which it is not used and might overflow
+    per_twice_q = times(layers.per_twice_q2, layers.wave.q)
+    dq = times(choose(layers.thin, ZERO, per_twice_q), moved.q2)
+    dz = times(layers.per_g, dq)
+    if moved.g is not None:
+        dz = minus(dz, times(times(layers.z, layers.per_g), moved.g))
+    d_kappa = moved.depth[0]
+    d_delta = plus(scaled(kappa, dq), scaled(d_kappa, layers.wave.q))
+    d_round_trip = scaled(2.0, times((-d_delta[1], d_delta[0]), round_trip))
+    d_intensity = -2.0 * inside.intensity * d_delta[1]
+    per_a, per_b = reciprocal_or_zero(a), 1.0 / one_if_zero(b)
+    d_decaying = jnp.where(
+        b == 0.0, d_kappa, (inside.intensity * d_delta[1] - inside.decaying * dq[1]) * per_b
+    )
+    d_sine2 = round_trip[1] * d_delta[0] - 2.0 * layers.wave.sine2 * d_delta[1]
+    beat_re = (0.5 * d_round_trip[1] - inside.beating[0] * dq[0]) * per_a
+    beat_im = (d_sine2 - inside.beating[1] * dq[0]) * per_a
+    return dz, d_round_trip, Along(dz, d_intensity, d_decaying, (beat_re, beat_im))
+
+
+def _of_itself(
+    layers: Layers,
+    weight: tuple[Weights, Weights],
+    inside: Along,
+    q2: tuple[Pair, Pair],
+    front: Front,
+    moved: Change,
+    per: Pair,
+) -> tuple[Array, Pair]:
+    """What a layer's own change adds to its integral, and to log(1 / B) in a layer not thin."""
+
+    def thin_integral(weight, q2, kappa, g=layers.g):
+        per_g = g if moved.g is None else inverse(g)
+        both = ((layers.u, layers.w),) * 2
+        return product_in_thin(weight, kappa, q2, g, per_g, *both)[0]
+
+    here, there = zip(weight, q2, (layers.kappa, moved.depth[0]), strict=True)
+    if moved.g is not None:
+        here, there = (*here, layers.g), (*there, moved.g)
+    thin = jax.jvp(thin_integral, here, there)[1]
+
+    dz, d_round_trip, d_inside = _moved_waves(layers, inside, moved)
+    returned = times(layers.wave.round_trip, layers.down)
+    forward = squared_modulus(layers.up) >= squared_modulus(returned)
+    per_up = inverse(choose(forward, layers.up, (jnp.ones_like(returned[0]), returned[1])))
+    turned = scaled(2.0, times(times(times(layers.u, layers.w), per_up), dz))
+    du = times(dz, layers.u)
+    d_up, d_down = choose(forward, ZERO, du), choose(forward, turned, du)
+    far = jax.jvp(
+        absorbed_by_waves,
+        (weight[0], inside, layers.up, layers.down),
+        (weight[1], d_inside, d_up, d_down),
+    )[1]
+    far = 0.25 * far * reciprocal_or_zero(squared_modulus(layers.z))
+
+    zb = times(layers.z, front.b)
+    d_returned = plus(times(d_round_trip, layers.down), times(layers.wave.round_trip, d_down))
+    bottom = plus(times(d_up, plus(front.a, zb)), times(d_returned, minus(front.a, zb)))
+    bottom = plus(bottom, times(minus(layers.up, returned), times(front.b, dz)))
+    d_log = scaled(-0.5, times(times(bottom, per), inverse(layers.z)))
+    return jnp.where(layers.thin, inside.intensity * thin, far), d_log
+
+
+def _before(front: Pair, layers: Pair) -> Pair:
+    """The sum of what the first medium and all layers in front of each one add."""
+    re, im = (
+        jnp.cumsum(jnp.concatenate([x[None], z[:-1]]), axis=0)
+        for x, z in zip(front, layers, strict=True)
+    )
+    return re, im
+
+
+def absorption_derivative(
+    absorbed: Array,
+    layers: Layers,
+    weight: tuple[Weights, Weights],
+    q2: tuple[Pair, Pair],
+    front: Front,
+    moved: Change,
+    d_log: Pair,
+    d_log_front: Pair,
+    far: Pair,
+    per: Pair,
+    scale: Array,
+) -> Array:
+    """The change of `absorbed` in each layer, in units of |B|^2, for s or p.
+
+    weight, q2 (Q^2) with their changes; d_log is that of log(1 / B) by each layer's change,
+    d_log_front by the first medium's; far is kappa of the last medium; per is 1 / B; scale that of
+    the fields in each layer.
+    """
+    near = choose(layers.thin, q2[0], ZERO), choose(layers.thin, q2[1], ZERO)
+    inside = along(layers.wave, layers.z, layers.kappa)
+    behind = _sent_back(layers, moved, per, far, scale)
+    product = _product(layers, weight[0], inside, near[0], front)
+    d_integral, d_log_waves = _of_itself(layers, weight, inside, near, front, moved, per)
+
+    light = plus(_before(d_log_front, d_log), choose(layers.thin, d_log, d_log_waves))
+    sent = 2.0 * conjugate_times(per, times(product, behind))[0]
+    passed = squared_modulus(front.f)
+    return 2.0 * absorbed * light[0] + passed * (squared_modulus(per) * d_integral + sent)

@@ -1,0 +1,106 @@
+"""What a change in one layer of a stack does to the amplitudes: two integrals over that layer.
+
+The formulas are those of `_stack_derivative`. In a layer the integrals are closed forms of
+the waves S = Z u + w and D = Z u - w with Z = Q / g (and likewise of Z b + a and Z b - a). They
+cancel where a layer is thin against a wavelength, or at its critical angle; there the entries of
+its matrix and a series take their place, both even in Q. Nothing grows with the thickness.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ._arithmetic import Complex, times
+from ._stack_absorption import is_thin
+from ._stack_coherent import inverse, minus, plus, scaled
+from ._stack_wave import Pair, Wave, choose, polynomial, sine_derivative_series
+
+# (1 - sin(2 z) / (2 z)) / (2 z^2) is the sum of these times z^(2 m).
+_SERIES = tuple((-1.0) ** m * 2.0 * 4.0**m / math.factorial(2 * m + 3) for m in range(9))
+
+
+class Layers(NamedTuple):
+    """What the coefficients of both amplitudes need of every layer, for s or p."""
+
+    wave: Wave
+    g: Complex
+    per_g: Complex
+    z: Pair  # Q / g
+    per_twice_q2: Pair
+    kappa: Array  # k_0 thickness
+    thin: Array
+    delta2: Pair  # (kappa Q)^2 where thin
+    u: Pair
+    w: Pair
+    down: Pair  # Z u - w
+    up: Pair  # Z u + w
+
+
+class Change(NamedTuple):
+    """For Q^2, g and k_0 thickness of every layer: what an amplitude gains for a unit of each."""
+
+    q2: Complex
+    g: Any  # None: it stays as it is
+    depth: Complex
+
+
+def _times_i(z: Pair) -> Pair:
+    return -z[1], z[0]
+
+
+def layers_of(wave: Wave, g: Complex, per_g: Complex, kappa: Array, u: Pair, down: Pair) -> Layers:
+    q2 = times(wave.q, wave.q)
+    delta2, thin = scaled(kappa * kappa, q2), is_thin(kappa, q2)
+    near = jnp.where(thin, delta2[0], 0.0), jnp.where(thin, delta2[1], 0.0)
+    z = times(per_g, wave.q)
+    w = minus(times(z, u), down)
+    twice = scaled(0.5, inverse(q2))
+    return Layers(wave, g, per_g, z, twice, kappa, thin, near, u, w, down, plus(times(z, u), w))
+
+
+def of_r(layer: Layers, per: Pair) -> Change:
+    """Of r; per is Q_0 / B^2 in the units of the fields of the layer."""
+    sigma, round_trip, kappa = layer.wave.sine_over_q, layer.wave.round_trip, layer.kappa
+    waves2 = plus(times(layer.up, layer.up), times(round_trip, times(layer.down, layer.down)))
+    waves2, gain = times(sigma, waves2), times(layer.g, per)
+    beat = _times_i(times(round_trip, times(layer.up, layer.down)))
+    wide = times(layer.per_twice_q2, minus(scaled(2.0 * kappa, beat), waves2))
+
+    gw = times(layer.g, layer.w)
+    both = _times_i(times(sigma, layer.wave.cosine))
+    cosine2 = scaled(0.5, plus(scaled(kappa, round_trip), both))
+    sine2 = scaled(kappa**3, times(round_trip, polynomial(_SERIES, layer.delta2)))
+    thin = minus(times(cosine2, times(layer.u, layer.u)), times(sine2, times(gw, gw)))
+    thin = plus(thin, _times_i(times(times(sigma, sigma), times(layer.u, gw))))
+    thin = scaled(2.0, _times_i(times(times(layer.per_g, layer.per_g), thin)))
+    return Change(
+        q2=times(gain, choose(layer.thin, thin, wide)),
+        g=times(per, waves2),
+        depth=scaled(2.0, times(gain, beat)),
+    )
+
+
+def of_through(layer: Layers, a: Pair, b: Pair, per: Pair) -> Change:
+    """Of log(F / B); (a, b) is at the front of the layer, per is 1 / B in its units."""
+    sigma, kappa, wave = layer.wave.sine_over_q, layer.kappa, layer.wave
+    zb, gain = times(layer.z, b), scaled(0.5, _times_i(times(layer.g, per)))
+    up, down = plus(zb, a), minus(zb, a)
+    along = plus(times(up, layer.up), times(wave.round_trip, times(down, layer.down)))
+    across = _times_i(times(sigma, plus(times(up, layer.down), times(down, layer.up))))
+    wide = times(layer.per_twice_q2, plus(scaled(kappa, along), across))
+
+    cosine2 = plus(scaled(kappa, wave.cosine), _times_i(sigma))
+    sine2 = scaled(kappa**3, times(wave.passage, sine_derivative_series(layer.delta2)))
+    crossing = plus(times(b, layer.w), times(a, layer.u))
+    thin = plus(
+        times(layer.per_g, times(cosine2, times(b, layer.u))),
+        scaled(kappa, times(sigma, crossing)),
+    )
+    thin = plus(times(layer.per_g, thin), times(sine2, times(a, layer.w)))
+    return Change(
+        q2=times(gain, choose(layer.thin, thin, wide)),
+        g=scaled(-1.0, times(times(gain, layer.per_g), across)),
+        depth=times(gain, along),
+    )
