@@ -37,6 +37,19 @@ def test_a_quarter_wave_film_of_the_geometric_mean_reflects_nothing():
     assert got.R < 1e-31 and abs(got.T - 1.0) < 1e-15
 
 
+def test_a_case_that_tmm_publishes():
+    """The values of a Mathematica program in the tests of the package tmm 0.2.0 (S. J. Byrnes)."""
+    got = stack(np.cos(0.1), [1.0, 2 + 4j, 3 + 0.3j, 1 + 0.1j], [2.0, 3.0], 100.0)
+    published = {
+        "R_s": 0.37273208839139516, "R_p": 0.37016110373044969,
+        "T_s": 0.22604491247079261, "T_p": 0.22824374314132009,
+        "r_s": -0.60331226568845775 - 0.093522181653632019j,
+        "t_s": 0.44429533471192989 + 0.16921936169383078j,
+    }  # fmt: skip
+    for name, value in published.items():
+        assert abs(getattr(got, name) - value) < 1e-14
+
+
 def test_compiled_mapped_and_looped_calls_agree():
     index = jnp.array([1.0, 1.46 + 0.01j, 2.3, 3.9 + 0.02j])
     thickness = jnp.array([0.1, 1.7])
