@@ -23,6 +23,7 @@ HEARD = {
     "# \u504f\u632f: s\n" + SCAN: ("quantity", "R_s", "line 1"),
     "# R in percent\nangle,R\n10,10\n45,10\n": ("value", 0.1, "line 1"),
     "# wavelength in um\nwavelength,R\n500,.1\n600,.2\n": None,
+    "# %\nangle,R\n10,10\n45,10\n": ("value", 0.1, "line 1"),
     "angle,R in %\n10,10\n45,10\n": ("value", 0.1, "percent"),
     "wavelength_A,R\n5000,.1\n5000,.2\n": ("wavelength_um", 0.5, "0.5 um"),
     "wavelength_nm,Rs@60\n500,.1\n600,.2\n": ("angle_deg", 60.0, "60 degrees by the column name"),
@@ -116,18 +117,22 @@ for said in (
 for said in (
     "45/45 geometry", "geometry: 45/45", "d/8 geometry", "8\u00b0/d", "Messgeometrie 45:0",
     "\u03c6 = 60", "phi = 60", "\u03b1 = 60", "k\u0105t 60", "goniometer at 45 deg",
-    "mount angle 45 deg", "tilt 5 deg", "Brewster", "schr\u00e4ger Einfall",
+    "0/45", "45:0", "R (d/8)", "8\u00b0/d", "8/d", "mount angle 45 deg", "tilt 5 deg",
+    "Brewster", "schr\u00e4ger Einfall",
 ):  # fmt: skip
     REFUSED[f"# {said}\n" + SPECTRUM] = ("line 1", "--angle-deg")
 for said in (
     "Messwinkel 20", "Winkeloffset 1.5\u00b0", "angle offset 1.5 deg", "measured at 60 deg",
-    "misalignment 0.5 deg", "AOI: 44", "phi = 30", "stage angle 60 deg",
+    "misalignment 0.5 deg", "AOI: 44", "AOI 44 at 532 nm", "phi = 30",
+    "stage angle 60 deg",
 ):  # fmt: skip
     REFUSED[f"# {said}\n" + SCAN] = ("column angle", "line 1", "--columns", "--angle-deg")
 for said in (
     "normalized to reference", "normalised to an Al mirror", "relative to gold mirror",
     "relative reflectance", "normiert auf Spiegel", "normalis\u00e9 \u00e0 la r\u00e9f\u00e9rence",
-    "\u5f52\u4e00\u5316", "R (a.u.)", "arbitrary units", "R in dB", "log scale",
+    "R x100", "R \u00d7 100", "R*1000", "R in units of 0.01", "all values times 100",
+    "scale factor 100", "R multiplied by 100", "Faktor 10", "\u5f52\u4e00\u5316", "R (a.u.)",
+    "arbitrary units", "R in dB", "log scale",
 ):  # fmt: skip
     REFUSED[f"# {said}\n" + SCAN] = ("--scale",)
 for header in ("phi", "\u03c6", "phi (deg)", "\u03b1 / deg"):
@@ -136,7 +141,10 @@ for header in ("phi", "\u03c6", "phi (deg)", "\u03b1 / deg"):
 REFUSED["# 2theta\n" + SCAN] = ("line 1", "--angle-unit")
 for said in ("vertical", "E horizontal", "vertikal"):
     REFUSED[f"# {said}\n" + SCAN] = ("line 1", "--polarization")
-REFUSED["# wavelength five hundred nm\n" + SCAN] = ("line 1", "--wavelength-um")
+for said in (
+    "wavelength five hundred nm", "E = 2.33 eV", "2.33 eV", "gap 1.1 eV", "hv = 2.33", "8.05 keV",
+):  # fmt: skip
+    REFUSED[f"# {said}\n" + SCAN] = ("line 1", "--wavelength-um")
 
 
 @pytest.mark.parametrize("text", REFUSED)
@@ -170,7 +178,22 @@ def test_what_the_name_of_the_file_says_is_heard(tmp_path: Path, name: str, text
 
 @pytest.mark.parametrize(
     "name",
-    ["R'", "R\u2032", "\u221aR", "sqrt(R)", "1-R", "-R", "R^2", "R/R0", "Rs/Rp", "R_d"]
+    [
+        "'R'",
+        "$R$",
+        "R x100",
+        "R (0/45)",
+        "R'",
+        "R\u2032",
+        "\u221aR",
+        "sqrt(R)",
+        "1-R",
+        "-R",
+        "R^2",
+        "R/R0",
+        "Rs/Rp",
+        "R_d",
+    ]
     + ["R \u4e0d", "R*", "R+T", "R\u0302"],
 )
 def test_a_word_or_sign_that_is_not_known_is_not_dropped_from_a_header(
@@ -185,6 +208,8 @@ def test_lines_about_something_else_are_no_statements(tmp_path: Path) -> None:
         "analyzer 45 deg", "humidity 45 %", "film of 120 nm", "sample rotated by 90 deg",
         "integration time: 20 ms", "detector angle 30 deg", "date: 2024-03-11", "class 2 laser",
         "angle step 5 deg", "geometry: reflection", "position 12", "error of R: relative",
+        "sample 10 x 100 mm", "sheet 1/2", "page 3/10", "objective 50x",
+        "mean of the 20 readings multiplied by the mean of 20 others", "scale bar 10 um",
     ):  # fmt: skip
         for table in (SCAN, SPECTRUM):
             assert (

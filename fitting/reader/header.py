@@ -31,6 +31,8 @@ def uncomment(text: str) -> str:
     text = text.strip()
     if text.startswith("%") and text[1:2].isalpha():
         return text  # "%R" is a name, "% angle" a comment
+    if text.endswith("%") and text.strip('"#!;/ ') == "%" != text:
+        return "%"  # "# %": the unit of the values
     return text.lstrip('"#!;%/ ').strip() if is_comment(text, "") else text
 
 
