@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import PurePath
 from typing import Any
 
@@ -11,7 +12,9 @@ import numpy as np
 
 from fitting.diagnostics import Warning
 from fitting.errors import MeasurementError
+from fitting.measurement import Measurement
 from fitting.result import Fit
+from fitting.visible import visible
 
 # "glass_3mm.csv", "CLEAR_0.7 mm.dat"
 _MILLIMETRES = re.compile(r"(?<![\d.])(\d+(?:\.\d+)?) ?mm(?![a-z])", re.IGNORECASE)
@@ -33,6 +36,15 @@ def refuse_several_thicknesses(sources: Sequence[str]) -> None:
             f"the files name plates of {each}; one thickness was given for all of them. Fit plates "
             "of different thickness one by one, each with its own thickness."
         )
+
+
+def told_apart(measurements: Sequence[Measurement], paths: Sequence[str]) -> list[Measurement]:
+    """Return measurements of files of one name (a/scan.csv, b/scan.csv) named by their paths."""
+    sources = [m.source for m in measurements]
+    return [
+        replace(m, source=visible(path)) if sources.count(m.source) > 1 else m
+        for m, path in zip(measurements, paths, strict=True)
+    ]
 
 
 def disagreement(results: Sequence[Fit]) -> tuple[Warning, ...]:
