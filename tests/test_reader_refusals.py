@@ -124,10 +124,10 @@ REFUSALS = {
         ("no column is an angle", "--angle-deg"),
     ),
     "s and p without angle": ("wavelength (nm),Rs,Rp\n500,.1,.2\n", ("--angle-deg",)),
-    "polarised without angle": ("wavelength (nm),pol,R\n500,s,.1\n", ("--angle-deg",)),
+    "polarized without angle": ("wavelength (nm),pol,R\n500,s,.1\n", ("--angle-deg",)),
     "negative Q": ("# wavelength: 0.5 nm\nQ (1/nm),R\n-.1,.1\n.2,.1\n", ("line 3", "negative")),
     "two errors of one": ("aoi,R,err,std\n10,.1,.1,.1\n", ("'std'", "--columns")),
-    "gap in the polarisation": ("aoi,pol,R\n10,s,.1\n20,,.2\n", ("line 3", "missing")),
+    "gap in the polarization": ("aoi,pol,R\n10,s,.1\n20,,.2\n", ("line 3", "missing")),
     "gap in the wavelength": ("wavelength_um,R\n.5,.1\n,.2\n", ("line 3", "missing")),
     "second table": ("angle,R_s\n10,.1\nrun two\n20,.2\n", ("line 3", "--lines")),
     "zones": (

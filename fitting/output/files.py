@@ -86,19 +86,25 @@ def write_files(
             raise OSError(error.errno, error.strerror, name) from error
 
 
-def report(fit: Fit, folder: str | os.PathLike[str], comparison: Comparison | None = None) -> None:
+def report(
+    fit: Fit,
+    folder: str | os.PathLike[str],
+    comparison: Comparison | None = None,
+    *,
+    overwrite: bool = False,
+) -> None:
     """Write the report of a fit into ``folder``: all of it or, if that fails, nothing.
 
     report.html, fit.json, data.csv, fit.png, and index.csv of a spectrum or a batch. The folder is
-    made if there is none. Raises ImportError without matplotlib, ValueError for a folder that
-    cannot be made or written to.
+    made if there is none; overwrite: it may hold other files. Raises ImportError without
+    matplotlib, ValueError for a folder that cannot be made or written to.
     """
     check_matplotlib("report")
     left_out = {"report index"} if not has_index_table(fit) else set()
     if fit.measurement is None:
         left_out.add("report csv")
     with Outputs() as outputs:
-        place = outputs.folder(folder)
+        place = outputs.folder(folder, overwrite=overwrite)
         staged = {
             kind: outputs.open(place / name)
             for kind, name in REPORT.items()

@@ -50,7 +50,7 @@ _WHY = {
     "raw": "it is a raw signal, not a ratio to the direct beam",
     "constant": "it is an optical constant, not a measured power",
 }
-# names glued of a quantity and its polarisation; T in capitals only (tp, ts are times as well)
+# names glued of a quantity and its polarization; T in capitals only (tp, ts are times as well)
 _GLUED = re.compile(
     "(?:(r)|(R)|[Rr]efl|(T)|[Rr]eflectance|([Tt]ransmittance))"
     "(s|p|S|P|te|tm|TE|TM|ss|pp|perp|par|spol|ppol|unpol|mean|avg|front|back)"
@@ -148,7 +148,7 @@ def _optical(tokens: list[str], unit: str, error: bool) -> Role | None:
 
 
 def _axis(tokens: list[str], unit: str) -> Role | None:
-    """Return the role of an angle, wavelength or polarisation column, or None."""
+    """Return the role of an angle, wavelength or polarization column, or None."""
     said = {CONCEPT.get(token.lower(), token.lower()) for token in tokens}
     words = said - {"filler", "article"}
     for kind, form, needed, others in _AXES:
@@ -176,7 +176,7 @@ def role_of(name: str, unit: str = "") -> Role:
         rest, own = "", unit_of(rest) or ""  # the unit is all the name there is
     unit = own or unit
     if re.fullmatch(r"s(?:[RT]|Qz?|psi|Psi)", rest):
-        why = f"the standard error of {rest[1:]}, or {rest[1:]} of s-polarised light"
+        why = f"the standard error of {rest[1:]}, or {rest[1:]} of s-polarized light"
         return Role("unclear", "sigma_" + rest[1:], why=why)
     tokens = _tokens(rest)
     if tokens[:1] == ["r"] and len(tokens) == 2 and CONCEPT.get(tokens[1]) in ("s", "p"):
