@@ -154,7 +154,8 @@ def _alone(
 ) -> list[Fit]:
     """Return the fit of each file by itself, from nowhere but where the fit of all ended.
 
-    A file may have other minima of its own, which are no contradiction. A file that cannot be fitted by itself (psi in one, Delta in another) contradicts no other.
+    A file may have other minima of its own, which are no contradiction. One that cannot be fitted
+    by itself (psi in one, Delta in another) contradicts no other.
     """
     begin = None
     if not sample.by_wavelength:
