@@ -33,6 +33,10 @@ HEARD = {
     "angle_rad,R\n1.5708,.5\n1.571,.5\n": ("angle_deg", 90.0, "rad"),
     "nm;%R\n500;10\n600;10\n": ("value", 0.1, "percent"),
     "angle;R\n10,000;0,250\n45,000;0,250\n": ("value", 0.25, "fraction"),
+    "nm;R (%)\n400;10,125\n500;10,125\n": ("value", 0.10125, "percent"),
+    "Winkel (Grad);R_s (%)\n30,500;10,125\n45,250;10,125\n": ("value", 0.10125, "percent"),
+    "# angles of incidence: 45, 60\nnm,R_45\n500,.1\n600,.2\n": ("angle_deg", 45.0, "column name"),
+    "# all angles in degrees\nnm;%R_45\n500;10\n600;10\n": ("angle_deg", 45.0, "column name"),
 }
 
 
@@ -92,7 +96,8 @@ REFUSED = {
     "angle,psi,delta\n50,20,100\n60,0,0\n70,30,90\n": ("line 3", "--missing 0"),
     "angle,psi,delta\n50,.2,100\n60,.3,90\n70,.4,80\n": ("column psi", "--psi-unit"),
     "angle,psi,delta\n50,20,1.5\n60,25,1.6\n70,30,1.7\n": ("column delta", "--psi-unit"),
-    "wavelength_nm,R_45,R_60\n500,.1,.2\n600,.1,.2\n": ("R_45", "--columns"),
+    "# samples 45 and 60\nnm,R_45,R_60\n500,.1,.2\n600,.1,.2\n": ("R_45", "--columns"),
+    "# AOI = 30\nnm,R_45,R_60\n500,.1,.2\n600,.1,.2\n": ("R_45", "--columns"),
     "# psi and delta in radians\nangle,psi (deg),delta\n50,20,100\n60,25,95\n": ("--psi-unit",),
 }
 
@@ -234,6 +239,18 @@ def test_several_angles_in_one_wide_table(tmp_path: Path) -> None:
     assert m.value.tolist() == [0.1, 0.11, 0.05, 0.06, 0.2, 0.21, 0.03, 0.04]
     one = read(tmp_path, text, columns="wavelength=1,R_s=4")
     assert one.angle_deg.tolist() == [60.0, 60.0]
+
+
+@pytest.mark.parametrize("head", ["R_{}", "Rs {}", "psi_{}", "R{} [%]"])
+def test_numbers_behind_names_are_angles_where_an_option_says_so(tmp_path: Path, head: str) -> None:
+    first, second = head.format(45), head.format(62.5)
+    m = read(tmp_path, f"nm,{first},{second}\n500,9,8\n600,9,8\n", angle_unit="deg", scale=0.01)
+    assert m.angle_deg.tolist() == [45.0, 45.0, 62.5, 62.5]
+
+
+def test_the_square_of_a_reflectance_is_not_at_two_degrees(tmp_path: Path) -> None:
+    m = read(tmp_path, "# angles in degrees\nnm,R,R\u00b2\n500,.1,.01\n600,.2,.04\n")
+    assert (m.value.tolist(), m.angle_deg.tolist()) == ([0.1, 0.2], [0.0, 0.0])
 
 
 def test_a_column_in_units_of_q_is_no_wavelength(tmp_path: Path) -> None:

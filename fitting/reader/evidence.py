@@ -31,7 +31,7 @@ from fitting.reader.vocabulary import (
 OPTION = {
     "angle": ("the angle of incidence", "--angle-deg NUMBER", "angle_deg"),
     "angle unit": ("how angles count", "--angle-unit deg, rad, grazing-deg, ...", "angle_unit"),
-    "light": ("the polarisation", "--polarization s, p or unpolarized", "light codes polarizer"),
+    "light": ("the polarization", "--polarization s, p or unpolarized", "light codes polarizer"),
     "wavelength": ("the wavelength", "--wavelength-um NUMBER", "wavelength_um"),
     "wavelength unit": (
         "the unit of wavelengths",

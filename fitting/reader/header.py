@@ -57,6 +57,16 @@ def known_names(cells: list[str]) -> int:
     return sum(bool(role_of(cell).kind) for cell in cells)
 
 
+def below_thousand(names: list[str], units: list[str]) -> set[int]:
+    """Return the columns whose numbers are below 1000 by their names: percent, degrees, ..."""
+    roles = [role_of(name, unit) for name, unit in zip(names, units, strict=True)]
+    return {
+        i for i, role in enumerate(roles)
+        if (role.kind in ("value", "sigma") and role.unit in ("percent", "1", "deg", "rad"))
+        or (role.kind == "angle" and role.unit in ("deg", "rad"))
+    }  # fmt: skip
+
+
 def units_row(cells: list[str]) -> list[str] | None:
     """Return the units in a row that holds nothing else, "" for a rule or a gap; else None."""
     units = [unit_of(cell) or "" for cell in cells]
