@@ -57,6 +57,11 @@ for said, angle in {
     "incidence normale": 0.0, "senkrechter Einfall": 0.0, "near-normal incidence": 0.0,
 }.items():  # fmt: skip
     HEARD[f"# {said}\n" + SPECTRUM] = ("angle_deg", angle, "line 1")
+for said in (
+    "HeNe laser 632.8 nm", "He-Ne laser, 632.8 nm", "HeNe-Laser (632,8 nm)", "laser: HeNe 632.8 nm",
+    "red laser pointer 632.8 nm", "diode laser: 632.8 nm",
+):  # fmt: skip
+    HEARD[f"# {said}\n" + SCAN] = ("wavelength_um", 0.6328, "line 1")
 for said, light in {
     "polarizzazione parallela": "R_p", "p wave": "R_p", "\u504f\u5149: p": "R_p", "TE mode": "R_s",
     "polarisation perpendiculaire": "R_s", "lumi\u00e8re polaris\u00e9e p": "R_p",
@@ -246,6 +251,12 @@ def test_numbers_behind_names_are_angles_where_an_option_says_so(tmp_path: Path,
     first, second = head.format(45), head.format(62.5)
     m = read(tmp_path, f"nm,{first},{second}\n500,9,8\n600,9,8\n", angle_unit="deg", scale=0.01)
     assert m.angle_deg.tolist() == [45.0, 45.0, 62.5, 62.5]
+
+
+def test_one_column_of_errors_may_belong_to_several_values(tmp_path: Path) -> None:
+    columns = "angle=1,R_s=2,R_p=3,sigma_R_s=4,sigma_R_p=4"
+    m = read(tmp_path, "angle,R_s,R_p,Error\n30,.1,.2,.01\n40,.2,.1,.02\n", columns=columns)
+    assert m.sigma.tolist() == [0.01, 0.02, 0.01, 0.02]
 
 
 def test_the_square_of_a_reflectance_is_not_at_two_degrees(tmp_path: Path) -> None:

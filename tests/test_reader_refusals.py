@@ -149,6 +149,10 @@ REFUSALS = {
         "angle,Rs,Rp\n10,.1,.2,\n20,.1,.2,\n",
         ("3 columns without names", "no line above has 4", "--columns angle=1"),
     ),
+    "one column of errors for two values": (
+        "angle,R_s,R_p,Error\n30,.1,.2,.01\n40,.2,.1,.01\n",
+        ("--columns angle=1,R_s=2,R_p=3,sigma_R_s=4,sigma_R_p=4",),
+    ),
     "three digits behind a comma, and no unit": (
         "nm;R\n400;10,125\n500;11,250\n",
         ("line 2", "--decimal ,"),
@@ -157,10 +161,7 @@ REFUSALS = {
         "nm,R_45,R_60\n500,.1,.2\n600,.1,.2\n",
         ("45 in 'R_45'", "--angle-unit deg", "--columns wavelength=1,R=2"),
     ),
-    "a number behind R, over the angle": (
-        "angle,R_45\n30,.1\n45,.2\n",
-        ("--columns angle=1,R=2",),
-    ),
+    "a number behind R, over the angle": ("angle,R_45\n3,.1\n4,.2\n", ("--columns angle=1,R=2",)),
     "utf-32": ("angle,R\n10,.1\n20,.2\n".encode("utf-32"), ("zero bytes", "--encoding")),
     "zero bytes": (b"angle,R\n1,2\x00\x01\x00\x00\x00\x02\n", ("zero bytes", "--encoding")),
 }

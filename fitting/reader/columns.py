@@ -88,7 +88,8 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
     taken: dict[int, str] = {}
     for name, wanted in options.columns.items():
         index = find_column(table, wanted, "--columns")
-        if index in taken:
+        errors = name.startswith("sigma_") and taken.get(index, "").startswith("sigma_")
+        if index in taken and not errors:  # one column may be the error of several values
             raise MeasurementError(
                 f"{table.source}: --columns gives column {wanted} to both {taken[index]} and "
                 f"{name}."
@@ -193,11 +194,13 @@ def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Co
         elif name and not fits:
             continue
         if len(fits) != 1 or attached[fits[0]] is not None:
+            all_of = ",".join(f"{v.role.quantity}={v.index + 1}" for v in values)
+            errors = ",".join(f"sigma_{v.role.quantity}={sigma.index + 1}" for v in values)
             _refuse(
                 table,
                 f"it is not clear which value the standard errors in column {sigma.index + 1} "
-                f"{sigma.label!r} belong to. Name all columns to be read, for example --columns "
-                f"angle=1,R_s=2,sigma_R_s={sigma.index + 1}.",
+                f"{sigma.label!r} belong to. Name all columns to be read: if they belong to all "
+                f"values, --columns angle=1,{all_of},{errors}.",
             )
         attached[fits[0]] = sigma
     return attached

@@ -73,6 +73,7 @@ def spelled(text: str) -> str:
     """Return ``plain`` text with names of several parts as one word: 2 theta, wave length."""
     text = re.sub(r"(?i)\b[dl]'(?=\w)", "", plain(text))  # angle d'incidence
     text = re.sub(r"@\s*(?=[0-9])", " angle ", text)  # R@60
+    text = re.sub(r"(?i)(?<![^\W_])he-?ne(?![^\W_])", "laser", text)
     text = re.sub(r"(?i)(?<![^\W_])(?:2|two)[\s_-]*theta", "twotheta", text)
     text = re.sub(r"(?i)(?<![^\W_])relative\s+to(?![^\W_])", "normalized", text)
     text = _GEOMETRY.sub(r" geometry \1 \2 ", text)
