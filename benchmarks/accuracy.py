@@ -12,7 +12,7 @@ DIGITS = 50
 
 @functools.cache
 def truth(scene: str, dtype: str) -> tuple[mp.mpf, ...]:
-    """R of unpolarised light by the textbook's quotients of amplitudes."""
+    """R of unpolarized light by the textbook's quotients of amplitudes."""
     with mp.workdps(DIGITS):
         values = []
         for c, eta, k in zip(*scenes.points(scene, dtype), strict=True):

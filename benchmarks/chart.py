@@ -189,7 +189,7 @@ def draw(results, folder, platform="cpu"):
     )
     machine = results["machine"]
     figure.suptitle(
-        "Unpolarised Fresnel reflectance: speed against accuracy. Up and left is better.",
+        "Unpolarized Fresnel reflectance: speed against accuracy. Up and left is better.",
         x=0.06,
         ha="left",
         fontsize=10.5,

@@ -1,7 +1,7 @@
 """Who takes part. A contestant is described here by name and built only in its own process.
 
 `points` evaluates materials that differ from point to point, `curve` one material at many angles
-(contestants whose cost lies in the material are timed so). Both give R of unpolarised light.
+(contestants whose cost lies in the material are timed so). Both give R of unpolarized light.
 """
 
 import importlib.util

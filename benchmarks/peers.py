@@ -1,6 +1,6 @@
 """Other people's packages as contestants; each is imported only in the process that measures it.
 
-`points(c, eta, k)` gives R of unpolarised light at points that each have a material of their own;
+`points(c, eta, k)` gives R of unpolarized light at points that each have a material of their own;
 `curve(c, eta, k)` the same for one material at many angles, the way in which the package is fast.
 """
 

@@ -1,6 +1,6 @@
 """The forms that books and codes print, in JAX, and one of fewest divisions.
 
-Each takes (cos, eta) or (cos, eta, k) with relative indices, and gives R of unpolarised light.
+Each takes (cos, eta) or (cos, eta, k) with relative indices, and gives R of unpolarized light.
 """
 
 import jax.numpy as jnp

@@ -1,6 +1,6 @@
 """Where each method fails: `make stability`, or `python -m benchmarks.stability`.
 
-Every method computes R of unpolarised light, and its gradient where it is in JAX, at the hard sets
+Every method computes R of unpolarized light, and its gradient where it is in JAX, at the hard sets
 of the tests; truth is the textbook's quotient of amplitudes in 100 digits. Most methods take only
 an index relative to vacuum, so all of them get the relative index, rounded to the precision of the
 run, and the truth is that of the rounded one: nobody is charged for the division.

@@ -190,7 +190,7 @@ def check_data(
         ~(np.isnan(polarizer) | (power & (polarizer > 0.0) & (polarizer < 90.0))),
         "polarizer",
         lambda i: (
-            f"polariser angle {polarizer[i]:.10g} came; for R or T alone, one between 0 and 90 "
+            f"polarizer angle {polarizer[i]:.10g} came; for R or T alone, one between 0 and 90 "
             "degrees from the plane of incidence was wanted (0 is R_p, 90 is R_s)."
         ),
     )

@@ -7,16 +7,16 @@ answer at once and only ``--plot`` pays for matplotlib.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import os
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fitting.cli_options import PROGRAM, fit_options, parser, reading_options
+from fitting.cli_options import PROGRAM, expanded, fit_options, parser, reading_options
 from fitting.interrupt import INTERRUPTED
+from fitting.terminal import Refused, complain, refusals, say
 from fitting.visible import visible
 
 if TYPE_CHECKING:
@@ -26,22 +26,6 @@ if TYPE_CHECKING:
     from fitting.result import Fit
 
 FITTED, NOT_FITTED, MISUSED = 0, 1, 2
-
-
-class _Refused(Exception):
-    """The user's to mend; the text says how."""
-
-
-@contextlib.contextmanager
-def _refusals() -> Iterator[None]:
-    """Turn the ValueErrors of reading and fitting, whose texts are for the user, into _Refused.
-
-    Only there: a ValueError from anywhere else is a defect and should show its traceback.
-    """
-    try:
-        yield
-    except (ValueError, ImportError) as error:
-        raise _Refused(error) from error
 
 
 def _check(arguments: argparse.Namespace) -> None:
@@ -122,17 +106,20 @@ def _run(arguments: argparse.Namespace) -> int:
     from fitting.output.outputs import Outputs
     from fitting.output.progress_bar import Progress
     from fitting.output.reference import check_reference
+    from fitting.several_files import told_apart
 
     width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
-    with _refusals():
+    with refusals():
         _check(arguments)
         read = reading_options(arguments)
-        measurements = [read_csv(file, **read) for file in arguments.file]
+        measurements = told_apart(
+            [read_csv(file, **read) for file in arguments.file], arguments.file
+        )
         wavelength = np.concatenate([m.wavelength_um for m in measurements])
         if arguments.reference:
             check_reference(arguments.reference, wavelength)
     with Outputs() as outputs:
-        with _refusals():
+        with refusals():
             staged = _stage(outputs, arguments, len(np.unique(wavelength)) > 1)
             found, choice = _fit(measurements, arguments)
         compared = None
@@ -140,13 +127,14 @@ def _run(arguments: argparse.Namespace) -> int:
             reasons = [reason.text for reason in choice.reasons]
             compared = shown.Comparison(choice.table(), reasons, choice.to_dict())
         if arguments.json == "-":
-            _print(as_data.json_text(found, None if compared is None else compared.data))
+            say(as_data.json_text(found, None if compared is None else compared.data))
         elif not arguments.quiet:
-            _print(shown.text_of(found, width, arguments.reference or "", compared))
+            say(shown.text_of(found, width, arguments.reference or "", compared))
         with Progress("files written", quiet=arguments.quiet) as bar:
             files.write_files(
                 found, staged, plot_suffix=Path(arguments.plot or ".png").suffix,
                 reference=arguments.reference, command=arguments.command, comparison=compared,
+                decimal=arguments.csv_decimal,
                 step=bar.step,
             )  # fmt: skip
         outputs.publish()
@@ -155,28 +143,10 @@ def _run(arguments: argparse.Namespace) -> int:
     return FITTED if good else NOT_FITTED
 
 
-def _print(text: str) -> None:
-    """Print ``text``; a reader who stops early (``| head``) has seen enough, files are written."""
-    # A name or unit may hold letters that a terminal of another encoding cannot show.
-    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
-    try:
-        text = visible(text, "\n")
-        sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
-        sys.stdout.flush()
-    except BrokenPipeError:
-        # Python flushes stdout once more when it exits, and would complain.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _complain(text: str) -> None:
-    with contextlib.suppress(OSError):  # nowhere to say it
-        print(f"{PROGRAM}: {visible(text)}", file=sys.stderr)
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with ``argv`` (default: the process's arguments) and return its exit status.
 
-    0: every curve was fitted. 1: of a curve or more the data give no index. 2: the command, the
+    0: every curve was fitted. 1: of a curve or more the data give no index. 2: the command, a
     file or a value in it cannot be understood, or a result cannot be written. 130: interrupted.
     A mistake of the user ends in one line on stderr that says what to do. ``--help``, ``--version``
     and a mistyped option end in SystemExit, as argparse does it.
@@ -185,15 +155,21 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments = parser().parse_args(argv)
         given = sys.argv[1:] if argv is None else argv
         arguments.command = visible(shlex.join([PROGRAM, *given]))
+        with refusals():
+            arguments.file = expanded(arguments.file)
         from fitting.start_up import cheap_start
 
         with cheap_start():
+            if arguments.each:
+                from fitting.cli_each import run_each
+
+                return run_each(arguments, _fit)
             return _run(arguments)
     except KeyboardInterrupt:
         print(file=sys.stderr)
         return INTERRUPTED
     except OSError as error:
-        _complain(f"{error.filename or 'writing'}: {error.strerror}")
-    except _Refused as error:
-        _complain(str(error))
+        complain(f"{error.filename or 'writing'}: {error.strerror}")
+    except Refused as error:
+        complain(str(error))
     return MISUSED

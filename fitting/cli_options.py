@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import glob
+import os
 import sys
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from fitting.visible import visible
@@ -40,6 +43,7 @@ examples:
   fresnel-fit ellipsometer.txt --reference Si --report out
   fresnel-fit gold.csv --free scale --prior scale=1+-0.02
   fresnel-fit glass.csv --sample 'air | cauchy-urbach 3.05 mm thick | air'
+  fresnel-fit --each 'scans/*.csv' --csv results.csv
 
 where gold.csv has angles in degrees and reflectances as fractions or percent:
   angle_deg,R_s,sigma_R_s,R_p,sigma_R_p
@@ -54,8 +58,8 @@ exit status:
   1    of a curve or more the data give no index: the fit did not converge, or
        the data determine only a combination of eta and k (the table and the
        field "status" of the JSON say which)
-  2    the command, the file or a value in it cannot be understood, or a result
-       cannot be written
+  2    the command, a file or a value in it cannot be understood, or a result
+       cannot be written; with --each the other files were fitted
   70   a defect of the program: please report it, with what it printed
   71   not enough memory
   130  interrupted
@@ -114,6 +118,11 @@ def _add_results(parser: argparse.ArgumentParser) -> None:
         help="let --report use a folder that holds other files, and --csv replace an OUT.index "
         "that no fit wrote",
     )
+    results.add_argument(
+        "--csv-decimal", choices=(".", ","), default=".",
+        help="decimal mark of the tables that are written: . with commas between the cells (the "
+        "default), or , with semicolons, for spreadsheets that expect these",
+    )  # fmt: skip
     results.add_argument("--quiet", action="store_true", help="print no table")
 
 
@@ -175,8 +184,13 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument(
         "file", metavar="FILE", nargs="+",
-        help="text file with the measurement (CSV and its kin), - for standard input; several are "
-        "fitted together",
+        help="text file with the measurement (CSV and its kin), - for standard input, or a quoted "
+        "pattern such as '*.csv'; several are fitted together",
+    )  # fmt: skip
+    out.add_argument(
+        "--each", action="store_true",
+        help="fit every file by itself: a row of results a file, of which --csv and --json make a "
+        "table; a file that is refused is reported, and the others are fitted",
     )  # fmt: skip
     out.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     _add_results(out)
@@ -184,6 +198,22 @@ def parser() -> argparse.ArgumentParser:
     reading = out.add_argument_group("reading")
     for name, metavar, text in _READING:
         reading.add_argument(f"--{name}", metavar=metavar, help=text)
+    return out
+
+
+def expanded(files: Sequence[str]) -> list[str]:
+    """Return the files with the wildcards * ? [ ] expanded, where the shell has not done it.
+
+    Raises ValueError for a pattern that no file matches.
+    """
+    out = []
+    for name in files:
+        found = [name]
+        if glob.has_magic(name) and not os.path.exists(name):
+            found = sorted(f for f in glob.glob(name, recursive=True) if os.path.isfile(f))
+        if not found:
+            raise ValueError(f"{name}: no file matches.")
+        out += found
     return out
 
 

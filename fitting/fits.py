@@ -12,6 +12,7 @@ Fits run in float64, whether or not the caller has switched on jax_enable_x64.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -21,6 +22,7 @@ import numpy as np
 from fitting.bare_surface.reflectances import CHANNELS
 from fitting.bare_surface.surface_fit import fit_bare_surface
 from fitting.bare_surface.surface_fit import fit_many as fit_many
+from fitting.disagreement import disagreement, may_disagree
 from fitting.film_starts import film_starts, with_neighbours
 from fitting.free_films import fit_free_film, free_film
 from fitting.measurement import Measurement, concatenate
@@ -31,7 +33,6 @@ from fitting.problem import LOSSES, targets_of
 from fitting.result import Fit
 from fitting.sample import Sample
 from fitting.search import ERRORS, Asked, Solving, solved
-from fitting.several_files import disagreement
 from fitting.starts import given_start, start_at, usual_starts
 from fitting.starts import starts as start_points
 from fitting.stated_errors import with_common_error
@@ -138,7 +139,33 @@ def fit_checked(
 
     if not settings.priors:
         found = with_common_error(again, measurements, found, asked.errors, asked.intervals)
+    if len(measurements) > 1 and may_disagree(found):
+        alone = _alone(measurements, sample, settings, asked, found)
+        found = replace(found, notes=(*found.notes, *disagreement(alone)))
     return widened(found) if asked.errors == "auto" else found
+
+
+def _alone(
+    measurements: Sequence[Measurement],
+    sample: Sample,
+    settings: Settings,
+    asked: Asked,
+    found: Fit,
+) -> list[Fit]:
+    """Return the fit of each file by itself, from nowhere but where the fit of all ended.
+
+    A file may have other minima of its own, which are no contradiction. One that cannot be fitted
+    by itself (psi in one, Delta in another) contradicts no other.
+    """
+    begin = None
+    if not sample.by_wavelength:
+        begin = {n: found.parameters[n].value for n in found.names if "[" not in n}
+    alone = []
+    for m in measurements:
+        with contextlib.suppress(ValueError):
+            quick = asked._replace(intervals="quadratic")
+            alone.append(_general([m], sample, settings, quick, (0 if begin else None, begin)))
+    return alone
 
 
 def _general(

@@ -49,7 +49,7 @@ class Measurement:
     quantity: (N,) strings out of ``QUANTITIES``.
     value: (N,) float64; fractions for R and T, degrees for psi (0 to 90) and delta.
     sigma: (N,) float64, one standard error in the unit of the value; NaN where none is known.
-    polarizer_deg: (N,) float64, for R and T alone: angle of a linear polariser from the plane of
+    polarizer_deg: (N,) float64, for R and T alone: angle of a linear polarizer from the plane of
         incidence, so that R = R_p cos^2 + R_s sin^2; NaN (the usual case) means that ``quantity``
         says all. 0 and 90 never appear: they are R_p and R_s.
     source: name of the file, or of the arrays.
@@ -152,7 +152,7 @@ def _frozen(column: np.ndarray) -> np.ndarray:
 
 
 def concatenate(*measurements: Measurement) -> Measurement:
-    """Return all data of several measurements as one, in their order (one file a polarisation)."""
+    """Return all data of several measurements as one, in their order (one file a polarization)."""
     if not measurements:
         raise MeasurementError("no measurement came to be joined.")
     if len(measurements) == 1:
@@ -219,7 +219,7 @@ def read_csv(
     wavelength_um: wavelength of a file without a column for it, micrometres.
     wavelength_unit: nm, um, angstrom, eV, cm-1, THz, mm, keV.
     polarization: s, p or unpolarized for the whole file; what the codes of its column mean,
-        ``"0=s,1=p"``; or angle-from-p, angle-from-s for the angle of a polariser in degrees.
+        ``"0=s,1=p"``; or angle-from-p, angle-from-s for the angle of a polarizer in degrees.
     scale: factor that makes R and T (and their standard errors) fractions; 0.01 for percent.
     sigma: standard error of the values that have none, a fraction (degrees for psi and delta).
     psi_unit: deg or rad, for psi and delta.

@@ -57,7 +57,7 @@ def ncs_of(psi_deg: np.ndarray, delta_deg: np.ndarray) -> np.ndarray:
 
 
 def ncs_directions(psi_deg: np.ndarray, delta_deg: np.ndarray) -> np.ndarray:
-    """Return the unit vectors along which psi, Delta and depolarisation act, (3, 3, ...).
+    """Return the unit vectors along which psi, Delta and depolarization act, (3, 3, ...).
 
     N, C, S of pure light is a point of a sphere; psi moves it along a meridian, by 2 for each
     radian, Delta along a parallel, by sin 2psi.
@@ -107,7 +107,7 @@ def observations(
 
     compared: whether there are values to compare with, or these are points of one's own.
 
-    A row is a point (file, angle, wavelength, polariser); repeats open rows of their own.
+    A row is a point (file, angle, wavelength, polarizer); repeats open rows of their own.
     Raises ValueError for Delta without psi.
     """
     file = np.concatenate([np.full(len(m), i) for i, m in enumerate(measurements)])
@@ -148,7 +148,7 @@ def observations(
         names.setdefault((f, q), len(names))
         for f, q in zip(file.tolist(), channel.tolist(), strict=True)
     ])  # fmt: skip
-    labels = _labels([m.source for m in measurements])
+    labels = labels_of([m.source for m in measurements])
     curve_names = tuple(f"{labels[f]} {q}" if several else q for f, q in names)
     first = {q: i for (_, q), i in reversed(names.items())}
     curves = tuple(
@@ -173,7 +173,7 @@ def observations(
     )  # fmt: skip
 
 
-def _labels(sources: list[str]) -> list[str]:
+def labels_of(sources: list[str]) -> list[str]:
     """Return the names of the files, told apart by a number where they are the same."""
     return [
         s if sources.count(s) == 1 else f"{s}#{sources[:i].count(s) + 1}"

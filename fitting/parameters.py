@@ -106,11 +106,17 @@ def names_of(names: str | Iterable[str]) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
 
 
+def _number(value: Any) -> float:
+    if isinstance(value, (str, bytes)):
+        raise TypeError("a text is no number, even where it spells one")
+    return float(value)
+
+
 def _pair(name: str, value: Any, what: str) -> tuple[float, float]:
     try:
         first, second = value
-        low = -math.inf if first is None else float(first)
-        high = math.inf if second is None else float(second)
+        low = -math.inf if first is None else _number(first)
+        high = math.inf if second is None else _number(second)
     except (TypeError, ValueError):
         raise ValueError(f"{what} of {name} is {value!r}; a pair of numbers was wanted.") from None
     if math.isnan(low) or math.isnan(high):
@@ -135,7 +141,7 @@ def _tied(name: str, value: Any) -> tuple[float, str]:
 def check_settings(settings: Settings) -> Settings:
     """Return the settings with plain names and numbers, or raise ValueError for what is wrong."""
     try:
-        fixed = {plain_name(n): float(v) for n, v in settings.fixed.items()}
+        fixed = {plain_name(n): _number(v) for n, v in settings.fixed.items()}
     except (TypeError, ValueError):
         raise ValueError(f"fixed is {settings.fixed!r}; names with a number each.") from None
     bounds = {plain_name(n): _pair(n, v, "the range") for n, v in settings.bounds.items()}

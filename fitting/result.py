@@ -284,11 +284,11 @@ class Fit:
 
         return figure(self, reference)
 
-    def report(self, folder: str | os.PathLike[str]) -> None:
-        """Write report.html, fit.json, data.csv, index.csv of a spectrum, and fit.png."""
+    def report(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write a page and its files into a new folder; ``overwrite``: or one with other files."""
         from fitting.output.shown import report
 
-        report(self, folder)
+        report(self, folder, overwrite)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for ``json.dumps``: NaN as None, arrays as lists, warnings as data."""

@@ -11,6 +11,7 @@ import pytest
 from simulated import GOLD, simulated, textbook
 
 from fitting import fit, fit_many
+from fitting.material_files import read_material
 from fitting.measurement import Measurement, concatenate, read_csv
 from fitting.output.as_data import INDEX_MARK, data_csv, index_csv, json_text
 
@@ -97,9 +98,10 @@ def test_csv_of_the_data_reads_back_to_the_last_bit(gold):
     assert all(float(r["sigma_fitted"]) > 0.0 for r in rows)
 
 
-def test_csv_of_the_data_is_read_as_the_same_measurement(gold, spectrum, tmp_path):
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_csv_of_the_data_is_read_as_the_same_measurement(gold, spectrum, tmp_path, decimal):
     for found in (gold, spectrum):
-        (tmp_path / "data.csv").write_text(data_csv(found))
+        (tmp_path / "data.csv").write_text(data_csv(found, decimal))
         back, m = read_csv(tmp_path / "data.csv"), found.measurement
         for name in ("angle_deg", "wavelength_um", "quantity", "value", "sigma", "polarizer_deg"):
             np.testing.assert_array_equal(getattr(back, name), getattr(m, name))
@@ -112,6 +114,17 @@ def test_csv_of_the_index_is_a_table_of_an_index(spectrum):
     rows = rows[np.isfinite(rows).all(axis=1)]
     np.testing.assert_array_equal(rows[:, 1], spectrum.eta)
     np.testing.assert_array_equal(rows[:, 2], spectrum.k)
+
+
+def test_csv_with_decimal_commas(gold, drude, tmp_path):
+    lines = [line for line in data_csv(gold, ",").splitlines() if line[0] != "#"]
+    assert lines[0].startswith("angle_deg;wavelength_um;quantity;value;sigma;fitted")
+    assert lines[1].startswith("29,6667;0,532;R_s;0,755435;0,000945;")
+    assert not any("." in line for line in lines)
+    (tmp_path / "index.csv").write_text(index_csv(drude, ","))
+    eta, k = read_material(tmp_path / "index.csv").model(drude.wavelength_um)
+    np.testing.assert_allclose(eta, drude.eta, rtol=1e-14)
+    np.testing.assert_allclose(k, drude.k, rtol=1e-14)
 
 
 def test_csv_of_a_spectrum(spectrum):

@@ -88,7 +88,7 @@ def test_fitted_values_go_with_the_rows_of_the_measurement():
     assert np.isnan(found.predict(replace(m, wavelength_um=np.full(len(m), 0.5))).value).all()
 
 
-def test_fitted_values_see_the_polariser():
+def test_fitted_values_see_the_polarizer():
     s, p = (textbook(ANGLES, np.full(16, q), 0.5, 2.2) for q in ("R_s", "R_p"))
     third = np.radians(30.0)
     mixed = p * np.cos(third) ** 2 + s * np.sin(third) ** 2

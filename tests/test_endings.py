@@ -126,6 +126,14 @@ def test_what_is_no_thickness_or_index_is_refused_by_name():
             fit(read_csv(GOLD), f"{index} | free")
 
 
+@pytest.mark.parametrize(
+    "settings", [{"fixed": {"k": "3"}}, {"bounds": {"k": ("0", 3)}}, {"priors": {"k": (3, "1")}}]
+)
+def test_a_text_is_no_number_of_a_setting(settings):
+    with pytest.raises(ValueError, match="number"):
+        fit(read_csv(GOLD), **settings)
+
+
 def test_numbers_at_the_ends_of_the_floats_end_a_fit(tmp_path):
     """NaN is unlike itself, and a loop that waits for likeness ran for ever."""
     for i, row in enumerate(("90,0,2.17e-146", "90,1,1e-150", "0,1e-300,1e-150", "45,1,1e-3")):

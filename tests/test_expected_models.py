@@ -40,7 +40,7 @@ def test_gold(measured_files):
     assert any("too small" in w.text for w in weighed.warnings)
 
 
-def test_gold_with_a_scale_for_each_polarisation(measured_files):
+def test_gold_with_a_scale_for_each_polarization(measured_files):
     found = fit(gold(measured_files), "constant", errors="equal", free=["scale"])
     assert found.names == ("eta", "k", "scale[R_s]", "scale[R_p]")
     np.testing.assert_allclose(values(found), [0.24, 1.74, 0.94, 0.90], atol=0.006)

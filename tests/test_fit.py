@@ -193,7 +193,7 @@ def test_float32_data_are_fitted_in_float64():
     assert found.k == pytest.approx(2.6, rel=1e-6)
 
 
-def test_a_polariser_between_s_and_p_mixes_them():
+def test_a_polarizer_between_s_and_p_mixes_them():
     data = both(0.36, 2.6)
     third = np.radians(30.0)
     mixed = data["R_p"] * np.cos(third) ** 2 + data["R_s"] * np.sin(third) ** 2

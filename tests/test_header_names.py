@@ -75,7 +75,7 @@ def test_a_small_r_is_an_amplitude_or_a_reflectance() -> None:
         assert role_of(name)[:2] == ("unclear", "R_p"), name
 
 
-def test_names_of_a_polarisation_alone_say_of_nothing_how_large_it_is() -> None:
+def test_names_of_a_polarization_alone_say_of_nothing_how_large_it_is() -> None:
     for name in [
         "S",
         "s",

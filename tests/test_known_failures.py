@@ -37,7 +37,7 @@ def true_R(c, eta, k=0.0):
 
 
 def true_gradient(c, eta, k=0.0):
-    """dR/d(cos, eta, k) of unpolarised light."""
+    """dR/d(cos, eta, k) of unpolarized light."""
     both = oracle.reflectance_gradients(c, eta, k, 1.0)
     return np.array([float((s + p) / 2) for s, p in zip(*both, strict=True)][:3])
 

@@ -56,7 +56,7 @@ def test_arrays_meet_the_same_checks() -> None:
         ({"angle_deg": [10, 20]}, "no values"),
         ({"angle_deg": [10, 20], "R_s": np.nan}, "no measured value"),
         ({"angle_deg": [10, 20], "R_s": 0.1, "sigma": {"R_p": 0.1}}, "sigma has R_p"),
-        ({"angle_deg": 10, "psi": 20, "polarizer_deg": 45}, "polariser angle 45"),
+        ({"angle_deg": 10, "psi": 20, "polarizer_deg": 45}, "polarizer angle 45"),
     ],
 )
 def test_arrays_that_cannot_be_meant(arguments: dict[str, object], text: str) -> None:

@@ -15,7 +15,7 @@ WAVELENGTHS = np.linspace(0.4, 0.8, 9)
 
 @pytest.fixture
 def spectrum(tmp_path):
-    """R_s and R_p of a dispersive glass, two polarisations in files of their own."""
+    """R_s and R_p of a dispersive glass, two polarizations in files of their own."""
     angle, wavelength = (a.ravel() for a in np.meshgrid(ANGLES, WAVELENGTHS))
     random = np.random.default_rng(1)
     files = []

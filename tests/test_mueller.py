@@ -75,15 +75,15 @@ def test_positive_v_turns_counterclockwise_for_who_looks_into_the_beam():
     assert np.cross(early, late) @ z > 0
 
 
-def test_mueller_matrices_keep_energy_and_polarise_at_brewsters_angle():
+def test_mueller_matrices_keep_energy_and_polarize_at_brewsters_angle():
     cosines = np.linspace(0.0, 1.0, 41)
-    unpolarised = np.array([1.0, 0.0, 0.0, 0.0])
+    unpolarized = np.array([1.0, 0.0, 0.0, 0.0])
     for eta, eta_i in ((1.5, 1.0), (1.0, 1.5)):
-        reflected = mueller_reflection(cosines, eta, 0.0, eta_i) @ unpolarised
-        refracted = mueller_refraction(cosines, eta, eta_i) @ unpolarised
+        reflected = mueller_reflection(cosines, eta, 0.0, eta_i) @ unpolarized
+        refracted = mueller_refraction(cosines, eta, eta_i) @ unpolarized
         np.testing.assert_allclose(reflected[:, 0] + refracted[:, 0], 1.0, rtol=1e-14)
         np.testing.assert_allclose(reflected[:, 1] + refracted[:, 1], 0.0, atol=1e-14)
-    at_brewster = mueller_reflection(1 / np.hypot(1.0, 1.5), 1.5) @ unpolarised
+    at_brewster = mueller_reflection(1 / np.hypot(1.0, 1.5), 1.5) @ unpolarized
     np.testing.assert_allclose(at_brewster[1], at_brewster[0], rtol=1e-14)
     np.testing.assert_allclose(
         mueller_reflection(1.0, 0.2, 3.0),

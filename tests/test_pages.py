@@ -170,6 +170,10 @@ def test_a_report_from_python(tmp_path):
     assert json.loads((tmp_path / "gold" / "fit.json").read_text()) == json.loads(
         json.dumps(found.to_dict())
     )
+    with pytest.raises(outputs.OutputError, match=r"files that no report made.*overwrite=True"):
+        found.report(tmp_path)
+    found.report(tmp_path, overwrite=True)
+    assert (tmp_path / "fit.json").read_bytes() == (tmp_path / "gold" / "fit.json").read_bytes()
     angles = np.array([30.0, 50.0, 65.0, 75.0, 82.0])
     one = simulated(0.5, 2.2, 0.0, angles=angles)
     noise = 1e-3 * np.random.default_rng(1).normal(size=(2, 3, 5))

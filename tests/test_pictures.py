@@ -112,7 +112,7 @@ def test_a_spectrum_without_any_index_says_so(tmp_path):
     figure.savefig(tmp_path / "normal.png")
 
 
-def test_data_through_a_polariser_are_drawn_with_their_own_curve():
+def test_data_through_a_polarizer_are_drawn_with_their_own_curve():
     angles = np.array([40.0, 50.0, 60.0, 70.0, 80.0])
     both = simulated(0.5, 2.2, 0.0, angles=angles)
     s, p = both.value[both.quantity == "R_s"], both.value[both.quantity == "R_p"]

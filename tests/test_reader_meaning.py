@@ -23,6 +23,7 @@ HEARD = {
     "# \u504f\u632f: s\n" + SCAN: ("quantity", "R_s", "line 1"),
     "# R in percent\nangle,R\n10,10\n45,10\n": ("value", 0.1, "line 1"),
     "# wavelength in um\nwavelength,R\n500,.1\n600,.2\n": None,
+    "# %\nangle,R\n10,10\n45,10\n": ("value", 0.1, "line 1"),
     "angle,R in %\n10,10\n45,10\n": ("value", 0.1, "percent"),
     "wavelength_A,R\n5000,.1\n5000,.2\n": ("wavelength_um", 0.5, "0.5 um"),
     "wavelength_nm,Rs@60\n500,.1\n600,.2\n": ("angle_deg", 60.0, "60 degrees by the column name"),
@@ -32,6 +33,10 @@ HEARD = {
     "angle_rad,R\n1.5708,.5\n1.571,.5\n": ("angle_deg", 90.0, "rad"),
     "nm;%R\n500;10\n600;10\n": ("value", 0.1, "percent"),
     "angle;R\n10,000;0,250\n45,000;0,250\n": ("value", 0.25, "fraction"),
+    "nm;R (%)\n400;10,125\n500;10,125\n": ("value", 0.10125, "percent"),
+    "Winkel (Grad);R_s (%)\n30,500;10,125\n45,250;10,125\n": ("value", 0.10125, "percent"),
+    "# angles of incidence: 45, 60\nnm,R_45\n500,.1\n600,.2\n": ("angle_deg", 45.0, "column name"),
+    "# all angles in degrees\nnm;%R_45\n500;10\n600;10\n": ("angle_deg", 45.0, "column name"),
 }
 
 
@@ -52,6 +57,11 @@ for said, angle in {
     "incidence normale": 0.0, "senkrechter Einfall": 0.0, "near-normal incidence": 0.0,
 }.items():  # fmt: skip
     HEARD[f"# {said}\n" + SPECTRUM] = ("angle_deg", angle, "line 1")
+for said in (
+    "HeNe laser 632.8 nm", "He-Ne laser, 632.8 nm", "HeNe-Laser (632,8 nm)", "laser: HeNe 632.8 nm",
+    "red laser pointer 632.8 nm", "diode laser: 632.8 nm",
+):  # fmt: skip
+    HEARD[f"# {said}\n" + SCAN] = ("wavelength_um", 0.6328, "line 1")
 for said, light in {
     "polarizzazione parallela": "R_p", "p wave": "R_p", "\u504f\u5149: p": "R_p", "TE mode": "R_s",
     "polarisation perpendiculaire": "R_s", "lumi\u00e8re polaris\u00e9e p": "R_p",
@@ -91,7 +101,8 @@ REFUSED = {
     "angle,psi,delta\n50,20,100\n60,0,0\n70,30,90\n": ("line 3", "--missing 0"),
     "angle,psi,delta\n50,.2,100\n60,.3,90\n70,.4,80\n": ("column psi", "--psi-unit"),
     "angle,psi,delta\n50,20,1.5\n60,25,1.6\n70,30,1.7\n": ("column delta", "--psi-unit"),
-    "wavelength_nm,R_45,R_60\n500,.1,.2\n600,.1,.2\n": ("R_45", "--columns"),
+    "# samples 45 and 60\nnm,R_45,R_60\n500,.1,.2\n600,.1,.2\n": ("R_45", "--columns"),
+    "# AOI = 30\nnm,R_45,R_60\n500,.1,.2\n600,.1,.2\n": ("R_45", "--columns"),
     "# psi and delta in radians\nangle,psi (deg),delta\n50,20,100\n60,25,95\n": ("--psi-unit",),
 }
 
@@ -116,18 +127,22 @@ for said in (
 for said in (
     "45/45 geometry", "geometry: 45/45", "d/8 geometry", "8\u00b0/d", "Messgeometrie 45:0",
     "\u03c6 = 60", "phi = 60", "\u03b1 = 60", "k\u0105t 60", "goniometer at 45 deg",
-    "mount angle 45 deg", "tilt 5 deg", "Brewster", "schr\u00e4ger Einfall",
+    "0/45", "45:0", "R (d/8)", "8\u00b0/d", "8/d", "mount angle 45 deg", "tilt 5 deg",
+    "Brewster", "schr\u00e4ger Einfall",
 ):  # fmt: skip
     REFUSED[f"# {said}\n" + SPECTRUM] = ("line 1", "--angle-deg")
 for said in (
     "Messwinkel 20", "Winkeloffset 1.5\u00b0", "angle offset 1.5 deg", "measured at 60 deg",
-    "misalignment 0.5 deg", "AOI: 44", "phi = 30", "stage angle 60 deg",
+    "misalignment 0.5 deg", "AOI: 44", "AOI 44 at 532 nm", "phi = 30",
+    "stage angle 60 deg",
 ):  # fmt: skip
     REFUSED[f"# {said}\n" + SCAN] = ("column angle", "line 1", "--columns", "--angle-deg")
 for said in (
     "normalized to reference", "normalised to an Al mirror", "relative to gold mirror",
     "relative reflectance", "normiert auf Spiegel", "normalis\u00e9 \u00e0 la r\u00e9f\u00e9rence",
-    "\u5f52\u4e00\u5316", "R (a.u.)", "arbitrary units", "R in dB", "log scale",
+    "R x100", "R \u00d7 100", "R*1000", "R in units of 0.01", "all values times 100",
+    "scale factor 100", "R multiplied by 100", "Faktor 10", "\u5f52\u4e00\u5316", "R (a.u.)",
+    "arbitrary units", "R in dB", "log scale",
 ):  # fmt: skip
     REFUSED[f"# {said}\n" + SCAN] = ("--scale",)
 for header in ("phi", "\u03c6", "phi (deg)", "\u03b1 / deg"):
@@ -136,7 +151,10 @@ for header in ("phi", "\u03c6", "phi (deg)", "\u03b1 / deg"):
 REFUSED["# 2theta\n" + SCAN] = ("line 1", "--angle-unit")
 for said in ("vertical", "E horizontal", "vertikal"):
     REFUSED[f"# {said}\n" + SCAN] = ("line 1", "--polarization")
-REFUSED["# wavelength five hundred nm\n" + SCAN] = ("line 1", "--wavelength-um")
+for said in (
+    "wavelength five hundred nm", "E = 2.33 eV", "2.33 eV", "gap 1.1 eV", "hv = 2.33", "8.05 keV",
+):  # fmt: skip
+    REFUSED[f"# {said}\n" + SCAN] = ("line 1", "--wavelength-um")
 
 
 @pytest.mark.parametrize("text", REFUSED)
@@ -170,7 +188,22 @@ def test_what_the_name_of_the_file_says_is_heard(tmp_path: Path, name: str, text
 
 @pytest.mark.parametrize(
     "name",
-    ["R'", "R\u2032", "\u221aR", "sqrt(R)", "1-R", "-R", "R^2", "R/R0", "Rs/Rp", "R_d"]
+    [
+        "'R'",
+        "$R$",
+        "R x100",
+        "R (0/45)",
+        "R'",
+        "R\u2032",
+        "\u221aR",
+        "sqrt(R)",
+        "1-R",
+        "-R",
+        "R^2",
+        "R/R0",
+        "Rs/Rp",
+        "R_d",
+    ]
     + ["R \u4e0d", "R*", "R+T", "R\u0302"],
 )
 def test_a_word_or_sign_that_is_not_known_is_not_dropped_from_a_header(
@@ -185,6 +218,8 @@ def test_lines_about_something_else_are_no_statements(tmp_path: Path) -> None:
         "analyzer 45 deg", "humidity 45 %", "film of 120 nm", "sample rotated by 90 deg",
         "integration time: 20 ms", "detector angle 30 deg", "date: 2024-03-11", "class 2 laser",
         "angle step 5 deg", "geometry: reflection", "position 12", "error of R: relative",
+        "sample 10 x 100 mm", "sheet 1/2", "page 3/10", "objective 50x",
+        "mean of the 20 readings multiplied by the mean of 20 others", "scale bar 10 um",
     ):  # fmt: skip
         for table in (SCAN, SPECTRUM):
             assert (
@@ -209,6 +244,24 @@ def test_several_angles_in_one_wide_table(tmp_path: Path) -> None:
     assert m.value.tolist() == [0.1, 0.11, 0.05, 0.06, 0.2, 0.21, 0.03, 0.04]
     one = read(tmp_path, text, columns="wavelength=1,R_s=4")
     assert one.angle_deg.tolist() == [60.0, 60.0]
+
+
+@pytest.mark.parametrize("head", ["R_{}", "Rs {}", "psi_{}", "R{} [%]"])
+def test_numbers_behind_names_are_angles_where_an_option_says_so(tmp_path: Path, head: str) -> None:
+    first, second = head.format(45), head.format(62.5)
+    m = read(tmp_path, f"nm,{first},{second}\n500,9,8\n600,9,8\n", angle_unit="deg", scale=0.01)
+    assert m.angle_deg.tolist() == [45.0, 45.0, 62.5, 62.5]
+
+
+def test_one_column_of_errors_may_belong_to_several_values(tmp_path: Path) -> None:
+    columns = "angle=1,R_s=2,R_p=3,sigma_R_s=4,sigma_R_p=4"
+    m = read(tmp_path, "angle,R_s,R_p,Error\n30,.1,.2,.01\n40,.2,.1,.02\n", columns=columns)
+    assert m.sigma.tolist() == [0.01, 0.02, 0.01, 0.02]
+
+
+def test_the_square_of_a_reflectance_is_not_at_two_degrees(tmp_path: Path) -> None:
+    m = read(tmp_path, "# angles in degrees\nnm,R,R\u00b2\n500,.1,.01\n600,.2,.04\n")
+    assert (m.value.tolist(), m.angle_deg.tolist()) == ([0.1, 0.2], [0.0, 0.0])
 
 
 def test_a_column_in_units_of_q_is_no_wavelength(tmp_path: Path) -> None:

@@ -124,10 +124,10 @@ REFUSALS = {
         ("no column is an angle", "--angle-deg"),
     ),
     "s and p without angle": ("wavelength (nm),Rs,Rp\n500,.1,.2\n", ("--angle-deg",)),
-    "polarised without angle": ("wavelength (nm),pol,R\n500,s,.1\n", ("--angle-deg",)),
+    "polarized without angle": ("wavelength (nm),pol,R\n500,s,.1\n", ("--angle-deg",)),
     "negative Q": ("# wavelength: 0.5 nm\nQ (1/nm),R\n-.1,.1\n.2,.1\n", ("line 3", "negative")),
     "two errors of one": ("aoi,R,err,std\n10,.1,.1,.1\n", ("'std'", "--columns")),
-    "gap in the polarisation": ("aoi,pol,R\n10,s,.1\n20,,.2\n", ("line 3", "missing")),
+    "gap in the polarization": ("aoi,pol,R\n10,s,.1\n20,,.2\n", ("line 3", "missing")),
     "gap in the wavelength": ("wavelength_um,R\n.5,.1\n,.2\n", ("line 3", "missing")),
     "second table": ("angle,R_s\n10,.1\nrun two\n20,.2\n", ("line 3", "--lines")),
     "zones": (
@@ -149,10 +149,19 @@ REFUSALS = {
         "angle,Rs,Rp\n10,.1,.2,\n20,.1,.2,\n",
         ("3 columns without names", "no line above has 4", "--columns angle=1"),
     ),
-    "percent with three digits behind a comma": (
-        "nm;R (%)\n400;10,125\n500;11,250\n",
+    "one column of errors for two values": (
+        "angle,R_s,R_p,Error\n30,.1,.2,.01\n40,.2,.1,.01\n",
+        ("--columns angle=1,R_s=2,R_p=3,sigma_R_s=4,sigma_R_p=4",),
+    ),
+    "three digits behind a comma, and no unit": (
+        "nm;R\n400;10,125\n500;11,250\n",
         ("line 2", "--decimal ,"),
     ),
+    "numbers of samples or angles behind R": (
+        "nm,R_45,R_60\n500,.1,.2\n600,.1,.2\n",
+        ("45 in 'R_45'", "--angle-unit deg", "--columns wavelength=1,R=2"),
+    ),
+    "a number behind R, over the angle": ("angle,R_45\n3,.1\n4,.2\n", ("--columns angle=1,R=2",)),
     "utf-32": ("angle,R\n10,.1\n20,.2\n".encode("utf-32"), ("zero bytes", "--encoding")),
     "zero bytes": (b"angle,R\n1,2\x00\x01\x00\x00\x00\x02\n", ("zero bytes", "--encoding")),
 }

@@ -207,7 +207,7 @@ def test_front_and_back_of_a_slab(tmp_path: Path) -> None:
     assert m.quantity.tolist() == ["T", "T", "R", "R", "R_back", "R_back"]
 
 
-def test_a_polariser_between_s_and_p(tmp_path: Path) -> None:
+def test_a_polarizer_between_s_and_p(tmp_path: Path) -> None:
     text = "polarizer (deg),angle,R\n0,45,.1\n30,45,.15\n45,45,.2\n90,45,.3\n150,45,.15\n"
     text_of_refusal = refusal(tmp_path, text)
     assert "angle-from-p" in text_of_refusal and "plane of incidence" in text_of_refusal
@@ -253,7 +253,7 @@ def test_remarks_above_the_numbers_give_wavelength_and_angle(tmp_path: Path) -> 
     assert read(tmp_path, two, wavelength_um=0.633).wavelength_um.tolist() == [0.633] * 2
 
 
-def test_two_files_of_one_polarisation_each_are_joined(tmp_path: Path) -> None:
+def test_two_files_of_one_polarization_each_are_joined(tmp_path: Path) -> None:
     s = read(tmp_path, "angle,R\n" + rows(ANGLES, R_S), "s-pol.csv")
     p = read(tmp_path, "angle,R\n" + rows(ANGLES, R_P), "p-pol.csv")
     both = concatenate(s, p)

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from simulated import textbook
 
+from fitting import fit_many
 from fitting.cli import main
+from fitting.disagreement import disagreement
 
 
 def write(folder, name, eta, quantity="R_s", seed=0):
@@ -25,10 +27,34 @@ def test_files_that_exclude_each_other_are_named(tmp_path, capsys):
     assert "one.csv alone" in out and "two.csv alone" in out
 
 
-def test_two_polarizations_of_one_sample_are_not_told_apart(tmp_path, capsys):
+@pytest.mark.parametrize("sample", ["free", "constant"])
+def test_two_polarizations_of_one_sample_are_not_told_apart(tmp_path, capsys, sample):
     first, second = write(tmp_path, "s.csv", 1.5), write(tmp_path, "p.csv", 1.5, "R_p", 1)
-    assert main([first, second]) == 0
+    assert main([first, second, "--sample", sample, "--wavelength-um", "0.6"]) == 0
     assert "exclude each other" not in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("sample", ["free", "constant"])
+def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path, monkeypatch, capsys, sample):
+    monkeypatch.chdir(tmp_path)
+    for folder, eta in (("a", 1.5), ("b", 1.6)):
+        (tmp_path / folder).mkdir()
+        write(tmp_path / folder, "scan.csv", eta)
+    main(["a/scan.csv", "b/scan.csv", "--sample", sample, "--wavelength-um", "0.6"])
+    out = " ".join(capsys.readouterr().out.split())
+    assert "a/scan.csv alone" in out and "b/scan.csv alone" in out
+
+
+def test_few_data_exclude_each_other_no_more_often_than_many():
+    """By four standard errors alone one pair in twenty did: two degrees of freedom tell little."""
+    angle = np.array([30.0, 50.0, 65.0, 75.0])
+    rng = np.random.default_rng(5)
+    exact = textbook(angle, np.full(4, "R_p"), 3.0, 2.0)
+    one, other = (
+        fit_many(angle, R_p=exact + 5e-3 * rng.standard_normal((400, 4))) for _ in range(2)
+    )
+    excluded = [bool(disagreement([one[i], other[i]])) for i in range(400)]
+    assert sum(excluded) <= 1
 
 
 @pytest.mark.parametrize("model", ["free", "cauchy"])

@@ -12,7 +12,7 @@ from fresnel_jax._shares import shares
 
 
 def textbook(c, n, m):
-    """(R, T) of unpolarised light from m into n."""
+    """(R, T) of unpolarized light from m into n."""
     R_s, R_p, T_s, T_p = oracle.powers(c, n, 0.0, m)
     return (R_s + R_p) / 2, (T_s + T_p) / 2
 

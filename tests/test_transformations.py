@@ -1,5 +1,5 @@
 """jit = eager, vmap = batch, and dtype out = dtype in, for every function of directions, BSDFs,
-facets, polarisation and materials."""
+facets, polarization and materials."""
 
 import jax
 import jax.numpy as jnp

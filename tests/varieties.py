@@ -153,7 +153,7 @@ VARIETIES = {
     "column without numbers": Variety(
         b"angle,Rs,reflectance s,Rp\n" + rows(ANGLES, R_S, ("",) * 5, R_P).encode(), BOTH
     ),
-    "polarisation beside psi": Variety(
+    "polarization beside psi": Variety(
         b"pol,aoi,psi,delta\n" + rows(("0",) * 5, ANGLES, PSI, DELTA).encode(),
         {"psi": PSI, "delta": DELTA},
     ),
@@ -234,18 +234,18 @@ VARIETIES = {
     "long, s-pol": Variety(_words("s-pol", "p-polarized"), BOTH),
     "long, German": Variety(_words("senkrecht", "parallel"), BOTH),
     "long, codes": Variety(_words("0", "1"), BOTH, {"polarization": "0=s,1=p"}),
-    "long, polariser from p": Variety(_words("90", "0"), BOTH, {"polarization": "angle-from-p"}),
-    "long, polariser from s": Variety(_words("180", "-90"), BOTH, {"polarization": "angle-from-s"}),
-    "polarisation by option": Variety(
+    "long, polarizer from p": Variety(_words("90", "0"), BOTH, {"polarization": "angle-from-p"}),
+    "long, polarizer from s": Variety(_words("180", "-90"), BOTH, {"polarization": "angle-from-s"}),
+    "polarization by option": Variety(
         b"angle,R\n" + rows(ANGLES, R_S).encode(), ONE, {"polarization": "s"}
     ),
-    "polarisation by a remark": Variety(
+    "polarization by a remark": Variety(
         b"# polarization: TM\nangle,R\n" + rows(ANGLES, R_P).encode(), {"R_p": R_P}
     ),
-    "polarisation by the file name": Variety(
+    "polarization by the file name": Variety(
         b"angle,R\n" + rows(ANGLES, R_S).encode(), ONE, name="gold_532nm_s-pol.csv"
     ),
-    "unpolarised": Variety(b"angle,R\n" + rows(ANGLES, R_S).encode(), {"R": R_S}),
+    "unpolarized": Variety(b"angle,R\n" + rows(ANGLES, R_S).encode(), {"R": R_S}),
     "falling, unsorted and repeated": Variety(
         b"angle,Rs\n" + rows(("85", "60", "60", "5", "10"), R_S).encode(),
         ONE,

@@ -1,9 +1,9 @@
 """Where to start: the best node of a coarse mesh, and the best of separate basins.
 
 From the best of the 96 nodes 3 or 4 evaluations lead to the minimum, and for 60 angles, s and p, p
-alone or unpolarised, that minimum was the global one in every one of 4000 truths of each class
+alone or unpolarized, that minimum was the global one in every one of 4000 truths of each class
 (dielectric, weak absorber, semiconductor, metal), where guesses from one feature of the curve fail
-(the angle of least R_p: 8 % for unpolarised data; the closed form from R_s and R_p: 17 % for metals
+(the angle of least R_p: 8 % for unpolarized data; the closed form from R_s and R_p: 17 % for metals
 with noise). With 60 nodes it still was; with 36 it was not (0.8 % wrong for glass).
 
 All nodes are compared with all curves by one matrix product,

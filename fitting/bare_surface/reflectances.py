@@ -16,7 +16,7 @@ from fitting.bare_surface.coordinates import index_of_lanes
 from fresnel_jax import powers
 
 CHANNELS = ("R_s", "R_p", "R")
-"""What can be fitted. R is a mixture, R_p + s_share (R_s - R_p); s_share is 1/2 if unpolarised."""
+"""What can be fitted. R is a mixture, R_p + s_share (R_s - R_p); s_share is 1/2 if unpolarized."""
 
 
 class Curves(NamedTuple):

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import io
-import math
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from fitting.output.csv_text import csv_text
 from fitting.output.estimates import by_wavelength, has_several_curves, index_waves
 from fitting.output.facts import sample_text, title_of
 from fitting.output.missing import MissingExtra
@@ -93,18 +92,6 @@ def json_text(fit: Fit, more: Mapping[str, Any] | None = None) -> str:
     return json_object(to_dict(fit) | dict(more or {}))
 
 
-def _csv_text(comments: Iterable[str], columns: dict[str, Iterable[Any]]) -> str:
-    """Return columns as CSV below comment lines; what is NaN is empty."""
-    out = io.StringIO()
-    for comment in comments:
-        out.write("# " + visible(" ".join(comment.split())) + "\n")
-    out.write(",".join(columns) + "\n")
-    for row in zip(*columns.values(), strict=True):
-        cells = ("" if isinstance(c, float) and math.isnan(c) else str(c) for c in row)
-        out.write(",".join(cell.replace(",", " ") for cell in cells) + "\n")
-    return out.getvalue()
-
-
 def _comments(fit: Fit) -> list[str]:
     understood = f": {fit.measurement.understood}" if fit.measurement is not None else ""
     comments = [f"{title_of(fit)}{understood}", sample_text(fit)]
@@ -114,12 +101,13 @@ def _comments(fit: Fit) -> list[str]:
     return comments
 
 
-def data_csv(fit: Fit) -> str:
+def data_csv(fit: Fit, decimal: str = ".") -> str:
     """Return the measurement as CSV, a datum a row, with the fitted value and its error beside.
 
     Numbers are written so that they read back to the last bit; what is not known is empty;
     residual = value - fitted. Wavelength and polarizer are left out where no row has one, the curve
-    where a quantity says all. `fitting.read_csv` reads the file as the same measurement.
+    where a quantity says all. `fitting.read_csv` reads the file as the same measurement. decimal:
+    the decimal mark; with "," cells are parted by semicolons.
     """
     m = fit.measurement
     if m is None:
@@ -141,7 +129,7 @@ def data_csv(fit: Fit) -> str:
         "sigma_fitted": found.sigma.tolist(),
         "residual": residuals(m, found.value).tolist(),
     }
-    return _csv_text(_comments(fit), columns)
+    return csv_text(_comments(fit), columns, decimal)
 
 
 def batch_columns(fit: Fit) -> dict[str, list[Any]]:
@@ -180,18 +168,19 @@ def _known(fit: Fit, name: str) -> dict[str, list[Any]]:
     return {head: np.ravel(value).tolist() for head, value in columns.items()}
 
 
-def index_csv(fit: Fit) -> str:
+def index_csv(fit: Fit, decimal: str = ".") -> str:
     """Return eta and k as CSV, a wavelength (or a curve of a batch) a row.
 
     The first three columns are wavelength_um, eta and k, as tables of indices are read; what is
-    not known is empty. The first line is ``INDEX_MARK``.
+    not known is empty. The first line is ``INDEX_MARK``. decimal: as of `data_csv`.
     """
     comments = [INDEX_MARK.removeprefix("# "), *_comments(fit)]
     if fit.shape:
-        return _csv_text(comments, dict(batch_columns(fit)))
+        return csv_text(comments, batch_columns(fit), decimal)
     band = fit.index()._asdict()
     order = ("wavelength_um", "eta", "k", "sigma_eta", "sigma_k")
-    return _csv_text(comments, {name: np.asarray(band[name]).tolist() for name in order})
+    columns = {name: np.asarray(band[name]).tolist() for name in order}
+    return csv_text(comments, columns, decimal)
 
 
 def to_dataframe(fit: Fit) -> Any:

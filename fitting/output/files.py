@@ -29,13 +29,15 @@ def has_index_table(fit: Fit) -> bool:
     return bool(fit.shape) or len(index_waves(fit)) > 1
 
 
-def _text(kind: str, fit: Fit, png: bytes, command: str, comparison: Comparison | None) -> str:
+def _text(
+    kind: str, fit: Fit, png: bytes, command: str, comparison: Comparison | None, decimal: str
+) -> str:
     if kind == "json":
         return as_data.json_text(fit, None if comparison is None else comparison.data)
     if kind == "csv":
-        return as_data.data_csv(fit)
+        return as_data.data_csv(fit, decimal)
     if kind == "index":
-        return as_data.index_csv(fit)
+        return as_data.index_csv(fit, decimal)
     return fit_page(fit, png, command, comparison)
 
 
@@ -47,6 +49,7 @@ def write_files(
     reference: str | None = None,
     command: str = "",
     comparison: Comparison | None = None,
+    decimal: str = ".",
     step: Callable[[str], None] = lambda what: None,
 ) -> None:
     """Write every file that was asked for.
@@ -59,6 +62,7 @@ def write_files(
         reference: a named material, drawn beside eta and k.
         command: how the fit was asked for, for the foot of the page.
         comparison: what was compared, if a model was chosen.
+        decimal: decimal mark of the tables; with "," their cells are parted by semicolons.
         step: told the name of each file before it is written.
 
     Raises: OSError where the file system refuses, with the option or the file's name as its third
@@ -74,7 +78,7 @@ def write_files(
                 save(draw(fit, reference), path, plot_suffix if kind == "plot" else ".png")
                 continue
             png = staged["report plot"].read_bytes() if kind == "report page" else b""
-            text = _text(what, fit, png, command, comparison)
+            text = _text(what, fit, png, command, comparison, decimal)
             # Line ends are the same on every system; a name that is no text is shown with escapes.
             path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
         except OSError as error:  # a full disk, for one, which has no file's name
@@ -82,19 +86,25 @@ def write_files(
             raise OSError(error.errno, error.strerror, name) from error
 
 
-def report(fit: Fit, folder: str | os.PathLike[str], comparison: Comparison | None = None) -> None:
+def report(
+    fit: Fit,
+    folder: str | os.PathLike[str],
+    comparison: Comparison | None = None,
+    *,
+    overwrite: bool = False,
+) -> None:
     """Write the report of a fit into ``folder``: all of it or, if that fails, nothing.
 
     report.html, fit.json, data.csv, fit.png, and index.csv of a spectrum or a batch. The folder is
-    made if there is none. Raises ImportError without matplotlib, ValueError for a folder that
-    cannot be made or written to.
+    made if there is none; overwrite: it may hold other files. Raises ImportError without
+    matplotlib, ValueError for a folder that cannot be made or written to.
     """
     check_matplotlib("report")
     left_out = {"report index"} if not has_index_table(fit) else set()
     if fit.measurement is None:
         left_out.add("report csv")
     with Outputs() as outputs:
-        place = outputs.folder(folder)
+        place = outputs.folder(folder, overwrite=overwrite)
         staged = {
             kind: outputs.open(place / name)
             for kind, name in REPORT.items()

@@ -178,8 +178,9 @@ class Outputs:
         if others and not overwrite:
             raise OutputError(
                 f"{name}: the folder holds files that no report made ({', '.join(others[:3])}"
-                f"{', ...' if len(others) > 3 else ''}). Name a new folder, or say --overwrite to "
-                "replace the files in it that have the names of a report's."
+                f"{', ...' if len(others) > 3 else ''}). Name a new folder, or "
+                f"{'say --overwrite' if flag else 'give overwrite=True'} to replace the files in "
+                "it that have the names of a report's."
             )
         if not others:  # else the next report must ask again
             self.open(mark, flag=flag)

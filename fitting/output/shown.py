@@ -27,8 +27,8 @@ def figure(fit: Fit, reference: str | None = None) -> Figure:
     return draw(fit, reference)
 
 
-def report(fit: Fit, folder: str | os.PathLike[str]) -> None:
+def report(fit: Fit, folder: str | os.PathLike[str], overwrite: bool = False) -> None:
     """Write report.html, fit.json, data.csv, index.csv and fit.png into ``folder``."""
     from fitting.output.files import report as write
 
-    write(fit, folder)
+    write(fit, folder, overwrite=overwrite)

@@ -5,7 +5,7 @@ In the order in which a file passes through:
     lines, cells, header, woollam, table    bytes -> lines -> cells -> a table with line numbers
     vocabulary, names, options, columns     what the user and the header say that a column is
     evidence                                what comments, settings and the file name say
-    units, reading, axes, light             angles, wavelengths, polarisation
+    units, reading, axes, light             angles, wavelengths, polarization
     scales                                  percent or fraction, degrees or radians; the errors
     own_export                              a table that this package wrote
     longform                                one datum per row

@@ -107,8 +107,13 @@ def guess_delimiter(texts: Sequence[str], wanted: str | None) -> tuple[str, int]
     return best
 
 
-def decide_decimal(source: str, rows: list[list[str]], lines: list[int], wanted: str | None) -> str:
-    """Return the decimal mark that the cells show; raise where they show both, or leave it open."""
+def decide_decimal(
+    source: str, rows: list[list[str]], lines: list[int], wanted: str | None, small: set[int]
+) -> str:
+    """Return the decimal mark that the cells show; raise where they show both, or leave it open.
+
+    small: the columns whose numbers cannot reach a thousand, so that 10,123 there is 10.123.
+    """
     if wanted:
         return wanted
     numbered = list(zip(lines, rows, strict=True))
@@ -122,7 +127,8 @@ def decide_decimal(source: str, rows: list[list[str]], lines: list[int], wanted:
             f"{source}: the decimal mark is a comma on line {comma} and a point on line {point}. "
             "Mend the file, or leave lines out with --lines A-B."
         )
-    if all(_GROUPED.fullmatch(cell) for _, cell in commas):
+    sure = any("," in row[i] for row in rows for i in small)
+    if not sure and all(_GROUPED.fullmatch(cell) for _, cell in commas):
         raise MeasurementError(
             f"{place(source, comma)}: a comma before three digits may be a decimal mark or part "
             "thousands. Say --decimal , if it is the decimal mark; else write the numbers without "

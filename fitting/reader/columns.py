@@ -7,6 +7,7 @@ from typing import NamedTuple, NoReturn
 
 from fitting.errors import MeasurementError, place
 from fitting.reader.cells import is_number, to_numbers
+from fitting.reader.evidence import statements
 from fitting.reader.names import Role, role_of
 from fitting.reader.options import Options
 from fitting.reader.table import Table, filled_columns, find_column, label_of
@@ -66,6 +67,14 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
     if not table.header:
         came = f"{len(filled)} columns without names, since no line above has {len(table.names)}"
         advice += " If the comma is the decimal mark too, write the file with semicolons."
+    elif numbered := [i for i in filled[1:] if roles[i].form == "value"]:
+        i = numbered[0]
+        axis = "angle" if any(role.kind == "angle" for role in roles) else "wavelength"
+        advice = (
+            f"{roles[i].at:g} in {table.names[i]!r} may be an angle or something else: say "
+            "--angle-unit deg if it is the angle of incidence in degrees. Else name the columns to "
+            f"be read: --columns {axis}={x},{roles[i].quantity}={i + 1}."
+        )
     elif all(roles[i].why or roles[i].kind for i in filled):
         advice = (
             "A table of an angle or a wavelength and R, R_s, R_p, T, psi or delta was wanted, "
@@ -79,7 +88,8 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
     taken: dict[int, str] = {}
     for name, wanted in options.columns.items():
         index = find_column(table, wanted, "--columns")
-        if index in taken:
+        errors = name.startswith("sigma_") and taken.get(index, "").startswith("sigma_")
+        if index in taken and not errors:  # one column may be the error of several values
             raise MeasurementError(
                 f"{table.source}: --columns gives column {wanted} to both {taken[index]} and "
                 f"{name}."
@@ -104,7 +114,23 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
     return found
 
 
-def _implicit(table: Table) -> dict[str, list[Column]]:
+def _numbers_are_angles(table: Table, options: Options, roles: list[Role]) -> bool:
+    """Whether bare numbers behind R, psi, ... (R_45) can be nothing else than angles in degrees.
+
+    An option or a line beside the table says so.
+    """
+    numbers = {role.at for role in roles if role.form in ("value", "sigma")}
+    if not numbers or options.angle_deg is not None:
+        return False
+    said = [one for line, text in table.preamble for one in statements(line, text)]
+    return (
+        options.angle_unit == "deg"
+        or any(one.kind == "angle unit" and one.value == "deg" for one in said)
+        or any(one.kind == "angle" and {one.value, *one.numbers} & numbers for one in said)
+    )
+
+
+def _implicit(table: Table, options: Options) -> dict[str, list[Column]]:
     orso = any("ORSO reflectivity data file" in text for _, text in table.preamble[:3])
     found = defaultdict[str, list[Column]](list)
     roles = []
@@ -127,6 +153,11 @@ def _implicit(table: Table) -> dict[str, list[Column]]:
             )
         if role.kind and index in filled:
             found[role.kind].append(Column(index, label_of(table, index), role))
+    if not found["angle"] and _numbers_are_angles(table, options, roles):
+        for index in sorted(filled):
+            if (role := roles[index]).form in ("value", "sigma"):
+                column = Column(index, label_of(table, index), role._replace(kind=role.form))
+                found[role.form].append(column)
     if not found["value"]:
         _refuse_without_values(table, roles)
     return found
@@ -163,11 +194,13 @@ def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Co
         elif name and not fits:
             continue
         if len(fits) != 1 or attached[fits[0]] is not None:
+            all_of = ",".join(f"{v.role.quantity}={v.index + 1}" for v in values)
+            errors = ",".join(f"sigma_{v.role.quantity}={sigma.index + 1}" for v in values)
             _refuse(
                 table,
                 f"it is not clear which value the standard errors in column {sigma.index + 1} "
-                f"{sigma.label!r} belong to. Name all columns to be read, for example --columns "
-                f"angle=1,R_s=2,sigma_R_s={sigma.index + 1}.",
+                f"{sigma.label!r} belong to. Name all columns to be read: if they belong to all "
+                f"values, --columns angle=1,{all_of},{errors}.",
             )
         attached[fits[0]] = sigma
     return attached
@@ -198,7 +231,7 @@ def choose_columns(table: Table, options: Options) -> Layout:
     Raises MeasurementError where two columns claim one role, none holds a value, or rows are
     statistics of other rows.
     """
-    found = _explicit(table, options) if options.columns else _implicit(table)
+    found = _explicit(table, options) if options.columns else _implicit(table, options)
     values = found["value"]
     for of in dict.fromkeys((value.role.quantity, value.role.at) for value in values):
         _only(table, [v for v in values if (v.role.quantity, v.role.at) == of], of[0])

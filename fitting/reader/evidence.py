@@ -31,7 +31,7 @@ from fitting.reader.vocabulary import (
 OPTION = {
     "angle": ("the angle of incidence", "--angle-deg NUMBER", "angle_deg"),
     "angle unit": ("how angles count", "--angle-unit deg, rad, grazing-deg, ...", "angle_unit"),
-    "light": ("the polarisation", "--polarization s, p or unpolarized", "light codes polarizer"),
+    "light": ("the polarization", "--polarization s, p or unpolarized", "light codes polarizer"),
     "wavelength": ("the wavelength", "--wavelength-um NUMBER", "wavelength_um"),
     "wavelength unit": (
         "the unit of wavelengths",
@@ -111,14 +111,19 @@ def _angle(words: Words) -> Heard:
 def _wavelength(words: Words) -> Heard:
     said = words.concepts
     sized = ({unit for _, unit in words.numbers} | words.units) & set(WAVELENGTH_UNITS)
-    alone = not words.units and _only(words, "laser")  # "laser,532"
+    bare = not words.units and words.numbers and not words.numbers[0][1]
+    alone = bare and _only(words, "laser")  # "laser,532"
+    photon = {unit for _, unit in words.numbers} & {"eV", "keV"}  # or the gap of the material
     if not (
         "wavelength" in said
         or (said & set(AXIS_CONCEPTS) and sized)
         or ("laser" in said and (sized & _LENGTHS or alone))
+        or (bare and said & set(AXIS_CONCEPTS) and _only(words, *AXIS_CONCEPTS))
+        or photon
     ):
         return []  # a laser's power, a pulse's energy, a chopper's frequency
-    clear = _only(words, "wavelength", "laser", *AXIS_CONCEPTS)
+    named = said & {"wavelength", "laser", *AXIS_CONCEPTS}
+    clear = named and _only(words, "wavelength", "laser", *AXIS_CONCEPTS)
     unit = next(iter(sized), "")
     if not words.numbers:
         if not clear and unit:
@@ -150,6 +155,8 @@ def _light(words: Words) -> Heard:
 def _units(words: Words) -> Heard:
     """Return what a clause says of the unit of powers, or, without a number, of psi and Delta."""
     said = words.concepts
+    if "scaled" in said and not words.unknown and any(not unit for _, unit in words.numbers):
+        return [("power unit", None)]
     relative = "relative" in said and said & {"R", "T", "raw"} and "error" not in said
     if relative or "normalized" in said:
         return [("power unit", None)]  # to a reference mirror, not to the direct beam
@@ -175,9 +182,8 @@ _HEARERS = (_angle, _wavelength, _light, _units, _quantity)
 
 
 def _heard(words: Words, where: str, text: str) -> list[Said]:
-    # two numbers may be the range of a scan
     numbers = tuple(n for n, unit in words.numbers if unit in ("", "deg"))
-    numbers = numbers if len(words.numbers) == 1 else ()
+    numbers = numbers if len(numbers) == 1 else ()  # two may be the range of a scan
     found = [pair for hear in _HEARERS for pair in hear(words)]
     return [
         Said(kind, value, where, text[:80], numbers if kind == "angle" and value is None else ())

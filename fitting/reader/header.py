@@ -31,6 +31,8 @@ def uncomment(text: str) -> str:
     text = text.strip()
     if text.startswith("%") and text[1:2].isalpha():
         return text  # "%R" is a name, "% angle" a comment
+    if text.endswith("%") and text.strip('"#!;/ ') == "%" != text:
+        return "%"  # "# %": the unit of the values
     return text.lstrip('"#!;%/ ').strip() if is_comment(text, "") else text
 
 
@@ -53,6 +55,16 @@ def split_names(text: str, delimiter: str, count: int) -> list[str]:
 def known_names(cells: list[str]) -> int:
     """Return how many of the cells are names of columns."""
     return sum(bool(role_of(cell).kind) for cell in cells)
+
+
+def below_thousand(names: list[str], units: list[str]) -> set[int]:
+    """Return the columns whose numbers are below 1000 by their names: percent, degrees, ..."""
+    roles = [role_of(name, unit) for name, unit in zip(names, units, strict=True)]
+    return {
+        i for i, role in enumerate(roles)
+        if (role.kind in ("value", "sigma") and role.unit in ("percent", "1", "deg", "rad"))
+        or (role.kind == "angle" and role.unit in ("deg", "rad"))
+    }  # fmt: skip
 
 
 def units_row(cells: list[str]) -> list[str] | None:

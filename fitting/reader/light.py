@@ -1,4 +1,4 @@
-"""The polarisation of each row: a column of words, codes or angles, or one for the file."""
+"""The polarization of each row: a column of words, codes or angles, or one for the file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fitting.reader.vocabulary import LETTERS, words_of
 
 
 class Light(NamedTuple):
-    """For each row "s", "p", "u" or "" (not said), and a polariser's angle from p, else NaN."""
+    """For each row "s", "p", "u" or "" (not said), and a polarizer's angle from p, else NaN."""
 
     letter: np.ndarray
     polarizer_deg: np.ndarray
@@ -32,12 +32,12 @@ def _from_angles(reading: Reading, column: Column) -> Light:
     numbers, _ = reading.numbers(column)
     unit = column.role.unit or "deg"
     if unit not in ("deg", "rad"):
-        reading.refuse(column, f"a polariser angle in {unit} came where degrees were wanted.")
+        reading.refuse(column, f"a polarizer angle in {unit} came where degrees were wanted.")
     degrees = np.degrees(numbers) if unit == "rad" else numbers
-    # a linear polariser looks the same after half a turn, and the power after a reflection too
+    # a linear polarizer looks the same after half a turn, and the power after a reflection too
     turned = np.mod(degrees + (90.0 if reading.options.polarizer == "angle-from-s" else 0.0), 180.0)
     folded = np.where(turned > 90.0, 180.0 - turned, turned)
-    # half p and half s is what unpolarised light is
+    # half p and half s is what unpolarized light is
     letter = np.select([folded == 0.0, folded == 90.0, folded == 45.0], ["p", "s", "u"], "")
     return Light(letter, np.where(letter == "", folded, np.nan))
 
@@ -60,7 +60,7 @@ def _from_cells(reading: Reading, column: Column) -> Light:
         came = f"{first!r} came where s, p, TE, TM or unpolarized was wanted"
         option = f"{first}=s"
         if all(is_number(value) for value in values):
-            came = f"{', '.join(values)} may be codes or angles of a polariser"
+            came = f"{', '.join(values)} may be codes or angles of a polarizer"
             codes = ",".join(v + "=" + "sp"[n % 2] for n, v in enumerate(values[:2]))
             option = f"{codes} (or the other way round), or angle-from-p or angle-from-s if they "
             option += "are degrees"
@@ -71,13 +71,13 @@ def _from_cells(reading: Reading, column: Column) -> Light:
 def _from_column(reading: Reading, column: Column) -> Light:
     options = reading.options
     if options.light:
-        reading.refuse_both(column, "the polarisation", "--polarization")
+        reading.refuse_both(column, "the polarization", "--polarization")
     if options.polarizer:
         return _from_angles(reading, column)
     if column is reading.layout.polarizer and not options.codes:
         reading.refuse(
             column,
-            "a polariser's angle can count from the plane of incidence (0 is p) or from its "
+            "a polarizer's angle can count from the plane of incidence (0 is p) or from its "
             "normal (0 is s). Say --polarization angle-from-p or angle-from-s.",
         )
     light = _from_cells(reading, column)
@@ -86,7 +86,7 @@ def _from_column(reading: Reading, column: Column) -> Light:
 
 
 def light_of_rows(reading: Reading, oblique: bool) -> Light:
-    """Return the polarisation of each row as far as it is not said by the columns' own names.
+    """Return the polarization of each row as far as it is not said by the columns' own names.
 
     oblique: whether any angle is not 0, where s and p are one.
     Raises MeasurementError where two facts disagree, or a code has two readings.
@@ -101,7 +101,7 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
         if other:
             reading.refuse(
                 column,
-                f"this column gives the polarisation, and so does column {other.label!r}. Name the "
+                f"this column gives the polarization, and so does column {other.label!r}. Name the "
                 "columns to be read with --columns.",
             )
         if bare:
@@ -111,7 +111,7 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
     if options.codes or options.polarizer:
         raise MeasurementError(
             f"{table.source}: --polarization gives a meaning to a column, but none is named as the "
-            "polarisation. Say which it is with --columns polarization=..., or --polarization s "
+            "polarization. Say which it is with --columns polarization=..., or --polarization s "
             "or p."
         )
     letter = options.light
@@ -123,7 +123,7 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
         )
     if not letter and bare and not named and oblique and (beside := said.one("light")):
         letter = str(beside.value)
-        what = {"s": "s", "p": "p", "u": "unpolarised"}[letter]
+        what = {"s": "s", "p": "p", "u": "unpolarized"}[letter]
         notes.append(f"{what} light ({beside.where}; --polarization)")
     elif named and not letter:
         reading.refuse_other_light({v.role.quantity[2:] for v in named}, named[0])

@@ -23,7 +23,7 @@ class LongColumns(NamedTuple):
     """The data of a file, and where each datum stands.
 
     places: (line, column of the value, column of its standard error) of each datum.
-    labels: columns of the angle, the wavelength and the polariser.
+    labels: columns of the angle, the wavelength and the polarizer.
     understood: how the file was read.
     """
 
@@ -104,7 +104,7 @@ def _understood(reading: Reading, data: Data, factor: float) -> str:
     count = len(np.unique(axis))
     span = f"{axis.min():.6g} to {axis.max():.6g}" if count > 1 else f"{axis[0]:.6g}"
     text = f"read {count} {what}{'s' * (count != 1)} ({span} {unit}), "
-    plain = " (unpolarised)" if angle.any() and np.isnan(data.polarizer_deg).all() else ""
+    plain = " (unpolarized)" if angle.any() and np.isnan(data.polarizer_deg).all() else ""
     names = list(dict.fromkeys(quantity.tolist()))
     counts = [f"{np.sum(quantity == n)} {n}{plain * (n in ('R', 'T'))}" for n in names]
     text += ", ".join(counts[:-1]) + " and " * (len(counts) > 1) + counts[-1]
@@ -175,7 +175,7 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
             column = layout.polarizer or layout.polarization
             if column is not None:
                 unknown = (light.letter == "") & np.isnan(light.polarizer_deg)
-                reading.refuse_gaps(column, there & unknown, "polarisation")
+                reading.refuse_gaps(column, there & unknown, "polarization")
             for letter in "sp":
                 name[light.letter == letter] = f"{quantity}_{letter}"
             polarizer = light.polarizer_deg

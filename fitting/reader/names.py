@@ -50,7 +50,7 @@ _WHY = {
     "raw": "it is a raw signal, not a ratio to the direct beam",
     "constant": "it is an optical constant, not a measured power",
 }
-# names glued of a quantity and its polarisation; T in capitals only (tp, ts are times as well)
+# names glued of a quantity and its polarization; T in capitals only (tp, ts are times as well)
 _GLUED = re.compile(
     "(?:(r)|(R)|[Rr]efl|(T)|[Rr]eflectance|([Tt]ransmittance))"
     "(s|p|S|P|te|tm|TE|TM|ss|pp|perp|par|spol|ppol|unpol|mean|avg|front|back)"
@@ -63,6 +63,8 @@ _AT = re.compile(
     r"|angle ([0-9]+(?:\.[0-9]+)?))\s*[)\]]?(?=$|[\s_(\[])",
     re.IGNORECASE,
 )
+# R_45, Rs 60: an angle, or the number of a sample
+_NUMBERED = re.compile(r"(?<=[A-Za-z\s_])([0-9]{1,2}(?:\.[0-9]+)?)\s*$")
 # what may stand between words and means nothing; a prime, a root, a ratio does mean something
 _NO_SIGNS = re.compile(r"[\w\s.,:;()\[\]{}\-]*")
 
@@ -73,7 +75,8 @@ class Role(NamedTuple):
     quantity: for value and sigma, a name of QUANTITIES; for sigma also "_s" and "_p", or "" where
         the name does not say of what.
     form: of an angle incidence, grazing, 2theta or q; of a wavelength the word that names it
-        (wavelength, energy, wavenumber, frequency).
+        (wavelength, energy, wavenumber, frequency); of a name that ends in a number of unknown
+        meaning (R_45), for which kind is "", what it is if that is an angle: value or sigma.
     unit: a key of :mod:`fitting.reader.vocabulary`, "" where the name gives none.
     at: for value and sigma, the angle of incidence in degrees that the name gives, else None.
     why: for kind "", why the column cannot be used, if known; for unclear, both readings.
@@ -145,7 +148,7 @@ def _optical(tokens: list[str], unit: str, error: bool) -> Role | None:
 
 
 def _axis(tokens: list[str], unit: str) -> Role | None:
-    """Return the role of an angle, wavelength or polarisation column, or None."""
+    """Return the role of an angle, wavelength or polarization column, or None."""
     said = {CONCEPT.get(token.lower(), token.lower()) for token in tokens}
     words = said - {"filler", "article"}
     for kind, form, needed, others in _AXES:
@@ -173,7 +176,7 @@ def role_of(name: str, unit: str = "") -> Role:
         rest, own = "", unit_of(rest) or ""  # the unit is all the name there is
     unit = own or unit
     if re.fullmatch(r"s(?:[RT]|Qz?|psi|Psi)", rest):
-        why = f"the standard error of {rest[1:]}, or {rest[1:]} of s-polarised light"
+        why = f"the standard error of {rest[1:]}, or {rest[1:]} of s-polarized light"
         return Role("unclear", "sigma_" + rest[1:], why=why)
     tokens = _tokens(rest)
     if tokens[:1] == ["r"] and len(tokens) == 2 and CONCEPT.get(tokens[1]) in ("s", "p"):
@@ -205,4 +208,9 @@ def role_of(name: str, unit: str = "") -> Role:
         bare = role_of(text[: match.start()] + " " + text[match.end() :], unit.replace("deg", ""))
         if bare.kind in ("value", "sigma") and bare.quantity and bare.at is None:
             return bare._replace(at=float(match[1] or match[2]))
+    match = _NUMBERED.search(rest)
+    if match and match[1] in name and unit in ("", "percent", "1", "deg"):  # R2, not R squared
+        bare = role_of(rest[: match.start()].rstrip(" _"), unit)
+        if bare.kind in ("value", "sigma") and bare.quantity and bare.at is None:
+            return bare._replace(kind="", form=bare.kind, at=float(match[1]))
     return Role("", unit=unit, why=next((_WHY[concept] for concept in _WHY if concept in said), ""))

@@ -10,7 +10,7 @@ from fitting.reader.units import ANGLE_UNITS, WAVELENGTH_UNITS
 from fitting.reader.vocabulary import light_of, plain, unit_of
 
 QUANTITIES = ("R_s", "R_p", "R", "R_back", "T_s", "T_p", "T", "psi", "delta")
-"""What a datum can be. R and T are powers of unpolarised light, unless ``polarizer_deg``
+"""What a datum can be. R and T are powers of unpolarized light, unless ``polarizer_deg``
 says otherwise; R_back is R with the light on the other face (equal to R for a plain slab)."""
 
 ROLES = (
@@ -100,7 +100,7 @@ class _Given(NamedTuple):
         return pairs
 
     def polarization(self) -> tuple[str, dict[str, str], str]:
-        """Return the light of the whole file, the meaning of codes, where a polariser counts from.
+        """Return the light of the whole file, the meaning of codes, where a polarizer counts from.
 
         One of them at most is not empty.
         """
@@ -118,7 +118,7 @@ class _Given(NamedTuple):
             self.refuse(
                 "polarization",
                 "is not known; it can be s, p or unpolarized for the whole file, codes of a column "
-                "such as 0=s,1=p, or angle-from-p or angle-from-s for the angle of a polariser "
+                "such as 0=s,1=p, or angle-from-p or angle-from-s for the angle of a polarizer "
                 "from the plane of incidence or from its normal.",
             )
         return "", codes, ""

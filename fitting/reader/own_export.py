@@ -1,5 +1,7 @@
 """The data table that this package writes (``--csv``), read back to the last bit.
 
+Cells are parted by commas, or by semicolons beside decimal commas.
+
 Its columns have fixed names and units, a datum a row; the comments above tell of the fit and of the
 file that was read then, and are no statements about these numbers.
 """
@@ -7,6 +9,7 @@ file that was read then, and are no statements about these numbers.
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -23,7 +26,7 @@ _NUMBERS = ("angle_deg", "wavelength_um", "value", "sigma", "polarizer_deg")
 def own_header(texts: Sequence[str]) -> int:
     """Return where the header of a table that this package wrote stands; -1 in any other file."""
     start = next((i for i, text in enumerate(texts) if not text.startswith("#")), -1)
-    return start if start >= 0 and set(texts[start].split(",")) >= _NEEDED else -1
+    return start if start >= 0 and set(re.split("[,;]", texts[start])) >= _NEEDED else -1
 
 
 def own_columns(source: str, texts: Sequence[str], start: int) -> LongColumns:
@@ -31,14 +34,15 @@ def own_columns(source: str, texts: Sequence[str], start: int) -> LongColumns:
 
     Raises MeasurementError where a row was damaged since.
     """
-    names = texts[start].split(",")
+    mark = ";" if ";" in texts[start] else ","
+    names = texts[start].split(mark)
     quantities, rows, lines = [], [], []
-    for line, cells in enumerate(csv.reader(texts[start + 1 :]), start + 2):
+    for line, cells in enumerate(csv.reader(texts[start + 1 :], delimiter=mark), start + 2):
         if not cells:
             continue
         row = dict(zip(names, cells, strict=False))
         try:
-            numbers = [float(row.get(name) or "nan") for name in _NUMBERS]
+            numbers = [float(row.get(name, "").replace(",", ".") or "nan") for name in _NUMBERS]
         except ValueError:
             numbers = []
         if not numbers or len(cells) != len(names) or row["quantity"] not in QUANTITIES:

@@ -111,7 +111,7 @@ class Reading(NamedTuple):
 
     def refuse_other_light(self, letters: set[str], column: Column) -> None:
         """Raise where another light than that of the columns or rows, s, p or u, is said."""
-        came = f"the light is {' and '.join(sorted(letters))}-polarised"
+        came = f"the light is {' and '.join(sorted(letters))}-polarized"
         self.contradicted("light", lambda letter: letter not in letters, column, came)
 
     def unit(self, kind: str, column: Column, option: str, what: str) -> str:

@@ -19,6 +19,7 @@ from fitting.reader.cells import (
 )
 from fitting.reader.header import (
     Lines,
+    below_thousand,
     find_header,
     known_names,
     refuse_between,
@@ -237,6 +238,6 @@ def read_table(
         rows=rows,
         lines=row_lines,
         preamble=beside + below,
-        decimal=decide_decimal(source, rows, row_lines, decimal),
+        decimal=decide_decimal(source, rows, row_lines, decimal, below_thousand(names, units)),
         notes=notes,
     )

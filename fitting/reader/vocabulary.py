@@ -60,12 +60,24 @@ def plain(text: str) -> str:
     return "".join(map(_letter, text))
 
 
+# 0/45, d/8, 45:0: the angles of the light and of the detector
+_GEOMETRY = re.compile(r"(?i)(?<![\w/.:-])(di?|0|8|45)\s?(?:deg)?[/:](di?|0|8|45)(?![\w/.:-])")
+# R x100, R*1000, R in units of 0.01; not the sides of a sample, 10 x 100 mm
+_TIMES = re.compile(
+    r"(?i)(?:(?<![\w.])(?<![0-9]\s)x\s?|(?<![0-9.])(?<![0-9]\s)\*\s?)(?=10+(?![\w.]))"
+    r"|(?<![^\W_])units?\s+of\s+(?=[0-9.])"
+)
+
+
 def spelled(text: str) -> str:
     """Return ``plain`` text with names of several parts as one word: 2 theta, wave length."""
     text = re.sub(r"(?i)\b[dl]'(?=\w)", "", plain(text))  # angle d'incidence
     text = re.sub(r"@\s*(?=[0-9])", " angle ", text)  # R@60
+    text = re.sub(r"(?i)(?<![^\W_])he-?ne(?![^\W_])", "laser", text)
     text = re.sub(r"(?i)(?<![^\W_])(?:2|two)[\s_-]*theta", "twotheta", text)
     text = re.sub(r"(?i)(?<![^\W_])relative\s+to(?![^\W_])", "normalized", text)
+    text = _GEOMETRY.sub(r" geometry \1 \2 ", text)
+    text = _TIMES.sub(" times ", text)
     return re.sub(r"(?i)(?<![^\W_])wave[\s_-]+(?=length|number)", "wave", text)
 
 

@@ -1,0 +1,126 @@
+"""Files fitted together that cannot be of one sample, told apart by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.special import fdtrc, stdtr
+
+from fitting.diagnostics import Warning
+from fitting.evaluation import Evaluated
+from fitting.observations import Observations, labels_of
+from fitting.result import Fit
+from fitting.uncertainty.covariance import UNSEEN, slopes_at
+
+# Two files exclude each other where their indices differ by what chance gives in fewer pairs: four
+# standard errors of the difference, more where few data tell how large these are.
+EXCLUDING = 6e-5
+# By so little chance, to first order, before separate fits, which cost time, are made.
+PERHAPS = 1e-3
+# An index over wavelength is compared at so many wavelengths that both files cover.
+_WAVES = 5
+# name, (values of the two), (standard errors of the two)
+_Pair = tuple[str, tuple[float, float], tuple[float, float]]
+
+
+def may_disagree(found: Fit) -> bool:
+    """Whether two files pull a fit apart, so that separate fits are worth their time.
+
+    By the F test of what the residuals of each file, by a least-squares step of its own, would
+    lose beyond the common minimum.
+    """
+    at = found.evaluator
+    if not isinstance(at, Evaluated):
+        return True
+    s = slopes_at(at.unknowns, at.seen, at.targets, at.y)
+    file = _file_of_residuals(at.seen)
+    along = [_along(s.jacobian[file == f], s.residual[file == f]) for f in np.unique(file)]
+    taken, used = sum(a @ a for a in along), sum(map(len, along))
+    more = used - len(_along(s.jacobian, s.residual))
+    freedom = len(s.residual) - used
+    if more < 1 or freedom < 1:
+        return False
+    left = s.residual @ s.residual - taken
+    return bool(fdtrc(more, freedom, taken / more / (left / freedom)) < PERHAPS)
+
+
+def _file_of_residuals(seen: Observations) -> np.ndarray:
+    """Return the number of the file of each residual, in the order of `slopes_at`."""
+    powers = [np.flatnonzero(w[:, 0] > 0.0) for w in seen.weights]
+    pairs = np.flatnonzero(np.abs(seen.ncs_weights[..., 0]).sum((0, 1)) > 0.0)
+    return seen.points.file[np.concatenate([*powers, pairs, pairs, pairs])]
+
+
+def _along(slopes: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """Return the part of the residuals along each direction in which the parameters move them."""
+    size = np.linalg.norm(slopes, axis=0)
+    u, spread, _ = np.linalg.svd(slopes / np.where(size > 0.0, size, 1.0), full_matrices=False)
+    return u[:, spread > UNSEEN * spread.max()].T @ residual
+
+
+def disagreement(results: Sequence[Fit]) -> tuple[Warning, ...]:
+    """Return a warning where the separate fits of two files exclude each other; else nothing.
+
+    Compared are the parameters that files share (all but scale and background), and eta and k: of
+    a model over the wavelengths that both cover, of an index that is free at every wavelength at
+    those that both have. Only what has a standard error in both is compared.
+    """
+    least, said = EXCLUDING, None
+    labels = labels_of([f.measurement.source if f.measurement else "" for f in results])
+    for i, first in enumerate(results):
+        for j, second in enumerate(results[:i]):
+            for a, b in _alike(second, first):
+                chance, values = _by_chance(a, b)
+                if chance < least:
+                    least, said = chance, {**values, "files": (labels[j], labels[i])}
+    return (Warning("files_exclude", {}, said),) if said else ()
+
+
+def _alike(first: Fit, second: Fit) -> Iterator[tuple[Fit, Fit]]:
+    """Yield the fits of two files that can be compared: of one wavelength, or of a model."""
+    if first.sample is not None and not first.sample.by_wavelength:
+        yield first, second
+        return
+    waves = [np.atleast_1d(f.wavelength_um).tolist() for f in (first, second)]
+    for a, x in enumerate(waves[0]):
+        for b, y in enumerate(waves[1]):
+            if x == y or (np.isnan(x) and np.isnan(y)):
+                yield first[a] if first.shape else first, second[b] if second.shape else second
+
+
+def _pairs(first: Fit, second: Fit) -> Iterator[_Pair]:
+    for name in first.names:
+        if name in second.names and name.partition("[")[0] not in ("scale", "background"):
+            a, b = first.parameters[name], second.parameters[name]
+            yield name, (a.value, b.value), (a.sigma, b.sigma)
+    if first.sample is None or first.sample.by_wavelength:
+        return
+    waves = [np.atleast_1d(f.wavelength_um) for f in (first, second)]
+    low, high = max(w.min() for w in waves), min(w.max() for w in waves)
+    if not low <= high:
+        return
+    at = np.unique(np.linspace(low, high, _WAVES))
+    bands = [f.index(at) for f in (first, second)]
+    for i, wavelength in enumerate(at.tolist()):
+        for name in ("eta", "k"):
+            values = tuple(float(getattr(b, name)[i]) for b in bands)
+            sigmas = tuple(float(getattr(b, f"sigma_{name}")[i]) for b in bands)
+            yield f"{name} at {wavelength:.4g} um", values, sigmas
+
+
+def _by_chance(first: Fit, second: Fit) -> tuple[float, dict[str, Any]]:
+    """Return the least probability of a difference by chance, and the numbers of the sentence."""
+    least, said = 1.0, {}
+    counted = [f.dof for f in (first, second) if f.errors.taken != "stated"]
+    for name, values, sigmas in _pairs(first, second):
+        together = float(np.hypot(*sigmas))
+        if not (np.isfinite(together) and together > 0.0):
+            continue
+        apart = abs(values[0] - values[1]) / together
+        chance = 2.0 * float(stdtr(max(min(counted, default=1e9), 1), -apart))
+        if chance < least:
+            least = chance
+            said = {"parameter": name, "values": values, "sigmas": sigmas, "apart": apart}
+    return least, said

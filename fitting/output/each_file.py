@@ -1,0 +1,154 @@
+"""Many files, each fitted by itself: one table with a row a file, as text, CSV and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fitting.output.as_data import batch_columns, to_dict
+from fitting.output.csv_text import csv_text
+from fitting.output.estimates import value_text
+from fitting.output.layout import rows_aligned
+from fitting.output.numbers import number, with_unit
+from fitting.output.text_table import varied_of
+from fitting.plain_data import json_object
+from fitting.result import CONVERGED, UNDETERMINED, Estimate, Fit
+from fitting.visible import visible
+
+REFUSED = "refused"
+EACH_MARK = "# results of files fitted one by one, written by fresnel-fit"
+"""The first line of `rows_csv`, by which a later run knows such a file for no measurement."""
+
+
+class OfFile(NamedTuple):
+    """What came of one file. name: as it was given; fit: None where the file was refused.
+
+    error: why it was refused, else "".
+    """
+
+    name: str
+    fit: Fit | None
+    error: str = ""
+
+
+def _free(fit: Fit) -> list[str]:
+    return varied_of(fit) if fit.shape else list(fit.names)
+
+
+def _names(files: Sequence[OfFile]) -> list[str]:
+    """Return the parameters that any of the fits found, in the order of the first."""
+    return list(dict.fromkeys(n for file in files if file.fit is not None for n in _free(file.fit)))
+
+
+def _value(fit: Fit, name: str) -> str:
+    """Return a parameter with its error; of a spectrum from where to where it goes."""
+    e = fit.parameters[name]
+    if fit.shape:
+        values = np.asarray(e.value)
+        some = values[np.isfinite(values)]
+        return f"{some.min():.4g} to {some.max():.4g}" if some.size else "-"
+    return f"({value_text(e)})" if fit.status == UNDETERMINED else value_text(e)
+
+
+def _status(fit: Fit) -> str:
+    if not fit.shape:
+        return str(fit.status)
+    each = np.ravel(fit.status)
+    return f"{int((each == CONVERGED).sum())} of {each.size} wavelengths converged"
+
+
+def _chi2(fit: Fit) -> str:
+    value = np.ravel(fit.chi2_reduced).astype(float)
+    some = value[np.isfinite(value)]
+    return number(float(np.median(some)), 3) if some.size else "-"
+
+
+def rows_text(files: Sequence[OfFile]) -> str:
+    """Return the table for a terminal; a spectrum is one row, with the range of its index.
+
+    chi2/dof of a spectrum is the median over its wavelengths.
+    """
+    names = _names(files)
+    units = {n: f.fit.parameters[n].unit for f in files if f.fit is not None for n in _free(f.fit)}
+    heads = [with_unit(n, f"({units[n]})" if units[n] else "") for n in names]
+    stated = any(f.fit is not None and _chi2(f.fit) != "-" for f in files)
+    rows = [["file", *heads, *["chi2/dof"] * stated, "status"]]
+    for name, fit, _ in files:
+        if fit is None:
+            rows.append([visible(name), *["-"] * (len(names) + stated), REFUSED])
+            continue
+        cells = [_value(fit, n) if n in fit.parameters else "-" for n in names]
+        warnings = len(fit.findings)
+        status = _status(fit) + f", {warnings} warning{'s' * (warnings > 1)}" * (warnings > 0)
+        rows.append([visible(name), *cells, *[_chi2(fit)] * stated, status])
+    return "\n".join(rows_aligned(rows)) + "\n"
+
+
+def _known(e: Estimate) -> dict[str, Any]:
+    low, high = (float(end) for end in e.interval)
+    head = e.name
+    return {
+        head: float(e.value), f"sigma_{head}": float(e.sigma),
+        f"{head}_low": low, f"{head}_high": high, f"{head}_upper_limit": float(e.upper_limit),
+    }  # fmt: skip
+
+
+def _rows(file: OfFile) -> list[dict[str, Any]]:
+    """Return the rows of one file: one, or one a wavelength where the index is free at each."""
+    fit, first = file.fit, {"file": visible(file.name)}
+    if fit is None:
+        return [{**first, "status": REFUSED, "message": visible(file.error)}]
+    first["sample"] = str(fit.sample)
+    if fit.shape:
+        columns = batch_columns(fit)
+        rows = [
+            dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)
+        ]
+        codes = [" ".join(w.code for w in some) for some in np.ravel(fit.warnings)]
+    else:
+        known = {k: v for name in fit.names for k, v in _known(fit.parameters[name]).items()}
+        wave = (
+            {"wavelength_um": float(fit.wavelength_um)} if np.ndim(fit.wavelength_um) == 0 else {}
+        )
+        sums = {
+            name: getattr(fit, name) for name in ("chi2", "chi2_reduced", "dof", "n_data", "rms")
+        }
+        rows = [{**wave, **known, **sums, "status": fit.status}]
+        codes = [" ".join(w.code for w in fit.warnings)]
+    return [{**first, **row, "warnings": code} for row, code in zip(rows, codes, strict=True)]
+
+
+def rows_csv(files: Sequence[OfFile], decimal: str = ".") -> str:
+    """Return a row a file, or a row a wavelength where the index is free at each, as CSV.
+
+    Columns: file, sample, wavelength_um, then for each parameter its value, sigma_NAME, NAME_low
+    and NAME_high (95 % interval) and NAME_upper_limit, then chi2, ..., status, the codes of the
+    warnings, and the message of a file that was refused. Columns that would be empty are left out.
+    """
+    rows = [row for file in files for row in _rows(file)]
+    ends = ["chi2", "chi2_reduced", "dof", "n_data", "rms", "status", "warnings", "message"]
+    heads = dict.fromkeys(["file", "sample", "wavelength_um"])
+    heads |= dict.fromkeys(head for row in rows for head in row if head not in ends)
+    columns = {head: [row.get(head, "") for row in rows] for head in [*heads, *ends]}
+    filled = {h: c for h, c in columns.items() if any(x not in ("", None) and x == x for x in c)}
+    return csv_text([EACH_MARK.removeprefix("# ")], filled, decimal)
+
+
+def rows_json(files: Sequence[OfFile]) -> str:
+    """Return ``{"files": [...]}``: of each file all that `to_dict` has, or why it was refused."""
+    each = []
+    for name, fit, error in files:
+        fields = {"status": REFUSED, "message": error} if fit is None else to_dict(fit)
+        each.append({"file": name, **fields})
+    return json_object({"files": each})
+
+
+def is_result(path: str) -> bool:
+    """Whether a file is one that `rows_csv` wrote, which ``*.csv`` takes in with the others."""
+    try:
+        with open(path, "rb") as stream:
+            return stream.read(len(EACH_MARK)) == EACH_MARK.encode()
+    except OSError:
+        return False

@@ -1,0 +1,46 @@
+"""What the command says on a terminal, and how it refuses."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+
+from fitting.cli_options import PROGRAM
+from fitting.visible import visible
+
+
+class Refused(Exception):
+    """The user's to mend; the text says how."""
+
+
+@contextlib.contextmanager
+def refusals() -> Iterator[None]:
+    """Turn the ValueErrors of reading and fitting, whose texts are for the user, into Refused.
+
+    Only there: a ValueError from anywhere else is a defect and should show its traceback.
+    """
+    try:
+        yield
+    except (ValueError, ImportError) as error:
+        raise Refused(error) from error
+
+
+def say(text: str) -> None:
+    """Print ``text``; a reader who stops early (``| head``) has seen enough, files are written."""
+    # A name or unit may hold letters that a terminal of another encoding cannot show.
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    try:
+        text = visible(text, "\n")
+        sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Python flushes stdout once more when it exits, and would complain.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def complain(text: str) -> None:
+    """Print one line on stderr."""
+    with contextlib.suppress(OSError):  # nowhere to say it
+        print(f"{PROGRAM}: {visible(text)}", file=sys.stderr)

@@ -1,0 +1,126 @@
+"""``--each``: every file by itself, a row of results each; patterns that the shell left alone."""
+
+import csv
+import json
+
+import pytest
+from simulated import simulated
+
+from fitting import cli, fit
+from fitting.cli_options import expanded
+from fitting.output.each_file import EACH_MARK, OfFile, rows_csv, rows_json, rows_text
+
+GLASS = "angle_deg,R_s,R_p\n30,.0578,.0253\n45,.0920,.0085\n60,.1774,.0018\n70,.300,.042\n"
+
+
+@pytest.fixture(scope="module")
+def each():
+    """Two scans, a spectrum and a file that was refused."""
+    metal, glass = simulated(0.5, 2.2, 1e-3), simulated(1.5, 0.0, 1e-3, seed=1)
+    parts = [simulated(1.5 + i / 10, 1.0, 1e-3, wavelength_um=0.5 + i / 10) for i in range(3)]
+    return [
+        OfFile("metal.csv", fit(metal)),
+        OfFile("bad.csv", None, "bad.csv, line 3: 'x, y' came where a number was wanted."),
+        OfFile("glass.csv", fit(glass)),
+        OfFile("spectrum.csv", fit(parts)),
+    ]
+
+
+def table(text, mark=","):
+    first, *rest = text.splitlines()
+    assert first == EACH_MARK
+    return list(csv.DictReader(rest, delimiter=mark))
+
+
+def test_the_table_has_a_row_a_file(each):
+    head, metal, bad, glass, spectrum = rows_text(each).splitlines()
+    assert head.split() == ["file", "eta", "k", "chi2/dof", "status"]
+    assert metal.split()[:1] == ["metal.csv"] and " converged" in metal
+    assert bad.split() == ["bad.csv", "-", "-", "-", "refused"]
+    assert f"{each[2].fit.eta:.3f}" in glass
+    assert "1.5" in spectrum and "3 of 3 wavelengths converged" in spectrum
+
+
+@pytest.mark.parametrize(("decimal", "mark"), [(".", ","), (",", ";")])
+def test_csv_holds_what_was_found_to_the_last_bit(each, decimal, mark):
+    rows = table(rows_csv(each, decimal), mark)
+    assert [r["file"] for r in rows] == ["metal.csv", "bad.csv", "glass.csv"] + ["spectrum.csv"] * 3
+
+    def number(text):
+        return float(text.replace(",", "."))
+
+    metal, found = rows[0], each[0].fit.parameters["eta"]
+    assert (number(metal["eta"]), number(metal["sigma_eta"])) == (found.value, found.sigma)
+    assert [number(metal["eta_low"]), number(metal["eta_high"])] == list(found.interval)
+    assert (rows[1]["status"], rows[1]["eta"]) == ("refused", "")
+    assert rows[1]["message"].startswith("bad.csv")
+    assert [number(r["wavelength_um"]) for r in rows[3:]] == [0.5, 0.6, 0.7]
+    assert [number(r["k"]) for r in rows[3:]] == each[3].fit.k.tolist()
+    assert number(rows[2]["k_upper_limit"]) == each[2].fit.parameters["k"].upper_limit
+
+
+def test_json_holds_all_of_every_fit(each):
+    metal, bad, *_ = json.loads(rows_json(each))["files"]
+    assert metal["file"] == "metal.csv"
+    assert metal["eta"] == each[0].fit.eta
+    assert bad == {"file": "bad.csv", "status": "refused", "message": each[1].error}
+
+
+def test_a_bad_file_is_reported_and_the_others_are_fitted(tmp_path, capsys):
+    for name, text in {"a.csv": GLASS, "b.csv": "angle,R_s\n30,x\n", "c.csv": GLASS}.items():
+        (tmp_path / name).write_text(text)
+    results = tmp_path / "results.csv"
+    arguments = ["--each", str(tmp_path / "*.csv"), "--csv", str(results)]
+    for _ in range(2):  # the second time the pattern takes in the table of results
+        assert cli.main(arguments) == 2
+        out, err = capsys.readouterr()
+        assert str(tmp_path / "b.csv") in err
+        good, bad, also_good = out.splitlines()[1:]
+        assert " converged" in good and bad.endswith("refused") and " converged" in also_good
+        rows = table(results.read_text())
+        assert [r["status"] for r in rows] == ["converged", "refused", "converged"]
+        assert float(rows[0]["eta"]) == pytest.approx(1.5, abs=0.02)
+    assert "results.csv: left out" in err
+
+
+def test_of_good_files_the_status_is_0(tmp_path, capsys):
+    (tmp_path / "a.csv").write_text(GLASS)
+    assert cli.main(["--each", str(tmp_path / "a.csv"), "--json", "-"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["files"]
+    assert found["status"] == "converged"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--each", "none*.csv"], "none*.csv: no file matches"),
+        (["none*.csv"], "none*.csv: no file matches"),
+        (["--each", "a.csv", "--plot", "a.png"], "--plot is of one fit"),
+        (["--each", "a.csv", "--report", "out"], "--report is of one fit"),
+        (["--each", "a.csv", "--sample", "unobtainium"], "unobtainium"),
+        (["--each", "a.csv", "--bound", "eta"], "eta=1.4..1.6"),
+        (["--each", "a.csv", "--csv", "a.csv"], "is the measurement itself"),
+        (["--each", "a.csv", "./a.csv"], "the same file"),
+    ],
+)
+def test_what_is_wrong_for_every_file_is_said_before_any_is_fitted(
+    tmp_path, monkeypatch, capsys, arguments, said
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.csv").write_text(GLASS)
+    monkeypatch.setattr(cli, "_fit", lambda *_: pytest.fail("it was fitted first"))
+    assert cli.main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and err.count("\n") == 1
+    assert said in err
+    assert [p.name for p in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_patterns_are_expanded_in_order_and_names_left_as_they_are(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("b.csv", "a.csv", "c.txt", "a[1].csv"):
+        (tmp_path / name).write_text("")
+    (tmp_path / "folder.csv").mkdir()
+    assert expanded(["*.csv"]) == ["a.csv", "a[1].csv", "b.csv"]
+    assert expanded(["a[1].csv", "?.txt", "-"]) == ["a[1].csv", "c.txt", "-"]
+    assert expanded(["gone.csv"]) == ["gone.csv"]  # reading says what is wrong
