@@ -102,11 +102,12 @@ def _pairs(first: Fit, second: Fit) -> Iterator[_Pair]:
     if not low <= high:
         return
     at = np.unique(np.linspace(low, high, _WAVES))
-    bands = [f.index(at) for f in (first, second)]
+    one, other = first.index(at), second.index(at)
     for i, wavelength in enumerate(at.tolist()):
         for name in ("eta", "k"):
-            values = tuple(float(getattr(b, name)[i]) for b in bands)
-            sigmas = tuple(float(getattr(b, f"sigma_{name}")[i]) for b in bands)
+            sigma = f"sigma_{name}"
+            values = float(getattr(one, name)[i]), float(getattr(other, name)[i])
+            sigmas = float(getattr(one, sigma)[i]), float(getattr(other, sigma)[i])
             yield f"{name} at {wavelength:.4g} um", values, sigmas
 
 

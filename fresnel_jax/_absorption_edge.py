@@ -1,5 +1,7 @@
 """Dispersion near an absorption edge: Cauchy with Urbach's tail, Tauc and Lorentz."""
 
+from __future__ import annotations
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array

@@ -1,5 +1,7 @@
 """Indices from colours and back: exact relations at normal incidence. Exported by `approximate`."""
 
+from __future__ import annotations
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike

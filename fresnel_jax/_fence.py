@@ -1,5 +1,7 @@
 """A fence between elementwise arithmetic and a sum."""
 
+from __future__ import annotations
+
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, ArrayLike, Float

@@ -1,5 +1,7 @@
 """Permittivities made of oscillators: Drude, Lorentz, and Brendel and Bormann."""
 
+from __future__ import annotations
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np

@@ -1,5 +1,7 @@
 """What every dispersion model shares: its call, its range of wavelengths, its numbers' type."""
 
+from __future__ import annotations
+
 import abc
 import functools
 from collections.abc import Iterable, Sequence

@@ -1,5 +1,7 @@
 """The public function `stack` of `layers`: any number of layers between two half-spaces."""
 
+from __future__ import annotations
+
 import functools
 from collections.abc import Sequence
 from typing import Any, NamedTuple

@@ -1,5 +1,7 @@
 """An index that is given by a table, interpolated so that no shape appears that is not in it."""
 
+from __future__ import annotations
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np

@@ -5,6 +5,8 @@ elementwise work on three arrays into one vectorised loop, and breaks the loop a
 axis of length 3.
 """
 
+from __future__ import annotations
+
 import functools
 from collections.abc import Sequence
 from typing import Any, NamedTuple

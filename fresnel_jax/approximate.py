@@ -27,6 +27,8 @@ only. They are computed once for a scalar `eta` and `k`, whatever the number of 
 different material at every point only `schlick` and `large_index` cost less than the exact form.
 """
 
+from __future__ import annotations
+
 import functools
 
 import jax

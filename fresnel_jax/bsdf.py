@@ -32,6 +32,8 @@ angle the mean gradient is still right, but its variance is infinite (dR / d eta
 1 / cos_t): there, add up the samples of both lobes for one facet, and expect slow averages.
 """
 
+from __future__ import annotations
+
 from jaxtyping import Array, ArrayLike
 
 from ._scattering import BSDFSample, Lobes, ScatteringFlags, TransportMode

@@ -1,5 +1,7 @@
 """One dielectric interface, smooth or rough: reflection and refraction."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import equinox as eqx

@@ -1,5 +1,7 @@
 """Surfaces that only reflect: mirror or Trowbridge-Reitz facets under any Fresnel term."""
 
+from __future__ import annotations
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike

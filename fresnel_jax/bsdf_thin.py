@@ -1,5 +1,7 @@
 """A thin, smooth, parallel slab of a dielectric, such as a window pane."""
 
+from __future__ import annotations
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike

@@ -5,6 +5,8 @@ outside, and a relative index is inside over outside: a direction with a negativ
 inside. All arguments broadcast as in NumPy (the last axis of a direction apart).
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import jax.numpy as jnp

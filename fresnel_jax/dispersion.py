@@ -22,6 +22,8 @@ are NaN there, and the derivatives of what lies inside stay finite. `material("B
 formula alone, which extrapolates.
 """
 
+from __future__ import annotations
+
 import equinox as eqx
 from jaxtyping import Array, ArrayLike
 

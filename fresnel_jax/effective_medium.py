@@ -36,6 +36,8 @@ Soc. A 203, 385 (1904), doi:10.1098/rsta.1904.0024; a comparison: D. E. Aspnes, 
 249 (1982), doi:10.1016/0040-6090(82)90590-9.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 
 import jax

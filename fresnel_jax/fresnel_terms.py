@@ -3,6 +3,8 @@
 They are pytrees; `jax.vmap` over their fields or over the cosine and broadcasting both work.
 """
 
+from __future__ import annotations
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike

@@ -46,6 +46,8 @@ W. Jakob and G. Humphreys, Physically Based Rendering, 4th ed., sec. 9.3. The al
 and stands in `_boundary`, `_powers` and `_amplitudes`.
 """
 
+from __future__ import annotations
+
 import functools
 from typing import NamedTuple
 

@@ -18,6 +18,8 @@ ed., sec. 1.6.4, for the coherent film, and O. S. Heavens, Optical Properties of
 1955, sec. 4.11, for the incoherent sum.
 """
 
+from __future__ import annotations
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import ArrayLike

@@ -11,6 +11,8 @@ of Rakic et al. (the others); "gold Rakic BB" and "gold Rakic LD" name a fit. Si
 are tables of the visible; "silicon infrared" and "germanium infrared" are their transparent range.
 """
 
+from __future__ import annotations
+
 import dataclasses
 import difflib
 import functools

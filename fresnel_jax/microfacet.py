@@ -4,6 +4,8 @@ All directions are unit vectors of shape (..., 3) in the local frame (normal +z)
 raises ValueError for a last axis that is not 3. `_facets` has the algebra.
 """
 
+from __future__ import annotations
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float

@@ -27,6 +27,8 @@ and N. M. Bashara, Ellipsometry and Polarized Light, 1977, sec. 4.2; E. Collett,
 1993, ch. 8.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import jax

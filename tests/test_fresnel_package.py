@@ -1,6 +1,8 @@
 """What `import fresnel_jax` gives, and what it costs."""
 
+import contextlib
 import importlib.metadata
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -37,6 +39,15 @@ def test_the_import_brings_no_more_than_it_needs():
     for name in ("optimistix", "matplotlib", "pandas", "fitting", "fresnel_jax.bsdf",
                  "fresnel_jax.dispersion", "fresnel_jax.polarization"):  # fmt: skip
         assert name not in loaded
+
+
+def test_signatures_are_short_enough_to_read():
+    offered = [fresnel_jax, *(getattr(fresnel_jax, name) for name in SUBMODULES)]
+    for module in offered:
+        for name in module.__all__:
+            if inspect.isroutine(value := getattr(module, name)) or inspect.isclass(value):
+                with contextlib.suppress(ValueError):  # an enumeration has none
+                    assert "Union[" not in str(inspect.signature(value)), name
 
 
 def test_version_names_and_types():

@@ -92,6 +92,22 @@ def test_names_of_a_polarization_alone_say_of_nothing_how_large_it_is() -> None:
         assert role_of(name).kind == "", name
 
 
+def test_names_that_give_the_angle_of_their_column() -> None:
+    for name in (
+        "R(45 deg) [%]",
+        "R_45deg",
+        "R@45",
+        "R (AOI=45 deg)",
+        "R (AOI 45)",
+        "R, theta = 45",
+    ):
+        assert role_of(name)[:2] == ("value", "R") and role_of(name).at == 45.0, name
+    assert role_of("Rs@5").at == 5.0 and role_of("err_Rp (AOI 62.5)").kind == "sigma"
+    for name in ("R(theta=1.05)", "R@1.05", "R (phi = 45)", "R' (45 deg)"):
+        assert role_of(name).kind == "", name
+    assert role_of("R_45")[:3] == ("", "R", "value")  # an angle, where the file says so
+
+
 def test_units() -> None:
     units = {
         "R (%)": "percent",

@@ -46,7 +46,7 @@ def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path, monkeypatch
 
 
 def test_few_data_exclude_each_other_no_more_often_than_many():
-    """By four standard errors alone one pair in twenty did: two degrees of freedom tell little."""
+    """By four standard errors 16 of these 400 pairs did: two degrees of freedom tell little."""
     angle = np.array([30.0, 50.0, 65.0, 75.0])
     rng = np.random.default_rng(5)
     exact = textbook(angle, np.full(4, "R_p"), 3.0, 2.0)

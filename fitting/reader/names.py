@@ -57,10 +57,12 @@ _GLUED = re.compile(
 )
 _SUFFIX = re.compile(r"(?<=[\w)\]])(?:[\s_.]+|\s*[/,]\s*|\s+in\s+)([^\s_]+)$")
 _BRACKETS = re.compile(r"\(([^()]*(?:\([^()]*\))?[^()]*)\)|\[([^\[\]]*)\]")
-# R(45 deg), Rs@60, "angle 60" once it is spelled out: the angle of a column in a wide table
+# R(45 deg), Rs (AOI 45), Rs@60, "angle 60" once it is spelled out: the angle of a column in a wide
+# table; without a unit not 1.05, which may be radians
 _AT = re.compile(
     r"[(\[_\s]\s*(?:(?:at|aoi|theta)\s*=?\s*)?(?:([0-9]+(?:\.[0-9]+)?)\s*_?deg(?:rees?)?"
-    r"|angle ([0-9]+(?:\.[0-9]+)?))\s*[)\]]?(?=$|[\s_(\[])",
+    r"|(?:angle|aoi\s*=?|theta\s*=) ?([0-9]{2}(?:\.[0-9]+)?|[02-9](?!\.)))"
+    r"\s*[)\]]?(?=$|[\s_(\[])",
     re.IGNORECASE,
 )
 # R_45, Rs 60: an angle, or the number of a sample
@@ -189,6 +191,10 @@ def role_of(name: str, unit: str = "") -> Role:
     of_error = "error" in said or tokens[:1] in (["d"], ["delta"])
     if (of_error and ("/" in rest or "relative" in said)) or said == {"relative"}:
         return Role("unclear", why="a relative error, where absolute ones are wanted")
+    if match := _AT.search(text):
+        bare = role_of(text[: match.start()] + " " + text[match.end() :], unit.replace("deg", ""))
+        if bare.kind in ("value", "sigma") and bare.quantity and bare.at is None:
+            return bare._replace(at=float(match[1] or match[2]))
     signs = not _NO_SIGNS.fullmatch(rest) or rest.startswith("-")
     if signs or not (tokens or unit in _AXIS_UNITS):
         return Role("", unit=unit)
@@ -204,10 +210,6 @@ def role_of(name: str, unit: str = "") -> Role:
         return Role("", why="it is the uncertainty or resolution of an axis") if error else axis
     if found := _optical(optical, unit, error):
         return found
-    if match := _AT.search(text):
-        bare = role_of(text[: match.start()] + " " + text[match.end() :], unit.replace("deg", ""))
-        if bare.kind in ("value", "sigma") and bare.quantity and bare.at is None:
-            return bare._replace(at=float(match[1] or match[2]))
     match = _NUMBERED.search(rest)
     if match and match[1] in name and unit in ("", "percent", "1", "deg"):  # R2, not R squared
         bare = role_of(rest[: match.start()].rstrip(" _"), unit)
