@@ -219,7 +219,7 @@ def fit(
             "background" (one for each curve), "angle_offset", "leak", "divergence"; "edge_ev"; the
             thickness of a thick layer.
         fixed, bounds, priors: name -> value; (low, high); (value, standard error). "scale" is all
-            scales, "scale[R_s]" one of them.
+            scales, "scale[R_s]" that of R_s, in every file.
         tie: name -> another name, or a multiple: {"film_2.A": "film_1.A", "substrate.k": "2 *
             film.k"}.
         loss: "squares"; "huber" or "student" for data with outliers, with the noise found from the
