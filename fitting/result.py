@@ -99,8 +99,6 @@ class Fit:
     curve_names: tuple[str, ...] = ()
     evaluator: Evaluator | None = None
 
-    # What was fitted.
-
     @property
     def shape(self) -> tuple[int, ...]:
         """The batch shape S; () for one set of parameters."""
