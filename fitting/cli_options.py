@@ -130,7 +130,7 @@ def _add_fitting(parser: argparse.ArgumentParser) -> None:
     fitting = parser.add_argument_group(
         "fitting",
         "NAME is a parameter of the sample (A, film.thickness_nm) or of the instrument:\n"
-        "scale, background (of every curve; scale[R_s] is one of them), angle-offset,\n"
+        "scale, background (of every curve; scale[R_s] that of R_s), angle-offset,\n"
         "leak, divergence.",
     )
     fitting.add_argument("--sample", metavar="TEXT", help="what was measured; see below")

@@ -22,6 +22,7 @@ import numpy as np
 from fitting.bare_surface.reflectances import CHANNELS
 from fitting.bare_surface.surface_fit import fit_bare_surface
 from fitting.bare_surface.surface_fit import fit_many as fit_many
+from fitting.batched import stacked
 from fitting.disagreement import disagreement, may_disagree
 from fitting.film_starts import film_starts, with_neighbours
 from fitting.free_films import fit_free_film, free_film
@@ -38,7 +39,7 @@ from fitting.starts import starts as start_points
 from fitting.stated_errors import with_common_error
 from fitting.uncertainty.intervals import check_intervals
 from fitting.unknowns import check_quantities, index_outside, spectrum_of, unknowns
-from fitting.wavelengths import check_wavelengths, fit_wavelengths, stacked
+from fitting.wavelengths import check_wavelengths, fit_wavelengths
 from fitting.widening import widened
 
 
@@ -219,7 +220,7 @@ def fit(
             "background" (one for each curve), "angle_offset", "leak", "divergence"; "edge_ev"; the
             thickness of a thick layer.
         fixed, bounds, priors: name -> value; (low, high); (value, standard error). "scale" is all
-            scales, "scale[R_s]" one of them.
+            scales, "scale[R_s]" that of R_s, in every file.
         tie: name -> another name, or a multiple: {"film_2.A": "film_1.A", "substrate.k": "2 *
             film.k"}.
         loss: "squares"; "huber" or "student" for data with outliers, with the noise found from the

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from fitting.batched import stacked_fits
 from fitting.compiled import compiled
 from fitting.observe import Media
 from fitting.outcome import Subject, fit_of
@@ -31,7 +32,6 @@ from fitting.starts import starts as start_points
 from fitting.uncertainty.covariance import Slopes
 from fitting.uncertainty.intervals import check_intervals
 from fitting.unknowns import Unknowns, unknown_of
-from fitting.wavelengths import stacked_fits
 
 Residual = Callable[[dict[str, Array], Any], Array]
 _COORDINATES = {"linear": PLAIN, "log": LOG, "square": SQUARE}

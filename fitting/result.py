@@ -99,8 +99,6 @@ class Fit:
     curve_names: tuple[str, ...] = ()
     evaluator: Evaluator | None = None
 
-    # What was fitted.
-
     @property
     def shape(self) -> tuple[int, ...]:
         """The batch shape S; () for one set of parameters."""
@@ -144,8 +142,6 @@ class Fit:
         taken = np.where(np.asarray(self.errors.taken) == "stated", "absolute", "scaled")
         return taken if taken.shape else taken.item()
 
-    # What must be known about it.
-
     @property
     def warnings(self) -> Any:
         """The warnings, the gravest first: a tuple; of a batch an object array of tuples."""
@@ -179,8 +175,6 @@ class Fit:
     def _alternatives_at(self, index: tuple[int, ...]) -> tuple[Alternative, ...]:
         every = (a.at(index) for a in self.others) if self.shape else iter(self.others)
         return tuple(a for a in every if np.isfinite(a.delta_chi2))
-
-    # What it shows.
 
     def predict(self, at: Any = None, quantity: Any = "R", wavelength_um: Any = None) -> Prediction:
         """Return what the fitted sample shows, with its standard error.
@@ -218,8 +212,6 @@ class Fit:
         if self.measurement is None:
             raise ValueError("this fit keeps no data: it came from arrays (fit_many).")
         return residuals(self.measurement, self.predict().value)
-
-    # One of many.
 
     def __len__(self) -> int:
         if not self.shape:
@@ -260,8 +252,6 @@ class Fit:
             return None
         own, all_of = np.asarray(self.wavelength_um)[index], self.measurement.wavelength_um
         return np.isnan(all_of) if np.isnan(own) else all_of == own
-
-    # How it is shown; each is one call into `fitting.output`.
 
     def __repr__(self) -> str:
         from fitting.output.shown import one_line

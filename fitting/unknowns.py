@@ -204,11 +204,15 @@ def _of_instrument(settings: Settings, seen: Observations) -> list[_Offered]:
     return out
 
 
+def _names_of(label: str) -> tuple[str, ...]:
+    """Return the names that mean a label: scale[a.csv R_p], scale[R_p] of every file, scale."""
+    bare, bracket, curve = label.partition("[")
+    return label, bare + bracket + curve.rpartition(" ")[2], bare
+
+
 def _said(table, label: str):
-    """Return what is said about a label, by itself or by its bare name; None for nothing."""
-    if label in table:
-        return table[label]
-    return table.get(label.partition("[")[0])
+    """Return what is said about a label, by the most particular of its names; None for nothing."""
+    return next((table[name] for name in _names_of(label) if name in table), None)
 
 
 def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Unknown, bool]:
@@ -216,7 +220,7 @@ def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Un
     value = _said(settings.fixed, label)
     low, high = parameter.low, parameter.high
     bounds, prior = _said(settings.bounds, label), _said(settings.priors, label)
-    asked = label in settings.free or label.partition("[")[0] in settings.free
+    asked = any(name in settings.free for name in _names_of(label))
     asked = asked or bounds is not None or prior is not None
     if value is None and parameter.held is not None and not asked:
         value = parameter.held
@@ -241,7 +245,7 @@ def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Un
 
 def _by_label(settings: Settings, offered: Sequence[_Offered], sample: Sample) -> Settings:
     """Return the settings with every name as it is shown, or raise ValueError for a strange one."""
-    known = {label for o in offered for label in (o.label, o.label.partition("[")[0])}
+    known = {name for o in offered for name in _names_of(o.label)}
     full = {o.parameter.name: o.label for o in offered if "." in o.parameter.name}
     names = {name: full.get(name, name) for name in settings.names}
     for name, label in names.items():

@@ -146,6 +146,8 @@ def test_several_files_share_the_model_and_have_scales_of_their_own():
     np.testing.assert_array_less(
         np.abs(values(found) - [1.5, 0.012, 0.95, 1.1]), 4.5 * sigmas(found)
     )
+    named = fit([first, second], "cauchy:2", free=["scale[R_s]"], errors="stated")  # of both files
+    assert named.names == names and (values(named) == values(found)).all()
     one = fit([first, second], "cauchy:2", free=["scale"], fixed={names[3]: 1.1}, errors="stated")
     assert one.names == names[:3] and fixed(one)[names[3]] == 1.1
     assert one.parameters["A"].sigma < found.parameters["A"].sigma

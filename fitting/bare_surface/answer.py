@@ -20,8 +20,9 @@ import numpy as np
 from fitting import result
 from fitting.bare_surface import thresholds as limit
 from fitting.bare_surface.arrange import Arranged
-from fitting.bare_surface.batch import Data, minima
+from fitting.bare_surface.batch import minima
 from fitting.bare_surface.coordinates import W_MIN, coordinates_of
+from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.engine import Solved
 from fitting.bare_surface.estimate import Estimated, estimate
 from fitting.bare_surface.mirror import allowed_rise, like_mirrors

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.bare_surface.batch import Data
+from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.reflectances import CHANNELS
 from fitting.checks import one_number
 from fitting.measurement import Measurement

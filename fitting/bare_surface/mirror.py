@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitting.bare_surface.batch import Data
+from fitting.bare_surface.curve_data import Data
 
 # An index is preferred if chance gives a fit as much better in less than this share of all curves.
 CHANCE = 0.01

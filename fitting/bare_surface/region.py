@@ -23,8 +23,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.bare_surface.batch import Data
 from fitting.bare_surface.coordinates import W_MIN, X_MAX, X_MIN, index_derivatives, xi_of
+from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.engine import Solved
 from fitting.bare_surface.valley import Lanes, evaluate, from_nearer_end, on_line, share_of
 

@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.bare_surface.batch import Data
 from fitting.bare_surface.coordinates import index_derivatives, w_of_small_k
+from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.valley import Lanes, evaluate
 
 # Beyond that many standard errors from 0 the sums of the solver are right to 1 %.

@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.bare_surface.batch import FEW, Data, run, start_rows
+from fitting.bare_surface.batch import FEW, run, start_rows
 from fitting.bare_surface.coordinates import W_MIN, X_MAX, X_MIN, xi_of
+from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.engine import Solved
 
 

@@ -1,0 +1,70 @@
+"""The data of many curves as the compiled program takes them: cut, filled up, completed."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.bare_surface.reflectances import CHANNELS
+
+
+class Data(NamedTuple):
+    """N curves, curves first; C channels out of ``problem.CHANNELS``, M angles.
+
+    cos_theta, s_share: (M,) or (N, M). values: C arrays (N, M), 0 where missing.
+    weights: C arrays (M,) or (N, M), 1 / sigma, 0 where missing.
+    """
+
+    cos_theta: np.ndarray
+    s_share: np.ndarray
+    values: tuple[np.ndarray, ...]
+    weights: tuple[np.ndarray, ...]
+    eta_i: float
+    channels: tuple[str, ...]
+    mesh: str = "coarse"  # of `starts.MESHES`, where the curves start
+
+    def take(self, index: slice | np.ndarray) -> Data:
+        """Return the curves of ``index``."""
+        return self._map(lambda a, fill: a[index] if a.ndim == 2 else a)
+
+    def padded(self, curves: int, angles: int) -> Data:
+        """Return the data with empty curves and empty angles added up to these numbers."""
+
+        def pad(a: np.ndarray, fill: float) -> np.ndarray:
+            goal = (curves, angles)[-a.ndim :]
+            if a.shape == goal:
+                return a
+            widths = [(0, wanted - have) for wanted, have in zip(goal, a.shape, strict=True)]
+            return np.pad(a, widths, constant_values=fill)
+
+        return self._map(pad)
+
+    def with_all_channels(self) -> Data:
+        """Return the data with all CHANNELS, some empty, and weights of every curve's own.
+
+        One compiled program then serves data of all kinds.
+        """
+        values = dict(zip(self.channels, self.values, strict=True))
+        weights = dict(zip(self.channels, self.weights, strict=True))
+        none = np.zeros_like(self.values[0])
+        return self._replace(
+            values=tuple(values.get(name, none) for name in CHANNELS),
+            weights=tuple(
+                np.broadcast_to(weights.get(name, none), none.shape) for name in CHANNELS
+            ),
+            channels=CHANNELS,
+        )
+
+    def _map(self, change) -> Data:
+        return self._replace(
+            cos_theta=change(self.cos_theta, 1.0),
+            s_share=change(self.s_share, 0.5),
+            values=tuple(change(v, 0.0) for v in self.values),
+            weights=tuple(change(w, 0.0) for w in self.weights),
+        )
+
+    @property
+    def curves(self) -> int:
+        """The number of curves."""
+        return len(self.values[0])
