@@ -33,12 +33,13 @@ from fitting.parameters import Settings, check_settings, names_of
 from fitting.problem import LOSSES, targets_of
 from fitting.result import Fit
 from fitting.sample import Sample
+from fitting.sample_checks import check_quantities
 from fitting.search import ERRORS, Asked, Solving, solved
 from fitting.starts import given_start, start_at, usual_starts
 from fitting.starts import starts as start_points
 from fitting.stated_errors import with_common_error
 from fitting.uncertainty.intervals import check_intervals
-from fitting.unknowns import check_quantities, index_outside, spectrum_of, unknowns
+from fitting.unknowns import index_outside, spectrum_of, unknowns
 from fitting.wavelengths import check_wavelengths, fit_wavelengths
 from fitting.widening import widened
 

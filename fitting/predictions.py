@@ -14,7 +14,8 @@ from fitting.observations import observations
 from fitting.parameters import Settings, check_settings
 from fitting.problem import shown
 from fitting.sample import Sample
-from fitting.unknowns import check_quantities, index_outside, spectrum_of, unknowns
+from fitting.sample_checks import check_quantities
+from fitting.unknowns import index_outside, spectrum_of, unknowns
 
 if TYPE_CHECKING:
     from fitting.result import Fit, Prediction
