@@ -4,7 +4,6 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ._arithmetic import times
 from ._formulas import cauchy_series
 from ._spectral import (
     DispersionModel,
@@ -55,7 +54,7 @@ def _squared_times_log(x: Array) -> Array:
 
 
 def _odd_series(square: Array, sign: float) -> Array:
-    """sum_k (sign square)^k / (2 k + 1): atanh(x) / x, or for sign -1 atan(x) / x, of x^2 <= 0.1."""
+    """sum_k (sign x^2)^k / (2 k + 1), x^2 <= 0.1: atanh(x) / x, or for sign -1 atan(x) / x."""
     total = jnp.zeros_like(square)
     for k in range(16, -1, -1):
         total = total * (sign * square) + 1.0 / (2 * k + 1)

@@ -35,12 +35,15 @@ FOUND_VALUES = [
 
 # Light tunnels to a guided mode; the last medium at its critical angle behind an opaque film.
 # Formed from changes of the fields, the absorption's gradient was 933 and 13,000 eps off.
-# A thick layer behind grazing incidence: 6e5 eps of the gradient of T. A film with rough boundaries
-# in which Q is small: a part of the derivative was missing.
+# A thick layer behind grazing incidence, and a window: 6e5 and 2e5 eps of gradients. A film with
+# rough boundaries in which Q is small: a part of the derivative was missing.
 FOUND_IN_STACKS = [
     ("of a thick layer", 0.00018782816220640878, 1.5103956057986858, 4.793204366539424,
      8.218137836700505e-09, 0.1261926164292452, 0.16045227144154003, 3.769064870593461,
      1.6160034090024598),
+    ("of a thick layer", 0.2896485064682798, 1.814489784910799, 2.849375576370621,
+     4.356248926389866e-07, 1.3410108583559834, 1.8937411213752438e-08, 9891.088807232709,
+     1.622332706759641),
     ("with rough boundaries", 1.0, 1.7608379910016116, 0.6913643775212683, 1.0323860373000402e-07,
      2.3736647212159587, 6.511544833872484e-08, 0.058139588008580885, 0.5075976645078799,
      0.00462662724098218, 0.0011808654215018995),
