@@ -113,12 +113,12 @@ def solve_fields(
         if im is not None:
             kappa, q2 = (2.0 * jnp.pi) * x[0], (re[0], im[0])
             of_both = zip(
-                fields.u, down, (ONE, here.g), (ONE, here.per_g),
+                fields.u, fields.w, down, (ONE, here.g), (ONE, here.per_g),
                 weights(im[0], here.n2, n02, front.transverse2), strict=True,
             )  # fmt: skip
             losses = tuple(
-                absorbed(weight, inside, kappa, q2, g, per_g, u, back)
-                for u, back, g, per_g, weight in of_both
+                absorbed(weight, inside, kappa, q2, g, per_g, u, w, back)
+                for u, w, back, g, per_g, weight in of_both
             )
         passage2 = squared_modulus(inside.passage)
         losses = tuple(
