@@ -5,6 +5,8 @@ equations, with R of each packet of films from both sides and its T by character
 Rough boundaries: the recursion of reflected amplitudes, each times Nevot and Croce's factor.
 """
 
+import itertools
+
 import gmpy2
 import jax.numpy as jnp
 
@@ -27,7 +29,7 @@ def _packet(Y, Q, thicknesses, w):
     found = fields(Y, Q, thicknesses, w)
     r, share = _half_space(Y[0], *found[0])
     fluxes = [(V * U.conjugate()).real * share for U, V in found]
-    losses = [a - b for a, b in zip(fluxes[:-1], fluxes[1:], strict=True)]
+    losses = [a - b for a, b in itertools.pairwise(fluxes)]
     # T as of a lossless medium, which makes it the same from both sides
     R, T = gmpy2.norm(r), Y[-1].real * share
     return R, T, losses, 1 - R - T - sum(losses)
@@ -52,7 +54,7 @@ def _incoherent(coherent):
 
     def one(Y, Q, thicknesses, w):
         fronts, backs = [], []
-        for first, last in zip(edges[:-1], edges[1:], strict=True):
+        for first, last in itertools.pairwise(edges):
             part = slice(first, last + 1)
             d = thicknesses[first : last - 1]
             fronts.append(_packet(Y[part], Q[part], d, w))

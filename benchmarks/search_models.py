@@ -87,8 +87,7 @@ def _tauc_lorentz(w, A, E_0, C, gap, eps_inf):
     im = gmpy2.mpfr(0)
     if gap < E:
         im = A * E_0 * C * (E - gap) ** 2 / (((E * E - E_0**2) ** 2 + C**2 * E * E) * E)
-    condition = 1 + E_0 / C + E_0 / alpha
-    scale = (1 if gap <= E_0 else 10) * condition * max(1, abs(gmpy2.mpc(re, im)))
+    scale = (1 if gap <= E_0 else 10) * max(1, abs(gmpy2.mpc(re, im)))
     # the permittivity, as the class states its bound
     return [(re, scale), (im, scale)]
 
@@ -124,6 +123,6 @@ MODELS = {
     "TaucLorentz": plain_entry(
         (WAVELENGTH, (1.0, 200.0), (0.5, 12.0), (1e-3, 20.0), (0.1, 10.0), (1.0, 5.0)),
         lambda w, a, e, c, g, x: _permittivity(TaucLorentz(a, e, c, g, x)(w)),
-        _tauc_lorentz, 500.0, 500.0, conditioned=True,
+        _tauc_lorentz, 64.0, 1000.0, conditioned=True,
     ),
 }  # fmt: skip

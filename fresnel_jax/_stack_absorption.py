@@ -33,7 +33,7 @@ from ._arithmetic import (
     squared_modulus,
     times,
 )
-from ._stack_coherent import ZERO, minus, plus, scaled
+from ._stack_coherent import ZERO, plus, scaled
 from ._stack_wave import Pair, Wave, choose
 
 _TERMS = 10
@@ -166,11 +166,11 @@ def absorbed(
     g: Complex,
     per_g: Complex,
     u: Pair,
+    w: Pair,
     down: Pair,
 ) -> Array:
     """Re(W conj(U)) at the near side of the layer less that at its far side, over |f|^-2."""
     z = times(per_g, layer.q)
-    w = minus(times(z, u), down)
     inside = along(layer, z, kappa)
     waves = absorbed_by_waves(weight, inside, plus(times(z, u), w), down)
     thin = is_thin(kappa, q2)

@@ -62,6 +62,7 @@ class Medium(NamedTuple):
     n2: Complex  # N^2
     g: Complex  # N^2 / N_0^2
     per_g: Complex  # N_0^2 / N^2
+    q2: Any = None  # Q^2, if it is not to be formed from the contrast and Q_0^2
 
 
 ONE: Any = (1.0, None)  # g of s
@@ -128,6 +129,8 @@ def medium(n: Array, k: Array | None, n0: Array, k0: Array | None) -> Medium:
 
 def normal_squared(here: Medium, front: Ambient) -> tuple[DoubleWord, DoubleWord | None]:
     """Q^2 of a medium, (N^2 - N_0^2) + Q_0^2: exact for matched media, and at grazing incidence."""
+    if here.q2 is not None:
+        return here.q2
     (d_re, d_im), (a_re, a_im) = here.contrast, front.q2
     if d_im is None or a_im is None:
         im = d_im if a_im is None else a_im

@@ -21,6 +21,7 @@ from ._stack_coherent import (
     minus,
     mismatches,
     normal_squared,
+    outgoing_root,
     plus,
     rescaled,
     square,
@@ -100,7 +101,7 @@ def solve_fields(
         re, im = jax.tree.map(computed_once, normal_squared(here, front))
         inside = wave(re, im, x, squared_modulus(front.q))
         if sigma is not None:
-            above = (inside.q, here.g)
+            above = (_with_slope(inside.q, re, im), here.g)
             fields = whole(rough_boundary(fields, sigma, above, below, front.q))
             below = whole(above)
         h = mismatches(here, front, inside.q)
@@ -112,12 +113,12 @@ def solve_fields(
         if im is not None:
             kappa, q2 = (2.0 * jnp.pi) * x[0], (re[0], im[0])
             of_both = zip(
-                fields.u, down, (ONE, here.g), (ONE, here.per_g),
+                fields.u, fields.w, down, (ONE, here.g), (ONE, here.per_g),
                 weights(im[0], here.n2, n02, front.transverse2), strict=True,
             )  # fmt: skip
             losses = tuple(
-                absorbed(weight, inside, kappa, q2, g, per_g, u, back)
-                for u, back, g, per_g, weight in of_both
+                absorbed(weight, inside, kappa, q2, g, per_g, u, w, back)
+                for u, w, back, g, per_g, weight in of_both
             )
         passage2 = squared_modulus(inside.passage)
         losses = tuple(
@@ -140,6 +141,13 @@ def solve_fields(
         (None if seen is None else seen[1]),
         Ends(fields.u, fields.w),
     )
+
+
+def _with_slope(q: Pair, re: DoubleWord, im: DoubleWord | None) -> Pair:
+    """Q with its derivative, which `wave` leaves out where Q is small and the matrices are even."""
+    known = outgoing_root(re, im)
+    same = jnp.where(q[0] * known[0] + q[1] * known[1] < 0.0, -1.0, 1.0)
+    return same * known[0], same * known[1]
 
 
 def _amplitudes(fields: Fields, front: Ambient, losses: Any) -> Solved:

@@ -3,7 +3,7 @@
 Media and layers come with their leading axis; the result has the broadcast shape.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -46,13 +46,15 @@ def packet(
     x: DoubleWord,
     shape: tuple[int, ...],
     roughness: Array | None = None,
+    q2: Any = None,
 ) -> Packet:
     """The packet of the media n + ik, of which the first is the one of `front`.
 
-    x is thickness / wavelength of the layers, roughness that of the boundaries over wavelength.
+    x is thickness / wavelength of the layers, roughness that of the boundaries over wavelength; q2
+    is Q^2 of all media but the first, where it is known already.
     """
     k0 = None if k is None else k[0]
-    behind = medium(n[1:], None if k is None else k[1:], n[0], k0)
+    behind = medium(n[1:], None if k is None else k[1:], n[0], k0)._replace(q2=q2)
     # Without a division the compiler writes these sums anew into each of some thirty loops.
     front, behind, x = jax.tree.map(computed_once, (front, behind, x))
     layers, far = at(slice(-1), behind), at(-1, behind)

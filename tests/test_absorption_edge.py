@@ -8,7 +8,7 @@ import pytest
 
 from fresnel_jax.dispersion import HC_EV_UM, Cauchy, CauchyUrbach, TaucLorentz
 
-BOUND = 500.0  # eps of the larger of 1 and the permittivity
+BOUND = 64.0  # eps of the larger of 1 and the permittivity
 
 
 def imaginary_part(x, A, E_0, C, gap):
@@ -102,7 +102,7 @@ def test_random_oscillators_against_the_published_form(dtype):
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize("kind", ["narrow", "width near 2 E_j", "gap above"])
 def test_extreme_oscillators_stay_within_the_stated_bound(kind, dtype):
-    """The published form needs 80 digits here; the bound grows as the docstring says."""
+    """Sums of logarithms at the poles were off by 6.7e5, 1.6e4 and 4.9e3 eps here."""
     random, eps = np.random.default_rng(4), np.finfo(dtype).eps
     for _ in range(40):
         c = {
@@ -124,8 +124,7 @@ def test_extreme_oscillators_stay_within_the_stated_bound(kind, dtype):
                 imaginary_part(energy, *map(mp.mpf, numbers)),
             )
             found = mp.mpc(float(eta), float(k)) ** 2
-            near_2 = E_0 / mp.sqrt(4 * mp.mpf(E_0) ** 2 - mp.mpf(C) ** 2)
-            factor = (1 + E_0 / C + near_2) * (10 if gap > E_0 else 1)
+            factor = 10 if gap > E_0 else 1
             bound = BOUND * factor * max(1, abs(true)) * eps
             assert abs(found - true) <= bound, (E, *numbers)
 

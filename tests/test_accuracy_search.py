@@ -26,18 +26,45 @@ FOUND = [
 ]  # fmt: skip
 
 
+# A thick layer in which light is evanescent: 8e8 eps of what it absorbs.
+FOUND_VALUES = [
+    ("stack of a thick layer", 0.5128393579184589, 1.4047774935977313, 0.16716111941002404,
+     6.61411388669377e-09, 0.5109108674123908, 2.3437046493993675e-09, 164.56504371186415,
+     0.31245456511599606),
+]  # fmt: skip
+
 # Light tunnels to a guided mode; the last medium at its critical angle behind an opaque film.
 # Formed from changes of the fields, the absorption's gradient was 933 and 13,000 eps off.
+# A thick layer behind grazing incidence, and a window: 6e5 and 2e5 eps of gradients. A film with
+# rough boundaries in which Q is small: a part of the derivative was missing.
 FOUND_IN_STACKS = [
-    ("three layers", 0.19190040534974577, 1.5792647682108616, 0.693267441316778,
+    ("of a thick layer", 0.00018782816220640878, 1.5103956057986858, 4.793204366539424,
+     8.218137836700505e-09, 0.1261926164292452, 0.16045227144154003, 3.769064870593461,
+     1.6160034090024598),
+    ("of a thick layer", 0.2896485064682798, 1.814489784910799, 2.849375576370621,
+     4.356248926389866e-07, 1.3410108583559834, 1.8937411213752438e-08, 9891.088807232709,
+     1.622332706759641),
+    ("with rough boundaries", 1.0, 1.7608379910016116, 0.6913643775212683, 1.0323860373000402e-07,
+     2.3736647212159587, 6.511544833872484e-08, 0.058139588008580885, 0.5075976645078799,
+     0.00462662724098218, 0.0011808654215018995),
+    ("of three layers", 0.19190040534974577, 1.5792647682108616, 0.693267441316778,
      4.5562310018311425e-07, 3.1826860542901865, 2.5124773780885063e-08, 0.4412085007664903,
      2.0575973537518502e-08, 4.146702132260618, 4.960255087064993e-07, 0.7097542471014475,
      0.12893344614165786, 1.3611226986122886, 0.7420814870551662),
-    ("one layer", 0.2896460421778456, 1.400274308378159, 1.6065772479080302, 1.9276572940917078,
+    ("of one layer", 0.2896460421778456, 1.400274308378159, 1.6065772479080302, 1.9276572940917078,
      1.3402499131050591, 6.229691192457111e-09, 0.5117356072193541, 0.5867420251074318),
-    ("one layer", 1.0, 1.852833622702542, 1.9197323233159316, 1.2011265953002446, 0.1,
+    ("of one layer", 1.0, 1.852833622702542, 1.9197323233159316, 1.2011265953002446, 0.1,
      0.08155176752669595, 1.1046071408286287, 0.8167908740237564),
 ]  # fmt: skip
+
+
+@DTYPES
+@pytest.mark.parametrize("case", FOUND_VALUES)
+def test_values_that_were_found(case, dtype):
+    name, *point = case
+    entry = FUNCTIONS[name]
+    columns = [np.array([x], dtype) for x in point]
+    assert search_functions.errors(entry, False, columns, dtype) <= entry.bound
 
 
 @pytest.mark.study
@@ -45,7 +72,7 @@ FOUND_IN_STACKS = [
 @pytest.mark.parametrize("case", FOUND_IN_STACKS)
 def test_gradients_of_stacks_that_were_found(case, dtype):
     name, *point = case
-    entry = FUNCTIONS[f"gradient of stack of {name}"]
+    entry = FUNCTIONS[f"gradient of stack {name}"]
     columns = [np.array([x], dtype) for x in point]
     assert search_functions.errors(entry, True, columns, dtype) <= entry.gradient_bound
 

@@ -219,11 +219,12 @@ def advise(scene: Scene, forms: Mapping[str, Form] = FORMS) -> Advice:
                     continue
                 # Rounded arguments only add to the error, but a look at them takes eight times as
                 # long: what fails without them fails.
-                if model.dtype == "float32":
-                    if _worst(boundaries, exact, light, scene.accuracy).bound > scene.accuracy:
-                        hopeless.add(exact)
-                        continue
-                worst = _worst(boundaries, model, light, scene.accuracy)
+                first = _worst(boundaries, exact, light, scene.accuracy)
+                if first.bound > scene.accuracy:
+                    hopeless.add(exact)
+                    continue
+                rounded = model.dtype == "float32"
+                worst = _worst(boundaries, model, light, scene.accuracy) if rounded else first
                 if worst.bound <= scene.accuracy:
                     both = (worst, None) if light == LIGHT[0] else (None, worst)
                     cheapest[light] = Finding(model, cost(model), *both)
