@@ -18,15 +18,8 @@ from fitting.reader.vocabulary import (
 )
 
 _ANGLES = {"incidence", "angle"}
-_BESIDE_ANGLES = {
-    *_ANGLES,
-    "inc",
-    "raw",
-    "R",
-    "out",
-    "external",
-    "deg",
-}  # theta i, reflection angle
+# theta i, reflection angle
+_BESIDE_ANGLES = {*_ANGLES, "inc", "raw", "R", "out", "external", "deg"}
 _AXES = (  # kind and form; one of these concepts is there, and beside it these, or other words
     ("polarization", "", {"polarization"}, {"state", "mode"}),
     ("polarizer", "", {"polarizer", "polarization"}, _ANGLES),
