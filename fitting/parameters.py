@@ -2,7 +2,7 @@
 
 eta=1.5            held at 1.5
 k=0.1..2           free between .1 and 2 (either end may be left out: k=..2)
-scale~1+-0.02      free, and known beforehand to be 1 with a standard error of .02
+scale=1+-0.02      free, and known beforehand to be 1 with a standard error of .02 (or ~)
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def plain_name(name: str) -> str:
 def _refuse(text: str) -> ValueError:
     return ValueError(
         f"{text!r} says nothing about a parameter; NAME=VALUE (held), NAME=LOW..HIGH (bounds) or "
-        "NAME~VALUE+-SIGMA (prior) was wanted, for example k=0, eta=1.4..1.6 or scale~1+-0.02."
+        "NAME=VALUE+-SIGMA (prior) was wanted, for example k=0, eta=1.4..1.6 or scale=1+-0.02."
     )
 
 
