@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from fitting.cli_options import PROGRAM, expanded, fit_options, parser, reading_options
 from fitting.interrupt import INTERRUPTED
-from fitting.terminal import Refused, complain, refusals, say
+from fitting.terminal import MISUSED, Refused, complain, exit_status, refusals, say
 from fitting.visible import visible
 
 if TYPE_CHECKING:
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from fitting.measurement import Measurement
     from fitting.output.outputs import Outputs
     from fitting.result import Fit
-
-FITTED, NOT_FITTED, MISUSED = 0, 1, 2
 
 
 def _check(arguments: argparse.Namespace) -> None:
@@ -138,9 +136,7 @@ def _run(arguments: argparse.Namespace) -> int:
                 step=bar.step,
             )  # fmt: skip
         outputs.publish()
-    # A script may not take "undetermined" for an index: it is one of many that fit alike.
-    good = bool((np.atleast_1d(found.status) == "converged").all())
-    return FITTED if good else NOT_FITTED
+    return exit_status([found])
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -8,12 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fitting.cli_options import fit_options, reading_options
-from fitting.terminal import complain, refusals, say
+from fitting.terminal import MISUSED, complain, exit_status, refusals, say
 
 if TYPE_CHECKING:
     from fitting.output.each_file import OfFile
-
-FITTED, NOT_FITTED, REFUSED = 0, 1, 2
 
 
 def _check(arguments: argparse.Namespace) -> None:
@@ -41,16 +39,6 @@ def _of(file: str, arguments: argparse.Namespace, fit_one: Callable[..., Any]) -
     except (ValueError, ImportError) as error:
         # the whole path: of a/scan.csv and b/scan.csv one may be bad
         return OfFile(file, None, f"{file}{str(error).removeprefix(source_of(file))}")
-
-
-def _status(each: list[OfFile]) -> int:
-    import numpy as np
-
-    fits = [one.fit for one in each if one.fit is not None]
-    if len(fits) < len(each):
-        return REFUSED
-    good = all((np.atleast_1d(fit.status) == "converged").all() for fit in fits)
-    return FITTED if good else NOT_FITTED
 
 
 def run_each(arguments: argparse.Namespace, fit_one: Callable[..., Any]) -> int:
@@ -100,4 +88,5 @@ def run_each(arguments: argparse.Namespace, fit_one: Callable[..., Any]) -> int:
                 texts[kind](), encoding="utf-8", errors="backslashreplace", newline="\n"
             )
         outputs.publish()
-    return _status(each)
+    fits = [one.fit for one in each if one.fit is not None]
+    return exit_status(fits) if len(fits) == len(each) else MISUSED

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,7 +10,7 @@ from fitting.dispersion import Model
 from fitting.known_media import known_medium
 from fitting.measurement import Measurement
 from fitting.sample import Sample
-from fitting.several_files import refuse_several_thicknesses
+from fitting.several_files import millimetres_named, refuse_several_thicknesses
 
 
 def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> None:
@@ -21,13 +20,12 @@ def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> Non
         quantities = set(m.quantity.tolist())
         behind = sorted(quantities & {"T", "T_s", "T_p", "R_back"})
         if sample.bare and sample.by_wavelength and behind:
-            # "glass_3mm.csv", "CLEAR_0.7 mm.dat"
-            thick_mm = re.search(r"(?<![\d.])(\d+(?:\.\d+)?) ?mm(?![a-z])", m.source, re.IGNORECASE)
-            named = f"; the file name says {thick_mm[1]} mm" if thick_mm else ""
+            thick_mm = millimetres_named(m.source)
+            named = f"; the file name says {thick_mm} mm" if thick_mm else ""
             raise ValueError(
                 f"{m.source}: cannot fit {', '.join(behind)} to one bare surface: transmittance "
                 "and light from the back are of a plate, whose thickness is needed. "
-                f"Give the sample 'air | free {thick_mm[1] if thick_mm else 3} mm thick | air'"
+                f"Give the sample 'air | free {thick_mm or 3} mm thick | air'"
                 f'{named}. Or name the columns to be read: columns="angle=1,R_s=2".'
             )
         if sample.bare and "R_back" in quantities:

@@ -15,13 +15,18 @@ from fitting.visible import visible
 _MILLIMETRES = re.compile(r"(?<![\d.])(\d+(?:\.\d+)?) ?mm(?![a-z])", re.IGNORECASE)
 
 
+def millimetres_named(source: str) -> str | None:
+    """Return the thickness in mm that the name of a file gives, as it is written there."""
+    found = _MILLIMETRES.search(PurePath(source).name)
+    return found[1] if found else None
+
+
 def refuse_several_thicknesses(sources: Sequence[str]) -> None:
     """Raise where the names of files that share one thickness name different ones."""
     named: dict[float, str] = {}
     for source in sources:
-        found = _MILLIMETRES.search(PurePath(source).name)
-        if found:
-            named.setdefault(float(found[1]), source)
+        if mm := millimetres_named(source):
+            named.setdefault(float(mm), source)
     if len(named) > 1:
         each = " and ".join(f"{mm:g} mm ({source})" for mm, source in sorted(named.items()))
         raise MeasurementError(

@@ -1,14 +1,20 @@
-"""What the command says on a terminal, and how it refuses."""
+"""What the command says on a terminal, how it refuses, and with which status it ends."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
 from fitting.cli_options import PROGRAM
 from fitting.visible import visible
+
+if TYPE_CHECKING:
+    from fitting.result import Fit
+
+FITTED, NOT_FITTED, MISUSED = 0, 1, 2
 
 
 class Refused(Exception):
@@ -44,3 +50,14 @@ def complain(text: str) -> None:
     """Print one line on stderr."""
     with contextlib.suppress(OSError):  # nowhere to say it
         print(f"{PROGRAM}: {visible(text)}", file=sys.stderr)
+
+
+def exit_status(fits: Iterable[Fit]) -> int:
+    """Return FITTED if every curve of every fit converged, else NOT_FITTED.
+
+    A script may not take "undetermined" for an index: it is one of many that fit alike.
+    """
+    import numpy as np
+
+    good = all((np.atleast_1d(fit.status) == "converged").all() for fit in fits)
+    return FITTED if good else NOT_FITTED

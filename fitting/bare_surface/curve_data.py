@@ -10,7 +10,7 @@ from fitting.bare_surface.reflectances import CHANNELS
 
 
 class Data(NamedTuple):
-    """N curves, curves first; C channels out of ``problem.CHANNELS``, M angles.
+    """N curves, curves first; C channels out of ``reflectances.CHANNELS``, M angles.
 
     cos_theta, s_share: (M,) or (N, M). values: C arrays (N, M), 0 where missing.
     weights: C arrays (M,) or (N, M), 1 / sigma, 0 where missing.
