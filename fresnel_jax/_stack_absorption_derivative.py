@@ -7,7 +7,7 @@ A change in front of the layer, or of the first medium, changes the light that c
 fields from there on change by the factor 1 + d log(1 / B).
 
 A change behind it sends back a field that the front only reflects. That is kappa (b, -a), the same
-in all layers in front of the change, and kappa = d r / (2 Q_0). What is absorbed changes by twice
+in all layers in front of the change (a rough boundary multiplies it by its determinant), and kappa = d r / (2 Q_0). What is absorbed changes by twice
 the real part of its product with the field, integrated as the power itself is.
 
 A change in the layer itself changes its integral over |B|^2. With the waves S = Z u + w and
@@ -50,19 +50,29 @@ class Front(NamedTuple):
     f: Pair
 
 
-def _sent_back(layers: Layers, moved: Change, per: Pair, far: Pair, scale: Array) -> Pair:
-    """kappa of all that changes behind each layer, over f^2 of all layers in front of that."""
+def _sent_back(
+    layers: Layers,
+    moved: Change,
+    per: Pair,
+    far: Pair,
+    scale: Array,
+    rough: tuple[Pair, Pair] | None,
+) -> Pair:
+    """kappa of all that changes behind each layer, over f^2 and D of all that lies in front."""
     change = of_r(layers, scaled(0.5, times(per, per)))
     here = plus(times(change.q2, moved.q2), times(change.depth, moved.depth))
     if moved.g is not None:
         here = plus(here, times(change.g, moved.g))
 
     def step(behind, layer):
-        here, round_trip, scale = layer
+        here, round_trip, scale, boundary = layer
         behind = scaled(scale * scale, behind)
+        if boundary is not None:
+            det, sent = boundary
+            behind = plus(sent, times(det, behind))
         return plus(here, times(round_trip, behind)), behind
 
-    inputs = (here, layers.wave.round_trip, scale)
+    inputs = (here, layers.wave.round_trip, scale, rough)
     return over_layers(step, far, inputs, scale.shape[0], reverse=True)[1]
 
 
@@ -180,16 +190,18 @@ def absorption_derivative(
     far: Pair,
     per: Pair,
     scale: Array,
+    rough: tuple[Pair, Pair] | None,
 ) -> Array:
     """The change of `absorbed` in each layer, in units of |B|^2, for s or p.
 
     weight, q2 (Q^2) with their changes; d_log is that of log(1 / B) by each layer's change,
     d_log_front by the first medium's; far is kappa of the last medium; per is 1 / B; scale that of
-    the fields in each layer.
+    the fields in each layer; rough the determinants of the boundaries behind the layers and their
+    changes' `sent`, None where they are smooth.
     """
     near = choose(layers.thin, q2[0], ZERO), choose(layers.thin, q2[1], ZERO)
     inside = along(layers.wave, layers.z, layers.kappa)
-    behind = _sent_back(layers, moved, per, far, scale)
+    behind = _sent_back(layers, moved, per, far, scale, rough)
     product = _product(layers, weight[0], inside, near[0], front)
     d_integral, d_log_waves = _of_itself(layers, weight, inside, near, front, moved, per)
 

@@ -7,7 +7,13 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array
 
-from ._arithmetic import conjugate_times, one_if_zero, squared_modulus, times
+from ._arithmetic import (
+    conjugate_times,
+    one_if_zero,
+    reciprocal_or_zero,
+    squared_modulus,
+    times,
+)
 from ._boundary import computed_once
 from ._double_word import DoubleWord
 from ._stack_absorption import absorbed, weights
@@ -16,14 +22,15 @@ from ._stack_coherent import (
     Ambient,
     Fields,
     Medium,
+    at,
     far_fields,
     inverse,
     minus,
     mismatches,
     normal_squared,
-    outgoing_root,
     plus,
     rescaled,
+    scaled,
     square,
     through_layer,
 )
@@ -50,6 +57,7 @@ class Inside(NamedTuple):
     u: tuple[Pair, Pair]
     down: tuple[Pair, Pair]  # (Q / g) U - W, what comes back from what lies behind
     scale: tuple[Array, Array]  # one over the size in whose units the fields behind were
+    beneath: Any  # (u, w) below the boundary behind the layer, where boundaries are rough
 
 
 class Ends(NamedTuple):
@@ -57,11 +65,7 @@ class Ends(NamedTuple):
 
     u: tuple[Pair, Pair]
     w: tuple[Pair, Pair]
-
-
-def at(i: Any, tree: Any) -> Any:
-    """The entries i of the leading axis of every array of a tree."""
-    return jax.tree.map(lambda z: z[i], tree)
+    beneath: Any  # (u, w) below the first boundary, where it is rough
 
 
 def over_layers(step: Any, carry: Any, layers: Any, count: int, reverse: bool) -> tuple[Any, Any]:
@@ -80,10 +84,14 @@ def solve_fields(
     far: Medium,
     q_far: Pair,
     x: DoubleWord,
+    rough: Any,
+    lossless: Array | None,
     shape: tuple[int, ...],
-    roughness: Array | None = None,
 ) -> tuple[Solved, Inside | None, Ends]:
-    """The films between `front` and `far`; x is thickness / wavelength of the layers."""
+    """The films between `front` and `far`; x is thickness / wavelength of the layers.
+
+    rough: `boundary_factors` for s and p, or None; lossless: where no medium absorbs.
+    """
 
     def whole(tree):
         return jax.tree.map(lambda z: jnp.broadcast_to(z, shape), tree)
@@ -91,19 +99,18 @@ def solve_fields(
     n02 = square((front.n, front.k))
     count = x[0].shape[0]
 
-    def step(carry, layer):
-        fields, below = carry
-        here, x, sigma = layer
+    def step(fields, layer):
+        here, x, factors = layer
         one = jnp.ones(shape, front.n.dtype)
         scale = (one, one)
         if count > _UNROLLED:
             fields, scale = rescaled(fields)
         re, im = jax.tree.map(computed_once, normal_squared(here, front))
         inside = wave(re, im, x, squared_modulus(front.q))
-        if sigma is not None:
-            above = (_with_slope(inside.q, re, im), here.g)
-            fields = whole(rough_boundary(fields, sigma, above, below, front.q))
-            below = whole(above)
+        below = None
+        if factors is not None:
+            below = tuple(zip(fields.u, fields.w, strict=True))
+            fields = whole(rough_boundary(fields, factors, front.q))
         h = mismatches(here, front, inside.q)
         down = tuple(
             minus(m, times(times(per_g, z), u))
@@ -124,30 +131,48 @@ def solve_fields(
         losses = tuple(
             whole((loss, passage2 * z * z)) for loss, z in zip(losses, scale, strict=True)
         )
-        seen = Inside(whole(inside), fields.u, whole(down), scale)
+        seen = Inside(whole(inside), fields.u, whole(down), scale, below)
         fields = through_layer(fields, here, inside, front, h)
         if count <= _UNROLLED:  # else they stand in memory as the carry of the loop
             fields = jax.tree.map(computed_once, fields)
-        return (whole(fields), below), (losses, seen)
+        return whole(fields), (losses, seen)
 
     fields = whole(far_fields(far, front, q_far))
-    below = None if roughness is None else whole((q_far, far.g))
-    passed = (layers, x, None if roughness is None else roughness[1:])
-    (fields, below), seen = over_layers(step, (fields, below), passed, count, reverse=True)
-    if roughness is not None:
-        one = (jnp.ones_like(front.n), None if front.k is None else jnp.zeros_like(front.n))
-        fields = whole(rough_boundary(fields, roughness[0], (front.q, one), below, front.q))
+    passed = (layers, x, at(slice(1, None), rough))
+    fields, seen = over_layers(step, fields, passed, count, reverse=True)
+    below = None
+    if rough is not None:
+        below = tuple(zip(fields.u, fields.w, strict=True))
+        fields = whole(rough_boundary(fields, at(0, rough), front.q))
+    if lossless is not None:
+        fields = _with_known_flux(fields, front, far, q_far, lossless)
     return _amplitudes(fields, front, None if seen is None else seen[0]), *(
         (None if seen is None else seen[1]),
-        Ends(fields.u, fields.w),
+        Ends(fields.u, fields.w, below),
     )
 
 
-def _with_slope(q: Pair, re: DoubleWord, im: DoubleWord | None) -> Pair:
-    """Q with its derivative, which `wave` leaves out where Q is small and the matrices are even."""
-    known = outgoing_root(re, im)
-    same = jnp.where(q[0] * known[0] + q[1] * known[1] < 0.0, -1.0, 1.0)
-    return same * known[0], same * known[1]
+def _with_known_flux(
+    fields: Fields, front: Ambient, far: Medium, q_far: Pair, lossless: Array
+) -> Fields:
+    """W and M at the front where nothing absorbs, so that Re(W conj(U)) is what leaves the stack.
+
+    In a mode of the films at grazing incidence W is what remains of terms 1 / Q_0 times as large.
+    The part of it that carries power is known to its last digit, and R + T is 1.
+    """
+    flux_far = (q_far[0], times(far.per_g, q_far)[0])
+    w_new, m_new = [], []
+    for u, w, m, f, flux in zip(*fields, flux_far, strict=True):
+        u2 = squared_modulus(u)
+        excess = conjugate_times(u, w)[0] - squared_modulus(f) * flux
+        w_known = minus(w, scaled(jnp.where(lossless, excess * reciprocal_or_zero(u2), 0.0), u))
+        q0_u = times(front.q, u)
+        m_known = minus(q0_u, w_known)
+        doubt = jnp.finfo(u2.dtype).eps * (squared_modulus(q0_u) + squared_modulus(w)) ** 0.5
+        differs = squared_modulus(minus(m, m_known)) > (8.0 * doubt) ** 2
+        w_new.append(w_known)
+        m_new.append(choose(lossless & differs, m_known, m))
+    return fields._replace(w=tuple(w_new), m=tuple(m_new))
 
 
 def _amplitudes(fields: Fields, front: Ambient, losses: Any) -> Solved:

@@ -23,8 +23,7 @@ from jaxtyping import Array
 
 from ._arithmetic import Complex, reciprocal_or_zero, squared_modulus, times
 from ._double_word import DoubleWord
-from ._stack_coherent import Ambient, inverse, medium, normal_squared, outgoing_root, square
-from ._stack_fields import at
+from ._stack_coherent import Ambient, at, inverse, medium, normal_squared, outgoing_root, square
 from ._stack_packet import Packet, packet
 from ._stack_wave import wave
 
@@ -81,6 +80,9 @@ def _one_polarization(
             gone * (1.0 + P * R) + P * lost + P * P * R * in_films
         )
         R = front.R + down * back.T * P * P * R
+    # In total reflection r turns fast and R stays: formed from that of r, its derivative was off by
+    # 1,130 eps of R; from what is absorbed and transmitted, by 1.
+    R = jnp.where(R > 0.5, lax.stop_gradient(R + lost) - lost, R)
     light, absorptions = jnp.ones_like(R), []
     for i, (P, gone) in enumerate(passages):
         down, R_next = going_on[i]
