@@ -26,11 +26,12 @@ from jaxtyping import Array
 from ._arithmetic import Complex, conjugate_times, times
 from ._boundary import computed_once
 from ._double_word import DoubleWord
-from ._stack_absorption import weights
+from ._stack_absorption import is_thin, thin_layer, weights
 from ._stack_absorption_derivative import Front, absorption_derivative
 from ._stack_coefficients import Change, layers_of, of_r, of_through
 from ._stack_coherent import (
     ONE,
+    ZERO,
     Ambient,
     Medium,
     at,
@@ -44,7 +45,7 @@ from ._stack_coherent import (
 )
 from ._stack_fields import Inside, Solved, over_layers, solve_fields
 from ._stack_roughness import Factors, beneath, change, determinant
-from ._stack_wave import Pair
+from ._stack_wave import Pair, choose
 
 
 class Light(NamedTuple):
@@ -120,13 +121,15 @@ def _all(terms: Pair) -> Pair:
     return jnp.sum(terms[0], axis=0), jnp.sum(terms[1], axis=0)
 
 
-def _lossy(front: Ambient, layers: Medium):
-    """Q^2 of the layers, to working precision, and their `weights`."""
+def _lossy(front: Ambient, layers: Medium, x: DoubleWord):
+    """`thin_layer` of the layers, and their `weights`."""
     re, im = normal_squared(layers, front)
     if im is None:
         return None
     n02 = square((front.n, front.k))
-    return (re[0], im[0]), weights(im[0], layers.n2, n02, front.transverse2)
+    q2, kappa = (re[0], im[0]), (2.0 * jnp.pi) * x[0]
+    thin = thin_layer(kappa, choose(is_thin(kappa, q2), q2, ZERO))
+    return thin, weights(im[0], layers.n2, n02, front.transverse2)
 
 
 @solve.defjvp
@@ -138,7 +141,7 @@ def _solve_jvp(shape, primals, tangents):
 
     _, (d_re, d_im) = jax.jvp(normal_squared, (layers, front), (d_layers, d_front))
     d_q2 = (d_re[0], None if d_im is None else d_im[0])
-    lossy, d_lossy = jax.jvp(_lossy, (front, layers), (d_front, d_layers))
+    lossy, d_lossy = jax.jvp(_lossy, (front, layers, x), (d_front, d_layers, d_x))
     kappa, d_kappa = (2.0 * jnp.pi) * x[0], ((2.0 * jnp.pi) * d_x[0], None)
     d_z_far = (d_q_far, plus(times(far.per_g, d_q_far), times(d_far.per_g, q_far)))
     d_r, d_through, d_absorbed = [], [], []

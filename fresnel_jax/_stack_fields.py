@@ -16,9 +16,10 @@ from ._arithmetic import (
 )
 from ._boundary import computed_once
 from ._double_word import DoubleWord
-from ._stack_absorption import absorbed, weights
+from ._stack_absorption import absorbed, is_thin, thin_layer, weights
 from ._stack_coherent import (
     ONE,
+    ZERO,
     Ambient,
     Fields,
     Medium,
@@ -119,12 +120,14 @@ def solve_fields(
         losses = jnp.zeros((2, *shape), one.dtype)
         if im is not None:
             kappa, q2 = (2.0 * jnp.pi) * x[0], (re[0], im[0])
+            near = is_thin(kappa, q2)
+            thin = thin_layer(kappa, choose(near, q2, ZERO))
             of_both = zip(
                 fields.u, fields.w, down, (ONE, here.g), (ONE, here.per_g),
                 weights(im[0], here.n2, n02, front.transverse2), strict=True,
             )  # fmt: skip
             losses = tuple(
-                absorbed(weight, inside, kappa, q2, g, per_g, u, w, back)
+                absorbed(weight, inside, kappa, near, thin, g, per_g, u, w, back)
                 for u, w, back, g, per_g, weight in of_both
             )
         passage2 = squared_modulus(inside.passage)
