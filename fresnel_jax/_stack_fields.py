@@ -168,13 +168,16 @@ def _with_known_flux(
     for u, w, m, f, flux in zip(*fields, flux_far, strict=True):
         u2 = squared_modulus(u)
         excess = conjugate_times(u, w)[0] - squared_modulus(f) * flux
-        w_known = minus(w, scaled(jnp.where(lossless, excess * reciprocal_or_zero(u2), 0.0), u))
+        wrong = scaled(jnp.where(lossless, excess * reciprocal_or_zero(u2), 0.0), u)
+        # What is wrong is rounding alone: the derivatives of W are not.
+        w_known = minus(w, lax.stop_gradient(wrong))
         q0_u = times(front.q, u)
         m_known = minus(q0_u, w_known)
         doubt = jnp.finfo(u2.dtype).eps * (squared_modulus(q0_u) + squared_modulus(w)) ** 0.5
         differs = squared_modulus(minus(m, m_known)) > (8.0 * doubt) ** 2
         w_new.append(w_known)
-        m_new.append(choose(lossless & differs, m_known, m))
+        correction = lax.stop_gradient(minus(m_known, m))
+        m_new.append(choose(lossless & differs, plus(m, correction), m))
     return fields._replace(w=tuple(w_new), m=tuple(m_new))
 
 
