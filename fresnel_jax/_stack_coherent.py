@@ -155,6 +155,23 @@ def mismatches(here: Medium, front: Ambient, q: Pair) -> tuple[Pair, Pair]:
 
 
 @jax.custom_jvp
+def mismatches_of_layer(near: Array, here: Medium, front: Ambient, q: Pair) -> tuple[Pair, Pair]:
+    """`mismatches`; near the layer's critical angle with the derivatives of Q_0 - Q and g Q_0 - Q,
+    in which that of Q is left out as in `wave`."""
+    return mismatches(here, front, q)
+
+
+@mismatches_of_layer.defjvp
+def _mismatches_of_layer_jvp(primals, tangents):
+    near, here, front, q = primals
+    _, d_here, d_front, dq = tangents
+    h, far = jax.jvp(mismatches, (here, front, q), (d_here, d_front, dq))
+    gained = plus(times(d_here.g, front.q), times(here.g, d_front.q))
+    close = minus(d_front.q, dq), minus(gained, dq)
+    return h, tuple(choose(near, z, w) for z, w in zip(close, far, strict=True))
+
+
+@jax.custom_jvp
 def _deviation(near, u, w, m, q_over_g, wave_e, step, u_new, w_new, q0):
     """M' of one layer; near the layer's critical angle its derivative is that of Q_0 U' - W'."""
     return plus(times(wave_e, m), times(step, plus(times(q_over_g, u), w)))

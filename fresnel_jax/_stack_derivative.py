@@ -139,8 +139,9 @@ def _solve_jvp(shape, primals, tangents):
     solved, inside, ends = solve_fields(front, layers, far, q_far, x, rough, lossless, shape)
     behind, at_front, above = _from_the_front(front, layers, inside, rough, shape, x[0].shape[0])
 
-    _, (d_re, d_im) = jax.jvp(normal_squared, (layers, front), (d_layers, d_front))
+    (re, im), (d_re, d_im) = jax.jvp(normal_squared, (layers, front), (d_layers, d_front))
     d_q2 = (d_re[0], None if d_im is None else d_im[0])
+    q2 = (re[0], jnp.zeros_like(re[0]) if im is None else im[0])
     lossy, d_lossy = jax.jvp(_lossy, (front, layers, x), (d_front, d_layers, d_x))
     kappa, d_kappa = (2.0 * jnp.pi) * x[0], ((2.0 * jnp.pi) * d_x[0], None)
     d_z_far = (d_q_far, plus(times(far.per_g, d_q_far), times(d_far.per_g, q_far)))
@@ -165,7 +166,7 @@ def _solve_jvp(shape, primals, tangents):
         d_log = minus(d_log_front, times(times(behind[p].b, per), d_z_far[p]))
         d_lost = None if solved.absorbed[p] is None else jnp.zeros_like(solved.absorbed[p])
         if inside is not None:
-            layer = layers_of(inside.wave, g, per_g, kappa, inside.u[p], inside.down[p])
+            layer = layers_of(inside.wave, q2, g, per_g, kappa, inside.u[p], inside.down[p])
             moved = Change(d_q2, d_g, d_kappa)
             light = at_front[p]
             q0_f2 = times(front.q, times(times(light.f, per), times(light.f, per)))

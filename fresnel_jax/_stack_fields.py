@@ -27,7 +27,7 @@ from ._stack_coherent import (
     far_fields,
     inverse,
     minus,
-    mismatches,
+    mismatches_of_layer,
     normal_squared,
     plus,
     rescaled,
@@ -112,7 +112,7 @@ def solve_fields(
         if factors is not None:
             below = tuple(zip(fields.u, fields.w, strict=True))
             fields = whole(rough_boundary(fields, factors, front.q))
-        h = mismatches(here, front, inside.q)
+        h = mismatches_of_layer(inside.near_critical, here, front, inside.q)
         down = tuple(
             minus(m, times(times(per_g, z), u))
             for m, per_g, z, u in zip(fields.m, (ONE, here.per_g), h, fields.u, strict=True)
@@ -173,8 +173,9 @@ def _with_known_flux(
         w_known = minus(w, lax.stop_gradient(wrong))
         q0_u = times(front.q, u)
         m_known = minus(q0_u, w_known)
-        doubt = jnp.finfo(u2.dtype).eps * (squared_modulus(q0_u) + squared_modulus(w)) ** 0.5
-        differs = squared_modulus(minus(m, m_known)) > (8.0 * doubt) ** 2
+        doubt2 = (8.0 * float(jnp.finfo(u2.dtype).eps)) ** 2
+        terms = squared_modulus(q0_u) + squared_modulus(w)
+        differs = squared_modulus(minus(m, m_known)) > doubt2 * terms
         w_new.append(w_known)
         correction = lax.stop_gradient(minus(m_known, m))
         m_new.append(choose(lossless & differs, plus(m, correction), m))

@@ -1,0 +1,41 @@
+"""Stacks with incoherent layers: the package tmm's answers, and derivatives in total reflection."""
+
+import numpy as np
+import pytest
+
+from fresnel_jax.layers import stack
+
+# Cosines' angles in radians; R_s, T_s, R_p, T_p of tmm 0.2.0 (S. J. Byrnes, arXiv:1603.02720), its
+# inc_tmm, at .55 um: a film of magnesium fluoride on 1 mm of glass with its bare back face; glass
+# with an absorbing film in front and another film behind; a film of silver on glass.
+COATED = [1.0, 1.38, 1.52 + 1e-5j, 1.0], [0.1, 1000.0], (True, False)
+BOTH = [1.0, 2.1 + 0.01j, 1.52 + 1e-5j, 1.38, 1.0], [0.08, 1000.0, 0.1], (True, False, True)
+SILVER = [1.0, 0.055 + 3.32j, 1.52, 1.0], [0.02, 1000.0], (True, False)
+TMM = [
+    (COATED, [
+        (0.0, 0.03889741194046481, 0.7525147856416561, 0.03889741194046481, 0.7525147856416561),
+        (0.8, 0.09645744114806958, 0.6673485880002782, 0.0060482612968760065, 0.7644304017904688),
+        (1.3, 0.4090314852243926, 0.3402868683061926, 0.14875466328592185, 0.604656823465842),
+    ]),
+    (BOTH, [
+        (0.0, 0.22149862452599153, 0.605334124616304, 0.22149862452599153, 0.605334124616304),
+        (0.8, 0.3726218098455313, 0.4660346917435451, 0.10765613036718247, 0.6749577352094089),
+        (1.3, 0.7074353506345034, 0.17905407101063464, 0.07475454338891761, 0.6389997680165749),
+    ]),
+    (SILVER, [
+        (0.0, 0.6227056239619326, 0.35192080810457216, 0.6227056239619326, 0.35192080810457216),
+        (0.8, 0.7340229148764782, 0.24507256502041516, 0.5338540799330314, 0.4379638247202712),
+        (1.3, 0.897545098186428, 0.09123636333613155, 0.5012881546384107, 0.46870263405314555),
+    ]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("layers", "table"), TMM)
+def test_films_on_thick_glass_are_those_of_tmm(layers, table):
+    angles, *wanted = (np.array(z) for z in zip(*table, strict=True))
+    got = stack(np.cos(angles), layers[0], layers[1], 0.55, coherent=layers[2])
+    # tmm's T for light inside an absorbing layer has another definition, by k / n = 7e-6 of it
+    for value, exact in zip((got.R_s, got.T_s, got.R_p, got.T_p), wanted, strict=True):
+        np.testing.assert_allclose(value, exact, rtol=1e-9)
+    for R, T, A in ((got.R_s, got.T_s, got.A_s), (got.R_p, got.T_p, got.A_p)):
+        np.testing.assert_allclose(R + T + A.sum(0), 1.0, atol=64 * 2.2e-16)
