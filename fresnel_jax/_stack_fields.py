@@ -7,13 +7,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array
 
-from ._arithmetic import (
-    conjugate_times,
-    one_if_zero,
-    reciprocal_or_zero,
-    squared_modulus,
-    times,
-)
+from ._arithmetic import conjugate_times, one_if_zero, squared_modulus, times
 from ._boundary import computed_once
 from ._double_word import DoubleWord
 from ._stack_absorption import absorbed, is_thin, thin_layer, weights
@@ -166,14 +160,14 @@ def _with_known_flux(
     flux_far = (q_far[0], times(far.per_g, q_far)[0])
     w_new, m_new = [], []
     for u, w, m, f, flux in zip(*fields, flux_far, strict=True):
-        u2 = squared_modulus(u)
         excess = conjugate_times(u, w)[0] - squared_modulus(f) * flux
-        wrong = scaled(jnp.where(lossless, excess * reciprocal_or_zero(u2), 0.0), u)
+        # The division comes last, so that all that follows reads it instead of forming it anew.
+        wrong = jnp.where(lossless, excess, 0.0) / one_if_zero(squared_modulus(u))
         # What is wrong is rounding alone: the derivatives of W are not.
-        w_known = minus(w, lax.stop_gradient(wrong))
+        w_known = minus(w, lax.stop_gradient(scaled(wrong, u)))
         q0_u = times(front.q, u)
         m_known = minus(q0_u, w_known)
-        doubt2 = (8.0 * float(jnp.finfo(u2.dtype).eps)) ** 2
+        doubt2 = (8.0 * float(jnp.finfo(wrong.dtype).eps)) ** 2
         terms = squared_modulus(q0_u) + squared_modulus(w)
         differs = squared_modulus(minus(m, m_known)) > doubt2 * terms
         w_new.append(w_known)

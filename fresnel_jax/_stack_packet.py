@@ -101,7 +101,9 @@ def _all_of_it(R: list[Array], total: Array) -> list[Array]:
 
 
 def _transmitted(gain: Array, through: Complex) -> Array:
-    """gain |through|^2. Parts whose squares underflow, below 1e-19 in float32, are lifted."""
+    """gain |through|^2. In float32, parts below 1e-19 are lifted: their squares underflow."""
+    if gain.dtype == jnp.float64:
+        return gain * squared_modulus(through)
     small = squared_modulus(through) < 2.0**40 * float(jnp.finfo(gain.dtype).tiny)
     lift, per_lift2 = jnp.where(small, 2.0**30, 1.0), jnp.where(small, 2.0**-60, 1.0)
     lifted = scaled(lift.astype(gain.dtype), through)
