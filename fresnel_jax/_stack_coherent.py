@@ -168,7 +168,7 @@ def _mismatches_of_layer_jvp(primals, tangents):
     h, far = jax.jvp(mismatches, (here, front, q), (d_here, d_front, dq))
     gained = plus(times(d_here.g, front.q), times(here.g, d_front.q))
     close = minus(d_front.q, dq), minus(gained, dq)
-    return h, tuple(choose(near, z, w) for z, w in zip(close, far, strict=True))
+    return h, (choose(near, close[0], far[0]), choose(near, close[1], far[1]))
 
 
 @jax.custom_jvp

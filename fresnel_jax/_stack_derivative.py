@@ -65,10 +65,12 @@ def _below(factors: Factors | None, light: Light) -> Light:
     return Light(a, b, light.f, det)
 
 
-def _from_the_front(front: Ambient, media: Medium, inside: Inside | None, rough, shape, count: int):
+def _from_the_front(
+    front: Ambient, media: Medium, inside: Inside | None, rough: Any, shape: Any, count: int
+) -> tuple[Any, Any, Any]:
     """`Light` for s and p: behind the films; at the front of each; above the boundary behind it."""
     zero, one = jnp.zeros(shape, front.n.dtype), jnp.ones(shape, front.n.dtype)
-    q0 = tuple(zero if z is None else jnp.broadcast_to(z, shape) for z in front.q)
+    q0 = (front.q[0] + zero, zero if front.q[1] is None else front.q[1] + zero)
 
     def step(carry, layer):
         here, wave, scales, factors = layer
@@ -87,7 +89,8 @@ def _from_the_front(front: Ambient, media: Medium, inside: Inside | None, rough,
     factors = at(slice(1, None), rough)
     layers = None if inside is None else (media, inside.wave, inside.scale, factors)
     behind, seen = over_layers(step, first, layers, count, reverse=False)
-    return behind, *((None, None) if seen is None else seen)
+    at_front, above = (None, None) if seen is None else seen
+    return behind, at_front, above
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(7,))
@@ -158,7 +161,7 @@ def _solve_jvp(shape, primals, tangents):
         )
         d_log_front, sent = scaled(-1.0, times(u_per, d_front.q)), None
         if rough is not None:
-            start = (front.q, (1.0, 0.0))
+            start = (front.q, (jnp.ones_like(u[0]), jnp.zeros_like(u[0])))
             outer = change(at(0, rough[p]), at(0, d_rough[p]), start, ends.beneath[p], per)
             dr = plus(dr, times(front.q, outer.sent))
             d_log_front = plus(d_log_front, outer.log)

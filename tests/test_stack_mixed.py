@@ -80,3 +80,16 @@ def test_derivatives_by_the_cosine(name):
             for (a, _), (b, _) in zip(above, below, strict=True)
         ]
     np.testing.assert_allclose(found, slopes, rtol=64 * 2.2e-16, atol=64 * 2.2e-16)
+
+
+def test_derivative_by_the_absorption_of_the_first_medium():
+    """There R + T + sum(A) is not 1, and the derivative of R not what the others lose."""
+
+    def reflected(k):
+        index = jnp.stack([1.8 + 1j * k, 1.2 + 1e-4j, 1.1 + 0.01j])
+        out = stack(0.3, index, [100.0], 0.5, coherent=False)
+        return jnp.stack([out.R_s, out.R_p])
+
+    both = jax.jit(lambda k: jax.jvp(reflected, (k,), (1.0,)))
+    above, below = both(0.1 + 1e-5)[0], both(0.1 - 1e-5)[0]
+    np.testing.assert_allclose(both(0.1)[1], (above - below) / 2e-5, rtol=1e-8)
