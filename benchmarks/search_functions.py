@@ -124,7 +124,9 @@ def errors(entry: Function, gradient: bool, columns, dtype) -> np.ndarray:
                 if entry.amplified:
                     pairs = zip(norms, scales, true, strict=True)
                     norms = [n * s / abs(v) if v else n for n, s, (v, _) in pairs]
-                measured = [max(pair) for pair in zip(scales, norms, strict=True)]
+                # A slope below the smallest float is 0 in hardware, by a relative change too.
+                lost = max(1.0, *(float(abs(x)) for x in exact)) * tiny / eps
+                measured = [max(*pair, lost) for pair in zip(scales, norms, strict=True)]
                 # The second derivatives cost as much as twenty points: only where they decide.
                 worse = max(map(truediv, distances, measured)) > 0.9 * entry.gradient_bound * eps
                 if entry.conditioned and worse:

@@ -33,8 +33,8 @@ from ._arithmetic import (
     squared_modulus,
     times,
 )
-from ._stack_coherent import ZERO, plus, scaled
-from ._stack_wave import Pair, Wave, choose
+from ._stack_coherent import plus, scaled
+from ._stack_wave import Pair, Wave
 
 _TERMS = 10
 
@@ -97,8 +97,22 @@ def absorbed_by_waves(weight: Weights, inside: Along, up: Pair, down: Pair) -> A
     return own * (each * inside.decaying) + crossed * both
 
 
-def _thin_integrals(kappa: Array, z: Pair) -> tuple[Array, Array, Pair]:
-    """int |cos|^2, |sin / Q|^2 and -i conj(cos) sin / Q as series in z = delta^2, |z| <= 1 / 4."""
+class Thin(NamedTuple):
+    """Q^2, and the integrals of |cos|^2, |sin / Q|^2 and -i conj(cos) sin / Q along the depth."""
+
+    q2: Pair
+    cosine2: Array
+    sine2: Array
+    cross: Pair
+
+
+def thin_layer(kappa: Array, q2: Pair) -> Thin:
+    """Series in z = delta^2 for |z| <= 1 / 4; for others put 0 in place of Q^2.
+
+    The same for s and p. They are most of the operations of second derivatives, which compile
+    slowly enough without a copy for each product of fields.
+    """
+    z = scaled(kappa * kappa, q2)
     re, quarter_im2 = z[0], 0.25 * z[1] * z[1]
     # c = y^(2k) + (-1)^k x^(2k), d = (y^(2k) - (-1)^k x^(2k)) / |z|, with delta = x + iy
     c, c_before = -re, jnp.full_like(re, 2.0)
@@ -114,14 +128,12 @@ def _thin_integrals(kappa: Array, z: Pair) -> tuple[Array, Array, Pair]:
         d, d_before = quarter_im2 * d_before - re * d, d
     kappa2 = kappa * kappa
     cross = (0.125 * kappa2 * z[1] * cross_im, -0.25 * kappa2 * cross_re)
-    return 0.5 * kappa * cosine2, 0.5 * kappa * kappa2 * sine2, cross
+    return Thin(q2, 0.5 * kappa * cosine2, 0.5 * kappa * kappa2 * sine2, cross)
 
 
-def _product_along(
-    first: tuple[Pair, Pair], second: tuple[Pair, Pair], integrals: tuple[Array, Array, Pair]
-) -> Pair:
+def _product_along(first: tuple[Pair, Pair], second: tuple[Pair, Pair], thin: Thin) -> Pair:
     """The integral of conj(F_1) F_2, where F = field cos - i slope sin / Q of (field, slope)."""
-    cosine2, sine2, cross = integrals
+    _, cosine2, sine2, cross = thin
     (field_1, slope_1), (field_2, slope_2) = first, second
     squares = plus(
         scaled(cosine2, conjugate_times(field_1, field_2)),
@@ -136,33 +148,45 @@ def _product_along(
 
 def product_in_thin(
     weight: Weights,
-    kappa: Array,
-    q2: Pair,
+    thin: Thin,
     g: Complex,
     per_g: Complex,
     first: tuple[Pair, Pair],
     second: tuple[Pair, Pair],
 ) -> Pair:
-    """int t conj(U_1) U_2 + m conj(W_1) W_2 of two fields (U, W), not in units of |f|^-2.
-
-    For |delta|^2 <= 1 / 4; for others put 0 in place of Q^2.
-    """
-    integrals = _thin_integrals(kappa, scaled(kappa * kappa, q2))
+    """int t conj(U_1) U_2 + m conj(W_1) W_2 of two fields (U, W), not in units of |f|^-2."""
     (u_1, w_1), (u_2, w_2) = first, second
     electric = ((u_1, times(g, w_1)), (u_2, times(g, w_2)))
-    product = scaled(weight.t, _product_along(*electric, integrals))
+    product = scaled(weight.t, _product_along(*electric, thin))
     if weight.m is None:
         return product
-    beta = times(per_g, q2)
+    beta = times(per_g, thin.q2)
     magnetic = ((w_1, times(beta, u_1)), (w_2, times(beta, u_2)))
-    return plus(product, scaled(weight.m, _product_along(*magnetic, integrals)))
+    return plus(product, scaled(weight.m, _product_along(*magnetic, thin)))
+
+
+def _power_along(field: Pair, slope: Pair, thin: Thin) -> Array:
+    """`_product_along` of a field and itself."""
+    squares = thin.cosine2 * squared_modulus(field) + thin.sine2 * squared_modulus(slope)
+    return squares + 2.0 * times(thin.cross, conjugate_times(field, slope))[0]
+
+
+def power_in_thin(
+    weight: Weights, thin: Thin, g: Complex, per_g: Complex, u: Pair, w: Pair
+) -> Array:
+    """`product_in_thin` of a field and itself."""
+    power = weight.t * _power_along(u, times(g, w), thin)
+    if weight.m is None:
+        return power
+    return power + weight.m * _power_along(w, times(times(per_g, thin.q2), u), thin)
 
 
 def absorbed(
     weight: Weights,
     layer: Wave,
     kappa: Array,
-    q2: Pair,
+    is_thin: Array,
+    thin: Thin,
     g: Complex,
     per_g: Complex,
     u: Pair,
@@ -173,7 +197,6 @@ def absorbed(
     z = times(per_g, layer.q)
     inside = along(layer, z, kappa)
     waves = absorbed_by_waves(weight, inside, plus(times(z, u), w), down)
-    thin = is_thin(kappa, q2)
-    series = product_in_thin(weight, kappa, choose(thin, q2, ZERO), g, per_g, (u, w), (u, w))[0]
+    series = power_in_thin(weight, thin, g, per_g, u, w)
     far = 0.25 * waves * reciprocal_or_zero(squared_modulus(z))
-    return jnp.where(thin, inside.intensity * series, far)
+    return jnp.where(is_thin, inside.intensity * series, far)

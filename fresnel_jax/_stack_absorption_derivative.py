@@ -7,8 +7,9 @@ A change in front of the layer, or of the first medium, changes the light that c
 fields from there on change by the factor 1 + d log(1 / B).
 
 A change behind it sends back a field that the front only reflects. That is kappa (b, -a), the same
-in all layers in front of the change, and kappa = d r / (2 Q_0). What is absorbed changes by twice
-the real part of its product with the field, integrated as the power itself is.
+in all layers in front of the change, but for a factor of each rough boundary, and kappa =
+d r / (2 Q_0) at the front. What is absorbed changes by twice the real part of its product with the
+field, integrated as the power itself is.
 
 A change in the layer itself changes its integral over |B|^2. With the waves S = Z u + w and
 D = Z u - w, of which what lies behind fixes only the ratio u / w,
@@ -30,10 +31,12 @@ from jaxtyping import Array
 from ._arithmetic import conjugate_times, one_if_zero, reciprocal_or_zero, squared_modulus, times
 from ._stack_absorption import (
     Along,
+    Thin,
     Weights,
     absorbed_by_waves,
     along,
     of_waves,
+    power_in_thin,
     product_in_thin,
 )
 from ._stack_coefficients import Change, Layers, of_r
@@ -50,23 +53,33 @@ class Front(NamedTuple):
     f: Pair
 
 
-def _sent_back(layers: Layers, moved: Change, per: Pair, far: Pair, scale: Array) -> Pair:
-    """kappa of all that changes behind each layer, over f^2 of all layers in front of that."""
+def _sent_back(
+    layers: Layers,
+    moved: Change,
+    per: Pair,
+    far: Pair,
+    scale: Array,
+    rough: tuple[Pair, Pair] | None,
+) -> Pair:
+    """kappa of all that changes behind each layer, over f^2 and D of all that lies in front."""
     change = of_r(layers, scaled(0.5, times(per, per)))
     here = plus(times(change.q2, moved.q2), times(change.depth, moved.depth))
     if moved.g is not None:
         here = plus(here, times(change.g, moved.g))
 
     def step(behind, layer):
-        here, round_trip, scale = layer
+        here, round_trip, scale, boundary = layer
         behind = scaled(scale * scale, behind)
+        if boundary is not None:
+            det, sent = boundary
+            behind = plus(sent, times(det, behind))
         return plus(here, times(round_trip, behind)), behind
 
-    inputs = (here, layers.wave.round_trip, scale)
+    inputs = (here, layers.wave.round_trip, scale, rough)
     return over_layers(step, far, inputs, scale.shape[0], reverse=True)[1]
 
 
-def _product(layers: Layers, weight: Weights, inside: Along, near_q2: Pair, front: Front) -> Pair:
+def _product(layers: Layers, weight: Weights, inside: Along, near: Thin, front: Front) -> Pair:
     """The integral of the field's conjugate and (b, -a), both as `_sent_back` needs them."""
     zb, round_trip, V = times(layers.z, front.b), layers.wave.round_trip, inside.beating
     up, down = minus(zb, front.a), plus(zb, front.a)
@@ -85,7 +98,7 @@ def _product(layers: Layers, weight: Weights, inside: Along, near_q2: Pair, fron
     )
     b, a = crossed(front.b, front.a, layers.wave, layers.g, layers.per_g)
     thin = product_in_thin(
-        weight, layers.kappa, near_q2, layers.g, layers.per_g,
+        weight, near, layers.g, layers.per_g,
         (layers.u, layers.w), (b, scaled(-1.0, a)),
     )  # fmt: skip
     waves = scaled(0.25 * reciprocal_or_zero(squared_modulus(layers.z)), waves)
@@ -120,19 +133,18 @@ def _of_itself(
     layers: Layers,
     weight: tuple[Weights, Weights],
     inside: Along,
-    q2: tuple[Pair, Pair],
+    near: tuple[Thin, Thin],
     front: Front,
     moved: Change,
     per: Pair,
 ) -> tuple[Array, Pair]:
     """What a layer's own change adds to its integral, and to log(1 / B) in a layer not thin."""
 
-    def thin_integral(weight, q2, kappa, g=layers.g):
+    def thin_integral(weight, near, g=layers.g):
         per_g = g if moved.g is None else inverse(g)
-        both = ((layers.u, layers.w),) * 2
-        return product_in_thin(weight, kappa, q2, g, per_g, *both)[0]
+        return power_in_thin(weight, near, g, per_g, layers.u, layers.w)
 
-    here, there = zip(weight, q2, (layers.kappa, moved.depth[0]), strict=True)
+    here, there = zip(weight, near, strict=True)
     if moved.g is not None:
         here, there = (*here, layers.g), (*there, moved.g)
     thin = jax.jvp(thin_integral, here, there)[1]
@@ -172,7 +184,7 @@ def absorption_derivative(
     absorbed: Array,
     layers: Layers,
     weight: tuple[Weights, Weights],
-    q2: tuple[Pair, Pair],
+    near: tuple[Thin, Thin],
     front: Front,
     moved: Change,
     d_log: Pair,
@@ -180,16 +192,17 @@ def absorption_derivative(
     far: Pair,
     per: Pair,
     scale: Array,
+    rough: tuple[Pair, Pair] | None,
 ) -> Array:
     """The change of `absorbed` in each layer, in units of |B|^2, for s or p.
 
-    weight, q2 (Q^2) with their changes; d_log is that of log(1 / B) by each layer's change,
-    d_log_front by the first medium's; far is kappa of the last medium; per is 1 / B; scale that of
-    the fields in each layer.
+    weight, near (`thin_layer`) with their changes; d_log is that of log(1 / B) by each layer's
+    change, d_log_front by the first medium's; far is kappa of the last medium; per is 1 / B; scale
+    that of the fields in each layer; rough the determinants of the boundaries behind the layers and
+    their changes' `sent`, None where they are smooth.
     """
-    near = choose(layers.thin, q2[0], ZERO), choose(layers.thin, q2[1], ZERO)
     inside = along(layers.wave, layers.z, layers.kappa)
-    behind = _sent_back(layers, moved, per, far, scale)
+    behind = _sent_back(layers, moved, per, far, scale, rough)
     product = _product(layers, weight[0], inside, near[0], front)
     d_integral, d_log_waves = _of_itself(layers, weight, inside, near, front, moved, per)
 

@@ -9,12 +9,11 @@ its matrix and a series take their place, both even in Q. Nothing grows with the
 import math
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 from jaxtyping import Array
 
 from ._arithmetic import Complex, times
 from ._stack_absorption import is_thin
-from ._stack_coherent import inverse, minus, plus, scaled
+from ._stack_coherent import ZERO, inverse, minus, plus, scaled
 from ._stack_wave import Pair, Wave, choose, polynomial, sine_derivative_series
 
 # (1 - sin(2 z) / (2 z)) / (2 z^2) is the sum of these times z^(2 m).
@@ -31,6 +30,7 @@ class Layers(NamedTuple):
     per_twice_q2: Pair
     kappa: Array  # k_0 thickness
     thin: Array
+    near_q2: Pair  # Q^2 where thin
     delta2: Pair  # (kappa Q)^2 where thin
     u: Pair
     w: Pair
@@ -50,26 +50,52 @@ def _times_i(z: Pair) -> Pair:
     return -z[1], z[0]
 
 
-def layers_of(wave: Wave, g: Complex, per_g: Complex, kappa: Array, u: Pair, down: Pair) -> Layers:
-    q2 = times(wave.q, wave.q)
-    delta2, thin = scaled(kappa * kappa, q2), is_thin(kappa, q2)
-    near = jnp.where(thin, delta2[0], 0.0), jnp.where(thin, delta2[1], 0.0)
+def layers_of(
+    wave: Wave, q2: Pair, g: Complex, per_g: Complex, kappa: Array, u: Pair, down: Pair
+) -> Layers:
+    """q2 is Q^2 itself: the derivative of wave.q is left out next to the critical angle."""
+    thin = is_thin(kappa, q2)
+    near = choose(thin, q2, ZERO)
     z = times(per_g, wave.q)
     w = minus(times(z, u), down)
     twice = scaled(0.5, inverse(q2))
-    return Layers(wave, g, per_g, z, twice, kappa, thin, near, u, w, down, plus(times(z, u), w))
+    return Layers(
+        wave,
+        g,
+        per_g,
+        z,
+        twice,
+        kappa,
+        thin,
+        near,
+        scaled(kappa * kappa, near),
+        u,
+        w,
+        down,
+        plus(times(z, u), w),
+    )
 
 
 def of_r(layer: Layers, per: Pair) -> Change:
     """Of r; per is Q_0 / B^2 in the units of the fields of the layer."""
     sigma, round_trip, kappa = layer.wave.sine_over_q, layer.wave.round_trip, layer.kappa
+    cosine = layer.wave.cosine
     waves2 = plus(times(layer.up, layer.up), times(round_trip, times(layer.down, layer.down)))
     waves2, gain = times(sigma, waves2), times(layer.g, per)
     beat = _times_i(times(round_trip, times(layer.up, layer.down)))
     wide = times(layer.per_twice_q2, minus(scaled(2.0 * kappa, beat), waves2))
 
+    # Even in Q for derivatives of these derivatives; elsewhere D alone knows how little comes back.
+    near = layer.wave.near_critical
+    u2, w2, u_w = (times(*z) for z in ((layer.u,) * 2, (layer.w,) * 2, (layer.u, layer.w)))
+    beta = times(layer.per_g, layer.near_q2)
+    z2_u2 = times(times(layer.per_g, beta), u2)
+    thin_waves2 = plus(times(cosine, plus(z2_u2, w2)), scaled(2.0, times(sigma, times(beta, u_w))))
+    waves2 = choose(near, scaled(2.0, times(sigma, thin_waves2)), waves2)
+    beat = choose(near, _times_i(times(round_trip, minus(z2_u2, w2))), beat)
+
     gw = times(layer.g, layer.w)
-    both = _times_i(times(sigma, layer.wave.cosine))
+    both = _times_i(times(sigma, cosine))
     cosine2 = scaled(0.5, plus(scaled(kappa, round_trip), both))
     sine2 = scaled(kappa**3, times(round_trip, polynomial(_SERIES, layer.delta2)))
     thin = minus(times(cosine2, times(layer.u, layer.u)), times(sine2, times(gw, gw)))
@@ -94,6 +120,12 @@ def of_through(layer: Layers, a: Pair, b: Pair, per: Pair) -> Change:
     cosine2 = plus(scaled(kappa, wave.cosine), _times_i(sigma))
     sine2 = scaled(kappa**3, times(wave.passage, sine_derivative_series(layer.delta2)))
     crossing = plus(times(b, layer.w), times(a, layer.u))
+    beta = times(layer.per_g, layer.near_q2)
+    z2_bu, aw = times(times(layer.per_g, beta), times(b, layer.u)), times(a, layer.w)
+    thin_along = plus(times(wave.cosine, plus(z2_bu, aw)), times(sigma, times(beta, crossing)))
+    along = choose(wave.near_critical, scaled(2.0, thin_along), along)
+    thin_across = scaled(2.0, _times_i(times(sigma, minus(z2_bu, aw))))
+    across = choose(wave.near_critical, thin_across, across)
     thin = plus(
         times(layer.per_g, times(cosine2, times(b, layer.u))),
         scaled(kappa, times(sigma, crossing)),

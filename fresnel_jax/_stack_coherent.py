@@ -78,6 +78,11 @@ class Fields(NamedTuple):
     f: tuple[Pair, Pair]
 
 
+def at(i: Any, tree: Any) -> Any:
+    """The entries i of the leading axis of every array of a tree."""
+    return jax.tree.map(lambda z: z[i], tree)
+
+
 def plus(z: Complex, w: Complex) -> Complex:
     (a, b), (c, d) = z, w
     if b is None or d is None:
@@ -147,6 +152,23 @@ def mismatches(here: Medium, front: Ambient, q: Pair) -> tuple[Pair, Pair]:
     y = minus(times(here.g, square(front.q)), front.transverse2)
     below = plus(times(n02, q), times(here.n2, front.q))
     return h_s, times(times(contrast, y), inverse(below))
+
+
+@jax.custom_jvp
+def mismatches_of_layer(near: Array, here: Medium, front: Ambient, q: Pair) -> tuple[Pair, Pair]:
+    """`mismatches`; near the layer's critical angle with the derivatives of Q_0 - Q and g Q_0 - Q,
+    in which that of Q is left out as in `wave`."""
+    return mismatches(here, front, q)
+
+
+@mismatches_of_layer.defjvp
+def _mismatches_of_layer_jvp(primals, tangents):
+    near, here, front, q = primals
+    _, d_here, d_front, dq = tangents
+    h, far = jax.jvp(mismatches, (here, front, q), (d_here, d_front, dq))
+    gained = plus(times(d_here.g, front.q), times(here.g, d_front.q))
+    close = minus(d_front.q, dq), minus(gained, dq)
+    return h, (choose(near, close[0], far[0]), choose(near, close[1], far[1]))
 
 
 @jax.custom_jvp
@@ -230,19 +252,25 @@ def through_layer(
 
 
 @jax.custom_jvp
-def outgoing_root(re: DoubleWord, im: DoubleWord | None) -> Pair:
-    """Q of the wave that leaves through a half-space: Re Q + Im Q >= 0; derivative 0 at Q = 0."""
+def decaying_root(re: DoubleWord, im: DoubleWord | None) -> Pair:
+    """Q with Im Q >= 0, as in `wave`; derivative 0 at Q = 0."""
     (a, _), (b, _) = root(re, im)
-    backward = a + b < 0.0
-    return jnp.where(backward, -a, a), jnp.where(backward, -b, b)
+    return a, b
 
 
-@outgoing_root.defjvp
-def _outgoing_root_jvp(primals, tangents):
-    q = outgoing_root(*primals)
+@decaying_root.defjvp
+def _decaying_root_jvp(primals, tangents):
+    q = decaying_root(*primals)
     (d_re, _), d_im = tangents
     dq2 = (d_re, jnp.zeros_like(d_re) if d_im is None else d_im[0])
     return q, scaled(0.5, times(inverse(q), dq2))
+
+
+def outgoing_root(re: DoubleWord, im: DoubleWord | None) -> Pair:
+    """Q of the wave that leaves through a half-space: Re Q + Im Q >= 0."""
+    a, b = decaying_root(re, im)
+    backward = a + b < 0.0
+    return jnp.where(backward, -a, a), jnp.where(backward, -b, b)
 
 
 def far_fields(here: Medium, front: Ambient, q: Pair) -> Fields:

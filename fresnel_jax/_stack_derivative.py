@@ -17,20 +17,24 @@ therefore cost two passes through the stack. The integrals are our own.
 """
 
 import functools
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
-from ._arithmetic import conjugate_times, times
+from ._arithmetic import Complex, conjugate_times, times
 from ._boundary import computed_once
 from ._double_word import DoubleWord
-from ._stack_absorption import weights
+from ._stack_absorption import is_thin, thin_layer, weights
 from ._stack_absorption_derivative import Front, absorption_derivative
 from ._stack_coefficients import Change, layers_of, of_r, of_through
 from ._stack_coherent import (
     ONE,
+    ZERO,
     Ambient,
     Medium,
+    at,
     crossed,
     inverse,
     minus,
@@ -40,40 +44,68 @@ from ._stack_coherent import (
     square,
 )
 from ._stack_fields import Inside, Solved, over_layers, solve_fields
-from ._stack_wave import Pair
+from ._stack_roughness import Factors, beneath, change, determinant
+from ._stack_wave import Pair, choose
 
 
-def _from_the_front(front: Ambient, media: Medium, inside: Inside | None, shape, count: int):
-    """((a, b, product of all f) for s and p) behind the films, and at the front of each."""
+class Light(NamedTuple):
+    """The functional (a, b), the product of all f in front, and D of the boundaries in front."""
+
+    a: Pair
+    b: Pair
+    f: Pair
+    det: Any  # None: all boundaries are smooth
+
+
+def _below(factors: Factors | None, light: Light) -> Light:
+    """Below a boundary, from above it."""
+    if factors is None:
+        return light
+    a, b, det = beneath(factors, light.a, light.b, light.det)
+    return Light(a, b, light.f, det)
+
+
+def _from_the_front(
+    front: Ambient, media: Medium, inside: Inside | None, rough: Any, shape: Any, count: int
+) -> tuple[Any, Any, Any]:
+    """`Light` for s and p: behind the films; at the front of each; above the boundary behind it."""
     zero, one = jnp.zeros(shape, front.n.dtype), jnp.ones(shape, front.n.dtype)
-    q0 = tuple(zero if z is None else jnp.broadcast_to(z, shape) for z in front.q)
+    q0 = (front.q[0] + zero, zero if front.q[1] is None else front.q[1] + zero)
 
     def step(carry, layer):
-        here, wave, scales = layer
-        out = []
+        here, wave, scales, factors = layer
+        out, above = [], []
         for p, (g, per_g) in enumerate(((ONE, ONE), (here.g, here.per_g))):
-            a, b, f = carry[p]
+            a, b, f, det = carry[p]
             b, a = crossed(b, a, wave, g, per_g)
-            moved = tuple(scaled(scales[p], z) for z in (a, b, times(f, wave.passage)))
-            out.append(jax.tree.map(computed_once, moved))
-        return tuple(out), carry
+            above.append(Light(a, b, times(f, wave.passage), det))
+            light = _below(None if factors is None else factors[p], above[p])
+            a, b, f = (scaled(scales[p], z) for z in light[:3])
+            out.append(jax.tree.map(computed_once, Light(a, b, f, light.det)))
+        return tuple(out), (carry, None if factors is None else tuple(above))
 
-    start = ((q0, (one, zero), (one, zero)),) * 2
-    layers = None if inside is None else (media, inside.wave, inside.scale)
-    return over_layers(step, start, layers, count, reverse=False)
+    start = Light(q0, (one, zero), (one, zero), None if rough is None else (one, zero))
+    first = tuple(_below(None if rough is None else at(0, rough[p]), start) for p in range(2))
+    factors = at(slice(1, None), rough)
+    layers = None if inside is None else (media, inside.wave, inside.scale, factors)
+    behind, seen = over_layers(step, first, layers, count, reverse=False)
+    at_front, above = (None, None) if seen is None else seen
+    return behind, at_front, above
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(5,))
+@functools.partial(jax.custom_jvp, nondiff_argnums=(7,))
 def solve(
     front: Ambient,
     layers: Medium,
     far: Medium,
     q_far: Pair,
     x: DoubleWord,
+    rough: Any,
+    lossless: Array | None,
     shape: tuple[int, ...],
 ) -> Solved:
-    """`solve_fields` of smooth boundaries, with the derivatives of the module's text."""
-    return solve_fields(front, layers, far, q_far, x, shape)[0]
+    """`solve_fields`, with the derivatives of the module's text."""
+    return solve_fields(front, layers, far, q_far, x, rough, lossless, shape)[0]
 
 
 def _in_layers(change: Change, moved: Change) -> Pair:
@@ -84,29 +116,36 @@ def _in_layers(change: Change, moved: Change) -> Pair:
     return terms if moved.g is None else plus(terms, times(change.g, moved.g))
 
 
+def _with_det(light: Light, z: Complex) -> Complex:
+    return z if light.det is None else times(light.det, z)
+
+
 def _all(terms: Pair) -> Pair:
     return jnp.sum(terms[0], axis=0), jnp.sum(terms[1], axis=0)
 
 
-def _lossy(front: Ambient, layers: Medium):
-    """Q^2 of the layers, to working precision, and their `weights`."""
+def _lossy(front: Ambient, layers: Medium, x: DoubleWord):
+    """`thin_layer` of the layers, and their `weights`."""
     re, im = normal_squared(layers, front)
     if im is None:
         return None
     n02 = square((front.n, front.k))
-    return (re[0], im[0]), weights(im[0], layers.n2, n02, front.transverse2)
+    q2, kappa = (re[0], im[0]), (2.0 * jnp.pi) * x[0]
+    thin = thin_layer(kappa, choose(is_thin(kappa, q2), q2, ZERO))
+    return thin, weights(im[0], layers.n2, n02, front.transverse2)
 
 
 @solve.defjvp
 def _solve_jvp(shape, primals, tangents):
-    front, layers, far, q_far, x = primals
-    d_front, d_layers, d_far, d_q_far, d_x = tangents
-    solved, inside, ends = solve_fields(front, layers, far, q_far, x, shape)
-    behind, at_front = _from_the_front(front, layers, inside, shape, x[0].shape[0])
+    front, layers, far, q_far, x, rough, lossless = primals
+    d_front, d_layers, d_far, d_q_far, d_x, d_rough, _ = tangents
+    solved, inside, ends = solve_fields(front, layers, far, q_far, x, rough, lossless, shape)
+    behind, at_front, above = _from_the_front(front, layers, inside, rough, shape, x[0].shape[0])
 
-    _, (d_re, d_im) = jax.jvp(normal_squared, (layers, front), (d_layers, d_front))
+    (re, im), (d_re, d_im) = jax.jvp(normal_squared, (layers, front), (d_layers, d_front))
     d_q2 = (d_re[0], None if d_im is None else d_im[0])
-    lossy, d_lossy = jax.jvp(_lossy, (front, layers), (d_front, d_layers))
+    q2 = (re[0], jnp.zeros_like(re[0]) if im is None else im[0])
+    lossy, d_lossy = jax.jvp(_lossy, (front, layers, x), (d_front, d_layers, d_x))
     kappa, d_kappa = (2.0 * jnp.pi) * x[0], ((2.0 * jnp.pi) * d_x[0], None)
     d_z_far = (d_q_far, plus(times(far.per_g, d_q_far), times(d_far.per_g, q_far)))
     d_r, d_through, d_absorbed = [], [], []
@@ -118,19 +157,31 @@ def _solve_jvp(shape, primals, tangents):
         u_per = times(u, per)
         dr = minus(
             times(times(u_per, times(ends.w[p], per)), d_front.q),
-            times(times(front.q, times(through, through)), d_z_far[p]),
+            times(_with_det(behind[p], times(front.q, times(through, through))), d_z_far[p]),
         )
+        d_log_front, sent = scaled(-1.0, times(u_per, d_front.q)), None
+        if rough is not None:
+            start = (front.q, (jnp.ones_like(u[0]), jnp.zeros_like(u[0])))
+            outer = change(at(0, rough[p]), at(0, d_rough[p]), start, ends.beneath[p], per)
+            dr = plus(dr, times(front.q, outer.sent))
+            d_log_front = plus(d_log_front, outer.log)
         dr = scaled(2.0, dr)
-        d_log_front = scaled(-1.0, times(u_per, d_front.q))
-        d_log = minus(d_log_front, times(times(behind[p][1], per), d_z_far[p]))
+        d_log = minus(d_log_front, times(times(behind[p].b, per), d_z_far[p]))
         d_lost = None if solved.absorbed[p] is None else jnp.zeros_like(solved.absorbed[p])
         if inside is not None:
-            layer = layers_of(inside.wave, g, per_g, kappa, inside.u[p], inside.down[p])
+            layer = layers_of(inside.wave, q2, g, per_g, kappa, inside.u[p], inside.down[p])
             moved = Change(d_q2, d_g, d_kappa)
-            a, b, f = at_front[p]
-            f_per = times(f, per)
-            dr = plus(dr, _all(_in_layers(of_r(layer, times(front.q, times(f_per, f_per))), moved)))
-            in_each = _in_layers(of_through(layer, a, b, per), moved)
+            light = at_front[p]
+            q0_f2 = times(front.q, times(times(light.f, per), times(light.f, per)))
+            dr = plus(dr, _all(_in_layers(of_r(layer, _with_det(light, q0_f2)), moved)))
+            in_each = _in_layers(of_through(layer, light.a, light.b, per), moved)
+            if rough is not None:
+                here, there = (at(slice(1, None), z[p]) for z in (rough, d_rough))
+                a, b, f, _ = above[p]
+                inner = change(here, there, (a, b), inside.beneath[p], per)
+                q0_f2 = scaled(2.0, times(front.q, times(f, f)))
+                dr = plus(dr, _all(times(_with_det(above[p], q0_f2), inner.sent)))
+                in_each, sent = plus(in_each, inner.log), (determinant(here), inner.sent)
             d_log = plus(d_log, _all(in_each))
             if lossy is not None and d_lossy is not None:
                 d_lost = absorption_derivative(
@@ -138,13 +189,14 @@ def _solve_jvp(shape, primals, tangents):
                     layer,
                     (lossy[1][p], d_lossy[1][p]),
                     (lossy[0], d_lossy[0]),
-                    Front(a, b, f),
+                    Front(light.a, light.b, light.f),
                     moved,
                     in_each,
                     d_log_front,
                     scaled(-1.0, times(times(per, per), d_z_far[p])),
                     per,
                     inside.scale[p],
+                    sent,
                 )
         d_r.append(dr)
         d_through.append(times(through, d_log))

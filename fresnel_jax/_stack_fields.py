@@ -10,20 +10,22 @@ from jaxtyping import Array
 from ._arithmetic import conjugate_times, one_if_zero, squared_modulus, times
 from ._boundary import computed_once
 from ._double_word import DoubleWord
-from ._stack_absorption import absorbed, weights
+from ._stack_absorption import absorbed, is_thin, thin_layer, weights
 from ._stack_coherent import (
     ONE,
+    ZERO,
     Ambient,
     Fields,
     Medium,
+    at,
     far_fields,
     inverse,
     minus,
-    mismatches,
+    mismatches_of_layer,
     normal_squared,
-    outgoing_root,
     plus,
     rescaled,
+    scaled,
     square,
     through_layer,
 )
@@ -50,6 +52,7 @@ class Inside(NamedTuple):
     u: tuple[Pair, Pair]
     down: tuple[Pair, Pair]  # (Q / g) U - W, what comes back from what lies behind
     scale: tuple[Array, Array]  # one over the size in whose units the fields behind were
+    beneath: Any  # (u, w) below the boundary behind the layer, where boundaries are rough
 
 
 class Ends(NamedTuple):
@@ -57,11 +60,7 @@ class Ends(NamedTuple):
 
     u: tuple[Pair, Pair]
     w: tuple[Pair, Pair]
-
-
-def at(i: Any, tree: Any) -> Any:
-    """The entries i of the leading axis of every array of a tree."""
-    return jax.tree.map(lambda z: z[i], tree)
+    beneath: Any  # (u, w) below the first boundary, where it is rough
 
 
 def over_layers(step: Any, carry: Any, layers: Any, count: int, reverse: bool) -> tuple[Any, Any]:
@@ -80,10 +79,14 @@ def solve_fields(
     far: Medium,
     q_far: Pair,
     x: DoubleWord,
+    rough: Any,
+    lossless: Array | None,
     shape: tuple[int, ...],
-    roughness: Array | None = None,
 ) -> tuple[Solved, Inside | None, Ends]:
-    """The films between `front` and `far`; x is thickness / wavelength of the layers."""
+    """The films between `front` and `far`; x is thickness / wavelength of the layers.
+
+    rough: `boundary_factors` for s and p, or None; lossless: where no medium absorbs.
+    """
 
     def whole(tree):
         return jax.tree.map(lambda z: jnp.broadcast_to(z, shape), tree)
@@ -91,20 +94,19 @@ def solve_fields(
     n02 = square((front.n, front.k))
     count = x[0].shape[0]
 
-    def step(carry, layer):
-        fields, below = carry
-        here, x, sigma = layer
+    def step(fields, layer):
+        here, x, factors = layer
         one = jnp.ones(shape, front.n.dtype)
         scale = (one, one)
         if count > _UNROLLED:
             fields, scale = rescaled(fields)
         re, im = jax.tree.map(computed_once, normal_squared(here, front))
         inside = wave(re, im, x, squared_modulus(front.q))
-        if sigma is not None:
-            above = (_with_slope(inside.q, re, im), here.g)
-            fields = whole(rough_boundary(fields, sigma, above, below, front.q))
-            below = whole(above)
-        h = mismatches(here, front, inside.q)
+        below = None
+        if factors is not None:
+            below = tuple(zip(fields.u, fields.w, strict=True))
+            fields = whole(rough_boundary(fields, factors, front.q))
+        h = mismatches_of_layer(inside.near_critical, here, front, inside.q)
         down = tuple(
             minus(m, times(times(per_g, z), u))
             for m, per_g, z, u in zip(fields.m, (ONE, here.per_g), h, fields.u, strict=True)
@@ -112,42 +114,66 @@ def solve_fields(
         losses = jnp.zeros((2, *shape), one.dtype)
         if im is not None:
             kappa, q2 = (2.0 * jnp.pi) * x[0], (re[0], im[0])
+            near = is_thin(kappa, q2)
+            thin = thin_layer(kappa, choose(near, q2, ZERO))
             of_both = zip(
                 fields.u, fields.w, down, (ONE, here.g), (ONE, here.per_g),
                 weights(im[0], here.n2, n02, front.transverse2), strict=True,
             )  # fmt: skip
             losses = tuple(
-                absorbed(weight, inside, kappa, q2, g, per_g, u, w, back)
+                absorbed(weight, inside, kappa, near, thin, g, per_g, u, w, back)
                 for u, w, back, g, per_g, weight in of_both
             )
         passage2 = squared_modulus(inside.passage)
         losses = tuple(
             whole((loss, passage2 * z * z)) for loss, z in zip(losses, scale, strict=True)
         )
-        seen = Inside(whole(inside), fields.u, whole(down), scale)
+        seen = Inside(whole(inside), fields.u, whole(down), scale, below)
         fields = through_layer(fields, here, inside, front, h)
         if count <= _UNROLLED:  # else they stand in memory as the carry of the loop
             fields = jax.tree.map(computed_once, fields)
-        return (whole(fields), below), (losses, seen)
+        return whole(fields), (losses, seen)
 
     fields = whole(far_fields(far, front, q_far))
-    below = None if roughness is None else whole((q_far, far.g))
-    passed = (layers, x, None if roughness is None else roughness[1:])
-    (fields, below), seen = over_layers(step, (fields, below), passed, count, reverse=True)
-    if roughness is not None:
-        one = (jnp.ones_like(front.n), None if front.k is None else jnp.zeros_like(front.n))
-        fields = whole(rough_boundary(fields, roughness[0], (front.q, one), below, front.q))
+    passed = (layers, x, at(slice(1, None), rough))
+    fields, seen = over_layers(step, fields, passed, count, reverse=True)
+    below = None
+    if rough is not None:
+        below = tuple(zip(fields.u, fields.w, strict=True))
+        fields = whole(rough_boundary(fields, at(0, rough), front.q))
+    if lossless is not None:
+        fields = _with_known_flux(fields, front, far, q_far, lossless)
     return _amplitudes(fields, front, None if seen is None else seen[0]), *(
         (None if seen is None else seen[1]),
-        Ends(fields.u, fields.w),
+        Ends(fields.u, fields.w, below),
     )
 
 
-def _with_slope(q: Pair, re: DoubleWord, im: DoubleWord | None) -> Pair:
-    """Q with its derivative, which `wave` leaves out where Q is small and the matrices are even."""
-    known = outgoing_root(re, im)
-    same = jnp.where(q[0] * known[0] + q[1] * known[1] < 0.0, -1.0, 1.0)
-    return same * known[0], same * known[1]
+def _with_known_flux(
+    fields: Fields, front: Ambient, far: Medium, q_far: Pair, lossless: Array
+) -> Fields:
+    """W and M at the front where nothing absorbs, so that Re(W conj(U)) is what leaves the stack.
+
+    In a mode of the films at grazing incidence W is what remains of terms 1 / Q_0 times as large.
+    The part of it that carries power is known to its last digit, and R + T is 1.
+    """
+    flux_far = (q_far[0], times(far.per_g, q_far)[0])
+    w_new, m_new = [], []
+    for u, w, m, f, flux in zip(*fields, flux_far, strict=True):
+        excess = conjugate_times(u, w)[0] - squared_modulus(f) * flux
+        # The division comes last, so that all that follows reads it instead of forming it anew.
+        wrong = jnp.where(lossless, excess, 0.0) / one_if_zero(squared_modulus(u))
+        # What is wrong is rounding alone: the derivatives of W are not.
+        w_known = minus(w, lax.stop_gradient(scaled(wrong, u)))
+        q0_u = times(front.q, u)
+        m_known = minus(q0_u, w_known)
+        doubt2 = (8.0 * float(jnp.finfo(wrong.dtype).eps)) ** 2
+        terms = squared_modulus(q0_u) + squared_modulus(w)
+        differs = squared_modulus(minus(m, m_known)) > doubt2 * terms
+        w_new.append(w_known)
+        correction = lax.stop_gradient(minus(m_known, m))
+        m_new.append(choose(lossless & differs, plus(m, correction), m))
+    return fields._replace(w=tuple(w_new), m=tuple(m_new))
 
 
 def _amplitudes(fields: Fields, front: Ambient, losses: Any) -> Solved:

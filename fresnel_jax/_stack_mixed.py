@@ -23,8 +23,7 @@ from jaxtyping import Array
 
 from ._arithmetic import Complex, reciprocal_or_zero, squared_modulus, times
 from ._double_word import DoubleWord
-from ._stack_coherent import Ambient, inverse, medium, normal_squared, outgoing_root, square
-from ._stack_fields import at
+from ._stack_coherent import Ambient, at, inverse, medium, normal_squared, outgoing_root, square
 from ._stack_packet import Packet, packet
 from ._stack_wave import wave
 
@@ -56,6 +55,17 @@ def _faces(seen: Packet, front: Ambient, inside: bool) -> list[_Face]:
     return faces
 
 
+def _carried_together(seen: Packet, front: Ambient) -> list[Array | float]:
+    """2 Im(r) Im(Y) / Re(Y), by which R + T + sum(A) exceeds 1 in an absorbing first medium."""
+    if front.q[1] is None:
+        return [0.0, 0.0]
+    admittances = (front.q, times(front.q, inverse(square((front.n, front.k)))))
+    return [
+        2.0 * _imaginary(r) * _imaginary(y) * reciprocal_or_zero(y[0])
+        for r, y in zip(seen.r, admittances, strict=True)
+    ]
+
+
 def _imaginary(z: Complex) -> Array:
     return jnp.zeros_like(z[0]) if z[1] is None else z[1]
 
@@ -66,9 +76,13 @@ def _lost(face: _Face) -> Array:
 
 
 def _one_polarization(
-    fronts: list[_Face], backs: list[_Face], passages: list[tuple[Array, Array]]
+    fronts: list[_Face],
+    backs: list[_Face],
+    passages: list[tuple[Array, Array]],
+    together: Array | float,
 ) -> tuple[Array, Array, list[Array]]:
-    """R, T and the absorptions of films and incoherent layers in turn; passages are P and 1 - P."""
+    """R, T and the absorptions of films and incoherent layers in turn; passages are P and 1 - P,
+    together is the power that incident and reflected wave carry together."""
     R, lost = fronts[-1].R, _lost(fronts[-1])
     going_on: list[tuple[Array, Array]] = []
     for front, back, (P, gone) in reversed(list(zip(fronts[:-1], backs, passages, strict=True))):
@@ -81,6 +95,10 @@ def _one_polarization(
             gone * (1.0 + P * R) + P * lost + P * P * R * in_films
         )
         R = front.R + down * back.T * P * P * R
+    # In total reflection r turns fast and R stays: formed from that of r, its derivative was off by
+    # 1,130 eps of R; from what is absorbed and transmitted, by 1.
+    given = together - lost
+    R = jnp.where(R > 0.5, lax.stop_gradient(R - given) + given, R)
     light, absorptions = jnp.ones_like(R), []
     for i, (P, gone) in enumerate(passages):
         down, R_next = going_on[i]
@@ -105,7 +123,7 @@ def mixed(
     """R, T and the absorption of every layer, each for s and p."""
     edges = [0, *(i + 1 for i, with_phase in enumerate(coherent) if not with_phase)]
     edges.append(n.shape[0] - 1)
-    fronts, backs, passages = [], [], []
+    fronts, backs, passages, together = [], [], [], []
     # Of all media from the first one: formed from Q^2 of an incoherent layer, Q_0^2 next to grazing
     # incidence had derivatives that cancel (6e5 eps in those of T).
     q2 = normal_squared(medium(n, k, n[0], None if k is None else k[0]), front)
@@ -119,6 +137,8 @@ def mixed(
         x_here = (x[0][first : last - 1], x[1][first : last - 1])
         q2_here = at(slice(first, last + 1), q2)
         seen = packet(ambients[p], n_here, k_here, x_here, shape, q2=at(slice(1, None), q2_here))
+        if p == 0:
+            together = _carried_together(seen, front)
         fronts.append(_faces(seen, ambients[p], inside=p > 0))
         if p + 1 < len(ambients):
             turned = None if k_here is None else k_here[::-1]
@@ -128,7 +148,8 @@ def mixed(
             backs.append(_faces(seen, ambients[p + 1], inside=True))
             passages.append(_passage(ambients[p + 1], (x[0][last - 1], x[1][last - 1])))
     out = [
-        _one_polarization([f[i] for f in fronts], [b[i] for b in backs], passages) for i in range(2)
+        _one_polarization([f[i] for f in fronts], [b[i] for b in backs], passages, together[i])
+        for i in range(2)
     ]
     absorptions = [
         jnp.concatenate([jnp.broadcast_to(a, (a.shape[0], *shape)) for a in parts])

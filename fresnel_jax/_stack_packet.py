@@ -16,6 +16,8 @@ from ._double_word import DoubleWord
 from ._stack_coherent import (
     Ambient,
     Medium,
+    at,
+    decaying_root,
     medium,
     normal_flux,
     normal_squared,
@@ -24,7 +26,8 @@ from ._stack_coherent import (
     square,
 )
 from ._stack_derivative import solve
-from ._stack_fields import Solved, at, solve_fields
+from ._stack_fields import Solved
+from ._stack_roughness import boundary_factors
 from ._stack_wave import Pair
 
 
@@ -59,13 +62,34 @@ def packet(
     front, behind, x = jax.tree.map(computed_once, (front, behind, x))
     layers, far = at(slice(-1), behind), at(-1, behind)
     q_far = outgoing_root(*normal_squared(far, front))
-    films = (front, layers, far, q_far, x, shape)
-    solved = solve(*films) if roughness is None else solve_fields(*films, roughness)[0]
+    rough, lossless = None, None
+    if roughness is None:
+        absorbs = jnp.zeros(n[0].shape, bool) if k is None else (k != 0.0).any(axis=0)
+        lossless = jnp.logical_not(absorbs)
+    else:
+        rough = _rough(roughness, front, layers, far, q_far, shape)
+    solved = solve(front, layers, far, q_far, x, rough, lossless, shape)
     whole = _packet(solved, front, far, q_far, shape)
-    if roughness is not None:
+    if lossless is None:
         return whole
-    lossless = True if k is None else (k == 0.0).all(axis=0)
     return whole._replace(R=_all_of_it(whole.R, lossless & (q_far[0] == 0.0) & (q_far[1] > 0.0)))
+
+
+def _rough(roughness: Array, front: Ambient, layers: Medium, far: Medium, q_far: Pair, shape):
+    """`boundary_factors` of all boundaries, in the broadcast shape."""
+
+    def joined(*parts):
+        return jnp.concatenate([jnp.broadcast_to(z, (len(z), *shape)) for z in parts])
+
+    def complex_parts(z):
+        return z[0], jnp.zeros_like(z[0]) if z[1] is None else z[1]
+
+    ends = [jax.tree.map(lambda z: z[None], complex_parts(z)) for z in (front.q, q_far, far.g)]
+    one = (jnp.ones_like(ends[0][0]), jnp.zeros_like(ends[0][0]))
+    q_layers = decaying_root(*normal_squared(layers, front))
+    q = jax.tree.map(joined, ends[0], q_layers, ends[1])
+    g = jax.tree.map(joined, one, complex_parts(layers.g), ends[2])
+    return boundary_factors(roughness, q, g)
 
 
 def _all_of_it(R: list[Array], total: Array) -> list[Array]:
@@ -74,6 +98,16 @@ def _all_of_it(R: list[Array], total: Array) -> list[Array]:
     The fields of a stack at grazing incidence know it to 101 eps.
     """
     return [jnp.where(total, r + lax.stop_gradient(1.0 - r), r) for r in R]
+
+
+def _transmitted(gain: Array, through: Complex) -> Array:
+    """gain |through|^2. In float32, parts below 1e-19 are lifted: their squares underflow."""
+    if gain.dtype == jnp.float64:
+        return gain * squared_modulus(through)
+    small = squared_modulus(through) < 2.0**40 * float(jnp.finfo(gain.dtype).tiny)
+    lift, per_lift2 = jnp.where(small, 2.0**30, 1.0), jnp.where(small, 2.0**-60, 1.0)
+    lifted = scaled(lift.astype(gain.dtype), through)
+    return gain * per_lift2.astype(gain.dtype) * squared_modulus(lifted)
 
 
 def _packet(solved: Solved, front: Ambient, far: Medium, q_far: Pair, shape) -> Packet:
@@ -93,7 +127,7 @@ def _packet(solved: Solved, front: Ambient, far: Medium, q_far: Pair, shape) -> 
             gain = 4.0 * front.q[0] * n2[0]
         else:
             gain = 4.0 * squared_modulus(front.q) * reciprocal_or_zero(flux_in[i])
-        T.append(jnp.where(matched, 1.0, gain * flux_out[i] * squared_modulus(through)))
+        T.append(jnp.where(matched, 1.0, _transmitted(gain * flux_out[i], through)))
         lost = solved.absorbed[i]
         absorption.append(jnp.zeros((0, *shape), R[i].dtype) if lost is None else gain * lost)
     return Packet(list(solved.r), t, R, T, (absorption[0], absorption[1]), flux_in)

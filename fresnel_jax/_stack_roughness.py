@@ -4,16 +4,27 @@ Between media i (above) and j the amplitude r is replaced by r w, w = exp(-2 k_0
 with the factor 1 / t of the recursion unchanged. In the tangential fields U and W of
 `_stack_coherent`, and with z = Q / g, that is a factor on each of them,
 
-    U' = U + U (w - 1) (z_i - z_j) / (2 z_i),        W' = W - W (w - 1) (z_i - z_j) / (2 z_j).
+    U' = (1 + mu) U,    mu = (w - 1) (z_i - z_j) / (2 z_i),
+    W' = (1 + nu) W,    nu = (w - 1) (z_j - z_i) / (2 z_j).
+
+A change of mu and nu changes what the stack does as one in a layer does (`_stack_derivative`): with
+(u, w) below the boundary and (a, b) above it,
+
+    d B = a u d mu + b w d nu,      d r = (2 Q_0 D / B^2) u w ((1 + nu) d mu - (1 + mu) d nu),
+
+where D is the product of (1 + mu) (1 + nu) of all boundaries in front of this one. The formulas of
+derivatives are our own.
 
 Source: L. Nevot and P. Croce 1980, doi:10.1051/rphysap:01980001503076100.
 """
+
+from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from ._arithmetic import Complex, one_if_zero, squared_modulus, times
-from ._stack_coherent import Fields, inverse, minus, plus, scaled
+from ._stack_coherent import Fields, at, inverse, minus, plus, scaled
 from ._stack_wave import Pair, choose
 
 
@@ -32,27 +43,65 @@ def _exponential_slope(z: Complex) -> Pair:
     return choose(small, series, times(difference, (far[0] * per, -far[1] * per)))
 
 
-def rough_boundary(
-    fields: Fields,
-    waves_per_roughness: Array,
-    above: tuple[Complex, Complex],
-    below: tuple[Complex, Complex],
-    q0: Complex,
-) -> Fields:
-    """The fields above the boundary from those below; above and below are Q and g (of p)."""
-    (q_i, g_i), (q_j, g_j) = above, below
+class Factors(NamedTuple):
+    """What boundaries add to U and to W, as fractions of them; for s or p."""
+
+    mu: Pair
+    nu: Pair
+
+
+class Change(NamedTuple):
+    """What the changes of a boundary's factors do, in units of the fields beside it."""
+
+    log: Pair  # to log(1 / B)
+    sent: Pair  # to r, over 2 Q_0 D and f^2 of all layers in front
+
+
+def boundary_factors(waves_per_roughness: Array, q: Pair, g: Pair) -> tuple[Factors, Factors]:
+    """For s and p, of the L + 1 boundaries between L + 2 media of Q and g (of p)."""
+    (q_i, q_j), (g_i, g_j) = ((at(slice(-1), z), at(slice(1, None), z)) for z in (q, g))
     tau = (2.0 * jnp.pi * waves_per_roughness) ** 2
     slope = scaled(-tau, _exponential_slope(scaled(-2.0 * tau, times(q_i, q_j))))
+    steps = times(slope, q_j), times(slope, q_i)  # (w - 1) / (2 Q)
+    s = minus(q_i, q_j)
+    p = minus(times(q_i, inverse(g_i)), times(q_j, inverse(g_j)))
+    return (
+        Factors(times(steps[0], s), scaled(-1.0, times(steps[1], s))),
+        Factors(times(times(steps[0], g_i), p), scaled(-1.0, times(times(steps[1], g_j), p))),
+    )
+
+
+def rough_boundary(fields: Fields, factors: tuple[Factors, Factors], q0: Complex) -> Fields:
+    """The fields above the boundary from those below."""
     out = []
-    for p in range(2):
+    for p, (mu, nu) in enumerate(factors):
         u, w, m, f = (z[p] for z in fields)
-        step_u, step_w = times(slope, q_j), times(slope, q_i)  # (w - 1) / (2 Q)
-        if p == 0:
-            difference = minus(q_i, q_j)
-        else:
-            difference = minus(times(q_i, inverse(g_i)), times(q_j, inverse(g_j)))
-            step_u, step_w = times(step_u, g_i), times(step_w, g_j)
-        du = times(times(step_u, difference), u)
-        dw = scaled(-1.0, times(times(step_w, difference), w))
+        du, dw = times(mu, u), times(nu, w)
         out.append((plus(u, du), plus(w, dw), plus(m, minus(times(q0, du), dw)), f))
     return Fields(*zip(*out, strict=True))
+
+
+def beneath(factors: Factors, a: Pair, b: Pair, det: Pair) -> tuple[Pair, Pair, Pair]:
+    """(a, b) and D below a boundary from those above."""
+    mu, nu = factors
+    det = plus(det, times(mu, det))
+    return plus(a, times(mu, a)), plus(b, times(nu, b)), plus(det, times(nu, det))
+
+
+def determinant(factors: Factors) -> Pair:
+    """(1 + mu) (1 + nu)."""
+    mu, nu = factors
+    product = plus(plus(mu, nu), times(mu, nu))
+    return 1.0 + product[0], product[1]
+
+
+def change(
+    factors: Factors, moved: Factors, above: tuple[Pair, Pair], below: tuple[Pair, Pair], per: Pair
+) -> Change:
+    """above: (a, b); below: (u, w); per: 1 / B."""
+    (a, b), (u, w) = above, below
+    d_mu, d_nu = moved
+    log = plus(times(times(a, u), d_mu), times(times(b, w), d_nu))
+    sent = minus(plus(d_mu, times(factors.nu, d_mu)), plus(d_nu, times(factors.mu, d_nu)))
+    u_w = times(times(u, per), times(w, per))
+    return Change(scaled(-1.0, times(log, per)), times(u_w, sent))

@@ -99,6 +99,31 @@ def test_powers_and_amplitudes_of_hard_stacks(layers, dtype):
         assert np.max(np.abs(sums[lossless_front] - 1.0)) < 64 * eps
 
 
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_energy_in_modes_at_grazing_incidence(dtype):
+    """What leaves a stack in which nothing absorbs is what enters it. R + T - 1 was 6,880 and 933
+    eps at the first two (5,041 and 3,731 in float32), now 11 in 2e5 such stacks of each dtype."""
+    c = [0.0001265063625871649, 1.833795396764925e-05, 5.0943914557054e-05]
+    n = [
+        [1.5744840716720585, 2.121401871627183, 2.028404176520935, 1.0676003899033142,
+         3.2316834306350124],
+        [2.228671164650559, 2.5593761108030866, 1.3328360977269555, 2.02845936463362,
+         2.5845109685882957],
+        [2.3434717013593693, 3.587641559187129, 3.626614483367802, 1.2722879220884058,
+         3.9292230464378237],
+    ]  # fmt: skip
+    d = [
+        [0.4340811110012797, 0.37983879173541896, 0.4648340565446887],
+        [0.4950952257971545, 0.4412554620967549, 0.29471251031813994],
+        [0.14818979250913838, 0.4265277490196665, 0.48020350202532375],
+    ]
+    wavelength = [0.4208414969275774, 0.8653554393843139, 0.9912698232846839]
+    index = np.asarray(n, dtype).T + np.zeros((), np.result_type(dtype, np.complex64))
+    got = stack(np.asarray(c, dtype), index, np.asarray(d, dtype).T, np.asarray(wavelength, dtype))
+    for R, T in ((got.R_s, got.T_s), (got.R_p, got.T_p)):
+        assert np.max(np.abs(np.asarray(R + T, float) - 1.0)) < 64 * float(np.finfo(dtype).eps)
+
+
 def _powers(c, n, k, d, wavelength):
     return jnp.stack(stack(c, n + 1j * k, d, wavelength)[:4])
 
