@@ -41,8 +41,8 @@ class Quantity(NamedTuple):
 
 def _powers(exact: Exact, eps, tiny):
     true = exact.powers()
-    # an R below eps^2 counts as eps^2, and a T next to the smallest float as 1e10 of it
-    return [(x, max(x, (eps**2 if j < 2 else 1e10 * tiny))) for j, x in enumerate(true)]
+    # an R below eps^2 counts as eps^2, and a T next to the smallest float as 1e13 of it
+    return [(x, max(x, (eps**2 if j < 2 else 1e13 * tiny))) for j, x in enumerate(true)]
 
 
 def _reflectance(exact: Exact, eps, tiny):

@@ -25,7 +25,7 @@ eta_i from .03 to 30, in float32 and in float64, against 1,000-bit arithmetic at
 as `make accuracy-search` looks for it (random points, most of them beside grazing incidence, index
 match, the critical or Brewster's angle; then a hill climb on the error): 9 eps of each R and T of s
 and p, 8 eps of `reflectance` and of amplitudes (of an R below eps^2: of eps^2; of a T
-below 1e10 times the smallest float: of that).
+below 1e13 times the smallest float: of that).
 
 Gradients are measured by relative changes of the arguments, (cos dR/dcos, |N| dR/deta, |N| dR/dk,
 eta_i dR/deta_i): their error is within 50 + 4 (eta_i / |N|)^2 eps of the norm of that, of

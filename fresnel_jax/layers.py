@@ -95,7 +95,8 @@ def slab(
         rounded number). In total reflection R is 1 and T is 0.
 
     Derivatives are those of `interface.powers` carried through, within 100 eps of the norm of each
-    gradient in relative changes of the arguments, times the same factor 1 + ln(1 / A) / 6 for T;
+    gradient in relative changes of the arguments, times the same factor 1 + ln(1 / A) / 6 for T (or
+    of what one eps of each argument does to it, if more: where T has a maximum over the angle);
     with respect to k at k = 0 the one-sided one, which is not 0: T falls by the path through the
     slab.
 
