@@ -94,7 +94,8 @@ def _mesh(plane: Block, lowest: float, totally: Block, *edges: Block) -> Mesh:
     """Return a mesh: the plane; totally: n < 1 and a small k; edges: k = 0, n > 1 and n < 1."""
     x = np.repeat(_spaced(lowest, 8.0, plane.rows), plane.columns)
     w = np.tile((np.arange(plane.columns) + 0.5) / plane.columns, plane.rows) * 4.0 * xi_of(x)
-    n = np.tile(np.linspace(0.99, 0.1, totally.columns), totally.rows)
+    critical_angle = np.radians(np.linspace(88.0, 6.0, totally.columns))
+    n = np.tile(np.sin(critical_angle), totally.rows)
     k = n * np.repeat(SMALL_K, totally.columns)
     index = [index_derivatives(x, w, np.ones_like(x))[:2], (n, k)]
     # n from 1.02 to 110, and from .97 to .07; evenly in log(n - 1) above, since two minima on this
@@ -110,7 +111,7 @@ def _mesh(plane: Block, lowest: float, totally: Block, *edges: Block) -> Mesh:
 MESHES = {
     "coarse": _mesh(Block(12, 8, 1), 0.02, Block(3, 48, 1)),
     "fine": _mesh(Block(16, 24, 2), 0.002, Block(3, 48, 2), Block(48, 1, 2)),
-    "open": _mesh(Block(16, 80, 7), 0.002, Block(3, 96, 4), Block(160, 1, 4), Block(32, 1, 1)),
+    "open": _mesh(Block(32, 80, 7), 0.002, Block(3, 96, 4), Block(160, 1, 4), Block(32, 1, 1)),
 }  # fmt: skip
 
 
