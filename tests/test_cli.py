@@ -4,17 +4,16 @@ import inspect
 import io
 import json
 import os
-import stat
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from command import ROOT, cache, nothing_in, own_cache, refused, run  # noqa: F401 (fixtures)
 from simulated import GOLD
 
 from fitting import cli, cli_options, measurement
 
-ROOT = Path(__file__).resolve().parents[1]
 GLASS = """angle_deg,R_s,R_p
 30,5.78,2.53
 45,9.20,0.85
@@ -22,54 +21,6 @@ GLASS = """angle_deg,R_s,R_p
 70,30.0,4.2
 80,54.6,23.9
 """
-
-
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory):
-    return tmp_path_factory.mktemp("cache")
-
-
-@pytest.fixture(autouse=True)
-def own_cache(cache, monkeypatch):
-    """No test reads or writes the cache of who runs it; no test leaves jax pointed at it."""
-    import jax
-
-    monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
-    names = (
-        "jax_compilation_cache_dir",
-        "jax_persistent_cache_min_compile_time_secs",
-        "jax_persistent_cache_min_entry_size_bytes",
-    )
-    before = {name: getattr(jax.config, name) for name in names}
-    yield
-    for name, value in before.items():
-        jax.config.update(name, value)
-
-
-def run(*arguments, **options):
-    """Run the command in a process of its own."""
-    return subprocess.run(
-        [sys.executable, "-W", "error", "-m", "fitting", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        timeout=120,
-        **options,
-    )
-
-
-def refused(capsys, *arguments):
-    """Run in this process, expect status 2, and return the one line that it says."""
-    assert cli.main([str(a) for a in arguments]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.startswith("fresnel-fit: ")
-    assert err.count("\n") == 1
-    return err
-
-
-def nothing_in(folder, *but):
-    return {p.name for p in folder.iterdir()} == set(but)
 
 
 def test_the_gold_scan_end_to_end(tmp_path):
@@ -250,110 +201,6 @@ def test_unknown_and_contradicting_options():
         with pytest.raises(SystemExit) as end:
             cli.main([str(GOLD), *arguments])
         assert end.value.code == 2
-
-
-@pytest.fixture
-def no_fit(monkeypatch):
-    """The fit must not run: the mistake is to be found before."""
-
-    def fit(*_):
-        raise AssertionError("fitted before the mistake was found")
-
-    monkeypatch.setattr(cli, "_fit", fit)
-
-
-@pytest.mark.parametrize("flag", ["--json", "--csv", "--plot"])
-def test_outputs_are_tried_before_the_fit(capsys, tmp_path, no_fit, flag):
-    missing = refused(capsys, GOLD, flag, tmp_path / "none" / "out.png")
-    assert f"{flag} " in missing
-    assert "no folder" in missing
-    (tmp_path / "folder.png").mkdir()
-    assert "this is a folder" in refused(capsys, GOLD, flag, tmp_path / "folder.png")
-    assert nothing_in(tmp_path, "folder.png")
-
-
-def test_a_folder_that_must_not_be_written_to(capsys, tmp_path, no_fit, monkeypatch):
-    def forbidden(path, *_):
-        raise PermissionError(13, "Permission denied", path)
-
-    monkeypatch.setattr(os, "open", forbidden)  # root may write everywhere
-    assert "Permission denied" in refused(capsys, GOLD, "--json", tmp_path / "out.json")
-
-
-def test_a_file_that_must_not_be_written_to(capsys, tmp_path, no_fit, monkeypatch):
-    (tmp_path / "out.json").write_text("old")
-    monkeypatch.setattr(os, "access", lambda *_: False)
-    assert "must not be written to" in refused(capsys, GOLD, "--json", tmp_path / "out.json")
-
-
-def test_a_device_is_not_replaced(capsys, no_fit):
-    if not Path("/dev/null").exists():
-        pytest.skip("this system has no /dev/null")
-    assert "not a regular file" in refused(capsys, GOLD, "--json", "/dev/null")
-    assert stat.S_ISCHR(Path("/dev/null").stat().st_mode)
-
-
-def test_the_measurement_is_not_overwritten(capsys, tmp_path, no_fit):
-    data = tmp_path / "gold.csv"
-    data.write_bytes(GOLD.read_bytes())
-    assert "measurement itself" in refused(capsys, data, "--csv", data)
-    (tmp_path / "link.csv").symlink_to(data)
-    assert "measurement itself" in refused(capsys, data, "--csv", tmp_path / "link.csv")
-    assert data.read_bytes() == GOLD.read_bytes()
-
-
-def test_two_results_in_one_file(capsys, tmp_path, no_fit):
-    out = tmp_path / "out"
-    assert "same file" in refused(capsys, GOLD, "--csv", out, "--json", out)
-    assert nothing_in(tmp_path)
-
-
-def test_a_picture_of_an_unknown_kind(capsys, tmp_path, no_fit):
-    assert ".png, .pdf, .svg" in refused(capsys, GOLD, "--plot", tmp_path / "gold.jpg")
-
-
-def test_missing_matplotlib(capsys, tmp_path, no_fit, monkeypatch):
-    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-    assert "pip install matplotlib" in refused(capsys, GOLD, "--plot", tmp_path / "gold.png")
-
-
-@pytest.mark.parametrize("error", [RuntimeError("defect"), OSError(28, "No space left on device")])
-def test_results_are_written_whole_or_not_at_all(capsys, tmp_path, monkeypatch, error):
-    (tmp_path / "gold.json").write_text("old")
-
-    def fail(figure, path, *_):
-        path.write_text("half")
-        raise error
-
-    monkeypatch.setattr("fitting.output.files.save", fail)
-    arguments = [str(GOLD), "--json", str(tmp_path / "gold.json")]
-    arguments += ["--plot", str(tmp_path / "gold.png")]
-    if isinstance(error, OSError):
-        assert cli.main(arguments) == 2
-        assert "--plot: No space left" in capsys.readouterr().err
-    else:  # a defect of ours is not dressed up as a mistake of the user
-        with pytest.raises(RuntimeError, match="defect"):
-            cli.main(arguments)
-    assert (tmp_path / "gold.json").read_text() == "old"
-    assert nothing_in(tmp_path, "gold.json")
-
-
-def test_a_result_replaces_an_older_one_and_keeps_its_permissions(tmp_path):
-    old = tmp_path / "gold.json"
-    old.write_text("old")
-    old.chmod(0o640)
-    (tmp_path / "link.json").symlink_to(old)
-    assert cli.main([str(GOLD), "--quiet", "--json", str(tmp_path / "link.json")]) == 0
-    assert json.loads(old.read_text())["status"] == "converged"
-    assert stat.S_IMODE(old.stat().st_mode) == 0o640
-    assert (tmp_path / "link.json").is_symlink()
-
-
-def test_a_new_result_has_the_permissions_of_any_new_file(tmp_path):
-    assert cli.main([str(GOLD), "--quiet", "--json", str(tmp_path / "gold.json")]) == 0
-    (tmp_path / "other").write_text("")
-    modes = {stat.S_IMODE(p.stat().st_mode) for p in tmp_path.iterdir()}
-    assert len(modes) == 1
 
 
 def test_interruption_ends_in_130_and_leaves_nothing(capsys, tmp_path, monkeypatch):

@@ -137,8 +137,11 @@ def test_two_solutions_that_fit_alike_are_both_reported():
     found = fit_many(angles, R_p=data)
     alternative_eta, alternative_k, rise = second(found)
     twins = np.flatnonzero(np.isfinite(alternative_eta))
-    assert len(twins) > 70
-    assert (rise < 1e-6).any()
+    assert len(twins) >= 73
+    exact = rise < 1e-20
+    assert exact.sum() > 10
+    # Where only rounding tells them apart the one that absorbs less is shown.
+    assert (found.k[exact] <= alternative_k[exact]).all()
     hits = 0
     for i in twins:
         for other in (

@@ -65,6 +65,17 @@ def test_two_lossless_minima_near_each_other_are_told_apart():
     assert (above > 0.01).sum() == 0
 
 
+def test_light_near_normal_incidence_alone():
+    """Unpolarized, n and k near .35: a second minimum at k = 0, up to 1,700 of chi2 above."""
+    rng = np.random.default_rng(3)
+    angles = np.sort(rng.uniform(0.4, 16.0, 35))
+    eta, k = rng.uniform(0.3, 0.6, 400), 10.0 ** rng.uniform(-4.0, -0.4, 400)
+    data = of(angles, eta, k, 3e-4, "R")
+    above, found = excess(angles, data, eta, k, 3e-4)
+    assert (found.status == "converged").sum() > 200
+    assert (above > 0.01).sum() == 0
+
+
 def test_an_exact_curve_from_50_to_75_degrees():
     angles = np.linspace(50.0, 75.0, 40)
     found = fit_many(angles, **of(angles, [1.7], [0.0], 0.0))  # was 1.145

@@ -11,7 +11,16 @@ import jax
 import numpy as np
 
 from fitting.bare_surface import mesh as starts
-from fitting.bare_surface.coordinates import EPS, FAR_END, W_MAX, W_MIN, from_eps, to_eps, xi_of
+from fitting.bare_surface.coordinates import (
+    EPS,
+    FAR_END,
+    W_MAX,
+    W_MIN,
+    from_eps,
+    index_derivatives,
+    to_eps,
+    xi_of,
+)
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.engine import Solved, solve
 from fitting.solver import START_DAMPING
@@ -31,6 +40,8 @@ CREEP_STEPS = 40
 FURTHER_STEPS = 10, 40
 # "Near": a cost less than 4 times the best one, or what an error of .3 % of all data costs.
 NEAR_COST, NEAR_SHARE = 4.0, 1e-5
+# What rounding of the data alone leaves of their sum of squares: exact curves.
+ROUNDING_COST = (64.0 * np.finfo(float).eps) ** 2
 _COST = Solved._fields.index("cost")
 _EVALUATIONS = Solved._fields.index("evaluations")
 _DONE = Solved._fields.index("done")
@@ -189,8 +200,9 @@ def with_mesh(data: Data) -> tuple[Data, np.ndarray]:
     some = np.logical_or.reduce([np.atleast_2d(w) > 0.0 for w in data.weights])
     cos_theta = np.where(some, np.atleast_2d(data.cos_theta), -1.0)
     lowest = np.degrees(np.arccos(np.clip(cos_theta.max(1), -1.0, 1.0)))
+    highest = np.degrees(np.arccos(np.where(some, cos_theta, 1.0).min(1).clip(-1.0, 1.0)))
     share = np.where(some, np.atleast_2d(data.s_share), 0.0).max(1)
-    kinds = starts.kinds(data.channels, some.sum(1), lowest, share, data.eta_i > 1.0)
+    kinds = starts.kinds(data.channels, some.sum(1), lowest, highest, share, data.eta_i > 1.0)
     if len(kinds) < data.curves:
         kinds = np.broadcast_to(kinds, (data.curves,))
     names, counts = np.unique(kinds, return_counts=True)
@@ -246,7 +258,18 @@ def _minima(data: Data, points: np.ndarray | None) -> Minima:
         same = _same(old, new)
         swap = (new[_COST] < old[_COST]) & ~(same & (old[_DONE] > 0))
         low, high = np.where(swap, new, old), np.where(swap, old, new)
-        keep = same | (second[_COST] <= high[_COST])
+        # The runner-up stays, unless it is where the best minimum is now.
+        keep = same | ((second[_COST] <= high[_COST]) & ~_same(low, second))
         low[_EVALUATIONS] = total
         best[:, todo], other[:, todo] = low, np.where(keep, second, high)
-    return Minima(Solved(*best), Solved(*other))
+    return _less_absorbing_first(best, other)
+
+
+def _less_absorbing_first(best: np.ndarray, other: np.ndarray) -> Minima:
+    """Return the two, the one of smaller k first where only rounding tells which fits better."""
+    a, b = Solved(*best), Solved(*other)
+    k_a, k_b = (index_derivatives(s.x, s.w, s.chart)[1] for s in (a, b))
+    with np.errstate(invalid="ignore"):
+        swap = (b.cost <= ROUNDING_COST * b.scale) & (k_b < k_a) & (b.done > 0)
+    first, second = (Solved(*np.where(swap, *pair)) for pair in ((other, best), (best, other)))
+    return Minima(first._replace(evaluations=a.evaluations), second)

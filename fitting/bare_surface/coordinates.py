@@ -144,18 +144,18 @@ def w_of_small_k(x: np.ndarray, k: np.ndarray) -> np.ndarray:
     return np.maximum(np.log1p(A), W_MIN)
 
 
-def xi_of(x: np.ndarray) -> np.ndarray:
+def xi_of(x: Any, xp: Any = np) -> Any:
     """Return xi = arcosh(exp(x)), so that w runs from 0 to 4 xi."""
-    grown = np.expm1(x)
-    return np.log1p(grown + np.sqrt(grown * (grown + 2.0)))
+    grown = xp.expm1(x)
+    return xp.log1p(grown + xp.sqrt(grown * (grown + 2.0)))
 
 
-def coordinates_of(n: np.ndarray, k: np.ndarray) -> np.ndarray:
+def coordinates_of(n: Any, k: Any, xp: Any = np) -> Any:
     """Return stack([x, w, chart]) of a relative index, in the chart whose end is nearer.
 
     n > 0, k >= 0. For starts, not for results: the digits of a small k are lost in w.
     """
-    x = np.clip(np.log1p(((n - 1.0) ** 2 + k * k) / (2.0 * n)), X_MIN, X_MAX)
-    y = np.log(n * n + k * k)
-    w = np.maximum(2.0 * xi_of(x) - np.abs(y), W_MIN)
-    return np.stack([x, w, np.where(y < 0.0, -1.0, 1.0)])
+    x = xp.clip(xp.log1p(((n - 1.0) ** 2 + k * k) / (2.0 * n)), X_MIN, X_MAX)
+    y = xp.log(n * n + k * k)
+    w = xp.maximum(2.0 * xi_of(x, xp) - xp.abs(y), W_MIN)
+    return xp.stack([x, w, xp.where(y < 0.0, -1.0, 1.0)])

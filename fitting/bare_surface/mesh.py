@@ -1,32 +1,30 @@
-"""Where to start: the best node of a coarse mesh, and the best of separate basins.
+"""Where to start: the best place of a coarse mesh, and the best of separate basins.
 
-From the best of the 96 nodes 3 or 4 evaluations lead to the minimum, and for 60 angles, s and p, p
-alone or unpolarized, that minimum was the global one in every one of 4000 truths of each class
-(dielectric, weak absorber, semiconductor, metal), where guesses from one feature of the curve fail
-(the angle of least R_p: 8 % for unpolarized data; the closed form from R_s and R_p: 17 % for metals
-with noise). With 60 nodes it still was; with 36 it was not (0.8 % wrong for glass).
+All nodes are compared with all curves by matrix products of sums over the data, and between two
+neighbouring nodes the curve is taken to change linearly: the best place on such a segment, and what
+it misses there, then follow in closed form from the sums of its two ends. A mesh of nodes alone
+would have to be as fine as the basins are narrow, and the data fix the two coordinates very
+unequally: R(0) to the noise, the other one by the shape over angle only. Segments lie along the
+coordinate that is fixed well, so that the mesh is fine in the other one for little.
 
-All nodes are compared with all curves by one matrix product,
+From the best place 3 or 4 evaluations lead to the minimum, and for 60 angles, s and p or
+unpolarized, that is nearly always the global one. Further starts are the segments that miss less
+than their neighbours. Three meshes are used, by what the angles leave open (`kinds`):
 
-    sum w^2 (g - v)^2 = sum w^2 g^2 - 2 sum w^2 v g + (what is the same for all nodes),
+"coarse"  the ordinary curve. Starts of a further basin are followed only if they miss less than a
+          tenth of the data: nearly none.
+"fine"    few angles, or angles near normal incidence only: several solutions may fit.
+"open"    R_p alone over a limited range of angles. There are further minima however many angles
+          there are: indices below and above the one whose Brewster angle was measured, lossless
+          ones on a line of their own, absorbing ones between, and in total reflection one wherever
+          a critical angle falls between two data. Some 16 starts are followed.
 
-and further starts are nodes that are lower than their neighbours. Few angles can have several
-solutions (R_p at 60 and 75 degrees: 1.5 for a dielectric on average), so that there the mesh is
-finer, a line of nodes along k = 0 is added, and five further starts are followed: that finds the
-best solution of every one of 300 curves of each kind tried and 97 % of all that fit alike, where
-the coarse mesh and one further start found 89 and 73 %.
+In total reflection 1 - R is proportional to k, and a curve of small k is like no node of the plane;
+a block of its own has segments along k at each n.
 
-R_p alone has further minima over a limited range of angles, however many there are: indices below
-and above the one whose Brewster angle was measured, lossless ones on a line of their own, absorbing
-ones between, and in total reflection one wherever a critical angle falls between two data. With the
-coarse mesh 16 % of dielectrics from 50 to 75 degrees and 76 % of those of n 1.3 to 2 from 55 to 70
-ended in a wrong one; with the mesh "open", its dense lines of nodes and fifteen further starts, 8
-of 40,000 curves with ranges, noise and media at random. It takes some 40 evaluations for 4, and is
-used where the angles leave this open (`kinds`).
-
-In total reflection 1 - R is proportional to k, and a curve of small k is like no node of the mesh;
-without a line of nodes of their own 2 to 25 % of curves that see nothing else (11 angles from 62 to
-85 degrees, n .3 to .95, k 1e-4 to 1e-2) ended in a worse minimum, with it 0 to .2 %.
+The success study (`benchmarks.fit_success`, docs/status.md) is the measure of all this. With meshes
+of nodes alone, and more of them, ten times as many fits ended in a wrong minimum, and the median
+curve of few angles took three times the evaluations.
 """
 
 from __future__ import annotations
@@ -38,39 +36,53 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from fitting.bare_surface.coordinates import W_MIN, coordinates_of, index_derivatives, xi_of
+from fitting.bare_surface.coordinates import coordinates_of, index_derivatives, xi_of
 from fitting.bare_surface.reflectances import Curves, reflectances
 
 # Up to this many angles the fine mesh is used; its cost grows with their number.
 FEW_ANGLES = 24
 # R_p alone may have further minima where no angle below this one (degrees) is measured.
 OPEN_ABOVE_DEG = 10.0
+# Light near normal incidence tells one index from another by little: the fine mesh up to here.
+NARROW_BELOW_DEG = 40.0
 # Of a mixture that is R_p but for this part of R_s the same is true.
 NEARLY_P = 0.1
+# Of k / n in total reflection.
+SMALL_K = np.array([0.0, 2e-3, 2e-2])
+# Further starts of the coarse mesh that miss this share of the sum of squares of the data are left.
+HOPELESS = 0.1
 
 
 class Block(NamedTuple):
-    """Nodes in rows and columns, or in one row; lows: how many of its low nodes to start from."""
+    """Nodes in rows and columns; lows: how many of its low places to start from.
+
+    The curve is taken to change linearly from a row to the next.
+    """
 
     rows: int
     columns: int
     lows: int
 
+    @property
+    def nodes(self) -> int:
+        """How many nodes."""
+        return self.rows * self.columns
 
-NONE = Block(0, 1, 0)
+    @property
+    def segments(self) -> int:
+        """How many segments from a row to the next."""
+        return self.nodes - self.columns
 
 
 class Mesh(NamedTuple):
-    """Blocks of nodes. index: relative n and k, (2, J). points: x, w and chart, (3, J).
+    """Blocks of nodes, and the relative n and k of all of them, (2, J).
 
-    first: the best of so many blocks is where every fit starts; the low nodes of all are followed
+    Every fit starts at the best place of the first two blocks; the low places of each are followed
     beside it.
     """
 
     blocks: tuple[Block, ...]
-    first: int
     index: np.ndarray
-    points: np.ndarray
 
 
 def _spaced(low: float, high: float, count: int) -> np.ndarray:
@@ -78,39 +90,28 @@ def _spaced(low: float, high: float, count: int) -> np.ndarray:
     return 0.3 * np.sinh(np.linspace(np.arcsinh(low / 0.3), np.arcsinh(high / 0.3), count))
 
 
-def _mesh(
-    plane: Block, lowest: float, totally: Block, above: Block = NONE, below: Block = NONE
-) -> Mesh:
-    """Return a mesh: the plane; totally: n < 1 and a small k; above, below: k = 0, n > 1, n < 1."""
+def _mesh(plane: Block, lowest: float, totally: Block, *edges: Block) -> Mesh:
+    """Return a mesh: the plane; totally: n < 1 and a small k; edges: k = 0, n > 1 and n < 1."""
     x = np.repeat(_spaced(lowest, 8.0, plane.rows), plane.columns)
     w = np.tile((np.arange(plane.columns) + 0.5) / plane.columns, plane.rows) * 4.0 * xi_of(x)
-    n = np.repeat(np.linspace(0.99, 0.1, totally.rows), totally.columns)
-    # 1 - R is proportional to k there: one k stands for some decades of it.
-    k = n * np.tile([2e-3, 4e-4, 1e-2][: totally.columns], totally.rows)
-    # n from 1.02 to 110; evenly in log(n - 1), since two minima on this line may be as near to each
-    # other as 1.33 and 1.44 (16 angles, 73 to 83 degrees).
-    at_edge = 1.0 + np.geomspace(0.02, 110.0, above.rows)
-    at_edge = (at_edge - 1.0) ** 2 / (2.0 * at_edge)
-    at_edge = np.log1p(at_edge)
-    beyond = _spaced(5e-4, 2.0, below.rows)  # n from .97 to .07
-    edge = np.full(above.rows, W_MIN), np.ones(above.rows)
-    index = np.concatenate([
-        index_derivatives(x, w, np.ones_like(x))[:2],
-        [n, k],
-        index_derivatives(at_edge, *edge)[:2],
-        index_derivatives(beyond, np.full(below.rows, W_MIN), -np.ones(below.rows))[:2],
-    ], axis=1)  # fmt: skip
-    blocks = tuple(block for block in (plane, totally, above, below) if block.rows)
-    return Mesh(blocks, 2, index, coordinates_of(*index))
+    critical_angle = np.radians(np.linspace(88.0, 6.0, totally.columns))
+    n = np.tile(np.sin(critical_angle), totally.rows)
+    k = n * np.repeat(SMALL_K, totally.columns)
+    index = [index_derivatives(x, w, np.ones_like(x))[:2], (n, k)]
+    # n from 1.02 to 110, and from .97 to .07; evenly in log(n - 1) above, since two minima on this
+    # line may be as near to each other as 1.33 and 1.44 (16 angles, 73 to 83 degrees).
+    ends = (0.02, 110.0), (-0.03, -0.93)
+    for block, (first, last) in zip(edges, ends, strict=False):
+        index.append((1.0 + np.geomspace(first, last, block.rows), np.zeros(block.rows)))
+    blocks = plane, totally, *edges
+    return Mesh(blocks, np.concatenate(index, axis=1))
 
 
 # From R(0) = 1e-4 (n = 1.2; the fine ones 1e-6) to .999, all the way between the two ends k = 0.
 MESHES = {
-    "coarse": _mesh(Block(12, 8, 1), 0.02, Block(16, 1, 0)),
-    "fine": _mesh(Block(24, 16, 2), 0.002, Block(32, 1, 1), Block(48, 1, 2)),
-    "open": _mesh(
-        Block(32, 24, 6), 0.002, Block(64, 3, 4), Block(160, 1, 4), Block(32, 1, 1)
-    ),
+    "coarse": _mesh(Block(12, 8, 1), 0.02, Block(3, 48, 1)),
+    "fine": _mesh(Block(16, 24, 2), 0.002, Block(3, 48, 2), Block(48, 1, 2)),
+    "open": _mesh(Block(32, 80, 7), 0.002, Block(3, 96, 4), Block(160, 1, 4), Block(32, 1, 1)),
 }  # fmt: skip
 
 
@@ -118,18 +119,23 @@ def kinds(
     channels: tuple[str, ...],
     count: np.ndarray,
     lowest_deg: np.ndarray,
+    highest_deg: np.ndarray,
     s_share: np.ndarray,
     denser: bool,
 ) -> np.ndarray:
     """Return the mesh that each curve needs, (N,) keys of MESHES.
 
-    count: angles with data. lowest_deg: the least of them. s_share: the most of s in R.
+    count: angles with data. lowest_deg, highest_deg: of them. s_share: the most of s in R.
     denser: whether the light may come from the denser side, so that R_p has kinks.
     """
     few = count <= FEW_ANGLES
     p_alone = "R_s" not in channels and (np.asarray(s_share) < NEARLY_P) | ("R" not in channels)
     open_to_others = few | (lowest_deg > OPEN_ABOVE_DEG) | denser
-    return np.where(p_alone & open_to_others, "open", np.where(few, "fine", "coarse"))
+    return np.where(
+        p_alone & open_to_others,
+        "open",
+        np.where(few | (highest_deg < NARROW_BELOW_DEG), "fine", "coarse"),
+    )
 
 
 def node_curves(curves: Curves, channels: tuple[str, ...], mesh: str) -> list[Array]:
@@ -138,29 +144,57 @@ def node_curves(curves: Curves, channels: tuple[str, ...], mesh: str) -> list[Ar
     return list(reflectances(curves.cos_theta, curves.s_share, n, k, channels))
 
 
-def misfits(found: list[Array], curves: Curves, mesh: str) -> Array:
-    """Return (J, L): the sum of squares at each node, less what is the same for all nodes.
+def _misfits(found: list[Array], curves: Curves, mesh: str) -> tuple[Array, Array, Array]:
+    """Return the least sum of squares on each segment and where on it, from 0 to 1; (S, L) each.
 
-    In single precision with the coarse mesh, to save a twentieth of the time of a fit: its nodes
-    lie too far apart to be told from each other by rounding.
+    And the sum of squares of the data, (L,). In single precision with the coarse mesh, to save a
+    twentieth of the time of a fit: its nodes lie too far apart to be told from each other by
+    rounding.
     """
     precision = jnp.float32 if mesh == "coarse" else found[0].dtype
     most = jnp.stack([w.max(0) for w in curves.weights]).max(0)
     most = jnp.where(most > 0.0, most, 1.0)  # keeps squared weights in the range of float32
-    total = jnp.zeros((), precision)
-    for g, v, w in zip(found, curves.values, curves.weights, strict=True):
-        w2 = (w / most) ** 2
-        g, v, w2 = (a.astype(precision) for a in (g, v, w2))
-        if g.shape[-1] == 1:  # one set of angles: matrix products
-            g = g[:, :, 0]
-            total = total + (g * g) @ w2 - 2.0 * (g @ (w2 * v))
-        else:
-            total = total + (w2 * (g - 2.0 * v) * g).sum(1)
-    return total
+    weights = [((w / most) ** 2).astype(precision) for w in curves.weights]
+    values = [v.astype(precision) for v in curves.values]
+    of_data = jnp.stack([(w2 * v * v).sum(0) for v, w2 in zip(values, weights, strict=True)]).sum(0)
+    parts, begin = [], 0
+    for block in MESHES[mesh].blocks:
+        nodes = [g[begin : begin + block.nodes].astype(precision) for g in found]
+        parts.append(_along_segments(nodes, values, weights, block))
+        begin += block.nodes
+    misfit, along = (jnp.concatenate(part) for part in zip(*parts, strict=True))
+    return misfit + of_data, along, of_data
+
+
+def _along_segments(
+    nodes: list[Array], values: list[Array], weights: list[Array], block: Block
+) -> tuple[Array, Array]:
+    """Return the least misfit on each segment of a block, less sum w^2 v^2, and where on it.
+
+    Along a segment the curve g is taken to change linearly, so that the best place on it is that
+    of a straight line: t = sum w^2 d (v - g) / sum w^2 d^2 with d the change of g from end to end.
+    """
+
+    def summed(a: Array, weight: Array) -> Array:
+        """(J, M, 1 or L) and (M, 1 or L) -> (J, 1 or L)."""
+        if a.shape[-1] == 1:  # one set of angles: a matrix product
+            return a[:, :, 0] @ weight
+        return (a * weight).sum(1)
+
+    low, high = slice(block.segments), slice(block.columns, None)
+    of_data = square = product = jnp.zeros((), values[0].dtype)
+    for g, v, w2 in zip(nodes, values, weights, strict=True):
+        of_data = of_data + summed(g, w2 * v)
+        square = square + summed(g * g, w2)
+        product = product + summed(g[low] * g[high], w2)
+    slope = of_data[high] - of_data[low] - (product - square[low])
+    length = square[high] + square[low] - 2.0 * product
+    t = jnp.clip(slope / jnp.where(length > 0.0, length, 1.0), 0.0, 1.0)
+    return square[low] - 2.0 * of_data[low] - t * (2.0 * slope - t * length), t
 
 
 def _among_neighbours(misfit: Array) -> Array:
-    """Return the least value of each node and its neighbours in (A, B, L)."""
+    """Return the least value of each segment and its neighbours in (A, B, L)."""
     for axis in (0, 1):
         size = misfit.shape[axis]
         widths = [(1, 1) if a == axis else (0, 0) for a in range(3)]
@@ -171,29 +205,38 @@ def _among_neighbours(misfit: Array) -> Array:
 
 
 def _least(misfit: Array, allowed: Array) -> tuple[Array, Array]:
-    """Return the best allowed node, (1, L), and whether there is one, (L,).
+    """Return the best allowed segment, (1, L), and its misfit, (1, L), infinite if there is none.
 
     Plain minima: argmin runs as a scalar loop on the CPU, 4 times slower than all the rest.
     """
     values = jnp.where(allowed, misfit, jnp.inf)
     least = values.min(0, keepdims=True)
-    node = jnp.arange(len(misfit), dtype=misfit.dtype)[:, None]
-    node = jnp.where(values == least, node, jnp.inf).min(0, keepdims=True)
-    exists = jnp.isfinite(least[0])
-    return jnp.where(exists, node, 0.0), exists
+    number = jnp.arange(len(misfit), dtype=misfit.dtype)[:, None]
+    segment = jnp.where(values == least, number, jnp.inf).min(0, keepdims=True)
+    return jnp.where(jnp.isfinite(least), segment, 0.0), least
 
 
 def _lowest(misfit: Array, shape: tuple[int, int], taken: Array, count: int) -> list:
-    """Return ``count`` nodes lower than their neighbours, best first, other than ``taken``."""
+    """Return ``count`` segments lower than their neighbours, best first, other than ``taken``."""
     square = misfit.reshape(*shape, -1)
     allowed = (square <= _among_neighbours(square)).reshape(misfit.shape)
     number = jnp.arange(len(misfit), dtype=misfit.dtype)[:, None]
     chosen = []
     for _ in range(count):
         allowed &= number != taken
-        taken, exists = _least(misfit, allowed)
-        chosen.append((taken, exists))
+        taken, least = _least(misfit, allowed)
+        chosen.append((taken, least))
     return chosen
+
+
+def _ends_of_segments(blocks: tuple[Block, ...], index: np.ndarray) -> list[np.ndarray]:
+    """Return n and k at the beginning and at the end of each segment, (2, S) each."""
+    of_block = np.split(index, np.cumsum([block.nodes for block in blocks])[:-1], axis=1)
+    pairs = [
+        (a[:, : block.segments], a[:, block.columns :])
+        for a, block in zip(of_block, blocks, strict=True)
+    ]
+    return [np.concatenate(part, axis=1) for part in zip(*pairs, strict=True)]
 
 
 def mesh_starts(
@@ -203,16 +246,24 @@ def mesh_starts(
 
     found: of `node_curves`. The same number of further starts for all curves of one ``mesh``.
     """
-    blocks, first_of, _, points = MESHES[mesh]
-    misfit = misfits(found, curves, mesh)
-    ends = np.cumsum([block.rows * block.columns for block in blocks])
-    first, exists = _least(misfit[: ends[first_of - 1]], jnp.ones((), bool))
+    blocks, index = MESHES[mesh]
+    misfit, along, of_data = _misfits(found, curves, mesh)
+    hopeless = HOPELESS * of_data if mesh == "coarse" else jnp.inf
+    ends = np.cumsum([block.segments for block in blocks]).tolist()
+    first, _ = _least(misfit[: ends[1]], jnp.ones((), bool))
+    low, high = (jnp.asarray(a) for a in _ends_of_segments(blocks, index))
+
+    def point(segment: Array) -> Array:
+        here = segment[0].astype(int)
+        t = jnp.take_along_axis(along, here[None], 0).astype(index.dtype)
+        return coordinates_of(*(low[:, here] + t * (high - low)[:, here]), xp=jnp)
+
     further = []
-    for block, end in zip(blocks, ends.tolist(), strict=True):
-        begin = end - block.rows * block.columns
-        shape = (block.rows, block.columns)
-        low = _lowest(misfit[begin:end], shape, first - begin, block.lows) if block.lows else []
-        further += [(node + begin, exists) for node, exists in low]
-    at = jnp.asarray(points)
-    chosen = [(at[:, node[0].astype(int)], ok) for node, ok in [(first, exists), *further]]
-    return chosen[0][0], chosen[1:]
+    for block, end in zip(blocks, ends, strict=True):
+        begin = end - block.segments
+        shape = (block.rows - 1, block.columns)
+        further += [
+            (point(segment + begin), least[0] < hopeless)
+            for segment, least in _lowest(misfit[begin:end], shape, first - begin, block.lows)
+        ]
+    return point(first), further
