@@ -53,7 +53,7 @@ startup: .venv/installed-plot  ## where the time of the command fresnel-fit goes
 	$(BIN)/python benchmarks/startup.py
 
 CURVES ?= 1000000
-fit-study: .venv/installed-bench  ## how often the fit finds the best minimum, over measurements drawn at random (an hour; CURVES=100000 for less)
+fit-study: .venv/installed-bench  ## how often the fit finds the best minimum, over measurements drawn at random (an hour; CURVES=100000 for five minutes)
 	$(BIN)/python -m benchmarks.fit_success --curves $(CURVES) --out docs/benchmarks
 
 fit-coverage: .venv/installed-bench  ## how often the 95 % intervals hold the truth, over 1e4 repeats

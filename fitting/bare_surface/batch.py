@@ -31,7 +31,7 @@ MANY, LANES = 1024, 64
 SEVERAL = 256
 # Most lanes end within 4 evaluations; the others would make their whole group wait, so they are
 # collected and go on among themselves.
-FIRST_STEPS, MOST_STEPS = 4, 400
+FIRST_STEPS, MOST_STEPS = 4, 2000
 # Lanes with n < 1 that have not come to rest after that many creep along a bent valley; they take
 # up to as many steps in coordinates in which it is straighter, and then go on.
 CREEP_STEPS = 40
