@@ -1,0 +1,57 @@
+"""Other minima of a model fit: their errors, and which one is shown."""
+
+import numpy as np
+from estimates import sigmas, values
+from profiles import constant, measured, residuals
+
+from fitting import Measurement, fit, simulate
+
+
+def test_second_solutions_have_errors_of_their_own():
+    """R_p at two angles fits two materials; the other's errors by differences of the textbook's R
+    there."""
+    m = measured(constant, (1.7, 0.3), [60.0, 75.0], [0.6, 0.6, 0.6], 1e-3, 2, ("R_p",))
+    found = fit(m, "constant", errors="stated")
+    other = found.alternatives[0].parameters
+    at, of = np.array([other[n].value for n in found.names]), residuals(m, constant)
+    slopes = [(of(at + h) - of(at - h)) / 2e-6 for h in 1e-6 * np.eye(2)]
+    covariance = np.linalg.inv(np.array(slopes) @ np.array(slopes).T)
+    sigmas = [other[n].sigma for n in found.names]
+    np.testing.assert_allclose(sigmas, np.sqrt(np.diag(covariance)), rtol=1e-4)
+    assert {e.interval_kind for e in other.values()} <= {"quadratic", "profile"}
+    for estimate in other.values():
+        low, high = estimate.interval
+        assert low < estimate.value < high
+    text = " ".join(str(found).split())
+    assert text.partition("also fits")[2].partition("chi2")[0].count("+-") == 2
+
+
+def test_a_lower_minimum_on_the_way_is_taken():
+    """Two starts end in a wrong minimum; on the way to the ends of its intervals is the best."""
+    truth = {"eps_inf": 2.0, "strength_ev2_1": 6.0, "resonance_ev_1": 2.3, "width_ev_1": 0.5}
+    angle, wavelength = (
+        a.ravel() for a in np.meshgrid([45.0, 65.0, 75.0], np.linspace(0.4, 0.9, 14))
+    )
+    random = np.random.default_rng(2)
+    columns = {
+        q: simulate("lorentz", truth, angle, wavelength, q) + 1e-3 * random.standard_normal(42)
+        for q in ("R_s", "R_p")
+    }
+    m = Measurement.from_columns(angle, wavelength, sigma=1e-3, **columns)
+    wrong = fit(m, "lorentz", starts=2, seed=4, intervals="quadratic")
+    assert wrong.chi2_reduced > 1e3
+    found = fit(m, "lorentz", starts=2, seed=4)
+    assert found.chi2_reduced < 1.5
+    true = [truth[name] for name in found.names]
+    assert (np.abs(values(found) - true) < 4.5 * sigmas(found)).all()
+
+
+def test_the_shown_minimum_need_not_be_the_lowest_one():
+    """Near index match both n and 1 / n fit; n > 1 is shown, though 1 / n is .6 of chi2 lower."""
+    R = [0.0380, 0.0289, 0.0236, 0.0226, 0.0394, 0.0498]
+    m = Measurement.from_columns(np.arange(40.0, 46.0), R_s=R, sigma=0.01)
+    found = fit(m, "constant")
+    assert found.parameters["eta"].value > 1.0
+    (other,) = found.alternatives
+    assert other.parameters["eta"].value < 1.0 and -1.0 < other.delta_chi2 < 0.0
+    assert "0.56" in str(found)
