@@ -51,17 +51,13 @@ def test_a_case_that_tmm_publishes():
 
 
 def test_cases_that_other_programs_publish():
-    """Coated fused silica in the tests of prysm (B. Dube), quarter-wave mirrors in those of
+    """Coated fused silica in the tests of prysm (B. Dube), a quarter-wave mirror in those of
     TransferMatrix.jl (G. Stemo); to the digits that are given there."""
     w = 0.587725
-    one = stack(1.0, [1.0, 1.3698, 1.458461], [0.150], w)
-    assert abs(one.R_p - 0.022) < 1e-3
     index = [1.0, 1.3698, 2.1588, 1.629 + 0.0034836j, 1.458461]
     assert abs(stack(1.0, index, [w / 4, w / 2, w / 4], w).R_s - 0.0026) < 5e-4
-    for pairs, R in ((3, 0.883), (6, 0.994), (9, 0.999)):
-        thickness = [0.25 / 2.5, 0.25 / 1.5] * pairs
-        mirror = stack(1.0, [1.0, *[2.5, 1.5] * pairs, 1.5], thickness, 1.0)
-        assert abs(mirror.R - R) < 1e-3
+    mirror = stack(1.0, [1.0, *[2.5, 1.5] * 6, 1.5], [0.25 / 2.5, 0.25 / 1.5] * 6, 1.0)
+    assert abs(mirror.R - 0.994) < 1e-3
 
 
 def test_compiled_mapped_and_looped_calls_agree():
