@@ -5,8 +5,8 @@ With the quantities of `_boundary`, N = n + ik and D = N^2 - m^2:
     r_s = -D / S^2                 t_s = 2 m c / S
     r_p = D Y m^2 / (S X)^2        t_p = 2 m c N m / (S X)
 
-    dr_s = -2 N m c / (Q S^2) dN + 2 m D / (Q S^2) dc
-    dr_p = 2 N m^3 c Z / (Q S^2 X^2) dN + 2 m^3 N^2 D / (Q S^2 X^2) dc,    Z = Y + s^2 D
+    dr_s = -N t_s / (Q S) dN - 2 m r_s / Q dc
+    dr_p = N t_s m^2 Z / (Q S X^2) dN - 2 m^3 N^2 r_s / (Q X^2) dc,    Z = Y + s^2 D
 
 r is homogeneous of degree 0 in (N, m), t_s = 1 + r_s and t_p = (1 + r_p) m / N, which gives the
 other derivatives. At the critical angle itself (Q = 0) they are infinite; 0 is returned.
@@ -58,15 +58,17 @@ def _amplitudes_jvp(primals, tangents):
     per_s, per_x = _inverses(q)
     a, b = q.q
     per_q2 = reciprocal_or_zero(squared_modulus(q.q))
-    per_qs2 = times(times((a * per_q2, -b * per_q2), per_s), per_s)
+    per_q = (a * per_q2, -b * per_q2)
     contrast = _contrast(q, k)
     s_squared = (1.0 - c) * (1.0 + c)
     z = (q.y[0] + s_squared * contrast[0], q.y[1] + s_squared * contrast[1])
     m_over_x = times((m, None), per_x)
     index = (n, k)
 
-    s_dn = times(times((-2.0 * q.mc, None), index), per_qs2)
-    s_dc = times(times((2.0 * m, None), contrast), per_qs2)
+    # By t_s and r_s: Q S^2 alone would leave float32's range, for matched media at cos = 1e-12
+    of_r_s, of_t_s = ((lax.real(z), lax.imag(z)) for z in (r_s, t_s))
+    s_dn = times(times(index, times(of_t_s, per_q)), (-per_s[0], -per_s[1]))
+    s_dc = times(times((-2.0 * m, None), of_r_s), per_q)
     # m^2 Z / X^2 and m^2 N^2 / X^2 are formed first: N^2 X^-2 alone would leave float32's range
     p_dn = times(s_dn, times(times(z, m_over_x), m_over_x))
     p_dc = times(s_dc, times(times(index, m_over_x), times(index, m_over_x)))
