@@ -114,12 +114,6 @@ def _indices(random, size, eps):
     return (np.where(random.random(size) < 0.5, beside, decades(random, size, -2, 2)),)
 
 
-_TILTED = Function(
-    lambda r, s, e: (*two_directions(r, s, e), decades(r, s, -1, 1)),
-    (*TWO_DIRECTIONS, (0.1, 10.0)),
-    lambda *v: tuple(refract(jnp.stack(v[:3]), jnp.stack(v[3:6]), v[6]).direction),
-    _refract, 8.0, None, directions, (0, 1, 2, 3, 4, 5),
-)  # fmt: skip
 DIRECTIONS = {
     "critical and Brewster's angle, Snell's window": Function(
         _indices, ((1e-2, 1e2),),
@@ -134,9 +128,10 @@ DIRECTIONS = {
         lambda *v: tuple(reflect(jnp.stack(v[:3]), jnp.stack(v[3:]))), _reflect, 6.0, 12.0,
         directions,
     ),
-    "refract, tilted normals": _TILTED,
-    # Next to the critical angle the derivative turns with the rounding of the cosine.
-    "gradient of refract, tilted normals": _TILTED._replace(
-        bound=None, gradient_bound=24.0, conditioned=True
+    "refract, tilted normals": Function(
+        lambda r, s, e: (*two_directions(r, s, e), decades(r, s, -1, 1)),
+        (*TWO_DIRECTIONS, (0.1, 10.0)),
+        lambda *v: tuple(refract(jnp.stack(v[:3]), jnp.stack(v[3:6]), v[6]).direction),
+        _refract, 8.0, 24.0, directions, (0, 1, 2, 3, 4, 5),
     ),
 }  # fmt: skip

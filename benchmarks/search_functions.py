@@ -40,7 +40,8 @@ class Function(NamedTuple):
     fixed: tuple[int, ...] = ()  # arguments that the gradient leaves out
     amplified: bool = False  # the norm of a gradient counts with the factor scale / value, too
     shared: bool = False  # the results' gradients are measured by the largest of their norms
-    # by what a relative change of one eps in each argument does to the truth, where it is larger
+    # values are measured by what a relative change of one eps in each argument does to the truth,
+    # where it is larger, as all gradients are: beside a maximum or a zero nobody does better
     conditioned: bool = False
     # pairs (result, other): what such a change does to the other counts for the result, too
     coupled: tuple[tuple[int, int], ...] = ()
@@ -129,7 +130,7 @@ def errors(entry: Function, gradient: bool, columns, dtype) -> np.ndarray:
                 measured = [max(*pair, lost) for pair in zip(scales, norms, strict=True)]
                 # The second derivatives cost as much as twenty points: only where they decide.
                 worse = max(map(truediv, distances, measured)) > 0.9 * entry.gradient_bound * eps
-                if entry.conditioned and worse:
+                if worse:
                     sensitive = _sensitivities(entry, exact, len(true))
                     for result, other in entry.coupled:
                         sensitive[result] = max(sensitive[result], sensitive[other])

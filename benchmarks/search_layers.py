@@ -128,16 +128,12 @@ def _stack_entries(name, count):
     return {f"stack of {name}": value, f"gradient of stack of {name}": gradient}
 
 
-_SLAB = Function(
-    lambda r, s, e: (*boundary(r, s, e), decades(r, s, -4, 3), decades(r, s, -1, 1)),
-    (*BOUNDARY, (1e-4, 1e3), (0.1, 10.0)),
-    lambda c, n, k, m, d, w: tuple(layers.slab(c, n, k, d, w, m)), _slab, 24.0,
-)  # fmt: skip
 LAYERS = {
-    "slab": _SLAB,
-    # T may have a maximum over the angle, where the derivatives of its factors cancel.
-    "gradient of slab": _SLAB._replace(
-        bound=None, gradient_bound=100.0, amplified=True, conditioned=True
+    "slab": Function(
+        lambda r, s, e: (*boundary(r, s, e), decades(r, s, -4, 3), decades(r, s, -1, 1)),
+        (*BOUNDARY, (1e-4, 1e3), (0.1, 10.0)),
+        lambda c, n, k, m, d, w: tuple(layers.slab(c, n, k, d, w, m)), _slab, 24.0, 100.0,
+        amplified=True,
     ),
     **_stack_entries("one layer", 1),
     **_stack_entries("two layers", 2),
