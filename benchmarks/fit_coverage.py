@@ -11,6 +11,8 @@ The statistical error of a share near .95 is .2 % (one sigma).
 
 Then the same of measurements drawn at random (`random_measurements`: angles, quantity, noise,
 media, materials): one repeat of each, by quantity, class and lowest angle, of fits that converged.
+Where the fit names other solutions that fit nearly as well (`Fit.alternatives`), noise decides
+which of them is the lowest, and the intervals of all of them count together.
 
     python -m benchmarks.fit_coverage [--repeats 10000] [--curves 100000] [--seed 1]
 """
@@ -19,11 +21,14 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import jax
 import numpy as np
 
 from fitting import Fit, fit_many
+from fitting.result import Estimate
 from fresnel_jax import powers
 
 from .fit_success import A_GEOMETRY, draw
@@ -76,7 +81,7 @@ def study(case: tuple, repeats: int) -> dict:
         c: np.asarray(clean[c]) + noise * rng.standard_normal((repeats, len(angles)))
         for c in channels
     }
-    found = {"name": name, "eta": eta, "k": k, "regular": regular, "noise": noise}
+    found: dict = {"name": name, "eta": eta, "k": k, "regular": regular, "noise": noise}
     found["data"] = f"{' and '.join(channels)}, {len(angles)} angles"
     for kind, options in (("absolute", {"sigma": noise, "errors": "stated"}), ("scaled", {})):
         for intervals in ("quadratic", "profile"):
@@ -87,11 +92,30 @@ def study(case: tuple, repeats: int) -> dict:
     return found
 
 
-def random_study(curves: int, seed: int) -> list[tuple[tuple[str, str, str], int, float, float]]:
-    """Return cells of measurements drawn at random: fits that converged, shares that hold.
+class Cell(NamedTuple):
+    """What holds in one cell: quantity, class and bin of the lowest angle.
 
-    Cells are quantity, class and bin of the lowest angle; shares of the intervals of eta and of k.
+    fits: how many converged. several: of how many the fit names other solutions. eta, k: shares of
+    all whose interval holds the truth. of_one: the same, (2,), where no other solution is named.
     """
+
+    name: tuple[str, str, str]
+    fits: int
+    several: int
+    eta: float
+    k: float
+    of_one: np.ndarray
+
+
+def _holds(parameters: Mapping[str, Estimate], eta: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """Return whether the intervals of eta and of k hold the truth, (2, N)."""
+    ends = [parameters[name].interval for name in ("eta", "k")]
+    pairs = zip(ends, (eta, k), strict=True)
+    return np.stack([(end[:, 0] <= truth) & (truth <= end[:, 1]) for end, truth in pairs])
+
+
+def random_study(curves: int, seed: int) -> list[Cell]:
+    """Return cells of measurements drawn at random."""
     cells: dict[tuple[str, str, str], list[np.ndarray]] = {}
     for number in range(max(1, round(curves / A_GEOMETRY))):
         batch, _ = draw(seed, number)
@@ -100,33 +124,40 @@ def random_study(curves: int, seed: int) -> list[tuple[tuple[str, str, str], int
         result = fit_many(
             angles, **data, sample=f"{float(noisy.geometry.eta_i)!r} | free", intervals="auto"
         )
-        good = result.status == "converged"
-        hold = [
-            (ends[:, 0] <= truth) & (truth <= ends[:, 1])
-            for ends, truth in (
-                (result.parameters["eta"].interval, noisy.eta),
-                (result.parameters["k"].interval, noisy.k),
-            )
-        ]
+        hold = _holds(result.parameters, noisy.eta, noisy.k)
+        several = np.zeros(len(noisy.eta), bool)
+        for other in result.others:
+            several |= np.isfinite(other.delta_chi2)
+            hold |= _holds(other.parameters, noisy.eta, noisy.k)
         for kind in CLASSES:
-            mine = good & (noisy.kind == kind)
+            mine = (result.status == "converged") & (noisy.kind == kind)
             cell = (noisy.geometry.quantity, kind, noisy.geometry.angle_bin)
-            cells.setdefault(cell, []).append(np.stack(hold)[:, mine])
+            cells.setdefault(cell, []).append(np.stack([*hold, several])[:, mine])
     rows = []
     for cell, parts in sorted(cells.items()):
-        held_of = np.concatenate(parts, axis=1)
-        if held_of.shape[1]:
-            rows.append((cell, held_of.shape[1], *held_of.mean(1).tolist()))
+        *hold, several = np.concatenate(parts, axis=1)
+        if len(several):
+            eta, k = (float(one.mean()) for one in hold)
+            one = np.stack(hold)[:, ~several].mean(1)
+            rows.append(Cell(cell, len(several), int(several.sum()), eta, k, one))
     return rows
 
 
-def print_random(rows: list[tuple[tuple[str, str, str], int, float, float]]) -> None:
+def print_random(rows: list[Cell]) -> None:
     """Print the cells and the one with the least share."""
-    print("\n| data | class | lowest angle, degrees | fits | eta | k |\n" + "| --- " * 6 + "|")
-    for cell, count, eta, k in rows:
-        print(f"| {' | '.join(cell)} | {count} | {100.0 * eta:.1f} | {100.0 * k:.1f} |")
-    cell, count, eta, k = min(rows, key=lambda row: min(row[2:]))
-    print(f"\nworst cell: {', '.join(cell)}: {100.0 * eta:.1f}, {100.0 * k:.1f} % of {count}")
+    print("\n| data | class | lowest angle, degrees | fits | with other solutions | eta | k |"
+          " eta, k where there is one |")  # fmt: skip
+    print("| --- " * 8 + "|")
+    for row in rows:
+        one = ", ".join(f"{100.0 * share:.1f}" for share in row.of_one)
+        print(f"| {' | '.join(row.name)} | {row.fits} | {row.several} "
+              f"| {100.0 * row.eta:.1f} | {100.0 * row.k:.1f} | {one} |")  # fmt: skip
+    fits = sum(row.fits for row in rows)
+    eta, k = (sum(getattr(row, name) * row.fits for row in rows) / fits for name in ("eta", "k"))
+    print(f"\nall {fits}: {100.0 * eta:.1f}, {100.0 * k:.1f} %")
+    worst = min(rows, key=lambda row: min(row.eta, row.k))
+    print(f"worst cell: {', '.join(worst.name)}: {100.0 * worst.eta:.1f}, {100.0 * worst.k:.1f} %"
+          f" of {worst.fits}")  # fmt: skip
 
 
 def main() -> None:

@@ -58,6 +58,10 @@ def widened(fit: Fit) -> Fit:
     return replace(
         fit,
         parameters={n: _estimate(e, factor) for n, e in fit.parameters.items()},
+        others=tuple(
+            replace(a, parameters={n: _estimate(e, factor) for n, e in a.parameters.items()})
+            for a in fit.others
+        ),
         covariance=fit.covariance * square,
         errors=fit.errors._replace(widened=factor),
         findings=tuple(_finding(f, factor) for f in fit.findings),

@@ -153,9 +153,10 @@ def test_two_solutions_that_fit_alike_are_both_reported():
         assert abs(found.eta[i] - alternative_eta[i]) > 1e-3
         nearest = min(abs(found.eta[i] - eta[i]), abs(alternative_eta[i] - eta[i]))
         hits += nearest < 1e-5
-        (other,) = found.alternatives[i]
+        other = found.alternatives[i][0]
         assert other.parameters["eta"].value == alternative_eta[i]
-        assert "second solution" in " ".join(w.text for w in found.warnings[i])
+        said = "second solution", "other solutions"
+        assert any(one in w.text for w in found.warnings[i] for one in said)
     assert hits > 0.9 * len(twins)  # a few have a third solution
     single = np.isnan(alternative_eta) & (found.status != "undetermined")
     np.testing.assert_allclose(found.eta[single], eta[single], rtol=1e-5)

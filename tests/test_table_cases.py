@@ -9,6 +9,7 @@ from simulated import simulated, textbook
 from fitting import Measurement, fit
 from fitting.diagnostics import Finding
 from fitting.measurement import concatenate
+from fitting.output.estimates import reach
 from fitting.output.fit_page import fit_page
 from fitting.result import Alternative, Estimate
 
@@ -111,8 +112,9 @@ def test_a_k_that_is_only_limited_has_no_bare_error_at_a_wavelength():
 
 
 def test_a_second_solution_is_told_with_its_errors(absorber):
+    half = 0.25 * reach(absorber) * np.array([-1.0, 1.0])
     other = {
-        name: replace(e, value=e.value + 1.0, sigma=0.25)
+        name: replace(e, value=e.value + 1.0, sigma=0.25, interval=e.value + 1.0 + half)
         for name, e in absorber.parameters.items() if e.free
     }  # fmt: skip
     two = replace(absorber, others=(Alternative(parameters=other, delta_chi2=2.345, reached=3),))

@@ -26,13 +26,12 @@ from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.engine import Solved
 from fitting.bare_surface.estimate import Estimated, estimate
 from fitting.bare_surface.mirror import allowed_rise, like_mirrors
+from fitting.bare_surface.other_solutions import Other, other_solutions
 from fitting.bare_surface.region_intervals import Intervals, intervals
 from fitting.bare_surface.valley import Lanes, evaluate, open_to_the_other_end
 from fitting.misfit import misses_its_noise
 from fitting.noise_level import CHI2_LARGE, CHI2_SMALL, chi2_flags
 
-# A second solution is reported if its chi2 is less than this higher: 5 % of what two parameters do.
-ALTERNATIVE_CHI2 = 6.0
 # Two indices fit alike if their chi2 differs by less: two standard errors.
 ALIKE_CHI2 = 4.0
 # And nothing tells them apart if it differs by less than this.
@@ -51,14 +50,6 @@ def _extent(data: Data, angle_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
     low = np.where(some, angle, np.inf).min(1)
     high = np.where(some, angle, -np.inf).max(1)
     return low, high, np.sum([u.any(1) for u in used], axis=0)
-
-
-def _distinct(best: Estimated, other: Estimated) -> np.ndarray:
-    """Where the other minimum is another index, not the same one reached from another side."""
-    apart_eta, apart_k = np.abs(other.eta - best.eta), np.abs(other.k - best.k)
-    near = np.fmax(np.nan_to_num(best.sigma_eta), 1e-6 * best.eta)
-    near_k = np.fmax(np.nan_to_num(best.sigma_k), 1e-3 * best.k + 1e-6)
-    return (apart_eta > near) | (apart_k > np.fmax(near_k, np.nan_to_num(best.k_upper_limit)))
 
 
 def _undetermined(e: Estimated) -> np.ndarray:
@@ -143,7 +134,7 @@ def _codes(
 class Answer(NamedTuple):
     """What the engine found of N curves, each (N, ...), and where each code holds.
 
-    second: where there is another minimum, other; excess: by how much its chi2 is higher.
+    others: other indices that fit nearly as well, the best of them first.
     """
 
     solved: Solved
@@ -151,9 +142,7 @@ class Answer(NamedTuple):
     known: Intervals
     codes: dict[str, np.ndarray]
     status: np.ndarray
-    second: np.ndarray
-    other: Estimated
-    excess: np.ndarray
+    others: tuple[Other, ...]
     dof: np.ndarray
 
 
@@ -177,7 +166,7 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     stated = 1.0 if a.stated else np.where(dof < 3, ASSUMED_SIGMA**2, 0.0)
     with np.errstate(all="ignore"):
         scatter = np.fmax(np.where(dof > 0, s.cost / dof, 0.0), stated)
-        excess = (found.other.cost - s.cost) / scatter
+        excess = (np.array([other.cost for other in found.others]) - s.cost) / scatter
         inner = np.flatnonzero(~no_data & ~undetermined & ~matched & (e.eta < data.eta_i))
     if len(inner):
         part = Solved(*np.array(s)[:, inner])
@@ -196,19 +185,12 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     undetermined |= mirror
     e = _of_many_the_lossless(data, s, e, undetermined & ~mirror, scatter)
     failed = ~no_data & ~undetermined & ~matched & ~(s.done > 0)
-    second = (
-        ~(no_data | failed | undetermined | matched)
-        & (found.other.done > 0)
-        & (excess < ALTERNATIVE_CHI2)
-    )
-    if second.any():
-        other = estimate(data, found.other, **how)
-        second &= _distinct(e, other)
-    else:
-        other = e
+    possible = ~(no_data | failed | undetermined | matched)
+    others = other_solutions(data, found.others, excess, e, possible, how, wanted)
+    more = np.logical_or.reduce([other.there for other in others])
     codes = _codes(a, e, s, undetermined, mirror, on_circle, dof)
     codes = {code: at & ~failed & ~no_data for code, at in codes.items()}
-    codes = {"not_converged": failed, **codes, "other_minima": second & ~failed}
+    codes = {"not_converged": failed, **codes, "other_minima": more}
     status = np.select(
         [no_data, failed, undetermined],
         [result.NO_DATA, result.NOT_CONVERGED, result.UNDETERMINED],
@@ -242,9 +224,8 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
         "least_reflectance": bound,
     }  # fmt: skip
     return Answer(
-        solved=s, values=values, known=known, codes=codes, status=status, second=second,
-        other=other, excess=excess, dof=dof,
-    )  # fmt: skip
+        solved=s, values=values, known=known, codes=codes, status=status, others=others, dof=dof
+    )
 
 
 def start_points(start: Mapping[str, Any] | None, a: Arranged) -> np.ndarray | None:

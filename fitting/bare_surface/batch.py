@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import numpy as np
@@ -17,12 +17,18 @@ from fitting.bare_surface.coordinates import (
     W_MAX,
     W_MIN,
     from_eps,
-    index_derivatives,
     to_eps,
     xi_of,
 )
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.engine import Solved, solve
+from fitting.bare_surface.kept_minima import (
+    OTHERS,
+    Minima,
+    as_minima,
+    less_absorbing_first,
+    with_arrival,
+)
 from fitting.solver import START_DAMPING
 
 FEW = 8
@@ -40,8 +46,6 @@ CREEP_STEPS = 40
 FURTHER_STEPS = 10, 40
 # "Near": a cost less than 4 times the best one, or what an error of .3 % of all data costs.
 NEAR_COST, NEAR_SHARE = 4.0, 1e-5
-# What rounding of the data alone leaves of their sum of squares: exact curves.
-ROUNDING_COST = (64.0 * np.finfo(float).eps) ** 2
 _COST = Solved._fields.index("cost")
 _EVALUATIONS = Solved._fields.index("evaluations")
 _DONE = Solved._fields.index("done")
@@ -180,21 +184,6 @@ def _straightened(data: Data, solved: np.ndarray, todo: np.ndarray) -> None:
     solved[_EVALUATIONS, todo] = used
 
 
-class Minima(NamedTuple):
-    """The best minimum of every curve, and the runner-up (NaN where there is none)."""
-
-    best: Solved
-    other: Solved
-
-
-def _same(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Whether two solutions are one minimum, whatever their charts."""
-    p, q = Solved(*a), Solved(*b)
-    log_p, log_q = (s.chart * (2.0 * xi_of(s.x) - s.w) for s in (p, q))  # log|N|^2
-    near = np.abs(log_p - log_q) <= 1e-3 * (p.w + q.w) + 1e-6
-    return near & (np.abs(p.x - q.x) <= 1e-3 * p.x)
-
-
 def with_mesh(data: Data) -> tuple[Data, np.ndarray]:
     """Return the data with the mesh that most curves need, and that of each curve, (N,)."""
     some = np.logical_or.reduce([np.atleast_2d(w) > 0.0 for w in data.weights])
@@ -210,23 +199,22 @@ def with_mesh(data: Data) -> tuple[Data, np.ndarray]:
 
 
 def minima(data: Data, points: np.ndarray | None = None) -> tuple[Minima, Data]:
-    """Return the best minimum of every curve and the runner-up; and the data with their mesh.
+    """Return the minima of every curve, lowest first; and the data with their mesh.
 
     points: None, or (3, N): x, w and chart of one more start of each curve, beside the mesh's.
     """
     if not data.curves:
         return _minima(data, points), data
     data, kinds = with_mesh(data)
-    shape = len(Solved._fields), data.curves
-    best, other = np.full(shape, np.nan), np.full(shape, np.nan)
+    found = np.full((1 + OTHERS, len(Solved._fields), data.curves), np.nan)
     for mesh in dict.fromkeys(kinds.tolist()):
         mine = np.flatnonzero(kinds == mesh)
         if len(mine) == data.curves:
             return _minima(data, points), data
         part = data.take(mine)._replace(mesh=mesh)
         new = _minima(part, None if points is None else points[:, mine])
-        best[:, mine], other[:, mine] = np.array(new.best), np.array(new.other)
-    return Minima(Solved(*best), Solved(*other)), data
+        found[:, :, mine] = np.array([new.best, *new.others])
+    return as_minima(found), data
 
 
 def _minima(data: Data, points: np.ndarray | None) -> Minima:
@@ -234,12 +222,13 @@ def _minima(data: Data, points: np.ndarray | None) -> Minima:
         (FIRST_STEPS, np.inf), (CREEP_STEPS, np.inf), (MOST_STEPS, np.inf), (MOST_STEPS, -np.inf)
     ]  # fmt: skip
     best, further = _to_the_end(data, start_rows(data.curves), stages)
-    other = np.full_like(best, np.nan)
+    found = np.full((1 + OTHERS, *best.shape), np.nan)
+    found[0] = best
     if points is not None:
         further = np.concatenate([further, points[None]])
     has = np.isfinite(further[:, 0])
     if not has.any():
-        return Minima(Solved(*best), Solved(*other))
+        return as_minima(found)
     which, curve = np.nonzero(has)
     start = start_rows(len(curve), further[which, :, curve].T)
     part, least = data.take(curve), best[_COST, curve]
@@ -252,24 +241,5 @@ def _minima(data: Data, points: np.ndarray | None) -> Minima:
     for job in range(len(further)):
         mine = np.flatnonzero(which == job)
         todo, new = curve[mine], again[:, mine]
-        old, second = best[:, todo], other[:, todo]
-        total = old[_EVALUATIONS] + new[_EVALUATIONS]
-        # Of two arrivals at one minimum the first stays: which is lower is a matter of rounding.
-        same = _same(old, new)
-        swap = (new[_COST] < old[_COST]) & ~(same & (old[_DONE] > 0))
-        low, high = np.where(swap, new, old), np.where(swap, old, new)
-        # The runner-up stays, unless it is where the best minimum is now.
-        keep = same | ((second[_COST] <= high[_COST]) & ~_same(low, second))
-        low[_EVALUATIONS] = total
-        best[:, todo], other[:, todo] = low, np.where(keep, second, high)
-    return _less_absorbing_first(best, other)
-
-
-def _less_absorbing_first(best: np.ndarray, other: np.ndarray) -> Minima:
-    """Return the two, the one of smaller k first where only rounding tells which fits better."""
-    a, b = Solved(*best), Solved(*other)
-    k_a, k_b = (index_derivatives(s.x, s.w, s.chart)[1] for s in (a, b))
-    with np.errstate(invalid="ignore"):
-        swap = (b.cost <= ROUNDING_COST * b.scale) & (k_b < k_a) & (b.done > 0)
-    first, second = (Solved(*np.where(swap, *pair)) for pair in ((other, best), (best, other)))
-    return Minima(first._replace(evaluations=a.evaluations), second)
+        found[:, :, todo] = with_arrival(found[:, :, todo], new)
+    return less_absorbing_first(found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from fitting.bare_surface.answer import Answer, answer
 from fitting.bare_surface.arrange import Arranged
 from fitting.bare_surface.batch import fitted_curves
 from fitting.bare_surface.curve_data import Data
+from fitting.bare_surface.other_solutions import of_rows, put_rows
 from fitting.error_model import GAIN, ROUNDS, likeliest_floor
 from fitting.result import NO_DATA
 
@@ -47,17 +48,6 @@ def _with_floor(data: Data, s: np.ndarray) -> Data:
     return data._replace(weights=weights)
 
 
-def _put(old: Any, new: Any, at: np.ndarray) -> Any:
-    """Return ``old`` with ``new`` in the rows ``at`` of every array in it."""
-    if isinstance(old, dict):
-        return {name: _put(value, new[name], at) for name, value in old.items()}
-    if isinstance(old, tuple):
-        return type(old)(*(_put(a, b, at) for a, b in zip(old, new, strict=True)))
-    out = np.array(old)
-    out[at] = new
-    return out
-
-
 def with_common_error(
     a: Arranged, f: Answer, errors: str, start: np.ndarray | None, wanted: str
 ) -> tuple[Answer, Taken]:
@@ -78,7 +68,7 @@ def with_common_error(
     if not len(todo):
         return f, taken
     data = a.data.take(todo)
-    off, sigma = _residuals(data, _rows(f, todo))
+    off, sigma = _residuals(data, of_rows(f, todo))
     floor = likeliest_floor(off, sigma)
     better = (floor.s > 0.0) & ((floor.gain >= GAIN) | (errors == "floor"))
     todo, s = todo[better], floor.s[better]
@@ -98,12 +88,4 @@ def with_common_error(
     found = found._replace(values={**found.values, "chi2": chi2})
     taken.by_factor[todo] = np.stack([f.values["eta"][todo], f.values["k"][todo]], -1)
     taken.floor[todo], taken.gain[todo] = s, floor.gain
-    return _put(f, found, todo), taken
-
-
-def _rows(f: Any, at: np.ndarray) -> Any:
-    if isinstance(f, dict):
-        return {name: _rows(value, at) for name, value in f.items()}
-    if isinstance(f, tuple):
-        return type(f)(*(_rows(value, at) for value in f))
-    return np.asarray(f)[at]
+    return put_rows(f, found, todo), taken

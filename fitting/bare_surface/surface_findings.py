@@ -39,6 +39,20 @@ def _of_floor(f: Answer, taken: Taken) -> dict[str, np.ndarray]:
     return {"errors_floor": used, "errors_differ": used & np.logical_or(*apart)}
 
 
+def _of_others(f: Answer) -> dict[str, Any]:
+    """Return how many other solutions there are, and the best of them."""
+    there = [one.there for one in f.others]
+
+    def first(name: str) -> np.ndarray:
+        return np.select(there, [one.values[name] for one in f.others], np.nan)
+
+    return {
+        "count": np.sum(there, axis=0), "parameters": ("eta", "k"),
+        "delta_chi2": np.select(there, [one.excess for one in f.others], np.nan),
+        "values": np.stack([first("eta"), first("k")], -1),
+    }  # fmt: skip
+
+
 def findings(a: Arranged, f: Answer, taken: Taken, errors: str) -> tuple[Finding, ...]:
     v, s = f.values, f.solved
     with np.errstate(all="ignore"):
@@ -71,10 +85,7 @@ def findings(a: Arranged, f: Answer, taken: Taken, errors: str) -> tuple[Finding
         "no_degrees_of_freedom": {
             "n_data": s.count.astype(int), "unknowns": 2, "stated": np.isfinite(v["sigma_eta"]),
         },
-        "other_minima": {
-            "count": 1, "delta_chi2": f.excess, "parameters": ("eta", "k"),
-            "values": np.stack([f.other.eta, f.other.k], -1),
-        },
+        "other_minima": _of_others(f),
     }  # fmt: skip
     codes = f.codes | _of_floor(f, taken)
     floored = np.stack([v["eta"], v["k"]], -1)

@@ -13,6 +13,8 @@ from fitting.bare_surface.arrange import Arranged, of_arrays, of_measurement
 from fitting.bare_surface.batch import fitted_curves
 from fitting.bare_surface.common_error import Taken, with_common_error
 from fitting.bare_surface.curves import SurfaceCurves
+from fitting.bare_surface.other_solutions import Other
+from fitting.bare_surface.region_intervals import Intervals
 from fitting.bare_surface.residual_order import Order, order_of_residuals
 from fitting.bare_surface.surface_findings import findings, shaped
 from fitting.diagnostics import Finding, Warning
@@ -24,7 +26,6 @@ from fitting.result import (
     CONVERGED,
     FITTED,
     NO_DATA,
-    NONE,
     NOT_CONVERGED,
     UNDETERMINED,
     Alternative,
@@ -39,9 +40,10 @@ from fitting.uncertainty.intervals import check_intervals
 from fitting.widening import widened
 
 
-def _estimates(a: Arranged, f: Answer) -> dict[str, Estimate]:
-    known, v = f.known, f.values
-    clear = f.status == CONVERGED
+def _estimates(
+    a: Arranged, v: Mapping[str, np.ndarray], known: Intervals, clear: np.ndarray
+) -> dict[str, Estimate]:
+    """Return eta and k from values and intervals of N curves. clear: (N,), what is determined."""
     open_ = np.where(clear, FITTED, UNDETERMINED)
     of_k = np.where(v["at_zero"], AT_LOWER, open_)
     kind = shaped(known.kind, a)
@@ -59,28 +61,13 @@ def _estimates(a: Arranged, f: Answer) -> dict[str, Estimate]:
     }  # fmt: skip
 
 
-def _alternatives(a: Arranged, f: Answer) -> tuple[Alternative, ...]:
-    """Return the second solution, NaN in curves that have none; no more than one is looked for."""
-    if not f.second.any():
-        return ()
-
-    def estimate(name: str) -> Estimate:
-        value = np.where(f.second, getattr(f.other, name), np.nan)
-        nothing = np.full_like(value, np.nan)
-        return Estimate(
-            name=name, value=shaped(value, a), sigma=shaped(nothing, a),
-            interval=shaped(np.stack([nothing, nothing], -1), a),
-            interval_kind=shaped(np.full(value.shape, NONE), a),
-            status=shaped(np.full(value.shape, FITTED), a), upper_limit=shaped(nothing, a),
-        )  # fmt: skip
-
-    excess = np.where(f.second, f.excess, np.nan)
-    return (
-        Alternative(
-            parameters={name: estimate(name) for name in ("eta", "k")},
-            delta_chi2=shaped(excess, a), reached=shaped(np.full_like(excess, np.nan), a),
-        ),
-    )  # fmt: skip
+def _alternative(a: Arranged, other: Other) -> Alternative:
+    """Return another solution, NaN in curves that have none."""
+    return Alternative(
+        parameters=_estimates(a, other.values, other.known, other.there),
+        delta_chi2=shaped(other.excess, a),
+        reached=shaped(np.full_like(other.excess, np.nan), a),
+    )
 
 
 def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> Fit:
@@ -94,7 +81,7 @@ def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> F
         chi2_reduced = np.where(f.dof > 0, v["chi2"] / f.dof, np.nan)
         rms = np.sqrt(s.plain / s.count)
         informed = np.asarray(np.isfinite(v["information"]).all((1, 2)))
-    estimates = _estimates(a, f)
+    estimates = _estimates(a, v, f.known, f.status == CONVERGED)
     return Fit(
         sample=sample, parameters=estimates, covariance=shaped(v["covariance"], a),
         wavelength_um=shaped(a.wavelength_um, a), chi2=shaped(v["chi2"], a),
@@ -106,7 +93,8 @@ def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> F
             floor=shaped(taken.floor, a), stated=a.stated, widened=shaped(np.ones(len(rms)), a),
         ),
         evaluations=shaped(s.evaluations.astype(int), a), cost=shaped(s.cost, a),
-        findings=findings(a, f, taken, errors), others=_alternatives(a, f),
+        findings=findings(a, f, taken, errors),
+        others=tuple(_alternative(a, one) for one in f.others if one.there.any()),
         evaluator=SurfaceCurves(
             eta=v["eta"], k=v["k"], sigma_eta=v["sigma_eta"], sigma_k=v["sigma_k"],
             information=np.where(informed[:, None, None], v["information"], np.nan),

@@ -12,10 +12,12 @@ from fitting.output.estimates import (
     is_material,
     k_is_limited,
     k_text,
+    reach,
     symbols,
+    value_text,
 )
-from fitting.output.numbers import number, size_text, with_error, with_unit
-from fitting.result import UNDETERMINED, Alternative, Fit
+from fitting.output.numbers import interval_text, number, size_text, with_error
+from fitting.result import UNDETERMINED, Alternative, Estimate, Fit
 from fitting.visible import visible
 
 Facts = list[tuple[str, str]]
@@ -163,11 +165,18 @@ def status_text(fit: Fit) -> str:
     return text
 
 
+def _of_second(e: Estimate, student: float) -> str:
+    """Return a value with its standard error, or with its interval where that says otherwise."""
+    text, ends = value_text(e, student), interval_text(*np.asarray(e.interval, float).tolist())
+    unclear = ends and "+-" not in text and not math.isfinite(e.upper_limit)
+    return f"{text} ({ends})" if unclear else text
+
+
 def alternative_text(fit: Fit, other: Alternative) -> str:
     """Return a second solution: its values with their errors, and how much worse it fits."""
+    student = reach(fit)
     values = ", ".join(
-        f"{_shown(fit, name)} {with_unit(with_error(float(e.value), float(e.sigma)), e.unit)}"
-        for name, e in other.parameters.items()
+        f"{_shown(fit, name)} {_of_second(e, student)}" for name, e in other.parameters.items()
     )
     higher = f"higher by {abs(other.delta_chi2):.2g}"
     return f"{values} (chi2 {higher if other.delta_chi2 >= 0.0 else higher.replace('high', 'low')})"

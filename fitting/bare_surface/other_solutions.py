@@ -1,0 +1,110 @@
+"""Other indices that fit a curve nearly as well as the best: their values, errors, intervals."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from fitting.bare_surface.curve_data import Data
+from fitting.bare_surface.engine import Solved
+from fitting.bare_surface.estimate import Estimated, estimate
+from fitting.bare_surface.region_intervals import NONE, PROFILE, QUADRATIC, Intervals, intervals
+
+# Another solution is reported if its chi2 is less than this higher: 5 % of what two parameters do.
+ALTERNATIVE_CHI2 = 6.0
+
+
+class Other(NamedTuple):
+    """One more solution of N curves, NaN in those that have none.
+
+    there: (N,), which have one. excess: (N,), by how much its chi2 is higher. values: name -> (N,),
+    as in `Answer`. known: its intervals.
+    """
+
+    there: np.ndarray
+    excess: np.ndarray
+    values: dict[str, np.ndarray]
+    known: Intervals
+
+
+def of_rows(of: Any, rows: np.ndarray) -> Any:
+    """Return the rows of every array in a tuple of them, however nested."""
+    return jax.tree.map(lambda a: np.asarray(a)[rows], of)
+
+
+def put_rows(old: Any, new: Any, rows: np.ndarray) -> Any:
+    """Return ``old`` with ``new`` in the rows of every array in it."""
+
+    def put(a: Any, b: Any) -> np.ndarray:
+        out = np.array(a)
+        out[rows] = b
+        return out
+
+    return jax.tree.map(put, old, new)
+
+
+def _nothing(like: Any, count: int) -> Any:
+    """Return as many rows of nothing: NaN, False, or the kind of interval that is none."""
+
+    def empty(a: np.ndarray) -> np.ndarray:
+        kind = {"b": False, "U": NONE}.get(a.dtype.kind, np.nan)
+        return np.full((count, *a.shape[1:]), kind, a.dtype)
+
+    return jax.tree.map(empty, like)
+
+
+def _distinct(known: Estimated, other: Estimated) -> np.ndarray:
+    """Where the other minimum is another index, not the same one reached from another side."""
+    i_nn, i_nu, i_uu = (known.information[:, i, j] for i, j in ((0, 0), (0, 1), (1, 1)))
+    with np.errstate(all="ignore"):
+        sigma_u = np.sqrt(known.variance * i_nn / (i_nn * i_uu - i_nu**2))  # u = k^2
+        apart_eta, apart_u = np.abs(other.eta - known.eta), np.abs(other.k**2 - known.k**2)
+        near = np.fmax(np.nan_to_num(known.sigma_eta), 1e-6 * known.eta)
+        near_u = np.fmax(np.nan_to_num(2.0 * sigma_u), 2e-3 * known.k**2 + 1e-12)
+        return (apart_eta > near) | (apart_u > near_u) | np.isnan(known.eta)
+
+
+def _other(data: Data, s: Solved, e: Estimated, excess: np.ndarray, wanted: str) -> Other:
+    """Return a solution of all curves of ``data``."""
+    no = np.zeros(len(excess), bool)
+    known = intervals(
+        data, s, e, wanted=wanted, blank=no, undetermined=no, nothing=no, matched=no
+    )  # fmt: skip
+    known = known._replace(kind=known.kind.astype(f"<U{len(QUADRATIC)}"))
+    # As of the best one: the limit of k is the upper end of its interval by profile.
+    unseen = np.isfinite(e.k_upper_limit) & (known.kind == PROFILE)
+    values = {
+        "eta": e.eta, "k": e.k, "sigma_eta": e.sigma_eta, "sigma_k": e.sigma_k,
+        "limit": np.where(unseen, known.k[:, 1], e.k_upper_limit), "at_zero": e.at_zero,
+    }  # fmt: skip
+    return Other(~no, excess, values, known)
+
+
+def other_solutions(
+    data: Data,
+    others: tuple[Solved, ...],
+    excess: np.ndarray,
+    best: Estimated,
+    possible: np.ndarray,
+    how: dict[str, Any],
+    wanted: str,
+) -> tuple[Other, ...]:
+    """Return the other solutions, lowest first, each as if its minimum were the best one.
+
+    excess: (K, N), by how much the chi2 of ``others`` is higher than that of ``best``. possible:
+    (N,), where they are looked for. how: options of `estimate`. wanted: kind of the intervals.
+    """
+    found, earlier, count = [], [best], len(possible)
+    for s, more in zip(others, excess, strict=True):
+        with np.errstate(invalid="ignore"):
+            rows = np.flatnonzero(possible & (s.done > 0) & (more < ALTERNATIVE_CHI2))
+        part, solved = data.take(rows), of_rows(s, rows)
+        e = estimate(part, solved, **{**how, "sin_max": how["sin_max"][rows]})
+        new = np.logical_and.reduce([_distinct(of_rows(one, rows), e) for one in earlier])
+        rows, e, solved = rows[new], of_rows(e, new), of_rows(solved, new)
+        earlier.append(put_rows(_nothing(e, count), e, rows))
+        one = _other(data.take(rows), solved, e, more[rows], wanted)
+        found.append(put_rows(_nothing(one, count), one, rows))
+    return tuple(found)
