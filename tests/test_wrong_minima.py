@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.fit_success import draw
 from benchmarks.random_measurements import draw_batch, draw_geometry, textbook
 from fitting import fit_many
 
@@ -114,6 +115,15 @@ def test_where_noise_decides_between_solutions_one_of_them_holds_the_truth():
 def within(estimate, truth):
     low, high = estimate.interval.T
     return (low <= truth) & (truth <= high)
+
+
+@pytest.mark.parametrize(("geometry", "curve"), [(143, 948), (383, 879), (451, 938), (471, 983)])
+def test_the_slowest_of_a_million_curves_come_to_rest(geometry, curve):
+    """R_s in total reflection, of the success study with seed 6468033: cut off at 584 steps."""
+    batch, _ = draw(6468033, geometry)
+    angles, data = batch.take(np.array([curve])).padded()
+    found = fit_many(angles, **data, sample=f"{batch.geometry.eta_i!r} | free")
+    assert found.status[0] == "converged"
 
 
 @pytest.mark.study

@@ -7,6 +7,7 @@ many curves there are; that is the business of `batch`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -80,12 +81,24 @@ def _last_step(
     return y, weighted, plain, found
 
 
+def _if_wanted(wanted: Array, make: Callable[[], Any]) -> Any:
+    """Return ``make()``, or zeros of its shapes: where every start is given no mesh is computed.
+
+    A mesh costs as much as 10 to 50 evaluations, and the ends of an interval by profile take dozens
+    of calls of the program.
+    """
+    shapes = jax.eval_shape(make)
+    return jax.lax.cond(
+        wanted, make, lambda: jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), shapes)
+    )
+
+
 def _solve_lanes(
-    curves: Curves, start: Array, found: list[Array], max_steps: Array, channels: tuple[str, ...],
-    mesh: str,
+    curves: Curves, start: Array, found: Callable[[], list[Array]], max_steps: Array,
+    channels: tuple[str, ...], mesh: str,
 ) -> tuple[Array, Array, tuple[Array, ...]]:  # fmt: skip
-    first, more = starts.mesh_starts(curves, found, mesh)
     given = jnp.isfinite(start[0])
+    first, more = _if_wanted(~given.all(), lambda: starts.mesh_starts(curves, found(), mesh))
     x, w, chart = (jnp.where(given, s, f) for s, f in zip(start[:3], first, strict=True))
     y = jnp.stack([x, jnp.minimum(w, start[4])])
     by_eps = chart == co.EPS
@@ -174,13 +187,17 @@ def _solve(
 
     once = None
     if "cos_theta" in shared:
-        once = starts.node_curves(
-            curves_of({**shared, "values": (), "weights": ()}), channels, mesh
+        angles = curves_of({**shared, "values": (), "weights": ()})
+        once = _if_wanted(
+            ~jnp.isfinite(start[0]).all(), lambda: starts.node_curves(angles, channels, mesh)
         )
 
     def one_group(parts: dict[str, Any]) -> tuple[Array, Array, tuple[Array, ...]]:
         curves = curves_of({**shared, **parts})
-        found = starts.node_curves(curves, channels, mesh) if once is None else once
+
+        def found() -> list[Array]:
+            return starts.node_curves(curves, channels, mesh) if once is None else once
+
         solved, further, at = _solve_lanes(curves, parts["start"], found, max_steps, channels, mesh)
         return solved, further, at if fitted else ()
 
