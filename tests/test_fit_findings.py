@@ -155,8 +155,7 @@ def test_two_solutions_that_fit_alike_are_both_reported():
         hits += nearest < 1e-5
         other = found.alternatives[i][0]
         assert other.parameters["eta"].value == alternative_eta[i]
-        said = "second solution", "other solutions"
-        assert any(one in w.text for w in found.warnings[i] for one in said)
+        assert "other_minima" in {w.code for w in found.warnings[i]}
     assert hits > 0.9 * len(twins)  # a few have a third solution
     single = np.isnan(alternative_eta) & (found.status != "undetermined")
     np.testing.assert_allclose(found.eta[single], eta[single], rtol=1e-5)

@@ -16,6 +16,7 @@ from fitting import Measurement, cli, fit, read_csv
 from fitting.progress import listening
 
 WAVELENGTHS = np.linspace(0.4, 0.8, 9)
+HEAD = "angle_deg,wavelength_um,psi,delta"
 
 
 def closed_form(angle_deg, psi_deg, delta_deg):
@@ -63,8 +64,7 @@ def bare(tmp_path_factory):
     substrate = 0.2 + WAVELENGTHS - 1j * (1.0 + 4.0 * WAVELENGTHS)
     psi, delta = film(70.0, WAVELENGTHS, 1.5, substrate, 0.0)
     path = tmp_path_factory.mktemp("bare") / "bare.csv"
-    angle = np.full(len(psi), 70.0)
-    return table(path, angle, WAVELENGTHS, psi, delta, head="angle_deg,wavelength_um,psi,delta")
+    return table(path, np.full(len(psi), 70.0), WAVELENGTHS, psi, delta, head=HEAD)
 
 
 @pytest.fixture(scope="module")
@@ -72,8 +72,7 @@ def coated(tmp_path_factory):
     """A clear film on glass at 60 degrees, by wavelength."""
     psi, delta = film(60.0, WAVELENGTHS, 2.1, 1.46, 0.17)
     path = tmp_path_factory.mktemp("coated") / "coated.csv"
-    angle = np.full(len(psi), 60.0)
-    return table(path, angle, WAVELENGTHS, psi, delta, head="angle_deg,wavelength_um,psi,delta")
+    return table(path, np.full(len(psi), 60.0), WAVELENGTHS, psi, delta, head=HEAD)
 
 
 def test_the_oracle_knows_a_bare_surface():

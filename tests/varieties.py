@@ -7,17 +7,15 @@ from __future__ import annotations
 
 from reading import (
     ANGLES,
-    DELTA,
     ERRORS,
-    NANOMETRES,
     PERCENT,
-    PSI,
     R_P,
     R_S,
     Variety,
     comma,
     rows,
 )
+from varieties_ellipsometry import ELLIPSOMETRY
 
 BODY = rows(ANGLES, R_S, R_P)
 BOTH = {"R_s": R_S, "R_p": R_P}
@@ -29,7 +27,7 @@ def _words(s: str, p: str) -> bytes:
     return ("aoi_deg,pol,R\n" + _long.replace(",s,", f",{s},").replace(",p,", f",{p},")).encode()
 
 
-VARIETIES = {
+VARIETIES = ELLIPSOMETRY | {
     "own format": Variety(
         (
             "# Gold film, 532 nm. Source: a laboratory; licence: "
@@ -111,19 +109,7 @@ VARIETIES = {
     "quoted header with a comma": Variety(
         b'"Angle, deg","R_s, -","R_p, -"\n' + BODY.encode(), BOTH
     ),
-    "typographic minus": Variety(
-        (
-            "psi,aoi,delta\n"
-            + rows(PSI, ANGLES, DELTA).replace("-", "\u2212").replace("0.4e2", "40")
-        ).encode(),
-        {"psi": PSI, "delta": DELTA},
-    ),
     "units row": Variety(b"AOI,Rs,Rp\ndeg,-,-\n" + BODY.encode(), BOTH),
-    "names and units behind #": Variety(
-        b"#AOI\tDelta\tPsi\tZone\n#deg\tdeg\tdeg\t-\n\t\t\t\n"
-        + rows(ANGLES, DELTA, PSI, ("4", "2", "4", "2", "4"), mark="\t").encode(),
-        {"psi": PSI, "delta": DELTA},
-    ),
     "settings above": Variety(
         b"Time1=177ms:Objective=100x (6/18/2025 5:37:33 PM)\nReflectance\n100x\nAvg1: 10.000000\n\n"
         b"angle (deg),R s (-),R p (-)\n" + BODY.encode(),
@@ -152,10 +138,6 @@ VARIETIES = {
     ),
     "column without numbers": Variety(
         b"angle,Rs,reflectance s,Rp\n" + rows(ANGLES, R_S, ("",) * 5, R_P).encode(), BOTH
-    ),
-    "polarization beside psi": Variety(
-        b"pol,aoi,psi,delta\n" + rows(("0",) * 5, ANGLES, PSI, DELTA).encode(),
-        {"psi": PSI, "delta": DELTA},
     ),
     "settings with a cell of their own": Variety(
         b"instrument,goniometer,\nlaser,532,\nangle_deg,R_s,R_p\n" + BODY.encode(),
@@ -262,35 +244,10 @@ VARIETIES = {
         BOTH,
         {"columns": "angle=1,R_s=2,R_p=3"},
     ),
-    "psi and delta": Variety(
-        b"Angle of Incidence,Psi,Delta\n" + rows(ANGLES, PSI, DELTA).encode(),
-        {"psi": PSI, "delta": DELTA},
-    ),
-    "rad said, degrees held, settled": Variety(
-        b"AOI (deg),PSI (rad),DELTA (rad)\n" + rows(ANGLES, PSI, DELTA).encode(),
-        {"psi": PSI, "delta": DELTA},
-        {"psi_unit": "deg"},
-    ),
-    "zones": Variety(
-        b"#AOI\tDelta\tPsi\tZone\n"
-        + rows(ANGLES, DELTA, PSI, ("1", "2", "3", "4", "1"), mark="\t").encode()
-        + b"50\t9\t0.2\t5\n50\t160\t30\t0\n",
-        {"psi": PSI, "delta": DELTA},
-        {"keep": "Zone=1,2,3,4"},
-    ),
     "orso": Variety(
         b"# # ORSO reflectivity data file | 1.0 standard | YAML encoding\n# data_source:\n"
         b"# # aoi (deg)    R ()    sR\n" + rows(ANGLES, R_S, ERRORS, mark=" ").encode(),
         {"R": R_S},
-    ),
-    "woollam": Variety(
-        b"film\nVASEmethod[EllipsometerType=4, AcqTime=30.013]\nOriginal[film.dat]\nnm\n"
-        + "".join(
-            f"E\t{w}\t{a}\t{p}\t{d}\t0.0140\t0.0318\ndPolE\t{w}\t0.000\t-5.2834\t1.0000\n"
-            for w, a, p, d in zip(NANOMETRES, ANGLES, PSI, DELTA, strict=True)
-        ).encode(),
-        {"psi": PSI, "delta": DELTA},
-        name="film.dat",
     ),
     "two blocks, one read": Variety(
         b"angle,Rs,Rp\n" + BODY.encode() + b"wavelength,n,k\n0.5,1,2\n0.6,1.1,2.2\n",

@@ -109,9 +109,11 @@ def _mesh(plane: Block, lowest: float, totally: Block, *edges: Block) -> Mesh:
 
 # From R(0) = 1e-4 (n = 1.2; the fine ones 1e-6) to .999, all the way between the two ends k = 0.
 MESHES = {
-    "coarse": _mesh(Block(12, 8, 1), 0.02, Block(3, 48, 1)),
-    "fine": _mesh(Block(16, 24, 2), 0.002, Block(3, 48, 2), Block(48, 1, 2)),
-    "open": _mesh(Block(32, 80, 7), 0.002, Block(3, 96, 4), Block(160, 1, 4), Block(32, 1, 1)),
+    "coarse": _mesh(Block(12, 8, 1), 0.02, Block(len(SMALL_K), 48, 1)),
+    "fine": _mesh(Block(16, 24, 2), 0.002, Block(len(SMALL_K), 48, 2), Block(48, 1, 2)),
+    "open": _mesh(
+        Block(32, 80, 7), 0.002, Block(len(SMALL_K), 96, 4), Block(160, 1, 4), Block(32, 1, 1)
+    ),
 }  # fmt: skip
 
 
