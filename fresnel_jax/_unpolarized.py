@@ -35,7 +35,7 @@ from ._arithmetic import (
     times,
     two_product,
 )
-from ._boundary import lossless_sums, unsigned, within_one
+from ._boundary import doubled_re_q2, lossless_sums, unsigned, within_one
 from ._powers import _along, contrast_over_s2
 
 
@@ -48,7 +48,7 @@ def unpolarized_kernel(c, n, k, m, compensated=True):
     same elsewhere, at .6 of the cost.
     """
     c = within_one(c)
-    re_q2 = lossless_sums(c, n, m, exactly=False)[0] if compensated else _re_q2_plain(c, n, m)
+    re_q2 = doubled_re_q2(c, n, m) if compensated else _re_q2_plain(c, n, m)
     p = _Parts(c, n, k, m, _root(re_q2, n, k, complex_sqrt))
     return _reflected(p, reciprocal_or_zero(p.s2), p.u / one_if_zero(p.x2))
 
@@ -133,7 +133,7 @@ def _reflected(p: _Parts, per_s2, u_per_x2):
 
 def _unpolarized_jvp(compensated, primals, tangents):
     (c, sign), n, k, m = unsigned(primals[0]), *primals[1:]
-    re_q2 = lossless_sums(c, n, m, exactly=True)[0] if compensated else _re_q2_plain(c, n, m)
+    re_q2 = lossless_sums(c, n, m)[0] if compensated else _re_q2_plain(c, n, m)
     p = _Parts(c, n, k, m, _root(re_q2, n, k, shared_sqrt))
     C, sigma, m2 = p.C, p.sigma, p.m2
     s2_x2 = p.s2 * p.x2

@@ -99,3 +99,23 @@ def test_beside_a_narrow_resonance(dtype):
             true = mp.sqrt(1 + mp.mpf(float(strength)) / distance)
             ours = mp.mpc(float(found.eta), float(found.k))
             assert abs(ours - true) <= 12 * eps * abs(true)
+
+
+@DTYPES
+@pytest.mark.parametrize("with_m", [False, True])
+def test_reflectance_at_the_critical_angle_of_small_indices(dtype, with_m):
+    """m^2 s^2 is summed as m^2 (1 - c)(1 + c): as m^2 - (m c)^2 it had 27 eps at n = m / 100."""
+    random = np.random.default_rng(20261123)
+    size, eps = 400, float(np.finfo(dtype).eps)
+    m = random.uniform(1.0, 20.0, size).astype(dtype) if with_m else np.ones(size, dtype)
+    sine = 10.0 ** random.uniform(np.log10(2.0 * np.sqrt(eps)), -0.3, size)
+    c = np.sqrt((1.0 - sine) * (1.0 + sine)).astype(dtype)
+    # Of these cosines, as they are rounded, the index at whose critical angle they lie.
+    near = [m_ * mp.sqrt((1 - mp.mpf(float(c_))) * (1 + c_)) for c_, m_ in zip(c, m, strict=True)]
+    n = np.array(near, float) * (1.0 + eps * random.integers(0, 9, size))
+    n = n.astype(dtype)
+    found = reflectance(c, n, eta_i=m) if with_m else reflectance(c, n)
+    with mp.workdps(oracle.DIGITS):
+        true = [sum(oracle.powers(c[i], n[i], 0.0, m[i])[:2]) / 2 for i in range(size)]
+        errors = [abs(mp.mpf(float(x)) - t) / t for x, t in zip(found, true, strict=True)]
+    assert max(errors) <= 8 * eps
