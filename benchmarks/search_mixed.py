@@ -48,7 +48,8 @@ def _solved(rows, right):
     return [row[-1] / row[i] for i, row in enumerate(rows)]
 
 
-def _incoherent(coherent):
+def incoherent(coherent):
+    """`stack` of layers of which some are incoherent, and its truth, both of single numbers."""
     cuts = [i + 1 for i, with_phase in enumerate(coherent) if not with_phase]
     edges = [0, *cuts, len(coherent) + 1]
 
@@ -175,7 +176,7 @@ def _incoherent_entries(name, coherent):
     thick = [(0.1, 1e4) if not with_phase else (1e-4, 2.0) for with_phase in coherent]
     limits = stack_limits(thick)
     return _pair(
-        name, lambda r, s: _drawn_incoherent(r, s, coherent), limits, *_incoherent(coherent)
+        name, lambda r, s: _drawn_incoherent(r, s, coherent), limits, *incoherent(coherent)
     )
 
 

@@ -42,6 +42,7 @@ from ._stack_absorption import (
 from ._stack_coefficients import Change, Layers, of_r
 from ._stack_coherent import ZERO, crossed, inverse, minus, plus, scaled
 from ._stack_fields import over_layers
+from ._stack_roughness import Change as BoundaryChange
 from ._stack_wave import Pair, choose
 
 
@@ -192,21 +193,26 @@ def absorption_derivative(
     far: Pair,
     per: Pair,
     scale: Array,
-    rough: tuple[Pair, Pair] | None,
+    rough: tuple[Pair, BoundaryChange] | None,
 ) -> Array:
     """The change of `absorbed` in each layer, in units of |B|^2, for s or p.
 
     weight, near (`thin_layer`) with their changes; d_log is that of log(1 / B) by each layer's
     change, d_log_front by the first medium's; far is kappa of the last medium; per is 1 / B; scale
     that of the fields in each layer; rough the determinants of the boundaries behind the layers and
-    their changes' `sent`, None where they are smooth.
+    what their changes do, None where they are smooth.
     """
     inside = along(layers.wave, layers.z, layers.kappa)
-    behind = _sent_back(layers, moved, per, far, scale, rough)
+    sent_back = None if rough is None else (rough[0], rough[1].sent)
+    behind = _sent_back(layers, moved, per, far, scale, sent_back)
     product = _product(layers, weight[0], inside, near[0], front)
     d_integral, d_log_waves = _of_itself(layers, weight, inside, near, front, moved, per)
 
-    light = plus(_before(d_log_front, d_log), choose(layers.thin, d_log, d_log_waves))
+    # The boundary behind a layer changes the light of those behind it, but in the layer itself only
+    # what is sent back: counted as the layer's own, too, it made 1e14 eps in thin rough films.
+    passed_on = d_log if rough is None else plus(d_log, rough[1].log)
+    own = choose(layers.thin, d_log, d_log_waves)
+    light = plus(_before(d_log_front, passed_on), own)
     sent = 2.0 * conjugate_times(per, times(product, behind))[0]
     passed = squared_modulus(front.f)
     return 2.0 * absorbed * light[0] + passed * (squared_modulus(per) * d_integral + sent)

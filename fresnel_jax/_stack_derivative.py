@@ -159,7 +159,7 @@ def _solve_jvp(shape, primals, tangents):
             times(times(u_per, times(ends.w[p], per)), d_front.q),
             times(_with_det(behind[p], times(front.q, times(through, through))), d_z_far[p]),
         )
-        d_log_front, sent = scaled(-1.0, times(u_per, d_front.q)), None
+        d_log_front, boundaries = scaled(-1.0, times(u_per, d_front.q)), None
         if rough is not None:
             start = (front.q, (jnp.ones_like(u[0]), jnp.zeros_like(u[0])))
             outer = change(at(0, rough[p]), at(0, d_rough[p]), start, ends.beneath[p], per)
@@ -181,7 +181,7 @@ def _solve_jvp(shape, primals, tangents):
                 inner = change(here, there, (a, b), inside.beneath[p], per)
                 q0_f2 = scaled(2.0, times(front.q, times(f, f)))
                 dr = plus(dr, _all(times(_with_det(above[p], q0_f2), inner.sent)))
-                in_each, sent = plus(in_each, inner.log), (determinant(here), inner.sent)
+                d_log, boundaries = plus(d_log, _all(inner.log)), (determinant(here), inner)
             d_log = plus(d_log, _all(in_each))
             if lossy is not None and d_lossy is not None:
                 d_lost = absorption_derivative(
@@ -196,7 +196,7 @@ def _solve_jvp(shape, primals, tangents):
                     scaled(-1.0, times(times(per, per), d_z_far[p])),
                     per,
                     inside.scale[p],
-                    sent,
+                    boundaries,
                 )
         d_r.append(dr)
         d_through.append(times(through, d_log))

@@ -48,7 +48,8 @@ FOUND_VALUES = [
 # A thick layer behind grazing incidence, and a window: 6e5 and 2e5 eps of gradients. A film with
 # rough boundaries in which Q is small: a part of the derivative was missing. Total reflection by a
 # thick layer: R_p by the cosine was 148 eps off, as what is left of the derivative of r. A rough
-# film in front of a medium of small index: 548 eps, as what is left of changes of all fields.
+# film in front of a medium of small index: 548 eps, as what is left of changes of all fields. A
+# thin rough film: 1e14 eps of what it absorbs, as its rear boundary was counted twice.
 FOUND_IN_STACKS = [
     ("of a thick layer", 0.9877349978502398, 1.788817596321981, 0.27438533973883916,
      3.5059354584830683e-09, 0.21091259793981826, 1.371152125674556e-06, 6197.648859719227,
@@ -74,6 +75,9 @@ FOUND_IN_STACKS = [
      0.12893344614165786, 1.3611226986122886, 0.7420814870551662),
     ("of one layer", 0.2896460421778456, 1.400274308378159, 1.6065772479080302, 1.9276572940917078,
      1.3402499131050591, 6.229691192457111e-09, 0.5117356072193541, 0.5867420251074318),
+    ("with rough boundaries", 0.809268099116678, 1.6575821069763248, 0.12319406880803344,
+     1.1469227696539286e-08, 3.993011259987055, 8.34477067161853e-08, 0.0002637363956908925,
+     1.3005809994417694, 0.0007363068246068241, 0.0033420181002318393),
     ("of one layer", 1.0, 1.852833622702542, 1.9197323233159316, 1.2011265953002446, 0.1,
      0.08155176752669595, 1.1046071408286287, 0.8167908740237564),
 ]  # fmt: skip

@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks import search_functions
 from benchmarks.accuracy_search import FUNCTIONS
+from benchmarks.search_mixed import incoherent
 from fresnel_jax.layers import stack
 
 # Cosines' angles in radians; R_s, T_s, R_p, T_p of tmm 0.2.0 (S. J. Byrnes, arXiv:1603.02720), its
@@ -80,6 +81,29 @@ def test_derivatives_by_the_cosine(name):
             for (a, _), (b, _) in zip(above, below, strict=True)
         ]
     np.testing.assert_allclose(found, slopes, rtol=64 * 2.2e-16, atol=64 * 2.2e-16)
+
+
+def test_absorption_of_evanescent_light_in_front_of_a_guided_mode():
+    """A_s of a thick layer beyond its critical angle, by the index of the film behind it: formed
+    from losses that cancel, the derivative was 2e5 eps off."""
+    point = (
+        0.27195480088483825, 1.2462188818836761, 0.10148027517271158, 0.0008591158391507217,
+        3.7214942789298, 0.003191807001861581, 0.2347193409738693, 1.7894501767870487e-05,
+        0.3277930660925428, 0.4455723070664177, 0.7478484791328308,
+    )  # fmt: skip
+    (ours, truth), by, result = incoherent((False, True)), 4, 4  # the film's index; A_s in front
+
+    def absorbed(x):
+        return ours(*map(jnp.asarray, (*point[:by], x, *point[by + 1 :])))[result]
+
+    found = jax.jit(lambda x: jax.jvp(absorbed, (x,), (1.0,))[1])(point[by])
+    with gmpy2.context(search_functions.CONTEXT):
+        exact, step = [gmpy2.mpfr(x) for x in point], gmpy2.mpfr(2) ** -250
+        above, below = (
+            truth(*exact[:by], exact[by] + s * step, *exact[by + 1 :])[result][0] for s in (1, -1)
+        )
+        slope = float((above - below) / (2 * step))
+    np.testing.assert_allclose(found, slope, rtol=64 * 2.2e-16)
 
 
 def test_derivative_by_the_absorption_of_the_first_medium():
