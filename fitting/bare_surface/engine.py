@@ -81,12 +81,10 @@ def _last_step(
 
 
 def _solve_lanes(
-    curves: Curves, start: Array, found: list[Array], max_steps: Array, channels: tuple[str, ...],
-    mesh: str,
-) -> tuple[Array, Array, tuple[Array, ...]]:  # fmt: skip
-    first, more = starts.mesh_starts(curves, found, mesh)
+    curves: Curves, start: Array, from_mesh: Array, max_steps: Array, channels: tuple[str, ...]
+) -> tuple[Array, tuple[Array, ...]]:
     given = jnp.isfinite(start[0])
-    x, w, chart = (jnp.where(given, s, f) for s, f in zip(start[:3], first, strict=True))
+    x, w, chart = jnp.where(given, start[:3], from_mesh)
     y = jnp.stack([x, jnp.minimum(w, start[4])])
     by_eps = chart == co.EPS
     low, high = co.EPS_BOUNDS
@@ -120,10 +118,8 @@ def _solve_lanes(
         stats["damping"], count, scale,
         gradient[0], gradient[1], matrix[0, 0], matrix[0, 1], matrix[1, 1],
     )  # fmt: skip
-    # Where there is no further start its x is NaN.
-    further = [jnp.where(exists, point, jnp.nan) for point, exists in more]
     fields = Solved(*(a.astype(y.dtype) for a in solved))
-    return jnp.stack(fields), jnp.stack(further), fitted
+    return jnp.stack(fields), fitted
 
 
 def _solve(
@@ -172,17 +168,28 @@ def _solve(
     def curves_of(parts: dict[str, Any]) -> Curves:
         return Curves(parts["cos_theta"], parts["s_share"], parts["values"], parts["weights"])
 
-    once = None
+    # Lanes that go on from where they are need no mesh, whose nodes are as many curves as some
+    # hundred lanes (3,000 for R_p alone).
+    searched = jnp.isnan(start[0]).any()
+    nodes = None
     if "cos_theta" in shared:
-        once = starts.node_curves(
-            curves_of({**shared, "values": (), "weights": ()}), channels, mesh
+        every = curves_of({**shared, "values": (), "weights": ()})
+        nodes = jax.lax.cond(
+            searched,
+            lambda: starts.node_curves(every, channels, mesh),
+            lambda: starts.no_curves(every, channels, mesh),
         )
 
     def one_group(parts: dict[str, Any]) -> tuple[Array, Array, tuple[Array, ...]]:
         curves = curves_of({**shared, **parts})
-        found = starts.node_curves(curves, channels, mesh) if once is None else once
-        solved, further, at = _solve_lanes(curves, parts["start"], found, max_steps, channels, mesh)
-        return solved, further, at if fitted else ()
+
+        def from_mesh() -> Array:
+            own_nodes = starts.node_curves(curves, channels, mesh) if nodes is None else nodes
+            return starts.mesh_starts(curves, own_nodes, mesh)
+
+        begin = jax.lax.cond(searched, from_mesh, lambda: starts.no_starts(lanes, mesh))
+        solved, at = _solve_lanes(curves, parts["start"], begin[0], max_steps, channels)
+        return solved, begin[1:], at if fitted else ()
 
     solved, further, at = jax.lax.map(one_group, own)
     solved = jnp.moveaxis(solved, 0, 1).reshape(solved.shape[1], -1)
