@@ -1,5 +1,6 @@
 """One curve or many: the same engine, the same answers; and what a call refuses."""
 
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -223,3 +224,27 @@ def test_what_a_bare_surface_does_not_show_is_refused():
 def test_what_is_no_measurement_is_refused(what):
     with pytest.raises(ValueError, match=r"where a Measurement was wanted.*read_csv"):
         fit(what)
+
+
+def test_lanes_that_go_on_leave_the_mesh_out(monkeypatch):
+    """The mesh is looked at once a curve: its nodes cost as much as a hundred curves."""
+    seen = []
+    real = batch.solve
+
+    def solve(*args, **kwargs):
+        solved, further, fitted = real(*args, **kwargs)
+        new = np.isnan(args[4][0])
+        seen.append((new.any(), np.isfinite(np.asarray(further)).any()))
+        return solved, further, fitted
+
+    monkeypatch.setattr(batch, "solve", solve)
+    noise = 3e-3
+    fit_many(ANGLES[10:], R_p=table(ANGLES, noise)["R_p"][:6, 10:])
+    assert [searched for searched, _ in seen].count(True) == 1 and len(seen) > 2
+    assert all(offered == searched for searched, offered in seen)
+
+
+def test_a_forked_process_has_threads_of_its_own():
+    """A fork copies no thread: tasks put to its parent's would wait for ever."""
+    assert batch._threads(os.getpid()) is batch._threads(os.getpid())
+    assert batch._threads(os.getpid()) is not batch._threads(-1)

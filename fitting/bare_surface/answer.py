@@ -104,9 +104,10 @@ def _codes(
     mirror: np.ndarray,
     on_circle: np.ndarray,
     dof: np.ndarray,
+    extent: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> dict[str, np.ndarray]:
     """Return where each code holds, but for what `answer` knows by itself."""
-    low, high, channels = _extent(a.data, a.angle_deg)
+    low, high, channels = extent
     names = a.data.channels
     with np.errstate(all="ignore"):
         at_45 = (low > 44.9) & (high < 45.1) & (channels == 2) & ("R" not in names)
@@ -152,8 +153,8 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     found, data = minima(data, start)
     a = a._replace(data=data)
     s = found.best
-    _, high, _ = _extent(data, a.angle_deg)
-    sin_max = np.sin(np.radians(np.broadcast_to(np.fmax(high, 0.0), s.cost.shape)))
+    extent = _extent(data, a.angle_deg)
+    sin_max = np.broadcast_to(np.sin(np.radians(np.fmax(extent[1], 0.0))), s.cost.shape)
     how = {"stated": a.stated, "absolute": absolute, "sin_max": sin_max}
     e = estimate(data, s, **how)
     dof = np.maximum(s.count - 2, 0)
@@ -188,7 +189,7 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     possible = ~(no_data | failed | undetermined | matched)
     others = other_solutions(data, found.others, excess, e, possible, how, wanted)
     more = np.logical_or.reduce([other.there for other in others])
-    codes = _codes(a, e, s, undetermined, mirror, on_circle, dof)
+    codes = _codes(a, e, s, undetermined, mirror, on_circle, dof, extent)
     codes = {code: at & ~failed & ~no_data for code, at in codes.items()}
     codes = {"not_converged": failed, **codes, "other_minima": more}
     status = np.select(

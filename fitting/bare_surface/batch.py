@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -61,6 +62,16 @@ def start_rows(count: int, points: np.ndarray | None = None, w_max: float = W_MA
     return start
 
 
+@functools.cache
+def _threads(process: int) -> ThreadPoolExecutor:
+    """Return the threads of this process, which wait for work from call to call.
+
+    To begin and end them takes as long as to fit 20 curves. A forked process has its own.
+    """
+    del process
+    return ThreadPoolExecutor(os.cpu_count() or 1)
+
+
 def _call(
     data: Data, start: np.ndarray, steps: int, size: int, lanes: int
 ) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
@@ -77,7 +88,8 @@ def _call(
     elif size < MANY:
         wide = -(-angles // 16) * 16
     part = part.padded(size, wide)
-    begin = np.pad(start, ((0, 0), (0, size - here)), constant_values=1.0)
+    begin = np.ones((len(start), size))
+    begin[:, :here] = start
     with jax.enable_x64(True):
         solved, further, fitted = solve(
             part.cos_theta, part.s_share, part.values, part.weights,
@@ -107,12 +119,13 @@ def run(data: Data, start: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarr
     if not count:
         return np.empty((len(Solved._fields), 0)), np.empty((0, 3, 0))
     firsts = range(0, count, size)
-    if len(firsts) == 1:
-        parts = [one(0)]
-    else:
-        # Threads, because a program this small runs on the thread that calls it, without the GIL.
-        with ThreadPoolExecutor(min(len(firsts), os.cpu_count() or 1)) as pool:
-            parts = list(pool.map(one, firsts))
+    # Threads, because a program this small runs on the thread that calls it, without the GIL.
+    rest = [_threads(os.getpid()).submit(one, first) for first in firsts[1:]]
+    try:
+        parts = [one(0), *(task.result() for task in rest)]
+    finally:
+        for task in rest:
+            task.cancel()  # of an interrupted call; the others are done
     solved, further = (np.concatenate(a, axis=-1) for a in zip(*parts, strict=True))
     return solved, further
 
@@ -185,15 +198,13 @@ def _straightened(data: Data, solved: np.ndarray, todo: np.ndarray) -> None:
 
 
 def with_mesh(data: Data) -> tuple[Data, np.ndarray]:
-    """Return the data with the mesh that most curves need, and that of each curve, (N,)."""
+    """Return the data with the mesh that most curves need, and that of each, (N,) or (1,)."""
     some = np.logical_or.reduce([np.atleast_2d(w) > 0.0 for w in data.weights])
     cos_theta = np.where(some, np.atleast_2d(data.cos_theta), -1.0)
     lowest = np.degrees(np.arccos(np.clip(cos_theta.max(1), -1.0, 1.0)))
     highest = np.degrees(np.arccos(np.where(some, cos_theta, 1.0).min(1).clip(-1.0, 1.0)))
     share = np.where(some, np.atleast_2d(data.s_share), 0.0).max(1)
     kinds = starts.kinds(data.channels, some.sum(1), lowest, highest, share, data.eta_i > 1.0)
-    if len(kinds) < data.curves:
-        kinds = np.broadcast_to(kinds, (data.curves,))
     names, counts = np.unique(kinds, return_counts=True)
     return data._replace(mesh=str(names[np.argmax(counts)])), kinds
 
@@ -206,11 +217,11 @@ def minima(data: Data, points: np.ndarray | None = None) -> tuple[Minima, Data]:
     if not data.curves:
         return _minima(data, points), data
     data, kinds = with_mesh(data)
+    if (kinds == data.mesh).all():
+        return _minima(data, points), data
     found = np.full((1 + OTHERS, len(Solved._fields), data.curves), np.nan)
     for mesh in dict.fromkeys(kinds.tolist()):
         mine = np.flatnonzero(kinds == mesh)
-        if len(mine) == data.curves:
-            return _minima(data, points), data
         part = data.take(mine)._replace(mesh=mesh)
         new = _minima(part, None if points is None else points[:, mine])
         found[:, :, mine] = np.array([new.best, *new.others])

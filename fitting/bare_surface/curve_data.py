@@ -35,8 +35,9 @@ class Data(NamedTuple):
             goal = (curves, angles)[-a.ndim :]
             if a.shape == goal:
                 return a
-            widths = [(0, wanted - have) for wanted, have in zip(goal, a.shape, strict=True)]
-            return np.pad(a, widths, constant_values=fill)
+            full = np.full(goal, fill)  # np.pad takes 20 us
+            full[tuple(map(slice, a.shape))] = a
+            return full
 
         return self._map(pad)
 

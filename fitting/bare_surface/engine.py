@@ -7,7 +7,6 @@ many curves there are; that is the business of `batch`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -81,25 +80,11 @@ def _last_step(
     return y, weighted, plain, found
 
 
-def _if_wanted(wanted: Array, make: Callable[[], Any]) -> Any:
-    """Return ``make()``, or zeros of its shapes: where every start is given no mesh is computed.
-
-    A mesh costs as much as 10 to 50 evaluations, and the ends of an interval by profile take dozens
-    of calls of the program.
-    """
-    shapes = jax.eval_shape(make)
-    return jax.lax.cond(
-        wanted, make, lambda: jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), shapes)
-    )
-
-
 def _solve_lanes(
-    curves: Curves, start: Array, found: Callable[[], list[Array]], max_steps: Array,
-    channels: tuple[str, ...], mesh: str,
-) -> tuple[Array, Array, tuple[Array, ...]]:  # fmt: skip
+    curves: Curves, start: Array, from_mesh: Array, max_steps: Array, channels: tuple[str, ...]
+) -> tuple[Array, tuple[Array, ...]]:
     given = jnp.isfinite(start[0])
-    first, more = _if_wanted(~given.all(), lambda: starts.mesh_starts(curves, found(), mesh))
-    x, w, chart = (jnp.where(given, s, f) for s, f in zip(start[:3], first, strict=True))
+    x, w, chart = jnp.where(given, start[:3], from_mesh)
     y = jnp.stack([x, jnp.minimum(w, start[4])])
     by_eps = chart == co.EPS
     low, high = co.EPS_BOUNDS
@@ -133,10 +118,8 @@ def _solve_lanes(
         stats["damping"], count, scale,
         gradient[0], gradient[1], matrix[0, 0], matrix[0, 1], matrix[1, 1],
     )  # fmt: skip
-    # Where there is no further start its x is NaN.
-    further = [jnp.where(exists, point, jnp.nan) for point, exists in more]
     fields = Solved(*(a.astype(y.dtype) for a in solved))
-    return jnp.stack(fields), jnp.stack(further), fitted
+    return jnp.stack(fields), fitted
 
 
 def _solve(
@@ -185,21 +168,28 @@ def _solve(
     def curves_of(parts: dict[str, Any]) -> Curves:
         return Curves(parts["cos_theta"], parts["s_share"], parts["values"], parts["weights"])
 
-    once = None
+    # Lanes that go on from where they are need no mesh, whose nodes are as many curves as some
+    # hundred lanes (3,000 for R_p alone).
+    searched = jnp.isnan(start[0]).any()
+    nodes = None
     if "cos_theta" in shared:
-        angles = curves_of({**shared, "values": (), "weights": ()})
-        once = _if_wanted(
-            ~jnp.isfinite(start[0]).all(), lambda: starts.node_curves(angles, channels, mesh)
+        every = curves_of({**shared, "values": (), "weights": ()})
+        nodes = jax.lax.cond(
+            searched,
+            lambda: starts.node_curves(every, channels, mesh),
+            lambda: starts.no_curves(every, channels, mesh),
         )
 
     def one_group(parts: dict[str, Any]) -> tuple[Array, Array, tuple[Array, ...]]:
         curves = curves_of({**shared, **parts})
 
-        def found() -> list[Array]:
-            return starts.node_curves(curves, channels, mesh) if once is None else once
+        def from_mesh() -> Array:
+            own_nodes = starts.node_curves(curves, channels, mesh) if nodes is None else nodes
+            return starts.mesh_starts(curves, own_nodes, mesh)
 
-        solved, further, at = _solve_lanes(curves, parts["start"], found, max_steps, channels, mesh)
-        return solved, further, at if fitted else ()
+        begin = jax.lax.cond(searched, from_mesh, lambda: starts.no_starts(lanes, mesh))
+        solved, at = _solve_lanes(curves, parts["start"], begin[0], max_steps, channels)
+        return solved, begin[1:], at if fitted else ()
 
     solved, further, at = jax.lax.map(one_group, own)
     solved = jnp.moveaxis(solved, 0, 1).reshape(solved.shape[1], -1)

@@ -146,6 +146,12 @@ def node_curves(curves: Curves, channels: tuple[str, ...], mesh: str) -> list[Ar
     return list(reflectances(curves.cos_theta, curves.s_share, n, k, channels))
 
 
+def no_curves(curves: Curves, channels: tuple[str, ...], mesh: str) -> list[Array]:
+    """Return zeros in the shapes of `node_curves`, for lanes that are not searched."""
+    nodes = MESHES[mesh].index.shape[1]
+    return [jnp.zeros((nodes, *curves.cos_theta.shape)) for _ in channels]
+
+
 def _misfits(found: list[Array], curves: Curves, mesh: str) -> tuple[Array, Array, Array]:
     """Return the least sum of squares on each segment and where on it, from 0 to 1; (S, L) each.
 
@@ -241,12 +247,17 @@ def _ends_of_segments(blocks: tuple[Block, ...], index: np.ndarray) -> list[np.n
     return [np.concatenate(part, axis=1) for part in zip(*pairs, strict=True)]
 
 
-def mesh_starts(
-    curves: Curves, found: list[Array], mesh: str
-) -> tuple[Array, list[tuple[Array, Array]]]:
-    """Return the first start, x, w and chart (3, L), and more, each with where there is one.
+def no_starts(lanes: int, mesh: str) -> Array:
+    """Return starts as `mesh_starts` does, all NaN, for lanes that are not searched."""
+    further = sum(block.lows for block in MESHES[mesh].blocks)
+    return jnp.full((1 + further, 3, lanes), jnp.nan)
 
-    found: of `node_curves`. The same number of further starts for all curves of one ``mesh``.
+
+def mesh_starts(curves: Curves, found: list[Array], mesh: str) -> Array:
+    """Return the starts (1 + E, 3, L), x, w and chart each: the first one, and E further ones.
+
+    found: of `node_curves`. E is the same for all curves of one ``mesh``; where a curve has fewer
+    further starts they are NaN.
     """
     blocks, index = MESHES[mesh]
     misfit, along, of_data = _misfits(found, curves, mesh)
@@ -260,12 +271,12 @@ def mesh_starts(
         t = jnp.take_along_axis(along, here[None], 0).astype(index.dtype)
         return coordinates_of(*(low[:, here] + t * (high - low)[:, here]), xp=jnp)
 
-    further = []
+    points = [point(first)]
     for block, end in zip(blocks, ends, strict=True):
         begin = end - block.segments
         shape = (block.rows - 1, block.columns)
-        further += [
-            (point(segment + begin), least[0] < hopeless)
+        points += [
+            jnp.where(least[0] < hopeless, point(segment + begin), jnp.nan)
             for segment, least in _lowest(misfit[begin:end], shape, first - begin, block.lows)
         ]
-    return point(first), further
+    return jnp.stack(points)

@@ -55,6 +55,15 @@ def _nothing(like: Any, count: int) -> Any:
     return jax.tree.map(empty, like)
 
 
+def _none(count: int) -> Other:
+    """Return no other solution, which most curves have."""
+    nothing, no_range = np.full(count, np.nan), np.full((count, 2), np.nan)
+    names = ("eta", "k", "sigma_eta", "sigma_k", "limit")
+    values = {**dict.fromkeys(names, nothing), "at_zero": np.zeros(count, bool)}
+    kind = np.full(count, NONE, f"<U{len(QUADRATIC)}")
+    return Other(np.zeros(count, bool), nothing, values, Intervals(no_range, no_range, kind))
+
+
 def _distinct(known: Estimated, other: Estimated) -> np.ndarray:
     """Where the other minimum is another index, not the same one reached from another side."""
     i_nn, i_nu, i_uu = (known.information[:, i, j] for i, j in ((0, 0), (0, 1), (1, 1)))
@@ -97,14 +106,18 @@ def other_solutions(
     (N,), where they are looked for. how: options of `estimate`. wanted: kind of the intervals.
     """
     found, earlier, count = [], [best], len(possible)
+    none = _none(count)
     for s, more in zip(others, excess, strict=True):
         with np.errstate(invalid="ignore"):
             rows = np.flatnonzero(possible & (s.done > 0) & (more < ALTERNATIVE_CHI2))
+        if not len(rows):
+            found.append(none)
+            continue
         part, solved = data.take(rows), of_rows(s, rows)
         e = estimate(part, solved, **{**how, "sin_max": how["sin_max"][rows]})
         new = np.logical_and.reduce([_distinct(of_rows(one, rows), e) for one in earlier])
         rows, e, solved = rows[new], of_rows(e, new), of_rows(solved, new)
         earlier.append(put_rows(_nothing(e, count), e, rows))
         one = _other(data.take(rows), solved, e, more[rows], wanted)
-        found.append(put_rows(_nothing(one, count), one, rows))
+        found.append(put_rows(none, one, rows))
     return tuple(found)

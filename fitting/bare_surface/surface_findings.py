@@ -31,6 +31,8 @@ def _trade(information: np.ndarray) -> float:
 def _of_floor(f: Answer, taken: Taken) -> dict[str, np.ndarray]:
     """Return where a common error was taken, and where that changes more than the errors tell."""
     used = np.isfinite(taken.gain)
+    if not used.any():
+        return {}
     with np.errstate(all="ignore"):
         apart = [
             np.abs(f.values[name] - taken.by_factor[:, i]) > f.values[f"sigma_{name}"]
@@ -53,57 +55,71 @@ def _of_others(f: Answer) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def findings(a: Arranged, f: Answer, taken: Taken, errors: str) -> tuple[Finding, ...]:
+def _values(a: Arranged, f: Answer, taken: Taken, errors: str, code: str) -> dict[str, Any]:
+    """Return the numbers of the finding ``code``, of all curves."""
     v, s = f.values, f.solved
-    with np.errstate(all="ignore"):
-        chi2_reduced = np.where(f.dof > 0, v["chi2"] / f.dof, np.nan)
-        share, rms = v["sigma_eta"] / v["eta"], np.sqrt(s.plain / s.count)
-        correlation = v["covariance"][:, 0, 1] / (v["sigma_eta"] * v["sigma_k"])
-    of_chi2 = {
-        "chi2_reduced": chi2_reduced, "factor": np.sqrt(chi2_reduced),
-        "errors": "stated" if errors == "stated" else "scaled",
-    }  # fmt: skip
     at_k = {"eta": v["eta"], "k": v["k"], "eta_i": a.data.eta_i}
-    slopes = np.full(len(v["eta"]), np.nan)
-    for i in np.flatnonzero(f.codes["combination"]):
-        slopes[i] = _trade(v["information"][i])
-    values: dict[str, dict[str, Any]] = {
-        "not_converged": {"evaluations": s.evaluations.astype(int)},
-        "perfect_mirror": {"least_reflectance": v["least_reflectance"]},
-        "no_reflection": {"eta_i": a.data.eta_i},
-        "circle": at_k, "same_at_45_degrees": at_k, "combination": {**at_k, "slope": slopes},
-        "does_not_describe": {"rms": rms, "sample": "one bare surface"},
-        "compatible_with_zero": {
-            "parameter": "k", "limit": v["limit"], "even": v["eta"] >= a.data.eta_i,
-        },
-        "poorly_determined": {"parameters": ("eta",), "shares": share[:, None]},
-        "correlated": {
-            "first": ("eta",), "second": ("k",), "correlation": correlation[:, None]
-        },
-        "chi2_large": of_chi2, "chi2_small": of_chi2,
-        "flat_curve": {"below_deg": limit.FLAT_BELOW_DEG},
-        "no_degrees_of_freedom": {
-            "n_data": s.count.astype(int), "unknowns": 2, "stated": np.isfinite(v["sigma_eta"]),
-        },
-        "other_minima": _of_others(f),
-    }  # fmt: skip
+    with np.errstate(all="ignore"):
+        match code:
+            case "not_converged":
+                return {"evaluations": s.evaluations.astype(int)}
+            case "perfect_mirror":
+                return {"least_reflectance": v["least_reflectance"]}
+            case "no_reflection":
+                return {"eta_i": a.data.eta_i}
+            case "circle" | "same_at_45_degrees":
+                return at_k
+            case "combination":
+                slopes = np.full(len(v["eta"]), np.nan)
+                for i in np.flatnonzero(f.codes[code]):
+                    slopes[i] = _trade(v["information"][i])
+                return {**at_k, "slope": slopes}
+            case "does_not_describe":
+                return {"rms": np.sqrt(s.plain / s.count), "sample": "one bare surface"}
+            case "compatible_with_zero":
+                even = v["eta"] >= a.data.eta_i
+                return {"parameter": "k", "limit": v["limit"], "even": even}
+            case "poorly_determined":
+                share = v["sigma_eta"] / v["eta"]
+                return {"parameters": ("eta",), "shares": share[:, None]}
+            case "correlated":
+                correlation = v["covariance"][:, 0, 1] / (v["sigma_eta"] * v["sigma_k"])
+                pair = {"first": ("eta",), "second": ("k",)}
+                return {**pair, "correlation": correlation[:, None]}
+            case "chi2_large" | "chi2_small" | "errors_floor":
+                chi2_reduced = np.where(f.dof > 0, v["chi2"] / f.dof, np.nan)
+                if code == "errors_floor":
+                    floor = {"floor": taken.floor, "gain": taken.gain}
+                    return {"chi2_reduced": chi2_reduced, **floor}
+                believed = "stated" if errors == "stated" else "scaled"
+                factor = np.sqrt(chi2_reduced)
+                return {"chi2_reduced": chi2_reduced, "factor": factor, "errors": believed}
+            case "errors_differ":
+                floored = np.stack([v["eta"], v["k"]], -1)
+                both = {"floor": floored, "factor": taken.by_factor}
+                return {"parameters": ("eta", "k"), **both}
+            case "flat_curve":
+                return {"below_deg": limit.FLAT_BELOW_DEG}
+            case "no_degrees_of_freedom":
+                stated = np.isfinite(v["sigma_eta"])
+                return {"n_data": s.count.astype(int), "unknowns": 2, "stated": stated}
+            case "other_minima":
+                return _of_others(f)
+    return {}
+
+
+def findings(a: Arranged, f: Answer, taken: Taken, errors: str) -> tuple[Finding, ...]:
+    """Return the findings of all curves, the gravest first; numbers of those that hold alone."""
     codes = f.codes | _of_floor(f, taken)
-    floored = np.stack([v["eta"], v["k"]], -1)
-    values["errors_floor"] = {
-        "chi2_reduced": chi2_reduced, "floor": taken.floor, "gain": taken.gain
-    }  # fmt: skip
-    values["errors_differ"] = {
-        "parameters": ("eta", "k"), "floor": floored, "factor": taken.by_factor
-    }  # fmt: skip
+    held = [code for code in SENTENCES if code in codes and codes[code].any()]
     return tuple(
         Finding(
             code,
             np.reshape(codes[code], a.shape),
             {
-                name: shaped(v, a) if isinstance(v, np.ndarray) else v
-                for name, v in values.get(code, {}).items()
+                name: shaped(value, a) if isinstance(value, np.ndarray) else value
+                for name, value in _values(a, f, taken, errors, code).items()
             },
         )
-        for code in SENTENCES
-        if code in codes and codes[code].any()
+        for code in held
     )
