@@ -115,7 +115,11 @@ def other_minima(v: Mapping[str, Any]) -> str:
     values = ", ".join(f"{name} {num(x)}" for name, x in pairs)
     many = f"{v['count']} other solutions fit" if v["count"] > 1 else "a second solution fits"
     best = "; the best of them has " if v["count"] > 1 else ": "
-    return f"{many} nearly as well{best}{values} (chi2 higher by {v['delta_chi2']:.2g})."
+    higher = f"chi2 {'higher' if v['delta_chi2'] >= 0.0 else 'lower'} by {abs(v['delta_chi2']):.2g}"
+    return (
+        f"{many} nearly as well{best}{values} ({higher}). The data do not say which is the true "
+        "one; the intervals are those of the one that is shown."
+    )
 
 
 def at_bound(v: Mapping[str, Any]) -> str:
