@@ -22,7 +22,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -62,11 +62,8 @@ CASES = (
 
 def held(result: Fit, eta: float, k: float) -> tuple[float, float]:
     """Return the shares of intervals that hold the true eta and the true k."""
-    shares = []
-    for name, truth in (("eta", eta), ("k", k)):
-        ends = result.parameters[name].interval
-        shares.append(float(((ends[..., 0] <= truth) & (truth <= ends[..., 1])).mean()))
-    return shares[0], shares[1]
+    of_eta, of_k = _holds(result.parameters, eta, k).mean(1)
+    return float(of_eta), float(of_k)
 
 
 def study(case: tuple, repeats: int) -> dict:
@@ -107,8 +104,8 @@ class Cell(NamedTuple):
     of_one: np.ndarray
 
 
-def _holds(parameters: Mapping[str, Estimate], eta: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Return whether the intervals of eta and of k hold the truth, (2, N)."""
+def _holds(parameters: Mapping[str, Estimate], eta: Any, k: Any) -> np.ndarray:
+    """Return whether the intervals of eta and of k hold the truth, (2, N); eta, k: (N,) or one."""
     ends = [parameters[name].interval for name in ("eta", "k")]
     pairs = zip(ends, (eta, k), strict=True)
     return np.stack([(end[:, 0] <= truth) & (truth <= end[:, 1]) for end, truth in pairs])

@@ -49,7 +49,6 @@ FURTHER_STEPS = 10, 40
 NEAR_COST, NEAR_SHARE = 4.0, 1e-5
 _COST = Solved._fields.index("cost")
 _EVALUATIONS = Solved._fields.index("evaluations")
-_DONE = Solved._fields.index("done")
 _DAMPING = Solved._fields.index("damping")
 
 
