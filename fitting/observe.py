@@ -10,12 +10,14 @@ intensities behind them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import functools
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax import Array
+from jax.custom_derivatives import SymbolicZero
 
 from fitting.dispersion import Model
 from fitting.instrument import cosines, detected
@@ -104,8 +106,9 @@ def _at_rows(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) -> 
     at = jnp.asarray(points.distinct_um if repeated else points.wavelength_um)
     outside = eta_i[_first_of(points)] if repeated and jnp.ndim(eta_i) else eta_i
     out = [slices_of(spec, i, v, at, outside) for i in range(len(spec.media.index))]
-    # Without the barrier XLA repeats the model's formula for every angle and output.
-    out = jax.lax.optimization_barrier(out)
+    # Without the barrier XLA repeats the model's formula for every angle and output. One for each
+    # number, so that the index of a known medium stays without derivatives.
+    out = jax.tree.map(jax.lax.optimization_barrier, out)
     if not repeated:
         return out
     return [[(n[points.place], k[points.place]) for n, k in each] for each in out]
@@ -138,7 +141,7 @@ class Light(NamedTuple):
 
 def boundary(
     spec: Spec, c: Array, index: list[list[Pair]], v: Mapping[str, Array],
-    points: Points, eta_i: Any,
+    wavelength_um: Any, eta_i: Any,
 ) -> Light:  # fmt: skip
     """Return what the sample does to light at cosines c (Q, M, L).
 
@@ -151,7 +154,7 @@ def boundary(
         return Light(*both, None if rho is None else _ellipse(rho))
     if media.coherent == (False,) and media.closed:
         one = thickness_um(spec, v, 0)
-        return Light(*slab(c, *index[0][0], one, points.wavelength_um, eta_i))
+        return Light(*slab(c, *index[0][0], one, wavelength_um, eta_i))
     layers = [
         (jax.lax.complex(*pair), thickness_um(spec, v, i) / len(slices))
         for i, slices in enumerate(index[:-1])
@@ -164,7 +167,7 @@ def boundary(
     coherent = [interferes for interferes, slices in together for _ in slices]
     thicknesses: Any = [d for _, d in layers]
     media_index: Any = n
-    found = stack(c, media_index, thicknesses, points.wavelength_um, coherent)
+    found = stack(c, media_index, thicknesses, wavelength_um, coherent)
     ellipse = None
     if pairs and found.r_s is not None and found.r_p is not None:
         # No quotient r_p / r_s: a film may extinguish r_s.
@@ -183,14 +186,59 @@ def _ellipse(rho: Array) -> tuple[Array, Array, Array]:
     return share - 1.0, rho.real * share, -rho.imag * share
 
 
-def predicted(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) -> dict[str, Any]:
+def _by_partial_derivatives(f: Callable, args: Any, directions: int) -> Any:
+    """Return ``f(*args)``, f elementwise, for derivatives in so many directions.
+
+    Where fewer arguments move than there are directions, a derivative is the sum over the partial
+    ones, which are formed once, and not all of f anew along each direction. (A film with four
+    oscillators, 14 directions, 3 arguments: an evaluation of 491 wavelengths took 119 ms, so 45.)
+    """
+
+    def derivatives(primals: Any, tangents: Any) -> tuple[Any, Any]:
+        flat, tree = jax.tree.flatten(primals)
+        along = jax.tree.leaves(tangents, is_leaf=_is_zero)
+        moving = [i for i, t in enumerate(along) if not _is_zero(t)]
+
+        def of_moving(*some: Any) -> Any:
+            whole = list(flat)
+            for i, x in zip(moving, some, strict=True):
+                whole[i] = x
+            return f(*jax.tree.unflatten(tree, whole))
+
+        at, steps = [flat[i] for i in moving], [along[i] for i in moving]
+        if len(moving) >= directions:
+            return jax.jvp(of_moving, at, steps)
+        out, slope = jax.linearize(of_moving, *at)
+        total = jax.tree.map(jnp.zeros_like, out)
+        for i, step in enumerate(steps):
+            ones = [jnp.ones_like(x) if j == i else jnp.zeros_like(x) for j, x in enumerate(at)]
+            partial = slope(*ones)
+            total = jax.tree.map(lambda t, d, step=step: t + d * step, total, partial)
+        return out, total
+
+    g = jax.custom_jvp(f)
+    g.defjvp(derivatives, symbolic_zeros=True)
+    return g(*args)
+
+
+def _is_zero(x: Any) -> bool:
+    return isinstance(x, SymbolicZero)
+
+
+def predicted(
+    spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any, directions: int = 1
+) -> dict[str, Any]:
     """Return what is seen of each channel, (M, L); of `NCS` a list of three.
 
-    v: every parameter, (L,); an instrument parameter that is left out is neutral.
+    v: every parameter, (L,); an instrument parameter that is left out is neutral. directions: in
+    how many derivatives are going to be asked for.
     """
     index = _at_rows(spec, v, points, eta_i)
     c, weights = cosines(v, points.angle_deg)
-    both = boundary(spec, c, index, v, points, eta_i)
+
+    sizes = {name: x for name, x in v.items() if ".thickness_" in name}
+    at = c, index, sizes, jnp.asarray(points.wavelength_um), jnp.asarray(eta_i)
+    both = _by_partial_derivatives(functools.partial(boundary, spec), at, directions)
 
     def mean(x: Array) -> Array:
         return x[0] if x.shape[0] == 1 else (weights * x).sum(0)

@@ -52,7 +52,8 @@ class Settings(NamedTuple):
     """What the caller says about parameters, by name; a name is ``scale`` or ``scale[R_s]``.
 
     variants: names of ``fixed`` that other fits of the same data free; they are unknowns of the
-    program whose bounds meet, so that all these fits share it.
+    program whose bounds meet, so that all these fits share it. shared: the same for the terms by
+    which other models of the data are wider.
     """
 
     free: tuple[str, ...] = ()
@@ -61,6 +62,7 @@ class Settings(NamedTuple):
     priors: Mapping[str, tuple[float, float]] = {}
     tie: Mapping[str, Any] = {}
     variants: tuple[str, ...] = ()
+    shared: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:

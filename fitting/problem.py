@@ -107,7 +107,8 @@ def _raw_residuals(spec: Any, y: Array, targets: Targets) -> list[Array]:
     """
     if not isinstance(spec, Spec):
         return spec.raw(y, targets)
-    found = predicted(spec, spec.values(y, targets.held), targets.points, targets.eta_i)
+    values = spec.values(y, targets.held)
+    found = predicted(spec, values, targets.points, targets.eta_i, directions=len(spec.moving))
     powers = [c for c in spec.channels if c != NCS]
     out = [
         (found[c] - v) * w for c, v, w in zip(powers, targets.values, targets.weights, strict=True)

@@ -26,7 +26,7 @@ _NO_NOISE = 1e9  # so large that a robust loss is that of least squares
 
 def _in_order(u: Unknowns, y: np.ndarray, settings: Settings) -> np.ndarray:
     """Return y (p, L) with the terms of each lane by rising resonance, unless they are named."""
-    names = list(u.spec.moving)
+    names = _shown(u)
     if any(n.rsplit("_", 1)[-1].isdigit() for n in settings.names):
         return y
     out = y.copy()
@@ -42,6 +42,11 @@ def _in_order(u: Unknowns, y: np.ndarray, settings: Settings) -> np.ndarray:
         for column in rows.T:
             out[column] = np.take_along_axis(y[column], order, axis=0)
     return out
+
+
+def _shown(u: Unknowns) -> list[str]:
+    """Return the names of the unknowns, "" of those that the model does not have."""
+    return [name if name in u.labels else "" for name in u.spec.moving]
 
 
 def _terms(names: list[str], head: str = "") -> list[list[int]]:
@@ -70,8 +75,7 @@ def grown_starts(
     Of three oscillators at random places hardly ever each is next to one of the material's (of 512
     starts none, for one material in ten). One alone finds the strongest, the next one what is left.
     """
-    names = list(u.spec.moving)
-    terms = _terms(names)
+    terms = _terms(_shown(u))
     if len(terms) < 2 or start.shape[1] < LANES:
         return start[:, :0]
     low, high = limits

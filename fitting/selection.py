@@ -3,8 +3,10 @@
 Candidates come in stages, each only if the one before gives reason to: without k and with the
 simplest k; more oscillators, where light is absorbed or nothing so far describes the data, and
 while they help; then each instrument parameter. `candidates` says how they compare and which is
-taken. Candidates of one model share a compiled program: what only some of them fit is fixed in the
-others, which is the same program with narrower bounds.
+taken. Nearly all of the time of a first `choose` goes by in compiling, and so candidates share
+programs: what only some of them fit (the instrument's parameters; the terms by which one model is
+wider than another, see `wider_models`) is fixed in the others, which is the same
+program with narrower bounds.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ import numpy as np
 
 from fitting.candidates import MARGIN, Candidate, Choice, Key, decide, simplest
 from fitting.diagnostics import Finding
+from fitting.dispersion import Model, parse_model
 from fitting.fits import check_choices, fit_checked, measurements_of
 from fitting.instrument import INSTRUMENT, instrument_parameter
 from fitting.measurement import Measurement, concatenate
@@ -31,6 +34,7 @@ from fitting.sample import Sample
 from fitting.sample_choice import choose_sample, several_samples
 from fitting.search import Asked
 from fitting.uncertainty.intervals import QUADRATIC, check_intervals
+from fitting.wider_models import wider
 
 MOST_TERMS = 4
 
@@ -178,7 +182,7 @@ def choose(
             for n in wanted if key.free and n not in key.free
         }  # fmt: skip
         settings = base._replace(
-            free=(*base.free, *key.free), variants=tuple(quiet),
+            free=(*base.free, *key.free), variants=tuple(quiet), shared=True,
             fixed={**base.fixed, **quiet, **({"k": 0.0} if key.without_k else {})},
         )  # fmt: skip
         # BIC compares fits of the same weights.
@@ -210,11 +214,19 @@ class _Search:
         for key in new:
             self.progress(key.label)
             tell(key.label)
+        programs: dict[tuple[Model, bool], list[Key]] = {}
+        for key in new:
+            which = wider(parse_model(key.model)), bool(key.free)
+            programs.setdefault(which, []).append(key)
+
+        def each(alike: list[Key]) -> list[Candidate]:
+            return [Candidate(key, self.run(key)) for key in alike]
+
         if new:
-            # Most of the time goes by in compiling, on one core for each program.
-            with ThreadPoolExecutor(min(len(new), os.cpu_count() or 1)) as pool:
-                for key, found in zip(new, pool.map(self.run, new), strict=True):
-                    self.tried[key] = Candidate(key, found)
+            # A program is compiled on one core.
+            with ThreadPoolExecutor(min(len(programs), os.cpu_count() or 1)) as pool:
+                for alike in pool.map(each, programs.values()):
+                    self.tried |= {c.key: c for c in alike}
         return [self.tried[key] for key in keys]
 
     def best(self) -> Candidate:
@@ -227,16 +239,23 @@ def _stages(search: _Search, wavelengths: int) -> None:
     search.attempt(Key("constant", without_k=True), *map(Key, _first_stage(wavelengths)))
     if wavelengths < 6 or not (_absorbs(search.best()) or not explains(search.best().fit)):
         return
-    search.attempt(Key("drude-lorentz:1"), Key("tauc-lorentz:1"))
-    for terms in range(2, MOST_TERMS + 1):
-        before = search.best().fit.bic
-        grown = search.attempt(*(
+
+    def grown(terms: int) -> list[Key]:
+        return [
             Key(f"{kind}:{terms}")
             for kind in ("lorentz", "drude-lorentz")
             if wavelengths >= 4 * terms and _good(search.tried.get(Key(f"{kind}:{terms - 1}")))
-        ))  # fmt: skip
-        helped = any(c.good and c.fit.bic < before - MARGIN for c in grown)
-        if not helped and explains(search.best().fit):
+        ]
+
+    # Two oscillators now, whose program is compiled beside that of Tauc and Lorentz.
+    search.attempt(Key("drude-lorentz:1"), Key("tauc-lorentz:1"), *grown(2)[:1])
+    for terms in range(2, MOST_TERMS + 1):
+        keys = grown(terms)
+        new = search.attempt(*keys)
+        before = simplest([c for key, c in search.tried.items() if key not in keys]).fit.bic
+        if not any(c.good and c.fit.bic < before - MARGIN for c in new) and (
+            terms > 2 or explains(search.best().fit)
+        ):
             return
 
 

@@ -81,10 +81,13 @@ def quasi_random(count: int, dimensions: int, seed: int) -> np.ndarray:
 
 def starts(unknowns: Sequence[Unknown], count: int, seed: int) -> np.ndarray:
     """Return starts in the solver's coordinates, (p, count)."""
-    cube = quasi_random(count, len(unknowns), seed)
+    # What others of the same program free takes no dimension: each starts as if it were alone.
+    usual = [w.low == w.high == w.parameter.held for w in unknowns]
+    cube = iter(quasi_random(count, usual.count(False), seed))
     rows = []
-    for unknown, u in zip(unknowns, cube, strict=True):
+    for unknown, held in zip(unknowns, usual, strict=True):
         parameter = unknown.parameter
+        u = np.zeros(count) if held else next(cube)
         if not unknown.free:
             x = np.full(count, unknown.low)
         else:

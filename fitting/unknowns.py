@@ -17,6 +17,7 @@ from fitting.observe import NCS, Media, Spec
 from fitting.parameters import LOG, Parameter, Settings
 from fitting.sample import Medium, Sample
 from fitting.starts import Unknown
+from fitting.wider_models import absent, wider
 
 
 class Unknowns(NamedTuple):
@@ -59,14 +60,36 @@ def spectrum_of(measurements: Sequence[Measurement], sample: Sample) -> Spectrum
 
 
 class _Offered(NamedTuple):
-    """A parameter that a fit may have. quiet: shown only if something is said about it."""
+    """A parameter that a fit may have. quiet: shown only if something is said about it.
+
+    label: "" of what the model does not have, and only the wider one that the program is made for.
+    """
 
     parameter: Parameter
     label: str
     quiet: bool = False
 
 
-def _of_medium(medium: Medium, place: str, prefix: str, spectrum: Spectrum) -> list[_Offered]:
+def _of_model(
+    model: Model, place: str, prefix: str, spectrum: Spectrum, shared: bool
+) -> list[_Offered]:
+    """Return the parameters of a model, those that it does not have at where they do nothing."""
+    own = {p.name: p for p in model.parameters(spectrum)}
+    out = []
+    for p in (wider(model) if shared else model).parameters(spectrum):
+        name = f"{place}.{p.name}"
+        if p.name in own:
+            out.append(_Offered(own[p.name]._replace(name=name), prefix + p.name))
+        elif p.held is None:
+            out.append(_Offered(p._replace(name=name, held=absent(p)), "", True))
+        else:
+            out.append(_Offered(p._replace(name=name), prefix + p.name, True))
+    return out
+
+
+def _of_medium(
+    medium: Medium, place: str, prefix: str, spectrum: Spectrum, shared: bool
+) -> list[_Offered]:
     """Return the parameters of a medium: those of its index, and its thickness."""
     out = []
     model = medium.model
@@ -76,8 +99,7 @@ def _of_medium(medium: Medium, place: str, prefix: str, spectrum: Spectrum) -> l
             out.append(_Offered(p._replace(name=f"{place}.{p.name}", held=value),
                                 f"{place}.{p.name}", True))  # fmt: skip
     elif model is not None:
-        for p in model.parameters(spectrum):
-            out.append(_Offered(p._replace(name=f"{place}.{p.name}"), prefix + p.name))
+        out += _of_model(model, place, prefix, spectrum, shared)
     if isinstance(medium.index, Mixture):
         for name, share in zip(medium.index.fractions, medium.index.shares, strict=False):
             out.append(_Offered(
@@ -106,8 +128,8 @@ def _of_medium(medium: Medium, place: str, prefix: str, spectrum: Spectrum) -> l
     return out
 
 
-def media_of(sample: Sample, spectrum: Spectrum | None = None) -> Media:
-    """Return what a compiled program must know of a sample."""
+def media_of(sample: Sample, spectrum: Spectrum | None = None, shared: bool = False) -> Media:
+    """Return what a compiled program must know of a sample; shared: as in `Settings`."""
     index: list[Model | Mixture | Known] = []
     for medium in sample.media[1:]:
         if isinstance(medium.index, complex):
@@ -115,7 +137,8 @@ def media_of(sample: Sample, spectrum: Spectrum | None = None) -> Media:
         elif isinstance(medium.index, Mixture) or medium.model is None:
             index.append(medium.index)  # type: ignore
         else:
-            index.append(medium.model.over(spectrum) if spectrum else medium.model)
+            model = wider(medium.model) if shared else medium.model
+            index.append(model.over(spectrum) if spectrum else model)
     layers = [m.thickness for m in sample.layers if m.thickness]
     coherent = tuple(d.coherent for d in layers)
     closed = sample.media[-1].index == sample.media[0].index
@@ -204,8 +227,8 @@ def _by_label(settings: Settings, offered: Sequence[_Offered], sample: Sample) -
         {names[n]: v for n, v in settings.bounds.items()},
         {names[n]: v for n, v in settings.priors.items()},
         {names[n]: (factor, names[of]) for n, (factor, of) in settings.tie.items()},
-        settings.variants,
-    )
+        settings.variants, settings.shared,
+    )  # fmt: skip
 
 
 def unknowns(
@@ -214,11 +237,16 @@ def unknowns(
     """Return the unknowns of a fit, or raise ValueError for a name that it does not have."""
     offered = _of_instrument(settings, seen)
     media = zip(sample.media[1:], sample.places[1:], sample.prefixes[1:], strict=True)
-    offered = [o for m, p, x in media for o in _of_medium(m, p, x, spectrum)] + offered
+    offered = [
+        o for m, p, x in media for o in _of_medium(m, p, x, spectrum, settings.shared)
+    ] + offered
     said = _by_label(settings, offered, sample)
     inside = {o.label: o.parameter.name for o in offered}
     moving, held, tied = [], [], []
     for o in offered:
+        if not o.label:
+            moving.append(Unknown(o.parameter, o.parameter.held, o.parameter.held))
+            continue
         if o.label in said.tie:
             factor, of = said.tie[o.label]
             if of in said.tie:
@@ -230,7 +258,7 @@ def unknowns(
         unknown, constant = unknown_of(o.parameter, o.label, said)
         (held if constant else moving).append(unknown)
     spec = Spec(
-        media=media_of(sample, spectrum),
+        media=media_of(sample, spectrum, settings.shared),
         channels=seen.channels,
         moving=tuple(u.parameter.name for u in moving),
         coordinates=tuple(u.parameter.coordinate for u in moving),

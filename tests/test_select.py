@@ -66,6 +66,7 @@ def made_up(monkeypatch, spectrum, bics, errors=None, sizes=None):
     def fit_checked(measurements, sample, settings, asked, begin):
         instrument = tuple(n for n in settings.free if n in ("scale", "angle_offset"))
         label = Key(str(sample), instrument, settings.fixed.get("k") == 0.0).label
+        assert settings.shared  # candidates of one family run in one program
         calls.append(label)
         size = (sizes or {}).get(label, 1 + len(label))
         error = (errors or {}).get(label, 1e-3)

@@ -27,7 +27,7 @@ from fitting.bare_surface.engine import Solved
 from fitting.bare_surface.estimate import Estimated, estimate
 from fitting.bare_surface.mirror import allowed_rise, like_mirrors
 from fitting.bare_surface.other_solutions import Other, other_solutions
-from fitting.bare_surface.region_intervals import Intervals, intervals
+from fitting.bare_surface.region_intervals import Intervals, intervals, limit_of_k
 from fitting.bare_surface.valley import Lanes, evaluate, open_to_the_other_end
 from fitting.misfit import misses_its_noise
 from fitting.noise_level import CHI2_LARGE, CHI2_SMALL, chi2_flags
@@ -203,9 +203,6 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
         data, s, e, wanted=wanted, blank=blank, undetermined=undetermined,
         nothing=nothing | failed, matched=matched,
     )  # fmt: skip
-    # The limit of k is the upper end of its 95 % interval, from whatever that was found.
-    upper = e.k_upper_limit
-    upper = np.where(np.isfinite(upper) & (known.kind == result.PROFILE), known.k[:, 1], upper)
 
     def but(value: np.ndarray, empty: np.ndarray) -> np.ndarray:
         return np.where(empty.reshape(-1, *(1,) * (value.ndim - 1)), np.nan, value)
@@ -218,7 +215,7 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
         "sigma_eta": but(e.sigma_eta, blank), "sigma_k": but(e.sigma_k, blank),
         "covariance": but(e.covariance, blank),
         "chi2": but(s.cost if a.stated else np.full_like(s.cost, np.nan), no_data),
-        "limit": but(upper, blank),
+        "limit": but(limit_of_k(e, known), blank),
         "information": but(information, no_data | failed),
         "at_zero": (e.at_zero | matched) & ~no_data & ~failed & ~undetermined,
         "factor": np.sqrt(e.variance) * np.ones_like(s.cost),

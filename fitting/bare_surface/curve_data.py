@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from fitting.bare_surface.reflectances import CHANNELS
@@ -35,7 +36,7 @@ class Data(NamedTuple):
             goal = (curves, angles)[-a.ndim :]
             if a.shape == goal:
                 return a
-            full = np.full(goal, fill)  # np.pad takes 20 us
+            full = np.full(goal, fill) if fill else np.zeros(goal)  # np.pad takes 20 us
             full[tuple(map(slice, a.shape))] = a
             return full
 
@@ -69,3 +70,19 @@ class Data(NamedTuple):
     def curves(self) -> int:
         """The number of curves."""
         return len(self.values[0])
+
+
+def of_rows(of: Any, rows: np.ndarray) -> Any:
+    """Return the rows of every array in a tuple of them, however nested."""
+    return jax.tree.map(lambda a: np.asarray(a)[rows], of)
+
+
+def put_rows(old: Any, new: Any, rows: np.ndarray) -> Any:
+    """Return ``old`` with ``new`` in the rows of every array in it."""
+
+    def put(a: Any, b: Any) -> np.ndarray:
+        out = np.array(a)
+        out[rows] = b
+        return out
+
+    return jax.tree.map(put, old, new)

@@ -7,10 +7,16 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from fitting.bare_surface.curve_data import Data
+from fitting.bare_surface.curve_data import Data, of_rows, put_rows
 from fitting.bare_surface.engine import Solved
 from fitting.bare_surface.estimate import Estimated, estimate
-from fitting.bare_surface.region_intervals import NONE, PROFILE, QUADRATIC, Intervals, intervals
+from fitting.bare_surface.region_intervals import (
+    NONE,
+    QUADRATIC,
+    Intervals,
+    intervals,
+    limit_of_k,
+)
 
 # Another solution is reported if its chi2 is less than this higher: 5 % of what two parameters do.
 ALTERNATIVE_CHI2 = 6.0
@@ -27,22 +33,6 @@ class Other(NamedTuple):
     excess: np.ndarray
     values: dict[str, np.ndarray]
     known: Intervals
-
-
-def of_rows(of: Any, rows: np.ndarray) -> Any:
-    """Return the rows of every array in a tuple of them, however nested."""
-    return jax.tree.map(lambda a: np.asarray(a)[rows], of)
-
-
-def put_rows(old: Any, new: Any, rows: np.ndarray) -> Any:
-    """Return ``old`` with ``new`` in the rows of every array in it."""
-
-    def put(a: Any, b: Any) -> np.ndarray:
-        out = np.array(a)
-        out[rows] = b
-        return out
-
-    return jax.tree.map(put, old, new)
 
 
 def _nothing(like: Any, count: int) -> Any:
@@ -82,11 +72,9 @@ def _other(data: Data, s: Solved, e: Estimated, excess: np.ndarray, wanted: str)
         data, s, e, wanted=wanted, blank=no, undetermined=no, nothing=no, matched=no
     )  # fmt: skip
     known = known._replace(kind=known.kind.astype(f"<U{len(QUADRATIC)}"))
-    # As of the best one: the limit of k is the upper end of its interval by profile.
-    unseen = np.isfinite(e.k_upper_limit) & (known.kind == PROFILE)
     values = {
         "eta": e.eta, "k": e.k, "sigma_eta": e.sigma_eta, "sigma_k": e.sigma_k,
-        "limit": np.where(unseen, known.k[:, 1], e.k_upper_limit), "at_zero": e.at_zero,
+        "limit": limit_of_k(e, known), "at_zero": e.at_zero,
     }  # fmt: skip
     return Other(~no, excess, values, known)
 

@@ -43,6 +43,12 @@ class Intervals(NamedTuple):
     kind: np.ndarray
 
 
+def limit_of_k(e: Estimated, known: Intervals) -> np.ndarray:
+    """Return the upper limit of k (N,), NaN where k is seen: the upper end of its interval."""
+    by_profile = np.isfinite(e.k_upper_limit) & (known.kind == PROFILE)
+    return np.where(by_profile, known.k[:, 1], e.k_upper_limit)
+
+
 def intervals(
     data: Data,
     s: Solved,

@@ -133,20 +133,20 @@ def data_csv(fit: Fit, decimal: str = ".") -> str:
 
 
 def batch_columns(fit: Fit) -> dict[str, list[Any]]:
-    """Return a column for everything that each fit of a batch has of its own.
+    """Return a column for everything that each fit of a batch has of its own; of one fit, a row.
 
     First wavelength_um, or the place in the batch; then the parameters, the index first, and what
     is known of each: sigma_NAME, NAME_low and NAME_high (95 % interval), NAME_interval_kind,
-    NAME_upper_limit.
+    NAME_upper_limit; then chi2, ..., status.
     """
     columns: dict[str, list[Any]] = {}
-    if by_wavelength(fit):
+    if by_wavelength(fit) or np.shape(fit.wavelength_um) == fit.shape == ():
         columns["wavelength_um"] = np.ravel(fit.wavelength_um).tolist()
     else:
         places = np.unravel_index(np.arange(int(np.prod(fit.shape))), fit.shape)
         heads = ["curve"] if len(places) == 1 else [f"curve_{i}" for i in range(len(places))]
         columns |= {head: place.tolist() for head, place in zip(heads, places, strict=True)}
-    varied = varied_of(fit)
+    varied = varied_of(fit) if fit.shape else fit.names
     columns |= {name: np.ravel(fit.parameters[name].value).tolist() for name in varied}
     for name in varied:
         columns |= _known(fit, name)

@@ -14,7 +14,7 @@ from fitting.output.layout import rows_aligned
 from fitting.output.numbers import number, with_unit
 from fitting.output.text_table import varied_of
 from fitting.plain_data import json_object
-from fitting.result import CONVERGED, UNDETERMINED, Estimate, Fit
+from fitting.result import CONVERGED, UNDETERMINED, Fit
 from fitting.visible import visible
 
 REFUSED = "refused"
@@ -86,46 +86,24 @@ def rows_text(files: Sequence[OfFile]) -> str:
     return "\n".join(rows_aligned(rows)) + "\n"
 
 
-def _known(e: Estimate) -> dict[str, Any]:
-    low, high = (float(end) for end in e.interval)
-    head = e.name
-    return {
-        head: float(e.value), f"sigma_{head}": float(e.sigma),
-        f"{head}_low": low, f"{head}_high": high, f"{head}_upper_limit": float(e.upper_limit),
-    }  # fmt: skip
-
-
 def _rows(file: OfFile) -> list[dict[str, Any]]:
     """Return the rows of one file: one, or one a wavelength where the index is free at each."""
     fit, first = file.fit, {"file": visible(file.name)}
     if fit is None:
         return [{**first, "status": REFUSED, "message": visible(file.error)}]
     first["sample"] = str(fit.sample)
-    if fit.shape:
-        columns = batch_columns(fit)
-        rows = [
-            dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)
-        ]
-        codes = [" ".join(w.code for w in some) for some in np.ravel(fit.warnings)]
-    else:
-        known = {k: v for name in fit.names for k, v in _known(fit.parameters[name]).items()}
-        wave = (
-            {"wavelength_um": float(fit.wavelength_um)} if np.ndim(fit.wavelength_um) == 0 else {}
-        )
-        sums = {
-            name: getattr(fit, name) for name in ("chi2", "chi2_reduced", "dof", "n_data", "rms")
-        }
-        rows = [{**wave, **known, **sums, "status": fit.status}]
-        codes = [" ".join(w.code for w in fit.warnings)]
-    return [{**first, **row, "warnings": code} for row, code in zip(rows, codes, strict=True)]
+    columns = batch_columns(fit)
+    warnings = np.ravel(fit.warnings) if fit.shape else [fit.warnings]
+    columns["warnings"] = [" ".join(w.code for w in some) for some in warnings]
+    cells = zip(*columns.values(), strict=True)
+    return [{**first, **dict(zip(columns, row, strict=True))} for row in cells]
 
 
 def rows_csv(files: Sequence[OfFile], decimal: str = ".") -> str:
     """Return a row a file, or a row a wavelength where the index is free at each, as CSV.
 
-    Columns: file, sample, wavelength_um, then for each parameter its value, sigma_NAME, NAME_low
-    and NAME_high (95 % interval) and NAME_upper_limit, then chi2, ..., status, the codes of the
-    warnings, and the message of a file that was refused. Columns that would be empty are left out.
+    Columns: file, sample, those of `batch_columns`, the codes of the warnings, and the message of a
+    file that was refused. Columns that would be empty are left out.
     """
     rows = [row for file in files for row in _rows(file)]
     ends = ["chi2", "chi2_reduced", "dof", "n_data", "rms", "status", "warnings", "message"]
