@@ -52,6 +52,8 @@ def test_csv_holds_what_was_found_to_the_last_bit(each, decimal, mark):
     metal, found = rows[0], each[0].fit.parameters["eta"]
     assert (number(metal["eta"]), number(metal["sigma_eta"])) == (found.value, found.sigma)
     assert [number(metal["eta_low"]), number(metal["eta_high"])] == list(found.interval)
+    assert metal["eta_interval_kind"] == found.interval_kind
+    assert number(metal["correlation"]) == each[0].fit.correlation[0, 1]
     assert (rows[1]["status"], rows[1]["eta"]) == ("refused", "")
     assert rows[1]["message"].startswith("bad.csv")
     assert [number(r["wavelength_um"]) for r in rows[3:]] == [0.5, 0.6, 0.7]

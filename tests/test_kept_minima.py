@@ -1,9 +1,12 @@
 """What is kept of the arrivals of a curve: the lowest minima, each once."""
 
 import numpy as np
+import pytest
 
 from fitting.bare_surface.engine import Solved
+from fitting.bare_surface.estimate import Estimated
 from fitting.bare_surface.kept_minima import OTHERS, with_arrival
+from fitting.bare_surface.other_solutions import _distinct
 
 
 def arrival(x, cost, done=1.0):
@@ -38,3 +41,19 @@ def test_what_came_to_rest_replaces_what_was_cut_off_beside_it():
     assert found[0].done == 1.0
     assert found[0].cost == 4.999
     assert np.isnan(found[1].cost)
+
+
+@pytest.mark.parametrize(("eta", "k", "another"), [
+    (1.5, 0.5, False), (1.5 + 0.5e-3, 0.5 + 0.5e-3, False), (1.5, 0.6, True), (1.52, 0.5, True),
+    (np.nan, 0.5, False),
+])  # fmt: skip
+def test_another_solution_differs_in_eta_or_in_k_by_more_than_the_errors(eta, k, another):
+    # eta and k^2 known to .001, without correlation
+    information = np.array([[[1e6, 0.0], [0.0, 1e6]]])
+    own = dict.fromkeys(Estimated._fields, np.zeros(1)) | {
+        "eta": np.array([1.5]), "k": np.array([0.5]), "sigma_eta": np.array([1e-3]),
+        "information": information, "variance": np.ones(1),
+    }  # fmt: skip
+    best = Estimated(**own)
+    other = best._replace(eta=np.array([eta]), k=np.array([k]))
+    assert _distinct(best, other).tolist() == [another]
