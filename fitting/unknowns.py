@@ -81,7 +81,8 @@ def _of_model(
         if p.name in own:
             out.append(_Offered(own[p.name]._replace(name=name), prefix + p.name))
         elif p.held is None:
-            out.append(_Offered(p._replace(name=name, held=absent(p)), "", True))
+            x = absent(p)
+            out.append(_Offered(p._replace(name=name, low=x, high=x, held=x), "", True))
         else:
             out.append(_Offered(p._replace(name=name), prefix + p.name, True))
     return out
@@ -245,7 +246,7 @@ def unknowns(
     moving, held, tied = [], [], []
     for o in offered:
         if not o.label:
-            moving.append(Unknown(o.parameter, o.parameter.held, o.parameter.held))
+            moving.append(Unknown(o.parameter, o.parameter.low, o.parameter.high))
             continue
         if o.label in said.tie:
             factor, of = said.tie[o.label]
