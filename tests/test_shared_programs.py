@@ -121,7 +121,8 @@ def test_a_special_case_is_the_same_fit_in_the_wider_program(model):
     m = Measurement.from_columns(angle, wavelength, sigma=1e-3, **data)
     asked = Asked("scaled", "quadratic")
     alone, shared = (
-        fit_checked([m], Sample.parse(model), Settings(shared=wide), asked) for wide in (0, 1)
+        fit_checked([m], Sample.parse(model), Settings(shared=wide), asked)
+        for wide in (False, True)
     )
     assert list(shared.parameters) == list(alone.parameters)
     assert (shared.status, shared.dof) == (alone.status, alone.dof)
