@@ -75,9 +75,14 @@ def _crossing(face: _Face) -> Array:
     return face.T + jnp.sum(face.absorption, axis=0)
 
 
+def _absorbed(face: _Face) -> Array:
+    """1 - R - T, without the subtraction: what the films absorb and the medium itself loses."""
+    return jnp.sum(face.absorption, axis=0) + face.own
+
+
 def _lost(face: _Face) -> Array:
     """1 - R, without the subtraction."""
-    return _crossing(face) + face.own
+    return face.T + _absorbed(face)
 
 
 def _one_polarization(
@@ -96,9 +101,8 @@ def _one_polarization(
         reflections = _lost(back) + back.R * (gone * (1.0 + P) + P * P * lost)
         down = front.T * reciprocal_or_zero(reflections)
         going_on.insert(0, (down, R, returned))
-        in_films = jnp.sum(back.absorption, axis=0) + back.own
-        lost = (_lost(front) - front.T) + down * (
-            gone * (1.0 + P * R) + P * lost + P * P * R * in_films
+        lost = _absorbed(front) + down * (
+            gone * (1.0 + P * R) + P * lost + P * P * R * _absorbed(back)
         )
         returned = down * back.T * P * P * R
         R = front.R + returned
