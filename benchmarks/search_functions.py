@@ -37,7 +37,7 @@ class Function(NamedTuple):
     arguments: Callable = lambda *columns: (
         columns
     )  # columns -> arguments: directions from angles, for example
-    fixed: tuple[int, ...] = ()  # arguments that the gradient leaves out
+    fixed: tuple[int, ...] = ()  # arguments that gradients leave out
     amplified: bool = False  # the norm of a gradient counts with the factor scale / value, too
     shared: bool = False  # the results' gradients are measured by the largest of their norms
     # values are measured by what a relative change of one eps in each argument does to the truth,
@@ -108,7 +108,9 @@ def errors(entry: Function, gradient: bool, columns, dtype) -> np.ndarray:
                 continue  # not representable
             if not gradient:
                 if entry.conditioned:
-                    norms = _gradients(entry, exact, np.zeros((len(true), len(exact))))[1]
+                    # of all arguments: directions, which gradients leave out, are rounded as well
+                    every = range(len(exact))
+                    norms = _gradients(entry, exact, np.zeros((len(true), len(exact))), every)[1]
                     for result, other in entry.coupled:
                         norms[result] = max(norms[result], norms[other])
                     scales = [max(pair) for pair in zip(scales, norms, strict=True)]
@@ -117,7 +119,8 @@ def errors(entry: Function, gradient: bool, columns, dtype) -> np.ndarray:
                     for x, (v, _), s in zip(ours[i], true, scales, strict=True)
                 ]
             else:
-                distances, norms, steepest = _gradients(entry, exact, ours[i])
+                variables = _variables(entry, len(exact))
+                distances, norms, steepest = _gradients(entry, exact, ours[i], variables)
                 if steepest > largest:
                     continue
                 if entry.shared:
@@ -142,12 +145,13 @@ def errors(entry: Function, gradient: bool, columns, dtype) -> np.ndarray:
     return worst
 
 
-def _gradients(entry, exact, ours):
-    """Of each result: the distance of our gradient from the true one, whose norm comes next; and
-    the largest of all slopes. A point beside which there is no truth has distances of 0."""
+def _gradients(entry, exact, ours, variables):
+    """Of each result: the distance of our gradient by these variables from the true one, whose norm
+    comes next; and the largest of all slopes. A point beside which there is no truth has distances
+    of 0."""
     error2, norm2 = ([gmpy2.mpfr(0)] * len(ours) for _ in range(2))
     steepest = gmpy2.mpfr(0)
-    for column, j in enumerate(_variables(entry, len(exact))):
+    for column, j in enumerate(variables):
         h = _STEP * exact[j] if exact[j] != 0 else _STEP
         unit = abs(exact[j])
         pair = [entry.truth(*exact[:j], exact[j] + sign * h, *exact[j + 1 :]) for sign in (1, -1)]

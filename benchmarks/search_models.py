@@ -65,8 +65,8 @@ def _lorentz(w, strength, resonance, width):
 
 def _tauc_lorentz(w, A, E_0, C, gap, eps_inf):
     """Jellison and Modine's closed form with its erratum (doi:10.1063/1.118155)."""
-    if C >= 2 * E_0 or gap > 2 * E_0:
-        return None  # no such oscillator; no bound is stated
+    if C >= 2 * E_0 or gap > E_0:
+        return None  # no such oscillator; no peak, and no bound is stated
     E, pi, atan, log = energy(w), gmpy2.const_pi(), gmpy2.atan, gmpy2.log
     alpha, gamma2 = gmpy2.sqrt(4 * E_0**2 - C**2), E_0**2 - C**2 / 2
     zeta4 = (E**2 - gamma2) ** 2 + alpha**2 * C**2 / 4
@@ -87,7 +87,7 @@ def _tauc_lorentz(w, A, E_0, C, gap, eps_inf):
     im = gmpy2.mpfr(0)
     if gap < E:
         im = A * E_0 * C * (E - gap) ** 2 / (((E * E - E_0**2) ** 2 + C**2 * E * E) * E)
-    scale = (1 if gap <= E_0 else 10) * max(1, abs(gmpy2.mpc(re, im)))
+    scale = max(1, abs(gmpy2.mpc(re, im)))
     # the permittivity, as the class states its bound
     return [(re, scale), (im, scale)]
 

@@ -131,8 +131,9 @@ class TaucLorentz(DispersionModel):
 
     Accuracy: each part of the permittivity within 64 eps of max(1, abs(permittivity)), its gradient
     within 1000 eps of the larger of that and its norm, for a gap below the resonance, however
-    narrow or wide; ten times that for a gap up to twice as high. k is exactly 0 below the gap while
-    Re eps > 0.
+    narrow or wide. For a gap above it, where the oscillator has no peak, digits are lost at photon
+    energies beside the resonance: 4e5 eps of the gradient for a width of a hundredth of it. k is
+    exactly 0 below the gap while Re eps > 0.
     First derivatives are finite everywhere, the second is infinite at the gap.
     Source: G. E. Jellison and F. A. Modine, Appl. Phys. Lett. 69, 371 (1996), doi:10.1063/1.118064,
     erratum 69, 2137, doi:10.1063/1.118155, whose closed form is another one of the same integral.

@@ -73,6 +73,68 @@ def is_thin(kappa: Array, q2: Pair) -> Array:
     return squared_modulus(scaled(kappa * kappa, q2)) < 0.0625
 
 
+def _magnetic_series(kappa: Array, z: Pair) -> Array:
+    """Re(i cos(delta) conj(sin(delta) / Q)), for z = delta^2 with |z| < .01."""
+    quarter_im2 = 0.25 * z[1] * z[1]
+    here, before, total = 1.0, 0.0, 0.0
+    for m in range(5):
+        total = total + 6.0 * 4.0**m / math.factorial(2 * m + 3) * here
+        here, before = quarter_im2 * before - z[0] * here, here
+    return (kappa * z[1] / 3.0) * total
+
+
+def power_at_near_side(
+    layer: Wave,
+    kappa: Array,
+    q2: Pair,
+    g: Complex,
+    per_g: Complex,
+    u: Pair,
+    w: Pair,
+    power: Array,
+) -> Array:
+    """Re(W conj(U)) at the near side of a layer from that at its far side, in units of |f|^-2.
+
+    In a mode of the films it is small against |U| |W|, whose rounding is what W conj(U) has of it.
+    So it is carried: of the product of both sides' fields,
+
+        (|C|^2 + Re B) Re(W conj(U)) + Im B Im(W conj(U)) + a |U|^2 + b |W|^2,
+        a = Re(conj(C) Q^2 sigma / g),  b = Re(C conj(sigma g)),  B = |sigma|^2 Q^2 conj(g) / g,
+
+    a, b and Im B vanish with the absorption of the layer and are formed without cancellation. The
+    formulas are our own.
+    """
+    (x, y), (e_re, e_im) = layer.q, layer.round_trip
+    q_abs2 = x * x + y * y
+    per_q_abs2 = reciprocal_or_zero(q_abs2)
+    growth = 0.5 * layer.dimmed * (2.0 - layer.dimmed)  # |f|^2 sinh(2 Im delta)
+    of_u = (
+        0.5 * (x * growth + y * e_im),
+        conjugate_times(layer.cosine, layer.q_sine)[1],
+    )
+    wide = 0.5 * (x * growth - y * e_im) * per_q_abs2
+    kappa2 = kappa * kappa
+    series = squared_modulus(layer.passage) * _magnetic_series(kappa, scaled(kappa2, q2))
+    of_w = (
+        jnp.where(kappa2 * q_abs2 < 0.01, series, wide),
+        conjugate_times(layer.sine_over_q, layer.cosine)[1],
+    )
+    # |C|^2 + Re B = |f|^2 (x^2 cosh(2 Im delta) + y^2 cos(2 Re delta)) / |Q|^2 for g = 1
+    carried = (x * x * (1.0 - growth) + y * y * e_re) * per_q_abs2
+    carried, beats = jnp.where(q_abs2 == 0.0, 1.0, carried), q2[1]
+    sigma2 = squared_modulus(layer.sine_over_q)
+    if g[1] is not None:
+        # Q^2 (1 - conj(g) / g)
+        turned = times(scaled(2.0 * g[1] * squared_modulus(per_g), (g[1], g[0])), q2)
+        carried, beats = carried - sigma2 * turned[0], beats - turned[1]
+    return (
+        carried * power
+        + sigma2 * beats * conjugate_times(u, w)[1]
+        + times(of_u, per_g)[0] * squared_modulus(u)
+        + conjugate_times(g, of_w)[0] * squared_modulus(w)
+    )
+
+
 def along(layer: Wave, z: Pair, kappa: Array) -> Along:
     a, b = layer.q
     intensity, per_a = squared_modulus(layer.passage), 0.5 * reciprocal_or_zero(a)

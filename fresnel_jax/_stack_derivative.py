@@ -21,7 +21,6 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
 
 from ._arithmetic import Complex, conjugate_times, times
 from ._boundary import computed_once
@@ -93,7 +92,7 @@ def _from_the_front(
     return behind, at_front, above
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(7,))
+@functools.partial(jax.custom_jvp, nondiff_argnums=(6,))
 def solve(
     front: Ambient,
     layers: Medium,
@@ -101,11 +100,10 @@ def solve(
     q_far: Pair,
     x: DoubleWord,
     rough: Any,
-    lossless: Array | None,
     shape: tuple[int, ...],
 ) -> Solved:
     """`solve_fields`, with the derivatives of the module's text."""
-    return solve_fields(front, layers, far, q_far, x, rough, lossless, shape)[0]
+    return solve_fields(front, layers, far, q_far, x, rough, shape)[0]
 
 
 def _in_layers(change: Change, moved: Change) -> Pair:
@@ -137,9 +135,9 @@ def _lossy(front: Ambient, layers: Medium, x: DoubleWord):
 
 @solve.defjvp
 def _solve_jvp(shape, primals, tangents):
-    front, layers, far, q_far, x, rough, lossless = primals
-    d_front, d_layers, d_far, d_q_far, d_x, d_rough, _ = tangents
-    solved, inside, ends = solve_fields(front, layers, far, q_far, x, rough, lossless, shape)
+    front, layers, far, q_far, x, rough = primals
+    d_front, d_layers, d_far, d_q_far, d_x, d_rough = tangents
+    solved, inside, ends = solve_fields(front, layers, far, q_far, x, rough, shape)
     behind, at_front, above = _from_the_front(front, layers, inside, rough, shape, x[0].shape[0])
 
     (re, im), (d_re, d_im) = jax.jvp(normal_squared, (layers, front), (d_layers, d_front))

@@ -10,7 +10,7 @@ from jaxtyping import Array
 from ._arithmetic import conjugate_times, one_if_zero, squared_modulus, times
 from ._boundary import computed_once
 from ._double_word import DoubleWord
-from ._stack_absorption import absorbed, is_thin, thin_layer, weights
+from ._stack_absorption import absorbed, is_thin, power_at_near_side, thin_layer, weights
 from ._stack_coherent import (
     ONE,
     ZERO,
@@ -80,12 +80,11 @@ def solve_fields(
     q_far: Pair,
     x: DoubleWord,
     rough: Any,
-    lossless: Array | None,
     shape: tuple[int, ...],
 ) -> tuple[Solved, Inside | None, Ends]:
     """The films between `front` and `far`; x is thickness / wavelength of the layers.
 
-    rough: `boundary_factors` for s and p, or None; lossless: where no medium absorbs.
+    rough: `boundary_factors` for s and p, or None.
     """
 
     def whole(tree):
@@ -94,12 +93,13 @@ def solve_fields(
     n02 = square((front.n, front.k))
     count = x[0].shape[0]
 
-    def step(fields, layer):
-        here, x, factors = layer
+    def step(carry, layer):
+        (fields, powers), (here, x, factors) = carry, layer
         one = jnp.ones(shape, front.n.dtype)
         scale = (one, one)
         if count > _UNROLLED:
             fields, scale = rescaled(fields)
+            powers = tuple(z * z * power for z, power in zip(scale, powers, strict=True))
         re, im = jax.tree.map(computed_once, normal_squared(here, front))
         inside = wave(re, im, x, squared_modulus(front.q))
         below = None
@@ -125,6 +125,14 @@ def solve_fields(
                 for u, w, back, g, per_g, weight in of_both
             )
         passage2 = squared_modulus(inside.passage)
+        if im is None:
+            powers = tuple(passage2 * power for power in powers)
+        elif rough is None:
+            of_both = zip((ONE, here.g), (ONE, here.per_g), fields.u, fields.w, powers, strict=True)
+            powers = tuple(
+                power_at_near_side(inside, kappa, q2, g, per_g, u, w, power)
+                for g, per_g, u, w, power in of_both
+            )
         losses = tuple(
             whole((loss, passage2 * z * z)) for loss, z in zip(losses, scale, strict=True)
         )
@@ -132,37 +140,37 @@ def solve_fields(
         fields = through_layer(fields, here, inside, front, h)
         if count <= _UNROLLED:  # else they stand in memory as the carry of the loop
             fields = jax.tree.map(computed_once, fields)
-        return whole(fields), (losses, seen)
+        return whole((fields, powers)), (losses, seen)
 
-    fields = whole(far_fields(far, front, q_far))
+    start = far_fields(far, front, q_far), (q_far[0], times(far.per_g, q_far)[0])
     passed = (layers, x, at(slice(1, None), rough))
-    fields, seen = over_layers(step, fields, passed, count, reverse=True)
+    (fields, powers), seen = over_layers(step, whole(start), passed, count, reverse=True)
     below = None
     if rough is not None:
         below = tuple(zip(fields.u, fields.w, strict=True))
         fields = whole(rough_boundary(fields, at(0, rough), front.q))
-    if lossless is not None:
-        fields = _with_known_flux(fields, front, far, q_far, lossless)
+    else:
+        fields = _with_known_power(fields, front, powers)
     return _amplitudes(fields, front, None if seen is None else seen[0]), *(
         (None if seen is None else seen[1]),
         Ends(fields.u, fields.w, below),
     )
 
 
-def _with_known_flux(
-    fields: Fields, front: Ambient, far: Medium, q_far: Pair, lossless: Array
-) -> Fields:
-    """W and M at the front where nothing absorbs, so that Re(W conj(U)) is what leaves the stack.
+def _with_known_power(fields: Fields, front: Ambient, powers: tuple[Array, Array]) -> Fields:
+    """W and M at the front, so that Re(W conj(U)) is the power that was carried through the films.
 
     In a mode of the films at grazing incidence W is what remains of terms 1 / Q_0 times as large.
-    The part of it that carries power is known to its last digit, and R + T is 1.
+    The part of it that carries power is what is absorbed and transmitted, which is known to its
+    last digits, and R + T + sum(A) is 1.
     """
-    flux_far = (q_far[0], times(far.per_g, q_far)[0])
     w_new, m_new = [], []
-    for u, w, m, f, flux in zip(*fields, flux_far, strict=True):
-        excess = conjugate_times(u, w)[0] - squared_modulus(f) * flux
+    for u, w, m, power in zip(fields.u, fields.w, fields.m, powers, strict=True):
+        u2 = squared_modulus(u)
+        small = 256.0 * power * power < u2 * u2 * jnp.abs(front.transverse2[0])
+        excess = jnp.where(small, conjugate_times(u, w)[0] - power, 0.0)
         # The division comes last, so that all that follows reads it instead of forming it anew.
-        wrong = jnp.where(lossless, excess, 0.0) / one_if_zero(squared_modulus(u))
+        wrong = excess / one_if_zero(u2)
         # What is wrong is rounding alone: the derivatives of W are not.
         w_known = minus(w, lax.stop_gradient(scaled(wrong, u)))
         q0_u = times(front.q, u)
@@ -172,7 +180,7 @@ def _with_known_flux(
         differs = squared_modulus(minus(m, m_known)) > doubt2 * terms
         w_new.append(w_known)
         correction = lax.stop_gradient(minus(m_known, m))
-        m_new.append(choose(lossless & differs, plus(m, correction), m))
+        m_new.append(choose(small & differs, plus(m, correction), m))
     return fields._replace(w=tuple(w_new), m=tuple(m_new))
 
 

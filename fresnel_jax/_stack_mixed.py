@@ -17,11 +17,13 @@ Source: O. S. Heavens, Optical Properties of Thin Solid Films, 1955, sec. 4.11.
 import itertools
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array
 
 from ._arithmetic import Complex, reciprocal_or_zero, squared_modulus, times
+from ._boundary import computed_once
 from ._double_word import DoubleWord
 from ._stack_coherent import Ambient, at, inverse, medium, normal_squared, outgoing_root, square
 from ._stack_packet import Packet, packet
@@ -51,7 +53,7 @@ def _faces(seen: Packet, front: Ambient, inside: bool) -> list[_Face]:
             # Of unit light in the medium itself, 1 - R - T - sum(A); as the difference of what
             # crosses the boundary and of R, A beyond the critical angle was 8e8 eps off.
             own = y[1] * per * (y[1] * (1.0 - R) - 2.0 * y[0] * _imaginary(r))
-        faces.append(_Face(R, T, A, own))
+        faces.append(jax.tree.map(computed_once, _Face(R, T, A, own)))
     return faces
 
 
@@ -75,9 +77,14 @@ def _crossing(face: _Face) -> Array:
     return face.T + jnp.sum(face.absorption, axis=0)
 
 
+def _absorbed(face: _Face) -> Array:
+    """1 - R - T, without the subtraction: what the films absorb and the medium itself loses."""
+    return jnp.sum(face.absorption, axis=0) + face.own
+
+
 def _lost(face: _Face) -> Array:
     """1 - R, without the subtraction."""
-    return _crossing(face) + face.own
+    return face.T + _absorbed(face)
 
 
 def _one_polarization(
@@ -94,14 +101,13 @@ def _one_polarization(
     for front, back, (P, gone) in reversed(list(zip(fronts[:-1], backs, passages, strict=True))):
         # 1 - R' P^2 R, without cancellation for mirrors that face each other
         reflections = _lost(back) + back.R * (gone * (1.0 + P) + P * P * lost)
-        down = front.T * reciprocal_or_zero(reflections)
+        down = computed_once(front.T * reciprocal_or_zero(reflections))
         going_on.insert(0, (down, R, returned))
-        in_films = jnp.sum(back.absorption, axis=0) + back.own
-        lost = (_lost(front) - front.T) + down * (
-            gone * (1.0 + P * R) + P * lost + P * P * R * in_films
+        lost = _absorbed(front) + down * (
+            gone * (1.0 + P * R) + P * lost + P * P * R * _absorbed(back)
         )
         returned = down * back.T * P * P * R
-        R = front.R + returned
+        R, lost, returned = map(computed_once, (front.R + returned, lost, returned))
     # In total reflection r turns fast and R stays: formed from that of r, its derivative was off by
     # 1,130 eps of R; from what is absorbed and transmitted, by 1.
     given = together - lost
@@ -143,7 +149,8 @@ def mixed(
     for i in edges[1:-1]:
         q2_i = at(i, q2)
         k_i = None if k is None else k[i]
-        ambients.append(Ambient(n[i], k_i, outgoing_root(*q2_i), q2_i, front.transverse2))
+        q_i = jax.tree.map(computed_once, outgoing_root(*q2_i))
+        ambients.append(Ambient(n[i], k_i, q_i, q2_i, front.transverse2))
     for p, (first, last) in enumerate(itertools.pairwise(edges)):
         n_here, k_here = n[first : last + 1], None if k is None else k[first : last + 1]
         x_here = (x[0][first : last - 1], x[1][first : last - 1])

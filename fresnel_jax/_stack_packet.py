@@ -62,16 +62,11 @@ def packet(
     front, behind, x = jax.tree.map(computed_once, (front, behind, x))
     layers, far = at(slice(-1), behind), at(-1, behind)
     q_far = outgoing_root(*normal_squared(far, front))
-    rough, lossless = None, None
-    if roughness is None:
-        absorbs = jnp.zeros(n[0].shape, bool) if k is None else (k != 0.0).any(axis=0)
-        lossless = jnp.logical_not(absorbs)
-    else:
+    if roughness is not None:
         rough = _rough(roughness, front, layers, far, q_far, shape)
-    solved = solve(front, layers, far, q_far, x, rough, lossless, shape)
-    whole = _packet(solved, front, far, q_far, shape)
-    if lossless is None:
-        return whole
+        return _packet(solve(front, layers, far, q_far, x, rough, shape), front, far, q_far, shape)
+    whole = _packet(solve(front, layers, far, q_far, x, None, shape), front, far, q_far, shape)
+    lossless = True if k is None else (k == 0.0).all(axis=0)
     return whole._replace(R=_all_of_it(whole.R, lossless & (q_far[0] == 0.0) & (q_far[1] > 0.0)))
 
 

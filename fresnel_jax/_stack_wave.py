@@ -23,7 +23,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ._arithmetic import complex_sqrt, fast_two_sum, reciprocal_or_zero, times
+from ._arithmetic import (
+    complex_sqrt,
+    fast_two_sum,
+    reciprocal_or_zero,
+    squared_modulus,
+    times,
+)
 from ._boundary import computed_once
 from ._double_word import DoubleWord, root_correction, root_of_real, two_product
 
@@ -38,6 +44,7 @@ class Wave(NamedTuple):
     q_sine: Pair  # Q^2 sigma
     passage: Pair  # f
     sine2: Array  # |f|^2 sin^2(Re delta)
+    dimmed: Array  # 1 - |E|
     near_critical: Array  # where f is held constant in derivatives
 
 
@@ -119,7 +126,8 @@ def wave(re: DoubleWord, im: DoubleWord | None, x: DoubleWord, ambient2: Array) 
     twice_sine_cosine = intensity * (2.0 * (sine * cosine))
     round_trip = (intensity * (1.0 - twice_sine2), twice_sine_cosine)
     # 1 - E as a sum of positive numbers
-    rest = (intensity * twice_sine2 - jnp.expm1(-2.0 * depth), -twice_sine_cosine)
+    dimmed = -jnp.expm1(-2.0 * depth)
+    rest = (intensity * twice_sine2 + dimmed, -twice_sine_cosine)
     over_q = times(rest, (0.5 * a * per_q2, -0.5 * b * per_q2))
     critical = q2_abs == 0.0
     sine_over_q = (jnp.where(critical, 0.0, over_q[0]), jnp.where(critical, -kappa, over_q[1]))
@@ -136,6 +144,7 @@ def wave(re: DoubleWord, im: DoubleWord | None, x: DoubleWord, ambient2: Array) 
         q_sine=times(times(q, q), sine_over_q),
         passage=passage,
         sine2=0.5 * (intensity * twice_sine2),
+        dimmed=dimmed,
         near_critical=(4.0 * q2_abs < ambient2) & (kappa * kappa * q2_abs < 0.25),
     )
     # One shape: the derivative of q is masked by near_critical, which depends on the thickness too.
@@ -222,6 +231,7 @@ def _wave_jvp(primals, tangents):
         q_sine=_plus(times(out.sine_over_q, dq2), times(q2, d_sine)),
         passage=d_passage,
         sine2=jnp.where(near, 0.0, out.round_trip[1] * d_delta[0] - 2.0 * out.sine2 * d_delta[1]),
+        dimmed=-2.0 * (d_log_f[0] * squared_modulus(out.passage)),
         near_critical=jnp.zeros(near.shape, jax.dtypes.float0),
     )
     return out, tangent

@@ -167,7 +167,8 @@ def half_vector_jacobian(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Array:
     1 / (4 |wi . m|) in reflection; eta_i^2 |wi . m| / (eta_o wo . m + eta_i wi . m)^2 across the
     surface. Exchange wo and wi for the density of wo with wi fixed.
 
-    Arguments as for `half_vector`. Shape (...); the error is that of m; 0 across the surface at
+    Arguments as for `half_vector`. Shape (...). A few eps, and what the rounding of the directions
+    themselves does: of the order of eps / (wi . m)^2 at grazing incidence. 0 across the surface at
     eta = 1, where there is no density. Across the surface wo . m and wi . m differ in sign; a pair
     of one sign is connected by no facet, and what is given back for it has no meaning.
     Source: Walter et al. 2007, doi:10.2312/EGWR/EGSR07/195-206, eq. 14 and 17.

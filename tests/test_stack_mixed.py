@@ -117,3 +117,18 @@ def test_derivative_by_the_absorption_of_the_first_medium():
     both = jax.jit(lambda k: jax.jvp(reflected, (k,), (1.0,)))
     above, below = both(0.1 + 1e-5)[0], both(0.1 - 1e-5)[0]
     np.testing.assert_allclose(both(0.1)[1], (above - below) / 2e-5, rtol=1e-8)
+
+
+def test_thick_layers_at_grazing_incidence_beside_a_guided_mode():
+    """T and all absorptions there were 2,600 eps off, by the common factor 1 / (1 - R' P^2 R):
+    what a film between the layers loses was formed as the difference of 1 - R and T."""
+    point = (
+        8.213136451012596e-06, 1.9468130738366614, 2.943165779858516, 6.990683974602658e-06,
+        1.9032293435036944, 2.0374365195553568e-08, 2.160849682318816, 7.09815289872745e-09,
+        0.25710041455222715, 4.2170479596996066e-05, 0.673174308299202, 0.08037817137685536,
+        1.5975997333230112, 1.8410652621127068,
+    )  # fmt: skip
+    ours, truth = incoherent((False, True, False))
+    with gmpy2.context(search_functions.CONTEXT):
+        wanted = [float(v) for v, _ in truth(*map(gmpy2.mpfr, point))]
+    np.testing.assert_allclose(ours(*map(jnp.asarray, point)), wanted, rtol=16 * 2.2e-16)
