@@ -158,7 +158,7 @@ FACETS = {
         ((1e-6, 1.0), (0.0, 6.3), *_ALPHAS, (1e-6, 1.0), (1e-6, 1 - 1e-6)),
         lambda *v: tuple(TrowbridgeReitz(v[3], v[4]).sample_visible(
             jnp.stack(v[:3]), jnp.stack(v[5:7]))),
-        _sampled, 12.0, 50.0, _ray, conditioned=True,
+        _sampled, 12.0, 100.0, _ray, conditioned=True,
     ),
     "Dielectric.evaluate, density": Function(
         lambda r, s, e: (*two_directions(r, s, e), *_roughness(r, s), _eta(r, s)),

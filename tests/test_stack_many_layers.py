@@ -50,8 +50,8 @@ def test_many_layers(layers, count, dtype):
 def test_many_more_stacks_of_many_layers(layers, count, dtype):
     """Another seed each time, printed.
 
-    Of 1,800 stacks of ten layers the worst had 422 eps, of a T that one eps of each argument
-    changes by 4,000 and of R beside modes of lossy films. Of 40 of a thousand the worst had 350.
+    Of 12,000 stacks of ten layers the worst had 877 eps, of a T of 3e-12 that one eps of each
+    argument changes by 26,000. Of 40 of a thousand the worst had 350.
     """
     seed = int(np.random.SeedSequence().generate_state(1)[0])
     worst = worst_error(drawn(np.random.default_rng(seed), layers, count, dtype))
