@@ -10,9 +10,10 @@ import numpy as np
 
 from fitting.compiled import compiled
 from fitting.fringes import likely_thicknesses, phase_rate
+from fitting.minima import ALTERNATIVE_CHI2
 from fitting.observe import NCS, Spec, medium_index
 from fitting.parameters import from_parameter, value_and_slope
-from fitting.starts import LANES, Ends, best_of, start_range
+from fitting.starts import STAGE, STAGES, Ends, best_of, start_range
 
 if TYPE_CHECKING:
     from fitting.observations import Observations
@@ -27,6 +28,8 @@ _CANDIDATES = 40
 _SHIFTS = (0.0, 0.25, -0.25, 0.5)
 # Fringe orders on either side of the best minimum that are looked at.
 _ORDERS = 8
+# Evaluations after which it shows which of them may fit as well.
+_BRIEF = 20
 _INDEX = ("eta", "A")
 
 
@@ -152,7 +155,13 @@ def with_neighbours(fit: Solving, ends: Ends, noise: float) -> Ends:
             starts.append(start)
     if not starts:
         return ends
-    several = np.stack([starts[i % len(starts)] for i in range(LANES)], 1)
-    more = fit.run(several, noise)
-    more = Ends(*(a[..., : len(starts)] for a in more))
+    start = np.stack(starts, 1)
+    low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in fit.limits)
+    more = fit.held(start, low, high, noise, _BRIEF)
+    # 18 in 20 of them are far worse by now: on with those alone that may be shown.
+    shown = ends.cost[best] + ALTERNATIVE_CHI2 * max(1.0, ends.cost[best] / max(fit.dof, 1))
+    for _ in range(STAGES):
+        if not (~more.done & (more.cost < shown)).any():
+            break
+        more = fit.held(more.y, low, high, noise, STAGE)
     return Ends(*(np.concatenate(both, -1) for both in zip(ends, more, strict=True)))
