@@ -133,7 +133,7 @@ def _add_fitting(parser: argparse.ArgumentParser) -> None:
         "fitting",
         "NAME is a parameter of the sample (A, film.thickness_nm) or of the instrument:\n"
         "scale, background (of every curve; scale[R_s] that of R_s), angle-offset,\n"
-        "leak, divergence.",
+        "leak, divergence, bandwidth.",
     )
     fitting.add_argument("--sample", metavar="TEXT", help="what was measured; see below")
     fitting.add_argument(

@@ -4,8 +4,8 @@ This is the one place where a sample becomes numbers: `boundary` chooses between
 thick plate and a stack, and `predicted` makes every observable of it.
 
 psi and Delta are compared as N = cos 2psi, C = sin 2psi cos Delta, S = sin 2psi sin Delta, which
-have no branches and no place where one of them means nothing; a divergent beam averages the
-intensities behind them.
+have no branches and no place where one of them means nothing; a divergent beam and the width of a
+slit average the intensities behind them.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from fitting.dispersion import Model
-from fitting.instrument import cosines, detected
+from fitting.instrument import cosines, detected, slit
 from fitting.known_media import Known, Mixture
 from fitting.layer_index import Pair, slices_of
 from fitting.layer_index import medium_index as medium_index
@@ -188,29 +188,55 @@ def predicted(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) ->
 
     v: every parameter, (L,); an instrument parameter that is left out is neutral.
     """
-    index = _at_rows(spec, v, points, eta_i)
-    c, weights = cosines(v, points.angle_deg)
-    both = boundary(spec, c, index, v, points, eta_i)
-
-    def mean(x: Array) -> Array:
-        return x[0] if x.shape[0] == 1 else (weights * x).sum(0)
-
-    ideal = {name: mean(getattr(both, name)) for name in ("R_s", "R_p", "T_s", "T_p")}
+    if "bandwidth" in v:
+        shifts, shares = slit(v)
+        each = jax.vmap(lambda shift: _light(spec, v, _shifted(points, shift), eta_i))(shifts)
+        light = jax.tree.map(lambda x: jnp.tensordot(shares, x, 1), each)
+    else:
+        light = _light(spec, v, points, eta_i)
+    ideal = light._asdict()
     out: dict[str, Any] = {
         channel: detected(v, channel, ideal, points.s_share, (own, points.file))
         for channel, own in zip(spec.channels, spec.curves, strict=True)
         if channel != NCS
     }
-    if both.ellipse is not None:
-        parts = list(both.ellipse)
-        if c.shape[0] > 1:
-            # cos 2psi of a mixture is that of the summed intensities.
-            intensity = both.R_s + both.R_p
-            total = mean(intensity)
-            parts = [mean(intensity * x) / total for x in parts]
-        else:
-            parts = [mean(x) for x in parts]
+    if light.ellipse is not None:
         # Not stacked: XLA computes anew what it joins, and a fit of psi and Delta took 4 times as
         # long.
-        out[NCS] = parts
+        total = light.R_s + light.R_p
+        out[NCS] = [x / total for x in light.ellipse] if _mixed(v) else list(light.ellipse)
     return out
+
+
+def _mixed(v: Mapping[str, Array]) -> bool:
+    return "divergence" in v or "bandwidth" in v
+
+
+def _shifted(points: Points, shift: Array) -> Points:
+    """Return the points at wavelengths that are longer by a shift (L,)."""
+    distinct = points.distinct_um
+    return points._replace(
+        wavelength_um=points.wavelength_um + shift,
+        distinct_um=None if distinct is None else distinct + shift,
+    )
+
+
+def _light(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) -> Light:
+    """Return the light of one wavelength at every row, (M, L), summed over the beam.
+
+    ellipse: where light is mixed times the intensity R_s + R_p, since cos 2psi of a mixture is that
+    of the summed intensities.
+    """
+    index = _at_rows(spec, v, points, eta_i)
+    c, weights = cosines(v, points.angle_deg)
+    both = boundary(spec, c, index, v, points, eta_i)
+    if both.ellipse is not None and _mixed(v):
+        intensity = both.R_s + both.R_p
+        first, second, third = both.ellipse
+        parts = intensity * first, intensity * second, intensity * third
+        both = both._replace(ellipse=parts)
+
+    def mean(x: Array) -> Array:
+        return x[0] if x.shape[0] == 1 else (weights * x).sum(0)
+
+    return jax.tree.map(mean, both)
