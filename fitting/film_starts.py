@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from fitting.search import Solving
     from fitting.starts import Unknown
 
-# So many thicknesses are taken from the fringes, each with these shifts in parts of a period: the
-# phase of the reflections at both faces is not known to the scan.
-_LIKELY = 40
-# Indices that are tried in the scan of the thickness.
-_CANDIDATES = 40
+# Indices that are tried in the scan of the thickness, and so many thicknesses that are taken from
+# the fringes; of many starts, which are those of many unknowns. Each with these shifts in parts of
+# a period: the phase of the reflections at both faces is not known to the scan.
+_CANDIDATES, _LIKELY = 40, 40
+_MANY_CANDIDATES, _MANY_LIKELY = 128, 80
 _SHIFTS = (0.0, 0.25, -0.25, 0.5)
 # Fringe orders on either side of the best minimum that are looked at.
 _ORDERS = 8
@@ -116,11 +116,13 @@ def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
     if not films:
         return y[:, :0]
     film = films[0]
-    rates = _rates(fit, film, y[:, :_CANDIDATES])
+    many = y.shape[1] > 4 * LANES
+    indices, count = (_MANY_CANDIDATES, _MANY_LIKELY) if many else (_CANDIDATES, _LIKELY)
+    rates = _rates(fit, film, y[:, :indices])
     used = fit.seen.row.max() + 1  # the rows behind are padding
     values, weights = _curves(fit.seen)
     lane, thickness = likely_thicknesses(
-        rates[:, :used], film.low_um, film.high_um, values[:, :used], weights[:, :used], _LIKELY
+        rates[:, :used], film.low_um, film.high_um, values[:, :used], weights[:, :used], count
     )
     middle = np.median(rates[lane, :used], axis=1)
     out = []

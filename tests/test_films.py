@@ -147,6 +147,8 @@ def test_the_right_order_is_found_in_a_wide_range():
     (34960410, 128.3, 1030.0),
     # a wrong order with a resonance in the noise: 146.2 at 154 nm, and nothing said so
     (34960183, 133.8, 290.8),
+    # an order next to the right one: 477 at 3893 nm, since 40 indices were too few for the scan
+    (618034344, 102.5, 3724.3),
     # a thickness next to the right one with another dispersion: 37605 at 3051 nm
     (770301289, 240.2, 3262.0),
 ])  # fmt: skip
