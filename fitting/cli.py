@@ -49,6 +49,7 @@ def _stage(outputs: Outputs, arguments: argparse.Namespace, spectrum: bool) -> d
     """
     from fitting.output.as_data import INDEX_MARK
     from fitting.output.files import REPORT
+    from fitting.written_material import ERRORS_HEAD, errors_beside
 
     names: dict[str, str] = {"csv": arguments.csv, "plot": arguments.plot}
     if arguments.json != "-":
@@ -56,12 +57,20 @@ def _stage(outputs: Outputs, arguments: argparse.Namespace, spectrum: bool) -> d
     if arguments.csv and spectrum:
         path = Path(arguments.csv)
         names["index"] = str(path.with_name(f"{path.stem}.index{path.suffix}"))
-    flags = {"json": "--json", "csv": "--csv", "index": "--csv", "plot": "--plot"}
+    if arguments.material:
+        names |= {
+            "material": arguments.material,
+            "material errors": str(errors_beside(arguments.material)),
+        }
+    flags = {"index": "--csv", "material errors": "--material"}
     # The user names the others, and so asks for them to be replaced.
-    only_over = {} if arguments.overwrite else {"index": INDEX_MARK}
+    only_over = {} if arguments.overwrite else {"index": INDEX_MARK, "material errors": ERRORS_HEAD}
     staged = {
         kind: outputs.open(
-            name, flag=flags[kind], inputs=arguments.file, only_over=only_over.get(kind, "")
+            name,
+            flag=flags.get(kind, f"--{kind}"),
+            inputs=arguments.file,
+            only_over=only_over.get(kind, ""),
         )
         for kind, name in names.items()
         if name is not None
@@ -101,6 +110,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
     from fitting.measurement import read_csv
     from fitting.output import as_data, files, shown
+    from fitting.output.material import texts_of
     from fitting.output.outputs import Outputs
     from fitting.output.progress_bar import Progress
     from fitting.output.reference import check_reference
@@ -120,6 +130,8 @@ def _run(arguments: argparse.Namespace) -> int:
         with refusals():
             staged = _stage(outputs, arguments, len(np.unique(wavelength)) > 1)
             found, choice = _fit(measurements, arguments)
+            if arguments.material:
+                texts_of(found)
         compared = None
         if choice is not None:
             reasons = [reason.text for reason in choice.reasons]

@@ -19,7 +19,7 @@ def _check(arguments: argparse.Namespace) -> None:
     from fitting.output.outputs import refuse_repeats
     from fitting.sample_choice import several_samples
 
-    for flag in ("plot", "report", "reference"):
+    for flag in ("plot", "report", "reference", "material"):
         if getattr(arguments, flag):
             raise ValueError(f"--{flag} is of one fit; --each goes with --csv and --json.")
     refuse_repeats(arguments.file)

@@ -106,6 +106,8 @@ def _add_results(parser: argparse.ArgumentParser) -> None:
         ("csv", "OUT", "data, fitted values and residuals; of a spectrum also eta and k, in OUT "
          "with .index before the suffix"),
         ("plot", "OUT", "picture of data, fit and residuals: .png, .pdf or .svg"),
+        ("material", "OUT.yml", "eta and k of the first fitted medium, as a file of "
+         "refractiveindex.info, which --sample takes; their errors in OUT_errors.csv"),
         ("reference", "MATERIAL", "show eta and k of a material beside, and draw them over "
          "wavelength: gold, BK7, .."),
         ("report", "DIR", "folder for report.html (one page, pictures inside), fit.json, data.csv, "
@@ -115,8 +117,8 @@ def _add_results(parser: argparse.ArgumentParser) -> None:
     results.add_argument(
         "--overwrite",
         action="store_true",
-        help="let --report use a folder that holds other files, and --csv replace an OUT.index "
-        "that no fit wrote",
+        help="let --report use a folder that holds other files, and --csv and --material replace "
+        "an OUT.index or OUT_errors.csv that no fit wrote",
     )
     results.add_argument(
         "--csv-decimal", choices=(".", ","), default=".",
@@ -131,7 +133,7 @@ def _add_fitting(parser: argparse.ArgumentParser) -> None:
         "fitting",
         "NAME is a parameter of the sample (A, film.thickness_nm) or of the instrument:\n"
         "scale, background (of every curve; scale[R_s] that of R_s), angle-offset,\n"
-        "leak, divergence.",
+        "leak, divergence, bandwidth.",
     )
     fitting.add_argument("--sample", metavar="TEXT", help="what was measured; see below")
     fitting.add_argument(

@@ -10,24 +10,41 @@ import numpy as np
 
 from fitting.compiled import compiled
 from fitting.fringes import likely_thicknesses, phase_rate
+from fitting.minima import ALTERNATIVE_CHI2
 from fitting.observe import NCS, Spec, medium_index
 from fitting.parameters import from_parameter, value_and_slope
-from fitting.starts import LANES, Ends, best_of, start_range
+from fitting.search import in_order, lowest_ends
+from fitting.starts import LANES, STAGE, Ends, best_of, start_range
 
 if TYPE_CHECKING:
     from fitting.observations import Observations
     from fitting.search import Solving
     from fitting.starts import Unknown
 
-# So many thicknesses are taken from the fringes, each with these shifts in parts of a period: the
-# phase of the reflections at both faces is not known to the scan.
-_LIKELY = 40
-# Indices that are tried in the scan of the thickness.
-_CANDIDATES = 40
+# Indices that are tried in the scan of the thickness, and so many thicknesses that are taken from
+# the fringes; of many starts, which are those of many unknowns. Each with these shifts in parts of
+# a period: the phase of the reflections at both faces is not known to the scan.
+_CANDIDATES, _LIKELY = 40, 40
+_MANY_CANDIDATES, _MANY_LIKELY = 128, 80
 _SHIFTS = (0.0, 0.25, -0.25, 0.5)
 # Fringe orders on either side of the best minimum that are looked at.
 _ORDERS = 8
-_INDEX = ("eta", "A")
+# Evaluations after which it shows which of them may fit as well.
+_BRIEF = 20
+# Parameters that the index of a film, or its square, is proportional to.
+_INDEX = {
+    "eta": 1,
+    "k": 1,
+    "A": 1,
+    "B": 1,
+    "C": 1,
+    "eps": 2,
+    "strength": 2,
+    "amplitude": 2,
+    "plasma": 1,
+}
+# Rounds of starts beside the lowest ends, and the share of parameters that is taken from others.
+_ROUNDS, _ANEW = 6, 0.4
 
 
 class _Film(NamedTuple):
@@ -99,11 +116,13 @@ def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
     if not films:
         return y[:, :0]
     film = films[0]
-    rates = _rates(fit, film, y[:, :_CANDIDATES])
+    many = y.shape[1] > 4 * LANES
+    indices, count = (_MANY_CANDIDATES, _MANY_LIKELY) if many else (_CANDIDATES, _LIKELY)
+    rates = _rates(fit, film, y[:, :indices])
     used = fit.seen.row.max() + 1  # the rows behind are padding
     values, weights = _curves(fit.seen)
     lane, thickness = likely_thicknesses(
-        rates[:, :used], film.low_um, film.high_um, values[:, :used], weights[:, :used], _LIKELY
+        rates[:, :used], film.low_um, film.high_um, values[:, :used], weights[:, :used], count
     )
     middle = np.median(rates[lane, :used], axis=1)
     out = []
@@ -120,39 +139,117 @@ def _coordinate(fit: Solving, film: _Film, thickness_um: np.ndarray) -> np.ndarr
     return from_parameter(kind, 1e3 * np.maximum(thickness_um, 0.0))
 
 
-def with_neighbours(fit: Solving, ends: Ends, noise: float) -> Ends:
-    """Return the ends, and those of starts one or more fringe orders beside the best of them.
+def _in_order(fit: Solving, y: np.ndarray) -> bool:
+    """Whether neighbouring residuals at y are alike, as noise is not."""
+    r = fit.slopes(y).residual
+    return float(r[1:] @ r[:-1]) > 3.0 * float(r @ r) / np.sqrt(len(r))
+
+
+def _followed(fit: Solving, start: np.ndarray, noise: float, best: tuple[float, int]) -> Ends:
+    """Return where starts (p, S) end; those that are far above the best cost on the way.
+
+    best: that cost, and after how many evaluations the others are left.
+    """
+    low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in fit.limits)
+    ends = fit.held(start, low, high, noise, best[1])
+    shown = best[0] + ALTERNATIVE_CHI2 * _unit(fit, best[0])
+    if (~ends.done & (ends.cost < shown)).any():
+        # Once: what still crawls along a valley after that would do so for ever.
+        ends = fit.held(ends.y, low, high, noise, STAGE)
+    return ends._replace(y=in_order(fit.u, ends.y, fit.settings))
+
+
+def _unit(fit: Solving, cost: float) -> float:
+    """Return a unit of chi2."""
+    return max(1.0, cost / max(fit.dof, 1)) if not fit.asked.scaled else cost / max(fit.dof, 1)
+
+
+def _crossed(fit: Solving, ends: Ends, start: np.ndarray, random: np.random.Generator):
+    """Return starts (p, LANES) made of the lowest ends with some parameters of random starts.
+
+    A right thickness with a wrong dispersion, or the other way round, is a minimum of its own.
+    """
+    parents = np.repeat(lowest_ends(ends.y, ends.cost), LANES // 8, 1)
+    other = start[:, random.integers(start.shape[1], size=LANES)]
+    mixed = np.where(random.random(parents.shape) < _ANEW, other, parents)
+    mixed[:, ::4] = _as_free_electrons(fit, parents[:, ::4], other[:, ::4])
+    return mixed
+
+
+def _as_free_electrons(fit: Solving, y: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return y (p, L) with the first oscillator of a film as its free electrons, and a weak one.
+
+    An oscillator below the spectrum does the same as free electrons, so that it may take their
+    place, and they its own as a background: a minimum of its own, far above the best one.
+    """
+    row, out = {name: i for i, name in enumerate(fit.u.spec.moving)}, y.copy()
+    for place in fit.u.spec.media.places:
+        names = [f"{place}.{n}" for n in ("plasma_ev", "width_ev", "strength_ev2_1", "width_ev_1")]
+        rows = [row[n] for n in names if n in row]
+        if len(rows) < 4 or not all(fit.u.moving[i].free for i in rows):
+            continue
+        kinds = [fit.u.moving[i].parameter.coordinate for i in rows]
+        strength, width = (value_and_slope(kinds[i], y[rows[i]])[0] for i in (2, 3))
+        out[rows[0]] = from_parameter(kinds[0], np.sqrt(strength))
+        out[rows[1]] = from_parameter(kinds[1], width)
+        new = [i for name, i in row.items() if name.startswith(place) and name.endswith("_1")]
+        out[new] = other[new]
+        out[rows[2]] = from_parameter(kinds[2], start_range(fit.u.moving[rows[2]])[0])
+    return out
+
+
+def _orders(fit: Solving, film: _Film, y: np.ndarray) -> np.ndarray:
+    """Return starts (p, S) one or more fringe orders beside y (p,).
 
     With the index as it is, and scaled so that the optical thickness stays: where the data tell
     little of the order, these are the solutions that fit as well.
     """
-    films = films_of(fit.u.spec, fit.u.moving)
-    best = best_of(ends)
-    if not films or best is None:
-        return ends
-    film, y = films[0], ends.y[:, best]
     rate = float(np.median(_rates(fit, film, y[:, None])))
-    x, _ = value_and_slope(fit.u.moving[film.row].parameter.coordinate, y[film.row : film.row + 1])
-    thickness = 1e-3 * float(x[0])
     limits = fit.u.moving[film.row]
-    place = fit.u.spec.media.places[film.medium]
-    rows = [i for i, n in enumerate(fit.u.spec.moving)
-            if n.rpartition(".")[0] == place and n.rpartition(".")[2] in _INDEX
-            and fit.u.moving[i].free]  # fmt: skip
-    starts = []
+    x, _ = value_and_slope(limits.parameter.coordinate, y[film.row : film.row + 1])
+    thickness = 1e-3 * float(x[0])
+    starts = [np.empty((0, len(y)))]
     for order in (o for n in range(1, _ORDERS + 1) for o in (n, -n)):
         moved = thickness + order / rate
-        if not max(1e-3 * limits.low, 0.0) < moved < 1e-3 * limits.high:
-            continue
-        for scaled in (False, True):
-            start = y.copy()
-            start[film.row] = _coordinate(fit, film, np.array([moved]))[0]
-            if scaled and rows:
-                start[rows] = y[rows] * thickness / moved
-            starts.append(start)
-    if not starts:
-        return ends
-    several = np.stack([starts[i % len(starts)] for i in range(LANES)], 1)
-    more = fit.run(several, noise)
-    more = Ends(*(a[..., : len(starts)] for a in more))
-    return Ends(*(np.concatenate(both, -1) for both in zip(ends, more, strict=True)))
+        if max(1e-3 * limits.low, 0.0) < moved < 1e-3 * limits.high:
+            for factor in (1.0, thickness / moved):
+                start = _scaled(fit, film, y, factor)
+                start[film.row] = _coordinate(fit, film, np.array([moved]))[0]
+                starts.append(start[None])
+    return np.concatenate(starts).T
+
+
+def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -> Ends:
+    """Return the ends, and those of starts beside the best of them: `_crossed` and `_orders`.
+
+    start: (p, S) random starts. Again from what is found so, while it is lower; patiently where
+    the residuals of the best one are no noise.
+    """
+    films = films_of(fit.u.spec, fit.u.moving)
+    random = np.random.default_rng(fit.asked.seed)
+    for _ in range(_ROUNDS if films else 0):
+        best = best_of(ends)
+        if best is None:
+            break
+        least, y = float(ends.cost[best]), ends.y[:, best]
+        so_far = least, STAGE if _in_order(fit, y) else _BRIEF
+        both = [_crossed(fit, ends, start, random), _orders(fit, films[0], y)]
+        parts = [_followed(fit, s, noise, so_far) for s in both if s.size]
+        ends = Ends(*(np.concatenate(each, -1) for each in zip(ends, *parts, strict=True)))
+        if not ends.cost.min() < least - _unit(fit, least):
+            break
+    return ends
+
+
+def _scaled(fit: Solving, film: _Film, y: np.ndarray, factor: float) -> np.ndarray:
+    """Return y (p,) with the index of the film times a factor, where its model lets it."""
+    out = y.copy()
+    place = fit.u.spec.media.places[film.medium]
+    for i, (name, unknown) in enumerate(zip(fit.u.spec.moving, fit.u.moving, strict=True)):
+        of, _, own = name.rpartition(".")
+        power = _INDEX.get(own.partition("_")[0])
+        if of == place and power and unknown.free:
+            kind = unknown.parameter.coordinate
+            x, _ = value_and_slope(kind, y[i : i + 1])
+            out[i] = from_parameter(kind, x * factor**power)[0]
+    return out

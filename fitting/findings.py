@@ -21,7 +21,18 @@ VAGUE = 0.5
 PLAUSIBLE_OFFSET_DEG = 2.0
 FEW_REACHED = 3
 OUT_OF_MODEL = 0.1
-_MAY_VANISH = ("background", "angle_offset", "leak", "divergence", "B", "C", "D", "E", "F")
+_MAY_VANISH = (
+    "background",
+    "angle_offset",
+    "leak",
+    "divergence",
+    "bandwidth",
+    "B",
+    "C",
+    "D",
+    "E",
+    "F",
+)
 
 
 class Seen(NamedTuple):

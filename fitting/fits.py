@@ -24,7 +24,7 @@ from fitting.bare_surface.surface_fit import fit_bare_surface
 from fitting.bare_surface.surface_fit import fit_many as fit_many
 from fitting.batched import stacked
 from fitting.disagreement import disagreement, may_disagree
-from fitting.film_starts import film_starts, with_neighbours
+from fitting.film_starts import film_starts, films_of, with_neighbours
 from fitting.free_films import fit_free_film, free_film
 from fitting.measurement import Measurement, concatenate
 from fitting.observations import missing_errors, observations
@@ -96,7 +96,8 @@ def _shared(
     outside = index_outside(sample, seen.points.wavelength_um)
     job = Solving(u, seen, targets_of(u, seen, outside), settings, asked)
     starts, start = begin
-    count = usual_starts(int(u.free.sum())) if starts is None else starts
+    film = bool(films_of(u.spec, u.moving))
+    count = usual_starts(int(u.free.sum()), film) if starts is None else starts
     points = start_points(u.moving, count, asked.seed)
     if start is not None:
         extra = start_at(u.moving, given_start(u.moving, u.labels, start))
@@ -105,7 +106,7 @@ def _shared(
         points = np.concatenate([points, film_starts(job, points)], 1)
     job.starts = points.shape[1]
     ends, noise = solved(job, points)
-    ends = with_neighbours(job, ends, noise)
+    ends = with_neighbours(job, ends, points, noise)
     notes = missing_errors(measurements, asked.errors)
     return fit_of(job, ends, noise, Subject(sample, tuple(measurements), notes))
 
@@ -218,8 +219,8 @@ def fit(
             "cauchy" (one bare surface with that dispersion), "air | cauchy 3 mm thick | air", ...
             The first medium is that which the light comes from; without it air, index 1.
         free: names of parameters to fit that are fixed by default: of the instrument "scale" and
-            "background" (one for each curve), "angle_offset", "leak", "divergence"; "edge_ev"; the
-            thickness of a thick layer.
+            "background" (one for each curve), "angle_offset", "leak", "divergence", "bandwidth";
+            "edge_ev"; the thickness of a thick layer.
         fixed, bounds, priors: name -> value; (low, high); (value, standard error). "scale" is all
             scales, "scale[R_s]" that of R_s, in every file.
         tie: name -> another name, or a multiple: {"film_2.A": "film_1.A", "substrate.k": "2 *

@@ -280,6 +280,12 @@ class Fit:
 
         report(self, folder, overwrite)
 
+    def write_material(self, path: str | os.PathLike[str], medium: str | None = None) -> Any:
+        """Write eta and k of a medium as YAML of refractiveindex.info, errors as CSV beside it."""
+        from fitting.output.shown import write_material
+
+        return write_material(self, path, medium)
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for ``json.dumps``: NaN as None, arrays as lists, warnings as data."""
         from fitting.output.shown import to_dict

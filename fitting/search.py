@@ -24,7 +24,7 @@ ERRORS = ("auto", "stated", "scaled", "floor", "equal")
 _NO_NOISE = 1e9  # so large that a robust loss is that of least squares
 
 
-def _in_order(u: Unknowns, y: np.ndarray, settings: Settings) -> np.ndarray:
+def in_order(u: Unknowns, y: np.ndarray, settings: Settings) -> np.ndarray:
     """Return y (p, L) with the terms of each lane by rising resonance, unless they are named."""
     names = _shown(u)
     if any(n.rsplit("_", 1)[-1].isdigit() for n in settings.names):
@@ -86,7 +86,7 @@ def grown_starts(
             # the strength, the first of a term, at its least
             held[1][term[0]] = low[term[0]]
         ends = [briefly(u.spec, targets, y, held, degrees, scale, _GROWING) for y in pools]
-        best = _lowest(
+        best = lowest_ends(
             np.concatenate([e.y for e in ends], 1), np.concatenate([e.cost for e in ends])
         )
         # The next term weak, anywhere beside the best two; and as it comes beside the best eight.
@@ -97,7 +97,7 @@ def grown_starts(
     return np.concatenate(pools, 1)
 
 
-def _lowest(y: np.ndarray, cost: np.ndarray) -> np.ndarray:
+def lowest_ends(y: np.ndarray, cost: np.ndarray) -> np.ndarray:
     """Return the eight lowest ends (p, 8), one of each cost as far as there are so many."""
     cost = np.minimum(cost, 1e300)
     order = np.argsort(cost, kind="stable")
@@ -194,7 +194,7 @@ class Solving:
         degrees, scale = np.full(lanes, many), np.full(lanes, size)
         self.lanes = min(lanes, LANES)
         ends = run(self.u.spec, targets, start, self.limits, degrees, scale)
-        return ends._replace(y=_in_order(self.u, ends.y, self.settings))
+        return ends._replace(y=in_order(self.u, ends.y, self.settings))
 
     def held(
         self, start: np.ndarray, low: np.ndarray, high: np.ndarray, noise: float, steps: int

@@ -145,9 +145,12 @@ def given_start(
     return out
 
 
-def usual_starts(free: int) -> int:
-    """Return how many starts find the best minimum, by the number of free parameters."""
-    return LANES if free <= 5 else 4 * LANES
+def usual_starts(free: int, film: bool = False) -> int:
+    """Return how many starts find the best minimum, by the number of free parameters.
+
+    film: whether a thickness is among them, which has minima of its own.
+    """
+    return LANES if free <= 5 else (8 if film else 4) * LANES
 
 
 def coordinate_bounds(unknowns: Sequence[Unknown]) -> tuple[np.ndarray, np.ndarray]:

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from benchmarks.film_success import simulated
 from fitting import Measurement, choose, fit, simulate
 from fitting.fringes import likely_thicknesses, phase_rate
 from fitting.known_media import Mixture
@@ -138,6 +139,26 @@ def test_the_right_order_is_found_in_a_wide_range():
     shown = [found.parameters["thickness_nm"].value]
     shown += [a.parameters["thickness_nm"].value for a in found.alternatives]
     assert min(abs(d - 3210.0) for d in shown) < 60.0
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("seed, cost, thickness", [
+    # the oscillator had taken the place of the free electrons: chi2 was 7123
+    (34960410, 128.3, 1030.0),
+    # a wrong order with a resonance in the noise: 146.2 at 154 nm, and nothing said so
+    (34960183, 133.8, 290.8),
+    # an order next to the right one: 477 at 3893 nm, since 40 indices were too few for the scan
+    (618034344, 102.5, 3724.3),
+    # a thickness next to the right one with another dispersion: 37605 at 3051 nm
+    (770301289, 240.2, 3262.0),
+])  # fmt: skip
+def test_films_that_ended_in_a_wrong_minimum(seed, cost, thickness):
+    """Of `make film-study`: nothing but the range of the thickness is known to the fit."""
+    case = simulated(seed)
+    assert case is not None
+    found = fit(case.measurement, case.sample, errors="stated", intervals="quadratic")
+    assert found.cost < cost + 0.1
+    assert found.parameters["thickness_nm"].value == pytest.approx(thickness, rel=2e-3)
 
 
 @pytest.mark.study

@@ -19,7 +19,7 @@ from fitting.result import AT_LOWER, AT_UPPER, FIXED, PROFILE, TIED, UNDETERMINE
 # Standard errors from 0 below which a k that is seen as k^2 alone is compatible with 0: three
 # standard errors of k^2 are six of k.
 _UNSEEN = 6.0
-_INSTRUMENT = ("scale", "background", "angle_offset", "leak", "divergence")
+_INSTRUMENT = ("scale", "background", "angle_offset", "leak", "divergence", "bandwidth")
 _STATES = {AT_LOWER: "at its lower bound", AT_UPPER: "at its upper bound"}
 _ONE_OF_MANY = "one of many that fit alike"
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from fitting.output import as_data
+from fitting.output import as_data, material
 from fitting.output.estimates import index_waves
 from fitting.output.fit_page import Comparison, fit_page
 from fitting.output.outputs import Outputs
@@ -22,6 +22,7 @@ REPORT = {
     "report page": "report.html",
 }
 _FLAGS = {"json": "--json", "csv": "--csv", "index": "--csv", "plot": "--plot"}
+_FLAGS |= {"material": "--material", "material errors": "--material"}
 
 
 def has_index_table(fit: Fit) -> bool:
@@ -38,6 +39,8 @@ def _text(
         return as_data.data_csv(fit, decimal)
     if kind == "index":
         return as_data.index_csv(fit, decimal)
+    if kind.startswith("material"):
+        return material.texts_of(fit)[kind != "material"]
     return fit_page(fit, png, command, comparison)
 
 
@@ -57,7 +60,8 @@ def write_files(
     Args:
         fit: what was found.
         staged: what -> the file to write to (see `Outputs.open`); "json", "csv" (the data),
-            "index", "plot", "page", and the same of a report folder with "report " before.
+            "index", "plot", "page", "material" and "material errors", and the same of a
+            report folder with "report " before.
         plot_suffix: format of "plot": .png, .pdf or .svg.
         reference: a named material, drawn beside eta and k.
         command: how the fit was asked for, for the foot of the page.

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
-from fitting.output import as_data, fit_page, text_table
+from fitting.output import as_data, fit_page, material, text_table
 from fitting.output.fit_page import Comparison as Comparison
 from fitting.result import Fit
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 one_line, table, html = text_table.one_line, text_table.table, fit_page.notebook
 to_dict, to_dataframe = as_data.to_dict, as_data.to_dataframe
 text_of = text_table.text_of
+write_material = material.write
 
 
 def figure(fit: Fit, reference: str | None = None) -> Figure:
