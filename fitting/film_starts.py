@@ -33,16 +33,8 @@ _ORDERS = 8
 _BRIEF = 20
 # Parameters that the index of a film, or its square, is proportional to.
 _INDEX = {
-    "eta": 1,
-    "k": 1,
-    "A": 1,
-    "B": 1,
-    "C": 1,
-    "eps": 2,
-    "strength": 2,
-    "amplitude": 2,
-    "plasma": 1,
-}
+    "eta": 1, "k": 1, "A": 1, "B": 1, "C": 1, "plasma": 1, "eps": 2, "strength": 2, "amplitude": 2,
+}  # fmt: skip
 # Rounds of starts beside the lowest ends, and the share of parameters that is taken from others.
 _ROUNDS, _ANEW = 6, 0.4
 
@@ -139,7 +131,7 @@ def _coordinate(fit: Solving, film: _Film, thickness_um: np.ndarray) -> np.ndarr
     return from_parameter(kind, 1e3 * np.maximum(thickness_um, 0.0))
 
 
-def _in_order(fit: Solving, y: np.ndarray) -> bool:
+def _residuals_alike(fit: Solving, y: np.ndarray) -> bool:
     """Whether neighbouring residuals at y are alike, as noise is not."""
     r = fit.slopes(y).residual
     return float(r[1:] @ r[:-1]) > 3.0 * float(r @ r) / np.sqrt(len(r))
@@ -232,7 +224,7 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
         if best is None:
             break
         least, y = float(ends.cost[best]), ends.y[:, best]
-        so_far = least, STAGE if _in_order(fit, y) else _BRIEF
+        so_far = least, STAGE if _residuals_alike(fit, y) else _BRIEF
         both = [_crossed(fit, ends, start, random), _orders(fit, films[0], y)]
         parts = [_followed(fit, s, noise, so_far) for s in both if s.size]
         ends = Ends(*(np.concatenate(each, -1) for each in zip(ends, *parts, strict=True)))

@@ -9,7 +9,7 @@ import numpy as np
 from fitting.starts import Ends
 
 # Two ends are one minimum if their chi2 differ by less than this; and a minimum is reported if its
-# chi2 is less than that higher.
+# chi2 is less than that higher: 6 is the 95 % quantile of chi2 with two degrees of freedom.
 SAME_CHI2, ALTERNATIVE_CHI2 = 0.02, 6.0
 
 

@@ -17,9 +17,7 @@ from fitting.bare_surface.region_intervals import (
     intervals,
     limit_of_k,
 )
-
-# Another solution is reported if its chi2 is less than this higher: 5 % of what two parameters do.
-ALTERNATIVE_CHI2 = 6.0
+from fitting.minima import ALTERNATIVE_CHI2
 
 
 class Other(NamedTuple):
