@@ -18,6 +18,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
+from fitting.coherent_films import FEW_LAYERS, films
 from fitting.dispersion import Model
 from fitting.instrument import cosines, detected, slit
 from fitting.known_media import Known, Mixture
@@ -160,14 +161,15 @@ def boundary(
         for i, slices in enumerate(index[:-1])
         for pair in slices
     ]
-    first = jnp.asarray(eta_i, float) + 0.0j
-    far = jax.lax.complex(*index[-1][0])
-    n = [first, *(n for n, _ in layers), far]
-    together = zip(media.coherent, index[:-1], strict=True)
-    coherent = [interferes for interferes, slices in together for _ in slices]
     thicknesses: Any = [d for _, d in layers]
-    media_index: Any = n
-    found = stack(c, media_index, thicknesses, wavelength_um, coherent)
+    media_index: Any = [*(n for n, _ in layers), jax.lax.complex(*index[-1][0])]
+    if all(media.coherent) and len(layers) <= FEW_LAYERS:
+        found = films(c, eta_i, media_index, thicknesses, wavelength_um)
+    else:
+        together = zip(media.coherent, index[:-1], strict=True)
+        coherent = [interferes for interferes, slices in together for _ in slices]
+        first = jnp.asarray(eta_i, float) + 0.0j
+        found = stack(c, [first, *media_index], thicknesses, wavelength_um, coherent)
     ellipse = None
     if pairs and found.r_s is not None and found.r_p is not None:
         # No quotient r_p / r_s: a film may extinguish r_s.
