@@ -9,6 +9,7 @@ import jax
 import numpy as np
 
 from fitting.compiled import compiled
+from fitting.film_parts import followed_to_all, joined, parts
 from fitting.fringes import likely_thicknesses, phase_rate
 from fitting.minima import ALTERNATIVE_CHI2
 from fitting.observe import NCS, Spec, medium_index
@@ -29,8 +30,8 @@ _MANY_CANDIDATES, _MANY_LIKELY = 128, 80
 _SHIFTS = (0.0, 0.25, -0.25, 0.5)
 # Fringe orders on either side of the best minimum that are looked at.
 _ORDERS = 8
-# Evaluations after which it shows which of them may fit as well.
-_BRIEF = 20
+# Stages in which the starts beside the best minimum go on.
+_FURTHER = 8
 # Parameters that the index of a film, or its square, is proportional to.
 _INDEX = {
     "eta": 1, "k": 1, "A": 1, "B": 1, "C": 1, "plasma": 1, "eps": 2, "strength": 2, "amplitude": 2,
@@ -99,6 +100,12 @@ def _rates(fit: Solving, film: _Film, y: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(rate), rate, 1.0)
 
 
+def _middle(rates: np.ndarray) -> np.ndarray:
+    """Return the phase rate amid the fringes, (L,), of (L, M): where a film is a metal are none."""
+    fringed = rates > 0.5 * rates.max(axis=1, keepdims=True)
+    return np.nanmedian(np.where(fringed, rates, np.nan), axis=1)
+
+
 def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
     """Return more starts (p, S) for a sample with films; (p, 0) for one without.
 
@@ -111,12 +118,19 @@ def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
     many = y.shape[1] > 4 * LANES
     indices, count = (_MANY_CANDIDATES, _MANY_LIKELY) if many else (_CANDIDATES, _LIKELY)
     rates = _rates(fit, film, y[:, :indices])
-    used = fit.seen.row.max() + 1  # the rows behind are padding
+    used = np.arange(rates.shape[1]) <= fit.seen.row.max()  # the rows behind are padding
+    return _by_fringes(fit, film, y, rates, used, count)
+
+
+def _by_fringes(
+    fit: Solving, film: _Film, y: np.ndarray, rates: np.ndarray, rows: np.ndarray, count: int
+) -> np.ndarray:
+    """Return starts (p, 4 count) by the fringes that some rows (bool, of all) show."""
     values, weights = _curves(fit.seen)
     lane, thickness = likely_thicknesses(
-        rates[:, :used], film.low_um, film.high_um, values[:, :used], weights[:, :used], count
+        rates[:, rows], film.low_um, film.high_um, values[:, rows], weights[:, rows], count
     )
-    middle = np.median(rates[lane, :used], axis=1)
+    middle = _middle(rates[lane][:, rows])
     out = []
     for shift in _SHIFTS:
         start = y[:, lane].copy()
@@ -124,6 +138,16 @@ def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
         start[film.row] = _coordinate(fit, film, moved)
         out.append(start)
     return np.concatenate(out, 1)
+
+
+def _from_parts(fit: Solving, film: _Film, y: np.ndarray, noise: float, least: float) -> list[Ends]:
+    """Return where starts end that were found in parts of the spectrum; y: candidates (p, L)."""
+    rates = _rates(fit, film, y[:, :_MANY_CANDIDATES])
+    out = []
+    for part, rows in enumerate(parts(fit.seen)):
+        start = _by_fringes(fit, film, y, rates, rows, LANES // len(_SHIFTS))
+        out.append(_followed(fit, followed_to_all(fit, start, part, noise), noise, least))
+    return out
 
 
 def _coordinate(fit: Solving, film: _Film, thickness_um: np.ndarray) -> np.ndarray:
@@ -137,17 +161,17 @@ def _residuals_alike(fit: Solving, y: np.ndarray) -> bool:
     return float(r[1:] @ r[:-1]) > 3.0 * float(r @ r) / np.sqrt(len(r))
 
 
-def _followed(fit: Solving, start: np.ndarray, noise: float, best: tuple[float, int]) -> Ends:
-    """Return where starts (p, S) end; those that are far above the best cost on the way.
-
-    best: that cost, and after how many evaluations the others are left.
-    """
+def _followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> Ends:
+    """Return where starts (p, S) end; those that are far above the best cost on the way."""
     low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in fit.limits)
-    ends = fit.held(start, low, high, noise, best[1])
-    shown = best[0] + ALTERNATIVE_CHI2 * _unit(fit, best[0])
-    if (~ends.done & (ends.cost < shown)).any():
-        # Once: what still crawls along a valley after that would do so for ever.
+    ends = fit.held(start, low, high, noise, STAGE)
+    shown = best + ALTERNATIVE_CHI2 * _unit(fit, best)
+    for _ in range(_FURTHER):
+        if not (~ends.done & (ends.cost < shown)).any():
+            break
         ends = fit.held(ends.y, low, high, noise, STAGE)
+        # After the first of them what still crawls along a valley, unless it is the lowest of all.
+        shown = best - _unit(fit, best)
     return ends._replace(y=in_order(fit.u, ends.y, fit.settings))
 
 
@@ -196,7 +220,7 @@ def _orders(fit: Solving, film: _Film, y: np.ndarray) -> np.ndarray:
     With the index as it is, and scaled so that the optical thickness stays: where the data tell
     little of the order, these are the solutions that fit as well.
     """
-    rate = float(np.median(_rates(fit, film, y[:, None])))
+    rate = float(_middle(_rates(fit, film, y[:, None]))[0])
     limits = fit.u.moving[film.row]
     x, _ = value_and_slope(limits.parameter.coordinate, y[film.row : film.row + 1])
     thickness = 1e-3 * float(x[0])
@@ -214,22 +238,24 @@ def _orders(fit: Solving, film: _Film, y: np.ndarray) -> np.ndarray:
 def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -> Ends:
     """Return the ends, and those of starts beside the best of them: `_crossed` and `_orders`.
 
-    start: (p, S) random starts. Again from what is found so, while it is lower; patiently where
-    the residuals of the best one are no noise.
+    start: (p, S) random starts. Again from what is found so, while it is lower.
     """
     films = films_of(fit.u.spec, fit.u.moving)
-    random = np.random.default_rng(fit.asked.seed)
+    random, tried = np.random.default_rng(fit.asked.seed), False
     for _ in range(_ROUNDS if films else 0):
         best = best_of(ends)
         if best is None:
             break
         least, y = float(ends.cost[best]), ends.y[:, best]
-        so_far = least, STAGE if _residuals_alike(fit, y) else _BRIEF
         both = [_crossed(fit, ends, start, random), _orders(fit, films[0], y)]
-        parts = [_followed(fit, s, noise, so_far) for s in both if s.size]
-        ends = Ends(*(np.concatenate(each, -1) for each in zip(ends, *parts, strict=True)))
-        if not ends.cost.min() < least - _unit(fit, least):
+        found = [_followed(fit, s, noise, least) for s in both if s.size]
+        ends = joined([ends, *found])
+        if ends.cost.min() < least - _unit(fit, least):
+            continue
+        if tried or not _residuals_alike(fit, y):
             break
+        tried = True
+        ends = joined([ends, *_from_parts(fit, films[0], start, noise, least)])
     return ends
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.dispersion import Model
+from fitting.last_steps import polished
 from fitting.observations import Observations
 from fitting.observe import NCS, Spec
 from fitting.parameters import Settings, value_and_slope
@@ -197,13 +198,15 @@ class Solving:
         return ends._replace(y=in_order(self.u, ends.y, self.settings))
 
     def held(
-        self, start: np.ndarray, low: np.ndarray, high: np.ndarray, noise: float, steps: int
-    ) -> Ends:
+        self, start: np.ndarray, low: np.ndarray, high: np.ndarray, noise: float, steps: int,
+        targets: Targets | None = None,
+    ) -> Ends:  # fmt: skip
         """Return where starts (p, S) end, each within bounds (p, S) of its own.
 
-        In the program that `run` compiled; terms stay in the order that they have.
+        In the program that `run` compiled; terms stay in the order that they have. targets: what is
+        compared with other data than all.
         """
-        targets = self.targets._replace(noise=np.float64(noise))
+        targets = (targets or self.targets)._replace(noise=np.float64(noise))
         many, size = max(self.dof, 1.0), self.squares / noise**2
         return each_within(
             self.u.spec, targets, start, low, high, many, size, steps, self.lanes
@@ -233,29 +236,12 @@ class Solving:
             self.pooled,
         )  # fmt: skip
 
-    def polished(self, y: np.ndarray, noise: float, scaled: bool) -> tuple[np.ndarray, Slopes]:
-        """Return y after the last undamped steps, which were not worth a step of all lanes."""
-        s = self.slopes(y)
-        finite = np.isfinite(s.residual).all() and np.isfinite(s.jacobian).all()
-        if self.u.spec.loss != "squares" or not finite:
-            return y, s
-        cost = self.cost(s, y, noise)
-        for _ in range(3):
-            step = self.known(s, y, noise, scaled).step
-            trial = np.clip(y + step, *self.limits)
-            there = self.slopes(trial)
-            found = self.cost(there, trial, noise)
-            if not (found < cost and np.isfinite(there.jacobian).all()):
-                break
-            y, s, cost = trial, there, found
-        return y, s
-
     def look_at(self, y: np.ndarray, noise: float, scaled: bool, polish: bool = True) -> End:
         """Return the minimum next to y, where a lane has ended, and how well it is known.
 
         polish: take the last steps, too.
         """
-        y, s = self.polished(y, noise, scaled) if polish else (y, self.slopes(y))
+        y, s = polished(self, y, noise, scaled) if polish else (y, self.slopes(y))
         finite = all(bool(np.isfinite(a).all()) for a in (y, s.residual, s.jacobian))
         if not finite:
             s = s._replace(

@@ -66,7 +66,7 @@ def slopes_at(u: Unknowns, seen: Observations, targets: Targets, y: np.ndarray) 
     )  # fmt: skip
 
 
-def _prior_rows(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def prior_rows(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return residuals and derivatives of the priors."""
     rows, off = [], []
     for i, unknown in enumerate(u.moving):
@@ -176,7 +176,7 @@ def uncertainty(
     eq. 7.6.6): mean of the squared influence over the squared mean of its derivative.
     """
     r, J = s.residual / noise, s.jacobian / noise
-    off, lines = _prior_rows(u, y)
+    off, lines = prior_rows(u, y)
     pull, bend = influence(u.spec.loss, r)
     gradient = J.T @ pull + lines.T @ off
     low, high = limits
