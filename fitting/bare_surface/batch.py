@@ -76,8 +76,11 @@ def _threads(process: int) -> ThreadPoolExecutor:
 
 def _call(
     data: Data, start: np.ndarray, steps: int, size: int, lanes: int
-) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
-    """Return what one call of the program gives for up to ``size`` curves."""
+) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
+    """Return what one call of the program gives for up to ``size`` curves.
+
+    ``Solved``, further starts, and of a few curves the reflectances (size, angles) by channel.
+    """
     here, angles = data.curves, data.values[0].shape[1]
     few, wide, part = size == FEW, angles, data
     # Of a few curves the number of angles is rounded up (with no data), to 64 at least, and every
@@ -98,9 +101,8 @@ def _call(
             begin, np.int64(steps), mesh_curves(part, bool(np.isnan(start[0]).any())),
             channels=part.channels, mesh=data.mesh, lanes=lanes, fitted=few,
         )  # fmt: skip
-        of = dict(zip(part.channels, fitted, strict=False))  # none were asked for of many
-        at = tuple(np.asarray(of[name])[:here, :angles] for name in data.channels if few)
-        return np.array(solved)[:, :here], np.asarray(further)[..., :here], at
+        by_channel = dict(zip(part.channels, fitted, strict=False))
+        return np.array(solved)[:, :here], np.asarray(further)[..., :here], by_channel
 
 
 def run(
@@ -143,8 +145,10 @@ def fitted_curves(data: Data, s: Solved) -> np.ndarray:
     parts = []
     for first in range(0, data.curves, FEW):
         chunk = slice(first, first + FEW)
-        parts.append(_call(data.take(chunk), start[:, chunk], 0, FEW, FEW)[2])
-    return np.concatenate([np.stack(part) for part in parts], axis=1)
+        at = _call(data.take(chunk), start[:, chunk], 0, FEW, FEW)[2]
+        parts.append([np.asarray(at[name]) for name in data.channels])
+    angles = data.values[0].shape[1]
+    return np.concatenate(parts, axis=1)[:, : data.curves, :angles]
 
 
 def _at_far_end(s: Solved) -> np.ndarray:

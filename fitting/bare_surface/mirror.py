@@ -59,10 +59,10 @@ def mirror_fit(data: Data) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     dark = (1.0 - np.concatenate(data.values, axis=1)) * weight
     drop = 2.0 * half * weight
     for step in range(4):
-        below = 1.0 + a[:, None] * half
-        slope = drop / below
+        per = 1.0 / (1.0 + a[:, None] * half)
+        slope = drop * per
         miss = dark - a[:, None] * slope
-        slope /= below
+        slope *= per
         moment = np.einsum("nm,nm->n", miss, slope)
         information = np.einsum("nm,nm->n", slope, slope)
         if step < 3:
