@@ -25,7 +25,7 @@ from fitting.bare_surface.coordinates import W_MIN, coordinates_of
 from fitting.bare_surface.curve_data import Data, Extent, extent_of
 from fitting.bare_surface.engine import Solved
 from fitting.bare_surface.estimate import Estimated, estimate
-from fitting.bare_surface.mirror import allowed_rise, like_mirrors
+from fitting.bare_surface.mirror import like_mirrors
 from fitting.bare_surface.other_solutions import Other, other_solutions
 from fitting.bare_surface.region_intervals import Intervals, intervals, limit_of_k
 from fitting.bare_surface.valley import Lanes, evaluate, open_to_the_other_end

@@ -152,9 +152,7 @@ def node_curves(curves: Curves, channels: tuple[str, ...], mesh: str) -> tuple[A
     return tuple(f.astype(jnp.float32) for f in found) if mesh == "coarse" else found
 
 
-def _misfits(
-    found: tuple[Array, ...], curves: Curves, mesh: str
-) -> tuple[Array, Array, Array]:
+def _misfits(found: tuple[Array, ...], curves: Curves, mesh: str) -> tuple[Array, Array, Array]:
     """Return the least sum of squares on each segment and where on it, from 0 to 1; (S, L) each.
 
     And the sum of squares of the data, (L,). All in the precision of ``found``.

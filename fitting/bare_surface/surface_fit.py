@@ -39,7 +39,6 @@ from fitting.sentences import SENTENCES
 from fitting.uncertainty.intervals import check_intervals
 from fitting.widening import widened
 
-
 _FREE = Sample.parse("free")
 
 
