@@ -259,7 +259,7 @@ def test_each_curve_may_have_angles_of_its_own(sigma):
         + 1e-3 * rng.standard_normal((12, 16))
         for q in ("R_s", "R_p")
     }
-    many = fit_many(angles, **data, sigma=sigma)
+    many = fit_many(angles, R_s=data["R_s"], R_p=data["R_p"], sigma=sigma)
     for i, own in enumerate(angles):
-        one = fit_many(own, **{q: r[i] for q, r in data.items()}, sigma=sigma)
+        one = fit_many(own, R_s=data["R_s"][i], R_p=data["R_p"][i], sigma=sigma)
         assert_same(one, many, i)

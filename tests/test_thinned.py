@@ -26,6 +26,7 @@ def test_the_minimum_of_all_data(noise, monkeypatch):
 
     def watched(*args):
         few = thinned(*args)
+        assert few is not None
         rows.append(few.n_data)
         return few
 
