@@ -13,10 +13,11 @@ Fits run in float64, whether or not the caller has switched on jax_enable_x64.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import jax
 import numpy as np
 
 from fitting.bare_surface.reflectances import CHANNELS
@@ -35,9 +36,10 @@ from fitting.result import Fit
 from fitting.sample import Sample
 from fitting.sample_checks import check_quantities
 from fitting.search import ERRORS, Asked, Solving, solved
-from fitting.starts import given_start, start_at, usual_starts
+from fitting.starts import LANES, Ends, given_start, start_at, usual_starts
 from fitting.starts import starts as start_points
 from fitting.stated_errors import with_common_error
+from fitting.thinned import followed_with_all, with_fewer_wavelengths
 from fitting.uncertainty.intervals import check_intervals
 from fitting.unknowns import index_outside, spectrum_of, unknowns
 from fitting.wavelengths import check_wavelengths, fit_wavelengths
@@ -81,6 +83,25 @@ def _is_special(
     return powers and bare and not settings.names and loss == "squares"
 
 
+def _key_of(fit: Solving, start: np.ndarray) -> Hashable:
+    """Return what tells one search from another: all that its ends depend on."""
+    own = [start, *fit.limits, *jax.tree.leaves(fit.targets)]
+    return fit.u.spec, fit.asked.loss, fit.asked.scaled, *(np.asarray(a).tobytes() for a in own)
+
+
+def _searched(job: Solving, points: np.ndarray) -> tuple[Ends, float]:
+    """Return the ends of the starts and of those beside them, and the noise they were run at."""
+    known = job.asked.ends
+    key = None if known is None else _key_of(job, points)
+    if known is not None and key in known:
+        return known[key]
+    ends, noise = solved(job, points)
+    found = with_neighbours(job, ends, points, noise), noise
+    if known is not None:
+        known[key] = found
+    return found
+
+
 def _shared(
     measurements: Sequence[Measurement],
     sample: Sample,
@@ -102,11 +123,14 @@ def _shared(
     if start is not None:
         extra = start_at(u.moving, given_start(u.moving, u.labels, start))
         points = np.concatenate([points, extra[:, None]], 1)
+    few = with_fewer_wavelengths(job, sample, measurements) or job
     if starts is None:
-        points = np.concatenate([points, film_starts(job, points)], 1)
-    job.starts = points.shape[1]
-    ends, noise = solved(job, points)
-    ends = with_neighbours(job, ends, points, noise)
+        points = np.concatenate([points, film_starts(few, points)], 1)
+    job.starts = few.starts = points.shape[1]
+    job.lanes = min(job.starts, LANES)
+    ends, noise = _searched(few, points)
+    if few is not job:
+        ends = followed_with_all(job, few, ends)
     notes = missing_errors(measurements, asked.errors)
     return fit_of(job, ends, noise, Subject(sample, tuple(measurements), notes))
 

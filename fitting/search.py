@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from typing import NamedTuple
 
 import numpy as np
@@ -144,13 +145,15 @@ class End(NamedTuple):
 class Asked(NamedTuple):
     """What the caller wants of a fit beside its parameters.
 
-    errors, intervals, loss: as `fitting.fit` has them. seed: origin of the starts.
+    errors, intervals, loss: as `fitting.fit` has them. seed: origin of the starts. ends: where a
+    search is kept for another one that is the same; None: nowhere.
     """
 
     errors: str = "auto"
     intervals: str = "auto"
     loss: str = "squares"
     seed: int = 0
+    ends: dict[Hashable, tuple[Ends, float]] | None = None
 
     @property
     def scaled(self) -> bool:

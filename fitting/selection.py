@@ -12,7 +12,7 @@ program with narrower bounds.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
@@ -33,6 +33,7 @@ from fitting.result import NOT_CONVERGED, Fit
 from fitting.sample import Sample
 from fitting.sample_choice import choose_sample, several_samples
 from fitting.search import Asked
+from fitting.starts import Ends
 from fitting.uncertainty.intervals import QUADRATIC, check_intervals
 from fitting.wider_models import wider
 
@@ -175,6 +176,8 @@ def choose(
     mentioned = {name.partition("[")[0] for name in base.names}
     wanted = [n for n in _of_instrument(joined) if instrument and n not in mentioned]
 
+    ends: dict[Hashable, tuple[Ends, float]] = {}  # the one taken is fitted twice, searched once
+
     def run(key: Key, kind: str = QUADRATIC) -> Fit:
         # Candidates with something of the instrument free share one program.
         quiet = {
@@ -187,7 +190,7 @@ def choose(
         )  # fmt: skip
         # BIC compares fits of the same weights.
         believed = "scaled" if errors == "auto" and kind == QUADRATIC else errors
-        asked = Asked(believed, kind, loss, seed)
+        asked = Asked(believed, kind, loss, seed, ends)
         found = fit_checked(several, which.with_model(key.model), settings, asked, (starts, start))
         shown = {n: e for n, e in found.parameters.items() if n.partition("[")[0] not in quiet}
         return replace(found, parameters=shown)

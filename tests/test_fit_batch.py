@@ -248,3 +248,18 @@ def test_a_forked_process_has_threads_of_its_own():
     """A fork copies no thread: tasks put to its parent's would wait for ever."""
     assert batch._threads(os.getpid()) is batch._threads(os.getpid())
     assert batch._threads(os.getpid()) is not batch._threads(-1)
+
+
+@pytest.mark.parametrize("sigma", [None, 1e-3])
+def test_each_curve_may_have_angles_of_its_own(sigma):
+    angles = np.stack([np.linspace(20.0, 80.0, 16), np.linspace(15.0, 75.0, 16)] * 6)
+    rng = np.random.default_rng(0)
+    data = {
+        q: np.array([textbook(a, np.full(16, q), *i) for a, i in zip(angles, INDICES, strict=True)])
+        + 1e-3 * rng.standard_normal((12, 16))
+        for q in ("R_s", "R_p")
+    }
+    many = fit_many(angles, R_s=data["R_s"], R_p=data["R_p"], sigma=sigma)
+    for i, own in enumerate(angles):
+        one = fit_many(own, R_s=data["R_s"][i], R_p=data["R_p"][i], sigma=sigma)
+        assert_same(one, many, i)

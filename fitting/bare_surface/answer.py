@@ -22,10 +22,10 @@ from fitting.bare_surface import thresholds as limit
 from fitting.bare_surface.arrange import Arranged
 from fitting.bare_surface.batch import minima
 from fitting.bare_surface.coordinates import W_MIN, coordinates_of
-from fitting.bare_surface.curve_data import Data
+from fitting.bare_surface.curve_data import Data, Extent, extent_of
 from fitting.bare_surface.engine import Solved
 from fitting.bare_surface.estimate import Estimated, estimate
-from fitting.bare_surface.mirror import allowed_rise, like_mirrors
+from fitting.bare_surface.mirror import like_mirrors
 from fitting.bare_surface.other_solutions import Other, other_solutions
 from fitting.bare_surface.region_intervals import Intervals, intervals, limit_of_k
 from fitting.bare_surface.valley import Lanes, evaluate, open_to_the_other_end
@@ -42,25 +42,14 @@ LEAST_MISS = 0.01
 ASSUMED_SIGMA = 1e-3
 
 
-def _extent(data: Data, angle_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return least and largest angle and number of channels of each curve; (1,) if all alike."""
-    used = [np.atleast_2d(w) > 0.0 for w in data.weights]
-    some = np.logical_or.reduce(used)
-    angle = np.broadcast_to(np.atleast_2d(angle_deg), some.shape)
-    low = np.where(some, angle, np.inf).min(1)
-    high = np.where(some, angle, -np.inf).max(1)
-    return low, high, np.sum([u.any(1) for u in used], axis=0)
-
-
 def _undetermined(e: Estimated) -> np.ndarray:
-    with np.errstate(invalid="ignore"):
-        return e.singular | (e.spread > limit.UNDETERMINED_LIMIT)
+    return e.singular | (e.spread > limit.UNDETERMINED_LIMIT)
 
 
 def _missed(a: Arranged, rms: np.ndarray) -> np.ndarray:
     """Where a fit misses its data by more than the noise that they show, if by enough to matter."""
     found = np.zeros(len(rms), bool)
-    some = np.flatnonzero(rms > LEAST_MISS)
+    some = (rms > LEAST_MISS).nonzero()[0]
     if len(some):
         part = a.data.take(some)
         angle = np.degrees(np.arccos(np.atleast_2d(part.cos_theta)))
@@ -80,7 +69,7 @@ def _of_many_the_lossless(
     Else the best fit, as everywhere. Along a whole circle only rounding tells its members apart,
     and neighbours in a spectrum would jump from one end to the other.
     """
-    rows = np.flatnonzero(undetermined)
+    rows = undetermined.nonzero()[0]
     if not len(rows):
         return e
     x = s.x[rows]
@@ -104,32 +93,31 @@ def _codes(
     mirror: np.ndarray,
     on_circle: np.ndarray,
     dof: np.ndarray,
-    extent: tuple[np.ndarray, np.ndarray, np.ndarray],
+    extent: Extent,
 ) -> dict[str, np.ndarray]:
-    """Return where each code holds, but for what `answer` knows by itself."""
-    low, high, channels = extent
+    """Return where each code may hold, but for what `answer` knows by itself."""
+    low, high, channels = extent.low_deg, extent.high_deg, extent.channels
     names = a.data.channels
-    with np.errstate(all="ignore"):
-        at_45 = (low > 44.9) & (high < 45.1) & (channels == 2) & ("R" not in names)
-        circle = ~at_45 & (~(e.moved > limit.CIRCLE_LIMIT) | (s.count == 1) | on_circle)
-        chi2 = chi2_flags(s.cost / dof, dof) if a.stated else np.zeros(len(dof), int)
-        nothing = s.x < limit.NOTHING_LIMIT
-        clear = ~undetermined & ~nothing
-        return {
-            "perfect_mirror": mirror,
-            "no_reflection": nothing & (s.count > 0),
-            "same_at_45_degrees": undetermined & at_45 & ~mirror,
-            "circle": undetermined & circle & ~mirror,
-            "combination": undetermined & ~at_45 & ~circle & ~mirror,
-            "does_not_describe": _missed(a, np.sqrt(s.plain / s.count)),
-            "compatible_with_zero": clear & np.isfinite(e.k_upper_limit),
-            "poorly_determined": clear & (e.sigma_eta > limit.VAGUE_LIMIT * e.eta),
-            "correlated": clear & (np.abs(e.correlation) > limit.CORRELATION_LIMIT),
-            "chi2_large": chi2 & CHI2_LARGE > 0,
-            "chi2_small": chi2 & CHI2_SMALL > 0,
-            "flat_curve": clear & (channels == 1) & (high < limit.FLAT_BELOW_DEG),
-            "no_degrees_of_freedom": clear & (s.count == 2),
-        }
+    at_45 = (low > 44.9) & (high < 45.1) & (channels == 2) & ("R" not in names)
+    circle = ~at_45 & (~(e.moved > limit.CIRCLE_LIMIT) | (s.count == 1) | on_circle)
+    chi2 = chi2_flags(s.cost / dof, dof) if a.stated else np.zeros(len(dof), int)
+    nothing = s.x < limit.NOTHING_LIMIT
+    clear = ~undetermined & ~nothing
+    return {
+        "perfect_mirror": mirror,
+        "no_reflection": nothing & (s.count > 0),
+        "same_at_45_degrees": undetermined & at_45 & ~mirror,
+        "circle": undetermined & circle & ~mirror,
+        "combination": undetermined & ~at_45 & ~circle & ~mirror,
+        "does_not_describe": _missed(a, np.sqrt(s.plain / s.count)),
+        "compatible_with_zero": clear & np.isfinite(e.k_upper_limit),
+        "poorly_determined": clear & (e.sigma_eta > limit.VAGUE_LIMIT * e.eta),
+        "correlated": clear & (np.abs(e.correlation) > limit.CORRELATION_LIMIT),
+        "chi2_large": chi2 & CHI2_LARGE > 0,
+        "chi2_small": chi2 & CHI2_SMALL > 0,
+        "flat_curve": clear & (channels == 1) & (high < limit.FLAT_BELOW_DEG),
+        "no_degrees_of_freedom": clear & (s.count == 2),
+    }
 
 
 class Answer(NamedTuple):
@@ -147,14 +135,16 @@ class Answer(NamedTuple):
     dof: np.ndarray
 
 
+# Of many curves most have an operation or another that is not valid, and the rest goes on.
+@np.errstate(all="ignore")
 def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -> Answer:
     """Return what the engine found of all curves. start: (3, N), one more start of each."""
     data = a.data
-    found, data = minima(data, start)
+    extent = extent_of(data, a.angle_deg)
+    found, data = minima(data, extent, start)
     a = a._replace(data=data)
     s = found.best
-    extent = _extent(data, a.angle_deg)
-    sin_max = np.broadcast_to(np.sin(np.radians(np.fmax(extent[1], 0.0))), s.cost.shape)
+    sin_max = np.sin(np.radians(np.fmax(extent.high_deg, 0.0))) * np.ones_like(s.cost)
     how = {"stated": a.stated, "absolute": absolute, "sin_max": sin_max}
     e = estimate(data, s, **how)
     dof = np.maximum(s.count - 2, 0)
@@ -162,42 +152,41 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     no_data = s.count == 0
     # A fit that creeps along a valley without end is undetermined, whether or not it was stopped.
     matched = ~no_data & (s.x < limit.NOTHING_LIMIT)  # no boundary to speak of
-    undetermined = ~no_data & ~matched & _undetermined(e) & np.isfinite(s.cost)
+    bounded = ~(no_data | matched)
+    undetermined = bounded & _undetermined(e) & np.isfinite(s.cost)
     # What a difference of chi2 is measured by: the scatter found, or stated if that is more.
     stated = 1.0 if a.stated else np.where(dof < 3, ASSUMED_SIGMA**2, 0.0)
-    with np.errstate(all="ignore"):
-        scatter = np.fmax(np.where(dof > 0, s.cost / dof, 0.0), stated)
-        excess = (np.array([other.cost for other in found.others]) - s.cost) / scatter
-        inner = np.flatnonzero(~no_data & ~undetermined & ~matched & (e.eta < data.eta_i))
+    scatter = np.fmax(np.where(dof > 0, s.cost / dof, 0.0), stated)
+    excess = (np.array([other.cost for other in found.others]) - s.cost) / scatter
+    inner = (bounded & ~undetermined & (e.eta < data.eta_i)).nonzero()[0]
     if len(inner):
         part = Solved(*np.array(s)[:, inner])
         allowed = part.cost + ALIKE_CHI2 * scatter[inner]
         undetermined[inner] |= open_to_the_other_end(data.take(inner), part, allowed)
-    with np.errstate(all="ignore"):
-        most = s.cost + allowed_rise(dof, np.greater(stated, 0.0)) * scatter
-        bound, perfect = like_mirrors(data, s.scale, most, scatter)
-    undetermined |= ~no_data & ~matched & np.isfinite(bound)
-    with np.errstate(invalid="ignore"):
-        # Where R = 1 does not fit, a best fit that is such a reflector itself (and not a critical
-        # angle next to one low datum, of a small R(0)) names its circle.
-        on_circle = ~perfect & (1.0 - np.tanh(0.5 * s.x) <= 2.0 * (1.0 - bound))
-    bound = np.where(no_data | matched | on_circle, np.nan, bound)
+    bound, perfect = like_mirrors(data, s, dof, np.greater(stated, 0.0), scatter)
+    undetermined |= bounded & np.isfinite(bound)
+    # Where R = 1 does not fit, a best fit that is such a reflector itself (and not a critical angle
+    # next to one low datum, of a small R(0)) names its circle.
+    on_circle = ~perfect & (1.0 - np.tanh(0.5 * s.x) <= 2.0 * (1.0 - bound))
+    bound[~bounded | on_circle] = np.nan
     mirror = np.isfinite(bound) | (undetermined & (s.x > limit.MIRROR_LIMIT))
     undetermined |= mirror
     e = _of_many_the_lossless(data, s, e, undetermined & ~mirror, scatter)
-    failed = ~no_data & ~undetermined & ~matched & ~(s.done > 0)
-    possible = ~(no_data | failed | undetermined | matched)
-    others = other_solutions(data, found.others, excess, e, possible, how, wanted)
+    failed = bounded & ~undetermined & ~(s.done > 0)
+    blank = ~bounded | failed | undetermined  # no error is known
+    others = other_solutions(data, found.others, excess, e, ~blank, how, wanted)
     more = np.logical_or.reduce([other.there for other in others])
     codes = _codes(a, e, s, undetermined, mirror, on_circle, dof, extent)
-    codes = {code: at & ~failed & ~no_data for code, at in codes.items()}
+    lost = failed | no_data
+    if lost.any():
+        codes = {code: at & ~lost for code, at in codes.items()}
     codes = {"not_converged": failed, **codes, "other_minima": more}
-    status = np.select(
-        [no_data, failed, undetermined],
-        [result.NO_DATA, result.NOT_CONVERGED, result.UNDETERMINED],
-        result.CONVERGED,
-    )
-    blank = no_data | failed | undetermined | matched  # no error is known
+    status = np.full(len(lost), result.CONVERGED, f"<U{len(result.NOT_CONVERGED)}")
+    for where, what in (
+        (undetermined, result.UNDETERMINED), (failed, result.NOT_CONVERGED),
+        (no_data, result.NO_DATA),
+    ):  # fmt: skip
+        status[where] = what
     nothing = no_data | mirror  # no value either
     known = intervals(
         data, s, e, wanted=wanted, blank=blank, undetermined=undetermined,
@@ -205,19 +194,20 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     )  # fmt: skip
 
     def but(value: np.ndarray, empty: np.ndarray) -> np.ndarray:
-        return np.where(empty.reshape(-1, *(1,) * (value.ndim - 1)), np.nan, value)
+        value = value.copy()
+        value[empty] = np.nan
+        return value
 
-    with np.errstate(all="ignore"):
-        information = e.information / e.variance[:, None, None]  # infinite of exact data
+    information = e.information / e.variance[:, None, None]  # infinite of exact data
     values = {
         "eta": but(np.where(matched, data.eta_i, e.eta), nothing),
         "k": but(np.where(matched, 0.0, e.k), nothing),
         "sigma_eta": but(e.sigma_eta, blank), "sigma_k": but(e.sigma_k, blank),
         "covariance": but(e.covariance, blank),
-        "chi2": but(s.cost if a.stated else np.full_like(s.cost, np.nan), no_data),
+        "chi2": but(s.cost, no_data) if a.stated else np.full(len(lost), np.nan),
         "limit": but(limit_of_k(e, known), blank),
-        "information": but(information, no_data | failed),
-        "at_zero": (e.at_zero | matched) & ~no_data & ~failed & ~undetermined,
+        "information": but(information, lost),
+        "at_zero": (e.at_zero | matched) & ~lost & ~undetermined,
         "factor": np.sqrt(e.variance) * np.ones_like(s.cost),
         "least_reflectance": bound,
     }  # fmt: skip

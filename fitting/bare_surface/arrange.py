@@ -140,8 +140,10 @@ def of_arrays(angles_deg: Any, channels: Mapping[str, Any], sigma: Any, eta_i: f
     try:
         full = np.broadcast_shapes(angle.shape, *(v.shape for v in given.values()))
         np.broadcast_shapes(full, *(e.shape for e in errors.values()))
-        wide = {name: np.broadcast_to(v, full) for name, v in given.items()}
-        broad = {name: np.broadcast_to(e, full) for name, e in errors.items()}
+        wide, broad = (
+            {n: v if v.shape == full else np.broadcast_to(v, full) for n, v in some.items()}
+            for some in (given, errors)
+        )
     except ValueError as error:
         shapes = ", ".join(
             f"{n} {v.shape}" for n, v in {"angles_deg": angle, **given, **errors}.items()

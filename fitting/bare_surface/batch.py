@@ -21,7 +21,7 @@ from fitting.bare_surface.coordinates import (
     to_eps,
     xi_of,
 )
-from fitting.bare_surface.curve_data import Data
+from fitting.bare_surface.curve_data import Data, Extent
 from fitting.bare_surface.engine import Solved, solve
 from fitting.bare_surface.kept_minima import (
     OTHERS,
@@ -30,9 +30,12 @@ from fitting.bare_surface.kept_minima import (
     less_absorbing_first,
     with_arrival,
 )
+from fitting.bare_surface.mesh_curves import mesh_curves
 from fitting.solver import START_DAMPING
 
 FEW = 8
+# Up to that many curves go in groups of FEW at once: a call for LANES takes longer than two such.
+FEW_GROUPS = 2
 MANY, LANES = 1024, 64
 # Up to SEVERAL curves one group at a time: most of a call for MANY would be spent on empty lanes.
 SEVERAL = 256
@@ -73,8 +76,11 @@ def _threads(process: int) -> ThreadPoolExecutor:
 
 def _call(
     data: Data, start: np.ndarray, steps: int, size: int, lanes: int
-) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
-    """Return what one call of the program gives for up to ``size`` curves."""
+) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
+    """Return what one call of the program gives for up to ``size`` curves.
+
+    ``Solved``, further starts, and of a few curves the reflectances (size, angles) by channel.
+    """
     here, angles = data.curves, data.values[0].shape[1]
     few, wide, part = size == FEW, angles, data
     # Of a few curves the number of angles is rounded up (with no data), to 64 at least, and every
@@ -92,34 +98,38 @@ def _call(
     with jax.enable_x64(True):
         solved, further, fitted = solve(
             part.cos_theta, part.s_share, part.values, part.weights,
-            begin, np.int64(steps),
+            begin, np.int64(steps), mesh_curves(part, bool(np.isnan(start[0]).any())),
             channels=part.channels, mesh=data.mesh, lanes=lanes, fitted=few,
         )  # fmt: skip
-        of = dict(zip(part.channels, fitted, strict=False))  # none were asked for of many
-        at = tuple(np.asarray(of[name])[:here, :angles] for name in data.channels if few)
-        return np.asarray(solved)[:, :here], np.asarray(further)[..., :here], at
+        by_channel = dict(zip(part.channels, fitted, strict=False))
+        return np.array(solved)[:, :here], np.asarray(further)[..., :here], by_channel
 
 
-def run(data: Data, start: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
+def run(
+    data: Data, start: np.ndarray, steps: int, few: bool | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Return ``Solved`` of all curves as one (fields, N) array, each after at most ``steps``.
 
-    And the further starts that the mesh offers, (E, 3, N).
+    And the further starts that the mesh offers, (E, 3, N). few: whether by the program for a few
+    curves; None: as their number has it.
     """
     count = data.curves
+    if not count:
+        return np.empty((len(Solved._fields), 0)), np.empty((0, 3, 0))
     size, lanes = (LANES if count <= SEVERAL else MANY), LANES
-    if count <= FEW:
+    if count <= FEW_GROUPS * FEW if few is None else few:
         size, lanes = FEW, FEW
 
     def one(first: int) -> tuple[np.ndarray, np.ndarray]:
+        if count <= size:
+            return _call(data, start, steps, size, lanes)[:2]
         chunk = slice(first, first + size)
-        solved, further, _ = _call(data.take(chunk), start[:, chunk], steps, size, lanes)
-        return solved, further
+        return _call(data.take(chunk), start[:, chunk], steps, size, lanes)[:2]
 
-    if not count:
-        return np.empty((len(Solved._fields), 0)), np.empty((0, 3, 0))
-    firsts = range(0, count, size)
+    if count <= size:
+        return one(0)
     # Threads, because a program this small runs on the thread that calls it, without the GIL.
-    rest = [_threads(os.getpid()).submit(one, first) for first in firsts[1:]]
+    rest = [_threads(os.getpid()).submit(one, first) for first in range(size, count, size)]
     try:
         parts = [one(0), *(task.result() for task in rest)]
     finally:
@@ -135,8 +145,10 @@ def fitted_curves(data: Data, s: Solved) -> np.ndarray:
     parts = []
     for first in range(0, data.curves, FEW):
         chunk = slice(first, first + FEW)
-        parts.append(_call(data.take(chunk), start[:, chunk], 0, FEW, FEW)[2])
-    return np.concatenate([np.stack(part) for part in parts], axis=1)
+        at = _call(data.take(chunk), start[:, chunk], 0, FEW, FEW)[2]
+        parts.append([np.asarray(at[name]) for name in data.channels])
+    angles = data.values[0].shape[1]
+    return np.concatenate(parts, axis=1)[:, : data.curves, :angles]
 
 
 def _at_far_end(s: Solved) -> np.ndarray:
@@ -156,8 +168,10 @@ def _to_the_end(
     solved, further = run(data, start, stages[0][0])
     for left, (steps, below) in zip(range(len(stages) - 1, 0, -1), stages[1:], strict=True):
         s = Solved(*solved)
-        flip = _at_far_end(s)
-        short = (s.done == 0) & (s.cost < below)
+        flip, undone = _at_far_end(s), s.done == 0
+        if not (flip | undone).any():
+            break
+        short = undone & (s.cost < below)
         if left == 2:
             _straightened(data, solved, np.flatnonzero(short & ~flip))
             s = Solved(*solved)
@@ -196,28 +210,29 @@ def _straightened(data: Data, solved: np.ndarray, todo: np.ndarray) -> None:
     solved[_EVALUATIONS, todo] = used
 
 
-def with_mesh(data: Data) -> tuple[Data, np.ndarray]:
-    """Return the data with the mesh that most curves need, and that of each, (N,) or (1,)."""
-    some = np.logical_or.reduce([np.atleast_2d(w) > 0.0 for w in data.weights])
-    cos_theta = np.where(some, np.atleast_2d(data.cos_theta), -1.0)
-    lowest = np.degrees(np.arccos(np.clip(cos_theta.max(1), -1.0, 1.0)))
-    highest = np.degrees(np.arccos(np.where(some, cos_theta, 1.0).min(1).clip(-1.0, 1.0)))
-    share = np.where(some, np.atleast_2d(data.s_share), 0.0).max(1)
-    kinds = starts.kinds(data.channels, some.sum(1), lowest, highest, share, data.eta_i > 1.0)
-    names, counts = np.unique(kinds, return_counts=True)
-    return data._replace(mesh=str(names[np.argmax(counts)])), kinds
+def _mesh_kinds(data: Data, extent: Extent) -> np.ndarray:
+    """Return the mesh that each curve needs, (N,) or (1,)."""
+    share: Any = 0.0
+    if "R" in data.channels:
+        some = functools.reduce(np.logical_or, [np.atleast_2d(w) > 0.0 for w in data.weights])
+        share = np.where(some, data.s_share, 0.0).max(1)
+    low, high = extent.low_deg, extent.high_deg
+    return starts.kinds(data.channels, extent.count, low, high, share, data.eta_i > 1.0)
 
 
-def minima(data: Data, points: np.ndarray | None = None) -> tuple[Minima, Data]:
+def minima(data: Data, extent: Extent, points: np.ndarray | None = None) -> tuple[Minima, Data]:
     """Return the minima of every curve, lowest first; and the data with their mesh.
 
     points: None, or (3, N): x, w and chart of one more start of each curve, beside the mesh's.
     """
     if not data.curves:
         return _minima(data, points), data
-    data, kinds = with_mesh(data)
-    if (kinds == data.mesh).all():
+    kinds = _mesh_kinds(data, extent)
+    if (kinds == kinds[0]).all():
+        data = data._replace(mesh=str(kinds[0]))
         return _minima(data, points), data
+    names, counts = np.unique(kinds, return_counts=True)
+    data = data._replace(mesh=str(names[np.argmax(counts)]))
     found = np.full((1 + OTHERS, len(Solved._fields), data.curves), np.nan)
     for mesh in dict.fromkeys(kinds.tolist()):
         mine = np.flatnonzero(kinds == mesh)
@@ -232,13 +247,14 @@ def _minima(data: Data, points: np.ndarray | None) -> Minima:
         (FIRST_STEPS, np.inf), (CREEP_STEPS, np.inf), (MOST_STEPS, np.inf), (MOST_STEPS, -np.inf)
     ]  # fmt: skip
     best, further = _to_the_end(data, start_rows(data.curves), stages)
-    found = np.full((1 + OTHERS, *best.shape), np.nan)
-    found[0] = best
     if points is not None:
         further = np.concatenate([further, points[None]])
     has = np.isfinite(further[:, 0])
     if not has.any():
-        return as_minima(found)
+        nothing = Solved(*np.full_like(best, np.nan))
+        return Minima(Solved(*best), (nothing,) * OTHERS)
+    found = np.full((1 + OTHERS, *best.shape), np.nan)
+    found[0] = best
     which, curve = np.nonzero(has)
     start = start_rows(len(curve), further[which, :, curve].T)
     part, least = data.take(curve), best[_COST, curve]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any, NamedTuple
 
 import jax
@@ -70,6 +71,29 @@ class Data(NamedTuple):
     def curves(self) -> int:
         """The number of curves."""
         return len(self.values[0])
+
+
+class Extent(NamedTuple):
+    """Where a curve has data: how many angles, the least and the largest of them (degrees; inf and
+    -inf without data), and how many channels. (N,) each, or (1,) if all curves are alike."""
+
+    count: np.ndarray
+    low_deg: np.ndarray
+    high_deg: np.ndarray
+    channels: np.ndarray
+
+
+def extent_of(data: Data, angle_deg: np.ndarray) -> Extent:
+    """Return where the curves have data. angle_deg: (M,) or (N, M)."""
+    used = [np.atleast_2d(w) > 0.0 for w in data.weights]
+    some = functools.reduce(np.logical_or, used)
+    angle = np.atleast_2d(angle_deg)
+    channels = functools.reduce(np.add, [u.any(1).astype(int) for u in used])
+    if some.all():
+        count = np.full(len(some), some.shape[1])
+        return Extent(count, angle.min(1), angle.max(1), channels)
+    low = np.where(some, angle, np.inf).min(1)
+    return Extent(some.sum(1), low, np.where(some, angle, -np.inf).max(1), channels)
 
 
 def of_rows(of: Any, rows: np.ndarray) -> Any:

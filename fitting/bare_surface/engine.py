@@ -129,6 +129,7 @@ def _solve(
     weights: tuple[Array, ...],
     start: Array,
     max_steps: Array,
+    nodes: tuple[Array, ...],
     *,
     channels: tuple[str, ...],
     mesh: str,
@@ -145,6 +146,8 @@ def _solve(
     values: C arrays (S, M), finite. weights: C arrays (M,) or (S, M), 0 where there is no datum.
     start: (5, S): x, w, chart, damping and the largest w; where x is NaN, from the mesh.
     max_steps: after that many evaluations a lane is left as it is, not done.
+    nodes: of `mesh_curves` where curves share their angles; of curves with angles of their own
+        they are evaluated here.
     mesh: which of `starts.MESHES`.
     """
     groups = start.shape[1] // lanes
@@ -168,23 +171,14 @@ def _solve(
     def curves_of(parts: dict[str, Any]) -> Curves:
         return Curves(parts["cos_theta"], parts["s_share"], parts["values"], parts["weights"])
 
-    # Lanes that go on from where they are need no mesh, whose nodes are as many curves as some
-    # hundred lanes (3,000 for R_p alone).
+    # Lanes that go on from where they are need no mesh.
     searched = jnp.isnan(start[0]).any()
-    nodes = None
-    if "cos_theta" in shared:
-        every = curves_of({**shared, "values": (), "weights": ()})
-        nodes = jax.lax.cond(
-            searched,
-            lambda: starts.node_curves(every, channels, mesh),
-            lambda: starts.no_curves(every, channels, mesh),
-        )
 
     def one_group(parts: dict[str, Any]) -> tuple[Array, Array, tuple[Array, ...]]:
         curves = curves_of({**shared, **parts})
 
         def from_mesh() -> Array:
-            own_nodes = starts.node_curves(curves, channels, mesh) if nodes is None else nodes
+            own_nodes = nodes or starts.node_curves(curves, channels, mesh)
             return starts.mesh_starts(curves, own_nodes, mesh)
 
         begin = jax.lax.cond(searched, from_mesh, lambda: starts.no_starts(lanes, mesh))

@@ -56,7 +56,9 @@ class Estimated(NamedTuple):
     moved: np.ndarray
 
 
-def _in_index(s: Solved, eta_i: float) -> tuple[np.ndarray, ...]:
+def _in_index(
+    s: Solved, eta_i: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
     """Return eta, k, and the matrix and the gradient of the cost in (eta, u = k^2).
 
     With a = d(eta, u)/d(x, w) (rows x and w) they are a^-1 H a^-T and a^-1 g. a is regular at
@@ -74,8 +76,16 @@ def _in_index(s: Solved, eta_i: float) -> tuple[np.ndarray, ...]:
     left_w = inverse_times(s.h_xw, s.h_ww)
     i_nn, i_nu = inverse_times(left_x[0], left_w[0])
     _, i_uu = inverse_times(left_x[1], left_w[1])
-    information = np.moveaxis(np.array([[i_nn, i_nu], [i_nu, i_uu]]), -1, 0)
-    return n * eta_i, k * eta_i, information, np.array(inverse_times(s.g_x, s.g_w))
+    information = _matrices(i_nn, i_nu, i_uu)
+    return n * eta_i, k * eta_i, information, inverse_times(s.g_x, s.g_w)
+
+
+def _matrices(first: np.ndarray, both: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the symmetric matrices (N, 2, 2) of these entries, (N,) each."""
+    out = np.empty((len(both), 2, 2))
+    out[:, 0, 0], out[:, 1, 1] = first, second
+    out[:, 0, 1] = out[:, 1, 0] = both
+    return out
 
 
 def _in_total_reflection(
@@ -92,6 +102,8 @@ def _in_total_reflection(
     Of these the ones are looked at again whose k is near 0; see `total_reflection`.
     """
     reach = k.copy()
+    if not len(linear):
+        return information, reach
     i_nn, i_nu, i_uu = (information[linear, i, j] for i, j in ((0, 0), (0, 1), (1, 1)))
     c_uu = variance[linear] * i_nn / (i_nn * i_uu - i_nu**2)
     u = k[linear] ** 2
@@ -132,10 +144,11 @@ def estimate(
         estimated = not absolute and ~((dof == 0) & stated)
         t = student_quantiles(np.where(estimated, dof, 0).astype(int))
         # Beyond the critical angle 1 - R grows as k, not as k^2.
-        linear = (eta < eta_i) & (sin_max * eta_i > eta) & (k < eta)
-        metal = (eta < eta_i) & (sin_max * eta_i > eta) & ~linear
+        beyond = (eta < eta_i) & (sin_max * eta_i > eta)
+        linear = beyond & (k < eta)
+        metal = beyond & ~linear
         information, reach_k = _in_total_reflection(
-            data, s, eta, k, information, variance, np.flatnonzero(linear)
+            data, s, eta, k, information, variance, linear.nonzero()[0]
         )
         i_nn, i_nu, i_uu = information[:, 0, 0], information[:, 0, 1], information[:, 1, 1]
         independent = 1.0 - i_nu**2 / (i_nn * i_uu)  # 1 - correlation^2
@@ -156,17 +169,21 @@ def estimate(
         # u = sigma_u, above which a sixth of true zeros lies, k is already twice sigma_k).
         seen = (~at_zero) & ((reach >= SEEN_SIGMAS * sigma) | metal)
         known = seen | (spread < LIMIT_SPREAD)
-        k_interval = np.stack(interval_from_zero(reach, sigma, t), axis=-1)
+        k_interval = np.empty((len(k), 2))
+        k_interval[:, 0], k_interval[:, 1] = interval_from_zero(reach, sigma, t)
         k_interval = np.where(linear[:, None], k_interval, np.sqrt(k_interval))
         k_interval[~known] = np.nan
         sigma_k = np.where(seen, sigma_u / per_k, np.nan)
         # At k = 0 eta is as certain as it would be if k were known to be 0, plus what k may yet be:
         # eta shifts by c_nu / c_uu for each unit of u. Without this a silicon of k = .2, of which
         # the data saw nothing, was 6 standard errors off. Where u = 0 is just reached both agree.
-        shift = (i_nu / i_nn) ** 2 * mean_square(reach, sigma_u)
-        sigma_eta = np.sqrt(np.where(at_zero & ~linear, variance / i_nn + shift, c_nn))
+        edge = (at_zero & ~linear).nonzero()[0]
+        if len(edge):
+            shift = (i_nu[edge] / i_nn[edge]) ** 2 * mean_square(reach[edge], sigma_u[edge])
+            c_nn[edge] = (variance / i_nn)[edge] + shift
+        sigma_eta = np.sqrt(c_nn)
         c_nk = np.where(seen, c_nu / per_k, np.nan)
-        covariance = np.moveaxis(np.array([[sigma_eta**2, c_nk], [c_nk, sigma_k**2]]), -1, 0)
+        covariance = _matrices(sigma_eta**2, c_nk, sigma_k**2)
         correlation = c_nk / (sigma_eta * sigma_k)
         # The direction in (x, w) that the data do not see, over the whole line of constant x.
         moved = np.abs(s.h_xw / s.h_xx) * 4.0 * xi_of(s.x)

@@ -25,9 +25,12 @@ class Minima(NamedTuple):
     others: tuple[Solved, ...]
 
 
-def _same(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Whether two solutions are one minimum, whatever their charts."""
-    p, q = Solved(*a), Solved(*b)
+def _same(found: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Whether each solution ``found``, (..., fields, N), and ``new`` are one minimum, (..., N).
+
+    Whatever their charts.
+    """
+    p, q = Solved(*np.moveaxis(found, -2, 0)), Solved(*new)
     log_p, log_q = (s.chart * (2.0 * xi_of(s.x) - s.w) for s in (p, q))  # log|N|^2
     near = np.abs(log_p - log_q) <= 1e-3 * (p.w + q.w) + 1e-6
     return near & (np.abs(p.x - q.x) <= 1e-3 * p.x)
@@ -42,13 +45,13 @@ def as_minima(found: np.ndarray) -> Minima:
 def with_arrival(found: np.ndarray, new: np.ndarray) -> np.ndarray:
     """Return minima (1 + OTHERS, fields, N), lowest first, with one more arrival each."""
     total = found[0][_EVALUATIONS] + new[_EVALUATIONS]
-    known = [_same(one, new) for one in found]
+    known = _same(found, new)
     # Of two arrivals at one minimum the first stays, if it came to rest: which is lower is a matter
     # of rounding.
     unfinished = known[0] & ~(found[0][_DONE] > 0) & (new[_COST] < found[0][_COST])
     found = found.copy()
     found[0] = np.where(unfinished, new, found[0])
-    new = np.where(np.logical_or.reduce(known), np.nan, new)
+    new = np.where(known.any(0), np.nan, new)
     for i, one in enumerate(found):
         lower = (new[_COST] < one[_COST]) | (np.isnan(one[_COST]) & np.isfinite(new[_COST]))
         found[i], new = np.where(lower, new, one), np.where(lower, one, new)
@@ -58,10 +61,15 @@ def with_arrival(found: np.ndarray, new: np.ndarray) -> np.ndarray:
 
 def less_absorbing_first(found: np.ndarray) -> Minima:
     """Return the minima; of two that only rounding tells apart the less absorbing one first."""
-    a, b = Solved(*found[0]), Solved(*found[1])
-    k_a, k_b = (index_derivatives(s.x, s.w, s.chart)[1] for s in (a, b))
+    b = Solved(*found[1])
     with np.errstate(invalid="ignore"):
-        swap = (b.cost <= ROUNDING_COST * b.scale) & (k_b < k_a) & (b.done > 0)
+        exact = (b.cost <= ROUNDING_COST * b.scale) & (b.done > 0)
+    if not exact.any():
+        return as_minima(found)
+    a = Solved(*found[0])
+    with np.errstate(invalid="ignore"):
+        k_a, k_b = (index_derivatives(s.x, s.w, s.chart)[1] for s in (a, b))
+        swap = exact & (k_b < k_a)
     evaluations = found[0][_EVALUATIONS].copy()
     found[:2] = np.where(swap, found[1::-1], found[:2])
     found[0][_EVALUATIONS] = evaluations

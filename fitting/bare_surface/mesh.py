@@ -132,7 +132,7 @@ def kinds(
     """
     few = count <= FEW_ANGLES
     p_alone = "R_s" not in channels and (np.asarray(s_share) < NEARLY_P) | ("R" not in channels)
-    open_to_others = few | (lowest_deg > OPEN_ABOVE_DEG) | denser
+    open_to_others = few | (lowest_deg >= OPEN_ABOVE_DEG) | denser
     return np.where(
         p_alone & open_to_others,
         "open",
@@ -140,26 +140,24 @@ def kinds(
     )
 
 
-def node_curves(curves: Curves, channels: tuple[str, ...], mesh: str) -> list[Array]:
-    """Return the reflectances of the nodes, J nodes first: per channel (J, M, 1) or (J, M, L)."""
-    n, k = (jnp.asarray(a[:, None, None]) for a in MESHES[mesh].index)
-    return list(reflectances(curves.cos_theta, curves.s_share, n, k, channels))
+def node_curves(curves: Curves, channels: tuple[str, ...], mesh: str) -> tuple[Array, ...]:
+    """Return the reflectances of the nodes, J nodes first: per channel (J, M, 1) or (J, M, L).
 
-
-def no_curves(curves: Curves, channels: tuple[str, ...], mesh: str) -> list[Array]:
-    """Return zeros in the shapes of `node_curves`, for lanes that are not searched."""
-    nodes = MESHES[mesh].index.shape[1]
-    return [jnp.zeros((nodes, *curves.cos_theta.shape)) for _ in channels]
-
-
-def _misfits(found: list[Array], curves: Curves, mesh: str) -> tuple[Array, Array, Array]:
-    """Return the least sum of squares on each segment and where on it, from 0 to 1; (S, L) each.
-
-    And the sum of squares of the data, (L,). In single precision with the coarse mesh, to save a
-    twentieth of the time of a fit: its nodes lie too far apart to be told from each other by
+    In the precision in which they are compared with the data: of the coarse mesh in float32, to
+    save a twentieth of the time of a fit. Its nodes lie too far apart to be told from each other by
     rounding.
     """
-    precision = jnp.float32 if mesh == "coarse" else found[0].dtype
+    n, k = (jnp.asarray(a[:, None, None]) for a in MESHES[mesh].index)
+    found = reflectances(curves.cos_theta, curves.s_share, n, k, channels)
+    return tuple(f.astype(jnp.float32) for f in found) if mesh == "coarse" else found
+
+
+def _misfits(found: tuple[Array, ...], curves: Curves, mesh: str) -> tuple[Array, Array, Array]:
+    """Return the least sum of squares on each segment and where on it, from 0 to 1; (S, L) each.
+
+    And the sum of squares of the data, (L,). All in the precision of ``found``.
+    """
+    precision = found[0].dtype
     most = jnp.stack([w.max(0) for w in curves.weights]).max(0)
     most = jnp.where(most > 0.0, most, 1.0)  # keeps squared weights in the range of float32
     weights = [((w / most) ** 2).astype(precision) for w in curves.weights]
@@ -167,7 +165,7 @@ def _misfits(found: list[Array], curves: Curves, mesh: str) -> tuple[Array, Arra
     of_data = jnp.stack([(w2 * v * v).sum(0) for v, w2 in zip(values, weights, strict=True)]).sum(0)
     parts, begin = [], 0
     for block in MESHES[mesh].blocks:
-        nodes = [g[begin : begin + block.nodes].astype(precision) for g in found]
+        nodes = [g[begin : begin + block.nodes] for g in found]
         parts.append(_along_segments(nodes, values, weights, block))
         begin += block.nodes
     misfit, along = (jnp.concatenate(part) for part in zip(*parts, strict=True))
@@ -253,7 +251,7 @@ def no_starts(lanes: int, mesh: str) -> Array:
     return jnp.full((1 + further, 3, lanes), jnp.nan)
 
 
-def mesh_starts(curves: Curves, found: list[Array], mesh: str) -> Array:
+def mesh_starts(curves: Curves, found: tuple[Array, ...], mesh: str) -> Array:
     """Return the starts (1 + E, 3, L), x, w and chart each: the first one, and E further ones.
 
     found: of `node_curves`. E is the same for all curves of one ``mesh``; where a curve has fewer

@@ -12,9 +12,12 @@ repeats, its critical angle next to one datum that chance had made low.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from fitting.bare_surface.curve_data import Data
+from fitting.bare_surface.engine import Solved
 
 # An index is preferred if chance gives a fit as much better in less than this share of all curves.
 CHANCE = 0.01
@@ -47,38 +50,47 @@ def mirror_fit(data: Data) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     By three Gauss-Newton steps from a = 0, kept between 0 and MOST_A.
     """
     a = np.zeros(data.curves)
-    shapes = _shapes(data)
+    wide = data.values[0].shape
+    # The channels side by side, and h half.
+    half, weight = (
+        np.concatenate([np.broadcast_to(part, wide) for part in parts], axis=1)
+        for parts in ([0.5 * h for h in _shapes(data)], data.weights)
+    )
+    dark = (1.0 - np.concatenate(data.values, axis=1)) * weight
+    drop = 2.0 * half * weight
     for step in range(4):
-        cost = moment = information = np.zeros(data.curves)
-        for h, value, weight in zip(shapes, data.values, data.weights, strict=True):
-            below = 1.0 + 0.5 * a[:, None] * h
-            miss = (1.0 - value - a[:, None] * h / below) * weight
-            slope = h / below**2 * weight
-            cost = cost + (miss**2).sum(1)
-            moment = moment + (miss * slope).sum(1)
-            information = information + (slope**2).sum(1)
+        per = 1.0 / (1.0 + a[:, None] * half)
+        slope = drop * per
+        miss = dark - a[:, None] * slope
+        slope *= per
+        moment = np.einsum("nm,nm->n", miss, slope)
+        information = np.einsum("nm,nm->n", slope, slope)
         if step < 3:
             a = np.clip(a + moment / np.maximum(information, 1e-300), 0.0, MOST_A)
-    return cost, a, information
+    return np.einsum("nm,nm->n", miss, miss), a, information
 
 
 def like_mirrors(
-    data: Data, scale: np.ndarray, limit: np.ndarray, variance: np.ndarray
+    data: Data, s: Solved, dof: np.ndarray, known: np.ndarray, scatter: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return for curves that a mirror fits at a cost of ``limit`` or less the bound of R(0), (N,).
+    """Return for curves that a mirror fits as well as the best index the bound of R(0), (N,).
 
     The least R at normal incidence (95 %); NaN for all other curves. And where R = 1 does, (N,).
-    scale: (N,), the weighted sums of squares of the values. variance: (N,), what one unit of them
-    stands for.
+    s: the best fits. scatter: (N,), what one unit of the weighted sums of squares stands for, and
+    whether that is ``known`` beforehand, () or (N,).
     """
-    found, perfect = np.full(len(scale), np.nan), np.zeros(len(scale), bool)
-    ones = np.sum([(w * w).sum(-1) for w in data.weights], axis=0)
+    found, perfect = np.full(len(dof), np.nan), np.zeros(len(dof), bool)
+    ones = functools.reduce(np.add, [(w * w).sum(-1) for w in data.weights])
+    maybe = (s.scale > LEAST_RMS**2 * ones).nonzero()[0]
+    if not len(maybe):
+        return found, perfect
     with np.errstate(all="ignore"):
-        maybe = np.flatnonzero(scale > LEAST_RMS**2 * ones)
-        if len(maybe):
-            cost, a, information = mirror_fit(data.take(maybe))
-            most = a + NORMAL_95 * np.sqrt(variance[maybe] / information)
-            bound = np.maximum(1.0 - most / (1.0 + 0.5 * most), 0.0)
-            found[maybe] = np.where(cost <= limit[maybe], bound, np.nan)
-            perfect[maybe] = cost + information * a**2 <= limit[maybe]
+        unit = scatter[maybe]
+        rise = allowed_rise(dof[maybe], np.broadcast_to(known, dof.shape)[maybe])
+        most = s.cost[maybe] + rise * unit
+        cost, a, information = mirror_fit(data.take(maybe))
+        high = a + NORMAL_95 * np.sqrt(unit / information)
+        bound = np.maximum(1.0 - high / (1.0 + 0.5 * high), 0.0)
+        found[maybe] = np.where(cost <= most, bound, np.nan)
+        perfect[maybe] = cost + information * a**2 <= most
     return found, perfect

@@ -93,9 +93,12 @@ def other_solutions(
     """
     found, earlier, count = [], [best], len(possible)
     none = _none(count)
-    for s, more in zip(others, excess, strict=True):
-        with np.errstate(invalid="ignore"):
-            rows = np.flatnonzero(possible & (s.done > 0) & (more < ALTERNATIVE_CHI2))
+    with np.errstate(invalid="ignore"):
+        near = possible & (excess < ALTERNATIVE_CHI2)
+    if not near.any():
+        return (none,) * len(others)
+    for s, more, here in zip(others, excess, near, strict=True):
+        rows = (here & (s.done > 0)).nonzero()[0]
         if not len(rows):
             found.append(none)
             continue

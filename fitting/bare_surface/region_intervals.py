@@ -69,10 +69,15 @@ def intervals(
     """
     with np.errstate(all="ignore"):
         half = e.t * e.sigma_eta
-        eta, k = np.stack([np.maximum(e.eta - half, 0.0), e.eta + half], axis=-1), e.k_interval
-        none = (blank | nothing)[:, None]
-        eta, k = np.where(none, np.nan, eta), np.where(none, np.nan, k)
-        kind = np.where(np.isfinite(eta).all(1) & np.isfinite(k).all(1), QUADRATIC, NONE)
+        eta, k = np.empty((len(half), 2)), e.k_interval.copy()
+        eta[:, 0], eta[:, 1] = np.maximum(e.eta - half, 0.0), e.eta + half
+        none = blank | nothing
+        eta[none], k[none] = np.nan, np.nan
+        ends = eta[:, 0] + eta[:, 1] + k[:, 0] + k[:, 1]
+        kind = np.full(len(half), NONE, f"<U{len(QUADRATIC)}")
+        kind[np.isfinite(ends)] = QUADRATIC
+        if wanted == QUADRATIC:
+            return Intervals(eta, k, kind)
         rise = e.t**2 * e.variance
         able = (
             ~nothing
@@ -83,8 +88,6 @@ def intervals(
         able &= rise > ROUNDING * s.scale
         unseen = ~np.isfinite(e.sigma_k)  # `estimate` gives none below estimate.SEEN_SIGMAS
         curved = unseen | undetermined | matched | (e.spread > CURVED_SPREAD) | e.linear
-    if wanted == QUADRATIC:
-        return Intervals(eta, k, kind)
     todo = np.flatnonzero(able if wanted == PROFILE else able & curved)
     if len(todo):
         part = Solved(*np.array(s)[:, todo])

@@ -17,7 +17,8 @@ from fitting.sentences import SENTENCES
 def shaped(values: Any, a: Arranged) -> Any:
     """Return (N, ...) in the batch's shape; of one curve as a Python scalar where it is one."""
     array = np.asarray(values)
-    array = array.reshape(a.shape + array.shape[1:])
+    if len(a.shape) != 1:
+        array = array.reshape(a.shape + array.shape[1:])
     return array.item() if array.ndim == 0 else array
 
 

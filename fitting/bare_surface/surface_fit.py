@@ -39,6 +39,8 @@ from fitting.sentences import SENTENCES
 from fitting.uncertainty.intervals import check_intervals
 from fitting.widening import widened
 
+_FREE = Sample.parse("free")
+
 
 def _estimates(
     a: Arranged, v: Mapping[str, np.ndarray], known: Intervals, clear: np.ndarray
@@ -74,13 +76,15 @@ def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> F
     """Return what the engine found as a `Fit` of the batch's shape."""
     s, v = f.solved, f.values
     believed = "stated" if errors == "stated" else "scaled" if a.stated else "equal"
-    believed = np.where(np.isfinite(taken.gain), "floor", believed)
+    believed = np.full(len(f.dof), believed, f"<U{len('stated')}")
+    believed[np.isfinite(taken.gain)] = "floor"
     # Without a degree of freedom stated errors are all there is to go by.
-    believed = np.where((f.dof == 0) & a.stated, "stated", believed)
+    believed[(f.dof == 0) & a.stated] = "stated"
     with np.errstate(all="ignore"):
         chi2_reduced = np.where(f.dof > 0, v["chi2"] / f.dof, np.nan)
         rms = np.sqrt(s.plain / s.count)
-        informed = np.asarray(np.isfinite(v["information"]).all((1, 2)))
+        information = v["information"].copy()
+        information[~np.isfinite(information.sum((1, 2)))] = np.nan
     estimates = _estimates(a, v, f.known, f.status == CONVERGED)
     return Fit(
         sample=sample, parameters=estimates, covariance=shaped(v["covariance"], a),
@@ -97,7 +101,7 @@ def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> F
         others=tuple(_alternative(a, one) for one in f.others if one.there.any()),
         evaluator=SurfaceCurves(
             eta=v["eta"], k=v["k"], sigma_eta=v["sigma_eta"], sigma_k=v["sigma_k"],
-            information=np.where(informed[:, None, None], v["information"], np.nan),
+            information=information,
             at_zero=v["at_zero"], eta_i=a.data.eta_i, wavelength_um=a.wavelength_um,
             shape=a.shape, measurement=None,
         ),
@@ -183,7 +187,7 @@ def fit_many(
     Raises:
         ValueError: for values out of range, shapes that do not fit, or no data at all.
     """
-    which = Sample.parse(sample)
+    which = _FREE if sample == "free" else Sample.parse(sample)
     if not (which.bare and which.by_wavelength and np.isfinite(which.eta_i)):
         raise ValueError(
             f"fit_many is for one bare surface whose index is free; the sample {str(which)!r} came."

@@ -79,16 +79,8 @@ def evaluate(data: Data, lanes: Lanes) -> Solved:
     start = start_rows(count, np.stack([lanes.x, lanes.w, lanes.chart]))
     start[4] = lanes.w
     # A few curves keep to the small program and many to the large one: no other is compiled.
-    few = data.curves <= FEW
-    more = 0 if few else max(FEW + 1 - count, 0)
-    start = np.pad(start, ((0, 0), (0, more)), mode="edge")
-    part = data.take(np.pad(lanes.curve, (0, more), mode="edge"))
-    size = FEW if few else count + more
-    found = [
-        run(part.take(slice(i, i + size)), start[:, i : i + size], 1)[0]
-        for i in range(0, count + more, size)
-    ]
-    return Solved(*np.concatenate(found, axis=1)[:, :count])
+    found, _ = run(data.take(lanes.curve), start, 1, few=data.curves <= FEW)
+    return Solved(*found)
 
 
 def open_to_the_other_end(data: Data, s: Solved, allowed: np.ndarray) -> np.ndarray:

@@ -1,0 +1,62 @@
+"""Films over many wavelengths: a search with some of them ends where one with all does."""
+
+import numpy as np
+import pytest
+from estimates import codes
+
+from fitting import Measurement, fit, fits, simulate
+from fitting.thinned import _kept
+
+SAMPLE = "air | cauchy:2 50..1200 nm | 1.53"
+TRUTH = {"A": 2.29, "B": 0.0158, "thickness_nm": 620.0}
+
+
+def measurement(count: int, noise: float) -> Measurement:
+    waves = np.linspace(0.42, 0.8, count)
+    shown = simulate("air | cauchy:2 100 nm | 1.53", TRUTH, 6.0, waves, "R")
+    shown = shown + noise * np.random.default_rng(3).standard_normal(count)
+    return Measurement.from_columns(np.full(count, 6.0), waves, R=shown)
+
+
+@pytest.mark.parametrize("noise", [2e-3, 0.0])
+def test_the_minimum_of_all_data(noise, monkeypatch):
+    m = measurement(491, noise)
+    thinned = fits.with_fewer_wavelengths
+    rows = []
+
+    def watched(*args):
+        few = thinned(*args)
+        assert few is not None
+        rows.append(few.n_data)
+        return few
+
+    monkeypatch.setattr(fits, "with_fewer_wavelengths", watched)
+    found = fit(m, SAMPLE, intervals="quadratic")
+    assert rows == [123]
+    monkeypatch.setattr(fits, "with_fewer_wavelengths", lambda *args: None)
+    every = fit(m, SAMPLE, intervals="quadratic")
+    assert (found.status, found.n_data, codes(found)) == ("converged", 491, codes(every))
+    assert found.cost <= every.cost * (1.0 + 1e-9) + 1e-20
+    for name, truth in TRUTH.items():
+        ours, theirs = found.parameters[name], every.parameters[name]
+        assert abs(ours.value - theirs.value) <= 1e-3 * theirs.sigma + 1e-9 * truth
+        assert ours.sigma == pytest.approx(theirs.sigma, rel=1e-4, abs=1e-9)
+        assert abs(ours.value - truth) < 4.0 * ours.sigma + 1e-6 * truth
+
+
+def test_ends_that_do_not_rest_are_followed_by_the_solver(monkeypatch):
+    m = measurement(491, 2e-3)
+    found = fit(m, SAMPLE, intervals="quadratic")
+    monkeypatch.setattr("fitting.thinned._ROUNDS", 0)
+    again = fit(m, SAMPLE, intervals="quadratic")
+    for name in TRUTH:
+        ours, theirs = again.parameters[name], found.parameters[name]
+        assert abs(ours.value - theirs.value) <= 1e-3 * theirs.sigma
+
+
+def test_no_more_is_left_out_than_the_fringes_allow():
+    waves = np.linspace(0.42, 0.8, 491)
+    for high_um, kept in ((0.1, 123), (2.0, 123), (2.6, 164), (5.0, None), (100.0, None)):
+        some = _kept(waves, high_um)
+        assert (None if some is None else len(some)) == kept
+    assert _kept(waves[:239], 0.1) is None
