@@ -47,7 +47,7 @@ def test_the_minimum_of_all_data(noise, monkeypatch):
 def test_ends_that_do_not_rest_are_followed_by_the_solver(monkeypatch):
     m = measurement(491, 2e-3)
     found = fit(m, SAMPLE, intervals="quadratic")
-    monkeypatch.setattr("fitting.thinned._ROUNDS", 0)
+    monkeypatch.setattr("fitting.thinned._AT_REST", -1.0)
     again = fit(m, SAMPLE, intervals="quadratic")
     for name in TRUTH:
         ours, theirs = again.parameters[name], found.parameters[name]
