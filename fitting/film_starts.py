@@ -30,6 +30,8 @@ _MANY_CANDIDATES, _MANY_LIKELY = 128, 80
 _SHIFTS = (0.0, 0.25, -0.25, 0.5)
 # Fringe orders on either side of the best minimum that are looked at.
 _ORDERS = 8
+# Fringes of the thickest film that is looked for, from which on parts of the spectrum are searched.
+_FRINGES = 20.0
 # Stages in which the starts beside the best minimum go on.
 _FURTHER = 8
 # Parameters that the index of a film, or its square, is proportional to.
@@ -155,6 +157,12 @@ def _coordinate(fit: Solving, film: _Film, thickness_um: np.ndarray) -> np.ndarr
     return from_parameter(kind, 1e3 * np.maximum(thickness_um, 0.0))
 
 
+def _many_fringes(fit: Solving, film: _Film, y: np.ndarray) -> bool:
+    """Whether so thick a film may be looked for that its parts of the spectrum have fringes."""
+    used = np.arange(fit.seen.points.wavelength_um.shape[0]) <= fit.seen.row.max()
+    return film.high_um * float(np.ptp(_rates(fit, film, y[:, None])[0, used])) > _FRINGES
+
+
 def _residuals_alike(fit: Solving, y: np.ndarray) -> bool:
     """Whether neighbouring residuals at y are alike, as noise is not."""
     r = fit.slopes(y).residual
@@ -252,7 +260,7 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
         ends = joined([ends, *found])
         if ends.cost.min() < least - _unit(fit, least):
             continue
-        if tried or not _residuals_alike(fit, y):
+        if tried or not _many_fringes(fit, films[0], y) or not _residuals_alike(fit, y):
             break
         tried = True
         ends = joined([ends, *_from_parts(fit, films[0], start, noise, least)])
