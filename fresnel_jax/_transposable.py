@@ -2,7 +2,7 @@
 
 `jax.custom_derivatives.linear_call` is the same, but can be neither batched nor differentiated by
 what the function is not linear in. Without a written transpose JAX keeps the coefficients of a
-linear function for the way back: those of 100 layers at 20,000 points are 640 MB.
+linear function for the way back: those of 100 layers at 20,000 points are 320 MB.
 """
 
 from collections.abc import Callable
