@@ -19,6 +19,9 @@ from ._stack_wave import Pair, Wave, choose, polynomial, sine_derivative_series
 # (1 - sin(2 z) / (2 z)) / (2 z^2) is the sum of these times z^(2 m).
 _SERIES = tuple((-1.0) ** m * 2.0 * 4.0**m / math.factorial(2 * m + 3) for m in range(9))
 
+# cos(x) is the sum of these times x^(2 m).
+_COSINE = tuple((-1.0) ** m / math.factorial(2 * m) for m in range(9))
+
 
 class Layers(NamedTuple):
     """What the coefficients of both amplitudes need of every layer, for s or p."""
@@ -76,14 +79,19 @@ def layers_of(
     )
 
 
-def of_r(layer: Layers, per: Pair) -> Change:
-    """Of r; per is Q_0 / B^2 in the units of the fields of the layer."""
+def of_r(layer: Layers, per: Pair, series: bool = True) -> Change:
+    """Of r; per is Q_0 / B^2 in the units of the fields of the layer.
+
+    series: whether the layer may be thin, or at its critical angle, anywhere.
+    """
     sigma, round_trip, kappa = layer.wave.sine_over_q, layer.wave.round_trip, layer.kappa
     cosine = layer.wave.cosine
     waves2 = plus(times(layer.up, layer.up), times(round_trip, times(layer.down, layer.down)))
     waves2, gain = times(sigma, waves2), times(layer.g, per)
     beat = _times_i(times(round_trip, times(layer.up, layer.down)))
     wide = times(layer.per_twice_q2, minus(scaled(2.0 * kappa, beat), waves2))
+    if not series:
+        return Change(times(gain, wide), times(per, waves2), scaled(2.0, times(gain, beat)))
 
     # Even in Q for derivatives of these derivatives; elsewhere D alone knows how little comes back.
     near = layer.wave.near_critical
@@ -108,17 +116,25 @@ def of_r(layer: Layers, per: Pair) -> Change:
     )
 
 
-def of_through(layer: Layers, a: Pair, b: Pair, per: Pair) -> Change:
-    """Of log(F / B); (a, b) is at the front of the layer, per is 1 / B in its units."""
+def of_through(layer: Layers, a: Pair, b: Pair, per: Pair, series: bool = True) -> Change:
+    """Of log(F / B); (a, b) is at the front of the layer, per is 1 / B in its units.
+
+    series as in `of_r`.
+    """
     sigma, kappa, wave = layer.wave.sine_over_q, layer.kappa, layer.wave
     zb, gain = times(layer.z, b), scaled(0.5, _times_i(times(layer.g, per)))
     up, down = plus(zb, a), minus(zb, a)
     along = plus(times(up, layer.up), times(wave.round_trip, times(down, layer.down)))
     across = _times_i(times(sigma, plus(times(up, layer.down), times(down, layer.up))))
     wide = times(layer.per_twice_q2, plus(scaled(kappa, along), across))
+    if not series:
+        of_g = scaled(-1.0, times(times(gain, layer.per_g), across))
+        return Change(times(gain, wide), of_g, times(gain, along))
 
     cosine2 = plus(scaled(kappa, wave.cosine), _times_i(sigma))
-    sine2 = scaled(kappa**3, times(wave.passage, sine_derivative_series(layer.delta2)))
+    # f is C / cos(delta): it need not be kept.
+    passage = times(wave.cosine, inverse(polynomial(_COSINE, layer.delta2)))
+    sine2 = scaled(kappa**3, times(passage, sine_derivative_series(layer.delta2)))
     crossing = plus(times(b, layer.w), times(a, layer.u))
     beta = times(layer.per_g, layer.near_q2)
     z2_bu, aw = times(times(layer.per_g, beta), times(b, layer.u)), times(a, layer.w)

@@ -44,7 +44,8 @@ from ._stack_coherent import (
 )
 from ._stack_fields import Inside, Solved, over_layers, solve_fields
 from ._stack_roughness import Factors, beneath, change, determinant
-from ._stack_wave import Pair, choose
+from ._stack_sums import Given, Moved, sums
+from ._stack_wave import Pair, choose, kept
 
 
 class Light(NamedTuple):
@@ -147,11 +148,28 @@ def _solve_jvp(shape, primals, tangents):
     kappa, d_kappa = (2.0 * jnp.pi) * x[0], ((2.0 * jnp.pi) * d_x[0], None)
     d_z_far = (d_q_far, plus(times(far.per_g, d_q_far), times(d_far.per_g, q_far)))
     d_r, d_through, d_absorbed = [], [], []
-    for p, (g, per_g, d_g) in enumerate(
-        ((ONE, ONE, None), (layers.g, layers.per_g, d_layers.g)),
+    per_s, per_p = (
+        inverse(plus(times(front.q, u), w)) for u, w in zip(ends.u, ends.w, strict=True)
+    )
+    of_all: Any = None
+    if inside is not None and rough is None:
+        given = Given(
+            q0=front.q,
+            per=(per_s, per_p),
+            wave=kept(inside.wave, inside.q),
+            u=inside.u,
+            down=inside.down,
+            scale=inside.scale,
+            q2=q2,
+            g=layers.g,
+            per_g=layers.per_g,
+            kappa=kappa,
+        )
+        of_all = sums(given, Moved(Change(d_q2, d_layers.g, d_kappa), d_z_far), shape)
+    for p, (g, per_g, d_g, per) in enumerate(
+        ((ONE, ONE, None, per_s), (layers.g, layers.per_g, d_layers.g, per_p)),
     ):
         through, u = solved.through[p], ends.u[p]
-        per = inverse(plus(times(front.q, u), ends.w[p]))
         u_per = times(u, per)
         dr = minus(
             times(times(u_per, times(ends.w[p], per)), d_front.q),
@@ -164,14 +182,18 @@ def _solve_jvp(shape, primals, tangents):
             dr = plus(dr, times(front.q, outer.sent))
             d_log_front = plus(d_log_front, outer.log)
         dr = scaled(2.0, dr)
-        d_log = minus(d_log_front, times(times(behind[p].b, per), d_z_far[p]))
+        if of_all is not None:
+            dr, d_log = plus(dr, of_all[p][0]), plus(d_log_front, of_all[p][1])
+        else:
+            d_log = minus(d_log_front, times(times(behind[p].b, per), d_z_far[p]))
         d_lost = None if solved.absorbed[p] is None else jnp.zeros_like(solved.absorbed[p])
         if inside is not None:
             layer = layers_of(inside.wave, q2, g, per_g, kappa, inside.u[p], inside.down[p])
             moved = Change(d_q2, d_g, d_kappa)
             light = at_front[p]
-            q0_f2 = times(front.q, times(times(light.f, per), times(light.f, per)))
-            dr = plus(dr, _all(_in_layers(of_r(layer, _with_det(light, q0_f2)), moved)))
+            if of_all is None:
+                q0_f2 = times(front.q, times(times(light.f, per), times(light.f, per)))
+                dr = plus(dr, _all(_in_layers(of_r(layer, _with_det(light, q0_f2)), moved)))
             in_each = _in_layers(of_through(layer, light.a, light.b, per), moved)
             if rough is not None:
                 here, there = (at(slice(1, None), z[p]) for z in (rough, d_rough))
@@ -180,7 +202,8 @@ def _solve_jvp(shape, primals, tangents):
                 q0_f2 = scaled(2.0, times(front.q, times(f, f)))
                 dr = plus(dr, _all(times(_with_det(above[p], q0_f2), inner.sent)))
                 d_log, boundaries = plus(d_log, _all(inner.log)), (determinant(here), inner)
-            d_log = plus(d_log, _all(in_each))
+            if of_all is None:
+                d_log = plus(d_log, _all(in_each))
             if lossy is not None and d_lossy is not None:
                 d_lost = absorption_derivative(
                     solved.absorbed[p],

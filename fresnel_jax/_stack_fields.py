@@ -49,6 +49,7 @@ class Inside(NamedTuple):
     """The wave in each layer and the fields at its far side, for s and p; leading axis: layers."""
 
     wave: Wave
+    q: Pair  # of the wave, in the shape of Q^2
     u: tuple[Pair, Pair]
     down: tuple[Pair, Pair]  # (Q / g) U - W, what comes back from what lies behind
     scale: tuple[Array, Array]  # one over the size in whose units the fields behind were
@@ -136,7 +137,8 @@ def solve_fields(
         losses = tuple(
             whole((loss, passage2 * z * z)) for loss, z in zip(losses, scale, strict=True)
         )
-        seen = Inside(whole(inside), fields.u, whole(down), scale, below)
+        narrow = tuple(slice(None if size > 1 else 1) for size in re[0].shape)
+        seen = Inside(whole(inside), at(narrow, inside.q), fields.u, whole(down), scale, below)
         fields = through_layer(fields, here, inside, front, h)
         if count <= _UNROLLED:  # else they stand in memory as the carry of the loop
             fields = jax.tree.map(computed_once, fields)

@@ -16,7 +16,7 @@ occur in the derivatives of C and sigma with respect to Q^2, which stay finite a
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -235,3 +235,61 @@ def _wave_jvp(primals, tangents):
         near_critical=jnp.zeros(near.shape, jax.dtypes.float0),
     )
     return out, tangent
+
+
+class Kept(NamedTuple):
+    """What is kept of a wave; the rest of it follows."""
+
+    q: Pair  # in the shape of Q^2
+    round_trip: Pair
+    sine_over_q: Pair
+    near_critical: Array
+
+
+@jax.custom_jvp
+def _followed(kept: Kept, q2: Pair, kappa: Array) -> tuple[Pair, Pair, Pair]:
+    """Q, C and Q^2 sigma."""
+    e_re, e_im = kept.round_trip
+    shape = kept.near_critical.shape
+    q = (jnp.broadcast_to(kept.q[0], shape), jnp.broadcast_to(kept.q[1], shape))
+    q_sine = times(times(kept.q, kept.q), kept.sine_over_q)
+    return q, (0.5 * (1.0 + e_re), 0.5 * e_im), q_sine
+
+
+@_followed.defjvp
+def _followed_jvp(primals, tangents):
+    (kept, q2, kappa), (moved, dq2, d_kappa) = primals, tangents
+    near, (a, b) = kept.near_critical, kept.q
+    zero, half = jnp.zeros_like(kappa), jnp.asarray(0.5, a.dtype)
+    per_2q2 = half * reciprocal_or_zero(a * a + b * b)
+    dq = choose(near, (zero, zero), times((a * per_2q2, -b * per_2q2), dq2))
+    d_delta_q = _plus(_scaled(d_kappa, q2), _scaled(half * kappa, dq2))
+    d_cosine = choose(
+        near,
+        _minus_i_times(times(kept.sine_over_q, d_delta_q)),
+        _scaled(half, moved.round_trip),
+    )
+    d_q_sine = _plus(times(kept.sine_over_q, dq2), times(q2, moved.sine_over_q))
+    return _followed(*primals), (dq, d_cosine, d_q_sine)
+
+
+def kept(wave: Wave, q: Pair) -> Kept:
+    """q is that of the wave, in the shape of Q^2."""
+    return Kept(q, wave.round_trip, wave.sine_over_q, wave.near_critical)
+
+
+def restored(kept: Kept, q2: Pair, kappa: Array) -> Wave:
+    """The wave, but for f and for what only absorbed power needs."""
+    q, cosine, q_sine = _followed(kept, q2, kappa)
+    none: Any = None
+    return Wave(
+        q=q,
+        round_trip=kept.round_trip,
+        cosine=cosine,
+        sine_over_q=kept.sine_over_q,
+        q_sine=q_sine,
+        passage=none,
+        sine2=none,
+        dimmed=none,
+        near_critical=kept.near_critical,
+    )
