@@ -86,8 +86,13 @@ def hint_for(value: float, quantity: str, line: int, scale_given: bool, typical:
     if scale_given:
         return noise + leave
     if typical <= 110.0:
-        return ("If the column is in percent, say --scale 0.01. " + noise).strip()
-    direct = "If these are counts or volts, divide them by the direct beam, or say --scale FACTOR. "
+        ratio = "If R is the ratio to a mirror or a wafer, say --ratio-to (Si, for example). "
+        ratio = ratio if quantity[0] == "R" and value <= 3.0 else ""
+        return ("If the column is in percent, say --scale 0.01. " + ratio + noise).strip()
+    direct = (
+        "If these are counts or volts, divide them by the direct beam (--divide-by FILE), or say "
+        "--scale FACTOR. "
+    )
     return direct + leave
 
 

@@ -14,7 +14,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fitting.cli_options import PROGRAM, expanded, fit_options, parser, reading_options
+from fitting.cli_options import (
+    PROGRAM,
+    expanded,
+    fit_options,
+    input_files,
+    parser,
+    reading_options,
+)
 from fitting.interrupt import INTERRUPTED
 from fitting.terminal import MISUSED, Refused, complain, exit_status, refusals, say
 from fitting.visible import visible
@@ -69,7 +76,7 @@ def _stage(outputs: Outputs, arguments: argparse.Namespace, spectrum: bool) -> d
         kind: outputs.open(
             name,
             flag=flags.get(kind, f"--{kind}"),
-            inputs=arguments.file,
+            inputs=input_files(arguments),
             only_over=only_over.get(kind, ""),
         )
         for kind, name in names.items()
@@ -79,7 +86,9 @@ def _stage(outputs: Outputs, arguments: argparse.Namespace, spectrum: bool) -> d
         folder = outputs.folder(arguments.report, flag="--report", overwrite=arguments.overwrite)
         for kind, name in REPORT.items():
             if spectrum or kind != "report index":
-                staged[kind] = outputs.open(folder / name, flag="--report", inputs=arguments.file)
+                staged[kind] = outputs.open(
+                    folder / name, flag="--report", inputs=input_files(arguments)
+                )
     return staged
 
 
@@ -120,6 +129,10 @@ def _run(arguments: argparse.Namespace) -> int:
     with refusals():
         _check(arguments)
         read = reading_options(arguments)
+        if arguments.ratio_to:
+            from fitting.start_up import set_up_jax
+
+            set_up_jax()  # the reflectance of the reference is computed while the files are read
         measurements = told_apart(
             [read_csv(file, **read) for file in arguments.file], arguments.file
         )

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitting.cli_options import fit_options, reading_options
+from fitting.cli_options import fit_options, input_files, reading_options
 from fitting.terminal import MISUSED, complain, exit_status, refusals, say
 
 if TYPE_CHECKING:
@@ -60,10 +60,16 @@ def run_each(arguments: argparse.Namespace, fit_one: Callable[..., Any]) -> int:
             if not files:
                 raise ValueError("no file is left to be fitted.")
             _check(arguments)
+            if arguments.ratio_to:
+                from fitting.start_up import set_up_jax
+
+                set_up_jax()
             staged: dict[str, Path] = {}
             for kind, name in (("csv", arguments.csv), ("json", arguments.json)):
                 if name and not (kind == "json" and name == "-"):
-                    staged[kind] = outputs.open(name, flag=f"--{kind}", inputs=files)
+                    staged[kind] = outputs.open(
+                        name, flag=f"--{kind}", inputs=[*files, *input_files(arguments)]
+                    )
         # one bar over the files, none for each of them
         alone = argparse.Namespace(**{**vars(arguments), "quiet": True})
         each = []

@@ -43,6 +43,7 @@ examples:
   fresnel-fit ellipsometer.txt --reference Si --report out
   fresnel-fit gold.csv --free scale --prior scale=1+-0.02
   fresnel-fit glass.csv --sample 'air | cauchy-urbach 3.05 mm thick | air'
+  fresnel-fit film.csv --divide-by wafer.csv --ratio-to Si --sample auto
   fresnel-fit --each 'scans/*.csv' --csv results.csv
 
 where gold.csv has angles in degrees and reflectances as fractions or percent:
@@ -76,6 +77,12 @@ _READING = (
     ("wavelength-unit", "UNIT", "nm, um, angstrom, eV, cm-1, THz, ..."),
     ("polarization", "LIGHT", "s, p or unpolarized; or what a column's codes mean: 0=s,1=p"),
     ("scale", "FACTOR", "factor that makes R a fraction: 0.01 for percent"),
+    ("divide-by", "FILE", "scan of a reference, read in the same way, that values are divided by"),
+    (
+        "ratio-to",
+        "SAMPLE",
+        "values are ratios to R of this known sample: Si, or 'air | SiO2 2 nm held | Si'",
+    ),
     ("sigma", "SIGMA", "standard error of values that have none, a fraction"),
     ("psi-unit", "UNIT", "deg or rad"),
     ("missing", "VALUES", "numbers or words that stand for a gap: 0 or -9999,bad"),
@@ -217,6 +224,11 @@ def expanded(files: Sequence[str]) -> list[str]:
             raise ValueError(f"{name}: no file matches.")
         out += found
     return out
+
+
+def input_files(arguments: argparse.Namespace) -> list[str]:
+    """Return the files that are read, which no result may replace."""
+    return [*arguments.file, *([arguments.divide_by] if arguments.divide_by else [])]
 
 
 def reading_options(arguments: argparse.Namespace) -> dict[str, Any]:

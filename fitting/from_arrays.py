@@ -9,17 +9,24 @@ import numpy as np
 
 from fitting.checks import Data, beyond, check_data
 from fitting.errors import MeasurementError
+from fitting.ratios import quotient, refuse_no_powers, times_reflectance
 from fitting.reader import units
 from fitting.reader.options import QUANTITIES
 from fitting.visible import visible
 
 
 class Units(NamedTuple):
-    """Units of angles and wavelengths, and what makes powers fractions."""
+    """Units of angles and wavelengths, and what makes powers fractions.
+
+    divide_by: "R" -> values of a reference, "sigma_R" -> their standard errors. ratio_to: sample
+    whose reflectance the values are ratios to.
+    """
 
     angle: str
     wavelength: str
     scale: float
+    divide_by: Mapping[str, object]
+    ratio_to: object
 
 
 def _converted(
@@ -41,6 +48,23 @@ def _converted(
 def _scaled(values: np.ndarray, factor: float) -> np.ndarray:
     """Return values times a factor; percent is one division."""
     return values if factor == 1.0 else units.scaled(values, factor)
+
+
+def _quotients(
+    source: str, value: np.ndarray, sigma: np.ndarray, reference: list[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return values over those of a reference (errors, values), and their standard errors."""
+    sigma_by, by = reference
+    bad = ~(by > 0.0) & np.isfinite(value)
+    if bad.any() or not (np.isnan(sigma_by) | (sigma_by > 0.0)).all():
+        came = f"{by[bad][0]:.6g}" if bad.any() else "a standard error that is not positive"
+        raise MeasurementError(f"{source}: divide_by holds {came}; numbers above 0 were wanted.")
+    by = np.where(by > 0.0, by, 1.0)
+    if not (np.isnan(sigma) | (sigma > 0.0)).all():
+        raise MeasurementError(
+            f"{source}: a standard error is not positive; numbers above 0 were wanted."
+        )
+    return quotient(value, sigma, by, sigma_by)
 
 
 def _ranges(data: Data) -> str:
@@ -76,14 +100,27 @@ def from_arrays(
     stray = [name for name in sigmas if name not in values]
     if stray:
         raise MeasurementError(f"{source}: sigma has {stray[0]}, the values do not.")
+    by = of.divide_by
+    if by:
+        refuse_no_powers(source, np.array(names), False, "divide_by")
+    odd = [n for n in by if n.removeprefix("sigma_") not in values] + [
+        n for n in names if n not in by
+    ]
+    if by and odd:
+        raise MeasurementError(
+            f"{source}: divide_by has {', '.join(by)} for values of {', '.join(names)}; each of "
+            f"them (with sigma_ before it for standard errors) and no other was wanted: {odd[0]}."
+        )
     columns = list(places)
     columns += [sigmas.get(name) for name in names] + [values[name] for name in names]
+    columns += [by.get(f"sigma_{name}") for name in names] + [by.get(name, 1.0) for name in names]
     try:
         arrays = [np.asarray(np.nan if c is None else c, dtype=np.float64) for c in columns]
         length = np.broadcast_shapes((1,), *(a.shape for a in arrays))
         if len(length) != 1:
             raise ValueError(f"{len(length)} dimensions came")
         angle, wavelength, polarizer, *rest = (np.broadcast_to(a, length) for a in arrays)
+        reference = [np.concatenate(rest[n * len(names) : (n + 1) * len(names)]) for n in (2, 3)]
     except (ValueError, TypeError) as error:
         raise MeasurementError(
             f"{source}: the columns must be numbers of one length ({error})."
@@ -92,8 +129,12 @@ def from_arrays(
     count = len(names)
     power = np.array([name not in ("psi", "delta") for name in names])
     factor = np.where(power, of.scale, 1.0)
-    rest = [_scaled(a, f) for a, f in zip(rest, np.tile(factor, 2), strict=True)]
+    if by:
+        factor = np.ones(count)  # of both: it cancels
+    rest = [_scaled(a, f) for a, f in zip(rest[: 2 * count], np.tile(factor, 2), strict=True)]
     sigma_all, value_all = np.concatenate(rest[:count]), np.concatenate(rest[count:])
+    if by:
+        value_all, sigma_all = _quotients(source, value_all, sigma_all, reference)
     kept = np.flatnonzero(~np.isnan(value_all))
     rows = length[0]
 
@@ -111,7 +152,11 @@ def from_arrays(
     )
     percent = "Powers are fractions: for percent give scale=0.01."
     source = visible(source)
+    how = "; divided by a reference" if by else ""
+    if of.ratio_to is not None:
+        data, said = times_reflectance(source, data, of.ratio_to)
+        how += f"; {said}"
     outside = check_data(source, data, where, lambda i: percent if data.value[i] > 1.0 else "")
-    text = f"took {len(kept)} values of {', '.join(names)} from arrays{_ranges(data)}"
+    text = f"took {len(kept)} values of {', '.join(names)} from arrays{_ranges(data)}{how}"
     text += beyond(outside) if outside else ""
     return data, text

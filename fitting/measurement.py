@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from fitting.checks import beyond, check_data, hint_for
 from fitting.errors import MeasurementError as MeasurementError
 from fitting.errors import place
 from fitting.from_arrays import Units, from_arrays
+from fitting.ratios import divided, refuse_s_to_p, times_reflectance
 from fitting.reader import woollam
 from fitting.reader.columns import choose_columns
 from fitting.reader.lines import read_lines, source_of
@@ -84,6 +85,8 @@ class Measurement:
         angle_unit: str = "deg",
         wavelength_unit: str = "um",
         scale: float = 1.0,
+        divide_by: Mapping[str, object] | None = None,
+        ratio_to: object = None,
         source: str = "arrays",
         **values: object,
     ) -> Measurement:
@@ -98,6 +101,10 @@ class Measurement:
             angle_unit: deg, rad, mrad, grazing-deg, ... as in :func:`read_csv`.
             wavelength_unit: um, nm, angstrom, eV, cm-1, THz, mm or keV.
             scale: factor that makes powers (and their errors) fractions: 0.01 for percent.
+            divide_by: quantity -> array of the same length (or a number), the scan of a reference,
+                by which values are divided; "sigma_R" -> its standard errors.
+            ratio_to: text of a sample without anything to be fitted, "Si": values (after that
+                division) are ratios to its reflectance, and are multiplied by it.
             values: one array per quantity, named as in ``QUANTITIES``: ``R_s=..., R_p=...``. NaN
                 is a gap and leaves the datum out.
 
@@ -108,7 +115,7 @@ class Measurement:
         """
         data, understood = from_arrays(
             [angle_deg, wavelength_um, polarizer_deg], values, sigma, source,
-            Units(angle_unit, wavelength_unit, float(scale)),
+            Units(angle_unit, wavelength_unit, float(scale), divide_by or {}, ratio_to),
         )  # fmt: skip
         return Measurement(*map(_frozen, data), source=source, understood=understood)
 
@@ -165,20 +172,30 @@ def concatenate(*measurements: Measurement) -> Measurement:
     )
 
 
-def _foreign_columns(
-    source: str,
-    texts: list[str],
-    notes: list[str],
-    options: Options,
-    delimiter: str | None,
-    decimal: str | None,
-    lines: str | None,
-) -> LongColumns:
-    """Return the data of a file that somebody else wrote."""
+class _Text(NamedTuple):
+    """How the text of a file is taken apart; None is found out."""
+
+    encoding: str | None
+    delimiter: str | None
+    decimal: str | None
+    lines: str | None
+
+
+def _columns_of(path: str | PathLike[str], options: Options, form: _Text) -> LongColumns:
+    """Return the data of a file, not yet checked."""
+    source = source_of(path)
+    texts, notes = read_lines(Path(path), form.encoding)
+    bare = options._replace(divided=False) == parse_options(source, {}) and not any(form[1:])
+    own = own_header(texts)
+    if own >= 0 and bare:
+        return own_columns(source, texts, own)
+    texts[: max(own, 0)] = [""] * max(own, 0)  # they tell of the fit
     known = next((found for each in FORMATS if (found := each(texts)) is not None), None)
     if known is not None:
         texts, notes = known[0], notes + known[1]
-    table = read_table(source, texts, delimiter=delimiter, decimal=decimal, lines=lines)
+    table = read_table(
+        source, texts, delimiter=form.delimiter, decimal=form.decimal, lines=form.lines
+    )
     table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)
     return long_columns(table, choose_columns(table, options), options)
 
@@ -193,6 +210,8 @@ def read_csv(
     wavelength_unit: str | None = None,
     polarization: Mapping[str, str] | str | None = None,
     scale: float | str | None = None,
+    divide_by: str | PathLike[str] | None = None,
+    ratio_to: object = None,
     sigma: float | str | None = None,
     psi_unit: str | None = None,
     missing: object = None,
@@ -221,7 +240,13 @@ def read_csv(
     polarization: s, p or unpolarized for the whole file; what the codes of its column mean,
         ``"0=s,1=p"``; or angle-from-p, angle-from-s for the angle of a polarizer in degrees.
     scale: factor that makes R and T (and their standard errors) fractions; 0.01 for percent.
-    sigma: standard error of the values that have none, a fraction (degrees for psi and delta).
+    divide_by: a second file, the scan of a reference, read with the same options: R and T are
+        divided by its values at the same angle and wavelength, or between them by straight lines;
+        both may be counts. Standard errors of both count.
+    ratio_to: text of a sample without anything to be fitted, "Si": values of R and their errors
+        are ratios to its reflectance, and are multiplied by it.
+    sigma: standard error of the values that have none, a fraction (degrees for psi and delta); of
+        the ratio, where there is one.
     psi_unit: deg or rad, for psi and delta.
     missing: numbers or words that stand for a gap in the values, "0" or "-9999,bad"; "none" says
         that zeros were measured.
@@ -239,14 +264,19 @@ def read_csv(
         wavelength_um=wavelength_um, wavelength_unit=wavelength_unit, polarization=polarization,
         scale=scale, sigma=sigma, psi_unit=psi_unit, missing=missing,
     ))  # fmt: skip
-    texts, notes = read_lines(Path(path), encoding)
-    bare = options == parse_options(source, {}) and not (lines or delimiter or decimal)
-    own = own_header(texts)
-    if own >= 0 and bare:
-        long = own_columns(source, texts, own)
-    else:
-        texts[: max(own, 0)] = [""] * max(own, 0)  # they tell of the fit
-        long = _foreign_columns(source, texts, notes, options, delimiter, decimal, lines)
+    form = _Text(encoding, delimiter, decimal, lines)
+    each = options if divide_by is None else options._replace(sigma=None, divided=True)
+    long = _columns_of(path, each, form)
+    raw = long.data.value
+    if divide_by is not None:
+        other, same_unit = _columns_of(divide_by, each, form), options.scale is not None
+        long = long.by(divided(source, long.data, source_of(divide_by), other.data, same_unit))
+        if options.sigma is not None:
+            stated = np.where(np.isnan(long.data.sigma), options.sigma, long.data.sigma)
+            long = long._replace(data=long.data._replace(sigma=stated))
+    if ratio_to is not None:
+        refuse_s_to_p(source, (label for _, label, _ in long.places))
+        long = long.by(times_reflectance(source, long.data, ratio_to))
     data, understood = long.data, long.understood
     typical = float(np.median(np.abs(data.value))) if len(data.value) else 0.0
 
@@ -256,7 +286,12 @@ def read_csv(
 
     def hint(i: int) -> str:
         line, scaled = long.places[i][0], options.scale is not None
-        return hint_for(float(data.value[i]), data.quantity[i], line, scaled, typical)
+        text = hint_for(float(data.value[i]), data.quantity[i], line, scaled, typical)
+        return (
+            text
+            if raw is data.value
+            else f"Before the reference came in it was {raw[i]:.6g}. {text}"
+        )
 
     outside = check_data(source, data, where, hint)
     if outside:

@@ -32,6 +32,11 @@ class LongColumns(NamedTuple):
     labels: dict[str, str]
     understood: str
 
+    def by(self, converted: tuple[Data, str]) -> LongColumns:
+        """Return the columns with other data, row by row, and how they were made."""
+        data, how = converted
+        return self._replace(data=data, understood=f"{self.understood}; {how}")
+
 
 def _refuse_placeholders(reading: Reading, numbers: dict[int, np.ndarray]) -> None:
     """Raise where Delta repeats psi, or both are 0 in some rows, as for what was not measured."""
@@ -109,7 +114,7 @@ def _understood(reading: Reading, data: Data, factor: float) -> str:
     counts = [f"{np.sum(quantity == n)} {n}{plain * (n in ('R', 'T'))}" for n in names]
     text += ", ".join(counts[:-1]) + " and " * (len(counts) > 1) + counts[-1]
     if set(names) - {"psi", "delta"}:
-        scale = ", percent" if factor == 0.01 else ", fraction"
+        scale = ", percent" if factor == 0.01 else ", fraction" * (not options.divided)
         text += scale if options.scale is None else f", times {options.scale:g}"
     text += f", with{'' if np.isfinite(data.sigma).any() else 'out'} standard errors"
     if spectral:

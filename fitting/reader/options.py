@@ -26,6 +26,7 @@ class Options(NamedTuple):
 
     light: "s", "p", "u" for the whole file, or "". codes: text of a cell -> "s", "p", "u".
     polarizer: "angle-from-p", "angle-from-s" or "". zero_is_value: zeros were said to be measured.
+    divided: the values are one of two scans, whose quotient counts: their unit is of no matter.
     """
 
     columns: dict[str, str]
@@ -42,6 +43,7 @@ class Options(NamedTuple):
     psi_unit: str
     missing: list[str]
     zero_is_value: bool
+    divided: bool = False
 
 
 class _Given(NamedTuple):

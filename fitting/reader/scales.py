@@ -57,12 +57,12 @@ def power_scale(reading: Reading, columns: dict[int, np.ndarray], signs: dict[in
     percent = [value for value in powers if units[value.index] == "percent"]
     for value in powers:
         unit = units[value.index]
-        if unit not in ("", "1", "percent"):
+        if unit not in ("", "1", "percent") and not (reading.options.divided and unit == "arb"):
             reading.refuse(
                 value,
                 f"numbers in {'arbitrary units' if unit == 'arb' else unit} came where a fraction "
-                "of the incident light was wanted. Divide them by the direct beam, or say --scale "
-                "1/(direct beam) as a number.",
+                "of the incident light was wanted. Divide them by the direct beam (--divide-by), "
+                "or say --scale 1/(direct beam) as a number.",
             )
         if percent and unit != "percent":
             reading.refuse(
