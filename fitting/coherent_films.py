@@ -135,7 +135,8 @@ def _derivatives(primals: Any, tangents: Any) -> tuple[Amplitudes, Amplitudes]:
 amplitudes.defjvp(_derivatives, symbolic_zeros=True)
 
 
-def _root(z: Array) -> Array:
+def normal_index(z: Array) -> Array:
+    """Return the index along the normal, the root of its square with Im >= 0."""
     return _once(jnp.sqrt(jnp.where(z == 0.0, _SMALL, z)))
 
 
@@ -155,7 +156,7 @@ def films(
     squares = [n * n for n in index]
     # N^2 - sin^2, so that a medium like the first one has exactly its cosine.
     q0 = eta_i * c
-    q = [_root((n2 - eta_i * eta_i) + q0 * q0) for n2 in squares]
+    q = [normal_index((n2 - eta_i * eta_i) + q0 * q0) for n2 in squares]
     front = jax.lax.complex(q0, jnp.zeros_like(q0))
     shape = jnp.broadcast_shapes(front.shape, *(z.shape for z in q))
     k0 = 2.0 * jnp.pi / wavelength_um

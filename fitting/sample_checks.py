@@ -33,11 +33,6 @@ def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> Non
                 f"{m.source}: R_back is light from the other face, which a bare surface does not "
                 "have. Fit a plate, 'air | free 3 mm thick | air', or leave the column out."
             )
-        if thick and quantities & {"psi", "delta"}:
-            raise ValueError(
-                f"{m.source}: psi and Delta of a plate with both faces are not fitted, since light "
-                "from its back face has no definite phase. Fit R and T, or one bare surface."
-            )
         if "R_back" in quantities and sample.layers and (sample.films or not thick):
             raise ValueError(f"{m.source}: R_back of films is not fitted; leave the column out.")
         _check_wavelengths(m, sample)

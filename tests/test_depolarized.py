@@ -1,0 +1,174 @@
+"""psi and Delta of samples with a thick layer, against a sum over round trips by mpmath."""
+
+import jax
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import pytest
+from mpmath import mpc
+
+from fitting import Measurement, fit, simulate
+from fitting.depolarized import incoherent
+
+WAVES = np.array([0.45, 0.6, 0.8])
+
+
+def packet(index, thickness_um, kx, k0, p):
+    """Return r and t from the front, r and t from the back, of films between two media.
+
+    By characteristic matrices of the tangential fields (F. Abeles, 1950); amplitudes of E for s and
+    of H for p. kx: over k0. index: of the first medium, the films and the last.
+    """
+    q = [mpmath.sqrt(n * n - kx * kx) for n in index]
+    y = [z / n**2 if p else z for z, n in zip(q, index, strict=True)]
+
+    def r_t(first, last, order):
+        m = mpmath.eye(2)
+        for j in order:
+            d = k0 * q[j] * thickness_um[j - 1]
+            c, s = mpmath.cos(d), mpmath.sin(d)
+            m = m * mpmath.matrix([[c, -1j * s / y[j]], [-1j * y[j] * s, c]])
+        b, g = m[0, 0] + m[0, 1] * y[last], m[1, 0] + m[1, 1] * y[last]
+        return (y[first] * b - g) / (y[first] * b + g), 2 * y[first] / (y[first] * b + g)
+
+    films = range(1, len(index) - 1)
+    front, back = r_t(0, len(index) - 1, films), r_t(len(index) - 1, 0, list(films)[::-1])
+    return [*front, *back], q[-1]
+
+
+def exact(angle_deg, wavelength_um, front, plate, back, trips=400):
+    """Return psi and Delta in degrees of films, a plate and films, in air; trips: round trips.
+
+    front, back: [(index, thickness), ..]; plate: (index, thickness).
+    """
+    with mpmath.workdps(30):
+        k0, kx = 2 * mpmath.pi / wavelength_um, mpmath.sin(mpmath.radians(angle_deg))
+        trip = {}
+        for p in (False, True):
+            first = packet(
+                [mpc(1), *(n for n, _ in front), plate[0]], [d for _, d in front], kx, k0, p
+            )
+            second = packet(
+                [plate[0], *(n for n, _ in back), mpc(1)], [d for _, d in back], kx, k0, p
+            )
+            (r, t, r_inside, t_out), q = first
+            passage = mpmath.exp(1j * k0 * q * plate[1])
+            r_back = second[0][0] * passage**2
+            trip[p] = [r, *(t * t_out * r_back * (r_back * r_inside) ** j for j in range(trips))]
+        s0 = sum(abs(a) ** 2 for of in trip.values() for a in of)
+        s1 = sum(abs(a) ** 2 for a in trip[False]) - sum(abs(a) ** 2 for a in trip[True])
+        both = sum(a * mpmath.conj(b) for a, b in zip(trip[True], trip[False], strict=True))
+        psi = mpmath.atan2(2 * abs(both), s1) / 2
+        share = mpmath.sqrt(s1**2 + 4 * abs(both) ** 2) / s0
+        return [float(mpmath.degrees(x)) for x in (psi, -mpmath.arg(both))], float(share)
+
+
+SAMPLES = {
+    "air | 1.5 1 mm thick | air": ([], (mpc(1.5), 1e3), []),
+    "air | 1.5+1e-5i 1 mm thick | air": ([], (mpc(1.5, 1e-5), 1e3), []),
+    "air | 2.1+0.01i 110 nm held | 1.5 1 mm thick | air": (
+        [(mpc(2.1, 0.01), 0.11)], (mpc(1.5), 1e3), [],
+    ),
+    "air | 1.9 90 nm held | 2.3 55 nm held | 1.5+1e-5i 0.5 mm thick | 0.2+3i 15 nm held | air": (
+        [(mpc(1.9), 0.09), (mpc(2.3), 0.055)], (mpc(1.5, 1e-5), 5e2), [(mpc(0.2, 3), 0.015)],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", SAMPLES)
+def test_psi_and_delta_are_those_of_the_sum_over_round_trips(text):
+    angles = np.array([20.0, 50.0, 70.0])
+    angle, wave = (x.ravel() for x in np.meshgrid(angles, WAVES))
+    psi, delta = (simulate(text, {}, angle, wave, q) for q in ("psi", "delta"))
+    shares = []
+    for i in range(len(angle)):
+        (a, b), share = exact(float(angle[i]), float(wave[i]), *SAMPLES[text])
+        shares.append(share)
+        assert psi[i] == pytest.approx(a, abs=1e-10)
+        assert (delta[i] - b + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1e-10)
+    assert min(shares) < 0.995  # it is depolarized, or this would be no test
+
+
+def test_two_thick_layers_and_one_that_lets_nothing_through():
+    """Two plates of one index are one plate; an opaque plate is a bare surface."""
+    one = "air | 2.1 110 nm held | 1.5+1e-5i 1 mm thick | air"
+    two = "air | 2.1 110 nm held | 1.5+1e-5i 0.4 mm thick | 1.5+1e-5i 0.6 mm thick | air"
+    opaque = "air | 2.1 110 nm held | 1.5+0.1i 1 mm thick | air"
+    bare = "air | 2.1 110 nm held | 1.5+0.1i"
+    for quantity in ("psi", "delta"):
+        for a, b in ((one, two), (opaque, bare)):
+            np.testing.assert_allclose(
+                simulate(a, {}, 60.0, WAVES, quantity),
+                simulate(b, {}, 60.0, WAVES, quantity),
+                rtol=1e-10,
+            )
+
+
+def test_powers_beside_psi_and_delta_and_a_slit():
+    """Powers are what they are alone; through a slit intensities add, over 11 wavelengths or 400."""
+    text = "air | 2.1 900 nm held | 1.5 1 mm thick | air"
+    names = ["R_s", "R_p", "psi", "delta"]
+    together = simulate(text, {}, 60.0, np.full(4, 0.6), names)
+    alone = [simulate(text, {}, 60.0, 0.6, q)[0] for q in names]
+    np.testing.assert_allclose(together, alone, rtol=1e-10)
+    at = 0.6 + 3e-3 / 2.3548 * np.linspace(-5.0, 5.0, 401)
+    weight = np.exp(-0.5 * np.linspace(-5.0, 5.0, 401) ** 2)
+    index = [np.full(401, n, complex) for n in (2.1, 1.5, 1.0)]
+    with jax.enable_x64(True):
+        found = incoherent(0.5 * np.ones(401), 1.0, index, [0.9, 1e3], at, [True, False])
+    R_s, R_p, product = (weight @ np.asarray(x) for x in found)
+    psi = 0.5 * np.degrees(np.arctan2(2.0 * abs(product), R_s - R_p))
+    seen = simulate(text, {"bandwidth": 3.0}, 60.0, [0.6], ["psi"])
+    assert seen[0] == pytest.approx(psi, abs=1e-4)
+
+
+def sums(x):
+    """Return sums of a film on a plate with a film behind: eta, k, nm, and k of the plate."""
+    eta, k, nm, k_plate = x
+    plate = 1.5 + 1j * k_plate
+    index = [eta + 1j * k, plate, 0.2 + 3j, 1.0 + 0j]
+    index = [jnp.asarray(n, jnp.result_type(x.dtype, jnp.complex64)) for n in index]
+    one = jnp.asarray(1.0, x.dtype)
+    thickness = [1e-3 * nm, 300.0 * one, 0.015 * one]
+    found = incoherent(0.5 * one, one, index, thickness, 0.6 * one, [True, False, True])
+    complex_parts = found.product.real, found.product.imag
+    return jnp.stack([found.R_s, found.R_p, *complex_parts])
+
+
+def test_derivatives_programs_and_precisions_agree():
+    x = np.array([2.1, 0.02, 110.0, 1e-5])
+    with jax.enable_x64(True):
+        whole = np.asarray(sums(jnp.asarray(x)))
+        np.testing.assert_allclose(jax.jit(sums)(jnp.asarray(x)), whole, rtol=1e-13)
+        slopes = np.asarray(jax.jit(jax.jacfwd(sums))(jnp.asarray(x)))
+        for i, step in enumerate((1e-5, 1e-5, 1e-3, 1e-8)):
+            d = step * np.eye(4)[i]
+            around = [np.asarray(sums(jnp.asarray(x + sign * d))) for sign in (1, -1)]
+            # Central differences: the third derivative times step^2, and 1e-16 / step.
+            np.testing.assert_allclose(
+                (around[0] - around[1]) / (2 * step), slopes[:, i], rtol=1e-6
+            )
+        many = x * np.linspace(0.9, 1.1, 5)[:, None]
+        each = np.stack([np.asarray(sums(jnp.asarray(row))) for row in many])
+        np.testing.assert_allclose(jax.vmap(sums)(jnp.asarray(many)), each, rtol=1e-13)
+    single = sums(jnp.asarray(x, jnp.float32))
+    assert single.dtype == jnp.float32
+    np.testing.assert_allclose(single, whole, rtol=2e-5)  # phases of 5 radians: 40 eps
+
+
+def test_a_film_on_a_plate_is_found_by_psi_and_delta():
+    wave, angle = np.tile(np.linspace(0.4, 0.9, 30), 2), np.repeat([55.0, 65.0], 30)
+    sample = "air | constant 110 nm | 1.5 1 mm thick | air"
+    truth = {"film.eta": 2.05, "film.k": 0.003, "film.thickness_nm": 118.0}
+    rng = np.random.default_rng(8)
+    error = {"psi": 0.02, "delta": 0.1}
+    seen = {
+        q: simulate(sample, truth, angle, wave, q) + error[q] * rng.standard_normal(60)
+        for q in ("psi", "delta")
+    }
+    m = Measurement.from_columns(angle, wave, **seen, sigma=error)
+    found = fit(m, sample, starts=8, intervals="quadratic")
+    for name, value in truth.items():
+        e = found.parameters[name]
+        assert abs(e.value - value) < 4.0 * e.sigma
+    assert 60 < found.chi2 < 180  # 117 degrees of freedom, 4 standard deviations
