@@ -71,7 +71,7 @@ class Model(NamedTuple):
         return KINDS[self.name].parameters(self.terms, spectrum)
 
     def over(self, spectrum: Spectrum) -> Model:
-        """Return the model with its knots, evenly over the measured range and two beside it."""
+        """Return the model with its knots over the measured range and beside it."""
         if self.name != SPLINE or self.knots_ev:
             return self
         knots = knots_over(self.terms, spectrum.low_ev, spectrum.high_ev)
@@ -261,7 +261,7 @@ KINDS = {
     "lorentz": Kind(_lorentz, _oscillator_model(False), True, 1, 8),
     "tauc-lorentz": Kind(_tauc_lorentz, _tauc_lorentz_model, True, 1, 8),
     # The terms are amplitudes of B-splines in their order.
-    SPLINE: Kind(_kk_spline, without_knots, True, 12, 60, exchangeable=False),
+    SPLINE: Kind(_kk_spline, without_knots, True, 24, 60, exchangeable=False),
 }  # fmt: skip
 
 

@@ -1,8 +1,9 @@
 """The free-form index that obeys the Kramers-Kronig relations, as a model that can be fitted.
 
 Amplitudes >= 0 of cubic B-splines of the absorption, evenly over the measured photon energies and
-two steps beside them; what absorbs beyond is one pole above (``pole_ev2``), free electrons or a
-lattice below (``drude_ev2``, 0 unless it is freed), and ``eps_inf``.
+two steps beside them, and ever wider up to three times the highest one; what absorbs beyond is one
+pole above (``pole_ev2``), free electrons or a lattice below (``drude_ev2``, 0 unless it is freed),
+and ``eps_inf``.
 """
 
 from __future__ import annotations
@@ -19,13 +20,26 @@ from fresnel_jax import dispersion
 NAME = "kk-spline"
 
 
+# Splines above the measured photon energies, at the most, and up to how many times the highest one.
+_ABOVE, _REACH = 4, 3.0
+
+
 def knots_over(terms: int, low_ev: float, high_ev: float) -> tuple[float, ...]:
-    """Return the knots for so many splines and measured photon energies between two."""
-    step = (high_ev - low_ev) / (terms - 1)
+    """Return the knots for so many splines and measured photon energies between two.
+
+    A quarter of the splines, four at the most, lie above the measured range, ever wider: what
+    absorbs there refracts within. One pole in their place left chi2 at a hundred times the degrees
+    of freedom, with however many splines (surfaces of one Tauc-Lorentz oscillator).
+    """
+    above = min(_ABOVE, terms // 4)
+    step = (high_ev - low_ev) / max(terms - above - 1, 1)
     if not step > 0.0:
         raise ValueError(f"{NAME}:{terms} is a spline over a spectrum; one wavelength came.")
     first = max(low_ev - 2.0 * step, 0.02 * low_ev)
-    return tuple(np.linspace(first, high_ev + 2.0 * step, terms + 4).tolist())
+    even = np.linspace(first, high_ev + 2.0 * step, terms - above + 4)
+    beyond = max((_REACH - 1.0) * high_ev, 4.0 * step)
+    wider = high_ev + np.geomspace(2.0 * step, beyond, above + 1)[1:]
+    return (*even.tolist(), *wider.tolist())
 
 
 def spline_parameters(terms: int, high_ev: float) -> tuple[Parameter, ...]:

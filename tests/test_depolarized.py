@@ -105,7 +105,7 @@ def test_two_thick_layers_and_one_that_lets_nothing_through():
 
 
 def test_powers_beside_psi_and_delta_and_a_slit():
-    """Powers are what they are alone; through a slit intensities add, over 11 wavelengths or 400."""
+    """Powers are what they are alone; through a slit the intensities add up."""
     text = "air | 2.1 900 nm held | 1.5 1 mm thick | air"
     names = ["R_s", "R_p", "psi", "delta"]
     together = simulate(text, {}, 60.0, np.full(4, 0.6), names)

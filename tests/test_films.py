@@ -215,6 +215,26 @@ def test_free_film_with_a_shared_thickness():
 
 
 @pytest.mark.study
+def test_what_absorbs_above_the_measured_range_is_part_of_a_free_form_index():
+    """20 splines describe a Tauc-Lorentz surface whose absorption goes on beyond 5.5 eV."""
+    waves = np.repeat(1.2398 / np.linspace(1.2, 5.5, 40), 2)
+    angle = np.tile([60.0, 70.0], 40)
+    truth = {
+        "eps_inf": 1.2, "amplitude_ev_1": 90.0, "resonance_ev_1": 4.0, "width_ev_1": 2.2,
+        "gap_ev": 1.4,
+    }  # fmt: skip
+    error, random = {"psi": 0.02, "delta": 0.1}, np.random.default_rng(6)
+    seen = {
+        q: simulate("tauc-lorentz", truth, angle, waves, q) + error[q] * random.standard_normal(80)
+        for q in error
+    }
+    m = Measurement.from_columns(angle, waves, **seen, sigma=error)
+    found = fit(m, "kk-spline:20", intervals="quadratic", starts=16)
+    # 137 degrees of freedom and a bias of the spline; 90 and more with knots over the range alone
+    assert found.chi2_reduced < 2.5
+
+
+@pytest.mark.study
 def test_free_form_index_of_a_surface():
     """A kk-spline finds a Tauc-Lorentz truth that it knows nothing of, and more knots nearer."""
     waves = np.repeat(1.2398 / np.linspace(1.2, 5.5, 40), 2)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
+from fitting.spline_index import knots_over
 from fresnel_jax._kramers_kronig import b_splines
 from fresnel_jax.dispersion import HC_EV_UM, KramersKronigSpline, TaucLorentz, material
 
@@ -206,3 +207,15 @@ def test_sum_rule_and_signs():
 def test_refusals(arguments, says):
     with pytest.raises(ValueError, match=says):
         KramersKronigSpline(*arguments)
+
+
+@pytest.mark.parametrize("terms", [2, 3, 4, 8, 12, 24, 60])
+def test_knots_of_a_fit_reach_beyond_the_measured_energies(terms):
+    knots = np.array(knots_over(terms, 1.2, 5.5))
+    assert len(knots) == terms + 4  # a cubic B-spline for each term
+    assert (np.diff(knots) > 0.0).all() and knots[0] > 0.0
+    assert knots[0] < 1.2 and knots[-1] > 5.5
+    if terms >= 4:
+        assert knots[-1] >= 3.0 * 5.5 - 1e-9
+    with pytest.raises(ValueError, match="one wavelength came"):
+        knots_over(terms, 1.2, 1.2)
