@@ -23,7 +23,7 @@ PLAIN, LOG, SQUARE = "plain", "log", "square"
 LEAST_SQUARE = 1e-24
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_NAME = re.compile(r"\s*([A-Za-z_][-\w]*(?:\[[^\]]*\])?)\s*([=~])\s*(.*?)\s*$")
+_NAME = re.compile(r"\s*([A-Za-z_][-\w]*(?:\.[A-Za-z_]\w*)?(?:\[[^\]]*\])?)\s*([=~])\s*(.*?)\s*$")
 _RANGE = re.compile(rf"({_NUMBER})?\s*\.\.\s*({_NUMBER})?$")
 _PRIOR = re.compile(rf"({_NUMBER})\s*\+-\s*({_NUMBER})$")
 

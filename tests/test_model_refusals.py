@@ -67,6 +67,8 @@ def test_refusals_of_data():
     ("k=0.1..2", ("k", "bounds", (0.1, 2.0))),
     ("k=..2", ("k", "bounds", (-float("inf"), 2.0))),
     ("k=1e-3..", ("k", "bounds", (1e-3, float("inf")))),
+    ("film.thickness_nm=400..440", ("film.thickness_nm", "bounds", (400.0, 440.0))),
+    ("film_2.k = 1e-3", ("film_2.k", "fixed", 1e-3)),
     ("scale~1+-0.02", ("scale", "priors", (1.0, 0.02))),
     ("scale[s-file.csv R_s]=1 +- .02", ("scale[s-file.csv R_s]", "priors", (1.0, 0.02))),
 ])  # fmt: skip
