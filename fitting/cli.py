@@ -48,15 +48,22 @@ def _check(arguments: argparse.Namespace) -> None:
         check_matplotlib("--report")
 
 
-def _stage(outputs: Outputs, arguments: argparse.Namespace, spectrum: bool) -> dict[str, Path]:
+def _stage(
+    outputs: Outputs,
+    arguments: argparse.Namespace,
+    spectrum: bool,
+    media: Sequence[str | None] = (),
+) -> dict[str, Path]:
     """Return what goes into files ("json", "csv", "index", "plot", "report ...") -> where to write.
 
-    spectrum: whether there is an index a wavelength, which has a CSV of its own.
+    spectrum: whether there is an index a wavelength, which has a CSV of its own. media: those whose
+    index is written, None for the only one.
     Raises OutputError (a ValueError) where a file cannot be written.
     """
     from fitting.output.as_data import INDEX_MARK
-    from fitting.output.files import REPORT
-    from fitting.written_material import ERRORS_HEAD, errors_beside
+    from fitting.output.files import FLAGS, REPORT
+    from fitting.output.material import MATERIAL_MARK
+    from fitting.written_material import ERRORS_HEAD, errors_beside, of_medium
 
     names: dict[str, str] = {"csv": arguments.csv, "plot": arguments.plot}
     if arguments.json != "-":
@@ -64,24 +71,28 @@ def _stage(outputs: Outputs, arguments: argparse.Namespace, spectrum: bool) -> d
     if arguments.csv and spectrum:
         path = Path(arguments.csv)
         names["index"] = str(path.with_name(f"{path.stem}.index{path.suffix}"))
-    if arguments.material:
-        names |= {
-            "material": arguments.material,
-            "material errors": str(errors_beside(arguments.material)),
-        }
-    flags = {"index": "--csv", "material errors": "--material"}
+    for medium in media:
+        file = of_medium(arguments.material, medium)
+        behind = f": {medium}" if medium else ""
+        names[f"material{behind}"] = str(file)
+        names[f"material errors{behind}"] = str(errors_beside(file))
     # The user names the others, and so asks for them to be replaced.
-    only_over = {} if arguments.overwrite else {"index": INDEX_MARK, "material errors": ERRORS_HEAD}
-    staged = {
-        kind: outputs.open(
-            name,
-            flag=flags.get(kind, f"--{kind}"),
-            inputs=input_files(arguments),
-            only_over=only_over.get(kind, ""),
-        )
-        for kind, name in names.items()
-        if name is not None
+    marks = {
+        "index": INDEX_MARK,
+        "material errors": ERRORS_HEAD,
+        "material of several": MATERIAL_MARK,
     }
+    staged = {}
+    for kind, name in names.items():
+        part, _, medium = kind.partition(": ")
+        mark = marks.get(f"{part} of several" if medium and part == "material" else part, "")
+        if name is not None:
+            staged[kind] = outputs.open(
+                name,
+                flag=FLAGS[part],
+                inputs=input_files(arguments),
+                only_over="" if arguments.overwrite else mark,
+            )
     if arguments.report:
         folder = outputs.folder(arguments.report, flag="--report", overwrite=arguments.overwrite)
         for kind, name in REPORT.items():
@@ -119,7 +130,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
     from fitting.measurement import read_csv
     from fitting.output import as_data, files, shown
-    from fitting.output.material import texts_of
+    from fitting.output.material import fitted_media, texts_of
     from fitting.output.outputs import Outputs
     from fitting.output.progress_bar import Progress
     from fitting.output.reference import check_reference
@@ -141,10 +152,15 @@ def _run(arguments: argparse.Namespace) -> int:
             check_reference(arguments.reference, wavelength)
     with Outputs() as outputs:
         with refusals():
-            staged = _stage(outputs, arguments, len(np.unique(wavelength)) > 1)
-            found, choice = _fit(measurements, arguments)
+            media: tuple[str | None, ...] = ()
             if arguments.material:
-                texts_of(found)
+                from fitting.sample_choice import several_samples
+
+                media = fitted_media(several_samples(arguments.sample or "free"))
+            staged = _stage(outputs, arguments, len(np.unique(wavelength)) > 1, media)
+            found, choice = _fit(measurements, arguments)
+            for medium in media:
+                texts_of(found, medium)
         compared = None
         if choice is not None:
             reasons = [reason.text for reason in choice.reasons]

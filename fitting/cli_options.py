@@ -113,8 +113,9 @@ def _add_results(parser: argparse.ArgumentParser) -> None:
         ("csv", "OUT", "data, fitted values and residuals; of a spectrum also eta and k, in OUT "
          "with .index before the suffix"),
         ("plot", "OUT", "picture of data, fit and residuals: .png, .pdf or .svg"),
-        ("material", "OUT.yml", "eta and k of the first fitted medium, as a file of "
-         "refractiveindex.info, which --sample takes; their errors in OUT_errors.csv"),
+        ("material", "OUT.yml", "fitted eta and k, as a file of refractiveindex.info, which "
+         "--sample takes; their errors in OUT_errors.csv; of several media in OUT_film.yml, "
+         "OUT_substrate.yml, .."),
         ("reference", "MATERIAL", "show eta and k of a material beside, and draw them over "
          "wavelength: gold, BK7, .."),
         ("report", "DIR", "folder for report.html (one page, pictures inside), fit.json, data.csv, "

@@ -27,6 +27,15 @@ def errors_beside(path: str | os.PathLike[str]) -> Path:
     return file.with_name(f"{file.stem}_errors.csv")
 
 
+def of_medium(path: str | os.PathLike[str], medium: str | None) -> Path:
+    """Return where the index of one medium goes: out_film.yml beside out.yml.
+
+    medium: its place in the sample; None: the only one, which goes to ``path`` itself.
+    """
+    file = Path(path)
+    return file if medium is None else file.with_name(f"{file.stem}_{medium}{file.suffix}")
+
+
 def material_texts(
     wavelength_um: Any,
     eta: Any,

@@ -65,6 +65,24 @@ def test_of_the_command(curve, tmp_path, capsys):
     assert (tmp_path / "out_errors.csv").read_text() == "mine"
 
 
+def test_of_several_fitted_media_each_has_a_file_of_its_own(curve, tmp_path, capsys):
+    sample = "air | cauchy:2 400..440 nm | constant"
+    command = [str(curve), "--angle-deg", "0", "--sample", sample, "--intervals", "quadratic"]
+    command += ["--starts", "8", "--material"]
+    main([*command, str(tmp_path / "out.yml")])
+    capsys.readouterr()
+    ends = (".yml", "_errors.csv")
+    names = [f"out_{place}{end}" for place in ("film", "substrate") for end in ends]
+    assert nothing_in(tmp_path, *names)
+    film, substrate = (read_material(tmp_path / name)(NM / 1e3).eta for name in names[::2])
+    assert np.ptp(substrate) < 1e-12 < 1e-3 < np.ptp(film)  # a constant, and a Cauchy film
+    (tmp_path / "out_substrate.yml").write_text("mine")
+    assert "no fit wrote it" in refused(capsys, *command, tmp_path / "out.yml")
+    several = "air | cauchy 300 nm | constant or cauchy"
+    command[command.index(sample)] = several
+    assert "not the same ones" in refused(capsys, *command, tmp_path / "out.yml")
+
+
 def test_what_is_not_known_is_not_written(found, tmp_path):
     """Of an index free at every wavelength only those wavelengths that have one."""
     status = np.where(NM < 600.0, "undetermined", "converged")

@@ -21,8 +21,9 @@ REPORT = {
     "report plot": "fit.png",
     "report page": "report.html",
 }
-_FLAGS = {"json": "--json", "csv": "--csv", "index": "--csv", "plot": "--plot"}
-_FLAGS |= {"material": "--material", "material errors": "--material"}
+# What each file was asked for by, for messages.
+FLAGS = {"json": "--json", "csv": "--csv", "index": "--csv", "plot": "--plot"}
+FLAGS |= {"material": "--material", "material errors": "--material"}
 
 
 def has_index_table(fit: Fit) -> bool:
@@ -40,7 +41,8 @@ def _text(
     if kind == "index":
         return as_data.index_csv(fit, decimal)
     if kind.startswith("material"):
-        return material.texts_of(fit)[kind != "material"]
+        part, _, medium = kind.partition(": ")
+        return material.texts_of(fit, medium or None)[part != "material"]
     return fit_page(fit, png, command, comparison)
 
 
@@ -60,7 +62,8 @@ def write_files(
     Args:
         fit: what was found.
         staged: what -> the file to write to (see `Outputs.open`); "json", "csv" (the data),
-            "index", "plot", "page", "material" and "material errors", and the same of a
+            "index", "plot", "page", "material" and "material errors" (with
+            ": film" behind it where there are several media), and the same of a
             report folder with "report " before.
         plot_suffix: format of "plot": .png, .pdf or .svg.
         reference: a named material, drawn beside eta and k.
@@ -86,7 +89,11 @@ def write_files(
             # Line ends are the same on every system; a name that is no text is shown with escapes.
             path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
         except OSError as error:  # a full disk, for one, which has no file's name
-            name = f"--report {REPORT[kind]}" if kind in REPORT else _FLAGS.get(kind, kind)
+            name = (
+                f"--report {REPORT[kind]}"
+                if kind in REPORT
+                else FLAGS.get(kind.partition(":")[0], kind)
+            )
             raise OSError(error.errno, error.strerror, name) from error
 
 

@@ -6,13 +6,19 @@ The next fit takes it as a material: ``--sample 'air | film.yml 80 nm | Si'``.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from fitting.output.outputs import Outputs
 from fitting.result import CONVERGED, UNDETERMINED, Estimate, Fit
+from fitting.sample import Sample
 from fitting.written_material import errors_beside, material_texts
+
+_FITTED_BY = "Fitted by fresnel-fit"
+# What a material file that a fit wrote begins with.
+MATERIAL_MARK = f"REFERENCES: |\n    {_FITTED_BY}"
 
 
 def _with_error(e: Estimate) -> str:
@@ -33,6 +39,26 @@ def _conditions(fit: Fit) -> dict[str, object]:
         if "thickness" in name and np.ndim(e.value) == 0:
             out[name] = _with_error(e)
     return out
+
+
+def fitted_media(samples: Sequence[Sample]) -> tuple[str | None, ...]:
+    """Return the places of the media whose index is fitted; (None,) where there is one or none.
+
+    Raises ValueError for samples among which one is going to be chosen, if their fitted media
+    differ in place, since it is not known yet which files there will be.
+    """
+    each = {
+        tuple(place for place, m in zip(s.places[1:], s.media[1:], strict=True) if m.unknown)
+        for s in samples
+    }
+    if max(map(len, each)) <= 1:
+        return (None,)
+    if len(each) > 1:
+        raise ValueError(
+            "--material: the samples have several fitted media, and not the same ones. Fit the one "
+            "that is taken by itself, and write its media then."
+        )
+    return each.pop()
 
 
 def texts_of(fit: Fit, medium: str | None = None) -> tuple[str, str]:
@@ -58,7 +84,7 @@ def texts_of(fit: Fit, medium: str | None = None) -> tuple[str, str]:
     return material_texts(
         band.wavelength_um[known], band.eta[known], band.k[known],
         sigma_eta=band.sigma_eta[known], sigma_k=band.sigma_k[known],
-        reference=f"Fitted by fresnel-fit to {'arrays' if m is None else m.source}",
+        reference=f"{_FITTED_BY} to {'arrays' if m is None else m.source}",
         comments="\n".join(comments), conditions=_conditions(fit),
     )  # fmt: skip
 
