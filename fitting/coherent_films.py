@@ -74,11 +74,11 @@ def _recursion(
     admittance: of the media. passage: what a layer multiplies the field by, exp(i phase).
     """
     boundaries: list[_Boundary] = []
-    below, t = None, None
+    below = t = admittance[-1]  # replaced at the last boundary
     for j in reversed(range(len(admittance) - 1)):
         inverse = _once(1.0 / (admittance[j] + admittance[j + 1]))
         r = (admittance[j] - admittance[j + 1]) * inverse
-        if below is None:
+        if j == len(passage):
             boundaries.append(_Boundary(r, inverse, 0.0, jnp.ones_like(r)))
             below, t = r, 1.0 + r
             continue

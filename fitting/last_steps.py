@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -70,7 +70,7 @@ def _along_the_valley(
         return seen[x.tobytes()]
 
     found = least_squares(
-        lambda x: at(x)[0], y[inside], jac=lambda x: at(x)[1],
+        lambda x: at(x)[0], y[inside], jac=cast(Any, lambda x: at(x)[1]),
         bounds=(low[inside], high[inside]), x_scale="jac", ftol=1e-8, max_nfev=_EVALUATIONS,
     )  # fmt: skip
     lower = y.copy()

@@ -177,8 +177,8 @@ def boundary(
     elif all(coherent) and len(layers) <= FEW_LAYERS:
         found = films(c, eta_i, media_index, thicknesses, wavelength_um)
     else:
-        first = jnp.asarray(eta_i, float) + 0.0j
-        found = stack(c, [first, *media_index], thicknesses, wavelength_um, coherent)
+        media_index = [jnp.asarray(eta_i, float) + 0.0j, *media_index]
+        found = stack(c, media_index, thicknesses, wavelength_um, coherent)
     ellipse = None
     if mixed is not None:
         ellipse = _ellipse_of(mixed.R_s, mixed.R_p, mixed.product)
