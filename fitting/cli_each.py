@@ -67,9 +67,9 @@ def run_each(arguments: argparse.Namespace, fit_one: Callable[..., Any]) -> int:
             staged: dict[str, Path] = {}
             for kind, name in (("csv", arguments.csv), ("json", arguments.json)):
                 if name and not (kind == "json" and name == "-"):
-                    staged[kind] = outputs.open(
-                        name, flag=f"--{kind}", inputs=[*files, *input_files(arguments)]
-                    )
+                    # a table that --each wrote may be written anew
+                    inputs = [file for file in input_files(arguments) if file not in results]
+                    staged[kind] = outputs.open(name, flag=f"--{kind}", inputs=inputs)
         # one bar over the files, none for each of them
         alone = argparse.Namespace(**{**vars(arguments), "quiet": True})
         each = []

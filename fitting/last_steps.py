@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from fitting.uncertainty.covariance import Slopes, prior_rows
 
@@ -51,6 +50,8 @@ def _along_the_valley(
     The solver of many lanes leaves it where every damped step promises less than 1e-4 of chi2; of
     some hundred such steps the fall has been .02.
     """
+    from scipy.optimize import least_squares  # slow to import, seldom needed
+
     low, high = fit.limits
     inside = fit.u.free & (y > low) & (y < high)
     seen: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
