@@ -82,6 +82,8 @@ def test_units_percent_pairs_and_gaps(tmp_path: Path) -> None:
     peaks = points.replace("XYPOINTS", "PEAK TABLE").format(x="nm", y="%T", **said)
     table = "400,40 500,41.5 600.5,43\n"
     assert read(tmp_path, peaks + table, angle_deg=0).value.tolist() == [0.4, 0.415, 0.43]
+    for first, last in (("400,", "399,"), ("600.5", "601")):
+        assert "##" in refusal(tmp_path, peaks + table.replace(first, last), angle_deg=0)
     wrong = refusal(tmp_path, peaks + table.replace("43", "forty"), angle_deg=0)
     assert "line 13" in wrong and "pairs x, y" in wrong
 

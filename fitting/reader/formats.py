@@ -6,10 +6,16 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 
 from fitting.errors import MeasurementError
-from fitting.reader import jcamp, woollam
+from fitting.reader import film_sense, jcamp, perkin_elmer, spectraray, woollam
 from fitting.reader.table import Table, line_range, read_table
 
-FORMATS = (jcamp.as_plain_table, woollam.as_plain_table)
+FORMATS = (
+    film_sense.as_plain_table,
+    jcamp.as_plain_table,
+    perkin_elmer.as_plain_table,
+    spectraray.as_plain_table,
+    woollam.as_plain_table,
+)
 """What knows the text formats that are no plain tables. Each takes the lines of a file and returns
 those of a plain table with a header, and sentences on how they were read; None for a file of
 another kind. Where a line of the file holds several rows, a third list has the number of the line

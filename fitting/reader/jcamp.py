@@ -16,13 +16,11 @@ from decimal import Decimal
 from typing import NoReturn
 
 from fitting.errors import MeasurementError
-from fitting.reader.units import FORM_OF
-from fitting.reader.vocabulary import unit_of
+from fitting.reader.spectrum_header import spectrum_header
 
 _MAX_POINTS = 1_000_000  # a repeat count of a few digits must not fill the memory
 _FACTOR_ERROR = Decimal("0.01")  # of FIRSTY: factors are rounded, wrong ones are off by far more
 _TABLES = ("XYDATA", "XYPOINTS", "PEAKTABLE")
-_NOT_A_POWER = re.compile(r"(?i)absorb|extinc|log|kubelka|munk|emi")
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[Ee][+-]?[0-9]{1,3})?"
 # E5 behind a number is an ordinate of SQZ, E-5 and E+5 are exponents
 _ORDINATE = re.compile(
@@ -179,28 +177,6 @@ def _pairs(records: _Records, table: str) -> Points:
     return points
 
 
-def _head(records: _Records, at: int) -> str:
-    """Return the header of the table: the names that the units give."""
-    line, x_units = records.text("XUNITS", at)
-    unit = unit_of(x_units) or ""
-    form = FORM_OF.get(unit, "q")
-    if form == "q":
-        _refuse(
-            line,
-            f"##XUNITS= {x_units[:30]}: 1/CM, NANOMETERS or MICROMETERS were wanted. Export the "
-            "spectrum over one of them.",
-        )
-    line, y_units = records.text("YUNITS", at)
-    if not y_units or _NOT_A_POWER.search(y_units):
-        _refuse(
-            line,
-            f"##YUNITS= {y_units[:30]}: fractions of the incident light were wanted, REFLECTANCE "
-            "or TRANSMITTANCE. Export the spectrum as one of them (the absorbance A of "
-            "transmitted light is T = 10^-A).",
-        )
-    return f"{form} ({unit})\t" + re.sub(r"(?i)\bpercent\b", "%", y_units).replace("\t", " ")
-
-
 def _check_ends(records: _Records, points: Points, at: int, count: int) -> None:
     """Raise where the table and the records on its first and last point contradict each other."""
     if len(points) != count:
@@ -241,7 +217,7 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str], list[int
             "the spectrum as one of them.",
         )  # fmt: skip
     at, table = tables[0]
-    header = _head(records, at)
+    header = spectrum_header(*records.text("XUNITS", at), *records.text("YUNITS", at))
     said = records.number("NPOINTS", at)
     if not 1 <= said <= _MAX_POINTS or said != int(said):
         _refuse(records.found["NPOINTS"][0][0], f"##NPOINTS= {said} is no number of points.")
