@@ -25,6 +25,7 @@ Y = (9123, 9204, 9204, 9204, 8801, 7345, 6120, 5999, 6501, 7000, 7000, 12)
 FORMS = {
     "AFFN": "400 9123 9204 9204 9204 8801\n410 7345 6120 5999 6501 7000 7000\n422 12\n",
     "AFFN with points": "400. 9123. 9204 9204 9204 8801 7.345E+03\n412 6120 5999 6501 7000 7000 12",
+    "comments": "400 9123 9204 9204 9204 8801 $$ 1\n$$ 2\n410 7345 6120 5999 6501 7000 7000 12",
     "PAC": "400+9123+9204+9204+9204+8801\n410+7345+6120+5999+6501+7000+7000+12\n",
     "SQZ": "400I123I204I204I204H801\n410G345F120E999F501G000G000A2\n",
     "DUP": "400I123I204UH801\n410G345F120E999F501G000TA2\n",
@@ -82,7 +83,7 @@ def test_units_percent_pairs_and_gaps(tmp_path: Path) -> None:
     peaks = points.replace("XYPOINTS", "PEAK TABLE").format(x="nm", y="%T", **said)
     table = "400,40 500,41.5 600.5,43\n"
     assert read(tmp_path, peaks + table, angle_deg=0).value.tolist() == [0.4, 0.415, 0.43]
-    for first, last in (("400,", "399,"), ("600.5", "601")):
+    for first, last in (("400,", "399,"), ("600.5", "602")):
         assert "##" in refusal(tmp_path, peaks + table.replace(first, last), angle_deg=0)
     wrong = refusal(tmp_path, peaks + table.replace("43", "forty"), angle_deg=0)
     assert "line 13" in wrong and "pairs x, y" in wrong

@@ -191,7 +191,7 @@ def _check_ends(records: _Records, points: Points, at: int, count: int) -> None:
             continue
         said = records.number(label, at)
         close = _unit(said) if column == 0 else _unit(said) + abs(said) * _FACTOR_ERROR
-        if abs(said - found) > max(close, _unit(found)):
+        if abs(said - found) >= max(close, _unit(found)):
             _refuse(
                 records.found[label][0][0],
                 f"##{label}= {said}, the table gives {found:.10g} (with the factor ##"
