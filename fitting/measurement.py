@@ -21,20 +21,14 @@ from fitting.errors import MeasurementError as MeasurementError
 from fitting.errors import place
 from fitting.from_arrays import Units, from_arrays
 from fitting.ratios import divided, refuse_s_to_p, times_reflectance
-from fitting.reader import woollam
 from fitting.reader.columns import choose_columns
+from fitting.reader.formats import read_formatted
 from fitting.reader.lines import read_lines, source_of
 from fitting.reader.longform import LongColumns, long_columns
 from fitting.reader.options import QUANTITIES as QUANTITIES
 from fitting.reader.options import Options, parse_options
 from fitting.reader.own_export import own_columns, own_header
 from fitting.reader.reading import keep_rows
-from fitting.reader.table import read_table
-
-FORMATS = (woollam.as_plain_table,)
-"""What knows the text formats that are no plain tables. Each takes the lines of a file and returns
-those of a plain table with a header, as many of them (so that line numbers stay), and sentences on
-how they were read; None for a file of another kind."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,10 +184,7 @@ def _columns_of(path: str | PathLike[str], options: Options, form: _Text) -> Lon
     if own >= 0 and bare:
         return own_columns(source, texts, own)
     texts[: max(own, 0)] = [""] * max(own, 0)  # they tell of the fit
-    known = next((found for each in FORMATS if (found := each(texts)) is not None), None)
-    if known is not None:
-        texts, notes = known[0], notes + known[1]
-    table = read_table(
+    table = read_formatted(
         source, texts, delimiter=form.delimiter, decimal=form.decimal, lines=form.lines
     )
     table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)

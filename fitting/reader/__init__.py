@@ -2,7 +2,9 @@
 
 In the order in which a file passes through:
 
-    lines, cells, header, woollam, table    bytes -> lines -> cells -> a table with line numbers
+    lines, cells, header, table             bytes -> lines -> cells -> a table with line numbers
+    formats, film_sense, jcamp, perkin_elmer, spectraray, spectrum_header, woollam
+                                            files that are no plain tables, made into such
     vocabulary, names, options, columns     what the user and the header say that a column is
     evidence                                what comments, settings and the file name say
     units, reading, axes, light             angles, wavelengths, polarization

@@ -142,7 +142,7 @@ def _body(
     return rows, numbers, remarks, notes
 
 
-def _range(source: str, option: str | None, count: int) -> tuple[int, int]:
+def line_range(source: str, option: str | None, count: int) -> tuple[int, int]:
     """Return the half-open range of indices that the option lines (10-200, 10-, -200) leaves."""
     if not option:
         return 0, count
@@ -188,7 +188,7 @@ def read_table(
     Raises MeasurementError where no table is found, or a line may be part of it or not.
     """
     mark = _mark(source, delimiter, decimal)
-    first, last = _range(source, lines, len(texts))
+    first, last = line_range(source, lines, len(texts))
     numbered = list(enumerate(texts[:last], start=1))
     inside = [(line, _without_remark(text)) for line, text in numbered[first:]]
     mark, count = guess_delimiter([text for _, text in inside], mark)

@@ -1,0 +1,55 @@
+"""Files that are no plain tables: which format it is, and its table with the lines of the file."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
+
+from fitting.errors import MeasurementError
+from fitting.reader import film_sense, jcamp, perkin_elmer, spectraray, woollam
+from fitting.reader.table import Table, line_range, read_table
+
+FORMATS = (
+    film_sense.as_plain_table,
+    jcamp.as_plain_table,
+    perkin_elmer.as_plain_table,
+    spectraray.as_plain_table,
+    woollam.as_plain_table,
+)
+"""What knows the text formats that are no plain tables. Each takes the lines of a file and returns
+those of a plain table with a header, and sentences on how they were read; None for a file of
+another kind. Where a line of the file holds several rows, a third list has the number of the line
+from which each line of the table comes. A refusal is a MeasurementError that begins with the line,
+``line 14: ...``; the name of the file is put before it here."""
+
+
+def read_formatted(
+    source: str,
+    texts: Sequence[str],
+    *,
+    delimiter: str | None = None,
+    decimal: str | None = None,
+    lines: str | None = None,
+) -> Table:
+    """Return the table of numbers in a file of any known format; arguments as of `read_table`."""
+    for each in FORMATS:
+        try:
+            found = each(texts)
+        except MeasurementError as error:
+            raise MeasurementError(f"{source}, {error}") from None
+        if found is not None:
+            break
+    else:
+        return read_table(source, texts, delimiter=delimiter, decimal=decimal, lines=lines)
+    plain, notes, *rest = found
+    numbers: Sequence[int] = rest[0] if rest else range(1, len(plain) + 1)
+    if lines and rest:  # a range of lines of the file
+        first, last = line_range(source, lines, len(texts))
+        lines = f"{bisect_left(numbers, first + 1) + 1}-{max(1, bisect_right(numbers, last))}"
+    table = read_table(source, plain, delimiter=delimiter, decimal=decimal, lines=lines)
+    return table._replace(
+        header=numbers[table.header - 1] if table.header else 0,
+        lines=[numbers[i - 1] for i in table.lines],
+        preamble=[(numbers[i - 1], text) for i, text in table.preamble],
+        notes=table.notes + notes,
+    )
