@@ -246,7 +246,8 @@ def _orders(fit: Solving, film: _Film, y: np.ndarray) -> np.ndarray:
 def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -> Ends:
     """Return the ends, and those of starts beside the best of them: `_crossed` and `_orders`.
 
-    start: (p, S) random starts. Again from what is found so, while it is lower.
+    start: (p, S) random starts. Again from what is found so, while it is lower; once from parts of
+    the spectrum, where the residuals of what is found otherwise are no noise.
     """
     films = films_of(fit.u.spec, fit.u.moving)
     random, tried = np.random.default_rng(fit.asked.seed), False
