@@ -2,8 +2,8 @@
 
 `fresnel_jax.layers.stack` is right to some units in the last place at every thickness. A fit needs
 1e-6 and evaluates a film at some ten thousand points a few hundred times, with derivatives: Airy's
-recursion on complex numbers, whose errors are 1e-13 of R for films of micrometres, takes a seventh
-of the time then, and a fifth of the time to compile. It, too, forms no growing exponential.
+recursion on complex numbers, whose errors are 1e-13 of R for films of micrometres, makes such a fit
+three times as fast and halves its time to compile. It, too, forms no growing exponential.
 
 Every amplitude is an analytic function of the admittances and phases of the layers, so that one
 complex derivative for each of them is all there is to know; the front half of the recursion carries
@@ -23,8 +23,6 @@ from jax.custom_derivatives import SymbolicZero
 # What a square of the index along the normal of zero is replaced by: a layer just at its critical
 # angle, where the derivatives of the recursion divide by zero although those of R do not.
 _SMALL = 1e-30
-
-
 # Of more layers (the slices of a graded film) the unrolled program takes longer to compile than the
 # loop of `stack`: 38 s against 11 s for twelve.
 FEW_LAYERS = 6
@@ -140,6 +138,31 @@ def normal_index(z: Array) -> Array:
     return _once(jnp.sqrt(jnp.where(z == 0.0, _SMALL, z)))
 
 
+def admittances(
+    c: Array,
+    eta_i: Array,
+    index: Sequence[Array],
+    thickness_um: Sequence[Array],
+    wavelength_um: Array,
+) -> tuple[tuple[Array, ...], tuple[Array, ...], tuple[Array, ...]]:
+    """Return the admittances of all media for s and for p, and the phases, as in `amplitudes`.
+
+    Arguments as of `films`; all that is returned has one shape.
+    """
+    c = jnp.maximum(c, 1e-15)
+    squares = [n * n for n in index]
+    # N^2 - sin^2, so that a medium like the first one has exactly its cosine.
+    q0 = eta_i * c
+    q = [normal_index((n2 - eta_i * eta_i) + q0 * q0) for n2 in squares]
+    front = jax.lax.complex(q0, jnp.zeros_like(q0))
+    shape = jnp.broadcast_shapes(front.shape, *(z.shape for z in q))
+    k0 = 2.0 * jnp.pi / wavelength_um
+    phase = [1j * (k0 * d) * z for d, z in zip(thickness_um, q[:-1], strict=True)]
+    for_p = [front / (eta_i * eta_i), *(_once(z / n2) for z, n2 in zip(q, squares, strict=True))]
+    whole = [[jnp.broadcast_to(z, shape) for z in each] for each in ([front, *q], for_p, phase)]
+    return tuple(whole[0]), tuple(whole[1]), tuple(whole[2])
+
+
 def films(
     c: Array,
     eta_i: Array,
@@ -152,24 +175,12 @@ def films(
     index: complex, of the L layers and the medium behind; thickness_um: of the layers. Absolute
     error: 1e-13 times the phase of the films in radians; 1e-8 at a layer's critical angle.
     """
-    c = jnp.maximum(c, 1e-15)
-    squares = [n * n for n in index]
-    # N^2 - sin^2, so that a medium like the first one has exactly its cosine.
-    q0 = eta_i * c
-    q = [normal_index((n2 - eta_i * eta_i) + q0 * q0) for n2 in squares]
-    front = jax.lax.complex(q0, jnp.zeros_like(q0))
-    shape = jnp.broadcast_shapes(front.shape, *(z.shape for z in q))
-    k0 = 2.0 * jnp.pi / wavelength_um
-    phase = [1j * (k0 * d) * z for d, z in zip(thickness_um, q, strict=False)]
+    s, p, phase = admittances(c, eta_i, index, thickness_um, wavelength_um)
     out = []
-    for first, behind in (
-        (front, q),
-        (front / (eta_i * eta_i), [_once(z / n2) for z, n2 in zip(q, squares, strict=True)]),
-    ):
-        whole = tuple(jnp.broadcast_to(z, shape) for z in (first, *behind))
-        found = amplitudes(whole, tuple(jnp.broadcast_to(z, shape) for z in phase))
+    for admittance in (s, p):
+        found = amplitudes(admittance, phase)
         R = found.r.real**2 + found.r.imag**2
-        T = (found.t.real**2 + found.t.imag**2) * behind[-1].real / first.real
+        T = (found.t.real**2 + found.t.imag**2) * admittance[-1].real / admittance[0].real
         out.append((R, T, found.r))
     (R_s, T_s, r_s), (R_p, T_p, r_p) = out
     return Films(R_s, R_p, T_s, T_p, r_s, r_p)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import Array
 
-from fitting.coherent_films import amplitudes, normal_index
+from fitting.coherent_films import admittances, amplitudes
 
 
 class _Faces(NamedTuple):
@@ -25,9 +25,9 @@ class _Faces(NamedTuple):
     through: Array
 
 
-def _faces(admittance: Sequence[Array], phase: Sequence[Array]) -> _Faces:
-    r, t = amplitudes(tuple(admittance), tuple(phase))
-    back = amplitudes(tuple(admittance[::-1]), tuple(phase[::-1])).r
+def _faces(admittance: tuple[Array, ...], phase: tuple[Array, ...]) -> _Faces:
+    r, t = amplitudes(admittance, phase)
+    back = amplitudes(admittance[::-1], phase[::-1]).r
     # Reciprocity: t' = t Y_behind / Y_front of the tangential fields.
     return _Faces(r, back, t * t * (admittance[-1] / admittance[0]))
 
@@ -66,28 +66,13 @@ def incoherent(
     c: cosines in a transparent medium eta_i. index: complex, of the L layers and the medium behind.
     thickness_um, coherent: of the layers, of which any number may be thick.
     """
-    q0 = eta_i * c
-    q = [normal_index(n * n - eta_i * eta_i + q0 * q0) for n in index]
-    first = jnp.asarray(q0 + 0.0j)
-    shape = jnp.broadcast_shapes(first.shape, *(z.shape for z in q))
-    q = [jnp.broadcast_to(z, shape) for z in (first, *q)]
-    for_p = [q[0] / (eta_i * eta_i), *(z / (n * n) for z, n in zip(q[1:], index, strict=True))]
-    k0 = 2.0 * jnp.pi / wavelength_um
-    phase = [
-        jnp.broadcast_to(1j * (k0 * d) * z, shape)
-        for d, z in zip(thickness_um, q[1:-1], strict=True)
-    ]
+    for_s, for_p, phase = admittances(c, eta_i, index, thickness_um, wavelength_um)
     thick = [j + 1 for j, interferes in enumerate(coherent) if not interferes]
     sums: tuple[Array | None, ...] = (None, None, None)
-    for start, end in reversed(list(zip([0, *thick], [*thick, len(q) - 1], strict=True))):
-        s, p = (
-            _faces(
-                [jnp.broadcast_to(y, shape) for y in of[start : end + 1]], phase[start : end - 1]
-            )
-            for of in (q, for_p)
-        )
+    for start, end in reversed(list(zip([0, *thick], [*thick, len(for_s) - 1], strict=True))):
+        s, p = (_faces(of[start : end + 1], phase[start : end - 1]) for of in (for_s, for_p))
         # One passage leaves exp(2 Re phase); the phase itself is the same for s and p.
-        passage = jnp.exp(4.0 * phase[end - 1].real) if end <= len(phase) else jnp.ones(shape)
+        passage = jnp.exp(4.0 * phase[end - 1].real) if end <= len(phase) else jnp.ones(())
         sums = tuple(
             _returned(a, b, below, passage)
             for (a, b), below in zip(((s, s), (p, p), (p, s)), sums, strict=True)

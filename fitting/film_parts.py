@@ -47,9 +47,10 @@ def _at(fit: Solving, rows: np.ndarray) -> Targets:
     return t._replace(weights=weights, ncs_weights=np.where(rows[:, None], t.ncs_weights, 0.0))
 
 
-def followed_to_all(fit: Solving, start: np.ndarray, part: int, noise: float) -> np.ndarray:
-    """Return where starts (p, S) of one part of the spectrum are when all of it is fitted."""
-    each = parts(fit.seen)
+def followed_to_half(
+    fit: Solving, start: np.ndarray, each: list[np.ndarray], part: int, noise: float
+) -> np.ndarray:
+    """Return where starts (p, S) of one of the parts are when half of the spectrum is fitted."""
     low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in fit.limits)
     half = each[part] | each[min(part ^ 1, len(each) - 1)]
     y = start

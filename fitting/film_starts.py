@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from fitting.compiled import compiled
-from fitting.film_parts import followed_to_all, joined, parts
+from fitting.film_parts import followed_to_half, joined, parts
 from fitting.fringes import likely_thicknesses, phase_rate
 from fitting.minima import ALTERNATIVE_CHI2
 from fitting.observe import NCS, Spec, medium_index
@@ -145,10 +145,11 @@ def _by_fringes(
 def _from_parts(fit: Solving, film: _Film, y: np.ndarray, noise: float, least: float) -> list[Ends]:
     """Return where starts end that were found in parts of the spectrum; y: candidates (p, L)."""
     rates = _rates(fit, film, y[:, :_MANY_CANDIDATES])
-    out = []
-    for part, rows in enumerate(parts(fit.seen)):
+    out, each = [], parts(fit.seen)
+    for part, rows in enumerate(each):
         start = _by_fringes(fit, film, y, rates, rows, LANES // len(_SHIFTS))
-        out.append(_followed(fit, followed_to_all(fit, start, part, noise), noise, least))
+        half = followed_to_half(fit, start, each, part, noise)
+        out.append(_followed(fit, half, noise, least))
     return out
 
 
