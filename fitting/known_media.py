@@ -16,6 +16,8 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
+import jax
+
 from fitting.dispersion import KINDS, Model
 from fitting.material_files import is_material_file, read_material
 from fresnel_jax import materials
@@ -89,8 +91,13 @@ Known = str | MaterialFile
 
 @functools.lru_cache(maxsize=256)
 def known_medium(which: Known) -> Material:
-    """Return the material of a name or a file, with its range."""
-    return read_material(which.path) if isinstance(which, MaterialFile) else material(which)
+    """Return the material of a name or a file, with its range, in float64.
+
+    It is kept, so it must not depend on where it is first asked for: outside `jax.enable_x64` its
+    tables would be float32 in every later fit, inside a traced function they would be tracers.
+    """
+    with jax.ensure_compile_time_eval(), jax.enable_x64(True):
+        return read_material(which.path) if isinstance(which, MaterialFile) else material(which)
 
 
 def named(text: str) -> Known:

@@ -1,12 +1,16 @@
 """Materials from refractiveindex.info files and tables, against published indices; and written."""
 
+import jax
 import mpmath as mp
 import numpy as np
 import pytest
 
+from fitting import simulate
+from fitting.known_media import known_medium
 from fitting.material_files import MaterialFileError, read_material
 from fitting.published_formulas import PublishedFormula
 from fitting.written_material import write_material
+from fresnel_jax.dispersion import material
 
 # (formula, coefficients, wavelength_um, index): files of the database (CC0) and what the site or
 # the paper behind prints
@@ -181,3 +185,16 @@ def test_tables_of_others(measured_files):
                              ("formats/gold_bom_quoted_header.csv", 0.3),
                              ("wvase_films/materials/air.csv", 0.23)):  # fmt: skip
         assert read_material(measured_files / path).range_um[0] == pytest.approx(wavelength)
+
+
+@pytest.mark.parametrize("traced", [False, True])
+def test_a_known_medium_does_not_depend_on_where_it_is_first_asked_for(traced):
+    ask = jax.jit(lambda w: known_medium("silicon").model.index(w).eta)
+    known_medium.cache_clear()
+    with jax.enable_x64(traced):
+        ask(0.5) if traced else known_medium("silicon")
+    R = simulate("Si", {}, 0.0, 0.5)
+    known_medium.cache_clear()
+    with jax.enable_x64(True):
+        n = complex(*material("Si")(np.float64(0.5)))
+    np.testing.assert_allclose(R, abs((n - 1) / (n + 1)) ** 2, rtol=1e-14)
