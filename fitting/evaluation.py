@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from fitting.measurement import Measurement
+from fitting.measurement import QUANTITIES, Measurement
 from fitting.observations import Observations, observations, padded
 from fitting.observe import NCS
 from fitting.problem import Targets, index_slopes, linearised, without_data
@@ -118,6 +118,10 @@ def points_of(angle_deg: Any, quantity: Any, wavelength_um: Any = None) -> Measu
     )  # fmt: skip
     if angle.ndim != 1:
         raise ValueError(f"angles of shape {angle.shape} came; one axis was wanted.")
+    strange = [str(name) for name in np.unique(names) if name not in QUANTITIES]
+    if strange:
+        wanted = ", ".join(QUANTITIES)
+        raise ValueError(f"there is no quantity {strange[0]!r}; one of {wanted} was wanted.")
     nothing = np.full(len(angle), np.nan)
     return Measurement(
         angle_deg=angle, wavelength_um=waves, quantity=np.asarray(names, dtype=str),

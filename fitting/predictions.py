@@ -51,12 +51,13 @@ def simulate(
         sample: text or `Sample`; without `free` media.
         parameters: name -> value of every parameter of the sample that has no value in itself;
             instrument parameters by their bare names, as wanted.
-        angle_deg, wavelength_um, quantity: broadcast to one axis of N points.
+        angle_deg, wavelength_um, quantity: broadcast to one axis of N points; quantities out of
+            R_s, R_p, R, R_back, T_s, T_p, T, psi, delta.
 
-    Returns: (N,), powers as fractions, psi and Delta in degrees.
+    Returns: (N,), powers as fractions, psi and delta in degrees.
 
     Raises:
-        ValueError: for a name too many or too few.
+        ValueError: for a name too many or too few, or of no quantity.
     """
     which = Sample.parse(sample)
     points = points_of(angle_deg, quantity, wavelength_um)

@@ -64,3 +64,6 @@ def test_refusals():
         simulate("cauchy", CAUCHY | {"D": 1.0}, 45.0, 0.5, "R")
     with pytest.raises(ValueError, match="needs a value of B"):
         simulate("cauchy:2", {"A": 1.5}, 45.0, 0.5, "R")
+    for quantity in ("Delta", ["psi", "Delta"], "r_s"):  # once a number without meaning
+        with pytest.raises(ValueError, match=r"no quantity .*; one of R_s, .*, psi, delta was"):
+            simulate("Si", {}, 60.0, 0.5, quantity)
