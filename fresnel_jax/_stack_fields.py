@@ -141,7 +141,7 @@ def solve_fields(
         seen = Inside(whole(inside), at(narrow, inside.q), fields.u, whole(down), scale, below)
         fields = through_layer(fields, here, inside, front, h)
         if count <= _UNROLLED:  # else they stand in memory as the carry of the loop
-            fields = jax.tree.map(computed_once, fields)
+            fields, powers = jax.tree.map(computed_once, (fields, powers))
         return whole((fields, powers)), (losses, seen)
 
     start = far_fields(far, front, q_far), (q_far[0], times(far.per_g, q_far)[0])
