@@ -16,7 +16,7 @@ notebooks: .venv/installed-test  ## the tutorials as notebooks, in examples/note
 	$(BIN)/python examples/notebooks/make.py
 
 test: .venv/installed-test  ## the tests (several minutes on 2 cores)
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 test-studies: .venv/installed-test  ## the tests that `make test` leaves out, since each takes a minute or more
 	$(BIN)/python -m pytest -n 2 -m study

@@ -167,8 +167,25 @@ def _true_derivatives(point, layers):
     return np.array(columns).T
 
 
+def _moved_by_one_eps(point, layers):
+    """What a relative change of one eps in each argument does to the true gradients, in eps."""
+    here, size = _true_derivatives(point, layers), 2.0**-40
+    change = np.zeros(4)
+    for j, x in enumerate(point):
+        moved = point.copy()
+        moved[j] = x * (1.0 - size if j == 0 else 1.0 + size)
+        away = _true_derivatives(moved, layers) - here
+        away[:, layers + 3] = 0.0
+        change += np.linalg.norm(away, axis=1) / size
+    return change
+
+
 def _derivative_errors(layers, dtype, each, mode, seed):
-    """{kind: largest error of the gradients of R and of T, in eps of their norms}."""
+    """{kind: largest error of the gradients of R and of T, in eps of their norms}.
+
+    What is above 200 is counted against norm and `_moved_by_one_eps` together: at grazing incidence
+    such a change was seen to move a gradient by 38,000 eps of its norm.
+    """
     rng = np.random.default_rng(seed)
     kinds = KINDS[:-1]  # lossless first media
     drawn = [_draw(kind, layers, dtype, rng) for kind in kinds for _ in range(each)]
@@ -179,7 +196,8 @@ def _derivative_errors(layers, dtype, each, mode, seed):
     for i, point in enumerate(drawn):
         ours = np.concatenate([g[i].reshape(4, -1) for g in gradients], axis=1)
         assert np.all(np.isfinite(ours))
-        truth = _true_derivatives(np.concatenate([np.ravel(z) for z in point]), layers)
+        numbers = np.concatenate([np.ravel(z) for z in point]).astype(float)
+        truth = _true_derivatives(numbers, layers)
         ours[:, layers + 3] = truth[:, layers + 3] = 0.0  # k of the first medium, 0 by choice
         # Below 1e8 times the smallest float, products underflow. In total reflection at grazing
         # incidence dR / dcos is 0; the fields know it to some eps.
@@ -187,6 +205,8 @@ def _derivative_errors(layers, dtype, each, mode, seed):
         error = np.linalg.norm(ours - truth, axis=1) / float(np.finfo(dtype).eps)
         if kinds[i // each] == "grazing incidence":
             error[:2] = np.maximum(error[:2] - 16, 0.0)
+        if np.any(error > 200.0 * norm):
+            norm = norm + np.where(error > 200.0 * norm, _moved_by_one_eps(numbers, layers), 0.0)
         error /= norm
         worst = found[kinds[i // each]]
         worst[:] = max(worst[0], *error[:2]), max(worst[1], *error[2:])
@@ -203,10 +223,9 @@ def test_derivatives_of_hard_stacks():
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("layers", [1, 2, 4, 10])
 def test_derivatives_of_many_hard_stacks(layers, dtype, mode):
-    """Another seed each time, printed. Of 240 stacks of 1 and 4 layers (seed 11) two had 242 and
-    203: T at a cosine of 4e-9, and an R whose phase changes 100 times as fast as its size."""
+    """Another seed each time, printed."""
     seed = int(np.random.SeedSequence().generate_state(1)[0])
     found = _derivative_errors(layers, dtype, 6, mode, seed)
     print(seed, {kind: [round(e, 1) for e in errors] for kind, errors in found.items()})
     for kind, errors in found.items():
-        assert max(errors) <= 500, (kind, errors, seed)
+        assert max(errors) <= 200, (kind, errors, seed)
