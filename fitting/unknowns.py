@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from fitting.dispersion import Model, Spectrum
@@ -46,7 +48,8 @@ def index_outside(sample: Sample, wavelength_um: Any) -> Any:
     index = sample.media[0].index
     if isinstance(index, complex):
         return np.float64(index.real)
-    return np.asarray(known_medium(index)(np.asarray(wavelength_um)).eta)  # type: ignore
+    with jax.enable_x64(True):  # else the wavelengths, and the index, are those of float32
+        return np.asarray(known_medium(index)(np.asarray(wavelength_um)).eta)  # type: ignore
 
 
 def spectrum_of(measurements: Sequence[Measurement], sample: Sample) -> Spectrum:
@@ -183,6 +186,9 @@ def _said(table, label: str):
     return next((table[name] for name in _names_of(label) if name in table), None)
 
 
+_ENERGY = re.compile(r"\.(plasma|width|resonance|strength|amplitude|gap|urbach)_ev2?(_\d+)?$")
+
+
 def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Unknown, bool]:
     """Return the unknown, and whether it is a constant (held and never asked to be free)."""
     value = _said(settings.fixed, label)
@@ -193,6 +199,8 @@ def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Un
     if value is None and parameter.held is not None and not asked:
         value = parameter.held
     if value is not None:
+        if _ENERGY.search(parameter.name):
+            low, high = 0.0, math.inf  # its range is that of a search, about the measured energies
         if not low <= value <= high or (parameter.coordinate == LOG and value <= 0.0):
             raise ValueError(
                 f"{label} is held at {value:g}; a value from {low:g} to {high:g} was wanted."

@@ -249,5 +249,7 @@ def test_free_form_index_of_a_surface():
     expected = simulate("tauc-lorentz", truth, 70.0, at, "psi")
     shown = found.predict(np.full(7, 70.0), "psi", at).value
     np.testing.assert_allclose(shown, expected, atol=0.5)
-    with pytest.raises(ValueError, match="spline over a spectrum; one wavelength came"):
-        simulate("kk-spline:12", dict.fromkeys(found.names, 1.0), 60.0, 0.5, "R")
+    # Its knots would be those of the points: another index at 0.5 um, whatever stands beside it.
+    for waves in (0.5, [0.5, 0.6]):
+        with pytest.raises(ValueError, match="not simulated without one"):
+            simulate("kk-spline:12", dict.fromkeys(found.names, 1.0), 60.0, waves, "R")
