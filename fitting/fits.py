@@ -30,7 +30,7 @@ from fitting.free_films import fit_free_film, free_film
 from fitting.measurement import Measurement, concatenate
 from fitting.observations import missing_errors, observations
 from fitting.outcome import Subject, fit_of
-from fitting.parameters import Settings, check_settings, names_of
+from fitting.parameters import Settings, check_search, check_settings, names_of
 from fitting.problem import LOSSES, targets_of
 from fitting.result import Fit
 from fitting.sample import Sample
@@ -63,15 +63,13 @@ def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
     return several
 
 
-def check_choices(loss: str, errors: str, intervals: str, starts: Any) -> None:
+def check_choices(loss: str, errors: str, intervals: str) -> None:
     """Raise ValueError for an option that is none."""
     if loss not in LOSSES:
         raise ValueError(f"loss is {loss!r}; one of {', '.join(LOSSES)} was wanted.")
     if errors not in ERRORS:
         raise ValueError(f"errors is {errors!r}; one of {', '.join(ERRORS)} was wanted.")
     check_intervals(intervals)
-    if not (starts is None or (isinstance(starts, int) and starts > 0)):
-        raise ValueError(f"starts is {starts!r}; a whole number above 0 was wanted.")
 
 
 def _is_special(
@@ -270,7 +268,8 @@ def fit(
     """
     measurements = measurements_of(measurement)
     which = Sample.parse(sample)
-    check_choices(loss, errors, intervals, starts)
+    check_choices(loss, errors, intervals)
+    check_search(starts, start, seed)
     settings = check_settings(
         Settings(names_of(free), fixed or {}, bounds or {}, priors or {}, tie or {})
     )

@@ -16,7 +16,7 @@ from fitting.known_media import Known, Mixture, known_medium
 from fitting.measurement import Measurement
 from fitting.observations import Observations
 from fitting.observe import NCS, Media, Spec
-from fitting.parameters import LOG, Parameter, Settings
+from fitting.parameters import LOG, Parameter, Settings, check_tie
 from fitting.sample import Medium, Sample
 from fitting.starts import Unknown
 from fitting.wider_models import absent, wider
@@ -250,7 +250,8 @@ def unknowns(
         o for m, p, x in media for o in _of_medium(m, p, x, spectrum, settings.shared)
     ] + offered
     said = _by_label(settings, offered, sample)
-    inside = {o.label: o.parameter.name for o in offered}
+    by_label = {o.label: o.parameter for o in offered}
+    inside = {label: p.name for label, p in by_label.items()}
     moving, held, tied = [], [], []
     for o in offered:
         if not o.label:
@@ -262,6 +263,7 @@ def unknowns(
                 raise ValueError(f"{o.label} is tied to {of}, which is tied itself.")
             if of not in inside:
                 raise ValueError(f"{o.label} is tied to {of}, which is several parameters.")
+            check_tie(o.label, factor, o.parameter, by_label[of])
             tied.append((o.parameter.name, factor, inside[of]))
             continue
         unknown, constant = unknown_of(o.parameter, o.label, said)

@@ -1,5 +1,7 @@
 """What a model shows against the library's own functions, and each nuisance by hand."""
 
+from typing import Any
+
 import jax
 import numpy as np
 import pytest
@@ -77,15 +79,16 @@ def test_refusals():
             simulate("air | 1.5 100 nm held | 3.5", {}, 10.0, wave)
     with pytest.raises(ValueError, match=r"shapes \(2,\), \(\), \(3,\) came"):
         simulate("Si", {}, [10.0, 20.0], [0.5, 0.6, 0.7])
+    none: Any = None
     with pytest.raises(ValueError, match="parameters is None"):
-        simulate("Si", None, 10.0, 0.5)  # type: ignore[arg-type]
+        simulate("Si", none, 10.0, 0.5)
     with pytest.raises(ValueError, match="leaves its model open"):
         simulate("auto", {}, 10.0, 0.5)
 
 
 def test_points_of_ones_own_do_not_change_the_sample():
     # Once edge_ev was the highest energy of the points, and so k at 0.6 um that of what is beside.
-    tail = {"A": 1.5, "k_edge": 0.1, "urbach_ev": 0.3}
+    tail: dict[str, Any] = {"A": 1.5, "k_edge": 0.1, "urbach_ev": 0.3}
     with pytest.raises(ValueError, match="needs a value of edge_ev"):
         simulate("cauchy-urbach:1", tail, 10.0, [0.5, 0.6])
     tail["edge_ev"] = 2.0
@@ -135,7 +138,7 @@ def test_samples_that_mean_nothing():
 
 def test_a_fit_is_evaluated_only_where_it_says_something():
     sample, wave = "1.333 | rough 9 nm held | cauchy:2 100 nm | Si", np.linspace(0.4, 0.8, 25)
-    true = {"film_2.A": 1.6, "film_2.B": 0.005, "film_2.thickness_nm": 100.0}
+    true: Any = {"film_2.A": 1.6, "film_2.B": 0.005, "film_2.thickness_nm": 100.0}
     psi, delta = (simulate(sample, true, 70.0, wave, q) for q in ("psi", "delta"))
     m = Measurement.from_columns(70.0, wave, psi=psi, delta=delta, sigma=0.01)
     found = fit(m, sample, start=true, starts=1, intervals="quadratic")
