@@ -26,7 +26,7 @@ from fitting.bare_surface.surface_fit import fit_many as fit_many
 from fitting.batched import stacked
 from fitting.disagreement import disagreement, may_disagree
 from fitting.film_starts import film_starts, films_of, with_neighbours
-from fitting.free_films import fit_free_film, free_film
+from fitting.free_films import check_free_film, fit_free_film, free_film
 from fitting.measurement import Measurement, concatenate
 from fitting.observations import missing_errors, observations
 from fitting.outcome import Subject, fit_of
@@ -201,9 +201,14 @@ def _general(
     begin: tuple[int | None, Mapping[str, Any] | None],
 ) -> Fit:
     """Return the fit of a general sample, with its stated errors or one factor on them."""
-    if free_film(sample) is not None:
-        return fit_free_film(concatenate(*measurements), sample, settings, asked)
     waves = np.unique(np.concatenate([m.wavelength_um for m in measurements]))
+    film = free_film(sample)
+    if film is not None:
+        check_free_film(concatenate(*measurements), sample, film)
+        if len(waves) > 1:
+            return fit_free_film(concatenate(*measurements), sample, settings, asked)
+        # At one wavelength nothing is shared: thickness, eta and k are three unknowns of one fit.
+        return _shared(measurements, sample, settings, asked, begin)
     # The noise of a robust loss or a prior is found in rounds, which lanes do not share.
     plain = asked.loss == "squares" and not settings.priors and begin == (None, None)
     if not sample.by_wavelength or (len(waves) == 1 and (settings.names or not plain)):
