@@ -157,7 +157,7 @@ def check_data(
         ),
     )
     psi, delta = quantity == "psi", quantity == "delta"
-    power = ~(psi | delta)
+    power, of_any = ~(psi | delta), (quantity == "R") | (quantity == "T")
     refuse(
         power & (sigma > 1.0),
         "sigma",
@@ -192,7 +192,7 @@ def check_data(
         ),
     )
     refuse(
-        ~(np.isnan(polarizer) | (power & (polarizer > 0.0) & (polarizer < 90.0))),
+        ~(np.isnan(polarizer) | (of_any & (polarizer > 0.0) & (polarizer < 90.0))),
         "polarizer",
         lambda i: (
             f"polarizer angle {polarizer[i]:.10g} came; for R or T alone, one between 0 and 90 "

@@ -13,6 +13,7 @@ from fitting.observe import NCS
 from fitting.problem import Targets, index_slopes, linearised, without_data
 from fitting.result import Evaluator, IndexBand, Prediction
 from fitting.sample import Sample
+from fitting.sample_checks import check_known
 from fitting.unknowns import Unknowns, index_outside
 
 
@@ -110,18 +111,52 @@ class EachWavelength(NamedTuple):
         return self._replace(each=tuple(wide))
 
 
+def _numbers(name: str, came: Any) -> np.ndarray:
+    """Return an array of floats, or raise ValueError by the name for what holds no real numbers."""
+    try:
+        found = np.asarray(came)
+    except ValueError:  # a ragged list
+        found = np.asarray(None)
+    if found.dtype.kind not in "iuf":
+        raise ValueError(f"{name} is {repr(came)[:60]}; real numbers were wanted.")
+    return found.astype(float)
+
+
+def angles_of(angle_deg: Any) -> np.ndarray:
+    """Return angles of incidence, (A,), or raise ValueError for what is none."""
+    angle = np.atleast_1d(_numbers("the angle of incidence", angle_deg))
+    if angle.ndim != 1 or not angle.size:
+        raise ValueError(f"angles of shape {angle.shape} came; one axis of one or more was wanted.")
+    strange = angle[~((angle >= 0.0) & (angle <= 90.0))]
+    if strange.size:
+        raise ValueError(
+            f"an angle of incidence of {strange[0]:g} degrees came; 0 to 90, from the normal of "
+            "the surface, was wanted."
+        )
+    return angle
+
+
 def points_of(angle_deg: Any, quantity: Any, wavelength_um: Any = None) -> Measurement:
     """Return points of one's own as a measurement without values."""
-    angle, names, waves = np.broadcast_arrays(
-        np.atleast_1d(np.asarray(angle_deg, float)), np.asarray(quantity),
-        np.asarray(np.nan if wavelength_um is None else wavelength_um, float),
-    )  # fmt: skip
-    if angle.ndim != 1:
-        raise ValueError(f"angles of shape {angle.shape} came; one axis was wanted.")
-    strange = [str(name) for name in np.unique(names) if name not in QUANTITIES]
-    if strange:
+    waves = _numbers("wavelength_um", np.nan if wavelength_um is None else wavelength_um)
+    strange = waves[~(np.isnan(waves) | ((waves > 0.0) & np.isfinite(waves)))]
+    if strange.size:
+        raise ValueError(f"wavelength_um holds {strange[0]:g}; micrometres above 0 were wanted.")
+    columns = angles_of(angle_deg), np.asarray(quantity), waves
+    try:
+        angle, names, waves = np.broadcast_arrays(*columns)
+    except ValueError:
+        angle = np.empty((0, 0))
+    if angle.ndim != 1 or not angle.size:
+        shapes = ", ".join(str(c.shape) for c in columns)
+        raise ValueError(
+            f"angles, quantities and wavelengths of shapes {shapes} came; each one, or one axis of "
+            "a common length, was wanted."
+        )
+    unknown = [str(name) for name in np.unique(names) if name not in QUANTITIES]
+    if unknown:
         wanted = ", ".join(QUANTITIES)
-        raise ValueError(f"there is no quantity {strange[0]!r}; one of {wanted} was wanted.")
+        raise ValueError(f"there is no quantity {unknown[0]!r}; one of {wanted} was wanted.")
     nothing = np.full(len(angle), np.nan)
     return Measurement(
         angle_deg=angle, wavelength_um=waves, quantity=np.asarray(names, dtype=str),
@@ -210,15 +245,16 @@ def _errors_of_angles(seen, value, slope, covariance, sigma) -> None:
 
 
 def _index_band(at: Evaluated, wavelength_um: Any, medium: int) -> IndexBand:
-    wavelength = np.atleast_1d(np.asarray(wavelength_um, float))
-    if wavelength.ndim != 1 or not (wavelength > 0.0).all():
+    wavelength = np.atleast_1d(_numbers("wavelength_um", wavelength_um))
+    good = wavelength.ndim == 1 and wavelength.size
+    if not good or not ((wavelength > 0.0) & np.isfinite(wavelength)).all():
         raise ValueError("wavelength_um must be one number or one axis of them, all above 0.")
+    check_known(at.sample, medium + 1, wavelength)
     count = len(wavelength)
     full = np.pad(wavelength, (0, padded(count) - count), mode="edge")
-    u = at.unknowns
+    u, outside = at.unknowns, index_outside(at.sample, full[:, None])
     with jax.enable_x64(True):
-        value, slope = (
-            np.asarray(a) for a in index_slopes(at.y, u.held, full, spec=u.spec, medium=medium)
-        )
+        found = index_slopes(at.y, u.held, full, outside, spec=u.spec, medium=medium)
+        value, slope = (np.asarray(a) for a in found)
     error = _error(slope, at.covariance)[:, :count]
     return IndexBand(wavelength, value[0, :count], error[0], value[1, :count], error[1])

@@ -26,11 +26,11 @@ from fitting.bare_surface.surface_fit import fit_many as fit_many
 from fitting.batched import stacked
 from fitting.disagreement import disagreement, may_disagree
 from fitting.film_starts import film_starts, films_of, with_neighbours
-from fitting.free_films import fit_free_film, free_film
+from fitting.free_films import check_free_film, fit_free_film, free_film
 from fitting.measurement import Measurement, concatenate
 from fitting.observations import missing_errors, observations
 from fitting.outcome import Subject, fit_of
-from fitting.parameters import Settings, check_settings, names_of
+from fitting.parameters import Settings, check_search, check_settings, names_of
 from fitting.problem import LOSSES, targets_of
 from fitting.result import Fit
 from fitting.sample import Sample
@@ -63,15 +63,13 @@ def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
     return several
 
 
-def check_choices(loss: str, errors: str, intervals: str, starts: Any) -> None:
+def check_choices(loss: str, errors: str, intervals: str) -> None:
     """Raise ValueError for an option that is none."""
     if loss not in LOSSES:
         raise ValueError(f"loss is {loss!r}; one of {', '.join(LOSSES)} was wanted.")
     if errors not in ERRORS:
         raise ValueError(f"errors is {errors!r}; one of {', '.join(ERRORS)} was wanted.")
     check_intervals(intervals)
-    if not (starts is None or (isinstance(starts, int) and starts > 0)):
-        raise ValueError(f"starts is {starts!r}; a whole number above 0 was wanted.")
 
 
 def _is_special(
@@ -203,9 +201,14 @@ def _general(
     begin: tuple[int | None, Mapping[str, Any] | None],
 ) -> Fit:
     """Return the fit of a general sample, with its stated errors or one factor on them."""
-    if free_film(sample) is not None:
-        return fit_free_film(concatenate(*measurements), sample, settings, asked)
     waves = np.unique(np.concatenate([m.wavelength_um for m in measurements]))
+    film = free_film(sample)
+    if film is not None:
+        check_free_film(concatenate(*measurements), sample, film)
+        if len(waves) > 1:
+            return fit_free_film(concatenate(*measurements), sample, settings, asked)
+        # At one wavelength nothing is shared: thickness, eta and k are three unknowns of one fit.
+        return _shared(measurements, sample, settings, asked, begin)
     # The noise of a robust loss or a prior is found in rounds, which lanes do not share.
     plain = asked.loss == "squares" and not settings.priors and begin == (None, None)
     if not sample.by_wavelength or (len(waves) == 1 and (settings.names or not plain)):
@@ -270,7 +273,8 @@ def fit(
     """
     measurements = measurements_of(measurement)
     which = Sample.parse(sample)
-    check_choices(loss, errors, intervals, starts)
+    check_choices(loss, errors, intervals)
+    check_search(starts, start, seed)
     settings = check_settings(
         Settings(names_of(free), fixed or {}, bounds or {}, priors or {}, tie or {})
     )

@@ -91,6 +91,8 @@ def from_arrays(
 
     places: angles, wavelengths and polarizer angles. values: by quantity.
     """
+    if not (np.isfinite(of.scale) and of.scale > 0.0):
+        raise MeasurementError(f"{source}: scale is {of.scale:g}; a factor above 0 was wanted.")
     unknown = [name for name in values if name not in QUANTITIES]
     if unknown or not values:
         came = f"there is no quantity {unknown[0]}" if unknown else "no values came"
@@ -150,13 +152,16 @@ def from_arrays(
         sigma_all[kept],
         np.tile(polarizer, count)[kept],
     )
-    percent = "Powers are fractions: for percent give scale=0.01."
-    source = visible(source)
+    source, percent = visible(source), "Powers are fractions: for percent give scale=0.01."
     how = "; divided by a reference" if by else ""
     if of.ratio_to is not None:
         data, said = times_reflectance(source, data, of.ratio_to)
         how += f"; {said}"
-    outside = check_data(source, data, where, lambda i: percent if data.value[i] > 1.0 else "")
+
+    def hint(i: int) -> str:
+        return percent if data.value[i] > 1.0 and data.quantity[i][0] in "RT" else ""
+
+    outside = check_data(source, data, where, hint)
     text = f"took {len(kept)} values of {', '.join(names)} from arrays{_ranges(data)}{how}"
     text += beyond(outside) if outside else ""
     return data, text

@@ -13,10 +13,12 @@ from __future__ import annotations
 
 import functools
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import jax
+import numpy as np
 
 from fitting.dispersion import KINDS, Model
 from fitting.material_files import is_material_file, read_material
@@ -116,13 +118,45 @@ def is_mixture(text: str) -> bool:
     return text.strip() in BETWEEN or (rule in RULES and (bool(bracket) or rule not in KINDS))
 
 
+def refuse_misplaced(text: str, index: Sequence[object], bare: Sequence[bool]) -> None:
+    """Raise ValueError for a rough or graded interface that is not one between two media.
+
+    index: of every medium of the sample; bare: whether it is a layer of even index that interferes.
+    """
+    for i, (this, film) in enumerate(zip(index, bare, strict=True)):
+        if this not in BETWEEN.values():
+            continue
+        name = next(name for name, mixture in BETWEEN.items() if mixture == this)
+        if not film:
+            raise ValueError(
+                f"the sample {text!r}: {name!r} is a film between two media, neither the first nor "
+                "the last of them, neither thick nor graded: 'air | rough 3 nm | Si'."
+            )
+        if index[i + 1] in BETWEEN.values():
+            raise ValueError(
+                f"the sample {text!r}: two of {', '.join(BETWEEN)} follow each other; each of them "
+                "is made of the media on both sides. Write one."
+            )
+
+
+def lossless(index: object) -> bool:
+    """Return whether light may come from a medium of this index: one that is known and has no k."""
+    if isinstance(index, str):
+        return index not in ("free", "auto") and materials.lookup(index).kind == "dielectric"
+    if isinstance(index, MaterialFile):
+        table = known_medium(index)
+        low, high = table.range_um or (0.5, 0.5)
+        return not np.any(np.asarray(table(np.linspace(low, high, 1001)).k))
+    return isinstance(index, complex) and not index.imag
+
+
 def parse_mixture(text: str, index) -> Mixture:
     """Return the mixture that a text describes; index: what reads the text of a part."""
     text = text.strip()
     if text in BETWEEN:
         return BETWEEN[text]
     rule, _, inside = text.partition("(")
-    parts = [part.strip() for part in inside.rstrip(")").split(",")]
+    parts = [part.strip() for part in inside[:-1].split(",")]
     if not text.endswith(")") or len(parts) < 2:
         raise ValueError(
             f"the mixture {text!r}: parts in brackets were wanted, each but the first with its "
@@ -142,6 +176,17 @@ def parse_mixture(text: str, index) -> Mixture:
             raise ValueError(f"the mixture {text!r}: a share lies between 0 and 100 %.")
         shares.append(Share(start / 100, low / 100, high / 100, found["held"] is not None))
         media.append(index(found["index"].strip()))
+    for part, m in zip(parts, media, strict=True):
+        if isinstance(m, Mixture) or m in ("free", "auto"):
+            raise ValueError(
+                f"the mixture {text!r}: {part!r} is no part of one; a number, a named material, a "
+                "file or a dispersion model was wanted."
+            )
+    if sum(s.start if s.held or s.high == 1.0 else s.low for s in shares) > 1.0 + 1e-9:
+        raise ValueError(
+            f"the mixture {text!r}: the shares add up to more than 100 %; the first part, which "
+            "is written without one, takes the rest."
+        )
     if sum(isinstance(m, Model) for m in media) > 1:
         raise ValueError(f"the mixture {text!r}: one part at most may be a dispersion model.")
     return Mixture(rule.strip().lower(), tuple(media), tuple(shares))

@@ -46,6 +46,9 @@ def _mixed(mixture: Mixture, parts: list[Pair], fractions: list[Array]) -> Pair:
     eta, k = (jnp.stack(part) for part in zip(*parts, strict=True))
     shape = eta.shape[1:]
     shares = jnp.stack([jnp.broadcast_to(f, shape) for f in fractions])
+    if len(fractions) > 1:
+        # Nothing is left for the first part: no mixture, which the solver then does not step to.
+        shares = jnp.where(shares.sum(0) <= 1.0 + 1e-9, shares, jnp.nan)
     return tuple(_RULES[mixture.rule](eta, k, shares))  # type: ignore
 
 

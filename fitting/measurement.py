@@ -107,6 +107,7 @@ class Measurement:
         Raises:
             MeasurementError: for an unknown name, unequal lengths, or a value out of its range.
         """
+        source = str(source)
         data, understood = from_arrays(
             [angle_deg, wavelength_um, polarizer_deg], values, sigma, source,
             Units(angle_unit, wavelength_unit, float(scale), divide_by or {}, ratio_to),
@@ -125,7 +126,16 @@ class Measurement:
         """
         columns: dict[str, Any] = {}
         sigma: dict[str, Any] = {}
-        for name in map(str, table.keys()):
+        if not hasattr(table, "keys"):
+            raise MeasurementError(f"{type(table).__name__} came; named columns were wanted.")
+        names = [*map(str, table.keys())]
+        if "wavelength_um" in options:  # in micrometres, whatever a column of the table is in
+            names = [name for name in names if not name.startswith("wavelength_")]
+        elif {"wavelength_um", "wavelength_nm"} <= set(names):
+            raise MeasurementError(
+                "the table has columns wavelength_um and wavelength_nm; leave one of them out."
+            )
+        for name in names:
             if name in (*QUANTITIES, "angle_deg", "wavelength_um", "polarizer_deg"):
                 columns[name] = np.asarray(table[name])
             elif name == "wavelength_nm":

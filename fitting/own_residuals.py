@@ -20,6 +20,7 @@ from fitting.parameters import (
     SQUARE,
     Parameter,
     Settings,
+    check_search,
     check_settings,
     names_of,
     to_parameter,
@@ -101,6 +102,20 @@ def own_slopes(spec: OwnSpec, targets: Targets, y: np.ndarray) -> Slopes:
     )  # fmt: skip
 
 
+def _range(name: str, what: Any, kind: str) -> tuple[float, float]:
+    """Return the two ends of a range, or raise ValueError for what is none."""
+    try:
+        low, high = map(float, what)
+        if low <= high and (kind == "bounds" or np.isfinite([low, high]).all()):
+            return low, high
+    except (TypeError, ValueError):
+        pass
+    raise ValueError(
+        f"{name}: {what!r}; the range (low, high) that starts are drawn from was wanted, or "
+        "{'start': (low, high), 'bounds': ..., 'coordinate': 'log', 'unit': 'nm'}."
+    )
+
+
 def _parameter(name: str, what: Any) -> Parameter:
     """Return a parameter from what the caller says of it."""
     if isinstance(what, Parameter):
@@ -119,17 +134,10 @@ def _parameter(name: str, what: Any) -> Parameter:
                 f"{name}: {what!r}; start=(low, high) and, if wanted, bounds, coordinate and unit "
                 "were wanted."
             )
+        start, (low, high) = _range(name, start, "start"), _range(name, (low, high), "bounds")
         low = max(low, 0.0) if kind != "linear" else low
-        return Parameter(name, unit, (float(start[0]), float(start[1])), float(low), float(high),
-                         _COORDINATES[kind], decades=kind == "log")  # fmt: skip
-    try:
-        low, high = what
-        return Parameter(name, "", (float(low), float(high)))
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"{name}: {what!r}; the range (low, high) that starts are drawn from was wanted, or "
-            "{'start': (low, high), 'bounds': ..., 'coordinate': 'log', 'unit': 'nm'}."
-        ) from None
+        return Parameter(name, unit, start, low, high, _COORDINATES[kind], decades=kind == "log")
+    return Parameter(name, "", _range(name, what, "start"))
 
 
 def _unknowns(
@@ -141,6 +149,9 @@ def _unknowns(
         raise ValueError(
             f"there is no parameter {strange[0]!r}; there are {', '.join(parameters)}."
         )
+    for name, (_, of) in settings.tie.items():
+        if of in settings.tie:
+            raise ValueError(f"{name} is tied to {of}, which is tied itself.")
     tied = tuple((name, factor, of) for name, (factor, of) in settings.tie.items())
     moving = [unknown_of(p, p.name, settings)[0] for p in offered if p.name not in settings.tie]
     spec = OwnSpec(
@@ -216,6 +227,7 @@ def fit_residuals(
     if errors not in ("scaled", "stated"):
         raise ValueError(f'errors is {errors!r}; "scaled" or "stated" was wanted.')
     check_intervals(intervals)
+    check_search(starts, start, seed)
     settings = check_settings(
         Settings(names_of(free), fixed or {}, bounds or {}, priors or {}, tie or {})
     )
@@ -228,13 +240,15 @@ def fit_residuals(
     if start is not None:
         extra = start_at(u.moving, given_start(u.moving, u.labels, start))
         points = np.concatenate([points, extra[:, None]], 1)
+    if any(np.iscomplexobj(a) for a in jax.tree.leaves(data)):
+        raise ValueError("the data are complex; give real and imaginary parts as two arrays.")
     data = jax.tree.map(lambda a: np.asarray(a, float), data)
     if not batch:
         return _one(u, data, settings, asked, points)
-    sizes = {len(a) for a in jax.tree.leaves(data)}
-    if len(sizes) != 1:
+    sizes = {len(a) if np.ndim(a) else 0 for a in jax.tree.leaves(data)}
+    if len(sizes) != 1 or 0 in sizes:
         raise ValueError(
-            f"the batch axes of the data have lengths {sorted(sizes)}; one was wanted."
+            f"the batch axes of the data have lengths {sorted(sizes)}; one above 0 was wanted."
         )
     each = (jax.tree.map(lambda a, i=i: a[i], data) for i in range(sizes.pop()))
     return stacked_fits([_one(u, one, settings, asked, points) for one in each])

@@ -7,6 +7,7 @@ scale=1+-0.02      free, and known beforehand to be 1 with a standard error of .
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Iterable, Mapping
@@ -105,7 +106,21 @@ def parse_setting(text: str) -> tuple[str, str, Any]:
 
 def names_of(names: str | Iterable[str]) -> tuple[str, ...]:
     """Return names as a tuple: a string is one name, not its letters."""
-    return (names,) if isinstance(names, str) else tuple(names)
+    several = (names,) if isinstance(names, str) or not isinstance(names, Iterable) else (*names,)
+    if not all(isinstance(name, str) for name in several):
+        raise ValueError(f"free is {names!r}; the name of a parameter, or several, were wanted.")
+    return several
+
+
+def check_search(starts: Any, start: Any, seed: Any) -> None:
+    """Raise ValueError for a number of starts, a start or an origin of starts that is none."""
+    whole = isinstance(starts, int | np.integer) and not isinstance(starts, bool)
+    if not (starts is None or (whole and starts > 0)):
+        raise ValueError(f"starts is {starts!r}; a whole number above 0 was wanted.")
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise ValueError(f"seed is {seed!r}; a whole number of 0 or more was wanted.")
+    if start is not None and not isinstance(start, Mapping):
+        raise ValueError(f"start is {start!r}; names with a value each were wanted.")
 
 
 def _number(value: Any) -> float:
@@ -133,7 +148,9 @@ def _tied(name: str, value: Any) -> tuple[float, str]:
         if found:
             return float(found[1] or 1.0), plain_name(found[2])
     elif isinstance(value, tuple) and len(value) == 2:
-        return float(value[0]), plain_name(str(value[1]))
+        with contextlib.suppress(TypeError, ValueError):
+            if math.isfinite(factor := _number(value[0])):
+                return factor, plain_name(str(value[1]))
     raise ValueError(
         f"{name} is tied to {value!r}; the name of another parameter was wanted, or a multiple of "
         "one: '0.5 * film.A'."
@@ -142,6 +159,10 @@ def _tied(name: str, value: Any) -> tuple[float, str]:
 
 def check_settings(settings: Settings) -> Settings:
     """Return the settings with plain names and numbers, or raise ValueError for what is wrong."""
+    for kind in ("fixed", "bounds", "priors", "tie"):
+        came = getattr(settings, kind)
+        if not isinstance(came, Mapping):
+            raise ValueError(f"{kind} is {came!r}; a mapping from names, {{name: ..}}, was wanted.")
     try:
         fixed = {plain_name(n): _number(v) for n, v in settings.fixed.items()}
     except (TypeError, ValueError):
@@ -173,6 +194,15 @@ def check_settings(settings: Settings) -> Settings:
         if name in free or name in fixed or name in bounds or name in priors:
             raise ValueError(f"{name} is tied to another parameter; say nothing else about it.")
     return Settings(free, fixed, bounds, priors, tie, settings.variants)
+
+
+def check_tie(name: str, factor: float, parameter: Parameter, of: Parameter) -> None:
+    """Raise ValueError where a multiple of a parameter is always out of the range of another."""
+    if factor < 0.0 and parameter.low >= 0.0 and of.low >= 0.0:
+        raise ValueError(
+            f"{name} is tied to {factor:g} times another parameter, neither of which is negative; "
+            "a factor above 0 was wanted."
+        )
 
 
 def to_parameter(coordinates: tuple[str, ...], y: Array) -> list[Array]:

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
-from fitting.evaluation import at_data, points_of
+from fitting.evaluation import angles_of, at_data, points_of
 from fitting.measurement import Measurement
 from fitting.observations import observations
 from fitting.parameters import Settings, check_settings
 from fitting.problem import shown
 from fitting.sample import Sample
-from fitting.sample_checks import check_quantities
+from fitting.sample_checks import check_points, check_quantities
+from fitting.spline_index import NAME as SPLINE
+from fitting.spline_index import without_knots
 from fitting.unknowns import index_outside, spectrum_of, unknowns
 
 if TYPE_CHECKING:
@@ -25,17 +27,37 @@ def predict(fit: Fit, at: Any, quantity: Any, wavelength_um: Any) -> Prediction:
     """Return what a fit shows; see `Fit.predict`."""
     if fit.evaluator is None:
         raise ValueError("this fit is of your own residuals; evaluate your own model.")
-    if at is None or isinstance(at, Measurement):
-        if at is None and fit.measurement is None:
+    if at is None:
+        if fit.measurement is None:
             raise ValueError("this fit keeps no data (fit_many); give angles: predict([30, 60]).")
-        return fit.evaluator.predict(at)
+        return fit.evaluator.predict(None)
+    if isinstance(at, Measurement):
+        return _at_points(fit, at)
     waves = np.asarray(fit.wavelength_um)
-    if wavelength_um is not None or np.ndim(quantity) or waves.shape != fit.shape:
-        return fit.evaluator.predict(points_of(at, quantity, wavelength_um))
-    angle = np.atleast_1d(np.asarray(at, float))
-    if angle.ndim != 1:
-        raise ValueError(f"angles of shape {angle.shape} came; one axis was wanted.")
-    return fit.evaluator.over_angle(angle, str(quantity))
+    if wavelength_um is None and not np.ndim(quantity) and waves.shape == fit.shape:
+        points = points_of(at, quantity, waves if waves.size == 1 else None)
+        _check(fit, points)
+        return fit.evaluator.over_angle(angles_of(at), str(quantity))
+    if wavelength_um is None and waves.size == 1:
+        wavelength_um = float(waves.ravel()[0])
+    if wavelength_um is None and fit.shape:
+        raise ValueError(
+            f"this fit is one of {waves.size} wavelengths; give that of each of several quantities "
+            "(wavelength_um)."
+        )
+    return _at_points(fit, points_of(at, quantity, wavelength_um))
+
+
+def _check(fit: Fit, points: Measurement) -> None:
+    """Raise ValueError where the sample has no answer; of a batch at the fitted wavelengths."""
+    if fit.sample is not None:
+        check_points(points, fit.sample)
+
+
+def _at_points(fit: Fit, points: Measurement) -> Prediction:
+    assert fit.evaluator is not None
+    _check(fit, points)
+    return fit.evaluator.predict(points)
 
 
 def simulate(
@@ -50,7 +72,8 @@ def simulate(
     Args:
         sample: text or `Sample`; without `free` media.
         parameters: name -> value of every parameter of the sample that has no value in itself;
-            instrument parameters by their bare names, as wanted.
+            instrument parameters by their bare names, as wanted. The "edge_ev" of cauchy-urbach is
+            one of them: a fit takes the highest photon energy of its data for it.
         angle_deg, wavelength_um, quantity: broadcast to one axis of N points; quantities out of
             R_s, R_p, R, R_back, T_s, T_p, T, psi, delta.
 
@@ -60,13 +83,28 @@ def simulate(
         ValueError: for a name too many or too few, or of no quantity.
     """
     which = Sample.parse(sample)
+    if which.open:
+        raise ValueError(f"the sample {str(which)!r} leaves its model open; name one: cauchy.")
+    for model in (m.model for m in which.media if m.model is not None):
+        if model.name == SPLINE:
+            without_knots(model.terms, {})
     points = points_of(angle_deg, quantity, wavelength_um)
     check_quantities([points], which)
-    settings = check_settings(Settings(fixed=dict(parameters)))
+    try:
+        settings = check_settings(Settings(fixed=dict(parameters)))
+    except TypeError:
+        raise ValueError(
+            f"parameters is {parameters!r}; names with a number each, or {{}}, were wanted."
+        ) from None
     seen = observations([points], "equal", compared=False)
     spectrum = spectrum_of([points], which)
     u = unknowns(which, spectrum, settings, seen, "squares")
     missing = [u.labels[w.parameter.name] for w in u.moving if w.free]
+    # Its usual value follows the data of a fit; points of one's own must not change the sample.
+    missing += [
+        u.labels.get(n, n) for n in u.spec.held
+        if n.endswith(".edge_ev") and not {n, u.labels.get(n)} & set(settings.names)
+    ]  # fmt: skip
     if missing:
         raise ValueError(f"{which} needs a value of {', '.join(missing)}.")
     names = (*u.spec.moving, *u.spec.held)

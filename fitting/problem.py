@@ -188,14 +188,17 @@ def _shown(points: Points, held: Array, eta_i: Array, *, spec: Spec) -> Array:
 
 
 def _index(
-    y: Array, held: Array, wavelength_um: Array, *, spec: Spec, medium: int
+    y: Array, held: Array, wavelength_um: Array, eta_i: Any, *, spec: Spec, medium: int
 ) -> tuple[Array, Array]:
-    """Return eta and k of a medium, (2, W), and their derivatives with respect to y, (2, W, p)."""
+    """Return eta and k of a medium, (2, W), and their derivatives with respect to y, (2, W, p).
+
+    eta_i: of the first medium, () or (W, 1), which a rough surface is a mixture with.
+    """
     p = y.shape[0]
 
     def at(lanes: Array) -> Array:
         values = spec.values(lanes, held)
-        return jnp.stack(medium_index(spec, medium, values, wavelength_um[:, None]))
+        return jnp.stack(medium_index(spec, medium, values, wavelength_um[:, None], eta_i))
 
     value, slope = jax.jvp(at, (jnp.broadcast_to(y[:, None], (p, p)),), (jnp.eye(p),))
     return value[..., 0], slope

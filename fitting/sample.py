@@ -34,12 +34,12 @@ from fitting.known_media import (
     MaterialFile,
     Mixture,
     is_mixture,
-    known_medium,
+    lossless,
     named,
     parse_mixture,
+    refuse_misplaced,
 )
 from fitting.material_files import MaterialFileError
-from fresnel_jax import materials
 
 FREE, AUTO = "free", "auto"
 # Lengths in micrometres.
@@ -283,18 +283,13 @@ def _parsed(text: str) -> Sample:
     if len(parts) == 1:
         parts = ["air", *parts]
     first, last = _outer(parts[0], "first"), _outer(parts[-1], "last")
-    index = first.index
-    if isinstance(index, str) and index not in (FREE, AUTO):
-        lossless = materials.lookup(index).kind == "dielectric"
-    elif isinstance(index, MaterialFile):
-        table = known_medium(index)
-        low, high = table.range_um or (0.5, 0.5)
-        lossless = not any(table(low + (high - low) * x).k for x in (0.0, 0.25, 0.5, 0.75, 1.0))
-    else:
-        lossless = isinstance(index, complex) and not index.imag
-    if not lossless:
+    if not lossless(first.index):
         raise ValueError(
             f"the sample {text!r}: the light comes from {first.text!r}; a lossless medium, one "
             "real number above 0 or a named dielectric, was wanted there."
         )
-    return Sample((first, *map(_layer, parts[1:-1]), last))
+    media = (first, *map(_layer, parts[1:-1]), last)
+    depths = [m.thickness for m in media]
+    even = [d is not None and d.coherent and not d.graded for d in depths]
+    refuse_misplaced(text, [m.index for m in media], even)
+    return Sample(media)

@@ -15,10 +15,8 @@ from fitting.several_files import millimetres_named, refuse_several_thicknesses
 
 def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> None:
     """Raise ValueError where the sample cannot say what was measured."""
-    thick = any(not m.thickness.coherent for m in sample.layers if m.thickness)
     for m in measurements:
-        quantities = set(m.quantity.tolist())
-        behind = sorted(quantities & {"T", "T_s", "T_p", "R_back"})
+        behind = sorted(set(m.quantity.tolist()) & {"T", "T_s", "T_p", "R_back"})
         if sample.bare and sample.by_wavelength and behind:
             thick_mm = millimetres_named(m.source)
             named = f"; the file name says {thick_mm} mm" if thick_mm else ""
@@ -28,16 +26,26 @@ def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> Non
                 f"Give the sample 'air | free {thick_mm or 3} mm thick | air'"
                 f'{named}. Or name the columns to be read: columns="angle=1,R_s=2".'
             )
-        if sample.bare and "R_back" in quantities:
-            raise ValueError(
-                f"{m.source}: R_back is light from the other face, which a bare surface does not "
-                "have. Fit a plate, 'air | free 3 mm thick | air', or leave the column out."
-            )
-        if "R_back" in quantities and sample.layers and (sample.films or not thick):
-            raise ValueError(f"{m.source}: R_back of films is not fitted; leave the column out.")
-        _check_wavelengths(m, sample)
-    if thick:
+        check_points(m, sample)
+    if any(not m.thickness.coherent for m in sample.layers if m.thickness):
         refuse_several_thicknesses([m.source for m in measurements])
+
+
+def check_points(m: Measurement, sample: Sample) -> None:
+    """Raise ValueError where a sample has no answer at some of the points, or a wrong one."""
+    if "R_back" in m.quantity and sample.bare:
+        raise ValueError(
+            f"{m.source}: R_back is light from the other face, which a bare surface does not "
+            "have. Fit a plate, 'air | free 3 mm thick | air', or leave the column out."
+        )
+    # From both sides alike: one thick layer between the same media.
+    alike = sample.media[0].index == sample.media[-1].index and len(sample.layers) == 1
+    if "R_back" in m.quantity and (sample.films or not alike):
+        raise ValueError(
+            f"{m.source}: R_back is not computed for {sample}; it is for one thick layer with the "
+            "same medium on both sides, as 'air | free 3 mm thick | air'. Leave the column out."
+        )
+    _check_wavelengths(m, sample)
 
 
 def _check_wavelengths(m: Measurement, sample: Sample) -> None:
@@ -50,12 +58,20 @@ def _check_wavelengths(m: Measurement, sample: Sample) -> None:
             f"{m.source}: {what} with the wavelength, which is not known here; give it "
             "(wavelength_um)."
         )
-    for which in named:
-        medium = known_medium(which)
-        known = medium.range_um
-        low, high = float(np.nanmin(m.wavelength_um)), float(np.nanmax(m.wavelength_um))
-        if known is not None and not (known[0] <= low and high <= known[1]):
+    for medium in range(len(sample.media)):
+        check_known(sample, medium, m.wavelength_um, m.source)
+
+
+def check_known(sample: Sample, medium: int, wavelength_um: np.ndarray, source: str = "") -> None:
+    """Raise ValueError for wavelengths beyond what is known of the materials of a medium."""
+    for which in sample.media[medium].known:
+        known = known_medium(which).range_um
+        if known is None or np.isnan(wavelength_um).all():
+            continue
+        low, high = float(np.nanmin(wavelength_um)), float(np.nanmax(wavelength_um))
+        if not (known[0] <= low and high <= known[1]):
             raise ValueError(
-                f"{m.source}: {medium.name} is known from {known[0]:g} to {known[1]:g} um; data "
-                f"from {low:g} to {high:g} um came. Leave the others out, or give a model."
+                f"{source or 'points'}: {known_medium(which).name} is known from {known[0]:g} to "
+                f"{known[1]:g} um; data from {low:g} to {high:g} um came. Leave the others out, or "
+                "give a model."
             )

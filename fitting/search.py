@@ -100,11 +100,14 @@ def grown_starts(
 
 
 def lowest_ends(y: np.ndarray, cost: np.ndarray) -> np.ndarray:
-    """Return the eight lowest ends (p, 8), one of each cost as far as there are so many."""
+    """Return the eight lowest ends (p, 8), one of each cost as far as there are so many.
+
+    Of fewer than eight some come again.
+    """
     cost = np.minimum(cost, 1e300)
     order = np.argsort(cost, kind="stable")
     new = np.append(True, np.diff(cost[order]) > 1e-4 * cost[order][1:])
-    return y[:, np.concatenate([order[new], order[~new]])[:8]]
+    return y[:, np.resize(np.concatenate([order[new], order[~new]]), 8)]
 
 
 def _weak_terms(start: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ from fitting.dispersion import Model, parse_model
 from fitting.fits import check_choices, fit_checked, measurements_of
 from fitting.instrument import INSTRUMENT, instrument_parameter
 from fitting.measurement import Measurement, concatenate
-from fitting.parameters import Settings, check_settings, names_of, plain_name
+from fitting.parameters import Settings, check_search, check_settings, names_of, plain_name
 from fitting.pattern import pattern
 from fitting.progress import tell
 from fitting.residuals import weighted_residuals
@@ -38,6 +38,7 @@ from fitting.uncertainty.intervals import QUADRATIC, check_intervals
 from fitting.wider_models import wider
 
 MOST_TERMS = 4
+_OPTIONS = ("bounds", "priors", "tie", "loss", "errors", "starts", "start", "seed")
 
 
 def _first_stage(wavelengths: int) -> list[str]:
@@ -148,7 +149,12 @@ def choose(
     Raises:
         ValueError: as `fit` does, and for parameters that only some of the models have.
     """
+    strange = [name for name in options if name not in _OPTIONS]
+    if strange:
+        raise TypeError(f"choose has no option {strange[0]!r}; it has {', '.join(_OPTIONS)}.")
     samples = several_samples(sample)
+    if not samples:
+        raise ValueError("no sample came; a text, or several, were wanted.")
     if len(samples) > 1:
         given = {"free": free, "fixed": fixed, **options}
         return choose_sample(
@@ -171,7 +177,8 @@ def choose(
     starts, start, seed = options.pop("starts", None), options.pop("start", None), 0
     loss, errors = options.pop("loss", "squares"), options.pop("errors", "auto")
     seed = options.pop("seed", 0)
-    check_choices(loss, errors, intervals, starts)
+    check_choices(loss, errors, intervals)
+    check_search(starts, start, seed)
     base = check_settings(Settings(given, held, **options))
     mentioned = {name.partition("[")[0] for name in base.names}
     wanted = [n for n in _of_instrument(joined) if instrument and n not in mentioned]

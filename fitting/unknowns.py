@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from fitting.dispersion import Model, Spectrum
@@ -14,7 +16,7 @@ from fitting.known_media import Known, Mixture, known_medium
 from fitting.measurement import Measurement
 from fitting.observations import Observations
 from fitting.observe import NCS, Media, Spec
-from fitting.parameters import LOG, Parameter, Settings
+from fitting.parameters import LOG, Parameter, Settings, check_tie
 from fitting.sample import Medium, Sample
 from fitting.starts import Unknown
 from fitting.wider_models import absent, wider
@@ -46,7 +48,8 @@ def index_outside(sample: Sample, wavelength_um: Any) -> Any:
     index = sample.media[0].index
     if isinstance(index, complex):
         return np.float64(index.real)
-    return np.asarray(known_medium(index)(np.asarray(wavelength_um)).eta)  # type: ignore
+    with jax.enable_x64(True):  # else the wavelengths, and the index, are those of float32
+        return np.asarray(known_medium(index)(np.asarray(wavelength_um)).eta)  # type: ignore
 
 
 def spectrum_of(measurements: Sequence[Measurement], sample: Sample) -> Spectrum:
@@ -183,6 +186,9 @@ def _said(table, label: str):
     return next((table[name] for name in _names_of(label) if name in table), None)
 
 
+_ENERGY = re.compile(r"\.(plasma|width|resonance|strength|amplitude|gap|urbach)_ev2?(_\d+)?$")
+
+
 def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Unknown, bool]:
     """Return the unknown, and whether it is a constant (held and never asked to be free)."""
     value = _said(settings.fixed, label)
@@ -193,6 +199,8 @@ def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Un
     if value is None and parameter.held is not None and not asked:
         value = parameter.held
     if value is not None:
+        if _ENERGY.search(parameter.name):
+            low, high = 0.0, math.inf  # its range is that of a search, about the measured energies
         if not low <= value <= high or (parameter.coordinate == LOG and value <= 0.0):
             raise ValueError(
                 f"{label} is held at {value:g}; a value from {low:g} to {high:g} was wanted."
@@ -242,7 +250,8 @@ def unknowns(
         o for m, p, x in media for o in _of_medium(m, p, x, spectrum, settings.shared)
     ] + offered
     said = _by_label(settings, offered, sample)
-    inside = {o.label: o.parameter.name for o in offered}
+    by_label = {o.label: o.parameter for o in offered}
+    inside = {label: p.name for label, p in by_label.items()}
     moving, held, tied = [], [], []
     for o in offered:
         if not o.label:
@@ -254,6 +263,7 @@ def unknowns(
                 raise ValueError(f"{o.label} is tied to {of}, which is tied itself.")
             if of not in inside:
                 raise ValueError(f"{o.label} is tied to {of}, which is several parameters.")
+            check_tie(o.label, factor, o.parameter, by_label[of])
             tied.append((o.parameter.name, factor, inside[of]))
             continue
         unknown, constant = unknown_of(o.parameter, o.label, said)

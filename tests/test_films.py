@@ -249,5 +249,26 @@ def test_free_form_index_of_a_surface():
     expected = simulate("tauc-lorentz", truth, 70.0, at, "psi")
     shown = found.predict(np.full(7, 70.0), "psi", at).value
     np.testing.assert_allclose(shown, expected, atol=0.5)
-    with pytest.raises(ValueError, match="spline over a spectrum; one wavelength came"):
-        simulate("kk-spline:12", dict.fromkeys(found.names, 1.0), 60.0, 0.5, "R")
+    # Its knots would be those of the points: another index at 0.5 um, whatever stands beside it.
+    for waves in (0.5, [0.5, 0.6]):
+        with pytest.raises(ValueError, match="not simulated without one"):
+            simulate("kk-spline:12", dict.fromkeys(found.names, 1.0), 60.0, waves, "R")
+
+
+def test_the_thickness_of_a_free_film_is_at_the_minimum():
+    """Exact data give the exact thickness; the search ended .17 nm beside it, and called that .02.
+
+    A place of the search that was the best one but for its last bit hid all that lay beyond.
+    """
+    angle, wave = (x.ravel() for x in np.meshgrid(np.arange(20.0, 81.0, 10.0), [0.45, 0.55, 0.65]))
+    true = {"A": 2.637, "B": 0.02, "thickness_nm": 39.838269257}
+    text = "air | cauchy:2 30 nm | Si"
+    R = {q: simulate(text, true, angle, wave, q) for q in ("R_s", "R_p")}
+    m = Measurement.from_columns(angle, wave, sigma=0.001, **R)
+    found = fit(m, "air | free 19.919..63.741 nm | Si", intervals="quadratic")
+    assert np.ravel(found.parameters["thickness_nm"].value)[0] == pytest.approx(39.838269257)
+    # At one wavelength thickness, eta and k are three unknowns of one fit, and of its covariance.
+    one = fit(m.where(m.wavelength_um == 0.55), "air | free 19.919..63.741 nm | Si")
+    assert one.parameters["thickness_nm"].value == pytest.approx(39.838269257)
+    assert one.dof == 11 and one.covariance.shape == (3, 3)
+    assert "thickness_nm" in str(one) and "thickness_nm" in str(found[0])

@@ -57,6 +57,10 @@ def test_arrays_meet_the_same_checks() -> None:
         ({"angle_deg": [10, 20], "R_s": np.nan}, "no measured value"),
         ({"angle_deg": [10, 20], "R_s": 0.1, "sigma": {"R_p": 0.1}}, "sigma has R_p"),
         ({"angle_deg": 10, "psi": 20, "polarizer_deg": 45}, "polarizer angle 45"),
+        ({"angle_deg": 10, "R_s": 0.1, "polarizer_deg": 45}, "polarizer angle 45"),
+        ({"angle_deg": 10, "psi": 100}, r"psi 100 degrees is outside \[0, 90\].$"),
+        ({"angle_deg": 10, "R": 10, "scale": 0.0}, "scale is 0; a factor above 0"),
+        ({"angle_deg": 10, "R": 10, "scale": np.nan}, "scale is nan; a factor above 0"),
     ],
 )
 def test_arrays_that_cannot_be_meant(arguments: dict[str, object], text: str) -> None:
@@ -75,3 +79,15 @@ def test_a_measurement_cannot_be_written_to() -> None:
     assert m.angle_deg[0] == 10.0
     with pytest.raises(ValueError, match="read-only"):
         m.where(m.quantity == "R_s").angle_deg[0] = 5.0
+
+
+def test_the_wavelengths_of_a_table_are_in_one_unit() -> None:
+    """Micrometres were taken for nanometres where a column of these was there too."""
+    table = {"angle_deg": [10, 20], "wavelength_nm": [400.0, 500.0], "R": [0.1, 0.2]}
+    assert Measurement.from_dataframe(table).wavelength_um.tolist() == [0.4, 0.5]
+    given = Measurement.from_dataframe(table, wavelength_um=0.6)
+    assert given.wavelength_um.tolist() == [0.6, 0.6]
+    with pytest.raises(MeasurementError, match="wavelength_um and wavelength_nm"):
+        Measurement.from_dataframe({**table, "wavelength_um": [0.4, 0.5]})
+    with pytest.raises(MeasurementError, match="named columns were wanted"):
+        Measurement.from_dataframe([0.1])  # type: ignore[arg-type]

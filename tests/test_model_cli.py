@@ -96,6 +96,7 @@ def test_pictures(plate, spectrum, tmp_path):
 
 
 @pytest.mark.parametrize(("options", "words"), [
+    (["--sample", ""], "has an empty medium"),  # once the default, free
     (["--free", "scale"], "scale is shared by all wavelengths"),
     (["--sample", "coshy"], "'coshy' is not an index"),
     (["--sample", "cauchy", "--fix", "A=1..2"], "this is what --bound takes"),

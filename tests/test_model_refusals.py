@@ -40,6 +40,16 @@ from fitting.parameters import Settings, check_settings, names_of, parse_setting
     ({"sample": "constant", "bounds": {"eta": (1, 2)}, "start": {"eta": 3}}, "from 1 to 2 was"),
     ({"sample": "drude", "bounds": {"width_ev": (0, 1)}, "start": {"width_ev": 0}}, "above 0 to 1"),
     ({"errors": "none"}, "errors is 'none'"),
+    ({"fixed": ["A"]}, r"fixed is \['A'\]; a mapping"),
+    ({"bounds": [("A", (1, 2))]}, "bounds is .*; a mapping"),
+    ({"tie": "A"}, "tie is 'A'; a mapping"),
+    ({"free": 3}, "free is 3; the name of a parameter"),
+    ({"start": [1.5, 0.1]}, r"start is \[1.5, 0.1\]; names"),
+    ({"seed": "a"}, "seed is 'a'; a whole number"),
+    ({"starts": True}, "starts is True"),
+    # Once k = -0.3, which fits as well.
+    ({"sample": "constant", "tie": {"k": "-0.2 * eta"}}, "a factor above 0 was wanted"),
+    ({"tie": {"A": (float("nan"), "B")}}, "the name of another parameter was wanted"),
 ])  # fmt: skip
 def test_refusals(options, words):
     m = Measurement.from_columns([45.0, 60.0], 0.5, R_s=[0.1, 0.2], R_p=[0.02, 0.01])

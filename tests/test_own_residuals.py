@@ -116,6 +116,13 @@ def test_what_means_nothing_is_refused():
         ({"loss": "cubes"}, "loss is 'cubes'"),
         ({"fixed": {"c": 1.0}}, "no parameter 'c'"),
         ({"data": (TIMES, np.ones((2, 30))), "batch": True}, "batch axes"),
+        ({"data": (1.0, 2.0), "batch": True}, "batch axes"),
+        ({"data": (TIMES + 1j, measured())}, "the data are complex"),  # i was left out
+        ({"parameters": {"a": (5.0, 0.0)}}, "the range"),
+        ({"parameters": {"a": {"start": (0.0, np.nan)}}}, "the range"),
+        ({"starts": 0}, "starts is 0"),
+        ({"seed": "a"}, "seed is 'a'"),
+        ({"tie": {name: name for name in DECAY}}, "is tied itself"),
     ):
         call = {"parameters": DECAY, "data": (TIMES, measured()), **arguments}
         with pytest.raises(ValueError, match=words):

@@ -1,11 +1,15 @@
 """What a model shows against the library's own functions, and each nuisance by hand."""
 
+from typing import Any
+
+import jax
 import numpy as np
 import pytest
 
-from fitting import simulate
+from fitting import Measurement, Sample, fit, simulate
 from fresnel_jax import powers
-from fresnel_jax.dispersion import Cauchy, DrudeLorentz
+from fresnel_jax.dispersion import Cauchy, DrudeLorentz, material
+from fresnel_jax.effective_medium import bruggeman
 from fresnel_jax.layers import slab
 from fresnel_jax.polarization import psi_delta
 
@@ -67,3 +71,88 @@ def test_refusals():
     for quantity in ("Delta", ["psi", "Delta"], "r_s"):  # once a number without meaning
         with pytest.raises(ValueError, match=r"no quantity .*; one of R_s, .*, psi, delta was"):
             simulate("Si", {}, 60.0, 0.5, quantity)
+    for angle in (100.0, -10.0, np.nan, "60", []):
+        with pytest.raises(ValueError, match=r"angles? of "):
+            simulate("Si", {}, angle, 0.5)
+    for wave in (-0.5, 0.0, np.inf, [0.5, -1.0], "0.5"):
+        with pytest.raises(ValueError, match="wavelength_um"):
+            simulate("air | 1.5 100 nm held | 3.5", {}, 10.0, wave)
+    with pytest.raises(ValueError, match=r"shapes \(2,\), \(\), \(3,\) came"):
+        simulate("Si", {}, [10.0, 20.0], [0.5, 0.6, 0.7])
+    none: Any = None
+    with pytest.raises(ValueError, match="parameters is None"):
+        simulate("Si", none, 10.0, 0.5)
+    with pytest.raises(ValueError, match="leaves its model open"):
+        simulate("auto", {}, 10.0, 0.5)
+
+
+def test_points_of_ones_own_do_not_change_the_sample():
+    # Once edge_ev was the highest energy of the points, and so k at 0.6 um that of what is beside.
+    tail: dict[str, Any] = {"A": 1.5, "k_edge": 0.1, "urbach_ev": 0.3}
+    with pytest.raises(ValueError, match="needs a value of edge_ev"):
+        simulate("cauchy-urbach:1", tail, 10.0, [0.5, 0.6])
+    tail["edge_ev"] = 2.0
+    both = simulate("cauchy-urbach:1", tail, 10.0, [0.5, 0.6])
+    assert both[1] == simulate("cauchy-urbach:1", tail, 10.0, 0.6)[0]
+    # A metal in the infrared: its plasma energy is 200 photons, and once was refused for that.
+    metal = {"eps_inf": 1.0, "plasma_ev": 9.0, "width_ev": 0.02}
+    energy = 1.2398419843320025 / 30.0
+    n = np.sqrt(1.0 - 81.0 / (energy * (energy + 0.02j)))
+    R = abs((1.0 - n) / (1.0 + n)) ** 2
+    assert simulate("drude", metal, 0.0, 30.0)[0] == pytest.approx(R, rel=1e-12)
+
+
+def test_light_from_a_material_is_computed_in_float64():
+    """The index of the first medium was float32: 6e-8 of it, and 4e-6 of R of a thick plate."""
+    wave = np.random.default_rng(5).uniform(0.4, 0.8, 20)
+    with jax.enable_x64(True):
+        water = material("water")(wave).eta
+        exact = powers(np.cos(np.radians(70.0)), 2.1, 0.0, water).R_s
+    found = simulate("water | 2.1", {}, 70.0, wave, "R_s")
+    np.testing.assert_allclose(found, exact, rtol=1e-13)
+
+
+def test_r_back_is_that_of_a_plate_between_equal_media():
+    """Elsewhere R of the front was given for it: .042 for .009 of a plate on water."""
+    for text in ("air | 1.5+1e-5i 1 mm thick | 1.33", "air | 1.5 1 mm thick | 2.0 1 mm thick | air",
+                 "air | 1.5 100 nm held | air"):  # fmt: skip
+        with pytest.raises(ValueError, match="R_back is not computed"):
+            simulate(text, {}, 10.0, 0.5, "R_back")
+    same = simulate("1.2 | 1.5+1e-5i 1 mm thick | 1.2", {}, 10.0, 0.5, ["R", "R_back"])
+    assert same[0] == same[1]
+
+
+def test_samples_that_mean_nothing():
+    for text in ("air | rough", "air | rough 2 mm thick | Si", "air | interface 3 nm graded | Si",
+                 "air | rough 2 nm | interface 3 nm | Si",
+                 "air | bruggeman(SiO2, water 60 % held, air 70 % held) 9 nm | Si",
+                 "air | bruggeman(SiO2, free 30 %) 9 nm | Si",
+                 "air | bruggeman(SiO2, rough 30 %) 9 nm | Si",
+                 "air | bruggeman(SiO2, water 30 %)) 9 nm | Si"):  # fmt: skip
+        with pytest.raises(ValueError, match=r"^the (sample|mixture) '"):
+            Sample.parse(text)
+    text = "air | bruggeman(1.5, 1.3 30 %, 1.7 30 %) 9 nm held | Si"
+    shares = {"fraction_1": 0.6, "fraction_2": 0.7}  # -30 % of the first: no number
+    assert np.isnan(simulate(text, shares, 10.0, 0.5)).all()
+
+
+def test_a_fit_is_evaluated_only_where_it_says_something():
+    sample, wave = "1.333 | rough 9 nm held | cauchy:2 100 nm | Si", np.linspace(0.4, 0.8, 25)
+    true: Any = {"film_2.A": 1.6, "film_2.B": 0.005, "film_2.thickness_nm": 100.0}
+    psi, delta = (simulate(sample, true, 70.0, wave, q) for q in ("psi", "delta"))
+    m = Measurement.from_columns(70.0, wave, psi=psi, delta=delta, sigma=0.01)
+    found = fit(m, sample, start=true, starts=1, intervals="quadratic")
+    # The wavelength that was not given was 1 um, and tables went on beyond their ends.
+    with pytest.raises(ValueError, match="give it"):
+        found.predict([30.0, 60.0], "R")
+    for ask in (lambda: found.predict(30.0, "R", 20.0), lambda: found.index(20.0, "substrate")):
+        with pytest.raises(ValueError, match="silicon is known from"):
+            ask()
+    with pytest.raises(ValueError, match="angle of incidence of 100"):
+        found.predict(100.0, "R", 0.5)
+    with pytest.raises(ValueError, match="R_back is not computed"):
+        found.predict(30.0, "R_back", 0.5)
+    # The rough layer is half water: it was taken for half air.
+    with jax.enable_x64(True):
+        half = bruggeman([1.333, 1.6 + 0.005 / 0.25], [0.0, 0.0], [0.5])
+    assert found.index(0.5, "film_1").eta[0] == pytest.approx(float(half.eta), rel=1e-9)

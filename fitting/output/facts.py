@@ -140,7 +140,7 @@ def correlation_text(fit: Fit) -> str:
     names, matrix = fit.names, fit.correlation
     pairs = [
         (float(matrix[i, j]), f"{_shown(fit, names[j])} and {_shown(fit, names[i])} ")
-        for i in range(len(names))
+        for i in range(len(matrix))  # one of many wavelengths is without the thickness of all
         for j in range(i)
         if np.isfinite(matrix[i, j])
     ]
