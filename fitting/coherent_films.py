@@ -55,6 +55,21 @@ def _once(z: Array) -> Array:
     return jax.lax.complex(*(x / jnp.where(x == x, 1.0, 2.0) for x in (z.real, z.imag)))
 
 
+def _reciprocal(z: Array) -> Array:
+    """Return 1 / z of what is neither huge nor tiny, for which XLA's division takes care."""
+    size = z.real * z.real + z.imag * z.imag
+    return jax.lax.complex(z.real / size, -z.imag / size)
+
+
+def _root(z: Array) -> Array:
+    """Return the root of a complex z with Im >= 0 that is neither huge nor tiny."""
+    size = jnp.sqrt(z.real * z.real + z.imag * z.imag)
+    large = jnp.sqrt(0.5 * (size + jnp.abs(z.real)))
+    small = 0.5 * z.imag / large
+    above = z.real >= 0.0
+    return jax.lax.complex(jnp.where(above, large, small), jnp.where(above, small, large))
+
+
 class _Boundary(NamedTuple):
     """A boundary: its own r and 1 / (Y + Y'), what comes back from below, and 1 / (1 + r G)."""
 
@@ -74,14 +89,14 @@ def _recursion(
     boundaries: list[_Boundary] = []
     below = t = admittance[-1]  # replaced at the last boundary
     for j in reversed(range(len(admittance) - 1)):
-        inverse = _once(1.0 / (admittance[j] + admittance[j + 1]))
+        inverse = _reciprocal(admittance[j] + admittance[j + 1])
         r = (admittance[j] - admittance[j + 1]) * inverse
         if j == len(passage):
             boundaries.append(_Boundary(r, inverse, 0.0, jnp.ones_like(r)))
             below, t = r, 1.0 + r
             continue
         G = _once(below * passage[j] * passage[j])
-        g = _once(1.0 / (1.0 + r * G))
+        g = _reciprocal(1.0 + r * G)
         boundaries.append(_Boundary(r, inverse, G, g))
         below, t = (r + G) * g, (1.0 + r) * g * passage[j] * t
     return Amplitudes(_once(below), _once(t)), boundaries[::-1]
@@ -114,7 +129,11 @@ def _derivatives(primals: Any, tangents: Any) -> tuple[Amplitudes, Amplitudes]:
             if not isinstance(step, SymbolicZero):
                 share = (2.0 * sign) * admittance[other] * inverse * inverse
                 # Of log t beside that: d log (1 + r) = (dY Y' / Y - dY') / (Y + Y').
-                more = admittance[1 + j] / admittance[j] * inverse if sign > 0.0 else -inverse
+                more = (
+                    admittance[1 + j] * _reciprocal(admittance[j]) * inverse
+                    if sign > 0.0
+                    else -inverse
+                )
                 d_r += _once(per_r * share) * step
                 d_log_t += _once(per_t * share + more) * step
         if j == len(phase):
@@ -135,7 +154,7 @@ amplitudes.defjvp(_derivatives, symbolic_zeros=True)
 
 def normal_index(z: Array) -> Array:
     """Return the index along the normal, the root of its square with Im >= 0."""
-    return _once(jnp.sqrt(jnp.where(z == 0.0, _SMALL, z)))
+    return _once(_root(jnp.where(z == 0.0, _SMALL, z)))
 
 
 def admittances(
@@ -158,7 +177,10 @@ def admittances(
     shape = jnp.broadcast_shapes(front.shape, *(z.shape for z in q))
     k0 = 2.0 * jnp.pi / wavelength_um
     phase = [1j * (k0 * d) * z for d, z in zip(thickness_um, q[:-1], strict=True)]
-    for_p = [front / (eta_i * eta_i), *(_once(z / n2) for z, n2 in zip(q, squares, strict=True))]
+    for_p = [
+        front / (eta_i * eta_i),
+        *(_once(z * _reciprocal(n2)) for z, n2 in zip(q, squares, strict=True)),
+    ]
     whole = [[jnp.broadcast_to(z, shape) for z in each] for each in ([front, *q], for_p, phase)]
     return tuple(whole[0]), tuple(whole[1]), tuple(whole[2])
 
@@ -169,18 +191,20 @@ def films(
     index: Sequence[Array],
     thickness_um: Sequence[Array],
     wavelength_um: Array,
+    normal: bool = False,
 ) -> Films:
     """Return R, T and r of coherent layers, at cosines c in a transparent medium eta_i.
 
-    index: complex, of the L layers and the medium behind; thickness_um: of the layers. Absolute
+    index: complex, of the L layers and the medium behind; thickness_um: of the layers. normal:
+    whether all cosines are 1 and r_p is not asked for: then what s shows is that of both. Absolute
     error: 1e-13 times the phase of the films in radians; 1e-8 at a layer's critical angle.
     """
     s, p, phase = admittances(c, eta_i, index, thickness_um, wavelength_um)
     out = []
-    for admittance in (s, p):
+    for admittance in (s,) if normal else (s, p):
         found = amplitudes(admittance, phase)
         R = found.r.real**2 + found.r.imag**2
         T = (found.t.real**2 + found.t.imag**2) * admittance[-1].real / admittance[0].real
         out.append((R, T, found.r))
-    (R_s, T_s, r_s), (R_p, T_p, r_p) = out
+    (R_s, T_s, r_s), (R_p, T_p, r_p) = out[0], out[-1]
     return Films(R_s, R_p, T_s, T_p, r_s, r_p)

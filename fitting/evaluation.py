@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from fitting.film_programs import slopes_in_parts
 from fitting.measurement import QUANTITIES, Measurement
 from fitting.observations import Observations, observations, padded
 from fitting.observe import NCS
-from fitting.problem import Targets, index_slopes, linearised, without_data
+from fitting.problem import Targets, index_slopes, without_data
 from fitting.result import Evaluator, IndexBand, Prediction
 from fitting.sample import Sample
 from fitting.sample_checks import check_known
@@ -216,7 +217,9 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
         outside = index_outside(at.sample, seen.points.wavelength_um)
         u, targets = u._replace(spec=spec), targets._replace(points=seen.points, eta_i=outside)
     with jax.enable_x64(True):
-        value, slope = (np.asarray(a) for a in linearised(without_data(targets), at.y, spec=u.spec))
+        value, slope = (
+            np.asarray(a) for a in slopes_in_parts(without_data(targets), at.y, spec=u.spec)
+        )
     error = _error(slope, at.covariance)
     channels = [c for c in seen.channels if c != NCS]
     sigma = np.empty(len(seen.row))

@@ -10,6 +10,7 @@ import numpy as np
 
 from fitting.compiled import compiled
 from fitting.film_parts import followed_to_half, joined, parts
+from fitting.film_programs import eta_in_parts, eta_moves
 from fitting.fringes import likely_thicknesses, phase_rate
 from fitting.minima import ALTERNATIVE_CHI2
 from fitting.observe import NCS, Spec, medium_index
@@ -92,11 +93,14 @@ def _curves(seen: Observations) -> tuple[np.ndarray, np.ndarray]:
 
 def _rates(fit: Solving, film: _Film, y: np.ndarray) -> np.ndarray:
     """Return the phase rate of every lane of y (p, L), (L, M)."""
-    points, held = fit.seen.points, fit.u.held
+    points, spec, medium = fit.seen.points, fit.u.spec, film.medium
     with jax.enable_x64(True):
-        eta = np.asarray(_eta_of(
-            y, held, points.wavelength_um, fit.targets.eta_i, spec=fit.u.spec, medium=film.medium,
-        ))  # fmt: skip
+        if eta_moves(spec, medium):
+            eta = eta_in_parts(fit.targets, y, medium, spec=spec)
+        else:
+            eta = np.asarray(_eta_of(
+                y, fit.u.held, points.wavelength_um, fit.targets.eta_i, spec=spec, medium=medium,
+            ))  # fmt: skip
     eta_i = np.broadcast_to(fit.targets.eta_i, points.wavelength_um.shape)[:, 0]
     rate = phase_rate(eta.T, points.wavelength_um[:, 0], points.angle_deg[:, 0], eta_i)
     return np.where(np.isfinite(rate), rate, 1.0)

@@ -39,7 +39,7 @@ from fitting.search import ERRORS, Asked, Solving, solved
 from fitting.starts import LANES, Ends, given_start, start_at, usual_starts
 from fitting.starts import starts as start_points
 from fitting.stated_errors import with_common_error
-from fitting.thinned import followed_with_all, with_fewer_wavelengths
+from fitting.thinned import FOLLOWED, followed_with_all, with_fewer_wavelengths
 from fitting.uncertainty.intervals import check_intervals
 from fitting.unknowns import index_outside, spectrum_of, unknowns
 from fitting.wavelengths import check_wavelengths, fit_wavelengths
@@ -87,17 +87,22 @@ def _key_of(fit: Solving, start: np.ndarray) -> Hashable:
     return fit.u.spec, fit.asked.loss, fit.asked.scaled, *(np.asarray(a).tobytes() for a in own)
 
 
-def _searched(job: Solving, points: np.ndarray) -> tuple[Ends, float]:
-    """Return the ends of the starts and of those beside them, and the noise they were run at."""
+def _searched(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, float]:
+    """Return the ends of the starts and of those beside them, and the noise they were run at.
+
+    few: the same fit, or one of some of the data, whose ends are then followed with all.
+    """
     known = job.asked.ends
     key = None if known is None else _key_of(job, points)
     if known is not None and key in known:
         return known[key]
-    ends, noise = solved(job, points)
-    found = with_neighbours(job, ends, points, noise), noise
+    ends, noise = solved(few, points)
+    ends = with_neighbours(few, ends, points, noise)
+    if few is not job:
+        ends = followed_with_all(job, few, ends)
     if known is not None:
-        known[key] = found
-    return found
+        known[key] = ends, noise
+    return ends, noise
 
 
 def _shared(
@@ -126,9 +131,9 @@ def _shared(
         points = np.concatenate([points, film_starts(few, points)], 1)
     job.starts = few.starts = points.shape[1]
     job.lanes = min(job.starts, LANES)
-    ends, noise = _searched(few, points)
     if few is not job:
-        ends = followed_with_all(job, few, ends)
+        job.lanes = FOLLOWED
+    ends, noise = _searched(job, few, points)
     notes = missing_errors(measurements, asked.errors)
     return fit_of(job, ends, noise, Subject(sample, tuple(measurements), notes))
 

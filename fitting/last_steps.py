@@ -17,8 +17,13 @@ _STEPS, _EVALUATIONS = 3, 200
 _FALL = 1e-4
 
 
-def polished(fit: Solving, y: np.ndarray, noise: float, scaled: bool) -> tuple[np.ndarray, Slopes]:
-    """Return where the cost next to y (p,) is lowest, and the derivatives there."""
+def polished(
+    fit: Solving, y: np.ndarray, noise: float, scaled: bool, valley: bool = True
+) -> tuple[np.ndarray, Slopes]:
+    """Return where the cost next to y (p,) is lowest, and the derivatives there.
+
+    valley: whether a bent one is followed.
+    """
     s = fit.slopes(y)
     finite = np.isfinite(s.residual).all() and np.isfinite(s.jacobian).all()
     if fit.u.spec.loss != "squares" or not finite:
@@ -30,7 +35,9 @@ def polished(fit: Solving, y: np.ndarray, noise: float, scaled: bool) -> tuple[n
         there = fit.slopes(trial)
         found = fit.cost(there, trial, noise)
         if not (found < cost and np.isfinite(there.jacobian).all()):
-            if float(np.sum((s.jacobian @ step / noise) ** 2)) > _FALL * _unit(fit, cost):
+            if valley and float(np.sum((s.jacobian @ step / noise) ** 2)) > _FALL * _unit(
+                fit, cost
+            ):
                 return _along_the_valley(fit, y, s, noise)
             break
         y, s, cost = trial, there, found

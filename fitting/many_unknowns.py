@@ -7,6 +7,8 @@ fifth slower per iteration.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 from jax import Array
@@ -52,3 +54,26 @@ def solve_lanes(matrix: Array, rhs: Array, free: Array) -> Array:
 
     x = jax.lax.fori_loop(0, p, substitute, none)
     return jnp.where(free, x, 0.0)
+
+
+def two_steps(
+    damped: Array, gradient: Array, y: Array, lower: Array, upper: Array, out_of: Callable
+) -> tuple[Array, Array]:
+    """Return the two steps of `solver.bounded_step`, its three solutions in a loop.
+
+    The first one finds what is left out, the second one the step, the third one what the others do
+    where it is cut. In a loop half as much is compiled (of 16 unknowns .8 s for 1.4).
+    """
+
+    def solved(i: Array, carry: tuple[Array, ...]) -> tuple[Array, ...]:
+        free, held, step, _ = carry
+        by_held = jnp.where(held[None] == 0.0, 0.0, damped * held[None]).sum(1)
+        found = solve_lanes(damped, -gradient - by_held, free)
+        step = jnp.where(i == 1, found, step)
+        cut = (i == 1) & ((y + step < lower) | (y + step > upper))
+        free = free & jnp.where(i == 0, ~out_of(found), ~cut)
+        return free, jnp.where(cut, jnp.clip(y + step, lower, upper) - y, 0.0), step, held + found
+
+    none = jnp.zeros_like(y)
+    *_, step, along = jax.lax.fori_loop(0, 3, solved, (~out_of(-gradient), none, none, none))
+    return step, along

@@ -58,7 +58,8 @@ class Media(NamedTuple):
 
     index: a `Model`, a `Mixture`, the name of a material or its file. places: their names.
     coherent: of each layer. closed: whether the last medium is the first one again. graded: of each
-    layer, whether its index changes with depth.
+    layer, whether its index changes with depth. normal: whether light comes along the normal and
+    only powers are asked for.
     """
 
     index: tuple[Model | Mixture | Known, ...]
@@ -66,6 +67,7 @@ class Media(NamedTuple):
     coherent: tuple[bool, ...] = ()
     closed: bool = False
     graded: tuple[bool, ...] = ()
+    normal: bool = False
 
     @property
     def bare(self) -> bool:
@@ -102,7 +104,7 @@ class Spec(NamedTuple):
         return out | {name: factor * out[of] for name, factor, of in self.tied}
 
 
-def _at_rows(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) -> list[list[Pair]]:
+def indices(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) -> list[list[Pair]]:
     """Return eta and k of every medium after the first, of its slices from above, at every row."""
     repeated = points.place is not None
     at = jnp.asarray(points.distinct_um if repeated else points.wavelength_um)
@@ -175,7 +177,7 @@ def boundary(
     elif media.coherent == (False,) and media.closed:
         found = slab(c, *index[0][0], thicknesses[0], wavelength_um, eta_i)
     elif all(coherent) and len(layers) <= FEW_LAYERS:
-        found = films(c, eta_i, media_index, thicknesses, wavelength_um)
+        found = films(c, eta_i, media_index, thicknesses, wavelength_um, media.normal)
     else:
         media_index = [jnp.asarray(eta_i, float) + 0.0j, *media_index]
         found = stack(c, media_index, thicknesses, wavelength_um, coherent)
@@ -199,12 +201,13 @@ def _ellipse(rho: Array) -> tuple[Array, Array, Array]:
 
 
 def predicted(
-    spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any, directions: int = 1
-) -> dict[str, Any]:
+    spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any, directions: int = 1,
+    index: list[list[Pair]] | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """Return what is seen of each channel, (M, L); of `NCS` a list of three.
 
     v: every parameter, (L,); an instrument parameter that is left out is neutral. directions: in
-    how many derivatives are going to be asked for.
+    how many derivatives are going to be asked for. index: that of all media, where it is known.
     """
     if "bandwidth" in v:
         shifts, shares = slit(v)
@@ -213,7 +216,7 @@ def predicted(
         )
         light = jax.tree.map(lambda x: jnp.tensordot(shares, x, 1), each)
     else:
-        light = _light(spec, v, points, eta_i, directions)
+        light = _light(spec, v, points, eta_i, directions, index)
     ideal = light._asdict()
     out: dict[str, Any] = {
         channel: detected(v, channel, ideal, points.s_share, (own, points.file))
@@ -245,14 +248,15 @@ def _shifted(points: Points, shift: Array) -> Points:
 
 
 def _light(
-    spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any, directions: int
-) -> Light:
+    spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any, directions: int,
+    index: list[list[Pair]] | None = None,
+) -> Light:  # fmt: skip
     """Return the light of one wavelength at every row, (M, L), summed over the beam.
 
     ellipse: where light is mixed times the intensity R_s + R_p, since cos 2psi of a mixture is that
     of the summed intensities.
     """
-    index = _at_rows(spec, v, points, eta_i)
+    index = index or indices(spec, v, points, eta_i)
     c, weights = cosines(v, points.angle_deg)
     sizes = {name: x for name, x in v.items() if ".thickness_" in name}
     at = c, index, sizes, jnp.asarray(points.wavelength_um), jnp.asarray(eta_i)

@@ -15,7 +15,7 @@ import numpy as np
 import optimistix as optx
 from jax import Array
 
-from fitting.compiled import compiled
+from fitting.compiled import compiled, in_turn
 from fitting.observe import NCS, Points, Spec, medium_index, predicted
 from fitting.parameters import to_parameter
 from fitting.solver import BatchLevenbergMarquardt
@@ -82,7 +82,7 @@ def without_data(targets: Targets) -> Targets:
     )  # fmt: skip
 
 
-def _robust(loss: str, r: Array) -> Array:
+def robust(loss: str, r: Array) -> Array:
     """Return f(r) with f^2 = the loss of the residual r in standard deviations; f'(0) near 1.
 
     Huber: r^2 up to c, then 2c|r| - c^2. Student: (nu + 1) log(1 + r^2 / nu), over its curvature.
@@ -109,6 +109,11 @@ def _raw_residuals(spec: Any, y: Array, targets: Targets) -> list[Array]:
         return spec.raw(y, targets)
     values = spec.values(y, targets.held)
     found = predicted(spec, values, targets.points, targets.eta_i, directions=len(spec.moving))
+    return weighted(spec, found, targets)
+
+
+def weighted(spec: Spec, found: Mapping[str, Any], targets: Targets) -> list[Array]:
+    """Return the weighted residuals of what each channel shows, as `_raw_residuals` has them."""
     powers = [c for c in spec.channels if c != NCS]
     out = [
         (found[c] - v) * w for c, v, w in zip(powers, targets.values, targets.weights, strict=True)
@@ -130,7 +135,7 @@ class Residuals(NamedTuple):
     spec: Spec
 
     def __call__(self, y: Array, targets: Targets) -> tuple[tuple[Array, ...], None]:
-        out = [_robust(self.spec.loss, r) for r in _raw_residuals(self.spec, y, targets)]
+        out = [robust(self.spec.loss, r) for r in _raw_residuals(self.spec, y, targets)]
         if self.spec.priors:
             x = jnp.stack(to_parameter(self.spec.coordinates, y))
             off = (x - targets.prior[:, None]) * targets.prior_weight[:, None]
@@ -157,7 +162,7 @@ def _solve(
     return solution.value, cost, done, stats["evaluations"], stats["damping"]
 
 
-def _rows(spec: Spec, found: Mapping[str, Any], shape: tuple[int, int]) -> Array:
+def rows_of(spec: Spec, found: Mapping[str, Any], shape: tuple[int, ...]) -> Array:
     """Return all channels one upon the other, (K, M, L); K counts NCS as three."""
     rows = [row for c in spec.channels for row in (found[c] if c == NCS else [found[c]])]
     return jnp.stack([jnp.broadcast_to(row, shape) for row in rows])
@@ -174,7 +179,7 @@ def _linearised(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, Array
         values = spec.values(lanes, targets.held)
         found = predicted(spec, values, targets.points, targets.eta_i)
         shape = (targets.points.angle_deg.shape[0], lanes.shape[1])
-        return _rows(spec, found, shape)
+        return rows_of(spec, found, shape)
 
     value, slope = jax.jvp(seen, (jnp.broadcast_to(y[:, None], (p, p)),), (jnp.eye(p),))
     return value[..., 0], slope
@@ -184,7 +189,7 @@ def _shown(points: Points, held: Array, eta_i: Array, *, spec: Spec) -> Array:
     """Return what each channel shows with every parameter held, (K, M)."""
     found = predicted(spec, spec.values(jnp.zeros((0, 1)), held), points, eta_i)
     shape = (points.angle_deg.shape[0], 1)
-    return _rows(spec, found, shape)[..., 0]
+    return rows_of(spec, found, shape)[..., 0]
 
 
 def _index(
@@ -204,7 +209,7 @@ def _index(
     return value[..., 0], slope
 
 
-solve = compiled(_solve, ("spec",))
-linearised = compiled(_linearised, ("spec",))
+solve = in_turn(compiled(_solve, ("spec",)))
+linearised = in_turn(compiled(_linearised, ("spec",)))
 shown = compiled(_shown, ("spec",))
 index_slopes = compiled(_index, ("spec", "medium"))

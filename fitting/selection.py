@@ -21,7 +21,6 @@ import numpy as np
 
 from fitting.candidates import MARGIN, Candidate, Choice, Key, decide, simplest
 from fitting.diagnostics import Finding
-from fitting.dispersion import Model, parse_model
 from fitting.fits import check_choices, fit_checked, measurements_of
 from fitting.instrument import INSTRUMENT, instrument_parameter
 from fitting.measurement import Measurement, concatenate
@@ -35,7 +34,6 @@ from fitting.sample_choice import choose_sample, several_samples
 from fitting.search import Asked
 from fitting.starts import Ends
 from fitting.uncertainty.intervals import QUADRATIC, check_intervals
-from fitting.wider_models import wider
 
 MOST_TERMS = 4
 _OPTIONS = ("bounds", "priors", "tie", "loss", "errors", "starts", "start", "seed")
@@ -224,19 +222,13 @@ class _Search:
         for key in new:
             self.progress(key.label)
             tell(key.label)
-        programs: dict[tuple[Model, bool], list[Key]] = {}
-        for key in new:
-            which = wider(parse_model(key.model)), bool(key.free)
-            programs.setdefault(which, []).append(key)
-
-        def each(alike: list[Key]) -> list[Candidate]:
-            return [Candidate(key, self.run(key)) for key in alike]
-
         if new:
-            # A program is compiled on one core.
-            with ThreadPoolExecutor(min(len(programs), os.cpu_count() or 1)) as pool:
-                for alike in pool.map(each, programs.values()):
-                    self.tried |= {c.key: c for c in alike}
+            # A program is compiled on one core, and so are the lanes of a search run.
+            with ThreadPoolExecutor(min(len(new), os.cpu_count() or 1)) as pool:
+                found = pool.map(self.run, new)
+                self.tried |= {
+                    key: Candidate(key, fit) for key, fit in zip(new, found, strict=True)
+                }
         return [self.tried[key] for key in keys]
 
     def best(self) -> Candidate:

@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
 from jax import Array
 from jaxtyping import PyTree
@@ -63,8 +64,17 @@ def unpack(sums: Array, p: int) -> tuple[Array, Array, Array]:
     """Return cost (L,), gradient J^T r (p, L) and matrix J^T J (p, p, L) of packed sums."""
     at = {pair: i for i, pair in enumerate(_pairs(p))}
     span = range(1, p + 1)
-    matrix = [jnp.stack([sums[at[min(i, j), max(i, j)]] for j in span]) for i in span]
+    where = [[at[min(i, j), max(i, j)] for j in span] for i in span]
+    if p > FEW_UNKNOWNS:
+        return sums[0], sums[1 : p + 1], sums[np.array(where)]
+    matrix = [jnp.stack([sums[i] for i in row]) for row in where]
     return sums[0], sums[1 : p + 1], jnp.stack(matrix)
+
+
+def packed(matrix: Array) -> Array:
+    """Return the sums of a whole matrix (p + 1, p + 1, L) of [residual, J]^T [residual, J]."""
+    pairs = np.array(_pairs(len(matrix) - 1))
+    return matrix[pairs[:, 0], pairs[:, 1]]
 
 
 def normal_sums(fn: Callable, y: Array, args: PyTree) -> Array:
@@ -91,7 +101,7 @@ def _add(a: Sequence[Array], b: Sequence[Array]) -> list[Array]:
     return [u + v for u, v in zip(a, b, strict=True)]
 
 
-@jax.jit  # traced and lowered once for its three uses
+@jax.jit  # traced and lowered once for its uses
 def solve_lanes(matrix: Array, rhs: Array, free: Array) -> Array:
     """Return x with ``matrix x = rhs`` in each lane over the ``free`` unknowns, 0 for the others.
 
@@ -141,20 +151,23 @@ def bounded_step(
     def fall_of(step: Array) -> Array:
         return -((2.0 * gradient + (matrix * step[None]).sum(1)) * step).sum(0)
 
-    # What lies on a bound and pulls, or is pushed by the others, outwards, is left out.
-    free = ~out_of(-gradient)
-    free &= ~out_of(solve_lanes(damped, -gradient, free))
-    step = solve_lanes(damped, -gradient, free)
+    if p > FEW_UNKNOWNS:
+        step, along = many_unknowns.two_steps(damped, gradient, y, lower, upper, out_of)
+    else:
+        # What lies on a bound and pulls, or is pushed by the others, outwards, is left out.
+        free = ~out_of(-gradient)
+        free &= ~out_of(solve_lanes(damped, -gradient, free))
+        step = solve_lanes(damped, -gradient, free)
+        # To the bound, and there the best of the others: nearly always the better one, but not if
+        # two bounds are crossed.
+        cut = (y + step < lower) | (y + step > upper)
+        held = jnp.where(cut, jnp.clip(y + step, lower, upper) - y, 0.0)
+        pulled = gradient + (damped * held[None]).sum(1)
+        along = held + solve_lanes(damped, -pulled, free & ~cut)
     # As far as the first bound: always a gain.
     ahead = jnp.where(step > 0.0, upper - y, lower - y)
     room = jnp.where(step == 0.0, jnp.inf, ahead / jnp.where(step == 0.0, 1.0, step))
     short = step * jnp.minimum(room.min(0), 1.0)
-    # To the bound, and there the best of the others: nearly always the better one, but not if two
-    # bounds are crossed.
-    cut = (y + step < lower) | (y + step > upper)
-    held = jnp.where(cut, jnp.clip(y + step, lower, upper) - y, 0.0)
-    pulled = gradient + (damped * held[None]).sum(1)
-    along = held + solve_lanes(damped, -pulled, free & ~cut)
     along = jnp.clip(y + along, lower, upper) - y
     gain_short, gain_along = fall_of(short), fall_of(along)
     better = gain_along >= gain_short
@@ -191,9 +204,12 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         holds one copy of the residual function and not two (compiling one takes half a second).
         """
         del fn, args, f_struct, aux_struct, tags
+        return self.begun(y, options.get("damping", jnp.zeros_like(y[0]) + START_DAMPING))
+
+    def begun(self, y: Array, damping: Array) -> BatchState:
+        """Return the state before the start."""
         p, none = y.shape[0], jnp.zeros_like(y[0])
         sums = jnp.zeros((len(_pairs(p)), *none.shape), y.dtype).at[0].set(jnp.inf)
-        damping = options.get("damping", none + START_DAMPING)
         count = jnp.zeros(none.shape, jnp.int32)
         zero = jnp.zeros_like(y)
         return BatchState(sums, damping, zero, none, zero, none > 0.0, count, jnp.array(0))
@@ -201,9 +217,19 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     def step(self, fn, y, args, options, state, tags):
         """Return (y, state) after one trial step of every lane that is not done."""
         del tags
+        trial = self.next_trial(y, options, state)
+        return *self.advanced(y, trial, normal_sums(fn, trial, args), options, state), None
+
+    def next_trial(self, y: Array, options: dict[str, Any], state: BatchState) -> Array:
+        """Return where each lane is evaluated next, (p, L)."""
+        trial = jnp.clip(y + state.trial, options["lower"], options["upper"])
+        return jnp.where(state.done, y, trial)
+
+    def advanced(
+        self, y: Array, trial: Array, sums: Array, options: dict[str, Any], state: BatchState
+    ) -> tuple[Array, BatchState]:
+        """Return (y, state) after a trial whose normal equations are known."""
         lower, upper = options["lower"], options["upper"]
-        trial = jnp.where(state.done, y, jnp.clip(y + state.trial, lower, upper))
-        sums = normal_sums(fn, trial, args)
         fell = state.sums[0] - sums[0]
         better = (fell > 0.0) & ~state.done
         gain = fell / jnp.where(state.promised > 0.0, state.promised, 1.0)
@@ -236,7 +262,6 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
                 state.evaluations + jnp.where(state.done, 0, 1).astype(jnp.int32),
                 state.steps + 1,
             ),
-            None,
         )
 
     def terminate(self, fn, y, args, options, state, tags):

@@ -13,9 +13,10 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from fitting.film_programs import solved_in_parts
 from fitting.observe import Spec
 from fitting.parameters import LOG, SQUARE, Parameter, from_parameter, plain_name
-from fitting.problem import Bounds, Targets, solve
+from fitting.problem import Bounds, Targets
 from fitting.progress import tell
 from fitting.solver import START_DAMPING
 
@@ -169,7 +170,7 @@ def _stage(
 ) -> tuple[Ends, np.ndarray]:
     """Return where the lanes are after at most ``steps`` evaluations, and their damping."""
     with jax.enable_x64(True):
-        out = solve(targets, y, damping, bounds, np.int64(steps), spec=spec)
+        out = solved_in_parts(targets, y, damping, bounds, np.int64(steps), spec=spec)
         y, cost, done, evaluations, damping = (np.array(a) for a in out)
     tell()
     return Ends(y, np.where(np.isfinite(cost), cost, np.inf), done, evaluations), damping

@@ -15,6 +15,7 @@ import numpy as np
 from fitting.film_starts import films_of
 from fitting.last_steps import polished
 from fitting.measurement import Measurement
+from fitting.minima import ALTERNATIVE_CHI2
 from fitting.observations import Observations, observations
 from fitting.problem import targets_of
 from fitting.sample import Sample
@@ -28,7 +29,7 @@ from fitting.unknowns import index_outside
 _LEAST, _PHASE, _ETA = 120, 0.25, 3.0
 # Ends that are followed with all data: up to so many, less than that many units of chi2 (of the
 # thinned data) above the lowest. In the thinned data a minimum may lie some units off its place.
-_FOLLOWED, _NEAR = 16, 40.0
+FOLLOWED, _NEAR = 16, 40.0
 # Ends closer than that in chi2 and in every coordinate are one.
 _SAME_CHI2, _SAME_PLACE = 0.02, 1e-3
 # An end has come to rest where a step promises less, in units of chi2.
@@ -90,7 +91,7 @@ def with_fewer_wavelengths(
 
 def _at_rest(fit: Solving, y: np.ndarray) -> tuple[np.ndarray, float, bool]:
     """Return y (p,) at the minimum of all data beside it, the cost there, and whether it rests."""
-    y, s = polished(fit, y, 1.0, fit.asked.scaled)
+    y, s = polished(fit, y, 1.0, fit.asked.scaled, valley=False)
     cost = fit.cost(s, y, 1.0)
     if not (np.isfinite(cost) and np.isfinite(s.jacobian).all()):
         return y, np.inf, False
@@ -102,10 +103,9 @@ def _at_rest(fit: Solving, y: np.ndarray) -> tuple[np.ndarray, float, bool]:
 def followed_with_all(fit: Solving, few: Solving, ends: Ends) -> Ends:
     """Return ``ends`` of the fit ``few``, the lowest of them at their minima of all data.
 
-    By undamped steps; where those of the lowest one come to no rest, by the solver. The other ends
+    By undamped steps; where one that might be shown comes to no rest, by the solver. The other ends
     keep their place, and their cost is scaled to the number of data.
     """
-    fit.lanes = _FOLLOWED
     if not np.isfinite(ends.cost).any():
         return ends
     unit = max(1e-300, float(ends.cost.min()) / max(few.dof, 1))
@@ -123,12 +123,13 @@ def followed_with_all(fit: Solving, few: Solving, ends: Ends) -> Ends:
                 break
         else:
             groups.append([lane])
-    groups, left = groups[:_FOLLOWED], [lane for g in groups[_FOLLOWED:] for lane in g]
+    groups, left = groups[:FOLLOWED], [lane for g in groups[FOLLOWED:] for lane in g]
     cost[left], done[left] = np.inf, False
     found = [_at_rest(fit, ends.y[:, group[0]]) for group in groups]
-    if not min(found, key=lambda one: one[1])[2]:
+    shown = min(one[1] for one in found) + ALTERNATIVE_CHI2 * unit
+    if not all(rests for _, least, rests in found if least <= shown):
         start = np.stack([one[0] for one in found], 1)
-        more = fit.run(start[:, np.arange(_FOLLOWED) % len(groups)], 1.0)
+        more = fit.run(start[:, np.arange(FOLLOWED) % len(groups)], 1.0)
         found = list(zip(more.y.T, more.cost.tolist(), more.done.tolist(), strict=True))
     for group, (place, least, rests) in zip(groups, found, strict=False):
         y[:, group], cost[group], done[group] = place[:, None], least, rests

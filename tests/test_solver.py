@@ -11,6 +11,7 @@ from fitting.solver import (
     BatchLevenbergMarquardt,
     bounded_step,
     normal_sums,
+    packed,
     solve_lanes,
     unpack,
 )
@@ -206,6 +207,21 @@ def test_bounded_step_gains_over_the_box_wherever_there_is_a_gain(p):
     # It need not be the best step, but nothing gained must mean that the lane has arrived.
     assert np.all(fall[best > 1e-6] > 1e-9)
     assert (fall / best)[best > 1e-6].mean() > 0.9
+
+
+def test_the_step_of_many_unknowns_is_that_of_few(monkeypatch):
+    p, lanes, rng = 8, 500, np.random.default_rng(8)
+    half = rng.standard_normal((p + 1, p + 2, lanes))
+    sums = packed(jnp.asarray(np.einsum("iml,jml->ijl", half, half)))
+    y, pick = rng.uniform(0.0, 1.0, (2, p, lanes))
+    y = jnp.asarray(np.where(pick < 0.3, 0.0, np.where(pick > 0.8, 1.0, y)))
+    at = y, sums, jnp.zeros_like(y), jnp.ones_like(y), jnp.full(lanes, 1e-3)
+    many = bounded_step(*at)
+    monkeypatch.setattr("fitting.solver.FEW_UNKNOWNS", p)
+    few = bounded_step(*at)
+    assert np.abs(few[0]).max() > 0.1
+    for a, b in zip(many, few, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-8, atol=1e-10)
 
 
 def test_float32_stays_float32():

@@ -7,10 +7,11 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from fitting.film_programs import slopes_in_parts
 from fitting.observations import Observations
 from fitting.observe import NCS
 from fitting.parameters import value_and_slope
-from fitting.problem import HUBER, STUDENT, Targets, linearised, without_data
+from fitting.problem import HUBER, STUDENT, Targets, without_data
 from fitting.unknowns import Unknowns
 
 # A direction in which the data change by less than this share of what they change along the best
@@ -38,7 +39,9 @@ class Slopes(NamedTuple):
 def slopes_at(u: Unknowns, seen: Observations, targets: Targets, y: np.ndarray) -> Slopes:
     """Return residuals and derivatives with respect to the solver's coordinates y (p,)."""
     with jax.enable_x64(True):
-        value, slope = (np.asarray(a) for a in linearised(without_data(targets), y, spec=u.spec))
+        value, slope = (
+            np.asarray(a) for a in slopes_in_parts(without_data(targets), y, spec=u.spec)
+        )
     residual, jacobian, plain, kind = [], [], [], []
     powers = [c for c in seen.channels if c != NCS]
     for i, (channel, v, w) in enumerate(zip(powers, seen.values, seen.weights, strict=True)):

@@ -1,0 +1,122 @@
+"""What the optics of coherent films depend on: indices, thicknesses, instrument; derivatives."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from fitting.coherent_films import FEW_LAYERS
+from fitting.known_media import Mixture
+from fitting.observe import NCS, Points, Spec, indices
+from fitting.oscillator_slopes import has_slopes, oscillator_slopes
+
+
+class Core(NamedTuple):
+    """What the optics depend on beside numbers; hashable.
+
+    spec: without model and unknowns. indices: of which media eta and k move. moving, held: names of
+    thicknesses and of instrument parameters.
+    """
+
+    spec: Spec
+    indices: tuple[int, ...]
+    moving: tuple[str, ...]
+    held: tuple[str, ...]
+
+
+def has_parts(spec: Any) -> bool:
+    """Whether a fit runs in the programs of this module: of few coherent films, in one file."""
+    if not isinstance(spec, Spec) or not spec.media.coherent or spec.priors:
+        return False
+    simple = not any(isinstance(m, Mixture) for m in spec.media.index)
+    simple &= not any(spec.media.graded) and all(len(c) == 1 for c in spec.curves)
+    simple &= not {"divergence", "bandwidth"} & {*spec.moving, *spec.held}
+    return simple and all(spec.media.coherent) and len(spec.media.coherent) <= FEW_LAYERS
+
+
+@functools.lru_cache(maxsize=256)
+def core_of(spec: Spec, normal: bool) -> Core:
+    names = (*spec.moving, *(name for name, _, _ in spec.tied))
+    media = spec.media
+    of_index = tuple(
+        i for i, place in enumerate(media.places)
+        if any(n.startswith(f"{place}.") and ".thickness_" not in n for n in names)
+    )  # fmt: skip
+    moving, held = (
+        tuple(n for n in some if ".thickness_" in n or "." not in n) for some in (names, spec.held)
+    )
+    normal = normal and NCS not in spec.channels and "angle_offset" not in (*moving, *held)
+    known = media._replace(index=("",) * len(media.index), normal=normal)  # type: ignore
+    core = spec._replace(media=known, moving=(), coordinates=(), held=(), tied=())
+    return Core(core, of_index, moving, held)
+
+
+def _oscillators(
+    spec: Spec, medium: int, v: Mapping[str, Array], points: Points, index: tuple[Array, Array]
+) -> dict[str, tuple[Array, Array]]:
+    """Return the derivatives of eta and k (M, L) by each parameter of a medium of oscillators."""
+    head = f"{spec.media.places[medium]}."
+    own = {n.removeprefix(head): x for n, x in v.items() if n.startswith(head)}
+    which: Any = spec.media.index[medium]
+    slopes = oscillator_slopes(which, own, points.wavelength_um, *index)
+    return {head + name: both for name, both in slopes.items()}
+
+
+def quantities(
+    y: Array, held: Array, points: Points, eta_i: Any, *, spec: Spec, core: Core, lanes: int
+) -> tuple[list[Array], list[Array], list[Array]]:
+    """Return what the optics depend on at so many lanes of y (P, L), flat, (1, M lanes) each.
+
+    What moves with the unknowns, what does not, and the derivatives of the first, (P, M or 1, L).
+    """
+    p, rows = len(spec.moving), points.angle_deg.shape[0]
+    none = [jnp.zeros((1, lanes))] * (len(y) - p)
+    y = y[:p, :lanes]
+
+    def parts(z: Array) -> tuple[list[Array], tuple[list[Any], dict[str, Array]]]:
+        """Return eta and k whose derivatives are formed along each unknown, and all."""
+        v = spec.values(z, held)
+        index = [pair for (pair,) in indices(spec, v, points, eta_i)]
+        plain = [i for i in core.indices if not has_slopes(spec.media.index[i])]
+        return [x for i in plain for x in index[i]], (index, v)
+
+    _, along, (index, v) = jax.linearize(parts, y, has_aux=True)
+    each = [along(jnp.zeros_like(y).at[j].set(1.0)) for j in range(p)]
+    plain = iter(zip(*each, strict=True))
+    # Each parameter moves with one unknown.
+    rate = jax.jvp(lambda z: spec.values(z, held), (y,), (jnp.ones_like(y),))[1]
+    row = {name: j for j, name in enumerate(spec.moving)}
+    row |= {name: row[of] for name, _, of in spec.tied if of in row}
+
+    def column(slopes: Mapping[str, Array]) -> list[Array]:
+        """Return the derivatives by the unknowns of what has these by parameters."""
+        out: list[Array] = [jnp.zeros((1, lanes))] * p
+        for name, slope in slopes.items():
+            if name in row:
+                out[row[name]] = out[row[name]] + slope * rate[name]
+        return out
+
+    moving, columns = [], []
+    for i in core.indices:
+        moving += index[i]
+        if has_slopes(spec.media.index[i]):
+            slopes = _oscillators(spec, i, v, points, index[i])
+            columns += [column({n: both[part] for n, both in slopes.items()}) for part in (0, 1)]
+        else:
+            columns += [list(next(plain)) for _ in range(2)]
+    for name in core.moving:
+        moving.append(v[name][None])
+        columns.append(column({name: jnp.ones((1, lanes))}))
+    fixed = [x for i, pair in enumerate(index) if i not in core.indices for x in pair]
+    fixed += [v[name][None] for name in core.held]
+    columns = [jnp.stack(jnp.broadcast_arrays(*each, *none)) for each in columns]
+
+    def flat(some: list[Array]) -> list[Array]:
+        return [jnp.broadcast_to(x, (rows, lanes)).reshape(1, -1) for x in some]
+
+    return flat(moving), flat(fixed), columns

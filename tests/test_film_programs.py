@@ -1,0 +1,152 @@
+"""Fits of films in programs that models share: the numbers of the one program, compiled once."""
+
+import time
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from fitting.compiled import in_turn
+from fitting.film_programs import eta_in_parts, slopes_in_parts, solved_in_parts
+from fitting.film_quantities import core_of, has_parts
+from fitting.measurement import Measurement
+from fitting.observations import observations
+from fitting.observe import medium_index
+from fitting.parameters import Settings, check_settings
+from fitting.problem import Bounds, linearised, solve, targets_of, without_data
+from fitting.sample import Sample
+from fitting.starts import coordinate_bounds, starts
+from fitting.unknowns import index_outside, spectrum_of, unknowns
+
+WAVES = np.linspace(0.4, 1.0, 20)
+LANES = 16
+
+
+def of(sample, settings, angles=(55.0, 70.0), loss="squares", **values):
+    angle, wavelength = np.repeat(angles, len(WAVES)), np.tile(WAVES, len(angles))
+    shape = 1.0 + 0.05 * np.sin(20.0 * wavelength)
+    columns: dict[str, Any] = {name: value * shape for name, value in values.items()}
+    m, which = Measurement.from_columns(angle, wavelength, **columns), Sample.parse(sample)
+    seen = observations([m], "equal")
+    settings = check_settings(settings)
+    u = unknowns(which, spectrum_of([m], which), settings, seen, loss)
+    return u, targets_of(u, seen, index_outside(which, seen.points.wavelength_um))
+
+
+CASES: dict[str, Any] = {
+    "oscillators": ("air | lorentz:2 20..300 nm | 1.53", Settings(), {"R": 0.2}),
+    "in a wider program": ("air | lorentz:2 20..300 nm | 1.53", Settings(shared=True), {"R": 0.2}),
+    "free electrons": ("air | drude 20..300 nm | Si", Settings(shared=True), {"R": 0.2, "T": 0.1}),
+    "on a model": ("air | SiO2 2..40 nm | drude-lorentz:1", Settings(), {"R_s": 0.4, "R_p": 0.3}),
+    "an edge": ("air | tauc-lorentz:1 20..300 nm | BK7", Settings(), {"R": 0.2}),
+    "psi and Delta": (
+        "BK7 | cauchy:2 20..300 nm | lorentz:1 9 nm | 3.88+0.016i",
+        Settings(free=("angle_offset",)), {"psi": 20.0, "delta": 100.0},
+    ),
+    "instrument": (
+        "air | lorentz:1 20..300 nm | 1.53", Settings(free=("scale", "background", "leak")),
+        {"R_s": 0.2, "R_p": 0.1},
+    ),
+    "ties": (
+        "air | lorentz:1 90 nm | lorentz:1 50 nm | 1.53",
+        Settings(fixed={"film_1.eps_inf": 2.0}, tie={
+            "film_2.resonance_ev_1": "1.1 * film_1.resonance_ev_1",
+            "film_2.eps_inf": "film_1.eps_inf", "film_2.thickness_nm": "film_1.thickness_nm",
+        }),
+        {"R": 0.2},
+    ),
+}  # fmt: skip
+
+
+def angles_of(case):
+    """At normal incidence half of the cases: there s is p."""
+    return (0.0,) if case in ("oscillators", "in a wider program", "an edge") else (55.0, 70.0)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_derivatives_are_those_of_the_one_program(case):
+    sample, settings, values = CASES[case]
+    u, targets = of(sample, settings, angles_of(case), **values)
+    assert has_parts(u.spec)
+    y = starts(u.moving, 3, 3)
+    with jax.enable_x64(True):
+        for at in y.T:
+            one = linearised(without_data(targets), at, spec=u.spec)
+            parts = slopes_in_parts(without_data(targets), at, spec=u.spec)
+            for a, b in zip(map(np.asarray, one), parts, strict=True):
+                assert np.isfinite(a).all() and np.abs(a).max() > 0.0
+                np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-11 * np.abs(a).max())
+
+
+@pytest.mark.parametrize(("case", "loss"), [("in a wider program", "squares"),
+                                            ("psi and Delta", "huber")])  # fmt: skip
+def test_the_solver_takes_the_steps_of_the_one_program(case, loss):
+    sample, settings, values = CASES[case]
+    u, targets = of(sample, settings, angles_of(case), loss, **values)
+    low, high = (np.repeat(a[:, None], LANES, 1) for a in coordinate_bounds(u.moving))
+    y = np.clip(starts(u.moving, LANES, 3), low, high)
+    bounds = Bounds(low, high, np.full(LANES, 30.0), np.full(LANES, 1.0))
+    with jax.enable_x64(True):
+        for steps in (1, 3):
+            one, parts = (
+                [np.asarray(x) for x in program(
+                    targets, y, np.full(LANES, 1e-3), bounds, np.int64(steps), spec=u.spec
+                )]
+                for program in (solve, solved_in_parts)
+            )  # fmt: skip
+            assert [a.shape for a in parts] == [a.shape for a in one]
+            # where two unknowns do nearly the same, rounding decides where a step leads
+            same = np.isclose(parts[1], one[1], rtol=1e-6)
+            assert same.mean() > (0.99 if steps == 1 else 0.7)
+    assert parts[1].max() < np.inf
+
+
+@pytest.mark.parametrize("sample", [
+    "air | cauchy 90 nm graded | Si", "air | bruggeman(SiO2, air 30 %) 90 nm | Si", "lorentz:2",
+    "air | cauchy 3 um thick | air", "air | cauchy 90 nm | BK7 1 mm thick | air",
+])  # fmt: skip
+def test_other_samples_run_in_one_program(sample):
+    assert not has_parts(of(sample, Settings(), R=0.2)[0].spec)
+
+
+def test_eta_is_that_of_the_medium():
+    u, targets = of("air | SiO2 10..40 nm | lorentz:2", Settings(), R=0.2)
+    y = starts(u.moving, 70, 3)
+    with jax.enable_x64(True):
+        wanted, _ = medium_index(
+            u.spec,
+            1,
+            u.spec.values(jnp.asarray(y), jnp.asarray(u.held)),
+            targets.points.wavelength_um,
+        )
+        found = eta_in_parts(targets, y, 1, spec=u.spec)
+    np.testing.assert_allclose(found, np.broadcast_to(wanted, found.shape), rtol=1e-13)
+
+
+def test_models_of_one_film_share_their_optics():
+    cores = {
+        core_of(of(f"air | {model} 20..300 nm | 1.53", Settings(), R=0.2)[0].spec, True)
+        for model in ("constant", "cauchy:3", "drude", "lorentz:4", "tauc-lorentz:1")
+    }
+    assert len(cores) == 1
+
+
+def test_of_several_threads_one_compiles():
+    events = []
+
+    def program(x, *, spec):
+        events.append("begins")
+        time.sleep(0.1)
+        events.append("ends")
+        return x
+
+    taken = in_turn(program)
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda _: taken(np.ones(3), spec="a"), range(4)))
+        assert events[:3] == ["begins", "ends", "begins"]
+        events.clear()
+        list(pool.map(lambda spec: taken(np.ones(3), spec=spec), "bc"))
+        assert events[:2] == ["begins", "begins"]  # another program waits for none
