@@ -10,6 +10,7 @@ from simulated import GOLD, simulated, textbook
 from fitting import fit, fit_many, simulate
 from fitting.measurement import Measurement, concatenate, read_csv
 from fitting.output import style
+from fresnel_jax.dispersion import HC_EV_UM
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +147,8 @@ def glass_plate(angles=(0.0,)):
     """R, R_back and T of a plate of one glass, where R and R_back are the same."""
     waves = np.linspace(0.4, 1.6, 13)
     text = "air | cauchy-urbach:2 3 mm thick | air"
-    true = {"A": 1.5, "B": 0.004, "k_edge": 3e-5, "urbach_ev": 0.3}
+    # The edge of a fit is the highest photon energy of its data.
+    true = {"A": 1.5, "B": 0.004, "k_edge": 3e-5, "urbach_ev": 0.3, "edge_ev": HC_EV_UM / 0.4}
     points = [(a, w) for a in angles for w in waves]
     angle, wave = np.array(points).T
     of = {q: simulate(text, true, angle, wave, q) for q in ("R", "R_back", "T")}
