@@ -29,6 +29,9 @@ from fitting.solver import BatchState, packed
 
 # Unknowns are filled up to a multiple of the first number, lanes to the second.
 _SIZE, _LANES = 8, 64
+# Of fewer rows an evaluation is over before three programs are called: a film of free index, fitted
+# at each wavelength for many thicknesses, took three times as long.
+_FEW_ROWS = 32
 
 
 def _optics(
@@ -39,6 +42,8 @@ def _optics(
     K counts NCS as three.
     """
 
+    shape = moving[0].shape
+
     def shown(some: list[Array]) -> Array:
         moves, stays = iter(some), iter(fixed)
         index = []
@@ -48,9 +53,8 @@ def _optics(
         v = {name: next(moves)[0] for name in core.moving}
         v |= {name: next(stays)[0] for name in core.held}
         found = predicted(core.spec, v, points, eta_i, index=index)
-        return rows_of(core.spec, found, shape_of_all)[:, 0]
+        return rows_of(core.spec, found, shape)[:, 0]
 
-    shape_of_all = moving[0].shape
     value, along = jax.linearize(shown, moving)
     slopes = [
         along([jnp.ones_like(x) if j == i else jnp.zeros_like(x) for j, x in enumerate(moving)])
@@ -106,6 +110,10 @@ def _filled(unknowns: int) -> int:
     return -(-unknowns // _SIZE) * _SIZE
 
 
+def in_parts(spec: Any, targets: Targets) -> bool:
+    return has_parts(spec) and len(targets.points.angle_deg) > _FEW_ROWS
+
+
 def _normal(targets: Targets) -> bool:
     return not np.any(targets.points.angle_deg)
 
@@ -126,7 +134,7 @@ def solved_in_parts(
     targets: Targets, start: Any, damping: Any, bounds: Bounds, max_steps: Any, *, spec: Spec
 ) -> tuple[Any, ...]:
     """Return what `problem.solve` does."""
-    if not has_parts(spec):
+    if not in_parts(spec, targets):
         return solve(targets, start, damping, bounds, max_steps, spec=spec)
     core, (p, lanes) = core_of(spec, _normal(targets)), start.shape
     size = _filled(p)
@@ -160,7 +168,7 @@ def solved_in_parts(
 
 def slopes_in_parts(targets: Targets, y: Any, *, spec: Spec) -> tuple[Any, Any]:
     """Return what `problem.linearised` does."""
-    if not has_parts(spec):
+    if not in_parts(spec, targets):
         return linearised(targets, y, spec=spec)
     core = core_of(spec, _normal(targets))
     own = targets.held, targets.points, targets.eta_i
@@ -186,6 +194,6 @@ def eta_in_parts(targets: Targets, y: np.ndarray, medium: int, *, spec: Spec) ->
     return np.concatenate(found, 1)[:, :count]
 
 
-def eta_moves(spec: Any, medium: int) -> bool:
-    """Whether `eta_in_parts` knows the index of a medium."""
-    return has_parts(spec) and medium in core_of(spec, False).indices
+def eta_moves(spec: Any, targets: Targets, medium: int) -> bool:
+    """Whether the solver's program of a fit knows the index of a medium, for `eta_in_parts`."""
+    return in_parts(spec, targets) and medium in core_of(spec, False).indices

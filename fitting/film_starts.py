@@ -95,7 +95,7 @@ def _rates(fit: Solving, film: _Film, y: np.ndarray) -> np.ndarray:
     """Return the phase rate of every lane of y (p, L), (L, M)."""
     points, spec, medium = fit.seen.points, fit.u.spec, film.medium
     with jax.enable_x64(True):
-        if eta_moves(spec, medium):
+        if eta_moves(spec, fit.targets, medium):
             eta = eta_in_parts(fit.targets, y, medium, spec=spec)
         else:
             eta = np.asarray(_eta_of(
