@@ -111,6 +111,7 @@ def _filled(unknowns: int) -> int:
 
 
 def in_parts(spec: Any, targets: Targets) -> bool:
+    """Whether a fit runs in these programs: of few coherent films, in one file of enough rows."""
     return has_parts(spec) and len(targets.points.angle_deg) > _FEW_ROWS
 
 

@@ -30,7 +30,7 @@ class Core(NamedTuple):
 
 
 def has_parts(spec: Any) -> bool:
-    """Whether a fit runs in the programs of this module: of few coherent films, in one file."""
+    """Whether optics and model of a fit come apart: of few coherent films, in one file."""
     if not isinstance(spec, Spec) or not spec.media.coherent or spec.priors:
         return False
     simple = not any(isinstance(m, Mixture) for m in spec.media.index)
@@ -41,6 +41,7 @@ def has_parts(spec: Any) -> bool:
 
 @functools.lru_cache(maxsize=256)
 def core_of(spec: Spec, normal: bool) -> Core:
+    """Return what the optics of a fit depend on; normal: whether light comes along the normal."""
     names = (*spec.moving, *(name for name, _, _ in spec.tied))
     media = spec.media
     of_index = tuple(
