@@ -81,8 +81,13 @@ def test_the_derivatives_are_those_of_the_one_program(case):
                 np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-11 * np.abs(a).max())
 
 
-@pytest.mark.parametrize(("case", "loss"), [("in a wider program", "squares"),
-                                            ("psi and Delta", "huber")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("case", "loss"),
+    [
+        ("in a wider program", "squares"),
+        pytest.param("psi and Delta", "huber", marks=pytest.mark.study),
+    ],
+)
 def test_the_solver_takes_the_steps_of_the_one_program(case, loss):
     sample, settings, values = CASES[case]
     u, targets = of(sample, settings, angles_of(case), loss, **values)

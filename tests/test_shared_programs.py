@@ -62,7 +62,7 @@ def test_the_derivative_is_the_sum_over_the_partial_ones(sample, free, values):
 @pytest.mark.parametrize(
     ("sample", "factor"),
     [
-        ("air | lorentz:2 110 nm | BK7 1 mm thick | air", 3),
+        pytest.param("air | lorentz:2 110 nm | BK7 1 mm thick | air", 3, marks=pytest.mark.study),
         ("air | lorentz:2 110 nm | 3.88+0.016i", 1.5),
     ],
 )
