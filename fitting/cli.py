@@ -115,7 +115,7 @@ def _fit(
     from fitting.fits import fit
     from fitting.sample_choice import several_samples
 
-    samples = several_samples("free" if arguments.sample is None else arguments.sample)
+    samples = several_samples(arguments.sample)
     with shown("fit", quiet=arguments.quiet):
         if len(samples) == 1 and not samples[0].open:
             return fit(measurements, samples[0], **options), None
@@ -156,9 +156,7 @@ def _run(arguments: argparse.Namespace) -> int:
             if arguments.material:
                 from fitting.sample_choice import several_samples
 
-                media = fitted_media(
-                    several_samples("free" if arguments.sample is None else arguments.sample)
-                )
+                media = fitted_media(several_samples(arguments.sample))
             staged = _stage(outputs, arguments, len(np.unique(wavelength)) > 1, media)
             found, choice = _fit(measurements, arguments)
             for medium in media:

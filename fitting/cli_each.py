@@ -23,7 +23,7 @@ def _check(arguments: argparse.Namespace) -> None:
         if getattr(arguments, flag):
             raise ValueError(f"--{flag} is of one fit; --each goes with --csv and --json.")
     refuse_repeats(arguments.file)
-    several_samples("free" if arguments.sample is None else arguments.sample)
+    several_samples(arguments.sample)
     fit_options(arguments)
 
 

@@ -143,7 +143,9 @@ def _add_fitting(parser: argparse.ArgumentParser) -> None:
         "scale, background (of every curve; scale[R_s] that of R_s), angle-offset,\n"
         "leak, divergence, bandwidth.",
     )
-    fitting.add_argument("--sample", metavar="TEXT", help="what was measured; see below")
+    fitting.add_argument(
+        "--sample", metavar="TEXT", default="free", help="what was measured; see below"
+    )  # fmt: skip
     fitting.add_argument(
         "--free", metavar="NAME,..", action="append", default=[],
         help="parameters to fit that are fixed by default",
