@@ -13,6 +13,7 @@ from fitting.film_parts import followed_to_half, joined, parts
 from fitting.film_programs import eta_in_parts, eta_moves
 from fitting.fringes import likely_thicknesses, phase_rate
 from fitting.minima import ALTERNATIVE_CHI2
+from fitting.next_term import likely_lines, oscillators
 from fitting.observe import NCS, Spec, medium_index
 from fitting.parameters import from_parameter, value_and_slope
 from fitting.search import in_order, lowest_ends
@@ -41,6 +42,10 @@ _INDEX = {
 }  # fmt: skip
 # Rounds of starts beside the lowest ends, and the share of parameters that is taken from others.
 _ROUNDS, _ANEW = 6, 0.4
+# A round that gains more, in units of chi2, is followed by another one.
+_GAIN = 0.01
+# Of so many of the lowest ends each oscillator is looked for anew.
+_PARENTS = 4
 
 
 class _Film(NamedTuple):
@@ -227,6 +232,21 @@ def _as_free_electrons(fit: Solving, y: np.ndarray, other: np.ndarray) -> np.nda
     return out
 
 
+def _other_lines(fit: Solving, ends: Ends) -> np.ndarray:
+    """Return starts (p, S): the lowest ends with each oscillator where it explains most."""
+    terms = oscillators(fit)
+    if not terms:
+        return ends.y[:, :0]
+    parents = lowest_ends(ends.y, ends.cost)[:, :_PARENTS]
+    out = []
+    for y in parents.T:
+        for term in terms:
+            without = y.copy()
+            without[term[0]] = fit.limits[0][term[0]]
+            out.append(likely_lines(fit, without, term, LANES // (_PARENTS * len(terms))))
+    return np.concatenate(out, 1)
+
+
 def _orders(fit: Solving, film: _Film, y: np.ndarray) -> np.ndarray:
     """Return starts (p, S) one or more fringe orders beside y (p,).
 
@@ -261,10 +281,12 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
         if best is None:
             break
         least, y = float(ends.cost[best]), ends.y[:, best]
-        both = [_crossed(fit, ends, start, random), _orders(fit, films[0], y)]
+        both = [
+            _crossed(fit, ends, start, random), _orders(fit, films[0], y), _other_lines(fit, ends)
+        ]  # fmt: skip
         found = [_followed(fit, s, noise, least) for s in both if s.size]
         ends = joined([ends, *found])
-        if ends.cost.min() < least - _unit(fit, least):
+        if ends.cost.min() < least - _GAIN * _unit(fit, least):
             continue
         if tried or not _many_fringes(fit, films[0], y) or not _residuals_alike(fit, y):
             break
