@@ -25,9 +25,10 @@ from fitting.bare_surface.surface_fit import fit_bare_surface
 from fitting.bare_surface.surface_fit import fit_many as fit_many
 from fitting.batched import stacked
 from fitting.disagreement import disagreement, may_disagree
-from fitting.film_starts import film_starts, films_of, with_neighbours
+from fitting.film_starts import film_starts, films_of
 from fitting.free_films import check_free_film, fit_free_film, free_film
 from fitting.measurement import Measurement, concatenate
+from fitting.neighbours import with_neighbours
 from fitting.observations import missing_errors, observations
 from fitting.outcome import Subject, fit_of
 from fitting.parameters import Settings, check_search, check_settings, names_of

@@ -9,6 +9,7 @@ import numpy as np
 
 from fitting.dispersion import Model
 from fitting.last_steps import polished
+from fitting.next_term import likely_lines, oscillators
 from fitting.observations import Observations
 from fitting.observe import NCS, Spec
 from fitting.parameters import Settings, value_and_slope
@@ -65,22 +66,18 @@ def _terms(names: list[str], head: str = "") -> list[list[int]]:
 
 
 def grown_starts(
-    u: Unknowns,
-    targets: Targets,
-    start: np.ndarray,
-    limits: tuple[np.ndarray, np.ndarray],
-    degrees: float,
-    scale: float,
+    fit: Solving, targets: Targets, start: np.ndarray, degrees: float, scale: float
 ) -> np.ndarray:
     """Return starts (p, 2 LANES) that were grown term by term; (p, 0) for one term.
 
     Of three oscillators at random places hardly ever each is next to one of the material's (of 512
     starts none, for one material in ten). One alone finds the strongest, the next one what is left.
     """
-    terms = _terms(_shown(u))
+    u, terms = fit.u, _terms(_shown(fit.u))
     if len(terms) < 2 or start.shape[1] < LANES:
         return start[:, :0]
-    low, high = limits
+    low, high = fit.limits
+    lines = oscillators(fit)
     pools = [start[:, :LANES], start[:, -LANES:]]
     for active in range(1, len(terms)):
         held = low.copy(), high.copy()
@@ -91,10 +88,16 @@ def grown_starts(
         best = lowest_ends(
             np.concatenate([e.y for e in ends], 1), np.concatenate([e.cost for e in ends])
         )
-        # The next term weak, anywhere beside the best two; and as it comes beside the best eight.
+        # The next term where it explains most beside the best two, or, of a model whose terms are
+        # no oscillators, weak and anywhere; and as it comes beside the best eight.
         pools = [np.repeat(best[:, :2], LANES // 2, 1), np.repeat(best, LANES // 8, 1)]
+        if terms[active] in lines:
+            pools[0] = np.concatenate(
+                [likely_lines(fit, y, terms[active], LANES // 2) for y in best[:, :2].T], 1
+            )
         for term in terms[active:]:
-            pools[0][term] = _weak_terms(start[term])
+            if term not in lines:
+                pools[0][term] = _weak_terms(start[term])
             pools[1][term] = start[term, :LANES]
     return np.concatenate(pools, 1)
 
@@ -195,7 +198,7 @@ class Solving:
             targets = targets._replace(prior_weight=np.zeros_like(targets.prior_weight))
         many, size = max(self.dof, 1.0), self.squares / noise**2
         if grow and isinstance(self.u.spec, Spec):
-            grown = grown_starts(self.u, targets, start, self.limits, many, size)
+            grown = grown_starts(self, targets, start, many, size)
             start = np.concatenate([grown, start], 1)
             lanes = start.shape[1]
         degrees, scale = np.full(lanes, many), np.full(lanes, size)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from fitting import Measurement, Sample
-from fitting.film_starts import _as_free_electrons, _eta_of, _scaled, films_of
+from fitting.film_starts import _eta_of, films_of
+from fitting.neighbours import _as_free_electrons, _scaled
 from fitting.observations import observations
 from fitting.parameters import Settings, from_parameter
 from fitting.problem import targets_of

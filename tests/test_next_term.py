@@ -1,0 +1,87 @@
+"""Where the next oscillator of a model is looked for: where it explains most of what is left."""
+
+import numpy as np
+import pytest
+
+from benchmarks.film_success import outcome
+from benchmarks.film_success import simulated as simulated_film
+from benchmarks.model_success import SETUPS, one
+from fitting import Measurement, Sample, simulate
+from fitting.next_term import by_eps, energies, likely_lines, oscillator, oscillators
+from fitting.observations import observations
+from fitting.parameters import Settings
+from fitting.problem import targets_of
+from fitting.search import Asked, Solving
+from fitting.starts import start_at
+from fitting.unknowns import index_outside, spectrum_of, unknowns
+
+ENERGY = np.linspace(1.3, 4.1, 40)
+STRONG = {"eps_inf": 2.0, "strength_ev2_1": 20.0, "resonance_ev_1": 3.2, "width_ev_1": 0.6}
+
+
+def measured(sample, values, columns):
+    wavelength = 1.239841984 / ENERGY
+    data = {q: simulate(sample, values, 65.0, wavelength, q) for q in columns}
+    return Measurement.from_columns(65.0, wavelength, sigma=1e-3, **data)
+
+
+def job(sample, m):
+    read = Sample.parse(sample)
+    seen = observations([m], "stated")
+    u = unknowns(read, spectrum_of([m], read), Settings(), seen, "squares")
+    outside = index_outside(read, seen.points.wavelength_um)
+    return Solving(u, seen, targets_of(u, seen, outside), Settings(), Asked())
+
+
+@pytest.mark.parametrize("sample, columns, place", [
+    ("lorentz:2", ("R_s", "R_p"), "substrate."), ("lorentz:2", ("psi", "delta"), "substrate."),
+    ("air | lorentz:2 40 nm | Si", ("R", "psi", "delta"), "film."),
+])  # fmt: skip
+def test_a_weak_line_changes_the_data_as_two_derivatives_say(sample, columns, place):
+    """Against the program's own derivative by the strength of that line."""
+    random = np.random.default_rng(3)
+    second = {"strength_ev2_2": 1.0, "resonance_ev_2": 2.0, "width_ev_2": 0.2}
+    film = {"thickness_nm": 40.0} if place == "film." else {}
+    fit = job(sample, measured(sample, STRONG | second | film, columns))
+    y = start_at(fit.u.moving, {place + n: v for n, v in (STRONG | film).items()})
+    term = oscillators(fit)[1]
+    for _ in range(5):
+        y[term] = np.log([1e-6, random.uniform(1.0, 5.0), 10.0 ** random.uniform(-2.0, 0.3)])
+        slopes = by_eps(fit, y, term).by_eps
+        predicted = (slopes * oscillator(energies(fit), *np.exp(y[term[1:]]))).real
+        given = fit.slopes(y).jacobian[:, term[0]] / 1e-6
+        np.testing.assert_allclose(predicted, given, atol=1e-3 * np.abs(given).max())
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_line_that_is_missing_is_among_the_first_two(seed):
+    random = np.random.default_rng([seed, 26])
+    line = {
+        "strength_ev2_2": 10.0 ** random.uniform(-1.5, 0.0),
+        "resonance_ev_2": random.uniform(1.5, 3.9), "width_ev_2": 10.0 ** random.uniform(-1.0, 0.0),
+    }  # fmt: skip
+    fit = job("lorentz:2", measured("lorentz:2", STRONG | line, ("psi", "delta")))
+    y = start_at(fit.u.moving, {f"substrate.{n}": v for n, v in STRONG.items()})
+    term = oscillators(fit)[1]
+    y[term[0]] = fit.limits[0][term[0]]
+    strength, place, width = np.exp(likely_lines(fit, y, term, 2)[term])
+    near = np.abs(place - line["resonance_ev_2"]) < np.maximum(0.5 * line["width_ev_2"], 0.08)
+    for found, name in ((strength, "strength_ev2_2"), (width, "width_ev_2")):
+        near &= (found > 0.3 * line[name]) & (found < 3.0 * line[name])
+    assert near.any()
+
+
+@pytest.mark.parametrize("model, setup, seed", [("drude-lorentz:2", 1, 9), ("lorentz:3", 2, 1)])
+def test_an_oscillator_in_the_wrong_place_is_looked_for_anew(model, setup, seed):
+    """Spectra whose fits ended 13,000 above the best chi2: one oscillator was somewhere else."""
+    found = one(model, SETUPS[setup], seed)
+    assert found is not None and found["best"]
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("seed", [250040, 250161, 250367])
+def test_films_whose_oscillator_was_in_the_wrong_place(seed):
+    """Films of 20 to 50 nm, whose fits ended 1 to 9 above the best chi2."""
+    case = simulated_film(seed)
+    assert case is not None
+    assert outcome(case, seed)["best"]
