@@ -9,6 +9,7 @@ import numpy as np
 
 from fitting.errors import MeasurementError
 from fitting.noise import robust_noise
+from fitting.quantities import ANGLE, ANGLES, NUMBER, TABLE, are_powers
 
 # A noisy R of a true 1 (or 0) lies beyond it half of the time, and to drop or clip those values
 # would pull a fit inwards. Beyond 4 standard errors lies 3e-5 of a normal law: less than one
@@ -53,6 +54,7 @@ NOISE_EXCURSION = 0.05
 # The scatter of 8 to 60 values is told to within a factor of two.
 SHOWN_SIGMAS = 2.0 * EXCURSION_SIGMAS
 _ROUNDING = 1e-12  # of powers that were computed
+_ENDS = "low", "high"
 
 
 def _noise(data: Data) -> np.ndarray:
@@ -77,8 +79,11 @@ def hint_for(value: float, quantity: str, line: int, scale_given: bool, typical:
     typical: the median size of the values, which tells percent from counts.
     """
     leave = f"If the row is no measurement, mark line {line} with # or say --lines A-B."
-    if quantity in ("psi", "delta"):
+    kind, low, high = TABLE[quantity][:3]
+    if kind == ANGLE:
         return "If the unit is another, say --psi-unit. " + leave
+    if kind == NUMBER:
+        return f"From {low:g} to {high:g} was wanted. " + leave
     near = -EXCURSION <= value <= 1.0 + EXCURSION
     noise = f"If it is noise about {int(value > 0.5)}, say how large with --sigma. " if near else ""
     if value < 0.0:
@@ -156,8 +161,9 @@ def check_data(
             "real one, or leave the standard errors out with --columns."
         ),
     )
-    psi, delta = quantity == "psi", quantity == "delta"
-    power, of_any = ~(psi | delta), (quantity == "R") | (quantity == "T")
+    low, high = (np.array([getattr(TABLE[q], end) for q in quantity.tolist()]) for end in _ENDS)
+    angular = np.isin(quantity, ANGLES)
+    power, of_any = are_powers(quantity), (quantity == "R") | (quantity == "T")
     refuse(
         power & (sigma > 1.0),
         "sigma",
@@ -167,28 +173,18 @@ def check_data(
         ),
     )
     refuse(~np.isfinite(value), "value", lambda i: f"{value[i]} is not finite. {hint(i)}")
-    refuse(
-        psi & ((value < 0.0) | (value > 90.0)),
-        "value",
-        lambda i: f"psi {value[i]:.10g} degrees is outside [0, 90]. {hint(i)}",
-    )
-    refuse(
-        delta & (np.abs(value) > 360.0),
-        "value",
-        lambda i: f"delta {value[i]:.10g} degrees is outside [-360, 360]. {hint(i)}",
-    )
     slack = np.minimum(EXCURSION_SIGMAS * sigma, EXCURSION)
-    outside = power & ((value < 0.0) | (value > 1.0))
+    outside = ~angular & ((value < low) | (value > high))
     if (outside & np.isnan(sigma)).any():
         shown = np.minimum(SHOWN_SIGMAS * _noise(data), NOISE_EXCURSION)
         slack = np.where(np.isnan(sigma), shown, slack)
-    slack = np.fmax(slack, _ROUNDING)
+    slack = np.where(angular, 0.0, np.fmax(slack, _ROUNDING))
     refuse(
-        power & ((value < -slack) | (value > 1.0 + slack)),
+        (value < low - slack) | (value > high + slack),
         "value",
         lambda i: (
-            f"{'transmittance' if quantity[i][0] == 'T' else 'reflectance'} {value[i]:.10g} is "
-            f"outside [0, 1]. {hint(i)}"
+            f"{TABLE[quantity[i]].axis if power[i] else quantity[i]} {value[i]:.10g}"
+            f"{' degrees' * bool(angular[i])} is outside [{low[i]:g}, {high[i]:g}]. {hint(i)}"
         ),
     )
     refuse(

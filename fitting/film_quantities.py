@@ -12,8 +12,9 @@ from jax import Array
 
 from fitting.coherent_films import FEW_LAYERS
 from fitting.known_media import Mixture
-from fitting.observe import NCS, Points, Spec, indices
+from fitting.observe import Points, Spec, indices
 from fitting.oscillator_slopes import has_slopes, oscillator_slopes
+from fitting.quantities import POWERS
 
 
 class Core(NamedTuple):
@@ -51,7 +52,8 @@ def core_of(spec: Spec, normal: bool) -> Core:
     moving, held = (
         tuple(n for n in some if ".thickness_" in n or "." not in n) for some in (names, spec.held)
     )
-    normal = normal and NCS not in spec.channels and "angle_offset" not in (*moving, *held)
+    normal = normal and set(spec.channels) <= set(POWERS)
+    normal = normal and "angle_offset" not in (*moving, *held)
     known = media._replace(index=("",) * len(media.index), normal=normal)  # type: ignore
     core = spec._replace(media=known, moving=(), coordinates=(), held=(), tied=())
     return Core(core, of_index, moving, held)

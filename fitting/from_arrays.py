@@ -9,9 +9,9 @@ import numpy as np
 
 from fitting.checks import Data, beyond, check_data
 from fitting.errors import MeasurementError
+from fitting.quantities import QUANTITIES, are_powers
 from fitting.ratios import quotient, refuse_no_powers, times_reflectance
 from fitting.reader import units
-from fitting.reader.options import QUANTITIES
 from fitting.visible import visible
 
 
@@ -129,7 +129,7 @@ def from_arrays(
         ) from error
     wavelength, angle = _converted(source, wavelength, angle, of)
     count = len(names)
-    power = np.array([name not in ("psi", "delta") for name in names])
+    power = are_powers(names)
     factor = np.where(power, of.scale, 1.0)
     if by:
         factor = np.ones(count)  # of both: it cancels

@@ -20,12 +20,12 @@ from fitting.checks import beyond, check_data, hint_for
 from fitting.errors import MeasurementError as MeasurementError
 from fitting.errors import place
 from fitting.from_arrays import Units, from_arrays
+from fitting.quantities import QUANTITIES as QUANTITIES
 from fitting.ratios import divided, refuse_s_to_p, times_reflectance
 from fitting.reader.columns import choose_columns
 from fitting.reader.formats import read_formatted
 from fitting.reader.lines import read_lines, source_of
 from fitting.reader.longform import LongColumns, long_columns
-from fitting.reader.options import QUANTITIES as QUANTITIES
 from fitting.reader.options import Options, parse_options
 from fitting.reader.own_export import own_columns, own_header
 from fitting.reader.reading import keep_rows

@@ -105,7 +105,8 @@ def _is_noise(fit: Solving, y: np.ndarray) -> bool:
     r = fit.slopes(y).residual
     square = float(r @ r)
     alike = float(r[1:] @ r[:-1]) > 3.0 * square / np.sqrt(len(r))
-    large = fit.seen.stated and chi2_flags(square / max(fit.dof, 1), fit.dof) & CHI2_LARGE
+    chi2_reduced, dof = np.array([square / max(fit.dof, 1)]), np.array([fit.dof])
+    large = fit.seen.stated and (chi2_flags(chi2_reduced, dof) & CHI2_LARGE).any()
     return not (alike or large)
 
 

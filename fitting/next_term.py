@@ -139,7 +139,7 @@ def likely_lines(fit: Solving, y: np.ndarray, term: list[int], count: int) -> np
     strength = np.empty((len(widths), len(places)))
     gain = np.empty_like(strength)
     for i, width in enumerate(widths):
-        change = (known.by_eps * oscillator(energy, places[:, None], width)).real
+        change = np.real(known.by_eps * oscillator(energy, places[:, None], width))
         change -= (change @ followed) @ followed.T
         size = np.maximum((change * change).sum(1), 1e-300)
         strength[i] = np.maximum(-(change @ known.residual) / size, 0.0)

@@ -9,7 +9,8 @@ import numpy as np
 
 from fitting.diagnostics import Warning
 from fitting.measurement import Measurement
-from fitting.observe import NCS, POWERS, Points
+from fitting.observe import NCS, Points
+from fitting.quantities import ANGLES, QUANTITIES
 
 # Rows are rounded up to a multiple (with weight 0), so that a handful of compiled programs serves
 # all files.
@@ -19,7 +20,8 @@ _LEAST_ROWS, _MULTIPLE = 16, 64
 class Observations(NamedTuple):
     """M rows of points (padded), and what was measured there.
 
-    values, weights: one (M, 1) array for each power channel; weight 0: nothing measured.
+    channels: the quantities that came, with NCS for psi and Delta, the last one. values, weights:
+    one (M, 1) array for each of them but NCS; weight 0: nothing measured.
     ncs, ncs_weights: (3, M, 1) measured N, C, S and (3, 3, M, 1): residual_i = sum_j W_ij (model -
     measured)_j; empty arrays without ellipsometry.
     row, quantity, channel: (N,) of every datum; the channel of psi and delta is NCS.
@@ -137,8 +139,8 @@ def observations(
         keys[:, 0].astype(np.int32),
     )  # fmt: skip
     points = points._replace(**_repeated(points.wavelength_um[:, 0]))
-    channels = [q for q in POWERS if (quantity == q).any()]
-    pairs = np.isin(quantity, ("psi", "delta"))
+    channels = [q for q in QUANTITIES if q not in ANGLES and (quantity == q).any()]
+    pairs = np.isin(quantity, ANGLES)
     channel = np.where(pairs, NCS, quantity)
     if pairs.any():
         channels.append(NCS)

@@ -27,11 +27,11 @@ from fitting.layer_index import Pair, slices_of
 from fitting.layer_index import medium_index as medium_index
 from fitting.parameters import to_parameter
 from fitting.partial_derivatives import by_partial_derivatives
+from fitting.quantities import POWERS
 from fresnel_jax import powers
 from fresnel_jax.layers import slab, stack
 from fresnel_jax.polarization import ellipsometric_ratio
 
-POWERS = ("R_s", "R_p", "R", "R_back", "T_s", "T_p", "T")
 NCS = "NCS"
 
 
@@ -78,9 +78,10 @@ class Media(NamedTuple):
 class Spec(NamedTuple):
     """Everything about a fit that a compiled program depends on; hashable.
 
-    channels: those of `POWERS` and `NCS` that are fitted. moving: names of the unknowns, in the
-    order of y; coordinates: theirs. held: names of the constants. tied: (name, factor, of which).
-    curves: for each channel the curve of every file, the number in ``scale_0``, ``background_0``.
+    channels: the quantities that are fitted, with `NCS` for psi and Delta, the last one. moving:
+    names of the unknowns, in the order of y; coordinates: theirs. held: names of the constants.
+    tied: (name, factor, of which). curves: for each channel the curve of every file, the number in
+    ``scale_0``, ``background_0``.
     """
 
     media: Media
@@ -152,7 +153,7 @@ def boundary(
     ellipse: cos 2psi, sin 2psi cos Delta and sin 2psi sin Delta; shorter than 1 of a thick layer,
     whose light is partly depolarized.
     """
-    media, pairs = spec.media, NCS in spec.channels
+    media, pairs = spec.media, not set(spec.channels) <= set(POWERS)
     if media.bare:
         both = powers(c, *index[0][0], eta_i)
         rho = ellipsometric_ratio(c, *index[0][0], eta_i) if pairs else None
@@ -170,7 +171,7 @@ def boundary(
         pairs and not all(coherent)
     ) else None  # fmt: skip
     found: Any
-    if mixed is not None and spec.channels == (NCS,):
+    if mixed is not None and not set(spec.channels) & set(POWERS):
         # Nobody asks for powers: with those of `stack` a first fit took 142 s instead of 22.
         nothing = jnp.zeros_like(mixed.R_s)
         found = Light(mixed.R_s, mixed.R_p, nothing, nothing)
@@ -221,16 +222,17 @@ def predicted(
     out: dict[str, Any] = {
         channel: detected(v, channel, ideal, points.s_share, (own, points.file))
         for channel, own in zip(spec.channels, spec.curves, strict=True)
-        if channel != NCS
+        if channel in POWERS
     }
     if light.ellipse is not None:
         # Not stacked: XLA computes anew what it joins, and a fit of psi and Delta took 4 times as
         # long.
-        out[NCS] = list(light.ellipse)
+        ellipse = list(light.ellipse)
         if _mixed(v) or not all(spec.media.coherent):
             # psi and Delta are angles, those of the polarized part of the light.
             length = jnp.sqrt(sum(x * x for x in light.ellipse))
-            out[NCS] = [x / length for x in light.ellipse]
+            ellipse = [x / length for x in light.ellipse]
+        out[NCS] = ellipse
     return out
 
 

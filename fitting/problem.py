@@ -101,7 +101,7 @@ def robust(loss: str, r: Array) -> Array:
 
 
 def _raw_residuals(spec: Any, y: Array, targets: Targets) -> list[Array]:
-    """Return weighted residuals, one (M, L) array for each power channel and three for NCS.
+    """Return weighted residuals, one (M, L) array for each channel, of NCS three.
 
     spec: a `Spec`, or one that makes residuals of its own (`own_residuals.OwnSpec`).
     """
@@ -114,9 +114,9 @@ def _raw_residuals(spec: Any, y: Array, targets: Targets) -> list[Array]:
 
 def weighted(spec: Spec, found: Mapping[str, Any], targets: Targets) -> list[Array]:
     """Return the weighted residuals of what each channel shows, as `_raw_residuals` has them."""
-    powers = [c for c in spec.channels if c != NCS]
+    alone = [c for c in spec.channels if c != NCS]
     out = [
-        (found[c] - v) * w for c, v, w in zip(powers, targets.values, targets.weights, strict=True)
+        (found[c] - v) * w for c, v, w in zip(alone, targets.values, targets.weights, strict=True)
     ]
     if NCS in spec.channels:
         away = [seen - measured for seen, measured in zip(found[NCS], targets.ncs, strict=True)]

@@ -16,6 +16,7 @@ import numpy as np
 from fitting.diagnostics import Warning
 from fitting.measurement import Measurement
 from fitting.observe import NCS
+from fitting.quantities import are_powers
 from fitting.result import AT_LOWER, Fit
 from fitting.sample import Sample
 
@@ -29,7 +30,7 @@ MISSED_CHI2 = 10.8
 
 def is_pseudo(sample: Sample, measurement: Measurement) -> bool:
     """Return whether an index found from this measurement is a pseudo-index."""
-    ellipsometry = bool(np.isin(measurement.quantity, ("psi", "delta")).any())
+    ellipsometry = not are_powers(measurement.quantity).all()
     return sample.bare and sample.by_wavelength and ellipsometry
 
 

@@ -14,6 +14,7 @@ from fitting.findings import Quality
 from fitting.known_media import Mixture
 from fitting.measurement import Measurement, concatenate
 from fitting.pattern import pattern
+from fitting.quantities import are_powers
 from fitting.result import ErrorModel
 from fitting.sample import Sample
 from fitting.search import End, Solving
@@ -34,7 +35,7 @@ def _one_power_a_wavelength(measurements: Sequence[Measurement]) -> bool:
     wavelength = np.concatenate([m.wavelength_um for m in measurements])
     quantity = np.concatenate([m.quantity for m in measurements])
     angle = np.concatenate([m.angle_deg for m in measurements])
-    if np.isin(quantity, ("psi", "delta")).any():
+    if not are_powers(quantity).all():
         return False
     points = {*zip(wavelength.tolist(), quantity.tolist(), angle.tolist(), strict=True)}
     normal = bool((angle == 0.0).all()) and len(set(quantity.tolist())) == 1

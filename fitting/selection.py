@@ -27,6 +27,7 @@ from fitting.measurement import Measurement, concatenate
 from fitting.parameters import Settings, check_search, check_settings, names_of, plain_name
 from fitting.pattern import pattern
 from fitting.progress import tell
+from fitting.quantities import are_powers
 from fitting.residuals import weighted_residuals
 from fitting.result import NOT_CONVERGED, Fit
 from fitting.sample import Sample
@@ -108,7 +109,7 @@ def _with_doubt(choice: Choice) -> Choice:
 
 def _of_instrument(m: Measurement) -> list[str]:
     """Return the instrument parameters that are worth a try with such data."""
-    power = ~np.isin(m.quantity, ("psi", "delta"))
+    power = are_powers(m.quantity)
     oblique = m.angle_deg[m.angle_deg > 0.0]
     names = []
     # At one angle a scale is an index.

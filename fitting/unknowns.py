@@ -15,8 +15,9 @@ from fitting.instrument import INSTRUMENT, PER_CURVE, instrument_parameter
 from fitting.known_media import Known, Mixture, known_medium
 from fitting.measurement import Measurement
 from fitting.observations import Observations
-from fitting.observe import NCS, Media, Spec
+from fitting.observe import Media, Spec
 from fitting.parameters import LOG, Parameter, Settings, check_tie
+from fitting.quantities import POWERS, are_powers
 from fitting.sample import Medium, Sample
 from fitting.starts import Unknown
 from fitting.wider_models import absent, wider
@@ -57,7 +58,7 @@ def spectrum_of(measurements: Sequence[Measurement], sample: Sample) -> Spectrum
     wavelength = np.concatenate([m.wavelength_um for m in measurements])
     known = wavelength[np.isfinite(wavelength)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (1.0, 1.0)
-    ellipsometry = any(np.isin(m.quantity, ("psi", "delta")).any() for m in measurements)
+    ellipsometry = not all(are_powers(m.quantity).all() for m in measurements)
     outside = float(np.mean(index_outside(sample, known if len(known) else np.ones(1))))
     return Spectrum(low, high, outside, sample.bare and not ellipsometry)
 
@@ -153,7 +154,7 @@ def media_of(sample: Sample, spectrum: Spectrum | None = None, shared: bool = Fa
 def _of_instrument(settings: Settings, seen: Observations) -> list[_Offered]:
     """Return the instrument parameters that are mentioned, one for each curve where they are."""
     bare = {name.partition("[")[0] for name in settings.names}
-    powers = [c for c in seen.channels if c != NCS]
+    powers = [c for c in seen.channels if c in POWERS]
     curves = sorted({
         i for c, own in zip(seen.channels, seen.curves, strict=True) if c in powers for i in own
     })  # fmt: skip
@@ -162,9 +163,7 @@ def _of_instrument(settings: Settings, seen: Observations) -> list[_Offered]:
         if name not in bare:
             continue
         if name in (*PER_CURVE, "leak") and not powers:
-            raise ValueError(
-                f"{name} acts on powers (R, T), and only psi and Delta were measured; leave it out."
-            )
+            raise ValueError(f"{name} acts on powers (R, T), and none was measured; leave it out.")
         parameter = instrument_parameter(name)
         if name not in PER_CURVE:
             out.append(_Offered(parameter, name))

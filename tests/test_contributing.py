@@ -31,6 +31,7 @@ def edited(copy, name):
         old, _, new = change.partition(" -> ")
         text = (copy / path).read_text(encoding="utf-8")
         assert text.count(old) == 1, line
+        new = new.replace("|", "\n") if path.endswith(".ini") else new
         (copy / path).write_text(text.replace(old, new), encoding="utf-8")
         files.add(path)
     return files
@@ -67,8 +68,8 @@ print(found.status)
     assert out.strip() == "converged"
 
 
-def test_an_observable_is_at_most_four_files(copy):
-    assert len(edited(copy, "observable")) <= 4
+def test_a_power_is_one_entry_in_one_file(copy):
+    assert len(edited(copy, "power")) == 1
     out = run(copy, """
 import numpy as np
 from fitting import Measurement, fit, simulate
@@ -80,6 +81,46 @@ assert np.allclose(seen, 0.5 * (s + p), atol=1e-15)
 found = fit(Measurement.from_columns(angles, 0.5, R_45=seen, sigma=1e-3), "constant")
 assert abs(found.parameters["eta"].value - 0.5) < 1e-6
 assert "R_45" in str(found)
+print(found.status)
+""")  # fmt: skip
+    assert out.strip() == "converged"
+
+
+def test_an_observable_that_is_no_power_is_at_most_four_files(copy):
+    """Of a plate with its back face: fitted alone, with psi and Delta and with R; read, drawn."""
+    assert len(edited(copy, "number")) <= 4
+    out = run(copy, """
+import numpy as np
+from fitting import Measurement, MeasurementError, choose, fit, read_csv, simulate
+sample, truth = "air | constant 1 mm thick | air", {"eta": 1.6, "k": 1e-5}
+angles = np.linspace(40.0, 80.0, 9)
+
+made = {q: simulate(sample, truth, angles, 0.5, q) for q in ("psi", "delta", "R", "depolarization")}
+
+assert (made["depolarization"] > 0.01).any() and (made["depolarization"] < 1.0).all()
+own = simulate("constant", {"eta": 1.6, "k": 0.0}, angles, 0.5, "depolarization")
+assert np.allclose(own, 0.0, atol=1e-14)
+for names in (["depolarization"], ["psi", "delta", "depolarization"], ["R", "depolarization"]):
+    m = Measurement.from_columns(angles, 0.5, sigma=1e-3, **{q: made[q] for q in names})
+    found = fit(m, sample, fixed={"k": 1e-5})
+    assert abs(found.parameters["eta"].value - 1.6) < 1e-6, names
+    assert "depolarization" in str(found)
+    found.plot("picture.png")
+    assert np.allclose(found.predict(angles, "depolarization", 0.5).value,
+                       made["depolarization"], atol=1e-6)
+rows = zip(angles, made["depolarization"])
+with open("plate.csv", "w") as file:
+    file.write("angle (deg),depolarization,std depolarization\\n")
+    file.writelines(f"{a},{d},0.001\\n" for a, d in rows)
+m = read_csv("plate.csv", wavelength_um=0.5)
+assert set(m.quantity) == {"depolarization"} and np.allclose(m.value, made["depolarization"])
+assert abs(fit(m, sample, fixed={"k": 1e-5}).parameters["eta"].value - 1.6) < 1e-6
+try:
+    Measurement.from_columns(angles, 0.5, depolarization=np.full(9, 1.5))
+except MeasurementError as error:
+    assert "depolarization 1.5 is outside [0, 1]" in str(error), error
+else:
+    raise AssertionError
 print(found.status)
 """)  # fmt: skip
     assert out.strip() == "converged"

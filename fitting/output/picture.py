@@ -34,6 +34,7 @@ from fitting.output.style import (
     plain_title,
 )
 from fitting.output.told import told_of
+from fitting.quantities import ANGLES, TABLE, are_powers
 from fitting.result import UNDETERMINED, Fit
 from fitting.visible import visible
 
@@ -166,9 +167,8 @@ def _draw_data(figure: Figure, fit: Fit, m: Measurement, reference: str | None) 
         ]  # fmt: skip
         few = all(len(lines[i].rows) <= MANY for i in of)
         _legend(top, any(banded), spectrum and len(kinds) == 1, few)
-        unit = "" if kind == "power" else r" ($\degree$)"
-        name = {"psi": r"$\Psi$ (degrees)", "delta": r"$\Delta$ (degrees)"}
-        top.set_ylabel(name.get(kind) or power_label(lines))
+        unit = r" ($\degree$)" if kind in ANGLES else ""
+        top.set_ylabel(power_label(lines) if kind == "power" else TABLE[kind].axis)
         if kind == "power":
             y_low, y_high = top.get_ylim()
             top.set_ylim(max(y_low, -0.02), min(y_high, 1.02))
@@ -201,9 +201,8 @@ def _has_index(fit: Fit) -> bool:
 def _size(fit: Fit, m: Measurement | None) -> tuple[float, float]:
     if m is None:
         return 8.2, 6.4
-    kinds = sum(
-        bool((m.quantity == q).any()) for q in ("psi", "delta")
-    ) + bool((~np.isin(m.quantity, ("psi", "delta"))).any())  # fmt: skip
+    power = are_powers(m.quantity)
+    kinds = len(set(m.quantity[~power])) + bool(power.any())
     spectrum = over_wavelength(m)
     if kinds == 1:
         return (8.2, 10.0) if spectrum else (7.4, 6.2)

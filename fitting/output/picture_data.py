@@ -10,7 +10,8 @@ import numpy as np
 
 from fitting.measurement import Measurement, concatenate
 from fitting.output.estimates import has_several_curves
-from fitting.output.style import GREY, LOOKS, OTHER, band, points
+from fitting.output.style import GREY, OTHER, band, points
+from fitting.quantities import ANGLE, POWERS, TABLE
 from fitting.result import Fit
 from fitting.visible import visible
 
@@ -21,20 +22,18 @@ if TYPE_CHECKING:
 _ANGLES, _WAVES = 361, 301
 # A legend of more lines than that says the range of the angles instead.
 _LINES = 7
-# Values that a row must have for its fitted curve to be asked for; they are not used.
-_ANY = {"psi": 45.0, "delta": 0.0}
 # How far a curve drawn between the data may be from what was fitted to them (rounding).
 _SAME = 1e-6
 
-PANELS = ("power", "psi", "delta")
+PANELS = ("power", *(name for name in TABLE if name not in POWERS))
 
 
 class Line(NamedTuple):
     """Data that one curve runs through.
 
     rows: of the measurement, in the order of x. kind: one of `PANELS`. quantity, polarizer_deg,
-    angle_deg: what they share; the angle NaN over the angle. look: see `style.LOOKS`. label: for
-    the legend; "" for none.
+    angle_deg: what they share; the angle NaN over the angle. look: colour, marker, whether it is
+    hollow, label. label: for the legend; "" for none.
     """
 
     rows: np.ndarray
@@ -75,7 +74,7 @@ def _series(fit: Fit, m: Measurement) -> Iterator[tuple[str, str, float, np.ndar
 
 def _look(quantity: str, polarizer: float, place: int) -> tuple[str, str, bool, str]:
     """Return how a kind of datum is drawn; ``place``: of so many of its quantity."""
-    color, marker, hollow, label = LOOKS.get(quantity, OTHER)
+    color, marker, hollow, label = TABLE[quantity][3:7]
     if math.isfinite(polarizer):
         from matplotlib import colormaps
         from matplotlib.colors import to_hex
@@ -83,8 +82,8 @@ def _look(quantity: str, polarizer: float, place: int) -> tuple[str, str, bool, 
         color, marker = to_hex(colormaps["cividis"](polarizer / 90.0)), OTHER[1]
         label = rf"{label or quantity}, polarizer at {polarizer:g}$\degree$"
     if place:  # a second file with the same quantity
-        others = [look for name, look in LOOKS.items() if name not in ("psi", "delta")]
-        color, marker = others[(place + 2) % len(others)][:2]
+        other = TABLE[POWERS[(place + 2) % len(POWERS)]]
+        color, marker = other.color, other.marker
     return color, marker, hollow, label or quantity
 
 
@@ -126,7 +125,7 @@ def lines_of(fit: Fit, m: Measurement) -> list[Line]:
 
 def _between(m: Measurement, line: Line, x: np.ndarray) -> Measurement:
     """Return rows at ``x``, of the quantity of ``line``, for their fitted values."""
-    value = np.full(len(x), _ANY.get(line.quantity, 0.5))
+    value = np.full(len(x), 45.0 if TABLE[line.quantity].kind == ANGLE else 0.5)
     polarizer = line.polarizer_deg if math.isfinite(line.polarizer_deg) else None
     if math.isfinite(line.angle_deg):
         angle, waves = np.full(len(x), line.angle_deg), x

@@ -25,20 +25,7 @@ if TYPE_CHECKING:
 FORMATS = (".png", ".pdf", ".svg")
 GREY = "#595959"
 ETA_COLOR, K_COLOR, WARNING_COLOR = "#0072B2", "#D55E00", "#A84300"
-# Okabe and Ito's colours, told apart by colour-blind readers too; markers differ as well.
-# (M. Okabe and K. Ito, "Color universal design", 2008.) Colour, marker, whether it is hollow (R and
-# R_back of a plate of one glass lie on each other), label.
-LOOKS: dict[str, tuple[str, str, bool, str]] = {
-    "R_s": ("#0072B2", "o", False, r"$R_\mathrm{s}$"),
-    "R_p": ("#D55E00", "s", False, r"$R_\mathrm{p}$"),
-    "R": ("#009E73", "D", False, r"$R$"),
-    "R_back": ("#000000", "o", True, r"$R_\mathrm{back}$"),
-    "T_s": ("#56B4E9", "^", False, r"$T_\mathrm{s}$"),
-    "T_p": ("#E69F00", "v", False, r"$T_\mathrm{p}$"),
-    "T": ("#CC79A7", "^", False, r"$T$"),
-    "psi": ("#0072B2", "o", False, r"$\Psi$"),
-    "delta": ("#D55E00", "s", False, r"$\Delta$"),
-}
+# Of what is none of the quantities: colour, marker, whether it is hollow, label.
 OTHER = ("#CC79A7", "P", False, "")
 _STYLE: Any = {
     "font.size": 11.0,

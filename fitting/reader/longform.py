@@ -8,6 +8,7 @@ import numpy as np
 
 from fitting.checks import Data
 from fitting.errors import MeasurementError, place
+from fitting.quantities import NAME, POWERS, are_powers
 from fitting.reader.axes import angles, wavelengths
 from fitting.reader.columns import Column, Layout
 from fitting.reader.evidence import evidence, statements
@@ -69,7 +70,7 @@ def _refuse_code(reading: Reading, value: Column, row: int, code: str, came: str
 
 def _refuse_zeros(reading: Reading, value: Column, numbers: np.ndarray, name: np.ndarray) -> None:
     """Raise where codes or zeros among larger values may stand for values never measured."""
-    if value.role.quantity in ("psi", "delta"):
+    if value.role.quantity not in POWERS:
         return
     codes = np.flatnonzero(np.isin(numbers, (-1.0, -9.0, -99.0, -999.0, -9999.0)))
     if len(codes) and np.nanmax(numbers, initial=0.0) > 1.0:
@@ -113,7 +114,7 @@ def _understood(reading: Reading, data: Data, factor: float) -> str:
     names = list(dict.fromkeys(quantity.tolist()))
     counts = [f"{np.sum(quantity == n)} {n}{plain * (n in ('R', 'T'))}" for n in names]
     text += ", ".join(counts[:-1]) + " and " * (len(counts) > 1) + counts[-1]
-    if set(names) - {"psi", "delta"}:
+    if are_powers(names).any():
         scale = ", percent" if factor == 0.01 else ", fraction" * (not options.divided)
         text += scale if options.scale is None else f", times {options.scale:g}"
     text += f", with{'' if np.isfinite(data.sigma).any() else 'out'} standard errors"
@@ -160,7 +161,7 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
     for value, error in zip(layout.values, layout.sigmas, strict=True):
         raw, quantity = numbers[value.index], value.role.quantity
         unit = psi_units.get(value.index, "")
-        converted = scaled(raw, 1.0 if unit else factor)
+        converted = scaled(raw, factor if quantity in POWERS else 1.0)
         if unit == "rad":
             converted = np.degrees(raw)
         if value.role.at is not None and options.angle_deg is None:
@@ -174,7 +175,7 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
         for column, known, what in needed:
             if column is not None:
                 reading.refuse_gaps(column, there & np.isnan(known), what)
-        name = np.full(len(raw), quantity, dtype="<U6")
+        name = np.full(len(raw), quantity, dtype=NAME)
         polarizer = np.full(len(raw), np.nan)
         if quantity in ("R", "T"):
             column = layout.polarizer or layout.polarization

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from fitting.reader.units import FORM_OF, Q_UNITS
 from fitting.reader.vocabulary import (
+    ALONE,
     CONCEPT,
     LETTERS,
     LONGEST,
@@ -123,7 +124,7 @@ def _optical(tokens: list[str], unit: str, error: bool) -> Role | None:
     quantities, lights, side = set(), set(), ""
     for token in tokens:
         concept = token if token in ("R", "T") else CONCEPT.get(token, "")
-        if concept in ("R", "T", "psi", "delta"):
+        if concept in ("R", "T", *ALONE):
             quantities.add(concept)
         elif concept in LETTERS and token != "u":
             lights.add(concept)
@@ -136,7 +137,7 @@ def _optical(tokens: list[str], unit: str, error: bool) -> Role | None:
         return None
     if side and (light or quantity != "R"):
         return None
-    if light and (quantity in ("psi", "delta") or not (quantity or error)):
+    if light and (quantity in ALONE or not (quantity or error)):
         return None
     tail = side or ("" if light in ("", "u") else "_" + light)
     return Role("sigma" if error else "value", quantity + tail, unit=unit)

@@ -6,12 +6,9 @@ from collections.abc import Mapping
 from typing import NamedTuple, NoReturn
 
 from fitting.errors import MeasurementError
+from fitting.quantities import QUANTITIES
 from fitting.reader.units import ANGLE_UNITS, WAVELENGTH_UNITS
 from fitting.reader.vocabulary import light_of, plain, unit_of
-
-QUANTITIES = ("R_s", "R_p", "R", "R_back", "T_s", "T_p", "T", "psi", "delta")
-"""What a datum can be. R and T are powers of unpolarized light, unless ``polarizer_deg``
-says otherwise; R_back is R with the light on the other face (equal to R for a plain slab)."""
 
 ROLES = (
     ("angle", "wavelength", "polarization", "polarizer")

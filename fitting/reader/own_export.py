@@ -16,8 +16,8 @@ import numpy as np
 
 from fitting.checks import Data
 from fitting.errors import MeasurementError, place
+from fitting.quantities import QUANTITIES
 from fitting.reader.longform import LongColumns
-from fitting.reader.options import QUANTITIES
 
 _NEEDED = {"angle_deg", "quantity", "value", "fitted", "residual"}
 _NUMBERS = ("angle_deg", "wavelength_um", "value", "sigma", "polarizer_deg")
@@ -54,7 +54,7 @@ def own_columns(source: str, texts: Sequence[str], start: int) -> LongColumns:
         rows.append(numbers)
         lines.append(line)
     angle, wavelength, value, sigma, polarizer = np.array(rows).reshape(-1, len(_NUMBERS)).T
-    data = Data(angle, wavelength, np.array(quantities, dtype="<U6"), value, sigma, polarizer)
+    data = Data(angle, wavelength, np.array(quantities, dtype=str), value, sigma, polarizer)
     return LongColumns(
         data,
         [(line, "value", "sigma") for line in lines],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fitting.quantities import POWERS
 from fitting.reader.axes import HALF_PI
 from fitting.reader.columns import Column
 from fitting.reader.reading import Reading, span_of
@@ -48,7 +49,7 @@ def power_scale(reading: Reading, columns: dict[int, np.ndarray], signs: dict[in
     """Return the factor that makes all powers of the file fractions; raise where it is open."""
     if reading.options.scale is not None:
         return reading.options.scale
-    powers = [value for value in reading.layout.values if value.role.quantity not in _LIMITS]
+    powers = [value for value in reading.layout.values if value.role.quantity in POWERS]
     units = {}
     for value in powers:
         unit = "percent" if signs[value.index] == "%" else value.role.unit
@@ -100,6 +101,8 @@ def standard_errors(
         if own not in ("deg", "rad"):
             reading.refuse(column, f"standard errors in {own} came where degrees were wanted.")
         return np.degrees(numbers) if own == "rad" else numbers
+    if value.role.quantity not in POWERS:
+        return numbers
     percent = factor == 0.01
     if options.scale is None and (own or percent) and own != ("percent" if percent else "1"):
         came = f"are in {own}" if own else "have no unit"

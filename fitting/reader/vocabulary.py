@@ -12,6 +12,8 @@ import unicodedata
 from pathlib import Path
 from typing import NamedTuple
 
+from fitting.quantities import POWERS, QUANTITIES
+
 LONGEST = 200  # letters of a column's name; what is longer is a text
 
 
@@ -31,7 +33,8 @@ CONCEPT, UNITS = _WORDS["concept"], _WORDS["unit"]
 # what an unknown word speaks of if it holds one of these: compounds, scripts that part no words
 _ROOTS = {w: c for w, c in CONCEPT.items() if not w.isascii() and len(w) > 1} | _WORDS["root"]
 LETTERS = frozenset("spu")
-QUANTITY_CONCEPTS = ("R", "T", "A", "psi", "delta")
+ALONE = tuple(name for name in QUANTITIES if name not in POWERS)  # have no s and p of their own
+QUANTITY_CONCEPTS = ("R", "T", "A", *ALONE)
 AXIS_CONCEPTS = ("wavelength", "energy", "wavenumber", "frequency")
 
 _TRANSLATION = str.maketrans(

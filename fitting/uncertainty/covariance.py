@@ -43,8 +43,8 @@ def slopes_at(u: Unknowns, seen: Observations, targets: Targets, y: np.ndarray) 
             np.asarray(a) for a in slopes_in_parts(without_data(targets), y, spec=u.spec)
         )
     residual, jacobian, plain, kind = [], [], [], []
-    powers = [c for c in seen.channels if c != NCS]
-    for i, (channel, v, w) in enumerate(zip(powers, seen.values, seen.weights, strict=True)):
+    alone = [c for c in seen.channels if c != NCS]
+    for i, (channel, v, w) in enumerate(zip(alone, seen.values, seen.weights, strict=True)):
         rows = np.flatnonzero(w[:, 0] > 0.0)
         off = value[i, rows] - v[rows, 0]
         residual.append(off * w[rows, 0])
@@ -52,7 +52,7 @@ def slopes_at(u: Unknowns, seen: Observations, targets: Targets, y: np.ndarray) 
         plain.append(off)
         kind += [channel] * len(rows)
     if NCS in seen.channels:
-        at = len(powers)
+        at = len(alone)
         weights = seen.ncs_weights[..., 0]
         rows = np.flatnonzero(np.abs(weights).sum((0, 1)) > 0.0)
         off = value[at : at + 3, rows] - seen.ncs[:, rows, 0]
