@@ -1,6 +1,6 @@
 """The compiled programs behind a model fit: all starts at once, and the derivatives at the end.
 
-One program per `structures.Spec` and number of rows. Lanes are starts of one fit, or points of a
+One program per `observe.Spec` and number of rows. Lanes are starts of one fit, or points of a
 spectrum that are fitted one by one, each with its own starts.
 """
 

@@ -6,7 +6,7 @@ import jax
 import mpmath
 import numpy as np
 import pytest
-from command import own_cache as own_cache
+from command import cache, own_cache  # noqa: F401 (fixtures)
 
 from fitting import Measurement, MeasurementError, cli, read_csv
 from fresnel_jax.dispersion import material
