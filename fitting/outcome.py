@@ -21,6 +21,7 @@ from fitting.search import End, Solving
 from fitting.starts import STAGE, Ends, best_of
 from fitting.uncertainty.intervals import QUADRATIC, Intervals, intervals
 from fitting.uncertainty.likelihood import criteria
+from fitting.uncertainty.spline_errors import errors_of_curves
 from fitting.unknowns import Unknowns
 
 # What data are trusted to where neither errors nor scatter tell.
@@ -236,8 +237,9 @@ def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: 
     known = known[np.isfinite(known)] if np.isfinite(known).any() else known
     evaluator = None
     if of.sample is not None:
+        errors = errors_of_curves(u, end, fit.limits, noise)
         evaluator = Evaluated(
-            of.sample, u, seen, fit.targets, end.y, end.known.covariance, np.atleast_1d(known)
+            of.sample, u, seen, fit.targets, end.y, errors, np.atleast_1d(known)
         )
     undetermined = bool(end.known.unseen.size)
     return Fit(
