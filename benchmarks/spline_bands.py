@@ -10,6 +10,7 @@ or on glass, of random thickness.
 from __future__ import annotations
 
 import argparse
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -97,7 +98,7 @@ def table(model: str, found: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) ->
     """Print the shares of one model by the distance from the gap."""
     above, off, sigma = (np.concatenate(part, -1) for part in zip(*found, strict=True))
     print(f"{model}\n   eV above the gap  points  eta in band  k in band  sigma eta    sigma k")
-    for low, high in [*zip(PLACES[:-1], PLACES[1:], strict=True), (PLACES[0], PLACES[-1])]:
+    for low, high in [*itertools.pairwise(PLACES), (PLACES[0], PLACES[-1])]:
         here = (above >= low) & (above < high)
         inside = (np.abs(off[:, here]) < 1.96).mean(1)
         size = np.median(sigma[:, here], 1)

@@ -238,9 +238,7 @@ def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: 
     evaluator = None
     if of.sample is not None:
         errors = errors_of_curves(u, end, fit.limits, noise)
-        evaluator = Evaluated(
-            of.sample, u, seen, fit.targets, end.y, errors, np.atleast_1d(known)
-        )
+        evaluator = Evaluated(of.sample, u, seen, fit.targets, end.y, errors, np.atleast_1d(known))
     undetermined = bool(end.known.unseen.size)
     return Fit(
         sample=of.sample, parameters=estimates | _fixed(u, end, estimates), covariance=of_x[sub],
