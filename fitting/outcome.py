@@ -237,8 +237,8 @@ def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: 
     known = known[np.isfinite(known)] if np.isfinite(known).any() else known
     evaluator = None
     if of.sample is not None:
-        # By one datum at each wavelength non-negative amplitudes alone keep the index finite: errors
-        # that leave the bounds out were a hundred times too large.
+        # By one datum at each wavelength the bounds of a spline's amplitudes alone keep the index
+        # finite: errors that leave them out were a hundred times too large.
         two = fit.n_data >= 2 * len(known)
         errors = errors_of_curves(u, end, fit.limits, noise) if two else end.known.covariance
         evaluator = Evaluated(of.sample, u, seen, fit.targets, end.y, errors, np.atleast_1d(known))
