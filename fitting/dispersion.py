@@ -46,7 +46,8 @@ class Spectrum(NamedTuple):
 class Model(NamedTuple):
     """A dispersion model by name, with its number of terms; hashable, so that jit can go by it.
 
-    knots_ev: of a spline, where they are known; see `over`.
+    terms: 0 of a spline whose number follows the data. knots_ev: of a spline, where they are known;
+    see `over`.
     """
 
     name: str
@@ -54,7 +55,8 @@ class Model(NamedTuple):
     knots_ev: tuple[float, ...] = ()
 
     def __str__(self) -> str:
-        return f"{self.name}:{self.terms}" if KINDS[self.name].most > 1 else self.name
+        several = KINDS[self.name].most > 1 and self.terms
+        return f"{self.name}:{self.terms}" if several else self.name
 
     @property
     def absorbs(self) -> bool:
@@ -88,7 +90,7 @@ class Kind(NamedTuple):
     parameters: Callable[[int, Spectrum], tuple[Parameter, ...]]
     model: Callable[[int, Mapping[str, Array]], dispersion.DispersionModel]
     absorbs: bool
-    usual: int = 1  # number of terms if none is said
+    usual: int = 1  # number of terms if none is said; 0: it follows the data
     most: int = 1
     exchangeable: bool = True
 
@@ -261,7 +263,7 @@ KINDS = {
     "lorentz": Kind(_lorentz, _oscillator_model(False), True, 1, 8),
     "tauc-lorentz": Kind(_tauc_lorentz, _tauc_lorentz_model, True, 1, 8),
     # The terms are amplitudes of B-splines in their order.
-    SPLINE: Kind(_kk_spline, without_knots, True, 24, 60, exchangeable=False),
+    SPLINE: Kind(_kk_spline, without_knots, True, 0, 60, exchangeable=False),
 }  # fmt: skip
 
 
@@ -286,7 +288,7 @@ def parse_model(text: Any) -> Model:
         )
     kind = KINDS[name]
     terms = int(found[2]) if found[2] else kind.usual
-    if not 1 <= terms <= kind.most:
+    if found[2] and not 1 <= terms <= kind.most:
         wanted = f"1 to {kind.most} terms" if kind.most > 1 else "no number of terms"
         raise ValueError(f"{str(text)!r}: {name} takes {wanted}.")
     return Model(name, terms)

@@ -22,7 +22,7 @@ class Evaluated(NamedTuple):
     """Where a fit ended: unknowns, what they were compared with, y (p,) and its covariance (p, p).
 
     The covariance is NaN in rows of what is held or at a bound; along what is not seen it
-    is 0 (the fitted curve does not change there).
+    is 0 (the fitted curve does not change there). Of splines see `uncertainty.spline_errors`.
     """
 
     sample: Sample

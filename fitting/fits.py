@@ -37,6 +37,7 @@ from fitting.result import Fit
 from fitting.sample import Sample
 from fitting.sample_checks import check_quantities
 from fitting.search import ERRORS, Asked, Solving, solved
+from fitting.spline_numbers import with_numbers
 from fitting.starts import LANES, Ends, given_start, start_at, usual_starts
 from fitting.starts import starts as start_points
 from fitting.stated_errors import with_common_error
@@ -154,6 +155,7 @@ def fit_checked(
         )
     if sample.open:
         raise ValueError(f"the sample {str(sample)!r} leaves its model open; choose(...) finds it.")
+    sample = with_numbers(sample, measurements)
     if _is_special(sample, measurements, settings, asked.loss):
         found = fit_bare_surface(
             concatenate(*measurements), sample, asked.errors, asked.intervals, begin[1]

@@ -21,6 +21,7 @@ from fitting.search import End, Solving
 from fitting.starts import STAGE, Ends, best_of
 from fitting.uncertainty.intervals import QUADRATIC, Intervals, intervals
 from fitting.uncertainty.likelihood import criteria
+from fitting.uncertainty.spline_errors import errors_of_curves
 from fitting.unknowns import Unknowns
 
 # What data are trusted to where neither errors nor scatter tell.
@@ -236,9 +237,11 @@ def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: 
     known = known[np.isfinite(known)] if np.isfinite(known).any() else known
     evaluator = None
     if of.sample is not None:
-        evaluator = Evaluated(
-            of.sample, u, seen, fit.targets, end.y, end.known.covariance, np.atleast_1d(known)
-        )
+        # By one datum at each wavelength the bounds of a spline's amplitudes alone keep the index
+        # finite: errors that leave them out were a hundred times too large.
+        two = fit.n_data >= 2 * len(known)
+        errors = errors_of_curves(u, end, fit.limits, noise) if two else end.known.covariance
+        evaluator = Evaluated(of.sample, u, seen, fit.targets, end.y, errors, np.atleast_1d(known))
     undetermined = bool(end.known.unseen.size)
     return Fit(
         sample=of.sample, parameters=estimates | _fixed(u, end, estimates), covariance=of_x[sub],

@@ -134,7 +134,7 @@ class Uncertainty(NamedTuple):
             return np.sqrt(np.diagonal(self.wide))
 
 
-def _inverse(
+def inverse_of(
     rows: np.ndarray, b: np.ndarray, use: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (J^T J)^-1 (p, p), the least-squares step (p,) and the directions not seen (p, u).
@@ -205,10 +205,10 @@ def uncertainty(
     if scaled and pooled is not None:
         variance = pooled
     rows, b = np.concatenate([J, lines]), np.concatenate([r, off])
-    covariance, step, unseen = _inverse(rows, b, use)
+    covariance, step, unseen = inverse_of(rows, b, use)
     wide, wide_step = covariance, step
     if (use != free).any():
-        wide, wide_step, _ = _inverse(rows, b, free)
+        wide, wide_step, _ = inverse_of(rows, b, free)
     unseen_of = np.max(np.abs(unseen), axis=1, initial=0.0) > SHARE
     return Uncertainty(
         variance * covariance, at_bound, unseen, unseen_of, variance, step, wide,
