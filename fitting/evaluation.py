@@ -7,10 +7,12 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from fitting.averages import with_places
 from fitting.film_programs import slopes_in_parts
 from fitting.measurement import QUANTITIES, Measurement
 from fitting.observations import Observations, observations, padded
 from fitting.observe import NCS
+from fitting.parameters import value_and_slope
 from fitting.problem import Targets, index_slopes, without_data
 from fitting.result import Evaluator, IndexBand, Prediction
 from fitting.sample import Sample
@@ -206,6 +208,14 @@ def at_data(seen: Observations, value: np.ndarray) -> np.ndarray:
     return out
 
 
+def _values(u: Unknowns, y: np.ndarray) -> dict[str, float]:
+    """Return every parameter, by the name inside, at the unknowns y (p,)."""
+    pairs = zip(u.spec.moving, u.spec.coordinates, y, strict=True)
+    values = {name: float(value_and_slope(kind, x)[0]) for name, kind, x in pairs}
+    values |= dict(zip(u.spec.held, u.held.tolist(), strict=True))
+    return values | {name: factor * values[of] for name, factor, of in u.spec.tied}
+
+
 def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray, np.ndarray]:
     """Return the model at every datum and its standard error."""
     u, seen, targets = at.unknowns, at.seen, at.targets
@@ -215,6 +225,7 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
             channels=seen.channels, curves=_matched(at, seen), loss="squares", priors=False
         )
         outside = index_outside(at.sample, seen.points.wavelength_um)
+        spec = with_places(spec, _values(u, at.y), seen.points, float(np.max(outside)))
         u, targets = u._replace(spec=spec), targets._replace(points=seen.points, eta_i=outside)
     with jax.enable_x64(True):
         value, slope = (
