@@ -16,6 +16,7 @@ import numpy as np
 
 from fitting.instrument import BEAM, FARTHEST, SLIT
 from fitting.observe import Points, Spec
+from fitting.parameters import value_and_slope
 from fitting.starts import Unknown, start_range
 
 SMOOTH = 0.5
@@ -64,6 +65,14 @@ def largest(moving: Sequence[Unknown]) -> dict[str, float]:
     return {
         u.parameter.name: start_range(u)[1] if u.free else u.low for u in moving
     }  # fmt: skip
+
+
+def values_at(spec: Spec, held: np.ndarray, y: np.ndarray) -> dict[str, float]:
+    """Return every parameter, by the name inside, at the unknowns y (p,) and constants (h,)."""
+    pairs = zip(spec.moving, spec.coordinates, y, strict=True)
+    values = {name: float(value_and_slope(kind, x)[0]) for name, kind, x in pairs}
+    values |= dict(zip(spec.held, held.tolist(), strict=True))
+    return values | {name: factor * values[of] for name, factor, of in spec.tied}
 
 
 def with_places(spec: Spec, size: Mapping[str, float], points: Points, outside: float) -> Spec:

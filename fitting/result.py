@@ -35,7 +35,7 @@ from fitting.result_parts import Estimate as Estimate
 from fitting.result_parts import Evaluator as Evaluator
 from fitting.result_parts import IndexBand as IndexBand
 from fitting.result_parts import Prediction as Prediction
-from fitting.result_parts import item, picked
+from fitting.result_parts import item, picked, place_of
 from fitting.sample import Sample
 
 if TYPE_CHECKING:
@@ -223,11 +223,7 @@ class Fit:
 
     def __getitem__(self, index: int | tuple[int, ...]) -> Fit:
         """Return the fit of one curve of a batch."""
-        index = index if isinstance(index, tuple) else (index,)
-        if len(index) != len(self.shape):
-            raise IndexError(
-                f"a batch of shape {self.shape} needs {len(self.shape)} indices; {len(index)} came"
-            )
+        index = place_of(index, self.shape)
         one = picked(self, index)
         rows = self._rows_of(index)
         return replace(
