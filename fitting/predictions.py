@@ -38,7 +38,8 @@ def predict(fit: Fit, at: Any, quantity: Any, wavelength_um: Any) -> Prediction:
         return _at_points(fit, at)
     waves = np.asarray(fit.wavelength_um)
     if wavelength_um is None and not np.ndim(quantity) and waves.shape == fit.shape:
-        points = points_of(at, quantity, waves if waves.size == 1 else None)
+        # Of a batch any of its wavelengths says as much as all: the fit has checked them.
+        points = points_of(at, quantity, waves.ravel()[0] if waves.size else None)
         _check(fit, points)
         return fit.evaluator.over_angle(points.angle_deg, str(quantity))
     if wavelength_um is None and waves.size == 1:

@@ -163,13 +163,14 @@ class Fit:
             out[index] = of(index)
         return out
 
-    def _warnings_at(self, index: tuple[int, ...]) -> tuple[Warning, ...]:
-        place: dict[str, Any] = {}
+    def _place(self, index: tuple[int, ...]) -> dict[str, Any]:
         wavelength = np.asarray(self.wavelength_um)
         if wavelength.shape == self.shape and np.isfinite(wavelength[index]):
-            place = {"wavelength_um": float(wavelength[index])}
-        elif index:
-            place = {"curve": tuple(map(int, index))}
+            return {"wavelength_um": float(wavelength[index])}
+        return {"curve": tuple(map(int, index))} if index else {}
+
+    def _warnings_at(self, index: tuple[int, ...]) -> tuple[Warning, ...]:
+        place = self._place(index)
         return tuple(f.of(index, place) for f in self.findings if np.asarray(f.at)[index])
 
     def _alternatives_at(self, index: tuple[int, ...]) -> tuple[Alternative, ...]:
@@ -232,7 +233,7 @@ class Fit:
             rms_of={name: item(v, index, self.shape) for name, v in self.rms_of.items()},
             errors=ErrorModel(*(item(v, index, self.shape) for v in self.errors)),
             findings=tuple(
-                Finding(f.code, np.True_, f.of(index, {}).values)
+                Finding(f.code, np.True_, f.of(index, {}).values, self._place(index))
                 for f in self.findings
                 if np.asarray(f.at)[index]
             ),

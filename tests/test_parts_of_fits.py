@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from fitting import Measurement, fit, simulate
+from fitting import Measurement, fit, fit_many, simulate
 
 ANGLES = np.linspace(10.0, 80.0, 8)
 WAVES = [0.5, 0.6, 0.7]
@@ -32,6 +32,16 @@ def test_one_fit_is_picked_from_either_end(spectrum):
             spectrum[strange]
 
 
+def test_warnings_of_one_curve_say_which_it_is():
+    R_s = simulate("1.5", {}, ANGLES, 0.5, "R_s")
+    found = fit_many(ANGLES, R_s=np.stack([R_s, np.clip(R_s + 0.2, 0.0, 1.0)]))
+    some = [i for i in range(2) if found.warnings[i]]
+    assert some
+    for i in some:
+        assert found[i].warnings == found.warnings[i]
+        assert found[i].warnings[0].where == {"curve": (i,)}
+
+
 def test_nothing_is_predicted_at_wavelengths_that_were_not_measured(spectrum):
     own = Measurement.from_columns([30.0], [0.55], R_s=[0.1])
     for ask in (
@@ -44,6 +54,16 @@ def test_nothing_is_predicted_at_wavelengths_that_were_not_measured(spectrum):
     # 500 nm is 0.5 um, whatever the last bit of the conversion.
     near = np.nextafter(0.5, 1.0)
     assert spectrum.predict(30.0, "R", [near]).value == spectrum[0].predict(30.0, "R").value
+
+
+def test_a_plate_is_predicted_at_angles_at_each_of_its_wavelengths():
+    """It was said that its wavelengths are not known."""
+    sample, wave = "air | 1.5+0.000001i 1 mm thick | air", np.array(WAVES)
+    seen = {q: simulate(sample, {}, 8.0, wave, q) for q in ("R", "T")}
+    m = Measurement.from_columns(8.0, wave, sigma=1e-4, **seen)
+    found = fit(m, "air | free 1 mm thick | air", intervals="quadratic")
+    expected = [simulate(sample, {}, [20.0, 60.0], w, "T") for w in WAVES]
+    np.testing.assert_allclose(found.predict([20.0, 60.0], "T").value, expected, rtol=1e-6)
 
 
 def test_nothing_is_known_of_a_free_index_at_other_wavelengths_than_its_own():
