@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from fitting import Measurement, fit, fit_many, simulate
+from fitting import Measurement, choose, fit, fit_many, simulate
 
 ANGLES = np.linspace(10.0, 80.0, 8)
 WAVES = [0.5, 0.6, 0.7]
@@ -152,3 +152,25 @@ def test_errors_widened_for_residuals_in_order_stay_within_bounds_and_reach_what
     np.testing.assert_array_equal(told["not_quadratic"]["intervals"], [film.interval])
     k = found.parameters["substrate.k"]
     assert told["poorly_determined"]["shares"] == pytest.approx([k.sigma / k.value], rel=0.1)
+
+
+def test_what_choose_takes_is_what_fit_makes_of_it():
+    """With quadratic intervals its errors were those before they are widened, 6 times as small."""
+    wave = np.linspace(0.4, 0.9, 40)
+    R = simulate("air | 1.7 100 nm held | 1.5", {}, 10.0, wave, "R") + 3e-3 * np.sin(25.0 * wave)
+    film = Measurement.from_columns(10.0, wave, R=R, sigma=1e-3)
+    samples = [f"air | constant 80..120 nm | {substrate}" for substrate in ("1.5", "SiO2")]
+    angle = np.linspace(5.0, 80.0, 30)
+    R_s = simulate("1.5", {}, angle, 0.5, "R_s") + 3e-3 * np.sin(0.2 * angle)
+    surface = Measurement.from_columns(angle, 0.5, R_s=R_s, sigma=1e-3)
+    for m, sample in ((film, samples), (surface, "auto")):
+        choice = choose(m, sample, intervals="quadratic")
+        key = choice.taken.key
+        assert not key.free
+        held = {"k": 0.0} if key.without_k else None
+        again = fit(m, key.model, fixed=held, intervals="quadratic")
+        assert again.errors.widened > 1.0
+        assert choice.fit.errors.widened == pytest.approx(again.errors.widened)
+        for name, e in again.parameters.items():
+            sigma = choice.fit.parameters[name].sigma
+            np.testing.assert_allclose(sigma, e.sigma, rtol=1e-6)
