@@ -34,8 +34,10 @@ def _enough(phase: float, few: int, what: str) -> int:
         # of the steps; 3 is the third harmonic of the fringes. (R within 1e-4 of brute force.)
         if 2.0 * FARTHEST / (count - 1) * (3.0 * phase + 4.3) < 2.0 * np.pi:
             return count
+    # Within the full width at half maximum.
+    fringes = phase * np.sqrt(8.0 * np.log(2.0)) / (2.0 * np.pi)
     raise ValueError(
-        f"{what} averages over some {phase / np.pi:.0f} fringes of the films, of which nothing is "
+        f"{what} averages over some {fringes:.0f} fringes of the films, of which nothing is "
         "left: write 'thick' after the thickness of a layer whose reflections do not interfere."
     )
 
