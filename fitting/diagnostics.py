@@ -8,7 +8,7 @@ sentence.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,12 +48,13 @@ class Finding:
     """One code for all fits of a batch: no object per fit is made until it is asked for.
 
     at: where it holds, a bool array of the batch shape S. values: name -> a number, a text, or an
-    array whose leading axes are S.
+    array whose leading axes are S. where: of one fit that was picked from a batch, its place there.
     """
 
     code: str
     at: Any
     values: Mapping[str, Any]
+    where: Mapping[str, Any] = field(default_factory=dict)
 
     def of(self, index: tuple[int, ...], where: Mapping[str, Any]) -> Warning:
         """Return the warning of the fit at ``index`` of the batch."""
@@ -61,7 +62,7 @@ class Finding:
             name: _plain(value[index]) if isinstance(value, np.ndarray) else value
             for name, value in self.values.items()
         }
-        return Warning(self.code, where, picked)
+        return Warning(self.code, {**self.where, **where}, picked)
 
 
 def _plain(value: Any) -> Any:

@@ -7,13 +7,14 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from fitting.averages import values_at, with_places
 from fitting.film_programs import slopes_in_parts
 from fitting.measurement import QUANTITIES, Measurement
 from fitting.observations import Observations, observations, padded
 from fitting.observe import NCS
 from fitting.problem import Targets, index_slopes, without_data
 from fitting.result import Evaluator, IndexBand, Prediction
-from fitting.sample import Sample
+from fitting.sample import FREE, Sample
 from fitting.sample_checks import check_known
 from fitting.unknowns import Unknowns, index_outside
 
@@ -22,7 +23,9 @@ class Evaluated(NamedTuple):
     """Where a fit ended: unknowns, what they were compared with, y (p,) and its covariance (p, p).
 
     The covariance is NaN in rows of what is held or at a bound; along what is not seen it
-    is 0 (the fitted curve does not change there). Of splines see `uncertainty.spline_errors`.
+    is 0 (the fitted curve does not change there); of splines see `uncertainty.spline_errors`.
+    errors: (2,) standard errors of eta and k that hold that of a thickness, which all wavelengths
+    share, too; None where there is none.
     """
 
     sample: Sample
@@ -32,6 +35,7 @@ class Evaluated(NamedTuple):
     y: np.ndarray
     covariance: np.ndarray
     measured_um: np.ndarray
+    errors: np.ndarray | None = None
 
     def predict(self, measurement: Measurement | None = None) -> Prediction:
         """Return the model at every row of a measurement; see `result.Evaluator`."""
@@ -48,7 +52,16 @@ class Evaluated(NamedTuple):
         if wavelength_um is None:
             known = self.measured_um
             band = _index_band(self, np.where(np.isfinite(known), known, 1.0), which)
+            if self.errors is not None and self.sample.media[which + 1].index == FREE:
+                band = band._replace(sigma_eta=self.errors[:1], sigma_k=self.errors[1:])
             return band._replace(wavelength_um=known)
+        if self.sample.media[which + 1].index == FREE and np.isfinite(self.measured_um).all():
+            wanted = np.atleast_1d(_numbers("wavelength_um", wavelength_um))
+            strange = wanted[wanted != self.measured_um[0]]
+            if strange.size:
+                raise _not_measured(strange[0])
+            band = self.index(None, medium)
+            return IndexBand(*(np.repeat(part, len(wanted)) for part in band))
         return _index_band(self, wavelength_um, which)
 
     def at(self, index: tuple[int, ...]) -> Evaluator:
@@ -57,7 +70,15 @@ class Evaluated(NamedTuple):
 
     def widened(self, factor: np.ndarray) -> Evaluated:
         """Return the same with all errors times a factor (1,)."""
-        return self._replace(covariance=self.covariance * factor[0] ** 2)
+        errors = None if self.errors is None else self.errors * factor[0]
+        return self._replace(covariance=self.covariance * factor[0] ** 2, errors=errors)
+
+
+def _not_measured(um: float) -> ValueError:
+    return ValueError(
+        f"{um:g} um was not measured; eta and k that are free at every wavelength are known at the "
+        "measured ones only. Fit a dispersion model."
+    )
 
 
 class EachWavelength(NamedTuple):
@@ -68,7 +89,7 @@ class EachWavelength(NamedTuple):
     measurement: Measurement
 
     def predict(self, measurement: Measurement | None = None) -> Prediction:
-        """Return the model at every row of a measurement; NaN at wavelengths not fitted."""
+        """Return the model at every row of a measurement, all at fitted wavelengths."""
         m = self.measurement if measurement is None else measurement
         value, sigma = np.full(len(m), np.nan), np.full(len(m), np.nan)
         for one, wavelength in zip(self.each, self.wavelength_um, strict=True):
@@ -93,10 +114,7 @@ class EachWavelength(NamedTuple):
         else:
             strange = [w for w in wanted.tolist() if w not in place]
             if strange:
-                raise ValueError(
-                    f"{strange[0]:g} um was not measured; eta and k that are free at every "
-                    "wavelength are known at the measured ones only. Fit a dispersion model."
-                )
+                raise _not_measured(strange[0])
             chosen = [place[w] for w in wanted.tolist()]
         bands = [self.each[i].index(None, medium) for i in chosen]
         parts = (np.concatenate(part) for part in zip(*bands, strict=True))
@@ -110,6 +128,11 @@ class EachWavelength(NamedTuple):
         """Return the same with the errors of each wavelength times its factor, (W,)."""
         wide = (e.widened(f[None]) for e, f in zip(self.each, factor, strict=True))
         return self._replace(each=tuple(wide))
+
+    def with_errors(self, errors: np.ndarray) -> EachWavelength:
+        """Return the same with standard errors (W, 2) of eta and k; see `Evaluated`."""
+        each = (e._replace(errors=x) for e, x in zip(self.each, errors, strict=True))
+        return self._replace(each=tuple(each))
 
 
 def _numbers(name: str, came: Any) -> np.ndarray:
@@ -185,9 +208,14 @@ def _error(slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return np.sqrt(np.maximum(variance, 0.0))
 
 
-def _matched(at: Evaluated, seen: Observations) -> tuple[tuple[int, ...], ...]:
-    """Return the fitted curve that each channel of other points belongs to; -1 for none."""
+def _matched(at: Evaluated, seen: Observations, source: str) -> tuple[tuple[int, ...], ...]:
+    """Return the fitted curve that each channel of other points belongs to; -1 for none.
+
+    Of several files that of the same name, else the first one.
+    """
     first = {c: own[0] for c, own in zip(at.seen.channels, at.seen.curves, strict=True)}
+    named = {name: i for i, name in enumerate(at.seen.curve_names)}
+    first |= {c: named[f"{source} {c}"] for c in first if f"{source} {c}" in named}
     return tuple((first.get(c, -1),) for c in seen.channels)
 
 
@@ -212,9 +240,13 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
     if measurement is not None:
         seen = observations([measurement], "equal", compared=False)
         spec = u.spec._replace(
-            channels=seen.channels, curves=_matched(at, seen), loss="squares", priors=False
+            channels=seen.channels,
+            curves=_matched(at, seen, measurement.source),
+            loss="squares",
+            priors=False,
         )
         outside = index_outside(at.sample, seen.points.wavelength_um)
+        spec = with_places(spec, values_at(spec, u.held, at.y), seen.points, float(np.max(outside)))
         u, targets = u._replace(spec=spec), targets._replace(points=seen.points, eta_i=outside)
     with jax.enable_x64(True):
         value, slope = (

@@ -21,7 +21,7 @@ from fitting.diagnostics import Finding
 from fitting.measurement import Measurement
 from fitting.minima import ALTERNATIVE_CHI2
 from fitting.parameters import Settings
-from fitting.result import NONE, QUADRATIC, SHARED, UNDETERMINED, Estimate, Fit
+from fitting.result import NONE, QUADRATIC, SHARED, Estimate, Fit
 from fitting.sample import FREE, Sample
 from fitting.search import Asked
 from fitting.wavelengths import One, fit_wavelengths, jobs, solved_each
@@ -183,15 +183,21 @@ def fit_free_film(
     wide = sigma > 0.3 * (ends[1] - ends[0]) or not np.isfinite(sigma)
     shift = 0.0 if wide else min(sigma, 0.2 * best)
     moved = fit_wavelengths(measurement, _held(sample, which, best + shift), settings, asked)
+    by = {
+        n: _slope(e, moved.parameters[n], sigma / shift if shift else 0.0)
+        for n, e in found.parameters.items() if n != label and e.free
+    }  # fmt: skip
+    ranges = {ones[0].fit.u.labels.get(u.parameter.name): (u.low, u.high)
+              for u in ones[0].fit.u.moving}  # fmt: skip
     parameters = {
-        n: _with_thickness(e, moved.parameters[n], sigma / shift if shift else 0.0)
+        n: _with_thickness(e, by[n], ranges[n]) if n in by else e
         for n, e in found.parameters.items() if n != label
     }  # fmt: skip
-    interval = np.clip(best + 1.96 * sigma * np.array([-1.0, 1.0]), 0.0, np.inf)
+    interval = np.clip(best + 1.96 * sigma * np.array([-1.0, 1.0]), *ends)
     parameters[label] = Estimate(
         name=label, unit="nm", value=best, sigma=np.nan if wide else sigma,
         interval=np.full(2, np.nan) if wide else interval,
-        interval_kind=NONE if wide else QUADRATIC, status=UNDETERMINED if wide else SHARED,
+        interval_kind=NONE if wide else QUADRATIC, status=SHARED,
     )  # fmt: skip
     findings = list(found.findings)
     everywhere = np.ones(found.shape, bool)
@@ -202,18 +208,28 @@ def fit_free_film(
         values = {"parameter": label, "values": tuple(o[0] for o in others),
                   "delta_chi2": tuple(o[1] for o in others)}  # fmt: skip
         findings.insert(0, Finding("other_thickness", everywhere, values))
-    return replace(found, sample=sample, parameters=parameters, findings=tuple(findings))
+    columns = np.stack([by[n] for n in found.names], -1)
+    errors = [np.asarray(parameters[n].sigma) for n in ("eta", "k")]
+    return replace(
+        found, sample=sample, parameters=parameters, findings=tuple(findings),
+        covariance=found.covariance + columns[..., :, None] * columns[..., None, :],
+        evaluator=found.evaluator.with_errors(np.stack(errors, -1)),  # type: ignore
+    )  # fmt: skip
 
 
-def _with_thickness(e: Estimate, moved: Estimate, per_shift: float) -> Estimate:
-    """Return the estimate with the error of the thickness in its own."""
-    if not e.free:
-        return e
-    by = np.abs(np.asarray(moved.value) - np.asarray(e.value)) * per_shift
+def _slope(e: Estimate, moved: Estimate, per_shift: float) -> np.ndarray:
+    """Return by how much an estimate (W,) moves with one standard error of the thickness."""
+    by = (np.asarray(moved.value) - np.asarray(e.value)) * per_shift
+    return np.where(np.isfinite(by), by, 0.0)
+
+
+def _with_thickness(e: Estimate, by: np.ndarray, ends: tuple[float, float]) -> Estimate:
+    """Return the estimate with the error of the thickness in its own. ends: of its range."""
     own = np.asarray(e.sigma)
-    sigma = np.hypot(own, np.where(np.isfinite(by), by, 0.0))
+    sigma = np.hypot(own, by)
     with np.errstate(all="ignore"):
         wider = np.where(own > 0.0, sigma / own, 1.0)
     value = np.asarray(e.value)[..., None]
-    interval = value + (e.interval - value) * wider[..., None]
-    return replace(e, sigma=sigma, interval=interval)
+    interval = np.clip(value + (e.interval - value) * wider[..., None], *ends)
+    limit = np.where(np.isfinite(e.upper_limit), interval[..., 1], np.nan)
+    return replace(e, sigma=sigma, interval=interval, upper_limit=limit)

@@ -26,13 +26,10 @@ from fitting.parameters import LOG, SQUARE, Parameter
 PER_CURVE = ("scale", "background")
 INSTRUMENT = (*PER_CURVE, "angle_offset", "leak", "divergence", "bandwidth")
 
-# Gauss and Hermite's nodes: 7 are exact for a curve that is a polynomial of degree 13 over the
-# beam; 11 right to 1e-4 for fringes whose contrast a slit takes down to a hundredth (7: to .03).
-# Weights add up to 1, distances in standard deviations.
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
-_WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
-_SLIT, _SHARES = np.polynomial.hermite_e.hermegauss(11)
-_SHARES = _SHARES / _SHARES.sum()
+# How many places stand for a slit and for a beam, unless it takes more (`averages`); up to so many
+# they are those of Gauss and Hermite, beyond in even steps to FARTHEST standard deviations.
+SLIT, BEAM = 11, 7
+FARTHEST = 5.2
 
 
 def instrument_parameter(name: str) -> Parameter:
@@ -48,23 +45,35 @@ def instrument_parameter(name: str) -> Parameter:
     }[name]
 
 
-def cosines(v: Mapping[str, Array], angle_deg: Any) -> tuple[Array, Any]:
+def _places(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return distances from the middle of a beam in standard deviations, and weights of sum 1."""
+    if count <= SLIT:
+        x, weights = np.polynomial.hermite_e.hermegauss(count)
+    else:
+        x = np.linspace(-FARTHEST, FARTHEST, count)
+        weights = np.exp(-0.5 * x * x)
+    return x, weights / weights.sum()
+
+
+def cosines(v: Mapping[str, Array], angle_deg: Any, places: int = BEAM) -> tuple[Array, Any]:
     """Return cosines (Q, M, L), one or several to a beam, and the weights (Q, 1, 1)."""
     angle = jnp.asarray(angle_deg)[None]
     if "angle_offset" in v:
         angle = angle + v["angle_offset"]
     weights = jnp.ones((1, 1, 1))
     if "divergence" in v:
-        angle = angle + jnp.asarray(_NODES)[:, None, None] * v["divergence"]
-        weights = jnp.asarray(_WEIGHTS)[:, None, None]
+        x, share = _places(places)
+        angle = angle + jnp.asarray(x)[:, None, None] * v["divergence"]
+        weights = jnp.asarray(share)[:, None, None]
     # Past 90 degrees or below 0 the plane of incidence is the same one: cos and |cos| say so.
     return jnp.abs(jnp.cos(jnp.radians(angle))), weights
 
 
-def slit(v: Mapping[str, Array]) -> tuple[Array, Array]:
+def slit(v: Mapping[str, Array], places: int = SLIT) -> tuple[Array, Array]:
     """Return shifts of the wavelength (B, L) in micrometres within the slit, and weights (B,)."""
+    x, shares = _places(places)
     sigma_um = 1e-3 * v["bandwidth"] / np.sqrt(8.0 * np.log(2.0))
-    return jnp.asarray(_SLIT)[:, None] * sigma_um, jnp.asarray(_SHARES)
+    return jnp.asarray(x)[:, None] * sigma_um, jnp.asarray(shares)
 
 
 def detected(

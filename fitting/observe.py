@@ -21,8 +21,8 @@ from jax import Array
 from fitting.coherent_films import FEW_LAYERS, films
 from fitting.depolarized import incoherent
 from fitting.dispersion import Model
-from fitting.instrument import cosines, detected, slit
-from fitting.known_media import Known, Mixture
+from fitting.instrument import BEAM, SLIT, cosines, detected, slit
+from fitting.known_media import Known, Mixture, known_medium
 from fitting.layer_index import Pair, slices_of
 from fitting.layer_index import medium_index as medium_index
 from fitting.parameters import to_parameter
@@ -59,7 +59,8 @@ class Media(NamedTuple):
     index: a `Model`, a `Mixture`, the name of a material or its file. places: their names.
     coherent: of each layer. closed: whether the last medium is the first one again. graded: of each
     layer, whether its index changes with depth. normal: whether light comes along the normal and
-    only powers are asked for.
+    only powers are asked for. outside: the material or file of the first medium, which a slit sees
+    at its own wavelengths; None of a number.
     """
 
     index: tuple[Model | Mixture | Known, ...]
@@ -68,6 +69,7 @@ class Media(NamedTuple):
     closed: bool = False
     graded: tuple[bool, ...] = ()
     normal: bool = False
+    outside: Known | None = None
 
     @property
     def bare(self) -> bool:
@@ -81,7 +83,8 @@ class Spec(NamedTuple):
     channels: the quantities that are fitted, with `NCS` for psi and Delta, the last one. moving:
     names of the unknowns, in the order of y; coordinates: theirs. held: names of the constants.
     tied: (name, factor, of which). curves: for each channel the curve of every file, the number in
-    ``scale_0``, ``background_0``.
+    ``scale_0``, ``background_0``. places: at how many a slit and a beam are averaged
+    (`instrument.places_of`).
     """
 
     media: Media
@@ -93,6 +96,7 @@ class Spec(NamedTuple):
     tied: tuple[tuple[str, float, str], ...] = ()
     loss: str = "squares"
     priors: bool = False
+    places: tuple[int, int] = (SLIT, BEAM)
 
     def values(self, y: Array, held: Array) -> dict[str, Array]:
         """Return every parameter, (L,), at the unknowns y (p, L) and constants (h,)."""
@@ -211,10 +215,14 @@ def predicted(
     how many derivatives are going to be asked for. index: that of all media, where it is known.
     """
     if "bandwidth" in v:
-        shifts, shares = slit(v)
-        each = jax.vmap(lambda shift: _light(spec, v, _shifted(points, shift), eta_i, directions))(
-            shifts
-        )
+        shifts, shares = slit(v, spec.places[0])
+
+        def within(shift: Array) -> Light:
+            at = _shifted(points, shift)
+            return _light(spec, v, at, _outside(spec, at, eta_i), directions)
+
+        # One after the other where they are many: side by side they fill the memory.
+        each = jax.vmap(within)(shifts) if len(shares) <= SLIT else jax.lax.map(within, shifts)
         light = jax.tree.map(lambda x: jnp.tensordot(shares, x, 1), each)
     else:
         light = _light(spec, v, points, eta_i, directions, index)
@@ -240,6 +248,12 @@ def _mixed(v: Mapping[str, Array]) -> bool:
     return "divergence" in v or "bandwidth" in v
 
 
+def _outside(spec: Spec, points: Points, eta_i: Any) -> Any:
+    """Return the index of the first medium at other wavelengths than those of ``eta_i``."""
+    which = spec.media.outside
+    return eta_i if which is None else known_medium(which).model.index(points.wavelength_um).eta
+
+
 def _shifted(points: Points, shift: Array) -> Points:
     """Return the points at wavelengths that are longer by a shift (L,)."""
     distinct = points.distinct_um
@@ -259,7 +273,7 @@ def _light(
     of the summed intensities.
     """
     index = index or indices(spec, v, points, eta_i)
-    c, weights = cosines(v, points.angle_deg)
+    c, weights = cosines(v, points.angle_deg, spec.places[1])
     sizes = {name: x for name, x in v.items() if ".thickness_" in name}
     at = c, index, sizes, jnp.asarray(points.wavelength_um), jnp.asarray(eta_i)
     both = by_partial_derivatives(functools.partial(boundary, spec), at, directions)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
 
-from fitting.evaluation import angles_of, at_data, points_of
+from fitting.evaluation import at_data, points_of
 from fitting.measurement import Measurement
 from fitting.observations import observations
 from fitting.parameters import Settings, check_settings
@@ -31,13 +32,16 @@ def predict(fit: Fit, at: Any, quantity: Any, wavelength_um: Any) -> Prediction:
         if fit.measurement is None:
             raise ValueError("this fit keeps no data (fit_many); give angles: predict([30, 60]).")
         return fit.evaluator.predict(None)
+    if at is fit.measurement:  # a row of several files joined does not say of which file it is
+        return fit.evaluator.predict(None)
     if isinstance(at, Measurement):
         return _at_points(fit, at)
     waves = np.asarray(fit.wavelength_um)
     if wavelength_um is None and not np.ndim(quantity) and waves.shape == fit.shape:
-        points = points_of(at, quantity, waves if waves.size == 1 else None)
+        # Of a batch any of its wavelengths says as much as all: the fit has checked them.
+        points = points_of(at, quantity, waves.ravel()[0] if waves.size else None)
         _check(fit, points)
-        return fit.evaluator.over_angle(angles_of(at), str(quantity))
+        return fit.evaluator.over_angle(points.angle_deg, str(quantity))
     if wavelength_um is None and waves.size == 1:
         wavelength_um = float(waves.ravel()[0])
     if wavelength_um is None and fit.shape:
@@ -57,7 +61,39 @@ def _check(fit: Fit, points: Measurement) -> None:
 def _at_points(fit: Fit, points: Measurement) -> Prediction:
     assert fit.evaluator is not None
     _check(fit, points)
-    return fit.evaluator.predict(points)
+    return fit.evaluator.predict(_at_fitted_wavelengths(fit, points))
+
+
+# Wavelengths that differ by no more are one: they were converted from other units.
+_SAME = 1e-9
+
+
+def _at_fitted_wavelengths(fit: Fit, points: Measurement) -> Measurement:
+    """Return points at the wavelengths of a fit whose index is free at each of them.
+
+    Raises ValueError for others, at which nothing is known of the index.
+    """
+    if fit.sample is None or not fit.sample.by_wavelength:
+        return points
+    known = np.unique(np.ravel(fit.wavelength_um))
+    wanted = points.wavelength_um
+    if len(known) == 1 and np.ndim(fit.status) == 0:
+        wanted = np.where(np.isnan(wanted), known, wanted)
+    away = np.abs(wanted[:, None] - known)
+    near = np.argmin(np.where(np.isnan(away), np.inf, away), axis=1)
+    same = np.isnan(wanted) & np.isnan(known[near]) & (np.size(fit.wavelength_um) == 1)
+    same |= np.abs(wanted - known[near]) <= _SAME * known[near]
+    if not same.all():
+        came = wanted[~same][0]
+        few = ", ".join(f"{w:g}" for w in known.tolist())
+        some = few if len(known) <= 8 else f"{len(known)} from {known[0]:g} to {known[-1]:g}"
+        measured = "no wavelength is known" if np.isnan(known).all() else f"measured: {some} um"
+        raise ValueError(
+            f"eta and k are free at every wavelength, and nothing is known of them at "
+            f"{'an unknown wavelength' if np.isnan(came) else f'{came:g} um'} ({measured}). Give "
+            "one of the measured wavelengths, or fit a dispersion model."
+        )
+    return replace(points, wavelength_um=known[near])
 
 
 def simulate(

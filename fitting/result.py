@@ -35,7 +35,7 @@ from fitting.result_parts import Estimate as Estimate
 from fitting.result_parts import Evaluator as Evaluator
 from fitting.result_parts import IndexBand as IndexBand
 from fitting.result_parts import Prediction as Prediction
-from fitting.result_parts import item, picked
+from fitting.result_parts import item, picked, place_of
 from fitting.sample import Sample
 
 if TYPE_CHECKING:
@@ -163,13 +163,14 @@ class Fit:
             out[index] = of(index)
         return out
 
-    def _warnings_at(self, index: tuple[int, ...]) -> tuple[Warning, ...]:
-        place: dict[str, Any] = {}
+    def _place(self, index: tuple[int, ...]) -> dict[str, Any]:
         wavelength = np.asarray(self.wavelength_um)
         if wavelength.shape == self.shape and np.isfinite(wavelength[index]):
-            place = {"wavelength_um": float(wavelength[index])}
-        elif index:
-            place = {"curve": tuple(map(int, index))}
+            return {"wavelength_um": float(wavelength[index])}
+        return {"curve": tuple(map(int, index))} if index else {}
+
+    def _warnings_at(self, index: tuple[int, ...]) -> tuple[Warning, ...]:
+        place = self._place(index)
         return tuple(f.of(index, place) for f in self.findings if np.asarray(f.at)[index])
 
     def _alternatives_at(self, index: tuple[int, ...]) -> tuple[Alternative, ...]:
@@ -223,11 +224,7 @@ class Fit:
 
     def __getitem__(self, index: int | tuple[int, ...]) -> Fit:
         """Return the fit of one curve of a batch."""
-        index = index if isinstance(index, tuple) else (index,)
-        if len(index) != len(self.shape):
-            raise IndexError(
-                f"a batch of shape {self.shape} needs {len(self.shape)} indices; {len(index)} came"
-            )
+        index = place_of(index, self.shape)
         one = picked(self, index)
         rows = self._rows_of(index)
         return replace(
@@ -236,7 +233,7 @@ class Fit:
             rms_of={name: item(v, index, self.shape) for name, v in self.rms_of.items()},
             errors=ErrorModel(*(item(v, index, self.shape) for v in self.errors)),
             findings=tuple(
-                Finding(f.code, np.True_, f.of(index, {}).values)
+                Finding(f.code, np.True_, f.of(index, {}).values, self._place(index))
                 for f in self.findings
                 if np.asarray(f.at)[index]
             ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol
@@ -139,6 +140,27 @@ def item(value: Any, index: tuple[int, ...], shape: tuple[int, ...]) -> Any:
         return value
     part = value[index]
     return part.item() if np.ndim(part) == 0 else part
+
+
+def place_of(index: Any, shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the place of one fit in a batch, counted from 0.
+
+    Raises TypeError for what are no whole numbers, IndexError for too many, few or large ones.
+    """
+    came = index if isinstance(index, tuple) else (index,)
+    try:
+        places = [operator.index(i) for i in came]
+    except TypeError:
+        raise TypeError(
+            f"{index!r} picks no single fit; a whole number was wanted for each axis of the batch. "
+            "Several are [fit[i] for i in range(3)]."
+        ) from None
+    if len(places) != len(shape):
+        raise IndexError(f"a batch of shape {shape} needs {len(shape)} indices; {len(places)} came")
+    for i, size in zip(places, shape, strict=True):
+        if not -size <= i < size:
+            raise IndexError(f"index {i} is out of range for a batch of shape {shape}")
+    return tuple(i % size for i, size in zip(places, shape, strict=True))
 
 
 def picked(record: Any, index: tuple[int, ...]) -> Any:

@@ -105,7 +105,7 @@ def choose_sample(
 
     choice = decide([_candidate(which, run) for which in samples])
     taken = next(s for s in samples if str(s) == choice.taken.label)
-    if intervals != QUADRATIC and not _is_fixed(taken):
+    if (intervals != QUADRATIC or errors == "auto") and not _is_fixed(taken):
         choice = choice.with_fit(fit(measurement, taken, intervals=intervals, **believed))
     found = choice.fit
     doubtful = [f for f in found.findings if f.code in ("residuals_in_order", "does_not_describe")]

@@ -184,7 +184,10 @@ def choose(
 
     ends: dict[Hashable, tuple[Ends, float]] = {}  # the one taken is fitted twice, searched once
 
-    def run(key: Key, kind: str = QUADRATIC) -> Fit:
+    # BIC compares fits of the same weights; the one that is taken is what `fit` makes of it.
+    compared = "scaled" if errors == "auto" else errors
+
+    def run(key: Key, kind: str = QUADRATIC, believed: str = compared) -> Fit:
         # Candidates with something of the instrument free share one program.
         quiet = {
             n: float(instrument_parameter(n).held or 0.0)
@@ -194,8 +197,6 @@ def choose(
             free=(*base.free, *key.free), variants=tuple(quiet), shared=True,
             fixed={**base.fixed, **quiet, **({"k": 0.0} if key.without_k else {})},
         )  # fmt: skip
-        # BIC compares fits of the same weights.
-        believed = "scaled" if errors == "auto" and kind == QUADRATIC else errors
         asked = Asked(believed, kind, loss, seed, ends)
         found = fit_checked(several, which.with_model(key.model), settings, asked, (starts, start))
         shown = {n: e for n, e in found.parameters.items() if n.partition("[")[0] not in quiet}
@@ -205,8 +206,8 @@ def choose(
     _stages(search, len(np.unique(joined.wavelength_um[np.isfinite(joined.wavelength_um)])))
     _instrument_stage(search, wanted)
     choice = decide(list(search.tried.values()))
-    if intervals != QUADRATIC:
-        choice = choice.with_fit(run(choice.taken.key, intervals))
+    if intervals != QUADRATIC or errors != compared:
+        choice = choice.with_fit(run(choice.taken.key, intervals, errors))
     return _with_doubt(choice)
 
 

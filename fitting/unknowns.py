@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from fitting.averages import largest, with_places, within_slit
 from fitting.dispersion import Model, Spectrum
 from fitting.instrument import INSTRUMENT, PER_CURVE, instrument_parameter
-from fitting.known_media import Known, Mixture, known_medium
+from fitting.known_media import Known, MaterialFile, Mixture, known_medium
 from fitting.measurement import Measurement
 from fitting.observations import Observations
 from fitting.observe import Media, Spec
@@ -148,7 +149,11 @@ def media_of(sample: Sample, spectrum: Spectrum | None = None, shared: bool = Fa
     coherent = tuple(d.coherent for d in layers)
     closed = sample.media[-1].index == sample.media[0].index
     graded = tuple(d.graded for d in layers)
-    return Media(tuple(index), sample.places[1:], coherent, bool(coherent) and closed, graded)
+    first = sample.media[0].index
+    return Media(
+        tuple(index), sample.places[1:], coherent, bool(coherent) and closed, graded,
+        outside=first if isinstance(first, str | MaterialFile) else None,
+    )  # fmt: skip
 
 
 def _of_instrument(settings: Settings, seen: Observations) -> list[_Offered]:
@@ -266,7 +271,7 @@ def unknowns(
             tied.append((o.parameter.name, factor, inside[of]))
             continue
         unknown, constant = unknown_of(o.parameter, o.label, said)
-        (held if constant else moving).append(unknown)
+        (held if constant else moving).append(within_slit(unknown, seen.points))
     spec = Spec(
         media=media_of(sample, spectrum, settings.shared),
         channels=seen.channels,
@@ -278,6 +283,7 @@ def unknowns(
         loss=loss,
         priors=any(u.prior is not None for u in moving),
     )
+    spec = with_places(spec, largest([*moving, *held]), seen.points, spectrum.eta_i)
     mentioned = {name.partition("[")[0] for name in said.names} | set(said.names)
     labels = {
         o.parameter.name: o.label for o in offered if not o.quiet or o.label in mentioned

@@ -38,6 +38,54 @@ def test_curves_are_means_over_the_slit():
     np.testing.assert_allclose((away + 180.0) % 360.0 - 180.0, 0.0, atol=0.01)
 
 
+def _average(sample, parameters, angle, um, quantity, slit_nm=0.0, beam_deg=0.0):
+    """The mean over a slit and a beam by brute force, of powers: 2001 places in each."""
+    x = np.linspace(-8.0, 8.0, 2001)
+    weight = np.exp(-0.5 * x * x)
+    weight /= weight.sum()
+    waves = um + 1e-3 * x * slit_nm / np.sqrt(8.0 * np.log(2.0))
+    angles = angle + x * beam_deg
+    angles = np.where(angles > 90.0, 180.0 - angles, np.abs(angles))
+    return simulate(sample, parameters, angles, waves, quantity) @ weight
+
+
+def test_a_slit_over_many_fringes_is_averaged():
+    """Eleven wavelengths were off by .03 of R for 6 um and 20 nm."""
+    truth = {"A": 1.9, "B": 0.004, "thickness_nm": 6000.0}
+    for um, angle, quantity in ((0.685, 81.0, "R_s"), (0.563, 4.0, "R_p"), (0.7, 60.0, "R_s")):
+        seen = simulate(FILM, truth | {"bandwidth": 19.0}, angle, um, quantity)
+        expected = _average(FILM, truth, angle, um, quantity, slit_nm=19.0)
+        np.testing.assert_allclose(seen, expected, atol=1e-4)
+
+
+def test_a_beam_over_a_critical_angle_and_at_grazing_incidence_is_averaged():
+    """Seven angles were off by .03 of R at a critical angle, .001 at grazing incidence."""
+    for sample, angle in (("1.8 | 1.45", 53.4), ("1.8 | 1.45", 54.2), ("air | 1.52", 88.0)):
+        seen = simulate(sample, {"divergence": 0.8}, angle, 0.5, "R_p")
+        expected = _average(sample, {}, angle, 0.5, "R_p", beam_deg=0.8)
+        np.testing.assert_allclose(seen, expected, atol=7e-4 if angle < 60.0 else 1e-4)
+
+
+def test_the_first_medium_too_is_seen_at_all_wavelengths_of_the_slit():
+    for sample in ("water | 3.9+0.02i", "water | 2.1 60 nm held | 3.9+0.02i"):
+        seen = simulate(sample, {"bandwidth": 20.0}, 70.0, 0.4, "R_s")
+        expected = _average(sample, {}, 70.0, 0.4, "R_s", slit_nm=20.0)
+        np.testing.assert_allclose(seen, expected, atol=1e-9)
+
+
+def test_slits_too_wide_are_refused():
+    with pytest.raises(ValueError, match="60 nm is too wide for the wavelength 200 nm: .* 50 nm"):
+        simulate("1.5", {"bandwidth": 60.0}, 10.0, 0.2)
+    with pytest.raises(ValueError, match="fringes of the films.*'thick'"):
+        simulate("air | 1.5 1 mm held | Si", {"bandwidth": 5.0}, 10.0, 0.6)
+    m = Measurement.from_columns(np.linspace(0.0, 80.0, 9), 0.2, R=0.05 * np.ones(9), sigma=1e-3)
+    with pytest.raises(ValueError, match="too wide for the wavelength 200 nm"):
+        fit(m, "constant", bounds={"bandwidth": (60.0, 80.0)})
+    found = fit(m, "constant", fixed={"bandwidth": 40.0, "k": 0.0}, intervals="quadratic")
+    with pytest.raises(ValueError, match="too wide for the wavelength 150 nm"):
+        found.predict(10.0, "R", 0.15)
+
+
 @pytest.mark.study
 def test_a_fit_finds_the_slit():
     R = simulate(FILM, TRUTH | {"bandwidth": 4.0}, 0.0, NM / 1e3, "R")

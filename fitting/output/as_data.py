@@ -95,9 +95,12 @@ def json_text(fit: Fit, more: Mapping[str, Any] | None = None) -> str:
 def _comments(fit: Fit) -> list[str]:
     understood = f": {fit.measurement.understood}" if fit.measurement is not None else ""
     comments = [f"{title_of(fit)}{understood}", sample_text(fit)]
+    # Of a batch what all of it shares, which has no column.
+    values = ", ".join(f"{n} {v!r}" for n, v in fit.values.items() if not np.ndim(v))
     if not fit.shape:
-        values = ", ".join(f"{name} {value!r}" for name, value in fit.values.items())
         comments.append(f"{values}, {fit.status}")
+    elif values:
+        comments.append(values)
     return comments
 
 

@@ -14,7 +14,17 @@ from fitting.output.numbers import (
     with_error,
     with_unit,
 )
-from fitting.result import AT_LOWER, AT_UPPER, FIXED, PROFILE, TIED, UNDETERMINED, Estimate, Fit
+from fitting.result import (
+    AT_LOWER,
+    AT_UPPER,
+    FIXED,
+    PROFILE,
+    SHARED,
+    TIED,
+    UNDETERMINED,
+    Estimate,
+    Fit,
+)
 
 # Standard errors from 0 below which a k that is seen as k^2 alone is compatible with 0: three
 # standard errors of k^2 are six of k.
@@ -75,6 +85,9 @@ def state_of(e: Estimate) -> str:
         return str(e.status)
     if e.status == UNDETERMINED:
         return _ONE_OF_MANY
+    if e.status == SHARED:
+        unseen = "" if math.isfinite(e.sigma) else ", not determined; see the warning"
+        return f"shared by all wavelengths{unseen}"
     if math.isfinite(float(e.upper_limit)):
         return ""
     return _STATES.get(e.status, "")

@@ -25,6 +25,7 @@ from fitting.output.picture_data import (
     power_label,
 )
 from fitting.output.picture_index import draw_index
+from fitting.output.reference import check_reference, reference_text
 from fitting.output.style import (
     GREY,
     MANY,
@@ -77,15 +78,18 @@ def _subtitle(fit: Fit) -> str:
     return "     ".join([*parts, f"rms = {size_text(fit.rms, 2)}"])
 
 
-def _titles(figure: Figure, axes: Axes, fit: Fit) -> None:
-    """Write what was fitted and found above ``axes``, and the warnings below the figure."""
+def _titles(figure: Figure, axes: Axes, fit: Fit, reference: str) -> None:
+    """Write what was fitted and found above ``axes``, and the warnings below the figure.
+
+    reference: text of a material beside it, which stands below too; "" if it is drawn.
+    """
     axes.set_title(plain_title(facts.title_of(fit)), loc="left", fontweight="bold", pad=28)
     axes.annotate(
         _subtitle(fit), (0.0, 1.0), (0.0, 9.0), xycoords="axes fraction",
         textcoords="offset points", va="bottom", ha="left", color="#333333",
     ).set_in_layout(False)  # fmt: skip  # the title above it makes the room
     texts = [visible(text).replace("$", r"\$") for text in told_of(fit).texts]
-    if not texts:
+    if not (texts or reference):
         return
     width = int(13.5 * figure.get_figwidth())
     shown = [
@@ -95,7 +99,10 @@ def _titles(figure: Figure, axes: Axes, fit: Fit) -> None:
     more = len(texts) - _WARNINGS
     if more > 0:
         shown.append(f"and {more} more warning{'s' * (more > 1)}: see the table")
-    figure.supxlabel("\n".join(shown), x=0.01, ha="left", fontsize=9, color=WARNING_COLOR)
+    if reference:
+        shown.append(textwrap.fill(f"Reference {reference}", width))
+    color = WARNING_COLOR if texts else "#333333"
+    figure.supxlabel("\n".join(shown), x=0.01, ha="left", fontsize=9, color=color)
 
 
 def _angles_shown(angle_deg: np.ndarray) -> tuple[float, float]:
@@ -217,14 +224,20 @@ def draw(fit: Fit, reference: str | None = None) -> Figure:
     over that. Then eta and k, with 95 % upper limits, and a tick where the data give none. Of a
     batch without data its parameters. The warnings stand below.
 
-    reference: a named material, whose eta and k are drawn beside.
+    reference: a named material, whose eta and k are drawn beside; at one wavelength they stand
+    below, as numbers.
     Raises ImportError where matplotlib is not installed, ValueError for an unknown material or
     where there is nothing to draw.
     """
     check_matplotlib("plot")
     from matplotlib.figure import Figure
 
-    m = fit.measurement
+    m, below = fit.measurement, ""
+    if reference:
+        waves = np.atleast_1d(np.asarray(fit.wavelength_um, float))
+        check_reference(reference, waves)
+        if m is None or not over_wavelength(m) or not _has_index(fit):
+            below = reference_text(reference, waves)
     with our_style():
         figure = Figure(figsize=_size(fit, m), layout="constrained", facecolor="white")
         if m is not None:
@@ -233,6 +246,6 @@ def draw(fit: Fit, reference: str | None = None) -> Figure:
             first = draw_batch(figure, fit)
         else:
             raise ValueError("this fit keeps no data, and is of one curve: there is no picture.")
-        _titles(figure, first, fit)
+        _titles(figure, first, fit, below)
         figure.align_ylabels()
         return figure

@@ -11,7 +11,6 @@ from fitting.output.estimates import (
     beside,
     by_wavelength,
     reach,
-    state_of,
     symbols,
     value_text,
     wave_text,
@@ -71,7 +70,7 @@ def varied_of(fit: Fit) -> list[str]:
 def shared_of(fit: Fit) -> list[tuple[str, str]]:
     """Return the parameters that all fits of a batch have in common."""
     return [
-        (name, f"{value_text(e)}  ({state_of(e)})")
+        (name, f"{value_text(e)}  ({beside(e)})")
         for name, e in fit.parameters.items()
         if np.shape(e.value) != fit.shape
     ]

@@ -203,7 +203,9 @@ def intervals(
     follow(fit, [s for pair in pairs for s in pair.searches], noise, rounds)
     for at, j, both in pairs:
         found = out[at]
-        values = [_of(fit, j, s.end) for s in both]
+        # The logarithm of a bound leads back to next to it.
+        unknown = fit.u.moving[j]
+        values = np.clip([_of(fit, j, s.end) for s in both], unknown.low, unknown.high)
         kind = list(found.kind)
         if not np.isnan(values).any():
             found.ends[j], kind[j] = values, PROFILE
