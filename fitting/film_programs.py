@@ -15,6 +15,7 @@ by side three in five were at rest and were evaluated all the same.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -78,7 +79,7 @@ def _optics(
 
 
 def _sums(
-    shown: Array, slopes: Array, columns: list[Array], targets: Targets, slot: Array, sums: Array,
+    sums: Array, slot: Array, shown: Array, slopes: Array, columns: list[Array], targets: Targets,
     *, spec: Spec,
 ) -> Array:  # fmt: skip
     """Return the packed normal equations of all slots with those of these columns added."""
@@ -102,7 +103,7 @@ def _sums(
 
 
 def _step(
-    state: BatchState, y: Array, trial: Array, sums: Array, bounds: Bounds, active: Array, most: Any
+    y: Array, state: BatchState, trial: Array, sums: Array, bounds: Bounds, active: Array, most: Any
 ) -> tuple[BatchState, Array, Array, Array]:
     """Return the state and y after a trial, the next one, and which slots are over."""
     options = bounds._asdict()
@@ -113,7 +114,7 @@ def _step(
 
 
 def _shared(function: Callable, static: tuple[str, ...]) -> Callable:
-    return in_turn(compiled(function, static))
+    return in_turn(compiled(function, static), by_first=True)
 
 
 _known_of = _shared(known_quantities, ("spec", "core"))
@@ -121,6 +122,14 @@ _quantities_of = _shared(quantities, ("spec", "core"))
 _optics_of = _shared(_optics, ("core",))
 _summed = _shared(_sums, ("spec",))
 _stepped = _shared(_step, ())
+
+
+@functools.lru_cache
+def _blank(unknowns: int) -> Any:
+    """Return a state of zeros."""
+    y = np.zeros((unknowns, _SLOTS))
+    shapes = jax.eval_shape(SOLVER.begun, y, y[0])
+    return jax.tree.map(lambda a: np.zeros(a.shape, a.dtype), shapes)
 
 
 def _filled(y: np.ndarray) -> np.ndarray:
@@ -213,7 +222,7 @@ class _Parts:
                 moving, columns = self.quantities(trial, slot, blocks)
                 shown, slopes = self.shown(moving, blocks)
                 total = _summed(
-                    shown, slopes, columns, blocks.data, slot, total, spec=self.core.spec
+                    total, slot, shown, slopes, columns, blocks.data, spec=self.core.spec
                 )
         return total
 
@@ -231,9 +240,7 @@ def solved_in_parts(
     out = *out, np.array(damping)
     lane_in, waiting = np.full(_SLOTS, -1), 0
     y = trial = np.zeros((len(start), _SLOTS))
-    state: Any = jax.tree.map(
-        lambda a: np.zeros(a.shape, a.dtype), jax.eval_shape(SOLVER.begun, y, y[0])
-    )
+    state = _blank(len(start))
     while True:
         free = np.flatnonzero(lane_in < 0)[: lanes - waiting]
         if len(free):
@@ -251,7 +258,7 @@ def solved_in_parts(
         if not active.any():
             break
         sums = parts.sums(trial, np.flatnonzero(active))
-        state, y, trial, over = _stepped(state, y, trial, sums, own, active, max_steps)
+        state, y, trial, over = _stepped(y, state, trial, sums, own, active, max_steps)
         ended = np.flatnonzero(active & np.asarray(over))
         if len(ended):
             of = lane_in[ended]
