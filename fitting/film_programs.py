@@ -58,6 +58,9 @@ def _optics(
 
     shape = moving[0].shape
     points, eta_i = _flat(points, eta_i)
+    if core.spec.media.normal:
+        # Else XLA forms a cosine for each of some twenty numbers that are made of it.
+        points = points._replace(angle_deg=jnp.zeros(shape))
 
     def shown(some: list[Array]) -> Array:
         moves, stays = iter(some), iter(fixed)
