@@ -8,16 +8,14 @@ compiled again for every model of its index, every number of rows and of lanes. 
     step         normal equations (a small program of their own) -> the next place to try
 
 the second one is shared by all models, the third one by all models of about as many unknowns, which
-are filled up. All of them have one shape, whatever the number of rows and of lanes: the rows are
-cut into blocks, and blocks of lanes that are under way fill the columns of a call. Of 64 lanes side
-by side three in five were at rest and were evaluated all the same.
+are filled up. All of them have one shape, for all numbers of rows and of lanes; see `film_blocks`.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -25,16 +23,12 @@ import numpy as np
 from jax import Array
 
 from fitting.compiled import compiled, in_turn
+from fitting.film_blocks import COLUMNS, ROWS, SLOTS, Blocks, blocks_of, can_be_cut
 from fitting.film_quantities import Core, core_of, has_parts, known_quantities, quantities, still_of
 from fitting.observe import NCS, Points, Spec, predicted
 from fitting.problem import SOLVER, Bounds, Targets, linearised, robust, rows_of, solve, weighted
 from fitting.solver import BatchState, packed
 
-# A call evaluates blocks of so many rows, one in each of so many columns. Of 8192 points at once,
-# instead of 2048, each takes half as long again (the numbers leave the cache).
-_ROWS, _COLUMNS = 64, 32
-# Lanes under way side by side: a step of 16 unknowns takes 1.1 ms for 32 lanes, 3.4 for 64.
-_SLOTS = 32
 # Unknowns are filled up to a multiple of that number.
 _SIZE = 8
 # Of fewer rows an evaluation is over before three programs are called: a film of free index, fitted
@@ -44,12 +38,13 @@ _FEW_ROWS = 32
 
 def _flat(points: Points, eta_i: Any) -> tuple[Points, Any]:
     """Return points and the index before in one row."""
-    row = [x.reshape(1, -1) for x in points[:3]]
-    return Points(*row, jnp.zeros(1, int)), eta_i.reshape(1, -1) if jnp.ndim(eta_i) else eta_i
+    angle, wavelength, share = (x.reshape(1, -1) for x in points[:3])
+    row = Points(angle, wavelength, share, jnp.zeros(1, int))
+    return row, eta_i.reshape(1, -1) if jnp.ndim(eta_i) else eta_i
 
 
 def _optics(
-    moving: list[Array], fixed: list[Array], points: Points, eta_i: Any, *, core: Core
+    moving: list[Array], fixed: Sequence[Array], points: Points, eta_i: Any, *, core: Core
 ) -> tuple[Array, Array]:
     """Return what each channel shows, (K, N), and its derivatives by each that moves, (A, K, N).
 
@@ -86,7 +81,7 @@ def _sums(
     *, spec: Spec,
 ) -> Array:  # fmt: skip
     """Return the packed normal equations of all slots with those of these columns added."""
-    shape = (len(shown), _ROWS, _COLUMNS)
+    shape = (len(shown), ROWS, COLUMNS)
     shown = shown.reshape(shape)
     by_unknown = sum(
         d.reshape(shape) * column[:, None] for d, column in zip(slopes, columns, strict=True)
@@ -100,7 +95,7 @@ def _sums(
 
     off, along = jax.linearize(residuals, shown)
     rows = jnp.concatenate([off[None], jax.vmap(along)(by_unknown)])
-    rows = rows.reshape(len(rows), -1, _COLUMNS)
+    rows = rows.reshape(len(rows), -1, COLUMNS)
     more = packed(jnp.einsum("pml,qml->pql", rows, rows))
     return sums.at[:, slot].add(more, mode="drop")
 
@@ -130,7 +125,7 @@ _stepped = _shared(_step, ())
 @functools.lru_cache
 def _blank(unknowns: int) -> Any:
     """Return a state of zeros."""
-    y = np.zeros((unknowns, _SLOTS))
+    y = np.zeros((unknowns, SLOTS))
     shapes = jax.eval_shape(SOLVER.begun, y, y[0])
     return jax.tree.map(lambda a: np.zeros(a.shape, a.dtype), shapes)
 
@@ -142,84 +137,34 @@ def _filled(y: np.ndarray) -> np.ndarray:
 
 def in_parts(spec: Any, targets: Targets) -> bool:
     """Whether a fit runs in these programs: of few coherent films, in one file of enough rows."""
-    if not has_parts(spec):
-        return False
-    rows = len(targets.points.angle_deg)
-    # Lanes with data of their own share no columns.
-    one = all(np.shape(a)[-1] == 1 for a in (*targets.points[:3], *targets.values))
-    return one and rows > _FEW_ROWS and rows % _ROWS == 0
-
-
-class _Blocks(NamedTuple):
-    """Blocks of rows as columns of a call, repeated for as many lanes as there is room for.
-
-    first, count: which blocks. points, eta_i, known, data: there, on the device.
-    """
-
-    first: int
-    count: int
-    points: Points
-    eta_i: Any
-    known: list[Array]
-    data: Targets
-
-    @property
-    def lanes(self) -> int:
-        """The number of lanes of one call."""
-        return _COLUMNS // self.count
-
-    def calls(self, active: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Yield some of the active slots, and the slot of each column, _SLOTS for none."""
-        for start in range(0, len(active), self.lanes):
-            some = active[start : start + self.lanes]
-            slot = np.full(_COLUMNS, _SLOTS)
-            slot[: len(some) * self.count] = np.repeat(some, self.count)
-            yield some, slot
+    return has_parts(spec) and len(targets.points.angle_deg) > _FEW_ROWS and can_be_cut(targets)
 
 
 class _Parts:
     """A fit in parts: what stays the same while it runs."""
 
     def __init__(self, spec: Spec, targets: Targets):
-        self.spec, points = spec, targets.points
-        normal = not np.any(points.angle_deg)
-        self.core, self.held = core_of(spec, normal), targets.held
-        blocks, self.blocks = len(points.angle_deg) // _ROWS, []
+        self.spec, self.held = spec, targets.held
+        self.core = core_of(spec, not np.any(targets.points.angle_deg))
         still, held = still_of(spec, self.core, targets.held)
-        for first in range(0, blocks, _COLUMNS):
-            count = min(blocks - first, _COLUMNS)
-            pick = first + np.arange(_COLUMNS) % count
+        self.blocks = [
+            b._replace(known=_known_of(held, b.points, b.eta_i, spec=still, core=self.core))
+            for b in blocks_of(targets)
+        ]
 
-            def cut(a: Any, pick: np.ndarray = pick) -> np.ndarray:
-                """Return (..., M, 1) as (..., _ROWS, _COLUMNS)."""
-                by_block = np.asarray(a).reshape(*np.shape(a)[:-2], blocks, _ROWS)
-                return np.ascontiguousarray(np.swapaxes(by_block[..., pick, :], -1, -2))
-
-            at = Points(*map(cut, points[:3]), np.zeros(1, int))
-            eta_i = cut(targets.eta_i) if np.ndim(targets.eta_i) else targets.eta_i
-            data = targets._replace(
-                points=None, held=None, eta_i=None, prior=None, prior_weight=None,
-                values=tuple(map(cut, targets.values)), weights=tuple(map(cut, targets.weights)),
-                ncs=cut(targets.ncs) if np.size(targets.ncs) else (),
-                ncs_weights=cut(targets.ncs_weights) if np.size(targets.ncs_weights) else (),
-            )  # fmt: skip
-            at, eta_i, data = jax.device_put((at, eta_i, data))
-            known = _known_of(held, at, eta_i, spec=still, core=self.core)
-            self.blocks.append(_Blocks(first, count, at, eta_i, known, data))
-
-    def quantities(self, trial: Any, slot: np.ndarray, blocks: _Blocks) -> Any:
+    def quantities(self, trial: Any, slot: np.ndarray, blocks: Blocks) -> Any:
         """Return what `film_quantities.quantities` does."""
         own = self.held, blocks.points, blocks.eta_i
         return _quantities_of(trial, slot, *own, spec=self.spec, core=self.core)
 
-    def shown(self, moving: list[Array], blocks: _Blocks) -> tuple[Array, Array]:
+    def shown(self, moving: list[Array], blocks: Blocks) -> tuple[Array, Array]:
         """Return what `_optics` does."""
         return _optics_of(moving, blocks.known, blocks.points, blocks.eta_i, core=self.core)
 
     def sums(self, trial: Any, active: np.ndarray) -> Any:
-        """Return the packed normal equations of the active slots at trial (P, _SLOTS)."""
+        """Return the packed normal equations of the active slots at trial (P, SLOTS)."""
         unknowns = len(trial)
-        total = np.zeros(((unknowns + 1) * (unknowns + 2) // 2, _SLOTS))
+        total = np.zeros(((unknowns + 1) * (unknowns + 2) // 2, SLOTS))
         for blocks in self.blocks:
             for _, slot in blocks.calls(active):
                 moving, columns = self.quantities(trial, slot, blocks)
@@ -239,10 +184,10 @@ def solved_in_parts(
     parts, (p, lanes) = _Parts(spec, targets), start.shape
     start, low, high = map(_filled, (start, bounds.lower, bounds.upper))
     given = Bounds(low, high, bounds.degrees, bounds.scale)
-    out = start[:p].copy(), np.full(lanes, np.inf), np.zeros(lanes, bool), np.zeros(lanes, int)
-    out = *out, np.array(damping)
-    lane_in, waiting = np.full(_SLOTS, -1), 0
-    y = trial = np.zeros((len(start), _SLOTS))
+    ends, cost = start[:p].copy(), np.full(lanes, np.inf)
+    done, evaluations, left = np.zeros(lanes, bool), np.zeros(lanes, int), np.array(damping)
+    lane_in, waiting = np.full(SLOTS, -1), 0
+    y = trial = np.zeros((len(start), SLOTS))
     state = _blank(len(start))
     while True:
         free = np.flatnonzero(lane_in < 0)[: lanes - waiting]
@@ -265,14 +210,11 @@ def solved_in_parts(
         ended = np.flatnonzero(active & np.asarray(over))
         if len(ended):
             of = lane_in[ended]
-            cost, place = np.asarray(state.sums)[0, ended], np.asarray(y)[:p, ended]
-            out[0][:, of], out[1][of] = place, cost
-            out[2][of] = np.asarray(state.done)[ended] & np.isfinite(cost)
-            out[2][of] &= np.isfinite(place).all(0)
-            out[3][of] = np.asarray(state.evaluations)[ended]
-            out[4][of] = np.asarray(state.damping)[ended]
+            ends[:, of], cost[of] = np.asarray(y)[:p, ended], np.asarray(state.sums)[0, ended]
+            done[of], left[of] = np.asarray(state.done)[ended], np.asarray(state.damping)[ended]
+            evaluations[of] = np.asarray(state.evaluations)[ended]
             lane_in[ended] = -1
-    return out
+    return ends, cost, done & np.isfinite(cost) & np.isfinite(ends).all(0), evaluations, left
 
 
 def slopes_in_parts(targets: Targets, y: Any, *, spec: Spec) -> tuple[Any, Any]:
@@ -280,11 +222,11 @@ def slopes_in_parts(targets: Targets, y: Any, *, spec: Spec) -> tuple[Any, Any]:
     if not in_parts(spec, targets):
         return linearised(targets, y, spec=spec)
     parts, found = _Parts(spec, targets), []
-    trial = np.repeat(_filled(np.asarray(y)[:, None]), _SLOTS, 1)
+    trial = np.repeat(_filled(np.asarray(y)[:, None]), SLOTS, 1)
     for blocks in parts.blocks:
-        moving, columns = parts.quantities(trial, np.zeros(_COLUMNS, int), blocks)
+        moving, columns = parts.quantities(trial, np.zeros(COLUMNS, int), blocks)
         shown, slopes = (
-            np.asarray(a).reshape(*a.shape[:-1], _ROWS, _COLUMNS)[..., : blocks.count]
+            np.asarray(a).reshape(*a.shape[:-1], ROWS, COLUMNS)[..., : blocks.count]
             for a in parts.shown(moving, blocks)
         )
         by_unknown = sum(
@@ -303,15 +245,14 @@ def eta_in_parts(targets: Targets, y: np.ndarray, medium: int, *, spec: Spec) ->
     parts, count = _Parts(spec, targets), y.shape[1]
     at = 2 * parts.core.indices.index(medium)
     found = np.empty((len(targets.points.angle_deg), count))
-    for begin in range(0, count, _SLOTS):
-        some = _filled(y[:, np.minimum(np.arange(begin, begin + _SLOTS), count - 1)])
+    for begin in range(0, count, SLOTS):
+        some = _filled(y[:, np.minimum(np.arange(begin, begin + SLOTS), count - 1)])
         for blocks in parts.blocks:
-            for slots, slot in blocks.calls(np.arange(min(_SLOTS, count - begin))):
+            for slots, slot in blocks.calls(np.arange(min(SLOTS, count - begin))):
                 eta = np.asarray(parts.quantities(some, slot, blocks)[0][at])
-                eta = eta.reshape(_ROWS, _COLUMNS)[:, : len(slots) * blocks.count]
-                by_lane = eta.reshape(_ROWS, len(slots), blocks.count).transpose(2, 0, 1)
-                rows = slice(blocks.first * _ROWS, (blocks.first + blocks.count) * _ROWS)
-                found[rows, begin + slots] = by_lane.reshape(-1, len(slots))
+                eta = eta.reshape(ROWS, COLUMNS)[:, slot < SLOTS]
+                by_lane = eta.reshape(ROWS, len(slots), blocks.count).transpose(2, 0, 1)
+                found[blocks.rows, begin + slots] = by_lane.reshape(-1, len(slots))
     return found
 
 

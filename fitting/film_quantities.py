@@ -85,7 +85,7 @@ def still_of(spec: Spec, core: Core, held: Any) -> tuple[Spec, np.ndarray]:
 
 def known_quantities(
     held: Array, points: Points, eta_i: Any, *, spec: Spec, core: Core
-) -> list[Array]:
+) -> tuple[Array, ...]:
     """Return what the optics depend on and does not move, flat; of the spec of `still_of`."""
     v = spec.values(jnp.zeros((0, 1)), held)
     at, outside = (x.reshape(-1, 1) if jnp.ndim(x) else x for x in (points.wavelength_um, eta_i))
@@ -94,13 +94,13 @@ def known_quantities(
         for x in slices_of(spec, i, v, at, outside)[0]
     ]  # fmt: skip
     fixed += [v[name] for name in core.held]
-    return [jnp.broadcast_to(x.reshape(1, -1), (1, at.size)) for x in fixed]
+    return tuple(jnp.broadcast_to(x.reshape(1, -1), (1, at.size)) for x in fixed)
 
 
 def quantities(
     trial: Array, slot: Array, held: Array, points: Points, eta_i: Any, *, spec: Spec, core: Core
 ) -> tuple[list[Array], list[Array]]:
-    """Return what moves with the unknowns, flat, (1, M C) each, and its derivatives, (P, M or 1, C).
+    """Return what moves with the unknowns, flat, (1, M C) each, and derivatives, (P, M or 1, C).
 
     trial: (P, S); slot: (C,), the one of each column; points: (M, C).
     """
