@@ -180,12 +180,9 @@ def _followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> End
     ends = fit.held(start, low, high, noise, STAGE)
     shown = best + ALTERNATIVE_CHI2 * _unit(fit, best)
     for _ in range(_FURTHER):
-        on = np.flatnonzero(~ends.done & (ends.cost < shown))
-        if not len(on):
+        if not (~ends.done & (ends.cost < shown)).any():
             break
-        more = fit.held(ends.y[:, on], low[:, on], high[:, on], noise, STAGE)
-        for all_lanes, new in zip(ends, more, strict=True):
-            all_lanes[..., on] = new
+        ends = fit.held(ends.y, low, high, noise, STAGE)
         # After the first of them what still crawls along a valley, unless it is the lowest of all.
         shown = best - _unit(fit, best)
     return ends._replace(y=in_order(fit.u, ends.y, fit.settings))

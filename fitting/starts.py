@@ -265,21 +265,13 @@ def run(
     groups = np.zeros(lanes, int) if groups is None else groups
     damping, total = np.full(lanes, START_DAMPING), np.full(lanes, used)
     ends = Ends(y, np.full(lanes, np.inf), np.zeros(lanes, bool), total)
-    alone = in_parts(spec, targets)
-    on = np.arange(lanes)
     for _ in range(STAGES):
-        some = Bounds(*(a[..., on] for a in bounds))
-        more, damping[on] = _stage(spec, targets, ends.y[:, on], damping[on], some, STAGE)
-        total[on] += more.evaluations
-        for all_lanes, new in zip(ends, more, strict=True):
-            all_lanes[..., on] = new
+        ends, damping = _stage(spec, targets, ends.y, damping, bounds, STAGE)
+        total = total + ends.evaluations
         best = np.full(groups.max() + 1, np.inf)
         np.minimum.at(best, groups[ends.done], ends.cost[ends.done])
-        left = ~ends.done & (ends.cost < best[groups])
-        if not left.any():
+        if not (~ends.done & (ends.cost < best[groups])).any():
             break
-        # In one program the others are evaluated all the same.
-        on = np.flatnonzero(left) if alone else on
     return ends._replace(evaluations=total)
 
 
