@@ -126,9 +126,8 @@ def test_rows_of_several_blocks(rows):
         one, parts = (program(*at, spec=u.spec) for program in (linearised, slopes_in_parts))
         for a, b in zip(map(np.asarray, one), parts, strict=True):
             np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-11 * np.abs(a).max())
-        wanted, _ = medium_index(
-            u.spec, 0, u.spec.values(jnp.asarray(y), jnp.asarray(u.held)), targets.points.wavelength_um
-        )
+        v = u.spec.values(jnp.asarray(y), jnp.asarray(u.held))
+        wanted, _ = medium_index(u.spec, 0, v, targets.points.wavelength_um)
         np.testing.assert_allclose(eta_in_parts(targets, y, 0, spec=u.spec), wanted, rtol=1e-13)
 
 
