@@ -8,11 +8,13 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from fitting.coherent_films import FEW_LAYERS
 from fitting.known_media import Mixture
-from fitting.observe import Points, Spec, indices
+from fitting.layer_index import slices_of
+from fitting.observe import Points, Spec
 from fitting.oscillator_slopes import has_slopes, oscillator_slopes
 from fitting.quantities import POWERS
 
@@ -70,21 +72,48 @@ def _oscillators(
     return {head + name: both for name, both in slopes.items()}
 
 
+def still_of(spec: Spec, core: Core, held: Any) -> tuple[Spec, np.ndarray]:
+    """Return the part of a fit's spec that does not move, which models share, and its constants."""
+    places = [p for i, p in enumerate(spec.media.places) if i not in core.indices]
+    rows = [
+        i for i, name in enumerate(spec.held)
+        if name in core.held or any(name.startswith(f"{place}.") for place in places)
+    ]  # fmt: skip
+    index = tuple("" if i in core.indices else m for i, m in enumerate(spec.media.index))
+    media = spec.media._replace(index=index)  # type: ignore
+    still = core.spec._replace(media=media, held=tuple(spec.held[i] for i in rows))
+    return still, np.asarray(held, float)[rows]
+
+
+def known_quantities(
+    held: Array, points: Points, eta_i: Any, *, spec: Spec, core: Core
+) -> tuple[Array, ...]:
+    """Return what the optics depend on and does not move, flat; of the spec of `still_of`."""
+    v = spec.values(jnp.zeros((0, 1)), held)
+    at, outside = (x.reshape(-1, 1) if jnp.ndim(x) else x for x in (points.wavelength_um, eta_i))
+    fixed = [
+        x for i in range(len(spec.media.index)) if i not in core.indices
+        for x in slices_of(spec, i, v, at, outside)[0]
+    ]  # fmt: skip
+    fixed += [v[name] for name in core.held]
+    return tuple(jnp.broadcast_to(x.reshape(1, -1), (1, at.size)) for x in fixed)
+
+
 def quantities(
-    y: Array, held: Array, points: Points, eta_i: Any, *, spec: Spec, core: Core, lanes: int
-) -> tuple[list[Array], list[Array], list[Array]]:
-    """Return what the optics depend on at so many lanes of y (P, L), flat, (1, M lanes) each.
+    trial: Array, slot: Array, held: Array, points: Points, eta_i: Any, *, spec: Spec, core: Core
+) -> tuple[list[Array], list[Array]]:
+    """Return what moves with the unknowns, flat, (1, M C) each, and derivatives, (P, M or 1, C).
 
-    What moves with the unknowns, what does not, and the derivatives of the first, (P, M or 1, L).
+    trial: (P, S); slot: (C,), the one of each column; points: (M, C).
     """
-    p, rows = len(spec.moving), points.angle_deg.shape[0]
-    none = [jnp.zeros((1, lanes))] * (len(y) - p)
-    y = y[:p, :lanes]
+    p, shape = len(spec.moving), points.angle_deg.shape
+    y = trial.at[:p, slot].get(mode="clip")
+    none = [jnp.zeros((1, shape[1]))] * (len(trial) - p)
 
-    def parts(z: Array) -> tuple[list[Array], tuple[list[Any], dict[str, Array]]]:
+    def parts(z: Array) -> tuple[list[Array], tuple[dict[int, Any], dict[str, Array]]]:
         """Return eta and k whose derivatives are formed along each unknown, and all."""
         v = spec.values(z, held)
-        index = [pair for (pair,) in indices(spec, v, points, eta_i)]
+        index = {i: slices_of(spec, i, v, points.wavelength_um, eta_i)[0] for i in core.indices}
         plain = [i for i in core.indices if not has_slopes(spec.media.index[i])]
         return [x for i in plain for x in index[i]], (index, v)
 
@@ -98,7 +127,7 @@ def quantities(
 
     def column(slopes: Mapping[str, Array]) -> list[Array]:
         """Return the derivatives by the unknowns of what has these by parameters."""
-        out: list[Array] = [jnp.zeros((1, lanes))] * p
+        out: list[Array] = [jnp.zeros((1, shape[1]))] * p
         for name, slope in slopes.items():
             if name in row:
                 out[row[name]] = out[row[name]] + slope * rate[name]
@@ -114,12 +143,6 @@ def quantities(
             columns += [list(next(plain)) for _ in range(2)]
     for name in core.moving:
         moving.append(v[name][None])
-        columns.append(column({name: jnp.ones((1, lanes))}))
-    fixed = [x for i, pair in enumerate(index) if i not in core.indices for x in pair]
-    fixed += [v[name][None] for name in core.held]
+        columns.append(column({name: jnp.ones((1, shape[1]))}))
     columns = [jnp.stack(jnp.broadcast_arrays(*each, *none)) for each in columns]
-
-    def flat(some: list[Array]) -> list[Array]:
-        return [jnp.broadcast_to(x, (rows, lanes)).reshape(1, -1) for x in some]
-
-    return flat(moving), flat(fixed), columns
+    return [jnp.broadcast_to(x, shape).reshape(1, -1) for x in moving], columns

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from fitting.film_programs import solved_in_parts
+from fitting.film_programs import in_parts, solved_in_parts
 from fitting.observe import Spec
 from fitting.parameters import LOG, SQUARE, Parameter, from_parameter, plain_name
 from fitting.problem import Bounds, Targets
@@ -182,16 +182,17 @@ def _sifted(
     """Return the LANES starts that are lowest after a few evaluations, from groups of LANES."""
     low, high = bounds.lower[:, :1], bounds.upper[:, :1]
     lanes = start.shape[1]
-    fill = -lanes % LANES
+    size = lanes if in_parts(spec, targets) else LANES
+    fill = -lanes % size
     start = np.pad(start, ((0, 0), (0, fill)), mode="wrap")
     group = Bounds(
-        np.repeat(low, LANES, 1), np.repeat(high, LANES, 1),
-        bounds.degrees[:LANES], bounds.scale[:LANES],
+        np.repeat(low, size, 1), np.repeat(high, size, 1),
+        bounds.degrees[:size], bounds.scale[:size],
     )  # fmt: skip
     parts = []
-    for first in range(0, lanes + fill, LANES):
-        y = start[:, first : first + LANES]
-        parts.append(_stage(spec, targets, y, np.full(LANES, START_DAMPING), group, SIFT)[0])
+    for first in range(0, lanes + fill, size):
+        y = start[:, first : first + size]
+        parts.append(_stage(spec, targets, y, np.full(size, START_DAMPING), group, SIFT)[0])
     y = np.concatenate([p.y for p in parts], 1)[:, :lanes]
     cost = np.concatenate([p.cost for p in parts])[:lanes]
     return y[:, np.argsort(cost, kind="stable")[:LANES]], SIFT
@@ -230,6 +231,7 @@ def each_within(
     """
     count = start.shape[1]
     parts = []
+    lanes = count if in_parts(spec, targets) else lanes  # no more than there are
     for first in range(0, count, lanes):
         pick = np.minimum(np.arange(first, first + lanes), count - 1)
         bounds = Bounds(low[:, pick], high[:, pick], np.full(lanes, degrees), np.full(lanes, scale))

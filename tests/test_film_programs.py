@@ -22,11 +22,11 @@ from fitting.starts import coordinate_bounds, starts
 from fitting.unknowns import index_outside, spectrum_of, unknowns
 
 WAVES = np.linspace(0.4, 1.0, 40)  # more rows than run in one program
-LANES = 16
+LANES = 40  # more than are under way at once
 
 
-def of(sample, settings, angles=(55.0, 70.0), loss="squares", **values):
-    angle, wavelength = np.repeat(angles, len(WAVES)), np.tile(WAVES, len(angles))
+def of(sample, settings, angles=(55.0, 70.0), loss="squares", waves=WAVES, **values):
+    angle, wavelength = np.repeat(angles, len(waves)), np.tile(waves, len(angles))
     shape = 1.0 + 0.05 * np.sin(20.0 * wavelength)
     columns: dict[str, Any] = {name: value * shape for name, value in values.items()}
     m, which = Measurement.from_columns(angle, wavelength, **columns), Sample.parse(sample)
@@ -108,6 +108,27 @@ def test_the_solver_takes_the_steps_of_the_one_program(case, loss):
             same = np.isclose(parts[1], one[1], rtol=1e-6)
             assert same.mean() > (0.99 if steps == 1 else 0.7)
     assert parts[1].max() < np.inf
+
+
+@pytest.mark.parametrize("rows", [150, 2060])  # 3 blocks, of which ten lanes fill a call; 33 blocks
+def test_rows_of_several_blocks(rows):
+    waves = np.linspace(0.4, 1.0, rows)
+    u, targets = of("air | cauchy:2 20..300 nm | SiO2", Settings(), (30.0,), waves=waves, R=0.2)
+    assert in_parts(u.spec, targets)
+    y, low = starts(u.moving, LANES, 3), np.full((len(u.moving), LANES), -np.inf)
+    bounds = Bounds(low, -low, np.full(LANES, 30.0), np.full(LANES, 1.0))
+    given = targets, y, np.full(LANES, 1e-3), bounds, np.int64(2)
+    with jax.enable_x64(True):
+        one, parts = (program(*given, spec=u.spec) for program in (solve, solved_in_parts))
+        np.testing.assert_allclose(parts[1], one[1], rtol=1e-9)
+        np.testing.assert_allclose(parts[0], one[0], rtol=1e-6)
+        at = without_data(targets), y[:, 0]
+        one, parts = (program(*at, spec=u.spec) for program in (linearised, slopes_in_parts))
+        for a, b in zip(map(np.asarray, one), parts, strict=True):
+            np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-11 * np.abs(a).max())
+        v = u.spec.values(jnp.asarray(y), jnp.asarray(u.held))
+        wanted, _ = medium_index(u.spec, 0, v, targets.points.wavelength_um)
+        np.testing.assert_allclose(eta_in_parts(targets, y, 0, spec=u.spec), wanted, rtol=1e-13)
 
 
 @pytest.mark.parametrize("sample", [
