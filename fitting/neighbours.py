@@ -42,8 +42,6 @@ _INDEX = {
 }  # fmt: skip
 # Rounds of starts beside the lowest ends, and the share of parameters that is taken from others.
 _ROUNDS, _ANEW = 6, 0.4
-# A round that gains more, in units of chi2, is followed by another one.
-_GAIN = 0.01
 # Of so many of the lowest ends each oscillator is looked for anew.
 _PARENTS = 4
 
@@ -69,7 +67,7 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
             beside.append(_orders(fit, films[0], y))
         found = [_followed(fit, s, noise, least) for s in beside if s.size]
         ends = joined([ends, *found])
-        if ends.cost.min() < least - _GAIN * _unit(fit, least):
+        if ends.cost.min() < least - _unit(fit, least):
             continue
         if tried or not (films and many_fringes(fit, films[0], y)) or _is_noise(fit, y):
             break

@@ -58,7 +58,7 @@ class Responses(NamedTuple):
 
 def energies(fit: Solving) -> np.ndarray:
     """Return the photon energy of every residual in eV, (R,), in the order of `Slopes`."""
-    seen = fit.seen
+    seen = fit.evaluated
     energy = HC_EV_UM / seen.points.wavelength_um[:, 0]
     out = [energy[w[:, 0] > 0.0] for w in seen.weights]
     if NCS in seen.channels:

@@ -174,6 +174,7 @@ class Solving:
         self, u: Unknowns, seen: Observations, targets: Targets, settings: Settings, asked: Asked
     ):
         self.u, self.seen, self.targets, self.settings = u, seen, targets, settings
+        self.evaluated = seen  # the rows that `slopes` is of
         self.asked = asked
         self.starts = 0
         self.n_data = len(seen.row)

@@ -45,6 +45,7 @@ class _Thinned(Solving):
     def __init__(self, fit: Solving, seen: Observations, outside: np.ndarray):
         super().__init__(fit.u, seen, targets_of(fit.u, seen, outside), fit.settings, fit.asked)
         self.whole = fit
+        self.evaluated = fit.seen
 
     def slopes(self, y: np.ndarray) -> Slopes:
         """Return residuals and derivatives at y, of all data."""
