@@ -18,6 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+# How far the scatter is off the stated errors, beyond chance.
+CHI2_LARGE, CHI2_SMALL = 128, 256
+
 # Doublings and halvings of the search for s: to 1e-6 of itself.
 _STEPS = 60
 # Weights are taken anew, and the fit repeated, so often; then s moves by less than 1 %.
@@ -77,3 +80,13 @@ def widening(correlation: np.ndarray) -> np.ndarray:
     """Return sqrt((1 + rho) / (1 - rho)) of residuals in order; 1 where rho is NaN or below 0."""
     rho = np.clip(np.nan_to_num(correlation), 0.0, MOST_CORRELATED)
     return np.sqrt((1.0 + rho) / (1.0 - rho))
+
+
+def chi2_flags(chi2_reduced: np.ndarray, dof: np.ndarray) -> np.ndarray:
+    """Return CHI2_LARGE or CHI2_SMALL where chi2 / dof is off 1 by 5 of its errors and by half."""
+    with np.errstate(all="ignore"):
+        error = np.sqrt(2.0 / dof)
+        large = (chi2_reduced > 1.0 + 5.0 * error) & (chi2_reduced > 1.5)
+        # The law is skew: 5 errors below 1 lies below 0 for fewer than 50 degrees of freedom.
+        small = (chi2_reduced < 1.0 / (1.0 + 5.0 * error)) & (chi2_reduced < 1.0 / 1.5)
+    return np.where(large, CHI2_LARGE, 0) | np.where(small, CHI2_SMALL, 0)

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.diagnostics import Finding
+from fitting.error_model import CHI2_LARGE, CHI2_SMALL, chi2_flags
 from fitting.instrument import INSTRUMENT
-from fitting.noise_level import CHI2_LARGE, CHI2_SMALL, chi2_flags
 from fitting.pattern import Pattern
 from fitting.result import PROFILE
 from fitting.uncertainty.intervals import OFF

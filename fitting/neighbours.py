@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fitting.error_model import CHI2_LARGE, chi2_flags
 from fitting.film_parts import followed_to_half, joined, parts
 from fitting.film_starts import (
     MANY_CANDIDATES,
@@ -24,7 +25,6 @@ from fitting.film_starts import (
 )
 from fitting.minima import ALTERNATIVE_CHI2
 from fitting.next_term import likely_lines, oscillators
-from fitting.noise_level import CHI2_LARGE, chi2_flags
 from fitting.parameters import from_parameter, value_and_slope
 from fitting.search import in_order, lowest_ends
 from fitting.starts import LANES, STAGE, Ends, best_of, start_range

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from fitting.diagnostics import Finding
-from fitting.error_model import GAIN, ROUNDS, likeliest_floor
+from fitting.error_model import CHI2_LARGE, GAIN, ROUNDS, chi2_flags, likeliest_floor
 from fitting.measurement import Measurement, concatenate
-from fitting.noise_level import CHI2_LARGE, chi2_flags
 from fitting.residuals import arcs, weighted_residuals
 from fitting.result import Fit
 from fitting.sentences import SENTENCES
