@@ -82,10 +82,11 @@ def test_fitted_values_go_with_the_rows_of_the_measurement():
         rms = np.sqrt(np.mean((value[rows] - m.value[rows]) ** 2))
         assert rms == pytest.approx(found.rms[i], rel=1e-9)
     assert (sigma > 0.0).all()
-    # At rows of one's own, and nothing at a wavelength that was not fitted.
+    # At rows of one's own, and a refusal at a wavelength that was not fitted.
     again, _ = found.predict(m.where(m.wavelength_um == 0.4))
     np.testing.assert_array_equal(again, value[m.wavelength_um == 0.4])
-    assert np.isnan(found.predict(replace(m, wavelength_um=np.full(len(m), 0.5))).value).all()
+    with pytest.raises(ValueError, match=r"nothing is known of them at 0\.5 um"):
+        found.predict(replace(m, wavelength_um=np.full(len(m), 0.5)))
 
 
 def test_fitted_values_see_the_polarizer():

@@ -8,6 +8,10 @@ from scipy.optimize import brentq, minimize_scalar
 from simulated import GOLD, simulated, textbook
 
 from fitting import fit, fit_many
+from fitting.bare_surface.coordinates import coordinates_of
+from fitting.bare_surface.curve_data import Data
+from fitting.bare_surface.region import profile
+from fitting.bare_surface.valley import Lanes, evaluate
 from fitting.measurement import read_csv
 from fitting.uncertainty.limits import student_quantile
 
@@ -226,3 +230,33 @@ def test_exact_data_have_intervals_as_narrow_as_rounding():
     found = fit_many(ANGLES, **curves(0.5, 2.2, ("R_s", "R_p")), intervals="profile")
     np.testing.assert_allclose(found.parameters["eta"].interval, 0.5, rtol=1e-12)
     np.testing.assert_allclose(found.parameters["k"].interval, 2.2, rtol=1e-12)
+
+
+@pytest.mark.parametrize("n", [1.3, 2.0, 3.6])
+def test_an_interval_is_the_same_from_wherever_in_the_valley(n):
+    """At 45 degrees every index of a curve from n to below 1 fits; which is best is rounding.
+
+    With the minimum at .723 + .2 i the interval of eta had ended at 1.007, where the floor of the
+    valley, followed from there, had been taken for the end of the chart.
+    """
+    channels, angle = ("R_s", "R_p"), np.array([45.0])
+    data = Data(
+        np.cos(np.radians(angle)), np.array([0.5]), tuple(curves(n, 0.0, channels, angle).values()),
+        (np.array([1e3]),) * 2, 1.0, channels,
+    )  # fmt: skip
+    data = data._replace(values=tuple(v[None] for v in data.values))
+
+    def above(k, eta):
+        """By how much an index reflects more of s than n does."""
+        return (textbook(angle, np.array(["R_s"]), eta, k) - data.values[0][0])[0]
+
+    ends = []
+    for eta in np.linspace(0.72, 0.98 * n, 12):
+        if above(0.0, eta) > 0.0:
+            continue
+        k = brentq(above, 0.0, 5.0, args=(eta,))
+        place = Lanes(np.array([0]), *coordinates_of(np.array([eta]), np.array([k])))
+        region = profile(data, evaluate(data, place), np.array([3.84]), np.array([np.nan]))
+        ends.append([region.eta[0, 1], region.k[0, 1]])
+    np.testing.assert_allclose(np.array(ends)[:, 0], n, atol=0.02)
+    np.testing.assert_allclose(np.array(ends)[:, 1], np.mean(ends, axis=0)[1], rtol=0.02)

@@ -37,6 +37,8 @@ CLOSE = 1e-3
 # Where chi2 is higher than the best by this many q, the quadratic model says nothing of the end.
 FAR = 25.0
 TIGHT = 1e-5
+# An end of the chart is met within this part of it, which moves an end of eta by 1e-3 at most.
+AT_EDGE = 0.01
 
 
 class Region(NamedTuple):
@@ -115,9 +117,12 @@ def _end(
         outside[todo] = np.where(low, outside[todo], new)
         met = near & (np.abs(floor.height - high) <= CLOSE * high)
         tight = np.abs(outside[todo] - inside[todo]) <= TIGHT * np.abs(outside[todo])
-        cut[todo] = low & beyond & ~met
-        done = met | tight | (low & beyond)
-        new = np.where(tight & ~met, inside[todo], new)
+        # The upper end of the chart moves with x: that of the last x need not be that of this one.
+        edge = 4.0 * xi_of(base_x[todo]) if sign > 0 else limit
+        over = low & ((new >= edge * (1.0 - AT_EDGE)) if sign > 0 else beyond)
+        cut[todo] = over & ~met
+        done = met | tight | over
+        new = np.where(over, edge, np.where(tight & ~met, inside[todo], new))
         found_w[todo], found_x[todo] = np.where(done, (new, base_x[todo]), np.nan)
         root, far = np.sqrt(np.maximum(floor.height, 0.0)), 3.0 * np.abs(new - s.w[todo])
         step = (np.sqrt(high) - root) * root / floor.slope
