@@ -62,9 +62,9 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
         least, y = float(ends.cost[best]), ends.y[:, best]
         if not films and _is_noise(fit, y):
             break
-        beside = [_crossed(fit, ends, start, random), _other_lines(fit, ends)]
+        beside = [_other_lines(fit, ends)]
         if films:
-            beside.append(_orders(fit, films[0], y))
+            beside += [_crossed(fit, ends, start, random), _orders(fit, films[0], y)]
         found = [_followed(fit, s, noise, least) for s in beside if s.size]
         ends = joined([ends, *found])
         if ends.cost.min() < least - _unit(fit, least):

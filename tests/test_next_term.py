@@ -79,9 +79,9 @@ def test_an_oscillator_in_the_wrong_place_is_looked_for_anew(model, setup, seed)
 
 
 @pytest.mark.study
-@pytest.mark.parametrize("seed", [250040, 250161, 250367])
+@pytest.mark.parametrize("seed", [250036, 250040, 250161])
 def test_films_whose_oscillator_was_in_the_wrong_place(seed):
-    """Films of 20 to 50 nm, whose fits ended 1 to 9 above the best chi2."""
+    """Films of 15 to 34 nm, whose fits ended .5 to 9 above the best chi2."""
     case = simulated_film(seed)
     assert case is not None
     assert outcome(case, seed)["best"]
