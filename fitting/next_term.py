@@ -129,9 +129,11 @@ def likely_lines(fit: Solving, y: np.ndarray, term: list[int], count: int) -> np
     """Return starts (p, count): y (p,) with the oscillators that explain most of its residuals.
 
     term: rows of the oscillator that is looked for, which has hardly any strength at y. Of less
-    than ``count`` oscillators some come again.
+    than ``count`` oscillators some come again; y itself, where it has no finite derivatives.
     """
     known = by_eps(fit, y, term)
+    if not all(np.isfinite(a).all() for a in known):
+        return np.repeat(y[:, None], count, 1)
     left, sizes, _ = np.linalg.svd(known.by_rest, full_matrices=False)
     followed = left[:, sizes > _SEEN * sizes.max(initial=0.0)]
     energy = energies(fit)

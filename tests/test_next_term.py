@@ -71,6 +71,14 @@ def test_a_line_that_is_missing_is_among_the_first_two(seed):
     assert near.any()
 
 
+def test_of_an_end_without_derivatives_nothing_is_made():
+    fit = job("lorentz:2", measured("lorentz:1", STRONG, ("psi", "delta")))
+    y = start_at(fit.u.moving, {})
+    y[0] = np.nan
+    found = likely_lines(fit, y, oscillators(fit)[1], 3)
+    np.testing.assert_array_equal(found, np.repeat(y[:, None], 3, 1))
+
+
 @pytest.mark.parametrize("model, setup, seed", [("drude-lorentz:2", 1, 9), ("lorentz:3", 2, 1)])
 def test_an_oscillator_in_the_wrong_place_is_looked_for_anew(model, setup, seed):
     """Spectra whose fits ended 13,000 above the best chi2: one oscillator was somewhere else."""
