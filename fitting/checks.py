@@ -54,7 +54,6 @@ NOISE_EXCURSION = 0.05
 # The scatter of 8 to 60 values is told to within a factor of two.
 SHOWN_SIGMAS = 2.0 * EXCURSION_SIGMAS
 _ROUNDING = 1e-12  # of powers that were computed
-_ENDS = "low", "high"
 
 
 def _noise(data: Data) -> np.ndarray:
@@ -161,7 +160,8 @@ def check_data(
             "real one, or leave the standard errors out with --columns."
         ),
     )
-    low, high = (np.array([getattr(TABLE[q], end) for q in quantity.tolist()]) for end in _ENDS)
+    names, which = np.unique(quantity, return_inverse=True)
+    low, high = np.array([TABLE[name][1:3] for name in names.tolist()])[which].T
     angular = np.isin(quantity, ANGLES)
     power, of_any = are_powers(quantity), (quantity == "R") | (quantity == "T")
     refuse(

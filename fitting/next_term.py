@@ -46,17 +46,18 @@ def oscillators(fit: Solving) -> list[list[int]]:
 class Responses(NamedTuple):
     """What the data do where eps of a medium changes at their own wavelength; R residuals.
 
-    residual: (R,). by_eps: (R,), the derivative by eps_1 less i times that by eps_2, so that the
-    real part of its product with a change of eps is the change of the residual. by_rest: (R, q),
-    derivatives by the parameters that are free beside the oscillator.
+    energy: (R,), in eV. residual: (R,). by_eps: (R,), the derivative by eps_1 less i times that by
+    eps_2, so that the real part of its product with a change of eps is the change of the residual.
+    by_rest: (R, q), derivatives by the parameters that are free beside the oscillator.
     """
 
+    energy: np.ndarray
     residual: np.ndarray
     by_eps: np.ndarray
     by_rest: np.ndarray
 
 
-def energies(fit: Solving) -> np.ndarray:
+def _energies(fit: Solving) -> np.ndarray:
     """Return the photon energy of every residual in eV, (R,), in the order of `Slopes`."""
     seen = fit.evaluated
     energy = HC_EV_UM / seen.points.wavelength_um[:, 0]
@@ -77,7 +78,7 @@ def by_eps(fit: Solving, y: np.ndarray, term: list[int]) -> Responses:
     Its strength's derivative at two resonances and widths, whose eps differ in phase at every
     energy (one far above the spectrum, one broad), is that by eps_1 and by eps_2.
     """
-    energy = energies(fit)
+    energy = _energies(fit)
     low, high = energy.min(), energy.max()
     columns, shapes = [], []
     for resonance, width in ((5.0 * high, 1e-2 * low), (np.sqrt(low * high), 10.0 * high)):
@@ -93,7 +94,7 @@ def by_eps(fit: Solving, y: np.ndarray, term: list[int]) -> Responses:
     by_1 = (d * columns[0] - b * columns[1]) / determinant
     by_2 = (a * columns[1] - c * columns[0]) / determinant
     rest = [i for i, w in enumerate(fit.u.moving) if w.free and i not in term]
-    return Responses(slopes.residual, by_1 - 1j * by_2, slopes.jacobian[:, rest])
+    return Responses(energy, slopes.residual, by_1 - 1j * by_2, slopes.jacobian[:, rest])
 
 
 def _grid(energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -136,12 +137,11 @@ def likely_lines(fit: Solving, y: np.ndarray, term: list[int], count: int) -> np
         return np.repeat(y[:, None], count, 1)
     left, sizes, _ = np.linalg.svd(known.by_rest, full_matrices=False)
     followed = left[:, sizes > _SEEN * sizes.max(initial=0.0)]
-    energy = energies(fit)
-    places, widths = _grid(energy)
+    places, widths = _grid(known.energy)
     strength = np.empty((len(widths), len(places)))
     gain = np.empty_like(strength)
     for i, width in enumerate(widths):
-        change = np.real(known.by_eps * oscillator(energy, places[:, None], width))
+        change = np.real(known.by_eps * oscillator(known.energy, places[:, None], width))
         change -= (change @ followed) @ followed.T
         size = np.maximum((change * change).sum(1), 1e-300)
         strength[i] = np.maximum(-(change @ known.residual) / size, 0.0)
