@@ -8,11 +8,11 @@ import jax
 import numpy as np
 
 from fitting.averages import values_at, with_places
-from fitting.film_programs import slopes_in_parts
 from fitting.measurement import QUANTITIES, Measurement
 from fitting.observations import Observations, observations, padded
 from fitting.observe import NCS
 from fitting.problem import Targets, index_slopes, without_data
+from fitting.programs_in_parts import slopes_in_parts
 from fitting.result import Evaluator, IndexBand, Prediction
 from fitting.sample import FREE, Sample
 from fitting.sample_checks import check_known

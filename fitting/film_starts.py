@@ -9,10 +9,10 @@ import jax
 import numpy as np
 
 from fitting.compiled import compiled
-from fitting.film_programs import eta_in_parts, eta_moves
 from fitting.fringes import likely_thicknesses, phase_rate
 from fitting.observe import NCS, Spec, medium_index
 from fitting.parameters import from_parameter
+from fitting.programs_in_parts import eta_in_parts, eta_moves
 from fitting.starts import LANES, start_range
 
 if TYPE_CHECKING:

@@ -50,29 +50,32 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
     """Return the ends, and those of starts beside the lowest of them, while these are lower.
 
     start: (p, S) random starts. Of films always; of other samples with oscillators where the
-    residuals are no noise. Once from parts of the spectrum, where those of films are none then.
+    residuals are no noise. There a round that finds nothing is followed by one more; and of films
+    by one from parts of the spectrum, where there are none yet.
     """
     films = films_of(fit.u.spec, fit.u.moving)
     worth = bool(films) or (fit.lanes == LANES and bool(oscillators(fit)))
-    random, tried = np.random.default_rng(fit.asked.seed), False
+    random, in_vain, tried = np.random.default_rng(fit.asked.seed), 0, False
     for _ in range(_ROUNDS if worth else 0):
         best = best_of(ends)
         if best is None:
             break
         least, y = float(ends.cost[best]), ends.y[:, best]
-        if not films and _is_noise(fit, y):
+        noise_like = _is_noise(fit, y)
+        if noise_like and (in_vain or not films):
             break
-        beside = [_other_lines(fit, ends)]
-        if films:
-            beside += [_crossed(fit, ends, start, random), _orders(fit, films[0], y)]
-        found = [_followed(fit, s, noise, least) for s in beside if s.size]
-        ends = joined([ends, *found])
+        beside = [_other_lines(fit, ends), _crossed(fit, ends, start, random)]
+        beside += [_orders(fit, film, y) for film in films[:1]]
+        ends = joined([ends, _followed(fit, np.concatenate(beside, 1), noise, least)])
         if ends.cost.min() < least - _unit(fit, least):
+            in_vain = 0
             continue
-        if tried or not (films and many_fringes(fit, films[0], y)) or _is_noise(fit, y):
+        in_vain += 1
+        if noise_like or in_vain == 2:
             break
-        tried = True
-        ends = joined([ends, *_from_parts(fit, films[0], start, noise, least)])
+        if films and not tried and many_fringes(fit, films[0], y):
+            tried = True
+            ends = joined([ends, *_from_parts(fit, films[0], start, noise, least)])
     return ends
 
 
@@ -82,9 +85,12 @@ def _followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> End
     ends = fit.held(start, low, high, noise, STAGE)
     shown = best + ALTERNATIVE_CHI2 * _unit(fit, best)
     for _ in range(_FURTHER):
-        if not (~ends.done & (ends.cost < shown)).any():
+        live = np.flatnonzero(~ends.done & (ends.cost < shown))
+        if not len(live):
             break
-        ends = fit.held(ends.y, low, high, noise, STAGE)
+        further = fit.held(ends.y[:, live], low[:, live], high[:, live], noise, STAGE)
+        for all_lanes, some in zip(ends, further, strict=True):
+            all_lanes[..., live] = some
         # After the first of them what still crawls along a valley, unless it is the lowest of all.
         shown = best - _unit(fit, best)
     return ends._replace(y=in_order(fit.u, ends.y, fit.settings))

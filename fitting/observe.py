@@ -84,7 +84,8 @@ class Spec(NamedTuple):
     names of the unknowns, in the order of y; coordinates: theirs. held: names of the constants.
     tied: (name, factor, of which). curves: for each channel the curve of every file, the number in
     ``scale_0``, ``background_0``. places: at how many a slit and a beam are averaged
-    (`instrument.places_of`).
+    (`instrument.places_of`). shared: whether other models are fitted to the same data (`choose`),
+    so that programs which they share are worth more calls.
     """
 
     media: Media
@@ -97,6 +98,7 @@ class Spec(NamedTuple):
     loss: str = "squares"
     priors: bool = False
     places: tuple[int, int] = (SLIT, BEAM)
+    shared: bool = False
 
     def values(self, y: Array, held: Array) -> dict[str, Array]:
         """Return every parameter, (L,), at the unknowns y (p, L) and constants (h,)."""

@@ -220,18 +220,27 @@ class _Search:
 
     def attempt(self, *keys: Key) -> list[Candidate]:
         """Return the candidates, fitted side by side if they were not tried before."""
-        new = [key for key in dict.fromkeys(keys) if key not in self.tried]
-        for key in new:
+        self.attempt_chains(*((key,) for key in keys))
+        return [self.tried[key] for key in keys]
+
+    def attempt_chains(self, *chains: Sequence[Key]) -> None:
+        """Try chains of candidates side by side, each as far as its candidates are good."""
+        new = [c for c in dict.fromkeys(map(tuple, chains)) if any(k not in self.tried for k in c)]
+        if not new:
+            return
+        for key in dict.fromkeys(k for c in new for k in c if k not in self.tried):
             self.progress(key.label)
             tell(key.label)
-        if new:
-            # A program is compiled on one core, and so are the lanes of a search run.
-            with ThreadPoolExecutor(min(len(new), os.cpu_count() or 1)) as pool:
-                found = pool.map(self.run, new)
-                self.tried |= {
-                    key: Candidate(key, fit) for key, fit in zip(new, found, strict=True)
-                }
-        return [self.tried[key] for key in keys]
+        # A program is compiled on one core, and so are the lanes of a search run.
+        with ThreadPoolExecutor(min(len(new), os.cpu_count() or 1)) as pool:
+            list(pool.map(self._try_chain, new))
+
+    def _try_chain(self, chain: Sequence[Key]) -> None:
+        for key in chain:
+            if key not in self.tried:
+                self.tried[key] = Candidate(key, self.run(key))
+            if not self.tried[key].good:
+                return
 
     def best(self) -> Candidate:
         """Return the one that would be taken now."""
@@ -251,8 +260,9 @@ def _stages(search: _Search, wavelengths: int) -> None:
             if wavelengths >= 4 * terms and _good(search.tried.get(Key(f"{kind}:{terms - 1}")))
         ]
 
-    # Two oscillators now, whose program is compiled beside that of Tauc and Lorentz.
-    search.attempt(Key("drude-lorentz:1"), Key("tauc-lorentz:1"), *grown(2)[:1])
+    # Side by side: two oscillators' programs are compiled beside that of Tauc and Lorentz.
+    with_electrons = [Key(f"drude-lorentz:{terms}") for terms in (1, 2) if wavelengths >= 4 * terms]
+    search.attempt_chains(with_electrons, [Key("tauc-lorentz:1")], grown(2)[:1])
     for terms in range(2, MOST_TERMS + 1):
         keys = grown(terms)
         new = search.attempt(*keys)

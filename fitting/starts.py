@@ -13,10 +13,10 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from fitting.film_programs import in_parts, solved_in_parts
 from fitting.observe import Spec
 from fitting.parameters import LOG, SQUARE, Parameter, from_parameter, plain_name
 from fitting.problem import Bounds, Targets
+from fitting.programs_in_parts import in_parts, solved_in_parts
 from fitting.progress import tell
 from fitting.solver import START_DAMPING
 
@@ -263,16 +263,24 @@ def run(
         bounds = Bounds(*(a[..., :LANES] for a in bounds))
     lanes = y.shape[1]
     groups = np.zeros(lanes, int) if groups is None else groups
-    damping, total = np.full(lanes, START_DAMPING), np.full(lanes, used)
-    ends = Ends(y, np.full(lanes, np.inf), np.zeros(lanes, bool), total)
+    damping = np.full(lanes, START_DAMPING)
+    ends = Ends(y, np.full(lanes, np.inf), np.zeros(lanes, bool), np.full(lanes, used))
+    # Where lanes have data of their own, or one compiled program, all go on together.
+    alone = in_parts(spec, targets)
+    live = np.arange(lanes)
     for _ in range(STAGES):
-        ends, damping = _stage(spec, targets, ends.y, damping, bounds, STAGE)
-        total = total + ends.evaluations
+        pick = live if alone else np.arange(lanes)
+        some = Bounds(*(a[..., pick] for a in bounds))
+        further, damping[pick] = _stage(spec, targets, ends.y[:, pick], damping[pick], some, STAGE)
+        further = further._replace(evaluations=ends.evaluations[pick] + further.evaluations)
+        for every, new in zip(ends, further, strict=True):
+            every[..., pick] = new
         best = np.full(groups.max() + 1, np.inf)
         np.minimum.at(best, groups[ends.done], ends.cost[ends.done])
-        if not (~ends.done & (ends.cost < best[groups])).any():
+        live = np.flatnonzero(~ends.done & (ends.cost < best[groups]))
+        if not len(live):
             break
-    return ends._replace(evaluations=total)
+    return ends
 
 
 def best_of(ends: Ends) -> int | None:

@@ -282,6 +282,7 @@ def unknowns(
         tied=tuple(tied),
         loss=loss,
         priors=any(u.prior is not None for u in moving),
+        shared=settings.shared,
     )
     spec = with_places(spec, largest([*moving, *held]), seen.points, spectrum.eta_i)
     mentioned = {name.partition("[")[0] for name in said.names} | set(said.names)

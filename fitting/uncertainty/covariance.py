@@ -7,11 +7,11 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from fitting.film_programs import slopes_in_parts
 from fitting.observations import Observations
 from fitting.observe import NCS
 from fitting.parameters import value_and_slope
 from fitting.problem import HUBER, STUDENT, Targets, without_data
+from fitting.programs_in_parts import slopes_in_parts
 from fitting.unknowns import Unknowns
 
 # A direction in which the data change by less than this share of what they change along the best

@@ -1,4 +1,4 @@
-"""Fits of films in programs that models share: the numbers of the one program, compiled once."""
+"""Fits in programs that models share: the numbers of the one program, compiled once."""
 
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from fitting.compiled import in_turn
-from fitting.film_programs import eta_in_parts, in_parts, slopes_in_parts, solved_in_parts
-from fitting.film_quantities import core_of, has_parts
 from fitting.measurement import Measurement
 from fitting.observations import observations
 from fitting.observe import medium_index
+from fitting.optics_inputs import core_of, has_parts
 from fitting.parameters import Settings, check_settings
 from fitting.problem import Bounds, linearised, solve, targets_of, without_data
+from fitting.programs_in_parts import eta_in_parts, in_parts, slopes_in_parts, solved_in_parts
 from fitting.sample import Sample
 from fitting.starts import coordinate_bounds, starts
 from fitting.unknowns import index_outside, spectrum_of, unknowns
@@ -31,9 +31,14 @@ def of(sample, settings, angles=(55.0, 70.0), loss="squares", waves=WAVES, **val
     columns: dict[str, Any] = {name: value * shape for name, value in values.items()}
     m, which = Measurement.from_columns(angle, wavelength, **columns), Sample.parse(sample)
     seen = observations([m], "equal")
-    settings = check_settings(settings)
+    settings = check_settings(settings)._replace(shared=settings.shared)
     u = unknowns(which, spectrum_of([m], which), settings, seen, loss)
     return u, targets_of(u, seen, index_outside(which, seen.points.wavelength_um))
+
+
+def shared(u):
+    """In programs that models share, as `choose` runs them."""
+    return u._replace(spec=u.spec._replace(shared=True))
 
 
 CASES: dict[str, Any] = {
@@ -58,6 +63,19 @@ CASES: dict[str, Any] = {
         }),
         {"R": 0.2},
     ),
+    "a bare surface": ("drude-lorentz:2", Settings(), {"R": 0.2}),
+    "psi and Delta of a bare surface": (
+        "water | lorentz:1", Settings(free=("angle_offset",)), {"psi": 20.0, "delta": 100.0},
+    ),
+    "a plate": (
+        "air | cauchy-urbach:2 1 mm thick | air", Settings(), {"R": 0.1, "T": 0.8, "R_back": 0.1},
+    ),
+    "a film on a plate": (
+        "air | cauchy:2 20..300 nm | BK7 1 mm thick | air", Settings(), {"R": 0.1, "T": 0.8},
+    ),
+    "psi and Delta of a plate": (
+        "air | cauchy:2 1 mm thick | air", Settings(), {"psi": 20.0, "delta": 100.0},
+    ),
 }  # fmt: skip
 
 
@@ -70,6 +88,7 @@ def angles_of(case):
 def test_the_derivatives_are_those_of_the_one_program(case):
     sample, settings, values = CASES[case]
     u, targets = of(sample, settings, angles_of(case), **values)
+    u = shared(u)
     assert in_parts(u.spec, targets)
     y = starts(u.moving, 3, 3)
     with jax.enable_x64(True):
@@ -85,12 +104,14 @@ def test_the_derivatives_are_those_of_the_one_program(case):
     ("case", "loss"),
     [
         ("in a wider program", "squares"),
+        ("a plate", "squares"),
         pytest.param("psi and Delta", "huber", marks=pytest.mark.study),
     ],
 )
 def test_the_solver_takes_the_steps_of_the_one_program(case, loss):
     sample, settings, values = CASES[case]
     u, targets = of(sample, settings, angles_of(case), loss, **values)
+    u = shared(u)
     assert in_parts(u.spec, targets)
     low, high = (np.repeat(a[:, None], LANES, 1) for a in coordinate_bounds(u.moving))
     y = np.clip(starts(u.moving, LANES, 3), low, high)
@@ -132,11 +153,27 @@ def test_rows_of_several_blocks(rows):
 
 
 @pytest.mark.parametrize("sample", [
-    "air | cauchy 90 nm graded | Si", "air | bruggeman(SiO2, air 30 %) 90 nm | Si", "lorentz:2",
-    "air | cauchy 3 um thick | air", "air | cauchy 90 nm | BK7 1 mm thick | air",
+    "air | cauchy 90 nm graded | Si", "air | bruggeman(SiO2, air 30 %) 90 nm | Si", "kk-spline:8",
 ])  # fmt: skip
 def test_other_samples_run_in_one_program(sample):
     assert not has_parts(of(sample, Settings(), R=0.2)[0].spec)
+
+
+@pytest.mark.parametrize(
+    ("sample", "angles", "parts"),
+    [
+        ("cauchy:2", (0.0,), False),
+        ("drude-lorentz:2", (0.0,), True),  # eight unknowns
+        ("drude-lorentz:2", (55.0, 70.0), False),  # each wavelength comes twice
+        ("air | cauchy:2 20..300 nm | Si", (0.0,), True),
+        ("air | cauchy:2 20..300 nm | Si", (55.0, 70.0), False),
+        ("air | cauchy:2 3 um thick | air", (0.0,), False),
+    ],
+)
+def test_which_fits_run_in_parts(sample, angles, parts):
+    u, targets = of(sample, Settings(), angles, R=0.2)
+    assert in_parts(u.spec, targets) == parts
+    assert in_parts(shared(u).spec, targets)
 
 
 def test_eta_is_that_of_the_medium():

@@ -1,14 +1,14 @@
-"""Fits of coherent films in three programs, of which only the first one knows the model.
+"""Fits in three programs, of which only the first one knows the model of the index.
 
-Where an evaluation is one program, the film (1.5 s to compile) and the solver's step (1 to 3 s) are
-compiled again for every model of its index, every number of rows and of lanes. Of three,
+Where an evaluation is one program, the optics (1.5 s to compile for a film) and the solver's step
+(1 to 3 s) are compiled again for every model, every number of rows and of lanes. Of three,
 
     quantities   unknowns -> indices, thicknesses, instrument; and their derivatives
     optics       these -> what each channel shows; and its derivatives by them
     step         normal equations (a small program of their own) -> the next place to try
 
 the second one is shared by all models, the third one by all models of about as many unknowns, which
-are filled up. All of them have one shape, for all numbers of rows and of lanes; see `film_blocks`.
+are filled up. All of them have one shape, for all numbers of rows and of lanes; see `row_blocks`.
 """
 
 from __future__ import annotations
@@ -23,17 +23,14 @@ import numpy as np
 from jax import Array
 
 from fitting.compiled import compiled, in_turn
-from fitting.film_blocks import COLUMNS, ROWS, SLOTS, Blocks, blocks_of, can_be_cut
-from fitting.film_quantities import Core, core_of, has_parts, known_quantities, quantities, still_of
 from fitting.observe import NCS, Points, Spec, predicted
+from fitting.optics_inputs import Core, core_of, has_parts, known_quantities, quantities, still_of
 from fitting.problem import SOLVER, Bounds, Targets, linearised, robust, rows_of, solve, weighted
-from fitting.solver import BatchState, packed
+from fitting.row_blocks import COLUMNS, ROWS, SLOTS, Blocks, blocks_of, can_be_cut
+from fitting.solver import FEW_UNKNOWNS, BatchState, packed
 
 # Unknowns are filled up to a multiple of that number.
 _SIZE = 8
-# Of fewer rows an evaluation is over before three programs are called: a film of free index, fitted
-# at each wavelength for many thicknesses, took three times as long.
-_FEW_ROWS = 32
 
 
 def _flat(points: Points, eta_i: Any) -> tuple[Points, Any]:
@@ -136,8 +133,17 @@ def _filled(y: np.ndarray) -> np.ndarray:
 
 
 def in_parts(spec: Any, targets: Targets) -> bool:
-    """Whether a fit runs in these programs: of few coherent films, in one file of enough rows."""
-    return has_parts(spec) and len(targets.points.angle_deg) > _FEW_ROWS and can_be_cut(targets)
+    """Whether a fit runs in these programs: where they are shared, of films, of many unknowns.
+
+    A first `choose` takes half the time, and so does the first fit of a silver mirror by three
+    oscillators. One program for all is, once compiled, up to three times as fast for a bare surface
+    of few unknowns, and where wavelengths come again at other angles: it forms the index once.
+    """
+    if not has_parts(spec) or not can_be_cut(targets):
+        return False
+    films = bool(spec.media.coherent) and all(spec.media.coherent)
+    worth = films or len(spec.moving) > FEW_UNKNOWNS
+    return spec.shared or (worth and targets.points.place is None)
 
 
 class _Parts:
@@ -153,7 +159,7 @@ class _Parts:
         ]
 
     def quantities(self, trial: Any, slot: np.ndarray, blocks: Blocks) -> Any:
-        """Return what `film_quantities.quantities` does."""
+        """Return what `optics_inputs.quantities` does."""
         own = self.held, blocks.points, blocks.eta_i
         return _quantities_of(trial, slot, *own, spec=self.spec, core=self.core)
 

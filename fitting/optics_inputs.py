@@ -1,4 +1,4 @@
-"""What the optics of coherent films depend on: indices, thicknesses, instrument; derivatives."""
+"""What the optics of a sample depend on: indices, thicknesses, instrument; their derivatives."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from fitting.layer_index import slices_of
 from fitting.observe import Points, Spec
 from fitting.oscillator_slopes import has_slopes, oscillator_slopes
 from fitting.quantities import POWERS
+from fitting.spline_index import NAME as SPLINE
 
 
 class Core(NamedTuple):
@@ -33,13 +34,18 @@ class Core(NamedTuple):
 
 
 def has_parts(spec: Any) -> bool:
-    """Whether optics and model of a fit come apart: of few coherent films, in one file."""
-    if not isinstance(spec, Spec) or not spec.media.coherent or spec.priors:
+    """Whether optics and model of a fit come apart: of few layers, in one file.
+
+    A spline moves with each of its dozens of unknowns at every wavelength: to write all those
+    derivatives out between two programs takes four times as long as one program does.
+    """
+    if not isinstance(spec, Spec) or spec.priors:
         return False
-    simple = not any(isinstance(m, Mixture) for m in spec.media.index)
+    index = spec.media.index
+    simple = not any(isinstance(m, Mixture) or getattr(m, "name", "") == SPLINE for m in index)
     simple &= not any(spec.media.graded) and all(len(c) == 1 for c in spec.curves)
     simple &= not {"divergence", "bandwidth"} & {*spec.moving, *spec.held}
-    return simple and all(spec.media.coherent) and len(spec.media.coherent) <= FEW_LAYERS
+    return simple and len(spec.media.coherent) <= FEW_LAYERS
 
 
 @functools.lru_cache(maxsize=256)
@@ -57,7 +63,9 @@ def core_of(spec: Spec, normal: bool) -> Core:
     normal = normal and set(spec.channels) <= set(POWERS)
     normal = normal and "angle_offset" not in (*moving, *held)
     known = media._replace(index=("",) * len(media.index), normal=normal)  # type: ignore
-    core = spec._replace(media=known, moving=(), coordinates=(), held=(), tied=())
+    core = spec._replace(
+        media=known, moving=(), coordinates=(), held=(), tied=(), shared=False
+    )  # fmt: skip
     return Core(core, of_index, moving, held)
 
 
