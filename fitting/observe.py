@@ -100,6 +100,11 @@ class Spec(NamedTuple):
     places: tuple[int, int] = (SLIT, BEAM)
     shared: bool = False
 
+    @property
+    def only_powers(self) -> bool:
+        """Whether neither psi nor Delta is asked for."""
+        return set(self.channels) <= set(POWERS)
+
     def values(self, y: Array, held: Array) -> dict[str, Array]:
         """Return every parameter, (L,), at the unknowns y (p, L) and constants (h,)."""
         lanes = y.shape[1:]
@@ -159,7 +164,7 @@ def boundary(
     ellipse: cos 2psi, sin 2psi cos Delta and sin 2psi sin Delta; shorter than 1 of a thick layer,
     whose light is partly depolarized.
     """
-    media, pairs = spec.media, not set(spec.channels) <= set(POWERS)
+    media, pairs = spec.media, not spec.only_powers
     if media.bare:
         both = powers(c, *index[0][0], eta_i)
         rho = ellipsometric_ratio(c, *index[0][0], eta_i) if pairs else None

@@ -16,7 +16,6 @@ from fitting.known_media import Mixture
 from fitting.layer_index import slices_of
 from fitting.observe import Points, Spec
 from fitting.oscillator_slopes import has_slopes, oscillator_slopes
-from fitting.quantities import POWERS
 from fitting.spline_index import NAME as SPLINE
 
 
@@ -60,8 +59,7 @@ def core_of(spec: Spec, normal: bool) -> Core:
     moving, held = (
         tuple(n for n in some if ".thickness_" in n or "." not in n) for some in (names, spec.held)
     )
-    normal = normal and set(spec.channels) <= set(POWERS)
-    normal = normal and "angle_offset" not in (*moving, *held)
+    normal = normal and spec.only_powers and "angle_offset" not in (*moving, *held)
     known = media._replace(index=("",) * len(media.index), normal=normal)  # type: ignore
     core = spec._replace(
         media=known, moving=(), coordinates=(), held=(), tied=(), shared=False
