@@ -85,9 +85,7 @@ def _followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> End
         live = np.flatnonzero(~ends.done & (ends.cost < shown))
         if not len(live):
             break
-        further = fit.held(ends.y[:, live], low[:, live], high[:, live], noise, STAGE)
-        for all_lanes, some in zip(ends, further, strict=True):
-            all_lanes[..., live] = some
+        ends.put(live, fit.held(ends.y[:, live], low[:, live], high[:, live], noise, STAGE))
         # After the first of them what still crawls along a valley, unless it is the lowest of all.
         shown = best - _unit(fit, best)
     return ends._replace(y=in_order(fit.u, ends.y, fit.settings))

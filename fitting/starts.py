@@ -51,6 +51,11 @@ class Ends(NamedTuple):
     done: np.ndarray
     evaluations: np.ndarray
 
+    def put(self, lanes: np.ndarray, others: Ends) -> None:
+        """Write where some of the lanes are now."""
+        for mine, theirs in zip(self, others, strict=True):
+            mine[..., lanes] = theirs
+
 
 def start_range(unknown: Unknown) -> tuple[float, float]:
     """Return the range of starts: the model's, cut to bounds and prior."""
@@ -180,22 +185,11 @@ def _sifted(
     spec: Spec, targets: Targets, start: np.ndarray, bounds: Bounds
 ) -> tuple[np.ndarray, int]:
     """Return the LANES starts that are lowest after a few evaluations, from groups of LANES."""
-    low, high = bounds.lower[:, :1], bounds.upper[:, :1]
-    lanes = start.shape[1]
-    size = lanes if in_parts(spec, targets) else LANES
-    fill = -lanes % size
-    start = np.pad(start, ((0, 0), (0, fill)), mode="wrap")
-    group = Bounds(
-        np.repeat(low, size, 1), np.repeat(high, size, 1),
-        bounds.degrees[:size], bounds.scale[:size],
+    degrees, scale = float(bounds.degrees[0]), float(bounds.scale[0])
+    ends = each_within(
+        spec, targets, start, bounds.lower, bounds.upper, degrees, scale, SIFT, LANES
     )  # fmt: skip
-    parts = []
-    for first in range(0, lanes + fill, size):
-        y = start[:, first : first + size]
-        parts.append(_stage(spec, targets, y, np.full(size, START_DAMPING), group, SIFT)[0])
-    y = np.concatenate([p.y for p in parts], 1)[:, :lanes]
-    cost = np.concatenate([p.cost for p in parts])[:lanes]
-    return y[:, np.argsort(cost, kind="stable")[:LANES]], SIFT
+    return ends.y[:, np.argsort(ends.cost, kind="stable")[:LANES]], SIFT
 
 
 def briefly(
@@ -209,9 +203,8 @@ def briefly(
 ) -> Ends:
     """Return where LANES starts (p, LANES) are after ``steps`` evaluations."""
     low, high = (np.repeat(a[:, None], LANES, 1) for a in limits)
-    bounds = Bounds(low, high, np.full(LANES, degrees), np.full(LANES, scale))
     y = np.clip(start, low, high)
-    return _stage(spec, targets, y, np.full(LANES, START_DAMPING), bounds, steps)[0]
+    return each_within(spec, targets, y, low, high, degrees, scale, steps, LANES)
 
 
 def each_within(
@@ -273,8 +266,7 @@ def run(
         some = Bounds(*(a[..., pick] for a in bounds))
         further, damping[pick] = _stage(spec, targets, ends.y[:, pick], damping[pick], some, STAGE)
         further = further._replace(evaluations=ends.evaluations[pick] + further.evaluations)
-        for every, new in zip(ends, further, strict=True):
-            every[..., pick] = new
+        ends.put(pick, further)
         best = np.full(groups.max() + 1, np.inf)
         np.minimum.at(best, groups[ends.done], ends.cost[ends.done])
         live = np.flatnonzero(~ends.done & (ends.cost < best[groups]))

@@ -1,6 +1,8 @@
 """The choice of a model: what BIC says, and what is preferred between equals."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from fitting import candidates
 from fitting import selection as select
 from fitting.candidates import MARGIN, Candidate, Key, simplest
 from fitting.measurement import Measurement
-from fitting.result import ErrorModel, Estimate, Fit, Prediction
+from fitting.result import UNDETERMINED, ErrorModel, Estimate, Fit, Prediction
 from fitting.sample import Sample
 
 WAVES = np.linspace(0.4, 1.0, 40)
@@ -183,3 +185,18 @@ def test_dispersion_is_seen_in_a_spectrum():
     assert choice.taken.label in ("cauchy:2", "sellmeier:1")
     assert choice.taken.size == 2
     assert any("do not tell" in r.text for r in choice.reasons)
+
+
+def test_a_chain_ends_with_a_candidate_that_may_not_be_taken():
+    fitted = []
+
+    def run(key) -> Any:
+        fitted.append(key.model)
+        return SimpleNamespace(status=UNDETERMINED, bic=0.0)
+
+    search = select._Search(run, lambda label: None)
+    first, second, other = map(Key, ("drude-lorentz:1", "drude-lorentz:2", "tauc-lorentz:1"))
+    search.attempt_chains([first, second], [other])
+    assert sorted(fitted) == ["drude-lorentz:1", "tauc-lorentz:1"]
+    search.attempt_chains([first, second], [other])
+    assert len(fitted) == 2  # none is fitted twice
