@@ -7,7 +7,7 @@ three times as fast and halves its time to compile. It, too, forms no growing ex
 
 Every amplitude is an analytic function of the admittances and phases of the layers, so that one
 complex derivative for each of them is all there is to know; the front half of the recursion carries
-them from the back half. The derivatives are our own algebra, tested against those of `stack`.
+them from the back half. The derivatives are our own algebra, tested against mpmath.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """From parameters to what is measured: a sample seen through an instrument, row by row.
 
 This is the one place where a sample becomes numbers: `boundary` chooses between one surface, a
-thick plate and a stack, and `predicted` makes every observable of it.
+plate, coherent films, thick layers and a stack, and `predicted` makes every observable of it.
 
 psi and Delta are compared as N = cos 2psi, C = sin 2psi cos Delta, S = sin 2psi sin Delta, which
 have no branches and no place where one of them means nothing; a divergent beam and the width of a
@@ -19,8 +19,8 @@ import jax.numpy as jnp
 from jax import Array
 
 from fitting.coherent_films import FEW_LAYERS, films
-from fitting.depolarized import incoherent
 from fitting.dispersion import Model
+from fitting.incoherent_layers import Incoherent, incoherent
 from fitting.instrument import BEAM, SLIT, cosines, detected, slit
 from fitting.known_media import Known, Mixture, known_medium
 from fitting.layer_index import Pair, slices_of
@@ -178,27 +178,21 @@ def boundary(
     media_index: Any = [*(n for n, _ in layers), jax.lax.complex(*index[-1][0])]
     together = zip(media.coherent, index[:-1], strict=True)
     coherent = [interferes for interferes, slices in together for _ in slices]
-    mixed = incoherent(c, eta_i, media_index, thicknesses, wavelength_um, coherent) if (
-        pairs and not all(coherent)
-    ) else None  # fmt: skip
-    found: Any
-    if mixed is not None and not set(spec.channels) & set(POWERS):
-        # Nobody asks for powers: with those of `stack` a first fit took 142 s instead of 22.
-        nothing = jnp.zeros_like(mixed.R_s)
-        found = Light(mixed.R_s, mixed.R_p, nothing, nothing)
-    elif media.coherent == (False,) and media.closed:
-        found = slab(c, *index[0][0], thicknesses[0], wavelength_um, eta_i)
+    if not pairs and media.coherent == (False,) and media.closed:
+        found: Any = slab(c, *index[0][0], thicknesses[0], wavelength_um, eta_i)
     elif all(coherent) and len(layers) <= FEW_LAYERS:
         found = films(c, eta_i, media_index, thicknesses, wavelength_um, media.normal)
+    elif not all(coherent) and (pairs or len(layers) <= FEW_LAYERS):
+        found = incoherent(c, eta_i, media_index, thicknesses, wavelength_um, coherent)
     else:
         media_index = [jnp.asarray(eta_i, float) + 0.0j, *media_index]
         found = stack(c, media_index, thicknesses, wavelength_um, coherent)
     ellipse = None
-    if mixed is not None:
-        ellipse = _ellipse_of(mixed.R_s, mixed.R_p, mixed.product)
-    elif pairs:
+    if pairs:
         # No quotient r_p / r_s: a film may extinguish r_s.
-        ellipse = _ellipse_of(found.R_s, found.R_p, found.r_p * jnp.conj(found.r_s))
+        incoherently = isinstance(found, Incoherent)
+        product = found.product if incoherently else found.r_p * jnp.conj(found.r_s)
+        ellipse = _ellipse_of(found.R_s, found.R_p, product)
     return Light(found.R_s, found.R_p, found.T_s, found.T_p, ellipse)
 
 

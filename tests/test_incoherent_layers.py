@@ -1,4 +1,4 @@
-"""psi and Delta of samples with a thick layer, against a sum over round trips by mpmath."""
+"""Samples with a thick layer, against a sum over round trips by mpmath."""
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +8,7 @@ import pytest
 from mpmath import mpc
 
 from fitting import Measurement, fit, simulate
-from fitting.depolarized import incoherent
+from fitting.incoherent_layers import incoherent
 
 WAVES = np.array([0.45, 0.6, 0.8])
 
@@ -37,13 +37,14 @@ def packet(index, thickness_um, kx, k0, p):
 
 
 def exact(angle_deg, wavelength_um, front, plate, back, trips=400):
-    """Return psi and Delta in degrees of films, a plate and films, in air; trips: round trips.
+    """Return what films, a plate and films do to light in air, by name; trips: round trips.
 
-    front, back: [(index, thickness), ..]; plate: (index, thickness).
+    front, back: [(index, thickness), ..]; plate: (index, thickness). psi, delta in degrees; share:
+    of the light that is polarized.
     """
     with mpmath.workdps(30):
         k0, kx = 2 * mpmath.pi / wavelength_um, mpmath.sin(mpmath.radians(angle_deg))
-        trip = {}
+        trip, out = {}, {}
         for p in (False, True):
             first = packet(
                 [mpc(1), *(n for n, _ in front), plate[0]], [d for _, d in front], kx, k0, p
@@ -55,12 +56,19 @@ def exact(angle_deg, wavelength_um, front, plate, back, trips=400):
             passage = mpmath.exp(1j * k0 * q * plate[1])
             r_back = second[0][0] * passage**2
             trip[p] = [r, *(t * t_out * r_back * (r_back * r_inside) ** j for j in range(trips))]
+            out[f"R_{'sp'[p]}"] = sum(abs(a) ** 2 for a in trip[p])
+            # Into air again: the squares of the fields are to each other as the powers.
+            first_out = t * passage * second[0][1]
+            out[f"T_{'sp'[p]}"] = sum(
+                abs(first_out * (r_back * r_inside) ** j) ** 2 for j in range(trips)
+            )
         s0 = sum(abs(a) ** 2 for of in trip.values() for a in of)
         s1 = sum(abs(a) ** 2 for a in trip[False]) - sum(abs(a) ** 2 for a in trip[True])
         both = sum(a * mpmath.conj(b) for a, b in zip(trip[True], trip[False], strict=True))
         psi = mpmath.atan2(2 * abs(both), s1) / 2
-        share = mpmath.sqrt(s1**2 + 4 * abs(both) ** 2) / s0
-        return [float(mpmath.degrees(x)) for x in (psi, -mpmath.arg(both))], float(share)
+        out["share"] = mpmath.sqrt(s1**2 + 4 * abs(both) ** 2) / s0
+        out |= {"psi": mpmath.degrees(psi), "delta": -mpmath.degrees(mpmath.arg(both))}
+        return {name: float(x) for name, x in out.items()}
 
 
 SAMPLES = {
@@ -76,16 +84,22 @@ SAMPLES = {
 
 
 @pytest.mark.parametrize("text", SAMPLES)
-def test_psi_and_delta_are_those_of_the_sum_over_round_trips(text):
+def test_what_is_seen_is_the_sum_over_round_trips(text):
     angles = np.array([20.0, 50.0, 70.0])
     angle, wave = (x.ravel() for x in np.meshgrid(angles, WAVES))
-    psi, delta = (simulate(text, {}, angle, wave, q) for q in ("psi", "delta"))
+    names = ["psi", "delta", "R_s", "R_p", "T_s", "T_p"]
+    seen = simulate(text, {}, np.tile(angle, 6), np.tile(wave, 6), np.repeat(names, len(angle)))
+    seen = dict(zip(names, seen.reshape(6, -1), strict=True))
+    alone = simulate(text, {}, angle, wave, "T_p")  # without psi and Delta: a plate by `slab`
+    np.testing.assert_allclose(alone, seen["T_p"], rtol=0, atol=1e-10)
     shares = []
     for i in range(len(angle)):
-        (a, b), share = exact(float(angle[i]), float(wave[i]), *SAMPLES[text])
-        shares.append(share)
-        assert psi[i] == pytest.approx(a, abs=1e-10)
-        assert (delta[i] - b + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1e-10)
+        true = exact(float(angle[i]), float(wave[i]), *SAMPLES[text])
+        shares.append(true["share"])
+        for name in names:
+            away = seen[name][i] - true[name]
+            away = (away + 180.0) % 360.0 - 180.0 if name == "delta" else away
+            assert away == pytest.approx(0.0, abs=1e-10), name
     assert min(shares) < 0.995  # it is depolarized, or this would be no test
 
 
@@ -116,7 +130,7 @@ def test_powers_beside_psi_and_delta_and_a_slit():
     index = [np.full(401, n, complex) for n in (2.1, 1.5, 1.0)]
     with jax.enable_x64(True):
         found = incoherent(0.5 * np.ones(401), 1.0, index, [0.9, 1e3], at, [True, False])
-    R_s, R_p, product = (weight @ np.asarray(x) for x in found)
+    R_s, R_p, _, _, product = (weight @ np.asarray(x) for x in found)
     psi = 0.5 * np.degrees(np.arctan2(2.0 * abs(product), R_s - R_p))
     seen = simulate(text, {"bandwidth": 3.0}, 60.0, [0.6], ["psi"])
     assert seen[0] == pytest.approx(psi, abs=1e-4)
@@ -132,7 +146,7 @@ def sums(x):
     thickness = [1e-3 * nm, 300.0 * one, 0.015 * one]
     found = incoherent(0.5 * one, one, index, thickness, 0.6 * one, [True, False, True])
     complex_parts = found.product.real, found.product.imag
-    return jnp.stack([found.R_s, found.R_p, *complex_parts])
+    return jnp.stack([found.R_s, found.R_p, found.T_s, found.T_p, *complex_parts])
 
 
 def test_derivatives_programs_and_precisions_agree():
