@@ -84,11 +84,7 @@ def angles_of(case):
     return (0.0,) if case in ("oscillators", "in a wider program", "an edge") else (55.0, 70.0)
 
 
-@pytest.mark.parametrize(
-    "case",
-    # a film on a plate takes most of a minute to compile as one program
-    [pytest.param(c, marks=pytest.mark.study) if c == "a film on a plate" else c for c in CASES],
-)
+@pytest.mark.parametrize("case", CASES)
 def test_the_derivatives_are_those_of_the_one_program(case):
     sample, settings, values = CASES[case]
     u, targets = of(sample, settings, angles_of(case), **values)
