@@ -4,8 +4,8 @@ Light that has been k times to the back face comes out with amplitudes r_p,k and
 detector adds the Stokes vectors of all k, and so abs(r_s,k)^2, abs(r_p,k)^2 and r_p,k r_s,k*: a
 layer of one index gives s and p the same phase, which drops out of the product, and what is left is
 a geometric series (R. Joerger et al., Applied Optics 36, 319, 1997). The sum is partly depolarized
-light. Its powers are the mean over all phases of the thick layers of what they would be with
-interference.
+light. Of one thick layer its powers are the mean over the layer's phase of what they would be with
+interference; of several, light that took two ways of one length adds without interference too.
 """
 
 from __future__ import annotations
