@@ -62,8 +62,7 @@ def exact(angle_deg, wavelength_um, front, plate, back, trips=400):
             out[f"T_{'sp'[p]}"] = sum(
                 abs(first_out * (r_back * r_inside) ** j) ** 2 for j in range(trips)
             )
-        s0 = sum(abs(a) ** 2 for of in trip.values() for a in of)
-        s1 = sum(abs(a) ** 2 for a in trip[False]) - sum(abs(a) ** 2 for a in trip[True])
+        s0, s1 = out["R_s"] + out["R_p"], out["R_s"] - out["R_p"]
         both = sum(a * mpmath.conj(b) for a, b in zip(trip[True], trip[False], strict=True))
         psi = mpmath.atan2(2 * abs(both), s1) / 2
         out["share"] = mpmath.sqrt(s1**2 + 4 * abs(both) ** 2) / s0
