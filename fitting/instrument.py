@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from fitting.compiled import computed_once
 from fitting.parameters import LOG, SQUARE, Parameter
 
 PER_CURVE = ("scale", "background")
@@ -66,7 +67,7 @@ def cosines(v: Mapping[str, Array], angle_deg: Any, places: int = BEAM) -> tuple
         angle = angle + jnp.asarray(x)[:, None, None] * v["divergence"]
         weights = jnp.asarray(share)[:, None, None]
     # Past 90 degrees or below 0 the plane of incidence is the same one: cos and |cos| say so.
-    return jnp.abs(jnp.cos(jnp.radians(angle))), weights
+    return computed_once(jnp.abs(jnp.cos(jnp.radians(angle)))), weights
 
 
 def slit(v: Mapping[str, Array], places: int = SLIT) -> tuple[Array, Array]:

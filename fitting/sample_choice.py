@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fitting.candidates import Candidate, Choice, Key, decide
+from fitting.candidates import Candidate, Choice, Key, candidate, decide
 from fitting.diagnostics import Finding
 from fitting.fits import fit
 from fitting.measurement import Measurement
@@ -58,14 +58,14 @@ def _without_unknowns(which: Sample, fitted: Callable[..., Fit], kind: str) -> F
     )  # fmt: skip
 
 
-def _candidate(which: Sample, run: Callable[[Sample, str], Fit]) -> Candidate:
+def _candidate(which: Sample, run: Callable[[Sample, str], Fit], errors: str) -> Candidate:
     found = run(which, QUADRATIC)
     thin = any(f.code == "thin_film" for f in found.findings)
     # A layer whose thickness and index the data see as one product has one parameter, not two: it
     # is there, however little is known of it.
     if thin and found.status != CONVERGED:
         found = replace(found, status=CONVERGED)
-    return Candidate(Key(str(which)), found)
+    return candidate(Key(str(which)), found, errors)
 
 
 def choose_sample(
@@ -103,7 +103,7 @@ def choose_sample(
         tell(str(which))
         return _without_unknowns(which, fitted, kind) if _is_fixed(which) else fitted(which, kind)
 
-    choice = decide([_candidate(which, run) for which in samples])
+    choice = decide([_candidate(which, run, errors) for which in samples])
     taken = next(s for s in samples if str(s) == choice.taken.label)
     if (intervals != QUADRATIC or errors == "auto") and not _is_fixed(taken):
         choice = choice.with_fit(fit(measurement, taken, intervals=intervals, **believed))

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from fitting.candidates import MARGIN, Candidate, Choice, Key, decide, simplest
+from fitting.candidates import MARGIN, Candidate, Choice, Key, candidate, decide, simplest
 from fitting.diagnostics import Finding
 from fitting.fits import check_choices, fit_checked, measurements_of
 from fitting.instrument import INSTRUMENT, instrument_parameter
@@ -202,7 +202,7 @@ def choose(
         shown = {n: e for n, e in found.parameters.items() if n.partition("[")[0] not in quiet}
         return replace(found, parameters=shown)
 
-    search = _Search(run, progress or (lambda label: None))
+    search = _Search(run, progress or (lambda label: None), errors)
     _stages(search, len(np.unique(joined.wavelength_um[np.isfinite(joined.wavelength_um)])))
     _instrument_stage(search, wanted)
     choice = decide(list(search.tried.values()))
@@ -212,10 +212,10 @@ def choose(
 
 
 class _Search:
-    """The candidates tried so far."""
+    """The candidates tried so far. errors: what is believed of the stated errors."""
 
-    def __init__(self, run: Callable[[Key], Fit], progress: Callable[[str], None]):
-        self.run, self.progress = run, progress
+    def __init__(self, run: Callable[[Key], Fit], progress: Callable[[str], None], errors: str):
+        self.run, self.progress, self.errors = run, progress, errors
         self.tried: dict[Key, Candidate] = {}
 
     def attempt(self, *keys: Key) -> list[Candidate]:
@@ -238,7 +238,7 @@ class _Search:
     def _try_chain(self, chain: Sequence[Key]) -> None:
         for key in chain:
             if key not in self.tried:
-                self.tried[key] = Candidate(key, self.run(key))
+                self.tried[key] = candidate(key, self.run(key), self.errors)
             if not self.tried[key].good:
                 return
 
@@ -250,7 +250,8 @@ class _Search:
 def _stages(search: _Search, wavelengths: int) -> None:
     """Try the models that so many wavelengths can tell apart, and more while they help."""
     search.attempt(Key("constant", without_k=True), *map(Key, _first_stage(wavelengths)))
-    if wavelengths < 6 or not (_absorbs(search.best()) or not explains(search.best().fit)):
+    best = search.best()
+    if wavelengths < 6 or best.enough or not (_absorbs(best) or not explains(best.fit)):
         return
 
     def grown(terms: int) -> list[Key]:
@@ -266,6 +267,8 @@ def _stages(search: _Search, wavelengths: int) -> None:
     for terms in range(2, MOST_TERMS + 1):
         keys = grown(terms)
         new = search.attempt(*keys)
+        if search.best().enough:
+            return
         before = simplest([c for key, c in search.tried.items() if key not in keys]).fit.bic
         if not any(c.good and c.fit.bic < before - MARGIN for c in new) and (
             terms > 2 or explains(search.best().fit)

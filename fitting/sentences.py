@@ -94,6 +94,11 @@ SENTENCES: dict[str, Sentence] = {
     "files_exclude": wording.files_exclude,
     "shared_pattern": wording.shared_pattern,
     "choice_alike": wording.choice_alike,
+    "choice_within_errors": lambda v: (
+        f'the residuals of "{v["taken"]}" are autocorrelated, but smaller than the stated errors '
+        f"(reduced chi2 {v['chi2_reduced']:.2g}): the data do not ask for a model of more "
+        'parameters. errors="scaled" compares models by their residuals alone.'
+    ),
     "choice_undetermined": lambda v: (
         "no candidate is determined by these data; the best of them is shown."
     ),

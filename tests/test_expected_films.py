@@ -67,6 +67,16 @@ def test_diamond_film_on_glass(measured_files):
     assert found.rms < 0.004
 
 
+def test_no_more_than_the_stated_errors_of_the_diamond_film_ask_for(measured_files):
+    """Its residuals are systematic: four oscillators describe them, far below the stated errors."""
+    choice = choose(diamond(measured_files), "air | auto 5..2000 nm | 1.53", intervals="quadratic")
+    assert choice.taken.size <= 6
+    assert "lorentz:3" not in [c.label for c in choice.candidates]
+    assert 270.0 < value(choice.fit, "thickness_nm") < 295.0
+    assert choice.fit.chi2_reduced < 1.0
+    assert "choice_within_errors" in [r.code for r in choice.reasons]
+
+
 @pytest.mark.study
 def test_diamond_film_with_a_free_scale(measured_files):
     found = fit(

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.film_success import simulated
 from fitting import Measurement, choose, fit, simulate
-from fitting.fringes import likely_thicknesses, phase_rate
+from fitting.fringes import Grid, harmonic_sums, likely_thicknesses, phase_rate
 from fitting.known_media import Mixture
 from fitting.sample import Sample
 from fresnel_jax.dispersion import material
@@ -110,6 +110,19 @@ def test_fringes_tell_the_thickness(thickness):
     found = (where[:, None] * rates[which]).mean(axis=1)
     assert np.abs(found / (thickness * rates[4].mean()) - 1.0).min() < 0.2 / thickness / 2.0
     assert np.median(np.abs(found - thickness * rates[4].mean())) < 1.0
+
+
+@pytest.mark.parametrize(("rate", "count"), [(3.0, 4000), (900.0, 700), (0.2, 161), (40.0, 90)])
+def test_sums_over_the_data_at_many_thicknesses(rate, count):
+    """By a Fourier transform as one by one, also where the phase turns often between two steps."""
+    random = np.random.default_rng(11)
+    rates, vectors = rate * random.uniform(0.5, 3.0, 257), random.standard_normal((3, 257))
+    grid = Grid(np.geomspace(1e-3, 1e-2, 5), 0.0123, 0.0031, count)
+    exact = vectors @ np.exp(2j * np.pi * np.outer(rates, grid.thickness_um))
+    off = np.abs(harmonic_sums(vectors, rates, grid) - exact)
+    # 1e-11 of the window, and the rounding of phases
+    bound = 1e-11 + 1e-15 * rates.max() * grid.thickness_um.max()
+    assert (off / np.abs(vectors).sum(1, keepdims=True)).max() < bound
 
 
 def measured(sample, values, sigma, angle=0.0, waves=None, seed=0, quantities=("R",)):

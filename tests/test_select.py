@@ -11,6 +11,7 @@ from simulated import simulated, textbook
 from fitting import candidates
 from fitting import selection as select
 from fitting.candidates import MARGIN, Candidate, Key, simplest
+from fitting.diagnostics import Finding
 from fitting.measurement import Measurement
 from fitting.result import UNDETERMINED, ErrorModel, Estimate, Fit, Prediction
 from fitting.sample import Sample
@@ -51,6 +52,29 @@ def test_what_the_data_do_not_see_is_never_taken(status):
     unseen, seen = candidate("unseen", 1, -100.0, status), candidate("seen", 3, 0.0)
     assert simplest([unseen, seen]) is seen
     assert simplest([unseen]) is unseen  # unless there is nothing else
+
+
+def below_the_stated_errors(model, size, bic, errors="auto", codes=()):
+    codes = codes or ("chi2_small", "residuals_in_order")
+    told = tuple(Finding(code, np.True_, {}) for code in codes)
+    return select.candidate(Key(model), replace(outcome(size, bic), findings=told), errors)
+
+
+def test_deviations_below_the_stated_errors_earn_no_parameters():
+    """Of models that leave no more than such deviations the smallest, whatever others gain."""
+    rough = candidate("rough", 1, 900.0)
+    enough = below_the_stated_errors("enough", 3, 500.0)
+    more = below_the_stated_errors("more", 9, 0.0)
+    choice = candidates.decide([rough, enough, more])
+    assert choice.taken is enough
+    assert [r.code for r in choice.reasons] == ["choice_within_errors"]
+    assert "smaller than the stated errors" in choice.reasons[0].text
+    # Where the best one leaves nothing but noise, or stated errors are not believed, BIC decides.
+    noise = below_the_stated_errors("noise", 9, 0.0, codes=("chi2_small",))
+    assert simplest([enough, noise]) is noise
+    assert simplest([
+        below_the_stated_errors(c.label, c.size, c.fit.bic, "scaled") for c in (enough, more)
+    ]).label == "more"  # fmt: skip
 
 
 @pytest.fixture
@@ -192,9 +216,9 @@ def test_a_chain_ends_with_a_candidate_that_may_not_be_taken():
 
     def run(key) -> Any:
         fitted.append(key.model)
-        return SimpleNamespace(status=UNDETERMINED, bic=0.0)
+        return SimpleNamespace(status=UNDETERMINED, bic=0.0, findings=())
 
-    search = select._Search(run, lambda label: None)
+    search = select._Search(run, lambda label: None, "auto")
     first, second, other = map(Key, ("drude-lorentz:1", "drude-lorentz:2", "tauc-lorentz:1"))
     search.attempt_chains([first, second], [other])
     assert sorted(fitted) == ["drude-lorentz:1", "tauc-lorentz:1"]
