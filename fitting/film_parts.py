@@ -3,7 +3,7 @@
 Where a film absorbs, or reflects like a metal, there are no fringes, and a scan over the whole
 spectrum sees nothing but that edge. In the right quarter of the spectrum there are few fringes, all
 alike, whose number gives the optical thickness whatever the dispersion is; what is fitted there is
-followed to half of the spectrum and to all of it.
+followed to the whole of the spectrum step by step.
 """
 
 from __future__ import annotations
@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from fitting.problem import Targets
     from fitting.search import Solving
 
-# Parts in which a film is looked for, and evaluations before the next larger one.
-PARTS, _STEPS = 4, 30
+# Parts in which a film is looked for; by what factor they grow, evaluations before they do, and so
+# many of the lowest starts that go on. The last few creep along a valley of index times thickness.
+PARTS, _GROWTH, _STEPS, _KEPT = 4, 1.35, 30, 16
+_LAST_STEPS, _LAST_KEPT = 300, 4
 # Wavelengths that a part must have.
 _LEAST = 16
 
@@ -47,16 +49,31 @@ def _at(fit: Solving, rows: np.ndarray) -> Targets:
     return t._replace(weights=weights, ncs_weights=np.where(rows[:, None], t.ncs_weights, 0.0))
 
 
-def followed_to_half(
+def followed_to_all(
     fit: Solving, start: np.ndarray, each: list[np.ndarray], part: int, noise: float
 ) -> np.ndarray:
-    """Return where starts (p, S) of one of the parts are when half of the spectrum is fitted."""
-    low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in fit.limits)
-    half = each[part] | each[min(part ^ 1, len(each) - 1)]
-    y = start
-    for rows in (each[part], half):
-        y = fit.held(y, low, high, noise, _STEPS, _at(fit, rows)).y
-    return y
+    """Return where the best of starts (p, S) of one part are when all of the spectrum is fitted.
+
+    The part grows by a third at a time: what is fitted in it tells the phase of the fringes just
+    beside it to less than half a period, but not far away.
+    """
+    used = np.logical_or.reduce(each)
+    rank = np.argsort(np.argsort(fit.seen.points.wavelength_um[used, 0], kind="stable"))
+    along = np.full(len(used), -1.0)
+    along[used] = rank / len(rank)  # from 0 to 1 along the spectrum
+    low, high = part / len(each), (part + 1) / len(each)
+    y, steps, kept = start, _STEPS, _KEPT
+    while True:
+        if high - low >= 1.0:
+            steps, kept = _LAST_STEPS, _LAST_KEPT
+        limits = (np.repeat(a[:, None], y.shape[1], 1) for a in fit.limits)
+        ends = fit.held(y, *limits, noise, steps, _at(fit, (along >= low) & (along < high)))
+        y = ends.y[:, np.argsort(ends.cost, kind="stable")[:kept]]
+        if high - low >= 1.0:
+            return y
+        size = min(_GROWTH * (high - low), 1.0)
+        low = min(max(0.5 * (low + high - size), 0.0), 1.0 - size)
+        high = low + size
 
 
 def joined(ends: list[Ends]) -> Ends:

@@ -11,7 +11,7 @@ import numpy as np
 from fitting.compiled import compiled
 from fitting.fringes import likely_thicknesses, phase_rate
 from fitting.observe import NCS, Spec, medium_index
-from fitting.parameters import from_parameter
+from fitting.parameters import from_parameter, value_and_slope
 from fitting.programs_in_parts import eta_in_parts, eta_moves
 from fitting.starts import LANES, start_range
 
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 _CANDIDATES, _LIKELY = 40, 40
 MANY_CANDIDATES, _MANY_LIKELY = 128, 80
 SHIFTS = (0.0, 0.25, -0.25, 0.5)
+# Parameters that the index of a film, or its square, is proportional to.
+_INDEX = {
+    "eta": 1, "k": 1, "A": 1, "B": 1, "C": 1, "plasma": 1, "eps": 2, "strength": 2, "amplitude": 2,
+}  # fmt: skip
 # Fringes of the thickest film that is looked for, from which on parts of the spectrum are searched.
 _FRINGES = 20.0
 
@@ -116,21 +120,42 @@ def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
 
 
 def by_fringes(
-    fit: Solving, film: Film, y: np.ndarray, rates: np.ndarray, rows: np.ndarray, count: int
-) -> np.ndarray:
-    """Return starts (p, 4 count) by the fringes that some rows (bool, of all) show."""
+    fit: Solving, film: Film, y: np.ndarray, rates: np.ndarray, rows: np.ndarray, count: int,
+    factors: Sequence[float] = (1.0,),
+) -> np.ndarray:  # fmt: skip
+    """Return starts (p, 4 F count) by the fringes that some rows (bool, of all) show.
+
+    factors: F, which the index is multiplied by with the phase as it is: the fringes tell nothing
+    but that product of index and thickness, and the way along it is long for the solver.
+    """
     values, weights = _curves(fit.seen)
     lane, thickness = likely_thicknesses(
         rates[:, rows], film.low_um, film.high_um, values[:, rows], weights[:, rows], count
     )
-    between = middle(rates[lane][:, rows])
+    phase = middle(rates[lane][:, rows]) * thickness
     out = []
-    for shift in SHIFTS:
-        start = y[:, lane].copy()
-        moved = np.clip(thickness + shift / between, film.low_um, film.high_um)
-        start[film.row] = coordinate(fit, film, moved)
-        out.append(start)
+    for factor in factors:
+        scaled = np.stack([scaled_index(fit, film, one, factor) for one in y[:, lane].T], 1)
+        between = middle(phase_rates(fit, film, scaled)[:, rows])
+        for shift in SHIFTS:
+            moved = np.clip((phase + shift) / between, film.low_um, film.high_um)
+            scaled[film.row] = coordinate(fit, film, moved)
+            out.append(scaled.copy())
     return np.concatenate(out, 1)
+
+
+def scaled_index(fit: Solving, film: Film, y: np.ndarray, factor: float) -> np.ndarray:
+    """Return y (p,) with the index of the film times a factor, where its model lets it."""
+    out = y.copy()
+    place = fit.u.spec.media.places[film.medium]
+    for i, (name, unknown) in enumerate(zip(fit.u.spec.moving, fit.u.moving, strict=True)):
+        of, _, own = name.rpartition(".")
+        power = _INDEX.get(own.partition("_")[0])
+        if of == place and power and unknown.free:
+            kind = unknown.parameter.coordinate
+            x, _ = value_and_slope(kind, y[i : i + 1])
+            out[i] = from_parameter(kind, x * factor**power)[0]
+    return np.clip(out, *fit.limits)
 
 
 def coordinate(fit: Solving, film: Film, thickness_um: np.ndarray) -> np.ndarray:

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fitting.error_model import CHI2_LARGE, chi2_flags
-from fitting.film_parts import followed_to_half, joined, parts
+from fitting.film_parts import followed_to_all, joined, parts
 from fitting.film_starts import (
     MANY_CANDIDATES,
-    SHIFTS,
     Film,
     by_fringes,
     coordinate,
@@ -22,6 +21,7 @@ from fitting.film_starts import (
     many_fringes,
     middle,
     phase_rates,
+    scaled_index,
 )
 from fitting.minima import ALTERNATIVE_CHI2
 from fitting.next_term import likely_lines, oscillators
@@ -36,12 +36,11 @@ if TYPE_CHECKING:
 _ORDERS = 8
 # Stages in which the starts beside the best minimum go on.
 _FURTHER = 8
-# Parameters that the index of a film, or its square, is proportional to.
-_INDEX = {
-    "eta": 1, "k": 1, "A": 1, "B": 1, "C": 1, "plasma": 1, "eps": 2, "strength": 2, "amplitude": 2,
-}  # fmt: skip
-# Rounds of starts beside the lowest ends, and the share of parameters that is taken from others.
-_ROUNDS, _ANEW = 6, 0.4
+# Rounds of starts beside the lowest ends, how many of them in a row may gain nothing, and the share
+# of parameters that is taken from others.
+_ROUNDS, _IN_VAIN, _ANEW = 12, 2, 0.4
+# Thicknesses that are likely in a part of the spectrum, and factors on the index at each of them.
+_LIKELY, _FACTORS = 8, (1.0, 0.8, 1.25, 0.6)
 # Of so many of the lowest ends each oscillator is looked for anew.
 _PARENTS = 4
 
@@ -49,9 +48,10 @@ _PARENTS = 4
 def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -> Ends:
     """Return the ends, and those of starts beside the lowest of them, while these are lower.
 
-    start: (p, S) random starts. Of films always, and once from parts of the spectrum where the
-    residuals are no noise then. Of other samples with oscillators where these are none, until two
-    rounds were in vain: after one, 2 of 8 fits of a glass plate ended far above the best minimum.
+    start: (p, S) random starts. Of films always, of other samples with oscillators where residuals
+    are no noise. Where they are none after a round without gain another one follows (after one
+    alone, 2 of 8 fits of a glass plate ended far above the best minimum), of films of many fringes
+    with what is found in parts of the spectrum.
     """
     films = films_of(fit.u.spec, fit.u.moving)
     worth = bool(films) or (fit.lanes == LANES and bool(oscillators(fit)))
@@ -61,18 +61,17 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
         if best is None:
             break
         least, y = float(ends.cost[best]), ends.y[:, best]
-        if not films and _is_noise(fit, y):
+        if (in_vain or not films) and _is_noise(fit, y):
             break
+        if in_vain and not tried and films and many_fringes(fit, films[0], y):
+            tried = True
+            ends = joined([ends, *_from_parts(fit, films[0], start, noise, least)])
         beside = [_other_lines(fit, ends), _crossed(fit, ends, start, random)]
         beside += [_orders(fit, film, y) for film in films[:1]]
         ends = joined([ends, _followed(fit, np.concatenate(beside, 1), noise, least)])
         in_vain = 0 if ends.cost.min() < least - _unit(fit, least) else in_vain + 1
-        if in_vain == 0 or (in_vain == 1 and not films):
-            continue
-        if tried or not (films and many_fringes(fit, films[0], y)) or _is_noise(fit, y):
+        if in_vain == _IN_VAIN:
             break
-        tried = True
-        ends = joined([ends, *_from_parts(fit, films[0], start, noise, least)])
     return ends
 
 
@@ -173,24 +172,10 @@ def _orders(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
         moved = thickness + order / rate
         if max(1e-3 * limits.low, 0.0) < moved < 1e-3 * limits.high:
             for factor in (1.0, thickness / moved):
-                start = _scaled(fit, film, y, factor)
+                start = scaled_index(fit, film, y, factor)
                 start[film.row] = coordinate(fit, film, np.array([moved]))[0]
                 starts.append(start[None])
     return np.concatenate(starts).T
-
-
-def _scaled(fit: Solving, film: Film, y: np.ndarray, factor: float) -> np.ndarray:
-    """Return y (p,) with the index of the film times a factor, where its model lets it."""
-    out = y.copy()
-    place = fit.u.spec.media.places[film.medium]
-    for i, (name, unknown) in enumerate(zip(fit.u.spec.moving, fit.u.moving, strict=True)):
-        of, _, own = name.rpartition(".")
-        power = _INDEX.get(own.partition("_")[0])
-        if of == place and power and unknown.free:
-            kind = unknown.parameter.coordinate
-            x, _ = value_and_slope(kind, y[i : i + 1])
-            out[i] = from_parameter(kind, x * factor**power)[0]
-    return out
 
 
 def _from_parts(fit: Solving, film: Film, y: np.ndarray, noise: float, least: float) -> list[Ends]:
@@ -198,7 +183,7 @@ def _from_parts(fit: Solving, film: Film, y: np.ndarray, noise: float, least: fl
     rates = phase_rates(fit, film, y[:, :MANY_CANDIDATES])
     out, each = [], parts(fit.seen)
     for part, rows in enumerate(each):
-        start = by_fringes(fit, film, y, rates, rows, LANES // len(SHIFTS))
-        half = followed_to_half(fit, start, each, part, noise)
-        out.append(_followed(fit, half, noise, least))
+        start = by_fringes(fit, film, y, rates, rows, _LIKELY, _FACTORS)
+        found = followed_to_all(fit, start, each, part, noise)
+        out.append(_followed(fit, found, noise, least))
     return out

@@ -166,6 +166,10 @@ def test_the_right_order_is_found_in_a_wide_range():
     (770301289, 240.2, 3262.0),
     # a metal in a part of the spectrum, whose edge hid the fringes of the rest: 2149.9 at 10.9 um
     (43320853, 123.1, 1814.6),
+    # an index of 1.33, below nearly all that the scan tries: 96127 at 14.8 um
+    (880033, 1061.8, 15111.0),
+    # two rounds more were needed: 2683
+    (802430842, 480.6, 12706.0),
     # the same, and the order beside the right one counted by the metal's rate: 1081.6 at 9.1 um
     (13195813, 987.2, 8780.1),
 ])  # fmt: skip
