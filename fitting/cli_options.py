@@ -53,8 +53,8 @@ where gold.csv has angles in degrees and reflectances as fractions or percent:
   30,0.76,0.002,0.67,0.002
   45,0.79,0.002,0.66,0.002
 The first line of the table ("read") says how the file was understood; the
-options under "reading" overrule it. A value that begins with a minus sign needs the equals
-sign: --missing=-9999.
+options under "reading" overrule it. A value that begins with a minus sign needs
+the equals sign: --missing=-9999.
 
 exit status:
   0    every curve was fitted
@@ -179,7 +179,7 @@ def _add_fitting(parser: argparse.ArgumentParser) -> None:
         "(profile), or by profile likelihood where the quadratic approximation fails (auto)",
     )  # fmt: skip
     fitting.add_argument(
-        "--starts", metavar="N", type=int, help="number of starts of a model fit (default 64 or more)"
+        "--starts", metavar="N", type=int, help="number of starts of a model (default 64 or more)"
     )
 
 
