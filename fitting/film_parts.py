@@ -1,9 +1,9 @@
 """Starts of a film from a part of the spectrum, which are then followed to the whole of it.
 
-Where a film absorbs, or reflects like a metal, there are no fringes, and a scan over the whole
-spectrum sees nothing but that edge. In the right quarter of the spectrum there are few fringes, all
-alike, whose number gives the optical thickness whatever the dispersion is; what is fitted there is
-followed to half of the spectrum and to all of it.
+Where a film absorbs, or reflects like a metal, there are no fringes, and the edge of that range
+dominates a scan over the whole spectrum. In a quarter of the spectrum without it there are a few
+regular fringes, whose number gives the optical thickness for any dispersion. A fit of that quarter
+is followed to half of the spectrum and to all of it.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from fitting.problem import Targets
     from fitting.search import Solving
 
-# Parts in which a film is looked for, and evaluations before the next larger one.
+# Number of parts in which a film is searched for; evaluations before the next larger part.
 PARTS, _STEPS = 4, 30
-# Wavelengths that a part must have.
+# The least number of wavelengths in a part.
 _LEAST = 16
 
 
 def parts(seen: Observations) -> list[np.ndarray]:
-    """Return the rows (bool, of all rows) of the parts of the spectrum; none of a short one."""
+    """Return the rows of each part, as bool over all rows; nothing for a short spectrum."""
     wavelength = seen.points.wavelength_um[:, 0]
     used = np.arange(len(wavelength)) <= seen.row.max()
     distinct = np.unique(wavelength[used])
@@ -50,7 +50,7 @@ def _at(fit: Solving, rows: np.ndarray) -> Targets:
 def followed_to_half(
     fit: Solving, start: np.ndarray, each: list[np.ndarray], part: int, noise: float
 ) -> np.ndarray:
-    """Return where starts (p, S) of one of the parts are when half of the spectrum is fitted."""
+    """Return where starts (p, S) of one of the parts end in a fit of half of the spectrum."""
     low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in fit.limits)
     half = each[part] | each[min(part ^ 1, len(each) - 1)]
     y = start
