@@ -26,10 +26,10 @@ def minima(
 ) -> list[Minimum]:
     """Return the minima within ALTERNATIVE_CHI2 of the best one, the best first.
 
-    x: (p, L) parameters where the lanes ended, with terms in one order. scatter: unit of differences
-    of the cost. rounding: differences of the cost below this are rounding. spread: (p,), distances
-    below which two end points are one (a few standard errors at the best one, large for
-    undetermined parameters).
+    x: (p, L) parameters where the lanes ended, with terms in one order. scatter: unit of
+    differences of the cost. rounding: differences of the cost below this are rounding. spread:
+    (p,), distances below which two end points are one (a few standard errors at the best one,
+    large for undetermined parameters).
     """
     lanes = np.flatnonzero(ends.done & np.isfinite(ends.cost))
     if not len(lanes):

@@ -19,8 +19,9 @@ from fresnel_jax.dispersion import HC_EV_UM
 if TYPE_CHECKING:
     from fitting.search import Solving
 
-# Widths of the grid, evenly in the logarithm from half the step between two measured energies to the
-# largest energy; resonances within the spectrum, two for each step up to this number; and outside.
+# Widths of the grid, evenly in the logarithm from half the step between two measured energies to
+# the largest energy; resonances within the spectrum, two for each step up to this number; and
+# resonances outside.
 _WIDTHS, _PLACES, _BESIDE = 12, 256, 8
 _BELOW, _ABOVE = 0.7, 1.7
 # Directions of the other parameters with less than this part of the largest effect are rounding.
@@ -129,8 +130,9 @@ def _summits(gain: np.ndarray) -> np.ndarray:
 def likely_lines(fit: Solving, y: np.ndarray, term: list[int], count: int) -> np.ndarray:
     """Return starts (p, count): y (p,) with the oscillators that explain most of its residuals.
 
-    term: rows of the oscillator to be placed, which has hardly any strength at y. If there are fewer
-    than ``count`` places, some are repeated; y itself is returned if its derivatives are not finite.
+    term: rows of the oscillator to be placed, which has hardly any strength at y. If there are
+    fewer than ``count`` places, some are repeated; y itself is returned if its derivatives are not
+    finite.
     """
     known = by_eps(fit, y, term)
     if not all(np.isfinite(a).all() for a in known):

@@ -24,7 +24,7 @@ _APART = 1e-9
 
 
 class Noise(NamedTuple):
-    """(L,) each: sigma, the standard deviation, NaN for none; triples, the number of differences."""
+    """(L,) each: sigma, standard deviation, NaN for none; triples, the number of differences."""
 
     sigma: np.ndarray
     triples: np.ndarray

@@ -83,8 +83,8 @@ def _ncs_weights(psi, delta, sigma_psi, sigma_delta, stated: bool) -> np.ndarray
     # At a pole Delta has no effect, but an error of psi moves the point in any direction.
     reach = np.maximum(np.abs(np.sin(np.radians(2.0 * psi))), of_psi)
     of_delta = np.radians(np.where(alone, 1.0, sigma_delta)) * reach
-    # Pure light has no third error. A model away from the sphere, or on its far side, must not
-    # count as near; the larger of the two does that without adding to the information.
+    # Fully polarized light has no third error. But a model off the sphere, or on its far side, must
+    # not count as near: the larger of the two errors ensures that without adding information.
     sigmas = np.stack([of_psi, of_delta, np.maximum(of_psi, of_delta)])
     weights = axes / sigmas[:, None]
     only_n = np.zeros_like(weights)
