@@ -25,8 +25,8 @@ def cache_folder() -> Path | None:
     """Return the folder for compiled programs, created if needed; None if there can be none.
 
     Programs are run from there, so it, and every file in it, must belong to the user and must not
-    be writable by others; other files are removed. XDG_CACHE_HOME is used if it is an absolute path, as in
-    the XDG Base Directory Specification.
+    be writable by others; other files are removed. XDG_CACHE_HOME is used if it is an absolute
+    path, as in the XDG Base Directory Specification.
     """
     try:
         base = os.environ.get("XDG_CACHE_HOME", "")
