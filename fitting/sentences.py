@@ -78,7 +78,7 @@ SENTENCES: dict[str, Sentence] = {
     ),
     "implausible_offset": lambda v: (
         f"an angle offset of {num(v['value'])} degrees is larger than "
-        "that of an instrument: it probably compensates for an error of the model or of the data."
+        "that of an instrument: it probably compensates for another error of the model or the data."
     ),
     "no_degrees_of_freedom": wording.no_freedom,
     "sigma_missing": lambda v: (
