@@ -1,10 +1,10 @@
-"""From a measured curve to a complex index of refraction, and films, with an error bar.
+"""From measured curves to a complex index of refraction, and the thickness of films, with errors.
 
 m = read_csv("gold.csv")
 found = fit(m)                       # one bare surface, eta and k at every wavelength
 print(found)
 found = fit(m, "air | cauchy 3 mm thick | air", free="scale")
-found = choose(m).fit                # the simplest that the data need
+found = choose(m).fit                # the simplest model that describes the data
 """
 
 import importlib

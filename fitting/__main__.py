@@ -10,9 +10,9 @@ from typing import NoReturn
 from fitting.cli import PROGRAM, main
 from fitting.interrupt import INTERRUPTED, end_on_interrupt
 
-DEFECT, NO_MEMORY = 70, 71  # as sysexits.h numbers an internal software error and a system's
-# Below this limit of addresses jax aborts the process as it starts its threads: with 1.0 GB it did
-# on two cores, with 1.5 GB it did not.
+DEFECT, NO_MEMORY = 70, 71  # the numbers in sysexits.h of a software error and a system error
+# With less address space than this jax aborts the process when it starts its threads: on two cores
+# it did with 1.0 GB, and did not with 1.5 GB.
 LEAST_BYTES = 1_500_000_000
 _OUT_OF_MEMORY = ("RESOURCE_EXHAUSTED", "failed to map segment", "Cannot allocate memory")
 
@@ -46,7 +46,7 @@ def _status() -> int:
     except OSError as error:  # a stream that argparse writes to
         _say(f"{PROGRAM}: {error.strerror or error}")
         return 2
-    except KeyboardInterrupt:  # before or behind what `main` hears
+    except KeyboardInterrupt:  # raised before or after the part in which `main` handles it
         return INTERRUPTED
     except BaseException as error:
         if isinstance(error, MemoryError) or any(text in str(error) for text in _OUT_OF_MEMORY):
@@ -62,14 +62,14 @@ def _status() -> int:
 def run() -> NoReturn:
     """Run the command and end the process, whose files are written and closed by then.
 
-    At once: taking jax apart, object by object, would cost 0.35 s after the answer is there.
+    It ends at once: deleting all objects of jax one by one would take 0.35 s after the result.
     """
     end_on_interrupt()
     for name in ("stdin", "stdout", "stderr"):
-        if getattr(sys, name) is None:  # closed by who started the command
+        if getattr(sys, name) is None:  # closed by the program that started the command
             setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w"))  # noqa: SIM115
     warnings.showwarning = lambda message, *_, **__: _say(f"{PROGRAM}: {message}")
-    # Pictures go to files; a backend for windows, which may not exist here, is of no use.
+    # Pictures go to files, so no backend with windows is needed, which may not exist here.
     os.environ.pop("MPLBACKEND", None)
     status = _status()
     for stream in (sys.stdout, sys.stderr):

@@ -1,10 +1,10 @@
-"""At how many places a slit and a beam are averaged, so that fringes and kinks are followed.
+"""How many wavelengths and angles the averages over a slit and a beam take.
 
-The places of Gauss and Hermite, 11 and 7, do for curves that are smooth over the beam: while the
-phase of the films has a standard deviation below SMOOTH radians in it, R is right to 1e-5. Fringes
-beyond that, and the kinks at a critical angle and at grazing incidence, take even steps. Eleven
-places were off by .03 of R and 3 degrees of Delta for a film of 6 um and a slit of 20 nm, seven by
-.03 of R at a critical angle.
+Gauss-Hermite quadrature with 11 wavelengths or 7 angles is enough for curves that are smooth over
+the beam: while the phase of the films has a standard deviation below SMOOTH radians in it, R is
+right to 1e-5. Faster fringes, and the kinks at a critical angle and at grazing incidence, need
+equal steps. (With 11 wavelengths R is off by .03 and Delta by 3 degrees for a film of 6 um and a
+slit of 20 nm; with 7 angles R is off by .03 at a critical angle.)
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ _WIDEST = 0.25
 
 
 def _enough(phase: float, few: int, what: str) -> int:
-    """Return how many places follow fringes whose phase has that standard deviation, radians."""
+    """Return how many places fringes need whose phase has this standard deviation (rad)."""
     if not phase >= SMOOTH:
         return few
     for count in _EVEN:
-        # A sum in even steps is right to 1e-4 while the frequency of the curve is 4.3 below that
+        # A sum in equal steps is right to 1e-4 while the frequency of the curve is 4.3 below that
         # of the steps; 3 is the third harmonic of the fringes. (R within 1e-4 of brute force.)
         if 2.0 * FARTHEST / (count - 1) * (3.0 * phase + 4.3) < 2.0 * np.pi:
             return count
@@ -54,7 +54,7 @@ def _check_slit(bandwidth_nm: float, wavelength_um: Any) -> None:
 
 
 def within_slit(unknown: Unknown, points: Points) -> Unknown:
-    """Return the unknown with the range of a bandwidth cut to what its wavelengths allow."""
+    """Return the unknown; the range of a bandwidth is limited to what its wavelengths allow."""
     if unknown.parameter.name != "bandwidth":
         return unknown
     _check_slit(unknown.low, points.wavelength_um)
@@ -70,7 +70,7 @@ def largest(moving: Sequence[Unknown]) -> dict[str, float]:
 
 
 def values_at(spec: Spec, held: np.ndarray, y: np.ndarray) -> dict[str, float]:
-    """Return every parameter, by the name inside, at the unknowns y (p,) and constants (h,)."""
+    """Return every parameter, by its internal name, at unknowns y (p,) and constants (h,)."""
     pairs = zip(spec.moving, spec.coordinates, y, strict=True)
     values = {name: float(value_and_slope(kind, x)[0]) for name, kind, x in pairs}
     values |= dict(zip(spec.held, held.tolist(), strict=True))
@@ -78,7 +78,7 @@ def values_at(spec: Spec, held: np.ndarray, y: np.ndarray) -> dict[str, float]:
 
 
 def with_places(spec: Spec, size: Mapping[str, float], points: Points, outside: float) -> Spec:
-    """Return the program's description with the numbers of places that its averages take.
+    """Return the description of the program with the numbers of places that its averages need.
 
     size: name -> value of all parameters, or the largest that they may have. outside: index of the
     first medium. Raises ValueError where a slit is too wide for the films or the wavelengths.
@@ -89,7 +89,7 @@ def with_places(spec: Spec, size: Mapping[str, float], points: Points, outside: 
     _check_slit(bandwidth, points.wavelength_um)
     films_um = 1e-3 * sum(d for name, d in size.items() if name.endswith(".thickness_nm"))
     shortest = float(np.min(points.wavelength_um))
-    # There and back through films of index 2; of a larger one the third harmonic has room for it.
+    # Twice through films of index 2; for a larger index the margin of the third harmonic is enough.
     turns = 4.0 * np.pi * films_um / shortest
     wide_um, spread = 1e-3 * bandwidth / np.sqrt(8.0 * np.log(2.0)), np.radians(divergence)
     slit = _enough(2.0 * turns * wide_um / shortest, SLIT, "the slit (bandwidth)")

@@ -52,7 +52,7 @@ def _alternatives(fits: Sequence[Fit]) -> tuple[Alternative, ...]:
 
 
 def _findings(fits: Sequence[Fit]) -> tuple[Finding, ...]:
-    """Return the findings of all fits, one for each code, the gravest first."""
+    """Return the findings of all fits, one for each code, the most serious first."""
     from fitting.sentences import SENTENCES
 
     out = []

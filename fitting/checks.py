@@ -1,4 +1,4 @@
-"""The ranges that measured values must keep, and what to do about one that does not."""
+"""The ranges that measured values must lie in, and what to do about one that does not."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from fitting.errors import MeasurementError
 from fitting.noise import robust_noise
 from fitting.quantities import ANGLE, ANGLES, NUMBER, TABLE, are_powers
 
-# A noisy R of a true 1 (or 0) lies beyond it half of the time, and to drop or clip those values
-# would pull a fit inwards. Beyond 4 standard errors lies 3e-5 of a normal law: less than one
-# value in a file of 1e4, so such a value is an error of scale, not noise.
+# A noisy R whose true value is 1 (or 0) lies beyond it half of the time, and dropping or clipping
+# those values would bias a fit. 3e-5 of a normal distribution lie beyond 4 standard errors, less
+# than one value in a file of 1e4: a value beyond has a wrong scale, and is not noise.
 EXCURSION_SIGMAS = 4.0
-# Noise that carries a power further than this beyond [0, 1] would have a standard error above 6 %,
-# by which nothing is learnt about an index; a column that is no power (counts) has such numbers.
+# Noise that moves a power further than this beyond [0, 1] would have a standard error above 6 %,
+# too much to determine an index; a column that is not a power (counts) has such numbers.
 EXCURSION = 0.25
 
 
 def one_number(name: str, value: object, what: str, low: float, high: float) -> float:
-    """Return ``value`` as a float; raise ValueError, by its name, for what is no number in range.
+    """Return ``value`` as a float; raise ValueError with its name unless it is a number in range.
 
-    A text is none, not even "3"; nor is a truth value, a complex number or an array.
+    A text is not a number, not even "3"; nor is a truth value, a complex number or an array.
     """
     try:
         number = np.asarray(value)
@@ -48,16 +48,16 @@ class Data(NamedTuple):
     polarizer_deg: np.ndarray
 
 
-# Without stated errors, the scatter of a curve tells its noise; what it lets lie beyond [0, 1] is
-# held far below EXCURSION, since curvature looks like noise too.
+# Without stated errors the noise is estimated from the scatter of a curve. Since curvature looks
+# like noise too, values may then lie beyond [0, 1] by much less than EXCURSION.
 NOISE_EXCURSION = 0.05
-# The scatter of 8 to 60 values is told to within a factor of two.
+# The scatter estimated from 8 to 60 values is right within a factor of two.
 SHOWN_SIGMAS = 2.0 * EXCURSION_SIGMAS
-_ROUNDING = 1e-12  # of powers that were computed
+_ROUNDING = 1e-12  # of computed powers
 
 
 def _noise(data: Data) -> np.ndarray:
-    """Return the noise of the curve that each datum is of, as the curve itself shows it."""
+    """Return for each datum the noise of its curve, estimated from the curve itself."""
     spectral = len(np.unique(data.wavelength_um)) > 1
     axis, other = (data.wavelength_um, data.angle_deg)[:: 1 if spectral else -1]
     polarizer = np.nan_to_num(data.polarizer_deg, nan=-1.0)
@@ -75,7 +75,7 @@ def _noise(data: Data) -> np.ndarray:
 def hint_for(value: float, quantity: str, line: int, scale_given: bool, typical: float) -> str:
     """Return what to do about a value of a file that lies outside its range.
 
-    typical: the median size of the values, which tells percent from counts.
+    typical: the median size of the values, which distinguishes percent from counts.
     """
     leave = f"If the row is no measurement, mark line {line} with # or say --lines A-B."
     kind, low, high = TABLE[quantity][:3]
@@ -101,7 +101,7 @@ def hint_for(value: float, quantity: str, line: int, scale_given: bool, typical:
 
 
 def beyond(count: int) -> str:
-    """Return what is said of ``count`` powers that lie beyond [0, 1] by noise."""
+    """Return the sentence on ``count`` powers that lie beyond [0, 1] by noise."""
     return f"; {count} beyond [0, 1] by no more than the noise"
 
 
@@ -114,8 +114,8 @@ def check_data(
     where(i, role): the place of the angle, wavelength, sigma, polarizer or value of datum i.
     hint(i): what to do about its value.
     A power may lie outside [0, 1] by no more than ``EXCURSION_SIGMAS`` of its own standard errors
-    and no more than ``EXCURSION``; without a standard error, of the noise that its curve shows, and
-    no more than ``NOISE_EXCURSION``.
+    and no more than ``EXCURSION``; without a standard error, by a multiple of the noise of its
+    curve, and no more than ``NOISE_EXCURSION``.
     """
     angle, wavelength, quantity, value, sigma, polarizer = data
     if not len(value):

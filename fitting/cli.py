@@ -1,7 +1,7 @@
 """The command ``fresnel-fit FILE``: a measured curve in; a table, JSON, CSV and a picture out.
 
-What the command needs is imported where it is needed, so that ``--help`` and a mistyped option
-answer at once and only ``--plot`` pays for matplotlib.
+Modules are imported where they are needed, so that ``--help`` and a mistyped option answer at once
+and only ``--plot`` takes the time to import matplotlib.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    """Raise ValueError where a picture is asked for that cannot be drawn, or a file comes twice."""
+    """Raise ValueError for a picture that cannot be drawn, or a file that is given twice."""
     from fitting.output.outputs import refuse_repeats
 
     refuse_repeats(arguments.file)
@@ -54,10 +54,10 @@ def _stage(
     spectrum: bool,
     media: Sequence[str | None] = (),
 ) -> dict[str, Path]:
-    """Return what goes into files ("json", "csv", "index", "plot", "report ...") -> where to write.
+    """Return a map from each result ("json", "csv", "index", "plot", "report ...") to its file.
 
-    spectrum: whether there is an index a wavelength, which has a CSV of its own. media: those whose
-    index is written, None for the only one.
+    spectrum: whether there is an index for each wavelength, which has a CSV of its own. media: the
+    media whose index is written, None for the only one.
     Raises OutputError (a ValueError) where a file cannot be written.
     """
     from fitting.output.as_data import INDEX_MARK
@@ -76,7 +76,7 @@ def _stage(
         behind = f": {medium}" if medium else ""
         names[f"material{behind}"] = str(file)
         names[f"material errors{behind}"] = str(errors_beside(file))
-    # The user names the others, and so asks for them to be replaced.
+    # All others were named by the user, and may be replaced.
     marks = {
         "index": INDEX_MARK,
         "material errors": ERRORS_HEAD,
@@ -183,10 +183,10 @@ def _run(arguments: argparse.Namespace) -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with ``argv`` (default: the process's arguments) and return its exit status.
 
-    0: every curve was fitted. 1: of a curve or more the data give no index. 2: the command, a
-    file or a value in it cannot be understood, or a result cannot be written. 130: interrupted.
-    A mistake of the user ends in one line on stderr that says what to do. ``--help``, ``--version``
-    and a mistyped option end in SystemExit, as argparse does it.
+    0: every curve was fitted. 1: one or more curves have no index. 2: the command, a file or a
+    value in it cannot be understood, or a result cannot be written. 130: interrupted. An error that
+    the user can correct ends in one line on stderr that says what to do. ``--help``, ``--version``
+    and a mistyped option end in SystemExit, as usual with argparse.
     """
     try:
         arguments = parser().parse_args(argv)

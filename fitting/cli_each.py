@@ -37,7 +37,7 @@ def _of(file: str, arguments: argparse.Namespace, fit_one: Callable[..., Any]) -
         found, _ = fit_one([read_csv(file, **reading_options(arguments))], arguments)
         return OfFile(file, found)
     except (ValueError, ImportError) as error:
-        # the whole path: of a/scan.csv and b/scan.csv one may be bad
+        # the whole path: there may be a/scan.csv and b/scan.csv
         return OfFile(file, None, f"{file}{str(error).removeprefix(source_of(file))}")
 
 
@@ -67,10 +67,10 @@ def run_each(arguments: argparse.Namespace, fit_one: Callable[..., Any]) -> int:
             staged: dict[str, Path] = {}
             for kind, name in (("csv", arguments.csv), ("json", arguments.json)):
                 if name and not (kind == "json" and name == "-"):
-                    # a table that --each wrote may be written anew
+                    # a table that an earlier --each wrote may be replaced
                     inputs = [file for file in input_files(arguments) if file not in results]
                     staged[kind] = outputs.open(name, flag=f"--{kind}", inputs=inputs)
-        # one bar over the files, none for each of them
+        # one progress bar for all files, none for each of them
         alone = argparse.Namespace(**{**vars(arguments), "quiet": True})
         each = []
         with Progress("files", quiet=arguments.quiet) as bar:

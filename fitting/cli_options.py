@@ -1,4 +1,4 @@
-"""The options of ``fresnel-fit``: what may be asked, and what it means to `fit`."""
+"""The options of ``fresnel-fit``, their help, and the arguments of `fit` that they stand for."""
 
 from __future__ import annotations
 
@@ -16,22 +16,24 @@ PROGRAM = "fresnel-fit"
 _DESCRIPTION = """\
 Fit the complex refractive index eta + i k of a surface, a plate or a film to
 measured R, T, R_s, R_p, ... or psi and Delta, over the angle of incidence and
-the wavelength. Without --sample: one bare surface, eta and k wavelength by
-wavelength.
+the wavelength. Without --sample the sample is one bare surface, whose eta and k
+are fitted wavelength by wavelength.
 """
 
 _EPILOG = """\
-samples (media from the side of the light, separated by |):
+samples (media in the order in which the light meets them, separated by |):
   free                                   one bare surface, eta and k at every
                                          wavelength (the default)
   cauchy                                 one bare surface with that dispersion
-  auto                                   the simplest that the data need
+  auto                                   the simplest dispersion model that
+                                         describes the data
   1.515 | free                           light from inside glass
   air | cauchy-urbach 3 mm thick | air   a plate: both faces, no interference
   air | cauchy 110 nm | Si               a coherent film, thickness fitted
   air | cauchy 5..20000 nm | Si          the same, its thickness within a range
   air | rough 2 nm | film.yml 110 nm | Si   rough: half air, half film
-  Si or air | SiO2 1..50 nm | Si         that which the data need
+  Si or air | SiO2 1..50 nm | Si         the simplest of several samples that
+                                         describes the data: is there an oxide?
 An index is a number (1.45, 0.2+3.1i), a named material (gold, BK7), a file
 (refractiveindex.info YAML, or CSV of wavelength, n and k), a mixture
 (bruggeman(SiO2, water 30 %)), free, auto, or a dispersion model: constant,
@@ -50,13 +52,13 @@ where gold.csv has angles in degrees and reflectances as fractions or percent:
   angle_deg,R_s,sigma_R_s,R_p,sigma_R_p
   30,0.76,0.002,0.67,0.002
   45,0.79,0.002,0.66,0.002
-The first line of the table says how the file was understood; the options under
-"reading" overrule it. A value that begins with a minus sign needs the equals
-sign: --missing=-9999.
+The first line of the table ("read") says how the file was understood; the
+options under "reading" overrule it. A value that begins with a minus sign needs
+the equals sign: --missing=-9999.
 
 exit status:
   0    every curve was fitted
-  1    of a curve or more the data give no index: the fit did not converge, or
+  1    for one curve or more there is no index: the fit did not converge, or
        the data determine only a combination of eta and k (the table and the
        field "status" of the JSON say which)
   2    the command, a file or a value in it cannot be understood, or a result
@@ -70,21 +72,21 @@ Compiled programs are kept in $XDG_CACHE_HOME/fresnel-fit or
 """
 
 _READING = (
-    ("columns", "ROLE=COLUMN,..", "columns by header name or number: angle=1,R_s=2,sigma_R_s=3"),
+    ("columns", "ROLE=COLUMN,..", "columns by header or number: angle=1,R_s=2,sigma_R_s=3"),
     ("angle-deg", "DEGREES", "angle of incidence of a file that has no column for it"),
     ("angle-unit", "UNIT", "deg, rad, mrad, deg.arcmin, grazing-deg, 1/angstrom, ..."),
     ("wavelength-um", "UM", "wavelength of a file that has no column for it, micrometres"),
     ("wavelength-unit", "UNIT", "nm, um, angstrom, eV, cm-1, THz, ..."),
     ("polarization", "LIGHT", "s, p or unpolarized; or what a column's codes mean: 0=s,1=p"),
     ("scale", "FACTOR", "factor that makes R a fraction: 0.01 for percent"),
-    ("divide-by", "FILE", "scan of a reference, read in the same way, that values are divided by"),
+    ("divide-by", "FILE", "divide the values by this scan of a reference, read in the same way"),
     (
         "ratio-to",
         "SAMPLE",
-        "values are ratios to R of this known sample: Si, or 'air | SiO2 2 nm held | Si'",
+        "the values are ratios to R of this known sample: Si, or 'air | SiO2 2 nm held | Si'",
     ),
-    ("sigma", "SIGMA", "standard error of values that have none, a fraction"),
-    ("psi-unit", "UNIT", "deg or rad"),
+    ("sigma", "SIGMA", "standard error of values that have none, as a fraction (0.002)"),
+    ("psi-unit", "UNIT", "unit of psi and Delta: deg or rad"),
     ("missing", "VALUES", "numbers or words that stand for a gap: 0 or -9999,bad"),
     ("keep", "COLUMN=VALUES", "rows to read, by the value of a column: Zone=1,2 or Zone=1-4"),
     ("lines", "FROM-TO", "lines to read: 10-200, 10- or -200"),
@@ -109,24 +111,25 @@ class _Version(argparse.Action):
 def _add_results(parser: argparse.ArgumentParser) -> None:
     results = parser.add_argument_group("results", "Files are written whole or not at all.")
     for flag, metavar, text in (
-        ("json", "OUT", "eta, k, errors, status and all else; - for stdout"),
-        ("csv", "OUT", "data, fitted values and residuals; of a spectrum also eta and k, in OUT "
-         "with .index before the suffix"),
-        ("plot", "OUT", "picture of data, fit and residuals: .png, .pdf or .svg"),
-        ("material", "OUT.yml", "fitted eta and k, as a file of refractiveindex.info, which "
-         "--sample takes; their errors in OUT_errors.csv; of several media in OUT_film.yml, "
-         "OUT_substrate.yml, .."),
-        ("reference", "MATERIAL", "show eta and k of a material beside, and draw them over "
-         "wavelength: gold, BK7, .."),
-        ("report", "DIR", "folder for report.html (one page, pictures inside), fit.json, data.csv, "
-         "index.csv of a spectrum, and fit.png; new, empty, or of an earlier report"),
+        ("json", "OUT", "write all results: eta, k, errors, status, ...; - for stdout"),
+        ("csv", "OUT", "write data, fitted values and residuals; for a spectrum also eta and k, in "
+         "OUT with .index before the suffix"),
+        ("plot", "OUT", "draw data, fit and residuals: .png, .pdf or .svg"),
+        ("material", "OUT.yml", "write the fitted eta and k as a refractiveindex.info file, which "
+         "--sample takes as a material, and their errors as OUT_errors.csv; several media as "
+         "OUT_film.yml, OUT_substrate.yml, .."),
+        ("reference", "MATERIAL", "show eta and k of a material for comparison, in the table and "
+         "in pictures over the wavelength: gold, BK7, .."),
+        ("report", "DIR", "write report.html (one page, pictures inside), fit.json, data.csv, "
+         "index.csv of a spectrum, and fit.png to a folder that is new, empty, or of an earlier "
+         "report"),
     ):  # fmt: skip
         results.add_argument(f"--{flag}", metavar=metavar, help=text)
     results.add_argument(
         "--overwrite",
         action="store_true",
         help="let --report use a folder that holds other files, and --csv and --material replace "
-        "an OUT.index or OUT_errors.csv that no fit wrote",
+        "an OUT.index or OUT_errors.csv that was not written by a fit",
     )
     results.add_argument(
         "--csv-decimal", choices=(".", ","), default=".",
@@ -140,11 +143,13 @@ def _add_fitting(parser: argparse.ArgumentParser) -> None:
     fitting = parser.add_argument_group(
         "fitting",
         "NAME is a parameter of the sample (A, film.thickness_nm) or of the instrument:\n"
-        "scale, background (of every curve; scale[R_s] that of R_s), angle-offset,\n"
-        "leak, divergence, bandwidth.",
+        "scale and background (of all curves; scale[R_s] of R_s only), angle-offset\n"
+        "(degrees), leak of the polarizer, divergence of the beam (degrees), bandwidth\n"
+        "of the slit (nm).",
     )
     fitting.add_argument(
-        "--sample", metavar="TEXT", default="free", help="what was measured; see below"
+        "--sample", metavar="TEXT", default="free",
+        help="the sample that was measured, as a text; see below",
     )  # fmt: skip
     fitting.add_argument(
         "--free", metavar="NAME,..", action="append", default=[],
@@ -152,8 +157,8 @@ def _add_fitting(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     for flag, metavar, text in (
         ("--fix", "NAME=VALUE", "do not fit a parameter"),
-        ("--bound", "NAME=LOW..HIGH", "keep a parameter between, either end may be left out"),
-        ("--prior", "NAME=VALUE+-SIGMA", "a parameter known beforehand, with its standard error"),
+        ("--bound", "NAME=LOW..HIGH", "limit a parameter to a range; either end may be left out"),
+        ("--prior", "NAME=VALUE+-SIGMA", "a value known beforehand, with its standard error"),
         ("--tie", "NAME=OTHER", "make a parameter equal to another, or to a multiple: 2*OTHER"),
     ):
         fitting.add_argument(flag, metavar=metavar, action="append", default=[], help=text)
@@ -163,16 +168,19 @@ def _add_fitting(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     fitting.add_argument(
         "--errors", choices=("auto", "stated", "scaled", "floor", "equal"), default="auto",
-        help="what is believed of the stated errors: stated: as they are; scaled: times "
-        "sqrt(chi2/dof); floor: one common error is added in squares; equal: not used; auto (the "
-        "default): scaled, or floor where they are far too small and that is likelier",
+        help="how the stated errors are used. stated: as they are; scaled: times sqrt(chi2/dof); "
+        "floor: with one common error added in squares; equal: not at all, all data have equal "
+        "weights; auto (the default): scaled, or floor where they are far too small and a floor is "
+        "likelier",
     )  # fmt: skip
     fitting.add_argument(
         "--intervals", choices=("auto", "quadratic", "profile"), default="auto",
         help="95 %% intervals from the standard errors (quadratic), from the profile likelihood "
         "(profile), or by profile likelihood where the quadratic approximation fails (auto)",
     )  # fmt: skip
-    fitting.add_argument("--starts", metavar="N", type=int, help="number of starts (default 64 up)")
+    fitting.add_argument(
+        "--starts", metavar="N", type=int, help="number of starts of a model (default 64 or more)"
+    )
 
 
 class _Parser(argparse.ArgumentParser):
@@ -196,13 +204,14 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument(
         "file", metavar="FILE", nargs="+",
-        help="text file with the measurement (CSV and its kin), - for standard input, or a quoted "
-        "pattern such as '*.csv'; several are fitted together",
+        help="text file with the measurement (CSV or similar), - for standard input, or a quoted "
+        "pattern such as '*.csv'; several files are fitted together, as measurements of one "
+        "sample",
     )  # fmt: skip
     out.add_argument(
         "--each", action="store_true",
-        help="fit every file by itself: a row of results a file, of which --csv and --json make a "
-        "table; a file that is refused is reported, and the others are fitted",
+        help="fit every file by itself, and show a row of results for each, which --csv and --json "
+        "write as a table; a file that is refused is reported, and the others are fitted",
     )  # fmt: skip
     out.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     _add_results(out)

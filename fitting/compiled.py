@@ -13,10 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-# XLA's older CPU emitters halve the time to compile the fit (1.5 s for 2.7 s) and make it a fifth
-# faster. Measured with jax 0.10.2 on AVX-512, 60 angles, s and p. Vectors of 512 bits would give a
-# tenth more, but their programs can be wrong: with jaxlib 0.10.2 the derivative program of a film
-# (psi, Delta and a free angle offset) returns cos 2psi off by 2.7.
+# XLA's older CPU emitters halve the time to compile the fit (1.5 s instead of 2.7 s) and make it a
+# fifth faster. Measured with jax 0.10.2 on AVX-512, 60 angles, s and p. Vectors of 512 bits would
+# be a tenth faster, but their programs can be wrong: with jaxlib 0.10.2 the derivative program of a
+# film (psi, Delta and a free angle offset) returns cos 2psi off by 2.7.
 _OPTIONS = {"xla_cpu_use_fusion_emitters": False}
 
 
@@ -52,10 +52,10 @@ def computed_once(x: Array) -> Array:
 
 
 def in_turn(program: Callable, by_first: bool = False) -> Callable:
-    """Return a compiled program that of several threads which call it first only one compiles.
+    """Return a compiled program which only one thread compiles if several call it first.
 
-    by_first: whether the shapes of all arguments follow from that of the first one and from what is
-    static. To ask for all of them takes a tenth of a millisecond.
+    by_first: whether the shapes of all arguments follow from that of the first one and from the
+    static ones. To compare the shapes of all of them takes a tenth of a millisecond.
     """
     known: set[Hashable] = set()
     locks: dict[Hashable, threading.Lock] = defaultdict(threading.Lock)

@@ -1,8 +1,7 @@
-"""What a person must know about a fit: every warning and note as a code, and its sentence.
+"""Warnings and notes on a fit: each is a code with numbers, from which its sentence is made.
 
-A finding is data. Its sentence is made from the code and the numbers that belong to it, in the one
-table `fitting.sentences.SENTENCES`, which lists every code, the gravest first. No code reads a
-sentence.
+The sentences are in one table, `fitting.sentences.SENTENCES`, which lists every code, the most
+serious first. The program itself goes by codes and never reads a sentence.
 """
 
 from __future__ import annotations
@@ -17,9 +16,9 @@ from fitting.sentences import SENTENCES
 
 
 class Warning(NamedTuple):
-    """One finding on a fit.
+    """One warning or note on a fit.
 
-    code: its name in `SENTENCES`. where: what it is about, for example {"wavelength_um": 0.532}
+    code: its name in `SENTENCES`. where: what it refers to, for example {"wavelength_um": 0.532}
     or {"parameter": "k"}; empty for the whole fit. values: the numbers and names in its sentence.
     """
 
@@ -45,10 +44,10 @@ class Warning(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """One code for all fits of a batch: no object per fit is made until it is asked for.
+    """One warning for all fits of a batch: the object of a single fit is made on request only.
 
-    at: where it holds, a bool array of the batch shape S. values: name -> a number, a text, or an
-    array whose leading axes are S. where: of one fit that was picked from a batch, its place there.
+    at: which fits have it, a bool array of the batch shape S. values: name -> a number, a text, or
+    an array whose leading axes are S. where: place in the batch of a single fit picked from it.
     """
 
     code: str

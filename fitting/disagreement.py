@@ -1,4 +1,4 @@
-"""Files fitted together that cannot be of one sample, told apart by name."""
+"""Whether files that are fitted together contradict each other: not of one sample, or wrong."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from fitting.observations import Observations, labels_of
 from fitting.result import Fit
 from fitting.uncertainty.covariance import UNSEEN, slopes_at
 
-# Two files exclude each other where their indices differ by what chance gives in fewer pairs: four
-# standard errors of the difference, more where few data tell how large these are.
+# Two files contradict each other if chance gives such a difference of their indices in fewer pairs
+# than that: four standard errors of the difference, more where few data determine these.
 EXCLUDING = 6e-5
-# By so little chance, to first order, before separate fits, which cost time, are made.
+# Separate fits, which take time, are made only if the probability to first order is below this.
 PERHAPS = 1e-3
-# An index over wavelength is compared at so many wavelengths that both files cover.
+# An index over wavelength is compared at this many wavelengths that both files cover.
 _WAVES = 5
 # name, (values of the two), (standard errors of the two)
 _Pair = tuple[str, tuple[float, float], tuple[float, float]]
@@ -28,8 +28,8 @@ _Pair = tuple[str, tuple[float, float], tuple[float, float]]
 def may_disagree(found: Fit) -> bool:
     """Whether two files pull a fit apart, so that separate fits are worth their time.
 
-    By the F test of what the residuals of each file, by a least-squares step of its own, would
-    lose beyond the common minimum.
+    This is an F test of the decrease of chi2 if each file took a least-squares step of its own
+    from the common minimum.
     """
     at = found.evaluator
     if not isinstance(at, Evaluated):
@@ -61,11 +61,11 @@ def _along(slopes: np.ndarray, residual: np.ndarray) -> np.ndarray:
 
 
 def disagreement(results: Sequence[Fit]) -> tuple[Warning, ...]:
-    """Return a warning where the separate fits of two files exclude each other; else nothing.
+    """Return a warning where the separate fits of two files contradict each other; else nothing.
 
-    Compared are the parameters that files share (all but scale and background), and eta and k: of
-    a model over the wavelengths that both cover, of an index that is free at every wavelength at
-    those that both have. Only what has a standard error in both is compared.
+    It compares the parameters that files share (all but scale and background), and eta and k: those
+    of a model over the wavelengths that both files cover, those of an index that is free at every
+    wavelength at the common ones. Only what has a standard error in both is compared.
     """
     least, said = EXCLUDING, None
     labels = labels_of([f.measurement.source if f.measurement else "" for f in results])
@@ -112,7 +112,7 @@ def _pairs(first: Fit, second: Fit) -> Iterator[_Pair]:
 
 
 def _by_chance(first: Fit, second: Fit) -> tuple[float, dict[str, Any]]:
-    """Return the least probability of a difference by chance, and the numbers of the sentence."""
+    """Return the lowest probability by chance of a difference, and the numbers of the sentence."""
     least, said = 1.0, {}
     counted = [f.dof for f in (first, second) if f.errors.taken != "stated"]
     for name, values, sigmas in _pairs(first, second):

@@ -1,7 +1,7 @@
 """The dispersion models that can be fitted: parameters with their ranges, and the index.
 
 The formulas are those of `fresnel_jax.dispersion`. Ranges of starts follow the measured
-wavelengths: an oscillator is looked for where there are data, and a little beside.
+wavelengths: an oscillator is searched for where there are data, and a little beyond.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from fresnel_jax.dispersion import HC_EV_UM
 class Spectrum(NamedTuple):
     """What the ranges of starts depend on.
 
-    shortest_um, longest_um: measured wavelengths; eta_i: index of the medium before.
+    shortest_um, longest_um: measured wavelengths; eta_i: index of the medium in front.
     even_in_k: whether the data depend on k^2 (powers of a bare interface), and not on k.
     """
 
@@ -44,10 +44,10 @@ class Spectrum(NamedTuple):
 
 
 class Model(NamedTuple):
-    """A dispersion model by name, with its number of terms; hashable, so that jit can go by it.
+    """A dispersion model by name, with its number of terms; hashable, as static arguments of jit.
 
-    terms: 0 of a spline whose number follows the data. knots_ev: of a spline, where they are known;
-    see `over`.
+    terms: 0 for a spline whose number follows from the data. knots_ev: of a spline, once they are
+    known; see `over`.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Model(NamedTuple):
 
     @property
     def exchangeable(self) -> bool:
-        """Whether the terms may change places: not if the last one is beyond the red end."""
+        """Whether the terms are interchangeable: not if the last one is beyond the red end."""
         return KINDS[self.name].exchangeable
 
     def parameters(self, spectrum: Spectrum) -> tuple[Parameter, ...]:
@@ -73,7 +73,7 @@ class Model(NamedTuple):
         return KINDS[self.name].parameters(self.terms, spectrum)
 
     def over(self, spectrum: Spectrum) -> Model:
-        """Return the model with its knots over the measured range and beside it."""
+        """Return the model with its knots over the measured range and beyond it."""
         if self.name != SPLINE or self.knots_ev:
             return self
         knots = knots_over(self.terms, spectrum.low_ev, spectrum.high_ev)
@@ -90,7 +90,7 @@ class Kind(NamedTuple):
     parameters: Callable[[int, Spectrum], tuple[Parameter, ...]]
     model: Callable[[int, Mapping[str, Array]], dispersion.DispersionModel]
     absorbs: bool
-    usual: int = 1  # number of terms if none is said; 0: it follows the data
+    usual: int = 1  # number of terms if none is given; 0: it follows from the data
     most: int = 1
     exchangeable: bool = True
 
@@ -109,8 +109,8 @@ def _constant(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
 
 
 def _cauchy(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-    # An index below 1 reflects as its inverse does, at normal incidence exactly; formulas for what
-    # is transparent and not an X-ray mirror begin at 1.
+    # An index below 1 has the reflectance of its inverse (at normal incidence exactly), so that the
+    # ranges of formulas for transparent media begin at 1.
     out = [Parameter("A", "", (1.1, 4.5), 1.0, 1e2)]
     for j in range(1, terms):
         # Their share in eta at the shortest wavelength.

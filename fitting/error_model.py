@@ -1,14 +1,15 @@
-"""What is believed of stated errors that are not met: one factor on all, or one common error.
+"""Stated errors that the residuals contradict: one factor on all, or one common error added.
 
     factor:  sigma_i^2 -> f^2 sigma_i^2          floor:  sigma_i^2 -> sigma_i^2 + s^2
 
-Each has one number, found by maximum likelihood, so that the likelihoods of the two compare them
-directly. A factor keeps the stated weights: where one polarization is stated a hundred times better
-than the other and both carry the same further error, the better one is fitted alone, and its 95 %
-intervals hold the truth in 60 % of repeats, those with a floor in 94 %. The other way round, where
-all errors are too small by one factor and unequal, the floor gives values ten times worse.
+Each has one number, found by maximum likelihood, so that the two are compared by their likelihoods.
+A factor keeps the stated weights: if the stated errors of one polarization are a hundred times
+smaller than those of the other and both have the same further error, only the first one has
+weight, and 95 % intervals contain the true value in 60 % of repeats, those with a floor in 94 %.
+Conversely, if all errors are too small by one factor and unequal, the floor gives values ten times
+worse.
 
-Where residuals are in order (lag-1 correlation rho, see `pattern`) fewer of them are independent;
+Where residuals are autocorrelated (lag-1 correlation rho, see `pattern`) fewer are independent;
 the variance of a mean grows by (1 + rho) / (1 - rho), and errors are widened by its root.
 """
 
@@ -18,16 +19,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-# How far the scatter is off the stated errors, beyond chance.
+# By how much the scatter differs from the stated errors, beyond chance.
 CHI2_LARGE, CHI2_SMALL = 128, 256
 
 # Doublings and halvings of the search for s: to 1e-6 of itself.
 _STEPS = 60
-# Weights are taken anew, and the fit repeated, so often; then s moves by less than 1 %.
+# How often the weights are updated and the fit is repeated; then s changes by less than 1 %.
 ROUNDS = 4
-# A common error is taken only if it is likelier by this much (2 of 2 log L: a factor e).
+# A common error is used only if it is likelier by this much (2 in 2 log L: a factor e).
 GAIN = 1.0
-# Beyond this correlation the factor would exceed 6, and nothing is known of the errors any more.
+# Beyond this correlation the factor would exceed 6, and the errors are unknown.
 MOST_CORRELATED = 0.95
 
 
@@ -48,8 +49,8 @@ def _minus_two_log(square: np.ndarray, variance: np.ndarray) -> np.ndarray:
 def likeliest_floor(residual: np.ndarray, sigma: np.ndarray) -> Floor:
     """Return the common error of residuals (..., n) with stated errors (..., n) > 0.
 
-    inf as sigma leaves a datum out. The likelihood in s is unimodal where residuals are of one
-    size; its derivative is bisected from the largest residual downwards.
+    A sigma of inf leaves a datum out. The likelihood in s has one maximum if the residuals are of
+    one size; its derivative is bisected from the largest residual downwards.
     """
     used = np.isfinite(sigma)
     square = np.where(used, residual, 0.0) ** 2
@@ -77,16 +78,16 @@ def likeliest_floor(residual: np.ndarray, sigma: np.ndarray) -> Floor:
 
 
 def widening(correlation: np.ndarray) -> np.ndarray:
-    """Return sqrt((1 + rho) / (1 - rho)) of residuals in order; 1 where rho is NaN or below 0."""
+    """Return sqrt((1 + rho) / (1 - rho)) for a lag-1 correlation; 1 if it is NaN or below 0."""
     rho = np.clip(np.nan_to_num(correlation), 0.0, MOST_CORRELATED)
     return np.sqrt((1.0 + rho) / (1.0 - rho))
 
 
 def chi2_flags(chi2_reduced: np.ndarray, dof: np.ndarray) -> np.ndarray:
-    """Return CHI2_LARGE or CHI2_SMALL where chi2 / dof is off 1 by 5 of its errors and by half."""
+    """Return CHI2_LARGE or CHI2_SMALL where chi2 / dof differs from 1 by 5 sigma and by half."""
     with np.errstate(all="ignore"):
         error = np.sqrt(2.0 / dof)
         large = (chi2_reduced > 1.0 + 5.0 * error) & (chi2_reduced > 1.5)
-        # The law is skew: 5 errors below 1 lies below 0 for fewer than 50 degrees of freedom.
+        # The distribution is skew: for fewer than 50 degrees of freedom 5 sigma below 1 is below 0.
         small = (chi2_reduced < 1.0 / (1.0 + 5.0 * error)) & (chi2_reduced < 1.0 / 1.5)
     return np.where(large, CHI2_LARGE, 0) | np.where(small, CHI2_SMALL, 0)

@@ -1,10 +1,10 @@
-"""The one error that reading a measurement raises, and how it names its place."""
+"""The error that reading a measurement raises, and how it names the place in the file."""
 
 from __future__ import annotations
 
 
 class MeasurementError(ValueError):
-    """A measurement cannot be read, or a value in it cannot be meant.
+    """A measurement cannot be read, or a value in it is impossible.
 
     The text names the file, line and column as far as they are known, what came,
     what was wanted, and the option that settles it, for example

@@ -1,4 +1,4 @@
-"""A fitted sample as curves: at the data, at points of one's own, and eta and k over wavelength."""
+"""A fitted sample as curves: at the data, at other points, and eta and k over the wavelength."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from fitting.unknowns import Unknowns, index_outside
 
 
 class Evaluated(NamedTuple):
-    """Where a fit ended: unknowns, what they were compared with, y (p,) and its covariance (p, p).
+    """The minimum of a fit: unknowns, data, solver coordinates y (p,), their covariance (p, p).
 
-    The covariance is NaN in rows of what is held or at a bound; along what is not seen it
-    is 0 (the fitted curve does not change there); of splines see `uncertainty.spline_errors`.
-    errors: (2,) standard errors of eta and k that hold that of a thickness, which all wavelengths
-    share, too; None where there is none.
+    The covariance is NaN in rows of fixed parameters and of those at a bound; along undetermined
+    combinations it is 0, since the curve does not change (splines: `uncertainty.spline_errors`).
+    errors: (2,) standard errors of eta and k that include that of a thickness shared by all
+    wavelengths; None where there is none.
     """
 
     sample: Sample
@@ -65,7 +65,7 @@ class Evaluated(NamedTuple):
         return _index_band(self, wavelength_um, which)
 
     def at(self, index: tuple[int, ...]) -> Evaluator:
-        """Return itself: it is of one fit."""
+        """Return itself, since it belongs to one fit."""
         return self
 
     def widened(self, factor: np.ndarray) -> Evaluated:
@@ -136,7 +136,7 @@ class EachWavelength(NamedTuple):
 
 
 def _numbers(name: str, came: Any) -> np.ndarray:
-    """Return an array of floats, or raise ValueError by the name for what holds no real numbers."""
+    """Return an array of floats, or raise ValueError with the name if it has other values."""
     try:
         found = np.asarray(came)
     except ValueError:  # a ragged list
@@ -147,7 +147,7 @@ def _numbers(name: str, came: Any) -> np.ndarray:
 
 
 def angles_of(angle_deg: Any) -> np.ndarray:
-    """Return angles of incidence, (A,), or raise ValueError for what is none."""
+    """Return angles of incidence, (A,), or raise ValueError for other values."""
     angle = np.atleast_1d(_numbers("the angle of incidence", angle_deg))
     if angle.ndim != 1 or not angle.size:
         raise ValueError(f"angles of shape {angle.shape} came; one axis of one or more was wanted.")
@@ -161,7 +161,7 @@ def angles_of(angle_deg: Any) -> np.ndarray:
 
 
 def points_of(angle_deg: Any, quantity: Any, wavelength_um: Any = None) -> Measurement:
-    """Return points of one's own as a measurement without values."""
+    """Return points that the caller names as a measurement without values."""
     waves = _numbers("wavelength_um", np.nan if wavelength_um is None else wavelength_um)
     strange = waves[~(np.isnan(waves) | ((waves > 0.0) & np.isfinite(waves)))]
     if strange.size:
@@ -199,7 +199,7 @@ def _medium(sample: Sample, name: str | None) -> int:
 
 
 def _error(slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Return the standard error (...) of what has these slopes (..., p)."""
+    """Return the standard error (...) of a quantity with these derivatives (..., p)."""
     known = np.isfinite(np.diagonal(covariance))
     if not known.any():
         return np.full(slopes.shape[:-1], np.nan)
@@ -211,7 +211,7 @@ def _error(slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 def _matched(at: Evaluated, seen: Observations, source: str) -> tuple[tuple[int, ...], ...]:
     """Return the fitted curve that each channel of other points belongs to; -1 for none.
 
-    Of several files that of the same name, else the first one.
+    Among several files it is that of the same name, else the first one.
     """
     first = {c: own[0] for c, own in zip(at.seen.channels, at.seen.curves, strict=True)}
     named = {name: i for i, name in enumerate(at.seen.curve_names)}
@@ -220,7 +220,7 @@ def _matched(at: Evaluated, seen: Observations, source: str) -> tuple[tuple[int,
 
 
 def at_data(seen: Observations, value: np.ndarray) -> np.ndarray:
-    """Return the model at every datum (N,), from what each channel shows (K, M)."""
+    """Return the model at every datum (N,), from the values of each channel (K, M)."""
     out = np.empty(len(seen.row))
     for i, channel in enumerate(c for c in seen.channels if c != NCS):
         here = seen.channel == channel
@@ -264,7 +264,7 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
 
 
 def _errors_of_angles(seen, value, slope, covariance, sigma) -> None:
-    """Fill in those of psi and Delta in degrees, from N, C, S (3, M) and slopes (3, M, p)."""
+    """Fill in errors of psi and Delta in degrees, from N, C, S (3, M) and slopes (3, M, p)."""
     N, C, S = value
     sine2 = C * C + S * S
     sine = np.sqrt(sine2)

@@ -1,9 +1,9 @@
 """Starts of a film from a part of the spectrum, which are then followed to the whole of it.
 
-Where a film absorbs, or reflects like a metal, there are no fringes, and a scan over the whole
-spectrum sees nothing but that edge. In the right quarter of the spectrum there are few fringes, all
-alike, whose number gives the optical thickness whatever the dispersion is; what is fitted there is
-followed to the whole of the spectrum step by step.
+Where a film absorbs, or reflects like a metal, there are no fringes, and the edge of that range
+dominates a scan over the whole spectrum. In a quarter of the spectrum without it there are a few
+regular fringes, whose number gives the optical thickness for any dispersion. A fit of that quarter
+is followed to the whole of the spectrum step by step.
 """
 
 from __future__ import annotations
@@ -21,16 +21,17 @@ if TYPE_CHECKING:
     from fitting.problem import Targets
     from fitting.search import Solving
 
-# Parts in which a film is looked for; by what factor they grow, evaluations before they do, and so
-# many of the lowest starts that go on. The last few creep along a valley of index times thickness.
+# Number of parts in which a film is searched for; by what factor they grow, how many evaluations
+# each takes, and how many of the lowest starts go on. The last few creep along a valley in which
+# only the product of index and thickness is well determined.
 PARTS, _GROWTH, _STEPS, _KEPT = 4, 1.35, 30, 16
 _LAST_STEPS, _LAST_KEPT = 300, 4
-# Wavelengths that a part must have.
+# The least number of wavelengths in a part.
 _LEAST = 16
 
 
 def parts(seen: Observations) -> list[np.ndarray]:
-    """Return the rows (bool, of all rows) of the parts of the spectrum; none of a short one."""
+    """Return the rows of each part, as bool over all rows; nothing for a short spectrum."""
     wavelength = seen.points.wavelength_um[:, 0]
     used = np.arange(len(wavelength)) <= seen.row.max()
     distinct = np.unique(wavelength[used])

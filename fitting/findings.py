@@ -1,4 +1,4 @@
-"""Which warnings a fit of shared parameters gets: the conditions, with the numbers they go by."""
+"""Which warnings a fit of shared parameters gets: the conditions and their thresholds."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from fitting.pattern import Pattern
 from fitting.result import PROFILE
 from fitting.uncertainty.intervals import OFF
 
-# Of parameters of one formula (A, B and C of Cauchy's) correlation is the rule and does no harm. A
-# nuisance that trades with what is looked for does (the offset of the gold scan: .79 and .71).
+# Parameters of one formula (A, B and C of Cauchy's) are usually correlated, which does no harm. A
+# parameter of the instrument that is correlated with the index does (angle offset of the gold scan:
+# .79 and .71).
 CORRELATED_WITHIN, CORRELATED = 0.999, 0.7
 VAGUE = 0.5
-# A goniometer's zero is known better than that.
+# The zero of a goniometer is known better than that.
 PLAUSIBLE_OFFSET_DEG = 2.0
 FEW_REACHED = 3
 OUT_OF_MODEL = 0.1
@@ -38,8 +39,8 @@ _MAY_VANISH = (
 class Seen(NamedTuple):
     """How well the free parameters are known; arrays over them.
 
-    intervals, quadratic: (P, 2), those that are given and the quadratic ones. unseen: (P, U),
-    combinations that the data do not see.
+    intervals, quadratic: (P, 2), those of the result and the quadratic ones. unseen: (P, U),
+    combinations that the data do not determine.
     """
 
     names: tuple[str, ...]
@@ -57,9 +58,9 @@ class Seen(NamedTuple):
 class Quality(NamedTuple):
     """How well the fit describes the data, and how it was found.
 
-    lower: chi2 by which a fit was better that was met beside the minimum and not reached; 0 for
-    none. robust: whether chi2_reduced leaves outliers out. errors: what was taken of them. others:
-    values of the best other minimum and by how much its chi2 is higher.
+    lower: by how much chi2 is lower at a fit near the minimum whose own minimum was not reached; 0
+    if there is none. robust: whether chi2_reduced leaves outliers out. errors: how they were used.
+    others: values of the best other minimum and by how much its chi2 is higher.
     """
 
     chi2_reduced: float
@@ -89,12 +90,12 @@ def _bare(name: str) -> str:
 
 
 def is_outer(name: str) -> bool:
-    """Whether a parameter is not of a material: of the instrument, or a thickness."""
+    """Whether a parameter is not one of a material: of the instrument, or a thickness."""
     return _bare(name) in INSTRUMENT or _bare(name).startswith("thickness")
 
 
 def _unseen(f: Seen) -> list[Finding]:
-    """One finding for each combination that the data do not see."""
+    """Return one finding for each combination that the data do not determine."""
     out = []
     for direction in f.unseen.T:
         parts = np.abs(direction) > 0.1 * np.abs(direction).max()
@@ -118,13 +119,13 @@ def _correlated(f: Seen) -> list[Finding]:
     return [_finding("correlated", first=seconds, second=firsts, correlation=values)]
 
 
-# A film thinner than that part of the wavelength, and its index, act as one product where they are
-# so much correlated.
+# If a film is thinner than this part of the wavelength, and its thickness and index are correlated
+# by more than this, the data determine little more than their product.
 _THIN, _ONE_PRODUCT = 0.08, 0.95
 
 
 def _thin_film(f: Seen, shortest_nm: float) -> list[Finding]:
-    """Say of a very thin film that its thickness and its index are one number."""
+    """Return the finding that only the product of thickness and index of a thin film is known."""
     out = []
     for i, name in enumerate(f.names):
         if not name.endswith("thickness_nm") or not f.values[i] < _THIN * shortest_nm:
@@ -165,7 +166,7 @@ def _bounds(f: Seen) -> list[Finding]:
 
 
 def _not_quadratic(f: Seen) -> list[Finding]:
-    """Say of which parameters the standard error does not tell the interval."""
+    """Return the finding on parameters whose interval does not follow from the standard error."""
     half = 0.5 * (f.intervals[:, 1] - f.intervals[:, 0])
     off = np.abs(f.intervals - f.quadratic).max(axis=1) > OFF * half
     bent = [
@@ -209,14 +210,15 @@ def _chi2(q: Quality) -> list[Finding]:
 
 
 def order_of_residuals(p: Pattern) -> Finding:
-    """Return the finding on residuals that are no noise."""
+    """Return the finding on autocorrelated residuals."""
     return _finding("residuals_in_order", along=p.along, correlation=p.correlation, chance=p.chance)
 
 
 def findings(f: Seen, q: Quality) -> tuple[Finding, ...]:
-    """Return the findings on a fit that has ended, the gravest first.
+    """Return the findings on a finished fit, the most serious first.
 
-    Where the data do not see some combination its valley is one solution: starts end all along it.
+    An undetermined combination has a valley of equal chi2, which is one solution: starts end
+    anywhere in it.
     """
     out = _unseen(f) + _thin_film(f, q.shortest_nm)
     if q.by_the_model_alone:

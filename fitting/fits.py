@@ -1,11 +1,11 @@
-"""`fit`: a sample fitted to what was measured, whatever the sample and the data are.
+"""`fit`: any sample fitted to any measured quantities.
 
     minimise over the parameters   sum_i loss[(predicted_i - value_i) / sigma_i] + priors
 
-There is one way from parameters to the result (see the map in CONTRIBUTING.md), and one special
-case that is taken by itself where it applies: eta and k of one bare surface from powers alone
-(`bare_surface`), whose coordinates and starts are made for it, and which fits some hundred thousand
-curves a second.
+All fits go the same way from parameters to the result (see the map in CONTRIBUTING.md), except for
+one special case that is used automatically: eta and k of one bare surface from powers alone
+(`bare_surface`). It has coordinates and starts of its own and fits some hundred thousand curves a
+second.
 
 Fits run in float64, whether or not the caller has switched on jax_enable_x64.
 """
@@ -49,7 +49,7 @@ from fitting.widening import widened
 
 
 def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
-    """Return the measurements that came, or raise ValueError for something else."""
+    """Return the measurements as a tuple, or raise ValueError for anything else."""
     several = [measurement] if isinstance(measurement, Measurement) else measurement
     if not isinstance(several, Iterable):
         several = [several]
@@ -66,7 +66,7 @@ def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
 
 
 def check_choices(loss: str, errors: str, intervals: str) -> None:
-    """Raise ValueError for an option that is none."""
+    """Raise ValueError for an unknown choice."""
     if loss not in LOSSES:
         raise ValueError(f"loss is {loss!r}; one of {', '.join(LOSSES)} was wanted.")
     if errors not in ERRORS:
@@ -77,22 +77,22 @@ def check_choices(loss: str, errors: str, intervals: str) -> None:
 def _is_special(
     sample: Sample, measurements: Sequence[Measurement], settings: Settings, loss: str
 ) -> bool:
-    """Whether `bare_surface` can do it: eta and k of one boundary from R_s, R_p and R."""
+    """Whether `bare_surface` can fit it: eta and k of one boundary from R_s, R_p and R."""
     powers = all(set(m.quantity.tolist()) <= set(CHANNELS) for m in measurements)
     bare = sample.bare and sample.by_wavelength and np.isfinite(sample.eta_i)
     return powers and bare and not settings.names and loss == "squares"
 
 
 def _key_of(fit: Solving, start: np.ndarray) -> Hashable:
-    """Return what tells one search from another: all that its ends depend on."""
+    """Return everything that the result of a search depends on, as a key."""
     own = [start, *fit.limits, *jax.tree.leaves(fit.targets)]
     return fit.u.spec, fit.asked.loss, fit.asked.scaled, *(np.asarray(a).tobytes() for a in own)
 
 
 def _searched(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, float]:
-    """Return the ends of the starts and of those beside them, and the noise they were run at.
+    """Return where the starts and their neighbours ended, and the noise that they were run at.
 
-    few: the same fit, or one of some of the data, whose ends are then followed with all.
+    few: the same fit, or one of some of the data, whose minima are then followed with all data.
     """
     known = job.asked.ends
     key = None if known is None else _key_of(job, points)
@@ -114,7 +114,7 @@ def _shared(
     asked: Asked,
     begin: tuple[int | None, Mapping[str, float] | None],
 ) -> Fit:
-    """Return the fit of parameters that all data share. begin: number of starts, and one more."""
+    """Return the fit of shared parameters. begin: the number of starts, and one extra start."""
     seen = observations(measurements, asked.errors)
     u = unknowns(sample, spectrum_of(measurements, sample), settings, seen, asked.loss)
     if not u.free.any():
@@ -147,7 +147,7 @@ def fit_checked(
     asked: Asked,
     begin: tuple[int | None, Mapping[str, Any] | None] = (None, None),
 ) -> Fit:
-    """Return `fit` for arguments that are checked already. begin: starts and start."""
+    """Return `fit` for checked arguments. begin: the arguments `starts` and `start`."""
     stated = all(np.isfinite(m.sigma).all() for m in measurements)
     if asked.errors in ("stated", "floor") and not stated:
         raise ValueError(
@@ -185,10 +185,10 @@ def _alone(
     asked: Asked,
     found: Fit,
 ) -> list[Fit]:
-    """Return the fit of each file by itself, from nowhere but where the fit of all ended.
+    """Return the fit of each file by itself, started only from the minimum of the common fit.
 
-    A file may have other minima of its own, which are no contradiction. One that cannot be fitted
-    by itself (psi in one, Delta in another) contradicts no other.
+    A file may have other minima of its own, which are no contradiction. A file that cannot be
+    fitted by itself (psi in one, Delta in another) is left out.
     """
     begin = None
     if not sample.by_wavelength:
@@ -217,7 +217,7 @@ def _general(
             return fit_free_film(concatenate(*measurements), sample, settings, asked)
         # At one wavelength nothing is shared: thickness, eta and k are three unknowns of one fit.
         return _shared(measurements, sample, settings, asked, begin)
-    # The noise of a robust loss or a prior is found in rounds, which lanes do not share.
+    # The noise of a robust loss or a prior is estimated in rounds, one wavelength at a time.
     plain = asked.loss == "squares" and not settings.priors and begin == (None, None)
     if not sample.by_wavelength or (len(waves) == 1 and (settings.names or not plain)):
         return _shared(measurements, sample, settings, asked, begin)
@@ -262,22 +262,22 @@ def fit(
             film.k"}.
         loss: "squares"; "huber" or "student" for data with outliers, with the noise found from the
             residuals unless errors="stated".
-        errors: what is believed of the stated errors. "stated": as they are. "scaled": multiplied
-            by sqrt(chi2 / dof). "floor": one common error is added to them in squares. "equal":
-            not used, all data weigh alike. "auto": scaled, or floor where they are far too small
-            and that is likelier.
+        errors: how the stated errors are used. "stated": as they are. "scaled": multiplied by
+            sqrt(chi2 / dof). "floor": one common error is added to them in squares. "equal": not
+            at all, all data have equal weights. "auto": scaled, or floor where they are far too
+            small and a floor is likelier.
         intervals: how 95 % intervals are found: "quadratic" (from the standard errors), "profile"
             (profile likelihood), or "auto": profile likelihood where the quadratic approximation
-            fails. Of many independent wavelengths of a general sample "auto" is quadratic.
-        starts, seed: number of quasi-random starts (None: by the number of unknowns), and their
-            origin. Not of a bare surface, which starts from a mesh.
-        start: name -> value of one more start.
+            fails. With many independent wavelengths of a general sample "auto" is quadratic.
+        starts, seed: number of quasi-random starts (None: by the number of unknowns), and the seed
+            of their sequence. Not used for a bare surface, which starts from a mesh.
+        start: name -> value of one additional start.
 
     Returns: `Fit`, of batch shape () for shared parameters or one wavelength, else (W,).
         Without noise eta of a bare surface comes back to about 1e-14 and k above .01 to 3e-11.
 
     Raises:
-        ValueError: for names, values and quantities that do not go together.
+        ValueError: for names, values and quantities that are wrong or do not go together.
     """
     measurements = measurements_of(measurement)
     which = Sample.parse(sample)

@@ -1,8 +1,9 @@
 """A film whose eta and k are free at every wavelength, with one thickness that all of them share.
 
-For a given thickness every wavelength is a fit by itself (`wavelengths`); the thickness is where
-the sum of their costs is least. That takes more than two numbers at a wavelength: psi and Delta at
-one angle give an eta and a k for any thickness. The errors of eta and k hold that of the thickness.
+For a given thickness every wavelength is a fit by itself (`wavelengths`); the best thickness has
+the lowest sum of their costs. This needs more than two numbers at a wavelength: psi and Delta at
+one angle give an eta and a k for any thickness. The errors of eta and k include that of the
+thickness.
 
 Source: the point-by-point fit with a common thickness of H. G. Tompkins and E. A. Irene (eds.),
 Handbook of Ellipsometry (2005), sec. 3.4.
@@ -26,15 +27,15 @@ from fitting.sample import FREE, Sample
 from fitting.search import Asked
 from fitting.wavelengths import One, fit_wavelengths, jobs, solved_each
 
-# Starts of each wavelength at one thickness; thicknesses of the first look; looks closer, each of
-# them a third as wide, until the cost beside the best one is higher by no more than this part of
-# the scatter: .03 standard errors. (Three looks: up to .1 of them, and 8 of those of exact data.)
+# Starts of each wavelength at one thickness; thicknesses of the first scan; closer scans, each of a
+# third of the width, until the cost next to the best one is higher by no more than this part of the
+# scatter: .03 standard errors. (After three scans it is up to .1, and 8 with exact data.)
 _STARTS, _GRID, _CLOSER, _WITHIN = 16, 25, 14, 7
 _FLAT = 1e-3
 
 
 class _Profile(NamedTuple):
-    """Cost by thickness, (D,) each, in rising order; scatter: what a rise is measured in."""
+    """Cost over thickness, (D,) each, in rising order; scatter: the unit of a rise of the cost."""
 
     thickness_nm: np.ndarray
     cost: np.ndarray
@@ -42,7 +43,7 @@ class _Profile(NamedTuple):
 
     @property
     def best(self) -> int:
-        """Which thickness is the best."""
+        """The place of the best thickness."""
         return int(np.argmin(self.cost))
 
 
@@ -56,7 +57,7 @@ def free_film(sample: Sample) -> int | None:
 
 
 def check_free_film(measurement: Measurement, sample: Sample, which: int) -> None:
-    """Raise ValueError where the data cannot tell the thickness, with what is missing."""
+    """Raise ValueError where the data cannot determine the thickness; it says what is missing."""
     d = sample.media[which].thickness
     assert d is not None
     if not d.low_um > 0.0:
@@ -85,7 +86,7 @@ def check_free_film(measurement: Measurement, sample: Sample, which: int) -> Non
 
 
 def _held(sample: Sample, which: int, thickness_nm: float) -> Sample:
-    """Return the sample with that thickness of the film, held."""
+    """Return the sample with the thickness of the film fixed at this value."""
     media = list(sample.media)
     d = media[which].thickness
     assert d is not None
@@ -114,8 +115,8 @@ def _profile(ones: Sequence[One], row: int, ends: tuple[float, float], scaled: b
 
     def look(places: np.ndarray) -> None:
         for d in places.tolist():
-            # A twin of the best place, a rounding error beside it, would be its neighbour, and
-            # hide what lies beyond.
+            # A place that differs from the best one by rounding only would become its neighbour,
+            # and hide those beyond.
             if all(abs(d - other) > 1e-10 * d for other in known):
                 known[d] = _cost(ones, row, d)
 
@@ -140,7 +141,7 @@ def _profile(ones: Sequence[One], row: int, ends: tuple[float, float], scaled: b
 
 
 def _error(p: _Profile) -> float:
-    """Return the standard error of the thickness: where the cost has risen by the scatter."""
+    """Return the standard error of the thickness, over which the cost rises by the scatter."""
     rise = (p.cost - p.cost[p.best]) / p.scatter
     near = rise < 9.0
     if near.sum() < 5:
@@ -218,13 +219,13 @@ def fit_free_film(
 
 
 def _slope(e: Estimate, moved: Estimate, per_shift: float) -> np.ndarray:
-    """Return by how much an estimate (W,) moves with one standard error of the thickness."""
+    """Return the change of an estimate (W,) with one standard error of the thickness."""
     by = (np.asarray(moved.value) - np.asarray(e.value)) * per_shift
     return np.where(np.isfinite(by), by, 0.0)
 
 
 def _with_thickness(e: Estimate, by: np.ndarray, ends: tuple[float, float]) -> Estimate:
-    """Return the estimate with the error of the thickness in its own. ends: of its range."""
+    """Return the estimate with the error of the thickness added. ends: those of its range."""
     own = np.asarray(e.sigma)
     sigma = np.hypot(own, by)
     with np.errstate(all="ignore"):

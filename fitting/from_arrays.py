@@ -16,10 +16,10 @@ from fitting.visible import visible
 
 
 class Units(NamedTuple):
-    """Units of angles and wavelengths, and what makes powers fractions.
+    """Units of angles and wavelengths, and how powers become fractions.
 
-    divide_by: "R" -> values of a reference, "sigma_R" -> their standard errors. ratio_to: sample
-    whose reflectance the values are ratios to.
+    divide_by: "R" -> values of a reference, "sigma_R" -> their standard errors. ratio_to: the
+    sample to whose reflectance the values are ratios.
     """
 
     angle: str
@@ -46,14 +46,14 @@ def _converted(
 
 
 def _scaled(values: np.ndarray, factor: float) -> np.ndarray:
-    """Return values times a factor; percent is one division."""
+    """Return values times a factor; percent is a single division, for exact rounding."""
     return values if factor == 1.0 else units.scaled(values, factor)
 
 
 def _quotients(
     source: str, value: np.ndarray, sigma: np.ndarray, reference: list[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return values over those of a reference (errors, values), and their standard errors."""
+    """Return values divided by those of a reference (errors, values), and standard errors."""
     sigma_by, by = reference
     bad = ~(by > 0.0) & np.isfinite(value)
     if bad.any() or not (np.isnan(sigma_by) | (sigma_by > 0.0)).all():
@@ -87,7 +87,7 @@ def from_arrays(
     source: str,
     of: Units,
 ) -> tuple[Data, str]:
-    """Return the checked columns, and how they were understood.
+    """Return the checked columns, and sentences on how they were understood.
 
     places: angles, wavelengths and polarizer angles. values: by quantity.
     """

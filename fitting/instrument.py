@@ -1,11 +1,11 @@
-"""What stands between the sample and the numbers: an imperfect instrument.
+"""The imperfections of the instrument between the sample and the data.
 
-Each of these is a parameter, neutral unless it is asked for:
+Each of these is a parameter; those that a fit does not name have no effect:
 
     scale        factor of each curve (one quantity of one file)
     background   added to each curve after the scale
     angle_offset degrees added to every angle of incidence
-    leak         share of the other polarization in what a polarizer lets through
+    leak         share of the other polarization in the light behind a polarizer
     divergence   standard deviation of the angles of incidence within the beam, degrees (Gaussian)
     bandwidth    full width at half maximum of the wavelengths at each datum, nm (Gaussian)
 
@@ -27,20 +27,21 @@ from fitting.parameters import LOG, SQUARE, Parameter
 PER_CURVE = ("scale", "background")
 INSTRUMENT = (*PER_CURVE, "angle_offset", "leak", "divergence", "bandwidth")
 
-# How many places stand for a slit and for a beam, unless it takes more (`averages`); up to so many
-# they are those of Gauss and Hermite, beyond in even steps to FARTHEST standard deviations.
+# Number of wavelengths in a slit and of angles in a beam, unless more are needed (`averages`). Up
+# to this number they are those of Gauss-Hermite quadrature, beyond it equal steps to FARTHEST
+# standard deviations.
 SLIT, BEAM = 11, 7
 FARTHEST = 5.2
 
 
 def instrument_parameter(name: str) -> Parameter:
-    """Return range and neutral value of an instrument parameter, by its bare name."""
+    """Return the range and the neutral value of an instrument parameter, by its bare name."""
     return {
         "scale": Parameter("scale", "", (0.85, 1.1), 1e-3, 1e3, LOG, held=1.0),
         "background": Parameter("background", "", (0.0, 0.0), -0.5, 0.5, held=0.0),
         "angle_offset": Parameter("angle_offset", "deg", (-1.0, 1.0), -20.0, 20.0, held=0.0),
         "leak": Parameter("leak", "", (0.0, 0.05), 0.0, 0.5, held=0.0),
-        # A symmetric beam changes a curve by the square of its width.
+        # A symmetric beam changes a curve in proportion to the square of its width.
         "divergence": Parameter("divergence", "deg", (0.1, 2.0), 0.0, 20.0, SQUARE, held=0.0),
         "bandwidth": Parameter("bandwidth", "nm", (0.5, 10.0), 0.0, 100.0, SQUARE, held=0.0),
     }[name]
@@ -66,7 +67,7 @@ def cosines(v: Mapping[str, Array], angle_deg: Any, places: int = BEAM) -> tuple
         x, share = _places(places)
         angle = angle + jnp.asarray(x)[:, None, None] * v["divergence"]
         weights = jnp.asarray(share)[:, None, None]
-    # Past 90 degrees or below 0 the plane of incidence is the same one: cos and |cos| say so.
+    # Beyond 90 degrees or below 0 the plane of incidence is the same: cos and |cos| are right.
     return computed_once(jnp.abs(jnp.cos(jnp.radians(angle)))), weights
 
 
@@ -84,7 +85,7 @@ def detected(
     s_share: Any,
     curves: tuple[tuple[int, ...], Any],
 ) -> Array:
-    """Return a power channel as the detector shows it, from the s and p powers of perfect light.
+    """Return the signal of the detector in a power channel, from the s and p powers of the sample.
 
     curves: for every file the number in ``scale_0``, ``background_0``; and the file of each row.
     """

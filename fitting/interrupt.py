@@ -1,8 +1,9 @@
-"""Ctrl-C ends the command, whatever it is at.
+"""Ctrl-C ends the command at any time.
 
-Python raises KeyboardInterrupt between two steps of its own. A compilation is one step, of seconds
-on a free machine and of a minute on a busy one, and so is a compiled program; neither can be
-interrupted. The number of a signal is written to a pipe at once, though, and a thread reads it.
+Python raises KeyboardInterrupt between two of its own instructions. A compilation, of seconds on a
+quiet machine and of a minute on a busy one, is one instruction, and so is a compiled program;
+neither can be interrupted. But the number of a signal is written to a pipe at once, and a thread
+reads it.
 """
 
 from __future__ import annotations
@@ -15,11 +16,11 @@ import time
 from collections.abc import Callable
 
 INTERRUPTED = 130
-# What KeyboardInterrupt does not end within so many seconds ends without it.
+# If KeyboardInterrupt has not ended the process after so many seconds, the thread ends it.
 GRACE_S = 2.0
 
 last_acts: list[Callable[[], None]] = []
-"""What is still to be done if the process ends so: temporary files are removed."""
+"""What is done before the process ends in this way: temporary files are removed."""
 
 
 def end_on_interrupt() -> None:
@@ -35,7 +36,7 @@ def end_on_interrupt() -> None:
             pass
         time.sleep(GRACE_S)
         for act in last_acts:
-            with contextlib.suppress(Exception):  # nothing may keep it from its end
+            with contextlib.suppress(Exception):  # no error may keep the process from ending
                 act()
         os._exit(INTERRUPTED)
 

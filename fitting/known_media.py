@@ -1,4 +1,4 @@
-"""What a medium may be beside a number and a dispersion model: a material, a file, a mixture.
+"""Media that are neither a number nor a dispersion model: a material, a file, a mixture.
 
 SiO2                                     a named material (`fresnel_jax.materials`)
 film.yml, film.csv                       an index in a file (`material_files`)
@@ -55,7 +55,7 @@ class Mixture(NamedTuple):
 
     A part is a number, a `Model`, a named material or a file; `ABOVE` and `BELOW` are the media on
     both sides of the layer. steps: slices of equal thickness in which the share of the second part
-    goes evenly from 0 to 1; 0 for an even mixture.
+    rises linearly from 0 to 1; 0 for a homogeneous mixture.
     """
 
     rule: str
@@ -70,7 +70,7 @@ class Mixture(NamedTuple):
 
     @property
     def model(self) -> Model | None:
-        """The part that has parameters of its own."""
+        """The part that has fitted parameters."""
         return next((p for p in self.parts if isinstance(p, Model)), None)
 
     @property
@@ -82,8 +82,8 @@ class Mixture(NamedTuple):
         return tuple(f"fraction_{i}" if many else "fraction" for i in range(1, len(self.parts)))
 
 
-# Eight slices of a graded interface: of one a sixth of a wavelength thick R is within 1e-4 of the
-# limit of many.
+# Eight slices of a graded interface: for a thickness of a sixth of a wavelength R is within 1e-4
+# of the limit of many slices.
 BETWEEN = {
     "rough": Mixture("bruggeman", (ABOVE, BELOW), (Share(0.5, held=True),)),
     "interface": Mixture("bruggeman", (ABOVE, BELOW), (Share(0.5, held=True),), steps=8),
@@ -95,7 +95,7 @@ Known = str | MaterialFile
 def known_medium(which: Known) -> Material:
     """Return the material of a name or a file, with its range, in float64.
 
-    It is kept, so it must not depend on where it is first asked for: outside `jax.enable_x64` its
+    It is cached, so it must not depend on where it is first used: outside of `jax.enable_x64` its
     tables would be float32 in every later fit, inside a traced function they would be tracers.
     """
     with jax.ensure_compile_time_eval(), jax.enable_x64(True):
@@ -103,7 +103,7 @@ def known_medium(which: Known) -> Material:
 
 
 def named(text: str) -> Known:
-    """Return the material or file that a text names; ValueError for a name that is none."""
+    """Return the material or file that a text names; ValueError for an unknown name."""
     if is_material_file(text):
         read_material(text)
         path = Path(text).resolve()
@@ -112,7 +112,7 @@ def named(text: str) -> Known:
 
 
 def is_mixture(text: str) -> bool:
-    """Whether a text is that of a mixture; the name of a rule alone is, unless a model has it."""
+    """Whether a text describes a mixture; the name of a rule alone does, unless a model has it."""
     name, bracket, _ = text.strip().partition("(")
     rule = name.strip().lower()
     return text.strip() in BETWEEN or (rule in RULES and (bool(bracket) or rule not in KINDS))
@@ -121,7 +121,7 @@ def is_mixture(text: str) -> bool:
 def refuse_misplaced(text: str, index: Sequence[object], bare: Sequence[bool]) -> None:
     """Raise ValueError for a rough or graded interface that is not one between two media.
 
-    index: of every medium of the sample; bare: whether it is a layer of even index that interferes.
+    index: of every medium of the sample; bare: whether it is a homogeneous coherent layer.
     """
     for i, (this, film) in enumerate(zip(index, bare, strict=True)):
         if this not in BETWEEN.values():
@@ -140,7 +140,7 @@ def refuse_misplaced(text: str, index: Sequence[object], bare: Sequence[bool]) -
 
 
 def lossless(index: object) -> bool:
-    """Return whether light may come from a medium of this index: one that is known and has no k."""
+    """Return whether light may come from a medium of this index: it is known and has no k."""
     if isinstance(index, str):
         return index not in ("free", "auto") and materials.lookup(index).kind == "dielectric"
     if isinstance(index, MaterialFile):
@@ -151,7 +151,7 @@ def lossless(index: object) -> bool:
 
 
 def parse_mixture(text: str, index) -> Mixture:
-    """Return the mixture that a text describes; index: what reads the text of a part."""
+    """Return the mixture that a text describes; index: the function that reads a part."""
     text = text.strip()
     if text in BETWEEN:
         return BETWEEN[text]

@@ -19,7 +19,7 @@ Pair = tuple[Array, Array]  # eta and k
 
 
 def _index_of(which: Any, own: Mapping[str, Array], wavelength_um: Array, lanes: int) -> Pair:
-    """Return eta and k, (M, L), of what is not a mixture; own: its parameters by bare names."""
+    """Return eta and k, (M, L), of a medium without mixture; own: its parameters by bare names."""
     if isinstance(which, complex):
         shape = (wavelength_um.shape[0], lanes)
         return jnp.full(shape, which.real), jnp.full(shape, which.imag)
@@ -47,13 +47,13 @@ def _mixed(mixture: Mixture, parts: list[Pair], fractions: list[Array]) -> Pair:
     shape = eta.shape[1:]
     shares = jnp.stack([jnp.broadcast_to(f, shape) for f in fractions])
     if len(fractions) > 1:
-        # Nothing is left for the first part: no mixture, which the solver then does not step to.
+        # The shares exceed 1: NaN, so that the solver refuses a step to it.
         shares = jnp.where(shares.sum(0) <= 1.0 + 1e-9, shares, jnp.nan)
     return tuple(_RULES[mixture.rule](eta, k, shares))  # type: ignore
 
 
 def _lanes(v: Mapping[str, Array]) -> int:
-    """Return the number of lanes; 1 of a sample that has no parameter at all."""
+    """Return the number of lanes; 1 for a sample without parameters."""
     some = jax.tree.leaves(dict(v))
     return some[0].shape[-1] if some else 1
 
@@ -71,9 +71,9 @@ def medium_index(
 ) -> Pair:
     """Return eta and k, (M, L), of a medium at wavelengths (M, 1) or (M, L).
 
-    NaN where eta is not positive: a step of the solver to where a formula has no meaning is refused
-    by it, as the cost is NaN. Of a layer in steps the index in its middle; eta_i: of the first
-    medium, for a layer that is mixed with it.
+    NaN where eta is not positive: the cost is then NaN, and the solver refuses a step to where a
+    formula has no meaning. For a layer in steps it is the index in its middle. eta_i: index of the
+    first medium, for a layer that is mixed with it.
     """
     wavelength_um = jnp.asarray(wavelength_um)
     lanes = _lanes(v)

@@ -1,8 +1,8 @@
-"""Damped normal equations of many unknowns in every lane: a loop where `solver` unrolls.
+"""Damped normal equations of many unknowns in every lane, by a loop where `solver` unrolls.
 
-Up to half a dozen unknowns an unrolled Cholesky factor is the fastest and compiles in a second. It
-grows as p^3: 12 unknowns (three oscillators) took 6.8 s to compile, 3.2 s in this form, which is a
-fifth slower per iteration.
+For up to half a dozen unknowns an unrolled Cholesky factor is the fastest and compiles in a second.
+Its program grows as p^3: for 12 unknowns (three oscillators) it takes 6.8 s to compile, this form
+3.2 s; this form is a fifth slower per iteration.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from jax import Array
 def solve_lanes(matrix: Array, rhs: Array, free: Array) -> Array:
     """Return x with ``matrix x = rhs`` in each lane over the ``free`` unknowns, 0 for the others.
 
-    matrix (p, p, L), rhs and free (p, L). As `solver.solve_lanes`: Cholesky, whose pivots are
-    raised to 1e-15 of their diagonal.
+    matrix (p, p, L), rhs and free (p, L). Cholesky as in `solver.solve_lanes`, with pivots raised
+    to 1e-15 of their diagonal.
     """
     p = rhs.shape[0]
     both = free[:, None] & free[None]
@@ -61,8 +61,9 @@ def two_steps(
 ) -> tuple[Array, Array]:
     """Return the two steps of `solver.bounded_step`, its three solutions in a loop.
 
-    The first one finds what is left out, the second one the step, the third one what the others do
-    where it is cut. In a loop half as much is compiled (of 16 unknowns .8 s for 1.4).
+    The first solution finds which unknowns are left out, the second one is the step, the third one
+    is the step of the others where it is cut at a bound. As a loop it compiles in .8 s instead of
+    1.4 s for 16 unknowns.
     """
 
     def solved(i: Array, carry: tuple[Array, ...]) -> tuple[Array, ...]:

@@ -6,8 +6,8 @@
 In the text of a sample the name of a file stands where the name of a material would:
 ``air | film.yml 110 nm | Si``.
 
-A YAML file is read by PyYAML, an extra (``yaml``): a parser of our own for the part of YAML that
-those files use today would be one for the files of yesterday.
+A YAML file is read by PyYAML, an extra (``yaml``): a parser of our own would know only the part of
+YAML that those files use today.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from fresnel_jax.dispersion import HC_EV_UM, DispersionModel, Index, Material, T
 
 ENDINGS = (".yml", ".yaml", ".csv", ".txt", ".dat", ".nk")
 _UNITS = {"nm": 1e-3, "um": 1.0, "\u00b5m": 1.0, "\u03bcm": 1.0, "micron": 1.0, "angstrom": 1e-4}
-# A column of wavelengths without a unit: micrometres below, nanometres above.
+# A column of wavelengths without a unit is in micrometres below this, and in nanometres above.
 _BETWEEN_UNITS = 100.0
 
 
 class MaterialFileError(ValueError):
-    """A file that holds no index; the text says which, where, what came and what was wanted."""
+    """A file without a readable index; the text says which, where, what came and was wanted."""
 
 
 class _Both(DispersionModel):
@@ -58,9 +58,9 @@ def read_material(path: str | os.PathLike[str]) -> Material:
     """Return the index in a file, over the wavelengths that it covers.
 
     A ``.yml`` of the refractiveindex.info database: types "tabulated nk", "tabulated n",
-    "tabulated k" and "formula 1" to "formula 9"; where n and k come apart the range is that of
-    both; without k it is 0. Any other file is a table: columns n and k, and wavelength in the unit
-    that its name says (nm, um, angstrom) or photon energy in eV.
+    "tabulated k" and "formula 1" to "formula 9"; where n and k come in two tables the range is
+    the common one; k is 0 if it is missing. Any other file is a table: columns n and k, and
+    wavelength in the unit that its name says (nm, um, angstrom) or photon energy in eV.
 
     Raises MaterialFileError for a file that cannot be read or holds no index.
     """
@@ -154,7 +154,7 @@ def _columns(text: Any, kind: str) -> list[np.ndarray]:
 
 
 def _in_order(columns: list[np.ndarray]) -> list[np.ndarray]:
-    """Return columns by rising wavelength, the mean where one is there twice."""
+    """Return columns in order of wavelength, with the mean of repeated wavelengths."""
     wavelength, place, count = np.unique(columns[0], return_inverse=True, return_counts=True)
     if not (np.isfinite(wavelength).all() and wavelength[0] > 0.0):
         raise ValueError(f"a wavelength is {wavelength[0]:g}; wanted numbers above 0")
@@ -182,7 +182,7 @@ def _number(cell: str) -> float | None:
 
 
 def _from_table(text: str, name: str) -> Material:
-    """One block of rows with n and k, or one after the other, as refractiveindex.info exports."""
+    """Read one block of rows with n and k, or two blocks, as refractiveindex.info exports them."""
     header: list[str] = []
     found: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     rows: list[list[float]] = []

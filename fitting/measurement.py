@@ -1,4 +1,4 @@
-"""A checked measurement: every value of a file or of arrays is tested here, once.
+"""A checked measurement: every value of a file or of arrays is checked here, once.
 
 Angles are degrees of incidence from the normal, wavelengths micrometres, powers
 fractions; psi and Delta are degrees in the ellipsometer's convention
@@ -36,8 +36,8 @@ class Measurement:
     """Measured values in long form: row i of every array is one datum.
 
     Build it with :func:`read_csv` or :meth:`from_columns`; both check every value. The arrays
-    cannot be written to. Gaps of the file are left out, rows keep the order of the file within
-    one quantity, and repeats are kept.
+    are read-only. Gaps of the file are left out, rows keep the order of the file within one
+    quantity, and repeated points are kept.
 
     angle_deg: (N,) float64, degrees from the normal, 0 to 90.
     wavelength_um: (N,) float64, vacuum wavelength in micrometres; NaN where none is known.
@@ -65,7 +65,7 @@ class Measurement:
         return len(self.value)
 
     def where(self, keep: np.ndarray) -> Measurement:
-        """Return the rows that the boolean mask or index array ``keep`` picks."""
+        """Return the rows that the boolean mask or index array ``keep`` selects."""
         columns = [_frozen(column[keep]) for column in _arrays(self)]
         return Measurement(*columns, source=self.source, understood=self.understood)
 
@@ -84,7 +84,7 @@ class Measurement:
         source: str = "arrays",
         **values: object,
     ) -> Measurement:
-        """Return the checked measurement held by arrays of one length (or scalars).
+        """Return the checked measurement in arrays of one length (or scalars).
 
         Args:
             angle_deg: angles of incidence, 0 to 90 degrees, or in ``angle_unit``.
@@ -102,7 +102,7 @@ class Measurement:
             values: one array per quantity, named as in ``QUANTITIES``: ``R_s=..., R_p=...``. NaN
                 is a gap and leaves the datum out.
 
-        Returns: a `Measurement` whose ``understood`` says the ranges that were taken.
+        Returns: a `Measurement` whose ``understood`` states the ranges of the values.
 
         Raises:
             MeasurementError: for an unknown name, unequal lengths, or a value out of its range.
@@ -116,20 +116,20 @@ class Measurement:
 
     @staticmethod
     def from_dataframe(table: Mapping[str, object], **options: Any) -> Measurement:
-        """Return the measurement held by a table with named columns.
+        """Return the measurement in a table with named columns.
 
         Args:
             table: a pandas, polars or any other table with ``keys()`` and ``[name]``; a mapping.
                 Columns "angle_deg", "wavelength_um" (or "wavelength_nm"), "polarizer_deg", the
                 names in ``QUANTITIES``, and "sigma_" before one; others are left alone.
-            options: as for :meth:`from_columns`; they win over columns.
+            options: as for :meth:`from_columns`; they overrule columns.
         """
         columns: dict[str, Any] = {}
         sigma: dict[str, Any] = {}
         if not hasattr(table, "keys"):
             raise MeasurementError(f"{type(table).__name__} came; named columns were wanted.")
         names = [*map(str, table.keys())]
-        if "wavelength_um" in options:  # in micrometres, whatever a column of the table is in
+        if "wavelength_um" in options:  # in micrometres, whatever the unit of a column
             names = [name for name in names if not name.startswith("wavelength_")]
         elif {"wavelength_um", "wavelength_nm"} <= set(names):
             raise MeasurementError(
@@ -163,7 +163,7 @@ def _frozen(column: np.ndarray) -> np.ndarray:
 
 
 def concatenate(*measurements: Measurement) -> Measurement:
-    """Return all data of several measurements as one, in their order (one file a polarization)."""
+    """Return several measurements, such as one file for each polarization, as one, in order."""
     if not measurements:
         raise MeasurementError("no measurement came to be joined.")
     if len(measurements) == 1:
@@ -177,7 +177,7 @@ def concatenate(*measurements: Measurement) -> Measurement:
 
 
 class _Text(NamedTuple):
-    """How the text of a file is taken apart; None is found out."""
+    """How the text of a file is split into cells; None: to be found out."""
 
     encoding: str | None
     delimiter: str | None
@@ -193,7 +193,7 @@ def _columns_of(path: str | PathLike[str], options: Options, form: _Text) -> Lon
     own = own_header(texts)
     if own >= 0 and bare:
         return own_columns(source, texts, own)
-    texts[: max(own, 0)] = [""] * max(own, 0)  # they tell of the fit
+    texts[: max(own, 0)] = [""] * max(own, 0)  # they describe the fit
     table = read_formatted(
         source, texts, delimiter=form.delimiter, decimal=form.decimal, lines=form.lines
     )
@@ -226,9 +226,9 @@ def read_csv(
 
     A ``path`` of - is standard input.
 
-    Delimiter, decimal mark, encoding, header, units and layout are found out; every one can be
-    overruled. What has two readings, or contradicts itself, is refused. Every option is also the
-    flag of the command line of the same name and takes the flag's text.
+    Delimiter, decimal mark, encoding, header, units and layout are found out; an option overrules
+    each. What could mean two things, or contradicts itself, is refused. Every option is also a flag
+    of the command line with the same name and the same text.
 
     columns: role -> header name or number from 1, ``"angle=1,R_s=2,sigma_R_s=3"`` or a mapping;
         then these columns alone are read. Roles: angle, wavelength, polarization, polarizer, the
@@ -243,20 +243,20 @@ def read_csv(
     scale: factor that makes R and T (and their standard errors) fractions; 0.01 for percent.
     divide_by: a second file, the scan of a reference, read with the same options: R and T are
         divided by its values at the same angle and wavelength, or between them by straight lines;
-        both may be counts. Standard errors of both count.
+        both may be counts. The standard errors of both are propagated.
     ratio_to: text of a sample without anything to be fitted, "Si": values of R and their errors
         are ratios to its reflectance, and are multiplied by it.
     sigma: standard error of the values that have none, a fraction (degrees for psi and delta); of
         the ratio, where there is one.
     psi_unit: deg or rad, for psi and delta.
-    missing: numbers or words that stand for a gap in the values, "0" or "-9999,bad"; "none" says
-        that zeros were measured.
+    missing: numbers or words that stand for a gap in the values, "0" or "-9999,bad"; "none" if
+        zeros were measured.
     keep: column -> values of the rows to be read, ``"Zone=1,2,3,4"`` or ``"Zone=1-4"``.
     lines: range of lines that may hold rows, 10-200, 10- or -200.
     delimiter: tab, semicolon, comma, pipe, blank, or the sign. decimal: "." or ",".
     encoding: a name that Python knows.
     Numbers are ``float`` of their text to the last bit; percent, nm and angstrom are one division.
-    Raises MeasurementError, and nothing else, with file, line, column, what came, what was wanted
+    Raises MeasurementError and no other error, with file, line, column, what came, what was wanted
         and the option that settles it.
     """
     source = source_of(path)

@@ -1,4 +1,4 @@
-"""What the ends of many starts say: the best minimum, how many found it, the others."""
+"""The minima that many starts reached: the best one, how many starts found it, the others."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ import numpy as np
 
 from fitting.starts import Ends
 
-# Two ends are one minimum if their chi2 differ by less than this; and a minimum is reported if its
-# chi2 is less than that higher: 6 is the 95 % quantile of chi2 with two degrees of freedom.
+# Two end points are one minimum if their chi2 differs by less than the first number; a minimum is
+# reported if its chi2 is higher by less than the second: the 95 % quantile of chi2 with two degrees
+# of freedom is 6.
 SAME_CHI2, ALTERNATIVE_CHI2 = 0.02, 6.0
 
 
 class Minimum(NamedTuple):
-    """One minimum: the lane that stands for it, and how many ended there."""
+    """One minimum: the lane that represents it, and how many starts ended there."""
 
     lane: int
     reached: int
@@ -25,10 +26,10 @@ def minima(
 ) -> list[Minimum]:
     """Return the minima within ALTERNATIVE_CHI2 of the best one, the best first.
 
-    x: (p, L) parameters at the ends, terms in one order. scatter: what a difference of the cost is
-    measured in. rounding: differences of the cost that are rounding. spread: (p,), distances below
-    which two ends are one (a few standard errors at the best one, large where the data say
-    nothing).
+    x: (p, L) parameters where the lanes ended, with terms in one order. scatter: unit of
+    differences of the cost. rounding: differences of the cost below this are rounding. spread:
+    (p,), distances below which two end points are one (a few standard errors at the best one,
+    large for undetermined parameters).
     """
     lanes = np.flatnonzero(ends.done & np.isfinite(ends.cost))
     if not len(lanes):

@@ -1,4 +1,4 @@
-"""Whether a fitted curve misses the data by more than the noise that they show themselves."""
+"""Whether a fitted curve misses the data by more than their noise, estimated from neighbours."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 
 from fitting.noise import INDEPENDENT, neighbour_noise
 
-# Called a misfit by chance in one curve of a thousand (3.09 deviations of a normal law), and never
-# below twice the noise.
+# A good fit is called a misfit by chance in one curve of a thousand (3.09 standard deviations of a
+# normal distribution), and never below twice the noise.
 _DEVIATIONS, _LEAST_RATIO = 3.09, 2.0
-# A residual below so much of the largest value is rounding.
+# A residual below this part of the largest value is rounding.
 _ROUNDING = 1e-7
 
 
 class Misfit(NamedTuple):
-    """rms: of the residuals of each curve, (L,); noise: what neighbours scatter; found: (L,)."""
+    """(L,) each: rms of the residuals of a curve, noise from neighbours, whether it is a misfit."""
 
     rms: np.ndarray
     noise: np.ndarray
@@ -27,7 +27,7 @@ def _ratio(count: np.ndarray, triples: np.ndarray) -> np.ndarray:
     """Return the root of the F quantile for ``count`` residuals and the noise of ``triples``.
 
     By the cubes of E. Paulson, Ann. Math. Stat. 13, 233 (1942), doi:10.1214/aoms/1177731608;
-    infinite below 6 triples, of which chance makes anything.
+    infinite below 6 triples, too few for a test.
     """
     a = 2.0 / (9.0 * np.maximum(count, 1.0))
     b = 2.0 / (9.0 * np.maximum(INDEPENDENT * triples, 1.0))
@@ -41,9 +41,9 @@ def _ratio(count: np.ndarray, triples: np.ndarray) -> np.ndarray:
 def misfit(position: np.ndarray, value: np.ndarray, residual: np.ndarray) -> Misfit:
     """Return where the residuals are larger than the noise, for curves (L, M), NaN for gaps.
 
-    position: angle (or wavelength). value: the data, of which the rounding is asked.
-    The noise is that of the residuals' neighbours: what misses the data smoothly falls out of it.
-    The limit is that of F for the mean squares of residuals and of differences.
+    position: angle (or wavelength). value: the data, for the size of the rounding.
+    The noise is estimated from differences of neighbouring residuals, in which a smooth misfit
+    cancels. The limit is that of F for the mean squares of residuals and of differences.
     """
     residual = np.atleast_2d(residual)
     noise = neighbour_noise(position, residual)
@@ -60,10 +60,10 @@ def misfit(position: np.ndarray, value: np.ndarray, residual: np.ndarray) -> Mis
 def misses_its_noise(
     position: np.ndarray, values: tuple[np.ndarray, ...], rms: np.ndarray
 ) -> np.ndarray:
-    """Return the same of curves of which only the ``rms`` (L,) of all residuals is known.
+    """Return the same for curves of which only the ``rms`` (L,) of all residuals is known.
 
-    values: the data by channel, (L, M) each, NaN for gaps. Their own neighbours tell the noise,
-    which is then an upper bound: what bends within three points counts as noise.
+    values: the data by channel, (L, M) each, NaN for gaps. The noise is estimated from these, which
+    gives an upper bound: curvature within three points counts as noise.
     """
     each = [neighbour_noise(position, value) for value in values]
     triples = np.sum([noise.triples for noise in each], axis=0)

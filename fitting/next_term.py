@@ -1,9 +1,9 @@
-"""Where the next oscillator of a medium belongs: the lines that explain most of what is left.
+"""Where the next oscillator of a medium belongs: the lines that explain most of the residuals.
 
-The index changes in proportion to the strength of a weak oscillator, and a datum with the index at
-its own wavelength alone: two derivatives, with respect to eps_1 and eps_2 of the medium, give what
-an oscillator of any resonance and width does to all data. Of a grid of those the ones are taken
-that lower the sum of squares most, the other parameters free to follow.
+The index changes in proportion to the strength of a weak oscillator, and a datum depends on the
+index at its own wavelength only. So two derivatives, with respect to eps_1 and eps_2 of the medium,
+give the effect of an oscillator of any resonance and width on all data. From a grid of these the
+ones are taken that lower the sum of squares most when the other parameters are fitted as well.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from fresnel_jax.dispersion import HC_EV_UM
 if TYPE_CHECKING:
     from fitting.search import Solving
 
-# Widths of the grid, evenly in the logarithm from half the step between two measured energies up to
-# the largest energy; resonances in the spectrum, two for each step up to so many; and beside it.
+# Widths of the grid, evenly in the logarithm from half the step between two measured energies to
+# the largest energy; resonances within the spectrum, two for each step up to this number; and
+# resonances outside.
 _WIDTHS, _PLACES, _BESIDE = 12, 256, 8
 _BELOW, _ABOVE = 0.7, 1.7
-# Directions of the other parameters that do less than this share of the largest one are rounding.
+# Directions of the other parameters with less than this part of the largest effect are rounding.
 _SEEN = 1e-9
 
 
@@ -44,11 +45,11 @@ def oscillators(fit: Solving) -> list[list[int]]:
 
 
 class Responses(NamedTuple):
-    """What the data do where eps of a medium changes at their own wavelength; R residuals.
+    """Effect of a change of eps of a medium, at the wavelength of each datum; R residuals.
 
-    energy: (R,), in eV. residual: (R,). by_eps: (R,), the derivative by eps_1 less i times that by
-    eps_2, so that the real part of its product with a change of eps is the change of the residual.
-    by_rest: (R, q), derivatives by the parameters that are free beside the oscillator.
+    energy: (R,), in eV. residual: (R,). by_eps: (R,), the derivative by eps_1 minus i times that
+    by eps_2: the real part of its product with a change of eps is the change of the residual.
+    by_rest: (R, q), derivatives by the free parameters other than those of the oscillator.
     """
 
     energy: np.ndarray
@@ -73,10 +74,10 @@ def oscillator(energy: np.ndarray, resonance: Any, width: Any) -> np.ndarray:
 
 
 def by_eps(fit: Solving, y: np.ndarray, term: list[int]) -> Responses:
-    """Return what the data do at y (p,), where the oscillator ``term`` has hardly any strength.
+    """Return the responses at y (p,), where the oscillator ``term`` has hardly any strength.
 
-    Its strength's derivative at two resonances and widths, whose eps differ in phase at every
-    energy (one far above the spectrum, one broad), is that by eps_1 and by eps_2.
+    The derivatives by its strength at two resonances and widths, whose eps differ in phase at every
+    energy (one far above the spectrum, one broad), give those by eps_1 and by eps_2.
     """
     energy = _energies(fit)
     low, high = energy.min(), energy.max()
@@ -98,7 +99,7 @@ def by_eps(fit: Solving, y: np.ndarray, term: list[int]) -> Responses:
 
 
 def _grid(energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return resonances and widths (eV) over the measured energies, as close as these are."""
+    """Return resonances and widths (eV) over the measured energies, with their spacing."""
     measured = np.unique(energy)
     low, high, count = measured[0], measured[-1], len(measured)
     inside = np.interp(
@@ -117,7 +118,7 @@ def _grid(energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _summits(gain: np.ndarray) -> np.ndarray:
     """Return flat places where ``gain`` (W, E) is above 0 and above its neighbours, highest first.
 
-    Where there is none, the highest place.
+    If there is none, it is the highest place.
     """
     edge = np.pad(gain, 1, constant_values=-1.0)
     beside = [edge[1:-1, :-2], edge[1:-1, 2:], edge[:-2, 1:-1], edge[2:, 1:-1]]
@@ -129,8 +130,9 @@ def _summits(gain: np.ndarray) -> np.ndarray:
 def likely_lines(fit: Solving, y: np.ndarray, term: list[int], count: int) -> np.ndarray:
     """Return starts (p, count): y (p,) with the oscillators that explain most of its residuals.
 
-    term: rows of the oscillator that is looked for, which has hardly any strength at y. Of less
-    than ``count`` oscillators some come again; y itself, where it has no finite derivatives.
+    term: rows of the oscillator to be placed, which has hardly any strength at y. If there are
+    fewer than ``count`` places, some are repeated; y itself is returned if its derivatives are not
+    finite.
     """
     known = by_eps(fit, y, term)
     if not all(np.isfinite(a).all() for a in known):

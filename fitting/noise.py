@@ -1,8 +1,8 @@
-"""The noise that a curve shows of itself: what neighbours scatter about a polynomial through them.
+"""The noise of a curve, estimated from the scatter of neighbours about a polynomial through them.
 
-Of ``count`` neighbours the divided difference of order count - 1 does not see a polynomial of lower
-degree; over the root of the sum of its squared weights it has the variance of one datum, at
-positions however spaced. Three neighbours leave what a straight line does not explain (T. Gasser,
+The divided difference of order count - 1 of ``count`` neighbours is 0 for a polynomial of lower
+degree. Divided by the root of the sum of its squared weights it has the variance of one datum, for
+any spacing of positions. Three neighbours show the deviation from a straight line (T. Gasser,
 L. Sroka and C. Jennen-Steinmetz, Biometrika 73, 625 (1986), doi:10.1093/biomet/73.3.625).
 """
 
@@ -12,19 +12,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Of white noise the mean square of three neighbours' differences has the scatter of so many
-# independent squares each (those of neighbours are correlated: 35 / 18 as many are needed at equal
-# distances).
+# For white noise the mean square of differences of three neighbours scatters like a mean of this
+# number of independent squares for each difference (neighbouring differences are correlated: at
+# equal distances 35 / 18 times as many are needed).
 INDEPENDENT = 18.0 / 35.0
-# Fewer values tell nothing of their noise where outliers and curvature are to be left out.
+# From fewer values no noise can be estimated with outliers and curvature left out.
 LEAST_VALUES = 8
-_QUARTILE = 0.6745  # of the normal law, in standard deviations
-# Repeats of one position are held apart by this part of the range, in the order in which they come.
+_QUARTILE = 0.6745  # of the normal distribution, in standard deviations
+# Repeats of one position are separated by this part of the range, in the order in which they come.
 _APART = 1e-9
 
 
 class Noise(NamedTuple):
-    """sigma: standard deviation; triples: how many neighbours told it. (L,) each; NaN for none."""
+    """(L,) each: sigma, standard deviation, NaN for none; triples, the number of differences."""
 
     sigma: np.ndarray
     triples: np.ndarray
@@ -51,7 +51,7 @@ def _differences(position: np.ndarray, value: np.ndarray, count: int) -> np.ndar
 
 
 def neighbour_noise(position: np.ndarray, value: np.ndarray) -> Noise:
-    """Return the noise of each curve, (L,), the root mean square of three neighbours' differences.
+    """Return the noise of each curve, (L,): root mean square of differences of three neighbours.
 
     position, value: (L, M), NaN where there is no datum; positions in any order. Repeats of one
     position count as neighbours of each other.
@@ -69,10 +69,10 @@ def neighbour_noise(position: np.ndarray, value: np.ndarray) -> Noise:
 
 
 def robust_noise(position: np.ndarray, value: np.ndarray) -> float:
-    """Return the noise of one curve (M,) with outliers and curvature; NaN of too few values.
+    """Return the noise of one curve (M,) with outliers and curvature; NaN for too few values.
 
-    The least of the medians of 3, 4 and 5 neighbours: a median is blind to single outliers, the
-    least of the three to most of the curvature.
+    It is the smallest of the medians for 3, 4 and 5 neighbours: a median does not depend on single
+    outliers, and the smallest of the three hardly on curvature.
     """
     if len(value) < LEAST_VALUES:
         return float("nan")

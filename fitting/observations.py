@@ -12,16 +12,16 @@ from fitting.measurement import Measurement
 from fitting.observe import NCS, Points
 from fitting.quantities import ANGLES, QUANTITIES
 
-# Rows are rounded up to a multiple (with weight 0), so that a handful of compiled programs serves
-# all files.
+# The number of rows is rounded up to a multiple, with rows of weight 0, so that a few compiled
+# programs serve all files.
 _LEAST_ROWS, _MULTIPLE = 16, 64
 
 
 class Observations(NamedTuple):
-    """M rows of points (padded), and what was measured there.
+    """M rows of points (padded), and the values that were measured there.
 
-    channels: the quantities that came, with NCS for psi and Delta, the last one. values, weights:
-    one (M, 1) array for each of them but NCS; weight 0: nothing measured.
+    channels: the measured quantities, with NCS for psi and Delta as the last one. values, weights:
+    one (M, 1) array for each of them except NCS; weight 0: not measured.
     ncs, ncs_weights: (3, M, 1) measured N, C, S and (3, 3, M, 1): residual_i = sum_j W_ij (model -
     measured)_j; empty arrays without ellipsometry.
     row, quantity, channel: (N,) of every datum; the channel of psi and delta is NCS.
@@ -72,7 +72,7 @@ def ncs_directions(psi_deg: np.ndarray, delta_deg: np.ndarray) -> np.ndarray:
 
 
 def _ncs_weights(psi, delta, sigma_psi, sigma_delta, stated: bool) -> np.ndarray:
-    """Return W (3, 3, n) of pairs; where delta is NaN psi alone counts, by N."""
+    """Return W (3, 3, n) for pairs of psi and Delta; where Delta is NaN, for psi by N alone."""
     alone = np.isnan(delta)
     axes = ncs_directions(psi, np.where(alone, 0.0, delta))
     if not stated:
@@ -80,11 +80,11 @@ def _ncs_weights(psi, delta, sigma_psi, sigma_delta, stated: bool) -> np.ndarray
         weights[:, :, alone] = np.array([1.0, 0, 0, 0, 0, 0, 0, 0, 0]).reshape(3, 3, 1)
         return weights
     of_psi = np.radians(2.0 * sigma_psi)
-    # At a pole Delta moves nothing, but an error of psi leads off to every side.
+    # At a pole Delta has no effect, but an error of psi moves the point in any direction.
     reach = np.maximum(np.abs(np.sin(np.radians(2.0 * psi))), of_psi)
     of_delta = np.radians(np.where(alone, 1.0, sigma_delta)) * reach
-    # Pure light has no third error. A model away from the sphere, or on its far side, must not
-    # count as near; the larger of the two does that without adding to the information.
+    # Fully polarized light has no third error. But a model off the sphere, or on its far side, must
+    # not count as near: the larger of the two errors ensures that without adding information.
     sigmas = np.stack([of_psi, of_delta, np.maximum(of_psi, of_delta)])
     weights = axes / sigmas[:, None]
     only_n = np.zeros_like(weights)
@@ -107,7 +107,7 @@ def observations(
 ) -> Observations:
     """Return rows and channels of measurements; with ``errors`` "equal" stated ones are not used.
 
-    compared: whether there are values to compare with, or these are points of one's own.
+    compared: whether there are values to compare with, or only points to predict at.
 
     A row is a point (file, angle, wavelength, polarizer); repeats open rows of their own.
     Raises ValueError for Delta without psi.
@@ -176,7 +176,7 @@ def observations(
 
 
 def labels_of(sources: list[str]) -> list[str]:
-    """Return the names of the files, told apart by a number where they are the same."""
+    """Return the names of the files, with a number added where they are the same."""
     return [
         s if sources.count(s) == 1 else f"{s}#{sources[:i].count(s) + 1}"
         for i, s in enumerate(sources)
@@ -206,7 +206,7 @@ def _ellipsometry(quantity, row, value, error, total: int, stated: bool):
 
 
 def missing_errors(measurements: Sequence[Measurement], errors: str) -> tuple[Warning, ...]:
-    """Return the note on data without an error beside others that have one."""
+    """Return the note on data without a standard error, where others have one."""
     known = np.concatenate([np.isfinite(m.sigma) for m in measurements])
     if errors == "equal" or known.all() or not known.any():
         return ()

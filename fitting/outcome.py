@@ -1,4 +1,4 @@
-"""From where the starts of a fit ended to the `Fit` that a caller sees."""
+"""From the points at which the starts of a fit ended to the `Fit` that is returned."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from fitting.uncertainty.likelihood import criteria
 from fitting.uncertainty.spline_errors import errors_of_curves
 from fitting.unknowns import Unknowns
 
-# What data are trusted to where neither errors nor scatter tell.
+# The standard error that is assumed where neither stated errors nor scatter give one.
 ASSUMED_SIGMA = 1e-3
-# So many of the other minima are given intervals by profile, the rest quadratic ones.
+# So many of the other minima have intervals by profile, the rest quadratic ones.
 _OTHERS = 3
 
 
@@ -101,7 +101,7 @@ def _blank(covariance: np.ndarray, unseen: np.ndarray) -> np.ndarray:
 
 
 def _scatter(fit: Solving, cost: float, noise: float, scaled: bool) -> float:
-    """Return what a difference of the cost is measured in."""
+    """Return the unit of differences of the cost."""
     if fit.pooled is not None and scaled:
         return fit.pooled
     few = fit.dof < 3
@@ -112,10 +112,10 @@ def _scatter(fit: Solving, cost: float, noise: float, scaled: bool) -> float:
 
 
 def _minima(fit: Solving, ends: Ends, end: End, noise: float, scatter: float) -> list[Minimum]:
-    """Return the minima that fit as well as the best one, the one to be shown first.
+    """Return the minima that fit nearly as well as the best one, the one to be shown first.
 
-    At normal incidence N and eta_i^2 / N reflect alike; of two that fit alike within one unit of
-    chi2 the one that is above eta_i is shown.
+    At normal incidence N and eta_i^2 / N have the same reflectance; of two that fit equally well
+    within one unit of chi2 the one above eta_i is shown.
     """
     rounding = _rounding(fit, noise)
     edge = end.known.edge * np.sqrt(scatter)
@@ -137,8 +137,8 @@ def _minima(fit: Solving, ends: Ends, end: End, noise: float, scatter: float) ->
 def _intervals(fit: Solving, every: Sequence[End], noise: float, failed: bool) -> list[Intervals]:
     """Return the intervals at the best minimum and at the others."""
     wanted = QUADRATIC if failed else fit.asked.intervals
-    # With the scatter of many fits alike t is next to that of the normal law; without a degree of
-    # freedom stated errors are taken at their word.
+    # If the scatter is that of many fits, t is close to that of the normal distribution; without a
+    # degree of freedom stated errors are used as they are.
     taken = fit.dof == 0 and fit.seen.stated
     estimated = fit.asked.scaled and fit.pooled is None and not taken
     found = intervals(fit, every[: 1 + _OTHERS], noise, wanted=wanted, estimated=estimated)
@@ -148,12 +148,12 @@ def _intervals(fit: Solving, every: Sequence[End], noise: float, failed: bool) -
 
 
 def _rounding(fit: Solving, noise: float) -> float:
-    """Return the differences of the cost that are rounding."""
+    """Return the size below which differences of the cost are rounding."""
     return 1e-27 * fit.squares / noise**2
 
 
 def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
-    """Return the result of a fit from the ends (p, L) of its starts."""
+    """Return the result of a fit from the points (p, L) at which its starts ended."""
     u, scaled = fit.u, fit.asked.scaled
     best = best_of(ends)
     lane = int(np.argmin(ends.cost)) if best is None else best
@@ -168,10 +168,10 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
     ranges = _intervals(fit, every, noise, failed)
     least, place = ranges[0].lowest
     lower = 0.0
-    # What is shown need not be the lowest minimum that is known.
+    # The minimum that is shown need not be the lowest one.
     enough = min(end.cost, *(e.cost for e in every)) - SAME_CHI2 * scatter - _rounding(fit, noise)
     if not failed and least < enough:
-        # On the way to the ends of the intervals a better minimum came into sight.
+        # The search for the ends of the intervals met a better minimum.
         low, high = (a[:, None] for a in fit.limits)
         more = fit.held(place[:, None], low, high, noise, STAGE)
         if more.done.all() and more.cost[0] < enough:
@@ -190,7 +190,7 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
 
 
 class _Found(NamedTuple):
-    """The best minimum, and what was found beside it."""
+    """The best minimum, and the others."""
 
     end: End
     known: Intervals
@@ -237,8 +237,8 @@ def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: 
     known = known[np.isfinite(known)] if np.isfinite(known).any() else known
     evaluator = None
     if of.sample is not None:
-        # By one datum at each wavelength the bounds of a spline's amplitudes alone keep the index
-        # finite: errors that leave them out were a hundred times too large.
+        # With one datum at each wavelength only the bounds of a spline's amplitudes keep the index
+        # finite: errors without these bounds are a hundred times too large.
         two = fit.n_data >= 2 * len(known)
         errors = errors_of_curves(u, end, fit.limits, noise) if two else end.known.covariance
         evaluator = Evaluated(of.sample, u, seen, fit.targets, end.y, errors, np.atleast_1d(known))

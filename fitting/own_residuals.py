@@ -103,7 +103,7 @@ def own_slopes(spec: OwnSpec, targets: Targets, y: np.ndarray) -> Slopes:
 
 
 def _range(name: str, what: Any, kind: str) -> tuple[float, float]:
-    """Return the two ends of a range, or raise ValueError for what is none."""
+    """Return the two ends of a range, or raise ValueError for another value."""
     try:
         low, high = map(float, what)
         if low <= high and (kind == "bounds" or np.isfinite([low, high]).all()):
@@ -117,7 +117,7 @@ def _range(name: str, what: Any, kind: str) -> tuple[float, float]:
 
 
 def _parameter(name: str, what: Any) -> Parameter:
-    """Return a parameter from what the caller says of it."""
+    """Return a parameter from its description by the caller."""
     if isinstance(what, Parameter):
         return what._replace(name=name)
     if isinstance(what, Mapping):
@@ -208,19 +208,19 @@ def fit_residuals(
 
     Args:
         residuals: ``residuals(values, data)`` in JAX -> array of residuals, (model - measured) /
-            sigma. values: name -> number; data as below. One function for all calls of a kind: it
-            is compiled once.
+            sigma. values: name -> number; data as below. Use one function for all calls of a kind,
+            since each function is compiled once.
         parameters: name -> the range (low, high) that starts are drawn from; or a mapping with
             "start": that range, "bounds": what the value may be, "coordinate": "linear", "log" or
             "square" (in which the residuals are nearly linear), "unit".
         data: arrays, or any pytree of them; with ``batch`` each begins with the batch axis S.
         free, fixed, bounds, priors, tie, loss, intervals, starts, start, seed: as in `fit`.
-        errors: "scaled" by the scatter, or "stated": residuals are in standard errors already.
+        errors: "scaled" by the scatter, or "stated": residuals are in units of standard errors.
 
     Returns: `Fit` of batch shape () or (S,).
 
     Raises:
-        ValueError: for names and values that do not go together.
+        ValueError: for names and values that are wrong or do not go together.
     """
     if loss not in LOSSES:
         raise ValueError(f"loss is {loss!r}; one of {', '.join(LOSSES)} was wanted.")

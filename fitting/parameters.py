@@ -1,6 +1,6 @@
-"""Parameters of a model fit: what each may be (free, held, bounded, with a prior) and its text.
+"""Parameters of a model fit: free, fixed, with bounds or a prior, and the text for each.
 
-eta=1.5            held at 1.5
+eta=1.5            fixed at 1.5
 k=0.1..2           free between .1 and 2 (either end may be left out: k=..2)
 scale=1+-0.02      free, and known beforehand to be 1 with a standard error of .02 (or ~)
 """
@@ -18,9 +18,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-# The coordinate that the solver moves in: the parameter itself, its logarithm or its square.
+# The coordinate of a parameter in the solver: the parameter itself, its logarithm or its square.
 PLAIN, LOG, SQUARE = "plain", "log", "square"
-# dR/du of u = k^2 is taken just off 0, where sqrt(u) and dR/dk = 2k dR/du are both exact.
+# At u = k^2 = 0 dR/du is taken at this u instead, where sqrt(u) and dR/dk = 2k dR/du are exact.
 LEAST_SQUARE = 1e-24
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -30,12 +30,12 @@ _PRIOR = re.compile(rf"({_NUMBER})\s*\+-\s*({_NUMBER})$")
 
 
 class Parameter(NamedTuple):
-    """What a model says about one of its parameters.
+    """The description of a parameter by its model.
 
     start: the range that starts are drawn from, evenly, or evenly in the logarithm if ``decades``.
-    low, high: what it may be. coordinate: PLAIN, LOG or SQUARE. held: its value unless it is asked
-    to be free; None if it is free by itself. near: starts crowd about this value, at distances
-    from 1e-7 of it on (an index next to that of the medium before it).
+    low, high: its bounds. coordinate: PLAIN, LOG or SQUARE. held: its value if it is fixed by
+    default; None if it is free by default. near: starts accumulate at this value, at distances from
+    1e-7 of it on (an index next to that of the medium in front).
     """
 
     name: str
@@ -50,11 +50,11 @@ class Parameter(NamedTuple):
 
 
 class Settings(NamedTuple):
-    """What the caller says about parameters, by name; a name is ``scale`` or ``scale[R_s]``.
+    """The caller's settings of parameters, by name; a name is ``scale`` or ``scale[R_s]``.
 
-    variants: names of ``fixed`` that other fits of the same data free; they are unknowns of the
-    program whose bounds meet, so that all these fits share it. shared: the same for the terms by
-    which other models of the data are wider.
+    variants: names in ``fixed`` that are free in other fits of the same data. They are unknowns of
+    the program with equal bounds, so that all these fits share it. shared: the same for the further
+    terms of wider models of the data.
     """
 
     free: tuple[str, ...] = ()
@@ -67,13 +67,13 @@ class Settings(NamedTuple):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All names that something is said about."""
+        """All names that have a setting."""
         said = (*self.free, *self.fixed, *self.bounds, *self.priors, *self.tie)
         return tuple(dict.fromkeys((*said, *(of for _, of in self.tie.values()))))
 
 
 def plain_name(name: str) -> str:
-    """Return the name with underscores: on the command line a hyphen is as good."""
+    """Return the name with underscores in place of the hyphens of the command line."""
     head, bracket, tail = name.strip().partition("[")
     return head.replace("-", "_") + bracket + tail
 
@@ -88,7 +88,7 @@ def _refuse(text: str) -> ValueError:
 def parse_setting(text: str) -> tuple[str, str, Any]:
     """Return name, "fixed", "bounds" or "priors", and the number or the pair of numbers.
 
-    Raises ValueError for anything but the three forms of the module's text.
+    Raises ValueError for anything but the three forms in the docstring of the module.
     """
     found = _NAME.match(text)
     if not found:
@@ -113,7 +113,7 @@ def names_of(names: str | Iterable[str]) -> tuple[str, ...]:
 
 
 def check_search(starts: Any, start: Any, seed: Any) -> None:
-    """Raise ValueError for a number of starts, a start or an origin of starts that is none."""
+    """Raise ValueError for a wrong number of starts, start or seed."""
     whole = isinstance(starts, int | np.integer) and not isinstance(starts, bool)
     if not (starts is None or (whole and starts > 0)):
         raise ValueError(f"starts is {starts!r}; a whole number above 0 was wanted.")
@@ -142,7 +142,7 @@ def _pair(name: str, value: Any, what: str) -> tuple[float, float]:
 
 
 def _tied(name: str, value: Any) -> tuple[float, str]:
-    """Return factor and name of what a parameter is tied to."""
+    """Return the factor and the name of the parameter that another one is tied to."""
     if isinstance(value, str):
         found = re.fullmatch(rf"\s*(?:({_NUMBER})\s*\*)?\s*([A-Za-z_][^*]*?)\s*", value)
         if found:
@@ -158,7 +158,7 @@ def _tied(name: str, value: Any) -> tuple[float, str]:
 
 
 def check_settings(settings: Settings) -> Settings:
-    """Return the settings with plain names and numbers, or raise ValueError for what is wrong."""
+    """Return the settings with plain names and numbers, or raise ValueError for wrong ones."""
     for kind in ("fixed", "bounds", "priors", "tie"):
         came = getattr(settings, kind)
         if not isinstance(came, Mapping):
@@ -212,7 +212,7 @@ def to_parameter(coordinates: tuple[str, ...], y: Array) -> list[Array]:
         if kind == LOG:
             value = jnp.exp(value)
         elif kind == SQUARE:
-            # The derivative at 0 is that just off it: a maximum alone would have none there.
+            # At 0 the derivative is that just beside it: a maximum alone would give 0.
             least = jax.lax.stop_gradient(jnp.maximum(value, LEAST_SQUARE) - value)
             value = jnp.sqrt(value + least)
         out.append(value)
@@ -229,7 +229,7 @@ def from_parameter(kind: str, x: Any) -> np.ndarray:
 
 
 def value_and_slope(kind: str, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return parameter and its derivative at the solver's coordinate; of a square at 0: 0, inf."""
+    """Return a parameter and its derivative by the solver's coordinate; a square at 0: 0, inf."""
     if kind == LOG:
         return np.exp(y), np.exp(y)
     if kind == SQUARE:

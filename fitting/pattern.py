@@ -1,14 +1,14 @@
-"""Whether what a fit leaves is noise: no pattern along wavelength or angle.
+"""Whether the residuals of a fit are noise, without autocorrelation along wavelength or angle.
 
     T = sum over neighbours of e_i e_j        (P. A. P. Moran, Biometrika 37, 17 (1950))
 
 Neighbours are next to each other along one curve: in wavelength at one angle, and in angle at one
-wavelength. If the signs of the e are chance, those of the products along a line of neighbours are,
-too, whatever the sizes of the e (for these may differ from point to point, and outliers are cut at
-three deviations). So the law of T given the sizes is that of a sum of numbers with random signs;
-it is drawn, not assumed, where few of them make most of the sum. A fit takes from its residuals
-what looks like the model, which makes neighbours less alike: the test errs to silence. The signs of
-the products alone, half of them positive by chance, are asked beside T.
+wavelength. If the signs of the e are random, those of the products along a line of neighbours are,
+too, whatever the sizes of the e (these may differ from point to point; outliers are cut at three
+standard deviations). So the distribution of T for given sizes is that of a sum of numbers with
+random signs; where a few of them make most of the sum it is simulated. A fit removes from its
+residuals what looks like the model, which makes neighbours less alike: the test rather misses a
+pattern than invents one. The number of products that are positive, half by chance, is tested too.
 """
 
 from __future__ import annotations
@@ -24,24 +24,25 @@ from fitting.residuals import residuals, weighted_residuals
 if TYPE_CHECKING:
     from fitting.measurement import Measurement
 
-# Each of two directions is called a pattern by chance in one fit of four hundred.
+# Noise is called a pattern by chance in one fit of four hundred, for each of two directions.
 _CHANCE, _NORMAL = 2.5e-3, 2.81
-# So many of the largest products get signs of their own, the others a normal law.
+# Number of draws of random signs for this many of the largest products; the sum of the others is
+# taken as normal.
 _DRAWS, _DRAWN = 20000, 100
-# And by the signs alone of as many neighbours, which see what a few large residuals hide.
+# The same for the signs alone, which show a pattern that a few large residuals hide in T.
 _SIGN_CHANCE = 5e-4
-# The same at fixed angles of many wavelengths that were fitted one by one: pooled over so many.
+# The same for fixed angles over many wavelengths that were fitted one by one: the least number.
 _POOLED_CHANCE, _POOLED = 1e-3, 8
-# With fewer neighbours random signs are all alike more often than that.
+# With fewer neighbours random signs are all the same more often than that.
 _LEAST = 10
-# A residual below so much of the largest value is rounding, or where a solver stops.
+# A residual below this part of the largest value is rounding, or the tolerance of the solver.
 _ROUNDING = 1e-7
 
 
 class Pattern(NamedTuple):
-    """along: "wavelength" or "angle"; correlation: of neighbours; chance: what chance gives.
+    """along: "wavelength" or "angle"; correlation: of neighbours; chance: its limit for noise.
 
-    alike, pairs: how many of the neighbours have one sign.
+    alike, pairs: how many pairs of neighbours have the same sign, and how many there are.
     """
 
     along: str
@@ -61,9 +62,9 @@ class Pooled(NamedTuple):
 
 
 def _last_digit(values: np.ndarray) -> float:
-    """Return the power of ten that all are multiples of; 0 below 1e-7.
+    """Return the power of ten of which all values are multiples; 0 below 1e-7.
 
-    Of values printed with few digits the rounding of the last one may go on for many neighbours.
+    If values are printed with few digits, many neighbours may have the same rounding error.
     """
     for digits in range(8):
         size = values * 10.0**digits
@@ -73,10 +74,10 @@ def _last_digit(values: np.ndarray) -> float:
 
 
 def _usable(m: Measurement, fitted: np.ndarray, curve: np.ndarray, stated: bool) -> np.ndarray:
-    """Return residuals as the fit weighs them, cut at three deviations; 0 where all is rounding.
+    """Return residuals with the weights of the fit, cut at 3 standard deviations; 0 if rounding.
 
-    Not by the deviation of each curve: where noise of one pulls the fit, it is off along a quiet
-    one, with 20 times less noise in 3 % of the fits so far that it was called a pattern there.
+    They are not divided by the deviation of each curve: the noise of one curve shifts the fit along
+    a quieter one, where with 20 times less noise 3 % of the fits would be called a pattern.
     """
     off, out = residuals(m, fitted), weighted_residuals(m, fitted, stated)
     for c, q in {*zip(curve.tolist(), m.quantity.tolist(), strict=True)}:
@@ -96,12 +97,12 @@ def _neighbours(groups: tuple[np.ndarray, ...], along: np.ndarray) -> np.ndarray
     same = np.ones(len(first), bool)
     for group in groups:
         same &= group[first] == group[second]
-    # Repeats of a point are no step along the axis, but are alike if the model is wrong.
+    # Repeats of a point are no step along the axis, but have the same sign if the model is wrong.
     return np.stack([first[same], second[same]], axis=1)
 
 
 def _by_chance(products: np.ndarray) -> float:
-    """Return the sum that random signs exceed with a probability of _CHANCE."""
+    """Return the sum that products with random signs exceed with probability _CHANCE."""
     size = np.sort(np.abs(products))[::-1]
     large, rest = size[:_DRAWN], size[_DRAWN:]
     if (large**2).sum() ** 2 > 50.0 * (large**4).sum():
@@ -133,13 +134,13 @@ def _as_large(squares: float, count: int) -> float:
 def pattern(
     measurement: Measurement, fitted: np.ndarray, curve: np.ndarray, stated: bool = True
 ) -> Pattern | None:
-    """Return the pattern that a fit leaves in its residuals; None where they look like noise.
+    """Return the pattern in the residuals of a fit; None if they look like noise.
 
-    measurement, fitted: (N,) data and the model at each. curve: (N,) numbers of what belongs
-    together (a quantity of a file). stated: whether errors, if there are any, are to be used.
-    Called a pattern by chance in .5 % of the fits to data with noise that is independent and as
-    often above as below, however few and however unlike in size (mean of 36 kinds of data, with
-    800 to 2000 fits each: .3 %, the most .8 %); fewer than 11 neighbours never are.
+    measurement, fitted: (N,) data and the model at each. curve: (N,) number of the curve (a
+    quantity of a file) of each datum. stated: whether errors, if there are any, are to be used.
+    By chance .5 % of the fits to data with independent symmetric noise are called a pattern, for
+    any number and sizes of errors (mean of 36 kinds of data, with 800 to 2000 fits each: .3 %, at
+    most .8 %), and none with fewer than 11 neighbours.
     """
     m = measurement
     if len(m) <= _LEAST or not np.isfinite(fitted).all():
@@ -169,11 +170,11 @@ def pattern(
 def pooled_pattern(
     measurement: Measurement, fitted: np.ndarray, stated: bool = True
 ) -> Pooled | None:
-    """Return what residuals have in common at one angle over many wavelengths; None where nothing.
+    """Return the common residual at one angle over many wavelengths; None if there is none.
 
     measurement, fitted: (N,) data of all wavelengths and the model at each, fitted wavelength by
     wavelength. Each sum of residuals at a fixed angle and quantity is compared with the sum of
-    their squares, as for signs that are chance, and the squares of all angles are added up.
+    their squares, as for random signs, and the squares of all angles are added up.
     """
     m = measurement
     if not np.isfinite(fitted).any():

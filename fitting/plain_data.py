@@ -11,7 +11,7 @@ import numpy as np
 
 
 def plain(value: Any) -> Any:
-    """Return ``value`` as what JSON has: lists, dicts, numbers, strings; None if not finite."""
+    """Return ``value`` as lists, dicts, numbers and strings, for JSON; None if not finite."""
     if isinstance(value, np.ndarray):
         return plain(value.tolist())
     if isinstance(value, dict):
@@ -26,7 +26,7 @@ def plain(value: Any) -> Any:
 
 
 def json_object(fields: Mapping[str, Any]) -> str:
-    """Return ``fields`` as the text of a JSON object, a field a line; NaN is null."""
+    """Return ``fields`` as the text of a JSON object, one field a line; NaN is null."""
     lines = (
         f"  {json.dumps(name)}: {json.dumps(plain(value), allow_nan=False)}"
         for name, value in fields.items()

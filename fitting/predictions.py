@@ -1,4 +1,4 @@
-"""What a sample shows at points of one's own: of a fit, or simulated from parameters."""
+"""The curves of a sample at given points: those of a fit, or simulated from parameters."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ if TYPE_CHECKING:
 
 
 def predict(fit: Fit, at: Any, quantity: Any, wavelength_um: Any) -> Prediction:
-    """Return what a fit shows; see `Fit.predict`."""
+    """Return the prediction of a fit; see `Fit.predict`."""
     if fit.evaluator is None:
         raise ValueError("this fit is of your own residuals; evaluate your own model.")
     if at is None:
         if fit.measurement is None:
             raise ValueError("this fit keeps no data (fit_many); give angles: predict([30, 60]).")
         return fit.evaluator.predict(None)
-    if at is fit.measurement:  # a row of several files joined does not say of which file it is
+    if at is fit.measurement:  # a row of several joined files does not name its file
         return fit.evaluator.predict(None)
     if isinstance(at, Measurement):
         return _at_points(fit, at)
     waves = np.asarray(fit.wavelength_um)
     if wavelength_um is None and not np.ndim(quantity) and waves.shape == fit.shape:
-        # Of a batch any of its wavelengths says as much as all: the fit has checked them.
+        # In a batch one wavelength stands for all: the fit has checked them.
         points = points_of(at, quantity, waves.ravel()[0] if waves.size else None)
         _check(fit, points)
         return fit.evaluator.over_angle(points.angle_deg, str(quantity))
@@ -53,7 +53,7 @@ def predict(fit: Fit, at: Any, quantity: Any, wavelength_um: Any) -> Prediction:
 
 
 def _check(fit: Fit, points: Measurement) -> None:
-    """Raise ValueError where the sample has no answer; of a batch at the fitted wavelengths."""
+    """Raise ValueError where the sample has no prediction; for a batch: other wavelengths."""
     if fit.sample is not None:
         check_points(points, fit.sample)
 
@@ -64,14 +64,14 @@ def _at_points(fit: Fit, points: Measurement) -> Prediction:
     return fit.evaluator.predict(_at_fitted_wavelengths(fit, points))
 
 
-# Wavelengths that differ by no more are one: they were converted from other units.
+# Wavelengths that differ by less are the same: they were converted from other units.
 _SAME = 1e-9
 
 
 def _at_fitted_wavelengths(fit: Fit, points: Measurement) -> Measurement:
     """Return points at the wavelengths of a fit whose index is free at each of them.
 
-    Raises ValueError for others, at which nothing is known of the index.
+    Raises ValueError for other wavelengths, at which the index is unknown.
     """
     if fit.sample is None or not fit.sample.by_wavelength:
         return points
@@ -103,20 +103,20 @@ def simulate(
     wavelength_um: Any = None,
     quantity: Any = "R",
 ) -> np.ndarray:
-    """Return what a sample shows at points, without a fit.
+    """Return the values that a sample gives at points, without a fit.
 
     Args:
         sample: text or `Sample`; without `free` media.
-        parameters: name -> value of every parameter of the sample that has no value in itself;
-            instrument parameters by their bare names, as wanted. The "edge_ev" of cauchy-urbach is
-            one of them: a fit takes the highest photon energy of its data for it.
+        parameters: name -> value of every parameter of the sample that has no value in its text;
+            instrument parameters by their bare names, if wanted. "edge_ev" of cauchy-urbach has to
+            be given: a fit takes the highest photon energy of its data for it.
         angle_deg, wavelength_um, quantity: broadcast to one axis of N points; quantities out of
             R_s, R_p, R, R_back, T_s, T_p, T, psi, delta.
 
     Returns: (N,), powers as fractions, psi and delta in degrees.
 
     Raises:
-        ValueError: for a name too many or too few, or of no quantity.
+        ValueError: for a missing or unknown name of a parameter or quantity.
     """
     which = Sample.parse(sample)
     if which.open:
@@ -136,7 +136,7 @@ def simulate(
     spectrum = spectrum_of([points], which)
     u = unknowns(which, spectrum, settings, seen, "squares")
     missing = [u.labels[w.parameter.name] for w in u.moving if w.free]
-    # Its usual value follows the data of a fit; points of one's own must not change the sample.
+    # Its default follows from the data of a fit; the points asked for must not change the sample.
     missing += [
         u.labels.get(n, n) for n in u.spec.held
         if n.endswith(".edge_ev") and not {n, u.labels.get(n)} & set(settings.names)

@@ -1,7 +1,7 @@
-"""The compiled programs behind a model fit: all starts at once, and the derivatives at the end.
+"""The compiled programs of a model fit: all starts at once, and the derivatives at the end.
 
-One program per `observe.Spec` and number of rows. Lanes are starts of one fit, or points of a
-spectrum that are fitted one by one, each with its own starts.
+There is one program for each `observe.Spec` and number of rows. Lanes are the starts of one fit, or
+of several wavelengths that are fitted independently, each with its own starts.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ LOSSES = ("squares", "huber", "student")
 class Targets(NamedTuple):
     """What the model is compared with; arrays as in `observations.Observations`, lanes 1 or L.
 
-    noise: (), what the weights are divided by. prior, prior_weight: (p,) of the parameters, 0
-    weight where there is none. held: constants. eta_i: medium before.
+    noise: (), by which the weights are divided. prior, prior_weight: (p,) of the parameters,
+    weight 0 where there is none. held: constants. eta_i: index of the medium in front.
     """
 
     points: Points
@@ -54,7 +54,7 @@ class Targets(NamedTuple):
 
 
 def targets_of(u: Unknowns, seen: Observations, eta_i: Any) -> Targets:
-    """Return what the unknowns are compared with."""
+    """Return the data and priors that the unknowns are compared with."""
     prior = np.array([w.prior[0] if w.prior else 0.0 for w in u.moving])
     weight = np.array([1.0 / w.prior[1] if w.prior else 0.0 for w in u.moving])
     return Targets(
@@ -65,7 +65,7 @@ def targets_of(u: Unknowns, seen: Observations, eta_i: Any) -> Targets:
 
 
 class Bounds(NamedTuple):
-    """What the solver needs beside: (p, L) each, and the number of degrees of freedom (L,)."""
+    """Bounds for the solver, (p, L) each, and the number of degrees of freedom (L,)."""
 
     lower: Any
     upper: Any
@@ -74,7 +74,7 @@ class Bounds(NamedTuple):
 
 
 def without_data(targets: Targets) -> Targets:
-    """Return the targets without what was measured, which the model alone does not ask for."""
+    """Return the targets without the measured values, which the model alone does not need."""
     none: Any = ()
     return targets._replace(
         values=none, weights=none, ncs=none, ncs_weights=none, noise=none, prior=none,
@@ -101,9 +101,9 @@ def robust(loss: str, r: Array) -> Array:
 
 
 def _raw_residuals(spec: Any, y: Array, targets: Targets) -> list[Array]:
-    """Return weighted residuals, one (M, L) array for each channel, of NCS three.
+    """Return weighted residuals, one (M, L) array for each channel, three for NCS.
 
-    spec: a `Spec`, or one that makes residuals of its own (`own_residuals.OwnSpec`).
+    spec: a `Spec`, or one with its own residuals (`own_residuals.OwnSpec`).
     """
     if not isinstance(spec, Spec):
         return spec.raw(y, targets)
@@ -113,14 +113,14 @@ def _raw_residuals(spec: Any, y: Array, targets: Targets) -> list[Array]:
 
 
 def weighted(spec: Spec, found: Mapping[str, Any], targets: Targets) -> list[Array]:
-    """Return the weighted residuals of what each channel shows, as `_raw_residuals` has them."""
+    """Return the weighted residuals of predicted channels, in the form of `_raw_residuals`."""
     alone = [c for c in spec.channels if c != NCS]
     out = [
         (found[c] - v) * w for c, v, w in zip(alone, targets.values, targets.weights, strict=True)
     ]
     if NCS in spec.channels:
         away = [seen - measured for seen, measured in zip(found[NCS], targets.ncs, strict=True)]
-        # Rows without data hold any finite model; their weight is 0.
+        # Rows without data have some finite model value; their weight is 0.
         W = targets.ncs_weights
         out += [W[i, 0] * away[0] + W[i, 1] * away[1] + W[i, 2] * away[2] for i in range(3)]
     return [r / targets.noise for r in out]
@@ -129,7 +129,7 @@ def weighted(spec: Spec, found: Mapping[str, Any], targets: Targets) -> list[Arr
 class Residuals(NamedTuple):
     """The residual function ``(y (p, L), targets) -> arrays (M, L), None`` of a `Spec`.
 
-    A value (not a closure) so that two fits of one kind share one compiled program.
+    It is a value and not a closure, so that two fits of one kind share one compiled program.
     """
 
     spec: Spec
@@ -139,7 +139,7 @@ class Residuals(NamedTuple):
         if self.spec.priors:
             x = jnp.stack(to_parameter(self.spec.coordinates, y))
             off = (x - targets.prior[:, None]) * targets.prior_weight[:, None]
-            # In rows of one size with the data's, as the sums want it.
+            # In arrays of the size of the data, as the sums need it.
             size = len(out[0])
             padded = jnp.zeros((-(-len(off) // size) * size, *off.shape[1:]), off.dtype)
             out += list(padded.at[: len(off)].set(off).reshape(-1, *out[0].shape))
@@ -163,13 +163,13 @@ def _solve(
 
 
 def rows_of(spec: Spec, found: Mapping[str, Any], shape: tuple[int, ...]) -> Array:
-    """Return all channels one upon the other, (K, M, L); K counts NCS as three."""
+    """Return all channels stacked, (K, M, L); K counts NCS as three."""
     rows = [row for c in spec.channels for row in (found[c] if c == NCS else [found[c]])]
     return jnp.stack([jnp.broadcast_to(row, shape) for row in rows])
 
 
 def _linearised(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, Array]:
-    """Return what each channel shows at y (p,), (K, M), and its derivatives, (K, M, p).
+    """Return the prediction of each channel at y (p,), (K, M), and its derivatives, (K, M, p).
 
     K counts NCS as three. Lanes are directions: one derivative call gives all columns.
     """
@@ -186,7 +186,7 @@ def _linearised(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, Array
 
 
 def _shown(points: Points, held: Array, eta_i: Array, *, spec: Spec) -> Array:
-    """Return what each channel shows with every parameter held, (K, M)."""
+    """Return the prediction of each channel for fixed parameters, (K, M)."""
     found = predicted(spec, spec.values(jnp.zeros((0, 1)), held), points, eta_i)
     shape = (points.angle_deg.shape[0], 1)
     return rows_of(spec, found, shape)[..., 0]
@@ -197,7 +197,7 @@ def _index(
 ) -> tuple[Array, Array]:
     """Return eta and k of a medium, (2, W), and their derivatives with respect to y, (2, W, p).
 
-    eta_i: of the first medium, () or (W, 1), which a rough surface is a mixture with.
+    eta_i: index of the first medium, () or (W, 1), which a rough surface contains.
     """
     p = y.shape[0]
 

@@ -1,4 +1,4 @@
-"""Who wants to know how far a long computation has come: nobody, unless `listening` says so."""
+"""Progress of a long computation, reported to a function that `listening` names, if any."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 
 class Step(NamedTuple):
-    """What is told: how many steps are done since the last time, of how many, and what is next.
+    """A report: the number of steps done since the last one, their total, and what comes next.
 
-    total: of all steps, None where it is not known. doing: a word or two, "" for no change.
+    total: of all steps, None if not known. doing: a word or two, "" for no change.
     """
 
     done: int
@@ -23,7 +23,7 @@ _listener: ContextVar[Callable[[Step], None] | None] = ContextVar("listener", de
 
 
 def tell(doing: str = "", done: int = 1, total: int | None = None) -> None:
-    """Tell the listener, if there is one, that so many steps are done and what comes next."""
+    """Report to the listener, if there is one, the number of steps done and what comes next."""
     listener = _listener.get()
     if listener is not None:
         listener(Step(done, total, doing))
@@ -31,7 +31,7 @@ def tell(doing: str = "", done: int = 1, total: int | None = None) -> None:
 
 @contextlib.contextmanager
 def listening(listener: Callable[[Step], None] | None) -> Iterator[None]:
-    """Have ``listener`` told of every step meanwhile; None: nobody."""
+    """Report every step within the context to ``listener``; None: to nobody."""
     token = _listener.set(listener)
     try:
         yield

@@ -1,4 +1,4 @@
-"""How well a fit describes the data, and what was taken for their errors."""
+"""How well a fit describes the data, and which errors it used."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from fitting.uncertainty.likelihood import reduced_chi2
 
 
 class Subject(NamedTuple):
-    """What is fitted, and what must be said of it whatever comes out."""
+    """What is fitted, and the notes on it that do not depend on the result."""
 
     sample: Sample | None
     measurements: tuple[Measurement, ...]
@@ -48,10 +48,10 @@ def rms_of_residuals(s: Slopes) -> tuple[float, dict[str, float]]:
 
 
 def error_model_of(fit: Solving, end: End) -> ErrorModel:
-    """Return what was taken for the errors of the data."""
+    """Return which errors of the data the fit used."""
     taken = fit.asked.errors
     if taken != "stated":
-        # Without a degree of freedom stated errors are all there is to go by.
+        # Without a degree of freedom only the stated errors are available.
         alone = "scaled" if fit.dof else "stated"
         taken = alone if fit.seen.stated else "equal"
     with np.errstate(invalid="ignore"):
@@ -62,7 +62,7 @@ def error_model_of(fit: Solving, end: End) -> ErrorModel:
 def own_quality(
     fit: Solving, end: End, scatter_of: tuple[int, float], others: Sequence[Any]
 ) -> Quality:
-    """Return the same for the caller's own residuals, of whose rows nothing is known."""
+    """Return the quality for the caller's own residuals, whose rows have no angle or wavelength."""
     s, robust = end.slopes, fit.u.spec.loss != "squares"
     size = reduced_chi2(fit.u.spec.loss, s.residual, fit.dof) if fit.seen.stated else np.nan
     return Quality(
@@ -78,7 +78,7 @@ def own_quality(
 def quality(
     fit: Solving, of: Subject, end: End, scatter_of: tuple[int, float], others: Sequence[Any]
 ) -> Quality:
-    """Return how well the fit describes the data. scatter_of: reached, and chi2 that was lower."""
+    """Return how well the fit describes the data. scatter_of: reached, and the lower chi2 met."""
     u, seen, s = fit.u, fit.seen, end.slopes
     robust = u.spec.loss != "squares"
     size = reduced_chi2(u.spec.loss, s.residual, fit.dof) if seen.stated else np.nan
@@ -109,7 +109,7 @@ def _shortest_nm(of: Subject, joined: Measurement) -> float:
 
 
 def describes(sample: Sample) -> str:
-    """Return what a sample is in words."""
+    """Return a description of the sample in words."""
     if sample.bare:
         return "one bare surface"
     return "this plate" if not any(m.coherent for m in _layers(sample)) else "this stack"

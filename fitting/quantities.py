@@ -1,4 +1,4 @@
-"""The quantities that can be measured: one table, which the rest of the package goes by."""
+"""The quantities that can be measured: one table, which all other modules use."""
 
 from __future__ import annotations
 
@@ -6,17 +6,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-# What a quantity is: a fraction of the incident light, on which percent, references, a scale and
-# the other parameters of a detector act; an angle in degrees; or a number of the light's form.
+# The kinds of quantities: a fraction of the incident power, to which percent, references, a scale
+# and the other parameters of a detector apply; an angle in degrees; or a number that describes the
+# polarization state.
 POWER, ANGLE, NUMBER = "power", "angle", "number"
 
 
 class Quantity(NamedTuple):
-    """One of the things that a datum can be.
+    """A quantity that can be measured.
 
-    kind: POWER, ANGLE or NUMBER. low, high: the range of its values; noise may carry a power or a
-    number beyond it. color, marker, hollow: how it is drawn. label, axis: of the legend and of the
-    axis of a picture.
+    kind: POWER, ANGLE or NUMBER. low, high: the range of its values, beyond which noise may move a
+    power or a number. color, marker, hollow: how it is drawn. label, axis: its text in the legend
+    and at the axis of a picture.
     """
 
     kind: str
@@ -35,9 +36,9 @@ def _power(color: str, marker: str, label: str, hollow: bool = False) -> Quantit
 
 
 # R and T are powers of unpolarized light, unless ``polarizer_deg`` says otherwise; R_back is R with
-# the light on the other face (equal to R for a plain slab), hollow because the two lie on each
-# other. The colours are Okabe and Ito's, told apart by colour-blind readers too; markers differ as
-# well. (M. Okabe and K. Ito, "Color universal design", 2008.)
+# the light on the other face. For a plain slab it equals R, so its marker is hollow. The colours
+# are those of Okabe and Ito, which colour-blind readers can distinguish; markers differ as well.
+# (M. Okabe and K. Ito, "Color universal design", 2008.)
 TABLE = {
     "R_s": _power("#0072B2", "o", r"$R_\mathrm{s}$"),
     "R_p": _power("#D55E00", "s", r"$R_\mathrm{p}$"),
@@ -58,5 +59,5 @@ ANGLES = tuple(name for name, quantity in TABLE.items() if quantity.kind == ANGL
 
 
 def are_powers(names: Any) -> np.ndarray:
-    """Return which of the names of quantities are those of powers, of the shape of ``names``."""
+    """Return which of the names of quantities are powers, in the shape of ``names``."""
     return np.isin(names, POWERS)

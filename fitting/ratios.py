@@ -1,7 +1,7 @@
-"""Ratios to a reference: values divided by those of a second scan, and times its reflectance.
+"""Ratios to a reference: values divided by a second scan, or multiplied by its reflectance.
 
 A spectrometer compares a sample with a mirror or a bare wafer. Either it writes the ratio, or there
-are two scans; the reflectance of the reference, which is known, makes R of the ratio.
+are two scans; the known reflectance of the reference turns the ratio into R.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fitting.checks import Data
 from fitting.errors import MeasurementError
 
 REFLECTANCES = ("R_s", "R_p", "R", "R_back")
-# Angles and wavelengths that differ by no more are the same: they were converted from other units.
+# Angles and wavelengths that differ by less are the same: they were converted from other units.
 _SAME = 1e-6
 # A scan as fractions has a median below 1.5, one in percent or counts above 20.
 _FRACTION, _NO_FRACTION = 1.5, 20.0
@@ -27,17 +27,17 @@ def quotient(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return value / by and its standard error; errors of ``by`` that are NaN count as none.
 
-    (sigma / value)^2 of independent values add up; written without a quotient by ``value``, which
-    may be 0.
+    (sigma / value)^2 of independent values are added, but not by dividing by ``value``, which may
+    be 0.
     """
     ratio = value / by
     return ratio, np.hypot(sigma, ratio * np.nan_to_num(sigma_by)) / np.abs(by)
 
 
 def refuse_no_powers(source: str, quantities: np.ndarray, reflected: bool, what: str) -> None:
-    """Raise MeasurementError for quantities that are no ratio of powers, or no reflectance.
+    """Raise MeasurementError for quantities that are not powers, or not reflectances.
 
-    reflected: whether reflectances alone are meant. what: the option, as it was given.
+    reflected: whether only reflectances are allowed. what: the option, as it was given.
     """
     wanted = REFLECTANCES if reflected else (*REFLECTANCES, "T_s", "T_p", "T")
     strange = [str(q) for q in np.unique(quantities) if q not in wanted]
@@ -50,7 +50,7 @@ def refuse_no_powers(source: str, quantities: np.ndarray, reflected: bool, what:
 
 
 def refuse_s_to_p(source: str, labels: Iterable[str]) -> None:
-    """Raise MeasurementError for a column whose name says a ratio of p to s: it is tan(psi)^2."""
+    """Raise MeasurementError for a column named as a ratio of p to s, which is tan(psi)^2."""
     for label in dict.fromkeys(labels):
         if re.search(r"(?i)r[ _]?[sp]\W*/\W*r[ _]?[sp]\b", label):
             raise MeasurementError(
@@ -70,7 +70,7 @@ def _span(x: np.ndarray, unit: str = "") -> str:
 
 
 class _Found(NamedTuple):
-    """A reference at points of others: values, standard errors, and which are between its own."""
+    """A reference at the points of the data: values, standard errors, which are interpolated."""
 
     value: np.ndarray
     sigma: np.ndarray
@@ -80,7 +80,7 @@ class _Found(NamedTuple):
 def _interpolated(at: np.ndarray, x: np.ndarray, value: np.ndarray, sigma: np.ndarray) -> _Found:
     """Return the reference at ``at`` by straight lines; NaN beyond the range of x.
 
-    Values at the same x are repeats: their mean counts.
+    Values at the same x are repeats, and are averaged.
     """
     place, first, count = np.unique(x, return_inverse=True, return_counts=True)
     mean = np.bincount(first, value) / count
@@ -105,7 +105,7 @@ def _axes(data: Data, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _refuse_alone(
     source: str, data: Data, i: int, name: str, theirs: tuple[np.ndarray, np.ndarray]
 ) -> NoReturn:
-    """Raise because datum i has no counterpart in the reference."""
+    """Raise MeasurementError, since datum i has no counterpart in the reference."""
     um, angle = np.nan_to_num(data.wavelength_um[i]), data.angle_deg[i]
     came = f"{angle:.6g} degrees" + (f" and {um:.6g} um" if um else "")
     theirs_um = _span(theirs[0], "um") if theirs[0].any() else "no wavelength"
@@ -151,7 +151,7 @@ def _at_rows(source: str, data: Data, name: str, reference: Data) -> _Found:
 
 
 def _refuse_bad(name: str, data: Data) -> None:
-    """Raise for a reference by which nothing can be divided, or whose errors are none."""
+    """Raise MeasurementError for values or errors of a reference that are not positive."""
     bad = ~(np.isfinite(data.value) & (data.value > 0.0))
     what, came = "value", data.value
     if not bad.any():
@@ -170,12 +170,12 @@ def _refuse_bad(name: str, data: Data) -> None:
 def divided(
     source: str, data: Data, name: str, reference: Data, same_unit: bool
 ) -> tuple[Data, str]:
-    """Return the data divided by those of a reference scan, and a sentence of how.
+    """Return the data divided by a reference scan, and a sentence on how.
 
     The reference has the angles and wavelengths of the data, or, at the same angle (else at the
     same wavelength), a range that encloses them, in which it is interpolated by straight lines.
-    name: of the reference scan. same_unit: whether an option says that both are in one unit.
-    Raises MeasurementError where there is no counterpart, or nothing to divide by.
+    name: of the reference scan. same_unit: whether an option states that both are in one unit.
+    Raises MeasurementError where there is no counterpart, or no value to divide by.
     """
     refuse_no_powers(source, data.quantity, False, f"--divide-by {name}")
     _refuse_bad(name, reference)
@@ -201,11 +201,11 @@ def divided(
 
 
 def times_reflectance(source: str, data: Data, ratio_to: object) -> tuple[Data, str]:
-    """Return ratios to the reflectance of a known sample times that reflectance, and a sentence.
+    """Return ratios to the reflectance of a known sample times this reflectance, and a sentence.
 
     ratio_to: the text of a sample without anything to be fitted. The reflectance is that at the
-    angle, wavelength and polarization of each datum; of R_back that of the reference in its place.
-    Raises MeasurementError for another sample, and for data that are no reflectances.
+    angle, wavelength and polarization of each datum; for R_back the reference is in its place, too.
+    Raises MeasurementError for a sample with unknowns, and for data that are not reflectances.
     """
     refuse_no_powers(source, data.quantity, True, f"--ratio-to {str(ratio_to)!r}")
     known = (data.angle_deg >= 0.0) & (data.angle_deg <= 90.0)
@@ -225,7 +225,7 @@ def times_reflectance(source: str, data: Data, ratio_to: object) -> tuple[Data, 
 
 def _reflectance(source: str, ratio_to: object, data: Data) -> np.ndarray:
     """Return the reflectance (N,) of the reference at each datum."""
-    # It compiles the sample, with jax, which no other file needs to be read.
+    # This compiles the sample with jax, which reading other files does not need.
     from fitting.predictions import simulate
     from fitting.sample import Sample
 

@@ -1,4 +1,4 @@
-"""What a fit leaves of the data."""
+"""The residuals of a fit, unweighted and weighted."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def residuals(measurement: Measurement, fitted: np.ndarray) -> np.ndarray:
-    """Return value - fitted of every datum; of Delta from -180 to 180: 359 and 1 are 2 apart."""
+    """Return value - fitted of every datum; for Delta in -180 to 180, so that 359 - 1 is -2."""
     off = measurement.value - fitted
     return np.where(measurement.quantity == "delta", (off + 180.0) % 360.0 - 180.0, off)
 
@@ -21,8 +21,8 @@ def weighted_residuals(
 ) -> np.ndarray:
     """Return the residuals in one unit, (N,): standard errors, where all are known and ``stated``.
 
-    Otherwise R and T as they are, psi and Delta as arcs of the sphere that N, C, S lie on: 2 dpsi
-    and sin(2 psi) dDelta, in radians; psi there is the fitted one.
+    Otherwise R and T are unchanged, psi and Delta are arcs on the sphere of N, C, S: 2 dpsi and
+    sin(2 psi) dDelta, in radians, with the fitted psi.
     """
     m, off = measurement, residuals(measurement, fitted)
     if stated and np.isfinite(m.sigma).all():
@@ -31,9 +31,9 @@ def weighted_residuals(
 
 
 def arcs(measurement: Measurement, fitted: np.ndarray) -> np.ndarray:
-    """Return what a residual or an error is multiplied by to be in one unit, (N,).
+    """Return the factors, (N,), that bring residuals or errors to one unit.
 
-    1 for R and T; for psi and Delta in degrees the arc of the sphere of N, C, S, see above.
+    They are 1 for R and T; for psi and Delta in degrees they give arcs on the sphere of N, C, S.
     """
     m = measurement
     psi, delta = m.quantity == "psi", m.quantity == "delta"

@@ -1,8 +1,8 @@
-"""Fit: what a fit found and how well it is known. Data and thin methods; nothing is computed here.
+"""`Fit`: the result of a fit. Data and short methods; nothing is computed here.
 
-A fit may be of one set of parameters over all data (a dispersion model, batch shape S = ()), or of
-many that are independent: one index at every wavelength (S = (W,), in rising order), or any batch
-of curves (`fit_many`, S as it came). All arrays begin with S; one curve has Python scalars.
+A fit has one set of parameters for all data (a dispersion model, batch shape S = ()), or many
+independent ones: an index at every wavelength (S = (W,), in rising order), or any batch of curves
+(`fit_many`, S that of the arrays). All arrays begin with S; one curve has Python scalars.
 """
 
 from __future__ import annotations
@@ -44,31 +44,31 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Fit:
-    """The result of `fit`, `fit_many`, `choose` and `fit_residuals`. S: see the module.
+    """The result of `fit`, `fit_many`, `choose` and `fit_residuals`. S: the batch shape (module).
 
-    sample: what was fitted; None for the caller's own residuals.
+    sample: the sample that was fitted; None for the caller's own residuals.
     parameters: name -> `Estimate`; the fitted ones first, then what was fixed or tied.
-    covariance: S + (P, P) of the fitted parameters in the order of `names`; NaN where a sigma is.
-    wavelength_um: S, micrometres; NaN where unknown. Of a dispersion model, where eta and k belong
-        to no single wavelength: the W measured ones.
+    covariance: S + (P, P) of the fitted parameters in the order of `names`; NaN where sigma is NaN.
+    wavelength_um: S, micrometres; NaN where unknown. For a dispersion model, whose eta and k depend
+        on the wavelength: the W measured ones.
     chi2, chi2_reduced: sum of (residual / stated error)^2, and that by dof; NaN without stated
         errors, the second also without a degree of freedom.
     dof: data and priors minus fitted parameters, at least 0. n_data: a psi and a Delta are two.
-    rms: root mean square of the unweighted residuals; of psi and Delta of N, C, S. rms_of: the
-        same by quantity ("NCS": psi and Delta).
-    status: "converged"; "undetermined" (at its best, but the data do not see some combination of
-        the parameters); "not converged"; "no data".
-    evaluations: of residuals and derivatives, of all starts of a bare surface, of the winning start
-        of others. starts, reached: how many starts there were, and how many ended in the best
-        minimum; 0 where that is not counted.
-    errors: what was taken for the errors of the data.
-    loss, noise: "squares", "huber" or "student", and the noise at which a robust loss or a prior
-        was weighed, in units of the stated errors.
-    cost: what was minimised. bic, aicc: information criteria, NaN where they were not asked for.
-    findings, others, notes: what `warnings` and `alternatives` are made of; notes on all curves.
-    measurement: what was fitted, all files joined; None of `fit_many`. curve: (N,) which of
+    rms: root mean square of the unweighted residuals; for psi and Delta those of N, C, S. rms_of:
+        the same by quantity ("NCS": psi and Delta).
+    status: "converged"; "undetermined" (a minimum, but the data do not determine some combination
+        of the parameters); "not converged"; "no data".
+    evaluations: of residuals and derivatives: by all starts of a bare surface, by the best start of
+        other fits. starts, reached: the number of starts, and of those that ended in the best
+        minimum; 0 if not counted.
+    errors: how the errors of the data were used.
+    loss, noise: "squares", "huber" or "student", and the noise for which a robust loss or a prior
+        was weighted, in units of the stated errors.
+    cost: the minimised sum. bic, aicc: information criteria, NaN where they were not asked for.
+    findings, others, notes: the data of `warnings` and `alternatives`; notes on all curves.
+    measurement: the fitted data, all files joined; None for `fit_many`. curve: (N,) which of
         `curve_names` (a quantity of a file) each datum belongs to.
-    evaluator: what `predict` and `index` ask; None for the caller's own residuals.
+    evaluator: computes `predict` and `index`; None for the caller's own residuals.
     """
 
     sample: Sample | None
@@ -116,7 +116,7 @@ class Fit:
 
     @property
     def correlation(self) -> np.ndarray:
-        """S + (P, P), correlation of the fitted parameters; NaN where a sigma is."""
+        """S + (P, P), correlation of the fitted parameters; NaN where sigma is NaN."""
         with np.errstate(all="ignore"):
             size = np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
             return self.covariance / (size[..., :, None] * size[..., None, :])
@@ -144,7 +144,7 @@ class Fit:
 
     @property
     def warnings(self) -> Any:
-        """The warnings, the gravest first: a tuple; of a batch an object array of tuples."""
+        """The warnings, the most serious first: a tuple; of a batch an object array of tuples."""
         return self._each(self._warnings_at, [f.at for f in self.findings])
 
     @property
@@ -178,14 +178,14 @@ class Fit:
         return tuple(a for a in every if np.isfinite(a.delta_chi2))
 
     def predict(self, at: Any = None, quantity: Any = "R", wavelength_um: Any = None) -> Prediction:
-        """Return what the fitted sample shows, with its standard error.
+        """Return the values that the fitted sample gives, with their standard errors.
 
         Args:
             at: None for the data that were fitted; a `Measurement` for its rows; or angles of
                 incidence in degrees, (A,).
-            quantity: "R_s", "R_p", "R", "T", "psi", ... of the angles; one, or one for each.
-            wavelength_um: of the angles, micrometres; one, or one for each. Left out where each fit
-                of the batch has its own.
+            quantity: "R_s", "R_p", "R", "T", "psi", ... at the angles: one, or one for each angle.
+            wavelength_um: micrometres, at the angles: one, or one for each angle. Left out where
+                each fit of the batch has its own.
 
         Returns: `Prediction` of shape (N,) at data and rows; S + (A,) at angles.
         """
@@ -198,7 +198,7 @@ class Fit:
 
         Args:
             wavelength_um: None for the measured ones. An index that is free at every wavelength is
-                known at these only.
+                known at the measured ones only.
             medium: "film", "substrate", ... of `Sample.places`; None for the first unknown one.
         """
         if self.evaluator is None:
@@ -207,7 +207,7 @@ class Fit:
 
     @property
     def residuals(self) -> np.ndarray:
-        """value - fitted of every datum, (N,); of Delta from -180 to 180."""
+        """value - fitted of every datum, (N,); for Delta in -180 to 180."""
         from fitting.residuals import residuals
 
         if self.measurement is None:
@@ -272,13 +272,13 @@ class Fit:
         return figure(self, reference)
 
     def report(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write a page and its files into a new folder; ``overwrite``: or one with other files."""
+        """Write a page and its files to a new folder; ``overwrite``: or one with other files."""
         from fitting.output.shown import report
 
         report(self, folder, overwrite)
 
     def write_material(self, path: str | os.PathLike[str], medium: str | None = None) -> Any:
-        """Write eta and k of a medium as YAML of refractiveindex.info, errors as CSV beside it."""
+        """Write eta and k of a medium as a refractiveindex.info YAML, and its errors as CSV."""
         from fitting.output.shown import write_material
 
         return write_material(self, path, medium)

@@ -1,4 +1,4 @@
-"""What a `Fit` is made of: estimates of parameters, other minima, what errors were taken."""
+"""The parts of a `Fit`: estimates of parameters, other minima, the errors that were used."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ class Estimate:
     """One parameter: its value and how well it is known. Arrays have the batch shape S.
 
     name, unit: unit "" for a pure number.
-    value: NaN where the data say nothing of it.
-    sigma: standard error; NaN where the data give none (undetermined, at a bound), 0 if fixed.
-    interval: S + (2,), 95 % interval; NaN where there is none, infinite where it has no end; of a
-        fixed parameter its value twice.
-    interval_kind: "quadratic" (value +- t sigma; of k, where only k^2 is seen, from
+    value: NaN where the data do not determine it at all.
+    sigma: standard error; NaN where there is none (undetermined, at a bound), 0 if fixed.
+    interval: S + (2,), 95 % interval; NaN where there is none, infinite where it is unlimited; for
+        a fixed parameter its value twice.
+    interval_kind: "quadratic" (value +- t sigma; for k, where the data depend on k^2, from
         k^2 +- t sigma(k^2)), "profile" (profile likelihood), or "none".
-    upper_limit: upper end of the 95 % interval of what cannot be negative and is compatible with
-        0; NaN elsewhere.
+    upper_limit: upper end of the 95 % interval of a parameter that cannot be negative and is
+        compatible with 0; NaN elsewhere.
     status: "fitted", "at lower bound" (k = 0, for one), "at upper bound", "undetermined", "fixed",
         "tied" (to another parameter), or "shared" (by all wavelengths of a batch).
     """
@@ -51,7 +51,7 @@ class Estimate:
         return not (isinstance(self.status, str) and self.status in (FIXED, TIED, SHARED))
 
     def at(self, index: tuple[int, ...]) -> Estimate:
-        """Return the estimate of one fit of a batch; what was fixed is the same for all."""
+        """Return the estimate of one fit of a batch; a fixed parameter is the same for all."""
         return picked(self, index) if self.free else self
 
 
@@ -60,8 +60,8 @@ class Alternative:
     """Another minimum that fits nearly as well (chi2 higher by less than 6).
 
     parameters: name -> `Estimate` of each free parameter, as if that minimum were the best one.
-    delta_chi2: by how much worse it fits, in units of the scatter; in a batch of shape S, NaN where
-        there is none. reached: how many starts ended there, NaN if that was not counted.
+    delta_chi2: by how much its chi2 is higher, in units of the scatter; in a batch of shape S, NaN
+        where there is none. reached: number of starts that ended there, NaN if not counted.
     """
 
     parameters: Mapping[str, Estimate]
@@ -85,7 +85,7 @@ class IndexBand(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """What the fitted sample shows, and the standard error of that: powers as fractions, psi and
+    """Values that the fitted sample gives, and their standard errors: powers as fractions, psi and
     Delta (0 to 360) in degrees."""
 
     value: np.ndarray
@@ -93,14 +93,14 @@ class Prediction(NamedTuple):
 
 
 class ErrorModel(NamedTuple):
-    """What was taken for the errors of the data.
+    """The errors of the data that a fit used.
 
     taken: "stated" (as they are), "scaled" (stated errors times one factor; without stated errors
     the scatter), "floor" (stated errors and one common error, added in squares), or "equal" (the
-    scatter about the fit; what is stated is not used). In a batch an array of shape S.
-    factor: what the standard errors of the parameters were multiplied by; 1 if "stated".
+    scatter about the fit; stated errors are not used). In a batch an array of shape S.
+    factor: the factor on the standard errors of the parameters; 1 if "stated".
     floor: the common error, in units of R, T and N, C, S; 0 unless "floor". stated: whether every
-    datum came with an error. widened: factor in it for residuals in order, sqrt((1+rho)/(1-rho)).
+    datum had an error. widened: the part of factor for autocorrelation, sqrt((1+rho)/(1-rho)).
     """
 
     taken: Any
@@ -111,10 +111,10 @@ class ErrorModel(NamedTuple):
 
 
 class Evaluator(Protocol):
-    """What a fit is evaluated by after it has ended; made by the engine that found it."""
+    """Evaluates a finished fit at other points; made by the engine that found it."""
 
     def predict(self, measurement: Measurement | None) -> Prediction:
-        """Return the model at every row of a measurement, (N,); None: of what was fitted."""
+        """Return the model at every row of a measurement, (N,); None: of the fitted one."""
         ...
 
     def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
@@ -145,7 +145,7 @@ def item(value: Any, index: tuple[int, ...], shape: tuple[int, ...]) -> Any:
 def place_of(index: Any, shape: tuple[int, ...]) -> tuple[int, ...]:
     """Return the place of one fit in a batch, counted from 0.
 
-    Raises TypeError for what are no whole numbers, IndexError for too many, few or large ones.
+    Raises TypeError for other than whole numbers, IndexError for too many, few or large ones.
     """
     came = index if isinstance(index, tuple) else (index,)
     try:

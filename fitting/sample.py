@@ -1,4 +1,4 @@
-"""What the light meets: media from the side that it comes from to the far side.
+"""The sample: media in the order in which the light meets them.
 
 A sample has a text form, the same in Python and on the command line. Media are separated by ``|``:
 
@@ -13,13 +13,13 @@ A sample has a text form, the same in Python and on the command line. Media are 
 The index of a medium is a number (``1.45``, ``0.2+3.1i``), a named material
 (`fresnel_jax.materials`), a file with an index (`material_files`), a dispersion model with the
 number of its terms (``drude-lorentz:2``), ``free`` (eta and k at every wavelength), ``auto`` (the
-simplest model that the data need; `choose`), or a mixture (`known_media`). ``air`` and ``vacuum``
+simplest model that fits; `choose`), or a mixture (`known_media`). ``air`` and ``vacuum``
 are exactly 1: indices are relative to air, as those of glasses.
 
-A layer's thickness follows its index: ``110 nm`` is a start that is fitted, ``110 nm held`` is not
-fitted, ``100..150 nm`` is fitted within that range. Of a thick layer only the product of thickness
-and k is seen, so ``3 mm thick`` is held and ``2.9..3.1 mm thick`` is fitted. ``graded`` after it
-lets the index of a film rise or fall evenly with depth: ``cauchy 110 nm graded``.
+The thickness of a layer follows its index: ``110 nm`` is fitted from this start, ``110 nm held`` is
+not fitted, ``100..150 nm`` is fitted within this range. The data depend on the product of thickness
+and k of a thick layer only, so ``3 mm thick`` is fixed and ``2.9..3.1 mm thick`` is fitted. With
+``graded`` the index of a film rises or falls linearly with depth: ``cauchy 110 nm graded``.
 """
 
 from __future__ import annotations
@@ -58,9 +58,9 @@ _NOTHING = ("air", "vacuum")
 class Thickness(NamedTuple):
     """Thickness of a layer in micrometres.
 
-    start_um: where a fit begins, and what is held. low_um, high_um: what it may be. held: not
-    fitted unless that is asked for. coherent: whether the reflections of its faces interfere.
-    graded: whether its index changes with depth.
+    start_um: the start of a fit, or the fixed value. low_um, high_um: its bounds. held: fixed by
+    default. coherent: whether the reflections of its faces interfere. graded: whether its index
+    changes with depth.
     """
 
     start_um: float
@@ -80,8 +80,8 @@ class Medium(NamedTuple):
     """One medium.
 
     index: a complex number; a `Model`; a `Mixture`; the name of a material or a file with one;
-    `FREE` or `AUTO`. text: the index as it was written. thickness: of a layer; None for the first
-    and the last medium.
+    `FREE` or `AUTO`. text: the index as it was written. thickness: None for the
+    first and the last medium.
     """
 
     index: complex | Model | Mixture | MaterialFile | str
@@ -90,21 +90,21 @@ class Medium(NamedTuple):
 
     @property
     def unknown(self) -> bool:
-        """Whether the index has parameters of its own."""
+        """Whether the index has fitted parameters."""
         if isinstance(self.index, Mixture):
             return self.index.model is not None or bool(self.index.fractions)
         return isinstance(self.index, Model) or self.index in (FREE, AUTO)
 
     @property
     def known(self) -> tuple[Known, ...]:
-        """The materials and files that it is made of."""
+        """The materials and files that it contains."""
         parts = self.index.parts if isinstance(self.index, Mixture) else (self.index,)
         words = (FREE, AUTO, "above", "below")
         return tuple(p for p in parts if isinstance(p, str | MaterialFile) and p not in words)
 
     @property
     def model(self) -> Model | None:
-        """The dispersion model; of a free index that of one constant; None if there is none."""
+        """The dispersion model; for a free index the constant one; None if there is none."""
         if isinstance(self.index, Model):
             return self.index
         if isinstance(self.index, Mixture):
@@ -116,7 +116,7 @@ class Medium(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """Media from the side that the light comes from to the far side; hashable."""
+    """Media in the order in which the light meets them; hashable."""
 
     media: tuple[Medium, ...]
 
@@ -124,7 +124,7 @@ class Sample(NamedTuple):
     def parse(text: str | Sample) -> Sample:
         """Return the sample that a text describes; see the module.
 
-        Raises ValueError for a text that is none, with what was wanted.
+        Raises ValueError for a text that does not describe a sample, with what was wanted.
         """
         return text if isinstance(text, Sample) else _parsed(str(text))
 
@@ -170,7 +170,7 @@ class Sample(NamedTuple):
 
     @property
     def prefixes(self) -> tuple[str, ...]:
-        """What the parameter names of each medium begin with: "" if only one has parameters."""
+        """The prefix of the parameter names of each medium: "" if only one has parameters."""
         some = [m.unknown or m.thickness is not None for m in self.media]
         if sum(some) <= 1:
             return ("",) * len(self.media)

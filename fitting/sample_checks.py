@@ -1,4 +1,4 @@
-"""Whether a sample can say what was measured; if not, why, and what to do."""
+"""Whether the model of a sample predicts what was measured; if not, why, and what to do."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fitting.several_files import millimetres_named, refuse_several_thicknesses
 
 
 def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> None:
-    """Raise ValueError where the sample cannot say what was measured."""
+    """Raise ValueError where the sample does not predict a measured quantity."""
     for m in measurements:
         behind = sorted(set(m.quantity.tolist()) & {"T", "T_s", "T_p", "R_back"})
         if sample.bare and sample.by_wavelength and behind:
@@ -32,13 +32,13 @@ def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> Non
 
 
 def check_points(m: Measurement, sample: Sample) -> None:
-    """Raise ValueError where a sample has no answer at some of the points, or a wrong one."""
+    """Raise ValueError where a sample has no prediction at some of the points, or a wrong one."""
     if "R_back" in m.quantity and sample.bare:
         raise ValueError(
             f"{m.source}: R_back is light from the other face, which a bare surface does not "
             "have. Fit a plate, 'air | free 3 mm thick | air', or leave the column out."
         )
-    # From both sides alike: one thick layer between the same media.
+    # The same from both sides: one thick layer between the same media.
     alike = sample.media[0].index == sample.media[-1].index and len(sample.layers) == 1
     if "R_back" in m.quantity and (sample.films or not alike):
         raise ValueError(
@@ -49,7 +49,7 @@ def check_points(m: Measurement, sample: Sample) -> None:
 
 
 def _check_wavelengths(m: Measurement, sample: Sample) -> None:
-    """Raise ValueError where a wavelength is unknown, or beyond what is known of a material."""
+    """Raise ValueError where a wavelength is unknown, or beyond the range of a material."""
     dispersive = [x for x in sample.media if isinstance(x.index, Model) and x.text != "constant"]
     named = [known for x in sample.media for known in x.known]
     if np.isnan(m.wavelength_um).any() and (sample.layers or dispersive or named):
@@ -63,7 +63,7 @@ def _check_wavelengths(m: Measurement, sample: Sample) -> None:
 
 
 def check_known(sample: Sample, medium: int, wavelength_um: np.ndarray, source: str = "") -> None:
-    """Raise ValueError for wavelengths beyond what is known of the materials of a medium."""
+    """Raise ValueError for wavelengths beyond the range of the materials of a medium."""
     for which in sample.media[medium].known:
         known = known_medium(which).range_um
         if known is None or np.isnan(wavelength_um).all():

@@ -1,11 +1,11 @@
-"""Which of several samples the data need: is there a film at all, an oxide, roughness, a gradient?
+"""Choice among samples: is there a film at all, an oxide, roughness, a gradient?
 
     choose(m, "Si or air | SiO2 1..50 nm | Si")
     choose(m, "air | cauchy 50..500 nm | Si or air | rough 1..20 nm | cauchy 50..500 nm | Si "
               "or air | cauchy 50..500 nm graded | Si")
 
-Each is fitted, and the smallest whose BIC is within a margin of the lowest is taken (`candidates`):
-a layer more needs evidence.
+Each is fitted, and the one with the fewest parameters whose BIC is within a margin of the lowest is
+taken (`candidates`): a further layer needs evidence.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ def several_samples(text: Any) -> tuple[Sample, ...]:
 
 
 def _is_fixed(which: Sample) -> bool:
-    """Whether a sample has nothing to be fitted: numbers, materials and held thicknesses."""
+    """Whether a sample has nothing to be fitted: numbers, materials and fixed thicknesses."""
     held = all(m.thickness is None or m.thickness.held for m in which.media)
     return held and not any(m.unknown for m in which.media)
 
 
 def _without_unknowns(which: Sample, fitted: Callable[..., Fit], kind: str) -> Fit:
-    """Return a sample as a fit of no parameter: one of an offset of the angle that is next to 0."""
+    """Return a sample without unknowns as a fit: of an angle offset with bounds next to 0."""
     found = fitted(which, kind, bounds={_NEUTRAL: (-1e-9, 1e-9)})
     parameters = {n: e for n, e in found.parameters.items() if n != _NEUTRAL}
     findings = tuple(
@@ -61,8 +61,8 @@ def _without_unknowns(which: Sample, fitted: Callable[..., Fit], kind: str) -> F
 def _candidate(which: Sample, run: Callable[[Sample, str], Fit], errors: str) -> Candidate:
     found = run(which, QUADRATIC)
     thin = any(f.code == "thin_film" for f in found.findings)
-    # A layer whose thickness and index the data see as one product has one parameter, not two: it
-    # is there, however little is known of it.
+    # If the data determine only the product of thickness and index of a layer, it counts as one
+    # parameter and not two; the layer is there, although little is known of it.
     if thin and found.status != CONVERGED:
         found = replace(found, status=CONVERGED)
     return candidate(Key(str(which)), found, errors)
@@ -76,11 +76,11 @@ def choose_sample(
     progress: Callable[[str], None] | None = None,
     **options: Any,
 ) -> Choice:
-    """Return the smallest of the samples that the data do not contradict, with the comparison.
+    """Return the simplest of the samples that the data do not contradict, with the comparison.
 
-    options: as for `fit`, used for every sample; `errors` "auto" is "scaled" while they are
-    compared, since BIC compares fits of the same weights.
-    Raises ValueError as `fit` does, and for samples that have nothing to be compared by.
+    options: those of `fit`, used for every sample; during the comparison `errors` "auto" means
+    "scaled", since BIC compares fits with the same weights.
+    Raises ValueError as `fit` does, and for samples that cannot be compared.
     """
     for which in samples:
         if which.by_wavelength or which.open:

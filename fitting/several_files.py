@@ -1,4 +1,4 @@
-"""Several files fitted together: what their names say of them."""
+"""Several files fitted together: what their names contain."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _MILLIMETRES = re.compile(r"(?<![\d.])(\d+(?:\.\d+)?) ?mm(?![a-z])", re.IGNORECA
 
 
 def millimetres_named(source: str) -> str | None:
-    """Return the thickness in mm that the name of a file gives, as it is written there."""
+    """Return the thickness in mm in the name of a file, as it is written there."""
     found = _MILLIMETRES.search(PurePath(source).name)
     return found[1] if found else None
 
 
 def refuse_several_thicknesses(sources: Sequence[str]) -> None:
-    """Raise where the names of files that share one thickness name different ones."""
+    """Raise ValueError where files that share one thickness have different ones in their names."""
     named: dict[float, str] = {}
     for source in sources:
         if mm := millimetres_named(source):

@@ -1,19 +1,19 @@
 """Levenberg-Marquardt for many small least-squares problems at once, as an optimistix solver.
 
-optimistix solves one problem; under ``vmap`` every lane pays for the slowest one and for a Jacobian
-that is written out (about 250 fits a second for 60 angles, s and p, slower than scipy one at a
-time). Here the unknowns of all lanes are one array y of shape (p, L) and the residual function
+optimistix solves one problem; under ``vmap`` every lane takes as long as the slowest one, and the
+Jacobian is written to memory (about 250 fits a second for 60 angles, s and p, slower than scipy one
+at a time). Here the unknowns of all lanes are one array y of shape (p, L) and the residual function
 works on all lanes at once, so the normal equations (p (p + 1) / 2 + p + 1 numbers a lane) come from
 p Jacobian-vector products in one pass, and are solved in closed form.
 
-Each lane has its own damping and its own end. It ends when the undamped step of its model promises
+Each lane has its own damping and ends by itself, when the undamped step of its linear model gains
 next to nothing: less than ``rtol`` of a standard error, less than the rounding of the cost, or less
-than the rounding of the data; after a rejected step too, since at the floor of rounding no step is
-ever accepted (with acceptance as a condition, right answers ran to ``max_steps``).
+than the rounding of the data. This is tested after a rejected step too, since at the level of
+rounding no step is accepted (right answers would otherwise run to ``max_steps``).
 
-Bounds: a lane on a bound whose gradient points outwards leaves that unknown fixed; a step that
-would cross a bound is cut there and the other unknowns are solved again with it held, so the edge
-is walked along, not bumped into.
+Bounds: a lane on a bound whose gradient points outwards keeps that unknown fixed; a step that would
+cross a bound is cut there, and the other unknowns are solved again with it fixed, so that the lane
+moves along the bound.
 
 Marquardt's scaling: D. W. Marquardt, J. SIAM 11, 431 (1963), doi:10.1137/0111030. Gain ratio and
 bounds: J. Nocedal and S. J. Wright, *Numerical Optimization* (2006), sections 10.3 and 16.7.
@@ -39,10 +39,10 @@ START_DAMPING = 1e-3
 
 
 class BatchState(NamedTuple):
-    """State of a batch: the sums at y, and what they say about the next step.
+    """State of a batch: the sums at y, and the next step that follows from them.
 
     sums: normal equations packed as `normal_sums` has them. trial, promised: the damped step (p, L)
-    and the fall of the cost that the model promises (L,). full: the same step without damping.
+    and the decrease of the cost by the linear model (L,). full: the same step without damping.
     done, damping, evaluations: (L,). steps: ().
     """
 
@@ -82,9 +82,9 @@ def normal_sums(fn: Callable, y: Array, args: PyTree) -> Array:
 
     ``fn(y, args)`` gives a pytree of (..., L) arrays of one shape, and None.
 
-    One linearisation, since of two jvps the compiler does not see that they share the values (1.6
-    times the time); and one ``lax.reduce`` of several operands, in which the last products and all
-    sums run in registers (sums of their own: 1.2 to 2 times the time; a loop over angles: 2 times).
+    There is one linearisation, since the compiler would compute the values again for each jvp (1.6
+    times the time), and one ``lax.reduce`` of several operands, in which the last products and all
+    sums run in registers (separate sums take 1.2 to 2 times the time, a loop over angles twice).
     """
     p = y.shape[0]
     (residual, _), along = jax.linearize(lambda z: fn(z, args), y)
@@ -101,12 +101,12 @@ def _add(a: Sequence[Array], b: Sequence[Array]) -> list[Array]:
     return [u + v for u, v in zip(a, b, strict=True)]
 
 
-@jax.jit  # traced and lowered once for its uses
+@jax.jit  # traced and lowered once for all uses
 def solve_lanes(matrix: Array, rhs: Array, free: Array) -> Array:
     """Return x with ``matrix x = rhs`` in each lane over the ``free`` unknowns, 0 for the others.
 
-    Cholesky, unrolled over the p unknowns. A pivot below 1e-15 of its diagonal is rounding (two
-    unknowns that the data cannot tell apart); it is raised to that, which keeps the step finite.
+    Cholesky, unrolled over the p unknowns. A pivot below 1e-15 of its diagonal is rounding (the
+    data do not distinguish two unknowns); it is raised to that, which keeps the step finite.
     """
     p = rhs.shape[0]
     if p > FEW_UNKNOWNS:
@@ -140,7 +140,7 @@ def solve_lanes(matrix: Array, rhs: Array, free: Array) -> Array:
 def bounded_step(
     y: Array, sums: Array, lower: Array, upper: Array, damping: Array
 ) -> tuple[Array, Array]:
-    """Return the damped step within the bounds, and the fall of the cost that it promises."""
+    """Return the damped step within the bounds, and the decrease of the cost by the model."""
     p = y.shape[0]
     _, gradient, matrix = unpack(sums, p)
     damped = matrix * (1.0 + jnp.eye(p, dtype=y.dtype)[:, :, None] * damping)
@@ -154,17 +154,17 @@ def bounded_step(
     if p > FEW_UNKNOWNS:
         step, along = many_unknowns.two_steps(damped, gradient, y, lower, upper, out_of)
     else:
-        # What lies on a bound and pulls, or is pushed by the others, outwards, is left out.
+        # An unknown on a bound that would move outwards, by itself or by the others, is left out.
         free = ~out_of(-gradient)
         free &= ~out_of(solve_lanes(damped, -gradient, free))
         step = solve_lanes(damped, -gradient, free)
-        # To the bound, and there the best of the others: nearly always the better one, but not if
-        # two bounds are crossed.
+        # The step to the bound, with the best step of the others there: nearly always the better
+        # one, except if two bounds are crossed.
         cut = (y + step < lower) | (y + step > upper)
         held = jnp.where(cut, jnp.clip(y + step, lower, upper) - y, 0.0)
         pulled = gradient + (damped * held[None]).sum(1)
         along = held + solve_lanes(damped, -pulled, free & ~cut)
-    # As far as the first bound: always a gain.
+    # The whole step cut at the first bound always lowers the cost.
     ahead = jnp.where(step > 0.0, upper - y, lower - y)
     room = jnp.where(step == 0.0, jnp.inf, ahead / jnp.where(step == 0.0, 1.0, step))
     short = step * jnp.minimum(room.min(0), 1.0)
@@ -178,14 +178,14 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     """Levenberg-Marquardt on a batch: y is (p, L), every residual array ends in the L lanes.
 
     rtol: a lane is done when its undamped step is below this many standard errors (0.01).
-    atol: or when the promised fall is below atol^2 times options["scale"]; the scale is the sum of
-        squares of the data, so that an atol of one eps is the rounding of the data.
+    atol: or when the expected decrease is below atol^2 times options["scale"]; the scale is the sum
+        of squares of the data, so that an atol of one eps is the rounding of the data.
     norm: part of optimistix's interface, not used.
 
     ``options``: "lower", "upper" (p, L) bounds; "degrees" (L,), data minus unknowns, at least 1;
-    "scale" (L,); "max_steps" (), a traced number, after which the rest of the lanes are left as
-    they are (not done); "damping" (L,), START_DAMPING if absent. Statistics of the solution:
-    "sums", "damping", "done", "evaluations", and "step", the last undamped step, not taken.
+    "scale" (L,); "max_steps" (), a traced number, after which the remaining lanes stop (not done);
+    "damping" (L,), START_DAMPING if absent. Statistics of the solution: "sums", "damping", "done",
+    "evaluations", and "step", the last undamped step, not taken.
     """
 
     rtol: float = 0.01
@@ -193,7 +193,7 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     norm: Callable[[PyTree], Any] = optx.max_norm
 
     def _nothing(self, cost: Array, options: dict[str, Any]) -> Array:
-        """Return the fall of each lane's cost that is not worth another evaluation."""
+        """Return the decrease of each lane's cost that is too small for another evaluation."""
         enough = self.rtol**2 / options["degrees"] + 32.0 * jnp.finfo(cost.dtype).eps
         return enough * cost + self.atol**2 * options["scale"]
 
@@ -201,7 +201,7 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         """Return the state before the start is evaluated, which the first step does.
 
         With an infinite cost and no gradient that step is zero and accepted, so that the program
-        holds one copy of the residual function and not two (compiling one takes half a second).
+        contains the residual function once and not twice (half a second to compile).
         """
         del fn, args, f_struct, aux_struct, tags
         return self.begun(y, options.get("damping", jnp.zeros_like(y[0]) + START_DAMPING))
@@ -233,22 +233,22 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         fell = state.sums[0] - sums[0]
         better = (fell > 0.0) & ~state.done
         gain = fell / jnp.where(state.promised > 0.0, state.promised, 1.0)
-        # A good model (gain near 1) may trust itself, so that 3 or 4 evaluations are the rule.
+        # With a good model (gain near 1) damping falls fast, so that 3 or 4 evaluations suffice.
         eased = state.damping * jnp.where(gain > 0.75, 0.1, jnp.where(gain > 0.25, 0.5, 2.0))
         refused = jnp.maximum(state.damping, 1e-4) * 4.0
         keep = state.done | (better & (state.evaluations == 0))
         damping = jnp.where(keep, state.damping, jnp.where(better, eased, refused))
         y = jnp.where(better, trial, y)
         sums = jnp.where(better, sums, state.sums)
-        # The damped and the full step in one call, side by side: half the code to compile.
+        # The damped and the full step are one call, side by side: half the code to compile.
         twice = [jnp.concatenate([a, a], -1) for a in (y, sums, lower, upper)]
         both = jnp.concatenate([damping, jnp.zeros_like(damping)])
         step, falls = bounded_step(twice[0], twice[1], twice[2], twice[3], both)
         lanes = y.shape[1]
         promised, fall = falls[:lanes], falls[lanes:]
         nothing = self._nothing(sums[0], options)
-        # Or refused, and damped until it promises nothing: the cost has no lower neighbour here. Or
-        # the start has no finite cost, and nothing can be said.
+        # Or the step is refused and damped until it gains nothing, since no neighbour has a lower
+        # cost; or the start has no finite cost.
         ended = (fall <= nothing) | (~better & (promised <= nothing)) | ~jnp.isfinite(sums[0])
         return (
             y,

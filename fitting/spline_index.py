@@ -1,9 +1,9 @@
 """The free-form index that obeys the Kramers-Kronig relations, as a model that can be fitted.
 
-Amplitudes >= 0 of cubic B-splines of the absorption, evenly over the measured photon energies and
-two steps beside them, and ever wider up to three times the highest one; what absorbs beyond is one
-pole above (``pole_ev2``), free electrons or a lattice below (``drude_ev2``, 0 unless it is freed),
-and ``eps_inf``.
+Its parameters are amplitudes >= 0 of cubic B-splines of the absorption. Their knots are evenly
+spaced over the measured photon energies and two steps beyond, and at growing distances up to three
+times the highest energy. Absorption farther away is one pole above (``pole_ev2``), free electrons
+or a lattice below (``drude_ev2``, 0 unless it is freed), and ``eps_inf``.
 """
 
 from __future__ import annotations
@@ -20,27 +20,28 @@ from fresnel_jax import dispersion
 NAME = "kk-spline"
 
 
-# Splines above the measured photon energies, at the most, and up to how many times the highest one.
+# The largest number of splines above the measured photon energies, and how many times the highest
+# energy they reach.
 _ABOVE, _REACH = 4, 3.0
-# Splines where no number is said: one for each measured wavelength, within these.
+# Number of splines by default: one for each measured wavelength, within these limits.
 _LEAST, _MOST = 24, 48
 
 
 def usual_terms(wavelengths: int, data: int) -> int:
     """Return the number of splines for data at so many wavelengths.
 
-    24 splines over 40 wavelengths round off an absorption edge by several standard errors. One
-    datum at each wavelength does not determine as many amplitudes.
+    24 splines over 40 wavelengths round off an absorption edge by several standard errors, so there
+    is one for each. One datum at each wavelength does not determine as many amplitudes.
     """
     return min(max(wavelengths, _LEAST), _MOST) if data >= 2 * wavelengths else _LEAST
 
 
 def knots_over(terms: int, low_ev: float, high_ev: float) -> tuple[float, ...]:
-    """Return the knots for so many splines and measured photon energies between two.
+    """Return the knots of ``terms`` splines for photon energies from ``low_ev`` to ``high_ev``.
 
-    A quarter of the splines, four at the most, lie above the measured range, ever wider: what
-    absorbs there refracts within. One pole in their place left chi2 at a hundred times the degrees
-    of freedom, with however many splines (surfaces of one Tauc-Lorentz oscillator).
+    A quarter of the splines, four at the most, lie above the measured range, each wider than the
+    last: what absorbs there refracts within. With one pole in their place chi2 is a hundred times
+    the degrees of freedom for any number of splines (surfaces of one Tauc-Lorentz oscillator).
     """
     above = min(_ABOVE, terms // 4)
     step = (high_ev - low_ev) / max(terms - above - 1, 1)
@@ -57,7 +58,7 @@ def every_second_left_out(terms: int, knots_ev: tuple[float, ...]) -> np.ndarray
     """Return the splines on half of the evenly spaced knots as sums of all, (terms, fewer).
 
     Knots are put back one by one: W. Boehm, Computer-Aided Design 12, 199 (1980),
-    doi:10.1016/0010-4485(80)90154-2. The identity for too few to leave some out.
+    doi:10.1016/0010-4485(80)90154-2. It is the identity if there are too few.
     """
     even = terms - min(_ABOVE, terms // 4) + 4
     left_out = np.zeros(len(knots_ev), bool)
@@ -78,7 +79,7 @@ def every_second_left_out(terms: int, knots_ev: tuple[float, ...]) -> np.ndarray
 
 
 def spline_parameters(terms: int, high_ev: float) -> tuple[Parameter, ...]:
-    """Return the parameters beside eps_inf."""
+    """Return the parameters other than eps_inf."""
     square = high_ev**2
     return (
         Parameter("pole_ev2", "eV^2", (0.0, 20.0 * square), 0.0, 1e4 * square),

@@ -1,4 +1,4 @@
-"""How many splines a sample has where its text does not say."""
+"""The number of splines of a sample whose text does not give it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fitting.spline_index import NAME, usual_terms
 
 
 def with_numbers(sample: Sample, measurements: Sequence[Measurement]) -> Sample:
-    """Return the sample with the number of splines that these data ask for in its text."""
+    """Return the sample with the number of splines that suits these data in its text."""
     if not any(m.index == Model(NAME, 0) for m in sample.media):
         return sample
     wavelengths = np.concatenate([m.wavelength_um for m in measurements])

@@ -1,4 +1,4 @@
-"""What the command line arranges before jax is used: float64, the CPU, programs kept on disk."""
+"""Settings of the command line before jax is used: float64, the CPU, a cache of programs."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def _foreign(status: os.stat_result) -> bool:
 
 
 def cache_folder() -> Path | None:
-    """Return the folder for compiled programs, made if need be; None where there can be none.
+    """Return the folder for compiled programs, created if needed; None if there can be none.
 
-    Programs are run from there, so it, and every file in it, must be the user's own and nobody
-    else's to write to; a file that is not is removed. XDG_CACHE_HOME counts where it is absolute,
-    as the XDG Base Directory Specification has it.
+    Programs are run from there, so it, and every file in it, must belong to the user and must not
+    be writable by others; other files are removed. XDG_CACHE_HOME is used if it is an absolute
+    path, as in the XDG Base Directory Specification.
     """
     try:
         base = os.environ.get("XDG_CACHE_HOME", "")
@@ -39,7 +39,7 @@ def cache_folder() -> Path | None:
         with os.scandir(programs) as entries:
             for entry in entries:
                 status = entry.stat(follow_symlinks=False)
-                # Linked from elsewhere, or somebody's: another compilation is cheap.
+                # A link, or a file of somebody else: compiling again is cheap.
                 if not stat.S_ISREG(status.st_mode) or _foreign(status):
                     os.unlink(entry.path)
         return programs if os.access(programs, os.W_OK) else None
@@ -48,9 +48,9 @@ def cache_folder() -> Path | None:
 
 
 def _mend_cache(programs: Path) -> None:
-    """Remove an entry that jax finds damaged, which it would not write anew, and say nothing of it.
+    """Remove an entry that jax finds damaged, without a message; jax would not replace it.
 
-    jax names the program in a warning and compiles it; the new one is kept where no file stands.
+    jax names the program in a warning and compiles it; it writes the new one if there is no file.
     """
     tell = warnings.showwarning
 
@@ -71,7 +71,7 @@ def set_up_jax() -> None:
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    # Where in the source each operation came from is of no use here, and costs 0.02 s to write.
+    # The place in the source of each operation is not needed here, and takes 0.02 s to write.
     jax.config.update("jax_traceback_in_locations_limit", 0)
     if not os.environ.get("JAX_PLATFORMS"):
         jax.config.update("jax_platforms", "cpu")
@@ -92,7 +92,7 @@ def set_up_jax() -> None:
 
 @contextlib.contextmanager
 def cheap_start() -> Iterator[None]:
-    """Leave cyclic garbage alone meanwhile: looking for it in what jax imports costs 0.05 s."""
+    """Switch the garbage collector off meanwhile: searching what jax imports takes 0.05 s."""
     was_on = gc.isenabled()
     gc.disable()
     try:

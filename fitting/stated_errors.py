@@ -1,4 +1,4 @@
-"""Fits whose stated errors are not met: fitted again with a common error where that is likelier."""
+"""Fits that contradict their stated errors: repeated with a common error if that is likelier."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def _far(found: Fit) -> bool:
 def _with_floor(
     several: Sequence[Measurement], found: Fit, fitted: np.ndarray, s: float
 ) -> list[Measurement]:
-    """Return the measurements with s, in units of R and of arcs, added to every error."""
+    """Return the measurements with s, in units of R and of arcs, added to all errors in squares."""
     joined = found.measurement
     assert joined is not None
     with np.errstate(divide="ignore"):
-        # Where Delta moves nothing (psi of 0) no error of it counts.
+        # Where Delta has no effect (psi of 0) its error has none.
         own = s / np.maximum(arcs(joined, fitted), 1e-6)
     sigma = np.hypot(joined.sigma, own)
     parts = np.split(sigma, np.cumsum([len(m) for m in several])[:-1])
@@ -44,7 +44,7 @@ def _with_floor(
 def with_common_error(
     run: Run, several: Sequence[Measurement], found: Fit, errors: str, intervals: str
 ) -> Fit:
-    """Return the fit with a common error where it is asked for, or likelier than one factor.
+    """Return the fit with a common error where it is asked for or likelier than a factor.
 
     run: fits measurements again, with this kind of intervals. found: the fit with the stated errors
     times one factor. chi2 stays that of the stated errors.
@@ -67,7 +67,7 @@ def with_common_error(
 
 
 def _told(found: Fit, best: Fit, joined: Measurement, floor: tuple[float, float]) -> Fit:
-    """Return the fit with a common error, with what must be said of it."""
+    """Return the fit with a common error, with the findings on it."""
     fitted = best.predict().value
     square = (weighted_residuals(joined, fitted) ** 2).astype(float)
     if best.shape:
@@ -97,7 +97,7 @@ def _told(found: Fit, best: Fit, joined: Measurement, floor: tuple[float, float]
 
 
 def _apart(found: Fit, best: Fit) -> list[Finding]:
-    """Return the finding on parameters that the two answers disagree on; nothing if none is."""
+    """Return the finding on parameters that differ between the two fits, if any do."""
     if best.shape:
         return []
     names = [

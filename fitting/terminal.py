@@ -1,4 +1,4 @@
-"""What the command says on a terminal, how it refuses, and with which status it ends."""
+"""Output of the command on a terminal, its refusals, and its exit status."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ FITTED, NOT_FITTED, MISUSED = 0, 1, 2
 
 
 class Refused(Exception):
-    """The user's to mend; the text says how."""
+    """An error that the user can correct; the text says how."""
 
 
 @contextlib.contextmanager
 def refusals() -> Iterator[None]:
     """Turn the ValueErrors of reading and fitting, whose texts are for the user, into Refused.
 
-    Only there: a ValueError from anywhere else is a defect and should show its traceback.
+    Only these: a ValueError from anywhere else is a defect and should show its traceback.
     """
     try:
         yield
@@ -34,7 +34,7 @@ def refusals() -> Iterator[None]:
 
 
 def say(text: str) -> None:
-    """Print ``text``; a reader who stops early (``| head``) has seen enough, files are written."""
+    """Print ``text``; a reader that stops early (``| head``) is no error, files are written."""
     # A name or unit may hold letters that a terminal of another encoding cannot show.
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
     try:
@@ -48,14 +48,14 @@ def say(text: str) -> None:
 
 def complain(text: str) -> None:
     """Print one line on stderr."""
-    with contextlib.suppress(OSError):  # nowhere to say it
+    with contextlib.suppress(OSError):  # there is nowhere to write
         print(f"{PROGRAM}: {visible(text)}", file=sys.stderr)
 
 
 def exit_status(fits: Iterable[Fit]) -> int:
     """Return FITTED if every curve of every fit converged, else NOT_FITTED.
 
-    A script may not take "undetermined" for an index: it is one of many that fit alike.
+    A script must not take an "undetermined" index for a result: many indices fit equally well.
     """
     import numpy as np
 

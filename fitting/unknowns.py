@@ -1,4 +1,4 @@
-"""What is unknown in a fit: parameters of the sample and the instrument, as asked for."""
+"""The unknowns of a fit: parameters of the sample and of the instrument."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from fitting.wider_models import absent, wider
 
 
 class Unknowns(NamedTuple):
-    """The unknowns in the order of y, the constants, and the names that a person sees.
+    """The unknowns in the order of y, the constants, and the names that are shown.
 
-    moving: one `Unknown` for each of ``spec.moving``; held: values of ``spec.held``. labels: name
-    inside -> name outside (``scale_0`` is ``scale[R_s]``, or ``scale`` if there is one curve;
-    ``substrate.A`` is ``A`` if no other medium has parameters); what is not in it is not shown.
-    units: by the name inside.
+    moving: one `Unknown` for each of ``spec.moving``; held: values of ``spec.held``. labels:
+    internal name -> shown name (``scale_0`` is ``scale[R_s]``, or ``scale`` if there is one curve;
+    ``substrate.A`` is ``A`` if no other medium has parameters); others are not shown. units: by the
+    internal name.
     """
 
     spec: Spec
@@ -46,16 +46,16 @@ class Unknowns(NamedTuple):
 
 
 def index_outside(sample: Sample, wavelength_um: Any) -> Any:
-    """Return the index of the medium that the light comes from: a number, or at wavelengths."""
+    """Return the index of the first medium: a number, or an array over wavelengths."""
     index = sample.media[0].index
     if isinstance(index, complex):
         return np.float64(index.real)
-    with jax.enable_x64(True):  # else the wavelengths, and the index, are those of float32
+    with jax.enable_x64(True):  # otherwise the wavelengths and the index would be float32
         return np.asarray(known_medium(index)(np.asarray(wavelength_um)).eta)  # type: ignore
 
 
 def spectrum_of(measurements: Sequence[Measurement], sample: Sample) -> Spectrum:
-    """Return what the ranges of starts depend on."""
+    """Return the properties of the data on which the ranges of starts depend."""
     wavelength = np.concatenate([m.wavelength_um for m in measurements])
     known = wavelength[np.isfinite(wavelength)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (1.0, 1.0)
@@ -65,9 +65,9 @@ def spectrum_of(measurements: Sequence[Measurement], sample: Sample) -> Spectrum
 
 
 class _Offered(NamedTuple):
-    """A parameter that a fit may have. quiet: shown only if something is said about it.
+    """A parameter that a fit may have. quiet: shown only if there is a setting for it.
 
-    label: "" of what the model does not have, and only the wider one that the program is made for.
+    label: "" for a parameter of the wider model of the program that the model itself does not have.
     """
 
     parameter: Parameter
@@ -78,7 +78,7 @@ class _Offered(NamedTuple):
 def _of_model(
     model: Model, place: str, prefix: str, spectrum: Spectrum, shared: bool
 ) -> list[_Offered]:
-    """Return the parameters of a model, those that it does not have at where they do nothing."""
+    """Return the parameters of a model; those that it does not have are without effect."""
     own = {p.name: p for p in model.parameters(spectrum)}
     out = []
     for p in (wider(model) if shared else model).parameters(spectrum):
@@ -135,7 +135,7 @@ def _of_medium(
 
 
 def media_of(sample: Sample, spectrum: Spectrum | None = None, shared: bool = False) -> Media:
-    """Return what a compiled program must know of a sample; shared: as in `Settings`."""
+    """Return what a compiled program needs of a sample; shared: as in `Settings`."""
     index: list[Model | Mixture | Known] = []
     for medium in sample.media[1:]:
         if isinstance(medium.index, complex):
@@ -157,7 +157,7 @@ def media_of(sample: Sample, spectrum: Spectrum | None = None, shared: bool = Fa
 
 
 def _of_instrument(settings: Settings, seen: Observations) -> list[_Offered]:
-    """Return the instrument parameters that are mentioned, one for each curve where they are."""
+    """Return the instrument parameters with a setting; some have one for each curve."""
     bare = {name.partition("[")[0] for name in settings.names}
     powers = [c for c in seen.channels if c in POWERS]
     curves = sorted({
@@ -180,13 +180,13 @@ def _of_instrument(settings: Settings, seen: Observations) -> list[_Offered]:
 
 
 def _names_of(label: str) -> tuple[str, ...]:
-    """Return the names that mean a label: scale[a.csv R_p], scale[R_p] of every file, scale."""
+    """Return the names that include a label: scale[a.csv R_p], scale[R_p] of all files, scale."""
     bare, bracket, curve = label.partition("[")
     return label, bare + bracket + curve.rpartition(" ")[2], bare
 
 
 def _said(table, label: str):
-    """Return what is said about a label, by the most particular of its names; None for nothing."""
+    """Return the setting of a label, by the most specific of its names; None if there is none."""
     return next((table[name] for name in _names_of(label) if name in table), None)
 
 
@@ -194,7 +194,7 @@ _ENERGY = re.compile(r"\.(plasma|width|resonance|strength|amplitude|gap|urbach)_
 
 
 def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Unknown, bool]:
-    """Return the unknown, and whether it is a constant (held and never asked to be free)."""
+    """Return the unknown, and whether it is a constant (fixed in all fits of the program)."""
     value = _said(settings.fixed, label)
     low, high = parameter.low, parameter.high
     bounds, prior = _said(settings.bounds, label), _said(settings.priors, label)
@@ -204,7 +204,7 @@ def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Un
         value = parameter.held
     if value is not None:
         if _ENERGY.search(parameter.name):
-            low, high = 0.0, math.inf  # its range is that of a search, about the measured energies
+            low, high = 0.0, math.inf  # its range, around the measured energies, is for searches
         if not low <= value <= high or (parameter.coordinate == LOG and value <= 0.0):
             raise ValueError(
                 f"{label} is held at {value:g}; a value from {low:g} to {high:g} was wanted."
@@ -212,7 +212,7 @@ def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Un
         constant = parameter.held is not None and label.partition("[")[0] not in settings.variants
         return Unknown(parameter, value, value), constant
     if bounds is not None:
-        # Only where nothing is said the model's own range holds; 0 is an end for what has one.
+        # The model's range is used only where no bound is given; a lower end of 0 is kept.
         floor = 0.0 if low >= 0.0 else -math.inf
         least, most = max(bounds[0], floor), bounds[1]
         least = low if math.isinf(bounds[0]) else least
@@ -224,7 +224,7 @@ def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Un
 
 
 def _by_label(settings: Settings, offered: Sequence[_Offered], sample: Sample) -> Settings:
-    """Return the settings with every name as it is shown, or raise ValueError for a strange one."""
+    """Return the settings with every name as it is shown; ValueError for an unknown name."""
     known = {name for o in offered for name in _names_of(o.label)}
     full = {o.parameter.name: o.label for o in offered if "." in o.parameter.name}
     names = {name: full.get(name, name) for name in settings.names}

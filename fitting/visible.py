@@ -1,4 +1,4 @@
-"""Text of files and of the command line, as terminals, pages and pictures may show it."""
+"""Text of files and of the command line, made safe for terminals, pages and pictures."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from __future__ import annotations
 def visible(text: str, keep: str = "") -> str:
     """Return ``text`` with control, escape and other invisible characters written as escapes.
 
-    A cell may hold the commands of a terminal, a mark that turns the direction of writing, or a
-    byte that no XML may hold. keep: characters that stay, such as line ends.
+    A cell may contain terminal commands, a mark that changes the direction of writing, or a byte
+    that XML does not allow. keep: characters that stay, such as line ends.
     """
     if text.isascii() and text.isprintable():
         return text

@@ -32,7 +32,7 @@ from fitting.unknowns import index_outside, spectrum_of, unknowns
 
 # Wavelengths that are solved side by side, each with LANES starts.
 _TOGETHER = 16
-# Degrees of freedom from which on a wavelength's own scatter tells its noise.
+# Degrees of freedom from which on the noise is estimated from a wavelength's own scatter.
 _ENOUGH = 5
 
 
@@ -46,7 +46,7 @@ class One(NamedTuple):
 
     @property
     def kind(self) -> tuple[Any, ...]:
-        """What wavelengths must share to be lanes of one program."""
+        """What wavelengths must have in common to be lanes of one program."""
         return self.fit.u.spec, self.fit.seen.points.angle_deg.shape[0]
 
 
@@ -86,7 +86,7 @@ def _chunks(ones: list[One], together: int) -> Iterator[list[One]]:
 def _scatter(pairs: list[tuple[One, Ends]]) -> float | None:
     """Return the mean square of the residuals of all wavelengths, None where each has enough.
 
-    Two or three values for two unknowns say nothing of their noise, or that it is 0.
+    From two or three values for two unknowns no noise can be estimated, or it comes out as 0.
     """
     dof = sum(one.fit.dof for one, _ in pairs)
     if dof == 0 or min(one.fit.dof for one, _ in pairs) >= _ENOUGH:
@@ -96,10 +96,10 @@ def _scatter(pairs: list[tuple[One, Ends]]) -> float | None:
 
 
 def _levelled(ends: Ends) -> Ends:
-    """Return the ends with costs next to each other where they are next to the least one.
+    """Return the ends with equal costs where these are close to the lowest one.
 
-    Where k ended at 0 with a misfit, and no degree of freedom tells how large it may be, the solver
-    stopped within 1e-4 of the cost (measured), and 1 of 64 starts seemed to end in the best.
+    If k ends at 0 with a misfit, and there is no degree of freedom, the solver stops within 1e-4 of
+    the cost (measured); without this, 1 of 64 starts would seem to end in the best minimum.
     """
     least = np.min(ends.cost[ends.done], initial=np.inf)
     near = (ends.cost > least) & (ends.cost <= 1.0002 * least)
@@ -109,7 +109,7 @@ def _levelled(ends: Ends) -> Ends:
 def too_few(free: int, found: Fit) -> Fit:
     """Return ``found``, undetermined where there are fewer data than unknowns.
 
-    With k at 0, the end of its range, a single datum seems to determine eta.
+    Otherwise a single datum would seem to determine eta where k is at 0, the end of its range.
     """
     if found.n_data >= free or found.status != CONVERGED:
         return found
@@ -163,12 +163,12 @@ def fit_wavelengths(
 ) -> Fit:
     """Return the fit of every wavelength by itself, batch shape (W,) in rising order.
 
-    psi and Delta of a bare surface give the pseudo-index, see `pseudo_index`. With fewer than five
-    data to spare at some wavelength, the scatter behind scaled errors is that of all.
+    psi and Delta of a bare surface give the pseudo-index, see `pseudo_index`. If a wavelength has
+    fewer than five degrees of freedom, scaled errors use the scatter of all wavelengths.
     """
     several = len(np.unique(measurement.wavelength_um)) > 1
     if several and asked.intervals == "auto" and not sample.eta_i > 1.0:
-        # By profile an interval takes some .1 s; in total reflection a quadratic limit of k can be
+        # A profile interval takes some .1 s, but in total reflection a quadratic limit of k can be
         # 12 times too small.
         asked = asked._replace(intervals=QUADRATIC)
     ones = jobs(measurement, sample, settings, asked)
@@ -188,10 +188,10 @@ def fit_wavelengths(
 def solved_each(ones: list[One], count: int = LANES) -> list[tuple[One, Ends]]:
     """Return every wavelength with the ends of its first ``count`` starts."""
     solved: list[Ends | None] = [None] * len(ones)
-    tell(total=2 * len(ones), done=0)  # each is solved, and then looked at closely
+    tell(total=2 * len(ones), done=0)  # each is solved, and then gets its errors
     together = _TOGETHER * LANES // count
     for chunk in _chunks(ones, together):
-        # Filled up with the last one, so that one program serves.
+        # Filled up with copies of the last one, so that all groups use one program.
         full = chunk + [chunk[-1]] * (together - len(chunk))
         groups = np.repeat(np.arange(together), count)
         with listening(None):  # wavelengths are counted here, not rounds

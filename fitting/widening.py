@@ -1,4 +1,4 @@
-"""Errors of a fit whose residuals are in order, so that fewer of the data are independent."""
+"""Errors of a fit with autocorrelated residuals, so that fewer of the data are independent."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _estimate(e: Estimate, factor: Any, ends: tuple[float, float]) -> Estimate:
     sigma, limit = np.multiply(e.sigma, factor), np.multiply(e.upper_limit, factor)
     with np.errstate(invalid="ignore"):
         wide = value + np.asarray(factor)[..., None] * (before - value)
-        # What cannot be negative ends at 0.
+        # The interval of a parameter that cannot be negative ends at 0.
         wide = np.where((before >= 0.0) & (wide < 0.0), 0.0, np.clip(wide, *ends))
         # An upper limit is the upper end of the interval.
         limit = np.minimum(limit, ends[1])
@@ -46,7 +46,7 @@ def _ranges(fit: Fit) -> dict[str, tuple[float, float]]:
 
 
 def _finding(f: Finding, factor: Any, parameters: Mapping[str, Estimate]) -> Finding:
-    """Return a finding with the errors in it multiplied. parameters: as they are then."""
+    """Return a finding with the errors in it multiplied. parameters: after it."""
     if f.code == "not_quadratic" and np.ndim(factor) == 0:
         each = [(parameters[n].value, parameters[n].interval) for n in f.values["parameters"]]
         pairs = zip(each, f.values["by_sigma"], strict=True)
@@ -62,7 +62,7 @@ def _finding(f: Finding, factor: Any, parameters: Mapping[str, Estimate]) -> Fin
     if f.code == "residuals_in_order":
         return Finding(f.code, f.at, {**f.values, "widened": factor})
     if f.code == "chi2_small":
-        # Of a batch with others that are not in order the sentence stays what it was.
+        # In a batch, fits without autocorrelation keep their sentence.
         kept = np.all(np.asarray(factor) > 1.0)
         return Finding(f.code, f.at, {**f.values, "errors": "kept"}) if kept else f
     if f.code == "compatible_with_zero":
@@ -71,7 +71,7 @@ def _finding(f: Finding, factor: Any, parameters: Mapping[str, Estimate]) -> Fin
 
 
 def widened(fit: Fit) -> Fit:
-    """Return the fit with errors times sqrt((1 + rho) / (1 - rho)) where residuals are in order.
+    """Return the fit with errors times sqrt((1 + rho) / (1 - rho)) for autocorrelated residuals.
 
     rho is the lag-1 correlation of the residuals. Standard errors, intervals, limits, covariance
     and the band of the curve grow; values do not change.
@@ -81,7 +81,7 @@ def widened(fit: Fit) -> Fit:
         return fit
     one = found[0]
     rho = np.where(one.at, one.values["correlation"], np.nan).astype(float)
-    # What is in order was not scaled below what was stated.
+    # With autocorrelation errors are not scaled below the stated ones.
     scale = np.where(np.asarray(fit.errors.stated), np.fmin(fit.errors.factor, 1.0), 1.0)
     factor: Any = widening(rho) / np.where(np.isfinite(rho), scale, 1.0)
     factor = factor if fit.shape else float(factor)

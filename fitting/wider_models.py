@@ -5,7 +5,7 @@ from __future__ import annotations
 from fitting.dispersion import Model
 from fitting.parameters import Parameter
 
-# Where a parameter makes its term vanish; a logarithm needs a number above 0.
+# The value at which a parameter makes its term vanish; a logarithm needs a number above 0.
 _ABSENT = {
     "B": 0.0, "C": 0.0, "k_edge": 0.0, "strength_2": 0.0, "strength_ev2_1": 1e-30,
     "plasma_ev": 1e-30,
@@ -13,7 +13,7 @@ _ABSENT = {
 
 
 def wider(model: Model) -> Model:
-    """Return the model in whose program another one is fitted, itself if it is no special case."""
+    """Return the model in whose program another one is fitted: itself, or a wider one."""
     if model.name in ("cauchy", "cauchy-urbach"):
         return Model("cauchy-urbach", max(model.terms, 3))
     if model.name == "sellmeier":

@@ -1,7 +1,7 @@
-"""The longer sentences of warnings; the table of all is in `sentences`.
+"""The longer sentences of warnings; the table of all of them is in `sentences`.
 
-Each function takes the values of a finding (`diagnostics.Warning.values`); the keys that it looks
-up are the values that the code has.
+Each function takes the values of a warning (`diagnostics.Warning.values`), under the keys that its
+code has, and returns the sentence.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ def listed(names: Iterable[str]) -> str:
 
 
 MEMBER = (
-    "The values shown are the best fit, one of many that fit alike; the 95 % intervals are what "
-    "the data leave."
+    "The values shown are the best fit, one of many that fit equally well; the 95 % intervals are "
+    "the range of values that fit."
 )
 
 
@@ -33,7 +33,8 @@ def mirror(v: Mapping[str, Any]) -> str:
         return said + ": they do not determine eta and k."
     return (
         f"{said}: every index with the same reflectance at normal incidence fits as well. That is "
-        f"at least {v['least_reflectance']:.4f} (95 %); nothing else is known of eta and k."
+        f"at least {v['least_reflectance']:.4f} (95 %); the data determine nothing else of eta and "
+        "k."
     )
 
 
@@ -48,7 +49,7 @@ def circle(v: Mapping[str, Any]) -> str:
 
 def combination(v: Mapping[str, Any]) -> str:
     slope = v.get("slope", float("nan"))
-    trade = f" (a change of eta by 1 is the same as one of k^2 by {num(slope)})"
+    trade = f" (a change of eta by 1 has the same effect as one of k^2 by {num(slope)})"
     return (
         "eta and k are not determined separately: the data fix only one combination of them"
         f"{trade if np.isfinite(slope) else ''}. {MEMBER}"
@@ -59,9 +60,9 @@ def not_seen(v: Mapping[str, Any]) -> str:
     if len(v["parameters"]) == 1:
         return f"{v['parameters'][0]} is not determined: the data do not change with it."
     return (
-        f"{listed(v['parameters'])} are not determined separately: a common change of them leaves "
-        "the fitted curve as it is. The values shown are one of many that fit alike; fix one of "
-        "them, or give it a prior."
+        f"{listed(v['parameters'])} are not determined separately: the fitted curve stays the same "
+        "if they change together. The values shown are one set of many that fit equally well; fix "
+        "one of them, or give it a prior."
     )
 
 
@@ -69,7 +70,7 @@ def does_not_describe(v: Mapping[str, Any]) -> str:
     noise = ""
     if v.get("noise", np.nan) > 0.0:
         noise = (
-            f", {v['rms'] / v['noise']:.2g} times the noise that neighbouring points show "
+            f", {v['rms'] / v['noise']:.2g} times the noise estimated from neighbouring points "
             f"({num(v['noise'])})"
         )
     return (
@@ -81,9 +82,10 @@ def does_not_describe(v: Mapping[str, Any]) -> str:
 def files_exclude(v: Mapping[str, Any]) -> str:
     (one, other), (a, b), (da, db) = v["files"], v["values"], v["sigmas"]
     return (
-        f"the files exclude each other: {v['parameter']} is {a:.5g} +- {da:.2g} by {one} alone and "
-        f"{b:.5g} +- {db:.2g} by {other} alone, {v['apart']:.2g} standard errors apart. They are "
-        "not of one sample, or one of them is off; the values average what cannot both be right."
+        f"the files contradict each other: {v['parameter']} is {a:.5g} +- {da:.2g} by {one} alone "
+        f"and {b:.5g} +- {db:.2g} by {other} alone, {v['apart']:.2g} standard errors apart. They "
+        "are not measurements of one sample, or one of them has a systematic error; the values of "
+        "the common fit are not reliable."
     )
 
 
@@ -91,22 +93,22 @@ def shared_pattern(v: Mapping[str, Any]) -> str:
     return (
         f"the residuals of all wavelengths share a pattern along the angle (probability by chance "
         f"{v['probability']:.1g}): the mean of {v['quantity']} at {v['angle_deg']:g} degrees is "
-        f"{v['mean']:+.2g} standard errors off. One index does not describe the data, or the "
-        "angles or intensities are off."
+        f"{v['mean']:+.2g} standard errors from 0. One index does not describe the data, or the "
+        "angles or intensities have a systematic error."
     )
 
 
 def residuals_in_order(v: Mapping[str, Any]) -> str:
     widened = v.get("widened", 1.0)
     then = (
-        f"The standard errors are multiplied by {widened:.2g} for that, which may not be enough."
+        f"The standard errors are multiplied by {widened:.2g}, which may not be enough."
         if widened > 1.0
         else "The standard errors of the parameters are too small."
     )
     return (
-        f"the residuals are autocorrelated along the {v['along']}, which noise is not (lag-1 "
-        f"correlation {v['correlation']:.2f}; of noise below {v['chance']:.2f}): the model is "
-        f"incomplete or the instrument drifted. {then}"
+        f"the residuals are autocorrelated along the {v['along']} (lag-1 correlation "
+        f"{v['correlation']:.2f}; that of independent noise is below {v['chance']:.2f}): the model "
+        f"is incomplete or the instrument drifted. {then}"
     )
 
 
@@ -117,8 +119,8 @@ def other_minima(v: Mapping[str, Any]) -> str:
     best = "; the best of them has " if v["count"] > 1 else ": "
     higher = f"chi2 {'higher' if v['delta_chi2'] >= 0.0 else 'lower'} by {abs(v['delta_chi2']):.2g}"
     return (
-        f"{many} nearly as well{best}{values} ({higher}). The data do not say which is the true "
-        "one; the intervals are those of the one that is shown."
+        f"{many} nearly as well{best}{values} ({higher}). The data do not determine which is the "
+        "true one; the intervals are those of the solution that is shown."
     )
 
 
@@ -132,16 +134,17 @@ def at_bound(v: Mapping[str, Any]) -> str:
 def others_hold(v: Mapping[str, Any]) -> str:
     if not v.get("others"):
         return ""
-    text = f", and the standard errors of the others hold for {v['parameter']} = {num(v['value'])}"
-    return text + ", their 95 % intervals for all that it may be" * bool(v.get("profile"))
+    name = v["parameter"]
+    text = f", and the standard errors of the others are valid for {name} = {num(v['value'])} only"
+    return text + f"; their 95 % intervals include all values of {name}" * bool(v.get("profile"))
 
 
 def compatible_with_zero(v: Mapping[str, Any]) -> str:
     text = (
-        f"{v['parameter']} is compatible with 0 and below what these data can show: "
+        f"{v['parameter']} is compatible with 0 and too small for these data to determine: "
         f"{v['parameter']} < {num(v['limit'])} (95 %){others_hold(v)}."
     )
-    return text + " External reflectance depends on k^2 there." * bool(v.get("even"))
+    return text + " The reflectance depends on k^2 here, not on k." * bool(v.get("even"))
 
 
 def not_quadratic(v: Mapping[str, Any]) -> str:
@@ -150,13 +153,14 @@ def not_quadratic(v: Mapping[str, Any]) -> str:
 
     rows = list(zip(v["parameters"], v["intervals"], v["by_sigma"], strict=True))
     each = "; ".join(
-        f"{name}: {ends(own)}, by its standard error {ends(by_error)}"
+        f"{name}: {ends(own)} (by its standard error {ends(by_error)})"
         for name, own, by_error in rows[:4]
     )
     more = f"; and {len(rows) - 4} more" if len(rows) > 4 else ""
     return (
-        "standard errors do not tell how far these parameters may be off, since the fit is not "
-        f"linear enough; their 95 % intervals (profile likelihood) are {each}{more}."
+        "standard errors mislead for these parameters, since the fitted curve is not linear in "
+        "them over the range of their errors; their 95 % intervals (profile likelihood) are "
+        f"{each}{more}."
     )
 
 
@@ -191,7 +195,8 @@ def chi2_small(v: Mapping[str, Any]) -> str:
     outliers = ", without the outliers," * bool(v.get("robust"))
     then = {
         "scaled": "; the errors of the parameters are scaled down by that",
-        "kept": ". The residuals are in order: the errors of the parameters are not scaled down",
+        "kept": ". Since the residuals are autocorrelated, the errors of the parameters are not "
+        "scaled down",
     }.get(v["errors"], "")
     return (
         f"reduced chi2{outliers} is {num(v['chi2_reduced'])}: the residuals are only "
@@ -207,7 +212,7 @@ def few_starts_agree(v: Mapping[str, Any]) -> str:
 
 
 def no_freedom(v: Mapping[str, Any]) -> str:
-    known = "as stated and unchecked" if v["stated"] else "unknown"
+    known = "taken from the stated errors, untested" if v["stated"] else "unknown"
     unknowns = {1: "one unknown", 2: "two unknowns"}.get(v["unknowns"], f"{v['unknowns']} unknowns")
     return (
         f"{v['n_data']} data for {unknowns} leave no degree of freedom to test the fit; its errors "
@@ -219,16 +224,19 @@ def errors_floor(v: Mapping[str, Any]) -> str:
     return (
         f"reduced chi2 with the stated errors is {num(v['chi2_reduced'])}. A standard error of "
         f"{v['floor']:.2g}, common to all data and added in squares, is likelier than one factor "
-        f"on all stated errors (log likelihood higher by {v['gain']:.3g}), and is taken."
+        f"on all stated errors (log likelihood higher by {v['gain']:.3g}), and is used."
     )
 
 
 def errors_differ(v: Mapping[str, Any]) -> str:
     rows = zip(v["parameters"], v["floor"], v["factor"], strict=True)
-    each = ", ".join(f"{name} {num(a)} (floor) or {num(b)} (factor)" for name, a, b in rows)
+    each = "; ".join(
+        f"{name} is {num(a)} with a common error added (floor), {num(b)} with a common factor"
+        for name, a, b in rows
+    )
     return (
-        "what is assumed of errors that are not met changes the result by more than its standard "
-        f"errors: {each}."
+        "the stated errors are too small, and how they are corrected changes the result by more "
+        f"than its standard errors: {each}."
     )
 
 
@@ -252,18 +260,19 @@ def does_not_fit(v: Mapping[str, Any]) -> str:
 
 
 def quoted(labels: Iterable[str]) -> str:
-    """Return labels, which hold commas."""
+    """Return a list of labels in quotation marks, since labels contain commas."""
     return listed(f'"{label}"' for label in labels)
 
 
 def choice_alike(v: Mapping[str, Any]) -> str:
     why = ""
     if v["fewest"]:
-        why = "; it has the fewest parameters"
-        why += f" and, of {v['as_large'] + 1} that have, the lowest BIC" * bool(v["as_large"])
+        why = "; the first is taken, since it has the fewest parameters"
+        count = v["as_large"] + 1
+        why += f" and, of the {count} with as few, the lowest BIC" * bool(v["as_large"])
     return (
-        f'the data do not tell "{v["taken"]}" from {quoted(v["others"])} (BIC closer than '
-        f"{v['margin']:g}){why}."
+        f'the data do not distinguish "{v["taken"]}" from {quoted(v["others"])} (BIC differs by '
+        f"less than {v['margin']:g}){why}."
     )
 
 

@@ -1,4 +1,4 @@
-"""An index for others: a file of the form of refractiveindex.info, and its errors as CSV.
+"""A fitted index as a file in the form of refractiveindex.info, and its errors as CSV.
 
 `fitting.material_files` reads both again; `output.material` writes those of a fit.
 """
@@ -20,7 +20,7 @@ ERRORS_HEAD = "wavelength_um,n,k,sigma_n,sigma_k"
 
 
 def errors_beside(path: str | os.PathLike[str]) -> Path:
-    """Return where the errors of a material file go; ValueError for a name that is not one's."""
+    """Return the path for the errors of a material file; ValueError for another kind of name."""
     file = Path(path)
     if file.suffix.lower() not in ENDINGS:
         raise ValueError(f"{file.name}: wanted a name that ends in .yml")
@@ -28,7 +28,7 @@ def errors_beside(path: str | os.PathLike[str]) -> Path:
 
 
 def of_medium(path: str | os.PathLike[str], medium: str | None) -> Path:
-    """Return where the index of one medium goes: out_film.yml beside out.yml.
+    """Return the path for the index of one medium: out_film.yml beside out.yml.
 
     medium: its place in the sample; None: the only one, which goes to ``path`` itself.
     """
@@ -73,12 +73,12 @@ def material_texts(
 def write_material(
     path: str | os.PathLike[str], wavelength_um: Any, eta: Any, k: Any, **more: Any
 ) -> tuple[Path, Path | None]:
-    """Write an index as a file of the form of refractiveindex.info, its errors as CSV beside it.
+    """Write an index as a file in the form of refractiveindex.info, its errors as CSV beside it.
 
-    path: ends in .yml. wavelength_um, eta, k: (W,). sigma_eta, sigma_k: (W,) standard errors, which
-    that form has no place for: with them ``NAME_errors.csv`` is written too. reference, comments:
+    path: ends in .yml. wavelength_um, eta, k: (W,). sigma_eta, sigma_k: (W,) standard errors, for
+    which that form has no place; they are written to ``NAME_errors.csv``. reference, comments:
     plain text. conditions: name -> value, such as ``{"temperature": 293, "thickness": "108 nm"}``.
-    Returns both paths (None: no errors). Rows without a number are left out.
+    Returns both paths (None: no errors). Rows without a finite number are left out.
     """
     file, beside = Path(path), errors_beside(path)
     try:
@@ -93,7 +93,7 @@ def write_material(
 
 
 def _plain(value: object) -> str:
-    """Return a number as it is and any text in quotes, which YAML cannot misread."""
+    """Return a number unchanged and any text in quotes, so that YAML cannot misread it."""
     if isinstance(value, int | float):
         return f"{value:g}"
     return '"' + visible(str(value)).replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -167,7 +167,7 @@ def test_errors_missing_from_some_data_are_not_guessed():
     found = fit(m)
     (note,) = found.notes
     assert note.text == (
-        "sigma is missing for 2 of 32 data: all are weighted alike, and the errors come from the "
+        "sigma is missing for 2 of 32 data: all have equal weights, and the errors come from the "
         "scatter."
     )
     assert np.isnan(found.chi2)

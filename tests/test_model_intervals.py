@@ -57,10 +57,10 @@ def test_k_near_zero(seed):
         intervals(quadratic)[0], values(quadratic)[0] + t * sigmas(quadratic)[0] * np.array([-1, 1])
     )
     if seed == 1:
-        text = "hold for k = 0, their 95 % intervals for all that it may be"
+        text = "are valid for k = 0 only; their 95 % intervals include all values of k"
         assert any(text in w.text for w in scaled.warnings)
         assert not any("intervals" in w.text for w in quadratic.warnings)
-        text = "the standard errors of the others hold for k = 0"
+        text = "the standard errors of the others are valid for k = 0 only"
         assert any(text in w.text for w in quadratic.warnings)
         assert np.ptp(intervals(scaled)[0]) > 1.2 * np.ptp(intervals(quadratic)[0])
         assert any(
@@ -80,7 +80,7 @@ def test_a_curved_valley():
     assert_same(intervals(found), theirs)
     half = 1.96 * sigmas(found)
     assert (np.abs(intervals(found) - values(found)[:, None]).max(1) > 1.5 * half).all()
-    assert any("standard errors do not tell how far" in w.text for w in found.warnings)
+    assert any("standard errors mislead for these parameters" in w.text for w in found.warnings)
     assert "(profile likelihood)" in str(found)
 
 

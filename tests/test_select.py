@@ -164,15 +164,17 @@ def test_what_is_said_of_models_that_fit_alike():
 
     larger, as_large = candidate("cauchy:3", 3, -2.0), candidate("sellmeier:1", 2, 1.0)
     (text,) = said([larger, one])
-    assert text.startswith('the data do not tell "cauchy:2, scale" from "cauchy:3" (BIC closer')
-    assert text.endswith("it has the fewest parameters.")
+    assert text.startswith(
+        'the data do not distinguish "cauchy:2, scale" from "cauchy:3" (BIC differs'
+    )
+    assert text.endswith("since it has the fewest parameters.")
     (text,) = said([larger, one, as_large])
     assert '"cauchy:3" and "sellmeier:1" (BIC' in text
-    assert text.endswith("it has the fewest parameters and, of 2 that have, the lowest BIC.")
+    assert text.endswith("has the fewest parameters and, of the 2 with as few, the lowest BIC.")
     # Taken for another reason, which is said elsewhere.
     for better in (candidate("constant", 1, 4.0), candidate("sellmeier:1", 2, -1.0)):
         (text,) = said([better, one])
-        assert text.endswith("(BIC closer than 6).")
+        assert text.endswith("(BIC differs by less than 6).")
 
 
 def test_names_that_only_some_models_have_are_refused(spectrum):
@@ -208,7 +210,7 @@ def test_dispersion_is_seen_in_a_spectrum():
     choice = select.choose(m, instrument=False)
     assert choice.taken.label in ("cauchy:2", "sellmeier:1")
     assert choice.taken.size == 2
-    assert any("do not tell" in r.text for r in choice.reasons)
+    assert any("do not distinguish" in r.text for r in choice.reasons)
 
 
 def test_a_chain_ends_with_a_candidate_that_may_not_be_taken():

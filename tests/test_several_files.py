@@ -23,7 +23,7 @@ def test_files_that_exclude_each_other_are_named(tmp_path, capsys):
     first, second = write(tmp_path, "one.csv", 1.5), write(tmp_path, "two.csv", 1.9, seed=1)
     main([first, second])
     out = " ".join(capsys.readouterr().out.split())
-    assert "the files exclude each other: " in out
+    assert "the files contradict each other: " in out
     assert "one.csv alone" in out and "two.csv alone" in out
 
 
@@ -31,7 +31,7 @@ def test_files_that_exclude_each_other_are_named(tmp_path, capsys):
 def test_two_polarizations_of_one_sample_are_not_told_apart(tmp_path, capsys, sample):
     first, second = write(tmp_path, "s.csv", 1.5), write(tmp_path, "p.csv", 1.5, "R_p", 1)
     assert main([first, second, "--sample", sample, "--wavelength-um", "0.6"]) == 0
-    assert "exclude each other" not in " ".join(capsys.readouterr().out.split())
+    assert "contradict each other" not in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize("sample", ["free", "constant"])

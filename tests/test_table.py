@@ -66,7 +66,7 @@ def test_what_the_data_do_not_determine_gets_no_error(spectrum):
     m = spectrum.measurement
     text = str(fit(m.where(m.wavelength_um == 0.7)))
     assert "+-" not in text.replace("value +- std. error", "")
-    assert "one of many that fit alike" in text
+    assert "one of many that fit equally well" in text
     assert "circle" in text
 
 

@@ -148,7 +148,7 @@ def test_what_is_said_and_drawn_of_a_k_that_is_not_seen():
     found = fitted(measured(1.0, 0.0, 1.5, 30), 1.5)
     zero = found[int(np.flatnonzero(at_zero(found))[0])]
     (said,) = texts(zero)
-    assert "below what these data can show" in said
+    assert "too small for these data to determine" in said
     assert "k^2" not in said
     # The band of the curve beyond the critical angle is what the error of k gives it.
     step = 1e-7

@@ -31,7 +31,7 @@ from fitting.result import (
 _UNSEEN = 6.0
 _INSTRUMENT = ("scale", "background", "angle_offset", "leak", "divergence", "bandwidth")
 _STATES = {AT_LOWER: "at its lower bound", AT_UPPER: "at its upper bound"}
-_ONE_OF_MANY = "one of many that fit alike"
+_ONE_OF_MANY = "one of many that fit equally well"
 
 
 def reach(fit: Fit) -> float:

@@ -1,4 +1,4 @@
-"""What a table and a page say of a fit beside its parameters: label and text, line by line."""
+"""The lines of a table or page beside the parameters of a fit: a label and a text each."""
 
 from __future__ import annotations
 
@@ -208,11 +208,11 @@ def remedy(fit: Fit) -> Facts:
 
 
 def findings_of_one(fit: Fit) -> Facts:
-    """Return how well one set of parameters describes the data, and what its errors rest on."""
+    """Return how well one set of parameters describes the data, and how its errors were made."""
     rows = [_chi2(fit), ("rms", rms_text(fit))]
     if fit.loss != "squares":
         unit = " times the stated errors" if fit.errors.stated else ""
-        rows.append(("loss", f"{fit.loss}, at a noise of {number(fit.noise, 3)}{unit}"))
+        rows.append(("loss", f"{fit.loss}, for noise of {number(fit.noise, 3)}{unit}"))
     if errors := errors_text(fit):
         rows.append(("errors", errors))
     if correlations := correlation_text(fit):

@@ -128,7 +128,7 @@ def text_of(fit: Fit, width: int = 80, reference: str = "", comparison: Any = No
     """
     text = table(fit, width)
     if comparison is not None:
-        lines = ["", "  models compared (BIC above the lowest; > is taken)"]
+        lines = ["", "  models compared (BIC minus the lowest BIC; > marks the model taken)"]
         lines += rows_aligned(comparison.rows)
         lines += ["", *(wrapped("choice", reason, width) for reason in comparison.reasons)]
         text += "\n".join(lines) + "\n"
