@@ -16,7 +16,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import Array
 
-from fitting.coherent_films import Layers, admittances, amplitudes
+from fitting.coherent_films import FEW_LAYERS, Layers, admittances, amplitudes
 
 
 class _Faces(NamedTuple):
@@ -29,6 +29,8 @@ class _Faces(NamedTuple):
 
 
 def _faces(admittance: Layers, phase: Layers) -> _Faces:
+    if len(phase) <= FEW_LAYERS:  # a packet of few films in a sample of many
+        admittance, phase = tuple(admittance), tuple(phase)
     r, t = amplitudes(admittance, phase)
     back = amplitudes(admittance[::-1], phase[::-1]).r
     # Reciprocity: t' = t Y_behind / Y_front of the tangential fields.

@@ -1,7 +1,7 @@
 """From parameters to what is measured: a sample seen through an instrument, row by row.
 
 This is the one place where a sample becomes numbers: `boundary` chooses between one surface, a
-plate, coherent films, thick layers and a stack, and `predicted` makes every observable of it.
+plate, coherent films and thick layers, and `predicted` makes every observable of it.
 
 psi and Delta are compared as N = cos 2psi, C = sin 2psi cos Delta, S = sin 2psi sin Delta, which
 have no branches and no place where one of them means nothing; a divergent beam and the width of a
