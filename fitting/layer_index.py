@@ -121,7 +121,7 @@ def slices_of(spec: Spec, medium: int, v: Mapping[str, Array], at: Array, eta_i:
             tuple(jnp.broadcast_to(x, (which.steps, *x.shape)) for x in part)
             for part in _parts(spec, medium, v, at, eta_i)
         ]
-        # All steps at once: a formula for each of eight takes seven seconds more to compile.
+        # All steps at once: a formula for each of eight takes five seconds more to compile.
         shares = ((jnp.arange(which.steps) + 0.5) / which.steps)[:, None, None]
         eta, k = _mixed(which, parts, [shares])
         return [(eta[j], k[j]) for j in range(which.steps)]
