@@ -24,9 +24,9 @@ from jax.custom_derivatives import SymbolicZero
 # What a square of the index along the normal of zero is replaced by: a layer just at its critical
 # angle, where the derivatives of the recursion divide by zero although those of R do not.
 _SMALL = 1e-30
-# More layers (the slices of a graded film) are a loop. With five derivatives, the formula for six
-# takes 10 s to compile, and the loop 3 to 5 s for seven and for twelve; but of few layers those that
-# do not move cost nothing in a formula.
+# More layers (the slices of a graded film) are a loop. With five derivatives the formula for six
+# takes 10 s to compile, and the loop 3 to 5 s for seven and for twelve; but of few layers those
+# that do not move cost nothing in a formula.
 FEW_LAYERS = 6
 
 
