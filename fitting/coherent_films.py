@@ -12,7 +12,8 @@ them from the back half. The derivatives are our own algebra, tested against mpm
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import operator
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -23,8 +24,9 @@ from jax.custom_derivatives import SymbolicZero
 # What a square of the index along the normal of zero is replaced by: a layer just at its critical
 # angle, where the derivatives of the recursion divide by zero although those of R do not.
 _SMALL = 1e-30
-# Of more layers (the slices of a graded film) the unrolled program takes longer to compile than the
-# loop of `stack`: 38 s against 11 s for twelve.
+# More layers (the slices of a graded film) are a loop. With five derivatives the formula for six
+# takes 10 s to compile, and the loop 3 to 5 s for seven and for twelve; but of few layers those
+# that do not move cost nothing in a formula.
 FEW_LAYERS = 6
 
 
@@ -70,91 +72,142 @@ def _root(z: Array) -> Array:
     return jax.lax.complex(jnp.where(above, large, small), jnp.where(above, small, large))
 
 
-class _Boundary(NamedTuple):
-    """A boundary: its own r and 1 / (Y + Y'), what comes back from below, and 1 / (1 + r G)."""
-
-    r: Array
-    inverse: Array
-    G: Any
-    g: Array
+# Of media or layers, from front to back: a tuple, or an array with them on its leading axis.
+Layers = Any
 
 
-def _recursion(
-    admittance: Sequence[Array], passage: Sequence[Array]
-) -> tuple[Amplitudes, list[_Boundary]]:
-    """Return r and t, and the boundaries from the front to the back.
+def _each(f: Callable, *layers: Layers) -> Layers:
+    """Return f of each of some layers."""
+    return tuple(map(f, *layers)) if isinstance(layers[0], tuple) else f(*layers)
 
-    admittance: of the media. passage: what a layer multiplies the field by, exp(i phase).
+
+def _through(
+    step: Callable, start: Any, layers: tuple[Layers, ...], backwards: bool = False
+) -> tuple[Any, tuple[Layers, ...]]:
+    """Return what `step` carries through all layers, and what it leaves of each of them.
+
+    A tuple is written out; an array is a loop, whose program has one size for any number of layers.
     """
-    boundaries: list[_Boundary] = []
-    below = t = admittance[-1]  # replaced at the last boundary
-    for j in reversed(range(len(admittance) - 1)):
-        inverse = _reciprocal(admittance[j] + admittance[j + 1])
-        r = (admittance[j] - admittance[j + 1]) * inverse
-        if j == len(passage):
-            boundaries.append(_Boundary(r, inverse, 0.0, jnp.ones_like(r)))
-            below, t = r, 1.0 + r
-            continue
-        G = _once(below * passage[j] * passage[j])
+    if not isinstance(layers[0], tuple):
+        return jax.lax.scan(step, start, layers, reverse=backwards)
+    order, found = list(zip(*layers, strict=True)), []
+    for at in reversed(order) if backwards else order:
+        start, left = step(start, at)
+        found.append(left)
+    left = tuple(zip(*(reversed(found) if backwards else found), strict=True))
+    return start, left or ((),) * 4  # of no layer
+
+
+class _Boundaries(NamedTuple):
+    """Of each boundary its own r and 1 / (Y + Y'), and of each layer what follows.
+
+    passage: what it multiplies the field by, exp(i phase). G: what comes back through it from
+    below. g: 1 / (1 + r G) of the boundary in front.
+    """
+
+    r: Layers
+    inverse: Layers
+    passage: Layers
+    G: Layers
+    g: Layers
+
+
+def _recursion(admittance: Layers, phase: Layers) -> tuple[Amplitudes, _Boundaries]:
+    """Return r and t, and what they are made of; arguments as of `amplitudes`."""
+    front, behind = admittance[:-1], admittance[1:]
+    passage = _each(lambda p: _once(jnp.exp(p)), phase)
+    inverse = _each(lambda Y, other: _reciprocal(Y + other), front, behind)
+    r = _each(lambda Y, other, i: (Y - other) * i, front, behind, inverse)
+
+    def step(rest: Amplitudes, at: tuple[Array, Array]) -> Any:
+        r, passage = at
+        G = _once(rest.r * passage * passage)
         g = _reciprocal(1.0 + r * G)
-        boundaries.append(_Boundary(r, inverse, G, g))
-        below, t = (r + G) * g, (1.0 + r) * g * passage[j] * t
-    return Amplitudes(_once(below), _once(t)), boundaries[::-1]
+        return Amplitudes((r + G) * g, (1.0 + r) * g * passage * rest.t), (G, g)
+
+    start = Amplitudes(r[-1], 1.0 + r[-1])
+    out, (G, g, *_) = _through(step, start, (r[:-1], passage), backwards=True)
+    return Amplitudes(*map(_once, out)), _Boundaries(r, inverse, passage, G, g)
 
 
 @jax.custom_jvp
-def amplitudes(admittance: tuple[Array, ...], phase: tuple[Array, ...]) -> Amplitudes:
+def amplitudes(admittance: Layers, phase: Layers) -> Amplitudes:
     """Return r and t of layers between two half-spaces for one polarization.
 
     admittance: of the media, Q for s and Q / N^2 for p, with Q the index along the normal.
-    phase: 2 pi i Q thickness / wavelength of the layers. All complex, broadcasting.
+    phase: 2 pi i Q thickness / wavelength of the layers. All complex, of one shape.
     """
-    return _recursion(admittance, tuple(_once(jnp.exp(p)) for p in phase))[0]
+    return _recursion(admittance, phase)[0]
 
 
 def _derivatives(primals: Any, tangents: Any) -> tuple[Amplitudes, Amplitudes]:
     admittance, phase = primals
-    passage = tuple(_once(jnp.exp(p)) for p in phase)
-    out, boundaries = _recursion(admittance, passage)
-    d_admittance, d_phase = tangents
-    d_r, d_log_t = jnp.zeros_like(out.r), jnp.zeros_like(out.r)
-    # Derivatives of r and log t by what the rest of the stack reflects.
-    of_r, of_t = jnp.ones_like(out.r), jnp.zeros_like(out.r)
-    for j, (r, inverse, G, g) in enumerate(boundaries):
-        own = (1.0 - G * G) * g * g
-        # d r of the boundary = 2 (Y' dY - Y dY') / (Y + Y')^2, and Y / (Y + Y') = (1 + r) / 2.
-        per_r, per_t = of_r * own, of_t * own - G * g
-        for which, other, sign in ((j, j + 1, 1.0), (j + 1, j, -1.0)):
-            step = d_admittance[which]
-            if not isinstance(step, SymbolicZero):
-                share = (2.0 * sign) * admittance[other] * inverse * inverse
-                # Of log t beside that: d log (1 + r) = (dY Y' / Y - dY') / (Y + Y').
-                more = (
-                    admittance[1 + j] * _reciprocal(admittance[j]) * inverse
-                    if sign > 0.0
-                    else -inverse
-                )
-                d_r += _once(per_r * share) * step
-                d_log_t += _once(per_t * share + more) * step
-        if j == len(phase):
-            break
-        through = (1.0 - r * r) * g * g
+    out, (r, inverse, passage, G, g) = _recursion(admittance, phase)
+
+    def step(of: tuple[Array, Array], at: tuple[Array, ...]) -> Any:
+        # Derivatives of r and log t by what the rest of the stack reflects.
+        (of_r, of_t), (r, passage, G, g) = of, at
+        own, through, back = (1.0 - G * G) * g * g, (1.0 - r * r) * g * g, passage * passage
+        boundary = of_r * own, of_t * own - G * g
         of_r, of_t = of_r * through, of_t * through - r * g
-        step = d_phase[j]
-        if not isinstance(step, SymbolicZero):
-            d_r += _once(2.0 * of_r * G) * step
-            d_log_t += _once(2.0 * of_t * G + 1.0) * step
-        back = passage[j] * passage[j]
-        of_r, of_t = _once(of_r * back), _once(of_t * back)
-    return out, Amplitudes(d_r, out.t * d_log_t)
+        layer = 2.0 * of_r * G, 2.0 * of_t * G + 1.0
+        return (_once(of_r * back), _once(of_t * back)), (*boundary, *layer)
+
+    start = jnp.ones_like(out.r), jnp.zeros_like(out.r)
+    last, (per_r, per_t, *of_phase) = _through(step, start, (r[:-1], passage, G, g))
+    per_r, per_t = _joined([], per_r, [last[0]]), _joined([], per_t, [last[1]])
+    # d r of a boundary = 2 (Y' dY - Y dY') / (Y + Y')^2, and Y / (Y + Y') = (1 + r) / 2.
+    share = _each(lambda i: 2.0 * i * i, inverse)
+    front, behind = admittance[:-1], admittance[1:]
+    to_front = _each(lambda p, s, Y: p * s * Y, per_r, share, behind)
+    to_behind = _each(lambda p, s, Y: -p * s * Y, per_r, share, front)
+    # Of log t beside that: d log (1 + r) = (dY Y' / Y - dY') / (Y + Y').
+    also_front = _each(
+        lambda p, s, Y, other, i: (p * s + i * _reciprocal(Y)) * other,
+        per_t, share, front, behind, inverse,
+    )  # fmt: skip
+    also_behind = _each(lambda p, s, Y, i: -(p * s * Y + i), per_t, share, front, inverse)
+    of_admittance = (
+        _joined([a[0]], _each(operator.add, a[1:], b[:-1]), [b[-1]])
+        for a, b in ((to_front, to_behind), (also_front, also_behind))
+    )
+    d_r, d_log_t = (
+        _sum(by_admittance, tangents[0]) + _sum(by_phase, tangents[1])
+        for by_admittance, by_phase in zip(of_admittance, of_phase, strict=True)
+    )
+    return out, Amplitudes(jnp.zeros_like(out.r) + d_r, out.t * d_log_t)
 
 
 amplitudes.defjvp(_derivatives, symbolic_zeros=True)
 
 
+def _joined(front: Sequence[Array], layers: Layers, behind: Sequence[Array] = ()) -> Layers:
+    """Return layers with single ones in front of them and behind."""
+    if isinstance(layers, tuple):
+        return (*front, *layers, *behind)
+    return jnp.concatenate([*(x[None] for x in front), layers, *(x[None] for x in behind)])
+
+
+def _sum(derivatives: Layers, steps: Any) -> Any:
+    """Return the change with all layers, from the derivatives by each and the steps of each."""
+    if isinstance(steps, SymbolicZero):
+        return 0.0
+    if isinstance(derivatives, tuple):
+        pairs = zip(derivatives, steps, strict=True)
+        return sum(_once(d) * step for d, step in pairs if not isinstance(step, SymbolicZero))
+    return (derivatives * steps).sum(0)
+
+
+@jax.custom_jvp
 def normal_index(z: Array) -> Array:
     """Return the index along the normal, the root of its square with Im >= 0."""
     return _once(_root(jnp.where(z == 0.0, _SMALL, z)))
+
+
+@normal_index.defjvp
+def _of_normal_index(primals: Any, tangents: Any) -> tuple[Array, Array]:
+    out = normal_index(*primals)
+    return out, _once(0.5 * _reciprocal(out)) * tangents[0]
 
 
 def admittances(
@@ -163,26 +216,34 @@ def admittances(
     index: Sequence[Array],
     thickness_um: Sequence[Array],
     wavelength_um: Array,
-) -> tuple[tuple[Array, ...], tuple[Array, ...], tuple[Array, ...]]:
+) -> tuple[Layers, Layers, Layers]:
     """Return the admittances of all media for s and for p, and the phases, as in `amplitudes`.
 
     Arguments as of `films`; all that is returned has one shape.
     """
     c = jnp.maximum(c, 1e-15)
-    squares = [n * n for n in index]
-    # N^2 - sin^2, so that a medium like the first one has exactly its cosine.
     q0 = eta_i * c
-    q = [normal_index((n2 - eta_i * eta_i) + q0 * q0) for n2 in squares]
     front = jax.lax.complex(q0, jnp.zeros_like(q0))
-    shape = jnp.broadcast_shapes(front.shape, *(z.shape for z in q))
     k0 = 2.0 * jnp.pi / wavelength_um
-    phase = [1j * (k0 * d) * z for d, z in zip(thickness_um, q[:-1], strict=True)]
-    for_p = [
-        front / (eta_i * eta_i),
-        *(_once(z * _reciprocal(n2)) for z, n2 in zip(q, squares, strict=True)),
-    ]
-    whole = [[jnp.broadcast_to(z, shape) for z in each] for each in ([front, *q], for_p, phase)]
-    return tuple(whole[0]), tuple(whole[1]), tuple(whole[2])
+    shape = jnp.broadcast_shapes(front.shape, k0.shape, *(n.shape for n in index))
+
+    def whole(z: Array) -> Array:
+        return jnp.broadcast_to(z, (*z.shape[: max(z.ndim - len(shape), 0)], *shape))
+
+    def together(layers: Sequence[Array]) -> Layers:
+        many = len(thickness_um) > FEW_LAYERS
+        return jnp.stack([whole(x) for x in layers]) if many else tuple(layers)
+
+    # N^2 - sin^2, so that a medium like the first one has exactly its cosine.
+    squares = _each(lambda n: n * n, together(index))
+    q = _each(lambda n2: normal_index((n2 - eta_i * eta_i) + q0 * q0), squares)
+    phase = _each(lambda z, d: whole(1j * (k0 * d) * z), q[:-1], together(thickness_um))
+    for_p = _each(lambda z, n2: whole(_once(z * _reciprocal(n2))), q, squares)
+    return (
+        _joined([whole(front)], _each(whole, q)),
+        _joined([whole(front / (eta_i * eta_i))], for_p),
+        phase,
+    )
 
 
 def films(

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import Array
 
-from fitting.coherent_films import admittances, amplitudes
+from fitting.coherent_films import FEW_LAYERS, Layers, admittances, amplitudes
 
 
 class _Faces(NamedTuple):
@@ -28,7 +28,9 @@ class _Faces(NamedTuple):
     there_and_back: Array
 
 
-def _faces(admittance: tuple[Array, ...], phase: tuple[Array, ...]) -> _Faces:
+def _faces(admittance: Layers, phase: Layers) -> _Faces:
+    if len(phase) <= FEW_LAYERS:  # a packet of few films in a sample of many
+        admittance, phase = tuple(admittance), tuple(phase)
     r, t = amplitudes(admittance, phase)
     back = amplitudes(admittance[::-1], phase[::-1]).r
     # Reciprocity: t' = t Y_behind / Y_front of the tangential fields.

@@ -1,7 +1,7 @@
 """From parameters to what is measured: a sample seen through an instrument, row by row.
 
 This is the one place where a sample becomes numbers: `boundary` chooses between one surface, a
-plate, coherent films, thick layers and a stack, and `predicted` makes every observable of it.
+plate, coherent films and thick layers, and `predicted` makes every observable of it.
 
 psi and Delta are compared as N = cos 2psi, C = sin 2psi cos Delta, S = sin 2psi sin Delta, which
 have no branches and no place where one of them means nothing; a divergent beam and the width of a
@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from fitting.coherent_films import FEW_LAYERS, films
+from fitting.coherent_films import films
 from fitting.dispersion import Model
 from fitting.incoherent_layers import Incoherent, incoherent
 from fitting.instrument import BEAM, SLIT, cosines, detected, slit
@@ -29,7 +29,7 @@ from fitting.parameters import to_parameter
 from fitting.partial_derivatives import by_partial_derivatives
 from fitting.quantities import POWERS
 from fresnel_jax import powers
-from fresnel_jax.layers import slab, stack
+from fresnel_jax.layers import slab
 from fresnel_jax.polarization import ellipsometric_ratio
 
 NCS = "NCS"
@@ -179,14 +179,12 @@ def boundary(
     together = zip(media.coherent, index[:-1], strict=True)
     coherent = [interferes for interferes, slices in together for _ in slices]
     if not pairs and media.coherent == (False,) and media.closed:
+        # `incoherent` is right too, but takes twice as long, to compile (1.5 s) and to run.
         found: Any = slab(c, *index[0][0], thicknesses[0], wavelength_um, eta_i)
-    elif all(coherent) and len(layers) <= FEW_LAYERS:
+    elif all(coherent):
         found = films(c, eta_i, media_index, thicknesses, wavelength_um, media.normal)
-    elif not all(coherent) and (pairs or len(layers) <= FEW_LAYERS):
-        found = incoherent(c, eta_i, media_index, thicknesses, wavelength_um, coherent)
     else:
-        media_index = [jnp.asarray(eta_i, float) + 0.0j, *media_index]
-        found = stack(c, media_index, thicknesses, wavelength_um, coherent)
+        found = incoherent(c, eta_i, media_index, thicknesses, wavelength_um, coherent)
     ellipse = None
     if pairs:
         # No quotient r_p / r_s: a film may extinguish r_s.

@@ -10,19 +10,24 @@ from fitting.coherent_films import FEW_LAYERS, films
 from tests import stack_oracle
 
 LAYERS = (0, 1, 2, FEW_LAYERS)
+MANY = (FEW_LAYERS + 1, 12, 40)  # one loop over layers instead of a formula for each of them
 
 
 def drawn(layers, count, seed):
-    """Return cosines, n_0, n, k, thicknesses and wavelengths of random stacks; half transparent."""
+    """Return cosines, n_0, n, k, thicknesses and wavelengths of random stacks; half transparent.
+
+    Many layers are up to 1 um thick, few up to 20.
+    """
     random = np.random.default_rng(seed)
     shape = (layers + 1, count)
+    thickest = 1.3 if layers <= FEW_LAYERS else 0.0
     k = 10.0 ** random.uniform(-6.0, 1.0, shape) * (random.random(shape) < 0.5)
     return (
         random.uniform(0.01, 1.0, count),
         random.uniform(1.0, 1.8, count),
         random.uniform(0.05, 5.0, shape),
         k,
-        10.0 ** random.uniform(-3.0, 1.3, (layers, count)),
+        10.0 ** random.uniform(-3.0, thickest, (layers, count)),
         10.0 ** random.uniform(-0.5, 1.0, count),
     )
 
@@ -68,7 +73,7 @@ def radians(n, k, d, wavelength):
     return 1.0 + (2.0 * np.pi * np.abs(n[:-1] + 1j * k[:-1]) * d / wavelength).sum(0)
 
 
-@pytest.mark.parametrize("layers", LAYERS)
+@pytest.mark.parametrize("layers", (*LAYERS, *MANY))
 def test_values_are_right_to_the_digits_of_the_phase(layers):
     count = 40
     given = drawn(layers, count, 11)
@@ -81,9 +86,9 @@ def test_values_are_right_to_the_digits_of_the_phase(layers):
         assert away < 2e-13 * radians(*given[2:])[i]
 
 
-@pytest.mark.parametrize("layers", LAYERS)
+@pytest.mark.parametrize("layers", (*LAYERS, *MANY))
 def test_derivatives_are_those_of_exact_differences(layers):
-    given = drawn(layers, 100, 12)
+    given = drawn(layers, 100 if layers <= FEW_LAYERS else 20, 12)
     random = np.random.default_rng(13)
     moves = [random.standard_normal(z.shape) * z for z in given]
     with jax.enable_x64(True):
@@ -117,3 +122,42 @@ def test_nothing_overflows_and_no_derivative_is_lost_at_the_ends():
         for which in (2, 4):
             ones = [jnp.ones_like(z) if i == which else jnp.zeros_like(z) for i, z in enumerate(at)]
             assert np.isfinite(jax.jvp(fast, at, ones)[1]).all()
+
+
+def graded(shift):
+    """Return eight quantities of twelve slices between a metal and a film at total reflection."""
+    n = jnp.linspace(1.2, 2.4, 14)[:, None] * (1.0 + shift * jnp.linspace(-1.0, 1.0, 14)[:, None])
+    k = jnp.zeros((14, 1)).at[0].set(4.0).at[5].set(0.3)
+    return fast(jnp.array([0.45]), 1.6, n, k, jnp.full((13, 1), 0.02), jnp.array([0.5]))
+
+
+def test_a_loop_is_the_same_compiled_and_over_lanes():
+    def both(shift):
+        return jax.jvp(graded, (shift,), (jnp.ones_like(shift),))
+
+    shifts = np.linspace(-0.1, 0.1, 3)
+    with jax.enable_x64(True):
+        compiled = jax.jit(both)
+        each = [np.stack(x) for x in zip(*(compiled(shift) for shift in shifts), strict=True)]
+        over = jax.jit(jax.vmap(both))(jnp.asarray(shifts))
+        eager = both(jnp.asarray(shifts[0]))
+    for one, some, first in zip(each, over, eager, strict=True):
+        np.testing.assert_allclose(some, one, rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(first, one[0], rtol=1e-12, atol=1e-14)
+
+
+def test_nothing_overflows_in_a_loop():
+    """Ten layers of no thickness and ten of a micrometre of metal each, both ways."""
+    n, k = np.full((21, 2), 1.5), np.zeros((21, 2))
+    k[10:20, 0], k[:10, 1] = 9.0, 9.0
+    d = np.where(k[:20] > 0.0, 1.0, 0.0)
+    with jax.enable_x64(True):
+        at = [jnp.asarray(z) for z in (np.full(2, 0.5), np.ones(2), n, k, d, np.full(2, 0.6))]
+        found = np.asarray(jax.jit(fast)(*at))
+        for i in range(2):
+            true = exact(*(np.asarray(z)[..., i] for z in at))
+            assert np.abs(found[:, i] - np.array(true, float)).max() < 1e-12
+        along = jax.jit(lambda x, t: jax.jvp(fast, x, t)[1])
+        for which in range(6):
+            ones = [jnp.ones_like(z) if i == which else jnp.zeros_like(z) for i, z in enumerate(at)]
+            assert np.isfinite(along(at, ones)).all()

@@ -1,5 +1,7 @@
 """Samples with a thick layer, against a sum over round trips by mpmath."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import mpmath
@@ -133,6 +135,91 @@ def test_powers_beside_psi_and_delta_and_a_slit():
     psi = 0.5 * np.degrees(np.arctan2(2.0 * abs(product), R_s - R_p))
     seen = simulate(text, {"bandwidth": 3.0}, 60.0, [0.6], ["psi"])
     assert seen[0] == pytest.approx(psi, abs=1e-4)
+
+
+def random_sample(films, random, count):
+    """Return n_0, cosines, wavelengths, indices and thicknesses of samples with thick layers.
+
+    films: how many of them are in front of the first thick layer, between two, and behind the last.
+    Some of the light is beyond the critical angle of a film or of a plate.
+    """
+    index, thickness = [], []
+    for i, layers in enumerate(films):
+        for _ in range(layers):
+            k = 10.0 ** random.uniform(-4.0, 0.7, count) * (random.random(count) < 0.5)
+            index.append(random.uniform(0.3, 4.0, count) + 1j * k)
+            thickness.append(random.uniform(0.0, 1.0, count))
+        last = i == len(films) - 1
+        index.append(random.uniform(1.2, 2.2, count) + 1j * 10.0 ** random.uniform(-8, -4, count))
+        if not last:
+            thickness.append(10.0 ** random.uniform(2.0, 3.5, count))
+    n_0, wavelength = random.uniform(1.0, 1.6, count), random.uniform(0.3, 1.5, count)
+    return random.uniform(0.05, 1.0, count), n_0, index, thickness, wavelength
+
+
+def followed(left, shares):
+    """Return the sums of r_a r_b* and t_a t_b* over all ways of the light, passage by passage.
+
+    left: of intensity after each thick layer. shares: of every packet r_a r_b*, t_a t_b* and both
+    from behind, where a and b are s or p.
+    """
+    r, t, r_back, t_back = (np.array([x[i] for x in shares]) for i in range(4))
+    count = len(left)
+    down, up = np.zeros(count, complex), np.zeros(count, complex)
+    out, through = r[0], 0.0
+    down[0] = t[0]
+    while max(abs(down).max(), abs(up).max()) > 1e-15:
+        at_bottom, at_top = down * left, up * left
+        through += at_bottom[-1] * t[count]
+        out += at_top[0] * t_back[0]
+        down, up = at_top * r_back[:count], at_bottom * r[1:]
+        down[1:] += at_bottom[:-1] * t[1:count]
+        up[:-1] += at_top[1:] * t_back[1:count]
+    return out, through
+
+
+@pytest.mark.parametrize(
+    "films", [(0, 0), (2, 0), (0, 3, 1), (1, 0, 2), (2, 1, 0, 1), (8, 1), (1, 9, 0, 0)]
+)
+def test_random_samples_are_the_sums_over_all_ways(films):
+    count, random = 10, np.random.default_rng([*films, 17])
+    c, n_0, index, thickness, wavelength = random_sample(films, random, count)
+    coherent = [True] * films[0] + [x for n in films[1:] for x in (False, *[True] * n)]
+    with jax.enable_x64(True):
+        program = jax.jit(functools.partial(incoherent, coherent=coherent))
+        found = program(*map(jnp.asarray, (c, n_0)), index, thickness, wavelength)
+    thick = [j + 1 for j, interferes in enumerate(coherent) if not interferes]
+    ends = list(zip([0, *thick], [*thick, len(index)], strict=True))
+    for i in range(count):
+        with mpmath.workdps(120):
+            k0 = 2 * mpmath.pi / wavelength[i]
+            kx = mpmath.mpf(n_0[i]) * mpmath.sqrt(1 - mpmath.mpf(c[i]) ** 2)
+            media = [mpc(n_0[i]), *(mpc(n[i]) for n in index)]
+            d = [mpmath.mpf(x[i]) for x in thickness]
+            faces = [
+                [packet(media[a : b + 1], d[a : b - 1], kx, k0, p)[0] for a, b in ends]
+                for p in (False, True)
+            ]
+            q = [mpmath.sqrt(media[j] ** 2 - kx**2) for j in thick]
+            left = [
+                float(mpmath.exp(-2 * k0 * z.imag * d[j - 1]))
+                for z, j in zip(q, thick, strict=True)
+            ]
+            sums = {}
+            for one, two in ((0, 0), (1, 1), (1, 0)):
+                pairs = zip(faces[one], faces[two], strict=True)
+                shares = [
+                    [complex(x * mpmath.conj(y)) for x, y in zip(*both, strict=True)]
+                    for both in pairs
+                ]
+                sums[one, two] = followed(np.array(left), shares)
+            front, behind = mpmath.sqrt(media[0] ** 2 - kx**2), mpmath.sqrt(media[-1] ** 2 - kx**2)
+            s = float((behind / front).real)
+            p = float((behind / media[-1] ** 2 / (front / media[0] ** 2)).real)
+        true = [
+            sums[0, 0][0], sums[1, 1][0], s * sums[0, 0][1], p * sums[1, 1][1], sums[1, 0][0],
+        ]  # fmt: skip
+        np.testing.assert_allclose([x[i] for x in found], true, rtol=0, atol=1e-10)
 
 
 def sums(x):
