@@ -40,38 +40,38 @@ _EVALUATIONS = Solved._fields.index("evaluations")
 _DAMPING = Solved._fields.index("damping")
 
 
-def _to_the_end(data: Data, solved: np.ndarray, stages: Sequence[tuple[int, Any]]) -> np.ndarray:
+def _to_the_end(
+    data: Data, curve: np.ndarray, solved: np.ndarray, stages: Sequence[tuple[int, Any]]
+) -> np.ndarray:
     """Return ``solved``, with the lanes that were cut short run to their end.
 
-    stages: evaluations, and the cost below which a lane takes part. Lanes that have come to the far
-    end of their chart go on in the other one, and before the last but one stage those that creep
-    move through the chart EPS.
+    curve: which of the curves each lane is of. stages: evaluations, and the cost below which a lane
+    takes part, less from stage to stage. Lanes that have come to the far end of their chart go on
+    in the other one, and before the last but one stage those that creep move through the chart EPS.
     """
     for left, (steps, below) in zip(range(len(stages), 0, -1), stages, strict=True):
         s = Solved(*solved)
-        flip, undone = at_far_end(s), s.done == 0
-        if not (flip | undone).any():
-            break
-        short = undone & (s.cost < below)
+        flip = at_far_end(s)
+        short = (s.done == 0) & (s.cost < below)
         if left == 2:
-            _straightened(data, solved, np.flatnonzero(short & ~flip))
+            _straightened(data, curve, solved, np.flatnonzero(short & ~flip))
             s = Solved(*solved)
         todo = np.flatnonzero(short | flip)
         if not len(todo):
-            continue
+            break
         turned = flip[todo]
         again = start_rows(len(todo))
         again[0] = s.x[todo]
         again[1] = np.where(turned, W_MIN, s.w[todo])
         again[2] = np.where(turned, -s.chart[todo], s.chart[todo])
         again[3] = np.where(turned, START_DAMPING, s.damping[todo])
-        more, _ = run(data.take(todo), again, Steps(steps))
+        more, _ = run(data.take(curve[todo]), again, Steps(steps))
         more[_EVALUATIONS] += s.evaluations[todo]
         solved[:, todo] = more
     return solved
 
 
-def _straightened(data: Data, solved: np.ndarray, todo: np.ndarray) -> None:
+def _straightened(data: Data, curve: np.ndarray, solved: np.ndarray, todo: np.ndarray) -> None:
     """Move those of the lanes ``todo`` with n < 1 along their valley, in the chart EPS."""
     s = Solved(*solved[:, todo])
     inside = s.chart * (2.0 * xi_of(s.x) - s.w) < 0.0  # log|N|^2
@@ -80,7 +80,7 @@ def _straightened(data: Data, solved: np.ndarray, todo: np.ndarray) -> None:
         return
     s = Solved(*solved[:, todo])
     start = start_rows(len(todo), np.stack([*to_eps(s.x, s.w, s.chart), np.full_like(s.x, EPS)]))
-    moved = Solved(*run(data.take(todo), start, Steps(CREEP_STEPS))[0])
+    moved = Solved(*run(data.take(curve[todo]), start, Steps(CREEP_STEPS))[0])
     x, w, chart = from_eps(moved.x, moved.w)
     better = moved.cost < s.cost
     used = s.evaluations + moved.evaluations
@@ -125,39 +125,37 @@ def minima(data: Data, extent: Extent, points: np.ndarray | None = None) -> tupl
 
 
 def _minima(data: Data, points: np.ndarray | None) -> Minima:
-    last = [(MOST_STEPS, -np.inf)]
     steps = Steps(FIRST_STEPS, FURTHER_STEPS[0], NEAR_STEPS, CREEP_STEPS)
     best, further = run(data, start_rows(data.curves), steps)
-    best = _to_the_end(data, best, [(CREEP_STEPS, np.inf), (MOST_STEPS, np.inf), *last])
+    every, last = np.arange(data.curves), (MOST_STEPS, -np.inf)
+    best = _to_the_end(data, every, best, [(CREEP_STEPS, np.inf), (MOST_STEPS, np.inf), last])
     if points is not None:
         further = _with_points(further, points)
-    curve = further.curve
+    curve, again = further.curve, further.solved
     if not len(curve):
         nothing = Solved(*np.full_like(best, np.nan))
         return Minima(Solved(*best), (nothing,) * OTHERS)
-    part, least = data.take(curve), best[_COST, curve]
-    near = near_cost(least, best[_SCALE, curve])
-    again = further.solved
     waiting = np.flatnonzero(np.isnan(again[_COST]))
     if len(waiting):
-        start = start_rows(len(waiting), further.points[:, waiting])
-        again[:, waiting] = run(part.take(waiting), start, Steps(FURTHER_STEPS[0]))[0]
-    stages = [(FURTHER_STEPS[1], near), (MOST_STEPS, least), *last]
-    again = _to_the_end(part, again, stages)
+        start = start_rows(len(waiting), again[:3, waiting])
+        again[:, waiting], _ = run(data.take(curve[waiting]), start, Steps(FURTHER_STEPS[0]))
+    least = best[_COST, curve]
+    near = near_cost(least, best[_SCALE, curve])
+    stages = [(FURTHER_STEPS[1], near), (MOST_STEPS, least), last]
+    again = _to_the_end(data, curve, again, stages)
     found = np.full((1 + OTHERS, *best.shape), np.nan)
     found[0] = best
     for job in np.unique(further.which):
         mine = np.flatnonzero(further.which == job)
-        todo, new = curve[mine], again[:, mine]
-        found[:, :, todo] = with_arrival(found[:, :, todo], new)
+        todo = curve[mine]
+        found[:, :, todo] = with_arrival(found[:, :, todo], again[:, mine])
     return less_absorbing_first(found)
 
 
 def _with_points(further: Further, points: np.ndarray) -> Further:
     """Return further starts with one more of each curve, (3, N), that was not followed."""
     count = points.shape[1]
-    more = Further(
-        np.arange(count), np.full(count, further.which.max(initial=0) + 1), points,
-        np.full((len(Solved._fields), count), np.nan),
-    )  # fmt: skip
+    own = np.full(count, further.which.max(initial=0) + 1)
+    nothing = np.full((len(further.solved) - 3, count), np.nan)
+    more = Further(np.arange(count), own, np.concatenate([points, nothing]))
     return Further(*(np.concatenate(a, axis=-1) for a in zip(further, more, strict=True)))

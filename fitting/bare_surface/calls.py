@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import os
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from fitting.bare_surface.coordinates import W_MAX
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.descent import Solved
-from fitting.bare_surface.engine import Program, Steps, solve
+from fitting.bare_surface.engine import JOB, Steps, solve
 from fitting.bare_surface.mesh_curves import mesh_curves
 from fitting.bare_surface.reflectances import CHANNELS
 from fitting.solver import START_DAMPING
@@ -49,18 +49,16 @@ def _threads(process: int) -> ThreadPoolExecutor:
 class Further(NamedTuple):
     """Further starts of some curves, K in all: of which curve, which one of it, and what came.
 
-    points: (3, K), x, w and chart. solved: (fields, K), ``Solved`` after the steps of the call.
+    solved: (fields, K), ``Solved`` after the steps of the call; of a start that was not followed
+    x, w and chart, where it is, and the rest NaN.
     """
 
     curve: np.ndarray
     which: np.ndarray
-    points: np.ndarray
     solved: np.ndarray
 
 
-NO_FURTHER = Further(
-    np.empty(0, int), np.empty(0, int), np.empty((3, 0)), np.empty((len(Solved._fields), 0))
-)
+NO_FURTHER = Further(np.empty(0, int), np.empty(0, int), np.empty((JOB, 0)))
 
 
 def _shape(data: Data) -> tuple[int, int, int]:
@@ -70,7 +68,9 @@ def _shape(data: Data) -> tuple[int, int, int]:
     return (BLOCK, BLOCK, FEW) if data.curves <= SEVERAL else (MANY, BLOCK, BLOCK)
 
 
-def _call(data: Data, start: np.ndarray, steps: Steps, shape: tuple[int, int, int]) -> Program:
+def _call(
+    data: Data, start: np.ndarray, steps: Steps, shape: tuple[int, int, int]
+) -> tuple[np.ndarray, tuple[Any, ...]]:
     """Return what one call of the program gives for up to so many curves as ``shape`` has."""
     here, angles = data.curves, data.values[0].shape[1]
     size, block, lanes = shape
@@ -89,32 +89,29 @@ def _call(data: Data, start: np.ndarray, steps: Steps, shape: tuple[int, int, in
     begin[:, :here] = start
     with jax.enable_x64(True):
         nodes = mesh_curves(part, bool(np.isnan(start[0]).any()))
-        return solve(
-            part.cos_theta, part.s_share, part.values, part.weights, begin, np.int64(here),
-            Steps(*map(np.int64, steps)), nodes,
+        tables, fitted = solve(
+            part.cos_theta, part.s_share, part.values, part.weights, begin,
+            np.array([here, *steps]), nodes,
             channels=part.channels, mesh=data.mesh, block=block, lanes=lanes, fitted=size == FEW,
         )  # fmt: skip
+        return np.asarray(tables), fitted
 
 
-def _apart(found: Program, here: int, first: int, searched: bool) -> tuple[np.ndarray, Further]:
+def _apart(tables: np.ndarray, here: int, first: int, block: int) -> tuple[np.ndarray, Further]:
     """Return ``Solved`` of the curves of a call, from number ``first`` on, and what came further.
 
-    searched: whether a lane started from the mesh.
+    tables: (G, fields + 1, J), of one block of so many curves each.
     """
-    solved = np.asarray(found.solved)
-    block = solved.shape[2] - found.order.shape[1]
-    of_curves = np.array(np.moveaxis(solved[:, :, :block], 1, 0))
-    of_curves = of_curves.reshape(solved.shape[1], -1)[:, :here]
-    if not searched:
-        return of_curves, NO_FURTHER
-    count, order = np.asarray(found.further), np.asarray(found.order)
-    there = np.arange(order.shape[1]) < count[:, None]
-    job = order[there]
-    curve = first + np.nonzero(there)[0] * block + job % block
-    points, ends = (
-        np.moveaxis(np.asarray(a)[:, :, block:], 1, 0)[:, there] for a in (found.points, solved)
-    )
-    return of_curves, Further(curve, job // block, points, ends)
+    if len(tables) == 1:
+        solved = tables[0, :JOB, :here].copy()
+    else:
+        solved = np.concatenate(tables[:, :JOB, :block], axis=1)[:, :here]
+    in_block, place = np.nonzero(tables[:, JOB, block:] >= 0.0)
+    if not len(place):
+        return solved, NO_FURTHER
+    found = tables[in_block, :, block + place].T
+    which, curve = np.divmod(found[JOB].astype(int), block)
+    return solved, Further(first + in_block * block + curve, which, found[:JOB])
 
 
 def run(data: Data, start: np.ndarray, steps: Steps) -> tuple[np.ndarray, Further]:
@@ -124,7 +121,7 @@ def run(data: Data, start: np.ndarray, steps: Steps) -> tuple[np.ndarray, Furthe
     """
     count = data.curves
     if not count:
-        return np.empty((len(Solved._fields), 0)), NO_FURTHER
+        return np.empty((JOB, 0)), NO_FURTHER
     shape = _shape(data)
     size = shape[0]
     if size == MANY:
@@ -138,8 +135,8 @@ def run(data: Data, start: np.ndarray, steps: Steps) -> tuple[np.ndarray, Furthe
         if count > size:
             chunk = slice(first, first + size)
             part, begin = data.take(chunk), start[:, chunk]
-        found = _call(part, begin, steps, shape)
-        return _apart(found, part.curves, first, bool(np.isnan(begin[0]).any()))
+        tables, _ = _call(part, begin, steps, shape)
+        return _apart(tables, part.curves, first, shape[1])
 
     if count <= size:
         return one(0)
@@ -161,6 +158,6 @@ def fitted_curves(data: Data, s: Solved) -> np.ndarray:
     angles, parts = data.values[0].shape[1], []
     for first in range(0, data.curves, FEW):
         chunk = slice(first, first + FEW)
-        found = _call(data.take(chunk), start[:, chunk], Steps(0), (FEW, FEW, FEW))
-        parts.append([np.asarray(found.fitted[CHANNELS.index(c)]) for c in data.channels])
+        _, at = _call(data.take(chunk), start[:, chunk], Steps(0), (FEW, FEW, FEW))
+        parts.append([np.asarray(at[CHANNELS.index(c)]) for c in data.channels])
     return np.concatenate(parts, axis=1)[:, : data.curves, :angles]

@@ -45,18 +45,8 @@ class Steps(NamedTuple):
     turned: Any = 0
 
 
-class Jobs(NamedTuple):
-    """What a block of B curves has to do: first starts, then further ones, J in all.
-
-    points: (3, J), x, w and chart. curve: (J,). further: how many further ones there are; the rest
-    of the J is empty. order: (J - B,), which of the further starts (number times B plus curve) each
-    is.
-    """
-
-    points: Array
-    curve: Array
-    further: Array
-    order: Array
+# The row of the table of jobs below those of ``Solved``: which job each is.
+JOB = len(Solved._fields)
 
 
 def _jobs(
@@ -67,8 +57,13 @@ def _jobs(
     searched: Array,
     mesh: str,
     channels: tuple[str, ...],
-) -> Jobs:
-    """Return the jobs of a block; where no lane is ``searched`` there are no further starts."""
+) -> tuple[Array, Array]:
+    """Return the table of the jobs of a block of B curves, before any is done, (fields + 1, J).
+
+    The curves first, then their further starts: x, w and chart where they start, the rest NaN; and
+    in the row JOB the curve plus B for every start before this one of it, -1 where there is no job.
+    And how many further starts there are: none where no lane is ``searched``.
+    """
     block = start.shape[1]
 
     def from_mesh():
@@ -84,30 +79,32 @@ def _jobs(
     found, order, further = jax.lax.cond(searched, from_mesh, none)
     first = jnp.where(jnp.isfinite(start[0]), start[:3], found[0])
     rest = jnp.moveaxis(found[1:], 1, 0).reshape(3, -1)[:, order]
-    every = jnp.arange(block)
-    return Jobs(
-        jnp.concatenate([first, rest], 1), jnp.concatenate([every, order % block]), further, order
-    )
+    points = jnp.concatenate([first, rest], 1)
+    number = jnp.where(jnp.arange(len(order)) < further, block + order, -1)
+    job = jnp.concatenate([jnp.arange(block), number]).astype(points.dtype)
+    nothing = jnp.full((JOB - 3, len(job)), jnp.nan)
+    return jnp.concatenate([points, nothing, job[None]]), further
 
 
-def _block(
+def _carried_out(
     curves: Curves,
     start: Array,
     used: Array,
     steps: Steps,
-    jobs: Jobs,
+    table: Array,
+    further: Array,
     channels: tuple[str, ...],
     lanes: int,
     fitted: bool,
 ) -> tuple[Array, tuple[Array, ...]]:
-    """Return ``Solved`` of all jobs of a block as one (fields, J) array, group by group.
+    """Return the table of jobs with ``Solved`` of every job, group by group.
 
     And, if ``fitted``, the curves at the solutions of the first group, C arrays (M, lanes). start:
     (5, B), of which damping and the largest w are asked here. used: how many curves there are.
     """
     block = start.shape[1]
     first = (used + lanes - 1) // lanes
-    followed = jnp.where(steps.further > 0, jobs.further, 0)
+    followed = jnp.where(steps.further > 0, further, 0)
     groups = first + (followed + lanes - 1) // lanes
 
     def of_lanes(a: Array, curve: Array) -> Array:
@@ -117,40 +114,28 @@ def _block(
         g, table, at = carry
         is_first = g < first
         place = jnp.where(is_first, g * lanes, block + (g - first) * lanes)
-        curve = jax.lax.dynamic_slice_in_dim(jobs.curve, place, lanes)
-        points = jax.lax.dynamic_slice_in_dim(jobs.points, place, lanes, axis=1)
+        jobs = jax.lax.dynamic_slice_in_dim(table, place, lanes, axis=1)
+        curve = jobs[JOB].astype(int) % block
         data = jax.tree.map(lambda a: of_lanes(a, curve), curves)
-        damping = jnp.where(is_first, jnp.take(start[3], curve, mode="clip"), START_DAMPING)
-        begin = jnp.stack([*points, damping, jnp.take(start[4], curve, mode="clip")])
+        damping = jnp.where(is_first, of_lanes(start[3], curve), START_DAMPING)
+        begin = jnp.stack([*jobs[:3], damping, of_lanes(start[4], curve)])
         most = (
             jnp.where(is_first, steps.first, steps.further),
             jnp.where(is_first, steps.first, steps.near),
         )
-        best = jnp.take(table, curve, axis=1, mode="clip")
-        near = near_cost(best[_COST], best[_SCALE])
+        near = near_cost(of_lanes(table[_COST], curve), of_lanes(table[_SCALE], curve))
         solved, there = descend_in_both_charts(data, begin, most, near, steps.turned, channels)
-        table = jax.lax.dynamic_update_slice_in_dim(table, solved, place, axis=1)
+        table = jax.lax.dynamic_update_slice(table, solved, (0, place))
         if fitted:
             at = tuple(jnp.where(g == 0, b, a) for a, b in zip(at, there, strict=True))
         return g + 1, table, at
 
     angles = curves.values[0].shape[0]
-    table = jnp.full((len(Solved._fields), len(jobs.curve)), jnp.nan)
     at = tuple(jnp.zeros((angles, lanes)) for _ in channels) if fitted else ()
     _, table, at = jax.lax.while_loop(
-        lambda carry: carry[0] < groups, group, (jnp.array(0), table, at)
+        lambda carry: carry[0] < groups, group, (jnp.zeros_like(groups), table, at)
     )
     return table, at
-
-
-class Program(NamedTuple):
-    """What a call gives: see `_solve`."""
-
-    solved: Any
-    points: Any
-    order: Any
-    further: Any
-    fitted: tuple[Any, ...]
 
 
 def _solve(
@@ -159,8 +144,7 @@ def _solve(
     values: tuple[Array, ...],
     weights: tuple[Array, ...],
     start: Array,
-    used: Array,
-    steps: Steps,
+    numbers: Array,
     nodes: tuple[Array, ...],
     *,
     channels: tuple[str, ...],
@@ -168,25 +152,24 @@ def _solve(
     block: int,
     lanes: int,
     fitted: bool,
-) -> Program:
+) -> tuple[Array, tuple[Array, ...]]:
     """Return ``Solved`` of S curves and of their further starts, in S / block blocks G.
 
-    Returns: solved (G, fields, J): in each block first its curves, then its further starts; points
-        (G, 3, J), where they started; order (G, J - block), which further start each is (its number
-        times block plus its curve); further (G,), how many of these there are. And, if ``fitted``,
-        C arrays (lanes, M): the curves at the solutions of the first ``lanes``.
+    That is the table of `_jobs`, (G, fields + 1, J), with every job done, but for further starts
+    that are not followed. And, if ``fitted``, C arrays (lanes, M): the curves at the solutions of
+    the first ``lanes``.
 
     S is a multiple of ``block``, that one of ``lanes``.
 
     cos_theta, s_share: (M,), or (S, M) where curves have angles of their own.
     values: C arrays (S, M), finite. weights: C arrays (M,) or (S, M), 0 where there is no datum.
     start: (5, S): x, w, chart, damping and the largest w; where x is NaN, from the mesh.
-    used: how many of the S are curves; the rest is left out.
+    numbers: how many of the S are curves (the rest is left out), and the `Steps`.
     nodes: of `mesh_curves` where curves share their angles; of curves with angles of their own
         they are evaluated here.
     mesh: which of `starts.MESHES`.
     """
-    blocks = start.shape[1] // block
+    blocks, used, steps = start.shape[1] // block, numbers[0], Steps(*numbers[1:])
 
     def lanes_last(a: Array) -> Array:
         """(S, M) -> (blocks, M, block)"""
@@ -207,16 +190,18 @@ def _solve(
     # Lanes that go on from where they are need no mesh.
     searched = jnp.isnan(start[0]).any()
 
-    def one_block(parts: dict[str, Any]) -> Program:
+    def one_block(parts: dict[str, Any]) -> tuple[Array, tuple[Array, ...]]:
         every = {**shared, **parts}
         curves = Curves(*(every[name] for name in Curves._fields))
         begin, here = every["start"], every["used"]
-        jobs = _jobs(curves, begin, here, nodes, searched, mesh, channels)
-        table, at = _block(curves, begin, here, steps, jobs, channels, lanes, fitted)
-        return Program(table, jobs.points, jobs.order, jobs.further, tuple(a.T for a in at))
+        table, further = _jobs(curves, begin, here, nodes, searched, mesh, channels)
+        table, at = _carried_out(
+            curves, begin, here, steps, table, further, channels, lanes, fitted
+        )
+        return table, tuple(a.T for a in at)
 
-    found = jax.lax.map(one_block, own)
-    return found._replace(fitted=tuple(a[0] for a in found.fitted))
+    tables, at = jax.lax.map(one_block, own)
+    return tables, tuple(a[0] for a in at)
 
 
 solve = compiled(_solve, ("channels", "mesh", "block", "lanes", "fitted"))

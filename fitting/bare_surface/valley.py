@@ -16,7 +16,7 @@ import numpy as np
 
 from fitting.bare_surface.calls import run, start_rows
 from fitting.bare_surface.coordinates import W_MIN, X_MAX, X_MIN, xi_of
-from fitting.bare_surface.curve_data import Data
+from fitting.bare_surface.curve_data import Data, of_rows
 from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.engine import Steps
 
@@ -121,24 +121,29 @@ def open_to_the_other_end(data: Data, s: Solved, allowed: np.ndarray) -> np.ndar
     n < 1, close to total reflection, it looks well determined. The end itself is looked at first,
     without a call of the program: of metals nearly none passes.
     """
+    still = np.zeros(len(s.x), bool)
     with np.errstate(all="ignore"):
         _, g, h = _at_lossless_end(data, s.x)
         # x moves a little along the floor.
         cost, g, h = _at_lossless_end(data, np.clip(s.x - g / h, X_MIN, X_MAX))
+        here = np.flatnonzero(cost - g * g / h <= allowed)
+        if not len(here):
+            return still
+        s, allowed = of_rows(s, here), allowed[here]
         outside = from_nearer_end(s)
         share = share_of(s.x, outside.w, outside.chart)
         share = np.where(outside.chart > 0, share, 1.0 - share)  # measured from n > 1
         phi = 2.0 * np.arcsin(np.sqrt(share))
-        still = np.isfinite(phi) & (cost - g * g / h <= allowed)
+        on = np.isfinite(phi)
         for part in (1.0 / 3.0, 2.0 / 3.0):
-            here = np.flatnonzero(still)
-            if not len(here):
+            some = np.flatnonzero(on)
+            if not len(some):
                 break
-            chart = np.ones(len(here))
-            w, _ = on_line(s.x[here], np.sin(0.5 * part * phi[here]) ** 2, chart)
-            x = s.x[here]
+            x, chart = s.x[some], np.ones(len(some))
+            w, _ = on_line(x, np.sin(0.5 * part * phi[some]) ** 2, chart)
             for _ in range(2):  # as above
-                now = evaluate(data, Lanes(here, x, w, chart))
+                now = evaluate(data, Lanes(here[some], x, w, chart))
                 x = np.clip(now.x - now.g_x / now.h_xx, X_MIN, X_MAX)
-            still[here] = now.cost - now.g_x**2 / now.h_xx <= allowed[here]
+            on[some] = now.cost - now.g_x**2 / now.h_xx <= allowed[some]
+    still[here] = on
     return still
