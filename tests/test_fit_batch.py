@@ -9,7 +9,7 @@ from estimates import codes, limits, sigmas
 from simulated import textbook
 
 from fitting import Fit, fit, fit_many
-from fitting.bare_surface import batch
+from fitting.bare_surface import calls, engine
 from fitting.measurement import Measurement
 
 ANGLES = np.linspace(20.0, 80.0, 16)
@@ -93,7 +93,7 @@ def test_order_and_company_do_not_matter():
     data = table()
     repeats = 200  # 2400 curves: three chunks
     tiled = {q: np.tile(v, (repeats, 1)) for q, v in data.items()}
-    assert len(INDICES) * repeats > 2 * batch.MANY
+    assert len(INDICES) * repeats > 2 * calls.MANY
     order = np.random.default_rng(1).permutation(len(INDICES) * repeats)
     many = fit_many(ANGLES, **{q: v[order] for q, v in tiled.items()})
     few = fit_many(ANGLES, **data)
@@ -229,15 +229,16 @@ def test_what_is_no_measurement_is_refused(what):
 def test_lanes_that_go_on_leave_the_mesh_out(monkeypatch):
     """The mesh is looked at once a curve: its nodes cost as much as a hundred curves."""
     seen = []
-    real = batch.solve
+    real = calls.solve
 
     def solve(*args, **kwargs):
-        solved, further, fitted = real(*args, **kwargs)
+        tables, fitted = real(*args, **kwargs)
         new = np.isnan(args[4][0])
-        seen.append((new.any(), np.isfinite(np.asarray(further)).any()))
-        return solved, further, fitted
+        offered = np.asarray(tables)[:, engine.JOB] >= kwargs["block"]
+        seen.append((new.any(), offered.any()))
+        return tables, fitted
 
-    monkeypatch.setattr(batch, "solve", solve)
+    monkeypatch.setattr(calls, "solve", solve)
     noise = 3e-3
     fit_many(ANGLES[10:], R_p=table(ANGLES, noise)["R_p"][:6, 10:])
     assert [searched for searched, _ in seen].count(True) == 1 and len(seen) > 2
@@ -246,8 +247,8 @@ def test_lanes_that_go_on_leave_the_mesh_out(monkeypatch):
 
 def test_a_forked_process_has_threads_of_its_own():
     """A fork copies no thread: tasks put to its parent's would wait for ever."""
-    assert batch._threads(os.getpid()) is batch._threads(os.getpid())
-    assert batch._threads(os.getpid()) is not batch._threads(-1)
+    assert calls._threads(os.getpid()) is calls._threads(os.getpid())
+    assert calls._threads(os.getpid()) is not calls._threads(-1)
 
 
 @pytest.mark.parametrize("sigma", [None, 1e-3])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fitting.bare_surface.engine import Solved
+from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import Estimated
 from fitting.bare_surface.kept_minima import OTHERS, with_arrival
 from fitting.bare_surface.other_solutions import _distinct

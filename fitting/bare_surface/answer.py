@@ -23,7 +23,7 @@ from fitting.bare_surface.arrange import Arranged
 from fitting.bare_surface.batch import minima
 from fitting.bare_surface.coordinates import W_MIN, coordinates_of
 from fitting.bare_surface.curve_data import Data, Extent, extent_of
-from fitting.bare_surface.engine import Solved
+from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import Estimated, estimate
 from fitting.bare_surface.mirror import like_mirrors
 from fitting.bare_surface.other_solutions import Other, other_solutions

@@ -25,6 +25,7 @@ class Data(NamedTuple):
     eta_i: float
     channels: tuple[str, ...]
     mesh: str = "coarse"  # of `starts.MESHES`, where the curves start
+    few: bool = True  # whether all calls for them are for a few curves
 
     def take(self, index: slice | np.ndarray) -> Data:
         """Return the curves of ``index``."""

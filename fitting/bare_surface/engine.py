@@ -1,8 +1,10 @@
-"""The one compiled program behind `fit` and `fit_many`: starts, solve, last step, derivatives.
+"""The one compiled program behind `fit` and `fit_many`: starts, and the way from each of them.
 
-One program per set of channels and number of angles, for 8 curves (a few) or for 1024 (many);
-inside it curves run in groups of 8 or 64 lanes, whose arrays fit the cache. Nothing here knows how
-many curves there are; that is the business of `batch`.
+One program per set of channels and number of angles, for 8 curves (a few), 64 (several) or 1024
+(many). Of the first two every start of a curve is followed in one call: curves and further starts
+are jobs, and jobs run in groups of 8 lanes, so that a lane which takes long keeps 7 others waiting
+and not a whole batch. Of many curves the first starts alone run, 64 side by side, since `batch`
+packs what is left of all of them. Nothing here knows how many curves there are.
 """
 
 from __future__ import annotations
@@ -11,115 +13,129 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import optimistix as optx
 from jax import Array
 
-from fitting.bare_surface import coordinates as co
 from fitting.bare_surface import mesh as starts
-from fitting.bare_surface.reflectances import (
-    Curves,
-    Residuals,
-    count_and_scale,
-    model,
-    sums_of_squares,
-)
+from fitting.bare_surface.descent import Solved, descend_in_both_charts
+from fitting.bare_surface.reflectances import Curves
 from fitting.compiled import compiled
-from fitting.solver import BatchLevenbergMarquardt, unpack
+from fitting.solver import START_DAMPING
 
-SOLVER = BatchLevenbergMarquardt()
-
-
-class Solved(NamedTuple):
-    """What the program gives back, each (L,)."""
-
-    x: Any
-    w: Any
-    chart: Any
-    cost: Any  # weighted sum of squares
-    plain: Any  # the same without weights
-    done: Any
-    evaluations: Any
-    damping: Any
-    count: Any  # data
-    scale: Any  # weighted sum of squares of the data
-    g_x: Any  # half the gradient of the cost
-    g_w: Any
-    h_xx: Any  # Gauss-Newton matrix
-    h_xw: Any
-    h_ww: Any
+# A further start is near the best minimum of its curve at a cost less than 4 times that one, or
+# than what an error of .3 % of all data costs.
+NEAR_COST, NEAR_SHARE = 4.0, 1e-5
+_COST, _SCALE = map(Solved._fields.index, ("cost", "scale"))
 
 
-def _last_step(
-    curves: Curves,
-    chart: Array,
-    best: Array,
-    trial: Array,
-    allowed: Array,
-    channels: tuple[str, ...],
-) -> tuple[Array, Array, Array, tuple[Array, ...]]:
-    """Return ``trial``, in lanes where its cost is above ``allowed`` ``best``, and sums and curves.
+def near_cost(cost: Any, scale: Any) -> Any:
+    """Return the cost below which a further start is near a minimum of this cost."""
+    return NEAR_COST * cost + NEAR_SHARE * scale
 
-    A loop that runs once, or twice when a lane steps back: one copy of the model in the program.
+
+class Steps(NamedTuple):
+    """After how many evaluations a lane is left as it is, not done: numbers.
+
+    first: of a first start. further: of a further one that is not near the best minimum (0: none is
+    followed). near: of one that is. turned: of one that goes on in the other chart (0: none does).
     """
 
-    def body(carry):
-        y, *_, runs = carry
-        found = model(curves, y[0], y[1], chart, channels)
-        weighted, plain = sums_of_squares(curves, found)
-        worse = ~(weighted <= allowed) & (y != best).any(0)
-        return jnp.where(worse, best, y), weighted, plain, found, worse.any(), runs + 1
-
-    none = jnp.zeros_like(allowed)
-    nowhere = tuple(jnp.zeros_like(v) for v in curves.values)
-    # The count ends it where NaN, which is unlike itself, would have it step back for ever.
-    y, weighted, plain, found, _, _ = jax.lax.while_loop(
-        lambda carry: carry[4] & (carry[5] < 2),
-        body,
-        (trial, none, none, nowhere, jnp.array(True), jnp.array(0)),
-    )
-    return y, weighted, plain, found
+    first: Any
+    further: Any = 0
+    near: Any = 0
+    turned: Any = 0
 
 
-def _solve_lanes(
-    curves: Curves, start: Array, from_mesh: Array, max_steps: Array, channels: tuple[str, ...]
+# The row of the table of jobs below those of ``Solved``: which job each is.
+JOB = len(Solved._fields)
+
+
+def _jobs(
+    curves: Curves,
+    start: Array,
+    used: Array,
+    nodes: tuple[Array, ...],
+    searched: Array,
+    mesh: str,
+    channels: tuple[str, ...],
+) -> tuple[Array, Array]:
+    """Return the table of the jobs of a block of B curves, before any is done, (fields + 1, J).
+
+    The curves first, then their further starts: x, w and chart where they start, the rest NaN; and
+    in the row JOB the curve plus B for every start before this one of it, -1 where there is no job.
+    And how many further starts there are: none where no lane is ``searched``.
+    """
+    block = start.shape[1]
+
+    def from_mesh():
+        own = nodes or starts.node_curves(curves, channels, mesh)
+        found = starts.mesh_starts(curves, own, mesh)
+        has = (jnp.isfinite(found[1:, 0]) & (jnp.arange(block) < used)).ravel()
+        return found, jnp.argsort(~has, stable=True), has.sum()
+
+    def none():
+        found = starts.no_starts(block, mesh)
+        return found, jnp.arange((len(found) - 1) * block), jnp.array(0)
+
+    found, order, further = jax.lax.cond(searched, from_mesh, none)
+    first = jnp.where(jnp.isfinite(start[0]), start[:3], found[0])
+    rest = jnp.moveaxis(found[1:], 1, 0).reshape(3, -1)[:, order]
+    points = jnp.concatenate([first, rest], 1)
+    number = jnp.where(jnp.arange(len(order)) < further, block + order, -1)
+    job = jnp.concatenate([jnp.arange(block), number]).astype(points.dtype)
+    nothing = jnp.full((JOB - 3, len(job)), jnp.nan)
+    return jnp.concatenate([points, nothing, job[None]]), further
+
+
+def _carried_out(
+    curves: Curves,
+    start: Array,
+    used: Array,
+    steps: Steps,
+    table: Array,
+    further: Array,
+    channels: tuple[str, ...],
+    lanes: int,
+    fitted: bool,
 ) -> tuple[Array, tuple[Array, ...]]:
-    given = jnp.isfinite(start[0])
-    x, w, chart = jnp.where(given, start[:3], from_mesh)
-    y = jnp.stack([x, jnp.minimum(w, start[4])])
-    by_eps = chart == co.EPS
-    low, high = co.EPS_BOUNDS
-    lower = jnp.stack([jnp.where(by_eps, low[0], co.X_MIN), jnp.where(by_eps, low[1], co.W_MIN)])
-    upper = jnp.stack([
-        jnp.where(by_eps, high[0], co.X_MAX), jnp.where(by_eps, high[1], start[4])
-    ])  # fmt: skip
-    count, scale = count_and_scale(curves)
-    options = {
-        "lower": lower,
-        "upper": upper,
-        "degrees": jnp.maximum(count - 2, 1),
-        "scale": scale,
-        "max_steps": max_steps,
-        "damping": start[3],
-    }
-    solution = optx.least_squares(
-        Residuals(channels), SOLVER, y, (curves, chart), options, max_steps=None, throw=False
+    """Return the table of jobs with ``Solved`` of every job, group by group.
+
+    And, if ``fitted``, the curves at the solutions of the first group, C arrays (M, lanes). start:
+    (5, B), of which damping and the largest w are asked here. used: how many curves there are.
+    """
+    block = start.shape[1]
+    first = (used + lanes - 1) // lanes
+    followed = jnp.where(steps.further > 0, further, 0)
+    groups = first + (followed + lanes - 1) // lanes
+
+    def of_lanes(a: Array, curve: Array) -> Array:
+        return a if a.shape[-1] == 1 else jnp.take(a, curve, axis=-1, mode="clip")
+
+    def group(carry):
+        g, table, at = carry
+        is_first = g < first
+        place = jnp.where(is_first, g * lanes, block + (g - first) * lanes)
+        jobs = jax.lax.dynamic_slice_in_dim(table, place, lanes, axis=1)
+        curve = jobs[JOB].astype(int) % block
+        data = jax.tree.map(lambda a: of_lanes(a, curve), curves)
+        damping = jnp.where(is_first, of_lanes(start[3], curve), START_DAMPING)
+        begin = jnp.stack([*jobs[:3], damping, of_lanes(start[4], curve)])
+        most = (
+            jnp.where(is_first, steps.first, steps.further),
+            jnp.where(is_first, steps.first, steps.near),
+        )
+        near = near_cost(of_lanes(table[_COST], curve), of_lanes(table[_SCALE], curve))
+        solved, there = descend_in_both_charts(data, begin, most, near, steps.turned, channels)
+        table = jax.lax.dynamic_update_slice(table, solved, (0, place))
+        if fitted:
+            at = tuple(jnp.where(g == 0, b, a) for a, b in zip(at, there, strict=True))
+        return g + 1, table, at
+
+    angles = curves.values[0].shape[0]
+    at = tuple(jnp.zeros((angles, lanes)) for _ in channels) if fitted else ()
+    _, table, at = jax.lax.while_loop(
+        lambda carry: carry[0] < groups, group, (jnp.zeros_like(groups), table, at)
     )
-    stats = solution.stats
-    done = stats["done"]
-    cost_before, gradient, matrix = unpack(stats["sums"], 2)
-    # The undamped step at the end promised less than a hundredth of a standard error, and so was
-    # not worth an evaluation of derivatives; taken all the same it squares the error that is left.
-    trial = jnp.clip(solution.value + jnp.where(done, stats["step"], 0.0), lower, upper)
-    allowed = cost_before * (1.0 + 1e-6) + 4.0 * SOLVER.atol**2 * scale
-    last, cost, plain, fitted = _last_step(curves, chart, solution.value, trial, allowed, channels)
-    gradient = gradient + (matrix * (last - solution.value)[None]).sum(1)
-    solved = (
-        last[0], last[1], chart, cost, plain, done & jnp.isfinite(cost), stats["evaluations"],
-        stats["damping"], count, scale,
-        gradient[0], gradient[1], matrix[0, 0], matrix[0, 1], matrix[1, 1],
-    )  # fmt: skip
-    fields = Solved(*(a.astype(y.dtype) for a in solved))
-    return jnp.stack(fields), fitted
+    return table, at
 
 
 def _solve(
@@ -128,37 +144,41 @@ def _solve(
     values: tuple[Array, ...],
     weights: tuple[Array, ...],
     start: Array,
-    max_steps: Array,
+    numbers: Array,
     nodes: tuple[Array, ...],
     *,
     channels: tuple[str, ...],
     mesh: str,
+    block: int,
     lanes: int,
     fitted: bool,
-) -> tuple[Array, Array, tuple[Array, ...]]:
-    """Return ``Solved`` of S curves as one (fields, S) array, and their further starts, (E, 3, S).
+) -> tuple[Array, tuple[Array, ...]]:
+    """Return ``Solved`` of S curves and of their further starts, in S / block blocks G.
 
-    And, if ``fitted``, C arrays (S, M): the curves at the solutions.
+    That is the table of `_jobs`, (G, fields + 1, J), with every job done, but for further starts
+    that are not followed. And, if ``fitted``, C arrays (lanes, M): the curves at the solutions of
+    the first ``lanes``.
 
-    S is a multiple of ``lanes``. The starts are x, w and chart, NaN where the mesh offers none.
+    S is a multiple of ``block``, that one of ``lanes``.
 
     cos_theta, s_share: (M,), or (S, M) where curves have angles of their own.
     values: C arrays (S, M), finite. weights: C arrays (M,) or (S, M), 0 where there is no datum.
     start: (5, S): x, w, chart, damping and the largest w; where x is NaN, from the mesh.
-    max_steps: after that many evaluations a lane is left as it is, not done.
+    numbers: how many of the S are curves (the rest is left out), and the `Steps`.
     nodes: of `mesh_curves` where curves share their angles; of curves with angles of their own
         they are evaluated here.
     mesh: which of `starts.MESHES`.
     """
-    groups = start.shape[1] // lanes
+    blocks, used, steps = start.shape[1] // block, numbers[0], Steps(*numbers[1:])
 
     def lanes_last(a: Array) -> Array:
-        """(S, M) -> (groups, M, lanes)"""
-        return jnp.swapaxes(a.reshape(groups, lanes, a.shape[-1]), -1, -2)
+        """(S, M) -> (blocks, M, block)"""
+        return jnp.swapaxes(a.reshape(blocks, block, a.shape[-1]), -1, -2)
 
     own: dict[str, Any] = {
         "values": tuple(map(lanes_last, values)),
-        "start": start.reshape(-1, groups, lanes).swapaxes(0, 1),
+        "start": start.reshape(-1, blocks, block).swapaxes(0, 1),
+        "used": jnp.clip(used - block * jnp.arange(blocks), 0, block),
     }
     shared: dict[str, Any] = {}
     for name, a in (("cos_theta", cos_theta), ("s_share", s_share)):
@@ -167,28 +187,21 @@ def _solve(
         own["weights"] = tuple(map(lanes_last, weights))
     else:
         shared["weights"] = tuple(w[:, None] for w in weights)
-
-    def curves_of(parts: dict[str, Any]) -> Curves:
-        return Curves(parts["cos_theta"], parts["s_share"], parts["values"], parts["weights"])
-
     # Lanes that go on from where they are need no mesh.
     searched = jnp.isnan(start[0]).any()
 
-    def one_group(parts: dict[str, Any]) -> tuple[Array, Array, tuple[Array, ...]]:
-        curves = curves_of({**shared, **parts})
+    def one_block(parts: dict[str, Any]) -> tuple[Array, tuple[Array, ...]]:
+        every = {**shared, **parts}
+        curves = Curves(*(every[name] for name in Curves._fields))
+        begin, here = every["start"], every["used"]
+        table, further = _jobs(curves, begin, here, nodes, searched, mesh, channels)
+        table, at = _carried_out(
+            curves, begin, here, steps, table, further, channels, lanes, fitted
+        )
+        return table, tuple(a.T for a in at)
 
-        def from_mesh() -> Array:
-            own_nodes = nodes or starts.node_curves(curves, channels, mesh)
-            return starts.mesh_starts(curves, own_nodes, mesh)
-
-        begin = jax.lax.cond(searched, from_mesh, lambda: starts.no_starts(lanes, mesh))
-        solved, at = _solve_lanes(curves, parts["start"], begin[0], max_steps, channels)
-        return solved, begin[1:], at if fitted else ()
-
-    solved, further, at = jax.lax.map(one_group, own)
-    solved = jnp.moveaxis(solved, 0, 1).reshape(solved.shape[1], -1)
-    further = jnp.moveaxis(further, 0, 2).reshape(*further.shape[1:3], -1)
-    return solved, further, tuple(jnp.swapaxes(a, 1, 2).reshape(-1, a.shape[1]) for a in at)
+    tables, at = jax.lax.map(one_block, own)
+    return tables, tuple(a[0] for a in at)
 
 
-solve = compiled(_solve, ("channels", "mesh", "lanes", "fitted"))
+solve = compiled(_solve, ("channels", "mesh", "block", "lanes", "fitted"))

@@ -8,7 +8,7 @@ import numpy as np
 
 from fitting.bare_surface.coordinates import W_MIN, index_derivatives, xi_of
 from fitting.bare_surface.curve_data import Data
-from fitting.bare_surface.engine import Solved
+from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.total_reflection import NEAR_SIGMAS, small_k
 from fitting.uncertainty.limits import interval_from_zero, mean_square, student_quantiles
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.bare_surface.coordinates import index_derivatives, xi_of
-from fitting.bare_surface.engine import Solved
+from fitting.bare_surface.descent import Solved
 
 # Minima that are kept beside the best one: R_p over a few degrees has up to three that fit alike.
 OTHERS = 3

@@ -17,7 +17,7 @@ import functools
 import numpy as np
 
 from fitting.bare_surface.curve_data import Data
-from fitting.bare_surface.engine import Solved
+from fitting.bare_surface.descent import Solved
 
 # An index is preferred if chance gives a fit as much better in less than this share of all curves.
 CHANCE = 0.01

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from fitting.bare_surface.curve_data import Data, of_rows, put_rows
-from fitting.bare_surface.engine import Solved
+from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import Estimated, estimate
 from fitting.bare_surface.region_intervals import (
     NONE,

@@ -25,7 +25,7 @@ import numpy as np
 
 from fitting.bare_surface.coordinates import W_MIN, X_MAX, X_MIN, index_derivatives, xi_of
 from fitting.bare_surface.curve_data import Data
-from fitting.bare_surface.engine import Solved
+from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.valley import Lanes, evaluate, from_nearer_end, on_line, share_of
 
 LINES = 8

@@ -24,7 +24,7 @@ import numpy as np
 
 from fitting.bare_surface.coordinates import w_of_small_k
 from fitting.bare_surface.curve_data import Data
-from fitting.bare_surface.engine import Solved
+from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import Estimated
 from fitting.bare_surface.region import around_nothing, profile
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from fitting.bare_surface.answer import Answer, answer, start_points
 from fitting.bare_surface.arrange import Arranged, of_arrays, of_measurement
-from fitting.bare_surface.batch import fitted_curves
+from fitting.bare_surface.calls import fitted_curves
 from fitting.bare_surface.common_error import Taken, with_common_error
 from fitting.bare_surface.curves import SurfaceCurves
 from fitting.bare_surface.other_solutions import Other

@@ -14,10 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.bare_surface.batch import FEW, run, start_rows
+from fitting.bare_surface.calls import run, start_rows
 from fitting.bare_surface.coordinates import W_MIN, X_MAX, X_MIN, xi_of
-from fitting.bare_surface.curve_data import Data
-from fitting.bare_surface.engine import Solved
+from fitting.bare_surface.curve_data import Data, of_rows
+from fitting.bare_surface.descent import Solved
+from fitting.bare_surface.engine import Steps
 
 
 class Lanes(NamedTuple):
@@ -78,33 +79,71 @@ def evaluate(data: Data, lanes: Lanes) -> Solved:
     count = len(lanes.x)
     start = start_rows(count, np.stack([lanes.x, lanes.w, lanes.chart]))
     start[4] = lanes.w
-    # A few curves keep to the small program and many to the large one: no other is compiled.
-    found, _ = run(data.take(lanes.curve), start, 1, few=data.curves <= FEW)
+    found, _ = run(data.take(lanes.curve), start, Steps(1))
     return Solved(*found)
+
+
+def _at_lossless_end(data: Data, x: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return cost, gradient and Gauss-Newton matrix in x of the curves at n > 1, k = 0, (N,) each.
+
+    Fresnel's formulas of two lossless media, with q = sqrt(n^2 - sin^2):
+
+        r_s = (cos - q) / (cos + q),    r_p = (n^2 cos - q) / (n^2 cos + q)
+    """
+    xi = xi_of(x)[:, None]
+    n, cos = np.exp(xi), np.atleast_2d(data.cos_theta)
+    square = n * n
+    q = np.sqrt(square - 1.0 + cos * cos)
+    n_x = n / np.tanh(xi)
+    near, far = cos + q, square * cos + q
+    r_s, r_p = (cos - q) / near, (square * cos - q) / far
+    # dR/dx = 2 r (dr/dn) (dn/dx)
+    common = 4.0 * cos * n * n_x / q
+    R_s, R_p = r_s * r_s, r_p * r_p
+    slope_s = -common * r_s / (near * near)
+    slope_p = common * r_p * (2.0 * q * q - square) / (far * far)
+    both = {"R_s": (R_s, slope_s), "R_p": (R_p, slope_p)}
+    if "R" in data.channels:
+        share = np.atleast_2d(data.s_share)
+        both["R"] = R_p + share * (R_s - R_p), slope_p + share * (slope_s - slope_p)
+    sums = np.zeros((3, len(x)))
+    for name, value, weight in zip(data.channels, data.values, data.weights, strict=True):
+        off, slope = (both[name][0] - value) * weight, both[name][1] * weight
+        for total, a, b in zip(sums, (off, off, slope), (off, slope, slope), strict=True):
+            total += np.einsum("nm,nm->n", a, b)
+    return tuple(sums)
 
 
 def open_to_the_other_end(data: Data, s: Solved, allowed: np.ndarray) -> np.ndarray:
     """Return where the valley of a minimum with n < 1 leads to n > 1, k = 0, at ``allowed`` cost.
 
     Near normal incidence the noise decides at which end of the valley the minimum lies, and at
-    n < 1, close to total reflection, it looks well determined.
+    n < 1, close to total reflection, it looks well determined. The end itself is looked at first,
+    without a call of the program: of metals nearly none passes.
     """
+    still = np.zeros(len(s.x), bool)
     with np.errstate(all="ignore"):
+        _, g, h = _at_lossless_end(data, s.x)
+        # x moves a little along the floor.
+        cost, g, h = _at_lossless_end(data, np.clip(s.x - g / h, X_MIN, X_MAX))
+        here = np.flatnonzero(cost - g * g / h <= allowed)
+        if not len(here):
+            return still
+        s, allowed = of_rows(s, here), allowed[here]
         outside = from_nearer_end(s)
         share = share_of(s.x, outside.w, outside.chart)
         share = np.where(outside.chart > 0, share, 1.0 - share)  # measured from n > 1
         phi = 2.0 * np.arcsin(np.sqrt(share))
-        every = np.arange(len(s.x))
-        chart = np.ones_like(s.x)
-        still = np.isfinite(phi)
-        for part in (0.0, 1.0 / 3.0, 2.0 / 3.0):
-            here = np.flatnonzero(still)
-            if not len(here):
+        on = np.isfinite(phi)
+        for part in (1.0 / 3.0, 2.0 / 3.0):
+            some = np.flatnonzero(on)
+            if not len(some):
                 break
-            w, _ = on_line(s.x[here], np.sin(0.5 * part * phi[here]) ** 2, chart[here])
-            x = s.x[here]
-            for _ in range(2):  # x moves a little along the floor
-                now = evaluate(data, Lanes(every[here], x, w, chart[here]))
+            x, chart = s.x[some], np.ones(len(some))
+            w, _ = on_line(x, np.sin(0.5 * part * phi[some]) ** 2, chart)
+            for _ in range(2):  # as above
+                now = evaluate(data, Lanes(here[some], x, w, chart))
                 x = np.clip(now.x - now.g_x / now.h_xx, X_MIN, X_MAX)
-            still[here] = now.cost - now.g_x**2 / now.h_xx <= allowed[here]
+            on[some] = now.cost - now.g_x**2 / now.h_xx <= allowed[some]
+    still[here] = on
     return still

@@ -1,0 +1,181 @@
+"""The way of lanes from their starts to their minima: steps, last step, other chart."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from fitting.bare_surface import coordinates as co
+from fitting.bare_surface.reflectances import (
+    Curves,
+    Residuals,
+    count_and_scale,
+    model,
+    sums_of_squares,
+)
+from fitting.solver import (
+    START_DAMPING,
+    BatchLevenbergMarquardt,
+    BatchState,
+    normal_sums,
+    unpack,
+)
+
+SOLVER = BatchLevenbergMarquardt()
+
+
+class Solved(NamedTuple):
+    """What the program gives back, each (L,)."""
+
+    x: Any
+    w: Any
+    chart: Any
+    cost: Any  # weighted sum of squares
+    plain: Any  # the same without weights
+    done: Any
+    evaluations: Any
+    damping: Any
+    count: Any  # data
+    scale: Any  # weighted sum of squares of the data
+    g_x: Any  # half the gradient of the cost
+    g_w: Any
+    h_xx: Any  # Gauss-Newton matrix
+    h_xw: Any
+    h_ww: Any
+
+
+_EVALUATIONS = Solved._fields.index("evaluations")
+
+
+def _last_step(
+    curves: Curves,
+    chart: Array,
+    best: Array,
+    trial: Array,
+    allowed: Array,
+    channels: tuple[str, ...],
+) -> tuple[Array, Array, Array, tuple[Array, ...]]:
+    """Return ``trial``, in lanes where its cost is above ``allowed`` ``best``, and sums and curves.
+
+    A loop that runs once, or twice when a lane steps back: one copy of the model in the program.
+    """
+
+    def body(carry):
+        y, *_, runs = carry
+        found = model(curves, y[0], y[1], chart, channels)
+        weighted, plain = sums_of_squares(curves, found)
+        worse = ~(weighted <= allowed) & (y != best).any(0)
+        return jnp.where(worse, best, y), weighted, plain, found, worse.any(), runs + 1
+
+    none = jnp.zeros_like(allowed)
+    nowhere = tuple(jnp.zeros_like(v) for v in curves.values)
+    # The count ends it where NaN, which is unlike itself, would have it step back for ever.
+    y, weighted, plain, found, _, _ = jax.lax.while_loop(
+        lambda carry: carry[4] & (carry[5] < 2),
+        body,
+        (trial, none, none, nowhere, jnp.array(True), jnp.array(0)),
+    )
+    return y, weighted, plain, found
+
+
+def _descend(
+    curves: Curves,
+    start: Array,
+    most: tuple[Array, Array],
+    near: Array,
+    channels: tuple[str, ...],
+) -> tuple[Array, tuple[Array, ...]]:
+    """Return ``Solved`` of L lanes as one (fields, L) array, and the curves there.
+
+    start: (5, L): x, w, chart, damping and the largest w. most: (L,) evaluations, and evaluations
+    of lanes whose cost is then less than ``near``.
+    """
+    x, w, chart, damping, w_max = start
+    y = jnp.stack([x, jnp.minimum(w, w_max)])
+    by_eps = chart == co.EPS
+    low, high = co.EPS_BOUNDS
+    lower = jnp.stack([jnp.where(by_eps, low[0], co.X_MIN), jnp.where(by_eps, low[1], co.W_MIN)])
+    upper = jnp.stack([jnp.where(by_eps, high[0], co.X_MAX), jnp.where(by_eps, high[1], w_max)])
+    count, scale = count_and_scale(curves)
+    degrees = jnp.maximum(count - 2, 1)
+    options = {"lower": lower, "upper": upper, "degrees": degrees, "scale": scale}
+    residuals = Residuals(channels)
+
+    def under_way(state: BatchState) -> Array:
+        goes_on = (state.evaluations < most[1]) & (state.sums[0] < near)
+        return ~state.done & ((state.evaluations < most[0]) | goes_on)
+
+    def step(carry):
+        y, state = carry
+        moving = under_way(state)
+        # A lane that is over rests, whether or not it is done.
+        resting = state._replace(done=~moving)
+        trial = SOLVER.next_trial(y, options, resting)
+        sums = normal_sums(lambda z, _: (residuals(z, (curves, chart)), None), trial, None)
+        y, new = SOLVER.advanced(y, trial, sums, options, resting)
+        return y, new._replace(done=jnp.where(moving, new.done, state.done))
+
+    value, state = jax.lax.while_loop(
+        lambda carry: under_way(carry[1]).any(), step, (y, SOLVER.begun(y, damping))
+    )
+    cost_before, gradient, matrix = unpack(state.sums, 2)
+    # The undamped step at the end promised less than a hundredth of a standard error, and so was
+    # not worth an evaluation of derivatives; taken all the same it squares the error that is left.
+    trial = jnp.clip(value + jnp.where(state.done, state.full, 0.0), lower, upper)
+    allowed = cost_before * (1.0 + 1e-6) + 4.0 * SOLVER.atol**2 * scale
+    last, cost, plain, fitted = _last_step(curves, chart, value, trial, allowed, channels)
+    gradient = gradient + (matrix * (last - value)[None]).sum(1)
+    solved = (
+        last[0], last[1], chart, cost, plain, state.done & jnp.isfinite(cost), state.evaluations,
+        state.damping, count, scale,
+        gradient[0], gradient[1], matrix[0, 0], matrix[0, 1], matrix[1, 1],
+    )  # fmt: skip
+    fields = Solved(*(a.astype(y.dtype) for a in solved))
+    return jnp.stack(fields), fitted
+
+
+def at_far_end(s: Solved, xp: Any = np) -> Any:
+    """Where k = 0 was reached at the end of the line that the chart does not measure from."""
+    return s.w >= 4.0 * co.xi_of(s.x, xp) * (1.0 - 64.0 * co.FAR_END)
+
+
+def descend_in_both_charts(
+    curves: Curves,
+    start: Array,
+    most: tuple[Array, Array],
+    near: Array,
+    turned: Array,
+    channels: tuple[str, ...],
+) -> tuple[Array, tuple[Array, ...]]:
+    """Return what `_descend` does, once more for lanes that came to the far end of their chart.
+
+    These go on in the other one, for up to ``turned`` evaluations; the others stay where they are.
+    """
+    lanes = start.shape[1]
+
+    def body(carry):
+        begin, solved, fitted, again, most, runs = carry
+        new, there = _descend(curves, begin, most, near, channels)
+        new = new.at[_EVALUATIONS].add(jnp.where(runs > 0, solved[_EVALUATIONS], 0.0))
+        solved = jnp.where(again, new, solved)
+        fitted = tuple(jnp.where(again, b, a) for a, b in zip(fitted, there, strict=True))
+        s = Solved(*solved)
+        again = at_far_end(s, jnp) & (turned > 0)
+        other = jnp.stack([
+            s.x, jnp.full(lanes, co.W_MIN), -s.chart, jnp.full(lanes, START_DAMPING), begin[4]
+        ])  # fmt: skip
+        some = jnp.where(again, turned, 0)
+        return other, solved, fitted, again, (some, some), runs + 1
+
+    none = jnp.zeros((len(Solved._fields), lanes))
+    nowhere = tuple(jnp.zeros(v.shape) for v in curves.values)
+    every = tuple(jnp.broadcast_to(m, (lanes,)) for m in most)
+    begin = (start, none, nowhere, jnp.ones(lanes, bool), every, jnp.array(0))
+    _, solved, fitted, *_ = jax.lax.while_loop(
+        lambda carry: carry[3].any() & (carry[5] < 2), body, begin
+    )
+    return solved, fitted
