@@ -25,6 +25,7 @@ from fitting.result import (
     Estimate,
     Fit,
 )
+from fitting.uncertainty.limits import student_quantile
 
 # Standard errors from 0 below which a k that is seen as k^2 alone is compatible with 0: three
 # standard errors of k^2 are six of k.
@@ -39,13 +40,10 @@ def reach(fit: Fit) -> float:
 
     NaN where that is not known: of a batch, whose fits may share their noise.
     """
-    if fit.shape or fit.errors.taken == "stated":
-        return math.nan if fit.shape else 1.96
-    if fit.dof < 1:
+    stated = fit.errors.taken == "stated"
+    if fit.shape or not (stated or fit.dof):
         return math.nan
-    from scipy.special import stdtrit
-
-    return float(stdtrit(fit.dof, 0.975))
+    return student_quantile(0 if stated else fit.dof)
 
 
 def value_text(e: Estimate, student: float = math.nan) -> str:
