@@ -62,8 +62,7 @@ def _stage(
     """
     from fitting.output.as_data import INDEX_MARK
     from fitting.output.files import FLAGS, REPORT
-    from fitting.output.material import MATERIAL_MARK
-    from fitting.written_material import ERRORS_HEAD, errors_beside, of_medium
+    from fitting.output.material import ERRORS_HEAD, MATERIAL_MARK, errors_beside, of_medium
 
     names: dict[str, str] = {"csv": arguments.csv, "plot": arguments.plot}
     if arguments.json != "-":
@@ -129,11 +128,12 @@ def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
     from fitting.measurement import read_csv
-    from fitting.output import as_data, files, shown
+    from fitting.output import as_data, files
     from fitting.output.material import fitted_media, texts_of
     from fitting.output.outputs import Outputs
     from fitting.output.progress_bar import Progress
     from fitting.output.reference import check_reference
+    from fitting.output.text_table import Comparison, text_of
     from fitting.several_files import told_apart
 
     width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
@@ -164,11 +164,11 @@ def _run(arguments: argparse.Namespace) -> int:
         compared = None
         if choice is not None:
             reasons = [reason.text for reason in choice.reasons]
-            compared = shown.Comparison(choice.table(), reasons, choice.to_dict())
+            compared = Comparison(choice.table(), reasons, choice.to_dict())
         if arguments.json == "-":
             say(as_data.json_text(found, None if compared is None else compared.data))
         elif not arguments.quiet:
-            say(shown.text_of(found, width, arguments.reference or "", compared))
+            say(text_of(found, width, arguments.reference or "", compared))
         with Progress("files written", quiet=arguments.quiet) as bar:
             files.write_files(
                 found, staged, plot_suffix=Path(arguments.plot or ".png").suffix,

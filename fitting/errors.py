@@ -1,4 +1,4 @@
-"""The one error that reading a measurement raises, and how it names its place."""
+"""What reading a measurement raises, how it names its place, and a package that is missing."""
 
 from __future__ import annotations
 
@@ -22,3 +22,13 @@ def place(source: str, line: int = 0, column: str = "") -> str:
     if column:
         text += f", column {column}"
     return text
+
+
+class MissingExtra(ValueError, ImportError):
+    """A package is not installed; the text names what asked for it and how to install it."""
+
+    def __init__(self, asked: str, package: str, extra: str) -> None:
+        super().__init__(
+            f"{asked} needs {package}, which is not installed: pip install {package} "
+            f"(or install fresnel-jax with its extra {extra!r})."
+        )

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import io
+import math
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from fitting.output.csv_text import csv_text
+from fitting.errors import MissingExtra
 from fitting.output.estimates import by_wavelength, has_several_curves, index_waves
 from fitting.output.facts import sample_text, title_of
-from fitting.output.missing import MissingExtra
 from fitting.output.text_table import varied_of
 from fitting.plain_data import json_object, plain
 from fitting.residuals import residuals
@@ -90,6 +91,29 @@ def to_dict(fit: Fit) -> dict[str, Any]:
 def json_text(fit: Fit, more: Mapping[str, Any] | None = None) -> str:
     """Return `to_dict` as a JSON object, a field a line, and what is in ``more`` behind it."""
     return json_object(to_dict(fit) | dict(more or {}))
+
+
+def _cell(value: Any, decimal: str) -> str:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else str(value).replace(".", decimal)
+    # a mark that parts cells would shift what stands behind
+    return str(value).replace(",", " ").replace(";", " ")
+
+
+def csv_text(comments: Iterable[str], columns: Mapping[str, Iterable[Any]], decimal: str) -> str:
+    """Return columns as CSV below comment lines; what is NaN is empty.
+
+    decimal: "." with cells parted by commas, or "," with cells parted by semicolons, as
+    spreadsheets open them where the comma is the decimal mark. Numbers read back to the last bit.
+    """
+    mark = ";" if decimal == "," else ","
+    out = io.StringIO()
+    for comment in comments:
+        out.write("# " + visible(" ".join(comment.split())) + "\n")
+    out.write(mark.join(columns) + "\n")
+    for row in zip(*columns.values(), strict=True):
+        out.write(mark.join(_cell(c, decimal) for c in row) + "\n")
+    return out.getvalue()
 
 
 def _comments(fit: Fit) -> list[str]:

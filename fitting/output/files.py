@@ -8,9 +8,10 @@ from pathlib import Path
 
 from fitting.output import as_data, material
 from fitting.output.estimates import index_waves
-from fitting.output.fit_page import Comparison, fit_page
+from fitting.output.fit_page import fit_page
 from fitting.output.outputs import Outputs
 from fitting.output.style import check_matplotlib, save
+from fitting.output.text_table import Comparison
 from fitting.result import Fit
 
 # What a report folder holds. The page comes last, since the picture goes into it.

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,29 +14,17 @@ from fitting.output.estimates import (
     k_is_limited,
     k_text,
     reach,
+    shown_name,
     state_of,
-    symbols,
     value_text,
     wave_text,
 )
 from fitting.output.numbers import number, with_error
 from fitting.output.page import Table, fragment, page
-from fitting.output.text_table import batch_rows, shared_of, varied_of
+from fitting.output.text_table import Comparison, batch_rows, shared_of, varied_of
 from fitting.output.told import told_of
 from fitting.residuals import residuals
 from fitting.result import Fit
-
-
-class Comparison(NamedTuple):
-    """What `choose` compared, for the table and the page.
-
-    rows: texts, heads first, the model taken marked with ``>``. reasons: sentences, why this one.
-    data: the same as plain data, for JSON.
-    """
-
-    rows: Sequence[Sequence[str]]
-    reasons: Sequence[str]
-    data: dict[str, Any]
 
 
 def _facts(fit: Fit) -> facts.Facts:
@@ -49,9 +35,9 @@ def _facts(fit: Fit) -> facts.Facts:
 
 
 def _parameters(fit: Fit) -> Table:
-    names, student = symbols(fit), reach(fit)
+    student = reach(fit)
     rows = [
-        [names.get(name, name), value_text(e, student), interval_of(e), state_of(e)]
+        [shown_name(fit, name), value_text(e, student), interval_of(e), state_of(e)]
         for name, e in fit.parameters.items()
     ]
     head = ["", "value +- standard error", "95 % interval", ""]
@@ -81,10 +67,10 @@ def _index(fit: Fit) -> list[Table]:
 def _batch(fit: Fit) -> Table:
     """Return a row for each fit of a batch, each parameter with its 95 % interval."""
     head, *rows = batch_rows(fit)
-    varied, names = varied_of(fit), symbols(fit)
+    varied = varied_of(fit)
     first = "wavelength, um" if by_wavelength(fit) else "curve"
     heads = [first, *head[1 : 1 + len(varied)]]
-    heads += [f"{names.get(n, n)}, 95 % interval" for n in varied]
+    heads += [f"{shown_name(fit, n)}, 95 % interval" for n in varied]
     places = {wave_text(fit, index): index for index in np.ndindex(fit.shape)}
     out = []
     for row in rows:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitting.output.missing import MissingExtra
+from fitting.errors import MissingExtra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -128,6 +128,12 @@ def band(axes: Axes, x: Any, low: Any, high: Any, color: str) -> None:
     """Draw a one-sigma band, where it is known."""
     if np.isfinite(low).any():
         axes.fill_between(x, low, high, color=color, alpha=0.22, linewidth=0, zorder=1)
+
+
+def symbol(name: str) -> str:
+    """Return a shown name as a picture writes it: the symbol of an index, else as it is."""
+    index = {"eta": r"\eta", "k": "k", "<n>": r"\langle n \rangle", "<k>": r"\langle k \rangle"}
+    return f"${index[name]}$" if name in index else name
 
 
 def plain_title(text: str, longest: int = 78) -> str:
