@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 
 class MeasurementError(ValueError):
     """A measurement cannot be read, or a value in it cannot be meant.
@@ -22,6 +24,11 @@ def place(source: str, line: int = 0, column: str = "") -> str:
     if column:
         text += f", column {column}"
     return text
+
+
+def refuse(line: int, text: str) -> NoReturn:
+    """Raise MeasurementError at a line of a file; its name is put before by `reader.formats`."""
+    raise MeasurementError(f"line {line}: {text}")
 
 
 class MissingExtra(ValueError, ImportError):

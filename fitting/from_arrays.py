@@ -39,15 +39,8 @@ def _converted(
     ):
         if unit not in known:
             raise MeasurementError(f"{source}: {name} is {unit!r}; one of {', '.join(known)}.")
-    wave = wavelength if of.wavelength == "um" else units.wavelength_um(
-        wavelength, of.wavelength
-    )  # fmt: skip
-    return wave, angle if of.angle == "deg" else units.incidence_deg(angle, of.angle, wave)
-
-
-def _scaled(values: np.ndarray, factor: float) -> np.ndarray:
-    """Return values times a factor; percent is one division."""
-    return values if factor == 1.0 else units.scaled(values, factor)
+    wave = units.wavelength_um(wavelength, of.wavelength)
+    return wave, units.incidence_deg(angle, of.angle, wave)
 
 
 def _quotients(
@@ -71,13 +64,9 @@ def _ranges(data: Data) -> str:
     """Return the ranges of angle and wavelength as text."""
     if not len(data.value):
         return ""
-    low, high = data.angle_deg.min(), data.angle_deg.max()
-    out = f", {low:g} degrees" if low == high else f", {low:g} to {high:g} degrees"
-    known = data.wavelength_um[np.isfinite(data.wavelength_um)]
-    if not len(known):
-        return f"{out}, no wavelength"
-    low, high = known.min(), known.max()
-    return out + (f", {low:g} um" if low == high else f", {low:g} to {high:g} um")
+    known = np.isfinite(data.wavelength_um).any()
+    waves = units.span_of(data.wavelength_um, "um") if known else "no wavelength"
+    return f", {units.span_of(data.angle_deg, 'degrees')}, {waves}"
 
 
 def from_arrays(
@@ -129,11 +118,9 @@ def from_arrays(
         ) from error
     wavelength, angle = _converted(source, wavelength, angle, of)
     count = len(names)
-    power = are_powers(names)
-    factor = np.where(power, of.scale, 1.0)
-    if by:
-        factor = np.ones(count)  # of both: it cancels
-    rest = [_scaled(a, f) for a, f in zip(rest[: 2 * count], np.tile(factor, 2), strict=True)]
+    # Of a quotient the factor cancels.
+    factor = np.where(are_powers(names) & (not by), of.scale, 1.0)
+    rest = [units.scaled(a, f) for a, f in zip(rest[: 2 * count], np.tile(factor, 2), strict=True)]
     sigma_all, value_all = np.concatenate(rest[:count]), np.concatenate(rest[count:])
     if by:
         value_all, sigma_all = _quotients(source, value_all, sigma_all, reference)

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from fitting.output.outputs import Outputs
+from fitting.reader.units import span_of
 from fitting.result import CONVERGED, UNDETERMINED, Estimate, Fit, IndexBand
 from fitting.sample import Sample
 from fitting.visible import visible
@@ -79,9 +80,7 @@ def _conditions(fit: Fit) -> dict[str, str]:
     """Return sample, angles and all that is not an index, by name."""
     out = {"sample": str(fit.sample)}
     if fit.measurement is not None:
-        angles = np.unique(fit.measurement.angle_deg)
-        ends = dict.fromkeys(f"{a:g}" for a in (angles[0], angles[-1]))
-        out["angle_of_incidence_deg"] = " to ".join(ends)
+        out["angle_of_incidence_deg"] = span_of(fit.measurement.angle_deg)
     for name, e in fit.parameters.items():
         if "thickness" in name and np.ndim(e.value) == 0:
             out[name] = _with_error(e)
