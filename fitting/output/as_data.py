@@ -58,11 +58,6 @@ def _each(fit: Fit, of: Any, value: Any) -> Any:
     return [[of(one) for one in some] for some in value.ravel()]
 
 
-def _index(fit: Fit) -> dict[str, Any]:
-    """Return eta and k with their errors at the measured wavelengths."""
-    return fit.index()._asdict() if len(index_waves(fit)) else {}
-
-
 def to_dict(fit: Fit) -> dict[str, Any]:
     """Return plain data for ``json.dumps``: NaN and infinity as None, arrays as lists.
 
@@ -84,7 +79,7 @@ def to_dict(fit: Fit) -> dict[str, Any]:
     fields["warnings"] = _each(fit, lambda w: w.to_dict(), fit.warnings)
     fields["notes"] = [note.to_dict() for note in fit.notes]
     fields["alternatives"] = _each(fit, _alternative, fit.alternatives)
-    fields["index"] = _index(fit)
+    fields["index"] = fit.index()._asdict() if len(index_waves(fit)) else {}
     return {name: plain(value) for name, value in fields.items()}
 
 

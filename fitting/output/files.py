@@ -63,11 +63,6 @@ def stage_report(
     ]  # fmt: skip
 
 
-def has_index_table(fit: Fit) -> bool:
-    """Whether there is more than one index, or a batch, which has a CSV of its own."""
-    return bool(fit.shape) or len(index_waves(fit)) > 1
-
-
 def write_files(
     fit: Fit,
     staged: Iterable[Staged],
@@ -118,13 +113,7 @@ def write_files(
             raise OSError(error.errno, error.strerror, asked) from error
 
 
-def report(
-    fit: Fit,
-    folder: str | os.PathLike[str],
-    comparison: Comparison | None = None,
-    *,
-    overwrite: bool = False,
-) -> None:
+def report(fit: Fit, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write the report of a fit into ``folder``: all of it or, if that fails, nothing.
 
     report.html, fit.json, data.csv, fit.png, and index.csv of a spectrum or a batch. The folder is
@@ -132,10 +121,9 @@ def report(
     matplotlib, ValueError for a folder that cannot be made or written to.
     """
     check_matplotlib("report")
-    left_out = [] if has_index_table(fit) else ["index"]
-    if fit.measurement is None:
-        left_out.append("csv")
+    left_out = ["csv"] * (fit.measurement is None)
+    left_out += ["index"] * (not fit.shape and len(index_waves(fit)) < 2)
     with Outputs() as outputs:
         staged = stage_report(outputs, folder, left_out, overwrite=overwrite)
-        write_files(fit, staged, comparison=comparison)
+        write_files(fit, staged)
         outputs.publish()

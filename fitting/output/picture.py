@@ -19,7 +19,6 @@ from fitting.output.picture_data import (
     curves_of,
     draw_line,
     draw_zero,
-    grid_of,
     lines_of,
     over_wavelength,
     power_label,
@@ -156,7 +155,7 @@ def _draw_data(figure: Figure, fit: Fit, m: Measurement, reference: str | None) 
     spectrum = over_wavelength(m)
     pairs, index = _panels(figure, kinds, spectrum and _has_index(fit))
     low, high = _span(m)
-    curves = curves_of(fit, m, lines, grid_of(fit, m, low, high))
+    curves = curves_of(fit, m, lines, low, high)
     residual = fit.residuals
     for kind, (top, bottom) in pairs.items():
         of = [i for i, line in enumerate(lines) if line.kind == kind]
