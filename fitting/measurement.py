@@ -70,6 +70,11 @@ class Measurement:
         columns = [_frozen(column[keep]) for column in _arrays(self)]
         return Measurement(*columns, source=self.source, understood=self.understood)
 
+    def at_wavelength(self, wavelength_um: float) -> np.ndarray:
+        """Return the mask of the rows at a wavelength; NaN: of those of which none is known."""
+        known = self.wavelength_um
+        return np.isnan(known) if np.isnan(wavelength_um) else known == wavelength_um
+
     @staticmethod
     def from_columns(
         angle_deg: object,

@@ -247,8 +247,7 @@ class Fit:
         """Return which rows of the measurement belong to one wavelength."""
         if self.measurement is None:
             return None
-        own, all_of = np.asarray(self.wavelength_um)[index], self.measurement.wavelength_um
-        return np.isnan(all_of) if np.isnan(own) else all_of == own
+        return self.measurement.at_wavelength(np.asarray(self.wavelength_um)[index])
 
     def __repr__(self) -> str:
         from fitting.output.text_table import one_line

@@ -131,11 +131,16 @@ def data_csv(fit: Fit, decimal: str = ".") -> str:
     where a quantity says all. `fitting.read_csv` reads the file as the same measurement. decimal:
     the decimal mark; with "," cells are parted by semicolons.
     """
+    return csv_text(_comments(fit), data_columns(fit), decimal)
+
+
+def data_columns(fit: Fit) -> dict[str, list[Any]]:
+    """Return the columns of `data_csv` by their heads; ValueError for a fit that keeps no data."""
     m = fit.measurement
     if m is None:
         raise ValueError("this fit keeps no data: it came from arrays; there is no data table.")
     found = fit.predict()
-    columns: dict[str, Iterable[Any]] = {}
+    columns: dict[str, list[Any]] = {}
     if has_several_curves(fit) and fit.curve is not None:
         columns["curve"] = [visible(fit.curve_names[i]) for i in fit.curve]
     columns["angle_deg"] = m.angle_deg.tolist()
@@ -144,14 +149,13 @@ def data_csv(fit: Fit, decimal: str = ".") -> str:
     columns["quantity"] = m.quantity.tolist()
     if np.isfinite(m.polarizer_deg).any():
         columns["polarizer_deg"] = m.polarizer_deg.tolist()
-    columns |= {
+    return columns | {
         "value": m.value.tolist(),
         "sigma": m.sigma.tolist(),
         "fitted": found.value.tolist(),
         "sigma_fitted": found.sigma.tolist(),
         "residual": residuals(m, found.value).tolist(),
     }
-    return csv_text(_comments(fit), columns, decimal)
 
 
 def batch_columns(fit: Fit) -> dict[str, list[Any]]:

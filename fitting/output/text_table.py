@@ -12,6 +12,7 @@ from fitting.output import facts
 from fitting.output.estimates import (
     beside,
     by_wavelength,
+    interval_of,
     reach,
     shown_name,
     value_text,
@@ -90,14 +91,16 @@ def _one(fit: Fit, width: int) -> list[str]:
     return lines + _labelled((("warning", text) for text in told_of(fit).texts), width)
 
 
-def _cells(fit: Fit, index: tuple[int, ...], varied: list[str], stated: bool) -> list[str]:
-    cells = [wave_text(fit, index)]
+def _cells(
+    fit: Fit, index: tuple[int, ...], varied: list[str], stated: bool, intervals: bool
+) -> list[str]:
     status = str(np.asarray(fit.status)[index])
-    for name in varied:
-        e = fit.parameters[name].at(index)
-        # In brackets: one of many that fit alike.
-        text = value_text(e)
-        cells.append(f"({text})" if status == UNDETERMINED else text)
+    each = [fit.parameters[name].at(index) for name in varied]
+    # In brackets: one of many that fit alike.
+    form = "({})" if status == UNDETERMINED else "{}"
+    cells = [wave_text(fit, index), *(form.format(value_text(e)) for e in each)]
+    if intervals:
+        cells += map(interval_of, each)
     if stated:
         cells.append(number(float(np.asarray(fit.chi2_reduced)[index]), 3))
     return [*cells, size_text(float(np.asarray(fit.rms)[index])), status]
@@ -117,13 +120,17 @@ def shared_of(fit: Fit) -> list[tuple[str, str]]:
     ]
 
 
-def batch_rows(fit: Fit) -> list[list[str]]:
-    """Return heads and rows of the fits of a batch; of many its first and last ones."""
+def batch_rows(fit: Fit, intervals: bool = False) -> list[list[str]]:
+    """Return heads and rows of the fits of a batch; of many its first and last ones.
+
+    intervals: with the 95 % interval of each parameter.
+    """
     varied, told = varied_of(fit), told_of(fit)
     stated = bool(np.isfinite(np.asarray(fit.chi2_reduced)).any())
     units = {n: fit.parameters[n].unit for n in varied}
     head = ["wavelength_um" if by_wavelength(fit) else "curve"]
     head += [with_unit(shown_name(fit, n), f"({units[n]})" if units[n] else "") for n in varied]
+    head += [f"{shown_name(fit, n)}, 95 % interval" for n in varied if intervals]
     head += [*["chi2/dof"] * stated, "rms", "status"]
     notes = bool(told.texts)
     rows = [[*head, *["warnings"] * notes]]
@@ -133,7 +140,7 @@ def batch_rows(fit: Fit) -> list[list[str]]:
         shown = [*range(_ENDS), *range(size - _ENDS, size)]
     for i in shown:
         index = tuple(int(j) for j in np.unravel_index(i, fit.shape))
-        rows.append([*_cells(fit, index, varied, stated), *[told.marks(index)] * notes])
+        rows.append([*_cells(fit, index, varied, stated, intervals), *[told.marks(index)] * notes])
     if size > _ROWS:
         rows.insert(1 + _ENDS, ["...", *[""] * (len(rows[0]) - 1)])
     return rows
