@@ -102,8 +102,6 @@ def filled_columns(rows: list[list[str]]) -> list[int]:
 
 def _without_remark(text: str) -> str:
     """Return a row without the remark that stands behind its numbers."""
-    if "#" not in text and "//" not in text and "!" not in text:
-        return text
     return _INLINE.split(text, maxsplit=1)[0] if text.strip()[:1] not in '#!/"%;' else text
 
 
