@@ -44,10 +44,9 @@ def _converted(
 
 
 def _quotients(
-    source: str, value: np.ndarray, sigma: np.ndarray, reference: list[np.ndarray]
+    source: str, value: np.ndarray, sigma: np.ndarray, by: np.ndarray, sigma_by: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return values over those of a reference (errors, values), and their standard errors."""
-    sigma_by, by = reference
+    """Return values over those of a reference, and their standard errors."""
     bad = ~(by > 0.0) & np.isfinite(value)
     if bad.any() or not (np.isnan(sigma_by) | (sigma_by > 0.0)).all():
         came = f"{by[bad][0]:.6g}" if bad.any() else "a standard error that is not positive"
@@ -111,19 +110,23 @@ def from_arrays(
         if len(length) != 1:
             raise ValueError(f"{len(length)} dimensions came")
         angle, wavelength, polarizer, *rest = (np.broadcast_to(a, length) for a in arrays)
-        reference = [np.concatenate(rest[n * len(names) : (n + 1) * len(names)]) for n in (2, 3)]
     except (ValueError, TypeError) as error:
         raise MeasurementError(
             f"{source}: the columns must be numbers of one length ({error})."
         ) from error
     wavelength, angle = _converted(source, wavelength, angle, of)
     count = len(names)
+    *ours, sigma_by, value_by = np.reshape(rest, (4, count, -1))
     # Of a quotient the factor cancels.
     factor = np.where(are_powers(names) & (not by), of.scale, 1.0)
-    rest = [units.scaled(a, f) for a, f in zip(rest[: 2 * count], np.tile(factor, 2), strict=True)]
-    sigma_all, value_all = np.concatenate(rest[:count]), np.concatenate(rest[count:])
+    sigma_all, value_all = (
+        np.concatenate([units.scaled(a, f) for a, f in zip(each, factor, strict=True)])
+        for each in ours
+    )
     if by:
-        value_all, sigma_all = _quotients(source, value_all, sigma_all, reference)
+        value_all, sigma_all = _quotients(
+            source, value_all, sigma_all, value_by.ravel(), sigma_by.ravel()
+        )
     kept = np.flatnonzero(~np.isnan(value_all))
     rows = length[0]
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from fitting.checks import Data
 from fitting.errors import MeasurementError
+from fitting.quantities import POWERS
 from fitting.reader.units import span_of
 
-REFLECTANCES = ("R_s", "R_p", "R", "R_back")
 # Angles and wavelengths that differ by no more are the same: they were converted from other units.
 _SAME = 1e-6
 # A scan as fractions has a median below 1.5, one in percent or counts above 20.
@@ -40,7 +40,7 @@ def refuse_no_powers(source: str, quantities: np.ndarray, reflected: bool, what:
 
     reflected: whether reflectances alone are meant. what: the option, as it was given.
     """
-    wanted = REFLECTANCES if reflected else (*REFLECTANCES, "T_s", "T_p", "T")
+    wanted = [q for q in POWERS if q[0] == "R" or not reflected]
     strange = [str(q) for q in np.unique(quantities) if q not in wanted]
     if strange:
         what_of = "reflectances" if reflected else "R and T"
