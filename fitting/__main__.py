@@ -7,19 +7,15 @@ import sys
 import warnings
 from typing import NoReturn
 
-from fitting.cli import PROGRAM, main
+from fitting.cli import main
 from fitting.interrupt import INTERRUPTED, end_on_interrupt
+from fitting.terminal import MISUSED, complain
 
 DEFECT, NO_MEMORY = 70, 71  # the numbers in sysexits.h of a software error and a system error
 # With less address space than this jax aborts the process when it starts its threads: on two cores
 # it did with 1.0 GB, and did not with 1.5 GB.
 LEAST_BYTES = 1_500_000_000
 _OUT_OF_MEMORY = ("RESOURCE_EXHAUSTED", "failed to map segment", "Cannot allocate memory")
-
-
-def _say(text: str) -> None:
-    with contextlib.suppress(OSError):  # stderr may be full or closed as well
-        print(text, file=sys.stderr)
 
 
 def _limit_bytes() -> float:
@@ -34,8 +30,8 @@ def _limit_bytes() -> float:
 
 def _status() -> int:
     if (limit := _limit_bytes()) < LEAST_BYTES:
-        _say(
-            f"{PROGRAM}: the memory of this process is limited to {limit / 1e9:.1f} GB, and "
+        complain(
+            f"the memory of this process is limited to {limit / 1e9:.1f} GB, and "
             f"{LEAST_BYTES / 1e9:.1f} GB are needed. Raise the limit (ulimit -v, in kB)."
         )
         return NO_MEMORY
@@ -44,18 +40,19 @@ def _status() -> int:
     except SystemExit as end:  # argparse
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     except OSError as error:  # a stream that argparse writes to
-        _say(f"{PROGRAM}: {error.strerror or error}")
-        return 2
+        complain(error.strerror or str(error))
+        return MISUSED
     except KeyboardInterrupt:  # raised before or after the part in which `main` handles it
         return INTERRUPTED
     except BaseException as error:
         if isinstance(error, MemoryError) or any(text in str(error) for text in _OUT_OF_MEMORY):
-            _say(f"{PROGRAM}: there is not enough memory for this many data.")
+            complain("there is not enough memory for this many data.")
             return NO_MEMORY
         import traceback
 
-        _say(traceback.format_exc())
-        _say(f"{PROGRAM}: this is a defect of the program. Please report it with the lines above.")
+        with contextlib.suppress(OSError):
+            traceback.print_exc()
+        complain("this is a defect of the program. Please report it with the lines above.")
         return DEFECT
 
 
@@ -68,7 +65,7 @@ def run() -> NoReturn:
     for name in ("stdin", "stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by the program that started the command
             setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w"))  # noqa: SIM115
-    warnings.showwarning = lambda message, *_, **__: _say(f"{PROGRAM}: {message}")
+    warnings.showwarning = lambda message, *_, **__: complain(str(message))
     # Pictures go to files, so no backend with windows is needed, which may not exist here.
     os.environ.pop("MPLBACKEND", None)
     status = _status()
@@ -76,7 +73,7 @@ def run() -> NoReturn:
         try:
             stream.flush()
         except OSError:  # a full disk, or a reader that has gone
-            status = status or 2
+            status = status or MISUSED
     os._exit(status)
 
 

@@ -29,6 +29,7 @@ from fitting.visible import visible
 if TYPE_CHECKING:
     from fitting.candidates import Choice
     from fitting.measurement import Measurement
+    from fitting.output.files import Staged
     from fitting.output.outputs import Outputs
     from fitting.result import Fit
 
@@ -53,53 +54,44 @@ def _stage(
     arguments: argparse.Namespace,
     spectrum: bool,
     media: Sequence[str | None] = (),
-) -> dict[str, Path]:
-    """Return a map from each result ("json", "csv", "index", "plot", "report ...") to its file.
+) -> list[Staged]:
+    """Return the files that were asked for, as they are to be written.
 
     spectrum: whether there is an index for each wavelength, which has a CSV of its own. media: the
     media whose index is written, None for the only one.
     Raises OutputError (a ValueError) where a file cannot be written.
     """
     from fitting.output.as_data import INDEX_MARK
-    from fitting.output.files import FLAGS, REPORT
-    from fitting.output.material import MATERIAL_MARK
-    from fitting.written_material import ERRORS_HEAD, errors_beside, of_medium
+    from fitting.output.files import Staged, stage_report
+    from fitting.output.material import ERRORS_HEAD, MATERIAL_MARK, errors_beside, of_medium
 
-    names: dict[str, str] = {"csv": arguments.csv, "plot": arguments.plot}
-    if arguments.json != "-":
-        names["json"] = arguments.json
+    inputs, staged = input_files(arguments), []
+
+    def add(
+        what: str, flag: str, name: str | Path | None, mark: str = "", medium: str | None = None
+    ) -> None:
+        """mark: how a file must begin to be replaced, if the user did not name it."""
+        if name is not None:
+            over = "" if arguments.overwrite else mark
+            path = outputs.open(name, flag=flag, inputs=inputs, only_over=over)
+            staged.append(Staged(what, path, Path(name).suffix, flag, medium))
+
+    add("csv", "--csv", arguments.csv)
     if arguments.csv and spectrum:
         path = Path(arguments.csv)
-        names["index"] = str(path.with_name(f"{path.stem}.index{path.suffix}"))
+        add("index", "--csv", path.with_name(f"{path.stem}.index{path.suffix}"), INDEX_MARK)
+    add("plot", "--plot", arguments.plot)
+    add("json", "--json", None if arguments.json == "-" else arguments.json)
     for medium in media:
         file = of_medium(arguments.material, medium)
-        behind = f": {medium}" if medium else ""
-        names[f"material{behind}"] = str(file)
-        names[f"material errors{behind}"] = str(errors_beside(file))
-    # All others were named by the user, and may be replaced.
-    marks = {
-        "index": INDEX_MARK,
-        "material errors": ERRORS_HEAD,
-        "material of several": MATERIAL_MARK,
-    }
-    staged = {}
-    for kind, name in names.items():
-        part, _, medium = kind.partition(": ")
-        mark = marks.get(f"{part} of several" if medium and part == "material" else part, "")
-        if name is not None:
-            staged[kind] = outputs.open(
-                name,
-                flag=FLAGS[part],
-                inputs=input_files(arguments),
-                only_over="" if arguments.overwrite else mark,
-            )
+        add("material", "--material", file, MATERIAL_MARK if medium else "", medium)
+        add("errors", "--material", errors_beside(file), ERRORS_HEAD, medium)
     if arguments.report:
-        folder = outputs.folder(arguments.report, flag="--report", overwrite=arguments.overwrite)
-        for kind, name in REPORT.items():
-            if spectrum or kind != "report index":
-                staged[kind] = outputs.open(
-                    folder / name, flag="--report", inputs=input_files(arguments)
-                )
+        left_out = () if spectrum else ("index",)
+        staged += stage_report(
+            outputs, arguments.report, left_out, flag="--report", overwrite=arguments.overwrite,
+            inputs=inputs,
+        )  # fmt: skip
     return staged
 
 
@@ -129,11 +121,12 @@ def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
     from fitting.measurement import read_csv
-    from fitting.output import as_data, files, shown
+    from fitting.output import as_data, files
     from fitting.output.material import fitted_media, texts_of
     from fitting.output.outputs import Outputs
     from fitting.output.progress_bar import Progress
     from fitting.output.reference import check_reference
+    from fitting.output.text_table import Comparison, text_of
     from fitting.several_files import told_apart
 
     width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
@@ -164,17 +157,15 @@ def _run(arguments: argparse.Namespace) -> int:
         compared = None
         if choice is not None:
             reasons = [reason.text for reason in choice.reasons]
-            compared = shown.Comparison(choice.table(), reasons, choice.to_dict())
+            compared = Comparison(choice.table(), reasons, choice.to_dict())
         if arguments.json == "-":
             say(as_data.json_text(found, None if compared is None else compared.data))
         elif not arguments.quiet:
-            say(shown.text_of(found, width, arguments.reference or "", compared))
+            say(text_of(found, width, arguments.reference or "", compared))
         with Progress("files written", quiet=arguments.quiet) as bar:
             files.write_files(
-                found, staged, plot_suffix=Path(arguments.plot or ".png").suffix,
-                reference=arguments.reference, command=arguments.command, comparison=compared,
-                decimal=arguments.csv_decimal,
-                step=bar.step,
+                found, staged, reference=arguments.reference, command=arguments.command,
+                comparison=compared, decimal=arguments.csv_decimal, step=bar.step,
             )  # fmt: skip
         outputs.publish()
     return exit_status([found])

@@ -1,6 +1,8 @@
-"""The error that reading a measurement raises, and how it names the place in the file."""
+"""The error that reading a measurement raises, how it names its place, and missing packages."""
 
 from __future__ import annotations
+
+from typing import NoReturn
 
 
 class MeasurementError(ValueError):
@@ -22,3 +24,18 @@ def place(source: str, line: int = 0, column: str = "") -> str:
     if column:
         text += f", column {column}"
     return text
+
+
+def refuse(line: int, text: str) -> NoReturn:
+    """Raise MeasurementError at a line of a file; its name is put before by `reader.formats`."""
+    raise MeasurementError(f"line {line}: {text}")
+
+
+class MissingExtra(ValueError, ImportError):
+    """A package is not installed; the text names what asked for it and how to install it."""
+
+    def __init__(self, asked: str, package: str, extra: str) -> None:
+        super().__init__(
+            f"{asked} needs {package}, which is not installed: pip install {package} "
+            f"(or install fresnel-jax with its extra {extra!r})."
+        )

@@ -93,8 +93,7 @@ class EachWavelength(NamedTuple):
         m = self.measurement if measurement is None else measurement
         value, sigma = np.full(len(m), np.nan), np.full(len(m), np.nan)
         for one, wavelength in zip(self.each, self.wavelength_um, strict=True):
-            same = np.isnan(m.wavelength_um) if np.isnan(wavelength) else None
-            rows = m.wavelength_um == wavelength if same is None else same
+            rows = m.at_wavelength(wavelength)
             if rows.any():
                 found = one.predict(None if measurement is None else m.where(rows))
                 value[rows], sigma[rows] = found

@@ -22,18 +22,7 @@ VAGUE = 0.5
 PLAUSIBLE_OFFSET_DEG = 2.0
 FEW_REACHED = 3
 OUT_OF_MODEL = 0.1
-_MAY_VANISH = (
-    "background",
-    "angle_offset",
-    "leak",
-    "divergence",
-    "bandwidth",
-    "B",
-    "C",
-    "D",
-    "E",
-    "F",
-)
+_MAY_VANISH = (*(set(INSTRUMENT) - {"scale"}), *"BCDEF")  # and the higher terms of Cauchy's index
 
 
 class Seen(NamedTuple):

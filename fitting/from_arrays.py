@@ -39,22 +39,14 @@ def _converted(
     ):
         if unit not in known:
             raise MeasurementError(f"{source}: {name} is {unit!r}; one of {', '.join(known)}.")
-    wave = wavelength if of.wavelength == "um" else units.wavelength_um(
-        wavelength, of.wavelength
-    )  # fmt: skip
-    return wave, angle if of.angle == "deg" else units.incidence_deg(angle, of.angle, wave)
-
-
-def _scaled(values: np.ndarray, factor: float) -> np.ndarray:
-    """Return values times a factor; percent is a single division, for exact rounding."""
-    return values if factor == 1.0 else units.scaled(values, factor)
+    wave = units.wavelength_um(wavelength, of.wavelength)
+    return wave, units.incidence_deg(angle, of.angle, wave)
 
 
 def _quotients(
-    source: str, value: np.ndarray, sigma: np.ndarray, reference: list[np.ndarray]
+    source: str, value: np.ndarray, sigma: np.ndarray, by: np.ndarray, sigma_by: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return values divided by those of a reference (errors, values), and standard errors."""
-    sigma_by, by = reference
+    """Return values over those of a reference, and their standard errors."""
     bad = ~(by > 0.0) & np.isfinite(value)
     if bad.any() or not (np.isnan(sigma_by) | (sigma_by > 0.0)).all():
         came = f"{by[bad][0]:.6g}" if bad.any() else "a standard error that is not positive"
@@ -71,13 +63,9 @@ def _ranges(data: Data) -> str:
     """Return the ranges of angle and wavelength as text."""
     if not len(data.value):
         return ""
-    low, high = data.angle_deg.min(), data.angle_deg.max()
-    out = f", {low:g} degrees" if low == high else f", {low:g} to {high:g} degrees"
-    known = data.wavelength_um[np.isfinite(data.wavelength_um)]
-    if not len(known):
-        return f"{out}, no wavelength"
-    low, high = known.min(), known.max()
-    return out + (f", {low:g} um" if low == high else f", {low:g} to {high:g} um")
+    known = np.isfinite(data.wavelength_um).any()
+    waves = units.span_of(data.wavelength_um, "um") if known else "no wavelength"
+    return f", {units.span_of(data.angle_deg, 'degrees')}, {waves}"
 
 
 def from_arrays(
@@ -122,21 +110,23 @@ def from_arrays(
         if len(length) != 1:
             raise ValueError(f"{len(length)} dimensions came")
         angle, wavelength, polarizer, *rest = (np.broadcast_to(a, length) for a in arrays)
-        reference = [np.concatenate(rest[n * len(names) : (n + 1) * len(names)]) for n in (2, 3)]
     except (ValueError, TypeError) as error:
         raise MeasurementError(
             f"{source}: the columns must be numbers of one length ({error})."
         ) from error
     wavelength, angle = _converted(source, wavelength, angle, of)
     count = len(names)
-    power = are_powers(names)
-    factor = np.where(power, of.scale, 1.0)
+    *ours, sigma_by, value_by = np.reshape(rest, (4, count, -1))
+    # Of a quotient the factor cancels.
+    factor = np.where(are_powers(names) & (not by), of.scale, 1.0)
+    sigma_all, value_all = (
+        np.concatenate([units.scaled(a, f) for a, f in zip(each, factor, strict=True)])
+        for each in ours
+    )
     if by:
-        factor = np.ones(count)  # of both: it cancels
-    rest = [_scaled(a, f) for a, f in zip(rest[: 2 * count], np.tile(factor, 2), strict=True)]
-    sigma_all, value_all = np.concatenate(rest[:count]), np.concatenate(rest[count:])
-    if by:
-        value_all, sigma_all = _quotients(source, value_all, sigma_all, reference)
+        value_all, sigma_all = _quotients(
+            source, value_all, sigma_all, value_by.ravel(), sigma_by.ravel()
+        )
     kept = np.flatnonzero(~np.isnan(value_all))
     rows = length[0]
 

@@ -12,7 +12,6 @@ YAML that those files use today.
 
 from __future__ import annotations
 
-import csv
 import os
 import re
 from collections.abc import Mapping
@@ -25,10 +24,13 @@ import numpy as np
 from jax import Array
 
 from fitting.published_formulas import PublishedFormula
-from fresnel_jax.dispersion import HC_EV_UM, DispersionModel, Index, Material, Tabulated
+from fitting.reader.cells import number_or_none, split_cells
+from fitting.reader.units import WAVELENGTH_UNITS, wavelength_um
+from fitting.reader.vocabulary import unit_of
+from fresnel_jax.dispersion import DispersionModel, Index, Material, Tabulated
 
 ENDINGS = (".yml", ".yaml", ".csv", ".txt", ".dat", ".nk")
-_UNITS = {"nm": 1e-3, "um": 1.0, "\u00b5m": 1.0, "\u03bcm": 1.0, "micron": 1.0, "angstrom": 1e-4}
+_ABSCISSAE = ("wavelength", "lambda", "wl", "energy")
 # A column of wavelengths without a unit is in micrometres below this, and in nanometres above.
 _BETWEEN_UNITS = 100.0
 
@@ -143,14 +145,12 @@ def _columns(text: Any, kind: str) -> list[np.ndarray]:
     rows = [_numbers(line, "a row of data") for line in str(text).splitlines() if line.strip()]
     if not rows or any(len(row) != wanted for row in rows):
         raise ValueError(f"{kind}: wanted rows of {wanted} numbers")
-    columns = list(np.array(rows).T)
-    if wanted == 2:
-        other = np.zeros(len(rows)) if kind.endswith("n") else np.ones(len(rows))
-        columns = [
-            columns[0],
-            *((columns[1], other) if kind.endswith("n") else (other, columns[1])),
-        ]
-    return _in_order(columns)
+    wavelength, first, *second = np.array(rows).T
+    if second:
+        return _in_order([wavelength, first, *second])
+    of_n = kind.endswith("n")
+    columns = (first, np.zeros(len(rows))) if of_n else (np.ones(len(rows)), first)
+    return _in_order([wavelength, *columns])
 
 
 def _in_order(columns: list[np.ndarray]) -> list[np.ndarray]:
@@ -167,20 +167,6 @@ def _table(columns: list[np.ndarray]) -> Tabulated:
     return Tabulated(*columns)
 
 
-def _cells(line: str) -> list[str]:
-    delimiter = next((d for d in "\t;," if d in line), None)
-    if delimiter is None:
-        return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
-
-
-def _number(cell: str) -> float | None:
-    try:
-        return float(cell.replace(",", "."))
-    except ValueError:
-        return None
-
-
 def _from_table(text: str, name: str) -> Material:
     """Read one block of rows with n and k, or two blocks, as refractiveindex.info exports them."""
     header: list[str] = []
@@ -193,10 +179,10 @@ def _from_table(text: str, name: str) -> Material:
             rows.clear()
 
     for number, line in enumerate(text.splitlines(), 1):
-        cells = _cells(line)
+        cells = split_cells(line, next((mark for mark in "\t;," if mark in line), " "))
         if not any(cells) or line.lstrip().startswith("#"):
             continue
-        values = [_number(cell) for cell in cells]
+        values = [number_or_none(cell) for cell in cells]
         if values[0] is None:
             end_block()
             header = cells
@@ -218,16 +204,11 @@ def _from_table(text: str, name: str) -> Material:
             "as wavelength_um,n,k"
         )
     wavelength, n = found["n"]
-    limits = float(wavelength.min()), float(wavelength.max())
-    if "k" not in found:
-        return Material(_table(_in_order([wavelength, n, np.zeros_like(n)])), limits, name)
-    wavelength_k, k = found["k"]
+    wavelength_k, k = found.get("k", (wavelength, np.zeros_like(n)))
+    low = max(float(wavelength.min()), float(wavelength_k.min()))
+    limits = low, min(float(wavelength.max()), float(wavelength_k.max()))
     if np.array_equal(wavelength, wavelength_k):
         return Material(_table(_in_order([wavelength, n, k])), limits, name)
-    limits = (
-        max(limits[0], float(wavelength_k.min())),
-        min(limits[1], float(wavelength_k.max())),
-    )
     of_n = _table(_in_order([wavelength, n, np.zeros_like(n)]))
     of_k = _table(_in_order([wavelength_k, np.ones_like(k), k]))
     return Material(_Both(of_n, of_k), limits, name)
@@ -236,30 +217,23 @@ def _from_table(text: str, name: str) -> Material:
 def _block(header: list[str], rows: list[list[float]]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     table = np.array(rows)
     plain = [re.sub(r"[^a-z\u00b5\u03bc]+", " ", cell.lower()).split() for cell in header]
-    across = next((i for i, words in enumerate(plain) if words and words[0] in _ABSCISSAE), None)
+    heads = [words[0] if words else "" for words in plain]
+    known = [head in _ABSCISSAE or unit_of(head) in WAVELENGTH_UNITS for head in heads]
+    across = known.index(True) if any(known) else None
     if across is None:
         raise ValueError(
             f"none of the columns {', '.join(header)} is wavelength_um, wavelength_nm or energy_ev"
         )
     wavelength = _wavelengths(table[:, across], plain[across], header[across])
-    out = {}
-    for i, words in enumerate(plain):
-        if words[:1] in (["n"], ["eta"]):
-            out["n"] = wavelength, table[:, i]
-        elif words[:1] in (["k"], ["kappa"]):
-            out["k"] = wavelength, table[:, i]
-    return out
-
-
-_ABSCISSAE = ("wavelength", "lambda", "wl", "energy", "ev", *_UNITS)
+    names = {"n": "n", "eta": "n", "k": "k", "kappa": "k"}
+    return {names[h]: (wavelength, table[:, i]) for i, h in enumerate(heads) if h in names}
 
 
 def _wavelengths(x: np.ndarray, words: list[str], name: str) -> np.ndarray:
-    if "ev" in words or words[0] == "energy":
-        return HC_EV_UM / x
-    for word in words:
-        if word in _UNITS:
-            return x * _UNITS[word]
+    units = [unit for word in words if (unit := unit_of(word)) in WAVELENGTH_UNITS]
+    units += ["eV"] * (words[0] == "energy")
+    if units:
+        return wavelength_um(x, units[0])
     if x.max() < _BETWEEN_UNITS or x.min() > _BETWEEN_UNITS:
         return x if x.max() < _BETWEEN_UNITS else x * 1e-3
     raise ValueError(

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from fitting.reader.longform import LongColumns, long_columns
 from fitting.reader.options import Options, parse_options
 from fitting.reader.own_export import own_columns, own_header
 from fitting.reader.reading import keep_rows
+from fitting.reader.table import Form
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +69,11 @@ class Measurement:
         """Return the rows that the boolean mask or index array ``keep`` selects."""
         columns = [_frozen(column[keep]) for column in _arrays(self)]
         return Measurement(*columns, source=self.source, understood=self.understood)
+
+    def at_wavelength(self, wavelength_um: float) -> np.ndarray:
+        """Return the mask of the rows at a wavelength; NaN: of those of which none is known."""
+        known = self.wavelength_um
+        return np.isnan(known) if np.isnan(wavelength_um) else known == wavelength_um
 
     @staticmethod
     def from_columns(
@@ -176,16 +182,7 @@ def concatenate(*measurements: Measurement) -> Measurement:
     )
 
 
-class _Text(NamedTuple):
-    """How the text of a file is split into cells; None: to be found out."""
-
-    encoding: str | None
-    delimiter: str | None
-    decimal: str | None
-    lines: str | None
-
-
-def _columns_of(path: str | PathLike[str], options: Options, form: _Text) -> LongColumns:
+def _columns_of(path: str | PathLike[str], options: Options, form: Form) -> LongColumns:
     """Return the data of a file, not yet checked."""
     source = source_of(path)
     texts, notes = read_lines(Path(path), form.encoding)
@@ -194,9 +191,7 @@ def _columns_of(path: str | PathLike[str], options: Options, form: _Text) -> Lon
     if own >= 0 and bare:
         return own_columns(source, texts, own)
     texts[: max(own, 0)] = [""] * max(own, 0)  # they describe the fit
-    table = read_formatted(
-        source, texts, delimiter=form.delimiter, decimal=form.decimal, lines=form.lines
-    )
+    table = read_formatted(source, texts, form)
     table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)
     return long_columns(table, choose_columns(table, options), options)
 
@@ -265,7 +260,7 @@ def read_csv(
         wavelength_um=wavelength_um, wavelength_unit=wavelength_unit, polarization=polarization,
         scale=scale, sigma=sigma, psi_unit=psi_unit, missing=missing,
     ))  # fmt: skip
-    form = _Text(encoding, delimiter, decimal, lines)
+    form = Form(encoding, delimiter, decimal, lines)
     each = options if divide_by is None else options._replace(sigma=None, divided=True)
     long = _columns_of(path, each, form)
     raw = long.data.value

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from fitting.measurement import concatenate
 from fitting.minima import SAME_CHI2, Minimum, minima
 from fitting.parameters import value_and_slope
 from fitting.quality import Subject as Subject
-from fitting.quality import error_model_of, own_quality, quality, rms_of_residuals
+from fitting.quality import error_model_of, quality, rms_of_residuals
 from fitting.result import Alternative, Estimate, Fit
 from fitting.search import End, Solving
 from fitting.starts import STAGE, Ends, best_of
@@ -223,12 +224,7 @@ def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: 
             intervals=f.known.ends[free], quadratic=f.known.quadratic[free],
             kinds=tuple(k for k, is_free in zip(f.known.kind, free, strict=True) if is_free),
         )  # fmt: skip
-        at = f.reached, f.lower
-        own = of.sample is None
-        found = findings(
-            seen_of,
-            own_quality(fit, end, at, f.others) if own else quality(fit, of, end, at, f.others),
-        )  # fmt: skip
+        found = findings(seen_of, quality(fit, of, end, f.reached, f.lower, f.others))
     chi2 = float(s.residual @ s.residual) if seen.stated else np.nan
     bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, int(free.sum()), fit.asked.scaled)
     rms, rms_of = rms_of_residuals(s)
@@ -258,8 +254,7 @@ def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: 
 
 
 def _without_error(e: Estimate) -> Estimate:
-    nothing = np.full(2, np.nan)
-    return Estimate(
-        name=e.name, unit=e.unit, value=e.value, sigma=np.nan, interval=nothing,
-        interval_kind=status.NONE, status=status.UNDETERMINED,
+    return replace(
+        e, sigma=np.nan, interval=np.full(2, np.nan), interval_kind=status.NONE,
+        upper_limit=np.nan, status=status.UNDETERMINED,
     )  # fmt: skip

@@ -26,42 +26,35 @@ if TYPE_CHECKING:
 
 def predict(fit: Fit, at: Any, quantity: Any, wavelength_um: Any) -> Prediction:
     """Return the prediction of a fit; see `Fit.predict`."""
-    if fit.evaluator is None:
+    sample, evaluator = fit.sample, fit.evaluator
+    if sample is None or evaluator is None:
         raise ValueError("this fit is of your own residuals; evaluate your own model.")
-    if at is None:
-        if fit.measurement is None:
-            raise ValueError("this fit keeps no data (fit_many); give angles: predict([30, 60]).")
-        return fit.evaluator.predict(None)
-    if at is fit.measurement:  # a row of several joined files does not name its file
-        return fit.evaluator.predict(None)
-    if isinstance(at, Measurement):
-        return _at_points(fit, at)
+    if at is None and fit.measurement is None:
+        raise ValueError("this fit keeps no data (fit_many); give angles: predict([30, 60]).")
+    # A row of several joined files does not name its file.
+    if at is None or at is fit.measurement:
+        return evaluator.predict(None)
     waves = np.asarray(fit.wavelength_um)
-    if wavelength_um is None and not np.ndim(quantity) and waves.shape == fit.shape:
+    if isinstance(at, Measurement):
+        points = at
+    elif wavelength_um is None and not np.ndim(quantity) and waves.shape == fit.shape:
         # In a batch one wavelength stands for all: the fit has checked them.
         points = points_of(at, quantity, waves.ravel()[0] if waves.size else None)
-        _check(fit, points)
-        return fit.evaluator.over_angle(points.angle_deg, str(quantity))
-    if wavelength_um is None and waves.size == 1:
-        wavelength_um = float(waves.ravel()[0])
-    if wavelength_um is None and fit.shape:
-        raise ValueError(
-            f"this fit is one of {waves.size} wavelengths; give that of each of several quantities "
-            "(wavelength_um)."
-        )
-    return _at_points(fit, points_of(at, quantity, wavelength_um))
-
-
-def _check(fit: Fit, points: Measurement) -> None:
-    """Raise ValueError where the sample has no prediction; for a batch: other wavelengths."""
-    if fit.sample is not None:
-        check_points(points, fit.sample)
-
-
-def _at_points(fit: Fit, points: Measurement) -> Prediction:
-    assert fit.evaluator is not None
-    _check(fit, points)
-    return fit.evaluator.predict(_at_fitted_wavelengths(fit, points))
+        check_points(points, sample)
+        return evaluator.over_angle(points.angle_deg, str(quantity))
+    else:
+        if wavelength_um is None and waves.size == 1:
+            wavelength_um = float(waves.ravel()[0])
+        if wavelength_um is None and fit.shape:
+            raise ValueError(
+                f"this fit is one of {waves.size} wavelengths; give that of each of several "
+                "quantities (wavelength_um)."
+            )
+        points = points_of(at, quantity, wavelength_um)
+    check_points(points, sample)
+    if sample.by_wavelength:
+        points = _at_fitted_wavelengths(fit, points)
+    return evaluator.predict(points)
 
 
 # Wavelengths that differ by less are the same: they were converted from other units.
@@ -73,8 +66,6 @@ def _at_fitted_wavelengths(fit: Fit, points: Measurement) -> Measurement:
 
     Raises ValueError for other wavelengths, at which the index is unknown.
     """
-    if fit.sample is None or not fit.sample.by_wavelength:
-        return points
     known = np.unique(np.ravel(fit.wavelength_um))
     wanted = points.wavelength_um
     if len(known) == 1 and np.ndim(fit.status) == 0:

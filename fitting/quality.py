@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,11 +15,12 @@ from fitting.known_media import Mixture
 from fitting.measurement import Measurement, concatenate
 from fitting.pattern import pattern
 from fitting.quantities import are_powers
-from fitting.result import ErrorModel
+from fitting.result import Alternative, ErrorModel
 from fitting.sample import Sample
 from fitting.search import End, Solving
 from fitting.uncertainty.covariance import Slopes
 from fitting.uncertainty.likelihood import reduced_chi2
+from fitting.unknowns import Unknowns
 
 
 class Subject(NamedTuple):
@@ -30,16 +31,21 @@ class Subject(NamedTuple):
     notes: tuple[Warning, ...] = ()
 
 
-def _one_power_a_wavelength(measurements: Sequence[Measurement]) -> bool:
-    """Whether every wavelength has a single value, and that one of R or T."""
-    wavelength = np.concatenate([m.wavelength_um for m in measurements])
-    quantity = np.concatenate([m.quantity for m in measurements])
-    angle = np.concatenate([m.angle_deg for m in measurements])
-    if not are_powers(quantity).all():
+def _by_the_model_alone(u: Unknowns, m: Measurement, end: End) -> bool:
+    """Whether k comes from the model: every wavelength has a single value, and that one of R or T.
+
+    At one wavelength two unknowns that the data determine are k too.
+    """
+    if not any(i.absorbs for i in u.spec.media.index if isinstance(i, Model | Mixture)):
         return False
-    points = {*zip(wavelength.tolist(), quantity.tolist(), angle.tolist(), strict=True)}
-    normal = bool((angle == 0.0).all()) and len(set(quantity.tolist())) == 1
-    return normal or len(points) == len(np.unique(wavelength))
+    waves = len(np.unique(m.wavelength_um))
+    if not are_powers(m.quantity).all() or (
+        waves == 1 and u.free.sum() > 1 and not end.known.unseen.size
+    ):
+        return False
+    columns = m.wavelength_um.tolist(), m.quantity.tolist(), m.angle_deg.tolist()
+    normal = not m.angle_deg.any() and len(set(m.quantity.tolist())) == 1
+    return normal or len({*zip(*columns, strict=True)}) == waves
 
 
 def rms_of_residuals(s: Slopes) -> tuple[float, dict[str, float]]:
@@ -59,61 +65,33 @@ def error_model_of(fit: Solving, end: End) -> ErrorModel:
     return ErrorModel(taken, factor, 0.0, fit.seen.stated)
 
 
-def own_quality(
-    fit: Solving, end: End, scatter_of: tuple[int, float], others: Sequence[Any]
-) -> Quality:
-    """Return the quality for the caller's own residuals, whose rows have no angle or wavelength."""
-    s, robust = end.slopes, fit.u.spec.loss != "squares"
-    size = reduced_chi2(fit.u.spec.loss, s.residual, fit.dof) if fit.seen.stated else np.nan
-    return Quality(
-        chi2_reduced=size, dof=fit.dof, n_data=fit.n_data, stated=fit.seen.stated,
-        errors=error_model_of(fit, end).taken, rms=0.0, robust=robust, starts=fit.starts,
-        reached=scatter_of[0], lower=scatter_of[1], pattern=None, by_the_model_alone=False,
-        sample="your model",
-        others=tuple({n: e.value for n, e in a.parameters.items()} for a in others),
-        delta_chi2=float(others[0].delta_chi2) if others else np.nan,
-    )  # fmt: skip
-
-
 def quality(
-    fit: Solving, of: Subject, end: End, scatter_of: tuple[int, float], others: Sequence[Any]
+    fit: Solving, of: Subject, end: End, reached: int, lower: float, others: Sequence[Alternative]
 ) -> Quality:
-    """Return how well the fit describes the data. scatter_of: reached, and the lower chi2 met."""
+    """Return how well the fit describes the data; reached, lower: see `Quality`.
+
+    The rows of the caller's own residuals have no angle or wavelength.
+    """
     u, seen, s = fit.u, fit.seen, end.slopes
-    robust = u.spec.loss != "squares"
-    size = reduced_chi2(u.spec.loss, s.residual, fit.dof) if seen.stated else np.nan
-    wavelengths = len(np.unique(np.concatenate([m.wavelength_um for m in of.measurements])))
-    free = int(u.free.sum())
-    alone = wavelengths == 1 and free > 1 and not end.known.unseen.size
-    absorbs = any(m.absorbs for m in u.spec.media.index if isinstance(m, Model | Mixture))
-    joined = concatenate(*of.measurements)
-    fitted = at_data(seen, s.seen)
+    joined = concatenate(*of.measurements) if of.measurements else None
+    films = of.sample is not None and of.sample.films
     return Quality(
-        chi2_reduced=size, dof=fit.dof, n_data=fit.n_data, stated=seen.stated,
-        errors=error_model_of(fit, end).taken, rms=rms_of_residuals(s)[0], robust=robust,
-        starts=fit.starts,
-        reached=scatter_of[0], lower=scatter_of[1],
-        pattern=pattern(joined, fitted, seen.curve, seen.stated),
-        by_the_model_alone=_one_power_a_wavelength(of.measurements) and absorbs and not alone,
-        sample=describes(of.sample) if of.sample else "your model",
+        chi2_reduced=reduced_chi2(u.spec.loss, s.residual, fit.dof) if seen.stated else np.nan,
+        dof=fit.dof, n_data=fit.n_data, stated=seen.stated, errors=error_model_of(fit, end).taken,
+        rms=0.0 if joined is None else rms_of_residuals(s)[0], robust=u.spec.loss != "squares",
+        starts=fit.starts, reached=reached, lower=lower,
+        pattern=None if joined is None
+        else pattern(joined, at_data(seen, s.seen), seen.curve, seen.stated),
+        by_the_model_alone=joined is not None and _by_the_model_alone(u, joined, end),
+        sample="your model" if of.sample is None else describes(of.sample),
         others=tuple({n: e.value for n, e in a.parameters.items()} for a in others),
         delta_chi2=float(others[0].delta_chi2) if others else np.nan,
-        shortest_nm=_shortest_nm(of, joined),
+        shortest_nm=1e3 * float(np.nanmin(joined.wavelength_um)) if joined and films else np.inf,
     )  # fmt: skip
-
-
-def _shortest_nm(of: Subject, joined: Measurement) -> float:
-    """Return the shortest wavelength for a sample with films; infinite for others."""
-    films = of.sample is not None and of.sample.films
-    return 1e3 * float(np.nanmin(joined.wavelength_um)) if films else np.inf
 
 
 def describes(sample: Sample) -> str:
     """Return a description of the sample in words."""
     if sample.bare:
         return "one bare surface"
-    return "this plate" if not any(m.coherent for m in _layers(sample)) else "this stack"
-
-
-def _layers(sample: Sample) -> list[Any]:
-    return [m.thickness for m in sample.layers]
+    return "this stack" if sample.films else "this plate"

@@ -14,8 +14,9 @@ import numpy as np
 
 from fitting.checks import Data
 from fitting.errors import MeasurementError
+from fitting.quantities import POWERS
+from fitting.reader.units import span_of
 
-REFLECTANCES = ("R_s", "R_p", "R", "R_back")
 # Angles and wavelengths that differ by less are the same: they were converted from other units.
 _SAME = 1e-6
 # A scan as fractions has a median below 1.5, one in percent or counts above 20.
@@ -39,7 +40,7 @@ def refuse_no_powers(source: str, quantities: np.ndarray, reflected: bool, what:
 
     reflected: whether only reflectances are allowed. what: the option, as it was given.
     """
-    wanted = REFLECTANCES if reflected else (*REFLECTANCES, "T_s", "T_p", "T")
+    wanted = [q for q in POWERS if q[0] == "R" or not reflected]
     strange = [str(q) for q in np.unique(quantities) if q not in wanted]
     if strange:
         what_of = "reflectances" if reflected else "R and T"
@@ -62,11 +63,6 @@ def refuse_s_to_p(source: str, labels: Iterable[str]) -> None:
 
 def _near(a: np.ndarray, b: float) -> np.ndarray:
     return np.abs(a - b) <= _SAME * max(1.0, abs(b))
-
-
-def _span(x: np.ndarray, unit: str = "") -> str:
-    low, high = float(x.min()), float(x.max())
-    return (f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}") + f" {unit}" * bool(unit)
 
 
 class _Found(NamedTuple):
@@ -108,10 +104,10 @@ def _refuse_alone(
     """Raise MeasurementError, since datum i has no counterpart in the reference."""
     um, angle = np.nan_to_num(data.wavelength_um[i]), data.angle_deg[i]
     came = f"{angle:.6g} degrees" + (f" and {um:.6g} um" if um else "")
-    theirs_um = _span(theirs[0], "um") if theirs[0].any() else "no wavelength"
+    theirs_um = span_of(theirs[0], "um") if theirs[0].any() else "no wavelength"
     raise MeasurementError(
         f"{source}: {data.quantity[i]} at {came} has no counterpart in {name} "
-        f"({_span(theirs[1], 'degrees')}, {theirs_um}). The same angles and wavelengths were "
+        f"({span_of(theirs[1], 'degrees')}, {theirs_um}). The same angles and wavelengths were "
         "wanted, or a range that encloses them at the same angle or the same wavelength: measure "
         "the reference there, or leave these rows out with --lines A-B."
     )
@@ -189,8 +185,8 @@ def divided(
     low, high = sorted(float(np.median(np.abs(x))) for x in (data.value, by.value))
     if low <= _FRACTION and high >= _NO_FRACTION and not same_unit:
         raise MeasurementError(
-            f"{source}: its values are {_span(data.value)} and those of {name} "
-            f"{_span(by.value)}: one of them may be a fraction, the other percent or counts. "
+            f"{source}: its values are {span_of(data.value)} and those of {name} "
+            f"{span_of(by.value)}: one of them may be a fraction, the other percent or counts. "
             "Write both in one unit; if they are, say --scale 1."
         )
     value, sigma = quotient(data.value, data.sigma, by.value, by.sigma)
@@ -219,7 +215,7 @@ def times_reflectance(source: str, data: Data, ratio_to: object) -> tuple[Data, 
             f"{source}: the reference {ratio_to} reflects nothing at "
             f"{data.angle_deg[known][some <= 0.0][0]:.6g} degrees; no ratio to it means anything."
         )
-    text = f"ratios to {ratio_to}, times its reflectance" + (f" {_span(some)}" if some.size else "")
+    text = f"ratios to {ratio_to}, times its reflectance" + f" {span_of(some)}" * bool(some.size)
     return data._replace(value=data.value * R, sigma=data.sigma * R), text
 
 

@@ -247,50 +247,49 @@ class Fit:
         """Return which rows of the measurement belong to one wavelength."""
         if self.measurement is None:
             return None
-        own, all_of = np.asarray(self.wavelength_um)[index], self.measurement.wavelength_um
-        return np.isnan(all_of) if np.isnan(own) else all_of == own
+        return self.measurement.at_wavelength(np.asarray(self.wavelength_um)[index])
 
     def __repr__(self) -> str:
-        from fitting.output.shown import one_line
+        from fitting.output.text_table import one_line
 
         return one_line(self)
 
     def __str__(self) -> str:
-        from fitting.output.shown import table
+        from fitting.output.text_table import table
 
         return table(self)
 
     def _repr_html_(self) -> str:
-        from fitting.output.shown import html
+        from fitting.output.fit_page import notebook
 
-        return html(self)
+        return notebook(self)
 
     def plot(self, reference: str | None = None) -> Any:
         """Return a matplotlib Figure of data, fit and residuals; ``reference``: a material."""
-        from fitting.output.shown import figure
+        from fitting.output.picture import draw
 
-        return figure(self, reference)
+        return draw(self, reference)
 
     def report(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write a page and its files to a new folder; ``overwrite``: or one with other files."""
-        from fitting.output.shown import report
+        from fitting.output.files import report
 
-        report(self, folder, overwrite)
+        report(self, folder, overwrite=overwrite)
 
     def write_material(self, path: str | os.PathLike[str], medium: str | None = None) -> Any:
         """Write eta and k of a medium as a refractiveindex.info YAML, and its errors as CSV."""
-        from fitting.output.shown import write_material
+        from fitting.output.material import write
 
-        return write_material(self, path, medium)
+        return write(self, path, medium)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for ``json.dumps``: NaN as None, arrays as lists, warnings as data."""
-        from fitting.output.shown import to_dict
+        from fitting.output.as_data import to_dict
 
         return to_dict(self)
 
     def to_dataframe(self) -> Any:
         """Return a pandas DataFrame: a row for each fit of the batch, else for each parameter."""
-        from fitting.output.shown import to_dataframe
+        from fitting.output.as_data import to_dataframe
 
         return to_dataframe(self)

@@ -8,8 +8,9 @@ import pytest
 from fitting import simulate
 from fitting.known_media import known_medium
 from fitting.material_files import MaterialFileError, read_material
+from fitting.output.material import errors_beside, material_texts
 from fitting.published_formulas import PublishedFormula
-from fitting.written_material import write_material
+from fitting.result import IndexBand
 from fresnel_jax.dispersion import material
 
 # (formula, coefficients, wavelength_um, index): files of the database (CC0) and what the site or
@@ -141,11 +142,19 @@ def test_csv_with_units_blocks_and_marks(tmp_path):
 def test_written_index_is_read_again(tmp_path):
     wavelength = np.array([0.7, 0.5, 0.6])
     eta, k = np.array([2.05, 2.1, 2.07]), np.array([0.0, 1e-5, np.nan])
-    paths = write_material(
-        tmp_path / "film.yml", wavelength, eta, k, sigma_eta=[0.01, 0.02, 0.03],
-        reference='Fit of "film.csv": fresnel-fit\nsecond line', comments="108.4 nm on silica",
-        conditions={"temperature": 293, "sample": 'a "b"'},
-    )  # fmt: skip
+    sigma = np.array([0.01, 0.02, 0.03])
+
+    def written(name, *index):
+        texts = material_texts(
+            IndexBand(*index), 'Fit of "film.csv": fresnel-fit\nsecond line', "108.4 nm on silica",
+            {"temperature": "293", "sample": 'a "b"'},
+        )  # fmt: skip
+        paths = tmp_path / name, errors_beside(tmp_path / name)
+        for path, text in zip(paths, texts, strict=True):
+            path.write_text(text)
+        return paths
+
+    paths = written("film.yml", wavelength, eta, sigma, k, np.full(3, np.nan))
     assert [p.name for p in paths] == ["film.yml", "film_errors.csv"]
     found = read_material(paths[0])
     assert found.range_um == (0.5, 0.7)
@@ -156,7 +165,7 @@ def test_written_index_is_read_again(tmp_path):
     # and by the CSV reader too
     assert [float(x) for x in read_material(paths[1])(0.7)] == [2.05, 0.0]
     with pytest.raises(ValueError, match="nothing was written"):
-        write_material(tmp_path / "no.yml", 0.5, np.nan, 0.0)
+        written("no.yml", *np.array([[0.5], [np.nan], [0.0], [0.0], [0.0]]))
     assert not (tmp_path / "no.yml").exists()
 
 

@@ -10,7 +10,7 @@ from test_pages import Page
 from fitting import candidates, cli
 from fitting import selection as select
 from fitting.output.fit_page import fit_page
-from fitting.output.shown import Comparison
+from fitting.output.text_table import Comparison
 
 
 @pytest.fixture(scope="module")

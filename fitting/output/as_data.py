@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import io
+import math
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from fitting.output.csv_text import csv_text
+from fitting.errors import MissingExtra
 from fitting.output.estimates import by_wavelength, has_several_curves, index_waves
 from fitting.output.facts import sample_text, title_of
-from fitting.output.missing import MissingExtra
 from fitting.output.text_table import varied_of
 from fitting.plain_data import json_object, plain
 from fitting.residuals import residuals
@@ -57,11 +58,6 @@ def _each(fit: Fit, of: Any, value: Any) -> Any:
     return [[of(one) for one in some] for some in value.ravel()]
 
 
-def _index(fit: Fit) -> dict[str, Any]:
-    """Return eta and k with their errors at the measured wavelengths."""
-    return fit.index()._asdict() if len(index_waves(fit)) else {}
-
-
 def to_dict(fit: Fit) -> dict[str, Any]:
     """Return plain data for ``json.dumps``: NaN and infinity as None, arrays as lists.
 
@@ -83,13 +79,36 @@ def to_dict(fit: Fit) -> dict[str, Any]:
     fields["warnings"] = _each(fit, lambda w: w.to_dict(), fit.warnings)
     fields["notes"] = [note.to_dict() for note in fit.notes]
     fields["alternatives"] = _each(fit, _alternative, fit.alternatives)
-    fields["index"] = _index(fit)
+    fields["index"] = fit.index()._asdict() if len(index_waves(fit)) else {}
     return {name: plain(value) for name, value in fields.items()}
 
 
 def json_text(fit: Fit, more: Mapping[str, Any] | None = None) -> str:
     """Return `to_dict` as a JSON object, a field a line, and what is in ``more`` behind it."""
     return json_object(to_dict(fit) | dict(more or {}))
+
+
+def _cell(value: Any, decimal: str) -> str:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else str(value).replace(".", decimal)
+    # a mark that parts cells would shift what stands behind
+    return str(value).replace(",", " ").replace(";", " ")
+
+
+def csv_text(comments: Iterable[str], columns: Mapping[str, Iterable[Any]], decimal: str) -> str:
+    """Return columns as CSV below comment lines; what is NaN is empty.
+
+    decimal: "." with cells parted by commas, or "," with cells parted by semicolons, as
+    spreadsheets open them where the comma is the decimal mark. Numbers read back to the last bit.
+    """
+    mark = ";" if decimal == "," else ","
+    out = io.StringIO()
+    for comment in comments:
+        out.write("# " + visible(" ".join(comment.split())) + "\n")
+    out.write(mark.join(columns) + "\n")
+    for row in zip(*columns.values(), strict=True):
+        out.write(mark.join(_cell(c, decimal) for c in row) + "\n")
+    return out.getvalue()
 
 
 def _comments(fit: Fit) -> list[str]:
@@ -112,11 +131,16 @@ def data_csv(fit: Fit, decimal: str = ".") -> str:
     where a quantity says all. `fitting.read_csv` reads the file as the same measurement. decimal:
     the decimal mark; with "," cells are parted by semicolons.
     """
+    return csv_text(_comments(fit), data_columns(fit), decimal)
+
+
+def data_columns(fit: Fit) -> dict[str, list[Any]]:
+    """Return the columns of `data_csv` by their heads; ValueError for a fit that keeps no data."""
     m = fit.measurement
     if m is None:
         raise ValueError("this fit keeps no data: it came from arrays; there is no data table.")
     found = fit.predict()
-    columns: dict[str, Iterable[Any]] = {}
+    columns: dict[str, list[Any]] = {}
     if has_several_curves(fit) and fit.curve is not None:
         columns["curve"] = [visible(fit.curve_names[i]) for i in fit.curve]
     columns["angle_deg"] = m.angle_deg.tolist()
@@ -125,14 +149,13 @@ def data_csv(fit: Fit, decimal: str = ".") -> str:
     columns["quantity"] = m.quantity.tolist()
     if np.isfinite(m.polarizer_deg).any():
         columns["polarizer_deg"] = m.polarizer_deg.tolist()
-    columns |= {
+    return columns | {
         "value": m.value.tolist(),
         "sigma": m.sigma.tolist(),
         "fitted": found.value.tolist(),
         "sigma_fitted": found.sigma.tolist(),
         "residual": residuals(m, found.value).tolist(),
     }
-    return csv_text(_comments(fit), columns, decimal)
 
 
 def batch_columns(fit: Fit) -> dict[str, list[Any]]:

@@ -7,12 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.output.as_data import batch_columns, to_dict
-from fitting.output.csv_text import csv_text
+from fitting.output.as_data import batch_columns, csv_text, to_dict
 from fitting.output.estimates import value_text
-from fitting.output.layout import rows_aligned
 from fitting.output.numbers import number, with_unit
-from fitting.output.text_table import varied_of
+from fitting.output.text_table import rows_aligned, varied_of
 from fitting.plain_data import json_object
 from fitting.result import CONVERGED, UNDETERMINED, Fit
 from fitting.visible import visible

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from fitting.findings import is_outer
 from fitting.output.numbers import (
     agree,
     interval_text,
@@ -25,11 +26,11 @@ from fitting.result import (
     Estimate,
     Fit,
 )
+from fitting.uncertainty.limits import student_quantile
 
 # Standard errors from 0 below which a k that is seen as k^2 alone is compatible with 0: three
 # standard errors of k^2 are six of k.
 _UNSEEN = 6.0
-_INSTRUMENT = ("scale", "background", "angle_offset", "leak", "divergence", "bandwidth")
 _STATES = {AT_LOWER: "at its lower bound", AT_UPPER: "at its upper bound"}
 _ONE_OF_MANY = "one of many that fit equally well"
 
@@ -39,13 +40,10 @@ def reach(fit: Fit) -> float:
 
     NaN where that is not known: of a batch, whose fits may share their noise.
     """
-    if fit.shape or fit.errors.taken == "stated":
-        return math.nan if fit.shape else 1.96
-    if fit.dof < 1:
+    stated = fit.errors.taken == "stated"
+    if fit.shape or not (stated or fit.dof):
         return math.nan
-    from scipy.special import stdtrit
-
-    return float(stdtrit(fit.dof, 0.975))
+    return student_quantile(0 if stated else fit.dof)
 
 
 def value_text(e: Estimate, student: float = math.nan) -> str:
@@ -101,16 +99,10 @@ def beside(e: Estimate) -> str:
     return "; ".join(filter(None, (interval_of(e), state)))
 
 
-def is_material(name: str) -> bool:
-    """Whether a parameter belongs to an index: neither to the instrument nor a thickness."""
-    bare = name.partition("[")[0].rpartition(".")[2]
-    return bare not in _INSTRUMENT and not bare.startswith("thickness")
-
-
 def k_is_limited(fit: Fit) -> bool:
     """Whether a parameter of the material is only known to be below a limit."""
     return any(
-        is_material(name) and np.isfinite(np.asarray(e.upper_limit)).any()
+        not is_outer(name) and np.isfinite(np.asarray(e.upper_limit)).any()
         for name, e in fit.parameters.items()
     )
 
@@ -126,10 +118,14 @@ def k_text(k: float, sigma: float, limited: bool) -> str:
     return with_error(k, sigma) if k else "0"
 
 
-def symbols(fit: Fit) -> dict[str, str]:
-    """Return the names under which eta and k are shown: those of a pseudo-index are <n> and <k>."""
-    pseudo = any(note.code == "pseudo_index" for note in fit.notes)
-    return {"eta": "<n>", "k": "<k>"} if pseudo else {}
+def has_pseudo_index(fit: Fit) -> bool:
+    """Whether eta and k are a pseudo-index, called <n> and <k>."""
+    return any(note.code == "pseudo_index" for note in fit.notes)
+
+
+def shown_name(fit: Fit, name: str) -> str:
+    """Return the name under which a parameter is shown."""
+    return {"eta": "<n>", "k": "<k>"}.get(name, name) if has_pseudo_index(fit) else name
 
 
 def wave_text(fit: Fit, index: tuple[int, ...]) -> str:

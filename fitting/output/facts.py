@@ -6,14 +6,15 @@ import math
 
 import numpy as np
 
+from fitting.findings import is_outer
 from fitting.output.estimates import (
     by_wavelength,
+    has_pseudo_index,
     index_waves,
-    is_material,
     k_is_limited,
     k_text,
     reach,
-    symbols,
+    shown_name,
     value_text,
 )
 from fitting.output.numbers import interval_text, number, size_text, with_error
@@ -51,7 +52,7 @@ def _structure(fit: Fit) -> str:
         else:
             what = f"{len(sample.layers)} layers on a substrate"
     if sample.by_wavelength:
-        names = "the pseudo-index <n>, <k>" if symbols(fit) else "eta and k"
+        names = "the pseudo-index <n>, <k>" if has_pseudo_index(fit) else "eta and k"
         each = " at every wavelength" if by_wavelength(fit) else ""
         what += f", {names} free{each}"
     return what
@@ -139,7 +140,7 @@ def correlation_text(fit: Fit) -> str:
     """Return all correlations, or the largest of many."""
     names, matrix = fit.names, fit.correlation
     pairs = [
-        (float(matrix[i, j]), f"{_shown(fit, names[j])} and {_shown(fit, names[i])} ")
+        (float(matrix[i, j]), f"{shown_name(fit, names[j])} and {shown_name(fit, names[i])} ")
         for i in range(len(matrix))  # one of many wavelengths is without the thickness of all
         for j in range(i)
         if np.isfinite(matrix[i, j])
@@ -149,10 +150,6 @@ def correlation_text(fit: Fit) -> str:
         pairs = sorted(pairs, key=lambda pair: -abs(pair[0]))
     text = ", ".join(f"{both}{c:+.3f}" for c, both in pairs[:_PAIRS])
     return f"{text} (the largest of {len(pairs)})" if many else text
-
-
-def _shown(fit: Fit, name: str) -> str:
-    return symbols(fit).get(name, name)
 
 
 def status_text(fit: Fit) -> str:
@@ -176,7 +173,7 @@ def alternative_text(fit: Fit, other: Alternative) -> str:
     """Return a second solution: its values with their errors, and how much worse it fits."""
     student = reach(fit)
     values = ", ".join(
-        f"{_shown(fit, name)} {_of_second(e, student)}" for name, e in other.parameters.items()
+        f"{shown_name(fit, name)} {_of_second(e, student)}" for name, e in other.parameters.items()
     )
     higher = f"higher by {abs(other.delta_chi2):.2g}"
     return f"{values} (chi2 {higher if other.delta_chi2 >= 0.0 else higher.replace('high', 'low')})"
@@ -184,7 +181,7 @@ def alternative_text(fit: Fit, other: Alternative) -> str:
 
 def index_rows(fit: Fit) -> Facts:
     """Return eta and k of a dispersion model at the ends and in the middle of a spectrum."""
-    known = {"eta", "k"} & set(fit.parameters) or not any(map(is_material, fit.parameters))
+    known = {"eta", "k"} & set(fit.parameters) or all(map(is_outer, fit.parameters))
     if known or len(index_waves(fit)) < 2:
         return []
     band, limited = fit.index(), k_is_limited(fit)
@@ -246,7 +243,7 @@ def findings_of_many(fit: Fit) -> Facts:
         where = f"at {second} wavelengths" if by_wavelength(fit) else f"of {second} curves"
         rows.append(("also fits", f"{where} a second solution, nearly as well (see alternatives)"))
     limited = [
-        _shown(fit, n) for n, e in fit.parameters.items()
+        shown_name(fit, n) for n, e in fit.parameters.items()
         if np.isfinite(np.asarray(e.upper_limit)).any()
     ]  # fmt: skip
     if limited:

@@ -3,107 +3,117 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from fitting.output import as_data, material
 from fitting.output.estimates import index_waves
-from fitting.output.fit_page import Comparison, fit_page
+from fitting.output.fit_page import fit_page
 from fitting.output.outputs import Outputs
 from fitting.output.style import check_matplotlib, save
+from fitting.output.text_table import Comparison
 from fitting.result import Fit
 
 # What a report folder holds. The page comes last, since the picture goes into it.
 REPORT = {
-    "report json": "fit.json",
-    "report csv": "data.csv",
-    "report index": "index.csv",
-    "report plot": "fit.png",
-    "report page": "report.html",
+    "json": "fit.json",
+    "csv": "data.csv",
+    "index": "index.csv",
+    "plot": "fit.png",
+    "page": "report.html",
 }
-# What each file was asked for by, for messages.
-FLAGS = {"json": "--json", "csv": "--csv", "index": "--csv", "plot": "--plot"}
-FLAGS |= {"material": "--material", "material errors": "--material"}
 
 
-def has_index_table(fit: Fit) -> bool:
-    """Whether there is more than one index, or a batch, which has a CSV of its own."""
-    return bool(fit.shape) or len(index_waves(fit)) > 1
+class Staged(NamedTuple):
+    """A file on its way to its place.
+
+    what: goes into it: "json", "csv" (the data), "index", "plot", "page", "material", or "errors"
+        of a material.
+    path: where to write; see `Outputs.open`. suffix: of its later name.
+    asked: option by which it was asked for, for messages.
+    medium: whose index it holds; None for the only one.
+    """
+
+    what: str
+    path: Path
+    suffix: str
+    asked: str
+    medium: str | None = None
 
 
-def _text(
-    kind: str, fit: Fit, png: bytes, command: str, comparison: Comparison | None, decimal: str
-) -> str:
-    if kind == "json":
-        return as_data.json_text(fit, None if comparison is None else comparison.data)
-    if kind == "csv":
-        return as_data.data_csv(fit, decimal)
-    if kind == "index":
-        return as_data.index_csv(fit, decimal)
-    if kind.startswith("material"):
-        part, _, medium = kind.partition(": ")
-        return material.texts_of(fit, medium or None)[part != "material"]
-    return fit_page(fit, png, command, comparison)
+def stage_report(
+    outputs: Outputs,
+    folder: str | os.PathLike[str],
+    left_out: Collection[str],
+    *,
+    flag: str = "",
+    overwrite: bool = False,
+    inputs: Sequence[str] = (),
+) -> list[Staged]:
+    """Return the files of a report; the arguments are those of `Outputs.folder` and `open`."""
+    place = outputs.folder(folder, flag=flag, overwrite=overwrite)
+    return [
+        Staged(
+            what, outputs.open(place / name, flag=flag, inputs=inputs), Path(name).suffix,
+            f"--report {name}",
+        )
+        for what, name in REPORT.items()
+        if what not in left_out
+    ]  # fmt: skip
 
 
 def write_files(
     fit: Fit,
-    staged: Mapping[str, Path],
+    staged: Iterable[Staged],
     *,
-    plot_suffix: str = ".png",
     reference: str | None = None,
     command: str = "",
     comparison: Comparison | None = None,
     decimal: str = ".",
-    step: Callable[[str], None] = lambda what: None,
+    step: Callable[[str], None] = lambda asked: None,
 ) -> None:
     """Write every file that was asked for.
 
     Args:
         fit: what was found.
-        staged: what -> the file to write to (see `Outputs.open`); "json", "csv" (the data),
-            "index", "plot", "page", "material" and "material errors" (with
-            ": film" behind it where there are several media), and the same of a
-            report folder with "report " before.
-        plot_suffix: format of "plot": .png, .pdf or .svg.
+        staged: the files, a page behind its picture.
         reference: a named material, drawn beside eta and k.
         command: how the fit was asked for, for the foot of the page.
         comparison: what was compared, if a model was chosen.
         decimal: decimal mark of the tables; with "," their cells are parted by semicolons.
-        step: told the name of each file before it is written.
+        step: told what asked for each file before it is written.
 
     Raises: OSError where the file system refuses, with the option or the file's name as its third
         argument.
     """
-    for kind, path in staged.items():
-        step(REPORT.get(kind, kind))
-        what = kind.removeprefix("report ")
+    png = b""
+    for what, path, suffix, asked, medium in staged:
+        step(asked)
         try:
             if what == "plot":
                 from fitting.output.picture import draw
 
-                save(draw(fit, reference), path, plot_suffix if kind == "plot" else ".png")
+                save(draw(fit, reference), path, suffix)
+                png = path.read_bytes()
                 continue
-            png = staged["report plot"].read_bytes() if kind == "report page" else b""
-            text = _text(what, fit, png, command, comparison, decimal)
+            if what == "json":
+                text = as_data.json_text(fit, None if comparison is None else comparison.data)
+            elif what == "csv":
+                text = as_data.data_csv(fit, decimal)
+            elif what == "index":
+                text = as_data.index_csv(fit, decimal)
+            elif what == "page":
+                text = fit_page(fit, png, command, comparison)
+            else:
+                text = material.texts_of(fit, medium)[what == "errors"]
             # Line ends are the same on every system; a name that is no text is shown with escapes.
             path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
         except OSError as error:  # a full disk, for one, which has no file's name
-            name = (
-                f"--report {REPORT[kind]}"
-                if kind in REPORT
-                else FLAGS.get(kind.partition(":")[0], kind)
-            )
-            raise OSError(error.errno, error.strerror, name) from error
+            raise OSError(error.errno, error.strerror, asked) from error
 
 
-def report(
-    fit: Fit,
-    folder: str | os.PathLike[str],
-    comparison: Comparison | None = None,
-    *,
-    overwrite: bool = False,
-) -> None:
+def report(fit: Fit, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write the report of a fit into ``folder``: all of it or, if that fails, nothing.
 
     report.html, fit.json, data.csv, fit.png, and index.csv of a spectrum or a batch. The folder is
@@ -111,15 +121,9 @@ def report(
     matplotlib, ValueError for a folder that cannot be made or written to.
     """
     check_matplotlib("report")
-    left_out = {"report index"} if not has_index_table(fit) else set()
-    if fit.measurement is None:
-        left_out.add("report csv")
+    left_out = ["csv"] * (fit.measurement is None)
+    left_out += ["index"] * (not fit.shape and len(index_waves(fit)) < 2)
     with Outputs() as outputs:
-        place = outputs.folder(folder, overwrite=overwrite)
-        staged = {
-            kind: outputs.open(place / name)
-            for kind, name in REPORT.items()
-            if kind not in left_out
-        }
-        write_files(fit, staged, comparison=comparison)
+        staged = stage_report(outputs, folder, left_out, overwrite=overwrite)
+        write_files(fit, staged)
         outputs.publish()

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from fitting.output import facts
+from fitting.output.as_data import data_columns
 from fitting.output.estimates import (
     by_wavelength,
     index_waves,
@@ -16,29 +15,15 @@ from fitting.output.estimates import (
     k_is_limited,
     k_text,
     reach,
+    shown_name,
     state_of,
-    symbols,
     value_text,
-    wave_text,
 )
 from fitting.output.numbers import number, with_error
 from fitting.output.page import Table, fragment, page
-from fitting.output.text_table import batch_rows, shared_of, varied_of
+from fitting.output.text_table import Comparison, batch_rows, shared_of
 from fitting.output.told import told_of
-from fitting.residuals import residuals
 from fitting.result import Fit
-
-
-class Comparison(NamedTuple):
-    """What `choose` compared, for the table and the page.
-
-    rows: texts, heads first, the model taken marked with ``>``. reasons: sentences, why this one.
-    data: the same as plain data, for JSON.
-    """
-
-    rows: Sequence[Sequence[str]]
-    reasons: Sequence[str]
-    data: dict[str, Any]
 
 
 def _facts(fit: Fit) -> facts.Facts:
@@ -49,9 +34,9 @@ def _facts(fit: Fit) -> facts.Facts:
 
 
 def _parameters(fit: Fit) -> Table:
-    names, student = symbols(fit), reach(fit)
+    student = reach(fit)
     rows = [
-        [names.get(name, name), value_text(e, student), interval_of(e), state_of(e)]
+        [shown_name(fit, name), value_text(e, student), interval_of(e), state_of(e)]
         for name, e in fit.parameters.items()
     ]
     head = ["", "value +- standard error", "95 % interval", ""]
@@ -80,47 +65,42 @@ def _index(fit: Fit) -> list[Table]:
 
 def _batch(fit: Fit) -> Table:
     """Return a row for each fit of a batch, each parameter with its 95 % interval."""
-    head, *rows = batch_rows(fit)
-    varied, names = varied_of(fit), symbols(fit)
-    first = "wavelength, um" if by_wavelength(fit) else "curve"
-    heads = [first, *head[1 : 1 + len(varied)]]
-    heads += [f"{names.get(n, n)}, 95 % interval" for n in varied]
-    places = {wave_text(fit, index): index for index in np.ndindex(fit.shape)}
-    out = []
-    for row in rows:
-        index = places.get(row[0])
-        within = (
-            [interval_of(fit.parameters[n].at(index)) for n in varied] if index is not None
-            else [""] * len(varied)
-        )  # fmt: skip
-        out.append([*row[: 1 + len(varied)], *within, *row[1 + len(varied) :]])
-    title = "Index over wavelength" if by_wavelength(fit) else "Curves"
-    return Table(title, [*heads, *head[1 + len(varied) :]], out)
+    head, *rows = batch_rows(fit, intervals=True)
+    if not by_wavelength(fit):
+        return Table("Curves", head, rows)
+    return Table("Index over wavelength", ["wavelength, um", *head[1:]], rows)
+
+
+def _to_six_digits(value: float) -> str:
+    return "" if math.isnan(value) else f"{value:.6g}"
+
+
+def _to_five_digits(value: float) -> str:
+    return number(value, 5)
+
+
+# Columns of the data that the page shows: head, and how a number is written.
+_DATA = {
+    "quantity": ("quantity", str),
+    "angle_deg": ("angle, degrees", _to_six_digits),
+    "wavelength_um": ("wavelength, um", _to_six_digits),
+    "polarizer_deg": ("polarizer, degrees", _to_six_digits),
+    "value": ("value", _to_five_digits),
+    "sigma": ("sigma", _to_five_digits),
+    "fitted": ("fitted", _to_five_digits),
+    "residual": ("value - fitted", _to_five_digits),
+}
 
 
 def data_table(fit: Fit) -> list[Table]:
     """Return the data with the fitted value and the residual beside each; of arrays none."""
-    m = fit.measurement
-    if m is None:
+    if fit.measurement is None:
         return []
-    fitted = fit.predict().value
-    waves = np.isfinite(m.wavelength_um).any()
-    polarizers = np.isfinite(m.polarizer_deg).any()
-    head = ["quantity", "angle, degrees", *["wavelength, um"] * bool(waves)]
-    head += [*["polarizer, degrees"] * bool(polarizers), "value", "sigma", "fitted"]
-    rows, off = [], residuals(m, fitted)
-    for i in range(len(m)):
-        row = [str(m.quantity[i]), f"{m.angle_deg[i]:.6g}"]
-        row += [_or_none(m.wavelength_um[i])] if waves else []
-        row += [_or_none(m.polarizer_deg[i])] if polarizers else []
-        row += [number(float(x), 5) for x in (m.value[i], m.sigma[i], fitted[i], off[i])]
-        rows.append(row)
+    columns = data_columns(fit)
+    shown = [(columns[name], *how) for name, how in _DATA.items() if name in columns]
+    cells = [[text(x) for x in column] for column, _, text in shown]
     title = "Data (R and T as fractions, psi and Delta in degrees)"
-    return [Table(title, [*head, "value - fitted"], rows)]
-
-
-def _or_none(value: float) -> str:
-    return "" if math.isnan(value) else f"{value:.6g}"
+    return [Table(title, [head for _, head, _ in shown], list(zip(*cells, strict=True)))]
 
 
 def _tables(fit: Fit, comparison: Comparison | None) -> list[Table]:

@@ -1,24 +1,72 @@
 """The fitted index of a medium as a file of the form of refractiveindex.info, for other programs.
 
-The next fit takes it as a material: ``--sample 'air | film.yml 80 nm | Si'``.
+The next fit takes it as a material: ``--sample 'air | film.yml 80 nm | Si'``. That form has no
+place for standard errors; they go into a CSV file beside it, which `material_files` reads too.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from fitting.output.outputs import Outputs
-from fitting.result import CONVERGED, UNDETERMINED, Estimate, Fit
+from fitting.reader.units import span_of
+from fitting.result import CONVERGED, UNDETERMINED, Estimate, Fit, IndexBand
 from fitting.sample import Sample
-from fitting.written_material import errors_beside, material_texts
+from fitting.visible import visible
 
+_ENDINGS = (".yml", ".yaml")
 _FITTED_BY = "Fitted by fresnel-fit"
-# What a material file that a fit wrote begins with.
+# What the files that a fit wrote begin with.
 MATERIAL_MARK = f"REFERENCES: |\n    {_FITTED_BY}"
+ERRORS_HEAD = "wavelength_um,n,k,sigma_n,sigma_k"
+
+
+def errors_beside(path: str | os.PathLike[str]) -> Path:
+    """Return where the errors of a material file go; ValueError for a name that is not one's."""
+    file = Path(path)
+    if file.suffix.lower() not in _ENDINGS:
+        raise ValueError(f"{file.name}: wanted a name that ends in .yml")
+    return file.with_name(f"{file.stem}_errors.csv")
+
+
+def of_medium(path: str | os.PathLike[str], medium: str | None) -> Path:
+    """Return where the index of one medium goes: out_film.yml beside out.yml.
+
+    medium: its place in the sample; None: the only one, which goes to ``path`` itself.
+    """
+    file = Path(path)
+    return file if medium is None else file.with_name(f"{file.stem}_{medium}{file.suffix}")
+
+
+def _quoted(text: str) -> str:
+    """Return any text in quotes, which YAML cannot misread."""
+    return '"' + visible(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def material_texts(
+    band: IndexBand, reference: str, comments: str, conditions: Mapping[str, str]
+) -> tuple[str, str]:
+    """Return the texts of the YAML file and of the CSV with the errors.
+
+    Rows without a number are left out. Raises ValueError where none is left.
+    """
+    columns = np.array([band.wavelength_um, band.eta, band.k, band.sigma_eta, band.sigma_k], float)
+    rows = columns.T[np.isfinite(columns[:3]).all(axis=0)]
+    if not len(rows):
+        raise ValueError("no wavelength has an index; nothing was written")
+    rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    lines = []
+    for key, text in (("REFERENCES", reference), ("COMMENTS", comments)):
+        lines += [f"{key}: |", *(f"    {visible(line)}" for line in text.splitlines())]
+    lines += ["CONDITIONS:", *(f"  {name}: {_quoted(text)}" for name, text in conditions.items())]
+    lines += ["DATA:", "  - type: tabulated nk", "    data: |"]
+    lines += ["        " + " ".join(f"{x:.9g}" for x in row[:3]) for row in rows]
+    table = [ERRORS_HEAD, *(",".join(f"{x:.9g}" for x in row) for row in rows)]
+    return "\n".join(lines) + "\n", "\n".join(table) + "\n"
 
 
 def _with_error(e: Estimate) -> str:
@@ -28,13 +76,11 @@ def _with_error(e: Estimate) -> str:
     return f"{text} {e.unit}".strip()
 
 
-def _conditions(fit: Fit) -> dict[str, object]:
+def _conditions(fit: Fit) -> dict[str, str]:
     """Return sample, angles and all that is not an index, by name."""
-    out: dict[str, object] = {"sample": str(fit.sample)}
+    out = {"sample": str(fit.sample)}
     if fit.measurement is not None:
-        angles = np.unique(fit.measurement.angle_deg)
-        ends = dict.fromkeys(f"{a:g}" for a in (angles[0], angles[-1]))
-        out["angle_of_incidence_deg"] = " to ".join(ends)
+        out["angle_of_incidence_deg"] = span_of(fit.measurement.angle_deg)
     for name, e in fit.parameters.items():
         if "thickness" in name and np.ndim(e.value) == 0:
             out[name] = _with_error(e)
@@ -81,12 +127,9 @@ def texts_of(fit: Fit, medium: str | None = None) -> tuple[str, str]:
         own = {n: e for n, e in fit.parameters.items() if "thickness" not in n}
         comments += [f"{name} = {_with_error(e)}" for name, e in own.items()]
         comments += [f"Warning: {w.text}" for w in fit.warnings]
-    return material_texts(
-        band.wavelength_um[known], band.eta[known], band.k[known],
-        sigma_eta=band.sigma_eta[known], sigma_k=band.sigma_k[known],
-        reference=f"{_FITTED_BY} to {'arrays' if m is None else m.source}",
-        comments="\n".join(comments), conditions=_conditions(fit),
-    )  # fmt: skip
+    reference = f"{_FITTED_BY} to {'arrays' if m is None else m.source}"
+    some = IndexBand(*(column[known] for column in band))
+    return material_texts(some, reference, "\n".join(comments), _conditions(fit))
 
 
 def write(fit: Fit, path: str | os.PathLike[str], medium: str | None = None) -> tuple[Path, Path]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fitting.output import facts
-from fitting.output.estimates import by_wavelength, reach, symbols, value_text
+from fitting.output.estimates import by_wavelength, reach, shown_name, value_text
 from fitting.output.numbers import number, size_text
 from fitting.output.picture_batch import draw_batch
 from fitting.output.picture_data import (
@@ -19,7 +19,6 @@ from fitting.output.picture_data import (
     curves_of,
     draw_line,
     draw_zero,
-    grid_of,
     lines_of,
     over_wavelength,
     power_label,
@@ -33,6 +32,7 @@ from fitting.output.style import (
     check_matplotlib,
     our_style,
     plain_title,
+    symbol,
 )
 from fitting.output.told import told_of
 from fitting.quantities import ANGLES, TABLE, are_powers
@@ -47,12 +47,6 @@ if TYPE_CHECKING:
 
 # Warnings that fit below a picture, and the letters of each.
 _WARNINGS, _LETTERS = 3, 240
-_SYMBOLS = {
-    "eta": r"$\eta$",
-    "k": "$k$",
-    "<n>": r"$\langle n \rangle$",
-    "<k>": r"$\langle k \rangle$",
-}
 
 
 def _subtitle(fit: Fit) -> str:
@@ -65,14 +59,10 @@ def _subtitle(fit: Fit) -> str:
     if fit.status != "converged":
         undetermined = ": the data give no index" * (fit.status == UNDETERMINED)
         return f"{plain_title(str(fit.sample))}, {fit.status}{undetermined}"
-    parts, names = [], symbols(fit)
-    if len(fit.names) <= 2:
-        for name in fit.names:
-            shown = names.get(name, name)
-            text = value_text(fit.parameters[name], reach(fit)).replace("+-", r"$\pm$")
-            parts.append(f"{_SYMBOLS.get(shown, shown)} = {text}")
-    else:
-        parts.append(plain_title(str(fit.sample)))
+    parts = [] if len(fit.names) <= 2 else [plain_title(str(fit.sample))]
+    for name in () if parts else fit.names:
+        text = value_text(fit.parameters[name], reach(fit)).replace("+-", r"$\pm$")
+        parts.append(f"{symbol(shown_name(fit, name))} = {text}")
     if np.isfinite(fit.chi2_reduced):
         parts.append(rf"$\chi^2$/dof = {number(fit.chi2_reduced, 3)}")
     return "     ".join([*parts, f"rms = {size_text(fit.rms, 2)}"])
@@ -165,7 +155,7 @@ def _draw_data(figure: Figure, fit: Fit, m: Measurement, reference: str | None) 
     spectrum = over_wavelength(m)
     pairs, index = _panels(figure, kinds, spectrum and _has_index(fit))
     low, high = _span(m)
-    curves = curves_of(fit, m, lines, grid_of(fit, m, low, high))
+    curves = curves_of(fit, m, lines, low, high)
     residual = fit.residuals
     for kind, (top, bottom) in pairs.items():
         of = [i for i, line in enumerate(lines) if line.kind == kind]

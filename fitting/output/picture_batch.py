@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fitting.output.numbers import with_unit
-from fitting.output.style import ETA_COLOR, K_COLOR, MANY, band, points
+from fitting.output.style import ETA_COLOR, K_COLOR, MANY, band, points, symbol
 from fitting.output.text_table import varied_of
 from fitting.result import CONVERGED, Fit
 
@@ -19,7 +19,7 @@ _PARAMETERS = 4
 
 
 def _label(fit: Fit, name: str) -> str:
-    return with_unit({"eta": r"$\eta$", "k": "$k$"}.get(name, name), fit.parameters[name].unit)
+    return with_unit(symbol(name), fit.parameters[name].unit)
 
 
 def _maps(figure: Figure, fit: Fit, names: list[str]) -> Axes:

@@ -136,18 +136,19 @@ def _between(m: Measurement, line: Line, x: np.ndarray) -> Measurement:
     return Measurement.from_columns(angle, waves, polarizer_deg=polarizer, **values)
 
 
-def curves_of(fit: Fit, m: Measurement, lines: list[Line], x: np.ndarray | None) -> list[Curve]:
-    """Return the fitted curve of each line, on the grid ``x`` if there is one.
+def curves_of(fit: Fit, m: Measurement, lines: list[Line], low: float, high: float) -> list[Curve]:
+    """Return the fitted curve of each line from ``low`` to ``high``.
 
-    None: at the data themselves, where nothing is known in between (an index that is free at every
-    wavelength). The same where a curve in between is not that of these data: of a second file with
-    a scale of its own.
+    At the data themselves where nothing is known in between (an index that is free at every
+    wavelength), and where a curve in between is not that of these data: of a second file with a
+    scale of its own.
     """
-    at_data = fit.predict()
-    axis = m.wavelength_um if over_wavelength(m) else m.angle_deg
+    at_data, spectrum = fit.predict(), over_wavelength(m)
+    axis = m.wavelength_um if spectrum else m.angle_deg
     own = [Curve(axis[li.rows], at_data.value[li.rows], at_data.sigma[li.rows]) for li in lines]
-    if x is None or not np.isfinite(at_data.value).any():
+    if (spectrum and fit.shape) or not np.isfinite(at_data.value).any():
         return own
+    x = np.linspace(low, high, _WAVES if spectrum else _ANGLES)
     # One question for all lines: fewer programs are compiled.
     asked = [np.concatenate([x, axis[line.rows]]) for line in lines]
     found = fit.predict(concatenate(*map(_between, [m] * len(lines), lines, asked)))
@@ -161,13 +162,6 @@ def curves_of(fit: Fit, m: Measurement, lines: list[Line], x: np.ndarray | None)
         same = np.nanmax(off, initial=0.0) <= _SAME * max(1.0, np.nanmax(np.abs(mine.value)))
         out.append(Curve(x, value[: len(x)], sigma[: len(x)]) if same else mine)
     return out
-
-
-def grid_of(fit: Fit, m: Measurement, low: float, high: float) -> np.ndarray | None:
-    """Return where fitted curves are drawn from ``low`` to ``high``; None: at the data alone."""
-    if not over_wavelength(m):
-        return np.linspace(low, high, _ANGLES)
-    return None if fit.shape else np.linspace(low, high, _WAVES)
 
 
 def _broken(value: np.ndarray, measured: np.ndarray) -> np.ndarray:

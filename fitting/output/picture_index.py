@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitting.output.estimates import symbols
+from fitting.output.estimates import index_waves, shown_name
 from fitting.output.reference import reference_index
-from fitting.output.style import ETA_COLOR, GREY, K_COLOR, MANY, band, points
+from fitting.output.style import ETA_COLOR, GREY, K_COLOR, MANY, band, points, symbol
 from fitting.result import CONVERGED, Fit
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 # largest k nothing is seen of it.
 _DECADES, _SEEN = 30.0, 1e-6
 _FINE = 300
-_MATH = {"<n>": r"$\langle n \rangle$", "<k>": r"$\langle k \rangle$"}
 
 
 def _not_determined(axes: Axes, x: np.ndarray, everywhere: bool) -> None:
@@ -67,11 +66,15 @@ def _free(axes: Axes, fit: Fit, name: str, color: str) -> np.ndarray:
     return np.concatenate([value[good], limit[limited]])
 
 
+def _grid(fit: Fit) -> np.ndarray:
+    """Return many wavelengths from the first to the last that was measured."""
+    known = index_waves(fit)
+    return np.linspace(known.min(), known.max(), _FINE)
+
+
 def _dispersion(first: Axes, second: Axes, fit: Fit) -> np.ndarray:
     """Draw eta and k of a dispersion model with their bands; return k."""
-    known = np.atleast_1d(fit.wavelength_um)
-    known = known[np.isfinite(known)]
-    fine = np.linspace(known.min(), known.max(), _FINE)
+    fine = _grid(fit)
     found = fit.index(fine)
     first.plot(fine, found.eta, color=ETA_COLOR)
     band(first, fine, found.eta - found.sigma_eta, found.eta + found.sigma_eta, ETA_COLOR)
@@ -106,17 +109,13 @@ def draw_index(first: Axes, second: Axes, fit: Fit, reference: str | None) -> No
     else:
         k = _dispersion(first, second, fit)
     if reference:
-        known = np.atleast_1d(fit.wavelength_um)
-        known = known[np.isfinite(known)]
-        at, eta, other = reference_index(reference, np.linspace(known.min(), known.max(), _FINE))
+        at, eta, other = reference_index(reference, _grid(fit))
         look: dict[str, Any] = {"color": GREY, "linewidth": 1.2, "linestyle": "--"}
         first.plot(at, eta, label=f"{reference} (reference)", **look)
         second.plot(at, other, **look)
         k = np.concatenate([k, other])
     _scale_of_k(second, k)
-    names = symbols(fit)
-    first.set_ylabel(_MATH.get(names.get("eta", ""), r"$\eta$"))
-    second.set_ylabel(_MATH.get(names.get("k", ""), r"$k$"))
-    for axes in (first, second):
+    for axes, name in ((first, "eta"), (second, "k")):
+        axes.set_ylabel(symbol(shown_name(fit, name)))
         if axes.get_legend_handles_labels()[0]:
             axes.legend(loc="best")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitting.output.missing import MissingExtra
+from fitting.errors import MissingExtra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,17 +65,17 @@ def our_style() -> Iterator[None]:
         yield
 
 
-def check_matplotlib(asked: str = "--plot") -> None:
+def check_matplotlib(asked: str) -> None:
     """Raise ImportError where matplotlib, which ``asked`` needs, is not installed."""
     if importlib.util.find_spec("matplotlib") is None:
         raise MissingExtra(asked, "matplotlib", "plot")
 
 
-def check_picture(path: str | PathLike[str], asked: str = "--plot") -> None:
+def check_picture(path: str | PathLike[str]) -> None:
     """Raise ValueError where no picture can be drawn: no matplotlib, or an unknown kind of file."""
     if Path(path).suffix.lower() not in FORMATS:
-        raise ValueError(f"{asked} {path}: a name that ends in {', '.join(FORMATS)} was wanted.")
-    check_matplotlib(asked)
+        raise ValueError(f"--plot {path}: a name that ends in {', '.join(FORMATS)} was wanted.")
+    check_matplotlib("--plot")
 
 
 def save(figure: Figure, path: str | PathLike[str], suffix: str = "") -> None:
@@ -130,8 +130,14 @@ def band(axes: Axes, x: Any, low: Any, high: Any, color: str) -> None:
         axes.fill_between(x, low, high, color=color, alpha=0.22, linewidth=0, zorder=1)
 
 
-def plain_title(text: str, longest: int = 78) -> str:
+def symbol(name: str) -> str:
+    """Return a shown name as a picture writes it: the symbol of an index, else as it is."""
+    index = {"eta": r"\eta", "k": "k", "<n>": r"\langle n \rangle", "<k>": r"\langle k \rangle"}
+    return f"${index[name]}$" if name in index else name
+
+
+def plain_title(text: str) -> str:
     """Return ``text`` as a title of one line; what is too long loses its middle."""
-    if len(text) > longest:
-        text = f"{text[: longest // 2 - 2]} ... {text[3 - longest // 2 :]}"
+    if len(text) > 78:
+        text = f"{text[:37]} ... {text[-36:]}"
     return text.replace("$", r"\$")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+import textwrap
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,12 +12,12 @@ from fitting.output import facts
 from fitting.output.estimates import (
     beside,
     by_wavelength,
+    interval_of,
     reach,
-    symbols,
+    shown_name,
     value_text,
     wave_text,
 )
-from fitting.output.layout import LABEL, labelled, rows_aligned, wrapped
 from fitting.output.numbers import number, size_text, with_unit
 from fitting.output.reference import reference_text
 from fitting.output.told import told_of
@@ -24,20 +26,60 @@ from fitting.visible import visible
 
 # A batch of more fits than that is shown by its first and last ones.
 _ROWS, _ENDS = 400, 20
+_LABEL = 13  # letters of the labels beside which the texts stand
+
+
+class Comparison(NamedTuple):
+    """What `choose` compared, for the table and the page.
+
+    rows: texts, heads first, the model taken marked with ``>``. reasons: sentences, why this one.
+    data: the same as plain data, for JSON.
+    """
+
+    rows: Sequence[Sequence[str]]
+    reasons: Sequence[str]
+    data: dict[str, Any]
+
+
+def _wrapped(label: str, text: str, width: int) -> str:
+    """Return a label and a text beside it, in lines of at most ``width`` characters."""
+    return textwrap.fill(
+        text,
+        max(width, 40),
+        initial_indent=f"  {label:<{_LABEL}}",
+        subsequent_indent=" " * (2 + _LABEL),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def _labelled(texts: Iterable[tuple[str, str]], width: int) -> list[str]:
+    """Return labels and texts as lines below an empty one; no line at all without a text."""
+    lines = [_wrapped(label, text, width) for label, text in texts]
+    return ["", *lines] if lines else []
+
+
+def rows_aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return rows of cells as lines with the columns below each other."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return [
+        "  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
 
 
 def parameter_rows(fit: Fit) -> list[list[str]]:
     """Return name, value, and what stands beside it, of every parameter of one set."""
-    names, student = symbols(fit), reach(fit)
+    student = reach(fit)
     return [
-        [names.get(name, name), value_text(e, student), beside(e)]
+        [shown_name(fit, name), value_text(e, student), beside(e)]
         for name, e in fit.parameters.items()
     ]
 
 
 def _one(fit: Fit, width: int) -> list[str]:
     rows = parameter_rows(fit)
-    first = max(LABEL, 1 + max(len(row[0]) for row in rows))
+    first = max(_LABEL, 1 + max(len(row[0]) for row in rows))
     second = 2 + max(len("value +- std. error"), max(len(row[1]) for row in rows))
     head = ["", "value +- std. error", "95 % interval"]
     lines = [
@@ -45,18 +87,20 @@ def _one(fit: Fit, width: int) -> list[str]:
     ]
     lines.append("")
     more = [*facts.index_rows(fit), *facts.findings_of_one(fit)]
-    lines += [wrapped(label, text, width) for label, text in more]
-    return lines + labelled((("warning", text) for text in told_of(fit).texts), width)
+    lines += [_wrapped(label, text, width) for label, text in more]
+    return lines + _labelled((("warning", text) for text in told_of(fit).texts), width)
 
 
-def _cells(fit: Fit, index: tuple[int, ...], varied: list[str], stated: bool) -> list[str]:
-    cells = [wave_text(fit, index)]
+def _cells(
+    fit: Fit, index: tuple[int, ...], varied: list[str], stated: bool, intervals: bool
+) -> list[str]:
     status = str(np.asarray(fit.status)[index])
-    for name in varied:
-        e = fit.parameters[name].at(index)
-        # In brackets: one of many that fit alike.
-        text = value_text(e)
-        cells.append(f"({text})" if status == UNDETERMINED else text)
+    each = [fit.parameters[name].at(index) for name in varied]
+    # In brackets: one of many that fit alike.
+    form = "({})" if status == UNDETERMINED else "{}"
+    cells = [wave_text(fit, index), *(form.format(value_text(e)) for e in each)]
+    if intervals:
+        cells += map(interval_of, each)
     if stated:
         cells.append(number(float(np.asarray(fit.chi2_reduced)[index]), 3))
     return [*cells, size_text(float(np.asarray(fit.rms)[index])), status]
@@ -76,16 +120,19 @@ def shared_of(fit: Fit) -> list[tuple[str, str]]:
     ]
 
 
-def batch_rows(fit: Fit, marks: bool = True) -> list[list[str]]:
-    """Return heads and rows of the fits of a batch; of many its first and last ones."""
+def batch_rows(fit: Fit, intervals: bool = False) -> list[list[str]]:
+    """Return heads and rows of the fits of a batch; of many its first and last ones.
+
+    intervals: with the 95 % interval of each parameter.
+    """
     varied, told = varied_of(fit), told_of(fit)
     stated = bool(np.isfinite(np.asarray(fit.chi2_reduced)).any())
-    names = symbols(fit)
     units = {n: fit.parameters[n].unit for n in varied}
     head = ["wavelength_um" if by_wavelength(fit) else "curve"]
-    head += [with_unit(names.get(n, n), f"({units[n]})" if units[n] else "") for n in varied]
+    head += [with_unit(shown_name(fit, n), f"({units[n]})" if units[n] else "") for n in varied]
+    head += [f"{shown_name(fit, n)}, 95 % interval" for n in varied if intervals]
     head += [*["chi2/dof"] * stated, "rms", "status"]
-    notes = bool(told.texts) and marks
+    notes = bool(told.texts)
     rows = [[*head, *["warnings"] * notes]]
     size = int(np.prod(fit.shape))
     shown = list(range(size))
@@ -93,7 +140,7 @@ def batch_rows(fit: Fit, marks: bool = True) -> list[list[str]]:
         shown = [*range(_ENDS), *range(size - _ENDS, size)]
     for i in shown:
         index = tuple(int(j) for j in np.unravel_index(i, fit.shape))
-        rows.append([*_cells(fit, index, varied, stated), *[told.marks(index)] * notes])
+        rows.append([*_cells(fit, index, varied, stated, intervals), *[told.marks(index)] * notes])
     if size > _ROWS:
         rows.insert(1 + _ENDS, ["...", *[""] * (len(rows[0]) - 1)])
     return rows
@@ -101,10 +148,10 @@ def batch_rows(fit: Fit, marks: bool = True) -> list[list[str]]:
 
 def _many(fit: Fit, width: int) -> list[str]:
     lines = [*rows_aligned(batch_rows(fit)), ""]
-    lines += [wrapped(f"{label} ", text, width) for label, text in shared_of(fit)]
-    lines += [wrapped(label, text, width) for label, text in facts.findings_of_many(fit)]
+    lines += [_wrapped(f"{label} ", text, width) for label, text in shared_of(fit)]
+    lines += [_wrapped(label, text, width) for label, text in facts.findings_of_many(fit)]
     texts = told_of(fit).texts
-    return lines + labelled(((f"warning {i}", t) for i, t in enumerate(texts, 1)), width)
+    return lines + _labelled(((f"warning {i}", t) for i, t in enumerate(texts, 1)), width)
 
 
 def table(fit: Fit, width: int = 80) -> str:
@@ -115,26 +162,29 @@ def table(fit: Fit, width: int = 80) -> str:
     second solutions, warnings and notes.
     """
     lines = [facts.title_of(fit)]
-    lines += [wrapped(label, text, width) for label, text in facts.heading(fit)]
+    lines += [_wrapped(label, text, width) for label, text in facts.heading(fit)]
     lines += ["", *(_many(fit, width) if fit.shape else _one(fit, width))]
-    lines += labelled((("note", note.text) for note in fit.notes), width)
+    lines += _labelled((("note", note.text) for note in fit.notes), width)
     return "\n".join(visible(line) for line in "\n".join(lines).split("\n")) + "\n"
 
 
-def text_of(fit: Fit, width: int = 80, reference: str = "", comparison: Any = None) -> str:
+def text_of(
+    fit: Fit, width: int = 80, reference: str = "", comparison: Comparison | None = None
+) -> str:
     """Return what the command line prints: the table, and below it what was asked for beside.
 
-    reference: a material whose eta and k are shown beside. comparison: the `Comparison` of models.
+    reference: a material whose eta and k are shown beside. comparison: of
+    models.
     """
     text = table(fit, width)
     if comparison is not None:
         lines = ["", "  models compared (BIC minus the lowest BIC; > marks the model taken)"]
         lines += rows_aligned(comparison.rows)
-        lines += ["", *(wrapped("choice", reason, width) for reason in comparison.reasons)]
+        lines += ["", *(_wrapped("choice", reason, width) for reason in comparison.reasons)]
         text += "\n".join(lines) + "\n"
     if reference:
         waves = np.atleast_1d(fit.wavelength_um)
-        text += "\n" + wrapped("reference", reference_text(reference, waves), width) + "\n"
+        text += "\n" + _wrapped("reference", reference_text(reference, waves), width) + "\n"
     return text
 
 
@@ -148,8 +198,8 @@ def one_line(fit: Fit) -> str:
         parts.append(f"{good} of {status.size} {what} converged")
     else:
         free = [e for e in fit.parameters.values() if isinstance(e, Estimate) and e.free]
-        names, student = symbols(fit), reach(fit)
-        parts += [f"{names.get(e.name, e.name)} {value_text(e, student)}" for e in free[:4]]
+        student = reach(fit)
+        parts += [f"{shown_name(fit, e.name)} {value_text(e, student)}" for e in free[:4]]
         more = len(free) - 4
         parts += [f"{more} more parameter{'s' * (more > 1)}"] * (more > 0)
         parts.append(str(fit.status))

@@ -8,13 +8,14 @@ import numpy as np
 
 from fitting.errors import MeasurementError
 from fitting.reader.columns import Column
-from fitting.reader.reading import Reading, span_of
+from fitting.reader.reading import Reading
 from fitting.reader.units import (
     ANGLE_UNITS,
     FORM_OF,
     Q_UNITS,
     WAVELENGTH_UNITS,
     incidence_deg,
+    span_of,
     wavelength_um,
 )
 

@@ -10,15 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NoReturn
 
-from fitting.errors import MeasurementError
+from fitting.errors import refuse
 
 _ROUNDED = 2e-3  # of N^2 + C^2 + S^2 = 1, where they are given to five decimals; damage is larger
-
-
-def _refuse(line: int, text: str) -> NoReturn:
-    raise MeasurementError(f"line {line}: {text}")
 
 
 def _numbers(texts: Sequence[str], line: int, count: int) -> list[float]:
@@ -28,7 +23,7 @@ def _numbers(texts: Sequence[str], line: int, count: int) -> list[float]:
     except ValueError:
         found = []
     if len(found) < count or not all(map(math.isfinite, found)):
-        _refuse(line, f"{count} numbers were wanted. This Film Sense file is damaged.")
+        refuse(line, f"{count} numbers were wanted. This Film Sense file is damaged.")
     return found
 
 
@@ -38,16 +33,16 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
     if not kind.startswith("Film_Sense_"):
         return None
     if kind != "Film_Sense_Data":
-        _refuse(1, f"{kind}: a measurement over time. Export one of its times as Film_Sense_Data.")
+        refuse(1, f"{kind}: a measurement over time. Export one of its times as Film_Sense_Data.")
     count, measurements, angle = _numbers(texts, 2, 3)
     if measurements != 1 or count != int(count) or not 1 <= count < len(texts) / 2:
-        _refuse(2, "one measurement at some wavelengths was wanted. Export one of them alone.")
+        refuse(2, "one measurement at some wavelengths was wanted. Export one of them alone.")
     rows = range(3, 3 + int(count))
     out = ["", *[""] * int(count), "wavelength (nm)\tangle (deg)\tpsi (deg)\tdelta (deg)"]
     for line in rows:
         n, c, s = _numbers(texts, line + int(count), 3)
         if abs(n * n + c * c + s * s - 1.0) > _ROUNDED:
-            _refuse(line + int(count), "the squares of N, C and S do not add up to 1.")
+            refuse(line + int(count), "the squares of N, C and S do not add up to 1.")
         psi = math.degrees(math.atan2(math.hypot(c, s), n)) / 2.0
         delta = math.degrees(math.atan2(s, c))
         wavelength = _numbers(texts, line, 1)[0]

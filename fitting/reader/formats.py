@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from fitting.errors import MeasurementError
 from fitting.reader import film_sense, jcamp, perkin_elmer, spectraray, woollam
-from fitting.reader.table import Table, line_range, read_table
+from fitting.reader.table import Form, Table, line_range, read_table
 
 FORMATS = (
     film_sense.as_plain_table,
@@ -23,14 +23,7 @@ from which each line of the table comes. A refusal is a MeasurementError that be
 ``line 14: ...``; the name of the file is put before it here."""
 
 
-def read_formatted(
-    source: str,
-    texts: Sequence[str],
-    *,
-    delimiter: str | None = None,
-    decimal: str | None = None,
-    lines: str | None = None,
-) -> Table:
+def read_formatted(source: str, texts: Sequence[str], form: Form) -> Table:
     """Return the table of numbers in a file of any known format; arguments as of `read_table`."""
     for each in FORMATS:
         try:
@@ -40,13 +33,14 @@ def read_formatted(
         if found is not None:
             break
     else:
-        return read_table(source, texts, delimiter=delimiter, decimal=decimal, lines=lines)
+        return read_table(source, texts, form)
     plain, notes, *rest = found
     numbers: Sequence[int] = rest[0] if rest else range(1, len(plain) + 1)
-    if lines and rest:  # a range of lines of the file
-        first, last = line_range(source, lines, len(texts))
-        lines = f"{bisect_left(numbers, first + 1) + 1}-{max(1, bisect_right(numbers, last))}"
-    table = read_table(source, plain, delimiter=delimiter, decimal=decimal, lines=lines)
+    if form.lines and rest:  # a range of lines of the file
+        first, last = line_range(source, form.lines, len(texts))
+        first, last = bisect_left(numbers, first + 1) + 1, max(1, bisect_right(numbers, last))
+        form = form._replace(lines=f"{first}-{last}")
+    table = read_table(source, plain, form)
     return table._replace(
         header=numbers[table.header - 1] if table.header else 0,
         lines=[numbers[i - 1] for i in table.lines],

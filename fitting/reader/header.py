@@ -94,8 +94,6 @@ def find_header(
         if not (nearest or marked) and looks_like_data(row)[0]:
             break  # what stands above other numbers is their header
         cells = split_names(uncomment(text), delimiter, count)
-        if not any(cells):
-            continue
         here = units_row(cells) if len(cells) == count else None
         adjacent, nearest = nearest, nearest and (marked or here is not None)
         if here is not None:

@@ -13,9 +13,8 @@ import re
 from collections import defaultdict
 from collections.abc import Sequence
 from decimal import Decimal
-from typing import NoReturn
 
-from fitting.errors import MeasurementError
+from fitting.errors import refuse
 from fitting.reader.spectrum_header import spectrum_header
 
 _MAX_POINTS = 1_000_000  # a repeat count of a few digits must not fill the memory
@@ -37,10 +36,6 @@ _TOLD = ("TITLE", "SAMPLEDESCRIPTION", "SAMPLINGPROCEDURE", "$")  # may say angl
 Points = list[tuple[Decimal, Decimal | None, int]]
 
 
-def _refuse(line: int, text: str) -> NoReturn:
-    raise MeasurementError(f"line {line}: {text}")
-
-
 class _Records:
     """The records of one block: label -> (line, value), the first line of text of each."""
 
@@ -60,16 +55,16 @@ class _Records:
     def text(self, label: str, at: int) -> tuple[int, str]:
         """Return line and value of a record that must be there once."""
         if not self.found[label]:
-            _refuse(at, f"this JCAMP-DX file has no record ##{label}=, which its table needs.")
+            refuse(at, f"this JCAMP-DX file has no record ##{label}=, which its table needs.")
         if len(self.found[label]) > 1:
-            _refuse(self.found[label][1][0], f"a second record ##{label}=. Keep the right one.")
+            refuse(self.found[label][1][0], f"a second record ##{label}=. Keep the right one.")
         return self.found[label][0]
 
     def number(self, label: str, at: int) -> Decimal:
         """Return the number of a record that must be there once."""
         line, value = self.text(label, at)
         if not re.fullmatch(_NUMBER, value):
-            _refuse(line, f"##{label}= {value[:30]!r}: a number was wanted.")
+            refuse(line, f"##{label}= {value[:30]!r}: a number was wanted.")
         return Decimal(value)
 
 
@@ -84,7 +79,7 @@ def _tokens(text: str, line: int) -> list[str]:
         match = _ORDINATE.match(text, at)
         glued = match and tokens and match[0][0] in "0123456789." and not text[at - 1].isspace()
         if not match or glued:
-            _refuse(line, f"{text[at : at + 20]!r} is no ordinate in AFFN, PAC, SQZ, DIF or DUP.")
+            refuse(line, f"{text[at : at + 20]!r} is no ordinate in AFFN, PAC, SQZ, DIF or DUP.")
         tokens += [match[0]] if match[0].strip() else []
         at = match.end()
     return tokens
@@ -102,7 +97,7 @@ def _ordinates(tokens: list[str], line: int, most: int) -> tuple[list[Decimal | 
         last = values[-1] if values else None
         new: list[Decimal | None]
         if (first in _DIF or first in _DUP) and not values:
-            _refuse(line, f"{token!r} stands where the first ordinate of the line was wanted.")
+            refuse(line, f"{token!r} stands where the first ordinate of the line was wanted.")
         if first in _DUP:
             count = Decimal(_DUP[first] + digits)
             count = int(count) - 1 if count <= most + 1 else most + 1
@@ -112,14 +107,14 @@ def _ordinates(tokens: list[str], line: int, most: int) -> tuple[list[Decimal | 
         elif first in _DIF:
             step = Decimal(_DIF[first] + digits)
             if last is None:
-                _refuse(line, f"the difference {token!r} stands behind a gap (?).")
+                refuse(line, f"the difference {token!r} stands behind a gap (?).")
             new = [last + step]
         else:
             step = None
             new = [None if first == "?" else Decimal(_SQZ.get(first, first) + digits)]
         values += new
         if len(values) > most:
-            _refuse(line, "more points than ##NPOINTS= says. The file is damaged; export it anew.")
+            refuse(line, "more points than ##NPOINTS= says. The file is damaged; export it anew.")
     return values, step is not None
 
 
@@ -137,17 +132,17 @@ def _equal_steps(records: _Records, table: str, at: int, count: int) -> Points:
         values, differs = _ordinates(tokens[1:], line, count + 1 - len(points))
         start = head[0]
         if start is None or not values:
-            _refuse(line, f"{text[:30]!r}: an abscissa and ordinates were wanted.")
+            refuse(line, f"{text[:30]!r}: an abscissa and ordinates were wanted.")
         at_x = first + step * (len(points) - repeated)
         if abs(start * x_factor - at_x) > abs(step) / 2 + abs(_unit(start) * x_factor) / 2:
-            _refuse(
+            refuse(
                 line,
                 f"the line begins at x = {start * x_factor}, but ##FIRSTX=, ##LASTX=, ##NPOINTS= "
                 f"and the {len(points) - repeated} points before it give {at_x:.10g}. Points are "
                 "missing or damaged; export the file anew.",
             )
         if repeated and values[0] != check:
-            _refuse(
+            refuse(
                 line,
                 f"the line repeats the ordinate {values[0]}, the line before it ended with "
                 f"{check} (the check of DIF). The file is damaged; export it anew.",
@@ -171,7 +166,7 @@ def _pairs(records: _Records, table: str) -> Points:
         while at < len(text):
             match = _PAIR.match(text, at)
             if not match:
-                _refuse(line, f"{text[at : at + 30]!r}: pairs x, y were wanted.")
+                refuse(line, f"{text[at : at + 30]!r}: pairs x, y were wanted.")
             points.append((Decimal(match[1]) * factors[0], Decimal(match[2]) * factors[1], line))
             at = match.end()
     return points
@@ -180,7 +175,7 @@ def _pairs(records: _Records, table: str) -> Points:
 def _check_ends(records: _Records, points: Points, at: int, count: int) -> None:
     """Raise where the table and the records on its first and last point contradict each other."""
     if len(points) != count:
-        _refuse(
+        refuse(
             at,
             f"the table has {len(points)} points, ##NPOINTS= says {count}. Points are missing or "
             "damaged; export the file anew.",
@@ -192,7 +187,7 @@ def _check_ends(records: _Records, points: Points, at: int, count: int) -> None:
         said = records.number(label, at)
         close = _unit(said) if column == 0 else _unit(said) + abs(said) * _FACTOR_ERROR
         if abs(said - found) >= max(close, _unit(found)):
-            _refuse(
+            refuse(
                 records.found[label][0][0],
                 f"##{label}= {said}, the table gives {found:.10g} (with the factor ##"
                 f"{label[-1]}FACTOR=). Mend the wrong one of them.",
@@ -210,9 +205,9 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str], list[int
     tables = [(at, label) for label in _TABLES for at, _ in records.found[label]]
     blocks = max(len(records.found["TITLE"]), len(tables))
     if blocks > 1:
-        _refuse(start, f"this JCAMP-DX file has {blocks} blocks. Save each spectrum as its own.")
+        refuse(start, f"this JCAMP-DX file has {blocks} blocks. Save each spectrum as its own.")
     if not tables:
-        _refuse(
+        refuse(
             start, "this JCAMP-DX file has no ##XYDATA=, ##XYPOINTS= or ##PEAK TABLE=. Export "
             "the spectrum as one of them.",
         )  # fmt: skip
@@ -220,10 +215,10 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str], list[int
     header = spectrum_header(*records.text("XUNITS", at), *records.text("YUNITS", at))
     said = records.number("NPOINTS", at)
     if not 1 <= said <= _MAX_POINTS or said != int(said):
-        _refuse(records.found["NPOINTS"][0][0], f"##NPOINTS= {said} is no number of points.")
+        refuse(records.found["NPOINTS"][0][0], f"##NPOINTS= {said} is no number of points.")
     form = re.sub(r"\s", "", records.found[table][0][1]).upper()
     if form not in ("(X++(Y..Y))", "(XY..XY)"):
-        _refuse(at, f"a table {form[:30]}: (X++(Y..Y)) or (XY..XY) were wanted.")
+        refuse(at, f"a table {form[:30]}: (X++(Y..Y)) or (XY..XY) were wanted.")
     equal = form == "(X++(Y..Y))"
     points = _equal_steps(records, table, at, int(said)) if equal else _pairs(records, table)
     _check_ends(records, points, at, int(said))

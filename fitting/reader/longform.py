@@ -17,7 +17,7 @@ from fitting.reader.options import Options
 from fitting.reader.reading import Reading
 from fitting.reader.scales import power_scale, psi_delta_unit, standard_errors
 from fitting.reader.table import Table
-from fitting.reader.units import scaled
+from fitting.reader.units import scaled, span_of
 
 
 class LongColumns(NamedTuple):
@@ -108,8 +108,7 @@ def _understood(reading: Reading, data: Data, factor: float) -> str:
     spectral = len(np.unique(wavelength)) > 1
     axis, what, unit = (wavelength, "wavelength", "um") if spectral else (angle, "angle", "degrees")
     count = len(np.unique(axis))
-    span = f"{axis.min():.6g} to {axis.max():.6g}" if count > 1 else f"{axis[0]:.6g}"
-    text = f"read {count} {what}{'s' * (count != 1)} ({span} {unit}), "
+    text = f"read {count} {what}{'s' * (count != 1)} ({span_of(axis, unit)}), "
     plain = " (unpolarized)" if angle.any() and np.isnan(data.polarizer_deg).all() else ""
     names = list(dict.fromkeys(quantity.tolist()))
     counts = [f"{np.sum(quantity == n)} {n}{plain * (n in ('R', 'T'))}" for n in names]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from fitting.errors import MeasurementError
+from fitting.errors import refuse
 from fitting.reader.spectrum_header import spectrum_header
 
 _FIRST = re.compile(r"PE [A-Z]{2}\s.*\bASCII\s+PEDS\b")
@@ -22,17 +22,16 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
         return None
     stripped = [text.strip() for text in texts]
     if "#GR" not in stripped or "#DATA" not in stripped[stripped.index("#GR") :]:
-        raise MeasurementError(
-            "line 1: this Perkin-Elmer file has no lines #GR and #DATA. Export the spectrum anew."
-        )
+        refuse(1, "this Perkin-Elmer file has no lines #GR and #DATA. Export the spectrum anew.")
     units = stripped.index("#GR") + 1
     start = stripped.index("#DATA", units)
     count = "".join(stripped[units:start][6:7])
     points = sum(bool(text) for text in stripped[start + 1 :])
     if count != str(points):
-        raise MeasurementError(
-            f"line {units + 7}: the file says {count or 'nothing'} of the number of points, and "
-            f"has {points} rows below #DATA. Rows are missing or damaged; export it anew."
+        refuse(
+            units + 7,
+            f"the file says {count or 'nothing'} of the number of points, and has {points} rows "
+            "below #DATA. Rows are missing or damaged; export it anew.",
         )
     out = [""] * start
     if units > _DESCRIPTION + 1 and not stripped[_DESCRIPTION].startswith("#"):

@@ -44,12 +44,6 @@ def keep_rows(table: Table, options: Options) -> Table:
     return table._replace(rows=rows, lines=lines)
 
 
-def span_of(numbers: np.ndarray) -> str:
-    """Return "low to high" of the finite numbers, for messages."""
-    finite = numbers[np.isfinite(numbers)]
-    return f"{finite.min():.6g} to {finite.max():.6g}" if len(finite) else "nothing"
-
-
 class Reading(NamedTuple):
     """A table, its columns in use, the options, what is said beside, and notes, which grow."""
 

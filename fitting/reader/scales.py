@@ -7,8 +7,8 @@ import numpy as np
 from fitting.quantities import POWERS
 from fitting.reader.axes import HALF_PI
 from fitting.reader.columns import Column
-from fitting.reader.reading import Reading, span_of
-from fitting.reader.units import scaled
+from fitting.reader.reading import Reading
+from fitting.reader.units import scaled, span_of
 
 # of radians
 _LIMITS = {"psi": HALF_PI, "delta": 4.0 * HALF_PI}

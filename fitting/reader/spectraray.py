@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from fitting.errors import MeasurementError
+from fitting.errors import refuse
 
 _HEAD = re.compile(r";\s*WAVELENGTH((?:\s+[0-9]+(?:[.,][0-9]+)?)+)\s*")
 
@@ -21,9 +21,10 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
         return None
     angles = head[1].replace(",", ".").split()
     if angles[::2] != angles[1::2]:
-        raise MeasurementError(
-            "line 1: the angles of incidence came where each was wanted twice, for psi and Delta. "
-            "Export psi and Delta (not tan psi and cos Delta, and no Mueller matrix)."
+        refuse(
+            1,
+            "the angles of incidence came where each was wanted twice, for psi and Delta. "
+            "Export psi and Delta (not tan psi and cos Delta, and no Mueller matrix).",
         )
     names = [f"psi ({angle} deg)\tdelta ({angle} deg)" for angle in angles[::2]]
     rows = ["\t".join(text.split()) for text in texts[1:]]

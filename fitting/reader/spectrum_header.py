@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from fitting.errors import MeasurementError
+from fitting.errors import refuse
 from fitting.reader.units import FORM_OF
 from fitting.reader.vocabulary import unit_of
 
@@ -20,15 +20,17 @@ def spectrum_header(x_line: int, x_units: str, y_line: int, y_units: str) -> str
     unit = unit_of(x_units) or ""
     form = FORM_OF.get(unit, "q")
     if form == "q":
-        raise MeasurementError(
-            f"line {x_line}: the unit {x_units[:30]!r} came where 1/CM, NANOMETERS or MICROMETERS "
-            "were wanted. Export the spectrum over one of them."
+        refuse(
+            x_line,
+            f"the unit {x_units[:30]!r} came where 1/CM, NANOMETERS or MICROMETERS were wanted. "
+            "Export the spectrum over one of them.",
         )
     if not y_units or _NOT_A_POWER.match(y_units):
-        raise MeasurementError(
-            f"line {y_line}: values in {y_units[:30]!r} came where fractions of the incident light "
-            "were wanted. Export the spectrum as REFLECTANCE or TRANSMITTANCE (the absorbance A "
-            "of transmitted light is T = 10^-A)."
+        refuse(
+            y_line,
+            f"values in {y_units[:30]!r} came where fractions of the incident light were wanted. "
+            "Export the spectrum as REFLECTANCE or TRANSMITTANCE (the absorbance A of transmitted "
+            "light is T = 10^-A).",
         )
     name = re.sub(r"(?i)\bpercent\b", "%", y_units).replace("\t", " ")
     return f"{form} ({unit})\t{name}"

@@ -33,6 +33,21 @@ from fitting.reader.vocabulary import LONGEST
 _INLINE = re.compile(r"\s(?:#(?!n/?a|nv|num|value|div)|//|!)", re.IGNORECASE)
 
 
+class Form(NamedTuple):
+    """How the text of a file is taken apart; None is found out.
+
+    encoding: a name that Python knows. delimiter: tab, semicolon, comma, pipe, blank or the sign
+    itself; else by the split that makes the most lines rows of one length. decimal: "." or ",";
+    else the mark that the cells show. lines: range of lines that may hold rows; the header may
+    stand before it.
+    """
+
+    encoding: str | None = None
+    delimiter: str | None = None
+    decimal: str | None = None
+    lines: str | None = None
+
+
 class Table(NamedTuple):
     """Cells as text, with the number of the line that each row stands on.
 
@@ -87,8 +102,6 @@ def filled_columns(rows: list[list[str]]) -> list[int]:
 
 def _without_remark(text: str) -> str:
     """Return a row without the remark that stands behind its numbers."""
-    if "#" not in text and "//" not in text and "!" not in text:
-        return text
     return _INLINE.split(text, maxsplit=1)[0] if text.strip()[:1] not in '#!/"%;' else text
 
 
@@ -155,8 +168,9 @@ def line_range(source: str, option: str | None, count: int) -> tuple[int, int]:
     return int(first) - 1, int(last)
 
 
-def _mark(source: str, delimiter: object, decimal: object) -> str | None:
+def _mark(source: str, form: Form) -> str | None:
     """Return the delimiter that the option gives, None to guess it; check the decimal mark."""
+    delimiter, decimal = form.delimiter, form.decimal
     if decimal not in (None, ".", ","):
         raise MeasurementError(f"{source}: --decimal {decimal!r} is neither . nor , (a comma).")
     if delimiter is None:
@@ -170,25 +184,14 @@ def _mark(source: str, delimiter: object, decimal: object) -> str | None:
     return mark
 
 
-def read_table(
-    source: str,
-    texts: Sequence[str],
-    *,
-    delimiter: str | None = None,
-    decimal: str | None = None,
-    lines: str | None = None,
-) -> Table:
+def read_table(source: str, texts: Sequence[str], form: Form) -> Table:
     """Return the table of numbers that stands in ``texts``, the lines of one file.
 
     source: name of the file, for refusals.
-    delimiter: tab, semicolon, comma, pipe, blank or the sign itself; None guesses by the split that
-        makes the most lines rows of one length.
-    decimal: "." or ","; None takes the mark that the cells show.
-    lines: range of lines that may hold rows; the header may stand before it.
     Raises MeasurementError where no table is found, or a line may be part of it or not.
     """
-    mark = _mark(source, delimiter, decimal)
-    first, last = line_range(source, lines, len(texts))
+    mark = _mark(source, form)
+    first, last = line_range(source, form.lines, len(texts))
     numbered = list(enumerate(texts[:last], start=1))
     inside = [(line, _without_remark(text)) for line, text in numbered[first:]]
     mark, count = guess_delimiter([text for _, text in inside], mark)
@@ -238,6 +241,6 @@ def read_table(
         rows=rows,
         lines=row_lines,
         preamble=beside + below,
-        decimal=decide_decimal(source, rows, row_lines, decimal, below_thousand(names, units)),
+        decimal=decide_decimal(source, rows, row_lines, form.decimal, below_thousand(names, units)),
         notes=notes,
     )

@@ -55,6 +55,14 @@ def incidence_deg(number: np.ndarray, unit: str, wavelength: np.ndarray) -> np.n
         return 90.0 - degrees if unit.startswith("grazing") else degrees
 
 
+def span_of(numbers: np.ndarray, unit: str = "") -> str:
+    """Return "low to high" of the finite numbers, or the one that they all are, for messages."""
+    finite = numbers[np.isfinite(numbers)]
+    ends = (finite.min(), finite.max()) if len(finite) else ()
+    text = " to ".join(dict.fromkeys(f"{end:.6g}" for end in ends))
+    return f"{text or 'nothing'} {unit}".rstrip()
+
+
 def scaled(number: np.ndarray, scale: float) -> np.ndarray:
     """Return ``number * scale``, as one correctly rounded division where 1 / scale is whole.
 
