@@ -16,8 +16,7 @@ import numpy as np
 
 from fitting.instrument import BEAM, FARTHEST, SLIT
 from fitting.observe import Points, Spec
-from fitting.parameters import value_and_slope
-from fitting.starts import Unknown, start_range
+from fitting.parameters import Unknown, start_range, value_and_slope
 
 SMOOTH = 0.5
 _EVEN, _KINK = (17, 33, 65, 129, 257), 129

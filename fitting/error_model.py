@@ -19,6 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+# What may be believed of stated errors; see `fitting.fit`.
+ERRORS = ("auto", "stated", "scaled", "floor", "equal")
 # By how much the scatter differs from the stated errors, beyond chance.
 CHI2_LARGE, CHI2_SMALL = 128, 256
 

@@ -11,14 +11,13 @@ import numpy as np
 from fitting.compiled import compiled
 from fitting.fringes import likely_thicknesses, phase_rate
 from fitting.observe import NCS, Spec, medium_index
-from fitting.parameters import from_parameter, value_and_slope
+from fitting.parameters import Unknown, from_parameter, start_range, value_and_slope
 from fitting.programs_in_parts import eta_in_parts, eta_moves
-from fitting.starts import LANES, start_range
+from fitting.starts import LANES
 
 if TYPE_CHECKING:
     from fitting.observations import Observations
     from fitting.search import Solving
-    from fitting.starts import Unknown
 
 # Indices that are tried in the scan of the thickness, and so many thicknesses that are taken from
 # the fringes; of many starts, which are those of many unknowns. Each with these shifts in parts of

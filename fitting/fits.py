@@ -25,6 +25,7 @@ from fitting.bare_surface.surface_fit import fit_bare_surface
 from fitting.bare_surface.surface_fit import fit_many as fit_many
 from fitting.batched import stacked
 from fitting.disagreement import disagreement, may_disagree
+from fitting.error_model import ERRORS
 from fitting.film_starts import film_starts, films_of
 from fitting.free_films import check_free_film, fit_free_film, free_film
 from fitting.measurement import Measurement, concatenate
@@ -36,7 +37,7 @@ from fitting.problem import LOSSES, targets_of
 from fitting.result import Fit
 from fitting.sample import Sample
 from fitting.sample_checks import check_quantities
-from fitting.search import ERRORS, Asked, Solving, solved
+from fitting.search import Asked, Solving, solved
 from fitting.spline_numbers import with_numbers
 from fitting.starts import LANES, Ends, given_start, start_at, usual_starts
 from fitting.starts import starts as start_points

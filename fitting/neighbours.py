@@ -25,9 +25,9 @@ from fitting.film_starts import (
 )
 from fitting.minima import ALTERNATIVE_CHI2
 from fitting.next_term import likely_lines, oscillators
-from fitting.parameters import from_parameter, value_and_slope
+from fitting.parameters import from_parameter, start_range, value_and_slope
 from fitting.search import in_order, lowest_ends
-from fitting.starts import LANES, STAGE, Ends, best_of, start_range
+from fitting.starts import LANES, STAGE, Ends, best_of
 
 if TYPE_CHECKING:
     from fitting.search import Solving

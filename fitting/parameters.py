@@ -49,6 +49,23 @@ class Parameter(NamedTuple):
     near: float | None = None
 
 
+class Unknown(NamedTuple):
+    """One unknown of a fit: the model's parameter and what the caller made of it.
+
+    low, high: bounds, equal where the parameter is held. prior: mean and standard error.
+    """
+
+    parameter: Parameter
+    low: float
+    high: float
+    prior: tuple[float, float] | None = None
+
+    @property
+    def free(self) -> bool:
+        """Whether the parameter is not held."""
+        return self.low < self.high
+
+
 class Settings(NamedTuple):
     """The caller's settings of parameters, by name; a name is ``scale`` or ``scale[R_s]``.
 
@@ -238,3 +255,17 @@ def value_and_slope(kind: str, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         with np.errstate(divide="ignore"):
             return root, 0.5 / root
     return np.asarray(y, float), np.ones_like(y)
+
+
+def start_range(unknown: Unknown) -> tuple[float, float]:
+    """Return the range of starts: the model's, cut to bounds and prior."""
+    low, high = unknown.parameter.start
+    if unknown.prior is not None:
+        mean, sigma = unknown.prior
+        low, high = mean - 2.0 * sigma, mean + 2.0 * sigma
+    cut_low, cut_high = max(low, unknown.low), min(high, unknown.high)
+    if cut_low <= cut_high:
+        return cut_low, cut_high
+    # Bounds beside the usual range: all of it, or next to the end that there is.
+    ends = [e for e in (unknown.low, unknown.high) if math.isfinite(e)]
+    return (ends[0], ends[-1]) if len(ends) == 2 else (ends[0], ends[0])

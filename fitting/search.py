@@ -22,8 +22,6 @@ from fitting.unknowns import Unknowns
 NOISE_ROUNDS, NOISE_SETTLED = 6, 1e-3
 # Evaluations with so many terms before the next one is added.
 _GROWING = 40
-# What may be believed of stated errors; see `fitting.fit`.
-ERRORS = ("auto", "stated", "scaled", "floor", "equal")
 _NO_NOISE = 1e9  # so large that a robust loss is that of least squares
 
 

@@ -6,7 +6,6 @@ all of them, at hardly any cost: the starts are lanes of one program.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -14,7 +13,7 @@ import jax
 import numpy as np
 
 from fitting.observe import Spec
-from fitting.parameters import LOG, SQUARE, Parameter, from_parameter, plain_name
+from fitting.parameters import LOG, SQUARE, Unknown, from_parameter, plain_name, start_range
 from fitting.problem import Bounds, Targets
 from fitting.programs_in_parts import in_parts, solved_in_parts
 from fitting.progress import tell
@@ -24,23 +23,6 @@ from fitting.solver import START_DAMPING
 STAGE, STAGES = 60, 8
 # So many lanes run side by side; of more starts those go on that are lowest after SIFT evaluations.
 LANES, SIFT = 64, 12
-
-
-class Unknown(NamedTuple):
-    """One unknown of a fit: the model's parameter and what the caller made of it.
-
-    low, high: bounds, equal where the parameter is held. prior: mean and standard error.
-    """
-
-    parameter: Parameter
-    low: float
-    high: float
-    prior: tuple[float, float] | None = None
-
-    @property
-    def free(self) -> bool:
-        """Whether the parameter is not held."""
-        return self.low < self.high
 
 
 class Ends(NamedTuple):
@@ -55,20 +37,6 @@ class Ends(NamedTuple):
         """Write where some of the lanes are now."""
         for mine, theirs in zip(self, others, strict=True):
             mine[..., lanes] = theirs
-
-
-def start_range(unknown: Unknown) -> tuple[float, float]:
-    """Return the range of starts: the model's, cut to bounds and prior."""
-    low, high = unknown.parameter.start
-    if unknown.prior is not None:
-        mean, sigma = unknown.prior
-        low, high = mean - 2.0 * sigma, mean + 2.0 * sigma
-    cut_low, cut_high = max(low, unknown.low), min(high, unknown.high)
-    if cut_low <= cut_high:
-        return cut_low, cut_high
-    # Bounds beside the usual range: all of it, or next to the end that there is.
-    ends = [e for e in (unknown.low, unknown.high) if math.isfinite(e)]
-    return (ends[0], ends[-1]) if len(ends) == 2 else (ends[0], ends[0])
 
 
 def quasi_random(count: int, dimensions: int, seed: int) -> np.ndarray:

@@ -17,10 +17,9 @@ from fitting.known_media import Known, MaterialFile, Mixture, known_medium
 from fitting.measurement import Measurement
 from fitting.observations import Observations
 from fitting.observe import Media, Spec
-from fitting.parameters import LOG, Parameter, Settings, check_tie
+from fitting.parameters import LOG, Parameter, Settings, Unknown, check_tie
 from fitting.quantities import POWERS, are_powers
 from fitting.sample import Medium, Sample
-from fitting.starts import Unknown
 from fitting.wider_models import absent, wider
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from benchmarks import model_success
 from fitting.minima import minima
-from fitting.parameters import LOG, SQUARE, Parameter
-from fitting.starts import Ends, Unknown, quasi_random, start_at, starts
+from fitting.parameters import LOG, SQUARE, Parameter, Unknown
+from fitting.starts import Ends, quasi_random, start_at, starts
 
 
 @pytest.mark.parametrize("dimensions", [1, 2, 5, 12])

@@ -11,13 +11,12 @@ from fitting.bare_surface.curve_data import Data, of_rows, put_rows
 from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import Estimated, estimate
 from fitting.bare_surface.region_intervals import (
-    NONE,
-    QUADRATIC,
     Intervals,
     intervals,
     limit_of_k,
 )
 from fitting.minima import ALTERNATIVE_CHI2
+from fitting.result_parts import NONE, QUADRATIC
 
 
 class Other(NamedTuple):

@@ -27,12 +27,10 @@ from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import Estimated
 from fitting.bare_surface.region import around_nothing, profile
+from fitting.result_parts import NONE, PROFILE, QUADRATIC
+from fitting.uncertainty.limits import ROUNDING
 
-KINDS = ("auto", "quadratic", "profile")
-QUADRATIC, PROFILE, NONE = "quadratic", "profile", "none"
 CURVED_SPREAD = 0.02
-# Below this part of the data's sum of squares a rise of the cost is rounding: 1e4 eps^2.
-ROUNDING = 5e-28
 
 
 class Intervals(NamedTuple):
@@ -62,7 +60,7 @@ def intervals(
 ) -> Intervals:
     """Return the 95 % intervals at the minima ``s``.
 
-    wanted: one of KINDS. blank: no quadratic interval.
+    wanted: one of `uncertainty.intervals.KINDS`. blank: no quadratic interval.
     undetermined: only the profile tells. nothing: no interval at all. matched: no boundary (x = 0).
     Accuracy: the ends of a profile interval to 1e-3 of its width. Coverage by simulation:
     docs/fitting.md. Near k = 0 that of k is 95 to 98 %, since k cannot be negative.

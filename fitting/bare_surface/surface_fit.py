@@ -18,6 +18,7 @@ from fitting.bare_surface.region_intervals import Intervals
 from fitting.bare_surface.residual_order import Order, order_of_residuals
 from fitting.bare_surface.surface_findings import findings, shaped
 from fitting.diagnostics import Finding, Warning
+from fitting.error_model import ERRORS
 from fitting.measurement import Measurement
 from fitting.observations import missing_errors
 from fitting.pattern import pooled_pattern
@@ -34,7 +35,6 @@ from fitting.result import (
     Fit,
 )
 from fitting.sample import Sample
-from fitting.search import ERRORS
 from fitting.sentences import SENTENCES
 from fitting.uncertainty.intervals import check_intervals
 from fitting.widening import widened

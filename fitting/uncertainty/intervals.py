@@ -16,17 +16,20 @@ those on a bound too; a standard error beside a parameter on a bound is that for
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fitting.bare_surface.region_intervals import KINDS, NONE, PROFILE, QUADRATIC, ROUNDING
 from fitting.parameters import LOG, PLAIN, SQUARE, from_parameter, value_and_slope
-from fitting.search import End, Solving
-from fitting.uncertainty.limits import interval_from_zero, student_quantile
+from fitting.result_parts import NONE, PROFILE, QUADRATIC
+from fitting.uncertainty.limits import ROUNDING, interval_from_zero, student_quantile
 from fitting.uncertainty.profile import FEW_ROUNDS, ROUNDS, Base, Search, follow, visit
 
+if TYPE_CHECKING:
+    from fitting.search import End, Solving
+
 AUTO = "auto"
+KINDS = (AUTO, QUADRATIC, PROFILE)
 OFF = 0.1
 
 

@@ -17,11 +17,12 @@ D. J. Venzon and S. H. Moolgavkar, Applied Statistics 37, 87 (1988), doi:10.2307
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fitting.search import Solving
+if TYPE_CHECKING:
+    from fitting.search import Solving
 
 # An end is found where the root is that near to 1, or between two places so near to each other.
 CLOSE, TIGHT = 1e-3, 1e-4

@@ -9,13 +9,17 @@ and the fit is repeated to first order: the index changes by about four times wh
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fitting.dispersion import Model
-from fitting.search import End
 from fitting.spline_index import every_second_left_out
 from fitting.uncertainty.covariance import influence, inverse_of, prior_rows
 from fitting.unknowns import Unknowns
+
+if TYPE_CHECKING:
+    from fitting.search import End
 
 # Of the change by thinner knots. A quarter is missing on the average; where in its interval between
 # two knots the edge lies is not known. With a quarter the worst place beside an edge held 89 %.
