@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting import Measurement, Sample, choose, simulate
-from fitting.selection import Choice
+from fitting.choice.selection import Choice
 
 from .machine import conditions
 

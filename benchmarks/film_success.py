@@ -28,9 +28,9 @@ import numpy as np
 
 from benchmarks.model_success import truth
 from fitting import Measurement, fit, simulate
-from fitting.known_media import known_medium
-from fitting.minima import ALTERNATIVE_CHI2
-from fitting.starts import LANES
+from fitting.samples.known_media import known_medium
+from fitting.searching.minima import ALTERNATIVE_CHI2
+from fitting.searching.starts import LANES
 
 LOW_NM, HIGH_NM = 5.0, 20_000.0
 MODELS = ("cauchy:3", "cauchy-urbach:2", "drude-lorentz:1")

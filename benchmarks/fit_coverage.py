@@ -28,7 +28,7 @@ import jax
 import numpy as np
 
 from fitting import Fit, fit_many
-from fitting.result import Estimate
+from fitting.results.result import Estimate
 from fresnel_jax import powers
 
 from .fit_success import A_GEOMETRY, draw

@@ -37,8 +37,8 @@ import numpy as np
 from fitting import fit_many
 from fitting.bare_surface import calls
 from fitting.bare_surface.reflectances import Curves, Residuals
-from fitting.compiled import compiled
-from fitting.solver import normal_sums
+from fitting.problem.solver import normal_sums
+from fitting.process.compiled import compiled
 
 from .fit_batches import ANGLES, mixed, truths
 from .machine import conditions, cores

@@ -21,9 +21,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fitting.measurement import Measurement
+from fitting.choice.selection import choose
+from fitting.measurements.measurement import Measurement
 from fitting.predictions import simulate
-from fitting.selection import choose
 
 from .machine import conditions
 

@@ -29,14 +29,14 @@ marks = [("start", float(sys.argv[1]))]
 def mark(name):
     marks.append((name, time.time()))
 mark("start of Python")
-from fitting import cli
+from fitting.command import cli
 cli.parser().parse_args([{str(GOLD)!r}])
 mark("options")
-from fitting.start_up import cheap_start, set_up_jax
+from fitting.process.start_up import cheap_start, set_up_jax
 with cheap_start():
     import numpy
     mark("import numpy")
-    from fitting.measurement import read_csv
+    from fitting.measurements.measurement import read_csv
     measurement = read_csv({str(GOLD)!r})
     mark("read the file")
     import jax

@@ -11,31 +11,31 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .dispersion import model_names as model_names
-    from .errors import MeasurementError as MeasurementError
+    from .choice.selection import choose as choose
     from .fits import fit as fit
     from .fits import fit_many as fit_many
-    from .measurement import Measurement as Measurement
-    from .measurement import read_csv as read_csv
+    from .measurements.errors import MeasurementError as MeasurementError
+    from .measurements.measurement import Measurement as Measurement
+    from .measurements.measurement import read_csv as read_csv
     from .own_residuals import fit_residuals as fit_residuals
     from .predictions import simulate as simulate
-    from .result import Fit as Fit
-    from .sample import Sample as Sample
-    from .selection import choose as choose
+    from .results.result import Fit as Fit
+    from .samples.dispersion import model_names as model_names
+    from .samples.sample import Sample as Sample
 
 # The command line answers --help and refuses bad files without waiting 0.4 s for jax, so each name
 # is imported when it is first used.
 _HOME = {
-    "Fit": "result",
-    "Measurement": "measurement",
-    "MeasurementError": "errors",
-    "Sample": "sample",
-    "choose": "selection",
+    "Fit": "results.result",
+    "Measurement": "measurements.measurement",
+    "MeasurementError": "measurements.errors",
+    "Sample": "samples.sample",
+    "choose": "choice.selection",
     "fit": "fits",
     "fit_many": "fits",
     "fit_residuals": "own_residuals",
-    "model_names": "dispersion",
-    "read_csv": "measurement",
+    "model_names": "samples.dispersion",
+    "read_csv": "measurements.measurement",
     "simulate": "predictions",
 }
 

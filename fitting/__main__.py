@@ -7,9 +7,9 @@ import sys
 import warnings
 from typing import NoReturn
 
-from fitting.cli import main
-from fitting.interrupt import INTERRUPTED, end_on_interrupt
-from fitting.terminal import MISUSED, complain
+from fitting.command.cli import main
+from fitting.command.terminal import MISUSED, complain
+from fitting.process.interrupt import INTERRUPTED, end_on_interrupt
 
 DEFECT, NO_MEMORY = 70, 71  # the numbers in sysexits.h of a software error and a system error
 # With less address space than this jax aborts the process when it starts its threads: on two cores

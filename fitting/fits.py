@@ -23,30 +23,30 @@ import numpy as np
 from fitting.bare_surface.reflectances import CHANNELS
 from fitting.bare_surface.surface_fit import fit_bare_surface
 from fitting.bare_surface.surface_fit import fit_many as fit_many
-from fitting.batched import stacked
-from fitting.disagreement import disagreement, may_disagree
-from fitting.error_model import ERRORS
-from fitting.film_starts import film_starts, films_of
 from fitting.free_films import check_free_film, fit_free_film, free_film
-from fitting.measurement import Measurement, concatenate
-from fitting.neighbours import with_neighbours
-from fitting.observations import missing_errors, observations
-from fitting.outcome import Subject, fit_of
-from fitting.parameters import Settings, check_search, check_settings, names_of
-from fitting.problem import LOSSES, targets_of
-from fitting.result import Fit
-from fitting.sample import Sample
-from fitting.sample_checks import check_quantities
-from fitting.search import Asked, Solving, solved
-from fitting.spline_numbers import with_numbers
-from fitting.starts import LANES, Ends, given_start, start_at, usual_starts
-from fitting.starts import starts as start_points
-from fitting.stated_errors import with_common_error
-from fitting.thinned import FOLLOWED, followed_with_all, with_fewer_wavelengths
+from fitting.measurements.measurement import Measurement, concatenate
+from fitting.outcomes.batched import stacked
+from fitting.outcomes.disagreement import disagreement, may_disagree
+from fitting.outcomes.outcome import Subject, fit_of
+from fitting.problem.observations import missing_errors, observations
+from fitting.problem.problem import LOSSES, targets_of
+from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
+from fitting.residuals.error_model import ERRORS
+from fitting.results.result import Fit
+from fitting.samples.parameters import Settings, check_search, check_settings, names_of
+from fitting.samples.sample import Sample
+from fitting.samples.sample_checks import check_quantities
+from fitting.samples.spline_numbers import with_numbers
+from fitting.searching.film_starts import film_starts, films_of
+from fitting.searching.neighbours import with_neighbours
+from fitting.searching.search import Asked, Solving, solved
+from fitting.searching.starts import LANES, Ends, given_start, start_at, usual_starts
+from fitting.searching.starts import starts as start_points
+from fitting.searching.thinned import FOLLOWED, followed_with_all, with_fewer_wavelengths
 from fitting.uncertainty.intervals import check_intervals
-from fitting.unknowns import index_outside, spectrum_of, unknowns
+from fitting.uncertainty.stated_errors import with_common_error
+from fitting.uncertainty.widening import widened
 from fitting.wavelengths import check_wavelengths, fit_wavelengths
-from fitting.widening import widened
 
 
 def measurements_of(measurement: Any) -> tuple[Measurement, ...]:

@@ -18,13 +18,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.diagnostics import Finding
-from fitting.measurement import Measurement
-from fitting.minima import ALTERNATIVE_CHI2
-from fitting.parameters import Settings
-from fitting.result import NONE, QUADRATIC, SHARED, Estimate, Fit
-from fitting.sample import FREE, Sample
-from fitting.search import Asked
+from fitting.measurements.measurement import Measurement
+from fitting.results.diagnostics import Finding
+from fitting.results.result import NONE, QUADRATIC, SHARED, Estimate, Fit
+from fitting.samples.parameters import Settings
+from fitting.samples.sample import FREE, Sample
+from fitting.searching.minima import ALTERNATIVE_CHI2
+from fitting.searching.search import Asked
 from fitting.wavelengths import One, fit_wavelengths, jobs, solved_each
 
 # Starts of each wavelength at one thickness; thicknesses of the first scan; closer scans, each of a

@@ -10,11 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from fitting.batched import stacked_fits
-from fitting.compiled import compiled
-from fitting.observe import Media
-from fitting.outcome import Subject, fit_of
-from fitting.parameters import (
+from fitting.optics.observe import Media
+from fitting.outcomes.batched import stacked_fits
+from fitting.outcomes.outcome import Subject, fit_of
+from fitting.problem.problem import LOSSES, Targets
+from fitting.problem.unknowns import Unknowns, unknown_of
+from fitting.process.compiled import compiled
+from fitting.results.result import Fit
+from fitting.samples.parameters import (
     LOG,
     PLAIN,
     SQUARE,
@@ -25,14 +28,11 @@ from fitting.parameters import (
     names_of,
     to_parameter,
 )
-from fitting.problem import LOSSES, Targets
-from fitting.result import Fit
-from fitting.search import Asked, Solving, solved
-from fitting.starts import given_start, start_at, usual_starts
-from fitting.starts import starts as start_points
+from fitting.searching.search import Asked, Solving, solved
+from fitting.searching.starts import given_start, start_at, usual_starts
+from fitting.searching.starts import starts as start_points
 from fitting.uncertainty.covariance import Slopes
 from fitting.uncertainty.intervals import check_intervals
-from fitting.unknowns import Unknowns, unknown_of
 
 Residual = Callable[[dict[str, Array], Any], Array]
 _COORDINATES = {"linear": PLAIN, "log": LOG, "square": SQUARE}

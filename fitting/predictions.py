@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
-from fitting.evaluation import at_data, points_of
-from fitting.measurement import Measurement
-from fitting.observations import observations
-from fitting.parameters import Settings, check_settings
-from fitting.problem import shown
-from fitting.sample import Sample
-from fitting.sample_checks import check_points, check_quantities
-from fitting.spline_index import NAME as SPLINE
-from fitting.spline_index import without_knots
-from fitting.unknowns import index_outside, spectrum_of, unknowns
+from fitting.measurements.measurement import Measurement
+from fitting.problem.evaluation import at_data, points_of
+from fitting.problem.observations import observations
+from fitting.problem.problem import shown
+from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
+from fitting.samples.parameters import Settings, check_settings
+from fitting.samples.sample import Sample
+from fitting.samples.sample_checks import check_points, check_quantities
+from fitting.samples.spline_index import NAME as SPLINE
+from fitting.samples.spline_index import without_knots
 
 if TYPE_CHECKING:
-    from fitting.result import Fit, Prediction
+    from fitting.results.result import Fit, Prediction
 
 
 def predict(fit: Fit, at: Any, quantity: Any, wavelength_um: Any) -> Prediction:

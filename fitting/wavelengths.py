@@ -12,23 +12,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.batched import stacked
-from fitting.diagnostics import Finding
-from fitting.instrument import INSTRUMENT
-from fitting.measurement import Measurement
-from fitting.observations import missing_errors, observations
-from fitting.outcome import Subject, fit_of
-from fitting.parameters import Settings
-from fitting.problem import Targets, targets_of
-from fitting.progress import listening, tell
-from fitting.pseudo_index import notes_on
-from fitting.result import CONVERGED, NONE, UNDETERMINED, Fit
-from fitting.sample import Sample
-from fitting.search import Asked, Solving
-from fitting.starts import LANES, Ends, run
-from fitting.starts import starts as start_points
+from fitting.measurements.measurement import Measurement
+from fitting.optics.instrument import INSTRUMENT
+from fitting.outcomes.batched import stacked
+from fitting.outcomes.outcome import Subject, fit_of
+from fitting.outcomes.pseudo_index import notes_on
+from fitting.problem.observations import missing_errors, observations
+from fitting.problem.problem import Targets, targets_of
+from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
+from fitting.process.progress import listening, tell
+from fitting.results.diagnostics import Finding
+from fitting.results.result import CONVERGED, NONE, UNDETERMINED, Fit
+from fitting.samples.parameters import Settings
+from fitting.samples.sample import Sample
+from fitting.searching.search import Asked, Solving
+from fitting.searching.starts import LANES, Ends, run
+from fitting.searching.starts import starts as start_points
 from fitting.uncertainty.intervals import QUADRATIC
-from fitting.unknowns import index_outside, spectrum_of, unknowns
 
 # Wavelengths that are solved side by side, each with LANES starts.
 _TOGETHER = 16

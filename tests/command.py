@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fitting import cli
+from fitting.command import cli
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from drawn_files import SPELLINGS, Case, Draw, numbers_of_texts, texts_of
 
-from fitting.measurement import Measurement, MeasurementError, read_csv
+from fitting.measurements.measurement import Measurement, MeasurementError, read_csv
 
 
 def scan(draw: Draw) -> Case:

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from varieties import VARIETIES
 
-from fitting.checks import EXCURSION, EXCURSION_SIGMAS, NOISE_EXCURSION
-from fitting.measurement import Measurement, MeasurementError, read_csv
+from fitting.measurements.checks import EXCURSION, EXCURSION_SIGMAS, NOISE_EXCURSION
+from fitting.measurements.measurement import Measurement, MeasurementError, read_csv
 
 _JUNK = (
     b"\x00",

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from fitting.measurement import Measurement, MeasurementError, read_csv
+from fitting.measurements.measurement import Measurement, MeasurementError, read_csv
 
 ANGLES = ("29.6667", "34.6667", "0.4e2", "61.25", "80")
 R_S = ("0.755435", "0.774384", "8.09614e-1", ".85", "0.912516")

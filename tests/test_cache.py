@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from simulated import GOLD
 
-from fitting.start_up import cache_folder
+from fitting.process.start_up import cache_folder
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -12,7 +12,8 @@ import pytest
 from command import ROOT, cache, nothing_in, own_cache, refused, run  # noqa: F401 (fixtures)
 from simulated import GOLD
 
-from fitting import cli, cli_options, measurement
+from fitting.command import cli, cli_options
+from fitting.measurements import measurement
 
 GLASS = """angle_deg,R_s,R_p
 30,5.78,2.53
@@ -80,7 +81,7 @@ def test_a_reader_that_stops_early_is_no_error(tmp_path):
 def test_help_and_mistyped_options_answer_without_jax(arguments, status):
     script = (
         "import sys\n"
-        "from fitting.cli import main\n"
+        "from fitting.command.cli import main\n"
         "try:\n"
         "    main(sys.argv[1:])\n"
         "except SystemExit as end:\n"

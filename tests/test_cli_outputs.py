@@ -9,7 +9,7 @@ import pytest
 from command import cache, nothing_in, own_cache, refused  # noqa: F401 (fixtures)
 from simulated import GOLD
 
-from fitting import cli
+from fitting.command import cli
 
 
 @pytest.fixture

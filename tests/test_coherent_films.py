@@ -6,7 +6,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from fitting.coherent_films import FEW_LAYERS, films
+from fitting.optics.coherent_films import FEW_LAYERS, films
 from tests import stack_oracle
 
 LAYERS = (0, 1, 2, FEW_LAYERS)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from fitting.compiled import compiled
-from fitting.measurement import Measurement
-from fitting.observations import observations
-from fitting.parameters import Settings
-from fitting.problem import _linearised, targets_of, without_data
-from fitting.sample import Sample
-from fitting.unknowns import index_outside, spectrum_of, unknowns
+from fitting.measurements.measurement import Measurement
+from fitting.problem.observations import observations
+from fitting.problem.problem import _linearised, targets_of, without_data
+from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
+from fitting.process.compiled import compiled
+from fitting.samples.parameters import Settings
+from fitting.samples.sample import Sample
 
 
 @pytest.mark.parametrize(

@@ -48,8 +48,8 @@ def run(copy, code):
 
 def test_a_dispersion_model_is_one_entry_in_one_file(copy):
     code = recipe("python", "dispersion")
-    code = code.replace("from fitting.dispersion import KINDS, Kind\n", "")
-    code = code.replace("from fitting.parameters import Parameter\n", "")
+    code = code.replace("from fitting.samples.dispersion import KINDS, Kind\n", "")
+    code = code.replace("from fitting.samples.parameters import Parameter\n", "")
     code = code.replace("from fresnel_jax import dispersion\n", "")
     file = copy / "fitting" / "dispersion.py"
     file.write_text(file.read_text(encoding="utf-8") + code, encoding="utf-8")
@@ -127,7 +127,7 @@ print(found.status)
 
 
 def test_a_text_format_is_two_files(copy):
-    module = copy / "fitting" / "reader" / "toy.py"
+    module = copy / "fitting" / "measurements" / "reader" / "toy.py"
     module.write_text(recipe("python", "format"), encoding="utf-8")
     assert len({module, *edited(copy, "format")}) == 2
     (copy / "a.toy").write_text("TOY\nangle R_s\n30,0.1\n60,0.2\n")

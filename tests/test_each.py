@@ -6,8 +6,9 @@ import json
 import pytest
 from simulated import simulated
 
-from fitting import cli, fit
-from fitting.cli_options import expanded
+from fitting import fit
+from fitting.command import cli
+from fitting.command.cli_options import expanded
 from fitting.output.each_file import EACH_MARK, OfFile, rows_csv, rows_json, rows_text
 
 GLASS = "angle_deg,R_s,R_p\n30,.0578,.0253\n45,.0920,.0085\n60,.1774,.0018\n70,.300,.042\n"

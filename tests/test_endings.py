@@ -12,7 +12,7 @@ import pytest
 from simulated import GOLD
 
 from fitting import fit, read_csv
-from fitting.measurement import Measurement, MeasurementError
+from fitting.measurements.measurement import Measurement, MeasurementError
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -86,7 +86,7 @@ def test_an_interrupt_while_the_command_is_imported_shows_no_traceback():
         "import os, signal, sys, time\n"
         "class Slow:\n"
         "    def find_spec(self, name, *_):\n"
-        "        if name == 'fitting.cli':\n"
+        "        if name == 'fitting.command.cli':\n"
         "            os.kill(os.getpid(), signal.SIGINT)\n"
         "            time.sleep(10)\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"

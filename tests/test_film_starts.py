@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from fitting import Measurement, Sample
-from fitting.film_starts import _eta_of, films_of
-from fitting.neighbours import _as_free_electrons, _scaled
-from fitting.observations import observations
-from fitting.parameters import Settings, from_parameter
-from fitting.problem import targets_of
-from fitting.search import Asked, Solving
-from fitting.starts import start_at
-from fitting.unknowns import spectrum_of, unknowns
+from fitting.problem.observations import observations
+from fitting.problem.problem import targets_of
+from fitting.problem.unknowns import spectrum_of, unknowns
+from fitting.samples.parameters import Settings, from_parameter
+from fitting.searching.film_starts import _eta_of, films_of
+from fitting.searching.neighbours import _as_free_electrons, _scaled
+from fitting.searching.search import Asked, Solving
+from fitting.searching.starts import start_at
 
 WAVES = np.linspace(0.4, 0.8, 16)
 

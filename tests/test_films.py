@@ -7,9 +7,9 @@ import pytest
 
 from benchmarks.film_success import simulated
 from fitting import Measurement, choose, fit, simulate
-from fitting.fringes import Grid, harmonic_sums, likely_thicknesses, phase_rate
-from fitting.known_media import Mixture
-from fitting.sample import Sample
+from fitting.samples.known_media import Mixture
+from fitting.samples.sample import Sample
+from fitting.searching.fringes import Grid, harmonic_sums, likely_thicknesses, phase_rate
 from fresnel_jax.dispersion import material
 from fresnel_jax.effective_medium import bruggeman
 from fresnel_jax.layers import stack

@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 from simulated import textbook
 
 from fitting import fit, fit_many
-from fitting.measurement import Measurement
+from fitting.measurements.measurement import Measurement
 
 ANGLES = np.linspace(10.0, 85.0, 16)
 MATERIALS = {

@@ -5,7 +5,7 @@ import pytest
 from simulated import GOLD, textbook
 
 from fitting import fit, fit_many
-from fitting.measurement import read_csv
+from fitting.measurements.measurement import read_csv
 
 
 @pytest.mark.parametrize("form", ["wide", "long"])

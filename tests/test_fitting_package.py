@@ -15,7 +15,7 @@ def test_every_name_is_there_and_documented():
     for name in fitting.__all__:
         assert getattr(fitting, name).__doc__, name
     assert fitting.__version__.count(".") >= 2
-    assert fitting.sample.Sample is fitting.Sample
+    assert fitting.samples.sample.Sample is fitting.Sample
     with pytest.raises(AttributeError, match="no attribute 'fits_model'"):
         _ = fitting.fits_model
 

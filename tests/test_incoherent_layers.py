@@ -10,7 +10,7 @@ import pytest
 from mpmath import mpc
 
 from fitting import Measurement, fit, simulate
-from fitting.incoherent_layers import incoherent
+from fitting.optics.incoherent_layers import incoherent
 
 WAVES = np.array([0.45, 0.6, 0.8])
 

@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from fitting.film_parts import PARTS, parts
-from fitting.last_steps import polished
+from fitting.searching.film_parts import PARTS, parts
+from fitting.searching.last_steps import polished
 
 
 def a_bent_valley(highest=2.0):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fitting import solver
-from fitting.many_unknowns import solve_lanes
+from fitting.problem import solver
+from fitting.problem.many_unknowns import solve_lanes
 
 P, LANES = 9, 20
 

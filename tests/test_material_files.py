@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from fitting import simulate
-from fitting.known_media import known_medium
-from fitting.material_files import MaterialFileError, read_material
 from fitting.output.material import errors_beside, material_texts
-from fitting.published_formulas import PublishedFormula
-from fitting.result import IndexBand
+from fitting.results.result import IndexBand
+from fitting.samples.known_media import known_medium
+from fitting.samples.material_files import MaterialFileError, read_material
+from fitting.samples.published_formulas import PublishedFormula
 from fresnel_jax.dispersion import material
 
 # (formula, coefficients, wavelength_um, index): files of the database (CC0) and what the site or

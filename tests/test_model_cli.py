@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from reading import columns_of
 
-from fitting import cli, simulate
+from fitting import simulate
+from fitting.command import cli
 
 PLATE = "air | free 2 mm thick | air"
 ANGLES = np.array([30.0, 50.0, 60.0, 70.0, 80.0])

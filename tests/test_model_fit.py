@@ -226,7 +226,7 @@ def test_what_is_not_determined_is_named():
 
 def test_nan_never_succeeds(monkeypatch):
     """A model that is NaN everywhere ends as not converged, from whatever start."""
-    from fitting import dispersion as models
+    from fitting.samples import dispersion as models
 
     nan = models.KINDS["cauchy"]._replace(
         model=lambda n, v: Cauchy(jnp.stack([v["A"] * jnp.nan, v["B"]]))

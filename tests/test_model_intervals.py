@@ -21,8 +21,9 @@ from profiles import (
 from scipy import stats
 from scipy.optimize import brentq, minimize_scalar
 
-from fitting import Measurement, cli, fit
-from fitting import selection as select
+from fitting import Measurement, fit
+from fitting.choice import selection as select
+from fitting.command import cli
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,9 @@ import pytest
 from simulated import GOLD, simulated
 from test_pages import Page
 
-from fitting import candidates, cli
-from fitting import selection as select
+from fitting.choice import candidates
+from fitting.choice import selection as select
+from fitting.command import cli
 from fitting.output.fit_page import fit_page
 from fitting.output.text_table import Comparison
 
@@ -49,7 +50,7 @@ def test_the_choice_on_the_command_line(choice, tmp_path, capsys, monkeypatch):
         asked.update(options, samples=[str(sample) for sample in samples])
         return choice
 
-    monkeypatch.setattr("fitting.start_up.set_up_jax", lambda: None)
+    monkeypatch.setattr("fitting.process.start_up.set_up_jax", lambda: None)
     monkeypatch.setattr(select, "choose", chosen)
     folder = tmp_path / "report"
     arguments = ["--sample", "1.2 | auto", "--loss", "huber", "--report", str(folder)]

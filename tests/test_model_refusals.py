@@ -3,7 +3,7 @@
 import pytest
 
 from fitting import Measurement, fit
-from fitting.parameters import Settings, check_settings, names_of, parse_setting
+from fitting.samples.parameters import Settings, check_settings, names_of, parse_setting
 
 
 @pytest.mark.parametrize(("options", "words"), [

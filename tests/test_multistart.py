@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from benchmarks import model_success
-from fitting.minima import minima
-from fitting.parameters import LOG, SQUARE, Parameter, Unknown
-from fitting.starts import Ends, quasi_random, start_at, starts
+from fitting.samples.parameters import LOG, SQUARE, Parameter, Unknown
+from fitting.searching.minima import minima
+from fitting.searching.starts import Ends, quasi_random, start_at, starts
 
 
 @pytest.mark.parametrize("dimensions", [1, 2, 5, 12])

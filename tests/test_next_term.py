@@ -7,13 +7,13 @@ from benchmarks.film_success import outcome
 from benchmarks.film_success import simulated as simulated_film
 from benchmarks.model_success import SETUPS, one
 from fitting import Measurement, Sample, simulate
-from fitting.next_term import by_eps, likely_lines, oscillator, oscillators
-from fitting.observations import observations
-from fitting.parameters import Settings
-from fitting.problem import targets_of
-from fitting.search import Asked, Solving
-from fitting.starts import start_at
-from fitting.unknowns import index_outside, spectrum_of, unknowns
+from fitting.problem.observations import observations
+from fitting.problem.problem import targets_of
+from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
+from fitting.samples.parameters import Settings
+from fitting.searching.next_term import by_eps, likely_lines, oscillator, oscillators
+from fitting.searching.search import Asked, Solving
+from fitting.searching.starts import start_at
 
 ENERGY = np.linspace(1.3, 4.1, 40)
 STRONG = {"eps_inf": 2.0, "strength_ev2_1": 20.0, "resonance_ev_1": 3.2, "width_ev_1": 0.6}

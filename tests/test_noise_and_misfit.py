@@ -6,9 +6,9 @@ from estimates import texts
 from simulated import textbook
 
 from fitting import Measurement, fit, fit_many
-from fitting.errors import MeasurementError
-from fitting.misfit import misfit
-from fitting.noise import neighbour_noise, robust_noise
+from fitting.measurements.errors import MeasurementError
+from fitting.residuals.misfit import misfit
+from fitting.residuals.noise import neighbour_noise, robust_noise
 
 
 @pytest.mark.parametrize("equidistant", [True, False])

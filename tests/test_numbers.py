@@ -7,9 +7,9 @@ import pytest
 
 from fitting.output.estimates import beside, k_text, value_text
 from fitting.output.numbers import agree, interval_text, size_text, with_error
-from fitting.plain_data import plain
-from fitting.result import Estimate
-from fitting.visible import visible
+from fitting.process.visible import visible
+from fitting.results.plain_data import plain
+from fitting.results.result import Estimate
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ from scipy.special import bdtrc, chdtrc, fdtri
 from simulated import textbook
 
 from fitting import Measurement, fit
-from fitting.misfit import _ratio
-from fitting.noise import INDEPENDENT
-from fitting.pattern import _as_large, _as_many_alike, pattern, pooled_pattern
+from fitting.residuals.misfit import _ratio
+from fitting.residuals.noise import INDEPENDENT
+from fitting.residuals.pattern import _as_large, _as_many_alike, pattern, pooled_pattern
 
 ANGLES = np.linspace(20.0, 80.0, 30)
 

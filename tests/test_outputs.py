@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from fitting import cli
+from fitting.command import cli
 from fitting.output import outputs
 from fitting.output.as_data import INDEX_MARK
 from fitting.output.outputs import MARK, OutputError, Outputs, refuse_repeats

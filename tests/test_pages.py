@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from simulated import GOLD, simulated
 
-from fitting import cli, fit, fit_many
-from fitting.measurement import concatenate, read_csv
+from fitting import fit, fit_many
+from fitting.command import cli
+from fitting.measurements.measurement import concatenate, read_csv
 from fitting.output import files, outputs, page
 from fitting.output.fit_page import fit_page
 
@@ -20,7 +21,7 @@ pytest.importorskip("matplotlib")
 @pytest.fixture(autouse=True)
 def jax_as_it_is(monkeypatch):
     """float64 is on already (conftest), and no test touches the compile cache of who runs it."""
-    monkeypatch.setattr("fitting.start_up.set_up_jax", lambda: None)
+    monkeypatch.setattr("fitting.process.start_up.set_up_jax", lambda: None)
 
 
 class Page(html.parser.HTMLParser):

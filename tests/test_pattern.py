@@ -10,9 +10,9 @@ from fitting import Measurement, choose, fit, read_csv
 from fitting.bare_surface.answer import answer
 from fitting.bare_surface.arrange import of_measurement
 from fitting.bare_surface.calls import fitted_curves
-from fitting.pattern import pattern
-from fitting.residuals import residuals, weighted_residuals
-from fitting.sample import Sample
+from fitting.residuals.pattern import pattern
+from fitting.residuals.residuals import residuals, weighted_residuals
+from fitting.samples.sample import Sample
 
 LARGE = "3 angles, 40 wavelengths"
 LAYOUTS = {
@@ -176,7 +176,7 @@ def test_the_curves_of_a_few_solutions_stand_at_their_data():
 
 
 def test_auto_says_that_no_candidate_describes_the_data(stepped, monkeypatch):
-    from fitting import selection as select
+    from fitting.choice import selection as select
 
     monkeypatch.setattr(select, "_first_stage", lambda wavelengths: ["constant"])
     monkeypatch.setattr(select, "MOST_TERMS", 0)

@@ -10,7 +10,7 @@ import pytest
 from simulated import GOLD
 
 from fitting import fit
-from fitting.measurement import Measurement, read_csv
+from fitting.measurements.measurement import Measurement, read_csv
 from fitting.output import style
 
 

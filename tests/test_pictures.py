@@ -8,7 +8,7 @@ import pytest
 from simulated import GOLD, simulated, textbook
 
 from fitting import fit, fit_many, simulate
-from fitting.measurement import Measurement, concatenate, read_csv
+from fitting.measurements.measurement import Measurement, concatenate, read_csv
 from fitting.output import style
 from fresnel_jax.dispersion import HC_EV_UM
 

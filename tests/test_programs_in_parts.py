@@ -9,17 +9,22 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fitting.compiled import in_turn
-from fitting.measurement import Measurement
-from fitting.observations import observations
-from fitting.observe import medium_index
-from fitting.optics_inputs import core_of, has_parts
-from fitting.parameters import Settings, check_settings
-from fitting.problem import Bounds, linearised, solve, targets_of, without_data
-from fitting.programs_in_parts import eta_in_parts, in_parts, slopes_in_parts, solved_in_parts
-from fitting.sample import Sample
-from fitting.starts import coordinate_bounds, starts
-from fitting.unknowns import index_outside, spectrum_of, unknowns
+from fitting.measurements.measurement import Measurement
+from fitting.optics.observe import medium_index
+from fitting.problem.observations import observations
+from fitting.problem.optics_inputs import core_of, has_parts
+from fitting.problem.problem import Bounds, linearised, solve, targets_of, without_data
+from fitting.problem.programs_in_parts import (
+    eta_in_parts,
+    in_parts,
+    slopes_in_parts,
+    solved_in_parts,
+)
+from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
+from fitting.process.compiled import in_turn
+from fitting.samples.parameters import Settings, check_settings
+from fitting.samples.sample import Sample
+from fitting.searching.starts import coordinate_bounds, starts
 
 WAVES = np.linspace(0.4, 1.0, 40)  # more rows than run in one program
 LANES = 40  # more than are under way at once

@@ -11,7 +11,7 @@ import pytest
 
 from fitting.output import progress_bar as progress
 from fitting.output.progress_bar import Progress, shown
-from fitting.progress import tell
+from fitting.process.progress import tell
 
 
 class Terminal(io.StringIO):

@@ -12,8 +12,9 @@ import pytest
 from estimates import intervals
 from reading import columns_of
 
-from fitting import Measurement, cli, fit, read_csv
-from fitting.progress import listening
+from fitting import Measurement, fit, read_csv
+from fitting.command import cli
+from fitting.process.progress import listening
 
 WAVELENGTHS = np.linspace(0.4, 0.8, 9)
 HEAD = "angle_deg,wavelength_um,psi,delta"

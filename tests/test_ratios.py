@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from command import cache, own_cache  # noqa: F401 (fixtures)
 
-from fitting import Measurement, MeasurementError, cli, read_csv
+from fitting import Measurement, MeasurementError, read_csv
+from fitting.command import cli
 from fresnel_jax.dispersion import material
 
 WAVES = np.array([0.45, 0.5, 0.6, 0.7, 0.8])

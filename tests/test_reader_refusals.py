@@ -7,7 +7,7 @@ import pytest
 from reading import ANGLES, DELTA, ERRORS, NANOMETRES, PSI, R_P, R_S, read, refusal, rows
 from varieties import BODY
 
-from fitting.measurement import MeasurementError, read_csv
+from fitting.measurements.measurement import MeasurementError, read_csv
 
 REFUSALS = {
     "percent without a sign": (

@@ -11,11 +11,12 @@ import pytest
 from reading import read, refusal
 from simulated import GOLD
 
-from fitting import cli, fit, read_csv
-from fitting.measurement import Measurement, MeasurementError
+from fitting import fit, read_csv
+from fitting.command import cli
+from fitting.measurements.measurement import Measurement, MeasurementError
+from fitting.measurements.reader import lines as lines_module
 from fitting.output.as_data import data_csv
-from fitting.reader import lines as lines_module
-from fitting.visible import visible
+from fitting.process.visible import visible
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = "angle,R\n10,.1\n45,.2\n80,.5\n"
@@ -43,7 +44,7 @@ def test_our_own_table_of_data_is_read_back_to_the_last_bit(tmp_path: Path) -> N
 
 
 def test_standard_input_and_pipes(tmp_path: Path) -> None:
-    code = "from fitting.measurement import read_csv; m = read_csv('-'); print(len(m), m.source)"
+    code = "from fitting import read_csv; m = read_csv('-'); print(len(m), m.source)"
     done = subprocess.run(
         [sys.executable, "-c", code], input=TABLE, capture_output=True, text=True, cwd=ROOT
     )

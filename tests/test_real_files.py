@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting.measurement import Measurement, MeasurementError, read_csv
+from fitting.measurements.measurement import Measurement, MeasurementError, read_csv
 
 
 def column(path: Path, index: int, mark: str | None = ",", skip: int = 1) -> list[float]:

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from simulated import simulated, textbook
 
-from fitting import candidates
-from fitting import selection as select
-from fitting.candidates import MARGIN, Candidate, Key, simplest
-from fitting.diagnostics import Finding
-from fitting.measurement import Measurement
-from fitting.result import UNDETERMINED, ErrorModel, Estimate, Fit, Prediction
-from fitting.sample import Sample
+from fitting.choice import candidates
+from fitting.choice import selection as select
+from fitting.choice.candidates import MARGIN, Candidate, Key, simplest
+from fitting.measurements.measurement import Measurement
+from fitting.results.diagnostics import Finding
+from fitting.results.result import UNDETERMINED, ErrorModel, Estimate, Fit, Prediction
+from fitting.samples.sample import Sample
 
 WAVES = np.linspace(0.4, 1.0, 40)
 

@@ -5,8 +5,8 @@ import pytest
 from simulated import textbook
 
 from fitting import fit_many
-from fitting.cli import main
-from fitting.disagreement import disagreement
+from fitting.command.cli import main
+from fitting.outcomes.disagreement import disagreement
 
 
 def write(folder, name, eta, quantity="R_s", seed=0):

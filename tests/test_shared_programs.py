@@ -5,18 +5,18 @@ import numpy as np
 import pytest
 from simulated import textbook
 
-from fitting.dispersion import parse_model
 from fitting.fits import fit_checked
-from fitting.measurement import Measurement
-from fitting.observations import observations
-from fitting.observe import NCS, predicted
-from fitting.parameters import Settings
-from fitting.problem import Residuals, targets_of
-from fitting.sample import Sample
-from fitting.search import Asked
-from fitting.starts import starts
-from fitting.unknowns import spectrum_of, unknowns
-from fitting.wider_models import wider
+from fitting.measurements.measurement import Measurement
+from fitting.optics.observe import NCS, predicted
+from fitting.problem.observations import observations
+from fitting.problem.problem import Residuals, targets_of
+from fitting.problem.unknowns import spectrum_of, unknowns
+from fitting.samples.dispersion import parse_model
+from fitting.samples.parameters import Settings
+from fitting.samples.sample import Sample
+from fitting.samples.wider_models import wider
+from fitting.searching.search import Asked
+from fitting.searching.starts import starts
 
 WAVES = np.linspace(0.4, 1.0, 24)
 

@@ -7,7 +7,7 @@ import optimistix as optx
 import pytest
 from scipy.optimize import least_squares, lsq_linear
 
-from fitting.solver import (
+from fitting.problem.solver import (
     BatchLevenbergMarquardt,
     bounded_step,
     normal_sums,
@@ -217,7 +217,7 @@ def test_the_step_of_many_unknowns_is_that_of_few(monkeypatch):
     y = jnp.asarray(np.where(pick < 0.3, 0.0, np.where(pick > 0.8, 1.0, y)))
     at = y, sums, jnp.zeros_like(y), jnp.ones_like(y), jnp.full(lanes, 1e-3)
     many = bounded_step(*at)
-    monkeypatch.setattr("fitting.solver.FEW_UNKNOWNS", p)
+    monkeypatch.setattr("fitting.problem.solver.FEW_UNKNOWNS", p)
     few = bounded_step(*at)
     assert np.abs(few[0]).max() > 0.1
     for a, b in zip(many, few, strict=True):

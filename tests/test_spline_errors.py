@@ -6,8 +6,8 @@ from scipy.interpolate import BSpline
 
 from benchmarks import spline_bands
 from fitting import Measurement, Sample
-from fitting.spline_index import every_second_left_out, knots_over, usual_terms
-from fitting.spline_numbers import with_numbers
+from fitting.samples.spline_index import every_second_left_out, knots_over, usual_terms
+from fitting.samples.spline_numbers import with_numbers
 
 
 def spline(knots, amplitudes, x):

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from fitting import Measurement
-from fitting.observations import observations
-from fitting.observe import NCS, Spec, predicted
-from fitting.sample import Sample
-from fitting.unknowns import media_of
+from fitting.optics.observe import NCS, Spec, predicted
+from fitting.problem.observations import observations
+from fitting.problem.unknowns import media_of
+from fitting.samples.sample import Sample
 
 
 def spec(channels, sample="cauchy:2"):

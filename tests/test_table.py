@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 from simulated import GOLD, simulated, textbook
 
 from fitting import fit, fit_many
-from fitting.measurement import Measurement, concatenate, read_csv
+from fitting.measurements.measurement import Measurement, concatenate, read_csv
 
 
 @pytest.fixture(scope="module")

@@ -7,11 +7,11 @@ import pytest
 from simulated import simulated, textbook
 
 from fitting import Measurement, fit
-from fitting.diagnostics import Finding
-from fitting.measurement import concatenate
+from fitting.measurements.measurement import concatenate
 from fitting.output.estimates import reach
 from fitting.output.fit_page import fit_page
-from fitting.result import Alternative, Estimate
+from fitting.results.diagnostics import Finding
+from fitting.results.result import Alternative, Estimate
 
 
 @pytest.fixture(scope="module")

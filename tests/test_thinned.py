@@ -5,7 +5,7 @@ import pytest
 from estimates import codes
 
 from fitting import Measurement, fit, fits, simulate
-from fitting.thinned import _kept
+from fitting.searching.thinned import _kept
 
 SAMPLE = "air | cauchy:2 50..1200 nm | 1.53"
 TRUTH = {"A": 2.29, "B": 0.0158, "thickness_nm": 620.0}
@@ -47,7 +47,7 @@ def test_the_minimum_of_all_data(noise, monkeypatch):
 def test_ends_that_do_not_rest_are_followed_by_the_solver(monkeypatch):
     m = measurement(491, 2e-3)
     found = fit(m, SAMPLE, intervals="quadratic")
-    monkeypatch.setattr("fitting.thinned._AT_REST", -1.0)
+    monkeypatch.setattr("fitting.searching.thinned._AT_REST", -1.0)
     again = fit(m, SAMPLE, intervals="quadratic")
     for name in TRUTH:
         ours, theirs = again.parameters[name], found.parameters[name]

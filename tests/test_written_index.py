@@ -7,8 +7,8 @@ import pytest
 from command import cache, nothing_in, own_cache, refused  # noqa: F401 (fixtures)
 
 from fitting import fit, read_csv, simulate
-from fitting.cli import main
-from fitting.material_files import read_material
+from fitting.command.cli import main
+from fitting.samples.material_files import read_material
 
 yaml = pytest.importorskip("yaml")
 NM = np.linspace(450.0, 800.0, 30)

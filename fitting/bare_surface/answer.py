@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting import result
 from fitting.bare_surface import thresholds as limit
 from fitting.bare_surface.arrange import Arranged
 from fitting.bare_surface.batch import minima
@@ -29,8 +28,9 @@ from fitting.bare_surface.mirror import like_mirrors
 from fitting.bare_surface.other_solutions import Other, other_solutions
 from fitting.bare_surface.region_intervals import Intervals, intervals, limit_of_k
 from fitting.bare_surface.valley import Lanes, evaluate, open_to_the_other_end
-from fitting.error_model import CHI2_LARGE, CHI2_SMALL, chi2_flags
-from fitting.misfit import misses_its_noise
+from fitting.residuals.error_model import CHI2_LARGE, CHI2_SMALL, chi2_flags
+from fitting.residuals.misfit import misses_its_noise
+from fitting.results import result
 
 # Two indices fit alike if their chi2 differs by less: two standard errors.
 ALIKE_CHI2 = 4.0

@@ -9,8 +9,8 @@ import numpy as np
 
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.reflectances import CHANNELS
-from fitting.checks import one_number
-from fitting.measurement import Measurement
+from fitting.measurements.checks import one_number
+from fitting.measurements.measurement import Measurement
 
 
 class Arranged(NamedTuple):

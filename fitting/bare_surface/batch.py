@@ -21,7 +21,7 @@ from fitting.bare_surface.kept_minima import (
     less_absorbing_first,
     with_arrival,
 )
-from fitting.solver import START_DAMPING
+from fitting.problem.solver import START_DAMPING
 
 # Most lanes end within 4 evaluations; the others would make their whole group wait, so they are
 # collected and go on among themselves.

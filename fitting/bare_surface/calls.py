@@ -16,7 +16,7 @@ from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.engine import JOB, Steps, solve
 from fitting.bare_surface.mesh_curves import mesh_curves
 from fitting.bare_surface.reflectances import CHANNELS
-from fitting.solver import START_DAMPING
+from fitting.problem.solver import START_DAMPING
 
 FEW = 8
 # Up to that many curves go in calls for FEW side by side; that program serves every file.

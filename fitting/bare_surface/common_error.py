@@ -10,8 +10,8 @@ from fitting.bare_surface.answer import Answer, answer
 from fitting.bare_surface.arrange import Arranged
 from fitting.bare_surface.calls import fitted_curves
 from fitting.bare_surface.curve_data import Data, of_rows, put_rows
-from fitting.error_model import GAIN, ROUNDS, likeliest_floor
-from fitting.result import NO_DATA
+from fitting.residuals.error_model import GAIN, ROUNDS, likeliest_floor
+from fitting.results.result import NO_DATA
 
 
 class Taken(NamedTuple):

@@ -10,9 +10,9 @@ import numpy as np
 
 from fitting.bare_surface.estimate import K_MIN
 from fitting.bare_surface.reflectances import CHANNELS, reflectances
-from fitting.compiled import compiled
-from fitting.measurement import Measurement
-from fitting.result import IndexBand, Prediction
+from fitting.measurements.measurement import Measurement
+from fitting.process.compiled import compiled
+from fitting.results.result import IndexBand, Prediction
 
 # Angles of a call are rounded up to a multiple, so that few programs are compiled.
 _ANGLES = 64

@@ -17,7 +17,7 @@ from fitting.bare_surface.reflectances import (
     model,
     sums_of_squares,
 )
-from fitting.solver import (
+from fitting.problem.solver import (
     START_DAMPING,
     BatchLevenbergMarquardt,
     BatchState,

@@ -18,8 +18,8 @@ from jax import Array
 from fitting.bare_surface import mesh as starts
 from fitting.bare_surface.descent import Solved, descend_in_both_charts
 from fitting.bare_surface.reflectances import Curves
-from fitting.compiled import compiled
-from fitting.solver import START_DAMPING
+from fitting.problem.solver import START_DAMPING
+from fitting.process.compiled import compiled
 
 # A further start is near the best minimum of its curve at a cost less than 4 times that one, or
 # than what an error of .3 % of all data costs.

@@ -11,7 +11,7 @@ from jax import Array
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.mesh import MESHES, node_curves
 from fitting.bare_surface.reflectances import Curves
-from fitting.compiled import compiled
+from fitting.process.compiled import compiled
 
 # A mesh has as many nodes as some hundred lanes (3,000 for R_p alone), and to evaluate them takes
 # as long as a third of the fit of 64 curves. Most calls are at angles that an earlier one had.

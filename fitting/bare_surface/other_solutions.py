@@ -15,8 +15,8 @@ from fitting.bare_surface.region_intervals import (
     intervals,
     limit_of_k,
 )
-from fitting.minima import ALTERNATIVE_CHI2
-from fitting.result_parts import NONE, QUADRATIC
+from fitting.results.result_parts import NONE, QUADRATIC
+from fitting.searching.minima import ALTERNATIVE_CHI2
 
 
 class Other(NamedTuple):

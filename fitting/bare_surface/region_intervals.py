@@ -27,7 +27,7 @@ from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import Estimated
 from fitting.bare_surface.region import around_nothing, profile
-from fitting.result_parts import NONE, PROFILE, QUADRATIC
+from fitting.results.result_parts import NONE, PROFILE, QUADRATIC
 from fitting.uncertainty.limits import ROUNDING
 
 CURVED_SPREAD = 0.02

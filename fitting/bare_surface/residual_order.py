@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.measurement import Measurement
-from fitting.misfit import misfit
-from fitting.pattern import pattern
+from fitting.measurements.measurement import Measurement
+from fitting.residuals.misfit import misfit
+from fitting.residuals.pattern import pattern
 
 # With fewer data `pattern` never finds one.
 ENOUGH = 11

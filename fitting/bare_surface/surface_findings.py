@@ -10,8 +10,8 @@ from fitting.bare_surface import thresholds as limit
 from fitting.bare_surface.answer import Answer
 from fitting.bare_surface.arrange import Arranged
 from fitting.bare_surface.common_error import Taken
-from fitting.diagnostics import Finding
-from fitting.sentences import SENTENCES
+from fitting.results.diagnostics import Finding
+from fitting.results.sentences import SENTENCES
 
 
 def shaped(values: Any, a: Arranged) -> Any:

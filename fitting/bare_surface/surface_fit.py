@@ -17,12 +17,12 @@ from fitting.bare_surface.other_solutions import Other
 from fitting.bare_surface.region_intervals import Intervals
 from fitting.bare_surface.residual_order import Order, order_of_residuals
 from fitting.bare_surface.surface_findings import findings, shaped
-from fitting.diagnostics import Finding, Warning
-from fitting.error_model import ERRORS
-from fitting.measurement import Measurement
-from fitting.observations import missing_errors
-from fitting.pattern import pooled_pattern
-from fitting.result import (
+from fitting.measurements.measurement import Measurement
+from fitting.problem.observations import missing_errors
+from fitting.residuals.error_model import ERRORS
+from fitting.residuals.pattern import pooled_pattern
+from fitting.results.diagnostics import Finding, Warning
+from fitting.results.result import (
     AT_LOWER,
     CONVERGED,
     FITTED,
@@ -34,10 +34,10 @@ from fitting.result import (
     Estimate,
     Fit,
 )
-from fitting.sample import Sample
-from fitting.sentences import SENTENCES
+from fitting.results.sentences import SENTENCES
+from fitting.samples.sample import Sample
 from fitting.uncertainty.intervals import check_intervals
-from fitting.widening import widened
+from fitting.uncertainty.widening import widened
 
 _FREE = Sample.parse("free")
 

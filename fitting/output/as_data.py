@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from fitting.errors import MissingExtra
+from fitting.measurements.errors import MissingExtra
 from fitting.output.estimates import by_wavelength, has_several_curves, index_waves
 from fitting.output.facts import sample_text, title_of
 from fitting.output.text_table import varied_of
-from fitting.plain_data import json_object, plain
-from fitting.residuals import residuals
-from fitting.result import Alternative, Estimate, Fit
-from fitting.visible import visible
+from fitting.process.visible import visible
+from fitting.residuals.residuals import residuals
+from fitting.results.plain_data import json_object, plain
+from fitting.results.result import Alternative, Estimate, Fit
 
 _ESTIMATE = ("value", "sigma", "interval", "interval_kind", "unit", "upper_limit", "status")
 _AS_IT_IS = (

@@ -11,9 +11,9 @@ from fitting.output.as_data import batch_columns, csv_text, to_dict
 from fitting.output.estimates import value_text
 from fitting.output.numbers import number, with_unit
 from fitting.output.text_table import rows_aligned, varied_of
-from fitting.plain_data import json_object
-from fitting.result import CONVERGED, UNDETERMINED, Fit
-from fitting.visible import visible
+from fitting.process.visible import visible
+from fitting.results.plain_data import json_object
+from fitting.results.result import CONVERGED, UNDETERMINED, Fit
 
 REFUSED = "refused"
 EACH_MARK = "# results of files fitted one by one, written by fresnel-fit"

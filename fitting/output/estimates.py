@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from fitting.findings import is_outer
+from fitting.outcomes.findings import is_outer
 from fitting.output.numbers import (
     agree,
     interval_text,
@@ -15,7 +15,7 @@ from fitting.output.numbers import (
     with_error,
     with_unit,
 )
-from fitting.result import (
+from fitting.results.result import (
     AT_LOWER,
     AT_UPPER,
     FIXED,

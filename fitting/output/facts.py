@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from fitting.findings import is_outer
+from fitting.outcomes.findings import is_outer
 from fitting.output.estimates import (
     by_wavelength,
     has_pseudo_index,
@@ -18,8 +18,8 @@ from fitting.output.estimates import (
     value_text,
 )
 from fitting.output.numbers import interval_text, number, size_text, with_error
-from fitting.result import UNDETERMINED, Alternative, Estimate, Fit
-from fitting.visible import visible
+from fitting.process.visible import visible
+from fitting.results.result import UNDETERMINED, Alternative, Estimate, Fit
 
 Facts = list[tuple[str, str]]
 # Second solutions, and pairs of parameters, that are shown.

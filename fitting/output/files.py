@@ -13,7 +13,7 @@ from fitting.output.fit_page import fit_page
 from fitting.output.outputs import Outputs
 from fitting.output.style import check_matplotlib, save
 from fitting.output.text_table import Comparison
-from fitting.result import Fit
+from fitting.results.result import Fit
 
 # What a report folder holds. The page comes last, since the picture goes into it.
 REPORT = {

@@ -23,7 +23,7 @@ from fitting.output.numbers import number, with_error
 from fitting.output.page import Table, fragment, page
 from fitting.output.text_table import Comparison, batch_rows, shared_of
 from fitting.output.told import told_of
-from fitting.result import Fit
+from fitting.results.result import Fit
 
 
 def _facts(fit: Fit) -> facts.Facts:

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from fitting.measurements.reader.units import span_of
 from fitting.output.outputs import Outputs
-from fitting.reader.units import span_of
-from fitting.result import CONVERGED, UNDETERMINED, Estimate, Fit, IndexBand
-from fitting.sample import Sample
-from fitting.visible import visible
+from fitting.process.visible import visible
+from fitting.results.result import CONVERGED, UNDETERMINED, Estimate, Fit, IndexBand
+from fitting.samples.sample import Sample
 
 _ENDINGS = (".yml", ".yaml")
 _FITTED_BY = "Fitted by fresnel-fit"

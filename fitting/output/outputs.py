@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
 
-from fitting.interrupt import last_acts
+from fitting.process.interrupt import last_acts
 
 try:
     import fcntl

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from fitting.visible import visible
+from fitting.process.visible import visible
 
 # Beyond this many rows a table is folded away: the page is for reading, the CSV for numbers.
 OPEN_ROWS = 40

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fitting.measurements.quantities import ANGLES, TABLE, are_powers
 from fitting.output import facts
 from fitting.output.estimates import by_wavelength, reach, shown_name, value_text
 from fitting.output.numbers import number, size_text
@@ -35,15 +36,14 @@ from fitting.output.style import (
     symbol,
 )
 from fitting.output.told import told_of
-from fitting.quantities import ANGLES, TABLE, are_powers
-from fitting.result import UNDETERMINED, Fit
-from fitting.visible import visible
+from fitting.process.visible import visible
+from fitting.results.result import UNDETERMINED, Fit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fitting.measurement import Measurement
+    from fitting.measurements.measurement import Measurement
 
 # Warnings that fit below a picture, and the letters of each.
 _WARNINGS, _LETTERS = 3, 240

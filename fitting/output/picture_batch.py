@@ -9,7 +9,7 @@ import numpy as np
 from fitting.output.numbers import with_unit
 from fitting.output.style import ETA_COLOR, K_COLOR, MANY, band, points, symbol
 from fitting.output.text_table import varied_of
-from fitting.result import CONVERGED, Fit
+from fitting.results.result import CONVERGED, Fit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fitting.measurement import Measurement, concatenate
+from fitting.measurements.measurement import Measurement, concatenate
+from fitting.measurements.quantities import ANGLE, POWERS, TABLE
 from fitting.output.estimates import has_several_curves
 from fitting.output.style import GREY, OTHER, band, points
-from fitting.quantities import ANGLE, POWERS, TABLE
-from fitting.result import Fit
-from fitting.visible import visible
+from fitting.process.visible import visible
+from fitting.results.result import Fit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -193,10 +193,9 @@ def draw_line(
 
 
 def power_label(lines: list[Line]) -> str:
-    """Return the label of the axis of R and T."""
-    letters = {line.quantity[0] for line in lines if line.kind == "power"}
-    names = [n for letter, n in (("R", "reflectance"), ("T", "transmittance")) if letter in letters]
-    return ", ".join(names)
+    """Return the label of the axis of powers."""
+    drawn = {line.quantity for line in lines if line.kind == "power"}
+    return ", ".join(dict.fromkeys(TABLE[name].axis for name in TABLE if name in drawn))
 
 
 def draw_zero(axes: Axes, unit: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from fitting.output.estimates import index_waves, shown_name
 from fitting.output.reference import reference_index
 from fitting.output.style import ETA_COLOR, GREY, K_COLOR, MANY, band, points, symbol
-from fitting.result import CONVERGED, Fit
+from fitting.results.result import CONVERGED, Fit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Iterator
 from typing import Any
 
-from fitting.progress import Step, listening
+from fitting.process.progress import Step, listening
 
 # Seconds until a bar is shown, and between two looks at how far things are.
 DELAY, EVERY = 1.0, 0.1
@@ -39,7 +39,7 @@ class Progress:
         self.take(Step(1, None, doing))
 
     def take(self, step: Step) -> None:
-        """Take in what `fitting.progress.tell` tells."""
+        """Take in what `fitting.process.progress.tell` tells."""
         self._done += step.done
         self._total = step.total or self._total
         self._doing = step.doing or self._doing

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitting.errors import MissingExtra
+from fitting.measurements.errors import MissingExtra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -21,8 +21,8 @@ from fitting.output.estimates import (
 from fitting.output.numbers import number, size_text, with_unit
 from fitting.output.reference import reference_text
 from fitting.output.told import told_of
-from fitting.result import UNDETERMINED, Estimate, Fit
-from fitting.visible import visible
+from fitting.process.visible import visible
+from fitting.results.result import UNDETERMINED, Estimate, Fit
 
 # A batch of more fits than that is shown by its first and last ones.
 _ROWS, _ENDS = 400, 20

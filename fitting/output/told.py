@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.output.estimates import by_wavelength, wave_text
-from fitting.result import Fit
+from fitting.results.result import Fit
 
 
 class Told(NamedTuple):

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from fitting.observations import Observations
-from fitting.observe import NCS
-from fitting.parameters import value_and_slope
-from fitting.problem import HUBER, STUDENT, Targets, without_data
-from fitting.programs_in_parts import slopes_in_parts
-from fitting.unknowns import Unknowns
+from fitting.optics.observe import NCS
+from fitting.problem.observations import Observations
+from fitting.problem.problem import HUBER, STUDENT, Targets, without_data
+from fitting.problem.programs_in_parts import slopes_in_parts
+from fitting.problem.unknowns import Unknowns
+from fitting.samples.parameters import value_and_slope
 
 # A direction in which the data change by less than this share of what they change along the best
 # known one is not seen: below it derivatives are rounding.

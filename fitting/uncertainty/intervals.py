@@ -20,13 +20,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fitting.parameters import LOG, PLAIN, SQUARE, from_parameter, value_and_slope
-from fitting.result_parts import NONE, PROFILE, QUADRATIC
+from fitting.results.result_parts import NONE, PROFILE, QUADRATIC
+from fitting.samples.parameters import LOG, PLAIN, SQUARE, from_parameter, value_and_slope
 from fitting.uncertainty.limits import ROUNDING, interval_from_zero, student_quantile
 from fitting.uncertainty.profile import FEW_ROUNDS, ROUNDS, Base, Search, follow, visit
 
 if TYPE_CHECKING:
-    from fitting.search import End, Solving
+    from fitting.searching.search import End, Solving
 
 AUTO = "auto"
 KINDS = (AUTO, QUADRATIC, PROFILE)

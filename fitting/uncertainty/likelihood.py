@@ -21,7 +21,7 @@ import math
 
 import numpy as np
 
-from fitting.problem import HUBER
+from fitting.problem.problem import HUBER
 from fitting.uncertainty.covariance import influence, loss_of
 
 _EPS = float(np.finfo(float).eps)

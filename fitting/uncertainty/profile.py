@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from fitting.search import Solving
+    from fitting.searching.search import Solving
 
 # An end is found where the root is that near to 1, or between two places so near to each other.
 CLOSE, TIGHT = 1e-3, 1e-4

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitting.dispersion import Model
-from fitting.spline_index import every_second_left_out
+from fitting.problem.unknowns import Unknowns
+from fitting.samples.dispersion import Model
+from fitting.samples.spline_index import every_second_left_out
 from fitting.uncertainty.covariance import influence, inverse_of, prior_rows
-from fitting.unknowns import Unknowns
 
 if TYPE_CHECKING:
-    from fitting.search import End
+    from fitting.searching.search import End
 
 # Of the change by thinner knots. A quarter is missing on the average; where in its interval between
 # two knots the edge lies is not known. With a quarter the worst place beside an edge held 89 %.

@@ -1,0 +1,1 @@
+"""No more model than the data need: which of several models or samples is taken."""

@@ -1,0 +1,275 @@
+"""The options of ``fresnel-fit``, their help, and the arguments of `fit` that they stand for."""
+
+from __future__ import annotations
+
+import argparse
+import glob
+import os
+import sys
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+from fitting.process.visible import visible
+
+PROGRAM = "fresnel-fit"
+
+_DESCRIPTION = """\
+Fit the complex refractive index eta + i k of a surface, a plate or a film to
+measured R, T, R_s, R_p, ... or psi and Delta, over the angle of incidence and
+the wavelength. Without --sample the sample is one bare surface, whose eta and k
+are fitted wavelength by wavelength.
+"""
+
+_EPILOG = """\
+samples (media in the order in which the light meets them, separated by |):
+  free                                   one bare surface, eta and k at every
+                                         wavelength (the default)
+  cauchy                                 one bare surface with that dispersion
+  auto                                   the simplest dispersion model that
+                                         describes the data
+  1.515 | free                           light from inside glass
+  air | cauchy-urbach 3 mm thick | air   a plate: both faces, no interference
+  air | cauchy 110 nm | Si               a coherent film, thickness fitted
+  air | cauchy 5..20000 nm | Si          the same, its thickness within a range
+  air | rough 2 nm | film.yml 110 nm | Si   rough: half air, half film
+  Si or air | SiO2 1..50 nm | Si         the simplest of several samples that
+                                         describes the data: is there an oxide?
+An index is a number (1.45, 0.2+3.1i), a named material (gold, BK7), a file
+(refractiveindex.info YAML, or CSV of wavelength, n and k), a mixture
+(bruggeman(SiO2, water 30 %)), free, auto, or a dispersion model: constant,
+cauchy, cauchy-urbach, sellmeier, drude, lorentz, drude-lorentz, tauc-lorentz,
+with the number of its terms: drude-lorentz:2.
+
+examples:
+  fresnel-fit gold.csv --plot gold.png --json gold.json
+  fresnel-fit ellipsometer.txt --reference Si --report out
+  fresnel-fit gold.csv --free scale --prior scale=1+-0.02
+  fresnel-fit glass.csv --sample 'air | cauchy-urbach 3.05 mm thick | air'
+  fresnel-fit film.csv --divide-by wafer.csv --ratio-to Si --sample auto
+  fresnel-fit --each 'scans/*.csv' --csv results.csv
+
+where gold.csv has angles in degrees and reflectances as fractions or percent:
+  angle_deg,R_s,sigma_R_s,R_p,sigma_R_p
+  30,0.76,0.002,0.67,0.002
+  45,0.79,0.002,0.66,0.002
+The first line of the table ("read") says how the file was understood; the
+options under "reading" overrule it. A value that begins with a minus sign needs
+the equals sign: --missing=-9999.
+
+exit status:
+  0    every curve was fitted
+  1    for one curve or more there is no index: the fit did not converge, or
+       the data determine only a combination of eta and k (the table and the
+       field "status" of the JSON say which)
+  2    the command, a file or a value in it cannot be understood, or a result
+       cannot be written; with --each the other files were fitted
+  70   a defect of the program: please report it, with what it printed
+  71   not enough memory
+  130  interrupted
+
+Compiled programs are kept in $XDG_CACHE_HOME/fresnel-fit or
+~/.cache/fresnel-fit, which may be deleted at any time.
+"""
+
+_READING = (
+    ("columns", "ROLE=COLUMN,..", "columns by header or number: angle=1,R_s=2,sigma_R_s=3"),
+    ("angle-deg", "DEGREES", "angle of incidence of a file that has no column for it"),
+    ("angle-unit", "UNIT", "deg, rad, mrad, deg.arcmin, grazing-deg, 1/angstrom, ..."),
+    ("wavelength-um", "UM", "wavelength of a file that has no column for it, micrometres"),
+    ("wavelength-unit", "UNIT", "nm, um, angstrom, eV, cm-1, THz, ..."),
+    ("polarization", "LIGHT", "s, p or unpolarized; or what a column's codes mean: 0=s,1=p"),
+    ("scale", "FACTOR", "factor that makes R a fraction: 0.01 for percent"),
+    ("divide-by", "FILE", "divide the values by this scan of a reference, read in the same way"),
+    (
+        "ratio-to",
+        "SAMPLE",
+        "the values are ratios to R of this known sample: Si, or 'air | SiO2 2 nm held | Si'",
+    ),
+    ("sigma", "SIGMA", "standard error of values that have none, as a fraction (0.002)"),
+    ("psi-unit", "UNIT", "unit of psi and Delta: deg or rad"),
+    ("missing", "VALUES", "numbers or words that stand for a gap: 0 or -9999,bad"),
+    ("keep", "COLUMN=VALUES", "rows to read, by the value of a column: Zone=1,2 or Zone=1-4"),
+    ("lines", "FROM-TO", "lines to read: 10-200, 10- or -200"),
+    ("delimiter", "NAME", "tab, semicolon, comma, pipe, blank, or the sign"),
+    ("decimal", "SIGN", "decimal mark, . or ,"),
+    ("encoding", "NAME", "text encoding: utf-8, latin-1, utf-16, ..."),
+)
+
+
+class _Version(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            found = version("fresnel-jax")
+        except PackageNotFoundError:
+            found = "(not installed)"
+        print(f"{PROGRAM} {found}")
+        parser.exit()
+
+
+def _add_results(parser: argparse.ArgumentParser) -> None:
+    results = parser.add_argument_group("results", "Files are written whole or not at all.")
+    for flag, metavar, text in (
+        ("json", "OUT", "write all results: eta, k, errors, status, ...; - for stdout"),
+        ("csv", "OUT", "write data, fitted values and residuals; for a spectrum also eta and k, in "
+         "OUT with .index before the suffix"),
+        ("plot", "OUT", "draw data, fit and residuals: .png, .pdf or .svg"),
+        ("material", "OUT.yml", "write the fitted eta and k as a refractiveindex.info file, which "
+         "--sample takes as a material, and their errors as OUT_errors.csv; several media as "
+         "OUT_film.yml, OUT_substrate.yml, .."),
+        ("reference", "MATERIAL", "show eta and k of a material for comparison, in the table and "
+         "in pictures over the wavelength: gold, BK7, .."),
+        ("report", "DIR", "write report.html (one page, pictures inside), fit.json, data.csv, "
+         "index.csv of a spectrum, and fit.png to a folder that is new, empty, or of an earlier "
+         "report"),
+    ):  # fmt: skip
+        results.add_argument(f"--{flag}", metavar=metavar, help=text)
+    results.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="let --report use a folder that holds other files, and --csv and --material replace "
+        "an OUT.index or OUT_errors.csv that was not written by a fit",
+    )
+    results.add_argument(
+        "--csv-decimal", choices=(".", ","), default=".",
+        help="decimal mark of the tables that are written: . with commas between the cells (the "
+        "default), or , with semicolons, for spreadsheets that expect these",
+    )  # fmt: skip
+    results.add_argument("--quiet", action="store_true", help="print no table")
+
+
+def _add_fitting(parser: argparse.ArgumentParser) -> None:
+    fitting = parser.add_argument_group(
+        "fitting",
+        "NAME is a parameter of the sample (A, film.thickness_nm) or of the instrument:\n"
+        "scale and background (of all curves; scale[R_s] of R_s only), angle-offset\n"
+        "(degrees), leak of the polarizer, divergence of the beam (degrees), bandwidth\n"
+        "of the slit (nm).",
+    )
+    fitting.add_argument(
+        "--sample", metavar="TEXT", default="free",
+        help="the sample that was measured, as a text; see below",
+    )  # fmt: skip
+    fitting.add_argument(
+        "--free", metavar="NAME,..", action="append", default=[],
+        help="parameters to fit that are fixed by default",
+    )  # fmt: skip
+    for flag, metavar, text in (
+        ("--fix", "NAME=VALUE", "do not fit a parameter"),
+        ("--bound", "NAME=LOW..HIGH", "limit a parameter to a range; either end may be left out"),
+        ("--prior", "NAME=VALUE+-SIGMA", "a value known beforehand, with its standard error"),
+        ("--tie", "NAME=OTHER", "make a parameter equal to another, or to a multiple: 2*OTHER"),
+    ):
+        fitting.add_argument(flag, metavar=metavar, action="append", default=[], help=text)
+    fitting.add_argument(
+        "--loss", choices=("squares", "huber", "student"), default="squares",
+        help="huber or student for data with outliers (default squares)",
+    )  # fmt: skip
+    fitting.add_argument(
+        "--errors", choices=("auto", "stated", "scaled", "floor", "equal"), default="auto",
+        help="how the stated errors are used. stated: as they are; scaled: times sqrt(chi2/dof); "
+        "floor: with one common error added in squares; equal: not at all, all data have equal "
+        "weights; auto (the default): scaled, or floor where they are far too small and a floor is "
+        "likelier",
+    )  # fmt: skip
+    fitting.add_argument(
+        "--intervals", choices=("auto", "quadratic", "profile"), default="auto",
+        help="95 %% intervals from the standard errors (quadratic), from the profile likelihood "
+        "(profile), or by profile likelihood where the quadratic approximation fails (auto)",
+    )  # fmt: skip
+    fitting.add_argument(
+        "--starts", metavar="N", type=int, help="number of starts of a model (default 64 or more)"
+    )
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        super().error(visible(message))
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if message:  # argparse itself says nothing of a full disk
+            (file or sys.stderr).write(message)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command."""
+    out = _Parser(
+        PROGRAM,
+        usage="%(prog)s [options] FILE [FILE ...]",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    out.add_argument(
+        "file", metavar="FILE", nargs="+",
+        help="text file with the measurement (CSV or similar), - for standard input, or a quoted "
+        "pattern such as '*.csv'; several files are fitted together, as measurements of one "
+        "sample",
+    )  # fmt: skip
+    out.add_argument(
+        "--each", action="store_true",
+        help="fit every file by itself, and show a row of results for each, which --csv and --json "
+        "write as a table; a file that is refused is reported, and the others are fitted",
+    )  # fmt: skip
+    out.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    _add_results(out)
+    _add_fitting(out)
+    reading = out.add_argument_group("reading")
+    for name, metavar, text in _READING:
+        reading.add_argument(f"--{name}", metavar=metavar, help=text)
+    return out
+
+
+def expanded(files: Sequence[str]) -> list[str]:
+    """Return the files with the wildcards * ? [ ] expanded, where the shell has not done it.
+
+    Raises ValueError for a pattern that no file matches.
+    """
+    out = []
+    for name in files:
+        found = [name]
+        if glob.has_magic(name) and not os.path.exists(name):
+            found = sorted(f for f in glob.glob(name, recursive=True) if os.path.isfile(f))
+        if not found:
+            raise ValueError(f"{name}: no file matches.")
+        out += found
+    return out
+
+
+def input_files(arguments: argparse.Namespace) -> list[str]:
+    """Return the files that are read, which no result may replace."""
+    return [*arguments.file, *([arguments.divide_by] if arguments.divide_by else [])]
+
+
+def reading_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the keyword arguments of `read_csv`."""
+    names = [name.replace("-", "_") for name, *_ in _READING]
+    return {name: getattr(arguments, name) for name in names}
+
+
+def fit_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the keyword arguments of `fit`, or raise ValueError for a text of its own."""
+    from fitting.samples.parameters import parse_setting
+
+    settings: dict[str, dict[str, Any]] = {"fixed": {}, "bounds": {}, "priors": {}}
+    wanted = {"--fix": "fixed", "--bound": "bounds", "--prior": "priors"}
+    for flag, kind in wanted.items():
+        for text in getattr(arguments, flag[2:]):
+            name, found, value = parse_setting(text)
+            if found != kind:
+                other = next(f for f, k in wanted.items() if k == found)
+                raise ValueError(f"{flag} {text}: this is what {other} takes.")
+            settings[kind][name] = value
+    tie = {}
+    for text in arguments.tie:
+        name, equal, other = (part.strip() for part in text.partition("="))
+        if not (name and equal and other):
+            raise ValueError(f"--tie {text}: NAME=OTHER was wanted.")
+        tie[name] = other
+    free = [name for text in arguments.free for name in text.split(",") if name.strip()]
+    return {
+        **settings, "tie": tie, "free": free, "loss": arguments.loss, "errors": arguments.errors,
+        "starts": arguments.starts, "intervals": arguments.intervals,
+    }  # fmt: skip

@@ -1,0 +1,198 @@
+"""The ranges that measured values must lie in, and what to do about one that does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.measurements.errors import MeasurementError
+from fitting.measurements.quantities import ANGLE, ANGLES, NUMBER, TABLE, are_powers
+from fitting.residuals.noise import robust_noise
+
+# A noisy R whose true value is 1 (or 0) lies beyond it half of the time, and dropping or clipping
+# those values would bias a fit. 3e-5 of a normal distribution lie beyond 4 standard errors, less
+# than one value in a file of 1e4: a value beyond has a wrong scale, and is not noise.
+EXCURSION_SIGMAS = 4.0
+# Noise that moves a power further than this beyond [0, 1] would have a standard error above 6 %,
+# too much to determine an index; a column that is not a power (counts) has such numbers.
+EXCURSION = 0.25
+
+
+def one_number(name: str, value: object, what: str, low: float, high: float) -> float:
+    """Return ``value`` as a float; raise ValueError with its name unless it is a number in range.
+
+    A text is not a number, not even "3"; nor is a truth value, a complex number or an array.
+    """
+    try:
+        number = np.asarray(value)
+    except ValueError:  # a ragged list
+        number = np.asarray(None)
+    if number.ndim or number.dtype.kind not in "iuf" or not low <= number <= high:
+        raise ValueError(
+            f"{name} is {repr(value)[:40]}; {what}, one real number above 0 ({low:g} to {high:g}), "
+            "was wanted."
+        )
+    return float(number)
+
+
+class Data(NamedTuple):
+    """The six columns of a Measurement, in its units; row i of each is one datum."""
+
+    angle_deg: np.ndarray
+    wavelength_um: np.ndarray
+    quantity: np.ndarray
+    value: np.ndarray
+    sigma: np.ndarray
+    polarizer_deg: np.ndarray
+
+
+# Without stated errors the noise is estimated from the scatter of a curve. Since curvature looks
+# like noise too, values may then lie beyond [0, 1] by much less than EXCURSION.
+NOISE_EXCURSION = 0.05
+# The scatter estimated from 8 to 60 values is right within a factor of two.
+SHOWN_SIGMAS = 2.0 * EXCURSION_SIGMAS
+_ROUNDING = 1e-12  # of computed powers
+
+
+def _noise(data: Data) -> np.ndarray:
+    """Return for each datum the noise of its curve, estimated from the curve itself."""
+    spectral = len(np.unique(data.wavelength_um)) > 1
+    axis, other = (data.wavelength_um, data.angle_deg)[:: 1 if spectral else -1]
+    polarizer = np.nan_to_num(data.polarizer_deg, nan=-1.0)
+    names = np.unique(data.quantity, return_inverse=True)[1]
+    curves = np.stack([names, polarizer, np.nan_to_num(other)])
+    noise = np.full(len(axis), np.nan)
+    which = np.unique(curves, axis=1, return_inverse=True)[1].ravel()
+    for curve in range(which.max() + 1):
+        rows = np.flatnonzero(which == curve)
+        x, first = np.unique(axis[rows], return_index=True)
+        noise[rows] = robust_noise(x, data.value[rows[first]])
+    return noise
+
+
+def hint_for(value: float, quantity: str, line: int, scale_given: bool, typical: float) -> str:
+    """Return what to do about a value of a file that lies outside its range.
+
+    typical: the median size of the values, which distinguishes percent from counts.
+    """
+    leave = f"If the row is no measurement, mark line {line} with # or say --lines A-B."
+    kind, low, high = TABLE[quantity][:3]
+    if kind == ANGLE:
+        return "If the unit is another, say --psi-unit. " + leave
+    if kind == NUMBER:
+        return f"From {low:g} to {high:g} was wanted. " + leave
+    near = -EXCURSION <= value <= 1.0 + EXCURSION
+    noise = f"If it is noise about {int(value > 0.5)}, say how large with --sigma. " if near else ""
+    if value < 0.0:
+        return "No power is negative. " + noise + leave
+    if scale_given:
+        return noise + leave
+    if typical <= 110.0:
+        ratio = "If R is the ratio to a mirror or a wafer, say --ratio-to (Si, for example). "
+        ratio = ratio if quantity[0] == "R" and value <= 3.0 else ""
+        return ("If the column is in percent, say --scale 0.01. " + ratio + noise).strip()
+    direct = (
+        "If these are counts or volts, divide them by the direct beam (--divide-by FILE), or say "
+        "--scale FACTOR. "
+    )
+    return direct + leave
+
+
+def beyond(count: int) -> str:
+    """Return the sentence on ``count`` powers that lie beyond [0, 1] by noise."""
+    return f"; {count} beyond [0, 1] by no more than the noise"
+
+
+@np.errstate(all="ignore")
+def check_data(
+    source: str, data: Data, where: Callable[[int, str], str], hint: Callable[[int], str]
+) -> int:
+    """Return how many powers lie beyond [0, 1] by noise, or raise for the first bad value.
+
+    where(i, role): the place of the angle, wavelength, sigma, polarizer or value of datum i.
+    hint(i): what to do about its value.
+    A power may lie outside [0, 1] by no more than ``EXCURSION_SIGMAS`` of its own standard errors
+    and no more than ``EXCURSION``; without a standard error, by a multiple of the noise of its
+    curve, and no more than ``NOISE_EXCURSION``.
+    """
+    angle, wavelength, quantity, value, sigma, polarizer = data
+    if not len(value):
+        raise MeasurementError(f"{source}: no measured value came; at least one was wanted.")
+
+    def refuse(bad: np.ndarray, role: str, text: Callable[[int], str]) -> None:
+        found = np.flatnonzero(bad)
+        if len(found):
+            i = int(found[0])
+            more = f" ({len(found) - 1} more like it.)" if len(found) > 1 else ""
+            raise MeasurementError(f"{where(i, role)}: {text(i).strip()}{more}")
+
+    refuse(
+        ~((angle >= 0.0) & (angle <= 90.0)),
+        "angle",
+        lambda i: (
+            f"angle of incidence {angle[i]:.10g} degrees is outside [0, 90]; it counts from the "
+            "normal of the surface. If the unit is another, say --angle-unit."
+        ),
+    )
+    refuse(
+        ~(np.isnan(wavelength) | (np.isfinite(wavelength) & (wavelength > 0.0))),
+        "wavelength",
+        lambda i: (
+            f"wavelength {wavelength[i]:.10g} um is not a positive number. If the row is no "
+            "measurement, leave it out with --lines A-B."
+        ),
+    )
+    refuse(
+        ~(np.isnan(sigma) | (np.isfinite(sigma) & (sigma > 0.0))),
+        "sigma",
+        lambda i: (
+            f"standard error {sigma[i]:.10g} is not a positive number. If 0 stands for 'not "
+            "measured', say --missing 0."
+        ),
+    )
+    refuse(
+        sigma**2 < np.finfo(np.float64).tiny,
+        "sigma",
+        lambda i: (
+            f"standard error {sigma[i]:.10g} is so small that its square is no number. Give the "
+            "real one, or leave the standard errors out with --columns."
+        ),
+    )
+    names, which = np.unique(quantity, return_inverse=True)
+    low, high = np.array([TABLE[name][1:3] for name in names.tolist()])[which].T
+    angular = np.isin(quantity, ANGLES)
+    power, of_any = are_powers(quantity), (quantity == "R") | (quantity == "T")
+    refuse(
+        power & (sigma > 1.0),
+        "sigma",
+        lambda i: (
+            f"standard error {sigma[i]:.10g} of a power is above 1. If the column is in percent, "
+            "say --scale 0.01; if it is something else, name the columns with --columns."
+        ),
+    )
+    refuse(~np.isfinite(value), "value", lambda i: f"{value[i]} is not finite. {hint(i)}")
+    slack = np.minimum(EXCURSION_SIGMAS * sigma, EXCURSION)
+    outside = ~angular & ((value < low) | (value > high))
+    if (outside & np.isnan(sigma)).any():
+        shown = np.minimum(SHOWN_SIGMAS * _noise(data), NOISE_EXCURSION)
+        slack = np.where(np.isnan(sigma), shown, slack)
+    slack = np.where(angular, 0.0, np.fmax(slack, _ROUNDING))
+    refuse(
+        (value < low - slack) | (value > high + slack),
+        "value",
+        lambda i: (
+            f"{TABLE[quantity[i]].axis if power[i] else quantity[i]} {value[i]:.10g}"
+            f"{' degrees' * bool(angular[i])} is outside [{low[i]:g}, {high[i]:g}]. {hint(i)}"
+        ),
+    )
+    refuse(
+        ~(np.isnan(polarizer) | (of_any & (polarizer > 0.0) & (polarizer < 90.0))),
+        "polarizer",
+        lambda i: (
+            f"polarizer angle {polarizer[i]:.10g} came; for R or T alone, one between 0 and 90 "
+            "degrees from the plane of incidence was wanted (0 is R_p, 90 is R_s)."
+        ),
+    )
+    return int(outside.sum())

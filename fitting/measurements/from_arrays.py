@@ -1,0 +1,157 @@
+"""From arrays to the checked columns of a measurement; see `Measurement.from_columns`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.measurements.checks import Data, beyond, check_data
+from fitting.measurements.errors import MeasurementError
+from fitting.measurements.quantities import QUANTITIES, are_powers
+from fitting.measurements.ratios import quotient, refuse_no_powers, times_reflectance
+from fitting.measurements.reader import units
+from fitting.process.visible import visible
+
+
+class Units(NamedTuple):
+    """Units of angles and wavelengths, and how powers become fractions.
+
+    divide_by: "R" -> values of a reference, "sigma_R" -> their standard errors. ratio_to: the
+    sample to whose reflectance the values are ratios.
+    """
+
+    angle: str
+    wavelength: str
+    scale: float
+    divide_by: Mapping[str, object]
+    ratio_to: object
+
+
+def _converted(
+    source: str, wavelength: np.ndarray, angle: np.ndarray, of: Units
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return wavelengths in micrometres and angles in degrees."""
+    for name, unit, known in (
+        ("wavelength_unit", of.wavelength, units.WAVELENGTH_UNITS),
+        ("angle_unit", of.angle, units.ANGLE_UNITS),
+    ):
+        if unit not in known:
+            raise MeasurementError(f"{source}: {name} is {unit!r}; one of {', '.join(known)}.")
+    wave = units.wavelength_um(wavelength, of.wavelength)
+    return wave, units.incidence_deg(angle, of.angle, wave)
+
+
+def _quotients(
+    source: str, value: np.ndarray, sigma: np.ndarray, by: np.ndarray, sigma_by: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return values over those of a reference, and their standard errors."""
+    bad = ~(by > 0.0) & np.isfinite(value)
+    if bad.any() or not (np.isnan(sigma_by) | (sigma_by > 0.0)).all():
+        came = f"{by[bad][0]:.6g}" if bad.any() else "a standard error that is not positive"
+        raise MeasurementError(f"{source}: divide_by holds {came}; numbers above 0 were wanted.")
+    by = np.where(by > 0.0, by, 1.0)
+    if not (np.isnan(sigma) | (sigma > 0.0)).all():
+        raise MeasurementError(
+            f"{source}: a standard error is not positive; numbers above 0 were wanted."
+        )
+    return quotient(value, sigma, by, sigma_by)
+
+
+def _ranges(data: Data) -> str:
+    """Return the ranges of angle and wavelength as text."""
+    if not len(data.value):
+        return ""
+    known = np.isfinite(data.wavelength_um).any()
+    waves = units.span_of(data.wavelength_um, "um") if known else "no wavelength"
+    return f", {units.span_of(data.angle_deg, 'degrees')}, {waves}"
+
+
+def from_arrays(
+    places: Sequence[object],
+    values: Mapping[str, object],
+    sigma: object,
+    source: str,
+    of: Units,
+) -> tuple[Data, str]:
+    """Return the checked columns, and sentences on how they were understood.
+
+    places: angles, wavelengths and polarizer angles. values: by quantity.
+    """
+    if not (np.isfinite(of.scale) and of.scale > 0.0):
+        raise MeasurementError(f"{source}: scale is {of.scale:g}; a factor above 0 was wanted.")
+    unknown = [name for name in values if name not in QUANTITIES]
+    if unknown or not values:
+        came = f"there is no quantity {unknown[0]}" if unknown else "no values came"
+        raise MeasurementError(f"{source}: {came}; give one or more of {', '.join(QUANTITIES)}.")
+    names = list(values)
+    sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(names, sigma)
+    stray = [name for name in sigmas if name not in values]
+    if stray:
+        raise MeasurementError(f"{source}: sigma has {stray[0]}, the values do not.")
+    by = of.divide_by
+    if by:
+        refuse_no_powers(source, np.array(names), False, "divide_by")
+    odd = [n for n in by if n.removeprefix("sigma_") not in values] + [
+        n for n in names if n not in by
+    ]
+    if by and odd:
+        raise MeasurementError(
+            f"{source}: divide_by has {', '.join(by)} for values of {', '.join(names)}; each of "
+            f"them (with sigma_ before it for standard errors) and no other was wanted: {odd[0]}."
+        )
+    columns = list(places)
+    columns += [sigmas.get(name) for name in names] + [values[name] for name in names]
+    columns += [by.get(f"sigma_{name}") for name in names] + [by.get(name, 1.0) for name in names]
+    try:
+        arrays = [np.asarray(np.nan if c is None else c, dtype=np.float64) for c in columns]
+        length = np.broadcast_shapes((1,), *(a.shape for a in arrays))
+        if len(length) != 1:
+            raise ValueError(f"{len(length)} dimensions came")
+        angle, wavelength, polarizer, *rest = (np.broadcast_to(a, length) for a in arrays)
+    except (ValueError, TypeError) as error:
+        raise MeasurementError(
+            f"{source}: the columns must be numbers of one length ({error})."
+        ) from error
+    wavelength, angle = _converted(source, wavelength, angle, of)
+    count = len(names)
+    *ours, sigma_by, value_by = np.reshape(rest, (4, count, -1))
+    # Of a quotient the factor cancels.
+    factor = np.where(are_powers(names) & (not by), of.scale, 1.0)
+    sigma_all, value_all = (
+        np.concatenate([units.scaled(a, f) for a, f in zip(each, factor, strict=True)])
+        for each in ours
+    )
+    if by:
+        value_all, sigma_all = _quotients(
+            source, value_all, sigma_all, value_by.ravel(), sigma_by.ravel()
+        )
+    kept = np.flatnonzero(~np.isnan(value_all))
+    rows = length[0]
+
+    def where(i: int, role: str) -> str:
+        name = {"value": "", "sigma": "sigma of "}.get(role, f"{role} of ") + names[kept[i] // rows]
+        return f"{source}, {name}[{kept[i] % rows}]"
+
+    data = Data(
+        np.tile(angle, count)[kept],
+        np.tile(wavelength, count)[kept],
+        np.repeat(np.array(names), rows)[kept],
+        value_all[kept],
+        sigma_all[kept],
+        np.tile(polarizer, count)[kept],
+    )
+    source, percent = visible(source), "Powers are fractions: for percent give scale=0.01."
+    how = "; divided by a reference" if by else ""
+    if of.ratio_to is not None:
+        data, said = times_reflectance(source, data, of.ratio_to)
+        how += f"; {said}"
+
+    def hint(i: int) -> str:
+        return percent if data.value[i] > 1.0 and are_powers(data.quantity[i]) else ""
+
+    outside = check_data(source, data, where, hint)
+    text = f"took {len(kept)} values of {', '.join(names)} from arrays{_ranges(data)}{how}"
+    text += beyond(outside) if outside else ""
+    return data, text

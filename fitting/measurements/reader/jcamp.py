@@ -1,0 +1,232 @@
+"""Spectra in JCAMP-DX 4.24 (R. S. McDonald and P. A. Wilks, Appl. Spectrosc. 42, 151, 1988).
+
+Records ``##LABEL= value``, one of which is the table: ``(X++(Y..Y))``, where a line has its first
+abscissa and then ordinates at equal steps, as numbers (AFFN, PAC) or with letters for the sign and
+the first digit (SQZ), differences (DIF) and repeats (DUP); or ``(XY..XY)``, pairs. Whatever the
+file says twice must agree: the points, the abscissa of each line, the ordinate that a line of
+differences repeats.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Sequence
+from decimal import Decimal
+
+from fitting.measurements.errors import refuse
+from fitting.measurements.reader.spectrum_header import spectrum_header
+
+_MAX_POINTS = 1_000_000  # a repeat count of a few digits must not fill the memory
+_FACTOR_ERROR = Decimal("0.01")  # of FIRSTY: factors are rounded, wrong ones are off by far more
+_TABLES = ("XYDATA", "XYPOINTS", "PEAKTABLE")
+_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[Ee][+-]?[0-9]{1,3})?"
+# E5 behind a number is an ordinate of SQZ, E-5 and E+5 are exponents
+_ORDINATE = re.compile(
+    r"\s+|[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[Ee][+-][0-9]{1,3}(?=[\s+-]|$))?|\?"
+    r"|[@A-Ia-i%J-Rj-rS-Zs][0-9]*"
+)
+_PAIR = re.compile(rf"({_NUMBER})(?:\s*,\s*|\s+)({_NUMBER})\s*(?:;\s*|(?<=\s)|$)")
+_DIGITS = [*map(str, range(10)), *map(str, range(-1, -10, -1))]
+_SQZ = dict(zip("@ABCDEFGHIabcdefghi", _DIGITS, strict=True))
+_DIF = dict(zip("%JKLMNOPQRjklmnopqr", _DIGITS, strict=True))
+_DUP = dict(zip("STUVWXYZs", "123456789", strict=True))
+_TOLD = ("TITLE", "SAMPLEDESCRIPTION", "SAMPLINGPROCEDURE", "$")  # may say angle and polarization
+
+Points = list[tuple[Decimal, Decimal | None, int]]
+
+
+class _Records:
+    """The records of one block: label -> (line, value), the first line of text of each."""
+
+    def __init__(self, texts: Sequence[str]) -> None:
+        self.found = defaultdict[str, list[tuple[int, str]]](list)
+        self.rows = defaultdict[str, list[tuple[int, str]]](list)  # further lines of each
+        label = ""
+        for line, text in enumerate(texts, start=1):
+            text = text.split("$$")[0].strip()
+            if text.startswith("##"):
+                name, _, value = text[2:].partition("=")
+                label = re.sub(r"[\s/_-]", "", name).upper()
+                self.found[label].append((line, value.strip()))
+            elif text:
+                self.rows[label].append((line, text))
+
+    def text(self, label: str, at: int) -> tuple[int, str]:
+        """Return line and value of a record that must be there once."""
+        if not self.found[label]:
+            refuse(at, f"this JCAMP-DX file has no record ##{label}=, which its table needs.")
+        if len(self.found[label]) > 1:
+            refuse(self.found[label][1][0], f"a second record ##{label}=. Keep the right one.")
+        return self.found[label][0]
+
+    def number(self, label: str, at: int) -> Decimal:
+        """Return the number of a record that must be there once."""
+        line, value = self.text(label, at)
+        if not re.fullmatch(_NUMBER, value):
+            refuse(line, f"##{label}= {value[:30]!r}: a number was wanted.")
+        return Decimal(value)
+
+
+def _unit(number: Decimal) -> Decimal:
+    """Return one unit of the last digit of a number as it is written."""
+    return Decimal(1).scaleb(int(number.as_tuple().exponent))
+
+
+def _tokens(text: str, line: int) -> list[str]:
+    tokens, at = [], 0
+    while at < len(text):
+        match = _ORDINATE.match(text, at)
+        glued = match and tokens and match[0][0] in "0123456789." and not text[at - 1].isspace()
+        if not match or glued:
+            refuse(line, f"{text[at : at + 20]!r} is no ordinate in AFFN, PAC, SQZ, DIF or DUP.")
+        tokens += [match[0]] if match[0].strip() else []
+        at = match.end()
+    return tokens
+
+
+def _ordinates(tokens: list[str], line: int, most: int) -> tuple[list[Decimal | None], bool]:
+    """Return the ordinates of a line without the factor, and whether the last is a difference.
+
+    None is a gap. Raises MeasurementError beyond ``most``.
+    """
+    values: list[Decimal | None] = []
+    step: Decimal | None = None
+    for token in tokens:
+        first, digits = token[0], token[1:]
+        last = values[-1] if values else None
+        new: list[Decimal | None]
+        if (first in _DIF or first in _DUP) and not values:
+            refuse(line, f"{token!r} stands where the first ordinate of the line was wanted.")
+        if first in _DUP:
+            count = Decimal(_DUP[first] + digits)
+            count = int(count) - 1 if count <= most + 1 else most + 1
+            new = [last] * count
+            if step is not None and last is not None:
+                new = [last + step * (i + 1) for i in range(count)]
+        elif first in _DIF:
+            step = Decimal(_DIF[first] + digits)
+            if last is None:
+                refuse(line, f"the difference {token!r} stands behind a gap (?).")
+            new = [last + step]
+        else:
+            step = None
+            new = [None if first == "?" else Decimal(_SQZ.get(first, first) + digits)]
+        values += new
+        if len(values) > most:
+            refuse(line, "more points than ##NPOINTS= says. The file is damaged; export it anew.")
+    return values, step is not None
+
+
+def _equal_steps(records: _Records, table: str, at: int, count: int) -> Points:
+    """Return the points of (X++(Y..Y))."""
+    first, last = records.number("FIRSTX", at), records.number("LASTX", at)
+    x_factor, y_factor = records.number("XFACTOR", at), records.number("YFACTOR", at)
+    step = (last - first) / max(count - 1, 1)
+    points: Points = []
+    check: Decimal | None = None  # the last ordinate, which the next line repeats
+    repeated = False
+    for line, text in records.rows[table]:
+        tokens = _tokens(text, line)
+        head, differs = _ordinates(tokens[:1], line, 1)
+        values, differs = _ordinates(tokens[1:], line, count + 1 - len(points))
+        start = head[0]
+        if start is None or not values:
+            refuse(line, f"{text[:30]!r}: an abscissa and ordinates were wanted.")
+        at_x = first + step * (len(points) - repeated)
+        if abs(start * x_factor - at_x) > abs(step) / 2 + abs(_unit(start) * x_factor) / 2:
+            refuse(
+                line,
+                f"the line begins at x = {start * x_factor}, but ##FIRSTX=, ##LASTX=, ##NPOINTS= "
+                f"and the {len(points) - repeated} points before it give {at_x:.10g}. Points are "
+                "missing or damaged; export the file anew.",
+            )
+        if repeated and values[0] != check:
+            refuse(
+                line,
+                f"the line repeats the ordinate {values[0]}, the line before it ended with "
+                f"{check} (the check of DIF). The file is damaged; export it anew.",
+            )
+        for value in values[repeated:]:
+            y = None if value is None else value * y_factor
+            points.append((first + step * len(points), y, line))
+        check, repeated = values[-1], differs
+    return points
+
+
+def _pairs(records: _Records, table: str) -> Points:
+    """Return the points of (XY..XY)."""
+    factors = [
+        records.number(label, 0) if records.found[label] else Decimal(1)
+        for label in ("XFACTOR", "YFACTOR")
+    ]
+    points: Points = []
+    for line, text in records.rows[table]:
+        at = 0
+        while at < len(text):
+            match = _PAIR.match(text, at)
+            if not match:
+                refuse(line, f"{text[at : at + 30]!r}: pairs x, y were wanted.")
+            points.append((Decimal(match[1]) * factors[0], Decimal(match[2]) * factors[1], line))
+            at = match.end()
+    return points
+
+
+def _check_ends(records: _Records, points: Points, at: int, count: int) -> None:
+    """Raise where the table and the records on its first and last point contradict each other."""
+    if len(points) != count:
+        refuse(
+            at,
+            f"the table has {len(points)} points, ##NPOINTS= says {count}. Points are missing or "
+            "damaged; export the file anew.",
+        )
+    for label, i, column in (("FIRSTX", 0, 0), ("LASTX", -1, 0), ("FIRSTY", 0, 1)):
+        found = points[i][column]
+        if not records.found[label] or not isinstance(found, Decimal):
+            continue
+        said = records.number(label, at)
+        close = _unit(said) if column == 0 else _unit(said) + abs(said) * _FACTOR_ERROR
+        if abs(said - found) >= max(close, _unit(found)):
+            refuse(
+                records.found[label][0][0],
+                f"##{label}= {said}, the table gives {found:.10g} (with the factor ##"
+                f"{label[-1]}FACTOR=). Mend the wrong one of them.",
+            )
+
+
+def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str], list[int]] | None:
+    """Return the lines of a JCAMP-DX file as a tabbed table, notes, and their lines; else None."""
+    if not next((text for text in texts if text.strip()), "").lstrip().startswith("##"):
+        return None
+    records = _Records(texts)
+    if not records.found["JCAMPDX"]:
+        return None
+    start = records.found["JCAMPDX"][0][0]
+    tables = [(at, label) for label in _TABLES for at, _ in records.found[label]]
+    blocks = max(len(records.found["TITLE"]), len(tables))
+    if blocks > 1:
+        refuse(start, f"this JCAMP-DX file has {blocks} blocks. Save each spectrum as its own.")
+    if not tables:
+        refuse(
+            start, "this JCAMP-DX file has no ##XYDATA=, ##XYPOINTS= or ##PEAK TABLE=. Export "
+            "the spectrum as one of them.",
+        )  # fmt: skip
+    at, table = tables[0]
+    header = spectrum_header(*records.text("XUNITS", at), *records.text("YUNITS", at))
+    said = records.number("NPOINTS", at)
+    if not 1 <= said <= _MAX_POINTS or said != int(said):
+        refuse(records.found["NPOINTS"][0][0], f"##NPOINTS= {said} is no number of points.")
+    form = re.sub(r"\s", "", records.found[table][0][1]).upper()
+    if form not in ("(X++(Y..Y))", "(XY..XY)"):
+        refuse(at, f"a table {form[:30]}: (X++(Y..Y)) or (XY..XY) were wanted.")
+    equal = form == "(X++(Y..Y))"
+    points = _equal_steps(records, table, at, int(said)) if equal else _pairs(records, table)
+    _check_ends(records, points, at, int(said))
+    out = [""] * (at - 1)
+    for label, found in records.found.items():
+        for line, value in found:
+            if label.startswith(_TOLD) and line < at:
+                out[line - 1] = "# " + value
+    out += [header, *(f"{x}\t{'nan' if y is None else y}" for x, y, _ in points)]
+    numbers = [*range(1, at + 1), *(line for _, _, line in points)]
+    return out, [f"a JCAMP-DX file: {len(points)} points"], numbers

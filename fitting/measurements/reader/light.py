@@ -1,0 +1,130 @@
+"""The polarization of each row: a column of words, codes or angles, or one for the file."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.measurements.errors import MeasurementError
+from fitting.measurements.reader.cells import is_missing, is_number, number_or_none
+from fitting.measurements.reader.columns import Column
+from fitting.measurements.reader.reading import Reading
+from fitting.measurements.reader.vocabulary import LETTERS, words_of
+
+
+class Light(NamedTuple):
+    """For each row "s", "p", "u" or "" (not said), and a polarizer's angle from p, else NaN."""
+
+    letter: np.ndarray
+    polarizer_deg: np.ndarray
+
+
+def _letter(cell: str) -> str:
+    """Return the polarization that a cell says and nothing else: s, TM, p-polarized, senkrecht."""
+    words = words_of(cell)
+    letters = words.concepts & LETTERS
+    known = not words.unknown and words.concepts <= {*letters, "polarization", "wave"}
+    return next(iter(letters)) if known and len(letters) == 1 and not words.numbers else ""
+
+
+def _from_angles(reading: Reading, column: Column) -> Light:
+    numbers, _ = reading.numbers(column)
+    unit = column.role.unit or "deg"
+    if unit not in ("deg", "rad"):
+        reading.refuse(column, f"a polarizer angle in {unit} came where degrees were wanted.")
+    degrees = np.degrees(numbers) if unit == "rad" else numbers
+    # a linear polarizer looks the same after half a turn, and the power after a reflection too
+    turned = np.mod(degrees + (90.0 if reading.options.polarizer == "angle-from-s" else 0.0), 180.0)
+    folded = np.where(turned > 90.0, 180.0 - turned, turned)
+    # half p and half s is what unpolarized light is
+    letter = np.select([folded == 0.0, folded == 90.0, folded == 45.0], ["p", "s", "u"], "")
+    return Light(letter, np.where(letter == "", folded, np.nan))
+
+
+def _from_cells(reading: Reading, column: Column) -> Light:
+    cells = [row[column.index] for row in reading.table.rows]
+    codes = reading.options.codes
+    numbers = {number_or_none(code): letter for code, letter in codes.items()}
+    numbers.pop(None, "")
+    known = {
+        cell: codes.get(cell.lower()) or numbers.get(number_or_none(cell), "")
+        if codes
+        else _letter(cell)
+        for cell in set(cells)
+    }
+    lost = [i for i, cell in enumerate(cells) if not known[cell] and not is_missing(cell)]
+    if lost:
+        values = sorted({cells[i] for i in lost})[:4]
+        first = cells[lost[0]][:30]
+        came = f"{first!r} came where s, p, TE, TM or unpolarized was wanted"
+        option = f"{first}=s"
+        if all(is_number(value) for value in values):
+            came = f"{', '.join(values)} may be codes or angles of a polarizer"
+            codes = ",".join(v + "=" + "sp"[n % 2] for n, v in enumerate(values[:2]))
+            option = f"{codes} (or the other way round), or angle-from-p or angle-from-s if they "
+            option += "are degrees"
+        reading.refuse(column, f"{came}. Say what it means with --polarization {option}.", lost[0])
+    return Light(np.array([known[cell] for cell in cells]), np.full(len(cells), np.nan))
+
+
+def _from_column(reading: Reading, column: Column) -> Light:
+    options = reading.options
+    if options.light:
+        reading.refuse_both(column, "the polarization", "--polarization")
+    if options.polarizer:
+        return _from_angles(reading, column)
+    if column is reading.layout.polarizer and not options.codes:
+        reading.refuse(
+            column,
+            "a polarizer's angle can count from the plane of incidence (0 is p) or from its "
+            "normal (0 is s). Say --polarization angle-from-p or angle-from-s.",
+        )
+    light = _from_cells(reading, column)
+    reading.refuse_other_light(set(light.letter.tolist()) - {""}, column)
+    return light
+
+
+def light_of_rows(reading: Reading, oblique: bool) -> Light:
+    """Return the polarization of each row as far as it is not said by the columns' own names.
+
+    oblique: whether any angle is not 0, where s and p are one.
+    Raises MeasurementError where two facts disagree, or a code has two readings.
+    """
+    table, layout, options, said, notes = reading
+    rows, nowhere = len(table.rows), np.full(len(table.rows), np.nan)
+    column = layout.polarizer or layout.polarization
+    bare = [v for v in layout.values if v.role.quantity in ("R", "T")]
+    named = [v for v in layout.values if v.role.quantity[1:] in ("_s", "_p")]
+    if column is not None:
+        other = layout.polarization if layout.polarizer else named[0] if named else None
+        if other:
+            reading.refuse(
+                column,
+                f"this column gives the polarization, and so does column {other.label!r}. Name the "
+                "columns to be read with --columns.",
+            )
+        if bare:
+            return _from_column(reading, column)
+        notes.append(f"column {column.label} not needed")
+        return Light(np.full(rows, ""), nowhere)
+    if options.codes or options.polarizer:
+        raise MeasurementError(
+            f"{table.source}: --polarization gives a meaning to a column, but none is named as the "
+            "polarization. Say which it is with --columns polarization=..., or --polarization s "
+            "or p."
+        )
+    letter = options.light
+    if letter and any(v.role.quantity[2:] != letter for v in named):
+        reading.refuse(
+            named[0],
+            f"the column is named {named[0].role.quantity}, and --polarization says otherwise. "
+            "Name the columns to be read with --columns.",
+        )
+    if not letter and bare and not named and oblique and (beside := said.one("light")):
+        letter = str(beside.value)
+        what = {"s": "s", "p": "p", "u": "unpolarized"}[letter]
+        notes.append(f"{what} light ({beside.where}; --polarization)")
+    elif named and not letter:
+        reading.refuse_other_light({v.role.quantity[2:] for v in named}, named[0])
+    return Light(np.full(rows, letter or "u"), nowhere)

@@ -1,0 +1,212 @@
+"""What one header name says of its column: role, quantity and unit, or nothing understood."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from typing import NamedTuple
+
+from fitting.measurements.reader.units import FORM_OF, Q_UNITS
+from fitting.measurements.reader.vocabulary import (
+    ALONE,
+    CONCEPT,
+    LETTERS,
+    LONGEST,
+    UNITS_BEHIND_WORDS,
+    cased,
+    spelled,
+    unit_of,
+)
+
+_ANGLES = {"incidence", "angle"}
+# theta i, reflection angle
+_BESIDE_ANGLES = {*_ANGLES, "inc", "raw", "R", "out", "external", "deg"}
+_AXES = (  # kind and form; one of these concepts is there, and beside it these, or other words
+    ("polarization", "", {"polarization"}, {"state", "mode"}),
+    ("polarizer", "", {"polarizer", "polarization"}, _ANGLES),
+    ("angle", "q", {"transfer"}, {"z"}),
+    ("angle", "2theta", {"doubled"}, _ANGLES),
+    ("angle", "grazing", {"grazing"}, _ANGLES),
+    ("angle", "incidence", _ANGLES, _BESIDE_ANGLES),
+    ("wavelength", "wavelength", {"wavelength"}, set()),
+    ("wavelength", "energy", {"energy"}, set()),
+    ("wavelength", "wavenumber", {"wavenumber"}, set()),
+    ("wavelength", "frequency", {"frequency"}, set()),
+)
+# letters that are such a quantity beside its unit
+_SYMBOLS = {"energy": {"e"}, "wavenumber": {"k", "nu"}, "frequency": {"f", "nu"}, "q": {"z"}}
+_AXIS_UNITS = ("nm", "um", "angstrom", "eV", "cm-1", "THz", *Q_UNITS)
+# why a column with a word of this concept cannot be used
+_WHY = {
+    "no incidence": "it is no angle of incidence",
+    "turned": "it is no angle of incidence",
+    "some angle": "it may be the angle of incidence or another one",
+    "raw": "it is a raw signal, not a ratio to the direct beam",
+    "constant": "it is an optical constant, not a measured power",
+}
+# names glued of a quantity and its polarization; T in capitals only (tp, ts are times as well)
+_GLUED = re.compile(
+    "(?:(r)|(R)|[Rr]efl|(T)|[Rr]eflectance|([Tt]ransmittance))"
+    "(s|p|S|P|te|tm|TE|TM|ss|pp|perp|par|spol|ppol|unpol|mean|avg|front|back)"
+)
+_SUFFIX = re.compile(r"(?<=[\w)\]])(?:[\s_.]+|\s*[/,]\s*|\s+in\s+)([^\s_]+)$")
+_BRACKETS = re.compile(r"\(([^()]*(?:\([^()]*\))?[^()]*)\)|\[([^\[\]]*)\]")
+# R(45 deg), Rs (AOI 45), Rs@60, "angle 60" once it is spelled out: the angle of a column in a wide
+# table; without a unit not 1.05, which may be radians
+_AT = re.compile(
+    r"[(\[_\s]\s*(?:(?:at|aoi|theta)\s*=?\s*)?(?:([0-9]+(?:\.[0-9]+)?)\s*_?deg(?:rees?)?"
+    r"|(?:angle|aoi\s*=?|theta\s*=) ?([0-9]{2}(?:\.[0-9]+)?|[02-9](?!\.)))"
+    r"\s*[)\]]?(?=$|[\s_(\[])",
+    re.IGNORECASE,
+)
+# R_45, Rs 60: an angle, or the number of a sample
+_NUMBERED = re.compile(r"(?<=[A-Za-z\s_])([0-9]{1,2}(?:\.[0-9]+)?)\s*$")
+# what may stand between words and means nothing; a prime, a root, a ratio does mean something
+_NO_SIGNS = re.compile(r"[\w\s.,:;()\[\]{}\-]*")
+
+
+class Role(NamedTuple):
+    """What a column is: angle, wavelength, polarization, polarizer, value, sigma, unclear or "".
+
+    quantity: for value and sigma, a name of QUANTITIES; for sigma also "_s" and "_p", or "" where
+        the name does not say of what.
+    form: of an angle incidence, grazing, 2theta or q; of a wavelength the word that names it
+        (wavelength, energy, wavenumber, frequency); of a name that ends in a number of unknown
+        meaning (R_45), for which kind is "", what it is if that is an angle: value or sigma.
+    unit: a key of :mod:`fitting.measurements.reader.vocabulary`, "" where the name gives none.
+    at: for value and sigma, the angle of incidence in degrees that the name gives, else None.
+    why: for kind "", why the column cannot be used, if known; for unclear, both readings.
+    """
+
+    kind: str
+    quantity: str = ""
+    form: str = ""
+    unit: str = ""
+    why: str = ""
+    at: float | None = None
+
+
+def _part_unit(name: str) -> tuple[str, str]:
+    """Return the name without its unit, and the unit ("" where none is there)."""
+    found = [unit_of(round_ or square) for round_, square in _BRACKETS.findall(name)]
+    unit = next(filter(None, found), "")
+    rest = _BRACKETS.sub(
+        lambda match: " " if unit_of(match[0][1:-1]) else f" {match[0][1:-1]} ", name
+    ).strip(" ,:;")
+    if rest.startswith("%"):
+        rest, unit = rest[1:].strip(), unit or "percent"
+    if rest.endswith("%"):
+        rest, unit = re.sub(r"(?:\s+in)?[/ _,]*$", "", rest[:-1]), unit or "percent"
+    match = None if unit else _SUFFIX.search(rest)
+    if match and unit_of(match[1]) in UNITS_BEHIND_WORDS:
+        words = {CONCEPT.get(token) for token in _tokens(rest[: match.start()])}
+        # one letter is a unit of length behind a wavelength alone
+        if len(match[1]) > 1 or words <= {"wavelength", "article"}:
+            rest, unit = rest[: match.start()], unit_of(match[1]) or ""
+    return rest, unit
+
+
+def _tokens(rest: str) -> list[str]:
+    """Return the words of a name, with R and T kept as capitals and glued names taken apart."""
+    tokens = []
+    for word in re.findall(r"[^\W_]+", rest):
+        for part in [word] if _GLUED.fullmatch(word) else cased(word):
+            if glued := _GLUED.fullmatch(part):
+                head = "r" if glued[1] else "T" if glued[3] or glued[4] else "R"
+                tokens += [head, glued[5].lower()]
+            else:
+                tokens.append(part if part in ("R", "T") else part.lower())
+    return tokens
+
+
+def _optical(tokens: list[str], unit: str, error: bool) -> Role | None:
+    """Return the role of a value or of its standard error, or None where a word is left over."""
+    quantities, lights, side = set(), set(), ""
+    for token in tokens:
+        concept = token if token in ("R", "T") else CONCEPT.get(token, "")
+        if concept in ("R", "T", *ALONE):
+            quantities.add(concept)
+        elif concept in LETTERS and token != "u":
+            lights.add(concept)
+        elif concept == "back":
+            side = "_back"
+        elif concept not in ("filler", "polarization"):
+            return None
+    quantity, light = "".join(quantities), "".join(lights)
+    if len(quantities) > 1 or len(lights) > 1 or not (quantity or error):
+        return None
+    if side and (light or quantity != "R"):
+        return None
+    if light and (quantity in ALONE or not (quantity or error)):
+        return None
+    tail = side or ("" if light in ("", "u") else "_" + light)
+    return Role("sigma" if error else "value", quantity + tail, unit=unit)
+
+
+def _axis(tokens: list[str], unit: str) -> Role | None:
+    """Return the role of an angle, wavelength or polarization column, or None."""
+    said = {CONCEPT.get(token.lower(), token.lower()) for token in tokens}
+    words = said - {"filler", "article"}
+    for kind, form, needed, others in _AXES:
+        if words & needed and words <= needed | others:
+            return Role(kind, form=form, unit=unit)
+    form = FORM_OF.get(unit, "") if unit != "mm" else ""
+    letters = {token.lower() for token in tokens} - {"the", "of"}
+    if form and letters <= _SYMBOLS.get(form, set()):
+        return Role("angle" if form == "q" else "wavelength", form=form, unit=unit)
+    return None
+
+
+@lru_cache(maxsize=4096)
+def role_of(name: str, unit: str = "") -> Role:
+    """Return what the header ``name`` says, with ``unit`` from a row of units where it gives none.
+
+    Every word and every sign must be known: neither "R of sample 2" nor "R'" is taken for a
+    reflectance. kind "" means that the column is not understood.
+    """
+    if len(name) > LONGEST:
+        return Role("", why="its name is too long")
+    text = re.sub(r"\|\||(?<=[Rr_\s])//|//$", " par ", spelled(name).strip())
+    rest, own = _part_unit(text)
+    if not own and unit_of(rest) in _AXIS_UNITS and len(rest) > 1:
+        rest, own = "", unit_of(rest) or ""  # the unit is all the name there is
+    unit = own or unit
+    if re.fullmatch(r"s(?:[RT]|Qz?|psi|Psi)", rest):
+        why = f"the standard error of {rest[1:]}, or {rest[1:]} of s-polarized light"
+        return Role("unclear", "sigma_" + rest[1:], why=why)
+    tokens = _tokens(rest)
+    if tokens[:1] == ["r"] and len(tokens) == 2 and CONCEPT.get(tokens[1]) in ("s", "p"):
+        if unit != "percent":  # by which the field's name of an amplitude is one of a power
+            letter = CONCEPT[tokens[1]]
+            why = f"the amplitude r_{letter} or the reflectance R_{letter} = |r_{letter}|^2"
+            return Role("unclear", "R_" + letter, why=why)
+        tokens[0] = "R"
+    said = {CONCEPT.get(token.lower(), "") for token in tokens}
+    of_error = "error" in said or tokens[:1] in (["d"], ["delta"])
+    if (of_error and ("/" in rest or "relative" in said)) or said == {"relative"}:
+        return Role("unclear", why="a relative error, where absolute ones are wanted")
+    if match := _AT.search(text):
+        bare = role_of(text[: match.start()] + " " + text[match.end() :], unit.replace("deg", ""))
+        if bare.kind in ("value", "sigma") and bare.quantity and bare.at is None:
+            return bare._replace(at=float(match[1] or match[2]))
+    signs = not _NO_SIGNS.fullmatch(rest) or rest.startswith("-")
+    if signs or not (tokens or unit in _AXIS_UNITS):
+        return Role("", unit=unit)
+    error, optical = "error" in said, tokens
+    if error:
+        optical = [t for t in tokens if CONCEPT.get(t.lower()) not in ("error", "of errors")]
+    elif tokens[:1] in (["d"], ["delta"]) and (behind := tokens[1:]):  # dR, delta R
+        of = _axis(behind, unit) or _optical(behind, unit, error=True)
+        if of and (of.quantity or of.form):
+            error, optical = True, behind
+    axis = _axis(optical, unit) if optical or not error else None
+    if axis:
+        return Role("", why="it is the uncertainty or resolution of an axis") if error else axis
+    if found := _optical(optical, unit, error):
+        return found
+    match = _NUMBERED.search(rest)
+    if match and match[1] in name and unit in ("", "percent", "1", "deg"):  # R2, not R squared
+        bare = role_of(rest[: match.start()].rstrip(" _"), unit)
+        if bare.kind in ("value", "sigma") and bare.quantity and bare.at is None:
+            return bare._replace(kind="", form=bare.kind, at=float(match[1]))
+    return Role("", unit=unit, why=next((_WHY[concept] for concept in _WHY if concept in said), ""))

@@ -1,0 +1,155 @@
+"""The options of the reader, each a Python value or the text of its flag, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple, NoReturn
+
+from fitting.measurements.errors import MeasurementError
+from fitting.measurements.quantities import QUANTITIES
+from fitting.measurements.reader.units import ANGLE_UNITS, WAVELENGTH_UNITS
+from fitting.measurements.reader.vocabulary import light_of, plain, unit_of
+
+ROLES = (
+    ("angle", "wavelength", "polarization", "polarizer")
+    + QUANTITIES
+    + tuple("sigma_" + quantity for quantity in QUANTITIES)
+)
+POLARIZER_FROM = ("angle-from-p", "angle-from-s")
+
+
+class Options(NamedTuple):
+    """Checked options of :func:`fitting.read_csv`; None, or empty, where not given.
+
+    light: "s", "p", "u" for the whole file, or "". codes: text of a cell -> "s", "p", "u".
+    polarizer: "angle-from-p", "angle-from-s" or "". zero_is_value: zeros were said to be measured.
+    divided: the values are one of two scans, whose quotient counts: their unit is of no matter.
+    """
+
+    columns: dict[str, str]
+    keep: dict[str, list[str]]
+    angle_deg: float | None
+    angle_unit: str
+    wavelength_um: float | None
+    wavelength_unit: str
+    light: str
+    codes: dict[str, str]
+    polarizer: str
+    scale: float | None
+    sigma: float | None
+    psi_unit: str
+    missing: list[str]
+    zero_is_value: bool
+    divided: bool = False
+
+
+class _Given(NamedTuple):
+    """The options as they came, by name, and the file that they are for."""
+
+    source: str
+    by_name: Mapping[str, object]
+
+    def refuse(self, name: str, text: str) -> NoReturn:
+        """Raise because the value of an option means nothing."""
+        came = f"--{name.replace('_', '-')} {self.by_name[name]}"
+        raise MeasurementError(f"{self.source}: {came} {text}")
+
+    def number(self, name: str, low: float, high: float) -> float | None:
+        """Return a number from low to high, None where none was given."""
+        value = self.by_name.get(name)
+        try:
+            number = None if value is None else float(value)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            number = float("nan")
+        if number is not None and not low <= number <= high:
+            self.refuse(name, f"came where a number from {low:g} to {high:g} was wanted.")
+        return number
+
+    def one_of(self, name: str, wanted: tuple[str, ...]) -> str:
+        """Return one of the words wanted, however it is spelled; "" where none was given."""
+        if (value := self.by_name.get(name)) is None:
+            return ""
+        text = str(value).strip()
+        found = text if text in wanted else unit_of(text)
+        if found not in wanted:
+            self.refuse(name, f"is not known; it can be {', '.join(wanted)}.")
+        return found
+
+    def pairs(self, name: str) -> dict[str, str]:
+        """Return the pairs of ``A=1,B=2`` or a mapping; a part without = goes to the one before."""
+        value = self.by_name.get(name)
+        if value is None:
+            return {}
+        if isinstance(value, Mapping):
+            value = [f"{k}={','.join(map(str, v)) if isinstance(v, (list, tuple)) else v}"
+                     for k, v in value.items()]  # fmt: skip
+        parts = value if isinstance(value, (list, tuple)) else [value]
+        pairs: dict[str, str] = {}
+        key = ""
+        for part in ",".join(map(str, parts)).split(","):
+            left, equals, right = map(str.strip, part.partition("="))
+            if equals and left in pairs:
+                self.refuse(name, f"gives {left} twice, {pairs[left]} and {right}.")
+            if equals:
+                key, pairs[left] = left, right
+            elif key:
+                pairs[key] += "," + left
+        if not pairs:
+            self.refuse(name, "came where NAME=VALUE was wanted.")
+        return pairs
+
+    def polarization(self) -> tuple[str, dict[str, str], str]:
+        """Return the light of the whole file, the meaning of codes, where a polarizer counts from.
+
+        One of them at most is not empty.
+        """
+        value = self.by_name.get("polarization")
+        if value is None:
+            return "", {}, ""
+        text = plain(str(value)).strip().lower() if isinstance(value, str) else ""
+        if light_of(text) or text in POLARIZER_FROM:
+            return light_of(text), {}, text if text in POLARIZER_FROM else ""
+        codes = {}
+        if not text or "=" in text:
+            pairs = self.pairs("polarization")
+            codes = {key.lower(): light_of(item.lower()) for key, item in pairs.items()}
+        if not codes or not all(codes.values()):
+            self.refuse(
+                "polarization",
+                "is not known; it can be s, p or unpolarized for the whole file, codes of a column "
+                "such as 0=s,1=p, or angle-from-p or angle-from-s for the angle of a polarizer "
+                "from the plane of incidence or from its normal.",
+            )
+        return "", codes, ""
+
+
+def parse_options(source: str, by_name: Mapping[str, object]) -> Options:
+    """Return the options of ``read_csv`` by their names, checked; None is not given.
+
+    Raises MeasurementError for one that means nothing.
+    """
+    given = _Given(source, by_name)
+    columns = given.pairs("columns")
+    stray = [role for role in columns if role not in ROLES]
+    if stray:
+        given.refuse("columns", f"has {stray[0]}, which is none of {', '.join(ROLES)}.")
+    light, codes, polarizer = given.polarization()
+    words = by_name.get("missing")
+    words = [] if words is None else words if isinstance(words, (list, tuple)) else [words]
+    gaps = [part.strip() for word in words for part in str(word).split(",")]
+    return Options(
+        columns=columns,
+        keep={k: [part.strip() for part in v.split(",")] for k, v in given.pairs("keep").items()},
+        angle_deg=given.number("angle_deg", 0.0, 90.0),
+        angle_unit=given.one_of("angle_unit", ANGLE_UNITS),
+        wavelength_um=given.number("wavelength_um", 1e-9, 1e9),
+        wavelength_unit=given.one_of("wavelength_unit", WAVELENGTH_UNITS),
+        light=light,
+        codes=codes,
+        polarizer=polarizer,
+        scale=given.number("scale", 1e-300, 1e300),
+        sigma=given.number("sigma", 1e-300, 1e300),
+        psi_unit=given.one_of("psi_unit", ("deg", "rad")),
+        missing=gaps,
+        zero_is_value="none" in gaps,
+    )

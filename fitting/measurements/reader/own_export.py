@@ -1,0 +1,63 @@
+"""The data table that this package writes (``--csv``), read back to the last bit.
+
+Cells are parted by commas, or by semicolons beside decimal commas.
+
+Its columns have fixed names and units, a datum a row; the comments above tell of the fit and of the
+file that was read then, and are no statements about these numbers.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from fitting.measurements.checks import Data
+from fitting.measurements.errors import MeasurementError, place
+from fitting.measurements.quantities import QUANTITIES
+from fitting.measurements.reader.longform import LongColumns
+
+_NEEDED = {"angle_deg", "quantity", "value", "fitted", "residual"}
+_NUMBERS = ("angle_deg", "wavelength_um", "value", "sigma", "polarizer_deg")
+
+
+def own_header(texts: Sequence[str]) -> int:
+    """Return where the header of a table that this package wrote stands; -1 in any other file."""
+    start = next((i for i, text in enumerate(texts) if not text.startswith("#")), -1)
+    return start if start >= 0 and set(re.split("[,;]", texts[start])) >= _NEEDED else -1
+
+
+def own_columns(source: str, texts: Sequence[str], start: int) -> LongColumns:
+    """Return the data of a table that this package wrote, its header at ``start``.
+
+    Raises MeasurementError where a row was damaged since.
+    """
+    mark = ";" if ";" in texts[start] else ","
+    names = texts[start].split(mark)
+    quantities, rows, lines = [], [], []
+    for line, cells in enumerate(csv.reader(texts[start + 1 :], delimiter=mark), start + 2):
+        if not cells:
+            continue
+        row = dict(zip(names, cells, strict=False))
+        try:
+            numbers = [float(row.get(name, "").replace(",", ".") or "nan") for name in _NUMBERS]
+        except ValueError:
+            numbers = []
+        if not numbers or len(cells) != len(names) or row["quantity"] not in QUANTITIES:
+            raise MeasurementError(
+                f"{place(source, line)}: this is no row of the table that fresnel-fit writes "
+                "(--csv). Write it anew, or name the columns to be read with --columns."
+            )
+        quantities.append(row["quantity"])
+        rows.append(numbers)
+        lines.append(line)
+    angle, wavelength, value, sigma, polarizer = np.array(rows).reshape(-1, len(_NUMBERS)).T
+    data = Data(angle, wavelength, np.array(quantities, dtype=str), value, sigma, polarizer)
+    return LongColumns(
+        data,
+        [(line, "value", "sigma") for line in lines],
+        {"angle": "angle_deg", "wavelength": "wavelength_um", "polarizer": "polarizer_deg"},
+        f"read {len(lines)} values from a table that fresnel-fit wrote",
+    )

@@ -1,0 +1,126 @@
+"""Rows to be read, numbers in a column, and what is known of a file while they are made of it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+
+from fitting.measurements.errors import MeasurementError, place
+from fitting.measurements.reader.cells import is_missing, number_or_none, to_numbers
+from fitting.measurements.reader.columns import Column, Layout
+from fitting.measurements.reader.evidence import OPTION, Evidence
+from fitting.measurements.reader.options import Options
+from fitting.measurements.reader.table import Table, find_column
+
+
+def _span(word: str) -> tuple[float, float] | None:
+    """Return the ends of a range such as 1-4, those of a number twice; None for any other word."""
+    match = re.fullmatch(r"\s*(-?[0-9.]+)\s*-\s*(-?[0-9.]+)\s*", word)
+    low, high = (number_or_none(end) for end in (match.groups() if match else (word, word)))
+    return None if low is None or high is None else (low, high)
+
+
+def keep_rows(table: Table, options: Options) -> Table:
+    """Return the table with the rows that the option ``keep`` (column=1,3-5,...) lets through."""
+    rows, lines = table.rows, table.lines
+    for name, wanted in options.keep.items():
+        index = find_column(table, name, "--keep")
+        words = {word.lower() for word in wanted}
+        spans = [span for word in wanted if (span := _span(word))]
+        chosen = []
+        for i, row in enumerate(rows):
+            number = number_or_none(row[index])
+            inside = number is not None and any(low <= number <= high for low, high in spans)
+            if inside or row[index].lower() in words:
+                chosen.append(i)
+        rows, lines = [rows[i] for i in chosen], [lines[i] for i in chosen]
+        if not rows:
+            raise MeasurementError(
+                f"{table.source}: --keep {name}={','.join(wanted)} leaves no row."
+            )
+    return table._replace(rows=rows, lines=lines)
+
+
+class Reading(NamedTuple):
+    """A table, its columns in use, the options, what is said beside, and notes, which grow."""
+
+    table: Table
+    layout: Layout
+    options: Options
+    said: Evidence
+    notes: list[str]
+
+    def refuse(self, column: Column, text: str, row: int | None = None) -> NoReturn:
+        """Raise MeasurementError at a column's name, or at its cell in a row."""
+        line = (self.table.header or self.table.lines[0]) if row is None else self.table.lines[row]
+        raise MeasurementError(f"{place(self.table.source, line, column.label)}: {text}")
+
+    def refuse_both(self, column: Column, what: str, option: str) -> NoReturn:
+        """Raise because an option gives what a column gives."""
+        self.refuse(
+            column,
+            f"the file gives {what}, and {option} came too. Drop the option, or name the columns "
+            "to be read with --columns.",
+        )
+
+    def refuse_gaps(self, column: Column, gone: np.ndarray, what: str) -> None:
+        """Raise for the first row in ``gone``, which has a value but no ``what``."""
+        for i in np.flatnonzero(gone)[:1].tolist():
+            cell = self.table.rows[i][column.index]
+            came = f"the {what} is missing in a row that has a value"
+            if not is_missing(cell):
+                came = (
+                    f"{cell[:30]!r} is no {what}: Q is not negative nor beyond 4 pi / wavelength "
+                )
+                came += "(--wavelength-um), an angle has 59 minutes at most (--angle-unit)"
+            self.refuse(column, f"{came}. Mend it, or leave the line out with --lines A-B.", i)
+
+    def numbers(self, column: Column, gaps: bool = False) -> tuple[np.ndarray, str]:
+        """Return the numbers of a column, NaN for missing ones, and the sign (% or degree) on them.
+
+        gaps: whether the words of the option ``missing`` count as missing too.
+        """
+        table, missing = self.table, self.options.missing if gaps else []
+        cells = [row[column.index] for row in table.rows]
+        if missing:
+            words = {gap.lower() for gap in missing}
+            cells = ["" if cell.lower() in words else cell for cell in cells]
+        numbers, sign = to_numbers(cells, table.lines, table.decimal, table.source, column.label)
+        values = [number for gap in missing if (number := number_or_none(gap)) is not None]
+        return np.where(np.isin(numbers, values), np.nan, numbers), sign
+
+    def contradicted(
+        self, kind: str, is_other: Callable[[Any], bool], column: Column, came: str
+    ) -> None:
+        """Raise where what is said of ``kind`` is other than what ``column`` shows (``came``).
+
+        Columns that an option names hold against all that is said.
+        """
+        if not self.options.columns:
+            at = place(self.table.source, self.table.header, column.label)
+            self.said.refuse_other(kind, is_other, f"{at}: {came}")
+
+    def refuse_other_light(self, letters: set[str], column: Column) -> None:
+        """Raise where another light than that of the columns or rows, s, p or u, is said."""
+        came = f"the light is {' and '.join(sorted(letters))}-polarized"
+        self.contradicted("light", lambda letter: letter not in letters, column, came)
+
+    def unit(self, kind: str, column: Column, option: str, what: str) -> str:
+        """Return the unit of a column: of the option, the header, or a line beside; else "".
+
+        kind: the kind of statement. what: the numbers, for the sentence on how they were read.
+        Raises MeasurementError where the header and a line say different things.
+        """
+        if option:
+            return option
+        beside, own = self.said.one(kind), column.role.unit
+        if own:
+            at = place(self.table.source, self.table.header, column.label)
+            self.said.refuse_other(kind, lambda u: u != own, f"{at}: the header says {own}")
+        if beside:
+            flag = OPTION[kind][1].split(" ")[0]
+            self.notes.append(f"{what} in {beside.value} ({beside.where}; {flag})")
+        return own or str(beside.value if beside else "")

@@ -1,0 +1,246 @@
+"""Numbered lines of text as one table of cells: header, units row, comments, gaps, footers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from fitting.measurements.errors import MeasurementError, place
+from fitting.measurements.reader.cells import (
+    DELIMITERS,
+    decide_decimal,
+    guess_delimiter,
+    is_comment,
+    is_missing,
+    is_number,
+    looks_like_data,
+    split_cells,
+)
+from fitting.measurements.reader.header import (
+    Lines,
+    below_thousand,
+    find_header,
+    known_names,
+    refuse_between,
+    refuse_strays,
+    uncomment,
+    units_row,
+)
+from fitting.measurements.reader.vocabulary import LONGEST
+
+# a comment after the numbers; "#N/A" and its kin are gaps
+_INLINE = re.compile(r"\s(?:#(?!n/?a|nv|num|value|div)|//|!)", re.IGNORECASE)
+
+
+class Form(NamedTuple):
+    """How the text of a file is taken apart; None is found out.
+
+    encoding: a name that Python knows. delimiter: tab, semicolon, comma, pipe, blank or the sign
+    itself; else by the split that makes the most lines rows of one length. decimal: "." or ",";
+    else the mark that the cells show. lines: range of lines that may hold rows; the header may
+    stand before it.
+    """
+
+    encoding: str | None = None
+    delimiter: str | None = None
+    decimal: str | None = None
+    lines: str | None = None
+
+
+class Table(NamedTuple):
+    """Cells as text, with the number of the line that each row stands on.
+
+    names and units have one entry per column, "" where the file gives none; ``header`` is the
+    line of the names, 0 where there is none.
+    ``preamble`` holds (line, text) of what stands before the numbers, comment marks taken off.
+    """
+
+    source: str
+    names: list[str]
+    units: list[str]
+    header: int
+    rows: list[list[str]]
+    lines: list[int]
+    preamble: list[tuple[int, str]]
+    decimal: str
+    notes: list[str]
+
+
+def label_of(table: Table, index: int) -> str:
+    """Return the name of a column, or its number from 1 where it has none."""
+    return table.names[index] or str(index + 1)
+
+
+def find_column(table: Table, wanted: str, option: str) -> int:
+    """Return the index of the column that an option names by header or by number from 1."""
+    names = table.names
+    plain_name = wanted.strip().lower()
+    match = [i for i, name in enumerate(names) if name and name == wanted]
+    match = match or [i for i, name in enumerate(names) if name and name.lower() == plain_name]
+    if len(match) > 1:
+        numbers = " and ".join(str(i + 1) for i in match[:2])
+        raise MeasurementError(
+            f"{place(table.source, table.header)}: columns {numbers} are both named {wanted!r}; "
+            f"{option} can have the number instead."
+        )
+    if match:
+        return match[0]
+    if wanted.isascii() and wanted.isdigit() and len(wanted) < 6 and 1 <= int(wanted) <= len(names):
+        return int(wanted) - 1
+    there = ", ".join(f"{i + 1} {name}".strip() for i, name in enumerate(names))
+    raise MeasurementError(
+        f"{table.source}: {option} names column {wanted!r}; the file has {there[:300]}."
+    )
+
+
+def filled_columns(rows: list[list[str]]) -> list[int]:
+    """Return the columns that hold anything at all."""
+    width = range(len(rows[0]) if rows else 0)
+    return [i for i in width if any(not is_missing(row[i]) for row in rows)]
+
+
+def _without_remark(text: str) -> str:
+    """Return a row without the remark that stands behind its numbers."""
+    return _INLINE.split(text, maxsplit=1)[0] if text.strip()[:1] not in '#!/"%;' else text
+
+
+def _body(
+    source: str, lines: Lines, delimiter: str, count: int, header: str
+) -> tuple[list[list[str]], list[int], list[tuple[int, str]], list[str]]:
+    """Return rows of ``count`` cells, their lines, the remarks between and below them, and notes.
+
+    The notes say what was left out.
+    """
+    rows: list[list[str]] = []
+    numbers: list[int] = []
+    remarks: list[tuple[int, str]] = []
+    marked, texts = 0, 0  # rows behind a comment mark; line of the first text
+    for line, text in lines:
+        cells = split_cells(text, delimiter)
+        if is_comment(text, delimiter):
+            if looks_like_data(split_cells(uncomment(text), delimiter))[0]:
+                marked += 1
+            else:
+                remarks.append((line, uncomment(text)))
+            continue
+        head = next(iter(cells), "")[:1]
+        if not (head.isdigit() or (head and head in "+-.")) and not any(map(is_number, cells)):
+            # gaps, or a header that is repeated on every page, say nothing new
+            said = not all(map(is_missing, cells)) and text.strip() != header
+            if said and units_row(cells) is None:
+                texts = texts or line
+                remarks.append((line, text.strip()))
+            continue
+        if texts:
+            raise MeasurementError(
+                f"{place(source, texts)}: text stands in the middle of the numbers. If another "
+                "table begins there, read one with --lines A-B; if it is a remark, mark it with #."
+            )
+        if len(cells) > count and not any(cells[count:]):
+            cells = cells[:count]
+        if len(cells) != count:
+            why = "If the delimiter was misread, say --delimiter; else mend the row."
+            if len(cells) < count:
+                why = "It may be cut short. Complete it (a gap is an empty cell), or leave it out "
+                why += "with --lines A-B."
+            raise MeasurementError(
+                f"{place(source, line)}: {len(cells)} cell{'s' * (len(cells) > 1)} came where "
+                f"{count} were wanted. {why}"
+            )
+        rows.append(cells)
+        numbers.append(line)
+    notes = [f"{marked} commented-out row{'s' * (marked > 1)} left out"] if marked else []
+    notes += [f"text after the numbers (line {texts}) left out"] if texts else []
+    return rows, numbers, remarks, notes
+
+
+def line_range(source: str, option: str | None, count: int) -> tuple[int, int]:
+    """Return the half-open range of indices that the option lines (10-200, 10-, -200) leaves."""
+    if not option:
+        return 0, count
+    match = re.fullmatch(r"\s*([0-9]{0,9})\s*-\s*([0-9]{0,9})\s*", str(option))
+    first, last = (match[1] or "1", match[2] or str(count)) if match else ("", "")
+    if not match or not (match[1] or match[2]) or not 1 <= int(first) <= int(last):
+        raise MeasurementError(
+            f"{source}: --lines {option} is no range of lines such as 10-200, 10- or -200."
+        )
+    return int(first) - 1, int(last)
+
+
+def _mark(source: str, form: Form) -> str | None:
+    """Return the delimiter that the option gives, None to guess it; check the decimal mark."""
+    delimiter, decimal = form.delimiter, form.decimal
+    if decimal not in (None, ".", ","):
+        raise MeasurementError(f"{source}: --decimal {decimal!r} is neither . nor , (a comma).")
+    if delimiter is None:
+        return None
+    mark = DELIMITERS.get(str(delimiter), str(delimiter))
+    if len(mark) != 1 or mark.isalnum() or mark in "\r\n\"'.+-" or mark == decimal:
+        raise MeasurementError(
+            f"{source}: --delimiter {delimiter!r} is none of {', '.join(DELIMITERS)}, nor a sign "
+            "other than the decimal mark."
+        )
+    return mark
+
+
+def read_table(source: str, texts: Sequence[str], form: Form) -> Table:
+    """Return the table of numbers that stands in ``texts``, the lines of one file.
+
+    source: name of the file, for refusals.
+    Raises MeasurementError where no table is found, or a line may be part of it or not.
+    """
+    mark = _mark(source, form)
+    first, last = line_range(source, form.lines, len(texts))
+    numbered = list(enumerate(texts[:last], start=1))
+    inside = [(line, _without_remark(text)) for line, text in numbered[first:]]
+    mark, count = guess_delimiter([text for _, text in inside], mark)
+    splits = ((i, split_cells(text, mark)) for i, (_, text) in enumerate(inside)
+              if count and not is_comment(text, mark))  # fmt: skip
+    start = next((i for i, row in splits if len(row) == count and looks_like_data(row)[0]), None)
+    if start is None:
+        # What stands behind the last line end is no line.
+        came = len(inside) - (bool(inside) and last >= len(texts) and not texts[-1])
+        raise MeasurementError(
+            f"{source}: no row with two numbers or more was found in {came} line{'s' * (came != 1)}"
+            ". A table was wanted: a column of angles or wavelengths, one or more of R, T, psi or "
+            "delta. If it is there, say --delimiter or --decimal."
+        )
+    before = [(line, text) for line, text in numbered[: first + start] if text.strip()]
+    names, units, header = find_header(before, mark, count, first + start + 1)
+    head = texts[header - 1].strip() if header else ""
+    filled = [(line, text) for line, text in inside[start:] if text.strip()]
+    rows, row_lines, remarks, notes = _body(source, filled, mark, count, head)
+    if len(column := filled_columns(rows)) == 1:
+        raise MeasurementError(
+            f"{place(source, row_lines[0])}: only one column holds numbers ({len(rows)} rows, the "
+            f"first {rows[0][column[0]]!r}). A curve was wanted: an angle or a wavelength and a "
+            "value in each row. If this file is one point of a scan, gather the points, divided "
+            "by the direct beam, in a table with the header angle_deg,R_s,sigma_R_s."
+        )
+    below = [remark for remark in remarks if remark[0] > row_lines[-1]]
+    known = [uncomment(text) for _, text in before]
+    refuse_between(source, remarks[: len(remarks) - len(below)], known, count)
+    used = set(row_lines)
+    behind = [(n, texts[n - 1][len(text) :]) for n, text in inside if n in used]
+    refuse_between(source, [(n, text) for n, text in behind if text], known, 0)
+    refuse_strays(source, [b for b in before if b[0] > first], header, mark, count)
+    beside = []
+    for line, text in before:
+        cells = split_cells(uncomment(text), mark)
+        row = units_row(cells)
+        # units of all columns were taken; one unit alone is said of the whole measurement
+        says = row is None or (any(row) and len(cells) != count)
+        if line != header and says and (line > first or known_names(cells) < 2):
+            beside.append((line, uncomment(text)))
+    return Table(
+        source=source,
+        names=[name if len(name) <= LONGEST else name[:80] + "\u2026" for name in names],
+        units=units,
+        header=header,
+        rows=rows,
+        lines=row_lines,
+        preamble=beside + below,
+        decimal=decide_decimal(source, rows, row_lines, form.decimal, below_thousand(names, units)),
+        notes=notes,
+    )

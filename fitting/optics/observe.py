@@ -1,0 +1,288 @@
+"""From parameters to what is measured: a sample seen through an instrument, row by row.
+
+This is the one place where a sample becomes numbers: `boundary` chooses between one surface, a
+plate, coherent films and thick layers, and `predicted` makes every observable of it.
+
+psi and Delta are compared as N = cos 2psi, C = sin 2psi cos Delta, S = sin 2psi sin Delta, which
+have no branches and no place where one of them means nothing; a divergent beam and the width of a
+slit average the intensities behind them.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from fitting.measurements.quantities import POWERS
+from fitting.optics.coherent_films import films
+from fitting.optics.incoherent_layers import Incoherent, incoherent
+from fitting.optics.instrument import BEAM, SLIT, cosines, detected, slit
+from fitting.optics.partial_derivatives import by_partial_derivatives
+from fitting.samples.dispersion import Model
+from fitting.samples.known_media import Known, Mixture, known_medium
+from fitting.samples.layer_index import Pair, slices_of
+from fitting.samples.layer_index import medium_index as medium_index
+from fitting.samples.parameters import to_parameter
+from fresnel_jax import powers
+from fresnel_jax.layers import slab
+from fresnel_jax.polarization import ellipsometric_ratio
+
+NCS = "NCS"
+
+
+class Points(NamedTuple):
+    """Where the data lie, M rows; the last axis is 1, or L where every lane has points of its own.
+
+    angle_deg, wavelength_um, s_share: (M, 1) or (M, L); s_share is the part of s in R and T.
+    file: (M,) number of the file of each row.
+    distinct_um, place: where wavelengths repeat (angles, repeated rows), each of them once, (U, 1),
+        and (M,) which of them belongs to each row; else None. The index is evaluated there: with
+        two oscillators a fit at 3 angles takes half, one at 7 angles a third of the time.
+    """
+
+    angle_deg: Any
+    wavelength_um: Any
+    s_share: Any
+    file: Any
+    distinct_um: Any = None
+    place: Any = None
+
+
+class Media(NamedTuple):
+    """What a compiled program must know of a sample: its media after the first, and no number.
+
+    index: a `Model`, a `Mixture`, the name of a material or its file. places: their names.
+    coherent: of each layer. closed: whether the last medium is the first one again. graded: of each
+    layer, whether its index changes with depth. normal: whether light comes along the normal and
+    only powers are asked for. outside: the material or file of the first medium, which a slit sees
+    at its own wavelengths; None of a number.
+    """
+
+    index: tuple[Model | Mixture | Known, ...]
+    places: tuple[str, ...]
+    coherent: tuple[bool, ...] = ()
+    closed: bool = False
+    graded: tuple[bool, ...] = ()
+    normal: bool = False
+    outside: Known | None = None
+
+    @property
+    def bare(self) -> bool:
+        """Whether there is one boundary and no layer."""
+        return not self.coherent
+
+
+class Spec(NamedTuple):
+    """Everything about a fit that a compiled program depends on; hashable.
+
+    channels: the quantities that are fitted, with `NCS` for psi and Delta, the last one. moving:
+    names of the unknowns, in the order of y; coordinates: theirs. held: names of the constants.
+    tied: (name, factor, of which). curves: for each channel the curve of every file, the number in
+    ``scale_0``, ``background_0``. places: at how many a slit and a beam are averaged
+    (`instrument.places_of`). shared: whether other models are fitted to the same data (`choose`),
+    so that programs which they share are worth more calls.
+    """
+
+    media: Media
+    channels: tuple[str, ...]
+    moving: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    held: tuple[str, ...]
+    curves: tuple[tuple[int, ...], ...]
+    tied: tuple[tuple[str, float, str], ...] = ()
+    loss: str = "squares"
+    priors: bool = False
+    places: tuple[int, int] = (SLIT, BEAM)
+    shared: bool = False
+
+    @property
+    def only_powers(self) -> bool:
+        """Whether neither psi nor Delta is asked for."""
+        return set(self.channels) <= set(POWERS)
+
+    def values(self, y: Array, held: Array) -> dict[str, Array]:
+        """Return every parameter, (L,), at the unknowns y (p, L) and constants (h,)."""
+        lanes = y.shape[1:]
+        out = dict(zip(self.moving, to_parameter(self.coordinates, y), strict=True))
+        out |= {
+            name: jnp.broadcast_to(value, lanes)
+            for name, value in zip(self.held, held, strict=True)
+        }
+        return out | {name: factor * out[of] for name, factor, of in self.tied}
+
+
+def indices(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) -> list[list[Pair]]:
+    """Return eta and k of every medium after the first, of its slices from above, at every row."""
+    repeated = points.place is not None
+    at = jnp.asarray(points.distinct_um if repeated else points.wavelength_um)
+    outside = eta_i[_first_of(points)] if repeated and jnp.ndim(eta_i) else eta_i
+    out = [slices_of(spec, i, v, at, outside) for i in range(len(spec.media.index))]
+    # Without the barrier XLA repeats the model's formula for every angle and output. One for each
+    # number, so that the index of a known medium stays without derivatives.
+    out = jax.tree.map(jax.lax.optimization_barrier, out)
+    if not repeated:
+        return out
+    return [[(n[points.place], k[points.place]) for n, k in each] for each in out]
+
+
+def _first_of(points: Points) -> Array:
+    """Return a row (U,) of each distinct wavelength."""
+    count = points.distinct_um.shape[0]
+    rows = jnp.arange(points.place.shape[0])
+    return jnp.zeros(count, rows.dtype).at[points.place].max(rows)
+
+
+def thickness_um(spec: Spec, v: Mapping[str, Array], layer: int) -> Array:
+    """Return the thickness (L,) of a layer in micrometres."""
+    place = spec.media.places[layer]
+    if spec.media.coherent[layer]:
+        return 1e-3 * v[f"{place}.thickness_nm"]
+    return v[f"{place}.thickness_um"]
+
+
+class Light(NamedTuple):
+    """Powers of s and p, and the ratio r_p / r_s as (re, im), (Q, M, L); None if not asked for."""
+
+    R_s: Array
+    R_p: Array
+    T_s: Array
+    T_p: Array
+    ellipse: tuple[Array, Array, Array] | None = None
+
+
+def boundary(
+    spec: Spec, c: Array, index: list[list[Pair]], v: Mapping[str, Array],
+    wavelength_um: Any, eta_i: Any,
+) -> Light:  # fmt: skip
+    """Return what the sample does to light at cosines c (Q, M, L).
+
+    ellipse: cos 2psi, sin 2psi cos Delta and sin 2psi sin Delta; shorter than 1 of a thick layer,
+    whose light is partly depolarized.
+    """
+    media, pairs = spec.media, not spec.only_powers
+    if media.bare:
+        both = powers(c, *index[0][0], eta_i)
+        rho = ellipsometric_ratio(c, *index[0][0], eta_i) if pairs else None
+        return Light(*both, None if rho is None else _ellipse(rho))
+    layers = [
+        (jax.lax.complex(*pair), thickness_um(spec, v, i) / len(slices))
+        for i, slices in enumerate(index[:-1])
+        for pair in slices
+    ]
+    thicknesses: Any = [d for _, d in layers]
+    media_index: Any = [*(n for n, _ in layers), jax.lax.complex(*index[-1][0])]
+    together = zip(media.coherent, index[:-1], strict=True)
+    coherent = [interferes for interferes, slices in together for _ in slices]
+    if not pairs and media.coherent == (False,) and media.closed:
+        # `incoherent` is right too, but takes twice as long, to compile (1.5 s) and to run.
+        found: Any = slab(c, *index[0][0], thicknesses[0], wavelength_um, eta_i)
+    elif all(coherent):
+        found = films(c, eta_i, media_index, thicknesses, wavelength_um, media.normal)
+    else:
+        found = incoherent(c, eta_i, media_index, thicknesses, wavelength_um, coherent)
+    ellipse = None
+    if pairs:
+        # No quotient r_p / r_s: a film may extinguish r_s.
+        incoherently = isinstance(found, Incoherent)
+        product = found.product if incoherently else found.r_p * jnp.conj(found.r_s)
+        ellipse = _ellipse_of(found.R_s, found.R_p, product)
+    return Light(found.R_s, found.R_p, found.T_s, found.T_p, ellipse)
+
+
+def _ellipse_of(R_s: Array, R_p: Array, product: Array) -> tuple[Array, Array, Array]:
+    total = R_s + R_p
+    return (R_s - R_p) / total, 2.0 * product.real / total, -2.0 * product.imag / total
+
+
+def _ellipse(rho: Array) -> tuple[Array, Array, Array]:
+    share = 2.0 / (1.0 + rho.real**2 + rho.imag**2)
+    return share - 1.0, rho.real * share, -rho.imag * share
+
+
+def predicted(
+    spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any, directions: int = 1,
+    index: list[list[Pair]] | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Return what is seen of each channel, (M, L); of `NCS` a list of three.
+
+    v: every parameter, (L,); an instrument parameter that is left out is neutral. directions: in
+    how many derivatives are going to be asked for. index: that of all media, where it is known.
+    """
+    if "bandwidth" in v:
+        shifts, shares = slit(v, spec.places[0])
+
+        def within(shift: Array) -> Light:
+            at = _shifted(points, shift)
+            return _light(spec, v, at, _outside(spec, at, eta_i), directions)
+
+        # One after the other where they are many: side by side they fill the memory.
+        each = jax.vmap(within)(shifts) if len(shares) <= SLIT else jax.lax.map(within, shifts)
+        light = jax.tree.map(lambda x: jnp.tensordot(shares, x, 1), each)
+    else:
+        light = _light(spec, v, points, eta_i, directions, index)
+    ideal = light._asdict()
+    out: dict[str, Any] = {
+        channel: detected(v, channel, ideal, points.s_share, (own, points.file))
+        for channel, own in zip(spec.channels, spec.curves, strict=True)
+        if channel in POWERS
+    }
+    if light.ellipse is not None:
+        # Not stacked: XLA computes anew what it joins, and a fit of psi and Delta took 4 times as
+        # long.
+        ellipse = list(light.ellipse)
+        if _mixed(v) or not all(spec.media.coherent):
+            # psi and Delta are angles, those of the polarized part of the light.
+            length = jnp.sqrt(sum(x * x for x in light.ellipse))
+            ellipse = [x / length for x in light.ellipse]
+        out[NCS] = ellipse
+    return out
+
+
+def _mixed(v: Mapping[str, Array]) -> bool:
+    return "divergence" in v or "bandwidth" in v
+
+
+def _outside(spec: Spec, points: Points, eta_i: Any) -> Any:
+    """Return the index of the first medium at other wavelengths than those of ``eta_i``."""
+    which = spec.media.outside
+    return eta_i if which is None else known_medium(which).model.index(points.wavelength_um).eta
+
+
+def _shifted(points: Points, shift: Array) -> Points:
+    """Return the points at wavelengths that are longer by a shift (L,)."""
+    distinct = points.distinct_um
+    return points._replace(
+        wavelength_um=points.wavelength_um + shift,
+        distinct_um=None if distinct is None else distinct + shift,
+    )
+
+
+def _light(
+    spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any, directions: int,
+    index: list[list[Pair]] | None = None,
+) -> Light:  # fmt: skip
+    """Return the light of one wavelength at every row, (M, L), summed over the beam.
+
+    ellipse: where light is mixed times the intensity R_s + R_p, since cos 2psi of a mixture is that
+    of the summed intensities.
+    """
+    index = index or indices(spec, v, points, eta_i)
+    c, weights = cosines(v, points.angle_deg, spec.places[1])
+    sizes = {name: x for name, x in v.items() if ".thickness_" in name}
+    at = c, index, sizes, jnp.asarray(points.wavelength_um), jnp.asarray(eta_i)
+    both = by_partial_derivatives(functools.partial(boundary, spec), at, directions)
+    if both.ellipse is not None and _mixed(v):
+        intensity = both.R_s + both.R_p
+        first, second, third = both.ellipse
+        parts = intensity * first, intensity * second, intensity * third
+        both = both._replace(ellipse=parts)
+
+    def mean(x: Array) -> Array:
+        return x[0] if x.shape[0] == 1 else (weights * x).sum(0)
+
+    return jax.tree.map(mean, both)

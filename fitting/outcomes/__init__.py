@@ -1,0 +1,1 @@
+"""From where the starts of a fit ended to its result: quality, findings, warnings."""

@@ -1,0 +1,107 @@
+"""Several fits of one kind as one `Fit` of a batch: every number becomes an array."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from fitting.measurements.measurement import Measurement
+from fitting.problem.evaluation import EachWavelength
+from fitting.results.diagnostics import Finding, Warning
+from fitting.results.result import NONE, Alternative, ErrorModel, Estimate, Fit
+
+_EACH = (
+    "covariance", "wavelength_um", "chi2", "chi2_reduced", "dof", "n_data", "rms", "status",
+    "evaluations", "reached", "noise", "cost", "bic", "aicc",
+)  # fmt: skip
+
+
+def _stack(values: Sequence[Any]) -> np.ndarray:
+    return np.stack([np.asarray(v) for v in values])
+
+
+def _estimate(each: Sequence[Estimate]) -> Estimate:
+    first = each[0]
+    if not first.free:
+        return first
+    names = ("value", "sigma", "interval", "interval_kind", "upper_limit", "status")
+    return replace(first, **{n: _stack([getattr(e, n) for e in each]) for n in names})
+
+
+def _alternatives(fits: Sequence[Fit]) -> tuple[Alternative, ...]:
+    """Return the alternatives of all fits, the first of each, the second of each, ..."""
+    out = []
+    for i in range(max(len(f.others) for f in fits)):
+        some = next(f.others[i] for f in fits if len(f.others) > i)
+        nothing = {
+            n: replace(e, value=np.nan, sigma=np.nan, interval=np.full(2, np.nan),
+                       interval_kind=NONE, upper_limit=np.nan)
+            for n, e in some.parameters.items()
+        }  # fmt: skip
+        none = Alternative(parameters=nothing, delta_chi2=np.nan)
+        each = [f.others[i] if len(f.others) > i else none for f in fits]
+        parameters = {n: _estimate([a.parameters[n] for a in each]) for n in nothing}
+        out.append(Alternative(
+            parameters=parameters, delta_chi2=_stack([a.delta_chi2 for a in each]),
+            reached=_stack([a.reached for a in each]),
+        ))  # fmt: skip
+    return tuple(out)
+
+
+def _findings(fits: Sequence[Fit]) -> tuple[Finding, ...]:
+    """Return the findings of all fits, one for each code, the most serious first."""
+    from fitting.results.sentences import SENTENCES
+
+    out = []
+    for code in SENTENCES:
+        # A code may come more than once (a limit for each of two parameters).
+        each = [[x for x in f.findings if x.code == code] for f in fits]
+        for i in range(max(map(len, each))):
+            at = np.array([len(own) > i for own in each])
+            names = {name for own in each if len(own) > i for name in own[i].values}
+            values: dict[str, Any] = {}
+            for name in sorted(names):
+                column = np.empty(len(fits), dtype=object)
+                for j, own in enumerate(each):
+                    column[j] = own[i].values.get(name) if len(own) > i else None
+                values[name] = column
+            out.append(Finding(code, at, values))
+    return tuple(out)
+
+
+def stacked_fits(fits: Sequence[Fit]) -> Fit:
+    """Return fits of one kind, without a measurement, as one of batch shape (S,)."""
+    first = fits[0]
+    return replace(
+        first,
+        **{n: _stack([getattr(f, n) for f in fits]) for n in _EACH},
+        parameters={n: _estimate([f.parameters[n] for f in fits]) for n in first.parameters},
+        errors=ErrorModel(
+            taken=_stack([f.errors.taken for f in fits]),
+            factor=_stack([f.errors.factor for f in fits]),
+            floor=_stack([f.errors.floor for f in fits]), stated=first.errors.stated,
+            widened=_stack([f.errors.widened for f in fits]),
+        ),
+        findings=_findings(fits), others=_alternatives(fits),
+    )  # fmt: skip
+
+
+def stacked(fits: Sequence[Fit], measurement: Measurement, notes: tuple[Warning, ...]) -> Fit:
+    """Return the fits of single wavelengths as one of batch shape (W,)."""
+    quantities = tuple(dict.fromkeys(measurement.quantity.tolist()))
+    kinds = dict.fromkeys(kind for f in fits for kind in f.rms_of)
+    wavelengths = _stack([f.wavelength_um for f in fits])
+    return replace(
+        stacked_fits(fits),
+        rms_of={k: _stack([f.rms_of.get(k, np.nan) for f in fits]) for k in kinds},
+        notes=notes, measurement=measurement,
+        curve=np.array([quantities.index(q) for q in measurement.quantity.tolist()]),
+        curve_names=quantities,
+        evaluator=EachWavelength(
+            tuple(f.evaluator for f in fits),  # type: ignore
+            wavelengths, measurement,
+        ),
+    )  # fmt: skip

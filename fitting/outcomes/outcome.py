@@ -1,0 +1,260 @@
+"""From the points at which the starts of a fit ended to the `Fit` that is returned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.measurements.measurement import concatenate
+from fitting.outcomes.findings import Seen, findings
+from fitting.outcomes.quality import Subject as Subject
+from fitting.outcomes.quality import error_model_of, quality, rms_of_residuals
+from fitting.problem.evaluation import Evaluated
+from fitting.problem.unknowns import Unknowns
+from fitting.results import result as status
+from fitting.results.diagnostics import Finding
+from fitting.results.result import Alternative, Estimate, Fit
+from fitting.samples.parameters import value_and_slope
+from fitting.searching.minima import SAME_CHI2, Minimum, minima
+from fitting.searching.search import End, Solving
+from fitting.searching.starts import STAGE, Ends, best_of
+from fitting.uncertainty.intervals import QUADRATIC, Intervals, intervals
+from fitting.uncertainty.likelihood import criteria
+from fitting.uncertainty.spline_errors import errors_of_curves
+
+# The standard error that is assumed where neither stated errors nor scatter give one.
+ASSUMED_SIGMA = 1e-3
+# So many of the other minima have intervals by profile, the rest quadratic ones.
+_OTHERS = 3
+
+
+def _parameters_at(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return parameters and their slopes dx/dy, (p,) each."""
+    both = [value_and_slope(w.parameter.coordinate, y[i : i + 1]) for i, w in enumerate(u.moving)]
+    return np.concatenate([b[0] for b in both]), np.concatenate([b[1] for b in both])
+
+
+_STATUS = {"low": status.AT_LOWER, "high": status.AT_UPPER}
+
+
+def _estimates(u: Unknowns, end: End, known: Intervals) -> dict[str, Estimate]:
+    """Return the free parameters at one minimum, by name."""
+    x, _ = _parameters_at(u, end.y)
+    with np.errstate(invalid="ignore"):
+        sigmas = np.sqrt(np.diagonal(_covariance(u, end)))
+    out = {}
+    for i, inside in enumerate(u.spec.moving):
+        if not u.moving[i].free:
+            continue
+        name, at = u.labels[inside], end.known.at_bound[i]
+        unseen = status.UNDETERMINED if end.known.unseen_of[i] else status.FITTED
+        out[name] = Estimate(
+            name=name, unit=u.units[inside], value=float(x[i]), sigma=float(sigmas[i]),
+            interval=known.ends[i], interval_kind=known.kind[i],
+            upper_limit=float(known.limits[i]), status=_STATUS.get(at, unseen),
+        )  # fmt: skip
+    return out
+
+
+def _fixed(u: Unknowns, end: End, free: dict[str, Estimate]) -> dict[str, Estimate]:
+    """Return the parameters that were fixed or tied, by name."""
+    x, _ = _parameters_at(u, end.y)
+    values = {n: float(v) for n, v in zip(u.spec.moving, x, strict=True)}
+    values |= {n: float(v) for n, v in zip(u.spec.held, u.held, strict=True)}
+    out = {}
+    for inside, value in values.items():
+        name = u.labels.get(inside)
+        if name is not None and name not in free:
+            out[name] = Estimate(
+                name=name, unit=u.units[inside], value=value, sigma=0.0,
+                interval=np.array([value, value]), interval_kind=status.NONE, status=status.FIXED,
+            )  # fmt: skip
+    for inside, factor, of in u.spec.tied:
+        name, value = u.labels[inside], factor * values[of]
+        source = free.get(u.labels.get(of, ""))
+        sigma = 0.0 if source is None else abs(factor) * source.sigma
+        ends = np.array([value, value]) if source is None else np.sort(factor * source.interval)
+        out[name] = Estimate(
+            name=name, unit=u.units[inside], value=value, sigma=sigma, interval=ends,
+            interval_kind=status.NONE if source is None else source.interval_kind,
+            status=status.TIED,
+        )  # fmt: skip
+    return out
+
+
+def _covariance(u: Unknowns, end: End) -> np.ndarray:
+    """Return the covariance (p, p) of the parameters, NaN where there is no error."""
+    _, slope = _parameters_at(u, end.y)
+    with np.errstate(invalid="ignore"):
+        out = _blank(end.known.covariance, end.known.unseen_of) * np.outer(slope, slope)
+    out[~np.isfinite(out)] = np.nan
+    return out
+
+
+def _blank(covariance: np.ndarray, unseen: np.ndarray) -> np.ndarray:
+    out = covariance.copy()
+    out[unseen] = np.nan
+    out[:, unseen] = np.nan
+    return out
+
+
+def _scatter(fit: Solving, cost: float, noise: float, scaled: bool) -> float:
+    """Return the unit of differences of the cost."""
+    if fit.pooled is not None and scaled:
+        return fit.pooled
+    few = fit.dof < 3
+    scatter = cost / fit.dof if fit.dof else 0.0
+    if not scaled or (few and fit.seen.stated) or noise != 1.0:
+        return max(scatter, 1.0)
+    return max(scatter, ASSUMED_SIGMA**2) if few else scatter
+
+
+def _minima(fit: Solving, ends: Ends, end: End, noise: float, scatter: float) -> list[Minimum]:
+    """Return the minima that fit nearly as well as the best one, the one to be shown first.
+
+    At normal incidence N and eta_i^2 / N have the same reflectance; of two that fit equally well
+    within one unit of chi2 the one above eta_i is shown.
+    """
+    rounding = _rounding(fit, noise)
+    edge = end.known.edge * np.sqrt(scatter)
+    spread = np.where(np.isfinite(edge), 4.0 * edge, np.inf)
+    found = minima(ends, ends.y, scatter, rounding, spread)
+    free = [i for i, name in enumerate(fit.u.spec.moving) if name.endswith(".eta")]
+    eta_i = float(np.mean(fit.targets.eta_i))
+    if len(found) < 2 or len(free) != 1:  # of the surface, or of a plate
+        return found
+    eta = ends.y[free[0]]
+    least = ends.cost[found[0].lane]
+    usual = [
+        m for m in found
+        if eta[m.lane] >= eta_i and ends.cost[m.lane] <= least + scatter + rounding
+    ]  # fmt: skip
+    return sorted(found, key=lambda m: m is not usual[0]) if usual else found
+
+
+def _intervals(fit: Solving, every: Sequence[End], noise: float, failed: bool) -> list[Intervals]:
+    """Return the intervals at the best minimum and at the others."""
+    wanted = QUADRATIC if failed else fit.asked.intervals
+    # If the scatter is that of many fits, t is close to that of the normal distribution; without a
+    # degree of freedom stated errors are used as they are.
+    taken = fit.dof == 0 and fit.seen.stated
+    estimated = fit.asked.scaled and fit.pooled is None and not taken
+    found = intervals(fit, every[: 1 + _OTHERS], noise, wanted=wanted, estimated=estimated)
+    rest = every[1 + _OTHERS :]
+    found += intervals(fit, rest, noise, wanted=QUADRATIC, estimated=estimated)
+    return [i.without() for i in found] if failed else found
+
+
+def _rounding(fit: Solving, noise: float) -> float:
+    """Return the size below which differences of the cost are rounding."""
+    return 1e-27 * fit.squares / noise**2
+
+
+def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
+    """Return the result of a fit from the points (p, L) at which its starts ended."""
+    u, scaled = fit.u, fit.asked.scaled
+    best = best_of(ends)
+    lane = int(np.argmin(ends.cost)) if best is None else best
+    end = fit.look_at(ends.y[:, lane], noise, scaled)
+    failed = best is None or not end.finite
+    scatter = _scatter(fit, end.cost, noise, scaled)
+    found = [] if failed else _minima(fit, ends, end, noise, scatter)
+    if found and found[0].lane != lane:
+        lane = found[0].lane
+        end = fit.look_at(ends.y[:, lane], noise, scaled)
+    every = [end] + [fit.look_at(ends.y[:, m.lane], noise, scaled, False) for m in found[1:]]
+    ranges = _intervals(fit, every, noise, failed)
+    least, place = ranges[0].lowest
+    lower = 0.0
+    # The minimum that is shown need not be the lowest one.
+    enough = min(end.cost, *(e.cost for e in every)) - SAME_CHI2 * scatter - _rounding(fit, noise)
+    if not failed and least < enough:
+        # The search for the ends of the intervals met a better minimum.
+        low, high = (a[:, None] for a in fit.limits)
+        more = fit.held(place[:, None], low, high, noise, STAGE)
+        if more.done.all() and more.cost[0] < enough:
+            joined = Ends(*(np.concatenate(both, -1) for both in zip(ends, more, strict=True)))
+            return fit_of(fit, joined, noise, of)
+        lower = (end.cost - min(least, more.cost[0])) / scatter
+    rises = np.array([ends.cost[m.lane] - ends.cost[lane] for m in found[1:]])
+    rises = rises / scatter if scatter > 0.0 else 0.0 * rises
+    others = tuple(
+        Alternative(parameters=_estimates(u, e, i), delta_chi2=rise, reached=m.reached)
+        for e, i, m, rise in zip(every[1:], ranges[1:], found[1:], rises.tolist(), strict=True)
+    )
+    reached = found[0].reached if found else 0
+    return _assembled(fit, of, _Found(end, ranges[0], others, reached, lower, failed), noise,
+                      int(ends.evaluations[lane]))  # fmt: skip
+
+
+class _Found(NamedTuple):
+    """The best minimum, and the others."""
+
+    end: End
+    known: Intervals
+    others: tuple[Alternative, ...]
+    reached: int
+    lower: float
+    failed: bool
+
+
+def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: int) -> Fit:
+    """Return the result of a fit whose best minimum is known."""
+    u, seen, end = fit.u, fit.seen, f.end
+    s, free = end.slopes, u.free
+    sub = np.ix_(free, free)
+    of_x = np.full((len(free), len(free)), np.nan) if f.failed else _covariance(u, end)
+    estimates = _estimates(u, end, f.known)
+    found: tuple[Finding, ...]
+    if f.failed:
+        estimates = {n: _without_error(e) for n, e in estimates.items()}
+        found = (Finding("not_converged", np.True_, {}),)
+    else:
+        with np.errstate(invalid="ignore"):
+            size = np.sqrt(np.diagonal(of_x[sub]))
+            correlation = of_x[sub] / np.outer(size, size)
+        seen_of = Seen(
+            names=tuple(estimates), values=np.array([e.value for e in estimates.values()]),
+            sigmas=size, correlation=correlation,
+            at_bound=tuple(b for b, own in zip(end.known.at_bound, free, strict=True) if own),
+            upper_limits=f.known.limits[free], unseen=end.known.unseen[free],
+            intervals=f.known.ends[free], quadratic=f.known.quadratic[free],
+            kinds=tuple(k for k, is_free in zip(f.known.kind, free, strict=True) if is_free),
+        )  # fmt: skip
+        found = findings(seen_of, quality(fit, of, end, f.reached, f.lower, f.others))
+    chi2 = float(s.residual @ s.residual) if seen.stated else np.nan
+    bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, int(free.sum()), fit.asked.scaled)
+    rms, rms_of = rms_of_residuals(s)
+    joined = concatenate(*of.measurements) if of.measurements else None
+    known = np.array([np.nan]) if joined is None else np.unique(joined.wavelength_um)
+    known = known[np.isfinite(known)] if np.isfinite(known).any() else known
+    evaluator = None
+    if of.sample is not None:
+        # With one datum at each wavelength only the bounds of a spline's amplitudes keep the index
+        # finite: errors without these bounds are a hundred times too large.
+        two = fit.n_data >= 2 * len(known)
+        errors = errors_of_curves(u, end, fit.limits, noise) if two else end.known.covariance
+        evaluator = Evaluated(of.sample, u, seen, fit.targets, end.y, errors, np.atleast_1d(known))
+    undetermined = bool(end.known.unseen.size)
+    return Fit(
+        sample=of.sample, parameters=estimates | _fixed(u, end, estimates), covariance=of_x[sub],
+        wavelength_um=known if len(known) > 1 else float(known[0]),
+        chi2=chi2, chi2_reduced=chi2 / fit.dof if fit.dof else np.nan, dof=fit.dof,
+        n_data=fit.n_data, rms=rms, rms_of=rms_of, cost=end.cost, noise=noise,
+        status=status.NOT_CONVERGED if f.failed else
+        status.UNDETERMINED if undetermined else status.CONVERGED,
+        errors=error_model_of(fit, end), evaluations=evaluations, starts=fit.starts,
+        reached=f.reached, loss=u.spec.loss, bic=bic, aicc=aicc, findings=found, others=f.others,
+        notes=of.notes, measurement=joined, curve=seen.curve if joined is not None else None,
+        curve_names=getattr(seen, "curve_names", ()), evaluator=evaluator,
+    )  # fmt: skip
+
+
+def _without_error(e: Estimate) -> Estimate:
+    return replace(
+        e, sigma=np.nan, interval=np.full(2, np.nan), interval_kind=status.NONE,
+        upper_limit=np.nan, status=status.UNDETERMINED,
+    )  # fmt: skip

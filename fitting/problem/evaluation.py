@@ -1,0 +1,294 @@
+"""A fitted sample as curves: at the data, at other points, and eta and k over the wavelength."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from fitting.measurements.measurement import QUANTITIES, Measurement
+from fitting.optics.averages import values_at, with_places
+from fitting.optics.observe import NCS
+from fitting.problem.observations import Observations, observations, padded
+from fitting.problem.problem import Targets, index_slopes, without_data
+from fitting.problem.programs_in_parts import slopes_in_parts
+from fitting.problem.unknowns import Unknowns, index_outside
+from fitting.results.result import Evaluator, IndexBand, Prediction
+from fitting.samples.sample import FREE, Sample
+from fitting.samples.sample_checks import check_known
+
+
+class Evaluated(NamedTuple):
+    """The minimum of a fit: unknowns, data, solver coordinates y (p,), their covariance (p, p).
+
+    The covariance is NaN in rows of fixed parameters and of those at a bound; along undetermined
+    combinations it is 0, since the curve does not change (splines: `uncertainty.spline_errors`).
+    errors: (2,) standard errors of eta and k that include that of a thickness shared by all
+    wavelengths; None where there is none.
+    """
+
+    sample: Sample
+    unknowns: Unknowns
+    seen: Observations
+    targets: Targets
+    y: np.ndarray
+    covariance: np.ndarray
+    measured_um: np.ndarray
+    errors: np.ndarray | None = None
+
+    def predict(self, measurement: Measurement | None = None) -> Prediction:
+        """Return the model at every row of a measurement; see `result.Evaluator`."""
+        return Prediction(*_fitted(self, measurement))
+
+    def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
+        """Return the model over angles (A,), at the one wavelength that was measured."""
+        wavelength = self.measured_um if len(self.measured_um) == 1 else None
+        return self.predict(points_of(angle_deg, quantity, wavelength))
+
+    def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
+        """Return eta and k of a medium at wavelengths; see `Fit.index`."""
+        which = _medium(self.sample, medium)
+        if wavelength_um is None:
+            known = self.measured_um
+            band = _index_band(self, np.where(np.isfinite(known), known, 1.0), which)
+            if self.errors is not None and self.sample.media[which + 1].index == FREE:
+                band = band._replace(sigma_eta=self.errors[:1], sigma_k=self.errors[1:])
+            return band._replace(wavelength_um=known)
+        if self.sample.media[which + 1].index == FREE and np.isfinite(self.measured_um).all():
+            wanted = np.atleast_1d(_numbers("wavelength_um", wavelength_um))
+            strange = wanted[wanted != self.measured_um[0]]
+            if strange.size:
+                raise _not_measured(strange[0])
+            band = self.index(None, medium)
+            return IndexBand(*(np.repeat(part, len(wanted)) for part in band))
+        return _index_band(self, wavelength_um, which)
+
+    def at(self, index: tuple[int, ...]) -> Evaluator:
+        """Return itself, since it belongs to one fit."""
+        return self
+
+    def widened(self, factor: np.ndarray) -> Evaluated:
+        """Return the same with all errors times a factor (1,)."""
+        errors = None if self.errors is None else self.errors * factor[0]
+        return self._replace(covariance=self.covariance * factor[0] ** 2, errors=errors)
+
+
+def _not_measured(um: float) -> ValueError:
+    return ValueError(
+        f"{um:g} um was not measured; eta and k that are free at every wavelength are known at the "
+        "measured ones only. Fit a dispersion model."
+    )
+
+
+class EachWavelength(NamedTuple):
+    """The evaluators of many wavelengths, each fitted by itself, in rising order."""
+
+    each: tuple[Evaluated, ...]
+    wavelength_um: np.ndarray
+    measurement: Measurement
+
+    def predict(self, measurement: Measurement | None = None) -> Prediction:
+        """Return the model at every row of a measurement, all at fitted wavelengths."""
+        m = self.measurement if measurement is None else measurement
+        value, sigma = np.full(len(m), np.nan), np.full(len(m), np.nan)
+        for one, wavelength in zip(self.each, self.wavelength_um, strict=True):
+            rows = m.at_wavelength(wavelength)
+            if rows.any():
+                found = one.predict(None if measurement is None else m.where(rows))
+                value[rows], sigma[rows] = found
+        return Prediction(value, sigma)
+
+    def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
+        """Return each wavelength over angles (A,), (W, A)."""
+        found = [one.over_angle(angle_deg, quantity) for one in self.each]
+        return Prediction(*(np.stack(part) for part in zip(*found, strict=True)))
+
+    def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
+        """Return eta and k at the fitted wavelengths."""
+        wanted = self.wavelength_um if wavelength_um is None else np.atleast_1d(wavelength_um)
+        place = {float(w): i for i, w in enumerate(self.wavelength_um)}
+        if np.isnan(wanted).any():
+            chosen = list(range(len(self.each)))
+        else:
+            strange = [w for w in wanted.tolist() if w not in place]
+            if strange:
+                raise _not_measured(strange[0])
+            chosen = [place[w] for w in wanted.tolist()]
+        bands = [self.each[i].index(None, medium) for i in chosen]
+        parts = (np.concatenate(part) for part in zip(*bands, strict=True))
+        return IndexBand(*parts)
+
+    def at(self, index: tuple[int, ...]) -> Evaluator:
+        """Return the evaluator of one wavelength."""
+        return self.each[index[0]]
+
+    def widened(self, factor: np.ndarray) -> EachWavelength:
+        """Return the same with the errors of each wavelength times its factor, (W,)."""
+        wide = (e.widened(f[None]) for e, f in zip(self.each, factor, strict=True))
+        return self._replace(each=tuple(wide))
+
+    def with_errors(self, errors: np.ndarray) -> EachWavelength:
+        """Return the same with standard errors (W, 2) of eta and k; see `Evaluated`."""
+        each = (e._replace(errors=x) for e, x in zip(self.each, errors, strict=True))
+        return self._replace(each=tuple(each))
+
+
+def _numbers(name: str, came: Any) -> np.ndarray:
+    """Return an array of floats, or raise ValueError with the name if it has other values."""
+    try:
+        found = np.asarray(came)
+    except ValueError:  # a ragged list
+        found = np.asarray(None)
+    if found.dtype.kind not in "iuf":
+        raise ValueError(f"{name} is {repr(came)[:60]}; real numbers were wanted.")
+    return found.astype(float)
+
+
+def angles_of(angle_deg: Any) -> np.ndarray:
+    """Return angles of incidence, (A,), or raise ValueError for other values."""
+    angle = np.atleast_1d(_numbers("the angle of incidence", angle_deg))
+    if angle.ndim != 1 or not angle.size:
+        raise ValueError(f"angles of shape {angle.shape} came; one axis of one or more was wanted.")
+    strange = angle[~((angle >= 0.0) & (angle <= 90.0))]
+    if strange.size:
+        raise ValueError(
+            f"an angle of incidence of {strange[0]:g} degrees came; 0 to 90, from the normal of "
+            "the surface, was wanted."
+        )
+    return angle
+
+
+def points_of(angle_deg: Any, quantity: Any, wavelength_um: Any = None) -> Measurement:
+    """Return points that the caller names as a measurement without values."""
+    waves = _numbers("wavelength_um", np.nan if wavelength_um is None else wavelength_um)
+    strange = waves[~(np.isnan(waves) | ((waves > 0.0) & np.isfinite(waves)))]
+    if strange.size:
+        raise ValueError(f"wavelength_um holds {strange[0]:g}; micrometres above 0 were wanted.")
+    columns = angles_of(angle_deg), np.asarray(quantity), waves
+    try:
+        angle, names, waves = np.broadcast_arrays(*columns)
+    except ValueError:
+        angle = np.empty((0, 0))
+    if angle.ndim != 1 or not angle.size:
+        shapes = ", ".join(str(c.shape) for c in columns)
+        raise ValueError(
+            f"angles, quantities and wavelengths of shapes {shapes} came; each one, or one axis of "
+            "a common length, was wanted."
+        )
+    unknown = [str(name) for name in np.unique(names) if name not in QUANTITIES]
+    if unknown:
+        wanted = ", ".join(QUANTITIES)
+        raise ValueError(f"there is no quantity {unknown[0]!r}; one of {wanted} was wanted.")
+    nothing = np.full(len(angle), np.nan)
+    return Measurement(
+        angle_deg=angle, wavelength_um=waves, quantity=np.asarray(names, dtype=str),
+        value=np.zeros(len(angle)), sigma=nothing, polarizer_deg=nothing, source="points",
+        understood="",
+    )  # fmt: skip
+
+
+def _medium(sample: Sample, name: str | None) -> int:
+    """Return the number of a medium after the first, by its place; None: the first unknown."""
+    if name is not None:
+        if name not in sample.places[1:]:
+            raise ValueError(f"there is no medium {name!r}; one of {', '.join(sample.places[1:])}.")
+        return sample.places.index(name) - 1
+    return next((i for i, m in enumerate(sample.media[1:]) if m.unknown), 0)
+
+
+def _error(slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Return the standard error (...) of a quantity with these derivatives (..., p)."""
+    known = np.isfinite(np.diagonal(covariance))
+    if not known.any():
+        return np.full(slopes.shape[:-1], np.nan)
+    some = slopes[..., known]
+    variance = np.einsum("...i,ij,...j->...", some, covariance[np.ix_(known, known)], some)
+    return np.sqrt(np.maximum(variance, 0.0))
+
+
+def _matched(at: Evaluated, seen: Observations, source: str) -> tuple[tuple[int, ...], ...]:
+    """Return the fitted curve that each channel of other points belongs to; -1 for none.
+
+    Among several files it is that of the same name, else the first one.
+    """
+    first = {c: own[0] for c, own in zip(at.seen.channels, at.seen.curves, strict=True)}
+    named = {name: i for i, name in enumerate(at.seen.curve_names)}
+    first |= {c: named[f"{source} {c}"] for c in first if f"{source} {c}" in named}
+    return tuple((first.get(c, -1),) for c in seen.channels)
+
+
+def at_data(seen: Observations, value: np.ndarray) -> np.ndarray:
+    """Return the model at every datum (N,), from the values of each channel (K, M)."""
+    out = np.empty(len(seen.row))
+    for i, channel in enumerate(c for c in seen.channels if c != NCS):
+        here = seen.channel == channel
+        out[here] = value[i, seen.row[here]]
+    if NCS in seen.channels:
+        N, C, S = value[-3:]
+        angles = 0.5 * np.arctan2(np.sqrt(C * C + S * S), N), np.arctan2(S, C) % (2.0 * np.pi)
+        for name, angle in zip(("psi", "delta"), angles, strict=True):
+            here = seen.quantity == name
+            out[here] = np.degrees(angle[seen.row[here]])
+    return out
+
+
+def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray, np.ndarray]:
+    """Return the model at every datum and its standard error."""
+    u, seen, targets = at.unknowns, at.seen, at.targets
+    if measurement is not None:
+        seen = observations([measurement], "equal", compared=False)
+        spec = u.spec._replace(
+            channels=seen.channels,
+            curves=_matched(at, seen, measurement.source),
+            loss="squares",
+            priors=False,
+        )
+        outside = index_outside(at.sample, seen.points.wavelength_um)
+        spec = with_places(spec, values_at(spec, u.held, at.y), seen.points, float(np.max(outside)))
+        u, targets = u._replace(spec=spec), targets._replace(points=seen.points, eta_i=outside)
+    with jax.enable_x64(True):
+        value, slope = (
+            np.asarray(a) for a in slopes_in_parts(without_data(targets), at.y, spec=u.spec)
+        )
+    error = _error(slope, at.covariance)
+    channels = [c for c in seen.channels if c != NCS]
+    sigma = np.empty(len(seen.row))
+    for i, channel in enumerate(channels):
+        here = seen.channel == channel
+        sigma[here] = error[i, seen.row[here]]
+    if NCS in seen.channels:
+        _errors_of_angles(seen, value[-3:], slope[-3:], at.covariance, sigma)
+    return at_data(seen, value), sigma
+
+
+def _errors_of_angles(seen, value, slope, covariance, sigma) -> None:
+    """Fill in errors of psi and Delta in degrees, from N, C, S (3, M) and slopes (3, M, p)."""
+    N, C, S = value
+    sine2 = C * C + S * S
+    sine = np.sqrt(sine2)
+    total = np.sqrt(N * N + sine2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # d(2 psi) = (N d(sin 2psi) - sin 2psi dN) / total^2
+        d_sine = (C[:, None] * slope[1] + S[:, None] * slope[2]) / sine[:, None]
+        d_psi = 0.5 * (N[:, None] * d_sine - sine[:, None] * slope[0]) / total[:, None] ** 2
+        d_delta = (C[:, None] * slope[2] - S[:, None] * slope[1]) / sine2[:, None]
+    for name, by in zip(("psi", "delta"), (d_psi, d_delta), strict=True):
+        here = seen.quantity == name
+        sigma[here] = np.degrees(_error(by[seen.row[here]], covariance))
+
+
+def _index_band(at: Evaluated, wavelength_um: Any, medium: int) -> IndexBand:
+    wavelength = np.atleast_1d(_numbers("wavelength_um", wavelength_um))
+    good = wavelength.ndim == 1 and wavelength.size
+    if not good or not ((wavelength > 0.0) & np.isfinite(wavelength)).all():
+        raise ValueError("wavelength_um must be one number or one axis of them, all above 0.")
+    check_known(at.sample, medium + 1, wavelength)
+    count = len(wavelength)
+    full = np.pad(wavelength, (0, padded(count) - count), mode="edge")
+    u, outside = at.unknowns, index_outside(at.sample, full[:, None])
+    with jax.enable_x64(True):
+        found = index_slopes(at.y, u.held, full, outside, spec=u.spec, medium=medium)
+        value, slope = (np.asarray(a) for a in found)
+    error = _error(slope, at.covariance)[:, :count]
+    return IndexBand(wavelength, value[0, :count], error[0], value[1, :count], error[1])

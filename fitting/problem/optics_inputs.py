@@ -1,0 +1,154 @@
+"""What the optics of a sample depend on: indices, thicknesses, instrument; their derivatives."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from fitting.optics.coherent_films import FEW_LAYERS
+from fitting.optics.observe import Points, Spec
+from fitting.problem.oscillator_slopes import has_slopes, oscillator_slopes
+from fitting.samples.known_media import Mixture
+from fitting.samples.layer_index import slices_of
+from fitting.samples.spline_index import NAME as SPLINE
+
+
+class Core(NamedTuple):
+    """What the optics depend on beside numbers; hashable.
+
+    spec: without model and unknowns. indices: of which media eta and k move. moving, held: names of
+    thicknesses and of instrument parameters.
+    """
+
+    spec: Spec
+    indices: tuple[int, ...]
+    moving: tuple[str, ...]
+    held: tuple[str, ...]
+
+
+def has_parts(spec: Any) -> bool:
+    """Whether optics and model of a fit come apart: of few layers, in one file.
+
+    A spline moves with each of its dozens of unknowns at every wavelength: to write all those
+    derivatives out between two programs takes four times as long as one program does.
+    """
+    if not isinstance(spec, Spec) or spec.priors:
+        return False
+    index = spec.media.index
+    simple = not any(isinstance(m, Mixture) or getattr(m, "name", "") == SPLINE for m in index)
+    simple &= not any(spec.media.graded) and all(len(c) == 1 for c in spec.curves)
+    simple &= not {"divergence", "bandwidth"} & {*spec.moving, *spec.held}
+    return simple and len(spec.media.coherent) <= FEW_LAYERS
+
+
+@functools.lru_cache(maxsize=256)
+def core_of(spec: Spec, normal: bool) -> Core:
+    """Return what the optics of a fit depend on; normal: whether light comes along the normal."""
+    names = (*spec.moving, *(name for name, _, _ in spec.tied))
+    media = spec.media
+    of_index = tuple(
+        i for i, place in enumerate(media.places)
+        if any(n.startswith(f"{place}.") and ".thickness_" not in n for n in names)
+    )  # fmt: skip
+    moving, held = (
+        tuple(n for n in some if ".thickness_" in n or "." not in n) for some in (names, spec.held)
+    )
+    normal = normal and spec.only_powers and "angle_offset" not in (*moving, *held)
+    known = media._replace(index=("",) * len(media.index), normal=normal)  # type: ignore
+    core = spec._replace(
+        media=known, moving=(), coordinates=(), held=(), tied=(), shared=False
+    )  # fmt: skip
+    return Core(core, of_index, moving, held)
+
+
+def _oscillators(
+    spec: Spec, medium: int, v: Mapping[str, Array], points: Points, index: tuple[Array, Array]
+) -> dict[str, tuple[Array, Array]]:
+    """Return the derivatives of eta and k (M, L) by each parameter of a medium of oscillators."""
+    head = f"{spec.media.places[medium]}."
+    own = {n.removeprefix(head): x for n, x in v.items() if n.startswith(head)}
+    which: Any = spec.media.index[medium]
+    slopes = oscillator_slopes(which, own, points.wavelength_um, *index)
+    return {head + name: both for name, both in slopes.items()}
+
+
+def still_of(spec: Spec, core: Core, held: Any) -> tuple[Spec, np.ndarray]:
+    """Return the part of a fit's spec that does not move, which models share, and its constants."""
+    places = [p for i, p in enumerate(spec.media.places) if i not in core.indices]
+    rows = [
+        i for i, name in enumerate(spec.held)
+        if name in core.held or any(name.startswith(f"{place}.") for place in places)
+    ]  # fmt: skip
+    index = tuple("" if i in core.indices else m for i, m in enumerate(spec.media.index))
+    media = spec.media._replace(index=index)  # type: ignore
+    still = core.spec._replace(media=media, held=tuple(spec.held[i] for i in rows))
+    return still, np.asarray(held, float)[rows]
+
+
+def known_quantities(
+    held: Array, points: Points, eta_i: Any, *, spec: Spec, core: Core
+) -> tuple[Array, ...]:
+    """Return what the optics depend on and does not move, flat; of the spec of `still_of`."""
+    v = spec.values(jnp.zeros((0, 1)), held)
+    at, outside = (x.reshape(-1, 1) if jnp.ndim(x) else x for x in (points.wavelength_um, eta_i))
+    fixed = [
+        x for i in range(len(spec.media.index)) if i not in core.indices
+        for x in slices_of(spec, i, v, at, outside)[0]
+    ]  # fmt: skip
+    fixed += [v[name] for name in core.held]
+    return tuple(jnp.broadcast_to(x.reshape(1, -1), (1, at.size)) for x in fixed)
+
+
+def quantities(
+    trial: Array, slot: Array, held: Array, points: Points, eta_i: Any, *, spec: Spec, core: Core
+) -> tuple[list[Array], list[Array]]:
+    """Return what moves with the unknowns, flat, (1, M C) each, and derivatives, (P, M or 1, C).
+
+    trial: (P, S); slot: (C,), the one of each column; points: (M, C).
+    """
+    p, shape = len(spec.moving), points.angle_deg.shape
+    y = trial.at[:p, slot].get(mode="clip")
+    none = [jnp.zeros((1, shape[1]))] * (len(trial) - p)
+
+    def parts(z: Array) -> tuple[list[Array], tuple[dict[int, Any], dict[str, Array]]]:
+        """Return eta and k whose derivatives are formed along each unknown, and all."""
+        v = spec.values(z, held)
+        index = {i: slices_of(spec, i, v, points.wavelength_um, eta_i)[0] for i in core.indices}
+        plain = [i for i in core.indices if not has_slopes(spec.media.index[i])]
+        return [x for i in plain for x in index[i]], (index, v)
+
+    _, along, (index, v) = jax.linearize(parts, y, has_aux=True)
+    each = [along(jnp.zeros_like(y).at[j].set(1.0)) for j in range(p)]
+    plain = iter(zip(*each, strict=True))
+    # Each parameter moves with one unknown.
+    rate = jax.jvp(lambda z: spec.values(z, held), (y,), (jnp.ones_like(y),))[1]
+    row = {name: j for j, name in enumerate(spec.moving)}
+    row |= {name: row[of] for name, _, of in spec.tied if of in row}
+
+    def column(slopes: Mapping[str, Array]) -> list[Array]:
+        """Return the derivatives by the unknowns of what has these by parameters."""
+        out: list[Array] = [jnp.zeros((1, shape[1]))] * p
+        for name, slope in slopes.items():
+            if name in row:
+                out[row[name]] = out[row[name]] + slope * rate[name]
+        return out
+
+    moving, columns = [], []
+    for i in core.indices:
+        moving += index[i]
+        if has_slopes(spec.media.index[i]):
+            slopes = _oscillators(spec, i, v, points, index[i])
+            columns += [column({n: both[part] for n, both in slopes.items()}) for part in (0, 1)]
+        else:
+            columns += [list(next(plain)) for _ in range(2)]
+    for name in core.moving:
+        moving.append(v[name][None])
+        columns.append(column({name: jnp.ones((1, shape[1]))}))
+    columns = [jnp.stack(jnp.broadcast_arrays(*each, *none)) for each in columns]
+    return [jnp.broadcast_to(x, shape).reshape(1, -1) for x in moving], columns

@@ -1,0 +1,283 @@
+"""Fits in three programs, of which only the first one knows the model of the index.
+
+Where an evaluation is one program, the optics (1.5 s to compile for a film) and the solver's step
+(1 to 3 s) are compiled again for every model, every number of rows and of lanes. Of three,
+
+    quantities   unknowns -> indices, thicknesses, instrument; and their derivatives
+    optics       these -> what each channel shows; and its derivatives by them
+    step         normal equations (a small program of their own) -> the next place to try
+
+the second one is shared by all models, the third one by all models of about as many unknowns, which
+are filled up. All of them have one shape, for all numbers of rows and of lanes; see `row_blocks`.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from fitting.optics.observe import NCS, Points, Spec, predicted
+from fitting.problem.optics_inputs import (
+    Core,
+    core_of,
+    has_parts,
+    known_quantities,
+    quantities,
+    still_of,
+)
+from fitting.problem.problem import (
+    SOLVER,
+    Bounds,
+    Targets,
+    linearised,
+    robust,
+    rows_of,
+    solve,
+    weighted,
+)
+from fitting.problem.row_blocks import COLUMNS, ROWS, SLOTS, Blocks, blocks_of, can_be_cut
+from fitting.problem.solver import FEW_UNKNOWNS, BatchState, packed
+from fitting.process.compiled import compiled, in_turn
+
+# Unknowns are filled up to a multiple of that number.
+_SIZE = 8
+
+
+def _flat(points: Points, eta_i: Any) -> tuple[Points, Any]:
+    """Return points and the index before in one row."""
+    angle, wavelength, share = (x.reshape(1, -1) for x in points[:3])
+    row = Points(angle, wavelength, share, jnp.zeros(1, int))
+    return row, eta_i.reshape(1, -1) if jnp.ndim(eta_i) else eta_i
+
+
+def _optics(
+    moving: list[Array], fixed: Sequence[Array], points: Points, eta_i: Any, *, core: Core
+) -> tuple[Array, Array]:
+    """Return what each channel shows, (K, N), and its derivatives by each that moves, (A, K, N).
+
+    K counts NCS as three.
+    """
+
+    shape = moving[0].shape
+    points, eta_i = _flat(points, eta_i)
+    if core.spec.media.normal:
+        # Else XLA forms a cosine for each of some twenty numbers that are made of it.
+        points = points._replace(angle_deg=jnp.zeros(shape))
+
+    def shown(some: list[Array]) -> Array:
+        moves, stays = iter(some), iter(fixed)
+        index = []
+        for i in range(len(core.spec.media.index)):
+            here = moves if i in core.indices else stays
+            index.append([(next(here), next(here))])
+        v = {name: next(moves)[0] for name in core.moving}
+        v |= {name: next(stays)[0] for name in core.held}
+        found = predicted(core.spec, v, points, eta_i, index=index)
+        return rows_of(core.spec, found, shape)[:, 0]
+
+    value, along = jax.linearize(shown, moving)
+    slopes = [
+        along([jnp.ones_like(x) if j == i else jnp.zeros_like(x) for j, x in enumerate(moving)])
+        for i in range(len(moving))
+    ]
+    return value, jnp.stack(slopes)
+
+
+def _sums(
+    sums: Array, slot: Array, shown: Array, slopes: Array, columns: list[Array], targets: Targets,
+    *, spec: Spec,
+) -> Array:  # fmt: skip
+    """Return the packed normal equations of all slots with those of these columns added."""
+    shape = (len(shown), ROWS, COLUMNS)
+    shown = shown.reshape(shape)
+    by_unknown = sum(
+        d.reshape(shape) * column[:, None] for d, column in zip(slopes, columns, strict=True)
+    )
+
+    def residuals(rows: Array) -> Array:
+        places, found = iter(rows), {}
+        for channel in spec.channels:
+            found[channel] = [next(places) for _ in range(3)] if channel == NCS else next(places)
+        return jnp.stack([robust(spec.loss, r) for r in weighted(spec, found, targets)])
+
+    off, along = jax.linearize(residuals, shown)
+    rows = jnp.concatenate([off[None], jax.vmap(along)(by_unknown)])
+    rows = rows.reshape(len(rows), -1, COLUMNS)
+    more = packed(jnp.einsum("pml,qml->pql", rows, rows))
+    return sums.at[:, slot].add(more, mode="drop")
+
+
+def _step(
+    y: Array, state: BatchState, trial: Array, sums: Array, bounds: Bounds, active: Array, most: Any
+) -> tuple[BatchState, Array, Array, Array]:
+    """Return the state and y after a trial, the next one, and which slots are over."""
+    options = bounds._asdict()
+    state = state._replace(done=state.done | ~active)
+    y, state = SOLVER.advanced(y, trial, sums, options, state)
+    over = state.done | (state.evaluations >= most)
+    return state, y, SOLVER.next_trial(y, options, state), over
+
+
+def _shared(function: Callable, static: tuple[str, ...]) -> Callable:
+    return in_turn(compiled(function, static), by_first=True)
+
+
+_known_of = _shared(known_quantities, ("spec", "core"))
+_quantities_of = _shared(quantities, ("spec", "core"))
+_optics_of = _shared(_optics, ("core",))
+_summed = _shared(_sums, ("spec",))
+_stepped = _shared(_step, ())
+
+
+@functools.lru_cache
+def _blank(unknowns: int) -> Any:
+    """Return a state of zeros."""
+    y = np.zeros((unknowns, SLOTS))
+    shapes = jax.eval_shape(SOLVER.begun, y, y[0])
+    return jax.tree.map(lambda a: np.zeros(a.shape, a.dtype), shapes)
+
+
+def _filled(y: np.ndarray) -> np.ndarray:
+    """Return y (p, L) with more unknowns, which are none."""
+    return np.pad(y, ((0, -len(y) % _SIZE), (0, 0)))
+
+
+def in_parts(spec: Any, targets: Targets) -> bool:
+    """Whether a fit runs in these programs: where they are shared, of films, of many unknowns.
+
+    A first `choose` takes half the time, and so does the first fit of a silver mirror by three
+    oscillators. One program for all is, once compiled, up to three times as fast for a bare surface
+    of few unknowns, and where wavelengths come again at other angles: it forms the index once.
+    """
+    if not has_parts(spec) or not can_be_cut(targets):
+        return False
+    films = bool(spec.media.coherent) and all(spec.media.coherent)
+    worth = films or len(spec.moving) > FEW_UNKNOWNS
+    return spec.shared or (worth and targets.points.place is None)
+
+
+class _Parts:
+    """A fit in parts: what stays the same while it runs."""
+
+    def __init__(self, spec: Spec, targets: Targets):
+        self.spec, self.held = spec, targets.held
+        self.core = core_of(spec, not np.any(targets.points.angle_deg))
+        still, held = still_of(spec, self.core, targets.held)
+        self.blocks = [
+            b._replace(known=_known_of(held, b.points, b.eta_i, spec=still, core=self.core))
+            for b in blocks_of(targets)
+        ]
+
+    def quantities(self, trial: Any, slot: np.ndarray, blocks: Blocks) -> Any:
+        """Return what `optics_inputs.quantities` does."""
+        own = self.held, blocks.points, blocks.eta_i
+        return _quantities_of(trial, slot, *own, spec=self.spec, core=self.core)
+
+    def shown(self, moving: list[Array], blocks: Blocks) -> tuple[Array, Array]:
+        """Return what `_optics` does."""
+        return _optics_of(moving, blocks.known, blocks.points, blocks.eta_i, core=self.core)
+
+    def sums(self, trial: Any, active: np.ndarray) -> Any:
+        """Return the packed normal equations of the active slots at trial (P, SLOTS)."""
+        unknowns = len(trial)
+        total = np.zeros(((unknowns + 1) * (unknowns + 2) // 2, SLOTS))
+        for blocks in self.blocks:
+            for _, slot in blocks.calls(active):
+                moving, columns = self.quantities(trial, slot, blocks)
+                shown, slopes = self.shown(moving, blocks)
+                total = _summed(
+                    total, slot, shown, slopes, columns, blocks.data, spec=self.core.spec
+                )
+        return total
+
+
+def solved_in_parts(
+    targets: Targets, start: Any, damping: Any, bounds: Bounds, max_steps: Any, *, spec: Spec
+) -> tuple[Any, ...]:
+    """Return what `problem.solve` does; a lane that is over makes room for the next one."""
+    if not in_parts(spec, targets):
+        return solve(targets, start, damping, bounds, max_steps, spec=spec)
+    parts, (p, lanes) = _Parts(spec, targets), start.shape
+    start, low, high = map(_filled, (start, bounds.lower, bounds.upper))
+    given = Bounds(low, high, bounds.degrees, bounds.scale)
+    ends, cost = start[:p].copy(), np.full(lanes, np.inf)
+    done, evaluations, left = np.zeros(lanes, bool), np.zeros(lanes, int), np.array(damping)
+    lane_in, waiting = np.full(SLOTS, -1), 0
+    y = trial = np.zeros((len(start), SLOTS))
+    state = _blank(len(start))
+    while True:
+        free = np.flatnonzero(lane_in < 0)[: lanes - waiting]
+        if len(free):
+            new = np.arange(waiting, waiting + len(free))
+            waiting += len(free)
+            lane_in[free] = new
+            state, y, trial = jax.tree.map(np.array, (state, y, trial))
+            for each in jax.tree.leaves(state._replace(steps=None)):
+                each[..., free] = 0
+            state.sums[0, free], state.damping[free] = np.inf, damping[new]
+            y[:, free] = start[:, new]
+            trial[:, free] = np.clip(start, low, high)[:, new]
+            own = jax.device_put(jax.tree.map(lambda a: a[..., np.maximum(lane_in, 0)], given))
+        active = lane_in >= 0
+        if not active.any():
+            break
+        sums = parts.sums(trial, np.flatnonzero(active))
+        state, y, trial, over = _stepped(y, state, trial, sums, own, active, max_steps)
+        ended = np.flatnonzero(active & np.asarray(over))
+        if len(ended):
+            of = lane_in[ended]
+            ends[:, of], cost[of] = np.asarray(y)[:p, ended], np.asarray(state.sums)[0, ended]
+            done[of], left[of] = np.asarray(state.done)[ended], np.asarray(state.damping)[ended]
+            evaluations[of] = np.asarray(state.evaluations)[ended]
+            lane_in[ended] = -1
+    return ends, cost, done & np.isfinite(cost) & np.isfinite(ends).all(0), evaluations, left
+
+
+def slopes_in_parts(targets: Targets, y: Any, *, spec: Spec) -> tuple[Any, Any]:
+    """Return what `problem.linearised` does."""
+    if not in_parts(spec, targets):
+        return linearised(targets, y, spec=spec)
+    parts, found = _Parts(spec, targets), []
+    trial = np.repeat(_filled(np.asarray(y)[:, None]), SLOTS, 1)
+    for blocks in parts.blocks:
+        moving, columns = parts.quantities(trial, np.zeros(COLUMNS, int), blocks)
+        shown, slopes = (
+            np.asarray(a).reshape(*a.shape[:-1], ROWS, COLUMNS)[..., : blocks.count]
+            for a in parts.shown(moving, blocks)
+        )
+        by_unknown = sum(
+            d[..., None] * np.moveaxis(np.asarray(c)[: len(y), :, : blocks.count], 0, -1)
+            for d, c in zip(slopes, columns, strict=True)
+        )
+        # rows before columns
+        each = np.swapaxes(shown, 1, 2), np.swapaxes(by_unknown, 1, 2)
+        found.append([a.reshape(len(a), -1, *a.shape[3:]) for a in each])
+    shown, by_unknown = (np.concatenate(a, 1) for a in zip(*found, strict=True))
+    return shown, by_unknown
+
+
+def eta_in_parts(targets: Targets, y: np.ndarray, medium: int, *, spec: Spec) -> np.ndarray:
+    """Return eta of a medium that moves, (M, L), at y (p, L), by the program of the solver."""
+    parts, count = _Parts(spec, targets), y.shape[1]
+    at = 2 * parts.core.indices.index(medium)
+    found = np.empty((len(targets.points.angle_deg), count))
+    for begin in range(0, count, SLOTS):
+        some = _filled(y[:, np.minimum(np.arange(begin, begin + SLOTS), count - 1)])
+        for blocks in parts.blocks:
+            for slots, slot in blocks.calls(np.arange(min(SLOTS, count - begin))):
+                eta = np.asarray(parts.quantities(some, slot, blocks)[0][at])
+                eta = eta.reshape(ROWS, COLUMNS)[:, slot < SLOTS]
+                by_lane = eta.reshape(ROWS, len(slots), blocks.count).transpose(2, 0, 1)
+                found[blocks.rows, begin + slots] = by_lane.reshape(-1, len(slots))
+    return found
+
+
+def eta_moves(spec: Any, targets: Targets, medium: int) -> bool:
+    """Whether the solver's program of a fit knows the index of a medium, for `eta_in_parts`."""
+    return in_parts(spec, targets) and medium in core_of(spec, False).indices

@@ -1,0 +1,1 @@
+"""What concerns the running process: compiled programs, interruption, progress, terminals."""

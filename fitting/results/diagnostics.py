@@ -1,0 +1,68 @@
+"""Warnings and notes on a fit: each is a code with numbers, from which its sentence is made.
+
+The sentences are in one table, `fitting.results.sentences.SENTENCES`, which lists every code, the
+most serious first. The program itself goes by codes and never reads a sentence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fitting.results.sentences import SENTENCES
+
+
+class Warning(NamedTuple):
+    """One warning or note on a fit.
+
+    code: its name in `SENTENCES`. where: what it refers to, for example {"wavelength_um": 0.532}
+    or {"parameter": "k"}; empty for the whole fit. values: the numbers and names in its sentence.
+    """
+
+    code: str
+    where: Mapping[str, Any] = {}
+    values: Mapping[str, Any] = {}
+
+    @property
+    def text(self) -> str:
+        """The sentence."""
+        return SENTENCES[self.code](self.values)
+
+    def __str__(self) -> str:
+        return self.text
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return code, where, values and text as plain data."""
+        return {
+            "code": self.code, "where": dict(self.where), "values": dict(self.values),
+            "text": self.text,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """One warning for all fits of a batch: the object of a single fit is made on request only.
+
+    at: which fits have it, a bool array of the batch shape S. values: name -> a number, a text, or
+    an array whose leading axes are S. where: place in the batch of a single fit picked from it.
+    """
+
+    code: str
+    at: Any
+    values: Mapping[str, Any]
+    where: Mapping[str, Any] = field(default_factory=dict)
+
+    def of(self, index: tuple[int, ...], where: Mapping[str, Any]) -> Warning:
+        """Return the warning of the fit at ``index`` of the batch."""
+        picked = {
+            name: _plain(value[index]) if isinstance(value, np.ndarray) else value
+            for name, value in self.values.items()
+        }
+        return Warning(self.code, {**self.where, **where}, picked)
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,295 @@
+"""`Fit`: the result of a fit. Data and short methods; nothing is computed here.
+
+A fit has one set of parameters for all data (a dispersion model, batch shape S = ()), or many
+independent ones: an index at every wavelength (S = (W,), in rising order), or any batch of curves
+(`fit_many`, S that of the arrays). All arrays begin with S; one curve has Python scalars.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fitting.measurements.measurement import Measurement
+from fitting.results.diagnostics import Finding
+from fitting.results.diagnostics import Warning as Warning
+from fitting.results.result_parts import AT_LOWER as AT_LOWER
+from fitting.results.result_parts import AT_UPPER as AT_UPPER
+from fitting.results.result_parts import CONVERGED as CONVERGED
+from fitting.results.result_parts import FITTED as FITTED
+from fitting.results.result_parts import FIXED as FIXED
+from fitting.results.result_parts import NO_DATA as NO_DATA
+from fitting.results.result_parts import NONE as NONE
+from fitting.results.result_parts import NOT_CONVERGED as NOT_CONVERGED
+from fitting.results.result_parts import PROFILE as PROFILE
+from fitting.results.result_parts import QUADRATIC as QUADRATIC
+from fitting.results.result_parts import SHARED as SHARED
+from fitting.results.result_parts import TIED as TIED
+from fitting.results.result_parts import UNDETERMINED as UNDETERMINED
+from fitting.results.result_parts import Alternative as Alternative
+from fitting.results.result_parts import ErrorModel as ErrorModel
+from fitting.results.result_parts import Estimate as Estimate
+from fitting.results.result_parts import Evaluator as Evaluator
+from fitting.results.result_parts import IndexBand as IndexBand
+from fitting.results.result_parts import Prediction as Prediction
+from fitting.results.result_parts import item, picked, place_of
+from fitting.samples.sample import Sample
+
+if TYPE_CHECKING:
+    import os
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Fit:
+    """The result of `fit`, `fit_many`, `choose` and `fit_residuals`. S: the batch shape (module).
+
+    sample: the sample that was fitted; None for the caller's own residuals.
+    parameters: name -> `Estimate`; the fitted ones first, then what was fixed or tied.
+    covariance: S + (P, P) of the fitted parameters in the order of `names`; NaN where sigma is NaN.
+    wavelength_um: S, micrometres; NaN where unknown. For a dispersion model, whose eta and k depend
+        on the wavelength: the W measured ones.
+    chi2, chi2_reduced: sum of (residual / stated error)^2, and that by dof; NaN without stated
+        errors, the second also without a degree of freedom.
+    dof: data and priors minus fitted parameters, at least 0. n_data: a psi and a Delta are two.
+    rms: root mean square of the unweighted residuals; for psi and Delta those of N, C, S. rms_of:
+        the same by quantity ("NCS": psi and Delta).
+    status: "converged"; "undetermined" (a minimum, but the data do not determine some combination
+        of the parameters); "not converged"; "no data".
+    evaluations: of residuals and derivatives: by all starts of a bare surface, by the best start of
+        other fits. starts, reached: the number of starts, and of those that ended in the best
+        minimum; 0 if not counted.
+    errors: how the errors of the data were used.
+    loss, noise: "squares", "huber" or "student", and the noise for which a robust loss or a prior
+        was weighted, in units of the stated errors.
+    cost: the minimised sum. bic, aicc: information criteria, NaN where they were not asked for.
+    findings, others, notes: the data of `warnings` and `alternatives`; notes on all curves.
+    measurement: the fitted data, all files joined; None for `fit_many`. curve: (N,) which of
+        `curve_names` (a quantity of a file) each datum belongs to.
+    evaluator: computes `predict` and `index`; None for the caller's own residuals.
+    """
+
+    sample: Sample | None
+    parameters: Mapping[str, Estimate]
+    covariance: np.ndarray
+    wavelength_um: Any
+    chi2: Any
+    chi2_reduced: Any
+    dof: Any
+    n_data: Any
+    rms: Any
+    status: Any
+    errors: ErrorModel
+    evaluations: Any = 0
+    starts: int = 0
+    reached: Any = 0
+    rms_of: Mapping[str, Any] = field(default_factory=dict)
+    loss: str = "squares"
+    noise: Any = 1.0
+    cost: Any = np.nan
+    bic: Any = np.nan
+    aicc: Any = np.nan
+    findings: tuple[Finding, ...] = ()
+    others: tuple[Alternative, ...] = ()
+    notes: tuple[Warning, ...] = ()
+    measurement: Measurement | None = None
+    curve: np.ndarray | None = None
+    curve_names: tuple[str, ...] = ()
+    evaluator: Evaluator | None = None
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The batch shape S; () for one set of parameters."""
+        return np.shape(self.status)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The fitted parameters, in the order of `covariance`."""
+        return tuple(name for name, e in self.parameters.items() if e.free)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Name -> value of all parameters, fitted, fixed and tied."""
+        return {name: e.value for name, e in self.parameters.items()}
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """S + (P, P), correlation of the fitted parameters; NaN where sigma is NaN."""
+        with np.errstate(all="ignore"):
+            size = np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
+            return self.covariance / (size[..., :, None] * size[..., None, :])
+
+    @property
+    def eta(self) -> Any:
+        """Real part of the unknown index at `wavelength_um`; errors: `parameters` or `index`."""
+        return self._index_part("eta")
+
+    @property
+    def k(self) -> Any:
+        """Imaginary part of the unknown index at `wavelength_um`."""
+        return self._index_part("k")
+
+    def _index_part(self, name: str) -> Any:
+        if name in self.parameters:
+            return self.parameters[name].value
+        return getattr(self.index(), name)
+
+    @property
+    def sigma_kind(self) -> Any:
+        """ "absolute" where stated errors were taken as they are, else "scaled"."""
+        taken = np.where(np.asarray(self.errors.taken) == "stated", "absolute", "scaled")
+        return taken if taken.shape else taken.item()
+
+    @property
+    def warnings(self) -> Any:
+        """The warnings, the most serious first: a tuple; of a batch an object array of tuples."""
+        return self._each(self._warnings_at, [f.at for f in self.findings])
+
+    @property
+    def alternatives(self) -> Any:
+        """Other minima that fit nearly as well: a tuple; of a batch an object array of tuples."""
+        there = [np.isfinite(a.delta_chi2) for a in self.others]
+        return self._each(self._alternatives_at, there)
+
+    def _each(self, of: Any, where: list[Any]) -> Any:
+        if not self.shape:
+            return of(())
+        out = np.empty(self.shape, dtype=object)
+        out.fill(())
+        some = np.logical_or.reduce(where) if where else np.zeros(self.shape, bool)
+        for index in zip(*np.nonzero(some), strict=True):
+            out[index] = of(index)
+        return out
+
+    def _place(self, index: tuple[int, ...]) -> dict[str, Any]:
+        wavelength = np.asarray(self.wavelength_um)
+        if wavelength.shape == self.shape and np.isfinite(wavelength[index]):
+            return {"wavelength_um": float(wavelength[index])}
+        return {"curve": tuple(map(int, index))} if index else {}
+
+    def _warnings_at(self, index: tuple[int, ...]) -> tuple[Warning, ...]:
+        place = self._place(index)
+        return tuple(f.of(index, place) for f in self.findings if np.asarray(f.at)[index])
+
+    def _alternatives_at(self, index: tuple[int, ...]) -> tuple[Alternative, ...]:
+        every = (a.at(index) for a in self.others) if self.shape else iter(self.others)
+        return tuple(a for a in every if np.isfinite(a.delta_chi2))
+
+    def predict(self, at: Any = None, quantity: Any = "R", wavelength_um: Any = None) -> Prediction:
+        """Return the values that the fitted sample gives, with their standard errors.
+
+        Args:
+            at: None for the data that were fitted; a `Measurement` for its rows; or angles of
+                incidence in degrees, (A,).
+            quantity: "R_s", "R_p", "R", "T", "psi", ... at the angles: one, or one for each angle.
+            wavelength_um: micrometres, at the angles: one, or one for each angle. Left out where
+                each fit of the batch has its own.
+
+        Returns: `Prediction` of shape (N,) at data and rows; S + (A,) at angles.
+        """
+        from fitting.predictions import predict
+
+        return predict(self, at, quantity, wavelength_um)
+
+    def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
+        """Return eta and k with standard errors, at wavelengths in micrometres.
+
+        Args:
+            wavelength_um: None for the measured ones. An index that is free at every wavelength is
+                known at the measured ones only.
+            medium: "film", "substrate", ... of `Sample.places`; None for the first unknown one.
+        """
+        if self.evaluator is None:
+            raise ValueError("this fit is of your own residuals; it knows of no index.")
+        return self.evaluator.index(wavelength_um, medium)
+
+    @property
+    def residuals(self) -> np.ndarray:
+        """value - fitted of every datum, (N,); for Delta in -180 to 180."""
+        from fitting.residuals.residuals import residuals
+
+        if self.measurement is None:
+            raise ValueError("this fit keeps no data: it came from arrays (fit_many).")
+        return residuals(self.measurement, self.predict().value)
+
+    def __len__(self) -> int:
+        if not self.shape:
+            raise TypeError("this fit is one set of parameters; it has no length")
+        return self.shape[0]
+
+    def __iter__(self) -> Iterator[Fit]:
+        return (self[i] for i in range(len(self)))
+
+    def __getitem__(self, index: int | tuple[int, ...]) -> Fit:
+        """Return the fit of one curve of a batch."""
+        index = place_of(index, self.shape)
+        one = picked(self, index)
+        rows = self._rows_of(index)
+        return replace(
+            one,
+            parameters={name: e.at(index) for name, e in self.parameters.items()},
+            rms_of={name: item(v, index, self.shape) for name, v in self.rms_of.items()},
+            errors=ErrorModel(*(item(v, index, self.shape) for v in self.errors)),
+            findings=tuple(
+                Finding(f.code, np.True_, f.of(index, {}).values, self._place(index))
+                for f in self.findings
+                if np.asarray(f.at)[index]
+            ),
+            others=self._alternatives_at(index),
+            measurement=None if rows is None else self.measurement.where(rows),  # type: ignore
+            curve=None if rows is None or self.curve is None else self.curve[rows],
+            evaluator=None if self.evaluator is None else self.evaluator.at(index),
+        )
+
+    def _rows_of(self, index: tuple[int, ...]) -> np.ndarray | None:
+        """Return which rows of the measurement belong to one wavelength."""
+        if self.measurement is None:
+            return None
+        return self.measurement.at_wavelength(np.asarray(self.wavelength_um)[index])
+
+    def __repr__(self) -> str:
+        from fitting.output.text_table import one_line
+
+        return one_line(self)
+
+    def __str__(self) -> str:
+        from fitting.output.text_table import table
+
+        return table(self)
+
+    def _repr_html_(self) -> str:
+        from fitting.output.fit_page import notebook
+
+        return notebook(self)
+
+    def plot(self, reference: str | None = None) -> Any:
+        """Return a matplotlib Figure of data, fit and residuals; ``reference``: a material."""
+        from fitting.output.picture import draw
+
+        return draw(self, reference)
+
+    def report(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write a page and its files to a new folder; ``overwrite``: or one with other files."""
+        from fitting.output.files import report
+
+        report(self, folder, overwrite=overwrite)
+
+    def write_material(self, path: str | os.PathLike[str], medium: str | None = None) -> Any:
+        """Write eta and k of a medium as a refractiveindex.info YAML, and its errors as CSV."""
+        from fitting.output.material import write
+
+        return write(self, path, medium)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for ``json.dumps``: NaN as None, arrays as lists, warnings as data."""
+        from fitting.output.as_data import to_dict
+
+        return to_dict(self)
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas DataFrame: a row for each fit of the batch, else for each parameter."""
+        from fitting.output.as_data import to_dataframe
+
+        return to_dataframe(self)

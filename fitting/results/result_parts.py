@@ -1,0 +1,174 @@
+"""The parts of a `Fit`: estimates of parameters, other minima, the errors that were used."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from fitting.measurements.measurement import Measurement
+
+CONVERGED, UNDETERMINED = "converged", "undetermined"
+NOT_CONVERGED, NO_DATA = "not converged", "no data"
+FITTED, AT_LOWER, AT_UPPER = "fitted", "at lower bound", "at upper bound"
+FIXED, TIED = "fixed", "tied"
+SHARED = "shared"  # by all wavelengths, each of which has an index of its own
+QUADRATIC, PROFILE, NONE = "quadratic", "profile", "none"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Estimate:
+    """One parameter: its value and how well it is known. Arrays have the batch shape S.
+
+    name, unit: unit "" for a pure number.
+    value: NaN where the data do not determine it at all.
+    sigma: standard error; NaN where there is none (undetermined, at a bound), 0 if fixed.
+    interval: S + (2,), 95 % interval; NaN where there is none, infinite where it is unlimited; for
+        a fixed parameter its value twice.
+    interval_kind: "quadratic" (value +- t sigma; for k, where the data depend on k^2, from
+        k^2 +- t sigma(k^2)), "profile" (profile likelihood), or "none".
+    upper_limit: upper end of the 95 % interval of a parameter that cannot be negative and is
+        compatible with 0; NaN elsewhere.
+    status: "fitted", "at lower bound" (k = 0, for one), "at upper bound", "undetermined", "fixed",
+        "tied" (to another parameter), or "shared" (by all wavelengths of a batch).
+    """
+
+    name: str
+    value: Any
+    sigma: Any
+    interval: np.ndarray
+    interval_kind: Any
+    unit: str = ""
+    upper_limit: Any = np.nan
+    status: Any = FITTED
+
+    @property
+    def free(self) -> bool:
+        """Whether it was fitted: neither fixed nor tied."""
+        return not (isinstance(self.status, str) and self.status in (FIXED, TIED, SHARED))
+
+    def at(self, index: tuple[int, ...]) -> Estimate:
+        """Return the estimate of one fit of a batch; a fixed parameter is the same for all."""
+        return picked(self, index) if self.free else self
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Alternative:
+    """Another minimum that fits nearly as well (chi2 higher by less than 6).
+
+    parameters: name -> `Estimate` of each free parameter, as if that minimum were the best one.
+    delta_chi2: by how much its chi2 is higher, in units of the scatter; in a batch of shape S, NaN
+        where there is none. reached: number of starts that ended there, NaN if not counted.
+    """
+
+    parameters: Mapping[str, Estimate]
+    delta_chi2: Any
+    reached: Any = np.nan
+
+    def at(self, index: tuple[int, ...]) -> Alternative:
+        """Return the alternative of one fit of a batch."""
+        parameters = {name: e.at(index) for name, e in self.parameters.items()}
+        return replace(picked(self, index), parameters=parameters)
+
+
+class IndexBand(NamedTuple):
+    """eta and k over wavelength with one standard error each, all (W,)."""
+
+    wavelength_um: np.ndarray
+    eta: np.ndarray
+    sigma_eta: np.ndarray
+    k: np.ndarray
+    sigma_k: np.ndarray
+
+
+class Prediction(NamedTuple):
+    """Values that the fitted sample gives, and their standard errors: powers as fractions, psi and
+    Delta (0 to 360) in degrees."""
+
+    value: np.ndarray
+    sigma: np.ndarray
+
+
+class ErrorModel(NamedTuple):
+    """The errors of the data that a fit used.
+
+    taken: "stated" (as they are), "scaled" (stated errors times one factor; without stated errors
+    the scatter), "floor" (stated errors and one common error, added in squares), or "equal" (the
+    scatter about the fit; stated errors are not used). In a batch an array of shape S.
+    factor: the factor on the standard errors of the parameters; 1 if "stated".
+    floor: the common error, in units of R, T and N, C, S; 0 unless "floor". stated: whether every
+    datum had an error. widened: the part of factor for autocorrelation, sqrt((1+rho)/(1-rho)).
+    """
+
+    taken: Any
+    factor: Any
+    floor: Any = 0.0
+    stated: bool = False
+    widened: Any = 1.0
+
+
+class Evaluator(Protocol):
+    """Evaluates a finished fit at other points; made by the engine that found it."""
+
+    def predict(self, measurement: Measurement | None) -> Prediction:
+        """Return the model at every row of a measurement, (N,); None: of the fitted one."""
+        ...
+
+    def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
+        """Return each fit of the batch over angles (A,), S + (A,)."""
+        ...
+
+    def index(self, wavelength_um: np.ndarray | None, medium: str | None) -> IndexBand:
+        """Return eta and k of a medium; None: at the measured wavelengths, of the first unknown."""
+        ...
+
+    def at(self, index: tuple[int, ...]) -> Evaluator:
+        """Return the evaluator of one fit of the batch."""
+        ...
+
+    def widened(self, factor: np.ndarray) -> Evaluator:
+        """Return the evaluator with all errors times a factor (N,) of each fit."""
+        ...
+
+
+def item(value: Any, index: tuple[int, ...], shape: tuple[int, ...]) -> Any:
+    """Return the part of ``value`` that belongs to one fit of a batch of this shape."""
+    if not isinstance(value, np.ndarray) or value.shape[: len(shape)] != shape or not shape:
+        return value
+    part = value[index]
+    return part.item() if np.ndim(part) == 0 else part
+
+
+def place_of(index: Any, shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the place of one fit in a batch, counted from 0.
+
+    Raises TypeError for other than whole numbers, IndexError for too many, few or large ones.
+    """
+    came = index if isinstance(index, tuple) else (index,)
+    try:
+        places = [operator.index(i) for i in came]
+    except TypeError:
+        raise TypeError(
+            f"{index!r} picks no single fit; a whole number was wanted for each axis of the batch. "
+            "Several are [fit[i] for i in range(3)]."
+        ) from None
+    if len(places) != len(shape):
+        raise IndexError(f"a batch of shape {shape} needs {len(shape)} indices; {len(places)} came")
+    for i, size in zip(places, shape, strict=True):
+        if not -size <= i < size:
+            raise IndexError(f"index {i} is out of range for a batch of shape {shape}")
+    return tuple(i % size for i, size in zip(places, shape, strict=True))
+
+
+def picked(record: Any, index: tuple[int, ...]) -> Any:
+    """Return a dataclass with every array field reduced to one fit of the batch."""
+    arrays = {
+        name: value for name, value in vars(record).items()
+        if isinstance(value, np.ndarray) and name != "curve"
+    }  # fmt: skip
+    chosen = {name: value[index] for name, value in arrays.items()}
+    plain = {name: v.item() if np.ndim(v) == 0 else v for name, v in chosen.items()}
+    return replace(record, **plain)

@@ -1,0 +1,1 @@
+"""Samples, their text form, the models and materials of their media, and their parameters."""

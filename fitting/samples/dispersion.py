@@ -1,0 +1,294 @@
+"""The dispersion models that can be fitted: parameters with their ranges, and the index.
+
+The formulas are those of `fresnel_jax.dispersion`. Ranges of starts follow the measured
+wavelengths: an oscillator is searched for where there are data, and a little beyond.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jax import Array
+
+from fitting.samples.parameters import LOG, PLAIN, SQUARE, Parameter
+from fitting.samples.spline_index import NAME as SPLINE
+from fitting.samples.spline_index import knots_over, spline_model, spline_parameters, without_knots
+from fresnel_jax import dispersion
+from fresnel_jax.dispersion import HC_EV_UM
+
+
+class Spectrum(NamedTuple):
+    """What the ranges of starts depend on.
+
+    shortest_um, longest_um: measured wavelengths; eta_i: index of the medium in front.
+    even_in_k: whether the data depend on k^2 (powers of a bare interface), and not on k.
+    """
+
+    shortest_um: float
+    longest_um: float
+    eta_i: float = 1.0
+    even_in_k: bool = True
+
+    @property
+    def low_ev(self) -> float:
+        """The least photon energy."""
+        return HC_EV_UM / self.longest_um
+
+    @property
+    def high_ev(self) -> float:
+        """The largest photon energy."""
+        return HC_EV_UM / self.shortest_um
+
+
+class Model(NamedTuple):
+    """A dispersion model by name, with its number of terms; hashable, as static arguments of jit.
+
+    terms: 0 for a spline whose number follows from the data. knots_ev: of a spline, once they are
+    known; see `over`.
+    """
+
+    name: str
+    terms: int
+    knots_ev: tuple[float, ...] = ()
+
+    def __str__(self) -> str:
+        several = KINDS[self.name].most > 1 and self.terms
+        return f"{self.name}:{self.terms}" if several else self.name
+
+    @property
+    def absorbs(self) -> bool:
+        """Whether the model has a k of its own."""
+        return KINDS[self.name].absorbs
+
+    @property
+    def exchangeable(self) -> bool:
+        """Whether the terms are interchangeable: not if the last one is beyond the red end."""
+        return KINDS[self.name].exchangeable
+
+    def parameters(self, spectrum: Spectrum) -> tuple[Parameter, ...]:
+        """Return the parameters in the order of the formula."""
+        return KINDS[self.name].parameters(self.terms, spectrum)
+
+    def over(self, spectrum: Spectrum) -> Model:
+        """Return the model with its knots over the measured range and beyond it."""
+        if self.name != SPLINE or self.knots_ev:
+            return self
+        knots = knots_over(self.terms, spectrum.low_ev, spectrum.high_ev)
+        return self._replace(knots_ev=knots)
+
+    def index(self, values: Mapping[str, Array], wavelength_um: Array) -> dispersion.Index:
+        """Return eta and k at wavelengths, for one value () of every parameter."""
+        if self.knots_ev:
+            return spline_model(self.terms, self.knots_ev, values)(wavelength_um)
+        return KINDS[self.name].model(self.terms, values)(wavelength_um)
+
+
+class Kind(NamedTuple):
+    parameters: Callable[[int, Spectrum], tuple[Parameter, ...]]
+    model: Callable[[int, Mapping[str, Array]], dispersion.DispersionModel]
+    absorbs: bool
+    usual: int = 1  # number of terms if none is given; 0: it follows from the data
+    most: int = 1
+    exchangeable: bool = True
+
+
+def _absorption(name: str, spectrum: Spectrum, least: float) -> Parameter:
+    coordinate = SQUARE if spectrum.even_in_k else PLAIN
+    return Parameter(name, "", (least, 10.0), 0.0, 1e3, coordinate, decades=True)
+
+
+def _constant(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
+    m = spectrum.eta_i
+    return (
+        Parameter("eta", "", (0.1 * m, 5.0 * m), 1e-4, 1e3, near=m),
+        _absorption("k", spectrum, 1e-3 if spectrum.even_in_k else 1e-9),
+    )
+
+
+def _cauchy(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
+    # An index below 1 has the reflectance of its inverse (at normal incidence exactly), so that the
+    # ranges of formulas for transparent media begin at 1.
+    out = [Parameter("A", "", (1.1, 4.5), 1.0, 1e2)]
+    for j in range(1, terms):
+        # Their share in eta at the shortest wavelength.
+        scale = spectrum.shortest_um ** (2 * j)
+        unit = f"um^{2 * j}"
+        out.append(Parameter("ABCDEFGH"[j], unit, (-0.1 * scale / j, 0.4 * scale / j)))
+    return tuple(out)
+
+
+def _cauchy_coefficients(terms: int, v: Mapping[str, Array]) -> Array:
+    return jnp.stack([v["ABCDEFGH"[j]] for j in range(terms)])
+
+
+def _cauchy_urbach(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
+    high = spectrum.high_ev
+    width = (0.01 * high, 0.5 * high)
+    return (
+        *_cauchy(terms, spectrum),
+        _absorption("k_edge", spectrum, 1e-3 if spectrum.even_in_k else 1e-8),
+        Parameter("urbach_ev", "eV", width, 1e-3 * high, 10.0 * high, LOG, decades=True),
+        Parameter("edge_ev", "eV", (high, high), 0.0, 1e3, held=high),
+    )
+
+
+def _sellmeier(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
+    short, long = spectrum.shortest_um, spectrum.longest_um
+    out = [Parameter("constant", "", (1.0, 2.0), 0.1, 1e2, held=1.0)]
+    for j in range(1, terms + 1):
+        # Resonances on the blue side; from the second term on the last one on the red side.
+        red = terms > 1 and j == terms
+        start = (1.3 * long, 20.0 * long) if red else (0.1 * short, 0.9 * short)
+        low, high = (1.001 * long, 1e3 * long) if red else (1e-3 * short, 0.999 * short)
+        out.append(Parameter(f"strength_{j}", "", (0.1, 8.0), 0.0, 1e4))
+        out.append(
+            Parameter(f"resonance_um_{j}", "um", start, low, high, LOG if red else PLAIN,
+                      decades=red)
+        )  # fmt: skip
+    return tuple(out)
+
+
+def _sellmeier_model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
+    strengths = jnp.stack([v[f"strength_{j}"] for j in range(1, terms + 1)])
+    resonances = jnp.stack([v[f"resonance_um_{j}"] for j in range(1, terms + 1)])
+    return dispersion.Sellmeier(strengths, resonances * resonances, v["constant"])
+
+
+def _eps_inf(high: float = 6.0) -> Parameter:
+    return Parameter("eps_inf", "", (1.0, high), 1.0, 100.0)
+
+
+def _free_electrons(spectrum: Spectrum) -> tuple[Parameter, ...]:
+    low, high = spectrum.low_ev, spectrum.high_ev
+    plasma = (0.5 * low, 5.0 * high)
+    width = (0.02 * low, high)
+    return (
+        Parameter("plasma_ev", "eV", plasma, 0.01 * low, 20.0 * high, LOG, decades=True),
+        Parameter("width_ev", "eV", width, 1e-4 * low, 10.0 * high, LOG, decades=True),
+    )
+
+
+def _drude(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
+    return _eps_inf(), *_free_electrons(spectrum)
+
+
+def _oscillators(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
+    low, high = spectrum.low_ev, spectrum.high_ev
+    out = []
+    for j in range(1, terms + 1):
+        strength = (0.03 * low * high, 10.0 * high * high)
+        resonance = (0.7 * low, 1.7 * high)
+        width = (0.03 * low, high)
+        out += [
+            Parameter(f"strength_ev2_{j}", "eV^2", strength, 1e-5 * low * low, 1e3 * high * high,
+                      LOG, decades=True),
+            Parameter(f"resonance_ev_{j}", "eV", resonance, 0.2 * low, 5.0 * high, LOG,
+                      decades=True),
+            Parameter(f"width_ev_{j}", "eV", width, 1e-3 * low, 10.0 * high, LOG, decades=True),
+        ]  # fmt: skip
+    return tuple(out)
+
+
+def _lorentz(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
+    return _eps_inf(), *_oscillators(terms, spectrum)
+
+
+def _drude_lorentz(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
+    return _eps_inf(), *_free_electrons(spectrum), *_oscillators(terms, spectrum)
+
+
+def _oscillator_model(drude: bool):
+    def model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
+        several = range(1, terms + 1)
+        strengths = [v[f"strength_ev2_{j}"] for j in several]
+        resonances = [v[f"resonance_ev_{j}"] for j in several]
+        widths = [v[f"width_ev_{j}"] for j in several]
+        if drude:
+            strengths.insert(0, v["plasma_ev"] ** 2)
+            resonances.insert(0, jnp.zeros_like(v["plasma_ev"]))
+            widths.insert(0, v["width_ev"])
+        return dispersion.DrudeLorentz(
+            jnp.stack(strengths), jnp.stack(resonances), jnp.stack(widths), v["eps_inf"]
+        )
+
+    return model
+
+
+def _tauc_lorentz(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
+    low, high = spectrum.low_ev, spectrum.high_ev
+    out = [_eps_inf(4.0)]
+    for j in range(1, terms + 1):
+        out += [
+            Parameter(f"amplitude_ev_{j}", "eV", (high, 100.0 * high), 1e-4 * high, 1e5 * high, LOG,
+                      decades=True),
+            Parameter(f"resonance_ev_{j}", "eV", (0.7 * high, 2.0 * high), 0.2 * low, 20.0 * high,
+                      LOG, decades=True),
+            Parameter(f"width_ev_{j}", "eV", (0.1 * high, high), 1e-3 * high, 40.0 * high, LOG,
+                      decades=True),
+        ]  # fmt: skip
+    return (*out, Parameter("gap_ev", "eV", (0.0, high), 0.0, 2.0 * high))
+
+
+def _tauc_lorentz_model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
+    several = range(1, terms + 1)
+    amplitudes, resonances, widths = (
+        jnp.stack([v[f"{name}_{j}"] for j in several])
+        for name in ("amplitude_ev", "resonance_ev", "width_ev")
+    )
+    return dispersion.TaucLorentz(amplitudes, resonances, widths, v["gap_ev"], v["eps_inf"])
+
+
+def _kk_spline(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
+    return _eps_inf(4.0), *spline_parameters(terms, spectrum.high_ev)
+
+
+KINDS = {
+    "constant": Kind(_constant, lambda terms, v: dispersion.Constant(v["eta"], v["k"]), True),
+    "cauchy": Kind(
+        _cauchy, lambda n, v: dispersion.Cauchy(_cauchy_coefficients(n, v)), False, 3, 8
+    ),
+    "cauchy-urbach": Kind(
+        _cauchy_urbach,
+        lambda n, v: dispersion.CauchyUrbach(
+            _cauchy_coefficients(n, v), v["k_edge"], v["urbach_ev"], v["edge_ev"]
+        ),
+        True, 3, 8,
+    ),
+    "sellmeier": Kind(_sellmeier, _sellmeier_model, False, 1, 8, False),
+    "drude": Kind(_drude, lambda n, v: _oscillator_model(True)(0, v), True),
+    "drude-lorentz": Kind(_drude_lorentz, _oscillator_model(True), True, 1, 8),
+    "lorentz": Kind(_lorentz, _oscillator_model(False), True, 1, 8),
+    "tauc-lorentz": Kind(_tauc_lorentz, _tauc_lorentz_model, True, 1, 8),
+    # The terms are amplitudes of B-splines in their order.
+    SPLINE: Kind(_kk_spline, without_knots, True, 0, 60, exchangeable=False),
+}  # fmt: skip
+
+
+def model_names() -> tuple[str, ...]:
+    """Return the names of the models; one with terms may be followed by their number, NAME:N."""
+    return tuple(KINDS)
+
+
+def parse_model(text: Any) -> Model:
+    """Return the model that a text names: ``cauchy``, ``drude-lorentz:3``.
+
+    Raises ValueError for a name or a number of terms that is not known.
+    """
+    if isinstance(text, Model):
+        return text
+    found = re.fullmatch(r"\s*([A-Za-z][-_A-Za-z]*)\s*(?::\s*(\d+)\s*)?", str(text))
+    name = found[1].lower().replace("_", "-") if found else ""
+    if not found or name not in KINDS:
+        raise ValueError(
+            f"there is no model {str(text)!r}; one of {', '.join(KINDS)} was wanted, with the "
+            "number of its terms if it has several: drude-lorentz:3."
+        )
+    kind = KINDS[name]
+    terms = int(found[2]) if found[2] else kind.usual
+    if found[2] and not 1 <= terms <= kind.most:
+        wanted = f"1 to {kind.most} terms" if kind.most > 1 else "no number of terms"
+        raise ValueError(f"{str(text)!r}: {name} takes {wanted}.")
+    return Model(name, terms)

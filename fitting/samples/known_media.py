@@ -1,0 +1,192 @@
+"""Media that are neither a number nor a dispersion model: a material, a file, a mixture.
+
+SiO2                                     a named material (`fresnel_jax.materials`)
+film.yml, film.csv                       an index in a file (`material_files`)
+bruggeman(SiO2, water 30 %)              a mixture; the share is fitted from 30 % on
+looyenga(air, cauchy 10..60 %)           .. within a range
+maxwell-garnett(SiO2, gold 2 % held)     .. not fitted; the host comes first
+rough                                    half of the medium before, half of the one behind
+interface                                from the medium before to the one behind, in steps
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from fitting.samples.dispersion import KINDS, Model
+from fitting.samples.material_files import is_material_file, read_material
+from fresnel_jax import materials
+from fresnel_jax.dispersion import Material, material
+
+ABOVE, BELOW = "above", "below"
+RULES = ("bruggeman", "looyenga", "maxwell-garnett", "linear")
+_NUMBER = r"(?:\d+\.?\d*|\.\d+)"
+_PART = re.compile(
+    rf"(?P<index>.*?)\s+(?:(?P<low>{_NUMBER})\s*\.\.\s*(?P<high>{_NUMBER})|(?P<start>{_NUMBER}))"
+    r"\s*%\s*(?P<held>held)?$"
+)
+
+
+class MaterialFile(NamedTuple):
+    """A file with an index. stamp: when it was written, so that a new one is read anew."""
+
+    path: str
+    stamp: int
+
+
+class Share(NamedTuple):
+    """Volume fraction of a part of a mixture, a number from 0 to 1; see `sample.Thickness`."""
+
+    start: float
+    low: float = 0.0
+    high: float = 1.0
+    held: bool = False
+
+
+class Mixture(NamedTuple):
+    """An effective medium of two or more parts; shares are those of all but the first.
+
+    A part is a number, a `Model`, a named material or a file; `ABOVE` and `BELOW` are the media on
+    both sides of the layer. steps: slices of equal thickness in which the share of the second part
+    rises linearly from 0 to 1; 0 for a homogeneous mixture.
+    """
+
+    rule: str
+    parts: tuple[complex | Model | str | MaterialFile, ...]
+    shares: tuple[Share, ...]
+    steps: int = 0
+
+    @property
+    def absorbs(self) -> bool:
+        """Whether a part has a fitted k."""
+        return any(isinstance(p, Model) and p.absorbs for p in self.parts)
+
+    @property
+    def model(self) -> Model | None:
+        """The part that has fitted parameters."""
+        return next((p for p in self.parts if isinstance(p, Model)), None)
+
+    @property
+    def fractions(self) -> tuple[str, ...]:
+        """Names of the shares as parameters."""
+        if self.steps:
+            return ()
+        many = len(self.shares) > 1
+        return tuple(f"fraction_{i}" if many else "fraction" for i in range(1, len(self.parts)))
+
+
+# Eight slices of a graded interface: for a thickness of a sixth of a wavelength R is within 1e-4
+# of the limit of many slices.
+BETWEEN = {
+    "rough": Mixture("bruggeman", (ABOVE, BELOW), (Share(0.5, held=True),)),
+    "interface": Mixture("bruggeman", (ABOVE, BELOW), (Share(0.5, held=True),), steps=8),
+}
+Known = str | MaterialFile
+
+
+@functools.lru_cache(maxsize=256)
+def known_medium(which: Known) -> Material:
+    """Return the material of a name or a file, with its range, in float64.
+
+    It is cached, so it must not depend on where it is first used: outside of `jax.enable_x64` its
+    tables would be float32 in every later fit, inside a traced function they would be tracers.
+    """
+    with jax.ensure_compile_time_eval(), jax.enable_x64(True):
+        return read_material(which.path) if isinstance(which, MaterialFile) else material(which)
+
+
+def named(text: str) -> Known:
+    """Return the material or file that a text names; ValueError for an unknown name."""
+    if is_material_file(text):
+        read_material(text)
+        path = Path(text).resolve()
+        return MaterialFile(str(path), path.stat().st_mtime_ns)
+    return materials.lookup(text).name
+
+
+def is_mixture(text: str) -> bool:
+    """Whether a text describes a mixture; the name of a rule alone does, unless a model has it."""
+    name, bracket, _ = text.strip().partition("(")
+    rule = name.strip().lower()
+    return text.strip() in BETWEEN or (rule in RULES and (bool(bracket) or rule not in KINDS))
+
+
+def refuse_misplaced(text: str, index: Sequence[object], bare: Sequence[bool]) -> None:
+    """Raise ValueError for a rough or graded interface that is not one between two media.
+
+    index: of every medium of the sample; bare: whether it is a homogeneous coherent layer.
+    """
+    for i, (this, film) in enumerate(zip(index, bare, strict=True)):
+        if this not in BETWEEN.values():
+            continue
+        name = next(name for name, mixture in BETWEEN.items() if mixture == this)
+        if not film:
+            raise ValueError(
+                f"the sample {text!r}: {name!r} is a film between two media, neither the first nor "
+                "the last of them, neither thick nor graded: 'air | rough 3 nm | Si'."
+            )
+        if index[i + 1] in BETWEEN.values():
+            raise ValueError(
+                f"the sample {text!r}: two of {', '.join(BETWEEN)} follow each other; each of them "
+                "is made of the media on both sides. Write one."
+            )
+
+
+def lossless(index: object) -> bool:
+    """Return whether light may come from a medium of this index: it is known and has no k."""
+    if isinstance(index, str):
+        return index not in ("free", "auto") and materials.lookup(index).kind == "dielectric"
+    if isinstance(index, MaterialFile):
+        table = known_medium(index)
+        low, high = table.range_um or (0.5, 0.5)
+        return not np.any(np.asarray(table(np.linspace(low, high, 1001)).k))
+    return isinstance(index, complex) and not index.imag
+
+
+def parse_mixture(text: str, index) -> Mixture:
+    """Return the mixture that a text describes; index: the function that reads a part."""
+    text = text.strip()
+    if text in BETWEEN:
+        return BETWEEN[text]
+    rule, _, inside = text.partition("(")
+    parts = [part.strip() for part in inside[:-1].split(",")]
+    if not text.endswith(")") or len(parts) < 2:
+        raise ValueError(
+            f"the mixture {text!r}: parts in brackets were wanted, each but the first with its "
+            "share: 'bruggeman(SiO2, water 30 %)'."
+        )
+    shares, media = [], [index(parts[0])]
+    for part in parts[1:]:
+        found = _PART.match(part)
+        if not found:
+            raise ValueError(
+                f"the mixture {text!r}: {part!r} has no share; 'water 30 %' (fitted), "
+                "'water 10..60 %' or 'water 30 % held' was wanted."
+            )
+        low, high = (float(found[x] or end) for x, end in (("low", 0.0), ("high", 100.0)))
+        start = float(found["start"]) if found["start"] else 0.5 * (low + high)
+        if not 0.0 <= low <= start <= high <= 100.0:
+            raise ValueError(f"the mixture {text!r}: a share lies between 0 and 100 %.")
+        shares.append(Share(start / 100, low / 100, high / 100, found["held"] is not None))
+        media.append(index(found["index"].strip()))
+    for part, m in zip(parts, media, strict=True):
+        if isinstance(m, Mixture) or m in ("free", "auto"):
+            raise ValueError(
+                f"the mixture {text!r}: {part!r} is no part of one; a number, a named material, a "
+                "file or a dispersion model was wanted."
+            )
+    if sum(s.start if s.held or s.high == 1.0 else s.low for s in shares) > 1.0 + 1e-9:
+        raise ValueError(
+            f"the mixture {text!r}: the shares add up to more than 100 %; the first part, which "
+            "is written without one, takes the rest."
+        )
+    if sum(isinstance(m, Model) for m in media) > 1:
+        raise ValueError(f"the mixture {text!r}: one part at most may be a dispersion model.")
+    return Mixture(rule.strip().lower(), tuple(media), tuple(shares))

@@ -1,0 +1,136 @@
+"""eta and k of the media of a sample, of mixtures and of the slices of a graded layer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from fitting.samples.known_media import ABOVE, BELOW, MaterialFile, Mixture, known_medium
+from fresnel_jax import effective_medium
+
+if TYPE_CHECKING:
+    from fitting.optics.observe import Spec
+
+Pair = tuple[Array, Array]  # eta and k
+
+
+def _index_of(which: Any, own: Mapping[str, Array], wavelength_um: Array, lanes: int) -> Pair:
+    """Return eta and k, (M, L), of a medium without mixture; own: its parameters by bare names."""
+    if isinstance(which, complex):
+        shape = (wavelength_um.shape[0], lanes)
+        return jnp.full(shape, which.real), jnp.full(shape, which.imag)
+    if isinstance(which, str | MaterialFile):
+        known = known_medium(which).model.index(wavelength_um)
+        shape = (wavelength_um.shape[0], lanes)
+        return jnp.broadcast_to(known.eta, shape), jnp.broadcast_to(known.k, shape)
+    shared = wavelength_um.shape[-1] == 1
+    at = wavelength_um[:, 0] if shared else wavelength_um
+    index = jax.vmap(which.index, in_axes=(0, None if shared else -1), out_axes=-1)(own, at)
+    return jnp.where(index.eta > 0.0, index.eta, jnp.nan), index.k
+
+
+_RULES = {
+    "bruggeman": effective_medium.bruggeman,
+    "looyenga": effective_medium.looyenga,
+    "maxwell-garnett": effective_medium.maxwell_garnett,
+    "linear": effective_medium.linear,
+}
+
+
+def _mixed(mixture: Mixture, parts: list[Pair], fractions: list[Array]) -> Pair:
+    """Return eta and k, (M, L), of a mixture."""
+    eta, k = (jnp.stack(part) for part in zip(*parts, strict=True))
+    shape = eta.shape[1:]
+    shares = jnp.stack([jnp.broadcast_to(f, shape) for f in fractions])
+    if len(fractions) > 1:
+        # The shares exceed 1: NaN, so that the solver refuses a step to it.
+        shares = jnp.where(shares.sum(0) <= 1.0 + 1e-9, shares, jnp.nan)
+    return tuple(_RULES[mixture.rule](eta, k, shares))  # type: ignore
+
+
+def _lanes(v: Mapping[str, Array]) -> int:
+    """Return the number of lanes; 1 for a sample without parameters."""
+    some = jax.tree.leaves(dict(v))
+    return some[0].shape[-1] if some else 1
+
+
+def _own(spec: Spec, medium: int, v: Mapping[str, Array]) -> dict[str, Array]:
+    head = f"{spec.media.places[medium]}."
+    return {
+        name.removeprefix(head): value for name, value in v.items()
+        if name.startswith(head) and not name.startswith(f"{head}thickness")
+    }  # fmt: skip
+
+
+def medium_index(
+    spec: Spec, medium: int, v: Mapping[str, Array], wavelength_um: Any, eta_i: Any = 1.0
+) -> Pair:
+    """Return eta and k, (M, L), of a medium at wavelengths (M, 1) or (M, L).
+
+    NaN where eta is not positive: the cost is then NaN, and the solver refuses a step to where a
+    formula has no meaning. For a layer in steps it is the index in its middle. eta_i: index of the
+    first medium, for a layer that is mixed with it.
+    """
+    wavelength_um = jnp.asarray(wavelength_um)
+    lanes = _lanes(v)
+    which = spec.media.index[medium]
+    if not isinstance(which, Mixture):
+        own = _own(spec, medium, v)
+        own.pop("grade", None)
+        return _index_of(which, own, wavelength_um, lanes)
+    parts = _parts(spec, medium, v, wavelength_um, eta_i)
+    own = _own(spec, medium, v)
+    fractions = [own[name] for name in which.fractions] or [jnp.full((), 0.5)]
+    return _mixed(which, parts, fractions)
+
+
+def _parts(
+    spec: Spec, medium: int, v: Mapping[str, Array], wavelength_um: Array, eta_i: Any
+) -> list[Pair]:
+    """Return eta and k of the parts of a mixture."""
+    which = spec.media.index[medium]
+    assert isinstance(which, Mixture)
+    lanes = _lanes(v)
+    own = {n: x for n, x in _own(spec, medium, v).items() if not n.startswith("fraction")}
+    out = []
+    for part in which.parts:
+        if part == ABOVE and medium == 0:
+            shape = (wavelength_um.shape[0], lanes)
+            out.append((jnp.broadcast_to(jnp.asarray(eta_i), shape), jnp.zeros(shape)))
+        elif part in (ABOVE, BELOW):
+            beside = medium + (1 if part == BELOW else -1)
+            out.append(medium_index(spec, beside, v, wavelength_um, eta_i))
+        else:
+            out.append(_index_of(part, own, wavelength_um, lanes))
+    return out
+
+
+# Slices of a film whose index changes with depth.
+_SLICES = 12
+
+
+def slices_of(spec: Spec, medium: int, v: Mapping[str, Array], at: Array, eta_i: Any) -> list[Pair]:
+    """Return eta and k of a medium, or of the slices of equal thickness that stand for a layer."""
+    which = spec.media.index[medium]
+    if isinstance(which, Mixture) and which.steps:
+        parts: list[Pair] = [
+            (
+                jnp.broadcast_to(n, (which.steps, *n.shape)),
+                jnp.broadcast_to(k, (which.steps, *k.shape)),
+            )
+            for n, k in _parts(spec, medium, v, at, eta_i)
+        ]
+        # All steps at once: a formula for each of eight takes five seconds more to compile.
+        shares = ((jnp.arange(which.steps) + 0.5) / which.steps)[:, None, None]
+        eta, k = _mixed(which, parts, [shares])
+        return [(eta[j], k[j]) for j in range(which.steps)]
+    eta, k = medium_index(spec, medium, v, at, eta_i)
+    if medium < len(spec.media.graded) and spec.media.graded[medium]:
+        grade = v[f"{spec.media.places[medium]}.grade"]
+        depths = (jnp.arange(_SLICES) + 0.5) / _SLICES - 0.5
+        return [(eta * (1.0 + grade * depth), k) for depth in depths]
+    return [(eta, k)]

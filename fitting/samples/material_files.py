@@ -1,0 +1,242 @@
+"""Materials from files, and fitted indices as such files.
+
+    read_material("SiO2/nk/Malitson.yml")      a file of the refractiveindex.info database
+    read_material("film.csv")                  a table of wavelength, n and (or not) k
+
+In the text of a sample the name of a file stands where the name of a material would:
+``air | film.yml 110 nm | Si``.
+
+A YAML file is read by PyYAML, an extra (``yaml``): a parser of our own would know only the part of
+YAML that those files use today.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from fitting.measurements.reader.cells import number_or_none, split_cells
+from fitting.measurements.reader.units import WAVELENGTH_UNITS, wavelength_um
+from fitting.measurements.reader.vocabulary import unit_of
+from fitting.samples.published_formulas import PublishedFormula
+from fresnel_jax.dispersion import DispersionModel, Index, Material, Tabulated
+
+ENDINGS = (".yml", ".yaml", ".csv", ".txt", ".dat", ".nk")
+_ABSCISSAE = ("wavelength", "lambda", "wl", "energy")
+# A column of wavelengths without a unit is in micrometres below this, and in nanometres above.
+_BETWEEN_UNITS = 100.0
+
+
+class MaterialFileError(ValueError):
+    """A file without a readable index; the text says which, where, what came and was wanted."""
+
+
+class _Both(DispersionModel):
+    """n of one model and k of another."""
+
+    n: DispersionModel
+    k: DispersionModel | None = eqx.field(default=None)
+
+    def index(self, wavelength_um: Array) -> Index:
+        eta = self.n.index(wavelength_um).eta
+        k = jnp.zeros_like(eta) if self.k is None else self.k.index(wavelength_um).k
+        return Index(eta, k)
+
+
+def is_material_file(text: str) -> bool:
+    """Return whether a text names a file (by its ending) and not a material."""
+    return text.strip().lower().endswith(ENDINGS)
+
+
+def read_material(path: str | os.PathLike[str]) -> Material:
+    """Return the index in a file, over the wavelengths that it covers.
+
+    A ``.yml`` of the refractiveindex.info database: types "tabulated nk", "tabulated n",
+    "tabulated k" and "formula 1" to "formula 9"; where n and k come in two tables the range is
+    the common one; k is 0 if it is missing. Any other file is a table: columns n and k, and
+    wavelength in the unit that its name says (nm, um, angstrom) or photon energy in eV.
+
+    Raises MaterialFileError for a file that cannot be read or holds no index.
+    """
+    file = Path(path)
+    try:
+        text = file.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = file.read_bytes().decode("latin-1")
+    except OSError as error:
+        raise MaterialFileError(f"{file}: cannot be read ({error.strerror}).") from None
+    try:
+        if file.suffix.lower() in (".yml", ".yaml"):
+            return _from_yaml(text, file.stem)
+        return _from_table(text, file.stem)
+    except ValueError as error:
+        raise MaterialFileError(f"{file.name}: {error}") from None
+
+
+def _from_yaml(text: str, name: str) -> Material:
+    try:
+        import yaml
+    except ImportError:
+        raise ValueError(
+            "reading YAML needs PyYAML, which is not installed: pip install pyyaml (or install "
+            "fresnel-jax with its extra 'yaml'); or save the index as CSV with columns "
+            "wavelength_um, n, k"
+        ) from None
+    try:
+        content = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ValueError(f"this is no YAML ({str(error).splitlines()[0]})") from None
+    entries = content.get("DATA") if isinstance(content, dict) else None
+    if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
+        raise ValueError(
+            "there is no list DATA; wanted a file of the refractiveindex.info database"
+        )
+    n = k = None
+    for entry in entries:
+        kind = str(entry.get("type", "")).strip()
+        if kind.startswith("formula"):
+            n = n or _formula(entry, kind)
+        elif kind.startswith("tabulated"):
+            columns = _columns(entry.get("data"), kind)
+            model, limits = _table(columns), (float(columns[0][0]), float(columns[0][-1]))
+            n = (model, limits) if n is None and "n" in kind[9:] else n
+            k = (model, limits) if k is None and "k" in kind[9:] else k
+    if n is None:
+        kinds = ", ".join(str(e.get("type")) for e in entries) or "nothing"
+        raise ValueError(
+            f"DATA holds {kinds}; wanted n (tabulated n, tabulated nk, formula 1 to 9)"
+        )
+    low, high = n[1] if k is None else (max(n[1][0], k[1][0]), min(n[1][1], k[1][1]))
+    if not low < high:
+        raise ValueError(f"n ({n[1][0]:g} to {n[1][1]:g} um) and k share no wavelengths")
+    return Material(_Both(n[0], None if k is None else k[0]), (low, high), name)
+
+
+def _formula(entry: Mapping[str, Any], kind: str) -> tuple[DispersionModel, tuple[float, float]]:
+    found = re.fullmatch(r"formula\s+([1-9])", kind)
+    if not found:
+        raise ValueError(f"type {kind!r}; wanted formula 1 to formula 9")
+    # older files say "range"
+    limits = _numbers(entry.get("wavelength_range", entry.get("range")), "wavelength_range")
+    if len(limits) != 2:
+        raise ValueError(f"wavelength_range holds {len(limits)} numbers; wanted two")
+    coefficients = tuple(_numbers(entry.get("coefficients"), "coefficients"))
+    return PublishedFormula(int(found[1]), coefficients), (min(limits), max(limits))
+
+
+def _numbers(text: Any, name: str) -> list[float]:
+    try:
+        return [float(x) for x in str(text).split()]
+    except ValueError:
+        raise ValueError(f"{name} is {text!r}; wanted numbers with blanks between them") from None
+
+
+def _columns(text: Any, kind: str) -> list[np.ndarray]:
+    """Return wavelength, n and k of a table of the database; the absent one is 1 or 0."""
+    wanted = 3 if "nk" in kind else 2
+    rows = [_numbers(line, "a row of data") for line in str(text).splitlines() if line.strip()]
+    if not rows or any(len(row) != wanted for row in rows):
+        raise ValueError(f"{kind}: wanted rows of {wanted} numbers")
+    wavelength, first, *second = np.array(rows).T
+    if second:
+        return _in_order([wavelength, first, *second])
+    of_n = kind.endswith("n")
+    columns = (first, np.zeros(len(rows))) if of_n else (np.ones(len(rows)), first)
+    return _in_order([wavelength, *columns])
+
+
+def _in_order(columns: list[np.ndarray]) -> list[np.ndarray]:
+    """Return columns in order of wavelength, with the mean of repeated wavelengths."""
+    wavelength, place, count = np.unique(columns[0], return_inverse=True, return_counts=True)
+    if not (np.isfinite(wavelength).all() and wavelength[0] > 0.0):
+        raise ValueError(f"a wavelength is {wavelength[0]:g}; wanted numbers above 0")
+    return [wavelength, *(np.bincount(place, c) / count for c in columns[1:])]
+
+
+def _table(columns: list[np.ndarray]) -> Tabulated:
+    if len(columns[0]) < 2:
+        raise ValueError("there is one wavelength; wanted two or more")
+    return Tabulated(*columns)
+
+
+def _from_table(text: str, name: str) -> Material:
+    """Read one block of rows with n and k, or two blocks, as refractiveindex.info exports them."""
+    header: list[str] = []
+    found: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    rows: list[list[float]] = []
+
+    def end_block():
+        if rows:
+            found.update(_block(header, rows))
+            rows.clear()
+
+    for number, line in enumerate(text.splitlines(), 1):
+        cells = split_cells(line, next((mark for mark in "\t;," if mark in line), " "))
+        if not any(cells) or line.lstrip().startswith("#"):
+            continue
+        values = [number_or_none(cell) for cell in cells]
+        if values[0] is None:
+            end_block()
+            header = cells
+        elif header and len(cells) > 1 and not rows and len(cells) < len(header):
+            # a column k that is named and never filled
+            header = header[: len(cells)]
+            rows.append([v for v in values if v is not None])
+        elif header and len(cells) >= len(header) and None not in values[: len(header)]:
+            rows.append([v for v in values[: len(header)] if v is not None])
+        else:
+            raise ValueError(
+                f"line {number}: {line.strip()!r}; wanted a header with wavelength, n and k, and "
+                "as many numbers in every row"
+            )
+    end_block()
+    if "n" not in found:
+        raise ValueError(
+            f"there is no column n (columns: {', '.join(header) or 'none'}); wanted a header such "
+            "as wavelength_um,n,k"
+        )
+    wavelength, n = found["n"]
+    wavelength_k, k = found.get("k", (wavelength, np.zeros_like(n)))
+    low = max(float(wavelength.min()), float(wavelength_k.min()))
+    limits = low, min(float(wavelength.max()), float(wavelength_k.max()))
+    if np.array_equal(wavelength, wavelength_k):
+        return Material(_table(_in_order([wavelength, n, k])), limits, name)
+    of_n = _table(_in_order([wavelength, n, np.zeros_like(n)]))
+    of_k = _table(_in_order([wavelength_k, np.ones_like(k), k]))
+    return Material(_Both(of_n, of_k), limits, name)
+
+
+def _block(header: list[str], rows: list[list[float]]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    table = np.array(rows)
+    plain = [re.sub(r"[^a-z\u00b5\u03bc]+", " ", cell.lower()).split() for cell in header]
+    heads = [words[0] if words else "" for words in plain]
+    known = [head in _ABSCISSAE or unit_of(head) in WAVELENGTH_UNITS for head in heads]
+    across = known.index(True) if any(known) else None
+    if across is None:
+        raise ValueError(
+            f"none of the columns {', '.join(header)} is wavelength_um, wavelength_nm or energy_ev"
+        )
+    wavelength = _wavelengths(table[:, across], plain[across], header[across])
+    names = {"n": "n", "eta": "n", "k": "k", "kappa": "k"}
+    return {names[h]: (wavelength, table[:, i]) for i, h in enumerate(heads) if h in names}
+
+
+def _wavelengths(x: np.ndarray, words: list[str], name: str) -> np.ndarray:
+    units = [unit for word in words if (unit := unit_of(word)) in WAVELENGTH_UNITS]
+    units += ["eV"] * (words[0] == "energy")
+    if units:
+        return wavelength_um(x, units[0])
+    if x.max() < _BETWEEN_UNITS or x.min() > _BETWEEN_UNITS:
+        return x if x.max() < _BETWEEN_UNITS else x * 1e-3
+    raise ValueError(
+        f"the column {name!r} says no unit, and {x.min():g} to {x.max():g} may be um or nm; write "
+        "wavelength_um or wavelength_nm in the header"
+    )

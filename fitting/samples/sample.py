@@ -1,0 +1,295 @@
+"""The sample: media in the order in which the light meets them.
+
+A sample has a text form, the same in Python and on the command line. Media are separated by ``|``:
+
+    free                                    one bare surface, eta and k at every wavelength
+    cauchy                                  one bare surface with that dispersion
+    air | cauchy-urbach 3 mm thick | air    a plate; `thick`: its two faces do not interfere
+    air | cauchy 110 nm | Si                a coherent film on a named material
+    air | 1.45 2 nm | SiO2 100..150 nm | 3.88+0.016i
+
+    air | rough 3 nm | cauchy 110 nm | film.yml
+
+The index of a medium is a number (``1.45``, ``0.2+3.1i``), a named material
+(`fresnel_jax.materials`), a file with an index (`material_files`), a dispersion model with the
+number of its terms (``drude-lorentz:2``), ``free`` (eta and k at every wavelength), ``auto`` (the
+simplest model that fits; `choose`), or a mixture (`known_media`). ``air`` and ``vacuum``
+are exactly 1: indices are relative to air, as those of glasses.
+
+The thickness of a layer follows its index: ``110 nm`` is fitted from this start, ``110 nm held`` is
+not fitted, ``100..150 nm`` is fitted within this range. The data depend on the product of thickness
+and k of a thick layer only, so ``3 mm thick`` is fixed and ``2.9..3.1 mm thick`` is fitted. With
+``graded`` the index of a film rises or falls linearly with depth: ``cauchy 110 nm graded``.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import NamedTuple
+
+from fitting.samples.dispersion import KINDS, Model, parse_model
+from fitting.samples.known_media import (
+    Known,
+    MaterialFile,
+    Mixture,
+    is_mixture,
+    lossless,
+    named,
+    parse_mixture,
+    refuse_misplaced,
+)
+from fitting.samples.material_files import MaterialFileError
+
+FREE, AUTO = "free", "auto"
+# Lengths in micrometres.
+UNITS = {"nm": 1e-3, "um": 1.0, "\u00b5m": 1.0, "mm": 1e3, "cm": 1e4, "angstrom": 1e-4}
+
+_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_UNIT = "|".join(UNITS)
+_LAYER = re.compile(
+    rf"(?P<index>.*?)\s+(?:(?P<low>{_NUMBER})\s*\.\.\s*(?P<high>{_NUMBER})|(?P<start>{_NUMBER}))"
+    rf"\s*(?P<unit>{_UNIT})(?P<words>(?:\s+[A-Za-z]+)*)\s*$"
+)
+_COMPLEX = re.compile(rf"({_NUMBER})(?:\s*\+\s*({_NUMBER})\s*\*?\s*[ij])?$")
+_NOTHING = ("air", "vacuum")
+
+
+class Thickness(NamedTuple):
+    """Thickness of a layer in micrometres.
+
+    start_um: the start of a fit, or the fixed value. low_um, high_um: its bounds. held: fixed by
+    default. coherent: whether the reflections of its faces interfere. graded: whether its index
+    changes with depth.
+    """
+
+    start_um: float
+    low_um: float
+    high_um: float
+    held: bool
+    coherent: bool
+    graded: bool = False
+
+    @property
+    def unit(self) -> str:
+        """ "nm" of a film, "um" of a thick layer: the unit in the parameter's name."""
+        return "nm" if self.coherent else "um"
+
+
+class Medium(NamedTuple):
+    """One medium.
+
+    index: a complex number; a `Model`; a `Mixture`; the name of a material or a file with one;
+    `FREE` or `AUTO`. text: the index as it was written. thickness: None for the
+    first and the last medium.
+    """
+
+    index: complex | Model | Mixture | MaterialFile | str
+    text: str
+    thickness: Thickness | None = None
+
+    @property
+    def unknown(self) -> bool:
+        """Whether the index has fitted parameters."""
+        if isinstance(self.index, Mixture):
+            return self.index.model is not None or bool(self.index.fractions)
+        return isinstance(self.index, Model) or self.index in (FREE, AUTO)
+
+    @property
+    def known(self) -> tuple[Known, ...]:
+        """The materials and files that it contains."""
+        parts = self.index.parts if isinstance(self.index, Mixture) else (self.index,)
+        words = (FREE, AUTO, "above", "below")
+        return tuple(p for p in parts if isinstance(p, str | MaterialFile) and p not in words)
+
+    @property
+    def model(self) -> Model | None:
+        """The dispersion model; for a free index the constant one; None if there is none."""
+        if isinstance(self.index, Model):
+            return self.index
+        if isinstance(self.index, Mixture):
+            return self.index.model
+        return Model("constant", 1) if self.index == FREE else None
+
+    def __str__(self) -> str:
+        return f"{self.text} {_length_text(self.thickness)}" if self.thickness else self.text
+
+
+class Sample(NamedTuple):
+    """Media in the order in which the light meets them; hashable."""
+
+    media: tuple[Medium, ...]
+
+    @staticmethod
+    def parse(text: str | Sample) -> Sample:
+        """Return the sample that a text describes; see the module.
+
+        Raises ValueError for a text that does not describe a sample, with what was wanted.
+        """
+        return text if isinstance(text, Sample) else _parsed(str(text))
+
+    @property
+    def layers(self) -> tuple[Medium, ...]:
+        """The media between the first and the last."""
+        return self.media[1:-1]
+
+    @property
+    def eta_i(self) -> float:
+        """Index of the lossless medium that the light comes from; NaN if it is a material's."""
+        index = self.media[0].index
+        return index.real if isinstance(index, complex) else math.nan
+
+    @property
+    def films(self) -> bool:
+        """Whether there is a layer whose reflections interfere."""
+        return any(m.thickness.coherent for m in self.layers if m.thickness)
+
+    @property
+    def bare(self) -> bool:
+        """Whether there is one boundary and no layer."""
+        return len(self.media) == 2
+
+    @property
+    def by_wavelength(self) -> bool:
+        """Whether an index is free at every wavelength."""
+        return any(m.index == FREE for m in self.media)
+
+    @property
+    def open(self) -> bool:
+        """Whether a dispersion model is left to `choose`."""
+        return any(m.index == AUTO for m in self.media)
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """A name for each medium: ambient, film (film_1, film_2, ..; plate if thick), substrate."""
+        names = []
+        kinds = ["film" if m.thickness and m.thickness.coherent else "plate" for m in self.layers]
+        for i, kind in enumerate(kinds):
+            names.append(kind if kinds.count(kind) == 1 else f"{kind}_{kinds[: i + 1].count(kind)}")
+        return ("ambient", *names, "substrate")
+
+    @property
+    def prefixes(self) -> tuple[str, ...]:
+        """The prefix of the parameter names of each medium: "" if only one has parameters."""
+        some = [m.unknown or m.thickness is not None for m in self.media]
+        if sum(some) <= 1:
+            return ("",) * len(self.media)
+        return tuple(f"{place}." for place in self.places)
+
+    def with_model(self, model: Model | str) -> Sample:
+        """Return the sample with this model in place of `AUTO`."""
+        which = parse_model(model)
+        return Sample(
+            tuple(
+                m._replace(index=which, text=str(which)) if m.index == AUTO else m
+                for m in self.media
+            )
+        )
+
+    def __str__(self) -> str:
+        if self.bare and self.media[0].index == 1.0:
+            return str(self.media[1])
+        return " | ".join(map(str, self.media))
+
+
+def _length_text(d: Thickness) -> str:
+    unit = "nm" if d.start_um < 1.0 else "um" if d.start_um < 1e3 else "mm"
+    size = UNITS[unit]
+    ranged = d.low_um > 0.0
+    text = (
+        f"{d.low_um / size:.8g}..{d.high_um / size:.8g}" if ranged else f"{d.start_um / size:.8g}"
+    )
+    thick = "" if d.coherent else " thick"
+    held = " held" if d.held and d.coherent else ""
+    return f"{text} {unit}{thick}{held}{' graded' if d.graded else ''}"
+
+
+def _index(text: str) -> complex | Model | Mixture | MaterialFile | str:
+    """Return the index that a text names."""
+    if is_mixture(text):
+        return parse_mixture(text, _index)
+    found = _COMPLEX.match(text)
+    if found:
+        value = complex(float(found[1]), float(found[2] or 0.0))
+        if not 1e-3 <= value.real <= 1e3 or value.imag > 1e3:
+            raise ValueError(f"the index is {text!r}; a number above 0, 0.001 to 1000, was wanted.")
+        return value
+    lowered = text.lower()
+    if lowered in (FREE, AUTO):
+        return lowered
+    if lowered in _NOTHING:
+        return 1.0 + 0.0j
+    if lowered.partition(":")[0].strip().replace("_", "-") in KINDS:
+        return parse_model(text)
+    try:
+        return named(text)
+    except MaterialFileError:
+        raise
+    except ValueError as error:
+        raise ValueError(
+            f"{text!r} is not an index: a number (1.45 or 0.2+3.1i), free, auto, a dispersion "
+            f"model ({', '.join(KINDS)}), a named material, a file (film.yml) or a mixture "
+            f"(bruggeman(SiO2, water 30 %)) was wanted. As a material: {error}."
+        ) from None
+
+
+def _layer(text: str) -> Medium:
+    found = _LAYER.match(text)
+    if not found:
+        raise ValueError(
+            f"the layer {text!r} has no thickness; write it after the index, with its unit "
+            f"({', '.join(dict.fromkeys(u for u in UNITS if u.isascii()))}): 'cauchy 110 nm', "
+            "'SiO2 100..150 nm', 'cauchy 3 mm thick'."
+        )
+    words = found["words"].split()
+    strange = [w for w in words if w not in ("thick", "held", "graded")]
+    if strange:
+        raise ValueError(
+            f"the layer {text!r}: {strange[0]!r} is neither 'thick' nor 'held' nor 'graded'."
+        )
+    unit, coherent = UNITS[found["unit"]], "thick" not in words
+    if found["start"]:
+        start = low_high = float(found["start"]) * unit
+        low, high, held = 0.0, math.inf, not coherent or "held" in words
+    else:
+        low, high = float(found["low"]) * unit, float(found["high"]) * unit
+        low_high, start, held = low, 0.5 * (low + high), "held" in words
+        if not low < high:
+            raise ValueError(f"the layer {text!r}: the lower end of the thickness comes first.")
+    if not (1e-6 <= start <= 1e9 and low_high > 0.0):
+        raise ValueError(f"the layer {text!r}: a thickness above 0 (1e-6 to 1e9 um) was wanted.")
+    index, graded = found["index"].strip(), "graded" in words
+    if graded and not coherent:
+        raise ValueError(f"the layer {text!r}: a thick layer cannot be graded.")
+    return Medium(_index(index), index, Thickness(start, low, high, held, coherent, graded))
+
+
+def _outer(text: str, side: str) -> Medium:
+    if _LAYER.match(text):
+        raise ValueError(
+            f"{text!r} has a thickness but is the {side} medium, which has none; a plate in air is "
+            "written 'air | cauchy 3 mm thick | air'."
+        )
+    return Medium(_index(text), text)
+
+
+def _parsed(text: str) -> Sample:
+    parts = [part.strip() for part in text.split("|")]
+    if not all(parts):
+        raise ValueError(
+            f"the sample {text!r} has an empty medium; 'free', 'cauchy' or 'air | cauchy 110 nm | "
+            "Si' was wanted."
+        )
+    if len(parts) == 1:
+        parts = ["air", *parts]
+    first, last = _outer(parts[0], "first"), _outer(parts[-1], "last")
+    if not lossless(first.index):
+        raise ValueError(
+            f"the sample {text!r}: the light comes from {first.text!r}; a lossless medium, one "
+            "real number above 0 or a named dielectric, was wanted there."
+        )
+    media = (first, *map(_layer, parts[1:-1]), last)
+    depths = [m.thickness for m in media]
+    even = [d is not None and d.coherent and not d.graded for d in depths]
+    refuse_misplaced(text, [m.index for m in media], even)
+    return Sample(media)

@@ -1,0 +1,82 @@
+"""Starts of a film from a part of the spectrum, which are then followed to the whole of it.
+
+Where a film absorbs, or reflects like a metal, there are no fringes, and the edge of that range
+dominates a scan over the whole spectrum. In a quarter of the spectrum without it there are a few
+regular fringes, whose number gives the optical thickness for any dispersion. A fit of that quarter
+is followed to the whole of the spectrum step by step.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fitting.optics.observe import NCS
+from fitting.searching.starts import Ends
+
+if TYPE_CHECKING:
+    from fitting.problem.observations import Observations
+    from fitting.problem.problem import Targets
+    from fitting.searching.search import Solving
+
+# Number of parts in which a film is searched for; by what factor they grow, how many evaluations
+# each takes, and how many of the lowest starts go on. The last few creep along a valley in which
+# only the product of index and thickness is well determined.
+PARTS, _GROWTH, _STEPS, _KEPT = 4, 1.35, 30, 16
+_LAST_STEPS, _LAST_KEPT = 300, 4
+# The least number of wavelengths in a part.
+_LEAST = 16
+
+
+def parts(seen: Observations) -> list[np.ndarray]:
+    """Return the rows of each part, as bool over all rows; nothing for a short spectrum."""
+    wavelength = seen.points.wavelength_um[:, 0]
+    used = np.arange(len(wavelength)) <= seen.row.max()
+    distinct = np.unique(wavelength[used])
+    if len(distinct) < PARTS * _LEAST:
+        return []
+    ends = np.append(distinct[:: -(-len(distinct) // PARTS)], np.inf)
+    return [used & (wavelength >= a) & (wavelength < b) for a, b in itertools.pairwise(ends)]
+
+
+def _at(fit: Solving, rows: np.ndarray) -> Targets:
+    """Return what is compared with the data of some rows only."""
+    t = fit.targets
+    weights = tuple(np.where(rows[:, None], w, 0.0) for w in t.weights)
+    if NCS not in fit.seen.channels:
+        return t._replace(weights=weights)
+    return t._replace(weights=weights, ncs_weights=np.where(rows[:, None], t.ncs_weights, 0.0))
+
+
+def followed_to_all(
+    fit: Solving, start: np.ndarray, each: list[np.ndarray], part: int, noise: float
+) -> np.ndarray:
+    """Return where the best of starts (p, S) of one part are when all of the spectrum is fitted.
+
+    The part grows by a third at a time: what is fitted in it tells the phase of the fringes just
+    beside it to less than half a period, but not far away.
+    """
+    used = np.logical_or.reduce(each)
+    rank = np.argsort(np.argsort(fit.seen.points.wavelength_um[used, 0], kind="stable"))
+    along = np.full(len(used), -1.0)
+    along[used] = rank / len(rank)  # from 0 to 1 along the spectrum
+    low, high = part / len(each), (part + 1) / len(each)
+    y, steps, kept = start, _STEPS, _KEPT
+    while True:
+        if high - low >= 1.0:
+            steps, kept = _LAST_STEPS, _LAST_KEPT
+        limits = (np.repeat(a[:, None], y.shape[1], 1) for a in fit.limits)
+        ends = fit.held(y, *limits, noise, steps, _at(fit, (along >= low) & (along < high)))
+        y = ends.y[:, np.argsort(ends.cost, kind="stable")[:kept]]
+        if high - low >= 1.0:
+            return y
+        size = min(_GROWTH * (high - low), 1.0)
+        low = min(max(0.5 * (low + high - size), 0.0), 1.0 - size)
+        high = low + size
+
+
+def joined(ends: list[Ends]) -> Ends:
+    """Return several sets of ends as one."""
+    return Ends(*(np.concatenate(parts, -1) for parts in zip(*ends, strict=True)))

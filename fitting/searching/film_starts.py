@@ -1,0 +1,168 @@
+"""Starts of a sample with films: where the fringes put the thickness."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jax
+import numpy as np
+
+from fitting.optics.observe import NCS, Spec, medium_index
+from fitting.problem.programs_in_parts import eta_in_parts, eta_moves
+from fitting.process.compiled import compiled
+from fitting.samples.parameters import Unknown, from_parameter, start_range, value_and_slope
+from fitting.searching.fringes import likely_thicknesses, phase_rate
+from fitting.searching.starts import LANES
+
+if TYPE_CHECKING:
+    from fitting.problem.observations import Observations
+    from fitting.searching.search import Solving
+
+# Indices that are tried in the scan of the thickness, and so many thicknesses that are taken from
+# the fringes; of many starts, which are those of many unknowns. Each with these shifts in parts of
+# a period: the phase of the reflections at both faces is not known to the scan.
+_CANDIDATES, _LIKELY = 40, 40
+MANY_CANDIDATES, _MANY_LIKELY = 128, 80
+SHIFTS = (0.0, 0.25, -0.25, 0.5)
+# Parameters that the index of a film, or its square, is proportional to.
+_INDEX = {
+    "eta": 1, "k": 1, "A": 1, "B": 1, "C": 1, "plasma": 1, "eps": 2, "strength": 2, "amplitude": 2,
+}  # fmt: skip
+# Fringes of the thickest film that is looked for, from which on parts of the spectrum are searched.
+_FRINGES = 20.0
+
+
+class Film(NamedTuple):
+    """A film whose thickness is free: its medium, its row in y, and the range of its starts."""
+
+    medium: int
+    row: int
+    low_um: float
+    high_um: float
+
+
+def _eta(y: Any, held: Any, wavelength_um: Any, eta_i: Any, *, spec: Spec, medium: int) -> Any:
+    return medium_index(spec, medium, spec.values(y, held), wavelength_um, eta_i)[0]
+
+
+_eta_of = compiled(_eta, ("spec", "medium"))
+
+
+def films_of(spec: Spec, moving: Sequence[Unknown]) -> list[Film]:
+    """Return the films whose thickness is free, the one that may be thickest first."""
+    out = []
+    for medium, coherent in enumerate(spec.media.coherent):
+        name = f"{spec.media.places[medium]}.thickness_nm"
+        if not coherent or name not in spec.moving:
+            continue
+        row = spec.moving.index(name)
+        if moving[row].free:
+            low, high = start_range(moving[row])
+            out.append(Film(medium, row, 1e-3 * low, 1e-3 * high))
+    return sorted(out, key=lambda film: -film.high_um)
+
+
+def _curves(seen: Observations) -> tuple[np.ndarray, np.ndarray]:
+    """Return all measured curves and their weights, (C, M) each."""
+    values = [v[:, 0] for v in seen.values]
+    weights = [w[:, 0] for w in seen.weights]
+    if NCS in seen.channels:
+        some = np.sqrt(np.abs(seen.ncs_weights[..., 0]).sum(axis=(0, 1)))
+        values += list(seen.ncs[..., 0])
+        weights += [some] * 3
+    values, weights = np.array(values), np.array(weights)
+    # Each curve counts alike, by its own size: the fringes are looked for, not their contrast.
+    for i, (v, w) in enumerate(zip(values, weights, strict=True)):
+        if w.any():
+            mean = np.average(v, weights=w)
+            size = np.sqrt(np.average((v - mean) ** 2, weights=w))
+            weights[i] = (w > 0.0) / (size if size > 0.0 else 1.0)
+    return values, weights
+
+
+def phase_rates(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
+    """Return the phase rate of every lane of y (p, L), (L, M)."""
+    points, spec, medium = fit.seen.points, fit.u.spec, film.medium
+    with jax.enable_x64(True):
+        if eta_moves(spec, fit.targets, medium):
+            eta = eta_in_parts(fit.targets, y, medium, spec=spec)
+        else:
+            eta = np.asarray(_eta_of(
+                y, fit.u.held, points.wavelength_um, fit.targets.eta_i, spec=spec, medium=medium,
+            ))  # fmt: skip
+    eta_i = np.broadcast_to(fit.targets.eta_i, points.wavelength_um.shape)[:, 0]
+    rate = phase_rate(eta.T, points.wavelength_um[:, 0], points.angle_deg[:, 0], eta_i)
+    return np.where(np.isfinite(rate), rate, 1.0)
+
+
+def middle(rates: np.ndarray) -> np.ndarray:
+    """Return the phase rate amid the fringes, (L,), of (L, M): where a film is a metal are none."""
+    fringed = rates > 0.5 * rates.max(axis=1, keepdims=True)
+    return np.nanmedian(np.where(fringed, rates, np.nan), axis=1)
+
+
+def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
+    """Return more starts (p, S) for a sample with films; (p, 0) for one without.
+
+    y: (p, L) starts as of any other sample, whose indices are the candidates for that of the film.
+    """
+    films = films_of(fit.u.spec, fit.u.moving)
+    if not films:
+        return y[:, :0]
+    film = films[0]
+    many = y.shape[1] > 4 * LANES
+    indices, count = (MANY_CANDIDATES, _MANY_LIKELY) if many else (_CANDIDATES, _LIKELY)
+    rates = phase_rates(fit, film, y[:, :indices])
+    used = np.arange(rates.shape[1]) <= fit.seen.row.max()  # the rows behind are padding
+    return by_fringes(fit, film, y, rates, used, count)
+
+
+def by_fringes(
+    fit: Solving, film: Film, y: np.ndarray, rates: np.ndarray, rows: np.ndarray, count: int,
+    factors: Sequence[float] = (1.0,),
+) -> np.ndarray:  # fmt: skip
+    """Return starts (p, 4 F count) by the fringes that some rows (bool, of all) show.
+
+    factors: F, which the index is multiplied by with the phase as it is: the fringes tell nothing
+    but that product of index and thickness, and the way along it is long for the solver.
+    """
+    values, weights = _curves(fit.seen)
+    lane, thickness = likely_thicknesses(
+        rates[:, rows], film.low_um, film.high_um, values[:, rows], weights[:, rows], count
+    )
+    phase = middle(rates[lane][:, rows]) * thickness
+    out = []
+    for factor in factors:
+        scaled = np.stack([scaled_index(fit, film, one, factor) for one in y[:, lane].T], 1)
+        between = middle(phase_rates(fit, film, scaled)[:, rows])
+        for shift in SHIFTS:
+            moved = np.clip((phase + shift) / between, film.low_um, film.high_um)
+            scaled[film.row] = coordinate(fit, film, moved)
+            out.append(scaled.copy())
+    return np.concatenate(out, 1)
+
+
+def scaled_index(fit: Solving, film: Film, y: np.ndarray, factor: float) -> np.ndarray:
+    """Return y (p,) with the index of the film times a factor, where its model lets it."""
+    out = y.copy()
+    place = fit.u.spec.media.places[film.medium]
+    for i, (name, unknown) in enumerate(zip(fit.u.spec.moving, fit.u.moving, strict=True)):
+        of, _, own = name.rpartition(".")
+        power = _INDEX.get(own.partition("_")[0])
+        if of == place and power and unknown.free:
+            kind = unknown.parameter.coordinate
+            x, _ = value_and_slope(kind, y[i : i + 1])
+            out[i] = from_parameter(kind, x * factor**power)[0]
+    return np.clip(out, *fit.limits)
+
+
+def coordinate(fit: Solving, film: Film, thickness_um: np.ndarray) -> np.ndarray:
+    kind = fit.u.moving[film.row].parameter.coordinate
+    return from_parameter(kind, 1e3 * np.maximum(thickness_um, 0.0))
+
+
+def many_fringes(fit: Solving, film: Film, y: np.ndarray) -> bool:
+    """Whether so thick a film may be looked for that its parts of the spectrum have fringes."""
+    used = np.arange(fit.seen.points.wavelength_um.shape[0]) <= fit.seen.row.max()
+    return film.high_um * float(np.ptp(phase_rates(fit, film, y[:, None])[0, used])) > _FRINGES

@@ -1,0 +1,189 @@
+"""Starts beside the lowest ends: what a right minimum most often lacks is one thing alone.
+
+The order of the fringes, an oscillator in the wrong place, some parameters of a random start: each
+is tried on the lowest ends while something lower is found.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fitting.residuals.error_model import CHI2_LARGE, chi2_flags
+from fitting.samples.parameters import from_parameter, start_range, value_and_slope
+from fitting.searching.film_parts import followed_to_all, joined, parts
+from fitting.searching.film_starts import (
+    MANY_CANDIDATES,
+    Film,
+    by_fringes,
+    coordinate,
+    films_of,
+    many_fringes,
+    middle,
+    phase_rates,
+    scaled_index,
+)
+from fitting.searching.minima import ALTERNATIVE_CHI2
+from fitting.searching.next_term import likely_lines, oscillators
+from fitting.searching.search import in_order, lowest_ends
+from fitting.searching.starts import LANES, STAGE, Ends, best_of
+
+if TYPE_CHECKING:
+    from fitting.searching.search import Solving
+
+# Fringe orders on either side of the best minimum that are looked at.
+_ORDERS = 8
+# Stages in which the starts beside the best minimum go on.
+_FURTHER = 8
+# Rounds of starts beside the lowest ends, how many of them in a row may gain nothing, and the share
+# of parameters that is taken from others.
+_ROUNDS, _IN_VAIN, _ANEW = 12, 2, 0.4
+# Thicknesses that are likely in a part of the spectrum, and factors on the index at each of them.
+_LIKELY, _FACTORS = 8, (1.0, 0.8, 1.25, 0.6)
+# Of so many of the lowest ends each oscillator is looked for anew.
+_PARENTS = 4
+
+
+def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -> Ends:
+    """Return the ends, and those of starts beside the lowest of them, while these are lower.
+
+    start: (p, S) random starts. Of films always, of other samples with oscillators where residuals
+    are no noise. Where they are none after a round without gain another one follows (after one
+    alone, 2 of 8 fits of a glass plate ended far above the best minimum), of films of many fringes
+    with what is found in parts of the spectrum.
+    """
+    films = films_of(fit.u.spec, fit.u.moving)
+    worth = bool(films) or (fit.lanes == LANES and bool(oscillators(fit)))
+    random, in_vain, tried = np.random.default_rng(fit.asked.seed), 0, False
+    for _ in range(_ROUNDS if worth else 0):
+        best = best_of(ends)
+        if best is None:
+            break
+        least, y = float(ends.cost[best]), ends.y[:, best]
+        if (in_vain or not films) and _is_noise(fit, y):
+            break
+        if in_vain and not tried and films and many_fringes(fit, films[0], y):
+            tried = True
+            ends = joined([ends, *_from_parts(fit, films[0], start, noise, least)])
+        beside = [_other_lines(fit, ends), _crossed(fit, ends, start, random)]
+        beside += [_orders(fit, film, y) for film in films[:1]]
+        ends = joined([ends, _followed(fit, np.concatenate(beside, 1), noise, least)])
+        in_vain = 0 if ends.cost.min() < least - _unit(fit, least) else in_vain + 1
+        if in_vain == _IN_VAIN:
+            break
+    return ends
+
+
+def _followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> Ends:
+    """Return where starts (p, S) end; those that are far above the best cost on the way."""
+    low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in fit.limits)
+    ends = fit.held(start, low, high, noise, STAGE)
+    shown = best + ALTERNATIVE_CHI2 * _unit(fit, best)
+    for _ in range(_FURTHER):
+        live = np.flatnonzero(~ends.done & (ends.cost < shown))
+        if not len(live):
+            break
+        ends.put(live, fit.held(ends.y[:, live], low[:, live], high[:, live], noise, STAGE))
+        # After the first of them what still crawls along a valley, unless it is the lowest of all.
+        shown = best - _unit(fit, best)
+    return ends._replace(y=in_order(fit.u, ends.y, fit.settings))
+
+
+def _unit(fit: Solving, cost: float) -> float:
+    """Return a unit of chi2."""
+    return max(1.0, cost / max(fit.dof, 1)) if not fit.asked.scaled else cost / max(fit.dof, 1)
+
+
+def _is_noise(fit: Solving, y: np.ndarray) -> bool:
+    """Whether the residuals at y may be noise: not alike from neighbour to neighbour.
+
+    And, where errors are stated, not larger than these.
+    """
+    r = fit.slopes(y).residual
+    square = float(r @ r)
+    alike = float(r[1:] @ r[:-1]) > 3.0 * square / np.sqrt(len(r))
+    chi2_reduced, dof = np.array([square / max(fit.dof, 1)]), np.array([fit.dof])
+    large = fit.seen.stated and (chi2_flags(chi2_reduced, dof) & CHI2_LARGE).any()
+    return not (alike or large)
+
+
+def _crossed(fit: Solving, ends: Ends, start: np.ndarray, random: np.random.Generator):
+    """Return starts (p, LANES) made of the lowest ends with some parameters of random starts.
+
+    A right thickness with a wrong dispersion, or the other way round, is a minimum of its own.
+    """
+    parents = np.repeat(lowest_ends(ends.y, ends.cost), LANES // 8, 1)
+    other = start[:, random.integers(start.shape[1], size=LANES)]
+    mixed = np.where(random.random(parents.shape) < _ANEW, other, parents)
+    mixed[:, ::4] = _as_free_electrons(fit, parents[:, ::4], other[:, ::4])
+    return mixed
+
+
+def _as_free_electrons(fit: Solving, y: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return y (p, L) with the first oscillator of a film as its free electrons, and a weak one.
+
+    An oscillator below the spectrum does the same as free electrons, so that it may take their
+    place, and they its own as a background: a minimum of its own, far above the best one.
+    """
+    row, out = {name: i for i, name in enumerate(fit.u.spec.moving)}, y.copy()
+    for place in fit.u.spec.media.places:
+        names = [f"{place}.{n}" for n in ("plasma_ev", "width_ev", "strength_ev2_1", "width_ev_1")]
+        rows = [row[n] for n in names if n in row]
+        if len(rows) < 4 or not all(fit.u.moving[i].free for i in rows):
+            continue
+        kinds = [fit.u.moving[i].parameter.coordinate for i in rows]
+        strength, width = (value_and_slope(kinds[i], y[rows[i]])[0] for i in (2, 3))
+        out[rows[0]] = from_parameter(kinds[0], np.sqrt(strength))
+        out[rows[1]] = from_parameter(kinds[1], width)
+        new = [i for name, i in row.items() if name.startswith(place) and name.endswith("_1")]
+        out[new] = other[new]
+        out[rows[2]] = from_parameter(kinds[2], start_range(fit.u.moving[rows[2]])[0])
+    return out
+
+
+def _other_lines(fit: Solving, ends: Ends) -> np.ndarray:
+    """Return starts (p, S): the lowest ends with each oscillator where it explains most."""
+    terms = oscillators(fit)
+    if not terms:
+        return ends.y[:, :0]
+    parents = lowest_ends(ends.y, ends.cost)[:, :_PARENTS]
+    out = []
+    for y in parents.T:
+        for term in terms:
+            without = y.copy()
+            without[term[0]] = fit.limits[0][term[0]]
+            out.append(likely_lines(fit, without, term, LANES // (_PARENTS * len(terms))))
+    return np.concatenate(out, 1)
+
+
+def _orders(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
+    """Return starts (p, S) one or more fringe orders beside y (p,).
+
+    With the index as it is, and scaled so that the optical thickness stays: where the data tell
+    little of the order, these are the solutions that fit as well.
+    """
+    rate = float(middle(phase_rates(fit, film, y[:, None]))[0])
+    limits = fit.u.moving[film.row]
+    x, _ = value_and_slope(limits.parameter.coordinate, y[film.row : film.row + 1])
+    thickness = 1e-3 * float(x[0])
+    starts = [np.empty((0, len(y)))]
+    for order in (o for n in range(1, _ORDERS + 1) for o in (n, -n)):
+        moved = thickness + order / rate
+        if max(1e-3 * limits.low, 0.0) < moved < 1e-3 * limits.high:
+            for factor in (1.0, thickness / moved):
+                start = scaled_index(fit, film, y, factor)
+                start[film.row] = coordinate(fit, film, np.array([moved]))[0]
+                starts.append(start[None])
+    return np.concatenate(starts).T
+
+
+def _from_parts(fit: Solving, film: Film, y: np.ndarray, noise: float, least: float) -> list[Ends]:
+    """Return where starts end that were found in parts of the spectrum; y: candidates (p, L)."""
+    rates = phase_rates(fit, film, y[:, :MANY_CANDIDATES])
+    out, each = [], parts(fit.seen)
+    for part, rows in enumerate(each):
+        start = by_fringes(fit, film, y, rates, rows, _LIKELY, _FACTORS)
+        found = followed_to_all(fit, start, each, part, noise)
+        out.append(_followed(fit, found, noise, least))
+    return out

@@ -1,0 +1,293 @@
+"""One fit on its way: starts, rounds in which the noise is found, the last steps."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.optics.observe import NCS, Spec
+from fitting.problem.observations import Observations
+from fitting.problem.problem import Targets
+from fitting.problem.unknowns import Unknowns
+from fitting.samples.dispersion import Model
+from fitting.samples.parameters import Settings, value_and_slope
+from fitting.searching.last_steps import polished
+from fitting.searching.next_term import likely_lines, oscillators
+from fitting.searching.starts import (
+    LANES,
+    Ends,
+    best_of,
+    briefly,
+    coordinate_bounds,
+    each_within,
+    run,
+)
+from fitting.uncertainty.covariance import Slopes, Uncertainty, loss_of, slopes_at, uncertainty
+
+# Rounds in which the noise of a robust loss is found, and when it is found.
+NOISE_ROUNDS, NOISE_SETTLED = 6, 1e-3
+# Evaluations with so many terms before the next one is added.
+_GROWING = 40
+_NO_NOISE = 1e9  # so large that a robust loss is that of least squares
+
+
+def in_order(u: Unknowns, y: np.ndarray, settings: Settings) -> np.ndarray:
+    """Return y (p, L) with the terms of each lane by rising resonance, unless they are named."""
+    names = _shown(u)
+    if any(n.rsplit("_", 1)[-1].isdigit() for n in settings.names):
+        return y
+    out = y.copy()
+    for place, model in zip(u.spec.media.places, u.spec.media.index, strict=True):
+        groups = _terms(names, f"{place}.")
+        if len(groups) < 2 or not isinstance(model, Model):
+            continue
+        key = next(i for i, n in enumerate(groups[0]) if ".resonance" in names[n])
+        rows = np.array(groups)  # (terms, parameters of a term)
+        if not model.exchangeable:
+            rows = rows[:-1]  # the last one is on the other side of the spectrum
+        order = np.argsort(y[rows[:, key]], axis=0, kind="stable")
+        for column in rows.T:
+            out[column] = np.take_along_axis(y[column], order, axis=0)
+    return out
+
+
+def _shown(u: Unknowns) -> list[str]:
+    """Return the names of the unknowns, "" of those that the model does not have."""
+    return [name if name in u.labels else "" for name in u.spec.moving]
+
+
+def _terms(names: list[str], head: str = "") -> list[list[int]]:
+    """Return the indices of the parameters of each numbered term of a medium, or of all."""
+    terms: dict[str, list[int]] = {}
+    for i, name in enumerate(names):
+        place, _, own = name.rpartition(".")
+        stem, _, number = own.rpartition("_")
+        if name.startswith(head) and number.isdigit() and stem.split("_")[0] in (
+            "strength", "resonance", "width", "amplitude"
+        ):  # fmt: skip
+            terms.setdefault(f"{place}{number}", []).append(i)
+    return list(terms.values())
+
+
+def grown_starts(
+    fit: Solving, targets: Targets, start: np.ndarray, degrees: float, scale: float
+) -> np.ndarray:
+    """Return starts (p, 2 LANES) that were grown term by term; (p, 0) for one term.
+
+    Of three oscillators at random places hardly ever each is next to one of the material's (of 512
+    starts none, for one material in ten). One alone finds the strongest, the next one what is left.
+    """
+    u, terms = fit.u, _terms(_shown(fit.u))
+    if len(terms) < 2 or start.shape[1] < LANES:
+        return start[:, :0]
+    low, high = fit.limits
+    lines = oscillators(fit)
+    pools = [start[:, :LANES], start[:, -LANES:]]
+    for active in range(1, len(terms)):
+        held = low.copy(), high.copy()
+        for term in terms[active:]:
+            # the strength, the first of a term, at its least
+            held[1][term[0]] = low[term[0]]
+        ends = [briefly(u.spec, targets, y, held, degrees, scale, _GROWING) for y in pools]
+        best = lowest_ends(
+            np.concatenate([e.y for e in ends], 1), np.concatenate([e.cost for e in ends])
+        )
+        # The next term where it explains most beside the best two, or, of a model whose terms are
+        # no oscillators, weak and anywhere; and as it comes beside the best eight.
+        pools = [np.repeat(best[:, :2], LANES // 2, 1), np.repeat(best, LANES // 8, 1)]
+        if terms[active] in lines:
+            pools[0] = np.concatenate(
+                [likely_lines(fit, y, terms[active], LANES // 2) for y in best[:, :2].T], 1
+            )
+        for term in terms[active:]:
+            if term not in lines:
+                pools[0][term] = _weak_terms(start[term])
+            pools[1][term] = start[term, :LANES]
+    return np.concatenate(pools, 1)
+
+
+def lowest_ends(y: np.ndarray, cost: np.ndarray) -> np.ndarray:
+    """Return the eight lowest ends (p, 8), one of each cost as far as there are so many.
+
+    Of fewer than eight some come again.
+    """
+    cost = np.minimum(cost, 1e300)
+    order = np.argsort(cost, kind="stable")
+    new = np.append(True, np.diff(cost[order]) > 1e-4 * cost[order][1:])
+    return y[:, np.resize(np.concatenate([order[new], order[~new]]), 8)]
+
+
+def _weak_terms(start: np.ndarray) -> np.ndarray:
+    """Return (3, LANES) terms to be added: weak ones, twice all over the spectrum.
+
+    start: (3, L) strength, resonance and width of random starts, whose ranges are taken.
+    """
+    places = LANES // 2
+    grid = (np.arange(places) + 0.5) / places
+    # Strength and width go round in other steps than the place.
+    rows = [np.quantile(start[0], 0.1 + 0.4 * (grid * 7.0 % 1.0)), np.quantile(start[1], grid)]
+    if len(start) > 2:
+        rows.append(np.quantile(start[2], 0.2 + 0.5 * (grid * 5.0 % 1.0)))
+    return np.tile(np.stack(rows), 2)
+
+
+def _noise(s: Slopes, loss: str, stated: bool, absolute: bool, dof: int) -> float:
+    """Return what the residuals' standard deviation is taken for, in units of the weights."""
+    if loss == "squares":
+        return float(np.sqrt((s.residual @ s.residual) / max(dof, 1)))
+    if absolute and stated:
+        return 1.0
+    # The median of |residual| is .6745 standard deviations; degrees of freedom as usual.
+    n = len(s.residual)
+    return 1.4826 * float(np.median(np.abs(s.residual))) * np.sqrt(n / max(dof, 1))
+
+
+class End(NamedTuple):
+    """One minimum looked at closely. finite: whether everything there is a number."""
+
+    y: np.ndarray
+    slopes: Slopes
+    known: Uncertainty
+    cost: float
+    finite: bool
+
+
+class Asked(NamedTuple):
+    """What the caller wants of a fit beside its parameters.
+
+    errors, intervals, loss: as `fitting.fit` has them. seed: origin of the starts. ends: where a
+    search is kept for another one that is the same; None: nowhere.
+    """
+
+    errors: str = "auto"
+    intervals: str = "auto"
+    loss: str = "squares"
+    seed: int = 0
+    ends: dict[Hashable, tuple[Ends, float]] | None = None
+
+    @property
+    def scaled(self) -> bool:
+        """Whether the errors of the parameters are multiplied by the scatter."""
+        return self.errors != "stated"
+
+
+class Solving:
+    """One fit under way: what stays the same in all its rounds."""
+
+    def __init__(
+        self, u: Unknowns, seen: Observations, targets: Targets, settings: Settings, asked: Asked
+    ):
+        self.u, self.seen, self.targets, self.settings = u, seen, targets, settings
+        self.evaluated = seen  # the rows that `slopes` is of
+        self.asked = asked
+        self.starts = 0
+        self.n_data = len(seen.row)
+        self.priors = sum(w.prior is not None for w in u.moving)
+        self.dof = max(self.n_data + self.priors - int(u.free.sum()), 0)
+        self.limits = coordinate_bounds(u.moving)
+        self.pooled: float | None = None  # scatter of many fits alike, where one has too few data
+        self.lanes = LANES
+        squares = [
+            float(((v * w) ** 2).sum()) for v, w in zip(seen.values, seen.weights, strict=True)
+        ]
+        if NCS in seen.channels:
+            weighted = np.einsum("ijml,jml->iml", seen.ncs_weights, seen.ncs)
+            squares.append(float((weighted**2).sum()))
+        self.squares = sum(squares, getattr(seen, "squares", 0.0))
+
+    def run(self, start: np.ndarray, noise: float, priors: bool = True, grow: bool = False) -> Ends:
+        """Return the ends of the starts at this noise, terms in order."""
+        lanes = start.shape[1]
+        targets = self.targets._replace(noise=np.float64(noise))
+        if not priors:
+            targets = targets._replace(prior_weight=np.zeros_like(targets.prior_weight))
+        many, size = max(self.dof, 1.0), self.squares / noise**2
+        if grow and isinstance(self.u.spec, Spec):
+            grown = grown_starts(self, targets, start, many, size)
+            start = np.concatenate([grown, start], 1)
+            lanes = start.shape[1]
+        degrees, scale = np.full(lanes, many), np.full(lanes, size)
+        self.lanes = min(lanes, LANES)
+        ends = run(self.u.spec, targets, start, self.limits, degrees, scale)
+        return ends._replace(y=in_order(self.u, ends.y, self.settings))
+
+    def held(
+        self, start: np.ndarray, low: np.ndarray, high: np.ndarray, noise: float, steps: int,
+        targets: Targets | None = None,
+    ) -> Ends:  # fmt: skip
+        """Return where starts (p, S) end, each within bounds (p, S) of its own.
+
+        In the program that `run` compiled; terms stay in the order that they have. targets: what is
+        compared with other data than all.
+        """
+        targets = (targets or self.targets)._replace(noise=np.float64(noise))
+        many, size = max(self.dof, 1.0), self.squares / noise**2
+        return each_within(
+            self.u.spec, targets, start, low, high, many, size, steps, self.lanes
+        )  # fmt: skip
+
+    def slopes(self, y: np.ndarray) -> Slopes:
+        """Return residuals and derivatives at y."""
+        if not isinstance(self.u.spec, Spec):
+            from fitting.own_residuals import own_slopes
+
+            return own_slopes(self.u.spec, self.targets, y)
+        return slopes_at(self.u, self.seen, self.targets, y)
+
+    def cost(self, s: Slopes, y: np.ndarray, noise: float) -> float:
+        """Return what is minimised, at y."""
+        total = loss_of(self.u.spec.loss, s.residual / noise)
+        for unknown, value in zip(self.u.moving, y, strict=True):
+            if unknown.prior is not None:
+                x, _ = value_and_slope(unknown.parameter.coordinate, np.array([value]))
+                total += ((float(x[0]) - unknown.prior[0]) / unknown.prior[1]) ** 2
+        return total
+
+    def known(self, s: Slopes, y: np.ndarray, noise: float, scaled: bool) -> Uncertainty:
+        """Return the uncertainty at y."""
+        return uncertainty(
+            self.u, s, y, self.limits, noise, self.dof, scaled, self.seen.stated,
+            self.pooled,
+        )  # fmt: skip
+
+    def look_at(self, y: np.ndarray, noise: float, scaled: bool, polish: bool = True) -> End:
+        """Return the minimum next to y, where a lane has ended, and how well it is known.
+
+        polish: take the last steps, too.
+        """
+        y, s = polished(self, y, noise, scaled) if polish else (y, self.slopes(y))
+        finite = all(bool(np.isfinite(a).all()) for a in (y, s.residual, s.jacobian))
+        if not finite:
+            s = s._replace(
+                jacobian=np.zeros_like(s.jacobian), residual=np.zeros_like(s.residual)
+            )  # fmt: skip
+        return End(y, s, self.known(s, y, noise, scaled), self.cost(s, y, noise), finite)
+
+
+def solved(fit: Solving, start: np.ndarray) -> tuple[Ends, float]:
+    """Return the ends of all starts and the noise that they were run at."""
+    loss, scaled = fit.u.spec.loss, fit.asked.scaled
+    absolute = not scaled
+    by_noise = loss != "squares" or (fit.priors > 0 and scaled)
+    if not by_noise:
+        return fit.run(start, 1.0, grow=True), 1.0
+    # Least squares without priors first, for a first idea of the noise.
+    huge = _NO_NOISE if loss != "squares" else 1.0
+    ends, noise = fit.run(start, huge, priors=False, grow=True), 1.0
+    if loss != "squares" and absolute and fit.seen.stated:
+        return fit.run(start, 1.0), 1.0
+    least = 1e-9 * np.sqrt(fit.squares / max(fit.n_data, 1)) + 1e-300
+    for i in range(NOISE_ROUNDS):
+        best = best_of(ends)
+        if best is None:
+            return ends, noise
+        before = noise
+        found = _noise(fit.slopes(ends.y[:, best]), loss, fit.seen.stated, absolute, fit.dof)
+        noise = max(found, least)
+        if i and abs(noise - before) <= NOISE_SETTLED * before:
+            break
+        # The first round of the true problem is from everywhere, later ones from where it led.
+        ends = fit.run(start if i == 0 else ends.y, noise)
+    return ends, noise

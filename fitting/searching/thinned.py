@@ -1,0 +1,137 @@
+"""Films over many wavelengths: searched with some of them, and the lowest ends followed with all.
+
+A search takes some hundred evaluations of 64 starts, an end a handful of one. With every fourth of
+491 wavelengths of a film of 280 nm the minima are where they are with all, at a quarter of the
+time. What is left out tells nothing of the order of the fringes, as long as the phase between two
+that are kept changes by less than a quarter of a period for the thickest film that is looked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fitting.measurements.measurement import Measurement
+from fitting.problem.observations import Observations, observations
+from fitting.problem.problem import targets_of
+from fitting.problem.unknowns import index_outside
+from fitting.samples.sample import Sample
+from fitting.searching.film_starts import films_of
+from fitting.searching.last_steps import polished
+from fitting.searching.minima import ALTERNATIVE_CHI2
+from fitting.searching.search import Solving, in_order
+from fitting.searching.starts import Ends
+from fitting.uncertainty.covariance import Slopes
+
+# So many wavelengths are kept at least, and no phase between neighbours above that many periods,
+# for an index as high as that.
+_LEAST, _PHASE, _ETA = 120, 0.25, 3.0
+# Ends that are followed with all data: up to so many, less than that many units of chi2 (of the
+# thinned data) above the lowest. In the thinned data a minimum may lie some units off its place.
+FOLLOWED, _NEAR = 16, 40.0
+# Ends closer than that in chi2 and in every coordinate are one.
+_SAME_CHI2, _SAME_PLACE = 0.02, 1e-3
+# An end has come to rest where a step promises less, in units of chi2.
+_AT_REST = 1e-4
+
+
+class _Thinned(Solving):
+    """A fit of a part of the data, with the residuals and derivatives of all.
+
+    Their program is compiled for all data anyhow.
+    """
+
+    def __init__(self, fit: Solving, seen: Observations, outside: np.ndarray):
+        super().__init__(fit.u, seen, targets_of(fit.u, seen, outside), fit.settings, fit.asked)
+        self.whole = fit
+        self.evaluated = fit.seen
+
+    def slopes(self, y: np.ndarray) -> Slopes:
+        """Return residuals and derivatives at y, of all data."""
+        return self.whole.slopes(y)
+
+
+def _kept(waves: np.ndarray, high_um: float) -> np.ndarray | None:
+    """Return which of the wavelengths (W,), rising, the search takes; None: all."""
+    stride = len(waves) // _LEAST
+    while stride > 1:
+        some = waves[::stride]
+        if np.ptp(1.0 / some) and 2.0 * _ETA * high_um * -np.diff(1.0 / some).min() <= _PHASE:
+            return some
+        stride -= 1
+    return None
+
+
+def with_fewer_wavelengths(
+    fit: Solving, sample: Sample, measurements: Sequence[Measurement]
+) -> Solving | None:
+    """Return the same fit of a part of the wavelengths; None where that is no gain, or no film.
+
+    Only of least squares without priors: else the noise is found from all residuals.
+    """
+    films = films_of(fit.u.spec, fit.u.moving)
+    if not films or fit.asked.loss != "squares" or fit.priors:
+        return None
+    parts = []
+    for m in measurements:
+        waves = np.unique(m.wavelength_um)
+        known = waves[np.isfinite(waves)]
+        some = _kept(known, films[0].high_um) if len(known) == len(waves) else None
+        parts.append(m if some is None else m.where(np.isin(m.wavelength_um, some)))
+    if sum(map(len, parts)) == sum(map(len, measurements)):
+        return None
+    seen = observations(parts, fit.asked.errors)
+    if (seen.channels, seen.curves, seen.stated) != (
+        fit.seen.channels, fit.seen.curves, fit.seen.stated
+    ):  # fmt: skip
+        return None
+    outside = index_outside(sample, seen.points.wavelength_um)
+    return _Thinned(fit, seen, outside)
+
+
+def _at_rest(fit: Solving, y: np.ndarray) -> tuple[np.ndarray, float, bool]:
+    """Return y (p,) at the minimum of all data beside it, the cost there, and whether it rests."""
+    y, s = polished(fit, y, 1.0, fit.asked.scaled, valley=False)
+    cost = fit.cost(s, y, 1.0)
+    if not (np.isfinite(cost) and np.isfinite(s.jacobian).all()):
+        return y, np.inf, False
+    step = np.clip(y + fit.known(s, y, 1.0, fit.asked.scaled).step, *fit.limits) - y
+    promised = float(s.residual @ s.residual - ((s.residual + s.jacobian @ step) ** 2).sum())
+    return y, cost, promised <= _AT_REST * cost / max(fit.dof, 1)
+
+
+def followed_with_all(fit: Solving, few: Solving, ends: Ends) -> Ends:
+    """Return ``ends`` of the fit ``few``, the lowest of them at their minima of all data.
+
+    By undamped steps; where one that might be shown comes to no rest, by the solver. The other ends
+    keep their place, and their cost is scaled to the number of data.
+    """
+    if not np.isfinite(ends.cost).any():
+        return ends
+    unit = max(1e-300, float(ends.cost.min()) / max(few.dof, 1))
+    unit = unit if fit.asked.scaled else max(1.0, unit)
+    order = np.argsort(ends.cost, kind="stable")
+    order = order[ends.cost[order] <= ends.cost.min() + _NEAR * unit]
+    y, cost, done = ends.y.copy(), ends.cost * (fit.squares / few.squares), ends.done.copy()
+    groups: list[list[int]] = []
+    for lane in order.tolist():
+        for group in groups:
+            off = np.abs(ends.y[:, lane] - ends.y[:, group[0]])
+            close = ends.cost[lane] - ends.cost[group[0]] <= _SAME_CHI2 * unit
+            if close and (off <= _SAME_PLACE * (1.0 + np.abs(ends.y[:, lane]))).all():
+                group.append(lane)
+                break
+        else:
+            groups.append([lane])
+    groups, left = groups[:FOLLOWED], [lane for g in groups[FOLLOWED:] for lane in g]
+    cost[left], done[left] = np.inf, False
+    found = [_at_rest(fit, ends.y[:, group[0]]) for group in groups]
+    shown = min(one[1] for one in found) + ALTERNATIVE_CHI2 * unit
+    if not all(rests for _, least, rests in found if least <= shown):
+        start = np.stack([one[0] for one in found], 1)
+        more = fit.run(start[:, np.arange(FOLLOWED) % len(groups)], 1.0)
+        found = list(zip(more.y.T, more.cost.tolist(), more.done.tolist(), strict=True))
+    for group, (place, least, rests) in zip(groups, found, strict=False):
+        y[:, group], cost[group], done[group] = place[:, None], least, rests
+    return Ends(in_order(fit.u, y, fit.settings), cost, done, ends.evaluations)

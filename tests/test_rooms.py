@@ -1,0 +1,65 @@
+"""The rooms of `fitting`: imports run downwards in the list of CONTRIBUTING.md."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "fitting"
+
+
+def rooms() -> list[list[str]]:
+    """Return the rooms, the highest first; modules of one line are on one level."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    listed = text.split("```text\n", 1)[1].split("```", 1)[0]
+    lines = [line for line in listed.splitlines() if line and not line.startswith(" ")]
+    return [re.findall(r"(\w+)(?:/|\.py)", line.split("  ")[0]) for line in lines]
+
+
+def room_of(path: Path) -> str:
+    """Return the room of a file: its folder below `fitting`, or its own name."""
+    first, *more = path.relative_to(PACKAGE).parts
+    return first if more else path.stem
+
+
+def imported(tree: ast.Module) -> Iterator[str]:
+    """Yield the modules of `fitting` that a file imports, but for functions and types alone."""
+    todo = list(tree.body)
+    while todo:
+        node = todo.pop()
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "fitting":
+            yield from (
+                [node.module]
+                if node.module != "fitting"
+                else [f"fitting.{a.name}" for a in node.names]
+            )
+        typed = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+        if not typed and not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            todo += [n for n in ast.iter_child_nodes(node) if isinstance(n, ast.stmt)]
+
+
+def test_every_file_has_its_room() -> None:
+    known = {name for line in rooms() for name in line}
+    found = {room_of(path) for path in PACKAGE.rglob("*.py")} - {"__init__"}
+    assert found == known
+
+
+def test_imports_run_downwards() -> None:
+    level = {name: i for i, line in enumerate(rooms()) for name in line}
+    wrong = []
+    for path in PACKAGE.rglob("*.py"):
+        if path == PACKAGE / "__init__.py":
+            continue
+        for module in imported(ast.parse(path.read_text(encoding="utf-8"))):
+            target = module.split(".")[1]
+            if level[target] < level[room_of(path)]:
+                wrong.append(f"{path.relative_to(ROOT)} imports {module}")
+    assert wrong == []
+
+
+def test_each_room_says_what_it_is_for() -> None:
+    for path in PACKAGE.rglob("__init__.py"):
+        assert ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))), path
