@@ -118,8 +118,8 @@ def slices_of(spec: Spec, medium: int, v: Mapping[str, Array], at: Array, eta_i:
     which = spec.media.index[medium]
     if isinstance(which, Mixture) and which.steps:
         parts = [
-            tuple(jnp.broadcast_to(x, (which.steps, *x.shape)) for x in part)
-            for part in _parts(spec, medium, v, at, eta_i)
+            (jnp.stack([n] * which.steps), jnp.stack([k] * which.steps))
+            for n, k in _parts(spec, medium, v, at, eta_i)
         ]
         # All steps at once: a formula for each of eight takes five seconds more to compile.
         shares = ((jnp.arange(which.steps) + 0.5) / which.steps)[:, None, None]
