@@ -117,11 +117,8 @@ def slices_of(spec: Spec, medium: int, v: Mapping[str, Array], at: Array, eta_i:
     """Return eta and k of a medium, or of the slices of equal thickness that stand for a layer."""
     which = spec.media.index[medium]
     if isinstance(which, Mixture) and which.steps:
-        parts: list[Pair] = [
-            (
-                jnp.broadcast_to(n, (which.steps, *n.shape)),
-                jnp.broadcast_to(k, (which.steps, *k.shape)),
-            )
+        parts = [
+            (jnp.stack([n] * which.steps), jnp.stack([k] * which.steps))
             for n, k in _parts(spec, medium, v, at, eta_i)
         ]
         # All steps at once: a formula for each of eight takes five seconds more to compile.
