@@ -12,8 +12,8 @@ is shown and never taken.
 BIC takes residuals for independent noise. Residuals that lie below the stated errors and are
 autocorrelated are no noise, but deviations smaller than what is stated of the data: of candidates
 that leave no more than such deviations the smallest is taken, however much more of them others
-describe (R of a diamond film, stated to .3 %, had taken four oscillators of 14 parameters, two of
-them lines of no width, to describe deviations of .2 %).
+describe (by BIC alone R of a diamond film, stated to .3 %, takes four oscillators of 14 parameters,
+two of them lines of no width, to describe deviations of .2 %).
 """
 
 from __future__ import annotations

@@ -98,7 +98,7 @@ SENTENCES: dict[str, Sentence] = {
     "choice_within_errors": lambda v: (
         f'the residuals of "{v["taken"]}" are autocorrelated, but smaller than the stated errors '
         f"(reduced chi2 {v['chi2_reduced']:.2g}): the data do not ask for a model of more "
-        'parameters. errors="scaled" compares models by their residuals alone.'
+        'parameters. With errors "scaled" models are compared by their residuals alone.'
     ),
     "choice_undetermined": lambda v: (
         "these data determine no candidate completely; the best of them is shown."
