@@ -51,7 +51,7 @@ def test_a_dispersion_model_is_one_entry_in_one_file(copy):
     code = code.replace("from fitting.samples.dispersion import KINDS, Kind\n", "")
     code = code.replace("from fitting.samples.parameters import Parameter\n", "")
     code = code.replace("from fresnel_jax import dispersion\n", "")
-    file = copy / "fitting" / "dispersion.py"
+    file = copy / "fitting" / "samples" / "dispersion.py"
     file.write_text(file.read_text(encoding="utf-8") + code, encoding="utf-8")
     out = run(copy, """
 import numpy as np

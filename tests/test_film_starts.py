@@ -8,8 +8,8 @@ from fitting.problem.observations import observations
 from fitting.problem.problem import targets_of
 from fitting.problem.unknowns import spectrum_of, unknowns
 from fitting.samples.parameters import Settings, from_parameter
-from fitting.searching.film_starts import _eta_of, films_of
-from fitting.searching.neighbours import _as_free_electrons, _scaled
+from fitting.searching.film_starts import _eta_of, films_of, scaled_index
+from fitting.searching.neighbours import _as_free_electrons
 from fitting.searching.search import Asked, Solving
 from fitting.searching.starts import start_at
 
@@ -42,7 +42,7 @@ def test_other_orders_keep_the_optical_thickness(model, values):
     film = films_of(fit.u.spec, fit.u.moving)[0]
     y = start_at(fit.u.moving, {f"film.{n}": v for n, v in values.items()})
     np.testing.assert_allclose(
-        index(fit, _scaled(fit, film, y, 1.1)), 1.1 * index(fit, y), rtol=1e-3
+        index(fit, scaled_index(fit, film, y, 1.1)), 1.1 * index(fit, y), rtol=1e-3
     )
 
 
