@@ -170,6 +170,8 @@ def test_the_right_order_is_found_in_a_wide_range():
     (880033, 1061.8, 15111.0),
     # two rounds more were needed: 2683
     (802430842, 480.6, 12706.0),
+    # a wrong minimum without fringes, which hid that the film may have some: 279981 at 372 nm
+    (961038981, 489.8, 15868.8),
     # the same, and the order beside the right one counted by the metal's rate: 1081.6 at 9.1 um
     (13195813, 987.2, 8780.1),
 ])  # fmt: skip

@@ -163,6 +163,11 @@ def coordinate(fit: Solving, film: Film, thickness_um: np.ndarray) -> np.ndarray
 
 
 def many_fringes(fit: Solving, film: Film, y: np.ndarray) -> bool:
-    """Whether so thick a film may be looked for that its parts of the spectrum have fringes."""
+    """Whether so thick a film may be looked for that its parts of the spectrum have fringes.
+
+    y: (p, L) random starts, half of which have as many. A wrong minimum may have hardly any: its
+    index can rise with the wavelength as the wavelength does.
+    """
     used = np.arange(fit.seen.points.wavelength_um.shape[0]) <= fit.seen.row.max()
-    return film.high_um * float(np.ptp(phase_rates(fit, film, y[:, None])[0, used])) > _FRINGES
+    rates = phase_rates(fit, film, y[:, :_CANDIDATES])[:, used]
+    return film.high_um * float(np.median(np.ptp(rates, axis=1))) > _FRINGES

@@ -63,7 +63,7 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
         least, y = float(ends.cost[best]), ends.y[:, best]
         if (in_vain or not films) and _is_noise(fit, y):
             break
-        if in_vain and not tried and films and many_fringes(fit, films[0], y):
+        if in_vain and not tried and films and many_fringes(fit, films[0], start):
             tried = True
             ends = joined([ends, *_from_parts(fit, films[0], start, noise, least)])
         beside = [_other_lines(fit, ends), _crossed(fit, ends, start, random)]
