@@ -82,7 +82,7 @@ def _last_step(
     return y, weighted, plain, found
 
 
-def _descend(
+def descend(
     curves: Curves,
     start: Array,
     most: tuple[Array, Array],
@@ -151,7 +151,7 @@ def descend_in_both_charts(
     turned: Array,
     channels: tuple[str, ...],
 ) -> tuple[Array, tuple[Array, ...]]:
-    """Return what `_descend` does, once more for lanes that came to the far end of their chart.
+    """Return what `descend` does, once more for lanes that came to the far end of their chart.
 
     These go on in the other one, for up to ``turned`` evaluations; the others stay where they are.
     """
@@ -159,7 +159,7 @@ def descend_in_both_charts(
 
     def body(carry):
         begin, solved, fitted, again, most, runs = carry
-        new, there = _descend(curves, begin, most, near, channels)
+        new, there = descend(curves, begin, most, near, channels)
         new = new.at[_EVALUATIONS].add(jnp.where(runs > 0, solved[_EVALUATIONS], 0.0))
         solved = jnp.where(again, new, solved)
         fitted = tuple(jnp.where(again, b, a) for a, b in zip(fitted, there, strict=True))

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from fitting.bare_surface import mesh as starts
-from fitting.bare_surface.descent import Solved, descend_in_both_charts
+from fitting.bare_surface.descent import Solved, descend, descend_in_both_charts
 from fitting.bare_surface.reflectances import Curves
 from fitting.problem.solver import START_DAMPING
 from fitting.process.compiled import compiled
@@ -138,6 +138,21 @@ def _carried_out(
     return table, at
 
 
+def _first_carried_out(
+    curves: Curves, start: Array, steps: Steps, table: Array, channels: tuple[str, ...]
+) -> Array:
+    """Return the table of jobs with ``Solved`` of the first start of every curve.
+
+    What `_carried_out` does where only these are followed, in one chart: a tenth less time, since
+    no data need be gathered.
+    """
+    block = start.shape[1]
+    begin = jnp.concatenate([table[:3, :block], start[3:]])
+    most = jnp.broadcast_to(steps.first, (block,))
+    solved, _ = descend(curves, begin, (most, most), jnp.zeros(block), channels)
+    return jax.lax.dynamic_update_slice(table, solved, (0, 0))
+
+
 def _solve(
     cos_theta: Array,
     s_share: Array,
@@ -195,6 +210,8 @@ def _solve(
         curves = Curves(*(every[name] for name in Curves._fields))
         begin, here = every["start"], every["used"]
         table, further = _jobs(curves, begin, here, nodes, searched, mesh, channels)
+        if lanes == block and not fitted:
+            return _first_carried_out(curves, begin, steps, table, channels), ()
         table, at = _carried_out(
             curves, begin, here, steps, table, further, channels, lanes, fitted
         )
