@@ -23,13 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ._arithmetic import (
-    complex_sqrt,
-    fast_two_sum,
-    reciprocal_or_zero,
-    squared_modulus,
-    times,
-)
+from ._arithmetic import complex_sqrt, fast_two_sum, reciprocal_or_zero, squared_modulus, times
 from ._boundary import computed_once
 from ._double_word import DoubleWord, root_correction, root_of_real, two_product
 
