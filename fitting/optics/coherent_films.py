@@ -21,6 +21,8 @@ import jax.numpy as jnp
 from jax import Array
 from jax.custom_derivatives import SymbolicZero
 
+from fitting.process.compiled import computed_once
+
 # What a square of the index along the normal of zero is replaced by: a layer just at its critical
 # angle, where the derivatives of the recursion divide by zero although those of R do not.
 _SMALL = 1e-30
@@ -49,12 +51,8 @@ class Films(NamedTuple):
 
 
 def _once(z: Array) -> Array:
-    """Return a complex array that XLA does not compute again for everything that reads it.
-
-    Its CPU compiler repeats what is before a loop in every loop behind it, but for divisions; a
-    division by one is exact (`fresnel_jax._boundary.computed_once` has the measurements).
-    """
-    return jax.lax.complex(*(x / jnp.where(x == x, 1.0, 2.0) for x in (z.real, z.imag)))
+    """Return a complex array that XLA forms once; see `process.compiled.computed_once`."""
+    return jax.lax.complex(computed_once(z.real), computed_once(z.imag))
 
 
 def _reciprocal(z: Array) -> Array:
