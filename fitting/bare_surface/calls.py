@@ -27,12 +27,12 @@ MANY, BLOCK = 1024, 64
 SEVERAL, LEAST_OF_CALL = 256, 24
 
 
-def start_rows(count: int, points: np.ndarray | None = None, w_max: float = W_MAX) -> np.ndarray:
+def start_rows(count: int, points: np.ndarray | None = None) -> np.ndarray:
     """Return the start array of the program, from ``points`` (3, count) or, if None, the mesh."""
     start = np.full((5, count), np.nan)
     if points is not None:
         start[:3] = points
-    start[3], start[4] = START_DAMPING, w_max
+    start[3], start[4] = START_DAMPING, W_MAX
     return start
 
 

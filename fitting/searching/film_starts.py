@@ -119,32 +119,44 @@ def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
 
 
 def by_fringes(
-    fit: Solving, film: Film, y: np.ndarray, rates: np.ndarray, rows: np.ndarray, count: int,
-    factors: Sequence[float] = (1.0,),
-) -> np.ndarray:  # fmt: skip
-    """Return starts (p, 4 F count) by the fringes that some rows (bool, of all) show.
-
-    factors: F, which the index is multiplied by with the phase as it is: the fringes tell nothing
-    but that product of index and thickness, and the way along it is long for the solver.
-    """
+    fit: Solving, film: Film, y: np.ndarray, rates: np.ndarray, rows: np.ndarray, count: int
+) -> np.ndarray:
+    """Return starts (p, 4 count) by the fringes that some rows (bool, of all) show."""
     values, weights = _curves(fit.seen)
     lane, thickness = likely_thicknesses(
         rates[:, rows], film.low_um, film.high_um, values[:, rows], weights[:, rows], count
     )
-    phase = middle(rates[lane][:, rows]) * thickness
+    between = middle(rates[lane][:, rows])
+    out = []
+    for shift in SHIFTS:
+        start = y[:, lane].copy()
+        moved = np.clip(thickness + shift / between, film.low_um, film.high_um)
+        start[film.row] = coordinate(fit, film, moved)
+        out.append(start)
+    return np.concatenate(out, 1)
+
+
+def along_fringes(
+    fit: Solving, film: Film, y: np.ndarray, rows: np.ndarray, factors: Sequence[float]
+) -> np.ndarray:
+    """Return y (p, L) with the index times each of F factors and the phase as it is, (p, F L).
+
+    rows: (bool, of all) in which. The fringes tell nothing but the product of index and thickness,
+    and the way along it is long for the solver.
+    """
+    x, _ = value_and_slope(fit.u.moving[film.row].parameter.coordinate, y[film.row])
+    phase = 1e-3 * x * middle(phase_rates(fit, film, y)[:, rows])
     out = []
     for factor in factors:
-        scaled = np.stack([scaled_index(fit, film, one, factor) for one in y[:, lane].T], 1)
-        between = middle(phase_rates(fit, film, scaled)[:, rows])
-        for shift in SHIFTS:
-            moved = np.clip((phase + shift) / between, film.low_um, film.high_um)
-            scaled[film.row] = coordinate(fit, film, moved)
-            out.append(scaled.copy())
+        scaled = scaled_index(fit, film, y, factor)
+        moved = phase / middle(phase_rates(fit, film, scaled)[:, rows])
+        scaled[film.row] = coordinate(fit, film, np.clip(moved, film.low_um, film.high_um))
+        out.append(scaled)
     return np.concatenate(out, 1)
 
 
 def scaled_index(fit: Solving, film: Film, y: np.ndarray, factor: float) -> np.ndarray:
-    """Return y (p,) with the index of the film times a factor, where its model lets it."""
+    """Return y (p,) or (p, L) with the film's index times a factor, where its model lets it."""
     out = y.copy()
     place = fit.u.spec.media.places[film.medium]
     for i, (name, unknown) in enumerate(zip(fit.u.spec.moving, fit.u.moving, strict=True)):
@@ -153,8 +165,9 @@ def scaled_index(fit: Solving, film: Film, y: np.ndarray, factor: float) -> np.n
         if of == place and power and unknown.free:
             kind = unknown.parameter.coordinate
             x, _ = value_and_slope(kind, y[i : i + 1])
-            out[i] = from_parameter(kind, x * factor**power)[0]
-    return np.clip(out, *fit.limits)
+            out[i : i + 1] = from_parameter(kind, x * factor**power)
+    low, high = (a.reshape(-1, *(1,) * (y.ndim - 1)) for a in fit.limits)
+    return np.clip(out, low, high)
 
 
 def coordinate(fit: Solving, film: Film, thickness_um: np.ndarray) -> np.ndarray:

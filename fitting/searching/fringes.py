@@ -19,7 +19,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse, special
 
 # Parts of a period that the relative phase between the ends of the data may be off by.
 _STEP = 0.15
@@ -80,6 +79,8 @@ def harmonic_sums(vectors: np.ndarray, rate: np.ndarray, grid: Grid) -> np.ndarr
     thin = vectors @ np.exp(2j * np.pi * np.outer(rate, grid.thin))
     if grid.count <= _FEW:
         return np.concatenate([thin, vectors @ np.exp(2j * np.pi * np.outer(rate, grid.even))], 1)
+    from scipy import sparse, special  # slow to import, of use for films alone
+
     size = 1 << int(np.ceil(np.log2(2 * grid.count)))
     # Thicknesses count from the middle one: at the ends the transform of the window is small.
     middle = grid.count // 2
@@ -109,16 +110,16 @@ def _alike(values: np.ndarray, weights: np.ndarray) -> list[tuple[np.ndarray, np
     return [((values * scale)[rows], weights[rows[0]] / scale[rows[0]]) for rows in groups.values()]
 
 
-def misfit(rate: np.ndarray, grid: Grid, values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def misfit(rate: np.ndarray, grid: Grid, groups: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """Return the sum of squares that is left at each thickness, (D,).
 
-    rate: (M,). values, weights: (C, M), one row for each measured curve; weight 0 leaves out.
+    rate: (M,). groups: of `_alike`; weight 0 leaves out.
     """
     total = np.zeros(len(grid.thin) + grid.count)
     # Smooth curves in g itself, which runs evenly along a spectrum and along the angle.
     x = (rate - rate.mean()) / (np.ptp(rate) or 1.0)
     powers = np.stack([np.ones_like(x), x, x * x, x * x * x])
-    for curves, weight in _alike(values, weights):
+    for curves, weight in groups:
         total += _left(rate, grid, powers, curves, weight * weight)
     return total
 
@@ -174,13 +175,14 @@ def likely_thicknesses(
     rates: (J, M) of the candidates. The lowest local minima of the misfit over thickness, of all
     candidates together, the best first.
     """
+    groups = _alike(values, weights)
     which, where, left = [], [], []
     for j, rate in enumerate(rates):
         grid = thickness_grid(rate, low_um, high_um)
         thickness = grid.thickness_um
         rising = np.argsort(thickness, kind="stable")
         thickness = thickness[rising]
-        cost = misfit(rate, grid, values, weights)[rising]
+        cost = misfit(rate, grid, groups)[rising]
         lower = np.r_[True, cost[1:] <= cost[:-1]] & np.r_[cost[:-1] <= cost[1:], True]
         best = np.flatnonzero(lower)
         best = best[np.argsort(cost[best], kind="stable")[:6]]

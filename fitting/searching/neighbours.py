@@ -16,6 +16,7 @@ from fitting.searching.film_parts import followed_to_all, joined, parts
 from fitting.searching.film_starts import (
     MANY_CANDIDATES,
     Film,
+    along_fringes,
     by_fringes,
     coordinate,
     films_of,
@@ -40,7 +41,7 @@ _FURTHER = 8
 # of parameters that is taken from others.
 _ROUNDS, _IN_VAIN, _ANEW = 12, 2, 0.4
 # Thicknesses that are likely in a part of the spectrum, and factors on the index at each of them.
-_LIKELY, _FACTORS = 8, (1.0, 0.8, 1.25, 0.6)
+_LIKELY, _FACTORS = 8, (0.8, 1.25, 0.6)
 # Of so many of the lowest ends each oscillator is looked for anew.
 _PARENTS = 4
 
@@ -183,7 +184,8 @@ def _from_parts(fit: Solving, film: Film, y: np.ndarray, noise: float, least: fl
     rates = phase_rates(fit, film, y[:, :MANY_CANDIDATES])
     out, each = [], parts(fit.seen)
     for part, rows in enumerate(each):
-        start = by_fringes(fit, film, y, rates, rows, _LIKELY, _FACTORS)
+        start = by_fringes(fit, film, y, rates, rows, _LIKELY)
+        start = np.concatenate([start, along_fringes(fit, film, start, rows, _FACTORS)], 1)
         found = followed_to_all(fit, start, each, part, noise)
         out.append(_followed(fit, found, noise, least))
     return out
