@@ -38,6 +38,7 @@ from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_quantities
 from fitting.samples.spline_numbers import with_numbers
 from fitting.searching.film_starts import film_starts, films_of
+from fitting.searching.fringe_orders import with_all_orders
 from fitting.searching.neighbours import with_neighbours
 from fitting.searching.search import Asked, Solving, solved
 from fitting.searching.starts import LANES, Ends, given_start, start_at, usual_starts
@@ -103,6 +104,7 @@ def _searched(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, flo
     ends = with_neighbours(few, ends, points, noise)
     if few is not job:
         ends = followed_with_all(job, few, ends)
+    ends = with_all_orders(job, ends, noise)
     if known is not None:
         known[key] = ends, noise
     return ends, noise

@@ -42,7 +42,7 @@ def test_other_orders_keep_the_optical_thickness(model, values):
     film = films_of(fit.u.spec, fit.u.moving)[0]
     y = start_at(fit.u.moving, {f"film.{n}": v for n, v in values.items()})
     np.testing.assert_allclose(
-        index(fit, scaled_index(fit, film, y, 1.1)), 1.1 * index(fit, y), rtol=1e-3
+        index(fit, scaled_index(fit, film, y[:, None], 1.1)[:, 0]), 1.1 * index(fit, y), rtol=1e-3
     )
 
 

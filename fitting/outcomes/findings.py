@@ -203,6 +203,16 @@ def order_of_residuals(p: Pattern) -> Finding:
     return _finding("residuals_in_order", along=p.along, correlation=p.correlation, chance=p.chance)
 
 
+def _thicknesses(f: Seen, q: Quality) -> tuple[tuple[str, float, float], ...]:
+    """Return the name of each thickness with its least and its largest value of all solutions."""
+    shown = dict(zip(f.names, f.values.tolist(), strict=True))
+    out = []
+    for name in (n for n in shown if "thickness" in n):
+        values = [shown[name], *(other[name] for other in q.others)]
+        out.append((name, min(values), max(values)))
+    return tuple(out)
+
+
 def findings(f: Seen, q: Quality) -> tuple[Finding, ...]:
     """Return the findings on a finished fit, the most serious first.
 
@@ -220,6 +230,7 @@ def findings(f: Seen, q: Quality) -> tuple[Finding, ...]:
         out.append(_finding(
             "other_minima", count=len(q.others), parameters=tuple(q.others[0]),
             values=tuple(q.others[0].values()), delta_chi2=q.delta_chi2,
+            thicknesses=_thicknesses(f, q),
         ))  # fmt: skip
     if q.starts > FEW_REACHED and q.reached < FEW_REACHED and not f.unseen.size:
         out.append(_finding("few_starts_agree", starts=q.starts, reached=q.reached))

@@ -118,9 +118,13 @@ def other_minima(v: Mapping[str, Any]) -> str:
     many = f"{v['count']} other solutions fit" if v["count"] > 1 else "a second solution fits"
     best = "; the best of them has " if v["count"] > 1 else ": "
     higher = f"chi2 {'higher' if v['delta_chi2'] >= 0.0 else 'lower'} by {abs(v['delta_chi2']):.2g}"
+    ranges = "".join(
+        f" Among all of them {name} ranges from {num(low)} to {num(high)}."
+        for name, low, high in v.get("thicknesses", ()) if v["count"] > 1
+    )  # fmt: skip
     return (
-        f"{many} nearly as well{best}{values} ({higher}). The data do not determine which is the "
-        "true one; the intervals are those of the solution that is shown."
+        f"{many} nearly as well{best}{values} ({higher}).{ranges} The data do not determine which "
+        "is the true one; the intervals are those of the solution that is shown."
     )
 
 

@@ -88,9 +88,11 @@ def phase_rates(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
         if eta_moves(spec, fit.targets, medium):
             eta = eta_in_parts(fit.targets, y, medium, spec=spec)
         else:
+            whole = np.pad(y, ((0, 0), (0, -y.shape[1] % LANES)), "edge")  # one program for all
             eta = np.asarray(_eta_of(
-                y, fit.u.held, points.wavelength_um, fit.targets.eta_i, spec=spec, medium=medium,
-            ))  # fmt: skip
+                whole, fit.u.held, points.wavelength_um, fit.targets.eta_i,
+                spec=spec, medium=medium,
+            ))[..., : y.shape[1]]  # fmt: skip
     eta_i = np.broadcast_to(fit.targets.eta_i, points.wavelength_um.shape)[:, 0]
     rate = phase_rate(eta.T, points.wavelength_um[:, 0], points.angle_deg[:, 0], eta_i)
     return np.where(np.isfinite(rate), rate, 1.0)
@@ -155,8 +157,8 @@ def along_fringes(
     return np.concatenate(out, 1)
 
 
-def scaled_index(fit: Solving, film: Film, y: np.ndarray, factor: float) -> np.ndarray:
-    """Return y (p,) or (p, L) with the film's index times a factor, where its model lets it."""
+def scaled_index(fit: Solving, film: Film, y: np.ndarray, factor: float | np.ndarray) -> np.ndarray:
+    """Return y (p, L) with the film's index times a factor, () or (L,), where its model lets it."""
     out = y.copy()
     place = fit.u.spec.media.places[film.medium]
     for i, (name, unknown) in enumerate(zip(fit.u.spec.moving, fit.u.moving, strict=True)):
@@ -166,7 +168,7 @@ def scaled_index(fit: Solving, film: Film, y: np.ndarray, factor: float) -> np.n
             kind = unknown.parameter.coordinate
             x, _ = value_and_slope(kind, y[i : i + 1])
             out[i : i + 1] = from_parameter(kind, x * factor**power)
-    low, high = (a.reshape(-1, *(1,) * (y.ndim - 1)) for a in fit.limits)
+    low, high = (a[:, None] for a in fit.limits)
     return np.clip(out, low, high)
 
 

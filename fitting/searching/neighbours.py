@@ -18,25 +18,21 @@ from fitting.searching.film_starts import (
     Film,
     along_fringes,
     by_fringes,
-    coordinate,
     films_of,
     many_fringes,
-    middle,
     phase_rates,
-    scaled_index,
 )
-from fitting.searching.minima import ALTERNATIVE_CHI2
+from fitting.searching.followed import followed
+from fitting.searching.fringe_orders import beside as orders_beside
 from fitting.searching.next_term import likely_lines, oscillators
-from fitting.searching.search import in_order, lowest_ends
-from fitting.searching.starts import LANES, STAGE, Ends, best_of
+from fitting.searching.search import lowest_ends
+from fitting.searching.starts import LANES, Ends, best_of
 
 if TYPE_CHECKING:
     from fitting.searching.search import Solving
 
 # Fringe orders on either side of the best minimum that are looked at.
-_ORDERS = 8
-# Stages in which the starts beside the best minimum go on.
-_FURTHER = 8
+_ORDERS = [sign * n for n in range(1, 9) for sign in (1, -1)]
 # Rounds of starts beside the lowest ends, how many of them in a row may gain nothing, and the share
 # of parameters that is taken from others.
 _ROUNDS, _IN_VAIN, _ANEW = 12, 2, 0.4
@@ -68,32 +64,13 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
             tried = True
             ends = joined([ends, *_from_parts(fit, films[0], start, noise, least)])
         beside = [_other_lines(fit, ends), _crossed(fit, ends, start, random)]
-        beside += [_orders(fit, film, y) for film in films[:1]]
-        ends = joined([ends, _followed(fit, np.concatenate(beside, 1), noise, least)])
-        in_vain = 0 if ends.cost.min() < least - _unit(fit, least) else in_vain + 1
+        for film in films[:1]:
+            beside += [orders_beside(fit, film, y[:, None], _ORDERS, s) for s in (False, True)]
+        ends = joined([ends, followed(fit, np.concatenate(beside, 1), noise, least)])
+        in_vain = 0 if ends.cost.min() < least - fit.unit(least) else in_vain + 1
         if in_vain == _IN_VAIN:
             break
     return ends
-
-
-def _followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> Ends:
-    """Return where starts (p, S) end; those that are far above the best cost on the way."""
-    low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in fit.limits)
-    ends = fit.held(start, low, high, noise, STAGE)
-    shown = best + ALTERNATIVE_CHI2 * _unit(fit, best)
-    for _ in range(_FURTHER):
-        live = np.flatnonzero(~ends.done & (ends.cost < shown))
-        if not len(live):
-            break
-        ends.put(live, fit.held(ends.y[:, live], low[:, live], high[:, live], noise, STAGE))
-        # After the first of them what still crawls along a valley, unless it is the lowest of all.
-        shown = best - _unit(fit, best)
-    return ends._replace(y=in_order(fit.u, ends.y, fit.settings))
-
-
-def _unit(fit: Solving, cost: float) -> float:
-    """Return a unit of chi2."""
-    return max(1.0, cost / max(fit.dof, 1)) if not fit.asked.scaled else cost / max(fit.dof, 1)
 
 
 def _is_noise(fit: Solving, y: np.ndarray) -> bool:
@@ -158,27 +135,6 @@ def _other_lines(fit: Solving, ends: Ends) -> np.ndarray:
     return np.concatenate(out, 1)
 
 
-def _orders(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
-    """Return starts (p, S) one or more fringe orders beside y (p,).
-
-    With the index as it is, and scaled so that the optical thickness stays: where the data tell
-    little of the order, these are the solutions that fit as well.
-    """
-    rate = float(middle(phase_rates(fit, film, y[:, None]))[0])
-    limits = fit.u.moving[film.row]
-    x, _ = value_and_slope(limits.parameter.coordinate, y[film.row : film.row + 1])
-    thickness = 1e-3 * float(x[0])
-    starts = [np.empty((0, len(y)))]
-    for order in (o for n in range(1, _ORDERS + 1) for o in (n, -n)):
-        moved = thickness + order / rate
-        if max(1e-3 * limits.low, 0.0) < moved < 1e-3 * limits.high:
-            for factor in (1.0, thickness / moved):
-                start = scaled_index(fit, film, y, factor)
-                start[film.row] = coordinate(fit, film, np.array([moved]))[0]
-                starts.append(start[None])
-    return np.concatenate(starts).T
-
-
 def _from_parts(fit: Solving, film: Film, y: np.ndarray, noise: float, least: float) -> list[Ends]:
     """Return where starts end that were found in parts of the spectrum; y: candidates (p, L)."""
     rates = phase_rates(fit, film, y[:, :MANY_CANDIDATES])
@@ -187,5 +143,5 @@ def _from_parts(fit: Solving, film: Film, y: np.ndarray, noise: float, least: fl
         start = by_fringes(fit, film, y, rates, rows, _LIKELY)
         start = np.concatenate([start, along_fringes(fit, film, start, rows, _FACTORS)], 1)
         found = followed_to_all(fit, start, each, part, noise)
-        out.append(_followed(fit, found, noise, least))
+        out.append(followed(fit, found, noise, least))
     return out

@@ -245,6 +245,11 @@ class Solving:
                 total += ((float(x[0]) - unknown.prior[0]) / unknown.prior[1]) ** 2
         return total
 
+    def unit(self, cost: float) -> float:
+        """Return a unit of chi2 where the lowest cost is ``cost``."""
+        scatter = cost / max(self.dof, 1)
+        return scatter if self.asked.scaled else max(1.0, scatter)
+
     def known(self, s: Slopes, y: np.ndarray, noise: float, scaled: bool) -> Uncertainty:
         """Return the uncertainty at y."""
         return uncertainty(
