@@ -109,10 +109,10 @@ def test_warnings_of_one_kind_are_told_once():
 def test_what_to_do_where_an_index_is_not_determined():
     mirror = Measurement.from_columns(0.0, [0.4, 0.5, 0.6], R=[0.9, 0.91, 0.92])
     text = one_line(fit(mirror))
-    assert "what to do measure s and p at several angles" in text and "sample auto" in text
+    assert "what to do measure s and p at several angles" in text and "sample 'auto'" in text
     one = Measurement.from_columns(0.0, 0.5, R=[0.9])
     text = one_line(fit(one))
-    assert "what to do measure s and p" in text and "sample auto" not in text
+    assert "what to do measure s and p" in text and "sample 'auto'" not in text
     assert "what to do" not in str(fit(simulated(1.5, 0.0, 1e-3)))
 
 

@@ -142,7 +142,7 @@ def _run(arguments: argparse.Namespace) -> int:
         )
         wavelength = np.concatenate([m.wavelength_um for m in measurements])
         if arguments.reference:
-            check_reference(arguments.reference, wavelength)
+            check_reference(arguments.reference, wavelength, "--reference")
     with Outputs() as outputs:
         with refusals():
             media: tuple[str | None, ...] = ()
@@ -197,7 +197,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(file=sys.stderr)
         return INTERRUPTED
     except OSError as error:
-        complain(f"{error.filename or 'writing'}: {error.strerror}")
+        complain(f"{error.filename or 'a result file'}: {error.strerror}")
     except Refused as error:
         complain(str(error))
     return MISUSED

@@ -1,4 +1,4 @@
-"""The warnings of a fit as sentences; of many fits each kind once, with where it holds."""
+"""The warnings of a fit as sentences; for a batch each kind once, with the fits it concerns."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from fitting.results.result import Fit
 
 
 class Told(NamedTuple):
-    """texts: one sentence for each kind of warning. at: for each kind the mask of the fits."""
+    """texts: a sentence for each kind of warning. at: for each kind the mask of its fits."""
 
     texts: list[str]
     at: list[np.ndarray]
 
     def marks(self, index: tuple[int, ...]) -> str:
-        """Return the numbers of the warnings of one fit, from 1 on."""
+        """Return the numbers of the warnings of one fit, counted from 1."""
         return " ".join(str(i) for i, at in enumerate(self.at, 1) if at[index])
 
 
@@ -35,7 +35,7 @@ def _where(fit: Fit, at: np.ndarray, own: bool) -> str:
 
 
 def told_of(fit: Fit) -> Told:
-    """Return the warnings of a fit, the gravest first."""
+    """Return the warnings of a fit, the most serious first."""
     if not fit.shape:
         texts = [w.text for w in fit.warnings]
         return Told(texts, [np.ones((), bool)] * len(texts))
