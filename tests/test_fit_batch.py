@@ -214,7 +214,7 @@ def test_a_call_that_makes_no_sense_says_what_was_wanted(change, words):
 
 def test_what_a_bare_surface_does_not_show_is_refused():
     m = Measurement.from_columns(ANGLES, 0.5, T=np.full(16, 0.9))
-    with pytest.raises(ValueError, match=r"cannot fit T .*bare surface.*mm thick"):
+    with pytest.raises(ValueError, match=r"T cannot be fitted .*bare surface.*mm thick"):
         fit(m)
     with pytest.raises(ValueError, match=r"auto, stated.*equal"):
         fit(Measurement.from_columns(ANGLES, R=np.full(16, 0.5)), errors="unit")

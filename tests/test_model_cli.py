@@ -97,8 +97,8 @@ def test_pictures(plate, spectrum, tmp_path):
 
 
 @pytest.mark.parametrize(("options", "words"), [
-    (["--sample", ""], "has an empty medium"),  # once the default, free
-    (["--free", "scale"], "scale is shared by all wavelengths"),
+    (["--sample", ""], "names no medium at one of its places"),  # once the default, free
+    (["--free", "scale"], "scale has one value for all wavelengths"),
     (["--sample", "coshy"], "'coshy' is not an index"),
     (["--sample", "cauchy", "--fix", "A=1..2"], "NAME=VALUE was wanted, for example k=0; --bound"),
     (["--sample", "cauchy", "--prior", "A=2"], "scale=1+-0.02; --fix takes this"),

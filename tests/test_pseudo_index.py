@@ -239,7 +239,7 @@ def test_transmittance_is_refused_with_what_to_say(tmp_path, capsys):
                  head="angle_deg,wavelength_um,psi,T")  # fmt: skip
     assert cli.main([file]) == 2
     error = capsys.readouterr().err
-    assert "cannot fit T" in error and "free 2.5 mm thick" in error and error.count("\n") == 1
+    assert "T cannot be fitted" in error and "free 2.5 mm thick" in error and error.count("\n") == 1
 
 
 def test_reference_beside_a_spectrum_of_reflectances(tmp_path, capsys):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from simulated import simulated, textbook
 
-from fitting import Measurement, fit
+from fitting import Measurement, choose, fit
 from fitting.measurements.measurement import concatenate
 from fitting.output.estimates import reach
 from fitting.output.fit_page import fit_page
@@ -39,6 +39,20 @@ def test_a_valley_is_one_solution_and_nothing_is_said_of_its_starts(drude):
     for text in (str(drude), fit_page(drude, b"")):
         assert "are not determined separately" in one_line(text)
         assert "also fits" not in text and "starting points led" not in text
+
+
+def test_a_sample_without_parameters_can_be_chosen_and_shown():
+    m = simulated(1.5, 0.0, 1e-3, angles=tuple(np.linspace(20.0, 80.0, 20)), seed=3)
+    choice = choose(m, "1.5 or 1.7", errors="scaled", intervals="quadratic")
+    assert choice.taken.label == "1.5" and choice.fit.dof == choice.fit.n_data
+    n, size = choice.fit.n_data, choice.fit.chi2_reduced
+    least = n * np.log(size)  # -2 log(likelihood) of the likeliest noise, up to a constant
+    assert choice.fit.bic == pytest.approx(least, abs=1e-6)
+    assert choice.fit.aicc == pytest.approx(least + 2.0 * n / (n - 2), abs=1e-6)
+    for text in (one_line(choice), one_line(fit_page(choice.fit, b""))):
+        assert "no parameter was fitted" in text or "none was fitted" in text
+        assert "starting points" not in text
+    assert one_line(repr(choice.fit)).endswith("converged>")
 
 
 def test_correlations_are_shown(absorber):

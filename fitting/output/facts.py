@@ -215,7 +215,7 @@ def findings_of_one(fit: Fit) -> Facts:
     if correlations := correlation_text(fit):
         rows.append(("correlation", correlations))
     if math.isfinite(fit.bic):
-        text = f"BIC {fit.bic:.2f}, AICc {fit.aicc:.2f}"
+        text = f"BIC {fit.bic:.2f}" + f", AICc {fit.aicc:.2f}" * math.isfinite(fit.aicc)
         rows.append(("criteria", f"{text} (of models of the same data, lower is better)"))
     rows.append(("status", status_text(fit)))
     if fit.status != UNDETERMINED:  # all of a valley is one solution

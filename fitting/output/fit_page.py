@@ -40,7 +40,7 @@ def _parameters(fit: Fit) -> Table:
         for name, e in fit.parameters.items()
     ]
     head = ["parameter", "value +- standard error", "95 % interval", "remark"]
-    return Table("Parameters", head, rows)
+    return Table("Parameters", head, rows or [["none was fitted", "", "", ""]])
 
 
 def _correlations(fit: Fit) -> Table:

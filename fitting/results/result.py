@@ -202,7 +202,7 @@ class Fit:
             medium: "film", "substrate", ... of `Sample.places`; None for the first unknown one.
         """
         if self.evaluator is None:
-            raise ValueError("this fit is of your own residuals; it knows of no index.")
+            raise ValueError("this fit is of your own residuals; it has no sample and no index.")
         return self.evaluator.index(wavelength_um, medium)
 
     @property
@@ -211,12 +211,14 @@ class Fit:
         from fitting.residuals.residuals import residuals
 
         if self.measurement is None:
-            raise ValueError("this fit keeps no data: it came from arrays (fit_many).")
+            raise ValueError(
+                "this fit keeps no data (fit_many). To keep them, fit a Measurement with fit(...)."
+            )
         return residuals(self.measurement, self.predict().value)
 
     def __len__(self) -> int:
         if not self.shape:
-            raise TypeError("this fit is one set of parameters; it has no length")
+            raise TypeError("this fit is one set of parameters and no batch; it has no length.")
         return self.shape[0]
 
     def __iter__(self) -> Iterator[Fit]:

@@ -283,8 +283,8 @@ def parse_model(text: Any) -> Model:
     name = found[1].lower().replace("_", "-") if found else ""
     if not found or name not in KINDS:
         raise ValueError(
-            f"there is no model {str(text)!r}; one of {', '.join(KINDS)} was wanted, with the "
-            "number of its terms if it has several: drude-lorentz:3."
+            f"there is no dispersion model {str(text)!r}; one of {', '.join(KINDS)} was wanted, "
+            "followed by its number of terms if it has several: drude-lorentz:3."
         )
     kind = KINDS[name]
     terms = int(found[2]) if found[2] else kind.usual
