@@ -227,9 +227,11 @@ def start_points(start: Mapping[str, Any] | None, a: Arranged) -> np.ndarray | N
         eta, k = (np.broadcast_to(np.asarray(v, float), a.shape).reshape(-1) for v in (eta, k))
     except (TypeError, ValueError, KeyError) as error:
         raise ValueError(
-            'start must be {"eta": ..., "k": ...}, real numbers or arrays of shape '
-            f"{a.shape}; {str(start)[:60]} came."
+            f"start is {str(start)[:60]}; {{'eta': ..., 'k': ...}} was wanted, real numbers or "
+            f"arrays of shape {a.shape}."
         ) from error
     if not ((eta > 0.0) & (k >= 0.0) & np.isfinite(eta) & np.isfinite(k)).all():
-        raise ValueError("start must have eta above 0 and k of 0 or more.")
+        raise ValueError(
+            "start holds an eta or k out of range; eta above 0 and k from 0 were wanted."
+        )
     return coordinates_of(eta / a.data.eta_i, k / a.data.eta_i)

@@ -11,6 +11,7 @@ import numpy as np
 from fitting.bare_surface.estimate import K_MIN
 from fitting.bare_surface.reflectances import CHANNELS, reflectances
 from fitting.measurements.measurement import Measurement
+from fitting.problem.evaluation import not_measured
 from fitting.process.compiled import compiled
 from fitting.results.result import IndexBand, Prediction
 
@@ -138,17 +139,14 @@ class SurfaceCurves(NamedTuple):
     def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
         """Return eta and k at the fitted wavelengths; see `Fit.index`."""
         if medium not in (None, "substrate"):
-            raise ValueError(f"there is no medium {medium!r}; the bare surface is of substrate.")
+            raise ValueError(f"there is no medium {medium!r}; a bare surface has 'substrate' only.")
         chosen = np.arange(len(self.eta))
         if wavelength_um is not None:
             place = {w: i for i, w in enumerate(self.wavelength_um.tolist())}
             wanted = np.atleast_1d(np.asarray(wavelength_um, float)).tolist()
             strange = [w for w in wanted if w not in place]
             if strange:
-                raise ValueError(
-                    f"{strange[0]:g} um was not measured; eta and k that are free at every "
-                    "wavelength are known at the measured ones only. Fit a dispersion model."
-                )
+                raise not_measured(strange[0])
             chosen = np.array([place[w] for w in wanted])
         columns = (self.wavelength_um, self.eta, self.sigma_eta, self.k, self.sigma_k)
         return IndexBand(*(c[chosen] for c in columns))

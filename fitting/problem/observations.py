@@ -194,8 +194,8 @@ def _ellipsometry(quantity, row, value, error, total: int, stated: bool):
     lone = int((np.isnan(table[0]) & ~np.isnan(table[1])).sum())
     if lone:
         raise ValueError(
-            f"{lone} of the values of Delta have no psi at the same angle and wavelength; the two "
-            "are compared together, as points of a sphere."
+            f"{lone} of the values of Delta have no psi at the same angle and wavelength, together "
+            "with which they are compared. Give psi too, or leave these values of Delta out."
         )
     some = ~np.isnan(table[0])
     psi, delta, sigma_psi, sigma_delta = table[:, some]

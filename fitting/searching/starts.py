@@ -114,7 +114,8 @@ def given_start(
         out[name] = value
     if given:
         raise ValueError(
-            f"start names {', '.join(given)}; the parameters are {', '.join(labels.values())}."
+            f"start names {', '.join(given)}; the parameters of this fit are "
+            f"{', '.join(labels.values())}."
         )
     return out
 
