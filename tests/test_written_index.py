@@ -60,8 +60,8 @@ def test_of_the_command(curve, tmp_path, capsys):
     # a file of somebody else is not replaced unasked
     (tmp_path / "out_errors.csv").write_text("mine")
     assert "was not written by a fit" in refused(capsys, *command, "--material", out)
-    assert "ends in .yml" in refused(capsys, *command, "--material", tmp_path / "out.txt")
-    assert "of one fit" in refused(capsys, *command, "--each", "--material", out)
+    assert "must end in .yml" in refused(capsys, *command, "--material", tmp_path / "out.txt")
+    assert "shows a single fit" in refused(capsys, *command, "--each", "--material", out)
     assert (tmp_path / "out_errors.csv").read_text() == "mine"
 
 
@@ -90,6 +90,6 @@ def test_what_is_not_known_is_not_written(found, tmp_path):
     file, errors = free.write_material(tmp_path / "free.yml")
     assert read_material(file).range_um == pytest.approx((NM[NM > 600.0].min() / 1e3, 0.8))
     assert len(errors.read_text().splitlines()) == 1 + (NM > 600.0).sum()
-    with pytest.raises(ValueError, match="the data give none"):
+    with pytest.raises(ValueError, match="the data do not determine"):
         replace(found, status="not converged").write_material(tmp_path / "none.yml")
     assert nothing_in(tmp_path, "free.yml", "free_errors.csv")

@@ -85,7 +85,7 @@ def _stage(
     for medium in media:
         file = of_medium(arguments.material, medium)
         add("material", "--material", file, MATERIAL_MARK if medium else "", medium)
-        add("errors", "--material", errors_beside(file), ERRORS_HEAD, medium)
+        add("errors", "--material", errors_beside(file, "--material"), ERRORS_HEAD, medium)
     if arguments.report:
         left_out = () if spectrum else ("index",)
         staged += stage_report(

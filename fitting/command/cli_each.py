@@ -22,7 +22,7 @@ def _check(arguments: argparse.Namespace) -> None:
     for flag in ("plot", "report", "reference", "material"):
         if getattr(arguments, flag):
             raise ValueError(
-                f"--{flag} shows a single fit, and --each makes one for every file. Use --csv or "
+                f"--{flag} shows a single fit, but --each makes one for every file. Use --csv or "
                 "--json with --each, or fit one file without it."
             )
     refuse_repeats(arguments.file)

@@ -26,11 +26,15 @@ MATERIAL_MARK = f"REFERENCES: |\n    {_FITTED_BY}"
 ERRORS_HEAD = "wavelength_um,n,k,sigma_n,sigma_k"
 
 
-def errors_beside(path: str | os.PathLike[str]) -> Path:
-    """Return the path for the errors of a material file; ValueError if that is not a .yml."""
+def errors_beside(path: str | os.PathLike[str], flag: str = "") -> Path:
+    """Return the path for the errors of a material file; ValueError if that is not a .yml.
+
+    flag: the option that named the file, for the text.
+    """
     file = Path(path)
     if file.suffix.lower() not in _ENDINGS:
-        raise ValueError(f"{file}: the name of a material file must end in .yml.")
+        name = f"{flag} {file}".strip()
+        raise ValueError(f"{name}: the name of a material file must end in .yml.")
     return file.with_name(f"{file.stem}_errors.csv")
 
 

@@ -208,7 +208,7 @@ class Outputs:
         final = Path(os.path.realpath(path))
         identity = _identity(final)
         if final in self._staged:
-            raise OutputError(f"{name}: another result goes to this file; name a second one.")
+            raise OutputError(f"{name}: two results cannot go to the same file; give each a name.")
         for file in inputs:
             if identity is not None and identity == _identity(file):
                 raise OutputError(

@@ -1,7 +1,7 @@
 """The dispersion models that can be fitted: parameters with their ranges, and the index.
 
-The formulas are those of `fresnel_jax.dispersion`. Ranges of starts follow the measured
-wavelengths: an oscillator is searched for where there are data, and a little beyond.
+The formulas are those of `fresnel_jax.dispersion`. The ranges of starting values follow from the
+measured wavelengths: an oscillator is searched for within them and a little beyond.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from fresnel_jax.dispersion import HC_EV_UM
 
 
 class Spectrum(NamedTuple):
-    """What the ranges of starts depend on.
+    """The properties of the data on which the ranges of starting values depend.
 
     shortest_um, longest_um: measured wavelengths; eta_i: index of the medium in front.
     even_in_k: whether the data depend on k^2 (powers of a bare interface), and not on k.
@@ -268,7 +268,10 @@ KINDS = {
 
 
 def model_names() -> tuple[str, ...]:
-    """Return the names of the models; one with terms may be followed by their number, NAME:N."""
+    """Return the names of the dispersion models that a sample's text may use.
+
+    A model of several terms may be followed by their number: "drude-lorentz:3".
+    """
     return tuple(KINDS)
 
 
