@@ -1,4 +1,4 @@
-"""From what the caller has (a Measurement, or arrays) to the curves that are fitted."""
+"""The curves to be fitted, from a Measurement or from arrays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fitting.measurements.measurement import Measurement
 
 
 class Arranged(NamedTuple):
-    """Curves in a row, with what the engine does not need to know.
+    """Curves in a row, and their place in the batch or the measurement.
 
     shape: the batch shape that the results take. stated: whether weights are 1 / sigma.
     angle_deg: (M,) or (N, M). wavelength_um: (N,). rows: of a Measurement, at which channel, curve
@@ -63,7 +63,7 @@ def of_measurement(m: Measurement, eta_i: float, errors: str) -> Arranged:
         mixed & np.isfinite(m.polarizer_deg), np.sin(np.radians(m.polarizer_deg)) ** 2, 0.5
     )
     channels = [c for c in CHANNELS if (m.quantity == c).any()]
-    # One row of a curve holds at most one datum of each channel: repeats open rows of their own.
+    # One row of a curve holds at most one datum of each channel: a repeated datum gets a new row.
     rows: list[dict[tuple[float, float, int], int]] = [{} for _ in wavelengths]
     seen: dict[tuple[int, str, float, float], int] = {}
     place = np.empty(len(m), int)
@@ -102,7 +102,7 @@ def _checked(name: str, array: Any, low: float, high: float, wanted: str) -> np.
         array = np.asarray(came, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} must be real numbers ({error}).") from error
-    # fmin and fmax pass NaN by, and make no array of truth values: a third of the time.
+    # fmin and fmax ignore NaN without an array of truth values, in a third of the time.
     extremes = np.fmin.reduce(array, None, initial=high), np.fmax.reduce(array, None, initial=low)
     for extreme in extremes:
         if not low <= extreme <= high:

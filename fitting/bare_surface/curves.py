@@ -1,4 +1,4 @@
-"""The fitted curve at any angle, with the band that the uncertainty of eta and k gives it."""
+"""The fitted curve at any angle, and its standard error from that of eta and k."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ _with_slopes = compiled(_with_slopes, ())
 def _covariance(information: np.ndarray, sigma_eta: np.ndarray, at_zero: np.ndarray) -> np.ndarray:
     """Return the covariance of (eta, u), (N, 2, 2): the inverse over what the data determine.
 
-    A direction that they do not see at all is left out: along it the curve does not change. At
-    k = 0 it is the mean square of what u >= 0 may be, which sigma_eta tells: eta shifts by
-    -i_nu / i_nn for each unit of u. (In total reflection, where R is linear in k, sigma_eta is that
-    of the inverse, and u that of K_MIN: the inverse it is there too.)
+    A direction that the data do not determine at all is left out, since the curve does not change
+    along it. At k = 0 the variance of u is the mean square of u >= 0, which follows from sigma_eta:
+    eta shifts by -i_nu / i_nn for each unit of u. (In total reflection, where R is linear in k,
+    sigma_eta is that of the inverse and u that of K_MIN, so that this is the inverse there too.)
     """
     ok = np.asarray(np.isfinite(information).all((1, 2)))
     safe = np.where(ok[:, None, None], information, np.eye(2))
@@ -61,7 +61,7 @@ def _covariance(information: np.ndarray, sigma_eta: np.ndarray, at_zero: np.ndar
 
 
 class SurfaceCurves(NamedTuple):
-    """What N fitted curves are evaluated by; see `result.Evaluator`. Arrays are (N, ...).
+    """The evaluator of N fitted curves; see `result.Evaluator`. Arrays are (N, ...).
 
     information: Fisher information in (eta, u = k^2), regular at k = 0, and singular where one
     combination is unknown, where the covariance does not exist; NaN where there is no fit.
@@ -159,7 +159,7 @@ class SurfaceCurves(NamedTuple):
         )  # fmt: skip
 
     def at(self, index: tuple[int, ...]) -> SurfaceCurves:
-        """Return that of one curve."""
+        """Return the evaluator of one curve."""
         i = int(np.ravel_multi_index(index, self.shape))
         one = {
             name: value[i : i + 1] for name, value in self._asdict().items()

@@ -1,4 +1,4 @@
-"""One bare surface as a `Fit`: of a measurement, a wavelength each, or of arrays of any batch."""
+"""The `Fit` of one bare surface: of a measurement, wavelength by wavelength, or of arrays."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> F
     believed = "stated" if errors == "stated" else "scaled" if a.stated else "equal"
     believed = np.full(len(f.dof), believed, f"<U{len('stated')}")
     believed[np.isfinite(taken.gain)] = "floor"
-    # Without a degree of freedom stated errors are all there is to go by.
+    # Without a degree of freedom only the stated errors are available.
     believed[(f.dof == 0) & a.stated] = "stated"
     with np.errstate(all="ignore"):
         chi2_reduced = np.where(f.dof > 0, v["chi2"] / f.dof, np.nan)
@@ -214,7 +214,7 @@ def fit_many(
 
 
 def _rms_of(a: Arranged, f: Answer, m: Measurement) -> dict[str, Any]:
-    """Return the root mean square of the residuals by quantity; of a single one nothing anew."""
+    """Return the rms of the residuals by quantity if there is a single one; else nothing."""
     with np.errstate(all="ignore"):
         rms = np.sqrt(f.solved.plain / f.solved.count)
     names = dict.fromkeys(m.quantity.tolist())
@@ -222,7 +222,7 @@ def _rms_of(a: Arranged, f: Answer, m: Measurement) -> dict[str, Any]:
 
 
 def _with_order(found: Fit, order: Order) -> Fit:
-    """Return the fit with what its residuals say: an order, and a misfit larger than the noise."""
+    """Return the fit with warnings of autocorrelated residuals and of misfits above the noise."""
     shape = found.shape
     of_rms = {"rms": np.atleast_1d(found.rms), "noise": order.noise}
     new = {

@@ -74,8 +74,8 @@ def check_matplotlib(asked: str) -> None:
 def check_picture(path: str | PathLike[str]) -> None:
     """Raise ValueError for an unknown kind of picture file, ImportError without matplotlib."""
     if Path(path).suffix.lower() not in FORMATS:
-        endings = " or ".join(FORMATS)
-        raise ValueError(f"--plot {path}: the name of a picture must end in {endings}.")
+        endings = ", ".join(FORMATS)
+        raise ValueError(f"--plot {path}: the name of a picture must end in one of {endings}.")
     check_matplotlib("--plot")
 
 

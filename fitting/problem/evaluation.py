@@ -1,4 +1,4 @@
-"""A fitted sample as curves: at the data, at other points, and eta and k over the wavelength."""
+"""Evaluation of a fitted sample: at the data, at other points, and eta and k over wavelength."""
 
 from __future__ import annotations
 
@@ -209,7 +209,7 @@ def _error(slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 
 def _matched(at: Evaluated, seen: Observations, source: str) -> tuple[tuple[int, ...], ...]:
-    """Return the fitted curve that each channel of other points belongs to; -1 for none.
+    """Return the fitted curve to which each channel of other points belongs; -1 for none.
 
     Among several files it is that of the same name, else the first one.
     """

@@ -1,4 +1,4 @@
-"""From measurements to the rows and channels that a model is compared with."""
+"""Measurements as the rows and channels with which a model is compared."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _ncs_weights(psi, delta, sigma_psi, sigma_delta, stated: bool) -> np.ndarray
 
 
 def _repeated(wavelength_um: np.ndarray) -> dict[str, np.ndarray]:
-    """Return `Points.distinct_um` and `place`; nothing where that saves no padded row."""
+    """Return `Points.distinct_um` and `place`; empty arrays if that saves no padded row."""
     distinct, place = np.unique(wavelength_um, return_inverse=True)
     size = padded(len(distinct))
     if len(distinct) == 1 or size == len(wavelength_um):
@@ -109,7 +109,7 @@ def observations(
 
     compared: whether there are values to compare with, or only points to predict at.
 
-    A row is a point (file, angle, wavelength, polarizer); repeats open rows of their own.
+    A row is a point (file, angle, wavelength, polarizer); a repeated point gets a new row.
     Raises ValueError for Delta without psi.
     """
     file = np.concatenate([np.full(len(m), i) for i, m in enumerate(measurements)])

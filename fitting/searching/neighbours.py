@@ -1,7 +1,7 @@
-"""Starts beside the lowest ends: what a right minimum most often lacks is one thing alone.
+"""Further starts near the lowest minima, which often differ from the best one in one thing only.
 
-The order of the fringes, an oscillator in the wrong place, some parameters of a random start: each
-is tried on the lowest ends while something lower is found.
+Another order of the fringes, another place of an oscillator, and some parameters of a random start
+are tried at the lowest minima, as long as this leads to lower ones.
 """
 
 from __future__ import annotations
@@ -33,26 +33,26 @@ from fitting.searching.starts import LANES, STAGE, Ends, best_of
 if TYPE_CHECKING:
     from fitting.searching.search import Solving
 
-# Fringe orders on either side of the best minimum that are looked at.
+# Number of fringe orders that are tried on either side of the best minimum.
 _ORDERS = 8
-# Stages in which the starts beside the best minimum go on.
+# Largest number of stages of STAGE evaluations for these starts.
 _FURTHER = 8
-# Rounds of starts beside the lowest ends, how many of them in a row may gain nothing, and the share
-# of parameters that is taken from others.
+# Number of rounds of further starts; how many of them in a row may find nothing lower; and the
+# share of parameters that is taken from other starts.
 _ROUNDS, _IN_VAIN, _ANEW = 12, 2, 0.4
-# Thicknesses that are likely in a part of the spectrum, and factors on the index at each of them.
+# Number of likely thicknesses from a part of the spectrum, and of factors on the index at each.
 _LIKELY, _FACTORS = 8, (0.8, 1.25, 0.6)
-# Of so many of the lowest ends each oscillator is looked for anew.
+# At so many of the lowest minima each oscillator is searched for again.
 _PARENTS = 4
 
 
 def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -> Ends:
-    """Return the ends, and those of starts beside the lowest of them, while these are lower.
+    """Return the ends, and those of further starts near the lowest of them, as long as these help.
 
-    start: (p, S) random starts. Of films always, of other samples with oscillators where residuals
-    are no noise. Where they are none after a round without gain another one follows (after one
-    alone, 2 of 8 fits of a glass plate ended far above the best minimum), of films of many fringes
-    with what is found in parts of the spectrum.
+    start: (p, S) random starts. This is done for films, and for other samples with oscillators if
+    the residuals are not noise. If they are still not noise after a round without a lower minimum,
+    another round follows (after one alone, 2 of 8 fits of a glass plate ended far above the best
+    minimum); for films of many fringes with starts from parts of the spectrum.
     """
     films = films_of(fit.u.spec, fit.u.moving)
     worth = bool(films) or (fit.lanes == LANES and bool(oscillators(fit)))
@@ -77,7 +77,7 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
 
 
 def _followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> Ends:
-    """Return where starts (p, S) end; those that are far above the best cost on the way."""
+    """Return the ends of starts (p, S); those far above the best cost are stopped on the way."""
     low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in fit.limits)
     ends = fit.held(start, low, high, noise, STAGE)
     shown = best + ALTERNATIVE_CHI2 * _unit(fit, best)
@@ -86,7 +86,7 @@ def _followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> End
         if not len(live):
             break
         ends.put(live, fit.held(ends.y[:, live], low[:, live], high[:, live], noise, STAGE))
-        # After the first of them what still crawls along a valley, unless it is the lowest of all.
+        # After the first stage only starts that are below all that have converged go on.
         shown = best - _unit(fit, best)
     return ends._replace(y=in_order(fit.u, ends.y, fit.settings))
 
@@ -97,9 +97,9 @@ def _unit(fit: Solving, cost: float) -> float:
 
 
 def _is_noise(fit: Solving, y: np.ndarray) -> bool:
-    """Whether the residuals at y may be noise: not alike from neighbour to neighbour.
+    """Whether the residuals at y look like noise: they are not autocorrelated.
 
-    And, where errors are stated, not larger than these.
+    And, if errors are stated, not larger than these.
     """
     r = fit.slopes(y).residual
     square = float(r @ r)
@@ -144,7 +144,7 @@ def _as_free_electrons(fit: Solving, y: np.ndarray, other: np.ndarray) -> np.nda
 
 
 def _other_lines(fit: Solving, ends: Ends) -> np.ndarray:
-    """Return starts (p, S): the lowest ends with each oscillator where it explains most."""
+    """Return starts (p, S): the lowest ends, each oscillator moved to where it explains most."""
     terms = oscillators(fit)
     if not terms:
         return ends.y[:, :0]
@@ -161,8 +161,8 @@ def _other_lines(fit: Solving, ends: Ends) -> np.ndarray:
 def _orders(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
     """Return starts (p, S) one or more fringe orders beside y (p,).
 
-    With the index as it is, and scaled so that the optical thickness stays: where the data tell
-    little of the order, these are the solutions that fit as well.
+    Both with the same index and with one scaled so that the optical thickness is the same: if the
+    data hardly determine the order, these are the solutions that fit as well.
     """
     rate = float(middle(phase_rates(fit, film, y[:, None]))[0])
     limits = fit.u.moving[film.row]
@@ -180,7 +180,7 @@ def _orders(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
 
 
 def _from_parts(fit: Solving, film: Film, y: np.ndarray, noise: float, least: float) -> list[Ends]:
-    """Return where starts end that were found in parts of the spectrum; y: candidates (p, L)."""
+    """Return the ends of starts from parts of the spectrum; y: candidates (p, L)."""
     rates = phase_rates(fit, film, y[:, :MANY_CANDIDATES])
     out, each = [], parts(fit.seen)
     for part, rows in enumerate(each):

@@ -1,4 +1,4 @@
-"""Errors of a fit with autocorrelated residuals, so that fewer of the data are independent."""
+"""Larger errors for a fit with autocorrelated residuals, since fewer data are independent."""
 
 from __future__ import annotations
 
