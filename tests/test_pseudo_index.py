@@ -143,7 +143,7 @@ def test_a_film_that_no_bare_surface_imitates(coated, tmp_path, capsys):
     # At one of them the misfit is as small as an ellipsometer's errors are.
     assert f"at {below.sum() - 1} of 9 wavelengths" in shown and "ask for a k below 0" in shown
     assert "starting points led to this minimum" not in shown
-    assert "starts ended in the best minimum" not in shown
+    assert "starting points led to the best minimum" not in shown
 
 
 def misfit(n, psi_deg, delta_deg):

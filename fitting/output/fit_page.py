@@ -22,7 +22,7 @@ from fitting.output.estimates import (
 from fitting.output.numbers import number, with_error
 from fitting.output.page import Table, fragment, page
 from fitting.output.text_table import Comparison, batch_rows, shared_of
-from fitting.output.told import told_of
+from fitting.output.warning_texts import warning_texts
 from fitting.results.result import Fit
 
 
@@ -86,7 +86,7 @@ _DATA = {
     "wavelength_um": ("wavelength, um", _to_six_digits),
     "polarizer_deg": ("polarizer, degrees", _to_six_digits),
     "value": ("value", _to_five_digits),
-    "sigma": ("sigma", _to_five_digits),
+    "sigma": ("standard error", _to_five_digits),
     "fitted": ("fitted", _to_five_digits),
     "residual": ("value - fitted", _to_five_digits),
 }
@@ -135,15 +135,17 @@ def fit_page(fit: Fit, png: bytes, command: str = "", comparison: Comparison | N
     pictures = [(_caption(fit), png)] if png else []
     tables = [*_tables(fit, comparison), *data_table(fit)]
     above = 0 if fit.shape else 1  # the table of parameters; that of a batch is too long
+    # The correlations have a table.
+    shown = [(label, text) for label, text in _facts(fit) if label != "correlation"]
     return page(
-        facts.title_of(fit), _facts(fit), told_of(fit).texts, _notes(fit, comparison), pictures,
-        tables[above:], command, tables[:above],
+        facts.title_of(fit), shown, warning_texts(fit).texts, _notes(fit, comparison), pictures,
+        tables[above:], command, tables[:above], numbered=bool(fit.shape),
     )  # fmt: skip
 
 
 def notebook(fit: Fit) -> str:
     """Return facts, warnings and parameters as HTML for a notebook's cell."""
     return fragment(
-        facts.title_of(fit), _facts(fit), told_of(fit).texts, _notes(fit, None),
-        _tables(fit, None)[:1],
+        facts.title_of(fit), _facts(fit), warning_texts(fit).texts, _notes(fit, None),
+        _tables(fit, None)[:1], numbered=bool(fit.shape),
     )  # fmt: skip

@@ -71,6 +71,7 @@ def _head(
     warnings: Iterable[str],
     notes: Iterable[str],
     level: str,
+    numbered: bool,
 ) -> list[str]:
     parts = [
         f"<{level}>{_escaped(title)}</{level}>",
@@ -78,9 +79,10 @@ def _head(
         *(f"<dt>{_escaped(label)}</dt><dd>{_escaped(text)}</dd>" for label, text in facts),
         "</dl>",
     ]
-    for kind, texts in (("warning", warnings), ("note", notes)):
-        parts += [f"<p class={kind}>{kind.capitalize()}: {_escaped(text)}</p>" for text in texts]
-    return parts
+    for i, text in enumerate(warnings, 1):
+        label = f"Warning {i}" if numbered else "Warning"
+        parts.append(f"<p class=warning>{label}: {_escaped(text)}</p>")
+    return parts + [f"<p class=note>Note: {_escaped(text)}</p>" for text in notes]
 
 
 def page(
@@ -92,18 +94,20 @@ def page(
     tables: Iterable[Table],
     foot: str,
     first: Iterable[Table] = (),
+    numbered: bool = False,
 ) -> str:
     """Return the page. facts: label and text. pictures: caption and the bytes of a PNG file.
 
-    first: tables that stand above the pictures. All texts are escaped, since they may come from the
-    user's data; pictures are embedded.
+    first: tables that stand above the pictures. numbered: whether warnings have numbers, to which a
+    table refers. All texts are escaped, since they may come from the user's data; pictures are
+    embedded.
     """
     parts = [
         "<!DOCTYPE html>",
         '<html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f"<title>{_escaped(title)}</title><style>body {{ {_BODY} }}{_STYLE}</style></head><body>",
-        *_head(title, facts, warnings, notes, "h1"),
+        *_head(title, facts, warnings, notes, "h1", numbered),
         *(_table(table) for table in first),
     ]
     for caption, png in pictures:
@@ -123,10 +127,11 @@ def fragment(
     warnings: Iterable[str],
     notes: Iterable[str],
     tables: Iterable[Table],
+    numbered: bool = False,
 ) -> str:
     """Return `page` without pictures as a part of another page; its style affects no other part."""
     scoped = re.sub(r"(?m)^(?=[a-z.])", ".fresnel-fit ", _STYLE)
     parts = [f"<style>{scoped}</style>", "<div class=fresnel-fit>"]
-    parts += _head(title, facts, warnings, notes, "h3")
+    parts += _head(title, facts, warnings, notes, "h3", numbered)
     parts += [_table(table, "h4") for table in tables]
     return "\n".join([*parts, "</div>"]) + "\n"

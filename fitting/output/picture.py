@@ -35,7 +35,7 @@ from fitting.output.style import (
     plain_title,
     symbol,
 )
-from fitting.output.told import told_of
+from fitting.output.warning_texts import warning_texts
 from fitting.process.visible import visible
 from fitting.results.result import UNDETERMINED, Fit
 
@@ -78,7 +78,7 @@ def _titles(figure: Figure, axes: Axes, fit: Fit, reference: str) -> None:
         _subtitle(fit), (0.0, 1.0), (0.0, 9.0), xycoords="axes fraction",
         textcoords="offset points", va="bottom", ha="left", color="#333333",
     ).set_in_layout(False)  # fmt: skip  # the padding of the title leaves room for it
-    texts = [visible(text).replace("$", r"\$") for text in told_of(fit).texts]
+    texts = [visible(text).replace("$", r"\$") for text in warning_texts(fit).texts]
     if not (texts or reference):
         return
     width = int(13.5 * figure.get_figwidth())

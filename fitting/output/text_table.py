@@ -20,7 +20,7 @@ from fitting.output.estimates import (
 )
 from fitting.output.numbers import number, size_text, with_unit
 from fitting.output.reference import reference_text
-from fitting.output.told import told_of
+from fitting.output.warning_texts import warning_texts
 from fitting.process.visible import visible
 from fitting.results.result import UNDETERMINED, Estimate, Fit
 
@@ -87,7 +87,7 @@ def _one(fit: Fit, width: int) -> list[str]:
     lines.append("")
     more = [*facts.index_rows(fit), *facts.findings_of_one(fit)]
     lines += [_wrapped(label, text, width) for label, text in more]
-    return lines + _labelled((("warning", text) for text in told_of(fit).texts), width)
+    return lines + _labelled((("warning", text) for text in warning_texts(fit).texts), width)
 
 
 def _cells(
@@ -124,14 +124,14 @@ def batch_rows(fit: Fit, intervals: bool = False) -> list[list[str]]:
 
     intervals: whether to add a column with the 95 % interval of each parameter.
     """
-    varied, told = varied_of(fit), told_of(fit)
+    varied, warned = varied_of(fit), warning_texts(fit)
     stated = bool(np.isfinite(np.asarray(fit.chi2_reduced)).any())
     units = {n: fit.parameters[n].unit for n in varied}
     head = ["wavelength_um" if by_wavelength(fit) else "curve"]
     head += [with_unit(shown_name(fit, n), f"({units[n]})" if units[n] else "") for n in varied]
     head += [f"{shown_name(fit, n)}, 95 % interval" for n in varied if intervals]
     head += [*["chi2/dof"] * stated, "rms", "status"]
-    notes = bool(told.texts)
+    notes = bool(warned.texts)
     rows = [[*head, *["warnings"] * notes]]
     size = int(np.prod(fit.shape))
     shown = list(range(size))
@@ -139,7 +139,9 @@ def batch_rows(fit: Fit, intervals: bool = False) -> list[list[str]]:
         shown = [*range(_ENDS), *range(size - _ENDS, size)]
     for i in shown:
         index = tuple(int(j) for j in np.unravel_index(i, fit.shape))
-        rows.append([*_cells(fit, index, varied, stated, intervals), *[told.marks(index)] * notes])
+        rows.append(
+            [*_cells(fit, index, varied, stated, intervals), *[warned.marks(index)] * notes]
+        )
     if size > _ROWS:
         rows.insert(1 + _ENDS, ["...", *[""] * (len(rows[0]) - 1)])
     return rows
@@ -149,7 +151,7 @@ def _many(fit: Fit, width: int) -> list[str]:
     lines = [*rows_aligned(batch_rows(fit)), ""]
     lines += [_wrapped(f"{label} ", text, width) for label, text in shared_of(fit)]
     lines += [_wrapped(label, text, width) for label, text in facts.findings_of_many(fit)]
-    texts = told_of(fit).texts
+    texts = warning_texts(fit).texts
     return lines + _labelled(((f"warning {i}", t) for i, t in enumerate(texts, 1)), width)
 
 

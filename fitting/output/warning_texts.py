@@ -10,7 +10,7 @@ from fitting.output.estimates import by_wavelength, wave_text
 from fitting.results.result import Fit
 
 
-class Told(NamedTuple):
+class WarningTexts(NamedTuple):
     """texts: a sentence for each kind of warning. at: for each kind the mask of its fits."""
 
     texts: list[str]
@@ -34,11 +34,11 @@ def _where(fit: Fit, at: np.ndarray, own: bool) -> str:
     return where
 
 
-def told_of(fit: Fit) -> Told:
+def warning_texts(fit: Fit) -> WarningTexts:
     """Return the warnings of a fit, the most serious first."""
     if not fit.shape:
         texts = [w.text for w in fit.warnings]
-        return Told(texts, [np.ones((), bool)] * len(texts))
+        return WarningTexts(texts, [np.ones((), bool)] * len(texts))
     texts, masks = [], []
     for finding in fit.findings:
         at = np.broadcast_to(np.asarray(finding.at, bool), fit.shape)
@@ -48,4 +48,4 @@ def told_of(fit: Fit) -> Told:
         own = any(isinstance(value, np.ndarray) for value in finding.values.values())
         texts.append(f"{text.removesuffix(chr(46))} ({_where(fit, at, own)}).")
         masks.append(at)
-    return Told(texts, masks)
+    return WarningTexts(texts, masks)
