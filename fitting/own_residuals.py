@@ -125,14 +125,14 @@ def _parameter(name: str, what: Any) -> Parameter:
         kind = said.pop("coordinate", "linear")
         if kind not in _COORDINATES:
             raise ValueError(
-                f"the coordinate of {name} is {kind!r}; one of {', '.join(_COORDINATES)}."
+                f"the coordinate of {name} is {kind!r}; {' or '.join(_COORDINATES)} was wanted."
             )
         low, high = said.pop("bounds", (-np.inf, np.inf))
         start, unit = said.pop("start", None), said.pop("unit", "")
         if said or start is None:
             raise ValueError(
-                f"{name}: {what!r}; start=(low, high) and, if wanted, bounds, coordinate and unit "
-                "were wanted."
+                f"the parameter {name} is {what!r}; a mapping with 'start': (low, high) was wanted, "
+                "and at most 'bounds', 'coordinate' and 'unit' beside it."
             )
         start, (low, high) = _range(name, start, "start"), _range(name, (low, high), "bounds")
         low = max(low, 0.0) if kind != "linear" else low

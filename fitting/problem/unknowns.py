@@ -218,9 +218,8 @@ def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Un
         most = high if math.isinf(most) else most
         if not least < most:
             ends = f"{bounds[0]:g} to {bounds[1]:g}"
-            raise ValueError(
-                f"the bounds {ends} leave no value of {label}, which lies from {low:g} to {high:g}."
-            )
+            side = f"from {floor:g} on" if bounds[1] <= floor else f"from {low:g} to {high:g}"
+            raise ValueError(f"the bounds {ends} leave no value of {label}, which lies {side}.")
         low, high = least, most
     return Unknown(parameter, low, high, prior), False
 

@@ -54,10 +54,11 @@ def _check_wavelengths(m: Measurement, sample: Sample) -> None:
     dispersive = [x for x in sample.media if isinstance(x.index, Model) and x.text != "constant"]
     named = [known for x in sample.media for known in x.known]
     if np.isnan(m.wavelength_um).any() and (sample.layers or dispersive or named):
-        what = "a layer" if sample.layers else f"the index of {(dispersive + named)[0]}"
+        layer = "the reflectance of a layer"
+        what = layer if sample.layers else f"the index of {(dispersive + named)[0]}"
         raise ValueError(
-            f"{m.source}: the wavelength is not known, on which the effect of {what} depends; give "
-            "it (wavelength_um, --wavelength-um)."
+            f"{m.source}: the wavelength is not known, but {what} depends on it; give it "
+            "(wavelength_um, --wavelength-um)."
         )
     for medium in range(len(sample.media)):
         check_known(sample, medium, m.wavelength_um, m.source)
