@@ -119,8 +119,8 @@ def _shared(
     u = unknowns(sample, spectrum_of(measurements, sample), settings, seen, asked.loss)
     if not u.free.any():
         raise ValueError(
-            f"the sample {str(sample)!r} has no free parameter to fit. Give it a dispersion model, "
-            "'free' or a thickness to be fitted, or free a parameter."
+            f"every parameter of the sample {str(sample)!r} is known, fixed or tied. Leave one "
+            "free, or give the sample a dispersion model, 'free' or a thickness to be fitted."
         )
     outside = index_outside(sample, seen.points.wavelength_um)
     job = Solving(u, seen, targets_of(u, seen, outside), settings, asked)

@@ -131,8 +131,8 @@ def _parameter(name: str, what: Any) -> Parameter:
         start, unit = said.pop("start", None), said.pop("unit", "")
         if said or start is None:
             raise ValueError(
-                f"the parameter {name} is {what!r}; a mapping with 'start': (low, high) was wanted, "
-                "and at most 'bounds', 'coordinate' and 'unit' beside it."
+                f"the parameter {name} is {what!r}; a mapping with 'start': (low, high) was "
+                "wanted, and at most 'bounds', 'coordinate' and 'unit' beside it."
             )
         start, (low, high) = _range(name, start, "start"), _range(name, (low, high), "bounds")
         low = max(low, 0.0) if kind != "linear" else low

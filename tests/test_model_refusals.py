@@ -23,7 +23,7 @@ from fitting.samples.parameters import Settings, check_settings, names_of, parse
     ({"free": "scal"}, "has no parameter 'scal'"),
     ({"fixed": {"A": float("nan")}}, "A is fixed at nan"),
     ({"fixed": {"A": 1.5}, "bounds": {"A": (1, 2)}}, "A is fixed and cannot also be"),
-    ({"fixed": {"A": 1.5, "B": 0.0, "C": 0.0}}, "has no free parameter to fit"),
+    ({"fixed": {"A": 1.5, "B": 0.0, "C": 0.0}}, "is known, fixed or tied"),
     ({"bounds": {"A": (2, 1)}}, "the lower end must come first"),
     ({"priors": {"A": (1.5, 0.0)}}, "above 0"),
     ({"tie": {"A": "x y * 3"}}, "the name of another parameter was wanted"),

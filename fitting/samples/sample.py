@@ -264,7 +264,7 @@ def _layer(text: str) -> Medium:
         raise ValueError(f"the layer {text!r}: a thickness from 1e-6 to 1e9 um was wanted.")
     index, graded = found["index"].strip(), "graded" in words
     if graded and not coherent:
-        raise ValueError(f"the layer {text!r}: a thick layer cannot be graded; write one of both.")
+        raise ValueError(f"the layer {text!r}: 'thick' and 'graded' exclude each other.")
     return Medium(_index(index), index, Thickness(start, low, high, held, coherent, graded))
 
 
