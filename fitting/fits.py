@@ -277,12 +277,12 @@ def fit(
         intervals: how 95 % intervals are found: "quadratic" (from the standard errors), "profile"
             (profile likelihood), or "auto": profile likelihood where the quadratic approximation
             fails. With many independent wavelengths of a general sample "auto" is quadratic.
-        starts, seed: number of quasi-random starts (None: by the number of unknowns), and the seed
-            of their sequence. Not used for a bare surface, which starts from a mesh.
-        start: name -> value of one additional start.
+        starts, seed: number of quasi-random starting points (None: by the number of unknowns), and
+            the seed of their sequence. A bare surface starts from a mesh instead.
+        start: name -> value of one additional starting point.
 
     Returns: `Fit`, of batch shape () for shared parameters or one wavelength, else (W,).
-        Without noise eta of a bare surface comes back to about 1e-14 and k above .01 to 3e-11.
+        From data without noise eta of a bare surface is found to about 1e-14, k above .01 to 3e-11.
 
     Raises:
         ValueError: for names, values and quantities that are wrong or do not go together.

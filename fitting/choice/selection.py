@@ -153,6 +153,7 @@ def choose(
 
     Raises:
         ValueError: as `fit` does, and for parameters that only some of the models have.
+        TypeError: for an unknown option.
     """
     strange = [name for name in options if name not in _OPTIONS]
     if strange:

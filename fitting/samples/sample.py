@@ -125,7 +125,7 @@ class Sample(NamedTuple):
 
     @staticmethod
     def parse(text: str | Sample) -> Sample:
-        """Return the sample that a text describes: "air | cauchy 110 nm | Si" (docs/fitting.md).
+        """Return the sample that a text describes; `fitting.samples.sample` shows all forms.
 
         Raises ValueError, which says what was wanted, for a text that does not describe a sample.
         """
