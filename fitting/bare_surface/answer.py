@@ -64,7 +64,7 @@ def _missed(a: Arranged, rms: np.ndarray) -> np.ndarray:
 def _of_many_the_lossless(
     data: Data, s: Solved, e: Estimated, undetermined: np.ndarray, scatter: np.ndarray
 ) -> Estimated:
-    """Return the index that is shown where many fit: that with k = 0 and n > eta_i if it is one.
+    """Return the index that is shown of many that fit: one with k = 0 and n > eta_i, if it fits.
 
     Otherwise it is the best fit. On a circle of indices that fit equally well only rounding selects
     the best one, and neighbours in a spectrum would jump from one end of it to the other.

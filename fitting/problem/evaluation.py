@@ -75,6 +75,7 @@ class Evaluated(NamedTuple):
 
 
 def not_measured(um: float) -> ValueError:
+    """Return the error for a wavelength at which an index that is free at each is not known."""
     return ValueError(
         f"{um:g} um was not measured, and eta and k that are free at every wavelength are known at "
         "the measured ones only. Give one of these, or fit a dispersion model."

@@ -86,7 +86,7 @@ def _followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> End
         if not len(live):
             break
         ends.put(live, fit.held(ends.y[:, live], low[:, live], high[:, live], noise, STAGE))
-        # After the first stage only starts that are below all that have converged go on.
+        # After the first stage only starts go on that are below the best minimum known.
         shown = best - _unit(fit, best)
     return ends._replace(y=in_order(fit.u, ends.y, fit.settings))
 
