@@ -270,7 +270,7 @@ def test_free_form_index_of_a_surface():
     np.testing.assert_allclose(shown, expected, atol=0.5)
     # Its knots would be those of the points: another index at 0.5 um, whatever stands beside it.
     for waves in (0.5, [0.5, 0.6]):
-        with pytest.raises(ValueError, match="not simulated without one"):
+        with pytest.raises(ValueError, match="cannot be simulated without a fit"):
             simulate("kk-spline:12", dict.fromkeys(found.names, 1.0), 60.0, waves, "R")
 
 

@@ -28,7 +28,9 @@ def test_one_fit_is_picked_from_either_end(spectrum):
     with pytest.raises(IndexError, match="out of range"):
         spectrum[3]
     for strange in (slice(0, 2), [0, 1], 1.0, "eta"):
-        with pytest.raises(TypeError, match="a whole number was wanted"):
+        with pytest.raises(
+            TypeError, match="one whole number for each axis of the batch was wanted"
+        ):
             spectrum[strange]
 
 

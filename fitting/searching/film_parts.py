@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 # Number of parts in which a film is searched for; the factor by which they grow; the number of
 # evaluations of each; and how many of the lowest starts go on. In the end the _LAST_KEPT lowest
-# have _LAST_STEPS evaluations, since they move along a valley in which only the product of index and
-# thickness is well determined.
+# have _LAST_STEPS evaluations, since they move along a valley in which only the product of index
+# and thickness is well determined.
 PARTS, _GROWTH, _STEPS, _KEPT = 4, 1.35, 30, 16
 _LAST_STEPS, _LAST_KEPT = 300, 4
 # The least number of wavelengths in a part.
