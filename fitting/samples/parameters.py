@@ -214,7 +214,7 @@ def check_settings(settings: Settings) -> Settings:
         if sigma < max(1e-9 * abs(mean), 1e-100):
             raise ValueError(
                 f"the prior of {name} is {mean:g} +- {sigma:g}, which is narrower than a fit "
-                f"resolves; fix it at {mean:g} instead."
+                f"resolves; fix it instead at {mean:g}."
             )
     tie = {plain_name(n): _tied(n, of) for n, of in settings.tie.items()}
     for name in tie:
