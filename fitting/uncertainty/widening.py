@@ -97,7 +97,7 @@ def widened(fit: Fit) -> Fit:
         parameters=parameters,
         others=tuple(replace(a, parameters=wide(a.parameters)) for a in fit.others),
         covariance=fit.covariance * square,
-        errors=fit.errors._replace(widened=factor),
+        errors=fit.errors._replace(widened=factor, factor=fit.errors.factor * factor),
         findings=tuple(_finding(f, factor, parameters) for f in fit.findings),
         evaluator=None if fit.evaluator is None else fit.evaluator.widened(np.ravel(factor)),
     )
