@@ -4,8 +4,7 @@
 
 All fits go the same way from parameters to the result (see the map in CONTRIBUTING.md), except for
 one special case that is used automatically: eta and k of one bare surface from powers alone
-(`bare_surface`). It has coordinates and starts of its own and fits some hundred thousand curves a
-second.
+(`bare_surface`), which fits some hundred thousand curves a second.
 
 Fits run in float64, whether or not the caller has switched on jax_enable_x64.
 """
@@ -57,18 +56,18 @@ def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
         several = [several]
     several = tuple(several)
     if not several:
-        raise ValueError("no measurement came.")
+        raise ValueError("the list of measurements is empty; one or more were wanted.")
     for m in several:
         if not isinstance(m, Measurement):
             raise ValueError(
-                f"{type(m).__name__} came where a Measurement was wanted: of read_csv(PATH) or "
-                "Measurement.from_columns(...), or a list of them."
+                f"{type(m).__name__} came where a Measurement was wanted, as read_csv(PATH) or "
+                "Measurement.from_columns(...) returns it, or a list of them."
             )
     return several
 
 
 def check_choices(loss: str, errors: str, intervals: str) -> None:
-    """Raise ValueError for an unknown choice."""
+    """Raise ValueError for an unknown value of these options."""
     if loss not in LOSSES:
         raise ValueError(f"loss is {loss!r}; one of {', '.join(LOSSES)} was wanted.")
     if errors not in ERRORS:
@@ -121,7 +120,10 @@ def _shared(
     seen = observations(measurements, asked.errors)
     u = unknowns(sample, spectrum_of(measurements, sample), settings, seen, asked.loss)
     if not u.free.any():
-        raise ValueError("every parameter is fixed; leave one free.")
+        raise ValueError(
+            f"every parameter of the sample {str(sample)!r} is known, fixed or tied. Leave one "
+            "free, or give the sample a dispersion model, 'free' or a thickness to be fitted."
+        )
     outside = index_outside(sample, seen.points.wavelength_um)
     job = Solving(u, seen, targets_of(u, seen, outside), settings, asked)
     starts, start = begin
@@ -151,13 +153,18 @@ def fit_checked(
     begin: tuple[int | None, Mapping[str, Any] | None] = (None, None),
 ) -> Fit:
     """Return `fit` for checked arguments. begin: the arguments `starts` and `start`."""
-    stated = all(np.isfinite(m.sigma).all() for m in measurements)
-    if asked.errors in ("stated", "floor") and not stated:
+    without = sum(int((~np.isfinite(m.sigma)).sum()) for m in measurements)
+    if asked.errors in ("stated", "floor") and without:
         raise ValueError(
-            f'errors="{asked.errors}" was asked for, but not every datum has an error.'
+            f'errors "{asked.errors}" need a standard error for every datum, and {without} of '
+            f"{sum(map(len, measurements))} have none. Give them (sigma), or take errors "
+            '"scaled" or "equal".'
         )
     if sample.open:
-        raise ValueError(f"the sample {str(sample)!r} leaves its model open; choose(...) finds it.")
+        raise ValueError(
+            f"the sample {str(sample)!r} leaves its dispersion model open (auto): use choose, or "
+            "name a model."
+        )
     sample = with_numbers(sample, measurements)
     if _is_special(sample, measurements, settings, asked.loss):
         found = fit_bare_surface(
@@ -190,8 +197,8 @@ def _alone(
 ) -> list[Fit]:
     """Return the fit of each file by itself, started only from the minimum of the common fit.
 
-    A file may have other minima of its own, which are no contradiction. A file that cannot be
-    fitted by itself (psi in one, Delta in another) is left out.
+    Other minima that a file has by itself do not matter. A file that cannot be fitted by itself
+    (psi in one, Delta in another) is left out.
     """
     begin = None
     if not sample.by_wavelength:
@@ -272,12 +279,12 @@ def fit(
         intervals: how 95 % intervals are found: "quadratic" (from the standard errors), "profile"
             (profile likelihood), or "auto": profile likelihood where the quadratic approximation
             fails. With many independent wavelengths of a general sample "auto" is quadratic.
-        starts, seed: number of quasi-random starts (None: by the number of unknowns), and the seed
-            of their sequence. Not used for a bare surface, which starts from a mesh.
-        start: name -> value of one additional start.
+        starts, seed: number of quasi-random starting points (None: by the number of unknowns), and
+            the seed of their sequence. A bare surface starts from a mesh instead.
+        start: name -> value of one additional starting point.
 
     Returns: `Fit`, of batch shape () for shared parameters or one wavelength, else (W,).
-        Without noise eta of a bare surface comes back to about 1e-14 and k above .01 to 3e-11.
+        From data without noise eta of a bare surface is found to about 1e-14, k above .01 to 3e-11.
 
     Raises:
         ValueError: for names, values and quantities that are wrong or do not go together.

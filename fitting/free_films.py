@@ -27,9 +27,10 @@ from fitting.searching.minima import ALTERNATIVE_CHI2
 from fitting.searching.search import Asked
 from fitting.wavelengths import One, fit_wavelengths, jobs, solved_each
 
-# Starts of each wavelength at one thickness; thicknesses of the first scan; closer scans, each of a
-# third of the width, until the cost next to the best one is higher by no more than this part of the
-# scatter: .03 standard errors. (After three scans it is up to .1, and 8 with exact data.)
+# The thickness is first scanned in _GRID steps, each wavelength from _STARTS starts. At most
+# _CLOSER finer scans of _WITHIN steps follow, each a third as wide, until the cost beside the best
+# thickness is higher by less than _FLAT of the scatter: the thickness is then within .03 standard
+# errors. (After three scans it is within .1; with exact data within 8.)
 _STARTS, _GRID, _CLOSER, _WITHIN = 16, 25, 14, 7
 _FLAT = 1e-3
 
@@ -62,14 +63,15 @@ def check_free_film(measurement: Measurement, sample: Sample, which: int) -> Non
     assert d is not None
     if not d.low_um > 0.0:
         raise ValueError(
-            f"the sample {str(sample)!r}: a range of the thickness was wanted where eta and k are "
-            f"free at every wavelength: '{FREE} {500 * d.start_um:g}..{2000 * d.start_um:g} nm'."
+            f"the sample {str(sample)!r}: a film whose eta and k are free at every wavelength "
+            "needs a range for its thickness, for example "
+            f"'{FREE} {500 * d.start_um:g}..{2000 * d.start_um:g} nm'."
         )
     others = [m for i, m in enumerate(sample.layers, 1) if i != which and m.thickness]
     if any(not m.thickness.held for m in others if m.thickness):
         raise ValueError(
-            f"the sample {str(sample)!r}: one thickness is fitted beside an index that is free at "
-            "every wavelength; write 'held' after the others."
+            f"the sample {str(sample)!r}: only one thickness can be fitted together with an index "
+            "that is free at every wavelength; write 'held' after the others."
         )
     waves = np.unique(measurement.wavelength_um)
     if len(measurement) > 2 * len(waves):
@@ -77,11 +79,10 @@ def check_free_film(measurement: Measurement, sample: Sample, which: int) -> Non
     names = dict.fromkeys(measurement.quantity.tolist())
     each = len(measurement) / len(waves)
     raise ValueError(
-        f"{measurement.source}: {', '.join(names)} at one angle are {each:.3g} numbers at a "
-        "wavelength, and eta and k are two: any thickness fits. What is missing is a second angle, "
-        "R and T together with a third quantity, or psi and Delta with one more; or write 'held' "
-        "after a thickness that is known, or give the film a dispersion model (cauchy, "
-        "tauc-lorentz)."
+        f"{measurement.source}: there are {each:.3g} data at each wavelength "
+        f"({', '.join(names)}), with which eta and k can be found for any thickness. Add a second "
+        "angle or a third quantity; or write 'held' after a thickness that is known; or give the "
+        "film a dispersion model (cauchy, tauc-lorentz)."
     )
 
 

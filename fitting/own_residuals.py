@@ -111,7 +111,7 @@ def _range(name: str, what: Any, kind: str) -> tuple[float, float]:
     except (TypeError, ValueError):
         pass
     raise ValueError(
-        f"{name}: {what!r}; the range (low, high) that starts are drawn from was wanted, or "
+        f"the parameter {name} is {what!r}; a range (low, high) of starting values was wanted, or "
         "{'start': (low, high), 'bounds': ..., 'coordinate': 'log', 'unit': 'nm'}."
     )
 
@@ -125,14 +125,14 @@ def _parameter(name: str, what: Any) -> Parameter:
         kind = said.pop("coordinate", "linear")
         if kind not in _COORDINATES:
             raise ValueError(
-                f"the coordinate of {name} is {kind!r}; one of {', '.join(_COORDINATES)}."
+                f"the coordinate of {name} is {kind!r}; {' or '.join(_COORDINATES)} was wanted."
             )
         low, high = said.pop("bounds", (-np.inf, np.inf))
         start, unit = said.pop("start", None), said.pop("unit", "")
         if said or start is None:
             raise ValueError(
-                f"{name}: {what!r}; start=(low, high) and, if wanted, bounds, coordinate and unit "
-                "were wanted."
+                f"the parameter {name} is {what!r}; a mapping with 'start': (low, high) was "
+                "wanted, and at most 'bounds', 'coordinate' and 'unit' beside it."
             )
         start, (low, high) = _range(name, start, "start"), _range(name, (low, high), "bounds")
         low = max(low, 0.0) if kind != "linear" else low
@@ -147,11 +147,13 @@ def _unknowns(
     strange = [n for n in settings.names if n not in parameters]
     if strange:
         raise ValueError(
-            f"there is no parameter {strange[0]!r}; there are {', '.join(parameters)}."
+            f"there is no parameter {strange[0]!r}; one of {', '.join(parameters)} was wanted."
         )
     for name, (_, of) in settings.tie.items():
         if of in settings.tie:
-            raise ValueError(f"{name} is tied to {of}, which is tied itself.")
+            raise ValueError(
+                f"{name} is tied to {of}, which is tied itself; tie both to the same parameter."
+            )
     tied = tuple((name, factor, of) for name, (factor, of) in settings.tie.items())
     moving = [unknown_of(p, p.name, settings)[0] for p in offered if p.name not in settings.tie]
     spec = OwnSpec(
@@ -210,14 +212,18 @@ def fit_residuals(
         residuals: ``residuals(values, data)`` in JAX -> array of residuals, (model - measured) /
             sigma. values: name -> number; data as below. Use one function for all calls of a kind,
             since each function is compiled once.
-        parameters: name -> the range (low, high) that starts are drawn from; or a mapping with
-            "start": that range, "bounds": what the value may be, "coordinate": "linear", "log" or
-            "square" (in which the residuals are nearly linear), "unit".
+        parameters: name -> the range (low, high) from which starting values are drawn; or a mapping
+            with "start": that range; and, if wanted, "bounds": the smallest and largest value;
+            "coordinate": "linear", "log" or "square", of the parameter in which the residuals are
+            nearly linear; "unit".
         data: arrays, or any pytree of them; with ``batch`` each begins with the batch axis S.
         free, fixed, bounds, priors, tie, loss, intervals, starts, start, seed: as in `fit`.
-        errors: "scaled" by the scatter, or "stated": residuals are in units of standard errors.
+        errors: "scaled": the noise is estimated from the residuals; or "stated": the residuals are
+            in units of their standard errors.
+        batch: whether to fit each entry of the batch axis by itself.
 
-    Returns: `Fit` of batch shape () or (S,).
+    Returns: `Fit` of batch shape (), or (S,) with ``batch``. Its `predict` and `index` raise
+        ValueError, since it has no sample.
 
     Raises:
         ValueError: for names and values that are wrong or do not go together.
@@ -233,7 +239,7 @@ def fit_residuals(
     )
     u = _unknowns(residuals, parameters, settings, loss)
     if not u.free.any():
-        raise ValueError("every parameter is fixed; leave one free.")
+        raise ValueError("every parameter is fixed or tied; leave one free to be fitted.")
     asked = Asked(errors, intervals, loss, seed)
     count = usual_starts(int(u.free.sum())) if starts is None else starts
     points = start_points(u.moving, count, seed)
@@ -241,14 +247,15 @@ def fit_residuals(
         extra = start_at(u.moving, given_start(u.moving, u.labels, start))
         points = np.concatenate([points, extra[:, None]], 1)
     if any(np.iscomplexobj(a) for a in jax.tree.leaves(data)):
-        raise ValueError("the data are complex; give real and imaginary parts as two arrays.")
+        raise ValueError("the data are complex; give their real and imaginary parts as two arrays.")
     data = jax.tree.map(lambda a: np.asarray(a, float), data)
     if not batch:
         return _one(u, data, settings, asked, points)
     sizes = {len(a) if np.ndim(a) else 0 for a in jax.tree.leaves(data)}
     if len(sizes) != 1 or 0 in sizes:
         raise ValueError(
-            f"the batch axes of the data have lengths {sorted(sizes)}; one above 0 was wanted."
+            f"the first axes of the arrays in data have lengths {sorted(sizes)}; with batch=True "
+            "one common length above 0 was wanted."
         )
     each = (jax.tree.map(lambda a, i=i: a[i], data) for i in range(sizes.pop()))
     return stacked_fits([_one(u, one, settings, asked, points) for one in each])

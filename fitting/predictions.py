@@ -28,17 +28,21 @@ def predict(fit: Fit, at: Any, quantity: Any, wavelength_um: Any) -> Prediction:
     """Return the prediction of a fit; see `Fit.predict`."""
     sample, evaluator = fit.sample, fit.evaluator
     if sample is None or evaluator is None:
-        raise ValueError("this fit is of your own residuals; evaluate your own model.")
+        raise ValueError(
+            "this fit is of your own residuals and has no sample; evaluate your model."
+        )
     if at is None and fit.measurement is None:
-        raise ValueError("this fit keeps no data (fit_many); give angles: predict([30, 60]).")
-    # A row of several joined files does not name its file.
+        raise ValueError(
+            "this fit keeps no data (fit_many); give angles of incidence: predict([30, 60])."
+        )
+    # Given the fitted data, the evaluator knows the file of each row, which the rows do not name.
     if at is None or at is fit.measurement:
         return evaluator.predict(None)
     waves = np.asarray(fit.wavelength_um)
     if isinstance(at, Measurement):
         points = at
     elif wavelength_um is None and not np.ndim(quantity) and waves.shape == fit.shape:
-        # In a batch one wavelength stands for all: the fit has checked them.
+        # One wavelength of a batch is checked for all, since the fit has checked the others.
         points = points_of(at, quantity, waves.ravel()[0] if waves.size else None)
         check_points(points, sample)
         return evaluator.over_angle(points.angle_deg, str(quantity))
@@ -47,8 +51,8 @@ def predict(fit: Fit, at: Any, quantity: Any, wavelength_um: Any) -> Prediction:
             wavelength_um = float(waves.ravel()[0])
         if wavelength_um is None and fit.shape:
             raise ValueError(
-                f"this fit is one of {waves.size} wavelengths; give that of each of several "
-                "quantities (wavelength_um)."
+                f"this fit has {waves.size} wavelengths; for several quantities at once give the "
+                "wavelength of each (wavelength_um)."
             )
         points = points_of(at, quantity, wavelength_um)
     check_points(points, sample)
@@ -80,7 +84,7 @@ def _at_fitted_wavelengths(fit: Fit, points: Measurement) -> Measurement:
         some = few if len(known) <= 8 else f"{len(known)} from {known[0]:g} to {known[-1]:g}"
         measured = "no wavelength is known" if np.isnan(known).all() else f"measured: {some} um"
         raise ValueError(
-            f"eta and k are free at every wavelength, and nothing is known of them at "
+            "eta and k were fitted at each measured wavelength by itself and are not known at "
             f"{'an unknown wavelength' if np.isnan(came) else f'{came:g} um'} ({measured}). Give "
             "one of the measured wavelengths, or fit a dispersion model."
         )
@@ -94,24 +98,30 @@ def simulate(
     wavelength_um: Any = None,
     quantity: Any = "R",
 ) -> np.ndarray:
-    """Return the values that a sample gives at points, without a fit.
+    """Return the values that a sample gives at points, without noise.
 
     Args:
-        sample: text or `Sample`; without `free` media.
+        sample: a `Sample` or its text, as for `fit`; without `auto`.
         parameters: name -> value of every parameter of the sample that has no value in its text;
             instrument parameters by their bare names, if wanted. "edge_ev" of cauchy-urbach has to
             be given: a fit takes the highest photon energy of its data for it.
-        angle_deg, wavelength_um, quantity: broadcast to one axis of N points; quantities out of
-            R_s, R_p, R, R_back, T_s, T_p, T, psi, delta.
+        angle_deg: degrees of incidence from the normal, 0 to 90.
+        wavelength_um: micrometres; None for a bare surface whose index does not depend on it.
+        quantity: R_s, R_p, R, R_back, T_s, T_p, T, psi or delta. All three broadcast to one axis of
+            N points.
 
-    Returns: (N,), powers as fractions, psi and delta in degrees.
+    Returns: (N,) float64, powers as fractions, psi and delta in degrees.
 
     Raises:
-        ValueError: for a missing or unknown name of a parameter or quantity.
+        ValueError: for a missing or unknown name of a parameter or quantity, and for angles and
+            wavelengths out of range.
     """
     which = Sample.parse(sample)
     if which.open:
-        raise ValueError(f"the sample {str(which)!r} leaves its model open; name one: cauchy.")
+        raise ValueError(
+            f"the sample {str(which)!r} leaves its dispersion model open (auto); name one, for "
+            "example cauchy."
+        )
     for model in (m.model for m in which.media if m.model is not None):
         if model.name == SPLINE:
             without_knots(model.terms, {})
@@ -121,7 +131,8 @@ def simulate(
         settings = check_settings(Settings(fixed=dict(parameters)))
     except TypeError:
         raise ValueError(
-            f"parameters is {parameters!r}; names with a number each, or {{}}, were wanted."
+            f"parameters is {parameters!r}; a mapping from names to numbers was wanted, such as "
+            "{'A': 1.45}, or {} for none."
         ) from None
     seen = observations([points], "equal", compared=False)
     spectrum = spectrum_of([points], which)
@@ -133,7 +144,9 @@ def simulate(
         if n.endswith(".edge_ev") and not {n, u.labels.get(n)} & set(settings.names)
     ]  # fmt: skip
     if missing:
-        raise ValueError(f"{which} needs a value of {', '.join(missing)}.")
+        raise ValueError(
+            f"the sample {str(which)!r} needs a value of {', '.join(missing)} in parameters."
+        )
     names = (*u.spec.moving, *u.spec.held)
     values = np.concatenate([[w.low for w in u.moving], u.held])
     spec = u.spec._replace(moving=(), coordinates=(), held=names)

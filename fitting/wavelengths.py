@@ -1,7 +1,7 @@
-"""A sample whose index is free at every wavelength: many small fits as lanes of one program.
+"""A sample whose index is free at every wavelength: small fits, many in one run of a program.
 
-R, T, psi and Delta of an interface or a plate; eta and k of a bare surface from powers alone have a
-method of their own (`bare_surface`).
+It takes R, T, psi and Delta of an interface or a plate. (eta and k of a bare surface from powers
+alone are fitted by `bare_surface`.)
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from fitting.searching.starts import LANES, Ends, run
 from fitting.searching.starts import starts as start_points
 from fitting.uncertainty.intervals import QUADRATIC
 
-# Wavelengths that are solved side by side, each with LANES starts.
+# Number of wavelengths that one run of a program solves, each from LANES starts.
 _TOGETHER = 16
 # Degrees of freedom from which on the noise is estimated from a wavelength's own scatter.
 _ENOUGH = 5
@@ -86,7 +86,7 @@ def _chunks(ones: list[One], together: int) -> Iterator[list[One]]:
 def _scatter(pairs: list[tuple[One, Ends]]) -> float | None:
     """Return the mean square of the residuals of all wavelengths, None where each has enough.
 
-    From two or three values for two unknowns no noise can be estimated, or it comes out as 0.
+    Two or three data for two unknowns give no estimate of the noise, or a far too small one.
     """
     dof = sum(one.fit.dof for one, _ in pairs)
     if dof == 0 or min(one.fit.dof for one, _ in pairs) >= _ENOUGH:
@@ -132,14 +132,15 @@ def check_wavelengths(measurement: Measurement, settings: Settings) -> None:
     if np.isnan(wave).any() and not np.isnan(wave).all():
         raise ValueError(
             f"{measurement.source}: the wavelength of {int(np.isnan(wave).sum())} of {len(wave)} "
-            "data is not known; give it."
+            "data is not known; give it, or leave these data out."
         )
     fitted = {*settings.free, *settings.bounds, *settings.priors}
     shared = [n for n in fitted if n.partition("[")[0] in INSTRUMENT or "thickness" in n]
     if shared:
         raise ValueError(
-            f"{sorted(shared)[0]} is shared by all wavelengths, and an index that is free at every "
-            "wavelength leaves nothing to tell it; fix it, or give the index a dispersion model."
+            f"{sorted(shared)[0]} has one value for all wavelengths, and cannot be fitted together "
+            "with an index that is free at each of them. Fix it, or give the index a dispersion "
+            "model."
         )
 
 
@@ -168,8 +169,8 @@ def fit_wavelengths(
     """
     several = len(np.unique(measurement.wavelength_um)) > 1
     if several and asked.intervals == "auto" and not sample.eta_i > 1.0:
-        # A profile interval takes some .1 s, but in total reflection a quadratic limit of k can be
-        # 12 times too small.
+        # A profile interval takes about .1 s. It is used in total reflection only, where the
+        # quadratic limit of k can be 12 times too small.
         asked = asked._replace(intervals=QUADRATIC)
     ones = jobs(measurement, sample, settings, asked)
     pairs = solved_each(ones)

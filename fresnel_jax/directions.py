@@ -1,4 +1,4 @@
-"""Where light goes: reflection, refraction, the local frame, and the angles that mark them.
+"""Directions of reflected and refracted light, the local frame, Brewster's and critical angle.
 
 Directions are unit vectors of shape (..., 3) that point away from the surface, the normal points
 outside, and a relative index is inside over outside: a direction with a negative cosine lies
@@ -42,7 +42,7 @@ __all__ = [
 
 
 class Refraction(NamedTuple):
-    """What `refract` gives back."""
+    """The result of `refract`."""
 
     direction: Float[Array, "... 3"]  # unit vector
     eta: Float[Array, "..."]  # index of the medium entered over that of the medium left
@@ -108,14 +108,21 @@ def refract_components(
 
 
 def reflect(wo: ArrayLike, n: ArrayLike) -> Float[Array, "... 3"]:
-    """The mirror direction of wo about the normal n: 2 (wo . n) n - wo.
+    """Mirror direction of wo about the normal n: 2 (wo . n) n - wo.
 
-    With the normal +z of the local frame this is (-x, -y, z). The result does not depend on the
-    side of n.
+    With the normal +z of the local frame this is (-x, -y, z). It is the same for n and -n.
 
-    Arguments: `wo`, unit direction away from the surface, shape (..., 3); `n`, unit normal, shape
-    (..., 3). Returns a unit vector to 4 eps (to the eps that wo and n are), each component within
-    6 eps. Smooth everywhere. ValueError for a last axis that is not 3.
+    Args:
+        wo: unit direction away from the surface, shape (..., 3).
+        n: unit normal, shape (..., 3).
+
+    Returns:
+        The direction, of the broadcast shape. Its length is 1 within 4 eps, if those of wo and n
+        are, each component within 6 eps. It is differentiable everywhere.
+
+    Raises:
+        ValueError: the last axis of an argument is not 3.
+
     Source: PBRT 3rd ed. eq. 8.5, 4th ed. eq. 9.1.
     """
     w, normal = components(wo, "wo"), components(n, "n")
@@ -123,29 +130,37 @@ def reflect(wo: ArrayLike, n: ArrayLike) -> Float[Array, "... 3"]:
 
 
 def refract(wi: ArrayLike, n: ArrayLike, eta: ArrayLike) -> Refraction:
-    """The refracted direction of wi, the relative index along the ray, and whether there is one.
+    """Refracted direction of wi, relative index along the ray, and whether light is refracted.
 
-    Snell's law eta_i sin_i = eta_t sin_t, wi, n and the result in one plane:
-    direction = -(wi - (wi . n) n) / etap -+ cos_t n. wi may lie on either side: where wi . n < 0
-    the ray leaves the inside and the interface is turned over.
+    By Snell's law, eta_i sin_i = eta_t sin_t, with wi, n and the result in one plane:
+    direction = -(wi - (wi . n) n) eta_i / eta_t - cos_t n if wi lies outside (wi . n >= 0), with
+    + cos_t n if it lies inside.
 
-    Arguments: `wi`, unit direction away from the surface, shape (..., 3); `n`, unit normal that
-    points outside, shape (..., 3); `eta` > 0, index inside over index outside, shape (...). For a
-    normal that lies on the side of wi, `eta` is simply eta_t / eta_i (the inverse of the ratio
-    that PBRT's 3rd edition asks for).
+    Args:
+        wi: unit direction away from the surface, toward where the light comes from, shape (..., 3).
+        n: unit normal that points outside, shape (..., 3).
+        eta: index inside over index outside, > 0, shape (...). For a normal on the side of wi this
+            is eta_t / eta_i (the inverse of the ratio that PBRT's 3rd edition asks for).
 
-    Returns `Refraction(direction, eta, valid)`. direction: unit length to 4 eps, components
-    within a few eps. For the normal +z its cosine, the component z, has a relative error of a few
-    eps, also next to the critical angle and at grazing incidence, for the cosine wi . n and the
-    index as given. For a tilted normal the cosine is a sum of rounded components, and its error a
-    few eps of 1, not of itself: where that counts, turn into the local frame first. Each component
-    of the direction is then within 8 eps (1 + q + q^2 abs(cos_i) / cos_t), q = eta_i / eta_t, for
-    the unit vectors along wi and n (`make accuracy-search`; found: 1).
-    eta: eta outside, 1 / eta inside. valid: False in total reflection and at the critical angle
-    itself; direction is then the unit vector along the surface in which the evanescent wave
-    travels, finite and with finite derivatives. The derivative is infinite at the critical angle
-    (0 is returned), finite everywhere else. NaN in is NaN out.
-    ValueError for a last axis that is not 3. Source: PBRT 4th ed. eq. 9.4, 9.5.
+    Returns:
+        `Refraction(direction, eta, valid)`.
+        direction: of length 1 within 4 eps, components within a few eps. For the normal +z its
+        cosine, the component z, has a relative error of a few eps, also next to the critical angle
+        and at grazing incidence, for the cosine wi . n and the index as given. For a tilted normal
+        the cosine is a sum of rounded components, and its error a few eps of 1, not of itself: if
+        that matters, turn into the local frame first. Each component of the direction is then
+        within 8 eps (1 + q + q^2 abs(cos_i) / cos_t), q = eta_i / eta_t, for the unit vectors along
+        wi and n (`make accuracy-search` found at most 1 in place of 8).
+        eta: index of the medium entered over that of the medium left.
+        valid: False in total reflection and at the critical angle itself; direction is then the
+        unit vector along the surface in which the evanescent wave travels.
+        The derivative is infinite at the critical angle, where 0 is returned, and finite everywhere
+        else. NaN in is NaN out.
+
+    Raises:
+        ValueError: the last axis of wi or n is not 3.
+
+    Source: PBRT 4th ed. eq. 9.4, 9.5.
     """
     w, normal, eta = components(wi, "wi"), components(n, "n"), as_float(eta, "eta")
     cosine = dot_exactly(w, normal)
@@ -157,10 +172,17 @@ def refract(wi: ArrayLike, n: ArrayLike, eta: ArrayLike) -> Refraction:
 
 
 def faceforward(n: ArrayLike, v: ArrayLike) -> Float[Array, "... 3"]:
-    """n, or -n where n . v < 0: the one that lies on the side of v.
+    """The normal on the side of v: n where n . v >= 0, else -n.
 
-    Arguments: `n` and `v`, shape (..., 3). Exact; constant but for the sign, so the derivative with
-    respect to v is 0. ValueError for a last axis that is not 3.
+    Args:
+        n, v: vectors, shape (..., 3).
+
+    Returns:
+        n or -n, exactly, of the broadcast shape. The derivative with respect to v is 0.
+
+    Raises:
+        ValueError: the last axis of an argument is not 3.
+
     Source: PBRT 3rd ed. sec. 2.4.
     """
     normal = components(n, "n")

@@ -6,17 +6,17 @@ NumPy does, keeps their dtype (float32 or float64; integers become the default f
 under `jit`, `vmap` and `grad`. Lists are taken; float16 and bfloat16 are refused.
 
 NaN in is NaN out. A cosine above 1, as the rounded dot product of two unit vectors gives it, counts
-as 1, in value and derivative. Python numbers, NumPy arrays and JAX arrays in the memory of the CPU
-are looked at (of a large array 1,024 values): a cosine above 1.001, which is an angle in degrees,
-and a k < 0 are refused. What is on another device or traced is not: there |cos| > 1 counts as 1,
-and k < 0 means nothing.
+as 1, in value and derivative. The values of Python numbers, NumPy arrays and JAX arrays in the
+memory of the CPU are checked (of a large array 1,024 of them): a cosine above 1.001, which is an
+angle in degrees, and a k < 0 are refused. Arrays on another device and traced ones are not checked:
+there |cos| > 1 counts as 1, and the result for k < 0 has no meaning.
 
 Both media absorbing: a complex `eta_i` is refused, because incident and reflected wave interfere
 there, so that R and T are no separate powers (R + T is not 1), and because the root for cos_t has
 no branch that both decays and carries power forward at every angle. `fresnel_complex(cos, N / N_i)`
 is the abs(r)^2 that one gets by dividing the indices, as long as Im(N / N_i) >= 0.
-`layers.stack(cos, [N_i, N], [], wavelength)` takes a first medium that absorbs, and states what R
-and T are there.
+`layers.stack(cos, [N_i, N], [], wavelength)` takes a first medium that absorbs, and its docstring
+states what R and T are there.
 
 Accuracy
 --------
@@ -73,7 +73,10 @@ __all__ = [
 
 
 class Powers(NamedTuple):
-    """Fractions of the incident power, for s and p polarization, all of the broadcast shape."""
+    """Reflected and transmitted fractions of the incident power, for s and p polarization.
+
+    All are real, of the broadcast shape of the arguments.
+    """
 
     R_s: Float[Array, "..."]
     R_p: Float[Array, "..."]
@@ -92,7 +95,10 @@ class Powers(NamedTuple):
 
 
 class Amplitudes(NamedTuple):
-    """Ratios of the electric fields to the incident one, complex, all of the broadcast shape."""
+    """Reflected and transmitted electric fields over the incident one, for s and p polarization.
+
+    All are complex, of the broadcast shape of the arguments.
+    """
 
     r_s: Complex[Array, "..."]
     r_p: Complex[Array, "..."]
@@ -138,7 +144,8 @@ def powers(
     Args:
         cos_theta_i: cosine of the angle of incidence, in [-1, 1]; its sign is ignored, and what
             rounding leaves above 1 counts as 1.
-        eta: real part of the absolute index of the medium entered, > 0; or the complex index.
+        eta: real part of the absolute index of the medium that the light enters, > 0; or the
+            complex index eta + ik.
         k: imaginary part of that index (extinction coefficient), >= 0. Leave it out for a lossless
             medium: a Python 0 is recognised and makes the program smaller.
         eta_i: absolute index of the medium that the light comes from, real, > 0.
@@ -149,8 +156,9 @@ def powers(
         derivatives see the module's docstring.
 
     Raises:
-        ValueError: the shapes do not broadcast, an argument other than eta is complex, one is no
-            array of float32 or float64, a known cosine is above 1.001 or a known k negative.
+        ValueError: the shapes do not broadcast; an argument other than eta is complex; one has
+            another dtype than float32, float64 or an integer; or, as far as values are checked (see
+            the module), a cosine is above 1.001 or a k below 0.
     """
     return _jit_powers(*structure(cos_theta_i, eta, k, eta_i))
 
@@ -163,16 +171,22 @@ def reflectance(
     *,
     compensated: bool = True,
 ) -> Array:
-    """Power reflectance for unpolarized light, (R_s + R_p) / 2.
-
-    Arguments, errors and accuracy as in `powers`, at a third of its cost.
+    """Power reflectance for unpolarized light, (R_s + R_p) / 2, at a third of the cost of `powers`.
 
     Args:
+        cos_theta_i, eta, k, eta_i: as in `powers`.
         compensated: a Python bool. False leaves out the compensated sum that the neighbourhood of
-            the critical angle needs, at .6 (lossless) to .75 of the cost. The error stays 5 eps
-            away from that angle; near it, it is within 24 eps / (cos_i abs(N cos_t / eta_i)), at
-            the angle itself within 40 sqrt(eps) / cos_i (6e-7 in float64, .014 in float32); both
-            times abs(eta_i / N)^2 where that is above 1.
+            the critical angle needs, which takes .6 (lossless) to .75 of the time. The error is
+            within 5 eps away from that angle; near it, within 24 eps / (cos_i abs(N cos_t /
+            eta_i)), and at the angle itself within 40 sqrt(eps) / cos_i (6e-7 in float64, .014 in
+            float32); both times abs(eta_i / N)^2 where that is above 1.
+
+    Returns:
+        R, a fraction, of the broadcast shape; within 8 eps, with `compensated`. For derivatives see
+        the module's docstring.
+
+    Raises:
+        ValueError: as in `powers`.
     """
     arguments = structure(cos_theta_i, eta, k, eta_i)
     return _jit_reflectance(*arguments, bool(compensated))
@@ -187,12 +201,16 @@ def amplitudes(
     r_p = (N cos_i - eta_i cos_t) / (N cos_i + eta_i cos_t),      t_p = (1 + r_p) eta_i / N,
     with N = eta + ik, N sin_t = eta_i sin_i and Im(N cos_t) >= 0.
 
-    Arguments and errors as in `powers`. The error of each coefficient is within 8 eps of its
-    modulus, also of r_p next to Brewster's angle.
+    Args:
+        cos_theta_i, eta, k, eta_i: as in `powers`.
 
     Returns:
         `Amplitudes(r_s, r_p, t_s, t_p)`; complex64 for float32 arguments, complex128 for float64.
+        The error of each is within 8 eps of its modulus, also of r_p next to Brewster's angle.
         In the other sign convention, exp(+i w t) and eta - ik, all four are conjugated.
+
+    Raises:
+        ValueError: as in `powers`.
     """
     return _jit_amplitudes(*structure(cos_theta_i, eta, k, eta_i))
 
@@ -201,11 +219,16 @@ def fresnel_dielectric(cos_theta_i: ArrayLike, eta: ArrayLike) -> Array:
     """Unpolarized power reflectance of a boundary between two lossless media.
 
     Args:
-        cos_theta_i: cosine with the outward normal, in [-1, 1]; negative: light comes from inside.
+        cos_theta_i: cosine of the angle between light and outward normal, in [-1, 1]; negative if
+            the light comes from inside.
         eta: relative index, inside over outside, > 0.
 
     Returns:
-        R in [0, 1], exactly 1 in total reflection and exactly 0 for eta = 1.
+        R in [0, 1], of the broadcast shape; exactly 1 in total reflection and exactly 0 for
+        eta = 1. Accuracy and derivatives are those of `reflectance`.
+
+    Raises:
+        ValueError: as in `powers`, and for a complex eta.
 
     Source: `FrDielectric`, Physically Based Rendering, 4th ed., sec. 9.3.5. There eta = 1 gives
     R = 1 at cos = 0; here 0.
@@ -222,6 +245,12 @@ def fresnel_conductor(cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike) -> A
         cos_theta_i: cosine of the angle of incidence, in [-1, 1]; its sign is ignored.
         eta, k: real and imaginary part of the relative index, inside over outside; > 0 and >= 0.
 
+    Returns:
+        R in [0, 1], of the broadcast shape, as `reflectance`.
+
+    Raises:
+        ValueError: as in `powers`.
+
     Source: `FrConductor`, Physically Based Rendering, 3rd ed., eq. 8.3, whose printed average of
     squares must be an average of powers.
     """
@@ -229,7 +258,17 @@ def fresnel_conductor(cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike) -> A
 
 
 def fresnel_complex(cos_theta_i: ArrayLike, eta: ArrayLike) -> Array:
-    """Unpolarized power reflectance for a complex relative index eta + ik; see `reflectance`.
+    """Unpolarized power reflectance for a complex relative index; `reflectance` with eta_i = 1.
+
+    Args:
+        cos_theta_i: cosine of the angle of incidence, in [-1, 1]; its sign is ignored.
+        eta: complex relative index eta + ik, inside over outside, eta > 0 and k >= 0.
+
+    Returns:
+        R in [0, 1], of the broadcast shape, as `reflectance`.
+
+    Raises:
+        ValueError: as in `powers`.
 
     Source: `FrComplex`, Physically Based Rendering, 4th ed., sec. 9.3.6, which clamps a negative
     cosine to 0; here its sign is ignored.

@@ -218,7 +218,7 @@ def test_a_fit_of_own_residuals_is_shown_as_well(tmp_path):
     fields = json.loads(json_text(one))
     assert fields["sample"] is None
     assert fields["parameters"]["rate"]["value"] == one.parameters["rate"].value
-    with pytest.raises(ValueError, match="no picture"):
+    with pytest.raises(ValueError, match="nothing to draw"):
         one.plot()
     many = fit_residuals(decay, asked, y, batch=True)
     assert "4 curves: 4 converged" in " ".join(str(many).split())

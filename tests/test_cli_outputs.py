@@ -43,7 +43,7 @@ def test_a_folder_that_must_not_be_written_to(capsys, tmp_path, no_fit, monkeypa
 def test_a_file_that_must_not_be_written_to(capsys, tmp_path, no_fit, monkeypatch):
     (tmp_path / "out.json").write_text("old")
     monkeypatch.setattr(os, "access", lambda *_: False)
-    assert "must not be written to" in refused(capsys, GOLD, "--json", tmp_path / "out.json")
+    assert "is write-protected" in refused(capsys, GOLD, "--json", tmp_path / "out.json")
 
 
 def test_a_device_is_not_replaced(capsys, no_fit):

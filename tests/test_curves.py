@@ -85,7 +85,7 @@ def test_fitted_values_go_with_the_rows_of_the_measurement():
     # At rows of one's own, and a refusal at a wavelength that was not fitted.
     again, _ = found.predict(m.where(m.wavelength_um == 0.4))
     np.testing.assert_array_equal(again, value[m.wavelength_um == 0.4])
-    with pytest.raises(ValueError, match=r"nothing is known of them at 0\.5 um"):
+    with pytest.raises(ValueError, match=r"are not known at 0\.5 um"):
         found.predict(replace(m, wavelength_um=np.full(len(m), 0.5)))
 
 

@@ -98,8 +98,8 @@ def test_of_good_files_the_status_is_0(tmp_path, capsys):
     [
         (["--each", "none*.csv"], "none*.csv: no file matches"),
         (["none*.csv"], "none*.csv: no file matches"),
-        (["--each", "a.csv", "--plot", "a.png"], "--plot is of one fit"),
-        (["--each", "a.csv", "--report", "out"], "--report is of one fit"),
+        (["--each", "a.csv", "--plot", "a.png"], "--plot shows a single fit"),
+        (["--each", "a.csv", "--report", "out"], "--report shows a single fit"),
         (["--each", "a.csv", "--sample", "unobtainium"], "unobtainium"),
         (["--each", "a.csv", "--bound", "eta"], "eta=1.4..1.6"),
         (["--each", "a.csv", "--csv", "a.csv"], "is the measurement itself"),

@@ -144,7 +144,7 @@ def test_glass_taken_for_a_single_interface_is_wrong(measured_files):
     front = m.where((m.quantity == "R") & (np.abs(m.wavelength_um - 0.55) < 0.01))
     found = fit(front, "constant", fixed={"k": 0.0})
     assert found.parameters["eta"].value == pytest.approx(1.8, abs=0.05)
-    with pytest.raises(ValueError, match="R_back is light from the other face"):
+    with pytest.raises(ValueError, match="R_back is the reflectance from the other face"):
         fit(m, "cauchy")
 
 

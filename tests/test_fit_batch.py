@@ -185,24 +185,24 @@ def test_errors_missing_from_some_data_are_not_guessed():
         ({"angles_deg": ANGLES[:5]}, "shapes"),
         ({"angles_deg": 45.0}, "array"),
         ({"sigma": 0.0}, "above 0"),
-        ({"sigma": {"R_s": 1e-3}}, "missing for R_p"),
-        ({"sigma": {"R": 1e-3}}, "sigma has R,"),
-        ({"errors": "stated"}, "no stated errors"),
-        ({"sample": "0 | free"}, "is '0'; a number above 0"),
+        ({"sigma": {"R_s": 1e-3}}, "sigma has no errors of R_p"),
+        ({"sigma": {"R": 1e-3}}, "sigma has errors of R, of which there are no data"),
+        ({"errors": "stated"}, "need a standard error for every datum"),
+        ({"sample": "0 | free"}, "the index '0' is out of range: eta 0.001 to 1000"),
         (
             {"sample": "1+1i | free"},
-            r"comes from '1\+1i'; a lossless medium, one real number above 0",
+            r"the first medium, '1\+1i', .*lossless: a real number above 0",
         ),
         ({"sample": "stone | free"}, "'stone' is not an index"),
-        ({"sample": "| free"}, "an empty medium"),
+        ({"sample": "| free"}, "names no medium at one of its places"),
         ({"sample": "cauchy"}, "one bare surface whose index is free"),
         ({"R_s": np.full(16, 0.5 + 0j)}, "R_s must be real numbers .complex"),
         ({"angles_deg": ANGLES + 0j}, "angles_deg must be real numbers .complex"),
         ({"sigma": 1e-3 + 0j}, "sigma of R_s must be real numbers .complex"),
         ({"sigma": 1e-3, "errors": "no"}, "errors is 'no'; one of auto, stated"),
         ({"start": {"eta": 0.0, "k": 1.0}}, "above 0"),
-        ({"start": 1.5}, "start must be .*eta"),
-        ({"start": {"eta": 1.5 + 0j, "k": 0.0}}, "start must be .*real"),
+        ({"start": 1.5}, "start is 1.5; .*eta"),
+        ({"start": {"eta": 1.5 + 0j, "k": 0.0}}, "start is .* was wanted, real"),
     ],
 )
 def test_a_call_that_makes_no_sense_says_what_was_wanted(change, words):
@@ -214,7 +214,7 @@ def test_a_call_that_makes_no_sense_says_what_was_wanted(change, words):
 
 def test_what_a_bare_surface_does_not_show_is_refused():
     m = Measurement.from_columns(ANGLES, 0.5, T=np.full(16, 0.9))
-    with pytest.raises(ValueError, match=r"cannot fit T .*bare surface.*mm thick"):
+    with pytest.raises(ValueError, match=r"T cannot be fitted .*bare surface.*mm thick"):
         fit(m)
     with pytest.raises(ValueError, match=r"auto, stated.*equal"):
         fit(Measurement.from_columns(ANGLES, R=np.full(16, 0.5)), errors="unit")

@@ -234,7 +234,7 @@ def test_results_are_immutable_and_picked_apart():
     assert isinstance(one.n_data, int)
     assert one.covariance.shape == (2, 2)
     assert one.eta == found.eta[1]
-    with pytest.raises(IndexError, match="needs 0 indices"):
+    with pytest.raises(IndexError, match="no batch; it takes no index"):
         one[0]
 
 

@@ -217,5 +217,5 @@ def test_knots_of_a_fit_reach_beyond_the_measured_energies(terms):
     assert knots[0] < 1.2 and knots[-1] > 5.5
     if terms >= 4:
         assert knots[-1] >= 3.0 * 5.5 - 1e-9
-    with pytest.raises(ValueError, match="one wavelength came"):
+    with pytest.raises(ValueError, match="the data have one wavelength"):
         knots_over(terms, 1.2, 1.2)

@@ -164,7 +164,7 @@ def test_written_index_is_read_again(tmp_path):
     assert lines[1:] == ["0.5,2.1,1e-05,0.02,nan", "0.7,2.05,0,0.01,nan"]
     # and by the CSV reader too
     assert [float(x) for x in read_material(paths[1])(0.7)] == [2.05, 0.0]
-    with pytest.raises(ValueError, match="nothing was written"):
+    with pytest.raises(ValueError, match="no file was written"):
         written("no.yml", *np.array([[0.5], [np.nan], [0.0], [0.0], [0.0]]))
     assert not (tmp_path / "no.yml").exists()
 
@@ -172,11 +172,11 @@ def test_written_index_is_read_again(tmp_path):
 @pytest.mark.parametrize("name, text, says", [
     ("a.yml", "DATA:\n  - type: formula 12\n    wavelength_range: 1 2\n", "formula 1 to formula 9"),
     ("a.yml", "DATA:\n  - type: formula 1\n    wavelength_range: 1\n    coefficients: 1\n", "two"),
-    ("a.yml", "DATA:\n  - type: tabulated k\n    data: |\n      1 2\n      2 3\n", "wanted n"),
+    ("a.yml", "DATA:\n  - type: tabulated k\n    data: |\n      1 2\n      2 3\n", "and no n"),
     ("a.yml", "DATA:\n  - type: tabulated nk\n    data: |\n      1 2\n", "rows of 3 numbers"),
-    ("a.yml", "{", "no YAML"), ("a.yml", "hello", "no list DATA"),
+    ("a.yml", "{", "not valid YAML"), ("a.yml", "hello", "no list DATA"),
     ("a.csv", "x,n,k\n1,2,3\n", "none of the columns"), ("a.csv", "wl,m\n1,2\n", "no column n"),
-    ("a.csv", "1,2,3\n", "wanted a header"), ("a.csv", "wavelength,n\n50,1\n500,2\n", "may be um"),
+    ("a.csv", "1,2,3\n", "a header with"), ("a.csv", "wavelength,n\n50,1\n500,2\n", "may be um"),
     ("a.csv", "wavelength_um,n,k\n1,2,-3\n2,2,3\n", "k"),
 ])  # fmt: skip
 def test_refusals(name, text, says, tmp_path):

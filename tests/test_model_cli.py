@@ -97,11 +97,11 @@ def test_pictures(plate, spectrum, tmp_path):
 
 
 @pytest.mark.parametrize(("options", "words"), [
-    (["--sample", ""], "has an empty medium"),  # once the default, free
-    (["--free", "scale"], "scale is shared by all wavelengths"),
+    (["--sample", ""], "names no medium at one of its places"),  # once the default, free
+    (["--free", "scale"], "scale has one value for all wavelengths"),
     (["--sample", "coshy"], "'coshy' is not an index"),
-    (["--sample", "cauchy", "--fix", "A=1..2"], "this is what --bound takes"),
-    (["--sample", "cauchy", "--prior", "A=2"], "this is what --fix takes"),
+    (["--sample", "cauchy", "--fix", "A=1..2"], "NAME=VALUE was wanted, for example k=0; --bound"),
+    (["--sample", "cauchy", "--prior", "A=2"], "scale=1+-0.02; --fix takes this"),
     (["--sample", "cauchy", "--bound", "A"], "NAME=LOW..HIGH"),
     (["--sample", "cauchy", "--fix", "Q=1"], "has no parameter 'Q'"),
     (["--sample", "cauchy", "--reference", "unobtainium"], "unobtainium"),

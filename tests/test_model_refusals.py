@@ -13,18 +13,18 @@ from fitting.samples.parameters import Settings, check_settings, names_of, parse
     ({"sample": "film"}, "'film' is not an index"),
     ({"sample": "air | cauchy | air"}, "the layer 'cauchy' has no thickness"),
     ({"sample": "air | cauchy -1 um thick | air"}, "has no thickness"),
-    ({"sample": "air | cauchy 0 um thick | air"}, "a thickness above 0"),
-    ({"sample": "air | cauchy 1 um stiff | air"}, "'stiff' is neither 'thick' nor 'held'"),
-    ({"sample": "air | cauchy 3..2 mm thick | air"}, "the lower end of the thickness comes first"),
-    ({"sample": "cauchy 3 mm"}, "which has none; a plate in air"),
-    ({"sample": "gold | cauchy"}, "comes from 'gold'; a lossless medium"),
-    ({"sample": "auto"}, "leaves its model open"),
+    ({"sample": "air | cauchy 0 um thick | air"}, "a thickness from 1e-6 to 1e9 um"),
+    ({"sample": "air | cauchy 1 um stiff | air"}, "'stiff' came after the thickness"),
+    ({"sample": "air | cauchy 3..2 mm thick | air"}, "the smaller thickness of a range"),
+    ({"sample": "cauchy 3 mm"}, "takes no thickness; a plate in air"),
+    ({"sample": "gold | cauchy"}, "the first medium, 'gold', which must be known and lossless"),
+    ({"sample": "auto"}, "leaves its dispersion model open"),
     ({"free": ["scal"]}, "has no parameter 'scal'"),
     ({"free": "scal"}, "has no parameter 'scal'"),
-    ({"fixed": {"A": float("nan")}}, "A is held at nan"),
-    ({"fixed": {"A": 1.5}, "bounds": {"A": (1, 2)}}, "at once"),
-    ({"fixed": {"A": 1.5, "B": 0.0, "C": 0.0}}, "every parameter is fixed"),
-    ({"bounds": {"A": (2, 1)}}, "the lower end first"),
+    ({"fixed": {"A": float("nan")}}, "A is fixed at nan"),
+    ({"fixed": {"A": 1.5}, "bounds": {"A": (1, 2)}}, "A is fixed and cannot also be"),
+    ({"fixed": {"A": 1.5, "B": 0.0, "C": 0.0}}, "is known, fixed or tied"),
+    ({"bounds": {"A": (2, 1)}}, "the lower end must come first"),
     ({"priors": {"A": (1.5, 0.0)}}, "above 0"),
     ({"tie": {"A": "x y * 3"}}, "the name of another parameter was wanted"),
     ({"tie": {"A": "D"}}, "has no parameter 'D'"),
@@ -33,7 +33,7 @@ from fitting.samples.parameters import Settings, check_settings, names_of, parse
     ({"loss": "cubes"}, "loss is 'cubes'"),
     ({"sample": "-1 | cauchy"}, "'-1' is not an index"),
     ({"starts": 0}, "starts is 0"),
-    ({"sample": "1+1i | cauchy"}, "a lossless medium, one real number above 0"),
+    ({"sample": "1+1i | cauchy"}, "lossless: a real number above 0"),
     ({"start": {"D": 1.0}}, "start names D"),
     ({"sample": "constant", "start": {"eta": -1.0}}, "the start of eta is -1; a number from"),
     ({"sample": "constant", "start": {"eta": float("nan")}}, "the start of eta is nan"),
@@ -44,7 +44,7 @@ from fitting.samples.parameters import Settings, check_settings, names_of, parse
     ({"bounds": [("A", (1, 2))]}, "bounds is .*; a mapping"),
     ({"tie": "A"}, "tie is 'A'; a mapping"),
     ({"free": 3}, "free is 3; the name of a parameter"),
-    ({"start": [1.5, 0.1]}, r"start is \[1.5, 0.1\]; names"),
+    ({"start": [1.5, 0.1]}, r"start is \[1.5, 0.1\]; a mapping from names"),
     ({"seed": "a"}, "seed is 'a'; a whole number"),
     ({"starts": True}, "starts is True"),
     # Once k = -0.3, which fits as well.
@@ -65,7 +65,10 @@ def test_refusals_of_data():
     ellipsometry = Measurement.from_columns(angle, 0.5, psi=[20.0, 10.0], delta=[0.0, 0.0])
     with pytest.raises(ValueError, match="scale acts on powers"):
         fit(ellipsometry, "constant", free=["scale"])
-    with pytest.raises(ValueError, match='errors="stated"'):
+    with pytest.raises(
+        ValueError,
+        match='errors "stated" need a standard error for every datum, and 4 of 4 have none',
+    ):
         fit(ellipsometry, "constant", errors="stated")
     with pytest.raises(ValueError, match="have no psi"):
         fit(Measurement.from_columns(angle, 0.5, delta=[0.0, 0.0]), "constant")
@@ -98,5 +101,5 @@ def test_settings_together():
     )
     assert found.names == ("angle_offset", "eta", "k", "scale")
     assert names_of(n for n in ("scale", "leak")) == ("scale", "leak")
-    with pytest.raises(ValueError, match="at once"):
+    with pytest.raises(ValueError, match="eta is fixed and cannot also be free"):
         check_settings(Settings(fixed={"eta": 1.5}, bounds={"eta": (1.0, 2.0)}))

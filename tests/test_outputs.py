@@ -52,7 +52,10 @@ def test_a_result_whose_name_is_derived_replaces_no_stranger(tmp_path, capsys):
     (tmp_path / "x.index.csv").write_text("a stranger's\n")
     before = contents(tmp_path)
     said = refused(capsys, *files)
-    assert "x.index.csv: the file is there and no fit wrote it" in said and "--overwrite" in said
+    assert (
+        "x.index.csv: the file exists and was not written by a fit" in said
+        and "--overwrite" in said
+    )
     assert contents(tmp_path) == before
     with Outputs() as outputs:
         outputs.open(tmp_path / "x.index.csv").write_text(INDEX_MARK + "\n...")
@@ -118,12 +121,14 @@ def test_a_report_goes_into_a_new_an_empty_or_its_own_folder(tmp_path):
     for folder in (empty, own, own):
         publish(folder)
         assert contents(folder) == {"fit.json": "new", MARK: ""}
-    with pytest.raises(OutputError, match=r"--report .*no report made \(fit.json\).*--overwrite"):
+    with pytest.raises(
+        OutputError, match=r"--report .*other than .* report \(fit.json\).*--overwrite"
+    ):
         publish(strange)
     assert contents(strange) == {"fit.json": "a stranger's"}
     publish(strange, overwrite=True)
     assert contents(strange) == {"fit.json": "new"}
-    with pytest.raises(OutputError, match="no report made"):
+    with pytest.raises(OutputError, match="other than those of a report"):
         publish(strange)  # it is still a stranger's
 
 

@@ -109,17 +109,20 @@ def test_the_best_minimum_of_every_kind_of_material():
 
 def test_what_means_nothing_is_refused():
     for arguments, words in (
-        ({"parameters": {"a": 1.0}}, "the range"),
-        ({"parameters": {"a": {"bounds": (0, 1)}}}, "start="),
+        ({"parameters": {"a": 1.0}}, "a range .low, high. of starting values"),
+        ({"parameters": {"a": {"bounds": (0, 1)}}}, "'start': .low, high. was wanted"),
         ({"parameters": {"a": {"start": (0, 1), "coordinate": "cubic"}}}, "coordinate of a"),
         ({"errors": "floor"}, "errors is 'floor'"),
         ({"loss": "cubes"}, "loss is 'cubes'"),
         ({"fixed": {"c": 1.0}}, "no parameter 'c'"),
-        ({"data": (TIMES, np.ones((2, 30))), "batch": True}, "batch axes"),
-        ({"data": (1.0, 2.0), "batch": True}, "batch axes"),
+        (
+            {"data": (TIMES, np.ones((2, 30))), "batch": True},
+            "the first axes of the arrays in data",
+        ),
+        ({"data": (1.0, 2.0), "batch": True}, "the first axes of the arrays in data"),
         ({"data": (TIMES + 1j, measured())}, "the data are complex"),  # i was left out
-        ({"parameters": {"a": (5.0, 0.0)}}, "the range"),
-        ({"parameters": {"a": {"start": (0.0, np.nan)}}}, "the range"),
+        ({"parameters": {"a": (5.0, 0.0)}}, "a range .low, high. of starting values"),
+        ({"parameters": {"a": {"start": (0.0, np.nan)}}}, "a range .low, high. of starting values"),
         ({"starts": 0}, "starts is 0"),
         ({"seed": "a"}, "seed is 'a'"),
         ({"tie": {name: name for name in DECAY}}, "is tied itself"),

@@ -133,8 +133,8 @@ def test_a_report_goes_into_a_folder_that_is_there_and_leaves_the_rest(tmp_path)
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("file", r"--report \S+file: this is a file; a folder was wanted"),
-        ("none/deep", r"--report \S+deep: there is no folder \S+none; make it first"),
+        ("file", r"--report \S+file: this is a file; name a folder"),
+        ("none/deep", r"--report \S+deep: there is no folder \S+none; create it first"),
     ],
 )
 def test_a_folder_that_cannot_be_is_found_before_the_fit(tmp_path, capsys, monkeypatch, name, said):
@@ -171,7 +171,7 @@ def test_a_report_from_python(tmp_path):
     assert json.loads((tmp_path / "gold" / "fit.json").read_text()) == json.loads(
         json.dumps(found.to_dict())
     )
-    with pytest.raises(outputs.OutputError, match=r"files that no report made.*overwrite=True"):
+    with pytest.raises(outputs.OutputError, match=r"files other than those .*overwrite=True"):
         found.report(tmp_path)
     found.report(tmp_path, overwrite=True)
     assert (tmp_path / "fit.json").read_bytes() == (tmp_path / "gold" / "fit.json").read_bytes()

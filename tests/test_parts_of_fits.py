@@ -28,7 +28,9 @@ def test_one_fit_is_picked_from_either_end(spectrum):
     with pytest.raises(IndexError, match="out of range"):
         spectrum[3]
     for strange in (slice(0, 2), [0, 1], 1.0, "eta"):
-        with pytest.raises(TypeError, match="a whole number was wanted"):
+        with pytest.raises(
+            TypeError, match="one whole number for each axis of the batch was wanted"
+        ):
             spectrum[strange]
 
 
@@ -169,7 +171,11 @@ def test_what_choose_takes_is_what_fit_makes_of_it():
         assert not key.free
         held = {"k": 0.0} if key.without_k else None
         again = fit(m, key.model, fixed=held, intervals="quadratic")
-        assert again.errors.widened > 1.0
+        assert again.errors.widened > 1.0 and again.errors.taken == "scaled"
+        # The table once divided by the second factor a number that was without it.
+        root = np.sqrt(again.chi2_reduced)
+        assert again.errors.factor == pytest.approx(again.errors.widened * root)
+        assert f"sqrt(chi2/dof) = {root:.3g}; multiplied by" in " ".join(str(again).split())
         assert choice.fit.errors.widened == pytest.approx(again.errors.widened)
         for name, e in again.parameters.items():
             sigma = choice.fit.parameters[name].sigma

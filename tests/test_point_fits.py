@@ -92,9 +92,9 @@ def test_plain_data_and_refusals():
     assert len(data["eta"]) == len(WAVELENGTHS)
     assert data["parameters"]["eta"]["sigma"][0] is None
     assert data["parameters"]["thickness_um"]["value"] == 2000.0
-    with pytest.raises(ValueError, match="whose thickness is needed"):
+    with pytest.raises(ValueError, match="Give the sample with its thickness"):
         fit(m)
-    with pytest.raises(ValueError, match='errors="stated"'):
+    with pytest.raises(ValueError, match='errors "stated" need a standard error for every datum'):
         fit(m, PLATE, errors="stated")
     with pytest.raises(ValueError, match="wavelength"):
         fit(Measurement.from_columns([0.0, 1.0], [0.5, np.nan], R=[0.1, 0.1]), PLATE)

@@ -82,7 +82,7 @@ def test_refusals():
     none: Any = None
     with pytest.raises(ValueError, match="parameters is None"):
         simulate("Si", none, 10.0, 0.5)
-    with pytest.raises(ValueError, match="leaves its model open"):
+    with pytest.raises(ValueError, match="leaves its dispersion model open"):
         simulate("auto", {}, 10.0, 0.5)
 
 

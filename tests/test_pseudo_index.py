@@ -142,7 +142,8 @@ def test_a_film_that_no_bare_surface_imitates(coated, tmp_path, capsys):
     shown = " ".join(capsys.readouterr().out.split())
     # At one of them the misfit is as small as an ellipsometer's errors are.
     assert f"at {below.sum() - 1} of 9 wavelengths" in shown and "ask for a k below 0" in shown
-    assert "starts ended in the best minimum" not in shown
+    assert "starting points led to this minimum" not in shown
+    assert "starting points led to the best minimum" not in shown
 
 
 def misfit(n, psi_deg, delta_deg):
@@ -238,7 +239,7 @@ def test_transmittance_is_refused_with_what_to_say(tmp_path, capsys):
                  head="angle_deg,wavelength_um,psi,T")  # fmt: skip
     assert cli.main([file]) == 2
     error = capsys.readouterr().err
-    assert "cannot fit T" in error and "free 2.5 mm thick" in error and error.count("\n") == 1
+    assert "T cannot be fitted" in error and "free 2.5 mm thick" in error and error.count("\n") == 1
 
 
 def test_reference_beside_a_spectrum_of_reflectances(tmp_path, capsys):

@@ -9,6 +9,7 @@ from simulated import GOLD, simulated, textbook
 
 from fitting import fit, fit_many
 from fitting.measurements.measurement import Measurement, concatenate, read_csv
+from fitting.output.fit_page import fit_page
 
 
 @pytest.fixture(scope="module")
@@ -101,18 +102,21 @@ def test_warnings_of_one_kind_are_told_once():
     m = concatenate(
         *(Measurement.from_columns(0.0, w, R=r) for w, r in ((0.4, 0.2), (0.5, 0.3), (0.6, 0.4)))
     )
-    text = one_line(fit(m))
+    found = fit(m)
+    text = one_line(found)
     assert text.count("circle") == 1
+    # The column "warnings" of the table refers to this number.
+    assert "warning 1 " in text and "Warning 1: " in fit_page(found, b"")
     assert "(at 0.4 um; with other numbers at 2 more wavelengths)" in text
 
 
 def test_what_to_do_where_an_index_is_not_determined():
     mirror = Measurement.from_columns(0.0, [0.4, 0.5, 0.6], R=[0.9, 0.91, 0.92])
     text = one_line(fit(mirror))
-    assert "what to do measure s and p at several angles" in text and "sample auto" in text
+    assert "what to do measure s and p at several angles" in text and "sample 'auto'" in text
     one = Measurement.from_columns(0.0, 0.5, R=[0.9])
     text = one_line(fit(one))
-    assert "what to do measure s and p" in text and "sample auto" not in text
+    assert "what to do measure s and p" in text and "sample 'auto'" not in text
     assert "what to do" not in str(fit(simulated(1.5, 0.0, 1e-3)))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from simulated import simulated, textbook
 
-from fitting import Measurement, fit
+from fitting import Measurement, choose, fit
 from fitting.measurements.measurement import concatenate
 from fitting.output.estimates import reach
 from fitting.output.fit_page import fit_page
@@ -38,7 +38,21 @@ def test_a_valley_is_one_solution_and_nothing_is_said_of_its_starts(drude):
     assert not {"other_minima", "few_starts_agree"} & {w.code for w in drude.warnings}
     for text in (str(drude), fit_page(drude, b"")):
         assert "are not determined separately" in one_line(text)
-        assert "also fits" not in text and "starts ended" not in text
+        assert "also fits" not in text and "starting points led" not in text
+
+
+def test_a_sample_without_parameters_can_be_chosen_and_shown():
+    m = simulated(1.5, 0.0, 1e-3, angles=tuple(np.linspace(20.0, 80.0, 20)), seed=3)
+    choice = choose(m, "1.5 or 1.7", errors="scaled", intervals="quadratic")
+    assert choice.taken.label == "1.5" and choice.fit.dof == choice.fit.n_data
+    n, size = choice.fit.n_data, choice.fit.chi2_reduced
+    least = n * np.log(size)  # -2 log(likelihood) of the likeliest noise, up to a constant
+    assert choice.fit.bic == pytest.approx(least, abs=1e-6)
+    assert choice.fit.aicc == pytest.approx(least + 2.0 * n / (n - 2), abs=1e-6)
+    for text in (one_line(choice), one_line(fit_page(choice.fit, b""))):
+        assert "no parameter was fitted" in text or "none was fitted" in text
+        assert "starting points" not in text
+    assert one_line(repr(choice.fit)).endswith("converged>")
 
 
 def test_correlations_are_shown(absorber):
@@ -62,7 +76,7 @@ def test_the_errors_of_a_robust_fit_are_not_called_those_of_least_squares(absorb
     robust = replace(absorber, loss=loss, noise=1.1)
     for text in (one_line(robust), one_line(fit_page(robust, b""))):
         assert "sqrt(chi2/dof)" not in text
-        assert f"as the {loss} loss counts it (Huber" in text
+        assert f"as the {loss} loss weighs them (Huber" in text
     assert "sqrt(chi2/dof)" in one_line(absorber)
 
 
@@ -73,7 +87,7 @@ def test_the_errors_of_a_robust_fit_are_not_called_those_of_least_squares(absorb
         ({"taken": "scaled", "factor": 2.5}, "times sqrt(chi2/dof) = 2.5"),
         ({"taken": "scaled", "factor": 5.0, "widened": 2.0}, "sqrt(chi2/dof) = 2.5; multiplied by "
          "2, since the residuals are autocorrelated"),
-        ({"taken": "floor", "factor": 1.1, "floor": 0.0123}, "a common error of the data, 0.012, "
+        ({"taken": "floor", "factor": 1.1, "floor": 0.0123}, "a common error of the data (0.012), "
          "added in squares"),
         ({"taken": "equal", "factor": 0.1}, "scatter of the data about the fit (equal weights)"),
     ],

@@ -59,9 +59,9 @@ def test_of_the_command(curve, tmp_path, capsys):
     assert read_material(out).range_um == pytest.approx((0.45, 0.8))
     # a file of somebody else is not replaced unasked
     (tmp_path / "out_errors.csv").write_text("mine")
-    assert "no fit wrote it" in refused(capsys, *command, "--material", out)
-    assert "ends in .yml" in refused(capsys, *command, "--material", tmp_path / "out.txt")
-    assert "of one fit" in refused(capsys, *command, "--each", "--material", out)
+    assert "was not written by a fit" in refused(capsys, *command, "--material", out)
+    assert "must end in .yml" in refused(capsys, *command, "--material", tmp_path / "out.txt")
+    assert "shows a single fit" in refused(capsys, *command, "--each", "--material", out)
     assert (tmp_path / "out_errors.csv").read_text() == "mine"
 
 
@@ -77,10 +77,10 @@ def test_of_several_fitted_media_each_has_a_file_of_its_own(curve, tmp_path, cap
     film, substrate = (read_material(tmp_path / name)(NM / 1e3).eta for name in names[::2])
     assert np.ptp(substrate) < 1e-12 < 1e-3 < np.ptp(film)  # a constant, and a Cauchy film
     (tmp_path / "out_substrate.yml").write_text("mine")
-    assert "no fit wrote it" in refused(capsys, *command, tmp_path / "out.yml")
+    assert "was not written by a fit" in refused(capsys, *command, tmp_path / "out.yml")
     several = "air | cauchy 300 nm | constant or cauchy"
     command[command.index(sample)] = several
-    assert "not the same ones" in refused(capsys, *command, tmp_path / "out.yml")
+    assert "have different fitted media" in refused(capsys, *command, tmp_path / "out.yml")
 
 
 def test_what_is_not_known_is_not_written(found, tmp_path):
@@ -90,6 +90,6 @@ def test_what_is_not_known_is_not_written(found, tmp_path):
     file, errors = free.write_material(tmp_path / "free.yml")
     assert read_material(file).range_um == pytest.approx((NM[NM > 600.0].min() / 1e3, 0.8))
     assert len(errors.read_text().splitlines()) == 1 + (NM > 600.0).sum()
-    with pytest.raises(ValueError, match="the data give none"):
+    with pytest.raises(ValueError, match="the data do not determine"):
         replace(found, status="not converged").write_material(tmp_path / "none.yml")
     assert nothing_in(tmp_path, "free.yml", "free_errors.csv")

@@ -1,1 +1,1 @@
-"""One index at a time: eta + i k of a bare interface, for one curve or for many at once."""
+"""eta and k of one bare surface from R_s, R_p and R over the angle, of one curve or of many."""

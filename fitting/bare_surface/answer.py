@@ -1,4 +1,4 @@
-"""eta + i k of one bare surface from reflectance over angle: one curve or many, one engine.
+"""eta and k of one bare surface from reflectance over angle, of one curve or of many.
 
     R_j(theta_i; eta, k)  ->  minimise  sum_ij [(R_j(theta_i) - value_ij) / sigma_ij]^2
 
@@ -32,13 +32,13 @@ from fitting.residuals.error_model import CHI2_LARGE, CHI2_SMALL, chi2_flags
 from fitting.residuals.misfit import misses_its_noise
 from fitting.results import result
 
-# Two indices fit alike if their chi2 differs by less: two standard errors.
+# Two indices fit equally well if their chi2 differs by less than this: two standard errors.
 ALIKE_CHI2 = 4.0
-# And nothing tells them apart if it differs by less than this.
+# The data do not distinguish them at all if it differs by less than this.
 ALIKE_MEMBERS = 0.01
-# In a batch, where residuals are not looked at one by one, no misfit below that rms is looked for.
+# In a batch a misfit of a smaller rms is not reported, since residuals are not examined one by one.
 LEAST_MISS = 0.01
-# What a reflectance is trusted to where neither errors nor scatter tell (two data, no errors).
+# The assumed error of a reflectance if neither stated errors nor scatter give one (two data).
 ASSUMED_SIGMA = 1e-3
 
 
@@ -47,7 +47,7 @@ def _undetermined(e: Estimated) -> np.ndarray:
 
 
 def _missed(a: Arranged, rms: np.ndarray) -> np.ndarray:
-    """Where a fit misses its data by more than the noise that they show, if by enough to matter."""
+    """Return which fits miss their data by more than their noise, and by enough to matter."""
     found = np.zeros(len(rms), bool)
     some = (rms > LEAST_MISS).nonzero()[0]
     if len(some):
@@ -64,10 +64,10 @@ def _missed(a: Arranged, rms: np.ndarray) -> np.ndarray:
 def _of_many_the_lossless(
     data: Data, s: Solved, e: Estimated, undetermined: np.ndarray, scatter: np.ndarray
 ) -> Estimated:
-    """Return what is shown where many indices fit: the one with k = 0, n > eta_i if it is of them.
+    """Return the index that is shown of many that fit: one with k = 0 and n > eta_i, if it fits.
 
-    Else the best fit, as everywhere. Along a whole circle only rounding tells its members apart,
-    and neighbours in a spectrum would jump from one end to the other.
+    Otherwise it is the best fit. On a circle of indices that fit equally well only rounding selects
+    the best one, and neighbours in a spectrum would jump from one end of it to the other.
     """
     rows = undetermined.nonzero()[0]
     if not len(rows):
@@ -95,7 +95,7 @@ def _codes(
     dof: np.ndarray,
     extent: Extent,
 ) -> dict[str, np.ndarray]:
-    """Return where each code may hold, but for what `answer` knows by itself."""
+    """Return which curves each warning concerns, except for the warnings that `answer` adds."""
     low, high, channels = extent.low_deg, extent.high_deg, extent.channels
     names = a.data.channels
     at_45 = (low > 44.9) & (high < 45.1) & (channels == 2) & ("R" not in names)
@@ -121,7 +121,7 @@ def _codes(
 
 
 class Answer(NamedTuple):
-    """What the engine found of N curves, each (N, ...), and where each code holds.
+    """The results for N curves, each array (N, ...), and which curves each warning concerns.
 
     others: other indices that fit nearly as well, the best of them first.
     """
@@ -135,10 +135,10 @@ class Answer(NamedTuple):
     dof: np.ndarray
 
 
-# Of many curves most have an operation or another that is not valid, and the rest goes on.
+# Among many curves some make an operation invalid; its NaN stays within that curve.
 @np.errstate(all="ignore")
 def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -> Answer:
-    """Return what the engine found of all curves. start: (3, N), one more start of each."""
+    """Return the results for all curves. start: (3, N), an additional start of each; or None."""
     data = a.data
     extent = extent_of(data, a.angle_deg)
     found, data = minima(data, extent, start)
@@ -150,11 +150,11 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     dof = np.maximum(s.count - 2, 0)
 
     no_data = s.count == 0
-    # A fit that creeps along a valley without end is undetermined, whether or not it was stopped.
+    # A fit that moves along an endless valley is undetermined, whether or not it was stopped.
     matched = ~no_data & (s.x < limit.NOTHING_LIMIT)  # no boundary to speak of
     bounded = ~(no_data | matched)
     undetermined = bounded & _undetermined(e) & np.isfinite(s.cost)
-    # What a difference of chi2 is measured by: the scatter found, or stated if that is more.
+    # The unit of a difference of chi2: the scatter of the data, or their stated errors if larger.
     stated = 1.0 if a.stated else np.where(dof < 3, ASSUMED_SIGMA**2, 0.0)
     scatter = np.fmax(np.where(dof > 0, s.cost / dof, 0.0), stated)
     excess = (np.array([other.cost for other in found.others]) - s.cost) / scatter
@@ -227,9 +227,11 @@ def start_points(start: Mapping[str, Any] | None, a: Arranged) -> np.ndarray | N
         eta, k = (np.broadcast_to(np.asarray(v, float), a.shape).reshape(-1) for v in (eta, k))
     except (TypeError, ValueError, KeyError) as error:
         raise ValueError(
-            'start must be {"eta": ..., "k": ...}, real numbers or arrays of shape '
-            f"{a.shape}; {str(start)[:60]} came."
+            f"start is {str(start)[:60]}; {{'eta': ..., 'k': ...}} was wanted, real numbers or "
+            f"arrays of shape {a.shape}."
         ) from error
     if not ((eta > 0.0) & (k >= 0.0) & np.isfinite(eta) & np.isfinite(k)).all():
-        raise ValueError("start must have eta above 0 and k of 0 or more.")
+        raise ValueError(
+            "start holds an eta or k out of range; eta above 0 and k from 0 were wanted."
+        )
     return coordinates_of(eta / a.data.eta_i, k / a.data.eta_i)

@@ -1,4 +1,4 @@
-"""From what the caller has (a Measurement, or arrays) to the curves that are fitted."""
+"""The curves to be fitted, from a Measurement or from arrays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fitting.measurements.measurement import Measurement
 
 
 class Arranged(NamedTuple):
-    """Curves in a row, with what the engine does not need to know.
+    """Curves in a row, and their place in the batch or the measurement.
 
     shape: the batch shape that the results take. stated: whether weights are 1 / sigma.
     angle_deg: (M,) or (N, M). wavelength_um: (N,). rows: of a Measurement, at which channel, curve
@@ -63,7 +63,7 @@ def of_measurement(m: Measurement, eta_i: float, errors: str) -> Arranged:
         mixed & np.isfinite(m.polarizer_deg), np.sin(np.radians(m.polarizer_deg)) ** 2, 0.5
     )
     channels = [c for c in CHANNELS if (m.quantity == c).any()]
-    # One row of a curve holds at most one datum of each channel: repeats open rows of their own.
+    # One row of a curve holds at most one datum of each channel: a repeated datum gets a new row.
     rows: list[dict[tuple[float, float, int], int]] = [{} for _ in wavelengths]
     seen: dict[tuple[int, str, float, float], int] = {}
     place = np.empty(len(m), int)
@@ -102,7 +102,7 @@ def _checked(name: str, array: Any, low: float, high: float, wanted: str) -> np.
         array = np.asarray(came, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} must be real numbers ({error}).") from error
-    # fmin and fmax pass NaN by, and make no array of truth values: a third of the time.
+    # fmin and fmax ignore NaN without an array of truth values, in a third of the time.
     extremes = np.fmin.reduce(array, None, initial=high), np.fmax.reduce(array, None, initial=low)
     for extreme in extremes:
         if not low <= extreme <= high:
@@ -116,22 +116,28 @@ def of_arrays(angles_deg: Any, channels: Mapping[str, Any], sigma: Any, eta_i: f
         "angles_deg", angles_deg, 0.0, 90.0, "degrees from the normal, 0 to 90, were wanted"
     )
     if angle.ndim == 0 or not np.isfinite(angle).all():
-        raise ValueError("angles_deg must be an array (..., angles) of finite numbers.")
+        raise ValueError(
+            "angles_deg must be an array of finite numbers, whose last axis is the angle."
+        )
     given = {
         name: _checked(name, value, -1.0, 2.0, "fractions were wanted; for percent divide by 100")
         for name, value in channels.items()
         if value is not None
     }
     if not given:
-        raise ValueError("no reflectance came; give one or more of R_s, R_p and R.")
+        raise ValueError("no reflectance came; one or more of R_s, R_p and R were wanted.")
     sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(given, sigma)
     stray = [name for name in sigmas if name not in given]
     if stray:
-        raise ValueError(f"sigma has {stray[0]}, the data do not.")
+        raise ValueError(
+            f"sigma has errors of {stray[0]}, of which there are no data; leave it out."
+        )
     stated = any(s is not None for s in sigmas.values())
     lacking = [name for name in given if sigmas.get(name) is None]
     if stated and lacking:
-        raise ValueError(f"sigma is missing for {lacking[0]}; give it for all data, or for none.")
+        raise ValueError(
+            f"sigma has no errors of {lacking[0]}; give them for all data, or for none."
+        )
     errors = {
         name: _checked(f"sigma of {name}", s, np.nextafter(0.0, 1.0), np.inf, "it must be above 0")
         for name, s in sigmas.items()
@@ -149,13 +155,14 @@ def of_arrays(angles_deg: Any, channels: Mapping[str, Any], sigma: Any, eta_i: f
             f"{n} {v.shape}" for n, v in {"angles_deg": angle, **given, **errors}.items()
         )
         raise ValueError(
-            f"the shapes do not fit together: {shapes}. "
-            "The last axis is the angle, the others are the batch."
+            f"the shapes do not broadcast: {shapes}. The last axis is the angle, the others are "
+            "the batch of curves."
         ) from error
     angles = full[-1]
     if angle.shape[-1] != angles or angles == 0:
         raise ValueError(
-            f"{angle.shape[-1]} angles and {angles} data a curve came; equal numbers were wanted."
+            f"{angle.shape[-1]} angles and {angles} data for each curve came; equal numbers were "
+            "wanted."
         )
     own = angle.size > angles
     if own:

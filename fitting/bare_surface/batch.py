@@ -1,4 +1,4 @@
-"""Any number of curves through the compiled program: second starts, the last stragglers."""
+"""Any number of curves, fitted by the compiled program: first starts, further ones, slow lanes."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from fitting.bare_surface.kept_minima import (
 )
 from fitting.problem.solver import START_DAMPING
 
-# Most lanes end within 4 evaluations; the others would make their whole group wait, so they are
-# collected and go on among themselves.
+# Most lanes converge within 4 evaluations. The others would keep their whole group waiting, and so
+# they are collected and continued in groups of their own.
 FIRST_STEPS, MOST_STEPS = 4, 2000
-# Lanes with n < 1 that have not come to rest after that many creep along a bent valley; they take
-# up to as many steps in coordinates in which it is straighter, and then go on.
+# Lanes with n < 1 that have not converged after so many evaluations move slowly along a curved
+# valley. They take up to as many steps in coordinates in which it is straighter, and then go on.
 CREEP_STEPS = 40
-# A further start is looked at again after that many: it goes on if it is near the best minimum by
-# then, and after the second only if it is below (else it creeps along a plateau).
+# After so many evaluations a further start goes on only if it is near the best minimum; after the
+# second number only if it is below that (otherwise it moves slowly along a plateau).
 FURTHER_STEPS = 10, 40
-# In the call of its curve, where others of a group wait for it, one that is near goes on to that.
+# In the call of its curve, where others of a group wait for it, a near one goes on to this number.
 NEAR_STEPS = 14
 _COST = Solved._fields.index("cost")
 _SCALE = Solved._fields.index("scale")
@@ -43,7 +43,7 @@ _DAMPING = Solved._fields.index("damping")
 def _to_the_end(
     data: Data, curve: np.ndarray, solved: np.ndarray, stages: Sequence[tuple[int, Any]]
 ) -> np.ndarray:
-    """Return ``solved``, with the lanes that were cut short run to their end.
+    """Return ``solved`` after continuing the lanes that had not converged.
 
     curve: which of the curves each lane is of. stages: evaluations, and the cost below which a lane
     takes part, less from stage to stage. Lanes that have come to the far end of their chart go on
@@ -153,7 +153,7 @@ def _minima(data: Data, points: np.ndarray | None) -> Minima:
 
 
 def _with_points(further: Further, points: np.ndarray) -> Further:
-    """Return further starts with one more of each curve, (3, N), that was not followed."""
+    """Return further starts and one more for each curve, (3, N), which was not followed yet."""
     count = points.shape[1]
     own = np.full(count, further.which.max(initial=0) + 1)
     nothing = np.full((len(further.solved) - 3, count), np.nan)

@@ -1,4 +1,4 @@
-"""Curves through the compiled program, cut into calls of one size that run side by side."""
+"""Calls of the compiled program with curves in blocks of one size, several in parallel."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ def start_rows(count: int, points: np.ndarray | None = None) -> np.ndarray:
 
 @functools.cache
 def _threads(process: int) -> ThreadPoolExecutor:
-    """Return the threads of this process, which wait for work from call to call.
+    """Return the threads of this process, which are kept between calls.
 
-    To begin and end them takes as long as to fit 20 curves. A forked process has its own.
+    Starting and ending them takes as long as fitting 20 curves. A forked process has its own.
     """
     del process
     return ThreadPoolExecutor(os.cpu_count() or 1)
@@ -71,7 +71,7 @@ def _shape(data: Data) -> tuple[int, int, int]:
 def _call(
     data: Data, start: np.ndarray, steps: Steps, shape: tuple[int, int, int]
 ) -> tuple[np.ndarray, tuple[Any, ...]]:
-    """Return what one call of the program gives for up to so many curves as ``shape`` has."""
+    """Return the result of one call of the program, for as many curves as ``shape`` allows."""
     here, angles = data.curves, data.values[0].shape[1]
     size, block, lanes = shape
     wide, part = angles, data
@@ -140,7 +140,7 @@ def run(data: Data, start: np.ndarray, steps: Steps) -> tuple[np.ndarray, Furthe
 
     if count <= size:
         return one(0)
-    # Threads, because a call keeps the thread waiting that makes it, without the GIL.
+    # Threads, because a call blocks its thread, without holding the GIL.
     rest = [_threads(os.getpid()).submit(one, first) for first in range(size, count, size)]
     try:
         parts = [one(0), *(task.result() for task in rest)]

@@ -1,4 +1,4 @@
-"""Curves of a bare surface whose stated errors are not met: fitted again with a common error."""
+"""Curves of a bare surface that contradict their stated errors, fitted with a common error."""
 
 from __future__ import annotations
 
@@ -61,8 +61,8 @@ def with_common_error(
     if not a.stated or errors not in ("auto", "floor"):
         return f, taken
     far = (f.dof > 0) if errors == "floor" else f.codes["chi2_large"]
-    # Not only what converged: where the better stated half of the data was fitted alone, that may
-    # have determined nothing.
+    # Also fits that did not converge: if a part of the data has far smaller stated errors than the
+    # rest, that part alone was fitted, and may have determined nothing.
     todo = np.flatnonzero(far & (f.status != NO_DATA) & np.isfinite(f.solved.cost))
     if not len(todo):
         return f, taken

@@ -35,7 +35,7 @@ import numpy as np
 # Where k = 0 is reached: k is then about 1e-12 n, which changes R by 1e-24, far below rounding, and
 # the chain rule through the square root stays finite (dR/dk ~ k meets dk/dw ~ 1/k).
 W_MIN = 1e-24
-# n = 1 +- 1.4e-10: R below 1e-20. From here on there is no boundary to speak of.
+# n = 1 +- 1.4e-10: R below 1e-20. A smaller x is no boundary at all.
 X_MIN = 1e-20
 # 1 - R(0) = 8e-18: a perfect mirror in float64.
 X_MAX = 40.0

@@ -1,4 +1,4 @@
-"""The data of many curves as the compiled program takes them: cut, filled up, completed."""
+"""The data of many curves in the form of the compiled program: selected, padded, completed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fitted curve at any angle, with the band that the uncertainty of eta and k gives it."""
+"""The fitted curve at any angle, and its standard error from that of eta and k."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from fitting.bare_surface.estimate import K_MIN
 from fitting.bare_surface.reflectances import CHANNELS, reflectances
 from fitting.measurements.measurement import Measurement
+from fitting.problem.evaluation import not_measured
 from fitting.process.compiled import compiled
 from fitting.results.result import IndexBand, Prediction
 
@@ -37,10 +38,10 @@ _with_slopes = compiled(_with_slopes, ())
 def _covariance(information: np.ndarray, sigma_eta: np.ndarray, at_zero: np.ndarray) -> np.ndarray:
     """Return the covariance of (eta, u), (N, 2, 2): the inverse over what the data determine.
 
-    A direction that they do not see at all is left out: along it the curve does not change. At
-    k = 0 it is the mean square of what u >= 0 may be, which sigma_eta tells: eta shifts by
-    -i_nu / i_nn for each unit of u. (In total reflection, where R is linear in k, sigma_eta is that
-    of the inverse, and u that of K_MIN: the inverse it is there too.)
+    A direction that the data do not determine at all is left out, since the curve does not change
+    along it. At k = 0 the variance of u is the mean square of u >= 0, which follows from sigma_eta:
+    eta shifts by -i_nu / i_nn for each unit of u. (In total reflection, where R is linear in k,
+    sigma_eta is that of the inverse and u that of K_MIN, so that this is the inverse there too.)
     """
     ok = np.asarray(np.isfinite(information).all((1, 2)))
     safe = np.where(ok[:, None, None], information, np.eye(2))
@@ -60,7 +61,7 @@ def _covariance(information: np.ndarray, sigma_eta: np.ndarray, at_zero: np.ndar
 
 
 class SurfaceCurves(NamedTuple):
-    """What N fitted curves are evaluated by; see `result.Evaluator`. Arrays are (N, ...).
+    """The evaluator of N fitted curves; see `result.Evaluator`. Arrays are (N, ...).
 
     information: Fisher information in (eta, u = k^2), regular at k = 0, and singular where one
     combination is unknown, where the covariance does not exist; NaN where there is no fit.
@@ -138,17 +139,14 @@ class SurfaceCurves(NamedTuple):
     def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
         """Return eta and k at the fitted wavelengths; see `Fit.index`."""
         if medium not in (None, "substrate"):
-            raise ValueError(f"there is no medium {medium!r}; the bare surface is of substrate.")
+            raise ValueError(f"there is no medium {medium!r}; a bare surface has 'substrate' only.")
         chosen = np.arange(len(self.eta))
         if wavelength_um is not None:
             place = {w: i for i, w in enumerate(self.wavelength_um.tolist())}
             wanted = np.atleast_1d(np.asarray(wavelength_um, float)).tolist()
             strange = [w for w in wanted if w not in place]
             if strange:
-                raise ValueError(
-                    f"{strange[0]:g} um was not measured; eta and k that are free at every "
-                    "wavelength are known at the measured ones only. Fit a dispersion model."
-                )
+                raise not_measured(strange[0])
             chosen = np.array([place[w] for w in wanted])
         columns = (self.wavelength_um, self.eta, self.sigma_eta, self.k, self.sigma_k)
         return IndexBand(*(c[chosen] for c in columns))
@@ -161,7 +159,7 @@ class SurfaceCurves(NamedTuple):
         )  # fmt: skip
 
     def at(self, index: tuple[int, ...]) -> SurfaceCurves:
-        """Return that of one curve."""
+        """Return the evaluator of one curve."""
         i = int(np.ravel_multi_index(index, self.shape))
         one = {
             name: value[i : i + 1] for name, value in self._asdict().items()

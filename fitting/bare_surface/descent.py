@@ -1,4 +1,4 @@
-"""The way of lanes from their starts to their minima: steps, last step, other chart."""
+"""The iterations that take lanes from their starts to their minima, in either chart."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SOLVER = BatchLevenbergMarquardt()
 
 
 class Solved(NamedTuple):
-    """What the program gives back, each (L,)."""
+    """The result of the program, each (L,)."""
 
     x: Any
     w: Any
@@ -73,7 +73,7 @@ def _last_step(
 
     none = jnp.zeros_like(allowed)
     nowhere = tuple(jnp.zeros_like(v) for v in curves.values)
-    # The count ends it where NaN, which is unlike itself, would have it step back for ever.
+    # The count ends the loop for NaN, which is unequal to itself and would step back for ever.
     y, weighted, plain, found, _, _ = jax.lax.while_loop(
         lambda carry: carry[4] & (carry[5] < 2),
         body,
@@ -112,7 +112,7 @@ def descend(
     def step(carry):
         y, state = carry
         moving = under_way(state)
-        # A lane that is over rests, whether or not it is done.
+        # A lane that has reached its limit is not moved, whether or not it has converged.
         resting = state._replace(done=~moving)
         trial = SOLVER.next_trial(y, options, resting)
         sums = normal_sums(lambda z, _: (residuals(z, (curves, chart)), None), trial, None)

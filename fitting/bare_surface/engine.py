@@ -1,10 +1,10 @@
-"""The one compiled program behind `fit` and `fit_many`: starts, and the way from each of them.
+"""The compiled program behind `fit` and `fit_many`: starts, and the descent from each of them.
 
 One program per set of channels and number of angles, for 8 curves (a few), 64 (several) or 1024
 (many). Of the first two every start of a curve is followed in one call: curves and further starts
-are jobs, and jobs run in groups of 8 lanes, so that a lane which takes long keeps 7 others waiting
-and not a whole batch. Of many curves the first starts alone run, 64 side by side, since `batch`
-packs what is left of all of them. Nothing here knows how many curves there are.
+are jobs, and jobs run in groups of 8 lanes, so that a slow lane keeps 7 others waiting and not a
+whole batch. Of many curves the first starts alone run here, 64 side by side; `batch` collects the
+remaining work of all of them. The number of curves in a batch is not known here.
 """
 
 from __future__ import annotations

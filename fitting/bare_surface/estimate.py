@@ -1,4 +1,4 @@
-"""From the minima to values and errors: covariance, limits, what is determined and what is not."""
+"""Values and errors at the minima: covariance, limits, and what the data do not determine."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SINGULAR = 1e-11
 LIMIT_SPREAD = 0.1
 # k is seen where k^2 (k itself in total reflection) is this many standard errors above 0.
 SEEN_SIGMAS = 3.0
-# k that stands for 0 where a slope in k is told as one in u = k^2 (there and in `curves`).
+# The k in place of 0 where a slope in k is converted to one in u = k^2 (here and in `curves`).
 K_MIN = 1e-12
 
 
@@ -27,14 +27,14 @@ class Estimated(NamedTuple):
     """What the data say about one minimum, one (N,) array each unless noted.
 
     information: (N, 2, 2), Fisher information in (eta, u = k^2) in units of the sigmas.
-    variance: what one unit of the weighted sum of squares stands for (1, or chi2 / dof); NaN if
-        nothing tells.
+    variance: the unit of the weighted sum of squares (1, or chi2 / dof); NaN if it cannot be
+        estimated.
     covariance: (N, 2, 2) in (eta, k); NaN where there is none.
     k_interval: (N, 2), 95 % interval of k from the quadratic model in u, or in total reflection in
         k; k_upper_limit is its end where k is compatible with 0, NaN elsewhere. t: how many
         standard errors 95 % are. linear: where the curve is linear in k (total reflection).
-    x: log[(1 + |N|^2) / 2n] and sigma_x its standard error; moved: change of x along the direction
-        that the data do not see, over the whole range of k.
+    x: log[(1 + |N|^2) / 2n] and sigma_x its standard error; moved: change of x along the null
+        direction of the Fisher matrix, over the whole range of k.
     """
 
     eta: np.ndarray
@@ -97,9 +97,9 @@ def _in_total_reflection(
     variance: np.ndarray,
     linear: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return information in (eta, u) and the reach of k, made good in the lanes ``linear``.
+    """Return information in (eta, u) and the reach of k, corrected in the lanes ``linear``.
 
-    Of these the ones are looked at again whose k is near 0; see `total_reflection`.
+    Those of them with k near 0 are evaluated again; see `total_reflection`.
     """
     reach = k.copy()
     if not len(linear):
@@ -137,7 +137,7 @@ def estimate(
         u = k * k
         dof = np.maximum(s.count - 2, 0)
         scatter = np.where(dof > 0, s.cost / np.maximum(dof, 1), np.nan)
-        # Without a degree of freedom stated errors are all there is to go by.
+        # Without a degree of freedom only the stated errors are available.
         variance = np.ones_like(eta) if absolute else np.where(
             (dof == 0) & stated, 1.0, scatter
         )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The minima of a curve that are kept of all arrivals: the best one and the next ones."""
+"""The distinct minima of a curve among the ends of all its starts: the best and the next ones."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from fitting.bare_surface.coordinates import index_derivatives, xi_of
 from fitting.bare_surface.descent import Solved
 
-# Minima that are kept beside the best one: R_p over a few degrees has up to three that fit alike.
+# Number of minima beside the best one: R_p over a few degrees has up to three equally good ones.
 OTHERS = 3
-# What rounding of the data alone leaves of their sum of squares: exact curves.
+# Share of the sum of squares of the data that their rounding alone leaves, for exact curves.
 ROUNDING_COST = (64.0 * np.finfo(float).eps) ** 2
 _COST = Solved._fields.index("cost")
 _EVALUATIONS = Solved._fields.index("evaluations")
@@ -43,11 +43,10 @@ def as_minima(found: np.ndarray) -> Minima:
 
 
 def with_arrival(found: np.ndarray, new: np.ndarray) -> np.ndarray:
-    """Return minima (1 + OTHERS, fields, N), lowest first, with one more arrival each."""
+    """Return minima (1 + OTHERS, fields, N), lowest first, after one more end for each curve."""
     total = found[0][_EVALUATIONS] + new[_EVALUATIONS]
     known = _same(found, new)
-    # Of two arrivals at one minimum the first stays, if it came to rest: which is lower is a matter
-    # of rounding.
+    # Of two ends at one minimum the first is kept if it converged: only rounding makes one lower.
     unfinished = known[0] & ~(found[0][_DONE] > 0) & (new[_COST] < found[0][_COST])
     found = found.copy()
     found[0] = np.where(unfinished, new, found[0])
@@ -60,7 +59,7 @@ def with_arrival(found: np.ndarray, new: np.ndarray) -> np.ndarray:
 
 
 def less_absorbing_first(found: np.ndarray) -> Minima:
-    """Return the minima; of two that only rounding tells apart the less absorbing one first."""
+    """Return the minima; of two that differ by rounding only, that of smaller k comes first."""
     b = Solved(*found[1])
     with np.errstate(invalid="ignore"):
         exact = (b.cost <= ROUNDING_COST * b.scale) & (b.done > 0)

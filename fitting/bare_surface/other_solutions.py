@@ -33,7 +33,7 @@ class Other(NamedTuple):
 
 
 def _nothing(like: Any, count: int) -> Any:
-    """Return as many rows of nothing: NaN, False, or the kind of interval that is none."""
+    """Return as many empty rows: NaN, False, or the interval kind "none"."""
 
     def empty(a: np.ndarray) -> np.ndarray:
         kind = {"b": False, "U": NONE}.get(a.dtype.kind, np.nan)
@@ -52,7 +52,7 @@ def _none(count: int) -> Other:
 
 
 def _distinct(known: Estimated, other: Estimated) -> np.ndarray:
-    """Where the other minimum is another index, not the same one reached from another side."""
+    """Return which other minima are another index, and not the same one from another start."""
     i_nn, i_nu, i_uu = (known.information[:, i, j] for i, j in ((0, 0), (0, 1), (1, 1)))
     with np.errstate(all="ignore"):
         sigma_u = np.sqrt(known.variance * i_nn / (i_nn * i_uu - i_nu**2))  # u = k^2

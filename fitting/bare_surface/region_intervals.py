@@ -1,4 +1,4 @@
-"""95 % intervals of eta and k: quadratic where that is right, else from the likelihood itself.
+"""95 % intervals of eta and k: quadratic where that is accurate, else by profile likelihood.
 
 The quadratic ones are eta +- t sigma_eta, and k from k^2 +- t sigma_u (u = k^2, in which the curve
 is nearly linear; in total reflection it is in k), cut at 0. They were compared with
@@ -61,7 +61,7 @@ def intervals(
     """Return the 95 % intervals at the minima ``s``.
 
     wanted: one of `uncertainty.intervals.KINDS`. blank: no quadratic interval.
-    undetermined: only the profile tells. nothing: no interval at all. matched: no boundary (x = 0).
+    undetermined: by profile only. nothing: no interval at all. matched: no boundary (x = 0).
     Accuracy: the ends of a profile interval to 1e-3 of its width. Coverage by simulation:
     docs/fitting.md. Near k = 0 that of k is 95 to 98 %, since k cannot be negative.
     """

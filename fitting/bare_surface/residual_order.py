@@ -1,4 +1,4 @@
-"""What the residuals of the fit of one index say: an order, and a misfit larger than the noise."""
+"""Autocorrelation of the residuals of one bare surface, and misfits larger than the noise."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from fitting.measurements.measurement import Measurement
 from fitting.residuals.misfit import misfit
 from fitting.residuals.pattern import pattern
 
-# With fewer data `pattern` never finds one.
+# With fewer data `pattern` never finds autocorrelation.
 ENOUGH = 11
 
 
 class Order(NamedTuple):
-    """Of each wavelength, (N,) each.
+    """For each wavelength, (N,) each.
 
-    correlation: of neighbours where residuals are in order, NaN elsewhere. chance: what chance
-    gives. noise: what neighbours scatter where the fit misses the data by
-    more than that, NaN elsewhere.
+    correlation: lag-1 correlation of the residuals if they are autocorrelated, else NaN. chance:
+    its limit for independent noise. noise: the scatter of neighbouring data if the fit misses the
+    data by more than that, else NaN.
     """
 
     correlation: np.ndarray
@@ -28,10 +28,10 @@ class Order(NamedTuple):
 
 
 def order_of_residuals(m: Measurement, fitted: np.ndarray, stated: bool) -> Order:
-    """Return what the residuals of every wavelength say; each is looked at by itself.
+    """Return the test of the residuals of every wavelength, each by itself.
 
-    m: what was fitted, fitted: the curve there, NaN where no fit is. stated: whether the fit
-    weighed by stated errors.
+    m: the data; fitted: the curve at each, NaN without a fit. stated: whether the fit used stated
+    errors.
     """
     _, which = np.unique(m.wavelength_um, return_inverse=True)
     many = np.bincount(which)
@@ -52,7 +52,7 @@ def order_of_residuals(m: Measurement, fitted: np.ndarray, stated: bool) -> Orde
 
 
 def _noise_of_a_misfit(m: Measurement, fitted: np.ndarray) -> float:
-    """Return the noise of the quantity that is missed by most of it; NaN where none is missed."""
+    """Return the noise of the quantity of largest misfit over noise; NaN without a misfit."""
     worst, noise = 0.0, np.nan
     for quantity in sorted(set(m.quantity.tolist())):
         here = m.quantity == quantity

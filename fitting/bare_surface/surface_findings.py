@@ -1,4 +1,4 @@
-"""Which warnings the fits of a bare surface get, for all curves at once."""
+"""The warnings of the fits of a bare surface, for all curves at once."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fitting.results.sentences import SENTENCES
 
 
 def shaped(values: Any, a: Arranged) -> Any:
-    """Return (N, ...) in the batch's shape; of one curve as a Python scalar where it is one."""
+    """Return an array (N, ...) in the shape of the batch; for a single curve a Python scalar."""
     array = np.asarray(values)
     if len(a.shape) != 1:
         array = array.reshape(a.shape + array.shape[1:])
@@ -30,7 +30,7 @@ def _trade(information: np.ndarray) -> float:
 
 
 def _of_floor(f: Answer, taken: Taken) -> dict[str, np.ndarray]:
-    """Return where a common error was taken, and where that changes more than the errors tell."""
+    """Return which fits took a common error, and whose values it changes beyond their errors."""
     used = np.isfinite(taken.gain)
     if not used.any():
         return {}
@@ -110,7 +110,7 @@ def _values(a: Arranged, f: Answer, taken: Taken, errors: str, code: str) -> dic
 
 
 def findings(a: Arranged, f: Answer, taken: Taken, errors: str) -> tuple[Finding, ...]:
-    """Return the findings of all curves, the gravest first; numbers of those that hold alone."""
+    """Return the warnings of all curves, the most serious first, with the values of each."""
     codes = f.codes | _of_floor(f, taken)
     held = [code for code in SENTENCES if code in codes and codes[code].any()]
     return tuple(

@@ -1,11 +1,11 @@
-"""From where on the data are said not to determine an index."""
+"""The limits beyond which an index is called undetermined."""
 
 CORRELATION_LIMIT = 0.995
 VAGUE_LIMIT = 0.1
-# Two standard errors reach 0: nothing is known but an order of magnitude, and the quadratic model
-# behind the standard error no longer holds.
+# Two standard errors reach 0: the value is known to an order of magnitude at best, and the
+# quadratic approximation behind the standard error no longer holds.
 UNDETERMINED_LIMIT = 0.5
-# Change of x = log[(1 + |N|^2) / 2n] along what the data do not see, over the whole range of k.
+# Change of x = log[(1 + |N|^2) / 2n] along the null direction of the Fisher matrix, over all k.
 CIRCLE_LIMIT = 0.1
 FLAT_BELOW_DEG = 30.0
 # R(0) within 2 exp(-x) = 2.5e-4 of 1: no plain metal reflects so well, or shows it if it does.

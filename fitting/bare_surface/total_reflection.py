@@ -1,4 +1,4 @@
-"""What the data say of a small k in total reflection, where 1 - R grows as k and not as k^2.
+"""A small k in total reflection, where 1 - R grows as k and not as k^2, and its error.
 
 With light from the denser side (n < 1) and angles beyond the critical one
 

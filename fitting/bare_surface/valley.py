@@ -1,4 +1,4 @@
-"""The line of constant R(0) along which the data say least of an index: places on it, costs there.
+"""The line of constant R(0), along which an index is least determined: points and costs on it.
 
 Every index with one x = log[(1 + |N|^2) / 2n] lies on the circle
 

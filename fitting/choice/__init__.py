@@ -1,1 +1,1 @@
-"""No more model than the data need: which of several models or samples is taken."""
+"""The choice among several models or samples: the smallest that the data do not contradict."""

@@ -9,11 +9,11 @@ candidates closer than that the one with the fewest parameters is taken, and the
 between equals. One whose parameters the data do not see ("undetermined"), or that did not converge,
 is shown and never taken.
 
-BIC takes residuals for independent noise. Residuals that lie below the stated errors and are
-autocorrelated are no noise, but deviations smaller than what is stated of the data: of candidates
-that leave no more than such deviations the smallest is taken, however much more of them others
-describe (by BIC alone R of a diamond film, stated to .3 %, takes four oscillators of 14 parameters,
-two of them lines of no width, to describe deviations of .2 %).
+BIC assumes that residuals are independent noise. Residuals that are autocorrelated and smaller than
+the stated errors are not noise but systematic deviations within these errors. Of the candidates
+that leave only such deviations the smallest is taken, even if others describe part of them. (By
+BIC alone R of a diamond film, stated to .3 %, takes four oscillators of 14 parameters, two of them
+lines without width, to describe deviations of .2 %.)
 """
 
 from __future__ import annotations
@@ -34,7 +34,11 @@ MARGIN = 6.0
 
 
 class Key(NamedTuple):
-    """What tells candidates apart: what the open medium is, what is free beside it, k held at 0."""
+    """What distinguishes candidates.
+
+    model: of the medium that is `auto`. free: instrument parameters that are fitted. without_k:
+    whether k is fixed at 0.
+    """
 
     model: str
     free: tuple[str, ...] = ()
@@ -42,15 +46,15 @@ class Key(NamedTuple):
 
     @property
     def label(self) -> str:
-        """What the table calls it."""
+        """The name in the table."""
         return ", ".join([self.model + (", k = 0" if self.without_k else ""), *self.free])
 
 
 class Candidate(NamedTuple):
-    """A sample that was tried, and what came of it.
+    """A sample that was tried, and its fit.
 
-    enough: whether its residuals are autocorrelated and, beyond chance, below the stated errors,
-    which the caller believes.
+    enough: whether its residuals are autocorrelated and, beyond chance, smaller than the stated
+    errors, and these are used (`errors` is "auto" or "stated").
     """
 
     key: Key
@@ -59,7 +63,7 @@ class Candidate(NamedTuple):
 
     @property
     def label(self) -> str:
-        """What the table calls it."""
+        """The name in the table."""
         return self.key.label
 
     @property
@@ -75,11 +79,12 @@ class Candidate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """What `choose` found.
+    """The result of `choose`.
 
-    fit: of the sample taken. taken: its candidate. candidates: all that were tried, by rising BIC.
-    reasons: why this one, and what else fits as well. describes: whether the residuals of the one
-    taken look like noise; if not, its first warning says so.
+    fit: the `Fit` of the sample that was taken.
+    taken: its candidate. candidates: all that were tried, by rising BIC.
+    reasons: why this one was taken, and which others fit as well.
+    describes: whether the residuals of `fit` look like noise; if not, its first warning says so.
     """
 
     fit: Fit
@@ -89,7 +94,7 @@ class Choice:
     describes: bool = True
 
     def table(self) -> list[list[str]]:
-        """Return the comparison as rows of texts, heads first, what is taken marked with ``>``."""
+        """Return the comparison as rows of texts below a header; ``>`` marks the one taken."""
         rows = [["", "model", "parameters", "BIC", "rms", "status"]]
         least = min(c.fit.bic for c in self.candidates)
         for c in self.candidates:
@@ -101,7 +106,8 @@ class Choice:
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as plain data.
 
-        ``models``, by rising BIC; ``describes_data``, of the one taken; ``choice``, the reasons.
+        ``models``: the candidates by rising BIC. ``describes_data``: `describes`. ``choice``: the
+        reasons.
         """
         models = [
             {
@@ -127,7 +133,7 @@ class Choice:
 
 
 def candidate(key: Key, fit: Fit, errors: str) -> Candidate:
-    """Return a candidate; errors: what the caller believes of the stated errors."""
+    """Return a candidate; errors: how the stated errors are used, as in `fit`."""
     codes = {f.code for f in fit.findings}
     small = errors in ("auto", "stated") and {"chi2_small", "residuals_in_order"} <= codes
     return Candidate(key, fit, small)
@@ -136,7 +142,7 @@ def candidate(key: Key, fit: Fit, errors: str) -> Candidate:
 def simplest(candidates: Sequence[Candidate]) -> Candidate:
     """Return the smallest candidate whose BIC is within MARGIN of the lowest.
 
-    Where that one is more than enough, the smallest one that is enough.
+    If the one of lowest BIC is `enough`, return the smallest of all that are.
     """
     good = [c for c in candidates if c.good] or list(candidates)
     least = min(good, key=lambda c: c.fit.bic)
@@ -147,7 +153,7 @@ def simplest(candidates: Sequence[Candidate]) -> Candidate:
 
 
 def _near(taken: Candidate, everyone: Sequence[Candidate]) -> list[Warning]:
-    """Return the reason to take this one of those that fit alike; nothing if none does."""
+    """Return the reason to take this one of several of nearly equal BIC; () if it is alone."""
     near = [
         c for c in everyone
         if c.good and c.label != taken.label and abs(c.fit.bic - taken.fit.bic) <= MARGIN

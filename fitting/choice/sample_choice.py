@@ -44,25 +44,32 @@ def _is_fixed(which: Sample) -> bool:
 
 
 def _without_unknowns(which: Sample, fitted: Callable[..., Fit], kind: str) -> Fit:
-    """Return a sample without unknowns as a fit: of an angle offset with bounds next to 0."""
+    """Return a sample without unknowns as a fit: that of an angle offset with bounds next to 0.
+
+    The offset counts neither in the degrees of freedom nor in the information criteria.
+    """
     found = fitted(which, kind, bounds={_NEUTRAL: (-1e-9, 1e-9)})
     parameters = {n: e for n, e in found.parameters.items() if n != _NEUTRAL}
     findings = tuple(
         f for f in found.findings if f.values.get("parameter") != _NEUTRAL
         and _NEUTRAL not in (f.values.get("parameters") or ())
     )  # fmt: skip
-    less = float(np.log(found.n_data))
+    n, dof = found.n_data, found.dof + 1
+    bic = found.bic - float(np.log(n))
+    noise = 0 if found.errors.taken == "stated" else 1  # the only unknown, see `criteria`
     return replace(
         found, parameters=parameters, covariance=found.covariance[:0, :0], findings=findings,
-        bic=found.bic - less, status=CONVERGED,
+        bic=bic, aicc=bic + 2.0 * noise * n / (n - noise - 1) if n > noise + 1 else np.inf,
+        dof=dof, chi2_reduced=found.chi2_reduced * found.dof / dof, status=CONVERGED,
+        evaluations=0, starts=0, reached=0,
     )  # fmt: skip
 
 
 def _candidate(which: Sample, run: Callable[[Sample, str], Fit], errors: str) -> Candidate:
     found = run(which, QUADRATIC)
     thin = any(f.code == "thin_film" for f in found.findings)
-    # If the data determine only the product of thickness and index of a layer, it counts as one
-    # parameter and not two; the layer is there, although little is known of it.
+    # If the data determine only the product of thickness and index of a layer, the sample may still
+    # be taken: the layer is there, although little is known of it.
     if thin and found.status != CONVERGED:
         found = replace(found, status=CONVERGED)
     return candidate(Key(str(which)), found, errors)
@@ -85,8 +92,9 @@ def choose_sample(
     for which in samples:
         if which.by_wavelength or which.open:
             raise ValueError(
-                f"the sample {str(which)!r} is free or auto; samples with numbers, materials and "
-                "named dispersion models can be compared."
+                f"the sample {str(which)!r} cannot be compared with others, since an index in it "
+                "is free at every wavelength or auto. Write numbers, materials or named dispersion "
+                "models instead."
             )
     believed: Mapping[str, Any] = {**options}
     errors = options.get("errors", "auto")

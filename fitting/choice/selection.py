@@ -1,12 +1,14 @@
-"""No more model than the data need: a medium that is written `auto`.
+"""`choose`: the simplest dispersion model of a medium that is written `auto`.
 
-Candidates come in stages, each only if the one before gives reason to: without k and with the
-simplest k; more oscillators, where light is absorbed or nothing so far describes the data, and
-while they help; then each instrument parameter. `candidates` says how they compare and which is
-taken. Nearly all of the time of a first `choose` goes by in compiling, and so candidates share
-programs: what only some of them fit (the instrument's parameters; the terms by which one model is
-wider than another, see `wider_models`) is fixed in the others, which is the same
-program with narrower bounds.
+Candidates are tried in stages, each only if the one before gives a reason: models without k and
+with the simplest k; more oscillators, if light is absorbed or no model so far describes the data,
+and as long as they help; then each instrument parameter. `candidates` says how they compare and
+which is taken.
+
+Nearly all of the time of a first `choose` is spent on compiling. Candidates therefore share
+programs: a parameter that only some of them fit (of the instrument, or of the terms by which one
+model is wider than another, see `wider_models`) is fixed in the others, which is the same program
+with equal bounds.
 """
 
 from __future__ import annotations
@@ -61,18 +63,19 @@ def _good(c: Candidate | None) -> bool:
 
 
 def _only_shared(names: Iterable[str]) -> None:
-    """Refuse settings of parameters that only some of the models have."""
+    """Raise ValueError for settings of parameters that only some of the models have."""
     for name in names:
         bare = plain_name(name).split("[")[0]
         if bare not in INSTRUMENT and "thickness" not in bare:
             raise ValueError(
-                f"{name} is a parameter of some models only; with the model left open ('auto'), "
-                f"{', '.join(INSTRUMENT)} and thicknesses can be set. Name the model to set others."
+                f"{name} is not a parameter of every model, and the sample leaves the model open "
+                f"(auto): only {', '.join(INSTRUMENT)} and thicknesses can be set. Name a model in "
+                "the sample to set others."
             )
 
 
 def _in_errors(found: Fit) -> float:
-    """Return the size of the residuals in stated errors; with a robust loss without outliers."""
+    """Return the size of the residuals in stated errors; outliers of a robust loss do not count."""
     if found.loss == "squares":
         return float(np.sqrt(found.chi2_reduced))
     m = found.measurement
@@ -82,8 +85,11 @@ def _in_errors(found: Fit) -> float:
 
 
 def explains(found: Fit) -> bool:
-    """Whether the residuals of a fit look like noise: in size where errors are stated, else in
-    order, as `pattern` tells."""
+    """Whether the residuals of a fit look like noise.
+
+    With stated errors they must not be larger than these; without, they must not be autocorrelated
+    (`pattern`).
+    """
     if np.isfinite(found.chi2_reduced) and found.dof:
         return _in_errors(found) ** 2 < max(1.5, 1.0 + 5.0 * np.sqrt(2.0 / found.dof))
     m, curve = found.measurement, found.curve
@@ -92,7 +98,7 @@ def explains(found: Fit) -> bool:
 
 
 def _with_doubt(choice: Choice) -> Choice:
-    """Return the choice, with a warning first of all where its model does not describe the data."""
+    """Return the choice, with a first warning if its model does not describe the data."""
     found = choice.fit
     if explains(found):
         return choice
@@ -108,11 +114,11 @@ def _with_doubt(choice: Choice) -> Choice:
 
 
 def _of_instrument(m: Measurement) -> list[str]:
-    """Return the instrument parameters that are worth a try with such data."""
+    """Return the instrument parameters that such data can determine."""
     power = are_powers(m.quantity)
     oblique = m.angle_deg[m.angle_deg > 0.0]
     names = []
-    # At one angle a scale is an index.
+    # At one or two angles a scale cannot be told from another index.
     if power.any() and len(np.unique(m.angle_deg)) > 2:
         names.append("scale")
     if len(np.unique(oblique)) > 2 or (len(oblique) and not power.all()):
@@ -147,13 +153,14 @@ def choose(
 
     Raises:
         ValueError: as `fit` does, and for parameters that only some of the models have.
+        TypeError: for an unknown option.
     """
     strange = [name for name in options if name not in _OPTIONS]
     if strange:
         raise TypeError(f"choose has no option {strange[0]!r}; it has {', '.join(_OPTIONS)}.")
     samples = several_samples(sample)
     if not samples:
-        raise ValueError("no sample came; a text, or several, were wanted.")
+        raise ValueError("the list of samples is empty; the text of one or more was wanted.")
     if len(samples) > 1:
         given = {"free": free, "fixed": fixed, **options}
         return choose_sample(
@@ -162,8 +169,8 @@ def choose(
     which = Sample.parse(next(iter(samples)))
     if not which.open:
         raise ValueError(
-            f"the sample {str(which)!r} leaves nothing to choose; write auto in it, or several "
-            "samples with 'or' between them."
+            f"the sample {str(which)!r} leaves nothing to choose: write 'auto' for one index in "
+            "it, or several samples with 'or' between them; or use fit."
         )
     check_intervals(intervals)
     several = measurements_of(measurement)
@@ -182,13 +189,14 @@ def choose(
     mentioned = {name.partition("[")[0] for name in base.names}
     wanted = [n for n in _of_instrument(joined) if instrument and n not in mentioned]
 
-    ends: dict[Hashable, tuple[Ends, float]] = {}  # the one taken is fitted twice, searched once
+    # The model that is taken is fitted twice; its minima are found once.
+    ends: dict[Hashable, tuple[Ends, float]] = {}
 
-    # BIC compares fits of the same weights; the one that is taken is what `fit` makes of it.
+    # BIC compares fits with the same weights. The model that is taken is then fitted as asked.
     compared = "scaled" if errors == "auto" else errors
 
     def run(key: Key, kind: str = QUADRATIC, believed: str = compared) -> Fit:
-        # Candidates with something of the instrument free share one program.
+        # Candidates with an instrument parameter free share one program.
         quiet = {
             n: float(instrument_parameter(n).held or 0.0)
             for n in wanted if key.free and n not in key.free
@@ -212,7 +220,7 @@ def choose(
 
 
 class _Search:
-    """The candidates tried so far. errors: what is believed of the stated errors."""
+    """The candidates tried so far. errors: how the stated errors are used, as in `fit`."""
 
     def __init__(self, run: Callable[[Key], Fit], progress: Callable[[str], None], errors: str):
         self.run, self.progress, self.errors = run, progress, errors
@@ -224,14 +232,14 @@ class _Search:
         return [self.tried[key] for key in keys]
 
     def attempt_chains(self, *chains: Sequence[Key]) -> None:
-        """Try chains of candidates side by side, each as far as its candidates are good."""
+        """Try chains of candidates in parallel, each until one of its candidates is not good."""
         new = [c for c in dict.fromkeys(map(tuple, chains)) if any(k not in self.tried for k in c)]
         if not new:
             return
         for key in dict.fromkeys(k for c in new for k in c if k not in self.tried):
             self.progress(key.label)
             tell(key.label)
-        # A program is compiled on one core, and so are the lanes of a search run.
+        # Compiling a program and running it both take one core.
         with ThreadPoolExecutor(min(len(new), os.cpu_count() or 1)) as pool:
             list(pool.map(self._try_chain, new))
 
@@ -243,7 +251,7 @@ class _Search:
                 return
 
     def best(self) -> Candidate:
-        """Return the one that would be taken now."""
+        """Return the candidate that would be taken now."""
         return simplest(list(self.tried.values()))
 
 
@@ -261,7 +269,7 @@ def _stages(search: _Search, wavelengths: int) -> None:
             if wavelengths >= 4 * terms and _good(search.tried.get(Key(f"{kind}:{terms - 1}")))
         ]
 
-    # Side by side: two oscillators' programs are compiled beside that of Tauc and Lorentz.
+    # In parallel, so that the programs of two oscillators and of Tauc-Lorentz compile together.
     with_electrons = [Key(f"drude-lorentz:{terms}") for terms in (1, 2) if wavelengths >= 4 * terms]
     search.attempt_chains(with_electrons, [Key("tauc-lorentz:1")], grown(2)[:1])
     for terms in range(2, MOST_TERMS + 1):
@@ -278,7 +286,7 @@ def _stages(search: _Search, wavelengths: int) -> None:
 
 def _instrument_stage(search: _Search, wanted: Sequence[str]) -> None:
     """Try each instrument parameter, and keep those that help for the next."""
-    # A scale can look like absorption: what is without k is tried as well.
+    # A scale can look like absorption: it is tried with the best model without k as well.
     clear = [c for c in search.tried.values() if not _absorbs(c)]
     bases = [search.best()]
     bases += [c for c in [simplest(clear)] if c.key != bases[0].key]

@@ -85,7 +85,7 @@ def _stage(
     for medium in media:
         file = of_medium(arguments.material, medium)
         add("material", "--material", file, MATERIAL_MARK if medium else "", medium)
-        add("errors", "--material", errors_beside(file), ERRORS_HEAD, medium)
+        add("errors", "--material", errors_beside(file, "--material"), ERRORS_HEAD, medium)
     if arguments.report:
         left_out = () if spectrum else ("index",)
         staged += stage_report(
@@ -142,7 +142,7 @@ def _run(arguments: argparse.Namespace) -> int:
         )
         wavelength = np.concatenate([m.wavelength_um for m in measurements])
         if arguments.reference:
-            check_reference(arguments.reference, wavelength)
+            check_reference(arguments.reference, wavelength, "--reference")
     with Outputs() as outputs:
         with refusals():
             media: tuple[str | None, ...] = ()
@@ -197,7 +197,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(file=sys.stderr)
         return INTERRUPTED
     except OSError as error:
-        complain(f"{error.filename or 'writing'}: {error.strerror}")
+        complain(f"{error.filename or 'a result file'}: {error.strerror}")
     except Refused as error:
         complain(str(error))
     return MISUSED

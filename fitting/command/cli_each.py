@@ -21,7 +21,10 @@ def _check(arguments: argparse.Namespace) -> None:
 
     for flag in ("plot", "report", "reference", "material"):
         if getattr(arguments, flag):
-            raise ValueError(f"--{flag} is of one fit; --each goes with --csv and --json.")
+            raise ValueError(
+                f"--{flag} shows a single fit, but --each makes one for every file. Use --csv or "
+                "--json with --each, or fit one file without it."
+            )
     refuse_repeats(arguments.file)
     several_samples(arguments.sample)
     fit_options(arguments)
@@ -53,12 +56,12 @@ def run_each(arguments: argparse.Namespace, fit_one: Callable[..., Any]) -> int:
 
     results = [file for file in arguments.file if each_file.is_result(file)]
     for file in results:
-        complain(f"{file}: left out; it is a table of results that --each wrote.")
+        complain(f"{file}: left out, since it is a table of results that --each wrote.")
     files = [file for file in arguments.file if file not in results]
     with Outputs() as outputs:
         with refusals():
             if not files:
-                raise ValueError("no file is left to be fitted.")
+                raise ValueError("none of the files is a measurement; there is nothing to fit.")
             _check(arguments)
             if arguments.ratio_to:
                 from fitting.process.start_up import set_up_jax

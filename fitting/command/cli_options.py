@@ -52,9 +52,7 @@ where gold.csv has angles in degrees and reflectances as fractions or percent:
   angle_deg,R_s,sigma_R_s,R_p,sigma_R_p
   30,0.76,0.002,0.67,0.002
   45,0.79,0.002,0.66,0.002
-The first line of the table ("read") says how the file was understood; the
-options under "reading" overrule it. A value that begins with a minus sign needs
-the equals sign: --missing=-9999.
+A value that begins with a minus sign needs the equals sign: --missing=-9999.
 
 exit status:
   0    every curve was fitted
@@ -77,7 +75,7 @@ _READING = (
     ("angle-unit", "UNIT", "deg, rad, mrad, deg.arcmin, grazing-deg, 1/angstrom, ..."),
     ("wavelength-um", "UM", "wavelength of a file that has no column for it, micrometres"),
     ("wavelength-unit", "UNIT", "nm, um, angstrom, eV, cm-1, THz, ..."),
-    ("polarization", "LIGHT", "s, p or unpolarized; or what a column's codes mean: 0=s,1=p"),
+    ("polarization", "LIGHT", "s, p or unpolarized; or what the codes in a column mean: 0=s,1=p"),
     ("scale", "FACTOR", "factor that makes R a fraction: 0.01 for percent"),
     ("divide-by", "FILE", "divide the values by this scan of a reference, read in the same way"),
     (
@@ -87,10 +85,10 @@ _READING = (
     ),
     ("sigma", "SIGMA", "standard error of values that have none, as a fraction (0.002)"),
     ("psi-unit", "UNIT", "unit of psi and Delta: deg or rad"),
-    ("missing", "VALUES", "numbers or words that stand for a gap: 0 or -9999,bad"),
+    ("missing", "VALUES", "numbers or words that mark missing values: 0 or -9999,bad"),
     ("keep", "COLUMN=VALUES", "rows to read, by the value of a column: Zone=1,2 or Zone=1-4"),
     ("lines", "FROM-TO", "lines to read: 10-200, 10- or -200"),
-    ("delimiter", "NAME", "tab, semicolon, comma, pipe, blank, or the sign"),
+    ("delimiter", "NAME", "between columns: tab, semicolon, comma, pipe, blank, or the sign"),
     ("decimal", "SIGN", "decimal mark, . or ,"),
     ("encoding", "NAME", "text encoding: utf-8, latin-1, utf-16, ..."),
 )
@@ -111,9 +109,9 @@ class _Version(argparse.Action):
 def _add_results(parser: argparse.ArgumentParser) -> None:
     results = parser.add_argument_group("results", "Files are written whole or not at all.")
     for flag, metavar, text in (
-        ("json", "OUT", "write all results: eta, k, errors, status, ...; - for stdout"),
-        ("csv", "OUT", "write data, fitted values and residuals; for a spectrum also eta and k, in "
-         "OUT with .index before the suffix"),
+        ("json", "OUT", "write all results as JSON: eta, k, errors, status, ...; - for stdout"),
+        ("csv", "OUT", "write data, fitted values and residuals; for a spectrum also eta and k, "
+         "in out.index.csv beside out.csv"),
         ("plot", "OUT", "draw data, fit and residuals: .png, .pdf or .svg"),
         ("material", "OUT.yml", "write the fitted eta and k as a refractiveindex.info file, which "
          "--sample takes as a material, and their errors as OUT_errors.csv; several media as "
@@ -132,46 +130,59 @@ def _add_results(parser: argparse.ArgumentParser) -> None:
         "an OUT.index or OUT_errors.csv that was not written by a fit",
     )
     results.add_argument(
-        "--csv-decimal", choices=(".", ","), default=".",
+        "--csv-decimal", choices=(".", ","), default=".", metavar="MARK",
         help="decimal mark of the tables that are written: . with commas between the cells (the "
-        "default), or , with semicolons, for spreadsheets that expect these",
+        "default), or , with semicolons between the cells, for spreadsheets that expect these",
     )  # fmt: skip
-    results.add_argument("--quiet", action="store_true", help="print no table")
+    results.add_argument("--quiet", action="store_true", help="print no table and no progress")
+
+
+def _count(text: str) -> int:
+    """Return a whole number above 0, or raise the error that argparse reports."""
+    if not (text.isascii() and text.isdigit() and int(text) > 0):
+        raise argparse.ArgumentTypeError(f"{text!r} came; a whole number above 0 was wanted")
+    return int(text)
 
 
 def _add_fitting(parser: argparse.ArgumentParser) -> None:
     fitting = parser.add_argument_group(
         "fitting",
-        "NAME is a parameter of the sample (A, film.thickness_nm) or of the instrument:\n"
-        "scale and background (of all curves; scale[R_s] of R_s only), angle-offset\n"
-        "(degrees), leak of the polarizer, divergence of the beam (degrees), bandwidth\n"
-        "of the slit (nm).",
+        "NAME is a parameter of the sample, as the table of a fit lists them (A,\n"
+        "film.thickness_nm), or of the instrument: scale and background (of every\n"
+        "curve; scale[R_s]: of R_s only), angle-offset (degrees), leak (share of the\n"
+        "other polarization behind a polarizer), divergence of the beam (standard\n"
+        "deviation, degrees), bandwidth of the slit (full width at half maximum, nm).",
     )
     fitting.add_argument(
         "--sample", metavar="TEXT", default="free",
-        help="the sample that was measured, as a text; see below",
+        help="the sample that was measured; see \"samples\" below",
     )  # fmt: skip
     fitting.add_argument(
         "--free", metavar="NAME,..", action="append", default=[],
-        help="parameters to fit that are fixed by default",
+        help="parameters to fit that are fixed by default: scale,angle-offset",
     )  # fmt: skip
     for flag, metavar, text in (
-        ("--fix", "NAME=VALUE", "do not fit a parameter"),
-        ("--bound", "NAME=LOW..HIGH", "limit a parameter to a range; either end may be left out"),
-        ("--prior", "NAME=VALUE+-SIGMA", "a value known beforehand, with its standard error"),
+        ("--fix", "NAME=VALUE", "keep a parameter at this value instead of fitting it"),
+        ("--bound", "NAME=LOW..HIGH", "fit a parameter within a range; either end may be left out"),
+        (
+            "--prior",
+            "NAME=VALUE+-SIGMA",
+            "fit a parameter whose value is known beforehand, with this standard error",
+        ),
         ("--tie", "NAME=OTHER", "make a parameter equal to another, or to a multiple: 2*OTHER"),
     ):
         fitting.add_argument(flag, metavar=metavar, action="append", default=[], help=text)
     fitting.add_argument(
         "--loss", choices=("squares", "huber", "student"), default="squares",
-        help="huber or student for data with outliers (default squares)",
+        help="what is minimised: the sum of squared residuals (squares, the default), or for data "
+        "with outliers a sum in which large residuals weigh less (huber, student)",
     )  # fmt: skip
     fitting.add_argument(
         "--errors", choices=("auto", "stated", "scaled", "floor", "equal"), default="auto",
-        help="how the stated errors are used. stated: as they are; scaled: times sqrt(chi2/dof); "
-        "floor: with one common error added in squares; equal: not at all, all data have equal "
-        "weights; auto (the default): scaled, or floor where they are far too small and a floor is "
-        "likelier",
+        help="how the standard errors that a file states are used. stated: as they are; scaled: "
+        "times sqrt(chi2/dof); floor: with one common error added in squares; equal: not at all, "
+        "all data have equal weights; auto (the default): scaled, or floor where they are far too "
+        "small and a common error describes the residuals better",
     )  # fmt: skip
     fitting.add_argument(
         "--intervals", choices=("auto", "quadratic", "profile"), default="auto",
@@ -179,8 +190,10 @@ def _add_fitting(parser: argparse.ArgumentParser) -> None:
         "(profile), or by profile likelihood where the quadratic approximation fails (auto)",
     )  # fmt: skip
     fitting.add_argument(
-        "--starts", metavar="N", type=int, help="number of starts of a model (default 64 or more)"
-    )
+        "--starts", metavar="N", type=_count,
+        help="number of starting points from which the best fit is searched for (default 64 or "
+        "more, by the number of parameters; not used for one bare surface)",
+    )  # fmt: skip
 
 
 class _Parser(argparse.ArgumentParser):
@@ -216,7 +229,11 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     _add_results(out)
     _add_fitting(out)
-    reading = out.add_argument_group("reading")
+    reading = out.add_argument_group(
+        "reading",
+        'Columns, units and layout are found out from the file; the line "read" of the\n'
+        "table states them. Each of these options overrules what was found.",
+    )
     for name, metavar, text in _READING:
         reading.add_argument(f"--{name}", metavar=metavar, help=text)
     return out
@@ -233,7 +250,7 @@ def expanded(files: Sequence[str]) -> list[str]:
         if glob.has_magic(name) and not os.path.exists(name):
             found = sorted(f for f in glob.glob(name, recursive=True) if os.path.isfile(f))
         if not found:
-            raise ValueError(f"{name}: no file matches.")
+            raise ValueError(f"{name}: no file matches this pattern.")
         out += found
     return out
 
@@ -254,19 +271,26 @@ def fit_options(arguments: argparse.Namespace) -> dict[str, Any]:
     from fitting.samples.parameters import parse_setting
 
     settings: dict[str, dict[str, Any]] = {"fixed": {}, "bounds": {}, "priors": {}}
-    wanted = {"--fix": "fixed", "--bound": "bounds", "--prior": "priors"}
-    for flag, kind in wanted.items():
+    wanted = {
+        "--fix": ("fixed", "NAME=VALUE", "k=0"),
+        "--bound": ("bounds", "NAME=LOW..HIGH", "eta=1.4..1.6"),
+        "--prior": ("priors", "NAME=VALUE+-SIGMA", "scale=1+-0.02"),
+    }
+    for flag, (kind, form, example) in wanted.items():
         for text in getattr(arguments, flag[2:]):
-            name, found, value = parse_setting(text)
+            try:
+                name, found, value = parse_setting(text)
+            except ValueError:
+                name, found, value = "", "", None
             if found != kind:
-                other = next(f for f, k in wanted.items() if k == found)
-                raise ValueError(f"{flag} {text}: this is what {other} takes.")
+                other = next((f"; {f} takes this" for f, w in wanted.items() if w[0] == found), "")
+                raise ValueError(f"{flag} {text}: {form} was wanted, for example {example}{other}.")
             settings[kind][name] = value
     tie = {}
     for text in arguments.tie:
         name, equal, other = (part.strip() for part in text.partition("="))
         if not (name and equal and other):
-            raise ValueError(f"--tie {text}: NAME=OTHER was wanted.")
+            raise ValueError(f"--tie {text}: NAME=OTHER was wanted, for example film_2.A=film_1.A.")
         tie[name] = other
     free = [name for text in arguments.free for name in text.split(",") if name.strip()]
     return {

@@ -1,1 +1,1 @@
-"""From a sample and an instrument to what is measured, row by row."""
+"""Predicted values of a sample behind an instrument, for every row of the data."""

@@ -1,1 +1,1 @@
-"""From where the starts of a fit ended to its result: quality, findings, warnings."""
+"""The result of a fit from the ends of its starts: quality, findings, warnings."""

@@ -1,4 +1,4 @@
-"""Whether files that are fitted together contradict each other: not of one sample, or wrong."""
+"""Whether files that are fitted together contradict each other."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from fitting.results.diagnostics import Warning
 from fitting.results.result import Fit
 from fitting.uncertainty.covariance import UNSEEN, slopes_at
 
-# Two files contradict each other if chance gives such a difference of their indices in fewer pairs
-# than that: four standard errors of the difference, more where few data determine these.
+# Two files contradict each other if the probability of such a difference of their indices is below
+# this: four standard errors of the difference, more if few data determine these errors.
 EXCLUDING = 6e-5
 # Separate fits, which take time, are made only if the probability to first order is below this.
 PERHAPS = 1e-3
@@ -26,7 +26,7 @@ _Pair = tuple[str, tuple[float, float], tuple[float, float]]
 
 
 def may_disagree(found: Fit) -> bool:
-    """Whether two files pull a fit apart, so that separate fits are worth their time.
+    """Whether two files may contradict each other, so that separate fits are worth their time.
 
     This is an F test of the decrease of chi2 if each file took a least-squares step of its own
     from the common minimum.

@@ -1,1 +1,1 @@
-"""What a person reads and looks at: tables, pictures, pages, and the files that hold them."""
+"""Tables, pictures, pages and files of a result, and progress bars."""

@@ -39,7 +39,7 @@ def _version() -> str:
 
 
 INDEX_MARK = "# index of a fit, written by fresnel-fit"
-"""The first line of `index_csv`, by which a later run knows such a file for one of its own."""
+"""The first line of `index_csv`, by which a later run recognises a file that it may replace."""
 
 
 def _estimate(e: Estimate) -> dict[str, Any]:
@@ -52,7 +52,7 @@ def _alternative(a: Alternative) -> dict[str, Any]:
 
 
 def _each(fit: Fit, of: Any, value: Any) -> Any:
-    """Return what ``of`` makes of each of a tuple, or of an array of tuples."""
+    """Return ``of`` applied to each element of a tuple, or of each tuple of an array."""
     if not fit.shape:
         return [of(one) for one in value]
     return [[of(one) for one in some] for some in value.ravel()]
@@ -84,22 +84,22 @@ def to_dict(fit: Fit) -> dict[str, Any]:
 
 
 def json_text(fit: Fit, more: Mapping[str, Any] | None = None) -> str:
-    """Return `to_dict` as a JSON object, a field a line, and what is in ``more`` behind it."""
+    """Return `to_dict` and the fields of ``more`` as a JSON object with one line for each field."""
     return json_object(to_dict(fit) | dict(more or {}))
 
 
 def _cell(value: Any, decimal: str) -> str:
     if isinstance(value, float):
         return "" if math.isnan(value) else str(value).replace(".", decimal)
-    # a mark that parts cells would shift what stands behind
+    # A comma or semicolon inside a cell would shift the columns behind it.
     return str(value).replace(",", " ").replace(";", " ")
 
 
 def csv_text(comments: Iterable[str], columns: Mapping[str, Iterable[Any]], decimal: str) -> str:
-    """Return columns as CSV below comment lines; what is NaN is empty.
+    """Return comment lines, a header and columns as CSV; NaN is an empty cell.
 
-    decimal: "." with cells parted by commas, or "," with cells parted by semicolons, as
-    spreadsheets open them where the comma is the decimal mark. Numbers read back to the last bit.
+    decimal: "." with commas between the cells, or "," with semicolons between them, as spreadsheets
+    expect where the comma is the decimal mark. Numbers read back to the last bit.
     """
     mark = ";" if decimal == "," else ","
     out = io.StringIO()
@@ -114,7 +114,7 @@ def csv_text(comments: Iterable[str], columns: Mapping[str, Iterable[Any]], deci
 def _comments(fit: Fit) -> list[str]:
     understood = f": {fit.measurement.understood}" if fit.measurement is not None else ""
     comments = [f"{title_of(fit)}{understood}", sample_text(fit)]
-    # Of a batch what all of it shares, which has no column.
+    # Parameters that all fits of a batch share have no column of their own.
     values = ", ".join(f"{n} {v!r}" for n, v in fit.values.items() if not np.ndim(v))
     if not fit.shape:
         comments.append(f"{values}, {fit.status}")
@@ -124,12 +124,12 @@ def _comments(fit: Fit) -> list[str]:
 
 
 def data_csv(fit: Fit, decimal: str = ".") -> str:
-    """Return the measurement as CSV, a datum a row, with the fitted value and its error beside.
+    """Return the measurement as CSV, one datum a row, with its fitted value and the error of that.
 
-    Numbers are written so that they read back to the last bit; what is not known is empty;
-    residual = value - fitted. Wavelength and polarizer are left out where no row has one, the curve
-    where a quantity says all. `fitting.read_csv` reads the file as the same measurement. decimal:
-    the decimal mark; with "," cells are parted by semicolons.
+    Numbers read back to the last bit; an unknown one is an empty cell; residual = value - fitted.
+    The columns of wavelength and polarizer are left out if no row has one, that of the curve if the
+    quantity names it. `fitting.read_csv` reads the file as the same measurement. decimal: as of
+    `csv_text`.
     """
     return csv_text(_comments(fit), data_columns(fit), decimal)
 
@@ -138,7 +138,10 @@ def data_columns(fit: Fit) -> dict[str, list[Any]]:
     """Return the columns of `data_csv` by their heads; ValueError for a fit that keeps no data."""
     m = fit.measurement
     if m is None:
-        raise ValueError("this fit keeps no data: it came from arrays; there is no data table.")
+        raise ValueError(
+            "this fit keeps no data, so that there is no table of them. To keep them, fit a "
+            "Measurement with fit(...)."
+        )
     found = fit.predict()
     columns: dict[str, list[Any]] = {}
     if has_several_curves(fit) and fit.curve is not None:
@@ -159,10 +162,10 @@ def data_columns(fit: Fit) -> dict[str, list[Any]]:
 
 
 def batch_columns(fit: Fit) -> dict[str, list[Any]]:
-    """Return a column for everything that each fit of a batch has of its own; of one fit, a row.
+    """Return the results of a batch as columns with one row for each fit; a single fit is one row.
 
-    First wavelength_um, or the place in the batch; then the parameters, the index first, and what
-    is known of each: sigma_NAME, NAME_low and NAME_high (95 % interval), NAME_interval_kind,
+    First wavelength_um, or the index in the batch; then the parameters, eta and k first, and for
+    each NAME: sigma_NAME, NAME_low and NAME_high (95 % interval), NAME_interval_kind,
     NAME_upper_limit; then chi2, ..., status.
     """
     columns: dict[str, list[Any]] = {}
@@ -195,10 +198,10 @@ def _known(fit: Fit, name: str) -> dict[str, list[Any]]:
 
 
 def index_csv(fit: Fit, decimal: str = ".") -> str:
-    """Return eta and k as CSV, a wavelength (or a curve of a batch) a row.
+    """Return eta and k as CSV with one row for each wavelength (or curve of a batch).
 
-    The first three columns are wavelength_um, eta and k, as tables of indices are read; what is
-    not known is empty. The first line is ``INDEX_MARK``. decimal: as of `data_csv`.
+    The first three columns are wavelength_um, eta and k, so that it can be read as a material; an
+    unknown number is an empty cell. The first line is ``INDEX_MARK``. decimal: as of `csv_text`.
     """
     comments = [INDEX_MARK.removeprefix("# "), *_comments(fit)]
     if fit.shape:
@@ -212,9 +215,9 @@ def index_csv(fit: Fit, decimal: str = ".") -> str:
 def to_dataframe(fit: Fit) -> Any:
     """Return a pandas DataFrame: a row for each fit of a batch, else for each parameter.
 
-    Of a batch the columns of `batch_columns`, with the wavelength (or the place) as index. Else the
-    fields of `Estimate`, the interval as ``low`` and ``high``, with the parameter's name as index.
-    Raises ImportError where pandas is not installed.
+    A batch has the columns of `batch_columns`, with the wavelength (or the place in the batch) as
+    index. A single fit has the fields of `Estimate`, with the interval as ``low`` and ``high`` and
+    the name of the parameter as index. Raises ImportError where pandas is not installed.
     """
     if importlib.util.find_spec("pandas") is None:
         raise MissingExtra("to_dataframe", "pandas", "dataframe")

@@ -1,4 +1,4 @@
-"""Many files, each fitted by itself: one table with a row a file, as text, CSV and JSON."""
+"""Many files, each fitted by itself: a table with one row for each, as text, CSV and JSON."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from fitting.results.result import CONVERGED, UNDETERMINED, Fit
 
 REFUSED = "refused"
 EACH_MARK = "# results of files fitted one by one, written by fresnel-fit"
-"""The first line of `rows_csv`, by which a later run knows such a file for no measurement."""
+"""The first line of `rows_csv`, by which a later run recognises that it is no measurement."""
 
 
 class OfFile(NamedTuple):
-    """What came of one file. name: as it was given; fit: None where the file was refused.
+    """The result for one file. name: as it was given; fit: None if the file was refused.
 
     error: why it was refused, else "".
     """
@@ -41,7 +41,7 @@ def _names(files: Sequence[OfFile]) -> list[str]:
 
 
 def _value(fit: Fit, name: str) -> str:
-    """Return a parameter with its error; of a spectrum from where to where it goes."""
+    """Return a parameter with its error; of a spectrum its smallest and largest value."""
     e = fit.parameters[name]
     if fit.shape:
         values = np.asarray(e.value)
@@ -85,7 +85,7 @@ def rows_text(files: Sequence[OfFile]) -> str:
 
 
 def _rows(file: OfFile) -> list[dict[str, Any]]:
-    """Return the rows of one file: one, or one a wavelength where the index is free at each."""
+    """Return one row for a file, or one for each wavelength if the index is free at each."""
     fit, first = file.fit, {"file": visible(file.name)}
     if fit is None:
         return [{**first, "status": REFUSED, "message": visible(file.error)}]
@@ -98,7 +98,7 @@ def _rows(file: OfFile) -> list[dict[str, Any]]:
 
 
 def rows_csv(files: Sequence[OfFile], decimal: str = ".") -> str:
-    """Return a row a file, or a row a wavelength where the index is free at each, as CSV.
+    """Return a CSV with a row for each file, or for each wavelength if the index is free at each.
 
     Columns: file, sample, those of `batch_columns`, the codes of the warnings, and the message of a
     file that was refused. Columns that would be empty are left out.
@@ -113,7 +113,7 @@ def rows_csv(files: Sequence[OfFile], decimal: str = ".") -> str:
 
 
 def rows_json(files: Sequence[OfFile]) -> str:
-    """Return ``{"files": [...]}``: of each file all that `to_dict` has, or why it was refused."""
+    """Return ``{"files": [...]}``: for each file the fields of `to_dict`, or why it was refused."""
     each = []
     for name, fit, error in files:
         fields = {"status": REFUSED, "message": error} if fit is None else to_dict(fit)
@@ -122,7 +122,7 @@ def rows_json(files: Sequence[OfFile]) -> str:
 
 
 def is_result(path: str) -> bool:
-    """Whether a file is one that `rows_csv` wrote, which ``*.csv`` takes in with the others."""
+    """Whether `rows_csv` wrote a file, which a pattern such as ``*.csv`` matches as well."""
     try:
         with open(path, "rb") as stream:
             return stream.read(len(EACH_MARK)) == EACH_MARK.encode()

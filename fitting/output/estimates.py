@@ -28,8 +28,8 @@ from fitting.results.result import (
 )
 from fitting.uncertainty.limits import student_quantile
 
-# Standard errors from 0 below which a k that is seen as k^2 alone is compatible with 0: three
-# standard errors of k^2 are six of k.
+# A k that acts on the data by k^2 alone is compatible with 0 if it lies less than so many standard
+# errors above 0: three standard errors of k^2 are six of k.
 _UNSEEN = 6.0
 _STATES = {AT_LOWER: "at its lower bound", AT_UPPER: "at its upper bound"}
 _ONE_OF_MANY = "one of many that fit equally well"
@@ -38,7 +38,7 @@ _ONE_OF_MANY = "one of many that fit equally well"
 def reach(fit: Fit) -> float:
     """Return half the width of a 95 % interval in standard errors: Student's t, or 1.96.
 
-    NaN where that is not known: of a batch, whose fits may share their noise.
+    NaN for a batch: its fits may share one estimate of the noise, whose degrees of freedom differ.
     """
     stated = fit.errors.taken == "stated"
     if fit.shape or not (stated or fit.dof):
@@ -71,7 +71,7 @@ def interval_of(e: Estimate) -> str:
     if e.status in (FIXED, TIED):
         return ""
     if math.isfinite(float(e.upper_limit)):
-        # It is the upper end of the interval, whose lower end is 0 or hardly above it.
+        # The interval is not repeated: its lower end is 0 or nearly 0.
         return "95 % upper limit in brackets"
     text = interval_text(*(float(end) for end in e.interval))
     return f"{text} (profile likelihood)" if text and e.interval_kind == PROFILE else text
@@ -108,9 +108,9 @@ def k_is_limited(fit: Fit) -> bool:
 
 
 def k_text(k: float, sigma: float, limited: bool) -> str:
-    """Return k of a dispersion model with its error, where it is seen.
+    """Return k of a dispersion model with its error, or that it is compatible with 0.
 
-    limited: see `k_is_limited`. An error that reaches 0 is none of a k that is above it.
+    limited: see `k_is_limited`. No error is shown that reaches 0, since k cannot be negative.
     """
     compatible = (_UNSEEN if limited else 1.96) * sigma
     if 0.0 < k < compatible:

@@ -22,7 +22,7 @@ from fitting.process.visible import visible
 from fitting.results.result import UNDETERMINED, Alternative, Estimate, Fit
 
 Facts = list[tuple[str, str]]
-# Second solutions, and pairs of parameters, that are shown.
+# How many second solutions, and how many correlations, are shown.
 _OTHERS, _PAIRS = 3, 6
 _NCS = "cos 2psi, sin 2psi cos Delta, sin 2psi sin Delta"
 
@@ -83,10 +83,10 @@ def errors_text(fit: Fit) -> str:
     if not any(np.isfinite(np.asarray(e.sigma)).any() for e in fit.parameters.values() if e.free):
         return ""
     if fit.loss != "squares":
-        noise = "the stated errors" if fit.errors.stated else "that noise"
+        noise = "the stated errors" if fit.errors.stated else "the noise above"
         return (
-            f"one standard error (+-), from {noise} and the scatter as the {fit.loss} loss counts "
-            "it (Huber's estimate)"
+            f"one standard error (+-), from {noise} and the residuals as the {fit.loss} loss "
+            "weighs them (Huber's estimate of the covariance)"
         )
     taken = np.unique(np.asarray(fit.errors.taken)).tolist()
     each = "; or ".join(_made_by(fit, kind) for kind in taken)
@@ -102,8 +102,8 @@ def errors_text(fit: Fit) -> str:
 def _made_by(fit: Fit, taken: str) -> str:
     if taken == "floor":
         floor = np.asarray(fit.errors.floor, float)
-        size = f"{floor:.2g}" if not floor.ndim else "of its own at each fit"
-        return f"the stated errors and a common error of the data, {size}, added in squares"
+        size = f"{floor:.2g}" if not floor.ndim else "another at each wavelength"
+        return f"the stated errors and a common error of the data ({size}), added in squares"
     if taken == "equal" or (taken == "scaled" and not fit.errors.stated):
         return "the scatter of the data about the fit (equal weights)"
     if taken == "scaled":
@@ -141,7 +141,7 @@ def correlation_text(fit: Fit) -> str:
     names, matrix = fit.names, fit.correlation
     pairs = [
         (float(matrix[i, j]), f"{shown_name(fit, names[j])} and {shown_name(fit, names[i])} ")
-        for i in range(len(matrix))  # one of many wavelengths is without the thickness of all
+        for i in range(len(matrix))  # that of a shared thickness is unknown at one wavelength
         for j in range(i)
         if np.isfinite(matrix[i, j])
     ]
@@ -153,13 +153,13 @@ def correlation_text(fit: Fit) -> str:
 
 
 def status_text(fit: Fit) -> str:
-    """Return the status, and how many starts agree; in a valley they end all along it."""
-    text = fit.status
-    if fit.evaluations and not fit.starts:
-        text += f", {fit.evaluations} evaluations"
-    if fit.starts and fit.status != UNDETERMINED:
-        text += f"; {fit.reached} of {fit.starts} starts ended in this minimum"
-    return text
+    """Return the status, and how many starting points led to the minimum.
+
+    Where the parameters are undetermined the starts end all along a valley, and none is counted.
+    """
+    if not fit.starts or fit.status == UNDETERMINED:
+        return str(fit.status)
+    return f"{fit.status}; {fit.reached} of {fit.starts} starting points led to this minimum"
 
 
 def _of_second(e: Estimate, student: float) -> str:
@@ -175,8 +175,8 @@ def alternative_text(fit: Fit, other: Alternative) -> str:
     values = ", ".join(
         f"{shown_name(fit, name)} {_of_second(e, student)}" for name, e in other.parameters.items()
     )
-    higher = f"higher by {abs(other.delta_chi2):.2g}"
-    return f"{values} (chi2 {higher if other.delta_chi2 >= 0.0 else higher.replace('high', 'low')})"
+    higher = "higher" if other.delta_chi2 >= 0.0 else "lower"
+    return f"{values} (chi2 {higher} by {abs(other.delta_chi2):.2g})"
 
 
 def index_rows(fit: Fit) -> Facts:
@@ -193,14 +193,14 @@ def index_rows(fit: Fit) -> Facts:
 
 
 def remedy(fit: Fit) -> Facts:
-    """Return the row that says what to do where most fits are undetermined; none elsewhere."""
+    """Return the line that says what to measure if most fits are undetermined; else no line."""
     status = np.asarray(fit.status)
     if 2 * int((status == UNDETERMINED).sum()) <= status.size:
         return []
     if fit.sample is None or not fit.sample.by_wavelength:
         return []
     text = "measure s and p at several angles, some of them beyond 60 degrees"
-    also = "; or fit a dispersion model to the whole spectrum: sample auto"
+    also = "; or fit a dispersion model to the whole spectrum (the sample 'auto')"
     return [("what to do", text + also * by_wavelength(fit))]
 
 
@@ -215,8 +215,8 @@ def findings_of_one(fit: Fit) -> Facts:
     if correlations := correlation_text(fit):
         rows.append(("correlation", correlations))
     if math.isfinite(fit.bic):
-        text = f"BIC {fit.bic:.2f}, AICc {fit.aicc:.2f}"
-        rows.append(("criteria", f"{text} (lower is better, for the same data)"))
+        text = f"BIC {fit.bic:.2f}" + f", AICc {fit.aicc:.2f}" * math.isfinite(fit.aicc)
+        rows.append(("criteria", f"{text} (of models of the same data, lower is better)"))
     rows.append(("status", status_text(fit)))
     if fit.status != UNDETERMINED:  # all of a valley is one solution
         rows += [("also fits", alternative_text(fit, a)) for a in fit.alternatives[:_OTHERS]]
@@ -240,12 +240,14 @@ def findings_of_many(fit: Fit) -> Facts:
         rows.append(("errors", errors))
     second = _second_solutions(fit)
     if second and all(finding.code != "other_minima" for finding in fit.findings):
-        where = f"at {second} wavelengths" if by_wavelength(fit) else f"of {second} curves"
-        rows.append(("also fits", f"{where} a second solution, nearly as well (see alternatives)"))
+        where = f"at {second} wavelengths" if by_wavelength(fit) else f"for {second} curves"
+        text = f'{where} a second solution fits nearly as well ("alternatives" in the JSON)'
+        rows.append(("also fits", text))
     limited = [
         shown_name(fit, n) for n, e in fit.parameters.items()
         if np.isfinite(np.asarray(e.upper_limit)).any()
     ]  # fmt: skip
     if limited:
-        rows.append(("in brackets", f"(< {', '.join(limited)}): 95 % upper limit"))
+        text = f"(< ...) behind {' or '.join(limited)}: the 95 % upper limit"
+        rows.append(("in brackets", text))
     return rows + remedy(fit)

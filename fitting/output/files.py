@@ -1,4 +1,4 @@
-"""The files of a fit: JSON, CSV, picture and page, written into places that are open already."""
+"""The result files of a fit: JSON, CSV, picture and page, written to files opened before."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ REPORT = {
 
 
 class Staged(NamedTuple):
-    """A file on its way to its place.
+    """A result file that is opened and not yet written.
 
-    what: goes into it: "json", "csv" (the data), "index", "plot", "page", "material", or "errors"
+    what: its content: "json", "csv" (the data), "index", "plot", "page", "material", or "errors"
         of a material.
-    path: where to write; see `Outputs.open`. suffix: of its later name.
+    path: where to write; see `Outputs.open`. suffix: of its final name.
     asked: option by which it was asked for, for messages.
     medium: whose index it holds; None for the only one.
     """
@@ -77,12 +77,12 @@ def write_files(
 
     Args:
         fit: what was found.
-        staged: the files, a page behind its picture.
+        staged: the files; a page comes after the picture that it contains.
         reference: a named material, drawn beside eta and k.
         command: how the fit was asked for, for the foot of the page.
         comparison: what was compared, if a model was chosen.
-        decimal: decimal mark of the tables; with "," their cells are parted by semicolons.
-        step: told what asked for each file before it is written.
+        decimal: decimal mark of the tables; with "," their cells are separated by semicolons.
+        step: called with `Staged.asked` before each file is written.
 
     Raises: OSError where the file system refuses, with the option or the file's name as its third
         argument.
@@ -107,9 +107,10 @@ def write_files(
                 text = fit_page(fit, png, command, comparison)
             else:
                 text = material.texts_of(fit, medium)[what == "errors"]
-            # Line ends are the same on every system; a name that is no text is shown with escapes.
+            # Line ends are the same on every system; bytes of a file name that are no text are
+            # written as escapes.
             path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
-        except OSError as error:  # a full disk, for one, which has no file's name
+        except OSError as error:  # the error of a full disk, for example, names no file
             raise OSError(error.errno, error.strerror, asked) from error
 
 
@@ -117,8 +118,8 @@ def report(fit: Fit, folder: str | os.PathLike[str], *, overwrite: bool = False)
     """Write the report of a fit into ``folder``: all of it or, if that fails, nothing.
 
     report.html, fit.json, data.csv, fit.png, and index.csv of a spectrum or a batch. The folder is
-    made if there is none; overwrite: it may hold other files. Raises ImportError without
-    matplotlib, ValueError for a folder that cannot be made or written to.
+    created if there is none; overwrite: it may hold other files. Raises ImportError without
+    matplotlib, ValueError for a folder that cannot be created or written to.
     """
     check_matplotlib("report")
     left_out = ["csv"] * (fit.measurement is None)

@@ -1,4 +1,4 @@
-"""What the page of a fit holds: what was read, found and not found, the picture, the numbers."""
+"""The content of the HTML page of a fit: facts, parameters, warnings, the picture, the data."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from fitting.output.estimates import (
 from fitting.output.numbers import number, with_error
 from fitting.output.page import Table, fragment, page
 from fitting.output.text_table import Comparison, batch_rows, shared_of
-from fitting.output.told import told_of
+from fitting.output.warning_texts import warning_texts
 from fitting.results.result import Fit
 
 
@@ -39,8 +39,8 @@ def _parameters(fit: Fit) -> Table:
         [shown_name(fit, name), value_text(e, student), interval_of(e), state_of(e)]
         for name, e in fit.parameters.items()
     ]
-    head = ["", "value +- standard error", "95 % interval", ""]
-    return Table("Parameters", head, rows)
+    head = ["parameter", "value +- standard error", "95 % interval", "remark"]
+    return Table("Parameters", head, rows or [["none was fitted", "", "", ""]])
 
 
 def _correlations(fit: Fit) -> Table:
@@ -79,21 +79,21 @@ def _to_five_digits(value: float) -> str:
     return number(value, 5)
 
 
-# Columns of the data that the page shows: head, and how a number is written.
+# The columns of data that the page shows: the header, and how a number is written.
 _DATA = {
     "quantity": ("quantity", str),
     "angle_deg": ("angle, degrees", _to_six_digits),
     "wavelength_um": ("wavelength, um", _to_six_digits),
     "polarizer_deg": ("polarizer, degrees", _to_six_digits),
     "value": ("value", _to_five_digits),
-    "sigma": ("sigma", _to_five_digits),
+    "sigma": ("standard error", _to_five_digits),
     "fitted": ("fitted", _to_five_digits),
     "residual": ("value - fitted", _to_five_digits),
 }
 
 
 def data_table(fit: Fit) -> list[Table]:
-    """Return the data with the fitted value and the residual beside each; of arrays none."""
+    """Return a table of data, fitted values and residuals; none if the fit keeps no data."""
     if fit.measurement is None:
         return []
     columns = data_columns(fit)
@@ -127,23 +127,25 @@ def _caption(fit: Fit) -> str:
 
 
 def fit_page(fit: Fit, png: bytes, command: str = "", comparison: Comparison | None = None) -> str:
-    """Return the page of a fit, one HTML file that needs nothing else.
+    """Return the page of a fit, one self-contained HTML file.
 
-    png: the picture. command: how the fit was asked for, for the foot of the page. comparison:
-    what was compared, if a model was chosen.
+    png: the picture. command: the command line that made the fit, for the foot of the page.
+    comparison: what `choose` compared, if a model was chosen.
     """
     pictures = [(_caption(fit), png)] if png else []
     tables = [*_tables(fit, comparison), *data_table(fit)]
-    above = 0 if fit.shape else 1  # the parameters; a batch has too many of them
+    above = 0 if fit.shape else 1  # the table of parameters; that of a batch is too long
+    # The correlations have a table.
+    shown = [(label, text) for label, text in _facts(fit) if label != "correlation"]
     return page(
-        facts.title_of(fit), _facts(fit), told_of(fit).texts, _notes(fit, comparison), pictures,
-        tables[above:], command, tables[:above],
+        facts.title_of(fit), shown, warning_texts(fit).texts, _notes(fit, comparison), pictures,
+        tables[above:], command, tables[:above], numbered=bool(fit.shape),
     )  # fmt: skip
 
 
 def notebook(fit: Fit) -> str:
     """Return facts, warnings and parameters as HTML for a notebook's cell."""
     return fragment(
-        facts.title_of(fit), _facts(fit), told_of(fit).texts, _notes(fit, None),
-        _tables(fit, None)[:1],
+        facts.title_of(fit), _facts(fit), warning_texts(fit).texts, _notes(fit, None),
+        _tables(fit, None)[:1], numbered=bool(fit.shape),
     )  # fmt: skip

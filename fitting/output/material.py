@@ -1,7 +1,8 @@
-"""The fitted index of a medium as a file of the form of refractiveindex.info, for other programs.
+"""The fitted index of a medium as a YAML file in the format of refractiveindex.info.
 
-The next fit takes it as a material: ``--sample 'air | film.yml 80 nm | Si'``. That form has no
-place for standard errors; they go into a CSV file beside it, which `material_files` reads too.
+Other programs read it, and so does the next fit: ``--sample 'air | film.yml 80 nm | Si'``. The
+format has no place for standard errors; they go into a CSV file beside it, which `material_files`
+reads too.
 """
 
 from __future__ import annotations
@@ -20,23 +21,27 @@ from fitting.samples.sample import Sample
 
 _ENDINGS = (".yml", ".yaml")
 _FITTED_BY = "Fitted by fresnel-fit"
-# What the files that a fit wrote begin with.
+# How the YAML and CSV files that a fit wrote begin.
 MATERIAL_MARK = f"REFERENCES: |\n    {_FITTED_BY}"
 ERRORS_HEAD = "wavelength_um,n,k,sigma_n,sigma_k"
 
 
-def errors_beside(path: str | os.PathLike[str]) -> Path:
-    """Return where the errors of a material file go; ValueError for a name that is not one's."""
+def errors_beside(path: str | os.PathLike[str], flag: str = "") -> Path:
+    """Return the path for the errors of a material file; ValueError if that is not a .yml.
+
+    flag: the option that named the file, for the text.
+    """
     file = Path(path)
     if file.suffix.lower() not in _ENDINGS:
-        raise ValueError(f"{file.name}: wanted a name that ends in .yml")
+        name = f"{flag} {file}".strip()
+        raise ValueError(f"{name}: the name of a material file must end in .yml.")
     return file.with_name(f"{file.stem}_errors.csv")
 
 
 def of_medium(path: str | os.PathLike[str], medium: str | None) -> Path:
     """Return where the index of one medium goes: out_film.yml beside out.yml.
 
-    medium: its place in the sample; None: the only one, which goes to ``path`` itself.
+    medium: its place in the sample; None for the only one, which goes to ``path`` itself.
     """
     file = Path(path)
     return file if medium is None else file.with_name(f"{file.stem}_{medium}{file.suffix}")
@@ -57,7 +62,7 @@ def material_texts(
     columns = np.array([band.wavelength_um, band.eta, band.k, band.sigma_eta, band.sigma_k], float)
     rows = columns.T[np.isfinite(columns[:3]).all(axis=0)]
     if not len(rows):
-        raise ValueError("no wavelength has an index; nothing was written")
+        raise ValueError("eta and k are known at no wavelength; no file was written.")
     rows = rows[np.argsort(rows[:, 0], kind="stable")]
     lines = []
     for key, text in (("REFERENCES", reference), ("COMMENTS", comments)):
@@ -101,8 +106,8 @@ def fitted_media(samples: Sequence[Sample]) -> tuple[str | None, ...]:
         return (None,)
     if len(each) > 1:
         raise ValueError(
-            "--material: the samples have several fitted media, and not the same ones. Fit the one "
-            "that is taken by itself, and write its media then."
+            "--material: the samples that are compared have different fitted media. Choose one of "
+            "them first, and write its media in a fit of that sample alone."
         )
     return each.pop()
 
@@ -110,8 +115,8 @@ def fitted_media(samples: Sequence[Sample]) -> tuple[str | None, ...]:
 def texts_of(fit: Fit, medium: str | None = None) -> tuple[str, str]:
     """Return the YAML text and that of the errors. medium: as for `Fit.index`.
 
-    Of an index that is free at every wavelength those wavelengths are left out at which the data
-    give none. Raises ValueError where there is no index or no wavelength.
+    If the index is free at every wavelength, those are left out at which the data do not determine
+    it. Raises ValueError where there is no index or no wavelength.
     """
     band = fit.index(None, medium)
     good = [CONVERGED] if fit.shape else [CONVERGED, UNDETERMINED]
@@ -119,10 +124,11 @@ def texts_of(fit: Fit, medium: str | None = None) -> tuple[str, str]:
     known &= np.isfinite(band.wavelength_um)
     if not known.any():
         raise ValueError(
-            "there is no index to be written: its wavelength is not known, or the data give none."
+            "there is no index to write: the wavelength is not known, or the data do not determine "
+            "eta and k."
         )
     m = fit.measurement
-    comments = ["Errors are standard errors, in the CSV file beside this one."]
+    comments = ["The standard errors of n and k are in the CSV file beside this one."]
     if not fit.shape:
         own = {n: e for n, e in fit.parameters.items() if "thickness" not in n}
         comments += [f"{name} = {_with_error(e)}" for name, e in own.items()]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-# Rounding of float64 in sums of a hundred data: a residual below that is none.
+# A residual below this is the rounding of float64 in a sum of a hundred data.
 _ROUNDING = 1e-14
-# A 95 % interval whose ends are off value +- 1.96 sigma by more than this share of its half width
-# says something else than the standard error does.
+# A 95 % interval contradicts the standard error if an end differs from value +- 1.96 sigma by more
+# than this share of half its width.
 _CONTRADICTS = 0.25
 
 
@@ -20,7 +20,7 @@ def number(value: float, digits: int = 4) -> str:
 
 
 def size_text(value: float, digits: int = 3) -> str:
-    """Return the size of a residual: ``0.0298``; 0 where it is only the rounding of arithmetic."""
+    """Return the size of a residual, ``0.0298``; 0 if it is only rounding of the arithmetic."""
     return "0" if abs(value) < _ROUNDING else number(value, digits)
 
 
@@ -54,7 +54,7 @@ def _ends(low: float, high: float) -> str:
     if high - low < 1e-13 * largest:
         return f"{float(low)!r} to {float(high)!r}"
     if 0.0 < 3.0 * low < high or 0.0 < 3.0 * -high < -low:
-        # Digits of the distance would leave none of the end that lies far nearer to 0.
+        # The end that lies far nearer to 0 needs more digits than the width of the interval has.
         return f"{number(low, 3)} to {number(high, 3)}"
     if 0 <= decimals <= 15 and largest >= 1e-3:
         return f"{low:.{decimals}f} to {high:.{decimals}f}" if low else f"0 to {high:.{decimals}f}"
@@ -65,9 +65,9 @@ def _ends(low: float, high: float) -> str:
 
 
 def interval_text(low: float, high: float) -> str:
-    """Return ``1.4959 to 1.5030``; "" where there is no interval, or one without any width.
+    """Return ``1.4959 to 1.5030``; "" if there is no interval or if its ends are equal.
 
-    An end that is infinitely far is none: "above 1.2", "below 3", "any value".
+    With an infinite end it is "above 1.2", "below 3" or "any value".
     """
     if math.isnan(low) or math.isnan(high) or low == high:
         return ""
@@ -81,11 +81,10 @@ def interval_text(low: float, high: float) -> str:
 
 
 def agree(value: float, sigma: float, low: float, high: float, student: float) -> bool:
-    """Whether ``value +- sigma`` tells the same as the 95 % interval from ``low`` to ``high``.
+    """Whether ``value +- sigma`` agrees with the 95 % interval from ``low`` to ``high``.
 
     student: half the width of a symmetric interval in standard errors; NaN if that is not known,
-    where only an interval that is not symmetric contradicts. A value with its standard error is not
-    shown beside an interval that says otherwise.
+    and then any symmetric interval agrees. Where they disagree, only the interval is shown.
     """
     if math.isnan(low) or math.isnan(high) or not sigma > 0.0:
         return True

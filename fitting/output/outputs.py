@@ -17,19 +17,19 @@ try:
 except ImportError:  # a system without these locks keeps the leftovers of killed runs
     fcntl = None
 
-# A file on its way bears this name; whoever writes it holds a lock on it until it is published.
+# The name of a result file until it is complete. The process that writes it holds a lock on it.
 _STAGED = re.compile(r"\.fresnel-fit-[0-9a-f]{16}\.part")
 MARK = ".fresnel-fit-report"
-"""The file by which a later report knows a folder for one of its own."""
+"""An empty file in the folder of every report, by which a later report may write there."""
 STDIN = "-"
 
 
 class OutputError(ValueError):
-    """A result file cannot be written where it was asked for; the text says which and why."""
+    """A result file cannot be written where it was wanted; the text says which file and why."""
 
 
 def _identity(path: str | os.PathLike[str]) -> tuple[int, int] | None:
-    """Return what tells a file from every other, by whatever name it goes; None where none is."""
+    """Return device and inode of a file, the same for all its names; None if there is no file."""
     try:
         status = os.fstat(0) if os.fspath(path) == STDIN else os.stat(path)
     except (OSError, ValueError):
@@ -38,14 +38,14 @@ def _identity(path: str | os.PathLike[str]) -> tuple[int, int] | None:
 
 
 def refuse_repeats(inputs: Iterable[str]) -> None:
-    """Raise OutputError where one measurement comes twice, which would count its data twice."""
+    """Raise OutputError if a file is given twice, since its data would count twice in the fit."""
     seen: dict[tuple[int, int], str] = {}
     for name in inputs:
         identity = _identity(name)
         if identity in seen:
             raise OutputError(
-                f"{name}: this is the same file as {seen[identity]}, and its data would count "
-                "twice. Give it once."
+                f"{name}: this is the same file as {seen[identity]}; its data would count twice. "
+                "Give it once."
             )
         if identity is not None:
             seen[identity] = name
@@ -63,7 +63,7 @@ def _lock(descriptor: int) -> bool:
 
 
 def _clean(folder: Path) -> None:
-    """Remove what killed runs left in ``folder``: files on their way whose lock nobody holds."""
+    """Remove the incomplete files of killed runs in ``folder``, whose lock no process holds."""
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             if not _STAGED.fullmatch(entry.name) or not entry.is_file(follow_symlinks=False):
@@ -78,7 +78,7 @@ def _clean(folder: Path) -> None:
 
 
 def _begins(file: Path, text: str) -> bool:
-    """Return whether a file can be read and begins with ``text``; an empty one holds nothing."""
+    """Return whether a file can be read and begins with ``text``, or is empty."""
     try:
         with file.open("rb") as stream:
             return stream.read(len(text)) in (text.encode(), b"")
@@ -95,7 +95,7 @@ class _Staged:
             # 0o666 less the user's umask, as for any file that a program makes
             self._open = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
             _lock(self._open)
-            # Another run that was cleaning up may have taken it between the two lines above.
+            # Another run may have removed it as an incomplete file between opening and locking.
             if _identity(self.path) is not None:
                 return
             os.close(self._open)
@@ -127,9 +127,9 @@ def _sync(folder: Path) -> None:
 class Outputs:
     """Files that appear complete, when everything has been written, or not at all.
 
-    Each is written beside its place under another name, which is opened at once: a folder that is
-    missing or read-only is found before the work is done and not after. As a context manager it
-    removes what was not published; what a killed run could not remove, the next one does::
+    Each file is written in its folder under a temporary name, which is opened at once, so that a
+    folder that is missing or read-only is refused before the fit and not after it. On leaving the
+    context, files that were not published are removed; those of a killed run, by the next run::
 
         with Outputs() as outputs:
             json_file = outputs.open("gold.json")
@@ -163,13 +163,15 @@ class Outputs:
             self._made.append(folder)
         except FileExistsError:
             if not folder.is_dir():
-                raise OutputError(f"{name}: this is a file; a folder was wanted.") from None
+                raise OutputError(f"{name}: this is a file; name a folder.") from None
         except FileNotFoundError:
             raise OutputError(
-                f"{name}: there is no folder {folder.parent}; make it first."
+                f"{name}: there is no folder {folder.parent}; create it first."
             ) from None
         except OSError as error:
-            raise OutputError(f"{name}: cannot be made ({error.strerror}).") from error
+            raise OutputError(
+                f"{name}: the folder cannot be created ({error.strerror})."
+            ) from error
         self._clean(Path(os.path.realpath(folder)))
         mark = folder / MARK
         if mark.is_file() and not mark.is_symlink():
@@ -177,12 +179,12 @@ class Outputs:
         others = sorted(os.listdir(folder))
         if others and not overwrite:
             raise OutputError(
-                f"{name}: the folder holds files that no report made ({', '.join(others[:3])}"
-                f"{', ...' if len(others) > 3 else ''}). Name a new folder, or "
-                f"{'say --overwrite' if flag else 'give overwrite=True'} to replace the files in "
-                "it that have the names of a report's."
+                f"{name}: the folder holds files other than those of a report "
+                f"({', '.join(others[:3])}{', ...' if len(others) > 3 else ''}). Name a new "
+                f"folder, or {'add --overwrite' if flag else 'give overwrite=True'} to write the "
+                "report into this one, where it replaces files of the same names."
             )
-        if not others:  # else the next report must ask again
+        if not others:  # a folder with other files is not marked: the next report asks again
             self.open(mark, flag=flag)
         return folder
 
@@ -206,27 +208,30 @@ class Outputs:
         final = Path(os.path.realpath(path))
         identity = _identity(final)
         if final in self._staged:
-            raise OutputError(f"{name}: two results cannot go to the same file.")
+            raise OutputError(f"{name}: two results cannot go to the same file; give each a name.")
         for file in inputs:
             if identity is not None and identity == _identity(file):
                 raise OutputError(
-                    f"{name}: {final.name} is the measurement itself; choose another name."
+                    f"{name}: {final.name} is the measurement itself, which must not be "
+                    "overwritten; choose another name."
                 )
         mode = None
         if final.exists():
             mode = final.stat().st_mode
             if not stat.S_ISREG(mode):
                 what = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
-                raise OutputError(f"{name}: this is {what}; a file name was wanted.")
+                raise OutputError(f"{name}: this is {what}; name a file.")
             if not os.access(final, os.W_OK):
-                raise OutputError(f"{name}: the file is there and must not be written to.")
+                raise OutputError(
+                    f"{name}: the file exists and is write-protected; choose another name."
+                )
             if only_over and not _begins(final, only_over):
                 raise OutputError(
-                    f"{name}: the file is there and no fit wrote it. Choose another name for "
-                    f"{flag}, or say --overwrite to replace it."
+                    f"{name}: the file exists and was not written by a fit. Choose another name "
+                    f"for {flag}, or add --overwrite to replace it."
                 )
         elif not final.parent.is_dir():
-            raise OutputError(f"{name}: there is no folder {final.parent}; make it first.")
+            raise OutputError(f"{name}: there is no folder {final.parent}; create it first.")
         self._clean(final.parent)
         try:
             staged = _Staged(final.parent)
@@ -238,7 +243,7 @@ class Outputs:
         return staged.path
 
     def publish(self) -> None:
-        """Put every file in its place. Each replacement is one step of the file system.
+        """Rename every file to its final name, each in one atomic step of the file system.
 
         Raises OutputError where the file system refuses.
         """
@@ -272,6 +277,6 @@ class Outputs:
             staged.remove()
         self._staged.clear()
         for folder in reversed(self._made):
-            with contextlib.suppress(OSError):  # somebody else's file has come into it
+            with contextlib.suppress(OSError):  # another program has put a file into it
                 folder.rmdir()
         self._made.clear()

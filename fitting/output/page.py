@@ -1,4 +1,4 @@
-"""One self-contained HTML page: facts, warnings, pictures, tables; nothing is loaded from afar."""
+"""One self-contained HTML page of facts, warnings, pictures and tables; it loads no other file."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 from fitting.process.visible import visible
 
-# Beyond this many rows a table is folded away: the page is for reading, the CSV for numbers.
+# A table of more rows is folded, since the same numbers are in the CSV files.
 OPEN_ROWS = 40
 
 _BODY = """font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff;
   max-width: 56rem; margin: 2rem auto; padding: 0 1rem;"""
-# One rule a line, so that a notebook's cell can have them for itself.
+# Each rule begins a line, where `fragment` puts a prefix that restricts it to a notebook's cell.
 _STYLE = """
 h1 { font-size: 1.5rem; margin: 0 0 .5rem; overflow-wrap: anywhere; }
 h2 { font-size: 1.1rem; margin: 2rem 0 .5rem; }
@@ -39,7 +39,7 @@ footer { margin-top: 3rem; color: #595959; font-size: .85rem; }
 
 
 class Table(NamedTuple):
-    """A table of the page: its heading, the heads of the columns, and rows of texts."""
+    """A table of the page: its heading, the headers of the columns, and rows of texts."""
 
     title: str
     head: Sequence[str]
@@ -71,6 +71,7 @@ def _head(
     warnings: Iterable[str],
     notes: Iterable[str],
     level: str,
+    numbered: bool,
 ) -> list[str]:
     parts = [
         f"<{level}>{_escaped(title)}</{level}>",
@@ -78,9 +79,10 @@ def _head(
         *(f"<dt>{_escaped(label)}</dt><dd>{_escaped(text)}</dd>" for label, text in facts),
         "</dl>",
     ]
-    for kind, texts in (("warning", warnings), ("note", notes)):
-        parts += [f"<p class={kind}>{kind.capitalize()}: {_escaped(text)}</p>" for text in texts]
-    return parts
+    for i, text in enumerate(warnings, 1):
+        label = f"Warning {i}" if numbered else "Warning"
+        parts.append(f"<p class=warning>{label}: {_escaped(text)}</p>")
+    return parts + [f"<p class=note>Note: {_escaped(text)}</p>" for text in notes]
 
 
 def page(
@@ -92,19 +94,20 @@ def page(
     tables: Iterable[Table],
     foot: str,
     first: Iterable[Table] = (),
+    numbered: bool = False,
 ) -> str:
     """Return the page. facts: label and text. pictures: caption and the bytes of a PNG file.
 
-    first: tables that stand above the pictures.
-
-    Everything is text of the user's data and is escaped; pictures stand in the page itself.
+    first: tables that stand above the pictures. numbered: whether warnings have numbers, to which a
+    table refers. All texts are escaped, since they may come from the user's data; pictures are
+    embedded.
     """
     parts = [
         "<!DOCTYPE html>",
         '<html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f"<title>{_escaped(title)}</title><style>body {{ {_BODY} }}{_STYLE}</style></head><body>",
-        *_head(title, facts, warnings, notes, "h1"),
+        *_head(title, facts, warnings, notes, "h1", numbered),
         *(_table(table) for table in first),
     ]
     for caption, png in pictures:
@@ -124,10 +127,11 @@ def fragment(
     warnings: Iterable[str],
     notes: Iterable[str],
     tables: Iterable[Table],
+    numbered: bool = False,
 ) -> str:
-    """Return the same without pictures as a part of a page; its style holds for that part alone."""
+    """Return `page` without pictures as a part of another page; its style affects no other part."""
     scoped = re.sub(r"(?m)^(?=[a-z.])", ".fresnel-fit ", _STYLE)
     parts = [f"<style>{scoped}</style>", "<div class=fresnel-fit>"]
-    parts += _head(title, facts, warnings, notes, "h3")
+    parts += _head(title, facts, warnings, notes, "h3", numbered)
     parts += [_table(table, "h4") for table in tables]
     return "\n".join([*parts, "</div>"]) + "\n"

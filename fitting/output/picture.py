@@ -35,7 +35,7 @@ from fitting.output.style import (
     plain_title,
     symbol,
 )
-from fitting.output.told import told_of
+from fitting.output.warning_texts import warning_texts
 from fitting.process.visible import visible
 from fitting.results.result import UNDETERMINED, Fit
 
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from fitting.measurements.measurement import Measurement
 
-# Warnings that fit below a picture, and the letters of each.
+# How many warnings stand below a picture, and how many letters of each.
 _WARNINGS, _LETTERS = 3, 240
 
 
@@ -57,7 +57,7 @@ def _subtitle(fit: Fit) -> str:
         good = int((status == "converged").sum())
         return f"{plain_title(str(fit.sample))}, {each}: {good} of {status.size} converged"
     if fit.status != "converged":
-        undetermined = ": the data give no index" * (fit.status == UNDETERMINED)
+        undetermined = ": the data do not determine the parameters" * (fit.status == UNDETERMINED)
         return f"{plain_title(str(fit.sample))}, {fit.status}{undetermined}"
     parts = [] if len(fit.names) <= 2 else [plain_title(str(fit.sample))]
     for name in () if parts else fit.names:
@@ -71,14 +71,14 @@ def _subtitle(fit: Fit) -> str:
 def _titles(figure: Figure, axes: Axes, fit: Fit, reference: str) -> None:
     """Write what was fitted and found above ``axes``, and the warnings below the figure.
 
-    reference: text of a material beside it, which stands below too; "" if it is drawn.
+    reference: text about a reference material, which stands below too; "" for none.
     """
     axes.set_title(plain_title(facts.title_of(fit)), loc="left", fontweight="bold", pad=28)
     axes.annotate(
         _subtitle(fit), (0.0, 1.0), (0.0, 9.0), xycoords="axes fraction",
         textcoords="offset points", va="bottom", ha="left", color="#333333",
-    ).set_in_layout(False)  # fmt: skip  # the title above it makes the room
-    texts = [visible(text).replace("$", r"\$") for text in told_of(fit).texts]
+    ).set_in_layout(False)  # fmt: skip  # the padding of the title leaves room for it
+    texts = [visible(text).replace("$", r"\$") for text in warning_texts(fit).texts]
     if not (texts or reference):
         return
     width = int(13.5 * figure.get_figwidth())
@@ -96,7 +96,7 @@ def _titles(figure: Figure, axes: Axes, fit: Fit, reference: str) -> None:
 
 
 def _angles_shown(angle_deg: np.ndarray) -> tuple[float, float]:
-    """Return the range of angles to draw: all of them, unless the data fill less than half."""
+    """Return the angles to draw: 0 to 90 degrees, or less if the data span less than 45."""
     low, high = float(angle_deg.min()), float(angle_deg.max())
     if high - low >= 45.0:
         return 0.0, 90.0
@@ -209,13 +209,14 @@ def _size(fit: Fit, m: Measurement | None) -> tuple[float, float]:
 def draw(fit: Fit, reference: str | None = None) -> Figure:
     """Return a matplotlib Figure of a fit.
 
-    Data with one-sigma error bars, fitted curves with their one-sigma bands, and data - fit below:
-    powers, psi and Delta in panels of their own; over the angle, or with more than one wavelength
-    over that. Then eta and k, with 95 % upper limits, and a tick where the data give none. Of a
-    batch without data its parameters. The warnings stand below.
+    It shows data with one-sigma error bars, fitted curves with their one-sigma bands, and below
+    them data - fit: powers, psi and Delta each in panels of their own, over the angle, or over the
+    wavelength if there are several. Then follow eta and k, with 95 % upper limits, and a tick on
+    the axis where the data do not determine them. Of a batch without data the fitted parameters are
+    drawn. The warnings stand below.
 
-    reference: a named material, whose eta and k are drawn beside; at one wavelength they stand
-    below, as numbers.
+    reference: a named material, whose eta and k are drawn for comparison; at one wavelength they
+    stand below, as numbers.
     Raises ImportError where matplotlib is not installed, ValueError for an unknown material or
     where there is nothing to draw.
     """
@@ -235,7 +236,10 @@ def draw(fit: Fit, reference: str | None = None) -> Figure:
         elif fit.shape:
             first = draw_batch(figure, fit)
         else:
-            raise ValueError("this fit keeps no data, and is of one curve: there is no picture.")
+            raise ValueError(
+                "there is nothing to draw: this fit is of one curve and keeps no data. To keep "
+                "them, fit a Measurement with fit(...)."
+            )
         _titles(figure, first, fit, below)
         figure.align_ylabels()
         return figure

@@ -23,7 +23,7 @@ def _label(fit: Fit, name: str) -> str:
 
 
 def _maps(figure: Figure, fit: Fit, names: list[str]) -> Axes:
-    """Draw a map of each parameter over a batch of two axes; white where there is none."""
+    """Draw a map of each parameter over a batch of two axes; white where no fit converged."""
     axes = np.atleast_1d(figure.subplots(1, len(names)))
     good = np.asarray(fit.status) == CONVERGED
     for on, name in zip(axes, names, strict=True):
@@ -31,8 +31,8 @@ def _maps(figure: Figure, fit: Fit, names: list[str]) -> Axes:
         image = on.imshow(value, origin="lower", aspect="auto", interpolation="nearest")
         figure.colorbar(image, ax=on, label=_label(fit, name))
         on.grid(False)
-        on.set_xlabel("curve, second axis")
-        on.set_ylabel("curve, first axis")
+        on.set_xlabel("index on the second axis of the batch")
+        on.set_ylabel("index on the first axis of the batch")
     return axes[0]
 
 
@@ -51,7 +51,7 @@ def _lines(figure: Figure, fit: Fit, names: list[str]) -> Axes:
         else:
             points(on, x, value, sigma, (color, "o", False, ""), "")
         on.set_ylabel(_label(fit, name))
-    axes[-1].set_xlabel("curve")
+    axes[-1].set_xlabel("index of the curve")
     axes[-1].set_xlim(-0.5, good.size - 0.5)
     axes[-1].xaxis.get_major_locator().set_params(integer=True)
     return axes[0]

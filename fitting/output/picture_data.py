@@ -18,11 +18,11 @@ from fitting.results.result import Fit
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Points of a fitted curve over the angle; over the wavelength.
+# Number of points of a drawn curve over the angle, and over the wavelength.
 _ANGLES, _WAVES = 361, 301
-# A legend of more lines than that says the range of the angles instead.
+# With more angles than that a legend gives their range.
 _LINES = 7
-# How far a curve drawn between the data may be from what was fitted to them (rounding).
+# A curve drawn between the data must agree with the fitted values at the data to this accuracy.
 _SAME = 1e-6
 
 PANELS = ("power", *(name for name in TABLE if name not in POWERS))

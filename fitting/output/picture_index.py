@@ -14,8 +14,8 @@ from fitting.results.result import CONVERGED, Fit
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# k of a clear plate runs over decades; that of a metal hardly over one. Below a millionth of the
-# largest k nothing is seen of it.
+# The axis of k is logarithmic if the largest k is more than _DECADES times the median one (of a
+# clear plate k spans decades, of a metal hardly one); it begins at _SEEN times the largest k.
 _DECADES, _SEEN = 30.0, 1e-6
 _FINE = 300
 
@@ -50,7 +50,8 @@ def _free(axes: Axes, fit: Fit, name: str, color: str) -> np.ndarray:
         points(axes, x[known], value[known], sigma[known], look, "")
     bare = good & ~known
     if bare.any():
-        label = "compatible with 0" if np.isfinite(limit[bare]).any() else "without an error"
+        limits = np.isfinite(limit[bare]).any()
+        label = "compatible with 0" if limits else "without a standard error"
         axes.plot(
             x[bare], value[bare], "o", markersize=5.0, markerfacecolor="white",
             markeredgecolor=color, markeredgewidth=1.2, zorder=3, label=label,
@@ -86,7 +87,7 @@ def _dispersion(first: Axes, second: Axes, fit: Fit) -> np.ndarray:
 
 
 def _scale_of_k(axes: Axes, k: np.ndarray) -> None:
-    """Make the axis of k logarithmic where k runs over decades, else let it begin at 0."""
+    """Make the axis of k logarithmic if k spans decades, else let it begin at 0."""
     positive = k[np.isfinite(k) & (k > 0.0)]
     if len(positive) and positive.max() > _DECADES * np.median(positive):
         least = max(positive.min(), _SEEN * positive.max())
@@ -101,7 +102,8 @@ def _scale_of_k(axes: Axes, k: np.ndarray) -> None:
 def draw_index(first: Axes, second: Axes, fit: Fit, reference: str | None) -> None:
     """Draw eta and k over wavelength with their errors and limits, each in a panel of its own.
 
-    A tick on the axis where the data give no index; beside them those of ``reference``.
+    A tick marks a wavelength at which the data do not determine them. reference: a named material,
+    whose eta and k are drawn for comparison; None for none.
     """
     if fit.shape:
         _free(first, fit, "eta", ETA_COLOR)

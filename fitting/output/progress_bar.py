@@ -1,4 +1,4 @@
-"""A progress bar for what takes longer than a second: tqdm's, where that is installed."""
+"""A progress bar (tqdm's, if that is installed) for work that takes longer than a second."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from typing import Any
 
 from fitting.process.progress import Step, listening
 
-# Seconds until a bar is shown, and between two looks at how far things are.
+# Seconds until a bar is shown, and between two updates of it.
 DELAY, EVERY = 1.0, 0.1
-# Until it is known how many steps there are in all: no bar to fill, but the time runs on.
+# Until the total number of steps is known, the number done and the time are shown without a bar.
 _OPEN = "{desc}: {n} [{elapsed}{postfix}]"
 _FILLED = "{desc}: {percentage:3.0f}%|{bar}| [{elapsed}<{remaining}{postfix}]"
 
@@ -22,9 +22,9 @@ _FILLED = "{desc}: {percentage:3.0f}%|{bar}| [{elapsed}<{remaining}{postfix}]"
 class Progress:
     """Counts steps on a terminal; shows nothing in the first second, in a pipe, or without tqdm.
 
-    As a context manager it clears the bar away. quiet: never show it. The bar is drawn by a thread
-    that sleeps for the first second, so that what is quicker pays nothing, tqdm's import included,
-    and the time runs on while one step (a compilation) takes long.
+    Leaving the context removes the bar. quiet: never show it. A thread of its own draws the bar:
+    it sleeps for the first second, so that quicker work does not even import tqdm, and it updates
+    the time while one step (a compilation) takes long.
     """
 
     def __init__(self, what: str, *, quiet: bool = False) -> None:
@@ -35,11 +35,11 @@ class Progress:
             self._thread = threading.Thread(target=self._show, daemon=True)
 
     def step(self, doing: str = "") -> None:
-        """Count one step as done; ``doing`` is what comes next."""
+        """Count one step as done; ``doing`` names the next one."""
         self.take(Step(1, None, doing))
 
     def take(self, step: Step) -> None:
-        """Take in what `fitting.process.progress.tell` tells."""
+        """Add a step reported by `fitting.process.progress.tell`."""
         self._done += step.done
         self._total = step.total or self._total
         self._doing = step.doing or self._doing
@@ -48,7 +48,7 @@ class Progress:
         if self._over.wait(DELAY) or importlib.util.find_spec("tqdm") is None:
             return
         tqdm = importlib.import_module("tqdm").tqdm
-        # A delay, however short, leaves the first drawing to us.
+        # With a delay, however short, tqdm itself draws nothing before the first refresh below.
         bar: Any = tqdm(
             desc=self._what, leave=False, unit="", file=sys.stderr, bar_format=_OPEN, delay=1e-9
         )
@@ -75,6 +75,6 @@ class Progress:
 
 @contextlib.contextmanager
 def shown(what: str, *, quiet: bool = False) -> Iterator[Progress]:
-    """Show a bar of the steps that the fits inside tell of."""
+    """Show a bar of the steps that the fits inside the context report."""
     with Progress(what, quiet=quiet) as bar, listening(bar.take):
         yield bar

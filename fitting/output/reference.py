@@ -1,4 +1,4 @@
-"""A named material beside what was found: its eta and k, for pictures and for the table."""
+"""eta and k of a named material, shown for comparison in the table and in pictures."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def reference_index(name: str, wavelength_um: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return wavelengths, eta and k of a named material where its source knows them.
+    """Return wavelengths, eta and k of a named material, within the range of its source.
 
     Raises ValueError for a name that `fresnel_jax.materials` does not have.
     """
@@ -22,15 +22,21 @@ def reference_index(name: str, wavelength_um: np.ndarray) -> tuple[np.ndarray, .
     return inside, eta, k
 
 
-def check_reference(name: str, wavelength_um: np.ndarray) -> None:
-    """Raise ValueError for a material that there is not, or data without any wavelength."""
+def check_reference(name: str, wavelength_um: np.ndarray, asked: str = "reference") -> None:
+    """Raise ValueError for an unknown material, or if no wavelength of the data is known.
+
+    asked: the argument or the option that named the material, for the text.
+    """
     from fresnel_jax.dispersion import material
 
-    material(name)
+    try:
+        material(name)
+    except ValueError as error:
+        raise ValueError(f"{asked} {name}: {error}.") from None
     if not np.isfinite(wavelength_um).any():
         raise ValueError(
-            f"--reference {name}: its index depends on the wavelength, which the data do not say; "
-            "give it (--wavelength-um)."
+            f"{asked} {name}: its index depends on the wavelength, which the data do not state; "
+            "give it when the file is read (wavelength_um, --wavelength-um)."
         )
 
 
@@ -39,7 +45,7 @@ def reference_text(name: str, wavelength_um: np.ndarray) -> str:
     known = np.unique(wavelength_um[np.isfinite(wavelength_um)])
     inside, eta, k = reference_index(name, known)
     if not len(inside):
-        return f"{name}: its source does not reach to these wavelengths"
+        return f"{name}: its source has no data at the measured wavelengths"
     some = sorted({0, len(inside) // 2, len(inside) - 1})
     parts = [f"at {inside[i]:.4g} um eta {eta[i]:.4g}, k {k[i]:.4g}" for i in some]
     return f"{name}: {'; '.join(parts)}"

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 FORMATS = (".png", ".pdf", ".svg")
 GREY = "#595959"
 ETA_COLOR, K_COLOR, WARNING_COLOR = "#0072B2", "#D55E00", "#A84300"
-# Of what is none of the quantities: colour, marker, whether it is hollow, label.
+# How a curve of no known quantity is drawn: colour, marker, whether it is hollow, label.
 OTHER = ("#CC79A7", "P", False, "")
 _STYLE: Any = {
     "font.size": 11.0,
@@ -44,10 +44,10 @@ _STYLE: Any = {
     "mathtext.fontset": "dejavusans",
     "savefig.dpi": 200,
     "svg.fonttype": "none",
-    # Without a salt of its own an SVG gets random names inside.
+    # Without this constant an SVG contains random names, and no two files are the same.
     "svg.hashsalt": "fresnel-fit",
 }
-# The time of writing is left out, for two pictures of one fit to be the same file.
+# The time of writing is left out, so that two pictures of one fit are the same file.
 _NO_DATE: dict[str, dict[str, Any]] = {
     "png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}
 }  # fmt: skip
@@ -72,9 +72,10 @@ def check_matplotlib(asked: str) -> None:
 
 
 def check_picture(path: str | PathLike[str]) -> None:
-    """Raise ValueError where no picture can be drawn: no matplotlib, or an unknown kind of file."""
+    """Raise ValueError for an unknown kind of picture file, ImportError without matplotlib."""
     if Path(path).suffix.lower() not in FORMATS:
-        raise ValueError(f"--plot {path}: a name that ends in {', '.join(FORMATS)} was wanted.")
+        endings = ", ".join(FORMATS)
+        raise ValueError(f"--plot {path}: the name of a picture must end in one of {endings}.")
     check_matplotlib("--plot")
 
 
@@ -97,7 +98,7 @@ def save(figure: Figure, path: str | PathLike[str], suffix: str = "") -> None:
             warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
     if missing:
         warnings.warn(
-            f"the picture's font has no {' '.join(missing)}; boxes are drawn in their place.",
+            f"the font of the picture lacks the letters {' '.join(missing)}; boxes stand for them.",
             stacklevel=2,
         )
 
@@ -137,7 +138,7 @@ def symbol(name: str) -> str:
 
 
 def plain_title(text: str) -> str:
-    """Return ``text`` as a title of one line; what is too long loses its middle."""
+    """Return ``text`` as a title of one line; the middle of a long text is left out."""
     if len(text) > 78:
         text = f"{text[:37]} ... {text[-36:]}"
     return text.replace("$", r"\$")

@@ -20,20 +20,20 @@ from fitting.output.estimates import (
 )
 from fitting.output.numbers import number, size_text, with_unit
 from fitting.output.reference import reference_text
-from fitting.output.told import told_of
+from fitting.output.warning_texts import warning_texts
 from fitting.process.visible import visible
 from fitting.results.result import UNDETERMINED, Estimate, Fit
 
-# A batch of more fits than that is shown by its first and last ones.
+# Of a batch of more than _ROWS fits only the first and last _ENDS are shown.
 _ROWS, _ENDS = 400, 20
-_LABEL = 13  # letters of the labels beside which the texts stand
+_LABEL = 13  # width of the column of labels
 
 
 class Comparison(NamedTuple):
     """What `choose` compared, for the table and the page.
 
-    rows: texts, heads first, the model taken marked with ``>``. reasons: sentences, why this one.
-    data: the same as plain data, for JSON.
+    rows: the header and one row of texts for each model; ``>`` marks the one taken. reasons:
+    sentences that say why it was taken. data: the same as plain data, for JSON.
     """
 
     rows: Sequence[Sequence[str]]
@@ -54,7 +54,7 @@ def _wrapped(label: str, text: str, width: int) -> str:
 
 
 def _labelled(texts: Iterable[tuple[str, str]], width: int) -> list[str]:
-    """Return labels and texts as lines below an empty one; no line at all without a text."""
+    """Return an empty line and one paragraph for each label and text; nothing if there are none."""
     lines = [_wrapped(label, text, width) for label, text in texts]
     return ["", *lines] if lines else []
 
@@ -69,7 +69,7 @@ def rows_aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def parameter_rows(fit: Fit) -> list[list[str]]:
-    """Return name, value, and what stands beside it, of every parameter of one set."""
+    """Return for every parameter its name, its value, and the remarks beside it."""
     student = reach(fit)
     return [
         [shown_name(fit, name), value_text(e, student), beside(e)]
@@ -78,17 +78,16 @@ def parameter_rows(fit: Fit) -> list[list[str]]:
 
 
 def _one(fit: Fit, width: int) -> list[str]:
-    rows = parameter_rows(fit)
+    rows = [["", "value +- std. error", "95 % interval"], *parameter_rows(fit)]
     first = max(_LABEL, 1 + max(len(row[0]) for row in rows))
-    second = 2 + max(len("value +- std. error"), max(len(row[1]) for row in rows))
-    head = ["", "value +- std. error", "95 % interval"]
-    lines = [
-        f"  {name:<{first}}{value:<{second}}{more}".rstrip() for name, value, more in [head, *rows]
-    ]
+    second = 2 + max(len(row[1]) for row in rows)
+    lines = [f"  {name:<{first}}{value:<{second}}{more}".rstrip() for name, value, more in rows]
+    if len(rows) == 1:  # a sample without parameters, which `choose` compared with others
+        lines = ["  no parameter was fitted: the indices and thicknesses of the sample are fixed"]
     lines.append("")
     more = [*facts.index_rows(fit), *facts.findings_of_one(fit)]
     lines += [_wrapped(label, text, width) for label, text in more]
-    return lines + _labelled((("warning", text) for text in told_of(fit).texts), width)
+    return lines + _labelled((("warning", text) for text in warning_texts(fit).texts), width)
 
 
 def _cells(
@@ -96,7 +95,7 @@ def _cells(
 ) -> list[str]:
     status = str(np.asarray(fit.status)[index])
     each = [fit.parameters[name].at(index) for name in varied]
-    # In brackets: one of many that fit alike.
+    # A value is put in brackets if it is one of many that fit equally well.
     form = "({})" if status == UNDETERMINED else "{}"
     cells = [wave_text(fit, index), *(form.format(value_text(e)) for e in each)]
     if intervals:
@@ -107,7 +106,7 @@ def _cells(
 
 
 def varied_of(fit: Fit) -> list[str]:
-    """Return the parameters that every fit of a batch has of its own."""
+    """Return the parameters of which every fit of a batch has a value of its own."""
     return [n for n, e in fit.parameters.items() if np.shape(e.value) == fit.shape]
 
 
@@ -121,18 +120,18 @@ def shared_of(fit: Fit) -> list[tuple[str, str]]:
 
 
 def batch_rows(fit: Fit, intervals: bool = False) -> list[list[str]]:
-    """Return heads and rows of the fits of a batch; of many its first and last ones.
+    """Return the header and one row for each fit of a batch, or for the first and last of many.
 
-    intervals: with the 95 % interval of each parameter.
+    intervals: whether to add a column with the 95 % interval of each parameter.
     """
-    varied, told = varied_of(fit), told_of(fit)
+    varied, warned = varied_of(fit), warning_texts(fit)
     stated = bool(np.isfinite(np.asarray(fit.chi2_reduced)).any())
     units = {n: fit.parameters[n].unit for n in varied}
     head = ["wavelength_um" if by_wavelength(fit) else "curve"]
     head += [with_unit(shown_name(fit, n), f"({units[n]})" if units[n] else "") for n in varied]
     head += [f"{shown_name(fit, n)}, 95 % interval" for n in varied if intervals]
     head += [*["chi2/dof"] * stated, "rms", "status"]
-    notes = bool(told.texts)
+    notes = bool(warned.texts)
     rows = [[*head, *["warnings"] * notes]]
     size = int(np.prod(fit.shape))
     shown = list(range(size))
@@ -140,7 +139,9 @@ def batch_rows(fit: Fit, intervals: bool = False) -> list[list[str]]:
         shown = [*range(_ENDS), *range(size - _ENDS, size)]
     for i in shown:
         index = tuple(int(j) for j in np.unravel_index(i, fit.shape))
-        rows.append([*_cells(fit, index, varied, stated, intervals), *[told.marks(index)] * notes])
+        rows.append(
+            [*_cells(fit, index, varied, stated, intervals), *[warned.marks(index)] * notes]
+        )
     if size > _ROWS:
         rows.insert(1 + _ENDS, ["...", *[""] * (len(rows[0]) - 1)])
     return rows
@@ -150,16 +151,16 @@ def _many(fit: Fit, width: int) -> list[str]:
     lines = [*rows_aligned(batch_rows(fit)), ""]
     lines += [_wrapped(f"{label} ", text, width) for label, text in shared_of(fit)]
     lines += [_wrapped(label, text, width) for label, text in facts.findings_of_many(fit)]
-    texts = told_of(fit).texts
+    texts = warning_texts(fit).texts
     return lines + _labelled(((f"warning {i}", t) for i, t in enumerate(texts, 1)), width)
 
 
 def table(fit: Fit, width: int = 80) -> str:
     """Return the fit as lines of at most ``width`` characters (rows of a batch may be longer).
 
-    What was read and fitted; of one set of parameters each with its standard error and 95 %
-    interval, of a batch a line each; what the errors rest on, how well the fit describes the data,
-    second solutions, warnings and notes.
+    They say what was read and fitted; list every parameter with its standard error and 95 %
+    interval, or one line for each fit of a batch; and state what the errors rest on, how well the
+    fit describes the data, second solutions, warnings and notes.
     """
     lines = [facts.title_of(fit)]
     lines += [_wrapped(label, text, width) for label, text in facts.heading(fit)]
@@ -171,10 +172,10 @@ def table(fit: Fit, width: int = 80) -> str:
 def text_of(
     fit: Fit, width: int = 80, reference: str = "", comparison: Comparison | None = None
 ) -> str:
-    """Return what the command line prints: the table, and below it what was asked for beside.
+    """Return what the command line prints: the table, the models compared, and a reference.
 
-    reference: a material whose eta and k are shown beside. comparison: of
-    models.
+    reference: the name of a material whose eta and k are shown for comparison; "" for none.
+    comparison: what `choose` compared; None if no model was chosen.
     """
     text = table(fit, width)
     if comparison is not None:

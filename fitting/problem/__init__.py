@@ -1,1 +1,1 @@
-"""Residuals of many lanes and their least squares: rows, unknowns, programs, solver, evaluation."""
+"""The least-squares problem of many lanes: rows, unknowns, programs, solver, evaluation."""

@@ -1,4 +1,4 @@
-"""A fitted sample as curves: at the data, at other points, and eta and k over the wavelength."""
+"""Evaluation of a fitted sample: at the data, at other points, and eta and k over wavelength."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Evaluated(NamedTuple):
             wanted = np.atleast_1d(_numbers("wavelength_um", wavelength_um))
             strange = wanted[wanted != self.measured_um[0]]
             if strange.size:
-                raise _not_measured(strange[0])
+                raise not_measured(strange[0])
             band = self.index(None, medium)
             return IndexBand(*(np.repeat(part, len(wanted)) for part in band))
         return _index_band(self, wavelength_um, which)
@@ -74,10 +74,11 @@ class Evaluated(NamedTuple):
         return self._replace(covariance=self.covariance * factor[0] ** 2, errors=errors)
 
 
-def _not_measured(um: float) -> ValueError:
+def not_measured(um: float) -> ValueError:
+    """Return the error for a wavelength at which an index that is free at each is not known."""
     return ValueError(
-        f"{um:g} um was not measured; eta and k that are free at every wavelength are known at the "
-        "measured ones only. Fit a dispersion model."
+        f"{um:g} um was not measured, and eta and k that are free at every wavelength are known at "
+        "the measured ones only. Give one of these, or fit a dispersion model."
     )
 
 
@@ -113,7 +114,7 @@ class EachWavelength(NamedTuple):
         else:
             strange = [w for w in wanted.tolist() if w not in place]
             if strange:
-                raise _not_measured(strange[0])
+                raise not_measured(strange[0])
             chosen = [place[w] for w in wanted.tolist()]
         bands = [self.each[i].index(None, medium) for i in chosen]
         parts = (np.concatenate(part) for part in zip(*bands, strict=True))
@@ -149,12 +150,12 @@ def angles_of(angle_deg: Any) -> np.ndarray:
     """Return angles of incidence, (A,), or raise ValueError for other values."""
     angle = np.atleast_1d(_numbers("the angle of incidence", angle_deg))
     if angle.ndim != 1 or not angle.size:
-        raise ValueError(f"angles of shape {angle.shape} came; one axis of one or more was wanted.")
+        raise ValueError(f"angles of shape {angle.shape} came; a number or one axis was wanted.")
     strange = angle[~((angle >= 0.0) & (angle <= 90.0))]
     if strange.size:
         raise ValueError(
-            f"an angle of incidence of {strange[0]:g} degrees came; 0 to 90, from the normal of "
-            "the surface, was wanted."
+            f"an angle of incidence of {strange[0]:g} degrees came; 0 to 90 degrees from the "
+            "normal of the surface were wanted."
         )
     return angle
 
@@ -173,8 +174,8 @@ def points_of(angle_deg: Any, quantity: Any, wavelength_um: Any = None) -> Measu
     if angle.ndim != 1 or not angle.size:
         shapes = ", ".join(str(c.shape) for c in columns)
         raise ValueError(
-            f"angles, quantities and wavelengths of shapes {shapes} came; each one, or one axis of "
-            "a common length, was wanted."
+            f"angles, quantities and wavelengths of shapes {shapes} came; for each a single value "
+            "or one axis of a common length was wanted."
         )
     unknown = [str(name) for name in np.unique(names) if name not in QUANTITIES]
     if unknown:
@@ -192,7 +193,8 @@ def _medium(sample: Sample, name: str | None) -> int:
     """Return the number of a medium after the first, by its place; None: the first unknown."""
     if name is not None:
         if name not in sample.places[1:]:
-            raise ValueError(f"there is no medium {name!r}; one of {', '.join(sample.places[1:])}.")
+            wanted = " or ".join(sample.places[1:])
+            raise ValueError(f"there is no medium {name!r}; {wanted} was wanted.")
         return sample.places.index(name) - 1
     return next((i for i, m in enumerate(sample.media[1:]) if m.unknown), 0)
 
@@ -208,7 +210,7 @@ def _error(slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 
 def _matched(at: Evaluated, seen: Observations, source: str) -> tuple[tuple[int, ...], ...]:
-    """Return the fitted curve that each channel of other points belongs to; -1 for none.
+    """Return the fitted curve to which each channel of other points belongs; -1 for none.
 
     Among several files it is that of the same name, else the first one.
     """

@@ -1,4 +1,4 @@
-"""Damped normal equations of many unknowns in every lane, by a loop where `solver` unrolls.
+"""Damped normal equations of many unknowns in every lane, by a loop; `solver` unrolls them.
 
 For up to half a dozen unknowns an unrolled Cholesky factor is the fastest and compiles in a second.
 Its program grows as p^3: for 12 unknowns (three oscillators) it takes 6.8 s to compile, this form

@@ -1,4 +1,4 @@
-"""From measurements to the rows and channels that a model is compared with."""
+"""Measurements as the rows and channels with which a model is compared."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _ncs_weights(psi, delta, sigma_psi, sigma_delta, stated: bool) -> np.ndarray
 
 
 def _repeated(wavelength_um: np.ndarray) -> dict[str, np.ndarray]:
-    """Return `Points.distinct_um` and `place`; nothing where that saves no padded row."""
+    """Return `Points.distinct_um` and `place`; empty arrays if that saves no padded row."""
     distinct, place = np.unique(wavelength_um, return_inverse=True)
     size = padded(len(distinct))
     if len(distinct) == 1 or size == len(wavelength_um):
@@ -109,7 +109,7 @@ def observations(
 
     compared: whether there are values to compare with, or only points to predict at.
 
-    A row is a point (file, angle, wavelength, polarizer); repeats open rows of their own.
+    A row is a point (file, angle, wavelength, polarizer); a repeated point gets a new row.
     Raises ValueError for Delta without psi.
     """
     file = np.concatenate([np.full(len(m), i) for i, m in enumerate(measurements)])
@@ -194,8 +194,8 @@ def _ellipsometry(quantity, row, value, error, total: int, stated: bool):
     lone = int((np.isnan(table[0]) & ~np.isnan(table[1])).sum())
     if lone:
         raise ValueError(
-            f"{lone} of the values of Delta have no psi at the same angle and wavelength; the two "
-            "are compared together, as points of a sphere."
+            f"{lone} of the values of Delta have no psi at the same angle and wavelength, together "
+            "with which they are compared. Give psi too, or leave these values of Delta out."
         )
     some = ~np.isnan(table[0])
     psi, delta, sigma_psi, sigma_delta = table[:, some]

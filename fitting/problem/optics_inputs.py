@@ -1,4 +1,4 @@
-"""What the optics of a sample depend on: indices, thicknesses, instrument; their derivatives."""
+"""The inputs of the optics of a sample: indices, thicknesses, instrument; their derivatives."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from fitting.samples.spline_index import NAME as SPLINE
 
 
 class Core(NamedTuple):
-    """What the optics depend on beside numbers; hashable.
+    """The structure on which the optics depend, without numbers; hashable.
 
     spec: without model and unknowns. indices: of which media eta and k move. moving, held: names of
     thicknesses and of instrument parameters.
@@ -33,10 +33,10 @@ class Core(NamedTuple):
 
 
 def has_parts(spec: Any) -> bool:
-    """Whether optics and model of a fit come apart: of few layers, in one file.
+    """Whether optics and model of a fit run in separate programs: few layers, one file, no spline.
 
-    A spline moves with each of its dozens of unknowns at every wavelength: to write all those
-    derivatives out between two programs takes four times as long as one program does.
+    A spline depends on each of its dozens of unknowns at every wavelength: writing all these
+    derivatives between two programs takes four times as long as one program.
     """
     if not isinstance(spec, Spec) or spec.priors:
         return False

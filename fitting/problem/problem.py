@@ -35,7 +35,7 @@ LOSSES = ("squares", "huber", "student")
 
 
 class Targets(NamedTuple):
-    """What the model is compared with; arrays as in `observations.Observations`, lanes 1 or L.
+    """The data and priors of a fit; arrays as in `observations.Observations`, lanes 1 or L.
 
     noise: (), by which the weights are divided. prior, prior_weight: (p,) of the parameters,
     weight 0 where there is none. held: constants. eta_i: index of the medium in front.

@@ -1,7 +1,7 @@
 """Fits in three programs, of which only the first one knows the model of the index.
 
-Where an evaluation is one program, the optics (1.5 s to compile for a film) and the solver's step
-(1 to 3 s) are compiled again for every model, every number of rows and of lanes. Of three,
+In a single program the optics (1.5 s to compile for a film) and the step of the solver (1 to 3 s)
+are compiled again for every model, number of rows and number of lanes. Of the three programs
 
     quantities   unknowns -> indices, thicknesses, instrument; and their derivatives
     optics       these -> what each channel shows; and its derivatives by them
@@ -116,7 +116,7 @@ def _sums(
 def _step(
     y: Array, state: BatchState, trial: Array, sums: Array, bounds: Bounds, active: Array, most: Any
 ) -> tuple[BatchState, Array, Array, Array]:
-    """Return the state and y after a trial, the next one, and which slots are over."""
+    """Return the state and y after a trial, the next trial, and which slots are finished."""
     options = bounds._asdict()
     state = state._replace(done=state.done | ~active)
     y, state = SOLVER.advanced(y, trial, sums, options, state)
@@ -149,7 +149,7 @@ def _filled(y: np.ndarray) -> np.ndarray:
 
 
 def in_parts(spec: Any, targets: Targets) -> bool:
-    """Whether a fit runs in these programs: where they are shared, of films, of many unknowns.
+    """Whether a fit runs in these programs: if others share them, for films, for many unknowns.
 
     A first `choose` takes half the time, and so does the first fit of a silver mirror by three
     oscillators. One program for all is, once compiled, up to three times as fast for a bare surface
@@ -163,7 +163,7 @@ def in_parts(spec: Any, targets: Targets) -> bool:
 
 
 class _Parts:
-    """A fit in parts: what stays the same while it runs."""
+    """A fit in these programs: everything that stays the same while it runs."""
 
     def __init__(self, spec: Spec, targets: Targets):
         self.spec, self.held = spec, targets.held
@@ -175,12 +175,12 @@ class _Parts:
         ]
 
     def quantities(self, trial: Any, slot: np.ndarray, blocks: Blocks) -> Any:
-        """Return what `optics_inputs.quantities` does."""
+        """Return the result of `optics_inputs.quantities`."""
         own = self.held, blocks.points, blocks.eta_i
         return _quantities_of(trial, slot, *own, spec=self.spec, core=self.core)
 
     def shown(self, moving: list[Array], blocks: Blocks) -> tuple[Array, Array]:
-        """Return what `_optics` does."""
+        """Return the result of `_optics`."""
         return _optics_of(moving, blocks.known, blocks.points, blocks.eta_i, core=self.core)
 
     def sums(self, trial: Any, active: np.ndarray) -> Any:
@@ -200,7 +200,7 @@ class _Parts:
 def solved_in_parts(
     targets: Targets, start: Any, damping: Any, bounds: Bounds, max_steps: Any, *, spec: Spec
 ) -> tuple[Any, ...]:
-    """Return what `problem.solve` does; a lane that is over makes room for the next one."""
+    """Return the result of `problem.solve`; the next lane takes the place of a finished one."""
     if not in_parts(spec, targets):
         return solve(targets, start, damping, bounds, max_steps, spec=spec)
     parts, (p, lanes) = _Parts(spec, targets), start.shape
@@ -240,7 +240,7 @@ def solved_in_parts(
 
 
 def slopes_in_parts(targets: Targets, y: Any, *, spec: Spec) -> tuple[Any, Any]:
-    """Return what `problem.linearised` does."""
+    """Return the result of `problem.linearised`."""
     if not in_parts(spec, targets):
         return linearised(targets, y, spec=spec)
     parts, found = _Parts(spec, targets), []

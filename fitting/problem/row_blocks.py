@@ -1,7 +1,7 @@
 """The rows of a fit cut into blocks, which fill the columns of a call.
 
-So a program has one shape, whatever the number of rows and of lanes, and only lanes that are under
-way are evaluated: of 64 side by side three in five were at rest.
+A program then has one shape for all numbers of rows and of lanes, and only lanes that have not
+converged are evaluated: of 64 side by side three in five had.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from jax import Array
 from fitting.optics.observe import Points
 from fitting.problem.problem import Targets
 
-# A call evaluates blocks of so many rows, one in each of so many columns. Of 8192 points at once,
-# instead of 2048, each takes a tenth longer, and of few lanes more are evaluated for nothing.
+# A call evaluates blocks of so many rows, one in each of so many columns. With 8192 points in a
+# call, not 2048, each takes a tenth longer, and more are evaluated for nothing if lanes are few.
 ROWS, COLUMNS = 64, 32
-# Lanes under way side by side: a step of 16 unknowns takes 1.1 ms for 32 lanes, 3.4 for 64.
+# Number of lanes side by side: a step of 16 unknowns takes 1.1 ms for 32 lanes, 3.4 ms for 64.
 SLOTS = 32
 
 

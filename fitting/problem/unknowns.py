@@ -206,7 +206,7 @@ def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Un
             low, high = 0.0, math.inf  # its range, around the measured energies, is for searches
         if not low <= value <= high or (parameter.coordinate == LOG and value <= 0.0):
             raise ValueError(
-                f"{label} is held at {value:g}; a value from {low:g} to {high:g} was wanted."
+                f"{label} is fixed at {value:g}; a value from {low:g} to {high:g} was wanted."
             )
         constant = parameter.held is not None and label.partition("[")[0] not in settings.variants
         return Unknown(parameter, value, value), constant
@@ -217,7 +217,9 @@ def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Un
         least = low if math.isinf(bounds[0]) else least
         most = high if math.isinf(most) else most
         if not least < most:
-            raise ValueError(f"the range of {label} is {least:g} to {most:g}: nothing is left.")
+            ends = f"{bounds[0]:g} to {bounds[1]:g}"
+            side = f"from {floor:g} on" if bounds[1] <= floor else f"from {low:g} to {high:g}"
+            raise ValueError(f"the bounds {ends} leave no value of {label}, which lies {side}.")
         low, high = least, most
     return Unknown(parameter, low, high, prior), False
 
@@ -265,7 +267,10 @@ def unknowns(
             if of in said.tie:
                 raise ValueError(f"{o.label} is tied to {of}, which is tied itself.")
             if of not in inside:
-                raise ValueError(f"{o.label} is tied to {of}, which is several parameters.")
+                raise ValueError(
+                    f"{o.label} is tied to {of}, which stands for several parameters; name one of "
+                    f"them, for example {next(x for x in inside if x.startswith(of))}."
+                )
             check_tie(o.label, factor, o.parameter, by_label[of])
             tied.append((o.parameter.name, factor, inside[of]))
             continue

@@ -1,1 +1,1 @@
-"""What concerns the running process: compiled programs, interruption, progress, terminals."""
+"""The running process: compiled programs, interruption, progress, text for terminals."""

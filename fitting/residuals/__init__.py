@@ -1,1 +1,1 @@
-"""What a fit leaves of the data, whether it is noise, and what it says of stated errors."""
+"""Residuals of a fit, whether they are noise, and what they show of stated errors."""

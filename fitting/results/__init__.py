@@ -1,1 +1,1 @@
-"""The one result of every fit, and its warnings: data, and one table of their sentences."""
+"""`Fit`, the result of every fit, and its warnings as data and sentences."""

@@ -58,9 +58,9 @@ class Fit:
         the same by quantity ("NCS": psi and Delta).
     status: "converged"; "undetermined" (a minimum, but the data do not determine some combination
         of the parameters); "not converged"; "no data".
-    evaluations: of residuals and derivatives: by all starts of a bare surface, by the best start of
-        other fits. starts, reached: the number of starts, and of those that ended in the best
-        minimum; 0 if not counted.
+    evaluations: how often residuals and derivatives were evaluated: by all starts of a bare
+        surface, by the best start of other fits. starts, reached: the number of starting points,
+        and of those that led to the best minimum; 0 if not counted.
     errors: how the errors of the data were used.
     loss, noise: "squares", "huber" or "student", and the noise for which a robust loss or a prior
         was weighted, in units of the stated errors.
@@ -200,9 +200,11 @@ class Fit:
             wavelength_um: None for the measured ones. An index that is free at every wavelength is
                 known at the measured ones only.
             medium: "film", "substrate", ... of `Sample.places`; None for the first unknown one.
+
+        Returns: `IndexBand` of arrays (W,).
         """
         if self.evaluator is None:
-            raise ValueError("this fit is of your own residuals; it knows of no index.")
+            raise ValueError("this fit is of your own residuals; it has no sample and no index.")
         return self.evaluator.index(wavelength_um, medium)
 
     @property
@@ -211,12 +213,14 @@ class Fit:
         from fitting.residuals.residuals import residuals
 
         if self.measurement is None:
-            raise ValueError("this fit keeps no data: it came from arrays (fit_many).")
+            raise ValueError(
+                "this fit keeps no data (fit_many). To keep them, fit a Measurement with fit(...)."
+            )
         return residuals(self.measurement, self.predict().value)
 
     def __len__(self) -> int:
         if not self.shape:
-            raise TypeError("this fit is one set of parameters; it has no length")
+            raise TypeError("this fit is one set of parameters and no batch; it has no length.")
         return self.shape[0]
 
     def __iter__(self) -> Iterator[Fit]:
@@ -271,13 +275,13 @@ class Fit:
         return draw(self, reference)
 
     def report(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write a page and its files to a new folder; ``overwrite``: or one with other files."""
+        """Write a page and its files to a new or empty folder; ``overwrite``: to any folder."""
         from fitting.output.files import report
 
         report(self, folder, overwrite=overwrite)
 
     def write_material(self, path: str | os.PathLike[str], medium: str | None = None) -> Any:
-        """Write eta and k of a medium as a refractiveindex.info YAML, and its errors as CSV."""
+        """Write eta and k of a medium as refractiveindex.info YAML, and its errors as CSV."""
         from fitting.output.material import write
 
         return write(self, path, medium)

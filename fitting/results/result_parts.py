@@ -152,11 +152,15 @@ def place_of(index: Any, shape: tuple[int, ...]) -> tuple[int, ...]:
         places = [operator.index(i) for i in came]
     except TypeError:
         raise TypeError(
-            f"{index!r} picks no single fit; a whole number was wanted for each axis of the batch. "
-            "Several are [fit[i] for i in range(3)]."
+            f"{index!r} came; one whole number for each axis of the batch was wanted. Several fits "
+            "are [fit[i] for i in range(3)]."
         ) from None
     if len(places) != len(shape):
-        raise IndexError(f"a batch of shape {shape} needs {len(shape)} indices; {len(places)} came")
+        raise IndexError(
+            f"{len(places)} indices came; a batch of shape {shape} needs {len(shape)}."
+            if shape
+            else "this fit is one set of parameters and no batch; it takes no index."
+        )
     for i, size in zip(places, shape, strict=True):
         if not -size <= i < size:
             raise IndexError(f"index {i} is out of range for a batch of shape {shape}")

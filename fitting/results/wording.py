@@ -210,8 +210,8 @@ def chi2_small(v: Mapping[str, Any]) -> str:
 
 def few_starts_agree(v: Mapping[str, Any]) -> str:
     return (
-        f"only {v['reached']} of {v['starts']} starts ended in the best minimum: a better one may "
-        "exist. Take more starts, or fewer parameters."
+        f"only {v['reached']} of {v['starts']} starting points led to the best minimum: a better "
+        "one may exist. Take more starts, or fewer parameters."
     )
 
 

@@ -1,7 +1,7 @@
 """The dispersion models that can be fitted: parameters with their ranges, and the index.
 
-The formulas are those of `fresnel_jax.dispersion`. Ranges of starts follow the measured
-wavelengths: an oscillator is searched for where there are data, and a little beyond.
+The formulas are those of `fresnel_jax.dispersion`. The ranges of starting values follow from the
+measured wavelengths: an oscillator is searched for within them and a little beyond.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from fresnel_jax.dispersion import HC_EV_UM
 
 
 class Spectrum(NamedTuple):
-    """What the ranges of starts depend on.
+    """The properties of the data on which the ranges of starting values depend.
 
     shortest_um, longest_um: measured wavelengths; eta_i: index of the medium in front.
     even_in_k: whether the data depend on k^2 (powers of a bare interface), and not on k.
@@ -268,7 +268,10 @@ KINDS = {
 
 
 def model_names() -> tuple[str, ...]:
-    """Return the names of the models; one with terms may be followed by their number, NAME:N."""
+    """Return the names of the dispersion models that a sample's text may use.
+
+    A model of several terms may be followed by their number: "drude-lorentz:3".
+    """
     return tuple(KINDS)
 
 
@@ -283,8 +286,8 @@ def parse_model(text: Any) -> Model:
     name = found[1].lower().replace("_", "-") if found else ""
     if not found or name not in KINDS:
         raise ValueError(
-            f"there is no model {str(text)!r}; one of {', '.join(KINDS)} was wanted, with the "
-            "number of its terms if it has several: drude-lorentz:3."
+            f"there is no dispersion model {str(text)!r}; one of {', '.join(KINDS)} was wanted, "
+            "followed by its number of terms if it has several: drude-lorentz:3."
         )
     kind = KINDS[name]
     terms = int(found[2]) if found[2] else kind.usual

@@ -129,13 +129,13 @@ def refuse_misplaced(text: str, index: Sequence[object], bare: Sequence[bool]) -
         name = next(name for name, mixture in BETWEEN.items() if mixture == this)
         if not film:
             raise ValueError(
-                f"the sample {text!r}: {name!r} is a film between two media, neither the first nor "
-                "the last of them, neither thick nor graded: 'air | rough 3 nm | Si'."
+                f"the sample {text!r}: {name!r} must be a film between two media, without 'thick' "
+                "and 'graded', as in 'air | rough 3 nm | Si'."
             )
         if index[i + 1] in BETWEEN.values():
             raise ValueError(
-                f"the sample {text!r}: two of {', '.join(BETWEEN)} follow each other; each of them "
-                "is made of the media on both sides. Write one."
+                f"the sample {text!r}: two layers of {' or '.join(BETWEEN)} lie side by side, but "
+                "each of them is a mixture of the media on its two sides. Write one of them."
             )
 
 
@@ -159,8 +159,8 @@ def parse_mixture(text: str, index) -> Mixture:
     parts = [part.strip() for part in inside[:-1].split(",")]
     if not text.endswith(")") or len(parts) < 2:
         raise ValueError(
-            f"the mixture {text!r}: parts in brackets were wanted, each but the first with its "
-            "share: 'bruggeman(SiO2, water 30 %)'."
+            f"the mixture {text!r}: two or more parts in brackets were wanted, each but the first "
+            "with its volume share: 'bruggeman(SiO2, water 30 %)'."
         )
     shares, media = [], [index(parts[0])]
     for part in parts[1:]:
@@ -173,20 +173,23 @@ def parse_mixture(text: str, index) -> Mixture:
         low, high = (float(found[x] or end) for x, end in (("low", 0.0), ("high", 100.0)))
         start = float(found["start"]) if found["start"] else 0.5 * (low + high)
         if not 0.0 <= low <= start <= high <= 100.0:
-            raise ValueError(f"the mixture {text!r}: a share lies between 0 and 100 %.")
+            raise ValueError(f"the mixture {text!r}: a share from 0 to 100 % was wanted.")
         shares.append(Share(start / 100, low / 100, high / 100, found["held"] is not None))
         media.append(index(found["index"].strip()))
     for part, m in zip(parts, media, strict=True):
         if isinstance(m, Mixture) or m in ("free", "auto"):
             raise ValueError(
-                f"the mixture {text!r}: {part!r} is no part of one; a number, a named material, a "
-                "file or a dispersion model was wanted."
+                f"the mixture {text!r}: {part!r} cannot be a part of a mixture; a number, a named "
+                "material, a file or a dispersion model was wanted."
             )
     if sum(s.start if s.held or s.high == 1.0 else s.low for s in shares) > 1.0 + 1e-9:
         raise ValueError(
-            f"the mixture {text!r}: the shares add up to more than 100 %; the first part, which "
-            "is written without one, takes the rest."
+            f"the mixture {text!r}: the shares add up to more than 100 %, and nothing is left for "
+            "the first part, which takes the rest."
         )
     if sum(isinstance(m, Model) for m in media) > 1:
-        raise ValueError(f"the mixture {text!r}: one part at most may be a dispersion model.")
+        raise ValueError(
+            f"the mixture {text!r}: only one part may be a dispersion model; give the others as "
+            "numbers, materials or files."
+        )
     return Mixture(rule.strip().lower(), tuple(media), tuple(shares))

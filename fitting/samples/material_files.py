@@ -1,13 +1,13 @@
-"""Materials from files, and fitted indices as such files.
+"""The index of a material from a file.
 
     read_material("SiO2/nk/Malitson.yml")      a file of the refractiveindex.info database
-    read_material("film.csv")                  a table of wavelength, n and (or not) k
+    read_material("film.csv")                  a table of wavelength, n and, if wanted, k
 
-In the text of a sample the name of a file stands where the name of a material would:
+In the text of a sample the name of a file may stand for that of a material:
 ``air | film.yml 110 nm | Si``.
 
-A YAML file is read by PyYAML, an extra (``yaml``): a parser of our own would know only the part of
-YAML that those files use today.
+YAML is read by PyYAML, an optional dependency (extra ``yaml``): a parser of our own would know only
+the part of YAML that those files use today.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _BETWEEN_UNITS = 100.0
 
 
 class MaterialFileError(ValueError):
-    """A file without a readable index; the text says which, where, what came and was wanted."""
+    """An index cannot be read from a file; the text says where, what came, and what was wanted."""
 
 
 class _Both(DispersionModel):
@@ -72,13 +72,13 @@ def read_material(path: str | os.PathLike[str]) -> Material:
     except UnicodeDecodeError:
         text = file.read_bytes().decode("latin-1")
     except OSError as error:
-        raise MaterialFileError(f"{file}: cannot be read ({error.strerror}).") from None
+        raise MaterialFileError(f"{file}: the file cannot be read ({error.strerror}).") from None
     try:
         if file.suffix.lower() in (".yml", ".yaml"):
             return _from_yaml(text, file.stem)
         return _from_table(text, file.stem)
     except ValueError as error:
-        raise MaterialFileError(f"{file.name}: {error}") from None
+        raise MaterialFileError(f"{file.name}: {error}.") from None
 
 
 def _from_yaml(text: str, name: str) -> Material:
@@ -86,18 +86,18 @@ def _from_yaml(text: str, name: str) -> Material:
         import yaml
     except ImportError:
         raise ValueError(
-            "reading YAML needs PyYAML, which is not installed: pip install pyyaml (or install "
-            "fresnel-jax with its extra 'yaml'); or save the index as CSV with columns "
+            "reading YAML needs PyYAML, which is not installed. Install it (pip install pyyaml, or "
+            "fresnel-jax with its extra 'yaml'), or save the index as CSV with the columns "
             "wavelength_um, n, k"
         ) from None
     try:
         content = yaml.safe_load(text)
     except yaml.YAMLError as error:
-        raise ValueError(f"this is no YAML ({str(error).splitlines()[0]})") from None
+        raise ValueError(f"the file is not valid YAML ({str(error).splitlines()[0]})") from None
     entries = content.get("DATA") if isinstance(content, dict) else None
     if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
         raise ValueError(
-            "there is no list DATA; wanted a file of the refractiveindex.info database"
+            "there is no list DATA, which a file of the refractiveindex.info database has"
         )
     n = k = None
     for entry in entries:
@@ -112,22 +112,24 @@ def _from_yaml(text: str, name: str) -> Material:
     if n is None:
         kinds = ", ".join(str(e.get("type")) for e in entries) or "nothing"
         raise ValueError(
-            f"DATA holds {kinds}; wanted n (tabulated n, tabulated nk, formula 1 to 9)"
+            f"DATA holds {kinds}, and no n (tabulated n, tabulated nk, formula 1 to 9 were wanted)"
         )
     low, high = n[1] if k is None else (max(n[1][0], k[1][0]), min(n[1][1], k[1][1]))
     if not low < high:
-        raise ValueError(f"n ({n[1][0]:g} to {n[1][1]:g} um) and k share no wavelengths")
+        raise ValueError(
+            f"the wavelengths of n ({n[1][0]:g} to {n[1][1]:g} um) and of k do not overlap"
+        )
     return Material(_Both(n[0], None if k is None else k[0]), (low, high), name)
 
 
 def _formula(entry: Mapping[str, Any], kind: str) -> tuple[DispersionModel, tuple[float, float]]:
     found = re.fullmatch(r"formula\s+([1-9])", kind)
     if not found:
-        raise ValueError(f"type {kind!r}; wanted formula 1 to formula 9")
+        raise ValueError(f"an entry has the type {kind!r}; formula 1 to formula 9 were wanted")
     # older files say "range"
     limits = _numbers(entry.get("wavelength_range", entry.get("range")), "wavelength_range")
     if len(limits) != 2:
-        raise ValueError(f"wavelength_range holds {len(limits)} numbers; wanted two")
+        raise ValueError(f"wavelength_range holds {len(limits)} numbers; two were wanted")
     coefficients = tuple(_numbers(entry.get("coefficients"), "coefficients"))
     return PublishedFormula(int(found[1]), coefficients), (min(limits), max(limits))
 
@@ -136,15 +138,15 @@ def _numbers(text: Any, name: str) -> list[float]:
     try:
         return [float(x) for x in str(text).split()]
     except ValueError:
-        raise ValueError(f"{name} is {text!r}; wanted numbers with blanks between them") from None
+        raise ValueError(f"{name} is {text!r}; numbers separated by blanks were wanted") from None
 
 
 def _columns(text: Any, kind: str) -> list[np.ndarray]:
-    """Return wavelength, n and k of a table of the database; the absent one is 1 or 0."""
+    """Return wavelength, n and k of a table of the database; an n that is absent is 1, a k is 0."""
     wanted = 3 if "nk" in kind else 2
     rows = [_numbers(line, "a row of data") for line in str(text).splitlines() if line.strip()]
     if not rows or any(len(row) != wanted for row in rows):
-        raise ValueError(f"{kind}: wanted rows of {wanted} numbers")
+        raise ValueError(f"the data of {kind!r} are not rows of {wanted} numbers each")
     wavelength, first, *second = np.array(rows).T
     if second:
         return _in_order([wavelength, first, *second])
@@ -157,13 +159,13 @@ def _in_order(columns: list[np.ndarray]) -> list[np.ndarray]:
     """Return columns in order of wavelength, with the mean of repeated wavelengths."""
     wavelength, place, count = np.unique(columns[0], return_inverse=True, return_counts=True)
     if not (np.isfinite(wavelength).all() and wavelength[0] > 0.0):
-        raise ValueError(f"a wavelength is {wavelength[0]:g}; wanted numbers above 0")
+        raise ValueError(f"a wavelength is {wavelength[0]:g}; numbers above 0 were wanted")
     return [wavelength, *(np.bincount(place, c) / count for c in columns[1:])]
 
 
 def _table(columns: list[np.ndarray]) -> Tabulated:
     if len(columns[0]) < 2:
-        raise ValueError("there is one wavelength; wanted two or more")
+        raise ValueError("there is one wavelength; two or more were wanted")
     return Tabulated(*columns)
 
 
@@ -194,14 +196,14 @@ def _from_table(text: str, name: str) -> Material:
             rows.append([v for v in values[: len(header)] if v is not None])
         else:
             raise ValueError(
-                f"line {number}: {line.strip()!r}; wanted a header with wavelength, n and k, and "
-                "as many numbers in every row"
+                f"line {number} is {line.strip()!r}; a header with wavelength, n and k was wanted, "
+                "and below it rows of as many numbers"
             )
     end_block()
     if "n" not in found:
         raise ValueError(
-            f"there is no column n (columns: {', '.join(header) or 'none'}); wanted a header such "
-            "as wavelength_um,n,k"
+            f"there is no column n (columns: {', '.join(header) or 'none'}); a header such as "
+            "wavelength_um,n,k was wanted"
         )
     wavelength, n = found["n"]
     wavelength_k, k = found.get("k", (wavelength, np.zeros_like(n)))
@@ -222,7 +224,8 @@ def _block(header: list[str], rows: list[list[float]]) -> dict[str, tuple[np.nda
     across = known.index(True) if any(known) else None
     if across is None:
         raise ValueError(
-            f"none of the columns {', '.join(header)} is wavelength_um, wavelength_nm or energy_ev"
+            f"none of the columns {', '.join(header)} is a wavelength; name it wavelength_um, "
+            "wavelength_nm or energy_ev"
         )
     wavelength = _wavelengths(table[:, across], plain[across], header[across])
     names = {"n": "n", "eta": "n", "k": "k", "kappa": "k"}
@@ -237,6 +240,6 @@ def _wavelengths(x: np.ndarray, words: list[str], name: str) -> np.ndarray:
     if x.max() < _BETWEEN_UNITS or x.min() > _BETWEEN_UNITS:
         return x if x.max() < _BETWEEN_UNITS else x * 1e-3
     raise ValueError(
-        f"the column {name!r} says no unit, and {x.min():g} to {x.max():g} may be um or nm; write "
-        "wavelength_um or wavelength_nm in the header"
+        f"the column {name!r} states no unit, and {x.min():g} to {x.max():g} may be um or nm; name "
+        "it wavelength_um or wavelength_nm"
     )

@@ -97,8 +97,8 @@ def plain_name(name: str) -> str:
 
 def _refuse(text: str) -> ValueError:
     return ValueError(
-        f"{text!r} says nothing about a parameter; NAME=VALUE (held), NAME=LOW..HIGH (bounds) or "
-        "NAME=VALUE+-SIGMA (prior) was wanted, for example k=0, eta=1.4..1.6 or scale=1+-0.02."
+        f"{text!r} came; NAME=VALUE (fixed), NAME=LOW..HIGH (bounds) or NAME=VALUE+-SIGMA (prior) "
+        "was wanted, for example k=0, eta=1.4..1.6 or scale=1+-0.02."
     )
 
 
@@ -125,7 +125,9 @@ def names_of(names: str | Iterable[str]) -> tuple[str, ...]:
     """Return names as a tuple: a string is one name, not its letters."""
     several = (names,) if isinstance(names, str) or not isinstance(names, Iterable) else (*names,)
     if not all(isinstance(name, str) for name in several):
-        raise ValueError(f"free is {names!r}; the name of a parameter, or several, were wanted.")
+        raise ValueError(
+            f"free is {names!r}; the name of a parameter or a list of names was wanted."
+        )
     return several
 
 
@@ -137,7 +139,9 @@ def check_search(starts: Any, start: Any, seed: Any) -> None:
     if not isinstance(seed, int | np.integer) or seed < 0:
         raise ValueError(f"seed is {seed!r}; a whole number of 0 or more was wanted.")
     if start is not None and not isinstance(start, Mapping):
-        raise ValueError(f"start is {start!r}; names with a value each were wanted.")
+        raise ValueError(
+            f"start is {start!r}; a mapping from names to values was wanted: {{'eta': 1.5}}."
+        )
 
 
 def _number(value: Any) -> float:
@@ -152,9 +156,9 @@ def _pair(name: str, value: Any, what: str) -> tuple[float, float]:
         low = -math.inf if first is None else _number(first)
         high = math.inf if second is None else _number(second)
     except (TypeError, ValueError):
-        raise ValueError(f"{what} of {name} is {value!r}; a pair of numbers was wanted.") from None
+        raise ValueError(f"{what} of {name} is {value!r}; two numbers were wanted.") from None
     if math.isnan(low) or math.isnan(high):
-        raise ValueError(f"{what} of {name} is {value!r}; NaN is no number to go by.")
+        raise ValueError(f"{what} of {name} is {value!r}; numbers other than NaN were wanted.")
     return low, high
 
 
@@ -179,22 +183,28 @@ def check_settings(settings: Settings) -> Settings:
     for kind in ("fixed", "bounds", "priors", "tie"):
         came = getattr(settings, kind)
         if not isinstance(came, Mapping):
-            raise ValueError(f"{kind} is {came!r}; a mapping from names, {{name: ..}}, was wanted.")
+            raise ValueError(
+                f"{kind} is {came!r}; a mapping from names of parameters was wanted, {{name: ...}}."
+            )
     try:
         fixed = {plain_name(n): _number(v) for n, v in settings.fixed.items()}
     except (TypeError, ValueError):
-        raise ValueError(f"fixed is {settings.fixed!r}; names with a number each.") from None
+        raise ValueError(
+            f"fixed is {settings.fixed!r}; a mapping from names to numbers was wanted."
+        ) from None
     bounds = {plain_name(n): _pair(n, v, "the range") for n, v in settings.bounds.items()}
     priors = {plain_name(n): _pair(n, v, "the prior") for n, v in settings.priors.items()}
     free = tuple(plain_name(n) for n in settings.free)
     for name, value in fixed.items():
         if not math.isfinite(value):
-            raise ValueError(f"{name} is held at {value}; a finite number was wanted.")
+            raise ValueError(f"{name} is fixed at {value}; a finite number was wanted.")
         if name in free or name in bounds or name in priors:
-            raise ValueError(f"{name} cannot be held and free, bounded or given a prior at once.")
+            raise ValueError(f"{name} is fixed and cannot also be free, bounded or have a prior.")
     for name, (low, high) in bounds.items():
         if not low < high:
-            raise ValueError(f"the range of {name} is {low:g} to {high:g}; the lower end first.")
+            raise ValueError(
+                f"the range of {name} is {low:g} to {high:g}; the lower end must come first."
+            )
     for name, (mean, sigma) in priors.items():
         if not (math.isfinite(mean) and math.isfinite(sigma) and sigma > 0.0):
             raise ValueError(
@@ -203,13 +213,16 @@ def check_settings(settings: Settings) -> Settings:
             )
         if sigma < max(1e-9 * abs(mean), 1e-100):
             raise ValueError(
-                f"the prior of {name} is {mean:g} +- {sigma:g}, narrower than a fit can resolve; "
-                f"fix it instead at {mean:g}."
+                f"the prior of {name} is {mean:g} +- {sigma:g}, which is narrower than a fit "
+                f"resolves; fix it instead at {mean:g}."
             )
     tie = {plain_name(n): _tied(n, of) for n, of in settings.tie.items()}
     for name in tie:
         if name in free or name in fixed or name in bounds or name in priors:
-            raise ValueError(f"{name} is tied to another parameter; say nothing else about it.")
+            raise ValueError(
+                f"{name} is tied to another parameter and cannot also be free, fixed, bounded or "
+                "have a prior."
+            )
     return Settings(free, fixed, bounds, priors, tie, settings.variants)
 
 
@@ -217,8 +230,8 @@ def check_tie(name: str, factor: float, parameter: Parameter, of: Parameter) -> 
     """Raise ValueError where a multiple of a parameter is always out of the range of another."""
     if factor < 0.0 and parameter.low >= 0.0 and of.low >= 0.0:
         raise ValueError(
-            f"{name} is tied to {factor:g} times another parameter, neither of which is negative; "
-            "a factor above 0 was wanted."
+            f"{name} is tied to {factor:g} times another parameter, and neither of them can be "
+            "negative; a factor above 0 was wanted."
         )
 
 

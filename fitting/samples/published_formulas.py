@@ -108,8 +108,8 @@ class PublishedFormula(DispersionModel):
     def __check_init__(self):
         if self.number not in FORMULAS or not self.coefficients:
             raise ValueError(
-                f"formula {self.number} with {len(self.coefficients)} coefficients came; wanted a "
-                "formula from 1 to 9 and at least one coefficient"
+                f"formula {self.number} with {len(self.coefficients)} coefficients came; a formula "
+                "from 1 to 9 with one coefficient or more was wanted"
             )
 
     def index(self, wavelength_um: Array) -> Index:

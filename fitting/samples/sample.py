@@ -116,15 +116,18 @@ class Medium(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """Media in the order in which the light meets them; hashable."""
+    """The media of a sample in the order in which the light meets them; hashable.
+
+    `fit`, `choose` and `simulate` take it, or its text, which ``str`` returns.
+    """
 
     media: tuple[Medium, ...]
 
     @staticmethod
     def parse(text: str | Sample) -> Sample:
-        """Return the sample that a text describes; see the module.
+        """Return the sample that a text describes; `fitting.samples.sample` shows all forms.
 
-        Raises ValueError for a text that does not describe a sample, with what was wanted.
+        Raises ValueError, which says what was wanted, for a text that does not describe a sample.
         """
         return text if isinstance(text, Sample) else _parsed(str(text))
 
@@ -212,7 +215,7 @@ def _index(text: str) -> complex | Model | Mixture | MaterialFile | str:
     if found:
         value = complex(float(found[1]), float(found[2] or 0.0))
         if not 1e-3 <= value.real <= 1e3 or value.imag > 1e3:
-            raise ValueError(f"the index is {text!r}; a number above 0, 0.001 to 1000, was wanted.")
+            raise ValueError(f"the index {text!r} is out of range: eta 0.001 to 1000, k 0 to 1000.")
         return value
     lowered = text.lower()
     if lowered in (FREE, AUTO):
@@ -227,9 +230,9 @@ def _index(text: str) -> complex | Model | Mixture | MaterialFile | str:
         raise
     except ValueError as error:
         raise ValueError(
-            f"{text!r} is not an index: a number (1.45 or 0.2+3.1i), free, auto, a dispersion "
-            f"model ({', '.join(KINDS)}), a named material, a file (film.yml) or a mixture "
-            f"(bruggeman(SiO2, water 30 %)) was wanted. As a material: {error}."
+            f"{text!r} is not an index: {error}. A number (1.45 or 0.2+3.1i), free, auto, a "
+            f"dispersion model ({', '.join(KINDS)}), a named material, a file (film.yml) or a "
+            "mixture (bruggeman(SiO2, water 30 %)) was wanted."
         ) from None
 
 
@@ -238,14 +241,15 @@ def _layer(text: str) -> Medium:
     if not found:
         raise ValueError(
             f"the layer {text!r} has no thickness; write it after the index, with its unit "
-            f"({', '.join(dict.fromkeys(u for u in UNITS if u.isascii()))}): 'cauchy 110 nm', "
-            "'SiO2 100..150 nm', 'cauchy 3 mm thick'."
+            f"({', '.join(dict.fromkeys(u for u in UNITS if u.isascii()))}), for example "
+            "'cauchy 110 nm', 'SiO2 100..150 nm' or 'cauchy 3 mm thick'."
         )
     words = found["words"].split()
     strange = [w for w in words if w not in ("thick", "held", "graded")]
     if strange:
         raise ValueError(
-            f"the layer {text!r}: {strange[0]!r} is neither 'thick' nor 'held' nor 'graded'."
+            f"the layer {text!r}: {strange[0]!r} came after the thickness, where 'thick' (without "
+            "interference), 'held' (not fitted) or 'graded' was wanted."
         )
     unit, coherent = UNITS[found["unit"]], "thick" not in words
     if found["start"]:
@@ -255,20 +259,20 @@ def _layer(text: str) -> Medium:
         low, high = float(found["low"]) * unit, float(found["high"]) * unit
         low_high, start, held = low, 0.5 * (low + high), "held" in words
         if not low < high:
-            raise ValueError(f"the layer {text!r}: the lower end of the thickness comes first.")
+            raise ValueError(f"the layer {text!r}: the smaller thickness of a range comes first.")
     if not (1e-6 <= start <= 1e9 and low_high > 0.0):
-        raise ValueError(f"the layer {text!r}: a thickness above 0 (1e-6 to 1e9 um) was wanted.")
+        raise ValueError(f"the layer {text!r}: a thickness from 1e-6 to 1e9 um was wanted.")
     index, graded = found["index"].strip(), "graded" in words
     if graded and not coherent:
-        raise ValueError(f"the layer {text!r}: a thick layer cannot be graded.")
+        raise ValueError(f"the layer {text!r}: 'thick' and 'graded' exclude each other.")
     return Medium(_index(index), index, Thickness(start, low, high, held, coherent, graded))
 
 
 def _outer(text: str, side: str) -> Medium:
     if _LAYER.match(text):
         raise ValueError(
-            f"{text!r} has a thickness but is the {side} medium, which has none; a plate in air is "
-            "written 'air | cauchy 3 mm thick | air'."
+            f"{text!r} is the {side} medium, which extends without end and takes no thickness; a "
+            "plate in air is 'air | cauchy 3 mm thick | air'."
         )
     return Medium(_index(text), text)
 
@@ -277,16 +281,16 @@ def _parsed(text: str) -> Sample:
     parts = [part.strip() for part in text.split("|")]
     if not all(parts):
         raise ValueError(
-            f"the sample {text!r} has an empty medium; 'free', 'cauchy' or 'air | cauchy 110 nm | "
-            "Si' was wanted."
+            f"the sample {text!r} names no medium at one of its places; examples are 'free', "
+            "'cauchy' and 'air | cauchy 110 nm | Si'."
         )
     if len(parts) == 1:
         parts = ["air", *parts]
     first, last = _outer(parts[0], "first"), _outer(parts[-1], "last")
     if not lossless(first.index):
         raise ValueError(
-            f"the sample {text!r}: the light comes from {first.text!r}; a lossless medium, one "
-            "real number above 0 or a named dielectric, was wanted there."
+            f"the sample {text!r}: light comes from the first medium, {first.text!r}, which must "
+            "be known and lossless: a real number above 0, or a named dielectric such as water."
         )
     media = (first, *map(_layer, parts[1:-1]), last)
     depths = [m.thickness for m in media]

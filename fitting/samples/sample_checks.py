@@ -21,10 +21,10 @@ def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> Non
             thick_mm = millimetres_named(m.source)
             named = f"; the file name says {thick_mm} mm" if thick_mm else ""
             raise ValueError(
-                f"{m.source}: cannot fit {', '.join(behind)} to one bare surface: transmittance "
-                "and light from the back are of a plate, whose thickness is needed. "
-                f"Give the sample 'air | free {thick_mm or 3} mm thick | air'"
-                f'{named}. Or name the columns to be read: columns="angle=1,R_s=2".'
+                f"{m.source}: {', '.join(behind)} cannot be fitted with one bare surface, since "
+                "transmittance and reflectance from the back are those of a plate. Give the sample "
+                f"with its thickness, 'air | free {thick_mm or 3} mm thick | air'{named}; or read "
+                "other columns only (columns, --columns: angle=1,R_s=2)."
             )
         check_points(m, sample)
     if any(not m.thickness.coherent for m in sample.layers if m.thickness):
@@ -35,15 +35,16 @@ def check_points(m: Measurement, sample: Sample) -> None:
     """Raise ValueError where a sample has no prediction at some of the points, or a wrong one."""
     if "R_back" in m.quantity and sample.bare:
         raise ValueError(
-            f"{m.source}: R_back is light from the other face, which a bare surface does not "
-            "have. Fit a plate, 'air | free 3 mm thick | air', or leave the column out."
+            f"{m.source}: R_back is the reflectance from the other face, which a bare surface does "
+            "not have. Fit a plate, 'air | free 3 mm thick | air', or leave the column out."
         )
     # The same from both sides: one thick layer between the same media.
     alike = sample.media[0].index == sample.media[-1].index and len(sample.layers) == 1
     if "R_back" in m.quantity and (sample.films or not alike):
         raise ValueError(
-            f"{m.source}: R_back is not computed for {sample}; it is for one thick layer with the "
-            "same medium on both sides, as 'air | free 3 mm thick | air'. Leave the column out."
+            f"{m.source}: R_back is not computed for the sample '{sample}', but only for one thick "
+            "layer with the same medium on both sides, as 'air | free 3 mm thick | air'. Leave the "
+            "column out."
         )
     _check_wavelengths(m, sample)
 
@@ -53,10 +54,11 @@ def _check_wavelengths(m: Measurement, sample: Sample) -> None:
     dispersive = [x for x in sample.media if isinstance(x.index, Model) and x.text != "constant"]
     named = [known for x in sample.media for known in x.known]
     if np.isnan(m.wavelength_um).any() and (sample.layers or dispersive or named):
-        what = "a layer acts" if sample.layers else f"the index of {(dispersive + named)[0]} varies"
+        layer = "the reflectance of a layer"
+        what = layer if sample.layers else f"the index of {(dispersive + named)[0]}"
         raise ValueError(
-            f"{m.source}: {what} with the wavelength, which is not known here; give it "
-            "(wavelength_um)."
+            f"{m.source}: the wavelength is not known, but {what} depends on it; give it "
+            "(wavelength_um, --wavelength-um)."
         )
     for medium in range(len(sample.media)):
         check_known(sample, medium, m.wavelength_um, m.source)
@@ -71,7 +73,7 @@ def check_known(sample: Sample, medium: int, wavelength_um: np.ndarray, source: 
         low, high = float(np.nanmin(wavelength_um)), float(np.nanmax(wavelength_um))
         if not (known[0] <= low and high <= known[1]):
             raise ValueError(
-                f"{source or 'points'}: {known_medium(which).name} is known from {known[0]:g} to "
-                f"{known[1]:g} um; data from {low:g} to {high:g} um came. Leave the others out, or "
-                "give a model."
+                f"{source or 'points'}: the index of {known_medium(which).name} is known from "
+                f"{known[0]:g} to {known[1]:g} um, and wavelengths from {low:g} to {high:g} um "
+                "came. Leave those outside out, or write a dispersion model instead."
             )

@@ -46,7 +46,10 @@ def knots_over(terms: int, low_ev: float, high_ev: float) -> tuple[float, ...]:
     above = min(_ABOVE, terms // 4)
     step = (high_ev - low_ev) / max(terms - above - 1, 1)
     if not step > 0.0:
-        raise ValueError(f"{NAME}:{terms} is a spline over a spectrum; one wavelength came.")
+        raise ValueError(
+            f"{NAME}:{terms} is a spline over a spectrum, and the data have one wavelength. Choose "
+            "another model, such as constant."
+        )
     first = max(low_ev - 2.0 * step, 0.02 * low_ev)
     even = np.linspace(first, high_ev + 2.0 * step, terms - above + 4)
     beyond = max((_REACH - 1.0) * high_ev, 4.0 * step)
@@ -102,6 +105,6 @@ def spline_model(
 def without_knots(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
     """Refuse to evaluate a spline whose knots are not known."""
     raise ValueError(
-        f"the knots of {NAME} follow the measured wavelengths: it can be fitted, and "
-        "evaluated by the fit, but not simulated without one."
+        f"the knots of {NAME} follow the measured wavelengths: this model can be fitted, and the "
+        "fit evaluates it (Fit.predict), but it cannot be simulated without a fit."
     )

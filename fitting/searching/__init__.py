@@ -1,1 +1,1 @@
-"""The best minimum of a fit: where to start, what is tried beside the lowest ends, last steps."""
+"""The search for the best minimum: starts, further starts near the lowest minima, last steps."""

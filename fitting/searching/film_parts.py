@@ -21,9 +21,10 @@ if TYPE_CHECKING:
     from fitting.problem.problem import Targets
     from fitting.searching.search import Solving
 
-# Number of parts in which a film is searched for; by what factor they grow, how many evaluations
-# each takes, and how many of the lowest starts go on. The last few creep along a valley in which
-# only the product of index and thickness is well determined.
+# Number of parts in which a film is searched for; the factor by which they grow; the number of
+# evaluations of each; and how many of the lowest starts go on. In the end the _LAST_KEPT lowest
+# have _LAST_STEPS evaluations, since they move along a valley in which only the product of index
+# and thickness is well determined.
 PARTS, _GROWTH, _STEPS, _KEPT = 4, 1.35, 30, 16
 _LAST_STEPS, _LAST_KEPT = 300, 4
 # The least number of wavelengths in a part.
@@ -53,10 +54,10 @@ def _at(fit: Solving, rows: np.ndarray) -> Targets:
 def followed_to_all(
     fit: Solving, start: np.ndarray, each: list[np.ndarray], part: int, noise: float
 ) -> np.ndarray:
-    """Return where the best of starts (p, S) of one part are when all of the spectrum is fitted.
+    """Return the points that the best of starts (p, S) in one part reach for the whole spectrum.
 
-    The part grows by a third at a time: what is fitted in it tells the phase of the fringes just
-    beside it to less than half a period, but not far away.
+    The part grows by a third at a time: a fit within it predicts the phase of the fringes to less
+    than half a period just beside it, but not far away.
     """
     used = np.logical_or.reduce(each)
     rank = np.argsort(np.argsort(fit.seen.points.wavelength_um[used, 0], kind="stable"))

@@ -1,4 +1,4 @@
-"""Starts of a sample with films: where the fringes put the thickness."""
+"""Starts of a sample with films: thicknesses that agree with the interference fringes."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from fitting.problem.observations import Observations
     from fitting.searching.search import Solving
 
-# Indices that are tried in the scan of the thickness, and so many thicknesses that are taken from
-# the fringes; of many starts, which are those of many unknowns. Each with these shifts in parts of
-# a period: the phase of the reflections at both faces is not known to the scan.
+# Number of indices in the scan of the thickness, and of thicknesses that are taken from it; the
+# same for many starts. Each thickness is tried with these shifts, in parts of a period, since the
+# scan does not know the phases of the reflections at the two faces.
 _CANDIDATES, _LIKELY = 40, 40
 MANY_CANDIDATES, _MANY_LIKELY = 128, 80
 SHIFTS = (0.0, 0.25, -0.25, 0.5)
@@ -29,7 +29,7 @@ SHIFTS = (0.0, 0.25, -0.25, 0.5)
 _INDEX = {
     "eta": 1, "k": 1, "A": 1, "B": 1, "C": 1, "plasma": 1, "eps": 2, "strength": 2, "amplitude": 2,
 }  # fmt: skip
-# Fringes of the thickest film that is looked for, from which on parts of the spectrum are searched.
+# Number of fringes of the thickest film from which on parts of the spectrum are searched, too.
 _FRINGES = 20.0
 
 
@@ -99,7 +99,7 @@ def phase_rates(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
 
 
 def middle(rates: np.ndarray) -> np.ndarray:
-    """Return the phase rate amid the fringes, (L,), of (L, M): where a film is a metal are none."""
+    """Return the phase rate amid the fringes, (L,), of (L, M); metallic ranges have no fringes."""
     fringed = rates > 0.5 * rates.max(axis=1, keepdims=True)
     return np.nanmedian(np.where(fringed, rates, np.nan), axis=1)
 
@@ -123,7 +123,7 @@ def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
 def by_fringes(
     fit: Solving, film: Film, y: np.ndarray, rates: np.ndarray, rows: np.ndarray, count: int
 ) -> np.ndarray:
-    """Return starts (p, 4 count) by the fringes that some rows (bool, of all) show."""
+    """Return starts (p, 4 count) from the fringes in some rows (bool, of all)."""
     values, weights = _curves(fit.seen)
     lane, thickness = likely_thicknesses(
         rates[:, rows], film.low_um, film.high_um, values[:, rows], weights[:, rows], count
@@ -143,8 +143,8 @@ def along_fringes(
 ) -> np.ndarray:
     """Return y (p, L) with the index times each of F factors and the phase as it is, (p, F L).
 
-    rows: (bool, of all) in which. The fringes tell nothing but the product of index and thickness,
-    and the way along it is long for the solver.
+    rows: (bool, of all) in which the phase is kept. The fringes determine only the product of index
+    and thickness, and the solver moves slowly along a constant product.
     """
     x, _ = value_and_slope(fit.u.moving[film.row].parameter.coordinate, y[film.row])
     phase = 1e-3 * x * middle(phase_rates(fit, film, y)[:, rows])
@@ -158,7 +158,7 @@ def along_fringes(
 
 
 def scaled_index(fit: Solving, film: Film, y: np.ndarray, factor: float | np.ndarray) -> np.ndarray:
-    """Return y (p, L) with the film's index times a factor, () or (L,), where its model lets it."""
+    """Return y (p, L) with the film's index times a factor, () or (L,), as far as its model allows."""
     out = y.copy()
     place = fit.u.spec.media.places[film.medium]
     for i, (name, unknown) in enumerate(zip(fit.u.spec.moving, fit.u.moving, strict=True)):

@@ -13,12 +13,12 @@ from fitting.searching.starts import STAGE, Ends
 if TYPE_CHECKING:
     from fitting.searching.search import Solving
 
-# Stages in which starts go on.
+# Largest number of stages of STAGE evaluations.
 _FURTHER = 8
 
 
 def followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> Ends:
-    """Return where starts (p, S) end; those that are far above the best cost on the way."""
+    """Return the ends of starts (p, S); those far above the best cost are stopped on the way."""
     low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in fit.limits)
     ends = fit.held(start, low, high, noise, STAGE)
     shown = best + ALTERNATIVE_CHI2 * fit.unit(best)
@@ -27,6 +27,6 @@ def followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> Ends
         if not len(live):
             break
         ends.put(live, fit.held(ends.y[:, live], low[:, live], high[:, live], noise, STAGE))
-        # After the first of them what still crawls along a valley, unless it is the lowest of all.
+        # After the first stage only starts go on that are below the best minimum known.
         shown = best - fit.unit(best)
     return ends._replace(y=in_order(fit.u, ends.y, fit.settings))

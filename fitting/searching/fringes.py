@@ -1,7 +1,8 @@
-"""How thick a film may be: where its interference fringes put it, and a scan of the thickness.
+"""Candidates for the thickness of a film: a scan that compares its fringes with the data.
 
 The misfit of a film's thickness has a minimum at every fringe order, some 10 to 200 of them, and
-Levenberg and Marquardt's method ends in the nearest. What tells the order is how fast the phase
+Levenberg and Marquardt's method ends in the nearest. The order follows from the rate at which the
+phase
 
     phase = 2 pi d g,    g = 2 sqrt(N^2 - eta_i^2 sin^2) / wavelength
 
@@ -20,10 +21,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Parts of a period that the relative phase between the ends of the data may be off by.
+# Tolerated error of the phase between the two ends of the data, in periods.
 _STEP = 0.15
 _LARGEST_GRID = 6000
-# Thicknesses below a quarter of a fringe differ in no phase: a few, evenly in the logarithm.
+# Thicknesses below a quarter of a fringe differ in no phase: a few are tried, even in logarithm.
 _THIN = 8
 # Up to so many thicknesses are summed one by one; of more by a Fourier transform with a window of
 # _WIDTH points, whose shape suits twice as many points as thicknesses.
@@ -59,7 +60,7 @@ class Grid(NamedTuple):
 
 
 def thickness_grid(rate: np.ndarray, low_um: float, high_um: float) -> Grid:
-    """Return thicknesses between two, no phase between which the data could tell."""
+    """Return thicknesses between two, so close that the data do not resolve their phases."""
     spread = max(float(np.ptp(rate)), 1e-3 * float(rate.max()))
     count = int(np.clip(np.ceil((high_um - low_um) * spread / _STEP), 1, _LARGEST_GRID))
     step = (high_um - low_um) / count
@@ -111,7 +112,7 @@ def _alike(values: np.ndarray, weights: np.ndarray) -> list[tuple[np.ndarray, np
 
 
 def misfit(rate: np.ndarray, grid: Grid, groups: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """Return the sum of squares that is left at each thickness, (D,).
+    """Return the sum of squares of the residuals at each thickness, (D,).
 
     rate: (M,). groups: of `_alike`; weight 0 leaves out.
     """
@@ -127,7 +128,7 @@ def misfit(rate: np.ndarray, grid: Grid, groups: list[tuple[np.ndarray, np.ndarr
 def _left(
     rate: np.ndarray, grid: Grid, powers: np.ndarray, values: np.ndarray, w: np.ndarray
 ) -> np.ndarray:
-    """Return the weighted squares left by smooth curves and fringes of some curves (C, M), (D,).
+    """Return the weighted sum of squares (D,) of curves (C, M) less smooth curves and fringes.
 
     powers: 1, x, x^2, x^3, (4, M). The smooth curves are the first three, what fringes are
     multiplied by the first two.
@@ -170,7 +171,7 @@ def likely_thicknesses(
     weights: np.ndarray,
     count: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return which candidate index, and which thickness, the fringes speak for, (count,) each.
+    """Return the candidate indices and thicknesses that describe the fringes best, (count,) each.
 
     rates: (J, M) of the candidates. The lowest local minima of the misfit over thickness, of all
     candidates together, the best first.

@@ -1,4 +1,4 @@
-"""The last steps to a minimum, which are not worth a step of all lanes."""
+"""The last steps to a minimum, made for the best lane alone."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from fitting.uncertainty.covariance import Slopes, prior_rows
 if TYPE_CHECKING:
     from fitting.searching.search import Solving
 
-# Undamped steps that are tried, and evaluations along a bent valley.
+# Number of undamped steps that are tried, and of evaluations along a curved valley.
 _STEPS, _EVALUATIONS = 3, 200
-# A step that promises a smaller fall of chi2 is not taken.
+# A step is not taken if its expected decrease of chi2 is smaller than this.
 _FALL = 1e-4
 
 
 def polished(
     fit: Solving, y: np.ndarray, noise: float, scaled: bool, valley: bool = True
 ) -> tuple[np.ndarray, Slopes]:
-    """Return where the cost next to y (p,) is lowest, and the derivatives there.
+    """Return the minimum next to y (p,), and the derivatives there.
 
-    valley: whether a bent one is followed.
+    valley: whether a curved valley is followed.
     """
     s = fit.slopes(y)
     finite = np.isfinite(s.residual).all() and np.isfinite(s.jacobian).all()
@@ -45,17 +45,17 @@ def polished(
 
 
 def _unit(fit: Solving, cost: float) -> float:
-    """Return a unit of chi2, by the scatter where that is all there is."""
+    """Return the unit of chi2: that of the stated errors, else from the scatter."""
     return cost / max(fit.dof, 1) if fit.asked.scaled else 1.0
 
 
 def _along_the_valley(
     fit: Solving, y: np.ndarray, s: Slopes, noise: float
 ) -> tuple[np.ndarray, Slopes]:
-    """Return the bottom of a bent valley, in which an undamped step leads up its side.
+    """Return the bottom of a curved valley, in which an undamped step leads up its side.
 
-    The solver of many lanes leaves it where every damped step promises less than 1e-4 of chi2; of
-    some hundred such steps the fall has been .02.
+    The solver of many lanes stops there once every damped step is expected to lower chi2 by less
+    than 1e-4; some hundred such steps lowered it by up to .02.
     """
     from scipy.optimize import least_squares  # slow to import, seldom needed
 
@@ -73,7 +73,7 @@ def _along_the_valley(
             r = np.concatenate([here.residual / noise, off])
             rows = np.concatenate([here.jacobian / noise, lines])[:, inside]
             seen.clear()
-            # The method steps back from residuals that are no numbers, but not from derivatives.
+            # The method steps back from residuals that are NaN, but not from derivatives that are.
             seen[x.tobytes()] = (r if np.isfinite(rows).all() else np.full_like(r, np.nan)), rows
         return seen[x.tobytes()]
 

@@ -1,7 +1,7 @@
-"""Starts beside the lowest ends: what a right minimum most often lacks is one thing alone.
+"""Further starts near the lowest minima, which often differ from the best one in one thing only.
 
-The order of the fringes, an oscillator in the wrong place, some parameters of a random start: each
-is tried on the lowest ends while something lower is found.
+Another order of the fringes, another place of an oscillator, and some parameters of a random start
+are tried at the lowest minima, as long as this leads to lower ones.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ from fitting.searching.starts import LANES, Ends, best_of
 if TYPE_CHECKING:
     from fitting.searching.search import Solving
 
-# Fringe orders on either side of the best minimum that are looked at.
+# Fringe orders beside the best minimum that are tried.
 _ORDERS = [sign * n for n in range(1, 9) for sign in (1, -1)]
-# Rounds of starts beside the lowest ends, how many of them in a row may gain nothing, and the share
-# of parameters that is taken from others.
+# Number of rounds of further starts; how many of them in a row may find nothing lower; and the
+# share of parameters that is taken from other starts.
 _ROUNDS, _IN_VAIN, _ANEW = 12, 2, 0.4
-# Thicknesses that are likely in a part of the spectrum, and factors on the index at each of them.
+# Number of likely thicknesses from a part of the spectrum, and of factors on the index at each.
 _LIKELY, _FACTORS = 8, (0.8, 1.25, 0.6)
-# Of so many of the lowest ends each oscillator is looked for anew.
+# At so many of the lowest minima each oscillator is searched for again.
 _PARENTS = 4
 
 
 def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -> Ends:
-    """Return the ends, and those of starts beside the lowest of them, while these are lower.
+    """Return the ends, and those of further starts near the lowest of them, as long as these help.
 
-    start: (p, S) random starts. Of films always, of other samples with oscillators where residuals
-    are no noise. Where they are none after a round without gain another one follows (after one
-    alone, 2 of 8 fits of a glass plate ended far above the best minimum), of films of many fringes
-    with what is found in parts of the spectrum.
+    start: (p, S) random starts. This is done for films, and for other samples with oscillators if
+    the residuals are not noise. If they are still not noise after a round without a lower minimum,
+    another round follows (after one alone, 2 of 8 fits of a glass plate ended far above the best
+    minimum); for films of many fringes with starts from parts of the spectrum.
     """
     films = films_of(fit.u.spec, fit.u.moving)
     worth = bool(films) or (fit.lanes == LANES and bool(oscillators(fit)))
@@ -74,9 +74,9 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
 
 
 def _is_noise(fit: Solving, y: np.ndarray) -> bool:
-    """Whether the residuals at y may be noise: not alike from neighbour to neighbour.
+    """Whether the residuals at y look like noise: they are not autocorrelated.
 
-    And, where errors are stated, not larger than these.
+    And, if errors are stated, not larger than these.
     """
     r = fit.slopes(y).residual
     square = float(r @ r)
@@ -121,7 +121,7 @@ def _as_free_electrons(fit: Solving, y: np.ndarray, other: np.ndarray) -> np.nda
 
 
 def _other_lines(fit: Solving, ends: Ends) -> np.ndarray:
-    """Return starts (p, S): the lowest ends with each oscillator where it explains most."""
+    """Return starts (p, S): the lowest ends, each oscillator moved to where it explains most."""
     terms = oscillators(fit)
     if not terms:
         return ends.y[:, :0]
@@ -136,7 +136,7 @@ def _other_lines(fit: Solving, ends: Ends) -> np.ndarray:
 
 
 def _from_parts(fit: Solving, film: Film, y: np.ndarray, noise: float, least: float) -> list[Ends]:
-    """Return where starts end that were found in parts of the spectrum; y: candidates (p, L)."""
+    """Return the ends of starts from parts of the spectrum; y: candidates (p, L)."""
     rates = phase_rates(fit, film, y[:, :MANY_CANDIDATES])
     out, each = [], parts(fit.seen)
     for part, rows in enumerate(each):

@@ -1,4 +1,4 @@
-"""Where the next oscillator of a medium belongs: the lines that explain most of the residuals.
+"""The place of the next oscillator of a medium: the lines that explain most of the residuals.
 
 The index changes in proportion to the strength of a weak oscillator, and a datum depends on the
 index at its own wavelength only. So two derivatives, with respect to eps_1 and eps_2 of the medium,

@@ -1,4 +1,4 @@
-"""One fit on its way: starts, rounds in which the noise is found, the last steps."""
+"""One fit: its starts, rounds in which the noise is estimated, and the last steps."""
 
 from __future__ import annotations
 
@@ -26,11 +26,12 @@ from fitting.searching.starts import (
 )
 from fitting.uncertainty.covariance import Slopes, Uncertainty, loss_of, slopes_at, uncertainty
 
-# Rounds in which the noise of a robust loss is found, and when it is found.
+# Largest number of rounds in which the noise of a robust loss is estimated, and the relative change
+# below which it is final.
 NOISE_ROUNDS, NOISE_SETTLED = 6, 1e-3
-# Evaluations with so many terms before the next one is added.
+# Number of evaluations before the next term is added.
 _GROWING = 40
-_NO_NOISE = 1e9  # so large that a robust loss is that of least squares
+_NO_NOISE = 1e9  # so large that a robust loss equals least squares
 
 
 def in_order(u: Unknowns, y: np.ndarray, settings: Settings) -> np.ndarray:
@@ -134,7 +135,7 @@ def _weak_terms(start: np.ndarray) -> np.ndarray:
 
 
 def _noise(s: Slopes, loss: str, stated: bool, absolute: bool, dof: int) -> float:
-    """Return what the residuals' standard deviation is taken for, in units of the weights."""
+    """Return an estimate of the standard deviation of the residuals, in units of the weights."""
     if loss == "squares":
         return float(np.sqrt((s.residual @ s.residual) / max(dof, 1)))
     if absolute and stated:
@@ -145,7 +146,7 @@ def _noise(s: Slopes, loss: str, stated: bool, absolute: bool, dof: int) -> floa
 
 
 class End(NamedTuple):
-    """One minimum looked at closely. finite: whether everything there is a number."""
+    """One minimum with its derivatives and errors. finite: whether all of them are finite."""
 
     y: np.ndarray
     slopes: Slopes
@@ -155,7 +156,7 @@ class End(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """What the caller wants of a fit beside its parameters.
+    """The options of a fit other than those of its parameters.
 
     errors, intervals, loss: as `fitting.fit` has them. seed: origin of the starts. ends: where a
     search is kept for another one that is the same; None: nowhere.
@@ -174,7 +175,7 @@ class Asked(NamedTuple):
 
 
 class Solving:
-    """One fit under way: what stays the same in all its rounds."""
+    """One fit: everything that is the same in all its rounds."""
 
     def __init__(
         self, u: Unknowns, seen: Observations, targets: Targets, settings: Settings, asked: Asked
@@ -187,7 +188,7 @@ class Solving:
         self.priors = sum(w.prior is not None for w in u.moving)
         self.dof = max(self.n_data + self.priors - int(u.free.sum()), 0)
         self.limits = coordinate_bounds(u.moving)
-        self.pooled: float | None = None  # scatter of many fits alike, where one has too few data
+        self.pooled: float | None = None  # scatter of many similar fits, if one has too few data
         self.lanes = LANES
         squares = [
             float(((v * w) ** 2).sum()) for v, w in zip(seen.values, seen.weights, strict=True)
@@ -237,7 +238,7 @@ class Solving:
         return slopes_at(self.u, self.seen, self.targets, y)
 
     def cost(self, s: Slopes, y: np.ndarray, noise: float) -> float:
-        """Return what is minimised, at y."""
+        """Return the cost at y."""
         total = loss_of(self.u.spec.loss, s.residual / noise)
         for unknown, value in zip(self.u.moving, y, strict=True):
             if unknown.prior is not None:
@@ -258,7 +259,7 @@ class Solving:
         )  # fmt: skip
 
     def look_at(self, y: np.ndarray, noise: float, scaled: bool, polish: bool = True) -> End:
-        """Return the minimum next to y, where a lane has ended, and how well it is known.
+        """Return the minimum next to y, the end of a lane, and its errors.
 
         polish: take the last steps, too.
         """
@@ -293,6 +294,6 @@ def solved(fit: Solving, start: np.ndarray) -> tuple[Ends, float]:
         noise = max(found, least)
         if i and abs(noise - before) <= NOISE_SETTLED * before:
             break
-        # The first round of the true problem is from everywhere, later ones from where it led.
+        # The first round of the true problem is from all starts, later ones from their ends.
         ends = fit.run(start if i == 0 else ends.y, noise)
     return ends, noise

@@ -1,4 +1,4 @@
-"""Many starts of one fit, and what their ends say: the best minimum, how many found it, the others.
+"""Many starts of one fit, side by side.
 
 One random start found the best minimum of a spectral model in a third to a half of the cases, 64 in
 all of them, at hardly any cost: the starts are lanes of one program.
@@ -19,14 +19,14 @@ from fitting.problem.solver import START_DAMPING
 from fitting.process.progress import tell
 from fitting.samples.parameters import LOG, SQUARE, Unknown, from_parameter, plain_name, start_range
 
-# Starts run in stages; those left behind go on as long as they might still win.
+# Evaluations in a stage, and number of stages; a start goes on while it may become the best.
 STAGE, STAGES = 60, 8
-# So many lanes run side by side; of more starts those go on that are lowest after SIFT evaluations.
+# Number of lanes side by side; of more starts the lowest after SIFT evaluations go on.
 LANES, SIFT = 64, 12
 
 
 class Ends(NamedTuple):
-    """Where the starts ended: y (p, L), cost, done and evaluations (L,)."""
+    """The ends of starts: y (p, L); cost, done (converged) and evaluations (L,)."""
 
     y: np.ndarray
     cost: np.ndarray
@@ -34,7 +34,7 @@ class Ends(NamedTuple):
     evaluations: np.ndarray
 
     def put(self, lanes: np.ndarray, others: Ends) -> None:
-        """Write where some of the lanes are now."""
+        """Update the state of some of the lanes."""
         for mine, theirs in zip(self, others, strict=True):
             mine[..., lanes] = theirs
 
@@ -55,7 +55,7 @@ def quasi_random(count: int, dimensions: int, seed: int) -> np.ndarray:
 
 def starts(unknowns: Sequence[Unknown], count: int, seed: int) -> np.ndarray:
     """Return starts in the solver's coordinates, (p, count)."""
-    # What others of the same program free takes no dimension: each starts as if it were alone.
+    # A parameter that is free only in other fits of the program takes no dimension here.
     usual = [w.low == w.high == w.parameter.held for w in unknowns]
     cube = iter(quasi_random(count, usual.count(False), seed))
     rows = []
@@ -72,7 +72,7 @@ def starts(unknowns: Sequence[Unknown], count: int, seed: int) -> np.ndarray:
             else:
                 x = low + (high - low) * u
             if parameter.near is not None and unknown.prior is None:
-                # Every other start crowds about that value, on both sides.
+                # Every other start lies near that value, on either side.
                 side = np.where(u < 0.5, -1.0, 1.0)
                 distance = 10.0 ** (-7.0 * (2.0 * u % 1.0))
                 crowded = parameter.near * (1.0 + 0.5 * side * distance)
@@ -83,7 +83,7 @@ def starts(unknowns: Sequence[Unknown], count: int, seed: int) -> np.ndarray:
 
 
 def start_at(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> np.ndarray:
-    """Return one start (p,) at these values, by name, and in the middle of the rest."""
+    """Return one start (p,) at these values by name, and in the middle of the other ranges."""
     middle = starts(unknowns, 1, 0)[:, 0]
     for i, unknown in enumerate(unknowns):
         name = unknown.parameter.name
@@ -96,7 +96,7 @@ def start_at(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> np.nda
 def given_start(
     unknowns: Sequence[Unknown], labels: Mapping[str, str], start: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return the caller's start by the names inside, of what is free."""
+    """Return the caller's start of the free parameters, by their internal names."""
     given = {plain_name(n): float(v) for n, v in start.items()}
     unknown = {w.parameter.name: w for w in unknowns if w.free}
     out = {}
@@ -114,7 +114,8 @@ def given_start(
         out[name] = value
     if given:
         raise ValueError(
-            f"start names {', '.join(given)}; the parameters are {', '.join(labels.values())}."
+            f"start names {', '.join(given)}; the parameters of this fit are "
+            f"{', '.join(labels.values())}."
         )
     return out
 

@@ -1,4 +1,4 @@
-"""Films over many wavelengths: searched with some of them, and the lowest ends followed with all.
+"""Films over many wavelengths: a search with some of them, continued with all of them.
 
 A search takes some hundred evaluations of 64 starts, an end a handful of one. With every fourth of
 491 wavelengths of a film of 280 nm the minima are where they are with all, at a quarter of the
@@ -32,7 +32,7 @@ _LEAST, _PHASE, _ETA = 120, 0.25, 3.0
 FOLLOWED, _NEAR = 16, 40.0
 # Ends closer than that in chi2 and in every coordinate are one.
 _SAME_CHI2, _SAME_PLACE = 0.02, 1e-3
-# An end has come to rest where a step promises less, in units of chi2.
+# An end has converged if a step is expected to lower chi2 by less than this.
 _AT_REST = 1e-4
 
 

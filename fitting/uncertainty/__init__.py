@@ -1,1 +1,1 @@
-"""Dispersion models over whole curves: an interface or a slab, through an imperfect instrument."""
+"""Errors of the parameters: covariance, intervals, profile likelihood, stated errors."""

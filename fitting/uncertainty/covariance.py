@@ -22,7 +22,7 @@ SHARE = 1e-3
 
 
 class Slopes(NamedTuple):
-    """What the data would be at y, row by row, and how far off they are.
+    """The model and the residuals at y, row by row, with their derivatives.
 
     seen: (K, M) and slopes (K, M, p), NCS as three. residual: (R,) weighted, jacobian (R, p);
     plain: without weights, of what was measured; kind: the channel of each of these.
@@ -106,14 +106,14 @@ def influence(loss: str, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Uncertainty(NamedTuple):
-    """Covariance in the solver's coordinates, (p, p), and what it stands on.
+    """Covariance in the solver's coordinates, (p, p), with the quantities behind it.
 
-    at_bound: (p,) "", "low" or "high". unseen: (p, u) directions that the data do not see, each in
-    units of what a parameter moves the data by; unseen_of: (p,) parameters without an error.
-    variance: what the covariance was multiplied by; step: the undamped step from here, (p,).
-    wide: (p, p) covariance if there were no bounds, for a variance of 1; wide_step: (p,) the step
-    from here, then.
-    rise: what the cost rises by at one standard error (the variance; of a robust loss times its
+    at_bound: (p,) "", "low" or "high". unseen: (p, u) directions that the data do not determine,
+    in units in which every parameter changes the data equally; unseen_of: (p,) parameters without
+    an error. variance: the factor on the covariance; step: the undamped step from here, (p,).
+    wide: (p, p) covariance without bounds, for a variance of 1; wide_step: (p,) the step without
+    bounds.
+    rise: the increase of the cost at one standard error (the variance; for a robust loss times its
     mean curvature).
     """
 
@@ -171,7 +171,7 @@ def uncertainty(
     stated: bool,
     pooled: float | None = None,
 ) -> Uncertainty:
-    """Return how well the unknowns are known at y.
+    """Return the uncertainty of the unknowns at y.
 
     noise: what the weights were divided by. scaled: multiply by the scatter of the residuals, or by
     ``pooled``, that of many fits alike.
@@ -190,7 +190,7 @@ def uncertainty(
     )
     use = free & ~on_low & ~on_high
     if u.spec.loss == "squares":
-        # Without a degree of freedom stated errors are all there is to go by.
+        # Without a degree of freedom only the stated errors are available.
         variance, curvature = float((r @ r) / dof) if dof > 0 else 1.0, 1.0
     else:
         curvature = max(float(bend.mean()), 1e-3)

@@ -1,16 +1,17 @@
-"""95 % intervals of the parameters of a model: quadratic where that is right, else by profile.
+"""95 % intervals of the parameters of a model: quadratic where that is accurate, else by profile.
 
-The quadratic ones are value +- t sigma, cut where the parameter's range ends; of what the data see
-by its square (k of a bare interface) from the square, also where that is compatible with 0. "auto"
-asks whether the end by profile is nearer than 1 - OFF, or farther than 1 + OFF, of the quadratic
-one's distance: by the rise of the cost at these two places, the other parameters fitted again. (Not
-by the rise at the quadratic end itself: where the floor of a valley flattens, its root may be next
-to 1 and the end far away.) OFF is how far the ends of `fitting.fit` are off where it begins to take
-the profile (sigma_eta of 2 % of eta; `index.intervals`). By profile always: what is compatible with
-0, as there, and all where one lies on a bound.
+The quadratic ones are value +- t sigma, cut at the ends of the range of the parameter. If the data
+depend on the square of a parameter (k of a bare interface), they follow from the square.
 
-An interval by profile is that of the parameter with all others free to move within their ranges,
-those on a bound too; a standard error beside a parameter on a bound is that for it lying there.
+"auto" tests whether an end by profile lies between 1 - OFF and 1 + OFF of the distance of the
+quadratic end, by the rise of the cost at these two places with the other parameters fitted again.
+(The rise at the quadratic end itself does not show that: where the floor of a valley flattens, its
+root may be near 1 and the end far away.) OFF is the error of the quadratic ends for which a bare
+surface takes the profile (sigma_eta of 2 % of eta; `region_intervals`). Parameters compatible with
+0 always have a profile interval, and so have all parameters if one lies on a bound.
+
+For a profile interval of a parameter all others may move within their ranges, also those on a
+bound. A standard error, however, assumes that a parameter on a bound stays there.
 """
 
 from __future__ import annotations
@@ -47,20 +48,20 @@ class Intervals(NamedTuple):
     lowest: tuple[float, np.ndarray]
 
     def without(self) -> Intervals:
-        """Return none at all, for a fit that failed."""
+        """Return NaN for all intervals, for a fit that failed."""
         nothing = np.full_like(self.ends, np.nan)
         none = (NONE,) * len(nothing)
         return Intervals(nothing, nothing, none, nothing[:, 0], self.lowest)
 
 
 def check_intervals(wanted: str) -> None:
-    """Raise ValueError for what is no kind of interval."""
+    """Raise ValueError for an unknown kind of interval."""
     if wanted not in KINDS:
         raise ValueError(f"intervals is {wanted!r}; one of {', '.join(KINDS)} was wanted.")
 
 
 def _from_zero(fit: Solving, end: End, t: float) -> np.ndarray:
-    """Return quadratic intervals (p, 2) of what may not be below 0 and is compatible with it.
+    """Return quadratic intervals (p, 2) of parameters that cannot be negative and may be 0.
 
     NaN for the others. A square (k where the data depend on k^2) is compatible with 0 within three
     standard errors of the square; another parameter whose range begins at 0, if it ended there.
@@ -130,7 +131,7 @@ def _pair(
         limit = base.high[j] if sign > 0.0 else base.low[j]
         c = float(from_parameter(kind, place)) if np.isfinite(place) else np.nan
         far = sign * (c - end.y[j])
-        # A symmetric interval of what moves by its logarithm may reach down to next to nothing.
+        # A symmetric interval of a parameter with a logarithmic coordinate may reach nearly to 0.
         odd = kind == LOG and (far > 3.0 * usual or c == limit)
         good = np.isfinite(far) and far > 0.0 and not odd
         far = far if good else usual
@@ -143,7 +144,7 @@ def _pair(
 
 
 def _right(pair: _Pair) -> bool:
-    """Whether the first places show the quadratic interval to be right."""
+    """Whether the first places show that the quadratic interval is accurate."""
     for s in pair.searches:
         if s.room == 0.0 or len(s.first) < 2:  # the minimum lies on a bound; no quadratic end
             return False
@@ -206,7 +207,7 @@ def intervals(
     follow(fit, [s for pair in pairs for s in pair.searches], noise, rounds)
     for at, j, both in pairs:
         found = out[at]
-        # The logarithm of a bound leads back to next to it.
+        # Exponential and logarithm return a bound up to rounding only.
         unknown = fit.u.moving[j]
         values = np.clip([_of(fit, j, s.end) for s in both], unknown.low, unknown.high)
         kind = list(found.kind)

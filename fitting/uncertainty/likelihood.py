@@ -1,4 +1,4 @@
-"""What models of the same data are compared by: BIC and AICc.
+"""BIC and AICc, by which models of the same data are compared.
 
     -2 log(likelihood) = sum_i rho(r_i / s) + 2 n log(s) + constant
 
@@ -6,13 +6,14 @@ of residuals r whose density is exp(-rho/2) / (s Z): Gaussian for least squares;
 4 log(1 + r^2 / 4), the t law of 3 degrees of freedom; for Huber's Gaussian with exponential tails
 (P. J. Huber, Ann. Math. Stat. 35, 73 (1964), doi:10.1214/aoms/1177703732).
 
-Where the noise s is not known it is the one that makes this least, for each model by itself (the
-profile likelihood). The noise by the median of residuals, which robust fits run at, would not do:
-this sum is not flat there, and 5 % of noise more or less, by chance, count 1 to 3 units at 80 data.
-For unknown noise Huber's loss is compared by the t law, too: with his tails outliers alone make the
-likeliest s (12 % of them at 100 times the noise: 16 times the noise; of the t law 1.1 times, .7
-without outliers), and all models look alike. BIC of robust fits by a robust likelihood: J. A. F.
-Machado, Econometric Theory 9, 478 (1993).
+If the noise s is not known, it is the one that minimises this sum, for each model by itself (the
+profile likelihood). The noise from the median of the residuals, with which robust fits run, cannot
+be used here: the sum is not stationary there, and 5 % more or less of it, by chance, change the sum
+by 1 to 3 units at 80 data. For unknown noise, fits with Huber's loss are compared by the t law as
+well: with his tails outliers alone determine the likeliest s (12 % of outliers at 100 times the
+noise make it 16 times the noise; with the t law 1.1 times, and .7 without outliers), and all models
+look alike. BIC of robust fits by a robust likelihood: J. A. F. Machado, Econometric Theory 9, 478
+(1993).
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ def likeliest_noise(loss: str, residual: np.ndarray, n: int) -> float:
 
 
 def reduced_chi2(loss: str, residual: np.ndarray, dof: int) -> float:
-    """Return chi2 / dof; of a robust loss as the median of the residuals tells, without outliers.
+    """Return chi2 / dof; for a robust loss from the median of the residuals, without outliers.
 
     The median of |residual| is .6745 standard deviations of Gaussian noise.
     """
@@ -75,7 +76,7 @@ def criteria(
     """
     loss = "student" if scaled and loss == "huber" else loss
     s = likeliest_noise(loss, residual, n) if scaled else 1.0
-    # A scaled perfect fit counts as one at the rounding of data.
+    # The noise of a perfect fit is that of rounding.
     least = loss_of(loss, residual / s) + 2.0 * n * math.log(s * _AREA[loss] / _ROOT)
     least -= n if scaled else 0.0
     count = unknowns + 1 if scaled else unknowns

@@ -10,8 +10,8 @@ from scipy.special import erfcx, stdtrit
 CONFIDENCE = 0.95
 # Below this part of the data's sum of squares a rise of the cost is rounding: 1e4 eps^2.
 ROUNDING = 5e-28
-# So far below 0 the mean square is a small difference of large numbers, and the first term of its
-# series is right to 6e-5.
+# This far below 0 the mean square is a small difference of large numbers, and the first term of its
+# series is accurate to 6e-5.
 _FAR_BELOW = -300.0
 
 

@@ -1,4 +1,4 @@
-"""The ends of what a parameter may be, by the likelihood: it is held, the others fitted again.
+"""Profile likelihood: the ends of the interval of a parameter, the others fitted again.
 
 The profile likelihood interval of a parameter is every value c for which the others can be chosen
 so that the fit is nearly as good as the best,
@@ -24,25 +24,25 @@ import numpy as np
 if TYPE_CHECKING:
     from fitting.searching.search import Solving
 
-# An end is found where the root is that near to 1, or between two places so near to each other.
+# An end is found if the root is this near to 1, or between two places this near to each other.
 CLOSE, TIGHT = 1e-3, 1e-4
 # Two places so near to each other, in parts of their distance, should not differ by much more.
 STEEP = 0.03
-# Rounds of steps where the intervals were asked for, and where they were not. 2 to 4 are the rule;
-# valleys that bend, or end in a cliff, take 10 to 20 (after 10 one end in ten of such fits was
+# Number of rounds of steps if the intervals were asked for, and if not. 2 to 4 are usual; valleys
+# that are curved, or end in a cliff, take 10 to 20 (after 10 one end in ten of such fits was
 # still off by .1 to .3 half widths, after 20 none of 78).
 ROUNDS, FEW_ROUNDS = 60, 20
-# Evaluations of the others in one round, and rounds that a place may take beyond the first: a round
-# takes as long as its slowest lane, and who is not at rest goes on in the next one.
+# Evaluations in one round, and the number of further rounds of one place: a round takes as long as
+# its slowest lane, and lanes that have not converged continue in the next round.
 EVALUATIONS, PATIENCE = 15, 8
-# A step goes out at most so many times as far as the last one.
+# A step outwards goes at most this many times as far as the last one.
 FARTHER = 4.0
-# So many times as far as the first place there is no end any more.
+# Beyond this many times the distance of the first place an end is not searched for.
 FARTHEST = 1e9
 
 
 class Base(NamedTuple):
-    """A minimum from where ends are looked for.
+    """A minimum around which the ends of intervals are searched for.
 
     y: (p,). cost: there. along: (p, p), column j: how the others go with y_j near it. low, high:
     bounds (p,). rise: of the cost. inside: places where the cost is within that, and the unknown
@@ -87,11 +87,11 @@ class Search:
 
     @property
     def end(self) -> float:
-        """The end in the solver's coordinate; NaN where none was found."""
+        """The end in the solver's coordinate; NaN if none was found."""
         return float(self.base.y[self.j] + self.sign * self.found)
 
     def root_at(self, far: float) -> float:
-        """Return the root at a distance that was visited; NaN where the others are not at rest."""
+        """Return the root at a distance that was visited; NaN if the others have not converged."""
         return self.root[self.far.index(far)] if far in self.far else np.nan
 
     @property
@@ -100,11 +100,11 @@ class Search:
         return next((i for i, r in enumerate(self.root) if r > 1.0), len(self.root))
 
     def _place(self, far: float) -> Place:
-        """Return a place where the others begin where its neighbours point to.
+        """Return a place, with several starts of the other parameters there.
 
-        And, side by side with that, where they are at the neighbour inside, since what was foreseen
-        may be where the model has no meaning, or lead away from the floor of a valley that bends;
-        and at the nearest place on the way of another search, since valleys have branches.
+        One start is extrapolated from the neighbours. Another is that of the neighbour inside,
+        since an extrapolated one may lie where the model has no meaning, or off the floor of a
+        curved valley. A third is the nearest place of another search, since valleys have branches.
         """
         i = int(np.searchsorted(self.far, far))
         if i == len(self.far) or not np.isfinite(self.root[i]):
@@ -131,9 +131,9 @@ class Search:
         return self.sign * (self.y[i] - self.y[i - 1]) / (self.far[i] - self.far[i - 1])
 
     def visited(self, place: Place, y: np.ndarray, cost: float, rested: bool) -> None:
-        """Take note of the cost at a place.
+        """Record the cost at a place.
 
-        rested: whether the others are at their best there; if not, they go on from y next time,
+        rested: whether the others have converged there; if not, they go on from y next time,
         unless the place is inside already.
         """
         if cost < self.lowest[0]:
@@ -188,14 +188,14 @@ class Search:
     def _cliff(self, out: int) -> bool:
         """Whether the place outside is to be visited once more, from the one inside.
 
-        There is a cliff between them, or the others were on a wrong way there.
+        Either there is a cliff between them, or the other parameters were in another minimum.
         """
         low, high = self.far[out - 1], self.far[out]
         step = self.root[out] - self.root[out - 1]
         return high - low <= STEEP * high and step > 3.0 * STEEP and high not in self.again
 
     def _ahead(self, most: int) -> list[float]:
-        """Return the next places where all so far are inside."""
+        """Return the next places if all visited so far are inside."""
         far, root = self.far[-1], self.root[-1]
         guess = far / root if root > 0.0 else np.inf
         if len(self.far) > 2:
@@ -238,7 +238,7 @@ def _through(far: Sequence[float], root: Sequence[float]) -> float:
 
 
 def visit(fit: Solving, searches: Sequence[Search], noise: float) -> None:
-    """Visit the places under way of every search that has no end yet.
+    """Visit the next places of every search that has no end yet.
 
     noise: what residuals are divided by.
     """
@@ -263,17 +263,17 @@ def visit(fit: Solving, searches: Sequence[Search], noise: float) -> None:
 
 
 def follow(fit: Solving, searches: Sequence[Search], noise: float, rounds: int) -> None:
-    """Go on until every search has its end, or for so many rounds.
+    """Continue until every search has its end, or for the given number of rounds.
 
-    An end that was not found by then is the nearest place that is known to lie outside; where none
-    is known, or the cost does not rise enough however far one goes, that of the parameter's range.
+    An end that was not found by then is the nearest place that is known to lie outside; if none is
+    known, or the cost never rises enough, it is the end of the range of the parameter.
     """
     for _ in range(rounds):
         todo = [s for s in searches if np.isnan(s.found)]
         if not todo:
             return
         for s in todo:
-            # As many places as there are lanes for: a lane that has nothing to do costs the same.
+            # As many places as there are lanes, since an idle lane takes the same time.
             s.choose(max(1, min(4, fit.lanes // (3 * len(todo)))))
         visit(fit, todo, noise)
     for s in searches:

@@ -1,4 +1,4 @@
-"""How well a free-form index is known: its errors are more than those of its fitted amplitudes.
+"""Errors of a free-form index, which are larger than those of its fitted amplitudes.
 
 Two things are missing in the covariance of a minimum. An amplitude that ended at 0 counts as known,
 so that k had no error at all beside an absorption edge. And a spline rounds off what is narrower
@@ -21,8 +21,9 @@ from fitting.uncertainty.covariance import influence, inverse_of, prior_rows
 if TYPE_CHECKING:
     from fitting.searching.search import End
 
-# Of the change by thinner knots. A quarter is missing on the average; where in its interval between
-# two knots the edge lies is not known. With a quarter the worst place beside an edge held 89 %.
+# Share of the change by thinner knots that is taken as error. On the average a quarter is missing,
+# but it is not known where between two knots an edge lies: with a quarter, intervals at the worst
+# place beside an edge held the true value in 89 % of the cases.
 _SHARE = 0.5
 
 

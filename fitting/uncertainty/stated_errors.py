@@ -44,7 +44,7 @@ def _with_floor(
 def with_common_error(
     run: Run, several: Sequence[Measurement], found: Fit, errors: str, intervals: str
 ) -> Fit:
-    """Return the fit with a common error where it is asked for or likelier than a factor.
+    """Return the fit with a common error if it is asked for, or likelier than one factor.
 
     run: fits measurements again, with this kind of intervals. found: the fit with the stated errors
     times one factor. chi2 stays that of the stated errors.

@@ -1,4 +1,4 @@
-"""Errors of a fit with autocorrelated residuals, so that fewer of the data are independent."""
+"""Larger errors for a fit with autocorrelated residuals, since fewer data are independent."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def widened(fit: Fit) -> Fit:
         parameters=parameters,
         others=tuple(replace(a, parameters=wide(a.parameters)) for a in fit.others),
         covariance=fit.covariance * square,
-        errors=fit.errors._replace(widened=factor),
+        errors=fit.errors._replace(widened=factor, factor=fit.errors.factor * factor),
         findings=tuple(_finding(f, factor, parameters) for f in fit.findings),
         evaluator=None if fit.evaluator is None else fit.evaluator.widened(np.ravel(factor)),
     )

@@ -1,4 +1,4 @@
-"""The warnings of a fit as sentences; of many fits each kind once, with where it holds."""
+"""The warnings of a fit as sentences; for a batch each kind once, with the fits it concerns."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from fitting.output.estimates import by_wavelength, wave_text
 from fitting.results.result import Fit
 
 
-class Told(NamedTuple):
-    """texts: one sentence for each kind of warning. at: for each kind the mask of the fits."""
+class WarningTexts(NamedTuple):
+    """texts: a sentence for each kind of warning. at: for each kind the mask of its fits."""
 
     texts: list[str]
     at: list[np.ndarray]
 
     def marks(self, index: tuple[int, ...]) -> str:
-        """Return the numbers of the warnings of one fit, from 1 on."""
+        """Return the numbers of the warnings of one fit, counted from 1."""
         return " ".join(str(i) for i, at in enumerate(self.at, 1) if at[index])
 
 
@@ -34,11 +34,11 @@ def _where(fit: Fit, at: np.ndarray, own: bool) -> str:
     return where
 
 
-def told_of(fit: Fit) -> Told:
-    """Return the warnings of a fit, the gravest first."""
+def warning_texts(fit: Fit) -> WarningTexts:
+    """Return the warnings of a fit, the most serious first."""
     if not fit.shape:
         texts = [w.text for w in fit.warnings]
-        return Told(texts, [np.ones((), bool)] * len(texts))
+        return WarningTexts(texts, [np.ones((), bool)] * len(texts))
     texts, masks = [], []
     for finding in fit.findings:
         at = np.broadcast_to(np.asarray(finding.at, bool), fit.shape)
@@ -48,4 +48,4 @@ def told_of(fit: Fit) -> Told:
         own = any(isinstance(value, np.ndarray) for value in finding.values.values())
         texts.append(f"{text.removesuffix(chr(46))} ({_where(fit, at, own)}).")
         masks.append(at)
-    return Told(texts, masks)
+    return WarningTexts(texts, masks)
