@@ -136,7 +136,7 @@ REFUSED = {
     "no reflection": (SCAN, {"ratio_to": "1.0"}, "reflects nothing"),
     "T": (SCAN.replace("R", "T"), {"ratio_to": "Si"}, "T came with --ratio-to"),
     "psi": (PSI, {"ratio_to": "Si", "angle_deg": 60}, "for reflectances alone"),
-    "psi divided": (PSI, {"divide_by": PSI, "angle_deg": 60}, "for R and T alone"),
+    "psi divided": (PSI, {"divide_by": PSI, "angle_deg": 60}, "for powers alone"),
     "p to s": (
         SCAN.replace("R", "Rp/Rs"), {"ratio_to": "Si", "columns": "wavelength=1,R=2"},
         "ratio of two polarizations",
@@ -183,7 +183,7 @@ def test_what_is_no_ratio_is_refused(case, tmp_path):
         ({"R": [0.1, 0.2], "T": [0.1, 0.2]}, {"R": 1.0}, "was wanted: T"),
         ({"R": [0.1, 0.2]}, {"R": 0.0}, "divide_by holds 0"),
         ({"R": [0.1, 0.2]}, {"R": 1.0, "sigma_R": -1.0}, "not positive"),
-        ({"psi": [10.0, 20.0]}, {"psi": 1.0}, "for R and T alone"),
+        ({"psi": [10.0, 20.0]}, {"psi": 1.0}, "for powers alone"),
     ],
 )
 def test_arrays_that_are_no_reference_are_refused(values, reference, wanted):

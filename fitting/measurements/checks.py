@@ -8,7 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.measurements.errors import MeasurementError
-from fitting.measurements.quantities import ANGLE, ANGLES, NUMBER, TABLE, are_powers
+from fitting.measurements.quantities import (
+    ANGLE,
+    ANGLES,
+    NUMBER,
+    POWER_LETTERS,
+    TABLE,
+    are_powers,
+    letter_of,
+)
 from fitting.residuals.noise import robust_noise
 
 # A noisy R whose true value is 1 (or 0) lies beyond it half of the time, and dropping or clipping
@@ -91,7 +99,7 @@ def hint_for(value: float, quantity: str, line: int, scale_given: bool, typical:
         return noise + leave
     if typical <= 110.0:
         ratio = "If R is the ratio to a mirror or a wafer, say --ratio-to (Si, for example). "
-        ratio = ratio if quantity[0] == "R" and value <= 3.0 else ""
+        ratio = ratio if letter_of(quantity) == "R" and value <= 3.0 else ""
         return ("If the column is in percent, say --scale 0.01. " + ratio + noise).strip()
     direct = (
         "If these are counts or volts, divide them by the direct beam (--divide-by FILE), or say "
@@ -163,7 +171,7 @@ def check_data(
     names, which = np.unique(quantity, return_inverse=True)
     low, high = np.array([TABLE[name][1:3] for name in names.tolist()])[which].T
     angular = np.isin(quantity, ANGLES)
-    power, of_any = are_powers(quantity), (quantity == "R") | (quantity == "T")
+    power, of_any = are_powers(quantity), np.isin(quantity, POWER_LETTERS)
     refuse(
         power & (sigma > 1.0),
         "sigma",
@@ -191,8 +199,9 @@ def check_data(
         ~(np.isnan(polarizer) | (of_any & (polarizer > 0.0) & (polarizer < 90.0))),
         "polarizer",
         lambda i: (
-            f"polarizer angle {polarizer[i]:.10g} came; for R or T alone, one between 0 and 90 "
-            "degrees from the plane of incidence was wanted (0 is R_p, 90 is R_s)."
+            f"polarizer angle {polarizer[i]:.10g} came; for {' or '.join(POWER_LETTERS)} alone, "
+            "one between 0 and 90 degrees from the plane of incidence was wanted (0 is R_p, 90 is "
+            "R_s)."
         ),
     )
     return int(outside.sum())

@@ -14,7 +14,7 @@ import numpy as np
 
 from fitting.measurements.checks import Data
 from fitting.measurements.errors import MeasurementError
-from fitting.measurements.quantities import POWERS
+from fitting.measurements.quantities import POWERS, letter_of
 from fitting.measurements.reader.units import span_of
 
 # Angles and wavelengths that differ by less are the same: they were converted from other units.
@@ -40,10 +40,10 @@ def refuse_no_powers(source: str, quantities: np.ndarray, reflected: bool, what:
 
     reflected: whether only reflectances are allowed. what: the option, as it was given.
     """
-    wanted = [q for q in POWERS if q[0] == "R" or not reflected]
+    wanted = [q for q in POWERS if letter_of(q) == "R" or not reflected]
     strange = [str(q) for q in np.unique(quantities) if q not in wanted]
     if strange:
-        what_of = "reflectances" if reflected else "R and T"
+        what_of = "reflectances" if reflected else "powers"
         raise MeasurementError(
             f"{source}: {strange[0]} came with {what}, which is for {what_of} alone. Name the "
             f"columns to be read (--columns angle=1,R=2), and read {strange[0]} without it."

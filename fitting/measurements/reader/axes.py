@@ -7,6 +7,7 @@ import re
 import numpy as np
 
 from fitting.measurements.errors import MeasurementError
+from fitting.measurements.quantities import POLARIZED, POWERS
 from fitting.measurements.reader.columns import Column
 from fitting.measurements.reader.reading import Reading
 from fitting.measurements.reader.units import (
@@ -112,7 +113,7 @@ def _angles_without_column(reading: Reading) -> np.ndarray:
     oblique = (
         layout.polarization
         or layout.polarizer
-        or any(value.role.quantity not in ("R", "T", "R_back") for value in layout.values)
+        or any(v.role.quantity in POLARIZED or v.role.quantity not in POWERS for v in layout.values)
         or any(_ANGULAR.search(label) for label in layout.unused)
     )
     if layout.wavelength and not oblique:

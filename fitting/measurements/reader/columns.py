@@ -6,6 +6,7 @@ from collections import defaultdict
 from typing import NamedTuple, NoReturn
 
 from fitting.measurements.errors import MeasurementError, place
+from fitting.measurements.quantities import POWER_LETTERS
 from fitting.measurements.reader.cells import is_number, to_numbers
 from fitting.measurements.reader.evidence import statements
 from fitting.measurements.reader.names import Role, role_of
@@ -244,7 +245,7 @@ def choose_columns(table: Table, options: Options) -> Layout:
             angled[0].label,
         )
     names = {value.role.quantity for value in values}
-    for letter in "RT":
+    for letter in POWER_LETTERS:
         if {letter, letter + "_s", letter + "_p"} <= names and not options.columns:
             _refuse(
                 table,

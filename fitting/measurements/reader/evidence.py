@@ -15,12 +15,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.measurements.errors import MeasurementError
+from fitting.measurements.quantities import POWER_LETTERS
 from fitting.measurements.reader.options import Options
 from fitting.measurements.reader.units import WAVELENGTH_UNITS, incidence_deg, wavelength_um
 from fitting.measurements.reader.vocabulary import (
     AXIS_CONCEPTS,
     LETTERS,
+    OTHER_POWER,
     QUANTITY_CONCEPTS,
+    SPOKEN,
     Words,
     light_of,
     plain,
@@ -49,7 +52,7 @@ _ANGLES = ("incidence", "angle", "grazing", "doubled", "surface")
 _CLAUSE = re.compile(r"[,;|](?=\s|$)|(?<=[a-z])\.\s")  # "incidence;45" is one
 # in the name of a file: s or p before "pol", and words that are a polarization as they are written
 _POLARIZED = re.compile(r"(?i)(?<![^\W_])([sp])[ _]?pol(?:ari[sz]ed)?(?![^\W_\d])")
-_MODES = {"TE": "s", "Rs": "s", "Ts": "s", "TM": "p", "Rp": "p", "Tp": "p"}
+_MODES = {"TE": "s", "TM": "p"} | {q + light: light for q in SPOKEN for light in "sp"}
 _NUMBERED = re.compile(r"(?i)(?:angle|theta|winkel)[ _=]*[0-9]")
 _CODED = re.compile(r"(?i)pol(?:ari[sz]\w*)?[ ._-]?[0-9]")
 
@@ -157,7 +160,7 @@ def _units(words: Words) -> Heard:
     said = words.concepts
     if "scaled" in said and not words.unknown and any(not unit for _, unit in words.numbers):
         return [("power unit", None)]
-    relative = "relative" in said and said & {"R", "T", "raw"} and "error" not in said
+    relative = "relative" in said and said & {*POWER_LETTERS, "raw"} and "error" not in said
     if relative or "normalized" in said:
         return [("power unit", None)]  # to a reference mirror, not to the direct beam
     if words.numbers or not words.units:
@@ -168,14 +171,15 @@ def _units(words: Words) -> Heard:
         return [("psi unit", unit if unit and _only(words, "psi", "delta", "angle") else None)]
     powers = {"percent", "permille"} | ({"1", "arb"} if quantities else set())
     if words.units & powers:
-        clear = unit and unit != "permille" and _only(words, "R", "T")
+        clear = unit and unit != "permille" and _only(words, *POWER_LETTERS)
         return [("power unit", unit if clear else None)]
     return []
 
 
 def _quantity(words: Words) -> Heard:
     """Return the quantities that are written out; as letters they are names of columns."""
-    return [("quantity", q) for q in words.concepts & {"R", "T", "A"} if q not in words.capitals]
+    named = words.concepts & {*POWER_LETTERS, OTHER_POWER}
+    return [("quantity", q) for q in named if q not in words.capitals]
 
 
 _HEARERS = (_angle, _wavelength, _light, _units, _quantity)

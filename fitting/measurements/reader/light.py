@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.measurements.errors import MeasurementError
+from fitting.measurements.quantities import POLARIZED, POWER_LETTERS
 from fitting.measurements.reader.cells import is_missing, is_number, number_or_none
 from fitting.measurements.reader.columns import Column
 from fitting.measurements.reader.reading import Reading
@@ -94,8 +95,8 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
     table, layout, options, said, notes = reading
     rows, nowhere = len(table.rows), np.full(len(table.rows), np.nan)
     column = layout.polarizer or layout.polarization
-    bare = [v for v in layout.values if v.role.quantity in ("R", "T")]
-    named = [v for v in layout.values if v.role.quantity[1:] in ("_s", "_p")]
+    bare = [v for v in layout.values if v.role.quantity in POWER_LETTERS]
+    named = [v for v in layout.values if v.role.quantity in POLARIZED]
     if column is not None:
         other = layout.polarization if layout.polarizer else named[0] if named else None
         if other:
@@ -115,7 +116,7 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
             "or p."
         )
     letter = options.light
-    if letter and any(v.role.quantity[2:] != letter for v in named):
+    if letter and any(POLARIZED[v.role.quantity] != letter for v in named):
         reading.refuse(
             named[0],
             f"the column is named {named[0].role.quantity}, and --polarization says otherwise. "
@@ -126,5 +127,5 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
         what = {"s": "s", "p": "p", "u": "unpolarized"}[letter]
         notes.append(f"{what} light ({beside.where}; --polarization)")
     elif named and not letter:
-        reading.refuse_other_light({v.role.quantity[2:] for v in named}, named[0])
+        reading.refuse_other_light({POLARIZED[v.role.quantity] for v in named}, named[0])
     return Light(np.full(rows, letter or "u"), nowhere)

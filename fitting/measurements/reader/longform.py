@@ -8,7 +8,14 @@ import numpy as np
 
 from fitting.measurements.checks import Data
 from fitting.measurements.errors import MeasurementError, place
-from fitting.measurements.quantities import NAME, POWERS, are_powers
+from fitting.measurements.quantities import (
+    NAME,
+    POWER_LETTERS,
+    POWERS,
+    TABLE,
+    are_powers,
+    letter_of,
+)
 from fitting.measurements.reader.axes import angles, wavelengths
 from fitting.measurements.reader.columns import Column, Layout
 from fitting.measurements.reader.evidence import evidence, statements
@@ -88,12 +95,13 @@ def _refuse_zeros(reading: Reading, value: Column, numbers: np.ndarray, name: np
 
 
 def _refuse_other_quantity(reading: Reading) -> None:
-    """Raise where the file speaks of transmission or absorption alone, and the columns are R."""
+    """Raise where the file speaks of another power alone than that of the columns."""
     value = reading.layout.values[0]
-    here = {value.role.quantity[0] for value in reading.layout.values} & {"R", "T"}
+    here = {letter_of(value.role.quantity) for value in reading.layout.values} & {*POWER_LETTERS}
     other = [said for said in reading.said.said if said.kind == "quantity"]
     if here and other and not here & {said.value for said in other}:
-        word = {"R": "reflection", "T": "transmission", "A": "absorption"}[str(other[0].value)]
+        word = str(other[0].value)
+        word = TABLE[word].axis if word in TABLE else word
         reading.refuse(
             value,
             f"a column of {value.role.quantity}, and {other[0].where} ({other[0].text!r}) speaks "
@@ -111,7 +119,7 @@ def _understood(reading: Reading, data: Data, factor: float) -> str:
     text = f"read {count} {what}{'s' * (count != 1)} ({span_of(axis, unit)}), "
     plain = " (unpolarized)" if angle.any() and np.isnan(data.polarizer_deg).all() else ""
     names = list(dict.fromkeys(quantity.tolist()))
-    counts = [f"{np.sum(quantity == n)} {n}{plain * (n in ('R', 'T'))}" for n in names]
+    counts = [f"{np.sum(quantity == n)} {n}{plain * (n in POWER_LETTERS)}" for n in names]
     text += ", ".join(counts[:-1]) + " and " * (len(counts) > 1) + counts[-1]
     if are_powers(names).any():
         scale = ", percent" if factor == 0.01 else ", fraction" * (not options.divided)
@@ -176,7 +184,7 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
                 reading.refuse_gaps(column, there & np.isnan(known), what)
         name = np.full(len(raw), quantity, dtype=NAME)
         polarizer = np.full(len(raw), np.nan)
-        if quantity in ("R", "T"):
+        if quantity in POWER_LETTERS:
             column = layout.polarizer or layout.polarization
             if column is not None:
                 unknown = (light.letter == "") & np.isnan(light.polarizer_deg)
