@@ -184,7 +184,7 @@ def test_a_file_that_must_not_be_read(capsys, tmp_path, monkeypatch):
     [
         ("", "no row"),
         ("angle_deg,R_s\n30,0.5\n40,-3\n", "line 3"),
-        ("wavelength_um,T,R\n0.5,0.9,0.08\n0.6,0.9,0.08\n", "cannot fit T"),
+        ("wavelength_um,T,R\n0.5,0.9,0.08\n0.6,0.9,0.08\n", "T cannot be fitted"),
     ],
 )
 def test_content_that_cannot_be_fitted(capsys, tmp_path, text, said):

@@ -135,7 +135,7 @@ assert np.allclose(seen.value, made["A_p"], atol=1e-6)
 
 percent = read(table("aoi,Absorptance (%)", angles, 100 * made["A"]), wavelength_um=0.5)
 assert set(percent.quantity) == {"A"} and np.allclose(percent.value, made["A"])
-assert "9 A (unpolarized), percent" in percent.understood
+assert "9 A (unpolarized) in percent" in percent.understood
 light = read(table("angle,A,polarization", angles, made["A_p"], ["TM"] * 9))
 assert set(light.quantity) == {"A_p"}
 turned = read(table("angle,A,polarizer (deg)", angles, made["A"], [30] * 9),

@@ -102,7 +102,7 @@ def test_rows_by_a_range_of_values(tmp_path: Path) -> None:
     text = "angle,R,run\n10,.1,1\n20,.2,4\n30,.3,5\n40,.4,0\n"
     assert read(tmp_path, text, keep="run=1-4").angle_deg.tolist() == [10, 20]
     assert read(tmp_path, text, keep="run=0,4-5").angle_deg.tolist() == [20, 30, 40]
-    assert "leaves no row" in refusal(tmp_path, text, keep="run=7-9")
+    assert "no row has such a value" in refusal(tmp_path, text, keep="run=7-9")
 
 
 def test_lines_keep_the_header_above_the_rows_that_they_leave_out(tmp_path: Path) -> None:

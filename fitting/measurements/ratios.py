@@ -46,7 +46,7 @@ def refuse_no_powers(source: str, quantities: np.ndarray, reflected: bool, what:
         what_of = "reflectances" if reflected else "powers"
         raise MeasurementError(
             f"{source}: {strange[0]} came with {what}, which is for {what_of} alone. Name the "
-            f"columns to be read (--columns angle=1,R=2), and read {strange[0]} without it."
+            f"columns to be read with it (--columns angle=1,R=2), and read {strange[0]} without it."
         )
 
 
@@ -213,9 +213,11 @@ def times_reflectance(source: str, data: Data, ratio_to: object) -> tuple[Data, 
     if some.size and not (some > 0.0).all():
         raise MeasurementError(
             f"{source}: the reference {ratio_to} reflects nothing at "
-            f"{data.angle_deg[known][some <= 0.0][0]:.6g} degrees; no ratio to it means anything."
+            f"{data.angle_deg[known][some <= 0.0][0]:.6g} degrees, so that a ratio to it is "
+            "undefined. Name another reference."
         )
-    text = f"ratios to {ratio_to}, times its reflectance" + f" {span_of(some)}" * bool(some.size)
+    text = f"ratios to {ratio_to}, multiplied by its reflectance"
+    text += f" {span_of(some)}" * bool(some.size)
     return data._replace(value=data.value * R, sigma=data.sigma * R), text
 
 
@@ -232,8 +234,8 @@ def _reflectance(source: str, ratio_to: object, data: Data) -> np.ndarray:
         ]
         if moving:
             raise ValueError(
-                f"{moving[0]!r} is not known; a reference without anything to be fitted was "
-                "wanted: Si, or 'air | SiO2 2 nm held | Si'"
+                f"{moving[0]!r} would have to be fitted; a reference with known indices and "
+                "thicknesses was wanted, as Si or 'air | SiO2 2 nm held | Si'"
             )
 
         def of(names: np.ndarray) -> np.ndarray:

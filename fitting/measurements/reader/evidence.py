@@ -33,7 +33,11 @@ from fitting.measurements.reader.vocabulary import (
 # kind of statement -> what it gives, the option that overrules it, and the fields of that option
 OPTION = {
     "angle": ("the angle of incidence", "--angle-deg NUMBER", "angle_deg"),
-    "angle unit": ("how angles count", "--angle-unit deg, rad, grazing-deg, ...", "angle_unit"),
+    "angle unit": (
+        "the unit of the angles",
+        "--angle-unit deg, rad, grazing-deg, ...",
+        "angle_unit",
+    ),
     "light": ("the polarization", "--polarization s, p or unpolarized", "light codes polarizer"),
     "wavelength": ("the wavelength", "--wavelength-um NUMBER", "wavelength_um"),
     "wavelength unit": (
@@ -41,9 +45,9 @@ OPTION = {
         "--wavelength-unit nm, um, ...",
         "wavelength_unit",
     ),
-    "power unit": ("the unit of R or T", "--scale 0.01 for percent, 1 for fractions", "scale"),
+    "power unit": ("the unit of the powers", "--scale 0.01 for percent, 1 for fractions", "scale"),
     "psi unit": ("the unit of psi and delta", "--psi-unit deg or rad", "psi_unit"),
-    "quantity": ("what was measured", "--columns angle=1,R=2 or the like", "columns"),
+    "quantity": ("the measured quantity", "--columns angle=1,R=2 or the like", "columns"),
 }
 FULL_NAME = "the file name"
 _LENGTHS = {"nm", "um", "angstrom"}
@@ -241,10 +245,13 @@ class Evidence(NamedTuple):
     def refuse(self, said: Said) -> None:
         """Raise because ``said`` is not understood, or not here."""
         gives, option, _ = OPTION[said.kind]
-        why = f"{said.where} ({said.text!r}) may give {gives}, and is not understood. Say {option}."
+        why = (
+            f"{said.where} ({said.text!r}) may state {gives}, but is not understood. Say {option}."
+        )
         if said.where == FULL_NAME and said.kind == "angle":
             angle = f"{float(said.text):g}"
-            why = f"The file name says {angle}deg: if that is it, say --angle-deg {angle}."
+            why = f"the file name says {angle} degrees. If that is the angle of incidence, say "
+            why += f"--angle-deg {angle}; else say --angle-deg NUMBER."
         raise MeasurementError(f"{self.source}: {why}")
 
     def without(self, options: Options) -> Evidence:
@@ -269,7 +276,7 @@ class Evidence(NamedTuple):
                 gives, option, _ = OPTION[kind]
                 raise MeasurementError(
                     f"{self.source}: {clear[0].where} ({clear[0].text!r}) and {said.where} "
-                    f"({said.text!r}) give {gives} differently. Say {option}."
+                    f"({said.text!r}) contradict each other on {gives}. Say {option}."
                 )
         return clear[0] if clear else None
 
@@ -280,8 +287,9 @@ class Evidence(NamedTuple):
             if said.kind == kind and any(map(is_other, values)):
                 gives, option, _ = OPTION[kind]
                 raise MeasurementError(
-                    f"{came}, and {said.where} ({said.text!r}) gives {gives} differently. Name all "
-                    f"columns to be read with --columns if the column is right; else say {option}."
+                    f"{came}, but {said.where} ({said.text!r}) states {gives} differently. If the "
+                    "column is right, name all columns to be read with --columns; else say "
+                    f"{option}."
                 )
 
 

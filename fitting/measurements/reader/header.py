@@ -123,8 +123,8 @@ def refuse_strays(source: str, before: Lines, header: int, delimiter: str, count
         if digits and not units_row(cells):
             raise MeasurementError(
                 f"{place(source, line)}: {text.strip()[:60]!r} stands before the numbers and is "
-                f"neither a header nor a row of {count} numbers. Mend it, mark it with #, or start "
-                f"below it with --lines {line + 1}-."
+                f"neither a header nor a row of {count} numbers. Correct it, mark it with #, or "
+                f"start below it with --lines {line + 1}-."
             )
 
 

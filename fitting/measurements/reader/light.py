@@ -33,7 +33,9 @@ def _from_angles(reading: Reading, column: Column) -> Light:
     numbers, _ = reading.numbers(column)
     unit = column.role.unit or "deg"
     if unit not in ("deg", "rad"):
-        reading.refuse(column, f"a polarizer angle in {unit} came where degrees were wanted.")
+        reading.refuse(
+            column, f"a polarizer angle in {unit} came. Convert it to degrees or radians."
+        )
     degrees = np.degrees(numbers) if unit == "rad" else numbers
     # a linear polarizer looks the same after half a turn, and the power after a reflection too
     turned = np.mod(degrees + (90.0 if reading.options.polarizer == "angle-from-s" else 0.0), 180.0)
@@ -107,7 +109,7 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
             )
         if bare:
             return _from_column(reading, column)
-        notes.append(f"column {column.label} not needed")
+        notes.append(f"column {column.label} was not needed")
         return Light(np.full(rows, ""), nowhere)
     if options.codes or options.polarizer:
         raise MeasurementError(
@@ -119,12 +121,12 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
     if letter and any(POLARIZED[v.role.quantity] != letter for v in named):
         reading.refuse(
             named[0],
-            f"the column is named {named[0].role.quantity}, and --polarization says otherwise. "
+            f"the column is named {named[0].role.quantity}, but --polarization says otherwise. "
             "Name the columns to be read with --columns.",
         )
     if not letter and bare and not named and oblique and (beside := said.one("light")):
         letter = str(beside.value)
-        what = {"s": "s", "p": "p", "u": "unpolarized"}[letter]
+        what = {"s": "s-polarized", "p": "p-polarized", "u": "unpolarized"}[letter]
         notes.append(f"{what} light ({beside.where}; --polarization)")
     elif named and not letter:
         reading.refuse_other_light({POLARIZED[v.role.quantity] for v in named}, named[0])

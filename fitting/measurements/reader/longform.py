@@ -55,8 +55,8 @@ def _refuse_placeholders(reading: Reading, numbers: dict[int, np.ndarray]) -> No
     if np.isfinite(psi).sum() > 1 and np.array_equal(psi, delta, equal_nan=True):
         reading.refuse(
             by_name["delta"],
-            "every number equals psi, which no surface gives. Mend the file, or name another "
-            "column with --columns delta=...",
+            "every number equals that of psi, which no surface gives. Name the right column with "
+            "--columns delta=..., or correct the file.",
         )
     dark = np.flatnonzero((psi == 0.0) & (delta == 0.0))
     if len(dark) and np.any((psi != 0.0) & ~np.isnan(psi)):
@@ -104,9 +104,9 @@ def _refuse_other_quantity(reading: Reading) -> None:
         word = TABLE[word].axis if word in TABLE else word
         reading.refuse(
             value,
-            f"a column of {value.role.quantity}, and {other[0].where} ({other[0].text!r}) speaks "
-            f"of {word}. Name all columns to be read, for example --columns "
-            f"angle=1,{value.role.quantity}={value.index + 1}.",
+            f"the name says {value.role.quantity}, but {other[0].where} ({other[0].text!r}) speaks "
+            f"of {word}. If the column is right, name all columns to be read, for example "
+            f"--columns angle=1,{value.role.quantity}={value.index + 1}.",
         )
 
 
@@ -122,8 +122,8 @@ def _understood(reading: Reading, data: Data, factor: float) -> str:
     counts = [f"{np.sum(quantity == n)} {n}{plain * (n in POWER_LETTERS)}" for n in names]
     text += ", ".join(counts[:-1]) + " and " * (len(counts) > 1) + counts[-1]
     if are_powers(names).any():
-        scale = ", percent" if factor == 0.01 else ", fraction" * (not options.divided)
-        text += scale if options.scale is None else f", times {options.scale:g}"
+        scale = " in percent" if factor == 0.01 else " as fractions" * (not options.divided)
+        text += scale if options.scale is None else f", multiplied by {options.scale:g}"
     text += f", with{'' if np.isfinite(data.sigma).any() else 'out'} standard errors"
     if spectral:
         several = len(np.unique(angle))

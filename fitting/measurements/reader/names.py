@@ -13,6 +13,7 @@ from fitting.measurements.reader.vocabulary import (
     CONCEPT,
     LETTERS,
     LONGEST,
+    OTHER_POWER,
     UNITS_BEHIND_WORDS,
     cased,
     spelled,
@@ -44,6 +45,7 @@ _WHY = {
     "some angle": "it may be the angle of incidence or another one",
     "raw": "it is a raw signal, not a ratio to the direct beam",
     "constant": "it is an optical constant, not a measured power",
+    OTHER_POWER: "it is an absorbance, log10(1 / T), or an absorption",
 }
 # names glued of a quantity and its polarization; T in capitals only (tp, ts are times as well), and
 # no plural (reflectances)
