@@ -143,7 +143,7 @@ def check_data(
         "angle",
         lambda i: (
             f"angle of incidence {angle[i]:.10g} degrees is outside [0, 90]; it is measured from "
-            "the surface normal. If the numbers are something else, say what with --angle-unit."
+            "the surface normal. If these are other angles, or in another unit, say --angle-unit."
         ),
     )
     refuse(

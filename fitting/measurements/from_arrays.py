@@ -61,8 +61,6 @@ def _quotients(
 
 def _ranges(data: Data) -> str:
     """Return the ranges of angle and wavelength as text."""
-    if not len(data.value):
-        return ""
     known = np.isfinite(data.wavelength_um).any()
     waves = units.span_of(data.wavelength_um, "um") if known else "no wavelength"
     return f", {units.span_of(data.angle_deg, 'degrees')}, {waves}"

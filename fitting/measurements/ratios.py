@@ -248,8 +248,6 @@ def _reflectance(source: str, ratio_to: object, data: Data) -> np.ndarray:
         s, p = of(np.where(polarized, "R_s", plain)), of(np.where(polarized, "R_p", plain))
         share = np.where(polarized, np.sin(np.radians(data.polarizer_deg)) ** 2, 0.5)
         return share * s + (1.0 - share) * p
-    except MeasurementError:
-        raise
     except ValueError as error:
         reason = str(error).removeprefix("points: ").rstrip(".")
         raise MeasurementError(f"{source}: --ratio-to {str(ratio_to)!r}: {reason}.") from error

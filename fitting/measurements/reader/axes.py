@@ -46,7 +46,7 @@ def _wavelength_unit(reading: Reading, column: Column, numbers: np.ndarray) -> s
         said = f"the unit {unit}" if unit else "no unit"
         reading.refuse(
             column,
-            f"the name says {form} with {said}, but the numbers are {span_of(numbers)}. Say "
+            f"the name says {form} with {said}, and the numbers are {span_of(numbers)}. Say "
             f"--wavelength-unit {' or '.join(choices) if unit else ', '.join(WAVELENGTH_UNITS)}.",
         )
     return unit

@@ -217,7 +217,7 @@ def _statements_of_name(stem: str) -> list[Said]:
     named = bool(said & {"incidence", "grazing", "some angle"} or _NUMBERED.search(text))
     degrees = [n for n, unit in words.numbers if unit == "deg" or (named and not unit)]
     if degrees and (named or "no incidence" not in said):
-        found.append(Said("angle", None, FULL_NAME, str(degrees[0]), (degrees[0],)))
+        found.append(Said("angle", None, FULL_NAME, f"{degrees[0]:g}", (degrees[0],)))
     lengths = [number for number in words.numbers if number[1] in _LENGTHS]
     heard = _wavelength(words._replace(concepts=said & {"wavelength"}, numbers=lengths))
     heard += _units(words._replace(numbers=[])) + _quantity(words)
@@ -249,9 +249,8 @@ class Evidence(NamedTuple):
             f"{said.where} ({said.text!r}) may state {gives}, but is not understood. Say {option}."
         )
         if said.where == FULL_NAME and said.kind == "angle":
-            angle = f"{float(said.text):g}"
-            why = f"the file name says {angle} degrees. If that is the angle of incidence, say "
-            why += f"--angle-deg {angle}; else say --angle-deg NUMBER."
+            why = f"the file name says {said.text} degrees. If that is the angle of incidence, say "
+            why += f"--angle-deg {said.text}; else say --angle-deg NUMBER."
         raise MeasurementError(f"{self.source}: {why}")
 
     def without(self, options: Options) -> Evidence:
@@ -269,7 +268,7 @@ class Evidence(NamedTuple):
         clear = [said for said in chosen if said.value is not None]
         for said in chosen:
             if said.value is None:
-                if said.where == FULL_NAME and clear and said.text == str(clear[0].value):
+                if said.where == FULL_NAME and clear and clear[0].value in said.numbers:
                     continue  # gold_60deg.csv, and a line that gives 60 degrees
                 self.refuse(said)
             if said.value != clear[0].value:

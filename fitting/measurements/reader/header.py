@@ -104,8 +104,6 @@ def find_header(
             words = all(not cell or _LETTER.search(cell) for cell in cells)
             if known > best_known or (adjacent and words and not marked):
                 best, best_line, best_known = cells, line, known
-    if units_line and not best_line:  # "nm,%" alone: the units are all the names that there are
-        return units, [""] * count, units_line
     return best, units, best_line
 
 

@@ -67,7 +67,7 @@ def _from_cells(reading: Reading, column: Column) -> Light:
             codes = ",".join(v + "=" + "sp"[n % 2] for n, v in enumerate(values[:2]))
             option = f"{codes} (or the other way round), or angle-from-p or angle-from-s if they "
             option += "are degrees"
-        reading.refuse(column, f"{came}. Say what it means with --polarization {option}.", lost[0])
+        reading.refuse(column, f"{came}. Say what is meant with --polarization {option}.", lost[0])
     return Light(np.array([known[cell] for cell in cells]), np.full(len(cells), np.nan))
 
 

@@ -110,9 +110,9 @@ def standard_errors(
         came = f"are in {own}" if own else "have no unit"
         reading.refuse(
             column,
-            f"these standard errors ({span_of(numbers)}) {came}, the values are "
-            f"{'percent' if percent else 'fractions'}: the errors may be relative, or in another "
-            "unit. Say --scale 0.01 if all are in percent; else convert them, or leave them out by "
-            "naming the columns to be read with --columns.",
+            f"these standard errors ({span_of(numbers)}) {came}, but the values are "
+            f"{'in percent' if percent else 'fractions'}: the errors may be relative, or in "
+            "another unit. Say --scale 0.01 if all are in percent; else convert them, or leave "
+            "them out by naming the columns to be read with --columns.",
         )
     return scaled(numbers, factor)

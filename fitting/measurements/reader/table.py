@@ -90,7 +90,8 @@ def find_column(table: Table, wanted: str, option: str) -> int:
         return int(wanted) - 1
     there = ", ".join(f"{i + 1} {name}".strip() for i, name in enumerate(names))
     raise MeasurementError(
-        f"{table.source}: {option} names column {wanted!r}; the file has {there[:300]}."
+        f"{table.source}: {option} names column {wanted!r}, which the file does not have. Its "
+        f"columns are {there[:300]}."
     )
 
 
