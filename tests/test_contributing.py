@@ -147,6 +147,7 @@ assert set(read(table("angle,A", angles, made["A"]), "As grown.csv").quantity) =
 
 for name, kind in {"A": ("value", "A"), "A_p": ("value", "A_p"), "As": ("value", "A_s"),
                    "std A": ("sigma", "A"), "absorptance s": ("value", "A_s"),
+                   "Absorptance A": ("value", "A"),
                    "sA": ("unclear", "sigma_A"), "a": ("", ""), "Absorbance": ("", ""),
                    "lambda (A)": ("wavelength", "")}.items():
     assert role_of(name)[:2] == kind, (name, role_of(name))

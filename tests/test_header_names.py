@@ -7,7 +7,7 @@ from fitting.measurements.reader.names import role_of
 AXES = {
     "incidence": "angle_deg|AOI|theta|Einfallswinkel|incidence_angle|Angle of Incidence"
     "|\u03b8 [\u00b0]"
-    "|theta_i (rad)|aoi (degree)|angle of incidence / deg",
+    "|theta_i (rad)|aoi (degree)|angle of incidence / deg|Angle d'incidence",
     "grazing": "grazing angle (deg)|glancing angle",
     "2theta": "2theta|2Theta (deg)|two theta",
     "q": "Qz (1/angstrom)|q|Q (1/nm)|Q [\u00c5\u207b\u00b9]",

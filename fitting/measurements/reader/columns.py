@@ -213,7 +213,7 @@ def _refuse_computed_rows(table: Table, used: set[int]) -> None:
     """Raise where a column shows that some rows are means or deviations of others."""
     for index, name in enumerate(table.names):
         zones = name.lower() == "zone"
-        if index in used and not zones:
+        if index in used:
             continue
         words = _ZONES if zones else _STATISTICS
         cells = [row[index].lower() for row in table.rows]

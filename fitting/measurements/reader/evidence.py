@@ -58,7 +58,6 @@ _CLAUSE = re.compile(r"[,;|](?=\s|$)|(?<=[a-z])\.\s")  # "incidence;45" is one
 _POLARIZED = re.compile(r"(?i)(?<![^\W_])([sp])[ _]?pol(?:ari[sz]ed)?(?![^\W_\d])")
 _MODES = {"TE": "s", "TM": "p"} | {q + light: light for q in SPOKEN for light in "sp"}
 _NUMBERED = re.compile(r"(?i)(?:angle|theta|winkel)[ _=]*[0-9]")
-_CODED = re.compile(r"(?i)pol(?:ari[sz]\w*)?[ ._-]?[0-9]")
 
 
 class Said(NamedTuple):
@@ -229,7 +228,7 @@ def _statements_of_name(stem: str) -> list[Said]:
     letters = {_MODES.get(part, "u" if part.lower().startswith("unpol") else "") for part in parts}
     letters = (letters | {letter.lower() for letter in _POLARIZED.findall(text)}) - {""}
     alone = {part.lower() for part in parts if part in ("s", "p", "S", "P")}
-    doubt = _CODED.search(text) or len(alone) == 1 or _light(words._replace(numbers=[]))
+    doubt = len(alone) == 1 or _light(words._replace(numbers=[]))
     if letters or doubt:
         light = next(iter(letters)) if len(letters) == 1 else None
         found.append(Said("light", light, FULL_NAME, name))

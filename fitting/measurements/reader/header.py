@@ -43,7 +43,6 @@ def split_names(text: str, delimiter: str, count: int) -> list[str]:
     ways += [split_cells(text, mark) for mark in "|\t;," if mark in text and mark != delimiter]
     ways.append([cell for cell in re.split(r"\s{2,}|\t", text) if cell])
     ways.append(re.findall(r"[^\s(\[]+(?:\s?[(\[][^()\[\]]*[)\]])?", text))  # "angle (deg) R_s"
-    ways.append(text.split())
     for cells in ways:
         if len(cells) > count and not any(cells[count:]):
             cells = cells[:count]

@@ -98,6 +98,5 @@ def read_lines(path: Path, encoding: str | None) -> tuple[list[str], list[str]]:
             f"{name}: this is JSON or markup, not a table. Export the curve as CSV."
         )
     guessed = not encoding and chosen == _FALLBACK
-    text = text.removeprefix("\ufeff").removesuffix("\x1a")  # by which old systems end a text
-    text = visible(text.replace("\f", " ").replace("\v", " "), "\t\r\n")
+    text = visible(text.removeprefix("\ufeff").replace("\f", " ").replace("\v", " "), "\t\r\n")
     return _LINE_END.split(text), ["text read as Latin-1 (--encoding)"] if guessed else []
