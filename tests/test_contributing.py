@@ -153,7 +153,7 @@ for name, kind in {"A": ("value", "A"), "A_p": ("value", "A_p"), "As": ("value",
     assert role_of(name)[:2] == kind, (name, role_of(name))
 refused(lambda: read(table("angle,A,A_s,A_p", angles, *[made["A"]] * 3)), "A beside A_s and A_p")
 refused(lambda: read("# transmittance\\n" + table("angle,A", angles, made["A"])),
-        "a column of A", "transmittance")
+        "the name says A", "transmittance")
 refused(lambda: read("# absorptance\\n" + table("angle,R", angles, made["A"])), "absorptance")
 refused(lambda: read(table("wavelength (nm),A_s", 1e3 * waves, [0.5] * 7)), "--angle-deg")
 refused(lambda: read(table("angle,A", angles, 1.2 + made["A"])), "absorptance", "outside [0, 1]")
