@@ -17,8 +17,8 @@ class Quantity(NamedTuple):
 
     kind: POWER, ANGLE or NUMBER. low, high: the range of its values, beyond which noise may move a
     power or a number. color, marker, hollow: how it is drawn. label, axis: its text in the legend
-    and at the axis of a picture; ``axis`` is also what messages call a power. of_layer: whether it
-    exists only where the sample has a layer, whose other face the light leaves or comes from.
+    and at the axis of a picture; ``axis`` is also what messages call a power. of_layer: whether
+    the light has passed, or comes from, a second face, which one bare surface does not have.
     """
 
     kind: str

@@ -118,8 +118,8 @@ def _tokens(rest: str) -> list[str]:
     for word in re.findall(r"[^\W_]+", rest):
         for part in [word] if _GLUED.fullmatch(word) else cased(word):
             if glued := _GLUED.fullmatch(part):
-                head = glued[1]
-                tokens += [head if len(head) == 1 else CONCEPT[head.lower()], glued[2].lower()]
+                head, word = glued[1], glued[1].lower()
+                tokens += [head if len(head) == 1 else CONCEPT.get(word, word), glued[2].lower()]
             else:
                 tokens.append(part if part in POWER_LETTERS else part.lower())
     return tokens
