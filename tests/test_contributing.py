@@ -86,6 +86,84 @@ print(found.status)
     assert out.strip() == "converged"
 
 
+def test_a_power_with_a_letter_of_its_own_is_at_most_four_files(copy):
+    """Absorptance of a plate, and its s and p: read by its header, fitted, drawn, refused."""
+    assert len(edited(copy, "letter")) <= 4
+    out = run(copy, """
+from pathlib import Path
+import numpy as np
+from fitting import Measurement, MeasurementError, fit, read_csv, simulate
+from fitting.measurements.reader.names import role_of
+
+sample, truth = "air | constant 1 mm thick | air", {"eta": 1.6, "k": 5e-5}
+angles, waves = np.linspace(10.0, 80.0, 9), np.linspace(0.4, 0.7, 7)
+made = {q: simulate(sample, truth, angles, 0.5, q)
+        for q in ("A", "A_s", "A_p", "R_s", "T_s", "R_p", "T_p")}
+for light in "sp":
+    rest = 1.0 - made["R_" + light] - made["T_" + light]
+    assert np.allclose(made["A_" + light], rest, atol=1e-14) and (rest > 0.3).all()
+assert np.allclose(made["A"], 0.5 * (made["A_s"] + made["A_p"]), atol=1e-14)
+
+def read(text, name="plate.csv", **options):
+    Path(name).write_text(text)
+    return read_csv(name, **options)
+
+def table(header, *columns):
+    return header + "\\n" + "".join(",".join(map(str, row)) + "\\n" for row in zip(*columns))
+
+def refused(call, *parts):
+    try:
+        call()
+    except ValueError as error:
+        assert all(part in str(error) for part in parts), error
+    else:
+        raise AssertionError
+
+one = read(table("angle (deg),A_s,std A_s,Ap", angles, made["A_s"], [1e-3] * 9, made["A_p"]),
+           wavelength_um=0.5, sigma=1e-3)
+assert set(one.quantity) == {"A_s", "A_p"} and np.allclose(one.value[:9], made["A_s"])
+assert np.isfinite(one.sigma).all()
+found = fit(one, sample)
+for name, value in truth.items():
+    assert abs(found.parameters[name].value / value - 1.0) < 1e-5, found
+assert "A_s" in str(found)
+figure = found.plot()
+assert "absorptance" in {axes.get_ylabel() for axes in figure.axes}
+figure.savefig("picture.png")
+seen = found.predict(angles, "A_p", 0.5)
+assert np.allclose(seen.value, made["A_p"], atol=1e-6)
+
+percent = read(table("aoi,Absorptance (%)", angles, 100 * made["A"]), wavelength_um=0.5)
+assert set(percent.quantity) == {"A"} and np.allclose(percent.value, made["A"])
+assert "9 A (unpolarized) in percent" in percent.understood
+light = read(table("angle,A,polarization", angles, made["A_p"], ["TM"] * 9))
+assert set(light.quantity) == {"A_p"}
+turned = read(table("angle,A,polarizer (deg)", angles, made["A"], [30] * 9),
+              polarization="angle-from-p")
+assert set(turned.quantity) == {"A"} and (turned.polarizer_deg == 30).all()
+spectrum = read(table("wavelength (nm),A", 1e3 * waves, [0.5] * 7))
+assert not spectrum.angle_deg.any() and "normal incidence" in spectrum.understood
+assert set(read(table("angle,A", angles, made["A"]), "As grown.csv").quantity) == {"A"}
+
+for name, kind in {"A": ("value", "A"), "A_p": ("value", "A_p"), "As": ("value", "A_s"),
+                   "std A": ("sigma", "A"), "absorptance s": ("value", "A_s"),
+                   "Absorptance A": ("value", "A"),
+                   "sA": ("unclear", "sigma_A"), "a": ("", ""), "Absorbance": ("", ""),
+                   "lambda (A)": ("wavelength", "")}.items():
+    assert role_of(name)[:2] == kind, (name, role_of(name))
+refused(lambda: read(table("angle,A,A_s,A_p", angles, *[made["A"]] * 3)), "A beside A_s and A_p")
+refused(lambda: read("# transmittance\\n" + table("angle,A", angles, made["A"])),
+        "the name says A", "transmittance")
+refused(lambda: read("# absorptance\\n" + table("angle,R", angles, made["A"])), "absorptance")
+refused(lambda: read(table("wavelength (nm),A_s", 1e3 * waves, [0.5] * 7)), "--angle-deg")
+refused(lambda: read(table("angle,A", angles, 1.2 + made["A"])), "absorptance", "outside [0, 1]")
+refused(lambda: read(table("angle,A", angles, made["A"]), ratio_to="Si"), "A came", "reflectances")
+refused(lambda: fit(one, "free"), "A_p, A_s", "bare surface", "thick")
+print(found.status)
+""")  # fmt: skip
+    assert out.strip() == "converged"
+
+
 def test_an_observable_that_is_no_power_is_at_most_four_files(copy):
     """Of a plate with its back face: fitted alone, with psi and Delta and with R; read, drawn."""
     assert len(edited(copy, "number")) <= 4

@@ -25,7 +25,8 @@ def test_noise_about_zero_is_data(noise, tmp_path):
         below = int((R_p < 0.0).sum())
         m = Measurement.from_columns(angles, R_p=R_p)
         assert m.value.tolist() == R_p.tolist()
-        said = f"; {below} beyond [0, 1] by no more than the noise"
+        lie = "value lies" if below == 1 else "values lie"
+        said = f"; {below} {lie} outside [0, 1] by no more than the noise"
         assert (said in m.understood) == (below > 0)
         met += below > 0
     assert met > 10

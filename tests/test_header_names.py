@@ -7,7 +7,7 @@ from fitting.measurements.reader.names import role_of
 AXES = {
     "incidence": "angle_deg|AOI|theta|Einfallswinkel|incidence_angle|Angle of Incidence"
     "|\u03b8 [\u00b0]"
-    "|theta_i (rad)|aoi (degree)|angle of incidence / deg",
+    "|theta_i (rad)|aoi (degree)|angle of incidence / deg|Angle d'incidence",
     "grazing": "grazing angle (deg)|glancing angle",
     "2theta": "2theta|2Theta (deg)|two theta",
     "q": "Qz (1/angstrom)|q|Q (1/nm)|Q [\u00c5\u207b\u00b9]",
@@ -18,12 +18,13 @@ AXES = {
     "frequency": "frequency (THz)|f (THz)",
 }
 VALUES = {
-    "R": "R|reflectivity (-)|Reflection (%)|%R|R%|R_front|Ravg|unpolarized reflectance|R (a.u.)",
+    "R": "R|reflectivity (-)|Reflection (%)|%R|R%|R_front|Ravg|unpolarized reflectance|R (a.u.)"
+    "|Reflectances",
     "R_s": "Rs|R_s|R_TE|R\u22a5|Reflectance (s)|s-pol reflectance|Rss|R_perp"
     "|Reflectance TE [%]|rs (%)|r_s [%]",
     "R_p": "Rp|R_p|RTM|R\u2225|p polarized reflectance (%)|Rpp|R_parallel|pR|R p-pol",
     "R_back": "R_back|back reflectance|R back (%)",
-    "T": "T|transmittance|%T|Transmission (%)",
+    "T": "T|transmittance|%T|Transmission (%)|Transmittances",
     "T_s": "Ts|T_s|T_TE",
     "psi": "Psi|\u03c8|PSI AVG (rad)|psi_deg",
     "delta": "Delta|\u0394|DELTA AVG (rad)|delta_deg|Delta (\u00b0)",

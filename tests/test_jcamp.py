@@ -124,7 +124,7 @@ def test_records_that_the_table_needs(tmp_path: Path) -> None:
         assert f"##{label}=" in refusal(tmp_path, "\n".join(lines), angle_deg=0)
     assert "no ##XYDATA=" in refusal(tmp_path, whole.replace("##XYDATA", "##NTUPLES"), angle_deg=0)
     other = whole.replace("(X++(Y..Y))", "(X++(R..R))")
-    assert "line 12: a table (X++(R..R))" in refusal(tmp_path, other, angle_deg=0)
+    assert "line 12: the table has the form (X++(R..R))" in refusal(tmp_path, other, angle_deg=0)
 
 
 def test_the_reader_goes_on_as_with_any_table(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ def test_noise_beyond_0_and_1_needs_a_standard_error(tmp_path: Path) -> None:
     inside = "angle_deg,R_s,sigma_R_s\n80,1.019,0.005\n85,-0.01,0.004\n86,.9,.01\n"
     m = read(tmp_path, inside)
     assert m.value.tolist() == [1.019, -0.01, 0.9]
-    assert "2 beyond [0, 1] by no more than the noise" in m.understood
+    assert "2 values lie outside [0, 1] by no more than the noise" in m.understood
     for row in ("80,1.021,0.005", "80,-.021,.005", "80,1.3,.2", "80,0.5,30"):
         assert "line 2" in refusal(tmp_path, f"angle_deg,R_s,sigma_R_s\n{row}\n85,.5,.01\n")
     bare = "angle_deg,R_s\n80,1.01\n85,.9\n"
@@ -55,9 +55,12 @@ def test_arrays_meet_the_same_checks() -> None:
         ({"angle_deg": [10, 20], "Rs": 0.1}, "no quantity Rs"),
         ({"angle_deg": [10, 20]}, "no values"),
         ({"angle_deg": [10, 20], "R_s": np.nan}, "no measured value"),
-        ({"angle_deg": [10, 20], "R_s": 0.1, "sigma": {"R_p": 0.1}}, "sigma has R_p"),
-        ({"angle_deg": 10, "psi": 20, "polarizer_deg": 45}, "polarizer angle 45"),
-        ({"angle_deg": 10, "R_s": 0.1, "polarizer_deg": 45}, "polarizer angle 45"),
+        (
+            {"angle_deg": [10, 20], "R_s": 0.1, "sigma": {"R_p": 0.1}},
+            "sigma has standard errors of R_p",
+        ),
+        ({"angle_deg": 10, "psi": 20, "polarizer_deg": 45}, "polarizer angle of 45"),
+        ({"angle_deg": 10, "R_s": 0.1, "polarizer_deg": 45}, "polarizer angle of 45"),
         ({"angle_deg": 10, "psi": 100}, r"psi 100 degrees is outside \[0, 90\].$"),
         ({"angle_deg": 10, "R": 10, "scale": 0.0}, "scale is 0; a factor above 0"),
         ({"angle_deg": 10, "R": 10, "scale": np.nan}, "scale is nan; a factor above 0"),
@@ -89,5 +92,5 @@ def test_the_wavelengths_of_a_table_are_in_one_unit() -> None:
     assert given.wavelength_um.tolist() == [0.6, 0.6]
     with pytest.raises(MeasurementError, match="wavelength_um and wavelength_nm"):
         Measurement.from_dataframe({**table, "wavelength_um": [0.4, 0.5]})
-    with pytest.raises(MeasurementError, match="named columns were wanted"):
+    with pytest.raises(MeasurementError, match="table with named columns was wanted"):
         Measurement.from_dataframe([0.1])  # type: ignore[arg-type]

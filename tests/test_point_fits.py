@@ -92,7 +92,7 @@ def test_plain_data_and_refusals():
     assert len(data["eta"]) == len(WAVELENGTHS)
     assert data["parameters"]["eta"]["sigma"][0] is None
     assert data["parameters"]["thickness_um"]["value"] == 2000.0
-    with pytest.raises(ValueError, match="Give the sample with its thickness"):
+    with pytest.raises(ValueError, match="as a plate with its thickness"):
         fit(m)
     with pytest.raises(ValueError, match='errors "stated" need a standard error for every datum'):
         fit(m, PLATE, errors="stated")

@@ -70,7 +70,7 @@ def test_ratios_times_the_reflectance_of_a_known_wafer(tmp_path):
     np.testing.assert_allclose(found.value, [*(ratio * s), *(0.5 * ratio * p)], rtol=1e-12)
     np.testing.assert_allclose(found.sigma[:5], 0.01 * ratio * s, rtol=1e-12)
     assert np.isnan(found.sigma[5:]).all()
-    assert f"ratios to {SI}, times its reflectance" in found.understood
+    assert f"ratios to {SI}, multiplied by its reflectance" in found.understood
     same = Measurement.from_columns(
         55.0, WAVES, R_s=ratio, R_p=0.5 * ratio, sigma={"R_s": 0.01 * ratio}, ratio_to=SI
     )
@@ -130,13 +130,13 @@ SCAN = "wavelength_nm,R\n500,0.9\n600,1.1\n700,1.0\n"
 PSI = "wavelength_nm,psi,delta\n500,20,170\n600,21,171\n700,22,172\n"
 REFUSED = {
     "nothing held": (SCAN, {"ratio_to": "air | SiO2 2 nm | Si"}, "SiO2 2 nm held"),
-    "a model": (SCAN, {"ratio_to": "cauchy"}, "'cauchy' is not known"),
+    "a model": (SCAN, {"ratio_to": "cauchy"}, "'cauchy' would have to be fitted"),
     "no material": (SCAN, {"ratio_to": "unobtainium"}, "no material named 'unobtainium'"),
     "beyond its table": (SCAN.replace("500", "50"), {"ratio_to": "Si"}, "is known from"),
     "no reflection": (SCAN, {"ratio_to": "1.0"}, "reflects nothing"),
     "T": (SCAN.replace("R", "T"), {"ratio_to": "Si"}, "T came with --ratio-to"),
     "psi": (PSI, {"ratio_to": "Si", "angle_deg": 60}, "for reflectances alone"),
-    "psi divided": (PSI, {"divide_by": PSI, "angle_deg": 60}, "for R and T alone"),
+    "psi divided": (PSI, {"divide_by": PSI, "angle_deg": 60}, "for powers alone"),
     "p to s": (
         SCAN.replace("R", "Rp/Rs"), {"ratio_to": "Si", "columns": "wavelength=1,R=2"},
         "ratio of two polarizations",
@@ -160,8 +160,8 @@ REFUSED = {
         {"divide_by": SCAN.replace("1.1", "0"), "missing": "none"},
         "is 0; a number above 0",
     ),
-    "beyond 1": (SCAN, {"ratio_to": "gold", "scale": 3}, "Before the reference came in it was 2.7"),
-    "no option": (SCAN, {}, "say --ratio-to"),
+    "beyond 1": (SCAN, {"ratio_to": "gold", "scale": 3}, "Without the reference it is 2.7"),
+    "no option": (SCAN, {}, "its material: --ratio-to Si"),
 }  # fmt: skip
 
 
@@ -180,10 +180,10 @@ def test_what_is_no_ratio_is_refused(case, tmp_path):
     ("values", "reference", "wanted"),
     [
         ({"R": [0.1, 0.2]}, {"R_s": 1.0}, "divide_by has R_s"),
-        ({"R": [0.1, 0.2], "T": [0.1, 0.2]}, {"R": 1.0}, "was wanted: T"),
+        ({"R": [0.1, 0.2], "T": [0.1, 0.2]}, {"R": 1.0}, "does not agree on T"),
         ({"R": [0.1, 0.2]}, {"R": 0.0}, "divide_by holds 0"),
         ({"R": [0.1, 0.2]}, {"R": 1.0, "sigma_R": -1.0}, "not positive"),
-        ({"psi": [10.0, 20.0]}, {"psi": 1.0}, "for R and T alone"),
+        ({"psi": [10.0, 20.0]}, {"psi": 1.0}, "for powers alone"),
     ],
 )
 def test_arrays_that_are_no_reference_are_refused(values, reference, wanted):

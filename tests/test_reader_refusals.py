@@ -33,9 +33,9 @@ REFUSALS = {
     "delta too large": ("aoi,psi,delta\n60,24.6,180\n65,20,370\n", ("line 3", "delta 370")),
     "delta a copy of psi": (
         "aoi,psi,delta\n60,24.6,24.6\n65,20,20\n",
-        ("column delta", "equals psi"),
+        ("column delta", "equals that of psi"),
     ),
-    "negative": ("angle,R_s\n10,.1\n20,-0.2\n", ("line 3", "-0.2", "[0, 1]", "negative")),
+    "negative": ("angle,R_s\n10,.1\n20,-0.2\n", ("line 3", "-0.2", "[0, 1]", "A-B")),
     "negative angle": ("angle,R_s\n-10,.1\n20,.2\n", ("line 2", "column angle", "-10", "[0, 90]")),
     "angle above 90": ("angle,R_s\n10,.1\n120,.2\n", ("line 3", "120")),
     "zero standard error": (
@@ -53,7 +53,7 @@ REFUSALS = {
     ),
     "settings in braces": (
         "{ Units, Wavelength Units } SI Microns\n{ Use: }\n0.3 0.1 0.2\n0.4 0.2 0.3\n",
-        ("line 3", "3 columns without names", "0.3 to 0.4"),
+        ("line 3", "3 columns have no names", "0.3 to 0.4"),
     ),
     "analyser": ("analyzer (deg),counts\n0,10\n5,20\n", ("no angle of incidence", "raw signal")),
     "gap in the angles": ("angle,R_s\n10,.1\n,.2\n30,.2\n", ("line 3", "column angle")),
@@ -84,7 +84,7 @@ REFUSALS = {
         "angle,pol,Rs\n10,p,.2\n11,p,.3\n",
         ("pol", "'Rs'", "--columns"),
     ),
-    "no names": ("10,.2\n20,.3\n", ("without names", "1: 10 to 20", "--columns angle=1,R=2")),
+    "no names": ("10,.2\n20,.3\n", ("have no names", "1: 10 to 20", "--columns angle=1,R=2")),
     "names that say nothing": ("x,y\n10,.2\n20,.3\n", ("line 1", "'x'", "--columns")),
     "constants": ("wavelength_um,n,k\n.5,.9,1.8\n.6,.2,3\n", ("line 1", "optical constant")),
     "counts": ("angle,intensity\n10,300\n20,400\n", ("raw signal", "direct beam")),
@@ -98,7 +98,7 @@ REFUSALS = {
     "samples of one point": ("\tV\n\t2.8\n\t2.9\n", ("one column", "angle_deg,R_s,sigma_R_s")),
     "comma twice": (
         "angle,Rs\n29,6667,0,75\n34,6667,0,77\n",
-        ("4 columns without names", "--columns angle=1", "semicolons"),
+        ("4 columns have no names", "--columns angle=1", "semicolons"),
     ),
     "both decimal marks": ("angle;Rs\n29,5;0,75\n34.5;0.77\n", ("line 2", "line 3", "decimal")),
     "thousands": ("wavelength (nm);T (K)\n1,200;1,000\n1,300;1,000\n", ("thousands", "--decimal")),
@@ -125,7 +125,7 @@ REFUSALS = {
     ),
     "s and p without angle": ("wavelength (nm),Rs,Rp\n500,.1,.2\n", ("--angle-deg",)),
     "polarized without angle": ("wavelength (nm),pol,R\n500,s,.1\n", ("--angle-deg",)),
-    "negative Q": ("# wavelength: 0.5 nm\nQ (1/nm),R\n-.1,.1\n.2,.1\n", ("line 3", "negative")),
+    "negative Q": ("# wavelength: 0.5 nm\nQ (1/nm),R\n-.1,.1\n.2,.1\n", ("line 3", "0 and 4 pi")),
     "two errors of one": ("aoi,R,err,std\n10,.1,.1,.1\n", ("'std'", "--columns")),
     "gap in the polarization": ("aoi,pol,R\n10,s,.1\n20,,.2\n", ("line 3", "missing")),
     "gap in the wavelength": ("wavelength_um,R\n.5,.1\n,.2\n", ("line 3", "missing")),
@@ -147,7 +147,7 @@ REFUSALS = {
     "nanometres by their range": ("wavelength,R\n400,.1\n500,.1\n", ("--wavelength-unit nm",)),
     "rows that end in a delimiter": (
         "angle,Rs,Rp\n10,.1,.2,\n20,.1,.2,\n",
-        ("3 columns without names", "no line above has 4", "--columns angle=1"),
+        ("3 columns have no names", "no line above them has 4", "--columns angle=1"),
     ),
     "one column of errors for two values": (
         "angle,R_s,R_p,Error\n30,.1,.2,.01\n40,.2,.1,.01\n",
@@ -243,7 +243,7 @@ def test_options_that_contradict_the_file(tmp_path: Path) -> None:
     assert "none of angle" in refusal(tmp_path, long, columns="place=1,R=3")
     minutes = "aoi,R_s\n29.40,.1\n30.75,.2\n"
     text = refusal(tmp_path, minutes, angle_unit="deg.arcmin")
-    assert "line 3" in text and "30.75" in text and "59 minutes" in text
+    assert "line 3" in text and "30.75" in text and "at most 59" in text
 
 
 def test_the_other_decimal_mark_is_no_number(tmp_path: Path) -> None:

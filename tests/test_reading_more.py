@@ -98,11 +98,23 @@ def test_no_line_takes_time_that_grows_as_its_square(tmp_path: Path, text: str) 
         assert len(str(refused)) < 2_000
 
 
+def test_delimiters_at_the_end_of_some_lines(tmp_path: Path) -> None:
+    for text in ("angle,R,,\n10,.1\n45,.2\n80,.5\n", "angle,R\n10,.1\n45,.2,\n80,.5\n"):
+        assert read(tmp_path, text).value.tolist() == [0.1, 0.2, 0.5]
+
+
+def test_a_laser_and_a_temperature_in_comments(tmp_path: Path) -> None:
+    for laser in ("HeNe 633 nm", "He-Ne laser 633 nm"):
+        assert read(tmp_path, f"# {laser}\n{TABLE}").wavelength_um.tolist() == [0.633] * 3
+    warm = "# temperature 20 \u00b0C\nwavelength_nm,R\n500,.1\n600,.2\n"
+    assert read(tmp_path, warm).angle_deg.tolist() == [0.0, 0.0]
+
+
 def test_rows_by_a_range_of_values(tmp_path: Path) -> None:
     text = "angle,R,run\n10,.1,1\n20,.2,4\n30,.3,5\n40,.4,0\n"
     assert read(tmp_path, text, keep="run=1-4").angle_deg.tolist() == [10, 20]
     assert read(tmp_path, text, keep="run=0,4-5").angle_deg.tolist() == [20, 30, 40]
-    assert "leaves no row" in refusal(tmp_path, text, keep="run=7-9")
+    assert "no row has such a value" in refusal(tmp_path, text, keep="run=7-9")
 
 
 def test_lines_keep_the_header_above_the_rows_that_they_leave_out(tmp_path: Path) -> None:

@@ -88,7 +88,7 @@ def test_glass_with_and_without_names(measured_files: Path) -> None:
     folder = measured_files / "glass_slab_RT"
     named = read_csv(folder / "clear_glass_3mm_RT.csv")
     assert named.quantity.tolist() == ["T"] * 111 + ["R"] * 111 + ["R_back"] * 111
-    refusal(folder / "CLEAR_3.DAT", "line 23", "4 columns without names", "0.3 to 2.5", "--columns")
+    refusal(folder / "CLEAR_3.DAT", "line 23", "4 columns have no names", "0.3 to 2.5", "--columns")
     bare = read_csv(
         folder / "CLEAR_3.DAT",
         columns="wavelength=1,T=2,R=3,R_back=4",
@@ -102,7 +102,7 @@ def test_diamond_in_percent_of_a_mirror(measured_files: Path) -> None:
     folder = measured_files / "diamond_film_on_glass"
     for name in ("0_0.csv", "0_1.csv", "0_2.csv", "TFAN_mirror.csv"):
         skip = 0 if "mirror" in name else 9
-        refusal(folder / name, f"line {skip + 1}", "without names", "--columns wavelength=1,R=2")
+        refusal(folder / name, f"line {skip + 1}", "have no names", "--columns wavelength=1,R=2")
         options = {"columns": "wavelength=1,R=2", "wavelength_unit": "nm"}
         refusal(
             folder / name, f"line {skip + 1}, column 2", "outside [0, 1]", "--scale 0.01", **options
@@ -117,7 +117,7 @@ def test_neutrons_by_angle_and_by_q(measured_files: Path) -> None:
     folder = measured_files / "neutron_si_d2o"
     angle = read_csv(folder / "si_d2o_lambda5A_aoi.csv")
     path = folder / "Si_D2O_HEPES_20mM.dat"
-    refusal(path, "3 columns without names", "for Q 1/angstrom, with --wavelength-um")
+    refusal(path, "3 columns have no names", "for Q 1/angstrom, with --wavelength-um")
     q = read_csv(
         path, columns="angle=1,R=2,sigma_R=3", angle_unit="1/angstrom", wavelength_um="0.0005"
     )
@@ -141,7 +141,7 @@ def test_reflectometry_formats(measured_files: Path) -> None:
     assert m.value.tolist() == column(refl, 1, None, 13) and m.sigma.tolist() == column(
         refl, 2, None, 13
     )
-    assert "3 beyond [0, 1]" in m.understood
+    assert "3 values lie outside [0, 1]" in m.understood
 
 
 def test_wood_by_wavenumber(measured_files: Path) -> None:

@@ -8,7 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.measurements.errors import MeasurementError
-from fitting.measurements.quantities import ANGLE, ANGLES, NUMBER, TABLE, are_powers
+from fitting.measurements.quantities import (
+    ANGLES,
+    POWER_LETTERS,
+    POWERS,
+    TABLE,
+    are_powers,
+    letter_of,
+)
 from fitting.residuals.noise import robust_noise
 
 # A noisy R whose true value is 1 (or 0) lies beyond it half of the time, and dropping or clipping
@@ -77,32 +84,35 @@ def hint_for(value: float, quantity: str, line: int, scale_given: bool, typical:
 
     typical: the median size of the values, which distinguishes percent from counts.
     """
-    leave = f"If the row is no measurement, mark line {line} with # or say --lines A-B."
-    kind, low, high = TABLE[quantity][:3]
-    if kind == ANGLE:
-        return "If the unit is another, say --psi-unit. " + leave
-    if kind == NUMBER:
-        return f"From {low:g} to {high:g} was wanted. " + leave
+    leave = (
+        f"If the row is no measurement, mark line {line} with # or leave it out with --lines A-B."
+    )
+    if quantity in ANGLES:
+        return "If it is not in degrees, say --psi-unit rad. " + leave
+    if quantity not in POWERS:
+        return leave
     near = -EXCURSION <= value <= 1.0 + EXCURSION
-    noise = f"If it is noise about {int(value > 0.5)}, say how large with --sigma. " if near else ""
+    noise = f"If it is noise about {int(value > 0.5)}, give its standard deviation with --sigma. "
+    noise = noise if near else ""
     if value < 0.0:
-        return "No power is negative. " + noise + leave
+        return noise + leave
     if scale_given:
         return noise + leave
     if typical <= 110.0:
-        ratio = "If R is the ratio to a mirror or a wafer, say --ratio-to (Si, for example). "
-        ratio = ratio if quantity[0] == "R" and value <= 3.0 else ""
+        ratio = "If R is relative to a mirror or a wafer, name its material: --ratio-to Si. "
+        ratio = ratio if letter_of(quantity) == "R" and value <= 3.0 else ""
         return ("If the column is in percent, say --scale 0.01. " + ratio + noise).strip()
     direct = (
-        "If these are counts or volts, divide them by the direct beam (--divide-by FILE), or say "
-        "--scale FACTOR. "
+        "If these are counts or volts, divide them by those of the direct beam, with --divide-by "
+        "FILE or --scale FACTOR. "
     )
     return direct + leave
 
 
 def beyond(count: int) -> str:
     """Return the sentence on ``count`` powers that lie beyond [0, 1] by noise."""
-    return f"; {count} beyond [0, 1] by no more than the noise"
+    what = "1 value lies" if count == 1 else f"{count} values lie"
+    return f"; {what} outside [0, 1] by no more than the noise"
 
 
 @np.errstate(all="ignore")
@@ -132,8 +142,8 @@ def check_data(
         ~((angle >= 0.0) & (angle <= 90.0)),
         "angle",
         lambda i: (
-            f"angle of incidence {angle[i]:.10g} degrees is outside [0, 90]; it counts from the "
-            "normal of the surface. If the unit is another, say --angle-unit."
+            f"angle of incidence {angle[i]:.10g} degrees is outside [0, 90]; it is measured from "
+            "the surface normal. If these are other angles, or in another unit, say --angle-unit."
         ),
     )
     refuse(
@@ -156,14 +166,14 @@ def check_data(
         sigma**2 < np.finfo(np.float64).tiny,
         "sigma",
         lambda i: (
-            f"standard error {sigma[i]:.10g} is so small that its square is no number. Give the "
-            "real one, or leave the standard errors out with --columns."
+            f"standard error {sigma[i]:.10g} is so small that its square underflows to 0. Give "
+            "the true one, or leave the standard errors out with --columns."
         ),
     )
     names, which = np.unique(quantity, return_inverse=True)
     low, high = np.array([TABLE[name][1:3] for name in names.tolist()])[which].T
     angular = np.isin(quantity, ANGLES)
-    power, of_any = are_powers(quantity), (quantity == "R") | (quantity == "T")
+    power, of_any = are_powers(quantity), np.isin(quantity, POWER_LETTERS)
     refuse(
         power & (sigma > 1.0),
         "sigma",
@@ -172,7 +182,7 @@ def check_data(
             "say --scale 0.01; if it is something else, name the columns with --columns."
         ),
     )
-    refuse(~np.isfinite(value), "value", lambda i: f"{value[i]} is not finite. {hint(i)}")
+    refuse(~np.isfinite(value), "value", lambda i: f"{value[i]} is not a finite number. {hint(i)}")
     slack = np.minimum(EXCURSION_SIGMAS * sigma, EXCURSION)
     outside = ~angular & ((value < low) | (value > high))
     if (outside & np.isnan(sigma)).any():
@@ -191,8 +201,9 @@ def check_data(
         ~(np.isnan(polarizer) | (of_any & (polarizer > 0.0) & (polarizer < 90.0))),
         "polarizer",
         lambda i: (
-            f"polarizer angle {polarizer[i]:.10g} came; for R or T alone, one between 0 and 90 "
-            "degrees from the plane of incidence was wanted (0 is R_p, 90 is R_s)."
+            f"a polarizer angle of {polarizer[i]:.10g} degrees came with {quantity[i]}. Only "
+            f"{' and '.join(POWER_LETTERS)} have one, between 0 and 90 degrees from the plane of "
+            "incidence; at 0 give R_p instead, at 90 R_s."
         ),
     )
     return int(outside.sum())

@@ -38,7 +38,7 @@ def _converted(
         ("angle_unit", of.angle, units.ANGLE_UNITS),
     ):
         if unit not in known:
-            raise MeasurementError(f"{source}: {name} is {unit!r}; one of {', '.join(known)}.")
+            raise MeasurementError(f"{source}: {name} is {unit!r}; it can be {', '.join(known)}.")
     wave = units.wavelength_um(wavelength, of.wavelength)
     return wave, units.incidence_deg(angle, of.angle, wave)
 
@@ -61,8 +61,6 @@ def _quotients(
 
 def _ranges(data: Data) -> str:
     """Return the ranges of angle and wavelength as text."""
-    if not len(data.value):
-        return ""
     known = np.isfinite(data.wavelength_um).any()
     waves = units.span_of(data.wavelength_um, "um") if known else "no wavelength"
     return f", {units.span_of(data.angle_deg, 'degrees')}, {waves}"
@@ -89,7 +87,10 @@ def from_arrays(
     sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(names, sigma)
     stray = [name for name in sigmas if name not in values]
     if stray:
-        raise MeasurementError(f"{source}: sigma has {stray[0]}, the values do not.")
+        raise MeasurementError(
+            f"{source}: sigma has standard errors of {stray[0]}, of which no values came. Give "
+            "both, or neither."
+        )
     by = of.divide_by
     if by:
         refuse_no_powers(source, np.array(names), False, "divide_by")
@@ -98,8 +99,9 @@ def from_arrays(
     ]
     if by and odd:
         raise MeasurementError(
-            f"{source}: divide_by has {', '.join(by)} for values of {', '.join(names)}; each of "
-            f"them (with sigma_ before it for standard errors) and no other was wanted: {odd[0]}."
+            f"{source}: divide_by has {', '.join(by)} for values of {', '.join(names)}, which does "
+            f"not agree on {odd[0]}. A reference of each of these was wanted, and no other; its "
+            "standard errors have sigma_ before the name."
         )
     columns = list(places)
     columns += [sigmas.get(name) for name in names] + [values[name] for name in names]

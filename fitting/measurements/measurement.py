@@ -133,7 +133,10 @@ class Measurement:
         columns: dict[str, Any] = {}
         sigma: dict[str, Any] = {}
         if not hasattr(table, "keys"):
-            raise MeasurementError(f"{type(table).__name__} came; named columns were wanted.")
+            raise MeasurementError(
+                f"{type(table).__name__} came; a table with named columns was wanted, such as a "
+                "data frame or a dictionary of arrays."
+            )
         names = [*map(str, table.keys())]
         if "wavelength_um" in options:  # in micrometres, whatever the unit of a column
             names = [name for name in names if not name.startswith("wavelength_")]
@@ -151,7 +154,8 @@ class Measurement:
                 sigma[name.removeprefix("sigma_")] = np.asarray(table[name])
         if "angle_deg" not in {**columns, **options}:
             raise MeasurementError(
-                "the table has no column angle_deg; rename it, or give angle_deg=..."
+                "the table has no column angle_deg. Give the column of angles this name, or give "
+                "angle_deg=..."
             )
         return Measurement.from_columns(
             **{**columns, **({"sigma": sigma} if sigma else {}), "source": "table", **options}
@@ -171,7 +175,7 @@ def _frozen(column: np.ndarray) -> np.ndarray:
 def concatenate(*measurements: Measurement) -> Measurement:
     """Return several measurements, such as one file for each polarization, as one, in order."""
     if not measurements:
-        raise MeasurementError("no measurement came to be joined.")
+        raise MeasurementError("no measurement came; at least one was wanted.")
     if len(measurements) == 1:
         return measurements[0]
     columns = zip(*(_arrays(m) for m in measurements), strict=True)
@@ -283,11 +287,7 @@ def read_csv(
     def hint(i: int) -> str:
         line, scaled = long.places[i][0], options.scale is not None
         text = hint_for(float(data.value[i]), data.quantity[i], line, scaled, typical)
-        return (
-            text
-            if raw is data.value
-            else f"Before the reference came in it was {raw[i]:.6g}. {text}"
-        )
+        return text if raw is data.value else f"Without the reference it is {raw[i]:.6g}. {text}"
 
     outside = check_data(source, data, where, hint)
     if outside:

@@ -14,7 +14,7 @@ import numpy as np
 
 from fitting.measurements.checks import Data
 from fitting.measurements.errors import MeasurementError
-from fitting.measurements.quantities import POWERS
+from fitting.measurements.quantities import POWERS, letter_of
 from fitting.measurements.reader.units import span_of
 
 # Angles and wavelengths that differ by less are the same: they were converted from other units.
@@ -40,13 +40,13 @@ def refuse_no_powers(source: str, quantities: np.ndarray, reflected: bool, what:
 
     reflected: whether only reflectances are allowed. what: the option, as it was given.
     """
-    wanted = [q for q in POWERS if q[0] == "R" or not reflected]
+    wanted = [q for q in POWERS if letter_of(q) == "R" or not reflected]
     strange = [str(q) for q in np.unique(quantities) if q not in wanted]
     if strange:
-        what_of = "reflectances" if reflected else "R and T"
+        what_of = "reflectances" if reflected else "powers"
         raise MeasurementError(
             f"{source}: {strange[0]} came with {what}, which is for {what_of} alone. Name the "
-            f"columns to be read (--columns angle=1,R=2), and read {strange[0]} without it."
+            f"columns to be read with it (--columns angle=1,R=2), and read {strange[0]} without it."
         )
 
 
@@ -213,9 +213,11 @@ def times_reflectance(source: str, data: Data, ratio_to: object) -> tuple[Data, 
     if some.size and not (some > 0.0).all():
         raise MeasurementError(
             f"{source}: the reference {ratio_to} reflects nothing at "
-            f"{data.angle_deg[known][some <= 0.0][0]:.6g} degrees; no ratio to it means anything."
+            f"{data.angle_deg[known][some <= 0.0][0]:.6g} degrees, so that a ratio to it is "
+            "undefined. Name another reference."
         )
-    text = f"ratios to {ratio_to}, times its reflectance" + f" {span_of(some)}" * bool(some.size)
+    text = f"ratios to {ratio_to}, multiplied by its reflectance"
+    text += f" {span_of(some)}" * bool(some.size)
     return data._replace(value=data.value * R, sigma=data.sigma * R), text
 
 
@@ -232,8 +234,8 @@ def _reflectance(source: str, ratio_to: object, data: Data) -> np.ndarray:
         ]
         if moving:
             raise ValueError(
-                f"{moving[0]!r} is not known; a reference without anything to be fitted was "
-                "wanted: Si, or 'air | SiO2 2 nm held | Si'"
+                f"{moving[0]!r} would have to be fitted; a reference with known indices and "
+                "thicknesses was wanted, as Si or 'air | SiO2 2 nm held | Si'"
             )
 
         def of(names: np.ndarray) -> np.ndarray:
@@ -246,8 +248,6 @@ def _reflectance(source: str, ratio_to: object, data: Data) -> np.ndarray:
         s, p = of(np.where(polarized, "R_s", plain)), of(np.where(polarized, "R_p", plain))
         share = np.where(polarized, np.sin(np.radians(data.polarizer_deg)) ** 2, 0.5)
         return share * s + (1.0 - share) * p
-    except MeasurementError:
-        raise
     except ValueError as error:
         reason = str(error).removeprefix("points: ").rstrip(".")
         raise MeasurementError(f"{source}: --ratio-to {str(ratio_to)!r}: {reason}.") from error

@@ -89,9 +89,9 @@ def detected(
 
     curves: for every file the number in ``scale_0``, ``background_0``; and the file of each row.
     """
-    kind = channel[0]
-    s, p = ideal[f"{kind}_s"], ideal[f"{kind}_p"]
-    share: Any = {"s": 1.0, "p": 0.0}.get(channel.partition("_")[2], s_share)
+    letter, _, light = channel.partition("_")
+    s, p = ideal[f"{letter}_s"], ideal[f"{letter}_p"]
+    share: Any = {"s": 1.0, "p": 0.0}.get(light, s_share)
     if "leak" in v:
         share = share + (1.0 - 2.0 * share) * v["leak"]
     value = p + share * (s - p)

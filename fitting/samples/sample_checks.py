@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fitting.measurements.measurement import Measurement
+from fitting.measurements.quantities import TABLE
 from fitting.measurements.several_files import millimetres_named, refuse_several_thicknesses
 from fitting.samples.dispersion import Model
 from fitting.samples.known_media import known_medium
@@ -16,15 +17,15 @@ from fitting.samples.sample import Sample
 def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> None:
     """Raise ValueError where the sample does not predict a measured quantity."""
     for m in measurements:
-        behind = sorted(set(m.quantity.tolist()) & {"T", "T_s", "T_p", "R_back"})
+        behind = sorted(q for q in set(m.quantity.tolist()) if TABLE[q].of_layer)
         if sample.bare and sample.by_wavelength and behind:
             thick_mm = millimetres_named(m.source)
             named = f"; the file name says {thick_mm} mm" if thick_mm else ""
             raise ValueError(
                 f"{m.source}: {', '.join(behind)} cannot be fitted with one bare surface, since "
-                "transmittance and reflectance from the back are those of a plate. Give the sample "
-                f"with its thickness, 'air | free {thick_mm or 3} mm thick | air'{named}; or read "
-                "other columns only (columns, --columns: angle=1,R_s=2)."
+                "the light leaves or enters through a second one. Give the sample as a plate with "
+                f"its thickness, 'air | free {thick_mm or 3} mm thick | air'{named}. Or name the "
+                "columns to be read without it (columns, --columns: angle=1,R_s=2)."
             )
         check_points(m, sample)
     if any(not m.thickness.coherent for m in sample.layers if m.thickness):

@@ -158,7 +158,7 @@ def along_fringes(
 
 
 def scaled_index(fit: Solving, film: Film, y: np.ndarray, factor: float | np.ndarray) -> np.ndarray:
-    """Return y (p, L) with the film's index times a factor, () or (L,), as far as its model allows."""
+    """Return y (p, L) with the film's index times a factor () or (L,), if its model allows."""
     out = y.copy()
     place = fit.u.spec.media.places[film.medium]
     for i, (name, unknown) in enumerate(zip(fit.u.spec.moving, fit.u.moving, strict=True)):

@@ -7,6 +7,7 @@ import re
 import numpy as np
 
 from fitting.measurements.errors import MeasurementError
+from fitting.measurements.quantities import POLARIZED, POWERS
 from fitting.measurements.reader.columns import Column
 from fitting.measurements.reader.reading import Reading
 from fitting.measurements.reader.units import (
@@ -45,7 +46,7 @@ def _wavelength_unit(reading: Reading, column: Column, numbers: np.ndarray) -> s
         said = f"the unit {unit}" if unit else "no unit"
         reading.refuse(
             column,
-            f"the name says {form}, with {said}, and the numbers are {span_of(numbers)}. Say "
+            f"the name says {form} with {said}, and the numbers are {span_of(numbers)}. Say "
             f"--wavelength-unit {' or '.join(choices) if unit else ', '.join(WAVELENGTH_UNITS)}.",
         )
     return unit
@@ -88,9 +89,9 @@ def _angle_unit(reading: Reading, numbers: np.ndarray, column: Column) -> str:
     elif not unit:
         wrong = f"{'Q' if form == 'q' else 'the angle'} has no unit"
     elif unit in ("rad", "mrad") and high > right * (1e3 if unit == "mrad" else 1.0):
-        wrong = f"the file says {unit}, and the numbers are more than pi/2"
+        wrong = f"the file says {unit}, but the numbers exceed pi/2"
     elif unit == "deg" and several and high <= HALF_PI:
-        wrong = "the file says degrees, and the numbers are as small as radians"
+        wrong = "the file says degrees, but the numbers are as small as radians"
     else:
         return unit
     reading.refuse(column, f"{wrong} ({span_of(numbers)}). Say --angle-unit {_UNITS_OF[form]}.")
@@ -112,7 +113,7 @@ def _angles_without_column(reading: Reading) -> np.ndarray:
     oblique = (
         layout.polarization
         or layout.polarizer
-        or any(value.role.quantity not in ("R", "T", "R_back") for value in layout.values)
+        or any(v.role.quantity in POLARIZED or v.role.quantity not in POWERS for v in layout.values)
         or any(_ANGULAR.search(label) for label in layout.unused)
     )
     if layout.wavelength and not oblique:
@@ -143,7 +144,7 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
     if unit in Q_UNITS and np.isnan(wavelength).all():
         reading.refuse(
             column,
-            "Q becomes an angle through the wavelength, which is not known. Say "
+            "the angle follows from Q and the wavelength, which is not known. Say "
             "--wavelength-um NUMBER (5 angstrom are 0.0005).",
         )
     degrees = incidence_deg(numbers, unit, wavelength)

@@ -125,14 +125,14 @@ def decide_decimal(
     if point:
         raise MeasurementError(
             f"{source}: the decimal mark is a comma on line {comma} and a point on line {point}. "
-            "Mend the file, or leave lines out with --lines A-B."
+            "Write all numbers with one of them, or leave lines out with --lines A-B."
         )
     sure = any("," in row[i] for row in rows for i in small)
     if not sure and all(_GROUPED.fullmatch(cell) for _, cell in commas):
         raise MeasurementError(
-            f"{place(source, comma)}: a comma before three digits may be a decimal mark or part "
-            "thousands. Say --decimal , if it is the decimal mark; else write the numbers without "
-            "it."
+            f"{place(source, comma)}: a comma before three digits may be a decimal mark or "
+            "separate thousands. Say --decimal , if it is the decimal mark; else write the numbers "
+            "without it."
         )
     return ","
 
@@ -162,7 +162,7 @@ def to_numbers(
             hint = f" (the decimal mark is {decimal!r})" if is_number(cell) else ""
             raise MeasurementError(
                 f"{place(source, line, column)}: {cell[:40]!r} came where a number was wanted"
-                f"{hint}. Mend it, or leave the cell empty for a gap."
+                f"{hint}. Correct it, or leave the cell empty if nothing was measured."
             )
         sign = cell[-1] if cell[-1] in "%\u00b0" else ""
         signs.setdefault(sign, line)
@@ -170,7 +170,7 @@ def to_numbers(
         numbers.append(float(text.replace("d", "e").replace("D", "e")))
     if len(signs) > 1:
         raise MeasurementError(
-            f"{place(source, max(signs.values()), column)}: numbers with and without the sign "
-            f"{max(signs)} came in one column. Mend the file."
+            f"{place(source, max(signs.values()), column)}: some numbers of this column have the "
+            f"sign {max(signs)}, others do not. Write all of them alike."
         )
     return np.array(numbers, dtype=np.float64), max(signs, default="")

@@ -6,6 +6,7 @@ from collections import defaultdict
 from typing import NamedTuple, NoReturn
 
 from fitting.measurements.errors import MeasurementError, place
+from fitting.measurements.quantities import POWER_LETTERS
 from fitting.measurements.reader.cells import is_number, to_numbers
 from fitting.measurements.reader.evidence import statements
 from fitting.measurements.reader.names import Role, role_of
@@ -65,7 +66,8 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
     )
     came = "no column is named as a reflectance, transmittance, psi or delta that can be fitted"
     if not table.header:
-        came = f"{len(filled)} columns without names, since no line above has {len(table.names)}"
+        came = f"the {len(filled)} columns have no names, since no line above them has "
+        came += f"{len(table.names)} names"
         advice += " If the comma is the decimal mark too, write the file with semicolons."
     elif numbered := [i for i in filled[1:] if roles[i].form == "value"]:
         i = numbered[0]
@@ -77,8 +79,9 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
         )
     elif all(roles[i].why or roles[i].kind for i in filled):
         advice = (
-            "A table of an angle or a wavelength and R, R_s, R_p, T, psi or delta was wanted, "
-            "powers as a ratio to the direct beam; --columns names other columns."
+            "A table of R, R_s, R_p, T, psi or delta over the angle of incidence or the "
+            "wavelength was wanted, powers as fractions of the incident light. If a column holds "
+            "one of these under another name, say which with --columns."
         )
     _refuse(table, f"{came} ({listed}). {advice}")
 
@@ -92,7 +95,7 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
         if index in taken and not errors:  # one column may be the error of several values
             raise MeasurementError(
                 f"{table.source}: --columns gives column {wanted} to both {taken[index]} and "
-                f"{name}."
+                f"{name}. Name one column for each."
             )
         taken[index] = name
         role = role_of(table.names[index], table.units[index])
@@ -210,7 +213,7 @@ def _refuse_computed_rows(table: Table, used: set[int]) -> None:
     """Raise where a column shows that some rows are means or deviations of others."""
     for index, name in enumerate(table.names):
         zones = name.lower() == "zone"
-        if index in used and not zones:
+        if index in used:
             continue
         words = _ZONES if zones else _STATISTICS
         cells = [row[index].lower() for row in table.rows]
@@ -244,7 +247,7 @@ def choose_columns(table: Table, options: Options) -> Layout:
             angled[0].label,
         )
     names = {value.role.quantity for value in values}
-    for letter in "RT":
+    for letter in POWER_LETTERS:
         if {letter, letter + "_s", letter + "_p"} <= names and not options.columns:
             _refuse(
                 table,

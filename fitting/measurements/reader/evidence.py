@@ -15,12 +15,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.measurements.errors import MeasurementError
+from fitting.measurements.quantities import POWER_LETTERS
 from fitting.measurements.reader.options import Options
 from fitting.measurements.reader.units import WAVELENGTH_UNITS, incidence_deg, wavelength_um
 from fitting.measurements.reader.vocabulary import (
     AXIS_CONCEPTS,
     LETTERS,
+    OTHER_POWER,
     QUANTITY_CONCEPTS,
+    SPOKEN,
     Words,
     light_of,
     plain,
@@ -30,7 +33,11 @@ from fitting.measurements.reader.vocabulary import (
 # kind of statement -> what it gives, the option that overrules it, and the fields of that option
 OPTION = {
     "angle": ("the angle of incidence", "--angle-deg NUMBER", "angle_deg"),
-    "angle unit": ("how angles count", "--angle-unit deg, rad, grazing-deg, ...", "angle_unit"),
+    "angle unit": (
+        "the unit of the angles",
+        "--angle-unit deg, rad, grazing-deg, ...",
+        "angle_unit",
+    ),
     "light": ("the polarization", "--polarization s, p or unpolarized", "light codes polarizer"),
     "wavelength": ("the wavelength", "--wavelength-um NUMBER", "wavelength_um"),
     "wavelength unit": (
@@ -38,9 +45,9 @@ OPTION = {
         "--wavelength-unit nm, um, ...",
         "wavelength_unit",
     ),
-    "power unit": ("the unit of R or T", "--scale 0.01 for percent, 1 for fractions", "scale"),
+    "power unit": ("the unit of the powers", "--scale 0.01 for percent, 1 for fractions", "scale"),
     "psi unit": ("the unit of psi and delta", "--psi-unit deg or rad", "psi_unit"),
-    "quantity": ("what was measured", "--columns angle=1,R=2 or the like", "columns"),
+    "quantity": ("the measured quantity", "--columns angle=1,R=2 or the like", "columns"),
 }
 FULL_NAME = "the file name"
 _LENGTHS = {"nm", "um", "angstrom"}
@@ -49,9 +56,8 @@ _ANGLES = ("incidence", "angle", "grazing", "doubled", "surface")
 _CLAUSE = re.compile(r"[,;|](?=\s|$)|(?<=[a-z])\.\s")  # "incidence;45" is one
 # in the name of a file: s or p before "pol", and words that are a polarization as they are written
 _POLARIZED = re.compile(r"(?i)(?<![^\W_])([sp])[ _]?pol(?:ari[sz]ed)?(?![^\W_\d])")
-_MODES = {"TE": "s", "Rs": "s", "Ts": "s", "TM": "p", "Rp": "p", "Tp": "p"}
+_MODES = {"TE": "s", "TM": "p"} | {q + light: light for q in SPOKEN for light in "sp"}
 _NUMBERED = re.compile(r"(?i)(?:angle|theta|winkel)[ _=]*[0-9]")
-_CODED = re.compile(r"(?i)pol(?:ari[sz]\w*)?[ ._-]?[0-9]")
 
 
 class Said(NamedTuple):
@@ -157,7 +163,7 @@ def _units(words: Words) -> Heard:
     said = words.concepts
     if "scaled" in said and not words.unknown and any(not unit for _, unit in words.numbers):
         return [("power unit", None)]
-    relative = "relative" in said and said & {"R", "T", "raw"} and "error" not in said
+    relative = "relative" in said and said & {*POWER_LETTERS, "raw"} and "error" not in said
     if relative or "normalized" in said:
         return [("power unit", None)]  # to a reference mirror, not to the direct beam
     if words.numbers or not words.units:
@@ -168,14 +174,15 @@ def _units(words: Words) -> Heard:
         return [("psi unit", unit if unit and _only(words, "psi", "delta", "angle") else None)]
     powers = {"percent", "permille"} | ({"1", "arb"} if quantities else set())
     if words.units & powers:
-        clear = unit and unit != "permille" and _only(words, "R", "T")
+        clear = unit and unit != "permille" and _only(words, *POWER_LETTERS)
         return [("power unit", unit if clear else None)]
     return []
 
 
 def _quantity(words: Words) -> Heard:
     """Return the quantities that are written out; as letters they are names of columns."""
-    return [("quantity", q) for q in words.concepts & {"R", "T", "A"} if q not in words.capitals]
+    named = words.concepts & {*POWER_LETTERS, OTHER_POWER}
+    return [("quantity", q) for q in named if q not in words.capitals]
 
 
 _HEARERS = (_angle, _wavelength, _light, _units, _quantity)
@@ -209,7 +216,7 @@ def _statements_of_name(stem: str) -> list[Said]:
     named = bool(said & {"incidence", "grazing", "some angle"} or _NUMBERED.search(text))
     degrees = [n for n, unit in words.numbers if unit == "deg" or (named and not unit)]
     if degrees and (named or "no incidence" not in said):
-        found.append(Said("angle", None, FULL_NAME, str(degrees[0]), (degrees[0],)))
+        found.append(Said("angle", None, FULL_NAME, f"{degrees[0]:g}", (degrees[0],)))
     lengths = [number for number in words.numbers if number[1] in _LENGTHS]
     heard = _wavelength(words._replace(concepts=said & {"wavelength"}, numbers=lengths))
     heard += _units(words._replace(numbers=[])) + _quantity(words)
@@ -221,7 +228,7 @@ def _statements_of_name(stem: str) -> list[Said]:
     letters = {_MODES.get(part, "u" if part.lower().startswith("unpol") else "") for part in parts}
     letters = (letters | {letter.lower() for letter in _POLARIZED.findall(text)}) - {""}
     alone = {part.lower() for part in parts if part in ("s", "p", "S", "P")}
-    doubt = _CODED.search(text) or len(alone) == 1 or _light(words._replace(numbers=[]))
+    doubt = len(alone) == 1 or _light(words._replace(numbers=[]))
     if letters or doubt:
         light = next(iter(letters)) if len(letters) == 1 else None
         found.append(Said("light", light, FULL_NAME, name))
@@ -237,10 +244,12 @@ class Evidence(NamedTuple):
     def refuse(self, said: Said) -> None:
         """Raise because ``said`` is not understood, or not here."""
         gives, option, _ = OPTION[said.kind]
-        why = f"{said.where} ({said.text!r}) may give {gives}, and is not understood. Say {option}."
+        why = (
+            f"{said.where} ({said.text!r}) may state {gives}, but is not understood. Say {option}."
+        )
         if said.where == FULL_NAME and said.kind == "angle":
-            angle = f"{float(said.text):g}"
-            why = f"The file name says {angle}deg: if that is it, say --angle-deg {angle}."
+            why = f"the file name says {said.text} degrees. If that is the angle of incidence, say "
+            why += f"--angle-deg {said.text}; else say --angle-deg NUMBER."
         raise MeasurementError(f"{self.source}: {why}")
 
     def without(self, options: Options) -> Evidence:
@@ -258,14 +267,14 @@ class Evidence(NamedTuple):
         clear = [said for said in chosen if said.value is not None]
         for said in chosen:
             if said.value is None:
-                if said.where == FULL_NAME and clear and said.text == str(clear[0].value):
+                if said.where == FULL_NAME and clear and clear[0].value in said.numbers:
                     continue  # gold_60deg.csv, and a line that gives 60 degrees
                 self.refuse(said)
             if said.value != clear[0].value:
                 gives, option, _ = OPTION[kind]
                 raise MeasurementError(
                     f"{self.source}: {clear[0].where} ({clear[0].text!r}) and {said.where} "
-                    f"({said.text!r}) give {gives} differently. Say {option}."
+                    f"({said.text!r}) contradict each other on {gives}. Say {option}."
                 )
         return clear[0] if clear else None
 
@@ -276,8 +285,9 @@ class Evidence(NamedTuple):
             if said.kind == kind and any(map(is_other, values)):
                 gives, option, _ = OPTION[kind]
                 raise MeasurementError(
-                    f"{came}, and {said.where} ({said.text!r}) gives {gives} differently. Name all "
-                    f"columns to be read with --columns if the column is right; else say {option}."
+                    f"{came}, but {said.where} ({said.text!r}) states {gives} differently. If the "
+                    "column is right, name all columns to be read with --columns; else say "
+                    f"{option}."
                 )
 
 

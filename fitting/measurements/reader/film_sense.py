@@ -23,7 +23,10 @@ def _numbers(texts: Sequence[str], line: int, count: int) -> list[float]:
     except ValueError:
         found = []
     if len(found) < count or not all(map(math.isfinite, found)):
-        refuse(line, f"{count} numbers were wanted. This Film Sense file is damaged.")
+        refuse(
+            line,
+            f"{count} numbers were wanted. This Film Sense file is damaged; export it anew.",
+        )
     return found
 
 
@@ -33,7 +36,11 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
     if not kind.startswith("Film_Sense_"):
         return None
     if kind != "Film_Sense_Data":
-        refuse(1, f"{kind}: a measurement over time. Export one of its times as Film_Sense_Data.")
+        refuse(
+            1,
+            f"{kind} is a measurement over time, of which one time was wanted. Export it as "
+            "Film_Sense_Data.",
+        )
     count, measurements, angle = _numbers(texts, 2, 3)
     if measurements != 1 or count != int(count) or not 1 <= count < len(texts) / 2:
         refuse(2, "one measurement at some wavelengths was wanted. Export one of them alone.")
@@ -42,7 +49,10 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
     for line in rows:
         n, c, s = _numbers(texts, line + int(count), 3)
         if abs(n * n + c * c + s * s - 1.0) > _ROUNDED:
-            refuse(line + int(count), "the squares of N, C and S do not add up to 1.")
+            refuse(
+                line + int(count),
+                "N^2 + C^2 + S^2 is not 1. The file is damaged; export it anew.",
+            )
         psi = math.degrees(math.atan2(math.hypot(c, s), n)) / 2.0
         delta = math.degrees(math.atan2(s, c))
         wavelength = _numbers(texts, line, 1)[0]

@@ -43,7 +43,6 @@ def split_names(text: str, delimiter: str, count: int) -> list[str]:
     ways += [split_cells(text, mark) for mark in "|\t;," if mark in text and mark != delimiter]
     ways.append([cell for cell in re.split(r"\s{2,}|\t", text) if cell])
     ways.append(re.findall(r"[^\s(\[]+(?:\s?[(\[][^()\[\]]*[)\]])?", text))  # "angle (deg) R_s"
-    ways.append(text.split())
     for cells in ways:
         if len(cells) > count and not any(cells[count:]):
             cells = cells[:count]
@@ -104,8 +103,6 @@ def find_header(
             words = all(not cell or _LETTER.search(cell) for cell in cells)
             if known > best_known or (adjacent and words and not marked):
                 best, best_line, best_known = cells, line, known
-    if units_line and not best_line:  # "nm,%" alone: the units are all the names that there are
-        return units, [""] * count, units_line
     return best, units, best_line
 
 
@@ -123,8 +120,8 @@ def refuse_strays(source: str, before: Lines, header: int, delimiter: str, count
         if digits and not units_row(cells):
             raise MeasurementError(
                 f"{place(source, line)}: {text.strip()[:60]!r} stands before the numbers and is "
-                f"neither a header nor a row of {count} numbers. Mend it, mark it with #, or start "
-                f"below it with --lines {line + 1}-."
+                f"neither a header nor a row of {count} numbers. Correct it, mark it with #, or "
+                f"start below it with --lines {line + 1}-."
             )
 
 

@@ -33,6 +33,8 @@ _DIF = dict(zip("%JKLMNOPQRjklmnopqr", _DIGITS, strict=True))
 _DUP = dict(zip("STUVWXYZs", "123456789", strict=True))
 _TOLD = ("TITLE", "SAMPLEDESCRIPTION", "SAMPLINGPROCEDURE", "$")  # may say angle and polarization
 
+_DAMAGED = ". The file is damaged; export it anew."
+
 Points = list[tuple[Decimal, Decimal | None, int]]
 
 
@@ -57,14 +59,16 @@ class _Records:
         if not self.found[label]:
             refuse(at, f"this JCAMP-DX file has no record ##{label}=, which its table needs.")
         if len(self.found[label]) > 1:
-            refuse(self.found[label][1][0], f"a second record ##{label}=. Keep the right one.")
+            refuse(
+                self.found[label][1][0], f"a second record ##{label}= came. Delete the wrong one."
+            )
         return self.found[label][0]
 
     def number(self, label: str, at: int) -> Decimal:
         """Return the number of a record that must be there once."""
         line, value = self.text(label, at)
         if not re.fullmatch(_NUMBER, value):
-            refuse(line, f"##{label}= {value[:30]!r}: a number was wanted.")
+            refuse(line, f"##{label}= is {value[:30]!r}; a number was wanted. Correct it.")
         return Decimal(value)
 
 
@@ -79,7 +83,8 @@ def _tokens(text: str, line: int) -> list[str]:
         match = _ORDINATE.match(text, at)
         glued = match and tokens and match[0][0] in "0123456789." and not text[at - 1].isspace()
         if not match or glued:
-            refuse(line, f"{text[at : at + 20]!r} is no ordinate in AFFN, PAC, SQZ, DIF or DUP.")
+            came = f"{text[at : at + 20]!r} is no ordinate in AFFN, PAC, SQZ, DIF or DUP"
+            refuse(line, came + _DAMAGED)
         tokens += [match[0]] if match[0].strip() else []
         at = match.end()
     return tokens
@@ -97,7 +102,8 @@ def _ordinates(tokens: list[str], line: int, most: int) -> tuple[list[Decimal | 
         last = values[-1] if values else None
         new: list[Decimal | None]
         if (first in _DIF or first in _DUP) and not values:
-            refuse(line, f"{token!r} stands where the first ordinate of the line was wanted.")
+            came = f"{token!r} stands where the first ordinate of the line was wanted"
+            refuse(line, came + _DAMAGED)
         if first in _DUP:
             count = Decimal(_DUP[first] + digits)
             count = int(count) - 1 if count <= most + 1 else most + 1
@@ -107,14 +113,14 @@ def _ordinates(tokens: list[str], line: int, most: int) -> tuple[list[Decimal | 
         elif first in _DIF:
             step = Decimal(_DIF[first] + digits)
             if last is None:
-                refuse(line, f"the difference {token!r} stands behind a gap (?).")
+                refuse(line, f"the difference {token!r} follows a missing point (?)" + _DAMAGED)
             new = [last + step]
         else:
             step = None
             new = [None if first == "?" else Decimal(_SQZ.get(first, first) + digits)]
         values += new
         if len(values) > most:
-            refuse(line, "more points than ##NPOINTS= says. The file is damaged; export it anew.")
+            refuse(line, "the table has more points than ##NPOINTS= says" + _DAMAGED)
     return values, step is not None
 
 
@@ -132,7 +138,8 @@ def _equal_steps(records: _Records, table: str, at: int, count: int) -> Points:
         values, differs = _ordinates(tokens[1:], line, count + 1 - len(points))
         start = head[0]
         if start is None or not values:
-            refuse(line, f"{text[:30]!r}: an abscissa and ordinates were wanted.")
+            came = f"{text[:30]!r} came where an abscissa and ordinates were wanted"
+            refuse(line, came + _DAMAGED)
         at_x = first + step * (len(points) - repeated)
         if abs(start * x_factor - at_x) > abs(step) / 2 + abs(_unit(start) * x_factor) / 2:
             refuse(
@@ -145,7 +152,7 @@ def _equal_steps(records: _Records, table: str, at: int, count: int) -> Points:
             refuse(
                 line,
                 f"the line repeats the ordinate {values[0]}, the line before it ended with "
-                f"{check} (the check of DIF). The file is damaged; export it anew.",
+                f"{check} (the check of DIF)" + _DAMAGED,
             )
         for value in values[repeated:]:
             y = None if value is None else value * y_factor
@@ -166,7 +173,8 @@ def _pairs(records: _Records, table: str) -> Points:
         while at < len(text):
             match = _PAIR.match(text, at)
             if not match:
-                refuse(line, f"{text[at : at + 30]!r}: pairs x, y were wanted.")
+                came = f"{text[at : at + 30]!r} came where pairs x, y were wanted"
+                refuse(line, came + _DAMAGED)
             points.append((Decimal(match[1]) * factors[0], Decimal(match[2]) * factors[1], line))
             at = match.end()
     return points
@@ -190,7 +198,7 @@ def _check_ends(records: _Records, points: Points, at: int, count: int) -> None:
             refuse(
                 records.found[label][0][0],
                 f"##{label}= {said}, the table gives {found:.10g} (with the factor ##"
-                f"{label[-1]}FACTOR=). Mend the wrong one of them.",
+                f"{label[-1]}FACTOR=). Correct the wrong one of them.",
             )
 
 
@@ -205,7 +213,10 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str], list[int
     tables = [(at, label) for label in _TABLES for at, _ in records.found[label]]
     blocks = max(len(records.found["TITLE"]), len(tables))
     if blocks > 1:
-        refuse(start, f"this JCAMP-DX file has {blocks} blocks. Save each spectrum as its own.")
+        refuse(
+            start,
+            f"this JCAMP-DX file has {blocks} blocks, of which one was wanted. Save each alone.",
+        )
     if not tables:
         refuse(
             start, "this JCAMP-DX file has no ##XYDATA=, ##XYPOINTS= or ##PEAK TABLE=. Export "
@@ -215,10 +226,15 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str], list[int
     header = spectrum_header(*records.text("XUNITS", at), *records.text("YUNITS", at))
     said = records.number("NPOINTS", at)
     if not 1 <= said <= _MAX_POINTS or said != int(said):
-        refuse(records.found["NPOINTS"][0][0], f"##NPOINTS= {said} is no number of points.")
+        came = f"##NPOINTS= {said} came where a whole number from 1 to {_MAX_POINTS} was wanted"
+        refuse(records.found["NPOINTS"][0][0], came + _DAMAGED)
     form = re.sub(r"\s", "", records.found[table][0][1]).upper()
     if form not in ("(X++(Y..Y))", "(XY..XY)"):
-        refuse(at, f"a table {form[:30]}: (X++(Y..Y)) or (XY..XY) were wanted.")
+        refuse(
+            at,
+            f"the table has the form {form[:30]}; (X++(Y..Y)) or (XY..XY) was wanted. Export the "
+            "spectrum in one of them.",
+        )
     equal = form == "(X++(Y..Y))"
     points = _equal_steps(records, table, at, int(said)) if equal else _pairs(records, table)
     _check_ends(records, points, at, int(said))

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.measurements.errors import MeasurementError
+from fitting.measurements.quantities import POLARIZED, POWER_LETTERS
 from fitting.measurements.reader.cells import is_missing, is_number, number_or_none
 from fitting.measurements.reader.columns import Column
 from fitting.measurements.reader.reading import Reading
@@ -32,7 +33,9 @@ def _from_angles(reading: Reading, column: Column) -> Light:
     numbers, _ = reading.numbers(column)
     unit = column.role.unit or "deg"
     if unit not in ("deg", "rad"):
-        reading.refuse(column, f"a polarizer angle in {unit} came where degrees were wanted.")
+        reading.refuse(
+            column, f"a polarizer angle in {unit} came. Convert it to degrees or radians."
+        )
     degrees = np.degrees(numbers) if unit == "rad" else numbers
     # a linear polarizer looks the same after half a turn, and the power after a reflection too
     turned = np.mod(degrees + (90.0 if reading.options.polarizer == "angle-from-s" else 0.0), 180.0)
@@ -64,7 +67,7 @@ def _from_cells(reading: Reading, column: Column) -> Light:
             codes = ",".join(v + "=" + "sp"[n % 2] for n, v in enumerate(values[:2]))
             option = f"{codes} (or the other way round), or angle-from-p or angle-from-s if they "
             option += "are degrees"
-        reading.refuse(column, f"{came}. Say what it means with --polarization {option}.", lost[0])
+        reading.refuse(column, f"{came}. Say what is meant with --polarization {option}.", lost[0])
     return Light(np.array([known[cell] for cell in cells]), np.full(len(cells), np.nan))
 
 
@@ -94,8 +97,8 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
     table, layout, options, said, notes = reading
     rows, nowhere = len(table.rows), np.full(len(table.rows), np.nan)
     column = layout.polarizer or layout.polarization
-    bare = [v for v in layout.values if v.role.quantity in ("R", "T")]
-    named = [v for v in layout.values if v.role.quantity[1:] in ("_s", "_p")]
+    bare = [v for v in layout.values if v.role.quantity in POWER_LETTERS]
+    named = [v for v in layout.values if v.role.quantity in POLARIZED]
     if column is not None:
         other = layout.polarization if layout.polarizer else named[0] if named else None
         if other:
@@ -106,7 +109,7 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
             )
         if bare:
             return _from_column(reading, column)
-        notes.append(f"column {column.label} not needed")
+        notes.append(f"column {column.label} was not needed")
         return Light(np.full(rows, ""), nowhere)
     if options.codes or options.polarizer:
         raise MeasurementError(
@@ -115,16 +118,16 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
             "or p."
         )
     letter = options.light
-    if letter and any(v.role.quantity[2:] != letter for v in named):
+    if letter and any(POLARIZED[v.role.quantity] != letter for v in named):
         reading.refuse(
             named[0],
-            f"the column is named {named[0].role.quantity}, and --polarization says otherwise. "
+            f"the column is named {named[0].role.quantity}, but --polarization says otherwise. "
             "Name the columns to be read with --columns.",
         )
     if not letter and bare and not named and oblique and (beside := said.one("light")):
         letter = str(beside.value)
-        what = {"s": "s", "p": "p", "u": "unpolarized"}[letter]
+        what = {"s": "s-polarized", "p": "p-polarized", "u": "unpolarized"}[letter]
         notes.append(f"{what} light ({beside.where}; --polarization)")
     elif named and not letter:
-        reading.refuse_other_light({v.role.quantity[2:] for v in named}, named[0])
+        reading.refuse_other_light({POLARIZED[v.role.quantity] for v in named}, named[0])
     return Light(np.full(rows, letter or "u"), nowhere)

@@ -18,7 +18,7 @@ STDIN = "-"
 _NOT_TEXT = (
     (b"PK\x03\x04", "an Excel workbook or another zip archive; save the sheet as CSV"),
     (b"\xd0\xcf\x11\xe0", "an old Excel workbook; save the sheet as CSV"),
-    (b"%PDF", "a PDF"),
+    (b"%PDF", "a PDF; export the numbers as CSV"),
 )
 # Every byte is a character of Latin-1; measured files hold a few of its letters (micro, degree,
 # Angstrom), which Windows-1252 writes alike. It is the reading of bytes that are not UTF-8.
@@ -77,7 +77,7 @@ def read_lines(path: Path, encoding: str | None) -> tuple[list[str], list[str]]:
     name = source_of(path)
     if path.suffix.lower() in _WORKBOOKS:
         raise MeasurementError(
-            f"{name}: this is the name of a workbook, not of a text. Save the sheet as CSV."
+            f"{name}: this is the name of a workbook, not of a text file. Save the sheet as CSV."
         )
     data = _bytes(path, name)
     for magic, what in _NOT_TEXT:
@@ -98,6 +98,5 @@ def read_lines(path: Path, encoding: str | None) -> tuple[list[str], list[str]]:
             f"{name}: this is JSON or markup, not a table. Export the curve as CSV."
         )
     guessed = not encoding and chosen == _FALLBACK
-    text = text.removeprefix("\ufeff").removesuffix("\x1a")  # by which old systems end a text
-    text = visible(text.replace("\f", " ").replace("\v", " "), "\t\r\n")
-    return _LINE_END.split(text), ["letters read as Latin-1 (--encoding)"] if guessed else []
+    text = visible(text.removeprefix("\ufeff").replace("\f", " ").replace("\v", " "), "\t\r\n")
+    return _LINE_END.split(text), ["text read as Latin-1 (--encoding)"] if guessed else []

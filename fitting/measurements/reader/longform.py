@@ -8,7 +8,14 @@ import numpy as np
 
 from fitting.measurements.checks import Data
 from fitting.measurements.errors import MeasurementError, place
-from fitting.measurements.quantities import NAME, POWERS, are_powers
+from fitting.measurements.quantities import (
+    NAME,
+    POWER_LETTERS,
+    POWERS,
+    TABLE,
+    are_powers,
+    letter_of,
+)
 from fitting.measurements.reader.axes import angles, wavelengths
 from fitting.measurements.reader.columns import Column, Layout
 from fitting.measurements.reader.evidence import evidence, statements
@@ -48,8 +55,8 @@ def _refuse_placeholders(reading: Reading, numbers: dict[int, np.ndarray]) -> No
     if np.isfinite(psi).sum() > 1 and np.array_equal(psi, delta, equal_nan=True):
         reading.refuse(
             by_name["delta"],
-            "every number equals psi, which no surface gives. Mend the file, or name another "
-            "column with --columns delta=...",
+            "every number equals that of psi, which no surface gives. Name the right column with "
+            "--columns delta=..., or correct the file.",
         )
     dark = np.flatnonzero((psi == 0.0) & (delta == 0.0))
     if len(dark) and np.any((psi != 0.0) & ~np.isnan(psi)):
@@ -88,17 +95,18 @@ def _refuse_zeros(reading: Reading, value: Column, numbers: np.ndarray, name: np
 
 
 def _refuse_other_quantity(reading: Reading) -> None:
-    """Raise where the file speaks of transmission or absorption alone, and the columns are R."""
+    """Raise where the file speaks of another power alone than that of the columns."""
     value = reading.layout.values[0]
-    here = {value.role.quantity[0] for value in reading.layout.values} & {"R", "T"}
+    here = {letter_of(value.role.quantity) for value in reading.layout.values} & {*POWER_LETTERS}
     other = [said for said in reading.said.said if said.kind == "quantity"]
     if here and other and not here & {said.value for said in other}:
-        word = {"R": "reflection", "T": "transmission", "A": "absorption"}[str(other[0].value)]
+        word = str(other[0].value)
+        word = TABLE[word].axis if word in TABLE else word
         reading.refuse(
             value,
-            f"a column of {value.role.quantity}, and {other[0].where} ({other[0].text!r}) speaks "
-            f"of {word}. Name all columns to be read, for example --columns "
-            f"angle=1,{value.role.quantity}={value.index + 1}.",
+            f"the name says {value.role.quantity}, but {other[0].where} ({other[0].text!r}) speaks "
+            f"of {word}. If the column is right, name all columns to be read, for example "
+            f"--columns angle=1,{value.role.quantity}={value.index + 1}.",
         )
 
 
@@ -111,11 +119,11 @@ def _understood(reading: Reading, data: Data, factor: float) -> str:
     text = f"read {count} {what}{'s' * (count != 1)} ({span_of(axis, unit)}), "
     plain = " (unpolarized)" if angle.any() and np.isnan(data.polarizer_deg).all() else ""
     names = list(dict.fromkeys(quantity.tolist()))
-    counts = [f"{np.sum(quantity == n)} {n}{plain * (n in ('R', 'T'))}" for n in names]
+    counts = [f"{np.sum(quantity == n)} {n}{plain * (n in POWER_LETTERS)}" for n in names]
     text += ", ".join(counts[:-1]) + " and " * (len(counts) > 1) + counts[-1]
     if are_powers(names).any():
-        scale = ", percent" if factor == 0.01 else ", fraction" * (not options.divided)
-        text += scale if options.scale is None else f", times {options.scale:g}"
+        scale = " in percent" if factor == 0.01 else " as fractions" * (not options.divided)
+        text += scale if options.scale is None else f", multiplied by {options.scale:g}"
     text += f", with{'' if np.isfinite(data.sigma).any() else 'out'} standard errors"
     if spectral:
         several = len(np.unique(angle))
@@ -176,7 +184,7 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
                 reading.refuse_gaps(column, there & np.isnan(known), what)
         name = np.full(len(raw), quantity, dtype=NAME)
         polarizer = np.full(len(raw), np.nan)
-        if quantity in ("R", "T"):
+        if quantity in POWER_LETTERS:
             column = layout.polarizer or layout.polarization
             if column is not None:
                 unknown = (light.letter == "") & np.isnan(light.polarizer_deg)

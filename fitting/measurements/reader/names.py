@@ -6,12 +6,14 @@ import re
 from functools import lru_cache
 from typing import NamedTuple
 
+from fitting.measurements.quantities import POWER_LETTERS, QUANTITIES, TABLE
 from fitting.measurements.reader.units import FORM_OF, Q_UNITS
 from fitting.measurements.reader.vocabulary import (
     ALONE,
     CONCEPT,
     LETTERS,
     LONGEST,
+    OTHER_POWER,
     UNITS_BEHIND_WORDS,
     cased,
     spelled,
@@ -43,10 +45,14 @@ _WHY = {
     "some angle": "it may be the angle of incidence or another one",
     "raw": "it is a raw signal, not a ratio to the direct beam",
     "constant": "it is an optical constant, not a measured power",
+    OTHER_POWER: "it is an absorbance, log10(1 / T), or an absorption",
 }
-# names glued of a quantity and its polarization; T in capitals only (tp, ts are times as well)
+# names glued of a quantity and its polarization; T in capitals only (tp, ts are times as well), and
+# no plural (reflectances)
+_ANY_LETTER = "|".join(POWER_LETTERS)
+_POWER_WORD = "|".join(TABLE[q].axis + "|" + TABLE[q].axis.capitalize() for q in POWER_LETTERS)
 _GLUED = re.compile(
-    "(?:(r)|(R)|[Rr]efl|(T)|[Rr]eflectance|([Tt]ransmittance))"
+    f"(?!(?:{_POWER_WORD})s$)(r|{_ANY_LETTER}|[Rr]efl|{_POWER_WORD})"
     "(s|p|S|P|te|tm|TE|TM|ss|pp|perp|par|spol|ppol|unpol|mean|avg|front|back)"
 )
 _SUFFIX = re.compile(r"(?<=[\w)\]])(?:[\s_.]+|\s*[/,]\s*|\s+in\s+)([^\s_]+)$")
@@ -107,15 +113,15 @@ def _part_unit(name: str) -> tuple[str, str]:
 
 
 def _tokens(rest: str) -> list[str]:
-    """Return the words of a name, with R and T kept as capitals and glued names taken apart."""
+    """Return the words of a name in small letters, but R and T; glued names taken apart."""
     tokens = []
     for word in re.findall(r"[^\W_]+", rest):
         for part in [word] if _GLUED.fullmatch(word) else cased(word):
             if glued := _GLUED.fullmatch(part):
-                head = "r" if glued[1] else "T" if glued[3] or glued[4] else "R"
-                tokens += [head, glued[5].lower()]
+                head, word = glued[1], glued[1].lower()
+                tokens += [head if len(head) == 1 else CONCEPT.get(word, word), glued[2].lower()]
             else:
-                tokens.append(part if part in ("R", "T") else part.lower())
+                tokens.append(part if part in POWER_LETTERS else part.lower())
     return tokens
 
 
@@ -123,8 +129,8 @@ def _optical(tokens: list[str], unit: str, error: bool) -> Role | None:
     """Return the role of a value or of its standard error, or None where a word is left over."""
     quantities, lights, side = set(), set(), ""
     for token in tokens:
-        concept = token if token in ("R", "T") else CONCEPT.get(token, "")
-        if concept in ("R", "T", *ALONE):
+        concept = token if token in POWER_LETTERS else CONCEPT.get(token, "")
+        if concept in QUANTITIES:
             quantities.add(concept)
         elif concept in LETTERS and token != "u":
             lights.add(concept)
@@ -135,12 +141,11 @@ def _optical(tokens: list[str], unit: str, error: bool) -> Role | None:
     quantity, light = "".join(quantities), "".join(lights)
     if len(quantities) > 1 or len(lights) > 1 or not (quantity or error):
         return None
-    if side and (light or quantity != "R"):
+    name = quantity + side + ("" if light in ("", "u") else "_" + light)
+    known = QUANTITIES if quantity else ("", "_s", "_p")
+    if name not in known or (light and quantity in ALONE):
         return None
-    if light and (quantity in ALONE or not (quantity or error)):
-        return None
-    tail = side or ("" if light in ("", "u") else "_" + light)
-    return Role("sigma" if error else "value", quantity + tail, unit=unit)
+    return Role("sigma" if error else "value", name, unit=unit)
 
 
 def _axis(tokens: list[str], unit: str) -> Role | None:
@@ -171,7 +176,7 @@ def role_of(name: str, unit: str = "") -> Role:
     if not own and unit_of(rest) in _AXIS_UNITS and len(rest) > 1:
         rest, own = "", unit_of(rest) or ""  # the unit is all the name there is
     unit = own or unit
-    if re.fullmatch(r"s(?:[RT]|Qz?|psi|Psi)", rest):
+    if re.fullmatch(rf"s(?:{_ANY_LETTER}|Qz?|psi|Psi)", rest):
         why = f"the standard error of {rest[1:]}, or {rest[1:]} of s-polarized light"
         return Role("unclear", "sigma_" + rest[1:], why=why)
     tokens = _tokens(rest)

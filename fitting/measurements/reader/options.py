@@ -89,7 +89,7 @@ class _Given(NamedTuple):
         for part in ",".join(map(str, parts)).split(","):
             left, equals, right = map(str.strip, part.partition("="))
             if equals and left in pairs:
-                self.refuse(name, f"gives {left} twice, {pairs[left]} and {right}.")
+                self.refuse(name, f"gives {left} twice, {pairs[left]} and {right}. Keep one.")
             if equals:
                 key, pairs[left] = left, right
             elif key:

@@ -48,7 +48,7 @@ def own_columns(source: str, texts: Sequence[str], start: int) -> LongColumns:
         if not numbers or len(cells) != len(names) or row["quantity"] not in QUANTITIES:
             raise MeasurementError(
                 f"{place(source, line)}: this is no row of the table that fresnel-fit writes "
-                "(--csv). Write it anew, or name the columns to be read with --columns."
+                "(--csv). Write the file anew, or name the columns to be read with --columns."
             )
         quantities.append(row["quantity"])
         rows.append(numbers)

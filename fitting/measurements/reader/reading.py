@@ -39,7 +39,8 @@ def keep_rows(table: Table, options: Options) -> Table:
         rows, lines = [rows[i] for i in chosen], [lines[i] for i in chosen]
         if not rows:
             raise MeasurementError(
-                f"{table.source}: --keep {name}={','.join(wanted)} leaves no row."
+                f"{table.source}: --keep {name}={','.join(wanted)} came, but no row has such a "
+                "value in this column."
             )
     return table._replace(rows=rows, lines=lines)
 
@@ -72,11 +73,9 @@ class Reading(NamedTuple):
             cell = self.table.rows[i][column.index]
             came = f"the {what} is missing in a row that has a value"
             if not is_missing(cell):
-                came = (
-                    f"{cell[:30]!r} is no {what}: Q is not negative nor beyond 4 pi / wavelength "
-                )
-                came += "(--wavelength-um), an angle has 59 minutes at most (--angle-unit)"
-            self.refuse(column, f"{came}. Mend it, or leave the line out with --lines A-B.", i)
+                came = f"{cell[:30]!r} gives no {what}: Q lies between 0 and 4 pi / wavelength "
+                came += "(--wavelength-um), the minutes of an angle are at most 59 (--angle-unit)"
+            self.refuse(column, f"{came}. Correct it, or leave the line out with --lines A-B.", i)
 
     def numbers(self, column: Column, gaps: bool = False) -> tuple[np.ndarray, str]:
         """Return the numbers of a column, NaN for missing ones, and the sign (% or degree) on them.

@@ -37,7 +37,7 @@ def psi_delta_unit(reading: Reading, columns: dict[int, np.ndarray]) -> dict[int
         if doubtful.get(unit, True):
             reading.refuse(
                 value,
-                f"the file {f'says {unit}' if unit else 'gives no unit'}, the numbers are "
+                f"the file {f'says {unit}' if unit else 'gives no unit'}, and the numbers are "
                 f"{span_of(columns[value.index])}; in radians {value.role.quantity} is at most "
                 f"{_LIMITS[value.role.quantity]:.4f}. Say --psi-unit deg or --psi-unit rad.",
             )
@@ -63,12 +63,12 @@ def power_scale(reading: Reading, columns: dict[int, np.ndarray], signs: dict[in
                 value,
                 f"numbers in {'arbitrary units' if unit == 'arb' else unit} came where a fraction "
                 "of the incident light was wanted. Divide them by the direct beam (--divide-by), "
-                "or say --scale 1/(direct beam) as a number.",
+                "or say --scale 1/(signal of the direct beam), as a number.",
             )
         if percent and unit != "percent":
             reading.refuse(
                 value,
-                f"column {percent[0].label!r} is in percent, this one has no such sign. Say "
+                f"column {percent[0].label!r} is in percent, but this one does not say so. Say "
                 "--scale 0.01 if all are in percent.",
             )
     if not percent:
@@ -99,7 +99,9 @@ def standard_errors(
     if value.role.quantity in _LIMITS:
         own = options.psi_unit or own or unit
         if own not in ("deg", "rad"):
-            reading.refuse(column, f"standard errors in {own} came where degrees were wanted.")
+            reading.refuse(
+                column, f"standard errors in {own} came where degrees were wanted. Convert them."
+            )
         return np.degrees(numbers) if own == "rad" else numbers
     if value.role.quantity not in POWERS:
         return numbers
@@ -108,9 +110,9 @@ def standard_errors(
         came = f"are in {own}" if own else "have no unit"
         reading.refuse(
             column,
-            f"these standard errors ({span_of(numbers)}) {came}, the values are "
-            f"{'percent' if percent else 'fractions'}: the errors may be relative, or in another "
-            "unit. Say --scale 0.01 if all are in percent; else convert them, or leave them out by "
-            "naming the columns to be read with --columns.",
+            f"these standard errors ({span_of(numbers)}) {came}, but the values are "
+            f"{'in percent' if percent else 'fractions'}: the errors may be relative, or in "
+            "another unit. Say --scale 0.01 if all are in percent; else convert them, or leave "
+            "them out by naming the columns to be read with --columns.",
         )
     return scaled(numbers, factor)

@@ -23,7 +23,7 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
     if angles[::2] != angles[1::2]:
         refuse(
             1,
-            "the angles of incidence came where each was wanted twice, for psi and Delta. "
+            "each angle of incidence was wanted twice, for psi and for Delta; other angles came. "
             "Export psi and Delta (not tan psi and cos Delta, and no Mueller matrix).",
         )
     names = [f"psi ({angle} deg)\tdelta ({angle} deg)" for angle in angles[::2]]

@@ -82,7 +82,7 @@ def find_column(table: Table, wanted: str, option: str) -> int:
         numbers = " and ".join(str(i + 1) for i in match[:2])
         raise MeasurementError(
             f"{place(table.source, table.header)}: columns {numbers} are both named {wanted!r}; "
-            f"{option} can have the number instead."
+            f"give {option} the number of one instead."
         )
     if match:
         return match[0]
@@ -90,7 +90,8 @@ def find_column(table: Table, wanted: str, option: str) -> int:
         return int(wanted) - 1
     there = ", ".join(f"{i + 1} {name}".strip() for i, name in enumerate(names))
     raise MeasurementError(
-        f"{table.source}: {option} names column {wanted!r}; the file has {there[:300]}."
+        f"{table.source}: {option} names column {wanted!r}, which the file does not have. Its "
+        f"columns are {there[:300]}."
     )
 
 
@@ -140,7 +141,7 @@ def _body(
         if len(cells) > count and not any(cells[count:]):
             cells = cells[:count]
         if len(cells) != count:
-            why = "If the delimiter was misread, say --delimiter; else mend the row."
+            why = "If the delimiter was misread, say --delimiter; else correct the row."
             if len(cells) < count:
                 why = "It may be cut short. Complete it (a gap is an empty cell), or leave it out "
                 why += "with --lines A-B."
@@ -163,7 +164,7 @@ def line_range(source: str, option: str | None, count: int) -> tuple[int, int]:
     first, last = (match[1] or "1", match[2] or str(count)) if match else ("", "")
     if not match or not (match[1] or match[2]) or not 1 <= int(first) <= int(last):
         raise MeasurementError(
-            f"{source}: --lines {option} is no range of lines such as 10-200, 10- or -200."
+            f"{source}: --lines {option} came where a range such as 10-200, 10- or -200 was wanted."
         )
     return int(first) - 1, int(last)
 
@@ -203,8 +204,8 @@ def read_table(source: str, texts: Sequence[str], form: Form) -> Table:
         came = len(inside) - (bool(inside) and last >= len(texts) and not texts[-1])
         raise MeasurementError(
             f"{source}: no row with two numbers or more was found in {came} line{'s' * (came != 1)}"
-            ". A table was wanted: a column of angles or wavelengths, one or more of R, T, psi or "
-            "delta. If it is there, say --delimiter or --decimal."
+            ". A table was wanted: a column of angles or wavelengths, and one or more of R, T, psi "
+            "or delta. If there is one, say how to read it with --delimiter or --decimal."
         )
     before = [(line, text) for line, text in numbered[: first + start] if text.strip()]
     names, units, header = find_header(before, mark, count, first + start + 1)

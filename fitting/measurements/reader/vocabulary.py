@@ -12,7 +12,7 @@ import unicodedata
 from pathlib import Path
 from typing import NamedTuple
 
-from fitting.measurements.quantities import POWERS, QUANTITIES
+from fitting.measurements.quantities import POWER_LETTERS, POWERS, QUANTITIES
 
 LONGEST = 200  # letters of a column's name; what is longer is a text
 
@@ -34,7 +34,11 @@ CONCEPT, UNITS = _WORDS["concept"], _WORDS["unit"]
 _ROOTS = {w: c for w, c in CONCEPT.items() if not w.isascii() and len(w) > 1} | _WORDS["root"]
 LETTERS = frozenset("spu")
 ALONE = tuple(name for name in QUANTITIES if name not in POWERS)  # have no s and p of their own
-QUANTITY_CONCEPTS = ("R", "T", "A", *ALONE)
+# absorbance, log10(1 / T), and absorption, which may mean it, can be no column of values
+OTHER_POWER = "absorbance"
+QUANTITY_CONCEPTS = (*POWER_LETTERS, OTHER_POWER, *ALONE)
+# letters that mean their power in a sentence too: as a small letter they are no word
+SPOKEN = tuple(letter for letter in POWER_LETTERS if letter.lower() not in CONCEPT)
 AXIS_CONCEPTS = ("wavelength", "energy", "wavenumber", "frequency")
 
 _TRANSLATION = str.maketrans(
@@ -160,7 +164,7 @@ def words_of(text: str) -> Words:
             continue
         for word in cased(whole) if kind == "word" else []:
             said.capitals.append(word)
-            last = word if word in ("R", "T") else CONCEPT.get(word.lower(), "")
+            last = word if word in SPOKEN else CONCEPT.get(word.lower(), "")
             if not last and unit in ("permille", "1", "arb"):
                 said.units.add(unit)
             elif not last:
