@@ -139,7 +139,8 @@ def of_arrays(angles_deg: Any, channels: Mapping[str, Any], sigma: Any, eta_i: f
     }
     try:
         full = np.broadcast_shapes(angle.shape, *(v.shape for v in given.values()))
-        np.broadcast_shapes(full, *(e.shape for e in errors.values()))
+        if errors:
+            np.broadcast_shapes(full, *(e.shape for e in errors.values()))
         wide, broad = (
             {n: v if v.shape == full else np.broadcast_to(v, full) for n, v in some.items()}
             for some in (given, errors)

@@ -17,7 +17,6 @@ from fitting.bare_surface.engine import Steps, near_cost
 from fitting.bare_surface.kept_minima import (
     OTHERS,
     Minima,
-    as_minima,
     less_absorbing_first,
     with_arrival,
 )
@@ -36,6 +35,7 @@ FURTHER_STEPS = 10, 40
 NEAR_STEPS = 14
 _COST = Solved._fields.index("cost")
 _SCALE = Solved._fields.index("scale")
+_DONE = Solved._fields.index("done")
 _EVALUATIONS = Solved._fields.index("evaluations")
 _DAMPING = Solved._fields.index("damping")
 
@@ -50,15 +50,14 @@ def _to_the_end(
     in the other one, and before the last but one stage those that creep move through the chart EPS.
     """
     for left, (steps, below) in zip(range(len(stages), 0, -1), stages, strict=True):
-        s = Solved(*solved)
-        flip = at_far_end(s)
-        short = (s.done == 0) & (s.cost < below)
+        flip = at_far_end(*solved[:2])
+        short = (solved[_DONE] == 0) & (solved[_COST] < below)
         if left == 2:
             _straightened(data, curve, solved, np.flatnonzero(short & ~flip))
-            s = Solved(*solved)
         todo = np.flatnonzero(short | flip)
         if not len(todo):
             break
+        s = Solved(*solved)
         turned = flip[todo]
         again = start_rows(len(todo))
         again[0] = s.x[todo]
@@ -115,13 +114,16 @@ def minima(data: Data, extent: Extent, points: np.ndarray | None = None) -> tupl
         return _minima(data, points), data
     names, counts = np.unique(kinds, return_counts=True)
     data = data._replace(mesh=str(names[np.argmax(counts)]))
-    found = np.full((1 + OTHERS, len(Solved._fields), data.curves), np.nan)
+    best = np.empty((len(Solved._fields), data.curves))
+    curves, others = [], []
     for mesh in dict.fromkeys(kinds.tolist()):
         mine = np.flatnonzero(kinds == mesh)
         part = data.take(mine)._replace(mesh=mesh)
         new = _minima(part, None if points is None else points[:, mine])
-        found[:, :, mine] = np.array([new.best, *new.others])
-    return as_minima(found), data
+        best[:, mine] = new.best
+        curves.append(mine[new.curve])
+        others.append(new.others)
+    return Minima(best, np.concatenate(curves), np.concatenate(others, axis=-1)), data
 
 
 def _minima(data: Data, points: np.ndarray | None) -> Minima:
@@ -133,9 +135,8 @@ def _minima(data: Data, points: np.ndarray | None) -> Minima:
         further = _with_points(further, points)
     curve, again = further.curve, further.solved
     if not len(curve):
-        nothing = Solved(*np.full_like(best, np.nan))
-        return Minima(Solved(*best), (nothing,) * OTHERS)
-    waiting = np.flatnonzero(np.isnan(again[_COST]))
+        return Minima(best, curve, np.empty((OTHERS, len(best), 0)))
+    waiting = np.isnan(again[_COST]).nonzero()[0]
     if len(waiting):
         start = start_rows(len(waiting), again[:3, waiting])
         again[:, waiting], _ = run(data.take(curve[waiting]), start, Steps(FURTHER_STEPS[0]))
@@ -143,13 +144,18 @@ def _minima(data: Data, points: np.ndarray | None) -> Minima:
     near = near_cost(least, best[_SCALE, curve])
     stages = [(FURTHER_STEPS[1], near), (MOST_STEPS, least), last]
     again = _to_the_end(data, curve, again, stages)
-    found = np.full((1 + OTHERS, *best.shape), np.nan)
-    found[0] = best
-    for job in np.unique(further.which):
-        mine = np.flatnonzero(further.which == job)
-        todo = curve[mine]
+    has = np.zeros(data.curves, bool)
+    has[curve] = True
+    some = has.nonzero()[0]
+    place = np.searchsorted(some, curve)
+    found = np.full((1 + OTHERS, len(best), len(some)), np.nan)
+    found[0] = best[:, some]
+    for job in sorted(set(further.which.tolist())):
+        mine = (further.which == job).nonzero()[0]
+        todo = place[mine]
         found[:, :, todo] = with_arrival(found[:, :, todo], again[:, mine])
-    return less_absorbing_first(found)
+    best[:, some], *others = less_absorbing_first(found)
+    return Minima(best, some, np.array(others))
 
 
 def _with_points(further: Further, points: np.ndarray) -> Further:

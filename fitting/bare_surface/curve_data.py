@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from typing import Any, NamedTuple
 
 import jax
@@ -86,10 +85,10 @@ class Extent(NamedTuple):
 
 def extent_of(data: Data, angle_deg: np.ndarray) -> Extent:
     """Return where the curves have data. angle_deg: (M,) or (N, M)."""
-    used = [np.atleast_2d(w) > 0.0 for w in data.weights]
-    some = functools.reduce(np.logical_or, used)
+    used = np.array([np.atleast_2d(w) > 0.0 for w in data.weights])
+    some = np.logical_or.reduce(used)
     angle = np.atleast_2d(angle_deg)
-    channels = functools.reduce(np.add, [u.any(1).astype(int) for u in used])
+    channels = used.any(2).sum(0)
     if some.all():
         count = np.full(len(some), some.shape[1])
         return Extent(count, angle.min(1), angle.max(1), channels)

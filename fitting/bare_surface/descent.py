@@ -138,9 +138,9 @@ def descend(
     return jnp.stack(fields), fitted
 
 
-def at_far_end(s: Solved, xp: Any = np) -> Any:
+def at_far_end(x: Any, w: Any, xp: Any = np) -> Any:
     """Where k = 0 was reached at the end of the line that the chart does not measure from."""
-    return s.w >= 4.0 * co.xi_of(s.x, xp) * (1.0 - 64.0 * co.FAR_END)
+    return w >= 4.0 * co.xi_of(x, xp) * (1.0 - 64.0 * co.FAR_END)
 
 
 def descend_in_both_charts(
@@ -164,7 +164,7 @@ def descend_in_both_charts(
         solved = jnp.where(again, new, solved)
         fitted = tuple(jnp.where(again, b, a) for a, b in zip(fitted, there, strict=True))
         s = Solved(*solved)
-        again = at_far_end(s, jnp) & (turned > 0)
+        again = at_far_end(s.x, s.w, jnp) & (turned > 0)
         other = jnp.stack([
             s.x, jnp.full(lanes, co.W_MIN), -s.chart, jnp.full(lanes, START_DAMPING), begin[4]
         ])  # fmt: skip

@@ -75,16 +75,17 @@ def _alternative(a: Arranged, other: Other) -> Alternative:
 def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> Fit:
     """Return what the engine found as a `Fit` of the batch's shape."""
     s, v = f.solved, f.values
-    believed = "stated" if errors == "stated" else "scaled" if a.stated else "equal"
-    believed = np.full(len(f.dof), believed, f"<U{len('stated')}")
-    believed[np.isfinite(taken.gain)] = "floor"
-    # Without a degree of freedom stated errors are all there is to go by.
-    believed[(f.dof == 0) & a.stated] = "stated"
+    believed = np.full(len(f.dof), "scaled" if a.stated else "equal", "<U6")
+    factor = v["factor"]
+    if a.stated:
+        # Without a degree of freedom stated errors are all there is to go by.
+        as_stated = (f.dof == 0) | (errors == "stated")
+        believed[np.isfinite(taken.gain)] = "floor"
+        believed[as_stated] = "stated"
+        factor = np.where(as_stated, 1.0, factor)
     with np.errstate(all="ignore"):
         chi2_reduced = np.where(f.dof > 0, v["chi2"] / f.dof, np.nan)
         rms = np.sqrt(s.plain / s.count)
-        information = v["information"].copy()
-        information[~np.isfinite(information.sum((1, 2)))] = np.nan
     estimates = _estimates(a, v, f.known, f.status == CONVERGED)
     return Fit(
         sample=sample, parameters=estimates, covariance=shaped(v["covariance"], a),
@@ -92,18 +93,16 @@ def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> F
         chi2_reduced=shaped(chi2_reduced, a), dof=shaped(f.dof.astype(int), a),
         n_data=shaped(s.count.astype(int), a), rms=shaped(rms, a), status=shaped(f.status, a),
         errors=ErrorModel(
-            taken=shaped(believed, a),
-            factor=shaped(np.where(believed == "stated", 1.0, v["factor"]), a),
-            floor=shaped(taken.floor, a), stated=a.stated, widened=shaped(np.ones(len(rms)), a),
+            taken=shaped(believed, a), factor=shaped(factor, a), floor=shaped(taken.floor, a),
+            stated=a.stated, widened=shaped(np.ones(len(rms)), a),
         ),
         evaluations=shaped(s.evaluations.astype(int), a), cost=shaped(s.cost, a),
         findings=findings(a, f, taken, errors),
         others=tuple(_alternative(a, one) for one in f.others if one.there.any()),
         evaluator=SurfaceCurves(
             eta=v["eta"], k=v["k"], sigma_eta=v["sigma_eta"], sigma_k=v["sigma_k"],
-            information=information,
-            at_zero=v["at_zero"], eta_i=a.data.eta_i, wavelength_um=a.wavelength_um,
-            shape=a.shape, measurement=None,
+            information=v["information"], at_zero=v["at_zero"], eta_i=a.data.eta_i,
+            wavelength_um=a.wavelength_um, shape=a.shape, measurement=None,
         ),
     )  # fmt: skip
 
