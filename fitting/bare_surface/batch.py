@@ -12,7 +12,7 @@ from fitting.bare_surface import mesh as starts
 from fitting.bare_surface.calls import FEW, FEW_CALLS, Further, run, start_rows
 from fitting.bare_surface.coordinates import EPS, W_MIN, from_eps, to_eps, xi_of
 from fitting.bare_surface.curve_data import Data, Extent
-from fitting.bare_surface.descent import Solved, at_far_end
+from fitting.bare_surface.descent import ROW, Solved, at_far_end
 from fitting.bare_surface.engine import Steps, near_cost
 from fitting.bare_surface.kept_minima import (
     OTHERS,
@@ -33,11 +33,6 @@ CREEP_STEPS = 40
 FURTHER_STEPS = 10, 40
 # In the call of its curve, where others of a group wait for it, one that is near goes on to that.
 NEAR_STEPS = 14
-_COST = Solved._fields.index("cost")
-_SCALE = Solved._fields.index("scale")
-_DONE = Solved._fields.index("done")
-_EVALUATIONS = Solved._fields.index("evaluations")
-_DAMPING = Solved._fields.index("damping")
 
 
 def _to_the_end(
@@ -51,7 +46,7 @@ def _to_the_end(
     """
     for left, (steps, below) in zip(range(len(stages), 0, -1), stages, strict=True):
         flip = at_far_end(*solved[:2])
-        short = (solved[_DONE] == 0) & (solved[_COST] < below)
+        short = (solved[ROW.done] == 0) & (solved[ROW.cost] < below)
         if left == 2:
             _straightened(data, curve, solved, np.flatnonzero(short & ~flip))
         todo = np.flatnonzero(short | flip)
@@ -65,7 +60,7 @@ def _to_the_end(
         again[2] = np.where(turned, -s.chart[todo], s.chart[todo])
         again[3] = np.where(turned, START_DAMPING, s.damping[todo])
         more, _ = run(data.take(curve[todo]), again, Steps(steps))
-        more[_EVALUATIONS] += s.evaluations[todo]
+        more[ROW.evaluations] += s.evaluations[todo]
         solved[:, todo] = more
     return solved
 
@@ -83,11 +78,10 @@ def _straightened(data: Data, curve: np.ndarray, solved: np.ndarray, todo: np.nd
     x, w, chart = from_eps(moved.x, moved.w)
     better = moved.cost < s.cost
     used = s.evaluations + moved.evaluations
-    for name, value in (("x", x), ("w", w), ("chart", chart), ("cost", moved.cost)):
-        row = Solved._fields.index(name)
+    for row, value in ((ROW.x, x), (ROW.w, w), (ROW.chart, chart), (ROW.cost, moved.cost)):
         solved[row, todo] = np.where(better, value, solved[row, todo])
-    solved[_DAMPING, todo] = np.where(better, START_DAMPING, s.damping)
-    solved[_EVALUATIONS, todo] = used
+    solved[ROW.damping, todo] = np.where(better, START_DAMPING, s.damping)
+    solved[ROW.evaluations, todo] = used
 
 
 def _mesh_kinds(data: Data, extent: Extent) -> np.ndarray:
@@ -136,12 +130,12 @@ def _minima(data: Data, points: np.ndarray | None) -> Minima:
     curve, again = further.curve, further.solved
     if not len(curve):
         return Minima(best, curve, np.empty((OTHERS, len(best), 0)))
-    waiting = np.isnan(again[_COST]).nonzero()[0]
+    waiting = np.isnan(again[ROW.cost]).nonzero()[0]
     if len(waiting):
         start = start_rows(len(waiting), again[:3, waiting])
         again[:, waiting], _ = run(data.take(curve[waiting]), start, Steps(FURTHER_STEPS[0]))
-    least = best[_COST, curve]
-    near = near_cost(least, best[_SCALE, curve])
+    least = best[ROW.cost, curve]
+    near = near_cost(least, best[ROW.scale, curve])
     stages = [(FURTHER_STEPS[1], near), (MOST_STEPS, least), last]
     again = _to_the_end(data, curve, again, stages)
     has = np.zeros(data.curves, bool)

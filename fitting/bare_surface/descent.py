@@ -48,7 +48,8 @@ class Solved(NamedTuple):
     h_ww: Any
 
 
-_EVALUATIONS = Solved._fields.index("evaluations")
+# The row of each number in an array (fields, L) of them.
+ROW = Solved(*range(len(Solved._fields)))
 
 
 def _last_step(
@@ -160,7 +161,7 @@ def descend_in_both_charts(
     def body(carry):
         begin, solved, fitted, again, most, runs = carry
         new, there = descend(curves, begin, most, near, channels)
-        new = new.at[_EVALUATIONS].add(jnp.where(runs > 0, solved[_EVALUATIONS], 0.0))
+        new = new.at[ROW.evaluations].add(jnp.where(runs > 0, solved[ROW.evaluations], 0.0))
         solved = jnp.where(again, new, solved)
         fitted = tuple(jnp.where(again, b, a) for a, b in zip(fitted, there, strict=True))
         s = Solved(*solved)

@@ -7,16 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.bare_surface.coordinates import index_derivatives, xi_of
-from fitting.bare_surface.descent import Solved
+from fitting.bare_surface.descent import ROW, Solved
 
 # Minima that are kept beside the best one: R_p over a few degrees has up to three that fit alike.
 OTHERS = 3
 # What rounding of the data alone leaves of their sum of squares: exact curves.
 ROUNDING_COST = (64.0 * np.finfo(float).eps) ** 2
-_PLACE = [Solved._fields.index(name) for name in ("x", "w", "chart")]
-_COST = Solved._fields.index("cost")
-_EVALUATIONS = Solved._fields.index("evaluations")
-_DONE = Solved._fields.index("done")
 
 
 class Minima(NamedTuple):
@@ -43,25 +39,26 @@ def _same(found: np.ndarray, new: np.ndarray) -> np.ndarray:
 
 def _place(solved: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return x, w and log|N|^2 of solutions (..., fields, N)."""
-    x, w, chart = (solved[..., row, :] for row in _PLACE)
+    x, w, chart = (solved[..., row, :] for row in (ROW.x, ROW.w, ROW.chart))
     return x, w, chart * (2.0 * xi_of(x) - w)
 
 
 def with_arrival(found: np.ndarray, new: np.ndarray) -> np.ndarray:
     """Return minima (1 + OTHERS, fields, N), lowest first, with one more arrival each."""
-    total = found[0][_EVALUATIONS] + new[_EVALUATIONS]
+    total = found[0][ROW.evaluations] + new[ROW.evaluations]
     known = _same(found, new)
     # Of two arrivals at one minimum the first stays, if it came to rest: which is lower is a matter
     # of rounding.
-    unfinished = known[0] & ~(found[0][_DONE] > 0) & (new[_COST] < found[0][_COST])
+    unfinished = known[0] & ~(found[0][ROW.done] > 0) & (new[ROW.cost] < found[0][ROW.cost])
     found = found.copy()
     found[0] = np.where(unfinished, new, found[0])
     new = np.where(known.any(0), np.nan, new)
     for i, one in enumerate(found):
-        lower = (new[_COST] < one[_COST]) | (np.isnan(one[_COST]) & np.isfinite(new[_COST]))
+        cost, old = new[ROW.cost], one[ROW.cost]
+        lower = (cost < old) | (np.isnan(old) & np.isfinite(cost))
         if lower.any():
             found[i], new = np.where(lower, new, one), np.where(lower, one, new)
-    found[0][_EVALUATIONS] = total
+    found[0][ROW.evaluations] = total
     return found
 
 
@@ -74,7 +71,7 @@ def less_absorbing_first(found: np.ndarray) -> np.ndarray:
     a = Solved(*found[0])
     k_a, k_b = (index_derivatives(s.x, s.w, s.chart)[1] for s in (a, b))
     swap = exact & (k_b < k_a)
-    evaluations = found[0][_EVALUATIONS].copy()
+    evaluations = found[0][ROW.evaluations].copy()
     found[:2] = np.where(swap, found[1::-1], found[:2])
-    found[0][_EVALUATIONS] = evaluations
+    found[0][ROW.evaluations] = evaluations
     return found

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from fitting.bare_surface.curve_data import Data, of_rows, put_rows
-from fitting.bare_surface.descent import Solved
+from fitting.bare_surface.descent import ROW, Solved
 from fitting.bare_surface.estimate import Estimated, estimate
 from fitting.bare_surface.kept_minima import Minima
 from fitting.bare_surface.region_intervals import (
@@ -18,8 +18,6 @@ from fitting.bare_surface.region_intervals import (
 )
 from fitting.results.result_parts import NONE, QUADRATIC
 from fitting.searching.minima import ALTERNATIVE_CHI2
-
-_COST, _DONE = map(Solved._fields.index, ("cost", "done"))
 
 
 class Other(NamedTuple):
@@ -96,8 +94,8 @@ def other_solutions(
     """
     none = _none(len(possible))
     of = found.curve
-    excess = (found.others[:, _COST] - found.best[_COST, of]) / scatter[of]
-    near = possible[of] & (excess < ALTERNATIVE_CHI2) & (found.others[:, _DONE] > 0)
+    excess = (found.others[:, ROW.cost] - found.best[ROW.cost, of]) / scatter[of]
+    near = possible[of] & (excess < ALTERNATIVE_CHI2) & (found.others[:, ROW.done] > 0)
     others, earlier = [], [best]
     for s, more, here in zip(found.others, excess, near, strict=True):
         mine = here.nonzero()[0]
