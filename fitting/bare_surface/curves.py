@@ -11,6 +11,7 @@ import numpy as np
 from fitting.bare_surface.estimate import K_MIN
 from fitting.bare_surface.reflectances import CHANNELS, reflectances
 from fitting.measurements.measurement import Measurement
+from fitting.problem.evaluation import not_measured
 from fitting.process.compiled import compiled
 from fitting.results.result import IndexBand, Prediction
 
@@ -146,10 +147,7 @@ class SurfaceCurves(NamedTuple):
             wanted = np.atleast_1d(np.asarray(wavelength_um, float)).tolist()
             strange = [w for w in wanted if w not in place]
             if strange:
-                raise ValueError(
-                    f"{strange[0]:g} um was not measured; eta and k that are free at every "
-                    "wavelength are known at the measured ones only. Fit a dispersion model."
-                )
+                raise not_measured(strange[0])
             chosen = np.array([place[w] for w in wanted])
         columns = (self.wavelength_um, self.eta, self.sigma_eta, self.k, self.sigma_k)
         return IndexBand(*(c[chosen] for c in columns))

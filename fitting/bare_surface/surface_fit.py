@@ -15,13 +15,13 @@ from fitting.bare_surface.common_error import Taken, with_common_error
 from fitting.bare_surface.curves import SurfaceCurves
 from fitting.bare_surface.other_solutions import Other
 from fitting.bare_surface.region_intervals import Intervals
-from fitting.bare_surface.residual_order import Order, order_of_residuals
+from fitting.bare_surface.residual_order import with_order
 from fitting.bare_surface.surface_findings import findings, shaped
 from fitting.measurements.measurement import Measurement
 from fitting.problem.observations import missing_errors
 from fitting.residuals.error_model import ERRORS
 from fitting.residuals.pattern import pooled_pattern
-from fitting.results.diagnostics import Finding, Warning
+from fitting.results.diagnostics import Warning
 from fitting.results.result import (
     AT_LOWER,
     CONVERGED,
@@ -34,7 +34,6 @@ from fitting.results.result import (
     Estimate,
     Fit,
 )
-from fitting.results.sentences import SENTENCES
 from fitting.samples.sample import Sample
 from fitting.uncertainty.intervals import check_intervals
 from fitting.uncertainty.widening import widened
@@ -137,7 +136,7 @@ def fit_bare_surface(
     known = ~np.isin(np.atleast_1d(found.status), (NO_DATA, NOT_CONVERGED))
     fitted = np.where(known[curve], fitted, np.nan)
     weighed = _with_floor(found, measurement)
-    found = _with_order(found, order_of_residuals(weighed, fitted, a.stated))
+    found = with_order(found, weighed, fitted, a.stated)
     pooled = pooled_pattern(weighed, fitted, a.stated)
     if pooled is not None:
         found = replace(
@@ -213,27 +212,3 @@ def _rms_of(a: Arranged, f: Answer, m: Measurement) -> dict[str, Any]:
         rms = np.sqrt(f.solved.plain / f.solved.count)
     names = dict.fromkeys(m.quantity.tolist())
     return {next(iter(names)): shaped(rms, a)} if len(names) == 1 else {}
-
-
-def _with_order(found: Fit, order: Order) -> Fit:
-    """Return the fit with what its residuals say: an order, and a misfit larger than the noise."""
-    shape = found.shape
-    of_rms = {"rms": np.atleast_1d(found.rms), "noise": order.noise}
-    new = {
-        "residuals_in_order": (order.correlation, {
-            "correlation": order.correlation, "chance": order.chance
-        }),
-        "does_not_describe": (order.noise, of_rms),
-    }  # fmt: skip
-    texts = {
-        "residuals_in_order": {"along": "angle"},
-        "does_not_describe": {"sample": "one bare surface"},
-    }  # fmt: skip
-    kept = [f for f in found.findings if f.code not in new]
-    for code, (where, values) in new.items():
-        at = np.isfinite(where)
-        if at.any():
-            reshaped = {name: v.reshape(shape) for name, v in values.items()}
-            kept.append(Finding(code, at.reshape(shape), {**texts[code], **reshaped}))
-    rank = list(SENTENCES)
-    return replace(found, findings=tuple(sorted(kept, key=lambda f: rank.index(f.code))))

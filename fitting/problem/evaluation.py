@@ -59,7 +59,7 @@ class Evaluated(NamedTuple):
             wanted = np.atleast_1d(_numbers("wavelength_um", wavelength_um))
             strange = wanted[wanted != self.measured_um[0]]
             if strange.size:
-                raise _not_measured(strange[0])
+                raise not_measured(strange[0])
             band = self.index(None, medium)
             return IndexBand(*(np.repeat(part, len(wanted)) for part in band))
         return _index_band(self, wavelength_um, which)
@@ -74,7 +74,8 @@ class Evaluated(NamedTuple):
         return self._replace(covariance=self.covariance * factor[0] ** 2, errors=errors)
 
 
-def _not_measured(um: float) -> ValueError:
+def not_measured(um: float) -> ValueError:
+    """Return the error for a wavelength at which an index that is free at each is not known."""
     return ValueError(
         f"{um:g} um was not measured; eta and k that are free at every wavelength are known at the "
         "measured ones only. Fit a dispersion model."
@@ -113,7 +114,7 @@ class EachWavelength(NamedTuple):
         else:
             strange = [w for w in wanted.tolist() if w not in place]
             if strange:
-                raise _not_measured(strange[0])
+                raise not_measured(strange[0])
             chosen = [place[w] for w in wanted.tolist()]
         bands = [self.each[i].index(None, medium) for i in chosen]
         parts = (np.concatenate(part) for part in zip(*bands, strict=True))
