@@ -54,8 +54,8 @@ def _missed(a: Arranged, rms: np.ndarray) -> np.ndarray:
         part = a.data.take(some)
         angle = np.degrees(np.arccos(np.atleast_2d(part.cos_theta)))
         values = tuple(
-            np.where(np.broadcast_to(w, v.shape) > 0.0, v, np.nan)
-            for v, w in zip(part.values, part.weights, strict=True)
+            np.where(w > 0.0, v, np.nan)
+            for v, w in zip(part.values, part.wide_weights, strict=True)
         )
         found[some] = misses_its_noise(angle, values, rms[some])
     return found

@@ -48,15 +48,20 @@ class Data(NamedTuple):
 
         One compiled program then serves data of all kinds.
         """
-        values = dict(zip(self.channels, self.values, strict=True))
-        weights = dict(zip(self.channels, self.weights, strict=True))
         none = np.zeros_like(self.values[0])
+        values, weights = (
+            dict.fromkeys(CHANNELS, none) | dict(zip(self.channels, of, strict=True))
+            for of in (self.values, self.wide_weights)
+        )
         return self._replace(
-            values=tuple(values.get(name, none) for name in CHANNELS),
-            weights=tuple(
-                np.broadcast_to(weights.get(name, none), none.shape) for name in CHANNELS
-            ),
-            channels=CHANNELS,
+            values=tuple(values.values()), weights=tuple(weights.values()), channels=CHANNELS
+        )
+
+    @property
+    def wide_weights(self) -> tuple[np.ndarray, ...]:
+        """The weights as C arrays (N, M)."""
+        return tuple(
+            np.broadcast_to(w, v.shape) for w, v in zip(self.weights, self.values, strict=True)
         )
 
     def _map(self, change) -> Data:

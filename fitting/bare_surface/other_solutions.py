@@ -69,7 +69,6 @@ def _other(data: Data, s: Solved, e: Estimated, excess: np.ndarray, wanted: str)
     known = intervals(
         data, s, e, wanted=wanted, blank=no, undetermined=no, nothing=no, matched=no
     )  # fmt: skip
-    known = known._replace(kind=known.kind.astype(f"<U{len(QUADRATIC)}"))
     values = {
         "eta": e.eta, "k": e.k, "sigma_eta": e.sigma_eta, "sigma_k": e.sigma_k,
         "limit": limit_of_k(e, known), "at_zero": e.at_zero,

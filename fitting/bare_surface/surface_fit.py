@@ -11,7 +11,7 @@ import numpy as np
 from fitting.bare_surface.answer import Answer, answer, start_points
 from fitting.bare_surface.arrange import Arranged, of_arrays, of_measurement
 from fitting.bare_surface.calls import fitted_curves
-from fitting.bare_surface.common_error import Taken, with_common_error
+from fitting.bare_surface.common_error import with_common_error
 from fitting.bare_surface.curves import SurfaceCurves
 from fitting.bare_surface.other_solutions import Other
 from fitting.bare_surface.region_intervals import Intervals
@@ -71,8 +71,13 @@ def _alternative(a: Arranged, other: Other) -> Alternative:
     )
 
 
-def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> Fit:
-    """Return what the engine found as a `Fit` of the batch's shape."""
+def _fit(
+    a: Arranged, sample: Sample, errors: str, intervals: str, start: Mapping[str, Any] | None
+) -> tuple[Fit, Answer]:
+    """Return what the engine finds as a `Fit` of the batch's shape, and as it found it."""
+    begin = start_points(start, a)
+    f = answer(a, errors == "stated", begin, intervals)
+    f, taken = with_common_error(a, f, errors, begin, intervals)
     s, v = f.solved, f.values
     believed = np.full(len(f.dof), "scaled" if a.stated else "equal", "<U6")
     factor = v["factor"]
@@ -86,7 +91,7 @@ def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> F
         chi2_reduced = np.where(f.dof > 0, v["chi2"] / f.dof, np.nan)
         rms = np.sqrt(s.plain / s.count)
     estimates = _estimates(a, v, f.known, f.status == CONVERGED)
-    return Fit(
+    found = Fit(
         sample=sample, parameters=estimates, covariance=shaped(v["covariance"], a),
         wavelength_um=shaped(a.wavelength_um, a), chi2=shaped(v["chi2"], a),
         chi2_reduced=shaped(chi2_reduced, a), dof=shaped(f.dof.astype(int), a),
@@ -104,6 +109,7 @@ def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> F
             wavelength_um=a.wavelength_um, shape=a.shape, measurement=None,
         ),
     )  # fmt: skip
+    return found, f
 
 
 def fit_bare_surface(
@@ -118,10 +124,7 @@ def fit_bare_surface(
     Arguments as in `fitting.fit`; batch shape () for one wavelength, else (W,) in rising order.
     """
     a = of_measurement(measurement, sample.eta_i, errors)
-    begin = start_points(start, a)
-    f = answer(a, errors == "stated", begin, intervals)
-    f, taken = with_common_error(a, f, errors, begin, intervals)
-    found = _fit(a, f, taken, sample, errors)
+    found, f = _fit(a, sample, errors, intervals, start)
     quantities = tuple(dict.fromkeys(measurement.quantity.tolist()))
     evaluator = found.evaluator
     assert isinstance(evaluator, SurfaceCurves)
@@ -200,10 +203,7 @@ def fit_many(
         raise ValueError(
             f'errors="{errors}" was asked for, but there are no stated errors to take.'
         )
-    begin = start_points(start, a)
-    f = answer(a, errors == "stated", begin, intervals)
-    f, taken = with_common_error(a, f, errors, begin, intervals)
-    return _fit(a, f, taken, which, errors)
+    return _fit(a, which, errors, intervals, start)[0]
 
 
 def _rms_of(a: Arranged, f: Answer, m: Measurement) -> dict[str, Any]:
