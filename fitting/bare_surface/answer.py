@@ -54,8 +54,8 @@ def _missed(a: Arranged, rms: np.ndarray) -> np.ndarray:
         part = a.data.take(some)
         angle = np.degrees(np.arccos(np.atleast_2d(part.cos_theta)))
         values = tuple(
-            np.where(np.broadcast_to(w, v.shape) > 0.0, v, np.nan)
-            for v, w in zip(part.values, part.weights, strict=True)
+            np.where(w > 0.0, v, np.nan)
+            for v, w in zip(part.values, part.wide_weights, strict=True)
         )
         found[some] = misses_its_noise(angle, values, rms[some])
     return found
@@ -101,6 +101,7 @@ def _codes(
     at_45 = (low > 44.9) & (high < 45.1) & (channels == 2) & ("R" not in names)
     circle = ~at_45 & (~(e.moved > limit.CIRCLE_LIMIT) | (s.count == 1) | on_circle)
     chi2 = chi2_flags(s.cost / dof, dof) if a.stated else np.zeros(len(dof), int)
+    correlated = np.abs(e.covariance) > limit.CORRELATION_LIMIT * e.sigma_eta * e.sigma_k
     nothing = s.x < limit.NOTHING_LIMIT
     clear = ~undetermined & ~nothing
     return {
@@ -112,7 +113,7 @@ def _codes(
         "does_not_describe": _missed(a, np.sqrt(s.plain / s.count)),
         "compatible_with_zero": clear & np.isfinite(e.k_upper_limit),
         "poorly_determined": clear & (e.sigma_eta > limit.VAGUE_LIMIT * e.eta),
-        "correlated": clear & (np.abs(e.correlation) > limit.CORRELATION_LIMIT),
+        "correlated": clear & correlated,
         "chi2_large": chi2 & CHI2_LARGE > 0,
         "chi2_small": chi2 & CHI2_SMALL > 0,
         "flat_curve": clear & (channels == 1) & (high < limit.FLAT_BELOW_DEG),
@@ -143,8 +144,9 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     extent = extent_of(data, a.angle_deg)
     found, data = minima(data, extent, start)
     a = a._replace(data=data)
-    s = found.best
-    sin_max = np.sin(np.radians(np.fmax(extent.high_deg, 0.0))) * np.ones_like(s.cost)
+    s = Solved(*found.best)
+    sin_max = np.empty_like(s.cost)
+    sin_max[:] = np.sin(np.radians(np.fmax(extent.high_deg, 0.0)))
     how = {"stated": a.stated, "absolute": absolute, "sin_max": sin_max}
     e = estimate(data, s, **how)
     dof = np.maximum(s.count - 2, 0)
@@ -157,10 +159,9 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     # The unit of a difference of chi2: the scatter of the data, or their stated errors if larger.
     stated = 1.0 if a.stated else np.where(dof < 3, ASSUMED_SIGMA**2, 0.0)
     scatter = np.fmax(np.where(dof > 0, s.cost / dof, 0.0), stated)
-    excess = (np.array([other.cost for other in found.others]) - s.cost) / scatter
     inner = (bounded & ~undetermined & (e.eta < data.eta_i)).nonzero()[0]
     if len(inner):
-        part = Solved(*np.array(s)[:, inner])
+        part = Solved(*found.best[:, inner])
         allowed = part.cost + ALIKE_CHI2 * scatter[inner]
         undetermined[inner] |= open_to_the_other_end(data.take(inner), part, allowed)
     bound, perfect = like_mirrors(data, s, dof, np.greater(stated, 0.0), scatter)
@@ -174,7 +175,7 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     e = _of_many_the_lossless(data, s, e, undetermined & ~mirror, scatter)
     failed = bounded & ~undetermined & ~(s.done > 0)
     blank = ~bounded | failed | undetermined  # no error is known
-    others = other_solutions(data, found.others, excess, e, ~blank, how, wanted)
+    others = other_solutions(data, found, scatter, e, ~blank, how, wanted)
     more = np.logical_or.reduce([other.there for other in others])
     codes = _codes(a, e, s, undetermined, mirror, on_circle, dof, extent)
     lost = failed | no_data
@@ -192,24 +193,26 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
         data, s, e, wanted=wanted, blank=blank, undetermined=undetermined,
         nothing=nothing | failed, matched=matched,
     )  # fmt: skip
-
-    def but(value: np.ndarray, empty: np.ndarray) -> np.ndarray:
-        value = value.copy()
-        value[empty] = np.nan
-        return value
-
-    information = e.information / e.variance[:, None, None]  # infinite of exact data
+    eta, k, information = e.eta.copy(), e.k.copy(), e.information / e.variance[:, None, None]
+    eta[matched], k[matched] = data.eta_i, 0.0
+    covariance = np.empty_like(information)
+    covariance[:, 0, 0], covariance[:, 1, 1] = e.sigma_eta**2, e.sigma_k**2
+    covariance[:, 0, 1] = covariance[:, 1, 0] = e.covariance
+    sigma_eta, sigma_k, limit_k = e.sigma_eta.copy(), e.sigma_k.copy(), limit_of_k(e, known)
+    chi2 = s.cost.copy() if a.stated else np.full_like(s.cost, np.nan)
+    for empty, all_of in (
+        (nothing, (eta, k)), (blank, (sigma_eta, sigma_k, covariance, limit_k)),
+        (no_data, (chi2,)), (lost, (information,)),
+    ):  # fmt: skip
+        if empty.any():
+            for value in all_of:
+                value[empty] = np.nan
     values = {
-        "eta": but(np.where(matched, data.eta_i, e.eta), nothing),
-        "k": but(np.where(matched, 0.0, e.k), nothing),
-        "sigma_eta": but(e.sigma_eta, blank), "sigma_k": but(e.sigma_k, blank),
-        "covariance": but(e.covariance, blank),
-        "chi2": but(s.cost, no_data) if a.stated else np.full(len(lost), np.nan),
-        "limit": but(limit_of_k(e, known), blank),
-        "information": but(information, lost),
-        "at_zero": (e.at_zero | matched) & ~lost & ~undetermined,
-        "factor": np.sqrt(e.variance) * np.ones_like(s.cost),
-        "least_reflectance": bound,
+        "eta": eta, "k": k, "sigma_eta": sigma_eta, "sigma_k": sigma_k, "covariance": covariance,
+        "chi2": chi2, "limit": limit_k,
+        "information": information,  # infinite of exact data
+        "at_zero": (e.at_zero | matched) & ~(lost | undetermined),
+        "factor": np.sqrt(e.variance), "least_reflectance": bound,
     }  # fmt: skip
     return Answer(
         solved=s, values=values, known=known, codes=codes, status=status, others=others, dof=dof

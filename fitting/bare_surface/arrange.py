@@ -9,7 +9,6 @@ import numpy as np
 
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.reflectances import CHANNELS
-from fitting.measurements.checks import one_number
 from fitting.measurements.measurement import Measurement
 
 
@@ -29,14 +28,6 @@ class Arranged(NamedTuple):
     rows: np.ndarray = np.empty((3, 0), int)
 
 
-def medium_outside(eta_i: Any) -> float:
-    """Return the index of a lossless medium as a float.
-
-    Raises ValueError for anything but one real number from 1e-3 to 1e3.
-    """
-    return one_number("eta_i", eta_i, "the index of a lossless medium", 1e-3, 1e3)
-
-
 def _data(
     angle_deg: np.ndarray,
     s_share: np.ndarray,
@@ -46,9 +37,7 @@ def _data(
     channels: list[str],
 ) -> Data:
     cos_theta = np.cos(np.radians(angle_deg))
-    return Data(
-        cos_theta, s_share, tuple(values), tuple(weights), medium_outside(eta_i), tuple(channels)
-    )
+    return Data(cos_theta, s_share, tuple(values), tuple(weights), eta_i, tuple(channels))
 
 
 def of_measurement(m: Measurement, eta_i: float, errors: str) -> Arranged:
@@ -145,7 +134,8 @@ def of_arrays(angles_deg: Any, channels: Mapping[str, Any], sigma: Any, eta_i: f
     }
     try:
         full = np.broadcast_shapes(angle.shape, *(v.shape for v in given.values()))
-        np.broadcast_shapes(full, *(e.shape for e in errors.values()))
+        if errors:
+            np.broadcast_shapes(full, *(e.shape for e in errors.values()))
         wide, broad = (
             {n: v if v.shape == full else np.broadcast_to(v, full) for n, v in some.items()}
             for some in (given, errors)

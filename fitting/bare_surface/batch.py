@@ -12,12 +12,11 @@ from fitting.bare_surface import mesh as starts
 from fitting.bare_surface.calls import FEW, FEW_CALLS, Further, run, start_rows
 from fitting.bare_surface.coordinates import EPS, W_MIN, from_eps, to_eps, xi_of
 from fitting.bare_surface.curve_data import Data, Extent
-from fitting.bare_surface.descent import Solved, at_far_end
+from fitting.bare_surface.descent import ROW, Solved, at_far_end
 from fitting.bare_surface.engine import Steps, near_cost
 from fitting.bare_surface.kept_minima import (
     OTHERS,
     Minima,
-    as_minima,
     less_absorbing_first,
     with_arrival,
 )
@@ -34,10 +33,6 @@ CREEP_STEPS = 40
 FURTHER_STEPS = 10, 40
 # In the call of its curve, where others of a group wait for it, a near one goes on to this number.
 NEAR_STEPS = 14
-_COST = Solved._fields.index("cost")
-_SCALE = Solved._fields.index("scale")
-_EVALUATIONS = Solved._fields.index("evaluations")
-_DAMPING = Solved._fields.index("damping")
 
 
 def _to_the_end(
@@ -50,15 +45,14 @@ def _to_the_end(
     in the other one, and before the last but one stage those that creep move through the chart EPS.
     """
     for left, (steps, below) in zip(range(len(stages), 0, -1), stages, strict=True):
-        s = Solved(*solved)
-        flip = at_far_end(s)
-        short = (s.done == 0) & (s.cost < below)
+        flip = at_far_end(*solved[:2])
+        short = (solved[ROW.done] == 0) & (solved[ROW.cost] < below)
         if left == 2:
             _straightened(data, curve, solved, np.flatnonzero(short & ~flip))
-            s = Solved(*solved)
         todo = np.flatnonzero(short | flip)
         if not len(todo):
             break
+        s = Solved(*solved)
         turned = flip[todo]
         again = start_rows(len(todo))
         again[0] = s.x[todo]
@@ -66,7 +60,7 @@ def _to_the_end(
         again[2] = np.where(turned, -s.chart[todo], s.chart[todo])
         again[3] = np.where(turned, START_DAMPING, s.damping[todo])
         more, _ = run(data.take(curve[todo]), again, Steps(steps))
-        more[_EVALUATIONS] += s.evaluations[todo]
+        more[ROW.evaluations] += s.evaluations[todo]
         solved[:, todo] = more
     return solved
 
@@ -84,11 +78,10 @@ def _straightened(data: Data, curve: np.ndarray, solved: np.ndarray, todo: np.nd
     x, w, chart = from_eps(moved.x, moved.w)
     better = moved.cost < s.cost
     used = s.evaluations + moved.evaluations
-    for name, value in (("x", x), ("w", w), ("chart", chart), ("cost", moved.cost)):
-        row = Solved._fields.index(name)
+    for row, value in ((ROW.x, x), (ROW.w, w), (ROW.chart, chart), (ROW.cost, moved.cost)):
         solved[row, todo] = np.where(better, value, solved[row, todo])
-    solved[_DAMPING, todo] = np.where(better, START_DAMPING, s.damping)
-    solved[_EVALUATIONS, todo] = used
+    solved[ROW.damping, todo] = np.where(better, START_DAMPING, s.damping)
+    solved[ROW.evaluations, todo] = used
 
 
 def _mesh_kinds(data: Data, extent: Extent) -> np.ndarray:
@@ -115,13 +108,16 @@ def minima(data: Data, extent: Extent, points: np.ndarray | None = None) -> tupl
         return _minima(data, points), data
     names, counts = np.unique(kinds, return_counts=True)
     data = data._replace(mesh=str(names[np.argmax(counts)]))
-    found = np.full((1 + OTHERS, len(Solved._fields), data.curves), np.nan)
+    best = np.empty((len(Solved._fields), data.curves))
+    curves, others = [], []
     for mesh in dict.fromkeys(kinds.tolist()):
         mine = np.flatnonzero(kinds == mesh)
         part = data.take(mine)._replace(mesh=mesh)
         new = _minima(part, None if points is None else points[:, mine])
-        found[:, :, mine] = np.array([new.best, *new.others])
-    return as_minima(found), data
+        best[:, mine] = new.best
+        curves.append(mine[new.curve])
+        others.append(new.others)
+    return Minima(best, np.concatenate(curves), np.concatenate(others, axis=-1)), data
 
 
 def _minima(data: Data, points: np.ndarray | None) -> Minima:
@@ -133,23 +129,27 @@ def _minima(data: Data, points: np.ndarray | None) -> Minima:
         further = _with_points(further, points)
     curve, again = further.curve, further.solved
     if not len(curve):
-        nothing = Solved(*np.full_like(best, np.nan))
-        return Minima(Solved(*best), (nothing,) * OTHERS)
-    waiting = np.flatnonzero(np.isnan(again[_COST]))
+        return Minima(best, curve, np.empty((OTHERS, len(best), 0)))
+    waiting = np.isnan(again[ROW.cost]).nonzero()[0]
     if len(waiting):
         start = start_rows(len(waiting), again[:3, waiting])
         again[:, waiting], _ = run(data.take(curve[waiting]), start, Steps(FURTHER_STEPS[0]))
-    least = best[_COST, curve]
-    near = near_cost(least, best[_SCALE, curve])
+    least = best[ROW.cost, curve]
+    near = near_cost(least, best[ROW.scale, curve])
     stages = [(FURTHER_STEPS[1], near), (MOST_STEPS, least), last]
     again = _to_the_end(data, curve, again, stages)
-    found = np.full((1 + OTHERS, *best.shape), np.nan)
-    found[0] = best
-    for job in np.unique(further.which):
-        mine = np.flatnonzero(further.which == job)
-        todo = curve[mine]
+    has = np.zeros(data.curves, bool)
+    has[curve] = True
+    some = has.nonzero()[0]
+    place = np.searchsorted(some, curve)
+    found = np.full((1 + OTHERS, len(best), len(some)), np.nan)
+    found[0] = best[:, some]
+    for job in sorted(set(further.which.tolist())):
+        mine = (further.which == job).nonzero()[0]
+        todo = place[mine]
         found[:, :, todo] = with_arrival(found[:, :, todo], again[:, mine])
-    return less_absorbing_first(found)
+    best[:, some], *others = less_absorbing_first(found)
+    return Minima(best, some, np.array(others))
 
 
 def _with_points(further: Further, points: np.ndarray) -> Further:

@@ -23,28 +23,21 @@ class Taken(NamedTuple):
     by_factor: np.ndarray
 
 
-def _wide(weights: np.ndarray, value: np.ndarray) -> np.ndarray:
-    return np.broadcast_to(weights, value.shape)
-
-
 def _residuals(data: Data, f: Answer) -> tuple[np.ndarray, np.ndarray]:
     """Return residuals and stated errors (N, C M), inf where there is no datum."""
-    fitted = fitted_curves(data, f.solved)
-    off, sigma = [], []
-    for value, weight, at in zip(data.values, data.weights, fitted, strict=True):
-        wide = _wide(weight, value)
-        off.append(np.where(wide > 0.0, value - at, 0.0))
-        sigma.append(np.where(wide > 0.0, 1.0 / np.where(wide > 0.0, wide, 1.0), np.inf))
-    return np.concatenate(off, 1), np.concatenate(sigma, 1)
+    value, weight, fitted = (
+        np.concatenate(of, axis=1)
+        for of in (data.values, data.wide_weights, fitted_curves(data, f.solved))
+    )
+    with np.errstate(divide="ignore"):
+        return np.where(weight > 0.0, value - fitted, 0.0), 1.0 / weight
 
 
 def _with_floor(data: Data, s: np.ndarray) -> Data:
     """Return the data with s added to every error in squares."""
-    weights = tuple(
-        np.where(w > 0.0, w / np.sqrt(1.0 + (w * s[:, None]) ** 2), 0.0)
-        for w in (_wide(w, v) for w, v in zip(data.weights, data.values, strict=True))
+    return data._replace(
+        weights=tuple(w / np.sqrt(1.0 + (w * s[:, None]) ** 2) for w in data.wide_weights)
     )
-    return data._replace(weights=weights)
 
 
 def with_common_error(

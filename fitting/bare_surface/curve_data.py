@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from typing import Any, NamedTuple
 
 import jax
@@ -49,15 +48,20 @@ class Data(NamedTuple):
 
         One compiled program then serves data of all kinds.
         """
-        values = dict(zip(self.channels, self.values, strict=True))
-        weights = dict(zip(self.channels, self.weights, strict=True))
         none = np.zeros_like(self.values[0])
+        values, weights = (
+            dict.fromkeys(CHANNELS, none) | dict(zip(self.channels, of, strict=True))
+            for of in (self.values, self.wide_weights)
+        )
         return self._replace(
-            values=tuple(values.get(name, none) for name in CHANNELS),
-            weights=tuple(
-                np.broadcast_to(weights.get(name, none), none.shape) for name in CHANNELS
-            ),
-            channels=CHANNELS,
+            values=tuple(values.values()), weights=tuple(weights.values()), channels=CHANNELS
+        )
+
+    @property
+    def wide_weights(self) -> tuple[np.ndarray, ...]:
+        """The weights as C arrays (N, M)."""
+        return tuple(
+            np.broadcast_to(w, v.shape) for w, v in zip(self.weights, self.values, strict=True)
         )
 
     def _map(self, change) -> Data:
@@ -86,10 +90,10 @@ class Extent(NamedTuple):
 
 def extent_of(data: Data, angle_deg: np.ndarray) -> Extent:
     """Return where the curves have data. angle_deg: (M,) or (N, M)."""
-    used = [np.atleast_2d(w) > 0.0 for w in data.weights]
-    some = functools.reduce(np.logical_or, used)
+    used = np.array([np.atleast_2d(w) > 0.0 for w in data.weights])
+    some = np.logical_or.reduce(used)
     angle = np.atleast_2d(angle_deg)
-    channels = functools.reduce(np.add, [u.any(1).astype(int) for u in used])
+    channels = used.any(2).sum(0)
     if some.all():
         count = np.full(len(some), some.shape[1])
         return Extent(count, angle.min(1), angle.max(1), channels)

@@ -64,7 +64,8 @@ class SurfaceCurves(NamedTuple):
     """The evaluator of N fitted curves; see `result.Evaluator`. Arrays are (N, ...).
 
     information: Fisher information in (eta, u = k^2), regular at k = 0, and singular where one
-    combination is unknown, where the covariance does not exist; NaN where there is no fit.
+    combination is unknown, where the covariance does not exist; NaN where there is no fit, and
+        infinite of exact data.
     """
 
     eta: np.ndarray

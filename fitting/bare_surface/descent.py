@@ -48,7 +48,8 @@ class Solved(NamedTuple):
     h_ww: Any
 
 
-_EVALUATIONS = Solved._fields.index("evaluations")
+# The row of each number in an array (fields, L) of them.
+ROW = Solved(*range(len(Solved._fields)))
 
 
 def _last_step(
@@ -138,9 +139,9 @@ def descend(
     return jnp.stack(fields), fitted
 
 
-def at_far_end(s: Solved, xp: Any = np) -> Any:
+def at_far_end(x: Any, w: Any, xp: Any = np) -> Any:
     """Where k = 0 was reached at the end of the line that the chart does not measure from."""
-    return s.w >= 4.0 * co.xi_of(s.x, xp) * (1.0 - 64.0 * co.FAR_END)
+    return w >= 4.0 * co.xi_of(x, xp) * (1.0 - 64.0 * co.FAR_END)
 
 
 def descend_in_both_charts(
@@ -160,11 +161,11 @@ def descend_in_both_charts(
     def body(carry):
         begin, solved, fitted, again, most, runs = carry
         new, there = descend(curves, begin, most, near, channels)
-        new = new.at[_EVALUATIONS].add(jnp.where(runs > 0, solved[_EVALUATIONS], 0.0))
+        new = new.at[ROW.evaluations].add(jnp.where(runs > 0, solved[ROW.evaluations], 0.0))
         solved = jnp.where(again, new, solved)
         fitted = tuple(jnp.where(again, b, a) for a, b in zip(fitted, there, strict=True))
         s = Solved(*solved)
-        again = at_far_end(s, jnp) & (turned > 0)
+        again = at_far_end(s.x, s.w, jnp) & (turned > 0)
         other = jnp.stack([
             s.x, jnp.full(lanes, co.W_MIN), -s.chart, jnp.full(lanes, START_DAMPING), begin[4]
         ])  # fmt: skip

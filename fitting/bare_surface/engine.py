@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from fitting.bare_surface import mesh as starts
-from fitting.bare_surface.descent import Solved, descend, descend_in_both_charts
+from fitting.bare_surface.descent import ROW, Solved, descend, descend_in_both_charts
 from fitting.bare_surface.reflectances import Curves
 from fitting.problem.solver import START_DAMPING
 from fitting.process.compiled import compiled
@@ -24,7 +24,6 @@ from fitting.process.compiled import compiled
 # A further start is near the best minimum of its curve at a cost less than 4 times that one, or
 # than what an error of .3 % of all data costs.
 NEAR_COST, NEAR_SHARE = 4.0, 1e-5
-_COST, _SCALE = map(Solved._fields.index, ("cost", "scale"))
 
 
 def near_cost(cost: Any, scale: Any) -> Any:
@@ -123,7 +122,7 @@ def _carried_out(
             jnp.where(is_first, steps.first, steps.further),
             jnp.where(is_first, steps.first, steps.near),
         )
-        near = near_cost(of_lanes(table[_COST], curve), of_lanes(table[_SCALE], curve))
+        near = near_cost(of_lanes(table[ROW.cost], curve), of_lanes(table[ROW.scale], curve))
         solved, there = descend_in_both_charts(data, begin, most, near, steps.turned, channels)
         table = jax.lax.dynamic_update_slice(table, solved, (0, place))
         if fitted:

@@ -36,12 +36,13 @@ def allowed_rise(dof: np.ndarray, known: np.ndarray) -> np.ndarray:
     return np.where(known, -2.0 * np.log(CHANCE), d * (CHANCE ** (-2.0 / d) - 1.0))
 
 
-def _shapes(data: Data) -> list[np.ndarray]:
-    """Return h of each channel, (1, M) or (N, M)."""
-    cos = np.maximum(np.atleast_2d(data.cos_theta), 1e-6)
-    share = np.atleast_2d(data.s_share)
-    of = {"R_s": cos, "R_p": 1.0 / cos, "R": share * cos + (1.0 - share) / cos}
-    return [of[channel] for channel in data.channels]
+def _half_shapes(data: Data) -> np.ndarray:
+    """Return h / 2 of the channels side by side, (C M,) or (N, C M)."""
+    cos = np.maximum(data.cos_theta, 1e-6)
+    shares = {"R_s": 1.0, "R_p": 0.0, "R": data.s_share}
+    of_s, of_p = 0.5 * cos, 0.5 / cos
+    halves = [shares[c] * of_s + (1.0 - shares[c]) * of_p for c in data.channels]
+    return np.concatenate(halves, axis=-1)
 
 
 def mirror_fit(data: Data) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -49,25 +50,21 @@ def mirror_fit(data: Data) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
     By three Gauss-Newton steps from a = 0, kept between 0 and MOST_A.
     """
-    a = np.zeros(data.curves)
-    wide = data.values[0].shape
-    # The channels side by side, and h half.
-    half, weight = (
-        np.concatenate([np.broadcast_to(part, wide) for part in parts], axis=1)
-        for parts in ([0.5 * h for h in _shapes(data)], data.weights)
-    )
+    half, weight = _half_shapes(data), np.concatenate(data.weights, axis=-1)
     dark = (1.0 - np.concatenate(data.values, axis=1)) * weight
     drop = 2.0 * half * weight
-    for step in range(4):
-        per = 1.0 / (1.0 + a[:, None] * half)
-        slope = drop * per
-        miss = dark - a[:, None] * slope
-        slope *= per
-        moment = np.einsum("nm,nm->n", miss, slope)
-        information = np.einsum("nm,nm->n", slope, slope)
-        if step < 3:
-            a = np.clip(a + moment / np.maximum(information, 1e-300), 0.0, MOST_A)
-    return np.einsum("nm,nm->n", miss, miss), a, information
+    a, steps = np.zeros((data.curves, 1)), 3
+    while True:
+        fall = 1.0 + a * half
+        slope = drop / fall
+        miss = dark - a * slope
+        slope /= fall
+        information = np.vecdot(slope, slope)
+        if not steps:
+            return np.vecdot(miss, miss), a[:, 0], information
+        step = np.vecdot(miss, slope) / np.maximum(information, 1e-300)
+        a = np.minimum(np.maximum(a + step[:, None], 0.0), MOST_A)  # clip takes longer
+        steps -= 1
 
 
 def like_mirrors(
@@ -84,13 +81,14 @@ def like_mirrors(
     maybe = (s.scale > LEAST_RMS**2 * ones).nonzero()[0]
     if not len(maybe):
         return found, perfect
-    with np.errstate(all="ignore"):
-        unit = scatter[maybe]
-        rise = allowed_rise(dof[maybe], np.broadcast_to(known, dof.shape)[maybe])
-        most = s.cost[maybe] + rise * unit
-        cost, a, information = mirror_fit(data.take(maybe))
+    unit = scatter[maybe]
+    rise = allowed_rise(dof[maybe], known if np.ndim(known) == 0 else known[maybe])
+    most = s.cost[maybe] + rise * unit
+    cost, a, information = mirror_fit(data.take(maybe))
+    here = cost <= most
+    if here.any():
         high = a + NORMAL_95 * np.sqrt(unit / information)
         bound = np.maximum(1.0 - high / (1.0 + 0.5 * high), 0.0)
-        found[maybe] = np.where(cost <= most, bound, np.nan)
+        found[maybe] = np.where(here, bound, np.nan)
         perfect[maybe] = cost + information * a**2 <= most
     return found, perfect

@@ -8,8 +8,9 @@ import jax
 import numpy as np
 
 from fitting.bare_surface.curve_data import Data, of_rows, put_rows
-from fitting.bare_surface.descent import Solved
+from fitting.bare_surface.descent import ROW, Solved
 from fitting.bare_surface.estimate import Estimated, estimate
+from fitting.bare_surface.kept_minima import Minima
 from fitting.bare_surface.region_intervals import (
     Intervals,
     intervals,
@@ -68,7 +69,6 @@ def _other(data: Data, s: Solved, e: Estimated, excess: np.ndarray, wanted: str)
     known = intervals(
         data, s, e, wanted=wanted, blank=no, undetermined=no, nothing=no, matched=no
     )  # fmt: skip
-    known = known._replace(kind=known.kind.astype(f"<U{len(QUADRATIC)}"))
     values = {
         "eta": e.eta, "k": e.k, "sigma_eta": e.sigma_eta, "sigma_k": e.sigma_k,
         "limit": limit_of_k(e, known), "at_zero": e.at_zero,
@@ -78,8 +78,8 @@ def _other(data: Data, s: Solved, e: Estimated, excess: np.ndarray, wanted: str)
 
 def other_solutions(
     data: Data,
-    others: tuple[Solved, ...],
-    excess: np.ndarray,
+    found: Minima,
+    scatter: np.ndarray,
     best: Estimated,
     possible: np.ndarray,
     how: dict[str, Any],
@@ -87,25 +87,25 @@ def other_solutions(
 ) -> tuple[Other, ...]:
     """Return the other solutions, lowest first, each as if its minimum were the best one.
 
-    excess: (K, N), by how much the chi2 of ``others`` is higher than that of ``best``. possible:
-    (N,), where they are looked for. how: options of `estimate`. wanted: kind of the intervals.
+    scatter: (N,), in which the chi2 of the others ``found`` is compared with that of the ``best``.
+    possible: (N,), where they are looked for. how: options of `estimate`. wanted: kind of the
+    intervals.
     """
-    found, earlier, count = [], [best], len(possible)
-    none = _none(count)
-    with np.errstate(invalid="ignore"):
-        near = possible & (excess < ALTERNATIVE_CHI2)
-    if not near.any():
-        return (none,) * len(others)
-    for s, more, here in zip(others, excess, near, strict=True):
-        rows = (here & (s.done > 0)).nonzero()[0]
-        if not len(rows):
-            found.append(none)
+    none = _none(len(possible))
+    of = found.curve
+    excess = (found.others[:, ROW.cost] - found.best[ROW.cost, of]) / scatter[of]
+    near = possible[of] & (excess < ALTERNATIVE_CHI2) & (found.others[:, ROW.done] > 0)
+    others, earlier = [], [best]
+    for s, more, here in zip(found.others, excess, near, strict=True):
+        mine = here.nonzero()[0]
+        if not len(mine):
+            others.append(none)
             continue
-        part, solved = data.take(rows), of_rows(s, rows)
-        e = estimate(part, solved, **{**how, "sin_max": how["sin_max"][rows]})
+        rows, solved, more = of[mine], Solved(*s[:, mine]), more[mine]
+        e = estimate(data.take(rows), solved, **{**how, "sin_max": how["sin_max"][rows]})
         new = np.logical_and.reduce([_distinct(of_rows(one, rows), e) for one in earlier])
         rows, e, solved = rows[new], of_rows(e, new), of_rows(solved, new)
-        earlier.append(put_rows(_nothing(e, count), e, rows))
-        one = _other(data.take(rows), solved, e, more[rows], wanted)
-        found.append(put_rows(none, one, rows))
-    return tuple(found)
+        earlier.append(put_rows(_nothing(e, len(possible)), e, rows))
+        one = _other(data.take(rows), solved, e, more[new], wanted)
+        others.append(put_rows(none, one, rows))
+    return tuple(others)

@@ -43,8 +43,10 @@ class Intervals(NamedTuple):
 
 def limit_of_k(e: Estimated, known: Intervals) -> np.ndarray:
     """Return the upper limit of k (N,), NaN where k is seen: the upper end of its interval."""
-    by_profile = np.isfinite(e.k_upper_limit) & (known.kind == PROFILE)
-    return np.where(by_profile, known.k[:, 1], e.k_upper_limit)
+    limit, by_profile = e.k_upper_limit.copy(), (known.kind == PROFILE).nonzero()[0]
+    rows = by_profile[np.isfinite(limit[by_profile])]
+    limit[rows] = known.k[rows, 1]
+    return limit
 
 
 def intervals(

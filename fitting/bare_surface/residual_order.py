@@ -2,53 +2,54 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
 from fitting.measurements.measurement import Measurement
 from fitting.residuals.misfit import misfit
 from fitting.residuals.pattern import pattern
-
-# With fewer data `pattern` never finds autocorrelation.
-ENOUGH = 11
-
-
-class Order(NamedTuple):
-    """For each wavelength, (N,) each.
-
-    correlation: lag-1 correlation of the residuals if they are autocorrelated, else NaN. chance:
-    its limit for independent noise. noise: the scatter of neighbouring data if the fit misses the
-    data by more than that, else NaN.
-    """
-
-    correlation: np.ndarray
-    chance: np.ndarray
-    noise: np.ndarray
+from fitting.results.diagnostics import Finding
+from fitting.results.result import Fit
+from fitting.results.sentences import SENTENCES
 
 
-def order_of_residuals(m: Measurement, fitted: np.ndarray, stated: bool) -> Order:
-    """Return the test of the residuals of every wavelength, each by itself.
+def with_order(found: Fit, m: Measurement, fitted: np.ndarray, stated: bool) -> Fit:
+    """Return the fit with what the residuals of every wavelength say, each looked at by itself.
 
     m: the data; fitted: the curve at each, NaN without a fit. stated: whether the fit used stated
     errors.
     """
     _, which = np.unique(m.wavelength_um, return_inverse=True)
     many = np.bincount(which)
-    nan = np.full(len(many), np.nan)
-    correlation, chance, noise = nan.copy(), nan.copy(), nan.copy()
+    correlation, chance, noise = np.full((3, len(many)), np.nan)
     each = np.split(np.argsort(which, kind="stable"), np.cumsum(many)[:-1])
     for i, rows in enumerate(each):
         part, at = m.where(rows), fitted[rows]
         if not np.isfinite(at).all():
             continue
         noise[i] = _noise_of_a_misfit(part, at)
-        if many[i] < ENOUGH:
-            continue
-        found = pattern(part, at, np.zeros(len(rows), int), stated)
-        if found is not None:
-            correlation[i], chance[i] = found.correlation, found.chance
-    return Order(correlation, chance, noise)
+        order = pattern(part, at, np.zeros(len(rows), int), stated)
+        if order is not None:
+            correlation[i], chance[i] = order.correlation, order.chance
+    shape = found.shape
+    new = {
+        "residuals_in_order": (correlation, {
+            "along": "angle", "correlation": correlation.reshape(shape),
+            "chance": chance.reshape(shape),
+        }),
+        "does_not_describe": (noise, {
+            "sample": "one bare surface", "rms": np.reshape(found.rms, shape),
+            "noise": noise.reshape(shape),
+        }),
+    }  # fmt: skip
+    findings = [f for f in found.findings if f.code not in new]
+    for code, (where, values) in new.items():
+        at = np.isfinite(where)
+        if at.any():
+            findings.append(Finding(code, at.reshape(shape), values))
+    rank = list(SENTENCES)
+    return replace(found, findings=tuple(sorted(findings, key=lambda f: rank.index(f.code))))
 
 
 def _noise_of_a_misfit(m: Measurement, fitted: np.ndarray) -> float:

@@ -112,7 +112,9 @@ def _values(a: Arranged, f: Answer, taken: Taken, errors: str, code: str) -> dic
 def findings(a: Arranged, f: Answer, taken: Taken, errors: str) -> tuple[Finding, ...]:
     """Return the warnings of all curves, the most serious first, with the values of each."""
     codes = f.codes | _of_floor(f, taken)
-    held = [code for code in SENTENCES if code in codes and codes[code].any()]
+    some = np.any(list(codes.values()), axis=1)
+    present = {code for code, one in zip(codes, some, strict=True) if one}
+    held = [code for code in SENTENCES if code in present]
     return tuple(
         Finding(
             code,

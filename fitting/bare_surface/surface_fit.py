@@ -11,17 +11,17 @@ import numpy as np
 from fitting.bare_surface.answer import Answer, answer, start_points
 from fitting.bare_surface.arrange import Arranged, of_arrays, of_measurement
 from fitting.bare_surface.calls import fitted_curves
-from fitting.bare_surface.common_error import Taken, with_common_error
+from fitting.bare_surface.common_error import with_common_error
 from fitting.bare_surface.curves import SurfaceCurves
 from fitting.bare_surface.other_solutions import Other
 from fitting.bare_surface.region_intervals import Intervals
-from fitting.bare_surface.residual_order import Order, order_of_residuals
+from fitting.bare_surface.residual_order import with_order
 from fitting.bare_surface.surface_findings import findings, shaped
 from fitting.measurements.measurement import Measurement
 from fitting.problem.observations import missing_errors
 from fitting.residuals.error_model import ERRORS
 from fitting.residuals.pattern import pooled_pattern
-from fitting.results.diagnostics import Finding, Warning
+from fitting.results.diagnostics import Warning
 from fitting.results.result import (
     AT_LOWER,
     CONVERGED,
@@ -34,7 +34,6 @@ from fitting.results.result import (
     Estimate,
     Fit,
 )
-from fitting.results.sentences import SENTENCES
 from fitting.samples.sample import Sample
 from fitting.uncertainty.intervals import check_intervals
 from fitting.uncertainty.widening import widened
@@ -72,40 +71,45 @@ def _alternative(a: Arranged, other: Other) -> Alternative:
     )
 
 
-def _fit(a: Arranged, f: Answer, taken: Taken, sample: Sample, errors: str) -> Fit:
-    """Return what the engine found as a `Fit` of the batch's shape."""
+def _fit(
+    a: Arranged, sample: Sample, errors: str, intervals: str, start: Mapping[str, Any] | None
+) -> tuple[Fit, Answer]:
+    """Return what the engine finds as a `Fit` of the batch's shape, and as it found it."""
+    begin = start_points(start, a)
+    f = answer(a, errors == "stated", begin, intervals)
+    f, taken = with_common_error(a, f, errors, begin, intervals)
     s, v = f.solved, f.values
-    believed = "stated" if errors == "stated" else "scaled" if a.stated else "equal"
-    believed = np.full(len(f.dof), believed, f"<U{len('stated')}")
-    believed[np.isfinite(taken.gain)] = "floor"
-    # Without a degree of freedom only the stated errors are available.
-    believed[(f.dof == 0) & a.stated] = "stated"
+    believed = np.full(len(f.dof), "scaled" if a.stated else "equal", "<U6")
+    factor = v["factor"]
+    if a.stated:
+        # Without a degree of freedom only the stated errors are available.
+        as_stated = (f.dof == 0) | (errors == "stated")
+        believed[np.isfinite(taken.gain)] = "floor"
+        believed[as_stated] = "stated"
+        factor = np.where(as_stated, 1.0, factor)
     with np.errstate(all="ignore"):
         chi2_reduced = np.where(f.dof > 0, v["chi2"] / f.dof, np.nan)
         rms = np.sqrt(s.plain / s.count)
-        information = v["information"].copy()
-        information[~np.isfinite(information.sum((1, 2)))] = np.nan
     estimates = _estimates(a, v, f.known, f.status == CONVERGED)
-    return Fit(
+    found = Fit(
         sample=sample, parameters=estimates, covariance=shaped(v["covariance"], a),
         wavelength_um=shaped(a.wavelength_um, a), chi2=shaped(v["chi2"], a),
         chi2_reduced=shaped(chi2_reduced, a), dof=shaped(f.dof.astype(int), a),
         n_data=shaped(s.count.astype(int), a), rms=shaped(rms, a), status=shaped(f.status, a),
         errors=ErrorModel(
-            taken=shaped(believed, a),
-            factor=shaped(np.where(believed == "stated", 1.0, v["factor"]), a),
-            floor=shaped(taken.floor, a), stated=a.stated, widened=shaped(np.ones(len(rms)), a),
+            taken=shaped(believed, a), factor=shaped(factor, a), floor=shaped(taken.floor, a),
+            stated=a.stated, widened=shaped(np.ones(len(rms)), a),
         ),
         evaluations=shaped(s.evaluations.astype(int), a), cost=shaped(s.cost, a),
         findings=findings(a, f, taken, errors),
         others=tuple(_alternative(a, one) for one in f.others if one.there.any()),
         evaluator=SurfaceCurves(
             eta=v["eta"], k=v["k"], sigma_eta=v["sigma_eta"], sigma_k=v["sigma_k"],
-            information=information,
-            at_zero=v["at_zero"], eta_i=a.data.eta_i, wavelength_um=a.wavelength_um,
-            shape=a.shape, measurement=None,
+            information=v["information"], at_zero=v["at_zero"], eta_i=a.data.eta_i,
+            wavelength_um=a.wavelength_um, shape=a.shape, measurement=None,
         ),
     )  # fmt: skip
+    return found, f
 
 
 def fit_bare_surface(
@@ -120,10 +124,7 @@ def fit_bare_surface(
     Arguments as in `fitting.fit`; batch shape () for one wavelength, else (W,) in rising order.
     """
     a = of_measurement(measurement, sample.eta_i, errors)
-    begin = start_points(start, a)
-    f = answer(a, errors == "stated", begin, intervals)
-    f, taken = with_common_error(a, f, errors, begin, intervals)
-    found = _fit(a, f, taken, sample, errors)
+    found, f = _fit(a, sample, errors, intervals, start)
     quantities = tuple(dict.fromkeys(measurement.quantity.tolist()))
     evaluator = found.evaluator
     assert isinstance(evaluator, SurfaceCurves)
@@ -138,7 +139,7 @@ def fit_bare_surface(
     known = ~np.isin(np.atleast_1d(found.status), (NO_DATA, NOT_CONVERGED))
     fitted = np.where(known[curve], fitted, np.nan)
     weighed = _with_floor(found, measurement)
-    found = _with_order(found, order_of_residuals(weighed, fitted, a.stated))
+    found = with_order(found, weighed, fitted, a.stated)
     pooled = pooled_pattern(weighed, fitted, a.stated)
     if pooled is not None:
         found = replace(
@@ -207,10 +208,7 @@ def fit_many(
             f'errors "{errors}" need a standard error for every datum; give sigma, or take '
             'errors "scaled" or "equal".'
         )
-    begin = start_points(start, a)
-    f = answer(a, errors == "stated", begin, intervals)
-    f, taken = with_common_error(a, f, errors, begin, intervals)
-    return _fit(a, f, taken, which, errors)
+    return _fit(a, which, errors, intervals, start)[0]
 
 
 def _rms_of(a: Arranged, f: Answer, m: Measurement) -> dict[str, Any]:
@@ -219,27 +217,3 @@ def _rms_of(a: Arranged, f: Answer, m: Measurement) -> dict[str, Any]:
         rms = np.sqrt(f.solved.plain / f.solved.count)
     names = dict.fromkeys(m.quantity.tolist())
     return {next(iter(names)): shaped(rms, a)} if len(names) == 1 else {}
-
-
-def _with_order(found: Fit, order: Order) -> Fit:
-    """Return the fit with warnings of autocorrelated residuals and of misfits above the noise."""
-    shape = found.shape
-    of_rms = {"rms": np.atleast_1d(found.rms), "noise": order.noise}
-    new = {
-        "residuals_in_order": (order.correlation, {
-            "correlation": order.correlation, "chance": order.chance
-        }),
-        "does_not_describe": (order.noise, of_rms),
-    }  # fmt: skip
-    texts = {
-        "residuals_in_order": {"along": "angle"},
-        "does_not_describe": {"sample": "one bare surface"},
-    }  # fmt: skip
-    kept = [f for f in found.findings if f.code not in new]
-    for code, (where, values) in new.items():
-        at = np.isfinite(where)
-        if at.any():
-            reshaped = {name: v.reshape(shape) for name, v in values.items()}
-            kept.append(Finding(code, at.reshape(shape), {**texts[code], **reshaped}))
-    rank = list(SENTENCES)
-    return replace(found, findings=tuple(sorted(kept, key=lambda f: rank.index(f.code))))

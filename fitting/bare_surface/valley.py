@@ -20,6 +20,9 @@ from fitting.bare_surface.curve_data import Data, of_rows
 from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.engine import Steps
 
+# A first look at the other end that promises more than so many times what is allowed is the last.
+FAR_ABOVE = 100.0
+
 
 class Lanes(NamedTuple):
     """Places in the plane of some curves: which curve, x, w and chart, (L,) each."""
@@ -91,27 +94,26 @@ def _at_lossless_end(data: Data, x: np.ndarray) -> tuple[np.ndarray, ...]:
         r_s = (cos - q) / (cos + q),    r_p = (n^2 cos - q) / (n^2 cos + q)
     """
     xi = xi_of(x)[:, None]
-    n, cos = np.exp(xi), np.atleast_2d(data.cos_theta)
+    n, cos = np.exp(xi), data.cos_theta
     square = n * n
     q = np.sqrt(square - 1.0 + cos * cos)
-    n_x = n / np.tanh(xi)
-    near, far = cos + q, square * cos + q
-    r_s, r_p = (cos - q) / near, (square * cos - q) / far
+    dense = square * cos
+    sum_s, sum_p = cos + q, dense + q
+    r_s, r_p = (cos - q) / sum_s, (dense - q) / sum_p
     # dR/dx = 2 r (dr/dn) (dn/dx)
-    common = 4.0 * cos * n * n_x / q
+    common = 4.0 * square / np.tanh(xi) * cos / q
     R_s, R_p = r_s * r_s, r_p * r_p
-    slope_s = -common * r_s / (near * near)
-    slope_p = common * r_p * (2.0 * q * q - square) / (far * far)
+    slope_s = -common * r_s / (sum_s * sum_s)
+    slope_p = common * r_p * (2.0 * q * q - square) / (sum_p * sum_p)
     both = {"R_s": (R_s, slope_s), "R_p": (R_p, slope_p)}
     if "R" in data.channels:
-        share = np.atleast_2d(data.s_share)
+        share = data.s_share
         both["R"] = R_p + share * (R_s - R_p), slope_p + share * (slope_s - slope_p)
-    sums = np.zeros((3, len(x)))
-    for name, value, weight in zip(data.channels, data.values, data.weights, strict=True):
-        off, slope = (both[name][0] - value) * weight, both[name][1] * weight
-        for total, a, b in zip(sums, (off, off, slope), (off, slope, slope), strict=True):
-            total += np.einsum("nm,nm->n", a, b)
-    return tuple(sums)
+    off, slope = (np.concatenate([both[c][i] for c in data.channels], axis=1) for i in (0, 1))
+    weight = np.concatenate(data.weights, axis=-1)
+    off = (off - np.concatenate(data.values, axis=1)) * weight
+    slope *= weight
+    return np.vecdot(off, off), np.vecdot(off, slope), np.vecdot(slope, slope)
 
 
 def open_to_the_other_end(data: Data, s: Solved, allowed: np.ndarray) -> np.ndarray:
@@ -122,28 +124,31 @@ def open_to_the_other_end(data: Data, s: Solved, allowed: np.ndarray) -> np.ndar
     without a call of the program: of metals nearly none passes.
     """
     still = np.zeros(len(s.x), bool)
-    with np.errstate(all="ignore"):
-        _, g, h = _at_lossless_end(data, s.x)
-        # x moves a little along the floor.
-        cost, g, h = _at_lossless_end(data, np.clip(s.x - g / h, X_MIN, X_MAX))
-        here = np.flatnonzero(cost - g * g / h <= allowed)
-        if not len(here):
-            return still
-        s, allowed = of_rows(s, here), allowed[here]
-        outside = from_nearer_end(s)
-        share = share_of(s.x, outside.w, outside.chart)
-        share = np.where(outside.chart > 0, share, 1.0 - share)  # measured from n > 1
-        phi = 2.0 * np.arcsin(np.sqrt(share))
-        on = np.isfinite(phi)
-        for part in (1.0 / 3.0, 2.0 / 3.0):
-            some = np.flatnonzero(on)
-            if not len(some):
-                break
-            x, chart = s.x[some], np.ones(len(some))
-            w, _ = on_line(x, np.sin(0.5 * part * phi[some]) ** 2, chart)
-            for _ in range(2):  # as above
-                now = evaluate(data, Lanes(here[some], x, w, chart))
-                x = np.clip(now.x - now.g_x / now.h_xx, X_MIN, X_MAX)
-            on[some] = now.cost - now.g_x**2 / now.h_xx <= allowed[some]
+    # First roughly, where x is the same; then x moves a little along the floor.
+    cost, g, h = _at_lossless_end(data, s.x)
+    maybe = np.flatnonzero(cost - g * g / h <= FAR_ABOVE * allowed)
+    if not len(maybe):
+        return still
+    x = np.clip(s.x - g / h, X_MIN, X_MAX)[maybe]
+    cost, g, h = _at_lossless_end(data.take(maybe), x)
+    here = maybe[cost - g * g / h <= allowed[maybe]]
+    if not len(here):
+        return still
+    s, allowed = of_rows(s, here), allowed[here]
+    outside = from_nearer_end(s)
+    share = share_of(s.x, outside.w, outside.chart)
+    share = np.where(outside.chart > 0, share, 1.0 - share)  # measured from n > 1
+    phi = 2.0 * np.arcsin(np.sqrt(share))
+    on = np.isfinite(phi)
+    for part in (1.0 / 3.0, 2.0 / 3.0):
+        some = np.flatnonzero(on)
+        if not len(some):
+            break
+        x, chart = s.x[some], np.ones(len(some))
+        w, _ = on_line(x, np.sin(0.5 * part * phi[some]) ** 2, chart)
+        for _ in range(2):  # as above
+            now = evaluate(data, Lanes(here[some], x, w, chart))
+            x = np.clip(now.x - now.g_x / now.h_xx, X_MIN, X_MAX)
+        on[some] = now.cost - now.g_x**2 / now.h_xx <= allowed[some]
     still[here] = on
     return still

@@ -27,23 +27,6 @@ EXCURSION_SIGMAS = 4.0
 EXCURSION = 0.25
 
 
-def one_number(name: str, value: object, what: str, low: float, high: float) -> float:
-    """Return ``value`` as a float; raise ValueError with its name unless it is a number in range.
-
-    A text is not a number, not even "3"; nor is a truth value, a complex number or an array.
-    """
-    try:
-        number = np.asarray(value)
-    except ValueError:  # a ragged list
-        number = np.asarray(None)
-    if number.ndim or number.dtype.kind not in "iuf" or not low <= number <= high:
-        raise ValueError(
-            f"{name} is {repr(value)[:40]}; {what}, one real number above 0 ({low:g} to {high:g}), "
-            "was wanted."
-        )
-    return float(number)
-
-
 class Data(NamedTuple):
     """The six columns of a Measurement, in its units; row i of each is one datum."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -49,16 +50,18 @@ def mean_square(value: np.ndarray, sigma: np.ndarray) -> np.ndarray:
         return sigma**2 * np.where(t < _FAR_BELOW, 2.0 / t**2, 1.0 + t * (t + slope))
 
 
-def student_quantiles(dof: np.ndarray) -> np.ndarray:
+@functools.lru_cache(maxsize=4096)
+def student_quantile(dof: int) -> float:
     """Return t with P(|T| < t) = .95 for ``dof`` degrees of freedom; the normal law's 1.96 for 0.
 
     0 stands for an error that was stated and not estimated.
     """
-    different, where = np.unique(dof, return_inverse=True)  # of many fits alike few differ
-    t = stdtrit(np.where(different > 0, different, np.inf), 0.5 + 0.5 * CONFIDENCE)
-    return t[where]
+    return float(stdtrit(dof if dof > 0 else np.inf, 0.5 + 0.5 * CONFIDENCE))
 
 
-def student_quantile(dof: int) -> float:
-    """Return `student_quantiles` of one number."""
-    return float(student_quantiles(np.array([dof]))[0])
+def student_quantiles(dof: np.ndarray) -> np.ndarray:
+    """Return `student_quantile` of every number in an array (N,)."""
+    if len(dof) and (dof == dof[0]).all():  # nearly always, and then not worth sorting
+        return np.full(len(dof), student_quantile(int(dof[0])))
+    different, where = np.unique(dof, return_inverse=True)
+    return np.array([student_quantile(d) for d in different.tolist()])[where]
