@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from fitting import Measurement, Sample
+from fitting import Measurement, Sample, simulate
 from fitting.problem.observations import observations
 from fitting.problem.problem import targets_of
 from fitting.problem.unknowns import spectrum_of, unknowns
 from fitting.samples.parameters import Settings, from_parameter
-from fitting.searching.film_starts import _eta_of, films_of, scaled_index
+from fitting.searching.film_starts import _eta_of, coordinate, films_of, scaled_index
+from fitting.searching.fringe_orders import thickness_um, with_all_orders
 from fitting.searching.neighbours import _as_free_electrons
 from fitting.searching.search import Asked, Solving
 from fitting.searching.starts import start_at
@@ -18,10 +19,13 @@ WAVES = np.linspace(0.4, 0.8, 16)
 
 def job(model):
     m = Measurement.from_columns(0.0, WAVES, R=np.full(16, 0.3))
-    sample = Sample.parse(f"air | {model} 50..2000 nm | Si")
-    seen = observations([m], "equal")
+    return solving(m, Sample.parse(f"air | {model} 50..2000 nm | Si"), "equal")
+
+
+def solving(m, sample, errors):
+    seen = observations([m], errors)
     u = unknowns(sample, spectrum_of([m], sample), Settings(), seen, "squares")
-    return Solving(u, seen, targets_of(u, seen, np.float64(1.0)), Settings(), Asked())
+    return Solving(u, seen, targets_of(u, seen, np.float64(1.0)), Settings(), Asked(errors))
 
 
 def index(fit, y):
@@ -60,3 +64,33 @@ def test_an_oscillator_below_the_spectrum_becomes_free_electrons():
     weak = names.index("film.strength_ev2_1")
     assert new[weak] < y[weak]
     np.testing.assert_allclose(index(fit, new), index(fit, y), rtol=0.03)
+
+
+def test_every_order_that_fits_as_well_is_found_from_one_of_them():
+    """Noise of 8 % leaves several orders of a film of 3 um; the others are far above them."""
+    waves, fringe = np.linspace(0.6, 0.7, 128), 0.16
+    film = {"A": 1.9, "B": 0.02, "thickness_nm": 3000.0}
+    T = simulate("air | cauchy:2 3000 nm | BK7", film, 0.0, waves, "T")
+    T = T + 0.08 * np.random.default_rng(1).standard_normal(128)
+    m = Measurement.from_columns(0.0, waves, T=T, sigma=0.08)
+    fit = solving(m, Sample.parse("air | cauchy:2 1..5 um | BK7"), "stated")
+    row = films_of(fit.u.spec, fit.u.moving)[0]
+    y = start_at(fit.u.moving, {f"film.{n}": v for n, v in film.items()})[:, None]
+    low, high = (a[:, None] for a in fit.limits)
+    found = with_all_orders(fit, fit.held(y, low, high, 1.0, 60), 1.0)
+    # Every order by itself, its thickness between bounds of its own.
+    centre = np.arange(1.1, 4.9, fringe / 2)
+    start = np.repeat(y, len(centre), 1)
+    low, high = (np.repeat(a, len(centre), 1) for a in (low, high))
+    start[row.row], low[row.row], high[row.row] = (
+        coordinate(fit, row, centre + d) for d in (0.0, -fringe / 2, fringe / 2)
+    )
+    each = fit.held(start, low, high, 1.0, 200)
+    least = min(found.cost.min(), each.cost.min())
+    at = thickness_um(fit, row, each.y)
+    inside = (np.abs(at - centre) < 0.45 * fringe) & (each.cost < least + 5.0)
+    near = [np.abs(thickness_um(fit, row, found.y) - x) < 0.3 * fringe for x in at[inside]]
+    assert len(set(np.round(at[inside], 2))) >= 3
+    for cost, those in zip(each.cost[inside], near, strict=True):
+        assert found.cost[those].min() < cost + 0.1
+    assert found.cost.min() < least + 0.01

@@ -1,7 +1,8 @@
-"""Fringe orders beside a minimum: the same optical thickness but for some half wavelengths.
+"""Fringe orders beside a minimum: thicknesses that are one or more fringes larger or smaller.
 
-Where the index may change with the wavelength, dozens of orders can fit within the noise. From each
-that does, the ones beside it are looked at, until the last of them fits no longer.
+Where the index may change with the wavelength, dozens of orders can fit within the noise, and so
+can other thicknesses of one order, with another index. From each that does, the ones beside it are
+looked at, until the last of them fits no longer.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ if TYPE_CHECKING:
     from fitting.searching.search import Solving
 
 # Orders on either side of one that fits, and how many starts there are for them at most.
-_STEPS, _MOST = (1, -1, 2, -2), 600
-# Thicknesses closer than that are one order, in orders.
+_STEPS, _MOST = (1, -1, 2, -2), 200
+# Two films closer than that in thickness and number of fringes are one, in fringes.
 _SAME = 0.4
 
 
@@ -45,7 +46,7 @@ def beside(
     """Return starts (p, S) some fringe orders beside those of y (p, L), all lanes of each order.
 
     Within the bounds of the thickness. scaled: whether the index changes as much, so that the
-    optical thickness stays.
+    optical thickness stays, and with it the number of fringes.
     """
     thickness, out = thickness_um(fit, film, y), [y[:, :0]]
     rate = middle(phase_rates(fit, film, y))
@@ -66,25 +67,31 @@ def with_all_orders(fit: Solving, ends: Ends, noise: float) -> Ends:
     films = films_of(fit.u.spec, fit.u.moving)
     if not films or best_of(ends) is None:
         return ends
-    film, looked_at, asked = films[0], np.zeros(len(ends.cost), bool), np.empty(0)
-    while len(asked) < _MOST:
+    film, looked_at, asked = films[0], np.zeros(len(ends.cost), bool), 0
+    known = np.empty((0, 2))
+    while asked < _MOST:
         least = float(ends.cost[ends.done].min())
-        shown = ends.cost < least + ALTERNATIVE_CHI2 * fit.unit(least)
-        new = np.flatnonzero(shown & ~looked_at)
+        new = np.flatnonzero((ends.cost < least + ALTERNATIVE_CHI2 * fit.unit(least)) & ~looked_at)
         looked_at[new] = True
-        start = beside(fit, film, ends.y[:, new], _STEPS)
+        y = ends.y[:, new]
+        start = np.concatenate([beside(fit, film, y, _STEPS, s) for s in (True, False)], 1)
         if not start.shape[1]:
             break
-        known = np.append(thickness_um(fit, film, ends.y[:, shown]), asked)
-        at, same = thickness_um(fit, film, start), _SAME / middle(phase_rates(fit, film, start))
-        fresh = []
-        for i, (x, least_away) in enumerate(zip(at.tolist(), same.tolist(), strict=True)):
-            if np.abs(known - x).min() > least_away:
-                known = np.append(known, x)
+        known, fresh = np.concatenate([known, _places(fit, film, y)]), []
+        for i, at in enumerate(_places(fit, film, start)):
+            # The step between two orders is one fringe, whatever the index.
+            if (np.abs(known - at) > _SAME * np.array([at[0] / at[1], 1.0])).any(1).all():
+                known = np.concatenate([known, at[None]])
                 fresh.append(i)
         if not fresh:
             break
-        start, asked = start[:, fresh], np.append(asked, at[fresh])
-        ends = joined([ends, followed(fit, start, noise, least)])
+        asked += len(fresh)
+        ends = joined([ends, followed(fit, start[:, fresh], noise, least)])
         looked_at = np.append(looked_at, np.zeros(len(fresh), bool))
     return ends
+
+
+def _places(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
+    """Return the thickness (um) and the number of fringes, (L, 2), of y (p, L)."""
+    thickness = thickness_um(fit, film, y)
+    return np.stack([thickness, thickness * middle(phase_rates(fit, film, y))], 1)
