@@ -81,7 +81,12 @@ def thin(p):
 
 @pytest.mark.parametrize(
     ("build", "dtype"),
-    [(dielectric, np.float32), (dielectric, np.float64), (gold, np.float32), (thin, np.float32)],
+    [
+        (dielectric, np.float32),
+        pytest.param(dielectric, np.float64, marks=pytest.mark.study),
+        (gold, np.float32),
+        (thin, np.float32),
+    ],
 )
 def test_no_nan_for_any_sample(build, dtype):
     """Values and derivatives; u = 0 and 1, grazing to 0, roughness 0, eta = 1."""
@@ -108,7 +113,12 @@ def test_no_nan_for_any_sample(build, dtype):
 
 
 @pytest.mark.parametrize(
-    ("build", "dtype"), [(dielectric, np.float32), (dielectric, np.float64), (gold, np.float32)]
+    ("build", "dtype"),
+    [
+        (dielectric, np.float32),
+        pytest.param(dielectric, np.float64, marks=pytest.mark.study),
+        (gold, np.float32),
+    ],
 )
 def test_no_nan_for_any_pair(build, dtype):
     parameters, w, _ = hard_inputs(dtype)

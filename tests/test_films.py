@@ -274,6 +274,7 @@ def test_free_form_index_of_a_surface():
             simulate("kk-spline:12", dict.fromkeys(found.names, 1.0), 60.0, waves, "R")
 
 
+@pytest.mark.study
 def test_the_thickness_of_a_free_film_is_at_the_minimum():
     """Exact data give the exact thickness; the search ended .17 nm beside it, and called that .02.
 

@@ -156,6 +156,7 @@ def test_errors_widened_for_residuals_in_order_stay_within_bounds_and_reach_what
     assert told["poorly_determined"]["shares"] == pytest.approx([k.sigma / k.value], rel=0.1)
 
 
+@pytest.mark.study
 def test_what_choose_takes_is_what_fit_makes_of_it():
     """With quadratic intervals its errors were those before they are widened, 6 times as small."""
     wave = np.linspace(0.4, 0.9, 40)

@@ -112,7 +112,7 @@ def test_transmittance_is_the_same_from_both_sides():
         np.testing.assert_allclose(a, b, rtol=1e-12)
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("dtype", [pytest.param(np.float32, marks=pytest.mark.study), np.float64])
 def test_total_reflection_without_absorption_is_exactly_one(dtype):
     """R_p was 101 eps off (cosine .0027); a little absorption takes of it what it did."""
     index = np.array([3.80, 4.70, 0.118, 1.5], dtype)
@@ -163,6 +163,7 @@ def test_gradients_of_arguments_that_broadcast():
             np.testing.assert_allclose(gradient[argument][i], (above - below) / 2e-6, rtol=1e-7)
 
 
+@pytest.mark.study
 def test_derivatives_of_a_rough_film_of_small_wavevector():
     """Nevot and Croce's factor knows Q, which the matrices of so thin a film do without: a part of
     the derivative, a hundredth of it, was missing there. And what the boundary behind so thin a

@@ -62,7 +62,10 @@ FOUND = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", FOUND)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.study] if "rough" in n else []) for n in FOUND],
+)
 def test_derivatives_by_the_cosine(name):
     entry = FUNCTIONS[name]
     point = [jnp.asarray(x) for x in FOUND[name]]

@@ -52,7 +52,7 @@ def relative_gradient(point):
     return [list(row) for row in zip(*columns, strict=True)]
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("dtype", [pytest.param(np.float32, marks=pytest.mark.study), np.float64])
 def test_values_and_gradients_at_guided_modes(dtype):
     columns = [jnp.asarray(z, dtype) for z in zip(*FOUND, strict=True)]
     places = tuple(range(len(columns)))

@@ -63,7 +63,8 @@ def along(x, v, w):
     return jax.jvp(lambda y: jax.jvp(powers, (y,), (v,))[1], (x,), (w,))[1]
 
 
-@pytest.mark.parametrize("dtype", [pytest.param(np.float32, marks=pytest.mark.study), np.float64])
+@pytest.mark.study
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_second_derivatives(dtype):
     """Along two directions in which all arguments change; 200 eps of the size of the terms."""
     x = np.array(list(POINTS.values()), dtype)

@@ -70,6 +70,7 @@ def test_the_written_transpose_is_used():
     np.testing.assert_allclose(jax.grad(f)(x), [6.0 * VECTOR[0], 0.0, 0.0])
 
 
+@pytest.mark.study
 def test_one_thin_film_among_lanes():
     """A lane of a film of nanometres, for which all lanes take the series, changes none of them."""
     c, w = jnp.linspace(0.1, 1.0, 5)[:, None], jnp.linspace(0.4, 0.8, 3)
@@ -85,6 +86,7 @@ def test_one_thin_film_among_lanes():
         np.testing.assert_allclose(lane, alone, rtol=0, atol=1e-13 * np.abs(alone).max())
 
 
+@pytest.mark.study
 def test_a_gradient_keeps_few_arrays_of_all_layers():
     """Its coefficients, 20 more of them, are formed where they are used."""
     layers, c, w = 10, jnp.linspace(0.1, 1.0, 50)[:, None], jnp.linspace(0.4, 0.8, 100)

@@ -185,7 +185,8 @@ def test_where_a_perfect_mirror_fits_there_is_only_a_bound(low, stated):
     assert "at least 0.9" in found[int(np.flatnonzero(mirrors)[0])].warnings[0].text
 
 
-@pytest.mark.parametrize("seed", [11, pytest.param(12, marks=pytest.mark.study)])
+@pytest.mark.study
+@pytest.mark.parametrize("seed", [11, 12])
 def test_strong_mirrors_at_random_do_not_converge_on_something_else(seed):
     """R_s of eta .02 to 1, k 1.5 to 10, noise .001 to .05, angles of all kinds."""
     rng, count, wrong, least, true = np.random.default_rng(seed), 0, 0, [], []
