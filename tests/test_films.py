@@ -174,6 +174,8 @@ def test_the_right_order_is_found_in_a_wide_range():
     (961038981, 489.8, 15868.8),
     # the same, and the order beside the right one counted by the metal's rate: 1081.6 at 9.1 um
     (13195813, 987.2, 8780.1),
+    # opaque but for an edge of the spectrum: 495.2, thirteen orders off
+    (961038920, 484.1, 12013.1),
 ])  # fmt: skip
 def test_films_that_ended_in_a_wrong_minimum(seed, cost, thickness):
     """Of `make film-study`: nothing but the range of the thickness is known to the fit."""
