@@ -11,7 +11,8 @@ minimum known, which may be that of a second fit that starts at the truth. Count
   alike   chi2 less than 6 higher: what is reported as an alternative. Thin films have hundreds of
           minima that differ by less, each with some ripple of the noise for its fringes
   false   chi2 higher than that, and yet nothing in the result says so (status "converged", three
-          starts or more that ended in the same minimum, no alternative)
+          starts or more that ended in the same minimum, no alternative, no warning of residuals
+          that are larger than the stated errors or autocorrelated)
   order   the thickness of the solution that is shown, or of an alternative, is within half a fringe
           of the truth, or its 95 % interval holds the truth
 
@@ -118,7 +119,9 @@ def outcome(case: Case, seed: int, **options: Any) -> dict[str, Any]:
     )  # fmt: skip
     best = min(found.cost, known.cost)
     good = bool(found.cost <= best + 0.01) and found.status != "not converged"
-    quiet = found.status == "converged" and found.reached >= 3 and not found.alternatives
+    alike = bool(found.cost < best + ALTERNATIVE_CHI2)
+    misfit = {w.code for w in found.warnings} & {"chi2_large", "residuals_in_order"}
+    alone = found.status == "converged" and found.reached >= 3 and not found.alternatives
     true = case.truth["thickness_nm"]
     shown = [f.parameters["thickness_nm"] for f in (found, *found.alternatives)]
     order = any(
@@ -126,8 +129,8 @@ def outcome(case: Case, seed: int, **options: Any) -> dict[str, Any]:
         for d in shown
     )
     return {
-        "cell": case.cell, "best": good, "alike": found.cost < best + ALTERNATIVE_CHI2,
-        "false": not good and quiet, "order": order,
+        "cell": case.cell, "best": good, "alike": alike,
+        "false": not alike and alone and not misfit, "order": order,
         "rise": found.cost - best, "seed": seed, "thickness": true, "seconds": seconds,
     }  # fmt: skip
 
