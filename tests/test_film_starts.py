@@ -8,8 +8,8 @@ from fitting.problem.observations import observations
 from fitting.problem.problem import targets_of
 from fitting.problem.unknowns import spectrum_of, unknowns
 from fitting.samples.parameters import Settings, from_parameter
-from fitting.searching.film_starts import _eta_of, coordinate, films_of, scaled_index
-from fitting.searching.fringe_orders import thickness_um, with_all_orders
+from fitting.searching.film_starts import _eta_of, coordinate, films_of, scaled_index, thickness_um
+from fitting.searching.fringe_orders import with_all_orders
 from fitting.searching.neighbours import _as_free_electrons
 from fitting.searching.search import Asked, Solving
 from fitting.searching.starts import start_at

@@ -24,6 +24,7 @@ from fitting.results.diagnostics import Finding
 from fitting.results.result import CONVERGED, Fit
 from fitting.samples.sample import Sample
 from fitting.uncertainty.intervals import QUADRATIC
+from fitting.uncertainty.likelihood import corrected_aic
 
 OR = " or "
 _NEUTRAL = "angle_offset"
@@ -59,7 +60,7 @@ def _without_unknowns(which: Sample, fitted: Callable[..., Fit], kind: str) -> F
     noise = 0 if found.errors.taken == "stated" else 1  # the only unknown, see `criteria`
     return replace(
         found, parameters=parameters, covariance=found.covariance[:0, :0], findings=findings,
-        bic=bic, aicc=bic + 2.0 * noise * n / (n - noise - 1) if n > noise + 1 else np.inf,
+        bic=bic, aicc=corrected_aic(bic, noise, n),
         dof=dof, chi2_reduced=found.chi2_reduced * found.dof / dof, status=CONVERGED,
         evaluations=0, starts=0, reached=0,
     )  # fmt: skip

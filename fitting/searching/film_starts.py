@@ -146,8 +146,7 @@ def along_fringes(
     rows: (bool, of all) in which the phase is kept. The fringes determine only the product of index
     and thickness, and the solver moves slowly along a constant product.
     """
-    x, _ = value_and_slope(fit.u.moving[film.row].parameter.coordinate, y[film.row])
-    phase = 1e-3 * x * middle(phase_rates(fit, film, y)[:, rows])
+    phase = thickness_um(fit, film, y) * middle(phase_rates(fit, film, y)[:, rows])
     out = []
     for factor in factors:
         scaled = scaled_index(fit, film, y, factor)
@@ -172,9 +171,15 @@ def scaled_index(fit: Solving, film: Film, y: np.ndarray, factor: float | np.nda
     return np.clip(out, low, high)
 
 
-def coordinate(fit: Solving, film: Film, thickness_um: np.ndarray) -> np.ndarray:
+def coordinate(fit: Solving, film: Film, um: np.ndarray) -> np.ndarray:
+    """Return a thickness in the solver's coordinate."""
     kind = fit.u.moving[film.row].parameter.coordinate
-    return from_parameter(kind, 1e3 * np.maximum(thickness_um, 0.0))
+    return from_parameter(kind, 1e3 * np.maximum(um, 0.0))
+
+
+def thickness_um(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
+    """Return the thickness of a film in every lane of y (p, L), (L,)."""
+    return 1e-3 * value_and_slope(fit.u.moving[film.row].parameter.coordinate, y[film.row])[0]
 
 
 def many_fringes(fit: Solving, film: Film, y: np.ndarray) -> bool:

@@ -7,12 +7,12 @@ looked at, until the last of them fits no longer.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import itertools
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitting.samples.parameters import value_and_slope
 from fitting.searching.film_parts import joined
 from fitting.searching.film_starts import (
     Film,
@@ -21,6 +21,7 @@ from fitting.searching.film_starts import (
     middle,
     phase_rates,
     scaled_index,
+    thickness_um,
 )
 from fitting.searching.followed import followed
 from fitting.searching.minima import ALTERNATIVE_CHI2
@@ -35,23 +36,16 @@ _STEPS, _MOST = (1, -1, 2, -2), 200
 _SAME = 0.4
 
 
-def thickness_um(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
-    """Return the thickness of a film in every lane of y (p, L), (L,)."""
-    return 1e-3 * value_and_slope(fit.u.moving[film.row].parameter.coordinate, y[film.row])[0]
-
-
-def beside(
-    fit: Solving, film: Film, y: np.ndarray, orders: Iterable[int], scaled: bool = True
-) -> np.ndarray:
+def beside(fit: Solving, film: Film, y: np.ndarray, orders: Sequence[int]) -> np.ndarray:
     """Return starts (p, S) some fringe orders beside those of y (p, L), all lanes of each order.
 
-    Within the bounds of the thickness. scaled: whether the index changes as much, so that the
-    optical thickness stays, and with it the number of fringes.
+    Within the bounds of the thickness. First with the index changed as much, so that the optical
+    thickness stays, and with it the number of fringes; then with the index as it is.
     """
     thickness, out = thickness_um(fit, film, y), [y[:, :0]]
     rate = middle(phase_rates(fit, film, y))
     bounds = fit.u.moving[film.row]
-    for order in orders:
+    for scaled, order in itertools.product((True, False), orders):
         moved = thickness + order / rate
         inside = (max(1e-3 * bounds.low, 0.0) < moved) & (moved < 1e-3 * bounds.high)
         moved = moved[inside]
@@ -74,7 +68,7 @@ def with_all_orders(fit: Solving, ends: Ends, noise: float) -> Ends:
         new = np.flatnonzero((ends.cost < least + ALTERNATIVE_CHI2 * fit.unit(least)) & ~looked_at)
         looked_at[new] = True
         y = ends.y[:, new]
-        start = np.concatenate([beside(fit, film, y, _STEPS, s) for s in (True, False)], 1)
+        start = beside(fit, film, y, _STEPS)
         if not start.shape[1]:
             break
         known, fresh = np.concatenate([known, _places(fit, film, y)]), []

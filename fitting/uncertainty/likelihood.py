@@ -80,6 +80,10 @@ def criteria(
     least = loss_of(loss, residual / s) + 2.0 * n * math.log(s * _AREA[loss] / _ROOT)
     least -= n if scaled else 0.0
     count = unknowns + 1 if scaled else unknowns
+    return float(least + unknowns * math.log(n)), corrected_aic(float(least), count, n)
+
+
+def corrected_aic(least: float, count: int, n: int) -> float:
+    """Return AICc of n data: of ``count`` unknowns, the noise among them if it is one."""
     room = n - count - 1
-    aicc = least + 2.0 * count * n / room if room > 0 else math.inf
-    return float(least + unknowns * math.log(n)), float(aicc)
+    return least + 2.0 * count * n / room if room > 0 else math.inf
