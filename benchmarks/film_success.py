@@ -15,6 +15,9 @@ minimum known, which may be that of a second fit that starts at the truth. Count
           that are larger than the stated errors or autocorrelated)
   order   the thickness of the solution that is shown, or of an alternative, is within half a fringe
           of the truth, or its 95 % interval holds the truth
+  untold  that is not so, and there is no warning that the thickness is not determined because its
+          fringes are no larger than those of noise
+  clear   there is no such warning; the last row but one counts these films alone
 
     python -m benchmarks.film_success [--films 10000] [--minutes 60] [--seed N] [--only "on Si, R"]
 """
@@ -43,6 +46,7 @@ MEASURED = {
 }  # fmt: skip
 # Numbers of wavelengths: each of them takes a program of its own for every cell, 10 s to compile.
 SIZES = (128, 512)
+COUNTED = ("best", "alike", "false", "order", "untold", "clear")
 
 
 class Case(NamedTuple):
@@ -124,6 +128,7 @@ def outcome(case: Case, seed: int, **options: Any) -> dict[str, Any]:
     alone = found.status == "converged" and found.reached >= 3 and not found.alternatives
     true = case.truth["thickness_nm"]
     shown = [f.parameters["thickness_nm"] for f in (found, *found.alternatives)]
+    noise = any(w.code == "fringes_in_noise" for w in found.warnings)
     order = any(
         abs(d.value - true) < 0.5 * case.fringe_nm or d.interval[0] < true < d.interval[1]
         for d in shown
@@ -131,6 +136,7 @@ def outcome(case: Case, seed: int, **options: Any) -> dict[str, Any]:
     return {
         "cell": case.cell, "best": good, "alike": alike,
         "false": not alike and alone and not misfit, "order": order,
+        "untold": not order and not noise, "clear": not noise,
         "rise": found.cost - best, "seed": seed, "thickness": true, "seconds": seconds,
     }  # fmt: skip
 
@@ -140,9 +146,7 @@ def _row(cell: tuple[str, str, str]) -> str:
 
 
 def _line(name: str, rows: list[dict[str, Any]]) -> str:
-    mean = [
-        100.0 * float(np.mean([r[k] for r in rows])) for k in ("best", "alike", "false", "order")
-    ]
+    mean = [100.0 * float(np.mean([r[k] for r in rows])) for k in COUNTED]
     seconds = float(np.median([r["seconds"] for r in rows]))
     return f"{name:46}{len(rows):6d}" + "".join(f"{m:8.1f}" for m in mean) + f"{seconds:8.2f}"
 
@@ -167,8 +171,11 @@ def main() -> None:
                 r = rows[-1]
                 print(f"missed: film {seed}, {', '.join(r['cell'])}, {r['thickness']:.4g} nm, chi2 "
                       f"{r['rise']:.3g} above the best", flush=True)  # fmt: skip
+            if rows[-1]["untold"]:
+                print(f"other thickness, untold: film {seed}, {', '.join(case.cell)}, "
+                      f"{case.truth['thickness_nm']:.4g} nm", flush=True)  # fmt: skip
         seed += 1
-    heads = "".join(f"{h:>8}" for h in ("best", "alike", "false", "order", "s"))
+    heads = "".join(f"{h:>8}" for h in (*COUNTED, "s"))
     print(f"\n{'film on substrate, measured':46}{'films':>6}{heads}")
     for cell in sorted({r["cell"] for r in rows}):
         print(_line(_row(cell), [r for r in rows if r["cell"] == cell]))
@@ -176,6 +183,7 @@ def main() -> None:
         some = [r for r in rows if low <= r["thickness"] < high]
         if some:
             print(_line(f"{low} to {high} nm", some))
+    print(_line("all that are clear", [r for r in rows if r["clear"]]))
     print(_line("all", rows))
 
 

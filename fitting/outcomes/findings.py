@@ -49,7 +49,8 @@ class Quality(NamedTuple):
 
     lower: by how much chi2 is lower at a fit near the minimum whose own minimum was not reached; 0
     if there is none. robust: whether chi2_reduced leaves outliers out. errors: how they were used.
-    others: values of the best other minimum and by how much its chi2 is higher.
+    others: values of the best other minimum and by how much its chi2 is higher. fringeless: values
+    of the warning that the fringes of a film are no larger than those of noise; None: they are.
     """
 
     chi2_reduced: float
@@ -68,6 +69,7 @@ class Quality(NamedTuple):
     others: tuple[dict[str, float], ...]
     delta_chi2: float
     shortest_nm: float = np.inf
+    fringeless: dict[str, Any] | None = None
 
 
 def _finding(code: str, **values: Any) -> Finding:
@@ -219,7 +221,10 @@ def findings(f: Seen, q: Quality) -> tuple[Finding, ...]:
     An undetermined combination has a valley of equal chi2, which is one solution: starts end
     anywhere in it.
     """
-    out = _unseen(f) + _thin_film(f, q.shortest_nm)
+    out = _unseen(f)
+    if q.fringeless is not None:
+        out.append(_finding("fringes_in_noise", **q.fringeless))
+    out += _thin_film(f, q.shortest_nm)
     if q.by_the_model_alone:
         out.append(_finding("by_the_model_alone"))
     if q.rms > OUT_OF_MODEL:

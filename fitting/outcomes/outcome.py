@@ -18,9 +18,11 @@ from fitting.results import result as status
 from fitting.results.diagnostics import Finding
 from fitting.results.result import Alternative, Estimate, Fit
 from fitting.samples.parameters import value_and_slope
-from fitting.searching.minima import SAME_CHI2, Minimum, minima
+from fitting.searching.film_parts import joined
+from fitting.searching.minima import ALTERNATIVE_CHI2, SAME_CHI2, Minimum, minima
 from fitting.searching.search import End, Solving
 from fitting.searching.starts import STAGE, Ends, best_of
+from fitting.searching.without_fringes import Fringeless, without_fringes
 from fitting.uncertainty.intervals import QUADRATIC, Intervals, intervals
 from fitting.uncertainty.likelihood import criteria
 from fitting.uncertainty.spline_errors import errors_of_curves
@@ -135,16 +137,23 @@ def _minima(fit: Solving, ends: Ends, end: End, noise: float, scatter: float) ->
     return sorted(found, key=lambda m: m is not usual[0]) if usual else found
 
 
-def _intervals(fit: Solving, every: Sequence[End], noise: float, failed: bool) -> list[Intervals]:
-    """Return the intervals at the best minimum and at the others."""
+def _intervals(
+    fit: Solving, every: Sequence[End], noise: float, failed: bool, last: bool
+) -> list[Intervals]:
+    """Return the intervals at the best minimum and at the others.
+
+    last: whether that of the last one is by profile, too, as are those of the first.
+    """
     wanted = QUADRATIC if failed else fit.asked.intervals
     # If the scatter is that of many fits, t is close to that of the normal distribution; without a
     # degree of freedom stated errors are used as they are.
     taken = fit.dof == 0 and fit.seen.stated
     estimated = fit.asked.scaled and fit.pooled is None and not taken
-    found = intervals(fit, every[: 1 + _OTHERS], noise, wanted=wanted, estimated=estimated)
-    rest = every[1 + _OTHERS :]
-    found += intervals(fit, rest, noise, wanted=QUADRATIC, estimated=estimated)
+    ends = len(every) - (last and len(every) > 1 + _OTHERS)
+    parts = (every[: 1 + _OTHERS], wanted), (every[1 + _OTHERS : ends], QUADRATIC)
+    found = []
+    for part, kind in (*parts, (every[max(ends, 1 + _OTHERS) :], wanted)):
+        found += intervals(fit, part, noise, wanted=kind, estimated=estimated)
     return [i.without() for i in found] if failed else found
 
 
@@ -165,19 +174,30 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
     if found and found[0].lane != lane:
         lane = found[0].lane
         end = fit.look_at(ends.y[:, lane], noise, scaled)
+    enough = SAME_CHI2 * scatter + _rounding(fit, noise)
+    films = of.sample is not None and of.sample.films
+    plain = without_fringes(fit, end.y, noise) if films and not failed else None
+    if plain is not None and plain.ends.done.all() and plain.ends.cost[0] < end.cost - enough:
+        return fit_of(fit, joined([ends, plain.ends]), noise, of)
+    if plain is not None and plain.cost - end.cost > plain.by_chance * scatter:
+        plain = None
+    if plain is not None:
+        ends = joined([ends, plain.ends])
+        found = _minima(fit, ends, end, noise, scatter)
+        if plain.ends.cost[0] - end.cost > ALTERNATIVE_CHI2 * scatter:
+            found.append(Minimum(len(ends.cost) - 1, 1))
     every = [end] + [fit.look_at(ends.y[:, m.lane], noise, scaled, False) for m in found[1:]]
-    ranges = _intervals(fit, every, noise, failed)
+    ranges = _intervals(fit, every, noise, failed, plain is not None)
     least, place = ranges[0].lowest
     lower = 0.0
     # The minimum that is shown need not be the lowest one.
-    enough = min(end.cost, *(e.cost for e in every)) - SAME_CHI2 * scatter - _rounding(fit, noise)
+    enough = min(end.cost, *(e.cost for e in every)) - enough
     if not failed and least < enough:
         # The search for the ends of the intervals met a better minimum.
         low, high = (a[:, None] for a in fit.limits)
         more = fit.held(place[:, None], low, high, noise, STAGE)
         if more.done.all() and more.cost[0] < enough:
-            joined = Ends(*(np.concatenate(both, -1) for both in zip(ends, more, strict=True)))
-            return fit_of(fit, joined, noise, of)
+            return fit_of(fit, joined([ends, more]), noise, of)
         lower = (end.cost - min(least, more.cost[0])) / scatter
     rises = np.array([ends.cost[m.lane] - ends.cost[lane] for m in found[1:]])
     rises = rises / scatter if scatter > 0.0 else 0.0 * rises
@@ -186,8 +206,9 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
         for e, i, m, rise in zip(every[1:], ranges[1:], found[1:], rises.tolist(), strict=True)
     )
     reached = found[0].reached if found else 0
-    return _assembled(fit, of, _Found(end, ranges[0], others, reached, lower, failed), noise,
-                      int(ends.evaluations[lane]))  # fmt: skip
+    rise = np.inf if plain is None else (plain.cost - end.cost) / scatter
+    return _assembled(fit, of, _Found(end, ranges[0], others, reached, lower, failed, plain, rise),
+                      noise, int(ends.evaluations[lane]))  # fmt: skip
 
 
 class _Found(NamedTuple):
@@ -199,6 +220,8 @@ class _Found(NamedTuple):
     reached: int
     lower: float
     failed: bool
+    plain: Fringeless | None
+    rise: float
 
 
 def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: int) -> Fit:
@@ -224,7 +247,8 @@ def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: 
             intervals=f.known.ends[free], quadratic=f.known.quadratic[free],
             kinds=tuple(k for k, is_free in zip(f.known.kind, free, strict=True) if is_free),
         )  # fmt: skip
-        found = findings(seen_of, quality(fit, of, end, f.reached, f.lower, f.others))
+        how = quality(fit, of, end, f.reached, f.lower, f.others)
+        found = findings(seen_of, how._replace(fringeless=f.plain and f.plain.told(f.rise)))
     chi2 = float(s.residual @ s.residual) if seen.stated else np.nan
     bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, int(free.sum()), fit.asked.scaled)
     rms, rms_of = rms_of_residuals(s)

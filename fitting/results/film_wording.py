@@ -25,6 +25,18 @@ def other_thickness(v: Mapping[str, Any]) -> str:
     return f"another thickness fits nearly as well: {listed(each)}; eta and k then differ, too."
 
 
+def fringes_in_noise(v: Mapping[str, Any]) -> str:
+    name = v["parameter"]
+    return (
+        f"{name} is not determined: the fringes that it was taken from are no larger than those of "
+        f"noise. Without fringes ({name} {num(v['without'])}) chi2 is higher by "
+        f"{v['delta_chi2']:.2g}; among {v['count']:.0f} thicknesses that the data can tell apart "
+        f"there is one that lowers it by up to {v['by_chance']:.2g} by chance. Other thicknesses "
+        "may fit nearly as well, with another eta and k. Narrow the range of the thickness if you "
+        "know it, or measure with less noise."
+    )
+
+
 def thin_film(v: Mapping[str, Any]) -> str:
     thickness = f"{v['thickness']} ({num(v['value'])} nm)"
     return (

@@ -43,6 +43,7 @@ SENTENCES: dict[str, Sentence] = {
     "not_seen": wording.not_seen,
     "shared_not_seen": film_wording.shared_not_seen,
     "other_thickness": film_wording.other_thickness,
+    "fringes_in_noise": film_wording.fringes_in_noise,
     "thin_film": film_wording.thin_film,
     "by_the_model_alone": lambda v: (
         "eta and k are not determined by the data alone: there is one "

@@ -1,0 +1,66 @@
+"""Fringes that are no larger than those of noise determine no thickness."""
+
+import numpy as np
+import pytest
+
+from fitting import Measurement, fit, simulate
+from fitting.searching.without_fringes import gain_by_chance
+
+SAMPLE = "air | cauchy:2 5..20000 nm | BK7"
+WAVELENGTHS = 1.0 / np.linspace(1.0 / 0.9, 1.0 / 0.45, 96)
+
+
+@pytest.mark.parametrize("data", [64, 300])
+def test_what_noise_gains_by_chance(data):
+    """Against the largest gain of chi2 by any frequency in white noise, by Fourier transform."""
+    random, draws, above = np.random.default_rng(data), 40_000, 0
+    count = data / 2
+    for _ in range(draws // 2000):
+        noise = random.standard_normal((2000, data))
+        # of the two parameters of a wave of any frequency, on a grid eight times as fine as theirs
+        gain = 2.0 / data * np.abs(np.fft.rfft(noise, 8 * data)[:, 8:-8]) ** 2
+        above += int((gain.max(1) > gain_by_chance(count)).sum())
+    assert 0.0004 * draws < above < 0.0015 * draws
+
+
+def _measured(thickness, seed, noise=1e-3):
+    truth = {"A": 1.62, "B": 0.01, "thickness_nm": thickness}
+    clean = simulate(f"air | cauchy:2 {thickness} nm | BK7", truth, 0.0, WAVELENGTHS, "R")
+    noisy = clean + noise * np.random.default_rng(seed).standard_normal(len(clean))
+    return Measurement.from_columns(0.0, WAVELENGTHS, sigma=noise, R=noisy)
+
+
+def test_the_best_thickness_may_be_that_of_noise():
+    """In this draw chi2 is 7 lower at 2.3 um; the true 9 nm are among the solutions, too."""
+    found = fit(_measured(9.0, 4), SAMPLE)
+    told = [w for w in found.warnings if w.code == "fringes_in_noise"]
+    assert found.parameters["thickness_nm"].interval[0] > 2000.0
+    assert len(told) == 1
+    v = told[0].values
+    assert 6.0 < v["delta_chi2"] < v["by_chance"]
+    assert v["without"] < 200.0
+    assert "thickness_nm is not determined" in told[0].text
+    assert _holds(found, 9.0)
+
+
+@pytest.mark.parametrize("seed", [0, 2, 5])
+def test_a_film_without_fringes_is_among_the_solutions(seed):
+    assert _holds(fit(_measured(9.0, seed), SAMPLE), 9.0)
+
+
+def _holds(found, thickness):
+    ends = [f.parameters["thickness_nm"].interval for f in (found, *found.alternatives)]
+    return any(low <= thickness <= high for low, high in ends)
+
+
+def test_weak_fringes_are_fringes():
+    """Some times the noise are enough, and the thickness is then the true one."""
+    found = fit(_measured(3000.0, 6), SAMPLE)
+    assert "fringes_in_noise" not in {w.code for w in found.warnings}
+    low, high = found.parameters["thickness_nm"].interval
+    assert low - 2.0 < 3000.0 < high + 2.0
+
+
+def test_a_range_that_excludes_films_without_fringes():
+    found = fit(_measured(9.0, 4), "air | cauchy:2 4000..20000 nm | BK7")
+    assert "fringes_in_noise" not in {w.code for w in found.warnings}
