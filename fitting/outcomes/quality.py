@@ -31,12 +31,28 @@ class Subject(NamedTuple):
     notes: tuple[Warning, ...] = ()
 
 
+def _a_k_is_free(u: Unknowns) -> bool:
+    """Whether the fit determines the k of a medium; numbers are held, with k too."""
+    free = {name for name, w in zip(u.spec.moving, u.moving, strict=True) if w.free}
+    return any(
+        index.absorbs and any(_acts_on_k(name, place) for name in free)
+        for place, index in zip(u.spec.media.places, u.spec.media.index, strict=True)
+        if isinstance(index, Model | Mixture)
+    )
+
+
+def _acts_on_k(name: str, place: str) -> bool:
+    of, _, parameter = name.rpartition(".")
+    others = ("eta", "thickness_nm", "thickness_um", "grade")
+    return of == place and parameter not in others and not parameter.startswith("fraction")
+
+
 def _by_the_model_alone(u: Unknowns, m: Measurement, end: End) -> bool:
     """Whether k comes from the model: every wavelength has a single value, and that one of R or T.
 
     At one wavelength two unknowns that the data determine are k too.
     """
-    if not any(i.absorbs for i in u.spec.media.index if isinstance(i, Model | Mixture)):
+    if not _a_k_is_free(u):
         return False
     waves = len(np.unique(m.wavelength_um))
     if not are_powers(m.quantity).all() or (

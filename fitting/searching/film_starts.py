@@ -121,13 +121,18 @@ def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
 
 
 def by_fringes(
-    fit: Solving, film: Film, y: np.ndarray, rates: np.ndarray, rows: np.ndarray, count: int
-) -> np.ndarray:
-    """Return starts (p, 4 count) from the fringes in some rows (bool, of all)."""
+    fit: Solving, film: Film, y: np.ndarray, rates: np.ndarray, rows: np.ndarray, count: int,
+    most: float = np.inf,
+) -> np.ndarray:  # fmt: skip
+    """Return starts (p, 4 count) from the fringes in some rows (bool, of all).
+
+    most: leave out thicknesses whose misfit is so many times that of the best.
+    """
     values, weights = _curves(fit.seen)
     lane, thickness = likely_thicknesses(
-        rates[:, rows], film.low_um, film.high_um, values[:, rows], weights[:, rows], count
-    )
+        rates[:, rows], film.low_um, film.high_um, values[:, rows], weights[:, rows], count,
+        most,
+    )  # fmt: skip
     between = middle(rates[lane][:, rows])
     out = []
     for shift in SHIFTS:

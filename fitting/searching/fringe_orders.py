@@ -1,8 +1,9 @@
-"""Fringe orders beside a minimum: thicknesses that are one or more fringes larger or smaller.
+"""Other thicknesses that may fit as well as a minimum: one or more fringes larger or smaller.
 
 Where the index may change with the wavelength, dozens of orders can fit within the noise, and so
 can other thicknesses of one order, with another index. From each that does, the ones beside it are
-looked at, until the last of them fits no longer.
+looked at, until the last of them fits no longer; and so are those whose fringes differ only
+between the measured points.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from fitting.searching.film_parts import joined
 from fitting.searching.film_starts import (
     Film,
+    by_fringes,
     coordinate,
     films_of,
     middle,
@@ -32,6 +34,8 @@ if TYPE_CHECKING:
 
 # Orders on either side of one that fits, and how many starts there are for them at most.
 _STEPS, _MOST = (1, -1, 2, -2), 200
+# Thicknesses whose fringes, apart from all else, have a misfit of at most so many times the least.
+_ALIKE, _AS_WELL = 12, 4.0
 # Two films closer than that in thickness and number of fringes are one, in fringes.
 _SAME = 0.4
 
@@ -68,7 +72,8 @@ def with_all_orders(fit: Solving, ends: Ends, noise: float) -> Ends:
         new = np.flatnonzero((ends.cost < least + ALTERNATIVE_CHI2 * fit.unit(least)) & ~looked_at)
         looked_at[new] = True
         y = ends.y[:, new]
-        start = beside(fit, film, y, _STEPS)
+        lowest = ends.y[:, new[[np.argmin(ends.cost[new])]]] if len(new) else y
+        start = np.concatenate([beside(fit, film, y, _STEPS), _alike(fit, film, lowest)], 1)
         if not start.shape[1]:
             break
         known, fresh = np.concatenate([known, _places(fit, film, y)]), []
@@ -83,6 +88,19 @@ def with_all_orders(fit: Solving, ends: Ends, noise: float) -> Ends:
         ends = joined([ends, followed(fit, start[:, fresh], noise, least)])
         looked_at = np.append(looked_at, np.zeros(len(fresh), bool))
     return ends
+
+
+def _alike(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
+    """Return starts (p, S) at other thicknesses with the same fringes at the measured points.
+
+    Of y (p, 1) or (p, 0). Fringes that are sampled less than twice look like others with as many
+    more or fewer periods between two neighbouring points.
+    """
+    if not y.shape[1]:
+        return y
+    rates = phase_rates(fit, film, y)
+    used = np.arange(rates.shape[1]) <= fit.seen.row.max()  # the rows behind are padding
+    return by_fringes(fit, film, y, rates, used, _ALIKE, _AS_WELL)
 
 
 def _places(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:

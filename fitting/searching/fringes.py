@@ -170,11 +170,13 @@ def likely_thicknesses(
     values: np.ndarray,
     weights: np.ndarray,
     count: int,
+    most: float = np.inf,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the candidate indices and thicknesses that describe the fringes best, (count,) each.
 
     rates: (J, M) of the candidates. The lowest local minima of the misfit over thickness, of all
-    candidates together, the best first.
+    candidates together, the best first. most: leave out those whose misfit is so many times that
+    of the best.
     """
     groups = _alike(values, weights)
     which, where, left = [], [], []
@@ -186,9 +188,11 @@ def likely_thicknesses(
         cost = misfit(rate, grid, groups)[rising]
         lower = np.r_[True, cost[1:] <= cost[:-1]] & np.r_[cost[:-1] <= cost[1:], True]
         best = np.flatnonzero(lower)
-        best = best[np.argsort(cost[best], kind="stable")[:6]]
+        best = best[np.argsort(cost[best], kind="stable")[: max(6, count // len(rates))]]
         which.append(np.full(len(best), j))
         where.append(thickness[best])
         left.append(cost[best])
-    order = np.argsort(np.concatenate(left), kind="stable")[:count]
+    misfits = np.concatenate(left)
+    order = np.argsort(misfits, kind="stable")[:count]
+    order = order[misfits[order] <= most * misfits[order[0]]]
     return np.concatenate(which)[order], np.concatenate(where)[order]

@@ -1,0 +1,30 @@
+"""A k that only the form of the model separates from eta is told; a known k is none."""
+
+import numpy as np
+import pytest
+
+from fitting import Measurement, fit, simulate
+
+WAVELENGTHS = np.linspace(0.4, 0.9, 60)
+TRUTH = {"A": 1.9, "B": 0.01, "thickness_nm": 300.0}
+
+
+def told(sample, **columns):
+    found = fit(Measurement.from_columns(0.0, WAVELENGTHS, sigma=1e-3, **columns), sample)
+    return "by_the_model_alone" in {w.code for w in found.warnings}
+
+
+@pytest.fixture(scope="module")
+def reflectance():
+    clean = simulate("air | cauchy:2 300 nm | 1.52", TRUTH, 0.0, WAVELENGTHS)
+    return clean + 1e-3 * np.random.default_rng(0).standard_normal(len(clean))
+
+
+@pytest.mark.parametrize("sample, expected", [
+    ("air | cauchy:2 100..600 nm | 1.52", False),
+    ("air | cauchy:2 100..600 nm | 1.52+0.01i", False),
+    ("air | 1.5 1..20 nm | cauchy:2 100..600 nm | 1.52", False),
+    ("air | cauchy-urbach 100..600 nm | 1.52", True),
+])  # fmt: skip
+def test_one_reflectance_at_each_wavelength(sample, expected, reflectance):
+    assert told(sample, R=reflectance) is expected
