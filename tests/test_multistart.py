@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks import model_success
 from fitting.samples.parameters import LOG, SQUARE, Parameter, Unknown
-from fitting.searching.minima import minima
+from fitting.searching.minima import Around, minima
 from fitting.searching.starts import Ends, quasi_random, start_at, starts
 
 
@@ -50,11 +50,21 @@ def test_minima_by_cost_and_place():
     cost = np.array([10.0, 10.001, 12.0, 30.0, 9.0, 12.001])
     done = np.array([True, True, True, True, False, True])
     ends = Ends(y, cost, done, np.ones(6, int))
-    found = minima(ends, y, 1.0, 0.0, np.array([0.1]))
+    near = Around(np.array([0.1]), np.array([[20.0]]))
+    found = minima(ends, 1.0, 0.0, lambda lane: near)
     assert [(m.lane, m.reached) for m in found] == [(0, 2), (2, 2)]
     # a valley that the data do not see the end of is one minimum
-    assert len(minima(ends, y, 1.0, 0.0, np.array([np.inf]))) == 1
-    assert minima(ends._replace(done=~done & False), y, 1.0, 0.0, np.array([0.1])) == []
+    valley = Around(np.array([np.inf]), np.array([[0.0]]))
+    assert len(minima(ends, 1.0, 0.0, lambda lane: valley)) == 1
+    assert minima(ends._replace(done=~done & False), 1.0, 0.0, lambda lane: near) == []
+
+
+def test_what_only_changes_together_is_no_single_minimum():
+    """Either parameter may change by 1, but not one without the other."""
+    y = np.array([[0.0, 1.0, 1.0], [0.0, 1.0, -1.0]])
+    ends = Ends(y, np.array([10.0, 11.0, 11.0]), np.ones(3, bool), np.ones(3, int))
+    near = Around(np.array([4.0, 4.0]), 10.0 * np.array([[1.0, -1.0], [0.0, 0.1]]))
+    assert [m.lane for m in minima(ends, 1.0, 0.0, lambda lane: near)] == [0, 2]
 
 
 def test_three_oscillators_are_found_where_random_starts_miss_them():

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ from fitting.results.diagnostics import Finding
 from fitting.results.result import Alternative, Estimate, Fit
 from fitting.samples.parameters import value_and_slope
 from fitting.searching.film_parts import joined
-from fitting.searching.minima import ALTERNATIVE_CHI2, SAME_CHI2, Minimum, minima
+from fitting.searching.minima import ALTERNATIVE_CHI2, SAME_CHI2, Around, Minimum, minima
 from fitting.searching.search import End, Solving
 from fitting.searching.starts import STAGE, Ends, best_of
 from fitting.searching.without_fringes import Fringeless, without_fringes
@@ -107,23 +108,30 @@ def _scatter(fit: Solving, cost: float, noise: float, scaled: bool) -> float:
     """Return the unit of differences of the cost."""
     if fit.pooled is not None and scaled:
         return fit.pooled
-    few = fit.dof < 3
     scatter = cost / fit.dof if fit.dof else 0.0
-    if not scaled or (few and fit.seen.stated) or noise != 1.0:
+    if not scaled or fit.seen.stated or noise != 1.0:
         return max(scatter, 1.0)
-    return max(scatter, ASSUMED_SIGMA**2) if few else scatter
+    return max(scatter, ASSUMED_SIGMA**2) if fit.dof < 3 else scatter
 
 
-def _minima(fit: Solving, ends: Ends, end: End, noise: float, scatter: float) -> list[Minimum]:
+def _minima(
+    fit: Solving, ends: Ends, look: Callable[[int], End], noise: float, scatter: float
+) -> list[Minimum]:
     """Return the minima that fit nearly as well as the best one, the one to be shown first.
 
-    At normal incidence N and eta_i^2 / N have the same reflectance; of two that fit equally well
-    within one unit of chi2 the one above eta_i is shown.
+    look: returns where a lane ended. At normal incidence N and eta_i^2 / N have the same
+    reflectance; of two that fit equally well within one unit of chi2 the one above eta_i is shown.
     """
     rounding = _rounding(fit, noise)
-    edge = end.known.edge * np.sqrt(scatter)
-    spread = np.where(np.isfinite(edge), 4.0 * edge, np.inf)
-    found = minima(ends, ends.y, scatter, rounding, spread)
+    unit = np.sqrt(scatter + rounding) + 1e-150
+
+    def around(lane: int) -> Around:
+        end = look(lane)
+        edge = 4.0 * unit * end.known.edge
+        rows = end.slopes.jacobian / (unit * noise)
+        return Around(np.where(np.isfinite(edge), edge, np.inf), rows)
+
+    found = minima(ends, scatter, rounding, around)
     free = [i for i, name in enumerate(fit.u.spec.moving) if name.endswith(".eta")]
     eta_i = float(np.mean(fit.targets.eta_i))
     if len(found) < 2 or len(free) != 1:  # of the surface, or of a plate
@@ -170,7 +178,8 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
     end = fit.look_at(ends.y[:, lane], noise, scaled)
     failed = best is None or not end.finite
     scatter = _scatter(fit, end.cost, noise, scaled)
-    found = [] if failed else _minima(fit, ends, end, noise, scatter)
+    look = functools.cache(lambda lane: fit.look_at(ends.y[:, lane], noise, scaled, False))
+    found = [] if failed else _minima(fit, ends, look, noise, scatter)
     if found and found[0].lane != lane:
         lane = found[0].lane
         end = fit.look_at(ends.y[:, lane], noise, scaled)
@@ -183,10 +192,10 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
         plain = None
     if plain is not None:
         ends = joined([ends, plain.ends])
-        found = _minima(fit, ends, end, noise, scatter)
+        found = _minima(fit, ends, look, noise, scatter)
         if plain.ends.cost[0] - end.cost > ALTERNATIVE_CHI2 * scatter:
             found.append(Minimum(len(ends.cost) - 1, 1))
-    every = [end] + [fit.look_at(ends.y[:, m.lane], noise, scaled, False) for m in found[1:]]
+    every = [end] + [look(m.lane) for m in found[1:]]
     ranges = _intervals(fit, every, noise, failed, plain is not None)
     least, place = ranges[0].lowest
     lower = 0.0
@@ -199,7 +208,7 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
         if more.done.all() and more.cost[0] < enough:
             return fit_of(fit, joined([ends, more]), noise, of)
         lower = (end.cost - min(least, more.cost[0])) / scatter
-    rises = np.array([ends.cost[m.lane] - ends.cost[lane] for m in found[1:]])
+    rises = np.array([e.cost - end.cost for e in every[1:]])
     rises = rises / scatter if scatter > 0.0 else 0.0 * rises
     others = tuple(
         Alternative(parameters=_estimates(u, e, i), delta_chi2=rise, reached=m.reached)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,9 @@ from fitting.searching.starts import Ends
 # reported if its chi2 is higher by less than the second: the 95 % quantile of chi2 with two degrees
 # of freedom is 6.
 SAME_CHI2, ALTERNATIVE_CHI2 = 0.02, 6.0
+# Square of the number of standard errors from which on two end points with different chi2 are two
+# minima.
+_APART = 25.0
 
 
 class Minimum(NamedTuple):
@@ -21,15 +25,25 @@ class Minimum(NamedTuple):
     reached: int
 
 
+class Around(NamedTuple):
+    """How the data see the parameters near an end point.
+
+    spread: (p,), changes below which another end point may be the same minimum (a few standard
+    errors, infinite for undetermined parameters). rows: (M, p) derivatives of the residuals, in
+    units of the scatter: parameters of which each may change by so much need not do so together.
+    """
+
+    spread: np.ndarray
+    rows: np.ndarray
+
+
 def minima(
-    ends: Ends, x: np.ndarray, scatter: float, rounding: float, spread: np.ndarray
+    ends: Ends, scatter: float, rounding: float, around: Callable[[int], Around]
 ) -> list[Minimum]:
     """Return the minima within ALTERNATIVE_CHI2 of the best one, the best first.
 
-    x: (p, L) parameters where the lanes ended, with terms in one order. scatter: unit of
-    differences of the cost. rounding: differences of the cost below this are rounding. spread:
-    (p,), distances below which two end points are one (a few standard errors at the best one,
-    large for undetermined parameters).
+    scatter: unit of differences of the cost. rounding: differences of the cost below this are
+    rounding. around: of a lane.
     """
     lanes = np.flatnonzero(ends.done & np.isfinite(ends.cost))
     if not len(lanes):
@@ -37,17 +51,25 @@ def minima(
     lanes = lanes[np.argsort(ends.cost[lanes], kind="stable")]
     least = ends.cost[lanes[0]]
     lanes = lanes[ends.cost[lanes] - least <= ALTERNATIVE_CHI2 * scatter + rounding]
-    found: list[list[int]] = []
+    same = SAME_CHI2 * scatter + rounding
+    found: list[tuple[Around, list[int]]] = []
     for lane in lanes:
-        for group in found:
-            near = np.abs(x[:, lane] - x[:, group[0]]) <= spread + 1e-6 * np.abs(x[:, group[0]])
-            if near.all():
+        for near, group in found:
+            alike = ends.cost[lane] - ends.cost[group[0]] <= same
+            if _one(ends.y[:, group[0]], ends.y[:, lane], near, alike):
                 group.append(int(lane))
                 break
         else:
-            found.append([int(lane)])
-    same = SAME_CHI2 * scatter + rounding
+            found.append((around(int(lane)), [int(lane)]))
     return [
         Minimum(group[0], int((ends.cost[group] - ends.cost[group[0]] <= same).sum()))
-        for group in found
+        for _, group in found
     ]
+
+
+def _one(y: np.ndarray, other: np.ndarray, near: Around, alike: bool) -> bool:
+    """Whether two end points (p,) are one minimum. alike: whether their costs are the same."""
+    step = other - y
+    if (np.abs(step) > near.spread + 1e-6 * np.abs(y)).any():
+        return False
+    return alike or float(np.sum((near.rows @ step) ** 2)) <= _APART

@@ -249,7 +249,7 @@ class Solving:
     def unit(self, cost: float) -> float:
         """Return a unit of chi2 where the lowest cost is ``cost``."""
         scatter = cost / max(self.dof, 1)
-        return scatter if self.asked.scaled else max(1.0, scatter)
+        return max(1.0, scatter) if self.seen.stated or not self.asked.scaled else scatter
 
     def known(self, s: Slopes, y: np.ndarray, noise: float, scaled: bool) -> Uncertainty:
         """Return the uncertainty at y."""
