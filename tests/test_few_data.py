@@ -26,11 +26,12 @@ def drawn(seed):
     return measured, substrate, truth
 
 
-@pytest.mark.parametrize("seed", [164, 214, 233])
-def test_the_truth_is_among_the_solutions_where_chi2_is_small_by_chance(seed):
-    """Three degrees of freedom tell no scale of the errors: chi2/dof is .02 to .5 here.
+@pytest.mark.parametrize("seed", [164, 214, 233, 177, 288, 330, 903, 971])
+def test_the_truth_is_among_the_solutions(seed):
+    """Of 1000 such films those whose true values were not.
 
-    Of 1000 such films these solutions were left out when chi2 was counted in units of its scatter.
+    Of the first three chi2/dof is .02 to .5 by chance, which is no unit for differences of chi2. Of
+    the others the errors at the lowest minimum are so large that two minima were taken for one.
     """
     measured, substrate, truth = drawn(seed)
     found = fit(measured, f"air | constant 1..1000 nm | {substrate}")
