@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo docs notebooks test test-studies lint accuracy accuracy-search advisor-study bench stability startup fit-study fit-coverage model-coverage model-study model-success errors-study film-study film-choice fuzz clean
+.PHONY: demo docs notebooks test test-studies lint accuracy accuracy-search advisor-study bench stability startup fit-study fit-coverage model-coverage model-study model-success errors-study film-study free-film-study film-choice fuzz clean
 
 demo: .venv/installed-plot  ## fit the two scans that ship with the project; tables, pictures, JSON in demo/
 	mkdir -p demo
@@ -82,6 +82,9 @@ fuzz: .venv/installed-test  ## files of known truth, damaged files, kills: none 
 FILMS ?= 10000
 film-study: .venv/installed-bench  ## how often the right thickness of a film is found (hours; FILMS=200 for a look)
 	$(BIN)/python -m benchmarks.film_success --films $(FILMS)
+
+free-film-study: .venv/installed-bench  ## how often the interval of the thickness of a film with a free index holds the true one (an hour)
+	$(BIN)/python -m benchmarks.free_film_study
 
 film-choice: .venv/installed-bench  ## how often choose takes the true one of several films, and adds no layer (hours)
 	$(BIN)/python -m benchmarks.film_choice

@@ -1,9 +1,9 @@
 """A film whose eta and k are free at every wavelength, with one thickness that all of them share.
 
 For a given thickness every wavelength is a fit by itself (`wavelengths`); the best thickness has
-the lowest sum of their costs. This needs more than two numbers at a wavelength: psi and Delta at
-one angle give an eta and a k for any thickness. The errors of eta and k include that of the
-thickness.
+the lowest sum of their costs (`thickness_profile`). This needs more than two numbers at a
+wavelength: psi and Delta at one angle give an eta and a k for any thickness. The errors of eta and
+k include that of the thickness.
 
 Source: the point-by-point fit with a common thickness of H. G. Tompkins and E. A. Irene (eds.),
 Handbook of Ellipsometry (2005), sec. 3.4.
@@ -11,10 +11,7 @@ Handbook of Ellipsometry (2005), sec. 3.4.
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,29 +20,9 @@ from fitting.results.diagnostics import Finding
 from fitting.results.result import NONE, QUADRATIC, SHARED, Estimate, Fit
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import FREE, Sample
-from fitting.searching.minima import ALTERNATIVE_CHI2
 from fitting.searching.search import Asked
-from fitting.wavelengths import One, fit_wavelengths, jobs, solved_each
-
-# The thickness is first scanned in _GRID steps, each wavelength from _STARTS starts. At most
-# _CLOSER finer scans of _WITHIN steps follow, each a third as wide, until the cost beside the best
-# thickness is higher by less than _FLAT of the scatter: the thickness is then within .03 standard
-# errors. (After three scans it is within .1; with exact data within 8.)
-_STARTS, _GRID, _CLOSER, _WITHIN = 16, 25, 14, 7
-_FLAT = 1e-3
-
-
-class _Profile(NamedTuple):
-    """Cost over thickness, (D,) each, in rising order; scatter: the unit of a rise of the cost."""
-
-    thickness_nm: np.ndarray
-    cost: np.ndarray
-    scatter: float
-
-    @property
-    def best(self) -> int:
-        """The place of the best thickness."""
-        return int(np.argmin(self.cost))
+from fitting.thickness_profile import shared_thickness
+from fitting.wavelengths import fit_wavelengths, jobs
 
 
 def free_film(sample: Sample) -> int | None:
@@ -96,76 +73,6 @@ def _held(sample: Sample, which: int, thickness_nm: float) -> Sample:
     return Sample(tuple(media))
 
 
-def _cost(ones: Sequence[One], row: int, thickness_nm: float) -> float:
-    """Return the sum of the costs of all wavelengths at a thickness."""
-    moved = []
-    for one in ones:
-        job = copy.copy(one.fit)
-        held = one.fit.targets.held.copy()
-        held[row] = thickness_nm
-        job.targets = one.fit.targets._replace(held=held)
-        moved.append(one._replace(fit=job))
-    total = 0.0
-    for _, ends in solved_each(moved, _STARTS):
-        total += float(np.min(np.where(np.isfinite(ends.cost), ends.cost, np.inf)))
-    return total
-
-
-def _profile(ones: Sequence[One], row: int, ends: tuple[float, float], scaled: bool) -> _Profile:
-    known: dict[float, float] = {}
-
-    def look(places: np.ndarray) -> None:
-        for d in places.tolist():
-            # A place that differs from the best one by rounding only would become its neighbour,
-            # and hide those beyond.
-            if all(abs(d - other) > 1e-10 * d for other in known):
-                known[d] = _cost(ones, row, d)
-
-    data = sum(one.fit.n_data for one in ones)
-    dof = max(data - 2 * len(ones) - 1, 1)
-    least = 1e-24 * sum(one.fit.squares for one in ones)
-
-    def scatter() -> float:
-        lowest = min(known.values())
-        return max(lowest / dof if scaled or not ones[0].fit.seen.stated else 1.0, least)
-
-    look(np.geomspace(*ends, _GRID) if ends[1] > 4.0 * ends[0] else np.linspace(*ends, _GRID))
-    for _ in range(_CLOSER):
-        order = sorted(known)
-        best = min(range(len(order)), key=lambda i: known[order[i]])
-        low, high = order[max(best - 1, 0)], order[min(best + 1, len(order) - 1)]
-        if max(known[low], known[high]) - known[order[best]] < _FLAT * scatter():
-            break
-        look(np.linspace(low, high, _WITHIN))
-    thickness = np.array(sorted(known))
-    return _Profile(thickness, np.array([known[d] for d in thickness.tolist()]), scatter())
-
-
-def _error(p: _Profile) -> float:
-    """Return the standard error of the thickness, over which the cost rises by the scatter."""
-    rise = (p.cost - p.cost[p.best]) / p.scatter
-    near = rise < 9.0
-    if near.sum() < 5:
-        near = np.zeros(len(rise), bool)
-        near[np.argsort(np.abs(p.thickness_nm - p.thickness_nm[p.best]))[:5]] = True
-    away = p.thickness_nm[near] - p.thickness_nm[p.best]
-    size = np.abs(away).max()
-    bend = np.polyfit(away / size, rise[near], 2)[0]
-    return float(size / np.sqrt(bend)) if bend > 0.0 else np.inf
-
-
-def _others(p: _Profile) -> tuple[tuple[float, float], ...]:
-    """Return other thicknesses that fit nearly as well, with the rise of chi2."""
-    rise = (p.cost - p.cost[p.best]) / p.scatter
-    lower = np.r_[True, rise[1:] <= rise[:-1]] & np.r_[rise[:-1] <= rise[1:], True]
-    out = []
-    for i in np.flatnonzero(lower & (rise < ALTERNATIVE_CHI2)):
-        between = rise[min(i, p.best) : max(i, p.best) + 1]
-        if i != p.best and between.max() > rise[i] + 1.0:
-            out.append((float(p.thickness_nm[i]), float(rise[i])))
-    return tuple(out)
-
-
 def fit_free_film(
     measurement: Measurement, sample: Sample, settings: Settings, asked: Asked
 ) -> Fit:
@@ -178,8 +85,8 @@ def fit_free_film(
     ones = jobs(measurement, _held(sample, which, ends[0]), settings, asked)
     name = f"{sample.places[which]}.thickness_nm"
     row = ones[0].fit.u.spec.held.index(name)
-    p = _profile(ones, row, ends, asked.scaled)
-    best, sigma = float(p.thickness_nm[p.best]), _error(p)
+    shared = shared_thickness(ones, row, sample.places[which], ends, asked.scaled)
+    best, sigma = shared.nm, shared.sigma
     found = fit_wavelengths(measurement, _held(sample, which, best), settings, asked)
     label = ones[0].fit.u.labels[name]
     wide = sigma > 0.3 * (ends[1] - ends[0]) or not np.isfinite(sigma)
@@ -205,10 +112,9 @@ def fit_free_film(
     everywhere = np.ones(found.shape, bool)
     if wide:
         findings.insert(0, Finding("shared_not_seen", everywhere, {"parameter": label}))
-    others = _others(p)
-    if others and not wide:
-        values = {"parameter": label, "values": tuple(o[0] for o in others),
-                  "delta_chi2": tuple(o[1] for o in others)}  # fmt: skip
+    if shared.others and not wide:
+        values = {"parameter": label, "values": tuple(o[0] for o in shared.others),
+                  "delta_chi2": tuple(o[1] for o in shared.others)}  # fmt: skip
         findings.insert(0, Finding("other_thickness", everywhere, values))
     columns = np.stack([by[n] for n in found.names], -1)
     errors = [np.asarray(parameters[n].sigma) for n in ("eta", "k")]

@@ -21,10 +21,12 @@ from fitting.problem.observations import missing_errors, observations
 from fitting.problem.problem import Targets, targets_of
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.progress import listening, tell
+from fitting.residuals.error_model import CHI2_LARGE, chi2_flags
 from fitting.results.diagnostics import Finding
 from fitting.results.result import CONVERGED, NONE, UNDETERMINED, Fit
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
+from fitting.searching.film_parts import joined
 from fitting.searching.search import Asked, Solving
 from fitting.searching.starts import LANES, Ends, run
 from fitting.searching.starts import starts as start_points
@@ -32,6 +34,9 @@ from fitting.uncertainty.intervals import QUADRATIC
 
 # Number of wavelengths that one run of a program solves, each from LANES starts.
 _TOGETHER = 16
+# A wavelength that is not described is tried again from the solutions at so many wavelengths on
+# either side, as long as this helps, at most so many times.
+_BESIDE, _ROUNDS = 8, 12
 # Degrees of freedom from which on the noise is estimated from a wavelength's own scatter.
 _ENOUGH = 5
 
@@ -173,7 +178,7 @@ def fit_wavelengths(
         # quadratic limit of k can be 12 times too small.
         asked = asked._replace(intervals=QUADRATIC)
     ones = jobs(measurement, sample, settings, asked)
-    pairs = solved_each(ones)
+    pairs = from_neighbours(solved_each(ones))
     pooled = _scatter(pairs) if several else None
     fits = []
     for one, ends in pairs:
@@ -188,7 +193,7 @@ def fit_wavelengths(
 
 def solved_each(ones: list[One], count: int = LANES) -> list[tuple[One, Ends]]:
     """Return every wavelength with the ends of its first ``count`` starts."""
-    solved: list[Ends | None] = [None] * len(ones)
+    solved: dict[int, Ends] = {}
     tell(total=2 * len(ones), done=0)  # each is solved, and then gets its errors
     together = _TOGETHER * LANES // count
     for chunk in _chunks(ones, together):
@@ -209,4 +214,45 @@ def solved_each(ones: list[One], count: int = LANES) -> list[tuple[One, Ends]]:
             own = slice(i * count, (i + 1) * count)
             solved[one.place] = Ends(*(a[..., own] for a in ends))
         tell(done=len(chunk))
-    return [(one, ends) for one, ends in zip(ones, solved, strict=True) if ends is not None]
+    return [(one, solved[one.place]) for one in ones]
+
+
+def from_neighbours(pairs: list[tuple[One, Ends]]) -> list[tuple[One, Ends]]:
+    """Return the wavelengths, those that are not described tried from the solutions beside them.
+
+    An index changes little from one wavelength to the next, and a narrow minimum that few starts
+    find at one of them is wide at another.
+    """
+    pairs = list(pairs)
+    for _ in range(_ROUNDS):
+        worth = [i for i in range(len(pairs)) if len(pairs) > 1 and _is_misfit(pairs, i)]
+        again = [_beside(pairs, i) for i in worth]
+        better = False
+        for i, (one, ends) in zip(worth, solved_each(again, 2 * _BESIDE), strict=True):
+            before = pairs[i][1].cost.min()
+            one.fit.starts += 2 * _BESIDE
+            pairs[i] = one, joined([pairs[i][1], ends])
+            better |= bool(pairs[i][1].cost.min() < (1.0 - 1e-3) * before)
+        if not better:
+            break
+    return pairs
+
+
+def _is_misfit(pairs: list[tuple[One, Ends]], which: int) -> bool:
+    """Whether the lowest end of a wavelength is above the noise, or far above those of others."""
+    one, ends = pairs[which]
+    if one.fit.dof == 0:
+        return bool(ends.cost.min() > 1e-6 * one.fit.squares)
+    reduced = np.array([e.cost.min() / max(o.fit.dof, 1) for o, e in pairs])
+    if one.fit.seen.stated:
+        flags = chi2_flags(reduced[which : which + 1], np.array([one.fit.dof]))
+        return bool((flags & CHI2_LARGE).any())
+    return bool(reduced[which] > 4.0 * np.median(reduced))
+
+
+def _beside(pairs: list[tuple[One, Ends]], which: int) -> One:
+    """Return a wavelength with the lowest ends of those beside it as its starts."""
+    steps = [i for n in range(1, _BESIDE + 1) for i in (which - n, which + n)]
+    ends = [pairs[min(max(i, 0), len(pairs) - 1)][1] for i in steps]
+    start = np.stack([e.y[:, np.argmin(e.cost)] for e in ends], 1)
+    return pairs[which][0]._replace(start=start)

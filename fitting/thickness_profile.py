@@ -1,0 +1,192 @@
+"""The sum of squares of all wavelengths over one thickness that they share, and its lowest place.
+
+At each thickness every wavelength is a fit by itself, with eta and k of its own.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.searching.minima import ALTERNATIVE_CHI2
+from fitting.wavelengths import One, solved_each
+
+# The thickness is first scanned in _GRID steps, each wavelength from _STARTS starts. At most
+# _CLOSER finer scans of _WITHIN steps follow, each a third as wide, until the cost beside the best
+# thickness is higher by less than _NEAR of the scatter, which is within two standard errors. A
+# second scan there, with k of either sign, ends at less than _FLAT: within .03 standard errors.
+_STARTS, _GRID, _CLOSER, _WITHIN = 16, 25, 14, 7
+# Before these, one finer scan in each of so many valleys: the lowest one may be narrow.
+_VALLEYS = (3, 2)
+_NEAR, _FLAT = 4.0, 1e-3
+# Of the starts those from so many wavelengths on either side, at the nearest thickness known.
+_BESIDE = 3
+# With k >= 0 at every wavelength a transparent film would seem too thick, by two standard errors
+# for 30 wavelengths: there k can follow a larger thickness, but not a smaller one. So the thickness
+# is determined with the k that the data ask for, down to this one.
+_LEAST_K = -0.1
+
+
+class SharedThickness(NamedTuple):
+    """The best thickness, its standard error, and others that fit nearly as well.
+
+    others: thickness and the rise of chi2 of each.
+    """
+
+    nm: float
+    sigma: float
+    others: tuple[tuple[float, float], ...]
+
+
+class _Place(NamedTuple):
+    """Sum of the lowest costs of all wavelengths at a thickness, and where these are, (p, W)."""
+
+    cost: float
+    y: np.ndarray
+
+
+class _Profile(NamedTuple):
+    """Cost over thickness, (D,) each, in rising order.
+
+    scatter: the unit of a rise of the cost. y: (p, W) where the wavelengths ended at the best.
+    """
+
+    thickness_nm: np.ndarray
+    cost: np.ndarray
+    scatter: float
+    y: np.ndarray
+
+    @property
+    def best(self) -> int:
+        """The place of the best thickness."""
+        return int(np.argmin(self.cost))
+
+
+def shared_thickness(
+    ones: Sequence[One], row: int, place: str, ends: tuple[float, float], scaled: bool
+) -> SharedThickness:
+    """Return the thickness between two that fits all wavelengths best.
+
+    row: of the thickness among the constants of the fits. place: name of the film. scaled: whether
+    the error is multiplied by the scatter of the data.
+    """
+    grid = np.geomspace if ends[1] > 4.0 * ends[0] else np.linspace
+    p = _profile(ones, row, grid(*ends, _GRID), scaled, _NEAR)
+    best, sigma = float(p.thickness_nm[p.best]), _error(p)
+    if not np.isfinite(sigma):
+        return SharedThickness(best, sigma, ())
+    around = np.clip(best + sigma * np.linspace(-6.0, 6.0, _WITHIN), *ends)
+    around = np.append(around[np.argsort(np.abs(around - best))], ends)
+    near = _profile(_with_gain(ones, place), row, around, scaled, _FLAT, p.y)
+    return SharedThickness(float(near.thickness_nm[near.best]), _error(near), _others(p))
+
+
+def _at(ones: Sequence[One], row: int, thickness_nm: float, near: np.ndarray | None) -> _Place:
+    """Return the lowest costs of all wavelengths at a thickness.
+
+    near: (p, W) where they are lowest at a thickness close to it, for starts.
+    """
+    moved = []
+    for i, one in enumerate(ones):
+        job, start = copy.copy(one.fit), one.start[:, :_STARTS]
+        held = one.fit.targets.held.copy()
+        held[row] = thickness_nm
+        job.targets = one.fit.targets._replace(held=held)
+        if near is not None:
+            beside = np.clip(i + np.arange(-_BESIDE, _BESIDE + 1), 0, len(ones) - 1)
+            start = np.concatenate([near[:, beside], start], 1)[:, :_STARTS]
+        moved.append(one._replace(fit=job, start=start))
+    total, lowest = 0.0, []
+    for _, ends in solved_each(moved, _STARTS):
+        cost = np.where(np.isfinite(ends.cost), ends.cost, np.inf)
+        total += float(cost.min())
+        lowest.append(ends.y[:, np.argmin(cost)])
+    return _Place(total, np.stack(lowest, 1))
+
+
+def _with_gain(ones: Sequence[One], place: str) -> list[One]:
+    """Return the wavelengths with the k of a film down to _LEAST_K."""
+    out = []
+    for one in ones:
+        job = copy.copy(one.fit)
+        low, high = job.limits
+        own = [name == f"{place}.k" for name in job.u.spec.moving]
+        job.limits = np.where(own & (low == 0.0), _LEAST_K, low), high
+        out.append(one._replace(fit=job))
+    return out
+
+
+def _profile(
+    ones: Sequence[One], row: int, places: np.ndarray, scaled: bool, flat: float,
+    near: np.ndarray | None = None,
+) -> _Profile:  # fmt: skip
+    """Return the costs at thicknesses (D,), and at others ever closer to the best one.
+
+    Until the cost beside the best one is higher by less than ``flat`` of the scatter. near: (p, W),
+    starts at the first thickness.
+    """
+    known: dict[float, _Place] = {}
+
+    def look(places: np.ndarray) -> None:
+        for d in places.tolist():
+            # A place that differs from the best one by rounding only would become its neighbour,
+            # and hide those beyond.
+            if all(abs(d - other) > 1e-10 * d for other in known):
+                closest = min(known, key=lambda other: abs(d - other)) if known else None
+                known[d] = _at(ones, row, d, near if closest is None else known[closest].y)
+
+    data = sum(one.fit.n_data for one in ones)
+    dof = max(data - 2 * len(ones) - 1, 1)
+    least = 1e-24 * sum(one.fit.squares for one in ones)
+
+    def scatter() -> float:
+        lowest = min(place.cost for place in known.values())
+        return max(lowest / dof if scaled or not ones[0].fit.seen.stated else 1.0, least)
+
+    look(places)
+    for several in (*_VALLEYS, *[1] * _CLOSER):
+        order = sorted(known)
+        costs = np.array([known[d].cost for d in order])
+        best = np.flatnonzero(_local_minima(costs))
+        best = best[np.argsort(costs[best], kind="stable")][:several].tolist()
+        beside = [(max(i - 1, 0), min(i + 1, len(order) - 1)) for i in best]
+        if max(costs[i] for i in beside[0]) - costs[best[0]] < flat * scatter():
+            break
+        for low, high in beside:
+            look(np.linspace(order[low], order[high], _WITHIN))
+    order = sorted(known)
+    best = min(order, key=lambda d: known[d].cost)
+    costs = np.array([known[d].cost for d in order])
+    return _Profile(np.array(order), costs, scatter(), known[best].y)
+
+
+def _local_minima(cost: np.ndarray) -> np.ndarray:
+    """Return which costs (D,) are not above those beside them."""
+    return np.r_[True, cost[1:] <= cost[:-1]] & np.r_[cost[:-1] <= cost[1:], True]
+
+
+def _error(p: _Profile) -> float:
+    """Return the standard error of the thickness, over which the cost rises by the scatter."""
+    rise = (p.cost - p.cost[p.best]) / p.scatter
+    near = rise < 9.0
+    if near.sum() < 5:
+        near = np.zeros(len(rise), bool)
+        near[np.argsort(np.abs(p.thickness_nm - p.thickness_nm[p.best]))[:5]] = True
+    away = p.thickness_nm[near] - p.thickness_nm[p.best]
+    size = np.abs(away).max()
+    bend = np.polyfit(away / size, rise[near], 2)[0]
+    return float(size / np.sqrt(bend)) if bend > 0.0 else np.inf
+
+
+def _others(p: _Profile) -> tuple[tuple[float, float], ...]:
+    """Return other thicknesses that fit nearly as well, with the rise of chi2."""
+    rise = (p.cost - p.cost[p.best]) / p.scatter
+    out = []
+    for i in np.flatnonzero(_local_minima(rise) & (rise < ALTERNATIVE_CHI2)):
+        between = rise[min(i, p.best) : max(i, p.best) + 1]
+        if i != p.best and between.max() > rise[i] + 1.0:
+            out.append((float(p.thickness_nm[i]), float(rise[i])))
+    return tuple(out)

@@ -1,0 +1,55 @@
+"""An index that is free at every wavelength: of films, and of one thickness for all of them."""
+
+import numpy as np
+import pytest
+
+from benchmarks.free_film_study import simulated
+from fitting import Measurement, fit, simulate
+
+STUDY = pytest.mark.study
+
+
+def transparent(seed):
+    """psi and Delta of 150 nm on silicon at three angles, as anyone would measure them."""
+    random = np.random.default_rng(seed)
+    wave, angle = (a.ravel() for a in np.meshgrid(np.linspace(0.4, 0.9, 30), [55.0, 65.0, 75.0]))
+    sigma, truth = {"psi": 0.05, "delta": 0.1}, {"A": 2.0, "B": 0.01, "thickness_nm": 150.0}
+    noise = {q: sigma[q] * random.standard_normal(len(wave)) for q in sigma}
+    clean = {q: simulate("air | cauchy:2 150 nm | Si", truth, angle, wave, q) for q in sigma}
+    return Measurement.from_columns(
+        angle, wave, sigma=sigma, **{q: clean[q] + noise[q] for q in sigma}
+    )
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(s, marks=STUDY) for s in (2, 6, 7))])
+def test_a_transparent_film_is_not_found_too_thick(seed):
+    """With k >= 0 at every wavelength these intervals began above 150 nm."""
+    found = fit(transparent(seed), "air | free 100..250 nm | Si")
+    low, high = found.parameters["thickness_nm"].interval
+    assert low < 150.0 < high and high - low < 1.0
+    assert (found.k >= 0.0).all()
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("seed", [77002])
+def test_the_valley_of_the_true_thickness_is_narrow(seed):
+    """The wavelengths are told apart between two steps of the first scan: 268 nm for 259."""
+    case = simulated(seed)
+    found = fit(case.measurement, case.sample)
+    low, high = found.parameters["thickness_nm"].interval
+    assert low < case.thickness_nm < high and high - low < 0.05 * case.thickness_nm
+
+
+def test_a_narrow_minimum_is_found_from_the_wavelength_beside_it():
+    """Of 36 wavelengths of a film on silver 15 had ended with chi2 of hundreds and thousands."""
+    random = np.random.default_rng(0)
+    wave, angle = (a.ravel() for a in np.meshgrid(np.linspace(0.4, 0.9, 36), [55.0, 65.0, 75.0]))
+    truth, sigma = {"A": 1.814, "B": 7e-4}, {"psi": 0.028, "delta": 0.056}
+    clean = {
+        q: simulate("air | cauchy:2 261.744 nm held | Ag", truth, angle, wave, q) for q in sigma
+    }
+    seen = {q: clean[q] + sigma[q] * random.standard_normal(len(wave)) for q in sigma}
+    m = Measurement.from_columns(angle, wave, sigma=sigma, **seen)
+    found = fit(m, "air | free 261.744 nm held | Ag", errors="stated")
+    assert found.chi2.sum() / found.dof.sum() < 1.5
+    np.testing.assert_allclose(found.eta, 1.814 + 7e-4 / np.linspace(0.4, 0.9, 36) ** 2, atol=0.01)
