@@ -112,12 +112,33 @@ def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
     films = films_of(fit.u.spec, fit.u.moving)
     if not films:
         return y[:, :0]
-    film = films[0]
     many = y.shape[1] > 4 * LANES
     indices, count = (MANY_CANDIDATES, _MANY_LIKELY) if many else (_CANDIDATES, _LIKELY)
-    rates = phase_rates(fit, film, y[:, :indices])
-    used = np.arange(rates.shape[1]) <= fit.seen.row.max()  # the rows behind are padding
-    return by_fringes(fit, film, y, rates, used, count)
+    used = np.arange(len(fit.seen.points.wavelength_um)) <= fit.seen.row.max()  # others are padding
+    each = []
+    for film in films:
+        rates = phase_rates(fit, film, y[:, :indices])
+        each.append(by_fringes(fit, film, y, rates, used, count))
+    if len(films) > 1:
+        each += [_split(fit, films, film, start) for film, start in zip(films, each, strict=True)]
+    return np.concatenate(each, 1)
+
+
+def _split(fit: Solving, films: list[Film], film: Film, y: np.ndarray) -> np.ndarray:
+    """Return y (p, L) with the phase of one film divided among all films at random.
+
+    The strongest fringes of several films are often those of the light from the last interface,
+    which are those of all their phases together.
+    """
+    random, out = np.random.default_rng(fit.asked.seed), y.copy()
+    phase = thickness_um(fit, film, y) * middle(phase_rates(fit, film, y))
+    shares = random.dirichlet(np.ones(len(films)), y.shape[1])
+    for one, share in zip(films, shares.T, strict=True):
+        thickness = np.clip(
+            share * phase / middle(phase_rates(fit, one, y)), one.low_um, one.high_um
+        )
+        out[one.row] = coordinate(fit, one, thickness)
+    return out
 
 
 def by_fringes(

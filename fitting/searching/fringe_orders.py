@@ -32,7 +32,7 @@ from fitting.searching.starts import Ends, best_of
 if TYPE_CHECKING:
     from fitting.searching.search import Solving
 
-# Orders on either side of one that fits, and how many starts there are for them at most.
+# Orders on either side of one that fits, and how many starts there are for them at most, of a film.
 _STEPS, _MOST = (1, -1, 2, -2), 200
 # Thicknesses whose fringes, apart from all else, have a misfit of at most so many times the least.
 _ALIKE, _AS_WELL = 12, 4.0
@@ -62,10 +62,14 @@ def beside(fit: Solving, film: Film, y: np.ndarray, orders: Sequence[int]) -> np
 
 def with_all_orders(fit: Solving, ends: Ends, noise: float) -> Ends:
     """Return the ends, and those of the orders beside every end that fits as well as the best."""
-    films = films_of(fit.u.spec, fit.u.moving)
-    if not films or best_of(ends) is None:
-        return ends
-    film, looked_at, asked = films[0], np.zeros(len(ends.cost), bool), 0
+    if best_of(ends) is not None:
+        for film in films_of(fit.u.spec, fit.u.moving):
+            ends = _with_orders(fit, film, ends, noise)
+    return ends
+
+
+def _with_orders(fit: Solving, film: Film, ends: Ends, noise: float) -> Ends:
+    looked_at, asked = np.zeros(len(ends.cost), bool), 0
     known = np.empty((0, 2))
     while asked < _MOST:
         least = float(ends.cost[ends.done].min())

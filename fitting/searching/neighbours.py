@@ -64,7 +64,7 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
             tried = True
             ends = joined([ends, *_from_parts(fit, films[0], start, noise, least)])
         beside = [_other_lines(fit, ends), _crossed(fit, ends, start, random)]
-        beside += [orders_beside(fit, film, y[:, None], _ORDERS) for film in films[:1]]
+        beside += [orders_beside(fit, film, y[:, None], _ORDERS) for film in films]
         ends = joined([ends, followed(fit, np.concatenate(beside, 1), noise, least)])
         in_vain = 0 if ends.cost.min() < least - fit.unit(least) else in_vain + 1
         if in_vain == _IN_VAIN:
