@@ -86,7 +86,11 @@ def test_values_are_right_to_the_digits_of_the_phase(layers):
         assert away < 2e-13 * radians(*given[2:])[i]
 
 
-@pytest.mark.parametrize("layers", (*LAYERS, *MANY))
+# Of each kind the fewest and the most layers; the others take as long to compile.
+@pytest.mark.parametrize(
+    "layers",
+    [pytest.param(n, marks=[pytest.mark.study] * (n in (2, 12))) for n in (*LAYERS, *MANY)],
+)
 def test_derivatives_are_those_of_exact_differences(layers):
     given = drawn(layers, 100 if layers <= FEW_LAYERS else 20, 12)
     random = np.random.default_rng(13)
