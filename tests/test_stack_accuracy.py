@@ -23,7 +23,7 @@ def _stack_of_many(c, index, d, wavelength):
     count = c.size
     places = np.arange(MANY) % count
     found = stack(*(np.take(z, places, axis=-1) for z in (c, index, d, wavelength)))
-    return type(found)(*(z[..., :count] for z in found))
+    return jax.tree.map(lambda z: z[..., :count], found)
 
 
 def _draw(kind, layers, dtype, rng):
