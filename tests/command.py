@@ -1,4 +1,4 @@
-"""Runs of the command fresnel-fit in tests, with a cache of their own."""
+"""Runs of the command fresnel-fit in tests, with a cache of compiled programs of their own."""
 
 import subprocess
 import sys
@@ -9,11 +9,6 @@ import pytest
 from fitting.command import cli
 
 ROOT = Path(__file__).resolve().parents[1]
-
-
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory):
-    return tmp_path_factory.mktemp("cache")
 
 
 @pytest.fixture(autouse=True)

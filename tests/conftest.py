@@ -23,6 +23,12 @@ def _few_compiled_programs():
 
 
 @pytest.fixture(scope="session")
+def cache(tmp_path_factory) -> Path:
+    """The folder of programs that commands of these tests compiled; `command.own_cache` uses it."""
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(scope="session")
 def measured_files() -> Path:
     """The folder of measured files, which are not part of the project."""
     folder = Path(__file__).resolve().parents[2] / "shared" / "data"

@@ -95,12 +95,10 @@ def test_a_worker_answers():
     assert errors["largest_absolute"] < 20 * np.finfo(float).eps
 
 
-def test_the_stages_of_the_command_are_timed(tmp_path):
+def test_the_stages_of_the_command_are_timed(cache):
     from benchmarks import startup
 
-    stages = startup.stages(
-        {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path)}
-    )
+    stages = startup.stages({**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(cache)})
     assert {"import jax", "fit, first call", "table"} <= stages.keys()
     assert min(stages.values()) > 0.0
 

@@ -6,7 +6,7 @@ import stat
 from pathlib import Path
 
 import pytest
-from command import cache, nothing_in, own_cache, refused  # noqa: F401 (fixtures)
+from command import nothing_in, own_cache, refused  # noqa: F401 (a fixture)
 from simulated import GOLD
 
 from fitting.command import cli

@@ -250,8 +250,9 @@ def test_derivatives_programs_and_precisions_agree():
             )
         many = x * np.linspace(0.9, 1.1, 5)[:, None]
         each = np.stack([np.asarray(sums(jnp.asarray(row))) for row in many])
-        np.testing.assert_allclose(jax.vmap(sums)(jnp.asarray(many)), each, rtol=1e-13)
-    single = sums(jnp.asarray(x, jnp.float32))
+        together = jax.jit(jax.vmap(sums))(jnp.asarray(many))
+        np.testing.assert_allclose(together, each, rtol=1e-13)
+    single = jax.jit(sums)(jnp.asarray(x, jnp.float32))
     assert single.dtype == jnp.float32
     np.testing.assert_allclose(single, whole, rtol=2e-5)  # phases of 5 radians: 40 eps
 

@@ -89,7 +89,10 @@ def angles_of(case):
     return (0.0,) if case in ("oscillators", "in a wider program", "an edge") else (55.0, 70.0)
 
 
-@pytest.mark.parametrize("case", CASES)
+# The solver is tested in the wider program.
+@pytest.mark.parametrize("case", [
+    pytest.param(c, marks=[pytest.mark.study] * (c == "in a wider program")) for c in CASES
+])  # fmt: skip
 def test_the_derivatives_are_those_of_the_one_program(case):
     sample, settings, values = CASES[case]
     u, targets = of(sample, settings, angles_of(case), **values)
@@ -136,7 +139,8 @@ def test_the_solver_takes_the_steps_of_the_one_program(case, loss):
     assert parts[1].max() < np.inf
 
 
-@pytest.mark.parametrize("rows", [150, 2060])  # 3 blocks, of which ten lanes fill a call; 33 blocks
+# 3 blocks, of which ten lanes fill a call; 33 blocks
+@pytest.mark.parametrize("rows", [150, pytest.param(2060, marks=pytest.mark.study)])
 def test_rows_of_several_blocks(rows):
     waves = np.linspace(0.4, 1.0, rows)
     u, targets = of("air | cauchy:2 20..300 nm | SiO2", Settings(), (30.0,), waves=waves, R=0.2)

@@ -6,7 +6,7 @@ import jax
 import mpmath
 import numpy as np
 import pytest
-from command import cache, own_cache  # noqa: F401 (fixtures)
+from command import own_cache  # noqa: F401 (a fixture)
 
 from fitting import Measurement, MeasurementError, read_csv
 from fitting.command import cli

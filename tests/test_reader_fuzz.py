@@ -1,4 +1,4 @@
-"""20,000 damaged files, the real ones among them where they are here, end in one of two ways."""
+"""Damaged files by the thousand, real ones too where they are here, end in one of two ways."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
 @pytest.mark.parametrize(
-    "seed", [0, 1, *(pytest.param(n, marks=pytest.mark.study) for n in (2, 3))]
+    "seed", [0, *(pytest.param(n, marks=pytest.mark.study) for n in (1, 2, 3))]
 )
 def test_damaged_files_end_in_a_measurement_or_in_the_one_error(tmp_path: Path, seed: int) -> None:
     ends = run(6_000, seed, corpus(SHARED), tmp_path)

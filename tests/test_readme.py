@@ -6,11 +6,10 @@ Its code is run by `test_docs_code`.
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from command import ROOT, own_cache  # noqa: F401 (a fixture)
 
-ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 

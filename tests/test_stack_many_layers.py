@@ -37,7 +37,7 @@ def worst_error(given) -> float:
     return worst / eps
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("dtype", [pytest.param(np.float32, marks=pytest.mark.study), np.float64])
 @pytest.mark.parametrize(("layers", "count"), [(10, 20), (1000, 3)])
 def test_many_layers(layers, count, dtype):
     bound = 64 if layers == 10 else 8 * layers

@@ -29,12 +29,14 @@ def test_neutron_stacks_of_orso(measured_files, number, within):
     index[0] = 1.0
     index = index.real + 1j * np.abs(index.imag)
     rough = layers[1:, 3, None]
+    # as many of each at least, so that stacks of as many layers are one compiled program
+    wide = np.pad(Q, (0, max(0, 1001 - len(Q))), mode="edge")
     got = stack(
-        Q * wavelength / (4.0 * np.pi),
+        wide * wavelength / (4.0 * np.pi),
         index[:, None],
         layers[1:-1, 0, None],
         wavelength,
         roughness_um=rough if np.any(rough) else None,
     )
-    error = np.abs(np.asarray(got.R_s) - R) / R
+    error = np.abs(np.asarray(got.R_s)[: len(R)] - R) / R
     assert np.max(error) < within

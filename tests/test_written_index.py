@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from command import cache, nothing_in, own_cache, refused  # noqa: F401 (fixtures)
+from command import nothing_in, own_cache, refused  # noqa: F401 (a fixture)
 
 from fitting import fit, read_csv, simulate
 from fitting.command.cli import main
