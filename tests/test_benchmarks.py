@@ -95,6 +95,7 @@ def test_a_worker_answers():
     assert errors["largest_absolute"] < 20 * np.finfo(float).eps
 
 
+@pytest.mark.study
 def test_the_stages_of_the_command_are_timed(cache):
     from benchmarks import startup
 

@@ -63,6 +63,7 @@ def test_gold_and_glass_as_a_command(tmp_path):
     assert rgb[0] > rgb[1] > rgb[2]
 
 
+@pytest.mark.study
 def test_film_colours(example, tmp_path):
     results = example("film_colours").main([str(tmp_path / "films.png"), "--size", "24"])
     drawn(tmp_path / "films.png")

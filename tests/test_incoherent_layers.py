@@ -119,6 +119,7 @@ def test_two_thick_layers_and_one_that_lets_nothing_through():
             )
 
 
+@pytest.mark.study
 def test_powers_beside_psi_and_delta_and_a_slit():
     """Powers are what they are alone; through a slit the intensities add up."""
     text = "air | 2.1 900 nm held | 1.5 1 mm thick | air"

@@ -79,7 +79,13 @@ def test_of_an_end_without_derivatives_nothing_is_made():
     np.testing.assert_array_equal(found, np.repeat(y[:, None], 3, 1))
 
 
-@pytest.mark.parametrize("model, setup, seed", [("drude-lorentz:2", 1, 9), ("lorentz:3", 2, 1)])
+@pytest.mark.parametrize(
+    "model, setup, seed",
+    [
+        pytest.param("drude-lorentz:2", 1, 9, marks=pytest.mark.study),
+        ("lorentz:3", 2, 1),
+    ],
+)
 def test_an_oscillator_in_the_wrong_place_is_looked_for_anew(model, setup, seed):
     """Spectra whose fits ended 13,000 above the best chi2: one oscillator was somewhere else."""
     found = one(model, SETUPS[setup], seed)

@@ -57,6 +57,7 @@ def spectrum(common, seed, waves=60):
     return Measurement.from_columns(angle, wave, R_s=R + shift + noise)
 
 
+@pytest.mark.study
 def test_what_all_wavelengths_share_at_an_angle_is_said():
     """Nine angles are too few for each wavelength alone; together they are off by 5 errors."""
     common = 8e-4 * np.array([0, 1, -1, 1, -1, 1, -1, 1, 0.0])

@@ -136,6 +136,7 @@ def test_samples_that_mean_nothing():
     assert np.isnan(simulate(text, shares, 10.0, 0.5)).all()
 
 
+@pytest.mark.study
 def test_a_fit_is_evaluated_only_where_it_says_something():
     sample, wave = "1.333 | rough 9 nm held | cauchy:2 100 nm | Si", np.linspace(0.4, 0.8, 25)
     true: Any = {"film_2.A": 1.6, "film_2.B": 0.005, "film_2.thickness_nm": 100.0}

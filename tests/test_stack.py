@@ -141,6 +141,7 @@ def test_coherent_must_be_static():
         stack(1.0, [1.0, 1.4, 1.5], [0.1], 0.5, coherent=(True, False))
 
 
+@pytest.mark.study
 def test_gradients_of_arguments_that_broadcast():
     wavelength, c = jnp.linspace(0.4, 0.7, 3), jnp.asarray(COSINES[:4])[:, None]
 

@@ -36,7 +36,9 @@ TMM = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("layers", "table"), TMM)
+@pytest.mark.parametrize(
+    ("layers", "table"), [TMM[0], pytest.param(*TMM[1], marks=pytest.mark.study)]
+)
 def test_films_on_thick_glass_are_those_of_tmm(layers, table):
     angles, *wanted = (np.array(z) for z in zip(*table, strict=True))
     got = stack(np.cos(angles), layers[0], layers[1], 0.55, coherent=layers[2])

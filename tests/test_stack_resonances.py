@@ -89,6 +89,7 @@ def test_values_and_gradients_at_guided_modes(dtype):
                     assert error <= looser * bound * max(size, sensitive), (FOUND[i], r)
 
 
+@pytest.mark.study
 def test_gradient_behind_an_opaque_film():
     """Beside the critical angle of the last medium its Q has steep derivatives. Behind a film that
     lets 1e-41 through they leave nothing; where they were carried through the film, dR_p by n_2 was

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 _CANDIDATES, _LIKELY = 40, 40
 MANY_CANDIDATES, _MANY_LIKELY = 128, 80
 SHIFTS = (0.0, 0.25, -0.25, 0.5)
+# For each film beyond the second so many times as many ways to divide a phase are tried.
+_SPLITS = 4
 # Parameters that the index of a film, or its square, is proportional to.
 _INDEX = {
     "eta": 1, "k": 1, "A": 1, "B": 1, "C": 1, "plasma": 1, "eps": 2, "strength": 2, "amplitude": 2,
@@ -120,7 +122,11 @@ def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
         rates = phase_rates(fit, film, y[:, :indices])
         each.append(by_fringes(fit, film, y, rates, used, count))
     if len(films) > 1:
-        each += [_split(fit, films, film, start) for film, start in zip(films, each, strict=True)]
+        again = _SPLITS ** (len(films) - 2)
+        each += [
+            _split(fit, films, film, np.tile(start, again))
+            for film, start in zip(films, each, strict=True)
+        ]
     return np.concatenate(each, 1)
 
 
