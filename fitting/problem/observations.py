@@ -42,6 +42,11 @@ class Observations(NamedTuple):
     curve_names: tuple[str, ...]
     stated: bool
 
+    @property
+    def measured(self) -> np.ndarray:
+        """Which of the rows are no padding, (M,) bool."""
+        return np.arange(self.points.wavelength_um.shape[0]) <= self.row.max()
+
 
 def padded(rows: int) -> int:
     """Return the number of rows that a program is compiled for."""

@@ -34,7 +34,7 @@ _LEAST = 16
 def parts(seen: Observations) -> list[np.ndarray]:
     """Return the rows of each part, as bool over all rows; nothing for a short spectrum."""
     wavelength = seen.points.wavelength_um[:, 0]
-    used = np.arange(len(wavelength)) <= seen.row.max()
+    used = seen.measured
     distinct = np.unique(wavelength[used])
     if len(distinct) < PARTS * _LEAST:
         return []

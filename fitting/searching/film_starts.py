@@ -116,11 +116,10 @@ def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
         return y[:, :0]
     many = y.shape[1] > 4 * LANES
     indices, count = (MANY_CANDIDATES, _MANY_LIKELY) if many else (_CANDIDATES, _LIKELY)
-    used = np.arange(len(fit.seen.points.wavelength_um)) <= fit.seen.row.max()  # others are padding
     each = []
     for film in films:
         rates = phase_rates(fit, film, y[:, :indices])
-        each.append(by_fringes(fit, film, y, rates, used, count))
+        each.append(by_fringes(fit, film, y, rates, fit.seen.measured, count))
     if len(films) > 1:
         again = _SPLITS ** (len(films) - 2)
         each += [
@@ -220,6 +219,5 @@ def many_fringes(fit: Solving, film: Film, y: np.ndarray) -> bool:
     y: (p, L) random starts, half of which have as many. A wrong minimum may have hardly any: its
     index can rise with the wavelength as the wavelength does.
     """
-    used = np.arange(fit.seen.points.wavelength_um.shape[0]) <= fit.seen.row.max()
-    rates = phase_rates(fit, film, y[:, :_CANDIDATES])[:, used]
+    rates = phase_rates(fit, film, y[:, :_CANDIDATES])[:, fit.seen.measured]
     return film.high_um * float(np.median(np.ptp(rates, axis=1))) > _FRINGES

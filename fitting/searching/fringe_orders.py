@@ -103,8 +103,7 @@ def _alike(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
     if not y.shape[1]:
         return y
     rates = phase_rates(fit, film, y)
-    used = np.arange(rates.shape[1]) <= fit.seen.row.max()  # the rows behind are padding
-    return by_fringes(fit, film, y, rates, used, _ALIKE, _AS_WELL)
+    return by_fringes(fit, film, y, rates, fit.seen.measured, _ALIKE, _AS_WELL)
 
 
 def _places(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:

@@ -66,8 +66,7 @@ def without_fringes(fit: Solving, y: np.ndarray, noise: float) -> Fringeless | N
     if not films:
         return None
     film, unknown = films[0], fit.u.moving[films[0].row]
-    rows = int(fit.seen.row.max()) + 1
-    spread = float(np.ptp(phase_rates(fit, film, y[:, None])[0, :rows]))
+    spread = float(np.ptp(phase_rates(fit, film, y[:, None])[0, fit.seen.measured]))
     fringes = float(thickness_um(fit, film, y[:, None])[0]) * spread
     if fringes < _FRINGES or 1e-3 * unknown.low * spread >= _FRINGES:
         return None
