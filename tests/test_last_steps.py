@@ -54,9 +54,9 @@ def test_a_valley_is_followed_within_the_bounds():
 def test_parts_of_a_spectrum_hold_every_row_once():
     waves = np.repeat(np.linspace(0.4, 0.8, 70), 2)
     points = SimpleNamespace(wavelength_um=np.append(waves, [0.8] * 4)[:, None])
-    seen = SimpleNamespace(points=points, row=np.arange(len(waves)))
+    seen = SimpleNamespace(points=points, measured=np.arange(len(waves) + 4) < len(waves))
     found = parts(seen)
     assert len(found) == PARTS
     assert (np.sum(found, axis=0) == np.append(np.ones(140), np.zeros(4))).all()
     few = SimpleNamespace(wavelength_um=waves[:, None][:60])
-    assert parts(SimpleNamespace(points=few, row=np.arange(60))) == []
+    assert parts(SimpleNamespace(points=few, measured=np.ones(60, bool))) == []
