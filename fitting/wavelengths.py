@@ -225,7 +225,9 @@ def from_neighbours(pairs: list[tuple[One, Ends]]) -> list[tuple[One, Ends]]:
     """
     pairs = list(pairs)
     for _ in range(_ROUNDS):
-        worth = [i for i in range(len(pairs)) if len(pairs) > 1 and _is_misfit(pairs, i)]
+        worth = np.flatnonzero(_misfits(pairs)).tolist() if len(pairs) > 1 else []
+        if not worth:
+            break
         again = [_beside(pairs, i) for i in worth]
         better = False
         for i, (one, ends) in zip(worth, solved_each(again, 2 * _BESIDE), strict=True):
@@ -238,16 +240,20 @@ def from_neighbours(pairs: list[tuple[One, Ends]]) -> list[tuple[One, Ends]]:
     return pairs
 
 
-def _is_misfit(pairs: list[tuple[One, Ends]], which: int) -> bool:
-    """Whether the lowest end of a wavelength is above the noise, or far above those of others."""
-    one, ends = pairs[which]
-    if one.fit.dof == 0:
-        return bool(ends.cost.min() > 1e-6 * one.fit.squares)
-    reduced = np.array([e.cost.min() / max(o.fit.dof, 1) for o, e in pairs])
-    if one.fit.seen.stated:
-        flags = chi2_flags(reduced[which : which + 1], np.array([one.fit.dof]))
-        return bool((flags & CHI2_LARGE).any())
-    return bool(reduced[which] > 4.0 * np.median(reduced))
+def _misfits(pairs: list[tuple[One, Ends]]) -> np.ndarray:
+    """Return whether the lowest end of each wavelength is above the noise, (W,) bool.
+
+    Without stated errors: whether it is far above those of the others. Without a degree of freedom:
+    whether it is more than rounding.
+    """
+    cost = np.array([ends.cost.min() for _, ends in pairs])
+    dof = np.array([one.fit.dof for one, _ in pairs])
+    reduced = cost / np.maximum(dof, 1)
+    if pairs[0][0].fit.seen.stated:
+        misfit = (chi2_flags(reduced, dof) & CHI2_LARGE) > 0
+    else:
+        misfit = reduced > 4.0 * np.median(reduced)
+    return np.where(dof > 0, misfit, cost > 1e-6 * np.array([o.fit.squares for o, _ in pairs]))
 
 
 def _beside(pairs: list[tuple[One, Ends]], which: int) -> One:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -178,7 +177,13 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
     end = fit.look_at(ends.y[:, lane], noise, scaled)
     failed = best is None or not end.finite
     scatter = _scatter(fit, end.cost, noise, scaled)
-    look = functools.cache(lambda lane: fit.look_at(ends.y[:, lane], noise, scaled, False))
+    looked_at = {lane: end}
+
+    def look(lane: int) -> End:
+        if lane not in looked_at:
+            looked_at[lane] = fit.look_at(ends.y[:, lane], noise, scaled, False)
+        return looked_at[lane]
+
     found = [] if failed else _minima(fit, ends, look, noise, scatter)
     if found and found[0].lane != lane:
         lane = found[0].lane
