@@ -28,6 +28,7 @@ from fitting.samples.parameters import (
     names_of,
     to_parameter,
 )
+from fitting.searching.last_steps import down_the_valley
 from fitting.searching.search import Asked, Solving, solved
 from fitting.searching.starts import given_start, start_at, usual_starts
 from fitting.searching.starts import starts as start_points
@@ -185,7 +186,7 @@ def _one(u: Unknowns, data: Any, settings: Settings, asked: Asked, points: np.nd
     job = Solving(u, rows, targets, settings, asked)  # type: ignore[arg-type]
     job.starts = points.shape[1]
     ends, noise = solved(job, points)
-    return fit_of(job, ends, noise, Subject(None, ()))
+    return fit_of(job, down_the_valley(job, ends, noise), noise, Subject(None, ()))
 
 
 def fit_residuals(

@@ -8,11 +8,13 @@ from fitting.problem.observations import observations
 from fitting.problem.problem import targets_of
 from fitting.problem.unknowns import spectrum_of, unknowns
 from fitting.samples.parameters import Settings, from_parameter
+from fitting.searching.film_parts import joined
 from fitting.searching.film_starts import _eta_of, coordinate, films_of, scaled_index, thickness_um
 from fitting.searching.fringe_orders import with_all_orders
+from fitting.searching.last_steps import down_the_valley
 from fitting.searching.neighbours import _as_free_electrons
 from fitting.searching.search import Asked, Solving
-from fitting.searching.starts import start_at
+from fitting.searching.starts import best_of, start_at
 
 WAVES = np.linspace(0.4, 0.8, 16)
 
@@ -64,6 +66,27 @@ def test_an_oscillator_below_the_spectrum_becomes_free_electrons():
     weak = names.index("film.strength_ev2_1")
     assert new[weak] < y[weak]
     np.testing.assert_allclose(index(fit, new), index(fit, y), rtol=0.03)
+
+
+def test_a_lane_on_its_way_counts_as_much_as_one_at_rest():
+    """After two evaluations near the truth a lane is not done, and yet below another minimum."""
+    film = {"A": 1.9, "B": 0.02, "thickness_nm": 800.0}
+    sample = "air | cauchy:2 50..2000 nm | Si"
+    R = simulate("air | cauchy:2 800 nm | Si", film, 0.0, WAVES, "R")
+    fit = solving(
+        Measurement.from_columns(0.0, WAVES, R=R + 1e-4, sigma=1e-3), Sample.parse(sample), "stated"
+    )
+    low, high = (a[:, None] for a in fit.limits)
+    places = [{"A": 1.88, "thickness_nm": 805.0}, {"A": 1.5, "thickness_nm": 700.0}]
+    ends = []
+    for place, steps in zip(places, (2, 200), strict=True):
+        y = start_at(fit.u.moving, {f"film.{n}": v for n, v in (film | place).items()})
+        ends.append(fit.held(y[:, None], low, high, 1.0, steps))
+    ends = joined(ends)
+    assert ends.done.tolist() == [False, True]
+    assert 10.0 < ends.cost[0] < 0.1 * ends.cost[1]
+    found = down_the_valley(fit, ends, 1.0)
+    assert found.cost[best_of(found)] < 0.2
 
 
 def test_every_order_that_fits_as_well_is_found_from_one_of_them():

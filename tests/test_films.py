@@ -176,6 +176,12 @@ def test_the_right_order_is_found_in_a_wide_range():
     (13195813, 987.2, 8780.1),
     # opaque but for an edge of the spectrum: 495.2, thirteen orders off
     (961038920, 484.1, 12013.1),
+    # lanes that were still on their way down a valley did not count: 130093 at 7051 nm
+    (331000126, 985.9, 7270.3),
+    # opaque in three quarters of the spectrum, the index of these not tried: 649.6 at 20 um
+    (918182658, 492.7, 13837.9),
+    # of 832 starts one leads there, and was 674th when they were sifted: 2044 at 1388 nm
+    (806299387, 133.3, 3214.8),
 ])  # fmt: skip
 def test_films_that_ended_in_a_wrong_minimum(seed, cost, thickness):
     """Of `make film-study`: nothing but the range of the thickness is known to the fit."""

@@ -1,4 +1,4 @@
-"""The last steps to a minimum, made for the best lane alone."""
+"""The last steps to a minimum, made for the lowest lane alone."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from fitting.searching.film_parts import joined
+from fitting.searching.starts import STAGE, Ends, best_of
 from fitting.uncertainty.covariance import Slopes, prior_rows
 
 if TYPE_CHECKING:
@@ -15,6 +17,29 @@ if TYPE_CHECKING:
 _STEPS, _EVALUATIONS = 3, 200
 # A step is not taken if its expected decrease of chi2 is smaller than this.
 _FALL = 1e-4
+# The last steps of a lane that was stopped on its way are made so many times at most.
+_TIMES = 8
+
+
+def down_the_valley(fit: Solving, ends: Ends, noise: float) -> Ends:
+    """Return the ends, and where the lowest of them leads if it was stopped on its way.
+
+    In a narrow, curved valley a lane may need thousands of evaluations. It is not at rest then, and
+    may yet be far below every lane that is.
+    """
+    low, high = (a[:, None] for a in fit.limits)
+    for _ in range(_TIMES):
+        lane, best = int(np.argmin(ends.cost)), best_of(ends)
+        enough = np.inf
+        if best is not None:
+            enough = float(ends.cost[best] - fit.unit(ends.cost[best]))
+        if ends.done[lane] or not ends.cost[lane] < enough:
+            break
+        y, _ = polished(fit, ends.y[:, lane], noise, fit.asked.scaled)
+        ends = joined([ends, fit.held(y[:, None], low, high, noise, STAGE)])
+        if int(np.argmin(ends.cost)) == lane:
+            break
+    return ends
 
 
 def polished(
