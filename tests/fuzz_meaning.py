@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from drawn_files import SPELLINGS, Case, Draw, numbers_of_texts, texts_of
 
+from fitting.measurements.errors import for_command
 from fitting.measurements.measurement import Measurement, MeasurementError, read_csv
 
 
@@ -130,7 +131,8 @@ def run(count: int, seed: int, folder: Path) -> tuple[Counter[str], list[str]]:
         except MeasurementError as refusal:
             ends["refused"] += 1
             ends["refused though clear"] += case.rows is not None
-            assert case.name in str(refusal) and "--" in str(refusal), (str(refusal), case)
+            text = for_command(refusal)
+            assert case.name in text and "--" in text, (text, case)
             continue
         finally:
             path.unlink()

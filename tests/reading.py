@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
+from fitting.measurements.errors import for_command
 from fitting.measurements.measurement import Measurement, MeasurementError, read_csv
 
 ANGLES = ("29.6667", "34.6667", "0.4e2", "61.25", "80")
@@ -52,8 +54,9 @@ def read(
 def refusal(folder: Path, content: bytes | str, name: str = "gold.csv", **options: object) -> str:
     with pytest.raises(MeasurementError) as caught:
         read(folder, content, name, **options)
-    text = str(caught.value)
+    text = for_command(caught.value)
     assert text.startswith(name), text
+    assert not re.search("--[a-z]", str(caught.value)), "Python has arguments, not options"
     return text
 
 

@@ -155,7 +155,7 @@ refused(lambda: read(table("angle,A,A_s,A_p", angles, *[made["A"]] * 3)), "A bes
 refused(lambda: read("# transmittance\\n" + table("angle,A", angles, made["A"])),
         "the name says A", "transmittance")
 refused(lambda: read("# absorptance\\n" + table("angle,R", angles, made["A"])), "absorptance")
-refused(lambda: read(table("wavelength (nm),A_s", 1e3 * waves, [0.5] * 7)), "--angle-deg")
+refused(lambda: read(table("wavelength (nm),A_s", 1e3 * waves, [0.5] * 7)), "angle_deg=")
 refused(lambda: read(table("angle,A", angles, 1.2 + made["A"])), "absorptance", "outside [0, 1]")
 refused(lambda: read(table("angle,A", angles, made["A"]), ratio_to="Si"), "A came", "reflectances")
 refused(lambda: fit(one, "free"), "A_p, A_s", "bare surface", "thick")

@@ -134,7 +134,7 @@ REFUSED = {
     "no material": (SCAN, {"ratio_to": "unobtainium"}, "no material named 'unobtainium'"),
     "beyond its table": (SCAN.replace("500", "50"), {"ratio_to": "Si"}, "is known from"),
     "no reflection": (SCAN, {"ratio_to": "1.0"}, "reflects nothing"),
-    "T": (SCAN.replace("R", "T"), {"ratio_to": "Si"}, "T came with --ratio-to"),
+    "T": (SCAN.replace("R", "T"), {"ratio_to": "Si"}, "T came with ratio_to"),
     "psi": (PSI, {"ratio_to": "Si", "angle_deg": 60}, "for reflectances alone"),
     "psi divided": (PSI, {"divide_by": PSI, "angle_deg": 60}, "for powers alone"),
     "p to s": (
@@ -161,7 +161,7 @@ REFUSED = {
         "is 0; a number above 0",
     ),
     "beyond 1": (SCAN, {"ratio_to": "gold", "scale": 3}, "Without the reference it is 2.7"),
-    "no option": (SCAN, {}, "its material: --ratio-to Si"),
+    "no option": (SCAN, {}, 'its material: ratio_to="Si"'),
 }  # fmt: skip
 
 

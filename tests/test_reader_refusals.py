@@ -7,6 +7,7 @@ import pytest
 from reading import ANGLES, DELTA, ERRORS, NANOMETRES, PSI, R_P, R_S, read, refusal, rows
 from varieties import BODY
 
+from fitting.command.cli import main
 from fitting.measurements.measurement import MeasurementError, read_csv
 
 REFUSALS = {
@@ -296,5 +297,26 @@ def test_the_advice_for_relative_errors_does_not_take_them_for_absolute_ones(tmp
     text = f"angle_deg,R,{name}\n30,.3,.01\n40,.31,.01\n50,.33,.01\n"
     with pytest.raises(MeasurementError, match="relative error") as refusal:
         read(tmp_path, text)
-    assert "sigma" not in str(refusal.value) and "--columns angle=1,R=2 " in str(refusal.value)
+    assert "sigma" not in str(refusal.value) and 'columns="angle=1,R=2" ' in str(refusal.value)
     assert np.isnan(read(tmp_path, text, columns="angle=1,R=2").sigma).all()
+
+
+def test_an_error_names_arguments_in_python_and_options_on_the_command_line(tmp_path, capsys):
+    text = "wavelength_nm,R\n500,20\n600,30\n"
+    file = tmp_path / "a.csv"
+    file.write_text(text)
+    with pytest.raises(MeasurementError, match=r"percent, say scale=0\.01\."):
+        read_csv(file)
+    assert main([str(file)]) == 2
+    assert "percent, say --scale 0.01." in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option, argument", {
+    "say --scale 0.01.": "say scale=0.01.", "(--angle-deg)": "(angle_deg)",
+    "--decimal , if it is": 'decimal="," if it is', "--columns leaves out": "columns leaves out",
+    "with --columns angle=..., or": 'with columns="angle=...", or',
+    "--psi-unit deg or --psi-unit rad.": 'psi_unit="deg" or psi_unit="rad".',
+    "--missing=-99 if": 'missing="-99" if', "--lines A-B; else": 'lines="A-B"; else',
+}.items())  # fmt: skip
+def test_options_as_arguments(option, argument):
+    assert str(MeasurementError(f"a.csv: {option}")) == f"a.csv: {argument}"

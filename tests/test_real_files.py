@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fitting.measurements.errors import for_command
 from fitting.measurements.measurement import Measurement, MeasurementError, read_csv
 
 
@@ -19,7 +20,7 @@ def column(path: Path, index: int, mark: str | None = ",", skip: int = 1) -> lis
 def refusal(path: Path, *parts: str, **options: object) -> None:
     with pytest.raises(MeasurementError) as caught:
         read_csv(path, **options)
-    text = str(caught.value)
+    text = for_command(caught.value)
     assert text.startswith(path.name)
     for part in parts:
         assert part in text, text

@@ -32,6 +32,7 @@ def _check(arguments: argparse.Namespace) -> None:
 
 def _of(file: str, arguments: argparse.Namespace, fit_one: Callable[..., Any]) -> OfFile:
     """Return the fit of one file, or why there is none."""
+    from fitting.measurements.errors import for_command
     from fitting.measurements.measurement import read_csv
     from fitting.measurements.reader.lines import source_of
     from fitting.output.each_file import OfFile
@@ -41,7 +42,7 @@ def _of(file: str, arguments: argparse.Namespace, fit_one: Callable[..., Any]) -
         return OfFile(file, found)
     except (ValueError, ImportError) as error:
         # the whole path: there may be a/scan.csv and b/scan.csv
-        return OfFile(file, None, f"{file}{str(error).removeprefix(source_of(file))}")
+        return OfFile(file, None, f"{file}{for_command(error).removeprefix(source_of(file))}")
 
 
 def run_each(arguments: argparse.Namespace, fit_one: Callable[..., Any]) -> int:

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from fitting.command.cli_options import PROGRAM
+from fitting.measurements.errors import for_command
 from fitting.process.visible import visible
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def refusals() -> Iterator[None]:
     try:
         yield
     except (ValueError, ImportError) as error:
-        raise Refused(error) from error
+        raise Refused(for_command(error)) from error
 
 
 def say(text: str) -> None:

@@ -2,18 +2,48 @@
 
 from __future__ import annotations
 
+import re
 from typing import NoReturn
+
+# An option of the command line in a sentence, and the word behind it.
+_OPTION = re.compile(r"--([a-z]+(?:-[a-z]+)*)(?:([ =])(\S+))?")
+# Options whose value is a number, and the words in small letters that are values of others.
+_NUMBERS = ("angle_deg", "wavelength_um", "scale", "sigma")
+_WORDS = (
+    "deg", "rad", "nm", "um", "none", "s", "p", "grazing-deg", "2theta-deg", "angle-from-p",
+    "angle-from-s", ",",
+)  # fmt: skip
 
 
 class MeasurementError(ValueError):
     """A measurement cannot be read, or a value in it is impossible.
 
     The text names the file, line and column as far as they are known, what came,
-    what was wanted, and the option that settles it, for example
+    what was wanted, and the argument that settles it, for example
     ``gold.csv, line 14, column R_s: reflectance 92.4 is outside [0, 1]. If the
-    column is in percent, say --scale 0.01.``  An option ``--angle-unit`` of the command
-    line is the keyword ``angle_unit`` of :func:`fitting.measurements.measurement.read_csv`.
+    column is in percent, say scale=0.01.``
     """
+
+    def __str__(self) -> str:
+        return _OPTION.sub(_argument, for_command(self))
+
+
+def for_command(error: Exception) -> str:
+    """Return the text of an error with the options of the command line: ``say --scale 0.01``."""
+    return str(error.args[0]) if isinstance(error, MeasurementError) else str(error)
+
+
+def _argument(option: re.Match[str]) -> str:
+    """Return the argument of `read_csv` for an option with the word behind it."""
+    name, mark, word = option[1].replace("-", "_"), option[2] or "", option[3] or ""
+    value = word.rstrip(",;:)") or word
+    if value.endswith(".") and not value.endswith("..."):
+        value = value[:-1]
+    rest = word[len(value) :]
+    is_value = mark == "=" or value in _WORDS or bool(re.search(r"[A-Z0-9=]", value))
+    if not is_value:
+        return f"{name}{mark}{word}"
+    return f"{name}={value}{rest}" if name in _NUMBERS else f'{name}="{value}"{rest}'
 
 
 def place(source: str, line: int = 0, column: str = "") -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 
-from fitting.measurements.errors import MeasurementError
+from fitting.measurements.errors import MeasurementError, for_command
 from fitting.measurements.reader import film_sense, jcamp, perkin_elmer, spectraray, woollam
 from fitting.measurements.reader.table import Form, Table, line_range, read_table
 
@@ -29,7 +29,7 @@ def read_formatted(source: str, texts: Sequence[str], form: Form) -> Table:
         try:
             found = each(texts)
         except MeasurementError as error:
-            raise MeasurementError(f"{source}, {error}") from None
+            raise MeasurementError(f"{source}, {for_command(error)}") from None
         if found is not None:
             break
     else:

@@ -51,7 +51,7 @@ class _Given(NamedTuple):
 
     def refuse(self, name: str, text: str) -> NoReturn:
         """Raise because the value of an option means nothing."""
-        came = f"--{name.replace('_', '-')} {self.by_name[name]}"
+        came = f"--{name.replace('_', '-')}={self.by_name[name]}"
         raise MeasurementError(f"{self.source}: {came} {text}")
 
     def number(self, name: str, low: float, high: float) -> float | None:
