@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from fitting.searching.film_parts import joined
+from fitting.searching.minima import SAME_CHI2
 from fitting.searching.starts import STAGE, Ends, best_of
 from fitting.uncertainty.covariance import Slopes, prior_rows
 
@@ -32,7 +33,7 @@ def down_the_valley(fit: Solving, ends: Ends, noise: float) -> Ends:
         lane, best = int(np.argmin(ends.cost)), best_of(ends)
         enough = np.inf
         if best is not None:
-            enough = float(ends.cost[best] - fit.unit(ends.cost[best]))
+            enough = float(ends.cost[best] - SAME_CHI2 * fit.unit(ends.cost[best]))
         if ends.done[lane] or not ends.cost[lane] < enough:
             break
         y, _ = polished(fit, ends.y[:, lane], noise, fit.asked.scaled)

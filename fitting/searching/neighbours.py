@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitting.residuals.error_model import CHI2_LARGE, chi2_flags
 from fitting.samples.parameters import from_parameter, start_range, value_and_slope
 from fitting.searching.film_parts import followed_to_all, joined, parts
 from fitting.searching.film_starts import (
@@ -81,15 +80,14 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
 
 
 def _is_noise(fit: Solving, y: np.ndarray) -> bool:
-    """Whether the residuals at y look like noise: they are not autocorrelated.
+    """Whether the residuals at y look like noise: to three sigma they are not autocorrelated.
 
     And, if errors are stated, not larger than these.
     """
     r = fit.slopes(y).residual
-    square = float(r @ r)
+    square, dof = float(r @ r), max(fit.dof, 1)
     alike = float(r[1:] @ r[:-1]) > 3.0 * square / np.sqrt(len(r))
-    chi2_reduced, dof = np.array([square / max(fit.dof, 1)]), np.array([fit.dof])
-    large = fit.seen.stated and (chi2_flags(chi2_reduced, dof) & CHI2_LARGE).any()
+    large = fit.seen.stated and square > dof + 3.0 * np.sqrt(2.0 * dof)
     return not (alike or large)
 
 
