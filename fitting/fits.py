@@ -34,7 +34,7 @@ from fitting.residuals.error_model import ERRORS
 from fitting.results.result import Fit
 from fitting.samples.parameters import Settings, check_search, check_settings, names_of
 from fitting.samples.sample import Sample
-from fitting.samples.sample_checks import check_quantities
+from fitting.samples.sample_checks import check_fit
 from fitting.samples.spline_numbers import with_numbers
 from fitting.searching.film_starts import film_starts, films_of
 from fitting.searching.fringe_orders import with_all_orders
@@ -174,7 +174,7 @@ def fit_checked(
             return found
         alone = [fit_bare_surface(m, sample, asked.errors, "quadratic") for m in measurements]
         return replace(found, notes=(*found.notes, *disagreement(alone)))
-    check_quantities(measurements, sample)
+    check_fit(measurements, sample)
     found = _general(measurements, sample, settings, asked, begin)
 
     def again(several: Sequence[Measurement], intervals: str) -> Fit:

@@ -76,21 +76,25 @@ def incoherent(
     thickness_um: Sequence[Array],
     wavelength_um: Array,
     coherent: Sequence[bool],
+    normal: bool = False,
 ) -> Incoherent:
     """Return what a sample with thick layers reflects and transmits.
 
     c: cosines in a transparent medium eta_i. index: complex, of the L layers and the medium behind.
-    thickness_um, coherent: of the layers, of which any number may be thick.
+    thickness_um, coherent: of the layers, of which any number may be thick. normal: as of `films`.
     """
     for_s, for_p, phase = admittances(c, eta_i, index, thickness_um, wavelength_um)
     thick = [j + 1 for j, interferes in enumerate(coherent) if not interferes]
-    s2 = p2 = product = None
+    polarized = (for_s,) if normal else (for_s, for_p)
+    below: list[_Sums | None] = [None, None, None]  # s, p, and the product of p and s
     for start, end in reversed(list(zip([0, *thick], [*thick, len(for_s) - 1], strict=True))):
-        s, p = (_faces(of[start : end + 1], phase[start : end - 1]) for of in (for_s, for_p))
+        found = [_faces(of[start : end + 1], phase[start : end - 1]) for of in polarized]
+        s, p = found[0], found[-1]
         # One way leaves exp(2 Re phase); the phase itself is the same for s and p.
         down = jnp.exp(2.0 * phase[end - 1].real) if end <= len(phase) else jnp.ones(())
-        s2, p2 = _summed(s, s, s2, down), _summed(p, p, p2, down)
-        product = _summed(p, s, product, down)
+        ways = ((s, s),) if normal else ((s, s), (p, p), (p, s))
+        below = [_summed(*way, under, down) for way, under in zip(ways, below, strict=False)]
+    s2, p2, product = below * 3 if normal else below
     assert s2 is not None and p2 is not None and product is not None
     T_s, T_p = (
         sums.t.real * admittance[-1].real / admittance[0].real

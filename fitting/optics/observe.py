@@ -184,7 +184,9 @@ def boundary(
     elif all(coherent):
         found = films(c, eta_i, media_index, thicknesses, wavelength_um, media.normal)
     else:
-        found = incoherent(c, eta_i, media_index, thicknesses, wavelength_um, coherent)
+        found = incoherent(
+            c, eta_i, media_index, thicknesses, wavelength_um, coherent, media.normal
+        )
     ellipse = None
     if pairs:
         # No quotient r_p / r_s: a film may extinguish r_s.

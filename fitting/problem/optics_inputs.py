@@ -47,20 +47,26 @@ def has_parts(spec: Any) -> bool:
     return simple and len(spec.media.coherent) <= FEW_LAYERS
 
 
+def along_the_normal(spec: Spec) -> Spec:
+    """Return the spec of a fit whose light comes along the normal: what s shows is that of both."""
+    tilted = {"angle_offset", "divergence"} & {*spec.moving, *spec.held}
+    normal = spec.only_powers and not tilted
+    return spec._replace(media=spec.media._replace(normal=normal))
+
+
 @functools.lru_cache(maxsize=256)
 def core_of(spec: Spec, normal: bool) -> Core:
     """Return what the optics of a fit depend on; normal: whether light comes along the normal."""
     names = (*spec.moving, *(name for name, _, _ in spec.tied))
-    media = spec.media
     of_index = tuple(
-        i for i, place in enumerate(media.places)
+        i for i, place in enumerate(spec.media.places)
         if any(n.startswith(f"{place}.") and ".thickness_" not in n for n in names)
     )  # fmt: skip
     moving, held = (
         tuple(n for n in some if ".thickness_" in n or "." not in n) for some in (names, spec.held)
     )
-    normal = normal and spec.only_powers and "angle_offset" not in (*moving, *held)
-    known = media._replace(index=("",) * len(media.index), normal=normal)  # type: ignore
+    media = along_the_normal(spec).media if normal else spec.media
+    known = media._replace(index=("",) * len(media.index))  # type: ignore
     core = spec._replace(
         media=known, moving=(), coordinates=(), held=(), tied=(), shared=False
     )  # fmt: skip

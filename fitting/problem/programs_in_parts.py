@@ -25,6 +25,7 @@ from jax import Array
 from fitting.optics.observe import NCS, Points, Spec, predicted
 from fitting.problem.optics_inputs import (
     Core,
+    along_the_normal,
     core_of,
     has_parts,
     known_quantities,
@@ -202,6 +203,8 @@ def solved_in_parts(
 ) -> tuple[Any, ...]:
     """Return the result of `problem.solve`; the next lane takes the place of a finished one."""
     if not in_parts(spec, targets):
+        if isinstance(spec, Spec) and not np.any(targets.points.angle_deg):
+            spec = along_the_normal(spec)
         return solve(targets, start, damping, bounds, max_steps, spec=spec)
     parts, (p, lanes) = _Parts(spec, targets), start.shape
     start, low, high = map(_filled, (start, bounds.lower, bounds.upper))

@@ -13,6 +13,17 @@ from fitting.samples.dispersion import Model
 from fitting.samples.known_media import known_medium
 from fitting.samples.sample import Sample
 
+# Films from that thickness on are looked at, with the least index that they may have and so many
+# fringes between two wavelengths.
+_PLATE_UM, _ETA, _FRINGES = 50.0, 1.3, 2.0
+
+
+def check_fit(measurements: Sequence[Measurement], sample: Sample) -> None:
+    """Raise ValueError where the sample cannot be fitted to what was measured."""
+    check_quantities(measurements, sample)
+    for m in measurements:
+        _refuse_unseen_fringes(m, sample)
+
 
 def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> None:
     """Raise ValueError where the sample does not predict a measured quantity."""
@@ -30,6 +41,26 @@ def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> Non
         check_points(m, sample)
     if any(not m.thickness.coherent for m in sample.layers if m.thickness):
         refuse_several_thicknesses([m.source for m in measurements])
+
+
+def _refuse_unseen_fringes(m: Measurement, sample: Sample) -> None:
+    """Raise ValueError for a plate whose faces interfere although no fringe could be measured."""
+    waves = np.unique(m.wavelength_um[np.isfinite(m.wavelength_um)])
+    if len(waves) < 2:
+        return
+    step = float(np.median(-np.diff(1.0 / waves)))
+    for layer in sample.layers:
+        d = layer.thickness
+        if d is None or not d.coherent:
+            continue
+        least = d.low_um or d.start_um
+        between = 2.0 * _ETA * least * step
+        if least >= _PLATE_UM and between > _FRINGES:
+            raise ValueError(
+                f"{m.source}: the faces of the layer '{layer}' interfere, and about {between:.2g} "
+                "of its fringes would lie between two measured wavelengths, where none is seen. "
+                f"Write '{layer} thick', and its reflections add without interference."
+            )
 
 
 def check_points(m: Measurement, sample: Sample) -> None:
