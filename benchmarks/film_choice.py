@@ -15,9 +15,7 @@ degrees, or R at normal incidence (.001). Counted, in per cent, are
 
 from __future__ import annotations
 
-import argparse
 import itertools
-import secrets
 import time
 from typing import Any, NamedTuple
 
@@ -27,6 +25,7 @@ from fitting import Measurement, Sample, choose, simulate
 from fitting.choice.selection import Choice
 
 from .machine import conditions
+from .study_options import study_options
 
 WAVELENGTHS = np.linspace(0.4, 0.9, 30)
 MEASURED = {"psi, Delta": {"psi": 0.05, "delta": 0.1}, "R": {"R": 1e-3}}
@@ -125,13 +124,8 @@ def _line(name: str, rows: list[Outcome]) -> str:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--repeats", type=int, default=40)
-    parser.add_argument("--minutes", type=float, default=np.inf, help="stop after")
-    parser.add_argument("--seed", type=int, help="the first film (default: one of the system)")
-    parser.add_argument("--only", nargs="*", default=[""], help="rows with such a text")
-    arguments = parser.parse_args()
-    seed = secrets.randbelow(10**9) if arguments.seed is None else arguments.seed
+    arguments = study_options(__doc__, "repeats", 40)
+    seed = arguments.seed
     cells = [
         cell for cell in itertools.product(TRUTHS, MEASURED)
         if any(text in ", ".join(cell) for text in arguments.only)
@@ -139,7 +133,7 @@ def main() -> None:
     print(f"{conditions()}; seed {seed}\n", flush=True)
     rows: list[Outcome] = []
     began = time.perf_counter()
-    for repeat, cell in itertools.product(range(arguments.repeats), cells):
+    for repeat, cell in itertools.product(range(arguments.count), cells):
         if time.perf_counter() - began > 60.0 * arguments.minutes:
             break
         rows.append(outcome(*cell, seed + repeat))

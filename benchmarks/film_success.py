@@ -24,14 +24,13 @@ minimum known, which may be that of a second fit that starts at the truth. Count
 
 from __future__ import annotations
 
-import argparse
-import secrets
 import time
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from benchmarks.model_success import truth
+from benchmarks.study_options import study_options
 from fitting import Measurement, fit, simulate
 from fitting.samples.known_media import known_medium
 from fitting.searching.minima import ALTERNATIVE_CHI2
@@ -153,17 +152,12 @@ def _line(name: str, rows: list[dict[str, Any]]) -> str:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--films", type=int, default=10_000)
-    parser.add_argument("--minutes", type=float, default=np.inf, help="stop after")
-    parser.add_argument("--seed", type=int, help="the first film (default: one of the system)")
-    parser.add_argument("--only", nargs="*", default=[""], help="films with such a text in the row")
-    arguments = parser.parse_args()
+    arguments = study_options(__doc__, "films", 10_000)
     rows: list[dict[str, Any]] = []
-    seed = secrets.randbelow(10**9) if arguments.seed is None else arguments.seed
+    seed = arguments.seed
     print(f"films from seed {seed}", flush=True)
     began = time.perf_counter()
-    while len(rows) < arguments.films and time.perf_counter() - began < 60.0 * arguments.minutes:
+    while len(rows) < arguments.count and time.perf_counter() - began < 60.0 * arguments.minutes:
         case = simulated(seed)
         if case is not None and any(text in _row(case.cell) for text in arguments.only):
             rows.append(outcome(case, seed))

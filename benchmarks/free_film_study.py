@@ -11,18 +11,17 @@ that the film is between 2/3 and 3/2 of its thickness, and nothing of its index.
   bias    mean of (fitted - true) / standard error; 0 but for the noise is right
   spread  root mean square of that; 1 is right
 
-    python -m benchmarks.free_film_study [--films 200] [--minutes 60] [--seed N]
+    python -m benchmarks.free_film_study [--films 200] [--minutes 60] [--seed N] [--only silver]
 """
 
 from __future__ import annotations
 
-import argparse
-import secrets
 import time
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.study_options import study_options
 from fitting import Measurement, fit, simulate
 
 MEASURED = {
@@ -94,25 +93,26 @@ def _line(name: str, rows: list[dict[str, Any]]) -> str:
     )
 
 
+def _tell(case: Case, r: dict[str, Any]) -> None:
+    """Print a line for a film whose thickness is not in its interval."""
+    if not r["holds"]:
+        print(f"missed{', told' if r['told'] else ''}: film {r['seed']}, {', '.join(case.cell)}, "
+              f"{case.thickness_nm:.4g} nm, found {r['thickness']:.4g} nm, {r['off']:.3g} "
+              "standard errors off", flush=True)  # fmt: skip
+
+
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--films", type=int, default=200)
-    parser.add_argument("--minutes", type=float, default=np.inf, help="stop after")
-    parser.add_argument("--seed", type=int, help="the first film (default: one of the system)")
-    arguments = parser.parse_args()
+    arguments = study_options(__doc__, "films", 200)
     rows: list[dict[str, Any]] = []
-    seed = secrets.randbelow(10**9) if arguments.seed is None else arguments.seed
+    seed = arguments.seed
     print(f"films from seed {seed}", flush=True)
     began = time.perf_counter()
-    while len(rows) < arguments.films and time.perf_counter() - began < 60.0 * arguments.minutes:
+    while len(rows) < arguments.count and time.perf_counter() - began < 60.0 * arguments.minutes:
         case = simulated(seed)
-        rows.append(outcome(case, seed))
-        if not rows[-1]["holds"]:
-            r = rows[-1]
-            print(f"missed{', told' if r['told'] else ''}: film {seed}, {', '.join(case.cell)}, "
-                  f"{case.thickness_nm:.4g} nm, found {r['thickness']:.4g} nm, {r['off']:.3g} "
-                  "standard errors off", flush=True)  # fmt: skip
+        if any(text in ", ".join(case.cell) for text in arguments.only):
+            rows.append(outcome(case, seed))
+            _tell(case, rows[-1])
         seed += 1
     heads = "".join(f"{h:>8}" for h in ("holds", "told", "bias", "spread", "s"))
     print(f"\n{'film':40}{'films':>6}{heads}")
