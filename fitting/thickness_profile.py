@@ -22,6 +22,8 @@ _STARTS, _GRID, _CLOSER, _WITHIN = 16, 25, 14, 7
 # Before these, one finer scan in each of so many valleys: the lowest one may be narrow.
 _VALLEYS = (3, 2)
 _NEAR, _FLAT = 4.0, 1e-3
+# So many thicknesses of the scan follow one another, each from the solutions at the one before it.
+_CHAIN = 5
 # Of the starts those from so many wavelengths on either side, at the nearest thickness known.
 _BESIDE = 3
 # With k >= 0 at every wavelength a transparent film would seem too thick, by two standard errors
@@ -84,27 +86,32 @@ def shared_thickness(
     return SharedThickness(float(near.thickness_nm[near.best]), _error(near), _others(p))
 
 
-def _at(ones: Sequence[One], row: int, thickness_nm: float, near: np.ndarray | None) -> _Place:
-    """Return the lowest costs of all wavelengths at a thickness.
+def _at(
+    ones: Sequence[One], row: int, asked: Sequence[tuple[float, np.ndarray | None]]
+) -> list[_Place]:
+    """Return the lowest costs of all wavelengths at each of some thicknesses, all in one run.
 
-    near: (p, W) where they are lowest at a thickness close to it, for starts.
+    asked: a thickness in nm, and where costs are lowest at one close to it, (p, W), for starts.
     """
     moved = []
-    for i, one in enumerate(ones):
-        job, start = copy.copy(one.fit), one.start[:, :_STARTS]
-        held = one.fit.targets.held.copy()
-        held[row] = thickness_nm
-        job.targets = one.fit.targets._replace(held=held)
-        if near is not None:
-            beside = np.clip(i + np.arange(-_BESIDE, _BESIDE + 1), 0, len(ones) - 1)
-            start = np.concatenate([near[:, beside], start], 1)[:, :_STARTS]
-        moved.append(one._replace(fit=job, start=start))
-    total, lowest = 0.0, []
-    for _, ends in solved_each(moved, _STARTS):
-        cost = np.where(np.isfinite(ends.cost), ends.cost, np.inf)
-        total += float(cost.min())
-        lowest.append(ends.y[:, np.argmin(cost)])
-    return _Place(total, np.stack(lowest, 1))
+    for thickness_nm, near in asked:
+        for i, one in enumerate(ones):
+            job, start = copy.copy(one.fit), one.start[:, :_STARTS]
+            held = one.fit.targets.held.copy()
+            held[row] = thickness_nm
+            job.targets = one.fit.targets._replace(held=held)
+            if near is not None:
+                beside = np.clip(i + np.arange(-_BESIDE, _BESIDE + 1), 0, len(ones) - 1)
+                start = np.concatenate([near[:, beside], start], 1)[:, :_STARTS]
+            moved.append(one._replace(fit=job, start=start, place=len(moved)))
+    ends = [e for _, e in solved_each(moved, _STARTS)]
+    cost = np.array([np.where(np.isfinite(e.cost), e.cost, np.inf) for e in ends])
+    lowest = [e.y[:, lane] for e, lane in zip(ends, np.argmin(cost, 1), strict=True)]
+    each = range(0, len(moved), len(ones))
+    return [
+        _Place(float(cost[i : i + len(ones)].min(1).sum()), np.stack(lowest[i : i + len(ones)], 1))
+        for i in each
+    ]
 
 
 def _with_gain(ones: Sequence[One], place: str) -> list[One]:
@@ -131,12 +138,15 @@ def _profile(
     known: dict[float, _Place] = {}
 
     def look(places: np.ndarray) -> None:
+        asked: list[tuple[float, np.ndarray | None]] = []
         for d in places.tolist():
             # A place that differs from the best one by rounding only would become its neighbour,
             # and hide those beyond.
             if all(abs(d - other) > 1e-10 * d for other in known):
                 closest = min(known, key=lambda other: abs(d - other)) if known else None
-                known[d] = _at(ones, row, d, near if closest is None else known[closest].y)
+                asked.append((d, near if closest is None else known[closest].y))
+        found = _at(ones, row, asked) if asked else []
+        known.update({d: place for (d, _), place in zip(asked, found, strict=True)})
 
     data = sum(one.fit.n_data for one in ones)
     dof = max(data - 2 * len(ones) - 1, 1)
@@ -146,7 +156,10 @@ def _profile(
         lowest = min(place.cost for place in known.values())
         return max(lowest / dof if scaled or not ones[0].fit.seen.stated else 1.0, least)
 
-    look(places)
+    # Each from the one before it, _CHAIN in a row; all at once where a start is known.
+    chain = _CHAIN if near is None else 1
+    for first in range(chain):
+        look(places[first::chain])
     for several in (*_VALLEYS, *[1] * _CLOSER):
         order = sorted(known)
         costs = np.array([known[d].cost for d in order])

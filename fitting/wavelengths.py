@@ -76,6 +76,7 @@ def _lanes(several: list[One], count: int) -> Targets:
         ncs=beside(lambda t: t.ncs),
         ncs_weights=beside(lambda t: t.ncs_weights),
         eta_i=beside(lambda t: t.eta_i) if np.ndim(first.eta_i) else first.eta_i,
+        held=beside(lambda t: t.held[:, None]),
     )
 
 
