@@ -10,8 +10,9 @@ import jax
 import numpy as np
 
 from fitting.measurements.measurement import Measurement
-from fitting.problem.evaluation import at_data, points_of
+from fitting.problem.evaluation import at_data
 from fitting.problem.observations import observations
+from fitting.problem.points import points_of
 from fitting.problem.problem import shown
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.samples.parameters import Settings, check_settings

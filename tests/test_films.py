@@ -302,3 +302,23 @@ def test_the_thickness_of_a_free_film_is_at_the_minimum():
     assert one.parameters["thickness_nm"].value == pytest.approx(39.838269257)
     assert one.dof == 11 and one.covariance.shape == (3, 3)
     assert "thickness_nm" in str(one) and "thickness_nm" in str(found[0])
+
+
+def test_errors_of_an_index_that_only_its_product_with_the_thickness_determines():
+    """6 nm of eta 1.64 or 136 nm of eta 1.008: chi2 differs by .5; the error of eta was .003."""
+    true = {"A": 1.615, "B": 0.0048, "C": 0.00025, "thickness_nm": 6.13}
+    waves = np.linspace(0.43, 1.28, 60)
+    R = simulate("air | cauchy:3 6 nm | Si", true, 0.0, waves, "R")
+    R = R + 1e-3 * np.random.default_rng(3).standard_normal(60)
+    m = Measurement.from_columns(0.0, waves, R=R, sigma=1e-3)
+    found = fit(m, "air | cauchy:3 5..20000 nm | Si", errors="stated")
+    low, high = found.parameters["thickness_nm"].interval
+    assert low <= 6.13 <= high
+    at = found.index(np.array([0.5, 0.9]))
+    eta = 1.615 + 0.0048 / at.wavelength_um**2 + 0.00025 / at.wavelength_um**4
+    assert (np.abs(at.eta - eta) < 2.0 * at.sigma_eta).all()
+    # With the thickness known the index is, too, and its error is that of the covariance.
+    known = fit(m, "air | cauchy:3 6.13 nm held | Si", errors="stated", intervals="quadratic")
+    profiled = fit(m, "air | cauchy:3 6.13 nm held | Si", errors="stated", intervals="profile")
+    for one, other in zip(known.index(0.6), profiled.index(0.6), strict=True):
+        np.testing.assert_allclose(one, other, rtol=0.05)

@@ -275,7 +275,8 @@ def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: 
         # finite: errors without these bounds are a hundred times too large.
         two = fit.n_data >= 2 * len(known)
         errors = errors_of_curves(u, end, fit.limits, noise) if two else end.known.covariance
-        evaluator = Evaluated(of.sample, u, seen, fit.targets, end.y, errors, np.atleast_1d(known))
+        evaluator = Evaluated(of.sample, u, seen, fit.targets, end.y, errors, np.atleast_1d(known),
+                              inside=(f.known.inside, f.known.t))  # fmt: skip
     undetermined = bool(end.known.unseen.size)
     return Fit(
         sample=of.sample, parameters=estimates | _fixed(u, end, estimates), covariance=of_x[sub],

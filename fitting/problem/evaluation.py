@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from fitting.measurements.measurement import QUANTITIES, Measurement
+from fitting.measurements.measurement import Measurement
 from fitting.optics.averages import values_at, with_places
 from fitting.optics.observe import NCS
 from fitting.problem.observations import Observations, observations, padded
+from fitting.problem.points import numbers, points_of
 from fitting.problem.problem import Targets, index_slopes, without_data
 from fitting.problem.programs_in_parts import slopes_in_parts
 from fitting.problem.unknowns import Unknowns, index_outside
@@ -25,7 +26,9 @@ class Evaluated(NamedTuple):
     The covariance is NaN in rows of fixed parameters and of those at a bound; along undetermined
     combinations it is 0, since the curve does not change (splines: `uncertainty.spline_errors`).
     errors: (2,) standard errors of eta and k that include that of a thickness shared by all
-    wavelengths; None where there is none.
+    wavelengths; None where there is none. inside: (K, p), solver coordinates within the 95 %
+    intervals next to their ends by profile, and half such an interval in standard errors: where
+    the curve is not linear in the parameters, eta and k differ by more than by the covariance.
     """
 
     sample: Sample
@@ -36,6 +39,7 @@ class Evaluated(NamedTuple):
     covariance: np.ndarray
     measured_um: np.ndarray
     errors: np.ndarray | None = None
+    inside: tuple[np.ndarray, float] | None = None
 
     def predict(self, measurement: Measurement | None = None) -> Prediction:
         """Return the model at every row of a measurement; see `result.Evaluator`."""
@@ -56,7 +60,7 @@ class Evaluated(NamedTuple):
                 band = band._replace(sigma_eta=self.errors[:1], sigma_k=self.errors[1:])
             return band._replace(wavelength_um=known)
         if self.sample.media[which + 1].index == FREE and np.isfinite(self.measured_um).all():
-            wanted = np.atleast_1d(_numbers("wavelength_um", wavelength_um))
+            wanted = np.atleast_1d(numbers("wavelength_um", wavelength_um))
             strange = wanted[wanted != self.measured_um[0]]
             if strange.size:
                 raise not_measured(strange[0])
@@ -71,7 +75,10 @@ class Evaluated(NamedTuple):
     def widened(self, factor: np.ndarray) -> Evaluated:
         """Return the same with all errors times a factor (1,)."""
         errors = None if self.errors is None else self.errors * factor[0]
-        return self._replace(covariance=self.covariance * factor[0] ** 2, errors=errors)
+        inside = None if self.inside is None else (self.inside[0], self.inside[1] / factor[0])
+        return self._replace(
+            covariance=self.covariance * factor[0] ** 2, errors=errors, inside=inside
+        )
 
 
 def not_measured(um: float) -> ValueError:
@@ -133,60 +140,6 @@ class EachWavelength(NamedTuple):
         """Return the same with standard errors (W, 2) of eta and k; see `Evaluated`."""
         each = (e._replace(errors=x) for e, x in zip(self.each, errors, strict=True))
         return self._replace(each=tuple(each))
-
-
-def _numbers(name: str, came: Any) -> np.ndarray:
-    """Return an array of floats, or raise ValueError with the name if it has other values."""
-    try:
-        found = np.asarray(came)
-    except ValueError:  # a ragged list
-        found = np.asarray(None)
-    if found.dtype.kind not in "iuf":
-        raise ValueError(f"{name} is {repr(came)[:60]}; real numbers were wanted.")
-    return found.astype(float)
-
-
-def angles_of(angle_deg: Any) -> np.ndarray:
-    """Return angles of incidence, (A,), or raise ValueError for other values."""
-    angle = np.atleast_1d(_numbers("the angle of incidence", angle_deg))
-    if angle.ndim != 1 or not angle.size:
-        raise ValueError(f"angles of shape {angle.shape} came; a number or one axis was wanted.")
-    strange = angle[~((angle >= 0.0) & (angle <= 90.0))]
-    if strange.size:
-        raise ValueError(
-            f"an angle of incidence of {strange[0]:g} degrees came; 0 to 90 degrees from the "
-            "normal of the surface were wanted."
-        )
-    return angle
-
-
-def points_of(angle_deg: Any, quantity: Any, wavelength_um: Any = None) -> Measurement:
-    """Return points that the caller names as a measurement without values."""
-    waves = _numbers("wavelength_um", np.nan if wavelength_um is None else wavelength_um)
-    strange = waves[~(np.isnan(waves) | ((waves > 0.0) & np.isfinite(waves)))]
-    if strange.size:
-        raise ValueError(f"wavelength_um holds {strange[0]:g}; micrometres above 0 were wanted.")
-    columns = angles_of(angle_deg), np.asarray(quantity), waves
-    try:
-        angle, names, waves = np.broadcast_arrays(*columns)
-    except ValueError:
-        angle = np.empty((0, 0))
-    if angle.ndim != 1 or not angle.size:
-        shapes = ", ".join(str(c.shape) for c in columns)
-        raise ValueError(
-            f"angles, quantities and wavelengths of shapes {shapes} came; for each a single value "
-            "or one axis of a common length was wanted."
-        )
-    unknown = [str(name) for name in np.unique(names) if name not in QUANTITIES]
-    if unknown:
-        wanted = ", ".join(QUANTITIES)
-        raise ValueError(f"there is no quantity {unknown[0]!r}; one of {wanted} was wanted.")
-    nothing = np.full(len(angle), np.nan)
-    return Measurement(
-        angle_deg=angle, wavelength_um=waves, quantity=np.asarray(names, dtype=str),
-        value=np.zeros(len(angle)), sigma=nothing, polarizer_deg=nothing, source="points",
-        understood="",
-    )  # fmt: skip
 
 
 def _medium(sample: Sample, name: str | None) -> int:
@@ -281,7 +234,7 @@ def _errors_of_angles(seen, value, slope, covariance, sigma) -> None:
 
 
 def _index_band(at: Evaluated, wavelength_um: Any, medium: int) -> IndexBand:
-    wavelength = np.atleast_1d(_numbers("wavelength_um", wavelength_um))
+    wavelength = np.atleast_1d(numbers("wavelength_um", wavelength_um))
     good = wavelength.ndim == 1 and wavelength.size
     if not good or not ((wavelength > 0.0) & np.isfinite(wavelength)).all():
         raise ValueError("wavelength_um must be one number or one axis of them, all above 0.")
@@ -290,7 +243,16 @@ def _index_band(at: Evaluated, wavelength_um: Any, medium: int) -> IndexBand:
     full = np.pad(wavelength, (0, padded(count) - count), mode="edge")
     u, outside = at.unknowns, index_outside(at.sample, full[:, None])
     with jax.enable_x64(True):
-        found = index_slopes(at.y, u.held, full, outside, spec=u.spec, medium=medium)
-        value, slope = (np.asarray(a) for a in found)
-    error = _error(slope, at.covariance)[:, :count]
+
+        def index(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            found = index_slopes(y, u.held, full, outside, spec=u.spec, medium=medium)
+            value, slope = (np.asarray(a) for a in found)
+            return value, slope
+
+        value, slope = index(at.y)
+        error = _error(slope, at.covariance)[:, :count]
+        inside, t = at.inside or ((), 1.0)
+        for y in inside:
+            away = np.abs(index(y)[0] - value)[:, :count] / t
+            error = np.where(away > error, away, error)
     return IndexBand(wavelength, value[0, :count], error[0], value[1, :count], error[1])

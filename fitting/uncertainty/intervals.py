@@ -39,6 +39,8 @@ class Intervals(NamedTuple):
 
     NaN where there is none. limits: (p,), upper limits of what is compatible with 0; NaN for what
     is not, by the profile or at once. lowest: the least cost that was met, and where (p,).
+    inside: (K, p), the places within these intervals that lie next to their ends by profile, all
+    unknowns in the solver's coordinates. t: half an interval in standard errors.
     """
 
     ends: np.ndarray
@@ -46,12 +48,16 @@ class Intervals(NamedTuple):
     kind: tuple[str, ...]
     limits: np.ndarray
     lowest: tuple[float, np.ndarray]
+    inside: np.ndarray
+    t: float
 
     def without(self) -> Intervals:
         """Return NaN for all intervals, for a fit that failed."""
         nothing = np.full_like(self.ends, np.nan)
         none = (NONE,) * len(nothing)
-        return Intervals(nothing, nothing, none, nothing[:, 0], self.lowest)
+        return self._replace(
+            ends=nothing, quadratic=nothing, kind=none, limits=nothing[:, 0], inside=self.inside[:0]
+        )
 
 
 def check_intervals(wanted: str) -> None:
@@ -164,7 +170,9 @@ def _start(fit: Solving, end: End, t: float) -> tuple[Intervals, Base]:
         along = np.nan_to_num(np.where(own > 0.0, end.known.wide / own, 0.0))
     kind = tuple(NONE if np.isnan(q).any() else QUADRATIC for q in quadratic)
     base = Base(end.y, end.cost, along, *fit.limits, t**2 * end.known.rise, [])
-    return Intervals(quadratic.copy(), quadratic, kind, from_zero[:, 1], (end.cost, end.y)), base
+    lowest, inside = (end.cost, end.y), end.y[None][:0]
+    found = Intervals(quadratic.copy(), quadratic, kind, from_zero[:, 1], lowest, inside, t)
+    return found, base
 
 
 def intervals(
@@ -215,7 +223,8 @@ def intervals(
             found.ends[j], kind[j] = values, PROFILE
             if np.isfinite(found.limits[j]):
                 found.limits[j] = values[1] if values[0] == 0.0 else np.nan
-        out[at] = found._replace(kind=tuple(kind))
+        inside = np.concatenate([found.inside, *(s.y[s.out - 1][None] for s in both)])
+        out[at] = found._replace(kind=tuple(kind), inside=inside)
     for at, _, both in every:
         lowest = min([out[at].lowest, *(s.lowest for s in both)], key=lambda met: met[0])
         out[at] = out[at]._replace(lowest=lowest)
