@@ -317,6 +317,9 @@ def test_errors_of_an_index_that_only_its_product_with_the_thickness_determines(
     at = found.index(np.array([0.5, 0.9]))
     eta = 1.615 + 0.0048 / at.wavelength_um**2 + 0.00025 / at.wavelength_um**4
     assert (np.abs(at.eta - eta) < 2.0 * at.sigma_eta).all()
+    shown = found.predict(75.0, "psi", 0.5)
+    wanted = simulate("air | cauchy:3 6 nm | Si", true, 75.0, 0.5, "psi")
+    assert (np.abs(shown.value - wanted) < 2.0 * shown.sigma).all()
     # With the thickness known the index is, too, and its error is that of the covariance.
     known = fit(m, "air | cauchy:3 6.13 nm held | Si", errors="stated", intervals="quadratic")
     profiled = fit(m, "air | cauchy:3 6.13 nm held | Si", errors="stated", intervals="profile")

@@ -202,10 +202,7 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
         outside = index_outside(at.sample, seen.points.wavelength_um)
         spec = with_places(spec, values_at(spec, u.held, at.y), seen.points, float(np.max(outside)))
         u, targets = u._replace(spec=spec), targets._replace(points=seen.points, eta_i=outside)
-    with jax.enable_x64(True):
-        value, slope = (
-            np.asarray(a) for a in slopes_in_parts(without_data(targets), at.y, spec=u.spec)
-        )
+    value, slope = _shown(u, targets, at.y)
     error = _error(slope, at.covariance)
     channels = [c for c in seen.channels if c != NCS]
     sigma = np.empty(len(seen.row))
@@ -214,7 +211,20 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
         sigma[here] = error[i, seen.row[here]]
     if NCS in seen.channels:
         _errors_of_angles(seen, value[-3:], slope[-3:], at.covariance, sigma)
-    return at_data(seen, value), sigma
+    fitted = at_data(seen, value)
+    inside, t = at.inside or ((), 1.0)
+    for y in inside:
+        away = np.abs(at_data(seen, _shown(u, targets, y)[0]) - fitted)
+        away = np.where(seen.quantity == "delta", np.minimum(away, 360.0 - away), away) / t
+        sigma = np.where(away > sigma, away, sigma)
+    return fitted, sigma
+
+
+def _shown(u: Unknowns, targets: Targets, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what each channel shows at y (p,), (K, M), and its derivatives, (K, M, p)."""
+    with jax.enable_x64(True):
+        value, slope = slopes_in_parts(without_data(targets), y, spec=u.spec)
+        return np.asarray(value), np.asarray(slope)
 
 
 def _errors_of_angles(seen, value, slope, covariance, sigma) -> None:
