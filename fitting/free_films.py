@@ -22,7 +22,7 @@ from fitting.samples.parameters import Settings
 from fitting.samples.sample import FREE, Sample
 from fitting.searching.search import Asked
 from fitting.thickness_profile import shared_thickness
-from fitting.wavelengths import fit_wavelengths, jobs
+from fitting.wavelengths import check_wavelengths, fit_wavelengths, jobs
 
 
 def free_film(sample: Sample) -> int | None:
@@ -63,6 +63,33 @@ def check_free_film(measurement: Measurement, sample: Sample, which: int) -> Non
     )
 
 
+def _check_settings(
+    measurement: Measurement, sample: Sample, which: int, settings: Settings, asked: Asked
+) -> None:
+    """Raise ValueError for settings that would be without effect, or act on each wavelength alone.
+
+    The thickness is scanned and not fitted, so that only the sample says what is known of it. The
+    fits at one thickness do not estimate the noise, which a prior and a robust loss are compared
+    with: without stated errors the one would outweigh all data and the other act on none.
+    """
+    shown, full = (f"{x}thickness_nm" for x in (sample.prefixes[which], f"{sample.places[which]}."))
+    if {shown, full} & {*settings.fixed, *settings.bounds, *settings.priors, *settings.tie}:
+        raise ValueError(
+            f"the sample {str(sample)!r} says what is known of {shown}, since its eta and k are "
+            f"free at every wavelength: write '{FREE} 100..200 nm' for bounds, or "
+            f"'{FREE} 150 nm held' for a thickness that is known."
+        )
+    check_wavelengths(measurement, settings)
+    stated = asked.errors != "equal" and np.isfinite(measurement.sigma).all()
+    if not stated and (settings.priors or asked.loss != "squares"):
+        what = "a prior" if settings.priors else f"the loss {asked.loss!r}"
+        raise ValueError(
+            f"{what} needs a standard error for every datum where the thickness and an index that "
+            "is free at every wavelength are fitted together. Give the errors (sigma) and use "
+            "them, or write 'held' after a thickness that is known."
+        )
+
+
 def _held(sample: Sample, which: int, thickness_nm: float) -> Sample:
     """Return the sample with the thickness of the film fixed at this value."""
     media = list(sample.media)
@@ -79,6 +106,7 @@ def fit_free_film(
     """Return the fit of batch shape (W,), with the shared thickness among its parameters."""
     which = free_film(sample)
     assert which is not None
+    _check_settings(measurement, sample, which, settings, asked)
     d = sample.media[which].thickness
     assert d is not None
     ends = 1e3 * d.low_um, 1e3 * d.high_um

@@ -30,6 +30,24 @@ def test_a_transparent_film_is_not_found_too_thick(seed):
     assert (found.k >= 0.0).all()
 
 
+@pytest.mark.parametrize("sample, settings, message", [
+    # The thickness had become that of the scan, beside eta and k of the fixed one.
+    ("free 100..250 nm", {"fixed": {"thickness_nm": 150.0}}, "says what is known"),
+    ("free 100..250 nm", {"bounds": {"film.thickness_nm": (140.0, 160.0)}}, "says what is known"),
+    ("free 100..250 nm", {"priors": {"thickness_nm": (150.0, 1.0)}}, "says what is known"),
+    ("1.5 5 nm held | free 100..250 nm", {"tie": {"film_2.thickness_nm": "film_1.thickness_nm"}},
+     "known of film_2.thickness_nm"),
+    # Every wavelength had got an offset of its own.
+    ("free 100..250 nm", {"free": "angle_offset"}, "one value for all wavelengths"),
+    # The prior had outweighed the data, and the loss had been that of squares.
+    ("free 100..250 nm", {"priors": {"k": (0.0, 0.1)}, "errors": "equal"}, "a prior needs"),
+    ("free 100..250 nm", {"loss": "huber", "errors": "equal"}, "'huber' needs"),
+])  # fmt: skip
+def test_settings_that_a_shared_thickness_cannot_follow_are_refused(sample, settings, message):
+    with pytest.raises(ValueError, match=message):
+        fit(transparent(0), f"air | {sample} | Si", **settings)
+
+
 @pytest.mark.study
 @pytest.mark.parametrize("seed", [77002])
 def test_the_valley_of_the_true_thickness_is_narrow(seed):
