@@ -71,3 +71,14 @@ def test_a_narrow_minimum_is_found_from_the_wavelength_beside_it():
     found = fit(m, "air | free 261.744 nm held | Ag", errors="stated")
     assert found.chi2.sum() / found.dof.sum() < 1.5
     np.testing.assert_allclose(found.eta, 1.814 + 7e-4 / np.linspace(0.4, 0.9, 36) ** 2, atol=0.01)
+
+
+def test_what_is_tied_to_an_index_follows_it_at_every_wavelength():
+    """The k of the first wavelength had been that of all, in `k` and in each part."""
+    found = fit(transparent(0), "air | free 150 nm held | Si", tie={"k": "0.001 * eta"})
+    tied, eta = found.parameters["k"], found.parameters["eta"]
+    np.testing.assert_allclose(found.k, 0.001 * found.eta)
+    np.testing.assert_allclose(tied.sigma, 0.001 * eta.sigma)
+    assert tied.status == "tied" and not tied.free
+    assert found[7].k == pytest.approx(0.001 * found.eta[7])
+    assert f"{1e-3 * found.eta[7]:.8g}" in str(found[7])

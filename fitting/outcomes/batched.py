@@ -11,7 +11,7 @@ import numpy as np
 from fitting.measurements.measurement import Measurement
 from fitting.problem.evaluation import EachWavelength
 from fitting.results.diagnostics import Finding, Warning
-from fitting.results.result import NONE, Alternative, ErrorModel, Estimate, Fit
+from fitting.results.result import NONE, TIED, Alternative, ErrorModel, Estimate, Fit
 
 _EACH = (
     "covariance", "wavelength_um", "chi2", "chi2_reduced", "dof", "n_data", "rms", "status",
@@ -25,9 +25,12 @@ def _stack(values: Sequence[Any]) -> np.ndarray:
 
 def _estimate(each: Sequence[Estimate]) -> Estimate:
     first = each[0]
-    if not first.free:
+    tied = np.ndim(first.status) == 0 and first.status == TIED
+    if not first.free and not tied:
         return first
-    names = ("value", "sigma", "interval", "interval_kind", "upper_limit", "status")
+    names = ["value", "sigma", "interval", "interval_kind", "upper_limit"]
+    if not tied:  # of which that is all that the status says
+        names.append("status")
     return replace(first, **{n: _stack([getattr(e, n) for e in each]) for n in names})
 
 

@@ -52,7 +52,7 @@ class Estimate:
 
     def at(self, index: tuple[int, ...]) -> Estimate:
         """Return the estimate of one fit of a batch; a fixed parameter is the same for all."""
-        return picked(self, index) if self.free else self
+        return picked(self, index) if np.ndim(self.value) else self
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
