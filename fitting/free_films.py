@@ -122,12 +122,12 @@ def fit_free_film(
     moved = fit_wavelengths(measurement, _held(sample, which, best + shift), settings, asked)
     by = {
         n: _slope(e, moved.parameters[n], sigma / shift if shift else 0.0)
-        for n, e in found.parameters.items() if n != label and e.free
+        for n, e in found.parameters.items() if n != label and np.ndim(e.value)
     }  # fmt: skip
     ranges = {ones[0].fit.u.labels.get(u.parameter.name): (u.low, u.high)
               for u in ones[0].fit.u.moving}  # fmt: skip
     parameters = {
-        n: _with_thickness(e, by[n], ranges[n]) if n in by else e
+        n: _with_thickness(e, by[n], ranges.get(n, (-np.inf, np.inf))) if n in by else e
         for n, e in found.parameters.items() if n != label
     }  # fmt: skip
     interval = np.clip(best + 1.96 * sigma * np.array([-1.0, 1.0]), *ends)
@@ -145,7 +145,8 @@ def fit_free_film(
                   "delta_chi2": tuple(o[1] for o in shared.others)}  # fmt: skip
         findings.insert(0, Finding("other_thickness", everywhere, values))
     columns = np.stack([by[n] for n in found.names], -1)
-    errors = [np.asarray(parameters[n].sigma) for n in ("eta", "k")]
+    own = [ones[0].fit.u.labels[f"{sample.places[which]}.{n}"] for n in ("eta", "k")]
+    errors = [np.broadcast_to(parameters[n].sigma, found.shape) for n in own]
     return replace(
         found, sample=sample, parameters=parameters, findings=tuple(findings),
         covariance=found.covariance + columns[..., :, None] * columns[..., None, :],

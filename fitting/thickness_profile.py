@@ -115,13 +115,13 @@ def _at(
 
 
 def _with_gain(ones: Sequence[One], place: str) -> list[One]:
-    """Return the wavelengths with the k of a film down to _LEAST_K."""
+    """Return the wavelengths with the k of a film down to _LEAST_K, unless it is fixed at 0."""
     out = []
     for one in ones:
         job = copy.copy(one.fit)
         low, high = job.limits
         own = [name == f"{place}.k" for name in job.u.spec.moving]
-        job.limits = np.where(own & (low == 0.0), _LEAST_K, low), high
+        job.limits = np.where(own & (low == 0.0) & (high > 0.0), _LEAST_K, low), high
         out.append(one._replace(fit=job))
     return out
 
@@ -148,8 +148,8 @@ def _profile(
         found = _at(ones, row, asked) if asked else []
         known.update({d: place for (d, _), place in zip(asked, found, strict=True)})
 
-    data = sum(one.fit.n_data for one in ones)
-    dof = max(data - 2 * len(ones) - 1, 1)
+    spare = sum(one.fit.n_data + one.fit.priors - int(one.fit.u.free.sum()) for one in ones)
+    dof = max(spare - 1, 1)
     least = 1e-24 * sum(one.fit.squares for one in ones)
 
     def scatter() -> float:

@@ -82,3 +82,43 @@ def test_what_is_tied_to_an_index_follows_it_at_every_wavelength():
     assert tied.status == "tied" and not tied.free
     assert found[7].k == pytest.approx(0.001 * found.eta[7])
     assert f"{1e-3 * found.eta[7]:.8g}" in str(found[7])
+
+
+def three_wavelengths(sample, truth, columns):
+    """Return values of a film at three wavelengths and angles, with noise of these sizes."""
+    random = np.random.default_rng(3)
+    wave, angle = (a.ravel() for a in np.meshgrid([0.5, 0.6, 0.7], [20.0, 55.0, 70.0]))
+    seen = {
+        q: simulate(sample, truth, angle, wave, q) + size * random.standard_normal(9)
+        for q, size in columns.items()
+    }
+    return Measurement.from_columns(angle, wave, sigma=columns, **seen)
+
+
+@pytest.mark.parametrize("settings", [
+    {"fixed": {"k": 0.0}}, pytest.param({"tie": {"k": "0 * eta"}}, marks=STUDY),
+])  # fmt: skip
+def test_the_k_of_a_film_of_unknown_thickness_may_be_known(settings):
+    """Three numbers of Cauchy's formula are the three indices: the same fit, and the same error."""
+    truth = {"A": 2.0, "B": 0.01}
+    m = three_wavelengths("air | cauchy:2 150 nm held | Si", truth, {"R_s": 0.001})
+    found = fit(m, "air | free 120..180 nm | Si", errors="equal", **settings)
+    cauchy = fit(m, "air | cauchy:3 120..180 nm | Si", errors="equal")
+    d, same = (f.parameters["thickness_nm"] for f in (found, cauchy))
+    # A k that is fixed at 0 had become free down to -.1.
+    assert abs(d.value - same.value) < 0.05 * same.sigma
+    assert d.sigma == pytest.approx(same.sigma, rel=0.05)
+    np.testing.assert_allclose(found.index().sigma_eta, cauchy.index().sigma_eta, rtol=0.3)
+    assert not np.any(found.k) and not np.any(found.index().sigma_k)
+
+
+def test_a_film_of_unknown_thickness_below_another_one():
+    """Its eta and k have the film in their names."""
+    sample, sigma = "air | SiO2 8 nm held | 2.0 150 nm held | Si", {"psi": 0.01, "delta": 0.02}
+    m = three_wavelengths(sample, {}, sigma)
+    found = fit(m, "air | SiO2 8 nm held | free 100..250 nm | Si", errors="stated")
+    d = found.parameters["film_2.thickness_nm"]
+    assert abs(d.value - 150.0) < 3.0 * d.sigma
+    index = found.index(medium="film_2")
+    np.testing.assert_allclose(index.eta, 2.0, atol=0.01)
+    np.testing.assert_array_equal(index.sigma_eta, found.parameters["film_2.eta"].sigma)
