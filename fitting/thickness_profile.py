@@ -182,9 +182,13 @@ def _local_minima(cost: np.ndarray) -> np.ndarray:
 
 
 def _error(p: _Profile) -> float:
-    """Return the standard error of the thickness, over which the cost rises by the scatter."""
+    """Return the standard error of the thickness, over which the cost rises by the scatter.
+
+    A parabola through the valley of the best one: another valley may be as low.
+    """
     rise = (p.cost - p.cost[p.best]) / p.scatter
-    near = rise < 9.0
+    valley = np.cumsum(rise >= 9.0)
+    near = (valley == valley[p.best]) & (rise < 9.0)
     if near.sum() < 5:
         near = np.zeros(len(rise), bool)
         near[np.argsort(np.abs(p.thickness_nm - p.thickness_nm[p.best]))[:5]] = True
