@@ -9,8 +9,9 @@ WAVELENGTHS = np.linspace(0.4, 0.9, 60)
 TRUTH = {"A": 1.9, "B": 0.01, "thickness_nm": 300.0}
 
 
-def told(sample, **columns):
-    found = fit(Measurement.from_columns(0.0, WAVELENGTHS, sigma=1e-3, **columns), sample)
+def told(sample, reflectance, **settings):
+    m = Measurement.from_columns(0.0, WAVELENGTHS, sigma=1e-3, R=reflectance)
+    found = fit(m, sample, **settings)
     return "by_the_model_alone" in {w.code for w in found.warnings}
 
 
@@ -27,4 +28,13 @@ def reflectance():
     ("air | cauchy-urbach 100..600 nm | 1.52", True),
 ])  # fmt: skip
 def test_one_reflectance_at_each_wavelength(sample, expected, reflectance):
-    assert told(sample, R=reflectance) is expected
+    assert told(sample, reflectance) is expected
+
+
+@pytest.mark.parametrize("fixed, expected", [
+    ({"k_edge": 0.0, "urbach_ev": 0.3}, False),
+    ({"k_edge": 0.01}, True),
+])  # fmt: skip
+def test_an_urbach_tail_that_is_fixed_is_known(fixed, expected, reflectance):
+    """A and B are of eta alone, and had made its k that of the model."""
+    assert told("air | cauchy-urbach:2 100..600 nm | 1.52", reflectance, fixed=fixed) is expected

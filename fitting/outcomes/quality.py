@@ -43,7 +43,8 @@ def _a_k_is_free(u: Unknowns) -> bool:
 
 def _acts_on_k(name: str, place: str) -> bool:
     of, _, parameter = name.rpartition(".")
-    others = ("eta", "thickness_nm", "thickness_um", "grade")
+    # A to H are the terms of Cauchy's eta, beside which k is that of an Urbach tail.
+    others = ("eta", *"ABCDEFGH", "thickness_nm", "thickness_um", "grade")
     return of == place and parameter not in others and not parameter.startswith("fraction")
 
 
