@@ -179,6 +179,7 @@ def fit_wavelengths(
         # quadratic limit of k can be 12 times too small.
         asked = asked._replace(intervals=QUADRATIC)
     ones = jobs(measurement, sample, settings, asked)
+    tell(total=2 * len(ones), done=0)  # each is solved, and then gets its errors
     pairs = from_neighbours(solved_each(ones))
     pooled = _scatter(pairs) if several else None
     fits = []
@@ -195,7 +196,6 @@ def fit_wavelengths(
 def solved_each(ones: list[One], count: int = LANES) -> list[tuple[One, Ends]]:
     """Return every wavelength with the ends of its first ``count`` starts."""
     solved: dict[int, Ends] = {}
-    tell(total=2 * len(ones), done=0)  # each is solved, and then gets its errors
     together = _TOGETHER * LANES // count
     for chunk in _chunks(ones, together):
         # Filled up with copies of the last one, so that all groups use one program.
@@ -230,6 +230,7 @@ def from_neighbours(pairs: list[tuple[One, Ends]]) -> list[tuple[One, Ends]]:
         if not worth:
             break
         again = [_beside(pairs, i) for i in worth]
+        tell(total=len(again) + len(pairs), done=0)
         better = False
         for i, (one, ends) in zip(worth, solved_each(again, 2 * _BESIDE), strict=True):
             before = pairs[i][1].cost.min()

@@ -7,11 +7,13 @@ import time
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 
+import numpy as np
 import pytest
 
+from fitting import Measurement, fit, simulate
 from fitting.output import progress_bar as progress
 from fitting.output.progress_bar import Progress, shown
-from fitting.process.progress import tell
+from fitting.process.progress import listening, tell
 
 
 class Terminal(io.StringIO):
@@ -81,8 +83,29 @@ def test_a_bar_is_filled_once_the_number_of_steps_is_known(bars, monkeypatch):
         tell("errors", done=4)
         wait_for(lambda: bars[0].seen[-1] == (20, 20, "errors"))
         assert "{bar}" in bars[0].bar_format
+        # Another fit, as of errors that were too small.
+        tell(total=10, done=0)
+        tell(done=5)
+        wait_for(lambda: bars[0].seen[-1] == (25, 30, "errors"))
     tell(done=5)  # nobody listens any more
-    assert bars[0].seen[-1] == (20, 20, "errors")
+    assert bars[0].seen[-1] == (25, 30, "errors")
+
+
+@pytest.mark.parametrize("count", [2, 30])
+def test_the_steps_of_wavelengths_end_at_their_total(count):
+    """Those that are solved again, from the wavelengths beside them, are further steps."""
+    wave, angle = (a.ravel() for a in np.meshgrid(np.linspace(0.5, 0.7, count), [55.0, 70.0]))
+    psi, delta = (simulate("air | 1.6+0.1i", {}, angle, wave, q) for q in ("psi", "delta"))
+    random = np.random.default_rng(0)
+    # The errors are too small at every third wavelength, which no start helps.
+    psi += np.where(np.arange(len(wave)) % 3, 0.0, 0.5) * random.standard_normal(len(wave))
+    m = Measurement.from_columns(
+        angle, wave, psi=psi, delta=delta, sigma={"psi": 0.01, "delta": 0.01}
+    )
+    bar = Progress("wavelengths", quiet=True)
+    with listening(bar.take):
+        fit(m, "free", errors="scaled")
+    assert bar._done == bar._total > 2 * count
 
 
 def test_nothing_is_shown_in_the_first_second(bars, monkeypatch):

@@ -40,8 +40,9 @@ class Progress:
 
     def take(self, step: Step) -> None:
         """Add a step reported by `fitting.process.progress.tell`."""
+        if step.total:
+            self._total = self._done + step.total
         self._done += step.done
-        self._total = step.total or self._total
         self._doing = step.doing or self._doing
 
     def _show(self) -> None:

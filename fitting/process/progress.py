@@ -9,9 +9,11 @@ from typing import NamedTuple
 
 
 class Step(NamedTuple):
-    """A report: the number of steps done since the last one, their total, and what comes next.
+    """A report: the number of steps done since the last one, those to come, and what comes next.
 
-    total: of all steps, None if not known. doing: a word or two, "" for no change.
+    total: of the steps from this report on, those in it included; None where nothing new is known
+    of it. A fit may turn out to need more, and several fits may follow each other. doing: a word or
+    two, "" for no change.
     """
 
     done: int
