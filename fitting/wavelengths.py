@@ -232,10 +232,11 @@ def from_neighbours(pairs: list[tuple[One, Ends]]) -> list[tuple[One, Ends]]:
         again = [_beside(pairs, i) for i in worth]
         tell(total=len(again) + len(pairs), done=0)
         better = False
+        own = min(2 * _BESIDE, len(pairs) - 1)  # the further lanes are copies
         for i, (one, ends) in zip(worth, solved_each(again, 2 * _BESIDE), strict=True):
             before = pairs[i][1].cost.min()
-            one.fit.starts += 2 * _BESIDE
-            pairs[i] = one, joined([pairs[i][1], ends])
+            one.fit.starts += own
+            pairs[i] = one, joined([pairs[i][1], Ends(*(a[..., :own] for a in ends))])
             better |= bool(pairs[i][1].cost.min() < (1.0 - 1e-3) * before)
         if not better:
             break
@@ -259,8 +260,14 @@ def _misfits(pairs: list[tuple[One, Ends]]) -> np.ndarray:
 
 
 def _beside(pairs: list[tuple[One, Ends]], which: int) -> One:
-    """Return a wavelength with the lowest ends of those beside it as its starts."""
-    steps = [i for n in range(1, _BESIDE + 1) for i in (which - n, which + n)]
-    ends = [pairs[min(max(i, 0), len(pairs) - 1)][1] for i in steps]
+    """Return a wavelength with the lowest ends of those beside it as its starts, each once.
+
+    Its own would count as reached again. Near an end of the spectrum more are from the other side.
+    Of a few wavelengths the last one is repeated, so that all take one program.
+    """
+    first = max(min(which - _BESIDE, len(pairs) - 1 - 2 * _BESIDE), 0)
+    others = [i for i in range(first, first + 2 * _BESIDE + 1) if i != which and i < len(pairs)]
+    ends = [pairs[i][1] for i in others]
     start = np.stack([e.y[:, np.argmin(e.cost)] for e in ends], 1)
+    start = np.pad(start, ((0, 0), (0, 2 * _BESIDE - len(others))), "edge")
     return pairs[which][0]._replace(start=start)

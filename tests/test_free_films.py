@@ -6,6 +6,10 @@ import pytest
 from benchmarks.free_film_study import simulated
 from fitting import Measurement, fit, simulate
 from fitting import thickness_profile as profile
+from fitting.samples.parameters import Settings
+from fitting.samples.sample import Sample
+from fitting.searching.search import Asked
+from fitting.wavelengths import from_neighbours, jobs, solved_each
 
 STUDY = pytest.mark.study
 
@@ -132,3 +136,22 @@ def test_a_film_of_unknown_thickness_below_another_one():
     index = found.index(medium="film_2")
     np.testing.assert_allclose(index.eta, 2.0, atol=0.01)
     np.testing.assert_array_equal(index.sigma_eta, found.parameters["film_2.eta"].sigma)
+
+
+@pytest.mark.parametrize("count, others", [(2, 1), (5, 4), (20, 16)])
+def test_starts_from_other_wavelengths_are_counted_once(count, others):
+    """Of two wavelengths each had had eight further starts at its own solution, and eight alike."""
+    random, wave = np.random.default_rng(0), np.repeat(np.linspace(0.5, 0.6, count), 3)
+    angle, sigma = np.tile([55.0, 65.0, 75.0], count), {"psi": 1e-3, "delta": 1e-3}
+    seen = {q: simulate("air | 1.9 150 nm held | Si", {}, angle, wave, q) for q in sigma}
+    # The errors are so small that nothing describes the data.
+    seen["psi"] += 0.1 * random.standard_normal(len(wave))
+    m = Measurement.from_columns(angle, wave, sigma=sigma, **seen)
+    settings, sample = Settings(), Sample.parse("air | free 150 nm held | Si")
+    pairs = solved_each(jobs(m, sample, settings, Asked()))
+    again = from_neighbours(pairs)
+    for (one, ends), (_, before) in zip(again, pairs, strict=True):
+        more = len(ends.cost) - len(before.cost)
+        assert one.fit.starts == len(ends.cost)
+        assert more and more % others == 0
+    assert len(again[0][1].cost) == len(pairs[0][1].cost) + others
