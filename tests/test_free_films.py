@@ -155,3 +155,19 @@ def test_starts_from_other_wavelengths_are_counted_once(count, others):
         assert one.fit.starts == len(ends.cost)
         assert more and more % others == 0
     assert len(again[0][1].cost) == len(pairs[0][1].cost) + others
+
+
+def test_each_wavelength_tells_its_own_number_of_starts():
+    """Those that were tried again have more; all had told the number of the first."""
+    random, wave = np.random.default_rng(0), np.repeat(np.linspace(0.5, 0.6, 6), 3)
+    angle, sigma = np.tile([55.0, 65.0, 75.0], 6), {"psi": 0.01, "delta": 0.02}
+    sample = "air | free 150 nm held | Si"
+    seen = {
+        q: simulate("air | 1.9 150 nm held | Si", {}, angle, wave, q)
+        + size * random.standard_normal(len(wave))
+        for q, size in sigma.items()
+    }
+    seen["psi"][-3:] += [1.0, -1.0, 1.0]
+    found = fit(Measurement.from_columns(angle, wave, sigma=sigma, **seen), sample)
+    assert found.starts.tolist() == [64] * 5 + [64 + 5]
+    assert f"of {64 + 5} starting points" in str(found[5])

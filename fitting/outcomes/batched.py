@@ -15,7 +15,7 @@ from fitting.results.result import NONE, TIED, Alternative, ErrorModel, Estimate
 
 _EACH = (
     "covariance", "wavelength_um", "chi2", "chi2_reduced", "dof", "n_data", "rms", "status",
-    "evaluations", "reached", "noise", "cost", "bic", "aicc",
+    "evaluations", "starts", "reached", "noise", "cost", "bic", "aicc",
 )  # fmt: skip
 
 

@@ -83,7 +83,7 @@ class Fit:
     status: Any
     errors: ErrorModel
     evaluations: Any = 0
-    starts: int = 0
+    starts: Any = 0
     reached: Any = 0
     rms_of: Mapping[str, Any] = field(default_factory=dict)
     loss: str = "squares"
