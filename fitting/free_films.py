@@ -119,7 +119,8 @@ def fit_free_film(
     label = ones[0].fit.u.labels[name]
     wide = sigma > 0.3 * (ends[1] - ends[0]) or not np.isfinite(sigma)
     shift = 0.0 if wide else min(sigma, 0.2 * best)
-    moved = fit_wavelengths(measurement, _held(sample, which, best + shift), settings, asked)
+    beside = _held(sample, which, best + shift)
+    moved = fit_wavelengths(measurement, beside, settings, asked, near=found)
     by = {
         n: _slope(e, moved.parameters[n], sigma / shift if shift else 0.0)
         for n, e in found.parameters.items() if n != label and np.ndim(e.value)

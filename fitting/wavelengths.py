@@ -166,12 +166,14 @@ def jobs(measurement: Measurement, sample: Sample, settings: Settings, asked: As
 
 
 def fit_wavelengths(
-    measurement: Measurement, sample: Sample, settings: Settings, asked: Asked
-) -> Fit:
+    measurement: Measurement, sample: Sample, settings: Settings, asked: Asked,
+    near: Fit | None = None,
+) -> Fit:  # fmt: skip
     """Return the fit of every wavelength by itself, batch shape (W,) in rising order.
 
     psi and Delta of a bare surface give the pseudo-index, see `pseudo_index`. If a wavelength has
-    fewer than five degrees of freedom, scaled errors use the scatter of all wavelengths.
+    fewer than five degrees of freedom, scaled errors use the scatter of all wavelengths. near: the
+    fit of a sample that hardly differs, of which the same minima are wanted, as they have moved.
     """
     several = len(np.unique(measurement.wavelength_um)) > 1
     if several and asked.intervals == "auto" and not sample.eta_i > 1.0:
@@ -180,7 +182,13 @@ def fit_wavelengths(
         asked = asked._replace(intervals=QUADRATIC)
     ones = jobs(measurement, sample, settings, asked)
     tell(total=2 * len(ones), done=0)  # each is solved, and then gets its errors
-    pairs = from_neighbours(solved_each(ones))
+    if near is None:
+        pairs = from_neighbours(solved_each(ones))
+    else:
+        own = [e.y[:, None] for e in near.evaluator.each]  # type: ignore
+        pairs = solved_each([
+            one._replace(start=np.repeat(y, LANES, 1)) for one, y in zip(ones, own, strict=True)
+        ])  # fmt: skip
     pooled = _scatter(pairs) if several else None
     fits = []
     for one, ends in pairs:
