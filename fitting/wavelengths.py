@@ -34,8 +34,8 @@ from fitting.uncertainty.intervals import QUADRATIC
 
 # Number of wavelengths that one run of a program solves, each from LANES starts.
 _TOGETHER = 16
-# A wavelength that is not described is tried again from the solutions at so many wavelengths on
-# either side, as long as this helps, at most so many times.
+# A wavelength is tried again from the solutions at so many wavelengths on either side; if it is not
+# described, as long as this helps, at most so many times.
 _BESIDE, _ROUNDS = 8, 12
 # Degrees of freedom from which on the noise is estimated from a wavelength's own scatter.
 _ENOUGH = 5
@@ -227,14 +227,16 @@ def solved_each(ones: list[One], count: int = LANES) -> list[tuple[One, Ends]]:
 
 
 def from_neighbours(pairs: list[tuple[One, Ends]]) -> list[tuple[One, Ends]]:
-    """Return the wavelengths, those that are not described tried from the solutions beside them.
+    """Return the wavelengths, each tried from the solutions beside it, and some of them again.
 
     An index changes little from one wavelength to the next, and a narrow minimum that few starts
-    find at one of them is wide at another.
+    find at one of them is wide at another. With a few degrees of freedom a wrong one may describe
+    the data, so that all are tried once, and then those that are not described.
     """
     pairs = list(pairs)
-    for _ in range(_ROUNDS):
-        worth = np.flatnonzero(_misfits(pairs)).tolist() if len(pairs) > 1 else []
+    spare = np.array([one.fit.dof > 0 for one, _ in pairs])
+    for turn in range(_ROUNDS if len(pairs) > 1 else 0):
+        worth = np.flatnonzero(_misfits(pairs) | (spare & (turn == 0))).tolist()
         if not worth:
             break
         again = [_beside(pairs, i) for i in worth]
