@@ -131,7 +131,7 @@ def fit_free_film(
         n: _with_thickness(e, by[n], ranges.get(n, (-np.inf, np.inf))) if n in by else e
         for n, e in found.parameters.items() if n != label
     }  # fmt: skip
-    interval = np.clip(best + 1.96 * sigma * np.array([-1.0, 1.0]), *ends)
+    interval = np.clip(shared.interval, *ends)
     parameters[label] = Estimate(
         name=label, unit="nm", value=best, sigma=np.nan if wide else sigma,
         interval=np.full(2, np.nan) if wide else interval,

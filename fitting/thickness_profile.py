@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.searching.minima import ALTERNATIVE_CHI2
+from fitting.uncertainty.limits import student_quantile
 from fitting.wavelengths import One, solved_each
 
 # The thickness is first scanned in _GRID steps, each wavelength from _STARTS starts. At most
@@ -33,13 +34,15 @@ _LEAST_K = -0.1
 
 
 class SharedThickness(NamedTuple):
-    """The best thickness, its standard error, and others that fit nearly as well.
+    """The best thickness, its standard error and interval, and others that fit nearly as well.
 
-    others: thickness and the rise of chi2 of each.
+    interval: the 95 % interval (2,), also beyond the ends of the range. others: thickness and the
+    rise of chi2 of each.
     """
 
     nm: float
     sigma: float
+    interval: np.ndarray
     others: tuple[tuple[float, float], ...]
 
 
@@ -53,12 +56,14 @@ class _Place(NamedTuple):
 class _Profile(NamedTuple):
     """Cost over thickness, (D,) each, in rising order.
 
-    scatter: the unit of a rise of the cost. y: (p, W) where the wavelengths ended at the best.
+    scatter: the unit of a rise of the cost. dof: degrees of freedom from which it was estimated, 0
+    where it was stated. y: (p, W) where the wavelengths ended at the best.
     """
 
     thickness_nm: np.ndarray
     cost: np.ndarray
     scatter: float
+    dof: int
     y: np.ndarray
 
     @property
@@ -79,11 +84,13 @@ def shared_thickness(
     p = _profile(ones, row, grid(*ends, _GRID), scaled, _NEAR)
     best, sigma = float(p.thickness_nm[p.best]), _error(p)
     if not np.isfinite(sigma):
-        return SharedThickness(best, sigma, ())
+        return SharedThickness(best, sigma, np.full(2, np.nan), ())
     around = np.clip(best + sigma * np.linspace(-6.0, 6.0, _WITHIN), *ends)
     around = np.append(around[np.argsort(np.abs(around - best))], ends)
     near = _profile(_with_gain(ones, place), row, around, scaled, _FLAT, p.y)
-    return SharedThickness(float(near.thickness_nm[near.best]), _error(near), _others(p))
+    best, sigma = float(near.thickness_nm[near.best]), _error(near)
+    half = student_quantile(near.dof) * sigma
+    return SharedThickness(best, sigma, np.array([best - half, best + half]), _others(p))
 
 
 def _at(
@@ -148,13 +155,14 @@ def _profile(
         found = _at(ones, row, asked) if asked else []
         known.update({d: place for (d, _), place in zip(asked, found, strict=True)})
 
-    spare = sum(one.fit.n_data + one.fit.priors - int(one.fit.u.free.sum()) for one in ones)
-    dof = max(spare - 1, 1)
+    dof = max(sum(one.fit.dof for one in ones) - 1, 1)
     least = 1e-24 * sum(one.fit.squares for one in ones)
+
+    estimated = scaled or not ones[0].fit.seen.stated
 
     def scatter() -> float:
         lowest = min(place.cost for place in known.values())
-        return max(lowest / dof if scaled or not ones[0].fit.seen.stated else 1.0, least)
+        return max(lowest / dof if estimated else 1.0, least)
 
     # Each from the one before it, _CHAIN in a row; all at once where a start is known.
     chain = _CHAIN if near is None else 1
@@ -173,7 +181,7 @@ def _profile(
     order = sorted(known)
     best = min(order, key=lambda d: known[d].cost)
     costs = np.array([known[d].cost for d in order])
-    return _Profile(np.array(order), costs, scatter(), known[best].y)
+    return _Profile(np.array(order), costs, scatter(), dof if estimated else 0, known[best].y)
 
 
 def _local_minima(cost: np.ndarray) -> np.ndarray:

@@ -192,3 +192,23 @@ def test_a_wrong_minimum_that_describes_the_data_is_left_for_a_lower_one():
     m = case.measurement.where(np.isin(case.measurement.wavelength_um, waves))
     found = fit(m, "air | free 142.802 nm held | silver")
     assert np.ptp(found.eta) < 0.1
+
+
+def test_the_interval_of_the_thickness_is_that_of_a_scatter_of_few_degrees_of_freedom():
+    """chi2 of 3 degrees of freedom is a tenth of that in some cases, and so is the variance."""
+    waves, values = np.array([0.4, 0.55, 0.7, 0.9]), {"A": 1.8, "B": 0.01, "thickness_nm": 120.0}
+    random, sigma = np.random.default_rng(3), {"psi": 0.05, "delta": 0.1, "R": 1e-3}
+    angle = np.repeat([65.0, 0.0], 4)
+    columns = {}
+    for q, error in sigma.items():
+        at = 0.0 if q == "R" else 65.0
+        seen = simulate("air | cauchy:2 120 nm | Si", values, at, waves, q)
+        seen = seen + error * random.standard_normal(4)
+        columns[q] = np.where(angle == at, np.tile(seen, 2), np.nan)
+    m = Measurement.from_columns(angle, np.tile(waves, 2), sigma=sigma, **columns)
+    of_scatter, of_stated = (
+        fit(m, "air | free 100..140 nm | Si", errors=e).parameters["thickness_nm"]
+        for e in ("scaled", "stated")
+    )
+    for d, t in ((of_scatter, 3.182), (of_stated, 1.960)):
+        np.testing.assert_allclose(d.interval, d.value + t * d.sigma * np.array([-1, 1]), rtol=1e-4)
