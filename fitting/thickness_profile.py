@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.searching.minima import ALTERNATIVE_CHI2
+from fitting.searching.minima import alternative_chi2
 from fitting.uncertainty.limits import student_quantile
 from fitting.wavelengths import One, solved_each
 
@@ -210,7 +210,7 @@ def _others(p: _Profile) -> tuple[tuple[float, float], ...]:
     """Return other thicknesses that fit nearly as well, with the rise of chi2."""
     rise = (p.cost - p.cost[p.best]) / p.scatter
     out = []
-    for i in np.flatnonzero(_local_minima(rise) & (rise < ALTERNATIVE_CHI2)):
+    for i in np.flatnonzero(_local_minima(rise) & (rise < alternative_chi2(p.dof))):
         between = rise[min(i, p.best) : max(i, p.best) + 1]
         if i != p.best and between.max() > rise[i] + 1.0:
             out.append((float(p.thickness_nm[i]), float(rise[i])))

@@ -1,9 +1,11 @@
-"""Films measured at a few angles and one wavelength: where noise decides, nothing is kept back."""
+"""Surfaces and films measured at a few angles: where noise decides, nothing is kept back."""
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from fitting import Measurement, fit, simulate
+from fitting import Measurement, fit, fit_many, simulate
+from fitting.searching.minima import alternative_chi2
 
 
 def drawn(seed):
@@ -46,3 +48,43 @@ def _near(interval, value):
     low, high = interval
     half = 0.5 * (high - low)
     return not np.isfinite(half) or low - half <= value <= high + half
+
+
+def test_a_rise_that_the_noise_allows_is_that_of_f_where_the_residuals_tell_the_noise():
+    dof = np.array([1, 2, 5, 30])
+    np.testing.assert_allclose(alternative_chi2(dof), 2.0 * stats.f.ppf(0.95, 2, dof))
+    assert alternative_chi2(0) == 6.0
+
+
+@pytest.mark.parametrize("seed", [88, 164])
+def test_the_truth_is_among_the_solutions_without_stated_errors(seed):
+    """Of 200 such films those whose true values were in no solution, chi2 6 to 100 higher."""
+    measured, substrate, truth = drawn(seed)
+    of_psi = measured.quantity == "psi"
+    m = Measurement.from_columns(
+        measured.angle_deg[of_psi], 0.633,
+        psi=measured.value[of_psi], delta=measured.value[~of_psi],
+    )  # fmt: skip
+    found = fit(m, f"air | constant 1..1000 nm | {substrate}")
+    assert any(
+        all(_near(f.parameters[n].interval, truth[n]) for n in truth)
+        for f in (found, *found.alternatives)
+    )
+
+
+@pytest.mark.parametrize(
+    ("eta", "R_p"),
+    [
+        (1.917, [0.0230, 0.0427, 0.0572, 0.1370]), (2.491, [0.0029, 0.0141, 0.0147, 0.0890]),
+        (2.249, [0.0133, 0.0244, 0.0313, 0.0996]), (2.172, [0.0101, 0.0252, 0.0355, 0.1116]),
+    ],
+)  # fmt: skip
+def test_another_index_is_told_if_the_scatter_of_two_degrees_of_freedom_allows_it(eta, R_p):
+    """R_p with errors of .005, which the fit does not know: it gave .98 +- .01 alone."""
+    angles = [70.0, 73.0, 74.0, 78.0]
+    for found in (fit_many(angles, R_p=[R_p])[0], fit(Measurement.from_columns(angles, R_p=R_p))):
+        assert found.parameters["eta"].value < 1.0
+        (other,) = found.alternatives
+        low, high = other.parameters["eta"].interval
+        assert low < eta < high
+        assert 6.0 < other.delta_chi2 < 38.0

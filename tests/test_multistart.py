@@ -51,12 +51,12 @@ def test_minima_by_cost_and_place():
     done = np.array([True, True, True, True, False, True])
     ends = Ends(y, cost, done, np.ones(6, int))
     near = Around(np.array([0.1]), np.array([[20.0]]))
-    found = minima(ends, 1.0, 0.0, lambda lane: near)
+    found = minima(ends, 1.0, 6.0, 0.0, lambda lane: near)
     assert [(m.lane, m.reached) for m in found] == [(0, 2), (2, 2)]
     # a valley that the data do not see the end of is one minimum
     valley = Around(np.array([np.inf]), np.array([[0.0]]))
-    assert len(minima(ends, 1.0, 0.0, lambda lane: valley)) == 1
-    assert minima(ends._replace(done=~done & False), 1.0, 0.0, lambda lane: near) == []
+    assert len(minima(ends, 1.0, 6.0, 0.0, lambda lane: valley)) == 1
+    assert minima(ends._replace(done=~done & False), 1.0, 6.0, 0.0, lambda lane: near) == []
 
 
 def test_what_only_changes_together_is_no_single_minimum():
@@ -64,7 +64,7 @@ def test_what_only_changes_together_is_no_single_minimum():
     y = np.array([[0.0, 1.0, 1.0], [0.0, 1.0, -1.0]])
     ends = Ends(y, np.array([10.0, 11.0, 11.0]), np.ones(3, bool), np.ones(3, int))
     near = Around(np.array([4.0, 4.0]), 10.0 * np.array([[1.0, -1.0], [0.0, 0.1]]))
-    assert [m.lane for m in minima(ends, 1.0, 0.0, lambda lane: near)] == [0, 2]
+    assert [m.lane for m in minima(ends, 1.0, 6.0, 0.0, lambda lane: near)] == [0, 2]
 
 
 def test_three_oscillators_are_found_where_random_starts_miss_them():

@@ -175,7 +175,8 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     e = _of_many_the_lossless(data, s, e, undetermined & ~mirror, scatter)
     failed = bounded & ~undetermined & ~(s.done > 0)
     blank = ~bounded | failed | undetermined  # no error is known
-    others = other_solutions(data, found, scatter, e, ~blank, how, wanted)
+    estimated = np.where(np.greater(scatter, stated) & (not a.stated), dof, 0)
+    others = other_solutions(data, found, scatter, estimated, e, ~blank, how, wanted)
     more = np.logical_or.reduce([other.there for other in others])
     codes = _codes(a, e, s, undetermined, mirror, on_circle, dof, extent)
     lost = failed | no_data

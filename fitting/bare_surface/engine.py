@@ -22,13 +22,15 @@ from fitting.problem.solver import START_DAMPING
 from fitting.process.compiled import compiled
 
 # A further start is near the best minimum of its curve at a cost less than 4 times that one, or
-# than what an error of .3 % of all data costs.
+# than what an error of .3 % of all data costs. With less than five degrees of freedom the cost of
+# another minimum that is reported may be higher than 4 times the best one (`alternative_chi2`).
 NEAR_COST, NEAR_SHARE = 4.0, 1e-5
 
 
-def near_cost(cost: Any, scale: Any) -> Any:
-    """Return the cost below which a further start is near a minimum of this cost."""
-    return NEAR_COST * cost + NEAR_SHARE * scale
+def near_cost(cost: Any, scale: Any, count: Any) -> Any:
+    """Return the cost below which a further start is near a minimum of ``count`` data."""
+    times = 400.0 ** (1.0 / jnp.maximum(count - 2.0, 1.0))
+    return jnp.maximum(times, NEAR_COST) * cost + NEAR_SHARE * scale
 
 
 class Steps(NamedTuple):
@@ -122,7 +124,8 @@ def _carried_out(
             jnp.where(is_first, steps.first, steps.further),
             jnp.where(is_first, steps.first, steps.near),
         )
-        near = near_cost(of_lanes(table[ROW.cost], curve), of_lanes(table[ROW.scale], curve))
+        rows = (table[row] for row in (ROW.cost, ROW.scale, ROW.count))
+        near = near_cost(*(of_lanes(row, curve) for row in rows))
         solved, there = descend_in_both_charts(data, begin, most, near, steps.turned, channels)
         table = jax.lax.dynamic_update_slice(table, solved, (0, place))
         if fitted:

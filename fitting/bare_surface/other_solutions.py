@@ -17,7 +17,7 @@ from fitting.bare_surface.region_intervals import (
     limit_of_k,
 )
 from fitting.results.result_parts import NONE, QUADRATIC
-from fitting.searching.minima import ALTERNATIVE_CHI2
+from fitting.searching.minima import alternative_chi2
 
 
 class Other(NamedTuple):
@@ -80,6 +80,7 @@ def other_solutions(
     data: Data,
     found: Minima,
     scatter: np.ndarray,
+    dof: np.ndarray,
     best: Estimated,
     possible: np.ndarray,
     how: dict[str, Any],
@@ -88,13 +89,14 @@ def other_solutions(
     """Return the other solutions, lowest first, each as if its minimum were the best one.
 
     scatter: (N,), in which the chi2 of the others ``found`` is compared with that of the ``best``.
+    dof: (N,), from how many degrees of freedom it was estimated, 0 where it was stated or assumed.
     possible: (N,), where they are looked for. how: options of `estimate`. wanted: kind of the
     intervals.
     """
     none = _none(len(possible))
     of = found.curve
     excess = (found.others[:, ROW.cost] - found.best[ROW.cost, of]) / scatter[of]
-    near = possible[of] & (excess < ALTERNATIVE_CHI2) & (found.others[:, ROW.done] > 0)
+    near = possible[of] & (excess < alternative_chi2(dof[of])) & (found.others[:, ROW.done] > 0)
     others, earlier = [], [best]
     for s, more, here in zip(found.others, excess, near, strict=True):
         mine = here.nonzero()[0]

@@ -19,7 +19,7 @@ from fitting.results.diagnostics import Finding
 from fitting.results.result import Alternative, Estimate, Fit
 from fitting.samples.parameters import value_and_slope
 from fitting.searching.film_parts import joined
-from fitting.searching.minima import ALTERNATIVE_CHI2, SAME_CHI2, Around, Minimum, minima
+from fitting.searching.minima import SAME_CHI2, Around, Minimum, minima, scatter_of
 from fitting.searching.search import End, Solving
 from fitting.searching.starts import STAGE, Ends, best_of
 from fitting.searching.without_fringes import Fringeless, without_fringes
@@ -27,8 +27,6 @@ from fitting.uncertainty.intervals import QUADRATIC, Intervals, intervals
 from fitting.uncertainty.likelihood import criteria
 from fitting.uncertainty.spline_errors import errors_of_curves
 
-# The standard error that is assumed where neither stated errors nor scatter give one.
-ASSUMED_SIGMA = 1e-3
 # So many of the other minima have intervals by profile, the rest quadratic ones.
 _OTHERS = 3
 
@@ -103,18 +101,8 @@ def _blank(covariance: np.ndarray, unseen: np.ndarray) -> np.ndarray:
     return out
 
 
-def _scatter(fit: Solving, cost: float, noise: float, scaled: bool) -> float:
-    """Return the unit of differences of the cost."""
-    if fit.pooled is not None and scaled:
-        return fit.pooled
-    scatter = cost / fit.dof if fit.dof else 0.0
-    if not scaled or fit.seen.stated or noise != 1.0:
-        return max(scatter, 1.0)
-    return max(scatter, ASSUMED_SIGMA**2) if fit.dof < 3 else scatter
-
-
 def _minima(
-    fit: Solving, ends: Ends, look: Callable[[int], End], noise: float, scatter: float
+    fit: Solving, ends: Ends, look: Callable[[int], End], noise: float, scatter: float, most: float
 ) -> list[Minimum]:
     """Return the minima that fit nearly as well as the best one, the one to be shown first.
 
@@ -130,7 +118,7 @@ def _minima(
         rows = end.slopes.jacobian / (unit * noise)
         return Around(np.where(np.isfinite(edge), edge, np.inf), rows)
 
-    found = minima(ends, scatter, rounding, around)
+    found = minima(ends, scatter, most, rounding, around)
     free = [i for i, name in enumerate(fit.u.spec.moving) if name.endswith(".eta")]
     eta_i = float(np.mean(fit.targets.eta_i))
     if len(found) < 2 or len(free) != 1:  # of the surface, or of a plate
@@ -176,7 +164,7 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
     lane = int(np.argmin(ends.cost)) if best is None else best
     end = fit.look_at(ends.y[:, lane], noise, scaled)
     failed = best is None or not end.finite
-    scatter = _scatter(fit, end.cost, noise, scaled)
+    scatter, most = scatter_of(fit, end.cost, noise, scaled)
     looked_at = {lane: end}
 
     def look(lane: int) -> End:
@@ -184,7 +172,7 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
             looked_at[lane] = fit.look_at(ends.y[:, lane], noise, scaled, False)
         return looked_at[lane]
 
-    found = [] if failed else _minima(fit, ends, look, noise, scatter)
+    found = [] if failed else _minima(fit, ends, look, noise, scatter, most)
     if found and found[0].lane != lane:
         lane = found[0].lane
         end = fit.look_at(ends.y[:, lane], noise, scaled)
@@ -197,8 +185,8 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
         plain = None
     if plain is not None:
         ends = joined([ends, plain.ends])
-        found = _minima(fit, ends, look, noise, scatter)
-        if plain.ends.cost[0] - end.cost > ALTERNATIVE_CHI2 * scatter:
+        found = _minima(fit, ends, look, noise, scatter, most)
+        if plain.ends.cost[0] - end.cost > most:
             found.append(Minimum(len(ends.cost) - 1, 1))
     every = [end] + [look(m.lane) for m in found[1:]]
     ranges = _intervals(fit, every, noise, failed, plain is not None)

@@ -57,7 +57,7 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Alternative:
-    """Another minimum that fits nearly as well (chi2 higher by less than 6).
+    """Another minimum that fits nearly as well (chi2 higher by less than `alternative_chi2`).
 
     parameters: name -> `Estimate` of each free parameter, as if that minimum were the best one.
     delta_chi2: by how much its chi2 is higher, in units of the scatter; in a batch of shape S, NaN

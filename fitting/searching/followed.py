@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitting.searching.minima import ALTERNATIVE_CHI2
+from fitting.searching.minima import shown_below
 from fitting.searching.search import in_order
 from fitting.searching.starts import STAGE, Ends
 
@@ -21,7 +21,7 @@ def followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> Ends
     """Return the ends of starts (p, S); those far above the best cost are stopped on the way."""
     low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in fit.limits)
     ends = fit.held(start, low, high, noise, STAGE)
-    shown = best + ALTERNATIVE_CHI2 * fit.unit(best)
+    shown = shown_below(fit, best)
     for _ in range(_FURTHER):
         live = np.flatnonzero(~ends.done & (ends.cost < shown))
         if not len(live):

@@ -26,7 +26,7 @@ from fitting.searching.film_starts import (
     thickness_um,
 )
 from fitting.searching.followed import followed
-from fitting.searching.minima import ALTERNATIVE_CHI2
+from fitting.searching.minima import shown_below
 from fitting.searching.starts import Ends, best_of
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def _with_orders(fit: Solving, film: Film, ends: Ends, noise: float) -> Ends:
     known = np.empty((0, 2))
     while asked < _MOST:
         least = float(ends.cost[ends.done].min())
-        new = np.flatnonzero((ends.cost < least + ALTERNATIVE_CHI2 * fit.unit(least)) & ~looked_at)
+        new = np.flatnonzero((ends.cost < shown_below(fit, least)) & ~looked_at)
         looked_at[new] = True
         y = ends.y[:, new]
         lowest = ends.y[:, new[[np.argmin(ends.cost[new])]]] if len(new) else y

@@ -3,19 +3,59 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fitting.searching.starts import Ends
 
+if TYPE_CHECKING:
+    from fitting.searching.search import Solving
+
+# The standard error that is assumed where neither stated errors nor scatter give one.
+ASSUMED_SIGMA = 1e-3
+
 # Two end points are one minimum if their chi2 differs by less than the first number; a minimum is
 # reported if its chi2 is higher by less than the second: the 95 % quantile of chi2 with two degrees
-# of freedom is 6.
+# of freedom is 6. Where the residuals tell the noise, it is that of `alternative_chi2`.
 SAME_CHI2, ALTERNATIVE_CHI2 = 0.02, 6.0
 # Square of the number of standard errors from which on two end points with different chi2 are two
 # minima.
 _APART = 25.0
+
+
+def alternative_chi2(dof: Any) -> Any:
+    """Return the rise of chi2 up to which a minimum is reported, in units of the scatter.
+
+    dof: degrees of freedom (N,) from which the scatter was estimated; 0: it was stated. Twice the
+    95 % quantile of F with 2 and ``dof`` degrees of freedom, dof (20^(2 / dof) - 1): 399 for 1, 38
+    for 2, 8.2 for 10, and the 6 of chi2 for many. With few of them the scatter at the lowest
+    minimum is often far below the noise.
+    """
+    dof = np.asarray(dof)
+    many = np.maximum(dof, 1)
+    return np.where(dof > 0, many * np.expm1(2.0 * np.log(20.0) / many), ALTERNATIVE_CHI2)
+
+
+def scatter_of(fit: Solving, cost: float, noise: float, scaled: bool) -> tuple[float, float]:
+    """Return the unit of differences of the cost, and up to which one a minimum is reported.
+
+    cost: the lowest one.
+    """
+    if fit.pooled is not None and scaled:
+        return fit.pooled, ALTERNATIVE_CHI2 * fit.pooled
+    scatter = cost / fit.dof if fit.dof else 0.0
+    if not scaled or fit.seen.stated or noise != 1.0:
+        return max(scatter, 1.0), ALTERNATIVE_CHI2 * max(scatter, 1.0)
+    if fit.dof < 3 and scatter < ASSUMED_SIGMA**2:
+        return ASSUMED_SIGMA**2, ALTERNATIVE_CHI2 * ASSUMED_SIGMA**2
+    return scatter, float(alternative_chi2(fit.dof)) * scatter
+
+
+def shown_below(fit: Solving, cost: float) -> float:
+    """Return the cost up to which a minimum is reported, during the search; ``cost``: the best."""
+    stated = fit.seen.stated or not fit.asked.scaled
+    return cost + float(alternative_chi2(0 if stated else fit.dof)) * fit.unit(cost)
 
 
 class Minimum(NamedTuple):
@@ -38,19 +78,19 @@ class Around(NamedTuple):
 
 
 def minima(
-    ends: Ends, scatter: float, rounding: float, around: Callable[[int], Around]
+    ends: Ends, scatter: float, most: float, rounding: float, around: Callable[[int], Around]
 ) -> list[Minimum]:
-    """Return the minima within ALTERNATIVE_CHI2 of the best one, the best first.
+    """Return the minima that fit nearly as well as the best one, the best first.
 
-    scatter: unit of differences of the cost. rounding: differences of the cost below this are
-    rounding. around: of a lane.
+    scatter: unit of differences of the cost. most: the largest of them. rounding: differences of
+    the cost below this are rounding. around: of a lane.
     """
     lanes = np.flatnonzero(ends.done & np.isfinite(ends.cost))
     if not len(lanes):
         return []
     lanes = lanes[np.argsort(ends.cost[lanes], kind="stable")]
     least = ends.cost[lanes[0]]
-    lanes = lanes[ends.cost[lanes] - least <= ALTERNATIVE_CHI2 * scatter + rounding]
+    lanes = lanes[ends.cost[lanes] - least <= most + rounding]
     same = SAME_CHI2 * scatter + rounding
     found: list[tuple[Around, list[int]]] = []
     for lane in lanes:
