@@ -18,7 +18,7 @@ def test_the_error_of_a_thickness_is_that_of_its_own_valley():
     """A second valley, at 180 nm and 2 of chi2 higher, had made a standard error of 36 nm of 1."""
     thickness = np.linspace(100.0, 200.0, 201)
     cost = np.minimum((thickness - 130.0) ** 2, (thickness - 180.0) ** 2 + 2.0)
-    p = profile._Profile(thickness, cost, 1.0, np.zeros((2, 1)))
+    p = profile._Profile(thickness, cost, 1.0, 0, np.zeros((2, 1)))
     assert profile._error(p) == pytest.approx(1.0)
     assert profile._others(p) == ((180.0, 2.0),)
 
