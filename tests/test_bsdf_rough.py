@@ -251,4 +251,5 @@ def test_roughness_tends_to_the_smooth_limit():
         smooth = Dielectric(1.5).sample(wo, 0.5, u[0], lobe).weight
         rough = sample(Dielectric(1.5, TrowbridgeReitz(2e-3)), wo[:, None], 0.5, u, lobe, MODES[0])
         mean = np.sum(np.asarray(rough.weight) * weights, axis=1)
+        # facets within 2e-3 of the normal see the mean of R over these angles: 4.5e-4 off
         np.testing.assert_allclose(mean, smooth, rtol=1e-3)

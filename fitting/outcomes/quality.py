@@ -15,7 +15,7 @@ from fitting.problem.unknowns import Unknowns
 from fitting.residuals.pattern import pattern
 from fitting.results.diagnostics import Warning
 from fitting.results.result import Alternative, ErrorModel
-from fitting.samples.dispersion import Model
+from fitting.samples.dispersion import CAUCHY_NAMES, Model
 from fitting.samples.known_media import Mixture
 from fitting.samples.sample import Sample
 from fitting.searching.search import End, Solving
@@ -43,8 +43,8 @@ def _a_k_is_free(u: Unknowns) -> bool:
 
 def _acts_on_k(name: str, place: str) -> bool:
     of, _, parameter = name.rpartition(".")
-    # A to H are the terms of Cauchy's eta, beside which k is that of an Urbach tail.
-    others = ("eta", *"ABCDEFGH", "thickness_nm", "thickness_um", "grade")
+    # Cauchy's terms are of eta, and k beside them is that of an Urbach tail.
+    others = ("eta", *CAUCHY_NAMES, "thickness_nm", "thickness_um", "grade")
     return of == place and parameter not in others and not parameter.startswith("fraction")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -25,10 +26,10 @@ class Evaluated(NamedTuple):
 
     The covariance is NaN in rows of fixed parameters and of those at a bound; along undetermined
     combinations it is 0, since the curve does not change (splines: `uncertainty.spline_errors`).
-    errors: (2,) standard errors of eta and k that include that of a thickness shared by all
-    wavelengths; None where there is none. inside: (K, p), solver coordinates within the 95 %
-    intervals next to their ends by profile, and half such an interval in standard errors: where
-    the curve is not linear in the parameters, eta and k differ by more than by the covariance.
+    inside: (K, p), solver coordinates within the 95 % intervals next to their ends by profile, and
+    half such an interval in standard errors: where the curve is not linear in the parameters, eta
+    and k differ by more than by the covariance. errors: (2,) standard errors of eta and k that
+    include that of a thickness shared by all wavelengths; None where there is none.
     """
 
     sample: Sample
@@ -38,8 +39,8 @@ class Evaluated(NamedTuple):
     y: np.ndarray
     covariance: np.ndarray
     measured_um: np.ndarray
+    inside: tuple[np.ndarray, float]
     errors: np.ndarray | None = None
-    inside: tuple[np.ndarray, float] | None = None
 
     def predict(self, measurement: Measurement | None = None) -> Prediction:
         """Return the model at every row of a measurement; see `result.Evaluator`."""
@@ -75,10 +76,11 @@ class Evaluated(NamedTuple):
     def widened(self, factor: np.ndarray) -> Evaluated:
         """Return the same with all errors times a factor (1,)."""
         errors = None if self.errors is None else self.errors * factor[0]
-        inside = None if self.inside is None else (self.inside[0], self.inside[1] / factor[0])
+        places, t = self.inside
         return self._replace(
-            covariance=self.covariance * factor[0] ** 2, errors=errors, inside=inside
-        )
+            covariance=self.covariance * factor[0] ** 2, errors=errors,
+            inside=(places, t / factor[0]),
+        )  # fmt: skip
 
 
 def not_measured(um: float) -> ValueError:
@@ -162,6 +164,20 @@ def _error(slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return np.sqrt(np.maximum(variance, 0.0))
 
 
+def _as_far(
+    at: Evaluated, sigma: np.ndarray, away: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """Return standard errors that reach as far as the intervals by profile; NaN stays.
+
+    away: returns how far each quantity at y (p,) lies from its fitted value.
+    """
+    places, t = at.inside
+    for y in places:
+        off = away(y) / t
+        sigma = np.where(off > sigma, off, sigma)
+    return sigma
+
+
 def _matched(at: Evaluated, seen: Observations, source: str) -> tuple[tuple[int, ...], ...]:
     """Return the fitted curve to which each channel of other points belongs; -1 for none.
 
@@ -212,12 +228,12 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
     if NCS in seen.channels:
         _errors_of_angles(seen, value[-3:], slope[-3:], at.covariance, sigma)
     fitted = at_data(seen, value)
-    inside, t = at.inside or ((), 1.0)
-    for y in inside:
-        away = np.abs(at_data(seen, _shown(u, targets, y)[0]) - fitted)
-        away = np.where(seen.quantity == "delta", np.minimum(away, 360.0 - away), away) / t
-        sigma = np.where(away > sigma, away, sigma)
-    return fitted, sigma
+
+    def away(y: np.ndarray) -> np.ndarray:
+        off = np.abs(at_data(seen, _shown(u, targets, y)[0]) - fitted)
+        return np.where(seen.quantity == "delta", np.minimum(off, 360.0 - off), off)
+
+    return fitted, _as_far(at, sigma, away)
 
 
 def _shown(u: Unknowns, targets: Targets, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -260,9 +276,6 @@ def _index_band(at: Evaluated, wavelength_um: Any, medium: int) -> IndexBand:
             return value, slope
 
         value, slope = index(at.y)
-        error = _error(slope, at.covariance)[:, :count]
-        inside, t = at.inside or ((), 1.0)
-        for y in inside:
-            away = np.abs(index(y)[0] - value)[:, :count] / t
-            error = np.where(away > error, away, error)
-    return IndexBand(wavelength, value[0, :count], error[0], value[1, :count], error[1])
+        error = _as_far(at, _error(slope, at.covariance), lambda y: np.abs(index(y)[0] - value))
+    (eta, k), (sigma_eta, sigma_k) = value[:, :count], error[:, :count]
+    return IndexBand(wavelength, eta, sigma_eta, k, sigma_k)

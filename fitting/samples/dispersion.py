@@ -108,6 +108,9 @@ def _constant(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
     )
 
 
+CAUCHY_NAMES = "ABCDEFGH"
+
+
 def _cauchy(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
     # An index below 1 has the reflectance of its inverse (at normal incidence exactly), so that the
     # ranges of formulas for transparent media begin at 1.
@@ -116,12 +119,12 @@ def _cauchy(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
         # Their share in eta at the shortest wavelength.
         scale = spectrum.shortest_um ** (2 * j)
         unit = f"um^{2 * j}"
-        out.append(Parameter("ABCDEFGH"[j], unit, (-0.1 * scale / j, 0.4 * scale / j)))
+        out.append(Parameter(CAUCHY_NAMES[j], unit, (-0.1 * scale / j, 0.4 * scale / j)))
     return tuple(out)
 
 
 def _cauchy_coefficients(terms: int, v: Mapping[str, Array]) -> Array:
-    return jnp.stack([v["ABCDEFGH"[j]] for j in range(terms)])
+    return jnp.stack([v[CAUCHY_NAMES[j]] for j in range(terms)])
 
 
 def _cauchy_urbach(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:

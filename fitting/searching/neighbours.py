@@ -50,7 +50,8 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
     start: (p, S) random starts. This is done for films, and for other samples with oscillators if
     the residuals are not noise. If they are still not noise after a round without a lower minimum,
     another round follows (after one alone, 2 of 8 fits of a glass plate ended far above the best
-    minimum); for films of many fringes with starts from parts of the spectrum.
+    minimum): for films of many fringes with starts from parts of the spectrum, and, where these do
+    not help, with all starts followed further.
     """
     films = films_of(fit.u.spec, fit.u.moving)
     worth = bool(films) or (fit.lanes == LANES and bool(oscillators(fit)))
