@@ -4,7 +4,7 @@
 wavelengths by their distance from the gap, the share whose true eta and k lie within 1.96 standard
 errors (95 % wanted), and the median of these errors; then chi2 over the degrees of freedom. Gap,
 resonance, width and strength of each material are random; with ``--film`` it is a film on silicon
-or on glass, of random thickness.
+or on glass, of random thickness, and the share of the thicknesses within their intervals is printed.
 """
 
 from __future__ import annotations
@@ -118,13 +118,18 @@ def main() -> None:
     arguments = parser.parse_args()
     for model in arguments.models.split(","):
         random = np.random.default_rng(arguments.seed)
-        found, chi2 = [], []
+        found, chi2, right = [], [], []
         for _ in range(arguments.truths):
             truth = truth_of(random, arguments.film)
             result = fitted(truth, measured(truth, random), model)
             found.append(off_of(result, truth))
             chi2.append(result.chi2_reduced)
+            if truth.thickness_nm:
+                low, high = result.parameters["thickness_nm"].interval
+                right.append(low <= truth.thickness_nm <= high)
         table(model, found)
+        if right:
+            print(f"   interval of the thickness holds the true one: {np.mean(right):.1%}")
         print(f"   chi2 / dof: median {np.median(chi2):.2f}, largest {max(chi2):.2f}", flush=True)
 
 

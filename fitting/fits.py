@@ -222,7 +222,7 @@ def _general(
     waves = np.unique(np.concatenate([m.wavelength_um for m in measurements]))
     film = free_film(sample)
     if film is not None:
-        check_free_film(concatenate(*measurements), sample, film)
+        check_free_film(concatenate(*measurements), sample, film, settings)
         if len(waves) > 1:
             return fit_free_film(concatenate(*measurements), sample, settings, asked)
         # At one wavelength nothing is shared: thickness, eta and k are three unknowns of one fit.

@@ -21,7 +21,7 @@ from fitting.results.result import NONE, QUADRATIC, SHARED, Estimate, Fit
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import FREE, Sample
 from fitting.searching.search import Asked
-from fitting.thickness_profile import shared_thickness
+from fitting.thickness_profile import best_within_error, shared_thickness
 from fitting.wavelengths import check_wavelengths, fit_wavelengths, jobs
 
 
@@ -34,7 +34,9 @@ def free_film(sample: Sample) -> int | None:
     return None
 
 
-def check_free_film(measurement: Measurement, sample: Sample, which: int) -> None:
+def check_free_film(
+    measurement: Measurement, sample: Sample, which: int, settings: Settings
+) -> None:
     """Raise ValueError where the data cannot determine the thickness; it says what is missing."""
     d = sample.media[which].thickness
     assert d is not None
@@ -50,16 +52,22 @@ def check_free_film(measurement: Measurement, sample: Sample, which: int) -> Non
             f"the sample {str(sample)!r}: only one thickness can be fitted together with an index "
             "that is free at every wavelength; write 'held' after the others."
         )
+    known = {*settings.fixed, *settings.tie}
+    wanted = [
+        f"{prefix}{n}"
+        for prefix, place, m in zip(sample.prefixes, sample.places, sample.media, strict=True)
+        for n in ("eta", "k") if m.index == FREE and not {f"{prefix}{n}", f"{place}.{n}"} & known
+    ]  # fmt: skip
     waves = np.unique(measurement.wavelength_um)
-    if len(measurement) > 2 * len(waves):
+    if len(measurement) > len(wanted) * len(waves):
         return
     names = dict.fromkeys(measurement.quantity.tolist())
     each = len(measurement) / len(waves)
     raise ValueError(
         f"{measurement.source}: there are {each:.3g} data at each wavelength "
-        f"({', '.join(names)}), with which eta and k can be found for any thickness. Add a second "
-        "angle or a third quantity; or write 'held' after a thickness that is known; or give the "
-        "film a dispersion model (cauchy, tauc-lorentz)."
+        f"({', '.join(names)}), with which {' and '.join(wanted)} can be found for any thickness. "
+        "Add another angle or quantity; or write 'held' after a thickness that is known; or give "
+        "the film a dispersion model (cauchy, tauc-lorentz)."
     )
 
 
@@ -118,6 +126,10 @@ def fit_free_film(
     found = fit_wavelengths(measurement, _held(sample, which, best), settings, asked)
     label = ones[0].fit.u.labels[name]
     wide = sigma > 0.3 * (ends[1] - ends[0]) or not np.isfinite(sigma)
+    if not wide and any(f.code == "chi2_large" for f in found.findings):
+        # No index with k >= 0 may describe the data at a thickness that is too small by its error.
+        best = best_within_error(ones, row, best, sigma, ends)
+        found = fit_wavelengths(measurement, _held(sample, which, best), settings, asked)
     shift = 0.0 if wide else min(sigma, 0.2 * best)
     beside = _held(sample, which, best + shift)
     moved = fit_wavelengths(measurement, beside, settings, asked, near=found)

@@ -93,6 +93,18 @@ def shared_thickness(
     return SharedThickness(best, sigma, np.array([best - half, best + half]), _others(p))
 
 
+def best_within_error(
+    ones: Sequence[One], row: int, nm: float, sigma: float, ends: tuple[float, float]
+) -> float:
+    """Return the thickness within one standard error that fits best with k >= 0, or ``nm``.
+
+    ``nm`` if the best one is hardly better.
+    """
+    places = np.clip(nm + sigma * np.append(0.0, np.linspace(-1.0, 1.0, _WITHIN - 1)), *ends)
+    costs = [place.cost for place in _at(ones, row, [(d, None) for d in places.tolist()])]
+    return float(places[np.argmin(costs)]) if min(costs) < costs[0] - _NEAR else nm
+
+
 def _at(
     ones: Sequence[One], row: int, asked: Sequence[tuple[float, np.ndarray | None]]
 ) -> list[_Place]:

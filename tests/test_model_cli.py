@@ -124,4 +124,5 @@ def test_thickness_and_results_are_checked(plate, spectrum, capsys):
         assert "thickness" in error or "is not an index" in error
     assert cli.main([*spectrum, "--sample", "cauchy", "--json", spectrum[1]]) == 2
     assert "the measurement itself" in capsys.readouterr().err
-    assert cli.main([plate, "--sample", "cauchy"]) == 0  # T through one face
+    assert cli.main([plate, "--sample", "cauchy"]) == 2  # T of a plate is that of two faces
+    assert "cannot be fitted with one bare surface" in capsys.readouterr().err

@@ -1,8 +1,9 @@
 """What a model fit refuses: names, values and quantities that do not go together."""
 
+import numpy as np
 import pytest
 
-from fitting import Measurement, fit
+from fitting import Measurement, choose, fit, simulate
 from fitting.samples.parameters import Settings, check_settings, names_of, parse_setting
 
 
@@ -55,6 +56,19 @@ def test_refusals(options, words):
     m = Measurement.from_columns([45.0, 60.0], 0.5, R_s=[0.1, 0.2], R_p=[0.02, 0.01])
     with pytest.raises(ValueError, match=words):
         fit(m, **{"sample": "cauchy", **options})
+
+
+def test_transmittance_is_not_that_of_one_surface():
+    """Of a plate of index 1.5 it is that of one surface of 1.77, whose A had an error of 2e-8."""
+    wave = np.linspace(0.4, 0.8, 9)
+    plate = {"A": 1.5, "B": 0.005}
+    m = Measurement.from_columns(
+        0.0, wave, T=simulate("air | cauchy:2 1 mm thick | air", plate, 0.0, wave, "T")
+    )
+    with pytest.raises(ValueError, match=r"one bare surface.* 'air \| cauchy 3 mm thick \| air'"):
+        fit(m, "cauchy")
+    with pytest.raises(ValueError, match=r"'air \| auto 3 mm thick \| air'"):
+        choose(m)
 
 
 def test_refusals_of_data():

@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import BSpline
 
 from benchmarks import spline_bands
-from fitting import Measurement, Sample
+from fitting import Measurement, Sample, fit
 from fitting.samples.spline_index import every_second_left_out, knots_over, usual_terms
 from fitting.samples.spline_numbers import with_numbers
 
@@ -63,3 +63,35 @@ def test_the_bands_hold_the_index_beside_an_absorption_edge():
         assert (sigma > 0.0).all()
         beside.append(np.abs(off[:, (above > -0.1) & (above < 0.25)]) < 1.96)
     assert np.concatenate(beside, 1).mean() > 0.9
+
+
+def film(count):
+    """Return the film of that number of a random stream, and what was measured."""
+    random = np.random.default_rng(31337)
+    for _ in range(count):
+        truth = spline_bands.truth_of(random, film=True)
+        m = spline_bands.measured(truth, random)
+    return truth, m
+
+
+@pytest.mark.study
+def test_the_interval_of_the_thickness_of_a_free_form_film_holds_the_truth():
+    """It is 2.6 standard errors off with the errors that amplitudes above 0 give."""
+    truth, m = film(42)
+    found = spline_bands.fitted(truth, m, "kk-spline")
+    thickness = found.parameters["thickness_nm"]
+    assert thickness.interval[0] < truth.thickness_nm < thickness.interval[1]
+    assert 0.1 < thickness.sigma < 0.3
+
+
+def test_the_thickness_of_a_free_form_film_has_the_error_of_the_curves():
+    truth, m = film(1)
+    m = m.where(np.isin(m.wavelength_um, np.unique(m.wavelength_um)[::3]))
+    found = fit(m, truth.sample.format("kk-spline:6"), errors="stated", intervals="quadratic",
+                starts=4, start={"thickness_nm": truth.thickness_nm})  # fmt: skip
+    thickness = found.parameters["thickness_nm"]
+    curves = found.evaluator
+    which = curves.unknowns.spec.moving.index("film.thickness_nm")
+    np.testing.assert_allclose(thickness.sigma, np.sqrt(curves.covariance[which, which]))
+    plain = thickness.value + 1.96 * thickness.sigma * np.array([-1.0, 1.0])
+    np.testing.assert_allclose(thickness.interval, plain, rtol=1e-4)

@@ -34,6 +34,7 @@ from fitting.results.diagnostics import Finding
 from fitting.results.result import NOT_CONVERGED, Fit
 from fitting.samples.parameters import Settings, check_search, check_settings, names_of, plain_name
 from fitting.samples.sample import Sample
+from fitting.samples.sample_checks import check_fit
 from fitting.searching.search import Asked
 from fitting.searching.starts import Ends
 from fitting.uncertainty.intervals import QUADRATIC, check_intervals
@@ -174,6 +175,7 @@ def choose(
         )
     check_intervals(intervals)
     several = measurements_of(measurement)
+    check_fit(several, which)
     held, given = dict(fixed or {}), names_of(free)
     _only_shared([
         *held, *given,

@@ -25,7 +25,7 @@ from fitting.searching.starts import STAGE, Ends, best_of
 from fitting.searching.without_fringes import Fringeless, without_fringes
 from fitting.uncertainty.intervals import QUADRATIC, Intervals, intervals
 from fitting.uncertainty.likelihood import criteria
-from fitting.uncertainty.spline_errors import errors_of_curves
+from fitting.uncertainty.spline_errors import errors_of_curves, with_errors_of_curves
 
 # So many of the other minima have intervals by profile, the rest quadratic ones.
 _OTHERS = 3
@@ -229,10 +229,18 @@ class _Found(NamedTuple):
 def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: int) -> Fit:
     """Return the result of a fit whose best minimum is known."""
     u, seen, end = fit.u, fit.seen, f.end
+    joined = concatenate(*of.measurements) if of.measurements else None
+    known = np.array([np.nan]) if joined is None else np.unique(joined.wavelength_um)
+    known = known[np.isfinite(known)] if np.isfinite(known).any() else known
+    # With one datum at each wavelength only the bounds of a spline's amplitudes keep the index
+    # finite: errors without these bounds are a hundred times too large.
+    two = of.sample is not None and fit.n_data >= 2 * len(known)
+    errors = errors_of_curves(u, end, fit.limits, noise) if two else end.known.covariance
+    end, ranges = with_errors_of_curves(u, end, f.known, errors)
     s, free = end.slopes, u.free
     sub = np.ix_(free, free)
     of_x = np.full((len(free), len(free)), np.nan) if f.failed else _covariance(u, end)
-    estimates = _estimates(u, end, f.known)
+    estimates = _estimates(u, end, ranges)
     found: tuple[Finding, ...]
     if f.failed:
         estimates = {n: _without_error(e) for n, e in estimates.items()}
@@ -245,26 +253,19 @@ def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: 
             names=tuple(estimates), values=np.array([e.value for e in estimates.values()]),
             sigmas=size, correlation=correlation,
             at_bound=tuple(b for b, own in zip(end.known.at_bound, free, strict=True) if own),
-            upper_limits=f.known.limits[free], unseen=end.known.unseen[free],
-            intervals=f.known.ends[free], quadratic=f.known.quadratic[free],
-            kinds=tuple(k for k, is_free in zip(f.known.kind, free, strict=True) if is_free),
+            upper_limits=ranges.limits[free], unseen=end.known.unseen[free],
+            intervals=ranges.ends[free], quadratic=ranges.quadratic[free],
+            kinds=tuple(k for k, is_free in zip(ranges.kind, free, strict=True) if is_free),
         )  # fmt: skip
         how = quality(fit, of, end, f.reached, f.lower, f.others)
         found = findings(seen_of, how._replace(fringeless=f.plain and f.plain.told(f.rise)))
     chi2 = float(s.residual @ s.residual) if seen.stated else np.nan
     bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, int(free.sum()), fit.asked.scaled)
     rms, rms_of = rms_of_residuals(s)
-    joined = concatenate(*of.measurements) if of.measurements else None
-    known = np.array([np.nan]) if joined is None else np.unique(joined.wavelength_um)
-    known = known[np.isfinite(known)] if np.isfinite(known).any() else known
     evaluator = None
     if of.sample is not None:
-        # With one datum at each wavelength only the bounds of a spline's amplitudes keep the index
-        # finite: errors without these bounds are a hundred times too large.
-        two = fit.n_data >= 2 * len(known)
-        errors = errors_of_curves(u, end, fit.limits, noise) if two else end.known.covariance
         evaluator = Evaluated(of.sample, u, seen, fit.targets, end.y, errors, np.atleast_1d(known),
-                              inside=(f.known.inside, f.known.t))  # fmt: skip
+                              inside=(ranges.inside, ranges.t))  # fmt: skip
     undetermined = bool(end.known.unseen.size)
     return Fit(
         sample=of.sample, parameters=estimates | _fixed(u, end, estimates), covariance=of_x[sub],

@@ -20,24 +20,33 @@ _PLATE_UM, _ETA, _FRINGES = 50.0, 1.3, 2.0
 
 def check_fit(measurements: Sequence[Measurement], sample: Sample) -> None:
     """Raise ValueError where the sample cannot be fitted to what was measured."""
+    for m in measurements:
+        _refuse_second_face(m, sample)
     check_quantities(measurements, sample)
     for m in measurements:
         _refuse_unseen_fringes(m, sample)
 
 
+def _refuse_second_face(m: Measurement, sample: Sample) -> None:
+    """Raise ValueError for what is measured through two faces, and a sample with one.
+
+    A curve of the one can often be fitted with the other, and an index that is wrong.
+    """
+    behind = sorted(q for q in set(m.quantity.tolist()) if TABLE[q].of_layer)
+    if sample.bare and behind:
+        thick_mm = millimetres_named(m.source)
+        named = f"; the file name says {thick_mm} mm" if thick_mm else ""
+        raise ValueError(
+            f"{m.source}: {', '.join(behind)} cannot be fitted with one bare surface, since "
+            "the light leaves or enters through a second one. Give the sample as a plate with "
+            f"its thickness, 'air | {sample.media[-1]} {thick_mm or 3} mm thick | air'{named}. Or "
+            "name the columns to be read without it (columns, --columns: angle=1,R_s=2)."
+        )
+
+
 def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> None:
     """Raise ValueError where the sample does not predict a measured quantity."""
     for m in measurements:
-        behind = sorted(q for q in set(m.quantity.tolist()) if TABLE[q].of_layer)
-        if sample.bare and sample.by_wavelength and behind:
-            thick_mm = millimetres_named(m.source)
-            named = f"; the file name says {thick_mm} mm" if thick_mm else ""
-            raise ValueError(
-                f"{m.source}: {', '.join(behind)} cannot be fitted with one bare surface, since "
-                "the light leaves or enters through a second one. Give the sample as a plate with "
-                f"its thickness, 'air | free {thick_mm or 3} mm thick | air'{named}. Or name the "
-                "columns to be read without it (columns, --columns: angle=1,R_s=2)."
-            )
         check_points(m, sample)
     if any(not m.thickness.coherent for m in sample.layers if m.thickness):
         refuse_several_thicknesses([m.source for m in measurements])

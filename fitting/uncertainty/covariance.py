@@ -153,7 +153,8 @@ def inverse_of(
     good = values > UNSEEN * values.max(initial=0.0)
     inverse = np.where(good, 1.0 / np.where(good, values, 1.0), 0.0)
     covariance, step = np.full((p, p), np.nan), np.zeros(p)
-    covariance[np.ix_(index, index)] = (V.T * inverse**2) @ V / np.outer(unit, unit)
+    with np.errstate(over="ignore"):  # of what has hardly an effect the variance is infinite
+        covariance[np.ix_(index, index)] = (V.T * inverse**2) @ V / np.outer(unit, unit)
     step[index] = -(V.T @ (inverse * (U.T @ b))) / unit
     unseen = np.zeros((p, int((~good).sum())))
     unseen[index] = V[~good].T
