@@ -4,7 +4,7 @@
 wavelengths by their distance from the gap, the share whose true eta and k lie within 1.96 standard
 errors (95 % wanted), and the median of these errors; then chi2 over the degrees of freedom. Gap,
 resonance, width and strength of each material are random; with ``--film`` it is a film on silicon
-or on glass, of random thickness, and the share of the thicknesses within their intervals is printed.
+or on glass, of random thickness, and the share of thicknesses within their intervals is printed.
 """
 
 from __future__ import annotations
