@@ -135,7 +135,7 @@ def _minima(data: Data, points: np.ndarray | None) -> Minima:
         start = start_rows(len(waiting), again[:3, waiting])
         again[:, waiting], _ = run(data.take(curve[waiting]), start, Steps(FURTHER_STEPS[0]))
     least = best[ROW.cost, curve]
-    near = near_cost(least, best[ROW.scale, curve], best[ROW.count, curve])
+    near = near_cost(least, best[ROW.scale, curve], best[ROW.count, curve], np)
     stages = [(FURTHER_STEPS[1], near), (MOST_STEPS, least), last]
     again = _to_the_end(data, curve, again, stages)
     has = np.zeros(data.curves, bool)

@@ -27,10 +27,13 @@ from fitting.process.compiled import compiled
 NEAR_COST, NEAR_SHARE = 4.0, 1e-5
 
 
-def near_cost(cost: Any, scale: Any, count: Any) -> Any:
-    """Return the cost below which a further start is near a minimum of ``count`` data."""
-    times = 400.0 ** (1.0 / jnp.maximum(count - 2.0, 1.0))
-    return jnp.maximum(times, NEAR_COST) * cost + NEAR_SHARE * scale
+def near_cost(cost: Any, scale: Any, count: Any, lib: Any = jnp) -> Any:
+    """Return the cost below which a further start is near a minimum of ``count`` data.
+
+    lib: jax.numpy, or numpy for arrays that are no part of a program.
+    """
+    times = 400.0 ** (1.0 / lib.maximum(count - 2.0, 1.0))
+    return lib.maximum(times, NEAR_COST) * cost + NEAR_SHARE * scale
 
 
 class Steps(NamedTuple):
