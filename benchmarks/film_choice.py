@@ -25,7 +25,7 @@ from fitting import Measurement, Sample, choose, simulate
 from fitting.choice.selection import Choice
 
 from .machine import conditions
-from .study_options import study_options
+from .study_options import study_options, until_interrupted
 
 WAVELENGTHS = np.linspace(0.4, 0.9, 30)
 MEASURED = {"psi, Delta": {"psi": 0.05, "delta": 0.1}, "R": {"R": 1e-3}}
@@ -133,10 +133,11 @@ def main() -> None:
     print(f"{conditions()}; seed {seed}\n", flush=True)
     rows: list[Outcome] = []
     began = time.perf_counter()
-    for repeat, cell in itertools.product(range(arguments.count), cells):
-        if time.perf_counter() - began > 60.0 * arguments.minutes:
-            break
-        rows.append(outcome(*cell, seed + repeat))
+    with until_interrupted():
+        for repeat, cell in itertools.product(range(arguments.count), cells):
+            if time.perf_counter() - began > 60.0 * arguments.minutes:
+                break
+            rows.append(outcome(*cell, seed + repeat))
     print("| sample, measured | films | needless | true | true, effect above 3 | taken instead |")
     print("| --- | --- | --- | --- | --- | --- |")
     for cell in cells:

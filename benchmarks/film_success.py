@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.model_success import truth
-from benchmarks.study_options import study_options
+from benchmarks.study_options import study_options, until_interrupted
 from fitting import Fit, Measurement, fit, simulate
 from fitting.samples.known_media import known_medium
 from fitting.searching.minima import ALTERNATIVE_CHI2
@@ -156,6 +156,15 @@ def _line(name: str, rows: list[dict[str, Any]]) -> str:
     return f"{name:46}{len(rows):6d}" + "".join(f"{m:8.1f}" for m in mean) + f"{seconds:8.2f}"
 
 
+def _tell(case: Case, r: dict[str, Any]) -> None:
+    """Name a film whose best minimum or thickness was not found."""
+    film = f"film {r['seed']}, {', '.join(case.cell)}, {r['thickness']:.4g} nm"
+    if not r["best"]:
+        print(f"missed: {film}, chi2 {r['rise']:.3g} above the best", flush=True)
+    if r["untold"]:
+        print(f"other thickness, untold: {film}", flush=True)
+
+
 def main() -> None:
     """Print the table."""
     arguments = study_options(__doc__, "films", 10_000)
@@ -163,18 +172,15 @@ def main() -> None:
     seed = arguments.seed
     print(f"films from seed {seed}", flush=True)
     began = time.perf_counter()
-    while len(rows) < arguments.count and time.perf_counter() - began < 60.0 * arguments.minutes:
-        case = simulated(seed)
-        if case is not None and any(text in _row(case.cell) for text in arguments.only):
-            rows.append(outcome(case, seed))
-            if not rows[-1]["best"]:
-                r = rows[-1]
-                print(f"missed: film {seed}, {', '.join(r['cell'])}, {r['thickness']:.4g} nm, chi2 "
-                      f"{r['rise']:.3g} above the best", flush=True)  # fmt: skip
-            if rows[-1]["untold"]:
-                print(f"other thickness, untold: film {seed}, {', '.join(case.cell)}, "
-                      f"{case.truth['thickness_nm']:.4g} nm", flush=True)  # fmt: skip
-        seed += 1
+    with until_interrupted():
+        while (
+            len(rows) < arguments.count and time.perf_counter() - began < 60.0 * arguments.minutes
+        ):
+            case = simulated(seed)
+            if case is not None and any(text in _row(case.cell) for text in arguments.only):
+                rows.append(outcome(case, seed))
+                _tell(case, rows[-1])
+            seed += 1
     heads = "".join(f"{h:>8}" for h in (*COUNTED, "s"))
     print(f"\n{'film on substrate, measured':46}{'films':>6}{heads}")
     for cell in sorted({r["cell"] for r in rows}):

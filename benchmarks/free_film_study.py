@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.study_options import study_options
+from benchmarks.study_options import study_options, until_interrupted
 from fitting import Measurement, fit, simulate
 
 MEASURED = {
@@ -108,12 +108,15 @@ def main() -> None:
     seed = arguments.seed
     print(f"films from seed {seed}", flush=True)
     began = time.perf_counter()
-    while len(rows) < arguments.count and time.perf_counter() - began < 60.0 * arguments.minutes:
-        case = simulated(seed)
-        if any(text in ", ".join(case.cell) for text in arguments.only):
-            rows.append(outcome(case, seed))
-            _tell(case, rows[-1])
-        seed += 1
+    with until_interrupted():
+        while (
+            len(rows) < arguments.count and time.perf_counter() - began < 60.0 * arguments.minutes
+        ):
+            case = simulated(seed)
+            if any(text in ", ".join(case.cell) for text in arguments.only):
+                rows.append(outcome(case, seed))
+                _tell(case, rows[-1])
+            seed += 1
     heads = "".join(f"{h:>8}" for h in ("holds", "told", "bias", "spread", "s"))
     print(f"\n{'film':40}{'films':>6}{heads}")
     for part in range(3):

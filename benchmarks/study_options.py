@@ -1,8 +1,9 @@
-"""The options of the studies of random films, and a seed of the system where none is given."""
+"""What the studies of random films share: their options, and how they are ended."""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import secrets
 
 import numpy as np
@@ -11,7 +12,8 @@ import numpy as np
 def study_options(text: str, counted: str, many: int) -> argparse.Namespace:
     """Return what was asked of a study. text: its docstring; counted: what there are ``many`` of.
 
-    The count is in `count`; seed, minutes and only as the help has them.
+    The count is in `count`; seed (of the system if none was given), minutes and only as the help
+    has them.
     """
     parser = argparse.ArgumentParser(description=text.splitlines()[0])
     parser.add_argument(f"--{counted}", type=int, default=many, dest="count")
@@ -21,3 +23,8 @@ def study_options(text: str, counted: str, many: int) -> argparse.Namespace:
     out = parser.parse_args()
     out.seed = secrets.randbelow(10**9) if out.seed is None else out.seed
     return out
+
+
+def until_interrupted() -> contextlib.AbstractContextManager[None]:
+    """Return a context that Ctrl-C leaves, so that a table of what was run until then follows."""
+    return contextlib.suppress(KeyboardInterrupt)
