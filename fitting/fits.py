@@ -42,7 +42,7 @@ from fitting.searching.neighbours import with_neighbours
 from fitting.searching.search import Asked, Solving, solved
 from fitting.searching.starts import LANES, Ends, given_start, start_at, usual_starts
 from fitting.searching.starts import starts as start_points
-from fitting.searching.thinned import FOLLOWED, followed_with_all, with_fewer_wavelengths
+from fitting.searching.thinned import FOLLOWED, followed_with_all, thinned
 from fitting.uncertainty.intervals import check_intervals
 from fitting.uncertainty.stated_errors import with_common_error
 from fitting.uncertainty.widening import widened
@@ -133,7 +133,7 @@ def _shared(
     if start is not None:
         extra = start_at(u.moving, given_start(u.moving, u.labels, start))
         points = np.concatenate([points, extra[:, None]], 1)
-    few = with_fewer_wavelengths(job, sample, measurements) or job
+    few = thinned(job, sample, measurements)
     if starts is None:
         points = np.concatenate([points, film_starts(few, points)], 1)
     job.starts = few.starts = points.shape[1]

@@ -1,9 +1,14 @@
-"""Films over many wavelengths: a search with some of them, continued with all of them.
+"""A search with some of the wavelengths and with thin averages, continued with all of them.
 
 A search takes some hundred evaluations of 64 starts, an end a handful of one. With every fourth of
 491 wavelengths of a film of 280 nm the minima are where they are with all, at a quarter of the
 time. What is left out tells nothing of the order of the fringes, as long as the phase between two
 that are kept changes by less than a quarter of a period for the thickest film that is looked for.
+
+Where the average over a slit or a beam takes 17 to 257 wavelengths or angles, the search takes 5.
+The contrast of fringes is then right to .01 as long as a tenth of it is left. A film of 1.3 um and
+a beam of .4 degrees took 46 s before, and takes 14 s. Below 17 a second program to be compiled, for
+some 6 s, would take longer than what it saves.
 """
 
 from __future__ import annotations
@@ -13,9 +18,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from fitting.measurements.measurement import Measurement
+from fitting.optics.instrument import BEAM, SLIT
 from fitting.problem.observations import Observations, observations
 from fitting.problem.problem import targets_of
-from fitting.problem.unknowns import index_outside
+from fitting.problem.unknowns import Unknowns, index_outside
 from fitting.samples.sample import Sample
 from fitting.searching.film_starts import films_of
 from fitting.searching.last_steps import polished
@@ -27,6 +33,8 @@ from fitting.uncertainty.covariance import Slopes
 # So many wavelengths are kept at least, and no phase between neighbours above that many periods,
 # for an index as high as that.
 _LEAST, _PHASE, _ETA = 120, 0.25, 3.0
+# Wavelengths in a slit and angles in a beam.
+_PLACES = 5
 # Ends that are followed with all data: up to so many, less than that many units of chi2 (of the
 # thinned data) above the lowest. In the thinned data a minimum may lie some units off its place.
 FOLLOWED, _NEAR = 16, 40.0
@@ -42,8 +50,8 @@ class _Thinned(Solving):
     Their program is compiled for all data anyhow.
     """
 
-    def __init__(self, fit: Solving, seen: Observations, outside: np.ndarray):
-        super().__init__(fit.u, seen, targets_of(fit.u, seen, outside), fit.settings, fit.asked)
+    def __init__(self, fit: Solving, u: Unknowns, seen: Observations, outside: np.ndarray):
+        super().__init__(u, seen, targets_of(u, seen, outside), fit.settings, fit.asked)
         self.whole = fit
         self.evaluated = fit.seen
 
@@ -63,16 +71,28 @@ def _kept(waves: np.ndarray, high_um: float) -> np.ndarray | None:
     return None
 
 
-def with_fewer_wavelengths(
-    fit: Solving, sample: Sample, measurements: Sequence[Measurement]
-) -> Solving | None:
-    """Return the same fit of a part of the wavelengths; None where that is no gain, or no film.
+def thinned(fit: Solving, sample: Sample, measurements: Sequence[Measurement]) -> Solving:
+    """Return the fit that a search takes: of a part of the wavelengths, with thin averages.
 
-    Only of least squares without priors: else the noise is found from all residuals.
+    The same fit where neither is a gain, and but for least squares without priors: else the noise
+    is found from all residuals.
     """
+    if fit.asked.loss != "squares" or fit.priors:
+        return fit
+    seen = _some_of(fit, measurements)
+    u = fit.u
+    if max(u.spec.places) > max(SLIT, BEAM):
+        u = u._replace(spec=u.spec._replace(places=(_PLACES, _PLACES)))
+    if seen is fit.seen and u is fit.u:
+        return fit
+    return _Thinned(fit, u, seen, index_outside(sample, seen.points.wavelength_um))
+
+
+def _some_of(fit: Solving, measurements: Sequence[Measurement]) -> Observations:
+    """Return the observations of a part of the wavelengths, or of all."""
     films = films_of(fit.u.spec, fit.u.moving)
-    if not films or fit.asked.loss != "squares" or fit.priors:
-        return None
+    if not films:
+        return fit.seen
     parts = []
     for m in measurements:
         waves = np.unique(m.wavelength_um)
@@ -80,14 +100,10 @@ def with_fewer_wavelengths(
         some = _kept(known, films[0].high_um) if len(known) == len(waves) else None
         parts.append(m if some is None else m.where(np.isin(m.wavelength_um, some)))
     if sum(map(len, parts)) == sum(map(len, measurements)):
-        return None
+        return fit.seen
     seen = observations(parts, fit.asked.errors)
-    if (seen.channels, seen.curves, seen.stated) != (
-        fit.seen.channels, fit.seen.curves, fit.seen.stated
-    ):  # fmt: skip
-        return None
-    outside = index_outside(sample, seen.points.wavelength_um)
-    return _Thinned(fit, seen, outside)
+    kind = (seen.channels, seen.curves, seen.stated)
+    return seen if kind == (fit.seen.channels, fit.seen.curves, fit.seen.stated) else fit.seen
 
 
 def _at_rest(fit: Solving, y: np.ndarray) -> tuple[np.ndarray, float, bool]:
