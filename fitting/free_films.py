@@ -66,7 +66,7 @@ def check_free_film(
     raise ValueError(
         f"{measurement.source}: there are {each:.3g} data at each wavelength "
         f"({', '.join(names)}), with which {' and '.join(wanted)} can be found for any thickness. "
-        "Add another angle or quantity; or write 'held' after a thickness that is known; or give "
+        "Add a second angle or a further quantity; or write 'held' after a thickness that is known; or give "
         "the film a dispersion model (cauchy, tauc-lorentz)."
     )
 
