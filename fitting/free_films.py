@@ -66,8 +66,8 @@ def check_free_film(
     raise ValueError(
         f"{measurement.source}: there are {each:.3g} data at each wavelength "
         f"({', '.join(names)}), with which {' and '.join(wanted)} can be found for any thickness. "
-        "Add a second angle or a further quantity; or write 'held' after a thickness that is known; or give "
-        "the film a dispersion model (cauchy, tauc-lorentz)."
+        "Add a second angle or a further quantity; or write 'held' after a thickness that is "
+        "known; or give the film a dispersion model (cauchy, tauc-lorentz)."
     )
 
 
