@@ -80,8 +80,8 @@ fuzz: .venv/installed-test  ## files of known truth, damaged files, kills: none 
 	FRESNEL_KILLS=300 $(BIN)/python -m pytest -q tests/test_outputs.py
 
 FILMS ?= 10000
-film-study: .venv/installed-bench  ## how often the right thickness of a film is found (hours; FILMS=200 for a look)
-	$(BIN)/python -m benchmarks.film_success --films $(FILMS)
+film-study: .venv/installed-bench  ## how often the right thickness of a film is found (hours; goes on where the last run ended)
+	$(BIN)/python -m benchmarks.film_success --films $(FILMS) --rows docs/benchmarks/film_success.csv
 
 free-film-study: .venv/installed-bench  ## how often the interval of the thickness of a film with a free index holds the true one (an hour)
 	$(BIN)/python -m benchmarks.free_film_study

@@ -21,17 +21,23 @@ minimum known, which may be that of a second fit that starts at the truth. Count
   clear   there is no such warning; the last row but one counts these films alone
 
     python -m benchmarks.film_success [--films 10000] [--minutes 60] [--seed N] [--only "on Si, R"]
+                                      [--rows docs/benchmarks/film_success.csv]
+
+Every film is a row of the file, which is added to until it has that many, so that a study of hours
+may be many runs, also side by side, each with a seed of its own. The table is of all rows.
 """
 
 from __future__ import annotations
 
+import csv
 import time
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from benchmarks.model_success import truth
-from benchmarks.study_options import study_options, until_interrupted
+from benchmarks.study_options import add_row, study_options, until_interrupted
 from fitting import Fit, Measurement, fit, simulate
 from fitting.samples.known_media import known_medium
 from fitting.searching.minima import ALTERNATIVE_CHI2
@@ -156,6 +162,25 @@ def _line(name: str, rows: list[dict[str, Any]]) -> str:
     return f"{name:46}{len(rows):6d}" + "".join(f"{m:8.1f}" for m in mean) + f"{seconds:8.2f}"
 
 
+def _written(r: dict[str, Any]) -> dict[str, Any]:
+    """Return a row as the file has it."""
+    film = dict(zip(("film", "substrate", "measured"), r["cell"], strict=True))
+    numbers = {name: f"{r[name]:.4g}" for name in ("thickness", "rise", "seconds")}
+    return {"seed": r["seed"], **film, **{name: int(r[name]) for name in COUNTED}, **numbers}
+
+
+def _read(path: Path) -> list[dict[str, Any]]:
+    """Return the rows of a file, none where there is no file yet."""
+    if not path.exists():
+        return []
+    with path.open(newline="", encoding="utf-8") as file:
+        return [
+            {"cell": (r["film"], r["substrate"], r["measured"])}
+            | {name: float(r[name]) for name in (*COUNTED, "thickness", "rise", "seconds")}
+            for r in csv.DictReader(file)
+        ]
+
+
 def _tell(case: Case, r: dict[str, Any]) -> None:
     """Name a film whose best minimum or thickness was not found."""
     film = f"film {r['seed']}, {', '.join(case.cell)}, {r['thickness']:.4g} nm"
@@ -167,8 +192,8 @@ def _tell(case: Case, r: dict[str, Any]) -> None:
 
 def main() -> None:
     """Print the table."""
-    arguments = study_options(__doc__, "films", 10_000)
-    rows: list[dict[str, Any]] = []
+    arguments = study_options(__doc__, "films", 10_000, rows=True)
+    rows = _read(arguments.rows) if arguments.rows else []
     seed = arguments.seed
     print(f"films from seed {seed}", flush=True)
     began = time.perf_counter()
@@ -180,15 +205,24 @@ def main() -> None:
             if case is not None and any(text in _row(case.cell) for text in arguments.only):
                 rows.append(outcome(case, seed))
                 _tell(case, rows[-1])
+                if arguments.rows:
+                    add_row(arguments.rows, _written(rows[-1]))
             seed += 1
+    if arguments.rows:
+        rows = _read(arguments.rows)
     heads = "".join(f"{h:>8}" for h in (*COUNTED, "s"))
     print(f"\n{'film on substrate, measured':46}{'films':>6}{heads}")
     for cell in sorted({r["cell"] for r in rows}):
         print(_line(_row(cell), [r for r in rows if r["cell"] == cell]))
-    for low, high in ((5, 50), (50, 500), (500, 5000), (5000, 20000)):
-        some = [r for r in rows if low <= r["thickness"] < high]
+    bands = [
+        (f"{low} to {high} nm", lambda r, low=low, high=high: low <= r["thickness"] < high)
+        for low, high in ((5, 50), (50, 500), (500, 5000), (5000, 20000))
+    ]
+    kinds = [(kind, lambda r, kind=kind: kind in r["cell"]) for kind in (*MEASURED, *MODELS)]
+    for name, belongs in (*bands, *kinds):
+        some = [r for r in rows if belongs(r)]
         if some:
-            print(_line(f"{low} to {high} nm", some))
+            print(_line(name, some))
     print(_line("all that are clear", [r for r in rows if r["clear"]]))
     print(_line("all", rows))
 
