@@ -1,11 +1,12 @@
 """How often `choose` takes the true one of several samples, and how seldom a needless layer.
 
-Bare silicon or an oxide on it; a film of a Cauchy material on silicon that is nothing but that, or
-has a rough surface, an index that changes with depth, or an oxide below. Films, thicknesses and
-gradients are random, so that the effect of what is added goes from nothing to a hundred times the
-noise: the largest difference of the true curve from the fitted one of the sample without it, in
-standard errors of a datum. 30 wavelengths from .4 to .9 um; psi (.05 degrees) and Delta (.1) at 70
-degrees, or R at normal incidence (.001). Counted, in per cent, are
+Bare silicon or an oxide on it; a film of a Cauchy material on silicon, glass or silver that is
+nothing but that, or has a rough surface, an index that changes with depth, or an oxide below.
+Films, thicknesses and gradients are random, so that the effect of what is added goes from nothing
+to a hundred times the noise: the largest difference of the true curve from the fitted one of the
+sample without it, in standard errors of a datum. 30 wavelengths of a random range; psi and Delta at
+a random angle, or R at normal incidence; random noise around .05 and .1 degrees and .001. Counted,
+in per cent, are
 
   needless  a sample with more parameters than the true one was taken
   true      the true one was, of all films, and of those whose effect is above three
@@ -27,17 +28,17 @@ from fitting.choice.selection import Choice
 from .machine import conditions
 from .study_options import study_options, until_interrupted
 
-WAVELENGTHS = np.linspace(0.4, 0.9, 30)
+WAVELENGTHS = 30
+SUBSTRATES = ("Si", "BK7", "silver")
 MEASURED = {"psi, Delta": {"psi": 0.05, "delta": 0.1}, "R": {"R": 1e-3}}
 OXIDE = ("Si", "air | SiO2 0.1..60 nm | Si")
-FILM = "air | cauchy:2 50..500 nm | Si"
 FILMS = (
-    FILM,
-    "air | rough 0.1..30 nm | cauchy:2 50..500 nm | Si",
-    "air | cauchy:2 50..500 nm graded | Si",
-    "air | cauchy:2 50..500 nm | SiO2 0.1..30 nm | Si",
+    "air | cauchy:2 50..500 nm | {}",
+    "air | rough 0.1..30 nm | cauchy:2 50..500 nm | {}",
+    "air | cauchy:2 50..500 nm graded | {}",
+    "air | cauchy:2 50..500 nm | SiO2 0.1..30 nm | {}",
 )
-# name -> the samples that are compared, and which of them is true
+# name -> the samples that are compared, {} for the substrate, and which of them is true
 TRUTHS = {
     "bare": (OXIDE, 0), "oxide": (OXIDE, 1), "film": (FILMS, 0), "rough film": (FILMS, 1),
     "graded film": (FILMS, 2), "film on oxide": (FILMS, 3),
@@ -68,6 +69,7 @@ class Outcome(NamedTuple):
 
     name: str
     measured: str
+    substrate: str
     seed: int
     taken: str
     true: bool
@@ -77,19 +79,25 @@ class Outcome(NamedTuple):
 
 def outcome(name: str, measured: str, seed: int) -> Outcome:
     """Return what `choose` takes of a random film."""
-    random = np.random.default_rng([19, seed])
+    random = np.random.default_rng([20, seed])
     samples, which = TRUTHS[name]
+    substrate = str(random.choice(SUBSTRATES)) if "{}" in samples[0] else "Si"
+    samples = tuple(text.format(substrate) for text in samples)
     true = Sample.parse(samples[which])
     values = _values(name, random)
-    angle = 0.0 if measured == "R" else 70.0
+    angle = 0.0 if measured == "R" else random.uniform(55.0, 75.0)
+    waves = np.linspace(random.uniform(0.35, 0.5), random.uniform(0.75, 0.95), WAVELENGTHS)
+    noise = 10.0 ** random.uniform(-0.4, 0.4)
+    sigma_of = {quantity: noise * sigma for quantity, sigma in MEASURED[measured].items()}
     columns, ideal, sigmas = {}, [], []
-    for quantity, sigma in MEASURED[measured].items():
-        curve = simulate(true, values, angle, WAVELENGTHS, quantity)
+    for quantity, sigma in sigma_of.items():
+        curve = simulate(true, values, angle, waves, quantity)
         ideal.append(curve)
         sigmas.append(np.full(len(curve), sigma))
         noisy = curve + sigma * random.standard_normal(len(curve))
-        columns[quantity] = noisy % 360.0 if quantity == "delta" else noisy
-    m = Measurement.from_columns(angle, WAVELENGTHS, sigma=MEASURED[measured], **columns)
+        limited = noisy % 360.0 if quantity == "delta" else np.clip(noisy, 0.0, 90.0)
+        columns[quantity] = limited if measured != "R" else noisy
+    m = Measurement.from_columns(angle, waves, sigma=sigma_of, **columns)
     choice = choose(m, samples, intervals="quadratic")
     size = {c.label: c.size for c in choice.candidates}
     taken = choice.taken.label
@@ -97,7 +105,10 @@ def outcome(name: str, measured: str, seed: int) -> Outcome:
     if which:
         effect = _effect(choice, str(Sample.parse(samples[0])), columns, ideal, sigmas)
     needless = size[taken] > size[str(true)]
-    return Outcome(name, measured, seed, taken, taken == str(true), needless, effect)
+    return Outcome(
+        name=name, measured=measured, substrate=substrate, seed=seed, taken=taken,
+        true=taken == str(true), needless=needless, effect=effect,
+    )  # fmt: skip
 
 
 def _effect(choice: Choice, simple: str, columns: Any, ideal: Any, sigmas: Any) -> float:
@@ -144,6 +155,8 @@ def main() -> None:
         some = [r for r in rows if (r.name, r.measured) == cell]
         if some:
             print(_line(", ".join(cell), some))
+    for substrate in SUBSTRATES:
+        print(_line(f"on {substrate}", [r for r in rows if r.substrate == substrate]))
     print(_line("all", rows))
 
 
