@@ -111,6 +111,7 @@ def test_what_is_fixed_or_limited_is_said_in_words():
 def test_k_has_no_error_that_reaches_below_0():
     assert k_text(0.02, 0.001, False) == "0.0200 +- 0.0010"
     assert k_text(1.7e-12, 2.2e-12, False) == "1.7e-12 (compatible with 0)"
+    assert k_text(4e-97, 3e-95, False) == k_text(4e-97, 3e-98, True) == "below 1e-12"
     assert k_text(0.02, 0.005, True) == "0.020 (compatible with 0)"
     assert k_text(0.0, math.nan, True) == "0"
 

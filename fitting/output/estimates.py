@@ -31,6 +31,8 @@ from fitting.uncertainty.limits import student_quantile
 # A k that acts on the data by k^2 alone is compatible with 0 if it lies less than so many standard
 # errors above 0: three standard errors of k^2 are six of k.
 _UNSEEN = 6.0
+# An absorption edge is a formula: far from it k may be 1e-90, of which no measurement tells.
+_LEAST_K = 1e-12
 _STATES = {AT_LOWER: "at its lower bound", AT_UPPER: "at its upper bound"}
 _ONE_OF_MANY = "one of many that fit equally well"
 
@@ -112,6 +114,8 @@ def k_text(k: float, sigma: float, limited: bool) -> str:
 
     limited: see `k_is_limited`. No error is shown that reaches 0, since k cannot be negative.
     """
+    if 0.0 < k < _LEAST_K:
+        return f"below {_LEAST_K:.0e}"
     compatible = (_UNSEEN if limited else 1.96) * sigma
     if 0.0 < k < compatible:
         return f"{number(k, 2)} (compatible with 0)"
