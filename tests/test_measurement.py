@@ -71,6 +71,13 @@ def test_arrays_that_cannot_be_meant(arguments: dict[str, object], text: str) ->
         Measurement.from_columns(**arguments)
 
 
+def test_a_measurement_is_shown_on_one_line() -> None:
+    """All of its numbers had been, 600 lines of them."""
+    m = Measurement.from_columns(np.linspace(0, 80, 500), 0.6, R_s=np.full(500, 0.3), source="lab")
+    assert repr(m).startswith("Measurement(lab: took 500 values of R_s")
+    assert "\n" not in repr(m) and len(repr(m)) < 200
+
+
 def test_a_measurement_cannot_be_written_to() -> None:
     given = np.array([10.0, 20.0])
     m = Measurement.from_columns(given, R_s=[0.1, 0.2])

@@ -6,6 +6,7 @@ from estimates import sigmas, values
 from profiles import constant, measured, residuals
 
 from fitting import Measurement, fit, simulate
+from fresnel_jax.dispersion import HC_EV_UM
 
 
 def test_second_solutions_have_errors_of_their_own():
@@ -60,3 +61,14 @@ def test_the_shown_minimum_need_not_be_the_lowest_one():
     assert other.parameters["eta"].value < 1.0
     assert other.delta_chi2 == pytest.approx(3.95625 - 4.50926, abs=1e-4)
     assert "0.55" in str(found)
+
+
+def test_no_line_is_narrower_than_the_distance_of_two_data():
+    """It would take up the noise of one of them: .0015 eV in place of a step of .020 eV."""
+    random, wave = np.random.default_rng(2), np.linspace(0.4, 0.8, 40)
+    noisy = 0.04 + 1e-3 * random.standard_normal(40)
+    m = Measurement.from_columns(0.0, wave, R=noisy, sigma={"R": 1e-3})
+    found = fit(m, "lorentz", intervals="quadratic")
+    step = np.diff(HC_EV_UM / wave[::-1]).min()
+    for solution in (found, *found.alternatives):
+        assert solution.parameters["width_ev_1"].value >= step * (1.0 - 1e-6)

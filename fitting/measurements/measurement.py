@@ -61,6 +61,9 @@ class Measurement:
     source: str
     understood: str
 
+    def __repr__(self) -> str:
+        return f"Measurement({self.source}: {self.understood})"
+
     def __len__(self) -> int:
         """Return the number of values."""
         return len(self.value)

@@ -16,11 +16,13 @@ from fitting.optics.averages import largest, with_places, within_slit
 from fitting.optics.instrument import INSTRUMENT, PER_CURVE, instrument_parameter
 from fitting.optics.observe import Media, Spec
 from fitting.problem.observations import Observations
-from fitting.samples.dispersion import Model, Spectrum
+from fitting.samples.dispersion import Model
 from fitting.samples.known_media import Known, MaterialFile, Mixture, known_medium
 from fitting.samples.parameters import LOG, Parameter, Settings, Unknown, check_tie
 from fitting.samples.sample import Medium, Sample
+from fitting.samples.spectrum import Spectrum
 from fitting.samples.wider_models import absent, wider
+from fresnel_jax.dispersion import HC_EV_UM
 
 
 class Unknowns(NamedTuple):
@@ -60,7 +62,8 @@ def spectrum_of(measurements: Sequence[Measurement], sample: Sample) -> Spectrum
     low, high = (float(known.min()), float(known.max())) if len(known) else (1.0, 1.0)
     ellipsometry = not all(are_powers(m.quantity).all() for m in measurements)
     outside = float(np.mean(index_outside(sample, known if len(known) else np.ones(1))))
-    return Spectrum(low, high, outside, sample.bare and not ellipsometry)
+    step = float(np.diff(np.unique(HC_EV_UM / known)).min(initial=np.inf))
+    return Spectrum(low, high, outside, sample.bare and not ellipsometry, step)
 
 
 class _Offered(NamedTuple):

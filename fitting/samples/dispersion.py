@@ -14,33 +14,10 @@ import jax.numpy as jnp
 from jax import Array
 
 from fitting.samples.parameters import LOG, PLAIN, SQUARE, Parameter
+from fitting.samples.spectrum import Spectrum
 from fitting.samples.spline_index import NAME as SPLINE
 from fitting.samples.spline_index import knots_over, spline_model, spline_parameters, without_knots
 from fresnel_jax import dispersion
-from fresnel_jax.dispersion import HC_EV_UM
-
-
-class Spectrum(NamedTuple):
-    """The properties of the data on which the ranges of starting values depend.
-
-    shortest_um, longest_um: measured wavelengths; eta_i: index of the medium in front.
-    even_in_k: whether the data depend on k^2 (powers of a bare interface), and not on k.
-    """
-
-    shortest_um: float
-    longest_um: float
-    eta_i: float = 1.0
-    even_in_k: bool = True
-
-    @property
-    def low_ev(self) -> float:
-        """The least photon energy."""
-        return HC_EV_UM / self.longest_um
-
-    @property
-    def high_ev(self) -> float:
-        """The largest photon energy."""
-        return HC_EV_UM / self.shortest_um
 
 
 class Model(NamedTuple):
@@ -128,12 +105,12 @@ def _cauchy_coefficients(terms: int, v: Mapping[str, Array]) -> Array:
 
 
 def _cauchy_urbach(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-    high = spectrum.high_ev
+    high, narrowest = spectrum.high_ev, spectrum.narrowest_ev
     width = (0.01 * high, 0.5 * high)
     return (
         *_cauchy(terms, spectrum),
         _absorption("k_edge", spectrum, 1e-3 if spectrum.even_in_k else 1e-8),
-        Parameter("urbach_ev", "eV", width, 1e-3 * high, 10.0 * high, LOG, decades=True),
+        Parameter("urbach_ev", "eV", width, narrowest, 10.0 * high, LOG, decades=True),
         Parameter("edge_ev", "eV", (high, high), 0.0, 1e3, held=high),
     )
 
@@ -190,7 +167,8 @@ def _oscillators(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
                       LOG, decades=True),
             Parameter(f"resonance_ev_{j}", "eV", resonance, 0.2 * low, 5.0 * high, LOG,
                       decades=True),
-            Parameter(f"width_ev_{j}", "eV", width, 1e-3 * low, 10.0 * high, LOG, decades=True),
+            Parameter(f"width_ev_{j}", "eV", width, spectrum.narrowest_ev, 10.0 * high, LOG,
+                      decades=True),
         ]  # fmt: skip
     return tuple(out)
 
@@ -229,8 +207,8 @@ def _tauc_lorentz(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
                       decades=True),
             Parameter(f"resonance_ev_{j}", "eV", (0.7 * high, 2.0 * high), 0.2 * low, 20.0 * high,
                       LOG, decades=True),
-            Parameter(f"width_ev_{j}", "eV", (0.1 * high, high), 1e-3 * high, 40.0 * high, LOG,
-                      decades=True),
+            Parameter(f"width_ev_{j}", "eV", (0.1 * high, high), spectrum.narrowest_ev,
+                      40.0 * high, LOG, decades=True),
         ]  # fmt: skip
     return (*out, Parameter("gap_ev", "eV", (0.0, high), 0.0, 2.0 * high))
 

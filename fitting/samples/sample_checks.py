@@ -20,10 +20,9 @@ _PLATE_UM, _ETA, _FRINGES = 50.0, 1.3, 2.0
 
 def check_fit(measurements: Sequence[Measurement], sample: Sample) -> None:
     """Raise ValueError where the sample cannot be fitted to what was measured."""
-    for m in measurements:
-        _refuse_second_face(m, sample)
     check_quantities(measurements, sample)
     for m in measurements:
+        _refuse_second_face(m, sample)
         _refuse_unseen_fringes(m, sample)
 
 
