@@ -41,7 +41,7 @@ _LIKELY, _FACTORS = 8, (0.8, 1.25, 0.6)
 # Number of evaluations of every start where none has led to residuals that are noise.
 _FAR = 300
 # At so many of the lowest minima each oscillator is searched for again.
-_PARENTS = 4
+_PARENTS = 8
 
 
 def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -> Ends:
