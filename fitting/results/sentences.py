@@ -51,6 +51,11 @@ SENTENCES: dict[str, Sentence] = {
         "model separates them, also far outside of the measured range; the curve may fit well "
         "while eta and k are wrong by far more than their errors."
     ),
+    "rising_index": lambda v: (
+        f"eta of the {wording.listed(v['media'])} rises with the wavelength in a part of the "
+        "spectrum. Without absorption that of no material does: there is absorption, or the "
+        "formula does not describe the material, or another minimum is the true one."
+    ),
     "other_minima": wording.other_minima,
     "does_not_describe": wording.does_not_describe,
     "residuals_in_order": wording.residuals_in_order,
