@@ -148,7 +148,7 @@ def _other_lines(fit: Solving, ends: Ends) -> np.ndarray:
         for term in terms:
             without = y.copy()
             without[term[0]] = fit.limits[0][term[0]]
-            out.append(likely_lines(fit, without, term, LANES // (_PARENTS * len(terms))))
+            out.append(likely_lines(fit, without, term, 2 * LANES // (_PARENTS * len(terms))))
     return np.concatenate(out, 1)
 
 
