@@ -95,8 +95,8 @@ def outcome(name: str, measured: str, seed: int) -> Outcome:
         ideal.append(curve)
         sigmas.append(np.full(len(curve), sigma))
         noisy = curve + sigma * random.standard_normal(len(curve))
-        limited = noisy % 360.0 if quantity == "delta" else np.clip(noisy, 0.0, 90.0)
-        columns[quantity] = limited if measured != "R" else noisy
+        noisy = np.clip(noisy, 0.0, 90.0) if quantity == "psi" else noisy
+        columns[quantity] = noisy % 360.0 if quantity == "delta" else noisy
     m = Measurement.from_columns(angle, waves, sigma=sigma_of, **columns)
     choice = choose(m, samples, intervals="quadratic")
     size = {c.label: c.size for c in choice.candidates}

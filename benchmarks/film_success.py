@@ -37,7 +37,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.model_success import truth
-from benchmarks.study_options import add_row, study_options, until_interrupted
+from benchmarks.study_options import add_row, run_study, study_options
 from fitting import Fit, Measurement, fit, simulate
 from fitting.samples.known_media import known_medium
 from fitting.searching.minima import ALTERNATIVE_CHI2
@@ -193,21 +193,18 @@ def _tell(case: Case, r: dict[str, Any]) -> None:
 def main() -> None:
     """Print the table."""
     arguments = study_options(__doc__, "films", 10_000, rows=True)
-    rows = _read(arguments.rows) if arguments.rows else []
-    seed = arguments.seed
-    print(f"films from seed {seed}", flush=True)
-    began = time.perf_counter()
-    with until_interrupted():
-        while (
-            len(rows) < arguments.count and time.perf_counter() - began < 60.0 * arguments.minutes
-        ):
-            case = simulated(seed)
-            if case is not None and any(text in _row(case.cell) for text in arguments.only):
-                rows.append(outcome(case, seed))
-                _tell(case, rows[-1])
-                if arguments.rows:
-                    add_row(arguments.rows, _written(rows[-1]))
-            seed += 1
+
+    def one(seed: int) -> dict[str, Any] | None:
+        case = simulated(seed)
+        if case is None or not any(text in _row(case.cell) for text in arguments.only):
+            return None
+        r = outcome(case, seed)
+        _tell(case, r)
+        if arguments.rows:
+            add_row(arguments.rows, _written(r))
+        return r
+
+    rows = run_study(arguments, one, _read(arguments.rows) if arguments.rows else ())
     if arguments.rows:
         rows = _read(arguments.rows)
     heads = "".join(f"{h:>8}" for h in (*COUNTED, "s"))

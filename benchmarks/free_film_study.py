@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.study_options import study_options, until_interrupted
+from benchmarks.study_options import run_study, study_options
 from fitting import Measurement, fit, simulate
 
 MEASURED = {
@@ -104,19 +104,16 @@ def _tell(case: Case, r: dict[str, Any]) -> None:
 def main() -> None:
     """Print the table."""
     arguments = study_options(__doc__, "films", 200)
-    rows: list[dict[str, Any]] = []
-    seed = arguments.seed
-    print(f"films from seed {seed}", flush=True)
-    began = time.perf_counter()
-    with until_interrupted():
-        while (
-            len(rows) < arguments.count and time.perf_counter() - began < 60.0 * arguments.minutes
-        ):
-            case = simulated(seed)
-            if any(text in ", ".join(case.cell) for text in arguments.only):
-                rows.append(outcome(case, seed))
-                _tell(case, rows[-1])
-            seed += 1
+
+    def one(seed: int) -> dict[str, Any] | None:
+        case = simulated(seed)
+        if not any(text in ", ".join(case.cell) for text in arguments.only):
+            return None
+        r = outcome(case, seed)
+        _tell(case, r)
+        return r
+
+    rows = run_study(arguments, one)
     heads = "".join(f"{h:>8}" for h in ("holds", "told", "bias", "spread", "s"))
     print(f"\n{'film':40}{'films':>6}{heads}")
     for part in range(3):

@@ -6,6 +6,8 @@ import argparse
 import contextlib
 import csv
 import secrets
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +37,24 @@ def study_options(text: str, counted: str, many: int, rows: bool = False) -> arg
 def until_interrupted() -> contextlib.AbstractContextManager[None]:
     """Return a context that Ctrl-C leaves, so that a table of what was run until then follows."""
     return contextlib.suppress(KeyboardInterrupt)
+
+
+def run_study(
+    arguments: argparse.Namespace, one: Callable[[int], Any], rows: Sequence[Any] = ()
+) -> list[Any]:
+    """Return the rows, and those of further seeds until there are as many as asked.
+
+    Or until the minutes are over or Ctrl-C is pressed. one: returns the row of a seed, or None.
+    """
+    out, began, seed = list(rows), time.perf_counter(), arguments.seed
+    print(f"films from seed {seed}", flush=True)
+    with until_interrupted():
+        while len(out) < arguments.count and time.perf_counter() - began < 60.0 * arguments.minutes:
+            row = one(seed)
+            if row is not None:
+                out.append(row)
+            seed += 1
+    return out
 
 
 def add_row(path: Path, row: dict[str, Any]) -> None:

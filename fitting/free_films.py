@@ -128,8 +128,9 @@ def fit_free_film(
     wide = sigma > 0.3 * (ends[1] - ends[0]) or not np.isfinite(sigma)
     if not wide and any(f.code == "chi2_large" for f in found.findings):
         # No index with k >= 0 may describe the data at a thickness that is too small by its error.
-        best = best_within_error(ones, row, best, sigma, ends)
-        found = fit_wavelengths(measurement, _held(sample, which, best), settings, asked)
+        best = best_within_error(ones, row, shared.nm, sigma, ends)
+        if best != shared.nm:
+            found = fit_wavelengths(measurement, _held(sample, which, best), settings, asked)
     shift = 0.0 if wide else min(sigma, 0.2 * best)
     beside = _held(sample, which, best + shift)
     moved = fit_wavelengths(measurement, beside, settings, asked, near=found)

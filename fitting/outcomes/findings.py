@@ -51,7 +51,7 @@ class Quality(NamedTuple):
     if there is none. robust: whether chi2_reduced leaves outliers out. errors: how they were used.
     others: values of the best other minimum and by how much its chi2 is higher. fringeless: values
     of the warning that the fringes of a film are no larger than those of noise; None: they are.
-    rising: places of the media whose index rises with the wavelength although nothing absorbs.
+    rising: names of the indices that rise with the wavelength although nothing absorbs.
     """
 
     chi2_reduced: float
@@ -234,7 +234,7 @@ def findings(f: Seen, q: Quality) -> tuple[Finding, ...]:
     if q.pattern is not None:
         out.append(order_of_residuals(q.pattern))
     if q.rising:
-        out.append(_finding("rising_index", media=q.rising))
+        out.append(_finding("rising_index", indices=q.rising))
     if q.others and not f.unseen.size:
         out.append(_finding(
             "other_minima", count=len(q.others), parameters=tuple(q.others[0]),

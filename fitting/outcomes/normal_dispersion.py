@@ -18,8 +18,8 @@ from fitting.searching.search import End
 _LEAST, _ERRORS = 1e-3, 3.0
 
 
-def rising_media(u: Unknowns, end: End, wavelength_um: np.ndarray) -> tuple[str, ...]:
-    """Return the places of the media whose eta rises with the wavelength somewhere in the data."""
+def rising_indices(u: Unknowns, end: End, wavelength_um: np.ndarray) -> tuple[str, ...]:
+    """Return which eta rise with the wavelength somewhere in the data, as parameters are named."""
     values = values_at(u.spec, u.held, end.y)
     covariance = np.nan_to_num(end.known.covariance)
     out = []
@@ -34,5 +34,5 @@ def rising_media(u: Unknowns, end: End, wavelength_um: np.ndarray) -> tuple[str,
                 slopes[:, u.spec.moving.index(name)] = by
         sigma = np.sqrt(np.maximum(np.einsum("wi,ij,wj->w", slopes, covariance, slopes), 0.0))
         if (rise > np.maximum(_ERRORS * sigma, _LEAST)).any():
-            out.append(place)
+            out.append(f"{u.labels[f'{place}.A'].removesuffix('A')}eta")
     return tuple(out)

@@ -10,7 +10,7 @@ import numpy as np
 from fitting.measurements.measurement import Measurement, concatenate
 from fitting.measurements.quantities import are_powers
 from fitting.outcomes.findings import Quality
-from fitting.outcomes.normal_dispersion import rising_media
+from fitting.outcomes.normal_dispersion import rising_indices
 from fitting.problem.evaluation import at_data
 from fitting.problem.unknowns import Unknowns
 from fitting.residuals.pattern import pattern
@@ -105,7 +105,7 @@ def quality(
         others=tuple({n: e.value for n, e in a.parameters.items()} for a in others),
         delta_chi2=float(others[0].delta_chi2) if others else np.nan,
         shortest_nm=1e3 * float(np.nanmin(joined.wavelength_um)) if joined and films else np.inf,
-        rising=() if joined is None else rising_media(u, end, np.unique(joined.wavelength_um)),
+        rising=() if joined is None else rising_indices(u, end, np.unique(joined.wavelength_um)),
     )  # fmt: skip
 
 

@@ -52,9 +52,10 @@ SENTENCES: dict[str, Sentence] = {
         "while eta and k are wrong by far more than their errors."
     ),
     "rising_index": lambda v: (
-        f"eta of the {wording.listed(v['media'])} rises with the wavelength in a part of the "
-        "spectrum. Without absorption that of no material does: there is absorption, or the "
-        "formula does not describe the material, or another minimum is the true one."
+        f"{wording.listed(v['indices'])} {'rises' if len(v['indices']) == 1 else 'rise'} with the "
+        "wavelength in a part of the spectrum. Without absorption the index of no material does: "
+        "there is absorption, or the formula does not describe the material, or another minimum is "
+        "the true one."
     ),
     "other_minima": wording.other_minima,
     "does_not_describe": wording.does_not_describe,

@@ -57,25 +57,21 @@ def with_errors_of_curves(
     with np.errstate(invalid="ignore", divide="ignore"):
         factor = np.sqrt(np.diagonal(errors) / np.diagonal(end.known.covariance))
     factor = np.where(~_of_splines(u) & (factor > 1.0), factor, 1.0)
-    if (factor == 1.0).all():
-        return end, known
-    value = [
-        float(value_and_slope(w.parameter.coordinate, np.array(y))[0])
-        for w, y in zip(u.moving, end.y, strict=True)
-    ]
-    low, high = ([getattr(w, side) for w in u.moving] for side in ("low", "high"))
-
-    def wide(ends: np.ndarray) -> np.ndarray:
-        x, by = np.array(value)[:, None], factor[:, None]
-        return np.where(
-            by > 1.0, np.clip(x + by * (ends - x), *np.array([low, high])[..., None]), ends
-        )
-
+    ends, quadratic = known.ends.copy(), known.quadratic.copy()
+    for i in np.flatnonzero(factor > 1.0):
+        w = u.moving[i]
+        x = float(value_and_slope(w.parameter.coordinate, end.y[i])[0])
+        for some in (ends, quadratic):
+            some[i] = np.clip(x + factor[i] * (some[i] - x), w.low, w.high)
     covariance = end.known.covariance * np.outer(factor, factor)
     return (
         end._replace(known=end.known._replace(covariance=covariance)),
-        known._replace(ends=wide(known.ends), quadratic=wide(known.quadratic)),
-    )
+        known._replace(
+            ends=ends, quadratic=quadratic,
+            # the upper end of an interval from 0
+            limits=np.where(np.isfinite(known.limits), ends[:, 1], known.limits),
+        ),
+    )  # fmt: skip
 
 
 def errors_of_curves(
