@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo docs notebooks test test-studies lint accuracy accuracy-search advisor-study bench stability startup fit-study fit-coverage model-coverage model-study model-success errors-study film-study free-film-study film-choice fuzz clean
+.PHONY: demo docs notebooks test test-studies lint accuracy accuracy-search advisor-study bench stability startup fit-study fit-coverage model-coverage model-study model-success errors-study film-study film-coverage free-film-study film-choice fuzz clean
 
 demo: .venv/installed-plot  ## fit the two scans that ship with the project; tables, pictures, JSON in demo/
 	mkdir -p demo
@@ -82,6 +82,9 @@ fuzz: .venv/installed-test  ## files of known truth, damaged files, kills: none 
 FILMS ?= 10000
 film-study: .venv/installed-bench  ## how often the right thickness of a film is found (hours; goes on where the last run ended)
 	$(BIN)/python -m benchmarks.film_success --films $(FILMS) --rows docs/benchmarks/film_success.csv
+
+film-coverage: .venv/installed-bench  ## how often the 95 % intervals of films hold the true thickness, eta and k (half an hour)
+	$(BIN)/python -m benchmarks.film_coverage
 
 free-film-study: .venv/installed-bench  ## how often the interval of the thickness of a film with a free index holds the true one (an hour)
 	$(BIN)/python -m benchmarks.free_film_study

@@ -86,8 +86,8 @@ def _parameters(model: str, random: np.random.Generator, shortest_um: float) -> 
     return p
 
 
-def simulated(seed: int) -> Case | None:
-    """Return a random film; None where the random material is none."""
+def simulated(seed: int, noise: float = 1.0) -> Case | None:
+    """Return a random film; None where the random material is none. noise: a factor on it."""
     random = np.random.default_rng([7, seed])
     model, substrate = random.choice(MODELS), random.choice(SUBSTRATES)
     names = list(MEASURED) if substrate == "BK7" else ["R", "psi, Delta"]
@@ -104,7 +104,8 @@ def simulated(seed: int) -> Case | None:
     values = p | {"thickness_nm": thickness}
     sample = f"air | {model} {thickness:.6g} nm | {substrate}"
     columns, sigma = {}, {}
-    for quantity, error in MEASURED[measured].items():
+    for quantity, usual in MEASURED[measured].items():
+        error = noise * usual
         value = simulate(sample, values, angle, wavelength, quantity)
         if not np.isfinite(value).all():
             return None
@@ -152,7 +153,8 @@ def outcome(case: Case, seed: int, **options: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _row(cell: tuple[str, str, str]) -> str:
+def named(cell: tuple[str, str, str]) -> str:
+    """Return a cell as its row is called."""
     return f"{cell[0]} on {cell[1]}, {cell[2]}"
 
 
@@ -196,7 +198,7 @@ def main() -> None:
 
     def one(seed: int) -> dict[str, Any] | None:
         case = simulated(seed)
-        if case is None or not any(text in _row(case.cell) for text in arguments.only):
+        if case is None or not any(text in named(case.cell) for text in arguments.only):
             return None
         r = outcome(case, seed)
         _tell(case, r)
@@ -210,7 +212,7 @@ def main() -> None:
     heads = "".join(f"{h:>8}" for h in (*COUNTED, "s"))
     print(f"\n{'film on substrate, measured':46}{'films':>6}{heads}")
     for cell in sorted({r["cell"] for r in rows}):
-        print(_line(_row(cell), [r for r in rows if r["cell"] == cell]))
+        print(_line(named(cell), [r for r in rows if r["cell"] == cell]))
     bands = [
         (f"{low} to {high} nm", lambda r, low=low, high=high: low <= r["thickness"] < high)
         for low, high in ((5, 50), (50, 500), (500, 5000), (5000, 20000))
