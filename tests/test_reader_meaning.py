@@ -35,8 +35,6 @@ HEARD = {
     "angle;R\n10,000;0,250\n45,000;0,250\n": ("value", 0.25, "fraction"),
     "nm;R (%)\n400;10,125\n500;10,125\n": ("value", 0.10125, "percent"),
     "Winkel (Grad);R_s (%)\n30,500;10,125\n45,250;10,125\n": ("value", 0.10125, "percent"),
-    "# angles of incidence: 45, 60\nnm,R_45\n500,.1\n600,.2\n": ("angle_deg", 45.0, "column name"),
-    "# all angles in degrees\nnm;%R_45\n500;10\n600;10\n": ("angle_deg", 45.0, "column name"),
 }
 
 
@@ -102,6 +100,7 @@ REFUSED = {
     "angle,psi,delta\n50,.2,100\n60,.3,90\n70,.4,80\n": ("column psi", "--psi-unit"),
     "angle,psi,delta\n50,20,1.5\n60,25,1.6\n70,30,1.7\n": ("column delta", "--psi-unit"),
     "# samples 45 and 60\nnm,R_45,R_60\n500,.1,.2\n600,.1,.2\n": ("R_45", "--columns"),
+    "# angles of incidence: 45, 60\nnm,R_45\n500,.1\n600,.2\n": ("R(45 deg)", "--columns"),
     "# AOI = 30\nnm,R_45,R_60\n500,.1,.2\n600,.1,.2\n": ("R_45", "--columns"),
     "# psi and delta in radians\nangle,psi (deg),delta\n50,20,100\n60,25,95\n": ("--psi-unit",),
 }
@@ -247,10 +246,13 @@ def test_several_angles_in_one_wide_table(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("head", ["R_{}", "Rs {}", "psi_{}", "R{} [%]"])
-def test_numbers_behind_names_are_angles_where_an_option_says_so(tmp_path: Path, head: str) -> None:
-    first, second = head.format(45), head.format(62.5)
-    m = read(tmp_path, f"nm,{first},{second}\n500,9,8\n600,9,8\n", angle_unit="deg", scale=0.01)
-    assert m.angle_deg.tolist() == [45.0, 45.0, 62.5, 62.5]
+def test_numbers_behind_names_are_no_angles(tmp_path: Path, head: str) -> None:
+    text = f"nm,{head.format(45)},{head.format(62.5)}\n500,9,8\n600,9,8\n"
+    assert "R(45 deg)" in refusal(tmp_path, text, angle_unit="deg", scale=0.01)
+    m = read(tmp_path, text, columns="wavelength=1,R=2", angle_deg=30, scale=0.01)
+    assert m.angle_deg.tolist() == [30.0, 30.0]
+    m = read(tmp_path, "angle,R_45\n3,.1\n4,.2\n", columns="angle=1,R=2")
+    assert m.angle_deg.tolist() == [3.0, 4.0]
 
 
 def test_one_column_of_errors_may_belong_to_several_values(tmp_path: Path) -> None:

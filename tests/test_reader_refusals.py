@@ -160,9 +160,9 @@ REFUSALS = {
     ),
     "numbers of samples or angles behind R": (
         "nm,R_45,R_60\n500,.1,.2\n600,.1,.2\n",
-        ("45 in 'R_45'", "--angle-unit deg", "--columns wavelength=1,R=2"),
+        ("'R_45'", "if its number is an angle, write R(45 deg)", "--columns"),
     ),
-    "a number behind R, over the angle": ("angle,R_45\n3,.1\n4,.2\n", ("--columns angle=1,R=2",)),
+    "a number behind R, over the angle": ("angle,R_45\n3,.1\n4,.2\n", ("R(45 deg)", "--columns")),
     "utf-32": ("angle,R\n10,.1\n20,.2\n".encode("utf-32"), ("zero bytes", "--encoding")),
     "zero bytes": (b"angle,R\n1,2\x00\x01\x00\x00\x00\x02\n", ("zero bytes", "--encoding")),
 }

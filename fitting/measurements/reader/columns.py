@@ -8,7 +8,6 @@ from typing import NamedTuple, NoReturn
 from fitting.measurements.errors import MeasurementError, place
 from fitting.measurements.quantities import POWER_LETTERS
 from fitting.measurements.reader.cells import is_number, to_numbers
-from fitting.measurements.reader.evidence import statements
 from fitting.measurements.reader.names import Role, role_of
 from fitting.measurements.reader.options import Options
 from fitting.measurements.reader.table import Table, filled_columns, find_column, label_of
@@ -69,14 +68,6 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
         came = f"the {len(filled)} columns have no names, since no line above them has "
         came += f"{len(table.names)} names"
         advice += " If the comma is the decimal mark too, write the file with semicolons."
-    elif numbered := [i for i in filled[1:] if roles[i].form == "value"]:
-        i = numbered[0]
-        axis = "angle" if any(role.kind == "angle" for role in roles) else "wavelength"
-        advice = (
-            f"{roles[i].at:g} in {table.names[i]!r} may be an angle or something else: say "
-            "--angle-unit deg if it is the angle of incidence in degrees. Else name the columns to "
-            f"be read: --columns {axis}={x},{roles[i].quantity}={i + 1}."
-        )
     elif all(roles[i].why or roles[i].kind for i in filled):
         advice = (
             "A table of R, R_s, R_p, T, psi or delta over the angle of incidence or the "
@@ -117,23 +108,7 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
     return found
 
 
-def _numbers_are_angles(table: Table, options: Options, roles: list[Role]) -> bool:
-    """Whether bare numbers behind R, psi, ... (R_45) can be nothing else than angles in degrees.
-
-    An option or a line beside the table says so.
-    """
-    numbers = {role.at for role in roles if role.form in ("value", "sigma")}
-    if not numbers or options.angle_deg is not None:
-        return False
-    said = [one for line, text in table.preamble for one in statements(line, text)]
-    return (
-        options.angle_unit == "deg"
-        or any(one.kind == "angle unit" and one.value == "deg" for one in said)
-        or any(one.kind == "angle" and {one.value, *one.numbers} & numbers for one in said)
-    )
-
-
-def _implicit(table: Table, options: Options) -> dict[str, list[Column]]:
+def _implicit(table: Table) -> dict[str, list[Column]]:
     orso = any("ORSO reflectivity data file" in text for _, text in table.preamble[:3])
     found = defaultdict[str, list[Column]](list)
     roles = []
@@ -156,11 +131,6 @@ def _implicit(table: Table, options: Options) -> dict[str, list[Column]]:
             )
         if role.kind and index in filled:
             found[role.kind].append(Column(index, label_of(table, index), role))
-    if not found["angle"] and _numbers_are_angles(table, options, roles):
-        for index in sorted(filled):
-            if (role := roles[index]).form in ("value", "sigma"):
-                column = Column(index, label_of(table, index), role._replace(kind=role.form))
-                found[role.form].append(column)
     if not found["value"]:
         _refuse_without_values(table, roles)
     return found
@@ -234,7 +204,7 @@ def choose_columns(table: Table, options: Options) -> Layout:
     Raises MeasurementError where two columns claim one role, none holds a value, or rows are
     statistics of other rows.
     """
-    found = _explicit(table, options) if options.columns else _implicit(table, options)
+    found = _explicit(table, options) if options.columns else _implicit(table)
     values = found["value"]
     for of in dict.fromkeys((value.role.quantity, value.role.at) for value in values):
         _only(table, [v for v in values if (v.role.quantity, v.role.at) == of], of[0])

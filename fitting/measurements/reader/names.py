@@ -66,7 +66,7 @@ _AT = re.compile(
     re.IGNORECASE,
 )
 # R_45, Rs 60: an angle, or the number of a sample
-_NUMBERED = re.compile(r"(?<=[A-Za-z\s_])([0-9]{1,2}(?:\.[0-9]+)?)\s*$")
+_NUMBERED = re.compile(r"(?<=[A-Za-z\s_])[0-9]{1,2}(?:\.[0-9]+)?\s*$")
 # what may stand between words and means nothing; a prime, a root, a ratio does mean something
 _NO_SIGNS = re.compile(r"[\w\s.,:;()\[\]{}\-]*")
 
@@ -77,8 +77,7 @@ class Role(NamedTuple):
     quantity: for value and sigma, a name of QUANTITIES; for sigma also "_s" and "_p", or "" where
         the name does not say of what.
     form: of an angle incidence, grazing, 2theta or q; of a wavelength the word that names it
-        (wavelength, energy, wavenumber, frequency); of a name that ends in a number of unknown
-        meaning (R_45), for which kind is "", what it is if that is an angle: value or sigma.
+        (wavelength, energy, wavenumber, frequency).
     unit: a key of :mod:`fitting.measurements.reader.vocabulary`, "" where the name gives none.
     at: for value and sigma, the angle of incidence in degrees that the name gives, else None.
     why: for kind "", why the column cannot be used, if known; for unclear, both readings.
@@ -209,9 +208,7 @@ def role_of(name: str, unit: str = "") -> Role:
         return Role("", why="it is the uncertainty or resolution of an axis") if error else axis
     if found := _optical(optical, unit, error):
         return found
-    match = _NUMBERED.search(rest)
-    if match and match[1] in name and unit in ("", "percent", "1", "deg"):  # R2, not R squared
-        bare = role_of(rest[: match.start()].rstrip(" _"), unit)
-        if bare.kind in ("value", "sigma") and bare.quantity and bare.at is None:
-            return bare._replace(kind="", form=bare.kind, at=float(match[1]))
-    return Role("", unit=unit, why=next((_WHY[concept] for concept in _WHY if concept in said), ""))
+    why = next((_WHY[concept] for concept in _WHY if concept in said), "")
+    if (match := _NUMBERED.search(rest)) and role_of(rest[: match.start()].rstrip(" _")).quantity:
+        why = "if its number is an angle, write R(45 deg)"
+    return Role("", unit=unit, why=why)
