@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.measurements.errors import MeasurementError
+from fitting.measurements.errors import MeasurementError, refuse
 from fitting.measurements.quantities import (
     ANGLES,
     POWER_LETTERS,
@@ -93,15 +93,15 @@ def hint_for(value: float, quantity: str, line: int, scale_given: bool, typical:
 
 
 def beyond(count: int) -> str:
-    """Return the sentence on ``count`` powers that lie beyond [0, 1] by noise."""
+    """Return the sentence on ``count`` powers that lie beyond [0, 1] by noise; "" on none."""
+    if not count:
+        return ""
     what = "1 value lies" if count == 1 else f"{count} values lie"
     return f"; {what} outside [0, 1] by no more than the noise"
 
 
 @np.errstate(all="ignore")
-def check_data(
-    source: str, data: Data, where: Callable[[int, str], str], hint: Callable[[int], str]
-) -> int:
+def check_data(data: Data, where: Callable[[int, str], str], hint: Callable[[int], str]) -> int:
     """Return how many powers lie beyond [0, 1] by noise, or raise for the first bad value.
 
     where(i, role): the place of the angle, wavelength, sigma, polarizer or value of datum i.
@@ -112,16 +112,16 @@ def check_data(
     """
     angle, wavelength, quantity, value, sigma, polarizer = data
     if not len(value):
-        raise MeasurementError(f"{source}: no measured value came; at least one was wanted.")
+        refuse("no measured value came; at least one was wanted.")
 
-    def refuse(bad: np.ndarray, role: str, text: Callable[[int], str]) -> None:
+    def refuse_first(bad: np.ndarray, role: str, text: Callable[[int], str]) -> None:
         found = np.flatnonzero(bad)
         if len(found):
             i = int(found[0])
             more = f" ({len(found) - 1} more like it.)" if len(found) > 1 else ""
             raise MeasurementError(f"{where(i, role)}: {text(i).strip()}{more}")
 
-    refuse(
+    refuse_first(
         ~((angle >= 0.0) & (angle <= 90.0)),
         "angle",
         lambda i: (
@@ -129,7 +129,7 @@ def check_data(
             "the surface normal. If these are other angles, or in another unit, say --angle-unit."
         ),
     )
-    refuse(
+    refuse_first(
         ~(np.isnan(wavelength) | (np.isfinite(wavelength) & (wavelength > 0.0))),
         "wavelength",
         lambda i: (
@@ -137,7 +137,7 @@ def check_data(
             "measurement, leave it out with --lines A-B."
         ),
     )
-    refuse(
+    refuse_first(
         ~(np.isnan(sigma) | (np.isfinite(sigma) & (sigma > 0.0))),
         "sigma",
         lambda i: (
@@ -145,7 +145,7 @@ def check_data(
             "measured', say --missing 0."
         ),
     )
-    refuse(
+    refuse_first(
         sigma**2 < np.finfo(np.float64).tiny,
         "sigma",
         lambda i: (
@@ -157,7 +157,7 @@ def check_data(
     low, high = np.array([TABLE[name][1:3] for name in names.tolist()])[which].T
     angular = np.isin(quantity, ANGLES)
     power, of_any = are_powers(quantity), np.isin(quantity, POWER_LETTERS)
-    refuse(
+    refuse_first(
         power & (sigma > 1.0),
         "sigma",
         lambda i: (
@@ -165,14 +165,16 @@ def check_data(
             "say --scale 0.01; if it is something else, name the columns with --columns."
         ),
     )
-    refuse(~np.isfinite(value), "value", lambda i: f"{value[i]} is not a finite number. {hint(i)}")
+    refuse_first(
+        ~np.isfinite(value), "value", lambda i: f"{value[i]} is not a finite number. {hint(i)}"
+    )
     slack = np.minimum(EXCURSION_SIGMAS * sigma, EXCURSION)
     outside = ~angular & ((value < low) | (value > high))
     if (outside & np.isnan(sigma)).any():
         shown = np.minimum(SHOWN_SIGMAS * _noise(data), NOISE_EXCURSION)
         slack = np.where(np.isnan(sigma), shown, slack)
     slack = np.where(angular, 0.0, np.fmax(slack, _ROUNDING))
-    refuse(
+    refuse_first(
         (value < low - slack) | (value > high + slack),
         "value",
         lambda i: (
@@ -180,7 +182,7 @@ def check_data(
             f"{' degrees' * bool(angular[i])} is outside [{low[i]:g}, {high[i]:g}]. {hint(i)}"
         ),
     )
-    refuse(
+    refuse_first(
         ~(np.isnan(polarizer) | (of_any & (polarizer > 0.0) & (polarizer < 90.0))),
         "polarizer",
         lambda i: (

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NoReturn
 
 # An option of the command line in a sentence, and the word behind it.
@@ -56,9 +58,23 @@ def place(source: str, line: int = 0, column: str = "") -> str:
     return text
 
 
-def refuse(line: int, text: str) -> NoReturn:
-    """Raise MeasurementError at a line of a file; its name is put before by `reader.formats`."""
-    raise MeasurementError(f"line {line}: {text}")
+class _Refused(Exception):
+    """What is wrong with a measurement, its line and its column, before its name is known."""
+
+
+def refuse(text: str, line: int = 0, column: str = "") -> NoReturn:
+    """Refuse a measurement, whose name `named` puts before the text."""
+    raise _Refused(text, line, column)
+
+
+@contextmanager
+def named(source: str) -> Iterator[None]:
+    """Raise MeasurementError, with the name of the measurement, for what is refused inside."""
+    try:
+        yield
+    except _Refused as refused:
+        text, line, column = refused.args
+        raise MeasurementError(f"{place(source, line, column)}: {text}") from None
 
 
 class MissingExtra(ValueError, ImportError):

@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.measurements.checks import Data, beyond, check_data
-from fitting.measurements.errors import MeasurementError
+from fitting.measurements.errors import refuse
 from fitting.measurements.quantities import QUANTITIES, are_powers
 from fitting.measurements.ratios import quotient, refuse_no_powers, times_reflectance
 from fitting.measurements.reader import units
-from fitting.process.visible import visible
 
 
 class Units(NamedTuple):
@@ -30,7 +29,7 @@ class Units(NamedTuple):
 
 
 def _converted(
-    source: str, wavelength: np.ndarray, angle: np.ndarray, of: Units
+    wavelength: np.ndarray, angle: np.ndarray, of: Units
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return wavelengths in micrometres and angles in degrees."""
     for name, unit, known in (
@@ -38,24 +37,22 @@ def _converted(
         ("angle_unit", of.angle, units.ANGLE_UNITS),
     ):
         if unit not in known:
-            raise MeasurementError(f"{source}: {name} is {unit!r}; it can be {', '.join(known)}.")
+            refuse(f"{name} is {unit!r}; it can be {', '.join(known)}.")
     wave = units.wavelength_um(wavelength, of.wavelength)
     return wave, units.incidence_deg(angle, of.angle, wave)
 
 
 def _quotients(
-    source: str, value: np.ndarray, sigma: np.ndarray, by: np.ndarray, sigma_by: np.ndarray
+    value: np.ndarray, sigma: np.ndarray, by: np.ndarray, sigma_by: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return values over those of a reference, and their standard errors."""
     bad = ~(by > 0.0) & np.isfinite(value)
     if bad.any() or not (np.isnan(sigma_by) | (sigma_by > 0.0)).all():
         came = f"{by[bad][0]:.6g}" if bad.any() else "a standard error that is not positive"
-        raise MeasurementError(f"{source}: divide_by holds {came}; numbers above 0 were wanted.")
+        refuse(f"divide_by holds {came}; numbers above 0 were wanted.")
     by = np.where(by > 0.0, by, 1.0)
     if not (np.isnan(sigma) | (sigma > 0.0)).all():
-        raise MeasurementError(
-            f"{source}: a standard error is not positive; numbers above 0 were wanted."
-        )
+        refuse("a standard error is not positive; numbers above 0 were wanted.")
     return quotient(value, sigma, by, sigma_by)
 
 
@@ -78,29 +75,29 @@ def from_arrays(
     places: angles, wavelengths and polarizer angles. values: by quantity.
     """
     if not (np.isfinite(of.scale) and of.scale > 0.0):
-        raise MeasurementError(f"{source}: scale is {of.scale:g}; a factor above 0 was wanted.")
+        refuse(f"scale is {of.scale:g}; a factor above 0 was wanted.")
     unknown = [name for name in values if name not in QUANTITIES]
     if unknown or not values:
         came = f"there is no quantity {unknown[0]}" if unknown else "no values came"
-        raise MeasurementError(f"{source}: {came}; give one or more of {', '.join(QUANTITIES)}.")
+        refuse(f"{came}; give one or more of {', '.join(QUANTITIES)}.")
     names = list(values)
     sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(names, sigma)
     stray = [name for name in sigmas if name not in values]
     if stray:
-        raise MeasurementError(
-            f"{source}: sigma has standard errors of {stray[0]}, of which no values came. Give "
-            "both, or neither."
+        refuse(
+            f"sigma has standard errors of {stray[0]}, of which no values came. Give both, or "
+            "neither."
         )
     by = of.divide_by
     if by:
-        refuse_no_powers(source, np.array(names), False, "divide_by")
+        refuse_no_powers(np.array(names), False, "divide_by")
     odd = [n for n in by if n.removeprefix("sigma_") not in values] + [
         n for n in names if n not in by
     ]
     if by and odd:
-        raise MeasurementError(
-            f"{source}: divide_by has {', '.join(by)} for values of {', '.join(names)}, which does "
-            f"not agree on {odd[0]}. A reference of each of these was wanted, and no other; its "
+        refuse(
+            f"divide_by has {', '.join(by)} for values of {', '.join(names)}, which does not "
+            f"agree on {odd[0]}. A reference of each of these was wanted, and no other; its "
             "standard errors have sigma_ before the name."
         )
     columns = list(places)
@@ -113,10 +110,8 @@ def from_arrays(
             raise ValueError(f"{len(length)} dimensions came")
         angle, wavelength, polarizer, *rest = (np.broadcast_to(a, length) for a in arrays)
     except (ValueError, TypeError) as error:
-        raise MeasurementError(
-            f"{source}: the columns must be numbers of one length ({error})."
-        ) from error
-    wavelength, angle = _converted(source, wavelength, angle, of)
+        refuse(f"the columns must be numbers of one length ({error}).")
+    wavelength, angle = _converted(wavelength, angle, of)
     count = len(names)
     *ours, sigma_by, value_by = np.reshape(rest, (4, count, -1))
     # Of a quotient the factor cancels.
@@ -126,9 +121,7 @@ def from_arrays(
         for each in ours
     )
     if by:
-        value_all, sigma_all = _quotients(
-            source, value_all, sigma_all, value_by.ravel(), sigma_by.ravel()
-        )
+        value_all, sigma_all = _quotients(value_all, sigma_all, value_by.ravel(), sigma_by.ravel())
     kept = np.flatnonzero(~np.isnan(value_all))
     rows = length[0]
 
@@ -144,16 +137,15 @@ def from_arrays(
         sigma_all[kept],
         np.tile(polarizer, count)[kept],
     )
-    source, percent = visible(source), "Powers are fractions: for percent give scale=0.01."
+    percent = "Powers are fractions: for percent give scale=0.01."
     how = "; divided by a reference" if by else ""
     if of.ratio_to is not None:
-        data, said = times_reflectance(source, data, of.ratio_to)
+        data, said = times_reflectance(data, of.ratio_to)
         how += f"; {said}"
 
     def hint(i: int) -> str:
         return percent if data.value[i] > 1.0 and are_powers(data.quantity[i]) else ""
 
-    outside = check_data(source, data, where, hint)
+    outside = check_data(data, where, hint)
     text = f"took {len(kept)} values of {', '.join(names)} from arrays{_ranges(data)}{how}"
-    text += beyond(outside) if outside else ""
-    return data, text
+    return data, text + beyond(outside)

@@ -18,7 +18,7 @@ import numpy as np
 
 from fitting.measurements.checks import beyond, check_data, hint_for
 from fitting.measurements.errors import MeasurementError as MeasurementError
-from fitting.measurements.errors import place
+from fitting.measurements.errors import named, place
 from fitting.measurements.from_arrays import Units, from_arrays
 from fitting.measurements.quantities import QUANTITIES as QUANTITIES
 from fitting.measurements.ratios import divided, refuse_s_to_p, times_reflectance
@@ -30,6 +30,7 @@ from fitting.measurements.reader.options import Options, parse_options
 from fitting.measurements.reader.own_export import own_columns, own_header
 from fitting.measurements.reader.reading import keep_rows
 from fitting.measurements.reader.table import Form
+from fitting.process.visible import visible
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +117,12 @@ class Measurement:
         Raises:
             MeasurementError: for an unknown name, unequal lengths, or a value out of its range.
         """
-        source = str(source)
-        data, understood = from_arrays(
-            [angle_deg, wavelength_um, polarizer_deg], values, sigma, source,
-            Units(angle_unit, wavelength_unit, float(scale), divide_by or {}, ratio_to),
-        )  # fmt: skip
+        source = visible(str(source))
+        units = Units(angle_unit, wavelength_unit, float(scale), divide_by or {}, ratio_to)
+        with named(source):
+            data, understood = from_arrays(
+                [angle_deg, wavelength_um, polarizer_deg], values, sigma, source, units
+            )
         return Measurement(*map(_frozen, data), source=source, understood=understood)
 
     @staticmethod
@@ -191,16 +193,15 @@ def concatenate(*measurements: Measurement) -> Measurement:
 
 def _columns_of(path: str | PathLike[str], options: Options, form: Form) -> LongColumns:
     """Return the data of a file, not yet checked."""
-    source = source_of(path)
     texts, notes = read_lines(Path(path), form.encoding)
-    bare = options._replace(divided=False) == parse_options(source, {}) and not any(form[1:])
+    bare = options._replace(divided=False) == parse_options({}) and not any(form[1:])
     own = own_header(texts)
     if own >= 0 and bare:
-        return own_columns(source, texts, own)
+        return own_columns(texts, own)
     texts[: max(own, 0)] = [""] * max(own, 0)  # they describe the fit
-    table = read_formatted(source, texts, form)
+    table = read_formatted(texts, form)
     table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)
-    return long_columns(table, choose_columns(table, options), options)
+    return long_columns(source_of(path), table, choose_columns(table, options), options)
 
 
 def read_csv(
@@ -262,37 +263,41 @@ def read_csv(
         and the option that settles it.
     """
     source = source_of(path)
-    options = parse_options(source, dict(
-        columns=columns, keep=keep, angle_deg=angle_deg, angle_unit=angle_unit,
-        wavelength_um=wavelength_um, wavelength_unit=wavelength_unit, polarization=polarization,
-        scale=scale, sigma=sigma, psi_unit=psi_unit, missing=missing,
-    ))  # fmt: skip
     form = Form(encoding, delimiter, decimal, lines)
-    each = options if divide_by is None else options._replace(sigma=None, divided=True)
-    long = _columns_of(path, each, form)
-    raw = long.data.value
-    if divide_by is not None:
-        other, same_unit = _columns_of(divide_by, each, form), options.scale is not None
-        long = long.by(divided(source, long.data, source_of(divide_by), other.data, same_unit))
-        if options.sigma is not None:
-            stated = np.where(np.isnan(long.data.sigma), options.sigma, long.data.sigma)
-            long = long._replace(data=long.data._replace(sigma=stated))
-    if ratio_to is not None:
-        refuse_s_to_p(source, (label for _, label, _ in long.places))
-        long = long.by(times_reflectance(source, long.data, ratio_to))
-    data, understood = long.data, long.understood
-    typical = float(np.median(np.abs(data.value))) if len(data.value) else 0.0
+    with named(source):
+        options = parse_options(dict(
+            columns=columns, keep=keep, angle_deg=angle_deg, angle_unit=angle_unit,
+            wavelength_um=wavelength_um, wavelength_unit=wavelength_unit, polarization=polarization,
+            scale=scale, sigma=sigma, psi_unit=psi_unit, missing=missing,
+        ))  # fmt: skip
+        each = options if divide_by is None else options._replace(sigma=None, divided=True)
+        long = _columns_of(path, each, form)
+        raw = long.data.value
+        if divide_by is not None:
+            reference, same_unit = source_of(divide_by), options.scale is not None
+            with named(reference):
+                by = _columns_of(divide_by, each, form).data
+            long = long.by(divided(long.data, reference, by, same_unit))
+            if options.sigma is not None:
+                stated = np.where(np.isnan(long.data.sigma), options.sigma, long.data.sigma)
+                long = long._replace(data=long.data._replace(sigma=stated))
+        if ratio_to is not None:
+            refuse_s_to_p(label for _, label, _ in long.places)
+            long = long.by(times_reflectance(long.data, ratio_to))
+        data, understood = long.data, long.understood
+        typical = float(np.median(np.abs(data.value))) if len(data.value) else 0.0
 
-    def where(i: int, role: str) -> str:
-        line, value, error = long.places[i]
-        return place(source, line, {"value": value, "sigma": error, **long.labels}.get(role, ""))
+        def where(i: int, role: str) -> str:
+            line, value, error = long.places[i]
+            columns = {"value": value, "sigma": error, **long.labels}
+            return place(source, line, columns.get(role, ""))
 
-    def hint(i: int) -> str:
-        line, scaled = long.places[i][0], options.scale is not None
-        text = hint_for(float(data.value[i]), data.quantity[i], line, scaled, typical)
-        return text if raw is data.value else f"Without the reference it is {raw[i]:.6g}. {text}"
+        def hint(i: int) -> str:
+            line, scaled = long.places[i][0], options.scale is not None
+            text = hint_for(float(data.value[i]), data.quantity[i], line, scaled, typical)
+            return (
+                text if raw is data.value else f"Without the reference it is {raw[i]:.6g}. {text}"
+            )
 
-    outside = check_data(source, data, where, hint)
-    if outside:
-        understood += beyond(outside)
+        understood += beyond(check_data(data, where, hint))
     return Measurement(*map(_frozen, data), source=source, understood=understood)

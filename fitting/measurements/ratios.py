@@ -13,7 +13,7 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from fitting.measurements.checks import Data
-from fitting.measurements.errors import MeasurementError
+from fitting.measurements.errors import refuse
 from fitting.measurements.quantities import POWERS, letter_of
 from fitting.measurements.reader.units import span_of
 
@@ -35,8 +35,8 @@ def quotient(
     return ratio, np.hypot(sigma, ratio * np.nan_to_num(sigma_by)) / np.abs(by)
 
 
-def refuse_no_powers(source: str, quantities: np.ndarray, reflected: bool, what: str) -> None:
-    """Raise MeasurementError for quantities that are not powers, or not reflectances.
+def refuse_no_powers(quantities: np.ndarray, reflected: bool, what: str) -> None:
+    """Refuse quantities that are not powers, or not reflectances.
 
     reflected: whether only reflectances are allowed. what: the option, as it was given.
     """
@@ -44,20 +44,20 @@ def refuse_no_powers(source: str, quantities: np.ndarray, reflected: bool, what:
     strange = [str(q) for q in np.unique(quantities) if q not in wanted]
     if strange:
         what_of = "reflectances" if reflected else "powers"
-        raise MeasurementError(
-            f"{source}: {strange[0]} came with {what}, which is for {what_of} alone. Name the "
-            f"columns to be read with it (--columns angle=1,R=2), and read {strange[0]} without it."
+        refuse(
+            f"{strange[0]} came with {what}, which is for {what_of} alone. Name the columns to be "
+            f"read with it (--columns angle=1,R=2), and read {strange[0]} without it."
         )
 
 
-def refuse_s_to_p(source: str, labels: Iterable[str]) -> None:
-    """Raise MeasurementError for a column named as a ratio of p to s, which is tan(psi)^2."""
+def refuse_s_to_p(labels: Iterable[str]) -> None:
+    """Refuse a column named as a ratio of p to s, which is tan(psi)^2."""
     for label in dict.fromkeys(labels):
         if re.search(r"(?i)r[ _]?[sp]\W*/\W*r[ _]?[sp]\b", label):
-            raise MeasurementError(
-                f"{source}: column {label!r} is the ratio of two polarizations, not that to a "
-                "reference, and cannot go with --ratio-to. psi is arctan(sqrt(R_p / R_s)): write "
-                "it in degrees in a column psi."
+            refuse(
+                f"column {label!r} is the ratio of two polarizations, not that to a reference, "
+                "and cannot go with --ratio-to. psi is arctan(sqrt(R_p / R_s)): write it in "
+                "degrees in a column psi."
             )
 
 
@@ -98,22 +98,20 @@ def _axes(data: Data, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.nan_to_num(data.wavelength_um[rows]), data.angle_deg[rows]
 
 
-def _refuse_alone(
-    source: str, data: Data, i: int, name: str, theirs: tuple[np.ndarray, np.ndarray]
-) -> NoReturn:
-    """Raise MeasurementError, since datum i has no counterpart in the reference."""
+def _refuse_alone(data: Data, i: int, name: str, theirs: tuple[np.ndarray, np.ndarray]) -> NoReturn:
+    """Refuse the data, since datum i has no counterpart in the reference."""
     um, angle = np.nan_to_num(data.wavelength_um[i]), data.angle_deg[i]
     came = f"{angle:.6g} degrees" + (f" and {um:.6g} um" if um else "")
     theirs_um = span_of(theirs[0], "um") if theirs[0].any() else "no wavelength"
-    raise MeasurementError(
-        f"{source}: {data.quantity[i]} at {came} has no counterpart in {name} "
+    refuse(
+        f"{data.quantity[i]} at {came} has no counterpart in {name} "
         f"({span_of(theirs[1], 'degrees')}, {theirs_um}). The same angles and wavelengths were "
         "wanted, or a range that encloses them at the same angle or the same wavelength: measure "
         "the reference there, or leave these rows out with --lines A-B."
     )
 
 
-def _at_rows(source: str, data: Data, name: str, reference: Data) -> _Found:
+def _at_rows(data: Data, name: str, reference: Data) -> _Found:
     """Return the reference at the rows of the data."""
     nothing = np.full((2, len(data.value)), np.nan)
     out = _Found(nothing[0], nothing[1], np.zeros(len(data.value)))
@@ -125,9 +123,9 @@ def _at_rows(source: str, data: Data, name: str, reference: Data) -> _Found:
         )
         if not len(chosen):
             came = ", ".join(dict.fromkeys(reference.quantity.tolist()))
-            raise MeasurementError(
-                f"{source}: {quantity} came, which {name} does not have; it has {came}. Both scans "
-                "must be of one quantity and polarization: name the columns with --columns, or say "
+            refuse(
+                f"{quantity} came, which {name} does not have; it has {came}. Both scans must be "
+                "of one quantity and polarization: name the columns with --columns, or say "
                 "--polarization, which holds for both."
             )
         ours, theirs = _axes(data, rows), _axes(reference, chosen)
@@ -142,12 +140,12 @@ def _at_rows(source: str, data: Data, name: str, reference: Data) -> _Found:
                         whole[rows[here]] = part
         if np.isnan(out.value[rows]).any():
             i = int(rows[np.isnan(out.value[rows])][0])
-            _refuse_alone(source, data, i, name, theirs)
+            _refuse_alone(data, i, name, theirs)
     return out
 
 
 def _refuse_bad(name: str, data: Data) -> None:
-    """Raise MeasurementError for values or errors of a reference that are not positive."""
+    """Refuse values or errors of a reference that are not positive."""
     bad = ~(np.isfinite(data.value) & (data.value > 0.0))
     what, came = "value", data.value
     if not bad.any():
@@ -156,38 +154,36 @@ def _refuse_bad(name: str, data: Data) -> None:
         i = int(np.flatnonzero(bad)[0])
         um = data.wavelength_um[i]
         at_um = "" if np.isnan(um) else f", {um:.6g} um"
-        raise MeasurementError(
-            f"{name}: the {what} of {data.quantity[i]} at {data.angle_deg[i]:.6g} degrees{at_um} "
-            f"is {came[i]:.6g}; a number above 0 was wanted, by which a scan can be divided. Leave "
+        refuse(
+            f"the {what} of {data.quantity[i]} at {data.angle_deg[i]:.6g} degrees{at_um} is "
+            f"{came[i]:.6g}; a number above 0 was wanted, by which a scan can be divided. Leave "
             "the row out with --lines A-B, or say --missing 0 if it stands for 'not measured'."
         )
 
 
-def divided(
-    source: str, data: Data, name: str, reference: Data, same_unit: bool
-) -> tuple[Data, str]:
+def divided(data: Data, name: str, reference: Data, same_unit: bool) -> tuple[Data, str]:
     """Return the data divided by a reference scan, and a sentence on how.
 
     The reference has the angles and wavelengths of the data, or, at the same angle (else at the
     same wavelength), a range that encloses them, in which it is interpolated by straight lines.
     name: of the reference scan. same_unit: whether an option states that both are in one unit.
-    Raises MeasurementError where there is no counterpart, or no value to divide by.
+    Refuses a file where there is no counterpart, or no value to divide by.
     """
-    refuse_no_powers(source, data.quantity, False, f"--divide-by {name}")
+    refuse_no_powers(data.quantity, False, f"--divide-by {name}")
     _refuse_bad(name, reference)
     bad = ~(np.isnan(data.sigma) | (data.sigma > 0.0))
     if bad.any():
-        raise MeasurementError(
-            f"{source}: the standard error {data.sigma[bad][0]:.6g} is not a positive number. If 0 "
-            "stands for 'not measured', say --missing 0."
+        refuse(
+            f"the standard error {data.sigma[bad][0]:.6g} is not a positive number. If 0 stands "
+            "for 'not measured', say --missing 0."
         )
-    by = _at_rows(source, data, name, reference)
+    by = _at_rows(data, name, reference)
     low, high = sorted(float(np.median(np.abs(x))) for x in (data.value, by.value))
     if low <= _FRACTION and high >= _NO_FRACTION and not same_unit:
-        raise MeasurementError(
-            f"{source}: its values are {span_of(data.value)} and those of {name} "
-            f"{span_of(by.value)}: one of them may be a fraction, the other percent or counts. "
-            "Write both in one unit; if they are, say --scale 1."
+        refuse(
+            f"its values are {span_of(data.value)} and those of {name} {span_of(by.value)}: one "
+            "of them may be a fraction, the other percent or counts. Write both in one unit; if "
+            "they are, say --scale 1."
         )
     value, sigma = quotient(data.value, data.sigma, by.value, by.sigma)
     text = f"divided by {name}" + ", interpolated" * bool(by.between.any())
@@ -196,23 +192,23 @@ def divided(
     return data._replace(value=value, sigma=sigma), text
 
 
-def times_reflectance(source: str, data: Data, ratio_to: object) -> tuple[Data, str]:
+def times_reflectance(data: Data, ratio_to: object) -> tuple[Data, str]:
     """Return ratios to the reflectance of a known sample times this reflectance, and a sentence.
 
     ratio_to: the text of a sample without anything to be fitted. The reflectance is that at the
     angle, wavelength and polarization of each datum; for R_back the reference is in its place, too.
-    Raises MeasurementError for a sample with unknowns, and for data that are not reflectances.
+    Refuses a sample with unknowns, and data that are not reflectances.
     """
-    refuse_no_powers(source, data.quantity, True, f"--ratio-to {str(ratio_to)!r}")
+    refuse_no_powers(data.quantity, True, f"--ratio-to {str(ratio_to)!r}")
     known = (data.angle_deg >= 0.0) & (data.angle_deg <= 90.0)
     known &= ~(data.wavelength_um <= 0.0) & ~np.isinf(data.wavelength_um)
     R = np.full(len(data.value), np.nan)  # the rest is refused with all other bad angles
     if known.any():
-        R[known] = _reflectance(source, ratio_to, Data(*(column[known] for column in data)))
+        R[known] = _reflectance(ratio_to, Data(*(column[known] for column in data)))
     some = R[known]
     if some.size and not (some > 0.0).all():
-        raise MeasurementError(
-            f"{source}: the reference {ratio_to} reflects nothing at "
+        refuse(
+            f"the reference {ratio_to} reflects nothing at "
             f"{data.angle_deg[known][some <= 0.0][0]:.6g} degrees, so that a ratio to it is "
             "undefined. Name another reference."
         )
@@ -221,7 +217,7 @@ def times_reflectance(source: str, data: Data, ratio_to: object) -> tuple[Data, 
     return data._replace(value=data.value * R, sigma=data.sigma * R), text
 
 
-def _reflectance(source: str, ratio_to: object, data: Data) -> np.ndarray:
+def _reflectance(ratio_to: object, data: Data) -> np.ndarray:
     """Return the reflectance (N,) of the reference at each datum."""
     # This compiles the sample with jax, which reading other files does not need.
     from fitting.predictions import simulate
@@ -250,4 +246,4 @@ def _reflectance(source: str, ratio_to: object, data: Data) -> np.ndarray:
         return share * s + (1.0 - share) * p
     except ValueError as error:
         reason = str(error).removeprefix("points: ").rstrip(".")
-        raise MeasurementError(f"{source}: --ratio-to {str(ratio_to)!r}: {reason}.") from error
+        refuse(f"--ratio-to {str(ratio_to)!r}: {reason}.")

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from fitting.measurements.errors import MeasurementError
+from fitting.measurements.errors import refuse
 from fitting.measurements.quantities import POLARIZED, POWERS
 from fitting.measurements.reader.columns import Column
 from fitting.measurements.reader.reading import Reading
@@ -55,11 +55,11 @@ def _wavelength_unit(reading: Reading, column: Column, numbers: np.ndarray) -> s
 def wavelengths(reading: Reading) -> np.ndarray:
     """Return the wavelength of each row in micrometres, NaN where none is known.
 
-    Raises MeasurementError where the unit is open, or the name, the unit and the numbers disagree.
+    Refuses a file where the unit is open, or the name, the unit and the numbers disagree.
     """
     column, given = reading.layout.wavelength, reading.options.wavelength_um
     if column is None:
-        if given is None and (beside := reading.said.one("wavelength")):
+        if given is None and (beside := reading.one("wavelength")):
             given = float(beside.value or 0.0)
             reading.notes.append(f"wavelength {given:.6g} um ({beside.where}; --wavelength-um)")
         return np.full(len(reading.table.rows), np.nan if given is None else given)
@@ -98,15 +98,15 @@ def _angle_unit(reading: Reading, numbers: np.ndarray, column: Column) -> str:
 
 
 def _angles_without_column(reading: Reading) -> np.ndarray:
-    table, layout, options, said, notes = reading
+    table, layout, options, _, notes = reading
     rows = len(table.rows)
     if options.angle_deg is not None:
         return np.full(rows, options.angle_deg)
     if any(value.role.at is not None for value in layout.values):
         return np.full(rows, np.nan)  # each column has its own
-    beside, counted = said.one("angle"), said.one("angle unit")
+    beside, counted = reading.one("angle"), reading.one("angle unit")
     if counted and str(counted.value).startswith("grazing"):
-        said.refuse(counted)
+        reading.not_understood(counted)
     if beside is not None:
         notes.append(f"angle of incidence {beside.value:g} degrees ({beside.where}; --angle-deg)")
         return np.full(rows, beside.value)
@@ -120,9 +120,9 @@ def _angles_without_column(reading: Reading) -> np.ndarray:
         notes.append("no angle given: normal incidence assumed (--angle-deg)")
         return np.zeros(rows)
     rest = f" (not understood: {', '.join(layout.unused[:6])})" if layout.unused else ""
-    raise MeasurementError(
-        f"{table.source}: no column is an angle of incidence{rest}. Say --angle-deg NUMBER, or "
-        "which column it is with --columns angle=..."
+    refuse(
+        f"no column is an angle of incidence{rest}. Say --angle-deg NUMBER, or which column it is "
+        "with --columns angle=..."
     )
 
 
@@ -130,7 +130,7 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
     """Return the angle of incidence of each row in degrees.
 
     A spectrum of R or T without an angle is taken at normal incidence, where s and p are one.
-    Raises MeasurementError where the unit is open or contradicts the numbers, or no angle is known.
+    Refuses a file where the unit is open or contradicts the numbers, or no angle is known.
     """
     column, options = reading.layout.angle, reading.options
     if column is None:
@@ -144,8 +144,8 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
     if unit in Q_UNITS and np.isnan(wavelength).all():
         reading.refuse(
             column,
-            "the angle follows from Q and the wavelength, which is not known. Say "
-            "--wavelength-um NUMBER (5 angstrom are 0.0005).",
+            "the angle follows from Q and the wavelength, which is not known. Say --wavelength-um "
+            "NUMBER (5 angstrom are 0.0005).",
         )
     degrees = incidence_deg(numbers, unit, wavelength)
     if unit == "rad":

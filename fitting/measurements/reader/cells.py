@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fitting.measurements.errors import MeasurementError, place
+from fitting.measurements.errors import refuse
 
 DELIMITERS = {"tab": "\t", "semicolon": ";", "comma": ",", "pipe": "|", "blank": " "}
 MISSING = frozenset([
@@ -108,7 +108,7 @@ def guess_delimiter(texts: Sequence[str], wanted: str | None) -> tuple[str, int]
 
 
 def decide_decimal(
-    source: str, rows: list[list[str]], lines: list[int], wanted: str | None, small: set[int]
+    rows: list[list[str]], lines: list[int], wanted: str | None, small: set[int]
 ) -> str:
     """Return the decimal mark that the cells show; raise where they show both, or leave it open.
 
@@ -123,27 +123,27 @@ def decide_decimal(
         return "."
     comma, point = commas[0][0], next(points, 0)
     if point:
-        raise MeasurementError(
-            f"{source}: the decimal mark is a comma on line {comma} and a point on line {point}. "
-            "Write all numbers with one of them, or leave lines out with --lines A-B."
+        refuse(
+            f"the decimal mark is a comma on line {comma} and a point on line {point}. Write all "
+            "numbers with one of them, or leave lines out with --lines A-B."
         )
     sure = any("," in row[i] for row in rows for i in small)
     if not sure and all(_GROUPED.fullmatch(cell) for _, cell in commas):
-        raise MeasurementError(
-            f"{place(source, comma)}: a comma before three digits may be a decimal mark or "
-            "separate thousands. Say --decimal , if it is the decimal mark; else write the numbers "
-            "without it."
+        refuse(
+            "a comma before three digits may be a decimal mark or separate thousands. Say "
+            "--decimal , if it is the decimal mark; else write the numbers without it.",
+            comma,
         )
     return ","
 
 
 def to_numbers(
-    cells: list[str], lines: list[int], decimal: str, source: str, column: str
+    cells: list[str], lines: list[int], decimal: str, column: str
 ) -> tuple[np.ndarray, str]:
     """Return the cells as float64, NaN where one says missing, and the sign (% or degree) on them.
 
     A number is ``float`` of its text, to the last bit, after the decimal mark and a Fortran
-    exponent letter were made Python's. Raises MeasurementError for the first cell that is neither.
+    exponent letter were made Python's. Refuses the first cell that is neither.
     """
     joined = "".join(cells)
     if "" not in cells and _PLAIN.fullmatch(joined) and (decimal == "." or "." not in joined):
@@ -160,17 +160,21 @@ def to_numbers(
             continue
         if not is_number(cell) or other in cell:
             hint = f" (the decimal mark is {decimal!r})" if is_number(cell) else ""
-            raise MeasurementError(
-                f"{place(source, line, column)}: {cell[:40]!r} came where a number was wanted"
-                f"{hint}. Correct it, or leave the cell empty if nothing was measured."
+            refuse(
+                f"{cell[:40]!r} came where a number was wanted{hint}. Correct it, or leave the "
+                "cell empty if nothing was measured.",
+                line,
+                column,
             )
         sign = cell[-1] if cell[-1] in "%\u00b0" else ""
         signs.setdefault(sign, line)
         text = cell.rstrip("%\u00b0 ").replace("\u2212", "-").replace(",", ".")
         numbers.append(float(text.replace("d", "e").replace("D", "e")))
     if len(signs) > 1:
-        raise MeasurementError(
-            f"{place(source, max(signs.values()), column)}: some numbers of this column have the "
-            f"sign {max(signs)}, others do not. Write all of them alike."
+        refuse(
+            f"some numbers of this column have the sign {max(signs)}, others do not. Write all of "
+            "them alike.",
+            max(signs.values()),
+            column,
         )
     return np.array(numbers, dtype=np.float64), max(signs, default="")

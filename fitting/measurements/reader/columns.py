@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import NamedTuple, NoReturn
 
-from fitting.measurements.errors import MeasurementError, place
+from fitting.measurements.errors import refuse
 from fitting.measurements.quantities import POWER_LETTERS
 from fitting.measurements.reader.cells import is_number, to_numbers
 from fitting.measurements.reader.names import Role, role_of
@@ -41,12 +41,12 @@ class Layout(NamedTuple):
 
 def _refuse(table: Table, text: str, column: str = "") -> NoReturn:
     line = table.header or table.lines[0]
-    raise MeasurementError(f"{place(table.source, line, column)}: {text}")
+    refuse(text, line, column)
 
 
 def _range_of(table: Table, index: int) -> str:
     cells = [row[index] for row in table.rows if is_number(row[index])]
-    numbers, _ = to_numbers(cells, [0] * len(cells), table.decimal, table.source, str(index + 1))
+    numbers, _ = to_numbers(cells, [0] * len(cells), table.decimal, str(index + 1))
     return f"{numbers.min():.4g} to {numbers.max():.4g}" if cells else "no numbers"
 
 
@@ -84,9 +84,9 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
         index = find_column(table, wanted, "--columns")
         errors = name.startswith("sigma_") and taken.get(index, "").startswith("sigma_")
         if index in taken and not errors:  # one column may be the error of several values
-            raise MeasurementError(
-                f"{table.source}: --columns gives column {wanted} to both {taken[index]} and "
-                f"{name}. Name one column for each."
+            refuse(
+                f"--columns gives column {wanted} to both {taken[index]} and {name}. Name one "
+                "column for each."
             )
         taken[index] = name
         role = role_of(table.names[index], table.units[index])
@@ -102,9 +102,7 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
             role = Role(kind, name.removeprefix("sigma_"), unit=role.unit, at=role.at)
         found[role.kind].append(Column(index, label_of(table, index), role))
     if not found["value"]:
-        raise MeasurementError(
-            f"{table.source}: --columns names no value; add one such as R=2, R_s=2 or psi=3."
-        )
+        refuse("--columns names no value; add one such as R=2, R_s=2 or psi=3.")
     return found
 
 
@@ -191,17 +189,18 @@ def _refuse_computed_rows(table: Table, used: set[int]) -> None:
         if first >= 0 and len(set(cells)) > 1:
             label = label_of(table, index)
             keep = "1,2,3,4 for the measured ones (or Zone=0)" if zones else "WORD"
-            raise MeasurementError(
-                f"{place(table.source, table.lines[first], label)}: {table.rows[first][index]!r} "
-                "says that this row is a mean or a standard deviation of others. Say which rows to "
-                f"read with --keep {label}={keep}."
+            refuse(
+                f"{table.rows[first][index]!r} says that this row is a mean or a standard "
+                f"deviation of others. Say which rows to read with --keep {label}={keep}.",
+                table.lines[first],
+                label,
             )
 
 
 def choose_columns(table: Table, options: Options) -> Layout:
     """Return the columns to be read, as the option ``columns`` or else the header says.
 
-    Raises MeasurementError where two columns claim one role, none holds a value, or rows are
+    Refuses a file where two columns claim one role, none holds a value, or rows are
     statistics of other rows.
     """
     found = _explicit(table, options) if options.columns else _implicit(table)

@@ -8,13 +8,11 @@ and the option named. What is not in the vocabulary is not understood, and no re
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from pathlib import PurePath
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from fitting.measurements.errors import MeasurementError
 from fitting.measurements.quantities import POWER_LETTERS
 from fitting.measurements.reader.options import Options
 from fitting.measurements.reader.units import WAVELENGTH_UNITS, incidence_deg, wavelength_um
@@ -235,63 +233,13 @@ def _statements_of_name(stem: str) -> list[Said]:
     return found
 
 
-class Evidence(NamedTuple):
-    """All that is said beside the table."""
-
-    source: str
-    said: list[Said]
-
-    def refuse(self, said: Said) -> None:
-        """Raise because ``said`` is not understood, or not here."""
-        gives, option, _ = OPTION[said.kind]
-        why = (
-            f"{said.where} ({said.text!r}) may state {gives}, but is not understood. Say {option}."
-        )
-        if said.where == FULL_NAME and said.kind == "angle":
-            why = f"the file name says {said.text} degrees. If that is the angle of incidence, say "
-            why += f"--angle-deg {said.text}; else say --angle-deg NUMBER."
-        raise MeasurementError(f"{self.source}: {why}")
-
-    def without(self, options: Options) -> Evidence:
-        """Return the evidence that no option overrules."""
-        given = {name for name, value in options._asdict().items() if value not in (None, "", {})}
-        kept = [said for said in self.said if not given & set(OPTION[said.kind][2].split())]
-        return self._replace(said=kept)
-
-    def one(self, kind: str) -> Said | None:
-        """Return the one thing that is said of ``kind``, None where nothing is.
-
-        Raises MeasurementError where it is not understood, or two places contradict one another.
-        """
-        chosen = [said for said in self.said if said.kind == kind]
-        clear = [said for said in chosen if said.value is not None]
-        for said in chosen:
-            if said.value is None:
-                if said.where == FULL_NAME and clear and clear[0].value in said.numbers:
-                    continue  # gold_60deg.csv, and a line that gives 60 degrees
-                self.refuse(said)
-            if said.value != clear[0].value:
-                gives, option, _ = OPTION[kind]
-                raise MeasurementError(
-                    f"{self.source}: {clear[0].where} ({clear[0].text!r}) and {said.where} "
-                    f"({said.text!r}) contradict each other on {gives}. Say {option}."
-                )
-        return clear[0] if clear else None
-
-    def refuse_other(self, kind: str, is_other: Callable[[Any], bool], came: str) -> None:
-        """Raise where a statement of ``kind`` says other than a column does (``came``)."""
-        for said in self.said:
-            values = said.numbers if said.value is None else (said.value,)
-            if said.kind == kind and any(map(is_other, values)):
-                gives, option, _ = OPTION[kind]
-                raise MeasurementError(
-                    f"{came}, but {said.where} ({said.text!r}) states {gives} differently. If the "
-                    "column is right, name all columns to be read with --columns; else say "
-                    f"{option}."
-                )
-
-
-def evidence(source: str, preamble: list[tuple[int, str]]) -> Evidence:
+def evidence(source: str, preamble: list[tuple[int, str]]) -> list[Said]:
     """Return what the lines beside the numbers and the name of the file say."""
     said = [one for line, text in preamble for one in statements(line, text)]
-    return Evidence(source, said + _statements_of_name(PurePath(source).stem))
+    return said + _statements_of_name(PurePath(source).stem)
+
+
+def without(said: list[Said], options: Options) -> list[Said]:
+    """Return what is said and no option overrules."""
+    given = {name for name, value in options._asdict().items() if value not in (None, "", {})}
+    return [one for one in said if not given & set(OPTION[one.kind][2].split())]

@@ -24,8 +24,8 @@ def _numbers(texts: Sequence[str], line: int, count: int) -> list[float]:
         found = []
     if len(found) < count or not all(map(math.isfinite, found)):
         refuse(
-            line,
             f"{count} numbers were wanted. This Film Sense file is damaged; export it anew.",
+            line,
         )
     return found
 
@@ -37,21 +37,21 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
         return None
     if kind != "Film_Sense_Data":
         refuse(
-            1,
             f"{kind} is a measurement over time, of which one time was wanted. Export it as "
             "Film_Sense_Data.",
+            1,
         )
     count, measurements, angle = _numbers(texts, 2, 3)
     if measurements != 1 or count != int(count) or not 1 <= count < len(texts) / 2:
-        refuse(2, "one measurement at some wavelengths was wanted. Export one of them alone.")
+        refuse("one measurement at some wavelengths was wanted. Export one of them alone.", 2)
     rows = range(3, 3 + int(count))
     out = ["", *[""] * int(count), "wavelength (nm)\tangle (deg)\tpsi (deg)\tdelta (deg)"]
     for line in rows:
         n, c, s = _numbers(texts, line + int(count), 3)
         if abs(n * n + c * c + s * s - 1.0) > _ROUNDED:
             refuse(
-                line + int(count),
                 "N^2 + C^2 + S^2 is not 1. The file is damaged; export it anew.",
+                line + int(count),
             )
         psi = math.degrees(math.atan2(math.hypot(c, s), n)) / 2.0
         delta = math.degrees(math.atan2(s, c))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from fitting.measurements.errors import MeasurementError, place
+from fitting.measurements.errors import refuse
 from fitting.measurements.reader.cells import (
     DIGIT,
     is_comment,
@@ -106,7 +106,7 @@ def find_header(
     return best, units, best_line
 
 
-def refuse_strays(source: str, before: Lines, header: int, delimiter: str, count: int) -> None:
+def refuse_strays(before: Lines, header: int, delimiter: str, count: int) -> None:
     """Raise if a line between the header and the numbers, or right above, may be a broken row."""
     last = before[-1][0] if before else 0
     for line, text in before:
@@ -118,14 +118,15 @@ def refuse_strays(source: str, before: Lines, header: int, delimiter: str, count
             like_a_row = any(map(is_number, cells)) or len(cells) == count
             digits *= 2 * digits >= len(cells) >= 2 and like_a_row
         if digits and not units_row(cells):
-            raise MeasurementError(
-                f"{place(source, line)}: {text.strip()[:60]!r} stands before the numbers and is "
-                f"neither a header nor a row of {count} numbers. Correct it, mark it with #, or "
-                f"start below it with --lines {line + 1}-."
+            refuse(
+                f"{text.strip()[:60]!r} stands before the numbers and is neither a header nor a "
+                f"row of {count} numbers. Correct it, mark it with #, or start below it with "
+                f"--lines {line + 1}-.",
+                line,
             )
 
 
-def refuse_between(source: str, remarks: Lines, before: list[str], count: int) -> None:
+def refuse_between(remarks: Lines, before: list[str], count: int) -> None:
     """Raise where a remark between the rows says what the rows below it are: another measurement.
 
     before: the lines above the numbers, which a page may repeat.
@@ -134,7 +135,8 @@ def refuse_between(source: str, remarks: Lines, before: list[str], count: int) -
         names = split_names(text, "", count)
         other = len(names) == count and known_names(names) >= 2
         if text not in before and (other or statements(line, text)):
-            raise MeasurementError(
-                f"{place(source, line)}: {text[:60]!r} stands between the numbers, and may say "
-                "that another measurement begins. Read one of them with --lines A-B."
+            refuse(
+                f"{text[:60]!r} stands between the numbers, and may say that another measurement "
+                "begins. Read one of them with --lines A-B.",
+                line,
             )

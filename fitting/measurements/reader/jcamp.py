@@ -57,10 +57,10 @@ class _Records:
     def text(self, label: str, at: int) -> tuple[int, str]:
         """Return line and value of a record that must be there once."""
         if not self.found[label]:
-            refuse(at, f"this JCAMP-DX file has no record ##{label}=, which its table needs.")
+            refuse(f"this JCAMP-DX file has no record ##{label}=, which its table needs.", at)
         if len(self.found[label]) > 1:
             refuse(
-                self.found[label][1][0], f"a second record ##{label}= came. Delete the wrong one."
+                f"a second record ##{label}= came. Delete the wrong one.", self.found[label][1][0]
             )
         return self.found[label][0]
 
@@ -68,7 +68,7 @@ class _Records:
         """Return the number of a record that must be there once."""
         line, value = self.text(label, at)
         if not re.fullmatch(_NUMBER, value):
-            refuse(line, f"##{label}= is {value[:30]!r}; a number was wanted. Correct it.")
+            refuse(f"##{label}= is {value[:30]!r}; a number was wanted. Correct it.", line)
         return Decimal(value)
 
 
@@ -84,7 +84,7 @@ def _tokens(text: str, line: int) -> list[str]:
         glued = match and tokens and match[0][0] in "0123456789." and not text[at - 1].isspace()
         if not match or glued:
             came = f"{text[at : at + 20]!r} is no ordinate in AFFN, PAC, SQZ, DIF or DUP"
-            refuse(line, came + _DAMAGED)
+            refuse(came + _DAMAGED, line)
         tokens += [match[0]] if match[0].strip() else []
         at = match.end()
     return tokens
@@ -93,7 +93,7 @@ def _tokens(text: str, line: int) -> list[str]:
 def _ordinates(tokens: list[str], line: int, most: int) -> tuple[list[Decimal | None], bool]:
     """Return the ordinates of a line without the factor, and whether the last is a difference.
 
-    None is a gap. Raises MeasurementError beyond ``most``.
+    None is a gap. Refuses more than ``most``.
     """
     values: list[Decimal | None] = []
     step: Decimal | None = None
@@ -103,7 +103,7 @@ def _ordinates(tokens: list[str], line: int, most: int) -> tuple[list[Decimal | 
         new: list[Decimal | None]
         if (first in _DIF or first in _DUP) and not values:
             came = f"{token!r} stands where the first ordinate of the line was wanted"
-            refuse(line, came + _DAMAGED)
+            refuse(came + _DAMAGED, line)
         if first in _DUP:
             count = Decimal(_DUP[first] + digits)
             count = int(count) - 1 if count <= most + 1 else most + 1
@@ -113,14 +113,14 @@ def _ordinates(tokens: list[str], line: int, most: int) -> tuple[list[Decimal | 
         elif first in _DIF:
             step = Decimal(_DIF[first] + digits)
             if last is None:
-                refuse(line, f"the difference {token!r} follows a missing point (?)" + _DAMAGED)
+                refuse(f"the difference {token!r} follows a missing point (?)" + _DAMAGED, line)
             new = [last + step]
         else:
             step = None
             new = [None if first == "?" else Decimal(_SQZ.get(first, first) + digits)]
         values += new
         if len(values) > most:
-            refuse(line, "the table has more points than ##NPOINTS= says" + _DAMAGED)
+            refuse("the table has more points than ##NPOINTS= says" + _DAMAGED, line)
     return values, step is not None
 
 
@@ -139,20 +139,20 @@ def _equal_steps(records: _Records, table: str, at: int, count: int) -> Points:
         start = head[0]
         if start is None or not values:
             came = f"{text[:30]!r} came where an abscissa and ordinates were wanted"
-            refuse(line, came + _DAMAGED)
+            refuse(came + _DAMAGED, line)
         at_x = first + step * (len(points) - repeated)
         if abs(start * x_factor - at_x) > abs(step) / 2 + abs(_unit(start) * x_factor) / 2:
             refuse(
-                line,
                 f"the line begins at x = {start * x_factor}, but ##FIRSTX=, ##LASTX=, ##NPOINTS= "
                 f"and the {len(points) - repeated} points before it give {at_x:.10g}. Points are "
                 "missing or damaged; export the file anew.",
+                line,
             )
         if repeated and values[0] != check:
             refuse(
-                line,
                 f"the line repeats the ordinate {values[0]}, the line before it ended with "
                 f"{check} (the check of DIF)" + _DAMAGED,
+                line,
             )
         for value in values[repeated:]:
             y = None if value is None else value * y_factor
@@ -174,7 +174,7 @@ def _pairs(records: _Records, table: str) -> Points:
             match = _PAIR.match(text, at)
             if not match:
                 came = f"{text[at : at + 30]!r} came where pairs x, y were wanted"
-                refuse(line, came + _DAMAGED)
+                refuse(came + _DAMAGED, line)
             points.append((Decimal(match[1]) * factors[0], Decimal(match[2]) * factors[1], line))
             at = match.end()
     return points
@@ -184,9 +184,9 @@ def _check_ends(records: _Records, points: Points, at: int, count: int) -> None:
     """Raise where the table and the records on its first and last point contradict each other."""
     if len(points) != count:
         refuse(
-            at,
             f"the table has {len(points)} points, ##NPOINTS= says {count}. Points are missing or "
             "damaged; export the file anew.",
+            at,
         )
     for label, i, column in (("FIRSTX", 0, 0), ("LASTX", -1, 0), ("FIRSTY", 0, 1)):
         found = points[i][column]
@@ -196,9 +196,9 @@ def _check_ends(records: _Records, points: Points, at: int, count: int) -> None:
         close = _unit(said) if column == 0 else _unit(said) + abs(said) * _FACTOR_ERROR
         if abs(said - found) >= max(close, _unit(found)):
             refuse(
-                records.found[label][0][0],
                 f"##{label}= {said}, the table gives {found:.10g} (with the factor ##"
                 f"{label[-1]}FACTOR=). Correct the wrong one of them.",
+                records.found[label][0][0],
             )
 
 
@@ -214,26 +214,26 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str], list[int
     blocks = max(len(records.found["TITLE"]), len(tables))
     if blocks > 1:
         refuse(
-            start,
             f"this JCAMP-DX file has {blocks} blocks, of which one was wanted. Save each alone.",
+            start,
         )
     if not tables:
         refuse(
-            start, "this JCAMP-DX file has no ##XYDATA=, ##XYPOINTS= or ##PEAK TABLE=. Export "
-            "the spectrum as one of them.",
+            "this JCAMP-DX file has no ##XYDATA=, ##XYPOINTS= or ##PEAK TABLE=. Export "
+            "the spectrum as one of them.", start,
         )  # fmt: skip
     at, table = tables[0]
     header = spectrum_header(*records.text("XUNITS", at), *records.text("YUNITS", at))
     said = records.number("NPOINTS", at)
     if not 1 <= said <= _MAX_POINTS or said != int(said):
         came = f"##NPOINTS= {said} came where a whole number from 1 to {_MAX_POINTS} was wanted"
-        refuse(records.found["NPOINTS"][0][0], came + _DAMAGED)
+        refuse(came + _DAMAGED, records.found["NPOINTS"][0][0])
     form = re.sub(r"\s", "", records.found[table][0][1]).upper()
     if form not in ("(X++(Y..Y))", "(XY..XY)"):
         refuse(
-            at,
             f"the table has the form {form[:30]}; (X++(Y..Y)) or (XY..XY) was wanted. Export the "
             "spectrum in one of them.",
+            at,
         )
     equal = form == "(X++(Y..Y))"
     points = _equal_steps(records, table, at, int(said)) if equal else _pairs(records, table)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.measurements.errors import MeasurementError
+from fitting.measurements.errors import refuse
 from fitting.measurements.quantities import POLARIZED, POWER_LETTERS
 from fitting.measurements.reader.cells import is_missing, is_number, number_or_none
 from fitting.measurements.reader.columns import Column
@@ -92,9 +92,9 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
     """Return the polarization of each row as far as it is not said by the columns' own names.
 
     oblique: whether any angle is not 0, where s and p are one.
-    Raises MeasurementError where two facts disagree, or a code has two readings.
+    Refuses a file where two facts disagree, or a code has two readings.
     """
-    table, layout, options, said, notes = reading
+    table, layout, options, _, notes = reading
     rows, nowhere = len(table.rows), np.full(len(table.rows), np.nan)
     column = layout.polarizer or layout.polarization
     bare = [v for v in layout.values if v.role.quantity in POWER_LETTERS]
@@ -104,18 +104,17 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
         if other:
             reading.refuse(
                 column,
-                f"this column gives the polarization, and so does column {other.label!r}. Name the "
-                "columns to be read with --columns.",
+                f"this column gives the polarization, and so does column {other.label!r}. Name "
+                "the columns to be read with --columns.",
             )
         if bare:
             return _from_column(reading, column)
         notes.append(f"column {column.label} was not needed")
         return Light(np.full(rows, ""), nowhere)
     if options.codes or options.polarizer:
-        raise MeasurementError(
-            f"{table.source}: --polarization gives a meaning to a column, but none is named as the "
-            "polarization. Say which it is with --columns polarization=..., or --polarization s "
-            "or p."
+        refuse(
+            "--polarization gives a meaning to a column, but none is named as the polarization. "
+            "Say which it is with --columns polarization=..., or --polarization s or p."
         )
     letter = options.light
     if letter and any(POLARIZED[v.role.quantity] != letter for v in named):
@@ -124,7 +123,7 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
             f"the column is named {named[0].role.quantity}, but --polarization says otherwise. "
             "Name the columns to be read with --columns.",
         )
-    if not letter and bare and not named and oblique and (beside := said.one("light")):
+    if not letter and bare and not named and oblique and (beside := reading.one("light")):
         letter = str(beside.value)
         what = {"s": "s-polarized", "p": "p-polarized", "u": "unpolarized"}[letter]
         notes.append(f"{what} light ({beside.where}; --polarization)")

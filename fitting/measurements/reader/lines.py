@@ -8,7 +8,7 @@ import sys
 from os import PathLike
 from pathlib import Path
 
-from fitting.measurements.errors import MeasurementError
+from fitting.measurements.errors import MeasurementError, refuse
 from fitting.process.visible import visible
 
 # Some 400,000 rows, which take 5 s and, as cells of text, 35 times the memory of the file.
@@ -43,8 +43,8 @@ def source_of(path: str | PathLike[str]) -> str:
     return "standard input" if str(path) == STDIN else visible(Path(path).name)
 
 
-def _bytes(path: Path, name: str) -> bytes:
-    """Return what the file, pipe or device holds, up to the limit, or raise MeasurementError."""
+def _bytes(path: Path) -> bytes:
+    """Return what the file, pipe or device holds, up to the limit, or refuse it."""
     size, data = 0, b""
     try:
         if str(path) == STDIN:
@@ -58,9 +58,10 @@ def _bytes(path: Path, name: str) -> bytes:
             f"{visible(str(path))}: the file cannot be opened ({what})."
         ) from error
     if max(size, len(data)) > MAX_BYTES:
-        raise MeasurementError(
-            f"{name}: more than {MAX_BYTES // 10**6} MB came, which is the most that is read (some "
-            "400,000 rows). Average or thin out the rows, or give the curves as files of their own."
+        refuse(
+            f"more than {MAX_BYTES // 10**6} MB came, which is the most that is read (some "
+            "400,000 rows). Average or thin out the rows, or give the curves as files of their "
+            "own."
         )
     return data
 
@@ -72,31 +73,26 @@ def read_lines(path: Path, encoding: str | None) -> tuple[list[str], list[str]]:
 
     encoding: a name that Python knows (utf-8, latin-1, utf-16, ...); None takes a byte-order mark,
         valid UTF-8, else Latin-1, in this order.
-    Lines end with LF, CRLF or CR. Raises MeasurementError where there is no text to read.
+    Lines end with LF, CRLF or CR. Refuses a file where there is no text to read.
     """
-    name = source_of(path)
     if path.suffix.lower() in _WORKBOOKS:
-        raise MeasurementError(
-            f"{name}: this is the name of a workbook, not of a text file. Save the sheet as CSV."
-        )
-    data = _bytes(path, name)
+        refuse("this is the name of a workbook, not of a text file. Save the sheet as CSV.")
+    data = _bytes(path)
     for magic, what in _NOT_TEXT:
         if data.startswith(magic):
-            raise MeasurementError(f"{name}: this is not text but {what}.")
+            refuse(f"this is not text but {what}.")
     chosen = str(encoding) if encoding else _guess_encoding(data)
     try:
         text = data.decode(chosen)
         if "\0" in text:
             raise ValueError("there are zero bytes")
     except (UnicodeError, LookupError, ValueError) as error:
-        raise MeasurementError(
-            f"{name}: the bytes are not {chosen} text ({error}). Say --encoding NAME (utf-8, "
-            "utf-16, latin-1, ...) if it is text, else export it as CSV."
-        ) from error
-    if _MARKED_UP.match(text):
-        raise MeasurementError(
-            f"{name}: this is JSON or markup, not a table. Export the curve as CSV."
+        refuse(
+            f"the bytes are not {chosen} text ({error}). Say --encoding NAME (utf-8, utf-16, "
+            "latin-1, ...) if it is text, else export it as CSV."
         )
+    if _MARKED_UP.match(text):
+        refuse("this is JSON or markup, not a table. Export the curve as CSV.")
     guessed = not encoding and chosen == _FALLBACK
     text = visible(text.removeprefix("\ufeff").replace("\f", " ").replace("\v", " "), "\t\r\n")
     return _LINE_END.split(text), ["text read as Latin-1 (--encoding)"] if guessed else []

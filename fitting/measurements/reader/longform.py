@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.measurements.checks import Data
-from fitting.measurements.errors import MeasurementError, place
+from fitting.measurements.errors import refuse
 from fitting.measurements.quantities import (
     NAME,
     POWER_LETTERS,
@@ -18,7 +18,7 @@ from fitting.measurements.quantities import (
 )
 from fitting.measurements.reader.axes import angles, wavelengths
 from fitting.measurements.reader.columns import Column, Layout
-from fitting.measurements.reader.evidence import evidence, statements
+from fitting.measurements.reader.evidence import evidence, statements, without
 from fitting.measurements.reader.light import light_of_rows
 from fitting.measurements.reader.options import Options
 from fitting.measurements.reader.reading import Reading
@@ -98,14 +98,14 @@ def _refuse_other_quantity(reading: Reading) -> None:
     """Raise where the file speaks of another power alone than that of the columns."""
     value = reading.layout.values[0]
     here = {letter_of(value.role.quantity) for value in reading.layout.values} & {*POWER_LETTERS}
-    other = [said for said in reading.said.said if said.kind == "quantity"]
+    other = [said for said in reading.said if said.kind == "quantity"]
     if here and other and not here & {said.value for said in other}:
         word = str(other[0].value)
         word = TABLE[word].axis if word in TABLE else word
         reading.refuse(
             value,
-            f"the name says {value.role.quantity}, but {other[0].where} ({other[0].text!r}) speaks "
-            f"of {word}. If the column is right, name all columns to be read, for example "
+            f"the name says {value.role.quantity}, but {other[0].where} ({other[0].text!r}) "
+            f"speaks of {word}. If the column is right, name all columns to be read, for example "
             f"--columns angle=1,{value.role.quantity}={value.index + 1}.",
         )
 
@@ -142,18 +142,18 @@ def _understood(reading: Reading, data: Data, factor: float) -> str:
 
 
 @np.errstate(all="ignore")  # what overflows or is NaN is refused by the checks of the Measurement
-def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
+def long_columns(source: str, table: Table, layout: Layout, options: Options) -> LongColumns:
     """Return the data of the chosen columns, column after column, gaps left out.
 
-    Raises MeasurementError for what is ambiguous or contradicts itself; ranges are for the
+    Refuses what is ambiguous or contradicts itself; ranges are for the
     Measurement to check.
     """
-    said = evidence(table.source, table.preamble)
+    said = evidence(source, table.preamble)
     ats = dict.fromkeys(v.role.at for v in layout.values if v.role.at is not None)
     notes = [f"angle {at:g} degrees by the column name" for at in ats]
     for value in [v for v in layout.values if options.columns and v.role.at is None]:
-        said.said.extend(s for s in statements(table.header, value.label) if s.kind == "angle")
-    reading = Reading(table, layout, options, said.without(options), [*table.notes, *notes])
+        said += (s for s in statements(table.header, value.label) if s.kind == "angle")
+    reading = Reading(table, layout, options, without(said, options), [*table.notes, *notes])
     _refuse_other_quantity(reading)
     wavelength = wavelengths(reading)
     angle = angles(reading, wavelength)
@@ -198,9 +198,9 @@ def long_columns(table: Table, layout: Layout, options: Options) -> LongColumns:
         parts.append(tuple(column[kept] for column in columns))
         places += [(table.lines[i], value.label, error.label if error else "") for i in kept]
     if not places:
-        raise MeasurementError(
-            f"{place(table.source, table.lines[0])}: the {len(table.rows)} rows hold gaps only; at "
-            "least one measured value was wanted."
+        refuse(
+            f"the {len(table.rows)} rows hold gaps only; at least one measured value was wanted.",
+            table.lines[0],
         )
     data = Data(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     axes = {"angle": layout.angle, "wavelength": layout.wavelength, "polarizer": layout.polarizer}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple, NoReturn
 
-from fitting.measurements.errors import MeasurementError
+from fitting.measurements.errors import refuse
 from fitting.measurements.quantities import QUANTITIES
 from fitting.measurements.reader.units import ANGLE_UNITS, WAVELENGTH_UNITS
 from fitting.measurements.reader.vocabulary import light_of, plain, unit_of
@@ -44,15 +44,14 @@ class Options(NamedTuple):
 
 
 class _Given(NamedTuple):
-    """The options as they came, by name, and the file that they are for."""
+    """The options as they came, by name."""
 
-    source: str
     by_name: Mapping[str, object]
 
     def refuse(self, name: str, text: str) -> NoReturn:
         """Raise because the value of an option means nothing."""
         came = f"--{name.replace('_', '-')}={self.by_name[name]}"
-        raise MeasurementError(f"{self.source}: {came} {text}")
+        refuse(f"{came} {text}")
 
     def number(self, name: str, low: float, high: float) -> float | None:
         """Return a number from low to high, None where none was given."""
@@ -116,19 +115,19 @@ class _Given(NamedTuple):
         if not codes or not all(codes.values()):
             self.refuse(
                 "polarization",
-                "is not known; it can be s, p or unpolarized for the whole file, codes of a column "
-                "such as 0=s,1=p, or angle-from-p or angle-from-s for the angle of a polarizer "
-                "from the plane of incidence or from its normal.",
+                "is not known; it can be s, p or unpolarized for the whole file, codes of a "
+                "column such as 0=s,1=p, or angle-from-p or angle-from-s for the angle of a "
+                "polarizer from the plane of incidence or from its normal.",
             )
         return "", codes, ""
 
 
-def parse_options(source: str, by_name: Mapping[str, object]) -> Options:
+def parse_options(by_name: Mapping[str, object]) -> Options:
     """Return the options of ``read_csv`` by their names, checked; None is not given.
 
-    Raises MeasurementError for one that means nothing.
+    Refuses one that means nothing.
     """
-    given = _Given(source, by_name)
+    given = _Given(by_name)
     columns = given.pairs("columns")
     stray = [role for role in columns if role not in ROLES]
     if stray:

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fitting.measurements.checks import Data
-from fitting.measurements.errors import MeasurementError, place
+from fitting.measurements.errors import refuse
 from fitting.measurements.quantities import QUANTITIES
 from fitting.measurements.reader.longform import LongColumns
 
@@ -29,10 +29,10 @@ def own_header(texts: Sequence[str]) -> int:
     return start if start >= 0 and set(re.split("[,;]", texts[start])) >= _NEEDED else -1
 
 
-def own_columns(source: str, texts: Sequence[str], start: int) -> LongColumns:
+def own_columns(texts: Sequence[str], start: int) -> LongColumns:
     """Return the data of a table that this package wrote, its header at ``start``.
 
-    Raises MeasurementError where a row was damaged since.
+    Refuses a file where a row was damaged since.
     """
     mark = ";" if ";" in texts[start] else ","
     names = texts[start].split(mark)
@@ -46,9 +46,10 @@ def own_columns(source: str, texts: Sequence[str], start: int) -> LongColumns:
         except ValueError:
             numbers = []
         if not numbers or len(cells) != len(names) or row["quantity"] not in QUANTITIES:
-            raise MeasurementError(
-                f"{place(source, line)}: this is no row of the table that fresnel-fit writes "
-                "(--csv). Write the file anew, or name the columns to be read with --columns."
+            refuse(
+                "this is no row of the table that fresnel-fit writes (--csv). Write the file "
+                "anew, or name the columns to be read with --columns.",
+                line,
             )
         quantities.append(row["quantity"])
         rows.append(numbers)

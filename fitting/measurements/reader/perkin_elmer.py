@@ -22,16 +22,16 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
         return None
     stripped = [text.strip() for text in texts]
     if "#GR" not in stripped or "#DATA" not in stripped[stripped.index("#GR") :]:
-        refuse(1, "this Perkin-Elmer file has no lines #GR and #DATA. Export the spectrum anew.")
+        refuse("this Perkin-Elmer file has no lines #GR and #DATA. Export the spectrum anew.", 1)
     units = stripped.index("#GR") + 1
     start = stripped.index("#DATA", units)
     count = "".join(stripped[units:start][6:7])
     points = sum(bool(text) for text in stripped[start + 1 :])
     if count != str(points):
         refuse(
-            units + 7,
             f"the file says {count or 'nothing'} of the number of points, and has {points} rows "
             "below #DATA. Rows are missing or damaged; export it anew.",
+            units + 7,
         )
     out = [""] * start
     if units > _DESCRIPTION + 1 and not stripped[_DESCRIPTION].startswith("#"):

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from fitting.measurements.errors import MeasurementError, place
+from fitting.measurements.errors import refuse
 from fitting.measurements.reader.cells import is_missing, number_or_none, to_numbers
 from fitting.measurements.reader.columns import Column, Layout
-from fitting.measurements.reader.evidence import OPTION, Evidence
+from fitting.measurements.reader.evidence import FULL_NAME, OPTION, Said
 from fitting.measurements.reader.options import Options
 from fitting.measurements.reader.table import Table, find_column
 
@@ -38,9 +38,9 @@ def keep_rows(table: Table, options: Options) -> Table:
                 chosen.append(i)
         rows, lines = [rows[i] for i in chosen], [lines[i] for i in chosen]
         if not rows:
-            raise MeasurementError(
-                f"{table.source}: --keep {name}={','.join(wanted)} came, but no row has such a "
-                "value in this column."
+            refuse(
+                f"--keep {name}={','.join(wanted)} came, but no row has such a value in this "
+                "column."
             )
     return table._replace(rows=rows, lines=lines)
 
@@ -51,13 +51,13 @@ class Reading(NamedTuple):
     table: Table
     layout: Layout
     options: Options
-    said: Evidence
+    said: list[Said]
     notes: list[str]
 
     def refuse(self, column: Column, text: str, row: int | None = None) -> NoReturn:
-        """Raise MeasurementError at a column's name, or at its cell in a row."""
+        """Refuse at a column's name, or at its cell in a row."""
         line = (self.table.header or self.table.lines[0]) if row is None else self.table.lines[row]
-        raise MeasurementError(f"{place(self.table.source, line, column.label)}: {text}")
+        refuse(text, line, column.label)
 
     def refuse_both(self, column: Column, what: str, option: str) -> NoReturn:
         """Raise because an option gives what a column gives."""
@@ -87,9 +87,41 @@ class Reading(NamedTuple):
         if missing:
             words = {gap.lower() for gap in missing}
             cells = ["" if cell.lower() in words else cell for cell in cells]
-        numbers, sign = to_numbers(cells, table.lines, table.decimal, table.source, column.label)
+        numbers, sign = to_numbers(cells, table.lines, table.decimal, column.label)
         values = [number for gap in missing if (number := number_or_none(gap)) is not None]
         return np.where(np.isin(numbers, values), np.nan, numbers), sign
+
+    def not_understood(self, said: Said) -> NoReturn:
+        """Raise because something beside the table is not understood, or not here."""
+        gives, option, _ = OPTION[said.kind]
+        if said.where == FULL_NAME and said.kind == "angle":
+            refuse(
+                f"the file name says {said.text} degrees. If that is the angle of incidence, say "
+                f"--angle-deg {said.text}; else say --angle-deg NUMBER."
+            )
+        refuse(
+            f"{said.where} ({said.text!r}) may state {gives}, but is not understood. Say {option}."
+        )
+
+    def one(self, kind: str) -> Said | None:
+        """Return the one thing that is said of ``kind`` beside the table, None where nothing is.
+
+        Refuses a file where it is not understood, or two places contradict one another.
+        """
+        chosen = [said for said in self.said if said.kind == kind]
+        clear = [said for said in chosen if said.value is not None]
+        for said in chosen:
+            if said.value is None:
+                if said.where == FULL_NAME and clear and clear[0].value in said.numbers:
+                    continue  # gold_60deg.csv, and a line that gives 60 degrees
+                self.not_understood(said)
+            if said.value != clear[0].value:
+                gives, option, _ = OPTION[kind]
+                refuse(
+                    f"{clear[0].where} ({clear[0].text!r}) and {said.where} ({said.text!r}) "
+                    f"contradict each other on {gives}. Say {option}."
+                )
+        return clear[0] if clear else None
 
     def contradicted(
         self, kind: str, is_other: Callable[[Any], bool], column: Column, came: str
@@ -98,9 +130,16 @@ class Reading(NamedTuple):
 
         Columns that an option names hold against all that is said.
         """
-        if not self.options.columns:
-            at = place(self.table.source, self.table.header, column.label)
-            self.said.refuse_other(kind, is_other, f"{at}: {came}")
+        for said in [] if self.options.columns else self.said:
+            values = said.numbers if said.value is None else (said.value,)
+            if said.kind == kind and any(map(is_other, values)):
+                gives, option, _ = OPTION[kind]
+                self.refuse(
+                    column,
+                    f"{came}, but {said.where} ({said.text!r}) states {gives} differently. If the "
+                    "column is right, name all columns to be read with --columns; else say "
+                    f"{option}.",
+                )
 
     def refuse_other_light(self, letters: set[str], column: Column) -> None:
         """Raise where another light than that of the columns or rows, s, p or u, is said."""
@@ -111,14 +150,13 @@ class Reading(NamedTuple):
         """Return the unit of a column: of the option, the header, or a line beside; else "".
 
         kind: the kind of statement. what: the numbers, for the sentence on how they were read.
-        Raises MeasurementError where the header and a line say different things.
+        Refuses a file where the header and a line say different things.
         """
         if option:
             return option
-        beside, own = self.said.one(kind), column.role.unit
+        beside, own = self.one(kind), column.role.unit
         if own:
-            at = place(self.table.source, self.table.header, column.label)
-            self.said.refuse_other(kind, lambda u: u != own, f"{at}: the header says {own}")
+            self.contradicted(kind, lambda u: u != own, column, f"the header says {own}")
         if beside:
             flag = OPTION[kind][1].split(" ")[0]
             self.notes.append(f"{what} in {beside.value} ({beside.where}; {flag})")

@@ -18,7 +18,7 @@ def psi_delta_unit(reading: Reading, columns: dict[int, np.ndarray]) -> dict[int
     """Return deg or rad for each column of psi and delta, by the option, the header, or the range.
 
     columns: numbers by the index of the column.
-    Raises MeasurementError where the header contradicts the numbers, or neither tells.
+    Refuses a file where the header contradicts the numbers, or neither tells.
     """
     given = reading.options.psi_unit
     chosen = [v for v in reading.layout.values if v.role.quantity in _LIMITS]
@@ -89,7 +89,7 @@ def standard_errors(
     """Return the standard errors of one value in the unit of the result, NaN without a column.
 
     unit: of psi and delta. factor: what makes the values fractions.
-    Raises MeasurementError where the unit is another than that of the values, or may be.
+    Refuses a file where the unit is another than that of the values, or may be.
     """
     if column is None:
         return np.full(len(reading.table.rows), np.nan)

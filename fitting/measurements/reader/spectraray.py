@@ -22,9 +22,9 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
     angles = head[1].replace(",", ".").split()
     if angles[::2] != angles[1::2]:
         refuse(
-            1,
             "each angle of incidence was wanted twice, for psi and for Delta; other angles came. "
             "Export psi and Delta (not tan psi and cos Delta, and no Mueller matrix).",
+            1,
         )
     names = [f"psi ({angle} deg)\tdelta ({angle} deg)" for angle in angles[::2]]
     rows = ["\t".join(text.split()) for text in texts[1:]]

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from fitting.measurements.errors import MeasurementError, place
+from fitting.measurements.errors import refuse
 from fitting.measurements.reader.cells import (
     DELIMITERS,
     decide_decimal,
@@ -56,7 +56,6 @@ class Table(NamedTuple):
     ``preamble`` holds (line, text) of what stands before the numbers, comment marks taken off.
     """
 
-    source: str
     names: list[str]
     units: list[str]
     header: int
@@ -80,18 +79,19 @@ def find_column(table: Table, wanted: str, option: str) -> int:
     match = match or [i for i, name in enumerate(names) if name and name.lower() == plain_name]
     if len(match) > 1:
         numbers = " and ".join(str(i + 1) for i in match[:2])
-        raise MeasurementError(
-            f"{place(table.source, table.header)}: columns {numbers} are both named {wanted!r}; "
-            f"give {option} the number of one instead."
+        refuse(
+            f"columns {numbers} are both named {wanted!r}; give {option} the number of one "
+            "instead.",
+            table.header,
         )
     if match:
         return match[0]
     if wanted.isascii() and wanted.isdigit() and len(wanted) < 6 and 1 <= int(wanted) <= len(names):
         return int(wanted) - 1
     there = ", ".join(f"{i + 1} {name}".strip() for i, name in enumerate(names))
-    raise MeasurementError(
-        f"{table.source}: {option} names column {wanted!r}, which the file does not have. Its "
-        f"columns are {there[:300]}."
+    refuse(
+        f"{option} names column {wanted!r}, which the file does not have. Its columns are "
+        f"{there[:300]}."
     )
 
 
@@ -107,7 +107,7 @@ def _without_remark(text: str) -> str:
 
 
 def _body(
-    source: str, lines: Lines, delimiter: str, count: int, header: str
+    lines: Lines, delimiter: str, count: int, header: str
 ) -> tuple[list[list[str]], list[int], list[tuple[int, str]], list[str]]:
     """Return rows of ``count`` cells, their lines, the remarks between and below them, and notes.
 
@@ -134,9 +134,10 @@ def _body(
                 remarks.append((line, text.strip()))
             continue
         if texts:
-            raise MeasurementError(
-                f"{place(source, texts)}: text stands in the middle of the numbers. If another "
-                "table begins there, read one with --lines A-B; if it is a remark, mark it with #."
+            refuse(
+                "text stands in the middle of the numbers. If another table begins there, read "
+                "one with --lines A-B; if it is a remark, mark it with #.",
+                texts,
             )
         if len(cells) > count and not any(cells[count:]):
             cells = cells[:count]
@@ -145,9 +146,9 @@ def _body(
             if len(cells) < count:
                 why = "It may be cut short. Complete it (a gap is an empty cell), or leave it out "
                 why += "with --lines A-B."
-            raise MeasurementError(
-                f"{place(source, line)}: {len(cells)} cell{'s' * (len(cells) > 1)} came where "
-                f"{count} were wanted. {why}"
+            refuse(
+                f"{len(cells)} cell{'s' * (len(cells) > 1)} came where {count} were wanted. {why}",
+                line,
             )
         rows.append(cells)
         numbers.append(line)
@@ -156,43 +157,40 @@ def _body(
     return rows, numbers, remarks, notes
 
 
-def line_range(source: str, option: str | None, count: int) -> tuple[int, int]:
+def line_range(option: str | None, count: int) -> tuple[int, int]:
     """Return the half-open range of indices that the option lines (10-200, 10-, -200) leaves."""
     if not option:
         return 0, count
     match = re.fullmatch(r"\s*([0-9]{0,9})\s*-\s*([0-9]{0,9})\s*", str(option))
     first, last = (match[1] or "1", match[2] or str(count)) if match else ("", "")
     if not match or not (match[1] or match[2]) or not 1 <= int(first) <= int(last):
-        raise MeasurementError(
-            f"{source}: --lines {option} came where a range such as 10-200, 10- or -200 was wanted."
-        )
+        refuse(f"--lines {option} came where a range such as 10-200, 10- or -200 was wanted.")
     return int(first) - 1, int(last)
 
 
-def _mark(source: str, form: Form) -> str | None:
+def _mark(form: Form) -> str | None:
     """Return the delimiter that the option gives, None to guess it; check the decimal mark."""
     delimiter, decimal = form.delimiter, form.decimal
     if decimal not in (None, ".", ","):
-        raise MeasurementError(f"{source}: --decimal {decimal!r} is neither . nor , (a comma).")
+        refuse(f"--decimal {decimal!r} is neither . nor , (a comma).")
     if delimiter is None:
         return None
     mark = DELIMITERS.get(str(delimiter), str(delimiter))
     if len(mark) != 1 or mark.isalnum() or mark in "\r\n\"'.+-" or mark == decimal:
-        raise MeasurementError(
-            f"{source}: --delimiter {delimiter!r} is none of {', '.join(DELIMITERS)}, nor a sign "
-            "other than the decimal mark."
+        refuse(
+            f"--delimiter {delimiter!r} is none of {', '.join(DELIMITERS)}, nor a sign other than "
+            "the decimal mark."
         )
     return mark
 
 
-def read_table(source: str, texts: Sequence[str], form: Form) -> Table:
+def read_table(texts: Sequence[str], form: Form) -> Table:
     """Return the table of numbers that stands in ``texts``, the lines of one file.
 
-    source: name of the file, for refusals.
-    Raises MeasurementError where no table is found, or a line may be part of it or not.
+    Refuses a file where no table is found, or a line may be part of it or not.
     """
-    mark = _mark(source, form)
-    first, last = line_range(source, form.lines, len(texts))
+    mark = _mark(form)
+    first, last = line_range(form.lines, len(texts))
     numbered = list(enumerate(texts[:last], start=1))
     inside = [(line, _without_remark(text)) for line, text in numbered[first:]]
     mark, count = guess_delimiter([text for _, text in inside], mark)
@@ -202,30 +200,31 @@ def read_table(source: str, texts: Sequence[str], form: Form) -> Table:
     if start is None:
         # What stands behind the last line end is no line.
         came = len(inside) - (bool(inside) and last >= len(texts) and not texts[-1])
-        raise MeasurementError(
-            f"{source}: no row with two numbers or more was found in {came} line{'s' * (came != 1)}"
-            ". A table was wanted: a column of angles or wavelengths, and one or more of R, T, psi "
-            "or delta. If there is one, say how to read it with --delimiter or --decimal."
+        refuse(
+            f"no row with two numbers or more was found in {came} line{'s' * (came != 1)}. A "
+            "table was wanted: a column of angles or wavelengths, and one or more of R, T, psi or "
+            "delta. If there is one, say how to read it with --delimiter or --decimal."
         )
     before = [(line, text) for line, text in numbered[: first + start] if text.strip()]
     names, units, header = find_header(before, mark, count, first + start + 1)
     head = texts[header - 1].strip() if header else ""
     filled = [(line, text) for line, text in inside[start:] if text.strip()]
-    rows, row_lines, remarks, notes = _body(source, filled, mark, count, head)
+    rows, row_lines, remarks, notes = _body(filled, mark, count, head)
     if len(column := filled_columns(rows)) == 1:
-        raise MeasurementError(
-            f"{place(source, row_lines[0])}: only one column holds numbers ({len(rows)} rows, the "
-            f"first {rows[0][column[0]]!r}). A curve was wanted: an angle or a wavelength and a "
-            "value in each row. If this file is one point of a scan, gather the points, divided "
-            "by the direct beam, in a table with the header angle_deg,R_s,sigma_R_s."
+        refuse(
+            f"only one column holds numbers ({len(rows)} rows, the first {rows[0][column[0]]!r}). "
+            "A curve was wanted: an angle or a wavelength and a value in each row. If this file "
+            "is one point of a scan, gather the points, divided by the direct beam, in a table "
+            "with the header angle_deg,R_s,sigma_R_s.",
+            row_lines[0],
         )
     below = [remark for remark in remarks if remark[0] > row_lines[-1]]
     known = [uncomment(text) for _, text in before]
-    refuse_between(source, remarks[: len(remarks) - len(below)], known, count)
+    refuse_between(remarks[: len(remarks) - len(below)], known, count)
     used = set(row_lines)
     behind = [(n, texts[n - 1][len(text) :]) for n, text in inside if n in used]
-    refuse_between(source, [(n, text) for n, text in behind if text], known, 0)
-    refuse_strays(source, [b for b in before if b[0] > first], header, mark, count)
+    refuse_between([(n, text) for n, text in behind if text], known, 0)
+    refuse_strays([b for b in before if b[0] > first], header, mark, count)
     beside = []
     for line, text in before:
         cells = split_cells(uncomment(text), mark)
@@ -235,13 +234,12 @@ def read_table(source: str, texts: Sequence[str], form: Form) -> Table:
         if line != header and says and (line > first or known_names(cells) < 2):
             beside.append((line, uncomment(text)))
     return Table(
-        source=source,
         names=[name if len(name) <= LONGEST else name[:80] + "\u2026" for name in names],
         units=units,
         header=header,
         rows=rows,
         lines=row_lines,
         preamble=beside + below,
-        decimal=decide_decimal(source, rows, row_lines, form.decimal, below_thousand(names, units)),
+        decimal=decide_decimal(rows, row_lines, form.decimal, below_thousand(names, units)),
         notes=notes,
     )
