@@ -13,6 +13,7 @@ import re
 from collections import defaultdict
 from collections.abc import Sequence
 from decimal import Decimal
+from typing import Any
 
 from fitting.measurements.errors import refuse
 from fitting.measurements.reader.spectrum_header import spectrum_header
@@ -23,8 +24,8 @@ _TABLES = ("XYDATA", "XYPOINTS", "PEAKTABLE")
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[Ee][+-]?[0-9]{1,3})?"
 # E5 behind a number is an ordinate of SQZ, E-5 and E+5 are exponents
 _ORDINATE = re.compile(
-    r"\s+|[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[Ee][+-][0-9]{1,3}(?=[\s+-]|$))?|\?"
-    r"|[@A-Ia-i%J-Rj-rS-Zs][0-9]*"
+    r"(?:[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[Ee][+-][0-9]{1,3}(?=[\s+-]|$))?|\?"
+    r"|[@A-Ia-i%J-Rj-rS-Zs][0-9]*)(?![0-9.])"
 )
 _PAIR = re.compile(rf"({_NUMBER})(?:\s*,\s*|\s+)({_NUMBER})\s*(?:;\s*|(?<=\s)|$)")
 _DIGITS = [*map(str, range(10)), *map(str, range(-1, -10, -1))]
@@ -77,17 +78,11 @@ def _unit(number: Decimal) -> Decimal:
     return Decimal(1).scaleb(int(number.as_tuple().exponent))
 
 
-def _tokens(text: str, line: int) -> list[str]:
-    tokens, at = [], 0
-    while at < len(text):
-        match = _ORDINATE.match(text, at)
-        glued = match and tokens and match[0][0] in "0123456789." and not text[at - 1].isspace()
-        if not match or glued:
-            came = f"{text[at : at + 20]!r} is no ordinate in AFFN, PAC, SQZ, DIF or DUP"
-            refuse(came + _DAMAGED, line)
-        tokens += [match[0]] if match[0].strip() else []
-        at = match.end()
-    return tokens
+def _parts(form: re.Pattern[str], text: str, line: int, wanted: str) -> list[Any]:
+    """Return all that ``form`` finds in a line, which must hold nothing else."""
+    if rest := form.sub(" ", text).split():
+        refuse(f"{rest[0][:30]!r} came where {wanted} were wanted" + _DAMAGED, line)
+    return form.findall(text)
 
 
 def _ordinates(tokens: list[str], line: int, most: int) -> tuple[list[Decimal | None], bool]:
@@ -101,19 +96,17 @@ def _ordinates(tokens: list[str], line: int, most: int) -> tuple[list[Decimal | 
         first, digits = token[0], token[1:]
         last = values[-1] if values else None
         new: list[Decimal | None]
-        if (first in _DIF or first in _DUP) and not values:
-            came = f"{token!r} stands where the first ordinate of the line was wanted"
-            refuse(came + _DAMAGED, line)
+        if (first in _DUP and not values) or (first in _DIF and last is None):
+            came = f"{token!r} repeats or changes a value, but is the first ordinate of the line"
+            refuse(f"{came} or follows a missing one (?)" + _DAMAGED, line)
         if first in _DUP:
             count = Decimal(_DUP[first] + digits)
             count = int(count) - 1 if count <= most + 1 else most + 1
             new = [last] * count
             if step is not None and last is not None:
                 new = [last + step * (i + 1) for i in range(count)]
-        elif first in _DIF:
+        elif first in _DIF and last is not None:
             step = Decimal(_DIF[first] + digits)
-            if last is None:
-                refuse(f"the difference {token!r} follows a missing point (?)" + _DAMAGED, line)
             new = [last + step]
         else:
             step = None
@@ -133,10 +126,9 @@ def _equal_steps(records: _Records, table: str, at: int, count: int) -> Points:
     check: Decimal | None = None  # the last ordinate, which the next line repeats
     repeated = False
     for line, text in records.rows[table]:
-        tokens = _tokens(text, line)
-        head, differs = _ordinates(tokens[:1], line, 1)
+        tokens = _parts(_ORDINATE, text, line, "ordinates in AFFN, PAC, SQZ, DIF or DUP")
+        (start, *_), _ = _ordinates(tokens[:1], line, 1)
         values, differs = _ordinates(tokens[1:], line, count + 1 - len(points))
-        start = head[0]
         if start is None or not values:
             came = f"{text[:30]!r} came where an abscissa and ordinates were wanted"
             refuse(came + _DAMAGED, line)
@@ -167,17 +159,11 @@ def _pairs(records: _Records, table: str) -> Points:
         records.number(label, 0) if records.found[label] else Decimal(1)
         for label in ("XFACTOR", "YFACTOR")
     ]
-    points: Points = []
-    for line, text in records.rows[table]:
-        at = 0
-        while at < len(text):
-            match = _PAIR.match(text, at)
-            if not match:
-                came = f"{text[at : at + 30]!r} came where pairs x, y were wanted"
-                refuse(came + _DAMAGED, line)
-            points.append((Decimal(match[1]) * factors[0], Decimal(match[2]) * factors[1], line))
-            at = match.end()
-    return points
+    return [
+        (Decimal(x) * factors[0], Decimal(y) * factors[1], line)
+        for line, text in records.rows[table]
+        for x, y in _parts(_PAIR, text, line, "pairs x, y")
+    ]
 
 
 def _check_ends(records: _Records, points: Points, at: int, count: int) -> None:
