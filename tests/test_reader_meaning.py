@@ -88,7 +88,7 @@ REFUSED = {
     "# Transmission\n" + SCAN: ("transmittance", "--columns"),
     "angle,R\n10,.1\n45,.2\n# AOI: 60\n80,.5\n": ("line 4", "--lines"),
     "angle,R_s\n10,.1\n45,.2\n# angle,T_s\n80,.5\n": ("line 4", "--lines"),
-    "angle,R_s\n10,.1\n45,.2 # p-pol\n80,.5\n": ("line 3", "--lines"),
+    "angle,R_s\n10,.1\n45,.2 # p-pol\n80,.5\n": ("line 3", "a number was wanted"),
     "angle,R\n.1,.1\n.5,.2\n1.571,.5\n": ("no unit", "--angle-unit"),
     "angle,R\n.1,.1\n.5,.2\n1.6,.5\n": ("no unit", "--angle-unit"),
     "angle,R,dR/R\n10,.1,.01\n45,.2,.02\n": ("relative error", "--columns"),

@@ -154,9 +154,6 @@ VARIETIES = ELLIPSOMETRY | {
         + BODY.replace("61.25", "#42 0.54\n# 43,0.5,0.6\n% note\n61.25", 1).encode(),
         BOTH,
     ),
-    "comment behind the numbers": Variety(
-        b"angle,Rs,Rp\n" + BODY.replace("0.676313\n", "0.676313  # lamp drifted\n").encode(), BOTH
-    ),
     "comment marks ; and !": Variety(
         b"; WAVELENGTH 70.06 70.06\n! run\nangle,Rs,Rp\n" + BODY.encode(),
         BOTH,
@@ -164,9 +161,6 @@ VARIETIES = ELLIPSOMETRY | {
     ),
     "text below": Variety(
         b"angle,Rs,Rp\n" + BODY.encode() + b"\nEnd of data\nmeasured by A. B.\n", BOTH
-    ),
-    "header repeated": Variety(
-        b"angle,Rs,Rp\n" + BODY.replace("61.25", "angle,Rs,Rp\n61.25", 1).encode(), BOTH
     ),
     "trailing delimiter": Variety(b"angle,Rs,Rp,\n" + BODY.replace("\n", ",\n").encode(), BOTH),
     "trailing delimiter, rows only": Variety(

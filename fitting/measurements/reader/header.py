@@ -126,15 +126,12 @@ def refuse_strays(before: Lines, header: int, delimiter: str, count: int) -> Non
             )
 
 
-def refuse_between(remarks: Lines, before: list[str], count: int) -> None:
-    """Raise where a remark between the rows says what the rows below it are: another measurement.
-
-    before: the lines above the numbers, which a page may repeat.
-    """
+def refuse_between(remarks: Lines, count: int) -> None:
+    """Refuse a remark between the rows that says what the rows below it are."""
     for line, text in remarks:
         names = split_names(text, "", count)
         other = len(names) == count and known_names(names) >= 2
-        if text not in before and (other or statements(line, text)):
+        if other or statements(line, text):
             refuse(
                 f"{text[:60]!r} stands between the numbers, and may say that another measurement "
                 "begins. Read one of them with --lines A-B.",

@@ -29,9 +29,6 @@ from fitting.measurements.reader.header import (
 )
 from fitting.measurements.reader.vocabulary import LONGEST
 
-# a comment after the numbers; "#N/A" and its kin are gaps
-_INLINE = re.compile(r"\s(?:#(?!n/?a|nv|num|value|div)|//|!)", re.IGNORECASE)
-
 
 class Form(NamedTuple):
     """How the text of a file is taken apart; None is found out.
@@ -101,13 +98,8 @@ def filled_columns(rows: list[list[str]]) -> list[int]:
     return [i for i in width if any(not is_missing(row[i]) for row in rows)]
 
 
-def _without_remark(text: str) -> str:
-    """Return a row without the remark that stands behind its numbers."""
-    return _INLINE.split(text, maxsplit=1)[0] if text.strip()[:1] not in '#!/"%;' else text
-
-
 def _body(
-    lines: Lines, delimiter: str, count: int, header: str
+    lines: Lines, delimiter: str, count: int
 ) -> tuple[list[list[str]], list[int], list[tuple[int, str]], list[str]]:
     """Return rows of ``count`` cells, their lines, the remarks between and below them, and notes.
 
@@ -127,9 +119,7 @@ def _body(
             continue
         head = next(iter(cells), "")[:1]
         if not (head.isdigit() or (head and head in "+-.")) and not any(map(is_number, cells)):
-            # gaps, or a header that is repeated on every page, say nothing new
-            said = not all(map(is_missing, cells)) and text.strip() != header
-            if said and units_row(cells) is None:
+            if not all(map(is_missing, cells)) and units_row(cells) is None:
                 texts = texts or line
                 remarks.append((line, text.strip()))
             continue
@@ -192,7 +182,7 @@ def read_table(texts: Sequence[str], form: Form) -> Table:
     mark = _mark(form)
     first, last = line_range(form.lines, len(texts))
     numbered = list(enumerate(texts[:last], start=1))
-    inside = [(line, _without_remark(text)) for line, text in numbered[first:]]
+    inside = numbered[first:]
     mark, count = guess_delimiter([text for _, text in inside], mark)
     splits = ((i, split_cells(text, mark)) for i, (_, text) in enumerate(inside)
               if count and not is_comment(text, mark))  # fmt: skip
@@ -207,9 +197,8 @@ def read_table(texts: Sequence[str], form: Form) -> Table:
         )
     before = [(line, text) for line, text in numbered[: first + start] if text.strip()]
     names, units, header = find_header(before, mark, count, first + start + 1)
-    head = texts[header - 1].strip() if header else ""
     filled = [(line, text) for line, text in inside[start:] if text.strip()]
-    rows, row_lines, remarks, notes = _body(filled, mark, count, head)
+    rows, row_lines, remarks, notes = _body(filled, mark, count)
     if len(column := filled_columns(rows)) == 1:
         refuse(
             f"only one column holds numbers ({len(rows)} rows, the first {rows[0][column[0]]!r}). "
@@ -219,11 +208,7 @@ def read_table(texts: Sequence[str], form: Form) -> Table:
             row_lines[0],
         )
     below = [remark for remark in remarks if remark[0] > row_lines[-1]]
-    known = [uncomment(text) for _, text in before]
-    refuse_between(remarks[: len(remarks) - len(below)], known, count)
-    used = set(row_lines)
-    behind = [(n, texts[n - 1][len(text) :]) for n, text in inside if n in used]
-    refuse_between([(n, text) for n, text in behind if text], known, 0)
+    refuse_between(remarks[: len(remarks) - len(below)], count)
     refuse_strays([b for b in before if b[0] > first], header, mark, count)
     beside = []
     for line, text in before:
