@@ -77,9 +77,7 @@ def hint_for(value: float, quantity: str, line: int, scale_given: bool, typical:
     near = -EXCURSION <= value <= 1.0 + EXCURSION
     noise = f"If it is noise about {int(value > 0.5)}, give its standard deviation with --sigma. "
     noise = noise if near else ""
-    if value < 0.0:
-        return noise + leave
-    if scale_given:
+    if value < 0.0 or scale_given:
         return noise + leave
     if typical <= 110.0:
         ratio = "If R is relative to a mirror or a wafer, name its material: --ratio-to Si. "

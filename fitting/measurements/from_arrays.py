@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,34 +11,6 @@ from fitting.measurements.errors import refuse
 from fitting.measurements.quantities import QUANTITIES, are_powers
 from fitting.measurements.ratios import quotient, refuse_no_powers, times_reflectance
 from fitting.measurements.reader import units
-
-
-class Units(NamedTuple):
-    """Units of angles and wavelengths, and how powers become fractions.
-
-    divide_by: "R" -> values of a reference, "sigma_R" -> their standard errors. ratio_to: the
-    sample to whose reflectance the values are ratios.
-    """
-
-    angle: str
-    wavelength: str
-    scale: float
-    divide_by: Mapping[str, object]
-    ratio_to: object
-
-
-def _converted(
-    wavelength: np.ndarray, angle: np.ndarray, of: Units
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return wavelengths in micrometres and angles in degrees."""
-    for name, unit, known in (
-        ("wavelength_unit", of.wavelength, units.WAVELENGTH_UNITS),
-        ("angle_unit", of.angle, units.ANGLE_UNITS),
-    ):
-        if unit not in known:
-            refuse(f"{name} is {unit!r}; it can be {', '.join(known)}.")
-    wave = units.wavelength_um(wavelength, of.wavelength)
-    return wave, units.incidence_deg(angle, of.angle, wave)
 
 
 def _quotients(
@@ -56,26 +27,31 @@ def _quotients(
     return quotient(value, sigma, by, sigma_by)
 
 
-def _ranges(data: Data) -> str:
-    """Return the ranges of angle and wavelength as text."""
-    known = np.isfinite(data.wavelength_um).any()
-    waves = units.span_of(data.wavelength_um, "um") if known else "no wavelength"
-    return f", {units.span_of(data.angle_deg, 'degrees')}, {waves}"
-
-
 def from_arrays(
     places: Sequence[object],
     values: Mapping[str, object],
     sigma: object,
     source: str,
-    of: Units,
+    *,
+    angle_unit: str,
+    wavelength_unit: str,
+    scale: float,
+    divide_by: Mapping[str, object] | None,
+    ratio_to: object,
 ) -> tuple[Data, str]:
     """Return the checked columns, and sentences on how they were understood.
 
-    places: angles, wavelengths and polarizer angles. values: by quantity.
+    places: angles, wavelengths and polarizer angles. values: by quantity. divide_by: "R" -> values
+    of a reference, "sigma_R" -> their standard errors.
     """
-    if not (np.isfinite(of.scale) and of.scale > 0.0):
-        refuse(f"scale is {of.scale:g}; a factor above 0 was wanted.")
+    if not (np.isfinite(scale) and scale > 0.0):
+        refuse(f"scale is {scale:g}; a factor above 0 was wanted.")
+    for option, unit, known in (
+        ("wavelength_unit", wavelength_unit, units.WAVELENGTH_UNITS),
+        ("angle_unit", angle_unit, units.ANGLE_UNITS),
+    ):
+        if unit not in known:
+            refuse(f"{option} is {unit!r}; it can be {', '.join(known)}.")
     unknown = [name for name in values if name not in QUANTITIES]
     if unknown or not values:
         came = f"there is no quantity {unknown[0]}" if unknown else "no values came"
@@ -88,7 +64,7 @@ def from_arrays(
             f"sigma has standard errors of {stray[0]}, of which no values came. Give both, or "
             "neither."
         )
-    by = of.divide_by
+    by = divide_by or {}
     if by:
         refuse_no_powers(np.array(names), False, "divide_by")
     odd = [n for n in by if n.removeprefix("sigma_") not in values] + [
@@ -111,11 +87,12 @@ def from_arrays(
         angle, wavelength, polarizer, *rest = (np.broadcast_to(a, length) for a in arrays)
     except (ValueError, TypeError) as error:
         refuse(f"the columns must be numbers of one length ({error}).")
-    wavelength, angle = _converted(wavelength, angle, of)
+    wavelength = units.wavelength_um(wavelength, wavelength_unit)
+    angle = units.incidence_deg(angle, angle_unit, wavelength)
     count = len(names)
     *ours, sigma_by, value_by = np.reshape(rest, (4, count, -1))
     # Of a quotient the factor cancels.
-    factor = np.where(are_powers(names) & (not by), of.scale, 1.0)
+    factor = np.where(are_powers(names) & (not by), scale, 1.0)
     sigma_all, value_all = (
         np.concatenate([units.scaled(a, f) for a, f in zip(each, factor, strict=True)])
         for each in ours
@@ -139,13 +116,16 @@ def from_arrays(
     )
     percent = "Powers are fractions: for percent give scale=0.01."
     how = "; divided by a reference" if by else ""
-    if of.ratio_to is not None:
-        data, said = times_reflectance(data, of.ratio_to)
+    if ratio_to is not None:
+        data, said = times_reflectance(data, ratio_to)
         how += f"; {said}"
 
     def hint(i: int) -> str:
         return percent if data.value[i] > 1.0 and are_powers(data.quantity[i]) else ""
 
     outside = check_data(data, where, hint)
-    text = f"took {len(kept)} values of {', '.join(names)} from arrays{_ranges(data)}{how}"
+    known = np.isfinite(data.wavelength_um).any()
+    waves = units.span_of(data.wavelength_um, "um") if known else "no wavelength"
+    text = f"took {len(kept)} values of {', '.join(names)} from arrays, "
+    text += f"{units.span_of(data.angle_deg, 'degrees')}, {waves}{how}"
     return data, text + beyond(outside)

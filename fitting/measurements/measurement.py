@@ -19,7 +19,7 @@ import numpy as np
 from fitting.measurements.checks import beyond, check_data, hint_for
 from fitting.measurements.errors import MeasurementError as MeasurementError
 from fitting.measurements.errors import named, place
-from fitting.measurements.from_arrays import Units, from_arrays
+from fitting.measurements.from_arrays import from_arrays
 from fitting.measurements.quantities import QUANTITIES as QUANTITIES
 from fitting.measurements.ratios import divided, refuse_s_to_p, times_reflectance
 from fitting.measurements.reader.columns import choose_columns
@@ -118,11 +118,12 @@ class Measurement:
             MeasurementError: for an unknown name, unequal lengths, or a value out of its range.
         """
         source = visible(str(source))
-        units = Units(angle_unit, wavelength_unit, float(scale), divide_by or {}, ratio_to)
         with named(source):
             data, understood = from_arrays(
-                [angle_deg, wavelength_um, polarizer_deg], values, sigma, source, units
-            )
+                [angle_deg, wavelength_um, polarizer_deg], values, sigma, source,
+                angle_unit=angle_unit, wavelength_unit=wavelength_unit, scale=float(scale),
+                divide_by=divide_by, ratio_to=ratio_to,
+            )  # fmt: skip
         return Measurement(*map(_frozen, data), source=source, understood=understood)
 
     @staticmethod

@@ -8,7 +8,7 @@ from typing import NamedTuple, NoReturn
 from fitting.measurements.errors import refuse
 from fitting.measurements.quantities import QUANTITIES
 from fitting.measurements.reader.units import ANGLE_UNITS, WAVELENGTH_UNITS
-from fitting.measurements.reader.vocabulary import light_of, plain, unit_of
+from fitting.measurements.reader.vocabulary import light_of, plain
 
 ROLES = (
     ("angle", "wavelength", "polarization", "polarizer")
@@ -65,14 +65,12 @@ class _Given(NamedTuple):
         return number
 
     def one_of(self, name: str, wanted: tuple[str, ...]) -> str:
-        """Return one of the words wanted, however it is spelled; "" where none was given."""
+        """Return one of the words wanted; "" where none was given."""
         if (value := self.by_name.get(name)) is None:
             return ""
-        text = str(value).strip()
-        found = text if text in wanted else unit_of(text)
-        if found not in wanted:
+        if (text := str(value).strip()) not in wanted:
             self.refuse(name, f"is not known; it can be {', '.join(wanted)}.")
-        return found
+        return text
 
     def pairs(self, name: str) -> dict[str, str]:
         """Return the pairs of ``A=1,B=2`` or a mapping; a part without = goes to the one before."""
@@ -80,12 +78,11 @@ class _Given(NamedTuple):
         if value is None:
             return {}
         if isinstance(value, Mapping):
-            value = [f"{k}={','.join(map(str, v)) if isinstance(v, (list, tuple)) else v}"
-                     for k, v in value.items()]  # fmt: skip
-        parts = value if isinstance(value, (list, tuple)) else [value]
+            value = ",".join(f"{k}={','.join(map(str, v)) if isinstance(v, (list, tuple)) else v}"
+                             for k, v in value.items())  # fmt: skip
         pairs: dict[str, str] = {}
         key = ""
-        for part in ",".join(map(str, parts)).split(","):
+        for part in str(value).split(","):
             left, equals, right = map(str.strip, part.partition("="))
             if equals and left in pairs:
                 self.refuse(name, f"gives {left} twice, {pairs[left]} and {right}. Keep one.")

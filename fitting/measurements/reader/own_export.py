@@ -17,6 +17,7 @@ import numpy as np
 from fitting.measurements.checks import Data
 from fitting.measurements.errors import refuse
 from fitting.measurements.quantities import QUANTITIES
+from fitting.measurements.reader.cells import number_or_none
 from fitting.measurements.reader.longform import LongColumns
 
 _NEEDED = {"angle_deg", "quantity", "value", "fitted", "residual"}
@@ -34,18 +35,13 @@ def own_columns(texts: Sequence[str], start: int) -> LongColumns:
 
     Refuses a file where a row was damaged since.
     """
-    mark = ";" if ";" in texts[start] else ","
-    names = texts[start].split(mark)
+    table = csv.DictReader(texts[start:], delimiter=";" if ";" in texts[start] else ",")
     quantities, rows, lines = [], [], []
-    for line, cells in enumerate(csv.reader(texts[start + 1 :], delimiter=mark), start + 2):
-        if not cells:
-            continue
-        row = dict(zip(names, cells, strict=False))
-        try:
-            numbers = [float(row.get(name, "").replace(",", ".") or "nan") for name in _NUMBERS]
-        except ValueError:
-            numbers = []
-        if not numbers or len(cells) != len(names) or row["quantity"] not in QUANTITIES:
+    for row in table:
+        line = start + table.line_num
+        whole = None not in row and None not in row.values()  # neither more cells nor less
+        numbers = [number_or_none(row.get(name) or "nan") for name in _NUMBERS]
+        if not whole or None in numbers or row["quantity"] not in QUANTITIES:
             refuse(
                 "this is no row of the table that fresnel-fit writes (--csv). Write the file "
                 "anew, or name the columns to be read with --columns.",
