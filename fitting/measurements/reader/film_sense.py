@@ -30,7 +30,7 @@ def _numbers(texts: Sequence[str], line: int, count: int) -> list[float]:
     return found
 
 
-def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
+def as_plain_table(texts: Sequence[str]) -> tuple[list[tuple[int, str]], list[str]] | None:
     """Return the lines of a Film Sense file as a tabbed table with a header; else None."""
     kind = texts[0].strip() if texts else ""
     if not kind.startswith("Film_Sense_"):
@@ -44,18 +44,13 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
     count, measurements, angle = _numbers(texts, 2, 3)
     if measurements != 1 or count != int(count) or not 1 <= count < len(texts) / 2:
         refuse("one measurement at some wavelengths was wanted. Export one of them alone.", 2)
-    rows = range(3, 3 + int(count))
-    out = ["", *[""] * int(count), "wavelength (nm)\tangle (deg)\tpsi (deg)\tdelta (deg)"]
-    for line in rows:
-        n, c, s = _numbers(texts, line + int(count), 3)
+    out = [(2, "wavelength (nm)\tangle (deg)\tpsi (deg)\tdelta (deg)")]
+    for line in range(3 + int(count), 3 + 2 * int(count)):
+        n, c, s = _numbers(texts, line, 3)
         if abs(n * n + c * c + s * s - 1.0) > _ROUNDED:
-            refuse(
-                "N^2 + C^2 + S^2 is not 1. The file is damaged; export it anew.",
-                line + int(count),
-            )
+            refuse("N^2 + C^2 + S^2 is not 1. The file is damaged; export it anew.", line)
         psi = math.degrees(math.atan2(math.hypot(c, s), n)) / 2.0
         delta = math.degrees(math.atan2(s, c))
-        wavelength = _numbers(texts, line, 1)[0]
-        out.append(f"{wavelength!r}\t{abs(angle)!r}\t{psi!r}\t{delta!r}")
-    out += [""] * (len(texts) - len(out))
+        wavelength = _numbers(texts, line - int(count), 1)[0]
+        out.append((line, f"{wavelength!r}\t{abs(angle)!r}\t{psi!r}\t{delta!r}"))
     return out, ["a Film Sense file: psi and Delta from N, C and S"]

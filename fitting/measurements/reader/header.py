@@ -87,7 +87,7 @@ def find_header(
     nearest = True
     for line, text in reversed(before):
         marked, row = is_comment(text, delimiter), split_cells(text, delimiter)
-        if line == top - 1 and all(is_number(cell) or is_missing(cell) for cell in row):
+        if line >= top - 1 and all(is_number(cell) or is_missing(cell) for cell in row):
             top = line  # a row of the same table, which --lines leaves out
             continue
         if not (nearest or marked) and looks_like_data(row)[0]:

@@ -13,6 +13,7 @@ import re
 from collections import defaultdict
 from collections.abc import Sequence
 from decimal import Decimal
+from itertools import chain
 from typing import Any
 
 from fitting.measurements.errors import refuse
@@ -188,8 +189,8 @@ def _check_ends(records: _Records, points: Points, at: int, count: int) -> None:
             )
 
 
-def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str], list[int]] | None:
-    """Return the lines of a JCAMP-DX file as a tabbed table, notes, and their lines; else None."""
+def as_plain_table(texts: Sequence[str]) -> tuple[list[tuple[int, str]], list[str]] | None:
+    """Return the lines of a JCAMP-DX file as a tabbed table with a header; else None."""
     if not next((text for text in texts if text.strip()), "").lstrip().startswith("##"):
         return None
     records = _Records(texts)
@@ -224,11 +225,7 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str], list[int
     equal = form == "(X++(Y..Y))"
     points = _equal_steps(records, table, at, int(said)) if equal else _pairs(records, table)
     _check_ends(records, points, at, int(said))
-    out = [""] * (at - 1)
-    for label, found in records.found.items():
-        for line, value in found:
-            if label.startswith(_TOLD) and line < at:
-                out[line - 1] = "# " + value
-    out += [header, *(f"{x}\t{'nan' if y is None else y}" for x, y, _ in points)]
-    numbers = [*range(1, at + 1), *(line for _, _, line in points)]
-    return out, [f"a JCAMP-DX file: {len(points)} points"], numbers
+    told = [found for label, found in records.found.items() if label.startswith(_TOLD)]
+    out = [(line, "# " + value) for line, value in sorted(chain(*told)) if line < at]
+    out += [(at, header), *((n, f"{x}\t{'nan' if y is None else y}") for x, y, n in points)]
+    return out, [f"a JCAMP-DX file: {len(points)} points"]

@@ -95,4 +95,6 @@ def read_lines(path: Path, encoding: str | None) -> tuple[list[str], list[str]]:
         refuse("this is JSON or markup, not a table. Export the curve as CSV.")
     guessed = not encoding and chosen == _FALLBACK
     text = visible(text.removeprefix("\ufeff").replace("\f", " ").replace("\v", " "), "\t\r\n")
-    return _LINE_END.split(text), ["text read as Latin-1 (--encoding)"] if guessed else []
+    lines = _LINE_END.split(text)
+    lines = lines if lines[-1] else lines[:-1]  # what stands behind the last line end is no line
+    return lines, ["text read as Latin-1 (--encoding)"] if guessed else []

@@ -13,10 +13,10 @@ from fitting.measurements.errors import refuse
 from fitting.measurements.reader.spectrum_header import spectrum_header
 
 _FIRST = re.compile(r"PE [A-Z]{2}\s.*\bASCII\s+PEDS\b")
-_DESCRIPTION = 8  # index of the line with the description of the sample
+_DESCRIPTION = 9  # line with the description of the sample
 
 
-def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
+def as_plain_table(texts: Sequence[str]) -> tuple[list[tuple[int, str]], list[str]] | None:
     """Return the lines of a Perkin-Elmer export as a plain table with a header; else None."""
     if not texts or not _FIRST.match(texts[0]):
         return None
@@ -33,8 +33,9 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
             "below #DATA. Rows are missing or damaged; export it anew.",
             units + 7,
         )
-    out = [""] * start
-    if units > _DESCRIPTION + 1 and not stripped[_DESCRIPTION].startswith("#"):
-        out[_DESCRIPTION] = "# " + stripped[_DESCRIPTION]
+    out = []
+    if units > _DESCRIPTION and not stripped[_DESCRIPTION - 1].startswith("#"):
+        out.append((_DESCRIPTION, "# " + stripped[_DESCRIPTION - 1]))
     header = spectrum_header(units + 1, stripped[units], units + 2, stripped[units + 1])
-    return [*out, header, *texts[start + 1 :]], [f"a Perkin-Elmer file: {points} points"]
+    out += enumerate([header, *texts[start + 1 :]], start + 1)
+    return out, [f"a Perkin-Elmer file: {points} points"]

@@ -14,7 +14,7 @@ from fitting.measurements.errors import refuse
 _HEAD = re.compile(r";\s*WAVELENGTH((?:\s+[0-9]+(?:[.,][0-9]+)?)+)\s*")
 
 
-def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
+def as_plain_table(texts: Sequence[str]) -> tuple[list[tuple[int, str]], list[str]] | None:
     """Return the lines of a SpectraRay export as a tabbed table with a header; else None."""
     head = _HEAD.fullmatch(texts[0]) if texts else None
     if head is None:
@@ -27,5 +27,6 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
             1,
         )
     names = [f"psi ({angle} deg)\tdelta ({angle} deg)" for angle in angles[::2]]
-    rows = ["\t".join(text.split()) for text in texts[1:]]
-    return ["\t".join(["wavelength", *names]), *rows], ["a SpectraRay file: psi, Delta at an angle"]
+    table = [["wavelength", *names], *(text.split() for text in texts[1:])]
+    out = list(enumerate(map("\t".join, table), start=1))
+    return out, ["a SpectraRay file: psi, Delta at an angle"]

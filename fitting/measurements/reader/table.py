@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from typing import NamedTuple
 
 from fitting.measurements.errors import refuse
@@ -147,15 +146,13 @@ def _body(
     return rows, numbers, remarks, notes
 
 
-def line_range(option: str | None, count: int) -> tuple[int, int]:
-    """Return the half-open range of indices that the option lines (10-200, 10-, -200) leaves."""
-    if not option:
-        return 0, count
-    match = re.fullmatch(r"\s*([0-9]{0,9})\s*-\s*([0-9]{0,9})\s*", str(option))
-    first, last = (match[1] or "1", match[2] or str(count)) if match else ("", "")
-    if not match or not (match[1] or match[2]) or not 1 <= int(first) <= int(last):
+def _line_range(option: str | None) -> tuple[int, int]:
+    """Return the first and last line that the option lines (10-200, 10-, -200) leaves."""
+    match = re.fullmatch(r"\s*([0-9]{0,9})\s*-\s*([0-9]{0,9})\s*", str(option or "1-"))
+    first, last = (int(match[1] or 1), int(match[2] or 10**9)) if match else (0, 0)
+    if not match or not (match[1] or match[2]) or not 1 <= first <= last:
         refuse(f"--lines {option} came where a range such as 10-200, 10- or -200 was wanted.")
-    return int(first) - 1, int(last)
+    return first, last
 
 
 def _mark(form: Form) -> str | None:
@@ -174,29 +171,28 @@ def _mark(form: Form) -> str | None:
     return mark
 
 
-def read_table(texts: Sequence[str], form: Form) -> Table:
-    """Return the table of numbers that stands in ``texts``, the lines of one file.
+def read_table(numbered: Lines, form: Form) -> Table:
+    """Return the table of numbers in the lines of one file, each with its number.
 
     Refuses a file where no table is found, or a line may be part of it or not.
     """
     mark = _mark(form)
-    first, last = line_range(form.lines, len(texts))
-    numbered = list(enumerate(texts[:last], start=1))
-    inside = numbered[first:]
+    first, last = _line_range(form.lines)
+    inside = [(line, text) for line, text in numbered if first <= line <= last]
     mark, count = guess_delimiter([text for _, text in inside], mark)
     splits = ((i, split_cells(text, mark)) for i, (_, text) in enumerate(inside)
               if count and not is_comment(text, mark))  # fmt: skip
     start = next((i for i, row in splits if len(row) == count and looks_like_data(row)[0]), None)
     if start is None:
-        # What stands behind the last line end is no line.
-        came = len(inside) - (bool(inside) and last >= len(texts) and not texts[-1])
+        came = len(inside)
         refuse(
             f"no row with two numbers or more was found in {came} line{'s' * (came != 1)}. A "
             "table was wanted: a column of angles or wavelengths, and one or more of R, T, psi or "
             "delta. If there is one, say how to read it with --delimiter or --decimal."
         )
-    before = [(line, text) for line, text in numbered[: first + start] if text.strip()]
-    names, units, header = find_header(before, mark, count, first + start + 1)
+    above = sum(line < first for line, _ in numbered) + start
+    before = [(line, text) for line, text in numbered[:above] if text.strip()]
+    names, units, header = find_header(before, mark, count, inside[start][0])
     filled = [(line, text) for line, text in inside[start:] if text.strip()]
     rows, row_lines, remarks, notes = _body(filled, mark, count)
     if len(column := filled_columns(rows)) == 1:
@@ -209,14 +205,14 @@ def read_table(texts: Sequence[str], form: Form) -> Table:
         )
     below = [remark for remark in remarks if remark[0] > row_lines[-1]]
     refuse_between(remarks[: len(remarks) - len(below)], count)
-    refuse_strays([b for b in before if b[0] > first], header, mark, count)
+    refuse_strays([b for b in before if b[0] >= first], header, mark, count)
     beside = []
     for line, text in before:
         cells = split_cells(uncomment(text), mark)
         row = units_row(cells)
         # units of all columns were taken; one unit alone is said of the whole measurement
         says = row is None or (any(row) and len(cells) != count)
-        if line != header and says and (line > first or known_names(cells) < 2):
+        if line != header and says and (line >= first or known_names(cells) < 2):
             beside.append((line, uncomment(text)))
     return Table(
         names=[name if len(name) <= LONGEST else name[:80] + "\u2026" for name in names],

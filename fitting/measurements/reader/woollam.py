@@ -7,21 +7,18 @@ the word E. Rows that begin with another word (dPolE, uR, mm12) hold something e
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Sequence
 
-from fitting.measurements.reader.cells import DELIMITERS
 from fitting.measurements.reader.vocabulary import unit_of
 
 _COLUMNS = ("angle (deg)", "psi (deg)", "delta (deg)", "sigma psi (deg)", "sigma delta (deg)")
 
 
-def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
+def as_plain_table(texts: Sequence[str]) -> tuple[list[tuple[int, str]], list[str]] | None:
     """Return the lines of a Woollam file as a tabbed table with a header, and notes; else None.
 
-    The result has as many lines as ``texts``, so that line numbers stay. Rows of other records
-    become empty lines and are counted in the notes.
+    Rows of other records are left out and counted in the notes.
     """
     head = next((i for i, text in enumerate(texts[:4]) if text.startswith("VASEmethod[")), 9)
     unit_line = next(
@@ -29,23 +26,22 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[str], list[str]] | None:
     )
     if not unit_line:
         return None
-    out = ["# " + text if text else "" for text in texts[:unit_line]]
-    out.append("")
+    rows = []
     left_out: Counter[str] = Counter()
-    width = 0
-    for text in texts[unit_line + 1 :]:
-        cells = re.split(r"[\t ]+", text.strip())
-        if cells[0] == "E":
-            cells = cells[1:]
-        elif cells[0][:1].isalpha():
+    for line, text in enumerate(texts[unit_line + 1 :], start=unit_line + 2):
+        cells = text.split()
+        if cells[:1] == ["E"]:
+            rows.append((line, cells[1:]))
+        elif cells and cells[0][0].isalpha():
             left_out[cells[0]] += 1
-            cells = []
-        width = width or len(cells)
-        out.append(DELIMITERS["tab"].join(cells))
-    names = ("wavelength (" + texts[unit_line].strip() + ")",) + _COLUMNS
+        elif cells:
+            rows.append((line, cells))
+    width = len(rows[0][1]) if rows else 0
     if width not in (4, 6):
         return None
-    out[unit_line] = "\t".join(names[:width])
+    names = [f"wavelength ({texts[unit_line].strip()})", *_COLUMNS][:width]
+    out = [(line, "# " + text) for line, text in enumerate(texts[:unit_line], start=1) if text]
+    out += [(line, "\t".join(cells)) for line, cells in [(unit_line + 1, names), *rows]]
     notes = ["a Woollam file: wavelength, angle, psi, delta"]
     notes += [f"{count} rows {word} left out" for word, count in left_out.items()]
     return out, notes
