@@ -31,7 +31,7 @@ def uncomment(text: str) -> str:
     text = text.strip()
     if text.startswith("%") and text[1:2].isalpha():
         return text  # "%R" is a name, "% angle" a comment
-    if text.endswith("%") and text.strip('"#!;/ ') == "%" != text:
+    if text.strip('"#!;/ ') == "%" != text:
         return "%"  # "# %": the unit of the values
     return text.lstrip('"#!;%/ ').strip() if is_comment(text, "") else text
 
@@ -39,15 +39,12 @@ def uncomment(text: str) -> str:
 def split_names(text: str, delimiter: str, count: int) -> list[str]:
     """Return the header line in ``count`` names, or parted by ``delimiter`` if nothing fits."""
     text = _KEYWORD.sub("", text.strip())
-    ways = [split_cells(text, delimiter)] if delimiter else []
-    ways += [split_cells(text, mark) for mark in "|\t;," if mark in text and mark != delimiter]
+    ways = [split_cells(text, mark) for mark in delimiter + "|\t;,"]
     ways.append([cell for cell in re.split(r"\s{2,}|\t", text) if cell])
     ways.append(re.findall(r"[^\s(\[]+(?:\s?[(\[][^()\[\]]*[)\]])?", text))  # "angle (deg) R_s"
     for cells in ways:
-        if len(cells) > count and not any(cells[count:]):
-            cells = cells[:count]
-        if len(cells) == count:
-            return cells
+        if len(cells) >= count and not any(cells[count:]):
+            return cells[:count]
     return ways[0]
 
 
@@ -129,9 +126,7 @@ def refuse_strays(before: Lines, header: int, delimiter: str, count: int) -> Non
 def refuse_between(remarks: Lines, count: int) -> None:
     """Refuse a remark between the rows that says what the rows below it are."""
     for line, text in remarks:
-        names = split_names(text, "", count)
-        other = len(names) == count and known_names(names) >= 2
-        if other or statements(line, text):
+        if known_names(split_names(text, "", count)) >= 2 or statements(line, text):
             refuse(
                 f"{text[:60]!r} stands between the numbers, and may say that another measurement "
                 "begins. Read one of them with --lines A-B.",

@@ -128,7 +128,7 @@ def _body(
                 "one with --lines A-B; if it is a remark, mark it with #.",
                 texts,
             )
-        if len(cells) > count and not any(cells[count:]):
+        if not any(cells[count:]):
             cells = cells[:count]
         if len(cells) != count:
             why = "If the delimiter was misread, say --delimiter; else correct the row."
