@@ -130,7 +130,6 @@ REFUSALS = {
     "two errors of one": ("aoi,R,err,std\n10,.1,.1,.1\n", ("'std'", "--columns")),
     "gap in the polarization": ("aoi,pol,R\n10,s,.1\n20,,.2\n", ("line 3", "missing")),
     "gap in the wavelength": ("wavelength_um,R\n.5,.1\n,.2\n", ("line 3", "missing")),
-    "header repeated": ("angle,R_s\n10,.1\nangle,R_s\n20,.2\n", ("line 3", "--lines")),
     "comment behind the numbers": ("angle,R_s\n10,.1\n20,.2 # a\n", ("line 3", "'.2 # a'")),
     "second table": ("angle,R_s\n10,.1\nrun two\n20,.2\n", ("line 3", "--lines")),
     "zones": (

@@ -162,6 +162,9 @@ VARIETIES = ELLIPSOMETRY | {
     "text below": Variety(
         b"angle,Rs,Rp\n" + BODY.encode() + b"\nEnd of data\nmeasured by A. B.\n", BOTH
     ),
+    "header repeated": Variety(
+        b"angle,Rs,Rp\n" + BODY.replace("61.25", "angle,Rs,Rp\n61.25", 1).encode(), BOTH
+    ),
     "trailing delimiter": Variety(b"angle,Rs,Rp,\n" + BODY.replace("\n", ",\n").encode(), BOTH),
     "trailing delimiter, rows only": Variety(
         b"angle,Rs,Rp\n" + BODY.replace("\n", ",\n").encode(),

@@ -123,10 +123,14 @@ def refuse_strays(before: Lines, header: int, delimiter: str, count: int) -> Non
             )
 
 
-def refuse_between(remarks: Lines, count: int) -> None:
-    """Refuse a remark between the rows that says what the rows below it are."""
+def refuse_between(remarks: Lines, before: list[str], count: int) -> None:
+    """Refuse a remark between the rows that says what the rows below it are.
+
+    before: the lines above the numbers, which a page may repeat.
+    """
     for line, text in remarks:
-        if known_names(split_names(text, "", count)) >= 2 or statements(line, text):
+        other = known_names(split_names(text, "", count)) >= 2
+        if text not in before and (other or statements(line, text)):
             refuse(
                 f"{text[:60]!r} stands between the numbers, and may say that another measurement "
                 "begins. Read one of them with --lines A-B.",

@@ -98,7 +98,7 @@ def filled_columns(rows: list[list[str]]) -> list[int]:
 
 
 def _body(
-    lines: Lines, delimiter: str, count: int
+    lines: Lines, delimiter: str, count: int, header: str
 ) -> tuple[list[list[str]], list[int], list[tuple[int, str]], list[str]]:
     """Return rows of ``count`` cells, their lines, the remarks between and below them, and notes.
 
@@ -118,7 +118,9 @@ def _body(
             continue
         head = next(iter(cells), "")[:1]
         if not (head.isdigit() or (head and head in "+-.")) and not any(map(is_number, cells)):
-            if not all(map(is_missing, cells)) and units_row(cells) is None:
+            # gaps, or a header that is repeated on every page, say nothing new
+            said = not all(map(is_missing, cells)) and text.strip() != header
+            if said and units_row(cells) is None:
                 texts = texts or line
                 remarks.append((line, text.strip()))
             continue
@@ -194,7 +196,8 @@ def read_table(numbered: Lines, form: Form) -> Table:
     before = [(line, text) for line, text in numbered[:above] if text.strip()]
     names, units, header = find_header(before, mark, count, inside[start][0])
     filled = [(line, text) for line, text in inside[start:] if text.strip()]
-    rows, row_lines, remarks, notes = _body(filled, mark, count)
+    head = dict(before).get(header, "").strip()
+    rows, row_lines, remarks, notes = _body(filled, mark, count, head)
     if len(column := filled_columns(rows)) == 1:
         refuse(
             f"only one column holds numbers ({len(rows)} rows, the first {rows[0][column[0]]!r}). "
@@ -204,7 +207,8 @@ def read_table(numbered: Lines, form: Form) -> Table:
             row_lines[0],
         )
     below = [remark for remark in remarks if remark[0] > row_lines[-1]]
-    refuse_between(remarks[: len(remarks) - len(below)], count)
+    known = [uncomment(text) for _, text in before]
+    refuse_between(remarks[: len(remarks) - len(below)], known, count)
     refuse_strays([b for b in before if b[0] >= first], header, mark, count)
     beside = []
     for line, text in before:
