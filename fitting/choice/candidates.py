@@ -24,8 +24,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.results.diagnostics import Warning
-from fitting.results.result import CONVERGED, Fit
+from fitting.residuals.pattern import pattern
+from fitting.residuals.residuals import weighted_residuals
+from fitting.results.diagnostics import Finding, Warning
+from fitting.results.result import CONVERGED, NOT_CONVERGED, Fit
 
 # "Positive" evidence ends and "strong" begins at a difference of 6 (Kass and Raftery). With the
 # first the rate of needless parameters is that of single tests (4 % at 60 data) times the number
@@ -181,3 +183,42 @@ def decide(tried: Sequence[Candidate]) -> Choice:
     if not taken.good:
         reasons.append(Warning("choice_undetermined"))
     return Choice(taken.fit, taken, tuple(everyone), tuple(reasons))
+
+
+def _in_errors(found: Fit) -> float:
+    """Return the size of the residuals in stated errors; outliers of a robust loss do not count."""
+    if found.loss == "squares":
+        return float(np.sqrt(found.chi2_reduced))
+    m = found.measurement
+    assert m is not None
+    off = np.abs(weighted_residuals(m, found.predict().value))
+    return 1.4826 * float(np.median(off)) * float(np.sqrt(found.n_data / found.dof))
+
+
+def explains(found: Fit) -> bool:
+    """Whether the residuals of a fit look like noise.
+
+    With stated errors they must not be larger than these; without, they must not be autocorrelated
+    (`pattern`).
+    """
+    if np.isfinite(found.chi2_reduced) and found.dof:
+        return _in_errors(found) ** 2 < max(1.5, 1.0 + 5.0 * np.sqrt(2.0 / found.dof))
+    m, curve = found.measurement, found.curve
+    assert m is not None and curve is not None
+    return pattern(m, found.predict().value, curve, stated=False) is None
+
+
+def with_doubt(choice: Choice) -> Choice:
+    """Return the choice, with a first warning if its model does not describe the data."""
+    found = choice.fit
+    if explains(found):
+        return choice
+    better = [c for c in choice.candidates if c.fit.status != NOT_CONVERGED and explains(c.fit)]
+    values: dict[str, Any] = {"taken": choice.taken.label, "rms": found.rms}
+    if better:
+        values["better"] = tuple(c.label for c in better)
+    elif np.isfinite(found.chi2_reduced):
+        values["factor"] = _in_errors(found)
+    doubt = Finding("candidates_do_not_describe", np.True_, values)
+    told = replace(found, findings=(doubt, *found.findings))
+    return replace(choice.with_fit(told), describes=False)

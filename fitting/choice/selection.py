@@ -1,13 +1,13 @@
-"""`choose`: the simplest dispersion model of a medium that is written `auto`.
+"""`choose`: the simplest of several samples, or dispersion model of a medium that is `auto`.
 
-Candidates are tried in stages, each only if the one before gives a reason: models without k and
-with the simplest k; more oscillators, if light is absorbed or no model so far describes the data,
-and as long as they help; then each instrument parameter. `candidates` says how they compare and
-which is taken.
+Models are tried in stages, each only if the one before gives a reason: models without k and with
+the simplest k; more oscillators, if light is absorbed or no model so far describes the data, and as
+long as they help; then each instrument parameter. `candidates` says how they compare and which is
+taken.
 
 Nearly all of the time of a first `choose` is spent on compiling. Candidates therefore share
 programs: a parameter that only some of them fit (of the instrument, or of the terms by which one
-model is wider than another, see `wider_models`) is fixed in the others, which is the same program
+model is wider than another, see `dispersion`) is fixed in the others, which is the same program
 with equal bounds.
 """
 
@@ -21,26 +21,32 @@ from typing import Any
 
 import numpy as np
 
-from fitting.choice.candidates import MARGIN, Candidate, Choice, Key, candidate, decide, simplest
-from fitting.choice.sample_choice import choose_sample, several_samples
+from fitting.choice.candidates import (
+    MARGIN,
+    Candidate,
+    Choice,
+    Key,
+    candidate,
+    decide,
+    explains,
+    simplest,
+    with_doubt,
+)
+from fitting.choice.sample_choice import Fitted, Run, of_samples, several_samples
 from fitting.fits import check_choices, fit_checked, measurements_of
 from fitting.measurements.measurement import Measurement, concatenate
 from fitting.measurements.quantities import are_powers
 from fitting.optics.instrument import INSTRUMENT, instrument_parameter
 from fitting.process.progress import tell
-from fitting.residuals.pattern import pattern
-from fitting.residuals.residuals import weighted_residuals
-from fitting.results.diagnostics import Finding
-from fitting.results.result import NOT_CONVERGED, Fit
-from fitting.samples.parameters import Settings, check_search, check_settings, names_of, plain_name
+from fitting.results.result import CONVERGED, Fit
+from fitting.samples.parameters import Settings, check_search, check_settings, names_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
 from fitting.searching.search import Asked
 from fitting.searching.starts import Ends
-from fitting.uncertainty.intervals import QUADRATIC, check_intervals
+from fitting.uncertainty.intervals import QUADRATIC
 
 MOST_TERMS = 4
-_OPTIONS = ("bounds", "priors", "tie", "loss", "errors", "starts", "start", "seed")
 
 
 def _first_stage(wavelengths: int) -> list[str]:
@@ -59,59 +65,16 @@ def _absorbs(c: Candidate) -> bool:
     return not c.key.without_k and not c.key.model.startswith(("cauchy:", "sellmeier"))
 
 
-def _good(c: Candidate | None) -> bool:
-    return c is not None and c.good
-
-
-def _only_shared(names: Iterable[str]) -> None:
+def _only_shared(settings: Settings) -> None:
     """Raise ValueError for settings of parameters that only some of the models have."""
-    for name in names:
-        bare = plain_name(name).split("[")[0]
+    for name in settings.names:
+        bare = name.partition("[")[0]
         if bare not in INSTRUMENT and "thickness" not in bare:
             raise ValueError(
                 f"{name} is not a parameter of every model, and the sample leaves the model open "
                 f"(auto): only {', '.join(INSTRUMENT)} and thicknesses can be set. Name a model in "
                 "the sample to set others."
             )
-
-
-def _in_errors(found: Fit) -> float:
-    """Return the size of the residuals in stated errors; outliers of a robust loss do not count."""
-    if found.loss == "squares":
-        return float(np.sqrt(found.chi2_reduced))
-    m = found.measurement
-    assert m is not None
-    off = np.abs(weighted_residuals(m, found.predict().value))
-    return 1.4826 * float(np.median(off)) * float(np.sqrt(found.n_data / found.dof))
-
-
-def explains(found: Fit) -> bool:
-    """Whether the residuals of a fit look like noise.
-
-    With stated errors they must not be larger than these; without, they must not be autocorrelated
-    (`pattern`).
-    """
-    if np.isfinite(found.chi2_reduced) and found.dof:
-        return _in_errors(found) ** 2 < max(1.5, 1.0 + 5.0 * np.sqrt(2.0 / found.dof))
-    m, curve = found.measurement, found.curve
-    assert m is not None and curve is not None
-    return pattern(m, found.predict().value, curve, stated=False) is None
-
-
-def _with_doubt(choice: Choice) -> Choice:
-    """Return the choice, with a first warning if its model does not describe the data."""
-    found = choice.fit
-    if explains(found):
-        return choice
-    better = [c for c in choice.candidates if c.fit.status != NOT_CONVERGED and explains(c.fit)]
-    values: dict[str, Any] = {"taken": choice.taken.label, "rms": found.rms}
-    if better:
-        values["better"] = tuple(c.label for c in better)
-    elif np.isfinite(found.chi2_reduced):
-        values["factor"] = _in_errors(found)
-    doubt = Finding("candidates_do_not_describe", np.True_, values)
-    told = replace(found, findings=(doubt, *found.findings))
-    return replace(choice.with_fit(told), describes=False)
 
 
 def _of_instrument(m: Measurement) -> list[str]:
@@ -127,77 +90,16 @@ def _of_instrument(m: Measurement) -> list[str]:
     return names
 
 
-def choose(
-    measurement: Measurement | Sequence[Measurement],
-    sample: str | Sample | Sequence[str | Sample] = "auto",
-    *,
-    free: str | Iterable[str] = (),
-    fixed: Mapping[str, float] | None = None,
-    instrument: bool = True,
-    intervals: str = "auto",
-    progress: Callable[[str], None] | None = None,
-    **options: Any,
-) -> Choice:
-    """Return the smallest model or sample that the data do not contradict, with the comparison.
-
-    Args:
-        measurement, free, fixed: as for `fit`, and used for every candidate.
-        sample: with one medium that is `auto`: "auto", "air | auto 3 mm thick | air"; or several
-            samples, in a list or with "or" between them: "Si or air | SiO2 1..50 nm | Si".
-        instrument: whether a free scale and angle offset are tried.
-        intervals: of the model that is taken, as for `fit`.
-        progress: called with the label of each candidate before it is tried; ``print`` will do.
-        options: bounds, priors, tie, loss, errors, starts, start, seed, as for `fit`.
-
-    Returns: a `Choice`. How often the true model of simulated spectra is found, and how seldom a
-        parameter too many, is in docs/fitting.md.
-
-    Raises:
-        ValueError: as `fit` does, and for parameters that only some of the models have.
-        TypeError: for an unknown option.
-    """
-    strange = [name for name in options if name not in _OPTIONS]
-    if strange:
-        raise TypeError(f"choose has no option {strange[0]!r}; it has {', '.join(_OPTIONS)}.")
-    samples = several_samples(sample)
-    if not samples:
-        raise ValueError("the list of samples is empty; the text of one or more was wanted.")
-    if len(samples) > 1:
-        given = {"free": free, "fixed": fixed, **options}
-        return choose_sample(
-            measurement, samples, intervals=intervals, progress=progress, **given
-        )  # fmt: skip
-    which = Sample.parse(next(iter(samples)))
+def _of_model(which: Sample, base: Settings, wanted: Sequence[str], fitted: Fitted) -> Run:
+    """Return how a model of the medium `auto` is fitted; wanted: instrument parameters tried."""
     if not which.open:
         raise ValueError(
             f"the sample {str(which)!r} leaves nothing to choose: write 'auto' for one index in "
             "it, or several samples with 'or' between them; or use fit."
         )
-    check_intervals(intervals)
-    several = measurements_of(measurement)
-    check_fit(several, which)
-    held, given = dict(fixed or {}), names_of(free)
-    _only_shared([
-        *held, *given,
-        *(name for key in ("bounds", "priors", "tie") for name in options.get(key) or {}),
-    ])  # fmt: skip
-    joined = concatenate(*several)
-    starts, start, seed = options.pop("starts", None), options.pop("start", None), 0
-    loss, errors = options.pop("loss", "squares"), options.pop("errors", "auto")
-    seed = options.pop("seed", 0)
-    check_choices(loss, errors, intervals)
-    check_search(starts, start, seed)
-    base = check_settings(Settings(given, held, **options))
-    mentioned = {name.partition("[")[0] for name in base.names}
-    wanted = [n for n in _of_instrument(joined) if instrument and n not in mentioned]
+    _only_shared(base)
 
-    # The model that is taken is fitted twice; its minima are found once.
-    ends: dict[Hashable, tuple[Ends, float]] = {}
-
-    # BIC compares fits with the same weights. The model that is taken is then fitted as asked.
-    compared = "scaled" if errors == "auto" else errors
-
-    def run(key: Key, kind: str = QUADRATIC, believed: str = compared) -> Fit:
+    def run(key: Key, kind: str, believed: str) -> Fit:
         # Candidates with an instrument parameter free share one program.
         quiet = {
             n: float(instrument_parameter(n).held or 0.0)
@@ -207,18 +109,92 @@ def choose(
             free=(*base.free, *key.free), variants=tuple(quiet), shared=True,
             fixed={**base.fixed, **quiet, **({"k": 0.0} if key.without_k else {})},
         )  # fmt: skip
-        asked = Asked(believed, kind, loss, seed, ends)
-        found = fit_checked(several, which.with_model(key.model), settings, asked, (starts, start))
+        found = fitted(which.with_model(key.model), settings, kind, believed)
         shown = {n: e for n, e in found.parameters.items() if n.partition("[")[0] not in quiet}
         return replace(found, parameters=shown)
 
-    search = _Search(run, progress or (lambda label: None), errors)
-    _stages(search, len(np.unique(joined.wavelength_um[np.isfinite(joined.wavelength_um)])))
-    _instrument_stage(search, wanted)
+    return run
+
+
+def choose(
+    measurement: Measurement | Sequence[Measurement],
+    sample: str | Sample | Sequence[str | Sample] = "auto",
+    *,
+    free: str | Iterable[str] = (),
+    fixed: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    priors: Mapping[str, tuple[float, float]] | None = None,
+    tie: Mapping[str, str] | None = None,
+    instrument: bool = True,
+    loss: str = "squares",
+    errors: str = "auto",
+    intervals: str = "auto",
+    starts: int | None = None,
+    start: Mapping[str, Any] | None = None,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Choice:
+    """Return the smallest model or sample that the data do not contradict, with the comparison.
+
+    Args:
+        measurement, free, fixed, bounds, priors, tie, loss, errors, starts, start, seed: as for
+            `fit`, and used for every candidate.
+        sample: with one medium that is `auto`: "auto", "air | auto 3 mm thick | air"; or several
+            samples, in a list or with "or" between them: "Si or air | SiO2 1..50 nm | Si".
+        instrument: whether a free scale and angle offset are tried, for models.
+        intervals: of the model that is taken, as for `fit`.
+        progress: called with the label of each candidate before it is tried; ``print`` will do.
+
+    Returns: a `Choice`. How often the true model of simulated spectra is found, and how seldom a
+        parameter too many, is in docs/fitting.md.
+
+    Raises:
+        ValueError: as `fit` does, and for parameters that only some of the models have.
+    """
+    samples = several_samples(sample)
+    if not samples:
+        raise ValueError("the list of samples is empty; the text of one or more was wanted.")
+    check_choices(loss, errors, intervals)
+    check_search(starts, start, seed)
+    several = measurements_of(measurement)
+    base = check_settings(
+        Settings(names_of(free), fixed or {}, bounds or {}, priors or {}, tie or {})
+    )
+    # The model that is taken is fitted twice; its minima are found once.
+    ends: dict[Hashable, tuple[Ends, float]] = {}
+
+    def fitted(which: Sample, settings: Settings, kind: str, believed: str) -> Fit:
+        asked = Asked(believed, kind, loss, seed, ends)
+        return fit_checked(several, which, settings, asked, (starts, start))
+
+    joined, one = concatenate(*several), len(samples) == 1
+    mentioned = {name.partition("[")[0] for name in base.names}
+    wanted = [n for n in _of_instrument(joined) if one and instrument and n not in mentioned]
+    if one:
+        run = _of_model(samples[0], base, wanted, fitted)
+        check_fit(several, samples[0])
+    else:
+        run = of_samples(samples, base, fitted)
+    # BIC compares fits with the same weights. The model that is taken is then fitted as asked.
+    compared = "scaled" if errors == "auto" else errors
+
+    def tried(key: Key) -> Fit:
+        found = run(key, QUADRATIC, compared)
+        # If the data determine only the product of thickness and index of a layer, a sample may
+        # still be taken: the layer is there, although little is known of it.
+        thin = not one and any(f.code == "thin_film" for f in found.findings)
+        return replace(found, status=CONVERGED) if thin else found
+
+    search = _Search(tried, progress or (lambda label: None), errors)
+    if one:
+        _stages(search, len(np.unique(joined.wavelength_um[np.isfinite(joined.wavelength_um)])))
+        _instrument_stage(search, wanted)
+    else:
+        search.attempt(*(Key(str(which)) for which in samples))
     choice = decide(list(search.tried.values()))
-    if intervals != QUADRATIC or errors != compared:
+    if choice.fit.names and (intervals != QUADRATIC or errors != compared):
         choice = choice.with_fit(run(choice.taken.key, intervals, errors))
-    return _with_doubt(choice)
+    return with_doubt(choice)
 
 
 class _Search:
@@ -266,10 +242,10 @@ def _stages(search: _Search, wavelengths: int) -> None:
 
     def grown(terms: int) -> list[Key]:
         return [
-            Key(f"{kind}:{terms}")
-            for kind in ("lorentz", "drude-lorentz")
-            if wavelengths >= 4 * terms and _good(search.tried.get(Key(f"{kind}:{terms - 1}")))
-        ]
+            Key(f"{kind}:{terms}") for kind in ("lorentz", "drude-lorentz")
+            if wavelengths >= 4 * terms
+            and (fewer := search.tried.get(Key(f"{kind}:{terms - 1}"))) and fewer.good
+        ]  # fmt: skip
 
     # In parallel, so that the programs of two oscillators and of Tauc-Lorentz compile together.
     with_electrons = [Key(f"drude-lorentz:{terms}") for terms in (1, 2) if wavelengths >= 4 * terms]
