@@ -35,7 +35,6 @@ from fitting.results.result import Fit
 from fitting.samples.parameters import Settings, check_search, check_settings, names_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
-from fitting.samples.spline_numbers import with_numbers
 from fitting.searching.film_starts import film_starts, films_of
 from fitting.searching.fringe_orders import with_all_orders
 from fitting.searching.neighbours import with_neighbours
@@ -165,7 +164,7 @@ def fit_checked(
             f"the sample {str(sample)!r} leaves its dispersion model open (auto): use choose, or "
             "name a model."
         )
-    sample = with_numbers(sample, measurements)
+    sample = sample.with_splines(np.concatenate([m.wavelength_um for m in measurements]))
     if _is_special(sample, measurements, settings, asked.loss):
         found = fit_bare_surface(
             concatenate(*measurements), sample, asked.errors, asked.intervals, begin[1]

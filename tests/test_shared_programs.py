@@ -11,10 +11,9 @@ from fitting.optics.observe import NCS, predicted
 from fitting.problem.observations import observations
 from fitting.problem.problem import Residuals, targets_of
 from fitting.problem.unknowns import spectrum_of, unknowns
-from fitting.samples.dispersion import parse_model
+from fitting.samples.dispersion import parse_model, wider
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
-from fitting.samples.wider_models import wider
 from fitting.searching.search import Asked
 from fitting.searching.starts import starts
 

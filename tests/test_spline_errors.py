@@ -7,7 +7,6 @@ from scipy.interpolate import BSpline
 from benchmarks import spline_bands
 from fitting import Measurement, Sample, fit
 from fitting.samples.spline_index import every_second_left_out, knots_over, usual_terms
-from fitting.samples.spline_numbers import with_numbers
 
 
 def spline(knots, amplitudes, x):
@@ -41,10 +40,10 @@ def test_so_few_splines_that_none_can_be_left_out():
 def test_a_spline_for_each_wavelength_where_the_text_has_no_number():
     waves = np.repeat(np.linspace(0.3, 0.9, 31), 2)
     m = Measurement.from_columns(np.tile([60.0, 70.0], 31), waves, R=np.full(62, 0.3))
-    found = with_numbers(Sample.parse("air | kk-spline 80 nm | 1.5"), [m])
+    found = Sample.parse("air | kk-spline 80 nm | 1.5").with_splines(m.wavelength_um)
     assert str(found) == "air | kk-spline:31 80 nm | 1.5"
     said = Sample.parse("air | kk-spline:12 80 nm | 1.5")
-    assert with_numbers(said, [m]) is said
+    assert said.with_splines(m.wavelength_um) == said
     # one datum at each wavelength, few wavelengths, many
     assert [usual_terms(*x) for x in [(40, 40), (10, 40), (500, 1000)]] == [24, 24, 48]
 

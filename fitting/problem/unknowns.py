@@ -16,12 +16,11 @@ from fitting.optics.averages import largest, with_places, within_slit
 from fitting.optics.instrument import INSTRUMENT, PER_CURVE, instrument_parameter
 from fitting.optics.observe import Media, Spec
 from fitting.problem.observations import Observations
-from fitting.samples.dispersion import Model
+from fitting.samples.dispersion import Model, absent, wider
 from fitting.samples.known_media import Known, MaterialFile, Mixture, known_medium
 from fitting.samples.parameters import LOG, Parameter, Settings, Unknown, check_tie
 from fitting.samples.sample import Medium, Sample
 from fitting.samples.spectrum import Spectrum
-from fitting.samples.wider_models import absent, wider
 from fresnel_jax.dispersion import HC_EV_UM
 
 

@@ -131,9 +131,13 @@ def _sellmeier(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
     return tuple(out)
 
 
+def _numbered(terms: int, v: Mapping[str, Array], *stems: str) -> list[list[Array]]:
+    """Return the values of each numbered parameter, such as strength_1, strength_2, .."""
+    return [[v[f"{stem}_{j}"] for j in range(1, terms + 1)] for stem in stems]
+
+
 def _sellmeier_model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
-    strengths = jnp.stack([v[f"strength_{j}"] for j in range(1, terms + 1)])
-    resonances = jnp.stack([v[f"resonance_um_{j}"] for j in range(1, terms + 1)])
+    strengths, resonances = map(jnp.stack, _numbered(terms, v, "strength", "resonance_um"))
     return dispersion.Sellmeier(strengths, resonances * resonances, v["constant"])
 
 
@@ -181,21 +185,13 @@ def _drude_lorentz(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
     return _eps_inf(), *_free_electrons(spectrum), *_oscillators(terms, spectrum)
 
 
-def _oscillator_model(drude: bool):
-    def model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
-        several = range(1, terms + 1)
-        strengths = [v[f"strength_ev2_{j}"] for j in several]
-        resonances = [v[f"resonance_ev_{j}"] for j in several]
-        widths = [v[f"width_ev_{j}"] for j in several]
-        if drude:
-            strengths.insert(0, v["plasma_ev"] ** 2)
-            resonances.insert(0, jnp.zeros_like(v["plasma_ev"]))
-            widths.insert(0, v["width_ev"])
-        return dispersion.DrudeLorentz(
-            jnp.stack(strengths), jnp.stack(resonances), jnp.stack(widths), v["eps_inf"]
-        )
-
-    return model
+def _oscillator_model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
+    """Return the model of oscillators, after free electrons where their parameters are given."""
+    parts = _numbered(terms, v, "strength_ev2", "resonance_ev", "width_ev")
+    if "plasma_ev" in v:
+        electrons = v["plasma_ev"] ** 2, jnp.zeros_like(v["plasma_ev"]), v["width_ev"]
+        parts = [[first, *more] for first, more in zip(electrons, parts, strict=True)]
+    return dispersion.DrudeLorentz(*map(jnp.stack, parts), v["eps_inf"])
 
 
 def _tauc_lorentz(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
@@ -214,12 +210,8 @@ def _tauc_lorentz(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
 
 
 def _tauc_lorentz_model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
-    several = range(1, terms + 1)
-    amplitudes, resonances, widths = (
-        jnp.stack([v[f"{name}_{j}"] for j in several])
-        for name in ("amplitude_ev", "resonance_ev", "width_ev")
-    )
-    return dispersion.TaucLorentz(amplitudes, resonances, widths, v["gap_ev"], v["eps_inf"])
+    parts = _numbered(terms, v, "amplitude_ev", "resonance_ev", "width_ev")
+    return dispersion.TaucLorentz(*map(jnp.stack, parts), v["gap_ev"], v["eps_inf"])
 
 
 def _kk_spline(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
@@ -239,9 +231,9 @@ KINDS = {
         True, 3, 8,
     ),
     "sellmeier": Kind(_sellmeier, _sellmeier_model, False, 1, 8, False),
-    "drude": Kind(_drude, lambda n, v: _oscillator_model(True)(0, v), True),
-    "drude-lorentz": Kind(_drude_lorentz, _oscillator_model(True), True, 1, 8),
-    "lorentz": Kind(_lorentz, _oscillator_model(False), True, 1, 8),
+    "drude": Kind(_drude, lambda terms, v: _oscillator_model(0, v), True),
+    "drude-lorentz": Kind(_drude_lorentz, _oscillator_model, True, 1, 8),
+    "lorentz": Kind(_lorentz, _oscillator_model, True, 1, 8),
     "tauc-lorentz": Kind(_tauc_lorentz, _tauc_lorentz_model, True, 1, 8),
     # The terms are amplitudes of B-splines in their order.
     SPLINE: Kind(_kk_spline, without_knots, True, 0, 60, exchangeable=False),
@@ -276,3 +268,27 @@ def parse_model(text: Any) -> Model:
         wanted = f"1 to {kind.most} terms" if kind.most > 1 else "no number of terms"
         raise ValueError(f"{str(text)!r}: {name} takes {wanted}.")
     return Model(name, terms)
+
+
+# In whose program a model is fitted where others of the same data share it (`choose` compiles one
+# for all of these), with so many terms at the least.
+_WIDER = {
+    "cauchy": ("cauchy-urbach", 3), "cauchy-urbach": ("cauchy-urbach", 3),
+    "sellmeier": ("sellmeier", 2), "drude": ("drude-lorentz", 1), "lorentz": ("drude-lorentz", 1),
+}  # fmt: skip
+# The value at which a parameter makes its term vanish; a logarithm needs a number above 0.
+_ABSENT = {
+    "B": 0.0, "C": 0.0, "k_edge": 0.0, "strength_2": 0.0, "strength_ev2_1": 1e-30,
+    "plasma_ev": 1e-30,
+}  # fmt: skip
+
+
+def wider(model: Model) -> Model:
+    """Return the model of which another one is a special case, and which has its program."""
+    name, least = _WIDER.get(model.name, (model.name, model.terms))
+    return model._replace(name=name, terms=max(model.terms, least))
+
+
+def absent(parameter: Parameter) -> float:
+    """Return the value of a parameter of the wider model that a special case does not have."""
+    return _ABSENT.get(parameter.name, parameter.start[0])

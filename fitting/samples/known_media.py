@@ -22,11 +22,16 @@ import numpy as np
 
 from fitting.samples.dispersion import KINDS, Model
 from fitting.samples.material_files import is_material_file, read_material
-from fresnel_jax import materials
+from fresnel_jax import effective_medium, materials
 from fresnel_jax.dispersion import Material, material
 
 ABOVE, BELOW = "above", "below"
-RULES = ("bruggeman", "looyenga", "maxwell-garnett", "linear")
+RULES = {
+    "bruggeman": effective_medium.bruggeman,
+    "looyenga": effective_medium.looyenga,
+    "maxwell-garnett": effective_medium.maxwell_garnett,
+    "linear": effective_medium.linear,
+}
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)"
 _PART = re.compile(
     rf"(?P<index>.*?)\s+(?:(?P<low>{_NUMBER})\s*\.\.\s*(?P<high>{_NUMBER})|(?P<start>{_NUMBER}))"

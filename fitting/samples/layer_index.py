@@ -9,8 +9,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from fitting.samples.known_media import ABOVE, BELOW, MaterialFile, Mixture, known_medium
-from fresnel_jax import effective_medium
+from fitting.samples.known_media import ABOVE, BELOW, RULES, MaterialFile, Mixture, known_medium
 
 if TYPE_CHECKING:
     from fitting.optics.observe import Spec
@@ -33,14 +32,6 @@ def _index_of(which: Any, own: Mapping[str, Array], wavelength_um: Array, lanes:
     return jnp.where(index.eta > 0.0, index.eta, jnp.nan), index.k
 
 
-_RULES = {
-    "bruggeman": effective_medium.bruggeman,
-    "looyenga": effective_medium.looyenga,
-    "maxwell-garnett": effective_medium.maxwell_garnett,
-    "linear": effective_medium.linear,
-}
-
-
 def _mixed(mixture: Mixture, parts: list[Pair], fractions: list[Array]) -> Pair:
     """Return eta and k, (M, L), of a mixture."""
     eta, k = (jnp.stack(part) for part in zip(*parts, strict=True))
@@ -49,7 +40,7 @@ def _mixed(mixture: Mixture, parts: list[Pair], fractions: list[Array]) -> Pair:
     if len(fractions) > 1:
         # The shares exceed 1: NaN, so that the solver refuses a step to it.
         shares = jnp.where(shares.sum(0) <= 1.0 + 1e-9, shares, jnp.nan)
-    return tuple(_RULES[mixture.rule](eta, k, shares))  # type: ignore
+    return tuple(RULES[mixture.rule](eta, k, shares))  # type: ignore
 
 
 def _lanes(v: Mapping[str, Array]) -> int:

@@ -35,6 +35,10 @@ _ABSCISSAE = ("wavelength", "lambda", "wl", "energy")
 _BETWEEN_UNITS = 100.0
 
 
+# n or k: a model, and the wavelengths from which to which it holds.
+_Part = tuple[DispersionModel, tuple[float, float]]
+
+
 class MaterialFileError(ValueError):
     """An index cannot be read from a file; the text says where, what came, and what was wanted."""
 
@@ -105,15 +109,19 @@ def _from_yaml(text: str, name: str) -> Material:
         if kind.startswith("formula"):
             n = n or _formula(entry, kind)
         elif kind.startswith("tabulated"):
-            columns = _columns(entry.get("data"), kind)
-            model, limits = _table(columns), (float(columns[0][0]), float(columns[0][-1]))
-            n = (model, limits) if n is None and "n" in kind[9:] else n
-            k = (model, limits) if k is None and "k" in kind[9:] else k
+            table = _table(*_columns(entry.get("data"), kind))
+            n = table if n is None and "n" in kind[9:] else n
+            k = table if k is None and "k" in kind[9:] else k
     if n is None:
         kinds = ", ".join(str(e.get("type")) for e in entries) or "nothing"
         raise ValueError(
             f"DATA holds {kinds}, and no n (tabulated n, tabulated nk, formula 1 to 9 were wanted)"
         )
+    return _joined(n, k, name)
+
+
+def _joined(n: _Part, k: _Part | None, name: str) -> Material:
+    """Return the material with this n and k (None: 0), over the wavelengths of both."""
     low, high = n[1] if k is None else (max(n[1][0], k[1][0]), min(n[1][1], k[1][1]))
     if not low < high:
         raise ValueError(
@@ -122,7 +130,7 @@ def _from_yaml(text: str, name: str) -> Material:
     return Material(_Both(n[0], None if k is None else k[0]), (low, high), name)
 
 
-def _formula(entry: Mapping[str, Any], kind: str) -> tuple[DispersionModel, tuple[float, float]]:
+def _formula(entry: Mapping[str, Any], kind: str) -> _Part:
     found = re.fullmatch(r"formula\s+([1-9])", kind)
     if not found:
         raise ValueError(f"an entry has the type {kind!r}; formula 1 to formula 9 were wanted")
@@ -141,7 +149,7 @@ def _numbers(text: Any, name: str) -> list[float]:
         raise ValueError(f"{name} is {text!r}; numbers separated by blanks were wanted") from None
 
 
-def _columns(text: Any, kind: str) -> list[np.ndarray]:
+def _columns(text: Any, kind: str) -> tuple[np.ndarray, ...]:
     """Return wavelength, n and k of a table of the database; an n that is absent is 1, a k is 0."""
     wanted = 3 if "nk" in kind else 2
     rows = [_numbers(line, "a row of data") for line in str(text).splitlines() if line.strip()]
@@ -149,24 +157,20 @@ def _columns(text: Any, kind: str) -> list[np.ndarray]:
         raise ValueError(f"the data of {kind!r} are not rows of {wanted} numbers each")
     wavelength, first, *second = np.array(rows).T
     if second:
-        return _in_order([wavelength, first, *second])
-    of_n = kind.endswith("n")
-    columns = (first, np.zeros(len(rows))) if of_n else (np.ones(len(rows)), first)
-    return _in_order([wavelength, *columns])
+        return wavelength, first, *second
+    blank = np.zeros_like(first)
+    return (wavelength, first, blank) if kind.endswith("n") else (wavelength, blank + 1.0, first)
 
 
-def _in_order(columns: list[np.ndarray]) -> list[np.ndarray]:
-    """Return columns in order of wavelength, with the mean of repeated wavelengths."""
-    wavelength, place, count = np.unique(columns[0], return_inverse=True, return_counts=True)
-    if not (np.isfinite(wavelength).all() and wavelength[0] > 0.0):
-        raise ValueError(f"a wavelength is {wavelength[0]:g}; numbers above 0 were wanted")
-    return [wavelength, *(np.bincount(place, c) / count for c in columns[1:])]
-
-
-def _table(columns: list[np.ndarray]) -> Tabulated:
-    if len(columns[0]) < 2:
+def _table(wavelength: np.ndarray, n: np.ndarray, k: np.ndarray) -> _Part:
+    """Return a table in order of wavelength, with the mean of repeated wavelengths."""
+    each, place, count = np.unique(wavelength, return_inverse=True, return_counts=True)
+    if not (np.isfinite(each).all() and each[0] > 0.0):
+        raise ValueError(f"a wavelength is {each[0]:g}; numbers above 0 were wanted")
+    if len(each) < 2:
         raise ValueError("there is one wavelength; two or more were wanted")
-    return Tabulated(*columns)
+    columns = (np.bincount(place, column) / count for column in (n, k))
+    return Tabulated(each, *columns), (float(each[0]), float(each[-1]))
 
 
 def _from_table(text: str, name: str) -> Material:
@@ -207,13 +211,10 @@ def _from_table(text: str, name: str) -> Material:
         )
     wavelength, n = found["n"]
     wavelength_k, k = found.get("k", (wavelength, np.zeros_like(n)))
-    low = max(float(wavelength.min()), float(wavelength_k.min()))
-    limits = low, min(float(wavelength.max()), float(wavelength_k.max()))
     if np.array_equal(wavelength, wavelength_k):
-        return Material(_table(_in_order([wavelength, n, k])), limits, name)
-    of_n = _table(_in_order([wavelength, n, np.zeros_like(n)]))
-    of_k = _table(_in_order([wavelength_k, np.ones_like(k), k]))
-    return Material(_Both(of_n, of_k), limits, name)
+        return Material(*_table(wavelength, n, k), name)
+    of_k = _table(wavelength_k, np.ones_like(k), k)
+    return _joined(_table(wavelength, n, np.zeros_like(n)), of_k, name)
 
 
 def _block(header: list[str], rows: list[list[float]]) -> dict[str, tuple[np.ndarray, np.ndarray]]:

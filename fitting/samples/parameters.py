@@ -7,7 +7,6 @@ scale=1+-0.02      free, and known beforehand to be 1 with a standard error of .
 
 from __future__ import annotations
 
-import contextlib
 import math
 import re
 from collections.abc import Iterable, Mapping
@@ -164,18 +163,14 @@ def _pair(name: str, value: Any, what: str) -> tuple[float, float]:
 
 def _tied(name: str, value: Any) -> tuple[float, str]:
     """Return the factor and the name of the parameter that another one is tied to."""
-    if isinstance(value, str):
-        found = re.fullmatch(rf"\s*(?:({_NUMBER})\s*\*)?\s*([A-Za-z_][^*]*?)\s*", value)
-        if found:
-            return float(found[1] or 1.0), plain_name(found[2])
-    elif isinstance(value, tuple) and len(value) == 2:
-        with contextlib.suppress(TypeError, ValueError):
-            if math.isfinite(factor := _number(value[0])):
-                return factor, plain_name(str(value[1]))
-    raise ValueError(
-        f"{name} is tied to {value!r}; the name of another parameter was wanted, or a multiple of "
-        "one: '0.5 * film.A'."
-    )
+    form = rf"\s*(?:({_NUMBER})\s*\*)?\s*([A-Za-z_][^*]*?)\s*"
+    found = re.fullmatch(form, value) if isinstance(value, str) else None
+    if not found:
+        raise ValueError(
+            f"{name} is tied to {value!r}; the name of another parameter was wanted, or a multiple "
+            "of one: '0.5 * film.A'."
+        )
+    return float(found[1] or 1.0), plain_name(found[2])
 
 
 def check_settings(settings: Settings) -> Settings:

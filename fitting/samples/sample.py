@@ -7,7 +7,6 @@ A sample has a text form, the same in Python and on the command line. Media are 
     air | cauchy-urbach 3 mm thick | air    a plate; `thick`: its two faces do not interfere
     air | cauchy 110 nm | Si                a coherent film on a named material
     air | 1.45 2 nm | SiO2 100..150 nm | 3.88+0.016i
-
     air | rough 3 nm | cauchy 110 nm | film.yml
 
 The index of a medium is a number (``1.45``, ``0.2+3.1i``), a named material
@@ -28,6 +27,8 @@ import math
 import re
 from typing import NamedTuple
 
+import numpy as np
+
 from fitting.samples.dispersion import KINDS, Model, parse_model
 from fitting.samples.known_media import (
     Known,
@@ -40,6 +41,8 @@ from fitting.samples.known_media import (
     refuse_misplaced,
 )
 from fitting.samples.material_files import MaterialFileError
+from fitting.samples.spline_index import NAME as SPLINE
+from fitting.samples.spline_index import usual_terms
 
 FREE, AUTO = "free", "auto"
 # Lengths in micrometres.
@@ -52,7 +55,6 @@ _LAYER = re.compile(
     rf"\s*(?P<unit>{_UNIT})(?P<words>(?:\s+[A-Za-z]+)*)\s*$"
 )
 _COMPLEX = re.compile(rf"({_NUMBER})(?:\s*\+\s*({_NUMBER})\s*\*?\s*[ij])?$")
-_NOTHING = ("air", "vacuum")
 
 
 class Thickness(NamedTuple):
@@ -179,15 +181,19 @@ class Sample(NamedTuple):
             return ("",) * len(self.media)
         return tuple(f"{place}." for place in self.places)
 
-    def with_model(self, model: Model | str) -> Sample:
-        """Return the sample with this model in place of `AUTO`."""
+    def with_model(self, model: Model | str, place: Model | str = AUTO) -> Sample:
+        """Return the sample with this model in place of an index."""
         which = parse_model(model)
-        return Sample(
-            tuple(
-                m._replace(index=which, text=str(which)) if m.index == AUTO else m
-                for m in self.media
-            )
+        media = (
+            m._replace(index=which, text=str(which)) if m.index == place else m for m in self.media
         )
+        return Sample(tuple(media))
+
+    def with_splines(self, wavelength_um: np.ndarray) -> Sample:
+        """Return the sample with the number of splines that suits data at these wavelengths."""
+        known = wavelength_um[np.isfinite(wavelength_um)]
+        count = usual_terms(len(np.unique(known)), len(known))
+        return self.with_model(Model(SPLINE, count), Model(SPLINE, 0))
 
     def __str__(self) -> str:
         if self.bare and self.media[0].index == 1.0:
@@ -198,13 +204,11 @@ class Sample(NamedTuple):
 def _length_text(d: Thickness) -> str:
     unit = "nm" if d.start_um < 1.0 else "um" if d.start_um < 1e3 else "mm"
     size = UNITS[unit]
-    ranged = d.low_um > 0.0
     text = (
-        f"{d.low_um / size:.8g}..{d.high_um / size:.8g}" if ranged else f"{d.start_um / size:.8g}"
+        f"{d.low_um / size:.8g}..{d.high_um / size:.8g}" if d.low_um else f"{d.start_um / size:.8g}"
     )
-    thick = "" if d.coherent else " thick"
-    held = " held" if d.held and d.coherent else ""
-    return f"{text} {unit}{thick}{held}{' graded' if d.graded else ''}"
+    words = {"thick": not d.coherent, "held": d.held and d.coherent, "graded": d.graded}
+    return " ".join([text, unit, *(word for word, said in words.items() if said)])
 
 
 def _index(text: str) -> complex | Model | Mixture | MaterialFile | str:
@@ -220,7 +224,7 @@ def _index(text: str) -> complex | Model | Mixture | MaterialFile | str:
     lowered = text.lower()
     if lowered in (FREE, AUTO):
         return lowered
-    if lowered in _NOTHING:
+    if lowered in ("air", "vacuum"):
         return 1.0 + 0.0j
     if lowered.partition(":")[0].strip().replace("_", "-") in KINDS:
         return parse_model(text)
@@ -252,29 +256,18 @@ def _layer(text: str) -> Medium:
             "interference), 'held' (not fitted) or 'graded' was wanted."
         )
     unit, coherent = UNITS[found["unit"]], "thick" not in words
-    if found["start"]:
-        start = low_high = float(found["start"]) * unit
-        low, high, held = 0.0, math.inf, not coherent or "held" in words
-    else:
-        low, high = float(found["low"]) * unit, float(found["high"]) * unit
-        low_high, start, held = low, 0.5 * (low + high), "held" in words
-        if not low < high:
-            raise ValueError(f"the layer {text!r}: the smaller thickness of a range comes first.")
-    if not (1e-6 <= start <= 1e9 and low_high > 0.0):
+    first, last = (float(found["start"] or found[end]) * unit for end in ("low", "high"))
+    start, held = 0.5 * (first + last), "held" in words
+    if not (1e-6 <= start <= 1e9 and first > 0.0):
         raise ValueError(f"the layer {text!r}: a thickness from 1e-6 to 1e9 um was wanted.")
+    if found["start"]:
+        first, last, held = 0.0, math.inf, held or not coherent
+    elif not first < last:
+        raise ValueError(f"the layer {text!r}: the smaller thickness of a range comes first.")
     index, graded = found["index"].strip(), "graded" in words
     if graded and not coherent:
         raise ValueError(f"the layer {text!r}: 'thick' and 'graded' exclude each other.")
-    return Medium(_index(index), index, Thickness(start, low, high, held, coherent, graded))
-
-
-def _outer(text: str, side: str) -> Medium:
-    if _LAYER.match(text):
-        raise ValueError(
-            f"{text!r} is the {side} medium, which extends without end and takes no thickness; a "
-            "plate in air is 'air | cauchy 3 mm thick | air'."
-        )
-    return Medium(_index(text), text)
+    return Medium(_index(index), index, Thickness(start, first, last, held, coherent, graded))
 
 
 def _parsed(text: str) -> Sample:
@@ -286,7 +279,13 @@ def _parsed(text: str) -> Sample:
         )
     if len(parts) == 1:
         parts = ["air", *parts]
-    first, last = _outer(parts[0], "first"), _outer(parts[-1], "last")
+    for side, part in (("first", parts[0]), ("last", parts[-1])):
+        if _LAYER.match(part):
+            raise ValueError(
+                f"{part!r} is the {side} medium, which extends without end and takes no thickness; "
+                "a plate in air is 'air | cauchy 3 mm thick | air'."
+            )
+    first, last = (Medium(_index(part), part) for part in (parts[0], parts[-1]))
     if not lossless(first.index):
         raise ValueError(
             f"the sample {text!r}: light comes from the first medium, {first.text!r}, which must "
