@@ -27,9 +27,8 @@ from fitting.measurements.measurement import Measurement, concatenate
 from fitting.outcomes.batched import stacked
 from fitting.outcomes.disagreement import disagreement, may_disagree
 from fitting.outcomes.outcome import Subject, fit_of
-from fitting.problem.observations import missing_errors, observations
-from fitting.problem.problem import LOSSES, targets_of
-from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
+from fitting.problem.observations import missing_errors
+from fitting.problem.problem import LOSSES
 from fitting.residuals.error_model import ERRORS
 from fitting.results.result import Fit
 from fitting.samples.parameters import Settings, check_search, check_settings, names_of
@@ -39,13 +38,13 @@ from fitting.searching.film_starts import film_starts, films_of
 from fitting.searching.fringe_orders import with_all_orders
 from fitting.searching.neighbours import with_neighbours
 from fitting.searching.search import Asked, Solving, solved
-from fitting.searching.starts import LANES, Ends, given_start, start_at, usual_starts
+from fitting.searching.starts import LANES, Ends, usual_starts, with_given_start
 from fitting.searching.starts import starts as start_points
 from fitting.searching.thinned import FOLLOWED, followed_with_all, thinned
 from fitting.uncertainty.intervals import check_intervals
 from fitting.uncertainty.stated_errors import with_common_error
 from fitting.uncertainty.widening import widened
-from fitting.wavelengths import check_wavelengths, fit_wavelengths
+from fitting.wavelengths import check_wavelengths, fit_wavelengths, solving
 
 
 def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
@@ -116,22 +115,18 @@ def _shared(
     begin: tuple[int | None, Mapping[str, float] | None],
 ) -> Fit:
     """Return the fit of shared parameters. begin: the number of starts, and one extra start."""
-    seen = observations(measurements, asked.errors)
-    u = unknowns(sample, spectrum_of(measurements, sample), settings, seen, asked.loss)
+    job = solving(measurements, sample, settings, asked)
+    u = job.u
     if not u.free.any():
         raise ValueError(
             f"every parameter of the sample {str(sample)!r} is known, fixed or tied. Leave one "
             "free, or give the sample a dispersion model, 'free' or a thickness to be fitted."
         )
-    outside = index_outside(sample, seen.points.wavelength_um)
-    job = Solving(u, seen, targets_of(u, seen, outside), settings, asked)
     starts, start = begin
     film = bool(films_of(u.spec, u.moving))
     count = usual_starts(int(u.free.sum()), film) if starts is None else starts
     points = start_points(u.moving, count, asked.seed)
-    if start is not None:
-        extra = start_at(u.moving, given_start(u.moving, u.labels, start))
-        points = np.concatenate([points, extra[:, None]], 1)
+    points = with_given_start(points, u.moving, u.labels, start)
     few = thinned(job, sample, measurements)
     if starts is None:
         points = np.concatenate([points, film_starts(few, points)], 1)

@@ -30,7 +30,7 @@ from fitting.samples.parameters import (
 )
 from fitting.searching.last_steps import down_the_valley
 from fitting.searching.search import Asked, Solving, solved
-from fitting.searching.starts import given_start, start_at, usual_starts
+from fitting.searching.starts import usual_starts, with_given_start
 from fitting.searching.starts import starts as start_points
 from fitting.uncertainty.covariance import Slopes
 from fitting.uncertainty.intervals import check_intervals
@@ -119,8 +119,6 @@ def _range(name: str, what: Any, kind: str) -> tuple[float, float]:
 
 def _parameter(name: str, what: Any) -> Parameter:
     """Return a parameter from its description by the caller."""
-    if isinstance(what, Parameter):
-        return what._replace(name=name)
     if isinstance(what, Mapping):
         said = dict(what)
         kind = said.pop("coordinate", "linear")
@@ -243,10 +241,7 @@ def fit_residuals(
         raise ValueError("every parameter is fixed or tied; leave one free to be fitted.")
     asked = Asked(errors, intervals, loss, seed)
     count = usual_starts(int(u.free.sum())) if starts is None else starts
-    points = start_points(u.moving, count, seed)
-    if start is not None:
-        extra = start_at(u.moving, given_start(u.moving, u.labels, start))
-        points = np.concatenate([points, extra[:, None]], 1)
+    points = with_given_start(start_points(u.moving, count, seed), u.moving, u.labels, start)
     if any(np.iscomplexobj(a) for a in jax.tree.leaves(data)):
         raise ValueError("the data are complex; give their real and imaginary parts as two arrays.")
     data = jax.tree.map(lambda a: np.asarray(a, float), data)

@@ -6,7 +6,7 @@ alone are fitted by `bare_surface`.)
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -150,18 +150,25 @@ def check_wavelengths(measurement: Measurement, settings: Settings) -> None:
         )
 
 
+def solving(
+    measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: Asked
+) -> Solving:
+    """Return the fit of a sample to measurements, not yet solved."""
+    seen = observations(measurements, asked.errors)
+    u = unknowns(sample, spectrum_of(measurements, sample), settings, seen, asked.loss)
+    outside = index_outside(sample, seen.points.wavelength_um)
+    return Solving(u, seen, targets_of(u, seen, outside), settings, asked)
+
+
 def jobs(measurement: Measurement, sample: Sample, settings: Settings, asked: Asked) -> list[One]:
     """Return the fit of every wavelength, not yet solved, in rising order."""
     wavelengths, which = np.unique(measurement.wavelength_um, return_inverse=True)
     ones = []
     for place in range(len(wavelengths)):
         part = measurement.where(which == place)
-        seen = observations([part], asked.errors)
-        u = unknowns(sample, spectrum_of([part], sample), settings, seen, asked.loss)
-        outside = index_outside(sample, seen.points.wavelength_um)
-        job = Solving(u, seen, targets_of(u, seen, outside), settings, asked)
+        job = solving([part], sample, settings, asked)
         job.starts = LANES
-        ones.append(One(job, start_points(u.moving, LANES, asked.seed), part, place))
+        ones.append(One(job, start_points(job.u.moving, LANES, asked.seed), part, place))
     return ones
 
 

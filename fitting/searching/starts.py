@@ -93,10 +93,13 @@ def start_at(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> np.nda
     return middle
 
 
-def given_start(
-    unknowns: Sequence[Unknown], labels: Mapping[str, str], start: Mapping[str, float]
-) -> dict[str, float]:
-    """Return the caller's start of the free parameters, by their internal names."""
+def with_given_start(
+    points: np.ndarray, unknowns: Sequence[Unknown], labels: Mapping[str, str],
+    start: Mapping[str, float] | None,
+) -> np.ndarray:  # fmt: skip
+    """Return starts (p, L), and after them that of the caller, if there is one."""
+    if start is None:
+        return points
     given = {plain_name(n): float(v) for n, v in start.items()}
     unknown = {w.parameter.name: w for w in unknowns if w.free}
     out = {}
@@ -117,7 +120,7 @@ def given_start(
             f"start names {', '.join(given)}; the parameters of this fit are "
             f"{', '.join(labels.values())}."
         )
-    return out
+    return np.append(points, start_at(unknowns, out)[:, None], 1)
 
 
 def usual_starts(free: int, film: bool = False) -> int:
