@@ -26,7 +26,8 @@ from fitting.free_films import check_free_film, fit_free_film, free_film
 from fitting.measurements.measurement import Measurement, concatenate
 from fitting.outcomes.batched import stacked
 from fitting.outcomes.disagreement import disagreement, may_disagree
-from fitting.outcomes.outcome import Subject, fit_of
+from fitting.outcomes.findings import Subject
+from fitting.outcomes.outcome import fit_of
 from fitting.problem.observations import missing_errors
 from fitting.problem.problem import LOSSES
 from fitting.residuals.error_model import ERRORS
@@ -136,7 +137,7 @@ def _shared(
         job.lanes = FOLLOWED
     ends, noise = _searched(job, few, points)
     notes = missing_errors(measurements, asked.errors)
-    return fit_of(job, ends, noise, Subject(sample, tuple(measurements), notes))
+    return fit_of(job, ends, noise, Subject(sample, concatenate(*measurements), notes))
 
 
 def fit_checked(

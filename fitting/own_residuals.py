@@ -12,7 +12,8 @@ from jax import Array
 
 from fitting.optics.observe import Media
 from fitting.outcomes.batched import stacked_fits
-from fitting.outcomes.outcome import Subject, fit_of
+from fitting.outcomes.findings import Subject
+from fitting.outcomes.outcome import fit_of
 from fitting.problem.problem import LOSSES, Targets
 from fitting.problem.unknowns import Unknowns, unknown_of
 from fitting.process.compiled import compiled
@@ -30,8 +31,8 @@ from fitting.samples.parameters import (
 )
 from fitting.searching.last_steps import down_the_valley
 from fitting.searching.search import Asked, Solving, solved
-from fitting.searching.starts import usual_starts, with_given_start
 from fitting.searching.starts import starts as start_points
+from fitting.searching.starts import usual_starts, with_given_start
 from fitting.uncertainty.covariance import Slopes
 from fitting.uncertainty.intervals import check_intervals
 
@@ -184,7 +185,7 @@ def _one(u: Unknowns, data: Any, settings: Settings, asked: Asked, points: np.nd
     job = Solving(u, rows, targets, settings, asked)  # type: ignore[arg-type]
     job.starts = points.shape[1]
     ends, noise = solved(job, points)
-    return fit_of(job, down_the_valley(job, ends, noise), noise, Subject(None, ()))
+    return fit_of(job, down_the_valley(job, ends, noise), noise, Subject(None, None))
 
 
 def fit_residuals(

@@ -15,7 +15,8 @@ import numpy as np
 from fitting.measurements.measurement import Measurement
 from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.batched import stacked
-from fitting.outcomes.outcome import Subject, fit_of
+from fitting.outcomes.findings import Subject
+from fitting.outcomes.outcome import fit_of, without_error
 from fitting.outcomes.pseudo_index import notes_on
 from fitting.problem.observations import missing_errors, observations
 from fitting.problem.problem import Targets, targets_of
@@ -23,7 +24,7 @@ from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.progress import listening, tell
 from fitting.residuals.error_model import CHI2_LARGE, chi2_flags
 from fitting.results.diagnostics import Finding
-from fitting.results.result import CONVERGED, NONE, UNDETERMINED, Fit
+from fitting.results.result import CONVERGED, UNDETERMINED, Fit
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
 from fitting.searching.film_parts import joined
@@ -112,23 +113,17 @@ def _levelled(ends: Ends) -> Ends:
     return ends._replace(cost=np.where(near, np.nextafter(least, np.inf), ends.cost))
 
 
-def too_few(free: int, found: Fit) -> Fit:
+def _too_few(found: Fit) -> Fit:
     """Return ``found``, undetermined where there are fewer data than unknowns.
 
     Otherwise a single datum would seem to determine eta where k is at 0, the end of its range.
     """
-    if found.n_data >= free or found.status != CONVERGED:
+    if found.n_data >= len(found.names) or found.status != CONVERGED:
         return found
-    nothing = np.full(2, np.nan)
-    parameters = {
-        n: replace(e, sigma=np.nan, upper_limit=np.nan, interval=nothing, interval_kind=NONE,
-                   status=UNDETERMINED) if e.free else e
-        for n, e in found.parameters.items()
-    }  # fmt: skip
     return replace(
-        found, status=UNDETERMINED, parameters=parameters,
+        found, status=UNDETERMINED, covariance=np.full_like(found.covariance, np.nan),
+        parameters={n: without_error(e) if e.free else e for n, e in found.parameters.items()},
         findings=(Finding("one_value", np.True_, {}), *found.findings),
-        covariance=np.full_like(found.covariance, np.nan),
     )  # fmt: skip
 
 
@@ -202,8 +197,7 @@ def fit_wavelengths(
         one.fit.pooled = pooled
         ends = _levelled(ends) if one.fit.dof == 0 else ends
         tell("errors")
-        found = fit_of(one.fit, ends, 1.0, Subject(sample, (one.measurement,)))
-        fits.append(too_few(int(one.fit.u.free.sum()), found))
+        fits.append(_too_few(fit_of(one.fit, ends, 1.0, Subject(sample, one.measurement))))
     notes = (*missing_errors([measurement], asked.errors), *notes_on(fits, sample, measurement))
     return stacked(fits, measurement, notes) if several else replace(fits[0], notes=notes)
 

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from fitting.measurements.measurement import Measurement
+from fitting.measurements.quantities import are_powers
 from fitting.optics.instrument import INSTRUMENT
+from fitting.outcomes.normal_dispersion import rising_indices
+from fitting.problem.evaluation import at_data
+from fitting.problem.unknowns import Unknowns
 from fitting.residuals.error_model import CHI2_LARGE, CHI2_SMALL, chi2_flags
-from fitting.residuals.pattern import Pattern
-from fitting.results.diagnostics import Finding
-from fitting.results.result import PROFILE
-from fitting.uncertainty.intervals import OFF
+from fitting.residuals.pattern import pattern
+from fitting.results.diagnostics import Finding, Warning
+from fitting.results.result import AT_LOWER, AT_UPPER, PROFILE, Alternative, Estimate
+from fitting.samples.dispersion import CAUCHY_NAMES, Model
+from fitting.samples.known_media import Mixture
+from fitting.samples.sample import Sample
+from fitting.searching.search import End, Solving
+from fitting.searching.without_fringes import Fringeless
+from fitting.uncertainty.intervals import OFF, Intervals
+from fitting.uncertainty.likelihood import reduced_chi2
 
 # Parameters of one formula (A, B and C of Cauchy's) are usually correlated, which does no harm. A
 # parameter of the instrument that is correlated with the index does (angle offset of the gold scan:
@@ -25,53 +37,38 @@ OUT_OF_MODEL = 0.1
 _MAY_VANISH = (*(set(INSTRUMENT) - {"scale"}), *"BCDEF")  # and the higher terms of Cauchy's index
 
 
-class Seen(NamedTuple):
-    """How well the free parameters are known; arrays over them.
+class Subject(NamedTuple):
+    """What is fitted, and the notes on it that do not depend on the result.
 
-    intervals, quadratic: (P, 2), those of the result and the quadratic ones. unseen: (P, U),
-    combinations that the data do not determine.
+    sample and measurement (all files joined) are None for the caller's own residuals.
     """
 
-    names: tuple[str, ...]
-    values: np.ndarray
-    sigmas: np.ndarray
-    correlation: np.ndarray
-    at_bound: tuple[str, ...]
-    upper_limits: np.ndarray
-    unseen: np.ndarray
-    intervals: np.ndarray
-    quadratic: np.ndarray
-    kinds: tuple[str, ...]
+    sample: Sample | None
+    measurement: Measurement | None
+    notes: tuple[Warning, ...] = ()
+
+    @property
+    def films(self) -> bool:
+        """Whether the sample has a layer whose reflections interfere."""
+        return self.sample is not None and self.sample.films
 
 
-class Quality(NamedTuple):
-    """How well the fit describes the data, and how it was found.
+class Found(NamedTuple):
+    """The best minimum with its intervals, and the others.
 
-    lower: by how much chi2 is lower at a fit near the minimum whose own minimum was not reached; 0
-    if there is none. robust: whether chi2_reduced leaves outliers out. errors: how they were used.
-    others: values of the best other minimum and by how much its chi2 is higher. fringeless: values
-    of the warning that the fringes of a film are no larger than those of noise; None: they are.
-    rising: names of the indices that rise with the wavelength although nothing absorbs.
+    reached: the number of starts that ended there. lower: by how much chi2 is lower at a fit near
+    the minimum whose own minimum was not reached; 0 if there is none. fringeless: the best film
+    without fringes if those of the best minimum are no larger than those of noise, and by how much
+    its chi2 is higher.
     """
 
-    chi2_reduced: float
-    dof: int
-    n_data: int
-    stated: bool
-    errors: str
-    rms: float
-    robust: bool
-    starts: int
+    end: End
+    known: Intervals
+    others: tuple[Alternative, ...]
     reached: int
     lower: float
-    pattern: Pattern | None
-    by_the_model_alone: bool
-    sample: str
-    others: tuple[dict[str, float], ...]
-    delta_chi2: float
-    shortest_nm: float = np.inf
-    fringeless: dict[str, Any] | None = None
-    rising: tuple[str, ...] = ()
+    failed: bool
+    fringeless: tuple[Fringeless, float] | None
 
 
 def _finding(code: str, **values: Any) -> Finding:
@@ -87,21 +84,20 @@ def is_outer(name: str) -> bool:
     return _bare(name) in INSTRUMENT or _bare(name).startswith("thickness")
 
 
-def _unseen(f: Seen) -> list[Finding]:
-    """Return one finding for each combination that the data do not determine."""
-    out = []
-    for direction in f.unseen.T:
+def _unseen(names: tuple[str, ...], unseen: np.ndarray) -> Iterator[Finding]:
+    """Yield one finding for each combination (P,) that the data do not determine."""
+    for direction in unseen.T:
         parts = np.abs(direction) > 0.1 * np.abs(direction).max()
-        names = tuple(n for n, part in zip(f.names, parts, strict=True) if part)
-        out.append(_finding("not_seen", parameters=names))
-    return out
+        yield _finding(
+            "not_seen", parameters=tuple(n for n, part in zip(names, parts, strict=True) if part)
+        )
 
 
-def _correlated(f: Seen) -> list[Finding]:
+def _correlated(names: tuple[str, ...], correlation: np.ndarray) -> list[Finding]:
     out = []
-    for i, first in enumerate(f.names):
+    for i, first in enumerate(names):
         for j in range(i):
-            second, c = f.names[j], f.correlation[i, j]
+            second, c = names[j], correlation[i, j]
             outer = is_outer(first) or is_outer(second)
             if np.isfinite(c) and abs(c) > (CORRELATED if outer else CORRELATED_WITHIN):
                 out.append((second, first, float(c)))
@@ -117,141 +113,183 @@ def _correlated(f: Seen) -> list[Finding]:
 _THIN, _ONE_PRODUCT = 0.08, 0.95
 
 
-def _thin_film(f: Seen, shortest_nm: float) -> list[Finding]:
-    """Return the finding that only the product of thickness and index of a thin film is known."""
-    out = []
-    for i, name in enumerate(f.names):
-        if not name.endswith("thickness_nm") or not f.values[i] < _THIN * shortest_nm:
+def _thin_film(
+    known: Mapping[str, Estimate], correlation: np.ndarray, shortest_um: float
+) -> Iterator[Finding]:
+    """Yield the finding that only the product of thickness and index of a thin film is known."""
+    for (name, e), row in zip(known.items(), np.abs(correlation), strict=True):
+        if not name.endswith("thickness_nm") or not e.value < _THIN * 1e3 * shortest_um:
             continue
         head = name.removesuffix("thickness_nm")
-        own = [
-            j for j, n in enumerate(f.names)
-            if j != i and n.startswith(head) and abs(f.correlation[i, j]) > _ONE_PRODUCT
-        ]  # fmt: skip
-        if not own or not np.isfinite(f.sigmas[i]):
-            continue
-        share = float(f.sigmas[i] / f.values[i])
-        most = float(max(abs(f.correlation[i, j]) for j in own))
-        out.append(_finding(
-            "thin_film", thickness=name, value=float(f.values[i]), share=share,
-            parameters=tuple(f.names[j] for j in own),
-            held_share=share * float(np.sqrt(max(1.0 - most**2, 0.0))),
-        ))  # fmt: skip
-    return out
-
-
-def _bounds(f: Seen) -> list[Finding]:
-    out = []
-    for i, (name, end) in enumerate(zip(f.names, f.at_bound, strict=True)):
-        value = float(f.values[i])
-        others = [n for n, s in zip(f.names, f.sigmas, strict=True) if n != name and s == s]
-        kinds = [k for n, k in zip(f.names, f.kinds, strict=True) if n != name]
-        of_others = {
-            "others": tuple(others) if end else (), "profile": PROFILE in kinds, "value": value
+        own = {
+            n: c for n, c in zip(known, row.tolist(), strict=True)
+            if n != name and n.startswith(head) and c > _ONE_PRODUCT
         }  # fmt: skip
-        if np.isfinite(f.upper_limits[i]):
-            limit = float(f.upper_limits[i])
-            out.append(_finding("compatible_with_zero", parameter=name, limit=limit, **of_others))
-        elif end:
-            side = "lower" if end == "low" else "upper"
-            out.append(_finding("at_bound", parameter=name, end=side, **of_others))
-    return out
+        if own and np.isfinite(e.sigma):
+            share = e.sigma / e.value
+            held = float(np.sqrt(max(1.0 - max(own.values()) ** 2, 0.0)))
+            yield _finding(
+                "thin_film", thickness=name, value=e.value, share=share, parameters=tuple(own),
+                held_share=share * held,
+            )  # fmt: skip
 
 
-def _not_quadratic(f: Seen) -> list[Finding]:
+def _bounds(known: Mapping[str, Estimate]) -> Iterator[Finding]:
+    for name, e in known.items():
+        others = {n: other for n, other in known.items() if n != name}
+        seen = tuple(n for n, other in others.items() if np.isfinite(other.sigma))
+        at_bound = e.status in (AT_LOWER, AT_UPPER)
+        of_others = {
+            "others": seen if at_bound else (), "value": e.value,
+            "profile": any(other.interval_kind == PROFILE for other in others.values()),
+        }  # fmt: skip
+        if np.isfinite(e.upper_limit):
+            yield _finding("compatible_with_zero", parameter=name, limit=e.upper_limit, **of_others)
+        elif at_bound:
+            end = "lower" if e.status == AT_LOWER else "upper"
+            yield _finding("at_bound", parameter=name, end=end, **of_others)
+
+
+def _not_quadratic(known: Mapping[str, Estimate], quadratic: np.ndarray) -> list[Finding]:
     """Return the finding on parameters whose interval does not follow from the standard error."""
-    half = 0.5 * (f.intervals[:, 1] - f.intervals[:, 0])
-    off = np.abs(f.intervals - f.quadratic).max(axis=1) > OFF * half
-    bent = [
-        i for i, kind in enumerate(f.kinds)
-        if kind == PROFILE and off[i] and np.isfinite(f.sigmas[i])
-    ]  # fmt: skip
+    bent = {}
+    for (name, e), plain in zip(known.items(), quadratic, strict=True):
+        off = np.abs(e.interval - plain).max() > OFF * 0.5 * (e.interval[1] - e.interval[0])
+        if e.interval_kind == PROFILE and off and np.isfinite(e.sigma):
+            bent[name] = e.interval.tolist(), plain.tolist()
     if not bent:
         return []
-    names = tuple(f.names[i] for i in bent)
-    return [_finding("not_quadratic", parameters=names, intervals=f.intervals[bent].tolist(),
-                     by_sigma=f.quadratic[bent].tolist())]  # fmt: skip
+    own, by_sigma = map(list, zip(*bent.values(), strict=True))
+    return [_finding("not_quadratic", parameters=tuple(bent), intervals=own, by_sigma=by_sigma)]
 
 
-def _open_and_poor(f: Seen) -> list[Finding]:
-    ends = zip(f.names, f.intervals, strict=True)
-    unlimited = tuple(n for n, pair in ends if np.isinf(pair).any())
-    out = [_finding("open_interval", parameters=unlimited)] if unlimited else []
-    with np.errstate(all="ignore"):
-        share = f.sigmas / np.abs(f.values)
-    vague = tuple(
-        (n, float(s))
-        for n, s, limit in zip(f.names, share, f.upper_limits, strict=True)
-        if s > VAGUE and _bare(n) not in _MAY_VANISH and not np.isfinite(limit)
-    )
-    if not vague:
-        return out
-    names, shares = zip(*vague, strict=True)
-    return [*out, _finding("poorly_determined", parameters=names, shares=shares)]
-
-
-def _chi2(q: Quality) -> list[Finding]:
-    if not np.isfinite(q.chi2_reduced):
-        return []
-    flags = int(chi2_flags(np.array(q.chi2_reduced), np.array(q.dof)))
-    values = {
-        "chi2_reduced": q.chi2_reduced, "factor": float(np.sqrt(q.chi2_reduced)),
-        "errors": q.errors, "robust": q.robust,
+def _open_and_poor(known: Mapping[str, Estimate]) -> Iterator[Finding]:
+    unlimited = tuple(n for n, e in known.items() if np.isinf(e.interval).any())
+    if unlimited:
+        yield _finding("open_interval", parameters=unlimited)
+    vague = {
+        n: e.sigma / abs(e.value) if e.value else np.inf for n, e in known.items()
+        if e.sigma > VAGUE * abs(e.value)
+        and _bare(n) not in _MAY_VANISH and not np.isfinite(e.upper_limit)
     }  # fmt: skip
-    large = [_finding("chi2_large", **values)] if flags & CHI2_LARGE else []
-    return large + ([_finding("chi2_small", **values)] if flags & CHI2_SMALL else [])
+    if vague:
+        yield _finding("poorly_determined", parameters=tuple(vague), shares=tuple(vague.values()))
 
 
-def order_of_residuals(p: Pattern) -> Finding:
-    """Return the finding on autocorrelated residuals."""
-    return _finding("residuals_in_order", along=p.along, correlation=p.correlation, chance=p.chance)
+def _chi2(fit: Solving, end: End, taken: str) -> list[Finding]:
+    """Return the findings on residuals that contradict the stated errors."""
+    loss = fit.u.spec.loss
+    reduced = reduced_chi2(loss, end.slopes.residual, fit.dof)
+    if not fit.seen.stated or not np.isfinite(reduced):
+        return []
+    flags = int(chi2_flags(np.array(reduced), np.array(fit.dof)))
+    values = {
+        "chi2_reduced": reduced, "factor": float(np.sqrt(reduced)), "errors": taken,
+        "robust": loss != "squares",
+    }  # fmt: skip
+    codes = {"chi2_large": CHI2_LARGE, "chi2_small": CHI2_SMALL}
+    return [_finding(code, **values) for code, flag in codes.items() if flags & flag]
 
 
-def _thicknesses(f: Seen, q: Quality) -> tuple[tuple[str, float, float], ...]:
-    """Return the name of each thickness with its least and its largest value of all solutions."""
-    shown = dict(zip(f.names, f.values.tolist(), strict=True))
-    out = []
-    for name in (n for n in shown if "thickness" in n):
-        values = [shown[name], *(other[name] for other in q.others)]
-        out.append((name, min(values), max(values)))
-    return tuple(out)
+def _a_k_is_free(u: Unknowns) -> bool:
+    """Whether the fit determines the k of a medium; numbers are held, with k too."""
+    free = {name for name, w in zip(u.spec.moving, u.moving, strict=True) if w.free}
+    return any(
+        index.absorbs and any(_acts_on_k(name, place) for name in free)
+        for place, index in zip(u.spec.media.places, u.spec.media.index, strict=True)
+        if isinstance(index, Model | Mixture)
+    )
 
 
-def findings(f: Seen, q: Quality) -> tuple[Finding, ...]:
+def _acts_on_k(name: str, place: str) -> bool:
+    of, _, parameter = name.rpartition(".")
+    # Cauchy's terms are of eta, and k beside them is that of an Urbach tail.
+    others = ("eta", *CAUCHY_NAMES, "thickness_nm", "thickness_um", "grade")
+    return of == place and parameter not in others and not parameter.startswith("fraction")
+
+
+def _by_the_model_alone(u: Unknowns, m: Measurement, end: End) -> bool:
+    """Whether k comes from the model: every wavelength has a single value, and that one of R or T.
+
+    At one wavelength two unknowns that the data determine are k too.
+    """
+    if not _a_k_is_free(u) or not are_powers(m.quantity).all():
+        return False
+    waves = len(np.unique(m.wavelength_um))
+    if waves == 1 and u.free.sum() > 1 and not end.known.unseen.size:
+        return False
+    columns = m.wavelength_um.tolist(), m.quantity.tolist(), m.angle_deg.tolist()
+    normal = not m.angle_deg.any() and len(set(m.quantity.tolist())) == 1
+    return normal or len({*zip(*columns, strict=True)}) == waves
+
+
+def _on_measured(fit: Solving, of: Subject, end: End) -> Iterator[Finding]:
+    """Yield what is told of a measurement; rows of the caller's own residuals have no angle."""
+    m, sample = of.measurement, of.sample
+    if m is None or sample is None:
+        return
+    if _by_the_model_alone(fit.u, m, end):
+        yield _finding("by_the_model_alone")
+    rms = float(np.sqrt(np.mean(end.slopes.plain**2)))
+    if rms > OUT_OF_MODEL:
+        said = "one bare surface" if sample.bare else "this stack" if sample.films else "this plate"
+        yield _finding("does_not_describe", rms=rms, sample=said)
+    order = pattern(m, at_data(fit.seen, end.slopes.seen), fit.seen.curve, fit.seen.stated)
+    if order is not None:
+        yield _finding(
+            "residuals_in_order", along=order.along, correlation=order.correlation,
+            chance=order.chance,
+        )  # fmt: skip
+    if rising := rising_indices(fit.u, end, np.unique(m.wavelength_um)):
+        yield _finding("rising_index", indices=rising)
+
+
+def _other_minima(known: Mapping[str, Estimate], others: tuple[Alternative, ...]) -> Finding:
+    """Return the finding on other minima: the best, and the range of each thickness in all."""
+    every = [known, *(a.parameters for a in others)]
+    thicknesses = []
+    for name in (n for n in known if "thickness" in n):
+        values = [one[name].value for one in every]
+        thicknesses.append((name, min(values), max(values)))
+    first = {n: e.value for n, e in others[0].parameters.items()}
+    return _finding(
+        "other_minima", count=len(others), parameters=tuple(first), values=tuple(first.values()),
+        delta_chi2=float(others[0].delta_chi2), thicknesses=tuple(thicknesses),
+    )  # fmt: skip
+
+
+def findings(
+    fit: Solving, of: Subject, f: Found, known: Mapping[str, Estimate], correlation: np.ndarray,
+    taken: str,
+) -> tuple[Finding, ...]:  # fmt: skip
     """Return the findings on a finished fit, the most serious first.
 
+    known: the free parameters; correlation: (P, P) of them. taken: how stated errors were used.
     An undetermined combination has a valley of equal chi2, which is one solution: starts end
     anywhere in it.
     """
-    out = _unseen(f)
-    if q.fringeless is not None:
-        out.append(_finding("fringes_in_noise", **q.fringeless))
-    out += _thin_film(f, q.shortest_nm)
-    if q.by_the_model_alone:
-        out.append(_finding("by_the_model_alone"))
-    if q.rms > OUT_OF_MODEL:
-        out.append(_finding("does_not_describe", rms=q.rms, sample=q.sample))
-    if q.pattern is not None:
-        out.append(order_of_residuals(q.pattern))
-    if q.rising:
-        out.append(_finding("rising_index", indices=q.rising))
-    if q.others and not f.unseen.size:
+    names, end, free = tuple(known), f.end, fit.u.free
+    unseen = end.known.unseen[free]
+    out = [*_unseen(names, unseen)]
+    if f.fringeless is not None:
+        film, rise = f.fringeless
+        out.append(_finding("fringes_in_noise", **film.told(rise)))
+    if of.measurement is not None and of.films:
+        out += _thin_film(known, correlation, float(np.nanmin(of.measurement.wavelength_um)))
+    out += _on_measured(fit, of, end)
+    if f.others and not unseen.size:
+        out.append(_other_minima(known, f.others))
+    if fit.starts > FEW_REACHED and f.reached < FEW_REACHED and not unseen.size:
+        out.append(_finding("few_starts_agree", starts=fit.starts, reached=f.reached))
+    if f.lower:
+        out.append(_finding("better_minimum_met", by=f.lower))
+    out += [*_bounds(known), *_not_quadratic(known, f.known.quadratic[free])]
+    out += [*_open_and_poor(known), *_correlated(names, correlation), *_chi2(fit, end, taken)]
+    if "angle_offset" in known and abs(known["angle_offset"].value) > PLAUSIBLE_OFFSET_DEG:
+        out.append(_finding("implausible_offset", value=known["angle_offset"].value))
+    if fit.dof == 0:
+        stated = fit.seen.stated and any(np.isfinite(e.sigma) for e in known.values())
         out.append(_finding(
-            "other_minima", count=len(q.others), parameters=tuple(q.others[0]),
-            values=tuple(q.others[0].values()), delta_chi2=q.delta_chi2,
-            thicknesses=_thicknesses(f, q),
-        ))  # fmt: skip
-    if q.starts > FEW_REACHED and q.reached < FEW_REACHED and not f.unseen.size:
-        out.append(_finding("few_starts_agree", starts=q.starts, reached=q.reached))
-    if q.lower:
-        out.append(_finding("better_minimum_met", by=q.lower))
-    out += _bounds(f) + _not_quadratic(f) + _open_and_poor(f) + _correlated(f) + _chi2(q)
-    offset = float(dict(zip(f.names, f.values, strict=True)).get("angle_offset", 0.0))
-    if abs(offset) > PLAUSIBLE_OFFSET_DEG:
-        out.append(_finding("implausible_offset", value=offset))
-    if q.dof == 0:
-        stated = q.stated and bool(np.isfinite(f.sigmas).any())
-        out.append(_finding(
-            "no_degrees_of_freedom", n_data=q.n_data, unknowns=len(f.names), stated=stated
+            "no_degrees_of_freedom", n_data=fit.n_data, unknowns=len(names), stated=stated
         ))  # fmt: skip
     return tuple(out)

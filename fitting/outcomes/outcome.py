@@ -4,25 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
-from fitting.measurements.measurement import concatenate
-from fitting.outcomes.findings import Seen, findings
-from fitting.outcomes.quality import Subject as Subject
-from fitting.outcomes.quality import error_model_of, quality, rms_of_residuals
+from fitting.outcomes.findings import Found, Subject, findings
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.unknowns import Unknowns
 from fitting.results import result as status
 from fitting.results.diagnostics import Finding
-from fitting.results.result import Alternative, Estimate, Fit
+from fitting.results.result import Alternative, ErrorModel, Estimate, Fit
 from fitting.samples.parameters import value_and_slope
 from fitting.searching.film_parts import joined
 from fitting.searching.minima import SAME_CHI2, Around, Minimum, minima, scatter_of
 from fitting.searching.search import End, Solving
 from fitting.searching.starts import STAGE, Ends, best_of
-from fitting.searching.without_fringes import Fringeless, without_fringes
+from fitting.searching.without_fringes import without_fringes
 from fitting.uncertainty.intervals import QUADRATIC, Intervals, intervals
 from fitting.uncertainty.likelihood import criteria
 from fitting.uncertainty.spline_errors import errors_of_curves, with_errors_of_curves
@@ -31,10 +27,10 @@ from fitting.uncertainty.spline_errors import errors_of_curves, with_errors_of_c
 _OTHERS = 3
 
 
-def _parameters_at(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return parameters and their slopes dx/dy, (p,) each."""
-    both = [value_and_slope(w.parameter.coordinate, y[i : i + 1]) for i, w in enumerate(u.moving)]
-    return np.concatenate([b[0] for b in both]), np.concatenate([b[1] for b in both])
+def _parameters_at(u: Unknowns, y: np.ndarray) -> np.ndarray:
+    """Return parameters and their slopes dx/dy, (2, p)."""
+    both = [value_and_slope(w.parameter.coordinate, at) for w, at in zip(u.moving, y, strict=True)]
+    return np.array(both).T
 
 
 _STATUS = {"low": status.AT_LOWER, "high": status.AT_UPPER}
@@ -46,9 +42,8 @@ def _estimates(u: Unknowns, end: End, known: Intervals) -> dict[str, Estimate]:
     with np.errstate(invalid="ignore"):
         sigmas = np.sqrt(np.diagonal(_covariance(u, end)))
     out = {}
-    for i, inside in enumerate(u.spec.moving):
-        if not u.moving[i].free:
-            continue
+    for i in np.flatnonzero(u.free):
+        inside = u.spec.moving[i]
         name, at = u.labels[inside], end.known.at_bound[i]
         unseen = status.UNDETERMINED if end.known.unseen_of[i] else status.FITTED
         out[name] = Estimate(
@@ -89,15 +84,9 @@ def _covariance(u: Unknowns, end: End) -> np.ndarray:
     """Return the covariance (p, p) of the parameters, NaN where there is no error."""
     _, slope = _parameters_at(u, end.y)
     with np.errstate(invalid="ignore"):
-        out = _blank(end.known.covariance, end.known.unseen_of) * np.outer(slope, slope)
-    out[~np.isfinite(out)] = np.nan
-    return out
-
-
-def _blank(covariance: np.ndarray, unseen: np.ndarray) -> np.ndarray:
-    out = covariance.copy()
-    out[unseen] = np.nan
-    out[:, unseen] = np.nan
+        out = end.known.covariance * np.outer(slope, slope)
+    unseen = end.known.unseen_of
+    out[~np.isfinite(out) | unseen | unseen[:, None]] = np.nan
     return out
 
 
@@ -133,23 +122,25 @@ def _minima(
 
 
 def _intervals(
-    fit: Solving, every: Sequence[End], noise: float, failed: bool, last: bool
+    fit: Solving, every: Sequence[End], noise: float, wanted: str, last: bool
 ) -> list[Intervals]:
     """Return the intervals at the best minimum and at the others.
 
-    last: whether that of the last one is by profile, too, as are those of the first.
+    last: whether that of the last one is of the kind that is wanted, as are those of the first.
     """
-    wanted = QUADRATIC if failed else fit.asked.intervals
     # If the scatter is that of many fits, t is close to that of the normal distribution; without a
     # degree of freedom stated errors are used as they are.
     taken = fit.dof == 0 and fit.seen.stated
     estimated = fit.asked.scaled and fit.pooled is None and not taken
     ends = len(every) - (last and len(every) > 1 + _OTHERS)
-    parts = (every[: 1 + _OTHERS], wanted), (every[1 + _OTHERS : ends], QUADRATIC)
     found = []
-    for part, kind in (*parts, (every[max(ends, 1 + _OTHERS) :], wanted)):
+    for part, kind in (
+        (every[: 1 + _OTHERS], wanted),
+        (every[1 + _OTHERS : ends], QUADRATIC),
+        (every[max(ends, 1 + _OTHERS) :], wanted),
+    ):
         found += intervals(fit, part, noise, wanted=kind, estimated=estimated)
-    return [i.without() for i in found] if failed else found
+    return found
 
 
 def _rounding(fit: Solving, noise: float) -> float:
@@ -177,8 +168,7 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
         lane = found[0].lane
         end = fit.look_at(ends.y[:, lane], noise, scaled)
     enough = SAME_CHI2 * scatter + _rounding(fit, noise)
-    films = of.sample is not None and of.sample.films
-    plain = without_fringes(fit, end.y, noise) if films and not failed else None
+    plain = without_fringes(fit, end.y, noise) if of.films and not failed else None
     if plain is not None and plain.ends.done.all() and plain.ends.cost[0] < end.cost - enough:
         return fit_of(fit, joined([ends, plain.ends]), noise, of)
     if plain is not None and plain.cost - end.cost > plain.by_chance * scatter:
@@ -189,7 +179,8 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
         if plain.ends.cost[0] - end.cost > most:
             found.append(Minimum(len(ends.cost) - 1, 1))
     every = [end] + [look(m.lane) for m in found[1:]]
-    ranges = _intervals(fit, every, noise, failed, plain is not None)
+    wanted = QUADRATIC if failed else fit.asked.intervals
+    ranges = _intervals(fit, every, noise, wanted, plain is not None)
     least, place = ranges[0].lowest
     lower = 0.0
     # The minimum that is shown need not be the lowest one.
@@ -207,81 +198,77 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
         Alternative(parameters=_estimates(u, e, i), delta_chi2=rise, reached=m.reached)
         for e, i, m, rise in zip(every[1:], ranges[1:], found[1:], rises.tolist(), strict=True)
     )
-    reached = found[0].reached if found else 0
-    rise = np.inf if plain is None else (plain.cost - end.cost) / scatter
-    return _assembled(fit, of, _Found(end, ranges[0], others, reached, lower, failed, plain, rise),
-                      noise, int(ends.evaluations[lane]))  # fmt: skip
+    return _assembled(
+        fit, of, noise, int(ends.evaluations[lane]),
+        Found(
+            end=end, known=ranges[0], others=others, reached=found[0].reached if found else 0,
+            lower=lower, failed=failed,
+            fringeless=plain and (plain, (plain.cost - end.cost) / scatter),
+        ),
+    )  # fmt: skip
 
 
-class _Found(NamedTuple):
-    """The best minimum, and the others."""
-
-    end: End
-    known: Intervals
-    others: tuple[Alternative, ...]
-    reached: int
-    lower: float
-    failed: bool
-    plain: Fringeless | None
-    rise: float
-
-
-def _assembled(fit: Solving, of: Subject, f: _Found, noise: float, evaluations: int) -> Fit:
+def _assembled(fit: Solving, of: Subject, noise: float, evaluations: int, f: Found) -> Fit:
     """Return the result of a fit whose best minimum is known."""
-    u, seen, end = fit.u, fit.seen, f.end
-    joined = concatenate(*of.measurements) if of.measurements else None
-    known = np.array([np.nan]) if joined is None else np.unique(joined.wavelength_um)
+    u, seen, m = fit.u, fit.seen, of.measurement
+    known = np.array([np.nan]) if m is None else np.unique(m.wavelength_um)
     known = known[np.isfinite(known)] if np.isfinite(known).any() else known
     # With one datum at each wavelength only the bounds of a spline's amplitudes keep the index
     # finite: errors without these bounds are a hundred times too large.
     two = of.sample is not None and fit.n_data >= 2 * len(known)
-    errors = errors_of_curves(u, end, fit.limits, noise) if two else end.known.covariance
-    end, ranges = with_errors_of_curves(u, end, f.known, errors)
-    s, free = end.slopes, u.free
-    sub = np.ix_(free, free)
-    of_x = np.full((len(free), len(free)), np.nan) if f.failed else _covariance(u, end)
+    errors = errors_of_curves(u, f.end, fit.limits, noise) if two else f.end.known.covariance
+    end, ranges = with_errors_of_curves(u, f.end, f.known, errors)
+    f = f._replace(end=end, known=ranges)
+    s, taken = end.slopes, _errors_taken(fit)
+    sub = np.ix_(u.free, u.free)
+    of_x = _covariance(u, end)[sub]
     estimates = _estimates(u, end, ranges)
-    found: tuple[Finding, ...]
     if f.failed:
-        estimates = {n: _without_error(e) for n, e in estimates.items()}
-        found = (Finding("not_converged", np.True_, {}),)
+        of_x = np.full_like(of_x, np.nan)
+        estimates = {n: without_error(e) for n, e in estimates.items()}
+        found: tuple[Finding, ...] = (Finding("not_converged", np.True_, {}),)
     else:
         with np.errstate(invalid="ignore"):
-            size = np.sqrt(np.diagonal(of_x[sub]))
-            correlation = of_x[sub] / np.outer(size, size)
-        seen_of = Seen(
-            names=tuple(estimates), values=np.array([e.value for e in estimates.values()]),
-            sigmas=size, correlation=correlation,
-            at_bound=tuple(b for b, own in zip(end.known.at_bound, free, strict=True) if own),
-            upper_limits=ranges.limits[free], unseen=end.known.unseen[free],
-            intervals=ranges.ends[free], quadratic=ranges.quadratic[free],
-            kinds=tuple(k for k, is_free in zip(ranges.kind, free, strict=True) if is_free),
-        )  # fmt: skip
-        how = quality(fit, of, end, f.reached, f.lower, f.others)
-        found = findings(seen_of, how._replace(fringeless=f.plain and f.plain.told(f.rise)))
+            size = np.sqrt(np.diagonal(of_x))
+            found = findings(fit, of, f, estimates, of_x / np.outer(size, size), taken)
     chi2 = float(s.residual @ s.residual) if seen.stated else np.nan
-    bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, int(free.sum()), fit.asked.scaled)
-    rms, rms_of = rms_of_residuals(s)
+    bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, len(estimates), fit.asked.scaled)
     evaluator = None
     if of.sample is not None:
         evaluator = Evaluated(of.sample, u, seen, fit.targets, end.y, errors, np.atleast_1d(known),
                               inside=(ranges.inside, ranges.t))  # fmt: skip
-    undetermined = bool(end.known.unseen.size)
+    with np.errstate(invalid="ignore"):
+        factor = float(np.sqrt(end.known.variance))
     return Fit(
-        sample=of.sample, parameters=estimates | _fixed(u, end, estimates), covariance=of_x[sub],
+        sample=of.sample, parameters=estimates | _fixed(u, end, estimates), covariance=of_x,
         wavelength_um=known if len(known) > 1 else float(known[0]),
         chi2=chi2, chi2_reduced=chi2 / fit.dof if fit.dof else np.nan, dof=fit.dof,
-        n_data=fit.n_data, rms=rms, rms_of=rms_of, cost=end.cost, noise=noise,
+        n_data=fit.n_data, rms=_rms(s.plain), cost=end.cost, noise=noise,
+        rms_of={str(kind): _rms(s.plain[s.kind == kind]) for kind in dict.fromkeys(s.kind)},
         status=status.NOT_CONVERGED if f.failed else
-        status.UNDETERMINED if undetermined else status.CONVERGED,
-        errors=error_model_of(fit, end), evaluations=evaluations, starts=fit.starts,
-        reached=f.reached, loss=u.spec.loss, bic=bic, aicc=aicc, findings=found, others=f.others,
-        notes=of.notes, measurement=joined, curve=seen.curve if joined is not None else None,
+        status.UNDETERMINED if end.known.unseen.size else status.CONVERGED,
+        errors=ErrorModel(taken, factor, 0.0, seen.stated), evaluations=evaluations,
+        starts=fit.starts, reached=f.reached, loss=u.spec.loss, bic=bic, aicc=aicc, findings=found,
+        others=f.others, notes=of.notes, measurement=m, curve=None if m is None else seen.curve,
         curve_names=getattr(seen, "curve_names", ()), evaluator=evaluator,
     )  # fmt: skip
 
 
-def _without_error(e: Estimate) -> Estimate:
+def _rms(residual: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(residual**2)))
+
+
+def _errors_taken(fit: Solving) -> str:
+    """Return how the fit used the errors of the data."""
+    if fit.asked.errors == "stated":
+        return "stated"
+    # Without a degree of freedom only the stated errors are available.
+    alone = "scaled" if fit.dof else "stated"
+    return alone if fit.seen.stated else "equal"
+
+
+def without_error(e: Estimate) -> Estimate:
+    """Return an estimate that the data do not determine."""
     return replace(
         e, sigma=np.nan, interval=np.full(2, np.nan), interval_kind=status.NONE,
         upper_limit=np.nan, status=status.UNDETERMINED,

@@ -51,14 +51,6 @@ class Intervals(NamedTuple):
     inside: np.ndarray
     t: float
 
-    def without(self) -> Intervals:
-        """Return NaN for all intervals, for a fit that failed."""
-        nothing = np.full_like(self.ends, np.nan)
-        none = (NONE,) * len(nothing)
-        return self._replace(
-            ends=nothing, quadratic=nothing, kind=none, limits=nothing[:, 0], inside=self.inside[:0]
-        )
-
 
 def check_intervals(wanted: str) -> None:
     """Raise ValueError for an unknown kind of interval."""
