@@ -219,7 +219,7 @@ def _general(
     if film is not None:
         check_free_film(concatenate(*measurements), sample, film, settings)
         if len(waves) > 1:
-            return fit_free_film(concatenate(*measurements), sample, settings, asked)
+            return fit_free_film(concatenate(*measurements), sample, film, settings, asked)
         # At one wavelength nothing is shared: thickness, eta and k are three unknowns of one fit.
         return _shared(measurements, sample, settings, asked, begin)
     # The noise of a robust loss or a prior is estimated in rounds, one wavelength at a time.

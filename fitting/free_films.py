@@ -22,6 +22,7 @@ from fitting.samples.parameters import Settings
 from fitting.samples.sample import FREE, Sample
 from fitting.searching.search import Asked
 from fitting.thickness_profile import best_within_error, shared_thickness
+from fitting.uncertainty.widening import ranges, wider
 from fitting.wavelengths import check_wavelengths, fit_wavelengths, jobs
 
 
@@ -109,11 +110,12 @@ def _held(sample: Sample, which: int, thickness_nm: float) -> Sample:
 
 
 def fit_free_film(
-    measurement: Measurement, sample: Sample, settings: Settings, asked: Asked
+    measurement: Measurement, sample: Sample, which: int, settings: Settings, asked: Asked
 ) -> Fit:
-    """Return the fit of batch shape (W,), with the shared thickness among its parameters."""
-    which = free_film(sample)
-    assert which is not None
+    """Return the fit of batch shape (W,), with the shared thickness among its parameters.
+
+    which: of the media is the film; see `free_film`.
+    """
     _check_settings(measurement, sample, which, settings, asked)
     d = sample.media[which].thickness
     assert d is not None
@@ -131,56 +133,47 @@ def fit_free_film(
         best = best_within_error(ones, row, shared.nm, sigma, ends)
         if best != shared.nm:
             found = fit_wavelengths(measurement, _held(sample, which, best), settings, asked)
-    shift = 0.0 if wide else min(sigma, 0.2 * best)
-    beside = _held(sample, which, best + shift)
-    moved = fit_wavelengths(measurement, beside, settings, asked, near=found)
-    by = {
-        n: _slope(e, moved.parameters[n], sigma / shift if shift else 0.0)
-        for n, e in found.parameters.items() if n != label and np.ndim(e.value)
-    }  # fmt: skip
-    ranges = {ones[0].fit.u.labels.get(u.parameter.name): (u.low, u.high)
-              for u in ones[0].fit.u.moving}  # fmt: skip
-    parameters = {
-        n: _with_thickness(e, by[n], ranges.get(n, (-np.inf, np.inf))) if n in by else e
-        for n, e in found.parameters.items() if n != label
-    }  # fmt: skip
-    interval = np.clip(shared.interval, *ends)
+    if not wide:
+        shift = min(sigma, 0.2 * best)
+        beside = _held(sample, which, best + shift)
+        moved = fit_wavelengths(measurement, beside, settings, asked, near=found)
+        found = _with_thickness(found, moved, sigma / shift)
+    parameters = {n: e for n, e in found.parameters.items() if n != label}
+    of_film = [ones[0].fit.u.labels[f"{sample.places[which]}.{n}"] for n in ("eta", "k")]
+    errors = [np.broadcast_to(parameters[n].sigma, found.shape) for n in of_film]
     parameters[label] = Estimate(
         name=label, unit="nm", value=best, sigma=np.nan if wide else sigma,
-        interval=np.full(2, np.nan) if wide else interval,
+        interval=np.full(2, np.nan) if wide else np.clip(shared.interval, *ends),
         interval_kind=NONE if wide else QUADRATIC, status=SHARED,
     )  # fmt: skip
-    findings = list(found.findings)
-    everywhere = np.ones(found.shape, bool)
+    findings, everywhere = found.findings, np.ones(found.shape, bool)
     if wide:
-        findings.insert(0, Finding("shared_not_seen", everywhere, {"parameter": label}))
-    if shared.others and not wide:
-        values = {"parameter": label, "values": tuple(o[0] for o in shared.others),
-                  "delta_chi2": tuple(o[1] for o in shared.others)}  # fmt: skip
-        findings.insert(0, Finding("other_thickness", everywhere, values))
-    columns = np.stack([by[n] for n in found.names], -1)
-    own = [ones[0].fit.u.labels[f"{sample.places[which]}.{n}"] for n in ("eta", "k")]
-    errors = [np.broadcast_to(parameters[n].sigma, found.shape) for n in own]
+        findings = (Finding("shared_not_seen", everywhere, {"parameter": label}), *findings)
+    elif shared.others:
+        others, rises = zip(*shared.others, strict=True)
+        values = {"parameter": label, "values": others, "delta_chi2": rises}
+        findings = (Finding("other_thickness", everywhere, values), *findings)
     return replace(
-        found, sample=sample, parameters=parameters, findings=tuple(findings),
-        covariance=found.covariance + columns[..., :, None] * columns[..., None, :],
+        found, sample=sample, parameters=parameters, findings=findings,
         evaluator=found.evaluator.with_errors(np.stack(errors, -1)),  # type: ignore
     )  # fmt: skip
 
 
-def _slope(e: Estimate, moved: Estimate, per_shift: float) -> np.ndarray:
-    """Return the change of an estimate (W,) with one standard error of the thickness."""
-    by = (np.asarray(moved.value) - np.asarray(e.value)) * per_shift
-    return np.where(np.isfinite(by), by, 0.0)
+def _with_thickness(found: Fit, moved: Fit, per_shift: float) -> Fit:
+    """Return the fit (W,) with the error of the thickness in all errors.
 
-
-def _with_thickness(e: Estimate, by: np.ndarray, ends: tuple[float, float]) -> Estimate:
-    """Return the estimate with the error of the thickness added. ends: those of its range."""
-    own = np.asarray(e.sigma)
-    sigma = np.hypot(own, by)
-    with np.errstate(all="ignore"):
-        wider = np.where(own > 0.0, sigma / own, 1.0)
-    value = np.asarray(e.value)[..., None]
-    interval = np.clip(value + (e.interval - value) * wider[..., None], *ends)
-    limit = np.where(np.isfinite(e.upper_limit), interval[..., 1], np.nan)
-    return replace(e, sigma=sigma, interval=interval, upper_limit=limit)
+    moved: the fit at another thickness. per_shift: the standard error over that difference.
+    """
+    parameters, ends, columns = dict(found.parameters), ranges(found), []
+    for n, e in found.parameters.items():
+        if not np.ndim(e.value):
+            continue
+        by = np.nan_to_num((moved.parameters[n].value - e.value) * per_shift, posinf=0, neginf=0)
+        with np.errstate(all="ignore"):
+            factor = np.where(e.sigma > 0.0, np.hypot(e.sigma, by) / e.sigma, 1.0)
+        parameters[n] = wider(e, factor, ends.get(n, (-np.inf, np.inf)))
+        if e.free:
+            columns.append(by)
+    by_all = np.stack(columns, -1)
+    covariance = found.covariance + by_all[..., :, None] * by_all[..., None, :]
+    return replace(found, parameters=parameters, covariance=covariance)

@@ -1,4 +1,5 @@
-"""Larger errors for a fit with autocorrelated residuals, since fewer data are independent."""
+"""Larger errors: of any estimate, and of fits with autocorrelated residuals, where fewer data are
+independent."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from fitting.results.diagnostics import Finding
 from fitting.results.result import TIED, Estimate, Fit
 
 
-def _estimate(e: Estimate, factor: Any, ends: tuple[float, float]) -> Estimate:
+def wider(e: Estimate, factor: Any, ends: tuple[float, float]) -> Estimate:
     """Return an estimate with every distance from its value multiplied. ends: of its range."""
     if not e.free and e.status != TIED:
         return e
@@ -31,7 +32,7 @@ def _estimate(e: Estimate, factor: Any, ends: tuple[float, float]) -> Estimate:
     return replace(e, sigma=sigma, interval=wide, upper_limit=limit)
 
 
-def _ranges(fit: Fit) -> dict[str, tuple[float, float]]:
+def ranges(fit: Fit) -> dict[str, tuple[float, float]]:
     """Return the range of every fitted parameter of a model, by name."""
     of: Any = getattr(fit.evaluator, "each", (fit.evaluator,))[0]
     u = getattr(of, "unknowns", None)
@@ -47,27 +48,26 @@ def _ranges(fit: Fit) -> dict[str, tuple[float, float]]:
 
 def _finding(f: Finding, factor: Any, parameters: Mapping[str, Estimate]) -> Finding:
     """Return a finding with the errors in it multiplied. parameters: after it."""
-    if f.code == "not_quadratic" and np.ndim(factor) == 0:
-        each = [(parameters[n].value, parameters[n].interval) for n in f.values["parameters"]]
-        pairs = zip(each, f.values["by_sigma"], strict=True)
-        wide = [[v + factor * (end - v) for end in ends] for (v, _), ends in pairs]
-        own = [ends.tolist() for _, ends in each]
-        return Finding(f.code, f.at, {**f.values, "intervals": own, "by_sigma": wide})
-    if f.code == "thin_film" and np.ndim(factor) == 0:
-        shares = {n: factor * f.values[n] for n in ("share", "held_share")}
-        return Finding(f.code, f.at, {**f.values, **shares})
-    if f.code == "poorly_determined" and np.ndim(factor) == 0:
-        shares = tuple(factor * share for share in f.values["shares"])
-        return Finding(f.code, f.at, {**f.values, "shares": shares})
+    new: dict[str, Any] = {}
     if f.code == "residuals_in_order":
-        return Finding(f.code, f.at, {**f.values, "widened": factor})
-    if f.code == "chi2_small":
+        new["widened"] = factor
+    elif f.code == "compatible_with_zero":
+        new["limit"] = np.multiply(f.values["limit"], factor)
+    elif f.code == "chi2_small" and np.all(np.asarray(factor) > 1.0):
         # In a batch, fits without autocorrelation keep their sentence.
-        kept = np.all(np.asarray(factor) > 1.0)
-        return Finding(f.code, f.at, {**f.values, "errors": "kept"}) if kept else f
-    if f.code == "compatible_with_zero":
-        return Finding(f.code, f.at, {**f.values, "limit": np.multiply(f.values["limit"], factor)})
-    return f
+        new["errors"] = "kept"
+    elif np.ndim(factor) == 0:
+        if f.code == "not_quadratic":
+            own = [parameters[n] for n in f.values["parameters"]]
+            pairs = zip(own, f.values["by_sigma"], strict=True)
+            new["by_sigma"] = [[e.value + factor * (end - e.value) for end in ends]
+                               for e, ends in pairs]  # fmt: skip
+            new["intervals"] = [e.interval.tolist() for e in own]
+        elif f.code == "thin_film":
+            new = {n: factor * f.values[n] for n in ("share", "held_share")}
+        elif f.code == "poorly_determined":
+            new["shares"] = tuple(factor * share for share in f.values["shares"])
+    return replace(f, values={**f.values, **new})
 
 
 def widened(fit: Fit) -> Fit:
@@ -85,10 +85,10 @@ def widened(fit: Fit) -> Fit:
     scale = np.where(np.asarray(fit.errors.stated), np.fmin(fit.errors.factor, 1.0), 1.0)
     factor: Any = widening(rho) / np.where(np.isfinite(rho), scale, 1.0)
     factor = factor if fit.shape else float(factor)
-    ranges, anywhere = _ranges(fit), (-np.inf, np.inf)
+    ends, anywhere = ranges(fit), (-np.inf, np.inf)
 
     def wide(some: Mapping[str, Estimate]) -> dict[str, Estimate]:
-        return {n: _estimate(e, factor, ranges.get(n, anywhere)) for n, e in some.items()}
+        return {n: wider(e, factor, ends.get(n, anywhere)) for n, e in some.items()}
 
     parameters = wide(fit.parameters)
     square = np.asarray(factor)[..., None, None] ** 2
