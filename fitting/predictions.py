@@ -76,20 +76,21 @@ def _at_fitted_wavelengths(fit: Fit, points: Measurement) -> Measurement:
     if len(known) == 1 and np.ndim(fit.status) == 0:
         wanted = np.where(np.isnan(wanted), known, wanted)
     away = np.abs(wanted[:, None] - known)
-    near = np.argmin(np.where(np.isnan(away), np.inf, away), axis=1)
-    same = np.isnan(wanted) & np.isnan(known[near]) & (np.size(fit.wavelength_um) == 1)
-    same |= np.abs(wanted - known[near]) <= _SAME * known[near]
+    near = known[np.argmin(np.where(np.isnan(away), np.inf, away), axis=1)]
+    one = np.size(fit.wavelength_um) == 1
+    same = np.isclose(wanted, near, rtol=_SAME, atol=0.0, equal_nan=one)
     if not same.all():
         came = wanted[~same][0]
-        few = ", ".join(f"{w:g}" for w in known.tolist())
-        some = few if len(known) <= 8 else f"{len(known)} from {known[0]:g} to {known[-1]:g}"
+        some = ", ".join(f"{w:g}" for w in known.tolist())
+        if len(known) > 8:
+            some = f"{len(known)} from {known[0]:g} to {known[-1]:g}"
         measured = "no wavelength is known" if np.isnan(known).all() else f"measured: {some} um"
         raise ValueError(
             "eta and k were fitted at each measured wavelength by itself and are not known at "
             f"{'an unknown wavelength' if np.isnan(came) else f'{came:g} um'} ({measured}). Give "
             "one of the measured wavelengths, or fit a dispersion model."
         )
-    return replace(points, wavelength_um=known[near])
+    return replace(points, wavelength_um=near)
 
 
 def simulate(

@@ -67,15 +67,14 @@ def disagreement(results: Sequence[Fit]) -> tuple[Warning, ...]:
     of a model over the wavelengths that both files cover, those of an index that is free at every
     wavelength at the common ones. Only what has a standard error in both is compared.
     """
-    least, said = EXCLUDING, None
     labels = labels_of([f.measurement.source if f.measurement else "" for f in results])
-    for i, first in enumerate(results):
-        for j, second in enumerate(results[:i]):
-            for a, b in _alike(second, first):
-                chance, values = _by_chance(a, b)
-                if chance < least:
-                    least, said = chance, {**values, "files": (labels[j], labels[i])}
-    return (Warning("files_exclude", {}, said),) if said else ()
+    every = [
+        (chance, {**values, "files": (labels[j], labels[i])})
+        for i, first in enumerate(results) for j, second in enumerate(results[:i])
+        for pair in _alike(second, first) for chance, values in _differences(*pair)
+    ]  # fmt: skip
+    least, said = min(every, key=lambda one: one[0], default=(1.0, {}))
+    return (Warning("files_exclude", {}, said),) if least < EXCLUDING else ()
 
 
 def _alike(first: Fit, second: Fit) -> Iterator[tuple[Fit, Fit]]:
@@ -111,17 +110,12 @@ def _pairs(first: Fit, second: Fit) -> Iterator[_Pair]:
             yield f"{name} at {wavelength:.4g} um", values, sigmas
 
 
-def _by_chance(first: Fit, second: Fit) -> tuple[float, dict[str, Any]]:
-    """Return the lowest probability by chance of a difference, and the numbers of the sentence."""
-    least, said = 1.0, {}
+def _differences(first: Fit, second: Fit) -> Iterator[tuple[float, dict[str, Any]]]:
+    """Yield the probability by chance of each difference, and the numbers of the sentence."""
     counted = [f.dof for f in (first, second) if f.errors.taken != "stated"]
     for name, values, sigmas in _pairs(first, second):
         together = float(np.hypot(*sigmas))
-        if not (np.isfinite(together) and together > 0.0):
-            continue
-        apart = abs(values[0] - values[1]) / together
-        chance = 2.0 * float(stdtr(max(min(counted, default=1e9), 1), -apart))
-        if chance < least:
-            least = chance
-            said = {"parameter": name, "values": values, "sigmas": sigmas, "apart": apart}
-    return least, said
+        if np.isfinite(together) and together > 0.0:
+            apart = abs(values[0] - values[1]) / together
+            chance = 2.0 * float(stdtr(max(min(counted, default=1e9), 1), -apart))
+            yield chance, {"parameter": name, "values": values, "sigmas": sigmas, "apart": apart}
