@@ -10,11 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from fitting.optics.observe import Media
+from fitting.optics.observe import Media, Spec
 from fitting.outcomes.batched import stacked_fits
 from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of
-from fitting.problem.problem import LOSSES, Targets
+from fitting.problem.problem import LOSSES, Targets, targets_of
 from fitting.problem.unknowns import Unknowns, unknown_of
 from fitting.process.compiled import compiled
 from fitting.results.result import Fit
@@ -27,7 +27,6 @@ from fitting.samples.parameters import (
     check_search,
     check_settings,
     names_of,
-    to_parameter,
 )
 from fitting.searching.last_steps import down_the_valley
 from fitting.searching.search import Asked, Solving, solved
@@ -53,17 +52,9 @@ class OwnSpec(NamedTuple):
     media: Media = Media((), ())
     channels: tuple[str, ...] = ()
 
-    def values(self, y: Array, held: Array) -> dict[str, Array]:
-        """Return every parameter, (L,), at the unknowns y (p, L) and constants (h,)."""
-        lanes = y.shape[1:]
-        out = dict(zip(self.moving, to_parameter(self.coordinates, y), strict=True))
-        pairs = zip(self.held, held, strict=True)
-        out |= {name: jnp.broadcast_to(value, lanes) for name, value in pairs}
-        return out | {name: factor * out[of] for name, factor, of in self.tied}
-
     def raw(self, y: Array, targets: Targets) -> list[Array]:
         """Return the residuals (n, L) at y (p, L), as a list of one."""
-        values = self.values(y, targets.held)
+        values = Spec.values(self, y, targets.held)  # type: ignore[arg-type]
         each = jax.vmap(lambda v: jnp.ravel(self.residuals(v, targets.points)), out_axes=-1)
         return [each(values) / targets.noise]
 
@@ -71,24 +62,25 @@ class OwnSpec(NamedTuple):
 class OwnRows(NamedTuple):
     """The rows of the caller's residuals, in place of `observations.Observations`."""
 
-    row: np.ndarray
+    points: Any
     stated: bool
-    curve: np.ndarray
-    squares: float
+    row: np.ndarray = np.empty(0)
+    curve: np.ndarray = np.empty(0)
+    squares: float = 0.0
     channels: tuple[str, ...] = ()
     values: tuple[Any, ...] = ()
     weights: tuple[Any, ...] = ()
+    ncs: tuple[Any, ...] = ()
+    ncs_weights: tuple[Any, ...] = ()
 
 
 def _linearised(targets: Targets, y: Array, *, spec: OwnSpec) -> tuple[Array, Array]:
     """Return the residuals (n,) at y (p,) and their derivatives (n, p)."""
-    p = y.shape[0]
-    value, slope = jax.jvp(
-        lambda lanes: spec.raw(lanes, targets)[0],
-        (jnp.broadcast_to(y[:, None], (p, p)),),
-        (jnp.eye(p),),
-    )
-    return value[..., 0], slope
+
+    def residual(y: Array) -> Array:
+        return spec.raw(y[:, None], targets)[0][:, 0]
+
+    return residual(y), jax.jacfwd(residual)(y)
 
 
 _own_linearised = compiled(_linearised, ("spec",))
@@ -120,24 +112,21 @@ def _range(name: str, what: Any, kind: str) -> tuple[float, float]:
 
 def _parameter(name: str, what: Any) -> Parameter:
     """Return a parameter from its description by the caller."""
-    if isinstance(what, Mapping):
-        said = dict(what)
-        kind = said.pop("coordinate", "linear")
-        if kind not in _COORDINATES:
-            raise ValueError(
-                f"the coordinate of {name} is {kind!r}; {' or '.join(_COORDINATES)} was wanted."
-            )
-        low, high = said.pop("bounds", (-np.inf, np.inf))
-        start, unit = said.pop("start", None), said.pop("unit", "")
-        if said or start is None:
-            raise ValueError(
-                f"the parameter {name} is {what!r}; a mapping with 'start': (low, high) was "
-                "wanted, and at most 'bounds', 'coordinate' and 'unit' beside it."
-            )
-        start, (low, high) = _range(name, start, "start"), _range(name, (low, high), "bounds")
-        low = max(low, 0.0) if kind != "linear" else low
-        return Parameter(name, unit, start, low, high, _COORDINATES[kind], decades=kind == "log")
-    return Parameter(name, "", _range(name, what, "start"))
+    said = dict(what) if isinstance(what, Mapping) else {"start": what}
+    kind = said.pop("coordinate", "linear")
+    if kind not in _COORDINATES:
+        raise ValueError(
+            f"the coordinate of {name} is {kind!r}; {' or '.join(_COORDINATES)} was wanted."
+        )
+    bounds, unit = said.pop("bounds", (-np.inf, np.inf)), said.pop("unit", "")
+    if [*said] != ["start"]:
+        raise ValueError(
+            f"the parameter {name} is {what!r}; a mapping with 'start': (low, high) was wanted, "
+            "and at most 'bounds', 'coordinate' and 'unit' beside it."
+        )
+    start, (low, high) = _range(name, said["start"], "start"), _range(name, bounds, "bounds")
+    low = max(low, 0.0) if kind != "linear" else low
+    return Parameter(name, unit, start, low, high, _COORDINATES[kind], decades=kind == "log")
 
 
 def _unknowns(
@@ -166,23 +155,15 @@ def _unknowns(
     return Unknowns(spec, tuple(moving), np.empty(0), names, units)  # type: ignore[arg-type]
 
 
-def _targets(u: Unknowns, data: Any) -> Targets:
-    prior = np.array([w.prior[0] if w.prior else 0.0 for w in u.moving])
-    weight = np.array([1.0 / w.prior[1] if w.prior else 0.0 for w in u.moving])
-    return Targets(
-        points=data, values=(), weights=(), ncs=(), ncs_weights=(), noise=np.float64(1.0),
-        prior=prior, prior_weight=weight, held=np.empty(0), eta_i=np.float64(1.0),
-    )  # fmt: skip
-
-
 def _one(u: Unknowns, data: Any, settings: Settings, asked: Asked, points: np.ndarray) -> Fit:
     """Return the fit of one set of data."""
-    targets = _targets(u, data)
+    rows: Any = OwnRows(data, asked.errors == "stated")
+    targets = targets_of(u, rows, np.float64(1.0))
     middle = own_slopes(u.spec, targets, points[:, 0])  # type: ignore[arg-type]
     count = len(middle.residual)
     scale = float(np.nan_to_num(middle.residual @ middle.residual, nan=1.0, posinf=1.0))
-    rows = OwnRows(np.arange(count), asked.errors == "stated", np.zeros(count, int), scale)
-    job = Solving(u, rows, targets, settings, asked)  # type: ignore[arg-type]
+    rows = rows._replace(row=np.arange(count), curve=np.zeros(count, int), squares=scale)
+    job = Solving(u, rows, targets, settings, asked)
     job.starts = points.shape[1]
     ends, noise = solved(job, points)
     return fit_of(job, down_the_valley(job, ends, noise), noise, Subject(None, None))
