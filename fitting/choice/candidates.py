@@ -98,11 +98,12 @@ class Choice:
     def table(self) -> list[list[str]]:
         """Return the comparison as rows of texts below a header; ``>`` marks the one taken."""
         rows = [["", "model", "parameters", "BIC", "rms", "status"]]
-        least = min(c.fit.bic for c in self.candidates)
-        for c in self.candidates:
-            mark = ">" if c.label == self.taken.label else ""
-            rise = f"+{c.fit.bic - least:.1f}"
-            rows.append([mark, c.label, str(c.size), rise, f"{c.fit.rms:.3g}", c.fit.status])
+        models = self.to_dict()["models"]
+        least = min(m["bic"] for m in models)
+        for m in models:
+            rise, rms = f"+{m['bic'] - least:.1f}", f"{m['rms']:.3g}"
+            mark = ">" if m["taken"] else ""
+            rows.append([mark, m["label"], str(m["parameters"]), rise, rms, m["status"]])
         return rows
 
     def to_dict(self) -> dict[str, Any]:

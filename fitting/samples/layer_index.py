@@ -50,11 +50,9 @@ def _lanes(v: Mapping[str, Array]) -> int:
 
 
 def _own(spec: Spec, medium: int, v: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the parameters of a medium by their bare names."""
     head = f"{spec.media.places[medium]}."
-    return {
-        name.removeprefix(head): value for name, value in v.items()
-        if name.startswith(head) and not name.startswith(f"{head}thickness")
-    }  # fmt: skip
+    return {name.removeprefix(head): x for name, x in v.items() if name.startswith(head)}
 
 
 def medium_index(
@@ -67,16 +65,11 @@ def medium_index(
     first medium, for a layer that is mixed with it.
     """
     wavelength_um = jnp.asarray(wavelength_um)
-    lanes = _lanes(v)
-    which = spec.media.index[medium]
+    which, own = spec.media.index[medium], _own(spec, medium, v)
     if not isinstance(which, Mixture):
-        own = _own(spec, medium, v)
-        own.pop("grade", None)
-        return _index_of(which, own, wavelength_um, lanes)
-    parts = _parts(spec, medium, v, wavelength_um, eta_i)
-    own = _own(spec, medium, v)
+        return _index_of(which, own, wavelength_um, _lanes(v))
     fractions = [own[name] for name in which.fractions] or [jnp.full((), 0.5)]
-    return _mixed(which, parts, fractions)
+    return _mixed(which, _parts(spec, medium, v, wavelength_um, eta_i), fractions)
 
 
 def _parts(
@@ -85,9 +78,7 @@ def _parts(
     """Return eta and k of the parts of a mixture."""
     which = spec.media.index[medium]
     assert isinstance(which, Mixture)
-    lanes = _lanes(v)
-    own = {n: x for n, x in _own(spec, medium, v).items() if not n.startswith("fraction")}
-    out = []
+    lanes, own, out = _lanes(v), _own(spec, medium, v), []
     for part in which.parts:
         if part == ABOVE and medium == 0:
             shape = (wavelength_um.shape[0], lanes)

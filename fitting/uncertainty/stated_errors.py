@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -77,22 +78,20 @@ def _told(found: Fit, best: Fit, joined: Measurement, floor: tuple[float, float]
         chi2 = float(square.sum())
     with np.errstate(all="ignore"):
         reduced = np.where(np.asarray(best.dof) > 0, chi2 / np.asarray(best.dof), np.nan)
-    at = np.ones(best.shape, bool) if best.shape else np.True_
-    told = Finding("errors_floor", at, {
+    told = Finding("errors_floor", np.ones(best.shape, bool), {
         "chi2_reduced": float(np.nansum(found.chi2) / np.sum(found.dof)), "floor": floor[0],
         "gain": floor[1],
     })  # fmt: skip
-    new = [told, *_apart(found, best)]
     order = list(SENTENCES)
-    both = sorted([*best.findings, *new], key=lambda f: order.index(f.code))
-    shape = best.shape
-    taken = np.full(shape, "floor") if shape else "floor"
+    every = [*best.findings, told, *_apart(found, best)]
+
+    def each(value: Any) -> Any:
+        return np.full(best.shape, value) if best.shape else value
+
     return replace(
-        best, chi2=chi2, chi2_reduced=reduced if shape else float(reduced), measurement=joined,
-        findings=tuple(both),
-        errors=best.errors._replace(
-            taken=taken, floor=np.full(shape, floor[0]) if shape else floor[0]
-        ),
+        best, chi2=chi2, chi2_reduced=reduced if best.shape else float(reduced), measurement=joined,
+        findings=tuple(sorted(every, key=lambda f: order.index(f.code))),
+        errors=best.errors._replace(taken=each("floor"), floor=each(floor[0])),
     )  # fmt: skip
 
 
