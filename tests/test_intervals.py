@@ -13,7 +13,9 @@ from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.region import profile
 from fitting.bare_surface.valley import Lanes, evaluate
 from fitting.measurements.measurement import read_csv
+from fitting.results.result import Estimate
 from fitting.uncertainty.limits import student_quantile
+from fitting.uncertainty.widening import wider
 
 ANGLES = np.linspace(10.0, 85.0, 16)
 Q95 = stats.chi2.ppf(0.95, 1)
@@ -260,3 +262,12 @@ def test_an_interval_is_the_same_from_wherever_in_the_valley(n):
         ends.append([region.eta[0, 1], region.k[0, 1]])
     np.testing.assert_allclose(np.array(ends)[:, 0], n, atol=0.02)
     np.testing.assert_allclose(np.array(ends)[:, 1], np.mean(ends, axis=0)[1], rtol=0.02)
+
+
+def test_only_the_range_of_a_parameter_ends_its_widened_interval():
+    """One that may be negative, as B of Cauchy's formula, had ended at 0 if it had been above."""
+    e = Estimate(
+        name="B", value=3.0, sigma=1.0, interval=np.array([1.0, 5.0]), interval_kind="quadratic"
+    )
+    assert wider(e, 2.0, (-np.inf, np.inf)).interval.tolist() == [-1.0, 7.0]
+    assert wider(e, 2.0, (0.0, 6.0)).interval.tolist() == [0.0, 6.0]

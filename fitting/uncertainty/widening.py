@@ -21,9 +21,7 @@ def wider(e: Estimate, factor: Any, ends: tuple[float, float]) -> Estimate:
     value, before = np.asarray(e.value)[..., None], np.asarray(e.interval)
     sigma, limit = np.multiply(e.sigma, factor), np.multiply(e.upper_limit, factor)
     with np.errstate(invalid="ignore"):
-        wide = value + np.asarray(factor)[..., None] * (before - value)
-        # The interval of a parameter that cannot be negative ends at 0.
-        wide = np.where((before >= 0.0) & (wide < 0.0), 0.0, np.clip(wide, *ends))
+        wide = np.clip(value + np.asarray(factor)[..., None] * (before - value), *ends)
         # An upper limit is the upper end of the interval.
         limit = np.minimum(limit, ends[1])
         wide[..., 1] = np.where(np.isfinite(limit), limit, wide[..., 1])
@@ -33,11 +31,11 @@ def wider(e: Estimate, factor: Any, ends: tuple[float, float]) -> Estimate:
 
 
 def ranges(fit: Fit) -> dict[str, tuple[float, float]]:
-    """Return the range of every fitted parameter of a model, by name."""
+    """Return the range of every fitted parameter, by name."""
     of: Any = getattr(fit.evaluator, "each", (fit.evaluator,))[0]
     u = getattr(of, "unknowns", None)
-    if u is None:
-        return {}
+    if u is None:  # of a bare surface
+        return dict.fromkeys(("eta", "k"), (0.0, np.inf))
     inside = {w.parameter.name: (w.low, w.high) for w in u.moving}
     for name, times, other in u.spec.tied:
         if other in inside:
