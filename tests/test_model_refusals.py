@@ -1,9 +1,11 @@
 """What a model fit refuses: names, values and quantities that do not go together."""
 
+import re
+
 import numpy as np
 import pytest
 
-from fitting import Measurement, choose, fit, simulate
+from fitting import Measurement, Sample, choose, fit, simulate
 from fitting.samples.parameters import Settings, check_settings, names_of, parse_setting
 
 
@@ -69,6 +71,16 @@ def test_transmittance_is_not_that_of_one_surface():
         fit(m, "cauchy")
     with pytest.raises(ValueError, match=r"'air \| auto 3 mm thick \| air'"):
         choose(m)
+
+
+@pytest.mark.parametrize("layer", ["cauchy 60 um", "cauchy 60 um graded", "SiO2 60..70 um graded"])
+def test_what_is_advised_for_unseen_fringes_can_be_written(layer):
+    """A graded layer was to be written 'graded thick', which exclude each other."""
+    m = Measurement.from_columns(0.0, np.linspace(0.4, 0.8, 9), R=np.full(9, 0.1))
+    with pytest.raises(ValueError, match="fringes would lie between") as refused:
+        fit(m, f"air | {layer} | Si")
+    advised = re.search(r"Write '(.*?)'", str(refused.value))
+    assert advised and not Sample.parse(f"air | {advised[1]} | Si").films
 
 
 def test_refusals_of_data():

@@ -64,10 +64,12 @@ def _refuse_unseen_fringes(m: Measurement, sample: Sample) -> None:
         least = d.low_um or d.start_um
         between = 2.0 * _ETA * least * step
         if least >= _PLATE_UM and between > _FRINGES:
+            plain = layer._replace(thickness=d._replace(graded=False))
+            without = " and not 'graded'" if d.graded else ""
             raise ValueError(
                 f"{m.source}: the faces of the layer '{layer}' interfere, and about {between:.2g} "
                 "of its fringes would lie between two measured wavelengths, where none is seen. "
-                f"Write '{layer} thick', and its reflections add without interference."
+                f"Write '{plain} thick'{without}, and its reflections add without interference."
             )
 
 
