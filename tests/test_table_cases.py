@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from simulated import simulated, textbook
 
-from fitting import Measurement, choose, fit
+from fitting import Measurement, choose, fit, simulate
 from fitting.measurements.measurement import concatenate
 from fitting.output.estimates import reach
 from fitting.output.fit_page import fit_page
@@ -53,6 +53,15 @@ def test_a_sample_without_parameters_can_be_chosen_and_shown():
         assert "no parameter was fitted" in text or "none was fitted" in text
         assert "starting points" not in text
     assert one_line(repr(choice.fit)).endswith("converged>")
+
+
+def test_a_sample_without_parameters_may_have_a_fixed_angle_offset():
+    """The offset that stands for a parameter there could not be fixed and bounded as well."""
+    angle = np.linspace(20.0, 80.0, 20)
+    R = {q: simulate("1.5", {"angle_offset": 0.4}, angle, 0.6, q) for q in ("R_s", "R_p")}
+    m = Measurement.from_columns(angle, 0.6, sigma=1e-3, **R)
+    choice = choose(m, "1.5 or 1.7", fixed={"angle_offset": 0.4}, intervals="quadratic")
+    assert choice.taken.label == "1.5" and choice.fit.rms < 1e-9
 
 
 def test_correlations_are_shown(absorber):

@@ -46,7 +46,11 @@ def of_samples(samples: Sequence[Sample], base: Settings, fitted: Fitted) -> Run
                 "models instead."
             )
     by_label = {str(which): which for which in samples}
-    nothing = base._replace(bounds={**base.bounds, _NEUTRAL: (-1e-9, 1e-9)})
+    at = base.fixed.get(_NEUTRAL, 0.0)
+    nothing = base._replace(
+        fixed={n: value for n, value in base.fixed.items() if n != _NEUTRAL},
+        bounds={**base.bounds, _NEUTRAL: (at - 1e-9, at + 1e-9)},
+    )
 
     def run(key: Key, kind: str, believed: str) -> Fit:
         which = by_label[key.model]
@@ -59,7 +63,7 @@ def of_samples(samples: Sequence[Sample], base: Settings, fitted: Fitted) -> Run
 
 
 def _without_unknowns(found: Fit) -> Fit:
-    """Return the fit of a sample without unknowns, from that of an angle offset held next to 0.
+    """Return the fit of a sample without unknowns, from that of an angle offset that hardly moves.
 
     The offset counts neither in the degrees of freedom nor in the information criteria.
     """
