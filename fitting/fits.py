@@ -28,6 +28,7 @@ from fitting.outcomes.batched import stacked
 from fitting.outcomes.disagreement import disagreement, may_disagree
 from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of
+from fitting.outcomes.pseudo_index import notes_on
 from fitting.problem.observations import missing_errors
 from fitting.problem.problem import LOSSES
 from fitting.residuals.error_model import ERRORS
@@ -136,8 +137,7 @@ def _shared(
     if few is not job:
         job.lanes = FOLLOWED
     ends, noise = _searched(job, few, points)
-    notes = missing_errors(measurements, asked.errors)
-    return fit_of(job, ends, noise, Subject(sample, concatenate(*measurements), notes))
+    return fit_of(job, ends, noise, Subject(sample, concatenate(*measurements)))
 
 
 def fit_checked(
@@ -177,9 +177,10 @@ def fit_checked(
 
     if not settings.priors:
         found = with_common_error(again, measurements, found, asked.errors, asked.intervals)
+    notes = (*missing_errors(measurements, asked.errors), *notes_on(found))
     if len(measurements) > 1 and may_disagree(found):
-        alone = _alone(measurements, sample, settings, asked, found)
-        found = replace(found, notes=(*found.notes, *disagreement(alone)))
+        notes += disagreement(_alone(measurements, sample, settings, asked, found))
+    found = replace(found, notes=notes)
     return widened(found) if asked.errors == "auto" else found
 
 
@@ -232,7 +233,7 @@ def _general(
         return fit_wavelengths(joined, sample, settings, asked)
     parts = [joined.where(joined.wavelength_um == w) for w in waves]
     each = [_shared([part], sample, settings, asked, begin) for part in parts]
-    return stacked(each, joined, missing_errors([joined], asked.errors))
+    return stacked(each, joined)
 
 
 def fit(

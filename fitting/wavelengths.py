@@ -17,8 +17,7 @@ from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.batched import stacked
 from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of, without_error
-from fitting.outcomes.pseudo_index import notes_on
-from fitting.problem.observations import missing_errors, observations
+from fitting.problem.observations import observations
 from fitting.problem.problem import Targets, targets_of
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.progress import listening, tell
@@ -173,9 +172,9 @@ def fit_wavelengths(
 ) -> Fit:  # fmt: skip
     """Return the fit of every wavelength by itself, batch shape (W,) in rising order.
 
-    psi and Delta of a bare surface give the pseudo-index, see `pseudo_index`. If a wavelength has
-    fewer than five degrees of freedom, scaled errors use the scatter of all wavelengths. near: the
-    fit of a sample that hardly differs, of which the same minima are wanted, as they have moved.
+    If a wavelength has fewer than five degrees of freedom, scaled errors use the scatter of all
+    wavelengths. near: the fit of a sample that hardly differs, of which the same minima are wanted,
+    as they have moved.
     """
     several = len(np.unique(measurement.wavelength_um)) > 1
     if several and asked.intervals == "auto" and not sample.eta_i > 1.0:
@@ -198,8 +197,7 @@ def fit_wavelengths(
         ends = _levelled(ends) if one.fit.dof == 0 else ends
         tell("errors")
         fits.append(_too_few(fit_of(one.fit, ends, 1.0, Subject(sample, one.measurement))))
-    notes = (*missing_errors([measurement], asked.errors), *notes_on(fits, sample, measurement))
-    return stacked(fits, measurement, notes) if several else replace(fits[0], notes=notes)
+    return stacked(fits, measurement) if several else fits[0]
 
 
 def solved_each(ones: list[One], count: int = LANES) -> list[tuple[One, Ends]]:

@@ -300,3 +300,11 @@ def test_stated_errors_tell_a_wrong_sign_of_delta_that_the_misfit_alone_does_not
         fits = fit(m, errors="stated")
         assert any("ask for a k below 0" in note.text for note in fits.notes) == wrong
         assert fits.rms.max() < 0.006
+
+
+def test_a_fit_with_a_prior_or_a_start_is_of_the_pseudo_index_too():
+    """It was said of fits without settings alone."""
+    psi, delta = film(60.0, 0.5, 2.1, 1.46 + 0j, 0.17)
+    m = Measurement.from_columns([60.0], 0.5, psi=[psi], delta=[delta], sigma=0.1)
+    found = fit(m, starts=4, start={"eta": 1.5})
+    assert [note.code for note in found.notes] == ["pseudo_index", "pseudo_index_misfit"]

@@ -10,7 +10,7 @@ import numpy as np
 
 from fitting.measurements.measurement import Measurement
 from fitting.problem.evaluation import EachWavelength
-from fitting.results.diagnostics import Finding, Warning
+from fitting.results.diagnostics import Finding
 from fitting.results.result import NONE, TIED, Alternative, ErrorModel, Estimate, Fit
 
 _EACH = (
@@ -92,7 +92,7 @@ def stacked_fits(fits: Sequence[Fit]) -> Fit:
     )  # fmt: skip
 
 
-def stacked(fits: Sequence[Fit], measurement: Measurement, notes: tuple[Warning, ...]) -> Fit:
+def stacked(fits: Sequence[Fit], measurement: Measurement) -> Fit:
     """Return the fits of single wavelengths as one of batch shape (W,)."""
     quantities = tuple(dict.fromkeys(measurement.quantity.tolist()))
     kinds = dict.fromkeys(kind for f in fits for kind in f.rms_of)
@@ -100,7 +100,7 @@ def stacked(fits: Sequence[Fit], measurement: Measurement, notes: tuple[Warning,
     return replace(
         stacked_fits(fits),
         rms_of={k: _stack([f.rms_of.get(k, np.nan) for f in fits]) for k in kinds},
-        notes=notes, measurement=measurement,
+        measurement=measurement,
         curve=np.array([quantities.index(q) for q in measurement.quantity.tolist()]),
         curve_names=quantities,
         evaluator=EachWavelength(

@@ -15,7 +15,7 @@ from fitting.problem.evaluation import at_data
 from fitting.problem.unknowns import Unknowns
 from fitting.residuals.error_model import CHI2_LARGE, CHI2_SMALL, chi2_flags
 from fitting.residuals.pattern import pattern
-from fitting.results.diagnostics import Finding, Warning
+from fitting.results.diagnostics import Finding
 from fitting.results.result import AT_LOWER, AT_UPPER, PROFILE, Alternative, Estimate
 from fitting.samples.dispersion import CAUCHY_NAMES, Model
 from fitting.samples.known_media import Mixture
@@ -38,14 +38,10 @@ _MAY_VANISH = (*(set(INSTRUMENT) - {"scale"}), *"BCDEF")  # and the higher terms
 
 
 class Subject(NamedTuple):
-    """What is fitted, and the notes on it that do not depend on the result.
-
-    sample and measurement (all files joined) are None for the caller's own residuals.
-    """
+    """What is fitted: all files joined; None for the caller's own residuals."""
 
     sample: Sample | None
     measurement: Measurement | None
-    notes: tuple[Warning, ...] = ()
 
     @property
     def films(self) -> bool:

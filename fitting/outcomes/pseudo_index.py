@@ -9,16 +9,12 @@ not the index of a material, and may even need a k below 0.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
 from fitting.measurements.quantities import are_powers
 from fitting.optics.observe import NCS
 from fitting.results.diagnostics import Warning
 from fitting.results.result import AT_LOWER, Fit
-from fitting.samples.sample import Sample
 
 # N, C, S of a bare crystal are fitted within .003 (the errors of an ellipsometer), with the wrong
 # sign of Delta within .009, and those of 100 nm of hafnia on silica within .2, in measured files.
@@ -28,30 +24,20 @@ MISSED = 0.006
 MISSED_CHI2 = 10.8
 
 
-def is_pseudo(sample: Sample, measurement: Measurement) -> bool:
-    """Return whether an index found from this measurement is a pseudo-index."""
-    ellipsometry = not are_powers(measurement.quantity).all()
-    return sample.bare and sample.by_wavelength and ellipsometry
-
-
-def misses(fit: Fit) -> bool:
-    """Return whether no bare boundary has psi and Delta of this wavelength."""
-    few = fit.dof == 0 and fit.chi2 > MISSED_CHI2  # chi2 is NaN without stated errors
-    return fit.rms_of.get(NCS, 0.0) > MISSED or few
-
-
-def notes_on(fits: Sequence[Fit], sample: Sample, measurement: Measurement) -> tuple[Warning, ...]:
-    """Return the notes on pseudo-indices, with one fit for each wavelength; none for others."""
-    if not is_pseudo(sample, measurement):
+def notes_on(found: Fit) -> tuple[Warning, ...]:
+    """Return the notes on a pseudo-index, fitted at each wavelength; none on other fits."""
+    sample, m = found.sample, found.measurement
+    bare = sample is not None and sample.bare and sample.by_wavelength
+    if not bare or m is None or are_powers(m.quantity).all():
         return ()
-    missed = np.array([f.rms_of.get(NCS, 0.0) for f in fits])
-    wavelengths = np.array([float(f.wavelength_um) for f in fits])
-    off = np.array([misses(f) for f in fits])
+    wavelengths, chi2, dof = map(np.atleast_1d, (found.wavelength_um, found.chi2, found.dof))
+    missed = np.nan_to_num(np.atleast_1d(found.rms_of.get(NCS, 0.0)))
+    # No bare boundary has psi and Delta there. chi2 is NaN without stated errors.
+    off = (missed > MISSED) | ((dof == 0) & (chi2 > MISSED_CHI2))
     # With a misfit, k at its lower end would continue below 0.
-    stuck = np.array([f.parameters["k"].status == AT_LOWER for f in fits]) & off
-    off &= ~stuck
+    stuck = (np.asarray(found.parameters["k"].status) == AT_LOWER) & off
     out = [Warning("pseudo_index")]
-    for hit, cause in ((stuck, "k_negative"), (off, "film")):
+    for hit, cause in ((stuck, "k_negative"), (off & ~stuck, "film")):
         if hit.any():
             at = wavelengths[hit]
             out.append(Warning("pseudo_index_misfit", {}, {
