@@ -60,8 +60,7 @@ def knots_over(terms: int, low_ev: float, high_ev: float) -> tuple[float, ...]:
 def every_second_left_out(terms: int, knots_ev: tuple[float, ...]) -> np.ndarray:
     """Return the splines on half of the evenly spaced knots as sums of all, (terms, fewer).
 
-    Knots are put back one by one: W. Boehm, Computer-Aided Design 12, 199 (1980),
-    doi:10.1016/0010-4485(80)90154-2. It is the identity if there are too few.
+    Knots are put back one by one. It is the identity if there are too few.
     """
     even = terms - min(_ABOVE, terms // 4) + 4
     left_out = np.zeros(len(knots_ev), bool)
@@ -69,16 +68,15 @@ def every_second_left_out(terms: int, knots_ev: tuple[float, ...]) -> np.ndarray
     back = np.flatnonzero(left_out)
     if terms - len(back) < 2:
         return np.eye(terms)
-    knots, sums = np.array(knots_ev)[~left_out], np.eye(terms - len(back))
+    from scipy.interpolate import BSpline  # slow to import, seldom needed
+
+    kept, beyond = np.array(knots_ev)[~left_out], np.arange(1.0, 4.0)
+    # Three knots beyond each end, and splines there that are 0, complete the range of all.
+    knots = np.concatenate([kept[0] - beyond[::-1], kept, kept[-1] + beyond])
+    spline = BSpline(knots, np.pad(np.eye(terms - len(back)), ((3, 3), (0, 0))), 3)
     for knot in np.array(knots_ev)[back]:
-        count = len(knots) - 4
-        share = np.clip((knot - knots[: count + 1]) / (knots[3:] - knots[: count + 1]), 0.0, 1.0)
-        one_more = np.zeros((count + 1, count))
-        one_more[:-1] += np.diag(share[:-1])
-        one_more[1:] += np.diag(1.0 - share[1:])
-        sums = one_more @ sums
-        knots = np.sort(np.append(knots, knot))
-    return sums
+        spline = spline.insert_knot(knot)
+    return spline.c[3:-3]
 
 
 def spline_parameters(terms: int, high_ev: float) -> tuple[Parameter, ...]:
