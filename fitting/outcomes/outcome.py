@@ -59,23 +59,21 @@ def _fixed(u: Unknowns, end: End, free: dict[str, Estimate]) -> dict[str, Estima
     x, _ = _parameters_at(u, end.y)
     values = {n: float(v) for n, v in zip(u.spec.moving, x, strict=True)}
     values |= {n: float(v) for n, v in zip(u.spec.held, u.held, strict=True)}
-    out = {}
+    every, out = {}, {}
     for inside, value in values.items():
-        name = u.labels.get(inside)
-        if name is not None and name not in free:
-            out[name] = Estimate(
-                name=name, unit=u.units[inside], value=value, sigma=0.0,
-                interval=np.array([value, value]), interval_kind=status.NONE, status=status.FIXED,
-            )  # fmt: skip
+        name = u.labels.get(inside, "")
+        every[inside] = free.get(name) or Estimate(
+            name=name, unit=u.units.get(inside, ""), value=value, sigma=0.0,
+            interval=np.array([value, value]), interval_kind=status.NONE, status=status.FIXED,
+        )  # fmt: skip
+        if name and name not in free:
+            out[name] = every[inside]
     for inside, factor, of in u.spec.tied:
-        name, value = u.labels[inside], factor * values[of]
-        source = free.get(u.labels.get(of, ""))
-        sigma = 0.0 if source is None else abs(factor) * source.sigma
-        ends = np.array([value, value]) if source is None else np.sort(factor * source.interval)
-        out[name] = Estimate(
-            name=name, unit=u.units[inside], value=value, sigma=sigma, interval=ends,
-            interval_kind=status.NONE if source is None else source.interval_kind,
-            status=status.TIED,
+        name, e = u.labels[inside], every[of]
+        out[name] = replace(
+            e, name=name, unit=u.units[inside], value=factor * e.value,
+            sigma=abs(factor) * e.sigma, interval=np.sort(factor * e.interval),
+            upper_limit=np.nan, status=status.TIED,
         )  # fmt: skip
     return out
 

@@ -191,7 +191,8 @@ def _oscillator_model(terms: int, v: Mapping[str, Array]) -> dispersion.Dispersi
     if "plasma_ev" in v:
         electrons = v["plasma_ev"] ** 2, jnp.zeros_like(v["plasma_ev"]), v["width_ev"]
         parts = [[first, *more] for first, more in zip(electrons, parts, strict=True)]
-    return dispersion.DrudeLorentz(*map(jnp.stack, parts), v["eps_inf"])
+    strengths, resonances, widths = map(jnp.stack, parts)
+    return dispersion.DrudeLorentz(strengths, resonances, widths, v["eps_inf"])
 
 
 def _tauc_lorentz(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
@@ -210,8 +211,10 @@ def _tauc_lorentz(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
 
 
 def _tauc_lorentz_model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
-    parts = _numbered(terms, v, "amplitude_ev", "resonance_ev", "width_ev")
-    return dispersion.TaucLorentz(*map(jnp.stack, parts), v["gap_ev"], v["eps_inf"])
+    amplitudes, resonances, widths = map(
+        jnp.stack, _numbered(terms, v, "amplitude_ev", "resonance_ev", "width_ev")
+    )
+    return dispersion.TaucLorentz(amplitudes, resonances, widths, v["gap_ev"], v["eps_inf"])
 
 
 def _kk_spline(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:

@@ -167,10 +167,11 @@ class Sample(NamedTuple):
     @property
     def places(self) -> tuple[str, ...]:
         """A name for each medium: ambient, film (film_1, film_2, ..; plate if thick), substrate."""
-        names = []
         kinds = ["film" if m.thickness and m.thickness.coherent else "plate" for m in self.layers]
-        for i, kind in enumerate(kinds):
-            names.append(kind if kinds.count(kind) == 1 else f"{kind}_{kinds[: i + 1].count(kind)}")
+        names = (
+            kind if kinds.count(kind) == 1 else f"{kind}_{kinds[: i + 1].count(kind)}"
+            for i, kind in enumerate(kinds)
+        )  # fmt: skip
         return ("ambient", *names, "substrate")
 
     @property

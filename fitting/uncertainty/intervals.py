@@ -135,10 +135,7 @@ def _pair(
         far = far if good else usual
         both = [(1.0 - OFF) * far, (1.0 + OFF) * far]
         first.append(both if wanted == AUTO and good else [far])
-    below, above = (
-        Search(base, j, s, f) for s, f in zip((-1.0, 1.0), first, strict=True)
-    )  # fmt: skip
-    return _Pair(at, j, (below, above))
+    return _Pair(at, j, (Search(base, j, -1.0, first[0]), Search(base, j, 1.0, first[1])))
 
 
 def _right(pair: _Pair) -> bool:
@@ -161,7 +158,7 @@ def _start(fit: Solving, end: End, t: float) -> tuple[Intervals, Base]:
         own = np.diagonal(end.known.wide)
         along = np.nan_to_num(np.where(own > 0.0, end.known.wide / own, 0.0))
     kind = tuple(NONE if np.isnan(q).any() else QUADRATIC for q in quadratic)
-    base = Base(end.y, end.cost, along, *fit.limits, t**2 * end.known.rise, [])
+    base = Base(end.y, end.cost, along, *fit.limits, t**2 * end.known.rise, [], [])
     lowest, inside = (end.cost, end.y), end.y[None][:0]
     found = Intervals(quadratic.copy(), quadratic, kind, from_zero[:, 1], lowest, inside, t)
     return found, base
@@ -194,11 +191,10 @@ def intervals(
         for j in np.flatnonzero(fit.u.free)
         if wanted == PROFILE or not ends[at].known.unseen_of[j]
     ]
-    every = pairs
     if wanted == AUTO and pairs:
         visit(fit, [s for pair in pairs for s in pair.searches], noise)
         pairs = [
-            pair for pair in every
+            pair for pair in pairs
             if any(ends[pair.base].known.at_bound)
             or np.isfinite(out[pair.base].limits[pair.j])
             or not _right(pair)
@@ -217,7 +213,7 @@ def intervals(
                 found.limits[j] = values[1] if values[0] == 0.0 else np.nan
         inside = np.concatenate([found.inside, *(s.y[s.out - 1][None] for s in both)])
         out[at] = found._replace(kind=tuple(kind), inside=inside)
-    for at, _, both in every:
-        lowest = min([out[at].lowest, *(s.lowest for s in both)], key=lambda met: met[0])
-        out[at] = out[at]._replace(lowest=lowest)
-    return out
+    return [
+        found._replace(lowest=min([found.lowest, *base.lower], key=lambda met: met[0]))
+        for found, (_, base) in zip(out, starts, strict=True)
+    ]

@@ -45,8 +45,9 @@ class Base(NamedTuple):
     """A minimum around which the ends of intervals are searched for.
 
     y: (p,). cost: there. along: (p, p), column j: how the others go with y_j near it. low, high:
-    bounds (p,). rise: of the cost. inside: places where the cost is within that, and the unknown
-    that was held there; all searches add to it.
+    bounds (p,). rise: of the cost. All searches add to two lists: inside: places where the cost is
+    within that rise, and the unknown that was held there; lower: costs below that of the minimum,
+    and where they are.
     """
 
     y: np.ndarray
@@ -56,6 +57,7 @@ class Base(NamedTuple):
     high: np.ndarray
     rise: float
     inside: list[tuple[int, np.ndarray]]
+    lower: list[tuple[float, np.ndarray]]
 
 
 class Place(NamedTuple):
@@ -79,7 +81,6 @@ class Search:
         self.room = abs(limit - base.y[j])
         self.far, self.root, self.y = [0.0], [0.0], [base.y]
         self.found = 0.0 if self.room == 0.0 else np.nan
-        self.lowest = base.cost, base.y
         self.first = list(dict.fromkeys(min(far, self.room) for far in first))
         self.under_way = [self._place(far) for far in self.first] if self.room > 0.0 else []
         self.brackets: list[float] = []
@@ -136,8 +137,8 @@ class Search:
         rested: whether the others have converged there; if not, they go on from y next time,
         unless the place is inside already.
         """
-        if cost < self.lowest[0]:
-            self.lowest = cost, y
+        if cost < self.base.cost:
+            self.base.lower.append((cost, y))
         height = (cost - self.base.cost) / self.base.rise
         root = float(np.sqrt(max(height, 0.0))) if np.isfinite(height) else np.inf
         if root <= 1.0:
