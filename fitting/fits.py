@@ -95,28 +95,21 @@ def _searched(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, flo
 
     few: the same fit, or one of some of the data, whose minima are then followed with all data.
     """
-    known = job.asked.ends
-    key = None if known is None else _key_of(job, points)
-    if known is not None and key in known:
-        return known[key]
-    ends, noise = solved(few, points)
-    ends = with_neighbours(few, ends, points, noise)
-    if few is not job:
-        ends = followed_with_all(job, few, ends)
-    ends = with_all_orders(job, ends, noise)
-    if known is not None:
-        known[key] = ends, noise
-    return ends, noise
+    known = {} if job.asked.ends is None else job.asked.ends
+    key = _key_of(job, points)
+    if key not in known:
+        ends, noise = solved(few, points)
+        ends = with_neighbours(few, ends, points, noise)
+        if few is not job:
+            ends = followed_with_all(job, few, ends)
+        known[key] = with_all_orders(job, ends, noise), noise
+    return known[key]
 
 
 def _shared(
-    measurements: Sequence[Measurement],
-    sample: Sample,
-    settings: Settings,
-    asked: Asked,
-    begin: tuple[int | None, Mapping[str, float] | None],
+    measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: Asked
 ) -> Fit:
-    """Return the fit of shared parameters. begin: the number of starts, and one extra start."""
+    """Return the fit of shared parameters."""
     job = solving(measurements, sample, settings, asked)
     u = job.u
     if not u.free.any():
@@ -124,13 +117,12 @@ def _shared(
             f"every parameter of the sample {str(sample)!r} is known, fixed or tied. Leave one "
             "free, or give the sample a dispersion model, 'free' or a thickness to be fitted."
         )
-    starts, start = begin
     film = bool(films_of(u.spec, u.moving))
-    count = usual_starts(int(u.free.sum()), film) if starts is None else starts
+    count = usual_starts(int(u.free.sum()), film) if asked.starts is None else asked.starts
     points = start_points(u.moving, count, asked.seed)
-    points = with_given_start(points, u.moving, u.labels, start)
+    points = with_given_start(points, u.moving, u.labels, asked.start)
     few = thinned(job, sample, measurements)
-    if starts is None:
+    if asked.starts is None:
         points = np.concatenate([points, film_starts(few, points)], 1)
     job.starts = few.starts = points.shape[1]
     job.lanes = min(job.starts, LANES)
@@ -141,13 +133,9 @@ def _shared(
 
 
 def fit_checked(
-    measurements: Sequence[Measurement],
-    sample: Sample,
-    settings: Settings,
-    asked: Asked,
-    begin: tuple[int | None, Mapping[str, Any] | None] = (None, None),
+    measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: Asked
 ) -> Fit:
-    """Return `fit` for checked arguments. begin: the arguments `starts` and `start`."""
+    """Return `fit` for checked arguments."""
     without = sum(int((~np.isfinite(m.sigma)).sum()) for m in measurements)
     if asked.errors in ("stated", "floor") and without:
         raise ValueError(
@@ -163,17 +151,17 @@ def fit_checked(
     sample = sample.with_splines(np.concatenate([m.wavelength_um for m in measurements]))
     if _is_special(sample, measurements, settings, asked.loss):
         found = fit_bare_surface(
-            concatenate(*measurements), sample, asked.errors, asked.intervals, begin[1]
+            concatenate(*measurements), sample, asked.errors, asked.intervals, asked.start
         )
         if len(measurements) == 1:
             return found
         alone = [fit_bare_surface(m, sample, asked.errors, "quadratic") for m in measurements]
         return replace(found, notes=(*found.notes, *disagreement(alone)))
     check_fit(measurements, sample)
-    found = _general(measurements, sample, settings, asked, begin)
+    found = _general(measurements, sample, settings, asked)
 
     def again(several: Sequence[Measurement], intervals: str) -> Fit:
-        return _general(several, sample, settings, asked._replace(intervals=intervals), begin)
+        return _general(several, sample, settings, asked._replace(intervals=intervals))
 
     if not settings.priors:
         found = with_common_error(again, measurements, found, asked.errors, asked.intervals)
@@ -196,23 +184,19 @@ def _alone(
     Other minima that a file has by itself do not matter. A file that cannot be fitted by itself
     (psi in one, Delta in another) is left out.
     """
-    begin = None
+    quick = asked._replace(intervals="quadratic", starts=None, start=None)
     if not sample.by_wavelength:
-        begin = {n: found.parameters[n].value for n in found.names if "[" not in n}
+        at = {n: found.parameters[n].value for n in found.names if "[" not in n}
+        quick = quick._replace(starts=0 if at else None, start=at)
     alone = []
     for m in measurements:
         with contextlib.suppress(ValueError):
-            quick = asked._replace(intervals="quadratic")
-            alone.append(_general([m], sample, settings, quick, (0 if begin else None, begin)))
+            alone.append(_general([m], sample, settings, quick))
     return alone
 
 
 def _general(
-    measurements: Sequence[Measurement],
-    sample: Sample,
-    settings: Settings,
-    asked: Asked,
-    begin: tuple[int | None, Mapping[str, Any] | None],
+    measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: Asked
 ) -> Fit:
     """Return the fit of a general sample, with its stated errors or one factor on them."""
     waves = np.unique(np.concatenate([m.wavelength_um for m in measurements]))
@@ -222,17 +206,18 @@ def _general(
         if len(waves) > 1:
             return fit_free_film(concatenate(*measurements), sample, film, settings, asked)
         # At one wavelength nothing is shared: thickness, eta and k are three unknowns of one fit.
-        return _shared(measurements, sample, settings, asked, begin)
+        return _shared(measurements, sample, settings, asked)
     # The noise of a robust loss or a prior is estimated in rounds, one wavelength at a time.
-    plain = asked.loss == "squares" and not settings.priors and begin == (None, None)
+    usual = asked.starts is None and asked.start is None
+    plain = asked.loss == "squares" and not settings.priors and usual
     if not sample.by_wavelength or (len(waves) == 1 and (settings.names or not plain)):
-        return _shared(measurements, sample, settings, asked, begin)
+        return _shared(measurements, sample, settings, asked)
     joined = concatenate(*measurements)
     check_wavelengths(joined, settings)
     if plain:
         return fit_wavelengths(joined, sample, settings, asked)
     parts = [joined.where(joined.wavelength_um == w) for w in waves]
-    each = [_shared([part], sample, settings, asked, begin) for part in parts]
+    each = [_shared([part], sample, settings, asked) for part in parts]
     return stacked(each, joined)
 
 
@@ -292,5 +277,5 @@ def fit(
     settings = check_settings(
         Settings(names_of(free), fixed or {}, bounds or {}, priors or {}, tie or {})
     )
-    asked = Asked(errors, intervals, loss, seed)
-    return fit_checked(measurements, which, settings, asked, (starts, start))
+    asked = Asked(errors, intervals, loss, seed, starts=starts, start=start)
+    return fit_checked(measurements, which, settings, asked)

@@ -89,7 +89,7 @@ def made_up(monkeypatch, spectrum, bics, errors=None, sizes=None):
     """Replace the fits: BIC by the label of the candidate, 1000 for all others."""
     calls = []
 
-    def fit_checked(measurements, sample, settings, asked, begin):
+    def fit_checked(measurements, sample, settings, asked):
         instrument = tuple(n for n in settings.free if n in ("scale", "angle_offset"))
         label = Key(str(sample), instrument, settings.fixed.get("k") == 0.0).label
         assert settings.shared  # candidates of one family run in one program

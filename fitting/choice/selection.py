@@ -51,14 +51,11 @@ MOST_TERMS = 4
 
 def _first_stage(wavelengths: int) -> list[str]:
     """Return the models that so many wavelengths can tell apart."""
-    models = ["constant"]
-    for least, name in (
+    several = (
         (3, "cauchy:2"), (3, "sellmeier:1"), (5, "cauchy:3"), (5, "drude"), (5, "cauchy-urbach:2"),
         (6, "lorentz:1"), (8, "sellmeier:2"),
-    ):  # fmt: skip
-        if wavelengths >= least:
-            models.append(name)
-    return models
+    )  # fmt: skip
+    return ["constant", *(name for least, name in several if wavelengths >= least)]
 
 
 def _absorbs(c: Candidate) -> bool:
@@ -164,8 +161,8 @@ def choose(
     ends: dict[Hashable, tuple[Ends, float]] = {}
 
     def fitted(which: Sample, settings: Settings, kind: str, believed: str) -> Fit:
-        asked = Asked(believed, kind, loss, seed, ends)
-        return fit_checked(several, which, settings, asked, (starts, start))
+        asked = Asked(believed, kind, loss, seed, ends, starts, start)
+        return fit_checked(several, which, settings, asked)
 
     joined, one = concatenate(*several), len(samples) == 1
     mentioned = {name.partition("[")[0] for name in base.names}

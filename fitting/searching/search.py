@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
-from typing import NamedTuple
+from collections.abc import Hashable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -158,8 +158,8 @@ class End(NamedTuple):
 class Asked(NamedTuple):
     """The options of a fit other than those of its parameters.
 
-    errors, intervals, loss: as `fitting.fit` has them. seed: origin of the starts. ends: where a
-    search is kept for another one that is the same; None: nowhere.
+    errors, intervals, loss, starts, start, seed: as `fitting.fit` has them. ends: where a search is
+    kept for another one that is the same; None: nowhere.
     """
 
     errors: str = "auto"
@@ -167,6 +167,8 @@ class Asked(NamedTuple):
     loss: str = "squares"
     seed: int = 0
     ends: dict[Hashable, tuple[Ends, float]] | None = None
+    starts: int | None = None
+    start: Mapping[str, Any] | None = None
 
     @property
     def scaled(self) -> bool:
