@@ -10,10 +10,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from fitting.measurements.measurement import Measurement
 from fitting.optics.instrument import INSTRUMENT
+from fitting.optics.observe import Points
 from fitting.outcomes.batched import stacked
 from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of, without_error
@@ -58,26 +60,19 @@ class One(NamedTuple):
 def _lanes(several: list[One], count: int) -> Targets:
     """Return the targets of wavelengths side by side, each for ``count`` lanes."""
     targets = [one.fit.targets for one in several]
-
-    def beside(pick: Any) -> Any:
-        return np.repeat(np.concatenate([pick(t) for t in targets], -1), count, -1)
-
     first = targets[0]
-    points = first.points._replace(
-        angle_deg=beside(lambda t: t.points.angle_deg),
-        wavelength_um=beside(lambda t: t.points.wavelength_um),
-        s_share=beside(lambda t: t.points.s_share),
-    )
-    channels = range(len(first.values))
+
+    def beside(*each: Any) -> Any:
+        return np.repeat(np.concatenate(each, -1), count, -1)
+
+    points, values, weights, ncs, ncs_weights, held = jax.tree.map(beside, *(
+        (t.points[:3], t.values, t.weights, t.ncs, t.ncs_weights, t.held[:, None]) for t in targets
+    ))  # fmt: skip
+    eta_i = beside(*(t.eta_i for t in targets)) if np.ndim(first.eta_i) else first.eta_i
     return first._replace(
-        points=points,
-        values=tuple(beside(lambda t, i=i: t.values[i]) for i in channels),
-        weights=tuple(beside(lambda t, i=i: t.weights[i]) for i in channels),
-        ncs=beside(lambda t: t.ncs),
-        ncs_weights=beside(lambda t: t.ncs_weights),
-        eta_i=beside(lambda t: t.eta_i) if np.ndim(first.eta_i) else first.eta_i,
-        held=beside(lambda t: t.held[:, None]),
-    )
+        points=Points(*points, *first.points[3:]), values=values, weights=weights, ncs=ncs,
+        ncs_weights=ncs_weights, eta_i=eta_i, held=held,
+    )  # fmt: skip
 
 
 def _chunks(ones: list[One], together: int) -> Iterator[list[One]]:
