@@ -104,7 +104,7 @@ def _fit(
 
     options = fit_options(arguments)
     set_up_jax()
-    from fitting.choice.selection import several_samples
+    from fitting.choice.sample_choice import several_samples
     from fitting.fits import fit
 
     samples = several_samples(arguments.sample)
@@ -147,7 +147,7 @@ def _run(arguments: argparse.Namespace) -> int:
         with refusals():
             media: tuple[str | None, ...] = ()
             if arguments.material:
-                from fitting.choice.selection import several_samples
+                from fitting.choice.sample_choice import several_samples
 
                 media = fitted_media(several_samples(arguments.sample))
             staged = _stage(outputs, arguments, len(np.unique(wavelength)) > 1, media)

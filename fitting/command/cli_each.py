@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def _check(arguments: argparse.Namespace) -> None:
     """Raise ValueError for an option that is wrong for every file."""
-    from fitting.choice.selection import several_samples
+    from fitting.choice.sample_choice import several_samples
     from fitting.output.outputs import refuse_repeats
 
     for flag in ("plot", "report", "reference", "material"):
