@@ -214,7 +214,7 @@ def _assembled(fit: Solving, of: Subject, noise: float, evaluations: int, f: Fou
     # With one datum at each wavelength only the bounds of a spline's amplitudes keep the index
     # finite: errors without these bounds are a hundred times too large.
     two = of.sample is not None and fit.n_data >= 2 * len(known)
-    errors = errors_of_curves(u, f.end, fit.limits, noise) if two else f.end.known.covariance
+    errors = errors_of_curves(fit, f.end, noise) if two else f.end.known.covariance
     end, ranges = with_errors_of_curves(u, f.end, f.known, errors)
     f = f._replace(end=end, known=ranges)
     s, taken = end.slopes, _errors_taken(fit)

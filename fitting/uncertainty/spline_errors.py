@@ -22,7 +22,7 @@ from fitting.samples.spline_index import every_second_left_out
 from fitting.uncertainty.covariance import influence, inverse_of, prior_rows
 
 if TYPE_CHECKING:
-    from fitting.searching.search import End
+    from fitting.searching.search import End, Solving
     from fitting.uncertainty.intervals import Intervals
 
 # Share of the change by thinner knots that is taken as error. On the average a quarter is missing,
@@ -74,14 +74,13 @@ def with_errors_of_curves(
     )  # fmt: skip
 
 
-def errors_of_curves(
-    u: Unknowns, end: End, limits: tuple[np.ndarray, np.ndarray], noise: float
-) -> np.ndarray:
+def errors_of_curves(fit: Solving, end: End, noise: float) -> np.ndarray:
     """Return the covariance (p, p) for the errors of indices and of fitted curves.
 
     That of the minimum for a sample without splines.
     """
-    splines, known = _splines(u), end.known
+    u, known = fit.u, end.known
+    splines = _splines(u)
     if not splines or not end.finite:
         return known.covariance
     off, lines = prior_rows(u, end.y)
@@ -90,19 +89,13 @@ def errors_of_curves(
     inside = np.array([not at for at in known.at_bound]) | _of_splines(u)
     covariance = known.variance * inverse_of(rows, pull, u.free & inside)[0]
     for place, model in splines:
-        change = _SHARE * _change_by_thinner_knots(u, end.y, limits, rows, pull, place, model)
+        change = _SHARE * _change_by_thinner_knots(fit, end.y, rows, pull, place, model)
         covariance += np.outer(change, change)
     return covariance
 
 
 def _change_by_thinner_knots(
-    u: Unknowns,
-    y: np.ndarray,
-    limits: tuple[np.ndarray, np.ndarray],
-    rows: np.ndarray,
-    pull: np.ndarray,
-    place: str,
-    model: Model,
+    fit: Solving, y: np.ndarray, rows: np.ndarray, pull: np.ndarray, place: str, model: Model
 ) -> np.ndarray:
     """Return by how much y (p,) changes to first order, within the bounds, with half of the knots.
 
@@ -110,6 +103,7 @@ def _change_by_thinner_knots(
     """
     from scipy.optimize import lsq_linear  # slow to import, seldom needed
 
+    u = fit.u
     at = {name: i for i, name in enumerate(u.spec.moving)}
     own = [at.get(f"{place}.eps2_{j}", -1) for j in range(1, model.terms + 1)]
     if min(own) < 0 or not u.free[own].all():
@@ -119,8 +113,7 @@ def _change_by_thinner_knots(
     every = np.zeros((len(y), len(others) + sums.shape[1]))
     every[others, np.arange(len(others))] = 1.0
     every[own, len(others) :] = sums
-    low, high = limits
-    ends = [np.concatenate([a[others], np.full(sums.shape[1], a[own[0]])]) for a in (low, high)]
+    ends = [np.concatenate([a[others], np.full(sums.shape[1], a[own[0]])]) for a in fit.limits]
     columns = rows @ every
     size = np.linalg.norm(columns, axis=0)
     size = np.where(size > 0.0, size, 1.0)
