@@ -15,7 +15,6 @@ import numpy as np
 
 from fitting.measurements.measurement import Measurement
 from fitting.optics.instrument import INSTRUMENT
-from fitting.optics.observe import Points
 from fitting.outcomes.batched import stacked
 from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of, without_error
@@ -70,8 +69,10 @@ def _lanes(several: list[One], count: int) -> Targets:
     ))  # fmt: skip
     eta_i = beside(*(t.eta_i for t in targets)) if np.ndim(first.eta_i) else first.eta_i
     return first._replace(
-        points=Points(*points, *first.points[3:]), values=values, weights=weights, ncs=ncs,
-        ncs_weights=ncs_weights, eta_i=eta_i, held=held,
+        points=first.points._replace(
+            angle_deg=points[0], wavelength_um=points[1], s_share=points[2]
+        ),
+        values=values, weights=weights, ncs=ncs, ncs_weights=ncs_weights, eta_i=eta_i, held=held,
     )  # fmt: skip
 
 
