@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from fitting.results.result_parts import item
 from fitting.results.sentences import SENTENCES
 
 
@@ -36,10 +35,7 @@ class Warning(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """Return code, where, values and text as plain data."""
-        return {
-            "code": self.code, "where": dict(self.where), "values": dict(self.values),
-            "text": self.text,
-        }  # fmt: skip
+        return {**self._asdict(), "text": self.text}
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +53,5 @@ class Finding:
 
     def of(self, index: tuple[int, ...], where: Mapping[str, Any]) -> Warning:
         """Return the warning of the fit at ``index`` of the batch."""
-        picked = {
-            name: _plain(value[index]) if isinstance(value, np.ndarray) else value
-            for name, value in self.values.items()
-        }
-        return Warning(self.code, {**self.where, **where}, picked)
-
-
-def _plain(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value
+        values = {name: item(value, index) for name, value in self.values.items()}
+        return Warning(self.code, {**self.where, **where}, values)

@@ -229,29 +229,25 @@ class Fit:
     def __getitem__(self, index: int | tuple[int, ...]) -> Fit:
         """Return the fit of one curve of a batch."""
         index = place_of(index, self.shape)
-        one = picked(self, index)
-        rows = self._rows_of(index)
+        m, curve = self.measurement, self.curve
+        if m is not None:
+            rows = m.at_wavelength(np.asarray(self.wavelength_um)[index])
+            m, curve = m.where(rows), None if curve is None else curve[rows]
         return replace(
-            one,
+            picked(self, index),
             parameters={name: e.at(index) for name, e in self.parameters.items()},
-            rms_of={name: item(v, index, self.shape) for name, v in self.rms_of.items()},
-            errors=ErrorModel(*(item(v, index, self.shape) for v in self.errors)),
+            rms_of={name: item(v, index) for name, v in self.rms_of.items()},
+            errors=ErrorModel(*(item(v, index) for v in self.errors)),
             findings=tuple(
                 Finding(f.code, np.True_, f.of(index, {}).values, self._place(index))
                 for f in self.findings
                 if np.asarray(f.at)[index]
             ),
             others=self._alternatives_at(index),
-            measurement=None if rows is None else self.measurement.where(rows),  # type: ignore
-            curve=None if rows is None or self.curve is None else self.curve[rows],
+            measurement=m,
+            curve=curve,
             evaluator=None if self.evaluator is None else self.evaluator.at(index),
         )
-
-    def _rows_of(self, index: tuple[int, ...]) -> np.ndarray | None:
-        """Return which rows of the measurement belong to one wavelength."""
-        if self.measurement is None:
-            return None
-        return self.measurement.at_wavelength(np.asarray(self.wavelength_um)[index])
 
     def __repr__(self) -> str:
         from fitting.output.text_table import one_line

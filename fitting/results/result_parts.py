@@ -134,12 +134,10 @@ class Evaluator(Protocol):
         ...
 
 
-def item(value: Any, index: tuple[int, ...], shape: tuple[int, ...]) -> Any:
-    """Return the part of ``value`` that belongs to one fit of a batch of this shape."""
-    if not isinstance(value, np.ndarray) or value.shape[: len(shape)] != shape or not shape:
-        return value
-    part = value[index]
-    return part.item() if np.ndim(part) == 0 else part
+def item(value: Any, index: tuple[int, ...]) -> Any:
+    """Return the part of ``value`` that belongs to one fit, if it is an array of a batch."""
+    part = value[index] if isinstance(value, np.ndarray) and value.ndim else value
+    return part.item() if isinstance(part, np.generic) else part
 
 
 def place_of(index: Any, shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -169,10 +167,5 @@ def place_of(index: Any, shape: tuple[int, ...]) -> tuple[int, ...]:
 
 def picked(record: Any, index: tuple[int, ...]) -> Any:
     """Return a dataclass with every array field reduced to one fit of the batch."""
-    arrays = {
-        name: value for name, value in vars(record).items()
-        if isinstance(value, np.ndarray) and name != "curve"
-    }  # fmt: skip
-    chosen = {name: value[index] for name, value in arrays.items()}
-    plain = {name: v.item() if np.ndim(v) == 0 else v for name, v in chosen.items()}
-    return replace(record, **plain)
+    parts = {name: item(v, index) for name, v in vars(record).items() if name != "curve"}
+    return replace(record, **parts)

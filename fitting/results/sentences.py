@@ -9,12 +9,50 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from fitting.results import film_wording, wording
-from fitting.results.wording import num
+from fitting.results import wording
+from fitting.results.wording import listed, num
 
-Sentence = Callable[[Mapping[str, Any]], str]
 
-SENTENCES: dict[str, Sentence] = {
+def _shared_not_seen(v: Mapping[str, Any]) -> str:
+    return (
+        f"{v['parameter']} is not determined: with eta and k free at every wavelength any "
+        "thickness in its range fits. Fix it, give the film a dispersion model, or measure at "
+        "another angle or another quantity. The values shown are one set of many that fit equally "
+        "well."
+    )
+
+
+def _other_thickness(v: Mapping[str, Any]) -> str:
+    each = [
+        f"{v['parameter']} {num(x)} (chi2 higher by {rise:.2g})"
+        for x, rise in zip(v["values"], v["delta_chi2"], strict=True)
+    ]
+    return f"another thickness fits nearly as well: {listed(each)}; eta and k then differ, too."
+
+
+def _fringes_in_noise(v: Mapping[str, Any]) -> str:
+    name = v["parameter"]
+    return (
+        f"{name} is not determined: the fringes that it was taken from are no larger than those of "
+        f"noise. Without fringes ({name} {num(v['without'])}) chi2 is higher by "
+        f"{v['delta_chi2']:.2g}; among {v['count']:.0f} thicknesses that the data can tell apart "
+        f"there is one that lowers it by up to {v['by_chance']:.2g} by chance. Other thicknesses "
+        "may fit nearly as well, with another eta and k. Narrow the range of the thickness if you "
+        "know it, or measure with less noise."
+    )
+
+
+def _thin_film(v: Mapping[str, Any]) -> str:
+    thickness = f"{v['thickness']} ({num(v['value'])} nm)"
+    return (
+        f"the data determine little more than one product of {thickness} and "
+        f"{listed(v['parameters'])}, since the film is much thinner than the wavelength. The "
+        f"thickness alone is known to {v['share']:.0%}; if the index were known, it would be known "
+        f"to {v['held_share']:.1%}. Fix one of them, or give it a prior."
+    )
+
+
+SENTENCES: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "not_converged": lambda v: (
         "the fit did not converge"
         + (f" in {v['evaluations']} evaluations" if "evaluations" in v else " from any start")
@@ -41,10 +79,10 @@ SENTENCES: dict[str, Sentence] = {
         "the two. The values shown are one pair of many that fit equally well."
     ),
     "not_seen": wording.not_seen,
-    "shared_not_seen": film_wording.shared_not_seen,
-    "other_thickness": film_wording.other_thickness,
-    "fringes_in_noise": film_wording.fringes_in_noise,
-    "thin_film": film_wording.thin_film,
+    "shared_not_seen": _shared_not_seen,
+    "other_thickness": _other_thickness,
+    "fringes_in_noise": _fringes_in_noise,
+    "thin_film": _thin_film,
     "by_the_model_alone": lambda v: (
         "eta and k are not determined by the data alone: there is one "
         "reflectance or transmittance at each wavelength, at one angle. Only the form of the "
@@ -52,7 +90,7 @@ SENTENCES: dict[str, Sentence] = {
         "while eta and k are wrong by far more than their errors."
     ),
     "rising_index": lambda v: (
-        f"{wording.listed(v['indices'])} {'rises' if len(v['indices']) == 1 else 'rise'} with the "
+        f"{listed(v['indices'])} {'rises' if len(v['indices']) == 1 else 'rise'} with the "
         "wavelength in a part of the spectrum. Without absorption the index of no material does: "
         "there is absorption, or the formula does not describe the material, or another minimum is "
         "the true one."
@@ -69,7 +107,7 @@ SENTENCES: dict[str, Sentence] = {
     "at_bound": wording.at_bound,
     "not_quadratic": wording.not_quadratic,
     "open_interval": lambda v: (
-        f"the 95 % interval of {wording.listed(v['parameters'])} is unlimited on one "
+        f"the 95 % interval of {listed(v['parameters'])} is unlimited on one "
         "side or both: the data exclude no value there, however far."
     ),
     "poorly_determined": wording.poorly_determined,
