@@ -24,6 +24,21 @@ def size_text(value: float, digits: int = 3) -> str:
     return "0" if abs(value) < _ROUNDING else number(value, digits)
 
 
+def _two(first: float, mark: str, second: float, known: float, most: int) -> str:
+    """Return two numbers, both to the second digit of ``known``, with at most so many decimals.
+
+    Far from 1 there is one power of ten for both, that of the larger.
+    """
+    exponent = math.floor(math.log10(float(f"{known:.1e}")))
+    decimals, largest, end = 1 - exponent, max(abs(first), abs(second)), ""
+    if not 0 <= decimals <= most or largest < 1e-3:
+        power = math.floor(math.log10(largest))
+        decimals, scale, end = max(power - exponent + 1, 1), 10.0**power, f")e{power:+03d}"
+        first, second = first / scale, second / scale
+    text = mark.join(f"{x:.{decimals}f}" if x else "0" for x in (first, second))
+    return f"({text}{end}" if end else text
+
+
 def with_error(value: float, sigma: float) -> str:
     """Return ``0.344 +- 0.031``: the error with two digits, the value to the same place.
 
@@ -36,38 +51,14 @@ def with_error(value: float, sigma: float) -> str:
         return f"{value:.6g}"
     if sigma < 1e-12 * abs(value):
         return f"{value:.13g} +- {sigma:.0e}"
-    exponent = math.floor(math.log10(float(f"{sigma:.1e}")))
-    decimals = 1 - exponent
-    if 0 <= decimals <= 9 and max(abs(value), sigma) >= 1e-3:
-        return f"{value:.{decimals}f} +- {sigma:.{decimals}f}"
-    # Far from 1: one power of ten for both, that of the larger.
-    power = math.floor(math.log10(max(abs(value), sigma)))
-    decimals = max(power - exponent + 1, 1)
-    scale = 10.0**power
-    return f"({value / scale:.{decimals}f} +- {sigma / scale:.{decimals}f})e{power:+03d}"
-
-
-def _ends(low: float, high: float) -> str:
-    """Return two finite ends, both to the second digit of half the distance between them."""
-    exponent = math.floor(math.log10(float(f"{0.5 * (high - low):.1e}")))
-    decimals, largest = 1 - exponent, max(abs(low), abs(high))
-    if high - low < 1e-13 * largest:
-        return f"{float(low)!r} to {float(high)!r}"
-    if 0.0 < 3.0 * low < high or 0.0 < 3.0 * -high < -low:
-        # The end that lies far nearer to 0 needs more digits than the width of the interval has.
-        return f"{number(low, 3)} to {number(high, 3)}"
-    if 0 <= decimals <= 15 and largest >= 1e-3:
-        return f"{low:.{decimals}f} to {high:.{decimals}f}" if low else f"0 to {high:.{decimals}f}"
-    power = math.floor(math.log10(largest))
-    decimals, scale = max(power - exponent + 1, 1), 10.0**power
-    first = f"{low / scale:.{decimals}f}" if low else "0"
-    return f"({first} to {high / scale:.{decimals}f})e{power:+03d}"
+    return _two(value, " +- ", sigma, sigma, 9)
 
 
 def interval_text(low: float, high: float) -> str:
     """Return ``1.4959 to 1.5030``; "" if there is no interval or if its ends are equal.
 
-    With an infinite end it is "above 1.2", "below 3" or "any value".
+    With an infinite end it is "above 1.2", "below 3" or "any value"; else both ends are given to
+    the second digit of half the distance between them.
     """
     if math.isnan(low) or math.isnan(high) or low == high:
         return ""
@@ -77,7 +68,12 @@ def interval_text(low: float, high: float) -> str:
         return f"below {number(high)}"
     if math.isinf(high):
         return f"above {number(low)}"
-    return _ends(low, high)
+    if high - low < 1e-13 * max(abs(low), abs(high)):
+        return f"{float(low)!r} to {float(high)!r}"
+    if 0.0 < 3.0 * low < high or 0.0 < 3.0 * -high < -low:
+        # The end that lies far nearer to 0 needs more digits than the width of the interval has.
+        return f"{number(low, 3)} to {number(high, 3)}"
+    return _two(low, " to ", high, 0.5 * (high - low), 15)
 
 
 def agree(value: float, sigma: float, low: float, high: float, student: float) -> bool:
