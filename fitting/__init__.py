@@ -44,7 +44,11 @@ __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        return importlib.import_module("importlib.metadata").version("fresnel-jax")
+        metadata = importlib.import_module("importlib.metadata")
+        try:
+            return metadata.version("fresnel-jax")
+        except metadata.PackageNotFoundError:
+            return "(not installed)"
     if name in _HOME:
         return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
     try:

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
+import fitting
 from fitting.process.visible import visible
 
 PROGRAM = "fresnel-fit"
@@ -96,104 +97,58 @@ _READING = (
 
 class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
-        from importlib.metadata import PackageNotFoundError, version
-
-        try:
-            found = version("fresnel-jax")
-        except PackageNotFoundError:
-            found = "(not installed)"
-        print(f"{PROGRAM} {found}")
+        print(f"{PROGRAM} {fitting.__version__}")
         parser.exit()
 
 
-def _add_results(parser: argparse.ArgumentParser) -> None:
-    results = parser.add_argument_group("results", "Files are written whole or not at all.")
-    for flag, metavar, text in (
-        ("json", "OUT", "write all results as JSON: eta, k, errors, status, ...; - for stdout"),
-        ("csv", "OUT", "write data, fitted values and residuals; for a spectrum also eta and k, "
-         "in out.index.csv beside out.csv"),
-        ("plot", "OUT", "draw data, fit and residuals: .png, .pdf or .svg"),
-        ("material", "OUT.yml", "write the fitted eta and k as a refractiveindex.info file, which "
-         "--sample takes as a material, and their errors as OUT_errors.csv; several media as "
-         "OUT_film.yml, OUT_substrate.yml, .."),
-        ("reference", "MATERIAL", "show eta and k of a material for comparison, in the table and "
-         "in pictures over the wavelength: gold, BK7, .."),
-        ("report", "DIR", "write report.html (one page, pictures inside), fit.json, data.csv, "
-         "index.csv of a spectrum, and fit.png to a folder that is new, empty, or of an earlier "
-         "report"),
-    ):  # fmt: skip
-        results.add_argument(f"--{flag}", metavar=metavar, help=text)
-    results.add_argument(
-        "--overwrite",
-        action="store_true",
-        help="let --report use a folder that holds other files, and --csv and --material replace "
-        "an OUT.index or OUT_errors.csv that was not written by a fit",
-    )
-    results.add_argument(
-        "--csv-decimal", choices=(".", ","), default=".", metavar="MARK",
-        help="decimal mark of the tables that are written: . with commas between the cells (the "
-        "default), or , with semicolons between the cells, for spreadsheets that expect these",
-    )  # fmt: skip
-    results.add_argument("--quiet", action="store_true", help="print no table and no progress")
+# Name, metavar, help, and what else argparse is to know of each option.
+_RESULTS = (
+    ("json", "OUT", "write all results as JSON: eta, k, errors, status, ...; - for stdout"),
+    ("csv", "OUT", "write data, fitted values and residuals; for a spectrum also eta and k, "
+     "in out.index.csv beside out.csv"),
+    ("plot", "OUT", "draw data, fit and residuals: .png, .pdf or .svg"),
+    ("material", "OUT.yml", "write the fitted eta and k as a refractiveindex.info file, which "
+     "--sample takes as a material, and their errors as OUT_errors.csv; several media as "
+     "OUT_film.yml, OUT_substrate.yml, .."),
+    ("reference", "MATERIAL", "show eta and k of a material for comparison, in the table and "
+     "in pictures over the wavelength: gold, BK7, .."),
+    ("report", "DIR", "write report.html (one page, pictures inside), fit.json, data.csv, "
+     "index.csv of a spectrum, and fit.png to a folder that is new, empty, or of an earlier "
+     "report"),
+    ("csv-decimal", "MARK", "decimal mark of the tables that are written: . with commas between "
+     "the cells (the default), or , with semicolons between the cells, for spreadsheets that "
+     "expect these", {"choices": (".", ","), "default": "."}),
+)  # fmt: skip
+_MANY = {"action": "append", "default": []}
+_FITTING = (
+    ("sample", "TEXT", "the sample that was measured; see \"samples\" below",
+     {"default": "free"}),
+    ("free", "NAME,..", "parameters to fit that are fixed by default: scale,angle-offset", _MANY),
+    ("fix", "NAME=VALUE", "keep a parameter at this value instead of fitting it", _MANY),
+    ("bound", "NAME=LOW..HIGH", "fit a parameter within a range; either end may be left out",
+     _MANY),
+    ("prior", "NAME=VALUE+-SIGMA",
+     "fit a parameter whose value is known beforehand, with this standard error", _MANY),
+    ("tie", "NAME=OTHER", "make a parameter equal to another, or to a multiple: 2*OTHER", _MANY),
+    ("loss", None, "what is minimised: the sum of squared residuals (squares, the default), or for "
+     "data with outliers a sum in which large residuals weigh less (huber, student)",
+     {"choices": ("squares", "huber", "student"), "default": "squares"}),
+    ("errors", None, "how the standard errors that a file states are used. stated: as they are; "
+     "scaled: times sqrt(chi2/dof); floor: with one common error added in squares; equal: not at "
+     "all, all data have equal weights; auto (the default): scaled, or floor where they are far "
+     "too small and a common error describes the residuals better",
+     {"choices": ("auto", "stated", "scaled", "floor", "equal"), "default": "auto"}),
+    ("intervals", None, "95 %% intervals from the standard errors (quadratic), from the profile "
+     "likelihood (profile), or by profile likelihood where the quadratic approximation fails "
+     "(auto)", {"choices": ("auto", "quadratic", "profile"), "default": "auto"}),
+    ("starts", "N", "number of starting points from which the best fit is searched for (default 64 "
+     "or more, by the number of parameters; not used for one bare surface)", {"type": int}),
+)  # fmt: skip
 
 
-def _count(text: str) -> int:
-    """Return a whole number above 0, or raise the error that argparse reports."""
-    if not (text.isascii() and text.isdigit() and int(text) > 0):
-        raise argparse.ArgumentTypeError(f"{text!r} came; a whole number above 0 was wanted")
-    return int(text)
-
-
-def _add_fitting(parser: argparse.ArgumentParser) -> None:
-    fitting = parser.add_argument_group(
-        "fitting",
-        "NAME is a parameter of the sample, as the table of a fit lists them (A,\n"
-        "film.thickness_nm), or of the instrument: scale and background (of every\n"
-        "curve; scale[R_s]: of R_s only), angle-offset (degrees), leak (share of the\n"
-        "other polarization behind a polarizer), divergence of the beam (standard\n"
-        "deviation, degrees), bandwidth of the slit (full width at half maximum, nm).",
-    )
-    fitting.add_argument(
-        "--sample", metavar="TEXT", default="free",
-        help="the sample that was measured; see \"samples\" below",
-    )  # fmt: skip
-    fitting.add_argument(
-        "--free", metavar="NAME,..", action="append", default=[],
-        help="parameters to fit that are fixed by default: scale,angle-offset",
-    )  # fmt: skip
-    for flag, metavar, text in (
-        ("--fix", "NAME=VALUE", "keep a parameter at this value instead of fitting it"),
-        ("--bound", "NAME=LOW..HIGH", "fit a parameter within a range; either end may be left out"),
-        (
-            "--prior",
-            "NAME=VALUE+-SIGMA",
-            "fit a parameter whose value is known beforehand, with this standard error",
-        ),
-        ("--tie", "NAME=OTHER", "make a parameter equal to another, or to a multiple: 2*OTHER"),
-    ):
-        fitting.add_argument(flag, metavar=metavar, action="append", default=[], help=text)
-    fitting.add_argument(
-        "--loss", choices=("squares", "huber", "student"), default="squares",
-        help="what is minimised: the sum of squared residuals (squares, the default), or for data "
-        "with outliers a sum in which large residuals weigh less (huber, student)",
-    )  # fmt: skip
-    fitting.add_argument(
-        "--errors", choices=("auto", "stated", "scaled", "floor", "equal"), default="auto",
-        help="how the standard errors that a file states are used. stated: as they are; scaled: "
-        "times sqrt(chi2/dof); floor: with one common error added in squares; equal: not at all, "
-        "all data have equal weights; auto (the default): scaled, or floor where they are far too "
-        "small and a common error describes the residuals better",
-    )  # fmt: skip
-    fitting.add_argument(
-        "--intervals", choices=("auto", "quadratic", "profile"), default="auto",
-        help="95 %% intervals from the standard errors (quadratic), from the profile likelihood "
-        "(profile), or by profile likelihood where the quadratic approximation fails (auto)",
-    )  # fmt: skip
-    fitting.add_argument(
-        "--starts", metavar="N", type=_count,
-        help="number of starting points from which the best fit is searched for (default 64 or "
-        "more, by the number of parameters; not used for one bare surface)",
-    )  # fmt: skip
+def _add(group: Any, options: Sequence[Any]) -> None:
+    for name, metavar, text, *more in options:
+        group.add_argument(f"--{name}", metavar=metavar, help=text, **(more[0] if more else {}))
 
 
 class _Parser(argparse.ArgumentParser):
@@ -227,15 +182,29 @@ def parser() -> argparse.ArgumentParser:
         "write as a table; a file that is refused is reported, and the others are fitted",
     )  # fmt: skip
     out.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
-    _add_results(out)
-    _add_fitting(out)
+    results = out.add_argument_group("results", "Files are written whole or not at all.")
+    _add(results, _RESULTS)
+    results.add_argument(
+        "--overwrite", action="store_true",
+        help="let --report use a folder that holds other files, and --csv and --material replace "
+        "an OUT.index or OUT_errors.csv that was not written by a fit",
+    )  # fmt: skip
+    results.add_argument("--quiet", action="store_true", help="print no table and no progress")
+    fitting_group = out.add_argument_group(
+        "fitting",
+        "NAME is a parameter of the sample, as the table of a fit lists them (A,\n"
+        "film.thickness_nm), or of the instrument: scale and background (of every\n"
+        "curve; scale[R_s]: of R_s only), angle-offset (degrees), leak (share of the\n"
+        "other polarization behind a polarizer), divergence of the beam (standard\n"
+        "deviation, degrees), bandwidth of the slit (full width at half maximum, nm).",
+    )
+    _add(fitting_group, _FITTING)
     reading = out.add_argument_group(
         "reading",
         'Columns, units and layout are found out from the file; the line "read" of the\n'
         "table states them. Each of these options overrules what was found.",
     )
-    for name, metavar, text in _READING:
-        reading.add_argument(f"--{name}", metavar=metavar, help=text)
+    _add(reading, _READING)
     return out
 
 
