@@ -10,8 +10,7 @@ from test_pages import Page
 from fitting.choice import candidates
 from fitting.choice import selection as select
 from fitting.command import cli
-from fitting.output.fit_page import fit_page
-from fitting.output.text_table import Comparison
+from fitting.output.page import fit_page
 
 
 @pytest.fixture(scope="module")
@@ -23,8 +22,7 @@ def choice():
 
 def test_the_page_of_a_model(choice):
     reasons = [reason.text for reason in choice.reasons]
-    compared = Comparison(choice.table(), reasons, choice.to_dict())
-    seen = Page(fit_page(choice.fit, b"", "fresnel-fit x.csv --sample auto", compared))
+    seen = Page(fit_page(choice.fit, b"", "fresnel-fit x.csv --sample auto", choice))
     assert seen.open == []
     for part in ("constant (one bare surface", "fresnel-fit x.csv --sample auto", "Models compared",
                  "constant, k = 0", "Correlations", "Index over wavelength", "Parameters",

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from fitting.output.as_data import plain
 from fitting.output.estimates import beside, k_text, value_text
 from fitting.output.numbers import agree, interval_text, size_text, with_error
 from fitting.process.visible import visible
-from fitting.results.plain_data import plain
 from fitting.results.result import Estimate
 
 

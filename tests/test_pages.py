@@ -13,7 +13,7 @@ from fitting import fit, fit_many
 from fitting.command import cli
 from fitting.measurements.measurement import concatenate, read_csv
 from fitting.output import files, outputs, page
-from fitting.output.fit_page import fit_page
+from fitting.output.page import fit_page
 
 pytest.importorskip("matplotlib")
 
@@ -85,23 +85,19 @@ def test_a_spectrum_has_its_index_in_a_table():
         assert f"{waves[i]:.6g}" in seen.text
         assert f"{result.parameters['eta'].interval[i, 0]:.4f}"[:5] in seen.text
     assert "details" not in seen.tags
-    long = page.Table("Data", ["a"], [["1"]] * (page.OPEN_ROWS + 1))
-    assert "<details>" in page.page("t", [], [], [], [], [long], "")
+    assert "<details>" in page.table("Data", [["a"]] + [["1"]] * (page.OPEN_ROWS + 1))
 
 
 def test_what_the_file_holds_is_text_and_no_html():
     evil = '<script>alert("1")</script>'
-    text = page.page(
-        evil, [(evil, evil)], [evil], [evil], [(evil, b"")], [page.Table(evil, [evil], [[evil]])],
-        evil,
-    )  # fmt: skip
+    opening = page.opening(evil, [(evil, evil)], [("warning", evil)], [evil])
+    parts = [opening, page.figure(evil, b""), page.table(evil, [[evil], [evil]])]
+    text = page.document(evil, parts, evil)
     seen = Page(text)
     assert "script" not in seen.tags
     # title, h1, dt, dd, warning, note, caption, h2, th, td, foot
     assert seen.text.count(evil) == 11
-    part = page.fragment(evil, [(evil, evil)], [evil], [evil], [page.Table(evil, [evil], [[evil]])])
-    assert "script" not in Page(part).tags
-    assert "\\udcff" in page.page("\udcff", [], [], [], [], [], "")
+    assert "\\udcff" in page.document("\udcff", [], "")
 
 
 def test_all_of_it_or_nothing(tmp_path, capsys, monkeypatch):

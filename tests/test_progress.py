@@ -13,7 +13,7 @@ import pytest
 from fitting import Measurement, fit, simulate
 from fitting.output import progress_bar as progress
 from fitting.output.progress_bar import Progress, shown
-from fitting.process.progress import listening, tell
+from fitting.process.progress import Step, listening, tell
 
 
 class Terminal(io.StringIO):
@@ -63,8 +63,8 @@ def test_steps_are_counted_on_a_terminal(bars, monkeypatch):
     monkeypatch.setattr(progress, "DELAY", 0.001)
     with Progress("models") as bar:
         wait_for(lambda: bars and bars[0].seen)
-        bar.step("first")
-        bar.step("second")
+        bar.take(Step(1, None, "first"))
+        bar.take(Step(1, None, "second"))
         wait_for(lambda: bars[0].seen[-1] == (2, None, "second"))
         assert not bars[0].closed
     assert len(bars) == 1 and bars[0].closed == 1
@@ -113,7 +113,7 @@ def test_nothing_is_shown_in_the_first_second(bars, monkeypatch):
     assert progress.DELAY == 1.0
     monkeypatch.setattr(progress, "DELAY", 60.0)  # however slow this machine is
     with Progress("models") as bar:
-        bar.step()
+        bar.take(Step(1, None, ""))
     assert bars == []
 
 
@@ -124,7 +124,7 @@ def test_nothing_is_shown_in_a_pipe_or_if_asked_to_be_quiet(bars, monkeypatch):
         monkeypatch.setattr(sys, "stderr", stderr)
         with Progress("models", quiet=quiet) as bar:
             assert threading.active_count() == before
-            bar.step()
+            bar.take(Step(1, None, ""))
     assert bars == []
 
 
@@ -141,7 +141,7 @@ def test_without_tqdm_there_is_silence(monkeypatch):
     monkeypatch.setattr(sys, "stderr", terminal)
     with Progress("models") as bar:
         assert looked.wait(60.0)
-        bar.step()
+        bar.take(Step(1, None, ""))
     assert terminal.getvalue() == ""
 
 

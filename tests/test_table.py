@@ -9,7 +9,7 @@ from simulated import GOLD, simulated, textbook
 
 from fitting import fit, fit_many
 from fitting.measurements.measurement import Measurement, concatenate, read_csv
-from fitting.output.fit_page import fit_page
+from fitting.output.page import fit_page
 
 
 @pytest.fixture(scope="module")

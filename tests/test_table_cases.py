@@ -9,7 +9,7 @@ from simulated import simulated, textbook
 from fitting import Measurement, choose, fit, simulate
 from fitting.measurements.measurement import concatenate
 from fitting.output.estimates import reach
-from fitting.output.fit_page import fit_page
+from fitting.output.page import fit_page
 from fitting.results.diagnostics import Finding
 from fitting.results.result import Alternative, Estimate
 

@@ -18,7 +18,6 @@ from fitting.command.cli_options import (
     PROGRAM,
     expanded,
     fit_options,
-    input_files,
     parser,
     reading_options,
 )
@@ -29,69 +28,58 @@ from fitting.process.visible import visible
 if TYPE_CHECKING:
     from fitting.choice.candidates import Choice
     from fitting.measurements.measurement import Measurement
+    from fitting.output.each_file import OfFile
     from fitting.output.files import Staged
     from fitting.output.outputs import Outputs
     from fitting.results.result import Fit
 
 
-def _check(arguments: argparse.Namespace) -> None:
-    """Raise ValueError for a picture that cannot be drawn, or a file that is given twice."""
-    from fitting.output.outputs import refuse_repeats
-
-    refuse_repeats(arguments.file)
-    if arguments.plot:
-        from fitting.output.style import check_picture
-
-        check_picture(arguments.plot)
-    if arguments.report:
-        from fitting.output.style import check_matplotlib
-
-        check_matplotlib("--report")
-
-
-def _stage(
-    outputs: Outputs,
-    arguments: argparse.Namespace,
-    spectrum: bool,
-    media: Sequence[str | None] = (),
-) -> list[Staged]:
+def _stage(outputs: Outputs, arguments: argparse.Namespace, spectrum: bool) -> list[Staged]:
     """Return the files that were asked for, as they are to be written.
 
-    spectrum: whether there is an index for each wavelength, which has a CSV of its own. media: the
-    media whose index is written, None for the only one.
+    spectrum: whether there is an index for each wavelength, which has a CSV of its own.
     Raises OutputError (a ValueError) where a file cannot be written.
     """
+    from fitting.choice.sample_choice import several_samples
     from fitting.output.as_data import INDEX_MARK
-    from fitting.output.files import Staged, stage_report
-    from fitting.output.material import ERRORS_HEAD, MATERIAL_MARK, errors_beside, of_medium
+    from fitting.output.files import REPORT, Staged
+    from fitting.output.material import (
+        ERRORS_HEAD,
+        MATERIAL_MARK,
+        errors_beside,
+        fitted_media,
+        of_medium,
+    )  # fmt: skip
 
-    inputs, staged = input_files(arguments), []
+    inputs = [*arguments.file, *([arguments.divide_by] if arguments.divide_by else [])]
+    staged = []
 
     def add(
-        what: str, flag: str, name: str | Path | None, mark: str = "", medium: str | None = None
+        what: str, flag: str, name: str | Path, mark: str = "", medium: str | None = None
     ) -> None:
         """mark: how a file must begin to be replaced, if the user did not name it."""
-        if name is not None:
-            over = "" if arguments.overwrite else mark
-            path = outputs.open(name, flag=flag, inputs=inputs, only_over=over)
-            staged.append(Staged(what, path, Path(name).suffix, flag, medium))
+        over = "" if arguments.overwrite else mark
+        path = outputs.open(name, flag=flag, inputs=inputs, only_over=over)
+        staged.append(Staged(what, path, Path(name).suffix, flag, medium))
 
-    add("csv", "--csv", arguments.csv)
+    if arguments.csv:
+        add("csv", "--csv", arguments.csv)
     if arguments.csv and spectrum:
         path = Path(arguments.csv)
         add("index", "--csv", path.with_name(f"{path.stem}.index{path.suffix}"), INDEX_MARK)
-    add("plot", "--plot", arguments.plot)
-    add("json", "--json", None if arguments.json == "-" else arguments.json)
-    for medium in media:
+    if arguments.plot:
+        add("plot", "--plot", arguments.plot)
+    if arguments.json not in (None, "-"):
+        add("json", "--json", arguments.json)
+    for medium in fitted_media(several_samples(arguments.sample)) if arguments.material else ():
         file = of_medium(arguments.material, medium)
         add("material", "--material", file, MATERIAL_MARK if medium else "", medium)
         add("errors", "--material", errors_beside(file, "--material"), ERRORS_HEAD, medium)
     if arguments.report:
-        left_out = () if spectrum else ("index",)
-        staged += stage_report(
-            outputs, arguments.report, left_out, flag="--report", overwrite=arguments.overwrite,
-            inputs=inputs,
-        )  # fmt: skip
+        folder = outputs.folder(arguments.report, flag="--report", overwrite=arguments.overwrite)
+        for what, name in REPORT.items():
+            if what != "index" or spectrum:
+                add(what, "--report", folder / name)
     return staged
 
 
@@ -99,7 +87,6 @@ def _fit(
     measurements: list[Measurement], arguments: argparse.Namespace
 ) -> tuple[Fit, Choice | None]:
     """Return the fit that was asked for, and the comparison if a model was to be chosen."""
-    from fitting.output.progress_bar import shown
     from fitting.process.start_up import set_up_jax
 
     options = fit_options(arguments)
@@ -108,67 +95,123 @@ def _fit(
     from fitting.fits import fit
 
     samples = several_samples(arguments.sample)
-    with shown("fit", quiet=arguments.quiet):
-        if len(samples) == 1 and not samples[0].open:
-            return fit(measurements, samples[0], **options), None
-        from fitting.choice.selection import choose
+    if len(samples) == 1 and not samples[0].open:
+        return fit(measurements, samples[0], **options), None
+    from fitting.choice.selection import choose
 
-        choice = choose(measurements, samples, **options)
-        return choice.fit, choice
+    choice = choose(measurements, samples, **options)
+    return choice.fit, choice
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    """Fit all files together, and report and write the result."""
     import numpy as np
 
     from fitting.measurements.measurement import read_csv
     from fitting.measurements.several_files import told_apart
-    from fitting.output import as_data, files
-    from fitting.output.material import fitted_media, texts_of
+    from fitting.output import as_data, files, style
+    from fitting.output.material import texts_of
     from fitting.output.outputs import Outputs
-    from fitting.output.progress_bar import Progress
+    from fitting.output.progress_bar import shown
     from fitting.output.reference import check_reference
-    from fitting.output.text_table import Comparison, text_of
+    from fitting.output.text_table import text_of
 
     width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
-    with refusals():
-        _check(arguments)
-        read = reading_options(arguments)
-        if arguments.ratio_to:
-            from fitting.process.start_up import set_up_jax
-
-            set_up_jax()  # the reflectance of the reference is computed while the files are read
-        measurements = told_apart(
-            [read_csv(file, **read) for file in arguments.file], arguments.file
-        )
-        wavelength = np.concatenate([m.wavelength_um for m in measurements])
-        if arguments.reference:
-            check_reference(arguments.reference, wavelength, "--reference")
     with Outputs() as outputs:
         with refusals():
-            media: tuple[str | None, ...] = ()
-            if arguments.material:
-                from fitting.choice.sample_choice import several_samples
-
-                media = fitted_media(several_samples(arguments.sample))
-            staged = _stage(outputs, arguments, len(np.unique(wavelength)) > 1, media)
-            found, choice = _fit(measurements, arguments)
-            for medium in media:
-                texts_of(found, medium)
-        compared = None
-        if choice is not None:
-            reasons = [reason.text for reason in choice.reasons]
-            compared = Comparison(choice.table(), reasons, choice.to_dict())
+            if arguments.plot:
+                style.check_picture(arguments.plot)
+            if arguments.report:
+                style.check_matplotlib("--report")
+            read = reading_options(arguments)
+            measurements = told_apart(
+                [read_csv(file, **read) for file in arguments.file], arguments.file
+            )
+            wavelength = np.concatenate([m.wavelength_um for m in measurements])
+            if arguments.reference:
+                check_reference(arguments.reference, wavelength, "--reference")
+            staged = _stage(outputs, arguments, len(np.unique(wavelength)) > 1)
+            with shown("fit", quiet=arguments.quiet):
+                found, choice = _fit(measurements, arguments)
+            for one in staged:
+                if one.what == "material":
+                    texts_of(found, one.medium)
         if arguments.json == "-":
-            say(as_data.json_text(found, None if compared is None else compared.data))
+            say(as_data.json_text(found, choice))
         elif not arguments.quiet:
-            say(text_of(found, width, arguments.reference or "", compared))
-        with Progress("files written", quiet=arguments.quiet) as bar:
+            say(text_of(found, width, arguments.reference or "", choice))
+        with shown("files written", quiet=arguments.quiet):
             files.write_files(
                 found, staged, reference=arguments.reference, command=arguments.command,
-                comparison=compared, decimal=arguments.csv_decimal, step=bar.step,
+                choice=choice, decimal=arguments.csv_decimal,
             )  # fmt: skip
         outputs.publish()
     return exit_status([found])
+
+
+def _fit_file(file: str, arguments: argparse.Namespace) -> OfFile:
+    """Return the fit of one file, or why there is none."""
+    from fitting.measurements.errors import for_command
+    from fitting.measurements.measurement import read_csv
+    from fitting.measurements.reader.lines import source_of
+    from fitting.output.each_file import OfFile
+
+    try:
+        found, _ = _fit([read_csv(file, **reading_options(arguments))], arguments)
+        return OfFile(file, found)
+    except (ValueError, ImportError) as error:
+        # the whole path: there may be a/scan.csv and b/scan.csv
+        return OfFile(file, None, f"{file}{for_command(error).removeprefix(source_of(file))}")
+
+
+def _run_each(arguments: argparse.Namespace) -> int:
+    """Fit every file by itself (``--each``), and report and write a row of results for each."""
+    from fitting.choice.sample_choice import several_samples
+    from fitting.output import each_file
+    from fitting.output.outputs import Outputs, begins, write_text
+    from fitting.output.progress_bar import Progress
+    from fitting.process.progress import Step
+
+    results = [file for file in arguments.file if begins(file, each_file.EACH_MARK)]
+    for file in results:
+        complain(f"{file}: left out, since it is a table of results that --each wrote.")
+    # a table that an earlier --each wrote may be replaced, since it is no input
+    arguments.file = [file for file in arguments.file if file not in results]
+    with Outputs() as outputs:
+        with refusals():
+            if not arguments.file:
+                raise ValueError("none of the files is a measurement; there is nothing to fit.")
+            for flag in ("plot", "report", "reference", "material"):
+                if getattr(arguments, flag):
+                    raise ValueError(
+                        f"--{flag} shows a single fit, but --each makes one for every file. Use "
+                        "--csv or --json with --each, or fit one file without it."
+                    )
+            several_samples(arguments.sample)
+            fit_options(arguments)
+            staged = _stage(outputs, arguments, False)
+        each = []
+        with Progress("files", quiet=arguments.quiet) as bar:
+            for file in arguments.file:
+                bar.take(Step(0, len(arguments.file), Path(file).name))
+                each.append(_fit_file(file, arguments))
+                bar.take(Step(1, len(arguments.file), ""))
+        for one in each:
+            if one.error:
+                complain(one.error)
+        if arguments.json == "-":
+            say(each_file.rows_json(each))
+        elif not arguments.quiet:
+            say(each_file.rows_text(each))
+        for one in staged:
+            write_text(
+                one.path,
+                each_file.rows_json(each) if one.what == "json"
+                else each_file.rows_csv(each, arguments.csv_decimal),
+            )  # fmt: skip
+        outputs.publish()
+    fits = [one.fit for one in each if one.fit is not None]
+    return exit_status(fits) if len(fits) == len(each) else MISUSED
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -183,16 +226,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments = parser().parse_args(argv)
         given = sys.argv[1:] if argv is None else argv
         arguments.command = visible(shlex.join([PROGRAM, *given]))
+        from fitting.output.outputs import refuse_repeats
+        from fitting.process.start_up import cheap_start, set_up_jax
+
         with refusals():
             arguments.file = expanded(arguments.file)
-        from fitting.process.start_up import cheap_start
-
+            refuse_repeats(arguments.file)
         with cheap_start():
-            if arguments.each:
-                from fitting.command.cli_each import run_each
-
-                return run_each(arguments, _fit)
-            return _run(arguments)
+            if arguments.ratio_to:
+                with refusals():
+                    set_up_jax()  # R of the reference is computed while the files are read
+            return _run_each(arguments) if arguments.each else _run(arguments)
     except KeyboardInterrupt:
         print(file=sys.stderr)
         return INTERRUPTED

@@ -224,11 +224,6 @@ def expanded(files: Sequence[str]) -> list[str]:
     return out
 
 
-def input_files(arguments: argparse.Namespace) -> list[str]:
-    """Return the files that are read, which no result may replace."""
-    return [*arguments.file, *([arguments.divide_by] if arguments.divide_by else [])]
-
-
 def reading_options(arguments: argparse.Namespace) -> dict[str, Any]:
     """Return the keyword arguments of `read_csv`."""
     names = [name.replace("-", "_") for name, *_ in _READING]

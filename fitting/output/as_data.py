@@ -5,45 +5,61 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import io
+import json
 import math
 from collections.abc import Iterable, Mapping
-from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import fitting
 from fitting.measurements.errors import MissingExtra
 from fitting.output.estimates import by_wavelength, has_several_curves, index_waves
 from fitting.output.facts import sample_text, title_of
 from fitting.output.text_table import varied_of
 from fitting.process.visible import visible
 from fitting.residuals.residuals import residuals
-from fitting.results.plain_data import json_object, plain
 from fitting.results.result import Alternative, Estimate, Fit
 
-_ESTIMATE = ("value", "sigma", "interval", "interval_kind", "unit", "upper_limit", "status")
+if TYPE_CHECKING:
+    from fitting.choice.candidates import Choice
+
 _AS_IT_IS = (
     "wavelength_um", "chi2", "chi2_reduced", "dof", "n_data", "rms", "rms_of", "status",
     "sigma_kind", "loss", "noise", "cost", "bic", "aicc", "evaluations", "starts", "reached",
 )  # fmt: skip
 
 
-@lru_cache(maxsize=1)
-def _version() -> str:
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version("fresnel-jax")
-    except PackageNotFoundError:
-        return ""
-
-
 INDEX_MARK = "# index of a fit, written by fresnel-fit"
 """The first line of `index_csv`, by which a later run recognises a file that it may replace."""
 
 
+def plain(value: Any) -> Any:
+    """Return ``value`` as lists, dicts, numbers and strings, for JSON; None if not finite."""
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def json_object(fields: Mapping[str, Any]) -> str:
+    """Return ``fields`` as the text of a JSON object, one field a line; NaN is null."""
+    lines = (
+        f"  {json.dumps(name)}: {json.dumps(plain(value), allow_nan=False)}"
+        for name, value in fields.items()
+    )
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
 def _estimate(e: Estimate) -> dict[str, Any]:
-    return {name: getattr(e, name) for name in _ESTIMATE}
+    return {name: value for name, value in vars(e).items() if name != "name"}
 
 
 def _alternative(a: Alternative) -> dict[str, Any]:
@@ -65,7 +81,7 @@ def to_dict(fit: Fit) -> dict[str, Any]:
     holds, its values and its sentence. Of a batch warnings and alternatives are a list for each
     fit, in the order of the batch.
     """
-    fields: dict[str, Any] = {"version": _version()}
+    fields: dict[str, Any] = {"version": fitting.__version__}
     if fit.measurement is not None:
         fields["source"] = fit.measurement.source
         fields["understood"] = fit.measurement.understood
@@ -83,9 +99,9 @@ def to_dict(fit: Fit) -> dict[str, Any]:
     return {name: plain(value) for name, value in fields.items()}
 
 
-def json_text(fit: Fit, more: Mapping[str, Any] | None = None) -> str:
-    """Return `to_dict` and the fields of ``more`` as a JSON object with one line for each field."""
-    return json_object(to_dict(fit) | dict(more or {}))
+def json_text(fit: Fit, choice: Choice | None = None) -> str:
+    """Return `to_dict` and what `choose` compared as a JSON object, one line for each field."""
+    return json_object(to_dict(fit) | ({} if choice is None else choice.to_dict()))
 
 
 def _cell(value: Any, decimal: str) -> str:
@@ -175,26 +191,21 @@ def batch_columns(fit: Fit) -> dict[str, list[Any]]:
         places = np.unravel_index(np.arange(int(np.prod(fit.shape))), fit.shape)
         heads = ["curve"] if len(places) == 1 else [f"curve_{i}" for i in range(len(places))]
         columns |= {head: place.tolist() for head, place in zip(heads, places, strict=True)}
-    varied = varied_of(fit) if fit.shape else fit.names
-    columns |= {name: np.ravel(fit.parameters[name].value).tolist() for name in varied}
-    for name in varied:
-        columns |= _known(fit, name)
+    found = {name: fit.parameters[name] for name in varied_of(fit)}
+    each: dict[str, Any] = {name: e.value for name, e in found.items()}
+    for name, e in found.items():
+        low, high = np.moveaxis(e.interval, -1, 0)
+        each |= {f"sigma_{name}": e.sigma, f"{name}_low": low, f"{name}_high": high}
+        each[f"{name}_interval_kind"] = e.interval_kind
+        if np.isfinite(e.upper_limit).any():
+            each[f"{name}_upper_limit"] = e.upper_limit
     if len(fit.names) == 2:
-        columns["correlation"] = np.ravel(fit.correlation[..., 0, 1]).tolist()
+        each["correlation"] = fit.correlation[..., 0, 1]
     for name in ("chi2", "chi2_reduced", "dof", "n_data", "rms", "status"):
-        value = np.broadcast_to(np.asarray(getattr(fit, name)), fit.shape)
-        columns[name] = np.ravel(value).tolist()
+        each[name] = getattr(fit, name)
+    for name, value in each.items():
+        columns[name] = np.broadcast_to(np.asarray(value), fit.shape).ravel().tolist()
     return columns
-
-
-def _known(fit: Fit, name: str) -> dict[str, list[Any]]:
-    e = fit.parameters[name]
-    ends = np.reshape(e.interval, (-1, 2))
-    columns = {f"sigma_{name}": e.sigma, f"{name}_low": ends[:, 0], f"{name}_high": ends[:, 1]}
-    columns[f"{name}_interval_kind"] = np.broadcast_to(np.asarray(e.interval_kind), fit.shape)
-    if np.isfinite(np.asarray(e.upper_limit)).any():
-        columns[f"{name}_upper_limit"] = np.broadcast_to(np.asarray(e.upper_limit), fit.shape)
-    return {head: np.ravel(value).tolist() for head, value in columns.items()}
 
 
 def index_csv(fit: Fit, decimal: str = ".") -> str:
@@ -226,10 +237,9 @@ def to_dataframe(fit: Fit) -> Any:
         columns = batch_columns(fit)
         places = [head for head in columns if head == "wavelength_um" or head.startswith("curve")]
         return pandas.DataFrame(columns).set_index(places)
-    rows = []
-    for name, e in fit.parameters.items():
-        low, high = np.asarray(e.interval).tolist()
-        row = {"name": name, **_estimate(e), "low": low, "high": high}
-        rows.append({head: value for head, value in row.items() if head != "interval"})
+    rows = [
+        {**vars(e), "low": float(e.interval[0]), "high": float(e.interval[1])}
+        for e in fit.parameters.values()
+    ]
     order = ["name", "value", "sigma", "low", "high", "interval_kind", "unit", "upper_limit"]
     return pandas.DataFrame(rows, columns=[*order, "status"]).set_index("name")

@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.output.as_data import batch_columns, csv_text, to_dict
+from fitting.output.as_data import batch_columns, csv_text, json_object, to_dict
 from fitting.output.estimates import value_text
-from fitting.output.numbers import number, with_unit
-from fitting.output.text_table import rows_aligned, varied_of
+from fitting.output.facts import converged, counted
+from fitting.output.numbers import number
+from fitting.output.text_table import head_of, rows_aligned, varied_of
 from fitting.process.visible import visible
-from fitting.results.plain_data import json_object
-from fitting.results.result import CONVERGED, UNDETERMINED, Fit
+from fitting.results.result import UNDETERMINED, Fit
 
 REFUSED = "refused"
 EACH_MARK = "# results of files fitted one by one, written by fresnel-fit"
@@ -31,15 +31,6 @@ class OfFile(NamedTuple):
     error: str = ""
 
 
-def _free(fit: Fit) -> list[str]:
-    return varied_of(fit) if fit.shape else list(fit.names)
-
-
-def _names(files: Sequence[OfFile]) -> list[str]:
-    """Return the parameters that any of the fits found, in the order of the first."""
-    return list(dict.fromkeys(n for file in files if file.fit is not None for n in _free(file.fit)))
-
-
 def _value(fit: Fit, name: str) -> str:
     """Return a parameter with its error; of a spectrum its smallest and largest value."""
     e = fit.parameters[name]
@@ -48,13 +39,6 @@ def _value(fit: Fit, name: str) -> str:
         some = values[np.isfinite(values)]
         return f"{some.min():.4g} to {some.max():.4g}" if some.size else "-"
     return f"({value_text(e)})" if fit.status == UNDETERMINED else value_text(e)
-
-
-def _status(fit: Fit) -> str:
-    if not fit.shape:
-        return str(fit.status)
-    each = np.ravel(fit.status)
-    return f"{int((each == CONVERGED).sum())} of {each.size} wavelengths converged"
 
 
 def _chi2(fit: Fit) -> str:
@@ -68,19 +52,17 @@ def rows_text(files: Sequence[OfFile]) -> str:
 
     chi2/dof of a spectrum is the median over its wavelengths.
     """
-    names = _names(files)
-    units = {n: f.fit.parameters[n].unit for f in files if f.fit is not None for n in _free(f.fit)}
-    heads = [with_unit(n, f"({units[n]})" if units[n] else "") for n in names]
-    stated = any(f.fit is not None and _chi2(f.fit) != "-" for f in files)
-    rows = [["file", *heads, *["chi2/dof"] * stated, "status"]]
+    fits = [file.fit for file in files if file.fit is not None]
+    heads = {n: head_of(n, fit.parameters[n].unit) for fit in fits for n in varied_of(fit)}
+    stated = any(_chi2(fit) != "-" for fit in fits)
+    rows = [["file", *heads.values(), *["chi2/dof"] * stated, "status"]]
     for name, fit, _ in files:
         if fit is None:
-            rows.append([visible(name), *["-"] * (len(names) + stated), REFUSED])
+            rows.append([visible(name), *["-"] * (len(heads) + stated), REFUSED])
             continue
-        cells = [_value(fit, n) if n in fit.parameters else "-" for n in names]
-        warnings = len(fit.findings)
-        status = _status(fit) + f", {warnings} warning{'s' * (warnings > 1)}" * (warnings > 0)
-        rows.append([visible(name), *cells, *[_chi2(fit)] * stated, status])
+        cells = [_value(fit, n) if n in fit.parameters else "-" for n in heads]
+        warned = f", {counted(len(fit.findings), 'warning')}" if fit.findings else ""
+        rows.append([visible(name), *cells, *[_chi2(fit)] * stated, converged(fit) + warned])
     return "\n".join(rows_aligned(rows)) + "\n"
 
 
@@ -119,12 +101,3 @@ def rows_json(files: Sequence[OfFile]) -> str:
         fields = {"status": REFUSED, "message": error} if fit is None else to_dict(fit)
         each.append({"file": name, **fields})
     return json_object({"files": each})
-
-
-def is_result(path: str) -> bool:
-    """Whether `rows_csv` wrote a file, which a pattern such as ``*.csv`` matches as well."""
-    try:
-        with open(path, "rb") as stream:
-            return stream.read(len(EACH_MARK)) == EACH_MARK.encode()
-    except OSError:
-        return False

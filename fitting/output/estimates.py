@@ -33,8 +33,13 @@ from fitting.uncertainty.limits import student_quantile
 _UNSEEN = 6.0
 # An absorption edge is a formula: far from it k may be 1e-90, of which no measurement tells.
 _LEAST_K = 1e-12
-_STATES = {AT_LOWER: "at its lower bound", AT_UPPER: "at its upper bound"}
-_ONE_OF_MANY = "one of many that fit equally well"
+_STATES = {
+    AT_LOWER: "at its lower bound",
+    AT_UPPER: "at its upper bound",
+    FIXED: FIXED,
+    TIED: TIED,
+    UNDETERMINED: "one of many that fit equally well; see the warning",
+}
 
 
 def reach(fit: Fit) -> float:
@@ -57,15 +62,16 @@ def value_text(e: Estimate, student: float = math.nan) -> str:
     value, sigma, limit = float(e.value), float(e.sigma), float(e.upper_limit)
     low, high = (float(end) for end in e.interval)
     if e.status in (FIXED, TIED):
-        return with_unit(f"{value:.8g}", e.unit)
-    if math.isfinite(limit):
-        shown = "0" if value == 0.0 else number(value, 2)
-        return with_unit(f"{shown} (< {number(limit, 2)})", e.unit)
-    if e.status in (AT_LOWER, AT_UPPER):
-        return with_unit(f"{value:.6g}", e.unit)
-    if agree(value, sigma, low, high, student if e.interval_kind == PROFILE else math.nan):
-        return with_unit(with_error(value, sigma), e.unit)
-    return with_unit(to_its_interval(value, low, high), e.unit)
+        text = f"{value:.8g}"
+    elif math.isfinite(limit):
+        text = f"{number(value, 2) if value else 0} (< {number(limit, 2)})"
+    elif e.status in (AT_LOWER, AT_UPPER):
+        text = f"{value:.6g}"
+    elif agree(value, sigma, low, high, student if e.interval_kind == PROFILE else math.nan):
+        text = with_error(value, sigma)
+    else:
+        text = to_its_interval(value, low, high)
+    return with_unit(text, e.unit)
 
 
 def interval_of(e: Estimate) -> str:
@@ -79,25 +85,14 @@ def interval_of(e: Estimate) -> str:
     return f"{text} (profile likelihood)" if text and e.interval_kind == PROFILE else text
 
 
-def state_of(e: Estimate) -> str:
-    """Return what limits the parameter: that it is fixed, at a bound, undetermined; or ""."""
-    if e.status in (FIXED, TIED):
-        return str(e.status)
-    if e.status == UNDETERMINED:
-        return _ONE_OF_MANY
-    if e.status == SHARED:
-        unseen = "" if math.isfinite(e.sigma) else ", not determined; see the warning"
-        return f"shared by all wavelengths{unseen}"
-    if math.isfinite(float(e.upper_limit)):
-        return ""
-    return _STATES.get(e.status, "")
-
-
 def beside(e: Estimate) -> str:
     """Return all that stands beside a value: interval, bound, whether it is fixed."""
-    state = state_of(e)
-    if e.status == UNDETERMINED:
-        state += "; see the warning"
+    state = _STATES.get(e.status, "")
+    if e.status == SHARED:
+        unseen = "" if math.isfinite(e.sigma) else ", not determined; see the warning"
+        state = f"shared by all wavelengths{unseen}"
+    elif math.isfinite(float(e.upper_limit)) and e.status != UNDETERMINED:
+        state = ""
     return "; ".join(filter(None, (interval_of(e), state)))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from fitting.outcomes.findings import is_outer
 from fitting.output.estimates import (
+    beside,
     by_wavelength,
     has_pseudo_index,
     index_waves,
@@ -19,12 +20,26 @@ from fitting.output.estimates import (
 )
 from fitting.output.numbers import interval_text, number, size_text, with_error
 from fitting.process.visible import visible
-from fitting.results.result import UNDETERMINED, Alternative, Estimate, Fit
+from fitting.results.result import CONVERGED, UNDETERMINED, Alternative, Estimate, Fit
 
 Facts = list[tuple[str, str]]
 # How many second solutions, and how many correlations, are shown.
 _OTHERS, _PAIRS = 3, 6
 _NCS = "cos 2psi, sin 2psi cos Delta, sin 2psi sin Delta"
+
+
+def counted(count: int, what: str) -> str:
+    """Return ``3 warnings``."""
+    return f"{count} {what}{'s' * (count != 1)}"
+
+
+def converged(fit: Fit) -> str:
+    """Return the status, or how many fits of a batch converged."""
+    if not fit.shape:
+        return str(fit.status)
+    good = int((np.asarray(fit.status) == CONVERGED).sum())
+    what = "wavelengths" if by_wavelength(fit) else "curves"
+    return f"{good} of {np.size(fit.status)} {what} converged"
 
 
 def title_of(fit: Fit) -> str:
@@ -40,17 +55,15 @@ def _structure(fit: Fit) -> str:
     sample = fit.sample
     if sample is None:
         return "your own residual function"
+    layers = list(sample.layers)
     if sample.bare:
         what = "one bare surface"
+    elif len(layers) > 1:
+        what = f"{len(layers)} layers on a substrate"
+    elif layers[0].thickness and layers[0].thickness.coherent:
+        what = "a film on a substrate"
     else:
-        kinds = ["films" if m.thickness and m.thickness.coherent else "" for m in sample.layers]
-        if len(sample.layers) == 1:
-            what = (
-                "a film on a substrate" if kinds[0]
-                else "a thick plate, both faces, whose reflections do not interfere"
-            )  # fmt: skip
-        else:
-            what = f"{len(sample.layers)} layers on a substrate"
+        what = "a thick plate, both faces, whose reflections do not interfere"
     if sample.by_wavelength:
         names = "the pseudo-index <n>, <k>" if has_pseudo_index(fit) else "eta and k"
         each = " at every wavelength" if by_wavelength(fit) else ""
@@ -78,7 +91,7 @@ def heading(fit: Fit) -> Facts:
     return [*rows, ("sample", sample_text(fit))]
 
 
-def errors_text(fit: Fit) -> str:
+def _errors(fit: Fit) -> str:
     """Return how the standard errors were made; "" where there are none."""
     if not any(np.isfinite(np.asarray(e.sigma)).any() for e in fit.parameters.values() if e.free):
         return ""
@@ -113,7 +126,7 @@ def _made_by(fit: Fit, taken: str) -> str:
     return "the stated errors of the data as they are"
 
 
-def rms_text(fit: Fit) -> str:
+def _rms(fit: Fit) -> str:
     """Return the root mean square of the residuals, of all and of each quantity."""
     if not fit.rms_of:
         return f"{size_text(fit.rms)}  (root mean square of data - fit, unweighted)"
@@ -136,7 +149,7 @@ def _chi2(fit: Fit) -> tuple[str, str]:
     return "chi2/dof", f"{each}  (chi2 {number(fit.chi2)}, {freedom} of freedom)"
 
 
-def correlation_text(fit: Fit) -> str:
+def _correlation(fit: Fit) -> str:
     """Return all correlations, or the largest of many."""
     names, matrix = fit.names, fit.correlation
     pairs = [
@@ -152,7 +165,7 @@ def correlation_text(fit: Fit) -> str:
     return f"{text} (the largest of {len(pairs)})" if many else text
 
 
-def status_text(fit: Fit) -> str:
+def _status(fit: Fit) -> str:
     """Return the status, and how many starting points led to the minimum.
 
     Where the parameters are undetermined the starts end all along a valley, and none is counted.
@@ -169,7 +182,7 @@ def _of_second(e: Estimate, student: float) -> str:
     return f"{text} ({ends})" if unclear else text
 
 
-def alternative_text(fit: Fit, other: Alternative) -> str:
+def _alternative(fit: Fit, other: Alternative) -> str:
     """Return a second solution: its values with their errors, and how much worse it fits."""
     student = reach(fit)
     values = ", ".join(
@@ -179,20 +192,37 @@ def alternative_text(fit: Fit, other: Alternative) -> str:
     return f"{values} (chi2 {higher} by {abs(other.delta_chi2):.2g})"
 
 
-def index_rows(fit: Fit) -> Facts:
-    """Return eta and k of a dispersion model at the ends and in the middle of a spectrum."""
-    known = {"eta", "k"} & set(fit.parameters) or all(map(is_outer, fit.parameters))
-    if known or len(index_waves(fit)) < 2:
+def index_rows(fit: Fit) -> list[list[str]]:
+    """Return wavelength, eta and k of a dispersion model at every measured wavelength."""
+    if fit.sample is None or fit.sample.by_wavelength or not len(index_waves(fit)):
         return []
-    band, limited = fit.index(), k_is_limited(fit)
-    some = sorted({0, len(band.wavelength_um) // 2, len(band.wavelength_um) - 1})
+    limited = k_is_limited(fit)
     return [
-        (f"at {w:.4g} um", f"eta {with_error(n, s)}, k {k_text(k, t, limited)}")
-        for w, n, s, k, t in zip(*(a[some].tolist() for a in band), strict=True)
+        [f"{w:.6g}", with_error(n, s), k_text(k, t, limited)]
+        for w, n, s, k, t in zip(*(a.tolist() for a in fit.index()), strict=True)
     ]
 
 
-def remedy(fit: Fit) -> Facts:
+def index_ends(fit: Fit) -> Facts:
+    """Return eta and k of a dispersion model at the ends and in the middle of a spectrum."""
+    rows = index_rows(fit)
+    known = {"eta", "k"} & set(fit.parameters) or all(map(is_outer, fit.parameters))
+    if known or len(rows) < 2:
+        return []
+    some = (rows[i] for i in sorted({0, len(rows) // 2, len(rows) - 1}))
+    return [(f"at {float(w):.4g} um", f"eta {eta}, k {k}") for w, eta, k in some]
+
+
+def _shared(fit: Fit) -> Facts:
+    """Return the parameters that all fits of a batch have in common."""
+    return [
+        (name, f"{value_text(e)}  ({beside(e)})")
+        for name, e in fit.parameters.items()
+        if np.shape(e.value) != fit.shape
+    ]
+
+
+def _remedy(fit: Fit) -> Facts:
     """Return the line that says what to measure if most fits are undetermined; else no line."""
     status = np.asarray(fit.status)
     if 2 * int((status == UNDETERMINED).sum()) <= status.size:
@@ -204,45 +234,33 @@ def remedy(fit: Fit) -> Facts:
     return [("what to do", text + also * by_wavelength(fit))]
 
 
-def findings_of_one(fit: Fit) -> Facts:
+def _of_one(fit: Fit) -> Facts:
     """Return how well one set of parameters describes the data, and how its errors were made."""
-    rows = [_chi2(fit), ("rms", rms_text(fit))]
+    rows = [_chi2(fit), ("rms", _rms(fit))]
     if fit.loss != "squares":
         unit = " times the stated errors" if fit.errors.stated else ""
         rows.append(("loss", f"{fit.loss}, for noise of {number(fit.noise, 3)}{unit}"))
-    if errors := errors_text(fit):
+    if errors := _errors(fit):
         rows.append(("errors", errors))
-    if correlations := correlation_text(fit):
+    if correlations := _correlation(fit):
         rows.append(("correlation", correlations))
     if math.isfinite(fit.bic):
         text = f"BIC {fit.bic:.2f}" + f", AICc {fit.aicc:.2f}" * math.isfinite(fit.aicc)
         rows.append(("criteria", f"{text} (of models of the same data, lower is better)"))
-    rows.append(("status", status_text(fit)))
+    rows.append(("status", _status(fit)))
     if fit.status != UNDETERMINED:  # all of a valley is one solution
-        rows += [("also fits", alternative_text(fit, a)) for a in fit.alternatives[:_OTHERS]]
-    return rows + remedy(fit)
+        rows += [("also fits", _alternative(fit, a)) for a in fit.alternatives[:_OTHERS]]
+    return rows + _remedy(fit)
 
 
-def _second_solutions(fit: Fit) -> int:
-    if not fit.others:
-        return 0
-    there = np.logical_or.reduce([np.isfinite(np.asarray(a.delta_chi2)) for a in fit.others])
-    return int((there & (np.asarray(fit.status) != UNDETERMINED)).sum())
-
-
-def findings_of_many(fit: Fit) -> Facts:
+def _of_many(fit: Fit) -> Facts:
     """Return what holds for all fits of a batch."""
     status, count = np.unique(np.asarray(fit.status), return_counts=True)
     what = "wavelengths" if by_wavelength(fit) else "curves"
     total = ", ".join(f"{n} {one}" for one, n in zip(status, count, strict=True))
     rows = [("status", f"{count.sum()} {what}: {total}")]
-    if errors := errors_text(fit):
+    if errors := _errors(fit):
         rows.append(("errors", errors))
-    second = _second_solutions(fit)
-    if second and all(finding.code != "other_minima" for finding in fit.findings):
-        where = f"at {second} wavelengths" if by_wavelength(fit) else f"for {second} curves"
-        text = f'{where} a second solution fits nearly as well ("alternatives" in the JSON)'
-        rows.append(("also fits", text))
     limited = [
         shown_name(fit, n) for n, e in fit.parameters.items()
         if np.isfinite(np.asarray(e.upper_limit)).any()
@@ -250,4 +268,9 @@ def findings_of_many(fit: Fit) -> Facts:
     if limited:
         text = f"(< ...) behind {' or '.join(limited)}: the 95 % upper limit"
         rows.append(("in brackets", text))
-    return rows + remedy(fit)
+    return rows + _remedy(fit)
+
+
+def findings(fit: Fit) -> Facts:
+    """Return what was found beside the parameters of which there is a table."""
+    return [*_shared(fit), *_of_many(fit)] if fit.shape else _of_one(fit)

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from fitting.output import as_data, material
 from fitting.output.estimates import index_waves
-from fitting.output.fit_page import fit_page
-from fitting.output.outputs import Outputs
+from fitting.output.outputs import Outputs, write_text
+from fitting.output.page import fit_page
 from fitting.output.style import check_matplotlib, save
-from fitting.output.text_table import Comparison
+from fitting.process.progress import tell
 from fitting.results.result import Fit
+
+if TYPE_CHECKING:
+    from fitting.choice.candidates import Choice
 
 # What a report folder holds. The page comes last, since the picture goes into it.
 REPORT = {
@@ -42,36 +45,14 @@ class Staged(NamedTuple):
     medium: str | None = None
 
 
-def stage_report(
-    outputs: Outputs,
-    folder: str | os.PathLike[str],
-    left_out: Collection[str],
-    *,
-    flag: str = "",
-    overwrite: bool = False,
-    inputs: Sequence[str] = (),
-) -> list[Staged]:
-    """Return the files of a report; the arguments are those of `Outputs.folder` and `open`."""
-    place = outputs.folder(folder, flag=flag, overwrite=overwrite)
-    return [
-        Staged(
-            what, outputs.open(place / name, flag=flag, inputs=inputs), Path(name).suffix,
-            f"--report {name}",
-        )
-        for what, name in REPORT.items()
-        if what not in left_out
-    ]  # fmt: skip
-
-
 def write_files(
     fit: Fit,
     staged: Iterable[Staged],
     *,
     reference: str | None = None,
     command: str = "",
-    comparison: Comparison | None = None,
+    choice: Choice | None = None,
     decimal: str = ".",
-    step: Callable[[str], None] = lambda asked: None,
 ) -> None:
     """Write every file that was asked for.
 
@@ -80,16 +61,15 @@ def write_files(
         staged: the files; a page comes after the picture that it contains.
         reference: a named material, drawn beside eta and k.
         command: how the fit was asked for, for the foot of the page.
-        comparison: what was compared, if a model was chosen.
+        choice: what was compared, if a model was chosen.
         decimal: decimal mark of the tables; with "," their cells are separated by semicolons.
-        step: called with `Staged.asked` before each file is written.
 
     Raises: OSError where the file system refuses, with the option or the file's name as its third
         argument.
     """
     png = b""
     for what, path, suffix, asked, medium in staged:
-        step(asked)
+        tell(asked)
         try:
             if what == "plot":
                 from fitting.output.picture import draw
@@ -98,18 +78,16 @@ def write_files(
                 png = path.read_bytes()
                 continue
             if what == "json":
-                text = as_data.json_text(fit, None if comparison is None else comparison.data)
+                text = as_data.json_text(fit, choice)
             elif what == "csv":
                 text = as_data.data_csv(fit, decimal)
             elif what == "index":
                 text = as_data.index_csv(fit, decimal)
             elif what == "page":
-                text = fit_page(fit, png, command, comparison)
+                text = fit_page(fit, png, command, choice)
             else:
                 text = material.texts_of(fit, medium)[what == "errors"]
-            # Line ends are the same on every system; bytes of a file name that are no text are
-            # written as escapes.
-            path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
+            write_text(path, text)
         except OSError as error:  # the error of a full disk, for example, names no file
             raise OSError(error.errno, error.strerror, asked) from error
 
@@ -125,6 +103,26 @@ def report(fit: Fit, folder: str | os.PathLike[str], *, overwrite: bool = False)
     left_out = ["csv"] * (fit.measurement is None)
     left_out += ["index"] * (not fit.shape and len(index_waves(fit)) < 2)
     with Outputs() as outputs:
-        staged = stage_report(outputs, folder, left_out, overwrite=overwrite)
-        write_files(fit, staged)
-        outputs.publish()
+        place = outputs.folder(folder, overwrite=overwrite)
+        _write(fit, outputs, {w: place / name for w, name in REPORT.items() if w not in left_out})
+
+
+def write_material(
+    fit: Fit, path: str | os.PathLike[str], medium: str | None = None
+) -> tuple[Path, Path]:
+    """Write the index of a medium and its errors, or neither, and return the paths."""
+    file, errors = Path(path), material.errors_beside(path)
+    with Outputs() as outputs:
+        _write(fit, outputs, {"material": file, "errors": errors}, medium)
+    return file, errors
+
+
+def _write(
+    fit: Fit, outputs: Outputs, files: Mapping[str, Path], medium: str | None = None
+) -> None:
+    staged = [
+        Staged(what, outputs.open(path), path.suffix, str(path), medium)
+        for what, path in files.items()
+    ]
+    write_files(fit, staged)
+    outputs.publish()

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 
 from fitting.measurements.reader.units import span_of
-from fitting.output.outputs import Outputs
 from fitting.process.visible import visible
 from fitting.results.result import CONVERGED, UNDETERMINED, Estimate, Fit, IndexBand
 from fitting.samples.sample import Sample
@@ -62,7 +61,10 @@ def material_texts(
     columns = np.array([band.wavelength_um, band.eta, band.k, band.sigma_eta, band.sigma_k], float)
     rows = columns.T[np.isfinite(columns[:3]).all(axis=0)]
     if not len(rows):
-        raise ValueError("eta and k are known at no wavelength; no file was written.")
+        raise ValueError(
+            "eta and k are known at no wavelength, and no file was written: the wavelength is not "
+            "stated, or the data do not determine eta and k."
+        )
     rows = rows[np.argsort(rows[:, 0], kind="stable")]
     lines = []
     for key, text in (("REFERENCES", reference), ("COMMENTS", comments)):
@@ -75,10 +77,9 @@ def material_texts(
 
 
 def _with_error(e: Estimate) -> str:
-    text = f"{float(e.value):.6g}"
-    if e.free and np.isfinite(e.sigma):
-        text += f" +- {float(e.sigma):.2g}"
-    return f"{text} {e.unit}".strip()
+    """Return a value with six digits, so that a formula gives the curve again, and its error."""
+    error = f" +- {float(e.sigma):.2g}" if e.free and np.isfinite(e.sigma) else ""
+    return f"{float(e.value):.6g}{error} {e.unit}".strip()
 
 
 def _conditions(fit: Fit) -> dict[str, str]:
@@ -121,12 +122,6 @@ def texts_of(fit: Fit, medium: str | None = None) -> tuple[str, str]:
     band = fit.index(None, medium)
     good = [CONVERGED] if fit.shape else [CONVERGED, UNDETERMINED]
     known = np.isin(np.broadcast_to(np.ravel(fit.status), band.eta.shape), good)
-    known &= np.isfinite(band.wavelength_um)
-    if not known.any():
-        raise ValueError(
-            "there is no index to write: the wavelength is not known, or the data do not determine "
-            "eta and k."
-        )
     m = fit.measurement
     comments = ["The standard errors of n and k are in the CSV file beside this one."]
     if not fit.shape:
@@ -136,15 +131,3 @@ def texts_of(fit: Fit, medium: str | None = None) -> tuple[str, str]:
     reference = f"{_FITTED_BY} to {'arrays' if m is None else m.source}"
     some = IndexBand(*(column[known] for column in band))
     return material_texts(some, reference, "\n".join(comments), _conditions(fit))
-
-
-def write(fit: Fit, path: str | os.PathLike[str], medium: str | None = None) -> tuple[Path, Path]:
-    """Write both files, or none of them, and return their paths."""
-    places = Path(path), errors_beside(path)
-    texts = texts_of(fit, medium)
-    with Outputs() as outputs:
-        staged = [outputs.open(place) for place in places]
-        for file, text in zip(staged, texts, strict=True):
-            file.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
-        outputs.publish()
-    return places

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import stat
 from collections.abc import Iterable
 from pathlib import Path
-from types import TracebackType
+from typing import BinaryIO
 
 from fitting.process.interrupt import last_acts
 
@@ -18,7 +17,7 @@ except ImportError:  # a system without these locks keeps the leftovers of kille
     fcntl = None
 
 # The name of a result file until it is complete. The process that writes it holds a lock on it.
-_STAGED = re.compile(r"\.fresnel-fit-[0-9a-f]{16}\.part")
+_STAGED = ".fresnel-fit-{}.part"
 MARK = ".fresnel-fit-report"
 """An empty file in the folder of every report, by which a later report may write there."""
 STDIN = "-"
@@ -51,39 +50,36 @@ def refuse_repeats(inputs: Iterable[str]) -> None:
             seen[identity] = name
 
 
-def _lock(descriptor: int) -> bool:
-    """Take the lock of an open file unless somebody else holds it; whether it was taken."""
+def _lock(file: BinaryIO) -> None:
+    """Take the lock of an open file; OSError if another process holds it, or there are no locks."""
     if fcntl is None:
-        return False
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
+        raise OSError
+    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def _clean(folder: Path) -> None:
     """Remove the incomplete files of killed runs in ``folder``, whose lock no process holds."""
-    with contextlib.suppress(OSError), os.scandir(folder) as entries:
-        for entry in entries:
-            if not _STAGED.fullmatch(entry.name) or not entry.is_file(follow_symlinks=False):
-                continue
-            with contextlib.suppress(OSError):
-                descriptor = os.open(entry.path, os.O_WRONLY | getattr(os, "O_NOFOLLOW", 0))
-                try:
-                    if _lock(descriptor):
-                        os.unlink(entry.path)
-                finally:
-                    os.close(descriptor)
+    for path in folder.glob(_STAGED.format("[0-9a-f]" * 16)):
+        with contextlib.suppress(OSError), path.open("r+b") as file:
+            _lock(file)
+            path.unlink()
 
 
-def _begins(file: Path, text: str) -> bool:
-    """Return whether a file can be read and begins with ``text``, or is empty."""
+def begins(path: str | os.PathLike[str], text: str) -> bool:
+    """Return whether a file can be read and begins with ``text``."""
     try:
-        with file.open("rb") as stream:
-            return stream.read(len(text)) in (text.encode(), b"")
+        with open(path, "rb") as stream:
+            return stream.read(len(text)) == text.encode()
     except OSError:
         return False
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text with the same line ends on every system.
+
+    Bytes of a file name that are no text are written as escapes.
+    """
+    path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
 
 
 class _Staged:
@@ -91,27 +87,26 @@ class _Staged:
 
     def __init__(self, folder: Path) -> None:
         while True:
-            self.path = folder / f".fresnel-fit-{os.urandom(8).hex()}.part"
+            self.path = folder / _STAGED.format(os.urandom(8).hex())
             # 0o666 less the user's umask, as for any file that a program makes
-            self._open = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-            _lock(self._open)
+            descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+            self._file = os.fdopen(descriptor, "wb")
+            with contextlib.suppress(OSError):  # of a file system without locks
+                _lock(self._file)
             # Another run may have removed it as an incomplete file between opening and locking.
             if _identity(self.path) is not None:
                 return
-            os.close(self._open)
+            self._file.close()
 
     def publish(self, final: Path) -> None:
         """Give the file its name, once its content is on the disk."""
-        os.fsync(self._open)
-        os.close(self._open)
-        self._open = -1
+        os.fsync(self._file.fileno())
+        self._file.close()
         os.replace(self.path, final)
 
     def remove(self) -> None:
         self.path.unlink(missing_ok=True)
-        if self._open >= 0:
-            os.close(self._open)
-            self._open = -1
+        self._file.close()
 
 
 def _sync(folder: Path) -> None:
@@ -141,12 +136,6 @@ class Outputs:
     def __init__(self) -> None:
         self._staged: dict[Path, _Staged] = {}
         self._made: list[Path] = []
-        self._cleaned: set[Path] = set()
-
-    def _clean(self, folder: Path) -> None:
-        if folder not in self._cleaned:
-            self._cleaned.add(folder)
-            _clean(folder)
 
     def folder(
         self, path: str | os.PathLike[str], *, flag: str = "", overwrite: bool = False
@@ -172,7 +161,7 @@ class Outputs:
             raise OutputError(
                 f"{name}: the folder cannot be created ({error.strerror})."
             ) from error
-        self._clean(Path(os.path.realpath(folder)))
+        _clean(folder)
         mark = folder / MARK
         if mark.is_file() and not mark.is_symlink():
             return folder
@@ -225,14 +214,14 @@ class Outputs:
                 raise OutputError(
                     f"{name}: the file exists and is write-protected; choose another name."
                 )
-            if only_over and not _begins(final, only_over):
+            if only_over and final.stat().st_size and not begins(final, only_over):
                 raise OutputError(
                     f"{name}: the file exists and was not written by a fit. Choose another name "
                     f"for {flag}, or add --overwrite to replace it."
                 )
         elif not final.parent.is_dir():
             raise OutputError(f"{name}: there is no folder {final.parent}; create it first.")
-        self._clean(final.parent)
+        _clean(final.parent)
         try:
             staged = _Staged(final.parent)
             self._staged[final] = staged
@@ -263,12 +252,7 @@ class Outputs:
         last_acts.append(self._remove)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         last_acts.remove(self._remove)
         self._remove()
 

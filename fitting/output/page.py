@@ -1,21 +1,30 @@
-"""One self-contained HTML page of facts, warnings, pictures and tables; it loads no other file."""
+"""A fit as one self-contained HTML page, which loads no other file, and as a cell of a notebook."""
 
 from __future__ import annotations
 
 import base64
 import html
+import math
 import re
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any
 
+from fitting.output import facts
+from fitting.output.as_data import data_columns
+from fitting.output.estimates import by_wavelength
+from fitting.output.text_table import batch_rows, parameter_rows, warnings_of
 from fitting.process.visible import visible
+from fitting.results.result import Fit
+
+if TYPE_CHECKING:
+    from fitting.choice.candidates import Choice
 
 # A table of more rows is folded, since the same numbers are in the CSV files.
 OPEN_ROWS = 40
 
 _BODY = """font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff;
   max-width: 56rem; margin: 2rem auto; padding: 0 1rem;"""
-# Each rule begins a line, where `fragment` puts a prefix that restricts it to a notebook's cell.
+# Each rule begins a line, where `notebook` puts a prefix that restricts it to its cell.
 _STYLE = """
 h1 { font-size: 1.5rem; margin: 0 0 .5rem; overflow-wrap: anywhere; }
 h2 { font-size: 1.1rem; margin: 2rem 0 .5rem; }
@@ -38,100 +47,124 @@ footer { margin-top: 3rem; color: #595959; font-size: .85rem; }
 """
 
 
-class Table(NamedTuple):
-    """A table of the page: its heading, the headers of the columns, and rows of texts."""
-
-    title: str
-    head: Sequence[str]
-    rows: Sequence[Sequence[str]]
+def _element(tag: str, text: str, more: str = "") -> str:
+    """Return an element; texts are escaped, since they may come from the user's data."""
+    return f"<{tag}{more}>{html.escape(visible(text))}</{tag}>"
 
 
-def _escaped(text: str) -> str:
-    return html.escape(visible(text))
-
-
-def _table(table: Table, level: str = "h2") -> str:
-    head = "".join(f"<th scope=col>{_escaped(cell)}</th>" for cell in table.head)
-    rows = "\n".join(
-        "<tr>" + "".join(f"<td>{_escaped(cell)}</td>" for cell in row) + "</tr>"
-        for row in table.rows
-    )
-    body = (
+def table(title: str, rows: Sequence[Sequence[str]], level: str = "h2") -> str:
+    """Return a table below its title; the first row is the header."""
+    head = "".join(_element("th", cell, " scope=col") for cell in rows[0])
+    lines = ["".join(_element("td", cell) for cell in row) for row in rows[1:]]
+    body = "\n".join(f"<tr>{line}</tr>" for line in lines)
+    text = (
         f"<div class=wide><table><thead><tr>{head}</tr></thead>\n"
-        f"<tbody>\n{rows}\n</tbody></table></div>"
+        f"<tbody>\n{body}\n</tbody></table></div>"
     )
-    if len(table.rows) > OPEN_ROWS:
-        body = f"<details><summary>{len(table.rows)} rows</summary>\n{body}</details>"
-    return f"<{level}>{_escaped(table.title)}</{level}>\n{body}"
+    if len(lines) > OPEN_ROWS:
+        text = f"<details><summary>{len(lines)} rows</summary>\n{text}</details>"
+    return f"{_element(level, title)}\n{text}"
 
 
-def _head(
+def figure(caption: str, png: bytes) -> str:
+    """Return a picture, which the page itself holds. png: the bytes of a PNG file."""
+    data = base64.b64encode(png).decode("ascii")
+    source = f'alt="{html.escape(visible(caption))}" src="data:image/png;base64,{data}"'
+    return f"<figure><img {source}>{_element('figcaption', caption)}</figure>"
+
+
+def opening(
     title: str,
     facts: Iterable[tuple[str, str]],
-    warnings: Iterable[str],
+    warnings: Iterable[tuple[str, str]],
     notes: Iterable[str],
-    level: str,
-    numbered: bool,
-) -> list[str]:
-    parts = [
-        f"<{level}>{_escaped(title)}</{level}>",
-        "<dl>",
-        *(f"<dt>{_escaped(label)}</dt><dd>{_escaped(text)}</dd>" for label, text in facts),
-        "</dl>",
-    ]
-    for i, text in enumerate(warnings, 1):
-        label = f"Warning {i}" if numbered else "Warning"
-        parts.append(f"<p class=warning>{label}: {_escaped(text)}</p>")
-    return parts + [f"<p class=note>Note: {_escaped(text)}</p>" for text in notes]
-
-
-def page(
-    title: str,
-    facts: Iterable[tuple[str, str]],
-    warnings: Iterable[str],
-    notes: Iterable[str],
-    pictures: Iterable[tuple[str, bytes]],
-    tables: Iterable[Table],
-    foot: str,
-    first: Iterable[Table] = (),
-    numbered: bool = False,
+    level: str = "h1",
 ) -> str:
-    """Return the page. facts: label and text. pictures: caption and the bytes of a PNG file.
+    """Return the title, facts and warnings (label and text each), and notes."""
+    parts = [_element(level, title), "<dl>"]
+    parts += [_element("dt", label) + _element("dd", text) for label, text in facts]
+    parts.append("</dl>")
+    told = [("warning", f"{label.capitalize()}: {text}") for label, text in warnings]
+    told += [("note", f"Note: {text}") for text in notes]
+    return "\n".join([*parts, *(_element("p", text, f" class={kind}") for kind, text in told)])
 
-    first: tables that stand above the pictures. numbered: whether warnings have numbers, to which a
-    table refers. All texts are escaped, since they may come from the user's data; pictures are
-    embedded.
+
+def document(title: str, parts: Iterable[str], foot: str) -> str:
+    """Return a page of these parts."""
+    head = (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"{_element('title', title)}<style>body {{ {_BODY} }}{_STYLE}</style></head><body>"
+    )
+    return "\n".join([head, *parts, _element("footer", foot), "</body></html>"]) + "\n"
+
+
+def _opening(fit: Fit, choice: Choice | None, level: str, left_out: str = "") -> str:
+    shown = [row for row in [*facts.heading(fit), *facts.findings(fit)] if row[0] != left_out]
+    reasons = [] if choice is None else choice.reasons
+    notes = [note.text for note in [*reasons, *fit.notes]]
+    return opening(facts.title_of(fit), shown, warnings_of(fit), notes, level)
+
+
+def _main(fit: Fit, level: str = "h2") -> str:
+    """Return the table of parameters, or that of the fits of a batch."""
+    if not fit.shape:
+        return table("Parameters", parameter_rows(fit), level)
+    title = "Index over wavelength" if by_wavelength(fit) else "Curves"
+    return table(title, batch_rows(fit, intervals=True), level)
+
+
+def _correlations(fit: Fit) -> list[list[str]]:
+    rows = [
+        [name, *("-" if math.isnan(c) else f"{c:+.3f}" for c in row)]
+        for name, row in zip(fit.names, fit.correlation.tolist(), strict=True)
+    ]
+    return [["", *fit.names], *rows]
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    return "" if math.isnan(value) else f"{value:.6g}"
+
+
+def _data(fit: Fit) -> list[str]:
+    """Return the table of data, fitted values and residuals; none if the fit keeps no data."""
+    if fit.measurement is None:
+        return []
+    columns = data_columns(fit)
+    rows = [list(map(_cell, row)) for row in zip(*columns.values(), strict=True)]
+    return [table("Data (R and T as fractions, psi and Delta in degrees)", [list(columns), *rows])]
+
+
+def fit_page(fit: Fit, png: bytes, command: str = "", choice: Choice | None = None) -> str:
+    """Return the page of a fit, one self-contained HTML file.
+
+    png: the picture. command: the command line that made the fit, for the foot of the page.
+    choice: what `choose` compared, if a model was chosen.
     """
-    parts = [
-        "<!DOCTYPE html>",
-        '<html lang="en"><head><meta charset="utf-8">',
-        '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f"<title>{_escaped(title)}</title><style>body {{ {_BODY} }}{_STYLE}</style></head><body>",
-        *_head(title, facts, warnings, notes, "h1", numbered),
-        *(_table(table) for table in first),
-    ]
-    for caption, png in pictures:
-        data = base64.b64encode(png).decode("ascii")
-        parts.append(
-            f'<figure><img alt="{_escaped(caption)}" src="data:image/png;base64,{data}">'
-            f"<figcaption>{_escaped(caption)}</figcaption></figure>"
-        )
-    parts += [_table(table) for table in tables]
-    parts += [f"<footer>{_escaped(foot)}</footer>", "</body></html>"]
-    return "\n".join(parts) + "\n"
+    caption = (
+        "The fitted parameters of the batch." if fit.measurement is None
+        else "Data and fitted curves with one standard error, and data - fit."
+    )  # fmt: skip
+    picture = [figure(caption, png)] if png else []
+    more = []
+    if not fit.shape and len(fit.names) > 1:
+        more.append(table("Correlations", _correlations(fit)))
+    if choice is not None:
+        more.append(table("Models compared", choice.table()))
+    if rows := facts.index_rows(fit):
+        head = ["wavelength_um", "eta", "k"]
+        more.append(table("Index over wavelength", [head, *rows]))
+    # the table of a batch is too long to stand above the picture
+    parts = [*picture, _main(fit)] if fit.shape else [_main(fit), *picture]
+    # the correlations have a table
+    parts = [_opening(fit, choice, "h1", "correlation"), *parts, *more, *_data(fit)]
+    return document(facts.title_of(fit), parts, command)
 
 
-def fragment(
-    title: str,
-    facts: Iterable[tuple[str, str]],
-    warnings: Iterable[str],
-    notes: Iterable[str],
-    tables: Iterable[Table],
-    numbered: bool = False,
-) -> str:
-    """Return `page` without pictures as a part of another page; its style affects no other part."""
-    scoped = re.sub(r"(?m)^(?=[a-z.])", ".fresnel-fit ", _STYLE)
-    parts = [f"<style>{scoped}</style>", "<div class=fresnel-fit>"]
-    parts += _head(title, facts, warnings, notes, "h3", numbered)
-    parts += [_table(table, "h4") for table in tables]
-    return "\n".join([*parts, "</div>"]) + "\n"
+def notebook(fit: Fit) -> str:
+    """Return facts, warnings and parameters as HTML for a cell, whose style affects no other."""
+    style = re.sub(r"(?m)^(?=[a-z.])", ".fresnel-fit ", _STYLE)
+    parts = [f"<style>{style}</style>", "<div class=fresnel-fit>", _opening(fit, None, "h3")]
+    return "\n".join([*parts, _main(fit, "h4"), "</div>"]) + "\n"

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitting.measurements.quantities import ANGLES, TABLE, are_powers
+from fitting.measurements.quantities import ANGLES, TABLE
 from fitting.output import facts
-from fitting.output.estimates import by_wavelength, reach, shown_name, value_text
+from fitting.output.estimates import reach, shown_name, value_text
 from fitting.output.numbers import number, size_text
-from fitting.output.picture_batch import draw_batch
 from fitting.output.picture_data import (
     PANELS,
     curves_of,
@@ -24,7 +23,7 @@ from fitting.output.picture_data import (
     over_wavelength,
     power_label,
 )
-from fitting.output.picture_index import draw_index
+from fitting.output.picture_parameters import draw_batch, draw_index
 from fitting.output.reference import check_reference, reference_text
 from fitting.output.style import (
     GREY,
@@ -35,9 +34,9 @@ from fitting.output.style import (
     plain_title,
     symbol,
 )
-from fitting.output.warning_texts import warning_texts
+from fitting.output.text_table import warnings_of
 from fitting.process.visible import visible
-from fitting.results.result import UNDETERMINED, Fit
+from fitting.results.result import CONVERGED, Fit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,15 +50,10 @@ _WARNINGS, _LETTERS = 3, 240
 
 def _subtitle(fit: Fit) -> str:
     """Return in one line what was found."""
-    if fit.shape:
-        status = np.asarray(fit.status)
-        each = "wavelength by wavelength" if by_wavelength(fit) else "curve by curve"
-        good = int((status == "converged").sum())
-        return f"{plain_title(str(fit.sample))}, {each}: {good} of {status.size} converged"
-    if fit.status != "converged":
-        undetermined = ": the data do not determine the parameters" * (fit.status == UNDETERMINED)
-        return f"{plain_title(str(fit.sample))}, {fit.status}{undetermined}"
-    parts = [] if len(fit.names) <= 2 else [plain_title(str(fit.sample))]
+    sample = plain_title(str(fit.sample or "your own residual function"))
+    if fit.shape or fit.status != CONVERGED:
+        return f"{sample}, {facts.converged(fit)}"
+    parts = [] if len(fit.names) <= 2 else [sample]
     for name in () if parts else fit.names:
         text = value_text(fit.parameters[name], reach(fit)).replace("+-", r"$\pm$")
         parts.append(f"{symbol(shown_name(fit, name))} = {text}")
@@ -78,7 +72,7 @@ def _titles(figure: Figure, axes: Axes, fit: Fit, reference: str) -> None:
         _subtitle(fit), (0.0, 1.0), (0.0, 9.0), xycoords="axes fraction",
         textcoords="offset points", va="bottom", ha="left", color="#333333",
     ).set_in_layout(False)  # fmt: skip  # the padding of the title leaves room for it
-    texts = [visible(text).replace("$", r"\$") for text in warning_texts(fit).texts]
+    texts = [visible(text).replace("$", r"\$") for _, text in warnings_of(fit)]
     if not (texts or reference):
         return
     width = int(13.5 * figure.get_figwidth())
@@ -95,20 +89,15 @@ def _titles(figure: Figure, axes: Axes, fit: Fit, reference: str) -> None:
     figure.supxlabel("\n".join(shown), x=0.01, ha="left", fontsize=9, color=color)
 
 
-def _angles_shown(angle_deg: np.ndarray) -> tuple[float, float]:
-    """Return the angles to draw: 0 to 90 degrees, or less if the data span less than 45."""
-    low, high = float(angle_deg.min()), float(angle_deg.max())
+def _span(m: Measurement) -> tuple[float, float]:
+    """Return the wavelengths; or 0 to 90 degrees, less if the angles span less than 45."""
+    if over_wavelength(m):
+        return float(np.nanmin(m.wavelength_um)), float(np.nanmax(m.wavelength_um))
+    low, high = float(m.angle_deg.min()), float(m.angle_deg.max())
     if high - low >= 45.0:
         return 0.0, 90.0
     margin = max(0.15 * (high - low), 2.0)
     return max(low - margin, 0.0), min(high + margin, 90.0)
-
-
-def _span(m: Measurement) -> tuple[float, float]:
-    if over_wavelength(m):
-        known = m.wavelength_um[np.isfinite(m.wavelength_um)]
-        return float(known.min()), float(known.max())
-    return _angles_shown(m.angle_deg)
 
 
 def _panels(figure: Figure, kinds: list[str], spectrum: bool) -> tuple[Any, tuple[Any, Any] | None]:
@@ -117,9 +106,11 @@ def _panels(figure: Figure, kinds: list[str], spectrum: bool) -> tuple[Any, tupl
     One kind: all below each other. More: one column each, eta and k below the first two.
     """
     if len(kinds) == 1:
+        figure.set_size_inches((8.2, 10.0) if spectrum else (7.4, 6.2))
         ratios = (3.0, 1.0, 2.0, 2.0) if spectrum else (3.2, 1.0)
         axes = figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios)
         return {kinds[0]: (axes[0], axes[1])}, (axes[2], axes[3]) if spectrum else None
+    figure.set_size_inches(6.2 * len(kinds), 8.6 if spectrum else 6.0)
     ratios = (3.0, 1.0, 2.4) if spectrum else (3.0, 1.0)
     axes = figure.subplots(len(ratios), len(kinds), sharex=True, height_ratios=ratios)
     pairs = {kind: (axes[0, i], axes[1, i]) for i, kind in enumerate(kinds)}
@@ -136,17 +127,11 @@ def _legend(axes: Axes, banded: bool, outside: bool, few: bool) -> None:
     fit = Line2D([], [], color=GREY)
     shade = Patch(color=GREY, alpha=0.22, linewidth=0)
     handle, label = ((shade, fit), r"fit with 1$\sigma$ band") if banded else (fit, "fit")
-    place: Any = (
-        {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0), "borderpad": 0.0}
-        if outside else {"loc": "best"}
-    )  # fmt: skip
+    right: Any = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0), "borderpad": 0.0}
     axes.legend(
-        [*handles, handle],
-        [*labels, label],
-        handlelength=1.6,
-        markerscale=1.0 if few else 2.0,
-        **place,
-    )
+        [*handles, handle], [*labels, label], handlelength=1.6, markerscale=1.0 if few else 2.0,
+        **(right if outside else {}),
+    )  # fmt: skip
 
 
 def _draw_data(figure: Figure, fit: Fit, m: Measurement, reference: str | None) -> Axes:
@@ -158,33 +143,27 @@ def _draw_data(figure: Figure, fit: Fit, m: Measurement, reference: str | None) 
     curves = curves_of(fit, m, lines, low, high)
     residual = fit.residuals
     for kind, (top, bottom) in pairs.items():
-        of = [i for i, line in enumerate(lines) if line.kind == kind]
-        banded = [
-            draw_line((top, bottom), m, residual, lines[i], curves[i]) for i in of
-        ]  # fmt: skip
-        few = all(len(lines[i].rows) <= MANY for i in of)
+        of = [one for one in zip(lines, curves, strict=True) if one[0].kind == kind]
+        banded = [draw_line((top, bottom), m, residual, line, curve) for line, curve in of]
+        few = all(len(line.rows) <= MANY for line, _ in of)
         _legend(top, any(banded), spectrum and len(kinds) == 1, few)
         unit = r" ($\degree$)" if kind in ANGLES else ""
-        top.set_ylabel(power_label(lines) if kind == "power" else TABLE[kind].axis)
+        top.set_ylabel(power_label(m) if kind == "power" else TABLE[kind].axis)
         if kind == "power":
             y_low, y_high = top.get_ylim()
             top.set_ylim(max(y_low, -0.02), min(y_high, 1.02))
         draw_zero(bottom, unit)
-        last = bottom
-        if not spectrum:
-            last.set_xlim(low, high)
-            if high - low == 90.0:
-                last.set_xticks(range(0, 91, 15))
-            last.set_xlabel("angle of incidence (degrees)")
-        elif index is None:
-            last.set_xlabel("wavelength (\u00b5m)")
+    lowest = [bottom for _, bottom in pairs.values()]
+    if not spectrum:
+        lowest[0].set_xlim(low, high)  # and so all others
+        if high - low == 90.0:
+            lowest[0].set_xticks(range(0, 91, 15))
     if index is not None:
         draw_index(*index, fit, reference)
-        for axes in index if len(kinds) > 1 else index[1:]:
-            axes.set_xlabel("wavelength (\u00b5m)")
-        for _, bottom in list(pairs.values())[2:]:
-            bottom.set_xlabel("wavelength (\u00b5m)")
-            bottom.tick_params(labelbottom=True)
+        lowest = [*index, *lowest[2:]] if len(kinds) > 1 else [index[1]]
+    for axes in lowest:
+        axes.set_xlabel("wavelength (\u00b5m)" if spectrum else "angle of incidence (degrees)")
+        axes.tick_params(labelbottom=True)
     return pairs[kinds[0]][0]
 
 
@@ -193,17 +172,6 @@ def _has_index(fit: Fit) -> bool:
     if fit.sample is None or fit.evaluator is None:
         return False
     return not fit.shape or {"eta", "k"} <= set(fit.parameters)
-
-
-def _size(fit: Fit, m: Measurement | None) -> tuple[float, float]:
-    if m is None:
-        return 8.2, 6.4
-    power = are_powers(m.quantity)
-    kinds = len(set(m.quantity[~power])) + bool(power.any())
-    spectrum = over_wavelength(m)
-    if kinds == 1:
-        return (8.2, 10.0) if spectrum else (7.4, 6.2)
-    return 6.2 * kinds, 8.6 if spectrum else 6.0
 
 
 def draw(fit: Fit, reference: str | None = None) -> Figure:
@@ -230,7 +198,7 @@ def draw(fit: Fit, reference: str | None = None) -> Figure:
         if m is None or not over_wavelength(m) or not _has_index(fit):
             below = reference_text(reference, waves)
     with our_style():
-        figure = Figure(figsize=_size(fit, m), layout="constrained", facecolor="white")
+        figure = Figure(figsize=(8.2, 6.4), layout="constrained", facecolor="white")
         if m is not None:
             first = _draw_data(figure, fit, m, reference)
         elif fit.shape:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement, concatenate
-from fitting.measurements.quantities import ANGLE, POWERS, TABLE
+from fitting.measurements.measurement import Measurement
+from fitting.measurements.quantities import POWERS, TABLE
 from fitting.output.estimates import has_several_curves
-from fitting.output.style import GREY, OTHER, band, points
+from fitting.output.style import GREY, band, points
 from fitting.process.visible import visible
 from fitting.results.result import Fit
 
@@ -31,17 +32,13 @@ PANELS = ("power", *(name for name in TABLE if name not in POWERS))
 class Line(NamedTuple):
     """Data that one curve runs through.
 
-    rows: of the measurement, in the order of x. kind: one of `PANELS`. quantity, polarizer_deg,
-    angle_deg: what they share; the angle NaN over the angle. look: colour, marker, whether it is
-    hollow, label. label: for the legend; "" for none.
+    rows: of the measurement, in the order of x. kind: one of `PANELS`. look: colour, marker,
+    whether it is hollow. label: for the legend; "" for none.
     """
 
     rows: np.ndarray
     kind: str
-    quantity: str
-    polarizer_deg: float
-    angle_deg: float
-    look: tuple[str, str, bool, str]
+    look: tuple[str, str, bool]
     label: str
 
 
@@ -58,6 +55,10 @@ def over_wavelength(m: Measurement) -> bool:
     return len(np.unique(m.wavelength_um[np.isfinite(m.wavelength_um)])) > 1
 
 
+def _axis(m: Measurement) -> np.ndarray:
+    return m.wavelength_um if over_wavelength(m) else m.angle_deg
+
+
 def _series(fit: Fit, m: Measurement) -> Iterator[tuple[str, str, float, np.ndarray]]:
     """Yield name, quantity, polarizer's angle (or NaN) and mask of each kind of datum."""
     curve = np.zeros(len(m), int) if fit.curve is None else np.asarray(fit.curve)
@@ -72,19 +73,19 @@ def _series(fit: Fit, m: Measurement) -> Iterator[tuple[str, str, float, np.ndar
                 yield name, quantity, float(angle), of & (m.polarizer_deg == angle)
 
 
-def _look(quantity: str, polarizer: float, place: int) -> tuple[str, str, bool, str]:
-    """Return how a kind of datum is drawn; ``place``: of so many of its quantity."""
+def _look(quantity: str, polarizer: float, place: int) -> tuple[tuple[str, str, bool], str]:
+    """Return how a kind of datum is drawn, and its label; ``place``: of so many of its quantity."""
     color, marker, hollow, label = TABLE[quantity][3:7]
     if math.isfinite(polarizer):
         from matplotlib import colormaps
         from matplotlib.colors import to_hex
 
-        color, marker = to_hex(colormaps["cividis"](polarizer / 90.0)), OTHER[1]
+        color, marker = to_hex(colormaps["cividis"](polarizer / 90.0)), "P"
         label = rf"{label or quantity}, polarizer at {polarizer:g}$\degree$"
     if place:  # a second file with the same quantity
         other = TABLE[POWERS[(place + 2) % len(POWERS)]]
         color, marker = other.color, other.marker
-    return color, marker, hollow, label or quantity
+    return (color, marker, hollow), label or quantity
 
 
 def _shade(color: str, share: float) -> str:
@@ -100,15 +101,14 @@ def lines_of(fit: Fit, m: Measurement) -> list[Line]:
     waves, out = over_wavelength(m), []
     seen: dict[str, int] = {}
     for name, quantity, polarizer, of in _series(fit, m):
-        look = _look(quantity, polarizer, seen.get(quantity, 0) if name else 0)
+        look, label = _look(quantity, polarizer, seen.get(quantity, 0) if name else 0)
         seen[quantity] = seen.get(quantity, 0) + 1
         kind = quantity if quantity in PANELS else "power"
-        label = f"{look[3]} {visible(name)}".replace("$ ", "$, ") if name else look[3]
+        label = f"{label} {visible(name)}".replace("$ ", "$, ") if name else label
         angles = np.unique(m.angle_deg[of]).tolist() if waves else [math.nan]
         for i, angle in enumerate(angles):
             rows = np.flatnonzero(of & (m.angle_deg == angle) if waves else of)
-            x = m.wavelength_um if waves else m.angle_deg
-            rows = rows[np.argsort(x[rows], kind="stable")]
+            rows = rows[np.argsort(_axis(m)[rows], kind="stable")]
             share = 1.0 if len(angles) == 1 else i / (len(angles) - 1)
             shade = look if share == 1.0 else (_shade(look[0], share), *look[1:])
             text = label
@@ -119,21 +119,8 @@ def lines_of(fit: Fit, m: Measurement) -> list[Line]:
                 )  # fmt: skip
             elif waves and (len(angles) > 1 or angle > 0.0):
                 text = rf"{label}, {angle:g}$\degree$"
-            out.append(Line(rows, kind, quantity, polarizer, angle, shade, text))
+            out.append(Line(rows, kind, shade, text))
     return out
-
-
-def _between(m: Measurement, line: Line, x: np.ndarray) -> Measurement:
-    """Return rows at ``x``, of the quantity of ``line``, for their fitted values."""
-    value = np.full(len(x), 45.0 if TABLE[line.quantity].kind == ANGLE else 0.5)
-    polarizer = line.polarizer_deg if math.isfinite(line.polarizer_deg) else None
-    if math.isfinite(line.angle_deg):
-        angle, waves = np.full(len(x), line.angle_deg), x
-    else:
-        angle, waves = x, m.wavelength_um[line.rows[0]]
-        waves = None if math.isnan(waves) else np.full(len(x), waves)
-    values: dict[str, Any] = {line.quantity: value}
-    return Measurement.from_columns(angle, waves, polarizer_deg=polarizer, **values)
 
 
 def curves_of(fit: Fit, m: Measurement, lines: list[Line], low: float, high: float) -> list[Curve]:
@@ -144,21 +131,23 @@ def curves_of(fit: Fit, m: Measurement, lines: list[Line], low: float, high: flo
     scale of its own.
     """
     at_data, spectrum = fit.predict(), over_wavelength(m)
-    axis = m.wavelength_um if spectrum else m.angle_deg
+    axis = _axis(m)
     own = [Curve(axis[li.rows], at_data.value[li.rows], at_data.sigma[li.rows]) for li in lines]
     if (spectrum and fit.shape) or not np.isfinite(at_data.value).any():
         return own
     x = np.linspace(low, high, _WAVES if spectrum else _ANGLES)
     # One question for all lines: fewer programs are compiled.
     asked = [np.concatenate([x, axis[line.rows]]) for line in lines]
-    found = fit.predict(concatenate(*map(_between, [m] * len(lines), lines, asked)))
+    rows = [np.repeat(line.rows[0], len(one)) for line, one in zip(lines, asked, strict=True)]
+    over = {"wavelength_um" if spectrum else "angle_deg": np.concatenate(asked)}
+    found = fit.predict(replace(m.where(np.concatenate(rows)), **over))
     ends = np.cumsum([len(one) for one in asked])[:-1]
     out = []
     for line, mine, value, sigma in zip(
         lines, own, np.split(found.value, ends), np.split(found.sigma, ends), strict=True
     ):
         off = np.abs(value[len(x) :] - mine.value)
-        off = np.minimum(off, 360.0 - off) if line.quantity == "delta" else off
+        off = np.minimum(off, 360.0 - off) if line.kind == "delta" else off
         same = np.nanmax(off, initial=0.0) <= _SAME * max(1.0, np.nanmax(np.abs(mine.value)))
         out.append(Curve(x, value[: len(x)], sigma[: len(x)]) if same else mine)
     return out
@@ -178,8 +167,7 @@ def draw_line(
     residual: (N,), of every datum. Returns whether there is a band.
     """
     top, bottom = panels
-    x = (m.wavelength_um if math.isfinite(line.angle_deg) else m.angle_deg)[line.rows]
-    measured, sigma = m.value[line.rows], m.sigma[line.rows]
+    x, measured, sigma = (column[line.rows] for column in (_axis(m), m.value, m.sigma))
     points(top, x, measured, sigma, line.look, line.label)
     points(bottom, x, residual[line.rows], sigma, line.look, "")
     if np.isnan(curve.value).all():
@@ -192,10 +180,9 @@ def draw_line(
     return bool(np.isfinite(curve.sigma).any())
 
 
-def power_label(lines: list[Line]) -> str:
+def power_label(m: Measurement) -> str:
     """Return the label of the axis of powers."""
-    drawn = {line.quantity for line in lines if line.kind == "power"}
-    return ", ".join(dict.fromkeys(TABLE[name].axis for name in TABLE if name in drawn))
+    return ", ".join(dict.fromkeys(TABLE[name].axis for name in POWERS if name in m.quantity))
 
 
 def draw_zero(axes: Axes, unit: str) -> None:

@@ -34,10 +34,6 @@ class Progress:
         if not quiet and sys.stderr is not None and sys.stderr.isatty():
             self._thread = threading.Thread(target=self._show, daemon=True)
 
-    def step(self, doing: str = "") -> None:
-        """Count one step as done; ``doing`` names the next one."""
-        self.take(Step(1, None, doing))
-
     def take(self, step: Step) -> None:
         """Add a step reported by `fitting.process.progress.tell`."""
         if step.total:

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 FORMATS = (".png", ".pdf", ".svg")
 GREY = "#595959"
 ETA_COLOR, K_COLOR, WARNING_COLOR = "#0072B2", "#D55E00", "#A84300"
-# How a curve of no known quantity is drawn: colour, marker, whether it is hollow, label.
-OTHER = ("#CC79A7", "P", False, "")
 _STYLE: Any = {
     "font.size": 11.0,
     "axes.labelsize": 12.0,
@@ -103,11 +101,9 @@ def save(figure: Figure, path: str | PathLike[str], suffix: str = "") -> None:
         )
 
 
-def points(
-    axes: Axes, x: Any, y: Any, sigma: Any, look: tuple[str, str, bool, str], label: str
-) -> None:
+def points(axes: Axes, x: Any, y: Any, sigma: Any, look: tuple[str, str, bool], label: str) -> None:
     """Draw data with one-sigma bars where there is a sigma; many of them as small dots."""
-    color, marker, hollow, _ = look
+    color, marker, hollow = look
     sigma = np.asarray(sigma)
     error = np.where(np.isfinite(sigma), sigma, 0.0) if np.isfinite(sigma).any() else None
     many = len(x) > MANY

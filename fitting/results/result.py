@@ -260,7 +260,7 @@ class Fit:
         return table(self)
 
     def _repr_html_(self) -> str:
-        from fitting.output.fit_page import notebook
+        from fitting.output.page import notebook
 
         return notebook(self)
 
@@ -278,9 +278,9 @@ class Fit:
 
     def write_material(self, path: str | os.PathLike[str], medium: str | None = None) -> Any:
         """Write eta and k of a medium as refractiveindex.info YAML, and its errors as CSV."""
-        from fitting.output.material import write
+        from fitting.output.files import write_material
 
-        return write(self, path, medium)
+        return write_material(self, path, medium)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for ``json.dumps``: NaN as None, arrays as lists, warnings as data."""

@@ -1,4 +1,4 @@
-"""eta and k over wavelength in two panels of a picture."""
+"""Panels of parameters: eta and k over the wavelength, and the parameters of a batch of curves."""
 
 from __future__ import annotations
 
@@ -7,17 +7,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fitting.output.estimates import index_waves, shown_name
+from fitting.output.numbers import with_unit
 from fitting.output.reference import reference_index
 from fitting.output.style import ETA_COLOR, GREY, K_COLOR, MANY, band, points, symbol
+from fitting.output.text_table import varied_of
 from fitting.results.result import CONVERGED, Fit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # The axis of k is logarithmic if the largest k is more than _DECADES times the median one (of a
 # clear plate k spans decades, of a metal hardly one); it begins at _SEEN times the largest k.
 _DECADES, _SEEN = 30.0, 1e-6
 _FINE = 300
+# How many parameters of a batch are drawn.
+_PARAMETERS = 4
 
 
 def _not_determined(axes: Axes, x: np.ndarray, everywhere: bool) -> None:
@@ -33,21 +38,24 @@ def _not_determined(axes: Axes, x: np.ndarray, everywhere: bool) -> None:
         axes.set_yticks([])
 
 
-def _free(axes: Axes, fit: Fit, name: str, color: str) -> np.ndarray:
-    """Draw a parameter that is free at every wavelength; return the values that are shown."""
-    e, x = fit.parameters[name], np.asarray(fit.wavelength_um)
-    value, sigma, limit = (np.asarray(a, float) for a in (e.value, e.sigma, e.upper_limit))
-    limit = np.broadcast_to(limit, value.shape)
-    good = np.asarray(fit.status) == CONVERGED
+def _each(axes: Axes, fit: Fit, name: str, color: str, x: np.ndarray, mark: str) -> np.ndarray:
+    """Draw a parameter of which each fit of a batch has a value; return the values that are shown.
+
+    mark: how many of them are drawn, "-" as a line or "." as dots.
+    """
+    e = fit.parameters[name]
+    value, sigma, limit = (
+        np.broadcast_to(a, fit.shape).ravel() for a in (e.value, e.sigma, e.upper_limit)
+    )
+    good = np.ravel(fit.status) == CONVERGED
     known = good & np.isfinite(sigma) & ~np.isfinite(limit)
-    look = (color, "o", False, "")
     if known.sum() > MANY:
         gap = np.where(known, value, np.nan)
-        axes.plot(x, gap, color=color, zorder=3)
-        low = gap - sigma if name == "eta" else np.maximum(gap - sigma, 0.0)
+        axes.plot(x, gap, mark, markersize=2.0, color=color, zorder=3, rasterized=mark == ".")
+        low = gap - sigma if name != "k" else np.maximum(gap - sigma, 0.0)
         band(axes, x, low, gap + sigma, color)
     elif known.any():
-        points(axes, x[known], value[known], sigma[known], look, "")
+        points(axes, x[known], value[known], sigma[known], (color, "o", False), "")
     bare = good & ~known
     if bare.any():
         limits = np.isfinite(limit[bare]).any()
@@ -106,8 +114,9 @@ def draw_index(first: Axes, second: Axes, fit: Fit, reference: str | None) -> No
     whose eta and k are drawn for comparison; None for none.
     """
     if fit.shape:
-        _free(first, fit, "eta", ETA_COLOR)
-        k = _free(second, fit, "k", K_COLOR)
+        x = np.asarray(fit.wavelength_um)
+        _each(first, fit, "eta", ETA_COLOR, x, "-")
+        k = _each(second, fit, "k", K_COLOR, x, "-")
     else:
         k = _dispersion(first, second, fit)
     if reference:
@@ -121,3 +130,34 @@ def draw_index(first: Axes, second: Axes, fit: Fit, reference: str | None) -> No
         axes.set_ylabel(symbol(shown_name(fit, name)))
         if axes.get_legend_handles_labels()[0]:
             axes.legend(loc="best")
+
+
+def _maps(figure: Figure, fit: Fit, labels: dict[str, str]) -> Axes:
+    """Draw a map of each parameter over a batch of two axes; white where no fit converged."""
+    axes = np.atleast_1d(figure.subplots(1, len(labels)))
+    good = np.asarray(fit.status) == CONVERGED
+    for on, (name, label) in zip(axes, labels.items(), strict=True):
+        value = np.where(good, np.asarray(fit.parameters[name].value), np.nan)
+        image = on.imshow(value, origin="lower", aspect="auto", interpolation="nearest")
+        figure.colorbar(image, ax=on, label=label)
+        on.grid(False)
+        on.set_xlabel("index on the second axis of the batch")
+        on.set_ylabel("index on the first axis of the batch")
+    return axes[0]
+
+
+def draw_batch(figure: Figure, fit: Fit) -> Axes:
+    """Draw the parameters of a batch over its curves, or as maps; return the first axes."""
+    names = [name for name in varied_of(fit) if fit.parameters[name].free][:_PARAMETERS]
+    labels = {name: with_unit(symbol(name), fit.parameters[name].unit) for name in names}
+    if len(fit.shape) == 2:
+        return _maps(figure, fit, labels)
+    axes = np.atleast_1d(figure.subplots(len(names), 1, sharex=True))
+    x = np.arange(np.size(fit.status))
+    for i, (on, name) in enumerate(zip(axes, names, strict=True)):
+        _each(on, fit, name, (ETA_COLOR, K_COLOR)[i % 2], x, ".")
+        on.set_ylabel(labels[name])
+    axes[-1].set_xlabel("index of the curve")
+    axes[-1].set_xlim(-0.5, x.size - 0.5)
+    axes[-1].xaxis.get_major_locator().set_params(integer=True)
+    return axes[0]
