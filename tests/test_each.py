@@ -62,6 +62,14 @@ def test_csv_holds_what_was_found_to_the_last_bit(each, decimal, mark):
     assert number(rows[2]["k_upper_limit"]) == each[2].fit.parameters["k"].upper_limit
 
 
+def test_a_model_of_a_whole_spectrum_is_one_row_without_a_wavelength():
+    parts = [simulated(1.5, 0.0, 1e-3, wavelength_um=0.5 + i / 10) for i in range(3)]
+    found = fit(parts, "constant", starts=4, intervals="quadratic")
+    (row,) = table(rows_csv([OfFile("model.csv", found)]))
+    assert float(row["eta"]) == found.eta
+    assert not {"wavelength_um", "curve"} & set(row)
+
+
 def test_json_holds_all_of_every_fit(each):
     metal, bad, *_ = json.loads(rows_json(each))["files"]
     assert metal["file"] == "metal.csv"

@@ -180,14 +180,14 @@ def data_columns(fit: Fit) -> dict[str, list[Any]]:
 def batch_columns(fit: Fit) -> dict[str, list[Any]]:
     """Return the results of a batch as columns with one row for each fit; a single fit is one row.
 
-    First wavelength_um, or the index in the batch; then the parameters, eta and k first, and for
-    each NAME: sigma_NAME, NAME_low and NAME_high (95 % interval), NAME_interval_kind,
-    NAME_upper_limit; then chi2, ..., status.
+    First wavelength_um, or the index in the batch (a model of a spectrum has neither); then the
+    parameters, eta and k first, and for each NAME: sigma_NAME, NAME_low and NAME_high (95 %
+    interval), NAME_interval_kind, NAME_upper_limit; then chi2, ..., status.
     """
     columns: dict[str, list[Any]] = {}
     if by_wavelength(fit) or np.shape(fit.wavelength_um) == fit.shape == ():
         columns["wavelength_um"] = np.ravel(fit.wavelength_um).tolist()
-    else:
+    elif fit.shape:
         places = np.unravel_index(np.arange(int(np.prod(fit.shape))), fit.shape)
         heads = ["curve"] if len(places) == 1 else [f"curve_{i}" for i in range(len(places))]
         columns |= {head: place.tolist() for head, place in zip(heads, places, strict=True)}
