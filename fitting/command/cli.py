@@ -192,10 +192,11 @@ def _run_each(arguments: argparse.Namespace) -> int:
             staged = _stage(outputs, arguments, False)
         each = []
         with Progress("files", quiet=arguments.quiet) as bar:
+            bar.take(Step(0, len(arguments.file), ""))
             for file in arguments.file:
-                bar.take(Step(0, len(arguments.file), Path(file).name))
+                bar.take(Step(0, None, Path(file).name))
                 each.append(_fit_file(file, arguments))
-                bar.take(Step(1, len(arguments.file), ""))
+                bar.take(Step(1, None, ""))
         for one in each:
             if one.error:
                 complain(one.error)
