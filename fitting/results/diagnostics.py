@@ -28,7 +28,10 @@ class Warning(NamedTuple):
     @property
     def text(self) -> str:
         """The sentence."""
-        return SENTENCES[self.code](self.values)
+        sentence = SENTENCES[self.code]
+        if isinstance(sentence, str):
+            return sentence.format_map(self.values)
+        return sentence(self.values)
 
     def __str__(self) -> str:
         return self.text

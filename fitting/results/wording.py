@@ -79,25 +79,6 @@ def does_not_describe(v: Mapping[str, Any]) -> str:
     )
 
 
-def files_exclude(v: Mapping[str, Any]) -> str:
-    (one, other), (a, b), (da, db) = v["files"], v["values"], v["sigmas"]
-    return (
-        f"the files contradict each other: {v['parameter']} is {a:.5g} +- {da:.2g} by {one} alone "
-        f"and {b:.5g} +- {db:.2g} by {other} alone, {v['apart']:.2g} standard errors apart. They "
-        "are not measurements of one sample, or one of them has a systematic error; the values of "
-        "the common fit are not reliable."
-    )
-
-
-def shared_pattern(v: Mapping[str, Any]) -> str:
-    return (
-        f"the residuals of all wavelengths share a pattern along the angle (probability by chance "
-        f"{v['probability']:.1g}): the mean of {v['quantity']} at {v['angle_deg']:g} degrees is "
-        f"{v['mean']:+.2g} standard errors from 0. One index does not describe the data, or the "
-        "angles or intensities have a systematic error."
-    )
-
-
 def residuals_in_order(v: Mapping[str, Any]) -> str:
     widened = v.get("widened", 1.0)
     then = (
@@ -125,6 +106,24 @@ def other_minima(v: Mapping[str, Any]) -> str:
     return (
         f"{many} nearly as well{best}{values} ({higher}).{ranges} The data do not determine which "
         "is the true one; the intervals are those of the solution that is shown."
+    )
+
+
+def other_thickness(v: Mapping[str, Any]) -> str:
+    each = [
+        f"{v['parameter']} {num(x)} (chi2 higher by {rise:.2g})"
+        for x, rise in zip(v["values"], v["delta_chi2"], strict=True)
+    ]
+    return f"another thickness fits nearly as well: {listed(each)}; eta and k then differ, too."
+
+
+def thin_film(v: Mapping[str, Any]) -> str:
+    thickness = f"{v['thickness']} ({num(v['value'])} nm)"
+    return (
+        f"the data determine little more than one product of {thickness} and "
+        f"{listed(v['parameters'])}, since the film is much thinner than the wavelength. The "
+        f"thickness alone is known to {v['share']:.0%}; if the index were known, it would be known "
+        f"to {v['held_share']:.1%}. Fix one of them, or give it a prior."
     )
 
 
@@ -208,27 +207,12 @@ def chi2_small(v: Mapping[str, Any]) -> str:
     )
 
 
-def few_starts_agree(v: Mapping[str, Any]) -> str:
-    return (
-        f"only {v['reached']} of {v['starts']} starting points led to the best minimum: a better "
-        "one may exist. Take more starts, or fewer parameters."
-    )
-
-
 def no_freedom(v: Mapping[str, Any]) -> str:
     known = "taken from the stated errors, untested" if v["stated"] else "unknown"
     unknowns = {1: "one unknown", 2: "two unknowns"}.get(v["unknowns"], f"{v['unknowns']} unknowns")
     return (
         f"{v['n_data']} data for {unknowns} leave no degree of freedom to test the fit; its errors "
         f"are {known}."
-    )
-
-
-def errors_floor(v: Mapping[str, Any]) -> str:
-    return (
-        f"reduced chi2 with the stated errors is {num(v['chi2_reduced'])}. A standard error of "
-        f"{v['floor']:.2g}, common to all data and added in squares, is likelier than one factor "
-        f"on all stated errors (log likelihood higher by {v['gain']:.3g}), and is used."
     )
 
 
