@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import io
 import json
 import math
 from collections.abc import Iterable, Mapping
@@ -118,13 +117,11 @@ def csv_text(comments: Iterable[str], columns: Mapping[str, Iterable[Any]], deci
     expect where the comma is the decimal mark. Numbers read back to the last bit.
     """
     mark = ";" if decimal == "," else ","
-    out = io.StringIO()
-    for comment in comments:
-        out.write("# " + visible(" ".join(comment.split())) + "\n")
-    out.write(mark.join(columns) + "\n")
-    for row in zip(*columns.values(), strict=True):
-        out.write(mark.join(_cell(c, decimal) for c in row) + "\n")
-    return out.getvalue()
+    lines = ["# " + visible(" ".join(comment.split())) for comment in comments]
+    lines.append(mark.join(columns))
+    rows = zip(*columns.values(), strict=True)
+    lines += [mark.join(_cell(c, decimal) for c in row) for row in rows]
+    return "\n".join(lines) + "\n"
 
 
 def _comments(fit: Fit) -> list[str]:

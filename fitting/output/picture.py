@@ -82,7 +82,7 @@ def _titles(figure: Figure, axes: Axes, fit: Fit, reference: str) -> None:
     ]
     more = len(texts) - _WARNINGS
     if more > 0:
-        shown.append(f"and {more} more warning{'s' * (more > 1)}: see the table")
+        shown.append(f"and {facts.counted(more, 'more warning')}: see the table")
     if reference:
         shown.append(textwrap.fill(f"Reference {reference}", width))
     color = WARNING_COLOR if texts else "#333333"
