@@ -93,6 +93,17 @@ def _at_fitted_wavelengths(fit: Fit, points: Measurement) -> Measurement:
     return replace(points, wavelength_um=near)
 
 
+def _as_written(sample: Sample) -> Sample:
+    """Return the sample with each thickness that is one number, the start of a fit, held there."""
+    media = []
+    for medium in sample.media:
+        d = medium.thickness
+        if d is not None and np.isinf(d.high_um):
+            medium = medium._replace(thickness=d._replace(held=True))
+        media.append(medium)
+    return Sample(tuple(media))
+
+
 def simulate(
     sample: str | Sample,
     parameters: Mapping[str, float],
@@ -104,7 +115,8 @@ def simulate(
 
     Args:
         sample: a `Sample` or its text, as for `fit`; without `auto`.
-        parameters: name -> value of every parameter of the sample that has no value in its text;
+        parameters: name -> value of every parameter of the sample that has no value in its text
+            ("110 nm" is one, "100..150 nm" is none), and of others that are to differ from it;
             instrument parameters by their bare names, if wanted. "edge_ev" of cauchy-urbach has to
             be given: a fit takes the highest photon energy of its data for it.
         angle_deg: degrees of incidence from the normal, 0 to 90.
@@ -118,7 +130,7 @@ def simulate(
         ValueError: for a missing or unknown name of a parameter or quantity, and for angles and
             wavelengths out of range.
     """
-    which = Sample.parse(sample)
+    which = _as_written(Sample.parse(sample))
     if which.open:
         raise ValueError(
             f"the sample {str(which)!r} leaves its dispersion model open (auto); name one, for "

@@ -41,6 +41,15 @@ def test_predict_is_the_library():
         np.testing.assert_allclose(found, np.degrees(true), rtol=1e-11)
 
 
+def test_a_thickness_that_is_one_number_in_the_text_is_that_of_the_sample():
+    angle, values = np.linspace(0.0, 80.0, 9), CAUCHY | {"thickness_nm": 110.0}
+    ranged = simulate("air | cauchy 50..200 nm | Si", values, angle, 0.6, "R_p")
+    assert (simulate("air | cauchy 110 nm | Si", CAUCHY, angle, 0.6, "R_p") == ranged).all()
+    assert (simulate("air | cauchy 90 nm | Si", values, angle, 0.6, "R_p") == ranged).all()
+    with pytest.raises(ValueError, match="needs a value of thickness_nm"):
+        simulate("air | cauchy 50..200 nm | Si", CAUCHY, angle, 0.6, "R_p")
+
+
 def test_nuisances_act_as_they_say():
     angle, wavelength = np.array([30.0, 60.0]), np.full(2, 0.5)
     values = {"eta": 1.5, "k": 0.1}
