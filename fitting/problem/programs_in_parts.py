@@ -171,14 +171,13 @@ class _Parts:
         self.core = core_of(spec, not np.any(targets.points.angle_deg))
         still, held = still_of(spec, self.core, targets.held)
         self.blocks = [
-            b._replace(known=_known_of(held, b.points, b.eta_i, spec=still, core=self.core))
+            b._replace(known=_known_of(held, b.points, spec=still, core=self.core))
             for b in blocks_of(targets)
         ]
 
     def quantities(self, trial: Any, slot: np.ndarray, blocks: Blocks) -> Any:
         """Return the result of `optics_inputs.quantities`."""
-        own = self.held, blocks.points, blocks.eta_i
-        return _quantities_of(trial, slot, *own, spec=self.spec, core=self.core)
+        return _quantities_of(trial, slot, self.held, blocks.points, spec=self.spec, core=self.core)
 
     def shown(self, moving: list[Array], blocks: Blocks) -> tuple[Array, Array]:
         """Return the result of `_optics`."""
