@@ -27,9 +27,8 @@ from fitting.results.diagnostics import Finding
 from fitting.results.result import CONVERGED, UNDETERMINED, Fit
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
-from fitting.searching.film_parts import joined
 from fitting.searching.search import Asked, Solving
-from fitting.searching.starts import LANES, Ends, run
+from fitting.searching.starts import LANES, Ends, joined, run
 from fitting.searching.starts import starts as start_points
 from fitting.uncertainty.intervals import QUADRATIC
 

@@ -8,13 +8,12 @@ from fitting.problem.observations import observations
 from fitting.problem.problem import targets_of
 from fitting.problem.unknowns import spectrum_of, unknowns
 from fitting.samples.parameters import Settings, from_parameter
-from fitting.searching.film_parts import joined
 from fitting.searching.film_starts import _eta_of, coordinate, films_of, scaled_index, thickness_um
 from fitting.searching.fringe_orders import with_all_orders
 from fitting.searching.last_steps import down_the_valley
 from fitting.searching.neighbours import _as_free_electrons
 from fitting.searching.search import Asked, Solving
-from fitting.searching.starts import best_of, start_at
+from fitting.searching.starts import best_of, joined, start_at
 
 WAVES = np.linspace(0.4, 0.8, 16)
 
@@ -76,12 +75,11 @@ def test_a_lane_on_its_way_counts_as_much_as_one_at_rest():
     fit = solving(
         Measurement.from_columns(0.0, WAVES, R=R + 1e-4, sigma=1e-3), Sample.parse(sample), "stated"
     )
-    low, high = (a[:, None] for a in fit.limits)
     places = [{"A": 1.88, "thickness_nm": 805.0}, {"A": 1.5, "thickness_nm": 700.0}]
     ends = []
     for place, steps in zip(places, (2, 200), strict=True):
         y = start_at(fit.u.moving, {f"film.{n}": v for n, v in (film | place).items()})
-        ends.append(fit.held(y[:, None], low, high, 1.0, steps))
+        ends.append(fit.held(y[:, None], 1.0, steps))
     ends = joined(ends)
     assert ends.done.tolist() == [False, True]
     assert 10.0 < ends.cost[0] < 0.1 * ends.cost[1]
@@ -99,16 +97,15 @@ def test_every_order_that_fits_as_well_is_found_from_one_of_them():
     fit = solving(m, Sample.parse("air | cauchy:2 1..5 um | BK7"), "stated")
     row = films_of(fit.u.spec, fit.u.moving)[0]
     y = start_at(fit.u.moving, {f"film.{n}": v for n, v in film.items()})[:, None]
-    low, high = (a[:, None] for a in fit.limits)
-    found = with_all_orders(fit, fit.held(y, low, high, 1.0, 60), 1.0)
+    found = with_all_orders(fit, fit.held(y, 1.0, 60), 1.0)
     # Every order by itself, its thickness between bounds of its own.
     centre = np.arange(1.1, 4.9, fringe / 2)
     start = np.repeat(y, len(centre), 1)
-    low, high = (np.repeat(a, len(centre), 1) for a in (low, high))
+    low, high = (np.repeat(a[:, None], len(centre), 1) for a in fit.limits)
     start[row.row], low[row.row], high[row.row] = (
         coordinate(fit, row, centre + d) for d in (0.0, -fringe / 2, fringe / 2)
     )
-    each = fit.held(start, low, high, 1.0, 200)
+    each = fit.held(start, 1.0, 200, (low, high))
     least = min(found.cost.min(), each.cost.min())
     at = thickness_um(fit, row, each.y)
     inside = (np.abs(at - centre) < 0.45 * fringe) & (each.cost < least + 5.0)

@@ -14,10 +14,9 @@ from fitting.results import result as status
 from fitting.results.diagnostics import Finding
 from fitting.results.result import Alternative, ErrorModel, Estimate, Fit
 from fitting.samples.parameters import value_and_slope
-from fitting.searching.film_parts import joined
 from fitting.searching.minima import SAME_CHI2, Around, Minimum, minima, scatter_of
 from fitting.searching.search import End, Solving
-from fitting.searching.starts import STAGE, Ends, best_of
+from fitting.searching.starts import STAGE, Ends, best_of, joined
 from fitting.searching.without_fringes import without_fringes
 from fitting.uncertainty.intervals import QUADRATIC, Intervals, intervals
 from fitting.uncertainty.likelihood import criteria
@@ -185,8 +184,7 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
     enough = min(end.cost, *(e.cost for e in every)) - enough
     if not failed and least < enough:
         # The search for the ends of the intervals met a better minimum.
-        low, high = (a[:, None] for a in fit.limits)
-        more = fit.held(place[:, None], low, high, noise, STAGE)
+        more = fit.held(place[:, None], noise, STAGE)
         if more.done.all() and more.cost[0] < enough:
             return fit_of(fit, joined([ends, more]), noise, of)
         lower = (end.cost - min(least, more.cost[0])) / scatter

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fitting.optics.observe import NCS
-from fitting.searching.starts import Ends
 
 if TYPE_CHECKING:
     from fitting.problem.observations import Observations
@@ -68,16 +67,10 @@ def followed_to_all(
     while True:
         if high - low >= 1.0:
             steps, kept = _LAST_STEPS, _LAST_KEPT
-        limits = (np.repeat(a[:, None], y.shape[1], 1) for a in fit.limits)
-        ends = fit.held(y, *limits, noise, steps, _at(fit, (along >= low) & (along < high)))
-        y = ends.y[:, np.argsort(ends.cost, kind="stable")[:kept]]
+        part_of = _at(fit, (along >= low) & (along < high))
+        y = fit.held(y, noise, steps, targets=part_of).lowest(kept)
         if high - low >= 1.0:
             return y
         size = min(_GROWTH * (high - low), 1.0)
         low = min(max(0.5 * (low + high - size), 0.0), 1.0 - size)
         high = low + size
-
-
-def joined(ends: list[Ends]) -> Ends:
-    """Return several sets of ends as one."""
-    return Ends(*(np.concatenate(parts, -1) for parts in zip(*ends, strict=True)))

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitting.searching.film_parts import joined
 from fitting.searching.film_starts import (
     Film,
     by_fringes,
@@ -25,9 +24,9 @@ from fitting.searching.film_starts import (
     scaled_index,
     thickness_um,
 )
-from fitting.searching.followed import followed
+from fitting.searching.last_steps import followed
 from fitting.searching.minima import shown_below
-from fitting.searching.starts import Ends, best_of
+from fitting.searching.starts import Ends, best_of, joined
 
 if TYPE_CHECKING:
     from fitting.searching.search import Solving

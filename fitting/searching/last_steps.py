@@ -1,4 +1,4 @@
-"""The last steps to a minimum, made for the lowest lane alone."""
+"""Starts that are followed as long as they may be worth it; the last steps of the lowest lane."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from fitting.searching.film_parts import joined
-from fitting.searching.minima import SAME_CHI2
-from fitting.searching.starts import STAGE, Ends, best_of
+from fitting.searching.minima import SAME_CHI2, shown_below
+from fitting.searching.starts import STAGE, Ends, best_of, joined
 from fitting.uncertainty.covariance import Slopes, prior_rows
 
 if TYPE_CHECKING:
@@ -20,6 +19,22 @@ _STEPS, _EVALUATIONS = 3, 200
 _FALL = 1e-4
 # The last steps of a lane that was stopped on its way are made so many times at most.
 _TIMES = 8
+# Largest number of stages of STAGE evaluations of starts that are followed.
+_FURTHER = 8
+
+
+def followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> Ends:
+    """Return the ends of starts (p, S); those far above the best cost are stopped on the way."""
+    ends = fit.held(start, noise, STAGE)
+    shown = shown_below(fit, best)
+    for _ in range(_FURTHER):
+        live = np.flatnonzero(~ends.done & (ends.cost < shown))
+        if not len(live):
+            break
+        ends.put(live, fit.held(ends.y[:, live], noise, STAGE))
+        # After the first stage only starts go on that are below the best minimum known.
+        shown = best - fit.unit(best)
+    return ends._replace(y=fit.in_order(ends.y))
 
 
 def down_the_valley(fit: Solving, ends: Ends, noise: float) -> Ends:
@@ -28,7 +43,6 @@ def down_the_valley(fit: Solving, ends: Ends, noise: float) -> Ends:
     In a narrow, curved valley a lane may need thousands of evaluations. It is not at rest then, and
     may yet be far below every lane that is.
     """
-    low, high = (a[:, None] for a in fit.limits)
     for _ in range(_TIMES):
         lane, best = int(np.argmin(ends.cost)), best_of(ends)
         enough = np.inf
@@ -37,7 +51,7 @@ def down_the_valley(fit: Solving, ends: Ends, noise: float) -> Ends:
         if ends.done[lane] or not ends.cost[lane] < enough:
             break
         y, _ = polished(fit, ends.y[:, lane], noise, fit.asked.scaled)
-        ends = joined([ends, fit.held(y[:, None], low, high, noise, STAGE)])
+        ends = joined([ends, fit.held(y[:, None], noise, STAGE)])
         if int(np.argmin(ends.cost)) == lane:
             break
     return ends

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fitting.samples.parameters import from_parameter, start_range, value_and_slope
-from fitting.searching.film_parts import followed_to_all, joined, parts
+from fitting.searching.film_parts import followed_to_all, parts
 from fitting.searching.film_starts import (
     MANY_CANDIDATES,
     Film,
@@ -21,12 +21,11 @@ from fitting.searching.film_starts import (
     many_fringes,
     phase_rates,
 )
-from fitting.searching.followed import followed
 from fitting.searching.fringe_orders import beside as orders_beside
-from fitting.searching.last_steps import down_the_valley
+from fitting.searching.last_steps import down_the_valley, followed
 from fitting.searching.next_term import likely_lines, oscillators
 from fitting.searching.search import lowest_ends
-from fitting.searching.starts import LANES, Ends, best_of
+from fitting.searching.starts import LANES, Ends, best_of, joined
 
 if TYPE_CHECKING:
     from fitting.searching.search import Solving
@@ -40,8 +39,6 @@ _ROUNDS, _IN_VAIN, _ANEW = 12, 2, 0.4
 _LIKELY, _FACTORS = 8, (0.8, 1.25, 0.6)
 # Number of evaluations of every start where none has led to residuals that are noise.
 _FAR = 300
-# At so many of the lowest minima each oscillator is searched for again.
-_PARENTS = 8
 
 
 def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -> Ends:
@@ -98,9 +95,7 @@ def _followed_far(fit: Solving, start: np.ndarray, noise: float, least: float) -
     Which these are is seen after a few evaluations. The one start of 832 that led to the best
     minimum of a film was 674th then, and first after 300.
     """
-    low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in fit.limits)
-    ends = fit.held(start, low, high, noise, _FAR)
-    return followed(fit, ends.y[:, np.argsort(ends.cost, kind="stable")[:LANES]], noise, least)
+    return followed(fit, fit.held(start, noise, _FAR).lowest(LANES), noise, least)
 
 
 def _crossed(fit: Solving, ends: Ends, start: np.ndarray, random: np.random.Generator):
@@ -108,7 +103,7 @@ def _crossed(fit: Solving, ends: Ends, start: np.ndarray, random: np.random.Gene
 
     A right thickness with a wrong dispersion, or the other way round, is a minimum of its own.
     """
-    parents = np.repeat(lowest_ends(ends.y, ends.cost), LANES // 8, 1)
+    parents = np.repeat(lowest_ends(ends), LANES // 8, 1)
     other = start[:, random.integers(start.shape[1], size=LANES)]
     mixed = np.where(random.random(parents.shape) < _ANEW, other, parents)
     mixed[:, ::4] = _as_free_electrons(fit, parents[:, ::4], other[:, ::4])
@@ -142,13 +137,12 @@ def _other_lines(fit: Solving, ends: Ends) -> np.ndarray:
     terms = oscillators(fit)
     if not terms:
         return ends.y[:, :0]
-    parents = lowest_ends(ends.y, ends.cost)[:, :_PARENTS]
     out = []
-    for y in parents.T:
+    for y in lowest_ends(ends).T:
         for term in terms:
             without = y.copy()
             without[term[0]] = fit.limits[0][term[0]]
-            out.append(likely_lines(fit, without, term, 2 * LANES // (_PARENTS * len(terms))))
+            out.append(likely_lines(fit, without, term, LANES // (4 * len(terms))))
     return np.concatenate(out, 1)
 
 
@@ -158,7 +152,7 @@ def _from_parts(fit: Solving, film: Film, ends: Ends, y: np.ndarray, noise: floa
     A film that is opaque in most of the spectrum is described there with any thickness, and so the
     lowest ends have the right index for the fringes of the part in which it is not.
     """
-    lowest = lowest_ends(ends.y, ends.cost)
+    lowest = lowest_ends(ends)
     rates, known = (phase_rates(fit, film, a) for a in (y[:, :MANY_CANDIDATES], lowest))
     out, each = [], parts(fit.seen)
     for part, rows in enumerate(each):

@@ -8,6 +8,7 @@ ones are taken that lower the sum of squares most when the other parameters are 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -28,20 +29,27 @@ _BELOW, _ABOVE = 0.7, 1.7
 _SEEN = 1e-9
 
 
+def terms_of(names: Sequence[str], head: str = "") -> list[list[int]]:
+    """Return the indices of the parameters of each numbered term of a medium, or of all."""
+    terms: dict[str, list[int]] = {}
+    for i, name in enumerate(names):
+        place, _, own = name.rpartition(".")
+        stem, _, number = own.rpartition("_")
+        if name.startswith(head) and number.isdigit() and stem.split("_")[0] in (
+            "strength", "resonance", "width", "amplitude"
+        ):  # fmt: skip
+            terms.setdefault(f"{place}{number}", []).append(i)
+    return list(terms.values())
+
+
 def oscillators(fit: Solving) -> list[list[int]]:
     """Return the rows in y of strength, resonance and width of every free Lorentz oscillator."""
-    row = {name: i for i, name in enumerate(fit.u.spec.moving)}
-    out = []
-    for name in row:
-        head, found, number = name.rpartition("strength_ev2_")
-        if not found:
-            continue
-        rows = [row.get(f"{head}{n}_ev_{number}") for n in ("resonance", "width")]
-        term = [row[name], *(i for i in rows if i is not None)]
-        of = [fit.u.moving[i] for i in term]
-        if len(term) == 3 and all(w.free and w.parameter.coordinate == LOG for w in of):
-            out.append(term)
-    return out
+    names, moving = fit.u.spec.moving, fit.u.moving
+    return [
+        term for term in terms_of(names)
+        if len(term) == 3 and ".strength_ev2_" in names[term[0]]
+        and all(moving[i].free and moving[i].parameter.coordinate == LOG for i in term)
+    ]  # fmt: skip
 
 
 class Responses(NamedTuple):
@@ -60,7 +68,7 @@ class Responses(NamedTuple):
 
 def _energies(fit: Solving) -> np.ndarray:
     """Return the photon energy of every residual in eV, (R,), in the order of `Slopes`."""
-    seen = fit.evaluated
+    seen = fit.whole.seen
     energy = HC_EV_UM / seen.points.wavelength_um[:, 0]
     out = [energy[w[:, 0] > 0.0] for w in seen.weights]
     if NCS in seen.channels:
@@ -146,7 +154,7 @@ def likely_lines(fit: Solving, y: np.ndarray, term: list[int], count: int) -> np
     for i, width in enumerate(widths):
         # The real part of by_eps times `oscillator`: complex numbers take three times as long.
         loss = known.energy * width
-        change = known.by_eps.real * distance - known.by_eps.imag * loss
+        change = np.real(known.by_eps) * distance - np.imag(known.by_eps) * loss
         change /= distance * distance + loss * loss
         change -= (change @ followed) @ followed.T
         size = np.maximum((change * change).sum(1), 1e-300)

@@ -14,14 +14,16 @@ from fitting.problem.unknowns import Unknowns
 from fitting.samples.dispersion import Model
 from fitting.samples.parameters import Settings, value_and_slope
 from fitting.searching.last_steps import polished
-from fitting.searching.next_term import likely_lines, oscillators
+from fitting.searching.next_term import likely_lines, oscillators, terms_of
 from fitting.searching.starts import (
     LANES,
+    SIFT,
     Ends,
+    Limits,
     best_of,
-    briefly,
     coordinate_bounds,
     each_within,
+    joined,
     run,
 )
 from fitting.uncertainty.covariance import Slopes, Uncertainty, loss_of, slopes_at, uncertainty
@@ -34,53 +36,18 @@ _GROWING = 40
 _NO_NOISE = 1e9  # so large that a robust loss equals least squares
 
 
-def in_order(u: Unknowns, y: np.ndarray, settings: Settings) -> np.ndarray:
-    """Return y (p, L) with the terms of each lane by rising resonance, unless they are named."""
-    names = _shown(u)
-    if any(n.rsplit("_", 1)[-1].isdigit() for n in settings.names):
-        return y
-    out = y.copy()
-    for place, model in zip(u.spec.media.places, u.spec.media.index, strict=True):
-        groups = _terms(names, f"{place}.")
-        if len(groups) < 2 or not isinstance(model, Model):
-            continue
-        key = next(i for i, n in enumerate(groups[0]) if ".resonance" in names[n])
-        rows = np.array(groups)  # (terms, parameters of a term)
-        if not model.exchangeable:
-            rows = rows[:-1]  # the last one is on the other side of the spectrum
-        order = np.argsort(y[rows[:, key]], axis=0, kind="stable")
-        for column in rows.T:
-            out[column] = np.take_along_axis(y[column], order, axis=0)
-    return out
-
-
 def _shown(u: Unknowns) -> list[str]:
     """Return the names of the unknowns, "" of those that the model does not have."""
     return [name if name in u.labels else "" for name in u.spec.moving]
 
 
-def _terms(names: list[str], head: str = "") -> list[list[int]]:
-    """Return the indices of the parameters of each numbered term of a medium, or of all."""
-    terms: dict[str, list[int]] = {}
-    for i, name in enumerate(names):
-        place, _, own = name.rpartition(".")
-        stem, _, number = own.rpartition("_")
-        if name.startswith(head) and number.isdigit() and stem.split("_")[0] in (
-            "strength", "resonance", "width", "amplitude"
-        ):  # fmt: skip
-            terms.setdefault(f"{place}{number}", []).append(i)
-    return list(terms.values())
-
-
-def grown_starts(
-    fit: Solving, targets: Targets, start: np.ndarray, degrees: float, scale: float
-) -> np.ndarray:
+def grown_starts(fit: Solving, targets: Targets, start: np.ndarray, noise: float) -> np.ndarray:
     """Return starts (p, 2 LANES) that were grown term by term; (p, 0) for one term.
 
     Of three oscillators at random places hardly ever each is next to one of the material's (of 512
     starts none, for one material in ten). One alone finds the strongest, the next one what is left.
     """
-    u, terms = fit.u, _terms(_shown(fit.u))
+    terms = terms_of(_shown(fit.u))
     if len(terms) < 2 or start.shape[1] < LANES:
         return start[:, :0]
     low, high = fit.limits
@@ -91,10 +58,9 @@ def grown_starts(
         for term in terms[active:]:
             # the strength, the first of a term, at its least
             held[1][term[0]] = low[term[0]]
-        ends = [briefly(u.spec, targets, y, held, degrees, scale, _GROWING) for y in pools]
-        best = lowest_ends(
-            np.concatenate([e.y for e in ends], 1), np.concatenate([e.cost for e in ends])
-        )
+        least, most = (a[:, None] for a in held)
+        ends = [fit.held(np.clip(y, least, most), noise, _GROWING, held, targets) for y in pools]
+        best = lowest_ends(joined(ends))
         # The next term where it explains most beside the best two, or, of a model whose terms are
         # no oscillators, weak and anywhere; and as it comes beside the best eight.
         pools = [np.repeat(best[:, :2], LANES // 2, 1), np.repeat(best, LANES // 8, 1)]
@@ -109,15 +75,15 @@ def grown_starts(
     return np.concatenate(pools, 1)
 
 
-def lowest_ends(y: np.ndarray, cost: np.ndarray) -> np.ndarray:
+def lowest_ends(ends: Ends) -> np.ndarray:
     """Return the eight lowest ends (p, 8), one of each cost as far as there are so many.
 
     Of fewer than eight some come again.
     """
-    cost = np.minimum(cost, 1e300)
+    cost = np.minimum(ends.cost, 1e300)
     order = np.argsort(cost, kind="stable")
     new = np.append(True, np.diff(cost[order]) > 1e-4 * cost[order][1:])
-    return y[:, np.resize(np.concatenate([order[new], order[~new]]), 8)]
+    return ends.y[:, np.resize(np.concatenate([order[new], order[~new]]), 8)]
 
 
 def _weak_terms(start: np.ndarray) -> np.ndarray:
@@ -180,10 +146,13 @@ class Solving:
     """One fit: everything that is the same in all its rounds."""
 
     def __init__(
-        self, u: Unknowns, seen: Observations, targets: Targets, settings: Settings, asked: Asked
-    ):
+        self, u: Unknowns, seen: Observations, targets: Targets, settings: Settings, asked: Asked,
+        whole: Solving | None = None,
+    ):  # fmt: skip
+        # Of a fit of a part of the data: that of all, whose residuals and derivatives are taken,
+        # since their program is compiled anyhow.
+        self.whole = whole or self
         self.u, self.seen, self.targets, self.settings = u, seen, targets, settings
-        self.evaluated = seen  # the rows that `slopes` is of
         self.asked = asked
         self.starts = 0
         self.n_data = len(seen.row)
@@ -200,44 +169,65 @@ class Solving:
             squares.append(float((weighted**2).sum()))
         self.squares = sum(squares, getattr(seen, "squares", 0.0))
 
+    def in_order(self, y: np.ndarray) -> np.ndarray:
+        """Return y (p, L), the terms of each lane by rising resonance unless they are named."""
+        names = _shown(self.u)
+        if any(n.rsplit("_", 1)[-1].isdigit() for n in self.settings.names):
+            return y
+        out, media = y.copy(), self.u.spec.media
+        for place, model in zip(media.places, media.index, strict=True):
+            groups = terms_of(names, f"{place}.")
+            if len(groups) < 2 or not isinstance(model, Model):
+                continue
+            key = next(i for i, n in enumerate(groups[0]) if ".resonance" in names[n])
+            rows = np.array(groups)  # (terms, parameters of a term)
+            if not model.exchangeable:
+                rows = rows[:-1]  # the last one is on the other side of the spectrum
+            order = np.argsort(y[rows[:, key]], axis=0, kind="stable")
+            for column in rows.T:
+                out[column] = np.take_along_axis(y[column], order, axis=0)
+        return out
+
     def run(self, start: np.ndarray, noise: float, priors: bool = True, grow: bool = False) -> Ends:
         """Return the ends of the starts at this noise, terms in order."""
-        lanes = start.shape[1]
         targets = self.targets._replace(noise=np.float64(noise))
         if not priors:
             targets = targets._replace(prior_weight=np.zeros_like(targets.prior_weight))
-        many, size = max(self.dof, 1.0), self.squares / noise**2
         if grow and isinstance(self.u.spec, Spec):
-            grown = grown_starts(self, targets, start, many, size)
+            grown = grown_starts(self, targets, start, noise)
             start = np.concatenate([grown, start], 1)
-            lanes = start.shape[1]
-        degrees, scale = np.full(lanes, many), np.full(lanes, size)
-        self.lanes = min(lanes, LANES)
-        ends = run(self.u.spec, targets, start, self.limits, degrees, scale)
-        return ends._replace(y=in_order(self.u, ends.y, self.settings))
+        self.lanes, used = min(start.shape[1], LANES), 0
+        if start.shape[1] > LANES:
+            low, high = (a[:, None] for a in self.limits)
+            few = self.held(np.clip(start, low, high), noise, SIFT, targets=targets)
+            start, used = few.lowest(LANES), SIFT
+        size = max(self.dof, 1.0), self.squares / noise**2
+        one = np.zeros(start.shape[1], int)
+        ends = run(self.u.spec, targets, start, self.limits, *size, one)
+        return ends._replace(y=self.in_order(ends.y), evaluations=ends.evaluations + used)
 
     def held(
-        self, start: np.ndarray, low: np.ndarray, high: np.ndarray, noise: float, steps: int,
+        self, start: np.ndarray, noise: float, steps: int, limits: Limits | None = None,
         targets: Targets | None = None,
     ) -> Ends:  # fmt: skip
-        """Return where starts (p, S) end, each within bounds (p, S) of its own.
+        """Return where starts (p, S) are after so many evaluations, in the program of `run`.
 
-        In the program that `run` compiled; terms stay in the order that they have. targets: what is
-        compared with other data than all.
+        Terms stay in the order that they have. limits: bounds (p, S) of each start, if not those of
+        all. targets: what is compared with other data than all.
         """
         targets = (targets or self.targets)._replace(noise=np.float64(noise))
-        many, size = max(self.dof, 1.0), self.squares / noise**2
+        size = max(self.dof, 1.0), self.squares / noise**2
         return each_within(
-            self.u.spec, targets, start, low, high, many, size, steps, self.lanes
-        )  # fmt: skip
+            self.u.spec, targets, start, limits or self.limits, *size, steps, self.lanes
+        )
 
     def slopes(self, y: np.ndarray) -> Slopes:
-        """Return residuals and derivatives at y."""
+        """Return residuals and derivatives at y, of all data."""
         if not isinstance(self.u.spec, Spec):
             from fitting.own_residuals import own_slopes
 
             return own_slopes(self.u.spec, self.targets, y)
-        return slopes_at(self.u, self.seen, self.targets, y)
+        return slopes_at(self.whole.u, self.whole.seen, self.whole.targets, y)
 
     def cost(self, s: Slopes, y: np.ndarray, noise: float) -> float:
         """Return the cost at y."""

@@ -7,7 +7,7 @@ all of them, at hardly any cost: the starts are lanes of one program.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -24,6 +24,9 @@ STAGE, STAGES = 60, 8
 # Number of lanes side by side; of more starts the lowest after SIFT evaluations go on.
 LANES, SIFT = 64, 12
 
+# Lowest and highest values of unknowns in the solver's coordinates.
+Limits = tuple[np.ndarray, np.ndarray]
+
 
 class Ends(NamedTuple):
     """The ends of starts: y (p, L); cost, done (converged) and evaluations (L,)."""
@@ -37,6 +40,15 @@ class Ends(NamedTuple):
         """Update the state of some of the lanes."""
         for mine, theirs in zip(self, others, strict=True):
             mine[..., lanes] = theirs
+
+    def lowest(self, count: int) -> np.ndarray:
+        """Return where the lowest of them are, (p, count)."""
+        return self.y[:, np.argsort(self.cost, kind="stable")[:count]]
+
+
+def joined(ends: Sequence[Ends]) -> Ends:
+    """Return several sets of ends as one."""
+    return Ends(*(np.concatenate(parts, -1) for parts in zip(*ends, strict=True)))
 
 
 def quasi_random(count: int, dimensions: int, seed: int) -> np.ndarray:
@@ -131,7 +143,7 @@ def usual_starts(free: int, film: bool = False) -> int:
     return LANES if free <= 5 else (8 if film else 4) * LANES
 
 
-def coordinate_bounds(unknowns: Sequence[Unknown]) -> tuple[np.ndarray, np.ndarray]:
+def coordinate_bounds(unknowns: Sequence[Unknown]) -> Limits:
     """Return bounds in the solver's coordinates, (p,) each."""
     low, high = [], []
     for u in unknowns:
@@ -153,83 +165,44 @@ def _stage(
     return Ends(y, np.where(np.isfinite(cost), cost, np.inf), done, evaluations), damping
 
 
-def _sifted(
-    spec: Spec, targets: Targets, start: np.ndarray, bounds: Bounds
-) -> tuple[np.ndarray, int]:
-    """Return the LANES starts that are lowest after a few evaluations, from groups of LANES."""
-    degrees, scale = float(bounds.degrees[0]), float(bounds.scale[0])
-    ends = each_within(
-        spec, targets, start, bounds.lower, bounds.upper, degrees, scale, SIFT, LANES
-    )  # fmt: skip
-    return ends.y[:, np.argsort(ends.cost, kind="stable")[:LANES]], SIFT
-
-
-def briefly(
-    spec: Spec,
-    targets: Targets,
-    start: np.ndarray,
-    limits: tuple[np.ndarray, np.ndarray],
-    degrees: float,
-    scale: float,
-    steps: int,
-) -> Ends:
-    """Return where LANES starts (p, LANES) are after ``steps`` evaluations."""
-    low, high = (np.repeat(a[:, None], LANES, 1) for a in limits)
-    y = np.clip(start, low, high)
-    return each_within(spec, targets, y, low, high, degrees, scale, steps, LANES)
+def _bounds(limits: Limits, degrees: Any, scale: Any, shape: tuple[int, ...]) -> Bounds:
+    low, high = (np.broadcast_to(a.reshape(len(a), -1), shape) for a in limits)
+    return Bounds(low, high, *(np.broadcast_to(a, shape[1:]) for a in (degrees, scale)))
 
 
 def each_within(
-    spec: Spec,
-    targets: Targets,
-    start: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
-    degrees: float,
-    scale: float,
-    steps: int,
-    lanes: int,
-) -> Ends:
+    spec: Spec, targets: Targets, start: np.ndarray, limits: Limits, degrees: float, scale: float,
+    steps: int, lanes: int,
+) -> Ends:  # fmt: skip
     """Return where starts (p, S) end after ``steps`` evaluations, each within bounds of its own.
 
-    low, high: (p, S). lanes: how many run side by side, as the program was compiled for.
+    limits: (p,) or (p, S) each. lanes: how many run side by side, as the program was compiled for.
     """
     count = start.shape[1]
     parts = []
     lanes = count if in_parts(spec, targets) else lanes  # no more than there are
+    bounds = _bounds(limits, degrees, scale, start.shape)
     for first in range(0, count, lanes):
         pick = np.minimum(np.arange(first, first + lanes), count - 1)
-        bounds = Bounds(low[:, pick], high[:, pick], np.full(lanes, degrees), np.full(lanes, scale))
+        own = Bounds(*(a[..., pick] for a in bounds))
         damping = np.full(lanes, START_DAMPING)
-        parts.append(_stage(spec, targets, start[:, pick], damping, bounds, steps)[0])
-    return Ends(*(np.concatenate(each, -1)[..., :count] for each in zip(*parts, strict=True)))
+        parts.append(_stage(spec, targets, start[:, pick], damping, own, steps)[0])
+    return Ends(*(a[..., :count] for a in joined(parts)))
 
 
 def run(
-    spec: Spec,
-    targets: Targets,
-    start: np.ndarray,
-    limits: tuple[np.ndarray, np.ndarray],
-    degrees: np.ndarray,
-    scale: np.ndarray,
-    groups: np.ndarray | None = None,
-) -> Ends:
-    """Return where the starts (p, L) end.
+    spec: Spec, targets: Targets, start: np.ndarray, limits: Limits, degrees: Any, scale: Any,
+    groups: np.ndarray,
+) -> Ends:  # fmt: skip
+    """Return where the starts (p, L) of one fit or of several end, all side by side.
 
-    limits: bounds (p,) each. degrees, scale: (L,). groups: (L,), which fit each lane belongs to
-    (None: all one; then of more than LANES starts the lowest LANES go on after a few evaluations).
-    A lane goes on while it is below the best finished one of its fit.
+    limits: bounds (p,) each. degrees, scale: one number or (L,). groups: (L,), which fit each lane
+    belongs to. A lane goes on while it is below the best finished one of its fit.
     """
-    low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in limits)
-    bounds, y = Bounds(low, high, degrees, scale), np.clip(start, low, high)
-    used = 0
-    if groups is None and start.shape[1] > LANES:
-        y, used = _sifted(spec, targets, y, bounds)
-        bounds = Bounds(*(a[..., :LANES] for a in bounds))
-    lanes = y.shape[1]
-    groups = np.zeros(lanes, int) if groups is None else groups
+    bounds = _bounds(limits, degrees, scale, start.shape)
+    y, lanes = np.clip(start, bounds.lower, bounds.upper), start.shape[1]
     damping = np.full(lanes, START_DAMPING)
-    ends = Ends(y, np.full(lanes, np.inf), np.zeros(lanes, bool), np.full(lanes, used))
+    ends = Ends(y, np.full(lanes, np.inf), np.zeros(lanes, bool), np.zeros(lanes, int))
     # Where lanes have data of their own, or one compiled program, all go on together.
     alone = in_parts(spec, targets)
     live = np.arange(lanes)

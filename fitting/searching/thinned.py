@@ -21,14 +21,13 @@ from fitting.measurements.measurement import Measurement
 from fitting.optics.instrument import BEAM, SLIT
 from fitting.problem.observations import Observations, observations
 from fitting.problem.problem import targets_of
-from fitting.problem.unknowns import Unknowns, index_outside
+from fitting.problem.unknowns import index_outside
 from fitting.samples.sample import Sample
 from fitting.searching.film_starts import films_of
 from fitting.searching.last_steps import polished
 from fitting.searching.minima import ALTERNATIVE_CHI2
-from fitting.searching.search import Solving, in_order
+from fitting.searching.search import Solving
 from fitting.searching.starts import Ends
-from fitting.uncertainty.covariance import Slopes
 
 # So many wavelengths are kept at least, and no phase between neighbours above that many periods,
 # for an index as high as that.
@@ -42,22 +41,6 @@ FOLLOWED, _NEAR = 16, 40.0
 _SAME_CHI2, _SAME_PLACE = 0.02, 1e-3
 # An end has converged if a step is expected to lower chi2 by less than this.
 _AT_REST = 1e-4
-
-
-class _Thinned(Solving):
-    """A fit of a part of the data, with the residuals and derivatives of all.
-
-    Their program is compiled for all data anyhow.
-    """
-
-    def __init__(self, fit: Solving, u: Unknowns, seen: Observations, outside: np.ndarray):
-        super().__init__(u, seen, targets_of(u, seen, outside), fit.settings, fit.asked)
-        self.whole = fit
-        self.evaluated = fit.seen
-
-    def slopes(self, y: np.ndarray) -> Slopes:
-        """Return residuals and derivatives at y, of all data."""
-        return self.whole.slopes(y)
 
 
 def _kept(waves: np.ndarray, high_um: float) -> np.ndarray | None:
@@ -85,7 +68,8 @@ def thinned(fit: Solving, sample: Sample, measurements: Sequence[Measurement]) -
         u = u._replace(spec=u.spec._replace(places=(_PLACES, _PLACES)))
     if seen is fit.seen and u is fit.u:
         return fit
-    return _Thinned(fit, u, seen, index_outside(sample, seen.points.wavelength_um))
+    outside = index_outside(sample, seen.points.wavelength_um)
+    return Solving(u, seen, targets_of(u, seen, outside), fit.settings, fit.asked, whole=fit)
 
 
 def _some_of(fit: Solving, measurements: Sequence[Measurement]) -> Observations:
@@ -150,4 +134,4 @@ def followed_with_all(fit: Solving, few: Solving, ends: Ends) -> Ends:
         found = list(zip(more.y.T, more.cost.tolist(), more.done.tolist(), strict=True))
     for group, (place, least, rests) in zip(groups, found, strict=False):
         y[:, group], cost[group], done[group] = place[:, None], least, rests
-    return Ends(in_order(fit.u, y, fit.settings), cost, done, ends.evaluations)
+    return Ends(fit.in_order(y), cost, done, ends.evaluations)

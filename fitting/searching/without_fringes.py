@@ -74,16 +74,15 @@ def without_fringes(fit: Solving, y: np.ndarray, noise: float) -> Fringeless | N
     start = np.append(starts(fit.u.moving, LANES - 1, fit.asked.seed), y[:, None], 1)
     least = max(1e-3 * unknown.low, 1e-4 * most)
     start[film.row] = coordinate(fit, film, np.geomspace(least, most, LANES))
-    low, high = (np.repeat(a[:, None], LANES, 1) for a in fit.limits)
-    thin = high.copy()
-    thin[film.row] = coordinate(fit, film, np.array([most]))
-    few = fit.held(np.clip(start, low, thin), low, thin, noise, SIFT)
-    few = fit.held(lowest_ends(few.y, few.cost), low[:, :8], thin[:, :8], noise, 2 * STAGE)
-    best = [int(np.argmin(few.cost))]
-    ends = fit.held(few.y[:, best], low[:, :1], high[:, :1], noise, 2 * STAGE)
+    low, thin = fit.limits[0], fit.limits[1].copy()
+    thin[film.row] = coordinate(fit, film, np.array(most))
+    few = fit.held(np.clip(start, low[:, None], thin[:, None]), noise, SIFT, (low, thin))
+    few = fit.held(lowest_ends(few), noise, 2 * STAGE, (low, thin))
+    best = few.lowest(1)
+    ends = fit.held(best, noise, 2 * STAGE)
     return Fringeless(
         name=fit.u.labels[fit.u.spec.moving[film.row]],
-        thickness_nm=1e3 * float(thickness_um(fit, film, few.y[:, best])[0]),
-        cost=float(few.cost[best[0]]), ends=ends,
+        thickness_nm=1e3 * float(thickness_um(fit, film, best)[0]),
+        cost=float(few.cost.min()), ends=ends,
         count=min(film.high_um * spread, 0.5 * fit.n_data),
     )  # fmt: skip

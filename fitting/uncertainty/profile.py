@@ -252,7 +252,7 @@ def visit(fit: Solving, searches: Sequence[Search], noise: float) -> None:
     high = np.stack([s.base.high for s, _, _ in lanes], 1)
     for lane, (s, _, _) in enumerate(lanes):
         low[s.j, lane] = high[s.j, lane] = start[s.j, lane]
-    ends = fit.held(start, low, high, noise, EVALUATIONS)
+    ends = fit.held(start, noise, EVALUATIONS, (low, high))
     lane = 0
     for s in todo:
         places, s.under_way = s.under_way, []
