@@ -98,6 +98,6 @@ def incoherent(
     assert s2 is not None and p2 is not None and product is not None
     T_s, T_p = (
         sums.t.real * admittance[-1].real / admittance[0].real
-        for sums, admittance in ((s2, for_s), (p2, for_p))
+        for sums, admittance in ((s2, for_s), (p2, polarized[-1]))
     )
     return Incoherent(s2.r.real, p2.r.real, T_s, T_p, product.r)
