@@ -6,7 +6,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from fitting.optics.coherent_films import FEW_LAYERS, films
+from fitting.optics.coherent_films import FEW_LAYERS, admittances, amplitudes
+from fitting.optics.incoherent_layers import layered
 from tests import stack_oracle
 
 LAYERS = (0, 1, 2, FEW_LAYERS)
@@ -34,8 +35,12 @@ def drawn(layers, count, seed):
 
 def fast(c, n_0, n, k, d, wavelength):
     """Return R_s, R_p, T_s, T_p, and real and imaginary part of r_s and r_p, (8, count)."""
-    found = films(c, n_0, list(jax.lax.complex(n, k)), list(d), wavelength)
-    return rows(found)
+    at = c, n_0, list(jax.lax.complex(n, k)), list(d), wavelength
+    found = layered(*at, coherent=[True] * len(d))
+    for_s, for_p, phase = admittances(*at)
+    r = [amplitudes(of, phase).r for of in (for_s, for_p)]
+    parts = [part for z in r for part in (z.real, z.imag)]
+    return jnp.stack([found.R_s, found.R_p, found.T_s, found.T_p, *parts])
 
 
 def exact(c, n_0, n, k, d, wavelength):
@@ -61,11 +66,6 @@ def slope(at, along):
 
     with mp.workdps(60):
         return [float((a - b) / (2 * STEP)) for a, b in zip(moved(STEP), moved(-STEP), strict=True)]
-
-
-def rows(found):
-    parts = [found.r_s.real, found.r_s.imag, found.r_p.real, found.r_p.imag]
-    return jnp.stack([found.R_s, found.R_p, found.T_s, found.T_p, *parts])
 
 
 def radians(n, k, d, wavelength):

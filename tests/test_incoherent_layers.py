@@ -10,7 +10,7 @@ import pytest
 from mpmath import mpc
 
 from fitting import Measurement, fit, simulate
-from fitting.optics.incoherent_layers import incoherent
+from fitting.optics.incoherent_layers import layered
 
 WAVES = np.array([0.45, 0.6, 0.8])
 
@@ -131,7 +131,7 @@ def test_powers_beside_psi_and_delta_and_a_slit():
     weight = np.exp(-0.5 * np.linspace(-5.0, 5.0, 401) ** 2)
     index = [np.full(401, n, complex) for n in (2.1, 1.5, 1.0)]
     with jax.enable_x64(True):
-        found = incoherent(0.5 * np.ones(401), 1.0, index, [0.9, 1e3], at, [True, False])
+        found = layered(0.5 * np.ones(401), 1.0, index, [0.9, 1e3], at, [True, False])
     R_s, R_p, _, _, product = (weight @ np.asarray(x) for x in found)
     psi = 0.5 * np.degrees(np.arctan2(2.0 * abs(product), R_s - R_p))
     seen = simulate(text, {"bandwidth": 3.0}, 60.0, [0.6], ["psi"])
@@ -187,7 +187,7 @@ def test_random_samples_are_the_sums_over_all_ways(films):
     c, n_0, index, thickness, wavelength = random_sample(films, random, count)
     coherent = [True] * films[0] + [x for n in films[1:] for x in (False, *[True] * n)]
     with jax.enable_x64(True):
-        program = jax.jit(functools.partial(incoherent, coherent=coherent))
+        program = jax.jit(functools.partial(layered, coherent=coherent))
         found = program(*map(jnp.asarray, (c, n_0)), index, thickness, wavelength)
     thick = [j + 1 for j, interferes in enumerate(coherent) if not interferes]
     ends = list(zip([0, *thick], [*thick, len(index)], strict=True))
@@ -231,7 +231,7 @@ def sums(x):
     index = [jnp.asarray(n, jnp.result_type(x.dtype, jnp.complex64)) for n in index]
     one = jnp.asarray(1.0, x.dtype)
     thickness = [1e-3 * nm, 300.0 * one, 0.015 * one]
-    found = incoherent(0.5 * one, one, index, thickness, 0.6 * one, [True, False, True])
+    found = layered(0.5 * one, one, index, thickness, 0.6 * one, [True, False, True])
     complex_parts = found.product.real, found.product.imag
     return jnp.stack([found.R_s, found.R_p, found.T_s, found.T_p, *complex_parts])
 
@@ -285,7 +285,7 @@ def test_along_the_normal_s_is_both():
         k = random.uniform(0.0, 0.2, (4, 20)) * (np.arange(20) % 2)
         index = list(random.uniform(1.0, 3.0, (4, 20)) + 1j * k)
         sample = 1.0, index, [0.3, 500.0, 0.1], waves, [True, False, True]
-        both, s = incoherent(ones, *sample), incoherent(ones, *sample, normal=True)
+        both, s = layered(ones, *sample), layered(ones, *sample, normal=True)
     for shown, wanted in zip(s, both, strict=True):
         np.testing.assert_allclose(np.abs(shown), np.abs(wanted), rtol=1e-11, atol=1e-15)
     m = Measurement.from_columns(0.0, waves, R=both.R_s, sigma=1e-3)

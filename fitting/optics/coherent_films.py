@@ -39,17 +39,6 @@ class Amplitudes(NamedTuple):
     t: Array
 
 
-class Films(NamedTuple):
-    """Powers of s and p, and the ratios r of the electric (s) and magnetic (p) field."""
-
-    R_s: Array
-    R_p: Array
-    T_s: Array
-    T_p: Array
-    r_s: Array
-    r_p: Array
-
-
 def _once(z: Array) -> Array:
     """Return a complex array that XLA forms once; see `process.compiled.computed_once`."""
     return jax.lax.complex(computed_once(z.real), computed_once(z.imag))
@@ -217,7 +206,8 @@ def admittances(
 ) -> tuple[Layers, Layers, Layers]:
     """Return the admittances of all media for s and for p, and the phases, as in `amplitudes`.
 
-    Arguments as of `films`; all that is returned has one shape.
+    c: cosines in a transparent medium eta_i. index: complex, of the L layers and the medium behind.
+    thickness_um: of the layers. All that is returned has one shape.
     """
     c = jnp.maximum(c, 1e-15)
     q0 = eta_i * c
@@ -242,28 +232,3 @@ def admittances(
         _joined([whole(front / (eta_i * eta_i))], for_p),
         phase,
     )
-
-
-def films(
-    c: Array,
-    eta_i: Array,
-    index: Sequence[Array],
-    thickness_um: Sequence[Array],
-    wavelength_um: Array,
-    normal: bool = False,
-) -> Films:
-    """Return R, T and r of coherent layers, at cosines c in a transparent medium eta_i.
-
-    index: complex, of the L layers and the medium behind; thickness_um: of the layers. normal:
-    whether all cosines are 1 and r_p is not asked for: then what s shows is that of both. Absolute
-    error: 1e-13 times the phase of the films in radians; 1e-8 at a layer's critical angle.
-    """
-    s, p, phase = admittances(c, eta_i, index, thickness_um, wavelength_um)
-    out = []
-    for admittance in (s,) if normal else (s, p):
-        found = amplitudes(admittance, phase)
-        R = found.r.real**2 + found.r.imag**2
-        T = (found.t.real**2 + found.t.imag**2) * admittance[-1].real / admittance[0].real
-        out.append((R, T, found.r))
-    (R_s, T_s, r_s), (R_p, T_p, r_p) = out[0], out[-1]
-    return Films(R_s, R_p, T_s, T_p, r_s, r_p)

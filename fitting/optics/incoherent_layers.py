@@ -1,4 +1,4 @@
-"""Samples with thick layers, whose reflections add without interference: powers, psi and Delta.
+"""Samples of films and of thick layers, whose reflections add without interference.
 
 Light that has been k times to the back face comes out with amplitudes r_p,k and r_s,k of its own. A
 detector adds the Stokes vectors of all k, and so abs(r_s,k)^2, abs(r_p,k)^2 and r_p,k r_s,k*: a
@@ -10,6 +10,7 @@ interference; of several, light that took two ways of one length adds without in
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -28,9 +29,14 @@ class _Faces(NamedTuple):
     there_and_back: Array
 
 
+def _packet(admittance: Layers, phase: Layers, first: int, last: int) -> tuple[Layers, Layers]:
+    """Return the admittances and phases between two media."""
+    admittance, phase = admittance[first : last + 1], phase[first : last - 1]
+    # A packet of few films in a sample of many.
+    return (tuple(admittance), tuple(phase)) if len(phase) <= FEW_LAYERS else (admittance, phase)
+
+
 def _faces(admittance: Layers, phase: Layers) -> _Faces:
-    if len(phase) <= FEW_LAYERS:  # a packet of few films in a sample of many
-        admittance, phase = tuple(admittance), tuple(phase)
     r, t = amplitudes(admittance, phase)
     back = amplitudes(admittance[::-1], phase[::-1]).r
     # Reciprocity: t' = t Y_behind / Y_front of the tangential fields.
@@ -44,23 +50,20 @@ class _Sums(NamedTuple):
     t: Array
 
 
-def _summed(a: _Faces, b: _Faces, below: _Sums | None, down: Array) -> _Sums:
+def _summed(a: _Faces, b: _Faces, below: _Sums, down: Array) -> _Sums:
     """Return the sums of a packet and of what is below it, through a thick layer.
 
-    below: those of what is below; None of the last packet. down: what is left of intensity after
-    one way through the thick layer.
+    down: what is left of intensity after one way through the thick layer.
     """
     r, t = a.front * jnp.conj(b.front), a.t * jnp.conj(b.t)
-    if below is None:
-        return _Sums(r, t)
     back = down * down * below.r
     echoes = 1.0 / (1.0 - a.back * jnp.conj(b.back) * back)
     through = a.there_and_back * jnp.conj(b.there_and_back)
     return _Sums(r + through * back * echoes, t * down * below.t * echoes)
 
 
-class Incoherent(NamedTuple):
-    """Powers of s and p, and the sum of r_p r_s* (complex) over all round trips."""
+class Layered(NamedTuple):
+    """Powers of s and p, and r_p r_s* (complex), summed over all round trips in thick layers."""
 
     R_s: Array
     R_p: Array
@@ -69,7 +72,7 @@ class Incoherent(NamedTuple):
     product: Array
 
 
-def incoherent(
+def layered(
     c: Array,
     eta_i: Array,
     index: Sequence[Array],
@@ -77,27 +80,35 @@ def incoherent(
     wavelength_um: Array,
     coherent: Sequence[bool],
     normal: bool = False,
-) -> Incoherent:
-    """Return what a sample with thick layers reflects and transmits.
+) -> Layered:
+    """Return what a sample with layers reflects and transmits.
 
     c: cosines in a transparent medium eta_i. index: complex, of the L layers and the medium behind.
-    thickness_um, coherent: of the layers, of which any number may be thick. normal: as of `films`.
+    thickness_um, coherent: of the layers, of which any number may be thick. normal: whether all
+    cosines are 1 and psi and Delta are not asked for: then what s shows is that of both. Absolute
+    error: 1e-13 times the phase of the films in radians; 1e-8 at a layer's critical angle.
     """
     for_s, for_p, phase = admittances(c, eta_i, index, thickness_um, wavelength_um)
-    thick = [j + 1 for j, interferes in enumerate(coherent) if not interferes]
     polarized = (for_s,) if normal else (for_s, for_p)
-    below: list[_Sums | None] = [None, None, None]  # s, p, and the product of p and s
-    for start, end in reversed(list(zip([0, *thick], [*thick, len(for_s) - 1], strict=True))):
-        found = [_faces(of[start : end + 1], phase[start : end - 1]) for of in polarized]
-        s, p = found[0], found[-1]
+    ways = ((0, 0),) if normal else ((0, 0), (1, 1), (1, 0))  # s, p, and the product of p and s
+    thick = [j + 1 for j, interferes in enumerate(coherent) if not interferes]
+    *packets, (first, last) = itertools.pairwise([0, *thick, len(for_s) - 1])
+    behind = [amplitudes(*_packet(of, phase, first, last)) for of in polarized]
+    sums = [
+        _Sums(*(x * jnp.conj(y) for x, y in zip(behind[a], behind[b], strict=True)))
+        for a, b in ways
+    ]
+    for first, last in reversed(packets):
+        found = [_faces(*_packet(of, phase, first, last)) for of in polarized]
         # One way leaves exp(2 Re phase); the phase itself is the same for s and p.
-        down = jnp.exp(2.0 * phase[end - 1].real) if end <= len(phase) else jnp.ones(())
-        ways = ((s, s),) if normal else ((s, s), (p, p), (p, s))
-        below = [_summed(*way, under, down) for way, under in zip(ways, below, strict=False)]
-    s2, p2, product = below * 3 if normal else below
-    assert s2 is not None and p2 is not None and product is not None
+        down = jnp.exp(2.0 * phase[last - 1].real)
+        sums = [
+            _summed(found[a], found[b], below, down)
+            for (a, b), below in zip(ways, sums, strict=True)
+        ]
+    s2, p2, product = sums * 3 if normal else sums
     T_s, T_p = (
-        sums.t.real * admittance[-1].real / admittance[0].real
-        for sums, admittance in ((s2, for_s), (p2, polarized[-1]))
+        both.t.real * admittance[-1].real / admittance[0].real
+        for both, admittance in ((s2, for_s), (p2, polarized[-1]))
     )
-    return Incoherent(s2.r.real, p2.r.real, T_s, T_p, product.r)
+    return Layered(s2.r.real, p2.r.real, T_s, T_p, product.r)

@@ -19,8 +19,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from fitting.measurements.quantities import POWERS
-from fitting.optics.coherent_films import films
-from fitting.optics.incoherent_layers import Incoherent, incoherent
+from fitting.optics.incoherent_layers import layered
 from fitting.optics.instrument import BEAM, SLIT, cosines, detected, slit
 from fitting.optics.partial_derivatives import by_partial_derivatives
 from fitting.samples.dispersion import Model
@@ -179,20 +178,12 @@ def boundary(
     together = zip(media.coherent, index[:-1], strict=True)
     coherent = [interferes for interferes, slices in together for _ in slices]
     if not pairs and media.coherent == (False,) and media.closed:
-        # `incoherent` is right too, but takes twice as long, to compile (1.5 s) and to run.
+        # `layered` is right too, but takes twice as long, to compile (1.5 s) and to run.
         found: Any = slab(c, *index[0][0], thicknesses[0], wavelength_um, eta_i)
-    elif all(coherent):
-        found = films(c, eta_i, media_index, thicknesses, wavelength_um, media.normal)
     else:
-        found = incoherent(
-            c, eta_i, media_index, thicknesses, wavelength_um, coherent, media.normal
-        )
-    ellipse = None
-    if pairs:
-        # No quotient r_p / r_s: a film may extinguish r_s.
-        incoherently = isinstance(found, Incoherent)
-        product = found.product if incoherently else found.r_p * jnp.conj(found.r_s)
-        ellipse = _ellipse_of(found.R_s, found.R_p, product)
+        found = layered(c, eta_i, media_index, thicknesses, wavelength_um, coherent, media.normal)
+    # No quotient r_p / r_s: a film may extinguish r_s.
+    ellipse = _ellipse_of(found.R_s, found.R_p, found.product) if pairs else None
     return Light(found.R_s, found.R_p, found.T_s, found.T_p, ellipse)
 
 
