@@ -14,7 +14,7 @@ from fitting.optics.observe import Media, Spec
 from fitting.outcomes.batched import stacked_fits
 from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of
-from fitting.problem.problem import LOSSES, Targets, targets_of
+from fitting.problem.problem import LOSSES, Targets, targets_of, with_slopes
 from fitting.problem.unknowns import Unknowns, unknown_of
 from fitting.process.compiled import compiled
 from fitting.results.result import Fit
@@ -76,11 +76,7 @@ class OwnRows(NamedTuple):
 
 def _linearised(targets: Targets, y: Array, *, spec: OwnSpec) -> tuple[Array, Array]:
     """Return the residuals (n,) at y (p,) and their derivatives (n, p)."""
-
-    def residual(y: Array) -> Array:
-        return spec.raw(y[:, None], targets)[0][:, 0]
-
-    return residual(y), jax.jacfwd(residual)(y)
+    return with_slopes(lambda lanes: spec.raw(lanes, targets)[0], y)
 
 
 _own_linearised = compiled(_linearised, ("spec",))

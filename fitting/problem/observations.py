@@ -47,6 +47,14 @@ class Observations(NamedTuple):
         """Which of the rows are no padding, (M,) bool."""
         return np.arange(self.points.wavelength_um.shape[0]) <= self.row.max()
 
+    @property
+    def squares(self) -> float:
+        """The sum of squares of the data in units of their errors."""
+        weighted = [v * w for v, w in zip(self.values, self.weights, strict=True)]
+        if NCS in self.channels:
+            weighted.append(np.einsum("ijml,jml->iml", self.ncs_weights, self.ncs))
+        return float(sum((each**2).sum() for each in weighted))
+
 
 def padded(rows: int) -> int:
     """Return the number of rows that a program is compiled for."""

@@ -6,7 +6,7 @@ of several wavelengths that are fitted independently, each with its own starts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
@@ -168,12 +168,21 @@ def rows_of(spec: Spec, found: Mapping[str, Any], shape: tuple[int, ...]) -> Arr
     return jnp.stack([jnp.broadcast_to(row, shape) for row in rows])
 
 
+def with_slopes(f: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
+    """Return f at y (p,), where it takes lanes (p, L), and its derivatives, on a last axis (p,).
+
+    Lanes are directions: one derivative call gives all columns.
+    """
+    p = len(y)
+    value, slope = jax.jvp(f, (jnp.broadcast_to(y[:, None], (p, p)),), (jnp.eye(p),))
+    return value[..., 0], slope
+
+
 def _linearised(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, Array]:
     """Return the prediction of each channel at y (p,), (K, M), and its derivatives, (K, M, p).
 
-    K counts NCS as three. Lanes are directions: one derivative call gives all columns.
+    K counts NCS as three.
     """
-    p = y.shape[0]
 
     def seen(lanes: Array) -> Array:
         values = spec.values(lanes, targets.held)
@@ -181,8 +190,7 @@ def _linearised(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, Array
         shape = (targets.points.angle_deg.shape[0], lanes.shape[1])
         return rows_of(spec, found, shape)
 
-    value, slope = jax.jvp(seen, (jnp.broadcast_to(y[:, None], (p, p)),), (jnp.eye(p),))
-    return value[..., 0], slope
+    return with_slopes(seen, y)
 
 
 def _shown(points: Points, held: Array, eta_i: Array, *, spec: Spec) -> Array:
@@ -199,14 +207,12 @@ def _index(
 
     eta_i: index of the first medium, () or (W, 1), which a rough surface contains.
     """
-    p = y.shape[0]
 
     def at(lanes: Array) -> Array:
         values = spec.values(lanes, held)
         return jnp.stack(medium_index(spec, medium, values, wavelength_um[:, None], eta_i))
 
-    value, slope = jax.jvp(at, (jnp.broadcast_to(y[:, None], (p, p)),), (jnp.eye(p),))
-    return value[..., 0], slope
+    return with_slopes(at, y)
 
 
 solve = in_turn(compiled(_solve, ("spec",)))

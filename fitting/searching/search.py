@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.optics.observe import NCS, Spec
+from fitting.optics.observe import Spec
 from fitting.problem.observations import Observations
 from fitting.problem.problem import Targets
 from fitting.problem.unknowns import Unknowns
@@ -161,13 +161,7 @@ class Solving:
         self.limits = coordinate_bounds(u.moving)
         self.pooled: float | None = None  # scatter of many similar fits, if one has too few data
         self.lanes = LANES
-        squares = [
-            float(((v * w) ** 2).sum()) for v, w in zip(seen.values, seen.weights, strict=True)
-        ]
-        if NCS in seen.channels:
-            weighted = np.einsum("ijml,jml->iml", seen.ncs_weights, seen.ncs)
-            squares.append(float((weighted**2).sum()))
-        self.squares = sum(squares, getattr(seen, "squares", 0.0))
+        self.squares = seen.squares
 
     def in_order(self, y: np.ndarray) -> np.ndarray:
         """Return y (p, L), the terms of each lane by rising resonance unless they are named."""
