@@ -43,6 +43,12 @@ class Row(NamedTuple):
     thickness: float
 
 
+def drawn(seed: int) -> Case | None:
+    """Return a random film with random noise; None where the random material is none."""
+    noise = float(np.exp(np.random.default_rng([11, seed]).uniform(*np.log(NOISE))))
+    return simulated(seed, noise)
+
+
 def _told(found: Fit) -> bool:
     """Whether the result says that the thickness may be another one."""
     codes = {w.code for w in found.warnings}
@@ -97,8 +103,7 @@ def main() -> None:
     arguments = study_options(__doc__, "films", 300)
 
     def one(seed: int) -> Row | None:
-        noise = float(np.exp(np.random.default_rng([11, seed]).uniform(*np.log(NOISE))))
-        case = simulated(seed, noise)
+        case = drawn(seed)
         if case is None or not any(text in named(case.cell) for text in arguments.only):
             return None
         r = outcome(case)

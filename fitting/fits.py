@@ -39,6 +39,7 @@ from fitting.samples.sample_checks import check_fit
 from fitting.searching.film_starts import film_starts, films_of
 from fitting.searching.fringe_orders import with_all_orders
 from fitting.searching.neighbours import with_neighbours
+from fitting.searching.other_thicknesses import with_other_thicknesses
 from fitting.searching.search import Asked, Solving, solved
 from fitting.searching.starts import LANES, Ends, usual_starts, with_given_start
 from fitting.searching.starts import starts as start_points
@@ -100,6 +101,7 @@ def _searched(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, flo
     if key not in known:
         ends, noise = solved(few, points)
         ends = with_neighbours(few, ends, points, noise)
+        ends = with_other_thicknesses(few, ends, noise)
         if few is not job:
             ends = followed_with_all(job, few, ends)
         known[key] = with_all_orders(job, ends, noise), noise

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from benchmarks.film_coverage import drawn
 from benchmarks.film_success import simulated
 from fitting import Measurement, choose, fit, simulate
 from fitting.samples.known_media import Mixture
@@ -188,6 +189,8 @@ def test_the_right_order_is_found_in_a_wide_range():
     (965853661, 126.2, 93.776),
     # the same line tried at eight places beside each of eight minima: 525.2 at 12.3 um
     (535236741, 492.8, 5706.6),
+    # no thickness of less than a fringe was tried beside the lowest minima: 103.5 at 40 nm
+    (766435233, 101.3, 92.58),
 ])  # fmt: skip
 def test_films_that_ended_in_a_wrong_minimum(seed, cost, thickness):
     """Of `make film-study`: nothing but the range of the thickness is known to the fit."""
@@ -210,6 +213,15 @@ def test_a_film_or_none():
     assert choice.taken.label.startswith("air | SiO2")
     thickness = choice.fit.parameters["thickness_nm"]
     assert abs(thickness.value - 12.0) < 4.0 * thickness.sigma
+
+
+def test_another_thickness_that_fits_as_well_is_listed():
+    """59 nm were shown as 106 +- 6 nm, and nothing else."""
+    case = drawn(31415307)
+    assert case is not None
+    found, true = fit(case.measurement, case.sample, intervals="quadratic"), 59.166
+    listed = [one.parameters["thickness_nm"] for one in (found, *found.alternatives)]
+    assert any(abs(d.value - true) < 2.0 * d.sigma < 1.0 for d in listed)
 
 
 @pytest.mark.parametrize("dispersion, told", [(-0.02, ["eta"]), (0.01, []), (0.0, [])])

@@ -1,0 +1,80 @@
+"""Other thicknesses of films that have no whole fringe, and starts that were left on their way.
+
+The thickness of a film with less than a fringe follows from the form of a curve alone, and another
+index may give the same form with another thickness. Thicknesses around the lowest minima are held
+while all else is fitted, and then released.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fitting.searching.film_starts import (
+    Film,
+    coordinate,
+    films_of,
+    middle,
+    phase_rates,
+    thickness_um,
+)
+from fitting.searching.search import lowest_ends
+from fitting.searching.starts import STAGE, Ends, best_of, joined
+
+if TYPE_CHECKING:
+    from fitting.searching.search import Solving
+
+# Thicknesses that are tried, as parts of that of each of so many of the lowest minima.
+_FACTORS, _PARENTS = np.geomspace(0.1, 8.0, 24), 4
+# Films of more fringes than that are told apart by them; see `fringe_orders`.
+_FRINGES = 2.0
+# A start that was left on its way goes on if its chi2 is less than so far above the best: one of
+# 11.6 led to a minimum of .05. At most so many stages of STAGE evaluations.
+_NEAR, _STAGES = 30.0, 8
+
+
+def with_other_thicknesses(fit: Solving, ends: Ends, noise: float) -> Ends:
+    """Return the ends, and those at other thicknesses of thin films; starts that were left go on.
+
+    What fits as well as the best minimum is told, but for what was not looked at: 59 nm of a
+    Drude-Lorentz film, of which psi and Delta were measured, was found as 106 +- 6 nm with a chi2
+    that was .05 lower, and as nothing else.
+    """
+    films = films_of(fit.u.spec, fit.u.moving)
+    for film in films:
+        if best_of(ends) is not None:
+            ends = joined([ends, *_at_thicknesses(fit, film, lowest_ends(ends), noise)])
+    return _to_rest(fit, ends, noise) if films else ends
+
+
+def _at_thicknesses(fit: Solving, film: Film, lowest: np.ndarray, noise: float) -> list[Ends]:
+    """Return the ends of starts beside ``lowest`` (p, 8), held at first; none of a thick film."""
+    y = lowest[:, :_PARENTS]
+    thickness = thickness_um(fit, film, y)
+    thin = thickness * middle(phase_rates(fit, film, y)) < _FRINGES
+    bounds, tried = fit.u.moving[film.row], np.outer(thickness, _FACTORS)
+    inside = thin[:, None] & (tried > max(1e-3 * bounds.low, 0.0)) & (tried < 1e-3 * bounds.high)
+    if not inside.any():
+        return []
+    parent, _ = np.nonzero(inside)
+    start = y[:, parent]
+    start[film.row] = coordinate(fit, film, tried[inside])
+    low, high = (np.repeat(a[:, None], len(parent), 1) for a in fit.limits)
+    low[film.row] = high[film.row] = start[film.row]
+    held = fit.held(start, noise, STAGE, (low, high))
+    return [fit.held(held.y, noise, STAGE)]
+
+
+def _to_rest(fit: Solving, ends: Ends, noise: float) -> Ends:
+    """Return the ends, of which those near the best one have gone on until they rest."""
+    best = best_of(ends)
+    if best is None:
+        return ends
+    near = float(ends.cost[best]) + _NEAR * fit.unit(float(ends.cost[best]))
+    for _ in range(_STAGES):
+        live = np.flatnonzero(~ends.done & (ends.cost < near))
+        if not len(live):
+            break
+        ends.put(live, fit.held(ends.y[:, live], noise, STAGE))
+    return ends._replace(y=fit.in_order(ends.y))
