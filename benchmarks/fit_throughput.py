@@ -35,7 +35,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from fitting import fit_many
-from fitting.bare_surface import calls
+from fitting.bare_surface import engine
 from fitting.bare_surface.reflectances import Curves, Residuals
 from fitting.problem.solver import normal_sums
 from fitting.process.compiled import compiled
@@ -90,7 +90,7 @@ def timed(call: Callable[[], object]) -> tuple[float, float]:
 
 def one_evaluation(rounds: int) -> float:
     """Return processor seconds a lane of residuals, derivatives and normal equations."""
-    lanes, channels = calls.BLOCK, ("R_s", "R_p")
+    lanes, channels = engine.BLOCK, ("R_s", "R_p")
     residuals = Residuals(channels)
 
     def evaluate(y, curves, chart):

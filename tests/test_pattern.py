@@ -9,7 +9,7 @@ from simulated import GOLD, simulated, textbook
 from fitting import Measurement, choose, fit, read_csv
 from fitting.bare_surface.answer import answer
 from fitting.bare_surface.arrange import of_measurement
-from fitting.bare_surface.calls import fitted_curves
+from fitting.bare_surface.curves import fitted_curves
 from fitting.residuals.pattern import pattern
 from fitting.residuals.residuals import residuals, weighted_residuals
 from fitting.samples.sample import Sample

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fitting.bare_surface import mesh as starts
-from fitting.bare_surface.calls import FEW, FEW_CALLS, Further, run, start_rows
+from fitting.bare_surface.calls import FEW, Further, run, start_rows
 from fitting.bare_surface.coordinates import EPS, W_MIN, from_eps, to_eps, xi_of
 from fitting.bare_surface.curve_data import Data, Extent
 from fitting.bare_surface.descent import ROW, Solved, at_far_end
@@ -101,7 +101,7 @@ def minima(data: Data, extent: Extent, points: np.ndarray | None = None) -> tupl
     """
     if not data.curves:
         return _minima(data, points), data
-    data = data._replace(few=data.curves <= FEW_CALLS * FEW)
+    data = data._replace(few=data.curves <= 2 * FEW)
     kinds = _mesh_kinds(data, extent)
     if (kinds == kinds[0]).all():
         data = data._replace(mesh=str(kinds[0]))

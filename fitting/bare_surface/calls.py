@@ -5,26 +5,29 @@ from __future__ import annotations
 import functools
 import os
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
+from jax import Array
 
 from fitting.bare_surface.coordinates import W_MAX
 from fitting.bare_surface.curve_data import Data
-from fitting.bare_surface.descent import Solved
-from fitting.bare_surface.engine import JOB, Steps, solve
-from fitting.bare_surface.mesh_curves import mesh_curves
-from fitting.bare_surface.reflectances import CHANNELS
+from fitting.bare_surface.engine import BLOCK, JOB, LANES, Steps, solve
+from fitting.bare_surface.mesh import node_curves
+from fitting.bare_surface.reflectances import Curves
 from fitting.problem.solver import START_DAMPING
+from fitting.process.compiled import compiled
 
-FEW = 8
-# Up to that many curves go in calls for FEW side by side; that program serves every file.
-FEW_CALLS = 2
-MANY, BLOCK = 1024, 64
-# Up to SEVERAL curves one block a call: most of a call for MANY would be spent on empty lanes.
+# Curves of a call. Up to 16 go in two calls for a few; that program serves every file. Up to
+# SEVERAL go in calls of one block: most of a call for many would be spent on empty lanes.
+FEW, SEVERAL, MANY = LANES, 256, 1024
 # Calls side by side of so many curves at least: one takes as long without any as with 20.
-SEVERAL, LEAST_OF_CALL = 256, 24
+LEAST_OF_CALL = 24
+# A mesh has as many nodes as some hundred lanes (3,000 for R_p alone), and to evaluate them takes
+# as long as a third of the fit of 64 curves. Most calls are at angles that an earlier one had.
+# Up to that many angles (19 MB with every channel and the largest mesh) they are kept.
+KEPT, KEPT_ANGLES = 4, 256
 
 
 def start_rows(count: int, points: np.ndarray | None = None) -> np.ndarray:
@@ -61,19 +64,31 @@ class Further(NamedTuple):
 NO_FURTHER = Further(np.empty(0, int), np.empty(0, int), np.empty((JOB, 0)))
 
 
-def _shape(data: Data) -> tuple[int, int, int]:
-    """Return how many curves a call takes, how many make a block of it, and a group of that."""
-    if data.few:
-        return FEW, FEW, FEW
-    return (BLOCK, BLOCK, FEW) if data.curves <= SEVERAL else (MANY, BLOCK, BLOCK)
+def _of_nodes(cos_theta, s_share, *, channels: tuple[str, ...], mesh: str) -> tuple[Array, ...]:
+    return node_curves(Curves(cos_theta[:, None], s_share[:, None], (), ()), channels, mesh)
 
 
-def _call(
-    data: Data, start: np.ndarray, steps: Steps, shape: tuple[int, int, int]
-) -> tuple[np.ndarray, tuple[Any, ...]]:
-    """Return the result of one call of the program, for as many curves as ``shape`` allows."""
+_of_nodes = compiled(_of_nodes, ("channels", "mesh"))
+
+
+@functools.lru_cache(maxsize=KEPT)
+def _kept(
+    cos_theta: bytes, s_share: bytes, channels: tuple[str, ...], mesh: str
+) -> tuple[Array, ...]:
+    angles = np.frombuffer(cos_theta), np.frombuffer(s_share)
+    return _of_nodes(*angles, channels=channels, mesh=mesh)
+
+
+def _nodes(data: Data) -> tuple[Array, ...]:
+    """Return `mesh.node_curves` at a few angles that all curves share; else nothing."""
+    if data.cos_theta.ndim == 2 or len(data.cos_theta) > KEPT_ANGLES:
+        return ()
+    return _kept(data.cos_theta.tobytes(), data.s_share.tobytes(), data.channels, data.mesh)
+
+
+def _call(data: Data, start: np.ndarray, steps: Steps, size: int) -> np.ndarray:
+    """Return the result of one call of the program, for up to ``size`` curves."""
     here, angles = data.curves, data.values[0].shape[1]
-    size, block, lanes = shape
     wide, part = angles, data
     # Of a few curves the number of angles is rounded up (with no data), to 64 at least, and every
     # channel is there, so that a handful of compiled programs serves every file: a program takes
@@ -88,13 +103,10 @@ def _call(
     begin = np.ones((len(start), size))
     begin[:, :here] = start
     with jax.enable_x64(True):
-        nodes = mesh_curves(part, bool(np.isnan(start[0]).any()))
-        tables, fitted = solve(
+        return np.asarray(solve(
             part.cos_theta, part.s_share, part.values, part.weights, begin,
-            np.array([here, *steps]), nodes,
-            channels=part.channels, mesh=data.mesh, block=block, lanes=lanes, fitted=size == FEW,
-        )  # fmt: skip
-        return np.asarray(tables), fitted
+            np.array([here, *steps]), _nodes(part), channels=part.channels, mesh=data.mesh,
+        ))  # fmt: skip
 
 
 def _apart(tables: np.ndarray, here: int, first: int, block: int) -> tuple[np.ndarray, Further]:
@@ -122,11 +134,8 @@ def run(data: Data, start: np.ndarray, steps: Steps) -> tuple[np.ndarray, Furthe
     count = data.curves
     if not count:
         return np.empty((JOB, 0)), NO_FURTHER
-    shape = _shape(data)
-    size = shape[0]
-    if size == MANY:
-        steps = steps._replace(further=0, turned=0)
-    else:  # calls of one size, and as many of them as there are processors, if not too small
+    most = size = FEW if data.few else BLOCK if count <= SEVERAL else MANY
+    if size < MANY:  # as many calls as there are processors, if not too small, and of one size
         calls = max(-(-count // size), min(os.cpu_count() or 1, count // LEAST_OF_CALL))
         size = -(-count // calls)
 
@@ -135,8 +144,8 @@ def run(data: Data, start: np.ndarray, steps: Steps) -> tuple[np.ndarray, Furthe
         if count > size:
             chunk = slice(first, first + size)
             part, begin = data.take(chunk), start[:, chunk]
-        tables, _ = _call(part, begin, steps, shape)
-        return _apart(tables, part.curves, first, shape[1])
+        tables = _call(part, begin, steps, most)
+        return _apart(tables, part.curves, first, min(most, BLOCK))
 
     if count <= size:
         return one(0)
@@ -150,14 +159,3 @@ def run(data: Data, start: np.ndarray, steps: Steps) -> tuple[np.ndarray, Furthe
     solved, further = zip(*parts, strict=True)
     joined = (np.concatenate(a, axis=-1) for a in zip(*further, strict=True))
     return np.concatenate(solved, axis=-1), Further(*joined)
-
-
-def fitted_curves(data: Data, s: Solved) -> np.ndarray:
-    """Return the reflectances at the solutions, (C, N, M), by the program for a few curves."""
-    start = start_rows(data.curves, np.stack([s.x, s.w, s.chart]))
-    angles, parts = data.values[0].shape[1], []
-    for first in range(0, data.curves, FEW):
-        chunk = slice(first, first + FEW)
-        _, at = _call(data.take(chunk), start[:, chunk], Steps(0), (FEW, FEW, FEW))
-        parts.append([np.asarray(at[CHANNELS.index(c)]) for c in data.channels])
-    return np.concatenate(parts, axis=1)[:, : data.curves, :angles]

@@ -8,8 +8,8 @@ import numpy as np
 
 from fitting.bare_surface.answer import Answer, answer
 from fitting.bare_surface.arrange import Arranged
-from fitting.bare_surface.calls import fitted_curves
 from fitting.bare_surface.curve_data import Data, of_rows, put_rows
+from fitting.bare_surface.curves import fitted_curves
 from fitting.residuals.error_model import GAIN, ROUNDS, likeliest_floor
 from fitting.results.result import NO_DATA
 

@@ -8,6 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from fitting.bare_surface.coordinates import index_derivatives
+from fitting.bare_surface.curve_data import Data
+from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import K_MIN
 from fitting.bare_surface.reflectances import CHANNELS, reflectances
 from fitting.measurements.measurement import Measurement
@@ -33,6 +36,21 @@ def _with_slopes(cos_theta, s_share, eta, u, eta_i):
 
 
 _with_slopes = compiled(_with_slopes, ())
+
+
+def fitted_curves(data: Data, s: Solved) -> np.ndarray:
+    """Return the reflectances at the solutions, (C, N, M).
+
+    From Fresnel's formulas themselves, which are right to rounding here, so that the first fit of a
+    process need not wait for one more program.
+    """
+    n, k, *_ = index_derivatives(s.x, s.w, s.chart)
+    cos, square = data.cos_theta, ((n + 1j * k) ** 2)[:, None]
+    q = np.sqrt(square - 1.0 + cos * cos)
+    R_s = np.abs((cos - q) / (cos + q)) ** 2
+    R_p = np.abs((square * cos - q) / (square * cos + q)) ** 2
+    of = {"R_s": R_s, "R_p": R_p, "R": R_p + data.s_share * (R_s - R_p)}
+    return np.array([of[c] for c in data.channels])
 
 
 def _covariance(information: np.ndarray, sigma_eta: np.ndarray, at_zero: np.ndarray) -> np.ndarray:

@@ -59,8 +59,8 @@ def _last_step(
     trial: Array,
     allowed: Array,
     channels: tuple[str, ...],
-) -> tuple[Array, Array, Array, tuple[Array, ...]]:
-    """Return ``trial``, in lanes where its cost is above ``allowed`` ``best``, and sums and curves.
+) -> tuple[Array, Array, Array]:
+    """Return ``trial``, in lanes where its cost is above ``allowed`` ``best``, and the sums there.
 
     A loop that runs once, or twice when a lane steps back: one copy of the model in the program.
     """
@@ -70,17 +70,16 @@ def _last_step(
         found = model(curves, y[0], y[1], chart, channels)
         weighted, plain = sums_of_squares(curves, found)
         worse = ~(weighted <= allowed) & (y != best).any(0)
-        return jnp.where(worse, best, y), weighted, plain, found, worse.any(), runs + 1
+        return jnp.where(worse, best, y), weighted, plain, worse.any(), runs + 1
 
     none = jnp.zeros_like(allowed)
-    nowhere = tuple(jnp.zeros_like(v) for v in curves.values)
     # The count ends the loop for NaN, which is unequal to itself and would step back for ever.
-    y, weighted, plain, found, _, _ = jax.lax.while_loop(
-        lambda carry: carry[4] & (carry[5] < 2),
+    y, weighted, plain, *_ = jax.lax.while_loop(
+        lambda carry: carry[3] & (carry[4] < 2),
         body,
-        (trial, none, none, nowhere, jnp.array(True), jnp.array(0)),
+        (trial, none, none, jnp.array(True), jnp.array(0)),
     )
-    return y, weighted, plain, found
+    return y, weighted, plain
 
 
 def descend(
@@ -89,8 +88,8 @@ def descend(
     most: tuple[Array, Array],
     near: Array,
     channels: tuple[str, ...],
-) -> tuple[Array, tuple[Array, ...]]:
-    """Return ``Solved`` of L lanes as one (fields, L) array, and the curves there.
+) -> Array:
+    """Return ``Solved`` of L lanes as one (fields, L) array.
 
     start: (5, L): x, w, chart, damping and the largest w. most: (L,) evaluations, and evaluations
     of lanes whose cost is then less than ``near``.
@@ -128,7 +127,7 @@ def descend(
     # not worth an evaluation of derivatives; taken all the same it squares the error that is left.
     trial = jnp.clip(value + jnp.where(state.done, state.full, 0.0), lower, upper)
     allowed = cost_before * (1.0 + 1e-6) + 4.0 * SOLVER.atol**2 * scale
-    last, cost, plain, fitted = _last_step(curves, chart, value, trial, allowed, channels)
+    last, cost, plain = _last_step(curves, chart, value, trial, allowed, channels)
     gradient = gradient + (matrix * (last - value)[None]).sum(1)
     solved = (
         last[0], last[1], chart, cost, plain, state.done & jnp.isfinite(cost), state.evaluations,
@@ -136,7 +135,7 @@ def descend(
         gradient[0], gradient[1], matrix[0, 0], matrix[0, 1], matrix[1, 1],
     )  # fmt: skip
     fields = Solved(*(a.astype(y.dtype) for a in solved))
-    return jnp.stack(fields), fitted
+    return jnp.stack(fields)
 
 
 def at_far_end(x: Any, w: Any, xp: Any = np) -> Any:
@@ -151,7 +150,7 @@ def descend_in_both_charts(
     near: Array,
     turned: Array,
     channels: tuple[str, ...],
-) -> tuple[Array, tuple[Array, ...]]:
+) -> Array:
     """Return what `descend` does, once more for lanes that came to the far end of their chart.
 
     These go on in the other one, for up to ``turned`` evaluations; the others stay where they are.
@@ -159,24 +158,20 @@ def descend_in_both_charts(
     lanes = start.shape[1]
 
     def body(carry):
-        begin, solved, fitted, again, most, runs = carry
-        new, there = descend(curves, begin, most, near, channels)
+        begin, solved, again, most, runs = carry
+        new = descend(curves, begin, most, near, channels)
         new = new.at[ROW.evaluations].add(jnp.where(runs > 0, solved[ROW.evaluations], 0.0))
         solved = jnp.where(again, new, solved)
-        fitted = tuple(jnp.where(again, b, a) for a, b in zip(fitted, there, strict=True))
         s = Solved(*solved)
         again = at_far_end(s.x, s.w, jnp) & (turned > 0)
         other = jnp.stack([
             s.x, jnp.full(lanes, co.W_MIN), -s.chart, jnp.full(lanes, START_DAMPING), begin[4]
         ])  # fmt: skip
         some = jnp.where(again, turned, 0)
-        return other, solved, fitted, again, (some, some), runs + 1
+        return other, solved, again, (some, some), runs + 1
 
     none = jnp.zeros((len(Solved._fields), lanes))
-    nowhere = tuple(jnp.zeros(v.shape) for v in curves.values)
     every = tuple(jnp.broadcast_to(m, (lanes,)) for m in most)
-    begin = (start, none, nowhere, jnp.ones(lanes, bool), every, jnp.array(0))
-    _, solved, fitted, *_ = jax.lax.while_loop(
-        lambda carry: carry[3].any() & (carry[5] < 2), body, begin
-    )
-    return solved, fitted
+    begin = (start, none, jnp.ones(lanes, bool), every, jnp.array(0))
+    _, solved, *_ = jax.lax.while_loop(lambda carry: carry[2].any() & (carry[4] < 2), body, begin)
+    return solved

@@ -1,10 +1,10 @@
 """The compiled program behind `fit` and `fit_many`: starts, and the descent from each of them.
 
-One program per set of channels and number of angles, for 8 curves (a few), 64 (several) or 1024
-(many). Of the first two every start of a curve is followed in one call: curves and further starts
-are jobs, and jobs run in groups of 8 lanes, so that a slow lane keeps 7 others waiting and not a
-whole batch. Of many curves the first starts alone run here, 64 side by side; `batch` collects the
-remaining work of all of them. The number of curves in a batch is not known here.
+One program per set of channels and number of angles, for 8 curves (a few), 64 (several) or a
+multiple of 64 (many). Of the first two every start of a curve is followed in one call: curves and
+further starts are jobs, and jobs run in groups of 8 lanes, so that a slow lane keeps 7 others
+waiting and not a whole batch. Of many curves the first starts alone run here, 64 side by side;
+`batch` collects the remaining work of all of them.
 """
 
 from __future__ import annotations
@@ -27,6 +27,10 @@ from fitting.process.compiled import compiled
 NEAR_COST, NEAR_SHARE = 4.0, 1e-5
 
 
+# The lanes of a group, and the curves that the mesh is compared with side by side.
+LANES, BLOCK = 8, 64
+
+
 def near_cost(cost: Any, scale: Any, count: Any, lib: Any = jnp) -> Any:
     """Return the cost below which a further start is near a minimum of ``count`` data.
 
@@ -39,8 +43,8 @@ def near_cost(cost: Any, scale: Any, count: Any, lib: Any = jnp) -> Any:
 class Steps(NamedTuple):
     """After how many evaluations a lane is left as it is, not done: numbers.
 
-    first: of a first start. further: of a further one that is not near the best minimum (0: none is
-    followed). near: of one that is. turned: of one that goes on in the other chart (0: none does).
+    first: of a first start. further: of a further one that is not near the best minimum. near: of
+    one that is. turned: of one that goes on in the other chart (0: none does).
     """
 
     first: Any
@@ -98,27 +102,24 @@ def _carried_out(
     table: Array,
     further: Array,
     channels: tuple[str, ...],
-    lanes: int,
-    fitted: bool,
-) -> tuple[Array, tuple[Array, ...]]:
+) -> Array:
     """Return the table of jobs with ``Solved`` of every job, group by group.
 
-    And, if ``fitted``, the curves at the solutions of the first group, C arrays (M, lanes). start:
-    (5, B), of which damping and the largest w are asked here. used: how many curves there are.
+    start: (5, B), of which damping and the largest w are asked here. used: how many curves there
+    are.
     """
     block = start.shape[1]
-    first = (used + lanes - 1) // lanes
-    followed = jnp.where(steps.further > 0, further, 0)
-    groups = first + (followed + lanes - 1) // lanes
+    first = (used + LANES - 1) // LANES
+    groups = first + (further + LANES - 1) // LANES
 
     def of_lanes(a: Array, curve: Array) -> Array:
         return a if a.shape[-1] == 1 else jnp.take(a, curve, axis=-1, mode="clip")
 
     def group(carry):
-        g, table, at = carry
+        g, table = carry
         is_first = g < first
-        place = jnp.where(is_first, g * lanes, block + (g - first) * lanes)
-        jobs = jax.lax.dynamic_slice_in_dim(table, place, lanes, axis=1)
+        place = jnp.where(is_first, g * LANES, block + (g - first) * LANES)
+        jobs = jax.lax.dynamic_slice_in_dim(table, place, LANES, axis=1)
         curve = jobs[JOB].astype(int) % block
         data = jax.tree.map(lambda a: of_lanes(a, curve), curves)
         damping = jnp.where(is_first, of_lanes(start[3], curve), START_DAMPING)
@@ -129,18 +130,11 @@ def _carried_out(
         )
         rows = (table[row] for row in (ROW.cost, ROW.scale, ROW.count))
         near = near_cost(*(of_lanes(row, curve) for row in rows))
-        solved, there = descend_in_both_charts(data, begin, most, near, steps.turned, channels)
-        table = jax.lax.dynamic_update_slice(table, solved, (0, place))
-        if fitted:
-            at = tuple(jnp.where(g == 0, b, a) for a, b in zip(at, there, strict=True))
-        return g + 1, table, at
+        solved = descend_in_both_charts(data, begin, most, near, steps.turned, channels)
+        return g + 1, jax.lax.dynamic_update_slice(table, solved, (0, place))
 
-    angles = curves.values[0].shape[0]
-    at = tuple(jnp.zeros((angles, lanes)) for _ in channels) if fitted else ()
-    _, table, at = jax.lax.while_loop(
-        lambda carry: carry[0] < groups, group, (jnp.zeros_like(groups), table, at)
-    )
-    return table, at
+    begin = (jnp.zeros_like(groups), table)
+    return jax.lax.while_loop(lambda carry: carry[0] < groups, group, begin)[1]
 
 
 def _first_carried_out(
@@ -154,7 +148,7 @@ def _first_carried_out(
     block = start.shape[1]
     begin = jnp.concatenate([table[:3, :block], start[3:]])
     most = jnp.broadcast_to(steps.first, (block,))
-    solved, _ = descend(curves, begin, (most, most), jnp.zeros(block), channels)
+    solved = descend(curves, begin, (most, most), jnp.zeros(block), channels)
     return jax.lax.dynamic_update_slice(table, solved, (0, 0))
 
 
@@ -169,26 +163,20 @@ def _solve(
     *,
     channels: tuple[str, ...],
     mesh: str,
-    block: int,
-    lanes: int,
-    fitted: bool,
-) -> tuple[Array, tuple[Array, ...]]:
-    """Return ``Solved`` of S curves and of their further starts, in S / block blocks G.
+) -> Array:
+    """Return ``Solved`` of S curves and of their further starts, in blocks of up to BLOCK curves.
 
-    That is the table of `_jobs`, (G, fields + 1, J), with every job done, but for further starts
-    that are not followed. And, if ``fitted``, C arrays (lanes, M): the curves at the solutions of
-    the first ``lanes``.
-
-    S is a multiple of ``block``, that one of ``lanes``.
+    That is the table of `_jobs` of each block, (blocks, fields + 1, J), with every job done, but
+    for further starts where there are several blocks. S is a multiple of LANES and of the block.
 
     cos_theta, s_share: (M,), or (S, M) where curves have angles of their own.
     values: C arrays (S, M), finite. weights: C arrays (M,) or (S, M), 0 where there is no datum.
     start: (5, S): x, w, chart, damping and the largest w; where x is NaN, from the mesh.
     numbers: how many of the S are curves (the rest is left out), and the `Steps`.
-    nodes: of `mesh_curves` where curves share their angles; of curves with angles of their own
-        they are evaluated here.
+    nodes: curves of the mesh, of `mesh.node_curves`; () to evaluate them here.
     mesh: which of `starts.MESHES`.
     """
+    block = min(start.shape[1], BLOCK)
     blocks, used, steps = start.shape[1] // block, numbers[0], Steps(*numbers[1:])
 
     def lanes_last(a: Array) -> Array:
@@ -210,20 +198,16 @@ def _solve(
     # Lanes that go on from where they are need no mesh.
     searched = jnp.isnan(start[0]).any()
 
-    def one_block(parts: dict[str, Any]) -> tuple[Array, tuple[Array, ...]]:
+    def one_block(parts: dict[str, Any]) -> Array:
         every = {**shared, **parts}
         curves = Curves(*(every[name] for name in Curves._fields))
         begin, here = every["start"], every["used"]
         table, further = _jobs(curves, begin, here, nodes, searched, mesh, channels)
-        if lanes == block and not fitted:
-            return _first_carried_out(curves, begin, steps, table, channels), ()
-        table, at = _carried_out(
-            curves, begin, here, steps, table, further, channels, lanes, fitted
-        )
-        return table, tuple(a.T for a in at)
+        if blocks > 1:
+            return _first_carried_out(curves, begin, steps, table, channels)
+        return _carried_out(curves, begin, here, steps, table, further, channels)
 
-    tables, at = jax.lax.map(one_block, own)
-    return tables, tuple(a[0] for a in at)
+    return jax.lax.map(one_block, own)
 
 
-solve = compiled(_solve, ("channels", "mesh", "block", "lanes", "fitted"))
+solve = compiled(_solve, ("channels", "mesh"))

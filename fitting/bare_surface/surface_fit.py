@@ -10,9 +10,8 @@ import numpy as np
 
 from fitting.bare_surface.answer import Answer, answer, start_points
 from fitting.bare_surface.arrange import Arranged, of_arrays, of_measurement
-from fitting.bare_surface.calls import fitted_curves
 from fitting.bare_surface.common_error import with_common_error
-from fitting.bare_surface.curves import SurfaceCurves
+from fitting.bare_surface.curves import SurfaceCurves, fitted_curves
 from fitting.bare_surface.other_solutions import Other
 from fitting.bare_surface.region_intervals import Intervals
 from fitting.bare_surface.residual_order import with_order
