@@ -22,7 +22,7 @@ from fitting.problem.observations import observations
 from fitting.problem.problem import Targets, targets_of
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.progress import listening, tell
-from fitting.residuals.error_model import CHI2_LARGE, chi2_flags
+from fitting.residuals.error_model import beyond_chance
 from fitting.results.diagnostics import Finding
 from fitting.results.result import CONVERGED, UNDETERMINED, Fit
 from fitting.samples.parameters import Settings
@@ -257,7 +257,7 @@ def _misfits(pairs: list[tuple[One, Ends]]) -> np.ndarray:
     dof = np.array([one.fit.dof for one, _ in pairs])
     reduced = cost / np.maximum(dof, 1)
     if pairs[0][0].fit.seen.stated:
-        misfit = (chi2_flags(reduced, dof) & CHI2_LARGE) > 0
+        misfit, _ = beyond_chance(reduced, dof)
     else:
         misfit = reduced > 4.0 * np.median(reduced)
     return np.where(dof > 0, misfit, cost > 1e-6 * np.array([o.fit.squares for o, _ in pairs]))

@@ -7,8 +7,7 @@ from simulated import textbook
 
 from fitting import Measurement, fit, fit_many
 from fitting.measurements.errors import MeasurementError
-from fitting.residuals.misfit import misfit
-from fitting.residuals.noise import neighbour_noise, robust_noise
+from fitting.residuals.noise import misfit, neighbour_noise, robust_noise
 
 
 @pytest.mark.parametrize("equidistant", [True, False])

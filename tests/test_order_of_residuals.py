@@ -4,28 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from scipy.special import bdtrc, chdtrc, fdtri
 from simulated import textbook
 
 from fitting import Measurement, fit
-from fitting.residuals.misfit import _ratio
-from fitting.residuals.noise import INDEPENDENT
-from fitting.residuals.pattern import _as_large, _as_many_alike, pattern, pooled_pattern
+from fitting.residuals.pattern import pattern, pooled_pattern
 
 ANGLES = np.linspace(20.0, 80.0, 30)
-
-
-def test_probabilities_are_those_of_scipy():
-    for alike, pairs in ((26, 29), (60, 100), (700, 1300)):
-        assert _as_many_alike(alike, pairs) == pytest.approx(bdtrc(alike - 1, pairs, 0.5), rel=0.05)
-    for count in (2, 10, 40):
-        wanted = chdtrc(count, 3.0 * count + 5.0)
-        found = _as_large(3.0 * count + 5.0, count)
-        assert math.log(found) == pytest.approx(math.log(wanted), rel=0.05)
-    for triples, most in ((10, 1.2), (28, 1.02), (58, 1.01)):  # of few it errs to silence
-        wanted = math.sqrt(fdtri(triples + 2, INDEPENDENT * triples, 0.999))
-        found = float(_ratio(np.array(triples + 2.0), np.array(triples)))
-        assert wanted <= found <= most * wanted
 
 
 def test_runs_are_seen_where_a_few_large_residuals_hide_the_correlation():

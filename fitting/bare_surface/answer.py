@@ -28,8 +28,8 @@ from fitting.bare_surface.mirror import like_mirrors
 from fitting.bare_surface.other_solutions import Other, other_solutions
 from fitting.bare_surface.region_intervals import Intervals, intervals, limit_of_k
 from fitting.bare_surface.valley import Lanes, evaluate, open_to_the_other_end
-from fitting.residuals.error_model import CHI2_LARGE, CHI2_SMALL, chi2_flags
-from fitting.residuals.misfit import misses_its_noise
+from fitting.residuals.error_model import beyond_chance
+from fitting.residuals.noise import misses_its_noise
 from fitting.results import result
 
 # Two indices fit equally well if their chi2 differs by less than this: two standard errors.
@@ -100,7 +100,7 @@ def _codes(
     names = a.data.channels
     at_45 = (low > 44.9) & (high < 45.1) & (channels == 2) & ("R" not in names)
     circle = ~at_45 & (~(e.moved > limit.CIRCLE_LIMIT) | (s.count == 1) | on_circle)
-    chi2 = chi2_flags(s.cost / dof, dof) if a.stated else np.zeros(len(dof), int)
+    chi2_large, chi2_small = beyond_chance(s.cost / dof if a.stated else np.nan, dof)
     correlated = np.abs(e.covariance) > limit.CORRELATION_LIMIT * e.sigma_eta * e.sigma_k
     nothing = s.x < limit.NOTHING_LIMIT
     clear = ~undetermined & ~nothing
@@ -114,8 +114,8 @@ def _codes(
         "compatible_with_zero": clear & np.isfinite(e.k_upper_limit),
         "poorly_determined": clear & (e.sigma_eta > limit.VAGUE_LIMIT * e.eta),
         "correlated": clear & correlated,
-        "chi2_large": chi2 & CHI2_LARGE > 0,
-        "chi2_small": chi2 & CHI2_SMALL > 0,
+        "chi2_large": chi2_large,
+        "chi2_small": chi2_small,
         "flat_curve": clear & (channels == 1) & (high < limit.FLAT_BELOW_DEG),
         "no_degrees_of_freedom": clear & (s.count == 2),
     }

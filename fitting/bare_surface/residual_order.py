@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from fitting.measurements.measurement import Measurement
-from fitting.residuals.misfit import misfit
+from fitting.residuals.noise import misfit
 from fitting.residuals.pattern import pattern
 from fitting.results.diagnostics import Finding
 from fitting.results.result import Fit

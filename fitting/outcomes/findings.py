@@ -13,7 +13,7 @@ from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.normal_dispersion import rising_indices
 from fitting.problem.evaluation import at_data
 from fitting.problem.unknowns import Unknowns
-from fitting.residuals.error_model import CHI2_LARGE, CHI2_SMALL, chi2_flags
+from fitting.residuals.error_model import beyond_chance
 from fitting.residuals.pattern import pattern
 from fitting.results.diagnostics import Finding
 from fitting.results.result import AT_LOWER, AT_UPPER, PROFILE, Alternative, Estimate
@@ -178,13 +178,13 @@ def _chi2(fit: Solving, end: End, taken: str) -> list[Finding]:
     reduced = reduced_chi2(loss, end.slopes.residual, fit.dof)
     if not fit.seen.stated or not np.isfinite(reduced):
         return []
-    flags = int(chi2_flags(np.array(reduced), np.array(fit.dof)))
+    large, small = beyond_chance(reduced, fit.dof)
     values = {
         "chi2_reduced": reduced, "factor": float(np.sqrt(reduced)), "errors": taken,
         "robust": loss != "squares",
     }  # fmt: skip
-    codes = {"chi2_large": CHI2_LARGE, "chi2_small": CHI2_SMALL}
-    return [_finding(code, **values) for code, flag in codes.items() if flags & flag]
+    told = {"chi2_large": large, "chi2_small": small}
+    return [_finding(code, **values) for code, is_so in told.items() if is_so]
 
 
 def _a_k_is_free(u: Unknowns) -> bool:

@@ -15,14 +15,12 @@ the variance of a mean grows by (1 + rho) / (1 - rho), and errors are widened by
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 # What may be believed of stated errors; see `fitting.fit`.
 ERRORS = ("auto", "stated", "scaled", "floor", "equal")
-# By how much the scatter differs from the stated errors, beyond chance.
-CHI2_LARGE, CHI2_SMALL = 128, 256
 
 # Doublings and halvings of the search for s: to 1e-6 of itself.
 _STEPS = 60
@@ -85,11 +83,11 @@ def widening(correlation: np.ndarray) -> np.ndarray:
     return np.sqrt((1.0 + rho) / (1.0 - rho))
 
 
-def chi2_flags(chi2_reduced: np.ndarray, dof: np.ndarray) -> np.ndarray:
-    """Return CHI2_LARGE or CHI2_SMALL where chi2 / dof differs from 1 by 5 sigma and by half."""
+def beyond_chance(chi2_reduced: Any, dof: Any) -> tuple[Any, Any]:
+    """Return where chi2 / dof is above 1 by 5 sigma and by half, and where it is so far below."""
     with np.errstate(all="ignore"):
-        error = np.sqrt(2.0 / dof)
+        error = np.sqrt(2.0 / np.asarray(dof))
         large = (chi2_reduced > 1.0 + 5.0 * error) & (chi2_reduced > 1.5)
         # The distribution is skew: for fewer than 50 degrees of freedom 5 sigma below 1 is below 0.
         small = (chi2_reduced < 1.0 / (1.0 + 5.0 * error)) & (chi2_reduced < 1.0 / 1.5)
-    return np.where(large, CHI2_LARGE, 0) | np.where(small, CHI2_SMALL, 0)
+    return large, small

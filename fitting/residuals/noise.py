@@ -1,9 +1,10 @@
-"""The noise of a curve, estimated from the scatter of neighbours about a polynomial through them.
+"""The noise of a curve, from the scatter of neighbours, and whether a fit misses the data by more.
 
-The divided difference of order count - 1 of ``count`` neighbours is 0 for a polynomial of lower
-degree. Divided by the root of the sum of its squared weights it has the variance of one datum, for
-any spacing of positions. Three neighbours show the deviation from a straight line (T. Gasser,
-L. Sroka and C. Jennen-Steinmetz, Biometrika 73, 625 (1986), doi:10.1093/biomet/73.3.625).
+The scatter is that about a polynomial through the neighbours: the divided difference of order
+count - 1 of ``count`` neighbours is 0 for a polynomial of lower degree. Divided by the root of the
+sum of its squared weights it has the variance of one datum, for any spacing of positions. Three
+neighbours show the deviation from a straight line (T. Gasser, L. Sroka and C. Jennen-Steinmetz,
+Biometrika 73, 625 (1986), doi:10.1093/biomet/73.3.625).
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import fdtri
 
 # For white noise the mean square of differences of three neighbours scatters like a mean of this
 # number of independent squares for each difference (neighbouring differences are correlated: at
@@ -21,6 +23,11 @@ LEAST_VALUES = 8
 _QUARTILE = 0.6745  # of the normal distribution, in standard deviations
 # Repeats of one position are separated by this part of the range, in the order in which they come.
 _APART = 1e-9
+# A good fit is called a misfit by chance in less than one curve of a thousand, and never below
+# twice the noise.
+_CHANCE, _LEAST_RATIO = 1e-3, 2.0
+# A residual below this part of the largest value is rounding.
+_ROUNDING = 1e-7
 
 
 class Noise(NamedTuple):
@@ -83,3 +90,56 @@ def robust_noise(position: np.ndarray, value: np.ndarray) -> float:
             each = each[np.isfinite(each)]
             found.append(np.median(each) / _QUARTILE if len(each) else np.nan)
     return float(min(found))
+
+
+class Misfit(NamedTuple):
+    """(L,) each: rms of the residuals of a curve, noise from neighbours, whether it is a misfit."""
+
+    rms: np.ndarray
+    noise: np.ndarray
+    found: np.ndarray
+
+
+def _ratio(count: np.ndarray, triples: np.ndarray) -> np.ndarray:
+    """Return the root of the F quantile for ``count`` residuals and the noise of ``triples``.
+
+    Infinite below 6 triples, too few for a test.
+    """
+    quantile = fdtri(np.maximum(count, 1), INDEPENDENT * np.maximum(triples, 1), 1.0 - _CHANCE)
+    return np.where(triples >= 6, np.sqrt(quantile), np.inf)
+
+
+def misfit(position: np.ndarray, value: np.ndarray, residual: np.ndarray) -> Misfit:
+    """Return where the residuals are larger than the noise, for curves (L, M), NaN for gaps.
+
+    position: angle (or wavelength). value: the data, for the size of the rounding.
+    The noise is estimated from differences of neighbouring residuals, in which a smooth misfit
+    cancels. The limit is that of F for the mean squares of residuals and of differences.
+    """
+    residual = np.atleast_2d(residual)
+    noise = neighbour_noise(position, residual)
+    with np.errstate(all="ignore"):
+        count = np.isfinite(residual).sum(1)
+        rms = np.sqrt(np.nansum(residual**2, axis=1) / count)
+        ratio = _ratio(count, noise.triples)
+        least = _ROUNDING * np.nanmax(np.abs(np.atleast_2d(value)), axis=1, initial=0.0)
+        sigma = np.maximum(noise.sigma, least)
+        found = rms > np.maximum(ratio, _LEAST_RATIO) * sigma
+    return Misfit(rms, noise.sigma, found)
+
+
+def misses_its_noise(
+    position: np.ndarray, values: tuple[np.ndarray, ...], rms: np.ndarray
+) -> np.ndarray:
+    """Return the same for curves of which only the ``rms`` (L,) of all residuals is known.
+
+    values: the data by channel, (L, M) each, NaN for gaps. The noise is estimated from these, which
+    gives an upper bound: curvature within three points counts as noise.
+    """
+    each = [neighbour_noise(position, value) for value in values]
+    triples = np.sum([noise.triples for noise in each], axis=0)
+    with np.errstate(all="ignore"):
+        squares = np.sum([np.nan_to_num(n.sigma) ** 2 * n.triples for n in each], axis=0)
+        sigma = np.sqrt(squares / triples)
+        count = np.sum([np.isfinite(value).sum(1) for value in values], axis=0)
+        return rms > np.maximum(_ratio(count, triples), _LEAST_RATIO) * sigma

@@ -13,11 +13,10 @@ pattern than invents one. The number of products that are positive, half by chan
 
 from __future__ import annotations
 
-import math
-from statistics import NormalDist
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.special import bdtrc, chdtrc
 
 from fitting.residuals.residuals import residuals, weighted_residuals
 
@@ -114,23 +113,6 @@ def _by_chance(products: np.ndarray) -> float:
     return float(np.quantile(sums, 1.0 - _CHANCE))
 
 
-def _as_many_alike(alike: int, pairs: int) -> float:
-    """Return the probability that so many of ``pairs`` random signs or more are positive."""
-    if pairs > 1000:
-        return 1.0 - NormalDist().cdf((2.0 * alike - 1.0 - pairs) / math.sqrt(pairs))
-    return sum(math.comb(pairs, i) for i in range(alike, pairs + 1)) / 2**pairs
-
-
-def _as_large(squares: float, count: int) -> float:
-    """Return the probability of a larger chi2 of ``count`` degrees of freedom.
-
-    By the cube root of E. B. Wilson and M. M. Hilferty, PNAS 17, 684 (1931).
-    """
-    a = 2.0 / (9.0 * count)
-    deviations = ((squares / count) ** (1.0 / 3.0) - 1.0 + a) / math.sqrt(a)
-    return 0.5 * math.erfc(deviations / math.sqrt(2.0))
-
-
 def pattern(
     measurement: Measurement, fitted: np.ndarray, curve: np.ndarray, stated: bool = True
 ) -> Pattern | None:
@@ -159,7 +141,8 @@ def pattern(
         if pairs <= _LEAST:
             continue
         total, size = products.sum(), np.sqrt((e[first] ** 2).sum() * (e[second] ** 2).sum())
-        by_signs = _as_many_alike(alike, pairs) < _SIGN_CHANCE
+        # So many random signs or more are positive with less than this probability.
+        by_signs = bdtrc(alike - 1, pairs, 0.5) < _SIGN_CHANCE
         if not by_signs and total <= 2.0 * np.sqrt((products**2).sum()):
             continue
         if total > (chance := _by_chance(products)) or by_signs:
@@ -193,7 +176,7 @@ def pooled_pattern(
     if not groups:
         return None
     z = np.array(list(groups.values()))
-    probability = _as_large(float((z**2).sum()), len(z))
+    probability = float(chdtrc(len(z), (z**2).sum()))
     if probability > _POOLED_CHANCE:
         return None
     (quantity, angle), mean = max(groups.items(), key=lambda item: abs(item[1]))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fitting.measurements.measurement import Measurement, concatenate
-from fitting.residuals.error_model import CHI2_LARGE, GAIN, ROUNDS, chi2_flags, likeliest_floor
+from fitting.residuals.error_model import GAIN, ROUNDS, beyond_chance, likeliest_floor
 from fitting.residuals.residuals import arcs, weighted_residuals
 from fitting.results.diagnostics import Finding
 from fitting.results.result import Fit
@@ -25,7 +25,7 @@ def _far(found: Fit) -> bool:
     if dof == 0:
         return False
     chi2 = float(np.nansum(found.chi2)) / dof
-    return bool(chi2_flags(np.array(chi2), np.array(dof)) & CHI2_LARGE)
+    return bool(beyond_chance(chi2, dof)[0])
 
 
 def _with_floor(
