@@ -28,18 +28,6 @@ class Arranged(NamedTuple):
     rows: np.ndarray = np.empty((3, 0), int)
 
 
-def _data(
-    angle_deg: np.ndarray,
-    s_share: np.ndarray,
-    values: list[np.ndarray],
-    weights: list[np.ndarray],
-    eta_i: float,
-    channels: list[str],
-) -> Data:
-    cos_theta = np.cos(np.radians(angle_deg))
-    return Data(cos_theta, s_share, tuple(values), tuple(weights), eta_i, tuple(channels))
-
-
 def of_measurement(m: Measurement, eta_i: float, errors: str) -> Arranged:
     """Return the curves of a measurement, one for each wavelength, in rising order.
 
@@ -51,7 +39,7 @@ def of_measurement(m: Measurement, eta_i: float, errors: str) -> Arranged:
     share = np.where(
         mixed & np.isfinite(m.polarizer_deg), np.sin(np.radians(m.polarizer_deg)) ** 2, 0.5
     )
-    channels = [c for c in CHANNELS if (m.quantity == c).any()]
+    channels = tuple(c for c in CHANNELS if (m.quantity == c).any())
     # One row of a curve holds at most one datum of each channel: a repeated datum gets a new row.
     rows: list[dict[tuple[float, float, int], int]] = [{} for _ in wavelengths]
     seen: dict[tuple[int, str, float, float], int] = {}
@@ -76,7 +64,9 @@ def of_measurement(m: Measurement, eta_i: float, errors: str) -> Arranged:
     if (angle == angle[0]).all() and (s_share == s_share[0]).all():
         angle, s_share = angle[0], s_share[0]
     return Arranged(
-        _data(angle, s_share, values, weights, eta_i, channels),
+        Data(
+            np.cos(np.radians(angle)), s_share, tuple(values), tuple(weights), eta_i, channels
+        ),
         () if len(wavelengths) == 1 else (len(wavelengths),),
         stated, angle, wavelengths,
         np.array([[channels.index(q) for q in m.quantity.tolist()], curve, place]),
@@ -134,8 +124,6 @@ def of_arrays(angles_deg: Any, channels: Mapping[str, Any], sigma: Any, eta_i: f
     }
     try:
         full = np.broadcast_shapes(angle.shape, *(v.shape for v in given.values()))
-        if errors:
-            np.broadcast_shapes(full, *(e.shape for e in errors.values()))
         wide, broad = (
             {n: v if v.shape == full else np.broadcast_to(v, full) for n, v in some.items()}
             for some in (given, errors)
@@ -154,37 +142,25 @@ def of_arrays(angles_deg: Any, channels: Mapping[str, Any], sigma: Any, eta_i: f
             f"{angle.shape[-1]} angles and {angles} data for each curve came; equal numbers were "
             "wanted."
         )
-    own = angle.size > angles
-    if own:
-        angle = np.broadcast_to(angle, full).reshape(-1, angles)
-    else:
-        angle = angle.reshape(-1)
+    one_set = angle.size == angles
+    angle = angle.reshape(-1) if one_set else np.broadcast_to(angle, full).reshape(-1, angles)
     values, weights = [], []
     for name, value in wide.items():
-        value = value.reshape(-1, angles)
+        value, weight = value.reshape(-1, angles), np.ones(angles)
         gaps = np.isnan(value)
-        error = broad.get(name)
-        if error is not None and np.isnan(errors[name]).any():
-            gaps = gaps | np.isnan(error.reshape(-1, angles))
-        weight = (
-            np.ones(angles) if error is None else 1.0 / _least_shape(errors[name], angles, error)
-        )
+        if errors:
+            error, shared = errors[name], errors[name].shape in ((), (1,), (angles,))
+            # (M,) where all curves share the errors.
+            weight = weight / (error if shared else broad[name].reshape(-1, angles))
+            gaps = gaps | np.isnan(weight)
         if gaps.any():
-            value = np.where(gaps, 0.0, value)
-            weight = np.where(gaps, 0.0, weight)
+            value, weight = np.where(gaps, 0.0, value), np.where(gaps, 0.0, weight)
         values.append(value)
         weights.append(weight)
     if len({w.ndim for w in weights}) > 1:
         weights = [np.broadcast_to(w, v.shape) for w, v in zip(weights, values, strict=True)]
-    count = len(values[0])
-    return Arranged(
-        _data(angle, np.full_like(angle, 0.5), values, weights, eta_i, list(given)),
-        full[:-1], stated, angle, np.full(count, np.nan),
-    )  # fmt: skip
-
-
-def _least_shape(error: np.ndarray, angles: int, full: np.ndarray) -> np.ndarray:
-    """(M,) where all curves share the errors, (N, M) otherwise."""
-    if error.size == 1 or error.shape == (angles,):
-        return np.broadcast_to(error.reshape(-1), (angles,))
-    return full.reshape(-1, angles)
+    share = np.full_like(angle, 0.5)
+    data = Data(
+        np.cos(np.radians(angle)), share, tuple(values), tuple(weights), eta_i, tuple(given)
+    )
+    return Arranged(data, full[:-1], stated, angle, np.full(data.curves, np.nan))
