@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.bare_surface import thresholds as limit
 from fitting.bare_surface.arrange import Arranged
 from fitting.bare_surface.batch import minima
 from fitting.bare_surface.coordinates import W_MIN, coordinates_of
@@ -25,25 +24,34 @@ from fitting.bare_surface.curve_data import Data, Extent, extent_of
 from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import Estimated, estimate
 from fitting.bare_surface.mirror import like_mirrors
-from fitting.bare_surface.other_solutions import Other, other_solutions
+from fitting.bare_surface.other_solutions import Others, other_solutions
 from fitting.bare_surface.region_intervals import Intervals, intervals, limit_of_k
 from fitting.bare_surface.valley import Lanes, evaluate, open_to_the_other_end
 from fitting.residuals.error_model import beyond_chance
 from fitting.residuals.noise import misses_its_noise
-from fitting.results import result
+from fitting.results.result import CONVERGED, NO_DATA, NOT_CONVERGED, UNDETERMINED
+from fitting.searching.minima import ASSUMED_SIGMA
 
+# The limits beyond which an index is called undetermined.
+CORRELATION_LIMIT = 0.995
+VAGUE_LIMIT = 0.1
+# Two standard errors reach 0: the value is known to an order of magnitude at best, and the
+# quadratic approximation behind the standard error no longer holds.
+UNDETERMINED_LIMIT = 0.5
+# Change of x = log[(1 + |N|^2) / 2n] along the null direction of the Fisher matrix, over all k.
+CIRCLE_LIMIT = 0.1
+FLAT_BELOW_DEG = 30.0
+# R(0) within 2 exp(-x) = 2.5e-4 of 1: no plain metal reflects so well, or shows it if it does.
+MIRROR_LIMIT = 9.0
+# exp(x) - 1 = |N - 1|^2 / 2n: R(0) below 5e-17, less than the rounding of any datum.
+NOTHING_LIMIT = 1e-16
+STATUS = np.array([CONVERGED, UNDETERMINED, NOT_CONVERGED, NO_DATA])
 # Two indices fit equally well if their chi2 differs by less than this: two standard errors.
 ALIKE_CHI2 = 4.0
 # The data do not distinguish them at all if it differs by less than this.
 ALIKE_MEMBERS = 0.01
 # In a batch a misfit of a smaller rms is not reported, since residuals are not examined one by one.
 LEAST_MISS = 0.01
-# The assumed error of a reflectance if neither stated errors nor scatter give one (two data).
-ASSUMED_SIGMA = 1e-3
-
-
-def _undetermined(e: Estimated) -> np.ndarray:
-    return e.singular | (e.spread > limit.UNDETERMINED_LIMIT)
 
 
 def _missed(a: Arranged, rms: np.ndarray) -> np.ndarray:
@@ -99,10 +107,12 @@ def _codes(
     low, high, channels = extent.low_deg, extent.high_deg, extent.channels
     names = a.data.channels
     at_45 = (low > 44.9) & (high < 45.1) & (channels == 2) & ("R" not in names)
-    circle = ~at_45 & (~(e.moved > limit.CIRCLE_LIMIT) | (s.count == 1) | on_circle)
-    chi2_large, chi2_small = beyond_chance(s.cost / dof if a.stated else np.nan, dof)
-    correlated = np.abs(e.covariance) > limit.CORRELATION_LIMIT * e.sigma_eta * e.sigma_k
-    nothing = s.x < limit.NOTHING_LIMIT
+    circle = ~at_45 & (~(e.moved > CIRCLE_LIMIT) | (s.count == 1) | on_circle)
+    chi2_large = chi2_small = np.zeros(len(dof), bool)
+    if a.stated:
+        chi2_large, chi2_small = beyond_chance(s.cost / dof, dof)
+    correlated = np.abs(e.covariance) > CORRELATION_LIMIT * e.sigma_eta * e.sigma_k
+    nothing = s.x < NOTHING_LIMIT
     clear = ~undetermined & ~nothing
     return {
         "perfect_mirror": mirror,
@@ -112,11 +122,11 @@ def _codes(
         "combination": undetermined & ~at_45 & ~circle & ~mirror,
         "does_not_describe": _missed(a, np.sqrt(s.plain / s.count)),
         "compatible_with_zero": clear & np.isfinite(e.k_upper_limit),
-        "poorly_determined": clear & (e.sigma_eta > limit.VAGUE_LIMIT * e.eta),
+        "poorly_determined": clear & (e.sigma_eta > VAGUE_LIMIT * e.eta),
         "correlated": clear & correlated,
         "chi2_large": chi2_large,
         "chi2_small": chi2_small,
-        "flat_curve": clear & (channels == 1) & (high < limit.FLAT_BELOW_DEG),
+        "flat_curve": clear & (channels == 1) & (high < FLAT_BELOW_DEG),
         "no_degrees_of_freedom": clear & (s.count == 2),
     }
 
@@ -132,7 +142,7 @@ class Answer(NamedTuple):
     known: Intervals
     codes: dict[str, np.ndarray]
     status: np.ndarray
-    others: tuple[Other, ...]
+    others: Others
     dof: np.ndarray
 
 
@@ -140,84 +150,72 @@ class Answer(NamedTuple):
 @np.errstate(all="ignore")
 def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -> Answer:
     """Return the results for all curves. start: (3, N), an additional start of each; or None."""
-    data = a.data
-    extent = extent_of(data, a.angle_deg)
-    found, data = minima(data, extent, start)
-    a = a._replace(data=data)
+    extent = extent_of(a.data, a.angle_deg)
+    found, data = minima(a.data, extent, start)
     s = Solved(*found.best)
-    sin_max = np.empty_like(s.cost)
-    sin_max[:] = np.sin(np.radians(np.fmax(extent.high_deg, 0.0)))
-    how = {"stated": a.stated, "absolute": absolute, "sin_max": sin_max}
+    sin_max = np.sin(np.radians(np.fmax(extent.high_deg, 0.0)))
+    how = {
+        "stated": a.stated, "absolute": absolute,
+        "sin_max": np.broadcast_to(sin_max, s.cost.shape),
+    }  # fmt: skip
     e = estimate(data, s, **how)
     dof = np.maximum(s.count - 2, 0)
 
     no_data = s.count == 0
     # A fit that moves along an endless valley is undetermined, whether or not it was stopped.
-    matched = ~no_data & (s.x < limit.NOTHING_LIMIT)  # no boundary to speak of
+    matched = ~no_data & (s.x < NOTHING_LIMIT)  # no boundary to speak of
     bounded = ~(no_data | matched)
-    undetermined = bounded & _undetermined(e) & np.isfinite(s.cost)
+    undetermined = bounded & (e.singular | (e.spread > UNDETERMINED_LIMIT)) & np.isfinite(s.cost)
     # The unit of a difference of chi2: the scatter of the data, or their stated errors if larger.
     stated = 1.0 if a.stated else np.where(dof < 3, ASSUMED_SIGMA**2, 0.0)
     scatter = np.fmax(np.where(dof > 0, s.cost / dof, 0.0), stated)
     inner = (bounded & ~undetermined & (e.eta < data.eta_i)).nonzero()[0]
     if len(inner):
+        allowed = (s.cost + ALIKE_CHI2 * scatter)[inner]
         part = Solved(*found.best[:, inner])
-        allowed = part.cost + ALIKE_CHI2 * scatter[inner]
-        undetermined[inner] |= open_to_the_other_end(data.take(inner), part, allowed)
+        undetermined[inner] = open_to_the_other_end(data.take(inner), part, allowed)
     bound, perfect = like_mirrors(data, s, dof, np.greater(stated, 0.0), scatter)
     undetermined |= bounded & np.isfinite(bound)
     # Where R = 1 does not fit, a best fit that is such a reflector itself (and not a critical angle
     # next to one low datum, of a small R(0)) names its circle.
     on_circle = ~perfect & (1.0 - np.tanh(0.5 * s.x) <= 2.0 * (1.0 - bound))
     bound[~bounded | on_circle] = np.nan
-    mirror = np.isfinite(bound) | (undetermined & (s.x > limit.MIRROR_LIMIT))
+    mirror = np.isfinite(bound) | (undetermined & (s.x > MIRROR_LIMIT))
     undetermined |= mirror
     e = _of_many_the_lossless(data, s, e, undetermined & ~mirror, scatter)
     failed = bounded & ~undetermined & ~(s.done > 0)
     blank = ~bounded | failed | undetermined  # no error is known
+    lost = failed | no_data
     estimated = np.where(np.greater(scatter, stated) & (not a.stated), dof, 0)
     others = other_solutions(data, found, scatter, estimated, e, ~blank, how, wanted)
-    more = np.logical_or.reduce([other.there for other in others])
     codes = _codes(a, e, s, undetermined, mirror, on_circle, dof, extent)
-    lost = failed | no_data
     if lost.any():
         codes = {code: at & ~lost for code, at in codes.items()}
-    codes = {"not_converged": failed, **codes, "other_minima": more}
-    status = np.full(len(lost), result.CONVERGED, f"<U{len(result.NOT_CONVERGED)}")
-    for where, what in (
-        (undetermined, result.UNDETERMINED), (failed, result.NOT_CONVERGED),
-        (no_data, result.NO_DATA),
-    ):  # fmt: skip
-        status[where] = what
+    codes = {"not_converged": failed, **codes, "other_minima": others.there.any(1)}
     nothing = no_data | mirror  # no value either
     known = intervals(
         data, s, e, wanted=wanted, blank=blank, undetermined=undetermined,
         nothing=nothing | failed, matched=matched,
     )  # fmt: skip
-    eta, k, information = e.eta.copy(), e.k.copy(), e.information / e.variance[:, None, None]
-    eta[matched], k[matched] = data.eta_i, 0.0
-    covariance = np.empty_like(information)
-    covariance[:, 0, 0], covariance[:, 1, 1] = e.sigma_eta**2, e.sigma_k**2
-    covariance[:, 0, 1] = covariance[:, 1, 0] = e.covariance
-    sigma_eta, sigma_k, limit_k = e.sigma_eta.copy(), e.sigma_k.copy(), limit_of_k(e, known)
-    chi2 = s.cost.copy() if a.stated else np.full_like(s.cost, np.nan)
-    for empty, all_of in (
-        (nothing, (eta, k)), (blank, (sigma_eta, sigma_k, covariance, limit_k)),
-        (no_data, (chi2,)), (lost, (information,)),
-    ):  # fmt: skip
-        if empty.any():
-            for value in all_of:
-                value[empty] = np.nan
+    # NaN where there is no value, no error, no minimum; else 1.
+    for_values, for_errors, for_all = (np.where(w, np.nan, 1.0) for w in (nothing, blank, lost))
+    sigma_eta, sigma_k = e.sigma_eta * for_errors, e.sigma_k * for_errors
+    covariance = np.empty_like(e.information)
+    covariance[:, 0, 0], covariance[:, 1, 1] = sigma_eta**2, sigma_k**2
+    covariance[:, 0, 1] = covariance[:, 1, 0] = e.covariance * for_errors
     values = {
-        "eta": eta, "k": k, "sigma_eta": sigma_eta, "sigma_k": sigma_k, "covariance": covariance,
-        "chi2": chi2, "limit": limit_k,
-        "information": information,  # infinite of exact data
+        "eta": for_values * np.where(matched, data.eta_i, e.eta),
+        "k": for_values * np.where(matched, 0.0, e.k),
+        "sigma_eta": sigma_eta, "sigma_k": sigma_k, "covariance": covariance,
+        "chi2": np.where(no_data | (not a.stated), np.nan, s.cost),
+        "limit": for_errors * limit_of_k(e, known),
+        # infinite of exact data
+        "information": e.information * (for_all / e.variance)[:, None, None],
         "at_zero": (e.at_zero | matched) & ~(lost | undetermined),
         "factor": np.sqrt(e.variance), "least_reflectance": bound,
     }  # fmt: skip
-    return Answer(
-        solved=s, values=values, known=known, codes=codes, status=status, others=others, dof=dof
-    )
+    status = STATUS[undetermined + 2 * failed + 3 * no_data]
+    return Answer(s, values, known, codes, status, others, dof)
 
 
 def start_points(start: Mapping[str, Any] | None, a: Arranged) -> np.ndarray | None:

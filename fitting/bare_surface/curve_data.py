@@ -106,7 +106,7 @@ def of_rows(of: Any, rows: np.ndarray) -> Any:
     return jax.tree.map(lambda a: np.asarray(a)[rows], of)
 
 
-def put_rows(old: Any, new: Any, rows: np.ndarray) -> Any:
+def put_rows(old: Any, new: Any, rows: Any) -> Any:
     """Return ``old`` with ``new`` in the rows of every array in it."""
 
     def put(a: Any, b: Any) -> np.ndarray:

@@ -31,6 +31,7 @@ from fitting.results.result_parts import NONE, PROFILE, QUADRATIC
 from fitting.uncertainty.limits import ROUNDING
 
 CURVED_SPREAD = 0.02
+KIND = f"<U{len(QUADRATIC)}"
 
 
 class Intervals(NamedTuple):
@@ -74,7 +75,7 @@ def intervals(
         none = blank | nothing
         eta[none], k[none] = np.nan, np.nan
         ends = eta[:, 0] + eta[:, 1] + k[:, 0] + k[:, 1]
-        kind = np.full(len(half), NONE, f"<U{len(QUADRATIC)}")
+        kind = np.full(len(half), NONE, KIND)
         kind[np.isfinite(ends)] = QUADRATIC
         if wanted == QUADRATIC:
             return Intervals(eta, k, kind)

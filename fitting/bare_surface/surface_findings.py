@@ -1,16 +1,20 @@
-"""The warnings of the fits of a bare surface, for all curves at once."""
+"""The warnings of the fits of a bare surface: for all curves at once, and from their residuals."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from fitting.bare_surface import thresholds as limit
-from fitting.bare_surface.answer import Answer
+from fitting.bare_surface.answer import FLAT_BELOW_DEG, Answer
 from fitting.bare_surface.arrange import Arranged
 from fitting.bare_surface.common_error import Taken
+from fitting.measurements.measurement import Measurement
+from fitting.residuals.noise import misfit
+from fitting.residuals.pattern import pattern
 from fitting.results.diagnostics import Finding
+from fitting.results.result import Fit
 from fitting.results.sentences import SENTENCES
 
 
@@ -44,15 +48,11 @@ def _of_floor(f: Answer, taken: Taken) -> dict[str, np.ndarray]:
 
 def _of_others(f: Answer) -> dict[str, Any]:
     """Return how many other solutions there are, and the best of them."""
-    there = [one.there for one in f.others]
-
-    def first(name: str) -> np.ndarray:
-        return np.select(there, [one.values[name] for one in f.others], np.nan)
-
+    o = f.others
+    first = np.arange(len(o.there)), o.there.argmax(1)
     return {
-        "count": np.sum(there, axis=0), "parameters": ("eta", "k"),
-        "delta_chi2": np.select(there, [one.excess for one in f.others], np.nan),
-        "values": np.stack([first("eta"), first("k")], -1),
+        "count": o.there.sum(1), "parameters": ("eta", "k"), "delta_chi2": o.excess[first],
+        "values": np.stack([o.values["eta"][first], o.values["k"][first]], -1),
     }  # fmt: skip
 
 
@@ -100,7 +100,7 @@ def _values(a: Arranged, f: Answer, taken: Taken, errors: str, code: str) -> dic
                 both = {"floor": floored, "factor": taken.by_factor}
                 return {"parameters": ("eta", "k"), **both}
             case "flat_curve":
-                return {"below_deg": limit.FLAT_BELOW_DEG}
+                return {"below_deg": FLAT_BELOW_DEG}
             case "no_degrees_of_freedom":
                 stated = np.isfinite(v["sigma_eta"])
                 return {"n_data": s.count.astype(int), "unknowns": 2, "stated": stated}
@@ -126,3 +126,54 @@ def findings(a: Arranged, f: Answer, taken: Taken, errors: str) -> tuple[Finding
         )
         for code in held
     )
+
+
+def _noise_of_a_misfit(m: Measurement, fitted: np.ndarray) -> float:
+    """Return the noise of the quantity of largest misfit over noise; NaN without a misfit."""
+    worst, noise = 0.0, np.nan
+    for quantity in sorted(set(m.quantity.tolist())):
+        here = m.quantity == quantity
+        off = (m.value - fitted)[here]
+        found = misfit(m.angle_deg[here], m.value[here], off)
+        if found.found[0] and found.rms[0] > worst:
+            worst, noise = float(found.rms[0]), float(found.noise[0])
+    return noise
+
+
+def with_order(
+    found: Fit, m: Measurement, which: np.ndarray, fitted: np.ndarray, stated: bool
+) -> Fit:
+    """Return the fit with what the residuals of every wavelength say, each looked at by itself.
+
+    m: the data. which: the wavelength of each datum, as a number from 0 on. fitted: the curve at
+    each, NaN without a fit. stated: whether the fit used stated errors.
+    """
+    many = np.bincount(which)
+    correlation, chance, noise = np.full((3, len(many)), np.nan)
+    each = np.split(np.argsort(which, kind="stable"), np.cumsum(many)[:-1])
+    for i, rows in enumerate(each):
+        part, at = m.where(rows), fitted[rows]
+        if not np.isfinite(at).all():
+            continue
+        noise[i] = _noise_of_a_misfit(part, at)
+        order = pattern(part, at, np.zeros(len(rows), int), stated)
+        if order is not None:
+            correlation[i], chance[i] = order.correlation, order.chance
+    shape = found.shape
+    new = {
+        "residuals_in_order": (correlation, {
+            "along": "angle", "correlation": correlation.reshape(shape),
+            "chance": chance.reshape(shape),
+        }),
+        "does_not_describe": (noise, {
+            "sample": "one bare surface", "rms": np.reshape(found.rms, shape),
+            "noise": noise.reshape(shape),
+        }),
+    }  # fmt: skip
+    findings = [f for f in found.findings if f.code not in new]
+    for code, (where, values) in new.items():
+        at = np.isfinite(where)
+        if at.any():
+            findings.append(Finding(code, at.reshape(shape), values))
+    rank = list(SENTENCES)
+    return replace(found, findings=tuple(sorted(findings, key=lambda f: rank.index(f.code))))

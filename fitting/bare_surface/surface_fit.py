@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import jax
 import numpy as np
 
 from fitting.bare_surface.answer import Answer, answer, start_points
 from fitting.bare_surface.arrange import Arranged, of_arrays, of_measurement
 from fitting.bare_surface.common_error import with_common_error
 from fitting.bare_surface.curves import SurfaceCurves, fitted_curves
-from fitting.bare_surface.other_solutions import Other
+from fitting.bare_surface.other_solutions import Others
 from fitting.bare_surface.region_intervals import Intervals
-from fitting.bare_surface.residual_order import with_order
-from fitting.bare_surface.surface_findings import findings, shaped
+from fitting.bare_surface.surface_findings import findings, shaped, with_order
 from fitting.measurements.measurement import Measurement
 from fitting.problem.observations import missing_errors
 from fitting.residuals.error_model import ERRORS
@@ -61,13 +61,16 @@ def _estimates(
     }  # fmt: skip
 
 
-def _alternative(a: Arranged, other: Other) -> Alternative:
-    """Return another solution, NaN in curves that have none."""
-    return Alternative(
-        parameters=_estimates(a, other.values, other.known, other.there),
-        delta_chi2=shaped(other.excess, a),
-        reached=shaped(np.full_like(other.excess, np.nan), a),
-    )
+def _alternatives(a: Arranged, others: Others) -> tuple[Alternative, ...]:
+    """Return the other solutions, NaN in curves that have none."""
+    found = []
+    for rank in np.flatnonzero(others.there.any(0)):
+        one: Others = jax.tree.map(lambda values, rank=rank: values[:, rank], others)
+        found.append(Alternative(
+            parameters=_estimates(a, one.values, one.known, one.there),
+            delta_chi2=shaped(one.excess, a), reached=shaped(np.full_like(one.excess, np.nan), a),
+        ))  # fmt: skip
+    return tuple(found)
 
 
 def _fit(
@@ -101,7 +104,7 @@ def _fit(
         ),
         evaluations=shaped(s.evaluations.astype(int), a), cost=shaped(s.cost, a),
         findings=findings(a, f, taken, errors),
-        others=tuple(_alternative(a, one) for one in f.others if one.there.any()),
+        others=_alternatives(a, f.others),
         evaluator=SurfaceCurves(
             eta=v["eta"], k=v["k"], sigma_eta=v["sigma_eta"], sigma_k=v["sigma_k"],
             information=v["information"], at_zero=v["at_zero"], eta_i=a.data.eta_i,
@@ -131,29 +134,22 @@ def fit_bare_surface(
         found, measurement=measurement, notes=missing_errors([measurement], errors),
         curve=np.array([quantities.index(q) for q in measurement.quantity.tolist()]),
         curve_names=quantities, evaluator=evaluator._replace(measurement=measurement),
-        rms_of=_rms_of(a, f, measurement),
+        rms_of={quantities[0]: found.rms} if len(quantities) == 1 else {},
     )  # fmt: skip
     channel, curve, place = a.rows
     fitted = fitted_curves(a.data, f.solved)[channel, curve, place]
-    known = ~np.isin(np.atleast_1d(found.status), (NO_DATA, NOT_CONVERGED))
+    known = ~np.isin(f.status, (NO_DATA, NOT_CONVERGED))
     fitted = np.where(known[curve], fitted, np.nan)
-    weighed = _with_floor(found, measurement)
-    found = with_order(found, weighed, fitted, a.stated)
+    # With the errors that were taken.
+    floor = np.atleast_1d(found.errors.floor)[curve]
+    weighed = replace(measurement, sigma=np.hypot(measurement.sigma, floor))
+    found = with_order(found, weighed, curve, fitted, a.stated)
     pooled = pooled_pattern(weighed, fitted, a.stated)
     if pooled is not None:
         found = replace(
             found, notes=(*found.notes, Warning("shared_pattern", {}, pooled._asdict()))
         )
     return widened(found) if errors == "auto" else found
-
-
-def _with_floor(found: Fit, m: Measurement) -> Measurement:
-    """Return the measurement with the errors that were taken."""
-    floor = np.atleast_1d(found.errors.floor)
-    if not floor.any():
-        return m
-    which: np.ndarray = np.unique(m.wavelength_um, return_inverse=True)[1]
-    return replace(m, sigma=np.hypot(m.sigma, floor[which]))
 
 
 def fit_many(
@@ -208,11 +204,3 @@ def fit_many(
             'errors "scaled" or "equal".'
         )
     return _fit(a, which, errors, intervals, start)[0]
-
-
-def _rms_of(a: Arranged, f: Answer, m: Measurement) -> dict[str, Any]:
-    """Return the rms of the residuals by quantity if there is a single one; else nothing."""
-    with np.errstate(all="ignore"):
-        rms = np.sqrt(f.solved.plain / f.solved.count)
-    names = dict.fromkeys(m.quantity.tolist())
-    return {next(iter(names)): shaped(rms, a)} if len(names) == 1 else {}
