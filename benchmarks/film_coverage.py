@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks.film_success import MEASURED, MODELS, Case, named, simulated
 from benchmarks.study_options import run_study, study_options
 from fitting import Fit, fit
-from fitting.residuals.error_model import CHI2_LARGE, chi2_flags
+from fitting.residuals.error_model import beyond_chance
 from fitting.samples.dispersion import parse_model
 
 NOISE = 0.3, 3.0
@@ -75,10 +75,10 @@ def outcome(case: Case) -> Row:
     """Return what the intervals of the fit of a film hold."""
     found = fit(case.measurement, case.sample)
     d, true = found.parameters["thickness_nm"], case.truth["thickness_nm"]
-    large = chi2_flags(np.array([found.chi2_reduced]), np.array([found.dof]))[0] & CHI2_LARGE
+    large, _ = beyond_chance(found.chi2_reduced, found.dof)
     eta, k = _index_inside(case, found)
     return Row(
-        cell=case.cell, described=not large, inside=bool(d.interval[0] <= true <= d.interval[1]),
+        cell=case.cell, described=not bool(large), inside=bool(d.interval[0] <= true <= d.interval[1]),
         told=_told(found), eta=eta, k=k, deviation=float((d.value - true) / d.sigma),
         thickness=true,
     )  # fmt: skip
