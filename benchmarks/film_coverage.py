@@ -78,7 +78,7 @@ def outcome(case: Case) -> Row:
     large, _ = beyond_chance(found.chi2_reduced, found.dof)
     eta, k = _index_inside(case, found)
     return Row(
-        cell=case.cell, described=not bool(large), inside=bool(d.interval[0] <= true <= d.interval[1]),
+        cell=case.cell, described=not large, inside=bool(d.interval[0] <= true <= d.interval[1]),
         told=_told(found), eta=eta, k=k, deviation=float((d.value - true) / d.sigma),
         thickness=true,
     )  # fmt: skip
