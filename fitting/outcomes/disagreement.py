@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.special import fdtrc, stdtr
+from scipy.special import betainc, stdtr
 
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.observations import Observations, labels_of
@@ -42,8 +42,9 @@ def may_disagree(found: Fit) -> bool:
     freedom = len(s.residual) - used
     if more < 1 or freedom < 1:
         return False
-    left = s.residual @ s.residual - taken
-    return bool(fdtrc(more, freedom, taken / more / (left / freedom)) < PERHAPS)
+    square = s.residual @ s.residual  # 0 of exact data
+    left = max(1.0 - taken / square, 0.0) if square else 1.0
+    return bool(betainc(0.5 * freedom, 0.5 * more, left) < PERHAPS)
 
 
 def _file_of_residuals(seen: Observations) -> np.ndarray:
