@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from fitting.searching.search import Solving
 
 # Thicknesses that are tried, as parts of that of each of so many of the lowest minima.
-_FACTORS, _PARENTS = np.geomspace(0.1, 8.0, 24), 4
+_FACTORS, _PARENTS = np.geomspace(0.1, 8.0, 24), 2
 # Films of more fringes than that are told apart by them; see `fringe_orders`.
 _FRINGES = 2.0
 # A start that was left on its way goes on if its chi2 is less than so far above the best: one of
