@@ -93,9 +93,21 @@ def test_an_oscillator_in_the_wrong_place_is_looked_for_anew(model, setup, seed)
 
 
 @pytest.mark.study
-@pytest.mark.parametrize("seed", [250036, 250040, 250161])
+@pytest.mark.parametrize("seed", [250036, 250040])
 def test_films_whose_oscillator_was_in_the_wrong_place(seed):
     """Films of 15 to 34 nm, whose fits ended .5 to 9 above the best chi2."""
     case = simulated_film(seed)
     assert case is not None
     assert outcome(case, seed)["best"]
+
+
+@pytest.mark.study
+def test_of_a_film_with_minima_of_the_noise_alone_this_is_told():
+    """18 nm on glass by R: which one of the minima at 8 to 18 um is reached changes with rounding.
+
+    97.56 at 8.4 um, or 98.18 at 12.8 um.
+    """
+    case = simulated_film(250161)
+    assert case is not None
+    reached = outcome(case, 250161)
+    assert reached["alike"] and not reached["clear"] and not reached["untold"]
