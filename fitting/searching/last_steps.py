@@ -20,21 +20,25 @@ _FALL = 1e-4
 # The last steps of a lane that was stopped on its way are made so many times at most.
 _TIMES = 8
 # Largest number of stages of STAGE evaluations of starts that are followed.
-_FURTHER = 8
+STAGES_ON = 8
 
 
 def followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> Ends:
     """Return the ends of starts (p, S); those far above the best cost are stopped on the way."""
     ends = fit.held(start, noise, STAGE)
-    shown = shown_below(fit, best)
-    for _ in range(_FURTHER):
-        live = np.flatnonzero(~ends.done & (ends.cost < shown))
+    gone_on(fit, ends, noise, shown_below(fit, best), 1)
+    # After the first stage only starts go on that are below the best minimum known.
+    gone_on(fit, ends, noise, best - fit.unit(best), STAGES_ON - 1)
+    return ends._replace(y=fit.in_order(ends.y))
+
+
+def gone_on(fit: Solving, ends: Ends, noise: float, below: float, stages: int) -> None:
+    """Update the ends that do not rest yet and are below a cost, for so many stages at most."""
+    for _ in range(stages):
+        live = np.flatnonzero(~ends.done & (ends.cost < below))
         if not len(live):
             break
         ends.put(live, fit.held(ends.y[:, live], noise, STAGE))
-        # After the first stage only starts go on that are below the best minimum known.
-        shown = best - fit.unit(best)
-    return ends._replace(y=fit.in_order(ends.y))
 
 
 def down_the_valley(fit: Solving, ends: Ends, noise: float) -> Ends:

@@ -7,8 +7,6 @@ while all else is fitted, and then released.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from fitting.searching.film_starts import (
@@ -19,19 +17,17 @@ from fitting.searching.film_starts import (
     phase_rates,
     thickness_um,
 )
-from fitting.searching.search import lowest_ends
+from fitting.searching.last_steps import STAGES_ON, gone_on
+from fitting.searching.search import Solving, lowest_ends
 from fitting.searching.starts import STAGE, Ends, best_of, joined
-
-if TYPE_CHECKING:
-    from fitting.searching.search import Solving
 
 # Thicknesses that are tried, as parts of that of each of so many of the lowest minima.
 _FACTORS, _PARENTS = np.geomspace(0.1, 8.0, 24), 2
 # Films of more fringes than that are told apart by them; see `fringe_orders`.
 _FRINGES = 2.0
 # A start that was left on its way goes on if its chi2 is less than so far above the best: one of
-# 11.6 led to a minimum of .05. At most so many stages of STAGE evaluations.
-_NEAR, _STAGES = 30.0, 8
+# 11.6 led to a minimum of .05.
+_NEAR = 30.0
 
 
 def with_other_thicknesses(fit: Solving, ends: Ends, noise: float) -> Ends:
@@ -71,10 +67,6 @@ def _to_rest(fit: Solving, ends: Ends, noise: float) -> Ends:
     best = best_of(ends)
     if best is None:
         return ends
-    near = float(ends.cost[best]) + _NEAR * fit.unit(float(ends.cost[best]))
-    for _ in range(_STAGES):
-        live = np.flatnonzero(~ends.done & (ends.cost < near))
-        if not len(live):
-            break
-        ends.put(live, fit.held(ends.y[:, live], noise, STAGE))
+    least = float(ends.cost[best])
+    gone_on(fit, ends, noise, least + _NEAR * fit.unit(least), STAGES_ON)
     return ends._replace(y=fit.in_order(ends.y))
