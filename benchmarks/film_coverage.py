@@ -3,14 +3,14 @@
 The random films of `film_success`, with a noise of .3 to 3 times the one there, fitted as everyone
 does it: `fit(measurement, sample)`, which knows that the film is 5 nm to 20 um thick. eta and k are
 those at the ends and in the middle of the spectrum, with 1.96 standard errors for an interval. In
-per cent of the films that are described (chi2 is within three sigma of the degrees of freedom)
+per cent of the films that are described (no warning that chi2 is too large)
 
   d in     the interval of the thickness holds the true one
   told     it does not, but the result gives other solutions, calls the thickness undetermined, or
            says that its fringes are no larger than those of noise
   eta in   the share of the three wavelengths whose true eta is within its error; k in: of k
-  rms      of the deviation of the thickness in standard errors, of films with one (95 % of normal
-           ones: 1)
+  rms      root mean square of the deviation of the thickness in standard errors, of films that have
+           one; 1 if errors are right
 
     python -m benchmarks.film_coverage [--films 300] [--minutes 60] [--seed N] [--only "on Si, R"]
 """

@@ -1,5 +1,7 @@
-"""Larger errors: of any estimate, and of fits with autocorrelated residuals, where fewer data are
-independent."""
+"""Larger errors: of any estimate, and of a fit with autocorrelated residuals.
+
+Fewer of its data are independent.
+"""
 
 from __future__ import annotations
 
