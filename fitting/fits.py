@@ -101,7 +101,7 @@ def _searched(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, flo
     if key not in known:
         ends, noise = solved(few, points)
         ends = with_neighbours(few, ends, points, noise)
-        ends = with_other_thicknesses(few, ends, noise)
+        ends = with_other_thicknesses(few, ends, points, noise)
         if few is not job:
             ends = followed_with_all(job, few, ends)
         known[key] = with_all_orders(job, ends, noise), noise

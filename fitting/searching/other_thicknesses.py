@@ -2,7 +2,7 @@
 
 The thickness of a film with less than a fringe follows from the form of a curve alone, and another
 index may give the same form with another thickness. Thicknesses around the lowest minima are held
-while all else is fitted, and then released.
+while all else is fitted, and then released. So are those of films that are hardly seen.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from fitting.searching.film_starts import (
 from fitting.searching.last_steps import STAGES_ON, gone_on
 from fitting.searching.search import Solving, lowest_ends
 from fitting.searching.starts import STAGE, Ends, best_of, joined
+from fitting.searching.weak_fringes import weak_fringes
 
 # Thicknesses that are tried, as parts of that of each of so many of the lowest minima.
 _FACTORS, _PARENTS = np.geomspace(0.1, 8.0, 24), 2
@@ -30,8 +31,10 @@ _FRINGES = 2.0
 _NEAR = 30.0
 
 
-def with_other_thicknesses(fit: Solving, ends: Ends, noise: float) -> Ends:
+def with_other_thicknesses(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -> Ends:
     """Return the ends, and those at other thicknesses of thin films; starts that were left go on.
+
+    start: (p, S) random starts.
 
     What fits as well as the best minimum is told, but for what was not looked at: 59 nm of a
     Drude-Lorentz film, of which psi and Delta were measured, was found as 106 +- 6 nm with a chi2
@@ -41,6 +44,7 @@ def with_other_thicknesses(fit: Solving, ends: Ends, noise: float) -> Ends:
     for film in films:
         if best_of(ends) is not None:
             ends = joined([ends, *_at_thicknesses(fit, film, lowest_ends(ends), noise)])
+            ends = joined([ends, *weak_fringes(fit, film, start, noise, _near(fit, ends))])
     return _to_rest(fit, ends, noise) if films else ends
 
 
@@ -62,11 +66,15 @@ def _at_thicknesses(fit: Solving, film: Film, lowest: np.ndarray, noise: float) 
     return [fit.held(held.y, noise, STAGE)]
 
 
+def _near(fit: Solving, ends: Ends) -> float:
+    """Return the cost up to which a start is near the best end, of which there is one."""
+    least = float(ends.cost[ends.done].min())
+    return least + _NEAR * fit.unit(least)
+
+
 def _to_rest(fit: Solving, ends: Ends, noise: float) -> Ends:
     """Return the ends, of which those near the best one have gone on until they rest."""
-    best = best_of(ends)
-    if best is None:
+    if best_of(ends) is None:
         return ends
-    least = float(ends.cost[best])
-    gone_on(fit, ends, noise, least + _NEAR * fit.unit(least), STAGES_ON)
+    gone_on(fit, ends, noise, _near(fit, ends), STAGES_ON)
     return ends._replace(y=fit.in_order(ends.y))

@@ -1,0 +1,93 @@
+"""Films whose index is nearly that of a medium beside them: their fringes are as weak as noise.
+
+Where the data hardly show that there is a film, one that reflects next to no light at one of its
+faces describes them at any thickness, and at some thicknesses a part of the noise as well. Then the
+lowest minimum is one of these, and no random index is near enough to it: of 707 films 12 were fitted
+with a chi2 that was .3 to 7 above the best one for this reason.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fitting.searching.film_starts import Film, coordinate, phase_rates, scaled_index
+from fitting.searching.fringes import phase_rate, thickness_grid
+from fitting.searching.starts import LANES, STAGE, Ends
+
+if TYPE_CHECKING:
+    from fitting.searching.search import Solving
+
+# Evaluations of a film at a given thickness that tell whether it may fit, and those before the
+# lowest _SOME of all thicknesses are chosen.
+_HELD, _FIRST, _SOME = 24, 8, 3 * LANES
+# Every other thickness that the data tell apart is tried.
+_EVERY = 2
+
+
+def weak_fringes(
+    fit: Solving, film: Film, random: np.ndarray, noise: float, below: float
+) -> list[Ends]:
+    """Return the ends of films like a medium beside them, at all thicknesses.
+
+    None if no such film has a cost below ``below``. random: (p, S) starts, of which those are taken
+    whose index times a number is nearest to that of the medium.
+    """
+    start = [_at_thicknesses(fit, film, y) for y in _alike(fit, film, random[:, : 4 * LANES])]
+    if not start:
+        return []
+    y = np.concatenate(start, 1)
+    low, high = (np.repeat(a[:, None], y.shape[1], 1) for a in fit.limits)
+    low[film.row] = high[film.row] = y[film.row]
+    y = np.clip(y, low, high)
+
+    def held(at: np.ndarray, which: np.ndarray, steps: int) -> Ends:
+        return fit.held(at, noise, steps, (low[:, which], high[:, which]))
+
+    probe = np.linspace(0, y.shape[1] - 1, LANES).astype(int)
+    if not held(y[:, probe], probe, _HELD).cost.min() < below:
+        return []
+    every = np.arange(y.shape[1])
+    first = held(y, every, _FIRST)
+    some = np.argsort(first.cost, kind="stable")[:_SOME]
+    lowest = held(first.y[:, some], some, _HELD).lowest(LANES)
+    return [fit.held(lowest, noise, STAGE)]
+
+
+def _alike(fit: Solving, film: Film, y: np.ndarray) -> list[np.ndarray]:
+    """Return a film (p, 1) like the medium before it, and one like that behind it.
+
+    y: (p, L), one of which is taken. None of a film whose index is known.
+    """
+    rows, out = fit.seen.measured, []
+    rates = phase_rates(fit, film, y)[:, rows]
+    for target in _beside(fit, film, y):
+        scaled = scaled_index(fit, film, y, np.median(target[:, rows] / rates, axis=1))
+        off = np.abs(phase_rates(fit, film, scaled)[:, rows] / target[:, rows] - 1.0).max(axis=1)
+        nearest = int(np.argmin(off))
+        if (scaled != y).any():
+            out.append(scaled[:, [nearest]])
+    return out
+
+
+def _beside(fit: Solving, film: Film, y: np.ndarray) -> list[np.ndarray]:
+    """Return the phase rates (L, M) that a film would have with the index of a medium beside it."""
+    points, media = fit.seen.points, fit.u.spec.media
+    wavelength, angle = points.wavelength_um[:, 0], points.angle_deg[:, 0]
+    outside = np.broadcast_to(fit.targets.eta_i, points.wavelength_um.shape)[:, 0]
+    first = np.tile(phase_rate(outside, wavelength, angle, outside), (y.shape[1], 1))
+    around = [film.medium - 1, film.medium + 1]
+    return [
+        first if not 0 <= i < len(media.index) else phase_rates(fit, film._replace(medium=i), y)
+        for i in around
+    ]
+
+
+def _at_thicknesses(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
+    """Return y (p, 1) at thicknesses in even steps, (p, S)."""
+    rate = phase_rates(fit, film, y)[0, fit.seen.measured]
+    thickness = thickness_grid(rate, film.low_um, film.high_um).even[::_EVERY]
+    out = np.repeat(y, len(thickness), 1)
+    out[film.row] = coordinate(fit, film, thickness)
+    return out
