@@ -2,8 +2,8 @@
 
 Where the data hardly show that there is a film, one that reflects next to no light at one of its
 faces describes them at any thickness, and at some thicknesses a part of the noise as well. Then the
-lowest minimum is one of these, and no random index is near enough to it: of 707 films 12 were fitted
-with a chi2 that was .3 to 7 above the best one for this reason.
+lowest minimum is one of these, and no random index is near enough to it: of 707 films 12 were
+fitted with a chi2 that was .3 to 7 above the best one for this reason.
 """
 
 from __future__ import annotations
