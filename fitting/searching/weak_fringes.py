@@ -19,7 +19,7 @@ from fitting.searching.starts import LANES, STAGE, Ends
 if TYPE_CHECKING:
     from fitting.searching.search import Solving
 
-# Evaluations of a film at a given thickness that tell whether it may fit, and those before the
+# Evaluations of a film of a given thickness: so many tell whether it may fit; after so many the
 # lowest _SOME of all thicknesses are chosen.
 _HELD, _FIRST, _SOME = 24, 8, 3 * LANES
 # Every other thickness that the data tell apart is tried.
@@ -29,30 +29,32 @@ _EVERY = 2
 def weak_fringes(
     fit: Solving, film: Film, random: np.ndarray, noise: float, below: float
 ) -> list[Ends]:
-    """Return the ends of films like a medium beside them, at all thicknesses.
+    """Return the ends of films like a medium beside them, which had all thicknesses at first.
 
     None if no such film has a cost below ``below``. random: (p, S) starts, of which those are taken
     whose index times a number is nearest to that of the medium.
     """
-    start = [_at_thicknesses(fit, film, y) for y in _alike(fit, film, random[:, : 4 * LANES])]
-    if not start:
-        return []
-    y = np.concatenate(start, 1)
+    out = []
+    for y in _alike(fit, film, random[:, : 4 * LANES]):
+        start = _at_thicknesses(fit, film, y)
+        some = np.linspace(0, start.shape[1] - 1, LANES // 2).astype(int)
+        probe = _held(fit, film, start[:, some], noise, _HELD)
+        if not probe.cost.min() < below:
+            continue
+        # From a random index, and from one that has been fitted.
+        start = np.concatenate([start, _at_thicknesses(fit, film, probe.lowest(1))], 1)
+        lowest = _held(fit, film, start, noise, _FIRST).lowest(_SOME)
+        lowest = _held(fit, film, lowest, noise, _HELD).lowest(LANES)
+        out.append(fit.held(lowest, noise, STAGE))
+    return out
+
+
+def _held(fit: Solving, film: Film, y: np.ndarray, noise: float, steps: int) -> Ends:
+    """Return where starts (p, S) are after so many evaluations at the thicknesses that they have."""
     low, high = (np.repeat(a[:, None], y.shape[1], 1) for a in fit.limits)
-    low[film.row] = high[film.row] = y[film.row]
     y = np.clip(y, low, high)
-
-    def held(at: np.ndarray, which: np.ndarray, steps: int) -> Ends:
-        return fit.held(at, noise, steps, (low[:, which], high[:, which]))
-
-    probe = np.linspace(0, y.shape[1] - 1, LANES).astype(int)
-    if not held(y[:, probe], probe, _HELD).cost.min() < below:
-        return []
-    every = np.arange(y.shape[1])
-    first = held(y, every, _FIRST)
-    some = np.argsort(first.cost, kind="stable")[:_SOME]
-    lowest = held(first.y[:, some], some, _HELD).lowest(LANES)
-    return [fit.held(lowest, noise, STAGE)]
+    low[film.row] = high[film.row] = y[film.row]
+    return fit.held(y, noise, steps, (low, high))
 
 
 def _alike(fit: Solving, film: Film, y: np.ndarray) -> list[np.ndarray]:
