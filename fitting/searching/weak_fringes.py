@@ -50,7 +50,7 @@ def weak_fringes(
 
 
 def _held(fit: Solving, film: Film, y: np.ndarray, noise: float, steps: int) -> Ends:
-    """Return where starts (p, S) are after so many evaluations at the thicknesses that they have."""
+    """Return where starts (p, S) are after so many evaluations, each at its own thickness."""
     low, high = (np.repeat(a[:, None], y.shape[1], 1) for a in fit.limits)
     y = np.clip(y, low, high)
     low[film.row] = high[film.row] = y[film.row]
