@@ -96,16 +96,23 @@ def _searched(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, flo
 
     few: the same fit, or one of some of the data, whose minima are then followed with all data.
     """
-    known = {} if job.asked.ends is None else job.asked.ends
+    ends, noise = solved(few, points)
+    ends = with_neighbours(few, ends, points, noise)
+    ends = with_other_thicknesses(few, ends, points, noise)
+    if few is not job:
+        ends = followed_with_all(job, few, ends)
+    return with_all_orders(job, ends, noise), noise
+
+
+def _searched_once(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, float]:
+    """Return `_searched`, of an earlier fit that was the same search if its ends were kept."""
+    kept = job.asked.ends
+    if kept is None:
+        return _searched(job, few, points)
     key = _key_of(job, points)
-    if key not in known:
-        ends, noise = solved(few, points)
-        ends = with_neighbours(few, ends, points, noise)
-        ends = with_other_thicknesses(few, ends, points, noise)
-        if few is not job:
-            ends = followed_with_all(job, few, ends)
-        known[key] = with_all_orders(job, ends, noise), noise
-    return known[key]
+    if key not in kept:
+        kept[key] = _searched(job, few, points)
+    return kept[key]
 
 
 def _shared(
@@ -130,7 +137,7 @@ def _shared(
     job.lanes = min(job.starts, LANES)
     if few is not job:
         job.lanes = FOLLOWED
-    ends, noise = _searched(job, few, points)
+    ends, noise = _searched_once(job, few, points)
     return fit_of(job, ends, noise, Subject(sample, concatenate(*measurements)))
 
 

@@ -53,6 +53,15 @@ def test_films_that_ended_in_a_wrong_minimum(seed, cost, thickness):
     assert found.parameters["thickness_nm"].value == pytest.approx(thickness, rel=2e-3)
 
 
+def test_a_film_that_is_hardly_seen_ends_in_the_lowest_minimum():
+    """14 nm, of whose fringes T shows none: 89.4 was shown, with an index of no medium beside it."""
+    case = simulated(301376029)
+    assert case is not None
+    found = fit(case.measurement, case.sample, errors="stated", intervals="quadratic")
+    assert found.cost < 84.2
+    assert "fringes_in_noise" in {w.code for w in found.warnings}
+
+
 def test_another_thickness_that_fits_as_well_is_listed():
     """59 nm were shown as 106 +- 6 nm, and nothing else."""
     case = drawn(31415307)

@@ -17,7 +17,7 @@ def a_bent_valley(highest=2.0):
             residual=residual, jacobian=np.array([[-20.0 * y[0], 10.0], [-1.0, 0.0]])
         )
 
-    def known(s, y, noise, scaled):
+    def known(s, y, noise):
         return SimpleNamespace(step=np.linalg.solve(s.jacobian, -s.residual))
 
     return SimpleNamespace(
@@ -33,9 +33,9 @@ def a_bent_valley(highest=2.0):
 def test_the_bottom_of_a_bent_valley_is_reached_where_a_full_step_leads_up_its_side():
     start = np.array([-1.2, 1.0])
     fit = a_bent_valley()
-    uphill = start + fit.known(fit.slopes(start), start, 1.0, False).step
+    uphill = start + fit.known(fit.slopes(start), start, 1.0).step
     assert fit.cost(fit.slopes(uphill), uphill, 1.0) > fit.cost(fit.slopes(start), start, 1.0)
-    y, s = polished(fit, start, 1.0, False)
+    y, s = polished(fit, start, 1.0)
     np.testing.assert_allclose(y, 1.0, atol=1e-6)
     assert fit.cost(s, y, 1.0) < 1e-10
 
@@ -43,7 +43,7 @@ def test_the_bottom_of_a_bent_valley_is_reached_where_a_full_step_leads_up_its_s
 def test_a_valley_is_followed_within_the_bounds():
     start = np.array([-1.2, 0.4])
     fit = a_bent_valley(highest=0.5)
-    y, s = polished(fit, start, 1.0, False)
+    y, s = polished(fit, start, 1.0)
     assert y[1] <= 0.5
     # With y_1 at its bound .5 the residual 1 - y_0 pulls y_0 a little above the root of .5
     grid = np.linspace(0.0, 1.0, 100_001)

@@ -22,7 +22,7 @@ from fitting.bare_surface.batch import minima
 from fitting.bare_surface.coordinates import W_MIN, coordinates_of
 from fitting.bare_surface.curve_data import Data, Extent, extent_of
 from fitting.bare_surface.descent import Solved
-from fitting.bare_surface.estimate import Estimated, estimate
+from fitting.bare_surface.estimate import Estimated, Weighing, estimate
 from fitting.bare_surface.mirror import like_mirrors
 from fitting.bare_surface.other_solutions import Others, other_solutions
 from fitting.bare_surface.region_intervals import Intervals, intervals, limit_of_k
@@ -85,7 +85,7 @@ def _of_many_the_lossless(
     part = data.take(rows)
     there = evaluate(part, ends)
     alike = there.cost <= s.cost[rows] + ALIKE_MEMBERS * scatter[rows]
-    known = estimate(part, there, stated=True, absolute=True, sin_max=np.zeros(len(rows)))
+    known = estimate(part, there, Weighing(True, True, np.zeros(len(rows))))
     eta, k, information = e.eta.copy(), e.k.copy(), e.information.copy()
     eta[rows[alike]] = known.eta[alike]
     k[rows[alike]] = 0.0
@@ -154,11 +154,8 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     found, data = minima(a.data, extent, start)
     s = Solved(*found.best)
     sin_max = np.sin(np.radians(np.fmax(extent.high_deg, 0.0)))
-    how = {
-        "stated": a.stated, "absolute": absolute,
-        "sin_max": np.broadcast_to(sin_max, s.cost.shape),
-    }  # fmt: skip
-    e = estimate(data, s, **how)
+    how = Weighing(a.stated, absolute, np.broadcast_to(sin_max, s.cost.shape))
+    e = estimate(data, s, how)
     dof = np.maximum(s.count - 2, 0)
 
     no_data = s.count == 0

@@ -28,6 +28,23 @@ SEEN_SIGMAS = 3.0
 K_MIN = 1e-12
 
 
+class Weighing(NamedTuple):
+    """What the errors of N curves follow from.
+
+    stated: whether the weights come from stated errors. absolute: whether these are taken at their
+    word; otherwise the covariance is scaled by chi2 / dof. sin_max: (N,), the sine of the largest
+    angle.
+    """
+
+    stated: bool
+    absolute: bool
+    sin_max: np.ndarray
+
+    def take(self, index: np.ndarray) -> Weighing:
+        """Return that of the curves of ``index``."""
+        return self._replace(sin_max=self.sin_max[index])
+
+
 class Estimated(NamedTuple):
     """What the data say about one minimum, one (N,) array each unless noted.
 
@@ -115,28 +132,22 @@ def _in_total_reflection(
     return information, reach
 
 
-def estimate(
-    data: Data, s: Solved, *, stated: bool, absolute: bool, sin_max: np.ndarray
-) -> Estimated:
-    """Return values and errors at the minima ``s`` of ``data``.
-
-    stated: the weights come from stated errors. absolute: these are taken at their word; otherwise
-    the covariance is scaled by chi2 / dof. sin_max: (N,), the sine of the largest angle.
-    """
+def estimate(data: Data, s: Solved, how: Weighing) -> Estimated:
+    """Return values and errors at the minima ``s`` of ``data``."""
     eta_i = data.eta_i
     eta, k, information, g_n, g_u = _in_index(s, eta_i)
     at_zero = s.w <= W_MIN
     k = np.where(at_zero, 0.0, k)
     u = k * k
-    if absolute:
+    if how.absolute:
         variance, t = np.ones_like(eta), np.full_like(eta, student_quantile(0))
     else:
         dof = np.maximum(s.count - 2, 0)
         # Without a degree of freedom only the stated errors are available.
-        variance = np.where(dof > 0, s.cost / dof, 1.0 if stated else np.nan)
+        variance = np.where(dof > 0, s.cost / dof, 1.0 if how.stated else np.nan)
         t = student_quantiles(dof.astype(int))
     # Beyond the critical angle 1 - R grows as k, not as k^2.
-    beyond = (eta < eta_i) & (sin_max * eta_i > eta)
+    beyond = (eta < eta_i) & (how.sin_max * eta_i > eta)
     linear = beyond & (k < eta)
     metal = beyond & ~linear
     line = linear.nonzero()[0]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from fitting.bare_surface.curve_data import Data, of_rows, put_rows
 from fitting.bare_surface.descent import ROW, Solved
-from fitting.bare_surface.estimate import Estimated, estimate
+from fitting.bare_surface.estimate import Estimated, Weighing, estimate
 from fitting.bare_surface.kept_minima import OTHERS, Minima
 from fitting.bare_surface.region_intervals import KIND, Intervals, intervals, limit_of_k
 from fitting.results.result_parts import NONE
@@ -56,14 +56,14 @@ def other_solutions(
     dof: np.ndarray,
     best: Estimated,
     possible: np.ndarray,
-    how: dict[str, Any],
+    how: Weighing,
     wanted: str,
 ) -> Others:
     """Return the other solutions, each as if its minimum were the best one.
 
     scatter: (N,), in which the chi2 of the others ``found`` is compared with that of the ``best``.
     dof: (N,), from how many degrees of freedom it was estimated, 0 where it was stated or assumed.
-    possible: (N,), where they are looked for. how: options of `estimate`. wanted: kind of the
+    possible: (N,), where they are looked for. how: what errors follow from. wanted: kind of the
     intervals.
     """
     of = found.curve
@@ -75,7 +75,7 @@ def other_solutions(
         return nothing
     curve = of[place]
     s = Solved(*found.others[rank, :, place].T)
-    e = estimate(data.take(curve), s, **{**how, "sin_max": how["sin_max"][curve]})
+    e = estimate(data.take(curve), s, how.take(curve))
     new = _distinct(of_rows(best, curve), e)
     number = np.full((OTHERS, len(possible)), -1)
     number[rank, curve] = np.arange(len(rank))

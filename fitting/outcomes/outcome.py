@@ -147,23 +147,23 @@ def _rounding(fit: Solving, noise: float) -> float:
 
 def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
     """Return the result of a fit from the points (p, L) at which its starts ended."""
-    u, scaled = fit.u, fit.asked.scaled
+    u = fit.u
     best = best_of(ends)
     lane = int(np.argmin(ends.cost)) if best is None else best
-    end = fit.look_at(ends.y[:, lane], noise, scaled)
+    end = fit.look_at(ends.y[:, lane], noise)
     failed = best is None or not end.finite
-    scatter, most = scatter_of(fit, end.cost, noise, scaled)
+    scatter, most = scatter_of(fit, end.cost, noise)
     looked_at = {lane: end}
 
     def look(lane: int) -> End:
         if lane not in looked_at:
-            looked_at[lane] = fit.look_at(ends.y[:, lane], noise, scaled, False)
+            looked_at[lane] = fit.look_at(ends.y[:, lane], noise, False)
         return looked_at[lane]
 
     found = [] if failed else _minima(fit, ends, look, noise, scatter, most)
     if found and found[0].lane != lane:
         lane = found[0].lane
-        end = fit.look_at(ends.y[:, lane], noise, scaled)
+        end = fit.look_at(ends.y[:, lane], noise)
     enough = SAME_CHI2 * scatter + _rounding(fit, noise)
     plain = without_fringes(fit, end.y, noise) if of.films and not failed else None
     if plain is not None and plain.ends.done.all() and plain.ends.cost[0] < end.cost - enough:

@@ -54,7 +54,7 @@ def down_the_valley(fit: Solving, ends: Ends, noise: float) -> Ends:
             enough = float(ends.cost[best] - SAME_CHI2 * fit.unit(ends.cost[best]))
         if ends.done[lane] or not ends.cost[lane] < enough:
             break
-        y, _ = polished(fit, ends.y[:, lane], noise, fit.asked.scaled)
+        y, _ = polished(fit, ends.y[:, lane], noise)
         ends = joined([ends, fit.held(y[:, None], noise, STAGE)])
         if int(np.argmin(ends.cost)) == lane:
             break
@@ -62,7 +62,7 @@ def down_the_valley(fit: Solving, ends: Ends, noise: float) -> Ends:
 
 
 def polished(
-    fit: Solving, y: np.ndarray, noise: float, scaled: bool, valley: bool = True
+    fit: Solving, y: np.ndarray, noise: float, valley: bool = True
 ) -> tuple[np.ndarray, Slopes]:
     """Return the minimum next to y (p,), and the derivatives there.
 
@@ -74,7 +74,7 @@ def polished(
         return y, s
     cost = fit.cost(s, y, noise)
     for _ in range(_STEPS):
-        step = fit.known(s, y, noise, scaled).step
+        step = fit.known(s, y, noise).step
         trial = np.clip(y + step, *fit.limits)
         there = fit.slopes(trial)
         found = fit.cost(there, trial, noise)

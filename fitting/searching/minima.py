@@ -37,11 +37,12 @@ def alternative_chi2(dof: Any) -> Any:
     return np.where(dof > 0, many * np.expm1(2.0 * np.log(20.0) / many), ALTERNATIVE_CHI2)
 
 
-def scatter_of(fit: Solving, cost: float, noise: float, scaled: bool) -> tuple[float, float]:
+def scatter_of(fit: Solving, cost: float, noise: float) -> tuple[float, float]:
     """Return the unit of differences of the cost, and up to which one a minimum is reported.
 
     cost: the lowest one.
     """
+    scaled = fit.asked.scaled
     if fit.pooled is not None and scaled:
         return fit.pooled, ALTERNATIVE_CHI2 * fit.pooled
     scatter = cost / fit.dof if fit.dof else 0.0

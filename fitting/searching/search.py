@@ -237,25 +237,25 @@ class Solving:
         scatter = cost / max(self.dof, 1)
         return max(1.0, scatter) if self.seen.stated or not self.asked.scaled else scatter
 
-    def known(self, s: Slopes, y: np.ndarray, noise: float, scaled: bool) -> Uncertainty:
+    def known(self, s: Slopes, y: np.ndarray, noise: float) -> Uncertainty:
         """Return the uncertainty at y."""
         return uncertainty(
-            self.u, s, y, self.limits, noise, self.dof, scaled, self.seen.stated,
+            self.u, s, y, self.limits, noise, self.dof, self.asked.scaled, self.seen.stated,
             self.pooled,
         )  # fmt: skip
 
-    def look_at(self, y: np.ndarray, noise: float, scaled: bool, polish: bool = True) -> End:
+    def look_at(self, y: np.ndarray, noise: float, polish: bool = True) -> End:
         """Return the minimum next to y, the end of a lane, and its errors.
 
         polish: take the last steps, too.
         """
-        y, s = polished(self, y, noise, scaled) if polish else (y, self.slopes(y))
+        y, s = polished(self, y, noise) if polish else (y, self.slopes(y))
         finite = all(bool(np.isfinite(a).all()) for a in (y, s.residual, s.jacobian))
         if not finite:
             s = s._replace(
                 jacobian=np.zeros_like(s.jacobian), residual=np.zeros_like(s.residual)
             )  # fmt: skip
-        return End(y, s, self.known(s, y, noise, scaled), self.cost(s, y, noise), finite)
+        return End(y, s, self.known(s, y, noise), self.cost(s, y, noise), finite)
 
 
 def solved(fit: Solving, start: np.ndarray) -> tuple[Ends, float]:

@@ -92,11 +92,11 @@ def _some_of(fit: Solving, measurements: Sequence[Measurement]) -> Observations:
 
 def _at_rest(fit: Solving, y: np.ndarray) -> tuple[np.ndarray, float, bool]:
     """Return y (p,) at the minimum of all data beside it, the cost there, and whether it rests."""
-    y, s = polished(fit, y, 1.0, fit.asked.scaled, valley=False)
+    y, s = polished(fit, y, 1.0, valley=False)
     cost = fit.cost(s, y, 1.0)
     if not (np.isfinite(cost) and np.isfinite(s.jacobian).all()):
         return y, np.inf, False
-    step = np.clip(y + fit.known(s, y, 1.0, fit.asked.scaled).step, *fit.limits) - y
+    step = np.clip(y + fit.known(s, y, 1.0).step, *fit.limits) - y
     promised = float(s.residual @ s.residual - ((s.residual + s.jacobian @ step) ** 2).sum())
     return y, cost, promised <= _AT_REST * cost / max(fit.dof, 1)
 
