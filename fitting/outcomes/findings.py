@@ -21,7 +21,6 @@ from fitting.samples.dispersion import CAUCHY_NAMES, Model
 from fitting.samples.known_media import Mixture
 from fitting.samples.sample import Sample
 from fitting.searching.search import End, Solving
-from fitting.searching.without_fringes import Fringeless
 from fitting.uncertainty.intervals import OFF, Intervals
 from fitting.uncertainty.likelihood import reduced_chi2
 
@@ -53,9 +52,8 @@ class Found(NamedTuple):
     """The best minimum with its intervals, and the others.
 
     reached: the number of starts that ended there. lower: by how much chi2 is lower at a fit near
-    the minimum whose own minimum was not reached; 0 if there is none. fringeless: the best film
-    without fringes if those of the best minimum are no larger than those of noise, and by how much
-    its chi2 is higher.
+    the minimum whose own minimum was not reached; 0 if there is none. fringeless: the values of the
+    warning if the fringes of the best minimum are no larger than those of noise.
     """
 
     end: End
@@ -64,7 +62,7 @@ class Found(NamedTuple):
     reached: int
     lower: float
     failed: bool
-    fringeless: tuple[Fringeless, float] | None
+    fringeless: dict[str, Any] | None
 
 
 def _finding(code: str, **values: Any) -> Finding:
@@ -268,14 +266,14 @@ def findings(
     unseen = end.known.unseen[free]
     out = [*_unseen(names, unseen)]
     if f.fringeless is not None:
-        film, rise = f.fringeless
-        out.append(_finding("fringes_in_noise", **film.told(rise)))
+        out.append(_finding("fringes_in_noise", **f.fringeless))
     if of.measurement is not None and of.films:
         out += _thin_film(known, correlation, float(np.nanmin(of.measurement.wavelength_um)))
     out += _on_measured(fit, of, end)
     if f.others and not unseen.size:
         out.append(_other_minima(known, f.others))
-    if fit.starts > FEW_REACHED and f.reached < FEW_REACHED and not unseen.size:
+    few = fit.starts > FEW_REACHED and f.reached < FEW_REACHED and f.fringeless is None
+    if few and not unseen.size:
         out.append(_finding("few_starts_agree", starts=fit.starts, reached=f.reached))
     if f.lower:
         out.append(_finding("better_minimum_met", by=f.lower))

@@ -17,7 +17,7 @@ from fitting.samples.parameters import value_and_slope
 from fitting.searching.minima import SAME_CHI2, Around, Minimum, minima, scatter_of
 from fitting.searching.search import End, Solving
 from fitting.searching.starts import STAGE, Ends, best_of, joined
-from fitting.searching.without_fringes import without_fringes
+from fitting.searching.without_fringes import has_fringes, without_fringes
 from fitting.uncertainty.intervals import QUADRATIC, Intervals, intervals
 from fitting.uncertainty.likelihood import criteria
 from fitting.uncertainty.spline_errors import errors_of_curves, with_errors_of_curves
@@ -118,26 +118,17 @@ def _minima(
     return sorted(found, key=lambda m: m is not usual[0]) if usual else found
 
 
-def _intervals(
-    fit: Solving, every: Sequence[End], noise: float, wanted: str, last: bool
-) -> list[Intervals]:
-    """Return the intervals at the best minimum and at the others.
-
-    last: whether that of the last one is of the kind that is wanted, as are those of the first.
-    """
+def _intervals(fit: Solving, every: Sequence[End], noise: float, wanted: str) -> list[Intervals]:
+    """Return the intervals at the minimum that is shown and at the others."""
     # If the scatter is that of many fits, t is close to that of the normal distribution; without a
     # degree of freedom stated errors are used as they are.
     taken = fit.dof == 0 and fit.seen.stated
     estimated = fit.asked.scaled and fit.pooled is None and not taken
-    ends = len(every) - (last and len(every) > 1 + _OTHERS)
-    found = []
-    for part, kind in (
-        (every[: 1 + _OTHERS], wanted),
-        (every[1 + _OTHERS : ends], QUADRATIC),
-        (every[max(ends, 1 + _OTHERS) :], wanted),
-    ):
-        found += intervals(fit, part, noise, wanted=kind, estimated=estimated)
-    return found
+    some, rest = every[: 1 + _OTHERS], every[1 + _OTHERS :]
+    return [
+        *intervals(fit, some, noise, wanted=wanted, estimated=estimated),
+        *intervals(fit, rest, noise, wanted=QUADRATIC, estimated=estimated),
+    ]
 
 
 def _rounding(fit: Solving, noise: float) -> float:
@@ -170,14 +161,22 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
         return fit_of(fit, joined([ends, plain.ends]), noise, of)
     if plain is not None and plain.cost - end.cost > plain.by_chance * scatter:
         plain = None
+    fringeless = None
     if plain is not None:
         ends = joined([ends, plain.ends])
         found = _minima(fit, ends, look, noise, scatter, most)
         if plain.ends.cost[0] - end.cost > most:
             found.append(Minimum(len(ends.cost) - 1, 1))
+        # The lowest without them is shown, the others follow by their chi2.
+        without = [m for m in found if not has_fringes(fit, look(m.lane).y)] or found
+        found.sort(key=lambda m: m is not without[0])
+        lane, lowest = found[0].lane, end
+        end = fit.look_at(ends.y[:, lane], noise)
+        rise = (max(plain.cost, end.cost) - lowest.cost) / scatter
+        fringeless = plain.told(fit, end.y, lowest.y, rise)
     every = [end] + [look(m.lane) for m in found[1:]]
     wanted = QUADRATIC if failed else fit.asked.intervals
-    ranges = _intervals(fit, every, noise, wanted, plain is not None)
+    ranges = _intervals(fit, every, noise, wanted)
     least, place = ranges[0].lowest
     lower = 0.0
     # The minimum that is shown need not be the lowest one.
@@ -199,7 +198,7 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
         Found(
             end=end, known=ranges[0], others=others, reached=found[0].reached if found else 0,
             lower=lower, failed=failed,
-            fringeless=plain and (plain, (plain.cost - end.cost) / scatter),
+            fringeless=fringeless,
         ),
     )  # fmt: skip
 

@@ -41,14 +41,7 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
         "another quantity. The values shown are one set of many that fit equally well."
     ),
     "other_thickness": wording.other_thickness,
-    "fringes_in_noise": (
-        "{parameter} is not determined: the fringes that it was taken from are no larger than "
-        "those of noise. Without fringes ({parameter} {without:.4g}) chi2 is higher by "
-        "{delta_chi2:.2g}; among {count:.0f} thicknesses that the data can tell apart there is "
-        "one that lowers it by up to {by_chance:.2g} by chance. Other thicknesses may fit nearly "
-        "as well, with another eta and k. Narrow the range of the thickness if you know it, or "
-        "measure with less noise."
-    ),
+    "fringes_in_noise": wording.fringes_in_noise,
     "thin_film": wording.thin_film,
     "by_the_model_alone": (
         "eta and k are not determined by the data alone: there is one reflectance or "

@@ -117,6 +117,18 @@ def other_thickness(v: Mapping[str, Any]) -> str:
     return f"another thickness fits nearly as well: {listed(each)}; eta and k then differ, too."
 
 
+def fringes_in_noise(v: Mapping[str, Any]) -> str:
+    what = " (what is shown)" if v["shown"] else ""
+    return (
+        f"{v['parameter']} is not determined: chi2 is lowest at {num(v['fringed'])}, by fringes "
+        f"that are no larger than those of noise. Without fringes, at {num(v['without'])}{what}, "
+        f"chi2 is higher by {v['delta_chi2']:.2g}; among {v['count']:.0f} thicknesses that the "
+        f"data can tell apart there is one that lowers it by up to {v['by_chance']:.2g} by chance. "
+        "Other thicknesses may fit as well, with another eta and k. Narrow the range of the "
+        "thickness if you know it, or measure with less noise."
+    )
+
+
 def thin_film(v: Mapping[str, Any]) -> str:
     thickness = f"{v['thickness']} ({num(v['value'])} nm)"
     return (
