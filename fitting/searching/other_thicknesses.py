@@ -19,13 +19,15 @@ from fitting.searching.film_starts import (
 )
 from fitting.searching.last_steps import STAGES_ON, gone_on
 from fitting.searching.search import Solving, lowest_ends
-from fitting.searching.starts import STAGE, Ends, best_of, joined
-from fitting.searching.weak_fringes import weak_fringes
+from fitting.searching.starts import LANES, STAGE, Ends, best_of, joined
+from fitting.searching.weak_fringes import held_at_thickness, weak_fringes
 
 # Thicknesses that are tried, as parts of that of each of so many of the lowest minima.
 _FACTORS, _PARENTS = np.geomspace(0.1, 8.0, 24), 2
 # Films of more fringes than that are told apart by them; see `fringe_orders`.
 _FRINGES = 2.0
+# The thinnest film that is tried with a random index, as a part of the thickest.
+_THIN = 1e-3
 # A start that was left on its way goes on if its chi2 is less than so far above the best: one of
 # 11.6 led to a minimum of .05.
 _NEAR = 30.0
@@ -43,13 +45,19 @@ def with_other_thicknesses(fit: Solving, ends: Ends, start: np.ndarray, noise: f
     films = films_of(fit.u.spec, fit.u.moving)
     for film in films:
         if best_of(ends) is not None:
-            ends = joined([ends, *_at_thicknesses(fit, film, lowest_ends(ends), noise)])
+            ends = joined([ends, *_at_thicknesses(fit, film, lowest_ends(ends), start, noise)])
             ends = joined([ends, *weak_fringes(fit, film, start, noise, _near(fit, ends))])
     return _to_rest(fit, ends, noise) if films else ends
 
 
-def _at_thicknesses(fit: Solving, film: Film, lowest: np.ndarray, noise: float) -> list[Ends]:
-    """Return the ends of starts beside ``lowest`` (p, 8), held at first; none of a thick film."""
+def _at_thicknesses(
+    fit: Solving, film: Film, lowest: np.ndarray, random: np.ndarray, noise: float
+) -> list[Ends]:
+    """Return the ends of starts whose thickness was held at first; none of a thick film.
+
+    They are beside ``lowest`` (p, 8), and thin films of the indices of ``random`` (p, S), of which
+    hardly any is thin by itself.
+    """
     y = lowest[:, :_PARENTS]
     thickness = thickness_um(fit, film, y)
     thin = thickness * middle(phase_rates(fit, film, y)) < _FRINGES
@@ -58,11 +66,12 @@ def _at_thicknesses(fit: Solving, film: Film, lowest: np.ndarray, noise: float) 
     if not inside.any():
         return []
     parent, _ = np.nonzero(inside)
-    start = y[:, parent]
-    start[film.row] = coordinate(fit, film, tried[inside])
-    low, high = (np.repeat(a[:, None], len(parent), 1) for a in fit.limits)
-    low[film.row] = high[film.row] = start[film.row]
-    held = fit.held(start, noise, STAGE, (low, high))
+    start = np.concatenate([y[:, parent], random[:, :LANES]], 1)
+    most = np.minimum(_FRINGES / middle(phase_rates(fit, film, random[:, :LANES])), film.high_um)
+    least = max(film.low_um, _THIN * float(most.max()))
+    thin_um = least * np.maximum(most / least, 1.0) ** np.linspace(0.0, 1.0, len(most))
+    start[film.row] = coordinate(fit, film, np.append(tried[inside], thin_um))
+    held = held_at_thickness(fit, film, start, noise, STAGE)
     return [fit.held(held.y, noise, STAGE)]
 
 

@@ -38,18 +38,18 @@ def weak_fringes(
     for y in _alike(fit, film, random[:, : 4 * LANES]):
         start = _at_thicknesses(fit, film, y)
         some = np.linspace(0, start.shape[1] - 1, LANES // 2).astype(int)
-        probe = _held(fit, film, start[:, some], noise, _HELD)
+        probe = held_at_thickness(fit, film, start[:, some], noise, _HELD)
         if not probe.cost.min() < below:
             continue
         # From a random index, and from one that has been fitted.
         start = np.concatenate([start, _at_thicknesses(fit, film, probe.lowest(1))], 1)
-        lowest = _held(fit, film, start, noise, _FIRST).lowest(_SOME)
-        lowest = _held(fit, film, lowest, noise, _HELD).lowest(LANES)
+        lowest = held_at_thickness(fit, film, start, noise, _FIRST).lowest(_SOME)
+        lowest = held_at_thickness(fit, film, lowest, noise, _HELD).lowest(LANES)
         out.append(fit.held(lowest, noise, STAGE))
     return out
 
 
-def _held(fit: Solving, film: Film, y: np.ndarray, noise: float, steps: int) -> Ends:
+def held_at_thickness(fit: Solving, film: Film, y: np.ndarray, noise: float, steps: int) -> Ends:
     """Return where starts (p, S) are after so many evaluations, each at its own thickness."""
     low, high = (np.repeat(a[:, None], y.shape[1], 1) for a in fit.limits)
     y = np.clip(y, low, high)
