@@ -168,9 +168,9 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
         if plain.ends.cost[0] - end.cost > most:
             found.append(Minimum(len(ends.cost) - 1, 1))
         # The lowest without them is shown, the others follow by their chi2.
-        without = [m for m in found if not has_fringes(fit, look(m.lane).y)] or found
-        found.sort(key=lambda m: m is not without[0])
-        lane, lowest = found[0].lane, end
+        first = next((m for m in found if not has_fringes(fit, look(m.lane).y)), found[0])
+        found.sort(key=lambda m: m is not first)
+        lane, lowest = first.lane, end
         end = fit.look_at(ends.y[:, lane], noise)
         rise = (max(plain.cost, end.cost) - lowest.cost) / scatter
         fringeless = plain.told(fit, end.y, lowest.y, rise)
