@@ -14,10 +14,11 @@ from fitting.results import result as status
 from fitting.results.diagnostics import Finding
 from fitting.results.result import Alternative, ErrorModel, Estimate, Fit
 from fitting.samples.parameters import value_and_slope
+from fitting.searching.film_starts import films_of, phase_rates, thickness_um
 from fitting.searching.minima import SAME_CHI2, Around, Minimum, minima, scatter_of
 from fitting.searching.search import End, Solving
 from fitting.searching.starts import STAGE, Ends, best_of, joined
-from fitting.searching.without_fringes import without_fringes
+from fitting.searching.without_fringes import Fringeless, without_fringes
 from fitting.uncertainty.intervals import QUADRATIC, Intervals, intervals
 from fitting.uncertainty.likelihood import criteria
 from fitting.uncertainty.spline_errors import errors_of_curves, with_errors_of_curves
@@ -145,6 +146,18 @@ def _rounding(fit: Solving, noise: float) -> float:
     return 1e-27 * fit.squares / noise**2
 
 
+def _has_fringes(fit: Solving, plain: Fringeless, y: np.ndarray) -> bool:
+    """Whether the film of less than a fringe has half as many as the film at y (p,), or more.
+
+    It is less than a fringe with the index of that film; with a higher one of its own it may be
+    another solution with the same fringes.
+    """
+    film, both = films_of(fit.u.spec, fit.u.moving)[0], np.stack([plain.ends.y[:, 0], y], 1)
+    spread = np.ptp(phase_rates(fit, film, both)[:, fit.seen.measured], axis=1)
+    own, shown = (spread * thickness_um(fit, film, both)).tolist()
+    return own >= max(1.0, 0.5 * shown)
+
+
 def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
     """Return the result of a fit from the points (p, L) at which its starts ended."""
     u, scaled = fit.u, fit.asked.scaled
@@ -199,7 +212,8 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
         Found(
             end=end, known=ranges[0], others=others, reached=found[0].reached if found else 0,
             lower=lower, failed=failed,
-            fringeless=plain and (plain, (plain.cost - end.cost) / scatter),
+            fringeless=None if plain is None or _has_fringes(fit, plain, end.y)
+            else (plain, (plain.cost - end.cost) / scatter),
         ),
     )  # fmt: skip
 
