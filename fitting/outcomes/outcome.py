@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fitting.outcomes.curvature import by_curvature
 from fitting.outcomes.findings import Found, Subject, findings
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.unknowns import Unknowns
@@ -19,7 +20,7 @@ from fitting.searching.minima import SAME_CHI2, Around, Minimum, minima, scatter
 from fitting.searching.search import End, Solving
 from fitting.searching.starts import STAGE, Ends, best_of, joined
 from fitting.searching.without_fringes import Fringeless, without_fringes
-from fitting.uncertainty.intervals import QUADRATIC, Intervals, intervals
+from fitting.uncertainty.intervals import PROFILE, QUADRATIC, Intervals, intervals
 from fitting.uncertainty.likelihood import criteria
 from fitting.uncertainty.spline_errors import errors_of_curves, with_errors_of_curves
 
@@ -191,6 +192,10 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
     every = [end] + [look(m.lane) for m in found[1:]]
     wanted = QUADRATIC if failed else fit.asked.intervals
     ranges = _intervals(fit, every, noise, wanted, plain is not None)
+    if end.known.unseen.size and wanted != QUADRATIC:
+        curved = _intervals(fit, [end], noise, PROFILE, False)[0]
+        if (seen := by_curvature(fit, end, curved, noise)) is not None:
+            end, every[0], ranges[0] = seen, seen, curved
     least, place = ranges[0].lowest
     lower = 0.0
     # The minimum that is shown need not be the lowest one.
