@@ -138,6 +138,8 @@ def _shared(
     if few is not job:
         job.lanes = FOLLOWED
     ends, noise = _searched_once(job, few, points)
+    # those tried beside the lowest minima are starting points, too
+    job.starts += max(len(ends.cost) - min(job.starts, LANES), 0)
     return fit_of(job, ends, noise, Subject(sample, concatenate(*measurements)))
 
 

@@ -10,6 +10,7 @@ from fitting.output.estimates import beside, k_text, value_text
 from fitting.output.numbers import agree, interval_text, size_text, with_error
 from fitting.process.visible import visible
 from fitting.results.result import Estimate
+from fitting.results.wording import poorly_determined
 
 
 @pytest.mark.parametrize(
@@ -131,3 +132,8 @@ def test_control_characters_are_escaped():
 def test_plain_data_of_every_kind():
     given = {"a": np.float64("nan"), "b": (np.int64(3), math.inf), "c": np.array([[1.0, np.nan]])}
     assert plain(given) == {"a": None, "b": [3, None], "c": [[1.0, None]]}
+
+
+def test_a_share_above_1_is_told_without_a_power_of_ten():
+    told = poorly_determined({"parameters": ("A", "B"), "shares": (0.753, 1.17)})
+    assert told.endswith("of the value of A (75 %) and B (120 %).")

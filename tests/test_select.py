@@ -126,6 +126,16 @@ def test_more_oscillators_are_tried_where_nothing_so_far_describes_the_data(monk
     assert "drude-lorentz:3" in calls
 
 
+def test_an_urbach_tail_is_tried_with_the_third_term_of_cauchy(monkeypatch, spectrum):
+    """As a photoresist has one; no other model but this one describes such data."""
+    bics = {"cauchy-urbach:2": 500.0, "cauchy-urbach:3": 0.0}
+    calls = made_up(monkeypatch, spectrum, bics, {"cauchy-urbach:2": 0.05})
+    assert select.choose(spectrum, instrument=False).taken.label == "cauchy-urbach:3"
+    calls = made_up(monkeypatch, spectrum, {"cauchy-urbach:2": 500.0})
+    select.choose(spectrum, instrument=False)
+    assert "cauchy-urbach:3" not in calls
+
+
 @pytest.mark.parametrize(("wave", "wanted"), [(0.0, True), (2e-3, False)])
 def test_without_errors_what_is_left_must_look_like_noise(spectrum, wave, wanted):
     rng = np.random.default_rng(0)

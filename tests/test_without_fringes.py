@@ -74,3 +74,26 @@ def test_weak_fringes_are_fringes():
 def test_a_range_that_excludes_films_without_fringes():
     found = fit(_measured(9.0, 4), "air | cauchy:2 4000..20000 nm | BK7")
     assert "fringes_in_noise" not in {w.code for w in found.warnings}
+
+
+def _oxide():
+    """300 nm of silica on silicon: R from .09 to .44, with errors of .002."""
+    wave = np.linspace(0.4, 0.9, 60)
+    clean = simulate("air | SiO2 300 nm | Si", {}, 0.0, wave, "R")
+    noisy = clean + 2e-3 * np.random.default_rng(1).standard_normal(len(wave))
+    return Measurement.from_columns(0.0, wave, R=noisy)
+
+
+def test_a_thinner_film_of_higher_index_has_the_same_fringes():
+    """162 nm of index 2.65 are less than a fringe with the index 1.46 only, not with their own."""
+    found = fit(_oxide(), "air | cauchy 50..1000 nm | Si")
+    codes = {w.code for w in found.warnings}
+    assert "fringes_in_noise" not in codes
+    assert "other_minima" in codes
+    assert _holds(found, 300.0)
+
+
+def test_no_more_starts_reach_a_minimum_than_there_are():
+    """Also where all starts do, and those that were tried beside the minimum."""
+    found = fit(_oxide(), "air | 1.45 100..500 nm | Si")
+    assert 0 < found.reached <= found.starts

@@ -236,6 +236,8 @@ def _stages(search: _Search, wavelengths: int) -> None:
     best = search.best()
     if wavelengths < 6 or best.enough or not (_absorbs(best) or not explains(best.fit)):
         return
+    if wavelengths >= 8 and best.key.model == "cauchy-urbach:2" and not explains(best.fit):
+        search.attempt(Key("cauchy-urbach:3"))
 
     def grown(terms: int) -> list[Key]:
         return [

@@ -10,6 +10,7 @@ import numpy as np
 from fitting.measurements.measurement import Measurement
 from fitting.measurements.quantities import are_powers
 from fitting.optics.instrument import INSTRUMENT
+from fitting.outcomes.curvature import without_slope
 from fitting.outcomes.normal_dispersion import rising_indices
 from fitting.problem.evaluation import at_data
 from fitting.problem.unknowns import Unknowns
@@ -157,13 +158,21 @@ def _not_quadratic(known: Mapping[str, Estimate], quadratic: np.ndarray) -> list
     return [_finding("not_quadratic", parameters=tuple(bent), intervals=own, by_sigma=by_sigma)]
 
 
+def _error(e: Estimate) -> float:
+    """Return the standard error, or a quarter of an interval by profile if that is less."""
+    low, high = e.interval
+    return min(e.sigma, 0.25 * (high - low)) if e.interval_kind == PROFILE else e.sigma
+
+
 def _open_and_poor(known: Mapping[str, Estimate]) -> Iterator[Finding]:
+    if bent := without_slope(known):
+        yield _finding("no_slope", parameters=bent)
     unlimited = tuple(n for n, e in known.items() if np.isinf(e.interval).any())
     if unlimited:
         yield _finding("open_interval", parameters=unlimited)
     vague = {
-        n: e.sigma / abs(e.value) if e.value else np.inf for n, e in known.items()
-        if e.sigma > VAGUE * abs(e.value)
+        n: _error(e) / abs(e.value) if e.value else np.inf for n, e in known.items()
+        if _error(e) > VAGUE * abs(e.value)
         and _bare(n) not in _MAY_VANISH and not np.isfinite(e.upper_limit)
     }  # fmt: skip
     if vague:

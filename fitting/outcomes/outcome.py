@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fitting.outcomes.curvature import by_curvature
 from fitting.outcomes.findings import Found, Subject, findings
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.unknowns import Unknowns
@@ -17,8 +18,8 @@ from fitting.samples.parameters import value_and_slope
 from fitting.searching.minima import SAME_CHI2, Around, Minimum, minima, scatter_of
 from fitting.searching.search import End, Solving
 from fitting.searching.starts import STAGE, Ends, best_of, joined
-from fitting.searching.without_fringes import has_fringes, without_fringes
-from fitting.uncertainty.intervals import QUADRATIC, Intervals, intervals
+from fitting.searching.without_fringes import fringes_of, without_fringes
+from fitting.uncertainty.intervals import PROFILE, QUADRATIC, Intervals, intervals
 from fitting.uncertainty.likelihood import criteria
 from fitting.uncertainty.spline_errors import errors_of_curves, with_errors_of_curves
 
@@ -167,16 +168,23 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
         found = _minima(fit, ends, look, noise, scatter, most)
         if plain.ends.cost[0] - end.cost > most:
             found.append(Minimum(len(ends.cost) - 1, 1))
-        # The lowest without them is shown, the others follow by their chi2.
-        first = next((m for m in found if not has_fringes(fit, look(m.lane).y)), found[0])
-        found.sort(key=lambda m: m is not first)
-        lane, lowest = first.lane, end
-        end = fit.look_at(ends.y[:, lane], noise)
-        rise = (max(plain.cost, end.cost) - lowest.cost) / scatter
-        fringeless = plain.told(fit, end.y, lowest.y, rise)
+        # Less than a fringe with the index of the lowest minimum; with a higher one of its own it
+        # may have the same fringes.
+        if fringes_of(fit, plain.ends.y[:, 0]) < max(1.0, 0.5 * fringes_of(fit, end.y)):
+            # The lowest without them is shown, the others follow by their chi2.
+            first = next((m for m in found if fringes_of(fit, look(m.lane).y) < 1.0), found[0])
+            found.sort(key=lambda m: m is not first)
+            lane, lowest = first.lane, end
+            end = fit.look_at(ends.y[:, lane], noise)
+            rise = (max(plain.cost, end.cost) - lowest.cost) / scatter
+            fringeless = plain.told(fit, end.y, lowest.y, rise)
     every = [end] + [look(m.lane) for m in found[1:]]
     wanted = QUADRATIC if failed else fit.asked.intervals
     ranges = _intervals(fit, every, noise, wanted)
+    if end.known.unseen.size and wanted != QUADRATIC:
+        curved = _intervals(fit, [end], noise, PROFILE)[0]
+        if (seen := by_curvature(fit, end, curved, noise)) is not None:
+            end, every[0], ranges[0] = seen, seen, curved
     least, place = ranges[0].lowest
     lower = 0.0
     # The minimum that is shown need not be the lowest one.
@@ -197,8 +205,7 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
         fit, of, noise, int(ends.evaluations[lane]),
         Found(
             end=end, known=ranges[0], others=others, reached=found[0].reached if found else 0,
-            lower=lower, failed=failed,
-            fringeless=fringeless,
+            lower=lower, failed=failed, fringeless=fringeless,
         ),
     )  # fmt: skip
 

@@ -68,6 +68,12 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
     ),
     "compatible_with_zero": wording.compatible_with_zero,
     "at_bound": wording.at_bound,
+    "no_slope": lambda v: (
+        f"{wording.listed(v['parameters'])} {'have' if len(v['parameters']) > 1 else 'has'} no "
+        "standard error: at these values the fitted curve changes only with the square of a "
+        "change, as the reflectance of an antireflection coating does at its best index. The 95 % "
+        "intervals (profile likelihood) hold."
+    ),
     "not_quadratic": wording.not_quadratic,
     "open_interval": lambda v: (
         f"the 95 % interval of {wording.listed(v['parameters'])} is unlimited on one "

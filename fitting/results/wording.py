@@ -186,9 +186,13 @@ def correlated(v: Mapping[str, Any]) -> str:
     return f"{text}{more}: their combination is known far better than either."
 
 
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %" if share < 0.995 else f"{100.0 * float(f'{share:.2g}'):.0f} %"
+
+
 def poorly_determined(v: Mapping[str, Any]) -> str:
     pairs = zip(v["parameters"], v["shares"], strict=True)
-    each = listed(f"{name} ({100.0 * share:.2g} %)" for name, share in pairs)
+    each = listed(f"{name} ({_percent(share)})" for name, share in pairs)
     return f"poorly determined: the standard error is a large part of the value of {each}."
 
 

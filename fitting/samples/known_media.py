@@ -11,6 +11,7 @@ interface                                from the medium before to the one behin
 
 from __future__ import annotations
 
+import difflib
 import functools
 import re
 from collections.abc import Sequence
@@ -107,13 +108,30 @@ def known_medium(which: Known) -> Material:
         return read_material(which.path) if isinstance(which, MaterialFile) else material(which)
 
 
+def _reason(text: str, error: ValueError) -> str:
+    """Return why a text names no material: a slip that is easily seen, or the error itself."""
+    if re.match(r"\d+,\d", text):
+        return "numbers are written with a decimal point"
+    if re.search(r"\d\s*(to|-|\+-)$", text):
+        return "a range of thickness is written with two dots, '50..500 nm'"
+    if " / " in text:
+        return "media are separated by |, as in 'air | cauchy 110 nm | Si'"
+    word = re.sub(r"[\s_]+", "-", text.partition(":")[0].strip().lower())
+    if near := difflib.get_close_matches(word, KINDS, 1):
+        return f"the dispersion model with a similar name is {near[0]!r}"
+    return str(error)
+
+
 def named(text: str) -> Known:
     """Return the material or file that a text names; ValueError for an unknown name."""
     if is_material_file(text):
         read_material(text)
         path = Path(text).resolve()
         return MaterialFile(str(path), path.stat().st_mtime_ns)
-    return materials.lookup(text).name
+    try:
+        return materials.lookup(text).name
+    except ValueError as error:
+        raise ValueError(_reason(text, error)) from None
 
 
 def is_mixture(text: str) -> bool:

@@ -247,7 +247,7 @@ def _layer(text: str) -> Medium:
         raise ValueError(
             f"the layer {text!r} has no thickness; write it after the index, with its unit "
             f"({', '.join(dict.fromkeys(u for u in UNITS if u.isascii()))}), for example "
-            "'cauchy 110 nm', 'SiO2 100..150 nm' or 'cauchy 3 mm thick'."
+            "'cauchy 110 nm', with a range 'SiO2 100..150 nm', or 'cauchy 3 mm thick'."
         )
     words = found["words"].split()
     strange = [w for w in words if w not in ("thick", "held", "graded")]

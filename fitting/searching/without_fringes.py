@@ -51,7 +51,7 @@ class Fringeless(NamedTuple):
         shown, lowest: (p,) the solution that is shown, and that of the lowest chi2. rise: by how
         much chi2 is higher without fringes.
         """
-        plain = not has_fringes(fit, shown)
+        plain = fringes_of(fit, shown) < _FRINGES
         film = films_of(fit.u.spec, fit.u.moving)[0]
         at = 1e3 * thickness_um(fit, film, np.stack([shown, lowest], 1))
         return {
@@ -71,10 +71,10 @@ def gain_by_chance(count: float) -> float:
     return float(2.0 * many + np.log(many))
 
 
-def has_fringes(fit: Solving, y: np.ndarray) -> bool:
-    """Whether the film that may be thickest has a fringe or more at y (p,)."""
+def fringes_of(fit: Solving, y: np.ndarray) -> float:
+    """Return how many fringes the film that may be thickest has in the data, at y (p,)."""
     film = films_of(fit.u.spec, fit.u.moving)[0]
-    return bool(thickness_um(fit, film, y[:, None])[0] * _spread(fit, film, y) >= _FRINGES)
+    return float(thickness_um(fit, film, y[:, None])[0]) * _spread(fit, film, y)
 
 
 def _spread(fit: Solving, film: Film, y: np.ndarray) -> float:
@@ -89,7 +89,7 @@ def without_fringes(fit: Solving, y: np.ndarray, noise: float) -> Fringeless | N
         return None
     film, unknown = films[0], fit.u.moving[films[0].row]
     spread = _spread(fit, film, y)
-    if not has_fringes(fit, y) or 1e-3 * unknown.low * spread >= _FRINGES:
+    if fringes_of(fit, y) < _FRINGES or 1e-3 * unknown.low * spread >= _FRINGES:
         return None
     most = _FRINGES / spread
     start = np.append(starts(fit.u.moving, LANES - 1, fit.asked.seed), y[:, None], 1)

@@ -72,7 +72,8 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
         advice = (
             "A table of R, R_s, R_p, T, psi or delta over the angle of incidence or the "
             "wavelength was wanted, powers as fractions of the incident light. If a column holds "
-            "one of these under another name, say which with --columns."
+            "one of these under another name, say which with --columns. A raw signal is read as R "
+            "or T in this way, if --divide-by names the scan of the direct beam or a reference."
         )
     _refuse(table, f"{came} ({listed}). {advice}")
 

@@ -1,0 +1,60 @@
+"""Parameters that the data determine though the fitted curve does not change with them at first.
+
+The reflectance of an antireflection coating is least at the best index, and changes with the square
+of what is off. Noise that asks for less than that ends there in half of all measurements: the
+derivative is 0, as where the data say nothing, but the profile likelihood has ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fitting.results.result import FITTED, PROFILE, Estimate
+from fitting.searching.search import End, Solving
+from fitting.searching.starts import STAGE
+from fitting.uncertainty.intervals import Intervals
+
+# Half way to the end of an interval chi2 rises by 1/4 of its rise there if it is a square, by 1/16
+# if it is a fourth power; along a valley of equal chi2, which may be closed, by nothing.
+_RISES = 0.02
+
+
+def by_curvature(fit: Solving, end: End, found: Intervals, noise: float) -> End | None:
+    """Return a minimum whose unseen parameters have intervals, as one without any; else None.
+
+    found: the intervals at this minimum, all by profile. The parameters have no standard errors.
+    """
+    unseen, free = np.flatnonzero(end.known.unseen_of), np.flatnonzero(fit.u.free)
+    ends, limits = found.ends[unseen], [(w.low, w.high) for w in fit.u.moving]
+    low, high = np.array(limits)[unseen].T
+    if any(found.kind[j] != PROFILE for j in unseen) or len(found.inside) != 2 * len(free):
+        return None
+    if not ((low < ends[:, 0]) & (ends[:, 1] < high)).all():
+        return None
+    lanes = [2 * int(np.searchsorted(free, j)) + side for j in unseen for side in (0, 1)]
+    half = 0.5 * (end.y + found.inside[lanes]).T
+    held = [np.repeat(bound[:, None], len(lanes), 1) for bound in fit.limits]
+    here = np.repeat(unseen, 2), np.arange(len(lanes))
+    for bound in held:
+        bound[here] = half[here]
+    rise = fit.held(half, noise, STAGE, (held[0], held[1])).cost - end.cost
+    if not (rise > _RISES * found.t**2 * end.known.rise).all():
+        return None
+    covariance = end.known.covariance.copy()
+    covariance[unseen] = covariance[:, unseen] = np.nan
+    known = end.known._replace(
+        covariance=covariance, unseen=end.known.unseen[:, :0],
+        unseen_of=np.zeros_like(end.known.unseen_of),
+    )  # fmt: skip
+    return end._replace(known=known)
+
+
+def without_slope(known: Mapping[str, Estimate]) -> tuple[str, ...]:
+    """Return the parameters that have an interval, and no standard error, by `by_curvature`."""
+    return tuple(
+        n for n, e in known.items()
+        if np.isnan(e.sigma) and e.status == FITTED and e.interval_kind == PROFILE
+        and not np.isfinite(e.upper_limit)
+    )  # fmt: skip
