@@ -6,26 +6,12 @@ after XLA has fused the loop (tests/test_arithmetic.py compares them with ration
 jit), because XLA does not reassociate floating-point sums; but see `opaque` for constants.
 """
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+
 # A complex number in real arithmetic: (re, im), where im None means exactly real.
-Complex = tuple[Array, Any]
-
-
-def opaque(x: Array) -> Array:
-    """x itself, but never a compile-time constant.
-
-    XLA rewrites (x + 1) - 1 as x when both ones are constants, which turns every rounding error
-    below into 0: for an eta closed over by a jitted function T lost all digits near grazing
-    incidence at index match. What enters exact sums and products passes through here first.
-    """
-    return jax.lax.optimization_barrier(x)
-
-
 def two_sum(x: Array, y: Array) -> tuple[Array, Array]:
     """The rounded sum of x and y, and its exact error (Knuth, TAOCP vol. 2, sec. 4.2.2)."""
     total = x + y
@@ -86,30 +72,6 @@ def reciprocal_or_zero(x: Array) -> Array:
     """1 / x, and 0 (with derivative 0) where x is 0."""
     zero = x == 0.0
     return jnp.where(zero, 0.0, 1.0 / jnp.where(zero, 1.0, x))
-
-
-def times(z: Complex, w: Complex) -> Complex:
-    """The product of two complex numbers."""
-    (a, b), (c, d) = z, w
-    if b is None:
-        return a * c, None if d is None else a * d
-    if d is None:
-        return a * c, b * c
-    return a * c - b * d, a * d + b * c
-
-
-def conjugate_times(z: Complex, w: Complex) -> Complex:
-    """conj(z) w, of two that are both real or neither."""
-    (a, b), (c, d) = z, w
-    if b is None:
-        return a * c, None
-    return a * c + b * d, a * d - b * c
-
-
-def squared_modulus(z: Complex) -> Array:
-    """|z|^2 of a complex number."""
-    re, im = z
-    return re * re if im is None else re * re + im * im
 
 
 @jax.custom_jvp

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ._boundary import computed_once
+from ._compiler import computed_once
 from ._vectors import Vector, add, normalize, once, scale, select
 
 

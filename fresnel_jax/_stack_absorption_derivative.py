@@ -28,7 +28,18 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ._arithmetic import conjugate_times, one_if_zero, reciprocal_or_zero, squared_modulus, times
+from ._arithmetic import one_if_zero, reciprocal_or_zero
+from ._complex import (
+    Pair,
+    choose,
+    conjugate_times,
+    inverse,
+    minus,
+    plus,
+    scaled,
+    squared_modulus,
+    times,
+)
 from ._stack_absorption import (
     Along,
     Thin,
@@ -40,10 +51,9 @@ from ._stack_absorption import (
     product_in_thin,
 )
 from ._stack_coefficients import Change, Layers, of_r
-from ._stack_coherent import ZERO, crossed, inverse, minus, plus, scaled
+from ._stack_coherent import ZERO, crossed
 from ._stack_fields import over_layers
 from ._stack_roughness import Change as BoundaryChange
-from ._stack_wave import Pair, choose
 
 
 class Front(NamedTuple):

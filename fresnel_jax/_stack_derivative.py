@@ -22,30 +22,29 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from ._arithmetic import Complex, conjugate_times, times
-from ._boundary import computed_once
+from ._compiler import computed_once
+from ._complex import (
+    Complex,
+    Pair,
+    choose,
+    conjugate_times,
+    inverse,
+    minus,
+    pair,
+    plus,
+    scaled,
+    square,
+    times,
+)
 from ._double_word import DoubleWord
 from ._stack_absorption import is_thin, thin_layer, weights
 from ._stack_absorption_derivative import Front, absorption_derivative
 from ._stack_coefficients import Change, layers_of, of_r, of_through
-from ._stack_coherent import (
-    ONE,
-    ZERO,
-    Ambient,
-    Medium,
-    at,
-    crossed,
-    inverse,
-    minus,
-    normal_squared,
-    plus,
-    scaled,
-    square,
-)
+from ._stack_coherent import ONE, ZERO, Ambient, Medium, at, crossed, normal_squared
 from ._stack_fields import Inside, Solved, over_layers, solve_fields
 from ._stack_roughness import Factors, beneath, change, determinant
 from ._stack_sums import Given, Moved, sums
-from ._stack_wave import Pair, choose, kept
+from ._stack_wave import kept
 
 
 class Light(NamedTuple):
@@ -143,7 +142,7 @@ def _solve_jvp(shape, primals, tangents):
 
     (re, im), (d_re, d_im) = jax.jvp(normal_squared, (layers, front), (d_layers, d_front))
     d_q2 = (d_re[0], None if d_im is None else d_im[0])
-    q2 = (re[0], jnp.zeros_like(re[0]) if im is None else im[0])
+    q2 = pair((re[0], None if im is None else im[0]))
     lossy, d_lossy = jax.jvp(_lossy, (front, layers, x), (d_front, d_layers, d_x))
     kappa, d_kappa = (2.0 * jnp.pi) * x[0], ((2.0 * jnp.pi) * d_x[0], None)
     d_z_far = (d_q_far, plus(times(far.per_g, d_q_far), times(d_far.per_g, q_far)))

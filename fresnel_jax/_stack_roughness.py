@@ -23,14 +23,25 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ._arithmetic import Complex, one_if_zero, squared_modulus, times
-from ._stack_coherent import Fields, at, inverse, minus, plus, scaled
-from ._stack_wave import Pair, choose
+from ._arithmetic import one_if_zero
+from ._complex import (
+    Complex,
+    Pair,
+    choose,
+    inverse,
+    minus,
+    pair,
+    plus,
+    scaled,
+    squared_modulus,
+    times,
+)
+from ._stack_coherent import Fields, at
 
 
 def _exponential_slope(z: Complex) -> Pair:
     """(exp(z) - 1) / z."""
-    re, im = z[0], jnp.zeros_like(z[0]) if z[1] is None else z[1]
+    re, im = pair(z)
     small = re * re + im * im < 0.0625
     near = (jnp.where(small, re, 0.0), jnp.where(small, im, 0.0))
     series = (jnp.ones_like(re), jnp.zeros_like(re))

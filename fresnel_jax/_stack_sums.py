@@ -11,14 +11,13 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array
 
-from ._arithmetic import Complex, conjugate_times, times
-from ._boundary import computed_once
-from ._fence import fenced
+from ._compiler import computed_once, fenced
+from ._complex import Complex, Pair, conjugate_times, minus, plus, scaled, times
 from ._stack_absorption import is_thin
 from ._stack_coefficients import Change, layers_of, of_r, of_through
-from ._stack_coherent import ONE, crossed, minus, plus, scaled
+from ._stack_coherent import ONE, crossed
 from ._stack_fields import over_layers
-from ._stack_wave import Kept, Pair, restored
+from ._stack_wave import Kept, restored
 from ._transposable import transposable
 
 

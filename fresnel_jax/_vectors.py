@@ -16,8 +16,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
 from ._arguments import check_extinction, real
-from ._arithmetic import opaque, sum_exactly, two_product
-from ._boundary import computed_once
+from ._arithmetic import sum_exactly, two_product
+from ._compiler import computed_once, opaque
 
 
 class Vector(NamedTuple):

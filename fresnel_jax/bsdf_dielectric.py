@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._boundary import computed_once
+from ._compiler import computed_once
 from ._facets import Bounce, bounce, half_vector_of, per_length_squared, visible_normal
 from ._scattering import (
     BSDFSample,
