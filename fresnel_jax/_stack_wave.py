@@ -15,7 +15,6 @@ not. Where Q is small, at the layer's own critical angle, f is therefore held co
 occur in the derivatives of C and sigma with respect to Q^2, which stay finite and exact at Q = 0.
 """
 
-import math
 from typing import Any, NamedTuple
 
 import jax
@@ -23,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ._arithmetic import complex_sqrt, fast_two_sum, reciprocal_or_zero
+from ._arithmetic import complex_sqrt, fast_two_sum, reciprocal_or_zero, sine_cosine
 from ._compiler import computed_once
 from ._complex import (
     Pair,
@@ -76,31 +75,6 @@ def _fraction(turns: DoubleWord) -> Array:
     return fraction - jnp.round(fraction)
 
 
-def _taylor(first: int, terms: int) -> tuple[float, ...]:
-    """Of sine (first 1) over its argument or of cosine (first 0), in squares of the argument."""
-    return tuple((-1.0) ** i / math.factorial(2 * i + first) for i in range(terms))
-
-
-def _sine_cosine(fraction: Array) -> Pair:
-    """Sine and cosine of a fraction of a turn between -1/2 and 1/2, by vectorized arithmetic.
-
-    The calls of jnp.sin and jnp.cos took 16 ns a point, an eighth of the time of a layer. The
-    nearest quarter of a turn is subtracted exactly: a half-wave film keeps the digits of its sine.
-    """
-    quarters = jnp.round(4.0 * fraction)
-    angle = (2.0 * jnp.pi) * (fraction - 0.25 * quarters)
-    terms = 9 if fraction.dtype == jnp.float64 else 5
-    near_sine, near_cosine = jnp.zeros_like(angle), jnp.zeros_like(angle)
-    square = angle * angle
-    for s, c in zip(_taylor(1, terms)[::-1], _taylor(0, terms + 1)[:0:-1], strict=True):
-        near_sine, near_cosine = near_sine * square + s, near_cosine * square + c
-    near_sine, near_cosine = angle * near_sine, 1.0 + square * near_cosine
-    odd, behind = jnp.abs(quarters) == 1.0, jnp.abs(quarters) == 2.0
-    sine = jnp.where(odd, quarters * near_cosine, near_sine)
-    cosine = jnp.where(odd, -quarters * near_sine, near_cosine)
-    return jnp.where(behind, -sine, sine), jnp.where(behind, -cosine, cosine)
-
-
 def _two_pi(dtype) -> tuple[float, float]:
     high = float(np.asarray(2.0 * np.pi, dtype))
     # 2 pi less its float64 value; in float32 the float64 value has digits enough.
@@ -125,7 +99,7 @@ def wave(re: DoubleWord, im: DoubleWord | None, x: DoubleWord, ambient2: Array) 
     """
     a, b = root(re, im)
     fraction = computed_once(_fraction(_turns(x, a)))
-    sine, cosine = (computed_once(z) for z in _sine_cosine(fraction))
+    sine, cosine = (computed_once(z) for z in sine_cosine(fraction))
     decay, depth = _decay(_turns(x, b))
     (a, _), (b, _), kappa = a, b, (2.0 * jnp.pi) * x[0]
     q2_abs = a * a + b * b
