@@ -9,8 +9,10 @@ its matrix and a series take their place, both even in Q. Nothing grows with the
 import math
 from typing import Any, NamedTuple
 
+import jax
 from jaxtyping import Array
 
+from ._compiler import computed_once
 from ._complex import Complex, Pair, choose, inverse, minus, plus, scaled, times, times_i
 from ._stack_absorption import is_thin
 from ._stack_coherent import ZERO
@@ -47,6 +49,24 @@ class Change(NamedTuple):
     q2: Complex
     g: Any  # None: it stays as it is
     depth: Complex
+
+
+class Light(NamedTuple):
+    """At some depth: the functional (a, b), the product of all f in front, and D of the boundaries
+    in front."""
+
+    a: Pair
+    b: Pair
+    f: Pair
+    det: Any  # None: all boundaries are smooth
+
+
+def gained(change: Change, moved: Change) -> Pair:
+    """The coefficients times how much each quantity is moved, for every layer."""
+    # Real and imaginary part, and every column of a Jacobian, read them in loops of their own.
+    change = jax.tree.map(computed_once, change)
+    terms = plus(times(change.q2, moved.q2), times(change.depth, moved.depth))
+    return terms if moved.g is None else plus(terms, times(change.g, moved.g))
 
 
 def layers_of(

@@ -37,7 +37,6 @@ class Packet(NamedTuple):
     R: list[Array]
     T: list[Array]
     absorption: tuple[Array, Array]  # leading axis: layers
-    flux_in: tuple[Array, Array]
 
 
 def packet(
@@ -120,4 +119,4 @@ def _packet(solved: Solved, front: Ambient, far: Medium, q_far: Pair, shape) -> 
         T.append(jnp.where(matched, 1.0, _transmitted(gain * flux_out[i], through)))
         lost = solved.absorbed[i]
         absorption.append(jnp.zeros((0, *shape), R[i].dtype) if lost is None else gain * lost)
-    return Packet(list(solved.r), t, R, T, (absorption[0], absorption[1]), flux_in)
+    return Packet(list(solved.r), t, R, T, (absorption[0], absorption[1]))

@@ -61,7 +61,7 @@ class Factors(NamedTuple):
     nu: Pair
 
 
-class Change(NamedTuple):
+class BoundaryChange(NamedTuple):
     """What the changes of a boundary's factors do, in units of the fields beside it."""
 
     log: Pair  # to log(1 / B)
@@ -106,13 +106,13 @@ def determinant(factors: Factors) -> Pair:
     return 1.0 + product[0], product[1]
 
 
-def change(
+def boundary_change(
     factors: Factors, moved: Factors, above: tuple[Pair, Pair], below: tuple[Pair, Pair], per: Pair
-) -> Change:
+) -> BoundaryChange:
     """above: (a, b); below: (u, w); per: 1 / B."""
     (a, b), (u, w) = above, below
     d_mu, d_nu = moved
     log = plus(times(times(a, u), d_mu), times(times(b, w), d_nu))
     sent = minus(plus(d_mu, times(factors.nu, d_mu)), plus(d_nu, times(factors.mu, d_nu)))
     u_w = times(times(u, per), times(w, per))
-    return Change(scaled(-1.0, times(log, per)), times(u_w, sent))
+    return BoundaryChange(scaled(-1.0, times(log, per)), times(u_w, sent))
