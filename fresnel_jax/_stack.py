@@ -82,7 +82,7 @@ def _jit_stack(c, n, k, thickness, wavelength, roughness, coherent, shape):
     return Stack(R_s, R_p, T_s, T_p, r_s, r_p, t_s, t_p, *whole.absorption)
 
 
-def _media(values: Any, name: str, least: int) -> Array:
+def with_leading_axis(values: Any, name: str, least: int) -> Array:
     """An array with the media or layers on its leading axis, from an array or a sequence."""
     for entry in values if isinstance(values, (list, tuple)) else (values,):
         number = real_or_complex(entry, name)
@@ -176,8 +176,8 @@ def stack(
             cosine above 1 or imaginary part of an index below 0, a type that is neither float32
             nor float64, or a `coherent` that is not static.
     """
-    media: Array = _media(index, "index", 2)
-    thickness: Array = _media(thickness_um, "thickness_um", 0)
+    media: Array = with_leading_axis(index, "index", 2)
+    thickness: Array = with_leading_axis(thickness_um, "thickness_um", 0)
     if jnp.iscomplexobj(thickness):
         raise ValueError("thickness_um is complex, a real number is wanted; only index is complex")
     cos_theta_i, wavelength_um = (
@@ -191,7 +191,7 @@ def stack(
             "their leading axes; L layers lie between L + 2 media"
         )
     flags = _coherence(coherent, thickness.shape[0])
-    roughness = None if roughness_um is None else _media(roughness_um, "roughness_um", 1)
+    roughness = None if roughness_um is None else with_leading_axis(roughness_um, "roughness_um", 1)
     if roughness is not None and (roughness.shape[0] != media.shape[0] - 1 or not all(flags)):
         raise ValueError(
             f"roughness_um has {roughness.shape[0]} boundaries on its leading axis; a stack of "

@@ -5,21 +5,16 @@ They are pytrees; `jax.vmap` over their fields or over the cosine and broadcasti
 
 from __future__ import annotations
 
+import functools
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
+from ._stack import with_leading_axis
 from ._vectors import extinction, float_named
 from .interface import reflectance
 from .layers import stack
-
-
-def _stacked(index) -> Array:
-    """One array of a list of media."""
-    if isinstance(index, (list, tuple)):
-        return jnp.stack(jnp.broadcast_arrays(*index))
-    return jnp.asarray(index)
-
 
 __all__ = [
     "FresnelConductor",
@@ -77,7 +72,7 @@ class FresnelStack(eqx.Module):
     Source: `layers.stack`.
     """
 
-    index: Array = eqx.field(converter=_stacked)
+    index: Array = eqx.field(converter=functools.partial(with_leading_axis, name="index", least=2))
     thickness_um: Array = eqx.field(converter=float_named("thickness_um"))
     wavelength_um: Array = eqx.field(converter=float_named("wavelength_um"))
 
