@@ -69,6 +69,7 @@ class FresnelStack(eqx.Module):
     layers, each on its leading axis, and `wavelength_um`. What follows the leading axes broadcasts
     with the cosine, so that a colour of three or a spectrum of many wavelengths takes part in the
     axes of the model as any other field does. Accuracy and derivatives as `layers.stack`.
+    ValueError, as that raises it, for an index that it refuses.
     Source: `layers.stack`.
     """
 
