@@ -8,7 +8,7 @@ first used: `approximate`, `bsdf`, `directions`, `dispersion`, `effective_medium
 import importlib
 from typing import Any
 
-from ._fence import fenced
+from ._compiler import fenced
 from .directions import faceforward, reflect, refract
 from .interface import (
     Amplitudes,

@@ -16,8 +16,8 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from ._arithmetic import reciprocal_or_zero, squared_modulus, times
 from ._boundary import Boundary, boundary, unsigned, within_one
+from ._complex import inverse, plus, scaled, squared_modulus, times
 
 
 @jax.custom_jvp
@@ -26,18 +26,12 @@ def amplitudes_kernel(c, n, k, m):
     return _amplitudes(boundary(within_one(c), n, k, m), n, k, m)
 
 
-def _inverses(q: Boundary):
-    return tuple(
-        times((z[0], -z[1]), (reciprocal_or_zero(squared_modulus(z)), None)) for z in (q.s, q.x)
-    )
-
-
 def _contrast(q: Boundary, k):
     return times((q.difference, k), (q.total, k))
 
 
 def _amplitudes(q: Boundary, n, k, m):
-    per_s, per_x = _inverses(q)
+    per_s, per_x = inverse(q.s), inverse(q.x)
     m2 = (m * m, None)
     minus_r_s = times(times(_contrast(q, k), per_s), per_s)
     r_p = times(minus_r_s, times(times(times(q.y, m2), per_x), per_x))
@@ -55,19 +49,15 @@ def _amplitudes_jvp(primals, tangents):
     dc, dn, dk, dm = tangents
     q = boundary(c, n, k, m)
     r_s, r_p, t_s, t_p = _amplitudes(q, n, k, m)
-    per_s, per_x = _inverses(q)
-    a, b = q.q
-    per_q2 = reciprocal_or_zero(squared_modulus(q.q))
-    per_q = (a * per_q2, -b * per_q2)
-    contrast = _contrast(q, k)
-    s_squared = (1.0 - c) * (1.0 + c)
-    z = (q.y[0] + s_squared * contrast[0], q.y[1] + s_squared * contrast[1])
+    per_s, per_x = inverse(q.s), inverse(q.x)
+    per_q = inverse(q.q)
+    z = plus(q.y, scaled((1.0 - c) * (1.0 + c), _contrast(q, k)))
     m_over_x = times((m, None), per_x)
     index = (n, k)
 
     # By t_s and r_s: Q S^2 alone would leave float32's range, for matched media at cos = 1e-12
     of_r_s, of_t_s = ((lax.real(z), lax.imag(z)) for z in (r_s, t_s))
-    s_dn = times(times(index, times(of_t_s, per_q)), (-per_s[0], -per_s[1]))
+    s_dn = times(times(index, times(of_t_s, per_q)), scaled(-1.0, per_s))
     s_dc = times(times((-2.0 * m, None), of_r_s), per_q)
     # m^2 Z / X^2 and m^2 N^2 / X^2 are formed first: N^2 X^-2 alone would leave float32's range
     p_dn = times(s_dn, times(times(z, m_over_x), m_over_x))

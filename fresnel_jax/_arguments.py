@@ -28,15 +28,7 @@ def structure(cos_theta_i, eta, k, eta_i):
         real_or_complex(x, name)
         for x, name in ((cos_theta_i, "cos_theta_i"), (eta, "eta"), (k, "k"), (eta_i, "eta_i"))
     )
-    shapes = [jnp.shape(x) for x in (cos_theta_i, eta, k, eta_i)]
-    try:
-        jnp.broadcast_shapes(*shapes)
-    except ValueError:
-        raise ValueError(
-            "the shapes of cos_theta_i, eta, k and eta_i, "
-            f"{', '.join(map(str, shapes))}, do not broadcast to one shape; "
-            "add axes of length 1 so that they do, e.g. eta[:, None]"
-        ) from None
+    broadcast_shape(cos_theta_i=cos_theta_i, eta=eta, k=k, eta_i=eta_i)
     if jnp.iscomplexobj(eta):
         if not is_exactly(k, 0):
             raise ValueError("a complex eta already contains k; leave the argument k out")
@@ -55,6 +47,23 @@ def structure(cos_theta_i, eta, k, eta_i):
     k = None if is_exactly(k, 0) else k
     eta_i = None if is_exactly(eta_i, 1) else eta_i
     return cos_theta_i, eta, k, eta_i
+
+
+def broadcast_shape(**arguments) -> tuple[int, ...]:
+    """The shape that the arguments broadcast to; ValueError, with their names, if there is none.
+
+    None has the shape (). A tuple is the shape itself, for an array of which it is a part.
+    """
+    shapes = [x if type(x) is tuple else np.shape(x) for x in arguments.values()]
+    try:
+        return jnp.broadcast_shapes(*shapes)
+    except ValueError:
+        *names, last = arguments
+        raise ValueError(
+            f"the shapes of {', '.join(names)} and {last}, {', '.join(map(str, shapes))}, "
+            "do not broadcast to one shape; add axes of length 1 so that they do, "
+            "e.g. eta[:, None]"
+        ) from None
 
 
 def is_exactly(value, number: int) -> bool:
@@ -169,13 +178,16 @@ def real(value, name: str) -> Any:
 
 def named_floats(**arguments) -> tuple[Array, ...]:
     """The arguments as arrays of one floating-point type; wrong ones are refused by their name."""
-    taken = [real(value, name) for name, value in arguments.items()]
-    dtype = jnp.result_type(*taken, 1.0)
-    return tuple(jnp.asarray(x, dtype) for x in taken)
+    return as_floats(*(real(value, name) for name, value in arguments.items()))
 
 
-def as_floats(cos_theta_i, eta, k, eta_i) -> tuple[Any, ...]:
+def as_floats(*arguments) -> tuple[Any, ...]:
     """The arguments as arrays of one floating-point type; None stays None."""
-    given = [x for x in (cos_theta_i, eta, k, eta_i) if x is not None]
-    dtype = jnp.result_type(*given, 1.0)
-    return tuple(None if x is None else jnp.asarray(x, dtype) for x in (cos_theta_i, eta, k, eta_i))
+    dtype = jnp.result_type(*(x for x in arguments if x is not None), 1.0)
+    return tuple(None if x is None else jnp.asarray(x, dtype) for x in arguments)
+
+
+def all_floats(cos_theta_i, eta, k, eta_i) -> tuple[Array, ...]:
+    """`as_floats` with arrays of 0 for a k, and of 1 for an eta_i, that is None."""
+    c, n, k, m = as_floats(cos_theta_i, eta, k, eta_i)
+    return c, n, jnp.zeros_like(n) if k is None else k, jnp.ones_like(n) if m is None else m

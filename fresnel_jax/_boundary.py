@@ -20,16 +20,16 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ._arithmetic import (
-    Complex,
     complex_sqrt,
     fast_two_sum,
     modulus,
-    opaque,
     real_sqrt,
     sum_exactly,
     two_product,
     two_square,
 )
+from ._compiler import computed_once, opaque
+from ._complex import Complex
 
 
 class Boundary(NamedTuple):
@@ -172,14 +172,3 @@ def doubled_re_q2(c: Array, n: Array, m: Array | None) -> Array:
     minus_ms2, lost = fast_two_sum(jnp.where(near_normal, 0.0, -m2), product)
     low = (n2_low - jnp.where(near_normal, 0.0, m2_low)) + product_low + lost
     return (minus_ms2 + n2) + low
-
-
-def computed_once(x: Array) -> Array:
-    """x, divided by a one that the compiler cannot see through.
-
-    XLA's CPU compiler has no loops with several outputs: it fuses a cheap producer into the loop of
-    every consumer, so that R, dR/dn and dR/dk would each repeat all exact sums (measured: 996
-    instructions a point instead of 476). Only divisions and roots are never repeated, and an
-    optimization barrier is gone before fusion. A division by one is exact.
-    """
-    return x / jnp.where(x == x, 1.0, 2.0)

@@ -6,12 +6,15 @@ error bounds for basic building blocks of double-word arithmetic, doi:10.1145/31
 derivatives are those of the rounded values; `low` is a constant for all of them.
 """
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from . import _arithmetic
-from ._arithmetic import fast_two_sum, one_if_zero, opaque, two_sum
+from ._arithmetic import fast_two_sum, one_if_zero, two_sum
+from ._compiler import opaque
 
 DoubleWord = tuple[Array, Array]
 
@@ -58,85 +61,55 @@ def negative(x: DoubleWord) -> DoubleWord:
     return -x[0], -x[1]
 
 
-@jax.custom_jvp
+def _derivative_of(rounded: Callable[..., Array]):
+    """The decorator of a function whose derivative is that of its rounded value."""
+
+    def decorate(function):
+        function = jax.custom_jvp(function)
+
+        @function.defjvp
+        def jvp(primals, tangents):
+            high, low = function(*primals)
+            _, d_high = jax.jvp(rounded, primals, tangents)
+            return (high, low), (jnp.broadcast_to(d_high, high.shape), jnp.zeros_like(low))
+
+        return function
+
+    return decorate
+
+
+@_derivative_of(lambda x, y: x[0] + y[0])
 def total(x: DoubleWord, y: DoubleWord) -> DoubleWord:
     """x + y."""
     return add(x, y)
 
 
-@total.defjvp
-def _total_jvp(primals, tangents):
-    (x, _), (y, _) = tangents
-    value = total(*primals)
-    return value, (jnp.broadcast_to(x + y, value[0].shape), jnp.zeros_like(value[1]))
-
-
-@jax.custom_jvp
-def squared(c: Array) -> DoubleWord:
-    """c^2 of a float."""
-    return two_square(opaque(c))
-
-
-@squared.defjvp
-def _squared_jvp(primals, tangents):
-    value = squared(*primals)
-    return value, (2.0 * primals[0] * tangents[0], jnp.zeros_like(value[1]))
-
-
-@jax.custom_jvp
+@_derivative_of(lambda m, c: (m * c) * (m * c))
 def product_squared(m: Array, c: Array) -> DoubleWord:
     """(m c)^2 of two floats."""
     return square(two_product(opaque(m), opaque(c)))
 
 
-@product_squared.defjvp
-def _product_squared_jvp(primals, tangents):
-    (m, c), (dm, dc) = primals, tangents
-    value = product_squared(m, c)
-    return value, (2.0 * (m * c) * (m * dc + c * dm), jnp.zeros_like(value[1]))
-
-
-@jax.custom_jvp
+@_derivative_of(lambda x, y: x * x - y * y)
 def difference_of_squares(x: Array, y: Array) -> DoubleWord:
     """x^2 - y^2 of two floats, to twice their digits also where they nearly agree."""
     x, y = opaque(x), opaque(y)
     return multiply(two_sum(x, -y), two_sum(x, y))
 
 
-@difference_of_squares.defjvp
-def _difference_of_squares_jvp(primals, tangents):
-    (x, y), (dx, dy) = primals, tangents
-    value = difference_of_squares(x, y)
-    return value, (2.0 * (x * dx - y * dy), jnp.zeros_like(value[1]))
-
-
-@jax.custom_jvp
+@_derivative_of(lambda x, y: 2.0 * (x * y))
 def twice_product(x: Array, y: Array) -> DoubleWord:
     """2 x y of two floats."""
     return two_product(2.0 * opaque(x), opaque(y))
 
 
-@twice_product.defjvp
-def _twice_product_jvp(primals, tangents):
-    (x, y), (dx, dy) = primals, tangents
-    value = twice_product(x, y)
-    return value, (2.0 * (x * dy + y * dx), jnp.zeros_like(value[1]))
-
-
-@jax.custom_jvp
+@_derivative_of(lambda x, y: x / y)
 def ratio(x: Array, y: Array) -> DoubleWord:
     """x / y of two floats."""
     x, y = opaque(x), opaque(y)
     quotient = x / y
     product, error = two_product(quotient, y)
     return fast_two_sum(quotient, ((x - product) - error) / y)
-
-
-@ratio.defjvp
-def _ratio_jvp(primals, tangents):
-    (_, y), (dx, dy) = primals, tangents
-    value = ratio(*primals)
-    return value, ((dx - value[0] * dy) / y, jnp.zeros_like(value[1]))
 
 
 def root_of_real(q2: DoubleWord) -> tuple[DoubleWord, DoubleWord]:

@@ -13,13 +13,13 @@ out of the weight. Refraction multiplies the first by 4 eta_o^2 |w_o . m| |w_i .
 second by 4 eta_i^2 |w_o . m| |w_i . m| / |H|^2, with H = eta_o w_o + eta_i w_i.
 """
 
-import math
 from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ._boundary import computed_once
+from ._arithmetic import one_if_zero, positive_sqrt, sine_cosine
+from ._compiler import computed_once
 from ._vectors import Vector, add, normalize, once, scale, select
 
 
@@ -49,30 +49,6 @@ def normal_density(alphas: Alphas, m: Vector) -> Array:
     return 1.0 / (jnp.pi * alphas.x * alphas.y * root * root)
 
 
-def unit_circle(u: Array) -> tuple[Array, Array]:
-    """cos(2 pi u) and sin(2 pi u) for u in [0, 1], to .8 eps.
-
-    Taylor's series to the eighth of a turn around each quarter, which u is reduced to exactly.
-    XLA's own pair, whose argument 2 pi u is rounded before, has 3.5 eps and cost two thirds of a
-    visible normal: 22 ms for a million in float32, this 0.6.
-    """
-    terms = 6 if jnp.finfo(u.dtype).bits == 32 else 9
-    quarter = jnp.round(4.0 * u)
-    x = (2.0 * jnp.pi) * (u - 0.25 * quarter)
-    x2 = x * x
-    cosine, sine = jnp.zeros_like(x), jnp.zeros_like(x)
-    for i in reversed(range(terms)):
-        cosine = cosine * x2 + (-1) ** i / math.factorial(2 * i)
-        sine = sine * x2 + (-1) ** i / math.factorial(2 * i + 1)
-    sine = sine * x
-    odd = (quarter == 1.0) | (quarter == 3.0)
-    cosine, sine = jnp.where(odd, sine, cosine), jnp.where(odd, cosine, sine)
-    return (
-        jnp.where((quarter == 1.0) | (quarter == 2.0), -cosine, cosine),
-        jnp.where((quarter == 2.0) | (quarter == 3.0), -sine, sine),
-    )
-
-
 def visible_normal(alphas: Alphas, w: Vector, u1: Array, u2: Array) -> Vector:
     """A visible normal on the upper side for w on either (Dupuy and Benyoub 2023).
 
@@ -86,13 +62,11 @@ def visible_normal(alphas: Alphas, w: Vector, u1: Array, u2: Array) -> Vector:
     w = select(w.z < 0.0, scale(-1.0, w), w)
     v = normalize(Vector(alphas.x * w.x, alphas.y * w.y, w.z))
     u2 = jnp.minimum(u2, 1.0 - 0.5 * jnp.finfo(u2.dtype).eps)
-    zero = u2 <= 0.0
-    root_u2 = jnp.where(zero, 0.0, jnp.sqrt(jnp.where(zero, 1.0, u2)))
     height = (1.0 + v.z) * (1.0 - u2)
     # The root of u2 is taken apart: its derivative is infinite at u2 = 0, that of the other factor
     # never is.
-    radius = root_u2 * jnp.sqrt(2.0 * height + u2 * (v.x * v.x + v.y * v.y))
-    cosine, sine = map(computed_once, unit_circle(u1))
+    radius = positive_sqrt(u2) * jnp.sqrt(2.0 * height + u2 * (v.x * v.x + v.y * v.y))
+    sine, cosine = map(computed_once, sine_cosine(u1 - jnp.round(u1)))
     half = Vector(radius * cosine + v.x, radius * sine + v.y, height)
     return normalize(Vector(alphas.x * half.x, alphas.y * half.y, half.z))
 
@@ -128,5 +102,5 @@ def per_length_squared(inside: Array, c_o: Array, c_i: Array, eta: Array) -> Arr
     """
     total = jnp.where(inside, eta * c_o + c_i, c_o + eta * c_i)
     apart = (eta - 1.0) * (eta + 1.0)
-    root = jnp.where(apart == 0.0, 0.0, total / jnp.where(apart == 0.0, 1.0, apart))
+    root = jnp.where(apart == 0.0, 0.0, total / one_if_zero(apart))
     return root * root

@@ -22,8 +22,9 @@ of log(r_p) minus that of log(r_s) would cancel near normal incidence.
 import jax
 import jax.numpy as jnp
 
-from ._arithmetic import reciprocal_or_zero, squared_modulus, times
+from ._arithmetic import reciprocal_or_zero
 from ._boundary import Boundary, boundary, unsigned, within_one
+from ._complex import inverse, minus, plus, scaled, squared_modulus, times
 
 
 @jax.custom_jvp
@@ -36,7 +37,7 @@ def _values(q: Boundary, k, m):
     _, b = q.q
     per_s2 = reciprocal_or_zero(squared_modulus(q.s))
     per_x2 = reciprocal_or_zero(squared_modulus(q.x))
-    per_s, m_per_x = _inverses(q, m, per_s2, per_x2)
+    per_s, m_per_x = inverse(q.s), scaled(m, inverse(q.x))
     contrast = times((q.difference, k), (q.total, k))
     f = times(times(contrast, per_s), per_s)
     g = times(times(q.y, m_per_x), m_per_x)
@@ -45,28 +46,17 @@ def _values(q: Boundary, k, m):
     return f[0], f_im, g[0], g_im
 
 
-def _inverses(q: Boundary, m, per_s2, per_x2):
-    per_s = (q.s[0] * per_s2, -q.s[1] * per_s2)
-    m_per_x = (m * q.x[0] * per_x2, -m * q.x[1] * per_x2)
-    return per_s, m_per_x
-
-
 @phases_kernel.defjvp
 def _phases_jvp(primals, tangents):
     (c, sign), n, k, m = unsigned(primals[0]), *primals[1:]
     dc, dn, dk, dm = tangents
     q = boundary(c, n, k, m)
-    per_s, m_per_x = _inverses(
-        q, m, reciprocal_or_zero(squared_modulus(q.s)), reciprocal_or_zero(squared_modulus(q.x))
-    )
-    a, b = q.q
-    per_q2 = reciprocal_or_zero(squared_modulus(q.q))
-    per_q = (a * per_q2, -b * per_q2)
+    per_s, m_per_x = inverse(q.s), scaled(m, inverse(q.x))
+    per_q = inverse(q.q)
     index = (n, k)
     contrast = times((q.difference, k), (q.total, k))
     c_index = (c * n, c * k)
-    c2_index2_per_q = times(times(c_index, c_index), per_q)
-    slope = (c2_index2_per_q[0] + a, c2_index2_per_q[1] + b)
+    slope = plus(times(times(c_index, c_index), per_q), q.q)
 
     # The small factors come first: 1 / X^2 alone would leave float32's range
     per_qs2 = times(times(per_q, per_s), per_s)
@@ -78,11 +68,9 @@ def _phases_jvp(primals, tangents):
     g_dc = times((2.0 * m, None), times(times(slope, m_per_x), m_per_x))
 
     # f and g are homogeneous of degree 0 in (N, m)
-    relative = dm / m
-    d_index = (dn - n * relative, dk - k * relative)
-    dc = sign * dc
-    df = [x + y * dc for x, y in zip(times(f_dn, d_index), f_dc, strict=True)]
-    dg = [x + y * dc for x, y in zip(times(g_dn, d_index), g_dc, strict=True)]
+    d_index = minus((dn, dk), scaled(dm / m, index))
+    df = plus(times(f_dn, d_index), scaled(sign * dc, f_dc))
+    dg = plus(times(g_dn, d_index), scaled(sign * dc, g_dc))
     return _values(q, k, m), (*df, *dg)
 
 

@@ -30,9 +30,10 @@ import jax
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 
-from ._arithmetic import Complex, one_if_zero, reciprocal_or_zero, squared_modulus, times
+from ._arithmetic import one_if_zero, reciprocal_or_zero
 from ._boundary import Boundary, boundary, unsigned, within_one
-from ._fence import fenced
+from ._compiler import fenced
+from ._complex import Complex, squared_modulus, times
 
 # Every function here takes n, k, m as boundary does: k None is exactly 0, m None exactly 1, so
 # that the usual lossless or vacuum-side case pays for no more than it needs. The kernels ignore

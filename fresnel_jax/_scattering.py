@@ -88,6 +88,15 @@ def nothing(model, *directions: Vector) -> Array:
     return zero_or_nan(*(x for v in directions for x in v), *jax.tree.leaves(model))
 
 
+def in_lobes(lobes: Lobes, reflected: Array, transmitted: Array) -> tuple[Array, Array]:
+    """Both powers, 0 for a lobe that is not among those wanted."""
+    none = jnp.zeros_like(reflected)
+    return (
+        reflected if Lobes.REFLECTION in lobes else none,
+        transmitted if Lobes.TRANSMISSION in lobes else none,
+    )
+
+
 class LobeChoice(NamedTuple):
     """One of two lobes; `probability` is constant to differentiation: see the module `bsdf`."""
 

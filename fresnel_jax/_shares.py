@@ -12,7 +12,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ._arithmetic import reciprocal_or_zero
-from ._boundary import computed_once, doubled_re_q2, lossless_sums, within_one
+from ._boundary import doubled_re_q2, lossless_sums, within_one
+from ._compiler import computed_once
 from ._powers import powers_kernel
 
 

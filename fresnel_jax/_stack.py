@@ -12,11 +12,19 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ._arguments import check_cosine, check_extinction, readable, real, real_or_complex
-from ._arithmetic import times
+from ._arguments import (
+    as_floats,
+    broadcast_shape,
+    check_cosine,
+    check_extinction,
+    readable,
+    real,
+    real_or_complex,
+)
 from ._boundary import unsigned
+from ._complex import inverse, times
 from ._double_word import ratio
-from ._stack_coherent import ambient, inverse
+from ._stack_coherent import ambient
 from ._stack_mixed import mixed
 from ._stack_packet import packet
 
@@ -74,7 +82,7 @@ def _jit_stack(c, n, k, thickness, wavelength, roughness, coherent, shape):
     return Stack(R_s, R_p, T_s, T_p, r_s, r_p, t_s, t_p, *whole.absorption)
 
 
-def _media(values: Any, name: str, least: int) -> Array:
+def with_leading_axis(values: Any, name: str, least: int) -> Array:
     """An array with the media or layers on its leading axis, from an array or a sequence."""
     for entry in values if isinstance(values, (list, tuple)) else (values,):
         number = real_or_complex(entry, name)
@@ -168,8 +176,8 @@ def stack(
             cosine above 1 or imaginary part of an index below 0, a type that is neither float32
             nor float64, or a `coherent` that is not static.
     """
-    media: Array = _media(index, "index", 2)
-    thickness: Array = _media(thickness_um, "thickness_um", 0)
+    media: Array = with_leading_axis(index, "index", 2)
+    thickness: Array = with_leading_axis(thickness_um, "thickness_um", 0)
     if jnp.iscomplexobj(thickness):
         raise ValueError("thickness_um is complex, a real number is wanted; only index is complex")
     cos_theta_i, wavelength_um = (
@@ -183,37 +191,24 @@ def stack(
             "their leading axes; L layers lie between L + 2 media"
         )
     flags = _coherence(coherent, thickness.shape[0])
-    roughness = None if roughness_um is None else _media(roughness_um, "roughness_um", 1)
+    roughness = None if roughness_um is None else with_leading_axis(roughness_um, "roughness_um", 1)
     if roughness is not None and (roughness.shape[0] != media.shape[0] - 1 or not all(flags)):
         raise ValueError(
             f"roughness_um has {roughness.shape[0]} boundaries on its leading axis; a stack of "
             f"{media.shape[0]} media has {media.shape[0] - 1}, and all its layers must be coherent"
         )
-    shapes = (
-        jnp.shape(cos_theta_i),
-        media.shape[1:],
-        thickness.shape[1:],
-        jnp.shape(wavelength_um),
+    parts = {"index": media, "thickness_um": thickness, "roughness_um": roughness}
+    behind = {
+        f"{name} behind its leading axis": z.shape[1:] for name, z in parts.items() if z is not None
+    }
+    shape = broadcast_shape(cos_theta_i=cos_theta_i, wavelength_um=wavelength_um, **behind)
+    k = jnp.imag(media) if jnp.iscomplexobj(media) else None
+    c, wavelength, *layers = as_floats(
+        cos_theta_i, wavelength_um, jnp.real(media), k, thickness, roughness
     )
-    if roughness is not None:
-        shapes = (*shapes, roughness.shape[1:])
-    try:
-        shape = jnp.broadcast_shapes(*shapes)
-    except ValueError:
-        raise ValueError(
-            "the shapes of cos_theta_i, index and thickness_um after their leading axes, and "
-            f"wavelength_um, {', '.join(map(str, shapes))}, do not broadcast to one shape; "
-            "add axes of length 1 so that they do"
-        ) from None
-    given = (cos_theta_i, jnp.real(media), thickness, wavelength_um)
-    dtype = jnp.result_type(*given, *(() if roughness is None else (roughness,)), 1.0)
 
     def layered(z):
-        z = jnp.asarray(z, dtype)
         return z.reshape(z.shape[:1] + (1,) * (len(shape) - z.ndim + 1) + z.shape[1:])
 
-    n = layered(jnp.real(media))
-    sigma = None if roughness is None else layered(roughness)
-    k = layered(jnp.imag(media)) if jnp.iscomplexobj(media) else None
-    c, wavelength = jnp.asarray(cos_theta_i, dtype), jnp.asarray(wavelength_um, dtype)
-    return _jit_stack(c, n, k, layered(thickness), wavelength, sigma, flags, shape)
+    n, k, x, sigma = (None if z is None else layered(z) for z in layers)
+    return _jit_stack(c, n, k, x, wavelength, sigma, flags, shape)

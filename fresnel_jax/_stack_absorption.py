@@ -25,16 +25,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ._arithmetic import (
-    Complex,
-    conjugate_times,
-    one_if_zero,
-    reciprocal_or_zero,
-    squared_modulus,
-    times,
-)
-from ._stack_coherent import plus, scaled
-from ._stack_wave import Pair, Wave
+from ._arithmetic import one_if_zero, reciprocal_or_zero
+from ._complex import Complex, Pair, conjugate_times, pair, plus, scaled, squared_modulus, times
+from ._stack_wave import Wave
 
 _TERMS = 10
 
@@ -59,13 +52,10 @@ def weights(
     im_q2: Array, n2: Complex, n02: Complex, transverse2: Complex
 ) -> tuple[Weights, Weights]:
     """Of s and p, from Im(Q^2), N^2, N_0^2 and K^2; without a subtraction."""
-    zero = jnp.zeros_like(im_q2)
+    n2 = pair(n2)
     # Im(Q^2 / N^2) = -Im(K^2 / N^2)
-    tangential = -conjugate_times(
-        (n2[0], zero if n2[1] is None else n2[1]),
-        (transverse2[0], zero if transverse2[1] is None else transverse2[1]),
-    )[1] / squared_modulus(n2)
-    normal = (zero if n2[1] is None else n2[1]) / squared_modulus(n02)
+    tangential = -conjugate_times(n2, pair(transverse2))[1] / squared_modulus(n2)
+    normal = n2[1] / squared_modulus(n02)
     return Weights(im_q2, None), Weights(tangential, normal)
 
 

@@ -22,13 +22,22 @@ the fields as a whole in place of these sums, made 933 to 13,000 eps of error in
 modes and opaque films. The formulas are our own.
 """
 
-from typing import NamedTuple
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ._arithmetic import conjugate_times, one_if_zero, reciprocal_or_zero, squared_modulus, times
+from ._arithmetic import one_if_zero, reciprocal_or_zero
+from ._complex import (
+    Pair,
+    choose,
+    conjugate_times,
+    inverse,
+    minus,
+    plus,
+    scaled,
+    squared_modulus,
+    times,
+)
 from ._stack_absorption import (
     Along,
     Thin,
@@ -39,19 +48,10 @@ from ._stack_absorption import (
     power_in_thin,
     product_in_thin,
 )
-from ._stack_coefficients import Change, Layers, of_r
-from ._stack_coherent import ZERO, crossed, inverse, minus, plus, scaled
+from ._stack_coefficients import Change, Layers, Light, gained, of_r
+from ._stack_coherent import ZERO, crossed
 from ._stack_fields import over_layers
-from ._stack_roughness import Change as BoundaryChange
-from ._stack_wave import Pair, choose
-
-
-class Front(NamedTuple):
-    """(a, b) and the product of all f at the front of each layer."""
-
-    a: Pair
-    b: Pair
-    f: Pair
+from ._stack_roughness import BoundaryChange
 
 
 def _sent_back(
@@ -63,10 +63,7 @@ def _sent_back(
     rough: tuple[Pair, Pair] | None,
 ) -> Pair:
     """kappa of all that changes behind each layer, over f^2 and D of all that lies in front."""
-    change = of_r(layers, scaled(0.5, times(per, per)))
-    here = plus(times(change.q2, moved.q2), times(change.depth, moved.depth))
-    if moved.g is not None:
-        here = plus(here, times(change.g, moved.g))
+    here = gained(of_r(layers, scaled(0.5, times(per, per))), moved)
 
     def step(behind, layer):
         here, round_trip, scale, boundary = layer
@@ -80,7 +77,7 @@ def _sent_back(
     return over_layers(step, far, inputs, scale.shape[0], reverse=True)[1]
 
 
-def _product(layers: Layers, weight: Weights, inside: Along, near: Thin, front: Front) -> Pair:
+def _product(layers: Layers, weight: Weights, inside: Along, near: Thin, front: Light) -> Pair:
     """The integral of the field's conjugate and (b, -a), both as `_sent_back` needs them."""
     zb, round_trip, V = times(layers.z, front.b), layers.wave.round_trip, inside.beating
     up, down = minus(zb, front.a), plus(zb, front.a)
@@ -135,7 +132,7 @@ def _of_itself(
     weight: tuple[Weights, Weights],
     inside: Along,
     near: tuple[Thin, Thin],
-    front: Front,
+    front: Light,
     moved: Change,
     per: Pair,
 ) -> tuple[Array, Pair]:
@@ -186,7 +183,7 @@ def absorption_derivative(
     layers: Layers,
     weight: tuple[Weights, Weights],
     near: tuple[Thin, Thin],
-    front: Front,
+    front: Light,
     moved: Change,
     d_log: Pair,
     d_log_front: Pair,
@@ -197,10 +194,11 @@ def absorption_derivative(
 ) -> Array:
     """The change of `absorbed` in each layer, in units of |B|^2, for s or p.
 
-    weight, near (`thin_layer`) with their changes; d_log is that of log(1 / B) by each layer's
-    change, d_log_front by the first medium's; far is kappa of the last medium; per is 1 / B; scale
-    that of the fields in each layer; rough the determinants of the boundaries behind the layers and
-    what their changes do, None where they are smooth.
+    weight, near (`thin_layer`) with their changes; front is the light that comes to each layer;
+    d_log is what each layer's change adds to log(1 / B), d_log_front what the first medium's does;
+    far is kappa of the last medium; per is 1 / B; scale that of the fields in each layer; rough the
+    determinants of the boundaries behind the layers and what their changes do, None where they are
+    smooth.
     """
     inside = along(layers.wave, layers.z, layers.kappa)
     sent_back = None if rough is None else (rough[0], rough[1].sent)

@@ -9,12 +9,14 @@ its matrix and a series take their place, both even in Q. Nothing grows with the
 import math
 from typing import Any, NamedTuple
 
+import jax
 from jaxtyping import Array
 
-from ._arithmetic import Complex, times
+from ._compiler import computed_once
+from ._complex import Complex, Pair, choose, inverse, minus, plus, scaled, times, times_i
 from ._stack_absorption import is_thin
-from ._stack_coherent import ZERO, inverse, minus, plus, scaled
-from ._stack_wave import Pair, Wave, choose, polynomial, sine_derivative_series
+from ._stack_coherent import ZERO
+from ._stack_wave import Wave, polynomial, sine_derivative_series
 
 # (1 - sin(2 z) / (2 z)) / (2 z^2) is the sum of these times z^(2 m).
 _SERIES = tuple((-1.0) ** m * 2.0 * 4.0**m / math.factorial(2 * m + 3) for m in range(9))
@@ -49,8 +51,22 @@ class Change(NamedTuple):
     depth: Complex
 
 
-def _times_i(z: Pair) -> Pair:
-    return -z[1], z[0]
+class Light(NamedTuple):
+    """At some depth: the functional (a, b), the product of all f in front, and D of the boundaries
+    in front."""
+
+    a: Pair
+    b: Pair
+    f: Pair
+    det: Any  # None: all boundaries are smooth
+
+
+def gained(change: Change, moved: Change) -> Pair:
+    """The coefficients times how much each quantity is moved, for every layer."""
+    # Real and imaginary part, and every column of a Jacobian, read them in loops of their own.
+    change = jax.tree.map(computed_once, change)
+    terms = plus(times(change.q2, moved.q2), times(change.depth, moved.depth))
+    return terms if moved.g is None else plus(terms, times(change.g, moved.g))
 
 
 def layers_of(
@@ -88,7 +104,7 @@ def of_r(layer: Layers, per: Pair, series: bool = True) -> Change:
     cosine = layer.wave.cosine
     waves2 = plus(times(layer.up, layer.up), times(round_trip, times(layer.down, layer.down)))
     waves2, gain = times(sigma, waves2), times(layer.g, per)
-    beat = _times_i(times(round_trip, times(layer.up, layer.down)))
+    beat = times_i(times(round_trip, times(layer.up, layer.down)))
     wide = times(layer.per_twice_q2, minus(scaled(2.0 * kappa, beat), waves2))
     if not series:
         return Change(times(gain, wide), times(per, waves2), scaled(2.0, times(gain, beat)))
@@ -100,15 +116,15 @@ def of_r(layer: Layers, per: Pair, series: bool = True) -> Change:
     z2_u2 = times(times(layer.per_g, beta), u2)
     thin_waves2 = plus(times(cosine, plus(z2_u2, w2)), scaled(2.0, times(sigma, times(beta, u_w))))
     waves2 = choose(near, scaled(2.0, times(sigma, thin_waves2)), waves2)
-    beat = choose(near, _times_i(times(round_trip, minus(z2_u2, w2))), beat)
+    beat = choose(near, times_i(times(round_trip, minus(z2_u2, w2))), beat)
 
     gw = times(layer.g, layer.w)
-    both = _times_i(times(sigma, cosine))
+    both = times_i(times(sigma, cosine))
     cosine2 = scaled(0.5, plus(scaled(kappa, round_trip), both))
     sine2 = scaled(kappa**3, times(round_trip, polynomial(_SERIES, layer.delta2)))
     thin = minus(times(cosine2, times(layer.u, layer.u)), times(sine2, times(gw, gw)))
-    thin = plus(thin, _times_i(times(times(sigma, sigma), times(layer.u, gw))))
-    thin = scaled(2.0, _times_i(times(times(layer.per_g, layer.per_g), thin)))
+    thin = plus(thin, times_i(times(times(sigma, sigma), times(layer.u, gw))))
+    thin = scaled(2.0, times_i(times(times(layer.per_g, layer.per_g), thin)))
     return Change(
         q2=times(gain, choose(layer.thin, thin, wide)),
         g=times(per, waves2),
@@ -122,16 +138,16 @@ def of_through(layer: Layers, a: Pair, b: Pair, per: Pair, series: bool = True) 
     series as in `of_r`.
     """
     sigma, kappa, wave = layer.wave.sine_over_q, layer.kappa, layer.wave
-    zb, gain = times(layer.z, b), scaled(0.5, _times_i(times(layer.g, per)))
+    zb, gain = times(layer.z, b), scaled(0.5, times_i(times(layer.g, per)))
     up, down = plus(zb, a), minus(zb, a)
     along = plus(times(up, layer.up), times(wave.round_trip, times(down, layer.down)))
-    across = _times_i(times(sigma, plus(times(up, layer.down), times(down, layer.up))))
+    across = times_i(times(sigma, plus(times(up, layer.down), times(down, layer.up))))
     wide = times(layer.per_twice_q2, plus(scaled(kappa, along), across))
     if not series:
         of_g = scaled(-1.0, times(times(gain, layer.per_g), across))
         return Change(times(gain, wide), of_g, times(gain, along))
 
-    cosine2 = plus(scaled(kappa, wave.cosine), _times_i(sigma))
+    cosine2 = plus(scaled(kappa, wave.cosine), times_i(sigma))
     # f is C / cos(delta): it need not be kept.
     passage = times(wave.cosine, inverse(polynomial(_COSINE, layer.delta2)))
     sine2 = scaled(kappa**3, times(passage, sine_derivative_series(layer.delta2)))
@@ -140,7 +156,7 @@ def of_through(layer: Layers, a: Pair, b: Pair, per: Pair, series: bool = True) 
     z2_bu, aw = times(times(layer.per_g, beta), times(b, layer.u)), times(a, layer.w)
     thin_along = plus(times(wave.cosine, plus(z2_bu, aw)), times(sigma, times(beta, crossing)))
     along = choose(wave.near_critical, scaled(2.0, thin_along), along)
-    thin_across = scaled(2.0, _times_i(times(sigma, minus(z2_bu, aw))))
+    thin_across = scaled(2.0, times_i(times(sigma, minus(z2_bu, aw))))
     across = choose(wave.near_critical, thin_across, across)
     thin = plus(
         times(layer.per_g, times(cosine2, times(b, layer.u))),

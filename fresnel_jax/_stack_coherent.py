@@ -28,9 +28,17 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array
 
-from ._arithmetic import (
+from ._arithmetic import reciprocal_or_zero
+from ._complex import (
     Complex,
-    reciprocal_or_zero,
+    Pair,
+    choose,
+    inverse,
+    minus,
+    pair,
+    plus,
+    scaled,
+    square,
     squared_modulus,
     times,
 )
@@ -42,7 +50,7 @@ from ._double_word import (
     total,
     twice_product,
 )
-from ._stack_wave import Pair, Wave, choose, root
+from ._stack_wave import Wave, root
 
 
 class Ambient(NamedTuple):
@@ -81,33 +89,6 @@ class Fields(NamedTuple):
 def at(i: Any, tree: Any) -> Any:
     """The entries i of the leading axis of every array of a tree."""
     return jax.tree.map(lambda z: z[i], tree)
-
-
-def plus(z: Complex, w: Complex) -> Complex:
-    (a, b), (c, d) = z, w
-    if b is None or d is None:
-        return a + c, d if b is None else b
-    return a + c, b + d
-
-
-def minus(z: Complex, w: Complex) -> Complex:
-    return plus(z, (-w[0], None if w[1] is None else -w[1]))
-
-
-def scaled(scale: Any, z: Complex) -> Complex:
-    return scale * z[0], None if z[1] is None else scale * z[1]
-
-
-def inverse(z: Complex) -> Complex:
-    per = reciprocal_or_zero(squared_modulus(z))
-    return z[0] * per, None if z[1] is None else -z[1] * per
-
-
-def square(z: Complex) -> Complex:
-    a, b = z
-    if b is None:
-        return a * a, None
-    return (a - b) * (a + b), 2.0 * a * b
 
 
 def ambient(c: Array, n: Array, k: Array | None) -> Ambient:
@@ -230,7 +211,7 @@ def through_layer(
     fields: Fields, here: Medium, layer: Wave, front: Ambient, h: tuple[Pair, Pair]
 ) -> Fields:
     """The fields at the near side of a layer from those at its far side."""
-    q0 = (front.q[0], jnp.zeros_like(front.q[0]) if front.q[1] is None else front.q[1])
+    q0 = pair(front.q)
     out = []
     for p, (g, per_g) in enumerate(((ONE, ONE), (here.g, here.per_g))):
         u, w, m, f = (z[p] for z in fields)
@@ -262,8 +243,7 @@ def decaying_root(re: DoubleWord, im: DoubleWord | None) -> Pair:
 def _decaying_root_jvp(primals, tangents):
     q = decaying_root(*primals)
     (d_re, _), d_im = tangents
-    dq2 = (d_re, jnp.zeros_like(d_re) if d_im is None else d_im[0])
-    return q, scaled(0.5, times(inverse(q), dq2))
+    return q, scaled(0.5, times(inverse(q), (d_re, None if d_im is None else d_im[0])))
 
 
 def outgoing_root(re: DoubleWord, im: DoubleWord | None) -> Pair:

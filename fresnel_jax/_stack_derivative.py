@@ -17,44 +17,34 @@ therefore cost two passes through the stack. The integrals are our own.
 """
 
 import functools
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 
-from ._arithmetic import Complex, conjugate_times, times
-from ._boundary import computed_once
-from ._double_word import DoubleWord
-from ._stack_absorption import is_thin, thin_layer, weights
-from ._stack_absorption_derivative import Front, absorption_derivative
-from ._stack_coefficients import Change, layers_of, of_r, of_through
-from ._stack_coherent import (
-    ONE,
-    ZERO,
-    Ambient,
-    Medium,
-    at,
-    crossed,
+from ._compiler import computed_once
+from ._complex import (
+    Complex,
+    Pair,
+    choose,
+    conjugate_times,
     inverse,
     minus,
-    normal_squared,
+    pair,
     plus,
     scaled,
     square,
+    times,
 )
+from ._double_word import DoubleWord
+from ._stack_absorption import is_thin, thin_layer, weights
+from ._stack_absorption_derivative import absorption_derivative
+from ._stack_coefficients import Change, Light, gained, layers_of, of_r, of_through
+from ._stack_coherent import ONE, ZERO, Ambient, Medium, at, crossed, normal_squared
 from ._stack_fields import Inside, Solved, over_layers, solve_fields
-from ._stack_roughness import Factors, beneath, change, determinant
+from ._stack_roughness import Factors, beneath, boundary_change, determinant
 from ._stack_sums import Given, Moved, sums
-from ._stack_wave import Pair, choose, kept
-
-
-class Light(NamedTuple):
-    """The functional (a, b), the product of all f in front, and D of the boundaries in front."""
-
-    a: Pair
-    b: Pair
-    f: Pair
-    det: Any  # None: all boundaries are smooth
+from ._stack_wave import kept
 
 
 def _below(factors: Factors | None, light: Light) -> Light:
@@ -107,14 +97,6 @@ def solve(
     return solve_fields(front, layers, far, q_far, x, rough, shape)[0]
 
 
-def _in_layers(change: Change, moved: Change) -> Pair:
-    """The coefficients times how much each quantity is moved, for every layer."""
-    # Real and imaginary part, and every column of a Jacobian, read them in loops of their own.
-    change = jax.tree.map(computed_once, change)
-    terms = plus(times(change.q2, moved.q2), times(change.depth, moved.depth))
-    return terms if moved.g is None else plus(terms, times(change.g, moved.g))
-
-
 def _with_det(light: Light, z: Complex) -> Complex:
     return z if light.det is None else times(light.det, z)
 
@@ -143,7 +125,7 @@ def _solve_jvp(shape, primals, tangents):
 
     (re, im), (d_re, d_im) = jax.jvp(normal_squared, (layers, front), (d_layers, d_front))
     d_q2 = (d_re[0], None if d_im is None else d_im[0])
-    q2 = (re[0], jnp.zeros_like(re[0]) if im is None else im[0])
+    q2 = pair((re[0], None if im is None else im[0]))
     lossy, d_lossy = jax.jvp(_lossy, (front, layers, x), (d_front, d_layers, d_x))
     kappa, d_kappa = (2.0 * jnp.pi) * x[0], ((2.0 * jnp.pi) * d_x[0], None)
     d_z_far = (d_q_far, plus(times(far.per_g, d_q_far), times(d_far.per_g, q_far)))
@@ -178,7 +160,7 @@ def _solve_jvp(shape, primals, tangents):
         d_log_front, boundaries = scaled(-1.0, times(u_per, d_front.q)), None
         if rough is not None:
             start = (front.q, (jnp.ones_like(u[0]), jnp.zeros_like(u[0])))
-            outer = change(at(0, rough[p]), at(0, d_rough[p]), start, ends.beneath[p], per)
+            outer = boundary_change(at(0, rough[p]), at(0, d_rough[p]), start, ends.beneath[p], per)
             dr = plus(dr, times(front.q, outer.sent))
             d_log_front = plus(d_log_front, outer.log)
         dr = scaled(2.0, dr)
@@ -193,12 +175,12 @@ def _solve_jvp(shape, primals, tangents):
             light = at_front[p]
             if of_all is None:
                 q0_f2 = times(front.q, times(times(light.f, per), times(light.f, per)))
-                dr = plus(dr, _all(_in_layers(of_r(layer, _with_det(light, q0_f2)), moved)))
-            in_each = _in_layers(of_through(layer, light.a, light.b, per), moved)
+                dr = plus(dr, _all(gained(of_r(layer, _with_det(light, q0_f2)), moved)))
+            in_each = gained(of_through(layer, light.a, light.b, per), moved)
             if rough is not None:
                 here, there = (at(slice(1, None), z[p]) for z in (rough, d_rough))
                 a, b, f, _ = above[p]
-                inner = change(here, there, (a, b), inside.beneath[p], per)
+                inner = boundary_change(here, there, (a, b), inside.beneath[p], per)
                 q0_f2 = scaled(2.0, times(front.q, times(f, f)))
                 dr = plus(dr, _all(times(_with_det(above[p], q0_f2), inner.sent)))
                 d_log, boundaries = plus(d_log, _all(inner.log)), (determinant(here), inner)
@@ -210,7 +192,7 @@ def _solve_jvp(shape, primals, tangents):
                     layer,
                     (lossy[1][p], d_lossy[1][p]),
                     (lossy[0], d_lossy[0]),
-                    Front(light.a, light.b, light.f),
+                    light,
                     moved,
                     in_each,
                     d_log_front,

@@ -7,8 +7,20 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array
 
-from ._arithmetic import conjugate_times, one_if_zero, squared_modulus, times
-from ._boundary import computed_once
+from ._arithmetic import one_if_zero
+from ._compiler import computed_once
+from ._complex import (
+    Pair,
+    choose,
+    conjugate_times,
+    inverse,
+    minus,
+    plus,
+    scaled,
+    square,
+    squared_modulus,
+    times,
+)
 from ._double_word import DoubleWord
 from ._stack_absorption import absorbed, is_thin, power_at_near_side, thin_layer, weights
 from ._stack_coherent import (
@@ -19,18 +31,13 @@ from ._stack_coherent import (
     Medium,
     at,
     far_fields,
-    inverse,
-    minus,
     mismatches_of_layer,
     normal_squared,
-    plus,
     rescaled,
-    scaled,
-    square,
     through_layer,
 )
 from ._stack_roughness import rough_boundary
-from ._stack_wave import Pair, Wave, choose, wave
+from ._stack_wave import Wave, wave
 
 _UNROLLED = 2  # up to so many layers are written out; more run through one loop
 

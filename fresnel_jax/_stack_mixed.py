@@ -22,10 +22,11 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array
 
-from ._arithmetic import Complex, reciprocal_or_zero, squared_modulus, times
-from ._boundary import computed_once
+from ._arithmetic import reciprocal_or_zero
+from ._compiler import computed_once
+from ._complex import inverse, pair, square, squared_modulus, times
 from ._double_word import DoubleWord
-from ._stack_coherent import Ambient, at, inverse, medium, normal_squared, outgoing_root, square
+from ._stack_coherent import Ambient, at, medium, normal_squared, outgoing_root
 from ._stack_packet import Packet, packet
 from ._stack_wave import wave
 
@@ -52,7 +53,7 @@ def _faces(seen: Packet, front: Ambient, inside: bool) -> list[_Face]:
             T, A = T * share, A * share
             # Of unit light in the medium itself, 1 - R - T - sum(A); as the difference of what
             # crosses the boundary and of R, A beyond the critical angle was 8e8 eps off.
-            own = y[1] * per * (y[1] * (1.0 - R) - 2.0 * y[0] * _imaginary(r))
+            own = y[1] * per * (y[1] * (1.0 - R) - 2.0 * y[0] * pair(r)[1])
         faces.append(jax.tree.map(computed_once, _Face(R, T, A, own)))
     return faces
 
@@ -63,13 +64,9 @@ def _carried_together(seen: Packet, front: Ambient) -> list[Array | float]:
         return [0.0, 0.0]
     admittances = (front.q, times(front.q, inverse(square((front.n, front.k)))))
     return [
-        2.0 * _imaginary(r) * _imaginary(y) * reciprocal_or_zero(y[0])
+        2.0 * pair(r)[1] * pair(y)[1] * reciprocal_or_zero(y[0])
         for r, y in zip(seen.r, admittances, strict=True)
     ]
-
-
-def _imaginary(z: Complex) -> Array:
-    return jnp.zeros_like(z[0]) if z[1] is None else z[1]
 
 
 def _crossing(face: _Face) -> Array:
@@ -179,7 +176,7 @@ def mixed(
 
 def _passage(inside: Ambient, x: DoubleWord) -> tuple[Array, Array]:
     """P of an incoherent layer, and 1 - P."""
-    depth = 4.0 * jnp.pi * x[0] * _imaginary(inside.q)
+    depth = 4.0 * jnp.pi * x[0] * pair(inside.q)[1]
     # |f|^2 has more digits than exp(-depth), but in its derivative that of the phase cancels, by
     # 2e5 eps in a window of 1 cm: the derivative is that of the exponential.
     exact = squared_modulus(wave(*inside.q2, x, squared_modulus(inside.q)).passage)

@@ -10,8 +10,9 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array
 
-from ._arithmetic import Complex, reciprocal_or_zero, squared_modulus, times
-from ._boundary import computed_once
+from ._arithmetic import reciprocal_or_zero
+from ._compiler import computed_once
+from ._complex import Complex, Pair, pair, scaled, square, squared_modulus, times
 from ._double_word import DoubleWord
 from ._stack_coherent import (
     Ambient,
@@ -22,13 +23,10 @@ from ._stack_coherent import (
     normal_flux,
     normal_squared,
     outgoing_root,
-    scaled,
-    square,
 )
 from ._stack_derivative import solve
 from ._stack_fields import Solved
 from ._stack_roughness import boundary_factors
-from ._stack_wave import Pair
 
 
 class Packet(NamedTuple):
@@ -39,7 +37,6 @@ class Packet(NamedTuple):
     R: list[Array]
     T: list[Array]
     absorption: tuple[Array, Array]  # leading axis: layers
-    flux_in: tuple[Array, Array]
 
 
 def packet(
@@ -76,14 +73,11 @@ def _rough(roughness: Array, front: Ambient, layers: Medium, far: Medium, q_far:
     def joined(*parts):
         return jnp.concatenate([jnp.broadcast_to(z, (len(z), *shape)) for z in parts])
 
-    def complex_parts(z):
-        return z[0], jnp.zeros_like(z[0]) if z[1] is None else z[1]
-
-    ends = [jax.tree.map(lambda z: z[None], complex_parts(z)) for z in (front.q, q_far, far.g)]
+    ends = [jax.tree.map(lambda z: z[None], pair(z)) for z in (front.q, q_far, far.g)]
     one = (jnp.ones_like(ends[0][0]), jnp.zeros_like(ends[0][0]))
     q_layers = decaying_root(*normal_squared(layers, front))
     q = jax.tree.map(joined, ends[0], q_layers, ends[1])
-    g = jax.tree.map(joined, one, complex_parts(layers.g), ends[2])
+    g = jax.tree.map(joined, one, pair(layers.g), ends[2])
     return boundary_factors(roughness, q, g)
 
 
@@ -125,4 +119,4 @@ def _packet(solved: Solved, front: Ambient, far: Medium, q_far: Pair, shape) -> 
         T.append(jnp.where(matched, 1.0, _transmitted(gain * flux_out[i], through)))
         lost = solved.absorbed[i]
         absorption.append(jnp.zeros((0, *shape), R[i].dtype) if lost is None else gain * lost)
-    return Packet(list(solved.r), t, R, T, (absorption[0], absorption[1]), flux_in)
+    return Packet(list(solved.r), t, R, T, (absorption[0], absorption[1]))

@@ -23,14 +23,25 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ._arithmetic import Complex, one_if_zero, squared_modulus, times
-from ._stack_coherent import Fields, at, inverse, minus, plus, scaled
-from ._stack_wave import Pair, choose
+from ._arithmetic import one_if_zero
+from ._complex import (
+    Complex,
+    Pair,
+    choose,
+    inverse,
+    minus,
+    pair,
+    plus,
+    scaled,
+    squared_modulus,
+    times,
+)
+from ._stack_coherent import Fields, at
 
 
 def _exponential_slope(z: Complex) -> Pair:
     """(exp(z) - 1) / z."""
-    re, im = z[0], jnp.zeros_like(z[0]) if z[1] is None else z[1]
+    re, im = pair(z)
     small = re * re + im * im < 0.0625
     near = (jnp.where(small, re, 0.0), jnp.where(small, im, 0.0))
     series = (jnp.ones_like(re), jnp.zeros_like(re))
@@ -50,7 +61,7 @@ class Factors(NamedTuple):
     nu: Pair
 
 
-class Change(NamedTuple):
+class BoundaryChange(NamedTuple):
     """What the changes of a boundary's factors do, in units of the fields beside it."""
 
     log: Pair  # to log(1 / B)
@@ -95,13 +106,13 @@ def determinant(factors: Factors) -> Pair:
     return 1.0 + product[0], product[1]
 
 
-def change(
+def boundary_change(
     factors: Factors, moved: Factors, above: tuple[Pair, Pair], below: tuple[Pair, Pair], per: Pair
-) -> Change:
+) -> BoundaryChange:
     """above: (a, b); below: (u, w); per: 1 / B."""
     (a, b), (u, w) = above, below
     d_mu, d_nu = moved
     log = plus(times(times(a, u), d_mu), times(times(b, w), d_nu))
     sent = minus(plus(d_mu, times(factors.nu, d_mu)), plus(d_nu, times(factors.mu, d_nu)))
     u_w = times(times(u, per), times(w, per))
-    return Change(scaled(-1.0, times(log, per)), times(u_w, sent))
+    return BoundaryChange(scaled(-1.0, times(log, per)), times(u_w, sent))

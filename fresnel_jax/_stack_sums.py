@@ -11,14 +11,13 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array
 
-from ._arithmetic import Complex, conjugate_times, times
-from ._boundary import computed_once
-from ._fence import fenced
+from ._compiler import computed_once, fenced
+from ._complex import Complex, Pair, conjugate_times, minus, plus, scaled, times
 from ._stack_absorption import is_thin
-from ._stack_coefficients import Change, layers_of, of_r, of_through
-from ._stack_coherent import ONE, crossed, minus, plus, scaled
+from ._stack_coefficients import Change, gained, layers_of, of_r, of_through
+from ._stack_coherent import ONE, crossed
 from ._stack_fields import over_layers
-from ._stack_wave import Kept, Pair, restored
+from ._stack_wave import Kept, restored
 from ._transposable import transposable
 
 
@@ -103,17 +102,6 @@ def _of_layer(
     return out, jax.tree.map(computed_once, tuple(behind))
 
 
-def _layers(given: Given) -> Any:
-    return given[2:]
-
-
-def _change(of: Change, moved: Change) -> Pair:
-    # Real and imaginary part, and every column of a Jacobian, read them in loops of their own.
-    of = jax.tree.map(computed_once, of)
-    terms = plus(times(of.q2, moved.q2), times(of.depth, moved.depth))
-    return terms if moved.g is None else plus(terms, times(of.g, moved.g))
-
-
 def _forward(given: Given, moved: Moved, shape: tuple[int, ...]) -> Any:
     def step(carry, layer):
         (light, sums), (here, moved) = carry, layer
@@ -123,7 +111,7 @@ def _forward(given: Given, moved: Moved, shape: tuple[int, ...]) -> Any:
             changes = moved._replace(g=None), moved
             for total, of, change in zip(sums, coefficients, changes, strict=True):
                 out.append(
-                    tuple(plus(z, _change(w, change)) for z, w in zip(total, of, strict=True))
+                    tuple(plus(z, gained(w, change)) for z, w in zip(total, of, strict=True))
                 )
             return tuple(out)
 
@@ -132,7 +120,7 @@ def _forward(given: Given, moved: Moved, shape: tuple[int, ...]) -> Any:
 
     zero = jnp.zeros(shape, given.kappa.dtype)
     carry = (_start(given, shape), (((zero, zero),) * 2,) * 2)
-    passed, count = (_layers(given), moved.layers), given.kappa.shape[0]
+    passed, count = (given[2:], moved.layers), given.kappa.shape[0]
     (light, sums), _ = over_layers(step, carry, passed, count, reverse=False)
     return tuple(
         (d_r, minus(d_log, times(times(light[p].b, given.per[p]), moved.z_far[p])))
@@ -172,7 +160,7 @@ def _backward(given: Given, cotangents: Any, moved: Moved, shape: tuple[int, ...
         return light, out
 
     light, layers = over_layers(
-        step, _start(given, shape), _layers(given), given.kappa.shape[0], reverse=False
+        step, _start(given, shape), given[2:], given.kappa.shape[0], reverse=False
     )
     z_far_s, z_far_p = (
         _like(like, scaled(-1.0, conjugate_times(times(here.b, per), ct)), 0)

@@ -15,7 +15,6 @@ not. Where Q is small, at the layer's own critical angle, f is therefore held co
 occur in the derivatives of C and sigma with respect to Q^2, which stay finite and exact at Q = 0.
 """
 
-import math
 from typing import Any, NamedTuple
 
 import jax
@@ -23,11 +22,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ._arithmetic import complex_sqrt, fast_two_sum, reciprocal_or_zero, squared_modulus, times
-from ._boundary import computed_once
+from ._arithmetic import complex_sqrt, fast_two_sum, reciprocal_or_zero, sine_cosine
+from ._compiler import computed_once
+from ._complex import (
+    Pair,
+    choose,
+    conjugate,
+    minus_i_times,
+    pair,
+    plus,
+    scaled,
+    squared_modulus,
+    times,
+)
 from ._double_word import DoubleWord, root_correction, root_of_real, two_product
-
-Pair = tuple[Array, Array]  # real and imaginary part
 
 
 class Wave(NamedTuple):
@@ -67,31 +75,6 @@ def _fraction(turns: DoubleWord) -> Array:
     return fraction - jnp.round(fraction)
 
 
-def _taylor(first: int, terms: int) -> tuple[float, ...]:
-    """Of sine (first 1) over its argument or of cosine (first 0), in squares of the argument."""
-    return tuple((-1.0) ** i / math.factorial(2 * i + first) for i in range(terms))
-
-
-def _sine_cosine(fraction: Array) -> Pair:
-    """Sine and cosine of a fraction of a turn between -1/2 and 1/2, by vectorized arithmetic.
-
-    The calls of jnp.sin and jnp.cos took 16 ns a point, an eighth of the time of a layer. The
-    nearest quarter of a turn is subtracted exactly: a half-wave film keeps the digits of its sine.
-    """
-    quarters = jnp.round(4.0 * fraction)
-    angle = (2.0 * jnp.pi) * (fraction - 0.25 * quarters)
-    terms = 9 if fraction.dtype == jnp.float64 else 5
-    near_sine, near_cosine = jnp.zeros_like(angle), jnp.zeros_like(angle)
-    square = angle * angle
-    for s, c in zip(_taylor(1, terms)[::-1], _taylor(0, terms + 1)[:0:-1], strict=True):
-        near_sine, near_cosine = near_sine * square + s, near_cosine * square + c
-    near_sine, near_cosine = angle * near_sine, 1.0 + square * near_cosine
-    odd, behind = jnp.abs(quarters) == 1.0, jnp.abs(quarters) == 2.0
-    sine = jnp.where(odd, quarters * near_cosine, near_sine)
-    cosine = jnp.where(odd, -quarters * near_sine, near_cosine)
-    return jnp.where(behind, -sine, sine), jnp.where(behind, -cosine, cosine)
-
-
 def _two_pi(dtype) -> tuple[float, float]:
     high = float(np.asarray(2.0 * np.pi, dtype))
     # 2 pi less its float64 value; in float32 the float64 value has digits enough.
@@ -116,7 +99,7 @@ def wave(re: DoubleWord, im: DoubleWord | None, x: DoubleWord, ambient2: Array) 
     """
     a, b = root(re, im)
     fraction = computed_once(_fraction(_turns(x, a)))
-    sine, cosine = (computed_once(z) for z in _sine_cosine(fraction))
+    sine, cosine = (computed_once(z) for z in sine_cosine(fraction))
     decay, depth = _decay(_turns(x, b))
     (a, _), (b, _), kappa = a, b, (2.0 * jnp.pi) * x[0]
     q2_abs = a * a + b * b
@@ -172,63 +155,47 @@ def sine_derivative_series(z: Pair) -> Pair:
     return polynomial(_SERIES, z)
 
 
-def _scaled(scale: Array, z: Pair) -> Pair:
-    return scale * z[0], scale * z[1]
-
-
-def _plus(z: Pair, w: Pair) -> Pair:
-    return z[0] + w[0], z[1] + w[1]
-
-
-def _minus_i_times(z: Pair) -> Pair:
-    return z[1], -z[0]
-
-
-def choose(condition: Array, z: Pair, w: Pair) -> Pair:
-    return jnp.where(condition, z[0], w[0]), jnp.where(condition, z[1], w[1])
-
-
 @wave.defjvp
 def _wave_jvp(primals, tangents):
     out = wave(*primals)
     re, im, x, _ = primals
     d_re, d_im, d_x, _ = tangents
-    q2 = (re[0], jnp.zeros_like(re[0]) if im is None else im[0])
-    dq2 = (d_re[0], jnp.zeros_like(re[0]) if im is None else d_im[0])
+    q2 = pair((re[0], None if im is None else im[0]))
+    dq2 = pair((d_re[0], None if im is None else d_im[0]))
     kappa, d_kappa = (2.0 * jnp.pi) * x[0], (2.0 * jnp.pi) * d_x[0]
     near, (a, b) = out.near_critical, out.q
     zero = jnp.zeros_like(a)
 
     per_q2 = jnp.where(near, 0.0, reciprocal_or_zero(a * a + b * b))
-    per_q = (a * per_q2, -b * per_q2)
-    dq = times(_scaled(jnp.asarray(0.5, a.dtype), per_q), dq2)
-    d_delta = _plus(_scaled(d_kappa, out.q), _scaled(kappa, dq))
+    per_q = scaled(per_q2, conjugate(out.q))
+    dq = times(scaled(0.5, per_q), dq2)
+    d_delta = plus(scaled(d_kappa, out.q), scaled(kappa, dq))
     d_log_f = choose(near, (zero, zero), (-d_delta[1], d_delta[0]))
     d_passage = times(d_log_f, out.passage)
-    d_round_trip = _scaled(jnp.asarray(2.0, a.dtype), times(d_log_f, out.round_trip))
+    d_round_trip = scaled(2.0, times(d_log_f, out.round_trip))
 
     half_kappa = 0.5 * kappa
-    d_delta_q = _plus(_scaled(d_kappa, q2), _scaled(half_kappa, dq2))  # Q d(delta)
-    d_cosine_near = _minus_i_times(times(out.sine_over_q, d_delta_q))
-    z = _scaled(kappa * kappa, q2)
+    d_delta_q = plus(scaled(d_kappa, q2), scaled(half_kappa, dq2))  # Q d(delta)
+    d_cosine_near = minus_i_times(times(out.sine_over_q, d_delta_q))
+    z = scaled(kappa * kappa, q2)
     outside = jnp.where(near, 1.0, 0.0)
-    series = sine_derivative_series(_scaled(outside, z))
-    slope = _scaled(half_kappa * (kappa * kappa) * outside, times(series, out.passage))
-    d_sine_near = _minus_i_times(_plus(_scaled(d_kappa, out.cosine), times(slope, dq2)))
-    d_sine_far = _scaled(
-        jnp.asarray(-1.0, a.dtype),
+    series = sine_derivative_series(scaled(outside, z))
+    slope = scaled(half_kappa * (kappa * kappa) * outside, times(series, out.passage))
+    d_sine_near = minus_i_times(plus(scaled(d_kappa, out.cosine), times(slope, dq2)))
+    d_sine_far = scaled(
+        -1.0,
         times(
             per_q,
-            _plus(_scaled(jnp.asarray(0.5, a.dtype), d_round_trip), times(out.sine_over_q, dq)),
+            plus(scaled(0.5, d_round_trip), times(out.sine_over_q, dq)),
         ),
     )
     d_sine = choose(near, d_sine_near, d_sine_far)
     tangent = Wave(
         q=dq,
         round_trip=d_round_trip,
-        cosine=choose(near, d_cosine_near, _scaled(jnp.asarray(0.5, a.dtype), d_round_trip)),
+        cosine=choose(near, d_cosine_near, scaled(0.5, d_round_trip)),
         sine_over_q=d_sine,
-        q_sine=_plus(times(out.sine_over_q, dq2), times(q2, d_sine)),
+        q_sine=plus(times(out.sine_over_q, dq2), times(q2, d_sine)),
         passage=d_passage,
         sine2=jnp.where(near, 0.0, out.round_trip[1] * d_delta[0] - 2.0 * out.sine2 * d_delta[1]),
         dimmed=-2.0 * (d_log_f[0] * squared_modulus(out.passage)),
@@ -260,16 +227,16 @@ def _followed(kept: Kept, q2: Pair, kappa: Array) -> tuple[Pair, Pair, Pair]:
 def _followed_jvp(primals, tangents):
     (kept, q2, kappa), (moved, dq2, d_kappa) = primals, tangents
     near, (a, b) = kept.near_critical, kept.q
-    zero, half = jnp.zeros_like(kappa), jnp.asarray(0.5, a.dtype)
-    per_2q2 = half * reciprocal_or_zero(a * a + b * b)
+    zero = jnp.zeros_like(kappa)
+    per_2q2 = 0.5 * reciprocal_or_zero(a * a + b * b)
     dq = choose(near, (zero, zero), times((a * per_2q2, -b * per_2q2), dq2))
-    d_delta_q = _plus(_scaled(d_kappa, q2), _scaled(half * kappa, dq2))
+    d_delta_q = plus(scaled(d_kappa, q2), scaled(0.5 * kappa, dq2))
     d_cosine = choose(
         near,
-        _minus_i_times(times(kept.sine_over_q, d_delta_q)),
-        _scaled(half, moved.round_trip),
+        minus_i_times(times(kept.sine_over_q, d_delta_q)),
+        scaled(0.5, moved.round_trip),
     )
-    d_q_sine = _plus(times(kept.sine_over_q, dq2), times(q2, moved.sine_over_q))
+    d_q_sine = plus(times(kept.sine_over_q, dq2), times(q2, moved.sine_over_q))
     return _followed(*primals), (dq, d_cosine, d_q_sine)
 
 

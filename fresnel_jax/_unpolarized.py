@@ -23,19 +23,26 @@ import jax
 import jax.numpy as jnp
 
 from ._arithmetic import (
-    Complex,
     complex_sqrt,
-    conjugate_times,
     one_if_zero,
-    opaque,
     positive_sqrt,
     reciprocal_or_zero,
     shared_sqrt,
-    squared_modulus,
-    times,
     two_product,
 )
 from ._boundary import doubled_re_q2, lossless_sums, unsigned, within_one
+from ._compiler import opaque
+from ._complex import (
+    Complex,
+    conjugate,
+    conjugate_times,
+    minus,
+    plus,
+    scaled,
+    square,
+    squared_modulus,
+    times,
+)
 from ._powers import _along, contrast_over_s2
 
 
@@ -88,14 +95,6 @@ class _Parts:
             self.x2 = self.u + sigma * twice_Ca
 
 
-def _conjugate(z: Complex) -> Complex:
-    return z[0], None if z[1] is None else -z[1]
-
-
-def _scaled(z: Complex, factor) -> Complex:
-    return z[0] * factor, None if z[1] is None else z[1] * factor
-
-
 def _y(c, n, k, p: "_Parts", index2: Complex) -> Complex:
     """Y, as exact as the derivatives of R need it.
 
@@ -112,10 +111,6 @@ def _y(c, n, k, p: "_Parts", index2: Complex) -> Complex:
     b, c2 = p.q[1], c * c
     near_normal = (p.rho - 2.0 * (b * b)) + near_normal
     return jnp.where(c > 0.75, near_normal, at_large_n - c2 * (k * k)), c2 * index2[1]
-
-
-def _sum(z: Complex, w: Complex) -> Complex:
-    return z[0] + w[0], None if z[1] is None else z[1] + w[1]
 
 
 def _R_s(p: _Parts, per_s2):
@@ -151,40 +146,34 @@ def _unpolarized_jvp(compensated, primals, tangents):
     y = _y(c, n, k, p, index2)
     steep = squared_modulus(contrast) * ((0.5 * sigma) * (m2 * per_x2))
     # E / |S|^2 before all else: |N Q E| alone would leave float32's range for N = 1e8
-    e = _scaled(_sum(_scaled(contrast, p.u), _scaled(y, steep)), per_s2)
-    g = _scaled(conjugate_times(conjugate_times(q, N), e), per_q2)
-    dn, dk = _scaled(g, 4.0 * C * per_both)
+    e = scaled(per_s2, plus(scaled(p.u, contrast), scaled(steep, y)))
+    g = scaled(per_q2, conjugate_times(conjugate_times(q, N), e))
+    dn, dk = scaled(4.0 * C * per_both, g)
     dm = None if m is None else -(n * dn + (0.0 if k is None else k * dk)) / m
 
-    conj_y = _scaled(_conjugate(y), m2 * per_x2)
-    per_q = _scaled(_conjugate(q), per_q2)
-    difference = m2 * times(_scaled(index2, per_x2), times(per_q, conj_y))[0] - per_q[0]
-    h = times(_scaled(_turned(p, q), per_x2), per_q)
-    h_re = times(h, _conjugate(_x_of(p, q)))[0]
+    conj_y = scaled(m2 * per_x2, conjugate(y))
+    per_q = scaled(per_q2, conjugate(q))
+    difference = m2 * times(scaled(per_x2, index2), times(per_q, conj_y))[0] - per_q[0]
+    h = times(scaled(per_x2, _turned(p)), per_q)
+    h_re = times(h, conjugate(_x_of(p)))[0]
     small_sine = sigma < 0.5 * jnp.minimum(m2, p.rho)
     re_h = jnp.where(small_sine, sigma * per_x2 * h_re, difference)
     dc = sign * (2.0 * p.m) * _R_s(p, per_s2) * re_h
     return _reflected(p, per_s2, p.u * per_x2), _along((dc, dn, dk, dm), tangents)
 
 
-def _x_of(p: _Parts, q: Complex) -> Complex:
-    re, im = _scaled(q, p.C)
+def _x_of(p: _Parts) -> Complex:
+    re, im = scaled(p.C, p.q)
     return re + p.sigma, im
 
 
-def _turned(p: _Parts, q: Complex) -> Complex:
+def _turned(p: _Parts) -> Complex:
     """The bracket of H: (C^2 + Q^2)(conj(C Q) - sigma) - 4 C Q Re(C Q) - 2 sigma X."""
     C, sigma = p.C, p.sigma
-    a, b = q
-    z = _scaled(q, C)
-    conj_z = _conjugate(z)
-    q_squared = (a * a, None) if b is None else ((a - b) * (a + b), 2.0 * (a * b))
+    z = scaled(C, p.q)
+    q_squared, conj_z = square(p.q), conjugate(z)
     h = times((C * C + q_squared[0], q_squared[1]), (conj_z[0] - sigma, conj_z[1]))
-    x = _x_of(p, q)
-    return (
-        h[0] - 4.0 * z[0] * z[0] - 2.0 * sigma * x[0],
-        None if b is None else h[1] - 4.0 * z[1] * z[0] - 2.0 * sigma * x[1],
-    )
+    return minus(minus(h, scaled(4.0 * z[0], z)), scaled(2.0 * sigma, _x_of(p)))
 
 
 unpolarized_kernel.defjvp(_unpolarized_jvp, symbolic_zeros=True)

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._boundary import computed_once
+from ._compiler import computed_once
 from ._facets import Bounce, bounce, half_vector_of, per_length_squared, visible_normal
 from ._scattering import (
     BSDFSample,
@@ -17,6 +17,7 @@ from ._scattering import (
     TransportMode,
     assemble,
     choose_lobe,
+    in_lobes,
     local_direction,
     nothing,
     upward,
@@ -89,14 +90,6 @@ class Dielectric(eqx.Module):
             ~delta,
         )
 
-    def _lobe_powers(self, fresnel: Shares, lobes: Lobes) -> tuple[Array, Array]:
-        lobes = lobes & self.lobes
-        none = jnp.zeros_like(fresnel.R)
-        return (
-            fresnel.R if Lobes.REFLECTION in lobes else none,
-            fresnel.T if Lobes.TRANSMISSION in lobes else none,
-        )
-
     def _refracted(
         self, reflected: Bounce, o: Vector, c_o: Array, c_i: Array, mode: TransportMode
     ) -> Bounce:
@@ -144,7 +137,7 @@ class Dielectric(eqx.Module):
         if self.distribution is None:
             return nothing(self, local_direction(wo, "wo")[0], local_direction(wi, "wi")[0])
         meeting = self._meeting(wo, wi, mode)
-        reflected, transmitted = self._lobe_powers(meeting.fresnel, Lobes.ALL)
+        reflected, transmitted = in_lobes(self.lobes, *meeting.fresnel)
         fresnel = jnp.where(
             meeting.reflection,
             self.reflection_scale * reflected,
@@ -157,7 +150,7 @@ class Dielectric(eqx.Module):
         if self.distribution is None:
             return nothing(self, local_direction(wo, "wo")[0], local_direction(wi, "wi")[0])
         meeting = self._meeting(wo, wi, TransportMode.IMPORTANCE)
-        reflected, transmitted = self._lobe_powers(meeting.fresnel, lobes)
+        reflected, transmitted = in_lobes(lobes & self.lobes, *meeting.fresnel)
         total = reflected + transmitted
         chosen = jnp.where(meeting.reflection, reflected, transmitted)
         probability = chosen / jnp.where(total > 0.0, total, 1.0)
@@ -181,7 +174,7 @@ class Dielectric(eqx.Module):
         cosine = computed_once(dot(o, m))
         eta_o, eta_i = sides(o.z < 0.0, self.eta)
         fresnel = _shares(cosine, eta_i, eta_o, True)
-        reflected, transmitted = self._lobe_powers(fresnel, lobes)
+        reflected, transmitted = in_lobes(lobes & self.lobes, *fresnel)
         reflection, power, probability, possible = choose_lobe(u_lobe, reflected, transmitted)
         mirrored = reflect_components(o, m, cosine)
         bent, cos_t, bends = refract_components(o, m, cosine, eta_o, eta_i)

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._boundary import computed_once
+from ._compiler import computed_once
 from ._facets import bounce, half_vector_of, visible_normal
 from ._scattering import (
     BSDFSample,

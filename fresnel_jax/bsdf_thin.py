@@ -13,6 +13,7 @@ from ._scattering import (
     TransportMode,
     assemble,
     choose_lobe,
+    in_lobes,
     local_direction,
     nothing,
 )
@@ -70,10 +71,7 @@ class ThinDielectric(eqx.Module):
     ) -> BSDFSample:
         """Mirrors wo if u_lobe < R' / (R' + T'), goes straight on otherwise. `u` is not used."""
         o, leaves = local_direction(wo, "wo")
-        reflected, transmitted = self.powers(o.z)
-        none = jnp.zeros_like(reflected)
-        reflected = reflected if Lobes.REFLECTION in lobes else none
-        transmitted = transmitted if Lobes.TRANSMISSION in lobes else none
+        reflected, transmitted = in_lobes(lobes, *self.powers(o.z))
         reflection, power, probability, possible = choose_lobe(u_lobe, reflected, transmitted)
         valid = leaves & possible
         return assemble(

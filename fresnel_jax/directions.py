@@ -12,6 +12,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from ._arithmetic import positive_sqrt
 from ._boundary import boundary, within_one
 from ._vectors import (
     Vector,
@@ -61,12 +62,6 @@ class _Refracted(NamedTuple):
     direction: Vector
     cos_theta_t: Array
     valid: Array
-
-
-def _root(x: Array) -> Array:
-    """sqrt(x) for x >= 0; the infinite derivative at 0 is given as 0."""
-    zero = x <= 0.0  # not so for NaN
-    return jnp.where(zero, 0.0, jnp.sqrt(jnp.where(zero, 1.0, x)))
 
 
 def sides(inside: Array, eta: Array) -> tuple[Array, Array]:
@@ -251,7 +246,7 @@ def critical_angle_deg(eta: ArrayLike) -> Array:
     """
     eta = as_float(eta, "eta")
     small, large = jnp.minimum(eta, 1.0), jnp.maximum(eta, 1.0)
-    return jnp.rad2deg(jnp.arctan2(small, _root((large - small) * (large + small))))
+    return jnp.rad2deg(jnp.arctan2(small, positive_sqrt((large - small) * (large + small))))
 
 
 def brewster_angle_deg(eta: ArrayLike) -> Array:
@@ -274,5 +269,5 @@ def snells_window(eta: ArrayLike) -> Array:
     """
     eta = as_float(eta, "eta")
     small, large = jnp.minimum(eta, 1.0), jnp.maximum(eta, 1.0)
-    root = _root((large - small) * (large + small))
+    root = positive_sqrt((large - small) * (large + small))
     return (small / large) * (small / (large + root))

@@ -5,10 +5,10 @@
     R = reflectance(cos_theta, *gold(wavelengths))
 
 Models: `Constant`, `Cauchy`, `Sellmeier` (lossless), `CauchyUrbach`, `DrudeLorentz` (also by
-`drude` and `lorentz_drude`), `BrendelBormann`, `TaucLorentz`, `Tabulated`; `Material` is one of
-them with a name and a range of wavelengths. Each is an `equinox.Module` whose parameters are array
-fields: a pytree, so that `grad`, `jit` and `vmap` reach every parameter (to jit a model itself take
-`equinox.filter_jit`).
+`drude` and `lorentz_drude`), `BrendelBormann`, `TaucLorentz`, `KramersKronigSpline`, `Tabulated`;
+`Material` is one of them with a name and a range of wavelengths. Each is an `equinox.Module` whose
+parameters are array fields: a pytree, so that `grad`, `jit` and `vmap` reach every parameter (to
+jit a model itself take `equinox.filter_jit`).
 
 Calling a model gives `Index(eta, k)` with the shape of the wavelengths and their type (float32 or
 float64; Python numbers take that of the parameters). Time dependence exp(-i w t): k >= 0 absorbs.
@@ -51,6 +51,7 @@ __all__ = [
     "DispersionModel",
     "DrudeLorentz",
     "Index",
+    "KramersKronigSpline",
     "Material",
     "Sellmeier",
     "Tabulated",

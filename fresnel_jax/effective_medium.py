@@ -44,7 +44,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._arithmetic import complex_sqrt, opaque, sum_exactly
+from ._arguments import as_floats, broadcast_shape
+from ._arithmetic import complex_sqrt, sum_exactly
+from ._compiler import opaque
 from ._spectral import Index
 from ._vectors import as_float
 
@@ -68,24 +70,19 @@ def _constituents(eta, k, fraction) -> tuple[Array, Array, Array]:
             f"fraction has shape {fraction.shape} for {count} constituents; wanted ({count - 1}, "
             "...): the volume fraction of every constituent but the first, which fills the rest"
         )
-    shapes = [x.shape[1:] for x in (eta, k, fraction)]
-    try:
-        shape = jnp.broadcast_shapes(*shapes)
-    except ValueError:
-        raise ValueError(
-            f"beside the leading axis the shapes of eta, k and fraction are {shapes[0]}, "
-            f"{shapes[1]} and {shapes[2]}, which do not broadcast; add axes of length 1"
-        ) from None
-    dtype = jnp.result_type(eta, k, fraction, 1.0)
+    named = {"eta": eta, "k": k, "fraction": fraction}
+    shape = broadcast_shape(
+        **{f"{name} behind its leading axis": x.shape[1:] for name, x in named.items()}
+    )
     eta, k, fraction = (
         jnp.broadcast_to(
             x.reshape(x.shape[:1] + (1,) * (len(shape) + 1 - x.ndim) + x.shape[1:]),
             x.shape[:1] + shape,
-        ).astype(dtype)
-        for x in (eta, k, fraction)
+        )
+        for x in as_floats(eta, k, fraction)
     )
     # Exactly summed: a trace of an absorbing first constituent is a difference of numbers near 1
-    one = opaque(jnp.ones(shape, dtype))
+    one = opaque(jnp.ones(shape, eta.dtype))
     rest, error = sum_exactly([one, *(-opaque(share) for share in fraction)])
     return eta, k, jnp.concatenate([(rest + error)[None], fraction])
 

@@ -5,21 +5,16 @@ They are pytrees; `jax.vmap` over their fields or over the cosine and broadcasti
 
 from __future__ import annotations
 
+import functools
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
+from ._stack import with_leading_axis
 from ._vectors import extinction, float_named
 from .interface import reflectance
 from .layers import stack
-
-
-def _stacked(index) -> Array:
-    """One array of a list of media."""
-    if isinstance(index, (list, tuple)):
-        return jnp.stack(jnp.broadcast_arrays(*index))
-    return jnp.asarray(index)
-
 
 __all__ = [
     "FresnelConductor",
@@ -74,10 +69,11 @@ class FresnelStack(eqx.Module):
     layers, each on its leading axis, and `wavelength_um`. What follows the leading axes broadcasts
     with the cosine, so that a colour of three or a spectrum of many wavelengths takes part in the
     axes of the model as any other field does. Accuracy and derivatives as `layers.stack`.
+    ValueError, as that raises it, for an index that it refuses.
     Source: `layers.stack`.
     """
 
-    index: Array = eqx.field(converter=_stacked)
+    index: Array = eqx.field(converter=functools.partial(with_leading_axis, name="index", least=2))
     thickness_um: Array = eqx.field(converter=float_named("thickness_um"))
     wavelength_um: Array = eqx.field(converter=float_named("wavelength_um"))
 

@@ -56,7 +56,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ._amplitudes import amplitudes_kernel
-from ._arguments import as_floats, real, structure
+from ._arguments import all_floats, as_floats, real, structure
 from ._powers import powers_kernel
 from ._unpolarized import unpolarized_kernel
 
@@ -118,10 +118,7 @@ def _jit_reflectance(cos_theta_i, eta, k, eta_i, compensated):
 
 @jax.jit
 def _jit_amplitudes(*arguments):
-    c, n, k, m = as_floats(*arguments)
-    k = jnp.zeros_like(n) if k is None else k
-    m = jnp.ones_like(n) if m is None else m
-    return Amplitudes(*amplitudes_kernel(c, n, k, m))
+    return Amplitudes(*amplitudes_kernel(*all_floats(*arguments)))
 
 
 @jax.jit

@@ -24,7 +24,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import ArrayLike
 
-from ._arguments import real, structure
+from ._arguments import as_floats, broadcast_shape, real, structure
 from ._arithmetic import reciprocal_or_zero
 from ._boundary import boundary, within_one
 from ._powers import powers_kernel
@@ -50,22 +50,16 @@ def _both_faces(R_1, T_1, passage, absorbed_twice):
 
 @jax.jit
 def _jit_slab(cos_theta_i, eta, k, eta_i, thickness_um, wavelength_um):
-    optional = [x for x in (k, eta_i) if x is not None]
-    dtype = jnp.result_type(cos_theta_i, eta, *optional, thickness_um, wavelength_um, 1.0)
-    c, n, thickness, wavelength = (
-        jnp.asarray(x, dtype) for x in (cos_theta_i, eta, thickness_um, wavelength_um)
+    c, n, k, m, thickness, wavelength = as_floats(
+        cos_theta_i, eta, k, eta_i, thickness_um, wavelength_um
     )
-    k, m = (None if x is None else jnp.asarray(x, dtype) for x in (k, eta_i))
     R_s, R_p, T_s, T_p = powers_kernel(c, n, k, m)
     _, b = boundary(within_one(c), n, k, m).q
     depth = 4.0 * jnp.pi * (thickness / wavelength) * b
     passage, absorbed_twice = jnp.exp(-depth), -jnp.expm1(-2.0 * depth)
-    through_s, through_p = (
-        _both_faces(R, T, passage, absorbed_twice) for R, T in ((R_s, T_s), (R_p, T_p))
-    )
-    out = (through_s[0], through_p[0], through_s[1], through_p[1])
-    shape = jnp.broadcast_shapes(*(x.shape for x in out))
-    return Powers(*(jnp.broadcast_to(x, shape) for x in out))
+    R_s, T_s = _both_faces(R_s, T_s, passage, absorbed_twice)
+    R_p, T_p = _both_faces(R_p, T_p, passage, absorbed_twice)
+    return Powers(R_s, R_p, T_s, T_p)
 
 
 def slab(
@@ -103,17 +97,15 @@ def slab(
     Raises:
         ValueError: the shapes do not broadcast, or an argument other than eta is complex.
     """
-    face = structure(cos_theta_i, eta, k, eta_i)
+    c, n, kappa, m = structure(cos_theta_i, eta, k, eta_i)
     thickness_um = real(thickness_um, "thickness_um")
     wavelength_um = real(wavelength_um, "wavelength_um")
-    shapes = [jnp.shape(x) for x in face if x is not None]
-    last = [jnp.shape(thickness_um), jnp.shape(wavelength_um)]
-    try:
-        jnp.broadcast_shapes(*shapes, *last)
-    except ValueError:
-        raise ValueError(
-            f"the shapes of thickness_um and wavelength_um, {last[0]} and {last[1]}, do not "
-            f"broadcast with those of the other arguments, {', '.join(map(str, shapes))}; add axes "
-            "of length 1 so that they do"
-        ) from None
-    return _jit_slab(*face, thickness_um, wavelength_um)
+    broadcast_shape(
+        cos_theta_i=c,
+        eta=n,
+        k=kappa,
+        eta_i=m,
+        thickness_um=thickness_um,
+        wavelength_um=wavelength_um,
+    )
+    return _jit_slab(c, n, kappa, m, thickness_um, wavelength_um)

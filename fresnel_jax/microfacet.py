@@ -10,6 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
+from ._arithmetic import one_if_zero
 from ._facets import (
     Alphas,
     half_vector_of,
@@ -108,8 +109,7 @@ class TrowbridgeReitz(eqx.Module):
         o, i, alphas = components(wo, "wo"), components(wi, "wi"), self.bounded()
         z_o, z_i = jnp.abs(o.z), jnp.abs(i.z)
         both = z_o * stretched_length(alphas, i) + z_i * stretched_length(alphas, o)
-        zero = both == 0.0
-        return jnp.where(zero, 0.0, 2.0 * z_o * z_i / jnp.where(zero, 1.0, both))
+        return 2.0 * z_o * z_i / one_if_zero(both)
 
     def D_visible(self, w: ArrayLike, m: ArrayLike) -> Float[Array, "..."]:
         """The density of normals m (per solid angle) that `sample_visible` draws for w.
@@ -178,4 +178,4 @@ def half_vector_jacobian(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Array:
     c_o, c_i = jnp.abs(dot(o, m)), jnp.abs(dot(i, m))
     eta_i = jnp.where(i.z < 0.0, eta, 1.0)
     across = eta_i * eta_i * c_i * per_length_squared(o.z < 0.0, c_o, c_i, eta)
-    return jnp.where(o.z * i.z > 0.0, 0.25 / jnp.where(c_i == 0.0, 1.0, c_i), across)
+    return jnp.where(o.z * i.z > 0.0, 0.25 / one_if_zero(c_i), across)

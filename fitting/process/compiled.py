@@ -46,7 +46,7 @@ def computed_once(x: Array) -> Array:
 
     Its CPU compiler repeats what stands before a loop in every loop behind it, except for divisions
     and roots (the cosine of the angle of incidence was formed 18 times in the program of a film, a
-    third of its time). A division by one is exact; `fresnel_jax._boundary` has the measurements.
+    third of its time). A division by one is exact; `fresnel_jax._compiler` has the measurements.
     """
     return x / jnp.where(x == x, 1.0, 2.0)
 
