@@ -48,7 +48,7 @@ from ._stack_absorption import (
     power_in_thin,
     product_in_thin,
 )
-from ._stack_coefficients import Change, Layers, Light, gained, of_r
+from ._stack_coefficients import Change, Layers, Light, of_r
 from ._stack_coherent import ZERO, crossed
 from ._stack_fields import over_layers
 from ._stack_roughness import BoundaryChange
@@ -63,7 +63,11 @@ def _sent_back(
     rough: tuple[Pair, Pair] | None,
 ) -> Pair:
     """kappa of all that changes behind each layer, over f^2 and D of all that lies in front."""
-    here = gained(of_r(layers, scaled(0.5, times(per, per))), moved)
+    change = of_r(layers, scaled(0.5, times(per, per)))
+    # As `gained`, whose divisions would make 4 % more operations of a gradient of R and A here.
+    here = plus(times(change.q2, moved.q2), times(change.depth, moved.depth))
+    if moved.g is not None:
+        here = plus(here, times(change.g, moved.g))
 
     def step(behind, layer):
         here, round_trip, scale, boundary = layer
