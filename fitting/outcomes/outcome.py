@@ -18,7 +18,7 @@ from fitting.samples.parameters import value_and_slope
 from fitting.searching.minima import SAME_CHI2, Around, Minimum, minima, scatter_of
 from fitting.searching.search import End, Solving
 from fitting.searching.starts import STAGE, Ends, best_of, joined
-from fitting.searching.without_fringes import fringes_of, without_fringes
+from fitting.searching.without_fringes import FRINGES, fringes_of, without_fringes
 from fitting.uncertainty.intervals import PROFILE, QUADRATIC, Intervals, intervals
 from fitting.uncertainty.likelihood import criteria
 from fitting.uncertainty.spline_errors import errors_of_curves, with_errors_of_curves
@@ -170,9 +170,9 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
             found.append(Minimum(len(ends.cost) - 1, 1))
         # Less than a fringe with the index of the lowest minimum; with a higher one of its own it
         # may have the same fringes.
-        if fringes_of(fit, plain.ends.y[:, 0]) < max(1.0, 0.5 * fringes_of(fit, end.y)):
+        if fringes_of(fit, plain.ends.y[:, 0]) < max(FRINGES, 0.5 * fringes_of(fit, end.y)):
             # The lowest without them is shown, the others follow by their chi2.
-            first = next((m for m in found if fringes_of(fit, look(m.lane).y) < 1.0), found[0])
+            first = next((m for m in found if fringes_of(fit, look(m.lane).y) < FRINGES), found[0])
             found.sort(key=lambda m: m is not first)
             lane, lowest = first.lane, end
             end = fit.look_at(ends.y[:, lane], noise)

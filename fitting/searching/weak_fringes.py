@@ -36,13 +36,13 @@ def weak_fringes(
     """
     out = []
     for y in _alike(fit, film, random[:, : 4 * LANES]):
-        start = _at_thicknesses(fit, film, y)
+        start = _at_all_thicknesses(fit, film, y)
         some = np.linspace(0, start.shape[1] - 1, LANES // 2).astype(int)
         probe = held_at_thickness(fit, film, start[:, some], noise, _HELD)
         if not probe.cost.min() < below:
             continue
         # From a random index, and from one that has been fitted.
-        start = np.concatenate([start, _at_thicknesses(fit, film, probe.lowest(1))], 1)
+        start = np.concatenate([start, _at_all_thicknesses(fit, film, probe.lowest(1))], 1)
         lowest = held_at_thickness(fit, film, start, noise, _FIRST).lowest(_SOME)
         lowest = held_at_thickness(fit, film, lowest, noise, _HELD).lowest(LANES)
         out.append(fit.held(lowest, noise, STAGE))
@@ -86,7 +86,7 @@ def _beside(fit: Solving, film: Film, y: np.ndarray) -> list[np.ndarray]:
     ]
 
 
-def _at_thicknesses(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
+def _at_all_thicknesses(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
     """Return y (p, 1) at thicknesses in even steps, (p, S)."""
     rate = phase_rates(fit, film, y)[0, fit.seen.measured]
     thickness = thickness_grid(rate, film.low_um, film.high_um).even[::_EVERY]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 # In one measurement of so many noise alone gives fringes that lower chi2 by more.
 _ONE_OF = 1000.0
 # A film whose phase changes by less than a period over the data is taken to have no fringes.
-_FRINGES = 1.0
+FRINGES = 1.0
 
 
 class Fringeless(NamedTuple):
@@ -51,7 +51,7 @@ class Fringeless(NamedTuple):
         shown, lowest: (p,) the solution that is shown, and that of the lowest chi2. rise: by how
         much chi2 is higher without fringes.
         """
-        plain = fringes_of(fit, shown) < _FRINGES
+        plain = fringes_of(fit, shown) < FRINGES
         film = films_of(fit.u.spec, fit.u.moving)[0]
         at = 1e3 * thickness_um(fit, film, np.stack([shown, lowest], 1))
         return {
@@ -89,9 +89,10 @@ def without_fringes(fit: Solving, y: np.ndarray, noise: float) -> Fringeless | N
         return None
     film, unknown = films[0], fit.u.moving[films[0].row]
     spread = _spread(fit, film, y)
-    if fringes_of(fit, y) < _FRINGES or 1e-3 * unknown.low * spread >= _FRINGES:
+    fringes = float(thickness_um(fit, film, y[:, None])[0]) * spread
+    if fringes < FRINGES or 1e-3 * unknown.low * spread >= FRINGES:
         return None
-    most = _FRINGES / spread
+    most = FRINGES / spread
     start = np.append(starts(fit.u.moving, LANES - 1, fit.asked.seed), y[:, None], 1)
     least = max(1e-3 * unknown.low, 1e-4 * most)
     start[film.row] = coordinate(fit, film, np.geomspace(least, most, LANES))
