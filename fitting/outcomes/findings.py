@@ -243,7 +243,8 @@ def _on_measured(fit: Solving, of: Subject, end: End) -> Iterator[Finding]:
             "residuals_in_order", along=order.along, correlation=order.correlation,
             chance=order.chance,
         )  # fmt: skip
-    if rising := rising_indices(fit.u, end, np.unique(m.wavelength_um)):
+    rising = rising_indices(fit.u, end, np.unique(m.wavelength_um))
+    if rising and not end.known.unseen.size:
         yield _finding("rising_index", indices=rising)
 
 

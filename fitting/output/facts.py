@@ -55,15 +55,16 @@ def _structure(fit: Fit) -> str:
     sample = fit.sample
     if sample is None:
         return "your own residual function"
-    layers = list(sample.layers)
+    films = sum(bool(m.thickness and m.thickness.coherent) for m in sample.layers)
+    plates = len(sample.layers) - films
+    film = "a film" if films == 1 else f"{films} films"
+    plate = "a thick plate, both faces," if plates == 1 else f"{plates} thick plates"
     if sample.bare:
         what = "one bare surface"
-    elif len(layers) > 1:
-        what = f"{len(layers)} layers on a substrate"
-    elif layers[0].thickness and layers[0].thickness.coherent:
-        what = "a film on a substrate"
+    elif not plates:
+        what = f"{film} on a substrate"
     else:
-        what = "a thick plate, both faces, whose reflections do not interfere"
+        what = f"{film} and " * bool(films) + f"{plate} whose reflections do not interfere"
     if sample.by_wavelength:
         names = "the pseudo-index <n>, <k>" if has_pseudo_index(fit) else "eta and k"
         each = " at every wavelength" if by_wavelength(fit) else ""

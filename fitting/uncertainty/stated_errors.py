@@ -79,7 +79,7 @@ def _told(found: Fit, best: Fit, joined: Measurement, floor: tuple[float, float]
     with np.errstate(all="ignore"):
         reduced = np.where(np.asarray(best.dof) > 0, chi2 / np.asarray(best.dof), np.nan)
     told = Finding("errors_floor", np.ones(best.shape, bool), {
-        "chi2_reduced": float(np.nansum(found.chi2) / np.sum(found.dof)), "floor": floor[0],
+        "chi2_reduced": float(np.nansum(chi2) / np.sum(best.dof)), "floor": floor[0],
         "gain": floor[1],
     })  # fmt: skip
     order = list(SENTENCES)

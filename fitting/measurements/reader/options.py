@@ -53,15 +53,17 @@ class _Given(NamedTuple):
         came = f"--{name.replace('_', '-')}={self.by_name[name]}"
         refuse(f"{came} {text}")
 
-    def number(self, name: str, low: float, high: float) -> float | None:
-        """Return a number from low to high, None where none was given."""
+    def number(self, name: str, low: float, high: float, wanted: str = "") -> float | None:
+        """Return a number from low to high, None where none was given. wanted: these in words."""
         value = self.by_name.get(name)
         try:
             number = None if value is None else float(value)  # type: ignore[arg-type]
         except (TypeError, ValueError):
             number = float("nan")
         if number is not None and not low <= number <= high:
-            self.refuse(name, f"came where a number from {low:g} to {high:g} was wanted.")
+            self.refuse(
+                name, f"came where {wanted or f'a number from {low:g} to {high:g}'} was wanted."
+            )
         return number
 
     def one_of(self, name: str, wanted: tuple[str, ...]) -> str:
@@ -143,8 +145,8 @@ def parse_options(by_name: Mapping[str, object]) -> Options:
         light=light,
         codes=codes,
         polarizer=polarizer,
-        scale=given.number("scale", 1e-300, 1e300),
-        sigma=given.number("sigma", 1e-300, 1e300),
+        scale=given.number("scale", 1e-300, 1e300, "a number above 0"),
+        sigma=given.number("sigma", 1e-300, 1e300, "a number above 0, not in per cent (0.002),"),
         psi_unit=given.one_of("psi_unit", ("deg", "rad")),
         missing=gaps,
         zero_is_value="none" in gaps,
