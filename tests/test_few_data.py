@@ -7,6 +7,8 @@ from scipy import stats
 from fitting import Measurement, fit, fit_many, simulate
 from fitting.searching.minima import alternative_chi2
 
+STUDY = pytest.mark.study
+
 
 def drawn(seed):
     """Return psi and Delta of a random film at 3 to 8 angles, its substrate and its values."""
@@ -28,12 +30,14 @@ def drawn(seed):
     return measured, substrate, truth
 
 
-@pytest.mark.parametrize("seed", [164, 214, 233, 177, 288, 330, 903, 971])
+@pytest.mark.parametrize(
+    "seed", [164, 233, 177, 288, *(pytest.param(s, marks=STUDY) for s in (214, 330, 903, 971))]
+)
 def test_the_truth_is_among_the_solutions(seed):
     """Of 1000 such films those whose true values were not.
 
-    Of the first three chi2/dof is .02 to .5 by chance, which is no unit for differences of chi2. Of
-    the others the errors at the lowest minimum are so large that two minima were taken for one.
+    Of 164, 214 and 233 chi2/dof is .02 to .5 by chance, which is no unit for differences of chi2.
+    Of the others the errors at the lowest minimum are so large that two minima were taken for one.
     """
     measured, substrate, truth = drawn(seed)
     found = fit(measured, f"air | constant 1..1000 nm | {substrate}")

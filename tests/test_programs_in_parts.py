@@ -89,9 +89,12 @@ def angles_of(case):
     return (0.0,) if case in ("oscillators", "in a wider program", "an edge") else (55.0, 70.0)
 
 
-# The solver is tested in the wider program.
+# The solver is tested in the wider program; the others have what another case has, each apart.
+_LONG = ("in a wider program", "free electrons", "on a model", "a bare surface")
+
+
 @pytest.mark.parametrize("case", [
-    pytest.param(c, marks=[pytest.mark.study] * (c == "in a wider program")) for c in CASES
+    pytest.param(c, marks=[pytest.mark.study] * (c in _LONG)) for c in CASES
 ])  # fmt: skip
 def test_the_derivatives_are_those_of_the_one_program(case):
     sample, settings, values = CASES[case]
