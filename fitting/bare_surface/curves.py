@@ -23,7 +23,7 @@ _ANGLES = 64
 
 
 def _with_slopes(cos_theta, s_share, eta, u, eta_i):
-    """Return (3, 3, N, A): for each channel the reflectance and its slopes in eta and u = k^2."""
+    """Return (3, 3, ...): for each channel the reflectance and its slopes in eta and u = k^2."""
 
     def model(eta, u):
         return jnp.stack(
@@ -98,22 +98,28 @@ class SurfaceCurves(NamedTuple):
     measurement: Measurement | None
 
     def _evaluate(
-        self, angle_deg: np.ndarray, s_share: np.ndarray, quantity: str
+        self, curve: np.ndarray, angle_deg: np.ndarray, s_share: np.ndarray, quantity: str
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return value and sigma, (N, A), of all curves at angles (1, A) or (N, A)."""
+        """Return value and sigma of one quantity at points; ``curve``: the number of each's curve.
+
+        These three broadcast.
+        """
         if quantity not in CHANNELS:
             raise ValueError(f"quantity is {quantity!r}; one of {', '.join(CHANNELS)} was wanted.")
-        angles = angle_deg.shape[1]
-        pad = ((0, 0), (0, -angles % _ANGLES))
+        points = angle_deg.shape[-1]
+        at, angle, share = (
+            np.concatenate([a, a[..., :1].repeat(-points % _ANGLES, -1)], -1)
+            if a.shape[-1] == points else a for a in (curve, angle_deg, s_share)
+        )  # fmt: skip
         with jax.enable_x64(True):
-            out = _with_slopes(
-                np.cos(np.radians(np.pad(angle_deg, pad))), np.pad(s_share, pad),
-                self.eta[:, None], np.maximum(self.k[:, None], K_MIN) ** 2, np.float64(self.eta_i),
-            )  # fmt: skip
-            value, by_eta, by_u = np.asarray(out)[CHANNELS.index(quantity), :, :, :angles]
-        covariance = _covariance(self.information, self.sigma_eta, self.at_zero)
+            out = np.asarray(_with_slopes(
+                np.cos(np.radians(angle)), share, self.eta[at],
+                np.maximum(self.k[at], K_MIN) ** 2, np.float64(self.eta_i),
+            ))  # fmt: skip
+        value, by_eta, by_u = out[CHANNELS.index(quantity), ..., :points]
+        covariance = _covariance(self.information, self.sigma_eta, self.at_zero)[curve]
         slopes = np.stack([by_eta, by_u], -1)
-        variance = np.einsum("nai,nij,naj->na", slopes, covariance, slopes)
+        variance = np.einsum("...i,...ij,...j->...", slopes, covariance, slopes)
         return value, np.sqrt(np.maximum(variance, 0.0))
 
     def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
@@ -122,8 +128,8 @@ class SurfaceCurves(NamedTuple):
         The error is defined where eta and k are not known apart (the curve is), and NaN where there
         is no fit, or nothing that tells the noise.
         """
-        line = angle_deg[None]
-        value, sigma = self._evaluate(line, np.full_like(line, 0.5), quantity)
+        every = np.arange(len(self.eta))[:, None]
+        value, sigma = self._evaluate(every, angle_deg, np.full(angle_deg.shape, 0.5), quantity)
         shape = self.shape + angle_deg.shape
         return Prediction(value.reshape(shape), sigma.reshape(shape))
 
@@ -141,18 +147,10 @@ class SurfaceCurves(NamedTuple):
         share = np.where(np.isnan(polarizer), 0.5, polarizer)
         for quantity in dict.fromkeys(m.quantity.tolist()):
             rows = np.flatnonzero((m.quantity == quantity) & (which >= 0))
-            if not len(rows):
-                continue
-            # All rows of a wavelength as one line of a table, filled up to the longest.
-            order = rows[np.argsort(which[rows], kind="stable")]
-            counts = np.bincount(which[order], minlength=len(self.eta))
-            column = np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts)
-            table = np.zeros((len(self.eta), int(counts.max())))
-            shares = np.full_like(table, 0.5)
-            table[which[order], column] = m.angle_deg[order]
-            shares[which[order], column] = share[order]
-            found, error = self._evaluate(table, shares, quantity)
-            value[order], sigma[order] = found[which[order], column], error[which[order], column]
+            if len(rows):
+                value[rows], sigma[rows] = self._evaluate(
+                    which[rows], m.angle_deg[rows], share[rows], quantity
+                )
         return Prediction(value, sigma)
 
     def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
