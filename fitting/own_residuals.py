@@ -14,7 +14,7 @@ from fitting.optics.observe import Media, Spec
 from fitting.outcomes.batched import stacked_fits
 from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of
-from fitting.problem.problem import LOSSES, Targets, targets_of, with_slopes
+from fitting.problem.problem import Targets, targets_of, with_slopes
 from fitting.problem.unknowns import Unknowns, unknown_of
 from fitting.process.compiled import compiled
 from fitting.results.result import Fit
@@ -33,7 +33,7 @@ from fitting.searching.search import Asked, Solving, solved
 from fitting.searching.starts import starts as start_points
 from fitting.searching.starts import usual_starts, with_given_start
 from fitting.uncertainty.covariance import Slopes
-from fitting.uncertainty.intervals import check_intervals
+from fitting.uncertainty.intervals import check_choices
 
 Residual = Callable[[dict[str, Array], Any], Array]
 _COORDINATES = {"linear": PLAIN, "log": LOG, "square": SQUARE}
@@ -205,11 +205,9 @@ def fit_residuals(
     Raises:
         ValueError: for names and values that are wrong or do not go together.
     """
-    if loss not in LOSSES:
-        raise ValueError(f"loss is {loss!r}; one of {', '.join(LOSSES)} was wanted.")
     if errors not in ("scaled", "stated"):
         raise ValueError(f'errors is {errors!r}; "scaled" or "stated" was wanted.')
-    check_intervals(intervals)
+    check_choices(loss, errors, intervals)
     check_search(starts, start, seed)
     settings = check_settings(
         Settings(names_of(free), fixed or {}, bounds or {}, priors or {}, tie or {})

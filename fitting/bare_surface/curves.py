@@ -14,8 +14,9 @@ from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import K_MIN
 from fitting.bare_surface.reflectances import CHANNELS, reflectances
 from fitting.measurements.measurement import Measurement
-from fitting.problem.evaluation import not_measured
+from fitting.problem.evaluation import measured_places
 from fitting.process.compiled import compiled
+from fitting.residuals.noise import misfit
 from fitting.results.result import IndexBand, Prediction
 
 # Angles of a call are rounded up to a multiple, so that few programs are compiled.
@@ -51,6 +52,19 @@ def fitted_curves(data: Data, s: Solved) -> np.ndarray:
     R_p = np.abs((square * cos - q) / (square * cos + q)) ** 2
     of = {"R_s": R_s, "R_p": R_p, "R": R_p + data.s_share * (R_s - R_p)}
     return np.array([of[c] for c in data.channels])
+
+
+def noise_of_misfits(data: Data, angle_deg: np.ndarray, s: Solved) -> np.ndarray:
+    """Return the noise of the channel that is missed by most, (N,); NaN where none is a misfit."""
+    worst, noise = np.zeros(data.curves), np.full(data.curves, np.nan)
+    for value, weight, fitted in zip(
+        data.values, data.wide_weights, fitted_curves(data, s), strict=True
+    ):
+        value = np.where(weight > 0.0, value, np.nan)
+        found = misfit(angle_deg, value, value - fitted)
+        larger = found.found & (found.rms > worst)
+        noise, worst = np.where(larger, (found.noise, found.rms), (noise, worst))
+    return noise
 
 
 def _covariance(information: np.ndarray, sigma_eta: np.ndarray, at_zero: np.ndarray) -> np.ndarray:
@@ -159,12 +173,7 @@ class SurfaceCurves(NamedTuple):
             raise ValueError(f"there is no medium {medium!r}; a bare surface has 'substrate' only.")
         chosen = np.arange(len(self.eta))
         if wavelength_um is not None:
-            place = {w: i for i, w in enumerate(self.wavelength_um.tolist())}
-            wanted = np.atleast_1d(np.asarray(wavelength_um, float)).tolist()
-            strange = [w for w in wanted if w not in place]
-            if strange:
-                raise not_measured(strange[0])
-            chosen = np.array([place[w] for w in wanted])
+            chosen = np.array(measured_places(self.wavelength_um, wavelength_um))
         columns = (self.wavelength_um, self.eta, self.sigma_eta, self.k, self.sigma_k)
         return IndexBand(*(c[chosen] for c in columns))
 

@@ -61,12 +61,9 @@ class Evaluated(NamedTuple):
                 band = band._replace(sigma_eta=self.errors[:1], sigma_k=self.errors[1:])
             return band._replace(wavelength_um=known)
         if self.sample.media[which + 1].index == FREE and np.isfinite(self.measured_um).all():
-            wanted = np.atleast_1d(numbers("wavelength_um", wavelength_um))
-            strange = wanted[wanted != self.measured_um[0]]
-            if strange.size:
-                raise not_measured(strange[0])
+            same = measured_places(self.measured_um[:1], wavelength_um)
             band = self.index(None, medium)
-            return IndexBand(*(np.repeat(part, len(wanted)) for part in band))
+            return IndexBand(*(part[same] for part in band))
         return _index_band(self, wavelength_um, which)
 
     def at(self, index: tuple[int, ...]) -> Evaluator:
@@ -83,12 +80,20 @@ class Evaluated(NamedTuple):
         )  # fmt: skip
 
 
-def not_measured(um: float) -> ValueError:
-    """Return the error for a wavelength at which an index that is free at each is not known."""
-    return ValueError(
-        f"{um:g} um was not measured, and eta and k that are free at every wavelength are known at "
-        "the measured ones only. Give one of these, or fit a dispersion model."
-    )
+def measured_places(measured_um: np.ndarray, wavelength_um: Any) -> list[int]:
+    """Return which of the measured wavelengths these are.
+
+    Raises ValueError for others, at which an index that is free at each of them is not known.
+    """
+    place = {um: i for i, um in enumerate(measured_um.tolist())}
+    wanted = np.atleast_1d(numbers("wavelength_um", wavelength_um)).tolist()
+    strange = [um for um in wanted if um not in place]
+    if strange:
+        raise ValueError(
+            f"{strange[0]:g} um was not measured, and eta and k that are free at every wavelength "
+            "are known at the measured ones only. Give one of these, or fit a dispersion model."
+        )
+    return [place[um] for um in wanted]
 
 
 class EachWavelength(NamedTuple):
@@ -116,15 +121,9 @@ class EachWavelength(NamedTuple):
 
     def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
         """Return eta and k at the fitted wavelengths."""
-        wanted = self.wavelength_um if wavelength_um is None else np.atleast_1d(wavelength_um)
-        place = {float(w): i for i, w in enumerate(self.wavelength_um)}
-        if np.isnan(wanted).any():
-            chosen = list(range(len(self.each)))
-        else:
-            strange = [w for w in wanted.tolist() if w not in place]
-            if strange:
-                raise not_measured(strange[0])
-            chosen = [place[w] for w in wanted.tolist()]
+        chosen = range(len(self.each))
+        if wavelength_um is not None:
+            chosen = measured_places(self.wavelength_um, wavelength_um)
         bands = [self.each[i].index(None, medium) for i in chosen]
         parts = (np.concatenate(part) for part in zip(*bands, strict=True))
         return IndexBand(*parts)

@@ -126,20 +126,3 @@ def misfit(position: np.ndarray, value: np.ndarray, residual: np.ndarray) -> Mis
         sigma = np.maximum(noise.sigma, least)
         found = rms > np.maximum(ratio, _LEAST_RATIO) * sigma
     return Misfit(rms, noise.sigma, found)
-
-
-def misses_its_noise(
-    position: np.ndarray, values: tuple[np.ndarray, ...], rms: np.ndarray
-) -> np.ndarray:
-    """Return the same for curves of which only the ``rms`` (L,) of all residuals is known.
-
-    values: the data by channel, (L, M) each, NaN for gaps. The noise is estimated from these, which
-    gives an upper bound: curvature within three points counts as noise.
-    """
-    each = [neighbour_noise(position, value) for value in values]
-    triples = np.sum([noise.triples for noise in each], axis=0)
-    with np.errstate(all="ignore"):
-        squares = np.sum([np.nan_to_num(n.sigma) ** 2 * n.triples for n in each], axis=0)
-        sigma = np.sqrt(squares / triples)
-        count = np.sum([np.isfinite(value).sum(1) for value in values], axis=0)
-        return rms > np.maximum(_ratio(count, triples), _LEAST_RATIO) * sigma
