@@ -14,6 +14,7 @@ from fitting.optics.observe import Media, Spec
 from fitting.outcomes.batched import stacked_fits
 from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of
+from fitting.problem.observations import Observations
 from fitting.problem.problem import Targets, targets_of, with_slopes
 from fitting.problem.unknowns import Unknowns, unknown_of
 from fitting.process.compiled import compiled
@@ -57,21 +58,6 @@ class OwnSpec(NamedTuple):
         values = Spec.values(self, y, targets.held)  # type: ignore[arg-type]
         each = jax.vmap(lambda v: jnp.ravel(self.residuals(v, targets.points)), out_axes=-1)
         return [each(values) / targets.noise]
-
-
-class OwnRows(NamedTuple):
-    """The rows of the caller's residuals, in place of `observations.Observations`."""
-
-    points: Any
-    stated: bool
-    row: np.ndarray = np.empty(0)
-    curve: np.ndarray = np.empty(0)
-    squares: float = 0.0
-    channels: tuple[str, ...] = ()
-    values: tuple[Any, ...] = ()
-    weights: tuple[Any, ...] = ()
-    ncs: tuple[Any, ...] = ()
-    ncs_weights: tuple[Any, ...] = ()
 
 
 def _linearised(targets: Targets, y: Array, *, spec: OwnSpec) -> tuple[Array, Array]:
@@ -153,14 +139,17 @@ def _unknowns(
 
 def _one(u: Unknowns, data: Any, settings: Settings, asked: Asked, points: np.ndarray) -> Fit:
     """Return the fit of one set of data."""
-    rows: Any = OwnRows(data, asked.errors == "stated")
+    none = np.empty(0)
+    rows = Observations(
+        channels=(), curves=(), points=data, values=(), weights=(), ncs=none, ncs_weights=none,
+        row=none, quantity=none, channel=none, curve=none, curve_names=(),
+        stated=asked.errors == "stated",
+    )  # fmt: skip
     targets = targets_of(u, rows, np.float64(1.0))
     middle = own_slopes(u.spec, targets, points[:, 0])  # type: ignore[arg-type]
-    count = len(middle.residual)
-    scale = float(np.nan_to_num(middle.residual @ middle.residual, nan=1.0, posinf=1.0))
-    rows = rows._replace(row=np.arange(count), curve=np.zeros(count, int), squares=scale)
-    job = Solving(u, rows, targets, settings, asked)
+    job = Solving(u, rows._replace(row=middle.row), targets, settings, asked)
     job.starts = points.shape[1]
+    job.squares = float(np.nan_to_num(middle.residual @ middle.residual, nan=1.0, posinf=1.0))
     ends, noise = solved(job, points)
     return fit_of(job, down_the_valley(job, ends, noise), noise, Subject(None, None))
 

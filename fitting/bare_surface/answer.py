@@ -50,7 +50,8 @@ STATUS = np.array([CONVERGED, UNDETERMINED, NOT_CONVERGED, NO_DATA])
 ALIKE_CHI2 = 4.0
 # The data do not distinguish them at all if it differs by less than this.
 ALIKE_MEMBERS = 0.01
-# In a batch a misfit of a smaller rms is not reported, since residuals are not examined one by one.
+# In a batch a misfit of a smaller rms is not reported, since the residuals of most curves are not
+# formed.
 LEAST_MISS = 0.01
 
 

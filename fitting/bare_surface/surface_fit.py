@@ -44,19 +44,17 @@ def _estimates(
 ) -> dict[str, Estimate]:
     """Return eta and k from values and intervals of N curves. clear: (N,), what is determined."""
     open_ = np.where(clear, FITTED, UNDETERMINED)
-    of_k = np.where(v["at_zero"], AT_LOWER, open_)
+    status = {"eta": open_, "k": np.where(v["at_zero"], AT_LOWER, open_)}
+    limit = {"eta": np.full_like(v["eta"], np.nan), "k": v["limit"]}
+    interval = {"eta": known.eta, "k": known.k}
     kind = shaped(known.kind, a)
     return {
-        "eta": Estimate(
-            name="eta", value=shaped(v["eta"], a), sigma=shaped(v["sigma_eta"], a),
-            interval=shaped(known.eta, a), interval_kind=kind, status=shaped(open_, a),
-            upper_limit=shaped(np.full_like(v["eta"], np.nan), a),
-        ),
-        "k": Estimate(
-            name="k", value=shaped(v["k"], a), sigma=shaped(v["sigma_k"], a),
-            interval=shaped(known.k, a), interval_kind=kind, status=shaped(of_k, a),
-            upper_limit=shaped(v["limit"], a),
-        ),
+        n: Estimate(
+            name=n, value=shaped(v[n], a), sigma=shaped(v[f"sigma_{n}"], a),
+            interval=shaped(interval[n], a), interval_kind=kind, status=shaped(status[n], a),
+            upper_limit=shaped(limit[n], a),
+        )
+        for n in ("eta", "k")
     }  # fmt: skip
 
 
