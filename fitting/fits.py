@@ -30,8 +30,6 @@ from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of
 from fitting.outcomes.pseudo_index import notes_on
 from fitting.problem.observations import missing_errors
-from fitting.problem.problem import LOSSES
-from fitting.residuals.error_model import ERRORS
 from fitting.results.result import Fit
 from fitting.samples.parameters import Settings, check_search, check_settings, names_of
 from fitting.samples.sample import Sample
@@ -44,7 +42,7 @@ from fitting.searching.search import Asked, Solving, solved
 from fitting.searching.starts import LANES, Ends, usual_starts, with_given_start
 from fitting.searching.starts import starts as start_points
 from fitting.searching.thinned import FOLLOWED, followed_with_all, thinned
-from fitting.uncertainty.intervals import check_intervals
+from fitting.uncertainty.intervals import check_choices
 from fitting.uncertainty.stated_errors import with_common_error
 from fitting.uncertainty.widening import widened
 from fitting.wavelengths import check_wavelengths, fit_wavelengths, solving
@@ -65,15 +63,6 @@ def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
                 "Measurement.from_columns(...) returns it, or a list of them."
             )
     return several
-
-
-def check_choices(loss: str, errors: str, intervals: str) -> None:
-    """Raise ValueError for an unknown value of these options."""
-    if loss not in LOSSES:
-        raise ValueError(f"loss is {loss!r}; one of {', '.join(LOSSES)} was wanted.")
-    if errors not in ERRORS:
-        raise ValueError(f"errors is {errors!r}; one of {', '.join(ERRORS)} was wanted.")
-    check_intervals(intervals)
 
 
 def _is_special(

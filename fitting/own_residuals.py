@@ -14,7 +14,8 @@ from fitting.optics.observe import Media, Spec
 from fitting.outcomes.batched import stacked_fits
 from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of
-from fitting.problem.problem import LOSSES, Targets, targets_of, with_slopes
+from fitting.problem.observations import Observations
+from fitting.problem.problem import Targets, targets_of, with_slopes
 from fitting.problem.unknowns import Unknowns, unknown_of
 from fitting.process.compiled import compiled
 from fitting.results.result import Fit
@@ -33,7 +34,7 @@ from fitting.searching.search import Asked, Solving, solved
 from fitting.searching.starts import starts as start_points
 from fitting.searching.starts import usual_starts, with_given_start
 from fitting.uncertainty.covariance import Slopes
-from fitting.uncertainty.intervals import check_intervals
+from fitting.uncertainty.intervals import check_choices
 
 Residual = Callable[[dict[str, Array], Any], Array]
 _COORDINATES = {"linear": PLAIN, "log": LOG, "square": SQUARE}
@@ -59,21 +60,6 @@ class OwnSpec(NamedTuple):
         return [each(values) / targets.noise]
 
 
-class OwnRows(NamedTuple):
-    """The rows of the caller's residuals, in place of `observations.Observations`."""
-
-    points: Any
-    stated: bool
-    row: np.ndarray = np.empty(0)
-    curve: np.ndarray = np.empty(0)
-    squares: float = 0.0
-    channels: tuple[str, ...] = ()
-    values: tuple[Any, ...] = ()
-    weights: tuple[Any, ...] = ()
-    ncs: tuple[Any, ...] = ()
-    ncs_weights: tuple[Any, ...] = ()
-
-
 def _linearised(targets: Targets, y: Array, *, spec: OwnSpec) -> tuple[Array, Array]:
     """Return the residuals (n,) at y (p,) and their derivatives (n, p)."""
     return with_slopes(lambda lanes: spec.raw(lanes, targets)[0], y)
@@ -87,8 +73,8 @@ def own_slopes(spec: OwnSpec, targets: Targets, y: np.ndarray) -> Slopes:
     with jax.enable_x64(True):
         value, slope = (np.asarray(a) for a in _own_linearised(targets, y, spec=spec))
     return Slopes(
-        seen=value[None], slopes=slope[None], residual=value, jacobian=slope, plain=value,
-        kind=np.full(len(value), "residuals"),
+        seen=value[None], slopes=slope[None], residual=value, jacobian=slope,
+        row=np.arange(len(value)), plain=value, kind=np.full(len(value), "residuals"),
     )  # fmt: skip
 
 
@@ -153,14 +139,17 @@ def _unknowns(
 
 def _one(u: Unknowns, data: Any, settings: Settings, asked: Asked, points: np.ndarray) -> Fit:
     """Return the fit of one set of data."""
-    rows: Any = OwnRows(data, asked.errors == "stated")
+    none = np.empty(0)
+    rows = Observations(
+        channels=(), curves=(), points=data, values=(), weights=(), ncs=none, ncs_weights=none,
+        row=none, quantity=none, channel=none, curve=none, curve_names=(),
+        stated=asked.errors == "stated",
+    )  # fmt: skip
     targets = targets_of(u, rows, np.float64(1.0))
     middle = own_slopes(u.spec, targets, points[:, 0])  # type: ignore[arg-type]
-    count = len(middle.residual)
-    scale = float(np.nan_to_num(middle.residual @ middle.residual, nan=1.0, posinf=1.0))
-    rows = rows._replace(row=np.arange(count), curve=np.zeros(count, int), squares=scale)
-    job = Solving(u, rows, targets, settings, asked)
+    job = Solving(u, rows._replace(row=middle.row), targets, settings, asked)
     job.starts = points.shape[1]
+    job.squares = float(np.nan_to_num(middle.residual @ middle.residual, nan=1.0, posinf=1.0))
     ends, noise = solved(job, points)
     return fit_of(job, down_the_valley(job, ends, noise), noise, Subject(None, None))
 
@@ -205,11 +194,9 @@ def fit_residuals(
     Raises:
         ValueError: for names and values that are wrong or do not go together.
     """
-    if loss not in LOSSES:
-        raise ValueError(f"loss is {loss!r}; one of {', '.join(LOSSES)} was wanted.")
     if errors not in ("scaled", "stated"):
         raise ValueError(f'errors is {errors!r}; "scaled" or "stated" was wanted.')
-    check_intervals(intervals)
+    check_choices(loss, errors, intervals)
     check_search(starts, start, seed)
     settings = check_settings(
         Settings(names_of(free), fixed or {}, bounds or {}, priors or {}, tie or {})

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fitting.searching.fringes import local_minima
 from fitting.searching.minima import alternative_chi2
 from fitting.uncertainty.limits import student_quantile
 from fitting.wavelengths import One, solved_each
@@ -183,7 +184,7 @@ def _profile(
     for several in (*_VALLEYS, *[1] * _CLOSER):
         order = sorted(known)
         costs = np.array([known[d].cost for d in order])
-        best = np.flatnonzero(_local_minima(costs))
+        best = np.flatnonzero(local_minima(costs))
         best = best[np.argsort(costs[best], kind="stable")][:several].tolist()
         beside = [(max(i - 1, 0), min(i + 1, len(order) - 1)) for i in best]
         if max(costs[i] for i in beside[0]) - costs[best[0]] < flat * scatter():
@@ -194,11 +195,6 @@ def _profile(
     best = min(order, key=lambda d: known[d].cost)
     costs = np.array([known[d].cost for d in order])
     return _Profile(np.array(order), costs, scatter(), dof if estimated else 0, known[best].y)
-
-
-def _local_minima(cost: np.ndarray) -> np.ndarray:
-    """Return which costs (D,) are not above those beside them."""
-    return np.r_[True, cost[1:] <= cost[:-1]] & np.r_[cost[:-1] <= cost[1:], True]
 
 
 def _error(p: _Profile) -> float:
@@ -222,7 +218,7 @@ def _others(p: _Profile) -> tuple[tuple[float, float], ...]:
     """Return other thicknesses that fit nearly as well, with the rise of chi2."""
     rise = (p.cost - p.cost[p.best]) / p.scatter
     out = []
-    for i in np.flatnonzero(_local_minima(rise) & (rise < alternative_chi2(p.dof))):
+    for i in np.flatnonzero(local_minima(rise) & (rise < alternative_chi2(p.dof))):
         between = rise[min(i, p.best) : max(i, p.best) + 1]
         if i != p.best and between.max() > rise[i] + 1.0:
             out.append((float(p.thickness_nm[i]), float(rise[i])))

@@ -20,7 +20,8 @@ import numpy as np
 from fitting.bare_surface.arrange import Arranged
 from fitting.bare_surface.batch import minima
 from fitting.bare_surface.coordinates import W_MIN, coordinates_of
-from fitting.bare_surface.curve_data import Data, Extent, extent_of
+from fitting.bare_surface.curve_data import Data, Extent, extent_of, of_rows
+from fitting.bare_surface.curves import noise_of_misfits
 from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import Estimated, Weighing, estimate
 from fitting.bare_surface.mirror import like_mirrors
@@ -28,7 +29,6 @@ from fitting.bare_surface.other_solutions import Others, other_solutions
 from fitting.bare_surface.region_intervals import Intervals, intervals, limit_of_k
 from fitting.bare_surface.valley import Lanes, evaluate, open_to_the_other_end
 from fitting.residuals.error_model import beyond_chance
-from fitting.residuals.noise import misses_its_noise
 from fitting.results.result import CONVERGED, NO_DATA, NOT_CONVERGED, UNDETERMINED
 from fitting.searching.minima import ASSUMED_SIGMA
 
@@ -50,22 +50,19 @@ STATUS = np.array([CONVERGED, UNDETERMINED, NOT_CONVERGED, NO_DATA])
 ALIKE_CHI2 = 4.0
 # The data do not distinguish them at all if it differs by less than this.
 ALIKE_MEMBERS = 0.01
-# In a batch a misfit of a smaller rms is not reported, since residuals are not examined one by one.
+# In a batch a misfit of a smaller rms is not reported, since the residuals of most curves are not
+# formed.
 LEAST_MISS = 0.01
 
 
-def _missed(a: Arranged, rms: np.ndarray) -> np.ndarray:
+def _missed(a: Arranged, s: Solved) -> np.ndarray:
     """Return which fits miss their data by more than their noise, and by enough to matter."""
-    found = np.zeros(len(rms), bool)
-    some = (rms > LEAST_MISS).nonzero()[0]
+    found = np.zeros(len(s.x), bool)
+    some = (np.sqrt(s.plain / s.count) > LEAST_MISS).nonzero()[0]
     if len(some):
-        part = a.data.take(some)
-        angle = np.degrees(np.arccos(np.atleast_2d(part.cos_theta)))
-        values = tuple(
-            np.where(w > 0.0, v, np.nan)
-            for v, w in zip(part.values, part.wide_weights, strict=True)
-        )
-        found[some] = misses_its_noise(angle, values, rms[some])
+        angle = a.angle_deg[some] if a.angle_deg.ndim == 2 else a.angle_deg
+        noise = noise_of_misfits(a.data.take(some), angle, of_rows(s, some))
+        found[some] = np.isfinite(noise)
     return found
 
 
@@ -120,7 +117,7 @@ def _codes(
         "same_at_45_degrees": undetermined & at_45 & ~mirror,
         "circle": undetermined & circle & ~mirror,
         "combination": undetermined & ~at_45 & ~circle & ~mirror,
-        "does_not_describe": _missed(a, np.sqrt(s.plain / s.count)),
+        "does_not_describe": _missed(a, s),
         "compatible_with_zero": clear & np.isfinite(e.k_upper_limit),
         "poorly_determined": clear & (e.sigma_eta > VAGUE_LIMIT * e.eta),
         "correlated": clear & correlated,

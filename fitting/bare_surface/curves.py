@@ -14,8 +14,9 @@ from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import K_MIN
 from fitting.bare_surface.reflectances import CHANNELS, reflectances
 from fitting.measurements.measurement import Measurement
-from fitting.problem.evaluation import not_measured
+from fitting.problem.evaluation import measured_places
 from fitting.process.compiled import compiled
+from fitting.residuals.noise import misfit
 from fitting.results.result import IndexBand, Prediction
 
 # Angles of a call are rounded up to a multiple, so that few programs are compiled.
@@ -23,7 +24,7 @@ _ANGLES = 64
 
 
 def _with_slopes(cos_theta, s_share, eta, u, eta_i):
-    """Return (3, 3, N, A): for each channel the reflectance and its slopes in eta and u = k^2."""
+    """Return (3, 3, ...): for each channel the reflectance and its slopes in eta and u = k^2."""
 
     def model(eta, u):
         return jnp.stack(
@@ -51,6 +52,19 @@ def fitted_curves(data: Data, s: Solved) -> np.ndarray:
     R_p = np.abs((square * cos - q) / (square * cos + q)) ** 2
     of = {"R_s": R_s, "R_p": R_p, "R": R_p + data.s_share * (R_s - R_p)}
     return np.array([of[c] for c in data.channels])
+
+
+def noise_of_misfits(data: Data, angle_deg: np.ndarray, s: Solved) -> np.ndarray:
+    """Return the noise of the channel that is missed by most, (N,); NaN where none is a misfit."""
+    worst, noise = np.zeros(data.curves), np.full(data.curves, np.nan)
+    for value, weight, fitted in zip(
+        data.values, data.wide_weights, fitted_curves(data, s), strict=True
+    ):
+        value = np.where(weight > 0.0, value, np.nan)
+        found = misfit(angle_deg, value, value - fitted)
+        larger = found.found & (found.rms > worst)
+        noise, worst = np.where(larger, (found.noise, found.rms), (noise, worst))
+    return noise
 
 
 def _covariance(information: np.ndarray, sigma_eta: np.ndarray, at_zero: np.ndarray) -> np.ndarray:
@@ -98,22 +112,28 @@ class SurfaceCurves(NamedTuple):
     measurement: Measurement | None
 
     def _evaluate(
-        self, angle_deg: np.ndarray, s_share: np.ndarray, quantity: str
+        self, curve: np.ndarray, angle_deg: np.ndarray, s_share: np.ndarray, quantity: str
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return value and sigma, (N, A), of all curves at angles (1, A) or (N, A)."""
+        """Return value and sigma of one quantity at points; ``curve``: the number of each's curve.
+
+        These three broadcast.
+        """
         if quantity not in CHANNELS:
             raise ValueError(f"quantity is {quantity!r}; one of {', '.join(CHANNELS)} was wanted.")
-        angles = angle_deg.shape[1]
-        pad = ((0, 0), (0, -angles % _ANGLES))
+        points = angle_deg.shape[-1]
+        at, angle, share = (
+            np.concatenate([a, a[..., :1].repeat(-points % _ANGLES, -1)], -1)
+            if a.shape[-1] == points else a for a in (curve, angle_deg, s_share)
+        )  # fmt: skip
         with jax.enable_x64(True):
-            out = _with_slopes(
-                np.cos(np.radians(np.pad(angle_deg, pad))), np.pad(s_share, pad),
-                self.eta[:, None], np.maximum(self.k[:, None], K_MIN) ** 2, np.float64(self.eta_i),
-            )  # fmt: skip
-            value, by_eta, by_u = np.asarray(out)[CHANNELS.index(quantity), :, :, :angles]
-        covariance = _covariance(self.information, self.sigma_eta, self.at_zero)
+            out = np.asarray(_with_slopes(
+                np.cos(np.radians(angle)), share, self.eta[at],
+                np.maximum(self.k[at], K_MIN) ** 2, np.float64(self.eta_i),
+            ))  # fmt: skip
+        value, by_eta, by_u = out[CHANNELS.index(quantity), ..., :points]
+        covariance = _covariance(self.information, self.sigma_eta, self.at_zero)[curve]
         slopes = np.stack([by_eta, by_u], -1)
-        variance = np.einsum("nai,nij,naj->na", slopes, covariance, slopes)
+        variance = np.einsum("...i,...ij,...j->...", slopes, covariance, slopes)
         return value, np.sqrt(np.maximum(variance, 0.0))
 
     def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
@@ -122,8 +142,8 @@ class SurfaceCurves(NamedTuple):
         The error is defined where eta and k are not known apart (the curve is), and NaN where there
         is no fit, or nothing that tells the noise.
         """
-        line = angle_deg[None]
-        value, sigma = self._evaluate(line, np.full_like(line, 0.5), quantity)
+        every = np.arange(len(self.eta))[:, None]
+        value, sigma = self._evaluate(every, angle_deg, np.full(angle_deg.shape, 0.5), quantity)
         shape = self.shape + angle_deg.shape
         return Prediction(value.reshape(shape), sigma.reshape(shape))
 
@@ -141,18 +161,10 @@ class SurfaceCurves(NamedTuple):
         share = np.where(np.isnan(polarizer), 0.5, polarizer)
         for quantity in dict.fromkeys(m.quantity.tolist()):
             rows = np.flatnonzero((m.quantity == quantity) & (which >= 0))
-            if not len(rows):
-                continue
-            # All rows of a wavelength as one line of a table, filled up to the longest.
-            order = rows[np.argsort(which[rows], kind="stable")]
-            counts = np.bincount(which[order], minlength=len(self.eta))
-            column = np.arange(len(order)) - np.repeat(np.cumsum(counts) - counts, counts)
-            table = np.zeros((len(self.eta), int(counts.max())))
-            shares = np.full_like(table, 0.5)
-            table[which[order], column] = m.angle_deg[order]
-            shares[which[order], column] = share[order]
-            found, error = self._evaluate(table, shares, quantity)
-            value[order], sigma[order] = found[which[order], column], error[which[order], column]
+            if len(rows):
+                value[rows], sigma[rows] = self._evaluate(
+                    which[rows], m.angle_deg[rows], share[rows], quantity
+                )
         return Prediction(value, sigma)
 
     def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
@@ -161,12 +173,7 @@ class SurfaceCurves(NamedTuple):
             raise ValueError(f"there is no medium {medium!r}; a bare surface has 'substrate' only.")
         chosen = np.arange(len(self.eta))
         if wavelength_um is not None:
-            place = {w: i for i, w in enumerate(self.wavelength_um.tolist())}
-            wanted = np.atleast_1d(np.asarray(wavelength_um, float)).tolist()
-            strange = [w for w in wanted if w not in place]
-            if strange:
-                raise not_measured(strange[0])
-            chosen = np.array([place[w] for w in wanted])
+            chosen = np.array(measured_places(self.wavelength_um, wavelength_um))
         columns = (self.wavelength_um, self.eta, self.sigma_eta, self.k, self.sigma_k)
         return IndexBand(*(c[chosen] for c in columns))
 

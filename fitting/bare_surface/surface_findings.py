@@ -11,7 +11,6 @@ from fitting.bare_surface.answer import FLAT_BELOW_DEG, Answer
 from fitting.bare_surface.arrange import Arranged
 from fitting.bare_surface.common_error import Taken
 from fitting.measurements.measurement import Measurement
-from fitting.residuals.noise import misfit
 from fitting.residuals.pattern import pattern
 from fitting.results.diagnostics import Finding
 from fitting.results.result import Fit
@@ -128,34 +127,23 @@ def findings(a: Arranged, f: Answer, taken: Taken, errors: str) -> tuple[Finding
     )
 
 
-def _noise_of_a_misfit(m: Measurement, fitted: np.ndarray) -> float:
-    """Return the noise of the quantity of largest misfit over noise; NaN without a misfit."""
-    worst, noise = 0.0, np.nan
-    for quantity in sorted(set(m.quantity.tolist())):
-        here = m.quantity == quantity
-        off = (m.value - fitted)[here]
-        found = misfit(m.angle_deg[here], m.value[here], off)
-        if found.found[0] and found.rms[0] > worst:
-            worst, noise = float(found.rms[0]), float(found.noise[0])
-    return noise
-
-
 def with_order(
-    found: Fit, m: Measurement, which: np.ndarray, fitted: np.ndarray, stated: bool
-) -> Fit:
+    found: Fit, m: Measurement, which: np.ndarray, fitted: np.ndarray, noise: np.ndarray,
+    stated: bool,
+) -> Fit:  # fmt: skip
     """Return the fit with what the residuals of every wavelength say, each looked at by itself.
 
     m: the data. which: the wavelength of each datum, as a number from 0 on. fitted: the curve at
-    each, NaN without a fit. stated: whether the fit used stated errors.
+    each, NaN without a fit. noise: of each wavelength that is missed by more than that, else NaN.
+    stated: whether the fit used stated errors.
     """
     many = np.bincount(which)
-    correlation, chance, noise = np.full((3, len(many)), np.nan)
+    correlation, chance = np.full((2, len(many)), np.nan)
     each = np.split(np.argsort(which, kind="stable"), np.cumsum(many)[:-1])
     for i, rows in enumerate(each):
         part, at = m.where(rows), fitted[rows]
         if not np.isfinite(at).all():
             continue
-        noise[i] = _noise_of_a_misfit(part, at)
         order = pattern(part, at, np.zeros(len(rows), int), stated)
         if order is not None:
             correlation[i], chance[i] = order.correlation, order.chance

@@ -12,13 +12,12 @@ import numpy as np
 from fitting.bare_surface.answer import Answer, answer, start_points
 from fitting.bare_surface.arrange import Arranged, of_arrays, of_measurement
 from fitting.bare_surface.common_error import with_common_error
-from fitting.bare_surface.curves import SurfaceCurves, fitted_curves
+from fitting.bare_surface.curves import SurfaceCurves, fitted_curves, noise_of_misfits
 from fitting.bare_surface.other_solutions import Others
 from fitting.bare_surface.region_intervals import Intervals
 from fitting.bare_surface.surface_findings import findings, shaped, with_order
 from fitting.measurements.measurement import Measurement
 from fitting.problem.observations import missing_errors
-from fitting.residuals.error_model import ERRORS
 from fitting.residuals.pattern import pooled_pattern
 from fitting.results.diagnostics import Warning
 from fitting.results.result import (
@@ -34,7 +33,7 @@ from fitting.results.result import (
     Fit,
 )
 from fitting.samples.sample import Sample
-from fitting.uncertainty.intervals import check_intervals
+from fitting.uncertainty.intervals import check_choices
 from fitting.uncertainty.widening import widened
 
 _FREE = Sample.parse("free")
@@ -45,19 +44,17 @@ def _estimates(
 ) -> dict[str, Estimate]:
     """Return eta and k from values and intervals of N curves. clear: (N,), what is determined."""
     open_ = np.where(clear, FITTED, UNDETERMINED)
-    of_k = np.where(v["at_zero"], AT_LOWER, open_)
+    status = {"eta": open_, "k": np.where(v["at_zero"], AT_LOWER, open_)}
+    limit = {"eta": np.full_like(v["eta"], np.nan), "k": v["limit"]}
+    interval = {"eta": known.eta, "k": known.k}
     kind = shaped(known.kind, a)
     return {
-        "eta": Estimate(
-            name="eta", value=shaped(v["eta"], a), sigma=shaped(v["sigma_eta"], a),
-            interval=shaped(known.eta, a), interval_kind=kind, status=shaped(open_, a),
-            upper_limit=shaped(np.full_like(v["eta"], np.nan), a),
-        ),
-        "k": Estimate(
-            name="k", value=shaped(v["k"], a), sigma=shaped(v["sigma_k"], a),
-            interval=shaped(known.k, a), interval_kind=kind, status=shaped(of_k, a),
-            upper_limit=shaped(v["limit"], a),
-        ),
+        n: Estimate(
+            name=n, value=shaped(v[n], a), sigma=shaped(v[f"sigma_{n}"], a),
+            interval=shaped(interval[n], a), interval_kind=kind, status=shaped(status[n], a),
+            upper_limit=shaped(limit[n], a),
+        )
+        for n in ("eta", "k")
     }  # fmt: skip
 
 
@@ -143,7 +140,8 @@ def fit_bare_surface(
     # With the errors that were taken.
     floor = np.atleast_1d(found.errors.floor)[curve]
     weighed = replace(measurement, sigma=np.hypot(measurement.sigma, floor))
-    found = with_order(found, weighed, curve, fitted, a.stated)
+    missed = np.where(known, noise_of_misfits(a.data, a.angle_deg, f.solved), np.nan)
+    found = with_order(found, weighed, curve, fitted, missed, a.stated)
     pooled = pooled_pattern(weighed, fitted, a.stated)
     if pooled is not None:
         found = replace(
@@ -193,9 +191,7 @@ def fit_many(
             f"the sample {str(which)!r} came; fit_many takes one bare surface whose index is free "
             "('free'). Fit other samples one by one with fit."
         )
-    check_intervals(intervals)
-    if errors not in ERRORS:
-        raise ValueError(f"errors is {errors!r}; one of {', '.join(ERRORS)} was wanted.")
+    check_choices("squares", errors, intervals)
     arrays = {"R_s": R_s, "R_p": R_p, "R": R}
     a = of_arrays(angles_deg, arrays, sigma if errors != "equal" else None, which.eta_i)
     if errors in ("stated", "floor") and not a.stated:

@@ -33,7 +33,7 @@ from fitting.choice.candidates import (
     with_doubt,
 )
 from fitting.choice.sample_choice import Fitted, Run, of_samples, several_samples
-from fitting.fits import check_choices, fit_checked, measurements_of
+from fitting.fits import fit_checked, measurements_of
 from fitting.measurements.measurement import Measurement, concatenate
 from fitting.measurements.quantities import are_powers
 from fitting.optics.instrument import INSTRUMENT, instrument_parameter
@@ -44,7 +44,7 @@ from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
 from fitting.searching.search import Asked
 from fitting.searching.starts import Ends
-from fitting.uncertainty.intervals import QUADRATIC
+from fitting.uncertainty.intervals import QUADRATIC, check_choices
 
 MOST_TERMS = 4
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import betainc, stdtr
 
 from fitting.problem.evaluation import Evaluated
-from fitting.problem.observations import Observations, labels_of
+from fitting.problem.observations import labels_of
 from fitting.results.diagnostics import Warning
 from fitting.results.result import Fit
 from fitting.uncertainty.covariance import UNSEEN, slopes_at
@@ -35,7 +35,7 @@ def may_disagree(found: Fit) -> bool:
     if not isinstance(at, Evaluated):
         return True
     s = slopes_at(at.unknowns, at.seen, at.targets, at.y)
-    file = _file_of_residuals(at.seen)
+    file = at.seen.points.file[s.row]
     along = [_along(s.jacobian[file == f], s.residual[file == f]) for f in np.unique(file)]
     taken, used = sum(a @ a for a in along), sum(map(len, along))
     more = used - len(_along(s.jacobian, s.residual))
@@ -45,13 +45,6 @@ def may_disagree(found: Fit) -> bool:
     square = s.residual @ s.residual  # 0 of exact data
     left = max(1.0 - taken / square, 0.0) if square else 1.0
     return bool(betainc(0.5 * freedom, 0.5 * more, left) < PERHAPS)
-
-
-def _file_of_residuals(seen: Observations) -> np.ndarray:
-    """Return the number of the file of each residual, in the order of `slopes_at`."""
-    powers = [np.flatnonzero(w[:, 0] > 0.0) for w in seen.weights]
-    pairs = np.flatnonzero(np.abs(seen.ncs_weights[..., 0]).sum((0, 1)) > 0.0)
-    return seen.points.file[np.concatenate([*powers, pairs, pairs, pairs])]
 
 
 def _along(slopes: np.ndarray, residual: np.ndarray) -> np.ndarray:

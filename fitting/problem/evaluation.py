@@ -11,7 +11,7 @@ import numpy as np
 from fitting.measurements.measurement import Measurement
 from fitting.optics.averages import values_at, with_places
 from fitting.optics.observe import NCS
-from fitting.problem.observations import Observations, observations, padded
+from fitting.problem.observations import Observations, ncs_directions, observations, padded
 from fitting.problem.points import numbers, points_of
 from fitting.problem.problem import Targets, index_slopes, without_data
 from fitting.problem.programs_in_parts import slopes_in_parts
@@ -61,12 +61,9 @@ class Evaluated(NamedTuple):
                 band = band._replace(sigma_eta=self.errors[:1], sigma_k=self.errors[1:])
             return band._replace(wavelength_um=known)
         if self.sample.media[which + 1].index == FREE and np.isfinite(self.measured_um).all():
-            wanted = np.atleast_1d(numbers("wavelength_um", wavelength_um))
-            strange = wanted[wanted != self.measured_um[0]]
-            if strange.size:
-                raise not_measured(strange[0])
+            same = measured_places(self.measured_um[:1], wavelength_um)
             band = self.index(None, medium)
-            return IndexBand(*(np.repeat(part, len(wanted)) for part in band))
+            return IndexBand(*(part[same] for part in band))
         return _index_band(self, wavelength_um, which)
 
     def at(self, index: tuple[int, ...]) -> Evaluator:
@@ -83,12 +80,20 @@ class Evaluated(NamedTuple):
         )  # fmt: skip
 
 
-def not_measured(um: float) -> ValueError:
-    """Return the error for a wavelength at which an index that is free at each is not known."""
-    return ValueError(
-        f"{um:g} um was not measured, and eta and k that are free at every wavelength are known at "
-        "the measured ones only. Give one of these, or fit a dispersion model."
-    )
+def measured_places(measured_um: np.ndarray, wavelength_um: Any) -> list[int]:
+    """Return which of the measured wavelengths these are.
+
+    Raises ValueError for others, at which an index that is free at each of them is not known.
+    """
+    place = {um: i for i, um in enumerate(measured_um.tolist())}
+    wanted = np.atleast_1d(numbers("wavelength_um", wavelength_um)).tolist()
+    strange = [um for um in wanted if um not in place]
+    if strange:
+        raise ValueError(
+            f"{strange[0]:g} um was not measured, and eta and k that are free at every wavelength "
+            "are known at the measured ones only. Give one of these, or fit a dispersion model."
+        )
+    return [place[um] for um in wanted]
 
 
 class EachWavelength(NamedTuple):
@@ -116,15 +121,9 @@ class EachWavelength(NamedTuple):
 
     def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
         """Return eta and k at the fitted wavelengths."""
-        wanted = self.wavelength_um if wavelength_um is None else np.atleast_1d(wavelength_um)
-        place = {float(w): i for i, w in enumerate(self.wavelength_um)}
-        if np.isnan(wanted).any():
-            chosen = list(range(len(self.each)))
-        else:
-            strange = [w for w in wanted.tolist() if w not in place]
-            if strange:
-                raise not_measured(strange[0])
-            chosen = [place[w] for w in wanted.tolist()]
+        chosen = range(len(self.each))
+        if wavelength_um is not None:
+            chosen = measured_places(self.wavelength_um, wavelength_um)
         bands = [self.each[i].index(None, medium) for i in chosen]
         parts = (np.concatenate(part) for part in zip(*bands, strict=True))
         return IndexBand(*parts)
@@ -226,7 +225,10 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
         here = seen.channel == channel
         sigma[here] = error[i, seen.row[here]]
     if NCS in seen.channels:
-        _errors_of_angles(seen, value[-3:], slope[-3:], at.covariance, sigma)
+        of_angles = _slopes_of_angles(value[-3:], slope[-3:])
+        for name, by in zip(("psi", "delta"), of_angles, strict=True):
+            here = seen.quantity == name
+            sigma[here] = np.degrees(_error(by[seen.row[here]], at.covariance))
     fitted = at_data(seen, value)
 
     def away(y: np.ndarray) -> np.ndarray:
@@ -243,20 +245,15 @@ def _shown(u: Unknowns, targets: Targets, y: np.ndarray) -> tuple[np.ndarray, np
         return np.asarray(value), np.asarray(slope)
 
 
-def _errors_of_angles(seen, value, slope, covariance, sigma) -> None:
-    """Fill in errors of psi and Delta in degrees, from N, C, S (3, M) and slopes (3, M, p)."""
-    N, C, S = value
-    sine2 = C * C + S * S
-    sine = np.sqrt(sine2)
-    total = np.sqrt(N * N + sine2)
+def _slopes_of_angles(ncs: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """Return the derivatives (2, M, p) of psi and Delta in radians, from those (3, M, p) of NCS."""
+    sine = np.hypot(ncs[1], ncs[2])
+    psi, delta = 0.5 * np.arctan2(sine, ncs[0]), np.arctan2(ncs[2], ncs[1])
+    along = np.einsum("ijm,jmp->imp", ncs_directions(*np.degrees([psi, delta]))[:2], slopes)
     with np.errstate(divide="ignore", invalid="ignore"):
-        # d(2 psi) = (N d(sin 2psi) - sin 2psi dN) / total^2
-        d_sine = (C[:, None] * slope[1] + S[:, None] * slope[2]) / sine[:, None]
-        d_psi = 0.5 * (N[:, None] * d_sine - sine[:, None] * slope[0]) / total[:, None] ** 2
-        d_delta = (C[:, None] * slope[2] - S[:, None] * slope[1]) / sine2[:, None]
-    for name, by in zip(("psi", "delta"), (d_psi, d_delta), strict=True):
-        here = seen.quantity == name
-        sigma[here] = np.degrees(_error(by[seen.row[here]], covariance))
+        # psi moves the point by 2, Delta by sin 2psi for each radian; the sphere of partially
+        # polarized light is smaller.
+        return along / np.stack([2.0 * np.hypot(ncs[0], sine), sine])[:, :, None]
 
 
 def _index_band(at: Evaluated, wavelength_um: Any, medium: int) -> IndexBand:

@@ -82,21 +82,22 @@ def without_data(targets: Targets) -> Targets:
     )  # fmt: skip
 
 
-def robust(loss: str, r: Array) -> Array:
+def robust(loss: str, r: Any, xp: Any = jnp) -> Any:
     """Return f(r) with f^2 = the loss of the residual r in standard deviations; f'(0) near 1.
 
     Huber: r^2 up to c, then 2c|r| - c^2. Student: (nu + 1) log(1 + r^2 / nu), over its curvature.
+    xp: the array module, jax.numpy or numpy.
     """
     if loss == "huber":
-        far = jnp.abs(r) > HUBER
-        root = jnp.sqrt(jnp.where(far, 2.0 * HUBER * jnp.abs(r) - HUBER**2, 1.0))
-        return jnp.where(far, jnp.sign(r) * root, r)
+        far = xp.abs(r) > HUBER
+        root = xp.sqrt(xp.where(far, 2.0 * HUBER * xp.abs(r) - HUBER**2, 1.0))
+        return xp.where(far, xp.sign(r) * root, r)
     if loss == "student":
         t = r * r / STUDENT
         small = t < 1e-8
-        safe = jnp.where(small, 1.0, t)
-        ratio = jnp.where(small, 1.0 - 0.5 * t, jnp.log1p(safe) / safe)
-        return r * jnp.sqrt(ratio)
+        safe = xp.where(small, 1.0, t)
+        ratio = xp.where(small, 1.0 - 0.5 * t, xp.log1p(safe) / safe)
+        return r * xp.sqrt(ratio)
     return r
 
 

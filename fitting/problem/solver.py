@@ -151,19 +151,16 @@ def bounded_step(
     def fall_of(step: Array) -> Array:
         return -((2.0 * gradient + (matrix * step[None]).sum(1)) * step).sum(0)
 
-    if p > FEW_UNKNOWNS:
-        step, along = many_unknowns.two_steps(damped, gradient, y, lower, upper, out_of)
-    else:
-        # An unknown on a bound that would move outwards, by itself or by the others, is left out.
-        free = ~out_of(-gradient)
-        free &= ~out_of(solve_lanes(damped, -gradient, free))
-        step = solve_lanes(damped, -gradient, free)
-        # The step to the bound, with the best step of the others there: nearly always the better
-        # one, except if two bounds are crossed.
-        cut = (y + step < lower) | (y + step > upper)
-        held = jnp.where(cut, jnp.clip(y + step, lower, upper) - y, 0.0)
-        pulled = gradient + (damped * held[None]).sum(1)
-        along = held + solve_lanes(damped, -pulled, free & ~cut)
+    # An unknown on a bound that would move outwards, by itself or by the others, is left out.
+    free = ~out_of(-gradient)
+    free &= ~out_of(solve_lanes(damped, -gradient, free))
+    step = solve_lanes(damped, -gradient, free)
+    # The step to the bound, with the best step of the others there: nearly always the better one,
+    # except if two bounds are crossed.
+    cut = (y + step < lower) | (y + step > upper)
+    held = jnp.where(cut, jnp.clip(y + step, lower, upper) - y, 0.0)
+    pulled = gradient + (damped * held[None]).sum(1)
+    along = held + solve_lanes(damped, -pulled, free & ~cut)
     # The whole step cut at the first bound always lowers the cost.
     ahead = jnp.where(step > 0.0, upper - y, lower - y)
     room = jnp.where(step == 0.0, jnp.inf, ahead / jnp.where(step == 0.0, 1.0, step))

@@ -100,15 +100,6 @@ class Misfit(NamedTuple):
     found: np.ndarray
 
 
-def _ratio(count: np.ndarray, triples: np.ndarray) -> np.ndarray:
-    """Return the root of the F quantile for ``count`` residuals and the noise of ``triples``.
-
-    Infinite below 6 triples, too few for a test.
-    """
-    quantile = fdtri(np.maximum(count, 1), INDEPENDENT * np.maximum(triples, 1), 1.0 - _CHANCE)
-    return np.where(triples >= 6, np.sqrt(quantile), np.inf)
-
-
 def misfit(position: np.ndarray, value: np.ndarray, residual: np.ndarray) -> Misfit:
     """Return where the residuals are larger than the noise, for curves (L, M), NaN for gaps.
 
@@ -121,25 +112,10 @@ def misfit(position: np.ndarray, value: np.ndarray, residual: np.ndarray) -> Mis
     with np.errstate(all="ignore"):
         count = np.isfinite(residual).sum(1)
         rms = np.sqrt(np.nansum(residual**2, axis=1) / count)
-        ratio = _ratio(count, noise.triples)
+        freedom = INDEPENDENT * np.maximum(noise.triples, 1)
+        ratio = np.sqrt(fdtri(np.maximum(count, 1), freedom, 1.0 - _CHANCE))
+        ratio = np.where(noise.triples >= 6, ratio, np.inf)  # less are too few for a test
         least = _ROUNDING * np.nanmax(np.abs(np.atleast_2d(value)), axis=1, initial=0.0)
         sigma = np.maximum(noise.sigma, least)
         found = rms > np.maximum(ratio, _LEAST_RATIO) * sigma
     return Misfit(rms, noise.sigma, found)
-
-
-def misses_its_noise(
-    position: np.ndarray, values: tuple[np.ndarray, ...], rms: np.ndarray
-) -> np.ndarray:
-    """Return the same for curves of which only the ``rms`` (L,) of all residuals is known.
-
-    values: the data by channel, (L, M) each, NaN for gaps. The noise is estimated from these, which
-    gives an upper bound: curvature within three points counts as noise.
-    """
-    each = [neighbour_noise(position, value) for value in values]
-    triples = np.sum([noise.triples for noise in each], axis=0)
-    with np.errstate(all="ignore"):
-        squares = np.sum([np.nan_to_num(n.sigma) ** 2 * n.triples for n in each], axis=0)
-        sigma = np.sqrt(squares / triples)
-        count = np.sum([np.isfinite(value).sum(1) for value in values], axis=0)
-        return rms > np.maximum(_ratio(count, triples), _LEAST_RATIO) * sigma

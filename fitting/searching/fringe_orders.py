@@ -25,7 +25,7 @@ from fitting.searching.film_starts import (
     thickness_um,
 )
 from fitting.searching.last_steps import followed
-from fitting.searching.minima import shown_below
+from fitting.searching.minima import scatter_of
 from fitting.searching.starts import Ends, best_of, joined
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def _with_orders(fit: Solving, film: Film, ends: Ends, noise: float) -> Ends:
     known = np.empty((0, 2))
     while asked < _MOST:
         least = float(ends.cost[ends.done].min())
-        new = np.flatnonzero((ends.cost < shown_below(fit, least)) & ~looked_at)
+        new = np.flatnonzero((ends.cost < least + scatter_of(fit, least, noise)[1]) & ~looked_at)
         looked_at[new] = True
         y = ends.y[:, new]
         lowest = ends.y[:, new[[np.argmin(ends.cost[new])]]] if len(new) else y

@@ -163,6 +163,11 @@ def _left(
     return np.sum(w * values * values) - np.sum(found * right, axis=(1, 2))
 
 
+def local_minima(cost: np.ndarray) -> np.ndarray:
+    """Return which costs (D,) are not above those beside them."""
+    return np.r_[True, cost[1:] <= cost[:-1]] & np.r_[cost[:-1] <= cost[1:], True]
+
+
 def likely_thicknesses(
     rates: np.ndarray,
     low_um: float,
@@ -186,8 +191,7 @@ def likely_thicknesses(
         rising = np.argsort(thickness, kind="stable")
         thickness = thickness[rising]
         cost = misfit(rate, grid, groups)[rising]
-        lower = np.r_[True, cost[1:] <= cost[:-1]] & np.r_[cost[:-1] <= cost[1:], True]
-        best = np.flatnonzero(lower)
+        best = np.flatnonzero(local_minima(cost))
         best = best[np.argsort(cost[best], kind="stable")[: max(6, count // len(rates))]]
         which.append(np.full(len(best), j))
         where.append(thickness[best])

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from fitting.searching.minima import SAME_CHI2, shown_below
+from fitting.searching.minima import SAME_CHI2, scatter_of
 from fitting.searching.starts import STAGE, Ends, best_of, joined
 from fitting.uncertainty.covariance import Slopes, prior_rows
 
@@ -26,7 +26,7 @@ STAGES_ON = 8
 def followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> Ends:
     """Return the ends of starts (p, S); those far above the best cost are stopped on the way."""
     ends = fit.held(start, noise, STAGE)
-    gone_on(fit, ends, noise, shown_below(fit, best), 1)
+    gone_on(fit, ends, noise, best + scatter_of(fit, best, noise)[1], 1)
     # After the first stage only starts go on that are below the best minimum known.
     gone_on(fit, ends, noise, best - fit.unit(best), STAGES_ON - 1)
     return ends._replace(y=fit.in_order(ends.y))

@@ -53,12 +53,6 @@ def scatter_of(fit: Solving, cost: float, noise: float) -> tuple[float, float]:
     return scatter, float(alternative_chi2(fit.dof)) * scatter
 
 
-def shown_below(fit: Solving, cost: float) -> float:
-    """Return the cost up to which a minimum is reported, during the search; ``cost``: the best."""
-    stated = fit.seen.stated or not fit.asked.scaled
-    return cost + float(alternative_chi2(0 if stated else fit.dof)) * fit.unit(cost)
-
-
 class Minimum(NamedTuple):
     """One minimum: the lane that represents it, and how many starts ended there."""
 

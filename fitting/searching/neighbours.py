@@ -66,7 +66,10 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
             if many_fringes(fit, films[0], start):
                 ends = joined([ends, *_from_parts(fit, films[0], ends, start, noise)])
             if not ends.cost.min() < least - fit.unit(least):
-                ends = joined([ends, _followed_far(fit, start, noise, least)])
+                # A search follows the starts that are lowest after a few evaluations. The one of
+                # 832 that led to the best minimum of a film was 674th then, and first after _FAR.
+                far = fit.held(start, noise, _FAR).lowest(LANES)
+                ends = joined([ends, followed(fit, far, noise, least)])
         beside = [_other_lines(fit, ends), _crossed(fit, ends, start, random)]
         beside += [orders_beside(fit, film, y[:, None], _ORDERS) for film in films]
         ends = joined([ends, followed(fit, np.concatenate(beside, 1), noise, least)])
@@ -87,15 +90,6 @@ def _is_noise(fit: Solving, y: np.ndarray) -> bool:
     alike = float(r[1:] @ r[:-1]) > 3.0 * square / np.sqrt(len(r))
     large = fit.seen.stated and square > dof + 3.0 * np.sqrt(2.0 * dof)
     return not (alike or large)
-
-
-def _followed_far(fit: Solving, start: np.ndarray, noise: float, least: float) -> Ends:
-    """Return the ends of all starts (p, S), of which a search follows the lowest LANES alone.
-
-    Which these are is seen after a few evaluations. The one start of 832 that led to the best
-    minimum of a film was 674th then, and first after 300.
-    """
-    return followed(fit, fit.held(start, noise, _FAR).lowest(LANES), noise, least)
 
 
 def _crossed(fit: Solving, ends: Ends, start: np.ndarray, random: np.random.Generator):

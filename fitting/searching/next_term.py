@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fitting.optics.observe import NCS
 from fitting.samples.parameters import LOG
 from fresnel_jax.dispersion import HC_EV_UM
 
@@ -66,16 +65,6 @@ class Responses(NamedTuple):
     by_rest: np.ndarray
 
 
-def _energies(fit: Solving) -> np.ndarray:
-    """Return the photon energy of every residual in eV, (R,), in the order of `Slopes`."""
-    seen = fit.whole.seen
-    energy = HC_EV_UM / seen.points.wavelength_um[:, 0]
-    out = [energy[w[:, 0] > 0.0] for w in seen.weights]
-    if NCS in seen.channels:
-        out += [energy[np.abs(seen.ncs_weights[..., 0]).sum((0, 1)) > 0.0]] * 3
-    return np.concatenate(out)
-
-
 def oscillator(energy: np.ndarray, resonance: Any, width: Any) -> np.ndarray:
     """Return eps of an oscillator of strength 1 eV^2."""
     return 1.0 / (resonance**2 - energy**2 - 1j * energy * width)
@@ -87,14 +76,15 @@ def by_eps(fit: Solving, y: np.ndarray, term: list[int]) -> Responses:
     The derivatives by its strength at two resonances and widths, whose eps differ in phase at every
     energy (one far above the spectrum, one broad), give those by eps_1 and by eps_2.
     """
-    energy = _energies(fit)
-    low, high = energy.min(), energy.max()
+    every = HC_EV_UM / fit.whole.seen.points.wavelength_um[:, 0]
+    low, high = every.min(), every.max()
     columns, shapes = [], []
     for resonance, width in ((5.0 * high, 1e-2 * low), (np.sqrt(low * high), 10.0 * high)):
         at = y.copy()
         at[term[1:]] = np.log([resonance, width])
         at = np.clip(at, *fit.limits)
         slopes = fit.slopes(at)
+        energy = every[slopes.row]
         strength, *of = np.exp(at[term])
         columns.append(slopes.jacobian[:, term[0]] / strength)
         shapes.append(oscillator(energy, *of))

@@ -47,7 +47,10 @@ def with_other_thicknesses(fit: Solving, ends: Ends, start: np.ndarray, noise: f
         if best_of(ends) is not None:
             ends = joined([ends, *_at_thicknesses(fit, film, lowest_ends(ends), start, noise)])
             ends = joined([ends, *weak_fringes(fit, film, start, noise, _near(fit, ends))])
-    return _to_rest(fit, ends, noise) if films else ends
+    if films and best_of(ends) is not None:
+        gone_on(fit, ends, noise, _near(fit, ends), STAGES_ON)
+        ends = ends._replace(y=fit.in_order(ends.y))
+    return ends
 
 
 def _at_thicknesses(
@@ -79,11 +82,3 @@ def _near(fit: Solving, ends: Ends) -> float:
     """Return the cost up to which a start is near the best end, of which there is one."""
     least = float(ends.cost[ends.done].min())
     return least + _NEAR * fit.unit(least)
-
-
-def _to_rest(fit: Solving, ends: Ends, noise: float) -> Ends:
-    """Return the ends, of which those near the best one have gone on until they rest."""
-    if best_of(ends) is None:
-        return ends
-    gone_on(fit, ends, noise, _near(fit, ends), STAGES_ON)
-    return ends._replace(y=fit.in_order(ends.y))

@@ -12,7 +12,7 @@ from fitting.problem.observations import Observations
 from fitting.problem.problem import Targets
 from fitting.problem.unknowns import Unknowns
 from fitting.samples.dispersion import Model
-from fitting.samples.parameters import Settings, value_and_slope
+from fitting.samples.parameters import Settings
 from fitting.searching.last_steps import polished
 from fitting.searching.next_term import likely_lines, oscillators, terms_of
 from fitting.searching.starts import (
@@ -26,7 +26,15 @@ from fitting.searching.starts import (
     joined,
     run,
 )
-from fitting.uncertainty.covariance import Slopes, Uncertainty, loss_of, slopes_at, uncertainty
+from fitting.uncertainty.covariance import (
+    Slopes,
+    Uncertainty,
+    loss_of,
+    prior_rows,
+    slopes_at,
+    uncertainty,
+)
+from fitting.uncertainty.likelihood import reduced_chi2
 
 # Largest number of rounds in which the noise of a robust loss is estimated, and the relative change
 # below which it is final.
@@ -98,17 +106,6 @@ def _weak_terms(start: np.ndarray) -> np.ndarray:
     if len(start) > 2:
         rows.append(np.quantile(start[2], 0.2 + 0.5 * (grid * 5.0 % 1.0)))
     return np.tile(np.stack(rows), 2)
-
-
-def _noise(s: Slopes, loss: str, stated: bool, absolute: bool, dof: int) -> float:
-    """Return an estimate of the standard deviation of the residuals, in units of the weights."""
-    if loss == "squares":
-        return float(np.sqrt((s.residual @ s.residual) / max(dof, 1)))
-    if absolute and stated:
-        return 1.0
-    # The median of |residual| is .6745 standard deviations; degrees of freedom as usual.
-    n = len(s.residual)
-    return 1.4826 * float(np.median(np.abs(s.residual))) * np.sqrt(n / max(dof, 1))
 
 
 class End(NamedTuple):
@@ -225,12 +222,8 @@ class Solving:
 
     def cost(self, s: Slopes, y: np.ndarray, noise: float) -> float:
         """Return the cost at y."""
-        total = loss_of(self.u.spec.loss, s.residual / noise)
-        for unknown, value in zip(self.u.moving, y, strict=True):
-            if unknown.prior is not None:
-                x, _ = value_and_slope(unknown.parameter.coordinate, np.array([value]))
-                total += ((float(x[0]) - unknown.prior[0]) / unknown.prior[1]) ** 2
-        return total
+        off, _ = prior_rows(self.u, y)
+        return loss_of(self.u.spec.loss, s.residual / noise) + float(off @ off)
 
     def unit(self, cost: float) -> float:
         """Return a unit of chi2 where the lowest cost is ``cost``."""
@@ -261,14 +254,13 @@ class Solving:
 def solved(fit: Solving, start: np.ndarray) -> tuple[Ends, float]:
     """Return the ends of all starts and the noise that they were run at."""
     loss, scaled = fit.u.spec.loss, fit.asked.scaled
-    absolute = not scaled
     by_noise = loss != "squares" or (fit.priors > 0 and scaled)
     if not by_noise:
         return fit.run(start, 1.0, grow=True), 1.0
     # Least squares without priors first, for a first idea of the noise.
     huge = _NO_NOISE if loss != "squares" else 1.0
     ends, noise = fit.run(start, huge, priors=False, grow=True), 1.0
-    if loss != "squares" and absolute and fit.seen.stated:
+    if loss != "squares" and not scaled and fit.seen.stated:
         return fit.run(start, 1.0), 1.0
     least = 1e-9 * np.sqrt(fit.squares / max(fit.n_data, 1)) + 1e-300
     for i in range(NOISE_ROUNDS):
@@ -276,8 +268,8 @@ def solved(fit: Solving, start: np.ndarray) -> tuple[Ends, float]:
         if best is None:
             return ends, noise
         before = noise
-        found = _noise(fit.slopes(ends.y[:, best]), loss, fit.seen.stated, absolute, fit.dof)
-        noise = max(found, least)
+        residual = fit.slopes(ends.y[:, best]).residual
+        noise = max(np.sqrt(reduced_chi2(loss, residual, max(fit.dof, 1))), least)
         if i and abs(noise - before) <= NOISE_SETTLED * before:
             break
         # The first round of the true problem is from all starts, later ones from their ends.

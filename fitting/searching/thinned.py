@@ -109,8 +109,7 @@ def followed_with_all(fit: Solving, few: Solving, ends: Ends) -> Ends:
     """
     if not np.isfinite(ends.cost).any():
         return ends
-    unit = max(1e-300, float(ends.cost.min()) / max(few.dof, 1))
-    unit = unit if fit.asked.scaled else max(1.0, unit)
+    unit = few.unit(float(ends.cost.min()))
     order = np.argsort(ends.cost, kind="stable")
     order = order[ends.cost[order] <= ends.cost.min() + _NEAR * unit]
     y, cost, done = ends.y.copy(), ends.cost * (fit.squares / few.squares), ends.done.copy()

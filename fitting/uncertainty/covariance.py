@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.optics.observe import NCS
 from fitting.problem.observations import Observations
-from fitting.problem.problem import HUBER, STUDENT, Targets, without_data
+from fitting.problem.problem import HUBER, STUDENT, Targets, robust, without_data
 from fitting.problem.programs_in_parts import slopes_in_parts
 from fitting.problem.unknowns import Unknowns
 from fitting.samples.parameters import value_and_slope
@@ -24,14 +24,16 @@ SHARE = 1e-3
 class Slopes(NamedTuple):
     """The model and the residuals at y, row by row, with their derivatives.
 
-    seen: (K, M) and slopes (K, M, p), NCS as three. residual: (R,) weighted, jacobian (R, p);
-    plain: without weights, of what was measured; kind: the channel of each of these.
+    seen: (K, M) and slopes (K, M, p), NCS as three. residual: (R,) weighted, jacobian (R, p), row:
+    (R,) of the points; plain: without weights, of what was measured; kind: the channel of each of
+    these.
     """
 
     seen: np.ndarray
     slopes: np.ndarray
     residual: np.ndarray
     jacobian: np.ndarray
+    row: np.ndarray
     plain: np.ndarray
     kind: np.ndarray
 
@@ -42,13 +44,14 @@ def slopes_at(u: Unknowns, seen: Observations, targets: Targets, y: np.ndarray) 
         value, slope = (
             np.asarray(a) for a in slopes_in_parts(without_data(targets), y, spec=u.spec)
         )
-    residual, jacobian, plain, kind = [], [], [], []
+    residual, jacobian, row, plain, kind = [], [], [], [], []
     alone = [c for c in seen.channels if c != NCS]
     for i, (channel, v, w) in enumerate(zip(alone, seen.values, seen.weights, strict=True)):
         rows = np.flatnonzero(w[:, 0] > 0.0)
         off = value[i, rows] - v[rows, 0]
         residual.append(off * w[rows, 0])
         jacobian.append(slope[i, rows] * w[rows])
+        row.append(rows)
         plain.append(off)
         kind += [channel] * len(rows)
     if NCS in seen.channels:
@@ -59,14 +62,13 @@ def slopes_at(u: Unknowns, seen: Observations, targets: Targets, y: np.ndarray) 
         for i in range(3):
             residual.append((weights[i][:, rows] * off).sum(0))
             jacobian.append(np.einsum("jm,jmp->mp", weights[i][:, rows], slope[at:, rows]))
+            row.append(rows)
             # Of psi without Delta only cos 2psi was measured.
             known = np.abs(weights[:, i, rows]).sum(0) > 0.0
             plain.append(off[i, known])
             kind += [NCS] * int(known.sum())
-    return Slopes(
-        value, slope, np.concatenate(residual), np.concatenate(jacobian), np.concatenate(plain),
-        np.array(kind),
-    )  # fmt: skip
+    r, J, at_row, off = (np.concatenate(a) for a in (residual, jacobian, row, plain))
+    return Slopes(value, slope, r, J, at_row, off, np.array(kind))
 
 
 def prior_rows(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -86,12 +88,7 @@ def prior_rows(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def loss_of(loss: str, r: np.ndarray) -> float:
     """Return the sum of the loss of residuals in standard deviations."""
-    if loss == "huber":
-        far = np.abs(r) > HUBER
-        return float(np.where(far, 2.0 * HUBER * np.abs(r) - HUBER**2, r * r).sum())
-    if loss == "student":
-        return float((STUDENT * np.log1p(r * r / STUDENT)).sum())
-    return float((r * r).sum())
+    return float((robust(loss, r, np) ** 2).sum())
 
 
 def influence(loss: str, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

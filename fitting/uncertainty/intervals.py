@@ -21,6 +21,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from fitting.problem.problem import LOSSES
+from fitting.residuals.error_model import ERRORS
 from fitting.results.result_parts import NONE, PROFILE, QUADRATIC
 from fitting.samples.parameters import LOG, PLAIN, SQUARE, from_parameter, value_and_slope
 from fitting.uncertainty.limits import ROUNDING, interval_from_zero, student_quantile
@@ -52,10 +54,12 @@ class Intervals(NamedTuple):
     t: float
 
 
-def check_intervals(wanted: str) -> None:
-    """Raise ValueError for an unknown kind of interval."""
-    if wanted not in KINDS:
-        raise ValueError(f"intervals is {wanted!r}; one of {', '.join(KINDS)} was wanted.")
+def check_choices(loss: str, errors: str, intervals: str) -> None:
+    """Raise ValueError for an unknown value of these options of a fit."""
+    named = {"loss": (loss, LOSSES), "errors": (errors, ERRORS), "intervals": (intervals, KINDS)}
+    for name, (came, wanted) in named.items():
+        if came not in wanted:
+            raise ValueError(f"{name} is {came!r}; one of {', '.join(wanted)} was wanted.")
 
 
 def _from_zero(fit: Solving, end: End, t: float) -> np.ndarray:

@@ -19,15 +19,6 @@ from fitting.uncertainty.intervals import QUADRATIC
 Run = Callable[[Sequence[Measurement], str], Fit]
 
 
-def _far(found: Fit) -> bool:
-    """Whether the residuals of all data together are far above their stated errors."""
-    dof = int(np.sum(found.dof))
-    if dof == 0:
-        return False
-    chi2 = float(np.nansum(found.chi2)) / dof
-    return bool(beyond_chance(chi2, dof)[0])
-
-
 def _with_floor(
     several: Sequence[Measurement], found: Fit, fitted: np.ndarray, s: float
 ) -> list[Measurement]:
@@ -52,7 +43,11 @@ def with_common_error(
     """
     if errors not in ("auto", "floor") or not found.errors.stated or found.loss != "squares":
         return found
-    if not np.sum(found.dof) or (errors == "auto" and not _far(found)):
+    dof = int(np.sum(found.dof))
+    if dof == 0:
+        return found
+    far, _ = beyond_chance(float(np.nansum(found.chi2)) / dof, dof)  # of all data together
+    if errors == "auto" and not far:
         return found
     joined, best = concatenate(*several), found
     s, gain = 0.0, np.nan
