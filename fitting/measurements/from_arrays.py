@@ -21,10 +21,7 @@ def _quotients(
     if bad.any() or not (np.isnan(sigma_by) | (sigma_by > 0.0)).all():
         came = f"{by[bad][0]:.6g}" if bad.any() else "a standard error that is not positive"
         refuse(f"divide_by holds {came}; numbers above 0 were wanted.")
-    by = np.where(by > 0.0, by, 1.0)
-    if not (np.isnan(sigma) | (sigma > 0.0)).all():
-        refuse("a standard error is not positive; numbers above 0 were wanted.")
-    return quotient(value, sigma, by, sigma_by)
+    return quotient(value, sigma, np.where(by > 0.0, by, 1.0), sigma_by)
 
 
 def from_arrays(

@@ -29,7 +29,6 @@ from fitting.measurements.reader.longform import LongColumns, long_columns
 from fitting.measurements.reader.options import Options, parse_options
 from fitting.measurements.reader.own_export import own_columns, own_header
 from fitting.measurements.reader.reading import keep_rows
-from fitting.measurements.reader.table import Form
 from fitting.process.visible import visible
 
 
@@ -192,15 +191,15 @@ def concatenate(*measurements: Measurement) -> Measurement:
     )
 
 
-def _columns_of(path: str | PathLike[str], options: Options, form: Form) -> LongColumns:
+def _columns_of(path: str | PathLike[str], options: Options) -> LongColumns:
     """Return the data of a file, not yet checked."""
-    texts, notes = read_lines(Path(path), form.encoding)
-    bare = options._replace(divided=False) == parse_options({}) and not any(form[1:])
+    texts, notes = read_lines(Path(path), options.encoding)
+    bare = options._replace(divided=False, encoding=None) == parse_options({})
     own = own_header(texts)
     if own >= 0 and bare:
         return own_columns(texts, own)
     texts[: max(own, 0)] = [""] * max(own, 0)  # they describe the fit
-    table = read_formatted(texts, form)
+    table = read_formatted(texts, options)
     table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)
     return long_columns(source_of(path), table, choose_columns(table, options), options)
 
@@ -264,20 +263,20 @@ def read_csv(
         and the option that settles it.
     """
     source = source_of(path)
-    form = Form(encoding, delimiter, decimal, lines)
     with named(source):
         options = parse_options(dict(
             columns=columns, keep=keep, angle_deg=angle_deg, angle_unit=angle_unit,
             wavelength_um=wavelength_um, wavelength_unit=wavelength_unit, polarization=polarization,
-            scale=scale, sigma=sigma, psi_unit=psi_unit, missing=missing,
+            scale=scale, sigma=sigma, psi_unit=psi_unit, missing=missing, lines=lines,
+            delimiter=delimiter, decimal=decimal, encoding=encoding,
         ))  # fmt: skip
         each = options if divide_by is None else options._replace(sigma=None, divided=True)
-        long = _columns_of(path, each, form)
+        long = _columns_of(path, each)
         raw = long.data.value
         if divide_by is not None:
             reference, same_unit = source_of(divide_by), options.scale is not None
             with named(reference):
-                by = _columns_of(divide_by, each, form).data
+                by = _columns_of(divide_by, each).data
             long = long.by(divided(long.data, reference, by, same_unit))
             if options.sigma is not None:
                 stated = np.where(np.isnan(long.data.sigma), options.sigma, long.data.sigma)

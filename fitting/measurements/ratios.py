@@ -29,10 +29,11 @@ def quotient(
     """Return value / by and its standard error; errors of ``by`` that are NaN count as none.
 
     (sigma / value)^2 of independent values are added, but not by dividing by ``value``, which may
-    be 0.
+    be 0. A sigma that is not positive stays so, and is refused with all other bad ones.
     """
     ratio = value / by
-    return ratio, np.hypot(sigma, ratio * np.nan_to_num(sigma_by)) / np.abs(by)
+    both = np.where(sigma <= 0.0, sigma, np.hypot(sigma, ratio * np.nan_to_num(sigma_by)))
+    return ratio, both / by
 
 
 def refuse_no_powers(quantities: np.ndarray, reflected: bool, what: str) -> None:
@@ -171,12 +172,6 @@ def divided(data: Data, name: str, reference: Data, same_unit: bool) -> tuple[Da
     """
     refuse_no_powers(data.quantity, False, f"--divide-by {name}")
     _refuse_bad(name, reference)
-    bad = ~(np.isnan(data.sigma) | (data.sigma > 0.0))
-    if bad.any():
-        refuse(
-            f"the standard error {data.sigma[bad][0]:.6g} is not a positive number. If 0 stands "
-            "for 'not measured', say --missing 0."
-        )
     by = _at_rows(data, name, reference)
     low, high = sorted(float(np.median(np.abs(x))) for x in (data.value, by.value))
     if low <= _FRACTION and high >= _NO_FRACTION and not same_unit:

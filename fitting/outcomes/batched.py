@@ -82,11 +82,8 @@ def stacked_fits(fits: Sequence[Fit]) -> Fit:
         first,
         **{n: _stack([getattr(f, n) for f in fits]) for n in _EACH},
         parameters={n: _estimate([f.parameters[n] for f in fits]) for n in first.parameters},
-        errors=ErrorModel(
-            taken=_stack([f.errors.taken for f in fits]),
-            factor=_stack([f.errors.factor for f in fits]),
-            floor=_stack([f.errors.floor for f in fits]), stated=first.errors.stated,
-            widened=_stack([f.errors.widened for f in fits]),
+        errors=ErrorModel._make(map(_stack, zip(*(f.errors for f in fits), strict=True)))._replace(
+            stated=first.errors.stated
         ),
         findings=_findings(fits), others=_alternatives(fits),
     )  # fmt: skip

@@ -129,17 +129,15 @@ def _made_by(fit: Fit, taken: str) -> str:
 
 def _rms(fit: Fit) -> str:
     """Return the root mean square of the residuals, of all and of each quantity."""
-    if not fit.rms_of:
-        return f"{size_text(fit.rms)}  (root mean square of data - fit, unweighted)"
-    names = {"NCS": f"psi and Delta, as {_NCS},"}
+    of = "unweighted"
     if len(fit.rms_of) == 1:
         (only,) = fit.rms_of
-        return (
-            f"{size_text(fit.rms)}  (root mean square of data - fit, of "
-            f"{_NCS if only == 'NCS' else only}; unweighted)"
-        )
-    each = "; ".join(f"{names.get(q, q)} {size_text(float(v))}" for q, v in fit.rms_of.items())
-    return f"{size_text(fit.rms)}  (root mean square of data - fit, unweighted; of {each})"
+        of = f"of {_NCS if only == 'NCS' else only}; unweighted"
+    elif fit.rms_of:
+        names = {"NCS": f"psi and Delta, as {_NCS},"}
+        each = (f"{names.get(q, q)} {size_text(float(v))}" for q, v in fit.rms_of.items())
+        of += f"; of {'; '.join(each)}"
+    return f"{size_text(fit.rms)}  (root mean square of data - fit, {of})"
 
 
 def _chi2(fit: Fit) -> tuple[str, str]:

@@ -60,23 +60,20 @@ def _axis(m: Measurement) -> np.ndarray:
 
 
 def _series(fit: Fit, m: Measurement) -> Iterator[tuple[str, str, float, np.ndarray]]:
-    """Yield name, quantity, polarizer's angle (or NaN) and mask of each kind of datum."""
+    """Yield name, quantity, polarizer's angle (-1 for none) and mask of each kind of datum."""
     curve = np.zeros(len(m), int) if fit.curve is None else np.asarray(fit.curve)
-    several = has_several_curves(fit)
-    for i in dict.fromkeys(curve.tolist()):
-        for quantity in dict.fromkeys(m.quantity[curve == i].tolist()):
-            of = (curve == i) & (m.quantity == quantity)
-            name = fit.curve_names[i].replace("NCS", quantity) if several else ""
-            if np.isnan(m.polarizer_deg[of]).any():
-                yield name, quantity, math.nan, of & np.isnan(m.polarizer_deg)
-            for angle in np.unique(m.polarizer_deg[of & np.isfinite(m.polarizer_deg)]):
-                yield name, quantity, float(angle), of & (m.polarizer_deg == angle)
+    several, polarizer = has_several_curves(fit), np.nan_to_num(m.polarizer_deg, nan=-1.0)
+    for i, quantity in dict.fromkeys(zip(curve.tolist(), m.quantity.tolist(), strict=True)):
+        of = (curve == i) & (m.quantity == quantity)
+        name = fit.curve_names[i].replace("NCS", quantity) if several else ""
+        for angle in np.unique(polarizer[of]).tolist():
+            yield name, quantity, angle, of & (polarizer == angle)
 
 
 def _look(quantity: str, polarizer: float, place: int) -> tuple[tuple[str, str, bool], str]:
     """Return how a kind of datum is drawn, and its label; ``place``: of so many of its quantity."""
     color, marker, hollow, label = TABLE[quantity][3:7]
-    if math.isfinite(polarizer):
+    if polarizer >= 0.0:
         from matplotlib import colormaps
         from matplotlib.colors import to_hex
 

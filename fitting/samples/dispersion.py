@@ -72,6 +72,13 @@ class Kind(NamedTuple):
     exchangeable: bool = True
 
 
+def _positive(
+    name: str, unit: str, start: tuple[float, float], low: float, high: float
+) -> Parameter:
+    """Return a parameter whose logarithm is what the solver moves and starts are spread over."""
+    return Parameter(name, unit, start, low, high, LOG, decades=True)
+
+
 def _absorption(name: str, spectrum: Spectrum, least: float) -> Parameter:
     coordinate = SQUARE if spectrum.even_in_k else PLAIN
     return Parameter(name, "", (least, 10.0), 0.0, 1e3, coordinate, decades=True)
@@ -106,11 +113,10 @@ def _cauchy_coefficients(terms: int, v: Mapping[str, Array]) -> Array:
 
 def _cauchy_urbach(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
     high, narrowest = spectrum.high_ev, spectrum.narrowest_ev
-    width = (0.01 * high, 0.5 * high)
     return (
         *_cauchy(terms, spectrum),
         _absorption("k_edge", spectrum, 1e-3 if spectrum.even_in_k else 1e-8),
-        Parameter("urbach_ev", "eV", width, narrowest, 10.0 * high, LOG, decades=True),
+        _positive("urbach_ev", "eV", (0.01 * high, 0.5 * high), narrowest, 10.0 * high),
         Parameter("edge_ev", "eV", (high, high), 0.0, 1e3, held=high),
     )
 
@@ -147,42 +153,23 @@ def _eps_inf(high: float = 6.0) -> Parameter:
 
 def _free_electrons(spectrum: Spectrum) -> tuple[Parameter, ...]:
     low, high = spectrum.low_ev, spectrum.high_ev
-    plasma = (0.5 * low, 5.0 * high)
-    width = (0.02 * low, high)
     return (
-        Parameter("plasma_ev", "eV", plasma, 0.01 * low, 20.0 * high, LOG, decades=True),
-        Parameter("width_ev", "eV", width, 1e-4 * low, 10.0 * high, LOG, decades=True),
+        _positive("plasma_ev", "eV", (0.5 * low, 5.0 * high), 0.01 * low, 20.0 * high),
+        _positive("width_ev", "eV", (0.02 * low, high), 1e-4 * low, 10.0 * high),
     )
 
 
-def _drude(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-    return _eps_inf(), *_free_electrons(spectrum)
-
-
 def _oscillators(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-    low, high = spectrum.low_ev, spectrum.high_ev
+    low, high, narrowest = spectrum.low_ev, spectrum.high_ev, spectrum.narrowest_ev
     out = []
     for j in range(1, terms + 1):
         strength = (0.03 * low * high, 10.0 * high * high)
-        resonance = (0.7 * low, 1.7 * high)
-        width = (0.03 * low, high)
         out += [
-            Parameter(f"strength_ev2_{j}", "eV^2", strength, 1e-5 * low * low, 1e3 * high * high,
-                      LOG, decades=True),
-            Parameter(f"resonance_ev_{j}", "eV", resonance, 0.2 * low, 5.0 * high, LOG,
-                      decades=True),
-            Parameter(f"width_ev_{j}", "eV", width, spectrum.narrowest_ev, 10.0 * high, LOG,
-                      decades=True),
-        ]  # fmt: skip
+            _positive(f"strength_ev2_{j}", "eV^2", strength, 1e-5 * low * low, 1e3 * high * high),
+            _positive(f"resonance_ev_{j}", "eV", (0.7 * low, 1.7 * high), 0.2 * low, 5.0 * high),
+            _positive(f"width_ev_{j}", "eV", (0.03 * low, high), narrowest, 10.0 * high),
+        ]
     return tuple(out)
-
-
-def _lorentz(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-    return _eps_inf(), *_oscillators(terms, spectrum)
-
-
-def _drude_lorentz(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-    return _eps_inf(), *_free_electrons(spectrum), *_oscillators(terms, spectrum)
 
 
 def _oscillator_model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
@@ -196,17 +183,14 @@ def _oscillator_model(terms: int, v: Mapping[str, Array]) -> dispersion.Dispersi
 
 
 def _tauc_lorentz(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-    low, high = spectrum.low_ev, spectrum.high_ev
+    low, high, narrowest = spectrum.low_ev, spectrum.high_ev, spectrum.narrowest_ev
     out = [_eps_inf(4.0)]
     for j in range(1, terms + 1):
         out += [
-            Parameter(f"amplitude_ev_{j}", "eV", (high, 100.0 * high), 1e-4 * high, 1e5 * high, LOG,
-                      decades=True),
-            Parameter(f"resonance_ev_{j}", "eV", (0.7 * high, 2.0 * high), 0.2 * low, 20.0 * high,
-                      LOG, decades=True),
-            Parameter(f"width_ev_{j}", "eV", (0.1 * high, high), spectrum.narrowest_ev,
-                      40.0 * high, LOG, decades=True),
-        ]  # fmt: skip
+            _positive(f"amplitude_ev_{j}", "eV", (high, 100.0 * high), 1e-4 * high, 1e5 * high),
+            _positive(f"resonance_ev_{j}", "eV", (0.7 * high, 2.0 * high), 0.2 * low, 20.0 * high),
+            _positive(f"width_ev_{j}", "eV", (0.1 * high, high), narrowest, 40.0 * high),
+        ]
     return (*out, Parameter("gap_ev", "eV", (0.0, high), 0.0, 2.0 * high))
 
 
@@ -215,10 +199,6 @@ def _tauc_lorentz_model(terms: int, v: Mapping[str, Array]) -> dispersion.Disper
         jnp.stack, _numbered(terms, v, "amplitude_ev", "resonance_ev", "width_ev")
     )
     return dispersion.TaucLorentz(amplitudes, resonances, widths, v["gap_ev"], v["eps_inf"])
-
-
-def _kk_spline(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-    return _eps_inf(4.0), *spline_parameters(terms, spectrum.high_ev)
 
 
 KINDS = {
@@ -234,12 +214,23 @@ KINDS = {
         True, 3, 8,
     ),
     "sellmeier": Kind(_sellmeier, _sellmeier_model, False, 1, 8, False),
-    "drude": Kind(_drude, lambda terms, v: _oscillator_model(0, v), True),
-    "drude-lorentz": Kind(_drude_lorentz, _oscillator_model, True, 1, 8),
-    "lorentz": Kind(_lorentz, _oscillator_model, True, 1, 8),
+    "drude": Kind(
+        lambda n, spectrum: (_eps_inf(), *_free_electrons(spectrum)),
+        lambda n, v: _oscillator_model(0, v), True,
+    ),
+    "drude-lorentz": Kind(
+        lambda n, spectrum: (_eps_inf(), *_free_electrons(spectrum), *_oscillators(n, spectrum)),
+        _oscillator_model, True, 1, 8,
+    ),
+    "lorentz": Kind(
+        lambda n, spectrum: (_eps_inf(), *_oscillators(n, spectrum)), _oscillator_model, True, 1, 8
+    ),
     "tauc-lorentz": Kind(_tauc_lorentz, _tauc_lorentz_model, True, 1, 8),
     # The terms are amplitudes of B-splines in their order.
-    SPLINE: Kind(_kk_spline, without_knots, True, 0, 60, exchangeable=False),
+    SPLINE: Kind(
+        lambda n, spectrum: (_eps_inf(4.0), *spline_parameters(n, spectrum.high_ev)),
+        without_knots, True, 0, 60, exchangeable=False,
+    ),
 }  # fmt: skip
 
 

@@ -175,36 +175,29 @@ def _table(wavelength: np.ndarray, n: np.ndarray, k: np.ndarray) -> _Part:
 
 def _from_table(text: str, name: str) -> Material:
     """Read one block of rows with n and k, or two blocks, as refractiveindex.info exports them."""
-    header: list[str] = []
-    found: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-    rows: list[list[float]] = []
-
-    def end_block():
-        if rows:
-            found.update(_block(header, rows))
-            rows.clear()
-
+    blocks: list[tuple[list[str], list[list[float]]]] = []
     for number, line in enumerate(text.splitlines(), 1):
         cells = split_cells(line, next((mark for mark in "\t;," if mark in line), " "))
         if not any(cells) or line.lstrip().startswith("#"):
             continue
-        values = [number_or_none(cell) for cell in cells]
-        if values[0] is None:
-            end_block()
-            header = cells
-        elif header and len(cells) > 1 and not rows and len(cells) < len(header):
-            # a column k that is named and never filled
-            header = header[: len(cells)]
-            rows.append([v for v in values if v is not None])
-        elif header and len(cells) >= len(header) and None not in values[: len(header)]:
-            rows.append([v for v in values[: len(header)] if v is not None])
-        else:
+        if number_or_none(cells[0]) is None:
+            blocks.append((cells, []))
+            continue
+        header, rows = blocks[-1] if blocks else ([], [])
+        if not rows and len(cells) > 1:
+            del header[len(cells) :]  # a column k that is named and never filled
+        values = [x for cell in cells[: len(header)] if (x := number_or_none(cell)) is not None]
+        if not header or len(values) < len(header):
             raise ValueError(
                 f"line {number} is {line.strip()!r}; a header with wavelength, n and k was wanted, "
                 "and below it rows of as many numbers"
             )
-    end_block()
+        rows.append(values)
+    found: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    for header, rows in blocks:
+        found |= _block(header, rows) if rows else {}
     if "n" not in found:
+        header = blocks[-1][0] if blocks else []
         raise ValueError(
             f"there is no column n (columns: {', '.join(header) or 'none'}); a header such as "
             "wavelength_um,n,k was wanted"

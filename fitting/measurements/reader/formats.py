@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fitting.measurements.reader import film_sense, jcamp, perkin_elmer, spectraray, woollam
-from fitting.measurements.reader.table import Form, Table, read_table
+from fitting.measurements.reader.options import Options
+from fitting.measurements.reader.table import Table, read_table
 
 FORMATS = (
     film_sense.as_plain_table,
@@ -19,11 +20,11 @@ those of a plain table with a header, each with the number of the line of the fi
 comes, and sentences on how they were read; None for a file of another kind."""
 
 
-def read_formatted(texts: Sequence[str], form: Form) -> Table:
+def read_formatted(texts: Sequence[str], options: Options) -> Table:
     """Return the table of numbers in the lines of a file of any known format."""
     for each in FORMATS:
         if found := each(texts):
             plain, notes = found
-            table = read_table(plain, form)
+            table = read_table(plain, options)
             return table._replace(notes=table.notes + notes)
-    return read_table(list(enumerate(texts, start=1)), form)
+    return read_table(list(enumerate(texts, start=1)), options)

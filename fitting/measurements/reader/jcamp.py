@@ -91,31 +91,27 @@ def _ordinates(tokens: list[str], line: int, most: int) -> tuple[list[Decimal | 
 
     None is a gap. Refuses more than ``most``.
     """
-    values: list[Decimal | None] = []
-    step: Decimal | None = None
+    each: list[str] = []
     for token in tokens:
+        if token[0] in _DUP and each:
+            count = min(Decimal(_DUP[token[0]] + token[1:]), most + 1)
+            each += each[-1:] * (int(count) - 1)
+        else:
+            each.append(token)
+        if len(each) > most:
+            refuse("the table has more points than ##NPOINTS= says" + _DAMAGED, line)
+    values: list[Decimal | None] = []
+    for token in each:
         first, digits = token[0], token[1:]
         last = values[-1] if values else None
-        new: list[Decimal | None]
-        if (first in _DUP and not values) or (first in _DIF and last is None):
+        if first in _DUP or (first in _DIF and last is None):
             came = f"{token!r} repeats or changes a value, but is the first ordinate of the line"
             refuse(f"{came} or follows a missing one (?)" + _DAMAGED, line)
-        if first in _DUP:
-            count = Decimal(_DUP[first] + digits)
-            count = int(count) - 1 if count <= most + 1 else most + 1
-            new = [last] * count
-            if step is not None and last is not None:
-                new = [last + step * (i + 1) for i in range(count)]
-        elif first in _DIF and last is not None:
-            step = Decimal(_DIF[first] + digits)
-            new = [last + step]
+        if first in _DIF and last is not None:
+            values.append(last + Decimal(_DIF[first] + digits))
         else:
-            step = None
-            new = [None if first == "?" else Decimal(_SQZ.get(first, first) + digits)]
-        values += new
-        if len(values) > most:
-            refuse("the table has more points than ##NPOINTS= says" + _DAMAGED, line)
-    return values, step is not None
+            values.append(None if first == "?" else Decimal(_SQZ.get(first, first) + digits))
+    return values, bool(each) and each[-1][0] in _DIF
 
 
 def _equal_steps(records: _Records, table: str, at: int, count: int) -> Points:

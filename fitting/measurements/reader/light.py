@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from fitting.measurements.errors import refuse
@@ -13,12 +11,8 @@ from fitting.measurements.reader.columns import Column
 from fitting.measurements.reader.reading import Reading
 from fitting.measurements.reader.vocabulary import LETTERS, words_of
 
-
-class Light(NamedTuple):
-    """For each row "s", "p", "u" or "" (not said), and a polarizer's angle from p, else NaN."""
-
-    letter: np.ndarray
-    polarizer_deg: np.ndarray
+# Angles of the field from the plane of incidence. Half p and half s is what unpolarized light is.
+FIELD_DEG = {"p": 0.0, "s": 90.0, "u": 45.0}
 
 
 def _letter(cell: str) -> str:
@@ -29,7 +23,7 @@ def _letter(cell: str) -> str:
     return next(iter(letters)) if known and len(letters) == 1 and not words.numbers else ""
 
 
-def _from_angles(reading: Reading, column: Column) -> Light:
+def _from_angles(reading: Reading, column: Column) -> np.ndarray:
     numbers, _ = reading.numbers(column)
     unit = column.role.unit or "deg"
     if unit not in ("deg", "rad"):
@@ -39,13 +33,10 @@ def _from_angles(reading: Reading, column: Column) -> Light:
     degrees = np.degrees(numbers) if unit == "rad" else numbers
     # a linear polarizer looks the same after half a turn, and the power after a reflection too
     turned = np.mod(degrees + (90.0 if reading.options.polarizer == "angle-from-s" else 0.0), 180.0)
-    folded = np.where(turned > 90.0, 180.0 - turned, turned)
-    # half p and half s is what unpolarized light is
-    letter = np.select([folded == 0.0, folded == 90.0, folded == 45.0], ["p", "s", "u"], "")
-    return Light(letter, np.where(letter == "", folded, np.nan))
+    return np.where(turned > 90.0, 180.0 - turned, turned)
 
 
-def _from_cells(reading: Reading, column: Column) -> Light:
+def _from_cells(reading: Reading, column: Column) -> np.ndarray:
     cells = [row[column.index] for row in reading.table.rows]
     codes = reading.options.codes
     numbers = {number_or_none(code): letter for code, letter in codes.items()}
@@ -68,10 +59,11 @@ def _from_cells(reading: Reading, column: Column) -> Light:
             option = f"{codes} (or the other way round), or angle-from-p or angle-from-s if they "
             option += "are degrees"
         reading.refuse(column, f"{came}. Say what is meant with --polarization {option}.", lost[0])
-    return Light(np.array([known[cell] for cell in cells]), np.full(len(cells), np.nan))
+    reading.refuse_other_light(set(known.values()) - {""}, column)
+    return np.array([FIELD_DEG.get(known[cell], np.nan) for cell in cells])
 
 
-def _from_column(reading: Reading, column: Column) -> Light:
+def _from_column(reading: Reading, column: Column) -> np.ndarray:
     options = reading.options
     if options.light:
         reading.refuse_both(column, "the polarization", "--polarization")
@@ -83,19 +75,18 @@ def _from_column(reading: Reading, column: Column) -> Light:
             "a polarizer's angle can count from the plane of incidence (0 is p) or from its "
             "normal (0 is s). Say --polarization angle-from-p or angle-from-s.",
         )
-    light = _from_cells(reading, column)
-    reading.refuse_other_light(set(light.letter.tolist()) - {""}, column)
-    return light
+    return _from_cells(reading, column)
 
 
-def light_of_rows(reading: Reading, oblique: bool) -> Light:
+def light_of_rows(reading: Reading, oblique: bool) -> np.ndarray:
     """Return the polarization of each row as far as it is not said by the columns' own names.
 
+    It is the angle of the field from the plane of incidence, as in `FIELD_DEG`; NaN: not said.
     oblique: whether any angle is not 0, where s and p are one.
     Refuses a file where two facts disagree, or a code has two readings.
     """
     table, layout, options, _, notes = reading
-    rows, nowhere = len(table.rows), np.full(len(table.rows), np.nan)
+    rows = len(table.rows)
     column = layout.polarizer or layout.polarization
     bare = [v for v in layout.values if v.role.quantity in POWER_LETTERS]
     named = [v for v in layout.values if v.role.quantity in POLARIZED]
@@ -110,7 +101,7 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
         if bare:
             return _from_column(reading, column)
         notes.append(f"column {column.label} was not needed")
-        return Light(np.full(rows, ""), nowhere)
+        return np.full(rows, np.nan)
     if options.codes or options.polarizer:
         refuse(
             "--polarization gives a meaning to a column, but none is named as the polarization. "
@@ -129,4 +120,4 @@ def light_of_rows(reading: Reading, oblique: bool) -> Light:
         notes.append(f"{what} light ({beside.where}; --polarization)")
     elif named and not letter:
         reading.refuse_other_light({POLARIZED[v.role.quantity] for v in named}, named[0])
-    return Light(np.full(rows, letter or "u"), nowhere)
+    return np.full(rows, FIELD_DEG[letter or "u"])

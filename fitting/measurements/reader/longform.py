@@ -19,7 +19,7 @@ from fitting.measurements.quantities import (
 from fitting.measurements.reader.axes import angles, wavelengths
 from fitting.measurements.reader.columns import Column, Layout
 from fitting.measurements.reader.evidence import evidence, statements, without
-from fitting.measurements.reader.light import light_of_rows
+from fitting.measurements.reader.light import FIELD_DEG, light_of_rows
 from fitting.measurements.reader.options import Options
 from fitting.measurements.reader.reading import Reading
 from fitting.measurements.reader.scales import power_scale, psi_delta_unit, standard_errors
@@ -160,7 +160,7 @@ def long_columns(source: str, table: Table, layout: Layout, options: Options) ->
     read = {v.index: reading.numbers(v, gaps=True) for v in layout.values}
     numbers = {index: pair[0] for index, pair in read.items()}
     _refuse_placeholders(reading, numbers)
-    light = light_of_rows(reading, bool(np.nan_to_num(angle).any() or any(ats)))
+    field = light_of_rows(reading, bool(np.nan_to_num(angle).any() or any(ats)))
     factor = power_scale(reading, numbers, {index: pair[1] for index, pair in read.items()})
     psi_units = psi_delta_unit(reading, numbers)
     parts: list[tuple[np.ndarray, ...]] = []
@@ -187,11 +187,10 @@ def long_columns(source: str, table: Table, layout: Layout, options: Options) ->
         if quantity in POWER_LETTERS:
             column = layout.polarizer or layout.polarization
             if column is not None:
-                unknown = (light.letter == "") & np.isnan(light.polarizer_deg)
-                reading.refuse_gaps(column, there & unknown, "polarization")
+                reading.refuse_gaps(column, there & np.isnan(field), "polarization")
             for letter in "sp":
-                name[light.letter == letter] = f"{quantity}_{letter}"
-            polarizer = light.polarizer_deg
+                name[field == FIELD_DEG[letter]] = f"{quantity}_{letter}"
+            polarizer = np.where(np.isin(field, [*FIELD_DEG.values()]), np.nan, field)
         _refuse_zeros(reading, value, raw, name)
         kept = np.flatnonzero(there)
         columns = (angle, wavelength, name, converted, sigma, polarizer)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import NamedTuple, NoReturn
 
 from fitting.measurements.errors import refuse
 from fitting.measurements.quantities import QUANTITIES
+from fitting.measurements.reader.cells import DELIMITERS
 from fitting.measurements.reader.units import ANGLE_UNITS, WAVELENGTH_UNITS
 from fitting.measurements.reader.vocabulary import light_of, plain
 
@@ -23,6 +25,8 @@ class Options(NamedTuple):
 
     light: "s", "p", "u" for the whole file, or "". codes: text of a cell -> "s", "p", "u".
     polarizer: "angle-from-p", "angle-from-s" or "". zero_is_value: zeros were said to be measured.
+    lines: the first and the last that may hold rows; the header may stand before. delimiter: the
+    sign itself; without it the split is taken that makes the most lines rows of one length.
     divided: the values are one of two scans, whose quotient counts: their unit is of no matter.
     """
 
@@ -40,6 +44,10 @@ class Options(NamedTuple):
     psi_unit: str
     missing: list[str]
     zero_is_value: bool
+    lines: tuple[int, int]
+    delimiter: str | None
+    decimal: str | None
+    encoding: str | None
     divided: bool = False
 
 
@@ -120,6 +128,29 @@ class _Given(NamedTuple):
             )
         return "", codes, ""
 
+    def lines(self) -> tuple[int, int]:
+        """Return the first and last line of a range such as 10-200, 10- or -200."""
+        option = self.by_name.get("lines")
+        match = re.fullmatch(r"\s*([0-9]{0,9})\s*-\s*([0-9]{0,9})\s*", str(option or "1-"))
+        first, last = (int(match[1] or 1), int(match[2] or 10**9)) if match else (0, 0)
+        if not match or not (match[1] or match[2]) or not 1 <= first <= last:
+            refuse(f"--lines {option} came where a range such as 10-200, 10- or -200 was wanted.")
+        return first, last
+
+    def marks(self) -> tuple[str | None, str | None]:
+        """Return the delimiter, given by its name or the sign itself, and the decimal mark."""
+        delimiter, decimal = self.by_name.get("delimiter"), self.by_name.get("decimal")
+        if decimal not in (None, ".", ","):
+            refuse(f"--decimal {decimal!r} is neither . nor , (a comma).")
+        mark = None if delimiter is None else DELIMITERS.get(str(delimiter), str(delimiter))
+        wrong = mark is not None and (len(mark) != 1 or mark.isalnum() or mark in "\r\n\"'.+-")
+        if wrong or (mark is not None and mark == decimal):
+            refuse(
+                f"--delimiter {delimiter!r} is none of {', '.join(DELIMITERS)}, nor a sign other "
+                "than the decimal mark."
+            )
+        return mark, decimal if decimal is None else str(decimal)
+
 
 def parse_options(by_name: Mapping[str, object]) -> Options:
     """Return the options of ``read_csv`` by their names, checked; None is not given.
@@ -132,6 +163,8 @@ def parse_options(by_name: Mapping[str, object]) -> Options:
     if stray:
         given.refuse("columns", f"has {stray[0]}, which is none of {', '.join(ROLES)}.")
     light, codes, polarizer = given.polarization()
+    delimiter, decimal = given.marks()
+    encoding = by_name.get("encoding")
     words = by_name.get("missing")
     words = [] if words is None else words if isinstance(words, (list, tuple)) else [words]
     gaps = [part.strip() for word in words for part in str(word).split(",")]
@@ -150,4 +183,8 @@ def parse_options(by_name: Mapping[str, object]) -> Options:
         psi_unit=given.one_of("psi_unit", ("deg", "rad")),
         missing=gaps,
         zero_is_value="none" in gaps,
+        lines=given.lines(),
+        delimiter=delimiter,
+        decimal=decimal,
+        encoding=None if encoding is None else str(encoding),
     )

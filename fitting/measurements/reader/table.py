@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from typing import NamedTuple
 
 from fitting.measurements.errors import refuse
 from fitting.measurements.reader.cells import (
-    DELIMITERS,
     decide_decimal,
     guess_delimiter,
     is_comment,
@@ -26,22 +24,8 @@ from fitting.measurements.reader.header import (
     uncomment,
     units_row,
 )
+from fitting.measurements.reader.options import Options
 from fitting.measurements.reader.vocabulary import LONGEST
-
-
-class Form(NamedTuple):
-    """How the text of a file is taken apart; None is found out.
-
-    encoding: a name that Python knows. delimiter: tab, semicolon, comma, pipe, blank or the sign
-    itself; else by the split that makes the most lines rows of one length. decimal: "." or ",";
-    else the mark that the cells show. lines: range of lines that may hold rows; the header may
-    stand before it.
-    """
-
-    encoding: str | None = None
-    delimiter: str | None = None
-    decimal: str | None = None
-    lines: str | None = None
 
 
 class Table(NamedTuple):
@@ -148,40 +132,14 @@ def _body(
     return rows, numbers, remarks, notes
 
 
-def _line_range(option: str | None) -> tuple[int, int]:
-    """Return the first and last line that the option lines (10-200, 10-, -200) leaves."""
-    match = re.fullmatch(r"\s*([0-9]{0,9})\s*-\s*([0-9]{0,9})\s*", str(option or "1-"))
-    first, last = (int(match[1] or 1), int(match[2] or 10**9)) if match else (0, 0)
-    if not match or not (match[1] or match[2]) or not 1 <= first <= last:
-        refuse(f"--lines {option} came where a range such as 10-200, 10- or -200 was wanted.")
-    return first, last
-
-
-def _mark(form: Form) -> str | None:
-    """Return the delimiter that the option gives, None to guess it; check the decimal mark."""
-    delimiter, decimal = form.delimiter, form.decimal
-    if decimal not in (None, ".", ","):
-        refuse(f"--decimal {decimal!r} is neither . nor , (a comma).")
-    if delimiter is None:
-        return None
-    mark = DELIMITERS.get(str(delimiter), str(delimiter))
-    if len(mark) != 1 or mark.isalnum() or mark in "\r\n\"'.+-" or mark == decimal:
-        refuse(
-            f"--delimiter {delimiter!r} is none of {', '.join(DELIMITERS)}, nor a sign other than "
-            "the decimal mark."
-        )
-    return mark
-
-
-def read_table(numbered: Lines, form: Form) -> Table:
+def read_table(numbered: Lines, options: Options) -> Table:
     """Return the table of numbers in the lines of one file, each with its number.
 
     Refuses a file where no table is found, or a line may be part of it or not.
     """
-    mark = _mark(form)
-    first, last = _line_range(form.lines)
+    first, last = options.lines
     inside = [(line, text) for line, text in numbered if first <= line <= last]
-    mark, count = guess_delimiter([text for _, text in inside], mark)
+    mark, count = guess_delimiter([text for _, text in inside], options.delimiter)
     splits = ((i, split_cells(text, mark)) for i, (_, text) in enumerate(inside)
               if count and not is_comment(text, mark))  # fmt: skip
     start = next((i for i, row in splits if len(row) == count and looks_like_data(row)[0]), None)
@@ -225,6 +183,6 @@ def read_table(numbered: Lines, form: Form) -> Table:
         rows=rows,
         lines=row_lines,
         preamble=beside + below,
-        decimal=decide_decimal(rows, row_lines, form.decimal, below_thousand(names, units)),
+        decimal=decide_decimal(rows, row_lines, options.decimal, below_thousand(names, units)),
         notes=notes,
     )
