@@ -19,12 +19,12 @@ from fitting.process.compiled import compiled
 from fitting.residuals.noise import misfit
 from fitting.results.result import IndexBand, Prediction
 
-# Angles of a call are rounded up to a multiple, so that few programs are compiled.
-_ANGLES = 64
+# The points of a call are rounded up to a multiple, so that few programs are compiled.
+_MULTIPLE = 64
 
 
 def _with_slopes(cos_theta, s_share, eta, u, eta_i):
-    """Return (3, 3, ...): for each channel the reflectance and its slopes in eta and u = k^2."""
+    """Return (3, 3, P): for each channel the reflectance and its slopes in eta and u = k^2."""
 
     def model(eta, u):
         return jnp.stack(
@@ -114,26 +114,22 @@ class SurfaceCurves(NamedTuple):
     def _evaluate(
         self, curve: np.ndarray, angle_deg: np.ndarray, s_share: np.ndarray, quantity: str
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return value and sigma of one quantity at points; ``curve``: the number of each's curve.
-
-        These three broadcast.
-        """
+        """Return value and sigma of one quantity at points (P,), each on the curve of a number."""
         if quantity not in CHANNELS:
             raise ValueError(f"quantity is {quantity!r}; one of {', '.join(CHANNELS)} was wanted.")
-        points = angle_deg.shape[-1]
+        points = len(angle_deg)
         at, angle, share = (
-            np.concatenate([a, a[..., :1].repeat(-points % _ANGLES, -1)], -1)
-            if a.shape[-1] == points else a for a in (curve, angle_deg, s_share)
-        )  # fmt: skip
+            np.pad(a, (0, -points % _MULTIPLE), mode="edge") for a in (curve, angle_deg, s_share)
+        )
         with jax.enable_x64(True):
             out = np.asarray(_with_slopes(
                 np.cos(np.radians(angle)), share, self.eta[at],
                 np.maximum(self.k[at], K_MIN) ** 2, np.float64(self.eta_i),
             ))  # fmt: skip
-        value, by_eta, by_u = out[CHANNELS.index(quantity), ..., :points]
+        value, by_eta, by_u = out[CHANNELS.index(quantity), :, :points]
         covariance = _covariance(self.information, self.sigma_eta, self.at_zero)[curve]
         slopes = np.stack([by_eta, by_u], -1)
-        variance = np.einsum("...i,...ij,...j->...", slopes, covariance, slopes)
+        variance = np.einsum("pi,pij,pj->p", slopes, covariance, slopes)
         return value, np.sqrt(np.maximum(variance, 0.0))
 
     def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
@@ -142,8 +138,9 @@ class SurfaceCurves(NamedTuple):
         The error is defined where eta and k are not known apart (the curve is), and NaN where there
         is no fit, or nothing that tells the noise.
         """
-        every = np.arange(len(self.eta))[:, None]
-        value, sigma = self._evaluate(every, angle_deg, np.full(angle_deg.shape, 0.5), quantity)
+        curve = np.arange(len(self.eta)).repeat(len(angle_deg))
+        angle = np.tile(angle_deg, len(self.eta))
+        value, sigma = self._evaluate(curve, angle, np.full(angle.shape, 0.5), quantity)
         shape = self.shape + angle_deg.shape
         return Prediction(value.reshape(shape), sigma.reshape(shape))
 
