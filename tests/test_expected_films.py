@@ -67,6 +67,7 @@ def test_diamond_film_on_glass(measured_files):
     assert found.rms < 0.004
 
 
+@pytest.mark.study
 def test_no_more_than_the_stated_errors_of_the_diamond_film_ask_for(measured_files):
     """Its residuals are systematic: four oscillators describe them, far below the stated errors."""
     choice = choose(diamond(measured_files), "air | auto 5..2000 nm | 1.53", intervals="quadratic")

@@ -83,6 +83,7 @@ def test_the_interval_of_the_thickness_of_a_free_form_film_holds_the_truth():
     assert 0.1 < thickness.sigma < 0.3
 
 
+@pytest.mark.study
 def test_the_thickness_of_a_free_form_film_has_the_error_of_the_curves():
     truth, m = film(1)
     m = m.where(np.isin(m.wavelength_um, np.unique(m.wavelength_um)[::3]))
