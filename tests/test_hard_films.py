@@ -43,6 +43,8 @@ from fitting import fit
     (535236741, 492.8, 5706.6),
     # no thickness of less than a fringe was tried beside the lowest minima: 103.5 at 40 nm
     (766435233, 101.3, 92.58),
+    # an order beside the right one, whose start was stopped on its way: 6473 at 12.1 um
+    (223998567, 549.9, 12235.1),
 ])  # fmt: skip
 def test_films_that_ended_in_a_wrong_minimum(seed, cost, thickness):
     """Of `make film-study`: nothing but the range of the thickness is known to the fit."""
