@@ -86,10 +86,13 @@ def test_values_are_right_to_the_digits_of_the_phase(layers):
         assert away < 2e-13 * radians(*given[2:])[i]
 
 
-# Of each kind the fewest and the most layers; the others take as long to compile.
+# The others take as long to compile as these two, or twice as long.
 @pytest.mark.parametrize(
     "layers",
-    [pytest.param(n, marks=[pytest.mark.study] * (n in (2, 12))) for n in (*LAYERS, *MANY)],
+    [
+        pytest.param(n, marks=[pytest.mark.study] * (n not in (1, MANY[-1])))
+        for n in (*LAYERS, *MANY)
+    ],
 )
 def test_derivatives_are_those_of_exact_differences(layers):
     given = drawn(layers, 100 if layers <= FEW_LAYERS else 20, 12)
@@ -136,7 +139,7 @@ def graded(shift):
     return fast(jnp.array([0.45]), 1.6, n, k, jnp.full((13, 1), 0.02), jnp.array([0.5]))
 
 
-def test_a_loop_is_the_same_compiled_and_over_lanes():
+def test_a_loop_is_the_same_over_lanes():
     def both(shift):
         return jax.jvp(graded, (shift,), (jnp.ones_like(shift),))
 
@@ -145,10 +148,8 @@ def test_a_loop_is_the_same_compiled_and_over_lanes():
         compiled = jax.jit(both)
         each = [np.stack(x) for x in zip(*(compiled(shift) for shift in shifts), strict=True)]
         over = jax.jit(jax.vmap(both))(jnp.asarray(shifts))
-        eager = both(jnp.asarray(shifts[0]))
-    for one, some, first in zip(each, over, eager, strict=True):
+    for one, some in zip(each, over, strict=True):
         np.testing.assert_allclose(some, one, rtol=1e-12, atol=1e-14)
-        np.testing.assert_allclose(first, one[0], rtol=1e-12, atol=1e-14)
 
 
 def test_nothing_overflows_in_a_loop():

@@ -117,7 +117,7 @@ def test_published_numbers():
     assert (wavelength_k[np.argmax(absorbed)] ** 2 - 0.04) == pytest.approx(2.0, abs=0.06)
 
 
-@pytest.mark.parametrize("several", [2, 3])
+@pytest.mark.parametrize("several", [2, pytest.param(3, marks=pytest.mark.study)])
 @pytest.mark.parametrize("model", MODELS)
 def test_derivatives_against_differences_of_the_oracle(model, several):
     cases = list(media(np.float64, 5, several, 10 + several))

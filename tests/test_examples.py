@@ -136,6 +136,7 @@ def test_prism(example, tmp_path):
     np.testing.assert_allclose(results["passed_rgb"], expected, rtol=1e-12)
 
 
+@pytest.mark.study
 def test_lobe_choice(example, tmp_path):
     lobes = example("lobe_choice")
     results = lobes.main([str(tmp_path / "lobes.png"), "--size", "40"])

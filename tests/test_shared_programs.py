@@ -114,7 +114,10 @@ def test_special_cases_have_the_program_of_the_wider_model(family):
         np.testing.assert_array_equal(starts(b.moving, 64, 5)[rows], starts(a.moving, 64, 5))
 
 
-@pytest.mark.parametrize("model", ["cauchy:2", "sellmeier:1", "drude", "lorentz:1"])
+@pytest.mark.parametrize(
+    "model",
+    ["cauchy:2", "sellmeier:1", "lorentz:1", pytest.param("drude", marks=pytest.mark.study)],
+)
 def test_a_special_case_is_the_same_fit_in_the_wider_program(model):
     rng = np.random.default_rng(7)
     angle, wavelength = np.repeat([55.0, 70.0], len(WAVES)), np.tile(WAVES, 2)

@@ -9,7 +9,12 @@ import stack_oracle
 from fresnel_jax.layers import stack
 
 
-@pytest.mark.parametrize("family", stack_cases.FAMILIES)
+# Of mirrors each number of layers is a program of its own; ten and a thousand layers are tested in
+# test_stack_many_layers.py.
+@pytest.mark.parametrize("family", [
+    pytest.param(f, marks=[pytest.mark.study] * (f == "dielectric mirror"))
+    for f in stack_cases.FAMILIES
+])  # fmt: skip
 def test_every_case_of_the_map(family):
     _, values, case = stack_cases.FAMILIES[family]
     for value in values:
@@ -21,6 +26,7 @@ def test_every_case_of_the_map(family):
         assert stack_cases.error_eps(found, exact) <= bound, (family, value)
 
 
+@pytest.mark.study
 def test_gradients_are_finite_at_every_case():
     """One program for all families of one film."""
 
