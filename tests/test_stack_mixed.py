@@ -111,6 +111,7 @@ def test_absorption_of_evanescent_light_in_front_of_a_guided_mode():
     np.testing.assert_allclose(found, slope, rtol=64 * 2.2e-16)
 
 
+@pytest.mark.study
 def test_derivative_by_the_absorption_of_the_first_medium():
     """There R + T + sum(A) is not 1, and the derivative of R not what the others lose."""
 
