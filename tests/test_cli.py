@@ -14,6 +14,8 @@ from simulated import GOLD
 
 from fitting.command import cli, cli_options
 from fitting.measurements import measurement
+from fitting.samples.sample import Sample
+from fresnel_jax.materials import lookup, names
 
 GLASS = """angle_deg,R_s,R_p
 30,5.78,2.53
@@ -103,6 +105,17 @@ def test_help_has_an_example_and_the_exit_status(capsys):
     for status in ("\n  0 ", "\n  1 ", "\n  2 ", "\n  130 "):
         assert status in text
     assert max(map(len, text.splitlines())) <= 80
+
+
+def test_every_named_material_is_listed_and_is_an_index(capsys):
+    with pytest.raises(SystemExit) as end:
+        cli.main(["--materials"])
+    lines = capsys.readouterr().out.splitlines()
+    for name, line in zip(names(), lines[1:], strict=True):
+        assert line.startswith(name) and lookup(name).source in line
+        assert str(Sample.parse(f"air | cauchy 9 nm | {name}").media[-1]) == name
+    assert end.value.code == 0
+    assert "fresnel-fit --materials" in refused(capsys, GOLD, "--sample", "air | lead 9 nm | Si")
 
 
 def test_every_option_of_the_reader_is_a_flag():

@@ -53,6 +53,8 @@ def test_arrays_meet_the_same_checks() -> None:
         ({"angle_deg": [[10, 20]], "R_s": 0.1}, "one length"),
         ({"angle_deg": ["a", "b"], "R_s": 0.1}, "must be numbers"),
         ({"angle_deg": [10, 20], "Rs": 0.1}, "no quantity Rs"),
+        ({"angle_deg": 10, "R": 0.1, "wavelength_nm": 500}, "wavelengths are wavelength_um"),
+        ({"angle_deg": 10, "R": 0.1, "sigma_R": 0.01}, "standard errors are sigma"),
         ({"angle_deg": [10, 20]}, "no values"),
         ({"angle_deg": [10, 20], "R_s": np.nan}, "no measured value"),
         (

@@ -220,8 +220,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     0: every curve was fitted. 1: one or more curves have no index. 2: the command, a file or a
     value in it cannot be understood, or a result cannot be written. 130: interrupted. An error that
-    the user can correct ends in one line on stderr that says what to do. ``--help``, ``--version``
-    and a mistyped option end in SystemExit, as usual with argparse.
+    the user can correct ends in one line on stderr that says what to do. ``--help``, ``--version``,
+    ``--materials`` and a mistyped option end in SystemExit, as usual with argparse.
     """
     try:
         arguments = parser().parse_args(argv)

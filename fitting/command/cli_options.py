@@ -35,11 +35,11 @@ samples (media in the order in which the light meets them, separated by |):
   air | rough 2 nm | film.yml 110 nm | Si   rough: half air, half film
   Si or air | SiO2 1..50 nm | Si         the simplest of several samples that
                                          describes the data: is there an oxide?
-An index is a number (1.45, 0.2+3.1i), a named material (gold, BK7), a file
-(refractiveindex.info YAML, or CSV of wavelength, n and k), a mixture
-(bruggeman(SiO2, water 30 %)), free, auto, or a dispersion model: constant,
-cauchy, cauchy-urbach, sellmeier, drude, lorentz, drude-lorentz, tauc-lorentz,
-with the number of its terms: drude-lorentz:2.
+An index is a number (1.45, 0.2+3.1i), a named material (gold, BK7; --materials
+lists them), a file (refractiveindex.info YAML, or CSV of wavelength, n and k),
+a mixture (bruggeman(SiO2, water 30 %)), free, auto, or a dispersion model:
+constant, cauchy, cauchy-urbach, sellmeier, drude, lorentz, drude-lorentz,
+tauc-lorentz, with the number of its terms: drude-lorentz:2.
 
 examples:
   fresnel-fit gold.csv --plot gold.png --json gold.json
@@ -98,6 +98,15 @@ _READING = (
 class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         print(f"{PROGRAM} {fitting.__version__}")
+        parser.exit()
+
+
+class _Materials(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        from fitting.command.terminal import say
+        from fitting.output.material_list import material_list
+
+        say(material_list() + "\n")
         parser.exit()
 
 
@@ -180,6 +189,10 @@ def parser() -> argparse.ArgumentParser:
         "--each", action="store_true",
         help="fit every file by itself, and show a row of results for each, which --csv and --json "
         "write as a table; a file that is refused is reported, and the others are fitted",
+    )  # fmt: skip
+    out.add_argument(
+        "--materials", action=_Materials, nargs=0,
+        help="print names, wavelengths and sources of the materials that --sample knows, and exit",
     )  # fmt: skip
     out.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     results = out.add_argument_group("results", "Files are written whole or not at all.")

@@ -12,6 +12,13 @@ from fitting.measurements.quantities import QUANTITIES, are_powers
 from fitting.measurements.ratios import quotient, refuse_no_powers, times_reflectance
 from fitting.measurements.reader import units
 
+# Where what is no quantity belongs, by the first part of its name.
+_PLACES = {
+    "wavelength": " (wavelengths are wavelength_um, their unit is wavelength_unit)",
+    "angle": " (angles are angle_deg, their unit is angle_unit)",
+    "sigma": " (standard errors are sigma, of several quantities {'R_s': .., 'R_p': ..})",
+}
+
 
 def _quotients(
     value: np.ndarray, sigma: np.ndarray, by: np.ndarray, sigma_by: np.ndarray
@@ -52,7 +59,8 @@ def from_arrays(
     unknown = [name for name in values if name not in QUANTITIES]
     if unknown or not values:
         came = f"there is no quantity {unknown[0]}" if unknown else "no values came"
-        refuse(f"{came}; give one or more of {', '.join(QUANTITIES)}.")
+        place = _PLACES.get(unknown[0].partition("_")[0], "") if unknown else ""
+        refuse(f"{came}{place}; give one or more of {', '.join(QUANTITIES)}.")
     names = list(values)
     sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(names, sigma)
     stray = [name for name in sigmas if name not in values]

@@ -32,7 +32,7 @@ def check_reference(name: str, wavelength_um: np.ndarray, asked: str = "referenc
     try:
         material(name)
     except ValueError as error:
-        raise ValueError(f"{asked} {name}: {error}.") from None
+        raise ValueError(f"{asked} {name}: {error}, and so does fresnel-fit --materials.") from None
     if not np.isfinite(wavelength_um).any():
         raise ValueError(
             f"{asked} {name}: its index depends on the wavelength, which the data do not state; "

@@ -119,7 +119,7 @@ def _reason(text: str, error: ValueError) -> str:
     word = re.sub(r"[\s_]+", "-", text.partition(":")[0].strip().lower())
     if near := difflib.get_close_matches(word, KINDS, 1):
         return f"the dispersion model with a similar name is {near[0]!r}"
-    return str(error)
+    return f"{error}, and so does fresnel-fit --materials"
 
 
 def named(text: str) -> Known:

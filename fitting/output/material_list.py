@@ -1,0 +1,18 @@
+"""The named materials, a line each: what ``fresnel-fit --materials`` prints."""
+
+from __future__ import annotations
+
+from fresnel_jax import materials
+
+
+def material_list() -> str:
+    """Return names, wavelengths in micrometres, source and conditions of all named materials."""
+    rows = [("name", "wavelengths, um", "source; conditions")]
+    for name in materials.names():
+        record = materials.lookup(name)
+        low, high = record.range_um or (None, None)
+        known = "all" if low is None else f"{low:.4g} to {high:.4g}"
+        notes = (record.source, record.doi and f"doi:{record.doi}", record.note)
+        rows.append((", ".join((name, *record.aliases)), known, "; ".join(filter(None, notes))))
+    wide, known = (max(len(row[i]) for row in rows) for i in (0, 1))
+    return "\n".join(f"{row[0]:<{wide}}  {row[1]:<{known}}  {row[2]}" for row in rows)
