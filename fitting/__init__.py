@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from .fits import fit as fit
     from .fits import fit_many as fit_many
     from .measurements.errors import MeasurementError as MeasurementError
+    from .measurements.from_file import read_csv as read_csv
     from .measurements.measurement import Measurement as Measurement
-    from .measurements.measurement import read_csv as read_csv
     from .own_residuals import fit_residuals as fit_residuals
     from .predictions import simulate as simulate
     from .results.result import Fit as Fit
@@ -35,7 +35,7 @@ _HOME = {
     "fit_many": "fits",
     "fit_residuals": "own_residuals",
     "model_names": "samples.dispersion",
-    "read_csv": "measurements.measurement",
+    "read_csv": "measurements.from_file",
     "simulate": "predictions",
 }
 

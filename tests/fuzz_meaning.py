@@ -22,7 +22,8 @@ import numpy as np
 from drawn_files import SPELLINGS, Case, Draw, numbers_of_texts, texts_of
 
 from fitting.measurements.errors import for_command
-from fitting.measurements.measurement import Measurement, MeasurementError, read_csv
+from fitting.measurements.from_file import read_csv
+from fitting.measurements.measurement import Measurement, MeasurementError
 
 
 def scan(draw: Draw) -> Case:

@@ -16,7 +16,8 @@ import numpy as np
 from varieties import VARIETIES
 
 from fitting.measurements.checks import EXCURSION, EXCURSION_SIGMAS, NOISE_EXCURSION
-from fitting.measurements.measurement import Measurement, MeasurementError, read_csv
+from fitting.measurements.from_file import read_csv
+from fitting.measurements.measurement import Measurement, MeasurementError
 
 _JUNK = (
     b"\x00",

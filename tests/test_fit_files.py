@@ -1,11 +1,14 @@
 """Fits of measured files (where they are) and of tabulated materials."""
 
+import json
+
 import numpy as np
 import pytest
 from simulated import GOLD, textbook
 
 from fitting import fit, fit_many
-from fitting.measurements.measurement import read_csv
+from fitting.command import cli
+from fitting.measurements.from_file import read_csv
 
 
 @pytest.mark.parametrize("form", ["wide", "long"])
@@ -78,3 +81,19 @@ def test_tabulated_materials_come_back(measured_files, table, noise):
     seen = np.isfinite(sigma_k)
     assert np.abs((found.k - k) / sigma_k)[seen].max() < 5.0
     assert (k[~seen] <= 2.0 * limit[~seen]).all()
+
+
+def test_bare_crystal_by_psi_and_delta_at_one_angle(measured_files, tmp_path, capsys):
+    file = measured_files / "lsat_psi_delta_658nm" / "LSAT_test_data.txt"
+    out = tmp_path / "lsat.json"
+    arguments = [str(file), "--psi-unit", "deg", "--json", str(out)]
+    assert cli.main([*arguments, "--errors", "equal"]) == 0
+    data = json.loads(out.read_text())
+    assert data["eta"] == pytest.approx(2.0222, abs=5e-4)
+    assert data["k"] == pytest.approx(0.0265, abs=5e-4)
+    assert data["rms"] == pytest.approx(0.0027, abs=1e-4)
+    assert cli.main(arguments) == 0
+    data = json.loads(out.read_text())
+    assert 2.015 < data["eta"] < 2.030 and 0.02 < data["k"] < 0.03
+    assert "pseudo-index <n>, <k>" in capsys.readouterr().out
+    assert len(data["notes"]) == 1

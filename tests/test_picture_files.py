@@ -10,7 +10,8 @@ import pytest
 from simulated import GOLD
 
 from fitting import fit
-from fitting.measurements.measurement import Measurement, read_csv
+from fitting.measurements.from_file import read_csv
+from fitting.measurements.measurement import Measurement
 from fitting.output import style
 
 

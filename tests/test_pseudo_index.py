@@ -253,22 +253,6 @@ def test_reference_beside_a_spectrum_of_reflectances(tmp_path, capsys):
     assert "gold (reference)" in [line.get_label() for line in lines]
 
 
-def test_measured_bare_crystal(measured_files, tmp_path, capsys):
-    file = measured_files / "lsat_psi_delta_658nm" / "LSAT_test_data.txt"
-    out = tmp_path / "lsat.json"
-    arguments = [str(file), "--psi-unit", "deg", "--json", str(out)]
-    assert cli.main([*arguments, "--errors", "equal"]) == 0
-    data = json.loads(out.read_text())
-    assert data["eta"] == pytest.approx(2.0222, abs=5e-4)
-    assert data["k"] == pytest.approx(0.0265, abs=5e-4)
-    assert data["rms"] == pytest.approx(0.0027, abs=1e-4)
-    assert cli.main(arguments) == 0
-    data = json.loads(out.read_text())
-    assert 2.015 < data["eta"] < 2.030 and 0.02 < data["k"] < 0.03
-    assert "pseudo-index <n>, <k>" in capsys.readouterr().out
-    assert len(data["notes"]) == 1
-
-
 def test_measured_films(measured_files, tmp_path):
     folder = measured_files / "hafnia_film_psi_delta"
     m = read_csv(folder / "hafnia_on_silica_60deg_psi_delta.csv", angle_deg=60.0)

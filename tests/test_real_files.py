@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from fitting.measurements.errors import for_command
-from fitting.measurements.measurement import Measurement, MeasurementError, read_csv
+from fitting.measurements.from_file import read_csv
+from fitting.measurements.measurement import Measurement, MeasurementError
 
 
 def column(path: Path, index: int, mark: str | None = ",", skip: int = 1) -> list[float]:

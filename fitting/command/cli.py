@@ -107,7 +107,7 @@ def _run(arguments: argparse.Namespace) -> int:
     """Fit all files together, and report and write the result."""
     import numpy as np
 
-    from fitting.measurements.measurement import read_csv
+    from fitting.measurements.from_file import read_csv
     from fitting.measurements.several_files import told_apart
     from fitting.output import as_data, files, style
     from fitting.output.material import texts_of
@@ -152,7 +152,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _fit_file(file: str, arguments: argparse.Namespace) -> OfFile:
     """Return the fit of one file, or why there is none."""
     from fitting.measurements.errors import for_command
-    from fitting.measurements.measurement import read_csv
+    from fitting.measurements.from_file import read_csv
     from fitting.measurements.reader.lines import source_of
     from fitting.output.each_file import OfFile
 
