@@ -66,14 +66,16 @@ def test_a_cache_folder_that_cannot_be_is_passed_over(tmp_path):
 
 def test_a_reader_that_stops_early_is_no_error(tmp_path):
     """As `fresnel-fit gold.csv --json gold.json | head -1` with a head that is quick."""
-    read, write = os.pipe()
-    os.close(read)
-    with os.fdopen(write, "w") as closed:
-        done = subprocess.run(
-            [sys.executable, "-m", "fitting", str(GOLD), "--json", str(tmp_path / "gold.json")],
-            stdout=closed, stderr=subprocess.PIPE, cwd=ROOT, text=True, timeout=120,
-        )  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, "")
+    result = ["--json", str(tmp_path / "gold.json")]
+    for arguments in ([str(GOLD), *result], ["--help"], ["--version"], ["--materials"]):
+        read, write = os.pipe()
+        os.close(read)
+        with os.fdopen(write, "w") as closed:
+            done = subprocess.run(
+                [sys.executable, "-m", "fitting", *arguments],
+                stdout=closed, stderr=subprocess.PIPE, cwd=ROOT, text=True, timeout=120,
+            )  # fmt: skip
+        assert (done.returncode, done.stderr) == (0, "")
     assert json.loads((tmp_path / "gold.json").read_text())["status"] == "converged"
 
 

@@ -97,7 +97,9 @@ _READING = (
 
 class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
-        print(f"{PROGRAM} {fitting.__version__}")
+        from fitting.command.terminal import say
+
+        say(f"{PROGRAM} {fitting.__version__}\n")
         parser.exit()
 
 
@@ -165,7 +167,11 @@ class _Parser(argparse.ArgumentParser):
         super().error(visible(message))
 
     def _print_message(self, message: str, file: Any = None) -> None:
-        if message:  # argparse itself says nothing of a full disk
+        from fitting.command.terminal import say
+
+        if file is sys.stdout:
+            say(message)
+        elif message:  # argparse itself says nothing of a full disk
             (file or sys.stderr).write(message)
 
 
