@@ -8,7 +8,13 @@ from fitting.problem.observations import observations
 from fitting.problem.problem import targets_of
 from fitting.problem.unknowns import spectrum_of, unknowns
 from fitting.samples.parameters import Settings, from_parameter
-from fitting.searching.film_starts import _eta_of, coordinate, films_of, scaled_index, thickness_um
+from fitting.searching.film_starts import (
+    _index_of,
+    coordinate,
+    films_of,
+    scaled_index,
+    thickness_um,
+)
 from fitting.searching.fringe_orders import with_all_orders
 from fitting.searching.last_steps import down_the_valley
 from fitting.searching.neighbours import _as_free_electrons
@@ -30,8 +36,8 @@ def solving(m, sample, errors):
 
 
 def index(fit, y):
-    found = _eta_of(y[:, None], fit.u.held, WAVES[:, None], 1.0, spec=fit.u.spec, medium=0)
-    return np.asarray(found)[:, 0]
+    eta, _ = _index_of(y[:, None], fit.u.held, WAVES[:, None], 1.0, spec=fit.u.spec, medium=0)
+    return np.asarray(eta)[:, 0]
 
 
 @pytest.mark.parametrize("model, values", [

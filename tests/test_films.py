@@ -166,20 +166,6 @@ def test_a_film_or_none():
     assert abs(thickness.value - 12.0) < 4.0 * thickness.sigma
 
 
-@pytest.mark.parametrize("dispersion, told", [(-0.02, ["eta"]), (0.01, []), (0.0, [])])
-def test_an_index_that_rises_with_the_wavelength_is_told(dispersion, told):
-    """62 nm of a clear film had ended as 10.5 nm, of eta 3.0 in the blue and 4.8 in the red."""
-    wave = np.linspace(0.4, 0.9, 40)
-    noise = 1e-3 * np.random.default_rng(0).standard_normal(40)
-    truth = {"A": 2.0, "B": dispersion}
-    shown = simulate("air | cauchy:2 150 nm held | Si", truth, 0.0, wave, "R")
-    m = Measurement.from_columns(0.0, wave, R=shown + noise, sigma=1e-3)
-    found = fit(m, "air | cauchy:2 120..180 nm | Si", intervals="quadratic", starts=8)
-    rising = [f.values["indices"] for f in found.findings if f.code == "rising_index"]
-    assert rising == [(name,) for name in told]
-    assert ("rises with the wavelength" in str(found).replace("\n              ", "")) == bool(told)
-
-
 def test_free_film_refusals():
     waves = np.array([0.5, 0.6])
     m = Measurement.from_columns(65.0, waves, psi=[30.0, 31.0], delta=[100.0, 110.0])

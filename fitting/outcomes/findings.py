@@ -11,7 +11,7 @@ from fitting.measurements.measurement import Measurement
 from fitting.measurements.quantities import are_powers
 from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.curvature import without_slope
-from fitting.outcomes.normal_dispersion import rising_indices
+from fitting.outcomes.implausible_index import implausible_indices
 from fitting.problem.evaluation import at_data
 from fitting.problem.unknowns import Unknowns
 from fitting.residuals.error_model import beyond_chance
@@ -243,9 +243,9 @@ def _on_measured(fit: Solving, of: Subject, end: End) -> Iterator[Finding]:
             "residuals_in_order", along=order.along, correlation=order.correlation,
             chance=order.chance,
         )  # fmt: skip
-    rising = rising_indices(fit.u, end, np.unique(m.wavelength_um))
-    if rising and not end.known.unseen.size:
-        yield _finding("rising_index", indices=rising)
+    if not end.known.unseen.size:
+        for code, values in implausible_indices(fit, end, np.unique(m.wavelength_um)).items():
+            yield _finding(code, **values)
 
 
 def _other_minima(known: Mapping[str, Estimate], others: tuple[Alternative, ...]) -> Finding:

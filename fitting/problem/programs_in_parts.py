@@ -264,22 +264,23 @@ def slopes_in_parts(targets: Targets, y: Any, *, spec: Spec) -> tuple[Any, Any]:
     return shown, by_unknown
 
 
-def eta_in_parts(targets: Targets, y: np.ndarray, medium: int, *, spec: Spec) -> np.ndarray:
-    """Return eta of a medium that moves, (M, L), at y (p, L), by the program of the solver."""
+def index_in_parts(targets: Targets, y: np.ndarray, medium: int, *, spec: Spec) -> np.ndarray:
+    """Return eta and k of a medium that moves, (2, M, L), at y (p, L), by the solver's program."""
     parts, count = _Parts(spec, targets), y.shape[1]
     at = 2 * parts.core.indices.index(medium)
-    found = np.empty((len(targets.points.angle_deg), count))
+    found = np.empty((2, len(targets.points.angle_deg), count))
     for begin in range(0, count, SLOTS):
         some = _filled(y[:, np.minimum(np.arange(begin, begin + SLOTS), count - 1)])
         for blocks in parts.blocks:
             for slots, slot in blocks.calls(np.arange(min(SLOTS, count - begin))):
-                eta = np.asarray(parts.quantities(some, slot, blocks)[0][at])
-                eta = eta.reshape(ROWS, COLUMNS)[:, slot < SLOTS]
-                by_lane = eta.reshape(ROWS, len(slots), blocks.count).transpose(2, 0, 1)
-                found[blocks.rows, begin + slots] = by_lane.reshape(-1, len(slots))
+                moving, _ = parts.quantities(some, slot, blocks)
+                for part, x in zip(found, map(np.asarray, moving[at : at + 2]), strict=True):
+                    x = x.reshape(ROWS, COLUMNS)[:, slot < SLOTS]
+                    by_lane = x.reshape(ROWS, len(slots), blocks.count).transpose(2, 0, 1)
+                    part[blocks.rows, begin + slots] = by_lane.reshape(-1, len(slots))
     return found
 
 
-def eta_moves(spec: Any, targets: Targets, medium: int) -> bool:
-    """Whether the solver's program of a fit knows the index of a medium, for `eta_in_parts`."""
+def index_moves(spec: Any, targets: Targets, medium: int) -> bool:
+    """Whether the solver's program of a fit knows the index of a medium, for `index_in_parts`."""
     return in_parts(spec, targets) and medium in core_of(spec, False).indices

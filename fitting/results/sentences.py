@@ -55,6 +55,12 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
         "there is absorption, or the formula does not describe the material, or another minimum is "
         "the true one."
     ),
+    "low_index": lambda v: (
+        f"{wording.listed(v['indices'])} {'is' if len(v['indices']) == 1 else 'are'} at most "
+        f"{v['most']:.3g} at the measured wavelengths. Compact solids that transmit light have "
+        "1.29 or more, and only porous layers have less. A thinner film of a higher index may fit "
+        "nearly as well: compare, with a narrower range of thicknesses or with bounds of the index."
+    ),
     "other_minima": wording.other_minima,
     "does_not_describe": wording.does_not_describe,
     "residuals_in_order": wording.residuals_in_order,

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from fitting.optics.observe import NCS, Spec, medium_index
-from fitting.problem.programs_in_parts import eta_in_parts, eta_moves
+from fitting.problem.programs_in_parts import index_in_parts, index_moves
 from fitting.process.compiled import compiled
 from fitting.samples.parameters import Unknown, from_parameter, start_range, value_and_slope
 from fitting.searching.fringes import likely_thicknesses, phase_rate
@@ -44,11 +44,11 @@ class Film(NamedTuple):
     high_um: float
 
 
-def _eta(y: Any, held: Any, wavelength_um: Any, eta_i: Any, *, spec: Spec, medium: int) -> Any:
-    return medium_index(spec, medium, spec.values(y, held), wavelength_um, eta_i)[0]
+def _index(y: Any, held: Any, wavelength_um: Any, eta_i: Any, *, spec: Spec, medium: int) -> Any:
+    return medium_index(spec, medium, spec.values(y, held), wavelength_um, eta_i)
 
 
-_eta_of = compiled(_eta, ("spec", "medium"))
+_index_of = compiled(_index, ("spec", "medium"))
 
 
 def films_of(spec: Spec, moving: Sequence[Unknown]) -> list[Film]:
@@ -83,18 +83,24 @@ def _curves(seen: Observations) -> tuple[np.ndarray, np.ndarray]:
     return values, weights
 
 
+def film_index(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
+    """Return eta and k of a film in every lane of y (p, L), (2, M, L)."""
+    spec, medium = fit.u.spec, film.medium
+    with jax.enable_x64(True):
+        if index_moves(spec, fit.targets, medium):
+            return index_in_parts(fit.targets, y, medium, spec=spec)
+        whole = np.pad(y, ((0, 0), (0, -y.shape[1] % LANES)), "edge")  # one program for all
+        wavelength = fit.seen.points.wavelength_um
+        found = _index_of(
+            whole, fit.u.held, wavelength, fit.targets.eta_i, spec=spec, medium=medium
+        )
+        shape = (len(wavelength), whole.shape[1])
+        return np.array([np.broadcast_to(x, shape)[:, : y.shape[1]] for x in found])
+
+
 def phase_rates(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
     """Return the phase rate of every lane of y (p, L), (L, M)."""
-    points, spec, medium = fit.seen.points, fit.u.spec, film.medium
-    with jax.enable_x64(True):
-        if eta_moves(spec, fit.targets, medium):
-            eta = eta_in_parts(fit.targets, y, medium, spec=spec)
-        else:
-            whole = np.pad(y, ((0, 0), (0, -y.shape[1] % LANES)), "edge")  # one program for all
-            eta = np.asarray(_eta_of(
-                whole, fit.u.held, points.wavelength_um, fit.targets.eta_i,
-                spec=spec, medium=medium,
-            ))[..., : y.shape[1]]  # fmt: skip
+    points, (eta, _) = fit.seen.points, film_index(fit, film, y)
     eta_i = np.broadcast_to(fit.targets.eta_i, points.wavelength_um.shape)[:, 0]
     rate = phase_rate(eta.T, points.wavelength_um[:, 0], points.angle_deg[:, 0], eta_i)
     return np.where(np.isfinite(rate), rate, 1.0)

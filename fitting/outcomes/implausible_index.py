@@ -1,0 +1,73 @@
+"""Whether a fitted index is one that no material has, or hardly any."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fitting.optics.averages import values_at
+from fitting.problem.unknowns import Unknowns
+from fitting.samples.dispersion import CAUCHY_NAMES, Model
+from fitting.searching.film_starts import film_index, films_of
+from fitting.searching.search import End, Solving
+
+# The rise of eta with the logarithm of the wavelength from which on it is told, if it is more than
+# so many standard errors.
+_LEAST, _ERRORS = 1e-3, 3.0
+# Of compact solids that transmit light an amorphous fluoropolymer has the lowest index, 1.29.
+# Porous layers have lower ones; so have metals, which absorb more than that.
+_LOW_ETA, _LOW_K = 1.25, 0.1
+
+
+def implausible_indices(
+    fit: Solving, end: End, wavelength_um: np.ndarray
+) -> dict[str, dict[str, Any]]:
+    """Return the findings on such indices, their values by code."""
+    out: dict[str, dict[str, Any]] = {}
+    if rising := _rising(fit.u, end, wavelength_um):
+        out["rising_index"] = {"indices": rising}
+    if low := _low(fit, end):
+        out["low_index"] = {"indices": tuple(low), "most": max(low.values())}
+    return out
+
+
+def _rising(u: Unknowns, end: End, wavelength_um: np.ndarray) -> tuple[str, ...]:
+    """Return which eta rise with the wavelength somewhere in the data, as parameters are named.
+
+    Source: the Kramers-Kronig relations; L. D. Landau and E. M. Lifshitz, Electrodynamics of
+    Continuous Media, sec. 84: where nothing is absorbed, the permittivity rises with the frequency.
+    """
+    values = values_at(u.spec, u.held, end.y)
+    covariance = np.nan_to_num(end.known.covariance)
+    out = []
+    for place, model in zip(u.spec.media.places, u.spec.media.index, strict=True):
+        if not isinstance(model, Model) or model.name != "cauchy":
+            continue
+        rise, slopes = np.zeros(len(wavelength_um)), np.zeros((len(wavelength_um), len(end.y)))
+        for j, letter in enumerate(CAUCHY_NAMES[: model.terms]):
+            name, by = f"{place}.{letter}", -2 * j * wavelength_um ** (-2.0 * j)
+            rise += by * values[name]
+            if name in u.spec.moving:
+                slopes[:, u.spec.moving.index(name)] = by
+        sigma = np.sqrt(np.maximum(np.einsum("wi,ij,wj->w", slopes, covariance, slopes), 0.0))
+        if (rise > np.maximum(_ERRORS * sigma, _LEAST)).any():
+            out.append(f"{u.labels[f'{place}.A'].removesuffix('A')}eta")
+    return tuple(out)
+
+
+def _low(fit: Solving, end: End) -> dict[str, float]:
+    """Return the transparent films of low index, by the names of their eta, and the highest eta.
+
+    A thick film of low index reflects like a thin one of higher index, but for weak fringes. 22 nm
+    of eta 1.4 on silicon ended as 73 nm of eta 1.05, within the noise.
+    """
+    out = {}
+    for film in films_of(fit.u.spec, fit.u.moving):
+        place = fit.u.spec.media.places[film.medium]
+        acting = [n for n in fit.u.spec.moving if n.startswith(f"{place}.") and "thick" not in n]
+        eta, k = film_index(fit, film, end.y[:, None])[:, fit.seen.measured]
+        if acting and eta.max() < _LOW_ETA and k.max() < _LOW_K:
+            name = fit.u.labels[f"{place}.thickness_nm"].removesuffix("thickness_nm")
+            out[f"{name}eta"] = float(eta.max())
+    return out

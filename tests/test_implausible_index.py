@@ -1,0 +1,65 @@
+"""A fitted index that no material has, or hardly any, is told."""
+
+import numpy as np
+import pytest
+
+from fitting import Measurement, fit, simulate
+
+WAVES = np.linspace(0.4, 0.9, 40)
+
+
+@pytest.mark.parametrize("dispersion, told", [(-0.02, ["eta"]), (0.01, []), (0.0, [])])
+def test_an_index_that_rises_with_the_wavelength_is_told(dispersion, told):
+    """62 nm of a clear film had ended as 10.5 nm, of eta 3.0 in the blue and 4.8 in the red."""
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(40)
+    truth = {"A": 2.0, "B": dispersion}
+    shown = simulate("air | cauchy:2 150 nm held | Si", truth, 0.0, WAVES, "R")
+    m = Measurement.from_columns(0.0, WAVES, R=shown + noise, sigma=1e-3)
+    found = fit(m, "air | cauchy:2 120..180 nm | Si", intervals="quadratic", starts=8)
+    rising = [f.values["indices"] for f in found.findings if f.code == "rising_index"]
+    assert rising == [(name,) for name in told]
+    assert ("rises with the wavelength" in str(found).replace("\n              ", "")) == bool(told)
+
+
+LOW = [
+    # a porous film; magnesium fluoride; a porous film on a metal, by two quantities
+    ("air | cauchy:2 200..400 nm | Si", {"A": 1.15, "B": 0.001, "thickness_nm": 300.0},
+     ("R",), 1.156),
+    ("air | cauchy:2 50..150 nm | Si", {"A": 1.38, "B": 0.001, "thickness_nm": 90.0}, ("R",), 0.0),
+    ("air | constant 200..300 nm | gold", {"eta": 1.2, "k": 0.0, "thickness_nm": 250.0},
+     ("R_s", "R_p"), 1.2),
+    # a metal: eta is low, but it absorbs
+    ("air | constant 20..60 nm | 1.5", {"eta": 0.15, "k": 3.5, "thickness_nm": 40.0},
+     ("R", "T"), 0.0),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("sample, truth, quantities, told", LOW)
+def test_a_low_index_of_what_does_not_absorb_is_told(sample, truth, quantities, told):
+    """22 nm of a clear film on silicon had ended as 73 nm of eta 1.05 without a word."""
+    random = np.random.default_rng(5)
+    shown = {
+        q: simulate(sample, truth, 0.0 if q in "RT" else 50.0, WAVES, q)
+        + 1e-4 * random.standard_normal(len(WAVES))
+        for q in quantities
+    }
+    angle = 0.0 if "R" in quantities else 50.0
+    m = Measurement.from_columns(angle, WAVES, **shown, sigma=1e-4)
+    found = fit(m, sample, intervals="quadratic", starts=8)
+    assert found.parameters["thickness_nm"].value == pytest.approx(truth["thickness_nm"], rel=0.02)
+    most = [f.values["most"] for f in found.findings if f.code == "low_index"]
+    assert most == ([pytest.approx(told, abs=0.01)] if told else [])
+
+
+def test_the_film_of_low_index_is_named():
+    sample = "air | cauchy:2 50..150 nm | tauc-lorentz:1"
+    truth = {
+        "film.A": 1.15, "film.B": 0.001, "film.thickness_nm": 90.0, "substrate.eps_inf": 2.0,
+        "substrate.amplitude_ev_1": 100.0, "substrate.resonance_ev_1": 3.8,
+        "substrate.width_ev_1": 2.0, "substrate.gap_ev": 1.6,
+    }  # fmt: skip
+    shown = {q: simulate(sample, truth, 60.0, WAVES, q) for q in ("psi", "delta")}
+    m = Measurement.from_columns(60.0, WAVES, **shown, sigma=0.02)
+    found = fit(m, sample, intervals="quadratic", starts=8, start=truth)
+    assert found.parameters["film.thickness_nm"].value == pytest.approx(90.0, rel=0.02)
+    assert [f.values["indices"] for f in found.findings if f.code == "low_index"] == [("film.eta",)]
