@@ -13,7 +13,7 @@ from pathlib import Path
 
 from . import accuracy, bsdf, scenes, speed
 from .contestants import CONTESTANTS, LIMIT
-from .report import markdown
+from .report import main_platform, markdown
 
 PACKAGES = (
     *("jax", "jaxlib", "numpy", "numba", "tmm", "tmm_fast", "torch", "tmmax", "jaxlayerlumos"),
@@ -101,7 +101,7 @@ def main():
 
     for where in sorted({x["platform"] for x in results["runs"]}):
         draw(results, options.out, where)
-    draw_overview(results, options.out / "overview.png")
+    draw_overview(results, options.out / "overview.png", main_platform(results))
     print(f"wrote {data_file}, benchmarks.md and the charts beside it")
     if not options.chart_only and not options.only:
         bsdf.run(options.out, 2 if options.quick else options.rounds, machine())

@@ -31,7 +31,7 @@ OFFSETS = {
 }
 
 
-def worst(results, platform="cpu"):
+def worst(results, platform):
     """(metals, worst class): {(name, dtype): (error, points per second)} for lossy media."""
     metals = {(m[0], m[2]): (m[3], m[4]) for m in marks(results, "metal", platform)}
     hardest = {}
@@ -43,7 +43,7 @@ def worst(results, platform="cpu"):
     return metals, hardest
 
 
-def draw_overview(results, file, platform="cpu"):
+def draw_overview(results, file, platform):
     """Writes the picture."""
     figure = Figure(figsize=(10.5, 4.6), dpi=160, layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)

@@ -7,10 +7,15 @@ speed.MAIN_SIZE = 1_000_000
 LATENCIES = (1, 100)
 
 
-def run_of(results, dtype, platform="cpu"):
+def run_of(results, dtype, platform):
     return next(
         (x for x in results["runs"] if x["dtype"] == dtype and x["platform"] == platform), None
     )
+
+
+def main_platform(results):
+    """The one of the tables and pictures that show one: the CPU where it was measured."""
+    return min(x["platform"] for x in results["runs"])
 
 
 def seconds(run, kind, name, what, size):
@@ -68,7 +73,7 @@ def targets(results):
     """What was aimed at, and what this run shows."""
     rows = []
     for dtype in ("float64", "float32"):
-        run = run_of(results, dtype)
+        run = run_of(results, dtype, main_platform(results))
         ours = ("reflectance", "value")
 
         def add(text, wanted, value, at_least=True, dtype=dtype):
@@ -131,7 +136,7 @@ def targets(results):
     return table(("precision", "figure", "aim", "measured", "met"), rows)
 
 
-def speeds(results, kind, platform="cpu"):
+def speeds(results, kind, platform):
     head = ["contestant"]
     for dtype in ("f64", "f32"):
         head += [f"{dtype} Mpt/s", "gradient / value", "1 pt, us", "100 pt, us", "first call, s"]
@@ -157,7 +162,7 @@ def speeds(results, kind, platform="cpu"):
 
 
 def by_size(results, kind, dtype):
-    run = run_of(results, dtype)
+    run = run_of(results, dtype, main_platform(results))
     rows = []
     for name in results["families"]:
         rates = [
@@ -172,7 +177,7 @@ def by_size(results, kind, dtype):
 
 
 def errors(results, dtype):
-    run = run_of(results, dtype)
+    run = run_of(results, dtype, main_platform(results))
     rows = []
     for name, classes in run["errors"].items():
         row = [name]

@@ -104,8 +104,17 @@ def test_the_stages_of_the_command_are_timed(cache):
     assert min(stages.values()) > 0.0
 
 
-def test_the_overview_names_every_mark_at_its_place(tmp_path, monkeypatch):
+def test_the_tables_of_a_gpu_alone_are_those_of_its_runs():
+    from benchmarks.report import markdown
 
+    results = json.loads((ROOT / "docs/benchmarks/benchmarks.json").read_text(encoding="utf-8"))
+    on_cpu = markdown(results)
+    for run in results["runs"]:
+        run["platform"] = "gpu"
+    assert markdown(results) == on_cpu.replace("Speed on the cpu", "Speed on the gpu")
+
+
+def test_the_overview_names_every_mark_at_its_place(tmp_path, monkeypatch):
     from matplotlib.figure import Figure
 
     from benchmarks import overview
@@ -113,7 +122,7 @@ def test_the_overview_names_every_mark_at_its_place(tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, file: drawn.append(figure))
     results = json.loads((ROOT / "docs/benchmarks/benchmarks.json").read_text(encoding="utf-8"))
-    overview.draw_overview(results, tmp_path / "never.png")
+    overview.draw_overview(results, tmp_path / "never.png", "cpu")
     (figure,) = drawn
     figure.canvas.draw()
     for axes in figure.axes:
