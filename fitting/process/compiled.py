@@ -22,21 +22,22 @@ _OPTIONS = {"xla_cpu_use_fusion_emitters": False}
 
 def compiled(function: Callable, static: tuple[str, ...]) -> Callable:
     """Return ``function`` jitted, with the arguments named in ``static`` static."""
-    programs = [
-        jax.jit(function, static_argnames=static, compiler_options=_OPTIONS),
-        jax.jit(function, static_argnames=static),
-    ]
+    plain = jax.jit(function, static_argnames=static)
+    suited = jax.jit(function, static_argnames=static, compiler_options=_OPTIONS)
+    refused = threading.Event()
 
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
-        try:
-            return programs[0](*args, **kwargs)
-        except jax.errors.JaxRuntimeError as error:
-            # The options are not part of jaxlib's interface; another one may not know them.
-            if "compile option" not in str(error) or len(programs) == 1:
-                raise
-            del programs[0]
-            return programs[0](*args, **kwargs)
+        if not refused.is_set():
+            try:
+                return suited(*args, **kwargs)
+            except jax.errors.JaxRuntimeError as error:
+                # A GPU's compiler does not know the option, nor may that of another jaxlib. Several
+                # threads may find this out at once: each of them then takes the plain program.
+                if "compile option" not in str(error):
+                    raise
+                refused.set()
+        return plain(*args, **kwargs)
 
     return call
 
