@@ -62,9 +62,10 @@ def _values(q: Boundary, c, n, k, m):
     nothing = (q.difference == 0.0) & (at_s == at_s)
     nothing = nothing if k is None else nothing & (k == 0.0)
     # Divisions, not products with the reciprocals: the CPU compiler never repeats a division, and
-    # makes 6 loops of these lines instead of 8. T <= 1 by the numerator for the same reason.
-    T_s = jnp.where(nothing, 1.0, jnp.minimum(4.0 * mca, at_s) / one_if_zero(at_s))
-    T_p = jnp.where(nothing, 1.0, jnp.minimum(4.0 * mca * sigma_rho, at_p) / one_if_zero(at_p))
+    # makes 6 loops of these lines instead of 8. The quotient is cut at 1, not its numerator: on a
+    # GPU the float32 quotient of two equal numbers may be 1 + eps.
+    T_s = jnp.where(nothing, 1.0, jnp.minimum(4.0 * mca / one_if_zero(at_s), 1.0))
+    T_p = jnp.where(nothing, 1.0, jnp.minimum(4.0 * mca * sigma_rho / one_if_zero(at_p), 1.0))
     R_s = contrast_over_s2(q.difference, q.total, k, per_s2)
     R_p = contrast_over_s2(q.difference, q.total, k, per_p2) * squared_modulus(q.y)
     R_s, R_p = (jnp.where(T < 0.5, 1.0 - T, R) for R, T in ((R_s, T_s), (R_p, T_p)))
