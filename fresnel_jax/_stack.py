@@ -162,8 +162,10 @@ def stack(
         Re(Y), with Y = Q_0 for s and Q_0 / N_0^2 for p; A is then the power along the normal that
         enters a layer less that which leaves it.
 
-        Accuracy: docs/stacks.md. No thickness, angle or index overflows or gives NaN; a lossless
-        substrate beyond its critical angle has T = 0.
+        Accuracy: docs/stacks.md. No thickness, angle or index overflows or gives NaN, with one
+        exception: the wave that an absorbing first medium sends obliquely into a clear incoherent
+        layer grows with the depth, and where the sum over its reflections diverges all results are
+        NaN. A lossless substrate beyond its critical angle has T = 0.
 
     Derivatives with respect to every argument are finite and right wherever the truth is finite:
     also for a thickness of 0, k = 0 (one-sided), in total reflection and at the critical angle of

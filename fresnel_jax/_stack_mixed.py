@@ -11,6 +11,10 @@ directions; between a lossless and an absorbing medium it is the power that ente
 one, as in `layers.slab`. What light inside an absorbing layer loses where it meets its own
 reflection counts as absorbed in that layer.
 
+The wave that an absorbing first medium sends obliquely into a clear layer grows with the depth
+(Im Q < 0, P > 1): it comes from where the light was stronger. Where the sum over the reflections
+then diverges the result is NaN.
+
 Source: O. S. Heavens, Optical Properties of Thin Solid Films, 1955, sec. 4.11.
 """
 
@@ -59,14 +63,14 @@ def _faces(seen: Packet, front: Ambient, inside: bool) -> list[_Face]:
 
 
 def _carried_together(seen: Packet, front: Ambient) -> list[Array | float]:
-    """2 Im(r) Im(Y) / Re(Y), by which R + T + sum(A) exceeds 1 in an absorbing first medium."""
-    if front.q[1] is None:
+    """2 Im(r) Im(Y) / Re(Y), by which R + T + sum(A) exceeds 1 in an absorbing first medium.
+
+    Its Y are N cos(theta) and cos(theta) / N, whose ratios hold at a cosine of 0.
+    """
+    if front.k is None:
         return [0.0, 0.0]
-    admittances = (front.q, times(front.q, inverse(square((front.n, front.k)))))
-    return [
-        2.0 * pair(r)[1] * pair(y)[1] * reciprocal_or_zero(y[0])
-        for r, y in zip(seen.r, admittances, strict=True)
-    ]
+    ratio = front.k * reciprocal_or_zero(front.n)
+    return [2.0 * pair(r)[1] * y for r, y in zip(seen.r, (ratio, -ratio), strict=True)]
 
 
 def _crossing(face: _Face) -> Array:
@@ -98,7 +102,8 @@ def _one_polarization(
     for front, back, (P, gone) in reversed(list(zip(fronts[:-1], backs, passages, strict=True))):
         # 1 - R' P^2 R, without cancellation for mirrors that face each other
         reflections = _lost(back) + back.R * (gone * (1.0 + P) + P * P * lost)
-        down = computed_once(front.T * reciprocal_or_zero(reflections))
+        summed = jnp.where((P > 1.0) & (reflections <= 0.0), jnp.nan, front.T)
+        down = computed_once(summed * reciprocal_or_zero(reflections))
         going_on.insert(0, (down, R, returned))
         lost = _absorbed(front) + down * (
             gone * (1.0 + P * R) + P * lost + P * P * R * _absorbed(back)
@@ -180,5 +185,6 @@ def _passage(inside: Ambient, x: DoubleWord) -> tuple[Array, Array]:
     # |f|^2 has more digits than exp(-depth), but in its derivative that of the phase cancels, by
     # 2e5 eps in a window of 1 cm: the derivative is that of the exponential.
     exact = squared_modulus(wave(*inside.q2, x, squared_modulus(inside.q)).passage)
+    exact = jnp.where(depth < 0.0, jnp.exp(-depth), exact)
     P = lax.stop_gradient(exact) * jnp.exp(lax.stop_gradient(depth) - depth)
     return P, -jnp.expm1(-depth)

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array
 
-from ._arithmetic import reciprocal_or_zero
+from ._arithmetic import one_if_zero, reciprocal_or_zero
 from ._compiler import computed_once
 from ._complex import Complex, Pair, pair, scaled, square, squared_modulus, times
 from ._double_word import DoubleWord
@@ -99,23 +99,36 @@ def _transmitted(gain: Array, through: Complex) -> Array:
     return gain * per_lift2.astype(gain.dtype) * squared_modulus(lifted)
 
 
+def _gains(front: Ambient, n02: Complex) -> tuple[Array, Array]:
+    """4 |Q_0|^2 / flux_in for s and p, whose flux is Re Q_0 and Re(Q_0 / N_0^2).
+
+    By Im Q_0 / Re Q_0, since the reciprocal of a flux at a cosine of 0 has no derivative, and one
+    close to it has factors that underflow in float32.
+    """
+    re, im = front.q
+    if im is None:
+        return 4.0 * re, 4.0 * re * n02[0]
+    at_grazing = 0.0 if front.k is None else front.k * reciprocal_or_zero(front.n)
+    ratio = jnp.where(re == 0.0, at_grazing, im / one_if_zero(re))
+    moduli = squared_modulus(front.q) + front.transverse2[0]
+    if front.transverse2[1] is not None:
+        moduli = moduli + ratio * front.transverse2[1]
+    s = 4.0 * (re + im * ratio)
+    return s, s * (squared_modulus(n02) * reciprocal_or_zero(moduli))
+
+
 def _packet(solved: Solved, front: Ambient, far: Medium, q_far: Pair, shape) -> Packet:
     n02 = square((front.n, front.k))
-    flux_in = normal_flux(front.q, front.transverse2, n02)
+    gains = _gains(front, n02)
     flux_out = normal_flux(q_far, front.transverse2, far.n2)
     t, R, T, absorption = [], [], [], []
-    for i, n2 in enumerate(((1.0, None), n02)):
+    for i, gain in enumerate(gains):
         through = solved.through[i]
         # Matched media at grazing incidence: nothing is left to reflect, and all goes through.
         matched = solved.nothing[i]
         amplitude = times(scaled(2.0, front.q), through)
         t.append((jnp.where(matched, 1.0, amplitude[0]), amplitude[1]))
         R.append(jnp.where(matched, 0.0, solved.R[i]))
-        if front.k is None and front.q[1] is None:
-            # |Q_0|^2 / flux_in, without a division by a cosine of 0
-            gain = 4.0 * front.q[0] * n2[0]
-        else:
-            gain = 4.0 * squared_modulus(front.q) * reciprocal_or_zero(flux_in[i])
         T.append(jnp.where(matched, 1.0, _transmitted(gain * flux_out[i], through)))
         lost = solved.absorbed[i]
         absorption.append(jnp.zeros((0, *shape), R[i].dtype) if lost is None else gain * lost)

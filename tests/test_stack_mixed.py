@@ -125,6 +125,39 @@ def test_derivative_by_the_absorption_of_the_first_medium():
     np.testing.assert_allclose(both(0.1)[1], (above - below) / 2e-5, rtol=1e-8)
 
 
+def _plate_in_an_absorbing_medium(c, indices, thickness, wavelength):
+    """R_s, R_p of an incoherent plate by Fresnel's amplitudes as textbooks print them."""
+    N0, N1, N2 = indices
+    K2 = N0**2 * (1.0 - c * c)
+    Q = [N0 * c, np.sqrt(N1**2 - K2), np.sqrt(N2**2 - K2)]
+    P2 = np.exp(-8.0 * np.pi * thickness / wavelength * Q[1].imag)
+    out = []
+    for Y0, Y1, Y2 in (Q, [q / N**2 for q, N in zip(Q, indices, strict=True)]):
+        r01, r12 = (Y0 - Y1) / (Y0 + Y1), (Y1 - Y2) / (Y1 + Y2)
+        # T from both sides is the power that enters the medium of Y1
+        T2 = (abs(1.0 - r01**2) * Y1.real / abs(Y1)) ** 2
+        out.append(abs(r01) ** 2 + T2 * P2 * abs(r12) ** 2 / (1.0 - abs(r01 * r12) ** 2 * P2))
+    return np.array(out)
+
+
+def test_a_clear_plate_behind_an_absorbing_medium():
+    """Its wave grows with the depth. R was that of the first boundary, the derivative of an R above
+    .5 off by a factor of 130, and at a cosine of 0 a part of it was missing."""
+    index, given = np.array([1.5 + 0.01j, 1.6, 1.7 + 0.2j]), ([5.0], 0.6)
+
+    def reflected(c):
+        out = stack(c, index, *given, coherent=False)
+        return jnp.stack([out.R_s, out.R_p])
+
+    cosines = jnp.array([0.0, 1e-3, 0.25, 0.4, 0.5, 0.9])
+    values, moved = jax.jit(jax.vmap(lambda c: jax.jvp(reflected, (c,), (1.0,))))(cosines)
+    assert np.all(np.isnan(values[:2]))  # the sum over the reflections diverges
+    for c, R, dR in zip(cosines.tolist()[2:], values[2:], moved[2:], strict=True):
+        exact = [_plate_in_an_absorbing_medium(x, index, 5.0, 0.6) for x in (c, c + 1e-5, c - 1e-5)]
+        np.testing.assert_allclose(R, exact[0], rtol=1e-12)
+        np.testing.assert_allclose(dR, (exact[1] - exact[2]) / 2e-5, rtol=1e-6)
+
+
 def test_thick_layers_at_grazing_incidence_beside_a_guided_mode():
     """T and all absorptions there were 2,600 eps off, by the common factor 1 / (1 - R' P^2 R):
     what a film between the layers loses was formed as the difference of 1 - R and T."""
