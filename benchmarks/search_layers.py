@@ -28,19 +28,23 @@ def _slab(c, n, k, m, d, w):
 
 
 def split(c, n0, *rest):
-    """(c, index of every medium as (n, k), thicknesses, wavelength) of a stack's columns."""
+    """(c, index of every medium as (n, k), thicknesses, wavelength) of a stack's columns.
+
+    n0: the first index, or its (n, k).
+    """
     count = (len(rest) - 3) // 3
-    media = [(n0, None), *zip(rest[: 2 * count + 2 : 2], rest[1 : 2 * count + 2 : 2], strict=True)]
+    first = n0 if isinstance(n0, tuple) else (n0, None)
+    media = [first, *zip(rest[: 2 * count + 2 : 2], rest[1 : 2 * count + 2 : 2], strict=True)]
     return c, media, rest[2 * count + 2 : -1], rest[-1]
 
 
 def normal_wavevectors(c, media):
-    """Every N, and its Q = N cos(theta) of the wave that decays, or goes on."""
+    """Every N, and its Q = N cos(theta) of the wave that leaves."""
     N = [gmpy2.mpc(n, 0 if k is None else k) for n, k in media]
-    Q = [gmpy2.mpc(N[0].real * c)]
+    Q = [N[0] * c]
     for z in N[1:]:
-        q = gmpy2.sqrt(z * z - N[0].real ** 2 * (1 - c * c))
-        Q.append(-q if q.imag < 0 or (q.imag == 0 and q.real < 0) else q)
+        q = gmpy2.sqrt(z * z - N[0] ** 2 * (1 - c * c))
+        Q.append(-q if q.real + q.imag < 0 else q)
     return N, Q
 
 
@@ -128,6 +132,24 @@ def _stack_entries(name, count):
     return {f"stack of {name}": value, f"gradient of stack of {name}": gradient}
 
 
+def _behind_an_absorbing_medium(name, count):
+    def drawn(random, size, eps):
+        c, n0, *rest = drawn_stack(random, size, count)
+        return [c, n0, decades(random, size, -9, 0.7), *rest]
+
+    def with_k(function):
+        return lambda c, n0, k0, *rest: function(c, (n0, k0), *rest)
+
+    c, n0, *rest = stack_limits([(1e-4, 2.0)] * count)
+    value = Function(
+        drawn, (c, n0, (1e-9, 5.0), *rest), with_k(_our_stack), with_k(_stack), 64.0,
+        conditioned=True, coupled=((0, 4), (1, 5)),
+    )  # fmt: skip
+    gradient = value._replace(bound=None, gradient_bound=64.0)
+    name = f"stack of {name} behind an absorbing medium"
+    return {name: value, f"gradient of {name}": gradient}
+
+
 LAYERS = {
     "slab": Function(
         lambda r, s, e: (*boundary(r, s, e), decades(r, s, -4, 3), decades(r, s, -1, 1)),
@@ -138,4 +160,6 @@ LAYERS = {
     **_stack_entries("one layer", 1),
     **_stack_entries("two layers", 2),
     **_stack_entries("three layers", 3),
+    **_behind_an_absorbing_medium("one layer", 1),
+    **_behind_an_absorbing_medium("two layers", 2),
 }  # fmt: skip

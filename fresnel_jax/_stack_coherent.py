@@ -265,9 +265,9 @@ def far_fields(here: Medium, front: Ambient, q: Pair) -> Fields:
     )
 
 
-def normal_flux(q: Complex, transverse2: Complex, n2: Complex) -> tuple[Array, Array]:
+def normal_flux(q: Complex, n2: Complex) -> tuple[Array, Array]:
     """Re Q and Re(Q / N^2): power along the normal of a wave of unit E_s, or unit H_p."""
-    p = q[0] * (squared_modulus(q) + transverse2[0])
-    if q[1] is not None and transverse2[1] is not None:
-        p = p + q[1] * transverse2[1]
+    p = q[0] * n2[0]
+    if q[1] is not None and n2[1] is not None:
+        p = p + q[1] * n2[1]
     return q[0], p * reciprocal_or_zero(squared_modulus(n2))

@@ -120,7 +120,7 @@ def _gains(front: Ambient, n02: Complex) -> tuple[Array, Array]:
 def _packet(solved: Solved, front: Ambient, far: Medium, q_far: Pair, shape) -> Packet:
     n02 = square((front.n, front.k))
     gains = _gains(front, n02)
-    flux_out = normal_flux(q_far, front.transverse2, far.n2)
+    flux_out = normal_flux(q_far, far.n2)
     t, R, T, absorption = [], [], [], []
     for i, gain in enumerate(gains):
         through = solved.through[i]
