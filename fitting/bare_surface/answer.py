@@ -50,15 +50,17 @@ STATUS = np.array([CONVERGED, UNDETERMINED, NOT_CONVERGED, NO_DATA])
 ALIKE_CHI2 = 4.0
 # The data do not distinguish them at all if it differs by less than this.
 ALIKE_MEMBERS = 0.01
-# In a batch a misfit of a smaller rms is not reported, since the residuals of most curves are not
-# formed.
-LEAST_MISS = 0.01
+# In a batch the residuals of a curve are formed only if this part of their squares, or more, is that
+# of products of neighbours: that of a smooth misfit of the size of the noise is half of them.
+LEAST_ALIKE = 0.3
 
 
 def _missed(a: Arranged, s: Solved) -> np.ndarray:
-    """Return which fits miss their data by more than their noise, and by enough to matter."""
+    """Return which fits miss their data by more than their noise."""
     found = np.zeros(len(s.x), bool)
-    some = (np.sqrt(s.plain / s.count) > LEAST_MISS).nonzero()[0]
+    steps = np.diff(a.angle_deg)
+    sorted_ = (steps >= 0.0).all(-1) | (steps <= 0.0).all(-1)
+    some = (~sorted_ | (s.neighbours > LEAST_ALIKE * s.cost)).nonzero()[0]
     if len(some):
         angle = a.angle_deg[some] if a.angle_deg.ndim == 2 else a.angle_deg
         noise = noise_of_misfits(a.data.take(some), angle, of_rows(s, some))

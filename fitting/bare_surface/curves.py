@@ -16,11 +16,14 @@ from fitting.bare_surface.reflectances import CHANNELS, reflectances
 from fitting.measurements.measurement import Measurement
 from fitting.problem.evaluation import measured_places
 from fitting.process.compiled import compiled
-from fitting.residuals.noise import misfit
+from fitting.residuals.noise import misfit, rounding
+from fitting.residuals.smooth_misfit import smooth_functions, smooth_misfit
 from fitting.results.result import IndexBand, Prediction
 
 # The points of a call are rounded up to a multiple, so that few programs are compiled.
 _MULTIPLE = 64
+# The relative step of the differences that stand for slopes.
+_STEP = 1e-5
 
 
 def _with_slopes(cos_theta, s_share, eta, u, eta_i):
@@ -39,13 +42,12 @@ def _with_slopes(cos_theta, s_share, eta, u, eta_i):
 _with_slopes = compiled(_with_slopes, ())
 
 
-def fitted_curves(data: Data, s: Solved) -> np.ndarray:
-    """Return the reflectances at the solutions, (C, N, M).
+def _reflectances(data: Data, n: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """Return the reflectances at an index (N,), (C, N, M).
 
     From Fresnel's formulas themselves, which are right to rounding here, so that the first fit of a
     process need not wait for one more program.
     """
-    n, k, *_ = index_derivatives(s.x, s.w, s.chart)
     cos, square = data.cos_theta, ((n + 1j * k) ** 2)[:, None]
     q = np.sqrt(square - 1.0 + cos * cos)
     R_s = np.abs((cos - q) / (cos + q)) ** 2
@@ -54,15 +56,46 @@ def fitted_curves(data: Data, s: Solved) -> np.ndarray:
     return np.array([of[c] for c in data.channels])
 
 
+def fitted_curves(data: Data, s: Solved) -> np.ndarray:
+    """Return the reflectances at the solutions, (C, N, M)."""
+    n, k, *_ = index_derivatives(s.x, s.w, s.chart)
+    return _reflectances(data, n, k)
+
+
+def _in_a_row(a: np.ndarray) -> np.ndarray:
+    """Return (C, N, M, ...) as (N, C M, ...): the channels of a curve one after the other."""
+    return np.moveaxis(a, 0, 1).reshape(a.shape[1], -1, *a.shape[3:])
+
+
+def _smooth(data: Data, angle_deg: np.ndarray, s: Solved, fitted: np.ndarray) -> np.ndarray:
+    """Return which curves are missed by a smooth function of the angle, (N,)."""
+    values, weights = np.array(data.values), np.array(data.wide_weights)
+    n, k, *_ = index_derivatives(s.x, s.w, s.chart)
+    # Their direction alone counts, for which differences do. At k = 0 it is that of k^2.
+    slopes = np.stack([
+        _reflectances(data, n * (1.0 + _STEP), k) - fitted,
+        _reflectances(data, n, k + _STEP * (1.0 + k)) - fitted,
+    ], -1)  # fmt: skip
+    each = smooth_functions(np.broadcast_to(angle_deg, values.shape[1:]))
+    own = np.zeros((len(values), *each.shape[:2], len(values), each.shape[2]))
+    for i in range(len(values)):
+        own[i, :, :, i] = each
+    own = own.reshape(*own.shape[:3], -1)
+    misfit = np.where(weights > 0.0, values - fitted, 0.0) * weights
+    return smooth_misfit(
+        _in_a_row(misfit), *(_in_a_row(a * weights[..., None]) for a in (slopes, own))
+    )
+
+
 def noise_of_misfits(data: Data, angle_deg: np.ndarray, s: Solved) -> np.ndarray:
     """Return the noise of the channel that is missed by most, (N,); NaN where none is a misfit."""
+    fitted = fitted_curves(data, s)
+    smooth = _smooth(data, angle_deg, s, fitted)
     worst, noise = np.zeros(data.curves), np.full(data.curves, np.nan)
-    for value, weight, fitted in zip(
-        data.values, data.wide_weights, fitted_curves(data, s), strict=True
-    ):
+    for value, weight, at in zip(data.values, data.wide_weights, fitted, strict=True):
         value = np.where(weight > 0.0, value, np.nan)
-        found = misfit(angle_deg, value, value - fitted)
-        larger = found.found & (found.rms > worst)
+        found = misfit(angle_deg, value, value - at)
+        larger = (found.found | (smooth & (found.rms > rounding(value)))) & (found.rms > worst)
         noise, worst = np.where(larger, (found.noise, found.rms), (noise, worst))
     return noise
 

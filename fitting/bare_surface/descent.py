@@ -36,6 +36,7 @@ class Solved(NamedTuple):
     chart: Any
     cost: Any  # weighted sum of squares
     plain: Any  # the same without weights
+    neighbours: Any  # weighted sum of products of neighbouring residuals
     done: Any
     evaluations: Any
     damping: Any
@@ -59,7 +60,7 @@ def _last_step(
     trial: Array,
     allowed: Array,
     channels: tuple[str, ...],
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, ...]:
     """Return ``trial``, in lanes where its cost is above ``allowed`` ``best``, and the sums there.
 
     A loop that runs once, or twice when a lane steps back: one copy of the model in the program.
@@ -68,18 +69,18 @@ def _last_step(
     def body(carry):
         y, *_, runs = carry
         found = model(curves, y[0], y[1], chart, channels)
-        weighted, plain = sums_of_squares(curves, found)
-        worse = ~(weighted <= allowed) & (y != best).any(0)
-        return jnp.where(worse, best, y), weighted, plain, worse.any(), runs + 1
+        sums = sums_of_squares(curves, found)
+        worse = ~(sums[0] <= allowed) & (y != best).any(0)
+        return jnp.where(worse, best, y), sums, worse.any(), runs + 1
 
     none = jnp.zeros_like(allowed)
     # The count ends the loop for NaN, which is unequal to itself and would step back for ever.
-    y, weighted, plain, *_ = jax.lax.while_loop(
-        lambda carry: carry[3] & (carry[4] < 2),
+    y, sums, *_ = jax.lax.while_loop(
+        lambda carry: carry[2] & (carry[3] < 2),
         body,
-        (trial, none, none, jnp.array(True), jnp.array(0)),
+        (trial, (none, none, none), jnp.array(True), jnp.array(0)),
     )
-    return y, weighted, plain
+    return y, *sums
 
 
 def descend(
@@ -127,11 +128,11 @@ def descend(
     # not worth an evaluation of derivatives; taken all the same it squares the error that is left.
     trial = jnp.clip(value + jnp.where(state.done, state.full, 0.0), lower, upper)
     allowed = cost_before * (1.0 + 1e-6) + 4.0 * SOLVER.atol**2 * scale
-    last, cost, plain = _last_step(curves, chart, value, trial, allowed, channels)
+    last, cost, plain, neighbours = _last_step(curves, chart, value, trial, allowed, channels)
     gradient = gradient + (matrix * (last - value)[None]).sum(1)
     solved = (
-        last[0], last[1], chart, cost, plain, state.done & jnp.isfinite(cost), state.evaluations,
-        state.damping, count, scale,
+        last[0], last[1], chart, cost, plain, neighbours, state.done & jnp.isfinite(cost),
+        state.evaluations, state.damping, count, scale,
         gradient[0], gradient[1], matrix[0, 0], matrix[0, 1], matrix[1, 1],
     )  # fmt: skip
     fields = Solved(*(a.astype(y.dtype) for a in solved))

@@ -26,8 +26,10 @@ _APART = 1e-9
 # A good fit is called a misfit by chance in less than one curve of a thousand, and never below
 # twice the noise.
 _CHANCE, _LEAST_RATIO = 1e-3, 2.0
-# A residual below this part of the largest value is rounding.
-_ROUNDING = 1e-7
+# A residual below this part of the largest value is rounding, or the tolerance of the solver.
+ROUNDING = 1e-7
+# Digits after the decimal point that are counted.
+_DIGITS = 8
 
 
 class Noise(NamedTuple):
@@ -92,6 +94,24 @@ def robust_noise(position: np.ndarray, value: np.ndarray) -> float:
     return float(min(found))
 
 
+def rounding(value: np.ndarray) -> np.ndarray:
+    """Return the rounding error of values (L, M) as they are printed, (L,): half the last digit.
+
+    NaN for gaps. The last digit is the power of ten of which all values are multiples; 0 below
+    1e-7. If values are printed with few digits, many neighbours may have the same rounding error.
+    """
+    last = np.zeros(len(value))
+    with np.errstate(invalid="ignore"):
+        for digits in range(_DIGITS):
+            size = value * 10.0**digits
+            exact = ~(np.abs(size - np.round(size)) >= 1e-6).any(1)
+            last = np.where(exact & (last == 0.0), 10.0**-digits, last)
+            if last.all():
+                break
+        least = ROUNDING * np.fmax.reduce(np.abs(value), axis=1, initial=0.0)
+    return np.maximum(0.5 * last, least)
+
+
 class Misfit(NamedTuple):
     """(L,) each: rms of the residuals of a curve, noise from neighbours, whether it is a misfit."""
 
@@ -115,7 +135,7 @@ def misfit(position: np.ndarray, value: np.ndarray, residual: np.ndarray) -> Mis
         freedom = INDEPENDENT * np.maximum(noise.triples, 1)
         ratio = np.sqrt(fdtri(np.maximum(count, 1), freedom, 1.0 - _CHANCE))
         ratio = np.where(noise.triples >= 6, ratio, np.inf)  # less are too few for a test
-        least = _ROUNDING * np.nanmax(np.abs(np.atleast_2d(value)), axis=1, initial=0.0)
+        least = ROUNDING * np.nanmax(np.abs(np.atleast_2d(value)), axis=1, initial=0.0)
         sigma = np.maximum(noise.sigma, least)
         found = rms > np.maximum(ratio, _LEAST_RATIO) * sigma
     return Misfit(rms, noise.sigma, found)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.special import bdtrc, chdtrc
 
+from fitting.residuals.noise import rounding
 from fitting.residuals.residuals import residuals, weighted_residuals
 
 if TYPE_CHECKING:
@@ -34,8 +35,6 @@ _SIGN_CHANCE = 5e-4
 _POOLED_CHANCE, _POOLED = 1e-3, 8
 # With fewer neighbours random signs are all the same more often than that.
 _LEAST = 10
-# A residual below this part of the largest value is rounding, or the tolerance of the solver.
-_ROUNDING = 1e-7
 
 
 class Pattern(NamedTuple):
@@ -60,18 +59,6 @@ class Pooled(NamedTuple):
     probability: float
 
 
-def _last_digit(values: np.ndarray) -> float:
-    """Return the power of ten of which all values are multiples; 0 below 1e-7.
-
-    If values are printed with few digits, many neighbours may have the same rounding error.
-    """
-    for digits in range(8):
-        size = values * 10.0**digits
-        if (np.abs(size - np.round(size)) < 1e-6).all():
-            return 10.0**-digits
-    return 0.0
-
-
 def _usable(m: Measurement, fitted: np.ndarray, curve: np.ndarray, stated: bool) -> np.ndarray:
     """Return residuals with the weights of the fit, cut at 3 standard deviations; 0 if rounding.
 
@@ -81,8 +68,7 @@ def _usable(m: Measurement, fitted: np.ndarray, curve: np.ndarray, stated: bool)
     off, out = residuals(m, fitted), weighted_residuals(m, fitted, stated)
     for c, q in {*zip(curve.tolist(), m.quantity.tolist(), strict=True)}:
         here = (curve == c) & (m.quantity == q)
-        least = max(0.5 * _last_digit(m.value[here]), _ROUNDING * np.abs(m.value[here]).max())
-        if np.sqrt(np.mean(off[here] ** 2)) <= least:
+        if np.sqrt(np.mean(off[here] ** 2)) <= rounding(m.value[here][None])[0]:
             out[here] = 0.0
     size = np.abs(out[out != 0.0])
     deviation = 1.4826 * np.median(size) if len(size) else 1.0
