@@ -85,8 +85,15 @@ def _tauc_lorentz(energy: Array, amplitude, resonance, width, gap):
     above = jnp.maximum(e - g, 0.0)
     im = c * above * above * per_p / e
 
-    at_energy = (_squared_times_log(e + g) - _squared_times_log(e - g)) * (0.5 * per_p / e)
     beside = (g - 1.0) * (g + 1.0)
+    # Far below the gap the two terms cancel: log((g + e) / (g - e)) / (2 e) is then a series.
+    low = 10.0 * e * e < g * g
+    g_low, e_low = jnp.where(low, g, 1.0), jnp.where(low, e, 0.0)
+    high = (_squared_times_log(e + g) - _squared_times_log(e - g)) * (0.5 / e)
+    ratio2 = (e_low / g_low) ** 2
+    series = (1.0 + ratio2) * _odd_series(ratio2, 1.0)
+    product = jnp.log((g_low - e_low) * (g_low + e_low))
+    at_energy = per_p * jnp.where(low, g_low * (series + product), high)
     logs = 0.5 * jnp.log(beside * beside + (g * c) ** 2)
     angles = jnp.arctan2(g * c, beside)
     # The differences, log|E_g + p| - log|E_g - p| and the angles' with opposite sign, over alpha

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ._arithmetic import complex_sqrt
+from ._arithmetic import complex_sqrt, one_if_zero
 from ._faddeeva import faddeeva
 from ._spectral import (
     DispersionModel,
@@ -27,7 +28,11 @@ def _lorentz(energy: Array, strengths: Array, resonances: Array, widths: Array):
     # factored: the error of E_j - E is then only that of E itself
     distance = (resonances - energy) * (resonances + energy)
     loss = energy * widths.astype(dtype)
-    per_modulus = strengths.astype(dtype) / (distance * distance + loss * loss)
+    # In units of the larger part: the derivative of a quotient squares its divisor, which leaves
+    # the range of float32 for X-rays and for radio waves.
+    unit = jax.lax.stop_gradient(one_if_zero(jnp.maximum(jnp.abs(distance), loss)))
+    distance, loss = distance / unit, loss / unit
+    per_modulus = strengths.astype(dtype) / unit / (distance * distance + loss * loss)
     return jnp.sum(distance * per_modulus, axis=-1), jnp.sum(loss * per_modulus, axis=-1)
 
 

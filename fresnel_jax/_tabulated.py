@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
@@ -110,7 +111,10 @@ class Tabulated(DispersionModel):
     def index(self, wavelength_um: Array) -> Index:
         dtype = wavelength_um.dtype
         knots = self.wavelength_um.astype(dtype)
-        inside = jnp.clip(wavelength_um, knots[0], knots[-1])
+        # What is clipped is rounding: the derivative stays that of the wavelength, at the ends too
+        # (that of jnp.clip is a half there).
+        clipped = jnp.clip(wavelength_um, knots[0], knots[-1])
+        inside = wavelength_um + jax.lax.stop_gradient(clipped - wavelength_um)
         k = jnp.broadcast_to(self.k, knots.shape)
         index = monotone_cubic(inside, knots, (self.eta.astype(dtype), k.astype(dtype)))
         return Index(*index)

@@ -24,8 +24,9 @@ result is `Index(eta, k)`, float32 or float64 as the arguments.
     rough = bruggeman([1.0, silica.eta], [0.0, silica.k], [0.5])    # half of it void
 
 Accuracy: the index within 16 eps of its modulus (measured: 4), k within 32 eps of itself however
-small it is (measured: 14), since it is a sum of terms of one sign; at a fraction of 0 or 1, and of
-equal constituents, the constituent comes out. First and second derivatives are finite, at k = 0 and
+small it is (measured: 14; of five constituents with metals up to 128, measured 70), since it is a
+sum of terms of one sign; at a fraction of 0 or 1, and of equal constituents, the constituent comes
+out. First and second derivatives are finite, at k = 0 and
 at fractions 0 and 1 too. The exception: of a metal without loss in a dielectric without loss
 Bruggeman's equation has branch points, next to which errors and derivatives grow as the inverse
 root of the distance.
@@ -52,8 +53,12 @@ from ._vectors import as_float
 
 __all__ = ["bruggeman", "linear", "looyenga", "maxwell_garnett"]
 
-# Of three or more constituents Bruggeman's equation is solved by iteration; see `_several`.
-_STEPS = 40
+# Of three or more constituents Bruggeman's equation is solved by iteration (see `_several`): up to
+# so many steps at once; else so many from constituents of one phase, then two for each of so many
+# stages in which the phases open; and never more than that.
+_STEPS, _ALIKE, _OPENING, _MOST_STEPS = 16, 16, 8, 400
+# A root is found when Newton's step is so many eps of it, and lost if it ends with a larger part.
+_CONVERGED, _LOST = 64.0, 1e-3
 
 
 def _constituents(eta, k, fraction) -> tuple[Array, Array, Array]:
@@ -154,17 +159,21 @@ def _two(permittivity: Array, fraction: Array) -> Array:
 
 
 def _several(permittivity: Array, fraction: Array) -> Array:
-    """Bruggeman's root for three or more constituents.
+    """Bruggeman's root for three or more constituents; NaN where it is not found.
 
     eps = 1 / (3 sum f_j / (eps_j + 2 eps)) maps the cone that the eps_j span into itself, and the
-    root is its only fixed point there. Newton's step is taken where it lowers the residual and
-    stays in the cone's half-plane, that of the map elsewhere.
+    root is its only fixed point there. Newton's step, in eps or in log eps, is taken where it
+    lowers the residual and stays in the cone's half-plane, that of the map elsewhere. Six steps are
+    enough for most mixtures, hundreds are not for a metal close to the fraction at which its grains
+    touch: that root is followed while the phases open from one of all constituents to their own.
     """
     # a direction within pi / 2 of all constituents: halfway between the least and largest phase
-    phase = jnp.angle(permittivity)
-    middle = jnp.exp(-0.5j * (phase.max(0) + phase.min(0)).astype(permittivity.dtype))
+    phase, size = jnp.angle(permittivity), jnp.abs(permittivity)
+    middle = 0.5 * (phase.max(0) + phase.min(0))
+    back = jnp.exp(-1j * middle.astype(permittivity.dtype))
+    near = _CONVERGED * jnp.finfo(size.dtype).eps
 
-    def residual(eps):
+    def residual(eps, permittivity):
         """How far the map moves eps, and its derivative."""
         u = 1.0 / (permittivity + 2.0 * eps)
         return (
@@ -172,20 +181,39 @@ def _several(permittivity: Array, fraction: Array) -> Array:
             3.0 * (fraction * permittivity * u * u).sum(0),
         )
 
-    def step(_, eps):
-        value, slope = residual(eps)
-        newton = eps - value / slope
-        good = (jnp.abs(residual(newton)[0]) < jnp.abs(value)) & ((newton * middle).real > 0.0)
-        return jnp.where(good, newton, eps / (1.0 + value))
+    def followed(state, part_of, steps):
+        """Take up to so many steps with the phases open by ``part_of`` the step."""
 
-    start = _cube(fraction, permittivity)
-    eps = jax.lax.fori_loop(0, _STEPS, step, start)
-    value, slope = residual(eps)
-    return eps - value / slope
+        def step(state):
+            i, eps, done = state
+            part = part_of(i).astype(phase.dtype)
+            turned = jnp.exp(1j * (middle + part * (phase - middle)).astype(permittivity.dtype))
+            opened = jnp.where(part == 1.0, permittivity, size * turned)
+            value, slope = residual(eps, opened)
+            change = -value / slope
+            done = done | ((jnp.abs(change) <= near * jnp.abs(eps)) & (part == 1.0))
+            turn = change / eps
+            by_log = eps * jnp.exp(jax.lax.complex(jnp.clip(turn.real, -2.0, 2.0), turn.imag))
+            new, left = eps / (1.0 + value), jnp.abs(value)
+            for newton in (by_log, eps + change):
+                moved = jnp.abs(residual(newton, opened)[0])
+                good = (moved < left) & ((newton * back).real > 0.0)
+                new, left = jnp.where(good, newton, new), jnp.where(good, moved, left)
+            return i + 1, jnp.where(done, eps, new), done
 
+        return jax.lax.while_loop(lambda s: (s[0] < steps) & ~s[2].all(), step, state)
 
-def _cube(fraction: Array, permittivity: Array) -> Array:
-    return jnp.sum(fraction * permittivity ** (1.0 / 3.0), 0) ** 3
+    begin = jnp.sum(fraction * permittivity ** (1.0 / 3.0), 0) ** 3
+    none = jnp.zeros(begin.shape, bool)
+    _, eps, done = followed((0, begin, none), lambda i: jnp.ones(()), _STEPS)
+    alike = (fraction * jnp.cbrt(size)).sum(0) ** 3 / back
+    state = (0, jnp.where(done, eps, alike), done)
+    _, eps, done = followed(
+        state, lambda i: jnp.clip((i - _ALIKE) // 2 / _OPENING, 0.0, 1.0), _MOST_STEPS
+    )
+    value, slope = residual(eps, permittivity)
+    change = -value / slope
+    return jnp.where(done | (jnp.abs(change) < _LOST * jnp.abs(eps)), eps + change, jnp.nan)
 
 
 @jax.custom_jvp

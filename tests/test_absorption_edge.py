@@ -190,3 +190,25 @@ def test_urbach_tail(dtype):
 def test_lengths_are_checked():
     with pytest.raises(ValueError, match="widths_ev"):
         TaucLorentz([1.0, 2.0], [3.0, 4.0], [1.0], 2.0)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_far_below_the_gap(dtype):
+    """Terahertz to radio waves: eta and its slope, where two logarithms cancel."""
+    numbers = (100.0, 4.0, 1.5, 1.25)
+    model = TaucLorentz(*(jnp.asarray(x, dtype) for x in numbers))
+    for wavelength in map(dtype, (4.0, 30.0, 300.0, 1e3, 1e4, 1e6)):
+        with mp.workdps(120):
+
+            def true(w):
+                return mp.sqrt(1 + published(mp.mpf(HC_EV_UM) / w, *numbers))
+
+            w = mp.mpf(float(wavelength))
+            eta, slope = true(w), mp.diff(true, w, h=w * mp.mpf(10) ** -30)
+        assert float(model(wavelength).eta) == pytest.approx(
+            float(eta), rel=4 * np.finfo(dtype).eps
+        )
+        found = float(jax.grad(lambda x: model(x).eta)(wavelength))
+        # In float32 it is lost beyond 1e5 um, where eta changes by 1e-13 of itself.
+        allowed = 1e-3 if wavelength < 1e5 or dtype is np.float64 else 0.2
+        assert found == pytest.approx(float(slope), rel=allowed), wavelength

@@ -171,3 +171,41 @@ def test_shapes_and_transformations(model):
 def test_refusals(model, call, says):
     with pytest.raises(ValueError, match=says):
         call(model)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("several", [3, 4, 5])
+def test_metals_among_dielectrics_near_the_fraction_at_which_they_touch(several, dtype):
+    """Newton's steps and the map alone had not converged in 40 steps for 5 to 18 % of these."""
+    random = np.random.default_rng(several)
+    shape = (several, 2000)
+    eta, k = 10.0 ** random.uniform(-1, 2, shape), 10.0 ** random.uniform(-9, 2, shape)
+    eta[0], k[0], eta[1], k[1] = 1.0, 0.0, 1.45, 0.0
+    k[2] = 10.0 ** random.uniform(1, 2, 2000)
+    share = random.dirichlet(np.ones(several), 2000).T[1:]
+    eta, k, share = (a.astype(dtype) for a in (eta, k, share))
+    found = jax.vmap(bruggeman, (1, 1, 1))(eta, k, share)
+    # The equation in float64, and its slope: how far the root is from here.
+    eps = (eta + 1j * k).astype(complex) ** 2
+    root = (np.asarray(found.eta, float) + 1j * np.asarray(found.k, float)) ** 2
+    f = np.concatenate([1.0 - share.sum(0, keepdims=True), share]).astype(float)
+    away = (f * (eps - root) / (eps + 2 * root)).sum(0)
+    slope = (3 * f * eps * root / (eps + 2 * root) ** 2).sum(0)
+    assert np.max(np.abs(away / slope)) < 2000 * np.finfo(dtype).eps
+    # It is the one in the cone of the constituents: the mixture absorbs no more than all of them.
+    phase = np.angle(eps)
+    assert (np.angle(root) >= phase.min(0) - 1e-6).all()
+    assert (np.angle(root) <= phase.max(0) + 1e-6).all()
+
+
+def test_a_mixture_with_gold_in_the_infrared():
+    """Air and n = 2 with gold at 6.2 um: roots of the cubic, by numpy."""
+    eta, k, share = np.array([1.0, 2.0, 5.097]), np.array([0.0, 0.0, 38.117]), np.array([0.4, 0.25])
+    true = oracle(bruggeman, eta, k, share)
+    found = bruggeman(eta, k, share)
+    assert complex(found.eta, found.k) == pytest.approx(complex(true), rel=1e-14)
+    slopes = jax.jacrev(lambda f: bruggeman(eta, k, f).eta)(share)
+    for j in range(2):
+        step = 1e-6 * np.eye(2)[j]
+        ends = [oracle(bruggeman, eta, k, share + s * step).real for s in (1, -1)]
+        assert float(slopes[j]) == pytest.approx(float((ends[0] - ends[1]) / 2e-6), rel=1e-6)

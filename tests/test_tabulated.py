@@ -88,3 +88,13 @@ def test_small_tables_and_types(dtype):
     tiny = Tabulated(knots.astype(dtype), np.ones(4, dtype), k.astype(dtype))
     true = interpolate.PchipInterpolator(knots, k * 1e25)(between) * 1e-25
     np.testing.assert_allclose(tiny(between.astype(dtype)).k, true, rtol=64 * np.finfo(dtype).eps)
+
+
+def test_the_slope_at_the_ends_is_that_within():
+    """d_0 + (d_0 - d_1) h_0 / (h_0 + h_1) with the slopes d and steps h of the first two pieces."""
+    table = Tabulated([0.4, 0.5, 0.7, 0.9], [1.5, 1.45, 1.42, 1.41])
+    by_hand = -0.5 - 0.35 / 3.0
+    for wavelength in (0.4, 0.4 + 1e-12, 0.4 - 1e-16):
+        assert float(jax.grad(lambda w: table(w).eta)(wavelength)) == pytest.approx(by_hand)
+    last, inside = (float(jax.grad(lambda w: table(w).eta)(w)) for w in (0.9, 0.9 - 1e-12))
+    assert last == pytest.approx(inside, rel=1e-9)
