@@ -107,6 +107,11 @@ def _parameter(name: str, what: Any) -> Parameter:
             "and at most 'bounds', 'coordinate' and 'unit' beside it."
         )
     start, (low, high) = _range(name, said["start"], "start"), _range(name, bounds, "bounds")
+    if kind == "log" and start[0] <= 0.0:
+        raise ValueError(
+            f"the parameter {name} has the coordinate 'log' and starts from {start[0]:g}; starting "
+            "values above 0 were wanted."
+        )
     low = max(low, 0.0) if kind != "linear" else low
     return Parameter(name, unit, start, low, high, _COORDINATES[kind], decades=kind == "log")
 
@@ -137,6 +142,22 @@ def _unknowns(
     return Unknowns(spec, tuple(moving), np.empty(0), names, units)  # type: ignore[arg-type]
 
 
+def _first_finite(u: Unknowns, targets: Targets, points: np.ndarray) -> Slopes:
+    """Return what `own_slopes` does at a starting point where the residuals are finite."""
+    for point in points.T:
+        found = own_slopes(u.spec, targets, point)  # type: ignore[arg-type]
+        if np.isfinite(found.residual).all():
+            return found
+    values = Spec.values(u.spec, jnp.asarray(points[:, :1]), jnp.empty(0))  # type: ignore[arg-type]
+    strange = np.flatnonzero(~np.isfinite(found.residual))
+    at = ", ".join(f"{name} = {float(values[name][0]):.4g}" for name in u.spec.moving)
+    raise ValueError(
+        f"at none of {points.shape[1]} starting points are all residuals finite; at {at} these are "
+        f"not: {len(strange)} of {len(found.residual)}, the first of them number {strange[0]} "
+        "(from 0). Look for NaN in the data, and for parameters out of the domain of the function."
+    )
+
+
 def _one(u: Unknowns, data: Any, settings: Settings, asked: Asked, points: np.ndarray) -> Fit:
     """Return the fit of one set of data."""
     none = np.empty(0)
@@ -146,7 +167,7 @@ def _one(u: Unknowns, data: Any, settings: Settings, asked: Asked, points: np.nd
         stated=asked.errors == "stated",
     )  # fmt: skip
     targets = targets_of(u, rows, np.float64(1.0))
-    middle = own_slopes(u.spec, targets, points[:, 0])  # type: ignore[arg-type]
+    middle = _first_finite(u, targets, points)
     job = Solving(u, rows._replace(row=middle.row), targets, settings, asked)
     job.starts = points.shape[1]
     job.squares = float(np.nan_to_num(middle.residual @ middle.residual, nan=1.0, posinf=1.0))
@@ -184,15 +205,17 @@ def fit_residuals(
             nearly linear; "unit".
         data: arrays, or any pytree of them; with ``batch`` each begins with the batch axis S.
         free, fixed, bounds, priors, tie, loss, intervals, starts, start, seed: as in `fit`.
-        errors: "scaled": the noise is estimated from the residuals; or "stated": the residuals are
-            in units of their standard errors.
+        errors: "scaled": the noise is estimated from the residuals, and a warning says so if they
+            are larger than 1 beyond chance; or "stated": the residuals are in units of their
+            standard errors.
         batch: whether to fit each entry of the batch axis by itself.
 
     Returns: `Fit` of batch shape (), or (S,) with ``batch``. Its `predict` and `index` raise
         ValueError, since it has no sample.
 
     Raises:
-        ValueError: for names and values that are wrong or do not go together.
+        ValueError: for names and values that are wrong or do not go together, and for residuals
+            that are not finite at any starting point.
     """
     if errors not in ("scaled", "stated"):
         raise ValueError(f'errors is {errors!r}; "scaled" or "stated" was wanted.')

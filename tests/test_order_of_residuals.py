@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from simulated import textbook
 
-from fitting import Measurement, fit
+from fitting import Measurement, fit, simulate
 from fitting.residuals.pattern import pattern, pooled_pattern
 
 ANGLES = np.linspace(20.0, 80.0, 30)
@@ -98,3 +98,28 @@ def test_a_smooth_systematic_error_is_covered_more_often():
         held_before += abs(one.eta - 1.8) <= 0.5 * narrow
     assert held > held_before + 6
     assert held > 45
+
+
+def test_of_two_scans_in_one_table_that_contradict_each_other():
+    """A gain of 5 % between them; each by itself is the curve of glass."""
+    random = np.random.default_rng(5)
+    angle = np.tile(np.linspace(20.0, 80.0, 14), 2)
+    gain = np.repeat([1.0, 1.05], 14)
+    both = {
+        name: gain * simulate("1.5", {}, angle, quantity=name) + 0.001 * random.standard_normal(28)
+        for name in ("R_s", "R_p")
+    }
+    found = fit(Measurement.from_columns(angle, **both))
+    assert "residuals_in_order" in [w.code for w in found.warnings]
+
+
+def test_independent_repeats_are_no_pattern():
+    angle = np.tile(np.linspace(20.0, 80.0, 14), 3)
+    exact = {name: simulate("1.5", {}, angle, quantity=name) for name in ("R_s", "R_p")}
+    fitted, told = np.concatenate([*exact.values()]), 0
+    for seed in range(200):
+        noise = 0.001 * np.random.default_rng(seed).standard_normal((2, 42))
+        data = {name: R + e for (name, R), e in zip(exact.items(), noise, strict=True)}
+        m = Measurement.from_columns(angle, **data)
+        told += pattern(m, fitted, np.zeros(84, int)) is not None
+    assert told <= 4

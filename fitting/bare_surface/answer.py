@@ -50,8 +50,8 @@ STATUS = np.array([CONVERGED, UNDETERMINED, NOT_CONVERGED, NO_DATA])
 ALIKE_CHI2 = 4.0
 # The data do not distinguish them at all if it differs by less than this.
 ALIKE_MEMBERS = 0.01
-# In a batch the residuals of a curve are formed only if this part of their squares, or more, is that
-# of products of neighbours: that of a smooth misfit of the size of the noise is half of them.
+# In a batch the residuals of a curve are looked at only if the sum of the products of neighbours is
+# this part of that of the squares: it is half of it for a smooth misfit as large as the noise.
 LEAST_ALIKE = 0.3
 
 

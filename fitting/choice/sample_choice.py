@@ -16,7 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from fitting.choice.candidates import Key
+from fitting.choice.candidates import MARGIN, Choice, Key
+from fitting.measurements.quantities import are_powers
+from fitting.results.diagnostics import Finding
 from fitting.results.result import CONVERGED, Fit
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
@@ -24,6 +26,8 @@ from fitting.uncertainty.likelihood import corrected_aic
 
 OR = " or "
 _NEUTRAL = "angle_offset"
+# Calibrations of reflectances are hardly wrong by more.
+MOST_GAIN = 0.1
 # Returns a fit: of this sample, with these settings, kind of intervals and use of errors.
 Fitted = Callable[[Sample, Settings, str, str], Fit]
 # Returns the fit of a candidate with this kind of intervals and use of errors.
@@ -54,12 +58,35 @@ def of_samples(samples: Sequence[Sample], base: Settings, fitted: Fitted) -> Run
 
     def run(key: Key, kind: str, believed: str) -> Fit:
         which = by_label[key.model]
+        if key.free:
+            return fitted(which, base._replace(free=(*base.free, *key.free)), kind, believed)
         held = all(m.thickness is None or m.thickness.held for m in which.media)
         if held and not any(m.unknown for m in which.media):
             return _without_unknowns(fitted(which, nothing, kind, believed))
         return fitted(which, base, kind, believed)
 
     return run
+
+
+def with_gain_instead(choice: Choice, try_gain: Callable[[Key], Fit]) -> Choice:
+    """Return the choice, with a warning if a smaller sample fits as well with a free scale.
+
+    Reflectances that are 1 % low at all wavelengths are those of a thin oxide, too.
+    """
+    smaller = [c for c in choice.candidates if c.size < choice.taken.size]
+    if not smaller or not are_powers(choice.fit.measurement.quantity).any():  # type: ignore
+        return choice
+    least = min(smaller, key=lambda c: c.fit.bic)
+    other = try_gain(least.key._replace(free=("scale",)))
+    scale = other.parameters["scale"]
+    near = other.bic <= choice.taken.fit.bic + MARGIN and abs(scale.value - 1.0) < MOST_GAIN
+    if other.status != CONVERGED or not near:
+        return choice
+    told = Finding("gain_instead", np.True_, {
+        "sample": least.label, "scale": scale.value, "sigma": scale.sigma,
+        "delta_bic": other.bic - choice.taken.fit.bic,
+    })  # fmt: skip
+    return choice.with_fit(replace(choice.fit, findings=(told, *choice.fit.findings)))
 
 
 def _without_unknowns(found: Fit) -> Fit:

@@ -32,7 +32,13 @@ from fitting.choice.candidates import (
     simplest,
     with_doubt,
 )
-from fitting.choice.sample_choice import Fitted, Run, of_samples, several_samples
+from fitting.choice.sample_choice import (
+    Fitted,
+    Run,
+    of_samples,
+    several_samples,
+    with_gain_instead,
+)
 from fitting.fits import fit_checked, measurements_of
 from fitting.measurements.measurement import Measurement, concatenate
 from fitting.measurements.quantities import are_powers
@@ -138,7 +144,8 @@ def choose(
             `fit`, and used for every candidate.
         sample: with one medium that is `auto`: "auto", "air | auto 3 mm thick | air"; or several
             samples, in a list or with "or" between them: "Si or air | SiO2 1..50 nm | Si".
-        instrument: whether a free scale and angle offset are tried, for models.
+        instrument: whether a free scale and angle offset are tried, for models; of samples, whether
+            it is told that a smaller one fits as well with a free scale.
         intervals: of the model that is taken, as for `fit`.
         progress: called with the label of each candidate before it is tried; ``print`` will do.
 
@@ -191,6 +198,8 @@ def choose(
     choice = decide(list(search.tried.values()))
     if choice.fit.names and (intervals != QUADRATIC or errors != compared):
         choice = choice.with_fit(run(choice.taken.key, intervals, errors))
+    if not one and instrument and "scale" not in mentioned:
+        choice = with_gain_instead(choice, lambda key: run(key, QUADRATIC, compared))
     return with_doubt(choice)
 
 

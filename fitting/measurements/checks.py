@@ -140,7 +140,7 @@ def check_data(data: Data, where: Callable[[int, str], str], hint: Callable[[int
         "sigma",
         lambda i: (
             f"standard error {sigma[i]:.10g} is not a positive number. If 0 stands for 'not "
-            "measured', say --missing 0."
+            "measured', say --missing 0 (in arrays: nan)."
         ),
     )
     refuse_first(

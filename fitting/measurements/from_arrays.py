@@ -11,6 +11,7 @@ from fitting.measurements.errors import refuse
 from fitting.measurements.quantities import QUANTITIES, are_powers
 from fitting.measurements.ratios import quotient, refuse_no_powers, times_reflectance
 from fitting.measurements.reader import units
+from fitting.measurements.repeats import without_copies
 
 # Where what is no quantity belongs, by the first part of its name.
 _PLACES = {
@@ -133,4 +134,5 @@ def from_arrays(
     waves = units.span_of(data.wavelength_um, "um") if known else "no wavelength"
     text = f"took {len(kept)} values of {', '.join(names)} from arrays, "
     text += f"{units.span_of(data.angle_deg, 'degrees')}, {waves}{how}"
-    return data, text + beyond(outside)
+    data, copies = without_copies(data)
+    return data, text + beyond(outside) + copies

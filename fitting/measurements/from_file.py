@@ -19,6 +19,7 @@ from fitting.measurements.reader.longform import LongColumns, long_columns
 from fitting.measurements.reader.options import Options, parse_options
 from fitting.measurements.reader.own_export import own_columns, own_header
 from fitting.measurements.reader.reading import keep_rows
+from fitting.measurements.repeats import without_copies
 
 
 def _columns_of(path: str | PathLike[str], options: Options) -> LongColumns:
@@ -130,4 +131,5 @@ def read_csv(
             )
 
         understood += beyond(check_data(data, where, hint))
-    return Measurement(*map(frozen, data), source=source, understood=understood)
+        data, copies = without_copies(data)
+    return Measurement(*map(frozen, data), source=source, understood=understood + copies)

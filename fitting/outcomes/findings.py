@@ -10,11 +10,11 @@ import numpy as np
 from fitting.measurements.measurement import Measurement
 from fitting.measurements.quantities import are_powers
 from fitting.optics.instrument import INSTRUMENT
+from fitting.outcomes.contradictions import contradicted_errors, contradicted_priors
 from fitting.outcomes.curvature import without_slope
 from fitting.outcomes.implausible_index import implausible_indices
 from fitting.problem.evaluation import at_data
 from fitting.problem.unknowns import Unknowns
-from fitting.residuals.error_model import beyond_chance
 from fitting.residuals.pattern import pattern
 from fitting.results.diagnostics import Finding
 from fitting.results.result import AT_LOWER, AT_UPPER, PROFILE, Alternative, Estimate
@@ -23,7 +23,6 @@ from fitting.samples.known_media import Mixture
 from fitting.samples.sample import Sample
 from fitting.searching.search import End, Solving
 from fitting.uncertainty.intervals import OFF, Intervals
-from fitting.uncertainty.likelihood import reduced_chi2
 
 # Parameters of one formula (A, B and C of Cauchy's) are usually correlated, which does no harm. A
 # parameter of the instrument that is correlated with the index does (angle offset of the gold scan:
@@ -179,21 +178,6 @@ def _open_and_poor(known: Mapping[str, Estimate]) -> Iterator[Finding]:
         yield _finding("poorly_determined", parameters=tuple(vague), shares=tuple(vague.values()))
 
 
-def _chi2(fit: Solving, end: End, taken: str) -> list[Finding]:
-    """Return the findings on residuals that contradict the stated errors."""
-    loss = fit.u.spec.loss
-    reduced = reduced_chi2(loss, end.slopes.residual, fit.dof)
-    if not fit.seen.stated or not np.isfinite(reduced):
-        return []
-    large, small = beyond_chance(reduced, fit.dof)
-    values = {
-        "chi2_reduced": reduced, "factor": float(np.sqrt(reduced)), "errors": taken,
-        "robust": loss != "squares",
-    }  # fmt: skip
-    told = {"chi2_large": large, "chi2_small": small}
-    return [_finding(code, **values) for code, is_so in told.items() if is_so]
-
-
 def _a_k_is_free(u: Unknowns) -> bool:
     """Whether the fit determines the k of a medium; numbers are held, with k too."""
     free = {name for name, w in zip(u.spec.moving, u.moving, strict=True) if w.free}
@@ -288,7 +272,9 @@ def findings(
     if f.lower:
         out.append(_finding("better_minimum_met", by=f.lower))
     out += [*_bounds(known), *_not_quadratic(known, f.known.quadratic[free])]
-    out += [*_open_and_poor(known), *_correlated(names, correlation), *_chi2(fit, end, taken)]
+    out += [*_open_and_poor(known), *_correlated(names, correlation)]
+    told = {**contradicted_errors(fit, end, taken), **contradicted_priors(fit, known)}
+    out += [_finding(code, **values) for code, values in told.items()]
     if "angle_offset" in known and abs(known["angle_offset"].value) > PLAUSIBLE_OFFSET_DEG:
         out.append(_finding("implausible_offset", value=known["angle_offset"].value))
     if fit.dof == 0:

@@ -86,6 +86,16 @@ def _neighbours(groups: tuple[np.ndarray, ...], along: np.ndarray) -> np.ndarray
     return np.stack([first[same], second[same]], axis=1)
 
 
+def _repeats(*place: np.ndarray) -> np.ndarray:
+    """Return of each datum how often its place came before."""
+    which = np.unique(np.stack(place), axis=1, return_inverse=True)[1].ravel()
+    order = np.argsort(which, kind="stable")
+    first = np.searchsorted(which[order], which[order])
+    out = np.empty(len(which), int)
+    out[order] = np.arange(len(which)) - first
+    return out
+
+
 def _by_chance(products: np.ndarray) -> float:
     """Return the sum that products with random signs exceed with probability _CHANCE."""
     size = np.sort(np.abs(products))[::-1]
@@ -108,7 +118,7 @@ def pattern(
     quantity of a file) of each datum. stated: whether errors, if there are any, are to be used.
     By chance .5 % of the fits to data with independent symmetric noise are called a pattern, for
     any number and sizes of errors (mean of 36 kinds of data, with 800 to 2000 fits each: .3 %, at
-    most .8 %), and none with fewer than 11 neighbours.
+    most .8 %; twice that where rows are repeated), and none with fewer than 11 neighbours.
     """
     m = measurement
     if len(m) <= _LEAST or not np.isfinite(fitted).all():
@@ -117,11 +127,18 @@ def pattern(
     wavelength = np.where(np.isfinite(m.wavelength_um), m.wavelength_um, -1.0)
     light = np.where(np.isfinite(m.polarizer_deg), m.polarizer_deg, -1.0)
     _, kind = np.unique(m.quantity, return_inverse=True)
+    together = (light, kind, curve)
+    ways = [
+        ("wavelength", wavelength, (m.angle_deg, *together)),
+        ("angle", m.angle_deg, (wavelength, *together)),
+    ]
+    scan = _repeats(m.angle_deg, wavelength, *together)
+    if scan.any():
+        # Of scans in one table each by itself, too: one may lie above the curve, the other below.
+        ways += [(name, along, (*groups, scan)) for name, along, groups in ways]
     found = []
-    for name, along, other in (
-        ("wavelength", wavelength, m.angle_deg), ("angle", m.angle_deg, wavelength)
-    ):  # fmt: skip
-        first, second = _neighbours((other, light, kind, curve), along).T
+    for name, along, groups in ways:
+        first, second = _neighbours(groups, along).T
         products = e[first] * e[second]
         pairs, alike = int(np.count_nonzero(products)), int((products > 0.0).sum())
         if pairs <= _LEAST:

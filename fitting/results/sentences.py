@@ -17,6 +17,11 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
         + (f" in {v['evaluations']} evaluations" if "evaluations" in v else " from any start")
         + "; its values mean nothing."
     ),
+    "gain_instead": (
+        "{sample} fits as well (BIC {delta_bic:+.1f}) if all measured powers are {scale:.4g} +- "
+        "{sigma:.2g} times the true ones: these data do not tell the further layer from an error "
+        "of the calibration. Check it with a reference, or measure psi and Delta."
+    ),
     "candidates_do_not_describe": wording.does_not_fit,
     "perfect_mirror": wording.mirror,
     "no_reflection": (
@@ -88,6 +93,15 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
     "poorly_determined": wording.poorly_determined,
     "correlated": wording.correlated,
     "chi2_large": wording.chi2_large,
+    "prior_contradicted": lambda v: (
+        "; ".join(
+            f"the data contradict the prior of {name}, {wording.num(mean)} +- "
+            f"{wording.num(sigma)}: the fit is at {wording.num(value)}, {errors:.2g} of these "
+            "standard errors away"
+            for name, (mean, sigma, value, errors) in v["priors"].items()
+        )
+        + ". One of them is wrong, or the model is."
+    ),
     "chi2_small": wording.chi2_small,
     "errors_floor": (
         "reduced chi2 with the stated errors is {chi2_reduced:.4g}. A standard error of "
