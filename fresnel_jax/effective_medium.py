@@ -47,18 +47,12 @@ from jaxtyping import Array, ArrayLike
 
 from ._arguments import as_floats, broadcast_shape
 from ._arithmetic import complex_sqrt, sum_exactly
+from ._bruggeman import bruggeman_root, loss_of, mixed, with_loss
 from ._compiler import opaque
 from ._spectral import Index
 from ._vectors import as_float
 
 __all__ = ["bruggeman", "linear", "looyenga", "maxwell_garnett"]
-
-# Of three or more constituents Bruggeman's equation is solved by iteration (see `_several`): up to
-# so many steps at once; else so many from constituents of one phase, then two for each of so many
-# stages in which the phases open; and never more than that.
-_STEPS, _ALIKE, _OPENING, _MOST_STEPS = 16, 16, 8, 400
-# A root is found when Newton's step is so many eps of it, and lost if it ends with a larger part.
-_CONVERGED, _LOST = 64.0, 1e-3
 
 
 def _constituents(eta, k, fraction) -> tuple[Array, Array, Array]:
@@ -102,32 +96,6 @@ def _arrays(**values) -> Iterator[Array]:
             yield as_float(x, name)
 
 
-def _mixed(permittivity: Array, fraction: Array, around: Array) -> tuple[Array, Array]:
-    """The mixture of spheres in a medium `around` and q_j: a sphere's field over the mean one.
-
-    With u_j = 1 / (eps_j + 2 around) and B = sum f_j u_j the mixture is sum f_j eps_j u_j / B, and
-    q_j = u_j / B.
-    """
-    u = 1.0 / (permittivity + 2.0 * around)
-    q = u / (fraction * u).sum(0)
-    return (fraction * permittivity * q).sum(0), q
-
-
-def _squared(z: Array) -> Array:
-    return z.real * z.real + z.imag * z.imag
-
-
-def _loss(permittivity: Array, fraction: Array, q: Array) -> tuple[Array, Array]:
-    """(D, V): Im eps = D + 2 Im(around) V, two sums of positive terms.
-
-    eps + 2 around is the harmonic mean of eps_j + 2 around; the imaginary part of it is
-    sum f_j |q_j|^2 Im(eps_j + 2 around), and sum f_j |q_j|^2 - 1 = sum f_j |q_j - 1|^2 since
-    sum f_j q_j = 1.
-    """
-    dissipated = (fraction * _squared(q) * permittivity.imag).sum(0)
-    return dissipated, (fraction * _squared(q - 1.0)).sum(0)
-
-
 def _index(permittivity: Array) -> Index:
     return Index(*complex_sqrt(permittivity.real, permittivity.imag))
 
@@ -136,122 +104,17 @@ def _permittivity(eta: Array, k: Array) -> Array:
     return jax.lax.complex((eta - k) * (eta + k), 2.0 * (eta * k))
 
 
-def _with_loss(permittivity: Array, loss: Array) -> Array:
-    return jax.lax.complex(permittivity.real, loss)
-
-
-def _two(permittivity: Array, fraction: Array) -> Array:
-    """Bruggeman's root for two constituents, in units of w = sqrt(eps_0) sqrt(eps_1).
-
-    2 z^2 - b z - 1 = 0 with b = c_0 sqrt(eps_0 / eps_1) + c_1 sqrt(eps_1 / eps_0), c = 3 f - 1. The
-    mixture lies in the cone between eps_0 and eps_1, whose bisector is w; so Re z > 0, and the
-    other root, -1 / (2 z), lies in the opposite cone. With b = 2 z - 1 / z the discriminant is
-    (2 z + 1 / z)^2, whose principal root has Re > 0 whenever z has: no choice is left.
-    """
-    roots = jnp.sqrt(permittivity)
-    ratio = roots[0] / roots[1]
-    b = (3.0 * fraction[0] - 1.0) * ratio + (3.0 * fraction[1] - 1.0) / ratio
-    root = jnp.sqrt(b * b + 8.0)
-    # b + root cancels where Re b < 0
-    left = b.real < 0.0
-    z = jnp.where(left, 2.0 / jnp.where(left, root - b, 1.0), 0.25 * (root + b))
-    return roots[0] * roots[1] * z
-
-
-def _several(permittivity: Array, fraction: Array) -> Array:
-    """Bruggeman's root for three or more constituents; NaN where it is not found.
-
-    eps = 1 / (3 sum f_j / (eps_j + 2 eps)) maps the cone that the eps_j span into itself, and the
-    root is its only fixed point there. Newton's step, in eps or in log eps, is taken where it
-    lowers the residual and stays in the cone's half-plane, that of the map elsewhere. Six steps are
-    enough for most mixtures, hundreds are not for a metal close to the fraction at which its grains
-    touch: that root is followed while the phases open from one of all constituents to their own.
-    """
-    # a direction within pi / 2 of all constituents: halfway between the least and largest phase
-    phase, size = jnp.angle(permittivity), jnp.abs(permittivity)
-    middle = 0.5 * (phase.max(0) + phase.min(0))
-    back = jnp.exp(-1j * middle.astype(permittivity.dtype))
-    near = _CONVERGED * jnp.finfo(size.dtype).eps
-
-    def residual(eps, permittivity):
-        """How far the map moves eps, and its derivative."""
-        u = 1.0 / (permittivity + 2.0 * eps)
-        return (
-            3.0 * eps * (fraction * u).sum(0) - 1.0,
-            3.0 * (fraction * permittivity * u * u).sum(0),
-        )
-
-    def followed(state, part_of, steps):
-        """Take up to so many steps with the phases open by ``part_of`` the step."""
-
-        def step(state):
-            i, eps, done = state
-            part = part_of(i).astype(phase.dtype)
-            turned = jnp.exp(1j * (middle + part * (phase - middle)).astype(permittivity.dtype))
-            opened = jnp.where(part == 1.0, permittivity, size * turned)
-            value, slope = residual(eps, opened)
-            change = -value / slope
-            done = done | ((jnp.abs(change) <= near * jnp.abs(eps)) & (part == 1.0))
-            turn = change / eps
-            by_log = eps * jnp.exp(jax.lax.complex(jnp.clip(turn.real, -2.0, 2.0), turn.imag))
-            new, left = eps / (1.0 + value), jnp.abs(value)
-            for newton in (by_log, eps + change):
-                moved = jnp.abs(residual(newton, opened)[0])
-                good = (moved < left) & ((newton * back).real > 0.0)
-                new, left = jnp.where(good, newton, new), jnp.where(good, moved, left)
-            return i + 1, jnp.where(done, eps, new), done
-
-        return jax.lax.while_loop(lambda s: (s[0] < steps) & ~s[2].all(), step, state)
-
-    begin = jnp.sum(fraction * permittivity ** (1.0 / 3.0), 0) ** 3
-    none = jnp.zeros(begin.shape, bool)
-    _, eps, done = followed((0, begin, none), lambda i: jnp.ones(()), _STEPS)
-    alike = (fraction * jnp.cbrt(size)).sum(0) ** 3 / back
-    state = (0, jnp.where(done, eps, alike), done)
-    _, eps, done = followed(
-        state, lambda i: jnp.clip((i - _ALIKE) // 2 / _OPENING, 0.0, 1.0), _MOST_STEPS
-    )
-    value, slope = residual(eps, permittivity)
-    change = -value / slope
-    return jnp.where(done | (jnp.abs(change) < _LOST * jnp.abs(eps)), eps + change, jnp.nan)
-
-
-@jax.custom_jvp
-def _bruggeman(permittivity: Array, fraction: Array) -> Array:
-    solve = _two if permittivity.shape[0] == 2 else _several
-    root = solve(permittivity, fraction)
-    _, q = _mixed(permittivity, fraction, root)
-    dissipated, spread = _loss(permittivity, fraction, q)
-    # Im eps = dissipated + 2 Im eps spread keeps a small loss to its last digits; where a metal
-    # carries the current through a lossless host both sides vanish, and the root has the digits.
-    rest = 1.0 - 2.0 * spread
-    sure = rest > 0.1
-    loss = jnp.where(sure, dissipated / jnp.where(sure, rest, 1.0), jnp.maximum(root.imag, 0.0))
-    return _with_loss(root, loss)
-
-
-@_bruggeman.defjvp
-def _bruggeman_jvp(primals, tangents):
-    permittivity, fraction = primals
-    d_permittivity, d_fraction = tangents
-    root = _bruggeman(permittivity, fraction)
-    u = 1.0 / (permittivity + 2.0 * root)
-    moved = (fraction * root * u * u * d_permittivity).sum(0)
-    moved = moved + (d_fraction * (permittivity - root) * u).sum(0) / 3.0
-    return root, moved / (fraction * permittivity * u * u).sum(0)
-
-
 @jax.jit
 def _jit_bruggeman(eta, k, fraction):
-    return _index(_bruggeman(_permittivity(eta, k), fraction))
+    return _index(bruggeman_root(_permittivity(eta, k), fraction))
 
 
 @jax.jit
 def _jit_maxwell_garnett(eta, k, fraction):
     permittivity = _permittivity(eta, k)
-    mixture, q = _mixed(permittivity, fraction, permittivity[0])
-    dissipated, spread = _loss(permittivity, fraction, q)
-    return _index(_with_loss(mixture, dissipated + 2.0 * permittivity[0].imag * spread))
+    mixture, q = mixed(permittivity, fraction, permittivity[0])
+    dissipated, spread = loss_of(permittivity, fraction, q)
+    return _index(with_loss(mixture, dissipated + 2.0 * permittivity[0].imag * spread))
 
 
 @jax.jit
