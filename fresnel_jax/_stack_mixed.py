@@ -102,7 +102,7 @@ def _one_polarization(
     for front, back, (P, gone) in reversed(list(zip(fronts[:-1], backs, passages, strict=True))):
         # 1 - R' P^2 R, without cancellation for mirrors that face each other
         reflections = _lost(back) + back.R * (gone * (1.0 + P) + P * P * lost)
-        summed = jnp.where((P > 1.0) & (reflections <= 0.0), jnp.nan, front.T)
+        summed = jnp.where((gone < 0.0) & (reflections <= 0.0), jnp.nan, front.T)
         down = computed_once(summed * reciprocal_or_zero(reflections))
         going_on.insert(0, (down, R, returned))
         lost = _absorbed(front) + down * (
@@ -185,6 +185,6 @@ def _passage(inside: Ambient, x: DoubleWord) -> tuple[Array, Array]:
     # |f|^2 has more digits than exp(-depth), but in its derivative that of the phase cancels, by
     # 2e5 eps in a window of 1 cm: the derivative is that of the exponential.
     exact = squared_modulus(wave(*inside.q2, x, squared_modulus(inside.q)).passage)
-    exact = jnp.where(depth < 0.0, jnp.exp(-depth), exact)
+    exact = jnp.where(depth < 0.0, jnp.exp(-depth), jnp.minimum(exact, 1.0))
     P = lax.stop_gradient(exact) * jnp.exp(lax.stop_gradient(depth) - depth)
     return P, -jnp.expm1(-depth)
