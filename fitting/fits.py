@@ -271,6 +271,8 @@ def fit(
         ValueError: for names, values and quantities that are wrong or do not go together.
     """
     measurements = measurements_of(measurement)
+    if isinstance(sample, str) and " or " in sample:
+        raise ValueError(f"{sample!r} is more than one sample: use choose, or name one of them.")
     which = Sample.parse(sample)
     check_choices(loss, errors, intervals)
     check_search(starts, start, seed)

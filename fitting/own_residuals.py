@@ -73,8 +73,8 @@ def own_slopes(spec: OwnSpec, targets: Targets, y: np.ndarray) -> Slopes:
     with jax.enable_x64(True):
         value, slope = (np.asarray(a) for a in _own_linearised(targets, y, spec=spec))
     return Slopes(
-        seen=value[None], slopes=slope[None], residual=value, jacobian=slope,
-        row=np.arange(len(value)), plain=value, kind=np.full(len(value), "residuals"),
+        seen=value[None], residual=value, jacobian=slope, row=np.arange(len(value)),
+        plain=value, kind=np.full(len(value), "residuals"),
     )  # fmt: skip
 
 

@@ -180,6 +180,7 @@ def test_errors_missing_from_some_data_are_not_guessed():
     [
         ({"R_s": None, "R_p": None}, "no reflectance"),
         ({"R_s": np.full(16, 92.4)}, "divide by 100"),
+        ({"R_s": np.full(16, -0.94)}, "R_s holds -0.94"),
         ({"R_s": "abc"}, "numbers"),
         ({"angles_deg": ANGLES + 30.0}, "0 to 90"),
         ({"angles_deg": ANGLES[:5]}, "shapes"),
@@ -189,6 +190,7 @@ def test_errors_missing_from_some_data_are_not_guessed():
         ({"sigma": {"R": 1e-3}}, "sigma has errors of R, of which there are no data"),
         ({"errors": "stated"}, "need a standard error for every datum"),
         ({"sample": "0 | free"}, "the index '0' is out of range: eta 0.001 to 1000"),
+        ({"sample": "1-0.1i | free"}, "k 0 to 1000, N = eta . ik"),
         (
             {"sample": "1+1i | free"},
             r"the first medium, '1\+1i', .*lossless: a real number above 0",

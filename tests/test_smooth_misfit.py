@@ -50,6 +50,18 @@ def test_both_faces_of_a_window(channels, noise):
     assert _told(fit_many(ANGLES, **data)) > least
 
 
+def test_a_gain_of_3_percent():
+    """It gives glass a k of .2."""
+    random, n = _random(300, 4)
+    data = {
+        name: 1.03 * R + 0.001 * random.standard_normal(R.shape)
+        for name, R in zip(("R_s", "R_p"), _powers(n), strict=True)
+    }
+    found = fit_many(ANGLES, **data)
+    assert np.median(found.k) > 0.1
+    assert _told(found) > 0.85
+
+
 @pytest.mark.parametrize("kind", ["equal", "relative", "outliers", "printed"])
 @pytest.mark.parametrize("angles", [8, 14, 60])
 def test_noise_is_no_misfit(kind, angles):

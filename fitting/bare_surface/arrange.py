@@ -9,6 +9,7 @@ import numpy as np
 
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.reflectances import CHANNELS
+from fitting.measurements.checks import EXCURSION
 from fitting.measurements.measurement import Measurement
 
 
@@ -99,7 +100,13 @@ def of_arrays(angles_deg: Any, channels: Mapping[str, Any], sigma: Any, eta_i: f
             "angles_deg must be an array of finite numbers, whose last axis is the angle."
         )
     given = {
-        name: _checked(name, value, -1.0, 2.0, "fractions were wanted; for percent divide by 100")
+        name: _checked(
+            name,
+            value,
+            -EXCURSION,
+            1.0 + EXCURSION,
+            "fractions were wanted; for percent divide by 100",
+        )
         for name, value in channels.items()
         if value is not None
     }

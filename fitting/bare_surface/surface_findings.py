@@ -12,9 +12,8 @@ from fitting.bare_surface.arrange import Arranged
 from fitting.bare_surface.common_error import Taken
 from fitting.measurements.measurement import Measurement
 from fitting.residuals.pattern import pattern
-from fitting.results.diagnostics import Finding
+from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import Fit
-from fitting.results.sentences import SENTENCES
 
 
 def shaped(values: Any, a: Arranged) -> Any:
@@ -112,9 +111,8 @@ def findings(a: Arranged, f: Answer, taken: Taken, errors: str) -> tuple[Finding
     """Return the warnings of all curves, the most serious first, with the values of each."""
     codes = f.codes | _of_floor(f, taken)
     some = np.any(list(codes.values()), axis=1)
-    present = {code for code, one in zip(codes, some, strict=True) if one}
-    held = [code for code in SENTENCES if code in present]
-    return tuple(
+    held = [code for code, one in zip(codes, some, strict=True) if one]
+    return ranked(
         Finding(
             code,
             np.reshape(codes[code], a.shape),
@@ -163,5 +161,4 @@ def with_order(
         at = np.isfinite(where)
         if at.any():
             findings.append(Finding(code, at.reshape(shape), values))
-    rank = list(SENTENCES)
-    return replace(found, findings=tuple(sorted(findings, key=lambda f: rank.index(f.code))))
+    return replace(found, findings=ranked(findings))

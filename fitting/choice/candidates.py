@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fitting.residuals.error_model import beyond_chance
 from fitting.residuals.pattern import pattern
 from fitting.residuals.residuals import weighted_residuals
 from fitting.results.diagnostics import Finding, Warning
@@ -203,7 +204,7 @@ def explains(found: Fit) -> bool:
     (`pattern`).
     """
     if np.isfinite(found.chi2_reduced) and found.dof:
-        return _in_errors(found) ** 2 < max(1.5, 1.0 + 5.0 * np.sqrt(2.0 / found.dof))
+        return not beyond_chance(_in_errors(found) ** 2, found.dof)[0]
     m, curve = found.measurement, found.curve
     assert m is not None and curve is not None
     return pattern(m, found.predict().value, curve, stated=False) is None

@@ -252,7 +252,7 @@ def _assembled(fit: Solving, of: Subject, noise: float, evaluations: int, f: Fou
         errors=ErrorModel(taken, factor, 0.0, seen.stated), evaluations=evaluations,
         starts=fit.starts, reached=f.reached, loss=u.spec.loss, bic=bic, aicc=aicc, findings=found,
         others=f.others, measurement=m, curve=None if m is None else seen.curve,
-        curve_names=getattr(seen, "curve_names", ()), evaluator=evaluator,
+        curve_names=seen.curve_names, evaluator=evaluator,
     )  # fmt: skip
 
 

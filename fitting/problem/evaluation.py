@@ -13,8 +13,8 @@ from fitting.optics.averages import values_at, with_places
 from fitting.optics.observe import NCS
 from fitting.problem.observations import Observations, ncs_directions, observations, padded
 from fitting.problem.points import numbers, points_of
-from fitting.problem.problem import Targets, index_slopes, without_data
-from fitting.problem.programs_in_parts import slopes_in_parts
+from fitting.problem.problem import Targets, index_slopes
+from fitting.problem.programs_in_parts import shown_at
 from fitting.problem.unknowns import Unknowns, index_outside
 from fitting.results.result import Evaluator, IndexBand, Prediction
 from fitting.samples.sample import FREE, Sample
@@ -217,7 +217,7 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
         outside = index_outside(at.sample, seen.points.wavelength_um)
         spec = with_places(spec, values_at(spec, u.held, at.y), seen.points, float(np.max(outside)))
         u, targets = u._replace(spec=spec), targets._replace(points=seen.points, eta_i=outside)
-    value, slope = _shown(u, targets, at.y)
+    value, slope = shown_at(u.spec, targets, at.y)
     error = _error(slope, at.covariance)
     channels = [c for c in seen.channels if c != NCS]
     sigma = np.empty(len(seen.row))
@@ -232,17 +232,10 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
     fitted = at_data(seen, value)
 
     def away(y: np.ndarray) -> np.ndarray:
-        off = np.abs(at_data(seen, _shown(u, targets, y)[0]) - fitted)
+        off = np.abs(at_data(seen, shown_at(u.spec, targets, y)[0]) - fitted)
         return np.where(seen.quantity == "delta", np.minimum(off, 360.0 - off), off)
 
     return fitted, _as_far(at, sigma, away)
-
-
-def _shown(u: Unknowns, targets: Targets, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return what each channel shows at y (p,), (K, M), and its derivatives, (K, M, p)."""
-    with jax.enable_x64(True):
-        value, slope = slopes_in_parts(without_data(targets), y, spec=u.spec)
-        return np.asarray(value), np.asarray(slope)
 
 
 def _slopes_of_angles(ncs: np.ndarray, slopes: np.ndarray) -> np.ndarray:

@@ -41,6 +41,7 @@ from fitting.problem.problem import (
     rows_of,
     solve,
     weighted,
+    without_data,
 )
 from fitting.problem.row_blocks import COLUMNS, ROWS, SLOTS, Blocks, blocks_of, can_be_cut
 from fitting.problem.solver import FEW_UNKNOWNS, BatchState, packed
@@ -284,3 +285,10 @@ def index_in_parts(targets: Targets, y: np.ndarray, medium: int, *, spec: Spec) 
 def index_moves(spec: Any, targets: Targets, medium: int) -> bool:
     """Whether the solver's program of a fit knows the index of a medium, for `index_in_parts`."""
     return in_parts(spec, targets) and medium in core_of(spec, False).indices
+
+
+def shown_at(spec: Spec, targets: Targets, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what each channel shows at y (p,), (K, M), and its derivatives, (K, M, p)."""
+    with jax.enable_x64(True):
+        value, slope = slopes_in_parts(without_data(targets), y, spec=spec)
+        return np.asarray(value), np.asarray(slope)

@@ -6,12 +6,14 @@ most serious first. The program itself goes by codes and never reads a sentence.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from fitting.results.result_parts import item
 from fitting.results.sentences import SENTENCES
+
+_RANK = {code: i for i, code in enumerate(SENTENCES)}
 
 
 class Warning(NamedTuple):
@@ -58,3 +60,8 @@ class Finding:
         """Return the warning of the fit at ``index`` of the batch."""
         values = {name: item(value, index) for name, value in self.values.items()}
         return Warning(self.code, {**self.where, **where}, values)
+
+
+def ranked(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return the findings, the most serious first."""
+    return tuple(sorted(findings, key=lambda f: _RANK[f.code]))

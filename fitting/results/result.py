@@ -223,6 +223,9 @@ class Fit:
             raise TypeError("this fit is one set of parameters and no batch; it has no length.")
         return self.shape[0]
 
+    def __bool__(self) -> bool:
+        return True  # a single fit has no length
+
     def __iter__(self) -> Iterator[Fit]:
         return (self[i] for i in range(len(self)))
 

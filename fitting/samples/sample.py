@@ -54,7 +54,7 @@ _LAYER = re.compile(
     rf"(?P<index>.*?)\s+(?:(?P<low>{_NUMBER})\s*\.\.\s*(?P<high>{_NUMBER})|(?P<start>{_NUMBER}))"
     rf"\s*(?P<unit>{_UNIT})(?P<words>(?:\s+[A-Za-z]+)*)\s*$"
 )
-_COMPLEX = re.compile(rf"({_NUMBER})(?:\s*\+\s*({_NUMBER})\s*\*?\s*[ij])?$")
+_COMPLEX = re.compile(rf"({_NUMBER})(?:\s*([+-]\s*{_NUMBER})\s*\*?\s*[ij])?$")
 
 
 class Thickness(NamedTuple):
@@ -218,9 +218,10 @@ def _index(text: str) -> complex | Model | Mixture | MaterialFile | str:
         return parse_mixture(text, _index)
     found = _COMPLEX.match(text)
     if found:
-        value = complex(float(found[1]), float(found[2] or 0.0))
-        if not 1e-3 <= value.real <= 1e3 or value.imag > 1e3:
-            raise ValueError(f"the index {text!r} is out of range: eta 0.001 to 1000, k 0 to 1000.")
+        value = complex(float(found[1]), float((found[2] or "0").replace(" ", "")))
+        if not (1e-3 <= value.real <= 1e3 and 0.0 <= value.imag <= 1e3):
+            wanted = "eta 0.001 to 1000, k 0 to 1000, N = eta + ik"
+            raise ValueError(f"the index {text!r} is out of range: {wanted}.")
         return value
     lowered = text.lower()
     if lowered in (FREE, AUTO):

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import jax
 import numpy as np
 
 from fitting.optics.observe import NCS
 from fitting.problem.observations import Observations
-from fitting.problem.problem import HUBER, STUDENT, Targets, robust, without_data
-from fitting.problem.programs_in_parts import slopes_in_parts
+from fitting.problem.problem import HUBER, STUDENT, Targets, robust
+from fitting.problem.programs_in_parts import shown_at
 from fitting.problem.unknowns import Unknowns
 from fitting.samples.parameters import value_and_slope
 
@@ -24,13 +23,12 @@ SHARE = 1e-3
 class Slopes(NamedTuple):
     """The model and the residuals at y, row by row, with their derivatives.
 
-    seen: (K, M) and slopes (K, M, p), NCS as three. residual: (R,) weighted, jacobian (R, p), row:
+    seen: (K, M), NCS as three. residual: (R,) weighted, jacobian (R, p), row:
     (R,) of the points; plain: without weights, of what was measured; kind: the channel of each of
     these.
     """
 
     seen: np.ndarray
-    slopes: np.ndarray
     residual: np.ndarray
     jacobian: np.ndarray
     row: np.ndarray
@@ -40,10 +38,7 @@ class Slopes(NamedTuple):
 
 def slopes_at(u: Unknowns, seen: Observations, targets: Targets, y: np.ndarray) -> Slopes:
     """Return residuals and derivatives with respect to the solver's coordinates y (p,)."""
-    with jax.enable_x64(True):
-        value, slope = (
-            np.asarray(a) for a in slopes_in_parts(without_data(targets), y, spec=u.spec)
-        )
+    value, slope = shown_at(u.spec, targets, y)
     residual, jacobian, row, plain, kind = [], [], [], [], []
     alone = [c for c in seen.channels if c != NCS]
     for i, (channel, v, w) in enumerate(zip(alone, seen.values, seen.weights, strict=True)):
@@ -68,7 +63,7 @@ def slopes_at(u: Unknowns, seen: Observations, targets: Targets, y: np.ndarray) 
             plain.append(off[i, known])
             kind += [NCS] * int(known.sum())
     r, J, at_row, off = (np.concatenate(a) for a in (residual, jacobian, row, plain))
-    return Slopes(value, slope, r, J, at_row, off, np.array(kind))
+    return Slopes(value, r, J, at_row, off, np.array(kind))
 
 
 def prior_rows(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

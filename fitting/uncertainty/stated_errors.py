@@ -11,9 +11,8 @@ import numpy as np
 from fitting.measurements.measurement import Measurement, concatenate
 from fitting.residuals.error_model import GAIN, ROUNDS, beyond_chance, likeliest_floor
 from fitting.residuals.residuals import arcs, weighted_residuals
-from fitting.results.diagnostics import Finding
+from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import Fit
-from fitting.results.sentences import SENTENCES
 from fitting.uncertainty.intervals import QUADRATIC
 
 Run = Callable[[Sequence[Measurement], str], Fit]
@@ -77,15 +76,14 @@ def _told(found: Fit, best: Fit, joined: Measurement, floor: tuple[float, float]
         "chi2_reduced": float(np.nansum(chi2) / np.sum(best.dof)), "floor": floor[0],
         "gain": floor[1],
     })  # fmt: skip
-    order = list(SENTENCES)
-    every = [*best.findings, told, *_apart(found, best)]
+    every = ranked([*best.findings, told, *_apart(found, best)])
 
     def each(value: Any) -> Any:
         return np.full(best.shape, value) if best.shape else value
 
     return replace(
         best, chi2=chi2, chi2_reduced=reduced if best.shape else float(reduced), measurement=joined,
-        findings=tuple(sorted(every, key=lambda f: order.index(f.code))),
+        findings=every,
         errors=best.errors._replace(taken=each("floor"), floor=each(floor[0])),
     )  # fmt: skip
 
