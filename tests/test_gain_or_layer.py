@@ -30,6 +30,12 @@ def test_bare_silicon_that_reads_1_percent_low(seed):
     assert "do not tell the further layer from an error of the calibration" in told.text
 
 
+def test_of_two_files_the_scale_that_is_farther_off_is_told():
+    choice = choose([_measured("Si", 0.985, 1), _measured("Si", 0.99, 2)], SAMPLES)
+    [told] = [w for w in choice.fit.warnings if w.code == "gain_instead"]
+    assert told.values["scale"] == pytest.approx(0.985, abs=4 * told.values["sigma"])
+
+
 @pytest.mark.parametrize("nm", [20, 300])
 def test_an_oxide_that_no_gain_explains(nm):
     choice = choose(_measured(f"air | SiO2 {nm} nm | Si", 1.0, nm), SAMPLES)

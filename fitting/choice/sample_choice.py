@@ -78,7 +78,9 @@ def with_gain_instead(choice: Choice, try_gain: Callable[[Key], Fit]) -> Choice:
         return choice
     least = min(smaller, key=lambda c: c.fit.bic)
     other = try_gain(least.key._replace(free=("scale",)))
-    scale = other.parameters["scale"]
+    # Of several files each has a scale of its own.
+    scales = [e for name, e in other.parameters.items() if name.startswith("scale")]
+    scale = max(scales, key=lambda e: abs(e.value - 1.0))
     near = other.bic <= choice.taken.fit.bic + MARGIN and abs(scale.value - 1.0) < MOST_GAIN
     if other.status != CONVERGED or not near:
         return choice

@@ -12,7 +12,8 @@ from fitting.results.result_parts import Estimate
 from fitting.searching.search import End, Solving
 from fitting.uncertainty.likelihood import reduced_chi2
 
-# A fit is nearer to a prior than the data alone are, and so than this, unless both disagree.
+# A fit lies between its prior and what the data alone give: by chance it is farther from the prior
+# than so many of its standard errors in less than one of 10,000 fits.
 PRIOR_ERRORS = 4.0
 
 
