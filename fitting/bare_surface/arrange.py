@@ -99,14 +99,9 @@ def of_arrays(angles_deg: Any, channels: Mapping[str, Any], sigma: Any, eta_i: f
         raise ValueError(
             "angles_deg must be an array of finite numbers, whose last axis is the angle."
         )
+    wanted = "fractions were wanted; for percent divide by 100"
     given = {
-        name: _checked(
-            name,
-            value,
-            -EXCURSION,
-            1.0 + EXCURSION,
-            "fractions were wanted; for percent divide by 100",
-        )
+        name: _checked(name, value, -EXCURSION, 1.0 + EXCURSION, wanted)
         for name, value in channels.items()
         if value is not None
     }
