@@ -34,6 +34,7 @@ from fitting.results.result import Fit
 from fitting.samples.parameters import Settings, check_search, check_settings, names_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
+from fitting.searching.far_oscillators import with_far_oscillators
 from fitting.searching.film_starts import film_starts, films_of
 from fitting.searching.fringe_orders import with_all_orders
 from fitting.searching.neighbours import with_neighbours
@@ -88,6 +89,7 @@ def _searched(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, flo
     ends, noise = solved(few, points)
     ends = with_neighbours(few, ends, points, noise)
     ends = with_other_thicknesses(few, ends, points, noise)
+    ends = with_far_oscillators(few, ends, noise)
     if few is not job:
         ends = followed_with_all(job, few, ends)
     return with_all_orders(job, ends, noise), noise

@@ -46,7 +46,8 @@ def with_other_thicknesses(fit: Solving, ends: Ends, start: np.ndarray, noise: f
     for film in films:
         if best_of(ends) is not None:
             ends = joined([ends, *_at_thicknesses(fit, film, lowest_ends(ends), start, noise)])
-            ends = joined([ends, *weak_fringes(fit, film, start, noise, _near(fit, ends))])
+            lowest = lowest_ends(ends)
+            ends = joined([ends, *weak_fringes(fit, film, lowest, start, noise, _near(fit, ends))])
     if films and best_of(ends) is not None:
         gone_on(fit, ends, noise, _near(fit, ends), STAGES_ON)
         ends = ends._replace(y=fit.in_order(ends.y))
