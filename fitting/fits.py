@@ -31,7 +31,7 @@ from fitting.outcomes.outcome import fit_of
 from fitting.outcomes.pseudo_index import notes_on
 from fitting.problem.observations import missing_errors
 from fitting.results.result import Fit
-from fitting.samples.parameters import Settings, check_search, check_settings, names_of
+from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
 from fitting.searching.far_oscillators import with_far_oscillators
@@ -278,8 +278,6 @@ def fit(
     which = Sample.parse(sample)
     check_choices(loss, errors, intervals)
     check_search(starts, start, seed)
-    settings = check_settings(
-        Settings(names_of(free), fixed or {}, bounds or {}, priors or {}, tie or {})
-    )
+    settings = settings_of(free, fixed, bounds, priors, tie)
     asked = Asked(errors, intervals, loss, seed, starts=starts, start=start)
     return fit_checked(measurements, which, settings, asked)

@@ -26,8 +26,7 @@ from fitting.samples.parameters import (
     Parameter,
     Settings,
     check_search,
-    check_settings,
-    names_of,
+    settings_of,
 )
 from fitting.searching.last_steps import down_the_valley
 from fitting.searching.search import Asked, Solving, solved
@@ -221,9 +220,7 @@ def fit_residuals(
         raise ValueError(f'errors is {errors!r}; "scaled" or "stated" was wanted.')
     check_choices(loss, errors, intervals)
     check_search(starts, start, seed)
-    settings = check_settings(
-        Settings(names_of(free), fixed or {}, bounds or {}, priors or {}, tie or {})
-    )
+    settings = settings_of(free, fixed, bounds, priors, tie)
     u = _unknowns(residuals, parameters, settings, loss)
     if not u.free.any():
         raise ValueError("every parameter is fixed or tied; leave one free to be fitted.")

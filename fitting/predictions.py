@@ -15,7 +15,7 @@ from fitting.problem.observations import observations
 from fitting.problem.points import points_of
 from fitting.problem.problem import shown
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
-from fitting.samples.parameters import Settings, check_settings
+from fitting.samples.parameters import settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_points, check_quantities
 from fitting.samples.spline_index import NAME as SPLINE
@@ -142,7 +142,7 @@ def simulate(
     points = points_of(angle_deg, quantity, wavelength_um)
     check_quantities([points], which)
     try:
-        settings = check_settings(Settings(fixed=dict(parameters)))
+        settings = settings_of(fixed=dict(parameters))
     except TypeError:
         raise ValueError(
             f"parameters is {parameters!r}; a mapping from names to numbers was wanted, such as "

@@ -45,6 +45,10 @@ from fitting import fit
     (766435233, 101.3, 92.58),
     # an order beside the right one, whose start was stopped on its way: 6473 at 12.1 um
     (223998567, 549.9, 12235.1),
+    # the resonance and eps_inf at the wrong end of a valley, where the solver rested: 506.4
+    (374453093, 485.7, 9665.5),
+    # the same: 947.7
+    (965592233, 944.5, 7469.6),
 ])  # fmt: skip
 def test_films_that_ended_in_a_wrong_minimum(seed, cost, thickness):
     """Of `make film-study`: nothing but the range of the thickness is known to the fit."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fitting import Measurement, Sample, choose, fit, simulate
-from fitting.samples.parameters import Settings, check_settings, names_of, parse_setting
+from fitting.samples.parameters import names_of, parse_setting, settings_of
 
 
 @pytest.mark.parametrize(("options", "words"), [
@@ -128,10 +128,8 @@ def test_texts_that_say_nothing(text):
 
 
 def test_settings_together():
-    found = check_settings(
-        Settings(names_of("angle-offset"), {"eta": 1.5}, {"k": (0, 1)}, {"scale": (1, 0.1)})
-    )
+    found = settings_of("angle-offset", {"eta": 1.5}, {"k": (0, 1)}, {"scale": (1, 0.1)})
     assert found.names == ("angle_offset", "eta", "k", "scale")
     assert names_of(n for n in ("scale", "leak")) == ("scale", "leak")
     with pytest.raises(ValueError, match="eta is fixed and cannot also be free"):
-        check_settings(Settings(fixed={"eta": 1.5}, bounds={"eta": (1.0, 2.0)}))
+        settings_of(fixed={"eta": 1.5}, bounds={"eta": (1.0, 2.0)})

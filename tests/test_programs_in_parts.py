@@ -22,7 +22,7 @@ from fitting.problem.programs_in_parts import (
 )
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.compiled import in_turn
-from fitting.samples.parameters import Settings, check_settings
+from fitting.samples.parameters import Settings, settings_of
 from fitting.samples.sample import Sample
 from fitting.searching.starts import coordinate_bounds, starts
 
@@ -36,7 +36,7 @@ def of(sample, settings, angles=(55.0, 70.0), loss="squares", waves=WAVES, **val
     columns: dict[str, Any] = {name: value * shape for name, value in values.items()}
     m, which = Measurement.from_columns(angle, wavelength, **columns), Sample.parse(sample)
     seen = observations([m], "equal")
-    settings = check_settings(settings)._replace(shared=settings.shared)
+    settings = settings_of(*settings[:5])._replace(shared=settings.shared)
     u = unknowns(which, spectrum_of([m], which), settings, seen, loss)
     return u, targets_of(u, seen, index_outside(which, seen.points.wavelength_um))
 

@@ -187,13 +187,11 @@ class SurfaceCurves(NamedTuple):
         which = np.array([
             0 if single else place.get(w, -1) for w in m.wavelength_um.tolist()
         ])  # fmt: skip
-        polarizer = np.sin(np.radians(m.polarizer_deg)) ** 2
-        share = np.where(np.isnan(polarizer), 0.5, polarizer)
         for quantity in dict.fromkeys(m.quantity.tolist()):
             rows = np.flatnonzero((m.quantity == quantity) & (which >= 0))
             if len(rows):
                 value[rows], sigma[rows] = self._evaluate(
-                    which[rows], m.angle_deg[rows], share[rows], quantity
+                    which[rows], m.angle_deg[rows], m.s_share[rows], quantity
                 )
         return Prediction(value, sigma)
 
@@ -223,6 +221,5 @@ class SurfaceCurves(NamedTuple):
         }  # fmt: skip
         m = self.measurement
         if m is not None:
-            w = self.wavelength_um[i]
-            m = m.where(np.isnan(m.wavelength_um) if np.isnan(w) else m.wavelength_um == w)
+            m = m.where(m.at_wavelength(self.wavelength_um[i]))
         return self._replace(**one, shape=(), measurement=m)

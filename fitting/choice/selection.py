@@ -45,7 +45,7 @@ from fitting.measurements.quantities import are_powers
 from fitting.optics.instrument import INSTRUMENT, instrument_parameter
 from fitting.process.progress import tell
 from fitting.results.result import CONVERGED, Fit
-from fitting.samples.parameters import Settings, check_search, check_settings, names_of
+from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
 from fitting.searching.search import Asked
@@ -161,9 +161,7 @@ def choose(
     check_choices(loss, errors, intervals)
     check_search(starts, start, seed)
     several = measurements_of(measurement)
-    base = check_settings(
-        Settings(names_of(free), fixed or {}, bounds or {}, priors or {}, tie or {})
-    )
+    base = settings_of(free, fixed, bounds, priors, tie)
     # The model that is taken is fitted twice; its minima are found once.
     ends: dict[Hashable, tuple[Ends, float]] = {}
 

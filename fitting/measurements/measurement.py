@@ -57,6 +57,12 @@ class Measurement:
         """Return the number of values."""
         return len(self.value)
 
+    @property
+    def s_share(self) -> np.ndarray:
+        """Share of s in the light that a sum of R_s and R_p takes (N,); one half if unpolarized."""
+        s = np.sin(np.radians(self.polarizer_deg)) ** 2
+        return np.where(np.isnan(s), 0.5, s)
+
     def where(self, keep: np.ndarray) -> Measurement:
         """Return the rows that the boolean mask or index array ``keep`` selects."""
         columns = [frozen(column[keep]) for column in _arrays(self)]

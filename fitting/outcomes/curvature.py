@@ -35,11 +35,7 @@ def by_curvature(fit: Solving, end: End, found: Intervals, noise: float) -> End 
         return None
     lanes = [2 * int(np.searchsorted(free, j)) + side for j in unseen for side in (0, 1)]
     half = 0.5 * (end.y + found.inside[lanes]).T
-    held = [np.repeat(bound[:, None], len(lanes), 1) for bound in fit.limits]
-    here = np.repeat(unseen, 2), np.arange(len(lanes))
-    for bound in held:
-        bound[here] = half[here]
-    rise = fit.held(half, noise, STAGE, (held[0], held[1])).cost - end.cost
+    rise = fit.pinned(half, np.repeat(unseen, 2), noise, STAGE).cost - end.cost
     if not (rise > _RISES * found.t**2 * end.known.rise).all():
         return None
     covariance = end.known.covariance.copy()

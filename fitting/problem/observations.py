@@ -126,14 +126,11 @@ def observations(
     Raises ValueError for Delta without psi.
     """
     file = np.concatenate([np.full(len(m), i) for i, m in enumerate(measurements)])
-    quantity, angle, wavelength, polarizer, value, error = (
+    quantity, angle, wavelength, share, value, error = (
         np.concatenate([getattr(m, name) for m in measurements])
-        for name in (
-            "quantity", "angle_deg", "wavelength_um", "polarizer_deg", "value", "sigma"
-        )
-    )  # fmt: skip
+        for name in ("quantity", "angle_deg", "wavelength_um", "s_share", "value", "sigma")
+    )
     stated = errors != "equal" and bool(np.isfinite(error).all())
-    share = np.where(np.isfinite(polarizer), np.sin(np.radians(polarizer)) ** 2, 0.5)
     wave = np.where(np.isnan(wavelength), -1.0, wavelength)
     row = np.empty(len(value), int)
     rows: dict[tuple[float, ...], int] = {}

@@ -173,8 +173,14 @@ def _tied(name: str, value: Any) -> tuple[float, str]:
     return float(found[1] or 1.0), plain_name(found[2])
 
 
-def check_settings(settings: Settings) -> Settings:
-    """Return the settings with plain names and numbers, or raise ValueError for wrong ones."""
+def settings_of(
+    free: Any = (), fixed: Any = None, bounds: Any = None, priors: Any = None, tie: Any = None
+) -> Settings:
+    """Return what a caller asked of parameters, with plain names and numbers.
+
+    Raises ValueError for wrong ones.
+    """
+    settings = Settings(names_of(free), fixed or {}, bounds or {}, priors or {}, tie or {})
     for kind in ("fixed", "bounds", "priors", "tie"):
         came = getattr(settings, kind)
         if not isinstance(came, Mapping):

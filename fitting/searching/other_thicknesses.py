@@ -20,7 +20,7 @@ from fitting.searching.film_starts import (
 from fitting.searching.last_steps import STAGES_ON, gone_on
 from fitting.searching.search import Solving, lowest_ends
 from fitting.searching.starts import LANES, STAGE, Ends, best_of, joined
-from fitting.searching.weak_fringes import held_at_thickness, weak_fringes
+from fitting.searching.weak_fringes import weak_fringes
 
 # Thicknesses that are tried, as parts of that of each of so many of the lowest minima.
 _FACTORS, _PARENTS = np.geomspace(0.1, 8.0, 24), 2
@@ -75,7 +75,7 @@ def _at_thicknesses(
     least = max(film.low_um, _THIN * float(most.max()))
     thin_um = least * np.maximum(most / least, 1.0) ** np.linspace(0.0, 1.0, len(most))
     start[film.row] = coordinate(fit, film, np.append(tried[inside], thin_um))
-    held = held_at_thickness(fit, film, start, noise, STAGE)
+    held = fit.pinned(start, film.row, noise, STAGE)
     return [fit.held(held.y, noise, STAGE)]
 
 

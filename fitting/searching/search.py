@@ -212,6 +212,17 @@ class Solving:
             self.u.spec, targets, start, limits or self.limits, *size, steps, self.lanes
         )
 
+    def pinned(self, start: np.ndarray, row: Any, noise: float, steps: int) -> Ends:
+        """Return `held`, of starts (p, S) of each of which one coordinate stays.
+
+        row: which one, () or (S,).
+        """
+        low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in self.limits)
+        start = np.clip(start, low, high)
+        at = row, np.arange(start.shape[1])
+        low[at] = high[at] = start[at]
+        return self.held(start, noise, steps, (low, high))
+
     def slopes(self, y: np.ndarray) -> Slopes:
         """Return residuals and derivatives at y, of all data."""
         if not isinstance(self.u.spec, Spec):

@@ -41,7 +41,7 @@ def weak_fringes(
     for y in _alike(fit, film, random[:, : 4 * LANES]):
         start = _at_all_thicknesses(fit, film, y)
         some = np.linspace(0, start.shape[1] - 1, LANES // 2).astype(int)
-        probe = held_at_thickness(fit, film, start[:, some], noise, _HELD)
+        probe = fit.pinned(start[:, some], film.row, noise, _HELD)
         if probe.cost.min() < below:
             # From a random index, and from one that has been fitted.
             fitted = _at_all_thicknesses(fit, film, probe.lowest(1))
@@ -54,17 +54,9 @@ def weak_fringes(
 
 def _released(fit: Solving, film: Film, start: np.ndarray, noise: float) -> Ends:
     """Return the ends of the best of starts (p, S), whose thickness is held at first."""
-    lowest = held_at_thickness(fit, film, start, noise, _FIRST).lowest(_SOME)
-    lowest = held_at_thickness(fit, film, lowest, noise, _HELD).lowest(LANES)
+    lowest = fit.pinned(start, film.row, noise, _FIRST).lowest(_SOME)
+    lowest = fit.pinned(lowest, film.row, noise, _HELD).lowest(LANES)
     return fit.held(lowest, noise, STAGE)
-
-
-def held_at_thickness(fit: Solving, film: Film, y: np.ndarray, noise: float, steps: int) -> Ends:
-    """Return where starts (p, S) are after so many evaluations, each at its own thickness."""
-    low, high = (np.repeat(a[:, None], y.shape[1], 1) for a in fit.limits)
-    y = np.clip(y, low, high)
-    low[film.row] = high[film.row] = y[film.row]
-    return fit.held(y, noise, steps, (low, high))
 
 
 def _alike(fit: Solving, film: Film, y: np.ndarray) -> list[np.ndarray]:

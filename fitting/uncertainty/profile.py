@@ -248,11 +248,7 @@ def visit(fit: Solving, searches: Sequence[Search], noise: float) -> None:
     if not lanes:
         return
     start = np.stack([y for _, _, y in lanes], 1)
-    low = np.stack([s.base.low for s, _, _ in lanes], 1)
-    high = np.stack([s.base.high for s, _, _ in lanes], 1)
-    for lane, (s, _, _) in enumerate(lanes):
-        low[s.j, lane] = high[s.j, lane] = start[s.j, lane]
-    ends = fit.held(start, noise, EVALUATIONS, (low, high))
+    ends = fit.pinned(start, np.array([s.j for s, _, _ in lanes]), noise, EVALUATIONS)
     lane = 0
     for s in todo:
         places, s.under_way = s.under_way, []
