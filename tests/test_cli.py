@@ -215,11 +215,18 @@ def test_an_incident_index_that_cannot_be(capsys):
     assert "'-1' is not an index" in refused(capsys, GOLD, "--sample", "-1 | free")
 
 
-def test_unknown_and_contradicting_options():
-    for arguments in (["--jsn", "x"], ["--errors", "none"]):
-        with pytest.raises(SystemExit) as end:
-            cli.main([str(GOLD), *arguments])
-        assert end.value.code == 2
+@pytest.mark.parametrize(("arguments", "said"), [
+    (["--jsn", "x"], "like it: --json. fresnel-fit --help"),
+    (["--angle", "70"], "like it: --angle-deg, --angle-unit. fresnel-fit --help"),
+    (["--zzz"], "unrecognized arguments: --zzz. fresnel-fit --help"),
+    (["-q"], "unrecognized arguments: -q"),
+    (["--errors", "none"], "invalid choice: 'none'"),
+])  # fmt: skip
+def test_unknown_and_contradicting_options(capsys, arguments, said):
+    with pytest.raises(SystemExit) as end:
+        cli.main([str(GOLD), *arguments])
+    assert end.value.code == 2
+    assert said in capsys.readouterr().err
 
 
 def test_interruption_ends_in_130_and_leaves_nothing(capsys, tmp_path, monkeypatch):

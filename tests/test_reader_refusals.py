@@ -86,6 +86,10 @@ REFUSALS = {
     "no names": ("10,.2\n20,.3\n", ("have no names", "1: 10 to 20", "--columns angle=1,R=2")),
     "names that say nothing": ("x,y\n10,.2\n20,.3\n", ("line 1", "'x'", "--columns")),
     "constants": ("wavelength_um,n,k\n.5,.9,1.8\n.6,.2,3\n", ("line 1", "optical constant")),
+    "modulated light": (
+        "wavelength_nm,Is,Ic\n500,.4,-.5\n600,.4,-.3\n",
+        ("line 1", "sin 2psi sin Delta", "cos 2psi", "export psi and Delta instead"),
+    ),
     "counts": ("angle,intensity\n10,300\n20,400\n", ("raw signal", "direct beam", "--divide-by")),
     "arbitrary units": ("angle,R (a.u.)\n10,300\n20,400\n", ("arbitrary", "--scale")),
     "mount": ("mount angle,R_s\n10,.1\n20,.2\n", ("no column is an angle of incidence", "mount")),

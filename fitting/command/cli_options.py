@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import glob
 import os
+import re
 import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
@@ -164,6 +166,12 @@ def _add(group: Any, options: Sequence[Any]) -> None:
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
+        if unknown := re.match("unrecognized arguments: .*?(--[^ =]+)", message):
+            options, name = self._option_string_actions, unknown[1]
+            near = [o for o in options if o.startswith(name)]
+            near = near or difflib.get_close_matches(name, options, cutoff=0.7)
+            message += f"; like it: {', '.join(near)}" * bool(near)
+            message += f". {PROGRAM} --help lists all options."
         super().error(visible(message))
 
     def _print_message(self, message: str, file: Any = None) -> None:

@@ -47,6 +47,8 @@ _WHY = {
     "constant": "it is an optical constant, not a measured power",
     OTHER_POWER: "it is an absorbance, log10(1 / T), or an absorption",
 }
+# what phase-modulated ellipsometers measure; no words of the vocabulary, since texts say "is", too
+_MODULATED = {"is": "sin 2psi sin Delta", "ic": "sin 2psi cos Delta, or cos 2psi"}
 # names glued of a quantity and its polarization; T in capitals only (tp, ts are times as well), and
 # no plural (reflectances)
 _ANY_LETTER = "|".join(POWER_LETTERS)
@@ -209,6 +211,8 @@ def role_of(name: str, unit: str = "") -> Role:
     if found := _optical(optical, unit, error):
         return found
     why = next((_WHY[concept] for concept in _WHY if concept in said), "")
+    if tokens in ([word] for word in _MODULATED):
+        why = f"of an ellipsometer it is {_MODULATED[tokens[0]]}; export psi and Delta instead"
     if (match := _NUMBERED.search(rest)) and role_of(rest[: match.start()].rstrip(" _")).quantity:
         why = "if its number is an angle, write R(45 deg)"
     return Role("", unit=unit, why=why)
