@@ -30,8 +30,8 @@ from fitting.searching.starts import LANES, STAGE, Ends, best_of, joined
 if TYPE_CHECKING:
     from fitting.searching.search import Solving
 
-# Fringe orders beside the best minimum that are tried.
-_ORDERS = [sign * n for n in range(1, 9) for sign in (1, -1)]
+# Fringe orders beside the best minimum that are tried, and how many of them beside others.
+_ORDERS, _FEW = [sign * n for n in range(1, 9) for sign in (1, -1)], 6
 # Number of rounds of further starts; how many of them in a row may find nothing lower; and the
 # share of parameters that is taken from other starts.
 _ROUNDS, _IN_VAIN, _ANEW = 12, 2, 0.4
@@ -71,9 +71,14 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
                 # 832 that led to the best minimum of a film was 674th then, and first after _FAR.
                 far = fit.held(start, noise, _FAR).lowest(LANES)
                 ends = joined([ends, followed(fit, far, noise, least)])
-        beside = [_other_lines(fit, ends), _crossed(fit, ends, start, random)]
-        beside += [orders_beside(fit, film, y[:, None], _ORDERS) for film in films]
-        further = np.concatenate(beside, 1)
+        further = [_other_lines(fit, ends), _crossed(fit, ends, start, random)]
+        # Where an oscillator stands for the free electrons, the order of the fringes is another.
+        as_electrons = _as_free_electrons(fit, y[:, None], start[:, :1])
+        as_electrons = as_electrons[:, (as_electrons != y[:, None]).any(0)]
+        for film in films:
+            further.append(orders_beside(fit, film, y[:, None], _ORDERS))
+            further.append(orders_beside(fit, film, as_electrons, _ORDERS[:_FEW]))
+        further = np.concatenate([*further, as_electrons], 1)
         if described or not films:
             ends = joined([ends, followed(fit, further, noise, least)])
         else:
