@@ -49,6 +49,10 @@ from fitting import fit
     (374453093, 485.7, 9665.5),
     # the same: 947.7
     (965592233, 944.5, 7469.6),
+    # an oscillator in place of the free electrons, and so the order beside: 143.0, and no warning
+    (129760796, 121.6, 4419.2),
+    # the order beside the right one, whose start was stopped at 1279, falling fast: 515.9
+    (819415018, 481.6, 19116.0),
 ])  # fmt: skip
 def test_films_that_ended_in_a_wrong_minimum(seed, cost, thickness):
     """Of `make film-study`: nothing but the range of the thickness is known to the fit."""
