@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from benchmarks.film_success import lowest_chi2, simulated
-from fitting import fit
 from fitting.searching.far_oscillators import _other_resonances
 from fitting.searching.film_starts import film_index, films_of
 from fitting.searching.starts import start_at
@@ -35,21 +33,3 @@ def test_another_resonance_keeps_eps_and_its_slope_amid_the_spectrum(seed):
     slope, slope_0 = (e[amid + 1] - e[amid - 1] for e in (eps, eps_0))
     np.testing.assert_allclose(slope, np.repeat(slope_0, moved.shape[1]), rtol=2e-2)
     assert (np.abs(eps - eps_0)[-1] > 1e-4).all()  # at the ends the two differ
-
-
-@pytest.mark.parametrize("seed, cost, thickness", [
-    # the resonance at 12.9 eV instead of 8.1: 521.1, at which the solver rested
-    (965591514, 519.9, 10112.2),
-    # a film of 18 nm by T: 118.5 at 4.6 um, with fringes that fit some of the noise
-    pytest.param(812424417, 112.9, None, id="weak"),
-])  # fmt: skip
-def test_films_that_ended_above_the_best_minimum(seed, cost, thickness):
-    """Of `make film-study`: nothing but the range of the thickness is known to the fit."""
-    case = simulated(seed)
-    assert case is not None
-    found = fit(case.measurement, case.sample, errors="stated", intervals="quadratic")
-    assert lowest_chi2(found) < cost + 0.1
-    if thickness is None:
-        assert "fringes_in_noise" in {w.code for w in found.warnings}
-    else:
-        assert found.parameters["thickness_nm"].value == pytest.approx(thickness, rel=1e-3)

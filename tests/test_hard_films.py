@@ -7,6 +7,19 @@ from benchmarks.film_success import lowest_chi2, simulated
 from fitting import fit
 
 
+def fitted(seed):
+    """Of `make film-study`: nothing but the range of the thickness is known to the fit."""
+    case = simulated(seed)
+    assert case is not None
+    return fit(case.measurement, case.sample, errors="stated", intervals="quadratic")
+
+
+def ends_in(seed, cost, thickness):
+    found = fitted(seed)
+    assert lowest_chi2(found) < cost + 0.1
+    assert found.parameters["thickness_nm"].value == pytest.approx(thickness, rel=2e-3)
+
+
 @pytest.mark.study
 @pytest.mark.parametrize("seed, cost, thickness", [
     # the oscillator had taken the place of the free electrons: chi2 was 7123
@@ -49,27 +62,33 @@ from fitting import fit
     (374453093, 485.7, 9665.5),
     # the same: 947.7
     (965592233, 944.5, 7469.6),
-    # an oscillator in place of the free electrons, and so the order beside: 143.0, and no warning
-    (129760796, 121.6, 4419.2),
     # the order beside the right one, whose start was stopped at 1279, falling fast: 515.9
     (819415018, 481.6, 19116.0),
 ])  # fmt: skip
 def test_films_that_ended_in_a_wrong_minimum(seed, cost, thickness):
-    """Of `make film-study`: nothing but the range of the thickness is known to the fit."""
-    case = simulated(seed)
-    assert case is not None
-    found = fit(case.measurement, case.sample, errors="stated", intervals="quadratic")
+    ends_in(seed, cost, thickness)
+
+
+@pytest.mark.parametrize("seed, cost, thickness", [
+    # the resonance at 12.9 eV instead of 8.1, at which the solver rested: 521.1
+    (965591514, 519.9, 10112.2),
+    # an oscillator in place of the free electrons, and so the order beside: 143.0, and no warning
+    (129760796, 121.6, 4419.2),
+])  # fmt: skip
+def test_films_that_ended_in_a_wrong_minimum_and_are_soon_fitted(seed, cost, thickness):
+    ends_in(seed, cost, thickness)
+
+
+@pytest.mark.parametrize("seed, cost, true", [
+    # by T: the lowest chi2 was 89.4, with no index near that of a medium beside it
+    (301376029, 84.1, 14.12),
+    # by T: 118.5 at 4.6 um, where other fringes fitted some of the noise
+    (812424417, 112.9, 27.89),
+])  # fmt: skip
+def test_films_that_are_hardly_seen_end_in_the_lowest_minimum(seed, cost, true):
+    found = fitted(seed)
     assert lowest_chi2(found) < cost + 0.1
-    assert found.parameters["thickness_nm"].value == pytest.approx(thickness, rel=2e-3)
-
-
-def test_a_film_that_is_hardly_seen_ends_in_the_lowest_minimum():
-    """14 nm by T: the lowest chi2 was 89.4, with no index near that of a medium beside it."""
-    case = simulated(301376029)
-    assert case is not None
-    found = fit(case.measurement, case.sample, errors="stated", intervals="quadratic")
-    assert lowest_chi2(found) < 84.2
-    assert found.parameters["thickness_nm"].interval[0] < 14.12
+    assert found.parameters["thickness_nm"].interval[0] < true
     assert "fringes_in_noise" in {w.code for w in found.warnings}
 
 

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from fitting.searching.film_parts import PARTS, parts
-from fitting.searching.last_steps import polished
+from fitting.searching.last_steps import followed, polished
+from fitting.searching.starts import Ends
 
 
 def a_bent_valley(highest=2.0):
@@ -60,3 +61,24 @@ def test_parts_of_a_spectrum_hold_every_row_once():
     assert (np.sum(found, axis=0) == np.append(np.ones(140), np.zeros(4))).all()
     few = SimpleNamespace(wavelength_um=waves[:, None][:60])
     assert parts(SimpleNamespace(points=few, measured=np.ones(60, bool))) == []
+
+
+def test_a_start_goes_on_while_it_falls_by_more_than_it_is_above_the_best():
+    """Every start has a course of its own, which its place says; at rest it stays where it is."""
+    courses = np.array([
+        [1279.0, 645.0, 521.0, 488.5, 488.5],  # falls fast from far above
+        [700.0, 650.0, 610.0, 500.0, 400.0],  # too slowly to become the best
+        [515.0, 514.9, 514.8, 514.7, 514.7],  # is below the best
+        [600.0, np.inf, np.inf, np.inf, np.inf],
+    ])  # fmt: skip
+
+    def held(y, noise, steps):
+        which, stage = y.astype(int)
+        after = np.minimum(stage + 1, 4)
+        rests = (after == 4) & (which != 1)
+        return Ends(np.stack([which, after]), courses[which, stage], rests, np.full(len(which), 60))
+
+    fit = SimpleNamespace(held=held, in_order=lambda y: y)
+    start = np.stack([np.arange(4), np.zeros(4, int)])
+    assert followed(fit, start, 1.0, 516.0).cost.tolist() == [488.5, 650.0, 514.7, np.inf]
+    assert followed(fit, start, 1.0, np.inf).cost.tolist() == [488.5, 400.0, 514.7, np.inf]

@@ -36,26 +36,20 @@ def of_measurement(m: Measurement, eta_i: float, errors: str) -> Arranged:
     """
     stated = errors != "equal" and bool(np.isfinite(m.sigma).all())
     wavelengths, curve = np.unique(m.wavelength_um, return_inverse=True)  # NaN is one value, last
-    channels = tuple(c for c in CHANNELS if (m.quantity == c).any())
+    share, channels = m.s_share, tuple(c for c in CHANNELS if (m.quantity == c).any())
     # One row of a curve holds at most one datum of each channel: a repeated datum gets a new row.
     rows: list[dict[tuple[float, float, int], int]] = [{} for _ in wavelengths]
     seen: dict[tuple[int, str, float, float], int] = {}
     place = np.empty(len(m), int)
     for i, (c, q, a, s) in enumerate(
-        zip(
-            curve.tolist(),
-            m.quantity.tolist(),
-            m.angle_deg.tolist(),
-            m.s_share.tolist(),
-            strict=True,
-        )
+        zip(curve.tolist(), m.quantity.tolist(), m.angle_deg.tolist(), share.tolist(), strict=True)
     ):
         repeat = seen[c, q, a, s] = seen.get((c, q, a, s), -1) + 1
         place[i] = rows[c].setdefault((a, s, repeat), len(rows[c]))
     longest = max(map(len, rows))
     shape = (len(wavelengths), longest)
     angle, s_share = np.zeros(shape), np.full(shape, 0.5)
-    angle[curve, place], s_share[curve, place] = m.angle_deg, m.s_share
+    angle[curve, place], s_share[curve, place] = m.angle_deg, share
     values, weights = [], []
     for channel in channels:
         value, weight = np.zeros(shape), np.zeros(shape)

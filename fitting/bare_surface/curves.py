@@ -187,11 +187,12 @@ class SurfaceCurves(NamedTuple):
         which = np.array([
             0 if single else place.get(w, -1) for w in m.wavelength_um.tolist()
         ])  # fmt: skip
+        share = m.s_share
         for quantity in dict.fromkeys(m.quantity.tolist()):
             rows = np.flatnonzero((m.quantity == quantity) & (which >= 0))
             if len(rows):
                 value[rows], sigma[rows] = self._evaluate(
-                    which[rows], m.angle_deg[rows], m.s_share[rows], quantity
+                    which[rows], m.angle_deg[rows], share[rows], quantity
                 )
         return Prediction(value, sigma)
 

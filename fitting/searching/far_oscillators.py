@@ -32,10 +32,10 @@ def with_far_oscillators(fit: Solving, ends: Ends, noise: float) -> Ends:
     """Return the ends, and those with other resonances of the oscillators above the spectrum."""
     if fit.lanes < LANES or not oscillators(fit):
         return ends
-    for _ in range(_ROUNDS):
+    for _ in range(_ROUNDS if best_of(ends) is not None else 0):
         least = float(ends.cost.min())
         start = _other_resonances(fit, lowest_ends(ends)[:, :_PARENTS])
-        if best_of(ends) is None or not start.shape[1]:
+        if not start.shape[1]:
             break
         new = fit.held(start, noise, STAGE)
         gone_on(fit, new, noise, least + scatter_of(fit, least, noise)[1], STAGES_ON)

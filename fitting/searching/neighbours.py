@@ -22,10 +22,10 @@ from fitting.searching.film_starts import (
     phase_rates,
 )
 from fitting.searching.fringe_orders import beside as orders_beside
-from fitting.searching.last_steps import STAGES_ON, down_the_valley, followed, gone_on
+from fitting.searching.last_steps import down_the_valley, followed
 from fitting.searching.next_term import likely_lines, oscillators
 from fitting.searching.search import lowest_ends
-from fitting.searching.starts import LANES, STAGE, Ends, best_of, joined
+from fitting.searching.starts import LANES, Ends, best_of, joined
 
 if TYPE_CHECKING:
     from fitting.searching.search import Solving
@@ -79,26 +79,15 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
             further.append(orders_beside(fit, film, y[:, None], _ORDERS))
             further.append(orders_beside(fit, film, as_electrons, _ORDERS[:_FEW]))
         further = np.concatenate([*further, as_electrons], 1)
-        if described or not films:
-            ends = joined([ends, followed(fit, further, noise, least)])
-        else:
-            ends = joined([ends, _all_followed(fit, further, noise)])
+        # Beside a wrong minimum the right order of the fringes may begin far above it, and none is
+        # stopped: of a film of 12 um by 9,000 of chi2, which fell by 15,000 when it was followed.
+        known = least if described or not films else np.inf
+        ends = joined([ends, followed(fit, further, noise, known)])
         ends = down_the_valley(fit, ends, noise)
         in_vain = 0 if ends.cost.min() < least - fit.unit(least) else in_vain + 1
         if in_vain == _IN_VAIN:
             break
     return ends
-
-
-def _all_followed(fit: Solving, start: np.ndarray, noise: float) -> Ends:
-    """Return the ends of starts (p, S), none of which is stopped on its way.
-
-    Beside a wrong minimum the right order of the fringes may begin far above it: of a film of 12 um
-    by 9,000 of chi2, which fell by 15,000 when it was followed.
-    """
-    ends = fit.held(start, noise, STAGE)
-    gone_on(fit, ends, noise, np.inf, STAGES_ON)
-    return ends._replace(y=fit.in_order(ends.y))
 
 
 def _is_noise(fit: Solving, y: np.ndarray) -> bool:
