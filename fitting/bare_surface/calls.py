@@ -137,7 +137,7 @@ def run(data: Data, start: np.ndarray, steps: Steps) -> tuple[np.ndarray, Furthe
     most = size = FEW if data.few else BLOCK if count <= SEVERAL else MANY
     if size < MANY:  # as many calls as there are processors, if not too small, and of one size
         calls = max(-(-count // size), min(os.cpu_count() or 1, count // LEAST_OF_CALL))
-        size = -(-count // calls)
+        size = -(-count // (calls * LANES)) * LANES  # whole groups, the last call has less
 
     def one(first: int) -> tuple[np.ndarray, Further]:
         part, begin = data, start
