@@ -12,7 +12,10 @@ The statistical error of a share near .95 is .2 % (one sigma).
 Then the same of measurements drawn at random (`random_measurements`: angles, quantity, noise,
 media, materials): one repeat of each, by quantity, class and lowest angle, of fits that converged.
 Where the fit names other solutions that fit nearly as well (`Fit.alternatives`), noise decides
-which of them is the lowest, and the intervals of all of them count together.
+which of them is the lowest, and the intervals of all of them count together. "left out" are
+intervals that are wrong beyond chance: the true index fits as well as their ends, and yet lies
+outside by more than a tenth of their width (of undetermined fits too, whose interval is the range
+of values that fit; not where other solutions are named).
 
     python -m benchmarks.fit_coverage [--repeats 10000] [--curves 100000] [--seed 1]
 """
@@ -26,14 +29,15 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+from scipy import stats
 
 from fitting import Fit, fit_many
 from fitting.results.result import Estimate
 from fresnel_jax import powers
 
-from .fit_success import A_GEOMETRY, draw
+from .fit_success import A_GEOMETRY, cost_of_truth, draw, has_second
 from .machine import conditions
-from .random_measurements import CLASSES
+from .random_measurements import CLASSES, Batch
 
 MANY = np.linspace(1.0, 89.0, 60)
 FEW = np.linspace(20.0, 80.0, 13)
@@ -94,6 +98,7 @@ class Cell(NamedTuple):
 
     fits: how many converged. several: of how many the fit names other solutions. eta, k: shares of
     all whose interval holds the truth. of_one: the same, (2,), where no other solution is named.
+    left_out: how many whose interval is wrong.
     """
 
     name: tuple[str, str, str]
@@ -102,6 +107,7 @@ class Cell(NamedTuple):
     eta: float
     k: float
     of_one: np.ndarray
+    left_out: int
 
 
 def _holds(parameters: Mapping[str, Estimate], eta: Any, k: Any) -> np.ndarray:
@@ -111,9 +117,23 @@ def _holds(parameters: Mapping[str, Estimate], eta: Any, k: Any) -> np.ndarray:
     return np.stack([(end[:, 0] <= truth) & (truth <= end[:, 1]) for end, truth in pairs])
 
 
+def left_out(batch: Batch, result: Fit) -> np.ndarray:
+    """Return whose interval leaves out a true index that fits as well as its ends, (N,)."""
+    cost, dof = result.rms**2 * result.n_data, result.n_data - 2
+    with np.errstate(all="ignore"):
+        rise = (cost_of_truth(batch) - cost) / (cost / dof)
+        allowed = (dof > 0) & (rise <= stats.t.ppf(0.975, dof) ** 2)
+    outside = np.zeros(len(cost), bool)
+    for name, truth in (("eta", batch.eta), ("k", batch.k)):
+        low, high = np.moveaxis(result.parameters[name].interval, -1, 0)
+        outside |= np.maximum(low - truth, truth - high) > 0.1 * np.maximum(high - low, 1e-9)
+    return allowed & outside
+
+
 def random_study(curves: int, seed: int) -> list[Cell]:
     """Return cells of measurements drawn at random."""
     cells: dict[tuple[str, str, str], list[np.ndarray]] = {}
+    missed: dict[tuple[str, str, str], int] = {}
     for number in range(max(1, round(curves / A_GEOMETRY))):
         batch, _ = draw(seed, number)
         noisy = batch.take(np.flatnonzero(batch.noise > 0.0))
@@ -122,36 +142,41 @@ def random_study(curves: int, seed: int) -> list[Cell]:
             angles, **data, sample=f"{float(noisy.geometry.eta_i)!r} | free", intervals="auto"
         )
         hold = _holds(result.parameters, noisy.eta, noisy.k)
-        several = np.zeros(len(noisy.eta), bool)
+        several = has_second(result)
+        wrong = left_out(noisy, result) & ~several
+        for curve in np.flatnonzero(wrong):
+            print(f"left out: seed {seed}, geometry {number}, noisy curve {curve}", flush=True)
         for other in result.others:
-            several |= np.isfinite(other.delta_chi2)
             hold |= _holds(other.parameters, noisy.eta, noisy.k)
         for kind in CLASSES:
             mine = (result.status == "converged") & (noisy.kind == kind)
             cell = (noisy.geometry.quantity, kind, noisy.geometry.angle_bin)
             cells.setdefault(cell, []).append(np.stack([*hold, several])[:, mine])
+            missed[cell] = missed.get(cell, 0) + int(wrong[noisy.kind == kind].sum())
     rows = []
     for cell, parts in sorted(cells.items()):
         *hold, several = np.concatenate(parts, axis=1)
         if len(several):
             eta, k = (float(one.mean()) for one in hold)
             one = np.stack(hold)[:, ~several].mean(1)
-            rows.append(Cell(cell, len(several), int(several.sum()), eta, k, one))
+            rows.append(Cell(cell, len(several), int(several.sum()), eta, k, one, missed[cell]))
     return rows
 
 
 def print_random(rows: list[Cell]) -> None:
     """Print the cells and the one with the least share."""
     print("\n| data | class | lowest angle, degrees | fits | with other solutions | eta | k |"
-          " eta, k where there is one |")  # fmt: skip
-    print("| --- " * 8 + "|")
+          " eta, k where there is one | left out |")  # fmt: skip
+    print("| --- " * 9 + "|")
     for row in rows:
         one = ", ".join(f"{100.0 * share:.1f}" for share in row.of_one)
-        print(f"| {' | '.join(row.name)} | {row.fits} | {row.several} "
-              f"| {100.0 * row.eta:.1f} | {100.0 * row.k:.1f} | {one} |")  # fmt: skip
+        both = f"{100.0 * row.eta:.1f} | {100.0 * row.k:.1f}"
+        print(f"| {' | '.join(row.name)} | {row.fits} | {row.several} | {both} | {one} "
+              f"| {row.left_out} |")  # fmt: skip
     fits = sum(row.fits for row in rows)
     eta, k = (sum(getattr(row, name) * row.fits for row in rows) / fits for name in ("eta", "k"))
-    print(f"\nall {fits}: {100.0 * eta:.1f}, {100.0 * k:.1f} %")
+    wrong = sum(row.left_out for row in rows)
+    print(f"\nall {fits}: {100.0 * eta:.1f}, {100.0 * k:.1f} %; left out {wrong}")
     worst = min(rows, key=lambda row: min(row.eta, row.k))
     print(f"worst cell: {', '.join(worst.name)}: {100.0 * worst.eta:.1f}, {100.0 * worst.k:.1f} %"
           f" of {worst.fits}")  # fmt: skip

@@ -66,8 +66,8 @@ def draw(seed: int, number: int) -> tuple[Batch, np.random.Generator]:
     return draw_batch(draw_geometry(rng, quantity), CURVES_OF_A_CLASS, rng), rng
 
 
-def _has_second(found: Fit) -> np.ndarray:
-    """Where a second solution is reported, (N,)."""
+def has_second(found: Fit) -> np.ndarray:
+    """Return where a second solution is reported, (N,)."""
     every = [np.isfinite(a.delta_chi2) for a in found.others]
     return np.logical_or.reduce([np.zeros(found.shape, bool), *every])
 
@@ -76,7 +76,8 @@ def _cost(found: Fit) -> np.ndarray:
     return found.rms**2 * found.n_data
 
 
-def _cost_of_truth(batch: Batch) -> np.ndarray:
+def cost_of_truth(batch: Batch) -> np.ndarray:
+    """Return the sum of squares of the true index, (N,)."""
     g = batch.geometry
     exact = textbook(g.angles, (batch.eta + 1j * batch.k)[:, None], g.eta_i)
     return np.sum([((exact[q] - v) ** 2).sum(1) for q, v in batch.data.items()], axis=0)
@@ -94,8 +95,8 @@ def judged(batch: Batch, rng: np.random.Generator) -> Judged:
     mine, theirs = _cost(found), _cost(from_truth)
     best = np.fmin(mine, theirs)
     said = (found.status == "converged") & (batch.noise > 0.0)
-    odd = _has_second(found) | (np.abs(mine - theirs) > TOO_HIGH * unit)
-    odd |= (mine > _cost_of_truth(batch)) | (rng.random(len(mine)) < 1.0 / SAMPLE)
+    odd = has_second(found) | (np.abs(mine - theirs) > TOO_HIGH * unit)
+    odd |= (mine > cost_of_truth(batch)) | (rng.random(len(mine)) < 1.0 / SAMPLE)
     search = np.flatnonzero(said & odd)
     if len(search):
         part = batch.take(search)

@@ -23,13 +23,15 @@ from fitting.bare_surface.coordinates import W_MIN, coordinates_of
 from fitting.bare_surface.curve_data import Data, Extent, extent_of, of_rows
 from fitting.bare_surface.curves import noise_of_misfits
 from fitting.bare_surface.descent import Solved
-from fitting.bare_surface.estimate import Estimated, Weighing, estimate
+from fitting.bare_surface.estimate import Estimated, Weighing, estimate, of_radius
 from fitting.bare_surface.mirror import like_mirrors
 from fitting.bare_surface.other_solutions import Others, other_solutions
 from fitting.bare_surface.region_intervals import Intervals, intervals, limit_of_k
+from fitting.bare_surface.total_reflection import open_to_small_index
 from fitting.bare_surface.valley import Lanes, evaluate, open_to_the_other_end
 from fitting.residuals.error_model import beyond_chance
 from fitting.results.result import CONVERGED, NO_DATA, NOT_CONVERGED, UNDETERMINED
+from fitting.results.result_parts import QUADRATIC
 from fitting.searching.minima import ASSUMED_SIGMA
 
 # The limits beyond which an index is called undetermined.
@@ -38,6 +40,8 @@ VAGUE_LIMIT = 0.1
 # Two standard errors reach 0: the value is known to an order of magnitude at best, and the
 # quadratic approximation behind the standard error no longer holds.
 UNDETERMINED_LIMIT = 0.5
+# Errors of eta and k of more than this part of the radius of their circle are not to be believed.
+TURN_LIMIT = 0.1
 # Change of x = log[(1 + |N|^2) / 2n] along the null direction of the Fisher matrix, over all k.
 CIRCLE_LIMIT = 0.1
 FLAT_BELOW_DEG = 30.0
@@ -170,6 +174,13 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
         allowed = (s.cost + ALIKE_CHI2 * scatter)[inner]
         part = Solved(*found.best[:, inner])
         undetermined[inner] = open_to_the_other_end(data.take(inner), part, allowed)
+    in_product = np.zeros_like(undetermined)
+    beyond = (bounded & ~undetermined & e.linear & (s.done > 0)).nonzero()[0]
+    if len(beyond):
+        allowed = (s.cost + ALIKE_CHI2 * scatter)[beyond]
+        part = data.take(beyond)
+        in_product[beyond] = open_to_small_index(part, e.eta[beyond], e.k[beyond], allowed)
+        undetermined |= in_product
     bound, perfect = like_mirrors(data, s, dof, np.greater(stated, 0.0), scatter)
     undetermined |= bounded & np.isfinite(bound)
     # Where R = 1 does not fit, a best fit that is such a reflector itself (and not a critical angle
@@ -191,8 +202,10 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     nothing = no_data | mirror  # no value either
     known = intervals(
         data, s, e, wanted=wanted, blank=blank, undetermined=undetermined,
-        nothing=nothing | failed, matched=matched,
+        nothing=nothing | failed, matched=matched, in_product=in_product,
     )  # fmt: skip
+    bent = (known.kind == QUADRATIC) & (of_radius(s, e, data.eta_i) > TURN_LIMIT)
+    codes["quadratic_misleads"] = bent & ~(undetermined | matched | lost)
     # NaN where there is no value, no error, no minimum; else 1.
     for_values, for_errors, for_all = (np.where(w, np.nan, 1.0) for w in (nothing, blank, lost))
     sigma_eta, sigma_k = e.sigma_eta * for_errors, e.sigma_k * for_errors

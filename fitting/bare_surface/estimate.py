@@ -160,6 +160,8 @@ def estimate(data: Data, s: Solved, how: Weighing) -> Estimated:
     spread = np.where(singular, np.inf, np.sqrt(c_nn) / eta)
     sigma_u = np.sqrt(c_uu)
     per_k = 2.0 * np.maximum(k, K_MIN)  # du/dk
+    # In total reflection by an index of k > n the two are fixed in one product.
+    spread = np.where(metal, np.fmax(spread, sigma_u / (per_k * k)), spread)
 
     # Where u would be if it could be negative (the minimum of the quadratic model).
     reach = u - (g_u - i_nu * g_n / i_nn) / (i_uu * independent)
@@ -192,3 +194,12 @@ def estimate(data: Data, s: Solved, how: Weighing) -> Estimated:
         # The direction in (x, w) that the data do not see, over the whole line of constant x.
         np.abs(s.h_xw / s.h_xx) * 4.0 * xi_of(s.x),
     )  # fmt: skip
+
+
+def of_radius(s: Solved, e: Estimated, eta_i: float) -> np.ndarray:
+    """Return the errors of eta and k together, in radii of the circle of constant R(0), (N,).
+
+    Along that circle (`valley`) an index is least determined: errors that are no small part of its
+    radius are those of a straight line where the valley is curved. NaN where k has no error.
+    """
+    return np.hypot(e.sigma_eta, e.sigma_k) / (eta_i * np.sinh(xi_of(s.x)))

@@ -86,7 +86,8 @@ def other_solutions(
     curve, rank, place, s, e = of_rows((curve, rank, place, s, e), new)
     no = np.zeros(len(curve), bool)
     known = intervals(
-        data.take(curve), s, e, wanted=wanted, blank=no, undetermined=no, nothing=no, matched=no
+        data.take(curve), s, e, wanted=wanted, blank=no, undetermined=no, nothing=no, matched=no,
+        in_product=no,
     )  # fmt: skip
     values = {
         "eta": e.eta, "k": e.k, "sigma_eta": e.sigma_eta, "sigma_k": e.sigma_k,

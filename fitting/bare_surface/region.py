@@ -207,12 +207,13 @@ def profile(data: Data, s: Solved, rise: np.ndarray, first: np.ndarray) -> Regio
             for x, w in ((x_low, w_low), (s.x, s.w), (x_high, w_high))
         )
         line = phi_low + (phi_high - phi_low) * part
-        # The floor between the ends: a parabola in phi through them and the minimum.
+        # The floor: straight in phi from either end to the minimum. A parabola through the three
+        # leads far astray where the minimum lies close to one end.
         at = (phi - phi_low) / (phi_high - phi_low)
-        straight = (x_high - x_low)[:, None]
-        bow = (s.x[:, None] - x_low[:, None] - straight * at) / (at * (1.0 - at))
-        bow = np.where(np.isfinite(bow), bow, 0.0) * part * (1.0 - part)
-        floor = np.clip(x_low[:, None] + straight * part + bow, X_MIN, X_MAX).ravel()
+        below = part <= at
+        end = np.where(below, x_low[:, None], x_high[:, None])
+        way = np.where(below, part / at, (1.0 - part) / (1.0 - at))  # from there to the minimum
+        floor = (end + (s.x[:, None] - end) * np.nan_to_num(way)).ravel()
         share = np.sin(0.5 * line).ravel() ** 2
         curve, chart = (np.repeat(a, LINES + 1) for a in (np.arange(count), s.chart))
         good = np.flatnonzero(np.isfinite(floor) & np.isfinite(share))

@@ -14,6 +14,12 @@ from the true one, in half widths of the interval, not exceeded in 95 % of the c
 Hence the rule of "auto": by profile where k is not seen (k^2 less than three of its standard
 errors) or where sigma_eta is more than .02 eta. And in total reflection, where the curve has a kink
 that moves with eta: if all angles lie beyond it, ends were off by up to half of their width.
+
+All this was from air. The valley is part of a circle of constant R(0) (`valley`), which is small
+where the index is near that of the medium in front: there a sigma_eta of .011 eta was a third of
+the radius, and k = .067 was shown as seen by 40 standard errors where k = 0 fits as well. So also
+by profile where the errors of eta and k are more than .03 of the radius together, and of an index
+below that of the medium in front where sigma_k is more than .02 k.
 """
 
 from __future__ import annotations
@@ -25,12 +31,15 @@ import numpy as np
 from fitting.bare_surface.coordinates import w_of_small_k
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.descent import Solved
-from fitting.bare_surface.estimate import Estimated
+from fitting.bare_surface.estimate import Estimated, of_radius
 from fitting.bare_surface.region import around_nothing, profile
+from fitting.bare_surface.total_reflection import along_the_valley
 from fitting.results.result_parts import NONE, PROFILE, QUADRATIC
 from fitting.uncertainty.limits import ROUNDING
 
 CURVED_SPREAD = 0.02
+# The same as parts of the radius of the circle of constant R(0), and of k below the index in front.
+CURVED_TURN, CURVED_K = 0.03, 0.02
 KIND = f"<U{len(QUADRATIC)}"
 
 
@@ -60,11 +69,13 @@ def intervals(
     undetermined: np.ndarray,
     nothing: np.ndarray,
     matched: np.ndarray,
+    in_product: np.ndarray,
 ) -> Intervals:
     """Return the 95 % intervals at the minima ``s``.
 
     wanted: one of `uncertainty.intervals.KINDS`. blank: no quadratic interval.
     undetermined: by profile only. nothing: no interval at all. matched: no boundary (x = 0).
+    in_product: only the product of eta and k is determined (`total_reflection`).
     Accuracy: the ends of a profile interval to 1e-3 of its width. Coverage by simulation:
     docs/fitting.md. Near k = 0 that of k is 95 to 98 %, since k cannot be negative.
     """
@@ -89,6 +100,8 @@ def intervals(
         able &= rise > ROUNDING * s.scale
         unseen = ~np.isfinite(e.sigma_k)  # `estimate` gives none below estimate.SEEN_SIGMAS
         curved = unseen | undetermined | matched | (e.spread > CURVED_SPREAD) | e.linear
+        curved |= of_radius(s, e, data.eta_i) > CURVED_TURN
+        curved |= (e.eta < data.eta_i) & (e.sigma_k > CURVED_K * e.k)
     todo = np.flatnonzero(able if wanted == PROFILE else able & curved)
     if len(todo):
         part = Solved(*np.array(s)[:, todo])
@@ -101,6 +114,12 @@ def intervals(
             there = todo[corner]
             ends = around_nothing(data.take(there), Solved(*np.array(s)[:, there]), rise[there])
             found.eta[corner], found.k[corner] = ends
+        along = np.flatnonzero(in_product[todo])
+        if len(along):
+            there = todo[along]
+            found.eta[along], found.k[along] = along_the_valley(
+                data.take(there), e.eta[there], e.k[there], (s.cost + rise)[there]
+            )
         good = np.isfinite(found.eta).all(1) & np.isfinite(found.k).all(1)
         done = todo[good]
         eta[done], k[done], kind[done] = found.eta[good], found.k[good], PROFILE

@@ -86,6 +86,11 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
         "intervals (profile likelihood) hold."
     ),
     "not_quadratic": wording.not_quadratic,
+    "quadratic_misleads": (
+        "the standard errors of eta and k and the intervals made of them mislead, since the curve "
+        "is not linear in eta and k over their range. Ask for intervals by profile likelihood "
+        "('auto' or 'profile')."
+    ),
     "open_interval": lambda v: (
         f"the 95 % interval of {wording.listed(v['parameters'])} is unlimited on one "
         "side or both: the data exclude no value there, however far."

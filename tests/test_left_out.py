@@ -1,0 +1,61 @@
+"""Random measurements whose intervals left out a true index that fits as well as their ends."""
+
+import numpy as np
+import pytest
+
+from benchmarks.fit_coverage import left_out
+from benchmarks.random_measurements import QUANTITIES, Batch, draw_batch, draw_geometry
+from fitting import Fit, fit_many
+
+BENT = [(1, 68), (65, 117), (73, 77), (82, 104), (87, 106)]
+BEYOND_CRITICAL = [(8, 400), (9, 403), (45, 485), (46, 459), (70, 478), (88, 449), (93, 418)]
+UNDETERMINED = [(3, 329), (15, 326), (75, 35), (75, 277), (83, 338), (95, 345), (99, 305)]
+
+
+def drawn(number: int, curve: int) -> Batch:
+    rng = np.random.default_rng([11, number])
+    quantity = list(QUANTITIES)[number % len(QUANTITIES)]
+    return draw_batch(draw_geometry(rng, quantity), 100, rng).take(np.array([curve]))
+
+
+def fitted(batch: Batch, intervals: str = "auto") -> Fit:
+    angles, data = batch.padded()
+    sample = f"{float(batch.geometry.eta_i)!r} | free"
+    return fit_many(angles, **data, sample=sample, intervals=intervals)
+
+
+@pytest.mark.parametrize(("number", "curve"), BENT + BEYOND_CRITICAL + UNDETERMINED)
+def test_an_interval_holds_a_true_index_that_fits_as_well(number, curve):
+    batch = drawn(number, curve)
+    found = fitted(batch)
+    assert np.isfinite(found.parameters["eta"].interval).all()
+    assert not left_out(batch, found).any()
+
+
+@pytest.mark.parametrize(("number", "curve"), BENT)
+def test_quadratic_errors_that_mislead_are_named(number, curve):
+    """Near an index match a standard error is as large as the circle of constant R(0)."""
+    batch = drawn(number, curve)
+    found = fitted(batch, "quadratic")
+    assert left_out(batch, found).any()
+    assert "quadratic_misleads" in [f.code for f in found.findings]
+    assert "mislead" in str(found)
+
+
+@pytest.mark.parametrize(("number", "curve"), BEYOND_CRITICAL)
+def test_far_beyond_the_critical_angle_only_a_product_is_determined(number, curve):
+    """The standard error of eta was 3 to 30 % of it, and an eta of .001 fits as well."""
+    found = fitted(drawn(number, curve))
+    assert found.status == "undetermined"
+    assert "combination" in [f.code for f in found.findings]
+
+
+def test_angles_on_both_sides_of_the_critical_one_determine_both():
+    angles = np.linspace(20.0, 80.0, 13)
+    rng = np.random.default_rng(2)
+    index, sine = 0.7 + 0.01j, np.sin(np.radians(angles))
+    q, cosine = np.sqrt(index**2 - sine**2), np.cos(np.radians(angles))
+    R_s = abs((cosine - q) / (cosine + q)) ** 2 + 1e-3 * rng.standard_normal(13)
+    found = fit_many(angles, R_s=R_s)
+    assert found.status == "converged"
+    assert abs(found.parameters["eta"].value - 0.7) < 0.01
