@@ -24,7 +24,7 @@ from fitting.bare_surface.curve_data import Data, Extent, extent_of, of_rows
 from fitting.bare_surface.curves import noise_of_misfits
 from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import Estimated, Weighing, estimate, of_radius
-from fitting.bare_surface.mirror import like_mirrors
+from fitting.bare_surface.mirror import like_mirrors, strong_reflectors
 from fitting.bare_surface.other_solutions import Others, other_solutions
 from fitting.bare_surface.region_intervals import Intervals, intervals, limit_of_k
 from fitting.bare_surface.total_reflection import open_to_small_index
@@ -175,13 +175,13 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
         part = Solved(*found.best[:, inner])
         undetermined[inner] = open_to_the_other_end(data.take(inner), part, allowed)
     in_product = np.zeros_like(undetermined)
-    beyond = (bounded & ~undetermined & e.linear & (s.done > 0)).nonzero()[0]
-    if len(beyond):
-        allowed = (s.cost + ALIKE_CHI2 * scatter)[beyond]
-        part = data.take(beyond)
-        in_product[beyond] = open_to_small_index(part, e.eta[beyond], e.k[beyond], allowed)
+    strong = strong_reflectors(data, s)
+    far = strong[(bounded & ~undetermined & e.linear & (s.done > 0))[strong]]
+    if len(far):
+        allowed = (s.cost + ALIKE_CHI2 * scatter)[far]
+        in_product[far] = open_to_small_index(data.take(far), e.eta[far], e.k[far], allowed)
         undetermined |= in_product
-    bound, perfect = like_mirrors(data, s, dof, np.greater(stated, 0.0), scatter)
+    bound, perfect = like_mirrors(data, s, strong, dof, np.greater(stated, 0.0), scatter)
     undetermined |= bounded & np.isfinite(bound)
     # Where R = 1 does not fit, a best fit that is such a reflector itself (and not a critical angle
     # next to one low datum, of a small R(0)) names its circle.

@@ -67,18 +67,27 @@ def mirror_fit(data: Data) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         steps -= 1
 
 
+def strong_reflectors(data: Data, s: Solved) -> np.ndarray:
+    """Return the numbers of the curves whose data may be those of a strong reflector."""
+    ones = functools.reduce(np.add, [(w * w).sum(-1) for w in data.weights])
+    return (s.scale > LEAST_RMS**2 * ones).nonzero()[0]
+
+
 def like_mirrors(
-    data: Data, s: Solved, dof: np.ndarray, known: np.ndarray, scatter: np.ndarray
+    data: Data,
+    s: Solved,
+    maybe: np.ndarray,
+    dof: np.ndarray,
+    known: np.ndarray,
+    scatter: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return for curves that a mirror fits as well as the best index the bound of R(0), (N,).
 
     The least R at normal incidence (95 %); NaN for all other curves. And where R = 1 does, (N,).
-    s: the best fits. scatter: (N,), what one unit of the weighted sums of squares stands for, and
+    s: the best fits. maybe: the `strong_reflectors`. scatter: (N,), what one unit of the weighted sums of squares stands for, and
     whether that is ``known`` beforehand, () or (N,).
     """
     found, perfect = np.full(len(dof), np.nan), np.zeros(len(dof), bool)
-    ones = functools.reduce(np.add, [(w * w).sum(-1) for w in data.weights])
-    maybe = (s.scale > LEAST_RMS**2 * ones).nonzero()[0]
     if not len(maybe):
         return found, perfect
     unit = scatter[maybe]
