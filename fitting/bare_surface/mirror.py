@@ -84,8 +84,8 @@ def like_mirrors(
     """Return for curves that a mirror fits as well as the best index the bound of R(0), (N,).
 
     The least R at normal incidence (95 %); NaN for all other curves. And where R = 1 does, (N,).
-    s: the best fits. maybe: the `strong_reflectors`. scatter: (N,), what one unit of the weighted sums of squares stands for, and
-    whether that is ``known`` beforehand, () or (N,).
+    s: the best fits. maybe: the `strong_reflectors`. scatter: (N,), what one unit of the weighted
+    sums of squares stands for, and whether that is ``known`` beforehand, () or (N,).
     """
     found, perfect = np.full(len(dof), np.nan), np.zeros(len(dof), bool)
     if not len(maybe):
