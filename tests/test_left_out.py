@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 
 from benchmarks.fit_coverage import left_out
+from benchmarks.fit_success import draw
 from benchmarks.random_measurements import QUANTITIES, Batch, draw_batch, draw_geometry
 from fitting import Fit, fit_many
 
 BENT = [(1, 68), (65, 117), (73, 77), (82, 104), (87, 106)]
 BEYOND_CRITICAL = [(8, 400), (9, 403), (45, 485), (46, 459), (70, 478), (88, 449), (93, 418)]
+# drawn by the study: seed 664303778
+OF_THE_STUDY = [(3, 804), (24, 789), (77, 746), (241, 844)]
 UNDETERMINED = [(3, 329), (15, 326), (75, 35), (75, 277), (83, 338), (95, 345), (99, 305)]
 
 
@@ -30,6 +33,14 @@ def test_an_interval_holds_a_true_index_that_fits_as_well(number, curve):
     found = fitted(batch)
     assert np.isfinite(found.parameters["eta"].interval).all()
     assert not left_out(batch, found).any()
+
+
+@pytest.mark.parametrize(("number", "curve"), OF_THE_STUDY)
+def test_an_interval_does_not_begin_at_the_value_where_its_region_is_lost(number, curve):
+    """The profile had followed another piece of the region, beyond a critical angle."""
+    batch, _ = draw(664303778, number)
+    batch = batch.take(np.flatnonzero(batch.noise > 0.0)).take(np.array([curve]))
+    assert not left_out(batch, fitted(batch)).any()
 
 
 @pytest.mark.parametrize(("number", "curve"), BENT)

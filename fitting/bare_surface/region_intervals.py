@@ -59,6 +59,11 @@ def limit_of_k(e: Estimated, known: Intervals) -> np.ndarray:
     return limit
 
 
+def _inside(ends: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """Return whether values (N,) lie in their ranges (N, 2); not where these are NaN."""
+    return (ends[:, 0] <= value) & (value <= ends[:, 1])
+
+
 def intervals(
     data: Data,
     s: Solved,
@@ -114,12 +119,17 @@ def intervals(
             there = todo[corner]
             ends = around_nothing(data.take(there), Solved(*np.array(s)[:, there]), rise[there])
             found.eta[corner], found.k[corner] = ends
-        along = np.flatnonzero(in_product[todo])
+        # In total reflection the region breaks off at critical angles, and may be lost.
+        met = _inside(found.eta, e.eta[todo]) & _inside(found.k, e.k[todo])
+        along = np.flatnonzero(in_product[todo] | ~met & (e.eta[todo] < data.eta_i))
         if len(along):
             there = todo[along]
-            found.eta[along], found.k[along] = along_the_valley(
+            found.eta[along], ks = along_the_valley(
                 data.take(there), e.eta[there], e.k[there], (s.cost + rise)[there]
             )
+            # and what is known of k at the best eta
+            found.k[along, 0] = np.fmin(ks[:, 0], e.k_interval[there, 0])
+            found.k[along, 1] = np.fmax(ks[:, 1], e.k_interval[there, 1])
         good = np.isfinite(found.eta).all(1) & np.isfinite(found.k).all(1)
         done = todo[good]
         eta[done], k[done], kind[done] = found.eta[good], found.k[good], PROFILE
