@@ -32,7 +32,7 @@ from fitting.bare_surface.coordinates import w_of_small_k
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import Estimated, of_radius
-from fitting.bare_surface.region import around_nothing, profile
+from fitting.bare_surface.region import Region, around_nothing, profile
 from fitting.bare_surface.total_reflection import along_the_valley
 from fitting.results.result_parts import NONE, PROFILE, QUADRATIC
 from fitting.uncertainty.limits import ROUNDING
@@ -40,6 +40,8 @@ from fitting.uncertainty.limits import ROUNDING
 CURVED_SPREAD = 0.02
 # The same as parts of the radius of the circle of constant R(0), and of k below the index in front.
 CURVED_TURN, CURVED_K = 0.03, 0.02
+# A range whose value lies outside by more of its width than that is one of another region.
+NEAR_WIDTH = 0.05
 KIND = f"<U{len(QUADRATIC)}"
 
 
@@ -60,8 +62,39 @@ def limit_of_k(e: Estimated, known: Intervals) -> np.ndarray:
 
 
 def _inside(ends: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """Return whether values (N,) lie in their ranges (N, 2); not where these are NaN."""
-    return (ends[:, 0] <= value) & (value <= ends[:, 1])
+    """Return whether values (N,) lie in or near their ranges (N, 2); not where these are NaN."""
+    low, high = ends.T
+    near = NEAR_WIDTH * (high - low)
+    return (low - near <= value) & (value <= high + near)
+
+
+def _walk(
+    data: Data,
+    s: Solved,
+    e: Estimated,
+    rise: np.ndarray,
+    todo: np.ndarray,
+    in_product: np.ndarray,
+    found: Region,
+) -> None:
+    """Put right what was ``found`` of the curves ``todo`` in total reflection.
+
+    There the region breaks off at critical angles, and another piece of it may have been followed:
+    the valley is walked from the value, and what was found still counts.
+    """
+    met = _inside(found.eta, e.eta[todo]) & _inside(found.k, e.k[todo])
+    here = np.flatnonzero(in_product[todo] | ~met & (e.eta[todo] < data.eta_i))
+    if not len(here):
+        return
+    curve = todo[here]
+    walked = along_the_valley(data.take(curve), e.eta[curve], e.k[curve], (s.cost + rise)[curve])
+    for ends, way in zip(found, walked, strict=True):
+        before = np.where(in_product[curve, None], np.nan, ends[here])
+        ends[here, 0] = np.fmin(way[:, 0], before[:, 0])
+        ends[here, 1] = np.fmax(way[:, 1], before[:, 1])
+    # and what is known of k at the best eta
+    found.k[here, 0] = np.fmin(found.k[here, 0], e.k_interval[curve, 0])
+    found.k[here, 1] = np.fmax(found.k[here, 1], e.k_interval[curve, 1])
 
 
 def intervals(
@@ -119,17 +152,7 @@ def intervals(
             there = todo[corner]
             ends = around_nothing(data.take(there), Solved(*np.array(s)[:, there]), rise[there])
             found.eta[corner], found.k[corner] = ends
-        # In total reflection the region breaks off at critical angles, and may be lost.
-        met = _inside(found.eta, e.eta[todo]) & _inside(found.k, e.k[todo])
-        along = np.flatnonzero(in_product[todo] | ~met & (e.eta[todo] < data.eta_i))
-        if len(along):
-            there = todo[along]
-            found.eta[along], ks = along_the_valley(
-                data.take(there), e.eta[there], e.k[there], (s.cost + rise)[there]
-            )
-            # and what is known of k at the best eta
-            found.k[along, 0] = np.fmin(ks[:, 0], e.k_interval[there, 0])
-            found.k[along, 1] = np.fmax(ks[:, 1], e.k_interval[there, 1])
+        _walk(data, s, e, rise, todo, in_product, found)
         good = np.isfinite(found.eta).all(1) & np.isfinite(found.k).all(1)
         done = todo[good]
         eta[done], k[done], kind[done] = found.eta[good], found.k[good], PROFILE

@@ -34,7 +34,7 @@ FLOOR_STEPS, MOST_K = 6, 10.0
 # An eta is not determined if this part of it fits as well.
 SMALL_PART = 0.1
 # The least eta that is looked at, in eta_i, and how often the range between is halved.
-LEAST_ETA, HALVINGS = 1e-3, 12
+LEAST_ETA, HALVINGS = 1e-3, 24
 
 
 class Small(NamedTuple):
@@ -125,7 +125,7 @@ def along_the_valley(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the range of eta that fits with some k, and that of these k, (N, 2) each.
 
-    From LEAST_ETA to the index of the medium in front, each end to a thousandth of it.
+    From LEAST_ETA to the index of the medium in front, each end to a millionth of it.
     """
     etas, ks = (np.stack([a, a], axis=-1) for a in (eta, k))
     with np.errstate(all="ignore"):
