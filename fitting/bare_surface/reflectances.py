@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from fitting.bare_surface.coordinates import index_of_lanes
+from fitting.process.compiled import computed_once
 from fresnel_jax import powers
 
 CHANNELS = ("R_s", "R_p", "R")
@@ -86,8 +87,9 @@ def sums_of_squares(curves: Curves, found: tuple[Array, ...]) -> tuple[Array, Ar
     sums = [jnp.zeros((), found[0].dtype)] * 3
     for f, v, w in zip(found, curves.values, curves.weights, strict=True):
         r = f - v
-        e = r * w
-        after = jnp.concatenate([e[1:], jnp.zeros_like(e[:1])])
+        # Else the curve is formed again for its neighbours: a third of the time of a large batch.
+        e = computed_once(r * w)
+        after = jnp.pad(e[1:], ((0, 1), (0, 0)))
         sums = [sums[0] + e**2, sums[1] + jnp.where(w > 0.0, r * r, 0.0), sums[2] + e * after]
     # All in one reduction, as in `solver.normal_sums`: 3 times as fast as one by one.
     zero = [jnp.zeros((), found[0].dtype)] * 3
