@@ -245,7 +245,8 @@ def markdown(r: dict) -> str:
         "to 5, k .01 to 3), or mixed with dielectrics, weak absorbers and metals. The best of "
         f"{r['rounds']} interleaved rounds, in each of which a batch of up to {SMALL} is fitted "
         f"{IN_A_ROW} times. The peers use one processor, fit_many all; other programs slow down "
-        "both, but fit_many more. The processor time says what a machine with nothing else to do would show.",
+        "both, but fit_many more. The processor time says what a machine with nothing else to do "
+        "would show.",
         "",
         r["conditions"] + ".",
         "",
