@@ -35,7 +35,7 @@ from fitting import Fit, fit_many
 from fitting.results.result import Estimate
 from fresnel_jax import powers
 
-from .fit_success import A_GEOMETRY, cost_of_truth, draw, has_second
+from .fit_success import A_GEOMETRY, cost_of, cost_of_truth, draw, has_second
 from .machine import conditions
 from .random_measurements import CLASSES, Batch
 
@@ -119,7 +119,7 @@ def _holds(parameters: Mapping[str, Estimate], eta: Any, k: Any) -> np.ndarray:
 
 def left_out(batch: Batch, result: Fit) -> np.ndarray:
     """Return whose interval leaves out a true index that fits as well as its ends, (N,)."""
-    cost, dof = result.rms**2 * result.n_data, result.n_data - 2
+    cost, dof = cost_of(result), result.n_data - 2
     with np.errstate(all="ignore"):
         rise = (cost_of_truth(batch) - cost) / (cost / dof)
         allowed = (dof > 0) & (rise <= stats.t.ppf(0.975, dof) ** 2)
@@ -136,7 +136,8 @@ def random_study(curves: int, seed: int) -> list[Cell]:
     missed: dict[tuple[str, str, str], int] = {}
     for number in range(max(1, round(curves / A_GEOMETRY))):
         batch, _ = draw(seed, number)
-        noisy = batch.take(np.flatnonzero(batch.noise > 0.0))
+        with_noise = np.flatnonzero(batch.noise > 0.0)
+        noisy = batch.take(with_noise)
         angles, data = noisy.padded()
         result = fit_many(
             angles, **data, sample=f"{float(noisy.geometry.eta_i)!r} | free", intervals="auto"
@@ -144,8 +145,8 @@ def random_study(curves: int, seed: int) -> list[Cell]:
         hold = _holds(result.parameters, noisy.eta, noisy.k)
         several = has_second(result)
         wrong = left_out(noisy, result) & ~several
-        for curve in np.flatnonzero(wrong):
-            print(f"left out: seed {seed}, geometry {number}, noisy curve {curve}", flush=True)
+        for curve in with_noise[wrong]:
+            print(f"left out: seed {seed}, geometry {number}, curve {curve}", flush=True)
         for other in result.others:
             hold |= _holds(other.parameters, noisy.eta, noisy.k)
         for kind in CLASSES:

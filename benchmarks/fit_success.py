@@ -59,11 +59,16 @@ class Judged(NamedTuple):
         return (self.found.status == "converged") & (self.excess > TOO_HIGH)
 
 
-def draw(seed: int, number: int) -> tuple[Batch, np.random.Generator]:
-    """Return the batch of geometry ``number``, and the generator that made it."""
+def draw(
+    seed: int, number: int, curves: int = CURVES_OF_A_CLASS
+) -> tuple[Batch, np.random.Generator]:
+    """Return the batch of geometry ``number``, and the generator that made it.
+
+    curves: of each class.
+    """
     rng = np.random.default_rng([seed, number])
     quantity = list(QUANTITIES)[number % len(QUANTITIES)]
-    return draw_batch(draw_geometry(rng, quantity), CURVES_OF_A_CLASS, rng), rng
+    return draw_batch(draw_geometry(rng, quantity), curves, rng), rng
 
 
 def has_second(found: Fit) -> np.ndarray:
@@ -72,7 +77,8 @@ def has_second(found: Fit) -> np.ndarray:
     return np.logical_or.reduce([np.zeros(found.shape, bool), *every])
 
 
-def _cost(found: Fit) -> np.ndarray:
+def cost_of(found: Fit) -> np.ndarray:
+    """Return the sum of squares of the fits, (N,)."""
     return found.rms**2 * found.n_data
 
 
@@ -92,7 +98,7 @@ def judged(batch: Batch, rng: np.random.Generator) -> Judged:
     truth = {"eta": batch.eta, "k": batch.k}
     from_truth = fit_many(angles, **data, sample=sample, start=truth)
     unit = np.maximum(batch.noise, 1e-12) ** 2
-    mine, theirs = _cost(found), _cost(from_truth)
+    mine, theirs = cost_of(found), cost_of(from_truth)
     best = np.fmin(mine, theirs)
     said = (found.status == "converged") & (batch.noise > 0.0)
     odd = has_second(found) | (np.abs(mine - theirs) > TOO_HIGH * unit)

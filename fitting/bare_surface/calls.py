@@ -135,9 +135,9 @@ def run(data: Data, start: np.ndarray, steps: Steps) -> tuple[np.ndarray, Furthe
     if not count:
         return np.empty((JOB, 0)), NO_FURTHER
     most = size = FEW if data.few else BLOCK if count <= SEVERAL else MANY
-    if size < MANY:  # as many calls as there are processors, if not too small, and of one size
+    if size < MANY:  # as many calls as there are processors, if not too small, of whole groups
         calls = max(-(-count // size), min(os.cpu_count() or 1, count // LEAST_OF_CALL))
-        size = -(-count // (calls * LANES)) * LANES  # whole groups, the last call has less
+        size = -(-count // (calls * LANES)) * LANES
 
     def one(first: int) -> tuple[np.ndarray, Further]:
         part, begin = data, start

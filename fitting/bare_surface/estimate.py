@@ -72,7 +72,7 @@ class Estimated(NamedTuple):
     variance: np.ndarray
     at_zero: np.ndarray
     singular: np.ndarray
-    spread: np.ndarray  # sigma_eta / eta with k free, also where k is at 0
+    spread: np.ndarray  # sigma_eta / eta with k free (metals in total reflection: or sigma_k / k)
     moved: np.ndarray
 
 

@@ -18,8 +18,8 @@ that moves with eta: if all angles lie beyond it, ends were off by up to half of
 All this was from air. The valley is part of a circle of constant R(0) (`valley`), which is small
 where the index is near that of the medium in front: there a sigma_eta of .011 eta was a third of
 the radius, and k = .067 was shown as seen by 40 standard errors where k = 0 fits as well. So also
-by profile where the errors of eta and k are more than .03 of the radius together, and of an index
-below that of the medium in front where sigma_k is more than .02 k.
+by profile where the errors of eta and k are more than .03 of the radius together. (In total
+reflection by an index of k > n `spread` is that of k, if larger.)
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from fitting.results.result_parts import NONE, PROFILE, QUADRATIC
 from fitting.uncertainty.limits import ROUNDING
 
 CURVED_SPREAD = 0.02
-# The same as parts of the radius of the circle of constant R(0), and of k below the index in front.
-CURVED_TURN, CURVED_K = 0.03, 0.02
+# The same of both errors, as a part of the radius of the circle of constant R(0).
+CURVED_TURN = 0.03
 # A range whose value lies outside by more of its width than that is one of another region.
 NEAR_WIDTH = 0.05
 KIND = f"<U{len(QUADRATIC)}"
@@ -80,18 +80,16 @@ def _walk(
     """Put right what was ``found`` of the curves ``todo`` in total reflection.
 
     There the region breaks off at critical angles, and another piece of it may have been followed:
-    the valley is walked from the value, and what was found still counts.
+    the valley is walked from the value.
     """
     met = _inside(found.eta, e.eta[todo]) & _inside(found.k, e.k[todo])
     here = np.flatnonzero(in_product[todo] | ~met & (e.eta[todo] < data.eta_i))
     if not len(here):
         return
     curve = todo[here]
-    walked = along_the_valley(data.take(curve), e.eta[curve], e.k[curve], (s.cost + rise)[curve])
-    for ends, way in zip(found, walked, strict=True):
-        before = np.where(in_product[curve, None], np.nan, ends[here])
-        ends[here, 0] = np.fmin(way[:, 0], before[:, 0])
-        ends[here, 1] = np.fmax(way[:, 1], before[:, 1])
+    found.eta[here], found.k[here] = along_the_valley(
+        data.take(curve), e.eta[curve], e.k[curve], (s.cost + rise)[curve]
+    )
     # and what is known of k at the best eta
     found.k[here, 0] = np.fmin(found.k[here, 0], e.k_interval[curve, 0])
     found.k[here, 1] = np.fmax(found.k[here, 1], e.k_interval[curve, 1])
@@ -139,7 +137,6 @@ def intervals(
         unseen = ~np.isfinite(e.sigma_k)  # `estimate` gives none below estimate.SEEN_SIGMAS
         curved = unseen | undetermined | matched | (e.spread > CURVED_SPREAD) | e.linear
         curved |= of_radius(s, e, data.eta_i) > CURVED_TURN
-        curved |= (e.eta < data.eta_i) & (e.sigma_k > CURVED_K * e.k)
     todo = np.flatnonzero(able if wanted == PROFILE else able & curved)
     if len(todo):
         part = Solved(*np.array(s)[:, todo])
