@@ -48,23 +48,30 @@ def _half_shapes(data: Data) -> np.ndarray:
 def mirror_fit(data: Data) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return cost, a and information on a of the best mirror of each curve, (N,) each.
 
-    By three Gauss-Newton steps from a = 0, kept between 0 and MOST_A.
+    By a Gauss-Newton step from the least squares of 1 - R = a h (1 + R) / 2, which are linear in a;
+    kept between 0 and MOST_A.
     """
     half, weight = _half_shapes(data), np.concatenate(data.weights, axis=-1)
-    dark = (1.0 - np.concatenate(data.values, axis=1)) * weight
-    drop = 2.0 * half * weight
-    a, steps = np.zeros((data.curves, 1)), 3
-    while True:
+    value = np.concatenate(data.values, axis=1)
+    dark, twice = (1.0 - value) * weight, 2.0 * half * weight
+
+    def best(along: np.ndarray, off: np.ndarray) -> np.ndarray:
+        return np.vecdot(along, off)[:, None] / np.maximum(np.vecdot(along, along), 1e-300)[:, None]
+
+    def within(a: np.ndarray) -> np.ndarray:
+        return np.minimum(np.maximum(a, 0.0), MOST_A)  # clip takes longer
+
+    def at(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what is missed, and the slope in a."""
         fall = 1.0 + a * half
-        slope = drop / fall
-        miss = dark - a * slope
-        slope /= fall
-        information = np.vecdot(slope, slope)
-        if not steps:
-            return np.vecdot(miss, miss), a[:, 0], information
-        step = np.vecdot(miss, slope) / np.maximum(information, 1e-300)
-        a = np.minimum(np.maximum(a + step[:, None], 0.0), MOST_A)  # clip takes longer
-        steps -= 1
+        slope = twice / fall
+        return dark - a * slope, slope / fall
+
+    a = within(best(half * (weight + weight * value), dark))
+    miss, slope = at(a)
+    a = within(a + best(slope, miss))
+    miss, slope = at(a)
+    return np.vecdot(miss, miss), a[:, 0], np.vecdot(slope, slope)
 
 
 def strong_reflectors(data: Data, s: Solved) -> np.ndarray:
