@@ -8,6 +8,9 @@ from benchmarks.random_measurements import textbook
 from fitting import fit_many
 from fitting.bare_surface import calls
 from fitting.bare_surface.curve_data import Data
+from fitting.bare_surface.curves import fitted_curves
+from fitting.bare_surface.descent import Solved
+from fitting.bare_surface.engine import Steps
 from fitting.bare_surface.reflectances import CHANNELS
 from fitting.bare_surface.valley import Lanes, _at_lossless_end, evaluate
 
@@ -71,3 +74,23 @@ def test_the_lossless_end_is_that_of_the_program(eta_i):
         _at_lossless_end(data, x), (there.cost, there.g_x, there.h_xx), strict=True
     ):
         np.testing.assert_allclose(own, of_program, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("angles", "curves"), [(13, 5), (61, 40), (61, 300)])
+def test_the_sums_of_a_call_are_those_of_its_residuals(angles, curves):
+    """At numbers of angles that are no multiples of four, with gaps and weights of each curve."""
+    rng = np.random.default_rng(angles)
+    at = np.linspace(5.0, 85.0, angles)
+    values, weights = rng.uniform(0.0, 1.0, (2, 2, curves, angles))
+    weights = np.where(rng.random(weights.shape) < 0.2, 0.0, weights)
+    data = Data(
+        np.cos(np.radians(at)), np.full(angles, 0.5), tuple(values), tuple(weights), 1.0,
+        ("R_s", "R_p"), few=curves <= 16,
+    )  # fmt: skip
+    solved = Solved(*calls.run(data, calls.start_rows(curves), Steps(4))[0])
+    off = values - fitted_curves(data, solved)
+    e = np.pad(off * weights, ((0, 0), (0, 0), (0, -angles % 4)))
+    together = (e.reshape(2, curves, -1, 4).sum(-1) ** 2).sum((0, 2))
+    np.testing.assert_allclose(solved.cost, (e * e).sum((0, 2)), rtol=1e-9)
+    np.testing.assert_allclose(solved.plain, (off**2 * (weights > 0.0)).sum((0, 2)), rtol=1e-9)
+    np.testing.assert_allclose(solved.together, together, rtol=1e-9)

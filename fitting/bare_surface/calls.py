@@ -15,7 +15,7 @@ from fitting.bare_surface.coordinates import W_MAX
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.engine import BLOCK, JOB, LANES, Steps, solve
 from fitting.bare_surface.mesh import node_curves
-from fitting.bare_surface.reflectances import Curves
+from fitting.bare_surface.reflectances import SIDE_BY_SIDE, Curves
 from fitting.problem.solver import START_DAMPING
 from fitting.process.compiled import compiled
 
@@ -89,7 +89,7 @@ def _nodes(data: Data) -> tuple[Array, ...]:
 def _call(data: Data, start: np.ndarray, steps: Steps, size: int) -> np.ndarray:
     """Return the result of one call of the program, for up to ``size`` curves."""
     here, angles = data.curves, data.values[0].shape[1]
-    wide, part = angles, data
+    wide, part = angles + -angles % SIDE_BY_SIDE, data
     # Of a few curves the number of angles is rounded up (with no data), to 64 at least, and every
     # channel is there, so that a handful of compiled programs serves every file: a program takes
     # 5 s to compile, and 14 or 64 angles 20 ms to fit. Not of many curves, where what is empty

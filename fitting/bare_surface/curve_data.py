@@ -90,13 +90,13 @@ class Extent(NamedTuple):
 
 def extent_of(data: Data, angle_deg: np.ndarray) -> Extent:
     """Return where the curves have data. angle_deg: (M,) or (N, M)."""
+    angle = np.atleast_2d(angle_deg)
+    if all((w > 0.0).all() for w in data.weights):
+        count, channels = np.array([[angle.shape[1]], [len(data.weights)]])
+        return Extent(count, angle.min(1), angle.max(1), channels)
     used = np.array([np.atleast_2d(w) > 0.0 for w in data.weights])
     some = np.logical_or.reduce(used)
-    angle = np.atleast_2d(angle_deg)
     channels = used.any(2).sum(0)
-    if some.all():
-        count = np.full(len(some), some.shape[1])
-        return Extent(count, angle.min(1), angle.max(1), channels)
     low = np.where(some, angle, np.inf).min(1)
     return Extent(some.sum(1), low, np.where(some, angle, -np.inf).max(1), channels)
 

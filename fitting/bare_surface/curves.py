@@ -89,15 +89,17 @@ def _smooth(data: Data, angle_deg: np.ndarray, s: Solved, fitted: np.ndarray) ->
 
 def noise_of_misfits(data: Data, angle_deg: np.ndarray, s: Solved) -> np.ndarray:
     """Return the noise of the channel that is missed by most, (N,); NaN where none is a misfit."""
-    fitted = fitted_curves(data, s)
+    fitted, weights = fitted_curves(data, s), np.array(data.wide_weights)
+    value = np.where(weights > 0.0, np.array(data.values), np.nan)
+    in_rows, angles = (-1, value.shape[-1]), np.broadcast_to(angle_deg, value.shape)
+    rows = value.reshape(in_rows)
+    of = misfit(angles.reshape(in_rows), rows, (value - fitted).reshape(in_rows))
+    rms, noise, found = (a.reshape(value.shape[:2]) for a in of)
     smooth = _smooth(data, angle_deg, s, fitted)
-    worst, noise = np.zeros(data.curves), np.full(data.curves, np.nan)
-    for value, weight, at in zip(data.values, data.wide_weights, fitted, strict=True):
-        value = np.where(weight > 0.0, value, np.nan)
-        found = misfit(angle_deg, value, value - at)
-        larger = (found.found | (smooth & (found.rms > rounding(value)))) & (found.rms > worst)
-        noise, worst = np.where(larger, (found.noise, found.rms), (noise, worst))
-    return noise
+    if smooth.any():
+        found = found | smooth & (rms > rounding(rows).reshape(rms.shape))
+    worst = np.where(found, rms, -np.inf).argmax(0)
+    return np.where(found.any(0), noise[worst, np.arange(data.curves)], np.nan)
 
 
 def _covariance(information: np.ndarray, sigma_eta: np.ndarray, at_zero: np.ndarray) -> np.ndarray:

@@ -36,7 +36,7 @@ class Solved(NamedTuple):
     chart: Any
     cost: Any  # weighted sum of squares
     plain: Any  # the same without weights
-    neighbours: Any  # weighted sum of products of neighbouring residuals
+    together: Any  # squares of the sums of a few residuals side by side, with weights
     done: Any
     evaluations: Any
     damping: Any
@@ -128,10 +128,10 @@ def descend(
     # not worth an evaluation of derivatives; taken all the same it squares the error that is left.
     trial = jnp.clip(value + jnp.where(state.done, state.full, 0.0), lower, upper)
     allowed = cost_before * (1.0 + 1e-6) + 4.0 * SOLVER.atol**2 * scale
-    last, cost, plain, neighbours = _last_step(curves, chart, value, trial, allowed, channels)
+    last, cost, plain, together = _last_step(curves, chart, value, trial, allowed, channels)
     gradient = gradient + (matrix * (last - value)[None]).sum(1)
     solved = (
-        last[0], last[1], chart, cost, plain, neighbours, state.done & jnp.isfinite(cost),
+        last[0], last[1], chart, cost, plain, together, state.done & jnp.isfinite(cost),
         state.evaluations, state.damping, count, scale,
         gradient[0], gradient[1], matrix[0, 0], matrix[0, 1], matrix[1, 1],
     )  # fmt: skip

@@ -169,7 +169,8 @@ def _solve(
     That is the table of `_jobs` of each block, (blocks, fields + 1, J), with every job done, but
     for further starts where there are several blocks. S is a multiple of LANES and of the block.
 
-    cos_theta, s_share: (M,), or (S, M) where curves have angles of their own.
+    cos_theta, s_share: (M,), or (S, M) where curves have angles of their own; M is a multiple of
+        reflectances.SIDE_BY_SIDE.
     values: C arrays (S, M), finite. weights: C arrays (M,) or (S, M), 0 where there is no datum.
     start: (5, S): x, w, chart, damping and the largest w; where x is NaN, from the mesh.
     numbers: how many of the S are curves (the rest is left out), and the `Steps`.

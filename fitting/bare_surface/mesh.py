@@ -166,40 +166,45 @@ def _misfits(found: tuple[Array, ...], curves: Curves, mesh: str) -> tuple[Array
     weights = [((w / most) ** 2).astype(precision) for w in curves.weights]
     values = [v.astype(precision) for v in curves.values]
     of_data = jnp.stack([(w2 * v * v).sum(0) for v, w2 in zip(values, weights, strict=True)]).sum(0)
+    # All nodes in one product: block by block it takes half as long again.
+    with_data = square = jnp.zeros((), precision)
+    for g, v, w2 in zip(found, values, weights, strict=True):
+        with_data = with_data + _summed(g, w2 * v)
+        square = square + _summed(g * g, w2)
     parts, begin = [], 0
     for block in MESHES[mesh].blocks:
-        nodes = [g[begin : begin + block.nodes] for g in found]
-        parts.append(_along_segments(nodes, values, weights, block))
+        own = slice(begin, begin + block.nodes)
+        nodes = [g[own] for g in found]
+        parts.append(_along_segments(nodes, weights, with_data[own], square[own], block))
         begin += block.nodes
     misfit, along = (jnp.concatenate(part) for part in zip(*parts, strict=True))
     return misfit + of_data, along, of_data
 
 
+def _summed(a: Array, weight: Array) -> Array:
+    """Return the sums over the data: (J, M, 1 or L) and (M, 1 or L) -> (J, 1 or L)."""
+    if a.shape[-1] == 1:  # one set of angles: a matrix product
+        return a[:, :, 0] @ weight
+    return (a * weight).sum(1)
+
+
 def _along_segments(
-    nodes: list[Array], values: list[Array], weights: list[Array], block: Block
+    nodes: list[Array], weights: list[Array], with_data: Array, square: Array, block: Block
 ) -> tuple[Array, Array]:
     """Return the least misfit on each segment of a block, less sum w^2 v^2, and where on it.
 
-    Along a segment the curve g is taken to change linearly, so that the best place on it is that
-    of a straight line: t = sum w^2 d (v - g) / sum w^2 d^2 with d the change of g from end to end.
+    nodes: the curves g of each channel. with_data, square: sum w^2 g v and sum w^2 g^2 of them all.
+    Along a segment the curve is taken to change linearly, so that the best place on it is that of a
+    straight line: t = sum w^2 d (v - g) / sum w^2 d^2 with d the change of g from end to end.
     """
-
-    def summed(a: Array, weight: Array) -> Array:
-        """(J, M, 1 or L) and (M, 1 or L) -> (J, 1 or L)."""
-        if a.shape[-1] == 1:  # one set of angles: a matrix product
-            return a[:, :, 0] @ weight
-        return (a * weight).sum(1)
-
     low, high = slice(block.segments), slice(block.columns, None)
-    of_data = square = product = jnp.zeros((), values[0].dtype)
-    for g, v, w2 in zip(nodes, values, weights, strict=True):
-        of_data = of_data + summed(g, w2 * v)
-        square = square + summed(g * g, w2)
-        product = product + summed(g[low] * g[high], w2)
-    slope = of_data[high] - of_data[low] - (product - square[low])
+    product = jnp.zeros((), square.dtype)
+    for g, w2 in zip(nodes, weights, strict=True):
+        product = product + _summed(g[low] * g[high], w2)
+    slope = with_data[high] - with_data[low] - (product - square[low])
     length = square[high] + square[low] - 2.0 * product
     t = jnp.clip(slope / jnp.where(length > 0.0, length, 1.0), 0.0, 1.0)
-    return square[low] - 2.0 * of_data[low] - t * (2.0 * slope - t * length), t
+    return square[low] - 2.0 * with_data[low] - t * (2.0 * slope - t * length), t
 
 
 def _among_neighbours(misfit: Array) -> Array:

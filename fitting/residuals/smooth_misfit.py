@@ -57,6 +57,8 @@ def smooth_misfit(residual: np.ndarray, slopes: np.ndarray, smooth: np.ndarray) 
         ratio = (square / functions) / (rest / freedom[some])
     by_chance = fdtrc(functions, freedom[some], np.maximum(np.nan_to_num(ratio), 0.0))
     large = np.flatnonzero(by_chance < _CHANCE)
+    if not len(large):
+        return found
     signs = np.random.default_rng(0).integers(0, 2, (_DRAWS, r.shape[1]), dtype=np.int8)
     signs = 2.0 * signs.astype(np.float32) - 1.0
     for start in range(0, len(large), _BLOCK):
