@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from fitting.bare_surface.coordinates import index_derivatives
-from fitting.bare_surface.curve_data import Data
+from fitting.bare_surface.curve_data import Data, of_rows
 from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import K_MIN
 from fitting.bare_surface.reflectances import CHANNELS, reflectances
@@ -91,13 +91,16 @@ def noise_of_misfits(data: Data, angle_deg: np.ndarray, s: Solved) -> np.ndarray
     """Return the noise of the channel that is missed by most, (N,); NaN where none is a misfit."""
     fitted, weights = fitted_curves(data, s), np.array(data.wide_weights)
     value = np.where(weights > 0.0, np.array(data.values), np.nan)
-    in_rows, angles = (-1, value.shape[-1]), np.broadcast_to(angle_deg, value.shape)
-    rows = value.reshape(in_rows)
-    of = misfit(angles.reshape(in_rows), rows, (value - fitted).reshape(in_rows))
-    rms, noise, found = (a.reshape(value.shape[:2]) for a in of)
-    smooth = _smooth(data, angle_deg, s, fitted)
-    if smooth.any():
-        found = found | smooth & (rms > rounding(rows).reshape(rms.shape))
+    angles = np.broadcast_to(angle_deg, value.shape)
+    rows, of = (-1, value.shape[-1]), value.shape[:-1]  # a row each curve and channel
+    each = misfit(angles.reshape(rows), value.reshape(rows), (value - fitted).reshape(rows))
+    rms, noise, found = (a.reshape(of) for a in each)
+    rest = np.flatnonzero(~found.any(0))
+    if len(rest):
+        at = angles[0][rest]
+        smooth = rest[_smooth(data.take(rest), at, of_rows(s, rest), fitted[:, rest])]
+        least = rounding(value[:, smooth].reshape(rows)).reshape(len(value), -1)
+        found[:, smooth] = rms[:, smooth] > least
     worst = np.where(found, rms, -np.inf).argmax(0)
     return np.where(found.any(0), noise[worst, np.arange(data.curves)], np.nan)
 
