@@ -32,7 +32,7 @@ import numpy as np
 from scipy import stats
 
 from fitting import Fit, fit_many
-from fitting.results.result import Estimate
+from fitting.results.result_parts import Estimate
 from fresnel_jax import powers
 
 from .fit_success import A_GEOMETRY, cost_of, cost_of_truth, draw, has_second

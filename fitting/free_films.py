@@ -17,7 +17,8 @@ import numpy as np
 
 from fitting.measurements.measurement import Measurement
 from fitting.results.diagnostics import Finding
-from fitting.results.result import NONE, QUADRATIC, SHARED, Estimate, Fit
+from fitting.results.result import Fit
+from fitting.results.result_parts import NONE, QUADRATIC, SHARED, Estimate
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import FREE, Sample
 from fitting.searching.search import Asked

@@ -22,7 +22,8 @@ from fitting.samples.spline_index import NAME as SPLINE
 from fitting.samples.spline_index import without_knots
 
 if TYPE_CHECKING:
-    from fitting.results.result import Fit, Prediction
+    from fitting.results.result import Fit
+    from fitting.results.result_parts import Prediction
 
 
 def predict(fit: Fit, at: Any, quantity: Any, wavelength_um: Any) -> Prediction:

@@ -24,7 +24,8 @@ from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.progress import listening, tell
 from fitting.residuals.error_model import beyond_chance
 from fitting.results.diagnostics import Finding
-from fitting.results.result import CONVERGED, UNDETERMINED, Fit
+from fitting.results.result import Fit
+from fitting.results.result_parts import CONVERGED, UNDETERMINED
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
 from fitting.searching.search import Asked, Solving

@@ -7,7 +7,7 @@ import pytest
 
 from fitting import simulate
 from fitting.output.material import errors_beside, material_texts
-from fitting.results.result import IndexBand
+from fitting.results.result_parts import IndexBand
 from fitting.samples.known_media import known_medium
 from fitting.samples.material_files import MaterialFileError, read_material
 from fitting.samples.published_formulas import PublishedFormula

@@ -9,7 +9,7 @@ from fitting.output.as_data import plain
 from fitting.output.estimates import beside, k_text, value_text
 from fitting.output.numbers import agree, interval_text, size_text, with_error
 from fitting.process.visible import visible
-from fitting.results.result import Estimate
+from fitting.results.result_parts import Estimate
 from fitting.results.wording import poorly_determined
 
 

@@ -13,7 +13,8 @@ from fitting.choice import selection as select
 from fitting.choice.candidates import MARGIN, Candidate, Key, simplest
 from fitting.measurements.measurement import Measurement
 from fitting.results.diagnostics import Finding
-from fitting.results.result import UNDETERMINED, ErrorModel, Estimate, Fit, Prediction
+from fitting.results.result import Fit
+from fitting.results.result_parts import UNDETERMINED, ErrorModel, Estimate, Prediction
 from fitting.samples.sample import Sample
 
 WAVES = np.linspace(0.4, 1.0, 40)

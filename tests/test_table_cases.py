@@ -11,7 +11,7 @@ from fitting.measurements.measurement import concatenate
 from fitting.output.estimates import reach
 from fitting.output.page import fit_page
 from fitting.results.diagnostics import Finding
-from fitting.results.result import Alternative, Estimate
+from fitting.results.result_parts import Alternative, Estimate
 
 
 @pytest.fixture(scope="module")

@@ -30,8 +30,7 @@ from fitting.bare_surface.region_intervals import Intervals, intervals, limit_of
 from fitting.bare_surface.total_reflection import open_to_small_index
 from fitting.bare_surface.valley import Lanes, evaluate, open_to_the_other_end
 from fitting.residuals.error_model import beyond_chance
-from fitting.results.result import CONVERGED, NO_DATA, NOT_CONVERGED, UNDETERMINED
-from fitting.results.result_parts import QUADRATIC
+from fitting.results.result_parts import CONVERGED, NO_DATA, NOT_CONVERGED, QUADRATIC, UNDETERMINED
 from fitting.searching.minima import ASSUMED_SIGMA
 
 # The limits beyond which an index is called undetermined.

@@ -121,7 +121,7 @@ def of_arrays(angles_deg: Any, channels: Mapping[str, Any], sigma: Any, eta_i: f
         if stated
     }
     try:
-        full = np.broadcast_shapes(angle.shape, *(v.shape for v in given.values()))
+        full = np.broadcast(angle, *given.values()).shape
         wide, broad = (
             {n: v if v.shape == full else np.broadcast_to(v, full) for n, v in some.items()}
             for some in (given, errors)

@@ -11,7 +11,7 @@ from fitting.bare_surface.arrange import Arranged
 from fitting.bare_surface.curve_data import Data, of_rows, put_rows
 from fitting.bare_surface.curves import fitted_curves
 from fitting.residuals.error_model import GAIN, ROUNDS, likeliest_floor
-from fitting.results.result import NO_DATA
+from fitting.results.result_parts import NO_DATA
 
 
 class Taken(NamedTuple):

@@ -18,7 +18,7 @@ from fitting.problem.evaluation import measured_places
 from fitting.process.compiled import compiled
 from fitting.residuals.noise import misfit, rounding
 from fitting.residuals.smooth_misfit import smooth_functions, smooth_misfit
-from fitting.results.result import IndexBand, Prediction
+from fitting.results.result_parts import IndexBand, Prediction
 
 # The points of a call are rounded up to a multiple, so that few programs are compiled.
 _MULTIPLE = 64

@@ -20,7 +20,8 @@ from fitting.measurements.measurement import Measurement
 from fitting.problem.observations import missing_errors
 from fitting.residuals.pattern import pooled_pattern
 from fitting.results.diagnostics import Warning
-from fitting.results.result import (
+from fitting.results.result import Fit
+from fitting.results.result_parts import (
     AT_LOWER,
     CONVERGED,
     FITTED,
@@ -30,7 +31,6 @@ from fitting.results.result import (
     Alternative,
     ErrorModel,
     Estimate,
-    Fit,
 )
 from fitting.samples.sample import Sample
 from fitting.uncertainty.intervals import check_choices

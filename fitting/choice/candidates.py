@@ -28,7 +28,8 @@ from fitting.residuals.error_model import beyond_chance
 from fitting.residuals.pattern import pattern
 from fitting.residuals.residuals import weighted_residuals
 from fitting.results.diagnostics import Finding, Warning
-from fitting.results.result import CONVERGED, NOT_CONVERGED, Fit
+from fitting.results.result import Fit
+from fitting.results.result_parts import CONVERGED, NOT_CONVERGED
 
 # "Positive" evidence ends and "strong" begins at a difference of 6 (Kass and Raftery). With the
 # first the rate of needless parameters is that of single tests (4 % at 60 data) times the number

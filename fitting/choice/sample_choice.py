@@ -19,7 +19,8 @@ import numpy as np
 from fitting.choice.candidates import MARGIN, Choice, Key
 from fitting.measurements.quantities import are_powers
 from fitting.results.diagnostics import Finding
-from fitting.results.result import CONVERGED, Fit
+from fitting.results.result import Fit
+from fitting.results.result_parts import CONVERGED
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
 from fitting.uncertainty.likelihood import corrected_aic

@@ -44,7 +44,8 @@ from fitting.measurements.measurement import Measurement, concatenate
 from fitting.measurements.quantities import are_powers
 from fitting.optics.instrument import INSTRUMENT, instrument_parameter
 from fitting.process.progress import tell
-from fitting.results.result import CONVERGED, Fit
+from fitting.results.result import Fit
+from fitting.results.result_parts import CONVERGED
 from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit

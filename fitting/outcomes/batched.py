@@ -11,7 +11,8 @@ import numpy as np
 from fitting.measurements.measurement import Measurement
 from fitting.problem.evaluation import EachWavelength
 from fitting.results.diagnostics import Finding
-from fitting.results.result import NONE, TIED, Alternative, ErrorModel, Estimate, Fit
+from fitting.results.result import Fit
+from fitting.results.result_parts import NONE, TIED, Alternative, ErrorModel, Estimate
 
 _EACH = (
     "covariance", "wavelength_um", "chi2", "chi2_reduced", "dof", "n_data", "rms", "status",

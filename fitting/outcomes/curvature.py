@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fitting.results.result import FITTED, PROFILE, Estimate
+from fitting.results.result_parts import FITTED, PROFILE, Estimate
 from fitting.searching.search import End, Solving
 from fitting.searching.starts import STAGE
 from fitting.uncertainty.intervals import Intervals

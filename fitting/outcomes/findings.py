@@ -17,7 +17,7 @@ from fitting.problem.evaluation import at_data
 from fitting.problem.unknowns import Unknowns
 from fitting.residuals.pattern import pattern
 from fitting.results.diagnostics import Finding
-from fitting.results.result import AT_LOWER, AT_UPPER, PROFILE, Alternative, Estimate
+from fitting.results.result_parts import AT_LOWER, AT_UPPER, PROFILE, Alternative, Estimate
 from fitting.samples.dispersion import CAUCHY_NAMES, Model
 from fitting.samples.known_media import Mixture
 from fitting.samples.sample import Sample

@@ -11,9 +11,10 @@ from fitting.outcomes.curvature import by_curvature
 from fitting.outcomes.findings import Found, Subject, findings
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.unknowns import Unknowns
-from fitting.results import result as status
+from fitting.results import result_parts as status
 from fitting.results.diagnostics import Finding
-from fitting.results.result import Alternative, ErrorModel, Estimate, Fit
+from fitting.results.result import Fit
+from fitting.results.result_parts import Alternative, ErrorModel, Estimate
 from fitting.samples.parameters import value_and_slope
 from fitting.searching.minima import SAME_CHI2, Around, Minimum, minima, scatter_of
 from fitting.searching.search import End, Solving

@@ -14,7 +14,8 @@ import numpy as np
 from fitting.measurements.quantities import are_powers
 from fitting.optics.observe import NCS
 from fitting.results.diagnostics import Warning
-from fitting.results.result import AT_LOWER, Fit
+from fitting.results.result import Fit
+from fitting.results.result_parts import AT_LOWER
 
 # N, C, S of a bare crystal are fitted within .003 (the errors of an ellipsometer), with the wrong
 # sign of Delta within .009, and those of 100 nm of hafnia on silica within .2, in measured files.

@@ -18,7 +18,8 @@ from fitting.output.facts import sample_text, title_of
 from fitting.output.text_table import varied_of
 from fitting.process.visible import visible
 from fitting.residuals.residuals import residuals
-from fitting.results.result import Alternative, Estimate, Fit
+from fitting.results.result import Fit
+from fitting.results.result_parts import Alternative, Estimate
 
 if TYPE_CHECKING:
     from fitting.choice.candidates import Choice

@@ -13,7 +13,8 @@ from fitting.output.facts import converged, counted
 from fitting.output.numbers import number
 from fitting.output.text_table import head_of, rows_aligned, varied_of
 from fitting.process.visible import visible
-from fitting.results.result import UNDETERMINED, Fit
+from fitting.results.result import Fit
+from fitting.results.result_parts import UNDETERMINED
 
 REFUSED = "refused"
 EACH_MARK = "# results of files fitted one by one, written by fresnel-fit"

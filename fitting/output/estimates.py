@@ -15,7 +15,8 @@ from fitting.output.numbers import (
     with_error,
     with_unit,
 )
-from fitting.results.result import (
+from fitting.results.result import Fit
+from fitting.results.result_parts import (
     AT_LOWER,
     AT_UPPER,
     FIXED,
@@ -24,7 +25,6 @@ from fitting.results.result import (
     TIED,
     UNDETERMINED,
     Estimate,
-    Fit,
 )
 from fitting.uncertainty.limits import student_quantile
 

@@ -20,7 +20,8 @@ from fitting.output.estimates import (
 )
 from fitting.output.numbers import interval_text, number, size_text, with_error
 from fitting.process.visible import visible
-from fitting.results.result import CONVERGED, UNDETERMINED, Alternative, Estimate, Fit
+from fitting.results.result import Fit
+from fitting.results.result_parts import CONVERGED, UNDETERMINED, Alternative, Estimate
 
 Facts = list[tuple[str, str]]
 # How many second solutions, and how many correlations, are shown.

@@ -15,7 +15,8 @@ import numpy as np
 
 from fitting.measurements.reader.units import span_of
 from fitting.process.visible import visible
-from fitting.results.result import CONVERGED, UNDETERMINED, Estimate, Fit, IndexBand
+from fitting.results.result import Fit
+from fitting.results.result_parts import CONVERGED, UNDETERMINED, Estimate, IndexBand
 from fitting.samples.sample import Sample
 
 _ENDINGS = (".yml", ".yaml")

@@ -36,7 +36,8 @@ from fitting.output.style import (
 )
 from fitting.output.text_table import warnings_of
 from fitting.process.visible import visible
-from fitting.results.result import CONVERGED, Fit
+from fitting.results.result import Fit
+from fitting.results.result_parts import CONVERGED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,7 +11,8 @@ from fitting.output.numbers import with_unit
 from fitting.output.reference import reference_index
 from fitting.output.style import ETA_COLOR, GREY, K_COLOR, MANY, band, points, symbol
 from fitting.output.text_table import varied_of
-from fitting.results.result import CONVERGED, Fit
+from fitting.results.result import Fit
+from fitting.results.result_parts import CONVERGED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -22,7 +22,8 @@ from fitting.output.numbers import number, size_text
 from fitting.output.reference import reference_text
 from fitting.process.visible import visible
 from fitting.results.diagnostics import Finding
-from fitting.results.result import UNDETERMINED, Fit
+from fitting.results.result import Fit
+from fitting.results.result_parts import UNDETERMINED
 
 if TYPE_CHECKING:
     from fitting.choice.candidates import Choice

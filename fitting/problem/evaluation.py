@@ -16,7 +16,7 @@ from fitting.problem.points import numbers, points_of
 from fitting.problem.problem import Targets, index_slopes
 from fitting.problem.programs_in_parts import shown_at
 from fitting.problem.unknowns import Unknowns, index_outside
-from fitting.results.result import Evaluator, IndexBand, Prediction
+from fitting.results.result_parts import Evaluator, IndexBand, Prediction
 from fitting.samples.sample import FREE, Sample
 from fitting.samples.sample_checks import check_known
 

@@ -14,28 +14,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fitting.measurements.measurement import Measurement
-from fitting.results.diagnostics import Finding
-from fitting.results.diagnostics import Warning as Warning
-from fitting.results.result_parts import AT_LOWER as AT_LOWER
-from fitting.results.result_parts import AT_UPPER as AT_UPPER
-from fitting.results.result_parts import CONVERGED as CONVERGED
-from fitting.results.result_parts import FITTED as FITTED
-from fitting.results.result_parts import FIXED as FIXED
-from fitting.results.result_parts import NO_DATA as NO_DATA
-from fitting.results.result_parts import NONE as NONE
-from fitting.results.result_parts import NOT_CONVERGED as NOT_CONVERGED
-from fitting.results.result_parts import PROFILE as PROFILE
-from fitting.results.result_parts import QUADRATIC as QUADRATIC
-from fitting.results.result_parts import SHARED as SHARED
-from fitting.results.result_parts import TIED as TIED
-from fitting.results.result_parts import UNDETERMINED as UNDETERMINED
-from fitting.results.result_parts import Alternative as Alternative
-from fitting.results.result_parts import ErrorModel as ErrorModel
-from fitting.results.result_parts import Estimate as Estimate
-from fitting.results.result_parts import Evaluator as Evaluator
-from fitting.results.result_parts import IndexBand as IndexBand
-from fitting.results.result_parts import Prediction as Prediction
-from fitting.results.result_parts import item, picked, place_of
+from fitting.results.diagnostics import Finding, Warning
+from fitting.results.result_parts import (
+    Alternative,
+    ErrorModel,
+    Estimate,
+    Evaluator,
+    IndexBand,
+    Prediction,
+    item,
+    picked,
+    place_of,
+)
 from fitting.samples.sample import Sample
 
 if TYPE_CHECKING:

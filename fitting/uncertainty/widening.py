@@ -13,7 +13,8 @@ import numpy as np
 
 from fitting.residuals.error_model import widening
 from fitting.results.diagnostics import Finding
-from fitting.results.result import TIED, Estimate, Fit
+from fitting.results.result import Fit
+from fitting.results.result_parts import TIED, Estimate
 
 
 def wider(e: Estimate, factor: Any, ends: tuple[float, float]) -> Estimate:
