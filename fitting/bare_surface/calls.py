@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -87,8 +86,8 @@ def _nodes(data: Data) -> tuple[Array, ...]:
     return _kept(data.cos_theta.tobytes(), data.s_share.tobytes(), data.channels, data.mesh)
 
 
-def _call(data: Data, start: np.ndarray, steps: Steps, size: int) -> Callable[[], np.ndarray]:
-    """Return a call of the program, for up to ``size`` curves, with its arguments prepared."""
+def _call(data: Data, start: np.ndarray, steps: Steps, size: int) -> np.ndarray:
+    """Return the result of one call of the program, for up to ``size`` curves."""
     here, angles = data.curves, data.values[0].shape[1]
     wide, part = angles + -angles % SIDE_BY_SIDE, data
     # Of a few curves the number of angles is rounded up (with no data), to 64 at least, and every
@@ -103,16 +102,11 @@ def _call(data: Data, start: np.ndarray, steps: Steps, size: int) -> Callable[[]
     part = part.padded(size, wide)
     begin = np.ones((len(start), size))
     begin[:, :here] = start
-    numbers, nodes = np.array([here, *steps]), _nodes(part)
-
-    def call() -> np.ndarray:
-        with jax.enable_x64(True):
-            return np.asarray(solve(
-                part.cos_theta, part.s_share, part.values, part.weights, begin, numbers, nodes,
-                channels=part.channels, mesh=data.mesh,
-            ))  # fmt: skip
-
-    return call
+    with jax.enable_x64(True):
+        return np.asarray(solve(
+            part.cos_theta, part.s_share, part.values, part.weights, begin,
+            np.array([here, *steps]), _nodes(part), channels=part.channels, mesh=data.mesh,
+        ))  # fmt: skip
 
 
 def _apart(tables: np.ndarray, here: int, first: int, block: int) -> tuple[np.ndarray, Further]:
@@ -145,23 +139,20 @@ def run(data: Data, start: np.ndarray, steps: Steps) -> tuple[np.ndarray, Furthe
         calls = max(-(-count // size), min(os.cpu_count() or 1, count // LEAST_OF_CALL))
         size = -(-count // (calls * LANES)) * LANES
 
-    def one(first: int) -> Callable[[], tuple[np.ndarray, Further]]:
+    def one(first: int) -> tuple[np.ndarray, Further]:
         part, begin = data, start
         if count > size:
             chunk = slice(first, first + size)
             part, begin = data.take(chunk), start[:, chunk]
-        call = _call(part, begin, steps, most)
-        return lambda: _apart(call(), part.curves, first, min(most, BLOCK))
+        tables = _call(part, begin, steps, most)
+        return _apart(tables, part.curves, first, min(most, BLOCK))
 
-    own = one(0)
     if count <= size:
-        return own()
-    # Threads, because a call blocks its thread, without holding the GIL. They start when the first
-    # call is prepared: before that they would only wait for each other.
-    threads = _threads(os.getpid())
-    rest = [threads.submit(lambda first=first: one(first)()) for first in range(size, count, size)]
+        return one(0)
+    # Threads, because a call blocks its thread, without holding the GIL.
+    rest = [_threads(os.getpid()).submit(one, first) for first in range(size, count, size)]
     try:
-        parts = [own(), *(task.result() for task in rest)]
+        parts = [one(0), *(task.result() for task in rest)]
     finally:
         for task in rest:
             task.cancel()  # of an interrupted call; the others are done

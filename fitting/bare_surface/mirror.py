@@ -39,10 +39,11 @@ def allowed_rise(dof: np.ndarray, known: np.ndarray) -> np.ndarray:
 def _half_shapes(data: Data) -> np.ndarray:
     """Return h / 2 of the channels side by side, (C M,) or (N, C M)."""
     cos = np.maximum(data.cos_theta, 1e-6)
-    shares = {"R_s": 1.0, "R_p": 0.0, "R": data.s_share}
     of_s, of_p = 0.5 * cos, 0.5 / cos
-    halves = [shares[c] * of_s + (1.0 - shares[c]) * of_p for c in data.channels]
-    return np.concatenate(halves, axis=-1)
+    halves = {"R_s": of_s, "R_p": of_p}
+    if "R" in data.channels:
+        halves["R"] = of_p + data.s_share * (of_s - of_p)
+    return np.concatenate([halves[c] for c in data.channels], axis=-1)
 
 
 def mirror_fit(data: Data) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

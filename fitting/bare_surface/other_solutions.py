@@ -66,11 +66,12 @@ def other_solutions(
     possible: (N,), where they are looked for. how: what errors follow from. wanted: kind of the
     intervals.
     """
-    of = found.curve
+    of, nothing = found.curve, _none(len(possible))
+    if not len(of):
+        return nothing
     excess = (found.others[:, ROW.cost] - found.best[ROW.cost, of]) / scatter[of]
     near = possible[of] & (excess < alternative_chi2(dof[of])) & (found.others[:, ROW.done] > 0)
     rank, place = near.nonzero()
-    nothing = _none(len(possible))
     if not len(rank):
         return nothing
     curve = of[place]
