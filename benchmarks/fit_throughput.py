@@ -45,8 +45,9 @@ from .machine import conditions, cores
 
 PEER_FITS = 200
 # Calls of up to 100 curves are made so many times in a row: the first of them finds the memory and
-# the caches as a batch of 100,000 has left them, and takes half as long again.
-SMALL, IN_A_ROW = 100, 20
+# the caches as a batch of 100,000 has left them, and takes half as long again; and of calls of 2 ms
+# most are interrupted by other programs for a part of that.
+SMALL, IN_A_ROW = 100, 200
 MIXED = (100, 10_000)
 
 

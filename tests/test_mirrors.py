@@ -28,7 +28,8 @@ def test_no_other_mirror_fits_better(seed):
     values = tuple(exact[c] + noise * random.standard_normal((curves, angles)) for c in channels)
     weight = np.full(angles, 1.0 / noise)
     data = Data(cos, np.full(angles, 0.5), values, (weight,) * len(channels), 1.0, channels)
-    cost, a, information = mirror_fit(data)
+    here, cost, a, information = mirror_fit(data, np.full(curves, np.inf))
+    assert len(here) == curves
 
     def cost_at(each):
         there = _of_mirror(each, cos)
@@ -39,6 +40,8 @@ def test_no_other_mirror_fits_better(seed):
     grid = np.concatenate([[0.0], np.geomspace(1e-6, MOST_A, 4000)])
     least = np.min([cost_at(np.full(curves, one)) for one in grid], axis=0)
     assert (cost <= least + 0.01).all()
+    kept, *_ = mirror_fit(data, cost * (1.0 + 1e-9))
+    assert len(kept) == curves
     step = 1e-4 * a + 1e-9
     bend = (cost_at(a + step) - 2.0 * cost + cost_at(a - step)) / (2.0 * step**2)
     seen = (a > 1e-3) & (a < 0.999 * MOST_A)

@@ -46,33 +46,40 @@ def _half_shapes(data: Data) -> np.ndarray:
     return np.concatenate([halves[c] for c in data.channels], axis=-1)
 
 
-def mirror_fit(data: Data) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return cost, a and information on a of the best mirror of each curve, (N,) each.
+def mirror_fit(data: Data, most: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return which curves a mirror may fit at a cost of ``most`` (N,), and the best of each.
 
-    By a Gauss-Newton step from the least squares of 1 - R = a h (1 + R) / 2, which are linear in a;
-    kept between 0 and MOST_A.
+    Numbers of curves, and cost, a and information on a of their best mirrors, (K,) each. By a
+    Gauss-Newton step, kept between 0 and MOST_A, from least squares that are linear in a,
+
+        1 - R - a h (1 + R) / 2 = (1 + a h / 2) (1 - R - a h / (1 + a h / 2)),
+
+    with each datum weighed by 1 + a h / 2 at the largest a: they miss no more than any mirror does.
     """
     half, weight = _half_shapes(data), np.concatenate(data.weights, axis=-1)
     value = np.concatenate(data.values, axis=1)
-    dark, twice = (1.0 - value) * weight, 2.0 * half * weight
-
-    def best(along: np.ndarray, off: np.ndarray) -> np.ndarray:
-        return np.vecdot(along, off)[:, None] / np.maximum(np.vecdot(along, along), 1e-300)[:, None]
-
-    def within(a: np.ndarray) -> np.ndarray:
-        return np.minimum(np.maximum(a, 0.0), MOST_A)  # clip takes longer
+    scaled = weight / (1.0 + MOST_A * half)
+    dark, line = (1.0 - value) * scaled, (1.0 + value) * (half * scaled)
+    product, square = np.vecdot(line, dark), np.vecdot(line, line)
+    a = product / np.maximum(square, 1e-300)
+    here = (np.vecdot(dark, dark) - a * product <= most).nonzero()[0]
+    if not len(here):
+        return here, *np.empty((3, 0))
+    half, weight = (of[here] if of.ndim == 2 else of for of in (half, weight))
+    dark, twice = (1.0 - value[here]) * weight, 2.0 * half * weight
 
     def at(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what is missed, and the slope in a."""
-        fall = 1.0 + a * half
+        fall = 1.0 + a[:, None] * half
         slope = twice / fall
-        return dark - a * slope, slope / fall
+        return dark - a[:, None] * slope, slope / fall
 
-    a = within(best(half * (weight + weight * value), dark))
+    a = np.clip(a[here], 0.0, MOST_A)
     miss, slope = at(a)
-    a = within(a + best(slope, miss))
+    step = np.vecdot(slope, miss) / np.maximum(np.vecdot(slope, slope), 1e-300)
+    a = np.clip(a + step, 0.0, MOST_A)
     miss, slope = at(a)
-    return np.vecdot(miss, miss), a[:, 0], np.vecdot(slope, slope)
+    return here, np.vecdot(miss, miss), a, np.vecdot(slope, slope)
 
 
 def strong_reflectors(data: Data, s: Solved) -> np.ndarray:
@@ -98,14 +105,13 @@ def like_mirrors(
     found, perfect = np.full(len(dof), np.nan), np.zeros(len(dof), bool)
     if not len(maybe):
         return found, perfect
-    unit = scatter[maybe]
     rise = allowed_rise(dof[maybe], known if np.ndim(known) == 0 else known[maybe])
-    most = s.cost[maybe] + rise * unit
-    cost, a, information = mirror_fit(data.take(maybe))
-    here = cost <= most
-    if here.any():
-        high = a + NORMAL_95 * np.sqrt(unit / information)
+    most = s.cost[maybe] + rise * scatter[maybe]
+    here, cost, a, information = mirror_fit(data.take(maybe), most)
+    if len(here):
+        maybe, most = maybe[here], most[here]
+        high = a + NORMAL_95 * np.sqrt(scatter[maybe] / information)
         bound = np.maximum(1.0 - high / (1.0 + 0.5 * high), 0.0)
-        found[maybe] = np.where(here, bound, np.nan)
+        found[maybe] = np.where(cost <= most, bound, np.nan)
         perfect[maybe] = cost + information * a**2 <= most
     return found, perfect
