@@ -146,9 +146,11 @@ def _contests(sizes: list[int], data: dict[str, np.ndarray]) -> dict[str, tuple[
         R_s, R_p = (data[q][:n] if n > 1 else data[q][0] for q in ("R_s", "R_p"))
         return lambda: fit_many(ANGLES, R_s=R_s, R_p=R_p)
 
-    calls: dict[str, tuple[int, Callable]] = {f"fit_many, {n}": (n, many(n)) for n in sizes}
-    for n in MIXED:
-        calls[f"fit_many, {n} mixed"] = (n, partial(fit_many, ANGLES, **mixed(n)))
+    calls: dict[str, tuple[int, Callable]] = {}
+    for n in sizes:
+        calls[f"fit_many, {n}"] = (n, many(n))
+        if n in MIXED:
+            calls[f"fit_many, {n} mixed"] = (n, partial(fit_many, ANGLES, **mixed(n)))
     columns = np.concatenate([data["R_s"], data["R_p"]], axis=1)[:PEER_FITS]
     for name, peer in peers().items():
         calls[name] = (len(columns), lambda peer=peer: [peer(y) for y in columns])

@@ -25,7 +25,7 @@ def seen(monkeypatch):
         return real(*args, **kwargs)
 
     monkeypatch.setattr(calls, "solve", solve)
-    monkeypatch.setattr(calls.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(calls, "PROCESSORS", 2)
     return found
 
 

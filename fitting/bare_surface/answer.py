@@ -157,7 +157,7 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     found, data = minima(a.data, extent, start)
     s = Solved(*found.best)
     sin_max = np.sin(np.radians(np.fmax(extent.high_deg, 0.0)))
-    how = Weighing(a.stated, absolute, np.broadcast_to(sin_max, s.cost.shape))
+    how = Weighing(a.stated, absolute, np.full(s.cost.shape, sin_max))
     e = estimate(data, s, how)
     dof = np.maximum(s.count - 2, 0)
 

@@ -24,6 +24,7 @@ from fitting.process.compiled import compiled
 FEW, SEVERAL, MANY = LANES, 256, 1024
 # Calls side by side of so many curves at least: one takes as long without any as with 20.
 LEAST_OF_CALL = 24
+PROCESSORS = os.cpu_count() or 1  # asking again and again takes as long as a fit
 # A mesh has as many nodes as some hundred lanes (3,000 for R_p alone), and to evaluate them takes
 # as long as a third of the fit of 64 curves. Most calls are at angles that an earlier one had.
 # Up to that many angles (19 MB with every channel and the largest mesh) they are kept.
@@ -46,7 +47,7 @@ def _threads(process: int) -> ThreadPoolExecutor:
     Starting and ending them takes as long as fitting 20 curves. A forked process has its own.
     """
     del process
-    return ThreadPoolExecutor(os.cpu_count() or 1)
+    return ThreadPoolExecutor(PROCESSORS)
 
 
 class Further(NamedTuple):
@@ -136,7 +137,7 @@ def run(data: Data, start: np.ndarray, steps: Steps) -> tuple[np.ndarray, Furthe
         return np.empty((JOB, 0)), NO_FURTHER
     most = size = FEW if data.few else BLOCK if count <= SEVERAL else MANY
     if size < MANY:  # as many calls as there are processors, if not too small, of whole groups
-        calls = max(-(-count // size), min(os.cpu_count() or 1, count // LEAST_OF_CALL))
+        calls = max(-(-count // size), min(PROCESSORS, count // LEAST_OF_CALL))
         size = -(-count // (calls * LANES)) * LANES
 
     def one(first: int) -> tuple[np.ndarray, Further]:
