@@ -165,7 +165,8 @@ def fit_many(
     """Return eta and k of many reflectance curves, each fitted by itself, in one call.
 
     Values, errors and warnings are those of `fit` for each curve, except that residuals are not
-    tested for autocorrelation, for which `fit` widens the errors.
+    tested for autocorrelation, for which `fit` widens the errors; and of a misfit that is little
+    larger than the noise (`does_not_describe`) 94 in 100 are told.
 
     Args:
         angles_deg: (M,) degrees of incidence from the normal, 0 to 90, or (..., M) for angles of
