@@ -72,7 +72,7 @@ def test_a_power_is_one_entry_in_one_file(copy):
     assert len(edited(copy, "power")) == 1
     out = run(copy, """
 import numpy as np
-from fitting import Measurement, fit, simulate
+from fitting import Measurement, fit, read_csv, simulate
 angles = np.linspace(20.0, 80.0, 12)
 truth = {"eta": 0.5, "k": 2.0}
 seen = simulate("constant", truth, angles, 0.5, "R_45")
@@ -81,6 +81,36 @@ assert np.allclose(seen, 0.5 * (s + p), atol=1e-15)
 found = fit(Measurement.from_columns(angles, 0.5, R_45=seen, sigma=1e-3), "constant")
 assert abs(found.parameters["eta"].value - 0.5) < 1e-6
 assert "R_45" in str(found)
+with open("own.csv", "w") as file:
+    file.write("angle_deg,R_45,sigma_R_45\\n")
+    file.writelines(f"{a},{r},0.001\\n" for a, r in zip(angles, seen))
+read = read_csv("own.csv", wavelength_um=0.5)
+assert set(read.quantity) == {"R_45"} and np.allclose(read.value, seen)
+assert (read.sigma == 1e-3).all()
+print(found.status)
+""")  # fmt: skip
+    assert out.strip() == "converged"
+
+
+def test_a_number_of_two_powers_is_two_files(copy):
+    """R_p / R_s has no upper limit, and no notes that are meant for psi and Delta."""
+    assert len(edited(copy, "ratio")) == 2
+    out = run(copy, """
+import numpy as np
+from fitting import Measurement, fit, read_csv, simulate
+waves, truth = np.linspace(0.4, 0.8, 40), {"A": 1.46, "B": 0.004, "C": 0.0, "thickness_nm": 310.0}
+sample = "air | cauchy 300 nm | Si"
+seen, R_s, R_p = (simulate(sample, truth, 65.0, waves, q) for q in ("R_ratio", "R_s", "R_p"))
+assert np.allclose(seen, R_p / R_s, rtol=1e-12)
+with open("own.csv", "w") as file:
+    file.write("wavelength_nm,R_ratio,sigma_R_ratio\\n")
+    file.writelines(f"{1e3 * w},{r},0.001\\n" for w, r in zip(waves, seen))
+found = fit(read_csv("own.csv", angle_deg=65.0), sample)
+assert abs(found.parameters["thickness_nm"].value - 310.0) < 1e-3, found
+angles = np.linspace(20.0, 80.0, 13)
+bare = simulate("constant", {"eta": 0.5, "k": 2.0}, angles, 0.5, "R_ratio")
+free = fit(Measurement.from_columns(angles, 0.5, R_ratio=bare, sigma=1e-3))
+assert abs(free.eta - 0.5) < 1e-6 and "pseudo" not in str(free), free
 print(found.status)
 """)  # fmt: skip
     assert out.strip() == "converged"

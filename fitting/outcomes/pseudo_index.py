@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitting.measurements.quantities import are_powers
+from fitting.measurements.quantities import ANGLES
 from fitting.optics.observe import NCS
 from fitting.results.diagnostics import Warning
 from fitting.results.result import Fit
@@ -29,7 +29,7 @@ def notes_on(found: Fit) -> tuple[Warning, ...]:
     """Return the notes on a pseudo-index, fitted at each wavelength; none on other fits."""
     sample, m = found.sample, found.measurement
     bare = sample is not None and sample.bare and sample.by_wavelength
-    if not bare or m is None or are_powers(m.quantity).all():
+    if not bare or m is None or not np.isin(m.quantity, ANGLES).any():
         return ()
     wavelengths, chi2, dof = map(np.atleast_1d, (found.wavelength_um, found.chi2, found.dof))
     missed = np.nan_to_num(np.atleast_1d(found.rms_of.get(NCS, 0.0)))

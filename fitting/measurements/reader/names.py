@@ -177,6 +177,9 @@ def role_of(name: str, unit: str = "") -> Role:
     if not own and unit_of(rest) in _AXIS_UNITS and len(rest) > 1:
         rest, own = "", unit_of(rest) or ""  # the unit is all the name there is
     unit = own or unit
+    name_of = rest.removeprefix("sigma_")
+    if name_of in QUANTITIES:  # as this package writes it, of several words too
+        return Role("value" if name_of == rest else "sigma", name_of, unit=unit)
     if re.fullmatch(rf"s(?:{_ANY_LETTER}|Qz?|psi|Psi)", rest):
         why = f"the standard error of {rest[1:]}, or {rest[1:]} of s-polarized light"
         return Role("unclear", "sigma_" + rest[1:], why=why)
