@@ -8,11 +8,9 @@ from fitting.bare_surface.mirror import MOST_A, mirror_fit
 
 
 def _of_mirror(a, cos):
-    """1 - R of s and p is a h / (1 + a h / 2), with h = cos for s and 1 / cos for p."""
+    """1 - R of s and p is a h / (1 + a h / 2), with h = cos for s and 1 / cos for p; a: (N,)."""
     of = {"R_s": cos, "R_p": 1.0 / cos, "R": 0.5 * (cos + 1.0 / cos)}
-    if np.ndim(a):
-        return {c: 1.0 - a[:, None] * h / (1.0 + 0.5 * a[:, None] * h) for c, h in of.items()}
-    return {c: 1.0 - a * h / (1.0 + 0.5 * a * h) for c, h in of.items()}
+    return {c: 1.0 - a[:, None] * h / (1.0 + 0.5 * a[:, None] * h) for c, h in of.items()}
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -42,7 +40,8 @@ def test_no_other_mirror_fits_better(seed):
     assert (cost <= least + 0.01).all()
     kept, *_ = mirror_fit(data, cost * (1.0 + 1e-9))
     assert len(kept) == curves
+    # The information leaves out the residuals times the second derivative: .005 of it at most.
     step = 1e-4 * a + 1e-9
     bend = (cost_at(a + step) - 2.0 * cost + cost_at(a - step)) / (2.0 * step**2)
     seen = (a > 1e-3) & (a < 0.999 * MOST_A)
-    np.testing.assert_allclose(bend[seen], information[seen], rtol=0.5)
+    np.testing.assert_allclose(bend[seen], information[seen], rtol=0.01)

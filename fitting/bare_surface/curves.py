@@ -92,9 +92,9 @@ def noise_of_misfits(data: Data, angle_deg: np.ndarray, s: Solved) -> np.ndarray
     fitted, weights = fitted_curves(data, s), np.array(data.wide_weights)
     value = np.where(weights > 0.0, np.array(data.values), np.nan)
     angles = np.broadcast_to(angle_deg, value.shape)
-    rows, of = (-1, value.shape[-1]), value.shape[:-1]  # a row each curve and channel
+    rows = (-1, value.shape[-1])  # one for each channel of each curve
     each = misfit(angles.reshape(rows), value.reshape(rows), (value - fitted).reshape(rows))
-    rms, noise, found = (a.reshape(of) for a in each)
+    rms, noise, found = (a.reshape(value.shape[:-1]) for a in each)
     rest = np.flatnonzero(~found.any(0))
     if len(rest):
         at = angles[0][rest]

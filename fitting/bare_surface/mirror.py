@@ -54,7 +54,7 @@ def mirror_fit(data: Data, most: np.ndarray) -> tuple[np.ndarray, ...]:
 
         1 - R - a h (1 + R) / 2 = (1 + a h / 2) (1 - R - a h / (1 + a h / 2)),
 
-    with each datum weighed by 1 + a h / 2 at the largest a: they miss no more than any mirror does.
+    each datum divided by 1 + a h / 2 at the largest a: they miss no more than any mirror does.
     """
     half, weight = _half_shapes(data), np.concatenate(data.weights, axis=-1)
     value = np.concatenate(data.values, axis=1)
