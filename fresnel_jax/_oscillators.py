@@ -28,11 +28,13 @@ def _lorentz(energy: Array, strengths: Array, resonances: Array, widths: Array):
     # factored: the error of E_j - E is then only that of E itself
     distance = (resonances - energy) * (resonances + energy)
     loss = energy * widths.astype(dtype)
-    # In units of the larger part: the derivative of a quotient squares its divisor, which leaves
-    # the range of float32 for X-rays and for radio waves.
-    unit = jax.lax.stop_gradient(one_if_zero(jnp.maximum(jnp.abs(distance), loss)))
-    distance, loss = distance / unit, loss / unit
-    per_modulus = strengths.astype(dtype) / unit / (distance * distance + loss * loss)
+    strengths = strengths.astype(dtype)
+    if dtype == jnp.float32:
+        # In units of the larger part: the derivative of a quotient squares its divisor, which
+        # leaves the range of float32 for X-rays and for radio waves.
+        unit = jax.lax.stop_gradient(one_if_zero(jnp.maximum(jnp.abs(distance), loss)))
+        distance, loss, strengths = distance / unit, loss / unit, strengths / unit
+    per_modulus = strengths / (distance * distance + loss * loss)
     return jnp.sum(distance * per_modulus, axis=-1), jnp.sum(loss * per_modulus, axis=-1)
 
 
