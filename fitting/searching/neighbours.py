@@ -24,7 +24,7 @@ from fitting.searching.film_starts import (
 from fitting.searching.fringe_orders import beside as orders_beside
 from fitting.searching.last_steps import down_the_valley, followed
 from fitting.searching.next_term import likely_lines, oscillators
-from fitting.searching.search import lowest_ends
+from fitting.searching.search import SAME_MINIMUM, lowest_ends, lowest_lanes
 from fitting.searching.starts import LANES, Ends, best_of, joined
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
     films = films_of(fit.u.spec, fit.u.moving)
     worth = bool(films) or (fit.lanes == LANES and bool(oscillators(fit)))
     random, in_vain, tried = np.random.default_rng(fit.asked.seed), 0, False
+    moved: list[float] = []
     ends = down_the_valley(fit, ends, noise)
     for _ in range(_ROUNDS if worth else 0):
         best = best_of(ends)
@@ -71,7 +72,7 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
                 # 832 that led to the best minimum of a film was 674th then, and first after _FAR.
                 far = fit.held(start, noise, _FAR).lowest(LANES)
                 ends = joined([ends, followed(fit, far, noise, least)])
-        further = [_other_lines(fit, ends), _crossed(fit, ends, start, random)]
+        further = [_other_lines(fit, ends, moved), _crossed(fit, ends, start, random)]
         # Where an oscillator stands for the free electrons, the order of the fringes is another.
         as_electrons = _as_free_electrons(fit, y[:, None], start[:, :1])
         as_electrons = as_electrons[:, (as_electrons != y[:, None]).any(0)]
@@ -136,13 +137,18 @@ def _as_free_electrons(fit: Solving, y: np.ndarray, other: np.ndarray) -> np.nda
     return out
 
 
-def _other_lines(fit: Solving, ends: Ends) -> np.ndarray:
-    """Return starts (p, S): the lowest ends, each oscillator moved to where it explains most."""
-    terms = oscillators(fit)
-    if not terms:
-        return ends.y[:, :0]
-    out = []
-    for y in lowest_ends(ends).T:
+def _other_lines(fit: Solving, ends: Ends, seen: list[float]) -> np.ndarray:
+    """Return starts (p, S): the lowest ends, each oscillator moved to where it explains most.
+
+    seen: costs of the minima whose oscillators have been moved before, in this round too. These
+    are left out, since the same starts would lead to the same ends, and the new ones are added.
+    """
+    terms, out = oscillators(fit), [ends.y[:, :0]]
+    for lane in lowest_lanes(ends) if terms else ():
+        y, cost = ends.y[:, lane], float(ends.cost[lane])
+        if any(abs(cost - other) <= SAME_MINIMUM * cost for other in seen):
+            continue
+        seen.append(cost)
         for term in terms:
             without = y.copy()
             without[term[0]] = fit.limits[0][term[0]]

@@ -41,6 +41,8 @@ from fitting.uncertainty.likelihood import reduced_chi2
 NOISE_ROUNDS, NOISE_SETTLED = 6, 1e-3
 # Number of evaluations before the next term is added.
 _GROWING = 40
+# Ends whose costs differ by a smaller part are taken for the same minimum.
+SAME_MINIMUM = 1e-4
 _NO_NOISE = 1e9  # so large that a robust loss equals least squares
 
 
@@ -83,15 +85,20 @@ def grown_starts(fit: Solving, targets: Targets, start: np.ndarray, noise: float
     return np.concatenate(pools, 1)
 
 
-def lowest_ends(ends: Ends) -> np.ndarray:
-    """Return the eight lowest ends (p, 8), one of each cost as far as there are so many.
+def lowest_lanes(ends: Ends) -> np.ndarray:
+    """Return the lanes (8,) of the lowest ends, one of each cost as far as there are so many.
 
     Of fewer than eight some come again.
     """
     cost = np.minimum(ends.cost, 1e300)
     order = np.argsort(cost, kind="stable")
-    new = np.append(True, np.diff(cost[order]) > 1e-4 * cost[order][1:])
-    return ends.y[:, np.resize(np.concatenate([order[new], order[~new]]), 8)]
+    new = np.append(True, np.diff(cost[order]) > SAME_MINIMUM * cost[order][1:])
+    return np.resize(np.concatenate([order[new], order[~new]]), 8)
+
+
+def lowest_ends(ends: Ends) -> np.ndarray:
+    """Return the ends (p, 8) of `lowest_lanes`."""
+    return ends.y[:, lowest_lanes(ends)]
 
 
 def _weak_terms(start: np.ndarray) -> np.ndarray:
