@@ -120,15 +120,20 @@ def _minima(
     return sorted(found, key=lambda m: m is not usual[0]) if usual else found
 
 
-def _intervals(fit: Solving, every: Sequence[End], noise: float, wanted: str) -> list[Intervals]:
-    """Return the intervals at the minimum that is shown and at the others."""
+def _intervals(
+    fit: Solving, every: Sequence[End], noise: float, wanted: str, enough: float = -np.inf
+) -> list[Intervals]:
+    """Return the intervals at the minimum that is shown and at the others.
+
+    enough: a cost that ends the search for them, if a place below it is met.
+    """
     # If the scatter is that of many fits, t is close to that of the normal distribution; without a
     # degree of freedom stated errors are used as they are.
     taken = fit.dof == 0 and fit.seen.stated
     estimated = fit.asked.scaled and fit.pooled is None and not taken
     some, rest = every[: 1 + _OTHERS], every[1 + _OTHERS :]
     return [
-        *intervals(fit, some, noise, wanted=wanted, estimated=estimated),
+        *intervals(fit, some, noise, wanted=wanted, estimated=estimated, enough=enough),
         *intervals(fit, rest, noise, wanted=QUADRATIC, estimated=estimated),
     ]
 
@@ -181,21 +186,22 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
             fringeless = plain.told(fit, end.y, lowest.y, rise)
     every = [end] + [look(m.lane) for m in found[1:]]
     wanted = QUADRATIC if failed else fit.asked.intervals
-    ranges = _intervals(fit, every, noise, wanted)
-    if end.known.unseen.size and wanted != QUADRATIC:
-        curved = _intervals(fit, [end], noise, PROFILE)[0]
-        if (seen := by_curvature(fit, end, curved, noise)) is not None:
-            end, every[0], ranges[0] = seen, seen, curved
-    least, place = ranges[0].lowest
-    lower = 0.0
     # The minimum that is shown need not be the lowest one.
-    enough = min(end.cost, *(e.cost for e in every)) - enough
+    enough = min(e.cost for e in every) - enough
+    ranges = _intervals(fit, every, noise, wanted, enough)
+    least, place = min((r.lowest for r in ranges), key=lambda met: met[0])
+    lower = 0.0
     if not failed and least < enough:
         # The search for the ends of the intervals met a better minimum.
         more = fit.held(place[:, None], noise, STAGE)
         if more.done.all() and more.cost[0] < enough:
             return fit_of(fit, joined([ends, more]), noise, of)
         lower = (end.cost - min(least, more.cost[0])) / scatter
+        ranges = _intervals(fit, every, noise, wanted)
+    if end.known.unseen.size and wanted != QUADRATIC:
+        curved = _intervals(fit, [end], noise, PROFILE)[0]
+        if (seen := by_curvature(fit, end, curved, noise)) is not None:
+            end, every[0], ranges[0] = seen, seen, curved
     rises = np.array([e.cost - end.cost for e in every[1:]])
     rises = rises / scatter if scatter > 0.0 else 0.0 * rises
     others = tuple(

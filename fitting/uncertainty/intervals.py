@@ -175,11 +175,13 @@ def intervals(
     *,
     wanted: str,
     estimated: bool,
+    enough: float = -np.inf,
 ) -> list[Intervals]:
     """Return the 95 % intervals at some minima of a fit.
 
     wanted: one of KINDS. estimated: whether the scale of the errors comes from the scatter (t with
-    its degrees of freedom, else the normal law).
+    its degrees of freedom, else the normal law). enough: where a cost below it is met, the search
+    for ends by profile stops; `lowest` says where.
     Accuracy: at the ends by profile the root of the rise is right to 1e-3 of itself (coverage to
     .0002), and so is their distance from the minimum, but where the cost hardly rises.
     """
@@ -204,7 +206,7 @@ def intervals(
             or not _right(pair)
         ]  # fmt: skip
     rounds = ROUNDS if wanted == PROFILE else FEW_ROUNDS
-    follow(fit, [s for pair in pairs for s in pair.searches], noise, rounds)
+    follow(fit, [s for pair in pairs for s in pair.searches], noise, rounds, enough)
     for at, j, both in pairs:
         found = out[at]
         # Exponential and logarithm return a bound up to rounding only.
