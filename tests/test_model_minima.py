@@ -1,11 +1,14 @@
 """Other minima of a model fit: their errors, and which one is shown."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from estimates import sigmas, values
 from profiles import constant, measured, residuals
 
 from fitting import Measurement, fit, simulate
+from fitting.uncertainty import profile
 from fresnel_jax.dispersion import HC_EV_UM
 
 
@@ -46,6 +49,22 @@ def test_a_lower_minimum_on_the_way_is_taken():
     assert found.chi2_reduced < 1.5
     true = [truth[name] for name in found.names]
     assert (np.abs(values(found) - true) < 4.5 * sigmas(found)).all()
+
+
+@pytest.mark.parametrize("enough, rounds", [(4.5, 1), (3.5, 7)])
+def test_the_search_for_intervals_ends_where_a_lower_minimum_is_met(enough, rounds, monkeypatch):
+    """The intervals of the higher one are not needed."""
+    base = profile.Base(np.zeros(2), 5.0, np.eye(2), -np.ones(2), np.ones(2), 1.0, [], [])
+    visited = []
+
+    def met_a_lower_one(fit, searches, noise):
+        visited.append(searches)
+        base.lower.append((4.0, base.y))
+
+    monkeypatch.setattr(profile, "visit", met_a_lower_one)
+    search = profile.Search(base, 0, 1.0, [0.1])
+    profile.follow(SimpleNamespace(lanes=64), [search], 1.0, 7, enough)  # type: ignore
+    assert len(visited) == rounds
 
 
 def test_the_shown_minimum_need_not_be_the_lowest_one():

@@ -11,9 +11,10 @@ from fitting.problem.observations import observations
 from fitting.problem.problem import targets_of
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.samples.parameters import Settings
+from fitting.searching.neighbours import _other_lines
 from fitting.searching.next_term import by_eps, likely_lines, oscillator, oscillators
 from fitting.searching.search import Asked, Solving
-from fitting.searching.starts import start_at
+from fitting.searching.starts import Ends, start_at
 
 ENERGY = np.linspace(1.3, 4.1, 40)
 STRONG = {"eps_inf": 2.0, "strength_ev2_1": 20.0, "resonance_ev_1": 3.2, "width_ev_1": 0.6}
@@ -77,6 +78,22 @@ def test_of_an_end_without_derivatives_nothing_is_made():
     y[0] = np.nan
     found = likely_lines(fit, y, oscillators(fit)[1], 3)
     np.testing.assert_array_equal(found, np.repeat(y[:, None], 3, 1))
+
+
+def test_the_oscillators_of_a_minimum_are_moved_once():
+    """In the next round only those of the minima that are new: the ends would be the same."""
+    fit = job("lorentz:2", measured("lorentz:1", STRONG, ("psi", "delta")))
+    y = np.repeat(start_at(fit.u.moving, {})[:, None], 3, 1)
+    y[0] += [0.0, 0.1, 0.2]
+    seen: list[float] = []
+
+    def further(*costs):
+        cost = np.array(costs)
+        return _other_lines(fit, Ends(y, cost, cost > 0.0, cost), seen).shape[1]
+
+    each = further(100.0, 100.001, 100.002)
+    assert each > 0 and further(100.0, 100.001, 100.002) == 0
+    assert further(50.0, 70.0, 100.0) == 2 * each
 
 
 @pytest.mark.parametrize(

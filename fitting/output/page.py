@@ -134,7 +134,7 @@ def _data(fit: Fit) -> list[str]:
         return []
     columns = data_columns(fit)
     rows = [list(map(_cell, row)) for row in zip(*columns.values(), strict=True)]
-    return [table("Data (R and T as fractions, psi and Delta in degrees)", [list(columns), *rows])]
+    return [table("Data (powers as fractions, angles in degrees)", [list(columns), *rows])]
 
 
 def fit_page(fit: Fit, png: bytes, command: str = "", choice: Choice | None = None) -> str:
