@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo docs notebooks test test-studies lint accuracy accuracy-search advisor-study bench stability startup fit-study fit-coverage model-coverage model-study model-success errors-study film-study film-coverage free-film-study film-choice fuzz clean
+.PHONY: demo docs notebooks test test-studies lint accuracy accuracy-search advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study film-study film-coverage free-film-study film-choice fuzz clean
 
 demo: .venv/installed-plot  ## fit the two scans that ship with the project; tables, pictures, JSON in demo/
 	mkdir -p demo
@@ -51,6 +51,9 @@ stability: .venv/installed-bench  ## where each method fails: table and picture 
 
 startup: .venv/installed-plot  ## where the time of the command fresnel-fit goes
 	$(BIN)/python benchmarks/startup.py
+
+first-choose: .venv/installed-bench  ## seconds of a first choose, when nothing is compiled yet (ten minutes)
+	$(BIN)/python -m benchmarks.first_choose
 
 CURVES ?= 1000000
 fit-study: .venv/installed-bench  ## how often the fit finds the best minimum, over measurements drawn at random (an hour; CURVES=100000 for five minutes)

@@ -5,7 +5,7 @@ the simplest k; more oscillators, if light is absorbed or no model so far descri
 long as they help; then each instrument parameter. `candidates` says how they compare and which is
 taken.
 
-Nearly all of the time of a first `choose` is spent on compiling. Candidates therefore share
+Up to half of the time of a first `choose` is spent on compiling. Candidates therefore share
 programs: a parameter that only some of them fit (of the instrument, or of the terms by which one
 model is wider than another, see `dispersion`) is fixed in the others, which is the same program
 with equal bounds.
