@@ -188,16 +188,18 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
     wanted = QUADRATIC if failed else fit.asked.intervals
     # The minimum that is shown need not be the lowest one.
     enough = min(e.cost for e in every) - enough
-    ranges = _intervals(fit, every, noise, wanted, enough)
-    least, place = min((r.lowest for r in ranges), key=lambda met: met[0])
     lower = 0.0
-    if not failed and least < enough:
-        # The search for the ends of the intervals met a better minimum.
+    for until in (enough, -np.inf):
+        ranges = _intervals(fit, every, noise, wanted, until)
+        least, place = min((r.lowest for r in ranges), key=lambda met: met[0])
+        if failed or not least < enough:
+            break
+        # The search for the ends of the intervals met a lower place. If no minimum is next to it,
+        # the search goes on to its end.
         more = fit.held(place[:, None], noise, STAGE)
         if more.done.all() and more.cost[0] < enough:
             return fit_of(fit, joined([ends, more]), noise, of)
         lower = (end.cost - min(least, more.cost[0])) / scatter
-        ranges = _intervals(fit, every, noise, wanted)
     if end.known.unseen.size and wanted != QUADRATIC:
         curved = _intervals(fit, [end], noise, PROFILE)[0]
         if (seen := by_curvature(fit, end, curved, noise)) is not None:
