@@ -49,12 +49,12 @@ def _within(m: Measurement, low_um: float, high_um: float) -> Measurement:
     return m.where((m.wavelength_um >= low_um) & (m.wavelength_um <= high_um))
 
 
-def _psi_delta(of: str, *angles: float) -> Measurement:
+def _psi_delta(of: str, values: dict[str, float], *angles: float) -> Measurement:
     """Return psi and Delta of a surface at 100 wavelengths and some angles, with noise."""
     wavelength, angle = (a.ravel() for a in np.meshgrid(np.linspace(0.3, 0.8, 100), angles))
     rng, seen = np.random.default_rng(0), {}
     for quantity in ("psi", "delta"):
-        exact = simulate(of, OSCILLATORS if of == "lorentz:2" else {}, angle, wavelength, quantity)
+        exact = simulate(of, values, angle, wavelength, quantity)
         seen[quantity] = exact + rng.normal(0.0, NOISE_DEG, exact.shape)
     sigma = dict.fromkeys(seen, NOISE_DEG)
     return Measurement.from_columns(angle, wavelength, sigma=sigma, **seen)
@@ -66,9 +66,9 @@ CASES = (
     _file("aluminium mirror, R", "metal_mirror/reflection_EKSMA_Al.csv", angle_deg=0.0),
     _file("glass plate, R and T", "glass_slab_RT/clear_glass_3mm_RT.csv",
           "air | auto 3 mm thick | air"),
-    Case("two oscillators, psi and Delta", "", lambda: _psi_delta("lorentz:2", 70.0)),
-    Case("the same at five angles", "", lambda: _psi_delta("lorentz:2", *FIVE)),
-    Case("silicon, psi and Delta at five angles", "", lambda: _psi_delta("silicon", *FIVE)),
+    Case("two oscillators, psi and Delta", "", lambda: _psi_delta("lorentz:2", OSCILLATORS, 70.0)),
+    Case("the same at five angles", "", lambda: _psi_delta("lorentz:2", OSCILLATORS, *FIVE)),
+    Case("silicon, psi and Delta at five angles", "", lambda: _psi_delta("silicon", {}, *FIVE)),
     Case("diamond film, R, 420 to 800 nm", DIAMOND,
          lambda: _within(read_csv(MEASURED / DIAMOND), 0.42, 0.8), "air | auto 5..2000 nm | 1.53"),
     _file("diamond film, R, all", DIAMOND, "air | auto 5..2000 nm | 1.53"),

@@ -4,10 +4,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from estimates import sigmas, values
+from estimates import codes, intervals, sigmas, values
 from profiles import constant, measured, residuals
 
 from fitting import Measurement, fit, simulate
+from fitting.outcomes import outcome
+from fitting.searching.search import Solving
+from fitting.searching.starts import STAGE
 from fitting.uncertainty import profile
 from fresnel_jax.dispersion import HC_EV_UM
 
@@ -31,24 +34,47 @@ def test_second_solutions_have_errors_of_their_own():
     assert text.count("+-") + text.count(" to ") == 2  # each with its error or its interval
 
 
-def test_a_lower_minimum_on_the_way_is_taken():
-    """Two starts end in a wrong minimum; on the way to the ends of its intervals is the best."""
-    truth = {"eps_inf": 2.0, "strength_ev2_1": 6.0, "resonance_ev_1": 2.3, "width_ev_1": 0.5}
+ONE_LINE = {"eps_inf": 2.0, "strength_ev2_1": 6.0, "resonance_ev_1": 2.3, "width_ev_1": 0.5}
+
+
+def hidden_line():
+    """Return a spectrum of one oscillator, of whose fit two starts end in a wrong minimum."""
     angle, wavelength = (
         a.ravel() for a in np.meshgrid([45.0, 65.0, 75.0], np.linspace(0.4, 0.9, 14))
     )
     random = np.random.default_rng(2)
     columns = {
-        q: simulate("lorentz", truth, angle, wavelength, q) + 1e-3 * random.standard_normal(42)
+        q: simulate("lorentz", ONE_LINE, angle, wavelength, q) + 1e-3 * random.standard_normal(42)
         for q in ("R_s", "R_p")
     }
-    m = Measurement.from_columns(angle, wavelength, sigma=1e-3, **columns)
+    return Measurement.from_columns(angle, wavelength, sigma=1e-3, **columns)
+
+
+def test_a_lower_minimum_on_the_way_is_taken():
+    """Two starts end in a wrong minimum; on the way to the ends of its intervals is the best."""
+    m = hidden_line()
     wrong = fit(m, "lorentz", starts=2, seed=4, intervals="quadratic")
     assert wrong.chi2_reduced > 1e3
     found = fit(m, "lorentz", starts=2, seed=4)
     assert found.chi2_reduced < 1.5
-    true = [truth[name] for name in found.names]
+    true = [ONE_LINE[name] for name in found.names]
     assert (np.abs(values(found) - true) < 4.5 * sigmas(found)).all()
+
+
+def test_intervals_are_completed_where_the_lower_place_is_no_minimum(monkeypatch):
+    """The search for them stops there, and goes on if the solver does not come to rest."""
+    held, of_minima = Solving.held, outcome._intervals
+
+    def restless(self, start, noise, steps, *others):
+        ends = held(self, start, noise, steps, *others)
+        return ends._replace(done=ends.done & (steps != STAGE))
+
+    monkeypatch.setattr(Solving, "held", restless)
+    found = fit(hidden_line(), "lorentz", starts=2, seed=4)
+    assert found.chi2_reduced > 1e3 and "better_minimum_met" in codes(found)
+    monkeypatch.setattr(outcome, "_intervals", lambda *args: of_minima(*args[:4]))
+    whole = fit(hidden_line(), "lorentz", starts=2, seed=4)
+    np.testing.assert_array_equal(intervals(found), intervals(whole))
 
 
 @pytest.mark.parametrize("enough, rounds", [(4.5, 1), (3.5, 7)])

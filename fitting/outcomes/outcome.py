@@ -187,17 +187,17 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
     every = [end] + [look(m.lane) for m in found[1:]]
     wanted = QUADRATIC if failed else fit.asked.intervals
     # The minimum that is shown need not be the lowest one.
-    enough = min(e.cost for e in every) - enough
+    below = min(e.cost for e in every) - enough
     lower = 0.0
-    for until in (enough, -np.inf):
+    for until in (below, -np.inf):
         ranges = _intervals(fit, every, noise, wanted, until)
         least, place = min((r.lowest for r in ranges), key=lambda met: met[0])
-        if failed or not least < enough:
+        if failed or not least < below:
             break
         # The search for the ends of the intervals met a lower place. If no minimum is next to it,
         # the search goes on to its end.
         more = fit.held(place[:, None], noise, STAGE)
-        if more.done.all() and more.cost[0] < enough:
+        if more.done.all() and more.cost[0] < below:
             return fit_of(fit, joined([ends, more]), noise, of)
         lower = (end.cost - min(least, more.cost[0])) / scatter
     if end.known.unseen.size and wanted != QUADRATIC:

@@ -25,7 +25,7 @@ from fitting.problem.unknowns import index_outside
 from fitting.samples.sample import Sample
 from fitting.searching.film_starts import films_of
 from fitting.searching.last_steps import polished
-from fitting.searching.minima import ALTERNATIVE_CHI2
+from fitting.searching.minima import ALTERNATIVE_CHI2, SAME_CHI2
 from fitting.searching.search import Solving
 from fitting.searching.starts import Ends
 
@@ -37,8 +37,8 @@ _PLACES = 5
 # Ends that are followed with all data: up to so many, less than that many units of chi2 (of the
 # thinned data) above the lowest. In the thinned data a minimum may lie some units off its place.
 FOLLOWED, _NEAR = 16, 40.0
-# Ends closer than that in chi2 and in every coordinate are one.
-_SAME_CHI2, _SAME_PLACE = 0.02, 1e-3
+# Ends closer than SAME_CHI2 and, in every coordinate, than that are one.
+_SAME_PLACE = 1e-3
 # An end has converged if a step is expected to lower chi2 by less than this.
 _AT_REST = 1e-4
 
@@ -117,7 +117,7 @@ def followed_with_all(fit: Solving, few: Solving, ends: Ends) -> Ends:
     for lane in order.tolist():
         for group in groups:
             off = np.abs(ends.y[:, lane] - ends.y[:, group[0]])
-            close = ends.cost[lane] - ends.cost[group[0]] <= _SAME_CHI2 * unit
+            close = ends.cost[lane] - ends.cost[group[0]] <= SAME_CHI2 * unit
             if close and (off <= _SAME_PLACE * (1.0 + np.abs(ends.y[:, lane]))).all():
                 group.append(lane)
                 break

@@ -259,24 +259,18 @@ def visit(fit: Solving, searches: Sequence[Search], noise: float) -> None:
             s.visited(p, ends.y[:, best], float(ends.cost[best]), bool(ends.done[best]))
 
 
-def lower_met(searches: Sequence[Search], enough: float) -> bool:
-    """Whether a search met a cost below ``enough``."""
-    return any(cost < enough for s in searches for cost, _ in s.base.lower)
-
-
 def follow(
     fit: Solving, searches: Sequence[Search], noise: float, rounds: int, enough: float
 ) -> None:
     """Continue until every search has its end, or for the given number of rounds.
 
-    enough: a cost below it ends the search, since there is a minimum with other intervals.
-
     An end that was not found by then is the nearest place that is known to lie outside; if none is
-    known, or the cost never rises enough, it is the end of the range of the parameter.
+    known, or the cost never rises enough, it is the end of the range of the parameter. A cost below
+    ``enough`` ends all searches at once, since a lower minimum has other intervals.
     """
     for _ in range(rounds):
         todo = [s for s in searches if np.isnan(s.found)]
-        if not todo or lower_met(searches, enough):
+        if not todo or any(cost < enough for s in searches for cost, _ in s.base.lower):
             return
         for s in todo:
             # As many places as there are lanes, since an idle lane takes the same time.
