@@ -12,11 +12,10 @@ Fits run in float64, whether or not the caller has switched on jax_enable_x64.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import jax
 import numpy as np
 
 from fitting.bare_surface.reflectances import CHANNELS
@@ -34,15 +33,12 @@ from fitting.results.result import Fit
 from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
-from fitting.searching.far_oscillators import with_far_oscillators
 from fitting.searching.film_starts import film_starts, films_of
-from fitting.searching.fringe_orders import with_all_orders
-from fitting.searching.neighbours import with_neighbours
-from fitting.searching.other_thicknesses import with_other_thicknesses
-from fitting.searching.search import Asked, Solving, solved
-from fitting.searching.starts import LANES, Ends, usual_starts, with_given_start
+from fitting.searching.search import Asked, Kept
+from fitting.searching.stages import searched
 from fitting.searching.starts import starts as start_points
-from fitting.searching.thinned import FOLLOWED, followed_with_all, thinned
+from fitting.searching.starts import usual_starts, with_given_start
+from fitting.searching.thinned import thinned
 from fitting.uncertainty.intervals import check_choices
 from fitting.uncertainty.stated_errors import with_common_error
 from fitting.uncertainty.widening import widened
@@ -75,37 +71,6 @@ def _is_special(
     return powers and bare and not settings.names and loss == "squares"
 
 
-def _key_of(fit: Solving, start: np.ndarray) -> Hashable:
-    """Return everything that the result of a search depends on, as a key."""
-    own = [start, *fit.limits, *jax.tree.leaves(fit.targets)]
-    return fit.u.spec, fit.asked.loss, fit.asked.scaled, *(np.asarray(a).tobytes() for a in own)
-
-
-def _searched(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, float]:
-    """Return where the starts and their neighbours ended, and the noise that they were run at.
-
-    few: the same fit, or one of some of the data, whose minima are then followed with all data.
-    """
-    ends, noise = solved(few, points)
-    ends = with_neighbours(few, ends, points, noise)
-    ends = with_other_thicknesses(few, ends, points, noise)
-    ends = with_far_oscillators(few, ends, noise)
-    if few is not job:
-        ends = followed_with_all(job, few, ends)
-    return with_all_orders(job, ends, noise), noise
-
-
-def _searched_once(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, float]:
-    """Return `_searched`, of an earlier fit that was the same search if its ends were kept."""
-    kept = job.asked.ends
-    if kept is None:
-        return _searched(job, few, points)
-    key = _key_of(job, points)
-    if key not in kept:
-        kept[key] = _searched(job, few, points)
-    return kept[key]
-
-
 def _shared(
     measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: Asked
 ) -> Fit:
@@ -124,13 +89,7 @@ def _shared(
     few = thinned(job, sample, measurements)
     if asked.starts is None:
         points = np.concatenate([points, film_starts(few, points)], 1)
-    job.starts = few.starts = points.shape[1]
-    job.lanes = min(job.starts, LANES)
-    if few is not job:
-        job.lanes = FOLLOWED
-    ends, noise = _searched_once(job, few, points)
-    # those tried beside the lowest minima are starting points, too
-    job.starts += max(len(ends.cost) - min(job.starts, LANES), 0)
+    ends, noise = searched(job, few, points)
     return fit_of(job, ends, noise, Subject(sample, concatenate(*measurements)))
 
 
@@ -163,7 +122,9 @@ def fit_checked(
     found = _general(measurements, sample, settings, asked)
 
     def again(several: Sequence[Measurement], intervals: str) -> Fit:
-        return _general(several, sample, settings, asked._replace(intervals=intervals))
+        # Other weights move the minima little.
+        near = asked._replace(intervals=intervals, near=asked.kept_as, thorough=False)
+        return _general(several, sample, settings, near)
 
     if not settings.priors:
         found = with_common_error(again, measurements, found, asked.errors, asked.intervals)
@@ -186,7 +147,7 @@ def _alone(
     Other minima that a file has by itself do not matter. A file that cannot be fitted by itself
     (psi in one, Delta in another) is left out.
     """
-    quick = asked._replace(intervals="quadratic", starts=None, start=None)
+    quick = asked._replace(intervals="quadratic", kept=None, starts=None, start=None)
     if not sample.by_wavelength:
         at = {n: found.parameters[n].value for n in found.names if "[" not in n}
         quick = quick._replace(starts=0 if at else None, start=at)
@@ -218,6 +179,7 @@ def _general(
     check_wavelengths(joined, settings)
     if plain:
         return fit_wavelengths(joined, sample, settings, asked)
+    asked = asked._replace(kept=None)  # other data
     parts = [joined.where(joined.wavelength_um == w) for w in waves]
     each = [_shared([part], sample, settings, asked) for part in parts]
     return stacked(each, joined)
@@ -279,5 +241,5 @@ def fit(
     check_choices(loss, errors, intervals)
     check_search(starts, start, seed)
     settings = settings_of(free, fixed, bounds, priors, tie)
-    asked = Asked(errors, intervals, loss, seed, starts=starts, start=start)
+    asked = Asked(errors, intervals, loss, seed, Kept({}, {}), starts, start)
     return fit_checked(measurements, which, settings, asked)

@@ -11,6 +11,7 @@ from simulated import simulated, textbook
 from fitting.choice import candidates
 from fitting.choice import selection as select
 from fitting.choice.candidates import MARGIN, Candidate, Key, simplest
+from fitting.choice.trials import Trials
 from fitting.measurements.measurement import Measurement
 from fitting.results.diagnostics import Finding
 from fitting.results.result import Fit
@@ -227,13 +228,13 @@ def test_dispersion_is_seen_in_a_spectrum():
 def test_a_chain_ends_with_a_candidate_that_may_not_be_taken():
     fitted = []
 
-    def run(key) -> Any:
+    def run(key, thorough) -> Any:
         fitted.append(key.model)
         return SimpleNamespace(status=UNDETERMINED, bic=0.0, findings=())
 
-    search = select._Search(run, lambda label: None, "auto")
+    trials = Trials(run, lambda label: None, "auto")
     first, second, other = map(Key, ("drude-lorentz:1", "drude-lorentz:2", "tauc-lorentz:1"))
-    search.attempt_chains([first, second], [other])
+    trials.attempt_chains([first, second], [other])
     assert sorted(fitted) == ["drude-lorentz:1", "tauc-lorentz:1"]
-    search.attempt_chains([first, second], [other])
+    trials.attempt_chains([first, second], [other])
     assert len(fitted) == 2  # none is fitted twice

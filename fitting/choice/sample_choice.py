@@ -23,16 +23,17 @@ from fitting.results.result import Fit
 from fitting.results.result_parts import CONVERGED
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
+from fitting.searching.search import Asked
 from fitting.uncertainty.likelihood import corrected_aic
 
 OR = " or "
 _NEUTRAL = "angle_offset"
 # Calibrations of reflectances are hardly wrong by more.
 MOST_GAIN = 0.1
-# Returns a fit: of this sample, with these settings, kind of intervals and use of errors.
-Fitted = Callable[[Sample, Settings, str, str], Fit]
-# Returns the fit of a candidate with this kind of intervals and use of errors.
-Run = Callable[[Key, str, str], Fit]
+# Returns a fit: of this sample, with these settings and options.
+Fitted = Callable[[Sample, Settings, Asked], Fit]
+# Returns the fit of a candidate with these options.
+Run = Callable[[Key, Asked], Fit]
 
 
 def several_samples(text: Any) -> tuple[Sample, ...]:
@@ -57,14 +58,14 @@ def of_samples(samples: Sequence[Sample], base: Settings, fitted: Fitted) -> Run
         bounds={**base.bounds, _NEUTRAL: (at - 1e-9, at + 1e-9)},
     )
 
-    def run(key: Key, kind: str, believed: str) -> Fit:
+    def run(key: Key, asked: Asked) -> Fit:
         which = by_label[key.model]
         if key.free:
-            return fitted(which, base._replace(free=(*base.free, *key.free)), kind, believed)
+            return fitted(which, base._replace(free=(*base.free, *key.free)), asked)
         held = all(m.thickness is None or m.thickness.held for m in which.media)
         if held and not any(m.unknown for m in which.media):
-            return _without_unknowns(fitted(which, nothing, kind, believed))
-        return fitted(which, base, kind, believed)
+            return _without_unknowns(fitted(which, nothing, asked))
+        return fitted(which, base, asked)
 
     return run
 

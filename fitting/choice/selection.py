@@ -3,7 +3,7 @@
 Models are tried in stages, each only if the one before gives a reason: models without k and with
 the simplest k; more oscillators, if light is absorbed or no model so far describes the data, and as
 long as they help; then each instrument parameter. `candidates` says how they compare and which is
-taken.
+taken, `trials` how thoroughly the minima of each are searched.
 
 Up to half of the time of a first `choose` is spent on compiling. Candidates therefore share
 programs: a parameter that only some of them fit (of the instrument, or of the terms by which one
@@ -13,9 +13,7 @@ with equal bounds.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -26,7 +24,6 @@ from fitting.choice.candidates import (
     Candidate,
     Choice,
     Key,
-    candidate,
     decide,
     explains,
     simplest,
@@ -39,21 +36,21 @@ from fitting.choice.sample_choice import (
     several_samples,
     with_gain_instead,
 )
+from fitting.choice.trials import Trials
 from fitting.fits import fit_checked, measurements_of
 from fitting.measurements.measurement import Measurement, concatenate
 from fitting.measurements.quantities import are_powers
 from fitting.optics.instrument import INSTRUMENT, instrument_parameter
-from fitting.process.progress import tell
 from fitting.results.result import Fit
 from fitting.results.result_parts import CONVERGED
 from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
-from fitting.searching.search import Asked
-from fitting.searching.starts import Ends
+from fitting.searching.search import Asked, Kept
 from fitting.uncertainty.intervals import QUADRATIC, check_choices
 
-MOST_TERMS = 4
+# Models of which more terms are tried as long as they help, and the largest number of terms.
+GROWN, MOST_TERMS = ("lorentz", "drude-lorentz"), 4
 
 
 def _first_stage(wavelengths: int) -> list[str]:
@@ -81,6 +78,14 @@ def _only_shared(settings: Settings) -> None:
             )
 
 
+def _begun_from(key: Key) -> str | None:
+    """Return the label of the candidate, tried before, whose minima are near; None: of none."""
+    if key.free:
+        return key._replace(free=key.free[:-1]).label
+    kind, _, terms = key.model.partition(":")
+    return Key(f"{kind}:{int(terms) - 1}").label if kind in GROWN and int(terms) > 1 else None
+
+
 def _of_instrument(m: Measurement) -> list[str]:
     """Return the instrument parameters that such data can determine."""
     power = are_powers(m.quantity)
@@ -103,7 +108,7 @@ def _of_model(which: Sample, base: Settings, wanted: Sequence[str], fitted: Fitt
         )
     _only_shared(base)
 
-    def run(key: Key, kind: str, believed: str) -> Fit:
+    def run(key: Key, asked: Asked) -> Fit:
         # Candidates with an instrument parameter free share one program.
         quiet = {
             n: float(instrument_parameter(n).held or 0.0)
@@ -113,7 +118,7 @@ def _of_model(which: Sample, base: Settings, wanted: Sequence[str], fitted: Fitt
             free=(*base.free, *key.free), variants=tuple(quiet), shared=True,
             fixed={**base.fixed, **quiet, **({"k": 0.0} if key.without_k else {})},
         )  # fmt: skip
-        found = fitted(which.with_model(key.model), settings, kind, believed)
+        found = fitted(which.with_model(key.model), settings, asked)
         shown = {n: e for n, e in found.parameters.items() if n.partition("[")[0] not in quiet}
         return replace(found, parameters=shown)
 
@@ -163,121 +168,93 @@ def choose(
     check_search(starts, start, seed)
     several = measurements_of(measurement)
     base = settings_of(free, fixed, bounds, priors, tie)
-    # The model that is taken is fitted twice; its minima are found once.
-    ends: dict[Hashable, tuple[Ends, float]] = {}
+    asked = Asked(errors, intervals, loss, seed, Kept({}, {}), starts, start)
 
-    def fitted(which: Sample, settings: Settings, kind: str, believed: str) -> Fit:
-        asked = Asked(believed, kind, loss, seed, ends, starts, start)
+    def fitted(which: Sample, settings: Settings, asked: Asked) -> Fit:
         return fit_checked(several, which, settings, asked)
 
     joined, one = concatenate(*several), len(samples) == 1
     mentioned = {name.partition("[")[0] for name in base.names}
     wanted = [n for n in _of_instrument(joined) if one and instrument and n not in mentioned]
     if one:
-        run = _of_model(samples[0], base, wanted, fitted)
+        run_one = _of_model(samples[0], base, wanted, fitted)
         check_fit(several, samples[0])
     else:
-        run = of_samples(samples, base, fitted)
-    # BIC compares fits with the same weights. The model that is taken is then fitted as asked.
-    compared = "scaled" if errors == "auto" else errors
+        run_one = of_samples(samples, base, fitted)
 
-    def tried(key: Key) -> Fit:
-        found = run(key, QUADRATIC, compared)
+    def run(key: Key, asked: Asked) -> Fit:
+        return run_one(key, asked._replace(kept_as=key.label, near=_begun_from(key)))
+
+    # BIC compares fits with the same weights. The model that is taken is then fitted as asked.
+    compared = asked._replace(errors="scaled" if errors == "auto" else errors, intervals=QUADRATIC)
+
+    def tried(key: Key, thorough: bool) -> Fit:
+        found = run(key, compared._replace(thorough=thorough or not one))
         # If the data determine only the product of thickness and index of a layer, a sample may
         # still be taken: the layer is there, although little is known of it.
         thin = not one and any(f.code == "thin_film" for f in found.findings)
         return replace(found, status=CONVERGED) if thin else found
 
-    search = _Search(tried, progress or (lambda label: None), errors)
+    trials = Trials(tried, progress or (lambda label: None), errors)
     if one:
-        _stages(search, len(np.unique(joined.wavelength_um[np.isfinite(joined.wavelength_um)])))
-        _instrument_stage(search, wanted)
+        _stages(trials, len(np.unique(joined.wavelength_um[np.isfinite(joined.wavelength_um)])))
+        _instrument_stage(trials, wanted)
+        trials.settle()
     else:
-        search.attempt(*(Key(str(which)) for which in samples))
-    choice = decide(list(search.tried.values()))
-    if choice.fit.names and (intervals != QUADRATIC or errors != compared):
-        choice = choice.with_fit(run(choice.taken.key, intervals, errors))
+        trials.attempt(*(Key(str(which)) for which in samples))
+    choice = decide(list(trials.tried.values()))
+    if choice.fit.names and compared != asked:
+        choice = choice.with_fit(run(choice.taken.key, asked))
     if not one and instrument and "scale" not in mentioned:
-        choice = with_gain_instead(choice, lambda key: run(key, QUADRATIC, compared))
+        choice = with_gain_instead(choice, lambda key: run(key, compared))
     return with_doubt(choice)
 
 
-class _Search:
-    """The candidates tried so far. errors: how the stated errors are used, as in `fit`."""
-
-    def __init__(self, run: Callable[[Key], Fit], progress: Callable[[str], None], errors: str):
-        self.run, self.progress, self.errors = run, progress, errors
-        self.tried: dict[Key, Candidate] = {}
-
-    def attempt(self, *keys: Key) -> list[Candidate]:
-        """Return the candidates, fitted side by side if they were not tried before."""
-        self.attempt_chains(*((key,) for key in keys))
-        return [self.tried[key] for key in keys]
-
-    def attempt_chains(self, *chains: Sequence[Key]) -> None:
-        """Try chains of candidates in parallel, each until one of its candidates is not good."""
-        new = [c for c in dict.fromkeys(map(tuple, chains)) if any(k not in self.tried for k in c)]
-        if not new:
-            return
-        for key in dict.fromkeys(k for c in new for k in c if k not in self.tried):
-            self.progress(key.label)
-            tell(key.label)
-        # Compiling a program and running it both take one core.
-        with ThreadPoolExecutor(min(len(new), os.cpu_count() or 1)) as pool:
-            list(pool.map(self._try_chain, new))
-
-    def _try_chain(self, chain: Sequence[Key]) -> None:
-        for key in chain:
-            if key not in self.tried:
-                self.tried[key] = candidate(key, self.run(key), self.errors)
-            if not self.tried[key].good:
-                return
-
-    def best(self) -> Candidate:
-        """Return the candidate that would be taken now."""
-        return simplest(list(self.tried.values()))
-
-
-def _stages(search: _Search, wavelengths: int) -> None:
+def _stages(trials: Trials, wavelengths: int) -> None:
     """Try the models that so many wavelengths can tell apart, and more while they help."""
-    search.attempt(Key("constant", without_k=True), *map(Key, _first_stage(wavelengths)))
-    best = search.best()
+    trials.attempt(Key("constant", without_k=True), *map(Key, _first_stage(wavelengths)))
+    best = trials.best()
     if wavelengths < 6 or best.enough or not (_absorbs(best) or not explains(best.fit)):
         return
     if wavelengths >= 8 and best.key.model == "cauchy-urbach:2" and not explains(best.fit):
-        search.attempt(Key("cauchy-urbach:3"))
+        trials.attempt(Key("cauchy-urbach:3"))
+
+    def helped(kind: str, terms: int) -> bool:
+        more, fewer = (trials.tried[Key(f"{kind}:{n}")] for n in (terms, terms - 1))
+        return more.fit.bic < fewer.fit.bic - MARGIN
 
     def grown(terms: int) -> list[Key]:
         return [
-            Key(f"{kind}:{terms}") for kind in ("lorentz", "drude-lorentz")
+            Key(f"{kind}:{terms}") for kind in GROWN
             if wavelengths >= 4 * terms
-            and (fewer := search.tried.get(Key(f"{kind}:{terms - 1}"))) and fewer.good
+            and (fewer := trials.tried.get(Key(f"{kind}:{terms - 1}"))) and fewer.good
+            and (terms < MOST_TERMS or helped(kind, terms - 1))
         ]  # fmt: skip
 
     # In parallel, so that the programs of two oscillators and of Tauc-Lorentz compile together.
     with_electrons = [Key(f"drude-lorentz:{terms}") for terms in (1, 2) if wavelengths >= 4 * terms]
-    search.attempt_chains(with_electrons, [Key("tauc-lorentz:1")], grown(2)[:1])
+    trials.attempt_chains(with_electrons, [Key("tauc-lorentz:1")], grown(2)[:1])
     for terms in range(2, MOST_TERMS + 1):
         keys = grown(terms)
-        new = search.attempt(*keys)
-        if search.best().enough:
+        new = trials.attempt(*keys)
+        if trials.best().enough:
             return
-        before = simplest([c for key, c in search.tried.items() if key not in keys]).fit.bic
+        before = simplest([c for key, c in trials.tried.items() if key not in keys]).fit.bic
         if not any(c.good and c.fit.bic < before - MARGIN for c in new) and (
-            terms > 2 or explains(search.best().fit)
+            terms > 2 or explains(trials.best().fit)
         ):
             return
 
 
-def _instrument_stage(search: _Search, wanted: Sequence[str]) -> None:
+def _instrument_stage(trials: Trials, wanted: Sequence[str]) -> None:
     """Try each instrument parameter, and keep those that help for the next."""
     # A scale can look like absorption: it is tried with the best model without k as well.
-    clear = [c for c in search.tried.values() if not _absorbs(c)]
-    bases = [search.best()]
+    clear = [c for c in trials.tried.values() if not _absorbs(c)]
+    bases = [trials.best()]
     bases += [c for c in [simplest(clear)] if c.key != bases[0].key]
     for base in bases:
         extra: tuple[str, ...] = ()
         for name in wanted:
-            (grown,) = search.attempt(Key(base.key.model, (*extra, name), base.key.without_k))
+            (grown,) = trials.attempt(Key(base.key.model, (*extra, name), base.key.without_k))
             if grown.good and grown.fit.bic < base.fit.bic - MARGIN:
                 base, extra = grown, (*extra, name)

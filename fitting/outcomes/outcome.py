@@ -153,17 +153,27 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
     scatter, most = scatter_of(fit, end.cost, noise)
     looked_at = {lane: end}
 
+    fell = ends.cost[lane] - end.cost > SAME_CHI2 * scatter
+
     def look(lane: int) -> End:
         if lane not in looked_at:
-            looked_at[lane] = fit.look_at(ends.y[:, lane], noise, False)
+            looked_at[lane] = fit.look_at(ends.y[:, lane], noise, fell)
         return looked_at[lane]
 
     found = [] if failed else _minima(fit, ends, look, noise, scatter, most)
+    if fell and found:
+        # In a curved valley lanes stop at many places. These are one minimum if the last steps of
+        # each lead to the same.
+        lanes = [m.lane for m in found]
+        steps = [look(m) for m in lanes]
+        ends = ends.moved(lanes, np.stack([e.y for e in steps], 1), [e.cost for e in steps])
+        found = _minima(fit, ends, look, noise, scatter, most)
     if found and found[0].lane != lane:
         lane = found[0].lane
         end = fit.look_at(ends.y[:, lane], noise)
     enough = SAME_CHI2 * scatter + _rounding(fit, noise)
-    plain = without_fringes(fit, end.y, noise) if of.films and not failed else None
+    told = of.films and not failed and fit.asked.thorough
+    plain = without_fringes(fit, end.y, noise) if told else None
     if plain is not None and plain.ends.done.all() and plain.ends.cost[0] < end.cost - enough:
         return fit_of(fit, joined([ends, plain.ends]), noise, of)
     if plain is not None and plain.cost - end.cost > plain.by_chance * scatter:

@@ -14,9 +14,9 @@ import numpy as np
 
 from fitting.samples.parameters import from_parameter, value_and_slope
 from fitting.searching.last_steps import STAGES_ON, gone_on
-from fitting.searching.minima import scatter_of
+from fitting.searching.minima import lowest_ends, scatter_of
 from fitting.searching.next_term import oscillators
-from fitting.searching.search import Solving, lowest_ends
+from fitting.searching.search import Solving
 from fitting.searching.starts import LANES, STAGE, Ends, best_of, joined
 from fresnel_jax.dispersion import HC_EV_UM
 

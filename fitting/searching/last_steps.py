@@ -19,26 +19,29 @@ _STEPS, _EVALUATIONS = 3, 200
 _FALL = 1e-4
 # The last steps of a lane that was stopped on its way are made so many times at most.
 _TIMES = 8
-# Largest number of stages of STAGE evaluations of starts that are followed.
-STAGES_ON = 8
+# Largest number of stages of STAGE evaluations of starts that are followed, and the number of
+# evaluations after which each is looked at.
+STAGES_ON, _LOOK = 8, STAGE // 2
 
 
 def followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> Ends:
     """Return the ends of starts (p, S); those that will hardly become the best stop on the way.
 
     best: the best cost known; where it is infinite, none stops. A start goes on if it fell by more
-    in its last stage than it is above the best. One at the right order of the fringes was at 1279,
-    645 and 521 after three stages and ended at 488, where the best known was 516.
+    in its last STAGE evaluations than it is above the best. One at the right order of the fringes
+    was at 1279, 645 and 521 after three stages and ended at 488, where the best known was 516.
     """
-    ends = fit.held(start, noise, STAGE)
-    fall = np.full(len(ends.cost), np.inf)
-    for _ in range(STAGES_ON):
-        live = np.flatnonzero(~ends.done & (ends.cost < best + fall))
+    ends = fit.held(start, noise, _LOOK)
+    # How far each fell in its last two looks, which are a stage.
+    falls = np.full((2, len(ends.cost)), np.inf)
+    for look in range(STAGES_ON * STAGE // _LOOK):
+        live = np.flatnonzero(~ends.done & (ends.cost < best + falls.sum(0)))
         if not len(live):
             break
         before = ends.cost[live]
-        ends.put(live, fit.held(ends.y[:, live], noise, STAGE))
-        fall[live] = np.maximum(before - ends.cost[live], 0.0)  # a cost may become infinite
+        ends.put(live, fit.held(ends.y[:, live], noise, _LOOK))
+        # a cost may become infinite
+        falls[look % 2, live] = np.maximum(before - ends.cost[live], 0.0)
     return ends._replace(y=fit.in_order(ends.y))
 
 

@@ -19,6 +19,9 @@ ASSUMED_SIGMA = 1e-3
 # reported if its chi2 is higher by less than the second: the 95 % quantile of chi2 with two degrees
 # of freedom is 6. Where the residuals tell the noise, it is that of `alternative_chi2`.
 SAME_CHI2, ALTERNATIVE_CHI2 = 0.02, 6.0
+# Ends whose costs differ by a smaller part are taken for the same minimum, where starts beside the
+# lowest ones are looked for.
+SAME_MINIMUM = 1e-4
 # Square of the number of standard errors from which on two end points with different chi2 are two
 # minima.
 _APART = 25.0
@@ -51,6 +54,22 @@ def scatter_of(fit: Solving, cost: float, noise: float) -> tuple[float, float]:
     if fit.dof < 3 and scatter < ASSUMED_SIGMA**2:
         return ASSUMED_SIGMA**2, ALTERNATIVE_CHI2 * ASSUMED_SIGMA**2
     return scatter, float(alternative_chi2(fit.dof)) * scatter
+
+
+def lowest_lanes(ends: Ends) -> np.ndarray:
+    """Return the lanes (8,) of the lowest ends, one of each cost as far as there are so many.
+
+    Of fewer than eight some come again.
+    """
+    cost = np.minimum(ends.cost, 1e300)
+    order = np.argsort(cost, kind="stable")
+    new = np.append(True, np.diff(cost[order]) > SAME_MINIMUM * cost[order][1:])
+    return np.resize(np.concatenate([order[new], order[~new]]), 8)
+
+
+def lowest_ends(ends: Ends) -> np.ndarray:
+    """Return the ends (p, 8) of `lowest_lanes`."""
+    return ends.y[:, lowest_lanes(ends)]
 
 
 class Minimum(NamedTuple):

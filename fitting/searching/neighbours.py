@@ -23,8 +23,8 @@ from fitting.searching.film_starts import (
 )
 from fitting.searching.fringe_orders import beside as orders_beside
 from fitting.searching.last_steps import down_the_valley, followed
+from fitting.searching.minima import SAME_MINIMUM, lowest_ends, lowest_lanes
 from fitting.searching.next_term import likely_lines, oscillators
-from fitting.searching.search import SAME_MINIMUM, lowest_ends, lowest_lanes
 from fitting.searching.starts import LANES, Ends, best_of, joined
 
 if TYPE_CHECKING:
@@ -41,7 +41,9 @@ _LIKELY, _FACTORS = 8, (0.8, 1.25, 0.6)
 _FAR = 300
 
 
-def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -> Ends:
+def with_neighbours(
+    fit: Solving, ends: Ends, start: np.ndarray, noise: float, thorough: bool = False
+) -> Ends:
     """Return the ends, and those of further starts near the lowest of them, as long as these help.
 
     start: (p, S) random starts. This is done for films, and for other samples with oscillators if
@@ -52,7 +54,8 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
     """
     films = films_of(fit.u.spec, fit.u.moving)
     worth = bool(films) or (fit.lanes == LANES and bool(oscillators(fit)))
-    random, in_vain, tried = np.random.default_rng(fit.asked.seed), 0, False
+    random, tried = np.random.default_rng([fit.asked.seed, thorough]), False
+    in_vain = int(thorough)
     moved: list[float] = []
     ends = down_the_valley(fit, ends, noise)
     for _ in range(_ROUNDS if worth else 0):
@@ -61,7 +64,7 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
             break
         least, y = float(ends.cost[best]), ends.y[:, best]
         described = _is_noise(fit, y)
-        if (in_vain or not films) and described:
+        if (in_vain and not thorough) or ((in_vain or not films) and described):
             break
         if in_vain and films and not tried:
             tried = True
@@ -82,7 +85,7 @@ def with_neighbours(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -
         further = np.concatenate([*further, as_electrons], 1)
         # Beside a wrong minimum the right order of the fringes may begin far above it, and none is
         # stopped: of a film of 12 um by 9,000 of chi2, which fell by 15,000 when it was followed.
-        known = least if described or not films else np.inf
+        known = least if described or not films or not thorough else np.inf
         ends = joined([ends, followed(fit, further, noise, known)])
         ends = down_the_valley(fit, ends, noise)
         in_vain = 0 if ends.cost.min() < least - fit.unit(least) else in_vain + 1

@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 # resonances outside.
 _WIDTHS, _PLACES, _BESIDE = 12, 256, 8
 _BELOW, _ABOVE = 0.7, 1.7
-# Directions of the other parameters with less than this part of the largest effect are rounding.
-_SEEN = 1e-9
+# Directions of the other parameters with less than this part of the largest effect are rounding,
+# and so is what is left of the effect of a line below this part of its square.
+_SEEN, _LEFT = 1e-9, 1e-12
 
 
 def terms_of(names: Sequence[str], head: str = "") -> list[list[int]]:
@@ -137,18 +138,20 @@ def likely_lines(fit: Solving, y: np.ndarray, term: list[int], count: int) -> np
         return np.repeat(y[:, None], count, 1)
     left, sizes, _ = np.linalg.svd(known.by_rest, full_matrices=False)
     followed = left[:, sizes > _SEEN * sizes.max(initial=0.0)]
+    residual = known.residual - followed @ (followed.T @ known.residual)
     places, widths = _grid(known.energy)
     strength = np.empty((len(widths), len(places)))
     gain = np.empty_like(strength)
     distance = places[:, None] ** 2 - known.energy**2
+    pull, square = np.real(known.by_eps) * distance, distance * distance
     for i, width in enumerate(widths):
         # The real part of by_eps times `oscillator`: complex numbers take three times as long.
         loss = known.energy * width
-        change = np.real(known.by_eps) * distance - np.imag(known.by_eps) * loss
-        change /= distance * distance + loss * loss
-        change -= (change @ followed) @ followed.T
-        size = np.maximum((change * change).sum(1), 1e-300)
-        strength[i] = np.maximum(-(change @ known.residual) / size, 0.0)
+        change = (pull - np.imag(known.by_eps) * loss) / (square + loss * loss)
+        # what is left of it when the other parameters follow
+        whole, seen = np.einsum("pr,pr->p", change, change), change @ followed
+        size = np.maximum(whole - np.einsum("pq,pq->p", seen, seen), _LEFT * whole)
+        strength[i] = np.maximum(-(change @ residual) / np.maximum(size, 1e-300), 0.0)
         gain[i] = strength[i] ** 2 * size
     width_at, place_at = np.unravel_index(np.resize(_summits(gain), count), gain.shape)
     out = np.repeat(y[:, None], count, 1)

@@ -18,7 +18,8 @@ from fitting.searching.film_starts import (
     thickness_um,
 )
 from fitting.searching.last_steps import STAGES_ON, gone_on
-from fitting.searching.search import Solving, lowest_ends
+from fitting.searching.minima import lowest_ends
+from fitting.searching.search import Solving
 from fitting.searching.starts import LANES, STAGE, Ends, best_of, joined
 from fitting.searching.weak_fringes import weak_fringes
 

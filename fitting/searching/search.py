@@ -13,8 +13,9 @@ from fitting.problem.problem import Targets
 from fitting.problem.unknowns import Unknowns
 from fitting.samples.dispersion import Model
 from fitting.samples.parameters import Settings
+from fitting.searching.grown_starts import grown_starts, shown
 from fitting.searching.last_steps import polished
-from fitting.searching.next_term import likely_lines, oscillators, terms_of
+from fitting.searching.next_term import terms_of
 from fitting.searching.starts import (
     LANES,
     SIFT,
@@ -23,7 +24,6 @@ from fitting.searching.starts import (
     best_of,
     coordinate_bounds,
     each_within,
-    joined,
     run,
 )
 from fitting.uncertainty.covariance import (
@@ -39,80 +39,7 @@ from fitting.uncertainty.likelihood import reduced_chi2
 # Largest number of rounds in which the noise of a robust loss is estimated, and the relative change
 # below which it is final.
 NOISE_ROUNDS, NOISE_SETTLED = 6, 1e-3
-# Number of evaluations before the next term is added.
-_GROWING = 40
-# Ends whose costs differ by a smaller part are taken for the same minimum.
-SAME_MINIMUM = 1e-4
 _NO_NOISE = 1e9  # so large that a robust loss equals least squares
-
-
-def _shown(u: Unknowns) -> list[str]:
-    """Return the names of the unknowns, "" of those that the model does not have."""
-    return [name if name in u.labels else "" for name in u.spec.moving]
-
-
-def grown_starts(fit: Solving, targets: Targets, start: np.ndarray, noise: float) -> np.ndarray:
-    """Return starts (p, 2 LANES) that were grown term by term; (p, 0) for one term.
-
-    Of three oscillators at random places hardly ever each is next to one of the material's (of 512
-    starts none, for one material in ten). One alone finds the strongest, the next one what is left.
-    """
-    terms = terms_of(_shown(fit.u))
-    if len(terms) < 2 or start.shape[1] < LANES:
-        return start[:, :0]
-    low, high = fit.limits
-    lines = oscillators(fit)
-    pools = [start[:, :LANES], start[:, -LANES:]]
-    for active in range(1, len(terms)):
-        held = low.copy(), high.copy()
-        for term in terms[active:]:
-            # the strength, the first of a term, at its least
-            held[1][term[0]] = low[term[0]]
-        least, most = (a[:, None] for a in held)
-        ends = [fit.held(np.clip(y, least, most), noise, _GROWING, held, targets) for y in pools]
-        best = lowest_ends(joined(ends))
-        # The next term where it explains most beside the best two, or, of a model whose terms are
-        # no oscillators, weak and anywhere; and as it comes beside the best eight.
-        pools = [np.repeat(best[:, :2], LANES // 2, 1), np.repeat(best, LANES // 8, 1)]
-        if terms[active] in lines:
-            pools[0] = np.concatenate(
-                [likely_lines(fit, y, terms[active], LANES // 2) for y in best[:, :2].T], 1
-            )
-        for term in terms[active:]:
-            if term not in lines:
-                pools[0][term] = _weak_terms(start[term])
-            pools[1][term] = start[term, :LANES]
-    return np.concatenate(pools, 1)
-
-
-def lowest_lanes(ends: Ends) -> np.ndarray:
-    """Return the lanes (8,) of the lowest ends, one of each cost as far as there are so many.
-
-    Of fewer than eight some come again.
-    """
-    cost = np.minimum(ends.cost, 1e300)
-    order = np.argsort(cost, kind="stable")
-    new = np.append(True, np.diff(cost[order]) > SAME_MINIMUM * cost[order][1:])
-    return np.resize(np.concatenate([order[new], order[~new]]), 8)
-
-
-def lowest_ends(ends: Ends) -> np.ndarray:
-    """Return the ends (p, 8) of `lowest_lanes`."""
-    return ends.y[:, lowest_lanes(ends)]
-
-
-def _weak_terms(start: np.ndarray) -> np.ndarray:
-    """Return (3, LANES) terms to be added: weak ones, twice all over the spectrum.
-
-    start: (3, L) strength, resonance and width of random starts, whose ranges are taken.
-    """
-    places = LANES // 2
-    grid = (np.arange(places) + 0.5) / places
-    # Strength and width go round in other steps than the place.
-    rows = [np.quantile(start[0], 0.1 + 0.4 * (grid * 7.0 % 1.0)), np.quantile(start[1], grid)]
-    if len(start) > 2:
-        rows.append(np.quantile(start[2], 0.2 + 0.5 * (grid * 5.0 % 1.0)))
-    return np.tile(np.stack(rows), 2)
 
 
 class End(NamedTuple):
@@ -125,20 +52,37 @@ class End(NamedTuple):
     finite: bool
 
 
+class Kept(NamedTuple):
+    """What searches of the same measurements keep for each other.
+
+    ends: the ends and the noise of a search, by all that these depend on. lowest: the lowest ends
+    (8,) in each free unknown, by its name, of every search by `Asked.kept_as`.
+    """
+
+    ends: dict[Hashable, tuple[Ends, float]]
+    lowest: dict[str, dict[str, np.ndarray]]
+
+
 class Asked(NamedTuple):
     """The options of a fit other than those of its parameters.
 
-    errors, intervals, loss, starts, start, seed: as `fitting.fit` has them. ends: where a search is
-    kept for another one that is the same; None: nowhere.
+    errors, intervals, loss, starts, start, seed: as `fitting.fit` has them. kept, kept_as: what
+    other searches left, and where this one leaves its own. near: `kept_as` of the search whose
+    lowest ends are of use here: of the same model with other weights or without a parameter of the
+    instrument, or of the one with a term less. thorough: whether the search goes on where it may
+    have missed the best minimum. See `stages`.
     """
 
     errors: str = "auto"
     intervals: str = "auto"
     loss: str = "squares"
     seed: int = 0
-    ends: dict[Hashable, tuple[Ends, float]] | None = None
+    kept: Kept | None = None
     starts: int | None = None
     start: Mapping[str, Any] | None = None
+    kept_as: str = ""
+    near: str | None = None
+    thorough: bool = True
 
     @property
     def scaled(self) -> bool:
@@ -165,11 +109,12 @@ class Solving:
         self.limits = coordinate_bounds(u.moving)
         self.pooled: float | None = None  # scatter of many similar fits, if one has too few data
         self.lanes = LANES
+        self.fewer: np.ndarray | None = None  # the lowest ends (p, 8) of a model with a term less
         self.squares = seen.squares
 
     def in_order(self, y: np.ndarray) -> np.ndarray:
         """Return y (p, L), the terms of each lane by rising resonance unless they are named."""
-        names = _shown(self.u)
+        names = shown(self.u)
         if any(n.rsplit("_", 1)[-1].isdigit() for n in self.settings.names):
             return y
         out, media = y.copy(), self.u.spec.media

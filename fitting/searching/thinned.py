@@ -34,9 +34,9 @@ from fitting.searching.starts import Ends
 _LEAST, _PHASE, _ETA = 120, 0.25, 3.0
 # Wavelengths in a slit and angles in a beam.
 _PLACES = 5
-# Ends that are followed with all data: up to so many, less than that many units of chi2 (of the
-# thinned data) above the lowest. In the thinned data a minimum may lie some units off its place.
-FOLLOWED, _NEAR = 16, 40.0
+# Places of the lowest ends at which all data are compared, and how many of these are followed.
+# Each end is compared with so many of the places before it.
+_MOST, FOLLOWED, _BESIDE = 128, 16, 32
 # Ends closer than SAME_CHI2 and, in every coordinate, than that are one.
 _SAME_PLACE = 1e-3
 # An end has converged if a step is expected to lower chi2 by less than this.
@@ -102,29 +102,21 @@ def _at_rest(fit: Solving, y: np.ndarray) -> tuple[np.ndarray, float, bool]:
 
 
 def followed_with_all(fit: Solving, few: Solving, ends: Ends) -> Ends:
-    """Return ``ends`` of the fit ``few``, the lowest of them at their minima of all data.
+    """Return ``ends`` of the fit ``few``, the lowest for all data at the minima of these.
 
     By undamped steps; where one that might be shown comes to no rest, by the solver. The other ends
-    keep their place, and their cost is scaled to the number of data.
+    keep their place, and are not at rest. Where the model does not describe the data, the lowest of
+    few data need not be among the lowest of all: a narrow line between those kept costs nothing.
     """
     if not np.isfinite(ends.cost).any():
         return ends
     unit = few.unit(float(ends.cost.min()))
-    order = np.argsort(ends.cost, kind="stable")
-    order = order[ends.cost[order] <= ends.cost.min() + _NEAR * unit]
-    y, cost, done = ends.y.copy(), ends.cost * (fit.squares / few.squares), ends.done.copy()
-    groups: list[list[int]] = []
-    for lane in order.tolist():
-        for group in groups:
-            off = np.abs(ends.y[:, lane] - ends.y[:, group[0]])
-            close = ends.cost[lane] - ends.cost[group[0]] <= SAME_CHI2 * unit
-            if close and (off <= _SAME_PLACE * (1.0 + np.abs(ends.y[:, lane]))).all():
-                group.append(lane)
-                break
-        else:
-            groups.append([lane])
-    groups, left = groups[:FOLLOWED], [lane for g in groups[FOLLOWED:] for lane in g]
-    cost[left], done[left] = np.inf, False
+    groups = _places(ends, unit)
+    here = fit.held(ends.y[:, [group[0] for group in groups]], 1.0, 1).cost
+    y, cost, done = ends.y.copy(), np.full_like(ends.cost, np.inf), np.zeros_like(ends.done)
+    for group, value in zip(groups, here, strict=True):
+        cost[group] = value
+    groups = [groups[i] for i in np.argsort(here, kind="stable")[:FOLLOWED]]
     found = [_at_rest(fit, ends.y[:, group[0]]) for group in groups]
     shown = min(one[1] for one in found) + ALTERNATIVE_CHI2 * unit
     if not all(rests for _, least, rests in found if least <= shown):
@@ -134,3 +126,24 @@ def followed_with_all(fit: Solving, few: Solving, ends: Ends) -> Ends:
     for group, (place, least, rests) in zip(groups, found, strict=False):
         y[:, group], cost[group], done[group] = place[:, None], least, rests
     return Ends(fit.in_order(y), cost, done, ends.evaluations)
+
+
+def _places(ends: Ends, unit: float) -> list[list[int]]:
+    """Return the lanes of each place among the lowest ends, by rising cost; _MOST at most."""
+    groups: list[list[int]] = []
+    for lane in np.argsort(ends.cost, kind="stable").tolist():
+        near = [g for g in groups[-_BESIDE:] if _same(ends, g[0], lane, unit)]
+        if near:
+            near[0].append(lane)
+        elif len(groups) < _MOST and np.isfinite(ends.cost[lane]):
+            groups.append([lane])
+        else:
+            break
+    return groups
+
+
+def _same(ends: Ends, a: int, b: int, unit: float) -> bool:
+    if ends.cost[b] - ends.cost[a] > SAME_CHI2 * unit:
+        return False
+    off = np.abs(ends.y[:, b] - ends.y[:, a])
+    return bool((off <= _SAME_PLACE * (1.0 + np.abs(ends.y[:, b]))).all())

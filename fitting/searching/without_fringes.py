@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from fitting.searching.film_starts import Film, coordinate, films_of, phase_rates, thickness_um
-from fitting.searching.search import lowest_ends
+from fitting.searching.minima import lowest_ends
 from fitting.searching.starts import LANES, SIFT, STAGE, Ends, starts
 
 if TYPE_CHECKING:

@@ -1,0 +1,96 @@
+"""The stages of a search in turn, and what one search leaves for others of the same data.
+
+The first stages find the best minimum of nearly all data: all starts, and further ones beside the
+lowest ends as long as these help. `fit` goes on where they may have missed it: where the model does
+not describe the data, and at other thicknesses of films. `choose` compares its candidates after the
+first stages, and goes on with those that may be taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+
+import jax
+import numpy as np
+
+from fitting.searching.far_oscillators import with_far_oscillators
+from fitting.searching.fringe_orders import with_all_orders
+from fitting.searching.grown_starts import shown
+from fitting.searching.minima import lowest_ends
+from fitting.searching.neighbours import with_neighbours
+from fitting.searching.next_term import terms_of
+from fitting.searching.other_thicknesses import with_other_thicknesses
+from fitting.searching.search import Kept, Solving, solved
+from fitting.searching.starts import LANES, Ends, joined, start_at
+from fitting.searching.thinned import FOLLOWED, followed_with_all
+
+# Number of other starts beside the lowest ends of another search.
+_BESIDE = 2 * LANES
+
+
+def searched(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, float]:
+    """Return where the starts (p, S) and those beside them ended, and the noise they were run at.
+
+    few: the same fit, or one of some of the data, whose minima are then followed with all data. A
+    search that was made before is not repeated.
+    """
+    kept, thorough = job.asked.kept or Kept({}, {}), job.asked.thorough
+    near, few.fewer, some = _near(few, kept), None, points
+    same = near is not None and not _lacks_a_term(few, kept)
+    if near is not None and same:
+        some = np.concatenate([near, points[:, :: max(points.shape[1] // _BESIDE, 1)]], 1)
+    else:
+        few.fewer = near
+    count = points.shape[1] if thorough else some.shape[1]
+    job.lanes = few.lanes = min(some.shape[1], LANES)
+    if few is not job:
+        job.lanes = FOLLOWED
+    first = _key_of(job, points)
+    if (first, thorough) not in kept.ends:
+        if first not in kept.ends:
+            ends, noise = solved(few, some)
+            kept.ends[first] = with_neighbours(few, ends, some, noise), noise
+        ends, noise = kept.ends[first]
+        if thorough:
+            if same:
+                ends = joined([ends, solved(few, points)[0]])
+            ends = with_neighbours(few, ends, points, noise, thorough=True)
+            ends = with_other_thicknesses(few, ends, points, noise)
+            ends = with_far_oscillators(few, ends, noise)
+        lowest = zip(few.u.spec.moving, lowest_ends(ends), few.u.free, strict=True)
+        kept.lowest[job.asked.kept_as] = {name: y for name, y, free in lowest if free}
+        if few is not job:
+            ends = followed_with_all(job, few, ends)
+        if thorough:
+            ends = with_all_orders(job, ends, noise)
+        kept.ends[first, thorough] = ends, noise
+    # those tried beside the lowest minima are starting points, too
+    ends, noise = kept.ends[first, thorough]
+    job.starts = count + max(len(ends.cost) - min(count, LANES), 0)
+    return ends, noise
+
+
+def _key_of(fit: Solving, start: np.ndarray) -> Hashable:
+    """Return everything that the result of a search depends on, as a key."""
+    own = [start, *fit.limits, *jax.tree.leaves(fit.targets)]
+    asked = fit.asked.loss, fit.asked.scaled, fit.asked.near
+    return fit.u.spec, asked, *(np.asarray(a).tobytes() for a in own)
+
+
+def _near(fit: Solving, kept: Kept) -> np.ndarray | None:
+    """Return the lowest ends (p, 8) of another search that are of use here, if there is one.
+
+    A robust loss, and priors, estimate the noise from all starts.
+    """
+    if fit.asked.near not in kept.lowest or fit.u.spec.loss != "squares" or fit.priors:
+        return None
+    y, (low, high) = np.repeat(start_at(fit.u.moving, {})[:, None], 8, 1), fit.limits
+    for row, name in enumerate(fit.u.spec.moving):
+        y[row] = kept.lowest[fit.asked.near].get(name, y[row])
+    return np.clip(y, low[:, None], high[:, None])
+
+
+def _lacks_a_term(fit: Solving, kept: Kept) -> bool:
+    """Whether the model of the other search has a term less."""
+    known, names = kept.lowest[str(fit.asked.near)], fit.u.spec.moving
+    return any(fit.u.free[i] and names[i] not in known for t in terms_of(shown(fit.u)) for i in t)
