@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo docs notebooks test test-studies lint accuracy accuracy-search advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study film-study film-coverage free-film-study film-choice fuzz clean
+.PHONY: demo docs notebooks test test-studies lint accuracy accuracy-search advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study film-study film-coverage free-film-study film-models film-choice fuzz clean
 
 demo: .venv/installed-plot  ## fit the two scans that ship with the project; tables, pictures, JSON in demo/
 	mkdir -p demo
@@ -91,6 +91,9 @@ film-coverage: .venv/installed-bench  ## how often the 95 % intervals of films h
 
 free-film-study: .venv/installed-bench  ## how often the interval of the thickness of a film with a free index holds the true one (an hour)
 	$(BIN)/python -m benchmarks.free_film_study
+
+film-models: .venv/installed-bench  ## how often choose takes the true model of a film of unknown thickness (an hour)
+	$(BIN)/python -m benchmarks.film_models
 
 film-choice: .venv/installed-bench  ## how often choose takes the true one of several films, and adds no layer (hours)
 	$(BIN)/python -m benchmarks.film_choice

@@ -7,7 +7,8 @@ from estimates import bounds, codes, kinds, sigmas, values
 from scipy.optimize import least_squares
 from simulated import textbook
 
-from fitting import fit_residuals
+from fitting import fit_residuals, own_residuals
+from fitting.searching.starts import Ends
 
 TIMES = np.linspace(0.0, 4.0, 30)
 DECAY = {"height": (0.5, 5.0), "rate": {"start": (0.1, 10.0), "coordinate": "log", "unit": "1/s"}}
@@ -130,3 +131,22 @@ def test_what_means_nothing_is_refused():
         call = {"parameters": DECAY, "data": (TIMES, measured()), **arguments}
         with pytest.raises(ValueError, match=words):
             fit_residuals(decay, call.pop("parameters"), call.pop("data"), **call)
+
+
+def bent(v, data):
+    """Residuals of a bent valley (H. H. Rosenbrock, 1960), and one that is the noise."""
+    x, y = v["x"], v["y"]
+    return jnp.stack([100.0 * (y - x * x), 1.0 - x, data])
+
+
+def test_lanes_that_rest_along_a_valley_are_one_minimum(monkeypatch):
+    """Their last steps, which are taken along it, lead to one place."""
+    along = np.array([0.5, 0.7, 1.4])
+    resting = Ends(
+        np.stack([along, along**2]), (1.0 - along) ** 2 + 0.25, along > 0, np.ones(3, int)
+    )  # fmt: skip
+    monkeypatch.setattr(own_residuals, "solved", lambda job, start: (resting, 1.0))
+    parameters = {"x": (-2.0, 2.0), "y": (-2.0, 4.0)}
+    found = fit_residuals(bent, parameters, np.array(0.5), errors="stated", intervals="quadratic")
+    np.testing.assert_allclose(values(found), 1.0, atol=1e-5)
+    assert found.alternatives == () and found.reached == 3

@@ -59,7 +59,7 @@ def test_what_the_data_do_not_see_is_never_taken(status):
 def below_the_stated_errors(model, size, bic, errors="auto", codes=()):
     codes = codes or ("chi2_small", "residuals_in_order")
     told = tuple(Finding(code, np.True_, {}) for code in codes)
-    return select.candidate(Key(model), replace(outcome(size, bic), findings=told), errors)
+    return candidates.candidate(Key(model), replace(outcome(size, bic), findings=told), errors)
 
 
 def test_deviations_below_the_stated_errors_earn_no_parameters():
@@ -204,7 +204,8 @@ def test_glass_is_told_from_an_absorber(k, label):
     assert choice.taken.label == label
     assert choice.fit is choice.taken.fit
     assert choice.fit.parameters["eta"].value == pytest.approx(1.7, abs=5e-3)
-    assert done == ["constant, k = 0", "constant"]
+    assert done[:2] == ["constant, k = 0", "constant"]
+    assert f"{label}, searched thoroughly" in done[2:]
     rows = choice.table()
     assert [row[1] for row in rows if row[0] == ">"] == [label]
     assert rows[1][3] == "+0.0"
@@ -238,3 +239,32 @@ def test_a_chain_ends_with_a_candidate_that_may_not_be_taken():
     assert sorted(fitted) == ["drude-lorentz:1", "tauc-lorentz:1"]
     trials.attempt_chains([first, second], [other])
     assert len(fitted) == 2  # none is fitted twice
+
+
+def test_what_may_be_taken_is_searched_thoroughly_until_that_changes_nothing():
+    # BIC after the first stages, and after a thorough search
+    bic = {"drude": (100.0, 90.0), "lorentz:1": (0.0, 0.0), "lorentz:2": (20.0, -50.0),
+           "lorentz:3": (28.0, 28.0), "constant": (40.0, -999.0)}  # fmt: skip
+    asked, told = [], []
+
+    def run(key, thorough) -> Any:
+        asked.append((key.model, thorough))
+        return outcome(2, bic[key.model][thorough])
+
+    trials = Trials(run, told.append, "auto")
+    trials.attempt(*map(Key, bic))
+    assert trials.best().label == "lorentz:1"
+    trials.settle()
+    assert trials.best().label == "lorentz:2"
+    again = [model for model, thorough in asked if thorough]
+    assert sorted(again) == ["lorentz:1", "lorentz:2", "lorentz:3"]
+    assert told[-1].endswith(", searched thoroughly")
+
+
+@pytest.mark.parametrize("key, begun", [
+    (Key("lorentz:3"), "lorentz:2"), (Key("drude-lorentz:1"), None), (Key("cauchy:3"), None),
+    (Key("constant", ("scale",), True), "constant, k = 0"),
+    (Key("drude", ("scale", "angle_offset")), "drude, scale"),
+])  # fmt: skip
+def test_which_candidate_another_one_begins_from(key, begun):
+    assert select._begun_from(key) == begun

@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 from estimates import codes
 
-from fitting import Measurement, fit, fits, simulate
-from fitting.searching.thinned import _kept
+from fitting import Measurement, Sample, fit, fits, simulate
+from fitting.samples.parameters import Settings
+from fitting.searching.film_starts import films_of, thickness_um
+from fitting.searching.search import Asked
+from fitting.searching.starts import Ends, best_of, start_at
+from fitting.searching.thinned import FOLLOWED, _kept, followed_with_all
+from fitting.wavelengths import solving
 
 SAMPLE = "air | cauchy:2 50..1200 nm | 1.53"
 TRUTH = {"A": 2.29, "B": 0.0158, "thickness_nm": 620.0}
@@ -84,3 +89,26 @@ def test_no_more_is_left_out_than_the_fringes_allow():
         some = _kept(waves, high_um)
         assert (None if some is None else len(some)) == kept
     assert _kept(waves[:239], 0.1) is None
+
+
+def test_the_lowest_for_all_data_is_followed_however_low_others_are_for_some():
+    """A narrow line between the wavelengths of a thinned search lowers its chi2 alone."""
+    m, sample = measurement(491, 2e-3), Sample.parse(SAMPLE)
+    job = solving([m], sample, Settings(), Asked())
+    few = fits.thinned(job, sample, [m])
+    job.lanes = FOLLOWED
+    names = [f"film.{name}" for name in TRUTH]
+    wrong = [dict(TRUTH, thickness_nm=d) for d in np.linspace(700.0, 1100.0, 40)]
+    places = [dict(zip(names, each.values(), strict=True)) for each in [*wrong, TRUTH]]
+    y = np.stack([start_at(job.u.moving, place) for place in places], 1)
+    count = np.ones(41, int)
+    ends = Ends(y, np.append(np.linspace(1.0, 2.0, 40), 1e3), count == 1, count)
+    found = followed_with_all(job, few, ends)
+    best = best_of(found)
+    assert best is not None
+    assert thickness_um(job, films_of(job.u.spec, job.u.moving)[0], found.y)[best] == (
+        pytest.approx(0.62, rel=1e-2)
+    )
+    for lane in range(41):  # every cost is one of all data
+        at = found.y[:, lane]
+        assert found.cost[lane] == pytest.approx(job.cost(job.slopes(at), at, 1.0), rel=1e-9)

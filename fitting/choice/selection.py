@@ -153,7 +153,8 @@ def choose(
         instrument: whether a free scale and angle offset are tried, for models; of samples, whether
             it is told that a smaller one fits as well with a free scale.
         intervals: of the model that is taken, as for `fit`.
-        progress: called with the label of each candidate before it is tried; ``print`` will do.
+        progress: called with the label of each candidate before it is tried, and again before it is
+            searched thoroughly; ``print`` will do.
 
     Returns: a `Choice`. How often the true model of simulated spectra is found, and how seldom a
         parameter too many, is in docs/fitting.md.

@@ -153,7 +153,8 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
     scatter, most = scatter_of(fit, end.cost, noise)
     looked_at = {lane: end}
 
-    fell = ends.cost[lane] - end.cost > SAME_CHI2 * scatter
+    # Without a degree of freedom lanes rest within 1e-4 of the cost.
+    fell = ends.cost[lane] - end.cost > max(SAME_CHI2 * scatter, 1e-3 * end.cost)
 
     def look(lane: int) -> End:
         if lane not in looked_at:
