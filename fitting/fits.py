@@ -123,7 +123,7 @@ def fit_checked(
 
     def again(several: Sequence[Measurement], intervals: str) -> Fit:
         # Other weights move the minima little.
-        near = asked._replace(intervals=intervals, near=asked.kept_as, thorough=False)
+        near = asked._replace(intervals=intervals, near=asked.kept_as)
         return _general(several, sample, settings, near)
 
     if not settings.priors:

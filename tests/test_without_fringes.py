@@ -1,5 +1,7 @@
 """Fringes that are no larger than those of noise determine no thickness."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -46,6 +48,17 @@ def test_the_best_thickness_may_be_that_of_noise():
     assert lowest.parameters["thickness_nm"].interval[0] > 2000.0
     assert lowest.delta_chi2 == pytest.approx(-v["delta_chi2"], rel=1e-6)
     assert v["fringed"] == pytest.approx(lowest.parameters["thickness_nm"].value, rel=1e-3)
+
+
+def test_the_same_holds_where_a_common_error_is_added():
+    """The fit with other weights begins from the minima of the first, and looks beside them too."""
+    m = _measured(9.0, 4)
+    small = replace(m, sigma=0.3 * m.sigma)
+    found = fit(small, SAMPLE, errors="floor", intervals="quadratic")
+    assert found.errors.taken == "floor"
+    told = [w for w in found.warnings if w.code == "fringes_in_noise"]
+    assert len(told) == 1 and found.parameters["thickness_nm"].value < 200.0
+    assert found.alternatives[0].parameters["thickness_nm"].value > 2000.0
 
 
 @pytest.mark.parametrize("seed", [1, 3, 6])

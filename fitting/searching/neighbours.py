@@ -47,10 +47,13 @@ def with_neighbours(
     """Return the ends, and those of further starts near the lowest of them, as long as these help.
 
     start: (p, S) random starts. This is done for films, and for other samples with oscillators if
-    the residuals are not noise. If they are still not noise after a round without a lower minimum,
-    another round follows (after one alone, 2 of 8 fits of a glass plate ended far above the best
-    minimum): for films of many fringes with starts from parts of the spectrum, and, where these do
-    not help, with all starts followed further.
+    the residuals are not noise, until a round finds no lower minimum.
+
+    thorough: after that, if the residuals are still not noise, another round follows (without it, 2
+    of 8 fits of a glass plate ended far above the best minimum), and more while these help: for
+    films with starts that are not stopped on their way, before it for films of many fringes with
+    starts from parts of the spectrum, and, where these do not help, with all starts followed
+    further.
     """
     films = films_of(fit.u.spec, fit.u.moving)
     worth = bool(films) or (fit.lanes == LANES and bool(oscillators(fit)))

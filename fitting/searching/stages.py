@@ -3,7 +3,8 @@
 The first stages find the best minimum of nearly all data: all starts, and further ones beside the
 lowest ends as long as these help. `fit` goes on where they may have missed it: where the model does
 not describe the data, and at other thicknesses of films. `choose` compares its candidates after the
-first stages, and goes on with those that may be taken.
+first stages, and goes on with those that may be taken. A fit that is repeated with other weights
+begins from its minima, and goes on at other thicknesses only.
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ def searched(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, floa
         some = np.concatenate([near, points[:, :: max(points.shape[1] // _BESIDE, 1)]], 1)
     else:
         few.fewer = near
-    count = points.shape[1] if thorough else some.shape[1]
+    again = same and job.asked.near == job.asked.kept_as
+    count = points.shape[1] if thorough and not again else some.shape[1]
     job.lanes = few.lanes = min(some.shape[1], LANES)
     if few is not job:
         job.lanes = FOLLOWED
@@ -51,10 +53,11 @@ def searched(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, floa
             ends, noise = solved(few, some)
             kept.ends[first] = with_neighbours(few, ends, some, noise), noise
         ends, noise = kept.ends[first]
-        if thorough:
+        if thorough and not again:
             if same:
                 ends = joined([ends, solved(few, points)[0]])
             ends = with_neighbours(few, ends, points, noise, thorough=True)
+        if thorough:
             ends = with_other_thicknesses(few, ends, points, noise)
             ends = with_far_oscillators(few, ends, noise)
         lowest = zip(few.u.spec.moving, lowest_ends(ends), few.u.free, strict=True)
