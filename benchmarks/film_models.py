@@ -13,6 +13,7 @@ per cent of the films:
   missed   the fit of the true model that starts at the truth has a BIC that is lower than that of
            the model taken by more than the margin: the search missed a minimum
   order    the thickness that is shown, or an alternative, is within half a fringe of an index of 2
+           of the truth, or its 95 % interval holds it
 
     python -m benchmarks.film_models [--films 200] [--minutes 60] [--seed N] [--only lorentz:2]
 """
@@ -117,12 +118,15 @@ def film(seed: int, only: list[str]) -> Film | None:
     bic = next(c.fit.bic for c in choice.candidates if c.label == choice.taken.label)
     more = choice.taken.size - len(start)
     kind = "true" if choice.taken.label == model else KINDS[1 + (more > 0) + 2 * (more < 0)]
-    shown = [f.parameters["thickness_nm"].value for f in (choice.fit, *choice.fit.alternatives)]
-    off = min(abs(value - values["thickness_nm"]) for value in shown)
+    thickness = values["thickness_nm"]
+    shown = [f.parameters["thickness_nm"] for f in (choice.fit, *choice.fit.alternatives)]
+    order = any(
+        abs(d.value - thickness) < 125.0 * short or d.interval[0] <= thickness <= d.interval[1]
+        for d in shown
+    )
     return Film(
         model=model, measured=measured, substrate=substrate, seed=seed, taken=choice.taken.label,
-        kind=kind, missed=bool(bic > known.bic + MARGIN), order=bool(off < 0.5 * 250.0 * short),
-        seconds=seconds,
+        kind=kind, missed=bool(bic > known.bic + MARGIN), order=bool(order), seconds=seconds,
     )  # fmt: skip
 
 
