@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from simulated import simulated, textbook
 
+from fitting import simulate
 from fitting.choice import candidates
 from fitting.choice import selection as select
 from fitting.choice.candidates import MARGIN, Candidate, Key, simplest
@@ -268,3 +269,19 @@ def test_what_may_be_taken_is_searched_thoroughly_until_that_changes_nothing():
 ])  # fmt: skip
 def test_which_candidate_another_one_begins_from(key, begun):
     assert select._begun_from(key) == begun
+
+
+def test_the_model_of_one_of_two_films():
+    """Its parameters have the name of its place."""
+    waves, sample = np.linspace(0.45, 0.8, 4), "air | {} 50..300 nm | SiO2 12 nm held | Si"
+    truth = {"film_1.eta": 2.1, "film_1.k": 0.0, "film_1.thickness_nm": 140.0}
+    angles, waves = (a.ravel() for a in np.meshgrid([55.0, 65.0, 75.0], waves))
+    random, seen = np.random.default_rng(2), cast(Any, {})
+    for quantity in ("psi", "delta"):
+        exact = simulate(sample.format("constant"), truth, angles, waves, quantity)
+        seen[quantity] = exact + 0.05 * random.standard_normal(len(exact))
+    m = Measurement.from_columns(angles, waves, sigma=dict.fromkeys(seen, 0.05), **seen)
+    choice = select.choose(m, sample.format("auto"), instrument=False)
+    assert choice.taken.label == "constant, k = 0"
+    assert choice.fit.parameters["film_1.k"].value == 0.0
+    assert choice.fit.parameters["film_1.thickness_nm"].value == pytest.approx(140.0, abs=0.5)

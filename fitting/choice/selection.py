@@ -44,7 +44,7 @@ from fitting.optics.instrument import INSTRUMENT, instrument_parameter
 from fitting.results.result import Fit
 from fitting.results.result_parts import CONVERGED
 from fitting.samples.parameters import Settings, check_search, settings_of
-from fitting.samples.sample import Sample
+from fitting.samples.sample import AUTO, Sample
 from fitting.samples.sample_checks import check_fit
 from fitting.searching.search import Asked, Kept
 from fitting.uncertainty.intervals import QUADRATIC, check_choices
@@ -107,6 +107,8 @@ def _of_model(which: Sample, base: Settings, wanted: Sequence[str], fitted: Fitt
             "it, or several samples with 'or' between them; or use fit."
         )
     _only_shared(base)
+    media = zip(which.prefixes, which.media, strict=True)
+    k = next(f"{prefix}k" for prefix, medium in media if medium.index == AUTO)
 
     def run(key: Key, asked: Asked) -> Fit:
         # Candidates with an instrument parameter free share one program.
@@ -116,7 +118,7 @@ def _of_model(which: Sample, base: Settings, wanted: Sequence[str], fitted: Fitt
         }  # fmt: skip
         settings = base._replace(
             free=(*base.free, *key.free), variants=tuple(quiet), shared=True,
-            fixed={**base.fixed, **quiet, **({"k": 0.0} if key.without_k else {})},
+            fixed={**base.fixed, **quiet, **({k: 0.0} if key.without_k else {})},
         )  # fmt: skip
         found = fitted(which.with_model(key.model), settings, asked)
         shown = {n: e for n, e in found.parameters.items() if n.partition("[")[0] not in quiet}
