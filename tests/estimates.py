@@ -2,6 +2,10 @@
 
 import numpy as np
 
+from fitting.results.result import Fit
+from fitting.results.result_parts import ErrorModel, Estimate
+from fitting.samples.sample import Sample
+
 
 def of(fit, field):
     """A field of every fitted parameter, in the order of `Fit.names`."""
@@ -62,3 +66,16 @@ def second(fit):
         return (np.full(fit.shape, np.nan),) * 3
     other = fit.others[0]
     return other.parameters["eta"].value, other.parameters["k"].value, other.delta_chi2
+
+
+def outcome(size, bic, status="converged", error=1e-3, data=None):
+    """A fit with that many parameters and that BIC, for the tests of how candidates compare."""
+    known = Estimate(
+        name="", value=1.0, sigma=0.1, interval=np.zeros(2), interval_kind="quadratic"
+    )  # fmt: skip
+    return Fit(
+        sample=Sample.parse("constant"), parameters=dict.fromkeys("abcdefgh"[:size], known),
+        covariance=np.eye(size), wavelength_um=0.5, chi2=1.0, chi2_reduced=(error / 1e-3) ** 2,
+        dof=100, n_data=100 + size, rms=error, status=status, bic=bic,
+        errors=ErrorModel("scaled", 1.0, 0.0, True), measurement=data,
+    )  # fmt: skip

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -172,10 +173,7 @@ def choose(
     several = measurements_of(measurement)
     base = settings_of(free, fixed, bounds, priors, tie)
     asked = Asked(errors, intervals, loss, seed, Kept({}, {}), starts, start)
-
-    def fitted(which: Sample, settings: Settings, asked: Asked) -> Fit:
-        return fit_checked(several, which, settings, asked)
-
+    fitted = partial(fit_checked, several)
     joined, one = concatenate(*several), len(samples) == 1
     mentioned = {name.partition("[")[0] for name in base.names}
     wanted = [n for n in _of_instrument(joined) if one and instrument and n not in mentioned]
