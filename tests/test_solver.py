@@ -224,6 +224,25 @@ def test_the_step_of_many_unknowns_is_that_of_few(monkeypatch):
         np.testing.assert_allclose(a, b, rtol=1e-8, atol=1e-10)
 
 
+@pytest.mark.parametrize("p", [40, 44])
+def test_sums_of_many_unknowns(p):
+    """XLA ended the process at more than 42 unknowns, as splines of a film may have."""
+    rng = np.random.default_rng(p)
+    table, data = rng.standard_normal((2, 30, p)), rng.standard_normal((30, 3))
+    y = rng.standard_normal((p, 3))
+
+    def residual(y, args):
+        return (jnp.asarray(table[0]) @ y - data, jnp.sin(jnp.asarray(table[1]) @ y)), None
+
+    sums = jax.jit(lambda y: normal_sums(residual, y, None))(jnp.asarray(y))
+    off = np.concatenate([table[0] @ y - data, np.sin(table[1] @ y)])
+    for lane in range(3):
+        slopes = np.concatenate([table[0], np.cos(table[1] @ y[:, [lane]]) * table[1]])
+        rows = np.concatenate([off[:, [lane]], slopes], 1)
+        whole = (rows.T @ rows)[np.triu_indices(p + 1)]
+        np.testing.assert_allclose(sums[:, lane], whole, rtol=1e-10, atol=1e-10)
+
+
 def test_float32_stays_float32():
     data, truth = noisy_decays()
     with jax.enable_x64(False):

@@ -35,6 +35,8 @@ from fitting.problem import many_unknowns
 
 # Up to that many unknowns the Cholesky factor is unrolled.
 FEW_UNKNOWNS = 6
+# XLA ends the process when it compiles a `lax.reduce` of a thousand operands, those of 43 unknowns.
+_MOST_SUMS = 900
 START_DAMPING = 1e-3
 
 
@@ -84,13 +86,19 @@ def normal_sums(fn: Callable, y: Array, args: PyTree) -> Array:
 
     There is one linearisation, since the compiler would compute the values again for each jvp (1.6
     times the time), and one ``lax.reduce`` of several operands, in which the last products and all
-    sums run in registers (separate sums take 1.2 to 2 times the time, a loop over angles twice).
+    sums run in registers (separate sums take 1.2 to 2 times the time, a loop over angles twice, and
+    so does the matrix product of 13 unknowns; of 40 it takes 1.3 times the time).
     """
     p = y.shape[0]
     (residual, _), along = jax.linearize(lambda z: fn(z, args), y)
     columns = [along(jnp.zeros_like(y).at[j].set(1.0))[0] for j in range(p)]
+    together = list(zip(*map(jax.tree.leaves, [residual, *columns]), strict=True))
+    if len(_pairs(p)) > _MOST_SUMS:
+        rows = [jnp.stack(leaves).reshape(p + 1, -1, y.shape[1]) for leaves in together]
+        whole = jnp.concatenate(rows, 1)
+        return packed(jnp.einsum("pml,qml->pql", whole, whole))
     products: list[Array] = []
-    for leaves in zip(*map(jax.tree.leaves, [residual, *columns]), strict=True):
+    for leaves in together:
         of_leaf = [leaves[i] * leaves[j] for i, j in _pairs(p)]
         products = _add(products, of_leaf) if products else of_leaf
     zero = [jnp.zeros((), y.dtype)] * len(products)
