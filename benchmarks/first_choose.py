@@ -2,8 +2,9 @@
 
 Each measurement runs in a process of its own without a cache. Those of ../shared/data, which are
 not distributed, are left out where that folder is missing. psi and Delta are simulated, with noise:
-of two oscillators, and of silicon as it is tabulated, which no model here describes. Run it on a
-quiet machine: `python -m benchmarks.first_choose`.
+of two oscillators, and of silicon as it is tabulated, which no model here describes. Those of the
+films of WVASE were computed by that program, without noise. Run it on a quiet machine:
+`python -m benchmarks.first_choose`.
 """
 
 from __future__ import annotations
@@ -30,6 +31,9 @@ OSCILLATORS = {
 }  # fmt: skip
 DIAMOND = "diamond_film_on_glass/diamond_286nm_on_glass_R.csv"
 HAFNIA = "hafnia_film_psi_delta/hafnia_on_silica_60deg_psi_delta.csv"
+WOOD = "diffuse_wood_ir/FSRI_Wood_REFLECTIVITY_R1.csv"
+WVASE = "wvase_films/WVASE_"
+SILICA, SILICON = (MEASURED / f"wvase_films/materials/{name}.csv" for name in ("silica", "silicon"))
 
 
 class Case(NamedTuple):
@@ -43,6 +47,18 @@ class Case(NamedTuple):
 
 def _file(name: str, file: str, sample: str = "auto", angle_deg: float | None = None) -> Case:
     return Case(name, file, lambda: read_csv(MEASURED / file, angle_deg=angle_deg), sample)
+
+
+def _wvase(name: str, film: str, sample: str) -> Case:
+    """Return a case of a file of wavelength (nm), angle, psi and Delta below a header, or none."""
+
+    def measurement() -> Measurement:
+        lines = (MEASURED / f"{WVASE}{film}.txt").read_text().splitlines()
+        numbers = [row for line in lines if len(row := line.split()) == 4 and row[0].isdigit()]
+        wavelength_nm, angle, psi, delta = np.array(numbers, float).T
+        return Measurement.from_columns(angle, 1e-3 * wavelength_nm, psi=psi, delta=delta % 360.0)
+
+    return Case(name, f"{WVASE}{film}.txt", measurement, f"{sample} | {SILICON}")
 
 
 def _within(m: Measurement, low_um: float, high_um: float) -> Measurement:
@@ -75,6 +91,21 @@ CASES = (
     Case("hafnia film, psi and Delta", HAFNIA,
          lambda: _within(read_csv(MEASURED / HAFNIA, angle_deg=60.0), 0.33, 2.0),
          "air | auto 5..2000 nm | fused silica"),
+    _file("wood, R at 6,898 wavelengths", WOOD, angle_deg=0.0),
+    _wvase("polymer film, dry", "example_2nmSiO2_20nmPNIPAM_MultiWavelength",
+           f"air | auto 1..200 nm | {SILICA} 2 nm held"),
+    _wvase("polymer film in water", "example_2nmSiO2_20nmPNIPAM_50EMA_MultiWavelength",
+           f"1.33 | auto 1..200 nm | {SILICA} 2 nm held"),
+    _wvase("silica film in water", "example_3nmSiO2_30EMA_MultiWavelength", "1.33 | auto 1..50 nm"),
+    _wvase("gold film", "example_2nmSiO2_117nmAu_MultiWavelength",
+           f"air | auto 5..500 nm | {SILICA} 2 nm held"),
+    _wvase("gold film, oxide free too", "example_2nmSiO2_117nmAu_MultiWavelength",
+           f"air | auto 5..500 nm | {SILICA} 1..50 nm"),
+    _wvase("metal film, oxide free too", "example_10nmSiO2_325nmAl2O3_MultiWavelength",
+           f"air | auto 50..2000 nm | {SILICA} 1..50 nm"),
+    _wvase("absorbing film, seven angles",
+           "TaucLorentz_example_350nmFilm_MultiWavelength_MultiAngle",
+           f"air | auto 50..1000 nm | {SILICA} 3 nm held"),
 )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from fitting.samples.parameters import Settings, from_parameter
 from fitting.searching.film_starts import (
     _index_of,
     coordinate,
+    film_starts,
     films_of,
     scaled_index,
     thickness_um,
@@ -19,7 +20,7 @@ from fitting.searching.fringe_orders import with_all_orders
 from fitting.searching.last_steps import down_the_valley
 from fitting.searching.neighbours import _as_free_electrons
 from fitting.searching.search import Asked, Solving
-from fitting.searching.starts import best_of, joined, start_at
+from fitting.searching.starts import best_of, joined, start_at, starts
 
 WAVES = np.linspace(0.4, 0.8, 16)
 
@@ -120,3 +121,19 @@ def test_every_order_that_fits_as_well_is_found_from_one_of_them():
     for cost, those in zip(each.cost[inside], near, strict=True):
         assert found.cost[those].min() < cost + 0.1
     assert found.cost.min() < least + 0.01
+
+
+def test_a_film_without_a_fringe_beside_one_that_has_them_has_no_starts_of_its_own():
+    m = Measurement.from_columns(0.0, WAVES, R=np.full(16, 0.3))
+
+    def of(oxide, film="50..2000"):
+        sample = Sample.parse(f"air | cauchy:2 {film} nm | SiO2 {oxide} | Si")
+        fit = solving(m, sample, "equal")
+        return film_starts(fit, starts(fit.u.moving, 64, 0)).shape[1]
+
+    alone = of("10 nm held")
+    assert of("1..50 nm") == alone > 0
+    # with fringes of both: those of each, and the phases of each divided among them
+    assert of("50..2000 nm") == 4 * alone
+    # where none has a fringe the one that has most of one
+    assert of("1..5 nm", "1..20") == alone

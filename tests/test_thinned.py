@@ -85,10 +85,53 @@ def test_ends_that_do_not_rest_are_followed_by_the_solver(monkeypatch):
 
 def test_no_more_is_left_out_than_the_fringes_allow():
     waves = np.linspace(0.42, 0.8, 491)
-    for high_um, kept in ((0.1, 123), (2.0, 123), (2.6, 164), (5.0, None), (100.0, None)):
-        some = _kept(waves, high_um)
-        assert (None if some is None else len(some)) == kept
-    assert _kept(waves[:239], 0.1) is None
+    for high_um, kept in ((0.1, 123), (2.0, 123), (2.6, 164), (5.0, 491), (100.0, 491)):
+        assert len(_kept(waves, high_um)) == kept
+    assert len(_kept(waves[:239], 0.1)) == 239
+    # no block of 64 rows for the 129th
+    assert len(_kept(np.linspace(0.42, 0.8, 642), 0.1)) == 128
+    # without a film fringes have no say
+    assert len(_kept(np.linspace(1.0, 20.0, 6898), None)) == 531
+    assert len(_kept(np.linspace(1.0, 20.0, 900), None)) == 900
+
+
+def part_of(m: Measurement, sample: str, shared: bool = False) -> Measurement:
+    """The wavelengths and angles that the search takes."""
+    which = Sample.parse(sample)
+    job = solving([m], which, Settings(shared=shared), Asked())
+    points = fits.thinned(job, which, [m]).seen
+    rows = points.measured
+    return Measurement.from_columns(
+        points.points.angle_deg[rows, 0],
+        points.points.wavelength_um[rows, 0],
+        R=np.ones(rows.sum()),
+    )
+
+
+def test_each_wavelength_is_seen_at_some_of_many_angles():
+    angle, waves = (
+        a.ravel() for a in np.meshgrid([50.0, 60.0, 70.0, 75.0], np.linspace(0.4, 1, 80))
+    )
+    shown = simulate("air | cauchy:2 100 nm | 1.53", TRUTH, angle, waves, "R")
+    m = Measurement.from_columns(angle, waves, R=shown)
+    part = part_of(m, SAMPLE, shared=True)
+    assert len(part) == 160
+    assert len(np.unique(part.wavelength_um)) == 80
+    for each in (50.0, 60.0, 70.0, 75.0):
+        assert (part.angle_deg == each).sum() == 40
+    assert len(part_of(m, SAMPLE)) == 320  # a second program takes longer
+    # one that is not measured at all angles, or hardly any wavelengths: all of it
+    assert len(part_of(m.where(np.arange(320) != 7), SAMPLE, shared=True)) == 319
+    few = m.where(m.wavelength_um < 0.42)
+    assert len(part_of(few, SAMPLE, shared=True)) == len(few)
+
+
+def test_a_spectrum_of_a_surface_is_thinned_where_programs_have_no_shape():
+    waves = np.linspace(0.4, 20.0, 3000)
+    m = Measurement.from_columns(0.0, waves, R=np.full(3000, 0.2))
+    assert len(part_of(m, "lorentz:1", shared=True)) == 500
+    assert len(part_of(m, "lorentz:1")) == 3000  # a second program takes longer
+    assert len(part_of(m, "air | lorentz:1 100 nm held | 1.5")) == 3000
 
 
 def test_the_lowest_for_all_data_is_followed_however_low_others_are_for_some():

@@ -31,6 +31,8 @@ _SPLITS = 4
 _INDEX = {
     "eta": 1, "k": 1, "A": 1, "B": 1, "C": 1, "plasma": 1, "eps": 2, "strength": 2, "amplitude": 2,
 }  # fmt: skip
+# A film of fewer fringes at most has none to be found by, beside one that has more.
+_FRINGE = 0.5
 # Number of fringes of the thickest film from which on parts of the spectrum are searched, too.
 _FRINGES = 20.0
 
@@ -122,10 +124,17 @@ def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
         return y[:, :0]
     many = y.shape[1] > 4 * LANES
     indices, count = (MANY_CANDIDATES, _MANY_LIKELY) if many else (_CANDIDATES, _LIKELY)
-    each = []
-    for film in films:
-        rates = phase_rates(fit, film, y[:, :indices])
-        each.append(by_fringes(fit, film, y, rates, fit.seen.measured, count))
+    rates = [phase_rates(fit, film, y[:, :indices]) for film in films]
+    most = [
+        film.high_um * float(np.median(middle(r))) for film, r in zip(films, rates, strict=True)
+    ]
+    # A film that can have next to no fringe beside one that has them is not looked for by its own.
+    with_fringes = [i for i, n in enumerate(most) if n > _FRINGE or n == max(most)]
+    films, rates = [films[i] for i in with_fringes], [rates[i] for i in with_fringes]
+    each = [
+        by_fringes(fit, film, y, r, fit.seen.measured, count)
+        for film, r in zip(films, rates, strict=True)
+    ]
     if len(films) > 1:
         again = _SPLITS ** (len(films) - 2)
         each += [

@@ -66,6 +66,10 @@ class Responses(NamedTuple):
     by_rest: np.ndarray
 
 
+# Of many more data only a part are looked at, of about that number.
+_ROWS = 1000
+
+
 def oscillator(energy: np.ndarray, resonance: Any, width: Any) -> np.ndarray:
     """Return eps of an oscillator of strength 1 eV^2."""
     return 1.0 / (resonance**2 - energy**2 - 1j * energy * width)
@@ -94,7 +98,9 @@ def by_eps(fit: Solving, y: np.ndarray, term: list[int]) -> Responses:
     by_1 = (d * columns[0] - b * columns[1]) / determinant
     by_2 = (a * columns[1] - c * columns[0]) / determinant
     rest = [i for i, w in enumerate(fit.u.moving) if w.free and i not in term]
-    return Responses(energy, slopes.residual, by_1 - 1j * by_2, slopes.jacobian[:, rest])
+    known = energy, slopes.residual, by_1 - 1j * by_2, slopes.jacobian[:, rest]
+    stride = max(len(energy) // _ROWS, 1)
+    return Responses(*(a[::stride] for a in known))
 
 
 def _grid(energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
