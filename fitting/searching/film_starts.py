@@ -32,7 +32,7 @@ _INDEX = {
     "eta": 1, "k": 1, "A": 1, "B": 1, "C": 1, "plasma": 1, "eps": 2, "strength": 2, "amplitude": 2,
 }  # fmt: skip
 # A film of fewer fringes at most has none to be found by, beside one that has more.
-_FRINGE = 0.5
+_LEAST_FRINGES = 0.5
 # Number of fringes of the thickest film from which on parts of the spectrum are searched, too.
 _FRINGES = 20.0
 
@@ -129,7 +129,7 @@ def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
         film.high_um * float(np.median(middle(r))) for film, r in zip(films, rates, strict=True)
     ]
     # A film that can have next to no fringe beside one that has them is not looked for by its own.
-    with_fringes = [i for i, n in enumerate(most) if n > _FRINGE or n == max(most)]
+    with_fringes = [i for i, n in enumerate(most) if n > _LEAST_FRINGES or n == max(most)]
     films, rates = [films[i] for i in with_fringes], [rates[i] for i in with_fringes]
     each = [
         by_fringes(fit, film, y, r, fit.seen.measured, count)
