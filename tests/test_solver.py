@@ -226,7 +226,7 @@ def test_the_step_of_many_unknowns_is_that_of_few(monkeypatch):
 
 @pytest.mark.parametrize("p", [40, 44])
 def test_sums_of_many_unknowns(p):
-    """XLA ended the process at more than 42 unknowns, as splines of a film may have."""
+    """XLA ended the process at more than 43 unknowns, as splines of a film may have."""
     rng = np.random.default_rng(p)
     table, data = rng.standard_normal((2, 30, p)), rng.standard_normal((30, 3))
     y = rng.standard_normal((p, 3))

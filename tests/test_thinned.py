@@ -86,13 +86,13 @@ def test_ends_that_do_not_rest_are_followed_by_the_solver(monkeypatch):
 def test_no_more_is_left_out_than_the_fringes_allow():
     waves = np.linspace(0.42, 0.8, 491)
     for high_um, kept in ((0.1, 123), (2.0, 123), (2.6, 164), (5.0, 491), (100.0, 491)):
-        assert len(_kept(waves, high_um)) == kept
-    assert len(_kept(waves[:239], 0.1)) == 239
+        assert len(_kept(waves, 120, high_um)) == kept
+    assert len(_kept(waves[:239], 120, 0.1)) == 239
     # no block of 64 rows for the 129th
-    assert len(_kept(np.linspace(0.42, 0.8, 642), 0.1)) == 128
+    assert len(_kept(np.linspace(0.42, 0.8, 642), 120, 0.1)) == 128
     # without a film fringes have no say
-    assert len(_kept(np.linspace(1.0, 20.0, 6898), None)) == 531
-    assert len(_kept(np.linspace(1.0, 20.0, 900), None)) == 900
+    assert len(_kept(np.linspace(1.0, 20.0, 6898), 500, 0.0)) == 531
+    assert len(_kept(np.linspace(1.0, 20.0, 900), 500, 0.0)) == 900
 
 
 def part_of(m: Measurement, sample: str, shared: bool = False) -> Measurement:

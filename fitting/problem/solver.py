@@ -35,7 +35,7 @@ from fitting.problem import many_unknowns
 
 # Up to that many unknowns the Cholesky factor is unrolled.
 FEW_UNKNOWNS = 6
-# XLA ends the process when it compiles a `lax.reduce` of a thousand operands, those of 43 unknowns.
+# XLA ends the process when it compiles a `lax.reduce` of a thousand operands, those of 44 unknowns.
 _MOST_SUMS = 900
 START_DAMPING = 1e-3
 

@@ -27,6 +27,8 @@ _BELOW, _ABOVE = 0.7, 1.7
 # Directions of the other parameters with less than this part of the largest effect are rounding,
 # and so is what is left of the effect of a line below this part of its square.
 _SEEN, _LEFT = 1e-9, 1e-12
+# Of 2,000 data and more every second one is looked at, of 3,000 every third, and so on.
+_ROWS = 1000
 
 
 def terms_of(names: Sequence[str], head: str = "") -> list[list[int]]:
@@ -64,10 +66,6 @@ class Responses(NamedTuple):
     residual: np.ndarray
     by_eps: np.ndarray
     by_rest: np.ndarray
-
-
-# Of many more data only a part are looked at, of about that number.
-_ROWS = 1000
 
 
 def oscillator(energy: np.ndarray, resonance: Any, width: Any) -> np.ndarray:

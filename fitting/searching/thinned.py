@@ -6,7 +6,7 @@ time. What is left out tells nothing of the order of the fringes, as long as the
 that are kept changes by less than a quarter of a period for the thickest film that is looked for.
 
 Where programs have one shape for all numbers of rows (`programs_in_parts`), so that a part of them
-needs no program of its own, a surface of thousands of wavelengths is thinned too (6,898 of wood: 34
+needs no program of its own, a surface of thousands of wavelengths is thinned too (6,898 of wood: 33
 s for a first `choose`, not 126), and of a measurement at several angles each wavelength is taken at
 some of them only.
 
@@ -54,12 +54,15 @@ _SAME_PLACE = 1e-3
 _AT_REST = 1e-4
 
 
-def _kept(waves: np.ndarray, high_um: float | None) -> np.ndarray:
-    """Return which of the wavelengths (W,), rising, the search takes; high_um: None of no film."""
-    stride = len(waves) // (_LEAST_OF_BARE if high_um is None else _LEAST)
+def _kept(waves: np.ndarray, least: int, high_um: float) -> np.ndarray:
+    """Return which of the wavelengths (W,), rising, the search takes: ``least`` or more.
+
+    high_um: thickness of the thickest film that is looked for.
+    """
+    stride = len(waves) // least
     while stride > 1:
         some = waves[::stride]
-        phases = -np.diff(1.0 / some) * 2.0 * _ETA * (high_um or 0.0)
+        phases = -np.diff(1.0 / some) * 2.0 * _ETA * high_um
         if np.ptp(1.0 / some) and phases.max() <= _PHASE:
             over = len(some) % ROWS
             return some[: len(some) - over] if over < _FEW else some
@@ -100,11 +103,12 @@ def _some_of(fit: Solving, measurements: Sequence[Measurement]) -> Observations:
     films, cut = films_of(fit.u.spec, fit.u.moving), in_parts(fit.u.spec, fit.targets)
     if not films and (any(fit.u.spec.media.coherent) or not cut):
         return fit.seen
-    high_um, parts = films[0].high_um if films else None, []
+    least, high_um = (_LEAST, films[0].high_um) if films else (_LEAST_OF_BARE, 0.0)
+    parts = []
     for m in measurements:
         if not np.isfinite(m.wavelength_um).all():
             return fit.seen
-        some = _kept(np.unique(m.wavelength_um), high_um)
+        some = _kept(np.unique(m.wavelength_um), least, high_um)
         less = m.where(np.isin(m.wavelength_um, some))
         parts.append(_shared_out(m) if cut and len(less) == len(m) else less)
     if sum(map(len, parts)) == sum(map(len, measurements)):
