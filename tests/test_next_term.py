@@ -54,6 +54,21 @@ def test_a_weak_line_changes_the_data_as_two_derivatives_say(sample, columns, pl
         np.testing.assert_allclose(predicted, given, atol=1e-3 * np.abs(given).max())
 
 
+def test_a_part_of_many_data_is_enough():
+    wavelength = 1.239841984 / np.linspace(1.3, 4.1, 3500)
+    line = {"strength_ev2_2": 2.0, "resonance_ev_2": 2.2, "width_ev_2": 0.1}
+    shown = simulate("lorentz:2", STRONG | line, 0.0, wavelength, "R")
+    fit = job("lorentz:2", Measurement.from_columns(0.0, wavelength, R=shown, sigma={"R": 1e-3}))
+    weak = {"strength_ev2_2": 1e-9, "resonance_ev_2": 3.9, "width_ev_2": 0.5}
+    y = start_at(fit.u.moving, {f"substrate.{n}": v for n, v in (STRONG | weak).items()})
+    term = oscillators(fit)[1]
+    known = by_eps(fit, y, term)
+    assert len(known.energy) == len(known.residual) == len(known.by_rest) == 1167
+    assert (known.energy.min(), known.energy.max()) == pytest.approx((1.3, 4.1), abs=0.01)
+    found = np.exp(likely_lines(fit, y, term, 1)[term, 0])
+    assert found == pytest.approx([2.0, 2.2, 0.1], rel=0.3)
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_a_line_that_is_missing_is_among_the_first_two(seed):
     random = np.random.default_rng([seed, 26])
