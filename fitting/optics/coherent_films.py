@@ -162,7 +162,7 @@ def _derivatives(primals: Any, tangents: Any) -> tuple[Amplitudes, Amplitudes]:
         _sum(by_admittance, tangents[0]) + _sum(by_phase, tangents[1])
         for by_admittance, by_phase in zip(of_admittance, of_phase, strict=True)
     )
-    return out, Amplitudes(jnp.zeros_like(out.r) + d_r, out.t * d_log_t)
+    return out, Amplitudes(_once(jnp.zeros_like(out.r) + d_r), out.t * d_log_t)
 
 
 amplitudes.defjvp(_derivatives, symbolic_zeros=True)
@@ -226,7 +226,7 @@ def admittances(
     # N^2 - sin^2, so that a medium like the first one has exactly its cosine.
     squares = _each(lambda n: n * n, together(index))
     q = _each(lambda n2: normal_index((n2 - eta_i * eta_i) + q0 * q0), squares)
-    phase = _each(lambda z, d: whole(1j * (k0 * d) * z), q[:-1], together(thickness_um))
+    phase = _each(lambda z, d: whole(_once(1j * (k0 * d) * z)), q[:-1], together(thickness_um))
     for_p = _each(lambda z, n2: whole(_once(z * _reciprocal(n2))), q, squares)
     return (
         _joined([whole(front)], _each(whole, q)),
