@@ -43,12 +43,12 @@ from fitting.problem.problem import (
     weighted,
     without_data,
 )
-from fitting.problem.row_blocks import COLUMNS, ROWS, SLOTS, Blocks, blocks_of, can_be_cut
+from fitting.problem.row_blocks import ROWS, SLOTS, Blocks, blocks_of, can_be_cut
 from fitting.problem.solver import FEW_UNKNOWNS, BatchState, packed
 from fitting.process.compiled import compiled, in_turn
 
-# Unknowns are filled up to a multiple of that number.
-_SIZE = 8
+# Unknowns are filled up to one of these numbers, and from the last one on to a multiple of 4.
+_SIZES = (8, 16)
 
 
 def _flat(points: Points, eta_i: Any) -> tuple[Points, Any]:
@@ -96,7 +96,7 @@ def _sums(
     *, spec: Spec,
 ) -> Array:  # fmt: skip
     """Return the packed normal equations of all slots with those of these columns added."""
-    shape = (len(shown), ROWS, COLUMNS)
+    shape = (len(shown), ROWS, len(slot))
     shown = shown.reshape(shape)
     by_unknown = sum(
         d.reshape(shape) * column[:, None] for d, column in zip(slopes, columns, strict=True)
@@ -110,7 +110,7 @@ def _sums(
 
     off, along = jax.linearize(residuals, shown)
     rows = jnp.concatenate([off[None], jax.vmap(along)(by_unknown)])
-    rows = rows.reshape(len(rows), -1, COLUMNS)
+    rows = rows.reshape(len(rows), -1, len(slot))
     more = packed(jnp.einsum("pml,qml->pql", rows, rows))
     return sums.at[:, slot].add(more, mode="drop")
 
@@ -147,7 +147,8 @@ def _blank(unknowns: int) -> Any:
 
 def _filled(y: np.ndarray) -> np.ndarray:
     """Return y (p, L) with more unknowns, which are none."""
-    return np.pad(y, ((0, -len(y) % _SIZE), (0, 0)))
+    size = next((size for size in _SIZES if len(y) <= size), -(-len(y) // 4) * 4)
+    return np.pad(y, ((0, size - len(y)), (0, 0)))
 
 
 def in_parts(spec: Any, targets: Targets) -> bool:
@@ -155,13 +156,15 @@ def in_parts(spec: Any, targets: Targets) -> bool:
 
     A first `choose` takes half the time, and so does the first fit of a silver mirror by three
     oscillators. One program for all is, once compiled, up to three times as fast for a bare surface
-    of few unknowns, and where wavelengths come again at other angles: it forms the index once.
+    of few unknowns, and where wavelengths come again at other angles: it forms the index once. But
+    a search in parts takes each wavelength at some of the angles only (`searching.thinned`): a
+    first fit of a film at seven angles takes 14 s, not 34.
     """
     if not has_parts(spec) or not can_be_cut(targets):
         return False
     films = bool(spec.media.coherent) and all(spec.media.coherent)
     worth = films or len(spec.moving) > FEW_UNKNOWNS
-    return spec.shared or (worth and targets.points.place is None)
+    return spec.shared or films or (worth and targets.points.place is None)
 
 
 class _Parts:
@@ -249,9 +252,9 @@ def slopes_in_parts(targets: Targets, y: Any, *, spec: Spec) -> tuple[Any, Any]:
     parts, found = _Parts(spec, targets), []
     trial = np.repeat(_filled(np.asarray(y)[:, None]), SLOTS, 1)
     for blocks in parts.blocks:
-        moving, columns = parts.quantities(trial, np.zeros(COLUMNS, int), blocks)
+        moving, columns = parts.quantities(trial, np.zeros(blocks.columns, int), blocks)
         shown, slopes = (
-            np.asarray(a).reshape(*a.shape[:-1], ROWS, COLUMNS)[..., : blocks.count]
+            np.asarray(a).reshape(*a.shape[:-1], ROWS, blocks.columns)[..., : blocks.count]
             for a in parts.shown(moving, blocks)
         )
         by_unknown = sum(
@@ -276,7 +279,7 @@ def index_in_parts(targets: Targets, y: np.ndarray, medium: int, *, spec: Spec) 
             for slots, slot in blocks.calls(np.arange(min(SLOTS, count - begin))):
                 moving, _ = parts.quantities(some, slot, blocks)
                 for part, x in zip(found, map(np.asarray, moving[at : at + 2]), strict=True):
-                    x = x.reshape(ROWS, COLUMNS)[:, slot < SLOTS]
+                    x = x.reshape(ROWS, blocks.columns)[:, slot < SLOTS]
                     by_lane = x.reshape(ROWS, len(slots), blocks.count).transpose(2, 0, 1)
                     part[blocks.rows, begin + slots] = by_lane.reshape(-1, len(slots))
     return found

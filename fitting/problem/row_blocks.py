@@ -17,8 +17,10 @@ from fitting.optics.observe import Points
 from fitting.problem.problem import Targets
 
 # A call evaluates blocks of so many rows, one in each of so many columns. With 8192 points in a
-# call, not 2048, each takes a tenth longer, and more are evaluated for nothing if lanes are few.
-ROWS, COLUMNS = 64, 32
+# call, not 2048, each takes a tenth longer, and more are evaluated for nothing if lanes are few. A
+# search of films that fit in one block has 9 to 19 lanes at work on average: with half the columns
+# it takes two thirds to four fifths of the time.
+ROWS, COLUMNS, FEW_COLUMNS = 64, 32, 16
 # Number of lanes side by side: a step of 16 unknowns takes .4 ms for 32 lanes, .9 ms for 64.
 SLOTS = 32
 
@@ -38,16 +40,21 @@ class Blocks(NamedTuple):
     known: tuple[Array, ...] = ()
 
     @property
+    def columns(self) -> int:
+        """The number of columns of a call."""
+        return self.points.angle_deg.shape[1]
+
+    @property
     def rows(self) -> slice:
         """Which rows of the fit these are."""
         return slice(self.first * ROWS, (self.first + self.count) * ROWS)
 
     def calls(self, active: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield the slots of one call after the other, and the slot of each column; SLOTS: none."""
-        room = COLUMNS // self.count
+        room = self.columns // self.count
         for start in range(0, len(active), room):
             some = active[start : start + room]
-            slot = np.full(COLUMNS, SLOTS)
+            slot = np.full(self.columns, SLOTS)
             slot[: len(some) * self.count] = np.repeat(some, self.count)
             yield some, slot
 
@@ -59,14 +66,15 @@ def can_be_cut(targets: Targets) -> bool:
 
 
 def blocks_of(targets: Targets) -> list[Blocks]:
-    """Return all rows; of more than COLUMNS blocks in several parts."""
+    """Return all rows; of more blocks than columns in several parts."""
     total, out = len(targets.points.angle_deg) // ROWS, []
-    for first in range(0, total, COLUMNS):
-        count = min(total - first, COLUMNS)
-        pick = first + np.arange(COLUMNS) % count
+    columns = COLUMNS if total > 1 else FEW_COLUMNS
+    for first in range(0, total, columns):
+        count = min(total - first, columns)
+        pick = first + np.arange(columns) % count
 
         def cut(a: Any, pick: np.ndarray = pick) -> np.ndarray:
-            """Return (..., M, 1) as (..., ROWS, COLUMNS)."""
+            """Return (..., M, 1) as (..., ROWS, columns)."""
             by_block = np.asarray(a).reshape(*np.shape(a)[:-2], total, ROWS)
             return np.ascontiguousarray(np.swapaxes(by_block[..., pick, :], -1, -2))
 
