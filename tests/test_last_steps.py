@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from fitting.searching.film_parts import PARTS, parts
-from fitting.searching.last_steps import followed, polished
+from fitting.searching.last_steps import followed, gone_on, polished
 from fitting.searching.starts import Ends
 
 
@@ -82,3 +82,17 @@ def test_a_start_goes_on_while_it_falls_by_more_than_it_is_above_the_best():
     start = np.stack([np.arange(4), np.zeros(4, int)])
     assert followed(fit, start, 1.0, 516.0).cost.tolist() == [488.5, 610.0, 514.7, np.inf]
     assert followed(fit, start, 1.0, np.inf).cost.tolist() == [488.5, 400.0, 514.7, np.inf]
+
+
+def test_a_start_that_falls_too_little_to_be_worth_it_does_not_go_on():
+    # cost and fall in a stage: too slow; as fast as is needed; there already; above the limit
+    cost = np.array([10.0, 10.0, 5.0, 30.0])
+    fall = np.array([0.1, 2.0, 0.1, 9.0])
+
+    def held(y, noise, steps):
+        y = y - y[1] * np.array([[1.0], [0.0]])
+        return Ends(y, y[0].copy(), np.zeros(y.shape[1], bool), np.full(y.shape[1], steps))
+
+    ends = Ends(np.stack([cost, fall]), cost.copy(), np.zeros(4, bool), np.zeros(4, int))
+    gone_on(SimpleNamespace(held=held), ends, 1.0, 20.0, 6.0, 4)
+    np.testing.assert_allclose(ends.cost, [9.9, 2.0, 4.6, 30.0])

@@ -38,7 +38,7 @@ def with_far_oscillators(fit: Solving, ends: Ends, noise: float) -> Ends:
         if not start.shape[1]:
             break
         new = fit.held(start, noise, STAGE)
-        gone_on(fit, new, noise, least + scatter_of(fit, least, noise)[1], STAGES_ON)
+        gone_on(fit, new, noise, least + scatter_of(fit, least, noise)[1], least, STAGES_ON)
         ends = joined([ends, new._replace(y=fit.in_order(new.y))])
         if not ends.cost.min() < least - _FALL * fit.unit(least):
             break

@@ -18,7 +18,7 @@ from fitting.searching.film_starts import (
     thickness_um,
 )
 from fitting.searching.last_steps import STAGES_ON, gone_on
-from fitting.searching.minima import lowest_ends
+from fitting.searching.minima import lowest_ends, scatter_of
 from fitting.searching.search import Solving
 from fitting.searching.starts import LANES, STAGE, Ends, best_of, joined
 from fitting.searching.weak_fringes import weak_fringes
@@ -50,7 +50,9 @@ def with_other_thicknesses(fit: Solving, ends: Ends, start: np.ndarray, noise: f
             lowest = lowest_ends(ends)
             ends = joined([ends, *weak_fringes(fit, film, lowest, start, noise, _near(fit, ends))])
     if films and best_of(ends) is not None:
-        gone_on(fit, ends, noise, _near(fit, ends), STAGES_ON)
+        least = float(ends.cost[ends.done].min())
+        shown = least + scatter_of(fit, least, noise)[1]
+        gone_on(fit, ends, noise, _near(fit, ends), shown, STAGES_ON)
         ends = ends._replace(y=fit.in_order(ends.y))
     return ends
 
