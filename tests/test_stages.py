@@ -62,6 +62,17 @@ def test_a_parameter_of_the_instrument_is_added_at_the_minima_without_it(counted
     assert found.chi2 <= without.chi2
 
 
+def test_a_parameter_of_the_instrument_begins_where_it_was_fixed():
+    which, settings = Sample.parse(SAMPLE.format("lorentz:2")), Settings(free=("scale",))
+    job = solving([measurement(1e-3)], which, settings, Asked(near="without"))
+    free = [name for name in job.u.spec.moving if name != "scale_0"]
+    known = {name: np.arange(8.0) for name in free}
+    near = stages._near(job, Kept({}, {"without": known}))
+    assert near is not None
+    row = job.u.spec.moving.index("scale_0")
+    np.testing.assert_array_equal(near[row], 0.0)  # log 1
+
+
 def test_a_search_that_was_made_is_not_repeated(counted):
     m, which = measurement(1e-3), Sample.parse(SAMPLE.format("lorentz:1"))
     asked = Asked("scaled", "quadratic", kept=Kept({}, {}), thorough=False)

@@ -253,9 +253,9 @@ def _instrument_stage(trials: Trials, wanted: Sequence[str]) -> None:
     clear = [c for c in trials.tried.values() if not _absorbs(c)]
     bases = [trials.best()]
     bases += [c for c in [simplest(clear)] if c.key != bases[0].key]
-    for base in bases:
-        extra: tuple[str, ...] = ()
-        for name in wanted:
-            (grown,) = trials.attempt(Key(base.key.model, (*extra, name), base.key.without_k))
-            if grown.good and grown.fit.bic < base.fit.bic - MARGIN:
-                base, extra = grown, (*extra, name)
+    for name in wanted:
+        new = trials.attempt(*(c.key._replace(free=(*c.key.free, name)) for c in bases))
+        bases = [
+            grown if grown.good and grown.fit.bic < base.fit.bic - MARGIN else base
+            for base, grown in zip(bases, new, strict=True)
+        ]

@@ -153,8 +153,10 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
     scatter, most = scatter_of(fit, end.cost, noise)
     looked_at = {lane: end}
 
-    # Without a degree of freedom lanes rest within 1e-4 of the cost.
+    # Without a degree of freedom lanes rest within 1e-4 of the cost. What `choose` only compares
+    # needs no last steps of dozens of other minima.
     fell = ends.cost[lane] - end.cost > max(SAME_CHI2 * scatter, 1e-3 * end.cost)
+    fell &= fit.asked.thorough
 
     def look(lane: int) -> End:
         if lane not in looked_at:

@@ -51,11 +51,16 @@ def searched(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, floa
     if (first, thorough) not in kept.ends:
         if first not in kept.ends:
             ends, noise = solved(few, some)
-            kept.ends[first] = with_neighbours(few, ends, some, noise), noise
+            # With a parameter of the instrument more, a search first only asks whether that may
+            # help: further starts follow where it is thorough.
+            if again or not same:
+                ends = with_neighbours(few, ends, some, noise)
+            kept.ends[first] = ends, noise
         ends, noise = kept.ends[first]
         if thorough and not again:
             if same:
                 ends = joined([ends, solved(few, points)[0]])
+                ends = with_neighbours(few, ends, points, noise)
             ends = with_neighbours(few, ends, points, noise, thorough=True)
         if thorough:
             ends = with_other_thicknesses(few, ends, points, noise)
@@ -87,7 +92,10 @@ def _near(fit: Solving, kept: Kept) -> np.ndarray | None:
     """
     if fit.asked.near not in kept.lowest or fit.u.spec.loss != "squares" or fit.priors:
         return None
-    y, (low, high) = np.repeat(start_at(fit.u.moving, {})[:, None], 8, 1), fit.limits
+    # What the other fit had fixed begins where it was, so that the minima are no higher.
+    parameters = [w.parameter for w in fit.u.moving]
+    neutral = {p.name: p.held for p in parameters if p.held is not None}
+    y, (low, high) = np.repeat(start_at(fit.u.moving, neutral)[:, None], 8, 1), fit.limits
     for row, name in enumerate(fit.u.spec.moving):
         y[row] = kept.lowest[fit.asked.near].get(name, y[row])
     return np.clip(y, low[:, None], high[:, None])
