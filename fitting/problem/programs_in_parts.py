@@ -49,6 +49,8 @@ from fitting.process.compiled import compiled, in_turn
 
 # Unknowns are filled up to one of these numbers, and from the last one on to a multiple of 4.
 _SIZES = (8, 16)
+# Of more rows at several angles a search takes a part.
+_FEW_ROWS = 256
 
 
 def _flat(points: Points, eta_i: Any) -> tuple[Points, Any]:
@@ -157,14 +159,15 @@ def in_parts(spec: Any, targets: Targets) -> bool:
     A first `choose` takes half the time, and so does the first fit of a silver mirror by three
     oscillators. One program for all is, once compiled, up to three times as fast for a bare surface
     of few unknowns, and where wavelengths come again at other angles: it forms the index once. But
-    a search in parts takes each wavelength at some of the angles only (`searching.thinned`): a
-    first fit of a film at seven angles takes 14 s, not 34.
+    a search in parts takes each wavelength of many at some of the angles only (see
+    `searching.thinned`): a first fit of a film at seven angles takes 14 s, not 34.
     """
     if not has_parts(spec) or not can_be_cut(targets):
         return False
     films = bool(spec.media.coherent) and all(spec.media.coherent)
     worth = films or len(spec.moving) > FEW_UNKNOWNS
-    return spec.shared or films or (worth and targets.points.place is None)
+    thinned = films and len(targets.points.angle_deg) > _FEW_ROWS
+    return spec.shared or thinned or (worth and targets.points.place is None)
 
 
 class _Parts:

@@ -65,10 +65,10 @@ def _kept(waves: np.ndarray, least: int, high_um: float) -> np.ndarray:
     stride = len(waves) // least
     while stride > 1:
         some = waves[::stride]
-        some = some[_whole_blocks(len(some))]
         phases = -np.diff(1.0 / some) * 2.0 * _ETA * high_um
         if np.ptp(1.0 / some) and phases.max() <= _PHASE:
-            return some
+            # A few are twice as far apart then, at half a period still enough to tell the order.
+            return some[_whole_blocks(len(some))]
         stride -= 1
     return waves
 
