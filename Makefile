@@ -52,7 +52,7 @@ stability: .venv/installed-bench  ## where each method fails: table and picture 
 startup: .venv/installed-plot  ## where the time of the command fresnel-fit goes
 	$(BIN)/python benchmarks/startup.py
 
-first-choose: .venv/installed-bench  ## seconds of a first choose, when nothing is compiled yet (twenty minutes)
+first-choose: .venv/installed-bench  ## seconds of a first choose, when nothing is compiled yet (a quarter of an hour)
 	$(BIN)/python -m benchmarks.first_choose
 
 CURVES ?= 1000000

@@ -19,6 +19,9 @@ ASSUMED_SIGMA = 1e-3
 # reported if its chi2 is higher by less than the second: the 95 % quantile of chi2 with two degrees
 # of freedom is 6. Where the residuals tell the noise, it is that of `alternative_chi2`.
 SAME_CHI2, ALTERNATIVE_CHI2 = 0.02, 6.0
+# An end that was left on its way goes on if its chi2 is less than so far above the best: one of
+# 11.6 led to a minimum of .05.
+NEAR_CHI2 = 30.0
 # Ends whose costs differ by a smaller part are taken for the same minimum, where starts beside the
 # lowest ones are looked for.
 SAME_MINIMUM = 1e-4

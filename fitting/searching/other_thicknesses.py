@@ -18,7 +18,7 @@ from fitting.searching.film_starts import (
     thickness_um,
 )
 from fitting.searching.last_steps import STAGES_ON, gone_on
-from fitting.searching.minima import lowest_ends, scatter_of
+from fitting.searching.minima import NEAR_CHI2, lowest_ends, scatter_of
 from fitting.searching.search import Solving
 from fitting.searching.starts import LANES, STAGE, Ends, best_of, joined
 from fitting.searching.weak_fringes import weak_fringes
@@ -29,9 +29,6 @@ _FACTORS, _PARENTS = np.geomspace(0.1, 8.0, 24), 2
 _FRINGES = 2.0
 # The thinnest film that is tried with a random index, as a part of the thickest.
 _THIN = 1e-3
-# A start that was left on its way goes on if its chi2 is less than so far above the best: one of
-# 11.6 led to a minimum of .05.
-_NEAR = 30.0
 
 
 def with_other_thicknesses(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -> Ends:
@@ -85,4 +82,4 @@ def _at_thicknesses(
 def _near(fit: Solving, ends: Ends) -> float:
     """Return the cost up to which a start is near the best end, of which there is one."""
     least = float(ends.cost[ends.done].min())
-    return least + _NEAR * fit.unit(least)
+    return least + NEAR_CHI2 * fit.unit(least)

@@ -32,12 +32,12 @@ from fitting.problem.unknowns import index_outside
 from fitting.samples.sample import Sample
 from fitting.searching.film_starts import films_of
 from fitting.searching.last_steps import polished
-from fitting.searching.minima import ALTERNATIVE_CHI2, SAME_CHI2
+from fitting.searching.minima import ALTERNATIVE_CHI2, NEAR_CHI2, SAME_CHI2
 from fitting.searching.search import Solving
 from fitting.searching.starts import Ends
 
 # So many wavelengths are kept at least, and no phase between neighbours above that many periods,
-# for an index as high as that.
+# for an index as high as that; but for the few gaps of `_whole_blocks`, of twice as many.
 _LEAST, _PHASE, _ETA = 120, 0.25, 3.0
 # Without films, of a curve with next to no noise that has narrow lines, so many.
 _LEAST_OF_BARE = 500
@@ -51,8 +51,6 @@ _PLACES = 5
 _MOST, FOLLOWED, _BESIDE = 128, 16, 32
 # Ends closer than SAME_CHI2 and, in every coordinate, than that are one.
 _SAME_PLACE = 1e-3
-# Where one that may be shown is not at rest, those go on whose chi2 is less than so far above it.
-_NEAR = 30.0
 # An end has converged if a step is expected to lower chi2 by less than this.
 _AT_REST = 1e-4
 
@@ -67,14 +65,18 @@ def _kept(waves: np.ndarray, least: int, high_um: float) -> np.ndarray:
         some = waves[::stride]
         phases = -np.diff(1.0 / some) * 2.0 * _ETA * high_um
         if np.ptp(1.0 / some) and phases.max() <= _PHASE:
-            # A few are twice as far apart then, at half a period still enough to tell the order.
+            # Where one is left out its neighbours are at most half a period apart: enough to tell
+            # the order of the fringes, since all others are closer.
             return some[_whole_blocks(len(some))]
         stride -= 1
     return waves
 
 
 def _whole_blocks(count: int) -> np.ndarray:
-    """Return which of so many rows, evenly, are taken, so that no block is begun for few."""
+    """Return which of so many rows are taken: all, or as many as fill whole blocks.
+
+    What exceeds these, if that is _FEW or less, is left out evenly.
+    """
     over = count % ROWS
     if over > _FEW:
         return np.arange(count)
@@ -162,7 +164,7 @@ def followed_with_all(fit: Solving, few: Solving, ends: Ends) -> Ends:
     found = [_at_rest(fit, ends.y[:, group[0]]) for group in groups]
     lowest = min(one[1] for one in found)
     if not all(rests for _, least, rests in found if least <= lowest + ALTERNATIVE_CHI2 * unit):
-        near = [i for i, one in enumerate(found) if one[1] <= lowest + _NEAR * unit]
+        near = [i for i, one in enumerate(found) if one[1] <= lowest + NEAR_CHI2 * unit]
         # outside programs in parts all lanes of a program are run
         lanes = near if in_parts(fit.u.spec, fit.targets) else np.resize(near, FOLLOWED)
         more = fit.run(np.stack([found[i][0] for i in lanes], 1), 1.0)
