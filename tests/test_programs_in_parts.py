@@ -11,15 +11,11 @@ import pytest
 
 from fitting.measurements.measurement import Measurement
 from fitting.optics.observe import medium_index
+from fitting.problem.model_at import Shown, index_in_parts
 from fitting.problem.observations import observations
 from fitting.problem.optics_inputs import core_of, has_parts
 from fitting.problem.problem import Bounds, linearised, solve, targets_of, without_data
-from fitting.problem.programs_in_parts import (
-    in_parts,
-    index_in_parts,
-    slopes_in_parts,
-    solved_in_parts,
-)
+from fitting.problem.programs_in_parts import in_parts, solved_in_parts
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.compiled import in_turn
 from fitting.samples.parameters import Settings, settings_of
@@ -105,7 +101,7 @@ def test_the_derivatives_are_those_of_the_one_program(case):
     with jax.enable_x64(True):
         for at in y.T:
             one = linearised(without_data(targets), at, spec=u.spec)
-            parts = slopes_in_parts(without_data(targets), at, spec=u.spec)
+            parts = Shown(u.spec, targets)(at)
             for a, b in zip(map(np.asarray, one), parts, strict=True):
                 assert np.isfinite(a).all() and np.abs(a).max() > 0.0
                 np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-11 * np.abs(a).max())
@@ -155,8 +151,8 @@ def test_rows_of_one_block_or_several(rows):
         one, parts = (program(*given, spec=u.spec) for program in (solve, solved_in_parts))
         np.testing.assert_allclose(parts[1], one[1], rtol=1e-9)
         np.testing.assert_allclose(parts[0], one[0], rtol=1e-6)
-        at = without_data(targets), y[:, 0]
-        one, parts = (program(*at, spec=u.spec) for program in (linearised, slopes_in_parts))
+        one = linearised(without_data(targets), y[:, 0], spec=u.spec)
+        parts = Shown(u.spec, targets)(y[:, 0])
         for a, b in zip(map(np.asarray, one), parts, strict=True):
             np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-11 * np.abs(a).max())
         v = u.spec.values(jnp.asarray(y), jnp.asarray(u.held))
@@ -191,17 +187,18 @@ def test_which_fits_run_in_parts(sample, angles, parts):
     assert in_parts(shared(u).spec, targets)
 
 
-def test_the_index_is_that_of_the_medium():
+@pytest.mark.parametrize("medium", [0, 1])  # known, and with the model
+def test_the_index_is_that_of_the_medium(medium):
     u, targets = of("air | SiO2 10..40 nm | lorentz:2", Settings(), R=0.2)
     y = starts(u.moving, 70, 3)
     with jax.enable_x64(True):
         wanted = medium_index(
             u.spec,
-            1,
+            medium,
             u.spec.values(jnp.asarray(y), jnp.asarray(u.held)),
             targets.points.wavelength_um,
         )
-        found = index_in_parts(targets, y, 1, spec=u.spec)
+        found = index_in_parts(targets, y, medium, spec=u.spec)
     for part, one in zip(found, wanted, strict=True):
         np.testing.assert_allclose(part, np.broadcast_to(one, part.shape), rtol=1e-13)
 

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import betainc, stdtr
 
 from fitting.problem.evaluation import Evaluated
+from fitting.problem.model_at import Shown
 from fitting.problem.observations import labels_of
 from fitting.results.diagnostics import Warning
 from fitting.results.result import Fit
@@ -34,7 +35,7 @@ def may_disagree(found: Fit) -> bool:
     at = found.evaluator
     if not isinstance(at, Evaluated):
         return True
-    s = slopes_at(at.unknowns, at.seen, at.targets, at.y)
+    s = slopes_at(at.seen, Shown(at.unknowns.spec, at.targets), at.y)
     file = at.seen.points.file[s.row]
     along = [_along(s.jacobian[file == f], s.residual[file == f]) for f in np.unique(file)]
     taken, used = sum(a @ a for a in along), sum(map(len, along))

@@ -11,10 +11,10 @@ import numpy as np
 from fitting.measurements.measurement import Measurement
 from fitting.optics.averages import values_at, with_places
 from fitting.optics.observe import NCS
+from fitting.problem.model_at import Shown
 from fitting.problem.observations import Observations, ncs_directions, observations, padded
 from fitting.problem.points import numbers, points_of
 from fitting.problem.problem import Targets, index_slopes
-from fitting.problem.programs_in_parts import shown_at
 from fitting.problem.unknowns import Unknowns, index_outside
 from fitting.results.result_parts import Evaluator, IndexBand, Prediction
 from fitting.samples.sample import FREE, Sample
@@ -217,7 +217,8 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
         outside = index_outside(at.sample, seen.points.wavelength_um)
         spec = with_places(spec, values_at(spec, u.held, at.y), seen.points, float(np.max(outside)))
         u, targets = u._replace(spec=spec), targets._replace(points=seen.points, eta_i=outside)
-    value, slope = shown_at(u.spec, targets, at.y)
+    shown = Shown(u.spec, targets)
+    value, slope = shown(at.y)
     error = _error(slope, at.covariance)
     channels = [c for c in seen.channels if c != NCS]
     sigma = np.empty(len(seen.row))
@@ -232,7 +233,7 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
     fitted = at_data(seen, value)
 
     def away(y: np.ndarray) -> np.ndarray:
-        off = np.abs(at_data(seen, shown_at(u.spec, targets, y)[0]) - fitted)
+        off = np.abs(at_data(seen, shown(y)[0]) - fitted)
         return np.where(seen.quantity == "delta", np.minimum(off, 360.0 - off), off)
 
     return fitted, _as_far(at, sigma, away)

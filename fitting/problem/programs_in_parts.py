@@ -36,12 +36,10 @@ from fitting.problem.problem import (
     SOLVER,
     Bounds,
     Targets,
-    linearised,
     robust,
     rows_of,
     solve,
     weighted,
-    without_data,
 )
 from fitting.problem.row_blocks import ROWS, SLOTS, Blocks, blocks_of, can_be_cut
 from fitting.problem.solver import FEW_UNKNOWNS, BatchState, packed
@@ -147,7 +145,7 @@ def _blank(unknowns: int) -> Any:
     return jax.tree.map(lambda a: np.zeros(a.shape, a.dtype), shapes)
 
 
-def _filled(y: np.ndarray) -> np.ndarray:
+def filled(y: np.ndarray) -> np.ndarray:
     """Return y (p, L) with more unknowns, which are none."""
     size = next((size for size in _SIZES if len(y) <= size), -(-len(y) // 4) * 4)
     return np.pad(y, ((0, size - len(y)), (0, 0)))
@@ -170,7 +168,7 @@ def in_parts(spec: Any, targets: Targets) -> bool:
     return spec.shared or thinned or (worth and targets.points.place is None)
 
 
-class _Parts:
+class Parts:
     """A fit in these programs: everything that stays the same while it runs."""
 
     def __init__(self, spec: Spec, targets: Targets):
@@ -212,8 +210,8 @@ def solved_in_parts(
         if isinstance(spec, Spec) and not np.any(targets.points.angle_deg):
             spec = along_the_normal(spec)
         return solve(targets, start, damping, bounds, max_steps, spec=spec)
-    parts, (p, lanes) = _Parts(spec, targets), start.shape
-    start, low, high = map(_filled, (start, bounds.lower, bounds.upper))
+    parts, (p, lanes) = Parts(spec, targets), start.shape
+    start, low, high = map(filled, (start, bounds.lower, bounds.upper))
     given = Bounds(low, high, bounds.degrees, bounds.scale)
     ends, cost = start[:p].copy(), np.full(lanes, np.inf)
     done, evaluations, left = np.zeros(lanes, bool), np.zeros(lanes, int), np.array(damping)
@@ -246,55 +244,3 @@ def solved_in_parts(
             evaluations[of] = np.asarray(state.evaluations)[ended]
             lane_in[ended] = -1
     return ends, cost, done & np.isfinite(cost) & np.isfinite(ends).all(0), evaluations, left
-
-
-def slopes_in_parts(targets: Targets, y: Any, *, spec: Spec) -> tuple[Any, Any]:
-    """Return the result of `problem.linearised`."""
-    if not in_parts(spec, targets):
-        return linearised(targets, y, spec=spec)
-    parts, found = _Parts(spec, targets), []
-    trial = np.repeat(_filled(np.asarray(y)[:, None]), SLOTS, 1)
-    for blocks in parts.blocks:
-        moving, columns = parts.quantities(trial, np.zeros(blocks.columns, int), blocks)
-        shown, slopes = (
-            np.asarray(a).reshape(*a.shape[:-1], ROWS, blocks.columns)[..., : blocks.count]
-            for a in parts.shown(moving, blocks)
-        )
-        by_unknown = sum(
-            d[..., None] * np.moveaxis(np.asarray(c)[: len(y), :, : blocks.count], 0, -1)
-            for d, c in zip(slopes, columns, strict=True)
-        )
-        # rows before columns
-        each = np.swapaxes(shown, 1, 2), np.swapaxes(by_unknown, 1, 2)
-        found.append([a.reshape(len(a), -1, *a.shape[3:]) for a in each])
-    shown, by_unknown = (np.concatenate(a, 1) for a in zip(*found, strict=True))
-    return shown, by_unknown
-
-
-def index_in_parts(targets: Targets, y: np.ndarray, medium: int, *, spec: Spec) -> np.ndarray:
-    """Return eta and k of a medium that moves, (2, M, L), at y (p, L), by the solver's program."""
-    parts, count = _Parts(spec, targets), y.shape[1]
-    at = 2 * parts.core.indices.index(medium)
-    found = np.empty((2, len(targets.points.angle_deg), count))
-    for begin in range(0, count, SLOTS):
-        some = _filled(y[:, np.minimum(np.arange(begin, begin + SLOTS), count - 1)])
-        for blocks in parts.blocks:
-            for slots, slot in blocks.calls(np.arange(min(SLOTS, count - begin))):
-                moving, _ = parts.quantities(some, slot, blocks)
-                for part, x in zip(found, map(np.asarray, moving[at : at + 2]), strict=True):
-                    x = x.reshape(ROWS, blocks.columns)[:, slot < SLOTS]
-                    by_lane = x.reshape(ROWS, len(slots), blocks.count).transpose(2, 0, 1)
-                    part[blocks.rows, begin + slots] = by_lane.reshape(-1, len(slots))
-    return found
-
-
-def index_moves(spec: Any, targets: Targets, medium: int) -> bool:
-    """Whether the solver's program of a fit knows the index of a medium, for `index_in_parts`."""
-    return in_parts(spec, targets) and medium in core_of(spec, False).indices
-
-
-def shown_at(spec: Spec, targets: Targets, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return what each channel shows at y (p,), (K, M), and its derivatives, (K, M, p)."""
-    with jax.enable_x64(True):
-        value, slope = slopes_in_parts(without_data(targets), y, spec=spec)
-        return np.asarray(value), np.asarray(slope)

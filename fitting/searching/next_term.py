@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fitting.problem.programs_in_parts import in_parts
 from fitting.samples.parameters import LOG
+from fitting.uncertainty.covariance import slopes_at
 from fresnel_jax.dispersion import HC_EV_UM
 
 if TYPE_CHECKING:
@@ -27,7 +29,8 @@ _BELOW, _ABOVE = 0.7, 1.7
 # Directions of the other parameters with less than this part of the largest effect are rounding,
 # and so is what is left of the effect of a line below this part of its square.
 _SEEN, _LEFT = 1e-9, 1e-12
-# Of 2,000 data and more every second one is looked at, of 3,000 every third, and so on.
+# Of more data those are looked at that a search takes of them, if its programs suit any number of
+# rows; else of 2,000 every second one, of 3,000 every third, and so on.
 _ROWS = 1000
 
 
@@ -73,20 +76,27 @@ def oscillator(energy: np.ndarray, resonance: Any, width: Any) -> np.ndarray:
     return 1.0 / (resonance**2 - energy**2 - 1j * energy * width)
 
 
+def _looked_at(fit: Solving) -> Solving:
+    """Return the fit whose residuals are to be explained: of all data, or of some of many."""
+    many = len(fit.whole.seen.row) > _ROWS and in_parts(fit.u.spec, fit.targets)
+    return fit if many else fit.whole
+
+
 def by_eps(fit: Solving, y: np.ndarray, term: list[int]) -> Responses:
     """Return the responses at y (p,), where the oscillator ``term`` has hardly any strength.
 
     The derivatives by its strength at two resonances and widths, whose eps differ in phase at every
     energy (one far above the spectrum, one broad), give those by eps_1 and by eps_2.
     """
-    every = HC_EV_UM / fit.whole.seen.points.wavelength_um[:, 0]
+    looked = _looked_at(fit)
+    every = HC_EV_UM / looked.seen.points.wavelength_um[:, 0]
     low, high = every.min(), every.max()
     columns, shapes = [], []
     for resonance, width in ((5.0 * high, 1e-2 * low), (np.sqrt(low * high), 10.0 * high)):
         at = y.copy()
         at[term[1:]] = np.log([resonance, width])
         at = np.clip(at, *fit.limits)
-        slopes = fit.slopes(at)
+        slopes = slopes_at(looked.seen, looked.shown, at)
         energy = every[slopes.row]
         strength, *of = np.exp(at[term])
         columns.append(slopes.jacobian[:, term[0]] / strength)

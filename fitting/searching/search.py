@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fitting.optics.observe import Spec
+from fitting.problem.model_at import Shown
 from fitting.problem.observations import Observations
 from fitting.problem.problem import Targets
 from fitting.problem.unknowns import Unknowns
@@ -112,6 +114,11 @@ class Solving:
         self.fewer: np.ndarray | None = None  # the lowest ends (p, 8) of a model with a term less
         self.squares = seen.squares
 
+    @cached_property
+    def shown(self) -> Shown:
+        """What the model shows at any y."""
+        return Shown(self.u.spec, self.targets)
+
     def in_order(self, y: np.ndarray) -> np.ndarray:
         """Return y (p, L), the terms of each lane by rising resonance unless they are named."""
         names = shown(self.u)
@@ -181,7 +188,7 @@ class Solving:
             from fitting.own_residuals import own_slopes
 
             return own_slopes(self.u.spec, self.targets, y)
-        return slopes_at(self.whole.u, self.whole.seen, self.whole.targets, y)
+        return slopes_at(self.whole.seen, self.whole.shown, y)
 
     def cost(self, s: Slopes, y: np.ndarray, noise: float) -> float:
         """Return the cost at y."""

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.optics.observe import NCS
+from fitting.problem.model_at import Shown
 from fitting.problem.observations import Observations
-from fitting.problem.problem import HUBER, STUDENT, Targets, robust
-from fitting.problem.programs_in_parts import shown_at
+from fitting.problem.problem import HUBER, STUDENT, robust
 from fitting.problem.unknowns import Unknowns
 from fitting.samples.parameters import value_and_slope
 
@@ -36,9 +36,9 @@ class Slopes(NamedTuple):
     kind: np.ndarray
 
 
-def slopes_at(u: Unknowns, seen: Observations, targets: Targets, y: np.ndarray) -> Slopes:
+def slopes_at(seen: Observations, shown: Shown, y: np.ndarray) -> Slopes:
     """Return residuals and derivatives with respect to the solver's coordinates y (p,)."""
-    value, slope = shown_at(u.spec, targets, y)
+    value, slope = shown(y)
     residual, jacobian, row, plain, kind = [], [], [], [], []
     alone = [c for c in seen.channels if c != NCS]
     for i, (channel, v, w) in enumerate(zip(alone, seen.values, seen.weights, strict=True)):
@@ -140,14 +140,16 @@ def inverse_of(
     unit = np.where(size > 0.0, size, 1.0)
     # Fewer rows than unknowns: rows of zeros, so that the rest of the space is named too.
     lacking = max(len(index) - len(A), 0)
-    A, b = np.pad(A / unit, ((0, lacking), (0, 0))), np.pad(b, (0, lacking))
-    U, values, V = np.linalg.svd(A, full_matrices=False)
+    both = np.pad(np.column_stack([A / unit, b]), ((0, lacking), (0, 0)))
+    # The triangle of a QR decomposition has the same singular values, and far fewer rows.
+    triangle = np.asarray(np.linalg.qr(both, mode="r"))
+    U, values, V = np.linalg.svd(triangle[:, :-1], full_matrices=False)
     good = values > UNSEEN * values.max(initial=0.0)
     inverse = np.where(good, 1.0 / np.where(good, values, 1.0), 0.0)
     covariance, step = np.full((p, p), np.nan), np.zeros(p)
     with np.errstate(over="ignore"):  # of what has hardly an effect the variance is infinite
         covariance[np.ix_(index, index)] = (V.T * inverse**2) @ V / np.outer(unit, unit)
-    step[index] = -(V.T @ (inverse * (U.T @ b))) / unit
+    step[index] = -(V.T @ (inverse * (U.T @ triangle[:, -1]))) / unit
     unseen = np.zeros((p, int((~good).sum())))
     unseen[index] = V[~good].T
     return covariance, step, unseen
