@@ -29,9 +29,9 @@ _BELOW, _ABOVE = 0.7, 1.7
 # Directions of the other parameters with less than this part of the largest effect are rounding,
 # and so is what is left of the effect of a line below this part of its square.
 _SEEN, _LEFT = 1e-9, 1e-12
-# Of more data those are looked at that a search takes of them, if its programs suit any number of
+# Of more wavelengths those are looked at that a search takes, if its programs suit any number of
 # rows; else of 2,000 every second one, of 3,000 every third, and so on.
-_ROWS = 1000
+_MANY = 1000
 
 
 def terms_of(names: Sequence[str], head: str = "") -> list[list[int]]:
@@ -78,8 +78,8 @@ def oscillator(energy: np.ndarray, resonance: Any, width: Any) -> np.ndarray:
 
 def _looked_at(fit: Solving) -> Solving:
     """Return the fit whose residuals are to be explained: of all data, or of some of many."""
-    many = len(fit.whole.seen.row) > _ROWS and in_parts(fit.u.spec, fit.targets)
-    return fit if many else fit.whole
+    many = len(np.unique(fit.whole.seen.points.wavelength_um)) > _MANY
+    return fit if many and in_parts(fit.u.spec, fit.targets) else fit.whole
 
 
 def by_eps(fit: Solving, y: np.ndarray, term: list[int]) -> Responses:
@@ -107,8 +107,9 @@ def by_eps(fit: Solving, y: np.ndarray, term: list[int]) -> Responses:
     by_2 = (a * columns[1] - c * columns[0]) / determinant
     rest = [i for i, w in enumerate(fit.u.moving) if w.free and i not in term]
     known = energy, slopes.residual, by_1 - 1j * by_2, slopes.jacobian[:, rest]
-    stride = max(len(energy) // _ROWS, 1)
-    return Responses(*(a[::stride] for a in known))
+    distinct, place = np.unique(energy, return_inverse=True)
+    some = place % max(len(distinct) // _MANY, 1) == 0
+    return Responses(*(a[some] for a in known))
 
 
 def _grid(energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -140,6 +141,31 @@ def _summits(gain: np.ndarray) -> np.ndarray:
     return np.argsort(np.where(top, -gain, 0.0), axis=None, kind="stable")[:count]
 
 
+def _condensed(known: Responses, toward: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return energies, by_eps and ``toward`` (R, q) of two data at each energy, or as they are.
+
+    What changes of eps at one energy do to all data there has two directions at most: of several
+    angles and quantities these, from Gram and Schmidt's method, are enough.
+    """
+    # one energy after the other, and where each begins
+    order = np.argsort(known.energy, kind="stable")
+    energy, begins, count = np.unique(known.energy[order], return_index=True, return_counts=True)
+    if 2 * len(energy) >= len(order):
+        return known.energy, known.by_eps, toward
+    by, toward = known.by_eps[order], toward[order]
+
+    def along(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the size of x (R,) at each energy, and its direction."""
+        size = np.sqrt(np.add.reduceat(x * x, begins))
+        return size, x / np.repeat(np.where(size > 0.0, size, 1.0), count)
+
+    size, first = along(np.real(by))
+    turn = np.add.reduceat(first * np.imag(by), begins)
+    rest, second = along(np.imag(by) - first * np.repeat(turn, count))
+    seen = [np.add.reduceat(one[:, None] * toward, begins) for one in (first, second)]
+    return np.tile(energy, 2), np.concatenate([size + 1j * turn, 1j * rest]), np.concatenate(seen)
+
+
 def likely_lines(fit: Solving, y: np.ndarray, term: list[int], count: int) -> np.ndarray:
     """Return starts (p, count): y (p,) with the oscillators that explain most of its residuals.
 
@@ -154,18 +180,19 @@ def likely_lines(fit: Solving, y: np.ndarray, term: list[int], count: int) -> np
     followed = left[:, sizes > _SEEN * sizes.max(initial=0.0)]
     residual = known.residual - followed @ (followed.T @ known.residual)
     places, widths = _grid(known.energy)
+    energy, by, toward = _condensed(known, np.column_stack([followed, residual]))
     strength = np.empty((len(widths), len(places)))
     gain = np.empty_like(strength)
-    distance = places[:, None] ** 2 - known.energy**2
-    pull, square = np.real(known.by_eps) * distance, distance * distance
+    distance = places[:, None] ** 2 - energy**2
+    pull, square = np.real(by) * distance, distance * distance
     for i, width in enumerate(widths):
         # The real part of by_eps times `oscillator`: complex numbers take three times as long.
-        loss = known.energy * width
-        change = (pull - np.imag(known.by_eps) * loss) / (square + loss * loss)
+        loss = energy * width
+        change = (pull - np.imag(by) * loss) / (square + loss * loss)
         # what is left of it when the other parameters follow
-        whole, seen = np.einsum("pr,pr->p", change, change), change @ followed
-        size = np.maximum(whole - np.einsum("pq,pq->p", seen, seen), _LEFT * whole)
-        strength[i] = np.maximum(-(change @ residual) / np.maximum(size, 1e-300), 0.0)
+        whole, seen = np.einsum("pr,pr->p", change, change), change @ toward
+        size = np.maximum(whole - np.einsum("pq,pq->p", seen[:, :-1], seen[:, :-1]), _LEFT * whole)
+        strength[i] = np.maximum(-seen[:, -1] / np.maximum(size, 1e-300), 0.0)
         gain[i] = strength[i] ** 2 * size
     width_at, place_at = np.unravel_index(np.resize(_summits(gain), count), gain.shape)
     out = np.repeat(y[:, None], count, 1)
