@@ -8,20 +8,12 @@ does, until this changes nothing.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 from fitting.choice.candidates import Candidate, Key, candidate, contenders, simplest
 from fitting.process.progress import tell
+from fitting.process.side_by_side import side_by_side
 from fitting.results.result import Fit
-
-
-def _side_by_side(one: Callable[[Any], Any], each: Sequence[Any]) -> None:
-    # Compiling a program and running it both take one core.
-    with ThreadPoolExecutor(min(len(each), os.cpu_count() or 1)) as pool:
-        list(pool.map(one, each))
 
 
 class Trials:
@@ -47,7 +39,7 @@ class Trials:
         new = [c for c in dict.fromkeys(map(tuple, chains)) if any(k not in self.tried for k in c)]
         if new:
             self._announce(dict.fromkeys(k for c in new for k in c if k not in self.tried))
-            _side_by_side(self._try_chain, new)
+            side_by_side(self._try_chain, new)
 
     def _announce(self, keys: Iterable[Key], what: str = "") -> None:
         for key in keys:
@@ -69,7 +61,9 @@ class Trials:
         done: set[Key] = set()
         while new := [c.key for c in contenders(list(self.tried.values())) if c.key not in done]:
             self._announce(new, ", searched thoroughly")
-            _side_by_side(lambda key: self._fit(key, thorough=True), new)
+            # Those with most parameters take longest: none of them should be left alone at the end.
+            new.sort(key=lambda key: -self.tried[key].size)
+            side_by_side(lambda key: self._fit(key, thorough=True), new)
             done |= {*new}
 
     def best(self) -> Candidate:
