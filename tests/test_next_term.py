@@ -12,7 +12,14 @@ from fitting.problem.problem import targets_of
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.samples.parameters import Settings
 from fitting.searching.neighbours import _other_lines
-from fitting.searching.next_term import by_eps, likely_lines, oscillator, oscillators
+from fitting.searching.next_term import (
+    Responses,
+    _condensed,
+    by_eps,
+    likely_lines,
+    oscillator,
+    oscillators,
+)
 from fitting.searching.search import Asked, Solving
 from fitting.searching.starts import Ends, start_at
 
@@ -67,6 +74,23 @@ def test_a_part_of_many_data_is_enough():
     assert (known.energy.min(), known.energy.max()) == pytest.approx((1.3, 4.1), abs=0.01)
     found = np.exp(likely_lines(fit, y, term, 1)[term, 0])
     assert found == pytest.approx([2.0, 2.2, 0.1], rel=0.3)
+
+
+def test_of_several_angles_two_data_at_each_energy_are_enough():
+    """Of any change of eps: its square, and its products with what it is compared with."""
+    random = np.random.default_rng(11)
+    energy = random.permutation(np.repeat(ENERGY, 7))
+    by = random.normal(size=(2, len(energy)))
+    by[:, energy == ENERGY[3]] = 0.0  # data that do not depend on eps
+    known = Responses(energy, by[0], by[0] + 1j * by[1], by.T)
+    toward = random.normal(size=(len(energy), 3))
+    fewer, of, less = _condensed(known, toward)
+    assert len(fewer) == 2 * len(ENERGY)
+    eps = random.normal(size=len(ENERGY)) + 1j * random.normal(size=len(ENERGY))
+    before = (known.by_eps * eps[np.searchsorted(ENERGY, energy)]).real
+    after = (of * eps[np.searchsorted(ENERGY, fewer)]).real
+    assert after @ after == pytest.approx(before @ before, rel=1e-12)
+    np.testing.assert_allclose(after @ less, before @ toward, rtol=1e-10)
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -11,11 +11,13 @@ import pytest
 
 from fitting.measurements.measurement import Measurement
 from fitting.optics.observe import medium_index
+from fitting.problem import programs_in_parts
 from fitting.problem.model_at import Shown, index_in_parts
 from fitting.problem.observations import observations
 from fitting.problem.optics_inputs import core_of, has_parts
 from fitting.problem.problem import Bounds, linearised, solve, targets_of, without_data
 from fitting.problem.programs_in_parts import in_parts, solved_in_parts
+from fitting.problem.row_blocks import SLOTS
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.compiled import in_turn
 from fitting.samples.parameters import Settings, settings_of
@@ -185,6 +187,29 @@ def test_which_fits_run_in_parts(sample, angles, parts):
     u, targets = of(sample, Settings(), angles, R=0.2)
     assert in_parts(u.spec, targets) == parts
     assert in_parts(shared(u).spec, targets)
+
+
+def test_lanes_that_are_shared_out_end_in_the_same_place(monkeypatch):
+    u, targets = of("air | lorentz:1 20..300 nm | 1.53", Settings(), (0.0,), R=0.2)
+    count = 3 * SLOTS + 5
+    y = starts(u.moving, count, 3)
+    low, high = (np.repeat(a[:, None], count, 1) for a in coordinate_bounds(u.moving))
+    bounds = Bounds(low, high, np.full(count, 30.0), np.full(count, 1.0))
+    given = targets, y, np.full(count, 1e-3), bounds, np.int64(9)
+    one, found, cut = programs_in_parts._solved, [], []
+
+    def counted(*given):
+        cut[-1].append(given[1].shape[1])
+        return one(*given)
+
+    monkeypatch.setattr(programs_in_parts, "_solved", counted)
+    for shares in (1, 3):
+        monkeypatch.setattr(programs_in_parts, "shares", lambda shares=shares: shares)
+        cut.append([])
+        found.append(solved_in_parts(*given, spec=u.spec))
+    assert [sorted(lanes) for lanes in cut] == [[101], [33, 34, 34]]
+    for together, apart in zip(*found, strict=True):
+        np.testing.assert_array_equal(together, apart)
 
 
 @pytest.mark.parametrize("medium", [0, 1])  # known, and with the model

@@ -47,6 +47,14 @@ def test_what_may_be_taken_is_searched_thoroughly_until_that_changes_nothing():
     assert told[-1].endswith(", searched thoroughly")
 
 
+def test_the_candidates_with_most_parameters_are_searched_first():
+    sizes, told = {"drude": 2, "lorentz:2": 7, "lorentz:1": 4}, []
+    trials = Trials(lambda key, thorough: outcome(sizes[key.model], 0.0), told.append, "auto")
+    trials.attempt(*map(Key, sizes))
+    trials.settle()
+    assert [label.partition(",")[0] for label in told[3:]] == ["lorentz:2", "lorentz:1", "drude"]
+
+
 @pytest.mark.parametrize("key, begun", [
     (Key("lorentz:3"), "lorentz:2"), (Key("drude-lorentz:1"), None), (Key("cauchy:3"), None),
     (Key("constant", ("scale",), True), "constant, k = 0"),

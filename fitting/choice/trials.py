@@ -60,9 +60,9 @@ class Trials:
         """Search thoroughly for the minima of the candidates that may be taken."""
         done: set[Key] = set()
         while new := [c.key for c in contenders(list(self.tried.values())) if c.key not in done]:
-            self._announce(new, ", searched thoroughly")
             # Those with most parameters take longest: none of them should be left alone at the end.
             new.sort(key=lambda key: -self.tried[key].size)
+            self._announce(new, ", searched thoroughly")
             side_by_side(lambda key: self._fit(key, thorough=True), new)
             done |= {*new}
 

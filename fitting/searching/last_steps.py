@@ -41,7 +41,7 @@ def followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> Ends
         before = ends.cost[live]
         ends.put(live, fit.held(ends.y[:, live], noise, _LOOK))
         # a cost may become infinite
-        falls[look % 2 if look else slice(None), live] = np.maximum(before - ends.cost[live], 0.0)
+        falls[look % 2, live] = np.maximum(before - ends.cost[live], 0.0)
     return ends._replace(y=fit.in_order(ends.y))
 
 

@@ -87,6 +87,7 @@ def with_neighbours(
             further.append(orders_beside(fit, film, as_electrons, _ORDERS[:_FEW]))
         further = np.concatenate([*further, as_electrons], 1)
         if not fit.asked.thorough:
+            # Enough to compare candidates: of 30 starts that led lower 26 were among these.
             further = fit.held(further, noise, SIFT).lowest(LANES)
         # Beside a wrong minimum the right order of the fringes may begin far above it, and none is
         # stopped: of a film of 12 um by 9,000 of chi2, which fell by 15,000 when it was followed.
