@@ -6,7 +6,7 @@ import pytest
 from fitting import Measurement, Sample, fit, simulate
 from fitting.fits import fit_checked
 from fitting.samples.parameters import Settings
-from fitting.searching import stages
+from fitting.searching import neighbours, stages
 from fitting.searching.grown_starts import grown_starts
 from fitting.searching.search import Asked, Kept
 from fitting.searching.starts import LANES, start_at
@@ -81,6 +81,21 @@ def test_a_search_that_was_made_is_not_repeated(counted):
     fit_checked([m], which, Settings(), asked._replace(thorough=True, intervals="profile"))
     assert len(counted) == 1
     assert thorough.chi2 <= first.chi2 * (1.0 + 1e-9)
+
+
+def test_of_a_candidate_that_is_only_compared_fewer_further_starts_are_followed(monkeypatch):
+    followed, counts = neighbours.followed, []
+
+    def counted(fit, start, noise, best):
+        counts[-1].append(start.shape[1])
+        return followed(fit, start, noise, best)
+
+    monkeypatch.setattr(neighbours, "followed", counted)
+    m, which = measurement(1e-3), Sample.parse(SAMPLE.format("lorentz:1"))
+    for thorough in (False, True):
+        counts.append([])
+        fit_checked([m], which, Settings(), Asked("scaled", "quadratic", thorough=thorough))
+    assert max(counts[0]) == LANES < max(counts[1])
 
 
 def test_a_term_is_added_to_the_minima_of_the_model_with_a_term_less(monkeypatch):

@@ -18,13 +18,13 @@ from fitting.bare_surface.mesh import node_curves
 from fitting.bare_surface.reflectances import SIDE_BY_SIDE, Curves
 from fitting.problem.solver import START_DAMPING
 from fitting.process.compiled import compiled
+from fitting.process.side_by_side import PROCESSORS
 
 # Curves of a call. Up to 16 go in two calls for a few; that program serves every file. Up to
 # SEVERAL go in calls of one block: most of a call for many would be spent on empty lanes.
 FEW, SEVERAL, MANY = LANES, 256, 1024
 # Calls side by side of so many curves at least: one takes as long without any as with 20.
 LEAST_OF_CALL = 24
-PROCESSORS = os.cpu_count() or 1  # asking again and again takes as long as a fit
 # A mesh has as many nodes as some hundred lanes (3,000 for R_p alone), and to evaluate them takes
 # as long as a third of the fit of 64 curves. Most calls are at angles that an earlier one had.
 # Up to that many angles (19 MB with every channel and the largest mesh) they are kept.

@@ -217,8 +217,7 @@ def solved_in_parts(
         if isinstance(spec, Spec) and not np.any(targets.points.angle_deg):
             spec = along_the_normal(spec)
         return solve(targets, start, damping, bounds, max_steps, spec=spec)
-    lanes = start.shape[1]
-    pieces = [np.arange(lanes)[i::count] for count in [_pieces(lanes)] for i in range(count)]
+    pieces = _pieces(start.shape[1])
 
     def piece(pick: np.ndarray) -> tuple[np.ndarray, ...]:
         own = Bounds(*(np.asarray(a)[..., pick] for a in bounds))
@@ -230,9 +229,11 @@ def solved_in_parts(
     return tuple(np.concatenate(a, -1)[..., back] for a in zip(*found, strict=True))
 
 
-def _pieces(lanes: int) -> int:
-    """Return into how many pieces lanes are cut: none has fewer than there are slots."""
-    return max(min(shares(), lanes // SLOTS, _MOST_PIECES), 1)
+def _pieces(lanes: int) -> list[np.ndarray]:
+    """Return which lanes run in which thread: none has fewer than there are slots."""
+    on_processors = jax.default_backend() == "cpu"
+    count = max(min(shares(), lanes // SLOTS, _MOST_PIECES), 1) if on_processors else 1
+    return [np.arange(lanes)[i::count] for i in range(count)]
 
 
 def _solved(

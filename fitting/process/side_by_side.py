@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-PROCESSORS = os.cpu_count() or 1
+PROCESSORS = os.cpu_count() or 1  # asking again and again takes as long as a small fit
 _counting = threading.Lock()
 _under_way = 0
 
