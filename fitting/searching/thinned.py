@@ -6,9 +6,9 @@ time. What is left out tells nothing of the order of the fringes, as long as the
 that are kept changes by less than a quarter of a period for the thickest film that is looked for.
 
 Where programs have one shape for all numbers of rows (`programs_in_parts`), so that a part of them
-needs no program of its own, a surface of thousands of wavelengths is thinned too (6,898 of wood: 33
-s for a first `choose`, not 126), and of a measurement at several angles each wavelength is taken at
-some of them only.
+needs no program of its own, a surface of thousands of wavelengths is thinned too (a first `choose`
+of wood, 6,898 of them, took a quarter of the time), and of a measurement at several angles each
+wavelength is taken at some of them only.
 
 Where the average over a slit or a beam takes 17 to 257 wavelengths or angles, the search takes 5.
 The contrast of fringes is then right to .01 as long as a tenth of it is left. A film of 1.3 um and
