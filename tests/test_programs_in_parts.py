@@ -16,7 +16,7 @@ from fitting.problem.model_at import Shown, index_in_parts
 from fitting.problem.observations import observations
 from fitting.problem.optics_inputs import core_of, has_parts
 from fitting.problem.problem import Bounds, linearised, solve, targets_of, without_data
-from fitting.problem.programs_in_parts import in_parts, solved_in_parts
+from fitting.problem.programs_in_parts import Parts, in_parts, solved_in_parts
 from fitting.problem.row_blocks import SLOTS
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.compiled import in_turn
@@ -159,7 +159,7 @@ def test_rows_of_one_block_or_several(rows):
             np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-11 * np.abs(a).max())
         v = u.spec.values(jnp.asarray(y), jnp.asarray(u.held))
         wanted = medium_index(u.spec, 0, v, targets.points.wavelength_um)
-        found = index_in_parts(targets, y, 0, spec=u.spec)
+        found = index_in_parts(Parts(u.spec, targets), y, 0)
         for part, one in zip(found, wanted, strict=True):
             np.testing.assert_allclose(part, np.broadcast_to(one, part.shape), rtol=1e-13)
 
@@ -189,6 +189,15 @@ def test_which_fits_run_in_parts(sample, angles, parts):
     assert in_parts(shared(u).spec, targets)
 
 
+@pytest.fixture
+def float32_elsewhere():
+    """Numbers of 32 bits where nothing else is said, as in a process of a user."""
+    jax.config.update("jax_enable_x64", False)
+    yield
+    jax.config.update("jax_enable_x64", True)
+
+
+@pytest.mark.usefixtures("float32_elsewhere")
 def test_lanes_that_are_shared_out_end_in_the_same_place(monkeypatch):
     u, targets = of("air | lorentz:1 20..300 nm | 1.53", Settings(), (0.0,), R=0.2)
     count = 3 * SLOTS + 5
@@ -206,7 +215,8 @@ def test_lanes_that_are_shared_out_end_in_the_same_place(monkeypatch):
     for shares in (1, 3):
         monkeypatch.setattr(programs_in_parts, "shares", lambda shares=shares: shares)
         cut.append([])
-        found.append(solved_in_parts(*given, spec=u.spec))
+        with jax.enable_x64(True):
+            found.append(solved_in_parts(*given, spec=u.spec))
     assert [sorted(lanes) for lanes in cut] == [[101], [33, 34, 34]]
     for together, apart in zip(*found, strict=True):
         np.testing.assert_array_equal(together, apart)
@@ -223,7 +233,7 @@ def test_the_index_is_that_of_the_medium(medium):
             u.spec.values(jnp.asarray(y), jnp.asarray(u.held)),
             targets.points.wavelength_um,
         )
-        found = index_in_parts(targets, y, medium, spec=u.spec)
+        found = index_in_parts(Parts(u.spec, targets), y, medium)
     for part, one in zip(found, wanted, strict=True):
         np.testing.assert_allclose(part, np.broadcast_to(one, part.shape), rtol=1e-13)
 

@@ -48,12 +48,12 @@ def _of_blocks(parts: Parts, blocks: Blocks, y: np.ndarray) -> tuple[np.ndarray,
     return value, slope
 
 
-def index_in_parts(targets: Targets, y: np.ndarray, medium: int, *, spec: Spec) -> np.ndarray:
+def index_in_parts(parts: Parts, y: np.ndarray, medium: int) -> np.ndarray:
     """Return eta and k of a medium, (2, M, L), at y (p, L), by the solver's programs."""
-    parts, count = Parts(spec, targets), y.shape[1]
-    found = np.empty((2, len(targets.points.angle_deg), count))
+    count = y.shape[1]
+    found = np.empty((2, ROWS * sum(blocks.count for blocks in parts.blocks), count))
     if medium not in parts.core.indices:
-        known = [i for i in range(len(spec.media.index)) if i not in parts.core.indices]
+        known = [i for i in range(len(parts.spec.media.index)) if i not in parts.core.indices]
         at = 2 * known.index(medium)
         for blocks in parts.blocks:
             for part, x in zip(found, blocks.known[at : at + 2], strict=True):

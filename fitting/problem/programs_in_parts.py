@@ -217,12 +217,12 @@ def solved_in_parts(
         if isinstance(spec, Spec) and not np.any(targets.points.angle_deg):
             spec = along_the_normal(spec)
         return solve(targets, start, damping, bounds, max_steps, spec=spec)
-    pieces = _pieces(start.shape[1])
+    parts, pieces = Parts(spec, targets), _pieces(start.shape[1])
 
     def piece(pick: np.ndarray) -> tuple[np.ndarray, ...]:
         own = Bounds(*(np.asarray(a)[..., pick] for a in bounds))
         with jax.enable_x64(True):
-            return _solved(targets, start[:, pick], damping[pick], own, max_steps, spec)
+            return _solved(parts, start[:, pick], damping[pick], own, max_steps)
 
     found = side_by_side(piece, pieces)
     back = np.argsort(np.concatenate(pieces))
@@ -237,11 +237,10 @@ def _pieces(lanes: int) -> list[np.ndarray]:
 
 
 def _solved(
-    targets: Targets, start: np.ndarray, damping: np.ndarray, bounds: Bounds, max_steps: Any,
-    spec: Spec,
-) -> tuple[np.ndarray, ...]:  # fmt: skip
+    parts: Parts, start: np.ndarray, damping: np.ndarray, bounds: Bounds, max_steps: Any
+) -> tuple[np.ndarray, ...]:
     """Return the result of `problem.solve`; the next lane takes the place of a finished one."""
-    parts, (p, lanes) = Parts(spec, targets), start.shape
+    p, lanes = start.shape
     start, low, high = map(filled, (start, bounds.lower, bounds.upper))
     given = Bounds(low, high, bounds.degrees, bounds.scale)
     ends, cost = start[:p].copy(), np.full(lanes, np.inf)

@@ -10,7 +10,6 @@ import numpy as np
 
 from fitting.optics.observe import NCS, Spec, medium_index
 from fitting.problem.model_at import index_in_parts
-from fitting.problem.programs_in_parts import in_parts
 from fitting.process.compiled import compiled
 from fitting.samples.parameters import Unknown, from_parameter, start_range, value_and_slope
 from fitting.searching.fringes import likely_thicknesses, phase_rate
@@ -90,8 +89,8 @@ def film_index(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
     """Return eta and k of a film in every lane of y (p, L), (2, M, L)."""
     spec, medium = fit.u.spec, film.medium
     with jax.enable_x64(True):
-        if in_parts(spec, fit.targets):
-            return index_in_parts(fit.targets, y, medium, spec=spec)
+        if fit.shown.parts is not None:
+            return index_in_parts(fit.shown.parts, y, medium)
         whole = np.pad(y, ((0, 0), (0, -y.shape[1] % LANES)), "edge")  # one program for all
         wavelength = fit.seen.points.wavelength_um
         found = _index_of(
