@@ -29,6 +29,7 @@ from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of
 from fitting.outcomes.pseudo_index import notes_on
 from fitting.problem.observations import missing_errors
+from fitting.residuals.error_model import NEED_STATED
 from fitting.results.result import Fit
 from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import Sample
@@ -40,7 +41,7 @@ from fitting.searching.starts import starts as start_points
 from fitting.searching.starts import usual_starts, with_given_start
 from fitting.searching.thinned import thinned
 from fitting.uncertainty.intervals import check_choices
-from fitting.uncertainty.stated_errors import with_common_error
+from fitting.uncertainty.stated_errors import with_added_error
 from fitting.uncertainty.widening import widened
 from fitting.wavelengths import check_wavelengths, fit_wavelengths, solving
 
@@ -98,7 +99,7 @@ def fit_checked(
 ) -> Fit:
     """Return `fit` for checked arguments."""
     without = sum(int((~np.isfinite(m.sigma)).sum()) for m in measurements)
-    if asked.errors in ("stated", "floor") and without:
+    if asked.errors in NEED_STATED and without:
         raise ValueError(
             f'errors "{asked.errors}" need a standard error for every datum, and {without} of '
             f"{sum(map(len, measurements))} have none. Give them (sigma), or take errors "
@@ -127,7 +128,7 @@ def fit_checked(
         return _general(several, sample, settings, near)
 
     if not settings.priors:
-        found = with_common_error(again, measurements, found, asked.errors, asked.intervals)
+        found = with_added_error(again, measurements, found, asked.errors, asked.intervals)
     notes = (*missing_errors(measurements, asked.errors), *notes_on(found))
     if len(measurements) > 1 and may_disagree(found):
         notes += disagreement(_alone(measurements, sample, settings, asked, found))
@@ -218,9 +219,10 @@ def fit(
         loss: "squares"; "huber" or "student" for data with outliers, with the noise found from the
             residuals unless errors="stated".
         errors: how the stated errors are used. "stated": as they are. "scaled": multiplied by
-            sqrt(chi2 / dof). "floor": one common error is added to them in squares. "equal": not
-            at all, all data have equal weights. "auto": scaled, or floor where they are far too
-            small and a floor is likelier.
+            sqrt(chi2 / dof). "floor": one common error is added to them in squares. "relative": an
+            error in proportion to each fitted R or T is. "equal": not at all, all data have equal
+            weights. "auto": scaled, or where they are far too small the likeliest of scaled, floor
+            and relative.
         intervals: how 95 % intervals are found: "quadratic" (from the standard errors), "profile"
             (profile likelihood), or "auto": profile likelihood where the quadratic approximation
             fails. With many independent wavelengths of a general sample "auto" is quadratic.

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from simulated import textbook
 
 from fitting import fit_many
-from fitting.uncertainty.limits import interval_from_zero
+from fitting.uncertainty.beside_zero import interval_from_zero
 
 ANGLES = np.linspace(5.0, 85.0, 16)
 

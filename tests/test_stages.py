@@ -44,7 +44,7 @@ def test_a_fit_with_other_weights_begins_from_the_minima_of_the_first(counted):
     found = fit(m, SAMPLE.format("lorentz:2"), errors="floor", intervals="quadratic")
     first, *others = counted
     assert others and max(others) < first / 3
-    sigma = np.hypot(1e-4, found.errors.floor)
+    sigma = np.hypot(1e-4, found.errors.added)
     again = Measurement.from_columns(0.0, WAVES, R=m.value, sigma=sigma)
     alone = fit(again, SAMPLE.format("lorentz:2"), errors="scaled", intervals="quadratic")
     for name in found.names:

@@ -96,13 +96,13 @@ def test_the_errors_of_a_robust_fit_are_not_called_those_of_least_squares(absorb
         ({"taken": "scaled", "factor": 2.5}, "times sqrt(chi2/dof) = 2.5"),
         ({"taken": "scaled", "factor": 5.0, "widened": 2.0}, "sqrt(chi2/dof) = 2.5; multiplied by "
          "2, since the residuals are autocorrelated"),
-        ({"taken": "floor", "factor": 1.1, "floor": 0.0123}, "a common error of the data (0.012), "
+        ({"taken": "floor", "factor": 1.1, "added": 0.0123}, "a common error of the data (0.012), "
          "added in squares"),
         ({"taken": "equal", "factor": 0.1}, "scatter of the data about the fit (equal weights)"),
     ],
 )  # fmt: skip
 def test_the_table_says_what_the_standard_errors_are_made_of(absorber, errors, said):
-    stated = absorber.errors._replace(stated=True, widened=1.0, floor=0.0)
+    stated = absorber.errors._replace(stated=True, widened=1.0, added=0.0)
     assert said in one_line(replace(absorber, errors=stated._replace(**errors)))
 
 

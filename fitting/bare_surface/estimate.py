@@ -10,8 +10,8 @@ from fitting.bare_surface.coordinates import W_MIN, index_derivatives, xi_of
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.total_reflection import NEAR_SIGMAS, small_k
+from fitting.uncertainty.beside_zero import interval_from_zero
 from fitting.uncertainty.limits import (
-    interval_from_zero,
     mean_square,
     student_quantile,
     student_quantiles,
@@ -51,6 +51,7 @@ class Estimated(NamedTuple):
     information: (N, 2, 2), Fisher information in (eta, u = k^2) in units of the sigmas.
     variance: the unit of the weighted sum of squares (1, or chi2 / dof); NaN if it cannot be
         estimated.
+    reach: the estimate of u without the bound (where ``linear`` of k), which may be negative.
     covariance: of eta and k; NaN where there is none.
     k_interval: (N, 2), 95 % interval of k from the quadratic model in u, or in total reflection in
         k; k_upper_limit is its end where k is compatible with 0, NaN elsewhere. t: how many
@@ -70,6 +71,7 @@ class Estimated(NamedTuple):
     linear: np.ndarray
     information: np.ndarray
     variance: np.ndarray
+    reach: np.ndarray
     at_zero: np.ndarray
     singular: np.ndarray
     spread: np.ndarray  # sigma_eta / eta with k free (metals in total reflection: or sigma_k / k)
@@ -190,7 +192,8 @@ def estimate(data: Data, s: Solved, how: Weighing) -> Estimated:
     return Estimated(
         eta, k, np.sqrt(c_nn), np.where(seen, sigma_u / per_k, np.nan),
         np.where(seen, c_nu / per_k, np.nan), np.where(seen, np.nan, k_interval[:, 1]),
-        k_interval, t, linear, information, variance, at_zero, singular, spread,
+        k_interval, t, linear, information, variance, reach, at_zero,
+        singular, spread,
         # The direction in (x, w) that the data do not see, over the whole line of constant x.
         np.abs(s.h_xw / s.h_xx) * 4.0 * xi_of(s.x),
     )  # fmt: skip

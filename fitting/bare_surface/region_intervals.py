@@ -28,6 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fitting.bare_surface.bounded_k import beside_zero, near_zero
 from fitting.bare_surface.coordinates import w_of_small_k
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.descent import Solved
@@ -76,16 +77,17 @@ def _walk(
     todo: np.ndarray,
     in_product: np.ndarray,
     found: Region,
-) -> None:
-    """Put right what was ``found`` of the curves ``todo`` in total reflection.
+) -> np.ndarray:
+    """Put right what was ``found`` of the curves ``todo`` in total reflection; return where.
 
     There the region breaks off at critical angles, and another piece of it may have been followed:
     the valley is walked from the value.
     """
+    walked = np.zeros(len(todo), bool)
     met = _inside(found.eta, e.eta[todo]) & _inside(found.k, e.k[todo])
     here = np.flatnonzero(in_product[todo] | ~met & (e.eta[todo] < data.eta_i))
     if not len(here):
-        return
+        return walked
     curve = todo[here]
     found.eta[here], found.k[here] = along_the_valley(
         data.take(curve), e.eta[curve], e.k[curve], (s.cost + rise)[curve]
@@ -93,6 +95,8 @@ def _walk(
     # and what is known of k at the best eta
     found.k[here, 0] = np.fmin(found.k[here, 0], e.k_interval[curve, 0])
     found.k[here, 1] = np.fmax(found.k[here, 1], e.k_interval[curve, 1])
+    walked[here] = True
+    return walked
 
 
 def intervals(
@@ -149,8 +153,18 @@ def intervals(
             there = todo[corner]
             ends = around_nothing(data.take(there), Solved(*np.array(s)[:, there]), rise[there])
             found.eta[corner], found.k[corner] = ends
-        _walk(data, s, e, rise, todo, in_product, found)
+        walked = _walk(data, s, e, rise, todo, in_product, found)
         good = np.isfinite(found.eta).all(1) & np.isfinite(found.k).all(1)
+        one = Estimated(*(of[todo] for of in e))
+        near = good & ~walked & ~(undetermined | matched)[todo] & near_zero(one, found.k)
+        rows = np.flatnonzero(near)
+        if len(rows):
+            ends = beside_zero(
+                data.take(todo[rows]), Solved(*np.array(part)[:, rows]),
+                Estimated(*(of[rows] for of in one)), rise[todo[rows]], first[rows],
+                Region(found.eta[rows], found.k[rows]),
+            )  # fmt: skip
+            found.eta[rows], found.k[rows] = ends
         done = todo[good]
         eta[done], k[done], kind[done] = found.eta[good], found.k[good], PROFILE
         # Along a valley without end the ends are known to a part of its length: a value is never

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from fitting.bare_surface.added_error import Taken
 from fitting.bare_surface.answer import FLAT_BELOW_DEG, Answer
 from fitting.bare_surface.arrange import Arranged
-from fitting.bare_surface.common_error import Taken
 from fitting.measurements.measurement import Measurement
+from fitting.residuals.error_model import FLOOR, RELATIVE
 from fitting.residuals.pattern import pattern
 from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import Fit
@@ -31,9 +32,9 @@ def _trade(information: np.ndarray) -> float:
     return along_u / along_eta if along_eta else np.nan
 
 
-def _of_floor(f: Answer, taken: Taken) -> dict[str, np.ndarray]:
-    """Return which fits took a common error, and whose values it changes beyond their errors."""
-    used = np.isfinite(taken.gain)
+def _of_added(f: Answer, taken: Taken) -> dict[str, np.ndarray]:
+    """Return which fits took a further error, and whose values it changes beyond their errors."""
+    used = taken.kind != ""
     if not used.any():
         return {}
     with np.errstate(all="ignore"):
@@ -41,7 +42,8 @@ def _of_floor(f: Answer, taken: Taken) -> dict[str, np.ndarray]:
             np.abs(f.values[name] - taken.by_factor[:, i]) > f.values[f"sigma_{name}"]
             for i, name in enumerate(("eta", "k"))
         ]
-    return {"errors_floor": used, "errors_differ": used & np.logical_or(*apart)}
+    kinds = {f"errors_{kind}": taken.kind == kind for kind in (FLOOR, RELATIVE)}
+    return {**kinds, "errors_differ": used & np.logical_or(*apart)}
 
 
 def _of_others(f: Answer) -> dict[str, Any]:
@@ -85,17 +87,16 @@ def _values(a: Arranged, f: Answer, taken: Taken, errors: str, code: str) -> dic
                 correlation = v["covariance"][:, 0, 1] / (v["sigma_eta"] * v["sigma_k"])
                 pair = {"first": ("eta",), "second": ("k",)}
                 return {**pair, "correlation": correlation[:, None]}
-            case "chi2_large" | "chi2_small" | "errors_floor":
+            case "chi2_large" | "chi2_small" | "errors_floor" | "errors_relative":
                 chi2_reduced = np.where(f.dof > 0, v["chi2"] / f.dof, np.nan)
-                if code == "errors_floor":
-                    floor = {"floor": taken.floor, "gain": taken.gain}
-                    return {"chi2_reduced": chi2_reduced, **floor}
+                if code.startswith("errors_"):
+                    return {"chi2_reduced": chi2_reduced, "added": taken.s, "gain": taken.gain}
                 believed = "stated" if errors == "stated" else "scaled"
                 factor = np.sqrt(chi2_reduced)
                 return {"chi2_reduced": chi2_reduced, "factor": factor, "errors": believed}
             case "errors_differ":
-                floored = np.stack([v["eta"], v["k"]], -1)
-                both = {"floor": floored, "factor": taken.by_factor}
+                added = np.stack([v["eta"], v["k"]], -1)
+                both = {"added": added, "factor": taken.by_factor}
                 return {"parameters": ("eta", "k"), **both}
             case "flat_curve":
                 return {"below_deg": FLAT_BELOW_DEG}
@@ -109,7 +110,7 @@ def _values(a: Arranged, f: Answer, taken: Taken, errors: str, code: str) -> dic
 
 def findings(a: Arranged, f: Answer, taken: Taken, errors: str) -> tuple[Finding, ...]:
     """Return the warnings of all curves, the most serious first, with the values of each."""
-    codes = f.codes | _of_floor(f, taken)
+    codes = f.codes | _of_added(f, taken)
     some = np.any(list(codes.values()), axis=1)
     held = [code for code, one in zip(codes, some, strict=True) if one]
     return ranked(

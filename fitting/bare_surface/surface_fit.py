@@ -9,15 +9,16 @@ from typing import Any
 import jax
 import numpy as np
 
+from fitting.bare_surface.added_error import with_added_error
 from fitting.bare_surface.answer import Answer, answer, start_points
 from fitting.bare_surface.arrange import Arranged, of_arrays, of_measurement
-from fitting.bare_surface.common_error import with_common_error
 from fitting.bare_surface.curves import SurfaceCurves, fitted_curves, noise_of_misfits
 from fitting.bare_surface.other_solutions import Others
 from fitting.bare_surface.region_intervals import Intervals
 from fitting.bare_surface.surface_findings import findings, shaped, with_order
 from fitting.measurements.measurement import Measurement
 from fitting.problem.observations import missing_errors
+from fitting.residuals.error_model import NEED_STATED, sizes
 from fitting.residuals.pattern import pooled_pattern
 from fitting.results.diagnostics import Warning
 from fitting.results.result import Fit
@@ -76,14 +77,14 @@ def _fit(
     """Return what the engine finds as a `Fit` of the batch's shape, and as it found it."""
     begin = start_points(start, a)
     f = answer(a, errors == "stated", begin, intervals)
-    f, taken = with_common_error(a, f, errors, begin, intervals)
+    f, taken = with_added_error(a, f, errors, begin, intervals)
     s, v = f.solved, f.values
-    believed = np.full(len(f.dof), "scaled" if a.stated else "equal", "<U6")
+    believed = np.full(len(f.dof), "scaled" if a.stated else "equal", "<U8")
     factor = v["factor"]
     if a.stated:
         # Without a degree of freedom only the stated errors are available.
         as_stated = (f.dof == 0) | (errors == "stated")
-        believed[np.isfinite(taken.gain)] = "floor"
+        believed = np.where(taken.kind != "", taken.kind, believed)
         believed[as_stated] = "stated"
         factor = np.where(as_stated, 1.0, factor)
     with np.errstate(all="ignore"):
@@ -96,7 +97,7 @@ def _fit(
         chi2_reduced=shaped(chi2_reduced, a), dof=shaped(f.dof.astype(int), a),
         n_data=shaped(s.count.astype(int), a), rms=shaped(rms, a), status=shaped(f.status, a),
         errors=ErrorModel(
-            taken=shaped(believed, a), factor=shaped(factor, a), floor=shaped(taken.floor, a),
+            taken=shaped(believed, a), factor=shaped(factor, a), added=shaped(taken.s, a),
             stated=a.stated, widened=shaped(np.ones(len(rms)), a),
         ),
         evaluations=shaped(s.evaluations.astype(int), a), cost=shaped(s.cost, a),
@@ -138,8 +139,9 @@ def fit_bare_surface(
     known = ~np.isin(f.status, (NO_DATA, NOT_CONVERGED))
     fitted = np.where(known[curve], fitted, np.nan)
     # With the errors that were taken.
-    floor = np.atleast_1d(found.errors.floor)[curve]
-    weighed = replace(measurement, sigma=np.hypot(measurement.sigma, floor))
+    kind, s = (np.atleast_1d(of)[curve] for of in (found.errors.taken, found.errors.added))
+    further = s * sizes(kind, fitted)
+    weighed = replace(measurement, sigma=np.hypot(measurement.sigma, further))
     missed = np.where(known, noise_of_misfits(a.data, a.angle_deg, f.solved), np.nan)
     found = with_order(found, weighed, curve, fitted, missed, a.stated)
     pooled = pooled_pattern(weighed, fitted, a.stated)
@@ -195,7 +197,7 @@ def fit_many(
     check_choices("squares", errors, intervals)
     arrays = {"R_s": R_s, "R_p": R_p, "R": R}
     a = of_arrays(angles_deg, arrays, sigma if errors != "equal" else None, which.eta_i)
-    if errors in ("stated", "floor") and not a.stated:
+    if errors in NEED_STATED and not a.stated:
         raise ValueError(
             f'errors "{errors}" need a standard error for every datum; give sigma, or take '
             'errors "scaled" or "equal".'

@@ -147,10 +147,11 @@ _FITTING = (
      "data with outliers a sum in which large residuals weigh less (huber, student)",
      {"choices": ("squares", "huber", "student"), "default": "squares"}),
     ("errors", None, "how the standard errors that a file states are used. stated: as they are; "
-     "scaled: times sqrt(chi2/dof); floor: with one common error added in squares; equal: not at "
-     "all, all data have equal weights; auto (the default): scaled, or floor where they are far "
-     "too small and a common error describes the residuals better",
-     {"choices": ("auto", "stated", "scaled", "floor", "equal"), "default": "auto"}),
+     "scaled: times sqrt(chi2/dof); floor: with one common error added in squares; relative: with "
+     "an error in proportion to each R or T added in squares; equal: not at all, all data have "
+     "equal weights; auto (the default): scaled, or floor or relative where they are far too small "
+     "and such an error describes the residuals better",
+     {"choices": ("auto", "stated", "scaled", "floor", "relative", "equal"), "default": "auto"}),
     ("intervals", None, "95 %% intervals from the standard errors (quadratic), from the profile "
      "likelihood (profile), or by profile likelihood where the quadratic approximation fails "
      "(auto)", {"choices": ("auto", "quadratic", "profile"), "default": "auto"}),

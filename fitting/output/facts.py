@@ -115,10 +115,13 @@ def _errors(fit: Fit) -> str:
 
 
 def _made_by(fit: Fit, taken: str) -> str:
-    if taken == "floor":
-        floor = np.asarray(fit.errors.floor, float)
-        size = f"{floor:.2g}" if not floor.ndim else "another at each wavelength"
-        return f"the stated errors and a common error of the data ({size}), added in squares"
+    if taken in ("floor", "relative"):
+        added = np.asarray(fit.errors.added, float)
+        size = "another at each wavelength"
+        if not added.ndim:
+            size = f"{added:.2g}" if taken == "floor" else f"{100.0 * added:.2g} % of each"
+        kind = "a common error" if taken == "floor" else "a relative error"
+        return f"the stated errors and {kind} of the data ({size}), added in squares"
     if taken == "equal" or (taken == "scaled" and not fit.errors.stated):
         return "the scatter of the data about the fit (equal weights)"
     if taken == "scaled":

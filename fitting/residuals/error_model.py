@@ -1,13 +1,17 @@
-"""Stated errors that the residuals contradict: one factor on all, or one common error added.
+"""Stated errors that the residuals contradict: a factor on all, or a further error added to them.
 
-    factor:  sigma_i^2 -> f^2 sigma_i^2          floor:  sigma_i^2 -> sigma_i^2 + s^2
+    factor:    sigma_i^2 -> f^2 sigma_i^2
+    floor:     sigma_i^2 -> sigma_i^2 + s^2
+    relative:  sigma_i^2 -> sigma_i^2 + (s R_i)^2        with the fitted R_i
 
-Each has one number, found by maximum likelihood, so that the two are compared by their likelihoods.
-A factor keeps the stated weights: if the stated errors of one polarization are a hundred times
-smaller than those of the other and both have the same further error, only the first one has
-weight, and 95 % intervals contain the true value in 60 % of repeats, those with a floor in 94 %.
-Conversely, if all errors are too small by one factor and unequal, the floor gives values ten times
-worse.
+Each has one number, found by maximum likelihood, so that they are compared by their likelihoods, of
+each at its own best fit. A factor keeps the stated weights: if the stated errors of one
+polarization are a hundred times smaller than those of the other and both have the same further
+error, only the first one has weight, and 95 % intervals contain the true value in 60 % of repeats,
+those with a floor in 94 %. Conversely, if all errors are too small by one factor and unequal, the
+floor gives values ten times worse. And with an error in proportion to R the data near Brewster's
+angle are the best ones: for silicon and 5 % of R the intervals with equal weights are NN times as
+wide.
 
 Where residuals are autocorrelated (lag-1 correlation rho, see `pattern`) fewer are independent;
 the variance of a mean grows by (1 + rho) / (1 - rho), and errors are widened by its root.
@@ -19,24 +23,47 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+FLOOR, RELATIVE = "floor", "relative"
 # What may be believed of stated errors; see `fitting.fit`.
-ERRORS = ("auto", "stated", "scaled", "floor", "equal")
+ERRORS = ("auto", "stated", "scaled", FLOOR, RELATIVE, "equal")
+_ADDED = (FLOOR, RELATIVE)
+# Those of them that need a stated error of every datum.
+NEED_STATED = ("stated", FLOOR, RELATIVE)
 
 # Doublings and halvings of the search for s: to 1e-6 of itself.
 _STEPS = 60
 # How often the weights are updated and the fit is repeated; then s changes by less than 1 %.
 ROUNDS = 4
-# A common error is used only if it is likelier by this much (2 in 2 log L: a factor e).
+# A further error is used only if it is likelier by this much (2 in 2 log L: a factor e).
 GAIN = 1.0
+# The fit with one factor may follow the few best data alone where errors are stated that are more
+# unequal than this; its residuals then say little of a further error.
+UNEQUAL = 3.0
 # Beyond this correlation the factor would exceed 6, and the errors are unknown.
 MOST_CORRELATED = 0.95
 
 
-class Floor(NamedTuple):
-    """A common error s, and by how much its log likelihood is above that of one factor."""
+class Added(NamedTuple):
+    """The likeliest error s that is added to stated ones in squares, and -2 log likelihood."""
 
     s: np.ndarray
-    gain: np.ndarray
+    minus_two_log: np.ndarray
+
+
+def added_kinds(errors: str) -> tuple[str, ...]:
+    """Return the kinds of further errors that ``errors`` lets a fit consider."""
+    return (FLOOR, RELATIVE) if errors == "auto" else (errors,) if errors in _ADDED else ()
+
+
+def sizes(kind: Any, fitted: np.ndarray, power: Any = True) -> np.ndarray:
+    """Return what s is multiplied with for each datum.
+
+    kind: a kind of further error, or one for each datum. fitted: their fitted values. power: which
+    of them are powers; an error in proportion to psi or Delta means nothing, and these keep their
+    stated errors.
+    """
+    relative = np.where(power, np.abs(fitted), 0.0)
+    return np.where(np.asarray(kind) == RELATIVE, relative, 1.0)
 
 
 def _minus_two_log(square: np.ndarray, variance: np.ndarray) -> np.ndarray:
@@ -46,35 +73,56 @@ def _minus_two_log(square: np.ndarray, variance: np.ndarray) -> np.ndarray:
     return np.where(used, square / safe + np.log(safe), 0.0).sum(-1)
 
 
-def likeliest_floor(residual: np.ndarray, sigma: np.ndarray) -> Floor:
-    """Return the common error of residuals (..., n) with stated errors (..., n) > 0.
+def one_factor(residual: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """Return -2 log likelihood of residuals (..., n) with the likeliest factor on sigma.
 
-    A sigma of inf leaves a datum out. The likelihood in s has one maximum if the residuals are of
-    one size; its derivative is bisected from the largest residual downwards.
+    A sigma of inf leaves a datum out.
     """
     used = np.isfinite(sigma)
     square = np.where(used, residual, 0.0) ** 2
     stated = np.where(used, sigma, 0.0) ** 2
-    count = used.sum(-1)
+    of_each = np.where(used, square / np.where(used, stated, 1.0), 0.0)
+    factor2 = of_each.sum(-1) / np.maximum(used.sum(-1), 1)
+    return _minus_two_log(square, stated * np.maximum(factor2, 1e-300)[..., None])
+
+
+def likeliest_added(residual: np.ndarray, sigma: np.ndarray, size: np.ndarray) -> Added:
+    """Return the further error of residuals (..., n) with stated errors sigma (..., n) > 0.
+
+    size: see `sizes`. A sigma of inf leaves a datum out. The likelihood in s has one maximum if the
+    residuals are of one size; its derivative is bisected from the largest residual downwards.
+    """
+    used = np.isfinite(sigma)
+    square = np.where(used, residual, 0.0) ** 2
+    stated = np.where(used, sigma, 0.0) ** 2
+    size2 = np.where(used, size, 0.0) ** 2
 
     def slope(s2: np.ndarray) -> np.ndarray:
-        total = np.where(used, stated + s2[..., None], 1.0)
-        return np.where(used, (1.0 - square / total) / total, 0.0).sum(-1)
+        total = np.where(used, stated + s2[..., None] * size2, 1.0)
+        return np.where(used, size2 * (1.0 - square / total) / total, 0.0).sum(-1)
 
-    high = np.sqrt(square.max(-1)) + 1e-300
+    with np.errstate(divide="ignore", invalid="ignore"):
+        high = np.sqrt(np.where(size2 > 0.0, square / size2, 0.0).max(-1)) + 1e-300
     low = np.zeros_like(high)
     for _ in range(_STEPS):
         middle = 0.5 * (low + high)
         rising = slope(middle**2) > 0.0
         low, high = np.where(rising, low, middle), np.where(rising, middle, high)
     s = np.where(slope(np.zeros_like(high)) >= 0.0, 0.0, 0.5 * (low + high))
-    safe = np.where(used, stated, 1.0)
-    factor2 = np.where(used, square / safe, 0.0).sum(-1) / np.maximum(count, 1)
-    by_factor = _minus_two_log(square, stated * np.maximum(factor2, 1e-300)[..., None])
-    with_floor = np.where(used, stated + (s**2)[..., None], 0.0)
-    # A factor on top of both, as the errors of the parameters are scaled by the scatter, too.
-    by_floor = _minus_two_log(square, with_floor)
-    return Floor(s, 0.5 * (by_factor - by_floor))
+    return Added(s, _minus_two_log(square, np.where(used, stated + (s**2)[..., None] * size2, 0.0)))
+
+
+def worth_a_fit(errors: str, residual: np.ndarray, sigma: np.ndarray, added: Added) -> np.ndarray:
+    """Return where a fit with the further error, known from the fit with one factor, is made.
+
+    By "auto" it is one that is likelier there, or whose stated errors are UNEQUAL.
+    """
+    if errors != "auto":
+        return added.s > 0.0
+    used = np.isfinite(sigma)
+    most, least = np.where(used, sigma, 0.0).max(-1), np.where(used, sigma, np.inf).min(-1)
+    gain = 0.5 * (one_factor(residual, sigma) - added.minus_two_log)
+    return (added.s > 0.0) & ((gain >= GAIN) | (most > UNEQUAL * least))
 
 
 def widening(correlation: np.ndarray) -> np.ndarray:

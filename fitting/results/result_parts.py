@@ -96,16 +96,18 @@ class ErrorModel(NamedTuple):
     """The errors of the data that a fit used.
 
     taken: "stated" (as they are), "scaled" (stated errors times one factor; without stated errors
-    the scatter), "floor" (stated errors and one common error, added in squares), or "equal" (the
-    scatter about the fit; stated errors are not used). In a batch an array of shape S.
+    the scatter), "floor" (stated errors and one common error, added in squares), "relative" (the
+    same with an error in proportion to each R or T), or "equal" (the scatter about the fit; stated
+    errors are not used). In a batch an array of shape S.
     factor: the factor on the standard errors of the parameters; 1 if "stated".
-    floor: the common error, in units of R, T and N, C, S; 0 unless "floor". stated: whether every
-    datum had an error. widened: the part of factor for autocorrelation, sqrt((1+rho)/(1-rho)).
+    added: the common error of "floor", in units of R, T and N, C, S; that of "relative" as a part
+    of each fitted R or T; else 0. stated: whether every datum had an error. widened: the part of
+    factor for autocorrelation, sqrt((1+rho)/(1-rho)).
     """
 
     taken: Any
     factor: Any
-    floor: Any = 0.0
+    added: Any = 0.0
     stated: bool = False
     widened: Any = 1.0
 

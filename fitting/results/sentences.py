@@ -110,7 +110,12 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
     "chi2_small": wording.chi2_small,
     "errors_floor": (
         "reduced chi2 with the stated errors is {chi2_reduced:.4g}. A standard error of "
-        "{floor:.2g}, common to all data and added in squares, is likelier than one factor on all "
+        "{added:.2g}, common to all data and added in squares, is likelier than one factor on all "
+        "stated errors (log likelihood higher by {gain:.3g}), and is used."
+    ),
+    "errors_relative": (
+        "reduced chi2 with the stated errors is {chi2_reduced:.4g}. A standard error of "
+        "{added:.2%} of each fitted value, added in squares, is likelier than one factor on all "
         "stated errors (log likelihood higher by {gain:.3g}), and is used."
     ),
     "errors_differ": wording.errors_differ,

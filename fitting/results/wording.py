@@ -233,9 +233,9 @@ def no_freedom(v: Mapping[str, Any]) -> str:
 
 
 def errors_differ(v: Mapping[str, Any]) -> str:
-    rows = zip(v["parameters"], v["floor"], v["factor"], strict=True)
+    rows = zip(v["parameters"], v["added"], v["factor"], strict=True)
     each = "; ".join(
-        f"{name} is {num(a)} with a common error added (floor), {num(b)} with a common factor"
+        f"{name} is {num(a)} with a further error added in squares, {num(b)} with a common factor"
         for name, a, b in rows
     )
     return (

@@ -25,7 +25,9 @@ from fitting.problem.problem import LOSSES
 from fitting.residuals.error_model import ERRORS
 from fitting.results.result_parts import NONE, PROFILE, QUADRATIC
 from fitting.samples.parameters import LOG, PLAIN, SQUARE, from_parameter, value_and_slope
-from fitting.uncertainty.limits import ROUNDING, interval_from_zero, student_quantile
+from fitting.uncertainty.aims import aims, unbounded
+from fitting.uncertainty.beside_zero import interval_from_zero
+from fitting.uncertainty.limits import ROUNDING, student_quantile
 from fitting.uncertainty.profile import FEW_ROUNDS, ROUNDS, Base, Search, follow, visit
 
 if TYPE_CHECKING:
@@ -70,15 +72,11 @@ def _from_zero(fit: Solving, end: End, t: float) -> np.ndarray:
     """
     out = np.full((len(end.y), 2), np.nan)
     for i, u in enumerate(fit.u.moving):
-        sigma = end.known.edge[i] * np.sqrt(end.known.variance)
-        if not u.free or u.low != 0.0 or u.prior is not None or not np.isfinite(sigma):
-            continue
-        low = end.known.at_bound[i] == "low"
-        value = end.y[i] + (min(end.known.wide_step[i], 0.0) if low else 0.0)
+        value, sigma = unbounded(fit, end, i)
         ends = np.array(interval_from_zero(np.array(value), np.array(sigma), np.array(t)))
         if u.parameter.coordinate == SQUARE and end.y[i] < 3.0 * sigma:
             out[i] = np.sqrt(ends)
-        elif u.parameter.coordinate == PLAIN and low:
+        elif u.parameter.coordinate == PLAIN and end.known.at_bound[i] == "low":
             out[i] = ends
     return out
 
@@ -207,6 +205,11 @@ def intervals(
         ]  # fmt: skip
     rounds = ROUNDS if wanted == PROFILE else FEW_ROUNDS
     follow(fit, [s for pair in pairs for s in pair.searches], noise, rounds, enough)
+    moved = []
+    for at, end in enumerate(ends):
+        own = {pair.j: pair.searches for pair in pairs if pair.base == at}
+        moved += aims(fit, end, t, own)
+    follow(fit, moved, noise, rounds, enough)
     for at, j, both in pairs:
         found = out[at]
         # Exponential and logarithm return a bound up to rounding only.

@@ -1,4 +1,4 @@
-"""95 % intervals of a quantity that cannot be negative, and of one whose error was estimated."""
+"""How many standard errors 95 % are, and the mean square of what cannot be negative."""
 
 from __future__ import annotations
 
@@ -14,27 +14,6 @@ ROUNDING = 5e-28
 # This far below 0 the mean square is a small difference of large numbers, and the first term of its
 # series is accurate to 6e-5.
 _FAR_BELOW = -300.0
-
-
-def interval_from_zero(
-    value: np.ndarray, sigma: np.ndarray, t: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the 95 % interval of a quantity known to be >= 0; NaN where an argument is.
-
-    value: the unconstrained estimate, which may be negative. sigma: its standard error. t: how many
-    of them 95 % are.
-    The ends of the profile likelihood, [(x - value) / sigma]^2 <= t^2 + [(x0 - value) / sigma]^2
-    with x0 = max(value, 0): value +- t sigma, cut at 0, and for a negative estimate
-
-        0 <= x <= value + sqrt(value^2 + t^2 sigma^2),
-
-    which never vanishes. It holds a true 0 in 97.5 % of all cases, a truth above 2 t sigma in 95 %,
-    and one between in 95 to 97.5 %.
-    """
-    with np.errstate(all="ignore"):
-        wide = t * sigma
-        below = wide**2 / (np.hypot(value, wide) - value)  # no cancellation
-        return np.maximum(value - wide, 0.0), np.where(value < 0.0, below, value + wide)
 
 
 def mean_square(value: np.ndarray, sigma: np.ndarray) -> np.ndarray:

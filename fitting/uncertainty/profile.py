@@ -71,12 +71,13 @@ class Place(NamedTuple):
 class Search:
     """The search for one end: from ``base`` along the unknown ``j``, up (sign 1) or down (-1).
 
-    first: distances of the first places. far, root, y: distances visited, by rising distance, roots
-    of the rise there, and all unknowns. found: distance of the end, NaN until it is known.
+    first: distances of the first places. height: the rise of the cost at the end. far, root, y:
+    distances visited, by rising distance, roots of the rise there in units of ``height``, and all
+    unknowns. found: distance of the end, NaN until it is known.
     """
 
     def __init__(self, base: Base, j: int, sign: float, first: Sequence[float]):
-        self.base, self.j, self.sign = base, j, sign
+        self.base, self.j, self.sign, self.height = base, j, sign, base.rise
         limit = base.high[j] if sign > 0.0 else base.low[j]
         self.room = abs(limit - base.y[j])
         self.far, self.root, self.y = [0.0], [0.0], [base.y]
@@ -85,6 +86,13 @@ class Search:
         self.under_way = [self._place(far) for far in self.first] if self.room > 0.0 else []
         self.brackets: list[float] = []
         self.again: list[float] = []
+
+    def aim(self, root: float) -> None:
+        """Move the end to where the root of the rise is this part of what it was; see `follow`."""
+        self.height *= root * root
+        self.root = [r / root for r in self.root]
+        self.brackets, self.again, self.under_way = [], [], []
+        self.found = 0.0 if self.room == 0.0 else np.nan
 
     @property
     def end(self) -> float:
@@ -139,7 +147,7 @@ class Search:
         """
         if cost < self.base.cost:
             self.base.lower.append((cost, y))
-        height = (cost - self.base.cost) / self.base.rise
+        height = (cost - self.base.cost) / self.height
         root = float(np.sqrt(max(height, 0.0))) if np.isfinite(height) else np.inf
         if root <= 1.0:
             self.base.inside.append((self.j, y))

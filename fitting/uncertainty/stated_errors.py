@@ -1,15 +1,25 @@
-"""Fits that contradict their stated errors: repeated with a common error if that is likelier."""
+"""Fits that contradict their stated errors: repeated with a further error if that is likelier."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fitting.measurements.measurement import Measurement, concatenate
-from fitting.residuals.error_model import GAIN, ROUNDS, beyond_chance, likeliest_floor
+from fitting.measurements.quantities import are_powers
+from fitting.residuals.error_model import (
+    GAIN,
+    ROUNDS,
+    added_kinds,
+    beyond_chance,
+    likeliest_added,
+    one_factor,
+    sizes,
+    worth_a_fit,
+)
 from fitting.residuals.residuals import arcs, weighted_residuals
 from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import Fit
@@ -18,29 +28,61 @@ from fitting.uncertainty.intervals import QUADRATIC
 Run = Callable[[Sequence[Measurement], str], Fit]
 
 
-def _with_floor(
-    several: Sequence[Measurement], found: Fit, fitted: np.ndarray, s: float
+def _with_added(
+    several: Sequence[Measurement], found: Fit, fitted: np.ndarray, further: np.ndarray
 ) -> list[Measurement]:
-    """Return the measurements with s, in units of R and of arcs, added to all errors in squares."""
+    """Return the measurements with further errors, in units of R and of arcs, added in squares."""
     joined = found.measurement
     assert joined is not None
-    with np.errstate(divide="ignore"):
-        # Where Delta has no effect (psi of 0) its error has none.
-        own = s / np.maximum(arcs(joined, fitted), 1e-6)
-    sigma = np.hypot(joined.sigma, own)
+    # Where Delta has no effect (psi of 0) its error has none.
+    sigma = np.hypot(joined.sigma, further / np.maximum(arcs(joined, fitted), 1e-6))
     parts = np.split(sigma, np.cumsum([len(m) for m in several])[:-1])
     return [replace(m, sigma=part) for m, part in zip(several, parts, strict=True)]
 
 
-def with_common_error(
+class _Taken(NamedTuple):
+    """A further error: its kind, its likeliest value, and the measurements with it."""
+
+    kind: str
+    s: float
+    gain: float
+    several: list[Measurement]
+
+
+def _taken(
+    run: Run, several: Sequence[Measurement], found: Fit, errors: str, kind: str
+) -> _Taken | None:
+    """Return the further error of a kind if the fit is to have it. run, found: see below."""
+    joined, least = concatenate(*several), None
+    for left in reversed(range(ROUNDS)):
+        fitted = found.predict().value
+        off = weighted_residuals(joined, fitted, stated=False)
+        sigma = joined.sigma * arcs(joined, fitted)
+        size = sizes(kind, fitted, are_powers(joined.quantity))
+        added = likeliest_added(off, sigma, size)
+        if least is None:
+            least = one_factor(off, sigma)
+            if not worth_a_fit(errors, off, sigma, added):
+                return None
+        s, gain = float(added.s), 0.5 * float(least - added.minus_two_log)
+        weighed = _with_added(several, found, fitted, s * size)
+        if left:
+            found = run(weighed, QUADRATIC)
+    if s == 0.0 or (errors == "auto" and gain < GAIN):
+        return None
+    return _Taken(kind, s, gain, weighed)
+
+
+def with_added_error(
     run: Run, several: Sequence[Measurement], found: Fit, errors: str, intervals: str
 ) -> Fit:
-    """Return the fit with a common error if it is asked for, or likelier than one factor.
+    """Return the fit with a further error if it is asked for, or likelier than one factor.
 
     run: fits measurements again, with this kind of intervals. found: the fit with the stated errors
     times one factor. chi2 stays that of the stated errors.
     """
-    if errors not in ("auto", "floor") or not found.errors.stated or found.loss != "squares":
+    kinds = added_kinds(errors)
+    if not kinds or not found.errors.stated or found.loss != "squares":
         return found
     dof = int(np.sum(found.dof))
     if dof == 0:
@@ -48,21 +90,16 @@ def with_common_error(
     far, _ = beyond_chance(float(np.nansum(found.chi2)) / dof, dof)  # of all data together
     if errors == "auto" and not far:
         return found
-    joined, best = concatenate(*several), found
-    s, gain = 0.0, np.nan
-    for left in reversed(range(ROUNDS)):
-        fitted = best.predict().value
-        off = weighted_residuals(joined, fitted, stated=False)
-        floor = likeliest_floor(off, joined.sigma * arcs(joined, fitted))
-        s, gain = float(floor.s), float(floor.gain)
-        if s == 0.0 or (errors == "auto" and gain < GAIN):
-            return found
-        best = run(_with_floor(several, found, fitted, s), QUADRATIC if left else intervals)
-    return _told(found, best, joined, (s, gain))
+    each = [_taken(run, several, found, errors, kind) for kind in kinds]
+    most = max((t for t in each if t is not None), key=lambda t: t.gain, default=None)
+    if most is None:
+        return found
+    best = run(most.several, intervals)
+    return _told(found, best, concatenate(*several), most)
 
 
-def _told(found: Fit, best: Fit, joined: Measurement, floor: tuple[float, float]) -> Fit:
-    """Return the fit with a common error, with the findings on it."""
+def _told(found: Fit, best: Fit, joined: Measurement, added: _Taken) -> Fit:
+    """Return the fit with a further error, with the findings on it."""
     fitted = best.predict().value
     square = (weighted_residuals(joined, fitted) ** 2).astype(float)
     if best.shape:
@@ -72,9 +109,9 @@ def _told(found: Fit, best: Fit, joined: Measurement, floor: tuple[float, float]
         chi2 = float(square.sum())
     with np.errstate(all="ignore"):
         reduced = np.where(np.asarray(best.dof) > 0, chi2 / np.asarray(best.dof), np.nan)
-    told = Finding("errors_floor", np.ones(best.shape, bool), {
-        "chi2_reduced": float(np.nansum(chi2) / np.sum(best.dof)), "floor": floor[0],
-        "gain": floor[1],
+    told = Finding(f"errors_{added.kind}", np.ones(best.shape, bool), {
+        "chi2_reduced": float(np.nansum(chi2) / np.sum(best.dof)), "added": added.s,
+        "gain": added.gain,
     })  # fmt: skip
     every = ranked([*best.findings, told, *_apart(found, best)])
 
@@ -84,7 +121,7 @@ def _told(found: Fit, best: Fit, joined: Measurement, floor: tuple[float, float]
     return replace(
         best, chi2=chi2, chi2_reduced=reduced if best.shape else float(reduced), measurement=joined,
         findings=every,
-        errors=best.errors._replace(taken=each("floor"), floor=each(floor[0])),
+        errors=best.errors._replace(taken=each(added.kind), added=each(added.s)),
     )  # fmt: skip
 
 
@@ -101,7 +138,7 @@ def _apart(found: Fit, best: Fit) -> list[Finding]:
     if not names:
         return []
     values = {
-        "parameters": tuple(names), "floor": tuple(best.parameters[n].value for n in names),
+        "parameters": tuple(names), "added": tuple(best.parameters[n].value for n in names),
         "factor": tuple(found.parameters[n].value for n in names),
     }  # fmt: skip
     return [Finding("errors_differ", np.True_, values)]

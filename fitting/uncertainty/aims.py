@@ -1,0 +1,79 @@
+"""Where the ends of profile intervals lie beside a parameter that cannot be negative."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fitting.samples.parameters import PLAIN, SQUARE
+from fitting.uncertainty.beside_zero import TWO_SIDED, by_valley, other_roots, own_roots
+
+if TYPE_CHECKING:
+    from fitting.searching.search import End, Solving
+    from fitting.uncertainty.profile import Search
+
+# An end that moves by less than this part of its distance stays where it is.
+LEAST = 0.01
+
+
+def unbounded(fit: Solving, end: End, i: int) -> tuple[float, float]:
+    """Return the estimate that a parameter would have without bounds, and its standard error.
+
+    In the solver's coordinate; NaN if it is known, has a prior, or its range does not begin at 0.
+    """
+    u, sigma = fit.u.moving[i], end.known.edge[i] * np.sqrt(end.known.variance)
+    even = u.parameter.coordinate in (SQUARE, PLAIN)
+    if not u.free or u.low != 0.0 or u.prior is not None or not np.isfinite(sigma) or not even:
+        return np.nan, np.nan
+    step = end.known.wide_step[i] if end.known.at_bound[i] == "low" else 0.0
+    return float(end.y[i] + min(step, 0.0)), float(sigma)
+
+
+def _in_errors(
+    fit: Solving, end: End, t: float, i: int, ends: tuple[Search, Search]
+) -> tuple[float, float]:
+    """Return the estimate of a parameter without the bound at 0, in standard errors, and one."""
+    reach, sigma = unbounded(fit, end, i)
+    lower, upper = ends
+    slope = max(-2.0 * reach / (t * sigma / TWO_SIDED) ** 2, 0.0)
+    # Where the interval is cut at 0 the rise there is known.
+    root = lower.root_at(lower.room) if lower.found == lower.room else 1.0
+    at = lower.end, TWO_SIDED * root
+    best = 0.0 if end.known.at_bound[i] == "low" else end.y[i]
+    x, unit = by_valley(np.array(best), np.array(slope), at, np.array(upper.end))
+    return float(x), float(unit)
+
+
+def aims(fit: Solving, end: End, t: float, pairs: dict[int, tuple[Search, Search]]) -> list[Search]:
+    """Aim the searches of one minimum at where a truth is held in 95 %, and return those that move.
+
+    pairs: the two searches of unknowns, which have found the ends of one rise. t: half an interval
+    in standard errors. The ends of a parameter that cannot be negative move if it is near 0; those
+    of the others if there is just one such parameter.
+    """
+    near = {}
+    for i, ends in pairs.items():
+        x, unit = _in_errors(fit, end, t, i, ends)
+        if np.isfinite(x) and x < 2.0 * TWO_SIDED:
+            near[i] = x, unit
+    roots = {i: own_roots(np.array([x])) for i, (x, _) in near.items()}
+    if len(near) == 1:
+        ((i, (x, unit)),) = near.items()
+        wide = end.known.wide
+        with np.errstate(all="ignore"):
+            along = wide[i] / wide[i, i] * unit
+            left = np.maximum(np.diagonal(wide) - wide[i] ** 2 / wide[i, i], 0.0)
+            apart = t / TWO_SIDED * np.sqrt(end.known.variance * left)
+            low, high = other_roots(np.array(x), along / np.hypot(along, apart))
+        for j in pairs:
+            if j != i and np.isfinite(along[j]) and np.isfinite(apart[j]):
+                roots[j] = low[j : j + 1], high[j : j + 1]
+    moved = []
+    for j, both in roots.items():
+        for search, root in zip(pairs[j], both, strict=True):
+            aim = float(root[0]) / TWO_SIDED
+            if abs(aim - 1.0) > LEAST and np.isfinite(search.found):
+                search.aim(aim)
+                moved.append(search)
+    return moved
