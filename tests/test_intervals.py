@@ -1,7 +1,10 @@
 """95 % intervals of eta and k: against nested minimisation, closed forms, repeated simulation."""
 
+import functools
+
 import numpy as np
 import pytest
+from bounded import WIDE, roots
 from estimates import intervals
 from scipy import stats
 from scipy.optimize import brentq, minimize_scalar
@@ -31,7 +34,8 @@ def curves(eta, k, quantities, angles=ANGLES, noise=0.0, seed=1, count=None):
 
 
 def nested(data, angles, sigma, eta, k):
-    """The four ends by root finding on a minimisation over the other unknown, textbook formulas."""
+    """The four ends by root finding on a minimisation over the other unknown, textbook formulas;
+    and whether they lie beside k = 0, where other rises than 3.84 are due (`bounded`)."""
 
     def chi2(n, kk):
         residuals = [
@@ -43,17 +47,18 @@ def nested(data, angles, sigma, eta, k):
         inner = {"bounds": None, "method": "bounded", "options": {"xatol": 1e-9}}
         return min(minimize_scalar(of, **{**inner, "bounds": r}).fun for r in ranges)
 
-    goal = chi2(eta, k) + Q95
+    best = chi2(eta, k)
 
-    def above_eta(n):
+    def above_eta(n, goal=best + Q95):
         k_most = max(2.0 * k, 0.1)
         found = least(lambda kk: chi2(n, kk), (0.0, k_most), (0.0, max(10.0 * k, 3.0)))
         return min(found, chi2(n, 0.0)) - goal
 
-    def above_k(kk):
+    def above_k(kk, goal=best + Q95):
         return least(lambda n: chi2(n, kk), (0.7 * eta, 1.4 * eta), (0.02 * eta, 5.0 * eta)) - goal
 
-    def end(above, value, step, limit):
+    def end(above, value, step, limit, root=WIDE):
+        above = functools.partial(above, goal=best + root**2)
         while True:
             further = value + step
             if step < 0.0 and further <= limit:
@@ -62,10 +67,25 @@ def nested(data, angles, sigma, eta, k):
                 return brentq(above, min(value, further), max(value, further), xtol=1e-10)
             value, step = further, 1.7 * step
 
+    def best_eta(kk):
+        found = minimize_scalar(lambda n: chi2(n, kk), bounds=(0.7 * eta, 1.4 * eta),
+                                method="bounded", options={"xatol": 1e-9})  # fmt: skip
+        return found.x, found.fun - best
+
+    top = end(above_k, k, 1e-3, np.inf)
+    near = above_k(0.0, best) < (2.0 * WIDE) ** 2
+    of_eta = of_k = (WIDE, WIDE)
+    if near:
+        u = np.union1d(np.linspace(0.0, 1.3 * top**2, 60), [k**2])
+        along, rise = np.array([best_eta(np.sqrt(x)) for x in u]).T
+        step = 1e-4 * eta
+        bend = (chi2(eta + step, k) - 2.0 * best + chi2(eta - step, k)) / step**2
+        of_eta, of_k = roots(u, rise, along, np.sqrt(2.0 / bend))
     return [
-        [end(above_eta, eta, -1e-3 * eta, 1e-6), end(above_eta, eta, 1e-3 * eta, np.inf)],
-        [end(above_k, k, -1e-3, 0.0), end(above_k, k, 1e-3, np.inf)],
-    ]
+        [end(above_eta, eta, -1e-3 * eta, 1e-6, of_eta[0]),
+         end(above_eta, eta, 1e-3 * eta, np.inf, of_eta[1])],
+        [end(above_k, k, -1e-3, 0.0, of_k[0]), end(above_k, k, 1e-3, np.inf, of_k[1])],
+    ], near  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -85,12 +105,14 @@ def test_profile_intervals_are_those_of_nested_minimisation(eta, k, quantities, 
     data = curves(eta, k, quantities, angles, noise)
     found = fit_many(angles, **data, sigma=noise, errors="stated", intervals="profile")
     assert found.parameters["eta"].interval_kind == "profile"
-    wanted = nested(data, angles, noise, found.eta, found.k)
+    wanted, near = nested(data, angles, noise, found.eta, found.k)
     for ours, theirs in zip(
         (found.parameters["eta"].interval, found.parameters["k"].interval), wanted, strict=True
     ):
-        # Parabolas between 8 lines: a thousandth of the width.
-        np.testing.assert_allclose(ours, theirs, atol=1e-3 * (theirs[1] - theirs[0]))
+        # Parabolas between 8 lines: a thousandth of the width; and beside k = 0 the rise that is
+        # due, from a parabola through the profile there, to 2 %.
+        part = 1e-2 if near else 1e-3
+        np.testing.assert_allclose(ours, theirs, atol=part * (theirs[1] - theirs[0]))
 
 
 @pytest.mark.parametrize("R", [0.04, 0.3, 0.97])
@@ -155,11 +177,10 @@ def test_without_degrees_of_freedom_the_normal_law_holds():
 @pytest.mark.parametrize(
     ("eta", "k", "quantities", "low", "high"),
     [
-        # Regular: 4 binomial errors of 4000 about .95. At k = 0 a shadow of the half plane k^2 > 0
-        # only: .93 to .96 for eta (which k shifts), .975 for k, by the normal law.
+        # 4 binomial errors of 4000 about .95; at k = 0, with a rise of 3.84, .975 of k.
         (2.5, 1.0, ("R_s", "R_p"), (0.936, 0.936), (0.964, 0.964)),
         pytest.param(0.5, 3.0, ("R_s",), (0.936, 0.936), (0.964, 0.964), marks=pytest.mark.study),
-        (1.5, 0.0, ("R_s", "R_p"), (0.92, 0.963), (0.97, 0.987)),
+        (1.5, 0.0, ("R_s", "R_p"), (0.936, 0.936), (0.964, 0.964)),
     ],
 )
 def test_profile_intervals_hold_the_truth_as_often_as_they_should(eta, k, quantities, low, high):
@@ -181,9 +202,9 @@ def test_k_is_exactly_0_at_the_end_of_an_interval_wherever_the_fit_came_from():
     R_s = R_s + 1e-3 * rng.standard_normal(R_s.shape)
     found = fit_many(angles, R_s=R_s, sigma=1e-3, errors="stated", intervals="profile")
     low, high = found.parameters["eta"].interval.T
-    # .94 and .975 (4 binomial errors of 3000: .016 and .011); .90 and .92 without the nearer chart.
+    # .95 (4 binomial errors of 3000: .016); .90 and less without the nearer chart.
     assert ((low <= eta[:, 0]) & (eta[:, 0] <= high)).mean() > 0.922
-    assert (found.parameters["k"].interval[:, 0] == 0.0).mean() > 0.962
+    assert (found.parameters["k"].interval[:, 0] == 0.0).mean() > 0.934
 
 
 def test_noise_decides_at_which_end_of_the_valley_a_fit_near_the_normal_lies_and_that_is_said():

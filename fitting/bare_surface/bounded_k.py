@@ -8,12 +8,14 @@ in the distance for a quadratic cost.
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import K_MIN, Estimated
-from fitting.bare_surface.region import Region, profile
+from fitting.bare_surface.region import Region, profile, rise_at_zero
 from fitting.uncertainty.beside_zero import (
     ONE_SIDED,
     TWO_SIDED,
@@ -23,28 +25,48 @@ from fitting.uncertainty.beside_zero import (
 )
 
 
-def near_zero(e: Estimated, k: np.ndarray) -> np.ndarray:
-    """Return where k = 0 is less than two half widths away, for ends of k (N, 2)."""
-    power = np.where(e.linear, 1.0, 2.0)
-    return k[:, 0] ** power < 0.5 * e.k**power
+class _Beside(NamedTuple):
+    """Of N curves: v = k^2 (in total reflection k) without the bound, in standard errors; the
+    correlation of eta with it; the standard error of eta for known k."""
+
+    x: np.ndarray
+    correlation: np.ndarray
+    sigma_eta: np.ndarray
+
+    def take(self, rows: np.ndarray) -> _Beside:
+        """Return that of the curves ``rows``."""
+        return _Beside(*(of[rows] for of in self))
 
 
-def _where(
-    e: Estimated, v: np.ndarray, narrow: np.ndarray, wide: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return v in standard errors without the bound, and the correlation of eta with it, (N,).
-
-    v: k^2, in total reflection k. narrow, wide: its ends (N, 2).
-    """
+def _beside(e: Estimated, root: np.ndarray, v: np.ndarray, high: np.ndarray) -> _Beside:
+    """Return where v lies beside 0. root: of the rise at k = 0; high: the upper end of v."""
     i_nn, i_nu, i_uu = (e.information[:, i, j] for i, j in ((0, 0), (0, 1), (1, 1)))
     du = np.where(e.linear, 2.0 * np.maximum(e.k, K_MIN), 1.0)
-    variance = (e.t / TWO_SIDED) ** 2 * e.variance  # in which 3.84 are the rise of ``wide``
+    variance = (e.t / TWO_SIDED) ** 2 * e.variance  # in which 3.84 are the rise at the ends
     slope = np.maximum(-2.0 * e.reach * du**2 * (i_uu - i_nu**2 / i_nn) / variance, 0.0)
-    cut = wide[:, 0] <= 0.0
-    low = np.where(cut, narrow[:, 0], wide[:, 0]), np.where(cut, ONE_SIDED, TWO_SIDED)
-    x, sigma = by_valley(np.where(e.at_zero, 0.0, v), slope, low, wide[:, 1])
-    along = -i_nu / i_nn * du * sigma
-    return x, along / np.hypot(along, np.sqrt(variance / i_nn))
+    x, sigma = by_valley(np.where(e.at_zero, 0.0, v), slope, root, high)
+    along, sigma_eta = -i_nu / i_nn * du * sigma, np.sqrt(variance / i_nn)
+    return _Beside(x, along / np.hypot(along, sigma_eta), sigma_eta)
+
+
+def _between(
+    roots: tuple, narrow: np.ndarray, wide: np.ndarray, low: Any = TWO_SIDED
+) -> np.ndarray:
+    """Return ends (N, 2) at these roots of the rise. low: the root at the lower end of ``wide``."""
+    top = np.stack(np.broadcast_arrays(low, TWO_SIDED), -1)
+    share = np.minimum((np.stack(roots, -1) - ONE_SIDED) / (top - ONE_SIDED), 1.0)
+    return narrow + share * (wide - narrow)
+
+
+def _on_the_edge(b: _Beside, roots: tuple) -> np.ndarray:
+    """Return how much farther out ends of eta lie for roots above 1.96, (N, 2).
+
+    There k is 0, and the square of the root that of the distance in errors of eta for known k, and
+    of x if that is above 0.
+    """
+    root, above = np.stack(roots, -1), np.maximum(b.x, 0.0)[:, None] ** 2
+    far, near = (np.sqrt(np.maximum(r * r - above, 0.0)) for r in (root, TWO_SIDED))
+    return np.where(root > TWO_SIDED, (far - near) * b.sigma_eta[:, None], 0.0) * [-1.0, 1.0]
 
 
 def beside_zero(
@@ -54,23 +76,29 @@ def beside_zero(
 
     wide: the ends with this rise. first: see `region.profile`.
     """
-    narrow = profile(data, s, (ONE_SIDED / TWO_SIDED) ** 2 * rise, first)
+    power = np.where(e.linear, 1.0, 2.0)[:, None]
     with np.errstate(all="ignore"):
-        power = np.where(e.linear, 1.0, 2.0)[:, None]
-        v, within, without = e.k ** power[:, 0], narrow.k**power, wide.k**power
-        x, correlation = _where(e, v, within, without)
-
-        def between(roots: tuple, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-            part = (np.stack(roots, -1) - ONE_SIDED) / (TWO_SIDED - ONE_SIDED)
-            return low + part * (high - low)
-
-        eta = between(other_roots(x, correlation), narrow.eta, wide.eta)
-        k = np.maximum(between(own_roots(x), within, without), 0.0) ** (1.0 / power)
-    good = (
-        np.isfinite(eta).all(1) & np.isfinite(k).all(1) & np.isfinite(x) & np.isfinite(correlation)
-    )
+        v, low, high = e.k ** power[:, 0], *(wide.k**power).T
+        root = TWO_SIDED * np.sqrt(rise_at_zero(data, s, rise) / rise)
+        # An end above 0 tells it from nearer by.
+        b = _beside(e, np.where(low > 0.0, TWO_SIDED * v / (v - low), root), v, high)
+        rows = np.flatnonzero((b.x < 2.0 * TWO_SIDED) & np.isfinite(b.correlation))
+        if not len(rows):
+            return wide
+        b, power = b.take(rows), power[rows]
+        part = Solved(*np.array(s)[:, rows])
+        least = (ONE_SIDED / TWO_SIDED) ** 2 * rise[rows]
+        narrow = profile(data.take(rows), part, least, first[rows])
+        roots = other_roots(b.x, b.correlation)
+        eta = _between(roots, narrow.eta, wide.eta[rows]) + _on_the_edge(b, roots)
+        # The interval of k begins at 0 where the rise there is less than that of an end.
+        low = np.clip(b.x, ONE_SIDED + 1e-9, TWO_SIDED)
+        k = _between(own_roots(b.x), narrow.k**power, wide.k[rows] ** power, low)
+        k = np.maximum(k, 0.0) ** (1.0 / power)
+    good = np.isfinite(np.column_stack([eta, k])).all(1)
     # Another piece of the region, or one that was not followed to its end.
-    for inner, outer in ((narrow.eta, wide.eta), (narrow.k, wide.k)):
+    for inner, outer in ((narrow.eta, wide.eta[rows]), (narrow.k, wide.k[rows])):
         good &= (inner[:, 0] >= outer[:, 0]) & (inner[:, 1] <= outer[:, 1])
-    good = good[:, None]
-    return Region(np.where(good, eta, wide.eta), np.where(good, k, wide.k))
+    found = Region(wide.eta.copy(), wide.k.copy())
+    found.eta[rows[good]], found.k[rows[good]] = eta[good], k[good]
+    return found

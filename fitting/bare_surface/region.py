@@ -231,6 +231,18 @@ def profile(data: Data, s: Solved, rise: np.ndarray, first: np.ndarray) -> Regio
     return Region(eta * data.eta_i, k * data.eta_i)
 
 
+def rise_at_zero(data: Data, s: Solved, rise: np.ndarray) -> np.ndarray:
+    """Return the least cost with k = 0 above the best, (N,); NaN where it was not found.
+
+    rise: a rise that counts, to a thousandth of which it is right.
+    """
+    with np.errstate(all="ignore"):
+        s = from_nearer_end(s)
+        lanes = Lanes(np.arange(len(s.x)), s.x, np.full_like(s.w, W_MIN), s.chart)
+        floor = _floor(data, s, rise, lanes)
+    return np.where(floor.found, np.maximum(floor.height, 0.0), np.nan)
+
+
 def around_nothing(data: Data, s: Solved, rise: np.ndarray) -> Region:
     """Return the same where nothing is reflected (x = 0 is best, of whatever w): a round region.
 

@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.bare_surface.bounded_k import beside_zero, near_zero
+from fitting.bare_surface.bounded_k import beside_zero
 from fitting.bare_surface.coordinates import w_of_small_k
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.descent import Solved
@@ -156,7 +156,7 @@ def intervals(
         walked = _walk(data, s, e, rise, todo, in_product, found)
         good = np.isfinite(found.eta).all(1) & np.isfinite(found.k).all(1)
         one = Estimated(*(of[todo] for of in e))
-        near = good & ~walked & ~(undetermined | matched)[todo] & near_zero(one, found.k)
+        near = good & ~walked & ~(undetermined | matched)[todo]
         rows = np.flatnonzero(near)
         if len(rows):
             ends = beside_zero(

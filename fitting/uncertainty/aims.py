@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from fitting.searching.search import End, Solving
     from fitting.uncertainty.profile import Search
 
+# So many standard errors of the quadratic model.
+_NEAR = 8.0
 # An end that moves by less than this part of its distance stays where it is.
 LEAST = 0.01
 
@@ -30,6 +32,12 @@ def unbounded(fit: Solving, end: End, i: int) -> tuple[float, float]:
     return float(end.y[i] + min(step, 0.0)), float(sigma)
 
 
+def may_be_zero(fit: Solving, end: End, i: int) -> bool:
+    """Whether a parameter that cannot be negative is so near to 0 that its ends may move."""
+    value, sigma = unbounded(fit, end, i)
+    return value < _NEAR * sigma
+
+
 def _in_errors(
     fit: Solving, end: End, t: float, i: int, ends: tuple[Search, Search]
 ) -> tuple[float, float]:
@@ -37,11 +45,9 @@ def _in_errors(
     reach, sigma = unbounded(fit, end, i)
     lower, upper = ends
     slope = max(-2.0 * reach / (t * sigma / TWO_SIDED) ** 2, 0.0)
-    # Where the interval is cut at 0 the rise there is known.
-    root = lower.root_at(lower.room) if lower.found == lower.room else 1.0
-    at = lower.end, TWO_SIDED * root
     best = 0.0 if end.known.at_bound[i] == "low" else end.y[i]
-    x, unit = by_valley(np.array(best), np.array(slope), at, np.array(upper.end))
+    root = TWO_SIDED * lower.root_at(lower.room)
+    x, unit = by_valley(*(np.array(a) for a in (best, slope, root, upper.end)))
     return float(x), float(unit)
 
 

@@ -22,7 +22,6 @@ import functools
 import math
 
 import numpy as np
-from scipy.ndimage import map_coordinates
 from scipy.special import ndtr
 
 from fitting.uncertainty.limits import CONFIDENCE
@@ -100,20 +99,19 @@ def interval_from_zero(
 
 
 def by_valley(
-    v: np.ndarray, slope: np.ndarray, low: tuple, high: np.ndarray
+    v: np.ndarray, slope: np.ndarray, root: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the estimate of v >= 0 without the bound, in standard errors, and one of these.
 
-    They are those of a quadratic cost that reaches the ends which were found, since where the cost
-    is not quadratic its curvature at the minimum says little of its ends. v: the best one. slope:
-    of chi2 where that is 0, in units of which 3.84 are the rise at ``high``. low: a place below v
-    and the root of its rise; high: the upper end.
+    They are those of a quadratic cost with the rises that were found, since where the cost is not
+    quadratic its curvature at the minimum says little of its ends. v: the best one. root: of the
+    rise at 0, if v is above it. slope: of the rise, if v is 0. high: the upper end, where it is
+    3.84.
     """
-    place, root = low
     with np.errstate(all="ignore"):
         # From v = 0 on the rise is square v^2 + slope v.
         square = np.maximum(TWO_SIDED**2 - slope * high, _LEAST) / high**2
-        sigma = np.where(v > 0.0, (v - place) / root, 1.0 / np.sqrt(square))
+        sigma = np.where(v > 0.0, v / root, 1.0 / np.sqrt(square))
         return np.where(v > 0.0, v / sigma, -0.5 * slope * sigma), sigma
 
 
@@ -176,18 +174,24 @@ def _table() -> np.ndarray:
     return np.stack([_root_at_end(r, x, side) for side in (1.0, -1.0)])
 
 
+def _cell(value: np.ndarray, grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return in which cell of a grid values lie, or the nearest one, and where in it, 0 to 1."""
+    at = np.interp(value, grid, np.arange(len(grid)))
+    cell = np.minimum(at.astype(int), len(grid) - 2)
+    return cell, at - cell
+
+
 def other_roots(x: np.ndarray, correlation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the roots of the rises at the lower and the upper end of e, 1.64 to 2.05.
 
     x: the estimate of v >= 0 in standard errors, which may be negative. correlation: of e and v.
     NaN where an argument is. Right to .01, from a table.
     """
-    x, correlation = np.broadcast_arrays(x, correlation)
-    angle = np.arccos(np.clip(np.abs(correlation), 0.0, 1.0))
-    at = [
-        np.interp(value, grid, np.arange(len(grid)))
-        for value, grid in ((angle, _ANGLES), (x, _ESTIMATES))
-    ]
-    smaller, larger = (map_coordinates(side, at, order=1) for side in _table())
-    swap = correlation < 0.0
+    known = np.isfinite(x) & np.isfinite(correlation)
+    angle = np.arccos(np.clip(np.abs(np.where(known, correlation, 0.0)), 0.0, 1.0))
+    (i, f), (j, g) = _cell(angle, _ANGLES), _cell(np.where(known, x, 0.0), _ESTIMATES)
+    both = _table()
+    left, right = (both[:, i, c] * (1.0 - f) + both[:, i + 1, c] * f for c in (j, j + 1))
+    smaller, larger = np.where(known, left * (1.0 - g) + right * g, np.nan)
+    swap = np.asarray(correlation) < 0.0
     return np.where(swap, larger, smaller), np.where(swap, smaller, larger)

@@ -25,7 +25,7 @@ from fitting.problem.problem import LOSSES
 from fitting.residuals.error_model import ERRORS
 from fitting.results.result_parts import NONE, PROFILE, QUADRATIC
 from fitting.samples.parameters import LOG, PLAIN, SQUARE, from_parameter, value_and_slope
-from fitting.uncertainty.aims import aims, unbounded
+from fitting.uncertainty.aims import aims, may_be_zero, unbounded
 from fitting.uncertainty.beside_zero import interval_from_zero
 from fitting.uncertainty.limits import ROUNDING, student_quantile
 from fitting.uncertainty.profile import FEW_ROUNDS, ROUNDS, Base, Search, follow, visit
@@ -137,7 +137,8 @@ def _pair(
         far = far if good else usual
         both = [(1.0 - OFF) * far, (1.0 + OFF) * far]
         first.append(both if wanted == AUTO and good else [far])
-    return _Pair(at, j, (Search(base, j, -1.0, first[0]), Search(base, j, 1.0, first[1])))
+    lower = Search(base, j, -1.0, first[0], limit_too=may_be_zero(fit, end, j))
+    return _Pair(at, j, (lower, Search(base, j, 1.0, first[1])))
 
 
 def _right(pair: _Pair) -> bool:

@@ -71,19 +71,23 @@ class Place(NamedTuple):
 class Search:
     """The search for one end: from ``base`` along the unknown ``j``, up (sign 1) or down (-1).
 
-    first: distances of the first places. height: the rise of the cost at the end. far, root, y:
+    first: distances of the first places. limit_too: whether the end of the range is visited as
+    well. height: the rise of the cost at the end. far, root, y:
     distances visited, by rising distance, roots of the rise there in units of ``height``, and all
     unknowns. found: distance of the end, NaN until it is known.
     """
 
-    def __init__(self, base: Base, j: int, sign: float, first: Sequence[float]):
+    def __init__(
+        self, base: Base, j: int, sign: float, first: Sequence[float], limit_too: bool = False
+    ):
         self.base, self.j, self.sign, self.height = base, j, sign, base.rise
         limit = base.high[j] if sign > 0.0 else base.low[j]
         self.room = abs(limit - base.y[j])
         self.far, self.root, self.y = [0.0], [0.0], [base.y]
         self.found = 0.0 if self.room == 0.0 else np.nan
         self.first = list(dict.fromkeys(min(far, self.room) for far in first))
-        self.under_way = [self._place(far) for far in self.first] if self.room > 0.0 else []
+        places = list(dict.fromkeys([*self.first, self.room])) if limit_too else self.first
+        self.under_way = [self._place(far) for far in places] if self.room > 0.0 else []
         self.brackets: list[float] = []
         self.again: list[float] = []
 
