@@ -1,14 +1,15 @@
 """How often the 95 % intervals hold the truth where stated errors are not the errors.
 
-    python -m benchmarks.errors_study --repeats 10000
+    python -m benchmarks.errors_study --repeats 10000 --curves 100000
 
 R_s and R_p of gold and of silicon at 24 angles, stated errors alike for both polarizations or a
 hundred times better for s. What is really wrong with the data: nothing; all errors three times as
 large; a further white error of .02; a further error of 5 % of R; a gain of each polarization with a
 scatter of 3 %; a further error of .02 that is smooth in angle (a wave of random phase and length).
-Each by `errors=` "scaled", "floor" and the default, with the intervals that `fit` gives. Gain and
-the smooth case are no white noise: they go through `fit`, which looks at the order of residuals,
-with a fiftieth of the repeats, and the table tells in how many per cent of them that was said.
+Each by `errors=` "scaled", "floor", "relative" and the default, with the intervals that `fit`
+gives. Gain and the smooth case are no white noise: they go through `fit`, which looks at the order
+of residuals, with a fiftieth of the repeats, and the table tells in how many per cent of them that
+was said. Then measurements drawn at random (`errors_at_random`).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 
 from fitting import Fit, Measurement, fit, fit_many
 
+from .errors_at_random import study
 from .machine import conditions
 from .random_measurements import textbook
 
@@ -29,7 +31,7 @@ MATERIALS = {"gold": (0.36, 2.6), "silicon": (4.0, 0.4)}
 ERRORS = {"alike": (2e-3, 2e-3), "unlike": (1e-4, 1e-2)}
 WRONG = ("nothing", "factor 3", "white .02", "5 % of R", "gain 3 %", "smooth .02")
 IN_ORDER = ("gain 3 %", "smooth .02")
-KINDS = ("scaled", "floor", "auto")
+KINDS = ("scaled", "floor", "relative", "auto")
 
 
 def simulated(
@@ -111,7 +113,10 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=10_000)
-    repeats = parser.parse_args().repeats
+    parser.add_argument("--curves", type=int, default=100_000, help="measurements at random")
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    repeats = options.repeats
     started = time.perf_counter()
     print(
         f"{conditions()}; {repeats} repeats; per cent that hold eta and k (width beside scaled)\n"
@@ -120,6 +125,9 @@ def main() -> None:
     print("| --- " * (2 + len(KINDS)) + "|")
     for row in rows(repeats):
         print(row, flush=True)
+    print(f"\n{options.curves} measurements at random (seed {options.seed}): eta and k held, %\n")
+    for line in study(options.curves, options.seed):
+        print(line, flush=True)
     print(f"\n{time.perf_counter() - started:.0f} s")
 
 

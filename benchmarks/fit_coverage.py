@@ -33,6 +33,7 @@ from scipy import stats
 
 from fitting import Fit, fit_many
 from fitting.results.result_parts import Estimate
+from fitting.uncertainty.beside_zero import ONE_SIDED, TWO_SIDED
 from fresnel_jax import powers
 
 from .fit_success import A_GEOMETRY, cost_of, cost_of_truth, draw, has_second
@@ -66,7 +67,7 @@ CASES = (
 
 def held(result: Fit, eta: float, k: float) -> tuple[float, float]:
     """Return the shares of intervals that hold the true eta and the true k."""
-    of_eta, of_k = _holds(result.parameters, eta, k).mean(1)
+    of_eta, of_k = holds(result.parameters, eta, k).mean(1)
     return float(of_eta), float(of_k)
 
 
@@ -110,19 +111,25 @@ class Cell(NamedTuple):
     left_out: int
 
 
-def _holds(parameters: Mapping[str, Estimate], eta: Any, k: Any) -> np.ndarray:
+def holds(parameters: Mapping[str, Estimate], eta: Any, k: Any) -> np.ndarray:
     """Return whether the intervals of eta and of k hold the truth, (2, N); eta, k: (N,) or one."""
     ends = [parameters[name].interval for name in ("eta", "k")]
     pairs = zip(ends, (eta, k), strict=True)
     return np.stack([(end[:, 0] <= truth) & (truth <= end[:, 1]) for end, truth in pairs])
 
 
+def least_rise_allowed(rise: np.ndarray, dof: np.ndarray) -> np.ndarray:
+    """Return where a rise of chi2 is within the least one that ends an interval (`beside_zero`)."""
+    with np.errstate(all="ignore"):
+        root = stats.t.ppf(0.975, dof) * ONE_SIDED / TWO_SIDED
+        return (dof > 0) & (rise <= root**2)
+
+
 def left_out(batch: Batch, result: Fit) -> np.ndarray:
     """Return whose interval leaves out a true index that fits as well as its ends, (N,)."""
     cost, dof = cost_of(result), result.n_data - 2
     with np.errstate(all="ignore"):
-        rise = (cost_of_truth(batch) - cost) / (cost / dof)
-        allowed = (dof > 0) & (rise <= stats.t.ppf(0.975, dof) ** 2)
+        allowed = least_rise_allowed((cost_of_truth(batch) - cost) / (cost / dof), dof)
     outside = np.zeros(len(cost), bool)
     for name, truth in (("eta", batch.eta), ("k", batch.k)):
         low, high = np.moveaxis(result.parameters[name].interval, -1, 0)
@@ -142,13 +149,13 @@ def random_study(curves: int, seed: int) -> list[Cell]:
         result = fit_many(
             angles, **data, sample=f"{float(noisy.geometry.eta_i)!r} | free", intervals="auto"
         )
-        hold = _holds(result.parameters, noisy.eta, noisy.k)
+        hold = holds(result.parameters, noisy.eta, noisy.k)
         several = has_second(result)
         wrong = left_out(noisy, result) & ~several
         for curve in with_noise[wrong]:
             print(f"left out: seed {seed}, geometry {number}, curve {curve}", flush=True)
         for other in result.others:
-            hold |= _holds(other.parameters, noisy.eta, noisy.k)
+            hold |= holds(other.parameters, noisy.eta, noisy.k)
         for kind in CLASSES:
             mine = (result.status == "converged") & (noisy.kind == kind)
             cell = (noisy.geometry.quantity, kind, noisy.geometry.angle_bin)

@@ -24,6 +24,9 @@ from fitting.uncertainty.beside_zero import (
     own_roots,
 )
 
+# Half of those of the region itself: how far an end moves need not be known as well as where it is.
+_LINES = 4
+
 
 class _Beside(NamedTuple):
     """Of N curves: v = k^2 (in total reflection k) without the bound, in standard errors; the
@@ -88,7 +91,7 @@ def beside_zero(
         b, power = b.take(rows), power[rows]
         part = Solved(*np.array(s)[:, rows])
         least = (ONE_SIDED / TWO_SIDED) ** 2 * rise[rows]
-        narrow = profile(data.take(rows), part, least, first[rows])
+        narrow = profile(data.take(rows), part, least, first[rows], _LINES)
         roots = other_roots(b.x, b.correlation)
         eta = _between(roots, narrow.eta, wide.eta[rows]) + _on_the_edge(b, roots)
         # The interval of k begins at 0 where the rise there is less than that of an end.

@@ -162,9 +162,9 @@ def _sides(
     return lanes._replace(x=x, w=w)
 
 
-def _parts(cut_low: np.ndarray, cut_high: np.ndarray) -> np.ndarray:
-    """Return where the lines lie between the ends, (N, LINES + 1), dense at ends that are round."""
-    t = np.arange(LINES + 1) / LINES
+def _parts(cut_low: np.ndarray, cut_high: np.ndarray, lines: int) -> np.ndarray:
+    """Return where the lines lie between the ends, (N, lines + 1), dense at ends that are round."""
+    t = np.arange(lines + 1) / lines
     kinds = np.stack([
         0.5 * (1.0 - np.cos(np.pi * t)), np.sin(0.5 * np.pi * t),
         1.0 - np.cos(0.5 * np.pi * t), t,
@@ -188,11 +188,14 @@ def _extremes(low: np.ndarray, high: np.ndarray, cut_low: np.ndarray, cut_high: 
     return np.stack([every.min(axis=1), every.max(axis=1)], axis=-1)
 
 
-def profile(data: Data, s: Solved, rise: np.ndarray, first: np.ndarray) -> Region:
+def profile(
+    data: Data, s: Solved, rise: np.ndarray, first: np.ndarray, lines: int = LINES
+) -> Region:
     """Return the ends of {cost <= best + rise} in eta and k, around the minima ``s``.
 
     rise: (N,) above 0. first: (N,), w at the upper end as it is guessed, NaN where it is not: in
-    total reflection at k = 0 the slope there, infinite in w, does not tell.
+    total reflection at k = 0 the slope there, infinite in w, does not tell. lines: steps from end
+    to end.
     Only the part of the region that holds the minimum: a second solution has an interval of its
     own.
     """
@@ -201,7 +204,7 @@ def profile(data: Data, s: Solved, rise: np.ndarray, first: np.ndarray) -> Regio
         w_high, x_high, cut_high = _end(data, s, rise, 1.0, first)
         w_low, x_low, cut_low = _end(data, s, rise, -1.0)
         count = len(s.x)
-        part = _parts(cut_low, cut_high)
+        part = _parts(cut_low, cut_high, lines)
         phi_low, phi, phi_high = (
             2.0 * np.arcsin(np.sqrt(share_of(x, w, s.chart)))[:, None]
             for x, w in ((x_low, w_low), (s.x, s.w), (x_high, w_high))
@@ -215,9 +218,9 @@ def profile(data: Data, s: Solved, rise: np.ndarray, first: np.ndarray) -> Regio
         way = np.where(below, part / at, (1.0 - part) / (1.0 - at))  # from there to the minimum
         floor = (end + (s.x[:, None] - end) * np.nan_to_num(way)).ravel()
         share = np.sin(0.5 * line).ravel() ** 2
-        curve, chart = (np.repeat(a, LINES + 1) for a in (np.arange(count), s.chart))
+        curve, chart = (np.repeat(a, lines + 1) for a in (np.arange(count), s.chart))
         good = np.flatnonzero(np.isfinite(floor) & np.isfinite(share))
-        sides = np.full((2, 2, count * (LINES + 1)), np.nan)  # log eta and k, lower and upper side
+        sides = np.full((2, 2, count * (lines + 1)), np.nan)  # log eta and k, lower and upper side
         if len(good):
             lanes = Lanes(curve, floor, floor, chart).at(good)
             for i, side in enumerate((-1.0, 1.0)):
@@ -225,7 +228,7 @@ def profile(data: Data, s: Solved, rise: np.ndarray, first: np.ndarray) -> Regio
                 n, k, *_ = index_derivatives(found.x, found.w, found.chart)
                 at_end = (found.w <= W_MIN) | (share[good] >= 1.0 - 1e-12)
                 sides[:, i, good] = np.log(n), np.where(at_end, 0.0, k)
-        (low, high), (k_low, k_high) = sides.reshape(2, 2, count, LINES + 1)
+        (low, high), (k_low, k_high) = sides.reshape(2, 2, count, lines + 1)
         eta = np.exp(_extremes(low, high, cut_low, cut_high))
         k = np.maximum(_extremes(k_low, k_high, cut_low, cut_high), 0.0)
     return Region(eta * data.eta_i, k * data.eta_i)
