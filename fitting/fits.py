@@ -23,13 +23,14 @@ from fitting.bare_surface.surface_fit import fit_bare_surface
 from fitting.bare_surface.surface_fit import fit_many as fit_many
 from fitting.free_films import check_free_film, fit_free_film, free_film
 from fitting.measurements.measurement import Measurement, concatenate
+from fitting.measurements.quantities import POWERS
 from fitting.outcomes.batched import stacked
 from fitting.outcomes.disagreement import disagreement, may_disagree
 from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of
 from fitting.outcomes.pseudo_index import notes_on
 from fitting.problem.observations import missing_errors
-from fitting.residuals.error_model import NEED_STATED
+from fitting.residuals.error_model import NEED_STATED, RELATIVE
 from fitting.results.result import Fit
 from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import Sample
@@ -104,6 +105,12 @@ def fit_checked(
             f'errors "{asked.errors}" need a standard error for every datum, and {without} of '
             f"{sum(map(len, measurements))} have none. Give them (sigma), or take errors "
             '"scaled" or "equal".'
+        )
+    quantities = {q for m in measurements for q in m.quantity.tolist()}
+    if asked.errors == RELATIVE and not quantities & set(POWERS):
+        raise ValueError(
+            f'errors "relative" are in proportion to R and T, and the data are '
+            f'{" and ".join(sorted(quantities))}. Take errors "floor" or "scaled".'
         )
     if sample.open:
         raise ValueError(
