@@ -148,5 +148,6 @@ def study(curves: int, seed: int) -> Iterator[str]:
         if large:
             cell = pick(large, key=lambda c: pick(large[c]))
             eta, k = 100.0 * large[cell]
-            yield f"\n{which}: {', '.join(cell)}: {eta:.1f}, {k:.1f} of {every[cell].shape[1]}"
+            fits = every[cell].shape[1]
+            yield f"\n{which} held: {', '.join(cell)}: {eta:.1f}, {k:.1f} of {fits} fits"
     yield f"\nleft out: {len(left)}; seed, geometry, curve: {'; '.join(left[:KEPT])}"

@@ -5,7 +5,7 @@ share whose interval of eta, and of k, holds the true value; quadratic intervals
 profile likelihood, with errors taken as stated ("absolute") and estimated from the scatter
 ("scaled"). "seen" is the share of repeats in which k is more than compatible with 0. Where k is
 0 or cannot be seen, or where the valley of the fit bends (R_s of metals), the problem is not
-regular: k cannot be negative, so that its interval holds 97.5 % at k = 0 and not 95.
+regular: k cannot be negative, for which intervals by profile allow, and the quadratic one of k.
 
 The statistical error of a share near .95 is .2 % (one sigma).
 

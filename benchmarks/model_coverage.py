@@ -3,8 +3,8 @@
 For each material and measurement, repeats with fresh normal noise: the share whose interval of each
 parameter holds the true value, for the three kinds of intervals, with errors taken as stated
 ("absolute"). "by profile" is the share of the parameters for which "auto" took the profile. Where
-a parameter lies on the end of its range, the problem is not regular: it cannot be below, so that
-its interval holds 97.5 % and not 95.
+a parameter lies on the end of its range, the problem is not regular: it cannot be below. Intervals
+beside 0 allow for that; beside another end they hold 97.5 % and not 95.
 
 The statistical error of a share near .95 is .34 % (one sigma) at 4000 repeats.
 

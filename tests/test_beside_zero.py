@@ -59,14 +59,15 @@ def rise_at(e, v, r, a):
 
 @pytest.mark.parametrize("r", [-0.99, 0.3, 0.8, 0.95, 0.999])
 @pytest.mark.parametrize("truth", [0.0, 0.1, 0.5, 1.0, 2.0, 3.5, 6.0])
-def test_intervals_of_another_parameter_hold_it_in_94_to_96_percent(r, truth):
-    """To 3 binomial errors, .33 %. At r = .99 and truths of .2 to 1 a rise of 3.84 holds 97.4 %."""
+def test_intervals_of_another_parameter_hold_it_in_93_to_96_percent(r, truth):
+    """93 to 96 %, to 3 binomial errors of .11 %; at r = .99 and truths of .2 to 1 a rise of 3.84
+    holds 97.4 %."""
     e, v = repeats(truth, r)
     low, high = other_roots(v, np.full_like(v, r))
     best = e - r * np.minimum(v, 0.0)
     root = np.where(best > 0.0, low, high)  # 0, the true value, is below or above the best one
     held = (rise_at(e, v, r, 0.0) <= root**2).mean()
-    assert 0.94 - 0.0085 < held < 0.96 + 0.0033
+    assert 0.93 - 0.0033 < held < 0.96 + 0.0033
 
 
 @pytest.mark.parametrize(("r", "v", "rise"), [

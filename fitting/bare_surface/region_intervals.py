@@ -117,7 +117,7 @@ def intervals(
     undetermined: by profile only. nothing: no interval at all. matched: no boundary (x = 0).
     in_product: only the product of eta and k is determined (`total_reflection`).
     Accuracy: the ends of a profile interval to 1e-3 of its width. Coverage by simulation:
-    docs/fitting.md. Near k = 0 that of k is 95 to 98 %, since k cannot be negative.
+    docs/fitting.md; beside k = 0 ends by profile are those of `bounded_k`.
     """
     with np.errstate(all="ignore"):
         half = e.t * e.sigma_eta

@@ -10,8 +10,8 @@ polarization are a hundred times smaller than those of the other and both have t
 error, only the first one has weight, and 95 % intervals contain the true value in 60 % of repeats,
 those with a floor in 94 %. Conversely, if all errors are too small by one factor and unequal, the
 floor gives values ten times worse. And with an error in proportion to R the data near Brewster's
-angle are the best ones: for silicon and 5 % of R the intervals with equal weights are NN times as
-wide.
+angle are the best ones: for silicon and 5 % of R the intervals with equal weights are three times
+as wide.
 
 Where residuals are autocorrelated (lag-1 correlation rho, see `pattern`) fewer are independent;
 the variance of a mean grows by (1 + rho) / (1 - rho), and errors are widened by its root.

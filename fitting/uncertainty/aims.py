@@ -72,13 +72,11 @@ def aims(fit: Solving, end: End, t: float, pairs: dict[int, tuple[Search, Search
             left = np.maximum(np.diagonal(wide) - wide[i] ** 2 / wide[i, i], 0.0)
             apart = t / TWO_SIDED * np.sqrt(end.known.variance * left)
             low, high = other_roots(np.array(x), along / np.hypot(along, apart))
-        for j in pairs:
-            if j != i and np.isfinite(along[j]) and np.isfinite(apart[j]):
-                roots[j] = low[j : j + 1], high[j : j + 1]
+        roots |= {j: (low[j : j + 1], high[j : j + 1]) for j in pairs if j != i}
     moved = []
     for j, both in roots.items():
         for search, root in zip(pairs[j], both, strict=True):
-            aim = float(root[0]) / TWO_SIDED
+            aim = float(root[0]) / TWO_SIDED  # NaN: nothing is known of the correlation
             if abs(aim - 1.0) > LEAST and np.isfinite(search.found):
                 search.aim(aim)
                 moved.append(search)

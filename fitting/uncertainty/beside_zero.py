@@ -9,7 +9,7 @@ v >= 0 and of another parameter e that follow the normal law, with errors of 1 a
 For v alone that is the construction of G. J. Feldman and R. D. Cousins, Phys. Rev. D 57, 3873
 (1998), doi:10.1103/PhysRevD.57.3873, and holds the truth in 95 %. For e the rise depends on the
 true v, for which its most likely value for this e is taken (B. Sen, M. Walker and M. Woodroofe,
-Statistica Sinica 19, 301 (2009)): the truth is held in 94.2 to 95.9 %, whatever v and correlation
+Statistica Sinica 19, 301 (2009)): the truth is held in 93 to 96 %, whatever v and correlation
 (tests/test_beside_zero.py).
 
 Errors that were estimated from the scatter have Student's t in place of the normal law's 1.96. The
@@ -30,7 +30,7 @@ from fitting.uncertainty.limits import CONFIDENCE
 ONE_SIDED, TWO_SIDED = 1.6448536269514722, 1.959963984540054
 _ROUNDS = 6
 
-# The table of `other_shares`: estimates of v in standard errors, dense where the lower end leaves
+# The table of `other_roots`: estimates of v in standard errors, dense where the lower end leaves
 # 0, and the angle whose cosine is the correlation. Outside of it the nearest place is taken.
 _ESTIMATES = np.concatenate(
     [np.arange(-6.0, 1.5, 0.25), np.arange(1.5, 2.1, 0.025), np.arange(2.1, 4.1, 0.2)]
@@ -85,7 +85,7 @@ def interval_from_zero(
     """Return the 95 % interval of a quantity known to be >= 0; NaN where an argument is.
 
     value: the unconstrained estimate, which may be negative. sigma: its standard error. t: how many
-    of them 95 % are. For a negative estimate it is
+    of them 95 % are. It holds any truth in 95 % of repeats. For a negative estimate it is
 
         0 <= v <= value + sqrt(value^2 + root^2),
 
