@@ -110,6 +110,8 @@ def test_a_model_over_a_spectrum_has_them_too(errors):
     found = fit(glass(0.03), "cauchy:2", errors=errors)
     assert found.errors.taken == "relative"
     assert found.errors.added == pytest.approx(0.03, rel=0.3)
+    # They are in the weights once: what is left to a factor is one for the degrees of freedom.
+    assert found.errors.factor == pytest.approx(1.0, abs=0.05)
     assert f"{100.0 * found.errors.added:.2g} % of each" in str(found)
     assert any(w.code == "errors_relative" for w in found.warnings)
     fields = json.loads(json.dumps(found.to_dict()))["errors"]

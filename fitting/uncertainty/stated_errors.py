@@ -29,11 +29,9 @@ Run = Callable[[Sequence[Measurement], str], Fit]
 
 
 def _with_added(
-    several: Sequence[Measurement], found: Fit, fitted: np.ndarray, further: np.ndarray
+    several: Sequence[Measurement], joined: Measurement, fitted: np.ndarray, further: np.ndarray
 ) -> list[Measurement]:
     """Return the measurements with further errors, in units of R and of arcs, added in squares."""
-    joined = found.measurement
-    assert joined is not None
     # Where Delta has no effect (psi of 0) its error has none.
     sigma = np.hypot(joined.sigma, further / np.maximum(arcs(joined, fitted), 1e-6))
     parts = np.split(sigma, np.cumsum([len(m) for m in several])[:-1])
@@ -65,7 +63,7 @@ def _taken(
             if not worth_a_fit(errors, off, sigma, added):
                 return None
         s, gain = float(added.s), 0.5 * float(least - added.minus_two_log)
-        weighed = _with_added(several, found, fitted, s * size)
+        weighed = _with_added(several, joined, fitted, s * size)
         if left:
             found = run(weighed, QUADRATIC)
     if s == 0.0 or (errors == "auto" and gain < GAIN):
