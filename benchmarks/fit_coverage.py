@@ -118,18 +118,24 @@ def holds(parameters: Mapping[str, Estimate], eta: Any, k: Any) -> np.ndarray:
     return np.stack([(end[:, 0] <= truth) & (truth <= end[:, 1]) for end, truth in pairs])
 
 
-def least_rise_allowed(rise: np.ndarray, dof: np.ndarray) -> np.ndarray:
-    """Return where a rise of chi2 is within the least one that ends an interval (`beside_zero`)."""
+LEAST_ROOT = ONE_SIDED / TWO_SIDED
+"""The root of the least rise that ends an interval by profile, in parts of t (`beside_zero`)."""
+
+
+def rise_allowed(rise: np.ndarray, dof: np.ndarray, root: float = LEAST_ROOT) -> np.ndarray:
+    """Return where the root of a rise of chi2 is at most this part of t."""
     with np.errstate(all="ignore"):
-        root = stats.t.ppf(0.975, dof) * ONE_SIDED / TWO_SIDED
-        return (dof > 0) & (rise <= root**2)
+        return (dof > 0) & (rise <= (root * stats.t.ppf(0.975, dof)) ** 2)
 
 
-def left_out(batch: Batch, result: Fit) -> np.ndarray:
-    """Return whose interval leaves out a true index that fits as well as its ends, (N,)."""
+def left_out(batch: Batch, result: Fit, root: float = LEAST_ROOT) -> np.ndarray:
+    """Return whose interval leaves out a true index that fits as well as its ends, (N,).
+
+    root: of the rise at the ends, in parts of t: 1 for quadratic intervals.
+    """
     cost, dof = cost_of(result), result.n_data - 2
     with np.errstate(all="ignore"):
-        allowed = least_rise_allowed((cost_of_truth(batch) - cost) / (cost / dof), dof)
+        allowed = rise_allowed((cost_of_truth(batch) - cost) / (cost / dof), dof, root)
     outside = np.zeros(len(cost), bool)
     for name, truth in (("eta", batch.eta), ("k", batch.k)):
         low, high = np.moveaxis(result.parameters[name].interval, -1, 0)

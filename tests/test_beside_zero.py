@@ -44,6 +44,31 @@ def test_an_interval_far_below_0_never_vanishes():
     np.testing.assert_allclose(high, wanted, rtol=1e-9)
 
 
+@pytest.mark.parametrize("t", [1.96, 4.3])
+@pytest.mark.parametrize("value", [-30.0, -5.0, -1.0, 0.0, 0.3, 1.0, 3.0, 7.0])
+def test_an_interval_that_0_may_cut_is_that_of_the_likelihood(value, t):
+    """Ends where the cost is as far above its least value over x >= 0 as a truth there demands."""
+    sigma = 0.3
+    value, unit = value * t / WIDE, t / WIDE  # in standard errors, and in such of which 1.96 count
+
+    def cost(x):
+        return ((x - value) / unit) ** 2
+
+    best = max(value, 0.0)
+    ends = interval_from_zero(sigma * np.array([value]), np.array([sigma]), np.array([t]))
+    low_goal, high_goal = (
+        cost(best) + own_root(value / unit, upper) ** 2 for upper in (False, True)
+    )
+    low = 0.0 if cost(0.0) <= low_goal else brentq(lambda x: cost(x) - low_goal, 0.0, best)
+    high = brentq(lambda x: cost(x) - high_goal, best, best + 2.0 * t, xtol=1e-14)
+    np.testing.assert_allclose([ends[0][0], ends[1][0]], [sigma * low, sigma * high], rtol=1e-3)
+
+
+def test_an_interval_needs_an_estimate_and_its_error():
+    nan = np.array([np.nan, 1.0])
+    assert np.isnan(interval_from_zero(nan, nan[::-1], np.array([2.0, 2.0]))).all()
+
+
 def repeats(truth, r, count=40_000, seed=2):
     """Estimates of e (true value 0) and of v, with errors of 1 and the correlation r."""
     z = np.random.default_rng(seed).standard_normal((2, count))

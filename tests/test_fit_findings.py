@@ -4,13 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from bounded import WIDE, own_root
 from estimates import at_zero, codes, correlation, limits, second, sigmas, texts
-from scipy.optimize import brentq
 from simulated import textbook
 
 from fitting import fit_many
-from fitting.uncertainty.beside_zero import interval_from_zero
 
 ANGLES = np.linspace(5.0, 85.0, 16)
 
@@ -52,31 +49,6 @@ def test_the_upper_limit_on_k_holds(k):
     # 5 % of all curves, or less where k = 0 is the physical bound, + 3 binomial errors; of the k
     # in between that are seen with a standard error 5 % miss too.
     assert below < 0.08
-
-
-@pytest.mark.parametrize("t", [1.96, 4.3])
-@pytest.mark.parametrize("value", [-30.0, -5.0, -1.0, 0.0, 0.3, 1.0, 3.0, 7.0])
-def test_an_interval_that_0_may_cut_is_that_of_the_likelihood(value, t):
-    """Ends where the cost is as far above its least value over x >= 0 as a truth there demands."""
-    sigma = 0.3
-    value, unit = value * t / WIDE, t / WIDE  # in standard errors, and in such of which 1.96 count
-
-    def cost(x):
-        return ((x - value) / unit) ** 2
-
-    best = max(value, 0.0)
-    ends = interval_from_zero(sigma * np.array([value]), np.array([sigma]), np.array([t]))
-    low_goal, high_goal = (
-        cost(best) + own_root(value / unit, upper) ** 2 for upper in (False, True)
-    )
-    low = 0.0 if cost(0.0) <= low_goal else brentq(lambda x: cost(x) - low_goal, 0.0, best)
-    high = brentq(lambda x: cost(x) - high_goal, best, best + 2.0 * t, xtol=1e-14)
-    np.testing.assert_allclose([ends[0][0], ends[1][0]], [sigma * low, sigma * high], rtol=1e-3)
-
-
-def test_an_interval_needs_an_estimate_and_its_error():
-    nan = np.array([np.nan, 1.0])
-    assert np.isnan(interval_from_zero(nan, nan[::-1], np.array([2.0, 2.0]))).all()
 
 
 @pytest.mark.parametrize(("eta", "k"), [(1.5, 0.0), (0.5, 2.2), (4.0, 0.1)])

@@ -54,7 +54,7 @@ def test_quadratic_errors_that_mislead_are_named(number, curve):
     """Near an index match a standard error is as large as the circle of constant R(0)."""
     batch = drawn(number, curve)
     found = fitted(batch, "quadratic")
-    assert left_out(batch, found).any()
+    assert left_out(batch, found, 1.0).any()
     assert "quadratic_misleads" in [f.code for f in found.findings]
     assert "mislead" in str(found)
 

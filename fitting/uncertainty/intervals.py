@@ -25,8 +25,8 @@ from fitting.problem.problem import LOSSES
 from fitting.residuals.error_model import ERRORS
 from fitting.results.result_parts import NONE, PROFILE, QUADRATIC
 from fitting.samples.parameters import LOG, PLAIN, SQUARE, from_parameter, value_and_slope
-from fitting.uncertainty.aims import aims, may_be_zero, unbounded
 from fitting.uncertainty.beside_zero import interval_from_zero
+from fitting.uncertainty.bounded_parameters import aim_beside_zero, may_be_zero, unbounded
 from fitting.uncertainty.limits import ROUNDING, student_quantile
 from fitting.uncertainty.profile import FEW_ROUNDS, ROUNDS, Base, Search, follow, visit
 
@@ -209,7 +209,7 @@ def intervals(
     moved = []
     for at, end in enumerate(ends):
         own = {pair.j: pair.searches for pair in pairs if pair.base == at}
-        moved += aims(fit, end, t, own)
+        moved += aim_beside_zero(fit, end, t, own)
     follow(fit, moved, noise, rounds, enough)
     for at, j, both in pairs:
         found = out[at]

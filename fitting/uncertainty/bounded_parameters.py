@@ -51,7 +51,9 @@ def _in_errors(
     return float(x), float(unit)
 
 
-def aims(fit: Solving, end: End, t: float, pairs: dict[int, tuple[Search, Search]]) -> list[Search]:
+def aim_beside_zero(
+    fit: Solving, end: End, t: float, pairs: dict[int, tuple[Search, Search]]
+) -> list[Search]:
     """Aim the searches of one minimum at where a truth is held in 95 %, and return those that move.
 
     pairs: the two searches of unknowns, which have found the ends of one rise. t: half an interval
