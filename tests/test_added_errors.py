@@ -95,6 +95,14 @@ def test_a_fit_that_follows_the_best_data_alone_is_not_what_errors_are_judged_by
     assert (found.errors.taken == "floor").mean() > 0.9
     assert (found.errors.taken != "scaled").all()
     assert (np.abs(found.eta - 4.0) < 1.0).all()
+    # A model fit goes the same way.
+    one = int(np.argmin(scaled.eta))
+    curve = {name: value[one] for name, value in data.items()}
+    m = Measurement.from_columns(ANGLES, 0.6, sigma=sigma, **curve)
+    assert fit(m, "constant", errors="scaled").parameters["eta"].value < 2.0
+    model = fit(m, "constant")
+    assert model.errors.taken == "floor"
+    assert model.parameters["eta"].value == pytest.approx(found.eta[one], rel=1e-3)
 
 
 def glass(part, kind="R_s"):

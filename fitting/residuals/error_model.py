@@ -32,15 +32,16 @@ NEED_STATED = ("stated", FLOOR, RELATIVE)
 
 # Doublings and halvings of the search for s: to 1e-6 of itself.
 _STEPS = 60
-# How often the weights are updated and the fit is repeated; then s changes by less than 1 %.
-ROUNDS = 4
+# How often the weights are updated and the fit is repeated at most; then s changes by less than
+# SETTLED of itself.
+ROUNDS, SETTLED = 4, 0.01
 # A further error is used only if its log likelihood is higher by this much. With 1 one in thirty
 # curves whose errors are wrong by one factor had another error, with 2 one in a hundred; intervals
 # hold the truth equally often.
 GAIN = 2.0
 # The fit with one factor may follow the few best data alone where errors are stated that are more
 # unequal than this; its residuals then say little of a further error.
-UNEQUAL = 3.0
+UNEQUAL = 10.0
 # Beyond this correlation the factor would exceed 6, and the errors are unknown.
 MOST_CORRELATED = 0.95
 

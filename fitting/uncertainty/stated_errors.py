@@ -13,6 +13,7 @@ from fitting.measurements.quantities import are_powers
 from fitting.residuals.error_model import (
     GAIN,
     ROUNDS,
+    SETTLED,
     added_kinds,
     beyond_chance,
     likeliest_added,
@@ -51,21 +52,26 @@ def _taken(
     run: Run, several: Sequence[Measurement], found: Fit, errors: str, kind: str
 ) -> _Taken | None:
     """Return the further error of a kind if the fit is to have it. run, found: see below."""
-    joined, least = concatenate(*several), None
+    joined, least = concatenate(*several), np.nan
+    gain, s, weighed = -np.inf, 0.0, [*several]
     for left in reversed(range(ROUNDS)):
-        fitted = found.predict().value
+        fitted, before = found.predict().value, (gain, s)
         off = weighted_residuals(joined, fitted, stated=False)
         sigma = joined.sigma * arcs(joined, fitted)
         size = sizes(kind, fitted, are_powers(joined.quantity))
         added = likeliest_added(off, sigma, size)
-        if least is None:
-            least = one_factor(off, sigma)
+        if left == ROUNDS - 1:
+            least = float(one_factor(off, sigma))
             if not worth_a_fit(errors, off, sigma, added):
                 return None
-        s, gain = float(added.s), 0.5 * float(least - added.minus_two_log)
+        s, gain = float(added.s), 0.5 * (least - float(added.minus_two_log))
+        # Each round gains less than the one before.
+        if errors == "auto" and gain + (gain - before[0]) < GAIN:
+            return None
         weighed = _with_added(several, joined, fitted, s * size)
-        if left:
-            found = run(weighed, QUADRATIC)
+        if not left or abs(s - before[1]) <= SETTLED * s:
+            break
+        found = run(weighed, QUADRATIC)
     if s == 0.0 or (errors == "auto" and gain < GAIN):
         return None
     return _Taken(kind, s, gain, weighed)
