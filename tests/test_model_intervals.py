@@ -93,6 +93,19 @@ def test_k_near_zero(seed):
         )
 
 
+def test_k_a_few_errors_above_zero():
+    """k^2 is 2.4 standard errors: the lower end of k lies where the rise is 3.2."""
+    m = measured(constant, (1.5, 0.1), ANGLES, [0.6], 2e-3, 3)
+    found = fit(m, "constant", errors="stated", intervals="profile")
+    of = residuals(m, constant)
+    rises = rises_beside_zero(of, found, NORMAL)
+    assert rises[1, 0] < 0.9 * NORMAL and rises[1, 1] == pytest.approx(NORMAL)
+    starts = [values(found), values(found) + [0.003, 0.03], values(found) - [0.003, 0.02]]
+    theirs = by_hand(of, starts, [1e-3, 0.0], [10.0, 10.0], rises, [1e-3, 0.02])
+    assert theirs[1, 0] > 0.0
+    assert_same(intervals(found), theirs, BESIDE_ZERO)
+
+
 def test_a_curved_valley():
     """R_p of an absorber seen at three angles with much noise."""
     m = measured(constant, (1.1, 7.0), [45.0, 65.0, 75.0], [0.6], 1e-2, 0)

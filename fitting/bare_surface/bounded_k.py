@@ -8,7 +8,7 @@ in the distance for a quadratic cost.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,13 +52,10 @@ def _beside(e: Estimated, root: np.ndarray, v: np.ndarray, high: np.ndarray) -> 
     return _Beside(x, along / np.hypot(along, sigma_eta), sigma_eta)
 
 
-def _between(
-    roots: tuple, narrow: np.ndarray, wide: np.ndarray, low: Any = TWO_SIDED
-) -> np.ndarray:
-    """Return ends (N, 2) at these roots of the rise. low: the root at the lower end of ``wide``."""
-    top = np.stack(np.broadcast_arrays(low, TWO_SIDED), -1)
-    share = np.minimum((np.stack(roots, -1) - ONE_SIDED) / (top - ONE_SIDED), 1.0)
-    return narrow + share * (wide - narrow)
+def _between(roots: tuple, narrow: np.ndarray, wide: np.ndarray) -> np.ndarray:
+    """Return ends (N, 2) at these roots of the rise, up to those of ``wide``."""
+    share = (np.stack(roots, -1) - ONE_SIDED) / (TWO_SIDED - ONE_SIDED)
+    return narrow + np.minimum(share, 1.0) * (wide - narrow)
 
 
 def _on_the_edge(b: _Beside, roots: tuple) -> np.ndarray:
@@ -94,9 +91,7 @@ def beside_zero(
         narrow = profile(data.take(rows), part, least, first[rows], _LINES)
         roots = other_roots(b.x, b.correlation)
         eta = _between(roots, narrow.eta, wide.eta[rows]) + _on_the_edge(b, roots)
-        # The interval of k begins at 0 where the rise there is less than that of an end.
-        low = np.clip(b.x, ONE_SIDED + 1e-9, TWO_SIDED)
-        k = _between(own_roots(b.x), narrow.k**power, wide.k[rows] ** power, low)
+        k = _between(own_roots(b.x), narrow.k**power, wide.k[rows] ** power)
         k = np.maximum(k, 0.0) ** (1.0 / power)
     good = np.isfinite(np.column_stack([eta, k])).all(1)
     # Another piece of the region, or one that was not followed to its end.
