@@ -140,7 +140,7 @@ def fit_bare_surface(
     fitted = np.where(known[curve], fitted, np.nan)
     # With the errors that were taken.
     kind, s = (np.atleast_1d(of)[curve] for of in (found.errors.taken, found.errors.added))
-    further = s * sizes(kind, fitted)
+    further = np.where(known[curve], s * sizes(kind, fitted), 0.0)
     weighed = replace(measurement, sigma=np.hypot(measurement.sigma, further))
     missed = np.where(known, noise_of_misfits(a.data, a.angle_deg, f.solved), np.nan)
     found = with_order(found, weighed, curve, fitted, missed, a.stated)
