@@ -179,7 +179,7 @@ def fit_many(
             and R, or a mapping from these names to errors. NaN leaves the datum out.
         sample: one bare surface whose index is free: "free", or "1.515 | free" from inside glass.
         errors, start: as in `fit`; in start eta and k may be arrays of the batch shape.
-        intervals: as in `fit`, but "quadratic" by default, since profile likelihood takes 20 times
+        intervals: as in `fit`, but "quadratic" by default, since profile likelihood takes 25 times
             as long as the fit itself. The upper limit of k is found in the same way.
 
     Returns: `Fit` of the batch shape (...), in float64; scalars for a single curve (M,).
