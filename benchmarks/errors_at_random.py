@@ -21,16 +21,16 @@ import numpy as np
 from fitting import Fit, fit_many
 from fitting.residuals.error_model import sizes
 
-from .fit_coverage import holds, rise_allowed
+from .fit_coverage import far_outside, holds, rise_allowed
 from .fit_success import KEPT, has_second
 from .random_measurements import (
     CLASSES,
-    MOST_ANGLES,
     QUANTITIES,
     Geometry,
     draw_geometry,
     draw_index,
     textbook,
+    with_gaps,
 )
 
 WRONG = ("nothing", "factor", "white", "% of R")
@@ -82,12 +82,8 @@ def draw(seed: int, number: int) -> Batch:
 
 def fitted(batch: Batch) -> Fit:
     """Return the fit of a batch, by the default errors."""
-    more = MOST_ANGLES - len(batch.geometry.angles)
-    data, sigma = (
-        {name: np.pad(v, ((0, 0), (0, more)), constant_values=np.nan) for name, v in of.items()}
-        for of in (batch.data, batch.sigma)
-    )
-    angles = np.pad(batch.geometry.angles, (0, more), mode="edge")
+    angles = batch.geometry.padded_angles
+    data, sigma = (with_gaps(of) for of in (batch.data, batch.sigma))
     sample = f"{float(batch.geometry.eta_i)!r} | free"
     return fit_many(angles, **data, sigma=sigma, sample=sample, intervals="auto")
 
@@ -109,11 +105,7 @@ def left_out(found: Fit, batch: Batch) -> np.ndarray:
         cost += [(((value - curve) / sigma) ** 2).sum(1) for curve in (fitted, true)]
     with np.errstate(all="ignore"):
         rise = (cost[1] - cost[0]) / (cost[0] / found.dof)
-    out = np.zeros(len(batch.eta), bool)
-    for name, truth in (("eta", batch.eta), ("k", batch.k)):
-        low, high = np.moveaxis(found.parameters[name].interval, -1, 0)
-        out |= np.maximum(low - truth, truth - high) > 0.1 * np.maximum(high - low, 1e-9)
-    return out & rise_allowed(rise, found.dof)
+    return far_outside(found, batch.eta, batch.k) & rise_allowed(rise, found.dof)
 
 
 def study(curves: int, seed: int) -> Iterator[str]:

@@ -128,6 +128,15 @@ def rise_allowed(rise: np.ndarray, dof: np.ndarray, root: float = LEAST_ROOT) ->
         return (dof > 0) & (rise <= (root * stats.t.ppf(0.975, dof)) ** 2)
 
 
+def far_outside(result: Fit, eta: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """Return where an interval leaves out the truth by more than a tenth of its width, (N,)."""
+    outside = np.zeros(len(eta), bool)
+    for name, truth in (("eta", eta), ("k", k)):
+        low, high = np.moveaxis(result.parameters[name].interval, -1, 0)
+        outside |= np.maximum(low - truth, truth - high) > 0.1 * np.maximum(high - low, 1e-9)
+    return outside
+
+
 def left_out(batch: Batch, result: Fit, root: float = LEAST_ROOT) -> np.ndarray:
     """Return whose interval leaves out a true index that fits as well as its ends, (N,).
 
@@ -136,11 +145,7 @@ def left_out(batch: Batch, result: Fit, root: float = LEAST_ROOT) -> np.ndarray:
     cost, dof = cost_of(result), result.n_data - 2
     with np.errstate(all="ignore"):
         allowed = rise_allowed((cost_of_truth(batch) - cost) / (cost / dof), dof, root)
-    outside = np.zeros(len(cost), bool)
-    for name, truth in (("eta", batch.eta), ("k", batch.k)):
-        low, high = np.moveaxis(result.parameters[name].interval, -1, 0)
-        outside |= np.maximum(low - truth, truth - high) > 0.1 * np.maximum(high - low, 1e-9)
-    return allowed & outside
+    return allowed & far_outside(result, batch.eta, batch.k)
 
 
 def random_study(curves: int, seed: int) -> list[Cell]:

@@ -7,6 +7,7 @@ program: curves are filled up to `MOST_ANGLES` with gaps.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,10 +28,23 @@ class Geometry(NamedTuple):
     eta_i: float
 
     @property
+    def padded_angles(self) -> np.ndarray:
+        """The angles (MOST_ANGLES,), the last one repeated."""
+        return np.pad(self.angles, (0, MOST_ANGLES - len(self.angles)), mode="edge")
+
+    @property
     def angle_bin(self) -> str:
         """The bin of the lowest angle."""
         i = int(np.searchsorted(LOWEST_BINS[1:-1], self.angles[0], side="right"))
         return f"{LOWEST_BINS[i]:g} to {LOWEST_BINS[i + 1]:g}"
+
+
+def with_gaps(of: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return arrays (N, M) filled up to (N, MOST_ANGLES) with NaN."""
+    return {
+        name: np.pad(v, ((0, 0), (0, MOST_ANGLES - v.shape[1])), constant_values=np.nan)
+        for name, v in of.items()
+    }
 
 
 class Batch(NamedTuple):
@@ -45,12 +59,7 @@ class Batch(NamedTuple):
 
     def padded(self) -> tuple[np.ndarray, dict[str, Any]]:
         """Return angles (MOST_ANGLES,) and data with gaps after the last angle."""
-        more = MOST_ANGLES - len(self.geometry.angles)
-        angles = np.pad(self.geometry.angles, (0, more), mode="edge")
-        gaps = ((0, 0), (0, more))
-        return angles, {
-            name: np.pad(v, gaps, constant_values=np.nan) for name, v in self.data.items()
-        }
+        return self.geometry.padded_angles, with_gaps(self.data)
 
     def take(self, pick: np.ndarray) -> Batch:
         """Return the curves of ``pick``."""

@@ -155,14 +155,12 @@ def intervals(
             found.eta[corner], found.k[corner] = ends
         walked = _walk(data, s, e, rise, todo, in_product, found)
         good = np.isfinite(found.eta).all(1) & np.isfinite(found.k).all(1)
-        one = Estimated(*(of[todo] for of in e))
-        near = good & ~walked & ~(undetermined | matched)[todo]
-        rows = np.flatnonzero(near)
+        rows = np.flatnonzero(good & ~walked & ~(undetermined | matched)[todo])
         if len(rows):
+            at = todo[rows]
             ends = beside_zero(
-                data.take(todo[rows]), Solved(*np.array(part)[:, rows]),
-                Estimated(*(of[rows] for of in one)), rise[todo[rows]], first[rows],
-                Region(found.eta[rows], found.k[rows]),
+                data.take(at), Solved(*np.array(s)[:, at]), Estimated(*(of[at] for of in e)),
+                rise[at], first[rows], Region(found.eta[rows], found.k[rows]),
             )  # fmt: skip
             found.eta[rows], found.k[rows] = ends
         done = todo[good]

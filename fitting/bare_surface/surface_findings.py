@@ -11,7 +11,7 @@ from fitting.bare_surface.added_error import Taken
 from fitting.bare_surface.answer import FLAT_BELOW_DEG, Answer
 from fitting.bare_surface.arrange import Arranged
 from fitting.measurements.measurement import Measurement
-from fitting.residuals.error_model import FLOOR, RELATIVE
+from fitting.residuals.error_model import ADDED
 from fitting.residuals.pattern import pattern
 from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import Fit
@@ -42,7 +42,7 @@ def _of_added(f: Answer, taken: Taken) -> dict[str, np.ndarray]:
             np.abs(f.values[name] - taken.by_factor[:, i]) > f.values[f"sigma_{name}"]
             for i, name in enumerate(("eta", "k"))
         ]
-    kinds = {f"errors_{kind}": taken.kind == kind for kind in (FLOOR, RELATIVE)}
+    kinds = {f"errors_{kind}": taken.kind == kind for kind in ADDED}
     return {**kinds, "errors_differ": used & np.logical_or(*apart)}
 
 

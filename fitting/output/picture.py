@@ -128,12 +128,13 @@ def _legend(axes: Axes, banded: bool, outside: bool, few: bool) -> None:
     fit = Line2D([], [], color=GREY)
     shade = Patch(color=GREY, alpha=0.22, linewidth=0)
     handle, label = ((shade, fit), r"fit with 1$\sigma$ band") if banded else (fit, "fit")
-    right: Any = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0), "borderpad": 0.0}
-    # Its default, named: otherwise matplotlib warns wherever finding the place takes a second.
-    best: Any = {"loc": "best"}
+    # "best" is the default; not named, matplotlib warns where finding the place takes a second.
+    place: Any = {"loc": "best"}
+    if outside:
+        place = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0), "borderpad": 0.0}
     axes.legend(
         [*handles, handle], [*labels, label], handlelength=1.6, markerscale=1.0 if few else 2.0,
-        **(right if outside else best),
+        **place,
     )  # fmt: skip
 
 

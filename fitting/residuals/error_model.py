@@ -23,19 +23,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-FLOOR, RELATIVE = "floor", "relative"
+ADDED = FLOOR, RELATIVE = "floor", "relative"
 # What may be believed of stated errors; see `fitting.fit`.
-ERRORS = ("auto", "stated", "scaled", FLOOR, RELATIVE, "equal")
-_ADDED = (FLOOR, RELATIVE)
+ERRORS = ("auto", "stated", "scaled", *ADDED, "equal")
 # Those of them that need a stated error of every datum.
-NEED_STATED = ("stated", FLOOR, RELATIVE)
+NEED_STATED = ("stated", *ADDED)
 
 # Doublings and halvings of the search for s: to 1e-6 of itself.
 _STEPS = 60
 # How often the weights are updated and the fit is repeated at most; then s changes by less than
 # SETTLED of itself.
 ROUNDS, SETTLED = 4, 0.01
-# A further error is used only if its log likelihood is higher by this much. With 1 one in thirty
+# A further error is used only if its log likelihood is higher by this much. With 1 one in forty
 # curves whose errors are wrong by one factor had another error, with 2 one in a hundred; intervals
 # hold the truth equally often.
 GAIN = 2.0
@@ -55,7 +54,7 @@ class Added(NamedTuple):
 
 def added_kinds(errors: str) -> tuple[str, ...]:
     """Return the kinds of further errors that ``errors`` lets a fit consider."""
-    return (FLOOR, RELATIVE) if errors == "auto" else (errors,) if errors in _ADDED else ()
+    return tuple(kind for kind in ADDED if errors in ("auto", kind))
 
 
 def sizes(kind: Any, fitted: np.ndarray, power: Any = True) -> np.ndarray:

@@ -22,12 +22,12 @@ import functools
 import math
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 from fitting.uncertainty.limits import CONFIDENCE
 
 # 95 % of the normal law lie within so many standard errors, on one side and on both.
-ONE_SIDED, TWO_SIDED = 1.6448536269514722, 1.959963984540054
+ONE_SIDED, TWO_SIDED = (float(ndtri(share)) for share in (CONFIDENCE, 0.5 + 0.5 * CONFIDENCE))
 _ROUNDS = 6
 
 # The table of `other_roots`: estimates of v in standard errors, dense where the lower end leaves

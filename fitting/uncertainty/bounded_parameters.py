@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 # So many standard errors of the quadratic model.
 _NEAR = 8.0
 # An end that moves by less than this part of its distance stays where it is.
-LEAST = 0.01
+_LEAST = 0.01
 
 
 def unbounded(fit: Solving, end: End, i: int) -> tuple[float, float]:
@@ -79,7 +79,7 @@ def aim_beside_zero(
     for j, both in roots.items():
         for search, root in zip(pairs[j], both, strict=True):
             aim = float(root[0]) / TWO_SIDED  # NaN: nothing is known of the correlation
-            if abs(aim - 1.0) > LEAST and np.isfinite(search.found):
+            if abs(aim - 1.0) > _LEAST and np.isfinite(search.found):
                 search.aim(aim)
                 moved.append(search)
     return moved
