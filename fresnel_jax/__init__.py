@@ -9,6 +9,7 @@ import importlib
 from typing import Any
 
 from ._compiler import fenced
+from ._environment import warn_of_environment
 from .directions import faceforward, reflect, refract
 from .interface import (
     Amplitudes,
@@ -50,6 +51,8 @@ __all__ = [
     "reflectance",
     "refract",
 ]
+
+warn_of_environment()
 
 
 def __getattr__(name: str) -> Any:

@@ -3,6 +3,8 @@
 import contextlib
 import importlib.metadata
 import inspect
+import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -63,3 +65,41 @@ def test_a_fence_changes_nothing_but_the_program():
     assert jax.grad(lambda y: jnp.sum(fresnel_jax.fenced(y) ** 2))(3.0) == 6.0
     text = jax.jit(lambda y: jnp.sum(fresnel_jax.fenced(2.0 * y))).lower(jnp.ones(9)).as_text()
     assert "reduce_precision" in text
+
+
+def import_warns_of(code: str = "", folder: Path | None = None, **environment: str) -> str:
+    """What `import fresnel_jax` prints after some code, in a process that starts in a folder."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}\nimport fresnel_jax, fresnel_jax.interface"],
+        capture_output=True, text=True, check=True, cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(Path(fresnel_jax.__file__).parents[1]), **environment},
+    )  # fmt: skip
+    return done.stderr
+
+
+@pytest.mark.parametrize("flags", ["", "--xla_cpu_experimental_ynn_fusion_type="])
+def test_a_compiler_that_makes_wrong_programs_is_told_once(flags):
+    # the flags reach the import, but not this jaxlib, which may not know them
+    code = "import os, jax, jaxlib\njaxlib.__version__ = '0.10.2'\n"
+    code += f"os.environ['XLA_FLAGS'] = {flags!r}"
+    assert import_warns_of().count("jaxlib 0.10.2 compiles wrong programs") == 0
+    assert import_warns_of(code).count("jaxlib 0.10.2 compiles wrong programs") == (not flags)
+    silent = "import warnings; warnings.filterwarnings('ignore', message='jaxlib 0.10.2')\n"
+    assert import_warns_of(silent + code) == ""
+
+
+def test_another_module_named_fitting_is_named(tmp_path):
+    (tmp_path / "fitting.py").write_text("import fresnel_jax")
+    assert f"import fitting gives {tmp_path / 'fitting.py'}" in import_warns_of(folder=tmp_path)
+    assert "import fitting gives" not in import_warns_of("import sys; sys.path.pop(0)", tmp_path)
+    # a file of the user's that is imported as `fitting` before
+    assert "import fitting gives" in import_warns_of("import fitting", tmp_path)
+
+
+def test_a_package_that_another_distribution_has_replaced_is_named(tmp_path):
+    shutil.copytree(Path(fresnel_jax.__file__).parent, tmp_path / "fresnel_jax")
+    other = tmp_path / "fitting"
+    other.mkdir()
+    (other / "py.typed").write_text("")
+    (other / "__init__.py").write_text('"""Another package."""')
+    assert "import fitting gives" in import_warns_of(folder=tmp_path)
