@@ -13,31 +13,51 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-# XLA's older CPU emitters halve the time to compile the fit (1.5 s instead of 2.7 s) and make it a
-# fifth faster. Measured with jax 0.10.2 on AVX-512, 60 angles, s and p. Vectors of 512 bits would
-# be a tenth faster, but their programs can be wrong: with jaxlib 0.10.2 the derivative program of a
-# film (psi, Delta and a free angle offset) returns cos 2psi off by 2.7.
-_OPTIONS = {"xla_cpu_use_fusion_emitters": False}
+# Each is used if the compiler at hand knows it (`python -m benchmarks.compiler_options`):
+OPTIONS: dict[str, Any] = {
+    # jaxlib 0.10.2 hands sums of products to a library which gets some of them wrong
+    # (jax-ml/jax#39103); none are handed over.
+    "xla_cpu_experimental_ynn_fusion_type": "",
+    # The older emitters, which jaxlib 0.12 no longer has, take 20 to 45 % less time to compile.
+    "xla_cpu_use_fusion_emitters": False,
+}
+_making = threading.Lock()
+
+
+@functools.cache
+def _known_options() -> dict[str, Any]:
+    """Return those of `OPTIONS` that the compiler of this process knows.
+
+    Not every jaxlib knows all of them, nor does a GPU's compiler. It is asked with a program of one
+    number (0.015 s), and names the first that it does not know.
+    """
+    known = dict(OPTIONS)
+    while known:
+        try:
+            jax.jit(lambda: 0, compiler_options=known)()
+            break
+        except jax.errors.JaxRuntimeError as error:
+            unknown = [name for name in known if f"'{name}'" in str(error)]
+            if not unknown:
+                raise
+            del known[unknown[0]]
+    return known
 
 
 def compiled(function: Callable, static: tuple[str, ...]) -> Callable:
     """Return ``function`` jitted, with the arguments named in ``static`` static."""
-    plain = jax.jit(function, static_argnames=static)
-    suited = jax.jit(function, static_argnames=static, compiler_options=_OPTIONS)
-    refused = threading.Event()
+
+    jitted: Callable | None = None
 
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
-        if not refused.is_set():
-            try:
-                return suited(*args, **kwargs)
-            except jax.errors.JaxRuntimeError as error:
-                # A GPU's compiler does not know the option, nor may that of another jaxlib. Several
-                # threads may find this out at once: each of them then takes the plain program.
-                if "compile option" not in str(error):
-                    raise
-                refused.set()
-        return plain(*args, **kwargs)
+        nonlocal jitted
+        if jitted is None:
+            options = _known_options()
+            with _making:  # two programs made at once by two threads would both be compiled
+                if jitted is None:
+                    jitted = jax.jit(function, static_argnames=static, compiler_options=options)
+        return jitted(*args, **kwargs)
 
     return call
 
