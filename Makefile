@@ -50,7 +50,7 @@ stability: .venv/installed-bench  ## where each method fails: table and picture 
 	$(BIN)/python -m benchmarks.stack_failures
 
 startup: .venv/installed-plot  ## where the time of the command fresnel-fit goes
-	$(BIN)/python benchmarks/startup.py
+	$(BIN)/python -m benchmarks.startup
 
 first-choose: .venv/installed-bench  ## seconds of a first choose, when nothing is compiled yet (a quarter of an hour)
 	$(BIN)/python -m benchmarks.first_choose

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from . import accuracy, bsdf, scenes, speed
 from .contestants import CONTESTANTS, LIMIT
+from .machine import cores
 from .report import main_platform, markdown
 
 PACKAGES = (
@@ -32,9 +33,7 @@ def machine() -> dict:
     return {
         "date": datetime.date.today().isoformat(),
         "processor": _processor(),
-        "cores": len(os.sched_getaffinity(0))
-        if hasattr(os, "sched_getaffinity")
-        else os.cpu_count(),
+        "cores": cores(),
         "load_before": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
         "system": f"{platform.system()} {platform.machine()}, Python {platform.python_version()}",
         "versions": versions,

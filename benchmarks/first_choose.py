@@ -22,6 +22,8 @@ import numpy as np
 
 from fitting import Measurement, choose, read_csv, simulate
 
+from .machine import cores
+
 ROOT = Path(__file__).resolve().parents[1]
 MEASURED = ROOT.parent / "shared" / "data"
 NOISE_DEG = 0.03
@@ -124,7 +126,7 @@ def main() -> None:
     if len(sys.argv) > 1:
         print(json.dumps(seconds(CASES[int(sys.argv[1])])))
         return
-    print(f"load average {os.getloadavg()[0]:.1f}, {os.cpu_count()} processors, seconds")
+    print(f"load average {os.getloadavg()[0]:.1f}, {cores()} processors, seconds")
     print(f"{'data':42}{'first':>8}{'again':>8}  taken")
     for i, case in enumerate(CASES):
         if case.file and not (MEASURED / case.file).exists():

@@ -6,15 +6,15 @@ Writes many_points.md and many_points.png. Each way is a process of its own, ask
 """
 
 import math
-import os
 
 from . import scenes
 from .contestants import OURS, Contestant
+from .machine import cores
 from .many_points_chart import draw
 from .speed import Process, in_rounds
 from .worker import options_of, serve
 
-CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+CORES = cores()
 PLAIN, KEPT = "as it comes", "memory kept"
 WAYS = {
     PLAIN: "the plain call",

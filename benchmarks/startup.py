@@ -1,4 +1,4 @@
-"""Where the time of one `fresnel-fit FILE` goes: `python benchmarks/startup.py`.
+"""Where the time of one `fresnel-fit FILE` goes: `python -m benchmarks.startup`.
 
 Runs the command in processes of its own: once with an empty cache folder (the first time ever, or
 after an update), then several times with what that left behind. Prints, for the first and for the
@@ -16,6 +16,8 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+
+from .machine import cores
 
 ROOT = Path(__file__).resolve().parents[1]
 GOLD = ROOT / "examples" / "data" / "gold_532nm.csv"
@@ -84,7 +86,7 @@ def main() -> None:
     command(
         {**environment, "XDG_CACHE_HOME": "/dev/null"}
     )  # byte code is compiled once and for all
-    print(f"load average {os.getloadavg()[0]:.1f}, {os.cpu_count()} processors")
+    print(f"load average {os.getloadavg()[0]:.1f}, {cores()} processors")
     with tempfile.TemporaryDirectory() as folder:
         environment["XDG_CACHE_HOME"] = folder
         first_stages = stages(environment)

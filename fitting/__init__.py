@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .measurements.measurement import Measurement as Measurement
     from .own_residuals import fit_residuals as fit_residuals
     from .predictions import simulate as simulate
+    from .process.start_up import cache_programs as cache_programs
     from .results.result import Fit as Fit
     from .samples.dispersion import model_names as model_names
     from .samples.sample import Sample as Sample
@@ -30,6 +31,7 @@ _HOME = {
     "Measurement": "measurements.measurement",
     "MeasurementError": "measurements.errors",
     "Sample": "samples.sample",
+    "cache_programs": "process.start_up",
     "choose": "choice.selection",
     "fit": "fits",
     "fit_many": "fits",

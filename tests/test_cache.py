@@ -61,11 +61,16 @@ def test_what_others_may_write_to_is_not_loaded(programs, tmp_path, monkeypatch)
     (programs / "own-cache").write_text("")
     (programs / "shared-cache").write_text("")
     (programs / "shared-cache").chmod(0o664)
+    (programs / "notes.txt").write_text("of somebody who named this folder")
+    (programs / "notes.txt").chmod(0o666)
     (tmp_path / "elsewhere").write_text("")
     (programs / "linked-cache").symlink_to(tmp_path / "elsewhere")
     (programs / "own-cache").chmod(0o644)
+    assert cache_folder() == programs  # who else may not enter the folder, writes to no file in it
+    assert {path.name for path in programs.iterdir()} == {"own-cache", "shared-cache", "notes.txt"}
+    programs.chmod(0o755)
     assert cache_folder() == programs
-    assert [path.name for path in programs.iterdir()] == ["own-cache"]
+    assert {path.name for path in programs.iterdir()} == {"own-cache", "notes.txt"}
     for folder in (programs, programs.parent):
         folder.chmod(0o777)
         assert cache_folder() is None
@@ -80,3 +85,63 @@ def test_a_relative_cache_home_is_no_cache_home(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert cache_folder() == tmp_path / ".cache" / "fresnel-fit" / "jax"
     assert not (tmp_path / "here").exists()
+
+
+SCRIPT = """
+import sys, fitting
+print(fitting.cache_programs(*sys.argv[1:]))
+import jax
+from collections import Counter
+events = Counter()
+jax.monitoring.register_event_listener(lambda name, **_: events.update([name.split("/")[-1]]))
+print(fitting.fit(fitting.read_csv({gold!r})).eta)
+print(events["cache_hits"], events["cache_misses"])
+"""
+
+
+def script(*arguments, code=SCRIPT, **environment):
+    """The lines that a script prints which keeps its programs, and its warnings."""
+    done = subprocess.run(
+        [sys.executable, "-c", code.format(gold=str(GOLD)), *arguments],
+        capture_output=True, text=True, cwd=ROOT,
+        env={**os.environ, "TF_CPP_MIN_LOG_LEVEL": "3", **environment},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines(), done.stderr
+
+
+def test_one_call_keeps_the_programs_of_a_script(tmp_path):
+    folder, value, events = script(str(tmp_path / "programs"))[0]
+    assert folder == str(tmp_path / "programs")
+    assert events.startswith("0 ")
+    again = script(str(tmp_path / "programs"))[0]
+    assert again[:2] == [folder, value]
+    hits, misses = map(int, again[2].split())
+    assert hits > 1
+    assert misses == 0
+
+
+def test_a_folder_that_cannot_be_used_is_named_in_a_warning(tmp_path):
+    (tmp_path / "file").write_text("")
+    code = "import sys, fitting; print(fitting.cache_programs(*sys.argv[1:]))"
+    (folder,), warning = script(str(tmp_path / "file"), code=code)
+    assert folder == "None"
+    assert "file cannot be created or written" in warning
+    (folder,), warning = script(code=code, JAX_COMPILATION_CACHE_DIR=str(tmp_path / "jax"))
+    assert (folder, warning) == (str(tmp_path / "jax"), "")
+
+
+def test_a_processor_that_refuses_its_programs_is_told_once(tmp_path):
+    """The words are those of jax-ml/jax#38445."""
+    code = """
+import warnings, fitting
+fitting.cache_programs()
+for name in ("jit_a", "jit_b"):
+    warnings.warn(
+        f"Error reading persistent compilation cache entry for {name!r}: INTERNAL: Machine type "
+        "used for XLA:CPU compilation doesn't match the machine type for execution."
+    )
+"""
+    _, warning = script(code=code, XDG_CACHE_HOME=str(tmp_path))
+    assert warning.count("XLA refuses to load") == 1
+    assert "install jax 0.11 or newer" in warning

@@ -12,7 +12,17 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-PROCESSORS = os.cpu_count() or 1  # asking again and again takes as long as a small fit
+
+def _processors() -> int:
+    """Return how many processors this process may use: under taskset or SLURM not all there are."""
+    if hasattr(os, "process_cpu_count"):  # Python 3.13
+        return os.process_cpu_count() or 1
+    if hasattr(os, "sched_getaffinity"):  # Linux
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+PROCESSORS = _processors()  # asking again and again takes as long as a small fit
 _counting = threading.Lock()
 _under_way = 0
 
