@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo docs notebooks test test-studies lint accuracy accuracy-search advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study film-study film-coverage free-film-study film-models film-choice fuzz clean
+.PHONY: demo docs notebooks test test-studies lint accuracy accuracy-search advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study film-study film-coverage free-film-study film-models film-choice fuzz matrix gpu clean
 
 demo: .venv/installed-plot  ## fit the two scans that ship with the project; tables, pictures, JSON in demo/
 	mkdir -p demo
@@ -97,6 +97,13 @@ film-models: .venv/installed-bench  ## how often choose takes the true model of 
 
 film-choice: .venv/installed-bench  ## how often choose takes the true one of several films, and adds no layer (hours)
 	$(BIN)/python -m benchmarks.film_choice
+
+MATRIX ?=
+matrix:  ## the built wheel, the tests and the README's commands with the oldest and newest versions (hours; MATRIX="--without-make-test PYTHON ...")
+	$(PYTHON) .ci/matrix.py $(MATRIX)
+
+gpu: .venv/installed-bench .venv/installed-test  ## bounds and speed on the device that jax finds; on a GPU in under ten minutes
+	$(BIN)/python -m benchmarks.device
 
 .venv/installed-%: pyproject.toml
 	test -d .venv || $(PYTHON) -m venv .venv

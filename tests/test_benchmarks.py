@@ -132,3 +132,14 @@ def test_the_overview_names_every_mark_at_its_place(tmp_path, monkeypatch):
         assert not any(
             a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[i + 1 :]
         )  # fmt: skip
+
+
+def test_bounds_hold_on_this_device_and_its_speed_is_told(capsys):
+    """`make gpu` at a tenth of its size, on the CPU."""
+    from benchmarks import device
+
+    assert device.main(["--scale", "0.1"]) == 0
+    printed = capsys.readouterr().out
+    assert "EXCEEDED" not in printed
+    for name in ("| gradient of R | float32", "| powers, gradient | float64", "curves/s", "film"):
+        assert name in printed

@@ -35,6 +35,8 @@ def as_a_newcomer(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(ROOT))
     os.symlink(ROOT / "examples", tmp_path / "examples")
+    # `cache_programs` then leaves the cache of this process as it is
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path / "programs"))
     jax.config.update("jax_enable_x64", False)
     yield tmp_path
     jax.config.update("jax_enable_x64", True)
