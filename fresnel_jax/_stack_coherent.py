@@ -87,7 +87,7 @@ class Fields(NamedTuple):
 
 
 def at(i: Any, tree: Any) -> Any:
-    """The entries i of the leading axis of every array of a tree."""
+    """The entries i of the leading axis of every array of a tree; None: a new leading axis."""
     return jax.tree.map(lambda z: z[i], tree)
 
 

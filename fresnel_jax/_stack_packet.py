@@ -53,8 +53,8 @@ def packet(
     x is thickness / wavelength of the layers, roughness that of the boundaries over wavelength; q2
     is Q^2 of all media but the first, where it is known already.
     """
-    k0 = None if k is None else k[0]
-    behind = medium(n[1:], None if k is None else k[1:], n[0], k0)._replace(q2=q2)
+    k0, k_behind = (None, None) if k is None else (k[:1], k[1:])
+    behind = medium(n[1:], k_behind, n[:1], k0)._replace(q2=q2)
     # Without a division the compiler writes these sums anew into each of some thirty loops.
     front, behind, x = jax.tree.map(computed_once, (front, behind, x))
     layers, far = at(slice(-1), behind), at(-1, behind)
@@ -75,7 +75,7 @@ def _rough(roughness: Array, front: Ambient, layers: Medium, far: Medium, q_far:
 
     ends = [jax.tree.map(lambda z: z[None], pair(z)) for z in (front.q, q_far, far.g)]
     one = (jnp.ones_like(ends[0][0]), jnp.zeros_like(ends[0][0]))
-    q_layers = decaying_root(*normal_squared(layers, front))
+    q_layers = decaying_root(*normal_squared(layers, at(None, front)))
     q = jax.tree.map(joined, ends[0], q_layers, ends[1])
     g = jax.tree.map(joined, one, pair(layers.g), ends[2])
     return boundary_factors(roughness, q, g)
@@ -131,5 +131,5 @@ def _packet(solved: Solved, front: Ambient, far: Medium, q_far: Pair, shape) -> 
         R.append(jnp.where(matched, 0.0, solved.R[i]))
         T.append(jnp.where(matched, 1.0, _transmitted(gain * flux_out[i], through)))
         lost = solved.absorbed[i]
-        absorption.append(jnp.zeros((0, *shape), R[i].dtype) if lost is None else gain * lost)
+        absorption.append(jnp.zeros((0, *shape), R[i].dtype) if lost is None else gain[None] * lost)
     return Packet(list(solved.r), t, R, T, (absorption[0], absorption[1]))
