@@ -107,13 +107,13 @@ def _all(terms: Pair) -> Pair:
 
 def _lossy(front: Ambient, layers: Medium, x: DoubleWord):
     """`thin_layer` of the layers, and their `weights`."""
-    re, im = normal_squared(layers, front)
+    re, im = normal_squared(layers, at(None, front))
     if im is None:
         return None
-    n02 = square((front.n, front.k))
+    n02, transverse2 = at(None, (square((front.n, front.k)), front.transverse2))
     q2, kappa = (re[0], im[0]), (2.0 * jnp.pi) * x[0]
     thin = thin_layer(kappa, choose(is_thin(kappa, q2), q2, ZERO))
-    return thin, weights(im[0], layers.n2, n02, front.transverse2)
+    return thin, weights(im[0], layers.n2, n02, transverse2)
 
 
 @solve.defjvp
@@ -127,7 +127,7 @@ def _solve_jvp(shape, primals, tangents):
     (re, im), (d_re, d_im) = jax.jvp(normal_squared, (layers, around), (d_layers, d_around))
     d_q2 = (d_re[0], None if d_im is None else d_im[0])
     q2 = pair((re[0], None if im is None else im[0]))
-    lossy, d_lossy = jax.jvp(_lossy, (around, layers, x), (d_around, d_layers, d_x))
+    lossy, d_lossy = jax.jvp(_lossy, (front, layers, x), (d_front, d_layers, d_x))
     kappa, d_kappa = (2.0 * jnp.pi) * x[0], ((2.0 * jnp.pi) * d_x[0], None)
     d_z_far = (d_q_far, plus(times(far.per_g, d_q_far), times(d_far.per_g, q_far)))
     d_r, d_through, d_absorbed = [], [], []
@@ -200,7 +200,7 @@ def _solve_jvp(shape, primals, tangents):
                     in_each,
                     d_log_front,
                     scaled(-1.0, times(times(per, per), d_z_far[p])),
-                    per_layers,
+                    per,
                     inside.scale[p],
                     boundaries,
                 )

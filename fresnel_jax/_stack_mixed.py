@@ -146,7 +146,7 @@ def mixed(
     fronts, backs, passages, together = [], [], [], []
     # Of all media from the first one: formed from Q^2 of an incoherent layer, Q_0^2 next to grazing
     # incidence had derivatives that cancel (6e5 eps in those of T).
-    q2 = normal_squared(medium(n, k, n[:1], None if k is None else k[:1]), at(None, front))
+    q2 = normal_squared(medium(n, k, n[0], None if k is None else k[0]), at(None, front))
     ambients = [front]
     for i in edges[1:-1]:
         q2_i = at(i, q2)

@@ -53,8 +53,8 @@ def packet(
     x is thickness / wavelength of the layers, roughness that of the boundaries over wavelength; q2
     is Q^2 of all media but the first, where it is known already.
     """
-    k0, k_behind = (None, None) if k is None else (k[:1], k[1:])
-    behind = medium(n[1:], k_behind, n[:1], k0)._replace(q2=q2)
+    k0 = None if k is None else k[0]
+    behind = medium(n[1:], None if k is None else k[1:], n[0], k0)._replace(q2=q2)
     # Without a division the compiler writes these sums anew into each of some thirty loops.
     front, behind, x = jax.tree.map(computed_once, (front, behind, x))
     layers, far = at(slice(-1), behind), at(-1, behind)
