@@ -17,7 +17,7 @@ from fitting.outcomes.outcome import fit_of
 from fitting.problem.observations import Observations
 from fitting.problem.problem import Targets, targets_of, with_slopes
 from fitting.problem.unknowns import Unknowns, unknown_of
-from fitting.process.compiled import compiled
+from fitting.process.compiled import compiled, fit_settings
 from fitting.results.result import Fit
 from fitting.samples.parameters import (
     LOG,
@@ -51,12 +51,21 @@ class OwnSpec(NamedTuple):
     priors: bool = False
     media: Media = Media((), ())
     channels: tuple[str, ...] = ()
+    rank_promotion: str = "allow"  # the caller's own switches, for the caller's function
+    dtype_promotion: str = "standard"
 
     def raw(self, y: Array, targets: Targets) -> list[Array]:
         """Return the residuals (n, L) at y (p, L), as a list of one."""
         values = Spec.values(self, y, targets.held)  # type: ignore[arg-type]
-        each = jax.vmap(lambda v: jnp.ravel(self.residuals(v, targets.points)), out_axes=-1)
-        return [each(values) / targets.noise]
+
+        def one(v: Mapping[str, Array]) -> Array:
+            with (
+                jax.numpy_rank_promotion(self.rank_promotion),
+                jax.numpy_dtype_promotion(self.dtype_promotion),
+            ):
+                return jnp.ravel(self.residuals(v, targets.points))
+
+        return [jax.vmap(one, out_axes=-1)(values) / targets.noise]
 
 
 def _linearised(targets: Targets, y: Array, *, spec: OwnSpec) -> tuple[Array, Array]:
@@ -69,7 +78,7 @@ _own_linearised = compiled(_linearised, ("spec",))
 
 def own_slopes(spec: OwnSpec, targets: Targets, y: np.ndarray) -> Slopes:
     """Return residuals and derivatives with respect to the solver's coordinates y (p,)."""
-    with jax.enable_x64(True):
+    with fit_settings():
         value, slope = (np.asarray(a) for a in _own_linearised(targets, y, spec=spec))
     return Slopes(
         seen=value[None], residual=value, jacobian=slope, row=np.arange(len(value)),
@@ -135,6 +144,8 @@ def _unknowns(
         residuals=residuals, moving=tuple(u.parameter.name for u in moving),
         coordinates=tuple(u.parameter.coordinate for u in moving), held=(), tied=tied, loss=loss,
         priors=any(u.prior is not None for u in moving),
+        rank_promotion=jax.config.jax_numpy_rank_promotion,
+        dtype_promotion=jax.config.jax_numpy_dtype_promotion,
     )  # fmt: skip
     names = {p.name: p.name for p in offered}
     units = {p.name: p.unit for p in offered}

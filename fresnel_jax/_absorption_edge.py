@@ -12,6 +12,7 @@ from ._spectral import (
     Index,
     check_lengths,
     index_of_permittivity,
+    over_terms,
     parameters_named,
     photon_energy_ev,
 )
@@ -161,9 +162,9 @@ class TaucLorentz(DispersionModel):
 
     def index(self, wavelength_um: Array) -> Index:
         dtype = wavelength_um.dtype
-        energy = photon_energy_ev(wavelength_um)[..., None]
-        fields = (self.amplitudes_ev, self.resonances_ev, self.widths_ev, self.gap_ev)
-        re, im = _tauc_lorentz(energy, *(x.astype(dtype) for x in fields))
+        fields = (self.amplitudes_ev, self.resonances_ev, self.widths_ev)
+        terms = over_terms(photon_energy_ev(wavelength_um), *fields)
+        re, im = _tauc_lorentz(*terms, self.gap_ev.astype(dtype))
         return index_of_permittivity(
             self.eps_inf.astype(dtype) + jnp.sum(re, axis=-1), jnp.sum(im, axis=-1)
         )

@@ -66,8 +66,9 @@ def _amplitudes_jvp(primals, tangents):
     d_index = lax.complex(dn, dk)
     index = lax.complex(*index)
     s_dn, s_dc, p_dn, p_dc = (lax.complex(*d) for d in (s_dn, s_dc, p_dn, p_dc))
-    d_relative = d_index - index * (dm / m)
-    dr_s = s_dn * d_relative + s_dc * (sign * dc)
-    dr_p = -p_dn * d_relative + p_dc * (sign * dc)
+    dm, m, dc = (x.astype(index.dtype) for x in (dm / m, m, sign * dc))
+    d_relative = d_index - index * dm
+    dr_s = s_dn * d_relative + s_dc * dc
+    dr_p = -p_dn * d_relative + p_dc * dc
     dt_p = (m / index) * dr_p - t_p * (d_relative / index)
     return (r_s, r_p, t_s, t_p), (dr_s, dr_p, dr_s, dt_p)

@@ -23,8 +23,9 @@ def mixed(permittivity: Array, fraction: Array, around: Array) -> tuple[Array, A
     With u_j = 1 / (eps_j + 2 around) and B = sum f_j u_j the mixture is sum f_j eps_j u_j / B, and
     q_j = u_j / B.
     """
-    u = 1.0 / (permittivity + 2.0 * around)
-    q = u / (fraction * u).sum(0)
+    fraction = fraction.astype(permittivity.dtype)
+    u = 1.0 / (permittivity + 2.0 * around[None])
+    q = u / (fraction * u).sum(0, keepdims=True)
     return (fraction * permittivity * q).sum(0), q
 
 
@@ -58,7 +59,8 @@ def _two(permittivity: Array, fraction: Array) -> Array:
     """
     roots = jnp.sqrt(permittivity)
     ratio = roots[0] / roots[1]
-    b = (3.0 * fraction[0] - 1.0) * ratio + (3.0 * fraction[1] - 1.0) / ratio
+    c = (3.0 * fraction - 1.0).astype(ratio.dtype)
+    b = c[0] * ratio + c[1] / ratio
     root = jnp.sqrt(b * b + 8.0)
     # b + root cancels where Re b < 0
     left = b.real < 0.0
@@ -77,16 +79,17 @@ def _several(permittivity: Array, fraction: Array) -> Array:
     """
     # a direction within pi / 2 of all constituents: halfway between the least and largest phase
     phase, size = jnp.angle(permittivity), jnp.abs(permittivity)
+    share = fraction.astype(permittivity.dtype)
     middle = 0.5 * (phase.max(0) + phase.min(0))
     back = jnp.exp(-1j * middle.astype(permittivity.dtype))
     near = _CONVERGED * jnp.finfo(size.dtype).eps
 
     def residual(eps, permittivity):
         """How far the map moves eps, and its derivative."""
-        u = 1.0 / (permittivity + 2.0 * eps)
+        u = 1.0 / (permittivity + 2.0 * eps[None])
         return (
-            3.0 * eps * (fraction * u).sum(0) - 1.0,
-            3.0 * (fraction * permittivity * u * u).sum(0),
+            3.0 * eps * (share * u).sum(0) - 1.0,
+            3.0 * (share * permittivity * u * u).sum(0),
         )
 
     def followed(state, part_of, steps):
@@ -95,8 +98,9 @@ def _several(permittivity: Array, fraction: Array) -> Array:
         def step(state):
             i, eps, done = state
             part = part_of(i).astype(phase.dtype)
-            turned = jnp.exp(1j * (middle + part * (phase - middle)).astype(permittivity.dtype))
-            opened = jnp.where(part == 1.0, permittivity, size * turned)
+            angle = middle[None] + part * (phase - middle[None])
+            turned = jnp.exp(1j * angle.astype(permittivity.dtype))
+            opened = jnp.where(part == 1.0, permittivity, size.astype(turned.dtype) * turned)
             value, slope = residual(eps, opened)
             change = -value / slope
             done = done | ((jnp.abs(change) <= near * jnp.abs(eps)) & (part == 1.0))
@@ -111,10 +115,10 @@ def _several(permittivity: Array, fraction: Array) -> Array:
 
         return jax.lax.while_loop(lambda s: (s[0] < steps) & ~s[2].all(), step, state)
 
-    begin = jnp.sum(fraction * permittivity ** (1.0 / 3.0), 0) ** 3
+    begin = jnp.sum(share * permittivity ** (1.0 / 3.0), 0) ** 3
     none = jnp.zeros(begin.shape, bool)
     _, eps, done = followed((0, begin, none), lambda i: jnp.ones(()), _STEPS)
-    alike = (fraction * jnp.cbrt(size)).sum(0) ** 3 / back
+    alike = ((fraction * jnp.cbrt(size)).sum(0) ** 3).astype(back.dtype) / back
     state = (0, jnp.where(done, eps, alike), done)
     _, eps, done = followed(
         state, lambda i: jnp.clip((i - _ALIKE) // 2 / _OPENING, 0.0, 1.0), _MOST_STEPS
@@ -141,10 +145,11 @@ def bruggeman_root(permittivity: Array, fraction: Array) -> Array:
 
 @bruggeman_root.defjvp
 def _root_jvp(primals, tangents):
-    permittivity, fraction = primals
-    d_permittivity, d_fraction = tangents
-    root = bruggeman_root(permittivity, fraction)
-    u = 1.0 / (permittivity + 2.0 * root)
-    moved = (fraction * root * u * u * d_permittivity).sum(0)
-    moved = moved + (d_fraction * (permittivity - root) * u).sum(0) / 3.0
+    permittivity, d_permittivity = primals[0], tangents[0]
+    fraction, d_fraction = (x[1].astype(permittivity.dtype) for x in (primals, tangents))
+    root = bruggeman_root(*primals)
+    around = root[None]
+    u = 1.0 / (permittivity + 2.0 * around)
+    moved = (fraction * around * u * u * d_permittivity).sum(0)
+    moved = moved + (d_fraction * (permittivity - around) * u).sum(0) / 3.0
     return root, moved / (fraction * permittivity * u * u).sum(0)

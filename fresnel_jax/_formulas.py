@@ -11,6 +11,7 @@ from ._spectral import (
     Index,
     as_powers,
     check_lengths,
+    over_terms,
     parameters_named,
 )
 from ._vectors import extinction, float_named
@@ -97,8 +98,8 @@ class Sellmeier(DispersionModel):
         square, error = two_square(wavelength_um)
         # its derivative is 0: both squares have the derivative 2 l
         error = jax.lax.stop_gradient(error)
-        distance = (square[..., None] - self.poles_um2.astype(dtype)) + error[..., None]
-        terms = self.strengths.astype(dtype) * (square[..., None] / distance)
+        square, strengths, poles = over_terms(square, self.strengths, self.poles_um2)
+        terms = strengths * (square / ((square - poles) + error[..., None]))
         permittivity = self.constant.astype(dtype) + jnp.sum(terms, axis=-1)
         permittivity = permittivity + _power_series(wavelength_um, self.coefficients, self.powers)
         return Index(*real_sqrt(permittivity))

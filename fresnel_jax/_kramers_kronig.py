@@ -22,6 +22,7 @@ from ._spectral import (
     as_powers,
     check_lengths,
     index_of_permittivity,
+    over_terms,
     parameters_named,
     photon_energy_ev,
 )
@@ -44,13 +45,12 @@ _PROJECTION = (
 
 def b_splines(x: Array, knots: np.ndarray) -> Array:
     """All cubic B-splines on the knots at x, (..., len(knots) - 4); sums of positive terms."""
-    x = x[..., None]
-    at = jnp.asarray(knots, x.dtype)
-    basis = ((x >= at[:-1]) & (x < at[1:])).astype(x.dtype)
+    x, at = over_terms(x, jnp.asarray(knots, x.dtype))
+    basis = ((x >= at[..., :-1]) & (x < at[..., 1:])).astype(x.dtype)
     for degree in range(1, DEGREE + 1):
-        width = at[degree:] - at[:-degree]
-        rising = (x - at[: -degree - 1]) / width[:-1] * basis[..., :-1]
-        falling = (at[degree + 1 :] - x) / width[1:] * basis[..., 1:]
+        width = at[..., degree:] - at[..., :-degree]
+        rising = (x - at[..., : -degree - 1]) / width[..., :-1] * basis[..., :-1]
+        falling = (at[..., degree + 1 :] - x) / width[..., 1:] * basis[..., 1:]
         basis = rising + falling
     return basis
 
@@ -72,8 +72,8 @@ def _log_or_zero(x: Array) -> Array:
 
 def _second_kind(energy: Array, knots: Array) -> Array:
     """-2 Q_n(z) for every interval, (..., intervals, 4)."""
-    energy = energy[..., None]
-    left, right = knots[:-1], knots[1:]
+    energy, knots = over_terms(energy, knots)
+    left, right = knots[..., :-1], knots[..., 1:]
     half = 0.5 * (right - left)
     z = ((energy - left) + (energy - right)) / (2.0 * half)
     far = jnp.abs(z) > _FAR
@@ -89,8 +89,8 @@ def _second_kind(energy: Array, knots: Array) -> Array:
         (1.5 * square - 0.5) * q_0 - 1.5 * near,
         near * (2.5 * square - 1.5) * q_0 - (2.5 * square - 2.0 / 3.0),
     ]
-    away = jnp.where(far, z, 2.0 * _FAR)[..., None]
-    rule = 1.0 / (jnp.asarray(_NODES, z.dtype) - away) @ jnp.asarray(_RULE, z.dtype)
+    away, nodes = over_terms(jnp.where(far, z, 2.0 * _FAR), jnp.asarray(_NODES, z.dtype))
+    rule = 1.0 / (nodes - away) @ jnp.asarray(_RULE, z.dtype)
     return jnp.where(far[..., None], rule, -2.0 * jnp.stack(closed, axis=-1))
 
 
@@ -101,10 +101,15 @@ def _slope(coefficients: Array, knots: Array) -> Array:
     return jnp.stack([a_1 + a_3, 3.0 * a_2, 5.0 * a_3, jnp.zeros_like(a_3)], axis=-1) / half
 
 
+def _transformed(energy: Array, coefficients: Array, knots: Array) -> Array:
+    _, of_terms = over_terms(energy, coefficients)
+    return jnp.sum(_second_kind(energy, knots) * of_terms, axis=(-2, -1))
+
+
 @jax.custom_jvp
 def _principal_value(energy: Array, coefficients: Array, knots: Array) -> Array:
     """P int f(x) / (x - E) dx of the spline with these Legendre coefficients, (intervals, 4)."""
-    return jnp.sum(_second_kind(energy, knots) * coefficients, axis=(-2, -1))
+    return _transformed(energy, coefficients, knots)
 
 
 @_principal_value.defjvp
@@ -114,7 +119,7 @@ def _principal_value_jvp(primals, tangents):
     energy, coefficients, knots = primals
     d_energy, d_coefficients, _ = tangents
     by_energy = _principal_value(energy, _slope(coefficients, knots), knots)
-    by_coefficients = jnp.sum(_second_kind(energy, knots) * d_coefficients, axis=(-2, -1))
+    by_coefficients = _transformed(energy, d_coefficients, knots)
     return _principal_value(*primals), by_energy * d_energy + by_coefficients
 
 
@@ -182,7 +187,6 @@ class KramersKronigSpline(DispersionModel):
         re = _principal_value(energy, coefficients, at) + _principal_value(
             -energy, coefficients, at
         )
-        poles = self.poles_ev.astype(dtype)
-        distance = (poles - energy[..., None]) * (poles + energy[..., None])
-        tails = jnp.sum(self.pole_strengths_ev2.astype(dtype) / distance, axis=-1)
+        at_terms, strengths, poles = over_terms(energy, self.pole_strengths_ev2, self.poles_ev)
+        tails = jnp.sum(strengths / ((poles - at_terms) * (poles + at_terms)), axis=-1)
         return index_of_permittivity(self.eps_inf.astype(dtype) + re / jnp.pi + tails, im)

@@ -15,6 +15,7 @@ from ._spectral import (
     Index,
     check_lengths,
     index_of_permittivity,
+    over_terms,
     parameters_named,
     photon_energy_ev,
 )
@@ -23,13 +24,11 @@ from ._vectors import float_named
 
 def _lorentz(energy: Array, strengths: Array, resonances: Array, widths: Array):
     """Real and imaginary part of sum_j S_j / (E_j^2 - E^2 - i E G_j)."""
-    dtype, energy = energy.dtype, energy[..., None]
-    resonances = resonances.astype(dtype)
+    energy, strengths, resonances, widths = over_terms(energy, strengths, resonances, widths)
     # factored: the error of E_j - E is then only that of E itself
     distance = (resonances - energy) * (resonances + energy)
-    loss = energy * widths.astype(dtype)
-    strengths = strengths.astype(dtype)
-    if dtype == jnp.float32:
+    loss = energy * widths
+    if energy.dtype == jnp.float32:
         # In units of the larger part: the derivative of a quotient squares its divisor, which
         # leaves the range of float32 for X-rays and for radio waves.
         unit = jax.lax.stop_gradient(one_if_zero(jnp.maximum(jnp.abs(distance), loss)))
@@ -124,11 +123,9 @@ class BrendelBormann(DispersionModel):
         return index_of_permittivity(self.eps_inf.astype(re.dtype) + re + chi_re, im + chi_im)
 
     def _scattered(self, energy: Array):
-        dtype, energy = energy.dtype, energy[..., None]
-        strengths, resonances, widths, deviations = (
-            x.astype(dtype)
-            for x in (self.strengths_ev2, self.resonances_ev, self.widths_ev, self.deviations_ev)
-        )
+        fields = (self.strengths_ev2, self.resonances_ev, self.widths_ev, self.deviations_ev)
+        energy, strengths, resonances, widths, deviations = over_terms(energy, *fields)
+        dtype = energy.dtype
         a_re, a_im = complex_sqrt(energy * energy, energy * widths)
         per_width = 1.0 / (np.sqrt(2.0).astype(dtype) * deviations)
         below = faddeeva((a_re - resonances) * per_width, a_im * per_width)

@@ -96,6 +96,12 @@ def _evaluate_within(model: DispersionModel, wavelength: Array, low, high) -> In
     return Index(jnp.where(inside, eta, jnp.nan), jnp.where(inside, k, jnp.nan))
 
 
+def over_terms(x: Array, *parameters: Array) -> tuple[Array, ...]:
+    """x with a last axis for the terms of a sum, and the terms in its type and rank."""
+    leading = (1,) * x.ndim
+    return x[..., None], *(p.astype(x.dtype).reshape(leading + p.shape) for p in parameters)
+
+
 def index_of_permittivity(re: Array, im: Array) -> Index:
     """The index eta + ik = sqrt(re + i im), for im >= 0, each part without cancellation."""
     return Index(*complex_sqrt(re, im))

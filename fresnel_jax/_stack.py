@@ -90,7 +90,7 @@ def with_leading_axis(values: Any, name: str, least: int) -> Array:
             check_extinction(number.imag, f"the imaginary part of {name}")
     if isinstance(values, (list, tuple)):
         try:
-            values = jnp.stack(jnp.broadcast_arrays(*values)) if values else jnp.zeros((0,))
+            values = jnp.stack(jnp.broadcast_arrays(*values)) if values else jnp.full((0,), 0.0)
         except ValueError:
             shapes = ", ".join(str(jnp.shape(z)) for z in values)
             raise ValueError(
@@ -216,4 +216,4 @@ def stack(
         return z.reshape(z.shape[:1] + (1,) * (len(shape) - z.ndim + 1) + z.shape[1:])
 
     n, k, x, sigma = (None if z is None else layered(z) for z in layers)
-    return _jit_stack(c, n, k, x, wavelength, sigma, flags, shape)
+    return _jit_stack(c, n, k, x, layered(wavelength[None]), sigma, flags, shape)

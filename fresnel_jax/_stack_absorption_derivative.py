@@ -49,7 +49,7 @@ from ._stack_absorption import (
     product_in_thin,
 )
 from ._stack_coefficients import Change, Layers, Light, of_r
-from ._stack_coherent import ZERO, crossed
+from ._stack_coherent import ZERO, at, crossed
 from ._stack_fields import over_layers
 from ._stack_roughness import BoundaryChange
 
@@ -63,7 +63,7 @@ def _sent_back(
     rough: tuple[Pair, Pair] | None,
 ) -> Pair:
     """kappa of all that changes behind each layer, over f^2 and D of all that lies in front."""
-    change = of_r(layers, scaled(0.5, times(per, per)))
+    change = of_r(layers, at(None, scaled(0.5, times(per, per))))
     # As `gained`, whose divisions would make 4 % more operations of a gradient of R and A here.
     here = plus(times(change.q2, moved.q2), times(change.depth, moved.depth))
     if moved.g is not None:
@@ -169,7 +169,7 @@ def _of_itself(
     d_returned = plus(times(d_round_trip, layers.down), times(layers.wave.round_trip, d_down))
     bottom = plus(times(d_up, plus(front.a, zb)), times(d_returned, minus(front.a, zb)))
     bottom = plus(bottom, times(minus(layers.up, returned), times(front.b, dz)))
-    d_log = scaled(-0.5, times(times(bottom, per), inverse(layers.z)))
+    d_log = scaled(-0.5, times(times(bottom, at(None, per)), inverse(layers.z)))
     return jnp.where(layers.thin, inside.intensity * thin, far), d_log
 
 
@@ -215,6 +215,6 @@ def absorption_derivative(
     passed_on = d_log if rough is None else plus(d_log, rough[1].log)
     own = choose(layers.thin, d_log, d_log_waves)
     light = plus(_before(d_log_front, passed_on), own)
-    sent = 2.0 * conjugate_times(per, times(product, behind))[0]
+    sent = 2.0 * conjugate_times(at(None, per), times(product, behind))[0]
     passed = squared_modulus(front.f)
-    return 2.0 * absorbed * light[0] + passed * (squared_modulus(per) * d_integral + sent)
+    return 2.0 * absorbed * light[0] + passed * (squared_modulus(per)[None] * d_integral + sent)

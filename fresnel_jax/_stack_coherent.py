@@ -87,7 +87,7 @@ class Fields(NamedTuple):
 
 
 def at(i: Any, tree: Any) -> Any:
-    """The entries i of the leading axis of every array of a tree."""
+    """The entries i of the leading axis of every array of a tree; None: a new leading axis."""
     return jax.tree.map(lambda z: z[i], tree)
 
 
@@ -103,14 +103,18 @@ def ambient(c: Array, n: Array, k: Array | None) -> Ambient:
 
 
 def medium(n: Array, k: Array | None, n0: Array, k0: Array | None) -> Medium:
-    re, im = difference_of_squares(n, n0), None
+    """Media on the leading axis beside the ambient, whose index has no such axis."""
+    re, im = difference_of_squares(n, n0[None]), None
     if k is not None:
-        re = total(re, negative(difference_of_squares(k, jnp.zeros_like(k) if k0 is None else k0)))
+        k_front = jnp.zeros_like(k) if k0 is None else k0[None]
+        re = total(re, negative(difference_of_squares(k, k_front)))
         im = twice_product(n, k)
         if k0 is not None:
-            im = total(im, negative(twice_product(n0, k0)))
+            im = total(im, negative(at(None, twice_product(n0, k0))))
     n2, n02 = square((n, k)), square((n0, k0))
-    return Medium((re, im), n2, times(n2, inverse(n02)), times(n02, inverse(n2)))
+    return Medium(
+        (re, im), n2, times(n2, at(None, inverse(n02))), times(at(None, n02), inverse(n2))
+    )
 
 
 def normal_squared(here: Medium, front: Ambient) -> tuple[DoubleWord, DoubleWord | None]:

@@ -107,13 +107,13 @@ def _all(terms: Pair) -> Pair:
 
 def _lossy(front: Ambient, layers: Medium, x: DoubleWord):
     """`thin_layer` of the layers, and their `weights`."""
-    re, im = normal_squared(layers, front)
+    re, im = normal_squared(layers, at(None, front))
     if im is None:
         return None
-    n02 = square((front.n, front.k))
+    n02, transverse2 = at(None, (square((front.n, front.k)), front.transverse2))
     q2, kappa = (re[0], im[0]), (2.0 * jnp.pi) * x[0]
     thin = thin_layer(kappa, choose(is_thin(kappa, q2), q2, ZERO))
-    return thin, weights(im[0], layers.n2, n02, front.transverse2)
+    return thin, weights(im[0], layers.n2, n02, transverse2)
 
 
 @solve.defjvp
@@ -123,7 +123,8 @@ def _solve_jvp(shape, primals, tangents):
     solved, inside, ends = solve_fields(front, layers, far, q_far, x, rough, shape)
     behind, at_front, above = _from_the_front(front, layers, inside, rough, shape, x[0].shape[0])
 
-    (re, im), (d_re, d_im) = jax.jvp(normal_squared, (layers, front), (d_layers, d_front))
+    around, d_around = at(None, front), at(None, d_front)
+    (re, im), (d_re, d_im) = jax.jvp(normal_squared, (layers, around), (d_layers, d_around))
     d_q2 = (d_re[0], None if d_im is None else d_im[0])
     q2 = pair((re[0], None if im is None else im[0]))
     lossy, d_lossy = jax.jvp(_lossy, (front, layers, x), (d_front, d_layers, d_x))
@@ -171,17 +172,19 @@ def _solve_jvp(shape, primals, tangents):
         d_lost = None if solved.absorbed[p] is None else jnp.zeros_like(solved.absorbed[p])
         if inside is not None:
             layer = layers_of(inside.wave, q2, g, per_g, kappa, inside.u[p], inside.down[p])
+            q0_layers, per_layers = at(None, (front.q, per))
             moved = Change(d_q2, d_g, d_kappa)
             light = at_front[p]
             if of_all is None:
-                q0_f2 = times(front.q, times(times(light.f, per), times(light.f, per)))
+                f_per = times(light.f, per_layers)
+                q0_f2 = times(q0_layers, times(f_per, f_per))
                 dr = plus(dr, _all(gained(of_r(layer, _with_det(light, q0_f2)), moved)))
-            in_each = gained(of_through(layer, light.a, light.b, per), moved)
+            in_each = gained(of_through(layer, light.a, light.b, per_layers), moved)
             if rough is not None:
                 here, there = (at(slice(1, None), z[p]) for z in (rough, d_rough))
                 a, b, f, _ = above[p]
-                inner = boundary_change(here, there, (a, b), inside.beneath[p], per)
-                q0_f2 = scaled(2.0, times(front.q, times(f, f)))
+                inner = boundary_change(here, there, (a, b), inside.beneath[p], per_layers)
+                q0_f2 = scaled(2.0, times(q0_layers, times(f, f)))
                 dr = plus(dr, _all(times(_with_det(above[p], q0_f2), inner.sent)))
                 d_log, boundaries = plus(d_log, _all(inner.log)), (determinant(here), inner)
             if of_all is None:

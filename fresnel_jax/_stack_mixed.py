@@ -54,7 +54,7 @@ def _faces(seen: Packet, front: Ambient, inside: bool) -> list[_Face]:
         if inside and y[1] is not None:
             per = reciprocal_or_zero(squared_modulus(y))
             share = y[0] * y[0] * per
-            T, A = T * share, A * share
+            T, A = T * share, A * share[None]
             # Of unit light in the medium itself, 1 - R - T - sum(A); as the difference of what
             # crosses the boundary and of R, A beyond the critical angle was 8e8 eps off.
             own = y[1] * per * (y[1] * (1.0 - R) - 2.0 * y[0] * pair(r)[1])
@@ -119,7 +119,7 @@ def _one_polarization(
         down, R_next, returned = going_on[i]
         down = light * down
         up = down * P * P * R_next
-        films = light * fronts[i].absorption + up * backs[i].absorption[::-1]
+        films = light[None] * fronts[i].absorption + up[None] * backs[i].absorption[::-1]
         entered, light = light * fronts[i].T, down * P
         layer = down * gone * (1.0 + P * R_next) + up * backs[i].own + light * fronts[i + 1].own
         # Evanescent light meets an R far above 1 at a film that guides a mode, and what it loses in
@@ -128,7 +128,7 @@ def _one_polarization(
         left = light * _crossing(fronts[i + 1]) + up * _crossing(backs[i])
         layer = jnp.where(left < 0.5 * entered, entered - (left - light * returned), layer)
         absorptions += [films, layer[None]]
-    absorptions.append(light * fronts[-1].absorption)
+    absorptions.append(light[None] * fronts[-1].absorption)
     return R, light * fronts[-1].T, absorptions
 
 
@@ -146,7 +146,7 @@ def mixed(
     fronts, backs, passages, together = [], [], [], []
     # Of all media from the first one: formed from Q^2 of an incoherent layer, Q_0^2 next to grazing
     # incidence had derivatives that cancel (6e5 eps in those of T).
-    q2 = normal_squared(medium(n, k, n[0], None if k is None else k[0]), front)
+    q2 = normal_squared(medium(n, k, n[0], None if k is None else k[0]), at(None, front))
     ambients = [front]
     for i in edges[1:-1]:
         q2_i = at(i, q2)

@@ -75,7 +75,7 @@ def _rough(roughness: Array, front: Ambient, layers: Medium, far: Medium, q_far:
 
     ends = [jax.tree.map(lambda z: z[None], pair(z)) for z in (front.q, q_far, far.g)]
     one = (jnp.ones_like(ends[0][0]), jnp.zeros_like(ends[0][0]))
-    q_layers = decaying_root(*normal_squared(layers, front))
+    q_layers = decaying_root(*normal_squared(layers, at(None, front)))
     q = jax.tree.map(joined, ends[0], q_layers, ends[1])
     g = jax.tree.map(joined, one, pair(layers.g), ends[2])
     return boundary_factors(roughness, q, g)
@@ -131,5 +131,5 @@ def _packet(solved: Solved, front: Ambient, far: Medium, q_far: Pair, shape) -> 
         R.append(jnp.where(matched, 0.0, solved.R[i]))
         T.append(jnp.where(matched, 1.0, _transmitted(gain * flux_out[i], through)))
         lost = solved.absorbed[i]
-        absorption.append(jnp.zeros((0, *shape), R[i].dtype) if lost is None else gain * lost)
+        absorption.append(jnp.zeros((0, *shape), R[i].dtype) if lost is None else gain[None] * lost)
     return Packet(list(solved.r), t, R, T, (absorption[0], absorption[1]))

@@ -104,7 +104,7 @@ def _exact_at(cosines: np.ndarray, eta, k, eta_i):
     """The cosines on a new leading axis, and the exact R at them."""
     eta, k, eta_i = jnp.broadcast_arrays(eta, k, eta_i)
     leading = jnp.asarray(cosines, eta.dtype).reshape(-1, *[1] * eta.ndim)
-    return leading, reflectance(leading, eta, k, eta_i)
+    return leading, reflectance(leading, *(x[None] for x in (eta, k, eta_i)))
 
 
 @looked_at
@@ -152,7 +152,7 @@ def lazanyi_szirmay_kalos(
     shape = nodes * (1.0 - nodes) ** 6
     cosines, exact = _exact_at(nodes, eta, k, eta_i)
     moments = weights * shape / np.sum(weights * shape * shape)
-    excess = _schlick(cosines, R_0) - exact
+    excess = _schlick(cosines, R_0[None]) - exact
     coefficient = jnp.tensordot(jnp.asarray(moments, c.dtype), excess, 1)
     return _with_correction(within_one(c), R_0, coefficient)
 

@@ -128,7 +128,8 @@ def _jit_looyenga(eta, k, fraction):
 
 @jax.jit
 def _jit_linear(eta, k, fraction):
-    return _index((fraction * _permittivity(eta, k)).sum(0))
+    permittivity = _permittivity(eta, k)
+    return _index((fraction.astype(permittivity.dtype) * permittivity).sum(0))
 
 
 def bruggeman(eta: ArrayLike, k: ArrayLike, fraction: ArrayLike) -> Index:

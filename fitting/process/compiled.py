@@ -1,11 +1,12 @@
-"""`jax.jit` with the compiler options that suit the programs of this package on a CPU."""
+"""`jax.jit` and jax's settings as the programs of this package need them."""
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import threading
 from collections import defaultdict
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator
 from typing import Any
 
 import jax
@@ -46,6 +47,21 @@ def _known_options() -> dict[str, Any]:
                 raise
             del known[unknown[0]]
     return known
+
+
+@contextlib.contextmanager
+def fit_settings() -> Iterator[None]:
+    """Set what this package's programs are traced and run with: float64, promotion as NumPy has it.
+
+    The caller's switches are for the caller's code (`own_residuals` hands them on). They belong to
+    a thread, so the setting stands where a program is called, not where a fit begins.
+    """
+    with (
+        jax.enable_x64(True),
+        jax.numpy_rank_promotion("allow"),
+        jax.numpy_dtype_promotion("standard"),
+    ):
+        yield
 
 
 def compiled(function: Callable, static: tuple[str, ...]) -> Callable:
