@@ -17,7 +17,7 @@ from fitting.outcomes.outcome import fit_of
 from fitting.problem.observations import Observations
 from fitting.problem.problem import Targets, targets_of, with_slopes
 from fitting.problem.unknowns import Unknowns, unknown_of
-from fitting.process.compiled import compiled
+from fitting.process.compiled import compiled, in_float64
 from fitting.results.result import Fit
 from fitting.samples.parameters import (
     LOG,
@@ -69,7 +69,7 @@ _own_linearised = compiled(_linearised, ("spec",))
 
 def own_slopes(spec: OwnSpec, targets: Targets, y: np.ndarray) -> Slopes:
     """Return residuals and derivatives with respect to the solver's coordinates y (p,)."""
-    with jax.enable_x64(True):
+    with in_float64(own_function=True):
         value, slope = (np.asarray(a) for a in _own_linearised(targets, y, spec=spec))
     return Slopes(
         seen=value[None], residual=value, jacobian=slope, row=np.arange(len(value)),

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import jax
 import numpy as np
 
 from fitting.measurements.measurement import Measurement
@@ -15,6 +14,7 @@ from fitting.problem.observations import observations
 from fitting.problem.points import points_of
 from fitting.problem.problem import shown
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
+from fitting.process.compiled import in_float64
 from fitting.samples.parameters import settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_points, check_quantities
@@ -166,6 +166,6 @@ def simulate(
     values = np.concatenate([[w.low for w in u.moving], u.held])
     spec = u.spec._replace(moving=(), coordinates=(), held=names)
     outside = index_outside(which, seen.points.wavelength_um)
-    with jax.enable_x64(True):
+    with in_float64():
         found = np.asarray(shown(seen.points, values, outside, spec=spec))
     return at_data(seen, found)

@@ -7,7 +7,6 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jax import Array
 
@@ -17,7 +16,7 @@ from fitting.bare_surface.engine import BLOCK, JOB, LANES, Steps, solve
 from fitting.bare_surface.mesh import node_curves
 from fitting.bare_surface.reflectances import SIDE_BY_SIDE, Curves
 from fitting.problem.solver import START_DAMPING
-from fitting.process.compiled import compiled
+from fitting.process.compiled import compiled, in_float64
 from fitting.process.side_by_side import PROCESSORS
 
 # Curves of a call. Up to 16 go in two calls for a few; that program serves every file. Up to
@@ -103,7 +102,7 @@ def _call(data: Data, start: np.ndarray, steps: Steps, size: int) -> np.ndarray:
     part = part.padded(size, wide)
     begin = np.ones((len(start), size))
     begin[:, :here] = start
-    with jax.enable_x64(True):
+    with in_float64():
         return np.asarray(solve(
             part.cos_theta, part.s_share, part.values, part.weights, begin,
             np.array([here, *steps]), _nodes(part), channels=part.channels, mesh=data.mesh,

@@ -15,7 +15,7 @@ from fitting.bare_surface.estimate import K_MIN
 from fitting.bare_surface.reflectances import CHANNELS, reflectances
 from fitting.measurements.measurement import Measurement
 from fitting.problem.evaluation import measured_places
-from fitting.process.compiled import compiled
+from fitting.process.compiled import compiled, in_float64
 from fitting.residuals.noise import misfit, rounding
 from fitting.residuals.smooth_misfit import smooth_functions, smooth_misfit
 from fitting.results.result_parts import IndexBand, Prediction
@@ -159,7 +159,7 @@ class SurfaceCurves(NamedTuple):
         at, angle, share = (
             np.pad(a, (0, -points % _MULTIPLE), mode="edge") for a in (curve, angle_deg, s_share)
         )
-        with jax.enable_x64(True):
+        with in_float64():
             out = np.asarray(_with_slopes(
                 np.cos(np.radians(angle)), share, self.eta[at],
                 np.maximum(self.k[at], K_MIN) ** 2, np.float64(self.eta_i),

@@ -10,14 +10,13 @@ def reference_index(name: str, wavelength_um: np.ndarray) -> tuple[np.ndarray, .
 
     Raises ValueError for a name that `fresnel_jax.materials` does not have.
     """
-    import jax
-
+    from fitting.process.compiled import in_float64
     from fresnel_jax.dispersion import material
 
     found = material(name)
     low, high = found.range_um or (0.0, np.inf)
     inside = wavelength_um[(wavelength_um >= low) & (wavelength_um <= high)]
-    with jax.enable_x64(True):
+    with in_float64():
         eta, k = (np.asarray(a) for a in found(inside)) if len(inside) else (inside, inside)
     return inside, eta, k
 

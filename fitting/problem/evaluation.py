@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
 from fitting.measurements.measurement import Measurement
@@ -16,6 +15,7 @@ from fitting.problem.observations import Observations, ncs_directions, observati
 from fitting.problem.points import numbers, points_of
 from fitting.problem.problem import Targets, index_slopes
 from fitting.problem.unknowns import Unknowns, index_outside
+from fitting.process.compiled import in_float64
 from fitting.results.result_parts import Evaluator, IndexBand, Prediction
 from fitting.samples.sample import FREE, Sample
 from fitting.samples.sample_checks import check_known
@@ -259,7 +259,7 @@ def _index_band(at: Evaluated, wavelength_um: Any, medium: int) -> IndexBand:
     count = len(wavelength)
     full = np.pad(wavelength, (0, padded(count) - count), mode="edge")
     u, outside = at.unknowns, index_outside(at.sample, full[:, None])
-    with jax.enable_x64(True):
+    with in_float64():
 
         def index(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             found = index_slopes(y, u.held, full, outside, spec=u.spec, medium=medium)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import jax
 import numpy as np
 
 from fitting.optics.observe import Spec
 from fitting.problem.problem import Targets, linearised, without_data
 from fitting.problem.programs_in_parts import Parts, filled, in_parts
 from fitting.problem.row_blocks import ROWS, SLOTS, Blocks
+from fitting.process.compiled import in_float64
 
 
 class Shown:
@@ -16,12 +16,12 @@ class Shown:
 
     def __init__(self, spec: Spec, targets: Targets):
         self.spec, self.targets = spec, without_data(targets)
-        with jax.enable_x64(True):
+        with in_float64():
             self.parts = Parts(spec, self.targets) if in_parts(spec, targets) else None
 
     def __call__(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what each channel shows at y (p,), (K, M), and its derivatives, (K, M, p)."""
-        with jax.enable_x64(True):
+        with in_float64():
             if self.parts is None:
                 value, slope = linearised(self.targets, y, spec=self.spec)
                 return np.asarray(value), np.asarray(slope)

@@ -43,7 +43,7 @@ from fitting.problem.problem import (
 )
 from fitting.problem.row_blocks import ROWS, SLOTS, Blocks, blocks_of, can_be_cut
 from fitting.problem.solver import FEW_UNKNOWNS, BatchState, packed
-from fitting.process.compiled import compiled, in_turn
+from fitting.process.compiled import compiled, in_float64, in_turn
 from fitting.process.side_by_side import shares, side_by_side
 
 # Unknowns are filled up to one of these numbers, and from the last one on to a multiple of 4.
@@ -221,7 +221,7 @@ def solved_in_parts(
 
     def piece(pick: np.ndarray) -> tuple[np.ndarray, ...]:
         own = Bounds(*(np.asarray(a)[..., pick] for a in bounds))
-        with jax.enable_x64(True):
+        with in_float64():
             return _solved(parts, start[:, pick], damping[pick], own, max_steps)
 
     found = side_by_side(piece, pieces)

@@ -7,7 +7,6 @@ import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
 from fitting.measurements.measurement import Measurement
@@ -16,6 +15,7 @@ from fitting.optics.averages import largest, with_places, within_slit
 from fitting.optics.instrument import INSTRUMENT, PER_CURVE, instrument_parameter
 from fitting.optics.observe import Media, Spec
 from fitting.problem.observations import Observations
+from fitting.process.compiled import in_float64
 from fitting.samples.dispersion import Model, absent, wider
 from fitting.samples.known_media import Known, MaterialFile, Mixture, known_medium
 from fitting.samples.parameters import LOG, Parameter, Settings, Unknown, check_tie
@@ -50,7 +50,7 @@ def index_outside(sample: Sample, wavelength_um: Any) -> Any:
     index = sample.media[0].index
     if isinstance(index, complex):
         return np.float64(index.real)
-    with jax.enable_x64(True):  # otherwise the wavelengths and the index would be float32
+    with in_float64():  # otherwise the wavelengths and the index would be float32
         return np.asarray(known_medium(index)(np.asarray(wavelength_um)).eta)  # type: ignore
 
 

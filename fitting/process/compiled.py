@@ -1,11 +1,14 @@
-"""`jax.jit` with the compiler options that suit the programs of this package on a CPU."""
+"""How the programs of this package are compiled and run, whatever the caller has set in jax."""
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import os
+import sys
 import threading
 from collections import defaultdict
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator
 from typing import Any
 
 import jax
@@ -18,6 +21,46 @@ from jax import Array
 # be a tenth faster, but their programs can be wrong: with jaxlib 0.10.2 the derivative program of a
 # film (psi, Delta and a free angle offset) returns cos 2psi off by 2.7.
 _OPTIONS = {"xla_cpu_use_fusion_emitters": False}
+
+# Whether jax had run in the process from which this one was forked: a fork copies no threads but
+# the one that called it, and the first program would wait for those of XLA without end.
+_threads_left_behind = False
+
+
+def _after_fork() -> None:
+    global _threads_left_behind
+    # jax has no public name for it that does not start its threads, or take a lock of the parent.
+    running = getattr(sys.modules.get("jax._src.xla_bridge"), "_backends", ())
+    _threads_left_behind = _threads_left_behind or bool(running)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
+
+
+@contextlib.contextmanager
+def in_float64(*, own_function: bool = False) -> Iterator[None]:
+    """Compute in float64, without the switches by which callers debug functions of their own.
+
+    A lane of a fit may become NaN or infinite (it is then left), and arrays of numpy go into every
+    program: `jax_debug_nans`, `jax_debug_infs` and `jax_transfer_guard` would end each fit.
+
+    own_function: whether a function of the caller runs, for which NaN and infinity are reported as
+        the caller has set it.
+    Raises RuntimeError in a process forked from one in which jax had run.
+    """
+    if _threads_left_behind:
+        raise RuntimeError(
+            "this process was forked from one in which jax had run, and would wait without end for "
+            "threads of jax that a fork does not copy. Start it in another way: "
+            'multiprocessing.get_context("spawn"), or joblib or Dask as they are by default; see '
+            "docs/howto/processes.md."
+        )
+    with jax.enable_x64(True), jax.transfer_guard("allow"), contextlib.ExitStack() as switches:
+        if not own_function:
+            switches.enter_context(jax.debug_nans(False))
+            switches.enter_context(jax.debug_infs(False))
+        yield
 
 
 def compiled(function: Callable, static: tuple[str, ...]) -> Callable:

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from fitting.process.compiled import in_float64
 from fitting.samples.dispersion import KINDS, Model
 from fitting.samples.material_files import is_material_file, read_material
 from fresnel_jax import effective_medium, materials
@@ -104,7 +105,7 @@ def known_medium(which: Known) -> Material:
     It is cached, so it must not depend on where it is first used: outside of `jax.enable_x64` its
     tables would be float32 in every later fit, inside a traced function they would be tracers.
     """
-    with jax.ensure_compile_time_eval(), jax.enable_x64(True):
+    with jax.ensure_compile_time_eval(), in_float64():
         return read_material(which.path) if isinstance(which, MaterialFile) else material(which)
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import jax
 import numpy as np
 
 from fitting.optics.observe import NCS, Spec, medium_index
 from fitting.problem.model_at import index_in_parts
-from fitting.process.compiled import compiled
+from fitting.process.compiled import compiled, in_float64
 from fitting.samples.parameters import Unknown, from_parameter, start_range, value_and_slope
 from fitting.searching.fringes import likely_thicknesses, phase_rate
 from fitting.searching.starts import LANES
@@ -88,7 +87,7 @@ def _curves(seen: Observations) -> tuple[np.ndarray, np.ndarray]:
 def film_index(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
     """Return eta and k of a film in every lane of y (p, L), (2, M, L)."""
     spec, medium = fit.u.spec, film.medium
-    with jax.enable_x64(True):
+    with in_float64():
         if fit.shown.parts is not None:
             return index_in_parts(fit.shown.parts, y, medium)
         whole = np.pad(y, ((0, 0), (0, -y.shape[1] % LANES)), "edge")  # one program for all

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
 from fitting.optics.observe import Spec
 from fitting.problem.problem import Bounds, Targets
 from fitting.problem.programs_in_parts import in_parts, solved_in_parts
 from fitting.problem.solver import START_DAMPING
+from fitting.process.compiled import in_float64
 from fitting.process.progress import tell
 from fitting.samples.parameters import LOG, SQUARE, Unknown, from_parameter, plain_name, start_range
 
@@ -164,7 +164,7 @@ def _stage(
     spec: Spec, targets: Targets, y: np.ndarray, damping: np.ndarray, bounds: Bounds, steps: int
 ) -> tuple[Ends, np.ndarray]:
     """Return where the lanes are after at most ``steps`` evaluations, and their damping."""
-    with jax.enable_x64(True):
+    with in_float64():
         out = solved_in_parts(targets, y, damping, bounds, np.int64(steps), spec=spec)
         y, cost, done, evaluations, damping = (np.array(a) for a in out)
     tell()
