@@ -17,7 +17,7 @@ _WORDS = (
 )  # fmt: skip
 
 
-# Letters of a message. The names of a thousand columns are a thousand times 80 letters.
+# Letters of a message: a cell of it may have as many as the file.
 _LONGEST = 1500
 
 
