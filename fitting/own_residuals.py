@@ -78,7 +78,7 @@ _own_linearised = compiled(_linearised, ("spec",))
 
 def own_slopes(spec: OwnSpec, targets: Targets, y: np.ndarray) -> Slopes:
     """Return residuals and derivatives with respect to the solver's coordinates y (p,)."""
-    with fit_settings():
+    with fit_settings(own_function=True):
         value, slope = (np.asarray(a) for a in _own_linearised(targets, y, spec=spec))
     return Slopes(
         seen=value[None], residual=value, jacobian=slope, row=np.arange(len(value)),

@@ -10,6 +10,7 @@ from command import nothing_in, own_cache, refused  # noqa: F401 (a fixture)
 from simulated import GOLD
 
 from fitting.command import cli
+from fitting.output.as_data import json_object
 
 
 @pytest.fixture
@@ -56,9 +57,9 @@ def test_a_device_is_not_replaced(capsys, no_fit):
 def test_the_measurement_is_not_overwritten(capsys, tmp_path, no_fit):
     data = tmp_path / "gold.csv"
     data.write_bytes(GOLD.read_bytes())
-    assert "measurement itself" in refused(capsys, data, "--csv", data)
+    assert "a file that this fit reads" in refused(capsys, data, "--csv", data)
     (tmp_path / "link.csv").symlink_to(data)
-    assert "measurement itself" in refused(capsys, data, "--csv", tmp_path / "link.csv")
+    assert "a file that this fit reads" in refused(capsys, data, "--csv", tmp_path / "link.csv")
     assert data.read_bytes() == GOLD.read_bytes()
 
 
@@ -79,7 +80,8 @@ def test_missing_matplotlib(capsys, tmp_path, no_fit, monkeypatch):
 
 @pytest.mark.parametrize("error", [RuntimeError("defect"), OSError(28, "No space left on device")])
 def test_results_are_written_whole_or_not_at_all(capsys, tmp_path, monkeypatch, error):
-    (tmp_path / "gold.json").write_text("old")
+    old = json_object({"status": "old"})
+    (tmp_path / "gold.json").write_text(old)
 
     def fail(figure, path, *_):
         path.write_text("half")
@@ -94,13 +96,13 @@ def test_results_are_written_whole_or_not_at_all(capsys, tmp_path, monkeypatch, 
     else:  # a defect of ours is not dressed up as a mistake of the user
         with pytest.raises(RuntimeError, match="defect"):
             cli.main(arguments)
-    assert (tmp_path / "gold.json").read_text() == "old"
+    assert (tmp_path / "gold.json").read_text() == old
     assert nothing_in(tmp_path, "gold.json")
 
 
 def test_a_result_replaces_an_older_one_and_keeps_its_permissions(tmp_path):
     old = tmp_path / "gold.json"
-    old.write_text("old")
+    old.write_text(json_object({"status": "old"}))
     old.chmod(0o640)
     (tmp_path / "link.json").symlink_to(old)
     assert cli.main([str(GOLD), "--quiet", "--json", str(tmp_path / "link.json")]) == 0

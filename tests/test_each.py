@@ -30,7 +30,7 @@ def each():
 
 def table(text, mark=","):
     first, *rest = text.splitlines()
-    assert first == EACH_MARK
+    assert first == f"# {EACH_MARK}"
     return list(csv.DictReader(rest, delimiter=mark))
 
 
@@ -61,6 +61,36 @@ def test_csv_holds_what_was_found_to_the_last_bit(each, decimal, mark):
     assert [number(r["wavelength_um"]) for r in rows[3:]] == [0.5, 0.6, 0.7]
     assert [number(r["k"]) for r in rows[3:]] == each[3].fit.k.tolist()
     assert number(rows[2]["k_upper_limit"]) == each[2].fit.parameters["k"].upper_limit
+
+
+NAMES = [
+    '"quote.csv',
+    "a,b;c.csv",
+    "=1+1.csv",
+    "+1.csv",
+    "-1.csv",
+    "@a.csv",
+    "\uff1d1.csv",
+    "d.csv",
+]
+
+
+@pytest.mark.parametrize(("decimal", "mark"), [(".", ","), (",", ";")])
+def test_names_stay_in_their_cells_and_are_no_formulas(decimal, mark):
+    rows = table(
+        rows_csv([OfFile(n, None, f"{n}: no, 1; 2 'x' \"y\"") for n in NAMES], decimal), mark
+    )
+    assert [row["status"] for row in rows] == ["refused"] * len(NAMES)
+    for row, name in zip(rows, NAMES, strict=True):
+        quoted = "'" * (name[0] in "=+-@\uff1d") + name
+        assert row["file"] == quoted and row["message"] == f"{quoted}: no, 1; 2 'x' \"y\""
+
+
+def test_an_error_of_another_file_is_named_after_the_measurement(tmp_path, capsys):
+    (tmp_path / "nul").write_text(GLASS)
+    (tmp_path / "null").write_text("")
+    assert cli.main(["--each", str(tmp_path / "nul"), "--divide-by", str(tmp_path / "null")]) == 2
+    assert f"fresnel-fit: {tmp_path / 'nul'}: null: no row" in capsys.readouterr().err
 
 
 def test_a_model_of_a_whole_spectrum_is_one_row_without_a_wavelength():
@@ -128,7 +158,7 @@ def test_of_good_files_the_status_is_0(tmp_path, capsys):
         (["--each", "a.csv", "--report", "out"], "--report shows a single fit"),
         (["--each", "a.csv", "--sample", "unobtainium"], "unobtainium"),
         (["--each", "a.csv", "--bound", "eta"], "eta=1.4..1.6"),
-        (["--each", "a.csv", "--csv", "a.csv"], "is the measurement itself"),
+        (["--each", "a.csv", "--csv", "a.csv"], "is a file that this fit reads"),
         (["--each", "a.csv", "./a.csv"], "the same file"),
     ],
 )

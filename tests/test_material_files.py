@@ -159,7 +159,7 @@ def test_written_index_is_read_again(tmp_path):
     found = read_material(paths[0])
     assert found.range_um == (0.5, 0.7)
     assert [float(x) for x in found(0.5)] == [2.1, 1e-5]
-    lines = paths[1].read_text().splitlines()
+    _, *lines = paths[1].read_text().splitlines()
     assert lines[0] == "wavelength_um,n,k,sigma_n,sigma_k"
     assert lines[1:] == ["0.5,2.1,1e-05,0.02,nan", "0.7,2.05,0,0.01,nan"]
     # and by the CSV reader too

@@ -123,6 +123,6 @@ def test_thickness_and_results_are_checked(plate, spectrum, capsys):
         error = capsys.readouterr().err
         assert "thickness" in error or "is not an index" in error
     assert cli.main([*spectrum, "--sample", "cauchy", "--json", spectrum[1]]) == 2
-    assert "the measurement itself" in capsys.readouterr().err
+    assert "a file that this fit reads" in capsys.readouterr().err
     assert cli.main([plate, "--sample", "cauchy"]) == 2  # T of a plate is that of two faces
     assert "cannot be fitted with one bare surface" in capsys.readouterr().err

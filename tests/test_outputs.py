@@ -9,10 +9,13 @@ from pathlib import Path
 
 import pytest
 
+from fitting import Measurement, fit
 from fitting.command import cli
 from fitting.output import outputs
-from fitting.output.as_data import INDEX_MARK
+from fitting.output.as_data import index_csv
+from fitting.output.each_file import OfFile, rows_csv, rows_json
 from fitting.output.outputs import MARK, OutputError, Outputs, refuse_repeats
+from fitting.output.style import save
 
 ROOT = Path(__file__).resolve().parents[1]
 SPECTRUM = "wavelength_nm,R\n400,0.3\n500,0.4\n"
@@ -40,28 +43,98 @@ def test_a_result_whose_name_is_derived_replaces_no_measurement(tmp_path, capsys
     for files in (["x.index.csv"], ["other.csv", "x.index.csv"]):
         paths = [tmp_path / file for file in files]
         said = refused(capsys, *paths, "--csv", tmp_path / "x.csv")
-        assert "x.index.csv is the measurement itself" in said
+        assert "x.index.csv is a file that this fit reads" in said
     assert contents(tmp_path) == before
 
 
-def test_a_result_whose_name_is_derived_replaces_no_stranger(tmp_path, capsys):
-    """A named file is replaced, since it was asked for; `x.index.csv` was not."""
-    files = tmp_path / "s.csv", "--quiet", "--csv", tmp_path / "x.csv"
+@pytest.mark.parametrize("name", ["x.csv", "x.index.csv", "x.json", "x.svg", "x.yml"])
+def test_a_result_replaces_no_file_that_no_fit_wrote(tmp_path, capsys, name):
+    """A measurement may be named after --csv or --json by mistake."""
     (tmp_path / "s.csv").write_text(SPECTRUM)
-    (tmp_path / "x.csv").write_text("named\n")
-    (tmp_path / "x.index.csv").write_text("a stranger's\n")
+    (tmp_path / name).write_text(SPECTRUM)
     before = contents(tmp_path)
-    said = refused(capsys, *files)
-    assert (
-        "x.index.csv: the file exists and was not written by a fit" in said
-        and "--overwrite" in said
-    )
+    suffix = Path(name).suffix
+    flag = {".svg": "--plot", ".yml": "--material"}.get(suffix, f"--{suffix[1:]}")
+    said = refused(capsys, tmp_path / "s.csv", flag, tmp_path / name.replace(".index", ""))
+    assert f"{name}: the file exists and was not written by a fit" in said
+    assert "--overwrite" in said
     assert contents(tmp_path) == before
-    with Outputs() as outputs:
-        outputs.open(tmp_path / "x.index.csv").write_text(INDEX_MARK + "\n...")
+    with Outputs(overwrite=True) as outputs:
+        outputs.open(tmp_path / name).write_text("new")
         outputs.publish()
-    with Outputs() as outputs:  # a fit's own is replaced
-        outputs.open(tmp_path / "x.index.csv", only_over=INDEX_MARK)
+    assert contents(tmp_path)[name] == "new"
+
+
+MATERIAL = "wavelength_um,n,k\n0.3,1.5,0\n0.6,1.5,0\n"
+
+
+@pytest.mark.parametrize("sample", [
+    "air | film.csv 10 nm | Si", "film.csv | free", "1.0 or film.csv",
+    "air | bruggeman(SiO2, film.csv 30 %) 10..20 nm | Si",
+])  # fmt: skip
+@pytest.mark.parametrize("option", ["--sample", "--ratio-to"])
+@pytest.mark.parametrize("out", [
+    ("--csv", "film.csv"), ("--json", "./film.csv"), ("--plot", "link.svg"), ("--report", "."),
+    ("--each", "--json", "film.csv"),
+])  # fmt: skip
+def test_materials_are_not_overwritten(tmp_path, capsys, monkeypatch, sample, option, out):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "s.csv").write_text(SPECTRUM)
+    (tmp_path / "film.csv").write_text(MATERIAL)
+    names = {"--plot": "link.svg", "--report": "data.csv"}
+    if out[0] in names:
+        os.link("film.csv", names[out[0]])
+    if option == "--ratio-to":
+        sample = "film.csv"
+    before = contents(tmp_path)
+    said = refused(capsys, "s.csv", option, sample, *out, "--overwrite")
+    assert "is a file that this fit reads" in said
+    assert contents(tmp_path) == before
+
+
+def test_a_scan_to_divide_by_is_not_overwritten(tmp_path, capsys):
+    (tmp_path / "s.csv").write_text(SPECTRUM)
+    (tmp_path / "beam.csv").write_text(SPECTRUM)
+    files = (tmp_path / "s.csv", "--divide-by", tmp_path / "beam.csv", "--scale", "1")
+    said = refused(capsys, *files, "--csv", tmp_path / "beam.csv", "--overwrite")
+    assert "is a file that this fit reads" in said
+
+
+def test_what_every_kind_of_result_begins_with_is_recognized(tmp_path):
+    pytest.importorskip("matplotlib")
+    m = Measurement.from_columns([30.0, 45.0, 60.0], 0.5, R_s=[0.06, 0.09, 0.18])
+    found = fit(m)
+    found.report(tmp_path / "r")
+    texts = [index_csv(found), rows_csv([OfFile("a.csv", found)]), rows_json([])]
+    for i, text in enumerate(texts):
+        (tmp_path / "r" / str(i)).write_text(text)
+    for ending in ("svg", "pdf"):
+        save(found.plot(), tmp_path / "r" / f"p.{ending}")
+    found.write_material(tmp_path / "r" / "m.yml")
+    files = [path for path in (tmp_path / "r").iterdir() if path.name != MARK]
+    assert len(files) == 11
+    assert [path.name for path in files if not outputs.begins(path)] == []
+    for text in (SPECTRUM, "", "{}", f"angle,R\n# {outputs.WRITTEN_BY}\n", "REFERENCES: |\n    X"):
+        (tmp_path / "other").write_text(text)
+        assert not outputs.begins(tmp_path / "other")
+
+
+def test_in_python_a_material_is_not_overwritten_either(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    pytest.importorskip("yaml")
+    (tmp_path / "film.yml").write_text("mine")
+    m = Measurement.from_columns([30.0, 45.0, 60.0], 0.5, R_s=[0.06, 0.09, 0.18])
+    found = fit(m)
+    with pytest.raises(OutputError, match="was not written by a fit.*overwrite=True"):
+        found.write_material("film.yml")
+    found.write_material("film.yml", overwrite=True)
+    assert outputs.begins("film.yml")
+    (tmp_path / "glass.csv").write_text(MATERIAL)
+    os.link("glass.csv", "glass.yml")
+    found = fit(m, "glass.csv | free")
+    with pytest.raises(OutputError, match="is a file that this fit reads"):
+        found.write_material("glass.yml", overwrite=True)
+    assert (tmp_path / "glass.csv").read_text() == MATERIAL
 
 
 def test_a_report_replaces_no_measurement(tmp_path, capsys):
@@ -71,7 +144,9 @@ def test_a_report_replaces_no_measurement(tmp_path, capsys):
     before = contents(tmp_path)
     files = (tmp_path / "a.csv", tmp_path / "data.csv")
     assert "--overwrite" in refused(capsys, *files, "--report", tmp_path)
-    assert "measurement itself" in refused(capsys, *files, "--report", tmp_path, "--overwrite")
+    assert "a file that this fit reads" in refused(
+        capsys, *files, "--report", tmp_path, "--overwrite"
+    )
     assert contents(tmp_path) == before
 
 
@@ -81,7 +156,7 @@ def test_a_measurement_is_known_by_any_name(tmp_path, capsys, link):
     (tmp_path / "b.csv").write_text(SPECTRUM)
     link(tmp_path / "b.csv", tmp_path / "c.json")
     said = refused(capsys, tmp_path / "a.csv", tmp_path / "b.csv", "--json", tmp_path / "c.json")
-    assert "measurement itself" in said
+    assert "a file that this fit reads" in said
     assert (tmp_path / "b.csv").read_text() == SPECTRUM
 
 
@@ -96,7 +171,7 @@ def test_a_measurement_on_standard_input_is_known_too(tmp_path):
             [sys.executable, "-c", code, str(tmp_path / "a.csv")],
             stdin=file, capture_output=True, text=True, cwd=ROOT,
         )  # fmt: skip
-    assert "measurement itself" in done.stderr
+    assert "a file that this fit reads" in done.stderr
 
 
 def test_one_measurement_given_twice_is_refused(tmp_path, capsys):
@@ -106,10 +181,13 @@ def test_one_measurement_given_twice_is_refused(tmp_path, capsys):
     refuse_repeats(["-", str(tmp_path / "a.csv"), str(tmp_path / "none.csv")])
 
 
+NEW = f"# a table, {outputs.WRITTEN_BY}\n"
+
+
 def publish(folder, **options):
-    with Outputs() as staged:
-        place = staged.folder(folder, flag="--report", **options)
-        staged.open(place / "fit.json").write_text("new")
+    with Outputs(**options) as staged:
+        place = staged.folder(folder, flag="--report")
+        staged.open(place / "fit.json").write_text(NEW)
         staged.publish()
 
 
@@ -120,14 +198,14 @@ def test_a_report_goes_into_a_new_an_empty_or_its_own_folder(tmp_path):
     (strange / "fit.json").write_text("a stranger's")
     for folder in (empty, own, own):
         publish(folder)
-        assert contents(folder) == {"fit.json": "new", MARK: ""}
+        assert contents(folder) == {"fit.json": NEW, MARK: ""}
     with pytest.raises(
         OutputError, match=r"--report .*other than .* report \(fit.json\).*--overwrite"
     ):
         publish(strange)
     assert contents(strange) == {"fit.json": "a stranger's"}
     publish(strange, overwrite=True)
-    assert contents(strange) == {"fit.json": "new"}
+    assert contents(strange) == {"fit.json": NEW}
     with pytest.raises(OutputError, match="other than those of a report"):
         publish(strange)  # it is still a stranger's
 
@@ -174,7 +252,7 @@ def test_a_folder_that_a_killed_run_made_is_empty_again(tmp_path):
     (tmp_path / "r").mkdir()
     (tmp_path / "r" / (".fresnel-fit-" + "0" * 16 + ".part")).write_text("half")
     publish(tmp_path / "r")
-    assert contents(tmp_path / "r") == {"fit.json": "new", MARK: ""}
+    assert contents(tmp_path / "r") == {"fit.json": NEW, MARK: ""}
 
 
 _WRITER = """
@@ -184,7 +262,7 @@ from fitting.output.outputs import Outputs
 
 print("ready", flush=True)
 for run in range(10**9):
-    with Outputs() as outputs:
+    with Outputs(overwrite=True) as outputs:
         folder = outputs.folder(sys.argv[1])
         for name in ("a", "b", "c"):
             outputs.open(folder / name).write_text(f"{run:09d}" * 20_000)

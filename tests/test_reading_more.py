@@ -98,6 +98,16 @@ def test_no_line_takes_time_that_grows_as_its_square(tmp_path: Path, text: str) 
         assert len(str(refused)) < 2_000
 
 
+def test_columns_are_bounded_and_so_are_messages(tmp_path: Path) -> None:
+    """Of 10,000 columns each angle was compared with each other one, two minutes long."""
+    angles = ",".join(f"R({i / 120:.4f} deg)" for i in range(10_000))
+    wide = "\n".join([f"wavelength_nm,{angles}", *(f"{w}" + ",.5" * 10_000 for w in (500, 510))])
+    assert "10001 columns came, and 1000 are the most" in refusal(tmp_path, wide)
+    codes = "".join(f"30,{i}{'0' * 10_000},.1\n" for i in (1, 2))
+    said = refusal(tmp_path, "angle,polarization,R\n" + codes)
+    assert "1000000" in said and said.endswith("are degrees.") and len(said) < 2_000
+
+
 def test_delimiters_at_the_end_of_some_lines(tmp_path: Path) -> None:
     for text in ("angle,R,,\n10,.1\n45,.2\n80,.5\n", "angle,R\n10,.1\n45,.2,\n80,.5\n"):
         assert read(tmp_path, text).value.tolist() == [0.1, 0.2, 0.5]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import shlex
 import sys
 from collections.abc import Sequence
@@ -41,42 +42,36 @@ def _stage(outputs: Outputs, arguments: argparse.Namespace, spectrum: bool) -> l
     Raises OutputError (a ValueError) where a file cannot be written.
     """
     from fitting.choice.sample_choice import several_samples
-    from fitting.output.as_data import INDEX_MARK
     from fitting.output.files import REPORT, Staged
-    from fitting.output.material import (
-        ERRORS_HEAD,
-        MATERIAL_MARK,
-        errors_beside,
-        fitted_media,
-        of_medium,
-    )  # fmt: skip
+    from fitting.output.material import errors_beside, files_named, fitted_media, of_medium
+    from fitting.process.start_up import set_up_jax
 
-    inputs = [*arguments.file, *([arguments.divide_by] if arguments.divide_by else [])]
+    set_up_jax()
+    samples = several_samples(arguments.sample)
+    references = several_samples([arguments.ratio_to] if arguments.ratio_to else [])
+    inputs = [*arguments.file, *files_named([*samples, *references])]
+    inputs += [arguments.divide_by] if arguments.divide_by else []
     staged = []
 
-    def add(
-        what: str, flag: str, name: str | Path, mark: str = "", medium: str | None = None
-    ) -> None:
-        """mark: how a file must begin to be replaced, if the user did not name it."""
-        over = "" if arguments.overwrite else mark
-        path = outputs.open(name, flag=flag, inputs=inputs, only_over=over)
+    def add(what: str, flag: str, name: str | Path, medium: str | None = None) -> None:
+        path = outputs.open(name, flag=flag, inputs=inputs)
         staged.append(Staged(what, path, Path(name).suffix, flag, medium))
 
     if arguments.csv:
         add("csv", "--csv", arguments.csv)
     if arguments.csv and spectrum:
         path = Path(arguments.csv)
-        add("index", "--csv", path.with_name(f"{path.stem}.index{path.suffix}"), INDEX_MARK)
+        add("index", "--csv", path.with_name(f"{path.stem}.index{path.suffix}"))
     if arguments.plot:
         add("plot", "--plot", arguments.plot)
     if arguments.json not in (None, "-"):
         add("json", "--json", arguments.json)
-    for medium in fitted_media(several_samples(arguments.sample)) if arguments.material else ():
+    for medium in fitted_media(samples) if arguments.material else ():
         file = of_medium(arguments.material, medium)
-        add("material", "--material", file, MATERIAL_MARK if medium else "", medium)
-        add("errors", "--material", errors_beside(file, "--material"), ERRORS_HEAD, medium)
+        add("material", "--material", file, medium)
+        add("errors", "--material", errors_beside(file, "--material"), medium)
     if arguments.report:
-        folder = outputs.folder(arguments.report, flag="--report", overwrite=arguments.overwrite)
+        folder = outputs.folder(arguments.report, flag="--report")
         for what, name in REPORT.items():
             if what != "index" or spectrum:
                 add(what, "--report", folder / name)
@@ -87,10 +82,7 @@ def _fit(
     measurements: list[Measurement], arguments: argparse.Namespace
 ) -> tuple[Fit, Choice | None]:
     """Return the fit that was asked for, and the comparison if a model was to be chosen."""
-    from fitting.process.start_up import set_up_jax
-
     options = fit_options(arguments)
-    set_up_jax()
     from fitting.choice.sample_choice import several_samples
     from fitting.fits import fit
 
@@ -117,7 +109,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from fitting.output.text_table import text_of
 
     width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
-    with Outputs() as outputs:
+    with Outputs(overwrite=arguments.overwrite) as outputs:
         with refusals():
             if arguments.plot:
                 style.check_picture(arguments.plot)
@@ -161,23 +153,25 @@ def _fit_file(file: str, arguments: argparse.Namespace) -> OfFile:
         return OfFile(file, found)
     except (ValueError, ImportError) as error:
         # the whole path: there may be a/scan.csv and b/scan.csv
-        return OfFile(file, None, f"{file}{for_command(error).removeprefix(source_of(file))}")
+        source, text = source_of(file), for_command(error)
+        own = text.startswith((f"{source}:", f"{source},"))
+        return OfFile(file, None, file + (text.removeprefix(source) if own else f": {text}"))
 
 
 def _run_each(arguments: argparse.Namespace) -> int:
     """Fit every file by itself (``--each``), and report and write a row of results for each."""
-    from fitting.choice.sample_choice import several_samples
     from fitting.output import each_file
     from fitting.output.outputs import Outputs, begins, write_text
     from fitting.output.progress_bar import Progress
     from fitting.process.progress import Step
 
-    results = [file for file in arguments.file if begins(file, each_file.EACH_MARK)]
+    mark = re.compile(f"# {each_file.EACH_MARK}".encode())
+    results = [file for file in arguments.file if begins(file, mark)]
     for file in results:
         complain(f"{file}: left out, since it is a table of results that --each wrote.")
     # a table that an earlier --each wrote may be replaced, since it is no input
     arguments.file = [file for file in arguments.file if file not in results]
-    with Outputs() as outputs:
+    with Outputs(overwrite=arguments.overwrite) as outputs:
         with refusals():
             if not arguments.file:
                 raise ValueError("none of the files is a measurement; there is nothing to fit.")
@@ -187,7 +181,6 @@ def _run_each(arguments: argparse.Namespace) -> int:
                         f"--{flag} shows a single fit, but --each makes one for every file. Use "
                         "--csv or --json with --each, or fit one file without it."
                     )
-            several_samples(arguments.sample)
             fit_options(arguments)
             staged = _stage(outputs, arguments, False)
         each = []

@@ -214,8 +214,8 @@ def parser() -> argparse.ArgumentParser:
     _add(results, _RESULTS)
     results.add_argument(
         "--overwrite", action="store_true",
-        help="let --report use a folder that holds other files, and --csv and --material replace "
-        "an OUT.index or OUT_errors.csv that was not written by a fit",
+        help="let --report use a folder that holds other files, and let results replace files that "
+        "were not written by a fit; a file that this fit reads is never replaced",
     )  # fmt: skip
     results.add_argument("--quiet", action="store_true", help="print no table and no progress")
     fitting_group = out.add_argument_group(

@@ -17,6 +17,10 @@ _WORDS = (
 )  # fmt: skip
 
 
+# Letters of a message: a cell of it may have as many as the file.
+_LONGEST = 1500
+
+
 class MeasurementError(ValueError):
     """A measurement cannot be read, or a value in it is impossible.
 
@@ -74,6 +78,8 @@ def named(source: str) -> Iterator[None]:
         yield
     except _Refused as refused:
         text, line, column = refused.args
+        if len(text) > _LONGEST:  # what to do stands at its end
+            text = f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
         raise MeasurementError(f"{place(source, line, column)}: {text}") from None
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import importlib
 import importlib.util
+import io
 import json
 import math
 from collections.abc import Iterable, Mapping
@@ -15,6 +17,7 @@ import fitting
 from fitting.measurements.errors import MissingExtra
 from fitting.output.estimates import by_wavelength, has_several_curves, index_waves
 from fitting.output.facts import sample_text, title_of
+from fitting.output.outputs import WRITTEN_BY
 from fitting.output.text_table import varied_of
 from fitting.process.visible import visible
 from fitting.residuals.residuals import residuals
@@ -30,8 +33,8 @@ _AS_IT_IS = (
 )  # fmt: skip
 
 
-INDEX_MARK = "# index of a fit, written by fresnel-fit"
-"""The first line of `index_csv`, by which a later run recognises a file that it may replace."""
+DATA_MARK, INDEX_MARK = f"data of a fit, {WRITTEN_BY}", f"index of a fit, {WRITTEN_BY}"
+"""The first comments of tables, by which a later run recognises files that it may replace."""
 
 
 def plain(value: Any) -> Any:
@@ -50,10 +53,13 @@ def plain(value: Any) -> Any:
 
 
 def json_object(fields: Mapping[str, Any]) -> str:
-    """Return ``fields`` as the text of a JSON object, one field a line; NaN is null."""
+    """Return ``fields`` as the text of a JSON object, one field a line; NaN is null.
+
+    The first field, "written_by", names the program.
+    """
     lines = (
         f"  {json.dumps(name)}: {json.dumps(plain(value), allow_nan=False)}"
-        for name, value in fields.items()
+        for name, value in {"written_by": "fresnel-fit", **fields}.items()
     )
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
@@ -104,25 +110,31 @@ def json_text(fit: Fit, choice: Choice | None = None) -> str:
     return json_object(to_dict(fit) | ({} if choice is None else choice.to_dict()))
 
 
+# What makes a spreadsheet compute a cell; also as wide letters.
+_FORMULA = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+
+
 def _cell(value: Any, decimal: str) -> str:
     if isinstance(value, float):
         return "" if math.isnan(value) else str(value).replace(".", decimal)
-    # A comma or semicolon inside a cell would shift the columns behind it.
-    return str(value).replace(",", " ").replace(";", " ")
+    text = visible(str(value))
+    return f"'{text}" if text.startswith(_FORMULA) else text
 
 
 def csv_text(comments: Iterable[str], columns: Mapping[str, Iterable[Any]], decimal: str) -> str:
     """Return comment lines, a header and columns as CSV; NaN is an empty cell.
 
     decimal: "." with commas between the cells, or "," with semicolons between them, as spreadsheets
-    expect where the comma is the decimal mark. Numbers read back to the last bit.
+    expect where the comma is the decimal mark. Numbers read back to the last bit. A text that
+    spreadsheets would take for a formula begins with an apostrophe.
     """
-    mark = ";" if decimal == "," else ","
-    lines = ["# " + visible(" ".join(comment.split())) for comment in comments]
-    lines.append(mark.join(columns))
-    rows = zip(*columns.values(), strict=True)
-    lines += [mark.join(_cell(c, decimal) for c in row) for row in rows]
-    return "\n".join(lines) + "\n"
+    out = io.StringIO()
+    out.writelines(f"# {visible(' '.join(comment.split()))}\n" for comment in comments)
+    table = csv.writer(out, delimiter=";" if decimal == "," else ",", lineterminator="\n")
+    table.writerow(columns)
+    for row in zip(*columns.values(), strict=True):
+        table.writerow([_cell(value, decimal) for value in row])
+    return out.getvalue()
 
 
 def _comments(fit: Fit) -> list[str]:
@@ -145,7 +157,7 @@ def data_csv(fit: Fit, decimal: str = ".") -> str:
     quantity names it. `fitting.read_csv` reads the file as the same measurement. decimal: as of
     `csv_text`.
     """
-    return csv_text(_comments(fit), data_columns(fit), decimal)
+    return csv_text([DATA_MARK, *_comments(fit)], data_columns(fit), decimal)
 
 
 def data_columns(fit: Fit) -> dict[str, list[Any]]:
@@ -210,9 +222,9 @@ def index_csv(fit: Fit, decimal: str = ".") -> str:
     """Return eta and k as CSV with one row for each wavelength (or curve of a batch).
 
     The first three columns are wavelength_um, eta and k, so that it can be read as a material; an
-    unknown number is an empty cell. The first line is ``INDEX_MARK``. decimal: as of `csv_text`.
+    unknown number is an empty cell. decimal: as of `csv_text`.
     """
-    comments = [INDEX_MARK.removeprefix("# "), *_comments(fit)]
+    comments = [INDEX_MARK, *_comments(fit)]
     if fit.shape:
         return csv_text(comments, batch_columns(fit), decimal)
     band = fit.index()._asdict()

@@ -11,14 +11,15 @@ from fitting.output.as_data import batch_columns, csv_text, json_object, to_dict
 from fitting.output.estimates import value_text
 from fitting.output.facts import converged, counted
 from fitting.output.numbers import number
+from fitting.output.outputs import WRITTEN_BY
 from fitting.output.text_table import head_of, rows_aligned, varied_of
 from fitting.process.visible import visible
 from fitting.results.result import Fit
 from fitting.results.result_parts import UNDETERMINED
 
 REFUSED = "refused"
-EACH_MARK = "# results of files fitted one by one, written by fresnel-fit"
-"""The first line of `rows_csv`, by which a later run recognises that it is no measurement."""
+EACH_MARK = f"results of files fitted one by one, {WRITTEN_BY}"
+"""The first comment of `rows_csv`, by which a later run recognises that it is no measurement."""
 
 
 class OfFile(NamedTuple):
@@ -92,7 +93,7 @@ def rows_csv(files: Sequence[OfFile], decimal: str = ".") -> str:
     heads |= dict.fromkeys(head for row in rows for head in row if head not in ends)
     columns = {head: [row.get(head, "") for row in rows] for head in [*heads, *ends]}
     filled = {h: c for h, c in columns.items() if any(x not in ("", None) and x == x for x in c)}
-    return csv_text([EACH_MARK.removeprefix("# ")], filled, decimal)
+    return csv_text([EACH_MARK], filled, decimal)
 
 
 def rows_json(files: Sequence[OfFile]) -> str:

@@ -102,17 +102,24 @@ def report(fit: Fit, folder: str | os.PathLike[str], *, overwrite: bool = False)
     check_matplotlib("report")
     left_out = ["csv"] * (fit.measurement is None)
     left_out += ["index"] * (not fit.shape and len(index_waves(fit)) < 2)
-    with Outputs() as outputs:
-        place = outputs.folder(folder, overwrite=overwrite)
+    with Outputs(overwrite=overwrite) as outputs:
+        place = outputs.folder(folder)
         _write(fit, outputs, {w: place / name for w, name in REPORT.items() if w not in left_out})
 
 
 def write_material(
-    fit: Fit, path: str | os.PathLike[str], medium: str | None = None
+    fit: Fit,
+    path: str | os.PathLike[str],
+    medium: str | None = None,
+    *,
+    overwrite: bool = False,
 ) -> tuple[Path, Path]:
-    """Write the index of a medium and its errors, or neither, and return the paths."""
+    """Write the index of a medium and its errors, or neither, and return the paths.
+
+    overwrite: replace files that no fit wrote, too.
+    """
     file, errors = Path(path), material.errors_beside(path)
-    with Outputs() as outputs:
+    with Outputs(overwrite=overwrite) as outputs:
         _write(fit, outputs, {"material": file, "errors": errors}, medium)
     return file, errors
 
@@ -120,8 +127,9 @@ def write_material(
 def _write(
     fit: Fit, outputs: Outputs, files: Mapping[str, Path], medium: str | None = None
 ) -> None:
+    inputs = material.files_named([fit.sample] if fit.sample is not None else [])
     staged = [
-        Staged(what, outputs.open(path), path.suffix, str(path), medium)
+        Staged(what, outputs.open(path, inputs=inputs), path.suffix, str(path), medium)
         for what, path in files.items()
     ]
     write_files(fit, staged)

@@ -14,16 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from fitting.measurements.reader.units import span_of
+from fitting.output.as_data import INDEX_MARK
 from fitting.process.visible import visible
 from fitting.results.result import Fit
 from fitting.results.result_parts import CONVERGED, UNDETERMINED, Estimate, IndexBand
+from fitting.samples.known_media import MaterialFile
 from fitting.samples.sample import Sample
 
 _ENDINGS = (".yml", ".yaml")
-_FITTED_BY = "Fitted by fresnel-fit"
-# How the YAML and CSV files that a fit wrote begin.
-MATERIAL_MARK = f"REFERENCES: |\n    {_FITTED_BY}"
-ERRORS_HEAD = "wavelength_um,n,k,sigma_n,sigma_k"
 
 
 def errors_beside(path: str | os.PathLike[str], flag: str = "") -> Path:
@@ -73,7 +71,8 @@ def material_texts(
     lines += ["CONDITIONS:", *(f"  {name}: {_quoted(text)}" for name, text in conditions.items())]
     lines += ["DATA:", "  - type: tabulated nk", "    data: |"]
     lines += ["        " + " ".join(f"{x:.9g}" for x in row[:3]) for row in rows]
-    table = [ERRORS_HEAD, *(",".join(f"{x:.9g}" for x in row) for row in rows)]
+    table = [f"# {INDEX_MARK}", "wavelength_um,n,k,sigma_n,sigma_k"]
+    table += (",".join(f"{x:.9g}" for x in row) for row in rows)
     return "\n".join(lines) + "\n", "\n".join(table) + "\n"
 
 
@@ -92,6 +91,12 @@ def _conditions(fit: Fit) -> dict[str, str]:
         if "thickness" in name and np.ndim(e.value) == 0:
             out[name] = _with_error(e)
     return out
+
+
+def files_named(samples: Sequence[Sample]) -> list[str]:
+    """Return the files with an index that are media of samples."""
+    known = [part for s in samples for medium in s.media for part in medium.known]
+    return [part.path for part in known if isinstance(part, MaterialFile)]
 
 
 def fitted_media(samples: Sequence[Sample]) -> tuple[str | None, ...]:
@@ -129,6 +134,6 @@ def texts_of(fit: Fit, medium: str | None = None) -> tuple[str, str]:
         own = {n: e for n, e in fit.parameters.items() if "thickness" not in n}
         comments += [f"{name} = {_with_error(e)}" for name, e in own.items()]
         comments += [f"Warning: {w.text}" for w in fit.warnings]
-    reference = f"{_FITTED_BY} to {'arrays' if m is None else m.source}"
+    reference = f"Fitted by fresnel-fit to {'arrays' if m is None else m.source}"
     some = IndexBand(*(column[known] for column in band))
     return material_texts(some, reference, "\n".join(comments), _conditions(fit))

@@ -1,9 +1,10 @@
-"""Result files that are written whole or not at all, and never over a measurement."""
+"""Result files that are written whole or not at all, and never over a file that is read."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import re
 import stat
 from collections.abc import Iterable
 from pathlib import Path
@@ -21,6 +22,17 @@ _STAGED = ".fresnel-fit-{}.part"
 MARK = ".fresnel-fit-report"
 """An empty file in the folder of every report, by which a later report may write there."""
 STDIN = "-"
+WRITTEN_BY = "written by fresnel-fit"
+# What the files of a fit begin with: tables, JSON, pages, materials, and pictures, of which the
+# name of the program stands among the properties.
+_OF_A_FIT = re.compile(
+    rb"# [^\n]*, written by fresnel-fit\n"
+    rb'|\{\n  "written_by": "fresnel-fit'
+    rb"|<!DOCTYPE html>\n<!-- written by fresnel-fit"
+    rb"|REFERENCES: \|\n    Fitted by fresnel-fit"
+    rb"|(?s:(?:\x89PNG|%PDF|<\?xml).*\bfresnel-fit\b)"
+)
+_LARGEST_PICTURE = 10_000_000
 
 
 class OutputError(ValueError):
@@ -65,11 +77,11 @@ def _clean(folder: Path) -> None:
             path.unlink()
 
 
-def begins(path: str | os.PathLike[str], text: str) -> bool:
-    """Return whether a file can be read and begins with ``text``."""
+def begins(path: str | os.PathLike[str], pattern: re.Pattern[bytes] = _OF_A_FIT) -> bool:
+    """Return whether a file can be read and begins in this way (default: as a file of a fit)."""
     try:
         with open(path, "rb") as stream:
-            return stream.read(len(text)) == text.encode()
+            return pattern.match(stream.read(_LARGEST_PICTURE)) is not None
     except OSError:
         return False
 
@@ -133,17 +145,16 @@ class Outputs:
             outputs.publish()
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, overwrite: bool = False) -> None:
+        """overwrite: whether a folder of other files is taken, and files of others are replaced."""
+        self._overwrite = overwrite
         self._staged: dict[Path, _Staged] = {}
         self._made: list[Path] = []
 
-    def folder(
-        self, path: str | os.PathLike[str], *, flag: str = "", overwrite: bool = False
-    ) -> Path:
+    def folder(self, path: str | os.PathLike[str], *, flag: str = "") -> Path:
         """Return the folder ``path``, new, empty or made by an earlier report, and mark it.
 
-        A folder that is made here is removed if nothing is published. overwrite: take a folder
-        that holds other files too; those of the report's names are replaced.
+        A folder that is made here is removed if nothing is published.
         Raises OutputError where it cannot be.
         """
         name, folder = f"{flag} {path}".strip(), Path(path)
@@ -166,7 +177,7 @@ class Outputs:
         if mark.is_file() and not mark.is_symlink():
             return folder
         others = sorted(os.listdir(folder))
-        if others and not overwrite:
+        if others and not self._overwrite:
             raise OutputError(
                 f"{name}: the folder holds files other than those of a report "
                 f"({', '.join(others[:3])}{', ...' if len(others) > 3 else ''}). Name a new "
@@ -183,14 +194,12 @@ class Outputs:
         *,
         flag: str = "",
         inputs: Iterable[str] = (),
-        only_over: str = "",
     ) -> Path:
         """Return the file to write to in place of ``path``, empty now.
 
         flag: how the user named the file, for the error's text. inputs: files that must not be
-        overwritten, by whatever name. An existing file is replaced and keeps its permissions; of a
-        symbolic link the target is replaced. only_over: how a file must begin to be replaced; for
-        a name that the user did not give.
+        overwritten, by whatever name. An existing file of an earlier fit is replaced and keeps its
+        permissions; of a symbolic link the target is replaced.
         Raises OutputError where nothing can be written.
         """
         name = f"{flag} {path}".strip()
@@ -201,7 +210,7 @@ class Outputs:
         for file in inputs:
             if identity is not None and identity == _identity(file):
                 raise OutputError(
-                    f"{name}: {final.name} is the measurement itself, which must not be "
+                    f"{name}: {final.name} is a file that this fit reads, which must not be "
                     "overwritten; choose another name."
                 )
         mode = None
@@ -214,10 +223,10 @@ class Outputs:
                 raise OutputError(
                     f"{name}: the file exists and is write-protected; choose another name."
                 )
-            if only_over and final.stat().st_size and not begins(final, only_over):
+            if not self._overwrite and final.stat().st_size and not begins(final):
                 raise OutputError(
-                    f"{name}: the file exists and was not written by a fit. Choose another name "
-                    f"for {flag}, or add --overwrite to replace it."
+                    f"{name}: the file exists and was not written by a fit. Choose another name, "
+                    f"or {'add --overwrite' if flag else 'give overwrite=True'} to replace it."
                 )
         elif not final.parent.is_dir():
             raise OutputError(f"{name}: there is no folder {final.parent}; create it first.")

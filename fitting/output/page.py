@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from fitting.output import facts
 from fitting.output.as_data import data_columns
 from fitting.output.estimates import by_wavelength
+from fitting.output.outputs import WRITTEN_BY
 from fitting.output.text_table import batch_rows, parameter_rows, warnings_of
 from fitting.process.visible import visible
 from fitting.results.result import Fit
@@ -92,7 +93,7 @@ def opening(
 def document(title: str, parts: Iterable[str], foot: str) -> str:
     """Return a page of these parts."""
     head = (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">\n'
+        f'<!DOCTYPE html>\n<!-- {WRITTEN_BY} -->\n<html lang="en"><head><meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"{_element('title', title)}<style>body {{ {_BODY} }}{_STYLE}</style></head><body>"
     )

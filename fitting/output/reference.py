@@ -10,7 +10,6 @@ def reference_index(name: str, wavelength_um: np.ndarray) -> tuple[np.ndarray, .
 
     Raises ValueError for a name that `fresnel_jax.materials` does not have.
     """
-
     from fitting.process.compiled import fit_settings
     from fresnel_jax.dispersion import material
 

@@ -45,10 +45,12 @@ _STYLE: Any = {
     # Without this constant an SVG contains random names, and no two files are the same.
     "svg.hashsalt": "fresnel-fit",
 }
-# The time of writing is left out, so that two pictures of one fit are the same file.
-_NO_DATE: dict[str, dict[str, Any]] = {
-    "png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}
-}  # fmt: skip
+# Who wrote it. The time of writing is left out, so that two pictures of one fit are the same file.
+_PROPERTIES: dict[str, dict[str, Any]] = {
+    "png": {"Software": "fresnel-fit"},
+    "svg": {"Creator": "fresnel-fit", "Date": None},
+    "pdf": {"Creator": "fresnel-fit", "CreationDate": None},
+}
 _GLYPH = re.compile(r"Glyph (\d+) .*missing from")
 
 
@@ -86,7 +88,7 @@ def save(figure: Figure, path: str | PathLike[str], suffix: str = "") -> None:
     kind = (suffix or Path(path).suffix).lower().lstrip(".")
     with our_style(), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        figure.savefig(path, format=kind, metadata=_NO_DATE.get(kind, {}))
+        figure.savefig(path, format=kind, metadata=_PROPERTIES.get(kind, {}))
     missing: dict[str, None] = {}
     for one in caught:
         found = _GLYPH.match(str(one.message))

@@ -1,9 +1,11 @@
-"""`jax.jit` and jax's settings as the programs of this package need them."""
+"""How the programs of this package are compiled and run, whatever the caller has set in jax."""
 
 from __future__ import annotations
 
 import contextlib
 import functools
+import os
+import sys
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterator
@@ -39,7 +41,7 @@ def _known_options() -> dict[str, Any]:
     known = dict(OPTIONS)
     while known:
         try:
-            jax.jit(lambda: 0, compiler_options=known)()
+            jax.jit(lambda: 0, compiler_options=known).lower().compile()
             break
         except jax.errors.JaxRuntimeError as error:
             unknown = [name for name in known if f"'{name}'" in str(error)]
@@ -49,18 +51,51 @@ def _known_options() -> dict[str, Any]:
     return known
 
 
+# Whether jax had run in the process from which this one was forked: a fork copies no threads but
+# the one that called it, and the first program would wait for those of XLA without end.
+_threads_left_behind = False
+
+
+def _after_fork() -> None:
+    global _threads_left_behind
+    # jax has no public name for it that does not start its threads, or take a lock of the parent.
+    running = getattr(sys.modules.get("jax._src.xla_bridge"), "_backends", ())
+    _threads_left_behind = _threads_left_behind or bool(running)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
+
+
 @contextlib.contextmanager
-def fit_settings() -> Iterator[None]:
+def fit_settings(*, own_function: bool = False) -> Iterator[None]:
     """Set what this package's programs are traced and run with: float64, promotion as NumPy has it.
 
-    The caller's switches are for the caller's code (`own_residuals` hands them on). They belong to
-    a thread, so the setting stands where a program is called, not where a fit begins.
+    The switches by which callers check and debug code of their own would end each fit: a lane may
+    become NaN or infinite (it is then left), and arrays of numpy go into every program. They belong
+    to a thread, so the setting stands where a program is called, not where a fit begins.
+
+    own_function: whether a function of the caller runs, for which NaN and infinity are reported as
+        the caller has set it (`own_residuals` hands on the switches for promotion).
+    Raises RuntimeError in a process forked from one in which jax had run.
     """
+    if _threads_left_behind:
+        raise RuntimeError(
+            "this process was forked from one in which jax had run, and would wait without end for "
+            "threads of jax that a fork does not copy. Start it in another way: "
+            'multiprocessing.get_context("spawn"), or joblib or Dask as they are by default; see '
+            "docs/howto/processes.md."
+        )
     with (
         jax.enable_x64(True),
+        jax.transfer_guard("allow"),
         jax.numpy_rank_promotion("allow"),
         jax.numpy_dtype_promotion("standard"),
+        contextlib.ExitStack() as switches,
     ):
+        if not own_function:
+            switches.enter_context(jax.debug_nans(False))
+            switches.enter_context(jax.debug_infs(False))
         yield
 
 

@@ -269,11 +269,16 @@ class Fit:
 
         report(self, folder, overwrite=overwrite)
 
-    def write_material(self, path: str | os.PathLike[str], medium: str | None = None) -> Any:
-        """Write eta and k of a medium as refractiveindex.info YAML, and its errors as CSV."""
+    def write_material(
+        self, path: str | os.PathLike[str], medium: str | None = None, *, overwrite: bool = False
+    ) -> Any:
+        """Write eta and k of a medium as refractiveindex.info YAML, and its errors as CSV.
+
+        ``overwrite``: in place of files that no fit wrote, too.
+        """
         from fitting.output.files import write_material
 
-        return write_material(self, path, medium)
+        return write_material(self, path, medium, overwrite=overwrite)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for ``json.dumps``: NaN as None, arrays as lists, warnings as data."""

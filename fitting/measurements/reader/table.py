@@ -27,6 +27,9 @@ from fitting.measurements.reader.header import (
 from fitting.measurements.reader.options import Options
 from fitting.measurements.reader.vocabulary import LONGEST
 
+# The columns of a file are compared with one another: of 1,000 this takes two seconds.
+MOST_COLUMNS = 1000
+
 
 class Table(NamedTuple):
     """Cells as text, with the number of the line that each row stands on.
@@ -149,6 +152,13 @@ def read_table(numbered: Lines, options: Options) -> Table:
             f"no row with two numbers or more was found in {came} line{'s' * (came != 1)}. A "
             "table was wanted: a column of angles or wavelengths, and one or more of R, T, psi or "
             "delta. If there is one, say how to read it with --delimiter or --decimal."
+        )
+    if count > MOST_COLUMNS:
+        refuse(
+            f"{count} columns came, and {MOST_COLUMNS} are the most that are read. Give those that "
+            "belong to one measurement as a file of its own, or say --delimiter if the cells were "
+            "parted at the wrong sign.",
+            inside[start][0],
         )
     above = sum(line < first for line, _ in numbered) + start
     before = [(line, text) for line, text in numbered[:above] if text.strip()]
