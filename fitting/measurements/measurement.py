@@ -97,7 +97,7 @@ class Measurement:
                 from quantity to one; None where unknown.
             polarizer_deg: see :class:`Measurement`.
             angle_unit: deg, rad, mrad, grazing-deg, ... as in :func:`read_csv`.
-            wavelength_unit: um, nm, angstrom, eV, cm-1, THz, mm or keV.
+            wavelength_unit: um, nm, angstrom, eV, cm-1, THz, ... as in :func:`read_csv`.
             scale: factor that makes powers (and their errors) fractions: 0.01 for percent.
             divide_by: quantity -> array of the same length (or a number), the scan of a reference,
                 by which values are divided; "sigma_R" -> its standard errors.

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from typing import NamedTuple, NoReturn
 
 from fitting.measurements.errors import refuse
-from fitting.measurements.quantities import POWER_LETTERS
-from fitting.measurements.reader.cells import is_number, to_numbers
+from fitting.measurements.quantities import POLARIZED, POWER_LETTERS
+from fitting.measurements.reader.cells import is_missing, is_number, number_or_none, to_numbers
 from fitting.measurements.reader.names import Role, role_of
 from fitting.measurements.reader.options import Options
 from fitting.measurements.reader.table import Table, filled_columns, find_column, label_of
 from fitting.measurements.reader.units import FORM_OF
+from fitting.measurements.reader.vocabulary import light_of_cell
 
 # words by which a column shows that rows are means or deviations of other rows; Accurion EP3 and
 # EP4 write the mean of the zones as zone 0, their deviation as zone 5
@@ -28,7 +30,11 @@ class Column(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """The columns in use. ``sigmas`` has for each value its standard error, or None."""
+    """The columns in use. ``sigmas`` has for each value its standard error, or None.
+
+    unused: labels of the columns that are not read. left_out: what those of them may be, by their
+    index, of which the fit may not do without.
+    """
 
     angle: Column | None
     wavelength: Column | None
@@ -37,6 +43,7 @@ class Layout(NamedTuple):
     values: list[Column]
     sigmas: list[Column | None]
     unused: list[str]
+    left_out: dict[int, str]
 
 
 def _refuse(table: Table, text: str, column: str = "") -> NoReturn:
@@ -107,16 +114,21 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
     return found
 
 
-def _implicit(table: Table) -> dict[str, list[Column]]:
+def _roles(table: Table) -> list[Role]:
+    """Return what each name in the header says."""
     orso = any("ORSO reflectivity data file" in text for _, text in table.preamble[:3])
+    # the prefix by which that format marks errors
+    names = [
+        "sigma " + name[1:] if orso and name[:1] == "s" and name[1:2].isupper() else name
+        for name in table.names
+    ]
+    return [role_of(name, unit) for name, unit in zip(names, table.units, strict=True)]
+
+
+def _implicit(table: Table, roles: list[Role], filled: list[int]) -> dict[str, list[Column]]:
     found = defaultdict[str, list[Column]](list)
-    roles = []
-    filled = set(filled_columns(table.rows))
-    for index, name in enumerate(table.names):
-        if orso and name[:1] == "s" and name[1:2].isupper():
-            name = "sigma " + name[1:]  # the prefix by which that format marks errors
-        role = role_of(name, table.units[index])
-        roles.append(role)
+    for index, role in enumerate(roles):
+        name = table.names[index]
         if role.kind == "unclear" and index in filled:
             value, named = role.quantity.removeprefix("sigma_"), f"{role.quantity}={index + 1}"
             wanted = named if value == role.quantity else f"{value}=2,{named}"
@@ -133,6 +145,68 @@ def _implicit(table: Table) -> dict[str, list[Column]]:
     if not found["value"]:
         _refuse_without_values(table, roles)
     return found
+
+
+def _is_harmless(table: Table, index: int, role: Role, constants: bool, axes: list[int]) -> bool:
+    """Return whether a fit may do without a column: nothing of the measurement is in it."""
+    cells = [row[index] for row in table.rows]
+    numbers = [number_or_none(cell) for cell in cells]
+    if numbers in ([*range(len(cells))], [*range(1, len(cells) + 1)]):  # a running number,
+        return len({tuple(row[i] for i in axes) for row in table.rows}) > 1  # or the axis itself
+    alike = len({c if x is None else x for c, x in zip(cells, numbers, strict=True)}) == 1
+    means = role.quantity or light_of_cell(cells[0]) or role_of(cells[0]).quantity
+    return role.kind == "aside" or (alike and not means and (constants or numbers[0] is None))
+
+
+def left_out(
+    table: Table, columns: dict[int, Role], axes: list[int], constants: bool = True
+) -> dict[int, str]:
+    """Return what each of the columns may be that are not read but may hold something of use.
+
+    Constant columns, running numbers and what is nothing to be fitted may be left out.
+    axes: columns that tell the rows apart. constants: whether numbers that are the same in all
+    rows may be left out.
+    """
+    lost = {}
+    for index, role in columns.items():
+        if _is_harmless(table, index, role, constants, axes):
+            continue
+        cells = [row[index] for row in table.rows]
+        why = role.why if role.why.startswith("it ") else ""
+        lost[index] = re.sub("^it (is|may be) ", "", why) or (
+            "an axis, a value or its standard error under a name or in a unit that is not known"
+            if all(is_number(cell) or is_missing(cell) for cell in cells)
+            else "the polarization, or the name of a sample"
+        )
+    return lost
+
+
+def came_in(table: Table, index: int) -> str:
+    """Return the first cells of a column, for messages."""
+    cells = list(dict.fromkeys(row[index][:20] for row in table.rows))
+    return ", ".join(cells[:3]) + ", ..." * (len(cells) > 3)
+
+
+def refuse_left_out(table: Table, layout: Layout) -> None:
+    """Refuse a column that is not read, but may hold something of use."""
+    if not layout.left_out:
+        return
+    index, what = next(iter(layout.left_out.items()))
+    axes = (layout.angle, layout.wavelength, layout.polarization, layout.polarizer)
+    read = [column for column in (*axes, *layout.values) if column is not None]
+    named = [label_of(table, i) for i in layout.left_out]
+    plain = all(re.fullmatch(r"[^\s,;]+", name) for name in named)
+    role = "wavelength" if layout.wavelength is None else "ROLE"
+    role = "polarization" if what.startswith("the pol") else role
+    columns = [f"{c.role.quantity or c.role.kind}={c.index + 1}" for c in read]
+    _refuse(
+        table,
+        f"this column ({came_in(table, index)}) is not read, but it may be {what}. If the "
+        "fit may do without it, say --ignore "
+        f"{','.join(named if plain else [str(i + 1) for i in layout.left_out])}; else name all "
+        f"columns to be read: --columns {','.join(columns)},{role}={index + 1}.",
+        label_of(table, index),
+    )
 
 
 def _only(table: Table, columns: list[Column], role: str) -> Column | None:
@@ -204,8 +278,15 @@ def choose_columns(table: Table, options: Options) -> Layout:
     Refuses a file where two columns claim one role, none holds a value, or rows are
     statistics of other rows.
     """
-    found = _explicit(table, options) if options.columns else _implicit(table)
+    roles = _roles(table)
+    filled = [
+        i for i in filled_columns(table.rows)
+        if not {table.names[i].lower(), str(i + 1)} & set(options.ignore)
+    ]  # fmt: skip
+    found = _explicit(table, options) if options.columns else _implicit(table, roles, filled)
     values = found["value"]
+    if not any(value.role.quantity in (*POWER_LETTERS, *POLARIZED) for value in values):
+        found["polarization"] = found["polarizer"] = []
     for of in dict.fromkeys((value.role.quantity, value.role.at) for value in values):
         _only(table, [v for v in values if (v.role.quantity, v.role.at) == of], of[0])
     angled = [value for value in values if value.role.at is not None]
@@ -230,5 +311,9 @@ def choose_columns(table: Table, options: Options) -> Layout:
     sigmas = _attach(table, values, found["sigma"])
     used = {c.index for c in [*single.values(), *values, *sigmas] if c is not None}
     _refuse_computed_rows(table, used)
+    chosen = used | {find_column(table, name, "--keep") for name in options.keep}
+    read = [column for column in single.values() if column is not None]
+    rest = {} if options.columns else {i: roles[i] for i in filled if i not in chosen}
+    lost = left_out(table, rest, [column.index for column in read])
     unused = [label_of(table, i) for i in filled_columns(table.rows) if i not in used]
-    return Layout(**single, values=values, sigmas=sigmas, unused=unused)
+    return Layout(**single, values=values, sigmas=sigmas, unused=unused, left_out=lost)

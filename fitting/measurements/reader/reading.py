@@ -154,10 +154,14 @@ class Reading(NamedTuple):
         """
         if option:
             return option
-        beside, own = self.one(kind), column.role.unit
-        if own:
-            self.contradicted(kind, lambda u: u != own, column, f"the header says {own}")
+        own = column.role.unit
+        if own:  # by which the name of the file is of no matter
+            lines = self._replace(said=[said for said in self.said if said.where != FULL_NAME])
+            lines.one(kind)
+            lines.contradicted(kind, lambda u: u != own, column, f"the header says {own}")
+            return own
+        beside = self.one(kind)
         if beside:
             flag = OPTION[kind][1].split(" ")[0]
             self.notes.append(f"{what} in {beside.value} ({beside.where}; {flag})")
-        return own or str(beside.value if beside else "")
+        return str(beside.value if beside else "")
