@@ -35,7 +35,9 @@ def is_comment(text: str, delimiter: str) -> bool:
 def split_cells(line: str, delimiter: str) -> list[str]:
     """Return the stripped cells of ``line``; quotes protect a delimiter, blanks come in runs."""
     if delimiter == " ":
-        return line.split()
+        if '"' not in line:
+            return line.split()
+        line = " ".join(line.split())
     if delimiter == "|":
         line = line.strip().removeprefix("|").removesuffix("|")
     if '"' in line:
@@ -63,6 +65,19 @@ def number_or_none(text: str) -> float | None:
 def is_missing(cell: str) -> bool:
     """Return whether ``cell`` says that nothing was measured: empty, NaN, n/a, a dash."""
     return cell.lower() in MISSING
+
+
+def all_alike(cells: Sequence[str]) -> bool:
+    """Return whether all cells hold the same, a number in whatever spelling."""
+    numbers = map(number_or_none, cells)
+    return len({c if x is None else x for c, x in zip(cells, numbers, strict=True)}) == 1
+
+
+def is_running(cells: Sequence[str]) -> bool:
+    """Return whether three cells or more count from 0 or 1."""
+    numbers = [number_or_none(cell) for cell in cells]
+    count = len(cells)
+    return count > 2 and numbers in ([*range(count)], [*range(1, count + 1)])
 
 
 def looks_like_data(cells: list[str]) -> tuple[bool, int]:

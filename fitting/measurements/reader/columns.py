@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
 from typing import NamedTuple, NoReturn
 
 from fitting.measurements.errors import refuse
 from fitting.measurements.quantities import POLARIZED, POWER_LETTERS
-from fitting.measurements.reader.cells import is_missing, is_number, number_or_none, to_numbers
+from fitting.measurements.reader.cells import (
+    is_number,
+    to_numbers,
+)
 from fitting.measurements.reader.names import Role, role_of
 from fitting.measurements.reader.options import Options
 from fitting.measurements.reader.table import Table, filled_columns, find_column, label_of
 from fitting.measurements.reader.units import FORM_OF
-from fitting.measurements.reader.vocabulary import light_of_cell
+from fitting.measurements.reader.unread_columns import left_out
 
 # words by which a column shows that rows are means or deviations of other rows; Accurion EP3 and
 # EP4 write the mean of the zones as zone 0, their deviation as zone 5
@@ -114,7 +116,7 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
     return found
 
 
-def _roles(table: Table) -> list[Role]:
+def roles_of(table: Table) -> list[Role]:
     """Return what each name in the header says."""
     orso = any("ORSO reflectivity data file" in text for _, text in table.preamble[:3])
     # the prefix by which that format marks errors
@@ -145,68 +147,6 @@ def _implicit(table: Table, roles: list[Role], filled: list[int]) -> dict[str, l
     if not found["value"]:
         _refuse_without_values(table, roles)
     return found
-
-
-def _is_harmless(table: Table, index: int, role: Role, constants: bool, axes: list[int]) -> bool:
-    """Return whether a fit may do without a column: nothing of the measurement is in it."""
-    cells = [row[index] for row in table.rows]
-    numbers = [number_or_none(cell) for cell in cells]
-    if numbers in ([*range(len(cells))], [*range(1, len(cells) + 1)]):  # a running number,
-        return len({tuple(row[i] for i in axes) for row in table.rows}) > 1  # or the axis itself
-    alike = len({c if x is None else x for c, x in zip(cells, numbers, strict=True)}) == 1
-    means = role.quantity or light_of_cell(cells[0]) or role_of(cells[0]).quantity
-    return role.kind == "aside" or (alike and not means and (constants or numbers[0] is None))
-
-
-def left_out(
-    table: Table, columns: dict[int, Role], axes: list[int], constants: bool = True
-) -> dict[int, str]:
-    """Return what each of the columns may be that are not read but may hold something of use.
-
-    Constant columns, running numbers and what is nothing to be fitted may be left out.
-    axes: columns that tell the rows apart. constants: whether numbers that are the same in all
-    rows may be left out.
-    """
-    lost = {}
-    for index, role in columns.items():
-        if _is_harmless(table, index, role, constants, axes):
-            continue
-        cells = [row[index] for row in table.rows]
-        why = role.why if role.why.startswith("it ") else ""
-        lost[index] = re.sub("^it (is|may be) ", "", why) or (
-            "an axis, a value or its standard error under a name or in a unit that is not known"
-            if all(is_number(cell) or is_missing(cell) for cell in cells)
-            else "the polarization, or the name of a sample"
-        )
-    return lost
-
-
-def came_in(table: Table, index: int) -> str:
-    """Return the first cells of a column, for messages."""
-    cells = list(dict.fromkeys(row[index][:20] for row in table.rows))
-    return ", ".join(cells[:3]) + ", ..." * (len(cells) > 3)
-
-
-def refuse_left_out(table: Table, layout: Layout) -> None:
-    """Refuse a column that is not read, but may hold something of use."""
-    if not layout.left_out:
-        return
-    index, what = next(iter(layout.left_out.items()))
-    axes = (layout.angle, layout.wavelength, layout.polarization, layout.polarizer)
-    read = [column for column in (*axes, *layout.values) if column is not None]
-    named = [label_of(table, i) for i in layout.left_out]
-    plain = all(re.fullmatch(r"[^\s,;]+", name) for name in named)
-    role = "wavelength" if layout.wavelength is None else "ROLE"
-    role = "polarization" if what.startswith("the pol") else role
-    columns = [f"{c.role.quantity or c.role.kind}={c.index + 1}" for c in read]
-    _refuse(
-        table,
-        f"this column ({came_in(table, index)}) is not read, but it may be {what}. If the "
-        "fit may do without it, say --ignore "
-        f"{','.join(named if plain else [str(i + 1) for i in layout.left_out])}; else name all "
-        f"columns to be read: --columns {','.join(columns)},{role}={index + 1}.",
-        label_of(table, index),
-    )
 
 
 def _only(table: Table, columns: list[Column], role: str) -> Column | None:
@@ -278,7 +218,7 @@ def choose_columns(table: Table, options: Options) -> Layout:
     Refuses a file where two columns claim one role, none holds a value, or rows are
     statistics of other rows.
     """
-    roles = _roles(table)
+    roles = roles_of(table)
     filled = [
         i for i in filled_columns(table.rows)
         if not {table.names[i].lower(), str(i + 1)} & set(options.ignore)

@@ -17,7 +17,7 @@ from fitting.measurements.quantities import (
     letter_of,
 )
 from fitting.measurements.reader.axes import angles, wavelengths
-from fitting.measurements.reader.columns import Column, Layout, refuse_left_out
+from fitting.measurements.reader.columns import Column, Layout
 from fitting.measurements.reader.evidence import evidence, statements, without
 from fitting.measurements.reader.light import FIELD_DEG, light_of_rows
 from fitting.measurements.reader.options import Options
@@ -161,7 +161,7 @@ def long_columns(source: str, table: Table, layout: Layout, options: Options) ->
     numbers = {index: pair[0] for index, pair in read.items()}
     _refuse_placeholders(reading, numbers)
     field = light_of_rows(reading, bool(np.nan_to_num(angle).any() or any(ats)))
-    refuse_left_out(table, layout)
+    reading.refuse_left_out()
     factor = power_scale(reading, numbers, {index: pair[1] for index, pair in read.items()})
     psi_units = psi_delta_unit(reading, numbers)
     parts: list[tuple[np.ndarray, ...]] = []
