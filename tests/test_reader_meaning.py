@@ -176,7 +176,6 @@ NAMES = {
     ("polarizer_45.csv", SCAN): "--polarization",
     ("gold_senkrecht.csv", SCAN): "--polarization",
     ("gold_vertical.csv", SCAN): "--polarization",
-    ("angle_rad.csv", "angle_deg,R\n10,.1\n45,.2\n"): "--angle-unit",
 }
 
 

@@ -82,7 +82,9 @@ VARIETIES = ELLIPSOMETRY | {
         {"columns": {"angle": "angle", "R_s": "405", "R_p": 3}, "lines": "2-"},
     ),
     "second block, named alone": Variety(
-        b"angle,R_s,R_p\n1,.1,.1\n2,.2,.2\n\nangle,R_s,x\n" + BODY.encode(), ONE, {"lines": "6-", "ignore": "x"}
+        b"angle,R_s,R_p\n1,.1,.1\n2,.2,.2\n\nangle,R_s,x\n" + BODY.encode(),
+        ONE,
+        {"lines": "6-", "ignore": "x"},
     ),
     "decimal comma in quotes": Variety(
         b"angle,Rs,Rp\n"

@@ -24,7 +24,7 @@ from fitting.measurements.reader.vocabulary import (
 _INDEX = ("n", "k")
 _ASIDE = {"raw", "setting"}  # concepts of columns that a fit has no use for
 _MENTIONED = {*QUANTITIES, "error", "relative"}
-_KELVIN = {"k", "c", "celsius"}  # of T (K), a temperature
+_KELVIN = {"T", "k", "c", "celsius"}  # of T (K), a temperature
 _ANGLES = {"incidence", "angle"}
 # theta i, reflection angle
 _BESIDE_ANGLES = {*_ANGLES, "inc", "raw", "R", "out", "external", "deg"}
@@ -216,7 +216,7 @@ def role_of(name: str, unit: str = "") -> Role:
             return bare._replace(at=float(match[1] or match[2]))
     signs = not _NO_SIGNS.fullmatch(rest) or rest.startswith("-")
     mentioned = [t for t in tokens if t in POWER_LETTERS] + [c for c in said if c in _MENTIONED]
-    unread = Role("", "" if _KELVIN & {*tokens} else "".join(mentioned[:1]), unit=unit)
+    unread = Role("", "" if {*tokens} <= _KELVIN else "".join(mentioned[:1]), unit=unit)
     if signs or not (tokens or unit in _AXIS_UNITS):
         return unread
     error, optical = "error" in said, tokens
