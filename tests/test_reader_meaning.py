@@ -280,6 +280,6 @@ def test_a_name_and_a_line_that_say_the_same_agree(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_files_of_known_truth_are_read_right_or_refused(tmp_path: Path, seed: int) -> None:
-    ends, wrong = run(500, seed, tmp_path)
+    ends, wrong = run(700, seed, tmp_path)
     assert not wrong, "\n".join(wrong[:5])
     assert ends["read"] > 200 and ends["refused"] > 100

@@ -20,8 +20,9 @@ from fitting.measurements.reader.table import Table, filled_columns, label_of, r
 from fitting.measurements.reader.units import span_of
 from fitting.measurements.reader.unread_columns import came_in, left_out
 
-# A column of wavelengths without a unit is in micrometres below this, and in nanometres above.
-_BETWEEN_UNITS = 100.0
+# Wavelengths without a unit are in micrometres below 100, as refractiveindex.info exports them;
+# from there to 2000 they are in nanometres, above it they may be in angstrom.
+_NANOMETRES = (100.0, 2000.0)
 _WANTED = (
     "A header such as wavelength_um,n,k was wanted (or wavelength_nm, energy_eV, wavenumber_cm-1, "
     "frequency_THz), with each of them once and k where it is not 0"
@@ -34,11 +35,10 @@ def _blocks(texts: list[str]) -> list[list[tuple[int, str]]]:
     blocks: list[list[tuple[int, str]]] = [[]]
     rows = 0
     for line, text in enumerate(texts, start=1):
-        cells = _cells(uncomment(text))
-        if rows and {"wavelength", "index"} <= {role_of(cell).kind for cell in cells}:
+        if rows and _is_header(text):
             blocks.append([])
             rows = 0
-        rows += looks_like_data(cells)[0]
+        rows += looks_like_data(_cells(uncomment(text)))[0]
         blocks[-1].append((line, text))
     return [*map(_without_empty_column, blocks)]
 
@@ -47,11 +47,15 @@ def _cells(text: str) -> list[str]:
     return split_cells(text, next((mark for mark in "\t;," if mark in text), " "))
 
 
+def _is_header(text: str) -> bool:
+    return {"wavelength", "index"} <= {role_of(cell).kind for cell in _cells(uncomment(text))}
+
+
 def _without_empty_column(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
     """Return lines where a last column that is named and never filled has empty cells."""
     rows = {line: cells for line, text in lines if looks_like_data(cells := _cells(text))[0]}
-    named_columns = max((len(_cells(text)) for line, text in lines if line not in rows), default=0)
-    if {len(cells) for cells in rows.values()} != {named_columns - 1}:
+    header = next((text for _, text in lines if _is_header(text)), "")
+    if {len(cells) for cells in rows.values()} != {len(_cells(header)) - 1}:
         return lines
     first = next(text for line, text in lines if line in rows)
     mark = next((mark for mark in "\t;," if mark in first), ",")
@@ -64,13 +68,14 @@ def _wavelengths(table: Table, axis: Column, source: str) -> np.ndarray:
     reading = Reading(table, layout, parse_options({}), said, [])
     if axis.role.form == "wavelength" and not axis.role.unit and not reading.one("wavelength unit"):
         x, _ = reading.numbers(axis)
-        if not (np.nanmax(x) < _BETWEEN_UNITS or np.nanmin(x) > _BETWEEN_UNITS):
+        low, high = _NANOMETRES
+        if not (np.nanmax(x) < low or low < np.nanmin(x) <= np.nanmax(x) <= high):
             reading.refuse(
                 axis,
-                f"the name states no unit, and {span_of(x)} may be um or nm. Name it wavelength_um "
-                "or wavelength_nm.",
+                f"the name states no unit, and {span_of(x)} may be um, nm or angstrom. Name it "
+                "wavelength_um, wavelength_nm or wavelength_angstrom.",
             )
-        unit = "um" if np.nanmax(x) < _BETWEEN_UNITS else "nm"
+        unit = "um" if np.nanmax(x) < low else "nm"
         reading = reading._replace(options=reading.options._replace(wavelength_unit=unit))
     return wavelengths(reading)
 

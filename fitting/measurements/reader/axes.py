@@ -44,11 +44,12 @@ def _wavelength_unit(reading: Reading, column: Column, numbers: np.ndarray) -> s
     if not given and (off or FORM_OF.get(unit) != form):
         same = [u for u in WAVELENGTH_UNITS if u != unit and FORM_OF[u] == form]
         choices = [unit] * (unit in WAVELENGTH_UNITS) + (["um", "nm"] if off else same)
+        choices = dict.fromkeys(choices if unit else WAVELENGTH_UNITS)
         said = f"the unit {unit}" if unit else "no unit"
         reading.refuse(
             column,
             f"the name says {form} with {said}, and the numbers are {span_of(numbers)}. Say "
-            f"--wavelength-unit {' or '.join(dict.fromkeys(choices if unit else WAVELENGTH_UNITS))}.",
+            f"--wavelength-unit {' or '.join(choices)}.",
         )
     return unit
 
