@@ -40,6 +40,8 @@ class Data(NamedTuple):
 
 def unmasked(array: Any) -> Any:
     """Return numbers with NaN where they are masked (numpy.ma); anything else as it is."""
+    if isinstance(array, (list, tuple)) and any(isinstance(x, np.ma.MaskedArray) for x in array):
+        array = np.ma.array(array)
     if not isinstance(array, np.ma.MaskedArray):
         return array
     return np.ma.filled(array.astype(np.result_type(array.dtype, np.float64)), np.nan)
