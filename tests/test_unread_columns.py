@@ -50,6 +50,11 @@ def test_what_says_nothing_is_left_out(tmp_path: Path) -> None:
     assert len(kept) == 3
 
 
+def test_blanks_in_a_label_do_not_part_a_tabbed_file(tmp_path: Path) -> None:
+    table = "angle\tR_s\tProbe\n30\t.1\tgold 1\n45\t.2\tgold 2\n"  # a file that was drawn
+    assert "column Probe: this column (gold 1, gold 2)" in refusal(tmp_path, table)
+
+
 def test_a_running_number_is_not_the_axis(tmp_path: Path) -> None:
     table = "X,psi,delta\n1,20,100\n2,25,95\n3,30,90\n"
     assert "column X" in refusal(tmp_path, table, angle_deg=60)

@@ -20,6 +20,7 @@ DIGIT = re.compile("[0-9]")
 _NUMBER = re.compile(
     "[+\\-\u2212]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eEdD][+\\-\u2212]?[0-9]+)?(?:\\s?[%\u00b0])?"
 )
+_WORD = re.compile(r"[^\W\d_]{2}")
 _PLAIN = re.compile(r"[0-9.eE+\-]*")
 _GROUPED = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
 _COMMENT = ("#", '"#', "%", "!", "//")
@@ -91,7 +92,7 @@ def looks_like_data(cells: list[str]) -> tuple[bool, int]:
             numbers += 1
         elif is_missing(cell):
             gaps += 1
-        elif DIGIT.search(cell):
+        elif DIGIT.search(cell) and not _WORD.search(cell):  # "0 92", not the label "gold 1"
             odd += 1
     return numbers >= 2 or (numbers == 1 and len(cells) == 1 + gaps >= 2), odd
 
