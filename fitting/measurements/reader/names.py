@@ -27,7 +27,7 @@ _MENTIONED = {*QUANTITIES, "error", "relative"}
 _KELVIN = {"T", "k", "c", "celsius"}  # of T (K), a temperature
 _ANGLES = {"incidence", "angle"}
 # theta i, reflection angle
-_BESIDE_ANGLES = {*_ANGLES, "inc", "raw", "R", "out", "external", "deg"}
+_BESIDE_ANGLES = {*_ANGLES, "inc", "i", "R", "out", "external", "deg"}
 _AXES = (  # kind and form; one of these concepts is there, and beside it these, or other words
     ("polarization", "", {"polarization"}, {"state", "mode"}),
     ("polarizer", "", {"polarizer", "polarization"}, _ANGLES),

@@ -70,7 +70,7 @@ class Reading(NamedTuple):
         read = [column for column in (*axes, *layout.values) if column is not None]
         columns = [f"{c.role.quantity or c.role.kind}={c.index + 1}" for c in read]
         role = "wavelength" if layout.wavelength is None else "ROLE"
-        role = "polarization" if what.startswith("the pol") else role
+        role = next((r for r in ("polarization", "angle") if what.startswith("the " + r)), role)
         names = [label_of(table, i) for i in layout.left_out]
         if any(re.search(r"[\s,;]", name) for name in names):
             names = [str(i + 1) for i in layout.left_out]

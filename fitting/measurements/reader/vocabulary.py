@@ -30,7 +30,7 @@ def _lists() -> dict[str, dict[str, str]]:
 
 
 _WORDS = _lists()
-CONCEPT, UNITS = _WORDS["concept"], _WORDS["unit"]
+CONCEPT, UNITS = _WORDS["concept"], {unit.lower(): unit for unit in FORM_OF} | _WORDS["unit"]
 # what an unknown word speaks of if it holds one of these: compounds, scripts that part no words
 _ROOTS = {w: c for w, c in CONCEPT.items() if not w.isascii() and len(w) > 1} | _WORDS["root"]
 LETTERS = frozenset("spu")
