@@ -25,7 +25,8 @@ SPELLINGS = _spellings()
 class Case(NamedTuple):
     """A file, and what it means: rows (angle, wavelength or nan, quantity, value, sigma or nan).
 
-    rows is None where the file holds no number that could be meant as R, T, psi or Delta.
+    rows is None where the file holds no number that could be meant as R, T, psi or Delta, or
+    columns that a reader may not leave out. Of a material the quantities are n and k.
     """
 
     name: str
@@ -126,6 +127,12 @@ class Draw:
     def wavelengths(self) -> list[float]:
         """Draw the column of wavelengths; return micrometres."""
         um = np.linspace(self.rng.uniform(0.3, 0.5), self.rng.uniform(0.6, 1.5), 7)
+        if self.often(0.3):
+            name, _, rule = self.one(SPELLINGS["AXES"]).rpartition("=")
+            factor, over = float(rule[:-1]), rule[-1] == "/"
+            texts = [f"{factor / x if over else factor * x:.10g}" for x in um]
+            self.column(name, texts)
+            return [factor / x if over else x / factor for x in numbers_of_texts(texts)]
         kind = int(self.rng.integers(6))
         name = self.one(SPELLINGS["WAVE"])
         if kind <= 2:
@@ -170,7 +177,8 @@ class Draw:
         elif not percent and self.often(0.1):
             name += self.one([" (-)", " [1]", " [-]"])
         self.column(name, texts)
-        if unmeant:  # no datum
+        if unmeant:  # no datum, and none that may be left out
+            self.meant = False
             return []
         return [x / 100.0 if percent else x for x in numbers_of_texts(texts)]
 

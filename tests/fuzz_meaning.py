@@ -23,7 +23,25 @@ from drawn_files import SPELLINGS, Case, Draw, numbers_of_texts, texts_of
 
 from fitting.measurements.errors import for_command
 from fitting.measurements.from_file import read_csv
-from fitting.measurements.measurement import Measurement, MeasurementError
+from fitting.measurements.measurement import MeasurementError
+from fitting.samples.material_tables import index_in_table
+
+
+def beside(draw: Draw) -> None:
+    """Draw a column that tells rows apart, which nobody may leave out, or one that does not."""
+    count, kind = len(draw.columns[0]), draw.rng.random()
+    if kind < 0.15:
+        name, _, cells = draw.one(SPELLINGS["APART"]).rpartition("=")
+        both = cells.split("|")
+        where = draw.rng.integers(2, size=count)
+        where[:2] = (0, 1)
+        draw.column(name, [both[i] for i in where])
+        draw.meant = False
+    elif kind < 0.25:
+        name, _, cell = draw.one(SPELLINGS["CONSTANT"]).rpartition("=")
+        draw.column(name, [cell] * count)
+    elif kind < 0.3:
+        draw.column(draw.one(["#", "no.", "index", "i", ""]), [*map(str, range(1, count + 1))])
 
 
 def scan(draw: Draw) -> Case:
@@ -46,6 +64,7 @@ def scan(draw: Draw) -> Case:
         values = draw.powers(names, len(angles), percent, said)
         sigmas = draw.sigmas(values, percent) if len(curves) == 1 else [math.nan] * len(values)
         rows += [(a, wave, quantity, v, s) for a, v, s in zip(angles, values, sigmas, strict=False)]
+    beside(draw)
     return draw.finished(rows)
 
 
@@ -70,12 +89,17 @@ def spectrum(draw: Draw) -> Case:
     values = draw.powers(SPELLINGS["REFLECTANCE"], len(waves), percent, said)
     sigmas = draw.sigmas(values, percent)
     rows = [(angle, w, "R" + tail, v, s) for w, v, s in zip(waves, values, sigmas, strict=False)]
+    beside(draw)
     return draw.finished(rows)
 
 
 def ellipsometry(draw: Draw) -> Case:
-    """Draw psi and Delta over angle, each in degrees or radians, labelled or not."""
-    angles = draw.scan_angles()
+    """Draw psi and Delta, each in degrees or radians, labelled or not, over angle or wavelength."""
+    spectral = draw.often(0.3)
+    waves = draw.wavelengths() if spectral else []
+    angles = [60.0] * len(waves) if spectral else draw.scan_angles()
+    waves = waves or [math.nan] * len(angles)
+    draw.options |= {"angle_deg": 60.0} if spectral else {}
     rows = []
     for names, quantity, high in (
         (["psi", "Psi", "\u03c8", "PSI"], "psi", 44.0),
@@ -89,32 +113,75 @@ def ellipsometry(draw: Draw) -> Case:
             name = draw.unit(name, "rad|radian" if radians else "deg|\u00b0|degrees")
         draw.column(name, texts)
         values = [math.degrees(x) if radians else x for x in numbers_of_texts(texts)]
-        rows += [(a, math.nan, quantity, v, math.nan) for a, v in zip(angles, values, strict=True)]
+        places = zip(angles, waves, values, strict=True)
+        rows += [(a, w, quantity, v, math.nan) for a, w, v in places]
+    beside(draw)
     return draw.finished(rows)
 
 
-def difference(case: Case, m: Measurement) -> str:
+def material(draw: Draw) -> Case:
+    """Draw a table of n, and k or not, over a wavelength or the like; errors and others beside."""
+    waves = draw.wavelengths()
+    rows = []
+    for quantity in ("n", "k")[: 1 + draw.often(0.7)]:
+        if draw.often(0.15):
+            draw.column(draw.one(SPELLINGS["NK_OTHER"]), texts_of(draw.rng.random(len(waves)), 4))
+            draw.meant = False
+        texts = texts_of(1.5 * draw.rng.random(len(waves)) + 0.1, 4)
+        draw.column(draw.one(SPELLINGS[quantity.upper()]), texts)
+        values = numbers_of_texts(texts)
+        rows += [(0.0, w, quantity, v, math.nan) for w, v in zip(waves, values, strict=True)]
+        if draw.often(0.3):
+            texts = texts_of(0.01 * draw.rng.random(len(waves)) + 0.001, 5)
+            draw.column(draw.one(SPELLINGS["NK_ERRORS"]), texts)
+    if draw.often(0.1):
+        draw.column(draw.one(SPELLINGS["NK_OTHER"]), texts_of(draw.rng.random(len(waves)), 4))
+        draw.meant = False
+    beside(draw)
+    return draw.finished(rows)
+
+
+Row = tuple[float, float, str, float, float]
+
+
+def measured(case: Case, path: Path) -> list[Row]:
+    """Return the data that are read, as `Case` has them."""
+    m = read_csv(path, **case.options)
+    columns = (m.angle_deg, m.wavelength_um, m.quantity, m.value, m.sigma)
+    return [tuple(row) for row in zip(*(c.tolist() for c in columns), strict=True)]
+
+
+def of_material(case: Case, path: Path) -> list[Row]:
+    """Return the n and k that are read, as `Case` has them."""
+    parts = index_in_table(path).items()
+    return [(0.0, w, name, x, math.nan) for name, part in parts for w, x in zip(*part, strict=True)]
+
+
+def difference(case: Case, rows: list[Row]) -> str:
     """Return how what was read differs from what was meant; "" where it does not."""
     if case.rows is None:
-        return "read, though it is not clear what it means"
-    wanted = sorted(case.rows, key=lambda row: (row[2], row[0], row[1] if row[1] == row[1] else 0))
-    waves = [w if w == w else 0.0 for w in m.wavelength_um.tolist()]
-    columns = (m.angle_deg, m.wavelength_um, m.quantity, m.value, m.sigma)
-    rows = [tuple(row) for row in zip(*(c.tolist() for c in columns), strict=True)]
-    order = sorted(range(len(rows)), key=lambda i: (rows[i][2], rows[i][0], waves[i]))
+        return "read, though it is not clear what it means, or a column may not be left out"
+    spectral = len({row[1] for row in case.rows if not math.isnan(row[1])}) > 1
+    rows, wanted = (
+        sorted(of, key=lambda row: (row[2], row[0], row[1] if row[1] == row[1] else 0))
+        for of in (rows, case.rows)
+    )
     if len(rows) != len(wanted):
         return f"{len(rows)} data, not {len(wanted)}"
-    for i, meant in zip(order, wanted, strict=True):
-        for name, a, b in zip(("angle", "wavelength", "", "value", "sigma"), rows[i], meant,
+    for read, meant in zip(rows, wanted, strict=True):
+        for name, a, b in zip(("angle", "wavelength", "", "value", "sigma"), read, meant,
                               strict=True):  # fmt: skip
             if isinstance(b, str):
                 if a != b:
                     return f"{a}, not {b}"
-            elif name in ("wavelength", "sigma") and math.isnan(a):
-                continue  # less was understood, and that is said
+            elif math.isnan(a) and (math.isnan(b) or (name == "wavelength" and not spectral)):
+                continue  # a line that names the wavelength may not be understood
             elif not math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-7):
                 return f"{name} {a:.9g}, not {b:.9g}"
     return ""
+
+
+KINDS = ((scan, measured), (spectrum, measured), (ellipsometry, measured), (material, of_material))
 
 
 def run(count: int, seed: int, folder: Path) -> tuple[Counter[str], list[str]]:
@@ -123,17 +190,17 @@ def run(count: int, seed: int, folder: Path) -> tuple[Counter[str], list[str]]:
     wrong = []
     for number in range(count):
         rng = np.random.default_rng([seed, number])
-        kind = rng.random()
-        case = (scan if kind < 0.45 else spectrum if kind < 0.85 else ellipsometry)(Draw(rng))
+        drawn, read = KINDS[rng.choice(4, p=(0.3, 0.35, 0.1, 0.25))]
+        case = drawn(Draw(rng))
         path = folder / case.name
         path.write_text(case.text, encoding="utf-8")
         try:
-            found = difference(case, read_csv(path, **case.options))
+            found = difference(case, read(case, path))
         except MeasurementError as refusal:
             ends["refused"] += 1
             ends["refused though clear"] += case.rows is not None
             text = for_command(refusal)
-            assert case.name in text and "--" in text, (text, case)
+            assert case.name in text and ("--" in text or drawn is material), (text, case)
             continue
         finally:
             path.unlink()

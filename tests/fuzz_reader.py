@@ -92,6 +92,7 @@ _OPTIONS = (
     {"missing": "0"},
     {"missing": "none"},
     {"keep": "1=s"},
+    {"ignore": "3,Zone"},
     {"lines": "3-9"},
     {"lines": "-4"},
     {"encoding": "latin-1"},

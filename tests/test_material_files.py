@@ -175,8 +175,9 @@ def test_written_index_is_read_again(tmp_path):
     ("a.yml", "DATA:\n  - type: tabulated k\n    data: |\n      1 2\n      2 3\n", "and no n"),
     ("a.yml", "DATA:\n  - type: tabulated nk\n    data: |\n      1 2\n", "rows of 3 numbers"),
     ("a.yml", "{", "not valid YAML"), ("a.yml", "hello", "no list DATA"),
-    ("a.csv", "x,n,k\n1,2,3\n", "none of the columns"), ("a.csv", "wl,m\n1,2\n", "no column n"),
-    ("a.csv", "1,2,3\n", "a header with"), ("a.csv", "wavelength,n\n50,1\n500,2\n", "may be um"),
+    ("a.csv", "x,n,k\n1,2,3\n", "none may be the wavelength"),
+    ("a.csv", "wl,m\n1,2\n", "none may be the n"),
+    ("a.csv", "1,2,3\n", "A header such as"), ("a.csv", "wavelength,n\n50,1\n500,2\n", "may be um"),
     ("a.csv", "wavelength_um,n,k\n1,2,-3\n2,2,3\n", "k"),
 ])  # fmt: skip
 def test_refusals(name, text, says, tmp_path):

@@ -70,9 +70,9 @@ def test_percent_is_one_correctly_rounded_division(tmp_path: Path) -> None:
     text = rows(ANGLES, PERCENT, R_P)
     wanted = [float(p) / 100.0 for p in PERCENT]
     for header in ("R_s (%)", "%R_s", "R_s [percent]", "R_s / %", "R_s_percent"):
-        m = read(tmp_path, f"angle_deg,{header},n\n{text}")
+        m = read(tmp_path, f"angle_deg,{header},n\n{text}", ignore="n")
         assert m.value.tolist() == wanted and "percent" in m.understood
-    m = read(tmp_path, f"angle_deg,R_s,n\n{text}", scale="0.01")
+    m = read(tmp_path, f"angle_deg,R_s,n\n{text}", scale="0.01", ignore=[3])
     assert m.value.tolist() == wanted
     signs = rows(ANGLES, tuple(p + "%" for p in PERCENT))
     assert read(tmp_path, "angle_deg,R_s\n" + signs).value.tolist() == wanted

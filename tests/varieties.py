@@ -82,7 +82,9 @@ VARIETIES = ELLIPSOMETRY | {
         {"columns": {"angle": "angle", "R_s": "405", "R_p": 3}, "lines": "2-"},
     ),
     "second block, named alone": Variety(
-        b"angle,R_s,R_p\n1,.1,.1\n2,.2,.2\n\nangle,R_s,x\n" + BODY.encode(), ONE, {"lines": "6-"}
+        b"angle,R_s,R_p\n1,.1,.1\n2,.2,.2\n\nangle,R_s,x\n" + BODY.encode(),
+        ONE,
+        {"lines": "6-", "ignore": "x"},
     ),
     "decimal comma in quotes": Variety(
         b"angle,Rs,Rp\n"
@@ -204,7 +206,7 @@ VARIETIES = ELLIPSOMETRY | {
     ),
     "unused columns": Variety(
         b"angle_deg,signal_V,R_s,n_samples,T (K)\n"
-        + rows(ANGLES, PERCENT, R_S, ("20",) * 5, PERCENT).encode(),
+        + rows(ANGLES, PERCENT, R_S, ("20",) * 5, ("293.15",) * 5).encode(),
         ONE,
     ),
     "s with one error": Variety(b"aoi_deg,R_s,err\n" + rows(ANGLES, R_S, ERRORS).encode(), ONE),

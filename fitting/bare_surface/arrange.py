@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.reflectances import CHANNELS
-from fitting.measurements.checks import EXCURSION
+from fitting.measurements.checks import EXCURSION, unmasked
 from fitting.measurements.measurement import Measurement
 
 
@@ -72,7 +72,7 @@ def of_measurement(m: Measurement, eta_i: float, errors: str) -> Arranged:
 
 def _checked(name: str, array: Any, low: float, high: float, wanted: str) -> np.ndarray:
     try:
-        came = np.asarray(array)
+        came = np.asarray(unmasked(array))
         if came.dtype.kind == "c":
             raise TypeError("complex ones came")
         array = np.asarray(came, dtype=np.float64)

@@ -90,6 +90,7 @@ _READING = (
     ("psi-unit", "UNIT", "unit of psi and Delta: deg or rad"),
     ("missing", "VALUES", "numbers or words that mark missing values: 0 or -9999,bad"),
     ("keep", "COLUMN=VALUES", "rows to read, by the value of a column: Zone=1,2 or Zone=1-4"),
+    ("ignore", "COLUMN,..", "columns that shall not be read: temperature,7"),
     ("lines", "FROM-TO", "lines to read: 10-200, 10- or -200"),
     ("delimiter", "NAME", "between columns: tab, semicolon, comma, pipe, blank, or the sign"),
     ("decimal", "SIGN", "decimal mark, . or ,"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,6 +36,15 @@ class Data(NamedTuple):
     value: np.ndarray
     sigma: np.ndarray
     polarizer_deg: np.ndarray
+
+
+def unmasked(array: Any) -> Any:
+    """Return numbers with NaN where they are masked (numpy.ma); anything else as it is."""
+    if isinstance(array, (list, tuple)) and any(isinstance(x, np.ma.MaskedArray) for x in array):
+        array = np.ma.array(array)
+    if not isinstance(array, np.ma.MaskedArray):
+        return array
+    return np.ma.filled(array.astype(np.result_type(array.dtype, np.float64)), np.nan)
 
 
 # Without stated errors the noise is estimated from the scatter of a curve. Since curvature looks

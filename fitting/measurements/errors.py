@@ -46,7 +46,9 @@ def _argument(option: re.Match[str]) -> str:
     if value.endswith(".") and not value.endswith("..."):
         value = value[:-1]
     rest = word[len(value) :]
-    is_value = mark == "=" or value in _WORDS or bool(re.search(r"[A-Z0-9=]", value))
+    is_value = (
+        mark == "=" or name == "ignore" or value in _WORDS or bool(re.search(r"[A-Z0-9=]", value))
+    )
     if not is_value:
         return f"{name}{mark}{word}"
     return f"{name}={value}{rest}" if name in _NUMBERS else f'{name}="{value}"{rest}'

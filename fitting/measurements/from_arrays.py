@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from fitting.measurements.checks import Data, beyond, check_data
+from fitting.measurements.checks import Data, beyond, check_data, unmasked
 from fitting.measurements.errors import refuse
 from fitting.measurements.quantities import QUANTITIES, are_powers
 from fitting.measurements.ratios import quotient, refuse_no_powers, times_reflectance
@@ -86,7 +86,8 @@ def from_arrays(
     columns += [sigmas.get(name) for name in names] + [values[name] for name in names]
     columns += [by.get(f"sigma_{name}") for name in names] + [by.get(name, 1.0) for name in names]
     try:
-        arrays = [np.asarray(np.nan if c is None else c, dtype=np.float64) for c in columns]
+        columns = [np.nan if c is None else unmasked(c) for c in columns]
+        arrays = [np.asarray(c, dtype=np.float64) for c in columns]
         length = np.broadcast_shapes((1,), *(a.shape for a in arrays))
         if len(length) != 1:
             raise ValueError(f"{len(length)} dimensions came")

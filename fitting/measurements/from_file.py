@@ -25,7 +25,7 @@ from fitting.measurements.repeats import without_copies
 def _columns_of(path: str | PathLike[str], options: Options) -> LongColumns:
     """Return the data of a file, not yet checked."""
     texts, notes = read_lines(Path(path), options.encoding)
-    bare = options._replace(divided=False, encoding=None) == parse_options({})
+    bare = options._replace(divided=False, encoding=None, ignore=[]) == parse_options({})
     own = own_header(texts)
     if own >= 0 and bare:
         return own_columns(texts, own)
@@ -51,6 +51,7 @@ def read_csv(
     psi_unit: str | None = None,
     missing: object = None,
     keep: Mapping[str, object] | str | None = None,
+    ignore: object = None,
     lines: str | None = None,
     delimiter: str | None = None,
     decimal: str | None = None,
@@ -71,7 +72,8 @@ def read_csv(
     angle_unit: deg, rad, mrad, deg.arcmin (29.40 is 29 degrees 40 minutes), grazing-deg,
         grazing-rad, 2theta-deg, or 1/angstrom, 1/nm for Q = (4 pi / wavelength) cos(angle).
     wavelength_um: wavelength of a file without a column for it, micrometres.
-    wavelength_unit: nm, um, angstrom, eV, cm-1, THz, mm, keV.
+    wavelength_unit: nm, um, angstrom, mm, eV, meV, keV, cm-1, 1/um, THz, GHz, Hz, rad/s, rad/fs,
+        all of light in vacuum.
     polarization: s, p or unpolarized for the whole file; what the codes of its column mean,
         ``"0=s,1=p"``; or angle-from-p, angle-from-s for the angle of a polarizer in degrees.
     scale: factor that makes R and T (and their standard errors) fractions; 0.01 for percent.
@@ -86,6 +88,9 @@ def read_csv(
     missing: numbers or words that stand for a gap in the values, "0" or "-9999,bad"; "none" if
         zeros were measured.
     keep: column -> values of the rows to be read, ``"Zone=1,2,3,4"`` or ``"Zone=1-4"``.
+    ignore: columns that shall not be read, by header or number from 1, "temperature,7". A column
+        that is not read is else refused, unless it is constant, a running number, or of no use
+        by its name (a raw signal, an error of the angle); a file need not have it.
     lines: range of lines that may hold rows, 10-200, 10- or -200.
     delimiter: tab, semicolon, comma, pipe, blank, or the sign. decimal: "." or ",".
     encoding: a name that Python knows.
@@ -96,7 +101,7 @@ def read_csv(
     source = source_of(path)
     with named(source):
         options = parse_options(dict(
-            columns=columns, keep=keep, angle_deg=angle_deg, angle_unit=angle_unit,
+            columns=columns, keep=keep, ignore=ignore, angle_deg=angle_deg, angle_unit=angle_unit,
             wavelength_um=wavelength_um, wavelength_unit=wavelength_unit, polarization=polarization,
             scale=scale, sigma=sigma, psi_unit=psi_unit, missing=missing, lines=lines,
             delimiter=delimiter, decimal=decimal, encoding=encoding,

@@ -8,7 +8,7 @@ fractions; psi and Delta are degrees in the ellipsometer's convention
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +18,7 @@ from fitting.measurements.errors import MeasurementError as MeasurementError
 from fitting.measurements.errors import named
 from fitting.measurements.from_arrays import from_arrays
 from fitting.measurements.quantities import QUANTITIES as QUANTITIES
+from fitting.measurements.reader.cells import all_alike, is_running
 from fitting.process.visible import visible
 
 
@@ -97,7 +98,7 @@ class Measurement:
                 from quantity to one; None where unknown.
             polarizer_deg: see :class:`Measurement`.
             angle_unit: deg, rad, mrad, grazing-deg, ... as in :func:`read_csv`.
-            wavelength_unit: um, nm, angstrom, eV, cm-1, THz, mm or keV.
+            wavelength_unit: um, nm, angstrom, eV, cm-1, THz, ... as in :func:`read_csv`.
             scale: factor that makes powers (and their errors) fractions: 0.01 for percent.
             divide_by: quantity -> array of the same length (or a number), the scan of a reference,
                 by which values are divided; "sigma_R" -> its standard errors.
@@ -121,23 +122,26 @@ class Measurement:
         return Measurement(*map(frozen, data), source=source, understood=understood)
 
     @staticmethod
-    def from_dataframe(table: Mapping[str, object], **options: Any) -> Measurement:
+    def from_dataframe(table: Any, *, ignore: Collection[str] = (), **options: Any) -> Measurement:
         """Return the measurement in a table with named columns.
 
         Args:
-            table: a pandas, polars or any other table with ``keys()`` and ``[name]``; a mapping.
-                Columns "angle_deg", "wavelength_um" (or "wavelength_nm"), "polarizer_deg", the
-                names in ``QUANTITIES``, and "sigma_" before one; others are left alone.
+            table: a pandas or polars data frame, a mapping, or any other table with ``[name]``,
+                and ``keys()`` or ``columns``. Columns "angle_deg", "wavelength_um" (or
+                "wavelength_nm"), "polarizer_deg", the names in ``QUANTITIES``, and "sigma_" before
+                one; any other must be constant or a running number.
+            ignore: names of columns that shall not be read.
             options: as for :meth:`from_columns`; they overrule columns.
         """
         columns: dict[str, Any] = {}
         sigma: dict[str, Any] = {}
-        if not hasattr(table, "keys"):
+        names = table.keys() if hasattr(table, "keys") else getattr(table, "columns", None)
+        if names is None:
             raise MeasurementError(
                 f"{type(table).__name__} came; a table with named columns was wanted, such as a "
                 "data frame or a dictionary of arrays."
             )
-        names = [*map(str, table.keys())]
+        names = [name for name in map(str, names) if name not in ignore]
         if "wavelength_um" in options:  # in micrometres, whatever the unit of a column
             names = [name for name in names if not name.startswith("wavelength_")]
         elif {"wavelength_um", "wavelength_nm"} <= set(names):
@@ -146,12 +150,20 @@ class Measurement:
             )
         for name in names:
             if name in (*QUANTITIES, "angle_deg", "wavelength_um", "polarizer_deg"):
-                columns[name] = np.asarray(table[name])
+                columns[name] = table[name]
             elif name == "wavelength_nm":
-                columns["wavelength_um"] = np.asarray(table[name])
+                columns["wavelength_um"] = table[name]
                 columns["wavelength_unit"] = "nm"
             elif name.removeprefix("sigma_") in QUANTITIES:
-                sigma[name.removeprefix("sigma_")] = np.asarray(table[name])
+                sigma[name.removeprefix("sigma_")] = table[name]
+            else:
+                cells = [*map(str, np.asarray(table[name]).tolist())]
+                if not (all_alike(cells) or is_running(cells)):
+                    raise MeasurementError(
+                        f"the column {name!r} ({', '.join(dict.fromkeys(cells[:3]))}, ...) is not "
+                        "read, but differs from row to row. Give it the name of what it is, or "
+                        f"leave it out with ignore=[{name!r}]."
+                    )
         if "angle_deg" not in {**columns, **options}:
             raise MeasurementError(
                 "the table has no column angle_deg. Give the column of angles this name, or give "

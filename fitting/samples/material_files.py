@@ -23,18 +23,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from fitting.measurements.reader.cells import number_or_none, split_cells
-from fitting.measurements.reader.units import WAVELENGTH_UNITS, wavelength_um
-from fitting.measurements.reader.vocabulary import unit_of
+from fitting.measurements.errors import MeasurementError, for_command
+from fitting.samples.material_tables import index_in_table
 from fitting.samples.published_formulas import PublishedFormula
 from fresnel_jax.dispersion import DispersionModel, Index, Material, Tabulated
 
 ENDINGS = (".yml", ".yaml", ".csv", ".txt", ".dat", ".nk")
-_ABSCISSAE = ("wavelength", "lambda", "wl", "energy")
-# A column of wavelengths without a unit is in micrometres below this, and in nanometres above.
-_BETWEEN_UNITS = 100.0
-
-
 # n or k: a model, and the wavelengths from which to which it holds.
 _Part = tuple[DispersionModel, tuple[float, float]]
 
@@ -65,12 +59,24 @@ def read_material(path: str | os.PathLike[str]) -> Material:
 
     A ``.yml`` of the refractiveindex.info database: types "tabulated nk", "tabulated n",
     "tabulated k" and "formula 1" to "formula 9"; where n and k come in two tables the range is
-    the common one; k is 0 if it is missing. Any other file is a table: columns n and k, and
-    wavelength in the unit that its name says (nm, um, angstrom) or photon energy in eV.
+    the common one; k is 0 if it is missing. Any other file is a table, read as measurements are: n
+    and, if wanted, k over a wavelength, photon energy, wavenumber or frequency in the unit that
+    its name says. Standard errors of n and k are left out, any other column is refused.
 
     Raises MaterialFileError for a file that cannot be read or holds no index.
     """
     file = Path(path)
+    if file.suffix.lower() not in (".yml", ".yaml"):
+        try:
+            return _from_table(file)
+        except MeasurementError as error:
+            text = for_command(error)
+            advice = (
+                " The file of a material takes no options: write it so." if "--" in text else ""
+            )
+            raise MaterialFileError(text + advice) from None
+        except ValueError as error:
+            raise MaterialFileError(f"{file.name}: {error}.") from None
     try:
         text = file.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -78,9 +84,7 @@ def read_material(path: str | os.PathLike[str]) -> Material:
     except OSError as error:
         raise MaterialFileError(f"{file}: the file cannot be read ({error.strerror}).") from None
     try:
-        if file.suffix.lower() in (".yml", ".yaml"):
-            return _from_yaml(text, file.stem)
-        return _from_table(text, file.stem)
+        return _from_yaml(text, file.stem)
     except ValueError as error:
         raise MaterialFileError(f"{file.name}: {error}.") from None
 
@@ -173,67 +177,11 @@ def _table(wavelength: np.ndarray, n: np.ndarray, k: np.ndarray) -> _Part:
     return Tabulated(each, *columns), (float(each[0]), float(each[-1]))
 
 
-def _from_table(text: str, name: str) -> Material:
-    """Read one block of rows with n and k, or two blocks, as refractiveindex.info exports them."""
-    blocks: list[tuple[list[str], list[list[float]]]] = []
-    for number, line in enumerate(text.splitlines(), 1):
-        cells = split_cells(line, next((mark for mark in "\t;," if mark in line), " "))
-        if not any(cells) or line.lstrip().startswith("#"):
-            continue
-        if number_or_none(cells[0]) is None:
-            blocks.append((cells, []))
-            continue
-        header, rows = blocks[-1] if blocks else ([], [])
-        if not rows and len(cells) > 1:
-            del header[len(cells) :]  # a column k that is named and never filled
-        values = [x for cell in cells[: len(header)] if (x := number_or_none(cell)) is not None]
-        if not header or len(values) < len(header):
-            raise ValueError(
-                f"line {number} is {line.strip()!r}; a header with wavelength, n and k was wanted, "
-                "and below it rows of as many numbers"
-            )
-        rows.append(values)
-    found: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-    for header, rows in blocks:
-        found |= _block(header, rows) if rows else {}
-    if "n" not in found:
-        header = blocks[-1][0] if blocks else []
-        raise ValueError(
-            f"there is no column n (columns: {', '.join(header) or 'none'}); a header such as "
-            "wavelength_um,n,k was wanted"
-        )
-    wavelength, n = found["n"]
-    wavelength_k, k = found.get("k", (wavelength, np.zeros_like(n)))
+def _from_table(file: Path) -> Material:
+    parts = index_in_table(file)
+    wavelength, n = parts["n"]
+    wavelength_k, k = parts.get("k", (wavelength, np.zeros_like(n)))
     if np.array_equal(wavelength, wavelength_k):
-        return Material(*_table(wavelength, n, k), name)
+        return Material(*_table(wavelength, n, k), file.stem)
     of_k = _table(wavelength_k, np.ones_like(k), k)
-    return _joined(_table(wavelength, n, np.zeros_like(n)), of_k, name)
-
-
-def _block(header: list[str], rows: list[list[float]]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    table = np.array(rows)
-    plain = [re.sub(r"[^a-z\u00b5\u03bc]+", " ", cell.lower()).split() for cell in header]
-    heads = [words[0] if words else "" for words in plain]
-    known = [head in _ABSCISSAE or unit_of(head) in WAVELENGTH_UNITS for head in heads]
-    across = known.index(True) if any(known) else None
-    if across is None:
-        raise ValueError(
-            f"none of the columns {', '.join(header)} is a wavelength; name it wavelength_um, "
-            "wavelength_nm or energy_ev"
-        )
-    wavelength = _wavelengths(table[:, across], plain[across], header[across])
-    names = {"n": "n", "eta": "n", "k": "k", "kappa": "k"}
-    return {names[h]: (wavelength, table[:, i]) for i, h in enumerate(heads) if h in names}
-
-
-def _wavelengths(x: np.ndarray, words: list[str], name: str) -> np.ndarray:
-    units = [unit for word in words if (unit := unit_of(word)) in WAVELENGTH_UNITS]
-    units += ["eV"] * (words[0] == "energy")
-    if units:
-        return wavelength_um(x, units[0])
-    if x.max() < _BETWEEN_UNITS or x.min() > _BETWEEN_UNITS:
-        return x if x.max() < _BETWEEN_UNITS else x * 1e-3
-    raise ValueError(
-        f"the column {name!r} states no unit, and {x.min():g} to {x.max():g} may be um or nm; name "
-        "it wavelength_um or wavelength_nm"
-    )
+    return _joined(_table(wavelength, n, np.zeros_like(n)), of_k, file.stem)

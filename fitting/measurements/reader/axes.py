@@ -42,12 +42,14 @@ def _wavelength_unit(reading: Reading, column: Column, numbers: np.ndarray) -> s
     # no spectrometer counts so; one of the two is misread
     off = (unit == "nm" and high < 5.0) or (unit == "um" and low >= 100.0)
     if not given and (off or FORM_OF.get(unit) != form):
-        choices = (unit, "nm" if unit == "um" else "um") if off else (unit,)
+        same = [u for u in WAVELENGTH_UNITS if u != unit and FORM_OF[u] == form]
+        choices = [unit] * (unit in WAVELENGTH_UNITS) + (["um", "nm"] if off else same)
+        choices = dict.fromkeys(choices if unit else WAVELENGTH_UNITS)
         said = f"the unit {unit}" if unit else "no unit"
         reading.refuse(
             column,
             f"the name says {form} with {said}, and the numbers are {span_of(numbers)}. Say "
-            f"--wavelength-unit {' or '.join(choices) if unit else ', '.join(WAVELENGTH_UNITS)}.",
+            f"--wavelength-unit {' or '.join(choices)}.",
         )
     return unit
 

@@ -20,6 +20,7 @@ DIGIT = re.compile("[0-9]")
 _NUMBER = re.compile(
     "[+\\-\u2212]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eEdD][+\\-\u2212]?[0-9]+)?(?:\\s?[%\u00b0])?"
 )
+_WORD = re.compile(r"[^\W\d_]{2}")
 _PLAIN = re.compile(r"[0-9.eE+\-]*")
 _GROUPED = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
 _COMMENT = ("#", '"#', "%", "!", "//")
@@ -35,7 +36,9 @@ def is_comment(text: str, delimiter: str) -> bool:
 def split_cells(line: str, delimiter: str) -> list[str]:
     """Return the stripped cells of ``line``; quotes protect a delimiter, blanks come in runs."""
     if delimiter == " ":
-        return line.split()
+        if '"' not in line:
+            return line.split()
+        line = " ".join(line.split())
     if delimiter == "|":
         line = line.strip().removeprefix("|").removesuffix("|")
     if '"' in line:
@@ -65,6 +68,19 @@ def is_missing(cell: str) -> bool:
     return cell.lower() in MISSING
 
 
+def all_alike(cells: Sequence[str]) -> bool:
+    """Return whether all cells hold the same, a number in whatever spelling."""
+    numbers = map(number_or_none, cells)
+    return len({c if x is None else x for c, x in zip(cells, numbers, strict=True)}) == 1
+
+
+def is_running(cells: Sequence[str]) -> bool:
+    """Return whether three cells or more count from 0 or 1."""
+    numbers = [number_or_none(cell) for cell in cells]
+    count = len(cells)
+    return count > 2 and numbers in ([*range(count)], [*range(1, count + 1)])
+
+
 def looks_like_data(cells: list[str]) -> tuple[bool, int]:
     """Return whether cells could be a row of a table, and how many mix digits with other signs.
 
@@ -76,7 +92,7 @@ def looks_like_data(cells: list[str]) -> tuple[bool, int]:
             numbers += 1
         elif is_missing(cell):
             gaps += 1
-        elif DIGIT.search(cell):
+        elif DIGIT.search(cell) and not _WORD.search(cell):  # "0 92", not the label "gold 1"
             odd += 1
     return numbers >= 2 or (numbers == 1 and len(cells) == 1 + gaps >= 2), odd
 

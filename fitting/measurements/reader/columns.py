@@ -6,12 +6,16 @@ from collections import defaultdict
 from typing import NamedTuple, NoReturn
 
 from fitting.measurements.errors import refuse
-from fitting.measurements.quantities import POWER_LETTERS
-from fitting.measurements.reader.cells import is_number, to_numbers
+from fitting.measurements.quantities import POLARIZED, POWER_LETTERS
+from fitting.measurements.reader.cells import (
+    is_number,
+    to_numbers,
+)
 from fitting.measurements.reader.names import Role, role_of
 from fitting.measurements.reader.options import Options
 from fitting.measurements.reader.table import Table, filled_columns, find_column, label_of
 from fitting.measurements.reader.units import FORM_OF
+from fitting.measurements.reader.unread_columns import left_out
 
 # words by which a column shows that rows are means or deviations of other rows; Accurion EP3 and
 # EP4 write the mean of the zones as zone 0, their deviation as zone 5
@@ -28,7 +32,11 @@ class Column(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """The columns in use. ``sigmas`` has for each value its standard error, or None."""
+    """The columns in use. ``sigmas`` has for each value its standard error, or None.
+
+    unused: labels of the columns that are not read. left_out: what those of them may be, by their
+    index, of which the fit may not do without.
+    """
 
     angle: Column | None
     wavelength: Column | None
@@ -37,6 +45,7 @@ class Layout(NamedTuple):
     values: list[Column]
     sigmas: list[Column | None]
     unused: list[str]
+    left_out: dict[int, str]
 
 
 def _refuse(table: Table, text: str, column: str = "") -> NoReturn:
@@ -107,16 +116,21 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
     return found
 
 
-def _implicit(table: Table) -> dict[str, list[Column]]:
+def roles_of(table: Table) -> list[Role]:
+    """Return what each name in the header says."""
     orso = any("ORSO reflectivity data file" in text for _, text in table.preamble[:3])
+    # the prefix by which that format marks errors
+    names = [
+        "sigma " + name[1:] if orso and name[:1] == "s" and name[1:2].isupper() else name
+        for name in table.names
+    ]
+    return [role_of(name, unit) for name, unit in zip(names, table.units, strict=True)]
+
+
+def _implicit(table: Table, roles: list[Role], filled: list[int]) -> dict[str, list[Column]]:
     found = defaultdict[str, list[Column]](list)
-    roles = []
-    filled = set(filled_columns(table.rows))
-    for index, name in enumerate(table.names):
-        if orso and name[:1] == "s" and name[1:2].isupper():
-            name = "sigma " + name[1:]  # the prefix by which that format marks errors
-        role = role_of(name, table.units[index])
-        roles.append(role)
+    for index, role in enumerate(roles):
+        name = table.names[index]
         if role.kind == "unclear" and index in filled:
             value, named = role.quantity.removeprefix("sigma_"), f"{role.quantity}={index + 1}"
             wanted = named if value == role.quantity else f"{value}=2,{named}"
@@ -204,8 +218,15 @@ def choose_columns(table: Table, options: Options) -> Layout:
     Refuses a file where two columns claim one role, none holds a value, or rows are
     statistics of other rows.
     """
-    found = _explicit(table, options) if options.columns else _implicit(table)
+    roles = roles_of(table)
+    filled = [
+        i for i in filled_columns(table.rows)
+        if not {table.names[i].lower(), str(i + 1)} & set(options.ignore)
+    ]  # fmt: skip
+    found = _explicit(table, options) if options.columns else _implicit(table, roles, filled)
     values = found["value"]
+    if not any(value.role.quantity in (*POWER_LETTERS, *POLARIZED) for value in values):
+        found["polarization"] = found["polarizer"] = []
     for of in dict.fromkeys((value.role.quantity, value.role.at) for value in values):
         _only(table, [v for v in values if (v.role.quantity, v.role.at) == of], of[0])
     angled = [value for value in values if value.role.at is not None]
@@ -230,5 +251,9 @@ def choose_columns(table: Table, options: Options) -> Layout:
     sigmas = _attach(table, values, found["sigma"])
     used = {c.index for c in [*single.values(), *values, *sigmas] if c is not None}
     _refuse_computed_rows(table, used)
+    chosen = used | {find_column(table, name, "--keep") for name in options.keep}
+    read = [column for column in single.values() if column is not None]
+    rest = {} if options.columns else {i: roles[i] for i in filled if i not in chosen}
+    lost = left_out(table, rest, [column.index for column in read])
     unused = [label_of(table, i) for i in filled_columns(table.rows) if i not in used]
-    return Layout(**single, values=values, sigmas=sigmas, unused=unused)
+    return Layout(**single, values=values, sigmas=sigmas, unused=unused, left_out=lost)

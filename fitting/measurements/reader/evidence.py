@@ -25,6 +25,7 @@ from fitting.measurements.reader.vocabulary import (
     Words,
     light_of,
     plain,
+    spelled,
     words_of,
 )
 
@@ -45,6 +46,12 @@ OPTION = {
     ),
     "power unit": ("the unit of the powers", "--scale 0.01 for percent, 1 for fractions", "scale"),
     "psi unit": ("the unit of psi and delta", "--psi-unit deg or rad", "psi_unit"),
+    "errors": (
+        "errors of another size than one standard deviation",
+        "--columns angle=1,R=2,sigma_R=3 if they are one standard deviation; else divide them, or "
+        "leave them out of --columns",
+        "columns",
+    ),
     "quantity": ("the measured quantity", "--columns angle=1,R=2 or the like", "columns"),
 }
 FULL_NAME = "the file name"
@@ -55,6 +62,10 @@ _CLAUSE = re.compile(r"[,;|](?=\s|$)|(?<=[a-z])\.\s")  # "incidence;45" is one
 # in the name of a file: s or p before "pol", and words that are a polarization as they are written
 _POLARIZED = re.compile(r"(?i)(?<![^\W_])([sp])[ _]?pol(?:ari[sz]ed)?(?![^\W_\d])")
 _MODES = {"TE": "s", "TM": "p"} | {q + light: light for q in SPOKEN for light in "sp"}
+_EXPANDED = re.compile(
+    r"(?i)(?<![\w.,])(?:1[.,]96|[2-9])\s*[-*x]?\s*(?:sigma|s\.?d\.?|std|stdev|standard)(?![^\W_])"
+    r"|(?<![^\W_])(?:coverage|confidence|expanded|konfidenz|vertrauens|erweitert)"
+)
 _NUMBERED = re.compile(r"(?i)(?:angle|theta|winkel)[ _=]*[0-9]")
 
 
@@ -199,7 +210,10 @@ def _heard(words: Words, where: str, text: str) -> list[Said]:
 def statements(line: int, text: str) -> list[Said]:
     """Return what one comment, setting or remark says of the whole measurement."""
     clauses = [text] if "{" in text else _CLAUSE.split(text)
-    return [s for clause in clauses for s in _heard(words_of(clause), f"line {line}", text.strip())]
+    expanded = [Said("errors", None, f"line {line}", text.strip()[:80])]
+    return expanded * bool(_EXPANDED.search(spelled(text))) + [
+        s for clause in clauses for s in _heard(words_of(clause), f"line {line}", text.strip())
+    ]
 
 
 def _statements_of_name(stem: str) -> list[Said]:
@@ -218,7 +232,8 @@ def _statements_of_name(stem: str) -> list[Said]:
     lengths = [number for number in words.numbers if number[1] in _LENGTHS]
     heard = _wavelength(words._replace(concepts=said & {"wavelength"}, numbers=lengths))
     heard += _units(words._replace(numbers=[])) + _quantity(words)
-    counted = words._replace(concepts=said & {"normal", *_ANGLES}, numbers=[])
+    concepts = said & {"normal", *_ANGLES} | ({"angle"} if words.units & _ANGULAR else set())
+    counted = words._replace(concepts=concepts, numbers=[])
     heard += [pair for pair in _angle(counted) if pair != ("angle", None)]
     found += [Said(*pair, FULL_NAME, name) for pair in heard]
     # written as a word of its own, or before "pol": p-pol, s_polarized; not "sp", nor "P3HT"

@@ -42,6 +42,8 @@ def split_names(text: str, delimiter: str, count: int) -> list[str]:
     ways = [split_cells(text, mark) for mark in delimiter + "|\t;,"]
     ways.append([cell for cell in re.split(r"\s{2,}|\t", text) if cell])
     ways.append(re.findall(r"[^\s(\[]+(?:\s?[(\[][^()\[\]]*[)\]])?", text))  # "angle (deg) R_s"
+    if '"' in text and len(ways[0]) == count - 1:
+        return ["", *ways[0]]  # R does not name the column of the names of rows
     for cells in ways:
         if len(cells) >= count and not any(cells[count:]):
             return cells[:count]
@@ -60,14 +62,21 @@ def below_thousand(names: list[str], units: list[str]) -> set[int]:
         i for i, role in enumerate(roles)
         if (role.kind in ("value", "sigma") and role.unit in ("percent", "1", "deg", "rad"))
         or (role.kind == "angle" and role.unit in ("deg", "rad"))
+        or role.kind == "index"
     }  # fmt: skip
 
 
 def units_row(cells: list[str]) -> list[str] | None:
-    """Return the units in a row that holds nothing else, "" for a rule or a gap; else None."""
+    """Return the units in a row that holds nothing else, "" for a rule or a gap; else None.
+
+    Among more that are known a unit may be as it is spelled, where it is no name of a column.
+    """
     units = [unit_of(cell) or "" for cell in cells]
-    known = all(unit or _RULE.fullmatch(cell) for unit, cell in zip(units, cells, strict=True))
-    return units if known else None
+    unknown = [c for c, u in zip(cells, units, strict=True) if not (u or _RULE.fullmatch(c))]
+    few = len(unknown) < len([*filter(None, units)])
+    if unknown and not (few and not known_names(unknown) and not any(map(is_number, unknown))):
+        return None
+    return [cell if cell in unknown else unit for cell, unit in zip(cells, units, strict=True)]
 
 
 def find_header(

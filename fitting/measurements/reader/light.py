@@ -9,18 +9,10 @@ from fitting.measurements.quantities import POLARIZED, POWER_LETTERS
 from fitting.measurements.reader.cells import is_missing, is_number, number_or_none
 from fitting.measurements.reader.columns import Column
 from fitting.measurements.reader.reading import Reading
-from fitting.measurements.reader.vocabulary import LETTERS, words_of
+from fitting.measurements.reader.vocabulary import light_of_cell
 
 # Angles of the field from the plane of incidence. Half p and half s is what unpolarized light is.
 FIELD_DEG = {"p": 0.0, "s": 90.0, "u": 45.0}
-
-
-def _letter(cell: str) -> str:
-    """Return the polarization that a cell says and nothing else: s, TM, p-polarized, senkrecht."""
-    words = words_of(cell)
-    letters = words.concepts & LETTERS
-    known = not words.unknown and words.concepts <= {*letters, "polarization", "wave"}
-    return next(iter(letters)) if known and len(letters) == 1 and not words.numbers else ""
 
 
 def _from_angles(reading: Reading, column: Column) -> np.ndarray:
@@ -44,7 +36,7 @@ def _from_cells(reading: Reading, column: Column) -> np.ndarray:
     known = {
         cell: codes.get(cell.lower()) or numbers.get(number_or_none(cell), "")
         if codes
-        else _letter(cell)
+        else light_of_cell(cell)
         for cell in set(cells)
     }
     lost = [i for i, cell in enumerate(cells) if not known[cell] and not is_missing(cell)]
@@ -98,10 +90,7 @@ def light_of_rows(reading: Reading, oblique: bool) -> np.ndarray:
                 f"this column gives the polarization, and so does column {other.label!r}. Name "
                 "the columns to be read with --columns.",
             )
-        if bare:
-            return _from_column(reading, column)
-        notes.append(f"column {column.label} was not needed")
-        return np.full(rows, np.nan)
+        return _from_column(reading, column)
     if options.codes or options.polarizer:
         refuse(
             "--polarization gives a meaning to a column, but none is named as the polarization. "

@@ -161,6 +161,7 @@ def long_columns(source: str, table: Table, layout: Layout, options: Options) ->
     numbers = {index: pair[0] for index, pair in read.items()}
     _refuse_placeholders(reading, numbers)
     field = light_of_rows(reading, bool(np.nan_to_num(angle).any() or any(ats)))
+    reading.refuse_left_out()
     factor = power_scale(reading, numbers, {index: pair[1] for index, pair in read.items()})
     psi_units = psi_delta_unit(reading, numbers)
     parts: list[tuple[np.ndarray, ...]] = []

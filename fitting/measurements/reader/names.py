@@ -7,22 +7,27 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from fitting.measurements.quantities import POWER_LETTERS, QUANTITIES, TABLE
-from fitting.measurements.reader.units import FORM_OF, Q_UNITS
+from fitting.measurements.reader.units import FORM_OF
 from fitting.measurements.reader.vocabulary import (
     ALONE,
     CONCEPT,
     LETTERS,
     LONGEST,
     OTHER_POWER,
+    UNITS,
     UNITS_BEHIND_WORDS,
     cased,
     spelled,
     unit_of,
 )
 
+_INDEX = ("n", "k")
+_ASIDE = {"raw", "setting"}  # concepts of columns that a fit has no use for
+_MENTIONED = {*QUANTITIES, "error", "relative"}
+_KELVIN = {"T", "k", "c", "celsius"}  # of T (K), a temperature
 _ANGLES = {"incidence", "angle"}
 # theta i, reflection angle
-_BESIDE_ANGLES = {*_ANGLES, "inc", "raw", "R", "out", "external", "deg"}
+_BESIDE_ANGLES = {*_ANGLES, "inc", "i", "R", "out", "external", "deg"}
 _AXES = (  # kind and form; one of these concepts is there, and beside it these, or other words
     ("polarization", "", {"polarization"}, {"state", "mode"}),
     ("polarizer", "", {"polarizer", "polarization"}, _ANGLES),
@@ -30,21 +35,25 @@ _AXES = (  # kind and form; one of these concepts is there, and beside it these,
     ("angle", "2theta", {"doubled"}, _ANGLES),
     ("angle", "grazing", {"grazing"}, _ANGLES),
     ("angle", "incidence", _ANGLES, _BESIDE_ANGLES),
-    ("wavelength", "wavelength", {"wavelength"}, set()),
+    ("wavelength", "wavelength", {"wavelength"}, {"vacuum"}),
     ("wavelength", "energy", {"energy"}, set()),
     ("wavelength", "wavenumber", {"wavenumber"}, set()),
     ("wavelength", "frequency", {"frequency"}, set()),
+    ("wavelength", "angular frequency", {"frequency"}, {"angle"}),
 )
 # letters that are such a quantity beside its unit
-_SYMBOLS = {"energy": {"e"}, "wavenumber": {"k", "nu"}, "frequency": {"f", "nu"}, "q": {"z"}}
-_AXIS_UNITS = ("nm", "um", "angstrom", "eV", "cm-1", "THz", *Q_UNITS)
+_SYMBOLS = {
+    "energy": {"e"}, "wavenumber": {"k", "nu"}, "frequency": {"f", "nu"},
+    "angular frequency": {"omega", "w"}, "q": {"z"},
+}  # fmt: skip
+# units that name an axis alone; k (1/um) may be 1 / wavelength or 2 pi / wavelength
+_AXIS_UNITS = tuple(unit for unit in FORM_OF if unit not in ("mm", "keV"))
 # why a column with a word of this concept cannot be used
 _WHY = {
-    "no incidence": "it is no angle of incidence",
-    "turned": "it is no angle of incidence",
     "some angle": "it may be the angle of incidence or another one",
     "raw": "it is a raw signal, not a ratio to the direct beam",
-    "constant": "it is an optical constant, not a measured power",
+    "setting": "it is a setting of a null ellipsometer",
+    "no incidence": "it is no angle of incidence",
     OTHER_POWER: "it is an absorbance, log10(1 / T), or an absorption",
 }
 # what phase-modulated ellipsometers measure; no words of the vocabulary, since texts say "is", too
@@ -74,15 +83,19 @@ _NO_SIGNS = re.compile(r"[\w\s.,:;()\[\]{}\-]*")
 
 
 class Role(NamedTuple):
-    """What a column is: angle, wavelength, polarization, polarizer, value, sigma, unclear or "".
+    """What a column is: angle, wavelength, polarization, polarizer, value, sigma, index, aside,
+    unclear or "".
 
-    quantity: for value and sigma, a name of QUANTITIES; for sigma also "_s" and "_p", or "" where
-        the name does not say of what.
+    index is n or k of a material; aside is what a fit has no use for: raw signals, errors of an
+    axis, settings of an ellipsometer.
+    quantity: for value, index and sigma, a name of QUANTITIES, n or k; for sigma also "_s" and
+        "_p", or "" where the name does not say of what; for kind "", one that the name mentions.
     form: of an angle incidence, grazing, 2theta or q; of a wavelength the word that names it
         (wavelength, energy, wavenumber, frequency).
     unit: a key of :mod:`fitting.measurements.reader.vocabulary`, "" where the name gives none.
     at: for value and sigma, the angle of incidence in degrees that the name gives, else None.
-    why: for kind "", why the column cannot be used, if known; for unclear, both readings.
+    why: for index, aside and "", why the column is not fitted, if known; for unclear, both
+        readings.
     """
 
     kind: str
@@ -131,7 +144,7 @@ def _optical(tokens: list[str], unit: str, error: bool) -> Role | None:
     quantities, lights, side = set(), set(), ""
     for token in tokens:
         concept = token if token in POWER_LETTERS else CONCEPT.get(token, "")
-        if concept in QUANTITIES:
+        if concept in (*QUANTITIES, *_INDEX):
             quantities.add(concept)
         elif concept in LETTERS and token != "u":
             lights.add(concept)
@@ -143,10 +156,13 @@ def _optical(tokens: list[str], unit: str, error: bool) -> Role | None:
     if len(quantities) > 1 or len(lights) > 1 or not (quantity or error):
         return None
     name = quantity + side + ("" if light in ("", "u") else "_" + light)
-    known = QUANTITIES if quantity else ("", "_s", "_p")
-    if name not in known or (light and quantity in ALONE):
+    known = (*QUANTITIES, *_INDEX) if quantity else ("", "_s", "_p")
+    if name not in known or (light and quantity in (*ALONE, *_INDEX)):
         return None
-    return Role("sigma" if error else "value", name, unit=unit)
+    if error or name not in _INDEX:
+        return Role("sigma" if error else "value", name, unit=unit)
+    why = "it is an optical constant, not a measured power"
+    return Role("index", name, unit=unit, why=why) if unit in ("", "1") else None
 
 
 def _axis(tokens: list[str], unit: str) -> Role | None:
@@ -158,7 +174,7 @@ def _axis(tokens: list[str], unit: str) -> Role | None:
             return Role(kind, form=form, unit=unit)
     form = FORM_OF.get(unit, "") if unit != "mm" else ""
     letters = {token.lower() for token in tokens} - {"the", "of"}
-    if form and letters <= _SYMBOLS.get(form, set()):
+    if form and letters <= _SYMBOLS.get(form, set()) - ({"k"} if unit == "1/um" else set()):
         return Role("angle" if form == "q" else "wavelength", form=form, unit=unit)
     return None
 
@@ -199,23 +215,30 @@ def role_of(name: str, unit: str = "") -> Role:
         if bare.kind in ("value", "sigma") and bare.quantity and bare.at is None:
             return bare._replace(at=float(match[1] or match[2]))
     signs = not _NO_SIGNS.fullmatch(rest) or rest.startswith("-")
+    mentioned = [t for t in tokens if t in POWER_LETTERS] + [c for c in said if c in _MENTIONED]
+    unread = Role("", "" if {*tokens} <= _KELVIN else "".join(mentioned[:1]), unit=unit)
     if signs or not (tokens or unit in _AXIS_UNITS):
-        return Role("", unit=unit)
+        return unread
     error, optical = "error" in said, tokens
     if error:
         optical = [t for t in tokens if CONCEPT.get(t.lower()) not in ("error", "of errors")]
     elif tokens[:1] in (["d"], ["delta"]) and (behind := tokens[1:]):  # dR, delta R
         of = _axis(behind, unit) or _optical(behind, unit, error=True)
-        if of and (of.quantity or of.form):
+        if of and (of.quantity or of.form) and of.quantity not in _INDEX:  # birefringence
             error, optical = True, behind
     axis = _axis(optical, unit) if optical or not error else None
     if axis:
-        return Role("", why="it is the uncertainty or resolution of an axis") if error else axis
+        return (
+            Role("aside", why="it is the uncertainty or resolution of an axis") if error else axis
+        )
     if found := _optical(optical, unit, error):
         return found
     why = next((_WHY[concept] for concept in _WHY if concept in said), "")
+    words = {CONCEPT.get(token, UNITS.get(token, token)) for token in map(str.lower, tokens)}
+    if words & _ASIDE and words <= _ASIDE | {"error", "of errors", "filler", "arb"}:
+        return Role("aside", unit=unit, why=why)
     if tokens in ([word] for word in _MODULATED):
         why = f"of an ellipsometer it is {_MODULATED[tokens[0]]}; export psi and Delta instead"
     if (match := _NUMBERED.search(rest)) and role_of(rest[: match.start()].rstrip(" _")).quantity:
         why = "if its number is an angle, write R(45 deg)"
-    return Role("", unit=unit, why=why)
+    return unread._replace(why=why)

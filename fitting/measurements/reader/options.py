@@ -24,6 +24,7 @@ class Options(NamedTuple):
     """Checked options of :func:`fitting.read_csv`; None, or empty, where not given.
 
     light: "s", "p", "u" for the whole file, or "". codes: text of a cell -> "s", "p", "u".
+    ignore: names, in small letters, or numbers of columns that shall not be read.
     polarizer: "angle-from-p", "angle-from-s" or "". zero_is_value: zeros were said to be measured.
     lines: the first and the last that may hold rows; the header may stand before. delimiter: the
     sign itself; without it the split is taken that makes the most lines rows of one length.
@@ -32,6 +33,7 @@ class Options(NamedTuple):
 
     columns: dict[str, str]
     keep: dict[str, list[str]]
+    ignore: list[str]
     angle_deg: float | None
     angle_unit: str
     wavelength_um: float | None
@@ -81,6 +83,12 @@ class _Given(NamedTuple):
         if (text := str(value).strip()) not in wanted:
             self.refuse(name, f"is not known; it can be {', '.join(wanted)}.")
         return text
+
+    def words(self, name: str) -> list[str]:
+        """Return the words of a list or of ``a,b``."""
+        value = self.by_name.get(name)
+        items = [] if value is None else value if isinstance(value, (list, tuple)) else [value]
+        return [part.strip() for item in items for part in str(item).split(",")]
 
     def pairs(self, name: str) -> dict[str, str]:
         """Return the pairs of ``A=1,B=2`` or a mapping; a part without = goes to the one before."""
@@ -165,12 +173,11 @@ def parse_options(by_name: Mapping[str, object]) -> Options:
     light, codes, polarizer = given.polarization()
     delimiter, decimal = given.marks()
     encoding = by_name.get("encoding")
-    words = by_name.get("missing")
-    words = [] if words is None else words if isinstance(words, (list, tuple)) else [words]
-    gaps = [part.strip() for word in words for part in str(word).split(",")]
+    gaps = given.words("missing")
     return Options(
         columns=columns,
         keep={k: [part.strip() for part in v.split(",")] for k, v in given.pairs("keep").items()},
+        ignore=[word.lower() for word in given.words("ignore")],
         angle_deg=given.number("angle_deg", 0.0, 90.0),
         angle_unit=given.one_of("angle_unit", ANGLE_UNITS),
         wavelength_um=given.number("wavelength_um", 1e-9, 1e9),

@@ -13,7 +13,8 @@ from fitting.measurements.reader.cells import is_missing, number_or_none, to_num
 from fitting.measurements.reader.columns import Column, Layout
 from fitting.measurements.reader.evidence import FULL_NAME, OPTION, Said
 from fitting.measurements.reader.options import Options
-from fitting.measurements.reader.table import Table, find_column
+from fitting.measurements.reader.table import Table, find_column, label_of
+from fitting.measurements.reader.unread_columns import came_in
 
 
 def _span(word: str) -> tuple[float, float] | None:
@@ -58,6 +59,28 @@ class Reading(NamedTuple):
         """Refuse at a column's name, or at its cell in a row."""
         line = (self.table.header or self.table.lines[0]) if row is None else self.table.lines[row]
         refuse(text, line, column.label)
+
+    def refuse_left_out(self) -> None:
+        """Refuse a column that is not read, but may hold something of use."""
+        table, layout = self.table, self.layout
+        if not layout.left_out:
+            return
+        index, what = next(iter(layout.left_out.items()))
+        axes = (layout.angle, layout.wavelength, layout.polarization, layout.polarizer)
+        read = [column for column in (*axes, *layout.values) if column is not None]
+        columns = [f"{c.role.quantity or c.role.kind}={c.index + 1}" for c in read]
+        role = "wavelength" if layout.wavelength is None else "ROLE"
+        role = next((r for r in ("polarization", "angle") if what.startswith("the " + r)), role)
+        names = [label_of(table, i) for i in layout.left_out]
+        if any(re.search(r"[\s,;]", name) for name in names):
+            names = [str(i + 1) for i in layout.left_out]
+        refuse(
+            f"this column ({came_in(table, index)}) is not read, but it may be {what}. If the fit "
+            f"may do without it, say --ignore {','.join(names)}; else name all columns to be read: "
+            f"--columns {','.join(columns)},{role}={index + 1}.",
+            table.header or table.lines[0],
+            label_of(table, index),
+        )
 
     def refuse_both(self, column: Column, what: str, option: str) -> NoReturn:
         """Raise because an option gives what a column gives."""
@@ -154,10 +177,14 @@ class Reading(NamedTuple):
         """
         if option:
             return option
-        beside, own = self.one(kind), column.role.unit
-        if own:
-            self.contradicted(kind, lambda u: u != own, column, f"the header says {own}")
+        own = column.role.unit
+        if own:  # by which the name of the file is of no matter
+            lines = self._replace(said=[said for said in self.said if said.where != FULL_NAME])
+            lines.one(kind)
+            lines.contradicted(kind, lambda u: u != own, column, f"the header says {own}")
+            return own
+        beside = self.one(kind)
         if beside:
             flag = OPTION[kind][1].split(" ")[0]
             self.notes.append(f"{what} in {beside.value} ({beside.where}; {flag})")
-        return own or str(beside.value if beside else "")
+        return str(beside.value if beside else "")

@@ -94,6 +94,7 @@ def standard_errors(
     if column is None:
         return np.full(len(reading.table.rows), np.nan)
     options = reading.options
+    reading.one("errors")
     numbers, sign = reading.numbers(column, gaps=True)
     own = "percent" if sign == "%" else column.role.unit
     if value.role.quantity in _LIMITS:

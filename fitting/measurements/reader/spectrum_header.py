@@ -18,7 +18,7 @@ def spectrum_header(x_line: int, x_units: str, y_line: int, y_units: str) -> str
     or frequency, and for absorbance and the like. Other values are left to the rest of the reader.
     """
     unit = unit_of(x_units) or ""
-    form = FORM_OF.get(unit, "q")
+    form = "q" if unit == "Hz" else FORM_OF.get(unit, "q")  # NMR
     if form == "q":
         refuse(
             f"the unit {x_units[:30]!r} came where 1/CM, NANOMETERS or MICROMETERS were wanted. "

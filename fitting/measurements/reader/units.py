@@ -6,14 +6,19 @@ import numpy as np
 
 # h c / e in eV um, exact since the SI of 2019: 6.62607015e-34 * 299792458 / 1.602176634e-19 * 1e6
 _EV_UM = 1.2398419843320026
-_RECIPROCAL = {"eV": _EV_UM, "keV": _EV_UM / 1e3, "cm-1": 1e4, "THz": 299.792458}  # c in um THz
+_C = 299.792458  # um THz
+_RECIPROCAL = {
+    "eV": _EV_UM, "meV": _EV_UM * 1e3, "keV": _EV_UM / 1e3, "cm-1": 1e4, "1/um": 1.0, "THz": _C,
+    "GHz": _C * 1e3, "Hz": _C * 1e12, "rad/s": 2.0 * np.pi * _C * 1e12, "rad/fs": 2e-3 * np.pi * _C,
+}  # fmt: skip
 _UM = {"um": 1.0, "nm": 1e-3, "angstrom": 1e-4, "mm": 1e3}
 
 # what a number in the unit is
 FORM_OF = {
     "nm": "wavelength", "um": "wavelength", "angstrom": "wavelength", "eV": "energy",
     "cm-1": "wavenumber", "THz": "frequency", "mm": "wavelength", "keV": "energy",
-    "1/angstrom": "q", "1/nm": "q",
+    "meV": "energy", "1/um": "wavenumber", "GHz": "frequency", "Hz": "frequency",
+    "rad/s": "angular frequency", "rad/fs": "angular frequency", "1/angstrom": "q", "1/nm": "q",
 }  # fmt: skip
 WAVELENGTH_UNITS = tuple(unit for unit, form in FORM_OF.items() if form != "q")
 ANGLE_UNITS = (

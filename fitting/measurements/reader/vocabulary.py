@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fitting.measurements.quantities import POWER_LETTERS, POWERS, QUANTITIES
+from fitting.measurements.reader.units import FORM_OF
 
 LONGEST = 200  # letters of a column's name; what is longer is a text
 
@@ -29,7 +30,7 @@ def _lists() -> dict[str, dict[str, str]]:
 
 
 _WORDS = _lists()
-CONCEPT, UNITS = _WORDS["concept"], _WORDS["unit"]
+CONCEPT, UNITS = _WORDS["concept"], {unit.lower(): unit for unit in FORM_OF} | _WORDS["unit"]
 # what an unknown word speaks of if it holds one of these: compounds, scripts that part no words
 _ROOTS = {w: c for w, c in CONCEPT.items() if not w.isascii() and len(w) > 1} | _WORDS["root"]
 LETTERS = frozenset("spu")
@@ -80,6 +81,7 @@ def spelled(text: str) -> str:
     """Return ``plain`` text with names of several parts as one word: 2 theta, wave length."""
     text = re.sub(r"(?i)\b[dl]'(?=\w)", "", plain(text))  # angle d'incidence
     text = re.sub(r"@\s*(?=[0-9])", " angle ", text)  # R@60
+    text = text.replace("+/-", " error ")
     text = re.sub(r"(?i)(?<![^\W_])he-?ne(?![^\W_])", "laser", text)
     text = re.sub(r"(?i)(?<![^\W_])(?:2|two)[\s_-]*theta", "twotheta", text)
     text = re.sub(r"(?i)(?<![^\W_])relative\s+to(?![^\W_])", "normalized", text)
@@ -128,7 +130,7 @@ _UNIT_WORD = re.compile(
 _STRONG_UNITS = frozenset(
     ["deg", "rad", "mrad", "nm", "um", "angstrom", "eV", "keV", "THz", "percent", "permille"]
 )
-UNITS_BEHIND_WORDS = _STRONG_UNITS | {"cm-1", "mm", "1/angstrom", "1/nm"}
+UNITS_BEHIND_WORDS = _STRONG_UNITS.union(FORM_OF)
 _NUMBERED = ("incidence", "angle", "grazing", "some angle", "wavelength", "laser")
 
 
@@ -174,3 +176,11 @@ def words_of(text: str) -> Words:
                 said.concepts.add(last)
         unknown = unknown or kind == "digits"
     return said._replace(units=said.units - {""}, unknown=unknown)
+
+
+def light_of_cell(cell: str) -> str:
+    """Return the polarization that a cell says and nothing else: s, TM, p-polarized, senkrecht."""
+    words = words_of(cell)
+    letters = words.concepts & LETTERS
+    known = not words.unknown and words.concepts <= {*letters, "polarization", "wave"}
+    return next(iter(letters)) if known and len(letters) == 1 and not words.numbers else ""

@@ -1,0 +1,141 @@
+"""The columns of a text table of n and k, read as measurements are: headers, units and cells."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from fitting.measurements.errors import named, refuse
+from fitting.measurements.reader.axes import wavelengths
+from fitting.measurements.reader.cells import looks_like_data, split_cells, to_numbers
+from fitting.measurements.reader.columns import Column, Layout, roles_of
+from fitting.measurements.reader.evidence import evidence
+from fitting.measurements.reader.header import uncomment
+from fitting.measurements.reader.lines import read_lines
+from fitting.measurements.reader.names import role_of
+from fitting.measurements.reader.options import parse_options
+from fitting.measurements.reader.reading import Reading
+from fitting.measurements.reader.table import Table, filled_columns, label_of, read_table
+from fitting.measurements.reader.units import span_of
+from fitting.measurements.reader.unread_columns import came_in, left_out
+
+# Wavelengths without a unit are in micrometres below 100, as refractiveindex.info exports them;
+# from there to 2000 they are in nanometres, above it they may be in angstrom.
+_NANOMETRES = (100.0, 2000.0)
+_WANTED = (
+    "A header such as wavelength_um,n,k was wanted (or wavelength_nm, energy_eV, wavenumber_cm-1, "
+    "frequency_THz), with each of them once and k where it is not 0"
+)
+_Part = tuple[np.ndarray, np.ndarray]  # wavelengths in micrometres, and n or k at them
+
+
+def _blocks(texts: list[str]) -> list[list[tuple[int, str]]]:
+    """Return the numbered lines of each table: one, or one of n and one of k."""
+    blocks: list[list[tuple[int, str]]] = [[]]
+    rows = 0
+    for line, text in enumerate(texts, start=1):
+        if rows and _is_header(text):
+            blocks.append([])
+            rows = 0
+        rows += looks_like_data(_cells(uncomment(text)))[0]
+        blocks[-1].append((line, text))
+    return [*map(_without_empty_column, blocks)]
+
+
+def _cells(text: str) -> list[str]:
+    return split_cells(text, next((mark for mark in "\t;," if mark in text), " "))
+
+
+def _is_header(text: str) -> bool:
+    return {"wavelength", "index"} <= {role_of(cell).kind for cell in _cells(uncomment(text))}
+
+
+def _without_empty_column(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return lines where a last column that is named and never filled has empty cells."""
+    rows = {line: cells for line, text in lines if looks_like_data(cells := _cells(text))[0]}
+    header = next((text for _, text in lines if _is_header(text)), "")
+    if {len(cells) for cells in rows.values()} != {len(_cells(header)) - 1}:
+        return lines
+    first = next(text for line, text in lines if line in rows)
+    mark = next((mark for mark in "\t;," if mark in first), ",")
+    return [(line, text + mark * (line in rows)) for line, text in lines]
+
+
+def _wavelengths(table: Table, axis: Column, source: str) -> np.ndarray:
+    layout = Layout(None, axis, None, None, [], [], [], {})
+    said = [s for s in evidence(source, table.preamble) if s.kind == "wavelength unit"]
+    reading = Reading(table, layout, parse_options({}), said, [])
+    if axis.role.form == "wavelength" and not axis.role.unit and not reading.one("wavelength unit"):
+        x, _ = reading.numbers(axis)
+        low, high = _NANOMETRES
+        if not (np.nanmax(x) < low or low < np.nanmin(x) <= np.nanmax(x) <= high):
+            reading.refuse(
+                axis,
+                f"the name states no unit, and {span_of(x)} may be um, nm or angstrom. Name it "
+                "wavelength_um, wavelength_nm or wavelength_angstrom.",
+            )
+        unit = "um" if np.nanmax(x) < low else "nm"
+        reading = reading._replace(options=reading.options._replace(wavelength_unit=unit))
+    return wavelengths(reading)
+
+
+def _index_of(table: Table, source: str) -> dict[str, _Part]:
+    """Return the wavelengths in micrometres and the numbers of n, of k, or of both in a table.
+
+    A fit has no use for the standard errors of n and k, which are left out, as are running numbers
+    and words that are the same in all rows; any other column is refused.
+    """
+    columns: dict[str, list[Column]] = {"wavelength": [], "n": [], "k": []}
+    rest = {}
+    roles = roles_of(table)
+    for i in filled_columns(table.rows):
+        role = roles[i]
+        name = role.quantity if role.kind == "index" else role.kind
+        if name in columns:
+            columns[name].append(Column(i, label_of(table, i), role))
+        elif role.kind != "sigma" or role.quantity not in ("n", "k", ""):
+            rest[i] = role
+    for name, several in columns.items():
+        if len(several) > 1 or not (several or name == "k" or (name == "n" and columns["k"])):
+            came = " and ".join(repr(column.label) for column in several) or "none"
+            refuse(
+                f"of the columns {', '.join(label_of(table, i) for i in range(len(table.names)))} "
+                f"{came} may be the {name}. {_WANTED}.",
+                table.header or table.lines[0],
+            )
+    axis = columns["wavelength"][0]
+    for i, what in left_out(table, rest, [axis.index], constants=False).items():
+        refuse(
+            f"this column ({came_in(table, i)}) is neither n nor k, but may be {what}. {_WANTED}; "
+            "delete the column, or name it sigma_n or sigma_k if it holds standard errors.",
+            table.header or table.lines[0],
+            label_of(table, i),
+        )
+    wavelength = _wavelengths(table, axis, source)
+    out = {}
+    for name, column in ((name, columns[name][0]) for name in "nk" if columns[name]):
+        numbers, _ = to_numbers(
+            [row[column.index] for row in table.rows], table.lines, table.decimal, column.label
+        )
+        there = ~np.isnan(numbers)
+        out[name] = wavelength[there], numbers[there]
+    return out
+
+
+def index_in_table(file: Path) -> dict[str, _Part]:
+    """Return n, and k where there is one, from one table or two, as refractiveindex.info has them.
+
+    Raises MeasurementError for a file that is no such table.
+    """
+    parts: dict[str, _Part] = {}
+    with named(file.name):
+        texts, _ = read_lines(file, None)
+        for lines in _blocks(texts):
+            for name, part in _index_of(read_table(lines, parse_options({})), file.name).items():
+                if name in parts:
+                    refuse(f"two tables hold {name}; one was wanted.", lines[0][0])
+                parts[name] = part
+        if "n" not in parts:
+            refuse(f"no column is n. {_WANTED}.")
+    return parts
