@@ -80,7 +80,7 @@ def test_missing_matplotlib(capsys, tmp_path, no_fit, monkeypatch):
 
 @pytest.mark.parametrize("error", [RuntimeError("defect"), OSError(28, "No space left on device")])
 def test_results_are_written_whole_or_not_at_all(capsys, tmp_path, monkeypatch, error):
-    old = json_object({"status": "old"})
+    old = json_object({"written_by": "fresnel-fit", "status": "old"})
     (tmp_path / "gold.json").write_text(old)
 
     def fail(figure, path, *_):
@@ -102,7 +102,7 @@ def test_results_are_written_whole_or_not_at_all(capsys, tmp_path, monkeypatch, 
 
 def test_a_result_replaces_an_older_one_and_keeps_its_permissions(tmp_path):
     old = tmp_path / "gold.json"
-    old.write_text(json_object({"status": "old"}))
+    old.write_text(json_object({"written_by": "fresnel-fit", "status": "old"}))
     old.chmod(0o640)
     (tmp_path / "link.json").symlink_to(old)
     assert cli.main([str(GOLD), "--quiet", "--json", str(tmp_path / "link.json")]) == 0

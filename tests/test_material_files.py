@@ -68,7 +68,8 @@ def test_formulas_give_published_indices(number, coefficients, wavelength, index
     file = tmp_path / "material.yml"
     file.write_text(
         "REFERENCES: |\n    Somebody, <i>J. Opt.</i> 1 (1980)\nDATA:\n"
-        f"  - type: formula {number}\n    wavelength_range: 0.3 12\n"
+        f"  - type: formula {number}\n"
+        f"    wavelength_range: {0.9 * wavelength} {1.1 * wavelength}\n"
         f"    coefficients: {coefficients}\n"
     )
     found = read_material(file)(wavelength)
@@ -169,12 +170,44 @@ def test_written_index_is_read_again(tmp_path):
     assert not (tmp_path / "no.yml").exists()
 
 
+def formula(number, coefficients, limits="0.3 2"):
+    return (
+        f"DATA:\n  - type: formula {number}\n    wavelength_range: {limits}\n"
+        f"    coefficients: {coefficients}\n"
+    )
+
+
+# Each line stands for nine times the one above; the last for 400 million texts.
+BOMB = "a0: &a0 [x,x,x,x,x,x,x,x,x]\n" + "".join(
+    f"a{i}: &a{i} [{','.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 9)
+)
+
+
 @pytest.mark.parametrize("name, text, says", [
     ("a.yml", "DATA:\n  - type: formula 12\n    wavelength_range: 1 2\n", "formula 1 to formula 9"),
     ("a.yml", "DATA:\n  - type: formula 1\n    wavelength_range: 1\n    coefficients: 1\n", "two"),
     ("a.yml", "DATA:\n  - type: tabulated k\n    data: |\n      1 2\n      2 3\n", "and no n"),
     ("a.yml", "DATA:\n  - type: tabulated nk\n    data: |\n      1 2\n", "rows of 3 numbers"),
+    ("a.yml", "DATA:\n  - type: tabulated n2\n    data: |\n      1 2\n      2 3\n", "and no n"),
+    ("a.yml", formula(5, "1.5") + formula(5, "1.6")[6:], "n twice"),
     ("a.yml", "{", "not valid YAML"), ("a.yml", "hello", "no list DATA"),
+    ("a.yml", f"DATA: {'[' * 3000}{']' * 3000}\n", "levels|depth"),
+    ("a.yml", "{a: " * 3000, "levels"), ("a.yml", "- " * 3000, "levels"),
+    ("a.yml", "DATA: !!int ''\n", "no list DATA"), ("a.yml", "DATA: !!bool foo\n", "no list"),
+    ("a.yml", "DATA:\n  - type: !!timestamp foo\n", "DATA holds foo"),
+    ("a.yml", BOMB, "alias"), ("a.yml", "DATA:\n" + "  - a: b\n" * 5000, "10000 parts"),
+    ("a.yml", "DATA:\n  - type: tabulated nk\n    data: |\n" + "      1 2 3\n" * 500_000, "5 MB"),
+    ("a.yml", formula(5, "1.5") + "    coefficients: 1.7\n", "'coefficients' stands twice"),
+    ("a.yml", formula(5, "1_5"), "'1_5'; numbers"), ("a.yml", formula(5, "nan"), "not finite"),
+    ("a.yml", formula(1, "0 1e308 1e308"), "gives n = inf"),
+    ("a.yml", formula(5, "1e308"), "gives n = 1e\\+308"), ("a.yml", formula(5, "-1.5"), "n = -1.5"),
+    ("a.yml", formula(4, "2 1 0 -2 0.5 0 0 0 0"), "n = "),
+    ("a.yml", formula(4, "2 1 0 0 -1 0 0 0 0"), "gives n = inf"),
+    ("a.yml", formula(4, "2 0.3"), "2 coefficients came; .* 1, 5, 9, 11"),
+    ("a.yml", formula(2, "4.6 2.2 0.1 1.8"), "4 coefficients came; .* 1, 3, 5"),
+    ("a.yml", formula(8, "1 1 1 1 1"), "5 coefficients came; .* 1 to 4"),
+    ("a.yml", formula(5, "1.5", "0 1"), "0 to 1; two, above 0"),
+    ("a.yml", "DATA:\n  - type: tabulated n\n    data: |\n      1 1e308\n      2 1\n", "above 1e"),
     ("a.csv", "x,n,k\n1,2,3\n", "none may be the wavelength"),
     ("a.csv", "wl,m\n1,2\n", "none may be the n"),
     ("a.csv", "1,2,3\n", "A header such as"), ("a.csv", "wavelength,n\n50,1\n500,2\n", "may be um"),

@@ -53,13 +53,10 @@ def plain(value: Any) -> Any:
 
 
 def json_object(fields: Mapping[str, Any]) -> str:
-    """Return ``fields`` as the text of a JSON object, one field a line; NaN is null.
-
-    The first field, "written_by", names the program.
-    """
+    """Return ``fields`` as the text of a JSON object, one field a line; NaN is null."""
     lines = (
         f"  {json.dumps(name)}: {json.dumps(plain(value), allow_nan=False)}"
-        for name, value in {"written_by": "fresnel-fit", **fields}.items()
+        for name, value in fields.items()
     )
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
@@ -87,7 +84,7 @@ def to_dict(fit: Fit) -> dict[str, Any]:
     holds, its values and its sentence. Of a batch warnings and alternatives are a list for each
     fit, in the order of the batch.
     """
-    fields: dict[str, Any] = {"version": fitting.__version__}
+    fields: dict[str, Any] = {"written_by": "fresnel-fit", "version": fitting.__version__}
     if fit.measurement is not None:
         fields["source"] = fit.measurement.source
         fields["understood"] = fit.measurement.understood

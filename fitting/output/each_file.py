@@ -102,4 +102,4 @@ def rows_json(files: Sequence[OfFile]) -> str:
     for name, fit, error in files:
         fields = {"status": REFUSED, "message": error} if fit is None else to_dict(fit)
         each.append({"file": name, **fields})
-    return json_object({"files": each})
+    return json_object({"written_by": "fresnel-fit", "files": each})

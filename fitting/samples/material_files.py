@@ -24,11 +24,18 @@ import numpy as np
 from jax import Array
 
 from fitting.measurements.errors import MeasurementError, for_command
+from fitting.measurements.reader.lines import MAX_BYTES
+from fitting.process.compiled import fit_settings
 from fitting.samples.material_tables import index_in_table
 from fitting.samples.published_formulas import PublishedFormula
 from fresnel_jax.dispersion import DispersionModel, Index, Material, Tabulated
 
 ENDINGS = (".yml", ".yaml", ".csv", ".txt", ".dat", ".nk")
+# An alias may stand for gigabytes. The largest table of the database has 61,730 rows.
+_LONGEST_YAML, _DEEPEST, _MOST_PARTS = 5_000_000, 20, 10_000
+# k of metals in the far infrared is some thousand: 6,100 is the most in the database.
+_LARGEST = 1e6
+
 # n or k: a model, and the wavelengths from which to which it holds.
 _Part = tuple[DispersionModel, tuple[float, float]]
 
@@ -78,11 +85,18 @@ def read_material(path: str | os.PathLike[str]) -> Material:
         except ValueError as error:
             raise MaterialFileError(f"{file.name}: {error}.") from None
     try:
-        text = file.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = file.read_bytes().decode("latin-1")
+        with file.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
     except OSError as error:
         raise MaterialFileError(f"{file}: the file cannot be read ({error.strerror}).") from None
+    if len(data) > MAX_BYTES:
+        raise MaterialFileError(
+            f"{file}: at most {MAX_BYTES // 10**6} MB are read. Leave rows out."
+        )
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
     try:
         return _from_yaml(text, file.stem)
     except ValueError as error:
@@ -98,30 +112,59 @@ def _from_yaml(text: str, name: str) -> Material:
             "fresnel-jax with its extra 'yaml'), or save the index as CSV with the columns "
             "wavelength_um, n, k"
         ) from None
+    if len(text) > _LONGEST_YAML:
+        most = _LONGEST_YAML // 10**6
+        raise ValueError(f"more than {most} MB of YAML came, the most that is read. Leave rows out")
+    loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)  # values stay texts, whatever their tags
+    depth = 0
     try:
-        content = yaml.safe_load(text)
+        for count, event in enumerate(yaml.parse(text, loader)):
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if isinstance(event, yaml.AliasEvent) or depth > _DEEPEST or count > _MOST_PARTS:
+                raise ValueError(
+                    f"the YAML has an alias (*name), more than {_DEEPEST} levels or more than "
+                    f"{_MOST_PARTS} parts, which no index needs. Write it as one table of rows"
+                )
+        content = _plain(yaml.compose(text, loader))
     except yaml.YAMLError as error:
-        raise ValueError(f"the file is not valid YAML ({str(error).splitlines()[0]})") from None
+        reason = " ".join(str(error).split())[:90]
+        raise ValueError(f"the file is not valid YAML ({reason})") from None
     entries = content.get("DATA") if isinstance(content, dict) else None
     if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
         raise ValueError(
             "there is no list DATA, which a file of the refractiveindex.info database has"
         )
-    n = k = None
+    parts: dict[str, _Part] = {}
     for entry in entries:
-        kind = str(entry.get("type", "")).strip()
-        if kind.startswith("formula"):
-            n = n or _formula(entry, kind)
-        elif kind.startswith("tabulated"):
-            table = _table(*_columns(entry.get("data"), kind))
-            n = table if n is None and "n" in kind[9:] else n
-            k = table if k is None and "k" in kind[9:] else k
-    if n is None:
-        kinds = ", ".join(str(e.get("type")) for e in entries) or "nothing"
+        kind = " ".join(str(entry.get("type")).split())
+        holds = "n" if kind.startswith("formula") else kind.removeprefix("tabulated ")
+        if holds not in ("n", "k", "nk"):
+            continue
+        if twice := set(holds) & set(parts):
+            raise ValueError(f"DATA holds {min(twice)} twice; keep one of them")
+        of_formula = kind.startswith("formula")
+        part = _formula(entry, kind) if of_formula else _table(*_columns(entry.get("data"), kind))
+        parts |= dict.fromkeys(holds, part)
+    if "n" not in parts:
+        kinds = ", ".join(str(e.get("type"))[:20] for e in entries[:8]) or "nothing"
         raise ValueError(
             f"DATA holds {kinds}, and no n (tabulated n, tabulated nk, formula 1 to 9 were wanted)"
         )
-    return _joined(n, k, name)
+    return _joined(parts["n"], parts.get("k"), name)
+
+
+def _plain(node: Any) -> Any:
+    """Return a node of YAML as a dict, a list or a text."""
+    if node is None or isinstance(node.value, str):
+        return node and node.value
+    if not all(isinstance(part, tuple) for part in node.value):
+        return [_plain(part) for part in node.value]
+    names = [str(_plain(key)) for key, _ in node.value]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"{twice[:40]!r} stands twice in one entry; write it once")
+    return dict(zip(names, (_plain(value) for _, value in node.value), strict=True))
 
 
 def _joined(n: _Part, k: _Part | None, name: str) -> Material:
@@ -137,20 +180,36 @@ def _joined(n: _Part, k: _Part | None, name: str) -> Material:
 def _formula(entry: Mapping[str, Any], kind: str) -> _Part:
     found = re.fullmatch(r"formula\s+([1-9])", kind)
     if not found:
-        raise ValueError(f"an entry has the type {kind!r}; formula 1 to formula 9 were wanted")
+        raise ValueError(f"an entry has the type {kind[:40]!r}; formula 1 to formula 9 were wanted")
     # older files say "range"
     limits = _numbers(entry.get("wavelength_range", entry.get("range")), "wavelength_range")
     if len(limits) != 2:
         raise ValueError(f"wavelength_range holds {len(limits)} numbers; two were wanted")
     coefficients = tuple(_numbers(entry.get("coefficients"), "coefficients"))
-    return PublishedFormula(int(found[1]), coefficients), (min(limits), max(limits))
+    model, low, high = PublishedFormula(int(found[1]), coefficients), min(limits), max(limits)
+    if not 0.0 < low < high < np.inf:
+        raise ValueError(f"wavelength_range is {low:g} to {high:g}; two, above 0, were wanted")
+    at = np.geomspace(low, high, 101)
+    try:
+        with fit_settings():
+            n = np.asarray(model.index(jnp.asarray(at)).eta)
+    except ArithmeticError:  # a power of two coefficients
+        n = np.full(len(at), np.inf)
+    wrong = np.flatnonzero(~(np.isreal(n) & (n > 0.0) & (n <= _LARGEST)))
+    if len(wrong):
+        raise ValueError(
+            f"{kind} gives n = {n[wrong[0]]:.4g} at {at[wrong[0]]:.4g} um, and from 0 to "
+            f"{_LARGEST:g} was wanted. Correct the coefficients, or shorten wavelength_range"
+        )
+    return model, (low, high)
 
 
 def _numbers(text: Any, name: str) -> list[float]:
     try:
-        return [float(x) for x in str(text).split()]
+        return [float(x.replace("_", "no number")) for x in str(text).split()]
     except ValueError:
-        raise ValueError(f"{name} is {text!r}; numbers separated by blanks were wanted") from None
+        came = repr(str(text)[:60])
+        raise ValueError(f"{name} is {came}; numbers separated by blanks were wanted") from None
 
 
 def _columns(text: Any, kind: str) -> tuple[np.ndarray, ...]:
@@ -171,6 +230,8 @@ def _table(wavelength: np.ndarray, n: np.ndarray, k: np.ndarray) -> _Part:
     each, place, count = np.unique(wavelength, return_inverse=True, return_counts=True)
     if not (np.isfinite(each).all() and each[0] > 0.0):
         raise ValueError(f"a wavelength is {each[0]:g}; numbers above 0 were wanted")
+    if not (np.abs([n, k]) <= _LARGEST).all():
+        raise ValueError(f"an n or k is no number, or above {_LARGEST:g}")
     if len(each) < 2:
         raise ValueError("there is one wavelength; two or more were wanted")
     columns = (np.bincount(place, column) / count for column in (n, k))

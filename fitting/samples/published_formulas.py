@@ -20,6 +20,7 @@ formulas", refractiveindex.info; Sci. Data 11, 94 (2024), doi:10.1038/s41597-023
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import equinox as eqx
@@ -106,11 +107,20 @@ class PublishedFormula(DispersionModel):
     coefficients: Coefficients = eqx.field(static=True)
 
     def __check_init__(self):
-        if self.number not in FORMULAS or not self.coefficients:
+        count, named = len(self.coefficients), _NAMED.get(self.number, 1)
+        pairs = self.number < 7  # each further term has two coefficients
+        whole = (count in (1, 5) or count >= named) and count % 2 if pairs else count <= named
+        if self.number not in FORMULAS or not (count and whole):
+            wanted = (
+                "1, 5, 9, 11, 13, .." if self.number == 4 else "1, 3, 5, .." if pairs else
+                f"1 to {named}"
+            )  # fmt: skip
             raise ValueError(
-                f"formula {self.number} with {len(self.coefficients)} coefficients came; a formula "
-                "from 1 to 9 with one coefficient or more was wanted"
+                f"formula {self.number} with {count} coefficients came; a formula from 1 to 9 with "
+                f"{wanted} coefficients was wanted"
             )
+        if not all(map(math.isfinite, self.coefficients)):
+            raise ValueError("a coefficient is not finite; numbers were wanted")
 
     def index(self, wavelength_um: Array) -> Index:
         missing = _NAMED.get(self.number, 1) - len(self.coefficients)
