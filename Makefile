@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo docs notebooks test test-studies lint accuracy accuracy-search advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study film-study film-coverage free-film-study film-models film-choice fuzz matrix gpu clean
+.PHONY: demo docs notebooks test test-studies lint accuracy accuracy-search jit-study advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study film-study film-coverage free-film-study film-models film-choice fuzz matrix gpu clean
 
 demo: .venv/installed-plot  ## fit the two scans that ship with the project; tables, pictures, JSON in demo/
 	mkdir -p demo
@@ -31,6 +31,9 @@ accuracy: .venv/installed-test  ## the table of docs/accuracy.md (a minute)
 
 accuracy-search: .venv/installed-test  ## search for the largest errors; e.g. SEARCH="--seed 1 --minutes 60"
 	$(BIN)/python -m benchmarks.accuracy_search $(or $(SEARCH),--minutes 10)
+
+jit-study: .venv/installed-test  ## whether jit changes a result, of functions and fits (hours; e.g. STUDY="--skip stack --points 40000")
+	$(BIN)/python -m benchmarks.jit_study $(STUDY)
 
 SCENES ?= 20
 advisor-study: .venv/installed-test  ## what the scene advisor states, by brute force over all scenes, SCENES of them random

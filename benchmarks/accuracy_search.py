@@ -83,7 +83,7 @@ def _within_domain(points, dtype):
     return [x.astype(dtype) for x in points]
 
 
-def _simpler(points, program: str):
+def simpler(points, program: str):
     c, n, k, m = points
     left_out = PROGRAMS[program]
     return [c, n, 0 * k if 2 in left_out else k, 0 * m + 1 if 3 in left_out else m]
@@ -113,7 +113,7 @@ def search(name, program, dtype, random, size, seconds=np.inf):
             points = random_points(random, BATCH, dtype)
         else:
             points = moved(random, places, BATCH // SURVIVORS, dtype)
-        points = _simpler(points, program)
+        points = simpler(points, program)
         found = errors(name, program, points, dtype) / QUANTITIES[name].bound_at(points)
         done += BATCH
         best, places = (

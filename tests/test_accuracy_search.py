@@ -1,9 +1,9 @@
-"""A small run of the accuracy search, and the places that earlier searches found."""
+"""Small runs of the accuracy search and of the study of jit; places that searches found."""
 
 import numpy as np
 import pytest
 
-from benchmarks import search_functions
+from benchmarks import jit_study, search_functions
 from benchmarks.accuracy_search import FUNCTIONS, search
 from benchmarks.search_quantities import PROGRAMS, QUANTITIES, errors
 
@@ -134,3 +134,21 @@ def test_a_short_search_of_every_other_function(name, dtype):
         random = np.random.default_rng(20261122)
         worst, place, _ = search_functions.search(entry, gradient, dtype, random, 128)
         assert worst <= 1.0, (gradient, place)
+
+
+def test_the_study_of_jit_sees_one_wrong_row(monkeypatch):
+    (case, *_) = jit_study.cases(lambda name: name == "approximate.real_index")
+    plain = jit_study.compiled
+
+    def wrong(program, arguments):
+        found = plain(program, arguments)
+        found[90] *= 1.0 + 1e-12
+        return found
+
+    def shares(sizes):
+        ((_, _, of_values, _, _),) = jit_study.rows_of(case, np.random.default_rng(0), sizes)
+        return of_values
+
+    assert shares([100]) <= 1.0
+    monkeypatch.setattr(jit_study, "compiled", wrong)
+    assert shares([100]) > 100.0
