@@ -8,7 +8,7 @@ import sys
 import warnings
 from pathlib import Path
 
-import jaxlib
+import jaxlib.version
 
 # Of jaxlib 0.8.0 to 0.12.0.1 this one alone fails tests/test_platform.py.
 _WRONG_JAXLIB = "0.10.2"
@@ -28,7 +28,7 @@ def warn_of_environment() -> None:
 
 def _wrong_programs() -> str:
     """Return what is wrong with this jaxlib; "" if nothing, or if the user has set the flag."""
-    if jaxlib.__version__ != _WRONG_JAXLIB or _RIGHT_FLAG in os.environ.get("XLA_FLAGS", ""):
+    if jaxlib.version.__version__ != _WRONG_JAXLIB or _RIGHT_FLAG in os.environ.get("XLA_FLAGS", ""):
         return ""
     return (
         f"jaxlib {_WRONG_JAXLIB} compiles wrong programs on the CPU: under jax.jit a sum of "

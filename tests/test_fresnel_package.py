@@ -80,7 +80,7 @@ def import_warns_of(code: str = "", folder: Path | None = None, **environment: s
 @pytest.mark.parametrize("flags", ["", "--xla_cpu_experimental_ynn_fusion_type="])
 def test_a_compiler_that_makes_wrong_programs_is_told_once(flags):
     # the flags reach the import, but not this jaxlib, which may not know them
-    code = "import os, jax, jaxlib\njaxlib.__version__ = '0.10.2'\n"
+    code = "import os, jax, jaxlib.version\njaxlib.version.__version__ = '0.10.2'\n"
     code += f"os.environ['XLA_FLAGS'] = {flags!r}"
     assert import_warns_of().count("jaxlib 0.10.2 compiles wrong programs") == 0
     assert import_warns_of(code).count("jaxlib 0.10.2 compiles wrong programs") == (not flags)

@@ -15,8 +15,8 @@ from typing import Any
 
 def _processors() -> int:
     """Return how many processors this process may use: under taskset or SLURM not all there are."""
-    if hasattr(os, "process_cpu_count"):  # Python 3.13
-        return os.process_cpu_count() or 1
+    if count := getattr(os, "process_cpu_count", None):  # Python 3.13
+        return count() or 1
     if hasattr(os, "sched_getaffinity"):  # Linux
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
