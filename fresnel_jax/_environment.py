@@ -28,7 +28,9 @@ def warn_of_environment() -> None:
 
 def _wrong_programs() -> str:
     """Return what is wrong with this jaxlib; "" if nothing, or if the user has set the flag."""
-    if jaxlib.version.__version__ != _WRONG_JAXLIB or _RIGHT_FLAG in os.environ.get("XLA_FLAGS", ""):
+    if jaxlib.version.__version__ != _WRONG_JAXLIB or _RIGHT_FLAG in os.environ.get(
+        "XLA_FLAGS", ""
+    ):
         return ""
     return (
         f"jaxlib {_WRONG_JAXLIB} compiles wrong programs on the CPU: under jax.jit a sum of "

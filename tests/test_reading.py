@@ -232,6 +232,13 @@ def test_records_of_another_kind_are_left_out_and_counted(tmp_path: Path) -> Non
     assert "5 rows dPolE left out" in m.understood
 
 
+def test_records_that_may_be_data_are_refused(tmp_path: Path) -> None:
+    content = VARIETIES["woollam"].content.replace(b"dPolE", b"uR")
+    with pytest.raises(MeasurementError, match="rows that begin with uR .* ignore=.uR"):
+        read(tmp_path, content)
+    assert "5 rows uR left out" in read(tmp_path, content, ignore="uR").understood
+
+
 def test_codes_are_compared_as_numbers(tmp_path: Path) -> None:
     text = "aoi,pol,R\n10,1.0,.1\n10,10,.2\n"
     m = read(tmp_path, text, polarization={"1": "s", 10: "p"})

@@ -23,7 +23,8 @@ comes, and sentences on how they were read; None for a file of another kind."""
 def read_formatted(texts: Sequence[str], options: Options) -> Table:
     """Return the table of numbers in the lines of a file of any known format."""
     for each in FORMATS:
-        if found := each(texts):
+        found = each(texts, options.ignore) if each is woollam.as_plain_table else each(texts)
+        if found:
             plain, notes = found
             table = read_table(plain, options)
             return table._replace(notes=table.notes + notes)

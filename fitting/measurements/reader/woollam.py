@@ -2,7 +2,8 @@
 
 A title, a line VASEmethod[...], often Original[...], the unit of the wavelength alone on a line;
 then rows of wavelength, angle of incidence, psi, Delta and their standard errors, bare or after
-the word E. Rows that begin with another word (dPolE, uR, mm12) hold something else.
+the word E. Rows that begin with another word (uR, mm12) hold something else; dPolE is the share of
+depolarized light that comes with psi and Delta.
 """
 
 from __future__ import annotations
@@ -10,15 +11,19 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
+from fitting.measurements.errors import refuse
 from fitting.measurements.reader.vocabulary import unit_of
 
 _COLUMNS = ("angle (deg)", "psi (deg)", "delta (deg)", "sigma psi (deg)", "sigma delta (deg)")
 
 
-def as_plain_table(texts: Sequence[str]) -> tuple[list[tuple[int, str]], list[str]] | None:
+def as_plain_table(
+    texts: Sequence[str], ignore: Sequence[str] = ()
+) -> tuple[list[tuple[int, str]], list[str]] | None:
     """Return the lines of a Woollam file as a tabbed table with a header, and notes; else None.
 
-    Rows of other records are left out and counted in the notes.
+    Rows dPolE and those whose word is in ``ignore`` (small letters) are left out and counted in the
+    notes; those of other records are refused.
     """
     head = next((i for i, text in enumerate(texts[:4]) if text.startswith("VASEmethod[")), 9)
     unit_line = next(
@@ -33,6 +38,12 @@ def as_plain_table(texts: Sequence[str]) -> tuple[list[tuple[int, str]], list[st
         if cells[:1] == ["E"]:
             rows.append((line, cells[1:]))
         elif cells and cells[0][0].isalpha():
+            if cells[0].lower() not in ("dpole", *ignore):
+                refuse(
+                    f"rows that begin with {cells[0]} hold another quantity than psi and Delta, "
+                    f"which is not read. If the fit may do without them, say --ignore {cells[0]}.",
+                    line,
+                )
             left_out[cells[0]] += 1
         elif cells:
             rows.append((line, cells))
