@@ -11,7 +11,7 @@ from jaxtyping import Array
 
 from ._arithmetic import reciprocal_or_zero
 
-Complex = tuple[Array, Any]
+Complex = tuple[Any, Any]  # the real part an array, or a number that holds everywhere
 Pair = tuple[Array, Array]  # with an imaginary part
 
 
@@ -82,6 +82,6 @@ def pair(z: Complex) -> Pair:
     return z[0], jnp.zeros_like(z[0]) if z[1] is None else z[1]
 
 
-def choose(condition: Array, z: Pair, w: Pair) -> Pair:
+def choose(condition: Array, z: Complex, w: Complex) -> Pair:
     """z where the condition holds, w elsewhere."""
     return jnp.where(condition, z[0], w[0]), jnp.where(condition, z[1], w[1])

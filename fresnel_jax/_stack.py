@@ -123,11 +123,11 @@ def _coherence(coherent: Any, count: int) -> tuple[bool, ...]:
 
 def stack(
     cos_theta_i: ArrayLike,
-    index: ArrayLike,
-    thickness_um: ArrayLike,
+    index: ArrayLike | Sequence[Any],
+    thickness_um: ArrayLike | Sequence[Any],
     wavelength_um: ArrayLike,
     coherent: bool | Sequence[bool] = True,
-    roughness_um: ArrayLike | None = None,
+    roughness_um: ArrayLike | Sequence[Any] | None = None,
 ) -> Stack:
     """Reflectance, transmittance and absorption of layers between two half-spaces, for s and p.
 

@@ -136,12 +136,12 @@ def calls() -> dict[str, tuple[Any, ...]]:
         "dispersion.Constant": at(dp.Constant, np.array(1.5), np.array(0.1)),
         "dispersion.DrudeLorentz": at(dp.DrudeLorentz, EV, EV, 0.2 * EV),
         "dispersion.KramersKronigSpline": at(
-            lambda a, p, e: dp.KramersKronigSpline(a, range(1, 8), 1.5, p, e),
+            lambda a, p, e: dp.KramersKronigSpline(a, np.arange(1.0, 8.0), 1.5, p, e),
             np.array([0.1, 0.5, 0.3]), np.array([1.0, 2.0]), np.array([8.0, 9.0]),
         ),
         "dispersion.Sellmeier": at(dp.Sellmeier, 0.3 * EV, 0.01 * EV),
         "dispersion.Sellmeier with powers": at(
-            lambda s, p, c: dp.Sellmeier(s, p, 1.0, c, (-2, 2)), EV, 0.01 * EV, 0.01 * EV[:2]
+            lambda s, p, c: dp.Sellmeier(s, p, 1.0, c, (-2.0, 2.0)), EV, 0.01 * EV, 0.01 * EV[:2]
         ),
         "dispersion.Tabulated": at(
             lambda n, k: dp.Tabulated((0.3, 0.5, 1.0), n, k), np.array([1.4, 1.5, 1.6]), 0.1 * EV

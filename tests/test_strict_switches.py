@@ -5,6 +5,9 @@ the switches inside of our functions too, wherever they call or differentiate th
 """
 
 import inspect
+import subprocess
+import sys
+from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -77,6 +80,24 @@ def test_value_and_gradient(name, dtype):
 
         gradient = jax.eval_shape(jax.jit(jax.grad(loss, argnums=every)), *arguments)
         assert [g.dtype for g in gradient] == [x.dtype for x in arguments]
+
+
+CHECKED = """
+import jaxtyping
+jaxtyping.install_import_hook("fresnel_jax", "beartype.beartype")
+import jax, numpy, public_calls
+for function, *arrays in public_calls.CALLS.values():
+    jax.eval_shape(function, *(public_calls.cast(x, numpy.float32) for x in arrays))
+"""
+
+
+def test_annotations_hold_at_run_time():
+    """jaxtyping's check of all annotations that the calls meet, our own functions' among them.
+
+    In a process of its own, since beartype's errors would come before our own texts, which other
+    tests expect, wherever a wrong argument is refused.
+    """
+    subprocess.run([sys.executable, "-c", CHECKED], cwd=Path(__file__).parent, check=True)
 
 
 def decay(v, data):
