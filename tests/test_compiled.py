@@ -15,7 +15,8 @@ from fitting.samples.sample import Sample
 @pytest.mark.parametrize(
     ("text", "quantities", "free", "place"),
     [
-        # With vectors of 512 bits cos 2psi came out wrong by 2.7 (jaxlib 0.10.2).
+        # An earlier form of this program was wrong by 2.5 with vectors of 512 bits, by jaxlib
+        # 0.10.1 and 0.10.2, whether or not sums of products went to YNNPACK.
         ("air | cauchy:2 5..1000 nm | SiO2", ("psi", "delta"), ("angle_offset",), 109.5),
         pytest.param(
             "air | cauchy:2 3 mm thick | air", ("R", "T"), ("scale",), None, marks=pytest.mark.study
