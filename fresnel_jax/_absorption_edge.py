@@ -163,8 +163,11 @@ class TaucLorentz(DispersionModel):
     def index(self, wavelength_um: Array) -> Index:
         dtype = wavelength_um.dtype
         fields = (self.amplitudes_ev, self.resonances_ev, self.widths_ev)
-        terms = over_terms(photon_energy_ev(wavelength_um), *fields)
-        re, im = _tauc_lorentz(*terms, self.gap_ev.astype(dtype))
+        energy, amplitudes, resonances, widths = over_terms(
+            photon_energy_ev(wavelength_um), *fields
+        )
+        gap = self.gap_ev.astype(dtype)
+        re, im = _tauc_lorentz(energy, amplitudes, resonances, widths, gap)
         return index_of_permittivity(
             self.eps_inf.astype(dtype) + jnp.sum(re, axis=-1), jnp.sum(im, axis=-1)
         )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from fitting.measurements.reader import film_sense, jcamp, perkin_elmer, spectraray, woollam
 from fitting.measurements.reader.options import Options
 from fitting.measurements.reader.table import Table, read_table
 
-FORMATS = (
+FORMATS: tuple[Callable, ...] = (
     film_sense.as_plain_table,
     jcamp.as_plain_table,
     perkin_elmer.as_plain_table,
