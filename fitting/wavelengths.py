@@ -17,7 +17,7 @@ from fitting.measurements.measurement import Measurement
 from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.batched import stacked
 from fitting.outcomes.findings import Subject
-from fitting.outcomes.outcome import fit_of, without_error
+from fitting.outcomes.outcome import fit_of
 from fitting.problem.observations import observations
 from fitting.problem.problem import Targets, targets_of
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
@@ -117,7 +117,7 @@ def _too_few(found: Fit) -> Fit:
         return found
     return replace(
         found, status=UNDETERMINED, covariance=np.full_like(found.covariance, np.nan),
-        parameters={n: without_error(e) if e.free else e for n, e in found.parameters.items()},
+        parameters={n: e.without_error() if e.free else e for n, e in found.parameters.items()},
         findings=(Finding("one_value", np.True_, {}), *found.findings),
     )  # fmt: skip
 

@@ -60,6 +60,33 @@ def test_a_rise_that_the_noise_allows_is_that_of_f_where_the_residuals_tell_the_
     assert alternative_chi2(0) == 6.0
 
 
+@pytest.mark.parametrize("sample", ["free", "constant"])
+@pytest.mark.parametrize("stated", [True, False])
+@pytest.mark.parametrize(
+    ("data", "status"),
+    [
+        ({"angle_deg": [30.0, 60.0], "R_s": [0.5, 0.1]}, "not converged"),  # R_s rises
+        ({"angle_deg": [70.0], "R_s": [0.05], "R_p": [0.4]}, "not converged"),  # R_p is less
+        ({"angle_deg": [70.0], "R_s": [0.3], "R_p": [0.05]}, "converged"),
+    ],
+)
+def test_a_fit_without_freedom_that_misses_its_data_is_not_converged(data, status, stated, sample):
+    found = fit(Measurement.from_columns(**data, sigma=1e-3 if stated else None), sample)
+    assert found.dof == 0 and found.status == status
+    missed = [w for w in found.warnings if w.code == "misses_without_freedom"]
+    assert bool(missed) == (status != "converged")
+    assert not missed or "misses the data by" in missed[0].text
+    assert np.isnan(found.parameters["eta"].sigma) == bool(missed)
+
+
+def test_one_datum_that_no_index_gives():
+    """R_s = 0 at 90 degrees, where it is 1: chi2 2e291 was converged."""
+    found = fit(Measurement.from_columns([90.0], R_s=[0.0], sigma=2e-146))
+    assert found.status == "not converged"
+    many = fit_many([30.0, 60.0], R_s=[[0.5, 0.1], [0.0577, 0.1774]], sigma=1e-3)
+    assert many.status.tolist() == ["not converged", "converged"]
+
+
 @pytest.mark.parametrize("seed", [88, 164])
 def test_the_truth_is_among_the_solutions_without_stated_errors(seed):
     """Of 200 such films those whose true values were in no solution, chi2 6 to 100 higher."""

@@ -71,7 +71,7 @@ def test_the_gold_scan(tmp_path, capsys):
     # eta and k; their correlation; the data; and three heads
     assert seen.tags.count("tr") == 2 + 2 + 31 + 3
     assert json.loads((folder / "fit.json").read_text())["eta"] == pytest.approx(0.344, abs=1e-3)
-    assert (folder / "data.csv").read_text().count("\n") == 31 + 4
+    assert (folder / "data.csv").read_text().count("\n") == 31 + 5
 
 
 def test_a_spectrum_has_its_index_in_a_table():

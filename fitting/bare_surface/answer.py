@@ -29,7 +29,7 @@ from fitting.bare_surface.other_solutions import Others, other_solutions
 from fitting.bare_surface.region_intervals import Intervals, intervals, limit_of_k
 from fitting.bare_surface.total_reflection import open_to_small_index
 from fitting.bare_surface.valley import Lanes, evaluate, open_to_the_other_end
-from fitting.residuals.error_model import beyond_chance
+from fitting.residuals.error_model import beyond_chance, misses_without_freedom
 from fitting.results.result_parts import CONVERGED, NO_DATA, NOT_CONVERGED, QUADRATIC, UNDETERMINED
 from fitting.searching.minima import ASSUMED_SIGMA
 
@@ -190,7 +190,9 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     mirror = np.isfinite(bound) | (undetermined & (s.x > MIRROR_LIMIT))
     undetermined |= mirror
     e = _of_many_the_lossless(data, s, e, undetermined & ~mirror, scatter)
-    failed = bounded & ~undetermined & ~(s.done > 0)
+    missed = misses_without_freedom(s.cost, s.plain, s.count, dof, a.stated) & ~undetermined
+    failed = missed | (bounded & ~undetermined & ~(s.done > 0))
+    matched &= ~missed
     blank = ~bounded | failed | undetermined  # no error is known
     lost = failed | no_data
     estimated = np.where(np.greater(scatter, stated) & (not a.stated), dof, 0)
@@ -198,7 +200,12 @@ def answer(a: Arranged, absolute: bool, start: np.ndarray | None, wanted: str) -
     codes = _codes(a, e, s, undetermined, mirror, on_circle, dof, extent)
     if lost.any():
         codes = {code: at & ~lost for code, at in codes.items()}
-    codes = {"not_converged": failed, **codes, "other_minima": others.there.any(1)}
+    codes = {
+        "not_converged": failed & ~missed,
+        "misses_without_freedom": missed,
+        **codes,
+        "other_minima": others.there.any(1),
+    }
     nothing = no_data | mirror  # no value either
     known = intervals(
         data, s, e, wanted=wanted, blank=blank, undetermined=undetermined,

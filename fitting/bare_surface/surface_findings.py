@@ -75,6 +75,8 @@ def _values(a: Arranged, f: Answer, taken: Taken, errors: str, code: str) -> dic
                 for i in np.flatnonzero(f.codes[code]):
                     slopes[i] = _trade(v["information"][i])
                 return {**at_k, "slope": slopes}
+            case "misses_without_freedom":
+                return {"n_data": s.count.astype(int), "rms": np.sqrt(s.plain / s.count)}
             case "does_not_describe":
                 return {"rms": np.sqrt(s.plain / s.count), "sample": "one bare surface"}
             case "compatible_with_zero":

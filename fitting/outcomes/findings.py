@@ -15,6 +15,7 @@ from fitting.outcomes.curvature import without_slope
 from fitting.outcomes.implausible_index import implausible_indices
 from fitting.problem.evaluation import at_data
 from fitting.problem.unknowns import Unknowns
+from fitting.residuals.error_model import OUT_OF_MODEL
 from fitting.residuals.pattern import pattern
 from fitting.results.diagnostics import Finding
 from fitting.results.result_parts import AT_LOWER, AT_UPPER, PROFILE, Alternative, Estimate
@@ -32,7 +33,6 @@ VAGUE = 0.5
 # The zero of a goniometer is known better than that.
 PLAUSIBLE_OFFSET_DEG = 2.0
 FEW_REACHED = 3
-OUT_OF_MODEL = 0.1
 _MAY_VANISH = (*(set(INSTRUMENT) - {"scale"}), *"BCDEF")  # and the higher terms of Cauchy's index
 
 

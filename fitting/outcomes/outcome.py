@@ -11,6 +11,7 @@ from fitting.outcomes.curvature import by_curvature
 from fitting.outcomes.findings import Found, Subject, findings
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.unknowns import Unknowns
+from fitting.residuals.error_model import misses_without_freedom
 from fitting.results import result_parts as status
 from fitting.results.diagnostics import Finding
 from fitting.results.result import Fit
@@ -247,15 +248,22 @@ def _assembled(fit: Solving, of: Subject, noise: float, evaluations: int, f: Fou
     sub = np.ix_(u.free, u.free)
     of_x = _covariance(u, end)[sub]
     estimates = _estimates(u, end, ranges)
+    why = Finding("not_converged", np.True_, {})
+    squares = s.residual @ s.residual, s.plain @ s.plain
+    tested = not (f.failed or end.known.unseen.size or u.spec.priors)
+    tested &= of.sample is not None or seen.stated
+    if tested and misses_without_freedom(*squares, len(s.plain), fit.dof, seen.stated):
+        f, values = f._replace(failed=True), {"n_data": fit.n_data, "rms": _rms(s.plain)}
+        why = Finding("misses_without_freedom", np.True_, values)
     if f.failed:
         of_x = np.full_like(of_x, np.nan)
-        estimates = {n: without_error(e) for n, e in estimates.items()}
-        found: tuple[Finding, ...] = (Finding("not_converged", np.True_, {}),)
+        estimates = {n: e.without_error() for n, e in estimates.items()}
+        found: tuple[Finding, ...] = (why,)
     else:
         with np.errstate(invalid="ignore"):
             size = np.sqrt(np.diagonal(of_x))
             found = findings(fit, of, f, estimates, of_x / np.outer(size, size), taken)
-    chi2 = float(s.residual @ s.residual) if seen.stated else np.nan
+    chi2 = float(squares[0]) if seen.stated else np.nan
     bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, len(estimates), fit.asked.scaled)
     evaluator = None
     if of.sample is not None:
@@ -289,11 +297,3 @@ def _errors_taken(fit: Solving) -> str:
     # Without a degree of freedom only the stated errors are available.
     alone = "scaled" if fit.dof else "stated"
     return alone if fit.seen.stated else "equal"
-
-
-def without_error(e: Estimate) -> Estimate:
-    """Return an estimate that the data do not determine."""
-    return replace(
-        e, sigma=np.nan, interval=np.full(2, np.nan), interval_kind=status.NONE,
-        upper_limit=np.nan, status=status.UNDETERMINED,
-    )  # fmt: skip

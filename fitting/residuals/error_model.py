@@ -28,6 +28,8 @@ ADDED = FLOOR, RELATIVE = "floor", "relative"
 ERRORS = ("auto", "stated", "scaled", *ADDED, "equal")
 # Those of them that need a stated error of every datum.
 NEED_STATED = ("stated", *ADDED)
+# An rms of residuals, in units of R, T, N, C, S, that no measurement has by its noise.
+OUT_OF_MODEL = 0.1
 
 # Doublings and halvings of the search for s: to 1e-6 of itself.
 _STEPS = 60
@@ -131,6 +133,16 @@ def widening(correlation: np.ndarray) -> np.ndarray:
     """Return sqrt((1 + rho) / (1 - rho)) for a lag-1 correlation; 1 if it is NaN or below 0."""
     rho = np.clip(np.nan_to_num(correlation), 0.0, MOST_CORRELATED)
     return np.sqrt((1.0 + rho) / (1.0 - rho))
+
+
+def misses_without_freedom(cost: Any, plain: Any, count: Any, dof: Any, stated: bool) -> Any:
+    """Return where a fit without a degree of freedom misses its data all the same.
+
+    That is by four stated standard errors (rms); by `OUT_OF_MODEL` if none are stated.
+    cost, plain: sums of squared residuals, in units of their errors and of R, T, N, C, S.
+    """
+    far = cost > 16.0 * count if stated else plain > OUT_OF_MODEL**2 * count
+    return (dof == 0) & (count > 0) & far
 
 
 def beyond_chance(chi2_reduced: Any, dof: Any) -> tuple[Any, Any]:

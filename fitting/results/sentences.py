@@ -17,6 +17,11 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
         + (f" in {v['evaluations']} evaluations" if "evaluations" in v else " from any start")
         + "; its values mean nothing."
     ),
+    "misses_without_freedom": (
+        "the fitted curve misses the data by {rms:.2g} (rms), far beyond their errors, although "
+        "{n_data} data leave no degree of freedom: no values of the parameters explain them. "
+        "Correct the data or their errors, measure at more angles, or name another sample."
+    ),
     "gain_instead": (
         "{sample} fits as well (BIC {delta_bic:+.1f}) if all measured powers are {scale:.4g} +- "
         "{sigma:.2g} times the true ones: these data do not tell the further layer from an error "
