@@ -239,3 +239,15 @@ def test_the_name_of_a_file_does_not_overrule_the_header(tmp_path: Path, stem: s
         "angle_deg,psi (deg),delta (deg)\n9,20,100\n",
     ):  # fmt: skip
         assert len(read(tmp_path, table, stem + ".csv")) == 2
+
+
+@pytest.mark.parametrize("end", ["\t", ""])
+def test_names_of_two_words_stay_whole_where_the_last_column_has_no_name(
+    tmp_path: Path, end: str
+) -> None:
+    """Parted at blanks, "R parallel" was R of unpolarized light and a column that is not read."""
+    table = f"angle (deg)\tRTE\tR parallel{end}\n30\t.5\t.4\t1\n40\t.6\t.3\t2\n50\t.7\t.2\t3\n"
+    if end:
+        assert read(tmp_path, table).quantity.tolist() == ["R_s"] * 3 + ["R_p"] * 3
+    else:
+        assert "4 columns" in refusal(tmp_path, table)

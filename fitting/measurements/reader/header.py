@@ -38,10 +38,12 @@ def uncomment(text: str) -> str:
 
 def split_names(text: str, delimiter: str, count: int) -> list[str]:
     """Return the header line in ``count`` names, or parted by ``delimiter`` if nothing fits."""
-    text = _KEYWORD.sub("", text.strip())
+    text = _KEYWORD.sub("", text.strip(" \r\n"))  # a tab at the end parts a last, empty name
     ways = [split_cells(text, mark) for mark in delimiter + "|\t;,"]
     ways.append([cell for cell in re.split(r"\s{2,}|\t", text) if cell])
-    ways.append(re.findall(r"[^\s(\[]+(?:\s?[(\[][^()\[\]]*[)\]])?", text))  # "angle (deg) R_s"
+    words = re.findall(r"[^\s(\[]+(?:\s?[(\[][^()\[\]]*[)\]])?", text)  # "angle (deg) R_s"
+    if delimiter == " " or len(ways[0]) == 1 or known_names(words) == count:
+        ways.append(words)  # else "R parallel" would be two names
     if '"' in text and len(ways[0]) == count - 1:
         return ["", *ways[0]]  # R does not name the column of the names of rows
     for cells in ways:
@@ -98,7 +100,7 @@ def find_header(
             continue
         if not (nearest or marked) and looks_like_data(row)[0]:
             break  # what stands above other numbers is their header
-        cells = split_names(uncomment(text), delimiter, count)
+        cells = split_names(uncomment(text) if marked else text, delimiter, count)
         here = units_row(cells) if len(cells) == count else None
         adjacent, nearest = nearest, nearest and (marked or here is not None)
         if here is not None:
