@@ -58,7 +58,7 @@ class OwnSpec(NamedTuple):
         """Return the residuals (n, L) at y (p, L), as a list of one."""
         values = Spec.values(self, y, targets.held)  # type: ignore[arg-type]
 
-        def one(v: Mapping[str, Array]) -> Array:
+        def one(v: dict[str, Array]) -> Array:
             with (
                 jax.numpy_rank_promotion(self.rank_promotion),
                 jax.numpy_dtype_promotion(self.dtype_promotion),
@@ -144,8 +144,8 @@ def _unknowns(
         residuals=residuals, moving=tuple(u.parameter.name for u in moving),
         coordinates=tuple(u.parameter.coordinate for u in moving), held=(), tied=tied, loss=loss,
         priors=any(u.prior is not None for u in moving),
-        rank_promotion=jax.config.jax_numpy_rank_promotion,
-        dtype_promotion=jax.config.jax_numpy_dtype_promotion,
+        rank_promotion=jax.config.jax_numpy_rank_promotion,  # pyright: ignore
+        dtype_promotion=jax.config.jax_numpy_dtype_promotion,  # pyright: ignore
     )  # fmt: skip
     names = {p.name: p.name for p in offered}
     units = {p.name: p.unit for p in offered}
