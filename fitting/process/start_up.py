@@ -61,9 +61,10 @@ def cache_programs(folder: str | Path | None = None) -> Path | None:
 
         fitting.cache_programs()  # before jax's first computation
 
-    A new process spends most of the time of its first fit in the compiler; with the programs of an
-    earlier one on disk the fit of a film takes a tenth of that. The programs of everything that
-    jax compiles in this process are kept. The command ``fresnel-fit`` does the same by itself.
+    A process whose programs lie on disk from an earlier one took 0.5 to 0.6 of the processor time
+    for the fit of a film, imports and tracing included (docs/versions.md). The programs of
+    everything that jax compiles in this process are kept. The command ``fresnel-fit`` does the same
+    by itself.
 
     Programs are run from the folder: it must belong to the user and must not be writable by others.
     An entry that is damaged is removed and compiled again, without a message. With jax 0.9 and 0.10
