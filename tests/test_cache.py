@@ -138,7 +138,7 @@ import warnings, fitting
 fitting.cache_programs()
 for name in ("jit_a", "jit_b"):
     warnings.warn(
-        f"Error reading persistent compilation cache entry for {name!r}: INTERNAL: Machine type "
+        f"Error reading persistent compilation cache entry for {{name!r}}: INTERNAL: Machine type "
         "used for XLA:CPU compilation doesn't match the machine type for execution."
     )
 """

@@ -140,11 +140,6 @@ _REFUSED = (
 
 def set_up_jax() -> None:
     """Turn on float64 and the compile cache, on the CPU (unless JAX_PLATFORMS says otherwise)."""
-    # XLA's own lines say nothing that the command does not: what fails comes as an exception. jax
-    # 0.9 and 0.10 write eight of them for each kept program on Intel processors with AVX-512.
-    # (1 is what jax sets, and what a process that has imported jax hands on.)
-    if os.environ.get("TF_CPP_MIN_LOG_LEVEL", "1") == "1":
-        os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
     import jax
 
     jax.config.update("jax_enable_x64", True)
