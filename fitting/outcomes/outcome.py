@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fitting.optics.observe import NCS
 from fitting.outcomes.curvature import by_curvature
 from fitting.outcomes.findings import Found, Subject, findings
 from fitting.problem.evaluation import Evaluated
@@ -245,14 +246,14 @@ def _assembled(fit: Solving, of: Subject, noise: float, evaluations: int, f: Fou
     end, ranges = with_errors_of_curves(u, f.end, f.known, errors)
     f = f._replace(end=end, known=ranges)
     s, taken = end.slopes, _errors_taken(fit)
-    sub = np.ix_(u.free, u.free)
-    of_x = _covariance(u, end)[sub]
+    of_x = _covariance(u, end)[np.ix_(u.free, u.free)]
     estimates = _estimates(u, end, ranges)
-    why = Finding("not_converged", np.True_, {})
-    squares = s.residual @ s.residual, s.plain @ s.plain
+    why, chi2 = Finding("not_converged", np.True_, {}), float(s.residual @ s.residual)
     tested = not (f.failed or end.known.unseen.size or u.spec.priors)
-    tested &= of.sample is not None or seen.stated
-    if tested and misses_without_freedom(*squares, len(s.plain), fit.dof, seen.stated):
+    # the misfit of a pseudo-index (psi and Delta of a bare surface) has a note of its own
+    tested &= seen.stated if of.sample is None else not (of.sample.bare and NCS in u.spec.channels)
+    of_plain = s.plain @ s.plain, len(s.plain)
+    if tested and misses_without_freedom(chi2, *of_plain, fit.dof, seen.stated):
         f, values = f._replace(failed=True), {"n_data": fit.n_data, "rms": _rms(s.plain)}
         why = Finding("misses_without_freedom", np.True_, values)
     if f.failed:
@@ -263,7 +264,7 @@ def _assembled(fit: Solving, of: Subject, noise: float, evaluations: int, f: Fou
         with np.errstate(invalid="ignore"):
             size = np.sqrt(np.diagonal(of_x))
             found = findings(fit, of, f, estimates, of_x / np.outer(size, size), taken)
-    chi2 = float(squares[0]) if seen.stated else np.nan
+    chi2 = chi2 if seen.stated else np.nan
     bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, len(estimates), fit.asked.scaled)
     evaluator = None
     if of.sample is not None:
