@@ -38,8 +38,11 @@ OPTIONS: dict[str, dict[str, Any]] = {
 CASES = ("bare", "film", "batch")
 
 
-def fit_of(case: str) -> Callable:
-    """Return a function that fits: gold over angles, a film over wavelengths, 1e4 surfaces."""
+def fit_of(case: str, curves: int = 10_000) -> Callable:
+    """Return a function that fits: gold over angles, a film over wavelengths, many surfaces.
+
+    curves: the number of these surfaces.
+    """
     from fitting import Measurement, fit, fit_many, read_csv, simulate
     from fresnel_jax import powers
 
@@ -54,7 +57,7 @@ def fit_of(case: str) -> Callable:
         film = Measurement.from_columns(0.0, wavelength, R=R, sigma=0.002)
         return lambda: fit(film, text)
     angles = np.linspace(1.0, 89.0, 60)
-    eta, k = rng.uniform(2.0, 5.0, (10_000, 1)), rng.uniform(0.01, 3.0, (10_000, 1))
+    eta, k = rng.uniform(2.0, 5.0, (curves, 1)), rng.uniform(0.01, 3.0, (curves, 1))
     exact = powers(np.cos(np.deg2rad(angles)), eta, k)._asdict()
     data = {q: exact[q] + rng.normal(0.0, 1e-3, exact[q].shape) for q in ("R_s", "R_p")}
     return lambda: fit_many(angles, **data)

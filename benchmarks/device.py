@@ -23,12 +23,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fitting import Measurement, fit, fit_many, simulate
 from fresnel_jax import bsdf, powers, reflectance
 from fresnel_jax.layers import stack
 
 from . import search_functions
 from .accuracy_search import FUNCTIONS, random_points
+from .compiler_options import fit_of
 from .machine import conditions
 from .search_quantities import QUANTITIES, errors
 
@@ -112,18 +112,10 @@ def speed(points: int) -> None:
 
 def fits(curves: int) -> None:
     """Print bare curves a second by `fit_many`, and the seconds of one film."""
-    random = np.random.default_rng(0)
-    angles = np.linspace(1.0, 89.0, 60)
-    eta, k = random.uniform(2.0, 5.0, (curves, 1)), random.uniform(0.01, 3.0, (curves, 1))
-    exact = powers(np.cos(np.deg2rad(angles)), eta, k)._asdict()
-    data = {q: exact[q] + random.normal(0.0, 1e-3, exact[q].shape) for q in ("R_s", "R_p")}
-    wavelength, text = np.linspace(0.4, 0.8, 60), "air | cauchy 110 nm | Si"
-    values = {"A": 1.45, "B": 0.004, "C": 0.0, "thickness_nm": 110.0}
-    R = simulate(text, values, 0.0, wavelength, "R") + random.normal(0.0, 0.002, 60)
-    film = Measurement.from_columns(0.0, wavelength, R=R, sigma=0.002)
-    bare = seconds_of(lambda: fit_many(angles, **data).eta)
-    print(f"\nfit_many, bare surfaces, 60 angles, s and p: {curves / bare:,.0f} curves/s")
-    print(f"fit, one film, 60 wavelengths: {seconds_of(lambda: fit(film, text).chi2):.2f} s")
+    bare, film = (fit_of(case, curves) for case in ("batch", "film"))
+    rate = curves / seconds_of(lambda: bare().eta)
+    print(f"\nfit_many, bare surfaces, 60 angles, s and p: {rate:,.0f} curves/s")
+    print(f"fit, one film, 60 wavelengths: {seconds_of(lambda: film().chi2):.2f} s")
 
 
 def main(arguments: list[str] | None = None) -> int:

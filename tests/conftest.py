@@ -22,6 +22,20 @@ def _few_compiled_programs():
         jax.clear_caches()
 
 
+@pytest.fixture
+def set_jax():
+    """A function that sets switches of jax, for all threads; they are set back after the test."""
+    before = {}
+
+    def update(**switches):
+        for name, value in switches.items():
+            before.setdefault(name, getattr(jax.config, name))
+            jax.config.update(name, value)
+
+    yield update
+    update(**before)
+
+
 @pytest.fixture(scope="session")
 def cache(tmp_path_factory) -> Path:
     """The folder of programs that commands of these tests compiled; `command.own_cache` uses it."""

@@ -5,7 +5,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -77,17 +76,9 @@ def test_a_fork_works_where_jax_has_not_run():
 
 
 @pytest.fixture
-def debugging():
+def debugging(set_jax):
     """All switches by which callers debug functions of their own."""
-    switches = {
-        "jax_debug_nans": True, "jax_debug_infs": True, "jax_transfer_guard": "disallow",
-    }  # fmt: skip
-    before = {name: getattr(jax.config, name) for name in switches}
-    for name, value in switches.items():
-        jax.config.update(name, value)
-    yield
-    for name, value in before.items():
-        jax.config.update(name, value)
+    set_jax(jax_debug_nans=True, jax_debug_infs=True, jax_transfer_guard="disallow")
 
 
 def root_of(values, data):

@@ -30,14 +30,8 @@ def total(tree, dtype):
 
 
 @pytest.fixture(autouse=True)
-def strict():
-    switches = {"jax_numpy_rank_promotion": "raise", "jax_numpy_dtype_promotion": "strict"}
-    before = {name: getattr(jax.config, name) for name in switches}
-    for name, value in switches.items():
-        jax.config.update(name, value)
-    yield
-    for name, value in before.items():
-        jax.config.update(name, value)
+def strict(set_jax):
+    set_jax(jax_numpy_rank_promotion="raise", jax_numpy_dtype_promotion="strict")
 
 
 def test_every_public_call_is_among_them():

@@ -37,15 +37,16 @@ def cache_folder(programs: str | Path | None = None) -> Path | None:
             folders = [Path(programs).absolute()]
         for folder in folders:
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            if _foreign(folder.stat()):
+            of_folder = folder.stat()
+            if _foreign(of_folder):
                 return None
         # Who may not enter the folder cannot write to a file in it, whatever the mode of the file:
         # where the umask is 002 jax makes all of them writable by the group.
-        closed = not folder.stat().st_mode & 0o077
+        closed = not of_folder.st_mode & 0o077
         with os.scandir(folder) as entries:
             for entry in entries:
                 status = entry.stat(follow_symlinks=False)
-                own = status.st_uid == folder.stat().st_uid if closed else not _foreign(status)
+                own = status.st_uid == of_folder.st_uid if closed else not _foreign(status)
                 # A link, or a file of somebody else: compiling again is cheap.
                 if entry.name.endswith("-cache") and not (stat.S_ISREG(status.st_mode) and own):
                     os.unlink(entry.path)

@@ -7,10 +7,7 @@ from typing import NamedTuple, NoReturn
 
 from fitting.measurements.errors import refuse
 from fitting.measurements.quantities import POLARIZED, POWER_LETTERS
-from fitting.measurements.reader.cells import (
-    is_number,
-    to_numbers,
-)
+from fitting.measurements.reader.cells import is_number, to_numbers
 from fitting.measurements.reader.names import Role, role_of
 from fitting.measurements.reader.options import Options
 from fitting.measurements.reader.table import Table, filled_columns, find_column, label_of
