@@ -130,13 +130,28 @@ def normal_squared(here: Medium, front: Ambient) -> tuple[DoubleWord, DoubleWord
 
 
 def mismatches(here: Medium, front: Ambient, q: Pair) -> tuple[Pair, Pair]:
-    """h_s = Q_0 - Q and h_p = g Q_0 - Q, without the subtraction."""
+    """h_s = Q_0 - Q and h_p = g Q_0 - Q, without the subtraction.
+
+    But behind an absorbing medium Im Q >= 0 may be the wave that runs backward. Where the two have
+    opposite signs, subtracting loses nothing, and the sums below would cancel: next to Brewster's
+    angle R_p was 1,300 eps off.
+    """
     contrast = (here.contrast[0][0], None if here.contrast[1] is None else here.contrast[1][0])
-    h_s = times(scaled(-1.0, contrast), inverse(plus(q, front.q)))
     n02 = square((front.n, front.k))
     y = minus(times(here.g, square(front.q)), front.transverse2)
-    below = plus(times(n02, q), times(here.n2, front.q))
-    return h_s, times(times(contrast, y), inverse(below))
+
+    def forward(q_s: Pair, q_p: Pair) -> tuple[Pair, Pair]:
+        h_s = times(scaled(-1.0, contrast), inverse(plus(q_s, front.q)))
+        below = plus(times(n02, q_p), times(here.n2, front.q))
+        return h_s, times(times(contrast, y), inverse(below))
+
+    if front.k is None:
+        return forward(q, q)
+    firsts = pair(front.q), times(here.g, front.q)
+    backward = [z[0] * q[0] + z[1] * q[1] < 0.0 for z in firsts]
+    h = forward(*(choose(z, scaled(-1.0, q), q) for z in backward))
+    h_s, h_p = (choose(b, minus(z, q), x) for b, z, x in zip(backward, firsts, h, strict=True))
+    return h_s, h_p
 
 
 @jax.custom_jvp

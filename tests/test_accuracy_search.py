@@ -33,7 +33,8 @@ FOUND = [
 
 
 # A thick layer in which light is evanescent: 8e8 eps of what it absorbs. An opaque film whose T of
-# 8e-37 was formed from squares that underflow in float32: 69 eps.
+# 8e-37 was formed from squares that underflow in float32: 69 eps. A film behind an absorbing medium
+# next to Brewster's angle, where the root with Im Q >= 0 runs backward: 1,355 eps of R_p.
 FOUND_VALUES = [
     ("stack with rough boundaries", 1.0, 1.7914300213550294, 3.6606898748364674, 4.618108112516384,
      0.3138130784345965, 0.0001232561928857477, 1.0705799728512793, 0.7642131087071653,
@@ -41,6 +42,10 @@ FOUND_VALUES = [
     ("stack of a thick layer", 0.5128393579184589, 1.4047774935977313, 0.16716111941002404,
      6.61411388669377e-09, 0.5109108674123908, 2.3437046493993675e-09, 164.56504371186415,
      0.31245456511599606),
+    ("stack of two layers behind an absorbing medium", 0.7342817751583173, 1.5095075228112402,
+     1.6480706569280872e-06, 1.3943703537026428, 5.408006983799855e-09, 0.1457677001253516,
+     1.422504962060351, 1.6973755951499037, 0.0039201002193782995, 0.2696323266190728,
+     0.05767106553455538, 1.5112301991423398),
 ]  # fmt: skip
 
 # Light tunnels to a guided mode; the last medium at its critical angle behind an opaque film.
