@@ -134,22 +134,23 @@ def mismatches(here: Medium, front: Ambient, q: Pair) -> tuple[Pair, Pair]:
 
     But behind an absorbing medium Im Q >= 0 may be the wave that runs backward. Where the two have
     opposite signs, subtracting loses nothing, and the sums below would cancel: next to Brewster's
-    angle R_p was 1,300 eps off.
+    angle R_p was 1,355 eps off.
     """
     contrast = (here.contrast[0][0], None if here.contrast[1] is None else here.contrast[1][0])
     n02 = square((front.n, front.k))
     y = minus(times(here.g, square(front.q)), front.transverse2)
 
-    def forward(q_s: Pair, q_p: Pair) -> tuple[Pair, Pair]:
+    def quotients(q_s: Pair, q_p: Pair) -> tuple[Pair, Pair]:
         h_s = times(scaled(-1.0, contrast), inverse(plus(q_s, front.q)))
         below = plus(times(n02, q_p), times(here.n2, front.q))
         return h_s, times(times(contrast, y), inverse(below))
 
     if front.k is None:
-        return forward(q, q)
+        return quotients(q, q)
     firsts = pair(front.q), times(here.g, front.q)
     backward = [z[0] * q[0] + z[1] * q[1] < 0.0 for z in firsts]
-    h = forward(*(choose(z, scaled(-1.0, q), q) for z in backward))
+    # The sign of Q is turned where the quotient is not taken: its derivative must be finite, too.
+    h = quotients(*(choose(z, scaled(-1.0, q), q) for z in backward))
     h_s, h_p = (choose(b, minus(z, q), x) for b, z, x in zip(backward, firsts, h, strict=True))
     return h_s, h_p
 

@@ -135,7 +135,7 @@ def test_the_overview_names_every_mark_at_its_place(tmp_path, monkeypatch):
 
 
 def test_bounds_hold_on_this_device_and_its_speed_is_told(capsys):
-    """`make gpu` at a tenth of its size, on the CPU."""
+    """`make gpu` at a tenth of its size, on the CPU; a seed, so that a failure can be repeated."""
     from benchmarks import device
 
     assert device.main(["--scale", "0.1", "--seed", "0"]) == 0
