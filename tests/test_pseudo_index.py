@@ -126,7 +126,7 @@ def test_report_and_reference(bare, tmp_path, capsys):
 
 def test_a_film_that_no_bare_surface_imitates(coated, tmp_path, capsys):
     out = tmp_path / "fit.json"
-    assert cli.main([coated, "--json", str(out)]) == 0
+    assert cli.main([coated, "--json", str(out)]) == 1
     data, m = json.loads(out.read_text()), read_csv(coated)
     psi, delta = (m.value[m.quantity == q] for q in ("psi", "delta"))
     pseudo = closed_form(60.0, psi, delta)
@@ -140,6 +140,12 @@ def test_a_film_that_no_bare_surface_imitates(coated, tmp_path, capsys):
         n = np.linspace(1.2, 4.0, 28001)
         assert found[i].real == pytest.approx(n[np.argmin(misfit(n, psi[i], delta[i]))], abs=2e-4)
     shown = " ".join(capsys.readouterr().out.split())
+    # Without a degree of freedom a fit that is off its data is none; its values are kept.
+    status = np.array(data["status"])
+    off = [*map(misfit, found.real[:, None], psi, delta)]
+    rms = np.sqrt(np.ravel(off) / 3.0)[below]
+    np.testing.assert_array_equal(status[below] == "not converged", rms > 0.1)
+    assert (status[~below] == "converged").all() and (rms > 0.1).any()
     # At one of them the misfit is as small as an ellipsometer's errors are.
     assert f"at {below.sum() - 1} of 9 wavelengths" in shown and "ask for a k below 0" in shown
     assert "starting points led to this minimum" not in shown

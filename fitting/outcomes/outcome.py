@@ -250,8 +250,7 @@ def _assembled(fit: Solving, of: Subject, noise: float, evaluations: int, f: Fou
     estimates = _estimates(u, end, ranges)
     why, chi2 = Finding("not_converged", np.True_, {}), float(s.residual @ s.residual)
     tested = not (f.failed or end.known.unseen.size or u.spec.priors)
-    # the misfit of a pseudo-index (psi and Delta of a bare surface) has a note of its own
-    tested &= seen.stated if of.sample is None else not (of.sample.bare and NCS in u.spec.channels)
+    tested &= seen.stated or of.sample is not None
     of_plain = s.plain @ s.plain, len(s.plain)
     if tested and misses_without_freedom(chi2, *of_plain, fit.dof, seen.stated):
         f, values = f._replace(failed=True), {"n_data": fit.n_data, "rms": _rms(s.plain)}

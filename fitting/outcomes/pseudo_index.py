@@ -15,7 +15,6 @@ from fitting.measurements.quantities import ANGLES
 from fitting.optics.observe import NCS
 from fitting.results.diagnostics import Warning
 from fitting.results.result import Fit
-from fitting.results.result_parts import AT_LOWER
 
 # N, C, S of a bare crystal are fitted within .003 (the errors of an ellipsometer), with the wrong
 # sign of Delta within .009, and those of 100 nm of hafnia on silica within .2, in measured files.
@@ -36,7 +35,7 @@ def notes_on(found: Fit) -> tuple[Warning, ...]:
     # No bare boundary has psi and Delta there. chi2 is NaN without stated errors.
     off = (missed > MISSED) | ((dof == 0) & (chi2 > MISSED_CHI2))
     # With a misfit, k at its lower end would continue below 0.
-    stuck = (np.asarray(found.parameters["k"].status) == AT_LOWER) & off
+    stuck = (np.asarray(found.k) == 0.0) & off
     out = [Warning("pseudo_index")]
     for hit, cause in ((stuck, "k_negative"), (off & ~stuck, "film")):
         if hit.any():
