@@ -13,7 +13,7 @@ def draw(rows: dict[int, list[tuple[str, float, float | None]]], path: Path) -> 
         for name, rate, error in programs:
             if error is None:
                 continue
-            ours = name == "stack"
+            ours = name.startswith("stack")
             axis.plot(rate, max(error, 0.5), "o", color="C3" if ours else "0.4")
             axis.annotate(
                 name, (rate, max(error, 0.5)), (4, 5), textcoords="offset points",

@@ -27,8 +27,11 @@ FAILED = 1e20  # drawn for values that are not finite
 
 
 class Ours:
+    def __init__(self, exact: bool):
+        self.exact = exact
+
     def powers(self, index, thickness_um, angles, wavelengths_um):
-        out = stack(np.cos(angles), index, thickness_um, wavelengths_um)
+        out = stack(np.cos(angles), index, thickness_um, wavelengths_um, exact=self.exact)
         return np.array(out[:4])[:, :, None]
 
 
@@ -61,7 +64,7 @@ def main(argv=None) -> None:
     given = parser.parse_args(argv)
     jax.config.update("jax_enable_x64", True)
     peers, left_out = stack_peers.installed()
-    programs = {"stack": Ours()} | peers
+    programs = {"stack": Ours(True), "stack, exact=False": Ours(False)} | peers
     curves = {}
     for family, (_, values, case) in stack_cases.FAMILIES.items():
         rows = [errors(case(float(value)), programs) for value in values]
@@ -102,7 +105,7 @@ def draw(curves, path: Path) -> None:
     for axis, (family, found) in zip(axes, curves.items(), strict=False):
         quantity, values, _ = stack_cases.FAMILIES[family]
         for i, (name, y) in enumerate(found.items()):
-            style = {"color": "k", "lw": 3} if i == 0 else {"lw": 1.2}
+            style = {"color": "k", "lw": 3 - i, "ls": "--" if i else "-"} if i < 2 else {"lw": 1.2}
             axis.plot(values, np.clip(y, 0.3, FAILED), marker=".", label=name, **style)
         axis.axhline(64, color="0.6", lw=0.8, ls="--")
         axis.set(xscale="log", yscale="log", xlabel=quantity, title=family)

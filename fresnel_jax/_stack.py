@@ -25,6 +25,7 @@ from ._boundary import unsigned
 from ._complex import inverse, times
 from ._double_word import ratio
 from ._stack_coherent import ambient
+from ._stack_fast_sums import fast_sums
 from ._stack_mixed import mixed
 from ._stack_packet import packet
 
@@ -33,7 +34,8 @@ class Stack(NamedTuple):
     """What a stack of layers reflects, transmits and absorbs, for s and p polarization.
 
     Powers are fractions of the incident power, of the broadcast shape; the absorptions have the
-    layers on their leading axis. The amplitudes are complex.
+    layers on their leading axis. The amplitudes are complex. cross: r_p r_s*, summed over the
+    reflections of incoherent layers. None is what `stack` says that it does not compute.
     """
 
     R_s: Float[Array, "..."]
@@ -44,8 +46,9 @@ class Stack(NamedTuple):
     r_p: Complex[Array, "..."] | None
     t_s: Complex[Array, "..."] | None
     t_p: Complex[Array, "..."] | None
-    A_s: Float[Array, "layers ..."]
-    A_p: Float[Array, "layers ..."]
+    A_s: Float[Array, "layers ..."] | None
+    A_p: Float[Array, "layers ..."] | None
+    cross: Complex[Array, "..."] | None
 
     @property
     def R(self) -> Float[Array, "..."]:
@@ -59,7 +62,12 @@ class Stack(NamedTuple):
 
     @property
     def A(self) -> Float[Array, "layers ..."]:
-        """Absorptance of every layer for unpolarized light; layers on the leading axis."""
+        """Absorptance of every layer for unpolarized light; layers on the leading axis.
+
+        Raises AttributeError for a result of `exact=False`, which has none.
+        """
+        if self.A_s is None or self.A_p is None:
+            raise AttributeError("stack(..., exact=False) computes no absorption of its layers")
         return 0.5 * (self.A_s + self.A_p)
 
 
@@ -70,7 +78,7 @@ def _jit_stack(c, n, k, thickness, wavelength, roughness, coherent, shape):
     if not all(coherent):
         R, T, A = mixed(front, n, k, x, coherent, shape)
         R, T = ([jnp.broadcast_to(z, shape) for z in power] for power in (R, T))
-        return Stack(R[0], R[1], T[0], T[1], None, None, None, None, A[0], A[1])
+        return Stack(R[0], R[1], T[0], T[1], None, None, None, None, A[0], A[1], None)
     sigma = None if roughness is None else roughness / wavelength
     whole = packet(front, n, k, x, shape, sigma)
     n_far = (n[-1], None if k is None else k[-1])
@@ -79,7 +87,17 @@ def _jit_stack(c, n, k, thickness, wavelength, roughness, coherent, shape):
     R_s, R_p, T_s, T_p, r_s, r_p, t_s, t_p = (
         jnp.broadcast_to(z, shape) for z in (*whole.R, *whole.T, *amplitudes)
     )
-    return Stack(R_s, R_p, T_s, T_p, r_s, r_p, t_s, t_p, *whole.absorption)
+    return Stack(R_s, R_p, T_s, T_p, r_s, r_p, t_s, t_p, *whole.absorption, r_p * jnp.conj(r_s))
+
+
+@functools.partial(jax.jit, static_argnums=(5, 6))
+def _jit_fast(c, eta_i, index, thickness, wavelength, coherent, shape):
+    out = fast_sums(unsigned(c)[0], eta_i, index, thickness, wavelength, coherent)
+    amplitudes = (None,) * 4 if out.r is None else (*out.r, *out.t)
+    powers_and_amplitudes = (
+        None if z is None else jnp.broadcast_to(z, shape) for z in (*out.R, *out.T, *amplitudes)
+    )
+    return Stack(*powers_and_amplitudes, None, None, jnp.broadcast_to(out.cross, shape))
 
 
 def with_leading_axis(values: Any, name: str, least: int) -> Array:
@@ -105,6 +123,24 @@ def with_leading_axis(values: Any, name: str, least: int) -> Array:
     return values
 
 
+def _behind_leading_axis(z: Array, dimensions: int) -> Array:
+    """What follows the leading axis of z with as many axes as the result has."""
+    return z.reshape(z.shape[:1] + (1,) * (dimensions - z.ndim + 1) + z.shape[1:])
+
+
+def _lossless_first(index: Any) -> Any:
+    """The real index of the first medium, for the fast tier, which has no other."""
+    first = real_or_complex(index[0], "index")
+    if not jnp.iscomplexobj(first):
+        return first
+    if readable(first) and np.any(np.imag(first) != 0.0):
+        raise ValueError(
+            "the first medium of index absorbs, for which exact=False has no formula; leave "
+            "exact=True"
+        )
+    return jnp.where(jnp.imag(first) == 0.0, jnp.real(first), jnp.nan)
+
+
 def _coherence(coherent: Any, count: int) -> tuple[bool, ...]:
     """One Python bool for each layer."""
     if isinstance(coherent, (bool, np.bool_)):
@@ -128,6 +164,7 @@ def stack(
     wavelength_um: ArrayLike,
     coherent: bool | Sequence[bool] = True,
     roughness_um: ArrayLike | Sequence[Any] | None = None,
+    exact: bool = True,
 ) -> Stack:
     """Reflectance, transmittance and absorption of layers between two half-spaces, for s and p.
 
@@ -149,12 +186,21 @@ def stack(
             coherent stacks. It describes what is reflected specularly by boundaries that are
             smooth over a wavelength along them; light that roughness scatters is in none of the
             results, so that R + T + sum(A) is not 1. None: smooth.
+        exact: False for the fast tier: Airy's recursion on complex numbers, for fits and scenes.
+            Its errors grow with the phase of the layers, 2 pi |N| thickness / wavelength: of random
+            stacks 99.9 % are within 60 eps for each radian, and next to the critical angle of a
+            layer half the digits may be lost (worst of 160,000: R 1,600, T 6,800 eps a radian). The
+            first medium must be lossless (a traced one that absorbs gives NaN), boundaries smooth.
+            In a list or tuple of media or layers those that are not differentiated cost nothing.
 
     Returns:
-        `Stack(R_s, R_p, T_s, T_p, r_s, r_p, t_s, t_p, A_s, A_p)` with `.R`, `.T` and `.A` for
-        unpolarized light, of the broadcast shape and the dtype of the arguments; A_s, A_p and A
+        `Stack(R_s, R_p, T_s, T_p, r_s, r_p, t_s, t_p, A_s, A_p, cross)` with `.R`, `.T` and `.A`
+        for unpolarized light, of the broadcast shape and the dtype of the arguments; A_s, A_p and A
         have the layers on their leading axis. r and t are ratios of the electric fields at the
         outer boundaries (signs as in `interface.amplitudes`), None where a layer is incoherent.
+        `cross` is r_p r_s*, from which psi and Delta follow; with incoherent layers, of the fast
+        tier alone, summed over their reflections: light that is partly depolarized. The fast tier
+        has no A.
 
         R = abs(r)^2, T is the power along the normal behind the stack over the incident one, and
         R + T + sum(A) = 1. If the first medium absorbs, R and T are the same ratios, but incident
@@ -202,18 +248,33 @@ def stack(
             f"roughness_um has {roughness.shape[0]} boundaries on its leading axis; a stack of "
             f"{media.shape[0]} media has {media.shape[0] - 1}, and all its layers must be coherent"
         )
+    if roughness is not None and not exact:
+        raise ValueError("exact=False has no rough boundaries; leave exact=True with roughness_um")
     parts = {"index": media, "thickness_um": thickness, "roughness_um": roughness}
     behind = {
         f"{name} behind its leading axis": z.shape[1:] for name, z in parts.items() if z is not None
     }
     shape = broadcast_shape(cos_theta_i=cos_theta_i, wavelength_um=wavelength_um, **behind)
+    if not exact:
+        reals = jnp.real(media), thickness, cos_theta_i, wavelength_um
+        dtype = jnp.result_type(*reals, 1.0)
+        given = _lossless_first(index if isinstance(index, (list, tuple)) else media)
+        c, eta_i, wavelength = (jnp.asarray(z, dtype) for z in (cos_theta_i, given, wavelength_um))
+        layers = [
+            tuple(jnp.asarray(z, kind) for z in values)
+            if isinstance(values, (list, tuple))
+            else _behind_leading_axis(array.astype(kind), len(shape))
+            for values, array, kind in (
+                (index, media, np.result_type(dtype, np.complex64)),
+                (thickness_um, thickness, dtype),
+            )
+        ]
+        return _jit_fast(c, eta_i, layers[0][1:], layers[1], wavelength, flags, shape)
     k = jnp.imag(media) if jnp.iscomplexobj(media) else None
     c, wavelength, *layers = as_floats(
         cos_theta_i, wavelength_um, jnp.real(media), k, thickness, roughness
     )
 
-    def layered(z):
-        return z.reshape(z.shape[:1] + (1,) * (len(shape) - z.ndim + 1) + z.shape[1:])
-
-    n, k, x, sigma = (None if z is None else layered(z) for z in layers)
-    return _jit_stack(c, n, k, x, layered(wavelength[None]), sigma, flags, shape)
+    n, k, x, sigma = (None if z is None else _behind_leading_axis(z, len(shape)) for z in layers)
+    wavelength = _behind_leading_axis(wavelength[None], len(shape))
+    return _jit_stack(c, n, k, x, wavelength, sigma, flags, shape)

@@ -68,7 +68,8 @@ class FresnelStack(eqx.Module):
     Arguments as those of `layers.stack`: `index` of the L + 2 media and `thickness_um` of the L
     layers, each on its leading axis, and `wavelength_um`. What follows the leading axes broadcasts
     with the cosine, so that a colour of three or a spectrum of many wavelengths takes part in the
-    axes of the model as any other field does. Accuracy and derivatives as `layers.stack`.
+    axes of the model as any other field does. `exact`, False for the fast tier, is no array and the
+    same in all of a batch. Accuracy and derivatives as `layers.stack`.
     ValueError, as that raises it, for an index that it refuses.
     Source: `layers.stack`.
     """
@@ -76,10 +77,12 @@ class FresnelStack(eqx.Module):
     index: Array = eqx.field(converter=functools.partial(with_leading_axis, name="index", least=2))
     thickness_um: Array = eqx.field(converter=float_named("thickness_um"))
     wavelength_um: Array = eqx.field(converter=float_named("wavelength_um"))
+    exact: bool = eqx.field(static=True, default=True)
 
     def __call__(self, cos_theta: ArrayLike) -> Array:
         """R at the absolute value of `cos_theta`, shape (...)."""
-        return stack(cos_theta, self.index, self.thickness_um, self.wavelength_um).R
+        layers = self.index, self.thickness_um, self.wavelength_um
+        return stack(cos_theta, *layers, exact=self.exact).R
 
 
 class FresnelNone(eqx.Module):

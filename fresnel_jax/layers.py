@@ -30,6 +30,7 @@ from ._boundary import boundary, within_one
 from ._powers import powers_kernel
 from ._stack import Stack as Stack
 from ._stack import stack as stack
+from ._stack_fast import FEW_LAYERS as FEW_LAYERS
 from .interface import Powers
 
 __all__ = [

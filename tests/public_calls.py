@@ -96,6 +96,10 @@ def calls() -> dict[str, tuple[Any, ...]]:
             lambda *x: layers.stack(*x, (False, True)), COS, INDEX + 0.01j, FILMS, WAVE,
         ),
         "layers.stack incoherent": (lambda *x: layers.stack(*x, False), *stacked),
+        "layers.stack fast": (lambda *x: layers.stack(*x, exact=False), *stacked),
+        "layers.stack fast mixed": (
+            lambda *x: layers.stack(*x, (False, True), exact=False), *stacked,
+        ),
         "layers.stack of numbers": (
             lambda c: layers.stack(c, [1.0, 1.4 + 0.1j, 1.5], [0.1], 0.5), COS,
         ),

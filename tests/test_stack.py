@@ -134,6 +134,8 @@ def test_total_reflection_without_absorption_is_exactly_one(dtype):
 def test_films_are_a_fresnel_term():
     model = FresnelStack([1.0, 1.46, 3.9 + 0.02j], [0.1], 0.55)
     np.testing.assert_array_equal(model(0.7), stack(0.7, [1.0, 1.46, 3.9 + 0.02j], [0.1], 0.55).R)
+    fast = FresnelStack([1.0, 1.46, 3.9 + 0.02j], [0.1], 0.55, exact=False)
+    np.testing.assert_allclose(fast(0.7), model(0.7), rtol=1e-13)
     with pytest.raises(ValueError, match="the imaginary part of index is -0.02"):
         FresnelStack([1.0, 1.46, 3.9 - 0.02j], [0.1], 0.55)
     with pytest.raises(ValueError, match="its leading axis counts the media"):

@@ -19,7 +19,6 @@ import jax.numpy as jnp
 from jax import Array
 
 from fitting.measurements.quantities import POWERS
-from fitting.optics.incoherent_layers import layered
 from fitting.optics.instrument import BEAM, SLIT, cosines, detected, slit
 from fitting.optics.partial_derivatives import by_partial_derivatives
 from fitting.samples.dispersion import Model
@@ -28,7 +27,7 @@ from fitting.samples.layer_index import Pair, slices_of
 from fitting.samples.layer_index import medium_index as medium_index
 from fitting.samples.parameters import to_parameter
 from fresnel_jax import powers
-from fresnel_jax.layers import slab
+from fresnel_jax.layers import slab, stack
 from fresnel_jax.polarization import ellipsometric_ratio
 
 NCS = "NCS"
@@ -178,12 +177,15 @@ def boundary(
     together = zip(media.coherent, index[:-1], strict=True)
     coherent = [interferes for interferes, slices in together for _ in slices]
     if not pairs and media.coherent == (False,) and media.closed:
-        # `layered` is right too, but takes twice as long, to compile (1.5 s) and to run.
+        # `stack` is right too, but takes twice as long, to compile (1.5 s) and to run.
         found: Any = slab(c, *index[0][0], thicknesses[0], wavelength_um, eta_i)
     else:
-        found = layered(c, eta_i, media_index, thicknesses, wavelength_um, coherent, media.normal)
+        every = [eta_i, *media_index]
+        found = stack(c, every, thicknesses, wavelength_um, coherent, exact=False)
+        if media.normal:  # s is both, and what p needs is not computed
+            found = found._replace(R_p=found.R_s, T_p=found.T_s)
     # No quotient r_p / r_s: a film may extinguish r_s.
-    ellipse = _ellipse_of(found.R_s, found.R_p, found.product) if pairs else None
+    ellipse = _ellipse_of(found.R_s, found.R_p, found.cross) if pairs else None
     return Light(found.R_s, found.R_p, found.T_s, found.T_p, ellipse)
 
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.optics.observe import NCS
 from fitting.outcomes.curvature import by_curvature
 from fitting.outcomes.findings import Found, Subject, findings
 from fitting.problem.evaluation import Evaluated

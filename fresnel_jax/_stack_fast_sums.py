@@ -1,4 +1,4 @@
-"""Samples of films and of thick layers, whose reflections add without interference.
+"""The fast tier of `layers.stack` with thick layers, whose reflections add without interference.
 
 Light that has been k times to the back face comes out with amplitudes r_p,k and r_s,k of its own. A
 detector adds the Stokes vectors of all k, and so abs(r_s,k)^2, abs(r_p,k)^2 and r_p,k r_s,k*: a
@@ -17,7 +17,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import Array
 
-from fitting.optics.coherent_films import FEW_LAYERS, Layers, admittances, amplitudes
+from ._stack_fast import FEW_LAYERS, Layers, admittances, amplitudes, as_complex
 
 
 class _Faces(NamedTuple):
@@ -62,53 +62,53 @@ def _summed(a: _Faces, b: _Faces, below: _Sums, down: Array) -> _Sums:
     return _Sums(r + through * back * echoes, t * down * below.t * echoes)
 
 
-class Layered(NamedTuple):
-    """Powers of s and p, and r_p r_s* (complex), summed over all round trips in thick layers."""
+class Sums(NamedTuple):
+    """R, T, r and t, each for s and p, and r_p r_s* summed over all round trips in thick layers."""
 
-    R_s: Array
-    R_p: Array
-    T_s: Array
-    T_p: Array
-    product: Array
+    R: Sequence[Array]
+    T: Sequence[Array]
+    r: Sequence[Array] | None
+    t: Sequence[Array] | None
+    cross: Array
 
 
-def layered(
+def fast_sums(
     c: Array,
     eta_i: Array,
-    index: Sequence[Array],
-    thickness_um: Sequence[Array],
+    index: Layers,
+    thickness_um: Layers,
     wavelength_um: Array,
     coherent: Sequence[bool],
-    normal: bool = False,
-) -> Layered:
-    """Return what a sample with layers reflects and transmits.
+) -> Sums:
+    """Return what layers reflect and transmit; r and t, of the electric fields, of films alone.
 
-    c: cosines in a transparent medium eta_i. index: complex, of the L layers and the medium behind.
-    thickness_um, coherent: of the layers, of which any number may be thick. normal: whether all
-    cosines are 1 and psi and Delta are not asked for: then what s shows is that of both. Absolute
-    error: 1e-13 times the phase of the films in radians; 1e-8 at a layer's critical angle.
+    Arguments as of `admittances`. coherent: of the layers, of which any number may be thick.
     """
     for_s, for_p, phase = admittances(c, eta_i, index, thickness_um, wavelength_um)
-    polarized = (for_s,) if normal else (for_s, for_p)
-    ways = ((0, 0),) if normal else ((0, 0), (1, 1), (1, 0))  # s, p, and the product of p and s
     thick = [j + 1 for j, interferes in enumerate(coherent) if not interferes]
     *packets, (first, last) = itertools.pairwise([0, *thick, len(for_s) - 1])
-    behind = [amplitudes(*_packet(of, phase, first, last)) for of in polarized]
+    behind = [amplitudes(*_packet(of, phase, first, last)) for of in (for_s, for_p)]
+    ways = ((0, 0), (1, 1), (1, 0))  # s, p, and the product of p and s
     sums = [
         _Sums(*(x * jnp.conj(y) for x, y in zip(behind[a], behind[b], strict=True)))
         for a, b in ways
     ]
     for first, last in reversed(packets):
-        found = [_faces(*_packet(of, phase, first, last)) for of in polarized]
+        found = [_faces(*_packet(of, phase, first, last)) for of in (for_s, for_p)]
         # One way leaves exp(2 Re phase); the phase itself is the same for s and p.
-        down = jnp.exp(2.0 * phase[last - 1].real)
+        down = as_complex(jnp.exp(2.0 * phase[last - 1].real))
         sums = [
             _summed(found[a], found[b], below, down)
             for (a, b), below in zip(ways, sums, strict=True)
         ]
-    s2, p2, product = sums * 3 if normal else sums
-    T_s, T_p = (
+    s2, p2, product = sums
+    T = [
         both.t.real * admittance[-1].real / admittance[0].real
-        for both, admittance in ((s2, for_s), (p2, polarized[-1]))
-    )
-    return Layered(s2.r.real, p2.r.real, T_s, T_p, product.r)
+        for both, admittance in ((s2, for_s), (p2, for_p))
+    ]
+    r = t = None
+    if not thick:
+        # the tangential magnetic field of p is N times the electric one
+        r = [of.r for of in behind]
+        t = [behind[0].t, behind[1].t * (as_complex(eta_i) / index[-1])]
+    return Sums([s2.r.real, p2.r.real], T, r, t, product.r)
