@@ -1,16 +1,46 @@
 """Shared by all tests: float64 is on (float32 is tested with float32 arrays)."""
 
+import re
+import shutil
+import tempfile
 from pathlib import Path
 
 import jax
 import pytest
 
 jax.config.update("jax_enable_x64", True)
-# Writing thousands of programs to disk ended in a segmentation fault of jaxlib once; the cache of
-# the command is tested in processes of its own.
-jax.config.update("jax_enable_compilation_cache", False)
 
 MOST_MAPPINGS = 25_000
+# The workers of a run share what takes a second to compile, in a folder that is gone afterwards.
+# Not what takes less: writing thousands of programs ended in a segmentation fault of jaxlib once.
+LEAST_SECONDS = 1.0
+PROGRAMS = pytest.StashKey[str]()
+
+
+def pytest_configure(config):
+    shared = getattr(config, "workerinput", {}).get("programs")
+    folder = shared or tempfile.mkdtemp(prefix="programs-")
+    if shared is None:
+        config.stash[PROGRAMS] = folder
+    jax.config.update("jax_compilation_cache_dir", folder)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", LEAST_SECONDS)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node):
+    node.workerinput["programs"] = node.config.stash[PROGRAMS]
+
+
+def pytest_unconfigure(config):
+    if PROGRAMS in config.stash:
+        shutil.rmtree(config.stash[PROGRAMS], ignore_errors=True)
+
+
+def pytest_collection_modifyitems(items):
+    """The fits stand together, so that each worker compiles the programs of one half."""
+    fits = {path: bool(re.search(r"^(from|import) fitting", path.read_text(), re.M))
+            for path in {item.path for item in items}}  # fmt: skip
+    items.sort(key=lambda item: fits[item.path])
 
 
 @pytest.fixture(scope="module", autouse=True)
