@@ -14,6 +14,10 @@ from .search_functions import Function, decades
 _ONE = gmpy2.mpfr(1)
 
 
+def _our_slab(c, n, k, m, d, w):
+    return tuple(layers.slab(c, n, k, thickness_um=d, wavelength_um=w, eta_i=m))
+
+
 def _slab(c, n, k, m, d, w):
     exact = textbook(c, n, k, m)
     if exact is None:
@@ -155,7 +159,7 @@ LAYERS = {
     "slab": Function(
         lambda r, s, e: (*boundary(r, s, e), decades(r, s, -4, 3), decades(r, s, -1, 1)),
         (*BOUNDARY, (1e-4, 1e3), (0.1, 10.0)),
-        lambda c, n, k, m, d, w: tuple(layers.slab(c, n, k, d, w, m)), _slab, 24.0, 100.0,
+        _our_slab, _slab, 24.0, 100.0,
         amplified=True,
     ),
     **_stack_entries("one layer", 1),

@@ -103,7 +103,7 @@ POLARIZATION = {
     ),
     "penetration_depth": Function(
         lambda r, s, e: (decades(r, s, -1, 1), *boundary(r, s, e)), ((0.1, 10.0), *BOUNDARY),
-        lambda *a: (polarization.penetration_depth(*a),), _depth, 12.0, 50.0,
+        lambda um, *a: (polarization.penetration_depth(*a, wavelength_um=um),), _depth, 12.0, 50.0,
     ),
     "phases": Function(
         boundary, BOUNDARY, lambda *a: tuple(polarization.phases(*a)), _phases, 12.0, 50.0,

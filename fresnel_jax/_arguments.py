@@ -10,6 +10,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array
 
+from ._index import Index
+
 # No rounding of a dot product of unit vectors, in float32 or coarser, comes this far above 1.
 _LARGEST_COSINE = 1.001
 # Of an array so many values are looked at, evenly spaced: 5 us, whatever its size.
@@ -21,18 +23,16 @@ def structure(cos_theta_i, eta, k, eta_i):
     """The arguments with an exact Python 0 for k, or 1 for eta_i, replaced by None.
 
     None is structure, not a value: the program for lossless media or for light from vacuum leaves
-    out what they do not need. A complex eta is taken apart here. Values are refused only where they
-    can be read in 6 us: Python numbers, NumPy arrays, and JAX arrays that lie in the CPU's memory.
+    out what they do not need. A complex eta or an `Index` is taken apart here. Values are refused
+    only where they can be read in 6 us: Python numbers, NumPy arrays, and JAX arrays that lie in
+    the CPU's memory.
     """
-    cos_theta_i, eta, k, eta_i = (
+    (eta, k), eta_i = index_parts(eta, k), lossless(eta_i, "eta_i")
+    cos_theta_i, k, eta_i = (
         real_or_complex(x, name)
-        for x, name in ((cos_theta_i, "cos_theta_i"), (eta, "eta"), (k, "k"), (eta_i, "eta_i"))
+        for x, name in ((cos_theta_i, "cos_theta_i"), (k, "k"), (eta_i, "eta_i"))
     )
     broadcast_shape(cos_theta_i=cos_theta_i, eta=eta, k=k, eta_i=eta_i)
-    if jnp.iscomplexobj(eta):
-        if not is_exactly(k, 0):
-            raise ValueError("a complex eta already contains k; leave the argument k out")
-        eta, k = (np if _known(eta) else jnp).real(eta), (np if _known(eta) else jnp).imag(eta)
     if jnp.iscomplexobj(eta_i):
         raise ValueError(
             "eta_i is complex, a real number is wanted; only eta may be complex. Between two "
@@ -47,6 +47,36 @@ def structure(cos_theta_i, eta, k, eta_i):
     k = None if is_exactly(k, 0) else k
     eta_i = None if is_exactly(eta_i, 1) else eta_i
     return cos_theta_i, eta, k, eta_i
+
+
+def index_parts(eta, k) -> tuple[Any, Any]:
+    """eta and k of an index that is real, complex or an `Index`; k: the argument beside it.
+
+    ValueError for any other tuple, and for a k beside an index that has one.
+    """
+    if isinstance(eta, tuple) and not isinstance(eta, Index):
+        raise ValueError(
+            f"eta is a tuple of {len(eta)}; wanted a real or a complex index or an Index(eta, k), "
+            "as a dispersion model gives it. Several indices are an array"
+        )
+    if not isinstance(eta, Index):
+        eta = real_or_complex(eta, "eta")
+        if not jnp.iscomplexobj(eta):
+            return eta, k
+    if not is_exactly(k, 0):
+        raise ValueError("a complex eta already contains k; leave the argument k out")
+    if isinstance(eta, Index):
+        return real(eta.eta, "eta"), real(eta.k, "k")
+    return (np if _known(eta) else jnp).real(eta), (np if _known(eta) else jnp).imag(eta)
+
+
+def lossless(index, name: str) -> Any:
+    """The real part of an `Index` whose k is 0, NaN where a traced k is not; else what came."""
+    if not isinstance(index, Index):
+        return index
+    if readable(index.k) and np.any(np.asarray(index.k) != 0.0):
+        raise ValueError(f"{name} is an Index with k > 0; wanted the index of a lossless medium")
+    return jnp.where(jnp.asarray(index.k) == 0.0, index.eta, jnp.nan)
 
 
 def broadcast_shape(**arguments) -> tuple[int, ...]:
@@ -73,6 +103,8 @@ def is_exactly(value, number: int) -> bool:
 
 def real_or_complex(value, name: str) -> Any:
     """The value, a list or tuple as an array; ValueError, with the name, for other types."""
+    if isinstance(value, Index):
+        raise ValueError(f"{name} is an Index(eta, k); wanted an array of numbers")
     if type(value) in (float, int, complex):
         return value
     if not isinstance(value, jax.Array | np.ndarray | np.generic):
@@ -154,8 +186,12 @@ def check_extinction(k, name: str = "k"):
 
 
 def looked_at(function):
-    """A compiled function whose readable cosine and k are looked at before it is called."""
-    checks = {"cos_theta_i": check_cosine, "k": check_extinction}
+    """A compiled function whose readable cosine and indices are looked at before it is called."""
+    checks = {
+        "cos_theta_i": check_cosine, "k": check_extinction,
+        "eta": lambda n: isinstance(n, Index) and check_extinction(n.k),
+        "eta_i": functools.partial(lossless, name="eta_i"),
+    }  # fmt: skip
     places = [(i, name) for i, name in enumerate(inspect.signature(function).parameters)]
     places = [(i, name, checks[name]) for i, name in places if name in checks]
 
@@ -177,7 +213,14 @@ def real(value, name: str) -> Any:
 
 
 def named_floats(**arguments) -> tuple[Array, ...]:
-    """The arguments as arrays of one floating-point type; wrong ones are refused by their name."""
+    """The arguments as arrays of one floating-point type; wrong ones are refused by their name.
+
+    An index eta, beside a k, may be complex or an `Index`, and eta_i a lossless `Index`.
+    """
+    if "k" in arguments:
+        arguments["eta"], arguments["k"] = index_parts(arguments["eta"], arguments["k"])
+    if "eta_i" in arguments:
+        arguments["eta_i"] = lossless(arguments["eta_i"], "eta_i")
     return as_floats(*(real(value, name) for name, value in arguments.items()))
 
 

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
 from ._arguments import looked_at, named_floats
+from ._index import IndexLike
 
 
 def reflectance_at_normal(eta: Array, k: Array, eta_i: Array | float) -> Array:
@@ -16,7 +17,7 @@ def reflectance_at_normal(eta: Array, k: Array, eta_i: Array | float) -> Array:
 
 @looked_at
 @jax.jit
-def normal_reflectance(eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0) -> Array:
+def normal_reflectance(eta: IndexLike, k: ArrayLike = 0.0, eta_i: IndexLike = 1.0) -> Array:
     """Power reflectance at normal incidence, ((eta - eta_i)^2 + k^2) / ((eta + eta_i)^2 + k^2).
 
     Args:
@@ -30,7 +31,7 @@ def normal_reflectance(eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.
 
 
 @jax.jit
-def real_index(R_0: ArrayLike, eta_i: ArrayLike = 1.0) -> Array:
+def real_index(R_0: ArrayLike, eta_i: IndexLike = 1.0) -> Array:
     """The lossless index above eta_i that has a given reflectance at normal incidence.
 
     eta = eta_i (1 + sqrt(R_0)) / (1 - sqrt(R_0)), computed as eta_i (1 + sqrt(R_0))^2 / (1 - R_0).
@@ -83,7 +84,7 @@ def gulbrandsen_index(r: ArrayLike, g: ArrayLike) -> tuple[Array, Array]:
 
 @looked_at
 @jax.jit
-def gulbrandsen_parameters(eta: ArrayLike, k: ArrayLike) -> tuple[Array, Array]:
+def gulbrandsen_parameters(eta: IndexLike, k: ArrayLike = 0.0) -> tuple[Array, Array]:
     """(r, g) of a metal of relative index eta + ik; `gulbrandsen_index` undoes it.
 
     A metal with eta below eta_min = (1 - r) / (1 + r) has g > 1 (1.6 % of measured ones).

@@ -5,7 +5,6 @@ from __future__ import annotations
 import abc
 import functools
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,6 +15,7 @@ from jaxtyping import Array, ArrayLike
 
 from ._arguments import real
 from ._arithmetic import complex_sqrt
+from ._index import Index
 from ._vectors import as_float
 
 # h c / e in eV um; exact by the definition of the SI units
@@ -24,16 +24,6 @@ HC_EV_UM = 1.2398419843320025
 # A range that its source gives in nm, eV or 1/cm ends a rounding error or two beside the wavelength
 # in um that someone else computes from it, or rounds to float32.
 _SLACK_IN_EPS = 4
-
-
-class Index(NamedTuple):
-    """The complex index eta + ik as two real arrays of one shape; k >= 0 absorbs.
-
-    In the order of the arguments of `reflectance` and its kin: `reflectance(cos, *gold(0.55))`.
-    """
-
-    eta: Array
-    k: Array
 
 
 class DispersionModel(eqx.Module):

@@ -24,6 +24,7 @@ from ._arguments import (
 from ._boundary import unsigned
 from ._complex import inverse, times
 from ._double_word import ratio
+from ._index import Index, IndexLike
 from ._stack_coherent import ambient
 from ._stack_fast_sums import fast_sums
 from ._stack_mixed import mixed
@@ -93,15 +94,24 @@ def _jit_stack(c, n, k, thickness, wavelength, roughness, coherent, shape):
 @functools.partial(jax.jit, static_argnums=(5, 6))
 def _jit_fast(c, eta_i, index, thickness, wavelength, coherent, shape):
     out = fast_sums(unsigned(c)[0], eta_i, index, thickness, wavelength, coherent)
-    amplitudes = (None,) * 4 if out.r is None else (*out.r, *out.t)
-    powers_and_amplitudes = (
-        None if z is None else jnp.broadcast_to(z, shape) for z in (*out.R, *out.T, *amplitudes)
-    )
-    return Stack(*powers_and_amplitudes, None, None, jnp.broadcast_to(out.cross, shape))
+    amplitudes = (None,) * 4 if out.r is None or out.t is None else (*out.r, *out.t)
+    found = (*out.R, *out.T, *amplitudes, None, None, out.cross)
+    return Stack._make(None if z is None else jnp.broadcast_to(z, shape) for z in found)
+
+
+def _as_complex(index: Any) -> Any:
+    """Media with each `Index` among them, or all of them as one, as complex numbers."""
+    if isinstance(index, Index):
+        return index.complex
+    if not isinstance(index, (list, tuple)):
+        return index
+    return [n.complex if isinstance(n, Index) else n for n in index]
 
 
 def with_leading_axis(values: Any, name: str, least: int) -> Array:
     """An array with the media or layers on its leading axis, from an array or a sequence."""
+    if name == "index":
+        values = _as_complex(values)
     for entry in values if isinstance(values, (list, tuple)) else (values,):
         number = real_or_complex(entry, name)
         if readable(number) and np.iscomplexobj(number):
@@ -159,7 +169,7 @@ def _coherence(coherent: Any, count: int) -> tuple[bool, ...]:
 
 def stack(
     cos_theta_i: ArrayLike,
-    index: ArrayLike | Sequence[Any],
+    index: IndexLike | Sequence[Any],
     thickness_um: ArrayLike | Sequence[Any],
     wavelength_um: ArrayLike,
     coherent: bool | Sequence[bool] = True,
@@ -227,6 +237,7 @@ def stack(
             cosine above 1 or imaginary part of an index below 0, a type that is neither float32
             nor float64, or a `coherent` that is not static.
     """
+    index = _as_complex(index)
     media: Array = with_leading_axis(index, "index", 2)
     thickness: Array = with_leading_axis(thickness_um, "thickness_um", 0)
     if jnp.iscomplexobj(thickness):

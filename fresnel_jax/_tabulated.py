@@ -9,7 +9,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
-from ._spectral import DispersionModel, Index, evaluate_within, in_one_type
+from ._index import Index
+from ._spectral import DispersionModel, evaluate_within, in_one_type
 from ._vectors import float_named
 
 

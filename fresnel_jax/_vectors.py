@@ -15,9 +15,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._arguments import check_extinction, real
+from ._arguments import check_extinction, lossless, real
 from ._arithmetic import one_if_zero, sum_exactly, two_product
 from ._compiler import computed_once, opaque
+from ._index import IndexLike
 
 
 class Vector(NamedTuple):
@@ -37,6 +38,16 @@ def as_float(x: ArrayLike | Sequence[Any], name: str) -> Array:
 def float_named(name: str):
     """`as_float` as the converter of the field of that name."""
     return functools.partial(as_float, name=name)
+
+
+def real_index(x: IndexLike, name: str) -> Array:
+    """`as_float` of the index of a lossless medium."""
+    return as_float(lossless(x, name), name)
+
+
+def index_named(name: str):
+    """`real_index` as the converter of the field of that name."""
+    return functools.partial(real_index, name=name)
 
 
 def extinction(k: ArrayLike) -> Array:

@@ -43,6 +43,7 @@ from ._colours import gulbrandsen_parameters as gulbrandsen_parameters
 from ._colours import normal_reflectance as normal_reflectance
 from ._colours import real_index as real_index
 from ._colours import reflectance_at_normal
+from ._index import IndexLike
 from .interface import reflectance
 
 __all__ = [
@@ -110,7 +111,7 @@ def _exact_at(cosines: np.ndarray, eta, k, eta_i):
 @looked_at
 @jax.jit
 def schlick(
-    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
+    cos_theta_i: ArrayLike, eta: IndexLike, k: ArrayLike = 0.0, eta_i: IndexLike = 1.0
 ) -> Array:
     """R_0 + (1 - R_0) (1 - c)^5 with R_0 of normal incidence.
 
@@ -135,7 +136,7 @@ def schlick(
 @looked_at
 @jax.jit
 def lazanyi_szirmay_kalos(
-    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
+    cos_theta_i: ArrayLike, eta: IndexLike, k: ArrayLike = 0.0, eta_i: IndexLike = 1.0
 ) -> Array:
     """Schlick's curve minus a c (1 - c)^6, a by least squares over the cosine.
 
@@ -160,7 +161,7 @@ def lazanyi_szirmay_kalos(
 @looked_at
 @jax.jit
 def f82(
-    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
+    cos_theta_i: ArrayLike, eta: IndexLike, k: ArrayLike = 0.0, eta_i: IndexLike = 1.0
 ) -> Array:
     """Schlick's curve minus a c (1 - c)^6, exact at normal incidence and at c = 1/7 (82 degrees).
 
@@ -195,7 +196,7 @@ def f82_from_reflectances(cos_theta_i: ArrayLike, R_0: ArrayLike, R_82: ArrayLik
 @looked_at
 @jax.jit
 def large_index(
-    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
+    cos_theta_i: ArrayLike, eta: IndexLike, k: ArrayLike = 0.0, eta_i: IndexLike = 1.0
 ) -> Array:
     """R for an index so large that the refracted ray runs along the normal: metals.
 
@@ -220,9 +221,9 @@ def large_index(
 @functools.partial(jax.jit, static_argnames="degree")
 def polynomial(
     cos_theta_i: ArrayLike,
-    eta: ArrayLike,
+    eta: IndexLike,
     k: ArrayLike = 0.0,
-    eta_i: ArrayLike = 1.0,
+    eta_i: IndexLike = 1.0,
     degree: int = 8,
 ) -> Array:
     """The polynomial in the cosine that meets the exact R at degree + 1 Chebyshev nodes.

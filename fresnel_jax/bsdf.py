@@ -36,8 +36,9 @@ from __future__ import annotations
 
 from jaxtyping import Array, ArrayLike
 
+from ._index import IndexLike
 from ._scattering import BSDFSample, Lobes, ScatteringFlags, TransportMode
-from ._vectors import as_float
+from ._vectors import real_index
 from .bsdf_dielectric import Dielectric
 from .bsdf_reflection import Reflector
 from .bsdf_thin import ThinDielectric
@@ -95,7 +96,7 @@ def specular_reflection(scale: ArrayLike, fresnel: FresnelTerm) -> Reflector:
     return Reflector(fresnel, None, scale)
 
 
-def specular_transmission(scale: ArrayLike, eta_a: ArrayLike, eta_b: ArrayLike) -> Dielectric:
+def specular_transmission(scale: ArrayLike, eta_a: IndexLike, eta_b: IndexLike) -> Dielectric:
     """A smooth interface of which only the refracted part, times `scale`, is kept.
 
     Arguments: `scale`, usually a colour; `eta_a` > 0, index on the side of the normal; `eta_b` > 0,
@@ -103,12 +104,16 @@ def specular_transmission(scale: ArrayLike, eta_a: ArrayLike, eta_b: ArrayLike) 
     Source: PBRT 3rd ed. sec. 8.2.3.
     """
     return Dielectric(
-        as_float(eta_b, "eta_b") / as_float(eta_a, "eta_a"), None, 1.0, scale, Lobes.TRANSMISSION
+        real_index(eta_b, "eta_b") / real_index(eta_a, "eta_a"),
+        None,
+        1.0,
+        scale,
+        Lobes.TRANSMISSION,
     )
 
 
 def fresnel_specular(
-    scale_reflection: ArrayLike, scale_transmission: ArrayLike, eta_a: ArrayLike, eta_b: ArrayLike
+    scale_reflection: ArrayLike, scale_transmission: ArrayLike, eta_a: IndexLike, eta_b: IndexLike
 ) -> Dielectric:
     """A smooth interface that reflects and refracts, each lobe with its own scale.
 
@@ -117,7 +122,7 @@ def fresnel_specular(
     F. Source: PBRT 3rd ed. sec. 8.2.4 and 14.1.3.
     """
     return Dielectric(
-        as_float(eta_b, "eta_b") / as_float(eta_a, "eta_a"),
+        real_index(eta_b, "eta_b") / real_index(eta_a, "eta_a"),
         None,
         scale_reflection,
         scale_transmission,

@@ -23,7 +23,7 @@ from ._scattering import (
     upward,
 )
 from ._shares import Shares, shares
-from ._vectors import Vector, dot, float_named, once, select
+from ._vectors import Vector, dot, float_named, index_named, once, select
 from .directions import reflect_components, refract_components, sides
 from .microfacet import TrowbridgeReitz, two_numbers
 
@@ -67,7 +67,7 @@ class Dielectric(eqx.Module):
     doi:10.2312/EGWR/EGSR07/195-206.
     """
 
-    eta: Array = eqx.field(converter=float_named("eta"))
+    eta: Array = eqx.field(converter=index_named("eta"))
     distribution: TrowbridgeReitz | None = None
     reflection_scale: Array = eqx.field(converter=float_named("reflection_scale"), default=1.0)
     transmission_scale: Array = eqx.field(converter=float_named("transmission_scale"), default=1.0)

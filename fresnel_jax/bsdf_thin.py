@@ -17,7 +17,7 @@ from ._scattering import (
     local_direction,
     nothing,
 )
-from ._vectors import Vector, float_named
+from ._vectors import Vector, index_named
 from .interface import powers
 
 
@@ -35,7 +35,7 @@ class ThinDielectric(eqx.Module):
     Source: Stokes 1860, doi:10.1098/rspl.1860.0119; PBRT 4th ed. eq. 9.10.
     """
 
-    eta: Array = eqx.field(converter=float_named("eta"))
+    eta: Array = eqx.field(converter=index_named("eta"))
 
     def flags(self) -> ScatteringFlags:
         """Specular; transmission alone at eta = 1."""

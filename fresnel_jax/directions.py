@@ -14,14 +14,15 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from ._arithmetic import positive_sqrt
 from ._boundary import boundary, within_one
+from ._index import IndexLike
 from ._vectors import (
     Vector,
     add,
-    as_float,
     components,
     dot,
     dot_exactly,
     normalize,
+    real_index,
     scale,
     stack,
 )
@@ -124,7 +125,7 @@ def reflect(wo: ArrayLike, n: ArrayLike) -> Float[Array, "... 3"]:
     return stack(reflect_components(w, normal, dot_exactly(w, normal)))
 
 
-def refract(wi: ArrayLike, n: ArrayLike, eta: ArrayLike) -> Refraction:
+def refract(wi: ArrayLike, n: ArrayLike, eta: IndexLike) -> Refraction:
     """Refracted direction of wi, relative index along the ray, and whether light is refracted.
 
     By Snell's law, eta_i sin_i = eta_t sin_t, with wi, n and the result in one plane:
@@ -157,7 +158,7 @@ def refract(wi: ArrayLike, n: ArrayLike, eta: ArrayLike) -> Refraction:
 
     Source: PBRT 4th ed. eq. 9.4, 9.5.
     """
-    w, normal, eta = components(wi, "wi"), components(n, "n"), as_float(eta, "eta")
+    w, normal, eta = components(wi, "wi"), components(n, "n"), real_index(eta, "eta")
     cosine = dot_exactly(w, normal)
     eta_i, eta_t = sides(cosine < 0.0, eta)
     refracted = refract_components(w, normal, cosine, eta_i, eta_t)
@@ -234,7 +235,7 @@ def to_world(v: ArrayLike, frame: Frame) -> Float[Array, "... 3"]:
     return stack(add(add(scale(x, t), scale(y, b)), scale(z, n)))
 
 
-def critical_angle_deg(eta: ArrayLike) -> Array:
+def critical_angle_deg(eta: IndexLike) -> Array:
     """The angle of incidence, on the denser side, above which all light is reflected.
 
     arcsin(min(eta, 1 / eta)), written as an arctangent because arcsin loses half its digits near
@@ -244,21 +245,21 @@ def critical_angle_deg(eta: ArrayLike) -> Array:
     eta = 1, where the derivative is infinite (0 is returned).
     Source: PBRT 4th ed. sec. 9.3.4.
     """
-    eta = as_float(eta, "eta")
+    eta = real_index(eta, "eta")
     small, large = jnp.minimum(eta, 1.0), jnp.maximum(eta, 1.0)
     return jnp.rad2deg(jnp.arctan2(small, positive_sqrt((large - small) * (large + small))))
 
 
-def brewster_angle_deg(eta: ArrayLike) -> Array:
+def brewster_angle_deg(eta: IndexLike) -> Array:
     """The angle of incidence at which no p-polarized light is reflected: arctan(eta).
 
     Argument: `eta` > 0, index of the medium entered over that of the medium left. Returns degrees,
     to 4 eps. Smooth. Source: Born and Wolf, Principles of Optics, sec. 1.5.3.
     """
-    return jnp.rad2deg(jnp.arctan(as_float(eta, "eta")))
+    return jnp.rad2deg(jnp.arctan(real_index(eta, "eta")))
 
 
-def snells_window(eta: ArrayLike) -> Array:
+def snells_window(eta: IndexLike) -> Array:
     """The fraction of the denser side's hemisphere, by solid angle, that sees across the surface.
 
     1 - cos(critical angle), written without the subtraction; .339 for water.
@@ -267,7 +268,7 @@ def snells_window(eta: ArrayLike) -> Array:
     1 at eta = 1, where the derivative is infinite (0 is returned).
     Source: PBRT 4th ed. fig. 9.18.
     """
-    eta = as_float(eta, "eta")
+    eta = real_index(eta, "eta")
     small, large = jnp.minimum(eta, 1.0), jnp.maximum(eta, 1.0)
     root = positive_sqrt((large - small) * (large + small))
     return (small / large) * (small / (large + root))

@@ -33,12 +33,12 @@ from ._absorption_edge import TaucLorentz as TaucLorentz
 from ._formulas import Cauchy as Cauchy
 from ._formulas import Constant as Constant
 from ._formulas import Sellmeier as Sellmeier
+from ._index import Index as Index
 from ._kramers_kronig import KramersKronigSpline as KramersKronigSpline
 from ._oscillators import BrendelBormann as BrendelBormann
 from ._oscillators import DrudeLorentz as DrudeLorentz
 from ._spectral import HC_EV_UM as HC_EV_UM
 from ._spectral import DispersionModel as DispersionModel
-from ._spectral import Index as Index
 from ._spectral import evaluate_within, in_one_type, parameters
 from ._tabulated import Tabulated as Tabulated
 

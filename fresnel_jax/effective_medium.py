@@ -48,7 +48,7 @@ from ._arguments import as_floats, broadcast_shape
 from ._arithmetic import complex_sqrt, sum_exactly
 from ._bruggeman import bruggeman_root, loss_of, mixed, with_loss
 from ._compiler import opaque
-from ._spectral import Index
+from ._index import Index
 from ._vectors import as_float
 
 __all__ = ["bruggeman", "linear", "looyenga", "maxwell_garnett"]

@@ -11,8 +11,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
+from ._arguments import index_parts
+from ._index import IndexLike
 from ._stack import with_leading_axis
-from ._vectors import extinction, float_named
+from ._vectors import extinction, float_named, index_named
 from .interface import reflectance
 from .layers import stack
 
@@ -33,8 +35,8 @@ class FresnelDielectric(eqx.Module):
     Source: PBRT 3rd ed. `FresnelDielectric`, 4th ed. sec. 9.3.5.
     """
 
-    eta: Array = eqx.field(converter=float_named("eta"))
-    eta_outside: Array = eqx.field(converter=float_named("eta_outside"), default=1.0)
+    eta: Array = eqx.field(converter=index_named("eta"))
+    eta_outside: Array = eqx.field(converter=index_named("eta_outside"), default=1.0)
 
     def __call__(self, cos_theta: ArrayLike) -> Array:
         """R at `cos_theta` in [-1, 1] (negative: light comes from inside), shape (...)."""
@@ -48,14 +50,19 @@ class FresnelDielectric(eqx.Module):
 class FresnelConductor(eqx.Module):
     """Reflectance of an absorbing medium seen from a transparent one, from either side alike.
 
-    Arguments: `eta` > 0 and `k` >= 0, index of the conductor; `eta_outside` > 0, index of the
+    Arguments: `eta` > 0 and `k` >= 0, index of the conductor, or its complex index or `Index` as
+    `eta` alone; `eta_outside` > 0, index of the
     medium around it. Accuracy and derivatives as `interface.reflectance`.
     Source: PBRT 3rd ed. `FresnelConductor`, 4th ed. sec. 9.3.6.
     """
 
-    eta: Array = eqx.field(converter=float_named("eta"))
+    eta: Array = eqx.field(converter=index_named("eta"))
     k: Array = eqx.field(converter=extinction)
-    eta_outside: Array = eqx.field(converter=float_named("eta_outside"), default=1.0)
+    eta_outside: Array = eqx.field(converter=index_named("eta_outside"))
+
+    def __init__(self, eta: IndexLike, k: ArrayLike = 0.0, eta_outside: IndexLike = 1.0):
+        self.eta, self.k = index_parts(eta, k)
+        self.eta_outside = eta_outside  # pyright: ignore[reportAttributeAccessIssue]
 
     def __call__(self, cos_theta: ArrayLike) -> Array:
         """R at the absolute value of `cos_theta`, shape (...)."""

@@ -56,7 +56,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ._amplitudes import amplitudes_kernel
-from ._arguments import all_floats, as_floats, real, structure
+from ._arguments import all_floats, as_floats, lossless, real, structure
+from ._index import IndexLike
 from ._powers import powers_kernel
 from ._unpolarized import unpolarized_kernel
 
@@ -131,7 +132,7 @@ def _jit_dielectric(cos_theta_i, eta):
 
 
 def powers(
-    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
+    cos_theta_i: ArrayLike, eta: IndexLike, k: ArrayLike = 0.0, eta_i: IndexLike = 1.0
 ) -> Powers:
     """Power reflectance and transmittance for s and p polarization.
 
@@ -162,9 +163,9 @@ def powers(
 
 def reflectance(
     cos_theta_i: ArrayLike,
-    eta: ArrayLike,
+    eta: IndexLike,
     k: ArrayLike = 0.0,
-    eta_i: ArrayLike = 1.0,
+    eta_i: IndexLike = 1.0,
     *,
     compensated: bool = True,
 ) -> Array:
@@ -190,7 +191,7 @@ def reflectance(
 
 
 def amplitudes(
-    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
+    cos_theta_i: ArrayLike, eta: IndexLike, k: ArrayLike = 0.0, eta_i: IndexLike = 1.0
 ) -> Amplitudes:
     """Complex amplitude reflection and transmission coefficients for s and p polarization.
 
@@ -212,7 +213,7 @@ def amplitudes(
     return _jit_amplitudes(*structure(cos_theta_i, eta, k, eta_i))
 
 
-def fresnel_dielectric(cos_theta_i: ArrayLike, eta: ArrayLike) -> Array:
+def fresnel_dielectric(cos_theta_i: ArrayLike, eta: IndexLike) -> Array:
     """Unpolarized power reflectance of a boundary between two lossless media.
 
     Args:
@@ -230,12 +231,12 @@ def fresnel_dielectric(cos_theta_i: ArrayLike, eta: ArrayLike) -> Array:
     Source: `FrDielectric`, Physically Based Rendering, 4th ed., sec. 9.3.5. There eta = 1 gives
     R = 1 at cos = 0; here 0.
     """
-    cos_theta_i, eta = (real(x, name) for x, name in ((cos_theta_i, "cos_theta_i"), (eta, "eta")))
+    cos_theta_i, eta = real(cos_theta_i, "cos_theta_i"), real(lossless(eta, "eta"), "eta")
     structure(cos_theta_i, eta, 0.0, 1.0)
     return _jit_dielectric(cos_theta_i, eta)
 
 
-def fresnel_conductor(cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike) -> Array:
+def fresnel_conductor(cos_theta_i: ArrayLike, eta: IndexLike, k: ArrayLike = 0.0) -> Array:
     """Unpolarized power reflectance of an absorbing medium; `reflectance` with eta_i = 1.
 
     Args:
@@ -254,7 +255,7 @@ def fresnel_conductor(cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike) -> A
     return reflectance(cos_theta_i, eta, k)
 
 
-def fresnel_complex(cos_theta_i: ArrayLike, eta: ArrayLike) -> Array:
+def fresnel_complex(cos_theta_i: ArrayLike, eta: IndexLike) -> Array:
     """Unpolarized power reflectance for a complex relative index; `reflectance` with eta_i = 1.
 
     Args:

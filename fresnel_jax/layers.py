@@ -27,6 +27,7 @@ from jaxtyping import ArrayLike
 from ._arguments import as_floats, broadcast_shape, real, structure
 from ._arithmetic import reciprocal_or_zero
 from ._boundary import boundary, within_one
+from ._index import IndexLike
 from ._powers import powers_kernel
 from ._stack import Stack as Stack
 from ._stack import stack as stack
@@ -65,11 +66,12 @@ def _jit_slab(cos_theta_i, eta, k, eta_i, thickness_um, wavelength_um):
 
 def slab(
     cos_theta_i: ArrayLike,
-    eta: ArrayLike,
-    k: ArrayLike,
+    eta: IndexLike,
+    k: ArrayLike = 0.0,
+    *,
     thickness_um: ArrayLike,
     wavelength_um: ArrayLike,
-    eta_i: ArrayLike = 1.0,
+    eta_i: IndexLike = 1.0,
 ) -> Powers:
     """Power reflectance and transmittance of a thick plane slab with the same medium on both sides.
 
@@ -77,8 +79,8 @@ def slab(
 
     Args:
         cos_theta_i: cosine of the angle of incidence, in [-1, 1]; its sign is ignored.
-        eta, k: real part > 0 and imaginary part >= 0 of the slab's absolute index; or the complex
-            index as `eta` with a Python 0 for `k`.
+        eta, k: real part > 0 and imaginary part >= 0 of the slab's absolute index; or as `eta`
+            alone its complex index or an `Index`.
         thickness_um: micrometres, >= 0; 0 is a slab that absorbs nothing but has both faces.
         wavelength_um: vacuum wavelength in micrometres, > 0.
         eta_i: real index > 0 of the medium before and behind the slab.

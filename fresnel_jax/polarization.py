@@ -35,9 +35,18 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ._arguments import all_floats, as_floats, broadcast_shape, check_extinction, real, structure
+from ._arguments import (
+    all_floats,
+    as_floats,
+    broadcast_shape,
+    check_extinction,
+    lossless,
+    real,
+    structure,
+)
 from ._arithmetic import reciprocal_or_zero
 from ._boundary import boundary, within_one
+from ._index import IndexLike
 from ._phases import phases_kernel, psi_kernel
 from .interface import amplitudes, powers
 
@@ -148,7 +157,7 @@ def _depth(wavelength_um, k):
 
 
 def phases(
-    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
+    cos_theta_i: ArrayLike, eta: IndexLike, k: ArrayLike = 0.0, eta_i: IndexLike = 1.0
 ) -> Phases:
     """The phases arg r_s and arg r_p on one continuous branch, `Phases(phi_s, phi_p)`.
 
@@ -168,7 +177,7 @@ def phases(
 
 
 def ellipsometric_ratio(
-    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
+    cos_theta_i: ArrayLike, eta: IndexLike, k: ArrayLike = 0.0, eta_i: IndexLike = 1.0
 ) -> Complex[Array, "..."]:
     """The complex ratio rho = r_p / r_s = tan(psi) exp(-i Delta), smooth wherever psi or Delta is not.
 
@@ -184,7 +193,7 @@ def ellipsometric_ratio(
 
 
 def psi_delta(
-    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
+    cos_theta_i: ArrayLike, eta: IndexLike, k: ArrayLike = 0.0, eta_i: IndexLike = 1.0
 ) -> PsiDelta:
     """The ellipsometric angles, `PsiDelta(psi, delta)` in radians.
 
@@ -202,7 +211,7 @@ def psi_delta(
 
 
 def mueller_reflection(
-    cos_theta_i: ArrayLike, eta: ArrayLike, k: ArrayLike = 0.0, eta_i: ArrayLike = 1.0
+    cos_theta_i: ArrayLike, eta: IndexLike, k: ArrayLike = 0.0, eta_i: IndexLike = 1.0
 ) -> Float[Array, "... 4 4"]:
     """The Mueller matrix of one reflection, shape (..., 4, 4): reflected = M @ incident.
 
@@ -219,7 +228,7 @@ def mueller_reflection(
 
 
 def mueller_refraction(
-    cos_theta_i: ArrayLike, eta: ArrayLike, eta_i: ArrayLike = 1.0
+    cos_theta_i: ArrayLike, eta: IndexLike, eta_i: IndexLike = 1.0
 ) -> Float[Array, "... 4 4"]:
     """The Mueller matrix of one refraction into a lossless medium, shape (..., 4, 4).
 
@@ -236,6 +245,7 @@ def mueller_refraction(
         ValueError: eta is complex. The wave in an absorbing medium is inhomogeneous, and its
             s and p powers are projected differently: use `powers` for T_s and T_p there.
     """
+    eta = lossless(eta, "eta")
     if jnp.iscomplexobj(eta):
         raise ValueError(
             "eta is complex, but the Mueller matrix of a refraction is defined for a lossless "
@@ -246,11 +256,12 @@ def mueller_refraction(
 
 
 def penetration_depth(
-    wavelength_um: ArrayLike,
     cos_theta_i: ArrayLike,
-    eta: ArrayLike,
+    eta: IndexLike,
     k: ArrayLike = 0.0,
-    eta_i: ArrayLike = 1.0,
+    eta_i: IndexLike = 1.0,
+    *,
+    wavelength_um: ArrayLike,
 ) -> Array:
     """The depth in micrometres at which the power density behind the boundary has fallen to 1/e.
 

@@ -80,8 +80,13 @@ def calls() -> dict[str, tuple[Any, ...]]:
         "approximate.gulbrandsen_parameters": (ap.gulbrandsen_parameters, ETA, K),
         "approximate.normal_reflectance": (ap.normal_reflectance, ETA, K),
         "approximate.real_index": (ap.real_index, 0.5 * COS),
-        "layers.slab": (layers.slab, COS, ETA, K, FILMS[0], WAVE, ONES),
-        "layers.slab of numbers": (lambda c: layers.slab(c, 1.5, 0.1, 2.0, 0.5), COS),
+        "layers.slab": (
+            lambda *x: layers.slab(*x[:3], thickness_um=x[3], wavelength_um=x[4], eta_i=x[5]),
+            COS, ETA, K, FILMS[0], WAVE, ONES,
+        ),
+        "layers.slab of numbers": (
+            lambda c: layers.slab(c, 1.5, 0.1, thickness_um=2.0, wavelength_um=0.5), COS,
+        ),
         "layers.stack": (layers.stack, *stacked),
         "layers.stack complex": (layers.stack, COS, INDEX + 0.01j, FILMS, WAVE),
         "layers.stack rough": (lambda *x: layers.stack(*x[:4], True, x[4]), *stacked, ROUGH),
@@ -182,7 +187,9 @@ def calls() -> dict[str, tuple[Any, ...]]:
             lambda c, *p: fresnel_terms.FresnelStack(*p)(c), COS, INDEX, FILMS, WAVE,
         ),
         "polarization.absorption_depth": (pol.absorption_depth, WAVE, K),
-        "polarization.penetration_depth": (pol.penetration_depth, WAVE, COS, ETA, K, ONES),
+        "polarization.penetration_depth": (
+            lambda w, *x: pol.penetration_depth(*x, wavelength_um=w), WAVE, COS, ETA, K, ONES,
+        ),
         "polarization.mueller_refraction": (pol.mueller_refraction, COS, ETA, ONES),
     }  # fmt: skip
     for function in (

@@ -144,7 +144,7 @@ def test_broadcasting_dtype_jit_and_vmap(name):
 
 def test_refusals():
     with pytest.raises(ValueError, match="complex"):
-        approximate.schlick(0.5, 1.5 + 0.1j)
+        approximate.schlick(0.5, 1.5, eta_i=1.5 + 0.1j)
     for degree in (0, 41, 2.0):
         with pytest.raises(ValueError, match="degree is"):
             approximate.polynomial(0.5, 1.5, degree=degree)

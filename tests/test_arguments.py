@@ -32,8 +32,8 @@ FUNCTIONS = pytest.mark.parametrize(
         polarization.psi_delta,
         polarization.ellipsometric_ratio,
         polarization.mueller_reflection,
-        lambda c, n, *rest: slab(c, n, *(rest[:1] or (0.0,)), 3.0, 0.5),
-        lambda *a: polarization.penetration_depth(0.5, *a),
+        lambda c, n, *rest: slab(c, n, *rest[:1], thickness_um=3.0, wavelength_um=0.5),
+        lambda *a: polarization.penetration_depth(*a, wavelength_um=0.5),
         approximate.schlick,
         approximate.f82,
         approximate.polynomial,
@@ -139,7 +139,7 @@ def test_lists_are_arrays(function):
 
 def test_lists_elsewhere():
     assert fresnel_dielectric([0.5, -0.5], [1.5, 1.5]).shape == (2,)
-    assert slab(0.5, 1.5, 0.0, [1.0, 2.0], 0.5).R.shape == (2,)
+    assert slab(0.5, 1.5, 0.0, thickness_um=[1.0, 2.0], wavelength_um=0.5).R.shape == (2,)
     assert material("gold")([0.5, 0.6]).eta.shape == (2,)
     assert polarization.absorption_depth([0.5, 0.6], [1.0, 2.0]).shape == (2,)
     jitted = jax.jit(lambda x: reflectance([x, 0.5], 1.5))(0.4)
@@ -177,7 +177,7 @@ def test_half_precision_elsewhere():
         lambda: Dielectric(half),
         lambda: Dielectric(1.5).sample(half, 0.5, jnp.ones(2)),
         lambda: material("gold")(half),
-        lambda: slab(0.5, 1.5, 0.0, half, 0.5),
+        lambda: slab(0.5, 1.5, 0.0, thickness_um=half, wavelength_um=0.5),
         lambda: stack(0.5, [1.0, 1.5, 1.0], half[:1], 0.5),
         lambda: stack(0.5, half, jnp.ones(1), 0.5),
         lambda: stack(half, [1.0, 1.5, 1.0], [0.1], 0.5),

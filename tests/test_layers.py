@@ -49,7 +49,12 @@ def test_powers_against_the_series(dtype, name):
     count = 50
     points = adversarial.hard_sets(dtype, count)[name]
     thickness, wavelength = sizes(dtype, count)
-    found = [np.asarray(x) for x in slab(*points[:3], thickness, wavelength, points[3])]
+    found = [
+        np.asarray(x)
+        for x in slab(
+            *points[:3], thickness_um=thickness, wavelength_um=wavelength, eta_i=points[3]
+        )
+    ]
     eps, tiny = float(np.finfo(dtype).eps), float(np.finfo(dtype).tiny)
     assert all(x.dtype == dtype and np.isfinite(x).all() for x in found)
     for i in range(count):
@@ -67,7 +72,7 @@ def test_the_series_itself_summed_term_by_term():
     """Where the closed sum comes from: what leaves after each passage, one after the other."""
     c, n, k, d, wavelength = 0.7, 1.5, 2e-5, 2000.0, 0.6
     one = powers(c, n, k)
-    found = slab(c, n, k, d, wavelength)
+    found = slab(c, n, k, thickness_um=d, wavelength_um=wavelength)
     Q = np.sqrt((n + 1j * k) ** 2 - (1 - c * c))
     A = np.exp(-4 * np.pi * d * Q.imag / wavelength)
     for R_1, R, T in ((one.R_s, found.R_s, found.T_s), (one.R_p, found.R_p, found.T_p)):
@@ -85,7 +90,7 @@ def test_the_series_itself_summed_term_by_term():
 
 def test_glass_by_hand():
     """n = 1.5 without absorption at normal incidence: R = .04, both faces 2 R / (1 + R)."""
-    found = slab(1.0, 1.5, 0.0, 1e3, 0.5)
+    found = slab(1.0, 1.5, 0.0, thickness_um=1e3, wavelength_um=0.5)
     assert float(found.R) == pytest.approx(0.08 / 1.04, rel=1e-14)
     assert float(found.T) == pytest.approx(0.96 / 1.04, rel=1e-14)
 
@@ -96,12 +101,12 @@ def test_nothing_is_lost_without_absorption_and_something_with_it(dtype):
     c, n, m = (random.uniform(low, high, 500).astype(dtype) for low, high in
                ((0.0, 1.0), (0.3, 4.0), (1.0, 2.0)))  # fmt: skip
     d, wavelength = dtype(50.0), dtype(0.6)
-    clear = slab(c, n, 0.0, d, wavelength, m)
+    clear = slab(c, n, 0.0, thickness_um=d, wavelength_um=wavelength, eta_i=m)
     eps = np.finfo(dtype).eps
     for R, T in ((clear.R_s, clear.T_s), (clear.R_p, clear.T_p)):
         np.testing.assert_allclose(np.asarray(R) + np.asarray(T), 1.0, rtol=0, atol=16 * eps)
     k = (10.0 ** random.uniform(-4, 1, 500)).astype(dtype)
-    dim = slab(c, n, k, d, wavelength, m)
+    dim = slab(c, n, k, thickness_um=d, wavelength_um=wavelength, eta_i=m)
     for R, T in ((dim.R_s, dim.T_s), (dim.R_p, dim.T_p)):
         R, T = np.asarray(R), np.asarray(T)
         assert ((R >= 0) & (T >= 0) & (1 + 16 * eps >= R + T)).all()
@@ -114,7 +119,7 @@ def test_no_slab_reflects_more_than_it_gets(dtype):
     c = (10.0 ** random.uniform(-9, -0.5, 20_000)).astype(dtype)
     n, m = (random.uniform(low, 4.0, 20_000).astype(dtype) for low in (0.2, 1.0))
     for k in (0.0, (10.0 ** random.uniform(-12, 1, 20_000)).astype(dtype)):
-        found = slab(c, n, k, dtype(100.0), dtype(0.5), m)
+        found = slab(c, n, k, thickness_um=dtype(100.0), wavelength_um=dtype(0.5), eta_i=m)
         for power in found:
             power = np.asarray(power)
             assert ((power >= 0.0) & (power <= 1.0)).all()
@@ -123,18 +128,28 @@ def test_no_slab_reflects_more_than_it_gets(dtype):
 @DTYPES
 def test_limits(dtype):
     c, n, wavelength, eps = dtype(0.8), dtype(1.7), dtype(0.5), np.finfo(dtype).eps
-    opaque, face = slab(c, n, dtype(3.0), dtype(1e6), wavelength), powers(c, n, dtype(3.0))
+    opaque, face = (
+        slab(c, n, dtype(3.0), thickness_um=dtype(1e6), wavelength_um=wavelength),
+        powers(c, n, dtype(3.0)),
+    )
     assert [float(x) for x in opaque] == [float(face.R_s), float(face.R_p), 0.0, 0.0]
-    matched = slab(c, n, dtype(0.0), dtype(100.0), wavelength, n)
+    matched = slab(c, n, dtype(0.0), thickness_um=dtype(100.0), wavelength_um=wavelength, eta_i=n)
     assert [float(x) for x in matched] == [0.0, 0.0, 1.0, 1.0]
     # total reflection, thick and of no thickness
     for d in (0.0, 1e3):
-        total = slab(dtype(0.1), dtype(1.0), dtype(0.0), dtype(d), wavelength, dtype(1.5))
+        total = slab(
+            dtype(0.1),
+            dtype(1.0),
+            dtype(0.0),
+            thickness_um=dtype(d),
+            wavelength_um=wavelength,
+            eta_i=dtype(1.5),
+        )
         assert [float(x) for x in total] == [1.0, 1.0, 0.0, 0.0]
-    grazing = slab(dtype(0.0), n, dtype(0.1), dtype(1.0), wavelength)
+    grazing = slab(dtype(0.0), n, dtype(0.1), thickness_um=dtype(1.0), wavelength_um=wavelength)
     np.testing.assert_allclose([float(x) for x in grazing], [1, 1, 0, 0], rtol=12 * eps)
     # T1^2 would underflow in float32, as the product of the two faces does
-    faint = slab(dtype(1e-25), n, dtype(0.0), dtype(1.0), wavelength)
+    faint = slab(dtype(1e-25), n, dtype(0.0), thickness_um=dtype(1.0), wavelength_um=wavelength)
     assert float(faint.T_s) == pytest.approx(float(powers(dtype(1e-25), n).T_s) / 2, rel=1e-5)
 
 
@@ -152,6 +167,10 @@ def _parameters():
         yield random.uniform(0.05, 1), random.uniform(0.5, 4), k, d, 0.6, random.uniform(1, 2)
 
 
+def of_slab(c, n, k, thickness, wavelength, eta_i):
+    return slab(c, n, k, thickness_um=thickness, wavelength_um=wavelength, eta_i=eta_i)
+
+
 @pytest.mark.parametrize("dtype, bound", [(np.float64, 400.0), (np.float32, 400.0)])
 def test_gradients_against_differences_in_100_digits(dtype, bound):
     """Bound in eps of each gradient's largest part, times 1 + the optical depth."""
@@ -159,10 +178,10 @@ def test_gradients_against_differences_in_100_digits(dtype, bound):
     for parameters in _parameters():
         point = [dtype(x) for x in parameters]
         exactly = [float(x) for x in point]
-        # (c, n, k, thickness, wavelength, eta_i): slab's own order; the oracle has eta_i fourth
+        # the oracle has eta_i fourth
         *_, depth = exact(*exactly[:3], exactly[5], *exactly[3:5])
         for j in range(4):
-            ours = jax.grad(lambda *x, j=j: slab(*x)[j], argnums=(0, 1, 2, 3, 4, 5))(*point)
+            ours = jax.grad(lambda *x, j=j: of_slab(*x)[j], argnums=(0, 1, 2, 3, 4, 5))(*point)
             ours = np.array([float(x) for x in ours])
             true = np.array([_difference(exactly, i, j) for i in range(6)])
             # each by its relative change, so that micrometres and k = 1e-7 can be compared
@@ -189,25 +208,27 @@ def _difference(point, i, j):
 
 def test_broadcasting_jit_vmap_and_complex_index():
     c, wavelength = jnp.linspace(0.1, 1, 4)[:, None], jnp.linspace(0.4, 0.8, 3)
-    plain = slab(c, 1.5, 1e-6, 3000.0, wavelength)
+    plain = slab(c, 1.5, 1e-6, thickness_um=3000.0, wavelength_um=wavelength)
     assert all(x.shape == (4, 3) for x in plain)
-    jitted = jax.jit(slab)(c, 1.5, 1e-6, 3000.0, wavelength)
-    mapped = jax.vmap(lambda cc: slab(cc, 1.5, 1e-6, 3000.0, wavelength))(c[:, 0])
-    of_complex = slab(c, 1.5 + 1e-6j, 0.0, 3000.0, wavelength)
+    jitted = jax.jit(slab)(c, 1.5, 1e-6, thickness_um=3000.0, wavelength_um=wavelength)
+    mapped = jax.vmap(
+        lambda cc: slab(cc, 1.5, 1e-6, thickness_um=3000.0, wavelength_um=wavelength)
+    )(c[:, 0])
+    of_complex = slab(c, 1.5 + 1e-6j, 0.0, thickness_um=3000.0, wavelength_um=wavelength)
     for others in (jitted, mapped, of_complex):
         for ours, theirs in zip(plain, others, strict=True):
             # two compilations of one formula; T amplifies the rounding of its exponent
             np.testing.assert_allclose(ours, theirs, rtol=2e-14)
     # lossless and at one angle, the thickness alone has a shape
-    assert slab(1.0, 1.5, 0.0, jnp.ones(5), 0.5).T.shape == (5,)
+    assert slab(1.0, 1.5, 0.0, thickness_um=jnp.ones(5), wavelength_um=0.5).T.shape == (5,)
 
 
 def test_refusals():
     with pytest.raises(ValueError, match="thickness_um and wavelength_um"):
-        slab(jnp.ones(3), 1.5, 0.0, jnp.ones(2), 0.5)
+        slab(jnp.ones(3), 1.5, 0.0, thickness_um=jnp.ones(2), wavelength_um=0.5)
     with pytest.raises(ValueError, match="do not broadcast"):
-        slab(jnp.ones(3), jnp.ones(2), 0.0, 1.0, 0.5)
+        slab(jnp.ones(3), jnp.ones(2), 0.0, thickness_um=1.0, wavelength_um=0.5)
     with pytest.raises(ValueError, match="wavelength_um is complex"):
-        slab(1.0, 1.5, 0.0, 1.0, 0.5 + 1j)
+        slab(1.0, 1.5, 0.0, thickness_um=1.0, wavelength_um=0.5 + 1j)
     with pytest.raises(ValueError, match="k is complex"):
-        slab(1.0, 1.5, 1j, 1.0, 0.5)
+        slab(1.0, 1.5, 1j, thickness_um=1.0, wavelength_um=0.5)

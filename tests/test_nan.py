@@ -51,11 +51,11 @@ def plain(*arguments):
 
 
 def deep_slab(c, eta, k=0.0, eta_i=1.0):
-    return slab(c, eta, k, 3.0, 0.5, eta_i)
+    return slab(c, eta, k, thickness_um=3.0, wavelength_um=0.5, eta_i=eta_i)
 
 
 def depth(*arguments):
-    return polarization.penetration_depth(0.5, *arguments)
+    return polarization.penetration_depth(*arguments, wavelength_um=0.5)
 
 
 # name -> function of (cos, eta), (cos, eta, k) or (cos, eta, k, eta_i), and how many it takes

@@ -254,6 +254,6 @@ def test_calls_broadcast_compile_and_refuse():
     with pytest.raises(ValueError, match="lossless"):
         mueller_refraction(0.5, 1.5 + 0.1j)
     with pytest.raises(ValueError, match="wavelength_um"):
-        penetration_depth(np.ones(3), np.ones(2), 1.5)
+        penetration_depth(np.ones(2), 1.5, wavelength_um=np.ones(3))
     with pytest.raises(ValueError, match="wavelength_um"):
         absorption_depth(np.ones(3), np.ones(2))

@@ -29,7 +29,7 @@ def test_predict_is_the_library():
     for q in ("R_s", "R_p", "T_s", "T_p", "R", "T"):
         found = simulate("cauchy", CAUCHY, angle, wavelength, q)
         np.testing.assert_allclose(found, getattr(one, q), rtol=1e-13, atol=1e-16)
-    both = slab(c, *index, 100.0, wavelength)
+    both = slab(c, *index, thickness_um=100.0, wavelength_um=wavelength)
     found = simulate("air | cauchy 100 um thick | air", CAUCHY, angle, wavelength, "T")
     np.testing.assert_allclose(found, both.T, rtol=1e-13)
     metal = {"eps_inf": 2.0, "plasma_ev": 8.0, "width_ev": 0.1, "strength_ev2_1": 3.0,

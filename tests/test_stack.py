@@ -96,7 +96,11 @@ def test_wrong_arguments_are_named(arguments, words):
 def test_a_layer_that_is_not_coherent_is_the_slab():
     for k in (0.0, 1e-6, 1e-2):
         got = stack(COSINES, [1.2, 1.5 + 1j * k, 1.2], [100.0], 0.5, coherent=False)
-        for value, exact in zip(got[:4], slab(COSINES, 1.5, k, 100.0, 0.5, 1.2), strict=True):
+        for value, exact in zip(
+            got[:4],
+            slab(COSINES, 1.5, k, thickness_um=100.0, wavelength_um=0.5, eta_i=1.2),
+            strict=True,
+        ):
             np.testing.assert_allclose(value, exact, rtol=1e-13)
         np.testing.assert_allclose(got.R + got.T + got.A[0], 1.0, rtol=1e-14)
 

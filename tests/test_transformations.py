@@ -51,9 +51,14 @@ FUNCTIONS = {
     "psi_delta": (polarization.psi_delta, "cos eta k"),
     "mueller_reflection": (polarization.mueller_reflection, "cos eta k"),
     "mueller_refraction": (polarization.mueller_refraction, "cos eta"),
-    "penetration_depth": (polarization.penetration_depth, "wavelength cos eta k"),
+    "penetration_depth": (
+        lambda um, *x: polarization.penetration_depth(*x, wavelength_um=um), "wavelength cos eta k",
+    ),
     "absorption_depth": (polarization.absorption_depth, "wavelength k"),
-    "slab": (lambda c, n, k, um: slab(c, n, 1e-6 * k, 3e3, um), "cos eta k wavelength"),
+    "slab": (
+        lambda c, n, k, um: slab(c, n, 1e-6 * k, thickness_um=3e3, wavelength_um=um),
+        "cos eta k wavelength",
+    ),
     "gold": (lambda um: tuple(dispersion.material("gold")(um)), "wavelength"),
     "BK7": (lambda um: tuple(dispersion.material("BK7")(um)), "wavelength"),
     "glass sample": (lambda n, a, w, v, u: glass(n, a).sample(w, v, u), "eta alpha wo u_lobe u"),

@@ -178,7 +178,9 @@ def boundary(
     coherent = [interferes for interferes, slices in together for _ in slices]
     if not pairs and media.coherent == (False,) and media.closed:
         # `stack` is right too, but takes twice as long, to compile (1.5 s) and to run.
-        found: Any = slab(c, *index[0][0], thicknesses[0], wavelength_um, eta_i)
+        found: Any = slab(
+            c, *index[0][0], thickness_um=thicknesses[0], wavelength_um=wavelength_um, eta_i=eta_i
+        )
     else:
         every = [eta_i, *media_index]
         found = stack(c, every, thicknesses, wavelength_um, coherent, exact=False)
