@@ -182,9 +182,9 @@ def stack(
         cos_theta_i: cosine of the angle of incidence in the first medium, in [-1, 1]; its sign is
             ignored.
         index: absolute indices eta + ik, k >= 0, of the L + 2 media, from the one that the light
-            comes from to the one behind, on the leading axis; real (faster) or complex. What
-            follows the leading axis broadcasts with the other arguments. A list or tuple of
-            entries that broadcast with each other is stacked.
+            comes from to the one behind, on the leading axis; real (faster), complex or an
+            `Index`. What follows the leading axis broadcasts with the other arguments. A list or
+            tuple of entries that broadcast with each other is stacked.
         thickness_um: micrometres, >= 0, of the L layers, on the leading axis; likewise.
         wavelength_um: vacuum wavelength in micrometres, > 0.
         coherent: whether the light that a layer reflects to and fro interferes: True for films;

@@ -120,7 +120,8 @@ def schlick(
 
     Args:
         cos_theta_i: cosine of the angle of incidence, in [-1, 1]; its sign is ignored.
-        eta, k: real and imaginary part of the absolute index of the medium entered; > 0 and >= 0.
+        eta, k: real and imaginary part of the absolute index of the medium entered, > 0 and >= 0;
+            or as `eta` alone its complex index or an `Index`.
         eta_i: absolute index of the medium that the light comes from, real, > 0.
 
     Returns:

@@ -2,7 +2,7 @@
 
     gold = material("gold")
     eta, k = gold(0.55)                                    # micrometres, in vacuum
-    R = reflectance(cos_theta, *gold(wavelengths))
+    R = reflectance(cos_theta, gold(wavelengths))
 
 Models: `Constant`, `Cauchy`, `Sellmeier` (lossless), `CauchyUrbach`, `DrudeLorentz` (also by
 `drude` and `lorentz_drude`), `BrendelBormann`, `TaucLorentz`, `KramersKronigSpline`, `Tabulated`;

@@ -143,7 +143,7 @@ def powers(
         cos_theta_i: cosine of the angle of incidence, in [-1, 1]; its sign is ignored, and what
             rounding leaves above 1 counts as 1.
         eta: real part of the absolute index of the medium that the light enters, > 0; or the
-            complex index eta + ik.
+            complex index eta + ik, or an `Index(eta, k)` as a dispersion model gives it.
         k: imaginary part of that index (extinction coefficient), >= 0. Leave it out for a lossless
             medium: a Python 0 is recognised and makes the program smaller.
         eta_i: absolute index of the medium that the light comes from, real, > 0.

@@ -3,9 +3,9 @@
 Conventions, as in `interface`: time dependence exp(-i w t), absorbing index eta + ik with k >= 0,
 r_p = -r_s at normal incidence. Angles that come out are radians. Every function takes its
 arguments as `interface.powers` does (`cos_theta_i` in [-1, 1], its sign ignored; `eta` > 0 and
-`k` >= 0 of the medium entered, or the complex index as `eta`; real `eta_i` > 0 of the medium that
-the light comes from), broadcasts them, keeps their dtype, raises the same ValueError, and works
-under `jit`, `vmap` and `grad`.
+`k` >= 0 of the medium entered, or the complex index or an `Index` as `eta`; real `eta_i` > 0 of the
+medium that the light comes from), broadcasts them, keeps their dtype, raises the same ValueError,
+and works under `jit`, `vmap` and `grad`.
 
 Ellipsometers and texts that write exp(+i w t) and eta - ik conjugate every amplitude. Their Delta,
 arg(r_p / r_s), is the Delta given here, -arg(r_p / r_s).
