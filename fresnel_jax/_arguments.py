@@ -44,6 +44,8 @@ def structure(cos_theta_i, eta, k, eta_i):
             raise ValueError(f"{name} is complex, a real number is wanted; only eta may be complex")
     check_cosine(cos_theta_i)
     check_extinction(k)
+    check_positive(eta, "eta")
+    check_positive(eta_i, "eta_i")
     k = None if is_exactly(k, 0) else k
     eta_i = None if is_exactly(eta_i, 1) else eta_i
     return cos_theta_i, eta, k, eta_i
@@ -170,27 +172,57 @@ def check_cosine(cosine, name: str = "cos_theta_i"):
         )
 
 
+def _ends(value) -> tuple[float, float] | None:
+    """The smallest and the largest of the values that can be read; NaN is no number here."""
+    if type(value) in (float, int):
+        return value, value
+    if not readable(value) or not np.size(value):
+        return None
+    some = _some_values(value)
+    return float(np.fmin.reduce(some)), float(np.fmax.reduce(some))
+
+
 def check_extinction(k, name: str = "k"):
-    """ValueError for a readable k < 0."""
-    if type(k) in (float, int):
-        smallest = k
-    elif readable(k) and np.size(k):
-        smallest = float(_some_values(k).min())
-    else:
-        return
-    if smallest < 0:
+    """ValueError for a readable k < 0, or one that is infinite."""
+    ends = _ends(k)
+    if ends is not None and ends[0] < 0:
         raise ValueError(
-            f"{name} is {smallest:g}; wanted k >= 0. With the time dependence exp(-i w t) of this "
+            f"{name} is {ends[0]:g}; wanted k >= 0. With the time dependence exp(-i w t) of this "
             "library eta + ik absorbs; conjugate an index that is written eta - ik"
         )
+    if ends is not None and ends[1] == np.inf:
+        raise ValueError(f"{name} is infinite; a perfect conductor is a large one, such as 1e8")
+
+
+def check_positive(value, name: str, or_zero: bool = False):
+    """ValueError for a readable value <= 0, or < 0."""
+    ends = _ends(value)
+    if ends is not None and (ends[0] < 0 or (ends[0] == 0 and not or_zero)):
+        raise ValueError(f"{name} is {ends[0]:g}; wanted {'>= 0' if or_zero else '> 0'}")
+
+
+def check_length(value, name: str):
+    """ValueError for a readable length < 0, or one that is infinite."""
+    ends = _ends(value)
+    if ends is not None and (ends[0] < 0 or ends[1] == np.inf):
+        wrong = ends[0] if ends[0] < 0 else np.inf
+        raise ValueError(f"{name} is {wrong:g}; wanted a finite number of micrometres >= 0")
+
+
+def _check_index(index):
+    if isinstance(index, Index):
+        check_extinction(index.k)
+        index = index.eta
+    if not isinstance(index, list | tuple | complex) and not jnp.iscomplexobj(index):
+        check_positive(index, "eta")
 
 
 def looked_at(function):
     """A compiled function whose readable cosine and indices are looked at before it is called."""
     checks = {
         "cos_theta_i": check_cosine, "k": check_extinction,
-        "eta": lambda n: isinstance(n, Index) and check_extinction(n.k),
-        "eta_i": functools.partial(lossless, name="eta_i"),
+        "eta": _check_index,
+        "eta_i": lambda m: check_positive(lossless(m, "eta_i"), "eta_i"),
     }  # fmt: skip
     places = [(i, name) for i, name in enumerate(inspect.signature(function).parameters)]
     places = [(i, name, checks[name]) for i, name in places if name in checks]
@@ -198,7 +230,8 @@ def looked_at(function):
     @functools.wraps(function)
     def checked(*arguments, **named):
         for i, name, check in places:
-            check(arguments[i] if i < len(arguments) else named.get(name, 0.0))
+            if i < len(arguments) or name in named:
+                check(arguments[i] if i < len(arguments) else named[name])
         return function(*arguments, **named)
 
     return checked

@@ -17,6 +17,8 @@ from ._arguments import (
     broadcast_shape,
     check_cosine,
     check_extinction,
+    check_length,
+    check_positive,
     readable,
     real,
     real_or_complex,
@@ -116,6 +118,11 @@ def with_leading_axis(values: Any, name: str, least: int) -> Array:
         number = real_or_complex(entry, name)
         if readable(number) and np.iscomplexobj(number):
             check_extinction(number.imag, f"the imaginary part of {name}")
+            number = number.real
+        if name == "index":
+            check_positive(number, "the real part of index", or_zero=True)
+        else:
+            check_length(number, name)
     if isinstance(values, (list, tuple)):
         try:
             values = jnp.stack(jnp.broadcast_arrays(*values)) if values else jnp.full((0,), 0.0)
@@ -247,6 +254,7 @@ def stack(
         real(wavelength_um, "wavelength_um"),
     )
     check_cosine(cos_theta_i)
+    check_positive(wavelength_um, "wavelength_um")
     if media.shape[0] != thickness.shape[0] + 2:
         raise ValueError(
             f"index has {media.shape[0]} media and thickness_um {thickness.shape[0]} layers on "

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._arguments import check_extinction, lossless, real
+from ._arguments import check_extinction, check_positive, lossless, real
 from ._arithmetic import one_if_zero, sum_exactly, two_product
 from ._compiler import computed_once, opaque
 from ._index import IndexLike
@@ -42,7 +42,9 @@ def float_named(name: str):
 
 def real_index(x: IndexLike, name: str) -> Array:
     """`as_float` of the index of a lossless medium."""
-    return as_float(lossless(x, name), name)
+    x = real(lossless(x, name), name)
+    check_positive(x, name)
+    return as_float(x, name)
 
 
 def index_named(name: str):

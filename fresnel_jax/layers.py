@@ -24,7 +24,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import ArrayLike
 
-from ._arguments import as_floats, broadcast_shape, real, structure
+from ._arguments import (
+    as_floats,
+    broadcast_shape,
+    check_length,
+    check_positive,
+    real,
+    structure,
+)
 from ._arithmetic import reciprocal_or_zero
 from ._boundary import boundary, within_one
 from ._index import IndexLike
@@ -103,6 +110,8 @@ def slab(
     c, n, kappa, m = structure(cos_theta_i, eta, k, eta_i)
     thickness_um = real(thickness_um, "thickness_um")
     wavelength_um = real(wavelength_um, "wavelength_um")
+    check_length(thickness_um, "thickness_um")
+    check_positive(wavelength_um, "wavelength_um")
     broadcast_shape(
         cos_theta_i=c,
         eta=n,

@@ -40,6 +40,7 @@ from ._arguments import (
     as_floats,
     broadcast_shape,
     check_extinction,
+    check_positive,
     lossless,
     real,
     structure,
@@ -277,6 +278,7 @@ def penetration_depth(
     """
     c, n, kappa, m = structure(cos_theta_i, eta, k, eta_i)
     wavelength_um = real(wavelength_um, "wavelength_um")
+    check_positive(wavelength_um, "wavelength_um")
     broadcast_shape(wavelength_um=wavelength_um, cos_theta_i=c, eta=n, k=kappa, eta_i=m)
     return _jit_penetration(wavelength_um, c, n, kappa, m)
 
@@ -290,5 +292,6 @@ def absorption_depth(wavelength_um: ArrayLike, k: ArrayLike) -> Array:
     """
     wavelength_um, k = real(wavelength_um, "wavelength_um"), real(k, "k")
     check_extinction(k)
+    check_positive(wavelength_um, "wavelength_um")
     broadcast_shape(wavelength_um=wavelength_um, k=k)
     return _depth(wavelength_um, k)

@@ -1,5 +1,7 @@
 """What every function of one boundary takes, refuses by name, and makes of a cosine above 1."""
 
+import re
+
 import adversarial
 import jax
 import jax.numpy as jnp
@@ -14,7 +16,13 @@ from fresnel_jax import (
     powers,
     reflectance,
 )
-from fresnel_jax.bsdf import Dielectric, ThinDielectric, conductor, fresnel_specular
+from fresnel_jax.bsdf import (
+    Dielectric,
+    FresnelConductor,
+    ThinDielectric,
+    conductor,
+    fresnel_specular,
+)
 from fresnel_jax.directions import critical_angle_deg
 from fresnel_jax.dispersion import Constant, DrudeLorentz, lorentz_drude, material
 from fresnel_jax.effective_medium import bruggeman
@@ -135,6 +143,38 @@ def test_lists_are_arrays(function):
     arrays = function(*(np.array(x) for x in ([0.5, 0.6], [1.5, 2.0], [0.1, 0.2])))
     for x, y in zip(jax.tree.leaves(listed), jax.tree.leaves(arrays), strict=True):
         np.testing.assert_allclose(np.asarray(x), np.asarray(y), rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    "call, message",
+    [
+        (lambda: reflectance(0.9, 0.0), "eta is 0; wanted > 0"),
+        (lambda: powers(0.9, np.array([1.5, -1.0])), "eta is -1"),
+        (lambda: powers(0.9, 1.5, eta_i=-1.0), "eta_i is -1"),
+        (lambda: reflectance(0.9, 1.5, np.inf), "k is infinite"),
+        (lambda: approximate.schlick(0.9, -1.5), "eta is -1.5"),
+        (lambda: approximate.schlick(0.9, 1.5, eta_i=0.0), "eta_i is 0"),
+        (lambda: Dielectric(-1.5), "eta is -1.5"),
+        (lambda: FresnelConductor(0.0, 1.0), "eta is 0"),
+        (lambda: critical_angle_deg(-1.0), "eta is -1"),
+        # this one was R + T = 1.027
+        (lambda: slab(0.9, 1.5, 0.001, thickness_um=-1.0, wavelength_um=0.5), "thickness_um is -1"),
+        (
+            lambda: slab(0.9, 1.5, 0.0, thickness_um=np.inf, wavelength_um=0.5),
+            "thickness_um is inf",
+        ),
+        (lambda: slab(0.9, 1.5, 0.0, thickness_um=1.0, wavelength_um=0.0), "wavelength_um is 0"),
+        (lambda: polarization.penetration_depth(0.9, 1.5, wavelength_um=-1.0), "wavelength_um is"),
+        (lambda: polarization.absorption_depth(0.0, 1.0), "wavelength_um is 0"),
+        (lambda: stack(0.9, [1.0, -2.0, 1.5], [0.1], 0.5), "the real part of index is -2"),
+        (lambda: stack(0.9, [1.0, 2.0, 1.5], [-0.1], 0.5), "thickness_um is -0.1"),
+        (lambda: stack(0.9, [1.0, 2.0, 1.5], [0.1], -0.5), "wavelength_um is -0.5"),
+        (lambda: stack(0.9, [1.0, 2.0], [], 0.5, roughness_um=[-0.1]), "roughness_um is -0.1"),
+    ],
+)
+def test_values_outside_of_the_domain_are_refused_where_they_can_be_read(call, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        call()
 
 
 def test_lists_elsewhere():
