@@ -6,7 +6,7 @@ a second of values and gradients, beside what copying the same bytes would allow
 
     python -m benchmarks.device [--scale 0.1] [--seed N]
 
---scale: the share of the points and curves (the tests run it with little, on the CPU). The exit
+--scale: the share of points, curves and calls (the tests run it with little, on the CPU). The exit
 status is 1 if a bound is exceeded. Prints Markdown.
 """
 
@@ -62,17 +62,17 @@ def accuracy(seed: int, points: int) -> bool:
     return hold
 
 
-def seconds_of(call: Callable[[], Any]) -> float:
+def seconds_of(call: Callable[[], Any], calls: int) -> float:
     """Return the seconds of the fastest of some calls, after a first one that compiles."""
     best = float("inf")
-    for i in range(CALLS + 1):
+    for i in range(calls + 1):
         start = time.perf_counter()
         jax.block_until_ready(call())
         best = min(best, time.perf_counter() - start) if i else best
     return best
 
 
-def speed(points: int) -> None:
+def speed(points: int, calls: int) -> None:
     """Print points a second, and the share of the copy bandwidth that inputs and outputs take."""
     print("\n| program | precision | million points/s | share of copy bandwidth |")
     print("| --- | --- | --- | --- |")
@@ -101,7 +101,7 @@ def speed(points: int) -> None:
                 total = lambda *x, f=function: sum(jnp.sum(y) for y in jax.tree.leaves(f(*x)))  # noqa: E731
                 forms[f"{name}, gradient"] = jax.jit(jax.grad(total, argnums=(0, 1, 2)))
             for form, program in forms.items():
-                seconds = seconds_of(partial(program, *given))
+                seconds = seconds_of(partial(program, *given), calls)
                 outputs = jax.tree.leaves(jax.eval_shape(program, *given))
                 moved = sum(x.size * x.dtype.itemsize for x in [*given, *outputs]) / seconds
                 bandwidth = moved if name == "copy" else bandwidth
@@ -110,12 +110,12 @@ def speed(points: int) -> None:
                 print(f"| {form} | {dtype.__name__} | {rate:.1f} | {shown} |", flush=True)
 
 
-def fits(curves: int) -> None:
+def fits(curves: int, calls: int) -> None:
     """Print bare curves a second by `fit_many`, and the seconds of one film."""
     bare, film = (fit_of(case, curves) for case in ("batch", "film"))
-    rate = curves / seconds_of(lambda: bare().eta)
+    rate = curves / seconds_of(lambda: bare().eta, calls)
     print(f"\nfit_many, bare surfaces, 60 angles, s and p: {rate:,.0f} curves/s")
-    print(f"fit, one film, 60 wavelengths: {seconds_of(lambda: film().chi2):.2f} s")
+    print(f"fit, one film, 60 wavelengths: {seconds_of(lambda: film().chi2, calls):.2f} s")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -128,8 +128,9 @@ def main(arguments: list[str] | None = None) -> int:
     jax.config.update("jax_enable_x64", True)
     print(f"{jax.devices()[0].device_kind}; {conditions()}; seed {seed}")
     hold = accuracy(seed, max(int(POINTS * given.scale), 32))
-    speed(max(int(TIMED * given.scale), 1_000))
-    fits(max(int(CURVES * given.scale), 100))
+    calls = max(int(CALLS * given.scale), 1)
+    speed(max(int(TIMED * given.scale), 1_000), calls)
+    fits(max(int(CURVES * given.scale), 100), calls)
     return 0 if hold else 1
 
 

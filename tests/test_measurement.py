@@ -49,6 +49,10 @@ def test_arrays_meet_the_same_checks() -> None:
             r"wavelength of R_s\[0\]",
         ),
         ({"angle_deg": [10, np.nan], "R_s": [0.1, 0.2]}, r"angle of R_s\[1\]: .*nan"),
+        (
+            {"angle_deg": 10, "wavelength_um": [0.5, np.nan], "R_s": [0.1, 0.2]},
+            r"wavelength of R_s\[1\]: the wavelength is missing",
+        ),
         ({"angle_deg": [10, 20], "R_s": [0.1, 0.2, 0.3]}, "one length"),
         ({"angle_deg": [[10, 20]], "R_s": 0.1}, "one length"),
         ({"angle_deg": ["a", "b"], "R_s": 0.1}, "must be numbers"),

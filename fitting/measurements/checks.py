@@ -145,6 +145,14 @@ def check_data(data: Data, where: Callable[[int, str], str], hint: Callable[[int
         ),
     )
     refuse_first(
+        np.isnan(wavelength) & np.isfinite(wavelength).any(),
+        "wavelength",
+        lambda i: (
+            "the wavelength is missing, and other data have one. Give it, or leave the row out "
+            "with --lines A-B (in arrays: make its value nan)."
+        ),
+    )
+    refuse_first(
         ~(np.isnan(sigma) | (np.isfinite(sigma) & (sigma > 0.0))),
         "sigma",
         lambda i: (
