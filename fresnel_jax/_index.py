@@ -6,7 +6,10 @@ from typing import NamedTuple
 
 from jaxtyping import Array, ArrayLike, Complex
 
+from ._results import exported
 
+
+@exported
 class Index(NamedTuple):
     """The complex index eta + ik as two real arrays of one shape; k >= 0 absorbs.
 

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from ._results import exported
 from ._vectors import Vector, components, select, stack
 
 
@@ -31,6 +32,7 @@ class Lobes(enum.Flag):
     ALL = REFLECTION | TRANSMISSION
 
 
+@exported
 class ScatteringFlags(NamedTuple):
     """What a model does, as boolean arrays of the shape of its parameters."""
 
@@ -40,6 +42,7 @@ class ScatteringFlags(NamedTuple):
     glossy: Bool[Array, "..."]
 
 
+@exported
 class BSDFSample(NamedTuple):
     """One sampled direction; arrays of shape (...), direction (..., 3).
 

@@ -27,12 +27,14 @@ from ._boundary import unsigned
 from ._complex import inverse, times
 from ._double_word import ratio
 from ._index import Index, IndexLike
+from ._results import exported
 from ._stack_coherent import ambient
 from ._stack_fast_sums import fast_sums
 from ._stack_mixed import mixed
 from ._stack_packet import packet
 
 
+@exported
 class Stack(NamedTuple):
     """What a stack of layers reflects, transmits and absorbs, for s and p polarization.
 

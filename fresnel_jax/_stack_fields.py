@@ -144,7 +144,7 @@ def solve_fields(
         losses = tuple(
             whole((loss, passage2 * z * z)) for loss, z in zip(losses, scale, strict=True)
         )
-        narrow = tuple(slice(None if size > 1 else 1) for size in re[0].shape)
+        narrow = tuple(slice(1 if size == 1 else None) for size in re[0].shape)
         seen = Inside(whole(inside), at(narrow, inside.q), fields.u, whole(down), scale, below)
         fields = through_layer(fields, here, inside, front, h)
         if count <= _UNROLLED:  # else they stand in memory as the carry of the loop

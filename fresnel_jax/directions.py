@@ -15,6 +15,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from ._arithmetic import positive_sqrt
 from ._boundary import boundary, within_one
 from ._index import IndexLike
+from ._results import exported
 from ._vectors import (
     Vector,
     add,
@@ -43,6 +44,7 @@ __all__ = [
 ]
 
 
+@exported
 class Refraction(NamedTuple):
     """The result of `refract`."""
 
@@ -51,6 +53,7 @@ class Refraction(NamedTuple):
     valid: Bool[Array, "..."]  # False in total reflection
 
 
+@exported
 class Frame(NamedTuple):
     """An orthonormal right-handed frame; each axis has shape (..., 3)."""
 

@@ -59,6 +59,7 @@ from ._amplitudes import amplitudes_kernel
 from ._arguments import all_floats, as_floats, lossless, real, structure
 from ._index import IndexLike
 from ._powers import powers_kernel
+from ._results import exported
 from ._unpolarized import unpolarized_kernel
 
 __all__ = [
@@ -73,6 +74,7 @@ __all__ = [
 ]
 
 
+@exported
 class Powers(NamedTuple):
     """Reflected and transmitted fractions of the incident power, for s and p polarization.
 
@@ -95,6 +97,7 @@ class Powers(NamedTuple):
         return 0.5 * (self.T_s + self.T_p)
 
 
+@exported
 class Amplitudes(NamedTuple):
     """Reflected and transmitted electric fields over the incident one, for s and p polarization.
 

@@ -49,6 +49,7 @@ from ._arithmetic import reciprocal_or_zero
 from ._boundary import boundary, within_one
 from ._index import IndexLike
 from ._phases import phases_kernel, psi_kernel
+from ._results import exported
 from .interface import amplitudes, powers
 
 __all__ = [
@@ -64,6 +65,7 @@ __all__ = [
 ]
 
 
+@exported
 class Phases(NamedTuple):
     """Phases of the reflected s and p wave in radians, both of the broadcast shape."""
 
@@ -71,6 +73,7 @@ class Phases(NamedTuple):
     phi_p: Float[Array, "..."]
 
 
+@exported
 class PsiDelta(NamedTuple):
     """Ellipsometric angles in radians, both of the broadcast shape."""
 
