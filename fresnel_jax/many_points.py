@@ -76,8 +76,10 @@ def in_blocks(
     Returns what ``function`` does, shapes (N, ...), or with ``total`` (...). The results are those
     of the plain call to rounding.
 
-    Raises ValueError for arrays of different length, or for blocks of less than a point.
+    Raises ValueError for arrays of different length, a tuple, or blocks of less than a point.
     """
+    if any(isinstance(a, tuple) for a in arrays):
+        raise ValueError("a tuple came among the arrays; give eta and k of an Index as two arrays.")
     given = tuple(map(jax.numpy.asarray, arrays))
     lengths = [a.shape[:1] for a in given]
     if not given or lengths[0] == () or len(set(lengths)) > 1:
