@@ -107,11 +107,16 @@ class _Version(argparse.Action):
 
 
 class _Materials(argparse.Action):
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+    def __call__(
+        self, parser: argparse.ArgumentParser, _: object, words: object, *__: object
+    ) -> NoReturn:
         from fitting.command.terminal import say
         from fitting.output.material_list import material_list
 
-        say(material_list() + "\n")
+        try:
+            say(material_list(str(words or "")) + "\n")
+        except ValueError as error:
+            parser.error(str(error))
         parser.exit()
 
 
@@ -207,8 +212,9 @@ def parser() -> argparse.ArgumentParser:
         "write as a table; a file that is refused is reported, and the others are fitted",
     )  # fmt: skip
     out.add_argument(
-        "--materials", action=_Materials, nargs=0,
-        help="print names, wavelengths and sources of the materials that --sample knows, and exit",
+        "--materials", action=_Materials, nargs="?", metavar="ri:WORDS",
+        help="print names, wavelengths and sources of the materials that --sample knows, and exit; "
+        "with ri:gold the entries of refractiveindex.info that have gold in name or title",
     )  # fmt: skip
     out.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     results = out.add_argument_group("results", "Files are written whole or not at all.")

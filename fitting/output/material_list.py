@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+from fitting.samples.database import PREFIX, search
 from fresnel_jax import materials
 
 
-def material_list() -> str:
-    """Return names, wavelengths in micrometres, source and conditions of all named materials."""
+def material_list(words: str = "") -> str:
+    """Return names, wavelengths in micrometres, source and conditions of all named materials.
+
+    words: "ri:gold" for the entries of the refractiveindex.info database with gold in name or
+    title. Raises ValueError where there are none, or for other words.
+    """
+    if words:
+        if not words.startswith(PREFIX):
+            raise ValueError(f"{words!r} came; {PREFIX}gold looks for gold in the database.")
+        entries = search(words)
+        if not entries:
+            raise ValueError(f"no entry of the database has {words.removeprefix(PREFIX)!r}.")
+        wide = max(len(name) for name, _ in entries)
+        return "\n".join(f"{name:<{wide}}  {title}" for name, title in entries)
     rows = [("name", "wavelengths, um", "source; conditions")]
     for name in materials.names():
         record = materials.lookup(name)

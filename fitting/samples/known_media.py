@@ -2,6 +2,7 @@
 
 SiO2                                     a named material (`fresnel_jax.materials`)
 film.yml, film.csv                       an index in a file (`material_files`)
+ri:main/SiO2/nk/Malitson                 an entry of refractiveindex.info (`database`)
 bruggeman(SiO2, water 30 %)              a mixture; the share is fitted from 30 % on
 looyenga(air, cauchy 10..60 %)           .. within a range
 maxwell-garnett(SiO2, gold 2 % held)     .. not fitted; the host comes first
@@ -22,6 +23,7 @@ import jax
 import numpy as np
 
 from fitting.process.compiled import fit_settings
+from fitting.samples.database import PREFIX, database_file
 from fitting.samples.dispersion import KINDS, Model
 from fitting.samples.material_files import is_material_file, read_material
 from fresnel_jax import effective_medium, materials
@@ -125,6 +127,8 @@ def _reason(text: str, error: ValueError) -> str:
 
 def named(text: str) -> Known:
     """Return the material or file that a text names; ValueError for an unknown name."""
+    if text.startswith(PREFIX):
+        text = str(database_file(text))
     if is_material_file(text):
         read_material(text)
         path = Path(text).resolve()
