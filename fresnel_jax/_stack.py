@@ -107,15 +107,12 @@ def _as_complex(index: Any) -> Any:
     """Media with each `Index` among them, or all of them as one, as complex numbers."""
     if isinstance(index, Index):
         return index.complex
-    if not isinstance(index, (list, tuple)):
-        return index
-    return [n.complex if isinstance(n, Index) else n for n in index]
+    return [*map(_as_complex, index)] if isinstance(index, (list, tuple)) else index
 
 
 def with_leading_axis(values: Any, name: str, least: int) -> Array:
     """An array with the media or layers on its leading axis, from an array or a sequence."""
-    if name == "index":
-        values = _as_complex(values)
+    values = _as_complex(values)
     for entry in values if isinstance(values, (list, tuple)) else (values,):
         number = real_or_complex(entry, name)
         if readable(number) and np.iscomplexobj(number):
