@@ -1,5 +1,6 @@
 """What public signatures promise of dtypes and shapes, held against what comes back."""
 
+import functools
 import typing
 
 import jax
@@ -14,6 +15,11 @@ UP, W = np.array([0.0, 0.0, 1.0]), np.tile([0.6, 0.0, 0.8], (5, 1))
 FACETS = microfacet.TrowbridgeReitz(0.3)
 FRAME = directions.local_frame(UP)
 COS = np.linspace(0.1, 1.0, 5)
+
+
+@functools.wraps(slab)
+def plate(c, n, k):
+    return slab(c, n, k, thickness_um=2.0, wavelength_um=0.5)
 
 
 def promised(hint, value):
@@ -33,7 +39,7 @@ def promised(hint, value):
     [
         (powers, (COS, 1.5, 0.1)),
         (amplitudes, (COS, 1.5)),
-        (slab, (COS, 1.5, 0.1, 2.0, 0.5)),
+        (plate, (COS, 1.5, 0.1)),
         (stack, (COS, [1.0, 1.3 + 0.1j, 1.5], [0.1], 0.5)),
         (stack, (COS, [1.0, 1.3, 1.4, 1.5], [0.1, 3.0], 0.5, (True, False))),
         (directions.reflect, (W, UP)),
