@@ -224,7 +224,7 @@ def test_the_step_of_many_unknowns_is_that_of_few(monkeypatch):
         np.testing.assert_allclose(a, b, rtol=1e-8, atol=1e-10)
 
 
-@pytest.mark.parametrize("p", [40, 44])
+@pytest.mark.parametrize("p", [pytest.param(40, marks=pytest.mark.study), 44])
 def test_sums_of_many_unknowns(p):
     """XLA ended the process at more than 43 unknowns, as splines of a film may have."""
     rng = np.random.default_rng(p)
