@@ -28,13 +28,13 @@ def _folder() -> Path:
 
 
 def database_file(name: str) -> Path:
-    """Return the file of an entry, ri:SHELF/BOOK/nk/PAGE; ValueError for an unknown one."""
+    """Return the file of an entry, such as ri:SHELF/BOOK/nk/PAGE; ValueError for an unknown one."""
     folder = _folder() / "data"
     wanted = name.strip().removeprefix(PREFIX).removesuffix(".yml")
     file = folder / f"{wanted}.yml"
-    if "/nk/" in wanted and ".." not in wanted and file.is_file():
+    if ".." not in wanted and file.is_file():
         return file
-    known = [p.relative_to(folder).with_suffix("").as_posix() for p in folder.rglob("nk/*.yml")]
+    known = [p.relative_to(folder).with_suffix("").as_posix() for p in folder.rglob("*.yml")]
     near = difflib.get_close_matches(wanted, known, 1)
     similar = f"; the entry with a similar name is {PREFIX}{near[0]}" if near else ""
     last = re.split(r"[/\s]", wanted)[-1] or "gold"
