@@ -44,7 +44,7 @@ def structure(cos_theta_i, eta, k, eta_i):
             raise ValueError(f"{name} is complex, a real number is wanted; only eta may be complex")
     check_cosine(cos_theta_i)
     check_extinction(k)
-    check_positive(eta, "eta")
+    check_positive(eta, "eta", or_zero=not is_exactly(k, 0))  # an ideal plasma has eta = 0
     check_positive(eta_i, "eta_i")
     k = None if is_exactly(k, 0) else k
     eta_i = None if is_exactly(eta_i, 1) else eta_i
@@ -173,10 +173,13 @@ def check_cosine(cosine, name: str = "cos_theta_i"):
 
 
 def _ends(value) -> tuple[float, float] | None:
-    """The smallest and the largest of the values that can be read; NaN is no number here."""
+    """The smallest and the largest of the values that can be read; NaN is no number here.
+
+    None of what has none: traced, empty, or a complex number, which other checks refuse.
+    """
     if type(value) in (float, int):
         return value, value
-    if not readable(value) or not np.size(value):
+    if not readable(value) or not np.size(value) or np.iscomplexobj(value):
         return None
     some = _some_values(value)
     return float(np.fmin.reduce(some)), float(np.fmax.reduce(some))
@@ -213,16 +216,18 @@ def _check_index(index):
     if isinstance(index, Index):
         check_extinction(index.k)
         index = index.eta
-    if not isinstance(index, list | tuple | complex) and not jnp.iscomplexobj(index):
-        check_positive(index, "eta")
+    check_positive(index, "eta", or_zero=True)
+
+
+def _check_first_index(index):
+    check_positive(lossless(index, "eta_i"), "eta_i")
 
 
 def looked_at(function):
     """A compiled function whose readable cosine and indices are looked at before it is called."""
     checks = {
         "cos_theta_i": check_cosine, "k": check_extinction,
-        "eta": _check_index,
-        "eta_i": lambda m: check_positive(lossless(m, "eta_i"), "eta_i"),
+        "eta": _check_index, "eta_i": _check_first_index,
     }  # fmt: skip
     places = [(i, name) for i, name in enumerate(inspect.signature(function).parameters)]
     places = [(i, name, checks[name]) for i, name in places if name in checks]

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._arguments import index_parts
+from ._arguments import check_positive, index_parts
 from ._index import IndexLike
 from ._stack import with_leading_axis
 from ._vectors import extinction, float_named, index_named
@@ -56,12 +56,13 @@ class FresnelConductor(eqx.Module):
     Source: PBRT 3rd ed. `FresnelConductor`, 4th ed. sec. 9.3.6.
     """
 
-    eta: Array = eqx.field(converter=index_named("eta"))
+    eta: Array = eqx.field(converter=float_named("eta"))
     k: Array = eqx.field(converter=extinction)
     eta_outside: Array = eqx.field(converter=index_named("eta_outside"))
 
     def __init__(self, eta: IndexLike, k: ArrayLike = 0.0, eta_outside: IndexLike = 1.0):
         self.eta, self.k = index_parts(eta, k)
+        check_positive(self.eta, "eta", or_zero=True)
         self.eta_outside = eta_outside  # pyright: ignore[reportAttributeAccessIssue]
 
     def __call__(self, cos_theta: ArrayLike) -> Array:

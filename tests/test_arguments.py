@@ -155,7 +155,7 @@ def test_lists_are_arrays(function):
         (lambda: approximate.schlick(0.9, -1.5), "eta is -1.5"),
         (lambda: approximate.schlick(0.9, 1.5, eta_i=0.0), "eta_i is 0"),
         (lambda: Dielectric(-1.5), "eta is -1.5"),
-        (lambda: FresnelConductor(0.0, 1.0), "eta is 0"),
+        (lambda: FresnelConductor(-1.0, 1.0), "eta is -1"),
         (lambda: critical_angle_deg(-1.0), "eta is -1"),
         # this one was R + T = 1.027
         (lambda: slab(0.9, 1.5, 0.001, thickness_um=-1.0, wavelength_um=0.5), "thickness_um is -1"),
