@@ -62,7 +62,7 @@ def _summed(a: _Faces, b: _Faces, below: _Sums, down: Array) -> _Sums:
     return _Sums(r + through * back * echoes, t * down * below.t * echoes)
 
 
-class Sums(NamedTuple):
+class Seen(NamedTuple):
     """R, T, r and t, each for s and p, and r_p r_s* summed over all round trips in thick layers."""
 
     R: Sequence[Array]
@@ -79,7 +79,7 @@ def fast_sums(
     thickness_um: Layers,
     wavelength_um: Array,
     coherent: Sequence[bool],
-) -> Sums:
+) -> Seen:
     """Return what layers reflect and transmit; r and t, of the electric fields, of films alone.
 
     Arguments as of `admittances`. coherent: of the layers, of which any number may be thick.
@@ -111,4 +111,4 @@ def fast_sums(
         # the tangential magnetic field of p is N times the electric one
         r = [of.r for of in behind]
         t = [behind[0].t, behind[1].t * (as_complex(eta_i) / index[-1])]
-    return Sums([s2.r.real, p2.r.real], T, r, t, product.r)
+    return Seen([s2.r.real, p2.r.real], T, r, t, product.r)

@@ -40,7 +40,7 @@ def float_named(name: str):
     return functools.partial(as_float, name=name)
 
 
-def real_index(x: IndexLike, name: str) -> Array:
+def lossless_index(x: IndexLike, name: str) -> Array:
     """`as_float` of the index of a lossless medium."""
     x = real(lossless(x, name), name)
     check_positive(x, name)
@@ -48,8 +48,8 @@ def real_index(x: IndexLike, name: str) -> Array:
 
 
 def index_named(name: str):
-    """`real_index` as the converter of the field of that name."""
-    return functools.partial(real_index, name=name)
+    """`lossless_index` as the converter of the field of that name."""
+    return functools.partial(lossless_index, name=name)
 
 
 def extinction(k: ArrayLike) -> Array:

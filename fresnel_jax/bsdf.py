@@ -38,7 +38,7 @@ from jaxtyping import Array, ArrayLike
 
 from ._index import IndexLike
 from ._scattering import BSDFSample, Lobes, ScatteringFlags, TransportMode
-from ._vectors import real_index
+from ._vectors import lossless_index
 from .bsdf_dielectric import Dielectric
 from .bsdf_reflection import Reflector
 from .bsdf_thin import ThinDielectric
@@ -104,7 +104,7 @@ def specular_transmission(scale: ArrayLike, eta_a: IndexLike, eta_b: IndexLike) 
     Source: PBRT 3rd ed. sec. 8.2.3.
     """
     return Dielectric(
-        real_index(eta_b, "eta_b") / real_index(eta_a, "eta_a"),
+        lossless_index(eta_b, "eta_b") / lossless_index(eta_a, "eta_a"),
         None,
         1.0,
         scale,
@@ -122,7 +122,7 @@ def fresnel_specular(
     F. Source: PBRT 3rd ed. sec. 8.2.4 and 14.1.3.
     """
     return Dielectric(
-        real_index(eta_b, "eta_b") / real_index(eta_a, "eta_a"),
+        lossless_index(eta_b, "eta_b") / lossless_index(eta_a, "eta_a"),
         None,
         scale_reflection,
         scale_transmission,

@@ -22,8 +22,8 @@ from ._vectors import (
     components,
     dot,
     dot_exactly,
+    lossless_index,
     normalize,
-    real_index,
     scale,
     stack,
 )
@@ -161,7 +161,7 @@ def refract(wi: ArrayLike, n: ArrayLike, eta: IndexLike) -> Refraction:
 
     Source: PBRT 4th ed. eq. 9.4, 9.5.
     """
-    w, normal, eta = components(wi, "wi"), components(n, "n"), real_index(eta, "eta")
+    w, normal, eta = components(wi, "wi"), components(n, "n"), lossless_index(eta, "eta")
     cosine = dot_exactly(w, normal)
     eta_i, eta_t = sides(cosine < 0.0, eta)
     refracted = refract_components(w, normal, cosine, eta_i, eta_t)
@@ -248,7 +248,7 @@ def critical_angle_deg(eta: IndexLike) -> Array:
     eta = 1, where the derivative is infinite (0 is returned).
     Source: PBRT 4th ed. sec. 9.3.4.
     """
-    eta = real_index(eta, "eta")
+    eta = lossless_index(eta, "eta")
     small, large = jnp.minimum(eta, 1.0), jnp.maximum(eta, 1.0)
     return jnp.rad2deg(jnp.arctan2(small, positive_sqrt((large - small) * (large + small))))
 
@@ -259,7 +259,7 @@ def brewster_angle_deg(eta: IndexLike) -> Array:
     Argument: `eta` > 0, index of the medium entered over that of the medium left. Returns degrees,
     to 4 eps. Smooth. Source: Born and Wolf, Principles of Optics, sec. 1.5.3.
     """
-    return jnp.rad2deg(jnp.arctan(real_index(eta, "eta")))
+    return jnp.rad2deg(jnp.arctan(lossless_index(eta, "eta")))
 
 
 def snells_window(eta: IndexLike) -> Array:
@@ -271,7 +271,7 @@ def snells_window(eta: IndexLike) -> Array:
     1 at eta = 1, where the derivative is infinite (0 is returned).
     Source: PBRT 4th ed. fig. 9.18.
     """
-    eta = real_index(eta, "eta")
+    eta = lossless_index(eta, "eta")
     small, large = jnp.minimum(eta, 1.0), jnp.maximum(eta, 1.0)
     root = positive_sqrt((large - small) * (large + small))
     return (small / large) * (small / (large + root))
