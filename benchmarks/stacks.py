@@ -26,8 +26,6 @@ from fresnel_jax.layers import stack
 from . import stack_peers
 
 ANGLES, WAVELENGTHS = np.linspace(0.0, 1.5, 100), np.linspace(0.4, 0.8, 200)
-GRADIENT, FAST = "stack, value and gradient", "stack, exact=False"
-FAST_GRADIENT = f"{FAST}, value and gradient"
 
 
 @dataclass
@@ -72,10 +70,10 @@ def _tier(index, thickness, exact: bool) -> list[Program]:
 
     n, k = jnp.real(arguments[1]), jnp.imag(arguments[1])
     gradient = jax.value_and_grad(loss, (0, 1, 2))
-    programs = []
+    programs, tier = [], "stack" if exact else "stack, exact=False"
     for name, function, given in (
-        ("stack" if exact else FAST, powers, arguments),
-        (GRADIENT if exact else FAST_GRADIENT, gradient, (n, k, arguments[2])),
+        (tier, powers, arguments),
+        (f"{tier}, value and gradient", gradient, (n, k, arguments[2])),
     ):
         start = time.perf_counter()
         compiled = jax.jit(function).lower(*given).compile()
