@@ -178,7 +178,7 @@ def _ends(value) -> tuple[float, float] | None:
     None of what has none: traced, empty, or a complex number, which other checks refuse.
     """
     if type(value) in (float, int):
-        return value, value
+        return float(value), float(value)
     if not readable(value) or not np.size(value) or np.iscomplexobj(value):
         return None
     some = _some_values(value)
