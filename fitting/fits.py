@@ -21,6 +21,7 @@ import numpy as np
 from fitting.bare_surface.reflectances import CHANNELS
 from fitting.bare_surface.surface_fit import fit_bare_surface
 from fitting.bare_surface.surface_fit import fit_many as fit_many
+from fitting.bare_surface.verdicts import with_verdicts
 from fitting.free_films import check_free_film, fit_free_film, free_film
 from fitting.measurements.measurement import Measurement, concatenate
 from fitting.measurements.quantities import POWERS
@@ -136,6 +137,8 @@ def fit_checked(
 
     if not settings.priors:
         found = with_added_error(again, measurements, found, asked.errors, asked.intervals)
+    if not any(n.rpartition(".")[2] in ("eta", "k") for n in settings.names):
+        found = with_verdicts(found, asked.errors)
     notes = (*missing_errors(measurements, asked.errors), *notes_on(found))
     if len(measurements) > 1 and may_disagree(found):
         notes += disagreement(_alone(measurements, sample, settings, asked, found))

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from fitting.bare_surface.verdicts import OPEN, with_verdicts
 from fitting.choice.candidates import (
     MARGIN,
     Candidate,
@@ -31,6 +32,7 @@ from fitting.choice.candidates import (
     with_doubt,
 )
 from fitting.choice.sample_choice import (
+    MOST_GAIN,
     Fitted,
     Run,
     of_samples,
@@ -117,11 +119,15 @@ def _of_model(which: Sample, base: Settings, wanted: Sequence[str], fitted: Fitt
             n: float(instrument_parameter(n).held or 0.0)
             for n in wanted if key.free and n not in key.free
         }  # fmt: skip
+        bounds = {"scale": (1.0 - MOST_GAIN, 1.0 + MOST_GAIN)} if "scale" in key.free else {}
         settings = base._replace(
             free=(*base.free, *key.free), variants=tuple(quiet), shared=True,
+            bounds={**base.bounds, **bounds},
             fixed={**base.fixed, **quiet, **({k: 0.0} if key.without_k else {})},
         )  # fmt: skip
         found = fitted(which.with_model(key.model), settings, asked)
+        if key.without_k:  # assumed here, and not known
+            found = with_verdicts(found, asked.errors)
         shown = {n: e for n, e in found.parameters.items() if n.partition("[")[0] not in quiet}
         return replace(found, parameters=shown)
 
@@ -193,8 +199,11 @@ def choose(
         found = run(key, compared._replace(thorough=thorough or not one))
         # If the data determine only the product of thickness and index of a layer, a sample may
         # still be taken: the layer is there, although little is known of it.
-        thin = not one and any(f.code == "thin_film" for f in found.findings)
-        return replace(found, status=CONVERGED) if thin else found
+        codes = {f.code for f in found.findings}
+        thin = not one and "thin_film" in codes
+        # A lossless index that is one of many stands for them, as it does in `fit`.
+        one_of_many = key.without_k and codes & {*OPEN}
+        return replace(found, status=CONVERGED) if thin or one_of_many else found
 
     trials = Trials(tried, progress or (lambda label: None), errors)
     if one:

@@ -54,10 +54,9 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
     "fringes_in_noise": wording.fringes_in_noise,
     "thin_film": wording.thin_film,
     "by_the_model_alone": (
-        "eta and k are not determined by the data alone: there is one reflectance or "
-        "transmittance at each wavelength, at one angle. Only the form of the model separates "
-        "them, also far outside of the measured range; the curve may fit well while eta and k are "
-        "wrong by far more than their errors."
+        "eta and k are not determined by the data alone: those of no wavelength determine both. "
+        "Only the form of the model separates them, also far outside of the measured range; the "
+        "curve may fit well while eta and k are wrong by far more than their errors."
     ),
     "rising_index": lambda v: (
         f"{wording.listed(v['indices'])} {'rises' if len(v['indices']) == 1 else 'rise'} with the "
