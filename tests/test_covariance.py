@@ -20,8 +20,8 @@ def test_the_inverse_and_the_step_are_those_of_the_normal_equations(seed):
     rows *= 10.0 ** random.uniform(-6.0, 6.0, count)
     b = random.normal(size=len(rows))
     use = np.append(np.ones(count, bool), False)  # one more unknown, which is not used
-    covariance, step, unseen = inverse_of(np.column_stack([rows, b]), b, use)
-    assert unseen.shape == (count + 1, 0)
+    covariance, step, _, hidden = inverse_of(np.column_stack([rows, b]), b, use)
+    assert not hidden.any()
     with mpmath.workdps(50):
         exact = mpmath.matrix(rows.tolist())
         inverse = (exact.T * exact) ** -1
@@ -37,8 +37,23 @@ def test_the_inverse_and_the_step_are_those_of_the_normal_equations(seed):
 
 def test_of_fewer_rows_than_unknowns_all_other_directions_are_not_seen():
     rows = np.random.default_rng(4).normal(size=(2, 5))
-    _, step, unseen = inverse_of(rows, np.array([1.0, -2.0]), np.ones(5, bool))
+    _, step, directions, hidden = inverse_of(rows, np.array([1.0, -2.0]), np.ones(5, bool))
+    unseen = directions[:, hidden]
     assert unseen.shape == (5, 3)
     size = np.linalg.norm(rows, axis=0)
     np.testing.assert_allclose((rows / size) @ unseen, 0.0, atol=1e-14)
     np.testing.assert_allclose(rows @ step, [-1.0, 2.0], rtol=1e-12)
+
+
+def test_a_batch_is_its_members_one_by_one():
+    """Each with unknowns of its own that are not used, and one that is not seen."""
+    random = np.random.default_rng(5)
+    rows, b = random.normal(size=(6, 9, 4)), random.normal(size=(6, 9))
+    use = random.random((6, 4)) < 0.7
+    use[:, 0] = True
+    rows[2, :, 0] = 0.0
+    both = inverse_of(rows, b, use)
+    for i in range(6):
+        for whole, one in zip(both, inverse_of(rows[i], b[i], use[i]), strict=True):
+            np.testing.assert_allclose(whole[i], one, rtol=1e-12, atol=1e-13)
+    assert both.hidden[2].sum() == 1

@@ -41,7 +41,7 @@ def by_curvature(fit: Solving, end: End, found: Intervals, noise: float) -> End 
     covariance = end.known.covariance.copy()
     covariance[unseen] = covariance[:, unseen] = np.nan
     known = end.known._replace(
-        covariance=covariance, unseen=end.known.unseen[:, :0],
+        covariance=covariance, hidden=np.zeros_like(end.known.hidden),
         unseen_of=np.zeros_like(end.known.unseen_of),
     )  # fmt: skip
     return end._replace(known=known)

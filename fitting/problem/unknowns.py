@@ -44,6 +44,11 @@ class Unknowns(NamedTuple):
         """Which of the moving parameters are free, (p,)."""
         return np.array([u.free for u in self.moving], bool)
 
+    @property
+    def size(self) -> int:
+        """The number p of moving parameters."""
+        return len(self.moving)
+
 
 def index_outside(sample: Sample, wavelength_um: Any) -> Any:
     """Return the index of the first medium: a number, or an array over wavelengths."""

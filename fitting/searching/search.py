@@ -203,8 +203,8 @@ class Solving:
     def known(self, s: Slopes, y: np.ndarray, noise: float) -> Uncertainty:
         """Return the uncertainty at y."""
         return uncertainty(
-            self.u, s, y, self.limits, noise, self.dof, self.asked.scaled, self.seen.stated,
-            self.pooled,
+            self.u, s.residual, s.jacobian, y, self.limits, noise, self.dof, self.asked.scaled,
+            self.seen.stated, self.pooled,
         )  # fmt: skip
 
     def look_at(self, y: np.ndarray, noise: float, polish: bool = True) -> End:

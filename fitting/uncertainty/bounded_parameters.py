@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitting.samples.parameters import PLAIN, SQUARE
+from fitting.samples.parameters import LOG, Unknown
 from fitting.uncertainty.beside_zero import TWO_SIDED, by_valley, other_roots, own_roots
+from fitting.uncertainty.covariance import Uncertainty
 
 if TYPE_CHECKING:
     from fitting.searching.search import End, Solving
@@ -19,30 +20,31 @@ _NEAR = 8.0
 _LEAST = 0.01
 
 
-def unbounded(fit: Solving, end: End, i: int) -> tuple[float, float]:
-    """Return the estimate that a parameter would have without bounds, and its standard error.
+def unbounded(u: Unknown, y: Any, known: Uncertainty, i: int) -> tuple[Any, Any]:
+    """Return the estimate (...) that parameter i would have without bounds, and its standard error.
 
-    In the solver's coordinate; NaN if it is known, has a prior, or its range does not begin at 0.
+    y: (...), where it is. In the solver's coordinate; NaN if it is known, has a prior, or its range
+    does not begin at 0.
     """
-    u, sigma = fit.u.moving[i], end.known.edge[i] * np.sqrt(end.known.variance)
-    even = u.parameter.coordinate in (SQUARE, PLAIN)
-    if not u.free or u.low != 0.0 or u.prior is not None or not np.isfinite(sigma) or not even:
-        return np.nan, np.nan
-    step = end.known.wide_step[i] if end.known.at_bound[i] == "low" else 0.0
-    return float(end.y[i] + min(step, 0.0)), float(sigma)
+    if not u.free or u.low != 0.0 or u.prior is not None or u.parameter.coordinate == LOG:
+        return np.full_like(y, np.nan), np.full_like(y, np.nan)
+    sigma = known.edge[..., i] * np.sqrt(known.variance)
+    sigma = np.where(np.isfinite(sigma), sigma, np.nan)
+    step = np.where(known.at_bound[..., i] == "low", known.wide_step[..., i], 0.0)
+    return np.where(np.isnan(sigma), np.nan, y + np.minimum(step, 0.0)), sigma
 
 
 def may_be_zero(fit: Solving, end: End, i: int) -> bool:
     """Whether a parameter that cannot be negative is so near to 0 that its ends may move."""
-    value, sigma = unbounded(fit, end, i)
-    return value < _NEAR * sigma
+    value, sigma = unbounded(fit.u.moving[i], end.y[i], end.known, i)
+    return bool(value < _NEAR * sigma)
 
 
 def _in_errors(
     fit: Solving, end: End, t: float, i: int, ends: tuple[Search, Search]
 ) -> tuple[float, float]:
     """Return the estimate of a parameter without the bound at 0, in standard errors, and one."""
-    reach, sigma = unbounded(fit, end, i)
+    reach, sigma = map(float, unbounded(fit.u.moving[i], end.y[i], end.known, i))
     lower, upper = ends
     slope = max(-2.0 * reach / (t * sigma / TWO_SIDED) ** 2, 0.0)
     best = 0.0 if end.known.at_bound[i] == "low" else end.y[i]

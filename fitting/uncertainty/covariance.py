@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -67,18 +67,15 @@ def slopes_at(seen: Observations, shown: Shown, y: np.ndarray) -> Slopes:
 
 
 def prior_rows(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return residuals and derivatives of the priors."""
-    rows, off = [], []
-    for i, unknown in enumerate(u.moving):
-        if unknown.prior is None:
-            continue
-        mean, sigma = unknown.prior
-        value, slope = value_and_slope(unknown.parameter.coordinate, y[i : i + 1])
-        line = np.zeros(len(y))
-        line[i] = min(float(slope[0]), 1e12) / sigma
-        rows.append(line)
-        off.append((float(value[0]) - mean) / sigma)
-    return np.array(off), np.array(rows).reshape(-1, len(y))
+    """Return residuals (..., K) of the priors at y (..., p), and their derivatives (..., K, p)."""
+    some = [i for i, unknown in enumerate(u.moving) if unknown.prior is not None]
+    off, rows = np.zeros((*y.shape[:-1], len(some))), np.zeros((*y.shape[:-1], len(some), u.size))
+    for row, i in enumerate(some):
+        mean, sigma = u.moving[i].prior  # type: ignore[misc]
+        value, slope = value_and_slope(u.moving[i].parameter.coordinate, y[..., i])
+        rows[..., row, i] = np.minimum(slope, 1e12) / sigma
+        off[..., row] = (value - mean) / sigma
+    return off, rows
 
 
 def loss_of(loss: str, r: np.ndarray) -> float:
@@ -98,114 +95,138 @@ def influence(loss: str, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Uncertainty(NamedTuple):
-    """Covariance in the solver's coordinates, (p, p), with the quantities behind it.
+    """Covariance in the solver's coordinates, (..., p, p), with the quantities behind it.
 
-    at_bound: (p,) "", "low" or "high". unseen: (p, u) directions that the data do not determine,
-    in units in which every parameter changes the data equally; unseen_of: (p,) parameters without
-    an error. variance: the factor on the covariance; step: the undamped step from here, (p,).
-    wide: (p, p) covariance without bounds, for a variance of 1; wide_step: (p,) the step without
-    bounds.
+    Of one minimum, or of a batch (...). at_bound: (..., p) "", "low" or "high". directions: (...,
+    p, p), in columns, in units in which every parameter changes the data equally; hidden: (..., p),
+    which of them the data do not determine; unseen_of: (..., p) parameters without an error.
+    variance: the factor on the covariance; step: the undamped step from here, (..., p).
+    wide: (..., p, p) covariance without bounds, for a variance of 1; wide_step: (..., p) the step
+    without bounds.
     rise: the increase of the cost at one standard error (the variance; for a robust loss times its
     mean curvature).
     """
 
     covariance: np.ndarray
-    at_bound: tuple[str, ...]
-    unseen: np.ndarray
+    at_bound: np.ndarray
+    directions: np.ndarray
+    hidden: np.ndarray
     unseen_of: np.ndarray
-    variance: float
+    variance: Any
     step: np.ndarray
     wide: np.ndarray
     wide_step: np.ndarray
-    rise: float
+    rise: Any
+
+    @property
+    def unseen(self) -> np.ndarray:
+        """The directions (p, u) that the data do not determine, of one minimum."""
+        return self.directions[:, self.hidden]
 
     @property
     def edge(self) -> np.ndarray:
-        """Standard errors (p,) of the coordinates if there were no bounds, for a variance of 1."""
+        """Standard errors (..., p) of the coordinates without bounds, for a variance of 1."""
         with np.errstate(invalid="ignore"):
-            return np.sqrt(np.diagonal(self.wide))
+            return np.sqrt(np.diagonal(self.wide, axis1=-2, axis2=-1))
 
 
-def inverse_of(
-    rows: np.ndarray, b: np.ndarray, use: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (J^T J)^-1 (p, p), the least-squares step (p,) and the directions not seen (p, u).
+class Inverse(NamedTuple):
+    """(J^T J)^-1 (..., p, p), the least-squares step (..., p), and what is not seen.
 
-    Over the unknowns ``use``, NaN (0) for the others; in units in which every column has length 1,
-    so that it does not matter what a parameter is measured in.
+    NaN (of the step 0) for unknowns that are not used. directions, hidden: see `Uncertainty`.
     """
-    p = rows.shape[1]
-    A, index = rows[:, use], np.flatnonzero(use)
-    size = np.linalg.norm(A, axis=0)
-    unit = np.where(size > 0.0, size, 1.0)
-    # Fewer rows than unknowns: rows of zeros, so that the rest of the space is named too.
-    lacking = max(len(index) - len(A), 0)
-    both = np.pad(np.column_stack([A / unit, b]), ((0, lacking), (0, 0)))
+
+    covariance: np.ndarray
+    step: np.ndarray
+    directions: np.ndarray
+    hidden: np.ndarray
+
+
+def inverse_of(rows: np.ndarray, b: np.ndarray, use: np.ndarray) -> Inverse:
+    """Return the inverse of derivatives (..., R, p) over the unknowns ``use``, (..., p).
+
+    b: residuals (..., R). In units in which every column has length 1, so that it does not matter
+    what a parameter is measured in.
+    """
+    p = rows.shape[-1]
+    size = np.linalg.norm(rows, axis=-2)
+    unit = np.where(use & (size > 0.0), size, 1.0)
+    # An unknown that is not used gets a row of its own, which parts it from all others; these rows,
+    # 0 for the rest, also complete the space where there are fewer data than unknowns.
+    own = np.where(use, 0.0, 1.0)[..., None] * np.eye(p)
+    A = np.concatenate([np.where(use[..., None, :], rows / unit[..., None, :], 0.0), own], -2)
+    both = np.concatenate([A, np.pad(b, [(0, 0)] * (b.ndim - 1) + [(0, p)])[..., None]], -1)
     # The triangle of a QR decomposition has the same singular values, and far fewer rows.
-    triangle = np.asarray(np.linalg.qr(both, mode="r"))
-    U, values, V = np.linalg.svd(triangle[:, :-1], full_matrices=False)
-    good = values > UNSEEN * values.max(initial=0.0)
+    triangle = np.linalg.qr(both, mode="r")
+    U, values, V = np.linalg.svd(triangle[..., :-1], full_matrices=False)
+    good = values > UNSEEN * values.max(-1, keepdims=True)
     inverse = np.where(good, 1.0 / np.where(good, values, 1.0), 0.0)
-    covariance, step = np.full((p, p), np.nan), np.zeros(p)
+    along = np.swapaxes(V, -1, -2)
     with np.errstate(over="ignore"):  # of what has hardly an effect the variance is infinite
-        covariance[np.ix_(index, index)] = (V.T * inverse**2) @ V / np.outer(unit, unit)
-    step[index] = -(V.T @ (inverse * (U.T @ triangle[:, -1]))) / unit
-    unseen = np.zeros((p, int((~good).sum())))
-    unseen[index] = V[~good].T
-    return covariance, step, unseen
+        covariance = (along * inverse[..., None, :] ** 2) @ V
+        covariance = covariance / (unit[..., :, None] * unit[..., None, :])
+    taken = (np.swapaxes(U, -1, -2) @ triangle[..., -1:])[..., 0]
+    step = -(along @ (inverse * taken)[..., None])[..., 0] / unit
+    both_used = use[..., :, None] & use[..., None, :]
+    return Inverse(
+        np.where(both_used, covariance, np.nan), np.where(use, step, 0.0),
+        np.where(use[..., None], along, 0.0), ~good,
+    )  # fmt: skip
 
 
 def uncertainty(
     u: Unknowns,
-    s: Slopes,
+    residual: np.ndarray,
+    jacobian: np.ndarray,
     y: np.ndarray,
     limits: tuple[np.ndarray, np.ndarray],
     noise: float,
-    dof: int,
+    dof: Any,
     scaled: bool,
     stated: bool,
     pooled: float | None = None,
 ) -> Uncertainty:
-    """Return the uncertainty of the unknowns at y.
+    """Return the uncertainty of the unknowns at y (..., p), of one minimum or of a batch.
 
-    noise: what the weights were divided by. scaled: multiply by the scatter of the residuals, or by
-    ``pooled``, that of many fits alike.
+    residual, jacobian: (..., R) and (..., R, p), as in `Slopes`. noise: what the weights were
+    divided by. dof: (...). scaled: multiply by the scatter of the residuals, or by ``pooled``, that
+    of many fits alike.
     For a robust loss Huber's estimate of the covariance is taken (Robust Statistics, 1981,
     eq. 7.6.6): mean of the squared influence over the squared mean of its derivative.
     """
-    r, J = s.residual / noise, s.jacobian / noise
+    r, J, dof = residual / noise, jacobian / noise, np.asarray(dof)
     off, lines = prior_rows(u, y)
     pull, bend = influence(u.spec.loss, r)
-    gradient = J.T @ pull + lines.T @ off
+    gradient = np.einsum("...rp,...r->...p", J, pull) + np.einsum("...kp,...k->...p", lines, off)
     low, high = limits
     free = u.free
     on_low, on_high = free & (y <= low) & (gradient >= 0.0), free & (y >= high) & (gradient <= 0.0)
-    at_bound = tuple(
-        "low" if a else "high" if b else "" for a, b in zip(on_low, on_high, strict=True)
-    )
+    at_bound = np.where(on_low, "low", np.where(on_high, "high", ""))
     use = free & ~on_low & ~on_high
+    many = np.maximum(dof, 1)
     if u.spec.loss == "squares":
         # Without a degree of freedom only the stated errors are available.
-        variance, curvature = float((r @ r) / dof) if dof > 0 else 1.0, 1.0
+        variance, curvature = np.where(dof > 0, np.vecdot(r, r) / many, 1.0), 1.0
     else:
-        curvature = max(float(bend.mean()), 1e-3)
-        variance = float((pull @ pull) / max(dof, 1)) / curvature**2
+        curvature = np.maximum(bend.mean(-1), 1e-3)
+        variance = np.vecdot(pull, pull) / many / curvature**2
     if not scaled:
-        variance = 1.0 if u.spec.loss == "squares" else max(variance, 1.0)
-    elif u.spec.priors and dof > 0 and u.spec.loss == "squares":
+        variance = 1.0 if u.spec.loss == "squares" else np.maximum(variance, 1.0)
+    elif u.spec.priors and u.spec.loss == "squares":
         # Data and priors were weighed against each other by the noise already.
-        variance = 1.0
-    if not stated and dof == 0:
-        variance = np.nan
+        variance = np.where(dof > 0, 1.0, variance)
+    if not stated:
+        variance = np.where(dof == 0, np.nan, variance)
     if scaled and pooled is not None:
         variance = pooled
-    rows, b = np.concatenate([J, lines]), np.concatenate([r, off])
-    covariance, step, unseen = inverse_of(rows, b, use)
-    wide, wide_step = covariance, step
+    rows, b = np.concatenate([J, lines], -2), np.concatenate([r, off], -1)
+    inner = whole = inverse_of(rows, b, use)
     if (use != free).any():
-        wide, wide_step, _ = inverse_of(rows, b, free)
-    unseen_of = np.max(np.abs(unseen), axis=1, initial=0.0) > SHARE
+        whole = inverse_of(rows, b, np.broadcast_to(free, y.shape))
+    seen_no = np.where(inner.hidden[..., None, :], np.abs(inner.directions), 0.0)
+    variance = np.broadcast_to(np.asarray(variance, float), dof.shape)[()]
     return Uncertainty(
-        variance * covariance, at_bound, unseen, unseen_of, variance, step, wide,
-        wide_step, variance * curvature,
+        variance[..., None, None] * inner.covariance, at_bound, inner.directions, inner.hidden,
+        seen_no.max(-1) > SHARE, variance, inner.step, whole.covariance, whole.step,
+        variance * curvature,
     )  # fmt: skip

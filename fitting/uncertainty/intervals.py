@@ -17,16 +17,17 @@ bound. A standard error, however, assumes that a parameter on a bound stays ther
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fitting.problem.problem import LOSSES
 from fitting.residuals.error_model import ERRORS
 from fitting.results.result_parts import NONE, PROFILE, QUADRATIC
-from fitting.samples.parameters import LOG, PLAIN, SQUARE, from_parameter, value_and_slope
+from fitting.samples.parameters import LOG, SQUARE, Unknown, from_parameter, value_and_slope
 from fitting.uncertainty.beside_zero import interval_from_zero
 from fitting.uncertainty.bounded_parameters import aim_beside_zero, may_be_zero, unbounded
+from fitting.uncertainty.covariance import Uncertainty
 from fitting.uncertainty.limits import ROUNDING, student_quantile
 from fitting.uncertainty.profile import FEW_ROUNDS, ROUNDS, Base, Search, follow, visit
 
@@ -64,20 +65,21 @@ def check_choices(loss: str, errors: str, intervals: str) -> None:
             raise ValueError(f"{name} is {came!r}; one of {', '.join(wanted)} was wanted.")
 
 
-def _from_zero(fit: Solving, end: End, t: float) -> np.ndarray:
-    """Return quadratic intervals (p, 2) of parameters that cannot be negative and may be 0.
+def _from_zero(moving: Sequence[Unknown], y: np.ndarray, known: Uncertainty, t: Any) -> np.ndarray:
+    """Return quadratic intervals (..., p, 2) of parameters that cannot be negative and may be 0.
 
     NaN for the others. A square (k where the data depend on k^2) is compatible with 0 within three
     standard errors of the square; another parameter whose range begins at 0, if it ended there.
     """
-    out = np.full((len(end.y), 2), np.nan)
-    for i, u in enumerate(fit.u.moving):
-        value, sigma = unbounded(fit, end, i)
-        ends = np.array(interval_from_zero(np.array(value), np.array(sigma), np.array(t)))
-        if u.parameter.coordinate == SQUARE and end.y[i] < 3.0 * sigma:
-            out[i] = np.sqrt(ends)
-        elif u.parameter.coordinate == PLAIN and end.known.at_bound[i] == "low":
-            out[i] = ends
+    out = np.full((*y.shape, 2), np.nan)
+    for i, u in enumerate(moving):
+        value, sigma = unbounded(u, y[..., i], known, i)
+        ends = np.stack(interval_from_zero(value, sigma, np.asarray(t)), -1)
+        if u.parameter.coordinate == SQUARE:
+            near = y[..., i] < 3.0 * sigma
+            out[..., i, :] = np.sqrt(np.where(near[..., None], ends, np.nan))
+        else:
+            out[..., i, :] = np.where((known.at_bound[..., i] == "low")[..., None], ends, np.nan)
     return out
 
 
@@ -86,25 +88,32 @@ def _of(fit: Solving, j: int, y: float) -> float:
     return float(value_and_slope(fit.u.moving[j].parameter.coordinate, np.array(y))[0])
 
 
-def _quadratic(fit: Solving, end: End, from_zero: np.ndarray, t: float) -> np.ndarray:
-    """Return the quadratic intervals (p, 2)."""
-    out = np.full((len(end.y), 2), np.nan)
-    variance = np.diagonal(end.known.covariance)
-    for i, unknown in enumerate(fit.u.moving):
-        x = _of(fit, i, end.y[i])
-        half = t * np.sqrt(variance[i]) if variance[i] >= 0.0 else np.nan
+@np.errstate(all="ignore")
+def quadratic(
+    moving: Sequence[Unknown], y: np.ndarray, known: Uncertainty, t: Any
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the quadratic intervals (..., p, 2) at minima y (..., p), and upper limits (..., p).
+
+    t: (...), half an interval in standard errors. NaN where there is none.
+    """
+    from_zero = _from_zero(moving, y, known, t)
+    out, sides = np.full((*y.shape, 2), np.nan), np.array([-1.0, 1.0])
+    variance = np.diagonal(known.covariance, axis1=-2, axis2=-1)
+    for i, unknown in enumerate(moving):
         kind = unknown.parameter.coordinate
-        if end.known.unseen_of[i] or not unknown.free:
+        if not unknown.free:
             continue
-        if np.isfinite(from_zero[i]).all():
-            out[i] = from_zero[i]
-        elif kind == SQUARE:
-            out[i] = np.sqrt(np.maximum(end.y[i] + half * np.array([-1.0, 1.0]), 0.0))
+        half = (t * np.sqrt(variance[..., i]))[..., None]
+        if kind == SQUARE:
+            ends = np.sqrt(np.maximum(y[..., i, None] + half * sides, 0.0))
         else:
-            half *= x if kind == LOG else 1.0
-            out[i] = x - half, x + half
-        out[i] = np.clip(out[i], unknown.low, unknown.high)
-    return out
+            x = value_and_slope(kind, y[..., i, None])[0]
+            ends = x + half * (x if kind == LOG else 1.0) * sides
+        ends = np.where(np.isnan(half), np.nan, ends)
+        ends = np.where(np.isfinite(from_zero[..., i, :]), from_zero[..., i, :], ends)
+        ends = np.where(known.unseen_of[..., i, None], np.nan, ends)
+        out[..., i, :] = np.clip(ends, unknown.low, unknown.high)
+    return out, from_zero[..., 1]
 
 
 class _Pair(NamedTuple):
@@ -155,15 +164,14 @@ def _right(pair: _Pair) -> bool:
 
 def _start(fit: Solving, end: End, t: float) -> tuple[Intervals, Base]:
     """Return the quadratic intervals at a minimum, and from where the search goes out."""
+    plain, limits = quadratic(fit.u.moving, end.y, end.known, t)
     with np.errstate(all="ignore"):
-        from_zero = _from_zero(fit, end, t)
-        quadratic = _quadratic(fit, end, from_zero, t)
         own = np.diagonal(end.known.wide)
         along = np.nan_to_num(np.where(own > 0.0, end.known.wide / own, 0.0))
-    kind = tuple(NONE if np.isnan(q).any() else QUADRATIC for q in quadratic)
+    kind = tuple(NONE if np.isnan(q).any() else QUADRATIC for q in plain)
     base = Base(end.y, end.cost, along, *fit.limits, t**2 * end.known.rise, [], [])
     lowest, inside = (end.cost, end.y), end.y[None][:0]
-    found = Intervals(quadratic.copy(), quadratic, kind, from_zero[:, 1], lowest, inside, t)
+    found = Intervals(plain.copy(), plain, kind, limits, lowest, inside, t)
     return found, base
 
 
@@ -186,7 +194,7 @@ def intervals(
     """
     t = student_quantile(max(fit.dof, 1) if estimated else 0)
     starts = [_start(fit, end, t) for end in ends]
-    out = [quadratic for quadratic, _ in starts]
+    out = [found for found, _ in starts]
     if wanted == QUADRATIC:
         return out
     pairs = [

@@ -86,8 +86,8 @@ def errors_of_curves(fit: Solving, end: End, noise: float) -> np.ndarray:
     off, lines = prior_rows(u, end.y)
     rows = np.concatenate([end.slopes.jacobian / noise, lines])
     pull = np.concatenate([influence(u.spec.loss, end.slopes.residual / noise)[0], off])
-    inside = np.array([not at for at in known.at_bound]) | _of_splines(u)
-    covariance = known.variance * inverse_of(rows, pull, u.free & inside)[0]
+    inside = (known.at_bound == "") | _of_splines(u)
+    covariance = known.variance * inverse_of(rows, pull, u.free & inside).covariance
     for place, model in splines:
         change = _SHARE * _change_by_thinner_knots(fit, end.y, rows, pull, place, model)
         covariance += np.outer(change, change)
