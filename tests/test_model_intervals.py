@@ -119,8 +119,6 @@ def test_a_curved_valley():
     # As the fit of a free index says, which knows the same of these data.
     assert found.status == fit(m, errors="stated").status == "undetermined"
     assert np.isnan(sigmas(found)).all()
-    assert any("standard errors mislead for these parameters" in w.text for w in found.warnings)
-    assert "(profile likelihood)" in str(found)
 
 
 @pytest.fixture(scope="module")
