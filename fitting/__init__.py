@@ -11,9 +11,9 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .batches import fit_many as fit_many
     from .choice.selection import choose as choose
     from .fits import fit as fit
-    from .fits import fit_many as fit_many
     from .measurements.errors import MeasurementError as MeasurementError
     from .measurements.from_file import read_csv as read_csv
     from .measurements.measurement import Measurement as Measurement
@@ -34,7 +34,7 @@ _HOME = {
     "cache_programs": "process.start_up",
     "choose": "choice.selection",
     "fit": "fits",
-    "fit_many": "fits",
+    "fit_many": "batches",
     "fit_residuals": "own_residuals",
     "model_names": "samples.dispersion",
     "read_csv": "measurements.from_file",

@@ -20,7 +20,6 @@ import numpy as np
 
 from fitting.bare_surface.reflectances import CHANNELS
 from fitting.bare_surface.surface_fit import fit_bare_surface
-from fitting.bare_surface.surface_fit import fit_many as fit_many
 from fitting.bare_surface.verdicts import with_verdicts
 from fitting.free_films import check_free_film, fit_free_film, free_film
 from fitting.measurements.measurement import Measurement, concatenate

@@ -178,7 +178,7 @@ def test_errors_missing_from_some_data_are_not_guessed():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"R_s": None, "R_p": None}, "no reflectance"),
+        ({"R_s": None, "R_p": None}, "no values came"),
         ({"R_s": np.full(16, 92.4)}, "divide by 100"),
         ({"R_s": np.full(16, -0.94)}, "R_s holds -0.94"),
         ({"R_s": "abc"}, "numbers"),
@@ -197,7 +197,7 @@ def test_errors_missing_from_some_data_are_not_guessed():
         ),
         ({"sample": "stone | free"}, "'stone' is not an index"),
         ({"sample": "| free"}, "names no medium at one of its places"),
-        ({"sample": "cauchy"}, "one bare surface whose index is free"),
+        ({"sample": "air | auto"}, "use choose for"),
         ({"R_s": np.full(16, 0.5 + 0j)}, "R_s must be real numbers .complex"),
         ({"angles_deg": ANGLES + 0j}, "angles_deg must be real numbers .complex"),
         ({"sigma": 1e-3 + 0j}, "sigma of R_s must be real numbers .complex"),

@@ -34,10 +34,7 @@ from fitting.results.result_parts import (
     Estimate,
 )
 from fitting.samples.sample import Sample
-from fitting.uncertainty.intervals import check_choices
 from fitting.uncertainty.widening import widened
-
-_FREE = Sample.parse("free")
 
 
 def _estimates(
@@ -152,54 +149,15 @@ def fit_bare_surface(
     return widened(found) if errors == "auto" else found
 
 
-def fit_many(
-    angles_deg: Any,
-    *,
-    R_s: Any = None,
-    R_p: Any = None,
-    R: Any = None,
-    sigma: Any = None,
-    sample: str | Sample = "free",
-    errors: str = "auto",
-    intervals: str = "quadratic",
-    start: Mapping[str, Any] | None = None,
-) -> Fit:
-    """Return eta and k of many reflectance curves, each fitted by itself, in one call.
-
-    Values, errors and warnings are those of `fit` for each curve, except that residuals are not
-    tested for autocorrelation, for which `fit` widens the errors; and of a misfit that is little
-    larger than the noise (`does_not_describe`) 94 in 100 are told.
-
-    Args:
-        angles_deg: (M,) degrees of incidence from the normal, 0 to 90, or (..., M) for angles of
-            its own for each curve.
-        R_s, R_p, R: (..., M) reflectances as fractions, R for unpolarized light; at least one of
-            them. NaN marks a missing value.
-        sigma: None, or standard errors above 0 that broadcast to the data: the same for R_s, R_p
-            and R, or a mapping from these names to errors. NaN leaves the datum out.
-        sample: one bare surface whose index is free: "free", or "1.515 | free" from inside glass.
-        errors, start: as in `fit`; in start eta and k may be arrays of the batch shape.
-        intervals: as in `fit`, but "quadratic" by default, since profile likelihood takes 25 times
-            as long as the fit itself. The upper limit of k is found in the same way.
-
-    Returns: `Fit` of the batch shape (...), in float64; scalars for a single curve (M,).
-        It takes about 4 us for a curve (60 angles, R_s and R_p, two cores).
-
-    Raises:
-        ValueError: for values out of range, shapes that do not fit, or no data at all.
-    """
-    which = _FREE if sample == "free" else Sample.parse(sample)
-    if not (which.bare and which.by_wavelength and np.isfinite(which.eta_i)):
-        raise ValueError(
-            f"the sample {str(which)!r} came; fit_many takes one bare surface whose index is free "
-            "('free'). Fit other samples one by one with fit."
-        )
-    check_choices("squares", errors, intervals)
-    arrays = {"R_s": R_s, "R_p": R_p, "R": R}
-    a = of_arrays(angles_deg, arrays, sigma if errors != "equal" else None, which.eta_i)
+def fit_surfaces(
+    angles_deg: Any, arrays: Mapping[str, Any], sigma: Any, sample: Sample, errors: str,
+    intervals: str, start: Mapping[str, Any] | None,
+) -> Fit:  # fmt: skip
+    """Return eta and k of bare surfaces from arrays of R_s, R_p and R, (..., M); see `fit_many`."""
+    a = of_arrays(angles_deg, arrays, sigma if errors != "equal" else None, sample.eta_i)
     if errors in NEED_STATED and not a.stated:
         raise ValueError(
             f'errors "{errors}" need a standard error for every datum; give sigma, or take '
             'errors "scaled" or "equal".'
         )
-    return _fit(a, which, errors, intervals, start)[0]
+    return _fit(a, sample, errors, intervals, start)[0]

@@ -73,6 +73,11 @@ def _bare(name: str) -> str:
     return name.partition("[")[0].rpartition(".")[2]
 
 
+def may_vanish(name: str) -> bool:
+    """Whether a value of 0 within its error is usual, so that a large relative error is no news."""
+    return _bare(name) in _MAY_VANISH
+
+
 def is_outer(name: str) -> bool:
     """Whether a parameter is not one of a material: of the instrument, or a thickness."""
     return _bare(name) in INSTRUMENT or _bare(name).startswith("thickness")
@@ -172,7 +177,7 @@ def _open_and_poor(known: Mapping[str, Estimate]) -> Iterator[Finding]:
     vague = {
         n: _error(e) / abs(e.value) if e.value else np.inf for n, e in known.items()
         if _error(e) > VAGUE * abs(e.value)
-        and _bare(n) not in _MAY_VANISH and not np.isfinite(e.upper_limit)
+        and not may_vanish(n) and not np.isfinite(e.upper_limit)
     }  # fmt: skip
     if vague:
         yield _finding("poorly_determined", parameters=tuple(vague), shares=tuple(vague.values()))

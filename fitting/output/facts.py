@@ -197,7 +197,7 @@ def _alternative(fit: Fit, other: Alternative) -> str:
 
 def index_rows(fit: Fit) -> list[list[str]]:
     """Return wavelength, eta and k of a dispersion model at every measured wavelength."""
-    if fit.sample is None or fit.sample.by_wavelength or not len(index_waves(fit)):
+    if fit.shape or fit.sample is None or fit.sample.by_wavelength or not len(index_waves(fit)):
         return []
     limited = k_is_limited(fit)
     return [

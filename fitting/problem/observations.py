@@ -84,7 +84,7 @@ def ncs_directions(psi_deg: np.ndarray, delta_deg: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(along_psi), np.stack(along_delta), ncs_of(psi_deg, delta_deg)])
 
 
-def _ncs_weights(psi, delta, sigma_psi, sigma_delta, stated: bool) -> np.ndarray:
+def ncs_weights(psi, delta, sigma_psi, sigma_delta, stated: bool) -> np.ndarray:
     """Return W (3, 3, n) for pairs of psi and Delta; where Delta is NaN, for psi by N alone."""
     alone = np.isnan(delta)
     axes = ncs_directions(psi, np.where(alone, 0.0, delta))
@@ -211,7 +211,7 @@ def _ellipsometry(quantity, row, value, error, total: int, stated: bool):
     psi, delta, sigma_psi, sigma_delta = table[:, some]
     ncs, weights = np.zeros((3, total, 1)), np.zeros((3, 3, total, 1))
     ncs[:, some, 0] = ncs_of(psi, np.where(np.isnan(delta), 0.0, delta))
-    weights[:, :, some, 0] = _ncs_weights(psi, delta, sigma_psi, sigma_delta, stated)
+    weights[:, :, some, 0] = ncs_weights(psi, delta, sigma_psi, sigma_delta, stated)
     return ncs, weights
 
 

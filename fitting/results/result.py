@@ -47,7 +47,8 @@ class Fit:
     rms: root mean square of the unweighted residuals; for psi and Delta those of N, C, S. rms_of:
         the same by quantity ("NCS": psi and Delta).
     status: "converged"; "undetermined" (a minimum, but the data do not determine some combination
-        of the parameters); "not converged"; "no data".
+        of the parameters); "not converged"; "no data"; of a batch also "refused" (data out of
+        range; the warning says which).
     evaluations: how often residuals and derivatives were evaluated: by all starts of a bare
         surface, by the best start of other fits. starts, reached: the number of starting points,
         and of those that led to the best minimum; 0 if not counted.

@@ -13,6 +13,7 @@ from fitting.measurements.measurement import Measurement
 
 CONVERGED, UNDETERMINED = "converged", "undetermined"
 NOT_CONVERGED, NO_DATA = "not converged", "no data"
+REFUSED = "refused"  # one curve of a batch, whose data cannot be measurements
 FITTED, AT_LOWER, AT_UPPER = "fitted", "at lower bound", "at upper bound"
 FIXED, TIED = "fixed", "tied"
 SHARED = "shared"  # by all wavelengths, each of which has an index of its own

@@ -22,6 +22,7 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
         "{n_data} data leave no degree of freedom: no values of the parameters explain them. "
         "Correct the data or their errors, measure at more angles, or name another sample."
     ),
+    "refused": "not fitted: {reason}",
     "gain_instead": (
         "{sample} fits as well (BIC {delta_bic:+.1f}) if all measured powers are {scale:.4g} +- "
         "{sigma:.2g} times the true ones: these data do not tell the further layer from an error "

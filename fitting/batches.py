@@ -1,0 +1,455 @@
+"""Many curves of one sample, each fitted by itself, all of them as lanes of one program.
+
+A full search takes a second, and a map has 1e5 pixels that differ little. So a few curves are
+searched as `fit` does; every curve is followed from the minima found there, or from those of
+``near``; one that the model does not describe is tried from its neighbours; and a share is searched
+afresh, so that a lower minimum (another fringe order) is found for all, or at least told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fitting.bare_surface.surface_fit import fit_surfaces
+from fitting.fits import fit_checked
+from fitting.measurements.checks import unmasked
+from fitting.measurements.errors import MeasurementError
+from fitting.measurements.measurement import Measurement
+from fitting.outcomes.of_batch import fit_of_batch
+from fitting.problem import lanes
+from fitting.problem.lanes import Curves, Lanes
+from fitting.process.progress import tell
+from fitting.refused_curves import without_refused
+from fitting.residuals.error_model import ADDED, NEED_STATED, beyond_chance
+from fitting.results.diagnostics import Finding, ranked
+from fitting.results.result import Fit
+from fitting.results.result_parts import REFUSED
+from fitting.samples.parameters import Settings, check_search, from_parameter, settings_of
+from fitting.samples.sample import Sample
+from fitting.samples.sample_checks import check_fit
+from fitting.searching.minima import SAME_CHI2
+from fitting.searching.search import Asked, Kept, Solving
+from fitting.uncertainty.intervals import QUADRATIC, check_choices
+from fitting.wavelengths import solving
+
+# Rounds in which curves are tried from their neighbours; a round reaches one pixel further.
+_ROUNDS = 60
+# Rounds of searches afresh; each begins where the one before found a lower minimum.
+_SEARCHES = 6
+# So many of the other minima of a curve are followed in all curves.
+_OTHERS = 3
+# Without stated errors: a curve is badly described if its scatter is so many times the median.
+_FAR = 4.0
+
+
+class _Batch(NamedTuple):
+    """The fits of N curves: one of them as a pattern for all, the data, and degrees of freedom."""
+
+    job: Solving
+    curves: Curves
+    dof: np.ndarray
+    shape: tuple[int, ...]
+    columns: tuple[np.ndarray, np.ndarray]
+    settings: Settings
+    sample: Sample
+
+    def run(self, start: np.ndarray, which: np.ndarray) -> Lanes:
+        """Return where starts (p, L) end, each on one of the curves."""
+        job = self.job
+        return lanes.run(
+            job.u.spec, job.targets, self.curves, start, which, job.limits, self.dof
+        )  # fmt: skip
+
+    def alone(self, i: int) -> Fit:
+        """Return the fit of one curve, searched from all starts."""
+        angle, wavelength = self.columns
+        values = {q: v[i] for q, v in self.curves.values.items()}
+        sigma = None if self.curves.sigma is None else {
+            q: s[i] for q, s in self.curves.sigma.items()
+        }  # fmt: skip
+        m = Measurement.from_columns(angle, wavelength, sigma=sigma, **values)
+        # Its values and its cost count here, not its errors.
+        asked = self.job.asked._replace(kept=Kept({}, {}), errors="scaled" if sigma else "equal")
+        return fit_checked([m], self.sample, self.settings, asked)
+
+    def places(self, fit: Fit) -> np.ndarray:
+        """Return where a fit of one curve and its alternatives are, (p, K)."""
+        sets = [fit.parameters, *({**fit.parameters, **a.parameters} for a in fit.others[:_OTHERS])]
+        return np.stack([self.y_of({n: e.value for n, e in s.items()}) for s in sets], 1)
+
+    def y_of(self, values: Mapping[str, Any]) -> np.ndarray:
+        """Return parameters by name in the solver's coordinates, (p, ...)."""
+        u = self.job.u
+        rows = [
+            from_parameter(w.parameter.coordinate, np.clip(
+                values.get(u.labels.get(w.parameter.name, ""), w.low), w.low, w.high
+            ))
+            for w in u.moving
+        ]  # fmt: skip
+        return np.stack(np.broadcast_arrays(*rows))
+
+    def missed(self, best: Lanes) -> np.ndarray:
+        """Return which curves are not described, (N,)."""
+        reduced = best.cost / np.maximum(self.dof, 1)
+        if self.curves.sigma is None:
+            return ~best.done | (reduced > _FAR * np.nanmedian(reduced[best.done], initial=0.0))
+        return ~best.done | beyond_chance(reduced, self.dof)[0]
+
+
+def _lower(best: Lanes, other: Lanes, which: np.ndarray) -> np.ndarray:
+    """Put the lower ends of ``other`` into ``best``; return which curves they belong to."""
+    better = other.done & (~best.done[which] | (other.cost < (1.0 - 1e-6) * best.cost[which]))
+    best.evaluations[which] += other.evaluations
+    for mine, theirs in zip(best[:3], other[:3], strict=True):
+        mine[..., which[better]] = theirs[..., better]
+    return which[better]
+
+
+def _neighbours(shape: tuple[int, ...]) -> np.ndarray:
+    """Return the numbers of the neighbours of each place of a grid, (2 axes, N); -1 for none."""
+    grid = np.pad(np.arange(int(np.prod(shape))).reshape(shape), 1, constant_values=-1)
+    inner = tuple(slice(1, -1) for _ in shape)
+    return np.stack([
+        np.roll(grid, step, axis)[inner].ravel()
+        for axis in range(len(shape)) for step in (1, -1)
+    ])  # fmt: skip
+
+
+def _from_neighbours(batch: _Batch, best: Lanes, known: np.ndarray) -> None:
+    """Try the curves that are not described from the best of their neighbours, while it helps."""
+    beside = _neighbours(batch.shape)
+    news = np.ones(len(known), bool)
+    for _ in range(_ROUNDS):
+        cost = np.append(np.where(best.done, best.cost, np.inf), np.inf)
+        nearest = beside[np.argmin(cost[beside], 0), np.arange(len(known))]
+        # A neighbour that has not changed was tried before.
+        worth = (
+            batch.missed(best)
+            & known
+            & np.isfinite(cost[nearest])
+            & np.append(news, False)[nearest]
+        )
+        which = np.flatnonzero(worth)
+        if not len(which):
+            return
+        found = batch.run(best.y[:, nearest[which]], which)
+        before = best.cost[which].copy()
+        _lower(best, found, which)
+        news = np.zeros(len(known), bool)
+        news[which[best.cost[which] < (1.0 - 1e-3) * before]] = True
+        tell()
+
+
+_BARE = ("R_s", "R_p", "R")
+
+
+def fit_many(
+    angles_deg: Any,
+    wavelength_um: Any = None,
+    *,
+    R_s: Any = None, R_p: Any = None, R: Any = None, R_back: Any = None,
+    T_s: Any = None, T_p: Any = None, T: Any = None,
+    psi: Any = None, delta: Any = None,
+    sigma: Any = None,
+    sample: str | Sample = "free",
+    free: str | Iterable[str] = (),
+    fixed: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    priors: Mapping[str, tuple[float, float]] | None = None,
+    tie: Mapping[str, str] | None = None,
+    errors: str = "auto",
+    intervals: str = "quadratic",
+    start: Mapping[str, Any] | None = None,
+    near: Fit | None = None,
+    check: int = 8,
+    seed: int = 0,
+) -> Fit:  # fmt: skip
+    """Return the fits of many curves of one sample, each by itself, in one call.
+
+    Of a bare surface whose index is free (powers, no other settings) values, errors and warnings
+    are those of `fit` for each curve, except that residuals are not tested for autocorrelation,
+    for which `fit` widens the errors; and of a misfit that is little larger than the noise
+    (`does_not_describe`) 94 in 100 are told. Other samples (films, plates, dispersion models, psi
+    and Delta) are followed as a batch: a few curves are searched as `fit` does, all begin from the
+    minima found there and from those of their neighbours, and the worst of them and some by chance
+    are searched afresh. Values and errors are those of `fit` at the same minimum. Not looked at are
+    residuals in order, correlations, and films that noise or thinness leaves open.
+
+    Args:
+        angles_deg: (M,) degrees of incidence from the normal, 0 to 90; of a bare surface also
+            (..., M), angles of its own for each curve.
+        wavelength_um: micrometres, a number or (M,); None of a bare surface with one index.
+        R_s, ..., delta: (..., M) values as `fit` takes them, powers as fractions, psi and delta in
+            degrees; at least one. Each of the M points has an angle and a wavelength. NaN marks a
+            missing value.
+        sigma: None, or standard errors above 0 that broadcast to the data: the same for all
+            quantities, or a mapping from these names to errors. NaN leaves the datum out.
+        sample: as for `fit`. An index that is free at every wavelength takes one wavelength.
+        free, fixed, bounds, priors, tie: as for `fit`, the same for all curves.
+        errors: as for `fit`; of other samples than a bare surface "auto" is "scaled", and there is
+            no "floor" and "relative".
+        intervals: as for `fit`, but "quadratic" by default, since profile likelihood takes 25 times
+            as long as the fit itself; of other samples than a bare surface only "quadratic".
+        start: name -> value, or array of the batch shape, of every fitted parameter, from which all
+            curves begin.
+        near: a `Fit` of one such curve, or of a batch of this shape, from which curves begin.
+        check: how many curves are searched afresh in a round; 0 with ``start`` or ``near``: none.
+        seed: of the choice of these.
+
+    Returns: `Fit` of the batch shape (...), in float64; scalars for a single curve (M,). A curve
+        with values that are none of a measurement (out of range, or all 0 as of a dead pixel) has
+        the status "refused", and its warning the reason.
+        It takes about 4 us for a bare surface (60 angles, R_s and R_p, two cores), and .2 ms for a
+        film (60 wavelengths, from a neighbour's minimum).
+
+    Raises:
+        ValueError: for shapes that do not fit, no data at all, or if no curve is left.
+    """
+    which = Sample.parse(sample)
+    check_choices("squares", errors, intervals)
+    check_search(None, start, seed)
+    if not isinstance(check, int | np.integer) or check < 0:
+        raise ValueError(f"check is {check!r}; a number of curves, 0 or more, was wanted.")
+    settings = settings_of(free, fixed, bounds, priors, tie)
+    every = {"R_s": R_s, "R_p": R_p, "R": R, "R_back": R_back, "T_s": T_s, "T_p": T_p, "T": T,
+             "psi": psi, "delta": delta}  # fmt: skip
+    given = {name: unmasked(value) for name, value in every.items() if value is not None}
+    if not given:
+        raise ValueError(f"no values came; one or more of {', '.join(every)} were wanted.")
+    if errors == "equal":
+        sigma = None
+    given, sigma, reasons = without_refused(given, sigma)
+    names = {name for name in settings.names}
+    bare = which.bare and np.isfinite(which.eta_i) and set(given) <= set(_BARE) and not names
+    one = np.size(wavelength_um) == 1 if wavelength_um is not None else True
+    if bare and which.by_wavelength and one:
+        if near is not None:
+            start = {n: near.parameters[n].value for n in ("eta", "k")}
+        found = fit_surfaces(angles_deg, given, sigma, which, errors, intervals, start)
+        if wavelength_um is not None:
+            found = replace(found, wavelength_um=np.full(found.shape, float(wavelength_um))[()])
+    else:
+        _check_general(which, errors, intervals, one)
+        values, sigmas, angle, wavelength, shape = _arrays(given, sigma, angles_deg, wavelength_um)
+        if errors in NEED_STATED and sigmas is None:
+            raise ValueError(
+                f'errors "{errors}" need a standard error for every datum; give sigma.'
+            )
+        begin = _begin(start, near, shape)
+        found = _fit_curves(
+            values, sigmas, angle, wavelength, shape, which, settings,
+            "scaled" if errors == "auto" else errors, begin, check, seed,
+        )  # fmt: skip
+    if reasons is None:
+        return found
+    at = np.reshape(reasons != "", found.shape)
+    told = Finding("refused", at, {"reason": np.reshape(reasons, found.shape)})
+    return replace(
+        found, status=np.where(at, REFUSED, found.status), findings=ranked((told, *found.findings))
+    )  # fmt: skip
+
+
+def _check_general(sample: Sample, errors: str, intervals: str, one: bool) -> None:
+    """Raise ValueError for what a batch of other samples than bare surfaces does not have."""
+    if sample.open:
+        raise ValueError(
+            f"the sample {str(sample)!r} leaves its dispersion model open (auto): use choose for "
+            "one curve, and fit_many with the model that it takes."
+        )
+    if sample.by_wavelength and not one:
+        raise ValueError(
+            f"the sample {str(sample)!r} has an index that is free at every wavelength: give one "
+            "wavelength a call, or a dispersion model (cauchy, lorentz)."
+        )
+    if intervals != QUADRATIC:
+        raise ValueError(
+            f"intervals is {intervals!r}; a batch of {str(sample)!r} has quadratic intervals. Fit "
+            "single curves with fit for those by profile likelihood."
+        )
+    if errors in ADDED:
+        raise ValueError(
+            f'errors "{errors}" are estimated for single curves (fit); of a batch of '
+            f'{str(sample)!r} they are "stated", "scaled" or "equal".'
+        )
+
+
+def _arrays(given: Mapping[str, Any], sigma: Any, angles_deg: Any, wavelength_um: Any) -> tuple:
+    """Return values and errors (N, M) by quantity, angles and wavelengths (M,), and the shape."""
+    try:
+        angle = np.asarray(angles_deg, float)
+        wavelength = np.asarray(np.nan if wavelength_um is None else wavelength_um, float)
+        points = np.broadcast_shapes((1,), angle.shape, wavelength.shape)
+        values = {q: np.asarray(v, float) for q, v in given.items()}
+        sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(values, sigma)
+        sigmas = {q: np.asarray(np.nan if s is None else s, float) for q, s in sigmas.items()}
+        full = np.broadcast_shapes(points, *(v.shape for v in values.values()))
+        if len(points) != 1 or full[-1:] != points:
+            raise ValueError(f"{points} points, {full} values")
+        whole = {q: np.broadcast_to(v, full).reshape(-1, full[-1]) for q, v in values.items()}
+        errors = {q: np.broadcast_to(s, full).reshape(-1, full[-1]) for q, s in sigmas.items()}
+    except (TypeError, ValueError) as error:
+        shapes = ", ".join(f"{q} {np.shape(v)}" for q, v in given.items())
+        raise ValueError(
+            f"the arrays do not go together ({error}): angles_deg {np.shape(angles_deg)}, "
+            f"wavelength_um {np.shape(wavelength_um)}, {shapes}. One angle and wavelength for each "
+            "of M points were wanted, (M,), and values (..., M)."
+        ) from None
+    stray = [q for q in errors if q not in whole]
+    if stray:
+        raise ValueError(f"sigma has errors of {stray[0]}, of which there are no data.")
+    stated = sigma is not None
+    lacking = [q for q in whole if stated and not np.isfinite(errors.get(q, np.nan)).any()]
+    if lacking:
+        raise ValueError(
+            f"sigma has no errors of {lacking[0]}; give them for all data, or for none."
+        )
+    if stated:  # a datum without an error is left out
+        whole = {q: np.where(np.isfinite(errors[q]), v, np.nan) for q, v in whole.items()}
+    angle, wavelength = (np.broadcast_to(a, points) for a in (angle, wavelength))
+    return whole, errors if stated else None, angle, wavelength, full[:-1]
+
+
+def _begin(
+    start: Mapping[str, Any] | None, near: Fit | None, shape: tuple[int, ...]
+) -> dict[str, np.ndarray] | None:
+    """Return values of parameters to begin from, () or (N,) each."""
+    if near is None and start is None:
+        return None
+    if near is not None:
+        known = {n: e.value for n, e in near.parameters.items() if e.free}
+        if near.shape not in ((), shape):
+            raise ValueError(
+                f"near has the shape {near.shape}, and the curves {shape}; the fit of one curve, "
+                "or of a batch of this shape, was wanted."
+            )
+    else:
+        known = dict(start or {})
+    out = {}
+    for name, value in known.items():
+        try:
+            array = np.broadcast_to(np.asarray(value, float), shape).reshape(-1)
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"the start of {name} is of the shape {np.shape(value)}; a number, or an array of "
+                f"the shape {shape}, was wanted."
+            ) from None
+        # Where the other fit has no value its middle one serves.
+        out[name] = np.where(np.isfinite(array), array, np.nanmedian(array))
+    return out
+
+
+def _fit_curves(
+    curves: Mapping[str, np.ndarray], sigma: Mapping[str, np.ndarray] | None,
+    angle_deg: np.ndarray, wavelength_um: np.ndarray, shape: tuple[int, ...], sample: Sample,
+    settings: Settings, errors: str, near: Mapping[str, Any] | None, check: int, seed: int,
+) -> Fit:  # fmt: skip
+    """Return the fits of values (N, M) by quantity, of batch shape ``shape``; see `fit_many`.
+
+    near: name -> values (N,) of parameters, from which all curves begin.
+    """
+    pattern = _pattern(curves, sigma, angle_deg, wavelength_um)
+    sample = sample.with_splines(pattern.wavelength_um)
+    check_fit([pattern], sample)
+    asked = Asked(errors, QUADRATIC, seed=seed)
+    job = solving([pattern], sample, settings, asked)
+    data = Curves(job.seen, curves, sigma)
+    count, dof = data.n_data, np.maximum(data.n_data + job.priors - int(job.u.free.sum()), 0)
+    batch = _Batch(job, data, dof, shape, (angle_deg, wavelength_um), settings, sample)
+    known = count > 0
+    every = np.flatnonzero(known)
+    best = Lanes(
+        np.zeros((job.u.size, data.count)), np.full(data.count, np.inf),
+        np.zeros(data.count, bool), np.zeros(data.count, int),
+    )  # fmt: skip
+    minima: list[Lanes] = []
+
+    def begin(start: np.ndarray) -> None:
+        """Follow every curve from a start, (p, L), and keep where it ends."""
+        found = batch.run(start, every)
+        whole = Lanes(
+            np.zeros_like(best.y),
+            np.full(data.count, np.inf),
+            np.zeros(data.count, bool),
+            np.zeros(data.count, int),
+        )
+        for mine, theirs in zip(whole, found, strict=True):
+            mine[..., every] = theirs
+        minima.append(whole)
+        _lower(best, found, every)
+
+    if near is not None:
+        lacking = [n for n in _free_names(job) if n not in near]
+        if lacking:
+            raise ValueError(
+                f"start and near have no value of {', '.join(lacking)}; one of every fitted "
+                f"parameter ({', '.join(_free_names(job))}) was wanted."
+            )
+        begin(batch.y_of({n: v[every] for n, v in near.items()}))
+        _from_neighbours(batch, best, known)
+    random, searched = np.random.default_rng(seed), set[int]()
+    refused = None
+    for _ in range(_SEARCHES):
+        gained = False
+        # The first one by itself: where it ends all others begin.
+        for i in _to_search(batch, best, random, check if minima else 1, known, searched):
+            searched.add(i)
+            tell()
+            try:
+                found = batch.alone(i)
+            except (
+                MeasurementError
+            ) as error:  # values beyond [0, 1] by more than this curve's noise
+                refused, gained = error, True
+                continue
+            least = SAME_CHI2 * max(best.cost[i] / max(dof[i], 1), 1.0 if sigma else 0.0)
+            if not minima or found.cost < best.cost[i] - least:
+                gained = True
+                for place in batch.places(found).T:
+                    begin(np.repeat(place[:, None], len(every), 1))
+                _from_neighbours(batch, best, known)
+        if not gained:
+            break
+    if not minima:
+        raise refused or ValueError("no curve has data.")
+    return fit_of_batch(job, data, dof, best, minima, shape, sample)
+
+
+def _free_names(job: Solving) -> list[str]:
+    u = job.u
+    return [u.labels[n] for n, w in zip(u.spec.moving, u.moving, strict=True) if w.free]
+
+
+def _to_search(
+    batch: _Batch,
+    best: Lanes,
+    random: np.random.Generator,
+    many: int,
+    known: np.ndarray,
+    searched: set[int],
+) -> list[int]:
+    """Return which curves to search afresh: the worst described ones, and as many by chance."""
+    free = np.array([i for i in np.flatnonzero(known) if i not in searched], int)
+    if not len(free) or not many:
+        return []
+    reduced = np.where(best.done, best.cost, np.inf)[free] / np.maximum(batch.dof[free], 1)
+    worst = free[np.argsort(-reduced, kind="stable")][: many // 2] if searched else free[:0]
+    rest = np.setdiff1d(free, worst)
+    by_chance = random.permutation(rest)[: many - len(worst)]
+    return [*worst.tolist(), *by_chance.tolist()]
+
+
+def _pattern(
+    curves: Mapping[str, np.ndarray], sigma: Any, angle_deg: np.ndarray, wavelength_um: np.ndarray
+) -> Measurement:
+    """Return a measurement of all quantities at all points, with values that are those of none."""
+    middle = {"psi": (20.0, 70.0), "delta": (60.0, 300.0)}
+    rows = len(angle_deg)
+    values = {q: np.linspace(*middle.get(q, (0.2, 0.8)), rows) for q in curves}
+    errors = {q: 1e-3 for q in curves} if sigma else None
+    return Measurement.from_columns(
+        angle_deg, wavelength_um, sigma=errors, source="the arrays", **values
+    )

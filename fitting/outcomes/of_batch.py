@@ -1,0 +1,361 @@
+"""From where the lanes of many curves ended to one `Fit` of their batch shape.
+
+Covariance and intervals are those of `uncertainty`, for all curves at once; the warnings are the
+conditions on one curve's minimum, over arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fitting.measurements.measurement import Measurement
+from fitting.outcomes.findings import VAGUE, may_vanish
+from fitting.problem.evaluation import Evaluated
+from fitting.problem.lanes import Curves, Lanes, slopes
+from fitting.problem.unknowns import Unknowns
+from fitting.residuals.error_model import OUT_OF_MODEL, beyond_chance, misses_without_freedom
+from fitting.results import result_parts as status
+from fitting.results.diagnostics import Finding, ranked
+from fitting.results.result import Fit
+from fitting.results.result_parts import (
+    Alternative,
+    ErrorModel,
+    Estimate,
+    Evaluator,
+    IndexBand,
+    Prediction,
+)
+from fitting.samples.parameters import value_and_slope
+from fitting.samples.sample import Sample
+from fitting.searching.minima import alternative_chi2
+from fitting.searching.search import Solving
+from fitting.uncertainty.covariance import Uncertainty, uncertainty
+from fitting.uncertainty.intervals import quadratic
+from fitting.uncertainty.limits import student_quantiles
+
+# Two ends are two minima if some parameter differs by so many standard errors.
+_APART = 4.0
+
+
+class BatchCurves(NamedTuple):
+    """The evaluator of N fits of one sample, one after the other; see `result.Evaluator`.
+
+    y: (N, p) solver coordinates. covariance: (N, p, p).
+    """
+
+    pattern: Evaluated
+    y: np.ndarray
+    covariance: np.ndarray
+    shape: tuple[int, ...]
+
+    def at(self, index: tuple[int, ...]) -> Evaluator:
+        """Return the evaluator of one fit."""
+        i = int(np.ravel_multi_index(index, self.shape)) if self.shape else 0
+        return self.pattern._replace(y=self.y[i], covariance=self.covariance[i])
+
+    def _each(self, of: Any, kind: Any) -> Any:
+        found = [of(self.at(i)) for i in np.ndindex(*self.shape)]
+        parts = (np.stack(part) for part in zip(*found, strict=True))
+        return kind(*(part.reshape(*self.shape, *part.shape[1:]) for part in parts))
+
+    def predict(self, measurement: Measurement | None = None) -> Prediction:
+        """Return every fit at every row of a measurement, shape + (N,)."""
+        return self._each(lambda one: one.predict(measurement), Prediction)
+
+    def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
+        """Return every fit over angles (A,), shape + (A,)."""
+        return self._each(lambda one: one.over_angle(angle_deg, quantity), Prediction)
+
+    def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
+        """Return eta and k of a medium in every fit, shape + (W,)."""
+        return self._each(lambda one: one.index(wavelength_um, medium), IndexBand)
+
+    def widened(self, factor: np.ndarray) -> BatchCurves:
+        """Return the same with the errors of each fit times its factor, (N,)."""
+        return self._replace(covariance=self.covariance * factor[:, None, None] ** 2)
+
+
+class _Minima(NamedTuple):
+    """Minima of N curves: y (N, p), what is known there, costs, and unweighted residuals' rms."""
+
+    y: np.ndarray
+    known: Uncertainty
+    cost: np.ndarray
+    rms: np.ndarray
+
+
+def _minima_of(
+    job: Solving, curves: Curves, dof: np.ndarray, ends: Lanes, which: np.ndarray
+) -> _Minima:
+    """Return the minima of the curves ``which`` next to where they ended, by a last step."""
+    u, stated = job.u, curves.sigma is not None
+    first, y = ends.y[:, which].copy(), ends.y[:, which].copy()
+    low, high = (a[:, None] for a in job.limits)
+    parts: list[_Minima] = []
+    for turn in range(2):
+        order, parts = [], []
+        for some, s in slopes(job.u.spec, job.targets, curves, y, which):
+            sane = np.isfinite(s.residual).all(1) & np.isfinite(s.jacobian).all((1, 2))
+            r, J = np.where(sane[:, None], s.residual, 0.0), np.where(
+                sane[:, None, None], s.jacobian, 0.0
+            )  # fmt: skip
+            known = uncertainty(
+                u, r, J, y[:, some].T, job.limits, 1.0, dof[which[some]], job.asked.scaled, stated
+            )
+            cost = np.where(sane, np.vecdot(r, r), np.inf)
+            with np.errstate(all="ignore"):
+                rms = np.sqrt(np.nanmean(s.plain**2, (1, 2)))
+            parts.append(_Minima(y[:, some].T, known, cost, rms))
+            order.append(some)
+        whole = _joined(parts)
+        if turn:
+            break
+        before = whole
+        y = np.clip(first + whole.known.step.T, low, high)
+    better = whole.cost < before.cost
+    return _chosen(better, whole, before)
+
+
+def _joined(parts: Sequence[_Minima]) -> _Minima:
+    known = Uncertainty(*(np.concatenate(a) for a in zip(*(p.known for p in parts), strict=True)))
+    y, cost, rms = (np.concatenate([getattr(p, n) for p in parts]) for n in ("y", "cost", "rms"))
+    return _Minima(y, known, cost, rms)
+
+
+def _chosen(where: np.ndarray, one: _Minima, other: _Minima) -> _Minima:
+    def pick(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return np.where(where.reshape(-1, *[1] * (a.ndim - 1)), a, b)
+
+    known = Uncertainty(*(pick(a, b) for a, b in zip(one.known, other.known, strict=True)))
+    return _Minima(
+        pick(one.y, other.y), known, pick(one.cost, other.cost), pick(one.rms, other.rms)
+    )
+
+
+def _parameters(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return parameters and their slopes by the solver's coordinates, (N, p) each."""
+    both = [value_and_slope(w.parameter.coordinate, y[:, i]) for i, w in enumerate(u.moving)]
+    x, slope = (np.stack(part, 1) for part in zip(*both, strict=True))
+    return x, slope
+
+
+class _Shaped:
+    """The values of N curves in the batch shape, NaN or ``fill`` for those without a fit."""
+
+    def __init__(self, shape: tuple[int, ...], count: int, which: np.ndarray):
+        self.shape, self.count, self.which = shape, count, which
+
+    def __call__(self, values: np.ndarray, fill: Any = np.nan) -> Any:
+        values = np.asarray(values)
+        whole = np.full((self.count, *values.shape[1:]), fill, np.result_type(values, type(fill)))
+        whole[self.which] = values
+        whole = whole.reshape(self.shape + values.shape[1:])
+        return whole.item() if whole.ndim == 0 else whole
+
+
+def _estimates(u: Unknowns, m: _Minima, t: np.ndarray, failed: np.ndarray, put: _Shaped):
+    """Return all parameters by name, and the covariance of the free ones (n, P, P)."""
+    x, slope = _parameters(u, m.y)
+    ends, limits = quadratic(u.moving, m.y, m.known, t)
+    with np.errstate(invalid="ignore"):
+        covariance = m.known.covariance * (slope[:, :, None] * slope[:, None, :])
+    unseen = m.known.unseen_of | failed[:, None]
+    blank = ~np.isfinite(covariance) | unseen[:, :, None] | unseen[:, None, :]
+    covariance = np.where(blank, np.nan, covariance)
+    with np.errstate(invalid="ignore"):
+        sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    ends = np.where(unseen[..., None], np.nan, ends)
+    bound = {"low": status.AT_LOWER, "high": status.AT_UPPER}
+    of_bound = np.where(
+        m.known.at_bound == "low", bound["low"],
+        np.where(m.known.at_bound == "high", bound["high"], status.FITTED),
+    )  # fmt: skip
+    states = np.where(unseen, status.UNDETERMINED, of_bound)
+    kinds = np.where(np.isnan(ends).any(-1), status.NONE, status.QUADRATIC)
+    every: dict[str, Estimate] = {}
+    shown: dict[str, Estimate] = {}
+    values = dict(zip(u.spec.held, u.held, strict=True))
+    values |= {n: x[0, i] for i, n in enumerate(u.spec.moving) if not u.free[i]}
+    for i in np.flatnonzero(u.free):
+        inside = u.spec.moving[i]
+        every[inside] = shown[u.labels[inside]] = Estimate(
+            name=u.labels[inside], unit=u.units[inside], value=put(x[:, i]), sigma=put(sigma[:, i]),
+            interval=put(ends[:, i]), interval_kind=put(kinds[:, i], status.NONE),
+            upper_limit=put(np.where(unseen[:, i], np.nan, limits[:, i])),
+            status=put(states[:, i], status.UNDETERMINED),
+        )  # fmt: skip
+    for inside, value in values.items():
+        name = u.labels.get(inside, "")
+        every[inside] = Estimate(
+            name=name, unit=u.units.get(inside, ""), value=float(value), sigma=0.0,
+            interval=np.array([value, value]), interval_kind=status.NONE, status=status.FIXED,
+        )  # fmt: skip
+        if name:
+            shown[name] = every[inside]
+    for inside, factor, of in u.spec.tied:
+        name, e = u.labels[inside], every[of]
+        shown[name] = replace(
+            e, name=name, unit=u.units[inside], value=factor * e.value, sigma=abs(factor) * e.sigma,
+            interval=np.sort(factor * e.interval, -1), upper_limit=np.nan * e.value,
+            status=status.TIED,
+        )  # fmt: skip
+    return shown, covariance[np.ix_(range(len(x)), u.free, u.free)]
+
+
+def _others(
+    job: Solving, curves: Curves, dof: np.ndarray, m: _Minima, which: np.ndarray,
+    minima: Sequence[Lanes], scatter: np.ndarray, t: np.ndarray, put: _Shaped,
+) -> tuple[np.ndarray, tuple[Alternative, ...]]:  # fmt: skip
+    """Return how many other minima each curve has that fit nearly as well, and the best of them."""
+    width = _APART * m.known.edge * np.sqrt(scatter)[:, None]
+    width = np.where(np.isfinite(width), width, np.inf)
+    most = scatter * alternative_chi2(np.where(curves.sigma is None, dof[which], 0))
+    count, least = np.zeros(len(which), int), np.full(len(which), np.inf)
+    places = m.y.copy()
+    for ends in minima:
+        y, cost = ends.y[:, which].T, np.where(ends.done, ends.cost, np.inf)[which]
+        apart = (np.abs(y - m.y) > width + 1e-6 * np.abs(m.y)).any(1)
+        there = apart & (cost - m.cost <= most)
+        count += there
+        lower = there & (cost < least)
+        least[lower], places[lower] = cost[lower], y[lower]
+    some = np.flatnonzero(count)
+    if not len(some):
+        return count, ()
+    at = Lanes(np.zeros_like(minima[0].y), minima[0].cost, minima[0].done, minima[0].evaluations)
+    at.y[:, which[some]] = places[some].T
+    found = _minima_of(job, curves, dof, at, which[some])
+    own = _Shaped(put.shape, put.count, which[some])
+    parameters, _ = _estimates(job.u, found, t[some], np.zeros(len(some), bool), own)
+    rise = (found.cost - m.cost[some]) / scatter[some]
+    free = {n: e for n, e in parameters.items() if e.free}
+    nan = own(np.full(len(some), np.nan))
+    return count, (Alternative(parameters=free, delta_chi2=own(rise), reached=nan),)
+
+
+def _on_parameters(parameters: dict[str, Estimate], ok: np.ndarray) -> Iterator[Finding]:
+    """Yield the findings on single parameters. ok: S, fits that converged."""
+    for name, e in parameters.items():
+        if not e.free:
+            continue
+        near_zero = ok & np.isfinite(e.upper_limit)
+        if near_zero.any():
+            yield Finding("compatible_with_zero", near_zero, {
+                "parameter": name, "limit": e.upper_limit, "value": e.value, "others": (),
+            })  # fmt: skip
+        for end, at in (("lower", status.AT_LOWER), ("upper", status.AT_UPPER)):
+            there = ok & (np.asarray(e.status) == at) & ~near_zero
+            if there.any():
+                yield Finding("at_bound", there, {
+                    "parameter": name, "end": end, "value": e.value, "others": (),
+                })  # fmt: skip
+        with np.errstate(all="ignore"):
+            share = np.asarray(e.sigma / np.abs(e.value))
+        vague = ok & (share > VAGUE) & ~near_zero
+        if vague.any() and not may_vanish(name):
+            yield Finding("poorly_determined", vague, {
+                "parameters": (name,), "shares": share[..., None],
+            })  # fmt: skip
+
+
+def _unseen_names(u: Unknowns, known: Uncertainty) -> np.ndarray:
+    """Return the parameters of the first combination that is not seen, (n,) of tuples."""
+    out = np.empty(len(known.hidden), object)
+    out.fill(())
+    for i in np.flatnonzero(known.hidden.any(1)):
+        direction = np.abs(known.directions[i][:, known.hidden[i]][:, 0])
+        parts = direction > 0.1 * direction.max()
+        out[i] = tuple(u.labels[n] for n, part in zip(u.spec.moving, parts, strict=True) if part)
+    return out
+
+
+@np.errstate(all="ignore")
+def fit_of_batch(
+    job: Solving, curves: Curves, dof: np.ndarray, best: Lanes, minima: Sequence[Lanes],
+    shape: tuple[int, ...], sample: Sample,
+) -> Fit:  # fmt: skip
+    """Return the result of N curves.
+
+    best: where the lowest lane of each ended; minima: where all lanes did, N at a time.
+    """
+    u, stated, count = job.u, curves.sigma is not None, curves.count
+    n_data = curves.n_data
+    which = np.flatnonzero(n_data > 0)
+    put = _Shaped(shape, count, which)
+    m = _minima_of(job, curves, dof, best, which)
+    own = dof[which]
+    # Relative to the noise: the stated one, or the scatter if that is more.
+    scatter = np.where(own > 0, m.cost / np.maximum(own, 1), 0.0)
+    scatter = np.maximum(scatter, 1.0 if stated else 1e-300)
+    missed = misses_without_freedom(m.cost, m.rms**2 * n_data[which], n_data[which], own, stated)
+    failed = ~best.done[which] | ~np.isfinite(m.cost) | missed
+    t = student_quantiles(np.where(job.asked.scaled & (own > 0), own, 0))
+    parameters, covariance = _estimates(u, m, t, failed, put)
+    found, others = _others(job, curves, dof, m, which, minima, scatter, t, put)
+    unseen = m.known.hidden.any(1) & ~failed
+    state = np.where(failed, status.NOT_CONVERGED, np.where(
+        unseen, status.UNDETERMINED, status.CONVERGED
+    ))  # fmt: skip
+    reduced = np.where((own > 0) & stated, m.cost / np.maximum(own, 1), np.nan)
+    large, small = beyond_chance(reduced, own)
+    errors = "stated" if job.asked.errors == "stated" else "scaled"
+    ok = ~failed
+    shaped = {
+        "not_converged": (failed & ~missed, {}),
+        "misses_without_freedom": (missed, {"n_data": n_data[which], "rms": m.rms}),
+        "not_seen": (unseen, {"parameters": _unseen_names(u, m.known)}),
+        "does_not_describe": (ok & (m.rms > OUT_OF_MODEL), {"rms": m.rms}),
+        "chi2_large": (ok & large, {"chi2_reduced": reduced, "factor": np.sqrt(reduced)}),
+        "chi2_small": (ok & small, {"chi2_reduced": reduced, "factor": np.sqrt(reduced)}),
+        "no_degrees_of_freedom": (ok & (own == 0), {"n_data": n_data[which]}),
+    }
+    further: dict[str, dict[str, Any]] = {
+        "does_not_describe": {"sample": "this stack" if sample.films else "this sample"},
+        "chi2_large": {"errors": errors}, "chi2_small": {"errors": errors},
+        "no_degrees_of_freedom": {"unknowns": int(u.free.sum()), "stated": stated},
+    }  # fmt: skip
+    told = [
+        Finding(code, np.asarray(put(at, False)), further.get(code, {}) | {
+            n: put(v, () if v.dtype == object else 0 if v.dtype.kind in "iu" else np.nan)
+            for n, v in values.items()
+        })
+        for code, (at, values) in shaped.items() if at.any()
+    ]  # fmt: skip
+    if others:
+        one = others[0]
+        told.append(Finding("other_minima", np.isfinite(one.delta_chi2), {
+            "count": put(found, 0), "parameters": tuple(one.parameters),
+            "values": np.stack([np.asarray(e.value) for e in one.parameters.values()], -1),
+            "delta_chi2": one.delta_chi2,
+        }))  # fmt: skip
+    told += _on_parameters(parameters, np.asarray(put(ok & ~unseen, False)))
+    known = np.unique(job.seen.points.wavelength_um[job.seen.measured, 0])
+    waves = np.broadcast_to(known, (*shape, len(known)))
+    pattern = Evaluated(
+        sample, u, job.seen, job.targets, m.y[0], m.known.covariance[0], known,
+        inside=(np.empty((0, u.size)), 1.96),
+    )  # fmt: skip
+    whole = np.full((count, u.size), np.nan)
+    whole[which] = m.y
+    spread = np.full((count, u.size, u.size), np.nan)
+    spread[which] = m.known.covariance
+    taken = errors if stated else "equal"
+    factor = np.sqrt(np.broadcast_to(m.known.variance, own.shape))
+    none = status.NO_DATA
+    return Fit(
+        sample=sample, parameters=parameters, covariance=np.asarray(put(covariance)),
+        wavelength_um=waves[..., 0] if len(known) == 1 else waves,
+        chi2=put(m.cost if stated else np.full_like(m.cost, np.nan)), chi2_reduced=put(reduced),
+        dof=put(own, 0), n_data=put(n_data[which], 0), rms=put(m.rms), cost=put(m.cost),
+        status=put(state, none),
+        errors=ErrorModel(
+            taken=put(np.full(len(which), taken), taken), factor=put(factor),
+            added=put(np.zeros(len(which))), stated=stated, widened=put(np.ones(len(which))),
+        ),
+        evaluations=put(best.evaluations[which], 0), findings=ranked(told), others=others,
+        evaluator=BatchCurves(pattern, whole, spread, shape),
+    )  # fmt: skip

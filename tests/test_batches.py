@@ -1,0 +1,194 @@
+"""Batches of films, plates and models: each curve as `fit` has it, wherever it stands."""
+
+import numpy as np
+import pytest
+
+from fitting import Measurement, fit, fit_many, simulate
+
+WAVES = np.linspace(0.42, 0.8, 30)
+FILM = "air | cauchy:2 60..260 nm | Si"
+# At normal incidence a film of the index 3.9 / 1.45 on silicon is nearly as good.
+LOW = {"A": (1.3, 1.8)}
+
+
+def films(thickness, A, sigma=0.002, seed=0):
+    """R of films on silicon at normal incidence, thickness.shape + (30,), with noise."""
+    each = [
+        simulate(
+            FILM.replace("60..260", "100"), {"thickness_nm": d, "A": a, "B": 0.004}, 0.0, WAVES, "R"
+        )
+        for d, a in zip(np.ravel(thickness), np.ravel(A), strict=True)
+    ]
+    exact = np.reshape(each, (*np.shape(thickness), len(WAVES)))
+    return exact + sigma * np.random.default_rng(seed).standard_normal(exact.shape)
+
+
+def assert_same(one, other):
+    """The same fit, to a hundredth of its errors."""
+    assert one.status == other.status and one.names == other.names
+    assert one.dof == other.dof and one.n_data == other.n_data
+    np.testing.assert_allclose(one.cost, other.cost, rtol=1e-6)
+    for name in one.names:
+        a, b = one.parameters[name], other.parameters[name]
+        sigma = a.sigma if np.isfinite(a.sigma) else max(abs(a.value), 1e-3)
+        assert abs(a.value - b.value) < 0.01 * sigma, name
+        np.testing.assert_allclose(a.sigma, b.sigma, rtol=1e-2)
+        np.testing.assert_allclose(a.interval, b.interval, atol=0.02 * sigma)
+        assert a.status == b.status
+        np.testing.assert_allclose(a.upper_limit, b.upper_limit, rtol=2e-2)
+
+
+@pytest.fixture(scope="module")
+def wafer():
+    """A map (3, 4) of films, what is true of it, and its fit."""
+    thickness = 100.0 + np.arange(12.0).reshape(3, 4)
+    A = np.linspace(1.44, 1.48, 12).reshape(3, 4)
+    R = films(thickness, A)
+    return R, thickness, fit_many(0.0, WAVES, R=R, sigma=0.002, sample=FILM, bounds=LOW, check=2)
+
+
+def test_each_film_is_that_of_fit(wafer):
+    R, thickness, found = wafer
+    assert found.shape == (3, 4) and (found.status == "converged").all()
+    e = found.parameters["thickness_nm"]
+    assert (np.abs(e.value - thickness) < 5.0 * e.sigma).all()
+    for i in ((0, 0), (2, 1)):
+        m = Measurement.from_columns(0.0, WAVES, R=R[i], sigma=0.002)
+        one = fit(m, FILM, bounds=LOW, errors="scaled", intervals="quadratic")
+        assert_same(one, found[i])
+
+
+def test_values_errors_and_curves_have_the_shape_of_the_batch(wafer):
+    R, _, found = wafer
+    assert found.covariance.shape == (3, 4, 3, 3)
+    assert found.wavelength_um.shape == (3, 4, 30)
+    at = found.index([0.5, 0.6], "film")
+    assert at.eta.shape == (3, 4, 2)
+    curve = found.predict(0.0, "R", 0.5)
+    assert curve.value.shape == (3, 4, 1)
+    here = np.argmin(np.abs(WAVES - 0.5))
+    assert np.abs(curve.value[..., 0] - R[..., here]).max() < 0.05
+    one = found[1, 2]
+    assert one.predict(0.0, "R", 0.5).value == curve.value[1, 2]
+    assert "thickness_nm" in str(one) and str(found)
+    assert len(found.to_dataframe()) == 12
+
+
+def test_all_begin_from_a_fit_that_is_near(wafer):
+    R, _, found = wafer
+    options = {"R": R, "sigma": 0.002, "sample": FILM, "bounds": LOW}
+    again = fit_many(0.0, WAVES, **options, near=found[0, 0], check=0)
+    for name in found.names:
+        a, b = found.parameters[name], again.parameters[name]
+        assert (np.abs(a.value - b.value) < 0.01 * a.sigma).all()
+
+
+def test_a_wrong_fringe_order_of_near_is_found_out():
+    """From films that are two fringes too thin, in which all curves rest by themselves."""
+    thickness = 1000.0 + np.arange(6.0)
+    R = films(thickness, np.full(6, 1.46))
+    options = {
+        "R": R,
+        "sigma": 0.002,
+        "sample": FILM.replace("60..260", "600..1400"),
+        "bounds": LOW,
+    }
+    wrong = {"thickness_nm": 690.0, "A": 1.46, "B": 0.004}
+    there = fit_many(0.0, WAVES, **options, start=wrong, check=0)
+    assert (np.abs(there.parameters["thickness_nm"].value - thickness) > 50.0).all()
+    found = fit_many(0.0, WAVES, **options, start=wrong, check=2)
+    np.testing.assert_allclose(found.parameters["thickness_nm"].value, thickness, atol=5.0)
+
+
+def test_a_thickness_that_grows_over_many_fringes_is_followed_along_the_map():
+    thickness = np.linspace(400.0, 1300.0, 40)
+    R = films(thickness, np.full(40, 1.46))
+    sample = FILM.replace("60..260", "300..1400")
+    found = fit_many(0.0, WAVES, R=R, sigma=0.002, sample=sample, bounds=LOW, check=1)
+    np.testing.assert_allclose(found.parameters["thickness_nm"].value, thickness, atol=8.0)
+
+
+def test_psi_and_delta_with_gaps_and_errors_of_their_own():
+    angle, wave = (a.ravel() for a in np.meshgrid([60.0, 70.0], WAVES[::3], indexing="ij"))
+    random = np.random.default_rng(3)
+    data = {"psi": [], "delta": []}
+    for d in (80.0, 90.0, 110.0):
+        values = {"thickness_nm": d, "A": 1.46, "B": 0.004}
+        for q, sigma in (("psi", 0.05), ("delta", 0.1)):
+            exact = simulate("air | cauchy:2 100 nm | Si", values, angle, wave, q)
+            data[q].append(exact + sigma * random.standard_normal(len(angle)))
+    data = {q: np.array(v) for q, v in data.items()}
+    data["delta"][1, 4] = np.nan
+    errors = {"psi": 0.05, "delta": 0.1}
+    found = fit_many(angle, wave, **data, sigma=errors, sample=FILM, check=1)
+    m = Measurement.from_columns(
+        angle, wave, psi=data["psi"][1], delta=data["delta"][1], sigma=errors
+    )
+    assert_same(fit(m, FILM, errors="scaled", intervals="quadratic"), found[1])
+    assert found.n_data.tolist() == [40, 39, 40]
+
+
+def test_a_plate_whose_k_is_beside_0():
+    wave = np.linspace(0.5, 0.9, 16)
+    plate = "air | constant 1 mm thick held | air"
+    exact = simulate("air | cauchy:1 1 mm thick | air", {"A": 1.5}, 0.0, wave, "T")
+    T = exact + 1e-3 * np.random.default_rng(1).standard_normal((4, 16))
+    found = fit_many(0.0, wave, T=T, sigma=1e-3, sample=plate, check=1)
+    for i in range(4):
+        m = Measurement.from_columns(0.0, wave, T=T[i], sigma=1e-3)
+        one = fit(m, plate, errors="scaled", intervals="quadratic")
+        assert_same(one, found[i])
+
+
+def test_one_wavelength_of_a_free_index_is_a_batch_too():
+    exact = [simulate("free", {"eta": n, "k": 0.2}, [60.0, 70.0], 0.6, q)
+             for n in (1.8, 2.0) for q in ("psi", "delta")]  # fmt: skip
+    psi, delta = np.array(exact[::2]), np.array(exact[1::2])
+    found = fit_many([60.0, 70.0], 0.6, psi=psi, delta=delta, sigma=0.01, check=1)
+    np.testing.assert_allclose(found.eta, [1.8, 2.0], atol=1e-6)
+    np.testing.assert_allclose(found.k, 0.2, atol=1e-6)
+
+
+@pytest.mark.parametrize("sample", ["free", FILM])
+def test_a_bad_pixel_is_refused_by_itself(sample):
+    """Saturated, dead, and one of which nothing is known."""
+    if sample == "free":
+        angle, wave = np.linspace(20.0, 80.0, 12), None
+        good = np.tile(simulate("free", {"eta": 1.5, "k": 0.1}, angle, None, "R_s"), (5, 1))
+        name = "R_s"
+    else:
+        angle, wave, name = 0.0, WAVES, "R"
+        good = films(np.full(5, 100.0), np.full(5, 1.46))
+    bad = good.copy()
+    bad[1, 3], bad[2], bad[3] = 65535.0, 0.0, np.nan
+    options = {"sigma": 1e-3, "sample": sample}
+    found = fit_many(angle, wave, **{name: bad}, **options)
+    assert found.status.tolist() == ["converged", "refused", "refused", "no data", "converged"]
+    assert found.warnings[1][0].code == found.warnings[2][0].code == "refused"
+    assert "outside of" in found.warnings[1][0].text and "are 0" in found.warnings[2][0].text
+    assert np.isnan(found.parameters[found.names[0]].value[1:4]).all()
+    alone = fit_many(angle, wave, **{name: good}, **options)
+    for name in found.names:
+        a, b = alone.parameters[name], found.parameters[name]
+        assert (np.abs(a.value - b.value)[[0, 4]] < 0.01 * a.sigma[[0, 4]]).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"sample": "air | auto 100 nm | Si"}, "use choose"),
+        ({"sample": "air | free 50..200 nm | Si"}, "one wavelength a call"),
+        ({"intervals": "profile"}, "quadratic intervals"),
+        ({"errors": "floor"}, "estimated for single curves"),
+        ({"start": {"A": 1.5}}, "no value of B, thickness_nm"),
+        ({"R": np.full((4, 7), 0.3)}, "do not go together"),
+        ({"check": -1}, "check is -1"),
+        ({"T": np.full((4, 30), 0.3), "R": None, "sample": "cauchy"}, "bare surface"),
+        ({"sigma": {"T": 0.1}}, "no data"),
+        ({"R": np.full((4, 30), 30.0)}, "percent"),
+    ],
+)
+def test_what_a_batch_does_not_take(change, said):
+    options = {"R": np.full((4, 30), 0.3), "sigma": 0.002, "sample": FILM, **change}
+    with pytest.raises(ValueError, match=said):
+        fit_many(0.0, WAVES, **options)
