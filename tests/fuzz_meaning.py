@@ -21,9 +21,9 @@ from pathlib import Path
 import numpy as np
 from drawn_files import SPELLINGS, Case, Draw, numbers_of_texts, texts_of
 
-from fitting.measurements.errors import for_command
-from fitting.measurements.from_file import read_csv
-from fitting.measurements.measurement import MeasurementError
+from fitting.data.errors import for_command
+from fitting.data.measurement import MeasurementError
+from fitting.reader.from_file import read_csv
 from fitting.samples.material_tables import index_in_table
 
 

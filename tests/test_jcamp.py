@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from reading import read, refusal
 
-from fitting.measurements.reader import jcamp
+from fitting.reader import jcamp
 
 HEAD = """##TITLE= a made-up plate
 ##JCAMP-DX= 4.24 $$ numbers of no instrument

@@ -6,7 +6,7 @@ from estimates import texts
 from simulated import textbook
 
 from fitting import Measurement, fit, fit_many
-from fitting.measurements.errors import MeasurementError
+from fitting.data.errors import MeasurementError
 from fitting.residuals.noise import misfit, neighbour_noise, robust_noise
 
 

@@ -10,9 +10,9 @@ import pytest
 from simulated import GOLD
 
 from fitting import fit
-from fitting.measurements.from_file import read_csv
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 from fitting.output import style
+from fitting.reader.from_file import read_csv
 
 
 @pytest.fixture(scope="module")

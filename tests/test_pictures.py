@@ -8,9 +8,9 @@ import pytest
 from simulated import GOLD, simulated, textbook
 
 from fitting import fit, fit_many, simulate
-from fitting.measurements.from_file import read_csv
-from fitting.measurements.measurement import Measurement, concatenate
+from fitting.data.measurement import Measurement, concatenate
 from fitting.output import style
+from fitting.reader.from_file import read_csv
 from fresnel_jax.dispersion import HC_EV_UM
 
 

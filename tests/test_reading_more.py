@@ -13,10 +13,10 @@ from simulated import GOLD
 
 from fitting import fit, read_csv
 from fitting.command import cli
-from fitting.measurements.measurement import Measurement, MeasurementError
-from fitting.measurements.reader import lines as lines_module
+from fitting.data.measurement import Measurement, MeasurementError
 from fitting.output.as_data import data_csv
 from fitting.process.visible import visible
+from fitting.reader import lines as lines_module
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = "angle,R\n10,.1\n45,.2\n80,.5\n"

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from fitting.measurements.quantities import POWERS
+from fitting.data.quantities import POWERS
 from fitting.optics.instrument import BEAM, SLIT, cosines, detected, slit
 from fitting.optics.partial_derivatives import by_partial_derivatives
 from fitting.samples.dispersion import Model

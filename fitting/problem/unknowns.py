@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
-from fitting.measurements.quantities import POWERS, are_powers
+from fitting.data.measurement import Measurement
+from fitting.data.quantities import POWERS, are_powers
 from fitting.optics.averages import largest, with_places, within_slit
 from fitting.optics.instrument import INSTRUMENT, PER_CURVE, instrument_parameter
 from fitting.optics.observe import Media, Spec

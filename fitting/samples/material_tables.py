@@ -6,19 +6,19 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.measurements.errors import named, refuse
-from fitting.measurements.reader.axes import wavelengths
-from fitting.measurements.reader.cells import looks_like_data, split_cells, to_numbers
-from fitting.measurements.reader.columns import Column, Layout, roles_of
-from fitting.measurements.reader.evidence import evidence
-from fitting.measurements.reader.header import uncomment
-from fitting.measurements.reader.lines import read_lines
-from fitting.measurements.reader.names import role_of
-from fitting.measurements.reader.options import parse_options
-from fitting.measurements.reader.reading import Reading
-from fitting.measurements.reader.table import Table, filled_columns, label_of, read_table
-from fitting.measurements.reader.units import span_of
-from fitting.measurements.reader.unread_columns import came_in, left_out
+from fitting.data.errors import named, refuse
+from fitting.data.units import span_of
+from fitting.reader.axes import wavelengths
+from fitting.reader.cells import looks_like_data, split_cells, to_numbers
+from fitting.reader.columns import Column, Layout, roles_of
+from fitting.reader.evidence import evidence
+from fitting.reader.header import uncomment
+from fitting.reader.lines import read_lines
+from fitting.reader.names import role_of
+from fitting.reader.options import parse_options
+from fitting.reader.reading import Reading
+from fitting.reader.table import Table, filled_columns, label_of, read_table
+from fitting.reader.unread_columns import came_in, left_out
 
 # Wavelengths without a unit are in micrometres below 100, as refractiveindex.info exports them;
 # from there to 2000 they are in nanometres, above it they may be in angstrom.

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
-from fitting.measurements.quantities import TABLE
-from fitting.measurements.several_files import millimetres_named, refuse_several_thicknesses
+from fitting.data.measurement import Measurement
+from fitting.data.quantities import TABLE
+from fitting.data.several_files import millimetres_named, refuse_several_thicknesses
 from fitting.samples.dispersion import Model
 from fitting.samples.known_media import known_medium
 from fitting.samples.sample import Sample

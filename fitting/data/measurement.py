@@ -1,0 +1,198 @@
+"""A checked measurement: every value of a file or of arrays is checked here, once.
+
+Angles are degrees of incidence from the normal, wavelengths micrometres, powers
+fractions; psi and Delta are degrees in the ellipsometer's convention
+(Delta = -arg(r_p / r_s) for indices eta + i k; R. M. A. Azzam and N. M. Bashara,
+*Ellipsometry and Polarized Light*, 1977, section 4.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fitting.data.checks import all_alike, is_running
+from fitting.data.errors import MeasurementError as MeasurementError
+from fitting.data.errors import named
+from fitting.data.from_arrays import from_arrays
+from fitting.data.quantities import QUANTITIES as QUANTITIES
+from fitting.process.visible import visible
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """Measured values in long form: row i of every array is one datum.
+
+    Build it with :func:`read_csv` or :meth:`from_columns`; both check every value. The arrays
+    are read-only. Gaps of the file are left out, rows keep the order of the file within one
+    quantity, and repeated points are kept.
+
+    angle_deg: (N,) float64, degrees from the normal, 0 to 90.
+    wavelength_um: (N,) float64, vacuum wavelength in micrometres; NaN where none is known.
+    quantity: (N,) strings out of ``QUANTITIES``.
+    value: (N,) float64; fractions for R and T, degrees for psi (0 to 90) and delta.
+    sigma: (N,) float64, one standard error in the unit of the value; NaN where none is known.
+    polarizer_deg: (N,) float64, for R and T alone: angle of a linear polarizer from the plane of
+        incidence, so that R = R_p cos^2 + R_s sin^2; NaN (the usual case) means that ``quantity``
+        says all. 0 and 90 never appear: they are R_p and R_s.
+    source: name of the file, or of the arrays.
+    understood: sentences that say how the numbers were read.
+    """
+
+    angle_deg: np.ndarray
+    wavelength_um: np.ndarray
+    quantity: np.ndarray
+    value: np.ndarray
+    sigma: np.ndarray
+    polarizer_deg: np.ndarray
+    source: str
+    understood: str
+
+    def __repr__(self) -> str:
+        return f"Measurement({self.source}: {self.understood})"
+
+    def __len__(self) -> int:
+        """Return the number of values."""
+        return len(self.value)
+
+    @property
+    def s_share(self) -> np.ndarray:
+        """Share of s in the light that a sum of R_s and R_p takes (N,); one half if unpolarized."""
+        s = np.sin(np.radians(self.polarizer_deg)) ** 2
+        return np.where(np.isnan(s), 0.5, s)
+
+    def where(self, keep: np.ndarray) -> Measurement:
+        """Return the rows that the boolean mask or index array ``keep`` selects."""
+        columns = [frozen(column[keep]) for column in _arrays(self)]
+        return Measurement(*columns, source=self.source, understood=self.understood)
+
+    def at_wavelength(self, wavelength_um: float) -> np.ndarray:
+        """Return the mask of the rows at a wavelength; NaN: of those of which none is known."""
+        known = self.wavelength_um
+        return np.isnan(known) if np.isnan(wavelength_um) else known == wavelength_um
+
+    @staticmethod
+    def from_columns(
+        angle_deg: object,
+        wavelength_um: object = None,
+        *,
+        sigma: object = None,
+        polarizer_deg: object = None,
+        angle_unit: str = "deg",
+        wavelength_unit: str = "um",
+        scale: float = 1.0,
+        divide_by: Mapping[str, object] | None = None,
+        ratio_to: object = None,
+        source: str = "arrays",
+        **values: object,
+    ) -> Measurement:
+        """Return the checked measurement in arrays of one length (or scalars).
+
+        Args:
+            angle_deg: angles of incidence, 0 to 90 degrees, or in ``angle_unit``.
+            wavelength_um: micrometres above 0, or in ``wavelength_unit``; None where unknown.
+            sigma: standard errors above 0: one number or array for all quantities, or a mapping
+                from quantity to one; None where unknown.
+            polarizer_deg: see :class:`Measurement`.
+            angle_unit: deg, rad, mrad, grazing-deg, ... as in :func:`read_csv`.
+            wavelength_unit: um, nm, angstrom, eV, cm-1, THz, ... as in :func:`read_csv`.
+            scale: factor that makes powers (and their errors) fractions: 0.01 for percent.
+            divide_by: quantity -> array of the same length (or a number), the scan of a reference,
+                by which values are divided; "sigma_R" -> its standard errors.
+            ratio_to: text of a sample without anything to be fitted, "Si": values (after that
+                division) are ratios to its reflectance, and are multiplied by it.
+            values: one array per quantity, named as in ``QUANTITIES``: ``R_s=..., R_p=...``. NaN
+                is a gap and leaves the datum out.
+
+        Returns: a `Measurement` whose ``understood`` states the ranges of the values.
+
+        Raises:
+            MeasurementError: for an unknown name, unequal lengths, or a value out of its range.
+        """
+        source = visible(str(source))
+        with named(source):
+            data, understood = from_arrays(
+                [angle_deg, wavelength_um, polarizer_deg], values, sigma, source,
+                angle_unit=angle_unit, wavelength_unit=wavelength_unit, scale=float(scale),
+                divide_by=divide_by, ratio_to=ratio_to,
+            )  # fmt: skip
+        return Measurement(*map(frozen, data), source=source, understood=understood)
+
+    @staticmethod
+    def from_dataframe(table: Any, *, ignore: Collection[str] = (), **options: Any) -> Measurement:
+        """Return the measurement in a table with named columns.
+
+        Args:
+            table: a pandas or polars data frame, a mapping, or any other table with ``[name]``,
+                and ``keys()`` or ``columns``. Columns "angle_deg", "wavelength_um" (or
+                "wavelength_nm"), "polarizer_deg", the names in ``QUANTITIES``, and "sigma_" before
+                one; any other must be constant or a running number.
+            ignore: names of columns that shall not be read.
+            options: as for :meth:`from_columns`; they overrule columns.
+        """
+        columns: dict[str, Any] = {}
+        sigma: dict[str, Any] = {}
+        names = table.keys() if hasattr(table, "keys") else getattr(table, "columns", None)
+        if names is None:
+            raise MeasurementError(
+                f"{type(table).__name__} came; a table with named columns was wanted, such as a "
+                "data frame or a dictionary of arrays."
+            )
+        names = [name for name in map(str, names) if name not in ignore]
+        if "wavelength_um" in options:  # in micrometres, whatever the unit of a column
+            names = [name for name in names if not name.startswith("wavelength_")]
+        elif {"wavelength_um", "wavelength_nm"} <= set(names):
+            raise MeasurementError(
+                "the table has columns wavelength_um and wavelength_nm; leave one of them out."
+            )
+        for name in names:
+            if name in (*QUANTITIES, "angle_deg", "wavelength_um", "polarizer_deg"):
+                columns[name] = table[name]
+            elif name == "wavelength_nm":
+                columns["wavelength_um"] = table[name]
+                columns["wavelength_unit"] = "nm"
+            elif name.removeprefix("sigma_") in QUANTITIES:
+                sigma[name.removeprefix("sigma_")] = table[name]
+            else:
+                cells = [*map(str, np.asarray(table[name]).tolist())]
+                if not (all_alike(cells) or is_running(cells)):
+                    raise MeasurementError(
+                        f"the column {name!r} ({', '.join(dict.fromkeys(cells[:3]))}, ...) is not "
+                        "read, but differs from row to row. Give it the name of what it is, or "
+                        f"leave it out with ignore=[{name!r}]."
+                    )
+        if "angle_deg" not in {**columns, **options}:
+            raise MeasurementError(
+                "the table has no column angle_deg. Give the column of angles this name, or give "
+                "angle_deg=..."
+            )
+        return Measurement.from_columns(
+            **{**columns, **({"sigma": sigma} if sigma else {}), "source": "table", **options}
+        )
+
+
+def _arrays(m: Measurement) -> tuple[np.ndarray, ...]:
+    return m.angle_deg, m.wavelength_um, m.quantity, m.value, m.sigma, m.polarizer_deg
+
+
+def frozen(column: np.ndarray) -> np.ndarray:
+    column = np.array(column)
+    column.flags.writeable = False
+    return column
+
+
+def concatenate(*measurements: Measurement) -> Measurement:
+    """Return several measurements, such as one file for each polarization, as one, in order."""
+    if not measurements:
+        raise MeasurementError("no measurement came; at least one was wanted.")
+    if len(measurements) == 1:
+        return measurements[0]
+    columns = zip(*(_arrays(m) for m in measurements), strict=True)
+    return Measurement(
+        *(frozen(np.concatenate(column)) for column in columns),
+        source=", ".join(dict.fromkeys(m.source for m in measurements)),
+        understood="; ".join(f"{m.source}: {m.understood}" for m in measurements),
+    )

@@ -1,0 +1,256 @@
+"""Which column of a table is the angle, the wavelength, each value and its standard error."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import NamedTuple, NoReturn
+
+from fitting.data.errors import refuse
+from fitting.data.quantities import POLARIZED, POWER_LETTERS
+from fitting.data.units import FORM_OF
+from fitting.reader.cells import is_number, to_numbers
+from fitting.reader.names import Role, role_of
+from fitting.reader.options import Options
+from fitting.reader.table import Table, filled_columns, find_column, label_of
+from fitting.reader.unread_columns import left_out
+
+# words by which a column shows that rows are means or deviations of other rows; Accurion EP3 and
+# EP4 write the mean of the zones as zone 0, their deviation as zone 5
+_STATISTICS = {"mean", "avg", "average", "std", "stdev", "sd", "sigma", "error", "median"}
+_ZONES = {"0", "5"}
+
+
+class Column(NamedTuple):
+    """One column in use: its place from 0, its label for messages, and what it means."""
+
+    index: int
+    label: str
+    role: Role
+
+
+class Layout(NamedTuple):
+    """The columns in use. ``sigmas`` has for each value its standard error, or None.
+
+    unused: labels of the columns that are not read. left_out: what those of them may be, by their
+    index, of which the fit may not do without.
+    """
+
+    angle: Column | None
+    wavelength: Column | None
+    polarization: Column | None
+    polarizer: Column | None
+    values: list[Column]
+    sigmas: list[Column | None]
+    unused: list[str]
+    left_out: dict[int, str]
+
+
+def _refuse(table: Table, text: str, column: str = "") -> NoReturn:
+    line = table.header or table.lines[0]
+    refuse(text, line, column)
+
+
+def _range_of(table: Table, index: int) -> str:
+    cells = [row[index] for row in table.rows if is_number(row[index])]
+    numbers, _ = to_numbers(cells, [0] * len(cells), table.decimal, str(index + 1))
+    return f"{numbers.min():.4g} to {numbers.max():.4g}" if cells else "no numbers"
+
+
+def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
+    filled = filled_columns(table.rows)
+    listed = "; ".join(
+        f"{i + 1}{' ' + repr(table.names[i]) if table.names[i] else ''}: {_range_of(table, i)}"
+        + (f" ({roles[i].why})" if roles[i].why else "")
+        for i in filled[:8]
+    )
+    x, y = filled[0] + 1, filled[1] + 1
+    advice = (
+        f"Say what they are, for example --columns angle={x},R={y} --angle-unit deg (or rad; for "
+        f"Q 1/angstrom, with --wavelength-um NUMBER) or --columns wavelength={x},R={y} "
+        "--wavelength-unit nm, with --scale 0.01 if R is in percent."
+    )
+    came = "no column is named as a reflectance, transmittance, psi or delta that can be fitted"
+    if not table.header:
+        came = f"the {len(filled)} columns have no names, since no line above them has "
+        came += f"{len(table.names)} names"
+        advice += " If the comma is the decimal mark too, write the file with semicolons."
+    elif all(roles[i].why or roles[i].kind for i in filled):
+        advice = (
+            "A table of R, R_s, R_p, T, psi or delta over the angle of incidence or the "
+            "wavelength was wanted, powers as fractions of the incident light. If a column holds "
+            "one of these under another name, say which with --columns. A raw signal is read as R "
+            "or T in this way, if --divide-by names the scan of the direct beam or a reference."
+        )
+    _refuse(table, f"{came} ({listed}). {advice}")
+
+
+def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
+    found = defaultdict[str, list[Column]](list)
+    taken: dict[int, str] = {}
+    for name, wanted in options.columns.items():
+        index = find_column(table, wanted, "--columns")
+        errors = name.startswith("sigma_") and taken.get(index, "").startswith("sigma_")
+        if index in taken and not errors:  # one column may be the error of several values
+            refuse(
+                f"--columns gives column {wanted} to both {taken[index]} and {name}. Name one "
+                "column for each."
+            )
+        taken[index] = name
+        role = role_of(table.names[index], table.units[index])
+        if name in ("angle", "wavelength"):
+            form = FORM_OF.get(role.unit, "q")
+            if (form == "q") == (name == "wavelength") or not role.unit:
+                form = "incidence" if name == "angle" else "wavelength"
+            role = role if role.kind == name else Role(name, form=form, unit=role.unit)
+        elif name in ("polarization", "polarizer"):
+            role = Role(name, unit=role.unit)
+        else:
+            kind = "sigma" if name.startswith("sigma_") else "value"
+            role = Role(kind, name.removeprefix("sigma_"), unit=role.unit, at=role.at)
+        found[role.kind].append(Column(index, label_of(table, index), role))
+    if not found["value"]:
+        refuse("--columns names no value; add one such as R=2, R_s=2 or psi=3.")
+    return found
+
+
+def roles_of(table: Table) -> list[Role]:
+    """Return what each name in the header says."""
+    orso = any("ORSO reflectivity data file" in text for _, text in table.preamble[:3])
+    # the prefix by which that format marks errors
+    names = [
+        "sigma " + name[1:] if orso and name[:1] == "s" and name[1:2].isupper() else name
+        for name in table.names
+    ]
+    return [role_of(name, unit) for name, unit in zip(names, table.units, strict=True)]
+
+
+def _implicit(table: Table, roles: list[Role], filled: list[int]) -> dict[str, list[Column]]:
+    found = defaultdict[str, list[Column]](list)
+    for index, role in enumerate(roles):
+        name = table.names[index]
+        if role.kind == "unclear" and index in filled:
+            value, named = role.quantity.removeprefix("sigma_"), f"{role.quantity}={index + 1}"
+            wanted = named if value == role.quantity else f"{value}=2,{named}"
+            if not role.quantity:  # of no use as it is
+                wanted = "R=2 without it, or make them absolute"
+            _refuse(
+                table,
+                f"this may be {role.why}. Name all columns to be read, for example --columns "
+                f"angle=1,{wanted}.",
+                name,
+            )
+        if role.kind and index in filled:
+            found[role.kind].append(Column(index, label_of(table, index), role))
+    if not found["value"]:
+        _refuse_without_values(table, roles)
+    return found
+
+
+def _only(table: Table, columns: list[Column], role: str) -> Column | None:
+    if len(columns) > 1:
+        a, b = columns[0], columns[1]
+        _refuse(
+            table,
+            f"columns {a.index + 1} {a.label!r} and {b.index + 1} {b.label!r} both give {role}. "
+            f"Name all columns to be read, for example --columns {role}={a.index + 1},...",
+        )
+    return columns[0] if columns else None
+
+
+def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Column | None]:
+    """Return the standard error of each value: by its name, or standing right behind the value."""
+    attached: list[Column | None] = [None] * len(values)
+    nameless = sum(not sigma.role.quantity for sigma in sigmas)
+    for sigma in sigmas:
+        name, at = sigma.role.quantity, sigma.role.at
+        fits = [
+            i
+            for i, value in enumerate(values)
+            if (value.role.quantity.endswith(name) if name[:1] == "_" else
+                value.role.quantity == name)
+            and at in (None, value.role.at)
+        ]  # fmt: skip
+        if not name and len(values) == 1:
+            fits = [0]
+        elif not name and nameless >= len(values):
+            fits = [i for i, value in enumerate(values) if value.index == sigma.index - 1]
+        elif name and not fits:
+            continue
+        if len(fits) != 1 or attached[fits[0]] is not None:
+            all_of = ",".join(f"{v.role.quantity}={v.index + 1}" for v in values)
+            errors = ",".join(f"sigma_{v.role.quantity}={sigma.index + 1}" for v in values)
+            _refuse(
+                table,
+                f"it is not clear which value the standard errors in column {sigma.index + 1} "
+                f"{sigma.label!r} belong to. Name all columns to be read: if they belong to all "
+                f"values, --columns angle=1,{all_of},{errors}.",
+            )
+        attached[fits[0]] = sigma
+    return attached
+
+
+def _refuse_computed_rows(table: Table, used: set[int]) -> None:
+    """Raise where a column shows that some rows are means or deviations of others."""
+    for index, name in enumerate(table.names):
+        zones = name.lower() == "zone"
+        if index in used:
+            continue
+        words = _ZONES if zones else _STATISTICS
+        cells = [row[index].lower() for row in table.rows]
+        first = next((i for i, cell in enumerate(cells) if cell in words), -1)
+        if first >= 0 and len(set(cells)) > 1:
+            label = label_of(table, index)
+            keep = "1,2,3,4 for the measured ones (or Zone=0)" if zones else "WORD"
+            refuse(
+                f"{table.rows[first][index]!r} says that this row is a mean or a standard "
+                f"deviation of others. Say which rows to read with --keep {label}={keep}.",
+                table.lines[first],
+                label,
+            )
+
+
+def choose_columns(table: Table, options: Options) -> Layout:
+    """Return the columns to be read, as the option ``columns`` or else the header says.
+
+    Refuses a file where two columns claim one role, none holds a value, or rows are
+    statistics of other rows.
+    """
+    roles = roles_of(table)
+    filled = [
+        i for i in filled_columns(table.rows)
+        if not {table.names[i].lower(), str(i + 1)} & set(options.ignore)
+    ]  # fmt: skip
+    found = _explicit(table, options) if options.columns else _implicit(table, roles, filled)
+    values = found["value"]
+    if not any(value.role.quantity in (*POWER_LETTERS, *POLARIZED) for value in values):
+        found["polarization"] = found["polarizer"] = []
+    for of in dict.fromkeys((value.role.quantity, value.role.at) for value in values):
+        _only(table, [v for v in values if (v.role.quantity, v.role.at) == of], of[0])
+    angled = [value for value in values if value.role.at is not None]
+    if angled and (len(angled) < len(values) or found["angle"]):
+        _refuse(
+            table,
+            "this name gives an angle of incidence, and other columns give another, or none. Name "
+            "all columns to be read with --columns, and the angle with --angle-deg.",
+            angled[0].label,
+        )
+    names = {value.role.quantity for value in values}
+    for letter in POWER_LETTERS:
+        if {letter, letter + "_s", letter + "_p"} <= names and not options.columns:
+            _refuse(
+                table,
+                f"{letter} beside {letter}_s and {letter}_p may be their mean, and would count "
+                "twice. Name all columns to be read, for example --columns "
+                f"angle=1,{letter}_s=2,{letter}_p=3.",
+            )
+    kinds = ("angle", "wavelength", "polarization", "polarizer")
+    single = {kind: _only(table, found[kind], kind) for kind in kinds}
+    sigmas = _attach(table, values, found["sigma"])
+    used = {c.index for c in [*single.values(), *values, *sigmas] if c is not None}
+    _refuse_computed_rows(table, used)
+    chosen = used | {find_column(table, name, "--keep") for name in options.keep}
+    read = [column for column in single.values() if column is not None]
+    rest = {} if options.columns else {i: roles[i] for i in filled if i not in chosen}
+    lost = left_out(table, rest, [column.index for column in read])
+    unused = [label_of(table, i) for i in filled_columns(table.rows) if i not in used]
+    return Layout(**single, values=values, sigmas=sigmas, unused=unused, left_out=lost)

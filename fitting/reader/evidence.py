@@ -1,0 +1,260 @@
+"""What comments, settings and the name of the file say about the whole measurement.
+
+Each of them that names an angle, a polarization, a wavelength or a unit is heard: it is used where
+it says one thing and nothing else; it is overruled by the option for it; else the file is refused
+and the option named. What is not in the vocabulary is not understood, and no reason to guess.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import PurePath
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.data.quantities import POWER_LETTERS
+from fitting.data.units import WAVELENGTH_UNITS, incidence_deg, wavelength_um
+from fitting.reader.options import Options
+from fitting.reader.vocabulary import (
+    AXIS_CONCEPTS,
+    LETTERS,
+    OTHER_POWER,
+    QUANTITY_CONCEPTS,
+    SPOKEN,
+    Words,
+    light_of,
+    plain,
+    spelled,
+    words_of,
+)
+
+# kind of statement -> what it gives, the option that overrules it, and the fields of that option
+OPTION = {
+    "angle": ("the angle of incidence", "--angle-deg NUMBER", "angle_deg"),
+    "angle unit": (
+        "the unit of the angles",
+        "--angle-unit deg, rad, grazing-deg, ...",
+        "angle_unit",
+    ),
+    "light": ("the polarization", "--polarization s, p or unpolarized", "light codes polarizer"),
+    "wavelength": ("the wavelength", "--wavelength-um NUMBER", "wavelength_um"),
+    "wavelength unit": (
+        "the unit of wavelengths",
+        "--wavelength-unit nm, um, ...",
+        "wavelength_unit",
+    ),
+    "power unit": ("the unit of the powers", "--scale 0.01 for percent, 1 for fractions", "scale"),
+    "psi unit": ("the unit of psi and delta", "--psi-unit deg or rad", "psi_unit"),
+    "errors": (
+        "errors of another size than one standard deviation",
+        "--columns angle=1,R=2,sigma_R=3 if they are one standard deviation; else divide them, or "
+        "leave them out of --columns",
+        "columns",
+    ),
+    "quantity": ("the measured quantity", "--columns angle=1,R=2 or the like", "columns"),
+}
+FULL_NAME = "the file name"
+_LENGTHS = {"nm", "um", "angstrom"}
+_ANGULAR = {"deg", "rad", "mrad"}
+_ANGLES = ("incidence", "angle", "grazing", "doubled", "surface")
+_CLAUSE = re.compile(r"[,;|](?=\s|$)|(?<=[a-z])\.\s")  # "incidence;45" is one
+# in the name of a file: s or p before "pol", and words that are a polarization as they are written
+_POLARIZED = re.compile(r"(?i)(?<![^\W_])([sp])[ _]?pol(?:ari[sz]ed)?(?![^\W_\d])")
+_MODES = {"TE": "s", "TM": "p"} | {q + light: light for q in SPOKEN for light in "sp"}
+_EXPANDED = re.compile(
+    r"(?i)(?<![\w.,])(?:1[.,]96|[2-9])\s*[-*x]?\s*(?:sigma|s\.?d\.?|std|stdev|standard)(?![^\W_])"
+    r"|(?<![^\W_])(?:coverage|confidence|expanded|konfidenz|vertrauens|erweitert)"
+)
+_NUMBERED = re.compile(r"(?i)(?:angle|theta|winkel)[ _=]*[0-9]")
+
+
+class Said(NamedTuple):
+    """One thing that is said. value: a number (degrees, micrometres), a letter or a unit, or None
+    where the words say more than that, or something else; numbers: those of such an angle."""
+
+    kind: str
+    value: float | str | None
+    where: str
+    text: str
+    numbers: tuple[float, ...] = ()
+
+
+Heard = list[tuple[str, float | str | None]]
+
+
+def _only(words: Words, *concepts: str) -> bool:
+    """Return whether a clause says nothing beyond these concepts, and one number at most."""
+    known = {"filler", "article", "normal", *concepts}
+    return not words.unknown and words.concepts <= known and len(words.numbers) <= 1
+
+
+def _angle(words: Words) -> Heard:
+    """Return what a clause says of the angle of incidence, or of how angles count."""
+    said = words.concepts
+    units = words.units | {unit for _, unit in words.numbers} - {""}
+    about = said & {"incidence", "grazing", "oblique"} or (
+        said & {"angle", "doubled"} and "no incidence" not in said
+    )
+    other = said & {"no incidence", "polarization", "polarizer", "psi", "delta", "s", "p"}
+    perhaps = words.numbers and "some angle" in said
+    if not (about or perhaps) and (other or not units & _ANGULAR):
+        return []
+    clear = about and units <= _ANGULAR
+    clear = clear and _only(words, *_ANGLES)
+    unit = next(iter(units & _ANGULAR), "")
+    if not words.numbers:
+        if not clear:
+            kinds = ("angle",) if "oblique" in said else ("angle", "angle unit")
+            return [(kind, None) for kind in kinds]
+        if said & {"grazing", "doubled"} or ("surface" in said and "normal" not in said):
+            known = "grazing" in said and unit in ("deg", "rad")
+            return [("angle", None), ("angle unit", "grazing-" + unit if known else None)]
+        if unit:
+            return [("angle unit", unit)]
+        return [("angle", 0.0 if {"normal", "incidence"} <= said else None)]
+    number = words.numbers[0][0]
+    # 1.6 is the largest number that can be a right angle in radians
+    clear = clear and (unit or number > 1.6 or number == 0.0) and not said & {"doubled", "surface"}
+    unit = unit or "deg"
+    if "grazing" in said:
+        clear, unit = clear and unit != "mrad", "grazing-" + unit
+    value = float(incidence_deg(np.array(number), unit, np.array(np.nan))) if clear else np.nan
+    return [("angle", value if 0.0 <= value <= 90.0 else None)]
+
+
+def _wavelength(words: Words) -> Heard:
+    said = words.concepts
+    sized = ({unit for _, unit in words.numbers} | words.units) & set(WAVELENGTH_UNITS)
+    bare = not words.units and words.numbers and not words.numbers[0][1]
+    alone = bare and _only(words, "laser")  # "laser,532"
+    photon = {unit for _, unit in words.numbers} & {"eV", "keV"}  # or the gap of the material
+    if not (
+        "wavelength" in said
+        or (said & set(AXIS_CONCEPTS) and sized)
+        or ("laser" in said and (sized & _LENGTHS or alone))
+        or (bare and said & set(AXIS_CONCEPTS) and _only(words, *AXIS_CONCEPTS))
+        or photon
+    ):
+        return []  # a laser's power, a pulse's energy, a chopper's frequency
+    named = said & {"wavelength", "laser", *AXIS_CONCEPTS}
+    clear = named and _only(words, "wavelength", "laser", *AXIS_CONCEPTS)
+    unit = next(iter(sized), "")
+    if not words.numbers:
+        if not clear and unit:
+            return [("wavelength", None), ("wavelength unit", None)]
+        return [("wavelength unit", unit)] if unit else []
+    number = words.numbers[0][0]
+    if not clear or not unit or number <= 0.0:
+        return [("wavelength", None)]
+    return [("wavelength", float(wavelength_um(np.array(number), unit)))]
+
+
+def _light(words: Words) -> Heard:
+    said = words.concepts
+    letters = said & LETTERS or ({"u"} if "none" in said else set())
+    named = said & {"polarization", "polarizer"} or ("wave" in said and letters)
+    named = named or any(
+        word in ("TE", "TM") or word.lower().startswith(("unpol", "spol", "ppol"))
+        for word in words.capitals
+    )
+    # "parallel" alone may be the light's direction or that of its field
+    alone = any(len(w) > 2 and light_of(w.lower()) for w in words.capitals)
+    if not (named or alone or "direction" in said):
+        return []
+    clear = named and not words.numbers and len(letters) == 1
+    clear = clear and _only(words, "polarization", "wave", "none", *LETTERS)
+    return [("light", next(iter(letters)) if clear else None)]
+
+
+def _units(words: Words) -> Heard:
+    """Return what a clause says of the unit of powers, or, without a number, of psi and Delta."""
+    said = words.concepts
+    if "scaled" in said and not words.unknown and any(not unit for _, unit in words.numbers):
+        return [("power unit", None)]
+    relative = "relative" in said and said & {*POWER_LETTERS, "raw"} and "error" not in said
+    if relative or "normalized" in said:
+        return [("power unit", None)]  # to a reference mirror, not to the direct beam
+    if words.numbers or not words.units:
+        return []
+    unit = next(iter(words.units)) if len(words.units) == 1 else ""
+    quantities = said & {*QUANTITY_CONCEPTS, "raw"}
+    if quantities & {"psi", "delta"} and words.units & {"deg", "rad"}:
+        return [("psi unit", unit if unit and _only(words, "psi", "delta", "angle") else None)]
+    powers = {"percent", "permille"} | ({"1", "arb"} if quantities else set())
+    if words.units & powers:
+        clear = unit and unit != "permille" and _only(words, *POWER_LETTERS)
+        return [("power unit", unit if clear else None)]
+    return []
+
+
+def _quantity(words: Words) -> Heard:
+    """Return the quantities that are written out; as letters they are names of columns."""
+    named = words.concepts & {*POWER_LETTERS, OTHER_POWER}
+    return [("quantity", q) for q in named if q not in words.capitals]
+
+
+_HEARERS = (_angle, _wavelength, _light, _units, _quantity)
+
+
+def _heard(words: Words, where: str, text: str) -> list[Said]:
+    numbers = tuple(n for n, unit in words.numbers if unit in ("", "deg"))
+    numbers = numbers if len(numbers) == 1 else ()  # two may be the range of a scan
+    found = [pair for hear in _HEARERS for pair in hear(words)]
+    return [
+        Said(kind, value, where, text[:80], numbers if kind == "angle" and value is None else ())
+        for kind, value in found
+    ]
+
+
+def statements(line: int, text: str) -> list[Said]:
+    """Return what one comment, setting or remark says of the whole measurement."""
+    clauses = [text] if "{" in text else _CLAUSE.split(text)
+    expanded = [Said("errors", None, f"line {line}", text.strip()[:80])]
+    return expanded * bool(_EXPANDED.search(spelled(text))) + [
+        s for clause in clauses for s in _heard(words_of(clause), f"line {line}", text.strip())
+    ]
+
+
+def _statements_of_name(stem: str) -> list[Said]:
+    """Return what the name of the file says; of an angle, that it does, for people to confirm.
+
+    A word that is not known is the sample's, and no reason for doubt.
+    """
+    text = re.sub(r"(?<=[^\W_])-(?=[^\W_])", " ", plain(stem))
+    words = words_of(text)._replace(unknown=False)
+    said, name = words.concepts, stem[:80]
+    found = []
+    named = bool(said & {"incidence", "grazing", "some angle"} or _NUMBERED.search(text))
+    degrees = [n for n, unit in words.numbers if unit == "deg" or (named and not unit)]
+    if degrees and (named or "no incidence" not in said):
+        found.append(Said("angle", None, FULL_NAME, f"{degrees[0]:g}", (degrees[0],)))
+    lengths = [number for number in words.numbers if number[1] in _LENGTHS]
+    heard = _wavelength(words._replace(concepts=said & {"wavelength"}, numbers=lengths))
+    heard += _units(words._replace(numbers=[])) + _quantity(words)
+    concepts = said & {"normal", *_ANGLES} | ({"angle"} if words.units & _ANGULAR else set())
+    counted = words._replace(concepts=concepts, numbers=[])
+    heard += [pair for pair in _angle(counted) if pair != ("angle", None)]
+    found += [Said(*pair, FULL_NAME, name) for pair in heard]
+    # written as a word of its own, or before "pol": p-pol, s_polarized; not "sp", nor "P3HT"
+    parts = re.findall(r"[^\W_]+", text)
+    letters = {_MODES.get(part, "u" if part.lower().startswith("unpol") else "") for part in parts}
+    letters = (letters | {letter.lower() for letter in _POLARIZED.findall(text)}) - {""}
+    alone = {part.lower() for part in parts if part in ("s", "p", "S", "P")}
+    doubt = len(alone) == 1 or _light(words._replace(numbers=[]))
+    if letters or doubt:
+        light = next(iter(letters)) if len(letters) == 1 else None
+        found.append(Said("light", light, FULL_NAME, name))
+    return found
+
+
+def evidence(source: str, preamble: list[tuple[int, str]]) -> list[Said]:
+    """Return what the lines beside the numbers and the name of the file say."""
+    said = [one for line, text in preamble for one in statements(line, text)]
+    return said + _statements_of_name(PurePath(source).stem)
+
+
+def without(said: list[Said], options: Options) -> list[Said]:
+    """Return what is said and no option overrules."""
+    given = {name for name, value in options._asdict().items() if value not in (None, "", {})}
+    return [one for one in said if not given & set(OPTION[one.kind][2].split())]

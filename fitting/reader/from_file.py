@@ -1,0 +1,140 @@
+"""`read_csv`: the checked measurement in a text file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from fitting.data.checks import beyond, check_data, hint_for
+from fitting.data.errors import named, place
+from fitting.data.measurement import Measurement, frozen
+from fitting.data.ratios import divided, refuse_s_to_p, times_reflectance
+from fitting.data.repeats import without_copies
+from fitting.reader.columns import choose_columns
+from fitting.reader.formats import read_formatted
+from fitting.reader.lines import read_lines, source_of
+from fitting.reader.longform import LongColumns, long_columns
+from fitting.reader.options import Options, parse_options
+from fitting.reader.own_export import own_columns, own_header
+from fitting.reader.reading import keep_rows
+
+
+def _columns_of(path: str | PathLike[str], options: Options) -> LongColumns:
+    """Return the data of a file, not yet checked."""
+    texts, notes = read_lines(Path(path), options.encoding)
+    bare = options._replace(divided=False, encoding=None, ignore=[]) == parse_options({})
+    own = own_header(texts)
+    if own >= 0 and bare:
+        return own_columns(texts, own)
+    texts[: max(own, 0)] = [""] * max(own, 0)  # they describe the fit
+    table = read_formatted(texts, options)
+    table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)
+    return long_columns(source_of(path), table, choose_columns(table, options), options)
+
+
+def read_csv(
+    path: str | PathLike[str],
+    *,
+    columns: Mapping[str, object] | str | None = None,
+    angle_deg: float | str | None = None,
+    angle_unit: str | None = None,
+    wavelength_um: float | str | None = None,
+    wavelength_unit: str | None = None,
+    polarization: Mapping[str, str] | str | None = None,
+    scale: float | str | None = None,
+    divide_by: str | PathLike[str] | None = None,
+    ratio_to: object = None,
+    sigma: float | str | None = None,
+    psi_unit: str | None = None,
+    missing: object = None,
+    keep: Mapping[str, object] | str | None = None,
+    ignore: object = None,
+    lines: str | None = None,
+    delimiter: str | None = None,
+    decimal: str | None = None,
+    encoding: str | None = None,
+) -> Measurement:
+    """Return the measurement in the text file at ``path``, with a sentence of how it was read.
+
+    A ``path`` of - is standard input.
+
+    Delimiter, decimal mark, encoding, header, units and layout are found out; an option overrules
+    each. What could mean two things, or contradicts itself, is refused. Every option is also a flag
+    of the command line with the same name and the same text.
+
+    columns: role -> header name or number from 1, ``"angle=1,R_s=2,sigma_R_s=3"`` or a mapping;
+        then these columns alone are read. Roles: angle, wavelength, polarization, polarizer, the
+        names in ``QUANTITIES``, and sigma_ before one.
+    angle_deg: angle of incidence of a file without a column for it, degrees.
+    angle_unit: deg, rad, mrad, deg.arcmin (29.40 is 29 degrees 40 minutes), grazing-deg,
+        grazing-rad, 2theta-deg, or 1/angstrom, 1/nm for Q = (4 pi / wavelength) cos(angle).
+    wavelength_um: wavelength of a file without a column for it, micrometres.
+    wavelength_unit: nm, um, angstrom, mm, eV, meV, keV, cm-1, 1/um, THz, GHz, Hz, rad/s, rad/fs,
+        all of light in vacuum.
+    polarization: s, p or unpolarized for the whole file; what the codes of its column mean,
+        ``"0=s,1=p"``; or angle-from-p, angle-from-s for the angle of a polarizer in degrees.
+    scale: factor that makes R and T (and their standard errors) fractions; 0.01 for percent.
+    divide_by: a second file, the scan of a reference, read with the same options: R and T are
+        divided by its values at the same angle and wavelength, or between them by straight lines;
+        both may be counts. The standard errors of both are propagated.
+    ratio_to: text of a sample without anything to be fitted, "Si": values of R and their errors
+        are ratios to its reflectance, and are multiplied by it.
+    sigma: standard error of the values that have none, a fraction (degrees for psi and delta); of
+        the ratio, where there is one.
+    psi_unit: deg or rad, for psi and delta.
+    missing: numbers or words that stand for a gap in the values, "0" or "-9999,bad"; "none" if
+        zeros were measured.
+    keep: column -> values of the rows to be read, ``"Zone=1,2,3,4"`` or ``"Zone=1-4"``.
+    ignore: columns that shall not be read, by header or number from 1, "temperature,7". A column
+        that is not read is else refused, unless it is constant, a running number, or of no use
+        by its name (a raw signal, an error of the angle); a file need not have it.
+    lines: range of lines that may hold rows, 10-200, 10- or -200.
+    delimiter: tab, semicolon, comma, pipe, blank, or the sign. decimal: "." or ",".
+    encoding: a name that Python knows.
+    Numbers are ``float`` of their text to the last bit; percent, nm and angstrom are one division.
+    Raises MeasurementError and no other error, with file, line, column, what came, what was wanted
+        and the option that settles it.
+    """
+    source = source_of(path)
+    with named(source):
+        options = parse_options(dict(
+            columns=columns, keep=keep, ignore=ignore, angle_deg=angle_deg, angle_unit=angle_unit,
+            wavelength_um=wavelength_um, wavelength_unit=wavelength_unit, polarization=polarization,
+            scale=scale, sigma=sigma, psi_unit=psi_unit, missing=missing, lines=lines,
+            delimiter=delimiter, decimal=decimal, encoding=encoding,
+        ))  # fmt: skip
+        each = options if divide_by is None else options._replace(sigma=None, divided=True)
+        long = _columns_of(path, each)
+        raw = long.data.value
+        if divide_by is not None:
+            reference, same_unit = source_of(divide_by), options.scale is not None
+            with named(reference):
+                by = _columns_of(divide_by, each).data
+            long = long.by(divided(long.data, reference, by, same_unit))
+            if options.sigma is not None:
+                stated = np.where(np.isnan(long.data.sigma), options.sigma, long.data.sigma)
+                long = long._replace(data=long.data._replace(sigma=stated))
+        if ratio_to is not None:
+            refuse_s_to_p(label for _, label, _ in long.places)
+            long = long.by(times_reflectance(long.data, ratio_to))
+        data, understood = long.data, long.understood
+        typical = float(np.median(np.abs(data.value))) if len(data.value) else 0.0
+
+        def where(i: int, role: str) -> str:
+            line, value, error = long.places[i]
+            columns = {"value": value, "sigma": error, **long.labels}
+            return place(source, line, columns.get(role, ""))
+
+        def hint(i: int) -> str:
+            line, scaled = long.places[i][0], options.scale is not None
+            text = hint_for(float(data.value[i]), data.quantity[i], line, scaled, typical)
+            return (
+                text if raw is data.value else f"Without the reference it is {raw[i]:.6g}. {text}"
+            )
+
+        understood += beyond(check_data(data, where, hint))
+        data, copies = without_copies(data)
+    return Measurement(*map(frozen, data), source=source, understood=understood + copies)

@@ -1,0 +1,244 @@
+"""What one header name says of its column: role, quantity and unit, or nothing understood."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from typing import NamedTuple
+
+from fitting.data.quantities import POWER_LETTERS, QUANTITIES, TABLE
+from fitting.data.units import FORM_OF
+from fitting.reader.vocabulary import (
+    ALONE,
+    CONCEPT,
+    LETTERS,
+    LONGEST,
+    OTHER_POWER,
+    UNITS,
+    UNITS_BEHIND_WORDS,
+    cased,
+    spelled,
+    unit_of,
+)
+
+_INDEX = ("n", "k")
+_ASIDE = {"raw", "setting"}  # concepts of columns that a fit has no use for
+_MENTIONED = {*QUANTITIES, "error", "relative"}
+_KELVIN = {"T", "k", "c", "celsius"}  # of T (K), a temperature
+_ANGLES = {"incidence", "angle"}
+# theta i, reflection angle
+_BESIDE_ANGLES = {*_ANGLES, "inc", "i", "R", "out", "external", "deg"}
+_AXES = (  # kind and form; one of these concepts is there, and beside it these, or other words
+    ("polarization", "", {"polarization"}, {"state", "mode"}),
+    ("polarizer", "", {"polarizer", "polarization"}, _ANGLES),
+    ("angle", "q", {"transfer"}, {"z"}),
+    ("angle", "2theta", {"doubled"}, _ANGLES),
+    ("angle", "grazing", {"grazing"}, _ANGLES),
+    ("angle", "incidence", _ANGLES, _BESIDE_ANGLES),
+    ("wavelength", "wavelength", {"wavelength"}, {"vacuum"}),
+    ("wavelength", "energy", {"energy"}, set()),
+    ("wavelength", "wavenumber", {"wavenumber"}, set()),
+    ("wavelength", "frequency", {"frequency"}, set()),
+    ("wavelength", "angular frequency", {"frequency"}, {"angle"}),
+)
+# letters that are such a quantity beside its unit
+_SYMBOLS = {
+    "energy": {"e"}, "wavenumber": {"k", "nu"}, "frequency": {"f", "nu"},
+    "angular frequency": {"omega", "w"}, "q": {"z"},
+}  # fmt: skip
+# units that name an axis alone; k (1/um) may be 1 / wavelength or 2 pi / wavelength
+_AXIS_UNITS = tuple(unit for unit in FORM_OF if unit not in ("mm", "keV"))
+# why a column with a word of this concept cannot be used
+_WHY = {
+    "some angle": "it may be the angle of incidence or another one",
+    "raw": "it is a raw signal, not a ratio to the direct beam",
+    "setting": "it is a setting of a null ellipsometer",
+    "no incidence": "it is no angle of incidence",
+    OTHER_POWER: "it is an absorbance, log10(1 / T), or an absorption",
+}
+# what phase-modulated ellipsometers measure; no words of the vocabulary, since texts say "is", too
+_MODULATED = {"is": "sin 2psi sin Delta", "ic": "sin 2psi cos Delta, or cos 2psi"}
+# names glued of a quantity and its polarization; T in capitals only (tp, ts are times as well), and
+# no plural (reflectances)
+_ANY_LETTER = "|".join(POWER_LETTERS)
+_POWER_WORD = "|".join(TABLE[q].axis + "|" + TABLE[q].axis.capitalize() for q in POWER_LETTERS)
+_GLUED = re.compile(
+    f"(?!(?:{_POWER_WORD})s$)(r|{_ANY_LETTER}|[Rr]efl|{_POWER_WORD})"
+    "(s|p|S|P|te|tm|TE|TM|ss|pp|perp|par|spol|ppol|unpol|mean|avg|front|back)"
+)
+_SUFFIX = re.compile(r"(?<=[\w)\]])(?:[\s_.]+|\s*[/,]\s*|\s+in\s+)([^\s_]+)$")
+_BRACKETS = re.compile(r"\(([^()]*(?:\([^()]*\))?[^()]*)\)|\[([^\[\]]*)\]")
+# R(45 deg), Rs (AOI 45), Rs@60, "angle 60" once it is spelled out: the angle of a column in a wide
+# table; without a unit not 1.05, which may be radians
+_AT = re.compile(
+    r"[(\[_\s]\s*(?:(?:at|aoi|theta)\s*=?\s*)?(?:([0-9]+(?:\.[0-9]+)?)\s*_?deg(?:rees?)?"
+    r"|(?:angle|aoi\s*=?|theta\s*=) ?([0-9]{2}(?:\.[0-9]+)?|[02-9](?!\.)))"
+    r"\s*[)\]]?(?=$|[\s_(\[])",
+    re.IGNORECASE,
+)
+# R_45, Rs 60: an angle, or the number of a sample
+_NUMBERED = re.compile(r"(?<=[A-Za-z\s_])[0-9]{1,2}(?:\.[0-9]+)?\s*$")
+# what may stand between words and means nothing; a prime, a root, a ratio does mean something
+_NO_SIGNS = re.compile(r"[\w\s.,:;()\[\]{}\-]*")
+
+
+class Role(NamedTuple):
+    """What a column is: angle, wavelength, polarization, polarizer, value, sigma, index, aside,
+    unclear or "".
+
+    index is n or k of a material; aside is what a fit has no use for: raw signals, errors of an
+    axis, settings of an ellipsometer.
+    quantity: for value, index and sigma, a name of QUANTITIES, n or k; for sigma also "_s" and
+        "_p", or "" where the name does not say of what; for kind "", one that the name mentions.
+    form: of an angle incidence, grazing, 2theta or q; of a wavelength the word that names it
+        (wavelength, energy, wavenumber, frequency).
+    unit: a key of :mod:`fitting.reader.vocabulary`, "" where the name gives none.
+    at: for value and sigma, the angle of incidence in degrees that the name gives, else None.
+    why: for index, aside and "", why the column is not fitted, if known; for unclear, both
+        readings.
+    """
+
+    kind: str
+    quantity: str = ""
+    form: str = ""
+    unit: str = ""
+    why: str = ""
+    at: float | None = None
+
+
+def _part_unit(name: str) -> tuple[str, str]:
+    """Return the name without its unit, and the unit ("" where none is there)."""
+    found = [unit_of(round_ or square) for round_, square in _BRACKETS.findall(name)]
+    unit = next(filter(None, found), "")
+    rest = _BRACKETS.sub(
+        lambda match: " " if unit_of(match[0][1:-1]) else f" {match[0][1:-1]} ", name
+    ).strip(" ,:;")
+    if rest.startswith("%"):
+        rest, unit = rest[1:].strip(), unit or "percent"
+    if rest.endswith("%"):
+        rest, unit = re.sub(r"(?:\s+in)?[/ _,]*$", "", rest[:-1]), unit or "percent"
+    match = None if unit else _SUFFIX.search(rest)
+    if match and unit_of(match[1]) in UNITS_BEHIND_WORDS:
+        words = {CONCEPT.get(token) for token in _tokens(rest[: match.start()])}
+        # one letter is a unit of length behind a wavelength alone
+        if len(match[1]) > 1 or words <= {"wavelength", "article"}:
+            rest, unit = rest[: match.start()], unit_of(match[1]) or ""
+    return rest, unit
+
+
+def _tokens(rest: str) -> list[str]:
+    """Return the words of a name in small letters, but R and T; glued names taken apart."""
+    tokens = []
+    for word in re.findall(r"[^\W_]+", rest):
+        for part in [word] if _GLUED.fullmatch(word) else cased(word):
+            if glued := _GLUED.fullmatch(part):
+                head, word = glued[1], glued[1].lower()
+                tokens += [head if len(head) == 1 else CONCEPT.get(word, word), glued[2].lower()]
+            else:
+                tokens.append(part if part in POWER_LETTERS else part.lower())
+    return tokens
+
+
+def _optical(tokens: list[str], unit: str, error: bool) -> Role | None:
+    """Return the role of a value or of its standard error, or None where a word is left over."""
+    quantities, lights, side = set(), set(), ""
+    for token in tokens:
+        concept = token if token in POWER_LETTERS else CONCEPT.get(token, "")
+        if concept in (*QUANTITIES, *_INDEX):
+            quantities.add(concept)
+        elif concept in LETTERS and token != "u":
+            lights.add(concept)
+        elif concept == "back":
+            side = "_back"
+        elif concept not in ("filler", "polarization"):
+            return None
+    quantity, light = "".join(quantities), "".join(lights)
+    if len(quantities) > 1 or len(lights) > 1 or not (quantity or error):
+        return None
+    name = quantity + side + ("" if light in ("", "u") else "_" + light)
+    known = (*QUANTITIES, *_INDEX) if quantity else ("", "_s", "_p")
+    if name not in known or (light and quantity in (*ALONE, *_INDEX)):
+        return None
+    if error or name not in _INDEX:
+        return Role("sigma" if error else "value", name, unit=unit)
+    why = "it is an optical constant, not a measured power"
+    return Role("index", name, unit=unit, why=why) if unit in ("", "1") else None
+
+
+def _axis(tokens: list[str], unit: str) -> Role | None:
+    """Return the role of an angle, wavelength or polarization column, or None."""
+    said = {CONCEPT.get(token.lower(), token.lower()) for token in tokens}
+    words = said - {"filler", "article"}
+    for kind, form, needed, others in _AXES:
+        if words & needed and words <= needed | others:
+            return Role(kind, form=form, unit=unit)
+    form = FORM_OF.get(unit, "") if unit != "mm" else ""
+    letters = {token.lower() for token in tokens} - {"the", "of"}
+    if form and letters <= _SYMBOLS.get(form, set()) - ({"k"} if unit == "1/um" else set()):
+        return Role("angle" if form == "q" else "wavelength", form=form, unit=unit)
+    return None
+
+
+@lru_cache(maxsize=4096)
+def role_of(name: str, unit: str = "") -> Role:
+    """Return what the header ``name`` says, with ``unit`` from a row of units where it gives none.
+
+    Every word and every sign must be known: neither "R of sample 2" nor "R'" is taken for a
+    reflectance. kind "" means that the column is not understood.
+    """
+    if len(name) > LONGEST:
+        return Role("", why="its name is too long")
+    text = re.sub(r"\|\||(?<=[Rr_\s])//|//$", " par ", spelled(name).strip())
+    rest, own = _part_unit(text)
+    if not own and unit_of(rest) in _AXIS_UNITS and len(rest) > 1:
+        rest, own = "", unit_of(rest) or ""  # the unit is all the name there is
+    unit = own or unit
+    name_of = rest.removeprefix("sigma_")
+    if name_of in QUANTITIES:  # as this package writes it, of several words too
+        return Role("value" if name_of == rest else "sigma", name_of, unit=unit)
+    if re.fullmatch(rf"s(?:{_ANY_LETTER}|Qz?|psi|Psi)", rest):
+        why = f"the standard error of {rest[1:]}, or {rest[1:]} of s-polarized light"
+        return Role("unclear", "sigma_" + rest[1:], why=why)
+    tokens = _tokens(rest)
+    if tokens[:1] == ["r"] and len(tokens) == 2 and CONCEPT.get(tokens[1]) in ("s", "p"):
+        if unit != "percent":  # by which the field's name of an amplitude is one of a power
+            letter = CONCEPT[tokens[1]]
+            why = f"the amplitude r_{letter} or the reflectance R_{letter} = |r_{letter}|^2"
+            return Role("unclear", "R_" + letter, why=why)
+        tokens[0] = "R"
+    said = {CONCEPT.get(token.lower(), "") for token in tokens}
+    of_error = "error" in said or tokens[:1] in (["d"], ["delta"])
+    if (of_error and ("/" in rest or "relative" in said)) or said == {"relative"}:
+        return Role("unclear", why="a relative error, where absolute ones are wanted")
+    if match := _AT.search(text):
+        bare = role_of(text[: match.start()] + " " + text[match.end() :], unit.replace("deg", ""))
+        if bare.kind in ("value", "sigma") and bare.quantity and bare.at is None:
+            return bare._replace(at=float(match[1] or match[2]))
+    signs = not _NO_SIGNS.fullmatch(rest) or rest.startswith("-")
+    mentioned = [t for t in tokens if t in POWER_LETTERS] + [c for c in said if c in _MENTIONED]
+    unread = Role("", "" if {*tokens} <= _KELVIN else "".join(mentioned[:1]), unit=unit)
+    if signs or not (tokens or unit in _AXIS_UNITS):
+        return unread
+    error, optical = "error" in said, tokens
+    if error:
+        optical = [t for t in tokens if CONCEPT.get(t.lower()) not in ("error", "of errors")]
+    elif tokens[:1] in (["d"], ["delta"]) and (behind := tokens[1:]):  # dR, delta R
+        of = _axis(behind, unit) or _optical(behind, unit, error=True)
+        if of and (of.quantity or of.form) and of.quantity not in _INDEX:  # birefringence
+            error, optical = True, behind
+    axis = _axis(optical, unit) if optical or not error else None
+    if axis:
+        return (
+            Role("aside", why="it is the uncertainty or resolution of an axis") if error else axis
+        )
+    if found := _optical(optical, unit, error):
+        return found
+    why = next((_WHY[concept] for concept in _WHY if concept in said), "")
+    words = {CONCEPT.get(token, UNITS.get(token, token)) for token in map(str.lower, tokens)}
+    if words & _ASIDE and words <= _ASIDE | {"error", "of errors", "filler", "arb"}:
+        return Role("aside", unit=unit, why=why)
+    if tokens in ([word] for word in _MODULATED):
+        why = f"of an ellipsometer it is {_MODULATED[tokens[0]]}; export psi and Delta instead"
+    if (match := _NUMBERED.search(rest)) and role_of(rest[: match.start()].rstrip(" _")).quantity:
+        why = "if its number is an angle, write R(45 deg)"
+    return unread._replace(why=why)

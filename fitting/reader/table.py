@@ -1,0 +1,198 @@
+"""Numbered lines of text as one table of cells: header, units row, comments, gaps, footers."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from fitting.data.errors import refuse
+from fitting.reader.cells import (
+    decide_decimal,
+    guess_delimiter,
+    is_comment,
+    is_missing,
+    is_number,
+    looks_like_data,
+    split_cells,
+)
+from fitting.reader.header import (
+    Lines,
+    below_thousand,
+    find_header,
+    known_names,
+    refuse_between,
+    refuse_strays,
+    uncomment,
+    units_row,
+)
+from fitting.reader.options import Options
+from fitting.reader.vocabulary import LONGEST
+
+# The columns of a file are compared with one another: of 1,000 this takes two seconds.
+MOST_COLUMNS = 1000
+
+
+class Table(NamedTuple):
+    """Cells as text, with the number of the line that each row stands on.
+
+    names and units have one entry per column, "" where the file gives none; ``header`` is the
+    line of the names, 0 where there is none.
+    ``preamble`` holds (line, text) of what stands before the numbers, comment marks taken off.
+    """
+
+    names: list[str]
+    units: list[str]
+    header: int
+    rows: list[list[str]]
+    lines: list[int]
+    preamble: list[tuple[int, str]]
+    decimal: str
+    notes: list[str]
+
+
+def label_of(table: Table, index: int) -> str:
+    """Return the name of a column, or its number from 1 where it has none."""
+    return table.names[index] or str(index + 1)
+
+
+def find_column(table: Table, wanted: str, option: str) -> int:
+    """Return the index of the column that an option names by header or by number from 1."""
+    names = table.names
+    plain_name = wanted.strip().lower()
+    match = [i for i, name in enumerate(names) if name and name == wanted]
+    match = match or [i for i, name in enumerate(names) if name and name.lower() == plain_name]
+    if len(match) > 1:
+        numbers = " and ".join(str(i + 1) for i in match[:2])
+        refuse(
+            f"columns {numbers} are both named {wanted!r}; give {option} the number of one "
+            "instead.",
+            table.header,
+        )
+    if match:
+        return match[0]
+    if wanted.isascii() and wanted.isdigit() and len(wanted) < 6 and 1 <= int(wanted) <= len(names):
+        return int(wanted) - 1
+    there = ", ".join(f"{i + 1} {name}".strip() for i, name in enumerate(names))
+    refuse(
+        f"{option} names column {wanted!r}, which the file does not have. Its columns are "
+        f"{there[:300]}."
+    )
+
+
+def filled_columns(rows: list[list[str]]) -> list[int]:
+    """Return the columns that hold anything at all."""
+    width = range(len(rows[0]) if rows else 0)
+    return [i for i in width if any(not is_missing(row[i]) for row in rows)]
+
+
+def _body(
+    lines: Lines, delimiter: str, count: int, header: str
+) -> tuple[list[list[str]], list[int], list[tuple[int, str]], list[str]]:
+    """Return rows of ``count`` cells, their lines, the remarks between and below them, and notes.
+
+    The notes say what was left out.
+    """
+    rows: list[list[str]] = []
+    numbers: list[int] = []
+    remarks: list[tuple[int, str]] = []
+    marked, texts = 0, 0  # rows behind a comment mark; line of the first text
+    for line, text in lines:
+        cells = split_cells(text, delimiter)
+        if is_comment(text, delimiter):
+            if looks_like_data(split_cells(uncomment(text), delimiter))[0]:
+                marked += 1
+            else:
+                remarks.append((line, uncomment(text)))
+            continue
+        head = next(iter(cells), "")[:1]
+        if not (head.isdigit() or (head and head in "+-.")) and not any(map(is_number, cells)):
+            # gaps, or a header that is repeated on every page, say nothing new
+            said = not all(map(is_missing, cells)) and text.strip() != header
+            if said and units_row(cells) is None:
+                texts = texts or line
+                remarks.append((line, text.strip()))
+            continue
+        if texts:
+            refuse(
+                "text stands in the middle of the numbers. If another table begins there, read "
+                "one with --lines A-B; if it is a remark, mark it with #.",
+                texts,
+            )
+        if not any(cells[count:]):
+            cells = cells[:count]
+        if len(cells) != count:
+            why = "If the delimiter was misread, say --delimiter; else correct the row."
+            if len(cells) < count:
+                why = "It may be cut short. Complete it (a gap is an empty cell), or leave it out "
+                why += "with --lines A-B."
+            refuse(
+                f"{len(cells)} cell{'s' * (len(cells) > 1)} came where {count} were wanted. {why}",
+                line,
+            )
+        rows.append(cells)
+        numbers.append(line)
+    notes = [f"{marked} commented-out row{'s' * (marked > 1)} left out"] if marked else []
+    notes += [f"text after the numbers (line {texts}) left out"] if texts else []
+    return rows, numbers, remarks, notes
+
+
+def read_table(numbered: Lines, options: Options) -> Table:
+    """Return the table of numbers in the lines of one file, each with its number.
+
+    Refuses a file where no table is found, or a line may be part of it or not.
+    """
+    first, last = options.lines
+    inside = [(line, text) for line, text in numbered if first <= line <= last]
+    mark, count = guess_delimiter([text for _, text in inside], options.delimiter)
+    splits = ((i, split_cells(text, mark)) for i, (_, text) in enumerate(inside)
+              if count and not is_comment(text, mark))  # fmt: skip
+    start = next((i for i, row in splits if len(row) == count and looks_like_data(row)[0]), None)
+    if start is None:
+        came = len(inside)
+        refuse(
+            f"no row with two numbers or more was found in {came} line{'s' * (came != 1)}. A "
+            "table was wanted: a column of angles or wavelengths, and one or more of R, T, psi or "
+            "delta. If there is one, say how to read it with --delimiter or --decimal."
+        )
+    if count > MOST_COLUMNS:
+        refuse(
+            f"{count} columns came, and {MOST_COLUMNS} are the most that are read. Give those that "
+            "belong to one measurement as a file of its own, or say --delimiter if the cells were "
+            "parted at the wrong sign.",
+            inside[start][0],
+        )
+    above = sum(line < first for line, _ in numbered) + start
+    before = [(line, text) for line, text in numbered[:above] if text.strip()]
+    names, units, header = find_header(before, mark, count, inside[start][0])
+    filled = [(line, text) for line, text in inside[start:] if text.strip()]
+    head = dict(before).get(header, "").strip()
+    rows, row_lines, remarks, notes = _body(filled, mark, count, head)
+    if len(column := filled_columns(rows)) == 1:
+        refuse(
+            f"only one column holds numbers ({len(rows)} rows, the first {rows[0][column[0]]!r}). "
+            "A curve was wanted: an angle or a wavelength and a value in each row. If this file "
+            "is one point of a scan, gather the points, divided by the direct beam, in a table "
+            "with the header angle_deg,R_s,sigma_R_s.",
+            row_lines[0],
+        )
+    below = [remark for remark in remarks if remark[0] > row_lines[-1]]
+    known = [uncomment(text) for _, text in before]
+    refuse_between(remarks[: len(remarks) - len(below)], known, count)
+    refuse_strays([b for b in before if b[0] >= first], header, mark, count)
+    beside = []
+    for line, text in before:
+        cells = split_cells(uncomment(text), mark)
+        row = units_row(cells)
+        # units of all columns were taken; one unit alone is said of the whole measurement
+        says = row is None or (any(row) and len(cells) != count)
+        if line != header and says and (line >= first or known_names(cells) < 2):
+            beside.append((line, uncomment(text)))
+    return Table(
+        names=[name if len(name) <= LONGEST else name[:80] + "\u2026" for name in names],
+        units=units,
+        header=header,
+        rows=rows,
+        lines=row_lines,
+        preamble=beside + below,
+        decimal=decide_decimal(rows, row_lines, options.decimal, below_thousand(names, units)),
+        notes=notes,
+    )
