@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from .choice.selection import choose as choose
     from .data.errors import MeasurementError as MeasurementError
     from .data.measurement import Measurement as Measurement
+    from .files import read_csv as read_csv
     from .fits import fit as fit
     from .fits import fit_many as fit_many
     from .own_residuals import fit_residuals as fit_residuals
     from .predictions import simulate as simulate
     from .process.start_up import cache_programs as cache_programs
-    from .reader.from_file import read_csv as read_csv
     from .results.result import Fit as Fit
     from .samples.dispersion import model_names as model_names
     from .samples.sample import Sample as Sample
@@ -37,7 +37,7 @@ _HOME = {
     "fit_many": "fits",
     "fit_residuals": "own_residuals",
     "model_names": "samples.dispersion",
-    "read_csv": "reader.from_file",
+    "read_csv": "files",
     "simulate": "predictions",
 }
 

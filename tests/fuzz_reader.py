@@ -17,7 +17,7 @@ from varieties import VARIETIES
 
 from fitting.data.checks import EXCURSION, EXCURSION_SIGMAS, NOISE_EXCURSION
 from fitting.data.measurement import Measurement, MeasurementError
-from fitting.reader.from_file import read_csv
+from fitting.files import read_csv
 
 _JUNK = (
     b"\x00",

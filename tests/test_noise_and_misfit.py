@@ -7,7 +7,8 @@ from simulated import textbook
 
 from fitting import Measurement, fit, fit_many
 from fitting.data.errors import MeasurementError
-from fitting.residuals.noise import misfit, neighbour_noise, robust_noise
+from fitting.data.scatter import robust_noise
+from fitting.residuals.noise import misfit, neighbour_noise
 
 
 @pytest.mark.parametrize("equidistant", [True, False])

@@ -12,9 +12,9 @@ from simulated import GOLD, simulated
 from fitting import fit, fit_many
 from fitting.command import cli
 from fitting.data.measurement import concatenate
+from fitting.files import read_csv
 from fitting.output import files, outputs, page
 from fitting.output.page import fit_page
-from fitting.reader.from_file import read_csv
 
 pytest.importorskip("matplotlib")
 

@@ -11,8 +11,8 @@ from simulated import GOLD
 
 from fitting import fit
 from fitting.data.measurement import Measurement
+from fitting.files import read_csv
 from fitting.output import style
-from fitting.reader.from_file import read_csv
 
 
 @pytest.fixture(scope="module")

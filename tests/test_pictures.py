@@ -9,8 +9,8 @@ from simulated import GOLD, simulated, textbook
 
 from fitting import fit, fit_many, simulate
 from fitting.data.measurement import Measurement, concatenate
+from fitting.files import read_csv
 from fitting.output import style
-from fitting.reader.from_file import read_csv
 from fresnel_jax.dispersion import HC_EV_UM
 
 

@@ -9,8 +9,8 @@ from simulated import GOLD, simulated, textbook
 
 from fitting import fit, fit_many
 from fitting.data.measurement import Measurement, concatenate
+from fitting.files import read_csv
 from fitting.output.page import fit_page
-from fitting.reader.from_file import read_csv
 
 
 @pytest.fixture(scope="module")

@@ -99,14 +99,14 @@ def _run(arguments: argparse.Namespace) -> int:
     """Fit all files together, and report and write the result."""
     import numpy as np
 
-    from fitting.data.several_files import told_apart
+    from fitting.data.measurement import told_apart
+    from fitting.files import read_csv
     from fitting.output import as_data, files, style
     from fitting.output.material import texts_of
     from fitting.output.outputs import Outputs
     from fitting.output.progress_bar import shown
     from fitting.output.reference import check_reference
     from fitting.output.text_table import text_of
-    from fitting.reader.from_file import read_csv
 
     width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
     with Outputs(overwrite=arguments.overwrite) as outputs:
@@ -144,9 +144,9 @@ def _run(arguments: argparse.Namespace) -> int:
 def _fit_file(file: str, arguments: argparse.Namespace) -> OfFile:
     """Return the fit of one file, or why there is none."""
     from fitting.data.errors import for_command
+    from fitting.files import read_csv
     from fitting.output.each_file import OfFile
-    from fitting.reader.from_file import read_csv
-    from fitting.reader.lines import source_of
+    from fitting.reader.text import source_of
 
     try:
         found, _ = _fit([read_csv(file, **reading_options(arguments))], arguments)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from typing import NamedTuple, NoReturn
 
+from fitting.data.checks import all_alike, is_running
 from fitting.data.errors import refuse
 from fitting.data.quantities import POLARIZED, POWER_LETTERS
 from fitting.data.units import FORM_OF
-from fitting.reader.cells import is_number, to_numbers
+from fitting.reader.cells import is_missing, is_number, to_numbers
 from fitting.reader.names import Role, role_of
 from fitting.reader.options import Options
 from fitting.reader.table import Table, filled_columns, find_column, label_of
-from fitting.reader.unread_columns import left_out
+from fitting.reader.vocabulary import light_of_cell
 
 # words by which a column shows that rows are means or deviations of other rows; Accurion EP3 and
 # EP4 write the mean of the zones as zone 0, their deviation as zone 5
@@ -43,6 +45,11 @@ class Layout(NamedTuple):
     sigmas: list[Column | None]
     unused: list[str]
     left_out: dict[int, str]
+
+    @property
+    def axes(self) -> tuple[Column | None, ...]:
+        """The columns of the angle, the wavelength and the polarization."""
+        return self.angle, self.wavelength, self.polarization, self.polarizer
 
 
 def _refuse(table: Table, text: str, column: str = "") -> NoReturn:
@@ -207,6 +214,45 @@ def _refuse_computed_rows(table: Table, used: set[int]) -> None:
                 table.lines[first],
                 label,
             )
+
+
+def _is_harmless(table: Table, index: int, role: Role, constants: bool, axes: list[int]) -> bool:
+    """Return whether a fit may do without a column: nothing of the measurement is in it."""
+    cells = [row[index] for row in table.rows]
+    if is_running(cells):  # and is not the axis itself
+        return len({tuple(row[i] for i in axes) for row in table.rows}) > 1
+    means = role.quantity or light_of_cell(cells[0]) or role_of(cells[0]).quantity
+    alike = all_alike(cells) and (constants or not is_number(cells[0]))
+    return role.kind == "aside" or bool(alike and not means)
+
+
+def left_out(
+    table: Table, columns: dict[int, Role], axes: list[int], constants: bool = True
+) -> dict[int, str]:
+    """Return what each of the columns may be that are not read but may hold something of use.
+
+    Constant columns, running numbers and what is nothing to be fitted may be left out.
+    axes: columns that tell the rows apart. constants: whether numbers that are the same in all
+    rows may be left out.
+    """
+    lost = {}
+    for index, role in columns.items():
+        if _is_harmless(table, index, role, constants, axes):
+            continue
+        cells = [row[index] for row in table.rows]
+        why = role.why if role.why.startswith("it ") else ""
+        lost[index] = re.sub("^it (is|may be) ", "", why) or (
+            "an axis, a value or its standard error under a name or in a unit that is not known"
+            if all(is_number(cell) or is_missing(cell) for cell in cells)
+            else "the polarization, or the name of a sample"
+        )
+    return lost
+
+
+def came_in(table: Table, index: int) -> str:
+    """Return the first cells of a column, for messages."""
+    cells = list(dict.fromkeys(row[index][:20] for row in table.rows))
+    return ", ".join(cells[:3]) + ", ..." * (len(cells) > 3)
 
 
 def choose_columns(table: Table, options: Options) -> Layout:

@@ -25,7 +25,7 @@ from jax import Array
 
 from fitting.data.errors import MeasurementError, for_command
 from fitting.process.compiled import fit_settings
-from fitting.reader.lines import MAX_BYTES
+from fitting.reader.text import MAX_BYTES
 from fitting.samples.material_tables import index_in_table
 from fitting.samples.published_formulas import PublishedFormula
 from fresnel_jax.dispersion import DispersionModel, Index, Material, Tabulated

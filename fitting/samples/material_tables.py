@@ -8,17 +8,14 @@ import numpy as np
 
 from fitting.data.errors import named, refuse
 from fitting.data.units import span_of
-from fitting.reader.axes import wavelengths
 from fitting.reader.cells import looks_like_data, split_cells, to_numbers
-from fitting.reader.columns import Column, Layout, roles_of
-from fitting.reader.evidence import evidence
-from fitting.reader.header import uncomment
-from fitting.reader.lines import read_lines
+from fitting.reader.columns import Column, Layout, came_in, left_out, roles_of
+from fitting.reader.conversion import Reading, wavelengths
 from fitting.reader.names import role_of
 from fitting.reader.options import parse_options
-from fitting.reader.reading import Reading
-from fitting.reader.table import Table, filled_columns, label_of, read_table
-from fitting.reader.unread_columns import came_in, left_out
+from fitting.reader.remarks import evidence
+from fitting.reader.table import Table, filled_columns, label_of, read_table, uncomment
+from fitting.reader.text import read_lines
 
 # Wavelengths without a unit are in micrometres below 100, as refractiveindex.info exports them;
 # from there to 2000 they are in nanometres, above it they may be in angstrom.
