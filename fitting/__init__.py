@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from .choice.selection import choose as choose
     from .data.errors import MeasurementError as MeasurementError
     from .data.measurement import Measurement as Measurement
-    from .files import read_csv as read_csv
     from .fits import fit as fit
     from .fits import fit_many as fit_many
+    from .measured_file import read_csv as read_csv
     from .own_residuals import fit_residuals as fit_residuals
     from .predictions import simulate as simulate
     from .process.start_up import cache_programs as cache_programs
@@ -37,7 +37,7 @@ _HOME = {
     "fit_many": "fits",
     "fit_residuals": "own_residuals",
     "model_names": "samples.dispersion",
-    "read_csv": "files",
+    "read_csv": "measured_file",
     "simulate": "predictions",
 }
 

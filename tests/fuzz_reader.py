@@ -17,7 +17,7 @@ from varieties import VARIETIES
 
 from fitting.data.checks import EXCURSION, EXCURSION_SIGMAS, NOISE_EXCURSION
 from fitting.data.measurement import Measurement, MeasurementError
-from fitting.files import read_csv
+from fitting.measured_file import read_csv
 
 _JUNK = (
     b"\x00",

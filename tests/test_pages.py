@@ -12,7 +12,7 @@ from simulated import GOLD, simulated
 from fitting import fit, fit_many
 from fitting.command import cli
 from fitting.data.measurement import concatenate
-from fitting.files import read_csv
+from fitting.measured_file import read_csv
 from fitting.output import files, outputs, page
 from fitting.output.page import fit_page
 

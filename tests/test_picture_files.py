@@ -11,7 +11,7 @@ from simulated import GOLD
 
 from fitting import fit
 from fitting.data.measurement import Measurement
-from fitting.files import read_csv
+from fitting.measured_file import read_csv
 from fitting.output import style
 
 

@@ -9,7 +9,7 @@ from simulated import GOLD, simulated, textbook
 
 from fitting import fit, fit_many, simulate
 from fitting.data.measurement import Measurement, concatenate
-from fitting.files import read_csv
+from fitting.measured_file import read_csv
 from fitting.output import style
 from fresnel_jax.dispersion import HC_EV_UM
 

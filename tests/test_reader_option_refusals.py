@@ -9,7 +9,7 @@ from varieties import BODY
 
 from fitting.command.cli import main
 from fitting.data.measurement import MeasurementError
-from fitting.files import read_csv
+from fitting.measured_file import read_csv
 
 
 @pytest.mark.parametrize(

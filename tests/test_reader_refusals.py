@@ -6,7 +6,7 @@ import pytest
 from reading import ANGLES, DELTA, ERRORS, NANOMETRES, PSI, R_P, R_S, read, refusal, rows
 
 from fitting.data.measurement import MeasurementError
-from fitting.files import read_csv
+from fitting.measured_file import read_csv
 
 REFUSALS = {
     "percent without a sign": (

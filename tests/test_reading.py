@@ -285,6 +285,6 @@ def test_zeros_that_stand_for_nothing_measured(tmp_path: Path) -> None:
 
 
 def test_reading_needs_no_jax() -> None:
-    code = "import sys, fitting.files; sys.exit('jax' in sys.modules)"
+    code = "import sys, fitting.measured_file; sys.exit('jax' in sys.modules)"
     root = Path(__file__).resolve().parents[1]
     assert subprocess.run([sys.executable, "-c", code], cwd=root, check=False).returncode == 0

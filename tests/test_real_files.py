@@ -7,7 +7,7 @@ import pytest
 
 from fitting.data.errors import for_command
 from fitting.data.measurement import Measurement, MeasurementError
-from fitting.files import read_csv
+from fitting.measured_file import read_csv
 
 
 def column(path: Path, index: int, mark: str | None = ",", skip: int = 1) -> list[float]:

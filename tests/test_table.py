@@ -9,7 +9,7 @@ from simulated import GOLD, simulated, textbook
 
 from fitting import fit, fit_many
 from fitting.data.measurement import Measurement, concatenate
-from fitting.files import read_csv
+from fitting.measured_file import read_csv
 from fitting.output.page import fit_page
 
 

@@ -100,7 +100,7 @@ def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
     from fitting.data.measurement import told_apart
-    from fitting.files import read_csv
+    from fitting.measured_file import read_csv
     from fitting.output import as_data, files, style
     from fitting.output.material import texts_of
     from fitting.output.outputs import Outputs
@@ -144,7 +144,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _fit_file(file: str, arguments: argparse.Namespace) -> OfFile:
     """Return the fit of one file, or why there is none."""
     from fitting.data.errors import for_command
-    from fitting.files import read_csv
+    from fitting.measured_file import read_csv
     from fitting.output.each_file import OfFile
     from fitting.reader.text import source_of
 

@@ -56,7 +56,7 @@ class Reading(NamedTuple):
         read = [column for column in (*layout.axes, *layout.values) if column is not None]
         columns = [f"{c.role.quantity or c.role.kind}={c.index + 1}" for c in read]
         role = "wavelength" if layout.wavelength is None else "ROLE"
-        role = next((r for r in ("polarization", "angle") if what.startswith("the " + r)), role)
+        role = "polarization" if what.startswith("the polarization") else role
         names = [label_of(table, i) for i in layout.left_out]
         if any(re.search(r"[\s,;]", name) for name in names):
             names = [str(i + 1) for i in layout.left_out]
@@ -70,11 +70,8 @@ class Reading(NamedTuple):
 
     def refuse_both(self, column: Column, what: str, option: str) -> NoReturn:
         """Raise because an option gives what a column gives."""
-        self.refuse(
-            column,
-            f"the file gives {what}, and {option} came too. Drop the option, or name the columns "
-            "to be read with --columns.",
-        )
+        text = f"the file gives {what}, and {option} came too. Drop the option, or name the columns"
+        self.refuse(column, f"{text} to be read with --columns.")
 
     def refuse_gaps(self, column: Column, gone: np.ndarray, what: str) -> None:
         """Raise for the first row in ``gone``, which has a value but no ``what``."""
@@ -196,15 +193,11 @@ def _wavelength_unit(reading: Reading, column: Column, numbers: np.ndarray) -> s
     # no spectrometer counts so; one of the two is misread
     off = (unit == "nm" and high < 5.0) or (unit == "um" and low >= 100.0)
     if not given and (off or FORM_OF.get(unit) != form):
-        same = [u for u in WAVELENGTH_UNITS if u != unit and FORM_OF[u] == form]
-        choices = [unit] * (unit in WAVELENGTH_UNITS) + (["um", "nm"] if off else same)
-        choices = dict.fromkeys(choices if unit else WAVELENGTH_UNITS)
-        said = f"the unit {unit}" if unit else "no unit"
-        reading.refuse(
-            column,
-            f"the name says {form} with {said}, and the numbers are {span_of(numbers)}. Say "
-            f"--wavelength-unit {' or '.join(choices)}.",
-        )
+        other = ["um", "nm"] if off else [u for u in WAVELENGTH_UNITS if FORM_OF[u] == form]
+        choices = dict.fromkeys([u for u in [unit, *other] if u in WAVELENGTH_UNITS])
+        came = f"the name says {form} with {f'the unit {unit}' if unit else 'no unit'}, and the "
+        came += f"numbers are {span_of(numbers)}. Say --wavelength-unit "
+        reading.refuse(column, f"{came}{' or '.join(choices if unit else WAVELENGTH_UNITS)}.")
     return unit
 
 
@@ -266,13 +259,9 @@ def _angles_without_column(reading: Reading) -> np.ndarray:
     if beside is not None:
         notes.append(f"angle of incidence {beside.value:g} degrees ({beside.where}; --angle-deg)")
         return np.full(rows, beside.value)
-    oblique = (
-        layout.polarization
-        or layout.polarizer
-        or any(v.role.quantity in POLARIZED or v.role.quantity not in POWERS for v in layout.values)
-        or any(_ANGULAR.search(label) for label in layout.unused)
-    )
-    if layout.wavelength and not oblique:
+    names = {value.role.quantity for value in layout.values}
+    oblique = layout.polarization or layout.polarizer or not names <= {*POWERS} - {*POLARIZED}
+    if layout.wavelength and not oblique and not any(map(_ANGULAR.search, layout.unused)):
         notes.append("no angle given: normal incidence assumed (--angle-deg)")
         return np.zeros(rows)
     rest = f" (not understood: {', '.join(layout.unused[:6])})" if layout.unused else ""
@@ -298,11 +287,8 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
         column = column._replace(role=column.role._replace(unit="deg"))
     unit = options.angle_unit or _angle_unit(reading, numbers, column)
     if unit in Q_UNITS and np.isnan(wavelength).all():
-        reading.refuse(
-            column,
-            "the angle follows from Q and the wavelength, which is not known. Say --wavelength-um "
-            "NUMBER (5 angstrom are 0.0005).",
-        )
+        text = "the angle follows from Q and the wavelength, which is not known. Say "
+        reading.refuse(column, text + "--wavelength-um NUMBER (5 angstrom are 0.0005).")
     degrees = incidence_deg(numbers, unit, wavelength)
     if unit == "rad":
         degrees = np.where(np.isin(numbers, RIGHT_ANGLES), np.minimum(degrees, 90.0), degrees)
@@ -322,9 +308,8 @@ def _from_angles(reading: Reading, column: Column) -> np.ndarray:
     numbers, _ = reading.numbers(column)
     unit = column.role.unit or "deg"
     if unit not in ("deg", "rad"):
-        reading.refuse(
-            column, f"a polarizer angle in {unit} came. Convert it to degrees or radians."
-        )
+        text = f"a polarizer angle in {unit} came. Convert it to degrees or radians."
+        reading.refuse(column, text)
     degrees = np.degrees(numbers) if unit == "rad" else numbers
     # a linear polarizer looks the same after half a turn, and the power after a reflection too
     turned = np.mod(degrees + (90.0 if reading.options.polarizer == "angle-from-s" else 0.0), 180.0)
@@ -336,12 +321,12 @@ def _from_cells(reading: Reading, column: Column) -> np.ndarray:
     codes = reading.options.codes
     numbers = {number_or_none(code): letter for code, letter in codes.items()}
     numbers.pop(None, "")
-    known = {
-        cell: codes.get(cell.lower()) or numbers.get(number_or_none(cell), "")
-        if codes
-        else light_of_cell(cell)
-        for cell in set(cells)
-    }
+
+    def light(cell: str) -> str:
+        coded = codes.get(cell.lower()) or numbers.get(number_or_none(cell), "")
+        return coded if codes else light_of_cell(cell)
+
+    known = {cell: light(cell) for cell in set(cells)}
     lost = [i for i, cell in enumerate(cells) if not known[cell] and not is_missing(cell)]
     if lost:
         values = sorted({cells[i] for i in lost})[:4]
@@ -388,11 +373,8 @@ def light_of_rows(reading: Reading, oblique: bool) -> np.ndarray:
     if column is not None:
         other = layout.polarization if layout.polarizer else named[0] if named else None
         if other:
-            reading.refuse(
-                column,
-                f"this column gives the polarization, and so does column {other.label!r}. Name "
-                "the columns to be read with --columns.",
-            )
+            text = f"this column gives the polarization, and so does column {other.label!r}. "
+            reading.refuse(column, text + "Name the columns to be read with --columns.")
         return _from_column(reading, column)
     if options.codes or options.polarizer:
         refuse(
@@ -401,11 +383,8 @@ def light_of_rows(reading: Reading, oblique: bool) -> np.ndarray:
         )
     letter = options.light
     if letter and any(POLARIZED[v.role.quantity] != letter for v in named):
-        reading.refuse(
-            named[0],
-            f"the column is named {named[0].role.quantity}, but --polarization says otherwise. "
-            "Name the columns to be read with --columns.",
-        )
+        text = f"the column is named {named[0].role.quantity}, but --polarization says otherwise. "
+        reading.refuse(named[0], text + "Name the columns to be read with --columns.")
     if not letter and bare and not named and oblique and (beside := reading.one("light")):
         letter = str(beside.value)
         what = {"s": "s-polarized", "p": "p-polarized", "u": "unpolarized"}[letter]
@@ -428,11 +407,9 @@ def psi_delta_unit(reading: Reading, columns: dict[int, np.ndarray]) -> dict[int
     given = reading.options.psi_unit
     chosen = [v for v in reading.layout.values if v.role.quantity in _LIMITS]
     units = {v.index: reading.unit("psi unit", v, given, "psi and delta") for v in chosen}
-    if given:
-        return units
     high = {v.index: np.nanmax(np.abs(columns[v.index]), initial=0.0) for v in chosen}
     small = {v.index: high[v.index] <= _LIMITS[v.role.quantity] for v in chosen}
-    for value in chosen:
+    for value in [] if given else chosen:
         unit, as_radians = units[value.index], small[value.index]
         doubtful = {
             "": as_radians and high[value.index] > 0.0,
@@ -455,14 +432,13 @@ def power_scale(reading: Reading, columns: dict[int, np.ndarray], signs: dict[in
     if reading.options.scale is not None:
         return reading.options.scale
     powers = [value for value in reading.layout.values if value.role.quantity in POWERS]
-    units = {}
+    units = []
     for value in powers:
         unit = "percent" if signs[value.index] == "%" else value.role.unit
         value = value._replace(role=value.role._replace(unit=unit))
-        units[value.index] = reading.unit("power unit", value, "", "values")
-    percent = [value for value in powers if units[value.index] == "percent"]
-    for value in powers:
-        unit = units[value.index]
+        units.append(reading.unit("power unit", value, "", "values"))
+    percent = [v for v, unit in zip(powers, units, strict=True) if unit == "percent"]
+    for value, unit in zip(powers, units, strict=True):
         if unit not in ("", "1", "percent") and not (reading.options.divided and unit == "arb"):
             reading.refuse(
                 value,
