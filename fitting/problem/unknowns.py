@@ -16,11 +16,10 @@ from fitting.optics.instrument import INSTRUMENT, PER_CURVE, instrument_paramete
 from fitting.optics.observe import Media, Spec
 from fitting.problem.observations import Observations
 from fitting.process.compiled import fit_settings
-from fitting.samples.dispersion import Model, absent, wider
+from fitting.samples.dispersion import Model, Spectrum, absent, wider
 from fitting.samples.known_media import Known, MaterialFile, Mixture, known_medium
 from fitting.samples.parameters import LOG, Parameter, Settings, Unknown, check_tie
 from fitting.samples.sample import Medium, Sample
-from fitting.samples.spectrum import Spectrum
 from fresnel_jax.dispersion import HC_EV_UM
 
 
