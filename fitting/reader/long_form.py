@@ -78,11 +78,8 @@ def _refuse_placeholders(reading: Reading, numbers: dict[int, np.ndarray]) -> No
         return
     psi, delta = (numbers[by_name[name].index] for name in ("psi", "delta"))
     if np.isfinite(psi).sum() > 1 and np.array_equal(psi, delta, equal_nan=True):
-        reading.refuse(
-            by_name["delta"],
-            "every number equals that of psi, which no surface gives. Name the right column with "
-            "--columns delta=..., or correct the file.",
-        )
+        text = "every number equals that of psi, which no surface gives. Name the right column with"
+        reading.refuse(by_name["delta"], text + " --columns delta=..., or correct the file.")
     dark = np.flatnonzero((psi == 0.0) & (delta == 0.0))
     if len(dark) and np.any((psi != 0.0) & ~np.isnan(psi)):
         _refuse_code(reading, by_name["psi"], int(dark[0]), "0", "psi and Delta are both 0")
@@ -104,10 +101,9 @@ def _refuse_zeros(reading: Reading, value: Column, numbers: np.ndarray, name: np
     """Raise where codes or zeros among larger values may stand for values never measured."""
     if value.role.quantity not in POWERS:
         return
-    codes = np.flatnonzero(np.isin(numbers, (-1.0, -9.0, -99.0, -999.0, -9999.0)))
-    if len(codes) and np.nanmax(numbers, initial=0.0) > 1.0:
-        code = f"{numbers[codes[0]]:g}"
-        _refuse_code(reading, value, int(codes[0]), code, f"{code} came")
+    for i in np.flatnonzero(np.isin(numbers, (-1.0, -9.0, -99.0, -999.0, -9999.0)))[:1]:
+        if np.nanmax(numbers, initial=0.0) > 1.0:
+            _refuse_code(reading, value, i, f"{numbers[i]:g}", f"{numbers[i]:g} came")
     for quantity in np.unique(name):
         chosen = np.flatnonzero((name == quantity) & np.isfinite(numbers))
         zeros = chosen[numbers[chosen] == 0.0]
@@ -176,11 +172,11 @@ def _table_of(texts: Sequence[str], options: Options) -> Table:
     return table._replace(notes=table.notes + notes)
 
 
-def _span(word: str) -> tuple[float, float] | None:
-    """Return the ends of a range such as 1-4, those of a number twice; None for any other word."""
+def _covers(word: str, number: float) -> bool:
+    """Return whether a word is the number, or a range such as 1-4 with it."""
     match = re.fullmatch(r"\s*(-?[0-9.]+)\s*-\s*(-?[0-9.]+)\s*", word)
     low, high = (number_or_none(end) for end in (match.groups() if match else (word, word)))
-    return None if low is None or high is None else (low, high)
+    return low is not None and high is not None and low <= number <= high
 
 
 def _keep_rows(table: Table, options: Options) -> Table:
@@ -189,13 +185,12 @@ def _keep_rows(table: Table, options: Options) -> Table:
     for name, wanted in options.keep.items():
         index = find_column(table, name, "--keep")
         words = {word.lower() for word in wanted}
-        spans = [span for word in wanted if (span := _span(word))]
-        chosen = []
-        for i, row in enumerate(rows):
-            number = number_or_none(row[index])
-            inside = number is not None and any(low <= number <= high for low, high in spans)
-            if inside or row[index].lower() in words:
-                chosen.append(i)
+        cells = {row[index]: number_or_none(row[index]) for row in rows}
+        kept = {
+            cell for cell, number in cells.items() if cell.lower() in words
+            or (number is not None and any(_covers(word, number) for word in wanted))
+        }  # fmt: skip
+        chosen = [i for i, row in enumerate(rows) if row[index] in kept]
         rows, lines = [rows[i] for i in chosen], [lines[i] for i in chosen]
         if not rows:
             refuse(
@@ -273,9 +268,8 @@ def long_columns(path: str | PathLike[str], options: Options) -> LongColumns:
     for value, error in zip(layout.values, layout.sigmas, strict=True):
         raw, quantity = numbers[value.index], value.role.quantity
         unit = psi_units.get(value.index, "")
-        converted = scaled(raw, factor if quantity in POWERS else 1.0)
-        if unit == "rad":
-            converted = np.degrees(raw)
+        fraction = scaled(raw, factor if quantity in POWERS else 1.0)
+        converted = np.degrees(raw) if unit == "rad" else fraction
         if value.role.at is not None and options.angle_deg is None:
             angle = np.full(len(raw), value.role.at)
         sigma = standard_errors(reading, value, error, unit, factor)
