@@ -22,7 +22,7 @@ from collections.abc import Callable
 import numpy as np
 
 from fitting.choice.selection import choose
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 from fitting.predictions import simulate
 
 from .machine import conditions

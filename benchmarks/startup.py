@@ -38,7 +38,7 @@ from fitting.process.start_up import cheap_start, set_up_jax
 with cheap_start():
     import numpy
     mark("import numpy")
-    from fitting.measurements.from_file import read_csv
+    from fitting.measured_file import read_csv
     measurement = read_csv({str(GOLD)!r})
     mark("read the file")
     import jax

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .batches import fit_many as fit_many
     from .choice.selection import choose as choose
+    from .data.errors import MeasurementError as MeasurementError
+    from .data.measurement import Measurement as Measurement
     from .fits import fit as fit
-    from .measurements.errors import MeasurementError as MeasurementError
-    from .measurements.from_file import read_csv as read_csv
-    from .measurements.measurement import Measurement as Measurement
+    from .measured_file import read_csv as read_csv
     from .own_residuals import fit_residuals as fit_residuals
     from .predictions import simulate as simulate
     from .process.start_up import cache_programs as cache_programs
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 # is imported when it is first used.
 _HOME = {
     "Fit": "results.result",
-    "Measurement": "measurements.measurement",
-    "MeasurementError": "measurements.errors",
+    "Measurement": "data.measurement",
+    "MeasurementError": "data.errors",
     "Sample": "samples.sample",
     "cache_programs": "process.start_up",
     "choose": "choice.selection",
@@ -37,7 +37,7 @@ _HOME = {
     "fit_many": "batches",
     "fit_residuals": "own_residuals",
     "model_names": "samples.dispersion",
-    "read_csv": "measurements.from_file",
+    "read_csv": "measured_file",
     "simulate": "predictions",
 }
 

@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.bare_surface.surface_fit import fit_surfaces
+from fitting.data.checks import unmasked
+from fitting.data.errors import MeasurementError
+from fitting.data.measurement import Measurement
 from fitting.fits import fit_checked
-from fitting.measurements.checks import unmasked
-from fitting.measurements.errors import MeasurementError
-from fitting.measurements.measurement import Measurement
 from fitting.outcomes.of_batch import fit_of_batch
 from fitting.problem import lanes
 from fitting.problem.lanes import Curves, Lanes

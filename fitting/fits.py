@@ -21,9 +21,9 @@ import numpy as np
 from fitting.bare_surface.reflectances import CHANNELS
 from fitting.bare_surface.surface_fit import fit_bare_surface
 from fitting.bare_surface.verdicts import with_verdicts
+from fitting.data.measurement import Measurement, concatenate
+from fitting.data.quantities import POWERS
 from fitting.free_films import check_free_film, fit_free_film, free_film
-from fitting.measurements.measurement import Measurement, concatenate
-from fitting.measurements.quantities import POWERS
 from fitting.outcomes.batched import stacked
 from fitting.outcomes.disagreement import disagreement, may_disagree
 from fitting.outcomes.findings import Subject

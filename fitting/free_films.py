@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 from fitting.results.diagnostics import Finding
 from fitting.results.result import Fit
 from fitting.results.result_parts import NONE, QUADRATIC, SHARED, Estimate

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 from fitting.problem.evaluation import at_data
 from fitting.problem.observations import observations
 from fitting.problem.points import points_of

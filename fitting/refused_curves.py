@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from fitting.measurements.checks import EXCURSION
-from fitting.measurements.quantities import ANGLES, POWERS, TABLE
+from fitting.data.checks import EXCURSION
+from fitting.data.quantities import ANGLES, POWERS, TABLE
 
 _Arrays = dict[str, Any]
 

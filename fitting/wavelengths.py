@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.batched import stacked
 from fitting.outcomes.findings import Subject

@@ -21,10 +21,10 @@ from pathlib import Path
 import numpy as np
 from drawn_files import SPELLINGS, Case, Draw, numbers_of_texts, texts_of
 
-from fitting.measurements.errors import for_command
-from fitting.measurements.from_file import read_csv
-from fitting.measurements.measurement import MeasurementError
-from fitting.samples.material_tables import index_in_table
+from fitting.data.errors import for_command
+from fitting.data.measurement import MeasurementError
+from fitting.measured_file import read_csv
+from fitting.samples.material_files import index_in_table
 
 
 def beside(draw: Draw) -> None:

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from varieties import VARIETIES
 
-from fitting.measurements.checks import EXCURSION, EXCURSION_SIGMAS, NOISE_EXCURSION
-from fitting.measurements.from_file import read_csv
-from fitting.measurements.measurement import Measurement, MeasurementError
+from fitting.data.checks import EXCURSION, EXCURSION_SIGMAS, NOISE_EXCURSION
+from fitting.data.measurement import Measurement, MeasurementError
+from fitting.measured_file import read_csv
 
 _JUNK = (
     b"\x00",

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from fitting.measurements.errors import for_command
-from fitting.measurements.from_file import read_csv
-from fitting.measurements.measurement import Measurement, MeasurementError
+from fitting.data.errors import for_command
+from fitting.data.measurement import Measurement, MeasurementError
+from fitting.measured_file import read_csv
 
 ANGLES = ("29.6667", "34.6667", "0.4e2", "61.25", "80")
 R_S = ("0.755435", "0.774384", "8.09614e-1", ".85", "0.912516")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 
 GOLD = Path(__file__).resolve().parents[1] / "examples" / "data" / "gold_532nm.csv"
 

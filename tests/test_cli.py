@@ -13,7 +13,7 @@ from command import ROOT, nothing_in, own_cache, refused, run  # noqa: F401 (a f
 from simulated import GOLD
 
 from fitting.command import cli, cli_options
-from fitting.measurements.from_file import read_csv
+from fitting.measured_file import read_csv
 from fitting.samples.sample import Sample
 from fresnel_jax.materials import lookup, names
 

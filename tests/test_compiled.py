@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 from fitting.problem.observations import observations
 from fitting.problem.problem import _linearised, targets_of, without_data
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns

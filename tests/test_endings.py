@@ -13,7 +13,7 @@ from command import own_cache  # noqa: F401 (a fixture)
 from simulated import GOLD
 
 from fitting import fit, read_csv
-from fitting.measurements.measurement import Measurement, MeasurementError
+from fitting.data.measurement import Measurement, MeasurementError
 
 ROOT = Path(__file__).resolve().parents[1]
 

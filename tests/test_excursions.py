@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from reading import read
 
-from fitting.measurements.measurement import Measurement, MeasurementError
+from fitting.data.measurement import Measurement, MeasurementError
 from fresnel_jax import powers
 
 ANGLES = np.linspace(40.0, 75.0, 60)

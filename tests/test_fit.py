@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 from simulated import textbook
 
 from fitting import fit, fit_many
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 
 ANGLES = np.linspace(10.0, 85.0, 16)
 MATERIALS = {

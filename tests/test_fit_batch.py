@@ -10,7 +10,7 @@ from simulated import textbook
 
 from fitting import Fit, fit, fit_many
 from fitting.bare_surface import calls, engine
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 
 ANGLES = np.linspace(20.0, 80.0, 16)
 INDICES = [

@@ -8,7 +8,7 @@ from simulated import GOLD, textbook
 
 from fitting import fit, fit_many
 from fitting.command import cli
-from fitting.measurements.from_file import read_csv
+from fitting.measured_file import read_csv
 
 
 @pytest.mark.parametrize("form", ["wide", "long"])

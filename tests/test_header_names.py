@@ -2,7 +2,7 @@
 
 import pytest
 
-from fitting.measurements.reader.names import role_of
+from fitting.reader.names import role_of
 
 AXES = {
     "incidence": "angle_deg|AOI|theta|Einfallswinkel|incidence_angle|Angle of Incidence"

@@ -15,7 +15,7 @@ from fitting.bare_surface.coordinates import coordinates_of
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.region import profile
 from fitting.bare_surface.valley import Lanes, evaluate
-from fitting.measurements.from_file import read_csv
+from fitting.measured_file import read_csv
 from fitting.results.result_parts import Estimate
 from fitting.uncertainty.limits import student_quantile
 from fitting.uncertainty.widening import wider

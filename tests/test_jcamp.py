@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from reading import read, refusal
 
-from fitting.measurements.reader import jcamp
+from fitting.reader.jcamp import as_plain_table
 
 HEAD = """##TITLE= a made-up plate
 ##JCAMP-DX= 4.24 $$ numbers of no instrument
@@ -51,7 +51,7 @@ def test_every_form_gives_the_numbers_to_the_last_bit(tmp_path: Path, form: str)
 @pytest.mark.parametrize("row", ["1+2+3+3+2+1+0-1-2-3", "1BCCBA@abc", "1JJ%jjjjjj", "1JJ%jX"])
 def test_the_example_of_the_standard(tmp_path: Path, row: str) -> None:
     text = file("500 " + row, n=10, first=500, last=509, yf=1, firsty=1)
-    found = jcamp.as_plain_table(text.splitlines())
+    found = as_plain_table(text.splitlines())
     assert found is not None
     lines, texts = zip(*found[0][-10:], strict=True)
     wanted = [[500 + i, v] for i, v in enumerate((1, 2, 3, 3, 2, 1, 0, -1, -2, -3))]

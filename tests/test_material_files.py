@@ -219,7 +219,7 @@ def test_refusals(name, text, says, tmp_path):
     with pytest.raises(MaterialFileError, match=says) as error:
         read_material(file)
     assert name in str(error.value)
-    with pytest.raises(MaterialFileError, match="cannot be read"):
+    with pytest.raises(MaterialFileError, match="cannot be opened"):
         read_material(tmp_path / "not there.yml")
 
 

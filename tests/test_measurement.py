@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reading import read, refusal
 
-from fitting.measurements.measurement import QUANTITIES, Measurement, MeasurementError
+from fitting.data.measurement import QUANTITIES, Measurement, MeasurementError
 
 
 def test_noise_beyond_0_and_1_needs_a_standard_error(tmp_path: Path) -> None:

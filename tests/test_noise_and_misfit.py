@@ -6,8 +6,9 @@ from estimates import texts
 from simulated import textbook
 
 from fitting import Measurement, fit, fit_many
-from fitting.measurements.errors import MeasurementError
-from fitting.residuals.noise import misfit, neighbour_noise, robust_noise
+from fitting.data.errors import MeasurementError
+from fitting.data.scatter import robust_noise
+from fitting.residuals.noise import misfit, neighbour_noise
 
 
 @pytest.mark.parametrize("equidistant", [True, False])

@@ -11,8 +11,8 @@ from simulated import GOLD, simulated
 
 from fitting import fit, fit_many
 from fitting.command import cli
-from fitting.measurements.from_file import read_csv
-from fitting.measurements.measurement import concatenate
+from fitting.data.measurement import concatenate
+from fitting.measured_file import read_csv
 from fitting.output import files, outputs, page
 from fitting.output.page import fit_page
 

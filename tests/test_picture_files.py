@@ -10,8 +10,8 @@ import pytest
 from simulated import GOLD
 
 from fitting import fit
-from fitting.measurements.from_file import read_csv
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
+from fitting.measured_file import read_csv
 from fitting.output import style
 
 

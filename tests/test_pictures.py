@@ -8,8 +8,8 @@ import pytest
 from simulated import GOLD, simulated, textbook
 
 from fitting import fit, fit_many, simulate
-from fitting.measurements.from_file import read_csv
-from fitting.measurements.measurement import Measurement, concatenate
+from fitting.data.measurement import Measurement, concatenate
+from fitting.measured_file import read_csv
 from fitting.output import style
 from fresnel_jax.dispersion import HC_EV_UM
 

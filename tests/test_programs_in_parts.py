@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 from fitting.optics.observe import medium_index
 from fitting.problem import programs_in_parts
 from fitting.problem.model_at import Shown, index_in_parts

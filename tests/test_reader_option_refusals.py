@@ -8,8 +8,8 @@ from reading import read, refusal
 from varieties import BODY
 
 from fitting.command.cli import main
-from fitting.measurements.from_file import read_csv
-from fitting.measurements.measurement import MeasurementError
+from fitting.data.measurement import MeasurementError
+from fitting.measured_file import read_csv
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from reading import ANGLES, DELTA, ERRORS, NANOMETRES, PSI, R_P, R_S, read, refusal, rows
 
-from fitting.measurements.from_file import read_csv
-from fitting.measurements.measurement import MeasurementError
+from fitting.data.measurement import MeasurementError
+from fitting.measured_file import read_csv
 
 REFUSALS = {
     "percent without a sign": (

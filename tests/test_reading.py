@@ -10,7 +10,7 @@ import pytest
 from reading import ANGLES, ERRORS, NANOMETRES, PERCENT, R_P, R_S, read, refusal, rows
 from varieties import VARIETIES
 
-from fitting.measurements.measurement import Measurement, MeasurementError, concatenate
+from fitting.data.measurement import Measurement, MeasurementError, concatenate
 
 
 def same(one: Measurement, other: Measurement) -> bool:
@@ -285,6 +285,6 @@ def test_zeros_that_stand_for_nothing_measured(tmp_path: Path) -> None:
 
 
 def test_reading_needs_no_jax() -> None:
-    code = "import sys, fitting.measurements.from_file; sys.exit('jax' in sys.modules)"
+    code = "import sys, fitting.measured_file; sys.exit('jax' in sys.modules)"
     root = Path(__file__).resolve().parents[1]
     assert subprocess.run([sys.executable, "-c", code], cwd=root, check=False).returncode == 0

@@ -13,10 +13,10 @@ from simulated import GOLD
 
 from fitting import fit, read_csv
 from fitting.command import cli
-from fitting.measurements.measurement import Measurement, MeasurementError
-from fitting.measurements.reader import lines as lines_module
+from fitting.data.measurement import Measurement, MeasurementError
 from fitting.output.as_data import data_csv
 from fitting.process.visible import visible
+from fitting.reader import text as text_module
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = "angle,R\n10,.1\n45,.2\n80,.5\n"
@@ -62,7 +62,7 @@ def test_a_file_that_is_too_large_is_refused_at_once(tmp_path: Path, monkeypatch
         file.truncate(200_000_000)
     with pytest.raises(MeasurementError, match="more than 10 MB came"):
         read_csv(tmp_path / "large.csv")
-    monkeypatch.setattr(lines_module, "MAX_BYTES", 10)  # a pipe or a device has no size
+    monkeypatch.setattr(text_module, "MAX_BYTES", 10)  # a pipe or a device has no size
     if Path("/dev/zero").exists():
         with pytest.raises(MeasurementError, match="the most that is read"):
             read_csv("/dev/zero")

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting.measurements.errors import for_command
-from fitting.measurements.from_file import read_csv
-from fitting.measurements.measurement import Measurement, MeasurementError
+from fitting.data.errors import for_command
+from fitting.data.measurement import Measurement, MeasurementError
+from fitting.measured_file import read_csv
 
 
 def column(path: Path, index: int, mark: str | None = ",", skip: int = 1) -> list[float]:

@@ -12,7 +12,7 @@ from fitting import simulate
 from fitting.choice import candidates
 from fitting.choice import selection as select
 from fitting.choice.candidates import MARGIN, Candidate, Key, simplest
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 from fitting.results.diagnostics import Finding
 from fitting.results.result_parts import Prediction
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from simulated import textbook
 
+from fitting.data.measurement import Measurement
 from fitting.fits import fit_checked
-from fitting.measurements.measurement import Measurement
 from fitting.optics.observe import NCS, predicted
 from fitting.problem.observations import observations
 from fitting.problem.problem import Residuals, targets_of

@@ -8,8 +8,8 @@ from scipy.optimize import least_squares
 from simulated import GOLD, simulated, textbook
 
 from fitting import fit, fit_many
-from fitting.measurements.from_file import read_csv
-from fitting.measurements.measurement import Measurement, concatenate
+from fitting.data.measurement import Measurement, concatenate
+from fitting.measured_file import read_csv
 from fitting.output.page import fit_page
 
 

@@ -7,7 +7,7 @@ import pytest
 from simulated import simulated, textbook
 
 from fitting import Measurement, choose, fit, simulate
-from fitting.measurements.measurement import concatenate
+from fitting.data.measurement import concatenate
 from fitting.output.estimates import reach
 from fitting.output.page import fit_page
 from fitting.results.diagnostics import Finding

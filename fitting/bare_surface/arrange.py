@@ -9,8 +9,8 @@ import numpy as np
 
 from fitting.bare_surface.curve_data import Data
 from fitting.bare_surface.reflectances import CHANNELS
-from fitting.measurements.checks import EXCURSION, unmasked
-from fitting.measurements.measurement import Measurement
+from fitting.data.checks import EXCURSION, unmasked
+from fitting.data.measurement import Measurement
 
 
 class Arranged(NamedTuple):

@@ -13,7 +13,7 @@ from fitting.bare_surface.curve_data import Data, of_rows
 from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.estimate import K_MIN
 from fitting.bare_surface.reflectances import CHANNELS, reflectances
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 from fitting.problem.evaluation import measured_places
 from fitting.process.compiled import compiled, fit_settings
 from fitting.residuals.noise import misfit, rounding

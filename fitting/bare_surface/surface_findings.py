@@ -10,7 +10,7 @@ import numpy as np
 from fitting.bare_surface.added_error import Taken
 from fitting.bare_surface.answer import FLAT_BELOW_DEG, Answer
 from fitting.bare_surface.arrange import Arranged
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 from fitting.residuals.error_model import ADDED
 from fitting.residuals.pattern import pattern
 from fitting.results.diagnostics import Finding, ranked

@@ -16,7 +16,7 @@ from fitting.bare_surface.curves import SurfaceCurves, fitted_curves, noise_of_m
 from fitting.bare_surface.other_solutions import Others
 from fitting.bare_surface.region_intervals import Intervals
 from fitting.bare_surface.surface_findings import findings, shaped, with_order
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 from fitting.problem.observations import missing_errors
 from fitting.residuals.error_model import NEED_STATED, sizes
 from fitting.residuals.pattern import pooled_pattern

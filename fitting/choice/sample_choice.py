@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from fitting.choice.candidates import MARGIN, Choice, Key
-from fitting.measurements.quantities import are_powers
+from fitting.data.quantities import are_powers
 from fitting.results.diagnostics import Finding
 from fitting.results.result import Fit
 from fitting.results.result_parts import CONVERGED

@@ -40,9 +40,9 @@ from fitting.choice.sample_choice import (
     with_gain_instead,
 )
 from fitting.choice.trials import Trials
+from fitting.data.measurement import Measurement, concatenate
+from fitting.data.quantities import are_powers
 from fitting.fits import fit_checked, measurements_of
-from fitting.measurements.measurement import Measurement, concatenate
-from fitting.measurements.quantities import are_powers
 from fitting.optics.instrument import INSTRUMENT, instrument_parameter
 from fitting.results.result import Fit
 from fitting.results.result_parts import CONVERGED

@@ -28,7 +28,7 @@ from fitting.process.visible import visible
 
 if TYPE_CHECKING:
     from fitting.choice.candidates import Choice
-    from fitting.measurements.measurement import Measurement
+    from fitting.data.measurement import Measurement
     from fitting.output.each_file import OfFile
     from fitting.output.files import Staged
     from fitting.output.outputs import Outputs
@@ -99,8 +99,8 @@ def _run(arguments: argparse.Namespace) -> int:
     """Fit all files together, and report and write the result."""
     import numpy as np
 
-    from fitting.measurements.from_file import read_csv
-    from fitting.measurements.several_files import told_apart
+    from fitting.data.measurement import told_apart
+    from fitting.measured_file import read_csv
     from fitting.output import as_data, files, style
     from fitting.output.material import texts_of
     from fitting.output.outputs import Outputs
@@ -143,10 +143,10 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _fit_file(file: str, arguments: argparse.Namespace) -> OfFile:
     """Return the fit of one file, or why there is none."""
-    from fitting.measurements.errors import for_command
-    from fitting.measurements.from_file import read_csv
-    from fitting.measurements.reader.lines import source_of
+    from fitting.data.errors import for_command
+    from fitting.measured_file import read_csv
     from fitting.output.each_file import OfFile
+    from fitting.reader.text import source_of
 
     try:
         found, _ = _fit([read_csv(file, **reading_options(arguments))], arguments)

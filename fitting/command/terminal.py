@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from fitting.command.cli_options import PROGRAM
-from fitting.measurements.errors import for_command
+from fitting.data.errors import for_command
 from fitting.process.visible import visible
 
 if TYPE_CHECKING:

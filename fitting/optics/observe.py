@@ -18,13 +18,13 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from fitting.measurements.quantities import POWERS
+from fitting.data.quantities import POWERS
 from fitting.optics.instrument import BEAM, SLIT, cosines, detected, slit
+from fitting.optics.layer_index import Pair, slices_of
+from fitting.optics.layer_index import medium_index as medium_index
 from fitting.optics.partial_derivatives import by_partial_derivatives
 from fitting.samples.dispersion import Model
 from fitting.samples.known_media import Known, Mixture, known_medium
-from fitting.samples.layer_index import Pair, slices_of
-from fitting.samples.layer_index import medium_index as medium_index
 from fitting.samples.parameters import to_parameter
 from fresnel_jax import powers
 from fresnel_jax.layers import slab, stack

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 from fitting.problem.evaluation import EachWavelength
 from fitting.results.diagnostics import Finding
 from fitting.results.result import Fit

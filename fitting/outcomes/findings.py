@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
-from fitting.measurements.quantities import are_powers
+from fitting.data.measurement import Measurement
+from fitting.data.quantities import are_powers
 from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.contradictions import contradicted_errors, contradicted_priors
 from fitting.outcomes.curvature import without_slope

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 from fitting.outcomes.findings import VAGUE, may_vanish
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.lanes import Curves, Lanes, slopes

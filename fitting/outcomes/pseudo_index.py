@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitting.measurements.quantities import ANGLES
+from fitting.data.quantities import ANGLES
 from fitting.optics.observe import NCS
 from fitting.results.diagnostics import Warning
 from fitting.results.result import Fit

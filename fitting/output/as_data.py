@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import fitting
-from fitting.measurements.errors import MissingExtra
+from fitting.data.errors import MissingExtra
 from fitting.output.estimates import by_wavelength, has_several_curves, index_waves
 from fitting.output.facts import sample_text, title_of
 from fitting.output.outputs import WRITTEN_BY

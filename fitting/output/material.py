@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.measurements.reader.units import span_of
+from fitting.data.units import span_of
 from fitting.output.as_data import INDEX_MARK
 from fitting.process.visible import visible
 from fitting.results.result import Fit

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitting.samples.database import PREFIX, search
+from fitting.samples.known_media import PREFIX, search_database
 from fresnel_jax import materials
 
 
@@ -15,7 +15,7 @@ def material_list(words: str = "") -> str:
     if words:
         if not words.startswith(PREFIX):
             raise ValueError(f"{words!r} came; {PREFIX}gold looks for gold in the database.")
-        entries = search(words)
+        entries = search_database(words)
         if not entries:
             raise ValueError(f"no entry of the database has {words.removeprefix(PREFIX)!r}.")
         wide = max(len(name) for name, _ in entries)

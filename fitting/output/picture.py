@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitting.measurements.quantities import ANGLES, TABLE
+from fitting.data.quantities import ANGLES, TABLE
 from fitting.output import facts
 from fitting.output.estimates import reach, shown_name, value_text
 from fitting.output.numbers import number, size_text
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fitting.measurements.measurement import Measurement
+    from fitting.data.measurement import Measurement
 
 # How many warnings stand below a picture, and how many letters of each.
 _WARNINGS, _LETTERS = 3, 240

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
-from fitting.measurements.quantities import POWERS, TABLE
+from fitting.data.measurement import Measurement
+from fitting.data.quantities import POWERS, TABLE
 from fitting.output.estimates import has_several_curves
 from fitting.output.style import GREY, band, points
 from fitting.process.visible import visible

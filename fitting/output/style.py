@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitting.measurements.errors import MissingExtra
+from fitting.data.errors import MissingExtra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 from fitting.optics.averages import values_at, with_places
 from fitting.optics.observe import NCS
 from fitting.problem.model_at import Shown

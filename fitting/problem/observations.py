@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
-from fitting.measurements.quantities import ANGLES, QUANTITIES
+from fitting.data.measurement import Measurement
+from fitting.data.quantities import ANGLES, QUANTITIES
 from fitting.optics.observe import NCS, Points
 from fitting.results.diagnostics import Warning
 

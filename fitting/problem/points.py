@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fitting.measurements.measurement import QUANTITIES, Measurement
+from fitting.data.measurement import QUANTITIES, Measurement
 
 
 def numbers(name: str, came: Any) -> np.ndarray:

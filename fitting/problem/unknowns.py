@@ -9,18 +9,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
-from fitting.measurements.quantities import POWERS, are_powers
+from fitting.data.measurement import Measurement
+from fitting.data.quantities import POWERS, are_powers
 from fitting.optics.averages import largest, with_places, within_slit
 from fitting.optics.instrument import INSTRUMENT, PER_CURVE, instrument_parameter
 from fitting.optics.observe import Media, Spec
 from fitting.problem.observations import Observations
 from fitting.process.compiled import fit_settings
-from fitting.samples.dispersion import Model, absent, wider
+from fitting.samples.dispersion import Model, Spectrum, absent, wider
 from fitting.samples.known_media import Known, MaterialFile, Mixture, known_medium
 from fitting.samples.parameters import LOG, Parameter, Settings, Unknown, check_tie
 from fitting.samples.sample import Medium, Sample
-from fitting.samples.spectrum import Spectrum
 from fresnel_jax.dispersion import HC_EV_UM
 
 

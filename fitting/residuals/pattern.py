@@ -22,7 +22,7 @@ from fitting.residuals.noise import rounding
 from fitting.residuals.residuals import residuals, weighted_residuals
 
 if TYPE_CHECKING:
-    from fitting.measurements.measurement import Measurement
+    from fitting.data.measurement import Measurement
 
 # Noise is called a pattern by chance in one fit of four hundred, for each of two directions.
 _CHANCE, _NORMAL = 2.5e-3, 2.81

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from fitting.measurements.measurement import Measurement
+    from fitting.data.measurement import Measurement
 
 
 def residuals(measurement: Measurement, fitted: np.ndarray) -> np.ndarray:

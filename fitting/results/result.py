@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 from fitting.results.diagnostics import Finding, Warning
 from fitting.results.result_parts import (
     Alternative,

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 
 CONVERGED, UNDETERMINED = "converged", "undetermined"
 NOT_CONVERGED, NO_DATA = "not converged", "no data"

@@ -14,10 +14,43 @@ import jax.numpy as jnp
 from jax import Array
 
 from fitting.samples.parameters import LOG, PLAIN, SQUARE, Parameter
-from fitting.samples.spectrum import Spectrum
 from fitting.samples.spline_index import NAME as SPLINE
 from fitting.samples.spline_index import knots_over, spline_model, spline_parameters, without_knots
 from fresnel_jax import dispersion
+
+
+class Spectrum(NamedTuple):
+    """The properties of the data on which the ranges of starting values depend.
+
+    shortest_um, longest_um: measured wavelengths; eta_i: index of the medium in front.
+    even_in_k: whether the data depend on k^2 (powers of a bare interface), and not on k.
+    step_ev: the least distance of two photon energies.
+    """
+
+    shortest_um: float
+    longest_um: float
+    eta_i: float = 1.0
+    even_in_k: bool = True
+    step_ev: float = 0.0
+
+    @property
+    def low_ev(self) -> float:
+        """The least photon energy."""
+        return dispersion.HC_EV_UM / self.longest_um
+
+    @property
+    def high_ev(self) -> float:
+        """The largest photon energy."""
+        return dispersion.HC_EV_UM / self.shortest_um
+
+    @property
+    def narrowest_ev(self) -> float:
+        """The least width of a line that is looked for.
+
+        One that is narrower than the distance of two data takes up the noise of one of them, at any
+        place of the spectrum: minima by the dozen, and none that the data tell.
+        """
+        return min(max(1e-3 * self.low_ev, self.step_ev), 0.03 * self.low_ev)
 
 
 class Model(NamedTuple):

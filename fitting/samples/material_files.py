@@ -4,10 +4,9 @@
     read_material("film.csv")                  a table of wavelength, n and, if wanted, k
 
 In the text of a sample the name of a file may stand for that of a material:
-``air | film.yml 110 nm | Si``.
-
-YAML is read by PyYAML, an optional dependency (extra ``yaml``): a parser of our own would know only
-the part of YAML that those files use today.
+``air | film.yml 110 nm | Si``. YAML is read by PyYAML, an optional dependency (extra ``yaml``): a
+parser of our own would know only the part of YAML that those files use today. Tables are read as
+measurements are: headers, units and cells.
 """
 
 from __future__ import annotations
@@ -23,10 +22,17 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from fitting.measurements.errors import MeasurementError, for_command
-from fitting.measurements.reader.lines import MAX_BYTES
+from fitting.data.errors import MeasurementError, for_command, named, refuse
+from fitting.data.units import span_of
 from fitting.process.compiled import fit_settings
-from fitting.samples.material_tables import index_in_table
+from fitting.reader.cells import looks_like_data, split_cells
+from fitting.reader.columns import Column, Layout, came_in, left_out, roles_of
+from fitting.reader.conversion import Reading, wavelengths
+from fitting.reader.names import role_of
+from fitting.reader.options import parse_options
+from fitting.reader.remarks import evidence
+from fitting.reader.table import Table, filled_columns, label_of, read_table, uncomment
+from fitting.reader.text import read_lines
 from fitting.samples.published_formulas import PublishedFormula
 from fresnel_jax.dispersion import DispersionModel, Index, Material, Tabulated
 
@@ -38,6 +44,14 @@ _LARGEST = 1e6
 
 # n or k: a model, and the wavelengths from which to which it holds.
 _Part = tuple[DispersionModel, tuple[float, float]]
+# Wavelengths without a unit are in micrometres below 100, as refractiveindex.info exports them;
+# from there to 2000 they are in nanometres, above it they may be in angstrom.
+_NANOMETRES = (100.0, 2000.0)
+_WANTED = (
+    "A header such as wavelength_um,n,k was wanted (or wavelength_nm, energy_eV, wavenumber_cm-1, "
+    "frequency_THz), with each of them once and k where it is not 0"
+)
+_Column = tuple[np.ndarray, np.ndarray]  # wavelengths in micrometres, and n or k at them
 
 
 class MaterialFileError(ValueError):
@@ -73,37 +87,24 @@ def read_material(path: str | os.PathLike[str]) -> Material:
     Raises MaterialFileError for a file that cannot be read or holds no index.
     """
     file = Path(path)
-    if file.suffix.lower() not in (".yml", ".yaml"):
-        try:
-            return _from_table(file)
-        except MeasurementError as error:
-            text = for_command(error)
-            advice = (
-                " The file of a material takes no options: write it so." if "--" in text else ""
-            )
-            raise MaterialFileError(text + advice) from None
-        except ValueError as error:
-            raise MaterialFileError(f"{file.name}: {error}.") from None
     try:
-        with file.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise MaterialFileError(f"{file}: the file cannot be read ({error.strerror}).") from None
-    if len(data) > MAX_BYTES:
-        raise MaterialFileError(
-            f"{file}: at most {MAX_BYTES // 10**6} MB are read. Leave rows out."
-        )
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")
-    try:
-        return _from_yaml(text, file.stem)
+        if file.suffix.lower() in (".yml", ".yaml"):
+            with named(file.name):
+                parts = _in_yaml("\n".join(read_lines(file, None)[0]))
+        else:
+            columns = index_in_table(file).items()
+            parts = {name: _tabulated(*column, name) for name, column in columns}
+        return _joined(parts["n"], parts.get("k"), file.stem)
+    except MeasurementError as error:
+        text = for_command(error)
+        advice = " The file of a material takes no options: write it so." * ("--" in text)
+        raise MaterialFileError(text + advice) from None
     except ValueError as error:
         raise MaterialFileError(f"{file.name}: {error}.") from None
 
 
-def _from_yaml(text: str, name: str) -> Material:
+def _in_yaml(text: str) -> dict[str, _Part]:
+    """Return n, and k where there is one, of a file of the refractiveindex.info database."""
     try:
         import yaml
     except ImportError:
@@ -138,20 +139,29 @@ def _from_yaml(text: str, name: str) -> Material:
     parts: dict[str, _Part] = {}
     for entry in entries:
         kind = " ".join(str(entry.get("type")).split())
-        holds = "n" if kind.startswith("formula") else kind.removeprefix("tabulated ")
+        formula = kind.startswith("formula")
+        holds = "n" if formula else kind.removeprefix("tabulated ")
         if holds not in ("n", "k", "nk"):
             continue
         if twice := set(holds) & set(parts):
             raise ValueError(f"DATA holds {min(twice)} twice; keep one of them")
-        of_formula = kind.startswith("formula")
-        part = _formula(entry, kind) if of_formula else _table(*_columns(entry.get("data"), kind))
-        parts |= dict.fromkeys(holds, part)
+        if formula:
+            parts["n"] = _formula(entry, kind)
+            continue
+        lines = str(entry.get("data")).splitlines()
+        rows = [_numbers(line, "a row of data") for line in lines if line.strip()]
+        if not rows or any(len(row) != 1 + len(holds) for row in rows):
+            wanted = f"rows of {1 + len(holds)} numbers each"
+            raise ValueError(f"the data of {kind!r} are not {wanted}")
+        wavelength, *columns = np.array(rows).T
+        for name, column in zip(holds, columns, strict=True):
+            parts[name] = _tabulated(wavelength, column, name)
     if "n" not in parts:
         kinds = ", ".join(str(e.get("type"))[:20] for e in entries[:8]) or "nothing"
         raise ValueError(
             f"DATA holds {kinds}, and no n (tabulated n, tabulated nk, formula 1 to 9 were wanted)"
         )
-    return _joined(parts["n"], parts.get("k"), name)
+    return parts
 
 
 def _plain(node: Any) -> Any:
@@ -212,37 +222,126 @@ def _numbers(text: Any, name: str) -> list[float]:
         raise ValueError(f"{name} is {came}; numbers separated by blanks were wanted") from None
 
 
-def _columns(text: Any, kind: str) -> tuple[np.ndarray, ...]:
-    """Return wavelength, n and k of a table of the database; an n that is absent is 1, a k is 0."""
-    wanted = 3 if "nk" in kind else 2
-    rows = [_numbers(line, "a row of data") for line in str(text).splitlines() if line.strip()]
-    if not rows or any(len(row) != wanted for row in rows):
-        raise ValueError(f"the data of {kind!r} are not rows of {wanted} numbers each")
-    wavelength, first, *second = np.array(rows).T
-    if second:
-        return wavelength, first, *second
-    blank = np.zeros_like(first)
-    return (wavelength, first, blank) if kind.endswith("n") else (wavelength, blank + 1.0, first)
-
-
-def _table(wavelength: np.ndarray, n: np.ndarray, k: np.ndarray) -> _Part:
-    """Return a table in order of wavelength, with the mean of repeated wavelengths."""
+def _tabulated(wavelength: np.ndarray, x: np.ndarray, name: str) -> _Part:
+    """Return n (with k = 0) or k in order of wavelength, with means of repeated wavelengths."""
     each, place, count = np.unique(wavelength, return_inverse=True, return_counts=True)
     if not (np.isfinite(each).all() and each[0] > 0.0):
         raise ValueError(f"a wavelength is {each[0]:g}; numbers above 0 were wanted")
-    if not (np.abs([n, k]) <= _LARGEST).all():
+    if not (np.abs(x) <= _LARGEST).all():
         raise ValueError(f"an n or k is no number, or above {_LARGEST:g}")
     if len(each) < 2:
         raise ValueError("there is one wavelength; two or more were wanted")
-    columns = (np.bincount(place, column) / count for column in (n, k))
+    mean = np.bincount(place, x) / count
+    columns = (mean, np.zeros_like(mean)) if name == "n" else (np.ones_like(mean), mean)
     return Tabulated(each, *columns), (float(each[0]), float(each[-1]))
 
 
-def _from_table(file: Path) -> Material:
-    parts = index_in_table(file)
-    wavelength, n = parts["n"]
-    wavelength_k, k = parts.get("k", (wavelength, np.zeros_like(n)))
-    if np.array_equal(wavelength, wavelength_k):
-        return Material(*_table(wavelength, n, k), file.stem)
-    of_k = _table(wavelength_k, np.ones_like(k), k)
-    return _joined(_table(wavelength, n, np.zeros_like(n)), of_k, file.stem)
+def _blocks(texts: list[str]) -> list[list[tuple[int, str]]]:
+    """Return the numbered lines of each table: one, or one of n and one of k."""
+    blocks: list[list[tuple[int, str]]] = [[]]
+    rows = 0
+    for line, text in enumerate(texts, start=1):
+        if rows and _is_header(text):
+            blocks.append([])
+            rows = 0
+        rows += looks_like_data(_cells(uncomment(text)))[0]
+        blocks[-1].append((line, text))
+    return [*map(_without_empty_column, blocks)]
+
+
+def _cells(text: str) -> list[str]:
+    return split_cells(text, next((mark for mark in "\t;," if mark in text), " "))
+
+
+def _is_header(text: str) -> bool:
+    return {"wavelength", "index"} <= {role_of(cell).kind for cell in _cells(uncomment(text))}
+
+
+def _without_empty_column(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return lines where a last column that is named and never filled has empty cells."""
+    rows = {line: cells for line, text in lines if looks_like_data(cells := _cells(text))[0]}
+    header = next((text for _, text in lines if _is_header(text)), "")
+    if {len(cells) for cells in rows.values()} != {len(_cells(header)) - 1}:
+        return lines
+    first = next(text for line, text in lines if line in rows)
+    mark = next((mark for mark in "\t;," if mark in first), ",")
+    return [(line, text + mark * (line in rows)) for line, text in lines]
+
+
+def _reading(table: Table, axis: Column, source: str) -> Reading:
+    """Return a table with its axis and what is said of the unit of wavelengths, or assumed."""
+    layout = Layout(None, axis, None, None, [], [], [], {})
+    said = [s for s in evidence(source, table.preamble) if s.kind == "wavelength unit"]
+    reading = Reading(table, layout, parse_options({}), said, [])
+    if axis.role.form == "wavelength" and not axis.role.unit and not reading.one("wavelength unit"):
+        x, _ = reading.numbers(axis)
+        low, high = _NANOMETRES
+        if not (np.nanmax(x) < low or low < np.nanmin(x) <= np.nanmax(x) <= high):
+            reading.refuse(
+                axis,
+                f"the name states no unit, and {span_of(x)} may be um, nm or angstrom. Name it "
+                "wavelength_um, wavelength_nm or wavelength_angstrom.",
+            )
+        unit = "um" if np.nanmax(x) < low else "nm"
+        reading = reading._replace(options=reading.options._replace(wavelength_unit=unit))
+    return reading
+
+
+def _index_of(table: Table, source: str) -> dict[str, _Column]:
+    """Return the wavelengths in micrometres and the numbers of n, of k, or of both in a table.
+
+    A fit has no use for the standard errors of n and k, which are left out, as are running numbers
+    and words that are the same in all rows; any other column is refused.
+    """
+    columns: dict[str, list[Column]] = {"wavelength": [], "n": [], "k": []}
+    rest = {}
+    roles = roles_of(table)
+    for i in filled_columns(table.rows):
+        role = roles[i]
+        name = role.quantity if role.kind == "index" else role.kind
+        if name in columns:
+            columns[name].append(Column(i, label_of(table, i), role))
+        elif role.kind != "sigma" or role.quantity not in ("n", "k", ""):
+            rest[i] = role
+    for name, several in columns.items():
+        if len(several) > 1 or not (several or name == "k" or (name == "n" and columns["k"])):
+            came = " and ".join(repr(column.label) for column in several) or "none"
+            refuse(
+                f"of the columns {', '.join(label_of(table, i) for i in range(len(table.names)))} "
+                f"{came} may be the {name}. {_WANTED}.",
+                table.header or table.lines[0],
+            )
+    axis = columns["wavelength"][0]
+    for i, what in left_out(table, rest, [axis.index], constants=False).items():
+        refuse(
+            f"this column ({came_in(table, i)}) is neither n nor k, but may be {what}. {_WANTED}; "
+            "delete the column, or name it sigma_n or sigma_k if it holds standard errors.",
+            table.header or table.lines[0],
+            label_of(table, i),
+        )
+    reading = _reading(table, axis, source)
+    wavelength = wavelengths(reading)
+    out = {}
+    for name, column in ((name, columns[name][0]) for name in "nk" if columns[name]):
+        numbers, _ = reading.numbers(column)
+        there = ~np.isnan(numbers)
+        out[name] = wavelength[there], numbers[there]
+    return out
+
+
+def index_in_table(file: Path) -> dict[str, _Column]:
+    """Return n, and k where there is one, from one table or two, as refractiveindex.info has them.
+
+    Raises MeasurementError for a file that is no such table.
+    """
+    parts: dict[str, _Column] = {}
+    with named(file.name):
+        texts, _ = read_lines(file, None)
+        for lines in _blocks(texts):
+            for name, part in _index_of(read_table(lines, parse_options({})), file.name).items():
+                if name in parts:
+                    refuse(f"two tables hold {name}; one was wanted.", lines[0][0])
+                parts[name] = part
+        if "n" not in parts:
+            refuse(f"no column is n. {_WANTED}.")
+    return parts

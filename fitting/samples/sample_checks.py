@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from pathlib import PurePath
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
-from fitting.measurements.quantities import TABLE
-from fitting.measurements.several_files import millimetres_named, refuse_several_thicknesses
+from fitting.data.measurement import Measurement, MeasurementError
+from fitting.data.quantities import TABLE
 from fitting.samples.dispersion import Model
 from fitting.samples.known_media import known_medium
 from fitting.samples.sample import Sample
@@ -16,6 +17,28 @@ from fitting.samples.sample import Sample
 # Films from that thickness on are looked at, with the least index that they may have and so many
 # fringes between two wavelengths.
 _PLATE_UM, _ETA, _FRINGES = 50.0, 1.3, 2.0
+# "glass_3mm.csv", "CLEAR_0.7 mm.dat"
+_MILLIMETRES = re.compile(r"(?<![\d.])(\d+(?:\.\d+)?) ?mm(?![a-z])", re.IGNORECASE)
+
+
+def _millimetres_named(source: str) -> str | None:
+    """Return the thickness in mm in the name of a file, as it is written there."""
+    found = _MILLIMETRES.search(PurePath(source).name)
+    return found[1] if found else None
+
+
+def _refuse_several_thicknesses(sources: Sequence[str]) -> None:
+    """Raise ValueError where files that share one thickness have different ones in their names."""
+    named: dict[float, str] = {}
+    for source in sources:
+        if mm := _millimetres_named(source):
+            named.setdefault(float(mm), source)
+    if len(named) > 1:
+        each = " and ".join(f"{mm:g} mm ({source})" for mm, source in sorted(named.items()))
+        raise MeasurementError(
+            f"the files name plates of {each}; one thickness was given for all of them. Fit plates "
+            "of different thickness one by one, each with its own thickness."
+        )
 
 
 def check_fit(measurements: Sequence[Measurement], sample: Sample) -> None:
@@ -33,7 +56,7 @@ def _refuse_second_face(m: Measurement, sample: Sample) -> None:
     """
     behind = sorted(q for q in set(m.quantity.tolist()) if TABLE[q].of_layer)
     if sample.bare and behind:
-        thick_mm = millimetres_named(m.source)
+        thick_mm = _millimetres_named(m.source)
         named = f"; the file name says {thick_mm} mm" if thick_mm else ""
         raise ValueError(
             f"{m.source}: {', '.join(behind)} cannot be fitted with one bare surface, since "
@@ -48,7 +71,7 @@ def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> Non
     for m in measurements:
         check_points(m, sample)
     if any(not m.thickness.coherent for m in sample.layers if m.thickness):
-        refuse_several_thicknesses([m.source for m in measurements])
+        _refuse_several_thicknesses([m.source for m in measurements])
 
 
 def _refuse_unseen_fringes(m: Measurement, sample: Sample) -> None:

@@ -22,7 +22,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement
+from fitting.data.measurement import Measurement
 from fitting.optics.instrument import BEAM, SLIT
 from fitting.problem.observations import Observations, observations
 from fitting.problem.problem import targets_of

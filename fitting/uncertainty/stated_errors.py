@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement, concatenate
-from fitting.measurements.quantities import are_powers
+from fitting.data.measurement import Measurement, concatenate
+from fitting.data.quantities import are_powers
 from fitting.residuals.error_model import (
     GAIN,
     ROUNDS,

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from typing import NamedTuple, NoReturn
 
-from fitting.measurements.errors import refuse
-from fitting.measurements.quantities import POLARIZED, POWER_LETTERS
-from fitting.measurements.reader.cells import is_number, to_numbers
-from fitting.measurements.reader.names import Role, role_of
-from fitting.measurements.reader.options import Options
-from fitting.measurements.reader.table import Table, filled_columns, find_column, label_of
-from fitting.measurements.reader.units import FORM_OF
-from fitting.measurements.reader.unread_columns import left_out
+from fitting.data.checks import all_alike, is_running
+from fitting.data.errors import refuse
+from fitting.data.quantities import POLARIZED, POWER_LETTERS
+from fitting.data.units import FORM_OF
+from fitting.reader.cells import is_missing, is_number, to_numbers
+from fitting.reader.names import Role, role_of
+from fitting.reader.options import Options
+from fitting.reader.table import Table, filled_columns, find_column, label_of
+from fitting.reader.vocabulary import light_of_cell
 
 # words by which a column shows that rows are means or deviations of other rows; Accurion EP3 and
 # EP4 write the mean of the zones as zone 0, their deviation as zone 5
@@ -43,6 +45,11 @@ class Layout(NamedTuple):
     sigmas: list[Column | None]
     unused: list[str]
     left_out: dict[int, str]
+
+    @property
+    def axes(self) -> tuple[Column | None, ...]:
+        """The columns of the angle, the wavelength and the polarization."""
+        return self.angle, self.wavelength, self.polarization, self.polarizer
 
 
 def _refuse(table: Table, text: str, column: str = "") -> NoReturn:
@@ -164,17 +171,14 @@ def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Co
     for sigma in sigmas:
         name, at = sigma.role.quantity, sigma.role.at
         fits = [
-            i
-            for i, value in enumerate(values)
-            if (value.role.quantity.endswith(name) if name[:1] == "_" else
-                value.role.quantity == name)
-            and at in (None, value.role.at)
+            i for i, value in enumerate(values) if at in (None, value.role.at)
+            and (value.role.quantity == name or (name[:1] == "_" and
+                 value.role.quantity.endswith(name)))
         ]  # fmt: skip
-        if not name and len(values) == 1:
-            fits = [0]
-        elif not name and nameless >= len(values):
-            fits = [i for i, value in enumerate(values) if value.index == sigma.index - 1]
-        elif name and not fits:
+        if not name:
+            behind = [i for i, value in enumerate(values) if value.index == sigma.index - 1]
+            fits = [0] if len(values) == 1 else behind if nameless >= len(values) else []
+        elif not fits:
             continue
         if len(fits) != 1 or attached[fits[0]] is not None:
             all_of = ",".join(f"{v.role.quantity}={v.index + 1}" for v in values)
@@ -191,15 +195,13 @@ def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Co
 
 def _refuse_computed_rows(table: Table, used: set[int]) -> None:
     """Raise where a column shows that some rows are means or deviations of others."""
-    for index, name in enumerate(table.names):
-        zones = name.lower() == "zone"
-        if index in used:
-            continue
-        words = _ZONES if zones else _STATISTICS
+    for index in {*range(len(table.names))} - used:
+        label = label_of(table, index)
+        zones = label.lower() == "zone"
         cells = [row[index].lower() for row in table.rows]
+        words = _ZONES if zones else _STATISTICS
         first = next((i for i, cell in enumerate(cells) if cell in words), -1)
         if first >= 0 and len(set(cells)) > 1:
-            label = label_of(table, index)
             keep = "1,2,3,4 for the measured ones (or Zone=0)" if zones else "WORD"
             refuse(
                 f"{table.rows[first][index]!r} says that this row is a mean or a standard "
@@ -207,6 +209,45 @@ def _refuse_computed_rows(table: Table, used: set[int]) -> None:
                 table.lines[first],
                 label,
             )
+
+
+def _is_harmless(table: Table, index: int, role: Role, constants: bool, axes: list[int]) -> bool:
+    """Return whether a fit may do without a column: nothing of the measurement is in it."""
+    cells = [row[index] for row in table.rows]
+    if is_running(cells):  # and is not the axis itself
+        return len({tuple(row[i] for i in axes) for row in table.rows}) > 1
+    means = role.quantity or light_of_cell(cells[0]) or role_of(cells[0]).quantity
+    alike = all_alike(cells) and (constants or not is_number(cells[0]))
+    return role.kind == "aside" or bool(alike and not means)
+
+
+def left_out(
+    table: Table, columns: dict[int, Role], axes: list[int], constants: bool = True
+) -> dict[int, str]:
+    """Return what each of the columns may be that are not read but may hold something of use.
+
+    Constant columns, running numbers and what is nothing to be fitted may be left out.
+    axes: columns that tell the rows apart. constants: whether numbers that are the same in all
+    rows may be left out.
+    """
+    lost = {}
+    for index, role in columns.items():
+        if _is_harmless(table, index, role, constants, axes):
+            continue
+        cells = [row[index] for row in table.rows]
+        why = role.why if role.why.startswith("it ") else ""
+        lost[index] = re.sub("^it (is|may be) ", "", why) or (
+            "an axis, a value or its standard error under a name or in a unit that is not known"
+            if all(is_number(cell) or is_missing(cell) for cell in cells)
+            else "the polarization, or the name of a sample"
+        )
+    return lost
+
+
+def came_in(table: Table, index: int) -> str:
+    """Return the first cells of a column, for messages."""
+    cells = list(dict.fromkeys(row[index][:20] for row in table.rows))
+    return ", ".join(cells[:3]) + ", ..." * (len(cells) > 3)
 
 
 def choose_columns(table: Table, options: Options) -> Layout:
@@ -222,7 +263,8 @@ def choose_columns(table: Table, options: Options) -> Layout:
     ]  # fmt: skip
     found = _explicit(table, options) if options.columns else _implicit(table, roles, filled)
     values = found["value"]
-    if not any(value.role.quantity in (*POWER_LETTERS, *POLARIZED) for value in values):
+    names = {value.role.quantity for value in values}
+    if not names & {*POWER_LETTERS, *POLARIZED}:
         found["polarization"] = found["polarizer"] = []
     for of in dict.fromkeys((value.role.quantity, value.role.at) for value in values):
         _only(table, [v for v in values if (v.role.quantity, v.role.at) == of], of[0])
@@ -234,7 +276,6 @@ def choose_columns(table: Table, options: Options) -> Layout:
             "all columns to be read with --columns, and the angle with --angle-deg.",
             angled[0].label,
         )
-    names = {value.role.quantity for value in values}
     for letter in POWER_LETTERS:
         if {letter, letter + "_s", letter + "_p"} <= names and not options.columns:
             _refuse(
@@ -246,11 +287,11 @@ def choose_columns(table: Table, options: Options) -> Layout:
     kinds = ("angle", "wavelength", "polarization", "polarizer")
     single = {kind: _only(table, found[kind], kind) for kind in kinds}
     sigmas = _attach(table, values, found["sigma"])
-    used = {c.index for c in [*single.values(), *values, *sigmas] if c is not None}
+    axes = {column.index for column in single.values() if column is not None}
+    used = axes | {c.index for c in [*values, *sigmas] if c is not None}
     _refuse_computed_rows(table, used)
     chosen = used | {find_column(table, name, "--keep") for name in options.keep}
-    read = [column for column in single.values() if column is not None]
     rest = {} if options.columns else {i: roles[i] for i in filled if i not in chosen}
-    lost = left_out(table, rest, [column.index for column in read])
+    lost = left_out(table, rest, [*axes])
     unused = [label_of(table, i) for i in filled_columns(table.rows) if i not in used]
     return Layout(**single, values=values, sigmas=sigmas, unused=unused, left_out=lost)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fitting.measurements.errors import refuse
+from fitting.data.errors import refuse
 
 DELIMITERS = {"tab": "\t", "semicolon": ";", "comma": ",", "pipe": "|", "blank": " "}
 MISSING = frozenset([
@@ -55,30 +55,9 @@ def is_number(cell: str) -> bool:
     return _NUMBER.fullmatch(cell) is not None
 
 
-def number_or_none(text: str) -> float | None:
-    """Return the number that ``text`` is, with a point or a comma; None where it is none."""
-    try:
-        return float(text.replace(",", "."))
-    except ValueError:
-        return None
-
-
 def is_missing(cell: str) -> bool:
     """Return whether ``cell`` says that nothing was measured: empty, NaN, n/a, a dash."""
     return cell.lower() in MISSING
-
-
-def all_alike(cells: Sequence[str]) -> bool:
-    """Return whether all cells hold the same, a number in whatever spelling."""
-    numbers = map(number_or_none, cells)
-    return len({c if x is None else x for c, x in zip(cells, numbers, strict=True)}) == 1
-
-
-def is_running(cells: Sequence[str]) -> bool:
-    """Return whether three cells or more count from 0 or 1."""
-    numbers = [number_or_none(cell) for cell in cells]
-    count = len(cells)
-    return count > 2 and numbers in ([*range(count)], [*range(1, count + 1)])
 
 
 def looks_like_data(cells: list[str]) -> tuple[bool, int]:

@@ -1,30 +1,55 @@
-"""A table with its columns chosen becomes long columns: one datum per row, with its place."""
+"""A file as long columns: one datum per row, with its place in the file."""
 
 from __future__ import annotations
 
+import csv
+import re
+from collections.abc import Callable, Sequence
+from os import PathLike
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from fitting.measurements.checks import Data
-from fitting.measurements.errors import refuse
-from fitting.measurements.quantities import (
+from fitting.data.checks import Data, number_or_none
+from fitting.data.errors import refuse
+from fitting.data.quantities import (
     NAME,
     POWER_LETTERS,
     POWERS,
+    QUANTITIES,
     TABLE,
     are_powers,
     letter_of,
 )
-from fitting.measurements.reader.axes import angles, wavelengths
-from fitting.measurements.reader.columns import Column, Layout
-from fitting.measurements.reader.evidence import evidence, statements, without
-from fitting.measurements.reader.light import FIELD_DEG, light_of_rows
-from fitting.measurements.reader.options import Options
-from fitting.measurements.reader.reading import Reading
-from fitting.measurements.reader.scales import power_scale, psi_delta_unit, standard_errors
-from fitting.measurements.reader.table import Table
-from fitting.measurements.reader.units import scaled, span_of
+from fitting.data.units import scaled, span_of
+from fitting.reader import instruments, jcamp
+from fitting.reader.columns import Column, choose_columns
+from fitting.reader.conversion import (
+    FIELD_DEG,
+    Reading,
+    angles,
+    light_of_rows,
+    power_scale,
+    psi_delta_unit,
+    standard_errors,
+    wavelengths,
+)
+from fitting.reader.options import Options, parse_options
+from fitting.reader.remarks import evidence, statements, without
+from fitting.reader.table import Table, find_column, read_table
+from fitting.reader.text import read_lines, source_of
+
+# What makes a file of an instrument a plain table; each returns None for a file of another kind.
+FORMATS: tuple[Callable, ...] = (
+    instruments.film_sense,
+    jcamp.as_plain_table,
+    instruments.perkin_elmer,
+    instruments.spectraray,
+)
+# Columns of the table that this package writes (--csv), by which it is recognized, and its numbers.
+_OWN = {"angle_deg", "quantity", "value", "fitted", "residual"}
+_OWN_NUMBERS = ("angle_deg", "wavelength_um", "value", "sigma", "polarizer_deg")
 
 
 class LongColumns(NamedTuple):
@@ -53,11 +78,8 @@ def _refuse_placeholders(reading: Reading, numbers: dict[int, np.ndarray]) -> No
         return
     psi, delta = (numbers[by_name[name].index] for name in ("psi", "delta"))
     if np.isfinite(psi).sum() > 1 and np.array_equal(psi, delta, equal_nan=True):
-        reading.refuse(
-            by_name["delta"],
-            "every number equals that of psi, which no surface gives. Name the right column with "
-            "--columns delta=..., or correct the file.",
-        )
+        text = "every number equals that of psi, which no surface gives. Name the right column with"
+        reading.refuse(by_name["delta"], text + " --columns delta=..., or correct the file.")
     dark = np.flatnonzero((psi == 0.0) & (delta == 0.0))
     if len(dark) and np.any((psi != 0.0) & ~np.isnan(psi)):
         _refuse_code(reading, by_name["psi"], int(dark[0]), "0", "psi and Delta are both 0")
@@ -79,10 +101,9 @@ def _refuse_zeros(reading: Reading, value: Column, numbers: np.ndarray, name: np
     """Raise where codes or zeros among larger values may stand for values never measured."""
     if value.role.quantity not in POWERS:
         return
-    codes = np.flatnonzero(np.isin(numbers, (-1.0, -9.0, -99.0, -999.0, -9999.0)))
-    if len(codes) and np.nanmax(numbers, initial=0.0) > 1.0:
-        code = f"{numbers[codes[0]]:g}"
-        _refuse_code(reading, value, int(codes[0]), code, f"{code} came")
+    for i in np.flatnonzero(np.isin(numbers, (-1.0, -9.0, -99.0, -999.0, -9999.0)))[:1]:
+        if np.nanmax(numbers, initial=0.0) > 1.0:
+            _refuse_code(reading, value, i, f"{numbers[i]:g}", f"{numbers[i]:g} came")
     for quantity in np.unique(name):
         chosen = np.flatnonzero((name == quantity) & np.isfinite(numbers))
         zeros = chosen[numbers[chosen] == 0.0]
@@ -141,14 +162,92 @@ def _understood(reading: Reading, data: Data, factor: float) -> str:
     return "; ".join([text, *dict.fromkeys(notes)])
 
 
-@np.errstate(all="ignore")  # what overflows or is NaN is refused by the checks of the Measurement
-def long_columns(source: str, table: Table, layout: Layout, options: Options) -> LongColumns:
-    """Return the data of the chosen columns, column after column, gaps left out.
+def _table_of(texts: Sequence[str], options: Options) -> Table:
+    """Return the table in the lines of a file of any known format."""
+    plain = instruments.woollam(texts, options.ignore)
+    for as_plain_table in FORMATS:
+        plain = plain or as_plain_table(texts)
+    lines, notes = plain or (list(enumerate(texts, start=1)), [])
+    table = read_table(lines, options)
+    return table._replace(notes=table.notes + notes)
 
-    Refuses what is ambiguous or contradicts itself; ranges are for the
-    Measurement to check.
+
+def _covers(word: str, number: float) -> bool:
+    """Return whether a word is the number, or a range such as 1-4 with it."""
+    match = re.fullmatch(r"\s*(-?[0-9.]+)\s*-\s*(-?[0-9.]+)\s*", word)
+    low, high = (number_or_none(end) for end in (match.groups() if match else (word, word)))
+    return low is not None and high is not None and low <= number <= high
+
+
+def _keep_rows(table: Table, options: Options) -> Table:
+    """Return the table with the rows that the option ``keep`` (column=1,3-5,...) lets through."""
+    rows, lines = table.rows, table.lines
+    for name, wanted in options.keep.items():
+        index = find_column(table, name, "--keep")
+        words = {word.lower() for word in wanted}
+        cells = {row[index]: number_or_none(row[index]) for row in rows}
+        kept = {
+            cell for cell, number in cells.items() if cell.lower() in words
+            or (number is not None and any(_covers(word, number) for word in wanted))
+        }  # fmt: skip
+        chosen = [i for i, row in enumerate(rows) if row[index] in kept]
+        rows, lines = [rows[i] for i in chosen], [lines[i] for i in chosen]
+        if not rows:
+            refuse(
+                f"--keep {name}={','.join(wanted)} came, but no row has such a value in this "
+                "column."
+            )
+    return table._replace(rows=rows, lines=lines)
+
+
+def _own_columns(texts: Sequence[str], start: int) -> LongColumns:
+    """Return the data of a table that this package wrote, to the last bit; ``start``: its header.
+
+    The comments above tell of the fit and of the file that was read then, and are no statements
+    about these numbers. Cells are parted by commas, or by semicolons beside decimal commas.
+    Refuses a file where a row was damaged since.
     """
-    said = evidence(source, table.preamble)
+    table = csv.DictReader(texts[start:], delimiter=";" if ";" in texts[start] else ",")
+    quantities, rows, lines = [], [], []
+    for row in table:
+        line = start + table.line_num
+        whole = None not in row and None not in row.values()  # neither more cells nor less
+        numbers = [number_or_none(row.get(name) or "nan") for name in _OWN_NUMBERS]
+        if not whole or None in numbers or row["quantity"] not in QUANTITIES:
+            refuse(
+                "this is no row of the table that fresnel-fit writes (--csv). Write the file "
+                "anew, or name the columns to be read with --columns.",
+                line,
+            )
+        quantities.append(row["quantity"])
+        rows.append(numbers)
+        lines.append(line)
+    angle, wavelength, value, sigma, polarizer = np.array(rows).reshape(-1, len(_OWN_NUMBERS)).T
+    data = Data(angle, wavelength, np.array(quantities, dtype=str), value, sigma, polarizer)
+    return LongColumns(
+        data,
+        [(line, "value", "sigma") for line in lines],
+        {"angle": "angle_deg", "wavelength": "wavelength_um", "polarizer": "polarizer_deg"},
+        f"read {len(lines)} values from a table that fresnel-fit wrote",
+    )
+
+
+@np.errstate(all="ignore")  # what overflows or is NaN is refused by the checks of the Measurement
+def long_columns(path: str | PathLike[str], options: Options) -> LongColumns:
+    """Return the data of a file, column after column, gaps left out.
+
+    Refuses what is ambiguous or contradicts itself; ranges are not checked.
+    """
+    texts, remarks = read_lines(Path(path), options.encoding)
+    head = next((i for i, text in enumerate(texts) if not text.startswith("#")), -1)
+    if head >= 0 and set(re.split("[,;]", texts[head])) >= _OWN:
+        if options._replace(divided=False, encoding=None, ignore=[]) == parse_options({}):
+            return _own_columns(texts, head)
+        texts[:head] = [""] * head  # they describe the fit
+    table = _table_of(texts, options)
+    table = _keep_rows(table._replace(notes=[*table.notes, *remarks]), options)
+    layout = choose_columns(table, options)
+    said = evidence(source_of(path), table.preamble)
     ats = dict.fromkeys(v.role.at for v in layout.values if v.role.at is not None)
     notes = [f"angle {at:g} degrees by the column name" for at in ats]
     for value in [v for v in layout.values if options.columns and v.role.at is None]:
@@ -169,9 +268,8 @@ def long_columns(source: str, table: Table, layout: Layout, options: Options) ->
     for value, error in zip(layout.values, layout.sigmas, strict=True):
         raw, quantity = numbers[value.index], value.role.quantity
         unit = psi_units.get(value.index, "")
-        converted = scaled(raw, factor if quantity in POWERS else 1.0)
-        if unit == "rad":
-            converted = np.degrees(raw)
+        fraction = scaled(raw, factor if quantity in POWERS else 1.0)
+        converted = np.degrees(raw) if unit == "rad" else fraction
         if value.role.at is not None and options.angle_deg is None:
             angle = np.full(len(raw), value.role.at)
         sigma = standard_errors(reading, value, error, unit, factor)

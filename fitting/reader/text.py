@@ -8,7 +8,7 @@ import sys
 from os import PathLike
 from pathlib import Path
 
-from fitting.measurements.errors import MeasurementError, refuse
+from fitting.data.errors import MeasurementError, refuse
 from fitting.process.visible import visible
 
 # Some 400,000 rows, which take 5 s and, as cells of text, 35 times the memory of the file.

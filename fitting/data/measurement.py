@@ -8,18 +8,26 @@ fractions; psi and Delta are degrees in the ellipsometer's convention
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from fitting.measurements.errors import MeasurementError as MeasurementError
-from fitting.measurements.errors import named
-from fitting.measurements.from_arrays import from_arrays
-from fitting.measurements.quantities import QUANTITIES as QUANTITIES
-from fitting.measurements.reader.cells import all_alike, is_running
+from fitting.data import units
+from fitting.data.checks import Data, all_alike, checked, is_running, unmasked
+from fitting.data.errors import MeasurementError as MeasurementError
+from fitting.data.errors import named, refuse
+from fitting.data.quantities import QUANTITIES as QUANTITIES
+from fitting.data.quantities import are_powers
 from fitting.process.visible import visible
+
+# Where what is no quantity belongs, by the first part of its name.
+_PLACES = {
+    "wavelength": " (wavelengths are wavelength_um, their unit is wavelength_unit)",
+    "angle": " (angles are angle_deg, their unit is angle_unit)",
+    "sigma": " (standard errors are sigma, of several quantities {'R_s': .., 'R_p': ..})",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +92,6 @@ class Measurement:
         angle_unit: str = "deg",
         wavelength_unit: str = "um",
         scale: float = 1.0,
-        divide_by: Mapping[str, object] | None = None,
-        ratio_to: object = None,
         source: str = "arrays",
         **values: object,
     ) -> Measurement:
@@ -100,12 +106,9 @@ class Measurement:
             angle_unit: deg, rad, mrad, grazing-deg, ... as in :func:`read_csv`.
             wavelength_unit: um, nm, angstrom, eV, cm-1, THz, ... as in :func:`read_csv`.
             scale: factor that makes powers (and their errors) fractions: 0.01 for percent.
-            divide_by: quantity -> array of the same length (or a number), the scan of a reference,
-                by which values are divided; "sigma_R" -> its standard errors.
-            ratio_to: text of a sample without anything to be fitted, "Si": values (after that
-                division) are ratios to its reflectance, and are multiplied by it.
             values: one array per quantity, named as in ``QUANTITIES``: ``R_s=..., R_p=...``. NaN
-                is a gap and leaves the datum out.
+                is a gap and leaves the datum out. A ratio to a reference times the reflectance of
+                the latter, ``simulate("Si", {}, angle_deg, wavelength_um, "R_s")``, is R_s.
 
         Returns: a `Measurement` whose ``understood`` states the ranges of the values.
 
@@ -114,10 +117,9 @@ class Measurement:
         """
         source = visible(str(source))
         with named(source):
-            data, understood = from_arrays(
+            data, understood = _from_arrays(
                 [angle_deg, wavelength_um, polarizer_deg], values, sigma, source,
-                angle_unit=angle_unit, wavelength_unit=wavelength_unit, scale=float(scale),
-                divide_by=divide_by, ratio_to=ratio_to,
+                angle_unit, wavelength_unit, float(scale),
             )  # fmt: skip
         return Measurement(*map(frozen, data), source=source, understood=understood)
 
@@ -184,6 +186,85 @@ def frozen(column: np.ndarray) -> np.ndarray:
     return column
 
 
+def _from_arrays(
+    places: Sequence[object],
+    values: Mapping[str, object],
+    sigma: object,
+    source: str,
+    angle_unit: str,
+    wavelength_unit: str,
+    scale: float,
+) -> tuple[Data, str]:
+    """Return the checked columns, and sentences on how they were understood.
+
+    places: angles, wavelengths and polarizer angles. values: by quantity.
+    """
+    if not (np.isfinite(scale) and scale > 0.0):
+        refuse(f"scale is {scale:g}; a factor above 0 was wanted.")
+    for option, unit, known in (
+        ("wavelength_unit", wavelength_unit, units.WAVELENGTH_UNITS),
+        ("angle_unit", angle_unit, units.ANGLE_UNITS),
+    ):
+        if unit not in known:
+            refuse(f"{option} is {unit!r}; it can be {', '.join(known)}.")
+    unknown = [name for name in values if name not in QUANTITIES]
+    if unknown or not values:
+        came = f"there is no quantity {unknown[0]}" if unknown else "no values came"
+        place = _PLACES.get(unknown[0].partition("_")[0], "") if unknown else ""
+        refuse(f"{came}{place}; give one or more of {', '.join(QUANTITIES)}.")
+    names = list(values)
+    sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(names, sigma)
+    stray = [name for name in sigmas if name not in values]
+    if stray:
+        refuse(
+            f"sigma has standard errors of {stray[0]}, of which no values came. Give both, or "
+            "neither."
+        )
+    columns = [*places, *(sigmas.get(name) for name in names), *values.values()]
+    try:
+        arrays = [
+            np.asarray(np.nan if c is None else unmasked(c), dtype=np.float64) for c in columns
+        ]
+        length = np.broadcast_shapes((1,), *(a.shape for a in arrays))
+        if len(length) != 1:
+            raise ValueError(f"{len(length)} dimensions came")
+        angle, wavelength, polarizer, *rest = (np.broadcast_to(a, length) for a in arrays)
+    except (ValueError, TypeError) as error:
+        refuse(f"the columns must be numbers of one length ({error}).")
+    wavelength = units.wavelength_um(wavelength, wavelength_unit)
+    angle = units.incidence_deg(angle, angle_unit, wavelength)
+    count, rows = len(names), length[0]
+    sigma_all, value_all = (
+        np.concatenate([
+            units.scaled(a, scale if are_powers(name) else 1.0)
+            for a, name in zip(each, names, strict=True)
+        ])
+        for each in (rest[:count], rest[count:])
+    )  # fmt: skip
+    kept = np.flatnonzero(~np.isnan(value_all))
+
+    def where(i: int, role: str) -> str:
+        name = {"value": "", "sigma": "sigma of "}.get(role, f"{role} of ") + names[kept[i] // rows]
+        return f"{source}, {name}[{kept[i] % rows}]"
+
+    quantity = np.repeat(np.array(names), rows)
+    places = (np.tile(angle, count), np.tile(wavelength, count))
+    columns = (*places, quantity, value_all, sigma_all, np.tile(polarizer, count))
+    data = Data(*(column[kept] for column in columns))
+
+    def hint(i: int) -> str:
+        percent = data.value[i] > 1.0 and are_powers(data.quantity[i])
+        return "Powers are fractions: for percent give scale=0.01." if percent else ""
+
+    waves = "no wavelength"
+    if np.isfinite(data.wavelength_um).any():
+        waves = units.span_of(data.wavelength_um, "um")
+    text = f"took {len(kept)} values of {', '.join(names)} from arrays, "
+    text += f"{units.span_of(data.angle_deg, 'degrees')}, {waves}"
+    data, said = checked(data, where, hint)
+    return data, text + said
+
+
 def concatenate(*measurements: Measurement) -> Measurement:
     """Return several measurements, such as one file for each polarization, as one, in order."""
     if not measurements:
@@ -196,3 +277,12 @@ def concatenate(*measurements: Measurement) -> Measurement:
         source=", ".join(dict.fromkeys(m.source for m in measurements)),
         understood="; ".join(f"{m.source}: {m.understood}" for m in measurements),
     )
+
+
+def told_apart(measurements: Sequence[Measurement], paths: Sequence[str]) -> list[Measurement]:
+    """Return measurements of files of one name (a/scan.csv, b/scan.csv) named by their paths."""
+    sources = [m.source for m in measurements]
+    return [
+        replace(m, source=visible(path)) if sources.count(m.source) > 1 else m
+        for m, path in zip(measurements, paths, strict=True)
+    ]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from fitting.measurements.errors import refuse
-from fitting.measurements.reader.cells import (
+from fitting.data.errors import refuse
+from fitting.reader.cells import (
+    DIGIT,
     decide_decimal,
     guess_delimiter,
     is_comment,
@@ -14,19 +17,17 @@ from fitting.measurements.reader.cells import (
     looks_like_data,
     split_cells,
 )
-from fitting.measurements.reader.header import (
-    Lines,
-    below_thousand,
-    find_header,
-    known_names,
-    refuse_between,
-    refuse_strays,
-    uncomment,
-    units_row,
-)
-from fitting.measurements.reader.options import Options
-from fitting.measurements.reader.vocabulary import LONGEST
+from fitting.reader.names import role_of
+from fitting.reader.options import Options
+from fitting.reader.remarks import statements
+from fitting.reader.vocabulary import LONGEST, unit_of
 
+_LETTER = re.compile(r"[^\W\d_]")
+_RULE = re.compile(r"[\s|:=+_\-]*")  # "|---|---|" and empty cells
+# "#columns Qz R dR" of the neutron formats
+_KEYWORD = re.compile(r"^(?:columns?|fields|labels)\b\s*[:=]?\s*", re.IGNORECASE)
+
+Lines = Sequence[tuple[int, str]]
 # The columns of a file are compared with one another: of 1,000 this takes two seconds.
 MOST_COLUMNS = 1000
 
@@ -84,6 +85,125 @@ def filled_columns(rows: list[list[str]]) -> list[int]:
     return [i for i in width if any(not is_missing(row[i]) for row in rows)]
 
 
+def uncomment(text: str) -> str:
+    """Return a line of comment without its mark, any other stripped."""
+    text = text.strip()
+    if text.startswith("%") and text[1:2].isalpha():
+        return text  # "%R" is a name, "% angle" a comment
+    if text.strip('"#!;/ ') == "%" != text:
+        return "%"  # "# %": the unit of the values
+    return text.lstrip('"#!;%/ ').strip() if is_comment(text, "") else text
+
+
+def _split_names(text: str, delimiter: str, count: int) -> list[str]:
+    """Return the header line in ``count`` names, or parted by ``delimiter`` if nothing fits."""
+    text = _KEYWORD.sub("", text.strip(" \r\n"))  # a tab at the end parts a last, empty name
+    ways = [split_cells(text, mark) for mark in delimiter + "|\t;,"]
+    ways.append([cell for cell in re.split(r"\s{2,}|\t", text) if cell])
+    words = re.findall(r"[^\s(\[]+(?:\s?[(\[][^()\[\]]*[)\]])?", text)  # "angle (deg) R_s"
+    if delimiter == " " or len(ways[0]) == 1 or _known_names(words) == count:
+        ways.append(words)  # else "R parallel" would be two names
+    if '"' in text and len(ways[0]) == count - 1:
+        return ["", *ways[0]]  # R does not name the column of the names of rows
+    for cells in ways:
+        if len(cells) >= count and not any(cells[count:]):
+            return cells[:count]
+    return ways[0]
+
+
+def _known_names(cells: list[str]) -> int:
+    """Return how many of the cells are names of columns."""
+    return sum(bool(role_of(cell).kind) for cell in cells)
+
+
+def _is_small(name: str, unit: str) -> bool:
+    """Return whether the numbers of a column are below 1000 by its name: percent, degrees, ..."""
+    kind, *_, unit = role_of(name, unit)[:4]
+    sized = {"value": ("percent", "1", "deg", "rad"), "angle": ("deg", "rad")}
+    return kind == "index" or unit in sized.get("value" if kind == "sigma" else kind, ())
+
+
+def _units_row(cells: list[str]) -> list[str] | None:
+    """Return the units in a row that holds nothing else, "" for a rule or a gap; else None.
+
+    Among more that are known a unit may be as it is spelled, where it is no name of a column.
+    """
+    units = [unit_of(cell) or "" for cell in cells]
+    unknown = [c for c, u in zip(cells, units, strict=True) if not (u or _RULE.fullmatch(c))]
+    few = len(unknown) < len([*filter(None, units)])
+    if unknown and not (few and not _known_names(unknown) and not any(map(is_number, unknown))):
+        return None
+    return [cell if cell in unknown else unit for cell, unit in zip(cells, units, strict=True)]
+
+
+def _find_header(
+    before: Lines, delimiter: str, count: int, top: int
+) -> tuple[list[str], list[str], int]:
+    """Return names, units and the line of the header among the lines before the numbers.
+
+    The line with the most names that are known wins, the nearest of equals; a line without any
+    is taken if it stands right above the numbers and every name in it has a letter.
+    top: line of the first row.
+    """
+    units, units_line = [""] * count, 0
+    best, best_line, best_known = [""] * count, 0, 0
+    nearest = True
+    for line, text in reversed(before):
+        marked, row = is_comment(text, delimiter), split_cells(text, delimiter)
+        if line >= top - 1 and all(is_number(cell) or is_missing(cell) for cell in row):
+            top = line  # a row of the same table, which --lines leaves out
+            continue
+        if not (nearest or marked) and looks_like_data(row)[0]:
+            break  # what stands above other numbers is their header
+        cells = _split_names(uncomment(text) if marked else text, delimiter, count)
+        here = _units_row(cells) if len(cells) == count else None
+        adjacent, nearest = nearest, nearest and (marked or here is not None)
+        if here is not None:
+            if not (units_line or best_line) and any(here):
+                units, units_line = here, line
+        elif len(cells) == count:
+            known = _known_names(cells)
+            words = all(not cell or _LETTER.search(cell) for cell in cells)
+            if known > best_known or (adjacent and words and not marked):
+                best, best_line, best_known = cells, line, known
+    return best, units, best_line
+
+
+def _refuse_strays(before: Lines, header: int, delimiter: str, count: int) -> None:
+    """Raise if a line between the header and the numbers, or right above, may be a broken row."""
+    last = before[-1][0] if before else 0
+    for line, text in before:
+        if line == header or not (last == line or line > header > 0) or is_comment(text, delimiter):
+            continue
+        cells = split_cells(text, delimiter)
+        digits = sum(DIGIT.search(cell) is not None for cell in cells)
+        if not header:  # settings such as "Int.Time2:0.0" may stand there
+            like_a_row = any(map(is_number, cells)) or len(cells) == count
+            digits *= 2 * digits >= len(cells) >= 2 and like_a_row
+        if digits and not _units_row(cells):
+            refuse(
+                f"{text.strip()[:60]!r} stands before the numbers and is neither a header nor a "
+                f"row of {count} numbers. Correct it, mark it with #, or start below it with "
+                f"--lines {line + 1}-.",
+                line,
+            )
+
+
+def _refuse_between(remarks: Lines, before: list[str], count: int) -> None:
+    """Refuse a remark between the rows that says what the rows below it are.
+
+    before: the lines above the numbers, which a page may repeat.
+    """
+    for line, text in remarks:
+        other = _known_names(_split_names(text, "", count)) >= 2
+        if text not in before and (other or statements(line, text)):
+            refuse(
+                f"{text[:60]!r} stands between the numbers, and may say that another measurement "
+                "begins. Read one of them with --lines A-B.",
+                line,
+            )
+
+
 def _body(
     lines: Lines, delimiter: str, count: int, header: str
 ) -> tuple[list[list[str]], list[int], list[tuple[int, str]], list[str]]:
@@ -107,7 +227,7 @@ def _body(
         if not (head.isdigit() or (head and head in "+-.")) and not any(map(is_number, cells)):
             # gaps, or a header that is repeated on every page, say nothing new
             said = not all(map(is_missing, cells)) and text.strip() != header
-            if said and units_row(cells) is None:
+            if said and _units_row(cells) is None:
                 texts = texts or line
                 remarks.append((line, text.strip()))
             continue
@@ -130,8 +250,8 @@ def _body(
             )
         rows.append(cells)
         numbers.append(line)
-    notes = [f"{marked} commented-out row{'s' * (marked > 1)} left out"] if marked else []
-    notes += [f"text after the numbers (line {texts}) left out"] if texts else []
+    notes = [f"{marked} commented-out row{'s' * (marked > 1)} left out"] * bool(marked)
+    notes += [f"text after the numbers (line {texts}) left out"] * bool(texts)
     return rows, numbers, remarks, notes
 
 
@@ -162,7 +282,7 @@ def read_table(numbered: Lines, options: Options) -> Table:
         )
     above = sum(line < first for line, _ in numbered) + start
     before = [(line, text) for line, text in numbered[:above] if text.strip()]
-    names, units, header = find_header(before, mark, count, inside[start][0])
+    names, units, header = _find_header(before, mark, count, inside[start][0])
     filled = [(line, text) for line, text in inside[start:] if text.strip()]
     head = dict(before).get(header, "").strip()
     rows, row_lines, remarks, notes = _body(filled, mark, count, head)
@@ -176,16 +296,17 @@ def read_table(numbered: Lines, options: Options) -> Table:
         )
     below = [remark for remark in remarks if remark[0] > row_lines[-1]]
     known = [uncomment(text) for _, text in before]
-    refuse_between(remarks[: len(remarks) - len(below)], known, count)
-    refuse_strays([b for b in before if b[0] >= first], header, mark, count)
+    _refuse_between(remarks[: len(remarks) - len(below)], known, count)
+    _refuse_strays([b for b in before if b[0] >= first], header, mark, count)
     beside = []
     for line, text in before:
         cells = split_cells(uncomment(text), mark)
-        row = units_row(cells)
+        row = _units_row(cells)
         # units of all columns were taken; one unit alone is said of the whole measurement
         says = row is None or (any(row) and len(cells) != count)
-        if line != header and says and (line >= first or known_names(cells) < 2):
+        if line != header and says and (line >= first or _known_names(cells) < 2):
             beside.append((line, uncomment(text)))
+    small = {i for i, of in enumerate(zip(names, units, strict=True)) if _is_small(*of)}
     return Table(
         names=[name if len(name) <= LONGEST else name[:80] + "\u2026" for name in names],
         units=units,
@@ -193,6 +314,6 @@ def read_table(numbered: Lines, options: Options) -> Table:
         rows=rows,
         lines=row_lines,
         preamble=beside + below,
-        decimal=decide_decimal(rows, row_lines, options.decimal, below_thousand(names, units)),
+        decimal=decide_decimal(rows, row_lines, options.decimal, small),
         notes=notes,
     )

@@ -2,37 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 
-from fitting.measurements.checks import beyond, check_data, hint_for
-from fitting.measurements.errors import named, place
-from fitting.measurements.measurement import Measurement, frozen
-from fitting.measurements.ratios import divided, refuse_s_to_p, times_reflectance
-from fitting.measurements.reader.columns import choose_columns
-from fitting.measurements.reader.formats import read_formatted
-from fitting.measurements.reader.lines import read_lines, source_of
-from fitting.measurements.reader.longform import LongColumns, long_columns
-from fitting.measurements.reader.options import Options, parse_options
-from fitting.measurements.reader.own_export import own_columns, own_header
-from fitting.measurements.reader.reading import keep_rows
-from fitting.measurements.repeats import without_copies
+from fitting.data.checks import checked, hint_for
+from fitting.data.errors import named, place, refuse
+from fitting.data.measurement import Measurement, frozen
+from fitting.reader.long_form import long_columns
+from fitting.reader.options import parse_options
+from fitting.reader.text import source_of
 
-
-def _columns_of(path: str | PathLike[str], options: Options) -> LongColumns:
-    """Return the data of a file, not yet checked."""
-    texts, notes = read_lines(Path(path), options.encoding)
-    bare = options._replace(divided=False, encoding=None, ignore=[]) == parse_options({})
-    own = own_header(texts)
-    if own >= 0 and bare:
-        return own_columns(texts, own)
-    texts[: max(own, 0)] = [""] * max(own, 0)  # they describe the fit
-    table = read_formatted(texts, options)
-    table = keep_rows(table._replace(notes=[*table.notes, *notes]), options)
-    return long_columns(source_of(path), table, choose_columns(table, options), options)
+# A column named as a ratio of p to s, which is tan(psi)^2.
+_S_TO_P = re.compile(r"(?i)r[ _]?[sp]\W*/\W*r[ _]?[sp]\b")
 
 
 def read_csv(
@@ -107,20 +91,30 @@ def read_csv(
             delimiter=delimiter, decimal=decimal, encoding=encoding,
         ))  # fmt: skip
         each = options if divide_by is None else options._replace(sigma=None, divided=True)
-        long = _columns_of(path, each)
+        long = long_columns(path, each)
         raw = long.data.value
         if divide_by is not None:
+            from fitting.ratios import divided  # with jax, which reading other files does not need
+
             reference, same_unit = source_of(divide_by), options.scale is not None
             with named(reference):
-                by = _columns_of(divide_by, each).data
+                by = long_columns(divide_by, each).data
             long = long.by(divided(long.data, reference, by, same_unit))
             if options.sigma is not None:
                 stated = np.where(np.isnan(long.data.sigma), options.sigma, long.data.sigma)
                 long = long._replace(data=long.data._replace(sigma=stated))
         if ratio_to is not None:
-            refuse_s_to_p(label for _, label, _ in long.places)
+            from fitting.ratios import times_reflectance
+
+            for _, label, _ in long.places:
+                if _S_TO_P.search(label):
+                    refuse(
+                        f"column {label!r} is the ratio of two polarizations, not that to a "
+                        "reference, and cannot go with --ratio-to. psi is arctan(sqrt(R_p / R_s)): "
+                        "write it in degrees in a column psi."
+                    )
             long = long.by(times_reflectance(long.data, ratio_to))
-        data, understood = long.data, long.understood
+        data = long.data
         typical = float(np.median(np.abs(data.value))) if len(data.value) else 0.0
 
         def where(i: int, role: str) -> str:
@@ -131,10 +125,8 @@ def read_csv(
         def hint(i: int) -> str:
             line, scaled = long.places[i][0], options.scale is not None
             text = hint_for(float(data.value[i]), data.quantity[i], line, scaled, typical)
-            return (
-                text if raw is data.value else f"Without the reference it is {raw[i]:.6g}. {text}"
-            )
+            came = "" if raw is data.value else f"Without the reference it is {raw[i]:.6g}. "
+            return came + text
 
-        understood += beyond(check_data(data, where, hint))
-        data, copies = without_copies(data)
-    return Measurement(*map(frozen, data), source=source, understood=understood + copies)
+        data, said = checked(data, where, hint)
+    return Measurement(*map(frozen, data), source=source, understood=long.understood + said)

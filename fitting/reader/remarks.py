@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.measurements.quantities import POWER_LETTERS
-from fitting.measurements.reader.options import Options
-from fitting.measurements.reader.units import WAVELENGTH_UNITS, incidence_deg, wavelength_um
-from fitting.measurements.reader.vocabulary import (
+from fitting.data.quantities import POWER_LETTERS
+from fitting.data.units import WAVELENGTH_UNITS, incidence_deg, wavelength_um
+from fitting.reader.options import Options
+from fitting.reader.vocabulary import (
     AXIS_CONCEPTS,
     LETTERS,
     OTHER_POWER,

@@ -6,9 +6,9 @@ import re
 from functools import lru_cache
 from typing import NamedTuple
 
-from fitting.measurements.quantities import POWER_LETTERS, QUANTITIES, TABLE
-from fitting.measurements.reader.units import FORM_OF
-from fitting.measurements.reader.vocabulary import (
+from fitting.data.quantities import POWER_LETTERS, QUANTITIES, TABLE
+from fitting.data.units import FORM_OF
+from fitting.reader.vocabulary import (
     ALONE,
     CONCEPT,
     LETTERS,
@@ -92,7 +92,7 @@ class Role(NamedTuple):
         "_p", or "" where the name does not say of what; for kind "", one that the name mentions.
     form: of an angle incidence, grazing, 2theta or q; of a wavelength the word that names it
         (wavelength, energy, wavenumber, frequency).
-    unit: a key of :mod:`fitting.measurements.reader.vocabulary`, "" where the name gives none.
+    unit: a key of :mod:`fitting.reader.vocabulary`, "" where the name gives none.
     at: for value and sigma, the angle of incidence in degrees that the name gives, else None.
     why: for index, aside and "", why the column is not fitted, if known; for unclear, both
         readings.

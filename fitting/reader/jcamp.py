@@ -16,8 +16,8 @@ from decimal import Decimal
 from itertools import chain
 from typing import Any
 
-from fitting.measurements.errors import refuse
-from fitting.measurements.reader.spectrum_header import spectrum_header
+from fitting.data.errors import refuse
+from fitting.reader.instruments import Plain, spectrum_header
 
 _MAX_POINTS = 1_000_000  # a repeat count of a few digits must not fill the memory
 _FACTOR_ERROR = Decimal("0.01")  # of FIRSTY: factors are rounded, wrong ones are off by far more
@@ -185,7 +185,7 @@ def _check_ends(records: _Records, points: Points, at: int, count: int) -> None:
             )
 
 
-def as_plain_table(texts: Sequence[str]) -> tuple[list[tuple[int, str]], list[str]] | None:
+def as_plain_table(texts: Sequence[str]) -> Plain:
     """Return the lines of a JCAMP-DX file as a tabbed table with a header; else None."""
     if not next((text for text in texts if text.strip()), "").lstrip().startswith("##"):
         return None

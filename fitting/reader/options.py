@@ -6,11 +6,11 @@ import re
 from collections.abc import Mapping
 from typing import NamedTuple, NoReturn
 
-from fitting.measurements.errors import refuse
-from fitting.measurements.quantities import QUANTITIES
-from fitting.measurements.reader.cells import DELIMITERS
-from fitting.measurements.reader.units import ANGLE_UNITS, WAVELENGTH_UNITS
-from fitting.measurements.reader.vocabulary import light_of, plain
+from fitting.data.errors import refuse
+from fitting.data.quantities import QUANTITIES
+from fitting.data.units import ANGLE_UNITS, WAVELENGTH_UNITS
+from fitting.reader.cells import DELIMITERS
+from fitting.reader.vocabulary import light_of, plain
 
 ROLES = (
     ("angle", "wavelength", "polarization", "polarizer")

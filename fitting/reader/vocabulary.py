@@ -12,8 +12,8 @@ import unicodedata
 from pathlib import Path
 from typing import NamedTuple
 
-from fitting.measurements.quantities import POWER_LETTERS, POWERS, QUANTITIES
-from fitting.measurements.reader.units import FORM_OF
+from fitting.data.quantities import POWER_LETTERS, POWERS, QUANTITIES
+from fitting.data.units import FORM_OF
 
 LONGEST = 200  # letters of a column's name; what is longer is a text
 

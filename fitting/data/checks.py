@@ -1,0 +1,249 @@
+"""The ranges that measured values must lie in, and what to do about one that does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fitting.data.errors import MeasurementError, refuse
+from fitting.data.quantities import ANGLES, POWER_LETTERS, POWERS, TABLE, are_powers, letter_of
+from fitting.data.scatter import robust_noise
+
+# A noisy R whose true value is 1 (or 0) lies beyond it half of the time, and dropping or clipping
+# those values would bias a fit. 3e-5 of a normal distribution lie beyond 4 standard errors, less
+# than one value in a file of 1e4: a value beyond has a wrong scale, and is not noise.
+EXCURSION_SIGMAS = 4.0
+# Noise that moves a power further than this beyond [0, 1] would have a standard error above 6 %,
+# too much to determine an index; a column that is not a power (counts) has such numbers.
+EXCURSION = 0.25
+# Without stated errors the noise is estimated from the scatter of a curve. Since curvature looks
+# like noise too, values may then lie beyond [0, 1] by much less than EXCURSION.
+NOISE_EXCURSION = 0.05
+# The scatter estimated from 8 to 60 values is right within a factor of two.
+_SCATTERS = 2.0 * EXCURSION_SIGMAS
+_ROUNDING = 1e-12  # of computed powers
+_LEAST_COPIES = 3  # fewer repeats may agree to the last digit by chance
+
+
+class Data(NamedTuple):
+    """The six columns of a Measurement, in its units; row i of each is one datum."""
+
+    angle_deg: np.ndarray
+    wavelength_um: np.ndarray
+    quantity: np.ndarray
+    value: np.ndarray
+    sigma: np.ndarray
+    polarizer_deg: np.ndarray
+
+
+def unmasked(array: Any) -> Any:
+    """Return numbers with NaN where they are masked (numpy.ma); anything else as it is."""
+    if isinstance(array, (list, tuple)) and any(isinstance(x, np.ma.MaskedArray) for x in array):
+        array = np.ma.array(array)
+    if not isinstance(array, np.ma.MaskedArray):
+        return array
+    return np.ma.filled(array.astype(np.result_type(array.dtype, np.float64)), np.nan)
+
+
+def number_or_none(text: str) -> float | None:
+    """Return the number that ``text`` is, with a point or a comma; None where it is none."""
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        return None
+
+
+def all_alike(cells: Sequence[str]) -> bool:
+    """Return whether all cells hold the same, a number in whatever spelling."""
+    numbers = map(number_or_none, cells)
+    return len({c if x is None else x for c, x in zip(cells, numbers, strict=True)}) == 1
+
+
+def is_running(cells: Sequence[str]) -> bool:
+    """Return whether three cells or more count from 0 or 1."""
+    numbers = [number_or_none(cell) for cell in cells]
+    count = len(cells)
+    return count > 2 and numbers in ([*range(count)], [*range(1, count + 1)])
+
+
+def _noise(data: Data) -> np.ndarray:
+    """Return for each datum the noise of its curve, estimated from the curve itself."""
+    spectral = len(np.unique(data.wavelength_um)) > 1
+    axis, other = (data.wavelength_um, data.angle_deg)[:: 1 if spectral else -1]
+    polarizer = np.nan_to_num(data.polarizer_deg, nan=-1.0)
+    names = np.unique(data.quantity, return_inverse=True)[1]
+    curves = np.stack([names, polarizer, np.nan_to_num(other)])
+    noise = np.full(len(axis), np.nan)
+    which = np.unique(curves, axis=1, return_inverse=True)[1].ravel()
+    for curve in range(which.max() + 1):
+        rows = np.flatnonzero(which == curve)
+        x, first = np.unique(axis[rows], return_index=True)
+        noise[rows] = robust_noise(x, data.value[rows[first]])
+    return noise
+
+
+def hint_for(value: float, quantity: str, line: int, scale_given: bool, typical: float) -> str:
+    """Return what to do about a value of a file that lies outside its range.
+
+    typical: the median size of the values, which distinguishes percent from counts.
+    """
+    leave = (
+        f"If the row is no measurement, mark line {line} with # or leave it out with --lines A-B."
+    )
+    if quantity in ANGLES:
+        return "If it is not in degrees, say --psi-unit rad. " + leave
+    if quantity not in POWERS:
+        return leave
+    noise = ""
+    if -EXCURSION <= value <= 1.0 + EXCURSION:
+        noise = f"If it is noise about {int(value > 0.5)}, give its standard deviation with "
+        noise += "--sigma. "
+    if value < 0.0 or scale_given:
+        return noise + leave
+    if typical > 110.0:
+        return (
+            "If these are counts or volts, divide them by those of the direct beam, with "
+            "--divide-by FILE or --scale FACTOR. " + leave
+        )
+    ratio = ""
+    if letter_of(quantity) == "R" and value <= 3.0:
+        ratio = "If R is relative to a mirror or a wafer, name its material: --ratio-to Si. "
+    return ("If the column is in percent, say --scale 0.01. " + ratio + noise).strip()
+
+
+def checked(
+    data: Data, where: Callable[[int, str], str], hint: Callable[[int], str]
+) -> tuple[Data, str]:
+    """Return the data without copies of rows, and sentences on these and on noise beyond [0, 1].
+
+    Raises MeasurementError for the first value that is out of its range.
+
+    where(i, role): the place of the angle, wavelength, sigma, polarizer or value of datum i.
+    hint(i): what to do about its value.
+    """
+    _check_places(data, where)
+    count = _check_values(data, where, hint)
+    what = "1 value lies" if count == 1 else f"{count} values lie"
+    text = f"; {what} outside [0, 1] by no more than the noise" if count else ""
+    data, copies = _without_copies(data)
+    return data, text + copies
+
+
+def _refuse_first(
+    bad: np.ndarray, where: Callable[[int, str], str], role: str, text: Callable[[int], str]
+) -> None:
+    found = np.flatnonzero(bad)
+    if len(found):
+        i = int(found[0])
+        more = f" ({len(found) - 1} more like it.)" if len(found) > 1 else ""
+        raise MeasurementError(f"{where(i, role)}: {text(i).strip()}{more}")
+
+
+@np.errstate(all="ignore")
+def _check_places(data: Data, where: Callable[[int, str], str]) -> None:
+    """Raise for an impossible angle, wavelength or standard error."""
+    angle, wavelength, sigma = data.angle_deg, data.wavelength_um, data.sigma
+    if not len(angle):
+        refuse("no measured value came; at least one was wanted.")
+    for bad, role, text in (
+        (
+            ~((angle >= 0.0) & (angle <= 90.0)), "angle",
+            lambda i: f"angle of incidence {angle[i]:.10g} degrees is outside [0, 90]; it is "
+            "measured from the surface normal. If these are other angles, or in another unit, say "
+            "--angle-unit.",
+        ),
+        (
+            ~(np.isnan(wavelength) | (np.isfinite(wavelength) & (wavelength > 0.0))), "wavelength",
+            lambda i: f"wavelength {wavelength[i]:.10g} um is not a positive number. If the row is "
+            "no measurement, leave it out with --lines A-B.",
+        ),
+        (
+            np.isnan(wavelength) & np.isfinite(wavelength).any(), "wavelength",
+            lambda i: "the wavelength is missing, and other data have one. Give it, or leave the "
+            "row out with --lines A-B (in arrays: make its value nan).",
+        ),
+        (
+            ~(np.isnan(sigma) | (np.isfinite(sigma) & (sigma > 0.0))), "sigma",
+            lambda i: f"standard error {sigma[i]:.10g} is not a positive number. If 0 stands for "
+            "'not measured', say --missing 0 (in arrays: nan).",
+        ),
+        (
+            sigma**2 < np.finfo(np.float64).tiny, "sigma",
+            lambda i: f"standard error {sigma[i]:.10g} is so small that its square underflows to "
+            "0. Give the true one, or leave the standard errors out with --columns.",
+        ),
+    ):  # fmt: skip
+        _refuse_first(bad, where, role, text)
+
+
+@np.errstate(all="ignore")
+def _check_values(data: Data, where: Callable[[int, str], str], hint: Callable[[int], str]) -> int:
+    """Return how many powers lie beyond [0, 1] by noise, or raise for the first bad value.
+
+    A power may lie outside [0, 1] by no more than ``EXCURSION_SIGMAS`` of its own standard errors
+    and no more than ``EXCURSION``; without a standard error, by a multiple of the noise of its
+    curve, and no more than ``NOISE_EXCURSION``.
+    """
+    quantity, value, sigma, polarizer = data[2:]
+    names, which = np.unique(quantity, return_inverse=True)
+    low, high = np.array([TABLE[name][1:3] for name in names.tolist()])[which].T
+    angular, power = np.isin(quantity, ANGLES), are_powers(quantity)
+    of_any = np.isin(quantity, POWER_LETTERS)
+    slack = np.minimum(EXCURSION_SIGMAS * sigma, EXCURSION)
+    outside = ~angular & ((value < low) | (value > high))
+    if (outside & np.isnan(sigma) & np.isfinite(value)).any():
+        scatter = np.minimum(_SCATTERS * _noise(data), NOISE_EXCURSION)
+        slack = np.where(np.isnan(sigma), scatter, slack)
+    slack = np.where(angular, 0.0, np.fmax(slack, _ROUNDING))
+    for bad, role, text in (
+        (
+            power & (sigma > 1.0), "sigma",
+            lambda i: f"standard error {sigma[i]:.10g} of a power is above 1. If the column is in "
+            "percent, say --scale 0.01; if it is something else, name the columns with --columns.",
+        ),
+        (
+            ~np.isfinite(value), "value",
+            lambda i: f"{value[i]} is not a finite number. {hint(i)}",
+        ),
+        (
+            (value < low - slack) | (value > high + slack), "value",
+            lambda i: f"{TABLE[quantity[i]].axis if power[i] else quantity[i]} {value[i]:.10g}"
+            f"{' degrees' * bool(angular[i])} is outside [{low[i]:g}, {high[i]:g}]. {hint(i)}",
+        ),
+        (
+            ~(np.isnan(polarizer) | (of_any & (polarizer > 0.0) & (polarizer < 90.0))), "polarizer",
+            lambda i: f"a polarizer angle of {polarizer[i]:.10g} degrees came with {quantity[i]}. "
+            f"Only {' and '.join(POWER_LETTERS)} have one, between 0 and 90 degrees from the plane "
+            "of incidence; at 0 give R_p instead, at 90 R_s.",
+        ),
+    ):  # fmt: skip
+        _refuse_first(bad, where, role, text)
+    return int(outside.sum())
+
+
+def _without_copies(data: Data) -> tuple[Data, str]:
+    """Return the data without the copies of rows, and how many were left out, in words.
+
+    Measurements that are repeated scatter, at least in some rows. If all values of every row that
+    is repeated are the same to the last digit, and there are three such rows or more, the table was
+    stored twice: counted as often, its rows would promise too small errors, and a test for noise
+    would find that neighbours agree too well. The order of rows stays.
+    """
+    place = np.stack([
+        np.nan_to_num(data.angle_deg), np.nan_to_num(data.wavelength_um, nan=-1.0),
+        np.unique(data.quantity, return_inverse=True)[1], np.nan_to_num(data.polarizer_deg),
+    ])  # fmt: skip
+    datum = np.vstack([place, data.value, np.nan_to_num(data.sigma, nan=-1.0)])
+    first, count = np.unique(datum, axis=1, return_index=True, return_counts=True)[1:]
+    several = int((count > 1).sum())
+    if several < _LEAST_COPIES:
+        return data, ""
+    # Each row of the table, and whether it is repeated at all.
+    which, times = np.unique(place, axis=1, return_inverse=True, return_counts=True)[1:]
+    if (times > 1).sum() != several or (times[which.ravel()[first]] != count).any():
+        return data, ""
+    kept = np.sort(first)
+    left = len(data.value) - len(kept)
+    return Data(*(column[kept] for column in data)), f"; {left} exact copies of rows left out"

@@ -1,0 +1,176 @@
+"""Files of instruments that are no plain tables, each made into one.
+
+Each function takes the lines of a file and returns those of a tabbed table with a header, each with
+the number of the line of the file from which it comes, and sentences on how they were read; None
+for a file of another kind.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+
+from fitting.data.errors import refuse
+from fitting.data.units import FORM_OF
+from fitting.reader.vocabulary import unit_of
+
+Plain = tuple[list[tuple[int, str]], list[str]] | None
+
+_DAMAGED = ". The file is damaged; export it anew."
+_NOT_A_POWER = re.compile(r"(?i).*(absorb|extinc|log|kubelka|munk|emi)|a$")
+_ROUNDED = 2e-3  # of N^2 + C^2 + S^2 = 1, where they are given to five decimals; damage is larger
+_PERKIN_ELMER = re.compile(r"PE [A-Z]{2}\s.*\bASCII\s+PEDS\b")
+_DESCRIPTION = 9  # line of a Perkin-Elmer file with the description of the sample
+_SPECTRARAY = re.compile(r";\s*WAVELENGTH((?:\s+[0-9]+(?:[.,][0-9]+)?)+)\s*")
+_WOOLLAM = ("angle (deg)", "psi (deg)", "delta (deg)", "sigma psi (deg)", "sigma delta (deg)")
+
+
+def spectrum_header(x_line: int, x_units: str, y_line: int, y_units: str) -> str:
+    """Return the header of a table of ``y_units`` over ``x_units``, which stand on lines alone.
+
+    Refuses an axis that is no wavelength, wavenumber, energy or frequency, and absorbance and the
+    like. Other values are left to the rest of the reader.
+    """
+    unit = unit_of(x_units) or ""
+    form = "q" if unit == "Hz" else FORM_OF.get(unit, "q")  # NMR
+    if form == "q":
+        refuse(
+            f"the unit {x_units[:30]!r} came where 1/CM, NANOMETERS or MICROMETERS were wanted. "
+            "Export the spectrum over one of them.",
+            x_line,
+        )
+    if not y_units or _NOT_A_POWER.match(y_units):
+        refuse(
+            f"values in {y_units[:30]!r} came where fractions of the incident light were wanted. "
+            "Export the spectrum as REFLECTANCE or TRANSMITTANCE (the absorbance A of transmitted "
+            "light is T = 10^-A).",
+            y_line,
+        )
+    name = re.sub(r"(?i)\bpercent\b", "%", y_units).replace("\t", " ")
+    return f"{form} ({unit})\t{name}"
+
+
+def _numbers(texts: Sequence[str], line: int, count: int) -> list[float]:
+    """Return the first numbers of a line, of which there must be ``count`` at least."""
+    try:
+        numbers = [float(cell) for cell in "".join(texts[line - 1 : line]).split("\t")[:count]]
+    except ValueError:
+        numbers = []
+    if len(numbers) < count or not all(map(math.isfinite, numbers)):
+        refuse(f"{count} numbers were wanted" + _DAMAGED, line)
+    return numbers
+
+
+def film_sense(texts: Sequence[str]) -> Plain:
+    """Film Sense: counts and the angle of incidence with a minus; wavelengths in nm, a line each;
+    then N = cos 2 psi, C = sin 2 psi cos Delta, S = sin 2 psi sin Delta, a line each; then a fit.
+    """
+    kind = texts[0].strip() if texts else ""
+    if not kind.startswith("Film_Sense_"):
+        return None
+    if kind != "Film_Sense_Data":
+        refuse(
+            f"{kind} is a measurement over time, of which one time was wanted. Export it as "
+            "Film_Sense_Data.",
+            1,
+        )
+    count, measurements, angle = _numbers(texts, 2, 3)
+    if measurements != 1 or count != int(count) or not 1 <= count < len(texts) / 2:
+        refuse("one measurement at some wavelengths was wanted. Export one of them alone.", 2)
+    out = [(2, "wavelength (nm)\tangle (deg)\tpsi (deg)\tdelta (deg)")]
+    for line in range(3 + int(count), 3 + 2 * int(count)):
+        n, c, s = _numbers(texts, line, 3)
+        if abs(n * n + c * c + s * s - 1.0) > _ROUNDED:
+            refuse("N^2 + C^2 + S^2 is not 1" + _DAMAGED, line)
+        psi = math.degrees(math.atan2(math.hypot(c, s), n)) / 2.0
+        delta = math.degrees(math.atan2(s, c))
+        wavelength = _numbers(texts, line - int(count), 1)[0]
+        out.append((line, f"{wavelength!r}\t{abs(angle)!r}\t{psi!r}\t{delta!r}"))
+    return out, ["a Film Sense file: psi and Delta from N, C and S"]
+
+
+def perkin_elmer(texts: Sequence[str]) -> Plain:
+    """Perkin-Elmer (PEDS; .asc of UV WinLab and Spectrum): below #GR the units of abscissa and
+    ordinate, and in the seventh line the number of points; below #DATA the points.
+    """
+    if not texts or not _PERKIN_ELMER.match(texts[0]):
+        return None
+    stripped = [text.strip() for text in texts]
+    if "#GR" not in stripped or "#DATA" not in stripped[stripped.index("#GR") :]:
+        refuse("this Perkin-Elmer file has no lines #GR and #DATA. Export the spectrum anew.", 1)
+    units = stripped.index("#GR") + 1
+    start = stripped.index("#DATA", units)
+    count = "".join(stripped[units:start][6:7])
+    points = sum(bool(text) for text in stripped[start + 1 :])
+    if count != str(points):
+        refuse(
+            f"the file says {count or 'nothing'} of the number of points, and has {points} rows "
+            "below #DATA. Rows are missing or damaged; export it anew.",
+            units + 7,
+        )
+    out = []
+    if units > _DESCRIPTION and not stripped[_DESCRIPTION - 1].startswith("#"):
+        out.append((_DESCRIPTION, "# " + stripped[_DESCRIPTION - 1]))
+    header = spectrum_header(units + 1, stripped[units], units + 2, stripped[units + 1])
+    out += enumerate([header, *texts[start + 1 :]], start + 1)
+    return out, [f"a Perkin-Elmer file: {points} points"]
+
+
+def spectraray(texts: Sequence[str]) -> Plain:
+    """SENTECH's SpectraRay: "; WAVELENGTH 60.20 60.20 70.20 70.20", the angle of incidence of each
+    column; then rows of the wavelength, without a unit, and of psi and Delta in degrees.
+    """
+    head = _SPECTRARAY.fullmatch(texts[0]) if texts else None
+    if head is None:
+        return None
+    angles = head[1].replace(",", ".").split()
+    if angles[::2] != angles[1::2]:
+        refuse(
+            "each angle of incidence was wanted twice, for psi and for Delta; other angles came. "
+            "Export psi and Delta (not tan psi and cos Delta, and no Mueller matrix).",
+            1,
+        )
+    names = [f"psi ({angle} deg)\tdelta ({angle} deg)" for angle in angles[::2]]
+    table = [["wavelength", *names], *(text.split() for text in texts[1:])]
+    out = list(enumerate(map("\t".join, table), start=1))
+    return out, ["a SpectraRay file: psi, Delta at an angle"]
+
+
+def woollam(texts: Sequence[str], ignore: Sequence[str] = ()) -> Plain:
+    """J. A. Woollam (WVASE, CompleteEASE): a title, a line VASEmethod[...], often Original[...],
+    the unit of the wavelength; then rows of wavelength, angle, psi, Delta and their errors, bare or
+    after the word E. Rows that begin with another word (uR, mm12) hold something else; dPolE is the
+    share of depolarized light that comes with psi and Delta. ignore: words whose rows may be left
+    out, in small letters.
+    """
+    head = next((i for i, text in enumerate(texts[:4]) if text.startswith("VASEmethod[")), 9)
+    unit_line = next(
+        (i for i in range(head + 1, head + 4) if unit_of("".join(texts[i : i + 1]))), 0
+    )
+    if not unit_line:
+        return None
+    rows = []
+    left_out: Counter[str] = Counter()
+    for line, text in enumerate(texts[unit_line + 1 :], start=unit_line + 2):
+        cells = text.split()
+        word = cells[0] if cells and cells[0][0].isalpha() else ""
+        if word not in ("", "E"):
+            if word.lower() not in ("dpole", *ignore):
+                refuse(
+                    f"rows that begin with {word} hold another quantity than psi and Delta, "
+                    f"which is not read. If the fit may do without them, say --ignore {word}.",
+                    line,
+                )
+            left_out[word] += 1
+        elif cells:
+            rows.append((line, cells[bool(word) :]))
+    width = len(rows[0][1]) if rows else 0
+    if width not in (4, 6):
+        return None
+    names = [f"wavelength ({texts[unit_line].strip()})", *_WOOLLAM][:width]
+    out = [(line, "# " + text) for line, text in enumerate(texts[:unit_line], start=1) if text]
+    out += [(line, "\t".join(cells)) for line, cells in [(unit_line + 1, names), *rows]]
+    notes = ["a Woollam file: wavelength, angle, psi, delta"]
+    return out, notes + [f"{count} rows {word} left out" for word, count in left_out.items()]
