@@ -15,7 +15,7 @@ from fitting import fit, read_csv
 from fitting.command import cli
 from fitting.measurements.measurement import Measurement, MeasurementError
 from fitting.measurements.reader import lines as lines_module
-from fitting.output.as_data import data_csv
+from fitting.output.export import data_csv
 from fitting.process.visible import visible
 
 ROOT = Path(__file__).resolve().parents[1]
