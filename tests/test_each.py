@@ -40,7 +40,7 @@ def test_the_table_has_a_row_a_file(each):
     assert metal.split()[:1] == ["metal.csv"] and " converged" in metal
     assert bad.split() == ["bad.csv", "-", "-", "-", "refused"]
     assert f"{each[2].fit.eta:.3f}" in glass
-    assert "1.5" in spectrum and "3 of 3 wavelengths converged" in spectrum
+    assert "1.5" in spectrum and "3 converged" in spectrum
 
 
 @pytest.mark.parametrize(("decimal", "mark"), [(".", ","), (",", ";")])

@@ -71,8 +71,8 @@ def test_the_gold_scan(tmp_path, capsys):
     assert base64.b64decode(data) == (folder / "fit.png").read_bytes()
     assert "url(" not in text
     assert "<script" not in text
-    # eta and k; their correlation; the data; and three heads
-    assert seen.tags.count("tr") == 2 + 2 + 31 + 3
+    # eta and k; the data; and two heads
+    assert seen.tags.count("tr") == 2 + 31 + 2
     assert json.loads((folder / "fit.json").read_text())["eta"] == pytest.approx(0.344, abs=1e-3)
     assert (folder / "data.csv").read_text().count("\n") == 31 + 5
 
@@ -109,8 +109,8 @@ def test_what_the_file_holds_is_text_and_no_html():
     )
     text = fit_page(found, b"", evil)
     assert "img" not in Page(text).tags
-    # file, how it was read, warning and note, parameter, correlation, curve, command line
-    for tag in ("title", "h1", "dd", "p class=warning", "p class=note", "td", "th", "footer"):
+    # file, how it was read, warning and note, parameter, command line
+    for tag in ("title", "h1", "dd", "p class=warning", "p class=note", "td", "footer"):
         name = tag.split()[0]
         assert re.search(f"<{tag}[^>]*>[^<]*{re.escape(html.escape(evil))}[^<]*</{name}>", text), (
             tag

@@ -344,35 +344,32 @@ def _fit_options(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _files(arguments: argparse.Namespace, spectrum: bool) -> list[ResultFile]:
-    """Return the files that were asked for, checked.
+    """Return the files that were asked for, if they can be written; else raise OutputError.
 
     spectrum: whether there is an index for each wavelength, which has a CSV of its own.
-    Raises OutputError (a ValueError) where a file cannot be written.
     """
     from fitting.choice.sample_choice import several_samples
-    from fitting.output.files import ResultFile, checked, files_named, files_of_media, report_files
+    from fitting.output import files
 
     samples = several_samples(arguments.sample)
     references = several_samples([arguments.ratio_to] if arguments.ratio_to else [])
-    inputs = [*arguments.file, *files_named(*samples, *references)]
+    inputs = [*arguments.file, *files.files_named(*samples, *references)]
     inputs += [arguments.divide_by] if arguments.divide_by else []
     wanted = []
-    if arguments.csv:
-        path = Path(arguments.csv)
-        wanted.append(ResultFile("csv", path, "--csv"))
-        if spectrum:
-            index = path.with_name(f"{path.stem}.index{path.suffix}")
-            wanted.append(ResultFile("index", index, "--csv"))
-    if arguments.plot:
-        wanted.append(ResultFile("plot", Path(arguments.plot), "--plot"))
-    if arguments.json not in (None, "-"):
-        wanted.append(ResultFile("json", Path(arguments.json), "--json"))
+    for what, name in (("csv", arguments.csv), ("plot", arguments.plot), ("json", arguments.json)):
+        path = Path(name or "-")
+        if name and (name != "-" or what != "json"):
+            wanted.append(files.ResultFile(what, path, f"--{what}"))
+        if name and what == "csv" and spectrum:
+            path = path.with_name(f"{path.stem}.index{path.suffix}")
+            wanted.append(files.ResultFile("index", path, "--csv"))
     if arguments.material:
-        wanted += files_of_media(arguments.material, samples, "--material")
+        media = files.fitted_media(samples)
+        wanted += files.material_files(arguments.material, media, "--material")
     if arguments.report:
         without = () if spectrum else ("index",)
-        wanted += report_files(arguments.report, without, "--report", arguments.overwrite)
-    return checked(wanted, inputs, arguments.overwrite)
+        wanted += files.report_files(arguments.report, without, "--report", arguments.overwrite)
+    return files.checked(wanted, inputs, arguments.overwrite)
 
 
 def _fit(
@@ -399,7 +396,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from fitting.measurements.from_file import read_csv
     from fitting.measurements.several_files import told_apart
     from fitting.output import export, files, pictures
-    from fitting.output.summary import check_reference, table
+    from fitting.output.summary import reference_text, table
 
     with refusals():
         if arguments.plot:
@@ -411,8 +408,9 @@ def _run(arguments: argparse.Namespace) -> int:
             [read_csv(file, **read) for file in arguments.file], arguments.file
         )
         wavelength = np.concatenate([m.wavelength_um for m in measurements])
-        if arguments.reference:
-            check_reference(arguments.reference, wavelength, "--reference")
+        reference = arguments.reference and reference_text(
+            arguments.reference, wavelength, "--reference"
+        )
         wanted = _files(arguments, len(np.unique(wavelength)) > 1)
         with shown("fit", quiet=arguments.quiet):
             found, choice = _fit(measurements, arguments)
@@ -423,7 +421,7 @@ def _run(arguments: argparse.Namespace) -> int:
         say(export.json_text(found, choice))
     elif not arguments.quiet:
         width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
-        say(table(found, width, arguments.reference or "", choice))
+        say(table(found, width, reference or "", choice))
     with refusals(files.OutputError), shown("files written", quiet=arguments.quiet):
         files.write_files(
             found, wanted, reference=arguments.reference, command=arguments.command,

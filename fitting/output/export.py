@@ -19,12 +19,12 @@ from fitting.measurements.reader.units import span_of
 from fitting.output.numbers import number, value_text
 from fitting.output.summary import (
     by_wavelength,
-    converged,
     counted,
     head_of,
     index_waves,
     rows_aligned,
     sample_text,
+    status_of,
     title_of,
     varied_of,
 )
@@ -304,7 +304,7 @@ def rows_text(files: Sequence[OfFile]) -> str:
             cells = [*["-"] * (len(heads) + stated), REFUSED]
         else:
             warned = f", {counted(len(fit.findings), 'warning')}" if fit.findings else ""
-            cells = [*(of(fit, n) for n in heads), *[chi2(fit)] * stated, converged(fit) + warned]
+            cells = [*(of(fit, n) for n in heads), *[chi2(fit)] * stated, status_of(fit) + warned]
         rows.append([visible(name), *cells])
     return "\n".join(rows_aligned(rows)) + "\n"
 

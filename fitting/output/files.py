@@ -53,8 +53,8 @@ class ResultFile(NamedTuple):
     """A file that was asked for.
 
     what: its content: "json", "csv" (the data), "index", "plot", "page", "material", or "errors"
-        of a material.
-    path: where it goes. asked: the option by which it was asked for, for messages; "" in Python.
+        of a material. path: where it goes.
+    asked: the option by which it was asked for, for messages; "" in Python.
     medium: whose index it holds; None for the only one.
     new_folder: whether its folder is made if there is none.
     """
@@ -145,45 +145,43 @@ def checked(
     out: dict[Path, ResultFile] = {}
     read = {_identity(file) for file in inputs} - {None}
     for file in files:
-        name = f"{file.asked} {file.path}".strip()
         final = Path(os.path.realpath(file.path))
-        if final in out:
-            raise OutputError(f"{name}: two results cannot go to the same file; give each a name.")
-        if _identity(final) in read:
-            raise OutputError(
-                f"{name}: {final.name} is a file that this fit reads, which must not be "
-                "overwritten; choose another name."
-            )
         try:
-            _check(final, name, file, overwrite)
+            if final in out:
+                wrong = "two results cannot go to the same file; give each a name."
+            elif _identity(final) in read:
+                wrong = (
+                    f"{final.name} is a file that this fit reads, which must not be overwritten; "
+                    "choose another name."
+                )
+            else:
+                wrong = _obstacle(final, file, overwrite)
         except OSError as error:
-            raise OutputError(f"{name}: cannot be written ({error.strerror}).") from error
+            wrong = f"cannot be written ({error.strerror})."
+        if wrong:
+            raise OutputError(f"{file.asked} {file.path}: {wrong}".strip())
         out[final] = file._replace(path=final)
     return list(out.values())
 
 
-def _check(final: Path, name: str, file: ResultFile, overwrite: bool) -> None:
-    """Raise OutputError or OSError where a file cannot be written."""
+def _obstacle(final: Path, file: ResultFile, overwrite: bool) -> str:
+    """Return what keeps a file from being written; "" for nothing. May raise OSError."""
     if final.exists():
         if not final.is_file():
-            what = "a folder" if final.is_dir() else "not a regular file"
-            raise OutputError(f"{name}: this is {what}; name a file.")
+            return f"this is {'a folder' if final.is_dir() else 'not a regular file'}; name a file."
         if not os.access(final, os.W_OK):
-            raise OutputError(
-                f"{name}: the file exists and is write-protected; choose another name."
-            )
+            return "the file exists and is write-protected; choose another name."
         if not overwrite and final.stat().st_size and not begins(final):
-            raise OutputError(
-                f"{name}: the file exists and was not written by a fit. Choose another name, "
-                f"or {_overwrite(file.asked)} to replace it."
+            return (
+                "the file exists and was not written by a fit. Choose another name, or "
+                f"{_overwrite(file.asked)} to replace it."
             )
-    folder = final.parent
-    if not folder.exists() and file.new_folder:
-        folder = folder.parent
+    new = file.new_folder and not final.parent.exists()
+    folder = final.parent.parent if new else final.parent
     if not folder.is_dir():
-        raise OutputError(f"{name}: there is no folder {folder}; create it first.")
+        return f"there is no folder {folder}; create it first."
     with tempfile.TemporaryFile(dir=folder):  # whether files can be made there
-        pass
+        return ""
 
 
 def write_whole(contents: Mapping[Path, str | bytes]) -> None:
@@ -241,14 +239,12 @@ def write_files(
         tell(asked)
         if what == "plot":
             content = png = picture_bytes(draw(fit, reference), path.suffix)
-        elif what == "json":
-            content = json_text(fit, choice)
-        elif what == "csv":
-            content = data_csv(fit, decimal)
-        elif what == "index":
-            content = index_csv(fit, decimal)
         elif what == "page":
             content = fit_page(fit, png, command, choice)
+        elif what == "json":
+            content = json_text(fit, choice)
+        elif what in ("csv", "index"):
+            content = (data_csv if what == "csv" else index_csv)(fit, decimal)
         else:
             content = material_of(fit, medium)[what == "errors"]
         contents[path] = content
@@ -280,25 +276,31 @@ def write_material(
 
     overwrite: replace files that no fit wrote, too.
     """
-    files = material_files(path, medium)
+    files = material_files(path, (medium,))
     write_files(fit, checked(files, files_named(fit.sample), overwrite))
     return files[0].path, files[1].path
 
 
 def material_files(
-    path: str | os.PathLike[str], medium: str | None = None, asked: str = ""
-) -> tuple[ResultFile, ResultFile]:
-    """Return the file of a medium's index and that of its errors; ValueError if it is no .yml."""
-    file = Path(path)
+    path: str | os.PathLike[str], media: Sequence[str | None] = (None,), asked: str = ""
+) -> list[ResultFile]:
+    """Return the files of the index and the errors of media: of several, out_film.yml of out.yml.
+
+    Raises ValueError for a path that does not end in .yml.
+    """
+    file, out = Path(path), []
     if file.suffix.lower() not in (".yml", ".yaml"):
         name = f"{asked} {file}".strip()
         raise ValueError(f"{name}: the name of a material file must end in .yml.")
-    errors = file.with_name(f"{file.stem}_errors.csv")
-    return ResultFile("material", file, asked, medium), ResultFile("errors", errors, asked, medium)
+    for medium in media:
+        name = file.stem if len(media) == 1 else f"{file.stem}_{medium}"
+        for what, ending in (("material", file.suffix), ("errors", "_errors.csv")):
+            out.append(ResultFile(what, file.with_name(name + ending), asked, medium))
+    return out
 
 
-def files_of_media(path: str, samples: Sequence[Sample], asked: str) -> list[ResultFile]:
-    """Return the material files of all media whose index is fitted: out_film.yml, .. of out.yml.
+def fitted_media(samples: Sequence[Sample]) -> tuple[str | None, ...]:
+    """Return the places of the media whose index is fitted; (None,) where there is one or none.
 
     Raises ValueError for samples among which one is going to be chosen, if their fitted media
     differ in place, since it is not known yet which files there will be.
@@ -308,20 +310,13 @@ def files_of_media(path: str, samples: Sequence[Sample], asked: str) -> list[Res
         for s in samples
     }
     if max(map(len, each)) <= 1:
-        return [*material_files(path, None, asked)]
+        return (None,)
     if len(each) > 1:
         raise ValueError(
-            f"{asked}: the samples that are compared have different fitted media. Choose one of "
+            "--material: the samples that are compared have different fitted media. Choose one of "
             "them first, and write its media in a fit of that sample alone."
         )
-    file = Path(path)
-    return [
-        one
-        for medium in each.pop()
-        for one in material_files(
-            file.with_name(f"{file.stem}_{medium}{file.suffix}"), medium, asked
-        )
-    ]
+    return each.pop()
 
 
 def files_named(*samples: Sample | None) -> list[str]:

@@ -80,9 +80,9 @@ def _figure(caption: str, png: bytes) -> str:
     return f"<figure><img {source}>{_element('figcaption', caption)}</figure>"
 
 
-def _opening(fit: Fit, choice: Choice | None, level: str, left_out: str = "") -> str:
-    """Return the title, facts, warnings and notes; ``left_out``: the label of one fact."""
-    rows = [row for row in [*heading(fit), *facts(fit)] if row[0] != left_out]
+def _opening(fit: Fit, choice: Choice | None, level: str) -> str:
+    """Return the title, facts, warnings and notes."""
+    rows = [*heading(fit), *facts(fit)]
     listed = [_element("dt", label) + _element("dd", text) for label, text in rows]
     told = [("warning", f"{label.capitalize()}: {text}") for label, text in warnings_of(fit)]
     reasons = [] if choice is None else choice.reasons
@@ -109,14 +109,6 @@ def _main(fit: Fit, level: str = "h2") -> str:
     return html_table(title, batch_rows(fit, intervals=True), level)
 
 
-def _correlations(fit: Fit) -> list[list[str]]:
-    rows = [
-        [name, *("-" if math.isnan(c) else f"{c:+.3f}" for c in row)]
-        for name, row in zip(fit.names, fit.correlation.tolist(), strict=True)
-    ]
-    return [["", *fit.names], *rows]
-
-
 def _cell(value: Any) -> str:
     if isinstance(value, str):
         return value
@@ -135,8 +127,6 @@ def fit_page(fit: Fit, png: bytes, command: str = "", choice: Choice | None = No
     picture = picture if png else []
     # the table of a batch is too long to stand above the picture
     parts = [*picture, _main(fit)] if fit.shape else [_main(fit), *picture]
-    if not fit.shape and len(fit.names) > 1:
-        parts.append(html_table("Correlations", _correlations(fit)))
     if choice is not None:
         parts.append(html_table("Models compared", choice.table()))
     if rows := index_rows(fit):
@@ -146,8 +136,7 @@ def fit_page(fit: Fit, png: bytes, command: str = "", choice: Choice | None = No
         rows = [list(map(_cell, row)) for row in zip(*columns.values(), strict=True)]
         title = "Data (powers as fractions, angles in degrees)"
         parts.append(html_table(title, [list(columns), *rows]))
-    # the correlations have a table
-    return _document(title_of(fit), [_opening(fit, choice, "h1", "correlation"), *parts], command)
+    return _document(title_of(fit), [_opening(fit, choice, "h1"), *parts], command)
 
 
 def notebook(fit: Fit) -> str:

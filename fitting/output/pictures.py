@@ -9,7 +9,6 @@ import importlib.util
 import io
 import math
 import textwrap
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -22,14 +21,13 @@ from fitting.measurements.quantities import ANGLES, POWERS, TABLE
 from fitting.output.export import has_several_curves
 from fitting.output.numbers import number, size_text, value_text, with_unit
 from fitting.output.summary import (
-    check_reference,
-    converged,
     counted,
     index_waves,
     reach,
     reference_index,
     reference_text,
     shown_name,
+    status_of,
     title_of,
     varied_of,
     warnings_of,
@@ -84,12 +82,8 @@ class Line(NamedTuple):
     label: str
 
 
-class Curve(NamedTuple):
-    """A fitted curve and its standard error, (A,) each."""
-
-    x: np.ndarray
-    value: np.ndarray
-    sigma: np.ndarray
+# A fitted curve: x, value and standard error, (A,) each.
+Curve = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def _style() -> Any:
@@ -171,17 +165,6 @@ def _axis(m: Measurement) -> np.ndarray:
     return m.wavelength_um if over_wavelength(m) else m.angle_deg
 
 
-def _series(fit: Fit, m: Measurement) -> Iterator[tuple[str, str, float, np.ndarray]]:
-    """Yield name, quantity, polarizer's angle (-1 for none) and mask of each kind of datum."""
-    curve = np.zeros(len(m), int) if fit.curve is None else np.asarray(fit.curve)
-    several, polarizer = has_several_curves(fit), np.nan_to_num(m.polarizer_deg, nan=-1.0)
-    for i, quantity in dict.fromkeys(zip(curve.tolist(), m.quantity.tolist(), strict=True)):
-        of = (curve == i) & (m.quantity == quantity)
-        name = fit.curve_names[i].replace("NCS", quantity) if several else ""
-        for angle in np.unique(polarizer[of]).tolist():
-            yield name, quantity, angle, of & (polarizer == angle)
-
-
 def _look(quantity: str, polarizer: float, place: int) -> tuple[Look, str]:
     """Return how a kind of datum is drawn, and its label; ``place``: of so many of its quantity."""
     color, marker, hollow, label = TABLE[quantity][3:7]
@@ -197,36 +180,39 @@ def _look(quantity: str, polarizer: float, place: int) -> tuple[Look, str]:
     return (color, marker, hollow), label or quantity
 
 
-def _shade(color: str, share: float) -> str:
-    """Return the colour, paler for a small ``share`` of 1."""
-    from matplotlib.colors import to_hex, to_rgb
-
-    paler = 1.0 - (1.0 - np.array(to_rgb(color))) * (0.4 + 0.6 * share)
-    return to_hex((paler[0], paler[1], paler[2]))
-
-
 def _lines_of(fit: Fit, m: Measurement) -> list[Line]:
     """Return what is drawn as one line each: a quantity, over the wavelength at one angle."""
-    waves, out = over_wavelength(m), []
+    from matplotlib.colors import to_hex, to_rgb
+
+    waves, several, out = over_wavelength(m), has_several_curves(fit), []
+    curve = np.zeros(len(m), int) if fit.curve is None else np.asarray(fit.curve)
+    polarizers = np.nan_to_num(m.polarizer_deg, nan=-1.0)
+    kinds = dict.fromkeys(
+        zip(curve.tolist(), m.quantity.tolist(), polarizers.tolist(), strict=True)
+    )
     seen: dict[str, int] = {}
-    for name, quantity, polarizer, of in _series(fit, m):
+    for number_of, quantity, polarizer in kinds:
+        of = (curve == number_of) & (m.quantity == quantity) & (polarizers == polarizer)
+        name = visible(fit.curve_names[number_of].replace("NCS", quantity)) if several else ""
         look, label = _look(quantity, polarizer, seen.get(quantity, 0) if name else 0)
         seen[quantity] = seen.get(quantity, 0) + 1
-        kind = quantity if quantity in PANELS else "power"
-        label = f"{label} {visible(name)}".replace("$ ", "$, ") if name else label
+        label = f"{label} {name}".replace("$ ", "$, ") if name else label
         angles = np.unique(m.angle_deg[of]).tolist() if waves else [math.nan]
         last = len(angles) - 1
         for i, angle in enumerate(angles):
             rows = np.flatnonzero(of & (m.angle_deg == angle) if waves else of)
             rows = rows[np.argsort(_axis(m)[rows], kind="stable")]
-            shade = look if i == last else (_shade(look[0], i / last), *look[1:])
-            text = label
+            shade, text = look[0], label
+            if i < last:  # paler for a small angle
+                paler = 1.0 - (1.0 - np.array(to_rgb(look[0]))) * (0.4 + 0.6 * i / last)
+                shade = to_hex(paler.tolist())  # pyright: ignore[reportArgumentType]
             if waves and len(angles) > _LINES:
                 text = f"{label}, {angles[0]:g} to {angles[-1]:g}$\\degree$\n(darker: larger)"
                 text = text if i == last else ""
             elif waves and (last or angle > 0.0):
                 text = rf"{label}, {angle:g}$\degree$"
-            out.append(Line(rows, kind, shade, text))
+            kind = quantity if quantity in PANELS else "power"
+            out.append(Line(rows, kind, (shade, *look[1:]), text))
     return out
 
 
@@ -237,33 +223,25 @@ def _curves_of(fit: Fit, m: Measurement, lines: list[Line], low: float, high: fl
     wavelength), and where a curve in between is not that of these data: of a second file with a
     scale of its own.
     """
-    at_data, spectrum = fit.predict(), over_wavelength(m)
-    axis = _axis(m)
-    own = [Curve(axis[li.rows], at_data.value[li.rows], at_data.sigma[li.rows]) for li in lines]
+    at_data, spectrum, axis = fit.predict(), over_wavelength(m), _axis(m)
+    own = [(axis[li.rows], at_data.value[li.rows], at_data.sigma[li.rows]) for li in lines]
     if (spectrum and fit.shape) or not np.isfinite(at_data.value).any():
         return own
     x = np.linspace(low, high, _WAVES if spectrum else _ANGLES)
     # One question for all lines: fewer programs are compiled.
     asked = [np.concatenate([x, axis[line.rows]]) for line in lines]
-    rows = [np.repeat(line.rows[:1], len(a)) for line, a in zip(lines, asked, strict=True)]
+    rows = np.repeat([line.rows[0] for line in lines], [len(one) for one in asked])
     over = {"wavelength_um" if spectrum else "angle_deg": np.concatenate(asked)}
-    found = fit.predict(replace(m.where(np.concatenate(rows)), **over))
+    found = fit.predict(replace(m.where(rows), **over))
     ends = np.cumsum([len(one) for one in asked])[:-1]
+    each = zip(lines, own, np.split(found.value, ends), np.split(found.sigma, ends), strict=True)
     out = []
-    for line, mine, value, sigma in zip(
-        lines, own, np.split(found.value, ends), np.split(found.sigma, ends), strict=True
-    ):
-        off = np.abs(value[len(x) :] - mine.value)
+    for line, mine, value, sigma in each:
+        off = np.abs(value[len(x) :] - mine[1])
         off = np.minimum(off, 360.0 - off) if line.kind == "delta" else off
-        same = np.nanmax(off, initial=0.0) <= _SAME * max(1.0, np.nanmax(np.abs(mine.value)))
-        out.append(Curve(x, value[: len(x)], sigma[: len(x)]) if same else mine)
+        same = np.nanmax(off, initial=0.0) <= _SAME * max(1.0, np.nanmax(np.abs(mine[1])))
+        out.append((x, value[: len(x)], sigma[: len(x)]) if same else mine)
     return out
-
-
-def _broken(value: np.ndarray, measured: np.ndarray) -> np.ndarray:
-    """Return Delta as it was measured, from 0 to 360 or -180 to 180, broken where it goes round."""
-    value = (value + 180.0) % 360.0 - 180.0 if (measured < 0.0).any() else value % 360.0
-    return np.where(np.abs(np.diff(value, prepend=value[:1])) > 180.0, np.nan, value)
 
 
 def _draw_line(
@@ -273,17 +251,21 @@ def _draw_line(
 
     residual: (N,), of every datum. Returns whether there is a band.
     """
-    top, bottom = panels
     x, measured, sigma = (column[line.rows] for column in (_axis(m), m.value, m.sigma))
-    _points(top, x, measured, sigma, line.look, line.label)
-    _points(bottom, x, residual[line.rows], sigma, line.look, "")
-    if np.isnan(curve.value).all():
+    _points(panels[0], x, measured, sigma, line.look, line.label)
+    _points(panels[1], x, residual[line.rows], sigma, line.look, "")
+    at, value, error = curve
+    if np.isnan(value).all():
         return False
-    value = _broken(curve.value, measured) if line.kind == "delta" else curve.value
+    if (
+        line.kind == "delta"
+    ):  # from 0 to 360 or -180 to 180, as measured; broken where it goes round
+        value = (value + 180.0) % 360.0 - 180.0 if (measured < 0.0).any() else value % 360.0
+        value = np.where(np.abs(np.diff(value, prepend=value[:1])) > 180.0, np.nan, value)
     # What lies on another line, R_back on R for one, leaves it to be seen.
-    top.plot(curve.x, value, "--" if line.look[2] else "-", color=line.look[0], zorder=2)
-    _band(top, curve.x, value, curve.sigma, line.look[0])
-    return bool(np.isfinite(curve.sigma).any())
+    panels[0].plot(at, value, "--" if line.look[2] else "-", color=line.look[0], zorder=2)
+    _band(panels[0], at, value, error, line.look[0])
+    return bool(np.isfinite(error).any())
 
 
 def _span(m: Measurement) -> tuple[float, float]:
@@ -302,18 +284,19 @@ def _panels(figure: Figure, kinds: list[str], spectrum: bool) -> tuple[Any, tupl
 
     One kind: all below each other. More: one column each, eta and k below the first two.
     """
-    if len(kinds) == 1:
-        figure.set_size_inches((8.2, 10.0) if spectrum else (7.4, 6.2))
+    n = len(kinds)
+    if n == 1:
+        size = (8.2, 10.0) if spectrum else (7.4, 6.2)
         ratios = (3.0, 1.0, 2.0, 2.0) if spectrum else (3.2, 1.0)
-        axes = figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios)
-        return {kinds[0]: (axes[0], axes[1])}, (axes[2], axes[3]) if spectrum else None
-    figure.set_size_inches(6.2 * len(kinds), 8.6 if spectrum else 6.0)
-    ratios = (3.0, 1.0, 2.4) if spectrum else (3.0, 1.0)
-    axes = figure.subplots(len(ratios), len(kinds), sharex=True, height_ratios=ratios)
-    pairs = {kind: (axes[0, i], axes[1, i]) for i, kind in enumerate(kinds)}
-    for extra in axes[2, 2:] if spectrum else ():
+    else:
+        size = (6.2 * n, 8.6 if spectrum else 6.0)
+        ratios = (3.0, 1.0, 2.4) if spectrum else (3.0, 1.0)
+    figure.set_size_inches(size)
+    axes = figure.subplots(len(ratios), n, sharex=True, height_ratios=ratios, squeeze=False)
+    for extra in axes[2:, 2:].flat:
         extra.set_visible(False)
-    return pairs, (axes[2, 0], axes[2, 1]) if spectrum else None
+    index = (axes[2, 0], axes[3, 0] if n == 1 else axes[2, 1]) if spectrum else None
+    return dict(zip(kinds, axes[:2].T, strict=True)), index
 
 
 def _legend(axes: Axes, banded: bool, outside: bool, few: bool) -> None:
@@ -321,17 +304,16 @@ def _legend(axes: Axes, banded: bool, outside: bool, few: bool) -> None:
     from matplotlib.patches import Patch
 
     handles, labels = axes.get_legend_handles_labels()
-    fit = Line2D([], [], color=GREY)
-    shade = Patch(color=GREY, alpha=0.22, linewidth=0)
-    handle, label = ((shade, fit), r"fit with 1$\sigma$ band") if banded else (fit, "fit")
+    fit: Any = Line2D([], [], color=GREY)
+    if banded:
+        fit = (Patch(color=GREY, alpha=0.22, linewidth=0), fit)
     # "best" is the default; not named, matplotlib warns where finding the place takes a second.
     place: Any = {"loc": "best"}
     if outside:
         place = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0), "borderpad": 0.0}
-    axes.legend(
-        [*handles, handle], [*labels, label], handlelength=1.6, markerscale=1.0 if few else 2.0,
-        **place,
-    )  # fmt: skip
+    labels.append(r"fit with 1$\sigma$ band" if banded else "fit")
+    scale = 1.0 if few else 2.0
+    axes.legend([*handles, fit], labels, handlelength=1.6, markerscale=scale, **place)
 
 
 def _has_index(fit: Fit) -> bool:
@@ -494,7 +476,7 @@ def _subtitle(fit: Fit) -> str:
     """Return in one line what was found."""
     sample = _plain_title(str(fit.sample or "your own residual function"))
     if fit.shape or fit.status != CONVERGED:
-        return f"{sample}, {converged(fit)}"
+        return f"{sample}, {status_of(fit)}"
     parts = [] if len(fit.names) <= 2 else [sample]
     for name in () if parts else fit.names:
         text = value_text(fit.parameters[name], reach(fit)).replace("+-", r"$\pm$")
@@ -549,10 +531,9 @@ def draw(fit: Fit, reference: str | None = None) -> Figure:
 
     m, below = fit.measurement, ""
     if reference:
-        waves = np.atleast_1d(np.asarray(fit.wavelength_um, float))
-        check_reference(reference, waves)
-        if m is None or not over_wavelength(m) or not _has_index(fit):
-            below = reference_text(reference, waves)
+        below = reference_text(reference, fit.wavelength_um)
+        if m is not None and over_wavelength(m) and _has_index(fit):
+            below = ""  # it is drawn
     with _style():
         figure = Figure(figsize=(8.2, 6.4), layout="constrained", facecolor="white")
         if m is not None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from fitting.outcomes.findings import is_outer
 from fitting.output.numbers import (
     beside,
     interval_of,
-    interval_text,
     k_text,
     number,
     size_text,
@@ -27,7 +26,7 @@ from fitting.output.numbers import (
 from fitting.process.visible import visible
 from fitting.results.diagnostics import Finding
 from fitting.results.result import Fit
-from fitting.results.result_parts import CONVERGED, UNDETERMINED, Alternative, Estimate
+from fitting.results.result_parts import UNDETERMINED, Alternative
 from fitting.uncertainty.limits import student_quantile
 
 if TYPE_CHECKING:
@@ -93,13 +92,12 @@ def head_of(name: str, unit: str) -> str:
     return f"{name} ({unit})" if unit else name
 
 
-def converged(fit: Fit) -> str:
-    """Return the status, or how many fits of a batch converged."""
+def status_of(fit: Fit) -> str:
+    """Return the status; of a batch how many fits have which."""
     if not fit.shape:
         return str(fit.status)
-    good = int((np.asarray(fit.status) == CONVERGED).sum())
-    what = "wavelengths" if by_wavelength(fit) else "curves"
-    return f"{good} of {np.size(fit.status)} {what} converged"
+    each, count = np.unique(np.asarray(fit.status), return_counts=True)
+    return ", ".join(f"{n} {status}" for status, n in zip(each, count, strict=True))
 
 
 def title_of(fit: Fit) -> str:
@@ -144,30 +142,28 @@ def _errors(fit: Fit) -> str:
             f"one standard error (+-), from {noise} and the residuals as the {fit.loss} loss "
             "weighs them (Huber's estimate of the covariance)"
         )
-    taken = np.unique(np.asarray(fit.errors.taken)).tolist()
-    text = f"one standard error (+-), from {'; or '.join(_made_by(fit, kind) for kind in taken)}"
     widened = np.asarray(fit.errors.widened, float)
+    factor, added = np.asarray(fit.errors.factor, float) / widened, np.asarray(fit.errors.added)
+    floor = share = "another at each wavelength"
+    if not added.ndim:
+        floor, share = f"{added:.2g}", f"{100.0 * added:.2g} % of each"
+    by = f" = {factor:.3g}" if not factor.ndim and np.isfinite(factor) else ""
+    stated = "the stated errors"
+    made = {
+        "stated": f"{stated} of the data as they are",
+        "scaled": f"{stated} of the data times sqrt(chi2/dof){by}",
+        "floor": f"{stated} and a common error of the data ({floor}), added in squares",
+        "relative": f"{stated} and a relative error of the data ({share}), added in squares",
+        "equal": "the scatter of the data about the fit (equal weights)",
+    }
+    if not fit.errors.stated:
+        made["scaled"] = made["equal"]
+    taken = np.unique(np.asarray(fit.errors.taken)).tolist()
+    text = f"one standard error (+-), from {'; or '.join(made[kind] for kind in taken)}"
     if (widened > 1.0).any():
         upto = "up to " * bool(widened.min() < widened.max())
         text += f"; multiplied by {upto}{widened.max():.2g}, since the residuals are autocorrelated"
     return text
-
-
-def _made_by(fit: Fit, taken: str) -> str:
-    if taken in ("floor", "relative"):
-        added = np.asarray(fit.errors.added, float)
-        size = "another at each wavelength"
-        if not added.ndim:
-            size = f"{added:.2g}" if taken == "floor" else f"{100.0 * added:.2g} % of each"
-        kind = "a common error" if taken == "floor" else "a relative error"
-        return f"the stated errors and {kind} of the data ({size}), added in squares"
-    if taken == "equal" or (taken == "scaled" and not fit.errors.stated):
-        return "the scatter of the data about the fit (equal weights)"
-    if taken == "scaled":
-        factor = np.asarray(fit.errors.factor, float) / np.asarray(fit.errors.widened, float)
-        size = f" = {factor:.3g}" if not factor.ndim and np.isfinite(factor) else ""
-        return f"the stated errors of the data times sqrt(chi2/dof){size}"
-    return "the stated errors of the data as they are"
 
 
 def _rms(fit: Fit) -> str:
@@ -200,14 +196,9 @@ def _correlation(fit: Fit) -> str:
 
 
 def _alternative(fit: Fit, other: Alternative) -> str:
-    """Return a second solution: its values with errors or intervals, how much worse it fits."""
-
-    def text_of(e: Estimate) -> str:
-        text, ends = value_text(e, reach(fit)), interval_text(*map(float, e.interval))
-        unclear = ends and "+-" not in text and not math.isfinite(e.upper_limit)
-        return f"{text} ({ends})" if unclear else text
-
-    values = ", ".join(f"{shown_name(fit, n)} {text_of(e)}" for n, e in other.parameters.items())
+    """Return a second solution: its values, and how much worse it fits."""
+    each = other.parameters.items()
+    values = ", ".join(f"{shown_name(fit, name)} {value_text(e, reach(fit))}" for name, e in each)
     higher = "higher" if other.delta_chi2 >= 0.0 else "lower"
     return f"{values} (chi2 {higher} by {abs(other.delta_chi2):.2g})"
 
@@ -268,10 +259,8 @@ def _of_many(fit: Fit) -> Facts:
         for name, e in fit.parameters.items()
         if np.shape(e.value) != fit.shape
     ]
-    status, count = np.unique(np.asarray(fit.status), return_counts=True)
-    what = "wavelengths" if by_wavelength(fit) else "curves"
-    total = ", ".join(f"{n} {one}" for one, n in zip(status, count, strict=True))
-    rows += [("status", f"{count.sum()} {what}: {total}"), ("errors", _errors(fit))]
+    total = f"{np.size(fit.status)} {'wavelengths' if by_wavelength(fit) else 'curves'}"
+    rows += [("status", f"{total}: {status_of(fit)}"), ("errors", _errors(fit))]
     limited = [
         shown_name(fit, n)
         for n, e in fit.parameters.items()
@@ -313,24 +302,25 @@ def _place(fit: Fit, index: tuple[int, ...]) -> str:
     return ", ".join(str(i) for i in index)
 
 
-def _of_batch(fit: Fit, finding: Finding, at: np.ndarray) -> str:
-    """Return the sentence of the first fit that a warning concerns, and how many others it does."""
-    places = np.argwhere(at)
-    text = finding.of(tuple(places[0]), {}).text.removesuffix(".")
-    waves, first = by_wavelength(fit), _place(fit, tuple(places[0]))
-    where = f"at {first} um" if waves else f"curve {first}"
-    if len(places) > 1:
-        own = any(isinstance(value, np.ndarray) for value in finding.values.values())
-        more = counted(len(places) - 1, f"more {'wavelength' if waves else 'curve'}")
-        where += f"; {'with other numbers ' * own}{'at' if waves else 'in'} {more}"
-    return f"{text} ({where})."
-
-
 def warnings_of(fit: Fit) -> Facts:
-    """Return a label and a sentence for each kind of warning; those of a batch have numbers."""
+    """Return a label and a sentence for each kind of warning.
+
+    Those of a batch have numbers; the sentence is that of the first fit that a warning concerns.
+    """
     if not fit.shape:
         return [("warning", w.text) for w in fit.warnings]
-    return [(f"warning {i}", _of_batch(fit, *one)) for i, one in enumerate(_told(fit), 1)]
+    rows: Facts = []
+    at, um, other = ("at", " um", "wavelength") if by_wavelength(fit) else ("curve", "", "curve")
+    for finding, mask in _told(fit):
+        first, *others = map(tuple, np.argwhere(mask))
+        text = finding.of(first, {}).text.removesuffix(".")
+        where = f"{at} {_place(fit, first)}{um}"
+        if others:
+            own = any(isinstance(value, np.ndarray) for value in finding.values.values())
+            where += f"; {'with other numbers ' * own}{'at' if um else 'in'} "
+            where += counted(len(others), f"more {other}")
+        rows.append((f"warning {len(rows) + 1}", f"{text} ({where})."))
+    return rows
 
 
 def parameter_rows(fit: Fit) -> list[list[str]]:
@@ -397,7 +387,7 @@ def table(fit: Fit, width: int = 80, reference: str = "", choice: Choice | None 
     interval, or one line for each fit of a batch; and state what the errors rest on, how well the
     fit describes the data, second solutions, warnings and notes.
 
-    reference: the name of a material whose eta and k are shown for comparison; "" for none.
+    reference: what is said of a material, for comparison (`reference_text`); "" for nothing.
     choice: what was compared; None if no model was chosen.
     """
     rows = (
@@ -413,8 +403,7 @@ def table(fit: Fit, width: int = 80, reference: str = "", choice: Choice | None 
         lines += [*rows_aligned(choice.table()), ""]
         lines += _wrapped([("choice", reason.text) for reason in choice.reasons], width)
     if reference:
-        text = reference_text(reference, np.atleast_1d(fit.wavelength_um))
-        lines += ["", *_wrapped([("reference", text)], width)]
+        lines += ["", *_wrapped([("reference", reference)], width)]
     return visible("\n".join(lines), "\n") + "\n"
 
 
@@ -425,34 +414,25 @@ def one_line(fit: Fit) -> str:
     parts += [f"{shown_name(fit, n)} {value_text(fit.parameters[n], reach(fit))}" for n in free[:4]]
     if len(free) > 4:
         parts.append(counted(len(free) - 4, "more parameter"))
-    parts.append(converged(fit))
+    parts.append(status_of(fit))
     if fit.findings and not fit.shape:
         parts.append(counted(len(fit.findings), "warning"))
     return visible(f"<Fit: {', '.join(parts)}>")
 
 
-def reference_index(name: str, wavelength_um: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return wavelengths, eta and k of a named material, within the range of its source."""
+def reference_index(
+    name: str, wavelength_um: np.ndarray, asked: str = "reference"
+) -> tuple[np.ndarray, ...]:
+    """Return wavelengths, eta and k of a named material, within the range of its source.
+
+    asked: the argument or the option that named the material. Raises ValueError for an unknown
+    material, or if no wavelength is known.
+    """
     from fitting.process.compiled import fit_settings
     from fresnel_jax.dispersion import material
 
-    found = material(name)
-    low, high = found.range_um or (0.0, np.inf)
-    inside = wavelength_um[(wavelength_um >= low) & (wavelength_um <= high)]
-    with fit_settings():
-        eta, k = (np.asarray(a) for a in found(inside)) if len(inside) else (inside, inside)
-    return inside, eta, k
-
-
-def check_reference(name: str, wavelength_um: np.ndarray, asked: str = "reference") -> None:
-    """Raise ValueError for an unknown material, or if no wavelength of the data is known.
-
-    asked: the argument or the option that named the material, for the text.
-    """
-    from fresnel_jax.dispersion import material
-
     try:
-        material(name)
+        found = material(name)
     except ValueError as error:
         raise ValueError(f"{asked} {name}: {error}, and so does fresnel-fit --materials.") from None
     if not np.isfinite(wavelength_um).any():
@@ -460,12 +440,16 @@ def check_reference(name: str, wavelength_um: np.ndarray, asked: str = "referenc
             f"{asked} {name}: its index depends on the wavelength, which the data do not state; "
             "give it when the file is read (wavelength_um, --wavelength-um)."
         )
+    low, high = found.range_um or (0.0, np.inf)
+    inside = wavelength_um[(wavelength_um >= low) & (wavelength_um <= high)]
+    with fit_settings():
+        eta, k = (np.asarray(a) for a in found(inside)) if len(inside) else (inside, inside)
+    return inside, eta, k
 
 
-def reference_text(name: str, wavelength_um: np.ndarray) -> str:
+def reference_text(name: str, wavelength_um: Any, asked: str = "reference") -> str:
     """Return eta and k of a material at the ends and in the middle of the measured wavelengths."""
-    known = np.unique(wavelength_um[np.isfinite(wavelength_um)])
-    inside, eta, k = reference_index(name, known)
+    inside, eta, k = reference_index(name, np.unique(np.asarray(wavelength_um, float)), asked)
     if not len(inside):
         return f"{name}: its source has no data at the measured wavelengths"
     some = sorted({0, len(inside) // 2, len(inside) - 1})
