@@ -34,24 +34,24 @@ mark("start of Python")
 from fitting.command import cli
 cli.parser().parse_args([{str(GOLD)!r}])
 mark("options")
-from fitting.process.start_up import cheap_start, set_up_jax
-with cheap_start():
-    import numpy
-    mark("import numpy")
-    from fitting.measured_file import read_csv
-    measurement = read_csv({str(GOLD)!r})
-    mark("read the file")
-    import jax
-    mark("import jax")
-    set_up_jax()
-    from fitting.fits import fit
-    mark("import fitting.fits" + " and optimistix" * ("optimistix" in sys.modules))
-    result = fit(measurement)
-    mark("fit, first call")
-    text = str(result)
-    mark("table")
-    fit(measurement)
-    mark("(fit once more)")
+from fitting.process.start_up import set_up_jax
+import numpy
+mark("import numpy")
+import jax
+mark("import jax")
+set_up_jax()
+mark("set up jax")
+from fitting.measured_file import read_csv
+measurement = read_csv({str(GOLD)!r})
+mark("read the file")
+from fitting.fits import fit
+mark("import fitting.fits" + " and optimistix" * ("optimistix" in sys.modules))
+result = fit(measurement)
+mark("fit, first call")
+text = str(result)
+mark("table")
+fit(measurement)
+mark("(fit once more)")
 for (_, before), (name, after) in zip(marks, marks[1:]):
     print(f"{{name}}\\t{{after - before}}")
 """

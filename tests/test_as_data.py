@@ -13,7 +13,7 @@ from simulated import GOLD, simulated, textbook
 from fitting import fit, fit_many
 from fitting.data.measurement import Measurement, concatenate
 from fitting.measured_file import read_csv
-from fitting.output.as_data import INDEX_MARK, data_csv, index_csv, json_text
+from fitting.output.export import INDEX_MARK, data_csv, index_csv, json_text
 from fitting.samples.material_files import read_material
 
 

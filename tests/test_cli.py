@@ -12,7 +12,7 @@ import pytest
 from command import ROOT, nothing_in, own_cache, refused, run  # noqa: F401 (a fixture)
 from simulated import GOLD
 
-from fitting.command import cli, cli_options
+from fitting.command import cli
 from fitting.measured_file import read_csv
 from fitting.samples.sample import Sample
 from fresnel_jax.materials import lookup, names
@@ -123,7 +123,7 @@ def test_every_named_material_is_listed_and_is_an_index(capsys):
 def test_every_option_of_the_reader_is_a_flag():
     parameters = inspect.signature(read_csv).parameters.values()
     options = {p.name for p in parameters if p.kind is p.KEYWORD_ONLY}
-    assert {name.replace("-", "_") for name, *_ in cli_options._READING} == options
+    assert {name.replace("-", "_") for name, *_ in cli._READING} == options
 
 
 def test_reader_options_arrive(capsys, tmp_path):

@@ -10,7 +10,7 @@ from command import nothing_in, own_cache, refused  # noqa: F401 (a fixture)
 from simulated import GOLD
 
 from fitting.command import cli
-from fitting.output.as_data import json_object
+from fitting.output.export import json_object
 
 
 @pytest.fixture
@@ -83,16 +83,20 @@ def test_results_are_written_whole_or_not_at_all(capsys, tmp_path, monkeypatch, 
     old = json_object({"written_by": "fresnel-fit", "status": "old"})
     (tmp_path / "gold.json").write_text(old)
 
-    def fail(figure, path, *_):
-        path.write_text("half")
+    def fail(*_):
         raise error
 
-    monkeypatch.setattr("fitting.output.files.save", fail)
+    # a defect while the picture is drawn; a disk that is full when the second file is written
+    if isinstance(error, RuntimeError):
+        monkeypatch.setattr("fitting.output.files.picture_bytes", fail)
+    else:
+        syncs = iter((os.fsync, fail))
+        monkeypatch.setattr(os, "fsync", lambda descriptor: next(syncs)(descriptor))
     arguments = [str(GOLD), "--json", str(tmp_path / "gold.json")]
     arguments += ["--plot", str(tmp_path / "gold.png")]
     if isinstance(error, OSError):
         assert cli.main(arguments) == 2
-        assert "--plot: No space left" in capsys.readouterr().err
+        assert "gold.json: cannot be written (No space left" in capsys.readouterr().err
     else:  # a defect of ours is not dressed up as a mistake of the user
         with pytest.raises(RuntimeError, match="defect"):
             cli.main(arguments)

@@ -17,7 +17,7 @@ import jax
 import pytest
 
 from fitting.command.cli import main
-from fitting.command.cli_options import parser as command_parser
+from fitting.command.cli import parser as command_parser
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from fitting import simulate
-from fitting.output.material import errors_beside, material_texts
+from fitting.output.export import material_texts
+from fitting.output.files import material_files
 from fitting.results.result_parts import IndexBand
 from fitting.samples.known_media import known_medium
 from fitting.samples.material_files import MaterialFileError, read_material
@@ -150,7 +151,7 @@ def test_written_index_is_read_again(tmp_path):
             IndexBand(*index), 'Fit of "film.csv": fresnel-fit\nsecond line', "108.4 nm on silica",
             {"temperature": "293", "sample": 'a "b"'},
         )  # fmt: skip
-        paths = tmp_path / name, errors_beside(tmp_path / name)
+        paths = [file.path for file in material_files(tmp_path / name)]
         for path, text in zip(paths, texts, strict=True):
             path.write_text(text)
         return paths

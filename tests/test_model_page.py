@@ -25,11 +25,11 @@ def test_the_page_of_a_model(choice):
     seen = Page(fit_page(choice.fit, b"", "fresnel-fit x.csv --sample auto", choice))
     assert seen.open == []
     for part in ("constant (one bare surface", "fresnel-fit x.csv --sample auto", "Models compared",
-                 "constant, k = 0", "Correlations", "Index over wavelength", "Parameters",
+                 "constant, k = 0", "correlation", "Index over wavelength", "Parameters",
                  *reasons):  # fmt: skip
         assert part in seen.text, part
-    # eta, k; eta and k with each other; two models; one wavelength; 40 data; and five heads.
-    assert seen.tags.count("tr") == 2 + 2 + 2 + 1 + 40 + 5
+    # eta, k; two models; one wavelength; 40 data; and four heads.
+    assert seen.tags.count("tr") == 2 + 2 + 1 + 40 + 4
     fit = choice.fit
     assert f"{fit.values['eta']:.3f}"[:5] in seen.text
     assert f"{fit.correlation[0, 1]:+.3f}" in seen.text

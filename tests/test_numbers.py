@@ -5,9 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from fitting.output.as_data import plain
-from fitting.output.estimates import beside, k_text, value_text
-from fitting.output.numbers import agree, interval_text, size_text, with_error
+from fitting.output.export import plain
+from fitting.output.numbers import (
+    agree,
+    beside,
+    interval_text,
+    k_text,
+    size_text,
+    value_text,
+    with_error,
+)
 from fitting.process.visible import visible
 from fitting.results.result_parts import Estimate
 from fitting.results.wording import poorly_determined

@@ -1,7 +1,6 @@
-"""Results never replace a measurement, go where they were asked for, and survive a kill."""
+"""Results never replace a measurement, go where they were asked for, and are whole or absent."""
 
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -11,11 +10,17 @@ import pytest
 
 from fitting import Measurement, fit
 from fitting.command import cli
-from fitting.output import outputs
-from fitting.output.as_data import index_csv
-from fitting.output.each_file import OfFile, rows_csv, rows_json
-from fitting.output.outputs import MARK, OutputError, Outputs, refuse_repeats
-from fitting.output.style import save
+from fitting.output.export import WRITTEN_BY, OfFile, index_csv, rows_csv, rows_json
+from fitting.output.files import (
+    OutputError,
+    ResultFile,
+    begins,
+    checked,
+    refuse_repeats,
+    report_files,
+    write_whole,
+)
+from fitting.output.pictures import picture_bytes
 
 ROOT = Path(__file__).resolve().parents[1]
 SPECTRUM = "wavelength_nm,R\n400,0.3\n500,0.4\n"
@@ -59,9 +64,8 @@ def test_a_result_replaces_no_file_that_no_fit_wrote(tmp_path, capsys, name):
     assert f"{name}: the file exists and was not written by a fit" in said
     assert "--overwrite" in said
     assert contents(tmp_path) == before
-    with Outputs(overwrite=True) as outputs:
-        outputs.open(tmp_path / name).write_text("new")
-        outputs.publish()
+    (file,) = checked([ResultFile("csv", tmp_path / name)], overwrite=True)
+    write_whole({file.path: "new"})
     assert contents(tmp_path)[name] == "new"
 
 
@@ -109,14 +113,14 @@ def test_what_every_kind_of_result_begins_with_is_recognized(tmp_path):
     for i, text in enumerate(texts):
         (tmp_path / "r" / str(i)).write_text(text)
     for ending in ("svg", "pdf"):
-        save(found.plot(), tmp_path / "r" / f"p.{ending}")
+        (tmp_path / "r" / f"p.{ending}").write_bytes(picture_bytes(found.plot(), ending))
     found.write_material(tmp_path / "r" / "m.yml")
-    files = [path for path in (tmp_path / "r").iterdir() if path.name != MARK]
+    files = list((tmp_path / "r").iterdir())
     assert len(files) == 11
-    assert [path.name for path in files if not outputs.begins(path)] == []
-    for text in (SPECTRUM, "", "{}", f"angle,R\n# {outputs.WRITTEN_BY}\n", "REFERENCES: |\n    X"):
+    assert [path.name for path in files if not begins(path)] == []
+    for text in (SPECTRUM, "", "{}", f"angle,R\n# {WRITTEN_BY}\n", "REFERENCES: |\n    X"):
         (tmp_path / "other").write_text(text)
-        assert not outputs.begins(tmp_path / "other")
+        assert not begins(tmp_path / "other")
 
 
 def test_in_python_a_material_is_not_overwritten_either(tmp_path, monkeypatch):
@@ -128,7 +132,7 @@ def test_in_python_a_material_is_not_overwritten_either(tmp_path, monkeypatch):
     with pytest.raises(OutputError, match="was not written by a fit.*overwrite=True"):
         found.write_material("film.yml")
     found.write_material("film.yml", overwrite=True)
-    assert outputs.begins("film.yml")
+    assert begins("film.yml")
     (tmp_path / "glass.csv").write_text(MATERIAL)
     os.link("glass.csv", "glass.yml")
     found = fit(m, "glass.csv | free")
@@ -163,8 +167,9 @@ def test_a_measurement_is_known_by_any_name(tmp_path, capsys, link):
 def test_a_measurement_on_standard_input_is_known_too(tmp_path):
     (tmp_path / "a.csv").write_text(SPECTRUM)
     code = (
-        "import sys; from fitting.output.outputs import Outputs\n"
-        "with Outputs() as outputs: outputs.open(sys.argv[1], inputs=['-'])"
+        "import sys; from pathlib import Path\n"
+        "from fitting.output.files import ResultFile, checked\n"
+        "checked([ResultFile('csv', Path(sys.argv[1]))], ['-'])"
     )
     with open(tmp_path / "a.csv") as file:
         done = subprocess.run(
@@ -181,14 +186,12 @@ def test_one_measurement_given_twice_is_refused(tmp_path, capsys):
     refuse_repeats(["-", str(tmp_path / "a.csv"), str(tmp_path / "none.csv")])
 
 
-NEW = f"# a table, {outputs.WRITTEN_BY}\n"
+NEW = f"# a table, {WRITTEN_BY}\n"
 
 
-def publish(folder, **options):
-    with Outputs(**options) as staged:
-        place = staged.folder(folder, flag="--report")
-        staged.open(place / "fit.json").write_text(NEW)
-        staged.publish()
+def publish(folder, overwrite=False):
+    wanted = report_files(folder, ("csv", "index", "plot", "page"), "--report", overwrite)
+    write_whole({file.path: NEW for file in checked(wanted, overwrite=overwrite)})
 
 
 def test_a_report_goes_into_a_new_an_empty_or_its_own_folder(tmp_path):
@@ -196,18 +199,25 @@ def test_a_report_goes_into_a_new_an_empty_or_its_own_folder(tmp_path):
     empty.mkdir()
     strange.mkdir()
     (strange / "fit.json").write_text("a stranger's")
+    (strange / "notes.txt").write_text("a stranger's")
     for folder in (empty, own, own):
         publish(folder)
-        assert contents(folder) == {"fit.json": NEW, MARK: ""}
+        assert contents(folder) == {"fit.json": NEW}
     with pytest.raises(
-        OutputError, match=r"--report .*other than .* report \(fit.json\).*--overwrite"
+        OutputError, match=r"--report .*other than .* report \(fit.json, notes.*--overwrite"
     ):
         publish(strange)
-    assert contents(strange) == {"fit.json": "a stranger's"}
+    assert contents(strange)["fit.json"] == "a stranger's"
     publish(strange, overwrite=True)
-    assert contents(strange) == {"fit.json": NEW}
+    assert contents(strange) == {"fit.json": NEW, "notes.txt": "a stranger's"}
     with pytest.raises(OutputError, match="other than those of a report"):
         publish(strange)  # it is still a stranger's
+
+
+def test_what_a_killed_run_left_does_not_keep_a_report_from_its_folder(tmp_path):
+    (tmp_path / ".fresnel-fit-0123456789abcdef.part").write_text("half")
+    publish(tmp_path)
+    assert (tmp_path / "fit.json").read_text() == NEW
 
 
 def test_content_is_on_the_disk_before_it_takes_its_name(tmp_path, monkeypatch):
@@ -215,62 +225,30 @@ def test_content_is_on_the_disk_before_it_takes_its_name(tmp_path, monkeypatch):
     fsync, replace = os.fsync, os.replace
     monkeypatch.setattr(os, "fsync", lambda fd: (events.append(os.fstat(fd).st_ino), fsync(fd)))
     monkeypatch.setattr(os, "replace", lambda a, b: (events.append("name"), replace(a, b)))
-    with Outputs() as staged:
-        staged.open(tmp_path / "a").write_text("new")
-        staged.publish()
-    assert events == [(tmp_path / "a").stat().st_ino, "name", tmp_path.stat().st_ino]
+    write_whole({tmp_path / "a": "new", tmp_path / "b": b"new"})
+    files = [(tmp_path / name).stat().st_ino for name in "ab"]
+    assert events == [*files, "name", "name"]
 
 
 def test_names_of_any_length_can_be_written(tmp_path):
     name = "\u20ac" * 85  # 255 bytes, the most that a file system takes
-    with Outputs() as staged:
-        staged.open(tmp_path / name).write_text("new")
-        staged.publish()
+    write_whole({tmp_path / name: "new"})
     assert contents(tmp_path) == {name: "new"}
-
-
-@pytest.mark.skipif(outputs.fcntl is None, reason="this system has no locks to tell the dead by")
-def test_what_a_killed_run_left_is_removed_by_the_next(tmp_path):
-    code = (
-        "import os, signal, sys; from fitting.output.outputs import Outputs\n"
-        "outputs = Outputs(); outputs.open(sys.argv[1]).write_text('half')\n"
-        "os.kill(os.getpid(), signal.SIGKILL)"
-    )
-    arguments = [sys.executable, "-c", code, str(tmp_path / "a")]
-    assert subprocess.run(arguments, cwd=ROOT, check=False).returncode == -signal.SIGKILL
-    assert len(contents(tmp_path)) == 1
-    (tmp_path / ".fresnel-fit-notes.part").write_text("not ours")
-    with Outputs() as running, Outputs() as other:
-        running.open(tmp_path / "b").write_text("b")  # cleans, and is on its way itself
-        other.open(tmp_path / "c").write_text("c")
-        running.publish()
-        other.publish()
-    assert contents(tmp_path) == {"b": "b", "c": "c", ".fresnel-fit-notes.part": "not ours"}
-
-
-def test_a_folder_that_a_killed_run_made_is_empty_again(tmp_path):
-    (tmp_path / "r").mkdir()
-    (tmp_path / "r" / (".fresnel-fit-" + "0" * 16 + ".part")).write_text("half")
-    publish(tmp_path / "r")
-    assert contents(tmp_path / "r") == {"fit.json": NEW, MARK: ""}
+    with pytest.raises(OutputError, match="--csv .*cannot be written .File name too long"):
+        checked([ResultFile("csv", tmp_path / (name + "x"), "--csv")])
 
 
 _WRITER = """
 import sys
 from pathlib import Path
-from fitting.output.outputs import Outputs
+from fitting.output.files import write_whole
 
 print("ready", flush=True)
 for run in range(10**9):
-    with Outputs(overwrite=True) as outputs:
-        folder = outputs.folder(sys.argv[1])
-        for name in ("a", "b", "c"):
-            outputs.open(folder / name).write_text(f"{run:09d}" * 20_000)
-        outputs.publish()
+    write_whole({Path(sys.argv[1]) / name: f"{run:09d}" * 20_000 for name in ("a", "b", "c")})
 """
 
 
-@pytest.mark.skipif(outputs.fcntl is None, reason="this system has no locks to tell the dead by")
 def test_killed_at_any_moment_every_file_is_whole(tmp_path):
     """FRESNEL_KILLS sets how many kills (default 12)."""
     for kill in range(int(os.environ.get("FRESNEL_KILLS", "12"))):
@@ -287,5 +265,3 @@ def test_killed_at_any_moment_every_file_is_whole(tmp_path):
             if (folder / name).exists():
                 text = (folder / name).read_text()
                 assert len(text) == 180_000 and text == text[:9] * 20_000
-        publish(folder)  # takes the folder for a report's own, and removes the leftovers
-        assert {p.name for p in folder.iterdir()} <= {"a", "b", "c", "fit.json", MARK}

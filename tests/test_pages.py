@@ -1,9 +1,11 @@
 """The folder of --report: one page that needs nothing else, and the files beside it."""
 
 import base64
+import html
 import html.parser
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,8 +15,9 @@ from fitting import fit, fit_many
 from fitting.command import cli
 from fitting.data.measurement import concatenate
 from fitting.measured_file import read_csv
-from fitting.output import files, outputs, page
+from fitting.output import files, page
 from fitting.output.page import fit_page
+from fitting.results.diagnostics import Finding, Warning
 
 pytest.importorskip("matplotlib")
 
@@ -52,7 +55,7 @@ def test_the_gold_scan(tmp_path, capsys):
     folder = tmp_path / "gold report"
     assert cli.main([str(GOLD), "--report", str(folder), "--quiet"]) == 0
     assert capsys.readouterr().out == ""
-    files = {p.name for p in folder.iterdir()} - {outputs.MARK}
+    files = {p.name for p in folder.iterdir()}
     assert files == {"report.html", "fit.json", "data.csv", "fit.png"}
     text = (folder / "report.html").read_text(encoding="utf-8")
     seen = Page(text)
@@ -68,8 +71,8 @@ def test_the_gold_scan(tmp_path, capsys):
     assert base64.b64decode(data) == (folder / "fit.png").read_bytes()
     assert "url(" not in text
     assert "<script" not in text
-    # eta and k; their correlation; the data; and three heads
-    assert seen.tags.count("tr") == 2 + 2 + 31 + 3
+    # eta and k; the data; and two heads
+    assert seen.tags.count("tr") == 2 + 31 + 2
     assert json.loads((folder / "fit.json").read_text())["eta"] == pytest.approx(0.344, abs=1e-3)
     assert (folder / "data.csv").read_text().count("\n") == 31 + 5
 
@@ -86,19 +89,33 @@ def test_a_spectrum_has_its_index_in_a_table():
         assert f"{waves[i]:.6g}" in seen.text
         assert f"{result.parameters['eta'].interval[i, 0]:.4f}"[:5] in seen.text
     assert "details" not in seen.tags
-    assert "<details>" in page.table("Data", [["a"]] + [["1"]] * (page.OPEN_ROWS + 1))
+    assert "<details>" in page.html_table("Data", [["a"]] + [["1"]] * (page.OPEN_ROWS + 1))
 
 
 def test_what_the_file_holds_is_text_and_no_html():
-    evil = '<script>alert("1")</script>'
-    opening = page.opening(evil, [(evil, evil)], [("warning", evil)], [evil])
-    parts = [opening, page.figure(evil, b""), page.table(evil, [[evil], [evil]])]
-    text = page.document(evil, parts, evil)
-    seen = Page(text)
-    assert "script" not in seen.tags
-    # title, h1, dt, dd, warning, note, caption, h2, th, td, foot
-    assert seen.text.count(evil) == 11
-    assert "\\udcff" in page.document("\udcff", [], "")
+    evil = '<img onerror="alert(1)">'  # a name has no slash
+    found = fit(read_csv(GOLD))
+    m = found.measurement
+    assert m is not None
+    told = {"sample": evil, "delta_bic": 1.0, "scale": 1.0, "sigma": 0.1}
+    found = replace(
+        found,
+        measurement=replace(m, source=evil, understood=evil),
+        parameters={evil: found.parameters["eta"], "k": found.parameters["k"]},
+        findings=(Finding("gain_instead", np.True_, told),),
+        notes=(Warning("gain_instead", {}, told),),
+        curve=np.zeros(len(m), int),
+        curve_names=(evil,),
+    )
+    text = fit_page(found, b"", evil)
+    assert "img" not in Page(text).tags
+    # file, how it was read, warning and note, parameter, command line
+    for tag in ("title", "h1", "dd", "p class=warning", "p class=note", "td", "footer"):
+        name = tag.split()[0]
+        assert re.search(f"<{tag}[^>]*>[^<]*{re.escape(html.escape(evil))}[^<]*</{name}>", text), (
+            tag
+        )
+    assert "\\udcff" in fit_page(found, b"", "\udcff")
 
 
 def test_all_of_it_or_nothing(tmp_path, capsys, monkeypatch):
@@ -163,12 +180,12 @@ def test_the_report_has_all_that_the_single_files_have(tmp_path):
 def test_a_report_from_python(tmp_path):
     found = fit(read_csv(GOLD))
     found.report(tmp_path / "gold")
-    names = {p.name for p in (tmp_path / "gold").iterdir()} - {outputs.MARK}
+    names = {p.name for p in (tmp_path / "gold").iterdir()}
     assert names == {"report.html", "fit.json", "data.csv", "fit.png"}
     assert json.loads((tmp_path / "gold" / "fit.json").read_text()) == json.loads(
         json.dumps(found.to_dict())
     )
-    with pytest.raises(outputs.OutputError, match=r"files other than those .*overwrite=True"):
+    with pytest.raises(files.OutputError, match=r"files other than those .*overwrite=True"):
         found.report(tmp_path)
     found.report(tmp_path, overwrite=True)
     assert (tmp_path / "fit.json").read_bytes() == (tmp_path / "gold" / "fit.json").read_bytes()
@@ -178,7 +195,7 @@ def test_a_report_from_python(tmp_path):
     s, p = (one.value[one.quantity == q] for q in ("R_s", "R_p"))
     many = fit_many(angles, R_s=s + noise[0], R_p=p + noise[1])
     many.report(tmp_path / "many")
-    names = {p.name for p in (tmp_path / "many").iterdir()} - {outputs.MARK}
+    names = {p.name for p in (tmp_path / "many").iterdir()}
     assert names == {"report.html", "fit.json", "index.csv", "fit.png"}
     assert "3 curves: 3 converged" in Page((tmp_path / "many" / "report.html").read_text()).text
 

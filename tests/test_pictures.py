@@ -10,7 +10,7 @@ from simulated import GOLD, simulated, textbook
 from fitting import fit, fit_many, simulate
 from fitting.data.measurement import Measurement, concatenate
 from fitting.measured_file import read_csv
-from fitting.output import style
+from fitting.output.pictures import picture_bytes
 from fresnel_jax.dispersion import HC_EV_UM
 
 
@@ -30,7 +30,7 @@ def spectrum():
 
 
 def saved(found, path, reference=None):
-    style.save(found.plot(reference), path)
+    path.write_bytes(picture_bytes(found.plot(reference), path.suffix))
 
 
 def containers(axes):

@@ -1,9 +1,7 @@
-"""The progress bar: on a terminal, where tqdm is installed, and never in the way."""
+"""The progress bar: tqdm's, on a terminal, where it is installed, and never in the way."""
 
 import io
 import sys
-import threading
-import time
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 
@@ -11,9 +9,7 @@ import numpy as np
 import pytest
 
 from fitting import Measurement, fit, simulate
-from fitting.output import progress_bar as progress
-from fitting.output.progress_bar import Progress, shown
-from fitting.process.progress import Step, listening, tell
+from fitting.process.progress import listening, shown, tell
 
 
 class Terminal(io.StringIO):
@@ -30,65 +26,52 @@ def bars(monkeypatch):
 
     class Bar:
         def __init__(self, **options):
-            self.options, self.bar_format = options, options["bar_format"]
-            self.total, self.n, self.closed, self.start_t = None, 0, 0, 7.0
-            self.seen = []
+            self.options = options
+            self.total, self.n, self.text, self.closed, self.seen = None, 0, "", 0, []
             made.append(self)
 
         def set_postfix_str(self, text, refresh):
-            assert refresh
-            self.seen.append((self.n, self.total, text))
+            assert not refresh
+            self.text = text
 
-        def close(self):
+        def update(self, count):
+            self.n += count
+            self.seen.append((self.n, self.total, self.text))
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
             self.closed += 1
 
     module = ModuleType("tqdm")
     module.tqdm = Bar  # pyright: ignore[reportAttributeAccessIssue]
     module.__spec__ = ModuleSpec("tqdm", None)
     monkeypatch.setitem(sys.modules, "tqdm", module)
-    monkeypatch.setattr(progress, "EVERY", 0.001)
     return made
-
-
-def wait_for(true):
-    """Wait until ``true()`` holds, for at most a minute."""
-    end = time.monotonic() + 60.0
-    while not true():
-        assert time.monotonic() < end, "nothing was shown"
-        time.sleep(0.001)
 
 
 def test_steps_are_counted_on_a_terminal(bars, monkeypatch):
     monkeypatch.setattr(sys, "stderr", Terminal())
-    monkeypatch.setattr(progress, "DELAY", 0.001)
-    with Progress("models") as bar:
-        wait_for(lambda: bars and bars[0].seen)
-        bar.take(Step(1, None, "first"))
-        bar.take(Step(1, None, "second"))
-        wait_for(lambda: bars[0].seen[-1] == (2, None, "second"))
-        assert not bars[0].closed
-    assert len(bars) == 1 and bars[0].closed == 1
-    assert bars[0].start_t == 7.0 - progress.DELAY  # the time runs from the start
-    assert bars[0].options["leave"] is False and bars[0].options["file"] is sys.stderr
-
-
-def test_a_bar_is_filled_once_the_number_of_steps_is_known(bars, monkeypatch):
-    monkeypatch.setattr(sys, "stderr", Terminal())
-    monkeypatch.setattr(progress, "DELAY", 0.001)
     with shown("wavelengths"):
-        wait_for(lambda: bars and bars[0].seen)
-        assert "bar" not in bars[0].bar_format  # no total: only the time
-        tell(total=20, done=0)
-        tell(done=16)
+        (bar,) = bars
+        tell("first")
+        assert bar.seen == [(1, None, "first")]  # no total: the number of steps and the time
+        tell(total=19, done=0)
+        tell(done=15)
         tell("errors", done=4)
-        wait_for(lambda: bars[0].seen[-1] == (20, 20, "errors"))
-        assert "{bar}" in bars[0].bar_format
+        assert bar.seen[-1] == (20, 20, "errors")
         # Another fit, as of errors that were too small.
         tell(total=10, done=0)
         tell(done=5)
-        wait_for(lambda: bars[0].seen[-1] == (25, 30, "errors"))
+        assert bar.seen[-1] == (25, 30, "errors")
+        assert not bar.closed
     tell(done=5)  # nobody listens any more
-    assert bars[0].seen[-1] == (25, 30, "errors")
+    assert bar.seen[-1] == (25, 30, "errors")
+    assert bar.closed == 1
+    # Nothing is shown in the first second, and nothing stays.
+    assert (bar.options["delay"], bar.options["leave"]) == (1.0, False)
+    assert bar.options["file"] is sys.stderr
 
 
 @pytest.mark.parametrize("count", [2, 30])
@@ -102,53 +85,37 @@ def test_the_steps_of_wavelengths_end_at_their_total(count):
     m = Measurement.from_columns(
         angle, wave, psi=psi, delta=delta, sigma={"psi": 0.01, "delta": 0.01}
     )
-    bar = Progress("wavelengths", quiet=True)
-    with listening(bar.take):
+    done = total = 0
+
+    def take(step):
+        nonlocal done, total
+        total = done + step.total if step.total else total
+        done += step.done
+
+    with listening(take):
         fit(m, "free", errors="scaled")
-    assert bar._done == bar._total > 2 * count
-
-
-def test_nothing_is_shown_in_the_first_second(bars, monkeypatch):
-    monkeypatch.setattr(sys, "stderr", Terminal())
-    assert progress.DELAY == 1.0
-    monkeypatch.setattr(progress, "DELAY", 60.0)  # however slow this machine is
-    with Progress("models") as bar:
-        bar.take(Step(1, None, ""))
-    assert bars == []
+    assert done == total > 2 * count
 
 
 def test_nothing_is_shown_in_a_pipe_or_if_asked_to_be_quiet(bars, monkeypatch):
-    monkeypatch.setattr(progress, "DELAY", 0.001)
-    before = threading.active_count()
     for stderr, quiet in ((io.StringIO(), False), (Terminal(), True), (None, False)):
         monkeypatch.setattr(sys, "stderr", stderr)
-        with Progress("models", quiet=quiet) as bar:
-            assert threading.active_count() == before
-            bar.take(Step(1, None, ""))
+        with shown("models", quiet=quiet):
+            tell("one")
     assert bars == []
 
 
 def test_without_tqdm_there_is_silence(monkeypatch):
-    monkeypatch.setitem(sys.modules, "tqdm", None)
-    looked = threading.Event()
-
-    def find_spec(name):
-        looked.set()
-
-    monkeypatch.setattr("importlib.util.find_spec", find_spec)
-    monkeypatch.setattr(progress, "DELAY", 0.001)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
-    with Progress("models") as bar:
-        assert looked.wait(60.0)
-        bar.take(Step(1, None, ""))
+    with shown("models"):
+        tell("one")
     assert terminal.getvalue() == ""
 
 
 def test_the_bar_is_cleared_away_before_an_error_is_shown(bars, monkeypatch):
     monkeypatch.setattr(sys, "stderr", Terminal())
-    monkeypatch.setattr(progress, "DELAY", 0.001)
-    with pytest.raises(KeyboardInterrupt), Progress("models"):
-        wait_for(lambda: bars and bars[0].seen)
+    with pytest.raises(KeyboardInterrupt), shown("models"):
         raise KeyboardInterrupt
     assert bars[0].closed == 1

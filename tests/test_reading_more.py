@@ -14,7 +14,7 @@ from simulated import GOLD
 from fitting import fit, read_csv
 from fitting.command import cli
 from fitting.data.measurement import Measurement, MeasurementError
-from fitting.output.as_data import data_csv
+from fitting.output.export import data_csv
 from fitting.process.visible import visible
 from fitting.reader import text as text_module
 

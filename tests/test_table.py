@@ -126,7 +126,7 @@ def test_the_repr_is_one_line(gold, spectrum):
         "<Fit: gold_532nm.csv, eta 0.344 +- 0.022, k 1.820 +- 0.087, converged, "
         f"{len(gold.warnings)} warning{'s' * (len(gold.warnings) > 1)}>"
     )
-    assert repr(spectrum) == "<Fit: simulated, 2 of 3 wavelengths converged>"
+    assert repr(spectrum) == "<Fit: simulated, 2 converged, 1 undetermined>"
 
 
 def test_a_batch_without_data_is_told_curve_by_curve():
@@ -140,7 +140,7 @@ def test_a_batch_without_data_is_told_curve_by_curve():
     assert [row[1] for row in rows] == [f"{found.eta[i]:.{len(r[1]) - 2}f}" for i, r in
                                         enumerate(rows)]  # fmt: skip
     assert "3 curves: 3 converged" in one_line(found)
-    assert repr(found) == "<Fit: 3 curves, 3 of 3 curves converged>"
+    assert repr(found) == "<Fit: 3 curves, 3 converged>"
 
 
 def test_a_batch_of_very_many_curves_is_told_by_its_ends():

@@ -8,8 +8,8 @@ from simulated import simulated, textbook
 
 from fitting import Measurement, choose, fit, simulate
 from fitting.data.measurement import concatenate
-from fitting.output.estimates import reach
 from fitting.output.page import fit_page
+from fitting.output.summary import reach
 from fitting.results.diagnostics import Finding
 from fitting.results.result_parts import Alternative, Estimate
 

@@ -7,82 +7,376 @@ and only ``--plot`` takes the time to import matplotlib.
 from __future__ import annotations
 
 import argparse
+import difflib
+import glob
 import os
 import re
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from fitting.command.cli_options import (
+import fitting
+from fitting.command.terminal import (
+    MISUSED,
     PROGRAM,
-    expanded,
-    fit_options,
-    parser,
-    reading_options,
+    Refused,
+    complain,
+    exit_status,
+    refusals,
+    say,
 )
-from fitting.command.terminal import MISUSED, Refused, complain, exit_status, refusals, say
 from fitting.process.interrupt import INTERRUPTED
+from fitting.process.progress import listening, shown, tell
 from fitting.process.visible import visible
 
 if TYPE_CHECKING:
     from fitting.choice.candidates import Choice
     from fitting.data.measurement import Measurement
-    from fitting.output.each_file import OfFile
-    from fitting.output.files import Staged
-    from fitting.output.outputs import Outputs
+    from fitting.output.export import OfFile
+    from fitting.output.files import ResultFile
     from fitting.results.result import Fit
 
+_DESCRIPTION = """\
+Fit the complex refractive index eta + i k of a surface, a plate or a film to
+measured R, T, R_s, R_p, ... or psi and Delta, over the angle of incidence and
+the wavelength. Without --sample the sample is one bare surface, whose eta and k
+are fitted wavelength by wavelength.
+"""
 
-def _stage(outputs: Outputs, arguments: argparse.Namespace, spectrum: bool) -> list[Staged]:
-    """Return the files that were asked for, as they are to be written.
+_EPILOG = """\
+samples (media in the order in which the light meets them, separated by |):
+  free                                   one bare surface, eta and k at every
+                                         wavelength (the default)
+  cauchy                                 one bare surface with that dispersion
+  auto                                   the simplest dispersion model that
+                                         describes the data
+  1.515 | free                           light from inside glass
+  air | cauchy-urbach 3 mm thick | air   a plate: both faces, no interference
+  air | cauchy 110 nm | Si               a coherent film, thickness fitted
+  air | cauchy 5..20000 nm | Si          the same, its thickness within a range
+  air | rough 2 nm | film.yml 110 nm | Si   rough: half air, half film
+  Si or air | SiO2 1..50 nm | Si         the simplest of several samples that
+                                         describes the data: is there an oxide?
+An index is a number (1.45, 0.2+3.1i), a named material (gold, BK7; --materials
+lists them), a file (refractiveindex.info YAML, or CSV of wavelength, n and k),
+a mixture (bruggeman(SiO2, water 30 %)), free, auto, or a dispersion model:
+constant, cauchy, cauchy-urbach, sellmeier, drude, lorentz, drude-lorentz,
+tauc-lorentz, with the number of its terms: drude-lorentz:2.
+
+examples:
+  fresnel-fit gold.csv --plot gold.png --json gold.json
+  fresnel-fit ellipsometer.txt --reference Si --report out
+  fresnel-fit gold.csv --free scale --prior scale=1+-0.02
+  fresnel-fit glass.csv --sample 'air | cauchy-urbach 3.05 mm thick | air'
+  fresnel-fit film.csv --divide-by wafer.csv --ratio-to Si --sample auto
+  fresnel-fit --each 'scans/*.csv' --csv results.csv
+
+where gold.csv has angles in degrees and reflectances as fractions or percent:
+  angle_deg,R_s,sigma_R_s,R_p,sigma_R_p
+  30,0.76,0.002,0.67,0.002
+  45,0.79,0.002,0.66,0.002
+A value that begins with a minus sign needs the equals sign: --missing=-9999.
+
+exit status:
+  0    every curve was fitted
+  1    for one curve or more there is no index: the fit did not converge, or
+       the data determine only a combination of eta and k (the table and the
+       field "status" of the JSON say which)
+  2    the command, a file or a value in it cannot be understood, or a result
+       cannot be written; with --each the other files were fitted
+  70   a defect of the program: please report it, with what it printed
+  71   not enough memory
+  130  interrupted
+
+Compiled programs are kept in $XDG_CACHE_HOME/fresnel-fit or
+~/.cache/fresnel-fit, which may be deleted at any time.
+"""
+
+# Name, metavar, help, and what else argparse is to know of each option. Those of _READING and
+# _FITTING are arguments of `read_csv` and `fit`, which have the defaults.
+_FLAG: dict[str, Any] = {"action": "store_true"}
+_MANY: dict[str, Any] = {"action": "append", "default": []}
+_READING = (
+    ("columns", "ROLE=COLUMN,..", "columns by header or number: angle=1,R_s=2,sigma_R_s=3"),
+    ("angle-deg", "DEGREES", "angle of incidence of a file that has no column for it"),
+    ("angle-unit", "UNIT", "deg, rad, mrad, deg.arcmin, grazing-deg, 1/angstrom, ..."),
+    ("wavelength-um", "UM", "wavelength of a file that has no column for it, micrometres"),
+    ("wavelength-unit", "UNIT", "nm, um, angstrom, eV, cm-1, THz, ..."),
+    ("polarization", "LIGHT", "s, p or unpolarized; or what the codes in a column mean: 0=s,1=p"),
+    ("scale", "FACTOR", "factor that makes R a fraction: 0.01 for percent"),
+    ("divide-by", "FILE", "divide the values by this scan of a reference, read in the same way"),
+    (
+        "ratio-to",
+        "SAMPLE",
+        "the values are ratios to R of this known sample: Si, or 'air | SiO2 2 nm held | Si'",
+    ),
+    ("sigma", "SIGMA", "standard error of values that have none, as a fraction (0.002)"),
+    ("psi-unit", "UNIT", "unit of psi and Delta: deg or rad"),
+    ("missing", "VALUES", "numbers or words that mark missing values: 0 or -9999,bad"),
+    ("keep", "COLUMN=VALUES", "rows to read, by the value of a column: Zone=1,2 or Zone=1-4"),
+    ("ignore", "COLUMN,..", "columns that shall not be read: temperature,7"),
+    ("lines", "FROM-TO", "lines to read: 10-200, 10- or -200"),
+    ("delimiter", "NAME", "between columns: tab, semicolon, comma, pipe, blank, or the sign"),
+    ("decimal", "SIGN", "decimal mark, . or ,"),
+    ("encoding", "NAME", "text encoding: utf-8, latin-1, utf-16, ..."),
+)
+
+
+_RESULTS = (
+    ("json", "OUT", "write all results as JSON: eta, k, errors, status, ...; - for stdout"),
+    ("csv", "OUT", "write data, fitted values and residuals; for a spectrum also eta and k, "
+     "in out.index.csv beside out.csv"),
+    ("plot", "OUT", "draw data, fit and residuals: .png, .pdf or .svg"),
+    ("material", "OUT.yml", "write the fitted eta and k as a refractiveindex.info file, which "
+     "--sample takes as a material, and their errors as OUT_errors.csv; several media as "
+     "OUT_film.yml, OUT_substrate.yml, .."),
+    ("reference", "MATERIAL", "show eta and k of a material for comparison, in the table and "
+     "in pictures over the wavelength: gold, BK7, .."),
+    ("report", "DIR", "write report.html (one page, pictures inside), fit.json, data.csv, "
+     "index.csv of a spectrum, and fit.png to a folder that is new, empty, or of an earlier "
+     "report"),
+    ("csv-decimal", "MARK", "decimal mark of the tables that are written: . with commas between "
+     "the cells (the default), or , with semicolons between the cells, for spreadsheets that "
+     "expect these", {"choices": (".", ","), "default": "."}),
+    ("overwrite", None, "let --report use a folder that holds other files, and let results replace "
+     "files that were not written by a fit; a file that this fit reads is never replaced", _FLAG),
+    ("quiet", None, "print no table and no progress", _FLAG),
+)  # fmt: skip
+_FITTING = (
+    ("sample", "TEXT", "the sample that was measured; see \"samples\" below",
+     {"default": "free"}),
+    ("free", "NAME,..", "parameters to fit that are fixed by default: scale,angle-offset", _MANY),
+    ("fix", "NAME=VALUE", "keep a parameter at this value instead of fitting it", _MANY),
+    ("bound", "NAME=LOW..HIGH", "fit a parameter within a range; either end may be left out",
+     _MANY),
+    ("prior", "NAME=VALUE+-SIGMA",
+     "fit a parameter whose value is known beforehand, with this standard error", _MANY),
+    ("tie", "NAME=OTHER", "make a parameter equal to another, or to a multiple: 2*OTHER", _MANY),
+    ("loss", None, "what is minimised: the sum of squared residuals (squares, the default), or for "
+     "data with outliers a sum in which large residuals weigh less (huber, student)",
+     {"choices": ("squares", "huber", "student")}),
+    ("errors", None, "how the standard errors that a file states are used. stated: as they are; "
+     "scaled: times sqrt(chi2/dof); floor: with one common error added in squares; relative: with "
+     "an error in proportion to each R or T added in squares; equal: not at all, all data have "
+     "equal weights; auto (the default): scaled, or floor or relative where they are far too small "
+     "and such an error describes the residuals better",
+     {"choices": ("auto", "stated", "scaled", "floor", "relative", "equal")}),
+    ("intervals", None, "95 %% intervals from the standard errors (quadratic), from the profile "
+     "likelihood (profile), or by profile likelihood where the quadratic approximation fails "
+     "(auto)", {"choices": ("auto", "quadratic", "profile")}),
+    ("starts", "N", "number of starting points from which the best fit is searched for (default 64 "
+     "or more, by the number of parameters; not used for one bare surface)", {"type": int}),
+)  # fmt: skip
+
+
+_EXAMPLES = {"fixed": ("--fix", "NAME=VALUE", "k=0"),
+             "bounds": ("--bound", "NAME=LOW..HIGH", "eta=1.4..1.6"),
+             "priors": ("--prior", "NAME=VALUE+-SIGMA", "scale=1+-0.02")}  # fmt: skip
+
+
+def _answer(of: Callable[[str], str]) -> type[argparse.Action]:
+    """Return the action of an option that prints what ``of`` returns of the words behind it."""
+
+    class Answer(argparse.Action):
+        def __call__(self, parser: Any, _: object, words: object, *__: object) -> None:
+            try:
+                say(of(str(words or "")) + "\n")
+            except ValueError as error:
+                parser.error(str(error))
+            parser.exit()
+
+    return Answer
+
+
+def _material_list(words: str) -> str:
+    """Return names, wavelengths in micrometres, source and conditions of all named materials.
+
+    words: "ri:gold" for the entries of the refractiveindex.info database with gold in name or
+    title. Raises ValueError where there are none, or for other words.
+    """
+    from fitting.output.summary import rows_aligned
+    from fitting.samples.database import PREFIX, search
+    from fresnel_jax import materials
+
+    if words:
+        if not words.startswith(PREFIX):
+            raise ValueError(f"{words!r} came; {PREFIX}gold looks for gold in the database.")
+        entries = search(words)
+        if not entries:
+            raise ValueError(f"no entry of the database has {words.removeprefix(PREFIX)!r}.")
+        return "\n".join(rows_aligned(entries, margin=""))
+    rows = [("name", "wavelengths, um", "source; conditions")]
+    for name in materials.names():
+        record = materials.lookup(name)
+        known = "{:.4g} to {:.4g}".format(*record.range_um) if record.range_um else "all"
+        notes = (record.source, record.doi and f"doi:{record.doi}", record.note)
+        rows.append((", ".join((name, *record.aliases)), known, "; ".join(filter(None, notes))))
+    return "\n".join(rows_aligned(rows, margin=""))
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        if unknown := re.match("unrecognized arguments: .*?(--[^ =]+)", message):
+            options, name = self._option_string_actions, unknown[1]
+            near = [o for o in options if o.startswith(name)]
+            near = near or difflib.get_close_matches(name, options, cutoff=0.7)
+            message += f"; like it: {', '.join(near)}" * bool(near)
+            message += f". {PROGRAM} --help lists all options."
+        super().error(visible(message))
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if file is sys.stdout:
+            say(message)
+        elif message:  # argparse itself says nothing of a full disk
+            (file or sys.stderr).write(message)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command."""
+    out = _Parser(
+        PROGRAM,
+        usage="%(prog)s [options] FILE [FILE ...]",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    out.add_argument(
+        "file", metavar="FILE", nargs="+",
+        help="text file with the measurement (CSV or similar), - for standard input, or a quoted "
+        "pattern such as '*.csv'; several files are fitted together, as measurements of one "
+        "sample",
+    )  # fmt: skip
+    out.add_argument(
+        "--each", action="store_true",
+        help="fit every file by itself, and show a row of results for each, which --csv and --json "
+        "write as a table; a file that is refused is reported, and the others are fitted",
+    )  # fmt: skip
+    out.add_argument(
+        "--materials", action=_answer(_material_list), nargs="?", metavar="ri:WORDS",
+        help="print names, wavelengths and sources of the materials that --sample knows, and exit; "
+        "with ri:gold the entries of refractiveindex.info that have gold in name or title",
+    )  # fmt: skip
+    out.add_argument(
+        "--version", action=_answer(lambda _: f"{PROGRAM} {fitting.__version__}"), nargs=0,
+        help="print the version and exit",
+    )  # fmt: skip
+    for title, text, options in _GROUPS:
+        group: Any = out.add_argument_group(title, text)
+        for name, metavar, help_text, *more in options:
+            more = more[0] if more else {}
+            if metavar:
+                more = {"metavar": metavar, **more}
+            group.add_argument(f"--{name}", help=help_text, **more)
+    return out
+
+
+_GROUPS: tuple[tuple[str, str, Any], ...] = (
+    ("results", "Files are written whole or not at all.", _RESULTS),
+    (
+        "fitting",
+        "NAME is a parameter of the sample, as the table of a fit lists them (A,\n"
+        "film.thickness_nm), or of the instrument: scale and background (of every\n"
+        "curve; scale[R_s]: of R_s only), angle-offset (degrees), leak (share of the\n"
+        "other polarization behind a polarizer), divergence of the beam (standard\n"
+        "deviation, degrees), bandwidth of the slit (full width at half maximum, nm).",
+        _FITTING,
+    ),
+    (
+        "reading",
+        'Columns, units and layout are found out from the file; the line "read" of the\n'
+        "table states them. Each of these options overrules what was found.",
+        _READING,
+    ),
+)
+
+
+def expanded(files: Sequence[str]) -> list[str]:
+    """Return the files with the wildcards * ? [ ] expanded, where the shell has not done it.
+
+    Raises ValueError for a pattern that no file matches.
+    """
+    out = []
+    for name in files:
+        found = [name]
+        if glob.has_magic(name) and not os.path.exists(name):
+            found = sorted(f for f in glob.glob(name, recursive=True) if os.path.isfile(f))
+        if not found:
+            raise ValueError(f"{name}: no file matches this pattern.")
+        out += found
+    return out
+
+
+def _given(arguments: argparse.Namespace, options: Any) -> dict[str, Any]:
+    """Return the values of options that were given, by the names of the arguments they stand for"""
+    values = vars(arguments)
+    names = (name.replace("-", "_") for name, *_ in options)
+    return {name: values[name] for name in names if values[name] is not None}
+
+
+def _fit_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the keyword arguments of `fit`, or raise ValueError for a text of its own."""
+    from fitting.samples.parameters import parse_setting
+
+    given = _given(arguments, _FITTING)
+    del given["sample"]
+    given["free"] = [n for text in given["free"] for n in text.split(",") if n.strip()]
+    for kind, (flag, form, example) in _EXAMPLES.items():
+        given[kind] = {}
+        for text in given.pop(flag[2:]):
+            try:
+                name, found, value = parse_setting(text)
+            except ValueError:
+                name, found, value = "", "", None
+            if found != kind:
+                other = f"; {_EXAMPLES[found][0]} takes this" if found else ""
+                raise ValueError(f"{flag} {text}: {form} was wanted, for example {example}{other}.")
+            given[kind][name] = value
+    ties, given["tie"] = given["tie"], {}
+    for text in ties:
+        name, equal, other = (part.strip() for part in text.partition("="))
+        if not (name and equal and other):
+            raise ValueError(f"--tie {text}: NAME=OTHER was wanted, for example film_2.A=film_1.A.")
+        given["tie"][name] = other
+    return given
+
+
+def _files(arguments: argparse.Namespace, spectrum: bool) -> list[ResultFile]:
+    """Return the files that were asked for, if they can be written; else raise OutputError.
 
     spectrum: whether there is an index for each wavelength, which has a CSV of its own.
-    Raises OutputError (a ValueError) where a file cannot be written.
     """
     from fitting.choice.sample_choice import several_samples
-    from fitting.output.files import REPORT, Staged
-    from fitting.output.material import errors_beside, files_named, fitted_media, of_medium
-    from fitting.process.start_up import set_up_jax
+    from fitting.output import files
 
-    set_up_jax()
     samples = several_samples(arguments.sample)
     references = several_samples([arguments.ratio_to] if arguments.ratio_to else [])
-    inputs = [*arguments.file, *files_named([*samples, *references])]
+    inputs = [*arguments.file, *files.files_named(*samples, *references)]
     inputs += [arguments.divide_by] if arguments.divide_by else []
-    staged = []
-
-    def add(what: str, flag: str, name: str | Path, medium: str | None = None) -> None:
-        path = outputs.open(name, flag=flag, inputs=inputs)
-        staged.append(Staged(what, path, Path(name).suffix, flag, medium))
-
-    if arguments.csv:
-        add("csv", "--csv", arguments.csv)
-    if arguments.csv and spectrum:
-        path = Path(arguments.csv)
-        add("index", "--csv", path.with_name(f"{path.stem}.index{path.suffix}"))
-    if arguments.plot:
-        add("plot", "--plot", arguments.plot)
-    if arguments.json not in (None, "-"):
-        add("json", "--json", arguments.json)
-    for medium in fitted_media(samples) if arguments.material else ():
-        file = of_medium(arguments.material, medium)
-        add("material", "--material", file, medium)
-        add("errors", "--material", errors_beside(file, "--material"), medium)
+    wanted = []
+    for what, name in (("csv", arguments.csv), ("plot", arguments.plot), ("json", arguments.json)):
+        path = Path(name or "-")
+        if name and (name != "-" or what != "json"):
+            wanted.append(files.ResultFile(what, path, f"--{what}"))
+        if name and what == "csv" and spectrum:
+            path = path.with_name(f"{path.stem}.index{path.suffix}")
+            wanted.append(files.ResultFile("index", path, "--csv"))
+    if arguments.material:
+        media = files.fitted_media(samples)
+        wanted += files.material_files(arguments.material, media, "--material")
     if arguments.report:
-        folder = outputs.folder(arguments.report, flag="--report")
-        for what, name in REPORT.items():
-            if what != "index" or spectrum:
-                add(what, "--report", folder / name)
-    return staged
+        without = () if spectrum else ("index",)
+        wanted += files.report_files(arguments.report, without, "--report", arguments.overwrite)
+    return files.checked(wanted, inputs, arguments.overwrite)
 
 
 def _fit(
     measurements: list[Measurement], arguments: argparse.Namespace
 ) -> tuple[Fit, Choice | None]:
     """Return the fit that was asked for, and the comparison if a model was to be chosen."""
-    options = fit_options(arguments)
+    options = _fit_options(arguments)
     from fitting.choice.sample_choice import several_samples
     from fitting.fits import fit
 
@@ -101,43 +395,38 @@ def _run(arguments: argparse.Namespace) -> int:
 
     from fitting.data.measurement import told_apart
     from fitting.measured_file import read_csv
-    from fitting.output import as_data, files, style
-    from fitting.output.material import texts_of
-    from fitting.output.outputs import Outputs
-    from fitting.output.progress_bar import shown
-    from fitting.output.reference import check_reference
-    from fitting.output.text_table import text_of
+    from fitting.output import export, files, pictures
+    from fitting.output.summary import reference_text, table
 
-    width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
-    with Outputs(overwrite=arguments.overwrite) as outputs:
-        with refusals():
-            if arguments.plot:
-                style.check_picture(arguments.plot)
-            if arguments.report:
-                style.check_matplotlib("--report")
-            read = reading_options(arguments)
-            measurements = told_apart(
-                [read_csv(file, **read) for file in arguments.file], arguments.file
-            )
-            wavelength = np.concatenate([m.wavelength_um for m in measurements])
-            if arguments.reference:
-                check_reference(arguments.reference, wavelength, "--reference")
-            staged = _stage(outputs, arguments, len(np.unique(wavelength)) > 1)
-            with shown("fit", quiet=arguments.quiet):
-                found, choice = _fit(measurements, arguments)
-            for one in staged:
-                if one.what == "material":
-                    texts_of(found, one.medium)
-        if arguments.json == "-":
-            say(as_data.json_text(found, choice))
-        elif not arguments.quiet:
-            say(text_of(found, width, arguments.reference or "", choice))
-        with shown("files written", quiet=arguments.quiet):
-            files.write_files(
-                found, staged, reference=arguments.reference, command=arguments.command,
-                choice=choice, decimal=arguments.csv_decimal,
-            )  # fmt: skip
-        outputs.publish()
+    with refusals():
+        if arguments.plot:
+            pictures.check_picture(arguments.plot)
+        if arguments.report:
+            pictures.check_matplotlib("--report")
+        read = _given(arguments, _READING)
+        measurements = told_apart(
+            [read_csv(file, **read) for file in arguments.file], arguments.file
+        )
+        wavelength = np.concatenate([m.wavelength_um for m in measurements])
+        reference = arguments.reference and reference_text(
+            arguments.reference, wavelength, "--reference"
+        )
+        wanted = _files(arguments, len(np.unique(wavelength)) > 1)
+        with shown("fit", quiet=arguments.quiet):
+            found, choice = _fit(measurements, arguments)
+        for one in wanted:
+            if one.what == "material":
+                export.material_of(found, one.medium)
+    if arguments.json == "-":
+        say(export.json_text(found, choice))
+    elif not arguments.quiet:
+        width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
+        say(table(found, width, reference or "", choice))
+    with refusals(files.OutputError), shown("files written", quiet=arguments.quiet):
+        files.write_files(
+            found, wanted, reference=arguments.reference, command=arguments.command,
+            choice=choice, decimal=arguments.csv_decimal,
+        )  # fmt: skip
     return exit_status([found])
 
 
@@ -145,11 +434,11 @@ def _fit_file(file: str, arguments: argparse.Namespace) -> OfFile:
     """Return the fit of one file, or why there is none."""
     from fitting.data.errors import for_command
     from fitting.measured_file import read_csv
-    from fitting.output.each_file import OfFile
+    from fitting.output.export import OfFile
     from fitting.reader.text import source_of
 
     try:
-        found, _ = _fit([read_csv(file, **reading_options(arguments))], arguments)
+        found, _ = _fit([read_csv(file, **_given(arguments, _READING))], arguments)
         return OfFile(file, found)
     except (ValueError, ImportError) as error:
         # the whole path: there may be a/scan.csv and b/scan.csv
@@ -160,50 +449,43 @@ def _fit_file(file: str, arguments: argparse.Namespace) -> OfFile:
 
 def _run_each(arguments: argparse.Namespace) -> int:
     """Fit every file by itself (``--each``), and report and write a row of results for each."""
-    from fitting.output import each_file
-    from fitting.output.outputs import Outputs, begins, write_text
-    from fitting.output.progress_bar import Progress
-    from fitting.process.progress import Step
+    from fitting.output import export, files
 
-    mark = re.compile(f"# {each_file.EACH_MARK}".encode())
-    results = [file for file in arguments.file if begins(file, mark)]
+    mark = re.compile(f"# {export.EACH_MARK}".encode())
+    results = [file for file in arguments.file if files.begins(file, mark)]
     for file in results:
         complain(f"{file}: left out, since it is a table of results that --each wrote.")
     # a table that an earlier --each wrote may be replaced, since it is no input
     arguments.file = [file for file in arguments.file if file not in results]
-    with Outputs(overwrite=arguments.overwrite) as outputs:
-        with refusals():
-            if not arguments.file:
-                raise ValueError("none of the files is a measurement; there is nothing to fit.")
-            for flag in ("plot", "report", "reference", "material"):
-                if getattr(arguments, flag):
-                    raise ValueError(
-                        f"--{flag} shows a single fit, but --each makes one for every file. Use "
-                        "--csv or --json with --each, or fit one file without it."
-                    )
-            fit_options(arguments)
-            staged = _stage(outputs, arguments, False)
-        each = []
-        with Progress("files", quiet=arguments.quiet) as bar:
-            bar.take(Step(0, len(arguments.file), ""))
-            for file in arguments.file:
-                bar.take(Step(0, None, Path(file).name))
+    with refusals():
+        if not arguments.file:
+            raise ValueError("none of the files is a measurement; there is nothing to fit.")
+        for flag in ("plot", "report", "reference", "material"):
+            if getattr(arguments, flag):
+                raise ValueError(
+                    f"--{flag} shows a single fit, but --each makes one for every file. Use "
+                    "--csv or --json with --each, or fit one file without it."
+                )
+        _fit_options(arguments)
+        wanted = _files(arguments, False)
+    each = []
+    with shown("files", quiet=arguments.quiet):
+        tell(total=len(arguments.file), done=0)
+        for file in arguments.file:
+            tell(Path(file).name, done=0)
+            with listening(None):  # files are counted here, not the steps of their fits
                 each.append(_fit_file(file, arguments))
-                bar.take(Step(1, None, ""))
-        for one in each:
-            if one.error:
-                complain(one.error)
-        if arguments.json == "-":
-            say(each_file.rows_json(each))
-        elif not arguments.quiet:
-            say(each_file.rows_text(each))
-        for one in staged:
-            write_text(
-                one.path,
-                each_file.rows_json(each) if one.what == "json"
-                else each_file.rows_csv(each, arguments.csv_decimal),
-            )  # fmt: skip
-        outputs.publish()
+            tell()
+    for one in each:
+        if one.error:
+            complain(one.error)
+    if arguments.json == "-":
+        say(export.rows_json(each))
+    elif not arguments.quiet:
+        say(export.rows_text(each))
+    tables = {"json": export.rows_json(each), "csv": export.rows_csv(each, arguments.csv_decimal)}
+    with refusals(files.OutputError):
+        files.write_whole({one.path: tables[one.what] for one in wanted})
     fits = [one.fit for one in each if one.fit is not None]
     return exit_status(fits) if len(fits) == len(each) else MISUSED
 
@@ -220,17 +502,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments = parser().parse_args(argv)
         given = sys.argv[1:] if argv is None else argv
         arguments.command = visible(shlex.join([PROGRAM, *given]))
-        from fitting.output.outputs import refuse_repeats
-        from fitting.process.start_up import cheap_start, set_up_jax
+        from fitting.output.files import refuse_repeats
+        from fitting.process.start_up import set_up_jax
 
         with refusals():
             arguments.file = expanded(arguments.file)
             refuse_repeats(arguments.file)
-        with cheap_start():
-            if arguments.ratio_to:
-                with refusals():
-                    set_up_jax()  # R of the reference is computed while the files are read
-            return _run_each(arguments) if arguments.each else _run(arguments)
+            set_up_jax()
+        return _run_each(arguments) if arguments.each else _run(arguments)
     except KeyboardInterrupt:
         print(file=sys.stderr)
         return INTERRUPTED

@@ -8,13 +8,13 @@ import sys
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
-from fitting.command.cli_options import PROGRAM
 from fitting.data.errors import for_command
 from fitting.process.visible import visible
 
 if TYPE_CHECKING:
     from fitting.results.result import Fit
 
+PROGRAM = "fresnel-fit"
 FITTED, NOT_FITTED, MISUSED = 0, 1, 2
 
 
@@ -23,14 +23,14 @@ class Refused(Exception):
 
 
 @contextlib.contextmanager
-def refusals() -> Iterator[None]:
+def refusals(kind: type[Exception] = ValueError) -> Iterator[None]:
     """Turn the ValueErrors of reading and fitting, whose texts are for the user, into Refused.
 
     Only these: a ValueError from anywhere else is a defect and should show its traceback.
     """
     try:
         yield
-    except (ValueError, ImportError) as error:
+    except kind as error:
         raise Refused(for_command(error)) from error
 
 

@@ -1,19 +1,23 @@
-"""The result files of a fit: JSON, CSV, picture and page, written to files opened before."""
+"""The files of a result: written whole or not at all, and never over a file that is read."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+import re
+import shutil
+import tempfile
+from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from fitting.output import as_data, material
-from fitting.output.estimates import index_waves
-from fitting.output.outputs import Outputs, write_text
+from fitting.output.export import data_csv, index_csv, json_text, material_of
 from fitting.output.page import fit_page
-from fitting.output.style import check_matplotlib, save
+from fitting.output.pictures import check_matplotlib, draw, picture_bytes
+from fitting.output.summary import index_waves
 from fitting.process.progress import tell
 from fitting.results.result import Fit
+from fitting.samples.known_media import MaterialFile
+from fitting.samples.sample import Sample
 
 if TYPE_CHECKING:
     from fitting.choice.candidates import Choice
@@ -26,70 +30,225 @@ REPORT = {
     "plot": "fit.png",
     "page": "report.html",
 }
+STDIN = "-"
+# The name of a file until it is complete begins so; a killed run may leave it.
+_INCOMPLETE = ".fresnel-fit-"
+# What the files of a fit begin with: tables, JSON, pages, materials, and pictures, of which the
+# name of the program stands among the properties.
+_OF_A_FIT = re.compile(
+    rb"# [^\n]*, written by fresnel-fit\n"
+    rb'|\{\n  "written_by": "fresnel-fit'
+    rb"|<!DOCTYPE html>\n<!-- written by fresnel-fit"
+    rb"|REFERENCES: \|\n    Fitted by fresnel-fit"
+    rb"|(?s:(?:\x89PNG|%PDF|<\?xml).*\bfresnel-fit\b)"
+)
+_LARGEST_PICTURE = 10_000_000
 
 
-class Staged(NamedTuple):
-    """A result file that is opened and not yet written.
+class OutputError(ValueError):
+    """A result file cannot be written where it was wanted; the text says which file and why."""
+
+
+class ResultFile(NamedTuple):
+    """A file that was asked for.
 
     what: its content: "json", "csv" (the data), "index", "plot", "page", "material", or "errors"
-        of a material.
-    path: where to write; see `Outputs.open`. suffix: of its final name.
-    asked: option by which it was asked for, for messages.
+        of a material. path: where it goes.
+    asked: the option by which it was asked for, for messages; "" in Python.
     medium: whose index it holds; None for the only one.
+    new_folder: whether its folder is made if there is none.
     """
 
     what: str
     path: Path
-    suffix: str
-    asked: str
+    asked: str = ""
     medium: str | None = None
+    new_folder: bool = False
+
+
+def _identity(path: str | os.PathLike[str]) -> tuple[int, int] | None:
+    """Return device and inode of a file, the same for all its names; None if there is no file."""
+    try:
+        status = os.fstat(0) if os.fspath(path) == STDIN else os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return status.st_dev, status.st_ino
+
+
+def refuse_repeats(inputs: Iterable[str]) -> None:
+    """Raise OutputError if a file is given twice, since its data would count twice in the fit."""
+    seen: dict[tuple[int, int], str] = {}
+    for name in inputs:
+        identity = _identity(name)
+        if identity in seen:
+            raise OutputError(
+                f"{name}: this is the same file as {seen[identity]}; its data would count twice. "
+                "Give it once."
+            )
+        if identity is not None:
+            seen[identity] = name
+
+
+def begins(path: str | os.PathLike[str], pattern: re.Pattern[bytes] = _OF_A_FIT) -> bool:
+    """Return whether a file can be read and begins in this way (default: as a file of a fit)."""
+    try:
+        with open(path, "rb") as stream:
+            return pattern.match(stream.read(_LARGEST_PICTURE)) is not None
+    except OSError:
+        return False
+
+
+def _overwrite(asked: str) -> str:
+    return "add --overwrite" if asked else "give overwrite=True"
+
+
+def report_files(
+    folder: str | os.PathLike[str],
+    without: Container[str] = (),
+    asked: str = "",
+    overwrite: bool = False,
+) -> list[ResultFile]:
+    """Return the files of a report in ``folder``, which is new or empty, or holds files of fits.
+
+    without: contents that are left out. overwrite: it may hold other files. Raises OutputError for
+    another folder.
+    """
+    name, folder = f"{asked} {folder}".strip(), Path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{name}: this is a file; name a folder.")
+    if not folder.parent.is_dir():
+        raise OutputError(f"{name}: there is no folder {folder.parent}; create it first.")
+    inside = [] if overwrite or not folder.exists() else sorted(folder.iterdir())
+    others = [p.name for p in inside if not (p.name.startswith(_INCOMPLETE) or begins(p))]
+    if others:
+        raise OutputError(
+            f"{name}: the folder holds files other than those of a report "
+            f"({', '.join(others[:3])}{', ...' if len(others) > 3 else ''}). Name a new folder, or "
+            f"{_overwrite(asked)} to write the report into this one, where it replaces files of "
+            "the same names."
+        )
+    return [
+        ResultFile(what, folder / file, asked, new_folder=True)
+        for what, file in REPORT.items()
+        if what not in without
+    ]
+
+
+def checked(
+    files: Iterable[ResultFile], inputs: Sequence[str] = (), overwrite: bool = False
+) -> list[ResultFile]:
+    """Return the files with the paths that links lead to, if all of them can be written.
+
+    inputs: files that must not be overwritten, by whatever name. overwrite: files that no fit wrote
+    may be replaced. Raises OutputError, before anything is fitted or written.
+    """
+    out: dict[Path, ResultFile] = {}
+    read = {_identity(file) for file in inputs} - {None}
+    for file in files:
+        final = Path(os.path.realpath(file.path))
+        try:
+            if final in out:
+                wrong = "two results cannot go to the same file; give each a name."
+            elif _identity(final) in read:
+                wrong = (
+                    f"{final.name} is a file that this fit reads, which must not be overwritten; "
+                    "choose another name."
+                )
+            else:
+                wrong = _obstacle(final, file, overwrite)
+        except OSError as error:
+            wrong = f"cannot be written ({error.strerror})."
+        if wrong:
+            raise OutputError(f"{file.asked} {file.path}: {wrong}".strip())
+        out[final] = file._replace(path=final)
+    return list(out.values())
+
+
+def _obstacle(final: Path, file: ResultFile, overwrite: bool) -> str:
+    """Return what keeps a file from being written; "" for nothing. May raise OSError."""
+    if final.exists():
+        if not final.is_file():
+            return f"this is {'a folder' if final.is_dir() else 'not a regular file'}; name a file."
+        if not os.access(final, os.W_OK):
+            return "the file exists and is write-protected; choose another name."
+        if not overwrite and final.stat().st_size and not begins(final):
+            return (
+                "the file exists and was not written by a fit. Choose another name, or "
+                f"{_overwrite(file.asked)} to replace it."
+            )
+    new = file.new_folder and not final.parent.exists()
+    folder = final.parent.parent if new else final.parent
+    if not folder.is_dir():
+        return f"there is no folder {folder}; create it first."
+    with tempfile.TemporaryFile(dir=folder):  # whether files can be made there
+        return ""
+
+
+def write_whole(contents: Mapping[Path, str | bytes]) -> None:
+    """Write files that appear complete, each in one step of the file system, or not at all.
+
+    Each is written beside its place and renamed when all are on the disk. An existing file keeps
+    its permissions; its folder is made if there is none. Lines end alike on every system; bytes of
+    a file name that are no text are written as escapes. Raises OutputError where the file system
+    refuses.
+    """
+    staged: dict[Path, Path] = {}
+    path = Path()
+    try:
+        for path, content in contents.items():
+            if isinstance(content, str):
+                content = content.encode("utf-8", "backslashreplace")
+            path.parent.mkdir(exist_ok=True)
+            staged[path] = path.with_name(f"{_INCOMPLETE}{os.urandom(8).hex()}.part")
+            with open(staged[path], "xb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            if path.exists():
+                shutil.copymode(path, staged[path])
+        for path, temporary in staged.items():
+            os.replace(temporary, path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror}).") from error
+    finally:
+        for temporary in staged.values():
+            temporary.unlink(missing_ok=True)
 
 
 def write_files(
     fit: Fit,
-    staged: Iterable[Staged],
+    files: Iterable[ResultFile],
     *,
     reference: str | None = None,
     command: str = "",
     choice: Choice | None = None,
     decimal: str = ".",
 ) -> None:
-    """Write every file that was asked for.
+    """Write every file that was asked for, or none; a page comes after the picture it contains.
 
     Args:
         fit: what was found.
-        staged: the files; a page comes after the picture that it contains.
+        files: as `checked` returns them.
         reference: a named material, drawn beside eta and k.
         command: how the fit was asked for, for the foot of the page.
         choice: what was compared, if a model was chosen.
         decimal: decimal mark of the tables; with "," their cells are separated by semicolons.
-
-    Raises: OSError where the file system refuses, with the option or the file's name as its third
-        argument.
     """
-    png = b""
-    for what, path, suffix, asked, medium in staged:
+    png, contents = b"", {}
+    for what, path, asked, medium, _ in files:
         tell(asked)
-        try:
-            if what == "plot":
-                from fitting.output.picture import draw
-
-                save(draw(fit, reference), path, suffix)
-                png = path.read_bytes()
-                continue
-            if what == "json":
-                text = as_data.json_text(fit, choice)
-            elif what == "csv":
-                text = as_data.data_csv(fit, decimal)
-            elif what == "index":
-                text = as_data.index_csv(fit, decimal)
-            elif what == "page":
-                text = fit_page(fit, png, command, choice)
-            else:
-                text = material.texts_of(fit, medium)[what == "errors"]
-            write_text(path, text)
-        except OSError as error:  # the error of a full disk, for example, names no file
-            raise OSError(error.errno, error.strerror, asked) from error
+        if what == "plot":
+            content = png = picture_bytes(draw(fit, reference), path.suffix)
+        elif what == "page":
+            content = fit_page(fit, png, command, choice)
+        elif what == "json":
+            content = json_text(fit, choice)
+        elif what in ("csv", "index"):
+            content = (data_csv if what == "csv" else index_csv)(fit, decimal)
+        else:
+            content = material_of(fit, medium)[what == "errors"]
+        contents[path] = content
+    write_whole(contents)
 
 
 def report(fit: Fit, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
@@ -100,11 +259,10 @@ def report(fit: Fit, folder: str | os.PathLike[str], *, overwrite: bool = False)
     matplotlib, ValueError for a folder that cannot be created or written to.
     """
     check_matplotlib("report")
-    left_out = ["csv"] * (fit.measurement is None)
-    left_out += ["index"] * (not fit.shape and len(index_waves(fit)) < 2)
-    with Outputs(overwrite=overwrite) as outputs:
-        place = outputs.folder(folder)
-        _write(fit, outputs, {w: place / name for w, name in REPORT.items() if w not in left_out})
+    without = ["csv"] * (fit.measurement is None)
+    without += ["index"] * (not fit.shape and len(index_waves(fit)) < 2)
+    files = report_files(folder, without, overwrite=overwrite)
+    write_files(fit, checked(files, files_named(fit.sample), overwrite))
 
 
 def write_material(
@@ -118,19 +276,50 @@ def write_material(
 
     overwrite: replace files that no fit wrote, too.
     """
-    file, errors = Path(path), material.errors_beside(path)
-    with Outputs(overwrite=overwrite) as outputs:
-        _write(fit, outputs, {"material": file, "errors": errors}, medium)
-    return file, errors
+    files = material_files(path, (medium,))
+    write_files(fit, checked(files, files_named(fit.sample), overwrite))
+    return files[0].path, files[1].path
 
 
-def _write(
-    fit: Fit, outputs: Outputs, files: Mapping[str, Path], medium: str | None = None
-) -> None:
-    inputs = material.files_named([fit.sample] if fit.sample is not None else [])
-    staged = [
-        Staged(what, outputs.open(path, inputs=inputs), path.suffix, str(path), medium)
-        for what, path in files.items()
-    ]
-    write_files(fit, staged)
-    outputs.publish()
+def material_files(
+    path: str | os.PathLike[str], media: Sequence[str | None] = (None,), asked: str = ""
+) -> list[ResultFile]:
+    """Return the files of the index and the errors of media: of several, out_film.yml of out.yml.
+
+    Raises ValueError for a path that does not end in .yml.
+    """
+    file, out = Path(path), []
+    if file.suffix.lower() not in (".yml", ".yaml"):
+        name = f"{asked} {file}".strip()
+        raise ValueError(f"{name}: the name of a material file must end in .yml.")
+    for medium in media:
+        name = file.stem if len(media) == 1 else f"{file.stem}_{medium}"
+        for what, ending in (("material", file.suffix), ("errors", "_errors.csv")):
+            out.append(ResultFile(what, file.with_name(name + ending), asked, medium))
+    return out
+
+
+def fitted_media(samples: Sequence[Sample]) -> tuple[str | None, ...]:
+    """Return the places of the media whose index is fitted; (None,) where there is one or none.
+
+    Raises ValueError for samples among which one is going to be chosen, if their fitted media
+    differ in place, since it is not known yet which files there will be.
+    """
+    each = {
+        tuple(place for place, m in zip(s.places[1:], s.media[1:], strict=True) if m.unknown)
+        for s in samples
+    }
+    if max(map(len, each)) <= 1:
+        return (None,)
+    if len(each) > 1:
+        raise ValueError(
+            "--material: the samples that are compared have different fitted media. Choose one of "
+            "them first, and write its media in a fit of that sample alone."
+        )
+    return each.pop()
+
+
+def files_named(*samples: Sample | None) -> list[str]:
+    """Return the files with an index that are media of samples."""
+    known = [part for s in samples if s is not None for m in s.media for part in m.known]
+    return [part.path for part in known if isinstance(part, MaterialFile)]

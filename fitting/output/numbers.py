@@ -1,22 +1,42 @@
-"""Numbers with their errors, intervals and units as text, with as many digits as are known."""
+"""Numbers as text: with errors, intervals and units, to as many digits as are known."""
 
 from __future__ import annotations
 
 import math
+
+from fitting.results.result_parts import (
+    AT_LOWER,
+    AT_UPPER,
+    FIXED,
+    PROFILE,
+    SHARED,
+    TIED,
+    UNDETERMINED,
+    Estimate,
+)
 
 # A residual below this is the rounding of float64 in a sum of a hundred data.
 _ROUNDING = 1e-14
 # A 95 % interval contradicts the standard error if an end differs from value +- 1.96 sigma by more
 # than this share of half its width.
 _CONTRADICTS = 0.25
+# A k that acts on the data by k^2 alone is compatible with 0 if it lies less than so many standard
+# errors above 0: three standard errors of k^2 are six of k.
+_UNSEEN = 6.0
+# An absorption edge is a formula: far from it k may be 1e-90, of which no measurement tells.
+_LEAST_K = 1e-12
+_STATES = {
+    AT_LOWER: "at its lower bound",
+    AT_UPPER: "at its upper bound",
+    FIXED: FIXED,
+    TIED: TIED,
+    UNDETERMINED: "one of many that fit equally well; see the warning",
+}
 
 
 def number(value: float, digits: int = 4) -> str:
     """Return ``value`` with that many significant digits, trailing zeros kept; "-" for NaN."""
-    if math.isnan(value):
-        return "-"
-    text = f"{value:#.{digits}g}"
-    return text.removesuffix(".")
+    return "-" if math.isnan(value) else f"{value:#.{digits}g}".removesuffix(".")
 
 
 def size_text(value: float, digits: int = 3) -> str:
@@ -62,10 +82,8 @@ def interval_text(low: float, high: float) -> str:
     """
     if math.isnan(low) or math.isnan(high) or low == high:
         return ""
-    if math.isinf(low) and math.isinf(high):
-        return "any value"
     if math.isinf(low):
-        return f"below {number(high)}"
+        return "any value" if math.isinf(high) else f"below {number(high)}"
     if math.isinf(high):
         return f"above {number(low)}"
     if high - low < 1e-13 * max(abs(low), abs(high)):
@@ -88,8 +106,15 @@ def agree(value: float, sigma: float, low: float, high: float, student: float) -
         return False
     half = 0.5 * (high - low)
     expected = half if math.isnan(student) else student * sigma
-    off = max(abs(value - expected - low), abs(value + expected - high))
-    return off <= _CONTRADICTS * half
+    return max(abs(value - expected - low), abs(value + expected - high)) <= _CONTRADICTS * half
+
+
+def _to_its_interval(value: float, low: float, high: float) -> str:
+    """Return ``value`` to the third digit of the distance to the nearer end of its interval."""
+    away = [abs(end - value) for end in (low, high) if math.isfinite(end) and end != value]
+    digits = 3 + math.floor(math.log10(abs(value) / min(away))) if value and away else 4
+    digits = min(max(digits, 2), 15)
+    return f"{value:.{digits - 1}e}" if 0.0 < abs(value) < 1e-3 else number(value, digits)
 
 
 def with_unit(text: str, unit: str) -> str:
@@ -97,9 +122,57 @@ def with_unit(text: str, unit: str) -> str:
     return f"{text} {unit}" if unit and text else text
 
 
-def to_its_interval(value: float, low: float, high: float) -> str:
-    """Return ``value`` to the third digit of the distance to the nearer end of its interval."""
-    away = [abs(end - value) for end in (low, high) if math.isfinite(end) and end != value]
-    digits = 3 + math.floor(math.log10(abs(value) / min(away))) if value and away else 4
-    digits = min(max(digits, 2), 15)
-    return f"{value:.{digits - 1}e}" if 0.0 < abs(value) < 1e-3 else number(value, digits)
+def value_text(e: Estimate, student: float = math.nan) -> str:
+    """Return the value of one fit with its standard error and unit.
+
+    Without the standard error where the 95 % interval says otherwise; with the upper limit in
+    brackets where the value is compatible with 0. student: as of `agree`.
+    """
+    value, sigma, limit = float(e.value), float(e.sigma), float(e.upper_limit)
+    low, high = (float(end) for end in e.interval)
+    if e.status in (FIXED, TIED):
+        text = f"{value:.8g}"
+    elif math.isfinite(limit):
+        text = f"{number(value, 2) if value else 0} (< {number(limit, 2)})"
+    elif e.status in (AT_LOWER, AT_UPPER):
+        text = f"{value:.6g}"
+    elif agree(value, sigma, low, high, student if e.interval_kind == PROFILE else math.nan):
+        text = with_error(value, sigma)
+    else:
+        text = _to_its_interval(value, low, high)
+    return with_unit(text, e.unit)
+
+
+def interval_of(e: Estimate) -> str:
+    """Return the 95 % interval and where it comes from; "" where there is none."""
+    if e.status in (FIXED, TIED):
+        return ""
+    if math.isfinite(float(e.upper_limit)):
+        # The interval is not repeated: its lower end is 0 or nearly 0.
+        return "95 % upper limit in brackets"
+    text = interval_text(*(float(end) for end in e.interval))
+    return f"{text} (profile likelihood)" if text and e.interval_kind == PROFILE else text
+
+
+def beside(e: Estimate) -> str:
+    """Return all that stands beside a value: interval, bound, whether it is fixed."""
+    state = _STATES.get(e.status, "")
+    if e.status == SHARED:
+        unseen = "" if math.isfinite(e.sigma) else ", not determined; see the warning"
+        state = f"shared by all wavelengths{unseen}"
+    elif math.isfinite(float(e.upper_limit)) and e.status != UNDETERMINED:
+        state = ""
+    return "; ".join(filter(None, (interval_of(e), state)))
+
+
+def k_text(k: float, sigma: float, limited: bool) -> str:
+    """Return k of a dispersion model with its error, or that it is compatible with 0.
+
+    limited: whether a parameter of the material is only known to be below a limit. No error is
+    shown that reaches 0, since k cannot be negative.
+    """
+    if 0.0 < k < _LEAST_K:
+        return f"below {_LEAST_K:.0e}"
+    if 0.0 < k < (_UNSEEN if limited else 1.96) * sigma:
+        return f"{number(k, 2)} (compatible with 0)"
+    return with_error(k, sigma) if k else "0"

@@ -9,11 +9,17 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from fitting.output import facts
-from fitting.output.as_data import data_columns
-from fitting.output.estimates import by_wavelength
-from fitting.output.outputs import WRITTEN_BY
-from fitting.output.text_table import batch_rows, parameter_rows, warnings_of
+from fitting.output.export import WRITTEN_BY, data_columns
+from fitting.output.summary import (
+    batch_rows,
+    by_wavelength,
+    facts,
+    heading,
+    index_rows,
+    parameter_rows,
+    title_of,
+    warnings_of,
+)
 from fitting.process.visible import visible
 from fitting.results.result import Fit
 
@@ -53,7 +59,7 @@ def _element(tag: str, text: str, more: str = "") -> str:
     return f"<{tag}{more}>{html.escape(visible(text))}</{tag}>"
 
 
-def table(title: str, rows: Sequence[Sequence[str]], level: str = "h2") -> str:
+def html_table(title: str, rows: Sequence[Sequence[str]], level: str = "h2") -> str:
     """Return a table below its title; the first row is the header."""
     head = "".join(_element("th", cell, " scope=col") for cell in rows[0])
     lines = ["".join(_element("td", cell) for cell in row) for row in rows[1:]]
@@ -67,30 +73,25 @@ def table(title: str, rows: Sequence[Sequence[str]], level: str = "h2") -> str:
     return f"{_element(level, title)}\n{text}"
 
 
-def figure(caption: str, png: bytes) -> str:
+def _figure(caption: str, png: bytes) -> str:
     """Return a picture, which the page itself holds. png: the bytes of a PNG file."""
     data = base64.b64encode(png).decode("ascii")
     source = f'alt="{html.escape(visible(caption))}" src="data:image/png;base64,{data}"'
     return f"<figure><img {source}>{_element('figcaption', caption)}</figure>"
 
 
-def opening(
-    title: str,
-    facts: Iterable[tuple[str, str]],
-    warnings: Iterable[tuple[str, str]],
-    notes: Iterable[str],
-    level: str = "h1",
-) -> str:
-    """Return the title, facts and warnings (label and text each), and notes."""
-    parts = [_element(level, title), "<dl>"]
-    parts += [_element("dt", label) + _element("dd", text) for label, text in facts]
-    parts.append("</dl>")
-    told = [("warning", f"{label.capitalize()}: {text}") for label, text in warnings]
-    told += [("note", f"Note: {text}") for text in notes]
-    return "\n".join([*parts, *(_element("p", text, f" class={kind}") for kind, text in told)])
+def _opening(fit: Fit, choice: Choice | None, level: str) -> str:
+    """Return the title, facts, warnings and notes."""
+    rows = [*heading(fit), *facts(fit)]
+    listed = [_element("dt", label) + _element("dd", text) for label, text in rows]
+    told = [("warning", f"{label.capitalize()}: {text}") for label, text in warnings_of(fit)]
+    reasons = [] if choice is None else choice.reasons
+    told += [("note", f"Note: {note.text}") for note in [*reasons, *fit.notes]]
+    paragraphs = [_element("p", text, f" class={kind}") for kind, text in told]
+    return "\n".join([_element(level, title_of(fit)), "<dl>", *listed, "</dl>", *paragraphs])
 
 
-def document(title: str, parts: Iterable[str], foot: str) -> str:
+def _document(title: str, parts: Iterable[str], foot: str) -> str:
     """Return a page of these parts."""
     head = (
         f'<!DOCTYPE html>\n<!-- {WRITTEN_BY} -->\n<html lang="en"><head><meta charset="utf-8">\n'
@@ -100,27 +101,12 @@ def document(title: str, parts: Iterable[str], foot: str) -> str:
     return "\n".join([head, *parts, _element("footer", foot), "</body></html>"]) + "\n"
 
 
-def _opening(fit: Fit, choice: Choice | None, level: str, left_out: str = "") -> str:
-    shown = [row for row in [*facts.heading(fit), *facts.findings(fit)] if row[0] != left_out]
-    reasons = [] if choice is None else choice.reasons
-    notes = [note.text for note in [*reasons, *fit.notes]]
-    return opening(facts.title_of(fit), shown, warnings_of(fit), notes, level)
-
-
 def _main(fit: Fit, level: str = "h2") -> str:
     """Return the table of parameters, or that of the fits of a batch."""
     if not fit.shape:
-        return table("Parameters", parameter_rows(fit), level)
+        return html_table("Parameters", parameter_rows(fit), level)
     title = "Index over wavelength" if by_wavelength(fit) else "Curves"
-    return table(title, batch_rows(fit, intervals=True), level)
-
-
-def _correlations(fit: Fit) -> list[list[str]]:
-    rows = [
-        [name, *("-" if math.isnan(c) else f"{c:+.3f}" for c in row)]
-        for name, row in zip(fit.names, fit.correlation.tolist(), strict=True)
-    ]
-    return [["", *fit.names], *rows]
+    return html_table(title, batch_rows(fit, intervals=True), level)
 
 
 def _cell(value: Any) -> str:
@@ -129,39 +115,28 @@ def _cell(value: Any) -> str:
     return "" if math.isnan(value) else f"{value:.6g}"
 
 
-def _data(fit: Fit) -> list[str]:
-    """Return the table of data, fitted values and residuals; none if the fit keeps no data."""
-    if fit.measurement is None:
-        return []
-    columns = data_columns(fit)
-    rows = [list(map(_cell, row)) for row in zip(*columns.values(), strict=True)]
-    return [table("Data (powers as fractions, angles in degrees)", [list(columns), *rows])]
-
-
 def fit_page(fit: Fit, png: bytes, command: str = "", choice: Choice | None = None) -> str:
     """Return the page of a fit, one self-contained HTML file.
 
     png: the picture. command: the command line that made the fit, for the foot of the page.
     choice: what `choose` compared, if a model was chosen.
     """
-    caption = (
-        "The fitted parameters of the batch." if fit.measurement is None
-        else "Data and fitted curves with one standard error, and data - fit."
-    )  # fmt: skip
-    picture = [figure(caption, png)] if png else []
-    more = []
-    if not fit.shape and len(fit.names) > 1:
-        more.append(table("Correlations", _correlations(fit)))
-    if choice is not None:
-        more.append(table("Models compared", choice.table()))
-    if rows := facts.index_rows(fit):
-        head = ["wavelength_um", "eta", "k"]
-        more.append(table("Index over wavelength", [head, *rows]))
+    data = fit.measurement is not None
+    caption = "Data and fitted curves with one standard error, and data - fit."
+    picture = [_figure(caption if data else "The fitted parameters of the batch.", png)]
+    picture = picture if png else []
     # the table of a batch is too long to stand above the picture
     parts = [*picture, _main(fit)] if fit.shape else [_main(fit), *picture]
-    # the correlations have a table
-    parts = [_opening(fit, choice, "h1", "correlation"), *parts, *more, *_data(fit)]
-    return document(facts.title_of(fit), parts, command)
+    if choice is not None:
+        parts.append(html_table("Models compared", choice.table()))
+    if rows := index_rows(fit):
+        parts.append(html_table("Index over wavelength", [["wavelength_um", "eta", "k"], *rows]))
+    if data:
+        columns = data_columns(fit)
+        rows = [list(map(_cell, row)) for row in zip(*columns.values(), strict=True)]
+        title = "Data (powers as fractions, angles in degrees)"
+        parts.append(html_table(title, [list(columns), *rows]))
+    return _document(title_of(fit), [_opening(fit, choice, "h1"), *parts], command)
 
 
 def notebook(fit: Fit) -> str:

@@ -101,18 +101,16 @@ def fit_settings(*, own_function: bool = False) -> Iterator[None]:
 
 def compiled(function: Callable, static: tuple[str, ...]) -> Callable:
     """Return ``function`` jitted, with the arguments named in ``static`` static."""
-
-    jitted: Callable | None = None
+    made: list[Callable] = []
 
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
-        nonlocal jitted
-        if jitted is None:
+        if not made:
             options = _known_options()
             with _making:  # two programs made at once by two threads would both be compiled
-                if jitted is None:
-                    jitted = jax.jit(function, static_argnames=static, compiler_options=options)
-        return jitted(*args, **kwargs)
+                if not made:
+                    made.append(jax.jit(function, static_argnames=static, compiler_options=options))
+        return made[0](*args, **kwargs)
 
     return call
 
@@ -138,14 +136,13 @@ def in_turn(program: Callable, by_first: bool = False) -> Callable:
 
     @functools.wraps(program)
     def call(*args: Any, **static: Any) -> Any:
-        told = [getattr(args[0], "shape", ())] if by_first else map(np.shape, jax.tree.leaves(args))
-        key = *static.values(), *told
-        if key not in known:
-            with locks[key]:
-                if key not in known:
-                    out = program(*args, **static)
-                    known.add(key)
-                    return out
-        return program(*args, **static)
+        sizes = (
+            [getattr(args[0], "shape", ())] if by_first else map(np.shape, jax.tree.leaves(args))
+        )
+        key = *static.values(), *sizes
+        with contextlib.nullcontext() if key in known else locks[key]:
+            out = program(*args, **static)
+        known.add(key)
+        return out
 
     return call

@@ -8,19 +8,14 @@ reads it.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 import threading
 import time
-from collections.abc import Callable
 
 INTERRUPTED = 130
 # If KeyboardInterrupt has not ended the process after so many seconds, the thread ends it.
 GRACE_S = 2.0
-
-last_acts: list[Callable[[], None]] = []
-"""What is done before the process ends in this way: temporary files are removed."""
 
 
 def end_on_interrupt() -> None:
@@ -35,9 +30,6 @@ def end_on_interrupt() -> None:
         while signal.SIGINT not in os.read(read, 64):
             pass
         time.sleep(GRACE_S)
-        for act in last_acts:
-            with contextlib.suppress(Exception):  # no error may keep the process from ending
-                act()
         os._exit(INTERRUPTED)
 
     threading.Thread(target=watch, daemon=True).start()

@@ -1,11 +1,14 @@
-"""Progress of a long computation, reported to a function that `listening` names, if any."""
+"""Progress of a long computation: reported by whoever computes, shown by tqdm on a terminal."""
 
 from __future__ import annotations
 
 import contextlib
+import importlib
+import importlib.util
+import sys
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Step(NamedTuple):
@@ -39,3 +42,24 @@ def listening(listener: Callable[[Step], None] | None) -> Iterator[None]:
         yield
     finally:
         _listener.reset(token)
+
+
+@contextlib.contextmanager
+def shown(what: str, *, quiet: bool = False) -> Iterator[None]:
+    """Show the steps reported inside on a terminal, after a second, where tqdm is installed."""
+    terminal = sys.stderr is not None and sys.stderr.isatty()
+    if quiet or not terminal or importlib.util.find_spec("tqdm") is None:
+        yield
+        return
+    tqdm: Any = importlib.import_module("tqdm").tqdm
+    with tqdm(desc=what, leave=False, delay=1.0, miniters=0, file=sys.stderr) as bar:
+
+        def take(step: Step) -> None:
+            if step.total:
+                bar.total = bar.n + step.total
+            if step.doing:
+                bar.set_postfix_str(step.doing, refresh=False)
+            bar.update(step.done)
+
+        with listening(take):
+            yield

@@ -2,55 +2,35 @@
 
 from __future__ import annotations
 
-import contextlib
-import gc
 import glob
 import os
 import re
-import stat
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-
-FOLDER = "fresnel-fit"
-
-
-def _foreign(status: os.stat_result) -> bool:
-    """Return whether somebody else owns a file or folder, or may write to it."""
-    return hasattr(os, "getuid") and bool(status.st_uid != os.getuid() or status.st_mode & 0o022)
 
 
 def cache_folder(programs: str | Path | None = None) -> Path | None:
     """Return the folder for compiled programs, created if needed; None if there can be none.
 
-    Programs are run from there, so it, and every program in it, must belong to the user and must
-    not be writable by others; other programs are removed. XDG_CACHE_HOME is used if it is an
-    absolute path, as in the XDG Base Directory Specification.
+    Programs are run from there, so it must belong to the user, and others may not write to it; nor
+    enter it from now on, since where the umask is 002 jax makes files that the group may write.
+    XDG_CACHE_HOME is used if it is an absolute path, as in the XDG Base Directory Specification.
     """
     try:
         if programs is None:
             base = os.environ.get("XDG_CACHE_HOME", "")
-            folder = (Path(base) if os.path.isabs(base) else Path.home() / ".cache") / FOLDER
-            folders = [folder, folder / "jax"]
+            base = Path(base) if os.path.isabs(base) else Path.home() / ".cache"
+            folders = [base / "fresnel-fit", base / "fresnel-fit" / "jax"]
         else:
             folders = [Path(programs).absolute()]
         for folder in folders:
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            of_folder = folder.stat()
-            if _foreign(of_folder):
+            status = folder.stat()
+            if hasattr(os, "getuid") and (status.st_uid != os.getuid() or status.st_mode & 0o022):
                 return None
-        # Who may not enter the folder cannot write to a file in it, whatever the mode of the file:
-        # where the umask is 002 jax makes all of them writable by the group.
-        closed = not of_folder.st_mode & 0o077
-        with os.scandir(folder) as entries:
-            for entry in entries:
-                status = entry.stat(follow_symlinks=False)
-                own = status.st_uid == of_folder.st_uid if closed else not _foreign(status)
-                # A link, or a file of somebody else: compiling again is cheap.
-                if entry.name.endswith("-cache") and not (stat.S_ISREG(status.st_mode) and own):
-                    os.unlink(entry.path)
-        return folder if os.access(folder, os.W_OK) else None
+        folders[-1].chmod(0o700)
+        return folders[-1] if os.access(folders[-1], os.W_OK) else None
     except (OSError, RuntimeError):  # RuntimeError: no home folder
         return None
 
@@ -67,10 +47,11 @@ def cache_programs(folder: str | Path | None = None) -> Path | None:
     everything that jax compiles in this process are kept. The command ``fresnel-fit`` does the same
     by itself.
 
-    Programs are run from the folder: it must belong to the user and must not be writable by others.
-    An entry that is damaged is removed and compiled again, without a message. With jax 0.9 and 0.10
-    XLA writes lines "Target machine feature ... is not supported" on some Intel processors,
-    although it loads the program; TF_CPP_MIN_LOG_LEVEL=3 in the environment silences them.
+    Programs are run from the folder: it must belong to the user and must not be writable by others,
+    and is made private to the user (mode 700). An entry that is damaged is removed and compiled
+    again, without a message. With jax 0.9 and 0.10 XLA writes lines "Target machine feature ... is
+    not supported" on some Intel processors, although it loads the program; TF_CPP_MIN_LOG_LEVEL=3
+    in the environment silences them.
 
     Args:
         folder: where; created if needed. None: fresnel-fit/jax in XDG_CACHE_HOME or ~/.cache.
@@ -91,18 +72,17 @@ def cache_programs(folder: str | Path | None = None) -> Path | None:
 
 
 def _use_cache(folder: str | Path | None) -> Path | None:
-    """Do what `cache_programs` promises, but for its warning."""
+    """Do what `cache_programs` promises, but for its warning: the command does without a cache."""
     if given := os.environ.get("JAX_COMPILATION_CACHE_DIR"):
         return Path(given)
     programs = cache_folder(folder)
-    if programs is None:
-        return None
-    import jax
+    if programs is not None:
+        import jax
 
-    jax.config.update("jax_compilation_cache_dir", str(programs))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
-    _mend_cache(programs)
+        jax.config.update("jax_compilation_cache_dir", str(programs))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+        _mend_cache(programs)
     return programs
 
 
@@ -144,8 +124,6 @@ def set_up_jax() -> None:
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    # The place in the source of each operation is not needed here, and takes 0.02 s to write.
-    jax.config.update("jax_traceback_in_locations_limit", 0)
     if not os.environ.get("JAX_PLATFORMS"):
         jax.config.update("jax_platforms", "cpu")
     try:
@@ -156,15 +134,3 @@ def set_up_jax() -> None:
             f"({' '.join(str(error).split())}). Unset it, or set it to cpu."
         ) from error
     _use_cache(None)
-
-
-@contextlib.contextmanager
-def cheap_start() -> Iterator[None]:
-    """Switch the garbage collector off meanwhile: searching what jax imports takes 0.05 s."""
-    was_on = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_on:
-            gc.enable()

@@ -244,12 +244,12 @@ class Fit:
         )
 
     def __repr__(self) -> str:
-        from fitting.output.text_table import one_line
+        from fitting.output.summary import one_line
 
         return one_line(self)
 
     def __str__(self) -> str:
-        from fitting.output.text_table import table
+        from fitting.output.summary import table
 
         return table(self)
 
@@ -260,7 +260,7 @@ class Fit:
 
     def plot(self, reference: str | None = None) -> Any:
         """Return a matplotlib Figure of data, fit and residuals; ``reference``: a material."""
-        from fitting.output.picture import draw
+        from fitting.output.pictures import draw
 
         return draw(self, reference)
 
@@ -283,12 +283,12 @@ class Fit:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for ``json.dumps``: NaN as None, arrays as lists, warnings as data."""
-        from fitting.output.as_data import to_dict
+        from fitting.output.export import to_dict
 
         return to_dict(self)
 
     def to_dataframe(self) -> Any:
         """Return a pandas DataFrame: a row for each fit of the batch, else for each parameter."""
-        from fitting.output.as_data import to_dataframe
+        from fitting.output.export import to_dataframe
 
         return to_dataframe(self)

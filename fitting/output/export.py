@@ -1,0 +1,409 @@
+"""Fits as data for other programs: a dict, a DataFrame, JSON, CSV, and a file of a material."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import importlib.util
+import io
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+import fitting
+from fitting.data.errors import MissingExtra
+from fitting.data.units import span_of
+from fitting.output.numbers import number, value_text
+from fitting.output.summary import (
+    by_wavelength,
+    counted,
+    head_of,
+    index_waves,
+    rows_aligned,
+    sample_text,
+    status_of,
+    title_of,
+    varied_of,
+)
+from fitting.process.visible import visible
+from fitting.residuals.residuals import residuals
+from fitting.results.result import Fit
+from fitting.results.result_parts import CONVERGED, UNDETERMINED, Alternative, Estimate, IndexBand
+
+if TYPE_CHECKING:
+    from fitting.choice.candidates import Choice
+
+_AS_IT_IS = (
+    "wavelength_um", "chi2", "chi2_reduced", "dof", "n_data", "rms", "rms_of", "status",
+    "sigma_kind", "loss", "noise", "cost", "bic", "aicc", "evaluations", "starts", "reached",
+)  # fmt: skip
+WRITTEN_BY = "written by fresnel-fit"
+DATA_MARK, INDEX_MARK = f"data of a fit, {WRITTEN_BY}", f"index of a fit, {WRITTEN_BY}"
+EACH_MARK = f"results of files fitted one by one, {WRITTEN_BY}"
+"""The first comments of tables, by which a later run recognises what is no measurement, and which
+files it may replace."""
+REFUSED = "refused"
+# What makes a spreadsheet compute a cell; also as wide letters.
+_FORMULA = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+
+
+class OfFile(NamedTuple):
+    """The result for one file. name: as it was given; fit: None if the file was refused.
+
+    error: why it was refused, else "".
+    """
+
+    name: str
+    fit: Fit | None
+    error: str = ""
+
+
+def plain(value: Any) -> Any:
+    """Return ``value`` as lists, dicts, numbers and strings, for JSON; None if not finite."""
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def json_object(fields: Mapping[str, Any]) -> str:
+    """Return ``fields`` as the text of a JSON object, one field a line; NaN is null."""
+    lines = (
+        f"  {json.dumps(name)}: {json.dumps(plain(value), allow_nan=False)}"
+        for name, value in fields.items()
+    )
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _estimates(parameters: Mapping[str, Estimate]) -> dict[str, Any]:
+    return {
+        name: {field: value for field, value in vars(e).items() if field != "name"}
+        for name, e in parameters.items()
+    }
+
+
+def _alternative(a: Alternative) -> dict[str, Any]:
+    parameters = _estimates(a.parameters)
+    return {"delta_chi2": a.delta_chi2, "reached": a.reached, "parameters": parameters}
+
+
+def _each(fit: Fit, of: Any, value: Any) -> Any:
+    """Return ``of`` applied to each element of a tuple, or of each tuple of an array."""
+    if not fit.shape:
+        return [of(one) for one in value]
+    return [[of(one) for one in some] for some in value.ravel()]
+
+
+def to_dict(fit: Fit) -> dict[str, Any]:
+    """Return plain data for ``json.dumps``: NaN and infinity as None, arrays as lists.
+
+    The names are those of the fields of `Fit` and `Estimate`; a warning has its code, where it
+    holds, its values and its sentence. Of a batch warnings and alternatives are a list for each
+    fit, in the order of the batch.
+    """
+    fields: dict[str, Any] = {"written_by": "fresnel-fit", "version": fitting.__version__}
+    if fit.measurement is not None:
+        fields["source"] = fit.measurement.source
+        fields["understood"] = fit.measurement.understood
+    fields["sample"] = None if fit.sample is None else str(fit.sample)
+    fields["parameters"] = _estimates(fit.parameters)
+    if fit.sample is not None and (fit.evaluator is not None or "eta" in fit.parameters):
+        fields |= {"eta": fit.eta, "k": fit.k}
+    fields |= {"names": fit.names, "covariance": fit.covariance, "correlation": fit.correlation}
+    fields |= {name: getattr(fit, name) for name in _AS_IT_IS}
+    fields["errors"] = fit.errors._asdict()
+    fields["warnings"] = _each(fit, lambda w: w.to_dict(), fit.warnings)
+    fields["notes"] = [note.to_dict() for note in fit.notes]
+    fields["alternatives"] = _each(fit, _alternative, fit.alternatives)
+    fields["index"] = fit.index()._asdict() if len(index_waves(fit)) else {}
+    return {name: plain(value) for name, value in fields.items()}
+
+
+def json_text(fit: Fit, choice: Choice | None = None) -> str:
+    """Return `to_dict` and what `choose` compared as a JSON object, one line for each field."""
+    return json_object(to_dict(fit) | ({} if choice is None else choice.to_dict()))
+
+
+def _cell(value: Any, decimal: str) -> str:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else str(value).replace(".", decimal)
+    text = visible(str(value))
+    return f"'{text}" if text.startswith(_FORMULA) else text
+
+
+def csv_text(comments: Iterable[str], columns: Mapping[str, Iterable[Any]], decimal: str) -> str:
+    """Return comment lines, a header and columns as CSV; NaN is an empty cell.
+
+    decimal: "." with commas between the cells, or "," with semicolons between them, as spreadsheets
+    expect where the comma is the decimal mark. Numbers read back to the last bit. A text that
+    spreadsheets would take for a formula begins with an apostrophe.
+    """
+    out = io.StringIO()
+    out.writelines(f"# {visible(' '.join(comment.split()))}\n" for comment in comments)
+    table = csv.writer(out, delimiter=";" if decimal == "," else ",", lineterminator="\n")
+    table.writerow(columns)
+    for row in zip(*columns.values(), strict=True):
+        table.writerow([_cell(value, decimal) for value in row])
+    return out.getvalue()
+
+
+def _comments(fit: Fit) -> list[str]:
+    understood = f": {fit.measurement.understood}" if fit.measurement is not None else ""
+    # Parameters that all fits of a batch share have no column of their own.
+    values = ", ".join(f"{n} {v!r}" for n, v in fit.values.items() if not np.ndim(v))
+    last = values if fit.shape else f"{values}, {fit.status}"
+    return [f"{title_of(fit)}{understood}", sample_text(fit), *[last] * bool(last)]
+
+
+def data_columns(fit: Fit) -> dict[str, list[Any]]:
+    """Return the columns of `data_csv` by their heads; ValueError for a fit that keeps no data."""
+    m = fit.measurement
+    if m is None:
+        raise ValueError(
+            "this fit keeps no data, so that there is no table of them. To keep them, fit a "
+            "Measurement with fit(...)."
+        )
+    found = fit.predict()
+    columns: dict[str, Any] = {}
+    if has_several_curves(fit) and fit.curve is not None:
+        columns["curve"] = np.array([visible(name) for name in fit.curve_names])[fit.curve]
+    columns["angle_deg"] = m.angle_deg
+    if np.isfinite(m.wavelength_um).any():
+        columns["wavelength_um"] = m.wavelength_um
+    columns["quantity"] = m.quantity
+    if np.isfinite(m.polarizer_deg).any():
+        columns["polarizer_deg"] = m.polarizer_deg
+    columns |= {"value": m.value, "sigma": m.sigma}
+    columns |= {"fitted": found.value, "sigma_fitted": found.sigma}
+    columns["residual"] = residuals(m, found.value)
+    return {head: column.tolist() for head, column in columns.items()}
+
+
+def has_several_curves(fit: Fit) -> bool:
+    """Whether the names of the curves say more than the quantities do: there are several files."""
+    if fit.measurement is None or fit.curve is None:
+        return False
+    return not set(fit.curve_names) <= {*fit.measurement.quantity.tolist(), "NCS"}
+
+
+def data_csv(fit: Fit, decimal: str = ".") -> str:
+    """Return the measurement as CSV, one datum a row, with its fitted value and the error of that.
+
+    Numbers read back to the last bit; an unknown one is an empty cell; residual = value - fitted.
+    The columns of wavelength and polarizer are left out if no row has one, that of the curve if the
+    quantity names it. `fitting.read_csv` reads the file as the same measurement. decimal: as of
+    `csv_text`.
+    """
+    return csv_text([DATA_MARK, *_comments(fit)], data_columns(fit), decimal)
+
+
+def batch_columns(fit: Fit) -> dict[str, list[Any]]:
+    """Return the results of a batch as columns with one row for each fit; a single fit is one row.
+
+    First wavelength_um, or the index in the batch (a model of a spectrum has neither); then the
+    parameters, eta and k first, and for each NAME: sigma_NAME, NAME_low and NAME_high (95 %
+    interval), NAME_interval_kind, NAME_upper_limit; then chi2, ..., status.
+    """
+    each: dict[str, Any] = {}
+    if by_wavelength(fit) or np.shape(fit.wavelength_um) == fit.shape == ():
+        each["wavelength_um"] = fit.wavelength_um
+    elif fit.shape:
+        places = np.indices(fit.shape)
+        heads = ["curve"] if len(places) == 1 else [f"curve_{i}" for i in range(len(places))]
+        each |= dict(zip(heads, places, strict=True))
+    found = {name: fit.parameters[name] for name in varied_of(fit)}
+    each |= {name: e.value for name, e in found.items()}
+    for name, e in found.items():
+        low, high = np.moveaxis(e.interval, -1, 0)
+        each |= {f"sigma_{name}": e.sigma, f"{name}_low": low, f"{name}_high": high}
+        each[f"{name}_interval_kind"] = e.interval_kind
+        if np.isfinite(e.upper_limit).any():
+            each[f"{name}_upper_limit"] = e.upper_limit
+    if len(fit.names) == 2:
+        each["correlation"] = fit.correlation[..., 0, 1]
+    for name in ("chi2", "chi2_reduced", "dof", "n_data", "rms", "status"):
+        each[name] = getattr(fit, name)
+    return {
+        name: np.broadcast_to(np.asarray(value), fit.shape).ravel().tolist()
+        for name, value in each.items()
+    }
+
+
+def index_csv(fit: Fit, decimal: str = ".") -> str:
+    """Return eta and k as CSV with one row for each wavelength (or curve of a batch).
+
+    The first three columns are wavelength_um, eta and k, so that it can be read as a material; an
+    unknown number is an empty cell. decimal: as of `csv_text`.
+    """
+    if fit.shape:
+        columns = batch_columns(fit)
+    else:
+        band = fit.index()
+        order = ("wavelength_um", "eta", "k", "sigma_eta", "sigma_k")
+        columns = {name: getattr(band, name).tolist() for name in order}
+    return csv_text([INDEX_MARK, *_comments(fit)], columns, decimal)
+
+
+def to_dataframe(fit: Fit) -> Any:
+    """Return a pandas DataFrame: a row for each fit of a batch, else for each parameter.
+
+    A batch has the columns of `batch_columns`, with the wavelength (or the place in the batch) as
+    index. A single fit has the fields of `Estimate`, with the interval as ``low`` and ``high`` and
+    the name of the parameter as index. Raises ImportError where pandas is not installed.
+    """
+    if importlib.util.find_spec("pandas") is None:
+        raise MissingExtra("to_dataframe", "pandas", "dataframe")
+    pandas: Any = importlib.import_module("pandas")
+    if fit.shape:
+        columns = batch_columns(fit)
+        places = [head for head in columns if head == "wavelength_um" or head.startswith("curve")]
+        return pandas.DataFrame(columns).set_index(places)
+    rows = [
+        {**vars(e), "low": float(e.interval[0]), "high": float(e.interval[1])}
+        for e in fit.parameters.values()
+    ]
+    order = ["name", "value", "sigma", "low", "high", "interval_kind", "unit", "upper_limit"]
+    return pandas.DataFrame(rows, columns=[*order, "status"]).set_index("name")
+
+
+def rows_text(files: Sequence[OfFile]) -> str:
+    """Return a row for each file for a terminal; a spectrum has the range of its index.
+
+    chi2/dof of a spectrum is the median over its wavelengths.
+    """
+
+    def of(fit: Fit, name: str) -> str:
+        if name not in fit.parameters:
+            return "-"
+        e = fit.parameters[name]
+        if fit.shape:
+            values = np.asarray(e.value)
+            some = values[np.isfinite(values)]
+            return f"{some.min():.4g} to {some.max():.4g}" if some.size else "-"
+        return f"({value_text(e)})" if fit.status == UNDETERMINED else value_text(e)
+
+    def chi2(fit: Fit) -> str:
+        value = np.ravel(fit.chi2_reduced).astype(float)
+        some = value[np.isfinite(value)]
+        return number(float(np.median(some)), 3) if some.size else "-"
+
+    fits = [file.fit for file in files if file.fit is not None]
+    heads = {n: head_of(n, fit.parameters[n].unit) for fit in fits for n in varied_of(fit)}
+    stated = any(chi2(fit) != "-" for fit in fits)
+    rows = [["file", *heads.values(), *["chi2/dof"] * stated, "status"]]
+    for name, fit, _ in files:
+        if fit is None:
+            cells = [*["-"] * (len(heads) + stated), REFUSED]
+        else:
+            warned = f", {counted(len(fit.findings), 'warning')}" if fit.findings else ""
+            cells = [*(of(fit, n) for n in heads), *[chi2(fit)] * stated, status_of(fit) + warned]
+        rows.append([visible(name), *cells])
+    return "\n".join(rows_aligned(rows)) + "\n"
+
+
+def _rows(file: OfFile) -> list[dict[str, Any]]:
+    """Return one row for a file, or one for each wavelength if the index is free at each."""
+    fit, first = file.fit, {"file": visible(file.name)}
+    if fit is None:
+        return [{**first, "status": REFUSED, "message": visible(file.error)}]
+    first["sample"] = str(fit.sample)
+    columns = batch_columns(fit)
+    warnings = np.ravel(fit.warnings) if fit.shape else [fit.warnings]
+    columns["warnings"] = [" ".join(w.code for w in some) for some in warnings]
+    cells = zip(*columns.values(), strict=True)
+    return [{**first, **dict(zip(columns, row, strict=True))} for row in cells]
+
+
+def rows_csv(files: Sequence[OfFile], decimal: str = ".") -> str:
+    """Return a CSV with a row for each file, or for each wavelength if the index is free at each.
+
+    Columns: file, sample, those of `batch_columns`, the codes of the warnings, and the message of a
+    file that was refused. Columns that would be empty are left out.
+    """
+    rows = [row for file in files for row in _rows(file)]
+    ends = ["chi2", "chi2_reduced", "dof", "n_data", "rms", "status", "warnings", "message"]
+    heads = dict.fromkeys(["file", "sample", "wavelength_um"])
+    heads |= dict.fromkeys(head for row in rows for head in row if head not in ends)
+    columns = {head: [row.get(head, "") for row in rows] for head in [*heads, *ends]}
+    filled = {h: c for h, c in columns.items() if any(x not in ("", None) and x == x for x in c)}
+    return csv_text([EACH_MARK], filled, decimal)
+
+
+def rows_json(files: Sequence[OfFile]) -> str:
+    """Return ``{"files": [...]}``: for each file the fields of `to_dict`, or why it was refused."""
+    each = []
+    for name, fit, error in files:
+        fields = {"status": REFUSED, "message": error} if fit is None else to_dict(fit)
+        each.append({"file": name, **fields})
+    return json_object({"written_by": "fresnel-fit", "files": each})
+
+
+def material_texts(
+    band: IndexBand, reference: str, comments: str, conditions: Mapping[str, str]
+) -> tuple[str, str]:
+    """Return an index as YAML in the format of refractiveindex.info, and a CSV with its errors.
+
+    Other programs read the YAML, and so does the next fit (--sample 'air | film.yml 80 nm | Si').
+    The format has no place for standard errors; hence the CSV, which `material_files` reads too.
+    Rows without a number are left out. Raises ValueError where none is left.
+    """
+    columns = np.array([band.wavelength_um, band.eta, band.k, band.sigma_eta, band.sigma_k], float)
+    rows = columns.T[np.isfinite(columns[:3]).all(axis=0)]
+    if not len(rows):
+        raise ValueError(
+            "eta and k are known at no wavelength, and no file was written: the wavelength is not "
+            "stated, or the data do not determine eta and k."
+        )
+    rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    lines = []
+    for key, text in (("REFERENCES", reference), ("COMMENTS", comments)):
+        lines += [f"{key}: |", *(f"    {visible(line)}" for line in text.splitlines())]
+    lines.append("CONDITIONS:")
+    for name, text in conditions.items():  # in quotes, which YAML cannot misread
+        quoted = visible(text).replace("\\", "\\\\").replace('"', '\\"')
+        lines.append(f'  {name}: "{quoted}"')
+    lines += ["DATA:", "  - type: tabulated nk", "    data: |"]
+    lines += ["        " + " ".join(f"{x:.9g}" for x in row[:3]) for row in rows]
+    table = [f"# {INDEX_MARK}", "wavelength_um,n,k,sigma_n,sigma_k"]
+    table += (",".join(f"{x:.9g}" for x in row) for row in rows)
+    return "\n".join(lines) + "\n", "\n".join(table) + "\n"
+
+
+def _with_error(e: Estimate) -> str:
+    """Return a value with six digits, so that a formula gives the curve again, and its error."""
+    error = f" +- {float(e.sigma):.2g}" if e.free and np.isfinite(e.sigma) else ""
+    return f"{float(e.value):.6g}{error} {e.unit}".strip()
+
+
+def material_of(fit: Fit, medium: str | None = None) -> tuple[str, str]:
+    """Return `material_texts` of a fitted medium. medium: as for `Fit.index`.
+
+    If the index is free at every wavelength, those are left out at which the data do not determine
+    it. Raises ValueError where there is no index or no wavelength.
+    """
+    band = fit.index(None, medium)
+    good = [CONVERGED] if fit.shape else [CONVERGED, UNDETERMINED]
+    known = np.isin(np.broadcast_to(np.ravel(fit.status), band.eta.shape), good)
+    m = fit.measurement
+    comments = ["The standard errors of n and k are in the CSV file beside this one."]
+    conditions = {"sample": str(fit.sample)}
+    if m is not None:
+        conditions["angle_of_incidence_deg"] = span_of(m.angle_deg)
+    for name, e in fit.parameters.items():
+        if "thickness" in name and not np.ndim(e.value):
+            conditions[name] = _with_error(e)
+        elif "thickness" not in name and not fit.shape:
+            comments.append(f"{name} = {_with_error(e)}")
+    if not fit.shape:
+        comments += [f"Warning: {w.text}" for w in fit.warnings]
+    reference = f"Fitted by fresnel-fit to {'arrays' if m is None else m.source}"
+    some = IndexBand(*(column[known] for column in band))
+    return material_texts(some, reference, "\n".join(comments), conditions)
