@@ -27,7 +27,7 @@ import numpy as np
 
 from fitting import Measurement, choose, fit, simulate
 from fitting.choice.candidates import MARGIN
-from fitting.searching.starts import LANES
+from fitting.problem.lanes import LANES
 
 from .machine import conditions
 from .study_options import run_study, study_options

@@ -39,9 +39,9 @@ import numpy as np
 from benchmarks.model_success import truth
 from benchmarks.study_options import add_row, run_study, study_options
 from fitting import Fit, Measurement, fit, simulate
+from fitting.problem.lanes import LANES
 from fitting.samples.known_media import known_medium
 from fitting.searching.minima import ALTERNATIVE_CHI2
-from fitting.searching.starts import LANES
 
 LOW_NM, HIGH_NM = 5.0, 20_000.0
 MODELS = ("cauchy:3", "cauchy-urbach:2", "drude-lorentz:1")

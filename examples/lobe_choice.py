@@ -37,7 +37,7 @@ def sample(wo, u, equal: bool = False):
     if not equal:
         taken = GLASS.sample(wo, u, any_facet, mode=mode)
         return taken.direction, taken.weight
-    # Asked for one lobe alone, `sample` gives it the weight R or T.
+    # FitOptions for one lobe alone, `sample` gives it the weight R or T.
     mirrored = GLASS.sample(wo, u, any_facet, Lobes.REFLECTION, mode)
     bent = GLASS.sample(wo, u, any_facet, Lobes.TRANSMISSION, mode)
     mirror = u < 0.5

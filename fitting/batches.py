@@ -20,8 +20,9 @@ from fitting.data.errors import MeasurementError
 from fitting.data.measurement import Measurement
 from fitting.fits import fit_checked
 from fitting.outcomes.of_batch import fit_of_batch
-from fitting.problem import lanes
-from fitting.problem.lanes import Curves, Lanes
+from fitting.problem.curves import Curves, run_curves
+from fitting.problem.lanes import Ends
+from fitting.problem.problem import FitOptions, Kept, Problem
 from fitting.process.progress import tell
 from fitting.refused_curves import without_refused
 from fitting.residuals.error_model import ADDED, NEED_STATED, beyond_chance
@@ -32,7 +33,6 @@ from fitting.samples.parameters import Settings, check_search, from_parameter, s
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
 from fitting.searching.minima import SAME_CHI2
-from fitting.searching.search import Asked, Kept, Solving
 from fitting.uncertainty.intervals import QUADRATIC, check_choices
 from fitting.wavelengths import solving
 
@@ -49,7 +49,7 @@ _FAR = 4.0
 class _Batch(NamedTuple):
     """The fits of N curves: one of them as a pattern for all, the data, and degrees of freedom."""
 
-    job: Solving
+    job: Problem
     curves: Curves
     dof: np.ndarray
     shape: tuple[int, ...]
@@ -57,10 +57,10 @@ class _Batch(NamedTuple):
     settings: Settings
     sample: Sample
 
-    def run(self, start: np.ndarray, which: np.ndarray) -> Lanes:
+    def run(self, start: np.ndarray, which: np.ndarray) -> Ends:
         """Return where starts (p, L) end, each on one of the curves."""
         job = self.job
-        return lanes.run(
+        return run_curves(
             job.u.spec, job.targets, self.curves, start, which, job.limits, self.dof
         )  # fmt: skip
 
@@ -92,7 +92,7 @@ class _Batch(NamedTuple):
         ]  # fmt: skip
         return np.stack(np.broadcast_arrays(*rows))
 
-    def missed(self, best: Lanes) -> np.ndarray:
+    def missed(self, best: Ends) -> np.ndarray:
         """Return which curves are not described, (N,)."""
         reduced = best.cost / np.maximum(self.dof, 1)
         if self.curves.sigma is None:
@@ -100,7 +100,7 @@ class _Batch(NamedTuple):
         return ~best.done | beyond_chance(reduced, self.dof)[0]
 
 
-def _lower(best: Lanes, other: Lanes, which: np.ndarray) -> np.ndarray:
+def _lower(best: Ends, other: Ends, which: np.ndarray) -> np.ndarray:
     """Put the lower ends of ``other`` into ``best``; return which curves they belong to."""
     better = other.done & (~best.done[which] | (other.cost < (1.0 - 1e-6) * best.cost[which]))
     best.evaluations[which] += other.evaluations
@@ -119,7 +119,7 @@ def _neighbours(shape: tuple[int, ...]) -> np.ndarray:
     ])  # fmt: skip
 
 
-def _from_neighbours(batch: _Batch, best: Lanes, known: np.ndarray) -> None:
+def _from_neighbours(batch: _Batch, best: Ends, known: np.ndarray) -> None:
     """Try the curves that are not described from the best of their neighbours, while it helps."""
     beside = _neighbours(batch.shape)
     news = np.ones(len(known), bool)
@@ -354,23 +354,23 @@ def _fit_curves(
     pattern = _pattern(curves, sigma, angle_deg, wavelength_um)
     sample = sample.with_splines(pattern.wavelength_um)
     check_fit([pattern], sample)
-    asked = Asked(errors, QUADRATIC, seed=seed)
+    asked = FitOptions(errors, QUADRATIC, seed=seed)
     job = solving([pattern], sample, settings, asked)
     data = Curves(job.seen, curves, sigma)
     count, dof = data.n_data, np.maximum(data.n_data + job.priors - int(job.u.free.sum()), 0)
     batch = _Batch(job, data, dof, shape, (angle_deg, wavelength_um), settings, sample)
     known = count > 0
     every = np.flatnonzero(known)
-    best = Lanes(
+    best = Ends(
         np.zeros((job.u.size, data.count)), np.full(data.count, np.inf),
         np.zeros(data.count, bool), np.zeros(data.count, int),
     )  # fmt: skip
-    minima: list[Lanes] = []
+    minima: list[Ends] = []
 
     def begin(start: np.ndarray) -> None:
         """Follow every curve from a start, (p, L), and keep where it ends."""
         found = batch.run(start, every)
-        whole = Lanes(
+        whole = Ends(
             np.zeros_like(best.y),
             np.full(data.count, np.inf),
             np.zeros(data.count, bool),
@@ -418,14 +418,14 @@ def _fit_curves(
     return fit_of_batch(job, data, dof, best, minima, shape, sample)
 
 
-def _free_names(job: Solving) -> list[str]:
+def _free_names(job: Problem) -> list[str]:
     u = job.u
     return [u.labels[n] for n, w in zip(u.spec.moving, u.moving, strict=True) if w.free]
 
 
 def _to_search(
     batch: _Batch,
-    best: Lanes,
+    best: Ends,
     random: np.random.Generator,
     many: int,
     known: np.ndarray,

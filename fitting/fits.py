@@ -30,13 +30,13 @@ from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of
 from fitting.outcomes.pseudo_index import notes_on
 from fitting.problem.observations import missing_errors
+from fitting.problem.problem import FitOptions, Kept
 from fitting.residuals.error_model import NEED_STATED, RELATIVE
 from fitting.results.result import Fit
 from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
 from fitting.searching.film_starts import film_starts, films_of
-from fitting.searching.search import Asked, Kept
 from fitting.searching.stages import searched
 from fitting.searching.starts import starts as start_points
 from fitting.searching.starts import usual_starts, with_given_start
@@ -74,7 +74,7 @@ def _is_special(
 
 
 def _shared(
-    measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: Asked
+    measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: FitOptions
 ) -> Fit:
     """Return the fit of shared parameters."""
     job = solving(measurements, sample, settings, asked)
@@ -96,7 +96,7 @@ def _shared(
 
 
 def fit_checked(
-    measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: Asked
+    measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: FitOptions
 ) -> Fit:
     """Return `fit` for checked arguments."""
     without = sum(int((~np.isfinite(m.sigma)).sum()) for m in measurements)
@@ -149,7 +149,7 @@ def _alone(
     measurements: Sequence[Measurement],
     sample: Sample,
     settings: Settings,
-    asked: Asked,
+    asked: FitOptions,
     found: Fit,
 ) -> list[Fit]:
     """Return the fit of each file by itself, started only from the minimum of the common fit.
@@ -169,7 +169,7 @@ def _alone(
 
 
 def _general(
-    measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: Asked
+    measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: FitOptions
 ) -> Fit:
     """Return the fit of a general sample, with its stated errors or one factor on them."""
     waves = np.unique(np.concatenate([m.wavelength_um for m in measurements]))
@@ -252,5 +252,5 @@ def fit(
     check_choices(loss, errors, intervals)
     check_search(starts, start, seed)
     settings = settings_of(free, fixed, bounds, priors, tie)
-    asked = Asked(errors, intervals, loss, seed, Kept({}, {}), starts, start)
+    asked = FitOptions(errors, intervals, loss, seed, Kept({}, {}), starts, start)
     return fit_checked(measurements, which, settings, asked)

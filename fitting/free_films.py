@@ -16,12 +16,12 @@ from dataclasses import replace
 import numpy as np
 
 from fitting.data.measurement import Measurement
+from fitting.problem.problem import FitOptions
 from fitting.results.diagnostics import Finding
 from fitting.results.result import Fit
 from fitting.results.result_parts import NONE, QUADRATIC, SHARED, Estimate
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import FREE, Sample
-from fitting.searching.search import Asked
 from fitting.thickness_profile import best_within_error, shared_thickness
 from fitting.uncertainty.widening import ranges, wider
 from fitting.wavelengths import check_wavelengths, fit_wavelengths, jobs
@@ -74,7 +74,7 @@ def check_free_film(
 
 
 def _check_settings(
-    measurement: Measurement, sample: Sample, which: int, settings: Settings, asked: Asked
+    measurement: Measurement, sample: Sample, which: int, settings: Settings, asked: FitOptions
 ) -> None:
     """Raise ValueError for settings that would be without effect, or act on each wavelength alone.
 
@@ -111,7 +111,7 @@ def _held(sample: Sample, which: int, thickness_nm: float) -> Sample:
 
 
 def fit_free_film(
-    measurement: Measurement, sample: Sample, which: int, settings: Settings, asked: Asked
+    measurement: Measurement, sample: Sample, which: int, settings: Settings, asked: FitOptions
 ) -> Fit:
     """Return the fit of batch shape (W,), with the shared thickness among its parameters.
 

@@ -15,7 +15,9 @@ from fitting.outcomes.batched import stacked_fits
 from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of
 from fitting.problem.observations import Observations
-from fitting.problem.problem import Targets, targets_of, with_slopes
+from fitting.problem.problem import FitOptions, Problem
+from fitting.problem.programs import Targets, targets_of, with_slopes
+from fitting.problem.slopes import Slopes
 from fitting.problem.unknowns import Unknowns, unknown_of
 from fitting.process.compiled import compiled, fit_settings
 from fitting.results.result import Fit
@@ -29,10 +31,9 @@ from fitting.samples.parameters import (
     settings_of,
 )
 from fitting.searching.last_steps import down_the_valley
-from fitting.searching.search import Asked, Solving, solved
+from fitting.searching.search import solved
 from fitting.searching.starts import starts as start_points
 from fitting.searching.starts import usual_starts, with_given_start
-from fitting.uncertainty.covariance import Slopes
 from fitting.uncertainty.intervals import check_choices
 
 Residual = Callable[[dict[str, Array], Any], Array]
@@ -67,6 +68,15 @@ class OwnSpec(NamedTuple):
 
         return [jax.vmap(one, out_axes=-1)(values) / targets.noise]
 
+    def slopes(self, targets: Targets, y: np.ndarray) -> Slopes:
+        """Return residuals and derivatives with respect to the solver's coordinates y (p,)."""
+        with fit_settings(own_function=True):
+            value, slope = (np.asarray(a) for a in _own_linearised(targets, y, spec=self))
+        return Slopes(
+            seen=value[None], residual=value, jacobian=slope, row=np.arange(len(value)),
+            plain=value, kind=np.full(len(value), "residuals"),
+        )  # fmt: skip
+
 
 def _linearised(targets: Targets, y: Array, *, spec: OwnSpec) -> tuple[Array, Array]:
     """Return the residuals (n,) at y (p,) and their derivatives (n, p)."""
@@ -74,16 +84,6 @@ def _linearised(targets: Targets, y: Array, *, spec: OwnSpec) -> tuple[Array, Ar
 
 
 _own_linearised = compiled(_linearised, ("spec",))
-
-
-def own_slopes(spec: OwnSpec, targets: Targets, y: np.ndarray) -> Slopes:
-    """Return residuals and derivatives with respect to the solver's coordinates y (p,)."""
-    with fit_settings(own_function=True):
-        value, slope = (np.asarray(a) for a in _own_linearised(targets, y, spec=spec))
-    return Slopes(
-        seen=value[None], residual=value, jacobian=slope, row=np.arange(len(value)),
-        plain=value, kind=np.full(len(value), "residuals"),
-    )  # fmt: skip
 
 
 def _range(name: str, what: Any, kind: str) -> tuple[float, float]:
@@ -153,9 +153,9 @@ def _unknowns(
 
 
 def _first_finite(u: Unknowns, targets: Targets, points: np.ndarray) -> Slopes:
-    """Return what `own_slopes` does at a starting point where the residuals are finite."""
+    """Return the derivatives at a starting point where the residuals are finite."""
     for point in points.T:
-        found = own_slopes(u.spec, targets, point)  # type: ignore[arg-type]
+        found = u.spec.slopes(targets, point)  # type: ignore[arg-type]
         if np.isfinite(found.residual).all():
             return found
     values = Spec.values(u.spec, jnp.asarray(points[:, :1]), jnp.empty(0))  # type: ignore[arg-type]
@@ -168,7 +168,7 @@ def _first_finite(u: Unknowns, targets: Targets, points: np.ndarray) -> Slopes:
     )
 
 
-def _one(u: Unknowns, data: Any, settings: Settings, asked: Asked, points: np.ndarray) -> Fit:
+def _one(u: Unknowns, data: Any, settings: Settings, asked: FitOptions, points: np.ndarray) -> Fit:
     """Return the fit of one set of data."""
     none = np.empty(0)
     rows = Observations(
@@ -178,7 +178,7 @@ def _one(u: Unknowns, data: Any, settings: Settings, asked: Asked, points: np.nd
     )  # fmt: skip
     targets = targets_of(u, rows, np.float64(1.0))
     middle = _first_finite(u, targets, points)
-    job = Solving(u, rows._replace(row=middle.row), targets, settings, asked)
+    job = Problem(u, rows._replace(row=middle.row), targets, settings, asked)
     job.starts = points.shape[1]
     job.squares = float(np.nan_to_num(middle.residual @ middle.residual, nan=1.0, posinf=1.0))
     ends, noise = solved(job, points)
@@ -235,7 +235,7 @@ def fit_residuals(
     u = _unknowns(residuals, parameters, settings, loss)
     if not u.free.any():
         raise ValueError("every parameter is fixed or tied; leave one free to be fitted.")
-    asked = Asked(errors, intervals, loss, seed)
+    asked = FitOptions(errors, intervals, loss, seed)
     count = usual_starts(int(u.free.sum())) if starts is None else starts
     points = with_given_start(start_points(u.moving, count, seed), u.moving, u.labels, start)
     if any(np.iscomplexobj(a) for a in jax.tree.leaves(data)):

@@ -18,8 +18,10 @@ from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.batched import stacked
 from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of
+from fitting.problem.lanes import LANES, Ends, joined, run
 from fitting.problem.observations import observations
-from fitting.problem.problem import Targets, targets_of
+from fitting.problem.problem import FitOptions, Problem
+from fitting.problem.programs import Targets, targets_of
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.progress import listening, tell
 from fitting.residuals.error_model import beyond_chance
@@ -28,8 +30,6 @@ from fitting.results.result import Fit
 from fitting.results.result_parts import CONVERGED, UNDETERMINED
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
-from fitting.searching.search import Asked, Solving
-from fitting.searching.starts import LANES, Ends, joined, run
 from fitting.searching.starts import starts as start_points
 from fitting.uncertainty.intervals import QUADRATIC
 
@@ -45,7 +45,7 @@ _ENOUGH = 5
 class One(NamedTuple):
     """One wavelength before it is solved."""
 
-    fit: Solving
+    fit: Problem
     start: np.ndarray
     measurement: Measurement
     place: int
@@ -141,16 +141,18 @@ def check_wavelengths(measurement: Measurement, settings: Settings) -> None:
 
 
 def solving(
-    measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: Asked
-) -> Solving:
+    measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: FitOptions
+) -> Problem:
     """Return the fit of a sample to measurements, not yet solved."""
     seen = observations(measurements, asked.errors)
     u = unknowns(sample, spectrum_of(measurements, sample), settings, seen, asked.loss)
     outside = index_outside(sample, seen.points.wavelength_um)
-    return Solving(u, seen, targets_of(u, seen, outside), settings, asked)
+    return Problem(u, seen, targets_of(u, seen, outside), settings, asked)
 
 
-def jobs(measurement: Measurement, sample: Sample, settings: Settings, asked: Asked) -> list[One]:
+def jobs(
+    measurement: Measurement, sample: Sample, settings: Settings, asked: FitOptions
+) -> list[One]:
     """Return the fit of every wavelength, not yet solved, in rising order."""
     wavelengths, which = np.unique(measurement.wavelength_um, return_inverse=True)
     ones = []
@@ -163,7 +165,7 @@ def jobs(measurement: Measurement, sample: Sample, settings: Settings, asked: As
 
 
 def fit_wavelengths(
-    measurement: Measurement, sample: Sample, settings: Settings, asked: Asked,
+    measurement: Measurement, sample: Sample, settings: Settings, asked: FitOptions,
     near: Fit | None = None,
 ) -> Fit:  # fmt: skip
     """Return the fit of every wavelength by itself, batch shape (W,) in rising order.

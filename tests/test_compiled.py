@@ -5,7 +5,7 @@ import pytest
 
 from fitting.data.measurement import Measurement
 from fitting.problem.observations import observations
-from fitting.problem.problem import _linearised, targets_of, without_data
+from fitting.problem.programs import _linearised, targets_of, without_data
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.compiled import compiled
 from fitting.samples.parameters import Settings

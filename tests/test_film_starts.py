@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from fitting import Measurement, Sample, simulate
+from fitting.problem.lanes import best_of, joined
 from fitting.problem.observations import observations
-from fitting.problem.problem import targets_of
+from fitting.problem.problem import FitOptions, Problem
+from fitting.problem.programs import targets_of
 from fitting.problem.unknowns import spectrum_of, unknowns
 from fitting.samples.parameters import Settings, from_parameter
 from fitting.searching.film_starts import (
@@ -19,8 +21,7 @@ from fitting.searching.film_starts import (
 from fitting.searching.fringe_orders import with_all_orders
 from fitting.searching.last_steps import down_the_valley
 from fitting.searching.neighbours import _as_free_electrons
-from fitting.searching.search import Asked, Solving
-from fitting.searching.starts import best_of, joined, start_at, starts
+from fitting.searching.starts import start_at, starts
 
 WAVES = np.linspace(0.4, 0.8, 16)
 
@@ -33,7 +34,7 @@ def job(model):
 def solving(m, sample, errors):
     seen = observations([m], errors)
     u = unknowns(sample, spectrum_of([m], sample), Settings(), seen, "squares")
-    return Solving(u, seen, targets_of(u, seen, np.float64(1.0)), Settings(), Asked(errors))
+    return Problem(u, seen, targets_of(u, seen, np.float64(1.0)), Settings(), FitOptions(errors))
 
 
 def index(fit, y):

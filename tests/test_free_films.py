@@ -7,9 +7,9 @@ from benchmarks.free_film_study import simulated
 from fitting import Measurement, fit, simulate
 from fitting import thickness_profile as profile
 from fitting.free_films import check_free_film
+from fitting.problem.problem import FitOptions
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
-from fitting.searching.search import Asked
 from fitting.wavelengths import from_neighbours, jobs, solved_each
 
 STUDY = pytest.mark.study
@@ -177,7 +177,7 @@ def test_starts_from_other_wavelengths_are_counted_once(count, others):
     seen["psi"] += 0.1 * random.standard_normal(len(wave))
     m = Measurement.from_columns(angle, wave, sigma=sigma, **seen)
     settings, sample = Settings(), Sample.parse("air | free 150 nm held | Si")
-    pairs = solved_each(jobs(m, sample, settings, Asked()))
+    pairs = solved_each(jobs(m, sample, settings, FitOptions()))
     again = from_neighbours(pairs)
     for (one, ends), (_, before) in zip(again, pairs, strict=True):
         more = len(ends.cost) - len(before.cost)

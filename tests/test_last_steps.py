@@ -4,9 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from fitting.problem.lanes import Ends
 from fitting.searching.film_parts import PARTS, parts
 from fitting.searching.last_steps import followed, gone_on, polished
-from fitting.searching.starts import Ends
+from fitting.uncertainty.covariance import uncertainty_at
 
 
 def a_bent_valley(highest=2.0):
@@ -18,23 +19,21 @@ def a_bent_valley(highest=2.0):
             residual=residual, jacobian=np.array([[-20.0 * y[0], 10.0], [-1.0, 0.0]])
         )
 
-    def known(s, y, noise):
-        return SimpleNamespace(step=np.linalg.solve(s.jacobian, -s.residual))
-
     return SimpleNamespace(
         u=SimpleNamespace(
-            spec=SimpleNamespace(loss="squares"), free=np.array([True, True]), moving=[]
+            spec=SimpleNamespace(loss="squares", priors=False), free=np.array([True, True]),
+            moving=[], size=2,
         ),
-        asked=SimpleNamespace(scaled=False), dof=1,
+        asked=SimpleNamespace(scaled=False), dof=1, seen=SimpleNamespace(stated=True), pooled=None,
         limits=(np.array([-2.0, -2.0]), np.array([2.0, highest])),
-        slopes=slopes, known=known, cost=lambda s, y, noise: float(s.residual @ s.residual),
+        slopes=slopes, cost=lambda s, y, noise: float(s.residual @ s.residual),
     )  # fmt: skip
 
 
 def test_the_bottom_of_a_bent_valley_is_reached_where_a_full_step_leads_up_its_side():
     start = np.array([-1.2, 1.0])
     fit = a_bent_valley()
-    uphill = start + fit.known(fit.slopes(start), start, 1.0).step
+    uphill = start + uncertainty_at(fit, fit.slopes(start), start, 1.0).step
     assert fit.cost(fit.slopes(uphill), uphill, 1.0) > fit.cost(fit.slopes(start), start, 1.0)
     y, s = polished(fit, start, 1.0)
     np.testing.assert_allclose(y, 1.0, atol=1e-6)

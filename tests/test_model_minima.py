@@ -9,8 +9,8 @@ from profiles import constant, measured, residuals
 
 from fitting import Measurement, fit, simulate
 from fitting.outcomes import outcome
-from fitting.searching.search import Solving
-from fitting.searching.starts import STAGE
+from fitting.problem.lanes import STAGE
+from fitting.problem.problem import Problem
 from fitting.uncertainty import profile
 from fresnel_jax.dispersion import HC_EV_UM
 
@@ -63,13 +63,13 @@ def test_a_lower_minimum_on_the_way_is_taken():
 
 def test_intervals_are_completed_where_the_lower_place_is_no_minimum(monkeypatch):
     """The search for them stops there, and goes on if the solver does not come to rest."""
-    held, of_minima = Solving.held, outcome._intervals
+    held, of_minima = Problem.held, outcome._intervals
 
     def restless(self, start, noise, steps, *others):
         ends = held(self, start, noise, steps, *others)
         return ends._replace(done=ends.done & (steps != STAGE))
 
-    monkeypatch.setattr(Solving, "held", restless)
+    monkeypatch.setattr(Problem, "held", restless)
     found = fit(hidden_line(), "lorentz", starts=2, seed=4)
     assert found.chi2_reduced > 1e3 and "better_minimum_met" in codes(found)
     monkeypatch.setattr(outcome, "_intervals", lambda *args: of_minima(*args[:4]))

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from benchmarks import model_success
+from fitting.problem.lanes import Ends
 from fitting.samples.parameters import LOG, SQUARE, Parameter, Unknown
 from fitting.searching.minima import Around, minima
-from fitting.searching.starts import Ends, quasi_random, start_at, starts
+from fitting.searching.starts import quasi_random, start_at, starts
 
 
 @pytest.mark.parametrize("dimensions", [1, 2, 5, 12])

@@ -7,8 +7,10 @@ from benchmarks.film_success import outcome
 from benchmarks.film_success import simulated as simulated_film
 from benchmarks.model_success import SETUPS, one
 from fitting import Measurement, Sample, simulate
+from fitting.problem.lanes import Ends
 from fitting.problem.observations import observations
-from fitting.problem.problem import targets_of
+from fitting.problem.problem import FitOptions, Problem
+from fitting.problem.programs import targets_of
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.samples.parameters import Settings
 from fitting.searching.neighbours import _other_lines
@@ -20,8 +22,7 @@ from fitting.searching.next_term import (
     oscillator,
     oscillators,
 )
-from fitting.searching.search import Asked, Solving
-from fitting.searching.starts import Ends, start_at
+from fitting.searching.starts import start_at
 
 ENERGY = np.linspace(1.3, 4.1, 40)
 STRONG = {"eps_inf": 2.0, "strength_ev2_1": 20.0, "resonance_ev_1": 3.2, "width_ev_1": 0.6}
@@ -38,7 +39,7 @@ def job(sample, m):
     seen = observations([m], "stated")
     u = unknowns(read, spectrum_of([m], read), Settings(), seen, "squares")
     outside = index_outside(read, seen.points.wavelength_um)
-    return Solving(u, seen, targets_of(u, seen, outside), Settings(), Asked())
+    return Problem(u, seen, targets_of(u, seen, outside), Settings(), FitOptions())
 
 
 @pytest.mark.parametrize("sample, columns, place", [

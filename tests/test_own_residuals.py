@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 from simulated import textbook
 
 from fitting import fit_residuals, own_residuals
-from fitting.searching.starts import Ends
+from fitting.problem.lanes import Ends
 
 TIMES = np.linspace(0.0, 4.0, 30)
 DECAY = {"height": (0.5, 5.0), "rate": {"start": (0.1, 10.0), "coordinate": "log", "unit": "1/s"}}

@@ -9,7 +9,7 @@ from simulated import textbook
 
 from fitting import Measurement, choose, fit
 from fitting.choice.selection import explains
-from fitting.problem.problem import HUBER
+from fitting.problem.programs import HUBER
 from fitting.uncertainty.likelihood import criteria
 
 RESIDUALS = np.random.default_rng(2).standard_t(3, 60) * 7e-3

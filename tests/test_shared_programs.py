@@ -9,12 +9,12 @@ from fitting.data.measurement import Measurement
 from fitting.fits import fit_checked
 from fitting.optics.observe import NCS, predicted
 from fitting.problem.observations import observations
-from fitting.problem.problem import Residuals, targets_of
+from fitting.problem.problem import FitOptions
+from fitting.problem.programs import Residuals, targets_of
 from fitting.problem.unknowns import spectrum_of, unknowns
 from fitting.samples.dispersion import parse_model, wider
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
-from fitting.searching.search import Asked
 from fitting.searching.starts import starts
 
 WAVES = np.linspace(0.4, 1.0, 24)
@@ -128,7 +128,7 @@ def test_a_special_case_is_the_same_fit_in_the_wider_program(model):
         for q in ("R_s", "R_p")
     }
     m = Measurement.from_columns(angle, wavelength, sigma=1e-3, **data)
-    asked = Asked("scaled", "quadratic")
+    asked = FitOptions("scaled", "quadratic")
     alone, shared = (
         fit_checked([m], Sample.parse(model), Settings(shared=wide), asked)
         for wide in (False, True)

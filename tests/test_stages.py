@@ -5,11 +5,12 @@ import pytest
 
 from fitting import Measurement, Sample, fit, simulate
 from fitting.fits import fit_checked
+from fitting.problem.lanes import LANES
+from fitting.problem.problem import FitOptions, Kept
 from fitting.samples.parameters import Settings
 from fitting.searching import neighbours, stages
 from fitting.searching.grown_starts import grown_starts
-from fitting.searching.search import Asked, Kept
-from fitting.searching.starts import LANES, start_at
+from fitting.searching.starts import start_at
 from fitting.searching.starts import starts as start_points
 from fitting.wavelengths import solving
 
@@ -55,8 +56,8 @@ def test_a_fit_with_other_weights_begins_from_the_minima_of_the_first(counted):
 def test_a_parameter_of_the_instrument_is_added_at_the_minima_without_it(counted):
     m, kept = measurement(1e-3), Kept({}, {})
     which = Sample.parse(SAMPLE.format("lorentz:2"))
-    without = fit_checked([m], which, Settings(), Asked("scaled", "quadratic", kept=kept))
-    asked = Asked("scaled", "quadratic", kept=kept, near="", kept_as="scale", thorough=False)
+    without = fit_checked([m], which, Settings(), FitOptions("scaled", "quadratic", kept=kept))
+    asked = FitOptions("scaled", "quadratic", kept=kept, near="", kept_as="scale", thorough=False)
     found = fit_checked([m], which, Settings(free=("scale",)), asked)
     assert counted[1] < counted[0] / 3
     assert found.chi2 <= without.chi2
@@ -64,7 +65,7 @@ def test_a_parameter_of_the_instrument_is_added_at_the_minima_without_it(counted
 
 def test_a_parameter_of_the_instrument_begins_where_it_was_fixed():
     which, settings = Sample.parse(SAMPLE.format("lorentz:2")), Settings(free=("scale",))
-    job = solving([measurement(1e-3)], which, settings, Asked(near="without"))
+    job = solving([measurement(1e-3)], which, settings, FitOptions(near="without"))
     free = [name for name in job.u.spec.moving if name != "scale_0"]
     known = {name: np.arange(8.0) for name in free}
     near = stages._near(job, Kept({}, {"without": known}))
@@ -75,7 +76,7 @@ def test_a_parameter_of_the_instrument_begins_where_it_was_fixed():
 
 def test_a_search_that_was_made_is_not_repeated(counted):
     m, which = measurement(1e-3), Sample.parse(SAMPLE.format("lorentz:1"))
-    asked = Asked("scaled", "quadratic", kept=Kept({}, {}), thorough=False)
+    asked = FitOptions("scaled", "quadratic", kept=Kept({}, {}), thorough=False)
     first = fit_checked([m], which, Settings(), asked)
     thorough = fit_checked([m], which, Settings(), asked._replace(thorough=True))
     fit_checked([m], which, Settings(), asked._replace(thorough=True, intervals="profile"))
@@ -94,13 +95,13 @@ def test_of_a_candidate_that_is_only_compared_fewer_further_starts_are_followed(
     m, which = measurement(1e-3), Sample.parse(SAMPLE.format("lorentz:1"))
     for thorough in (False, True):
         counts.append([])
-        fit_checked([m], which, Settings(), Asked("scaled", "quadratic", thorough=thorough))
+        fit_checked([m], which, Settings(), FitOptions("scaled", "quadratic", thorough=thorough))
     assert max(counts[0]) == LANES < max(counts[1])
 
 
 def test_a_term_is_added_to_the_minima_of_the_model_with_a_term_less(monkeypatch):
     m = measurement(0.0)
-    job = solving([m], Sample.parse(SAMPLE.format("lorentz:2")), Settings(), Asked())
+    job = solving([m], Sample.parse(SAMPLE.format("lorentz:2")), Settings(), FitOptions())
     names = list(job.u.spec.moving)
     one = {f"film.{name}": value for name, value in TRUTH.items() if not name.endswith("_2")}
     job.fewer = np.repeat(start_at(job.u.moving, one)[:, None], 8, 1)

@@ -18,12 +18,12 @@ import numpy as np
 
 from fitting.choice.candidates import MARGIN, Choice, Key
 from fitting.data.quantities import are_powers
+from fitting.problem.problem import FitOptions
 from fitting.results.diagnostics import Finding
 from fitting.results.result import Fit
 from fitting.results.result_parts import CONVERGED
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
-from fitting.searching.search import Asked
 from fitting.uncertainty.likelihood import corrected_aic
 
 OR = " or "
@@ -31,9 +31,9 @@ _NEUTRAL = "angle_offset"
 # Calibrations of reflectances are hardly wrong by more.
 MOST_GAIN = 0.1
 # Returns a fit: of this sample, with these settings and options.
-Fitted = Callable[[Sample, Settings, Asked], Fit]
+Fitted = Callable[[Sample, Settings, FitOptions], Fit]
 # Returns the fit of a candidate with these options.
-Run = Callable[[Key, Asked], Fit]
+Run = Callable[[Key, FitOptions], Fit]
 
 
 def several_samples(text: Any) -> tuple[Sample, ...]:
@@ -58,7 +58,7 @@ def of_samples(samples: Sequence[Sample], base: Settings, fitted: Fitted) -> Run
         bounds={**base.bounds, _NEUTRAL: (at - 1e-9, at + 1e-9)},
     )
 
-    def run(key: Key, asked: Asked) -> Fit:
+    def run(key: Key, asked: FitOptions) -> Fit:
         which = by_label[key.model]
         if key.free:
             return fitted(which, base._replace(free=(*base.free, *key.free)), asked)

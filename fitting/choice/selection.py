@@ -44,12 +44,12 @@ from fitting.data.measurement import Measurement, concatenate
 from fitting.data.quantities import are_powers
 from fitting.fits import fit_checked, measurements_of
 from fitting.optics.instrument import INSTRUMENT, instrument_parameter
+from fitting.problem.problem import FitOptions, Kept
 from fitting.results.result import Fit
 from fitting.results.result_parts import CONVERGED
 from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import AUTO, Sample
 from fitting.samples.sample_checks import check_fit
-from fitting.searching.search import Asked, Kept
 from fitting.uncertainty.intervals import QUADRATIC, check_choices
 
 # Models of which more terms are tried as long as they help, and the largest number of terms.
@@ -113,7 +113,7 @@ def _of_model(which: Sample, base: Settings, wanted: Sequence[str], fitted: Fitt
     media = zip(which.prefixes, which.media, strict=True)
     k = next(f"{prefix}k" for prefix, medium in media if medium.index == AUTO)
 
-    def run(key: Key, asked: Asked) -> Fit:
+    def run(key: Key, asked: FitOptions) -> Fit:
         # Candidates with an instrument parameter free share one program.
         quiet = {
             n: float(instrument_parameter(n).held or 0.0)
@@ -178,7 +178,7 @@ def choose(
     check_search(starts, start, seed)
     several = measurements_of(measurement)
     base = settings_of(free, fixed, bounds, priors, tie)
-    asked = Asked(errors, intervals, loss, seed, Kept({}, {}), starts, start)
+    asked = FitOptions(errors, intervals, loss, seed, Kept({}, {}), starts, start)
     fitted = partial(fit_checked, several)
     joined, one = concatenate(*several), len(samples) == 1
     mentioned = {name.partition("[")[0] for name in base.names}
@@ -189,7 +189,7 @@ def choose(
     else:
         run_one = of_samples(samples, base, fitted)
 
-    def run(key: Key, asked: Asked) -> Fit:
+    def run(key: Key, asked: FitOptions) -> Fit:
         return run_one(key, asked._replace(kept_as=key.label, near=_begun_from(key)))
 
     # BIC compares fits with the same weights. The model that is taken is then fitted as asked.

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from fitting.problem.problem import Problem
 from fitting.residuals.error_model import beyond_chance
 from fitting.results.result_parts import Estimate
-from fitting.searching.search import End, Solving
+from fitting.uncertainty.covariance import End
 from fitting.uncertainty.likelihood import reduced_chi2
 
 # A fit lies between its prior and what the data alone give: by chance it is farther from the prior
@@ -17,7 +18,7 @@ from fitting.uncertainty.likelihood import reduced_chi2
 PRIOR_ERRORS = 4.0
 
 
-def contradicted_errors(fit: Solving, end: End, taken: str) -> dict[str, dict[str, Any]]:
+def contradicted_errors(fit: Problem, end: End, taken: str) -> dict[str, dict[str, Any]]:
     """Return the findings on residuals that contradict the standard errors, values by code.
 
     taken: how these were used. The caller's own residuals are in units of them, too; where they are
@@ -37,7 +38,7 @@ def contradicted_errors(fit: Solving, end: End, taken: str) -> dict[str, dict[st
     return {code: values for code, is_so in told.items() if is_so}
 
 
-def contradicted_priors(fit: Solving, known: Mapping[str, Estimate]) -> dict[str, dict[str, Any]]:
+def contradicted_priors(fit: Problem, known: Mapping[str, Estimate]) -> dict[str, dict[str, Any]]:
     """Return the finding on priors from which the fit is far away, by code."""
     away = {}
     for moving in fit.u.moving:

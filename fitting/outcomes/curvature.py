@@ -11,9 +11,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from fitting.problem.lanes import STAGE
+from fitting.problem.problem import Problem
 from fitting.results.result_parts import FITTED, PROFILE, Estimate
-from fitting.searching.search import End, Solving
-from fitting.searching.starts import STAGE
+from fitting.uncertainty.covariance import End
 from fitting.uncertainty.intervals import Intervals
 
 # Half way to the end of an interval chi2 rises by 1/4 of its rise there if it is a square, by 1/16
@@ -21,7 +22,7 @@ from fitting.uncertainty.intervals import Intervals
 _RISES = 0.02
 
 
-def by_curvature(fit: Solving, end: End, found: Intervals, noise: float) -> End | None:
+def by_curvature(fit: Problem, end: End, found: Intervals, noise: float) -> End | None:
     """Return a minimum whose unseen parameters have intervals, as one without any; else None.
 
     found: the intervals at this minimum, all by profile. The parameters have no standard errors.

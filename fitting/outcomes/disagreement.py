@@ -11,9 +11,10 @@ from scipy.special import betainc, stdtr
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.model_at import Shown
 from fitting.problem.observations import labels_of
+from fitting.problem.slopes import slopes_at
 from fitting.results.diagnostics import Warning
 from fitting.results.result import Fit
-from fitting.uncertainty.covariance import UNSEEN, slopes_at
+from fitting.uncertainty.covariance import UNSEEN
 
 # Two files contradict each other if the probability of such a difference of their indices is below
 # this: four standard errors of the difference, more if few data determine these errors.

@@ -14,6 +14,7 @@ from fitting.outcomes.contradictions import contradicted_errors, contradicted_pr
 from fitting.outcomes.curvature import without_slope
 from fitting.outcomes.implausible_index import implausible_indices
 from fitting.problem.evaluation import at_data
+from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
 from fitting.residuals.error_model import OUT_OF_MODEL
 from fitting.residuals.pattern import pattern
@@ -22,7 +23,7 @@ from fitting.results.result_parts import AT_LOWER, AT_UPPER, PROFILE, Alternativ
 from fitting.samples.dispersion import CAUCHY_NAMES, Model
 from fitting.samples.known_media import Mixture
 from fitting.samples.sample import Sample
-from fitting.searching.search import End, Solving
+from fitting.uncertainty.covariance import End
 from fitting.uncertainty.intervals import OFF, Intervals
 
 # Parameters of one formula (A, B and C of Cauchy's) are usually correlated, which does no harm. A
@@ -215,7 +216,7 @@ def _by_the_model_alone(u: Unknowns, m: Measurement, end: End) -> bool:
     return normal or len({*zip(*columns, strict=True)}) == waves
 
 
-def _on_measured(fit: Solving, of: Subject, end: End) -> Iterator[Finding]:
+def _on_measured(fit: Problem, of: Subject, end: End) -> Iterator[Finding]:
     """Yield what is told of a measurement; rows of the caller's own residuals have no angle."""
     m, sample = of.measurement, of.sample
     if m is None or sample is None:
@@ -252,7 +253,7 @@ def _other_minima(known: Mapping[str, Estimate], others: tuple[Alternative, ...]
 
 
 def findings(
-    fit: Solving, of: Subject, f: Found, known: Mapping[str, Estimate], correlation: np.ndarray,
+    fit: Problem, of: Subject, f: Found, known: Mapping[str, Estimate], correlation: np.ndarray,
     taken: str,
 ) -> tuple[Finding, ...]:  # fmt: skip
     """Return the findings on a finished fit, the most serious first.

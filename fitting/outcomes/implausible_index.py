@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from fitting.optics.averages import values_at
+from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
 from fitting.samples.dispersion import CAUCHY_NAMES, Model
 from fitting.searching.film_starts import film_index, films_of
-from fitting.searching.search import End, Solving
+from fitting.uncertainty.covariance import End
 
 # The rise of eta with the logarithm of the wavelength from which on it is told, if it is more than
 # so many standard errors.
@@ -21,7 +22,7 @@ _LOW_ETA, _LOW_K = 1.25, 0.1
 
 
 def implausible_indices(
-    fit: Solving, end: End, wavelength_um: np.ndarray
+    fit: Problem, end: End, wavelength_um: np.ndarray
 ) -> dict[str, dict[str, Any]]:
     """Return the findings on such indices, their values by code."""
     out: dict[str, dict[str, Any]] = {}
@@ -56,7 +57,7 @@ def _rising(u: Unknowns, end: End, wavelength_um: np.ndarray) -> tuple[str, ...]
     return tuple(out)
 
 
-def _low(fit: Solving, end: End) -> dict[str, float]:
+def _low(fit: Problem, end: End) -> dict[str, float]:
     """Return the transparent films of low index, by the names of their eta, and the highest eta.
 
     A thick film of low index reflects like a thin one of higher index, but for weak fringes. 22 nm

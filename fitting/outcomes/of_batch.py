@@ -14,8 +14,10 @@ import numpy as np
 
 from fitting.data.measurement import Measurement
 from fitting.outcomes.findings import VAGUE, may_vanish
+from fitting.problem.curves import Curves, slopes
 from fitting.problem.evaluation import Evaluated
-from fitting.problem.lanes import Curves, Lanes, slopes
+from fitting.problem.lanes import Ends
+from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
 from fitting.residuals.error_model import OUT_OF_MODEL, beyond_chance, misses_without_freedom
 from fitting.results import result_parts as status
@@ -32,7 +34,6 @@ from fitting.results.result_parts import (
 from fitting.samples.parameters import value_and_slope
 from fitting.samples.sample import Sample
 from fitting.searching.minima import alternative_chi2
-from fitting.searching.search import Solving
 from fitting.uncertainty.covariance import Uncertainty, uncertainty
 from fitting.uncertainty.intervals import quadratic
 from fitting.uncertainty.limits import student_quantiles
@@ -89,7 +90,7 @@ class _Minima(NamedTuple):
 
 
 def _minima_of(
-    job: Solving, curves: Curves, dof: np.ndarray, ends: Lanes, which: np.ndarray
+    job: Problem, curves: Curves, dof: np.ndarray, ends: Ends, which: np.ndarray
 ) -> _Minima:
     """Return the minima of the curves ``which`` next to where they ended, by a last step."""
     u, stated = job.u, curves.sigma is not None
@@ -207,8 +208,8 @@ def _estimates(u: Unknowns, m: _Minima, t: np.ndarray, failed: np.ndarray, put: 
 
 
 def _others(
-    job: Solving, curves: Curves, dof: np.ndarray, m: _Minima, which: np.ndarray,
-    minima: Sequence[Lanes], scatter: np.ndarray, t: np.ndarray, put: _Shaped,
+    job: Problem, curves: Curves, dof: np.ndarray, m: _Minima, which: np.ndarray,
+    minima: Sequence[Ends], scatter: np.ndarray, t: np.ndarray, put: _Shaped,
 ) -> tuple[np.ndarray, tuple[Alternative, ...]]:  # fmt: skip
     """Return how many other minima each curve has that fit nearly as well, and the best of them."""
     width = _APART * m.known.edge * np.sqrt(scatter)[:, None]
@@ -226,7 +227,7 @@ def _others(
     some = np.flatnonzero(count)
     if not len(some):
         return count, ()
-    at = Lanes(np.zeros_like(minima[0].y), minima[0].cost, minima[0].done, minima[0].evaluations)
+    at = Ends(np.zeros_like(minima[0].y), minima[0].cost, minima[0].done, minima[0].evaluations)
     at.y[:, which[some]] = places[some].T
     found = _minima_of(job, curves, dof, at, which[some])
     own = _Shaped(put.shape, put.count, which[some])
@@ -275,7 +276,7 @@ def _unseen_names(u: Unknowns, known: Uncertainty) -> np.ndarray:
 
 @np.errstate(all="ignore")
 def fit_of_batch(
-    job: Solving, curves: Curves, dof: np.ndarray, best: Lanes, minima: Sequence[Lanes],
+    job: Problem, curves: Curves, dof: np.ndarray, best: Ends, minima: Sequence[Ends],
     shape: tuple[int, ...], sample: Sample,
 ) -> Fit:  # fmt: skip
     """Return the result of N curves.

@@ -10,6 +10,8 @@ import numpy as np
 from fitting.outcomes.curvature import by_curvature
 from fitting.outcomes.findings import Found, Subject, findings
 from fitting.problem.evaluation import Evaluated
+from fitting.problem.lanes import STAGE, Ends, best_of, joined
+from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
 from fitting.residuals.error_model import misses_without_freedom
 from fitting.results import result_parts as status
@@ -17,10 +19,10 @@ from fitting.results.diagnostics import Finding
 from fitting.results.result import Fit
 from fitting.results.result_parts import Alternative, ErrorModel, Estimate
 from fitting.samples.parameters import value_and_slope
+from fitting.searching.last_steps import refined
 from fitting.searching.minima import SAME_CHI2, Around, Minimum, minima, scatter_of
-from fitting.searching.search import End, Solving
-from fitting.searching.starts import STAGE, Ends, best_of, joined
 from fitting.searching.without_fringes import FRINGES, fringes_of, without_fringes
+from fitting.uncertainty.covariance import End
 from fitting.uncertainty.intervals import PROFILE, QUADRATIC, Intervals, intervals
 from fitting.uncertainty.likelihood import criteria
 from fitting.uncertainty.spline_errors import errors_of_curves, with_errors_of_curves
@@ -91,7 +93,7 @@ def _covariance(u: Unknowns, end: End) -> np.ndarray:
 
 
 def _minima(
-    fit: Solving, ends: Ends, look: Callable[[int], End], noise: float, scatter: float, most: float
+    fit: Problem, ends: Ends, look: Callable[[int], End], noise: float, scatter: float, most: float
 ) -> list[Minimum]:
     """Return the minima that fit nearly as well as the best one, the one to be shown first.
 
@@ -122,7 +124,7 @@ def _minima(
 
 
 def _intervals(
-    fit: Solving, every: Sequence[End], noise: float, wanted: str, enough: float = -np.inf
+    fit: Problem, every: Sequence[End], noise: float, wanted: str, enough: float = -np.inf
 ) -> list[Intervals]:
     """Return the intervals at the minimum that is shown and at the others.
 
@@ -139,17 +141,17 @@ def _intervals(
     ]
 
 
-def _rounding(fit: Solving, noise: float) -> float:
+def _rounding(fit: Problem, noise: float) -> float:
     """Return the size below which differences of the cost are rounding."""
     return 1e-27 * fit.squares / noise**2
 
 
-def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
+def fit_of(fit: Problem, ends: Ends, noise: float, of: Subject) -> Fit:
     """Return the result of a fit from the points (p, L) at which its starts ended."""
     u = fit.u
     best = best_of(ends)
     lane = int(np.argmin(ends.cost)) if best is None else best
-    end = fit.look_at(ends.y[:, lane], noise)
+    end = refined(fit, ends.y[:, lane], noise)
     failed = best is None or not end.finite
     scatter, most = scatter_of(fit, end.cost, noise)
     looked_at = {lane: end}
@@ -161,7 +163,7 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
 
     def look(lane: int) -> End:
         if lane not in looked_at:
-            looked_at[lane] = fit.look_at(ends.y[:, lane], noise, fell)
+            looked_at[lane] = refined(fit, ends.y[:, lane], noise, fell)
         return looked_at[lane]
 
     found = [] if failed else _minima(fit, ends, look, noise, scatter, most)
@@ -174,7 +176,7 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
         found = _minima(fit, ends, look, noise, scatter, most)
     if found and found[0].lane != lane:
         lane = found[0].lane
-        end = fit.look_at(ends.y[:, lane], noise)
+        end = refined(fit, ends.y[:, lane], noise)
     enough = SAME_CHI2 * scatter + _rounding(fit, noise)
     told = of.films and not failed and fit.asked.thorough
     plain = without_fringes(fit, end.y, noise) if told else None
@@ -195,7 +197,7 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
             first = next((m for m in found if fringes_of(fit, look(m.lane).y) < FRINGES), found[0])
             found.sort(key=lambda m: m is not first)
             lane, lowest = first.lane, end
-            end = fit.look_at(ends.y[:, lane], noise)
+            end = refined(fit, ends.y[:, lane], noise)
             rise = (max(plain.cost, end.cost) - lowest.cost) / scatter
             fringeless = plain.told(fit, end.y, lowest.y, rise)
     every = [end] + [look(m.lane) for m in found[1:]]
@@ -233,7 +235,7 @@ def fit_of(fit: Solving, ends: Ends, noise: float, of: Subject) -> Fit:
     )  # fmt: skip
 
 
-def _assembled(fit: Solving, of: Subject, noise: float, evaluations: int, f: Found) -> Fit:
+def _assembled(fit: Problem, of: Subject, noise: float, evaluations: int, f: Found) -> Fit:
     """Return the result of a fit whose best minimum is known."""
     u, seen, m = fit.u, fit.seen, of.measurement
     known = np.array([np.nan]) if m is None else np.unique(m.wavelength_um)
@@ -289,7 +291,7 @@ def _rms(residual: np.ndarray) -> float:
     return float(np.sqrt(np.mean(residual**2)))
 
 
-def _errors_taken(fit: Solving) -> str:
+def _errors_taken(fit: Problem) -> str:
     """Return how the fit used the errors of the data."""
     if fit.asked.errors == "stated":
         return "stated"

@@ -13,7 +13,7 @@ from fitting.optics.observe import NCS
 from fitting.problem.model_at import Shown
 from fitting.problem.observations import Observations, ncs_directions, observations, padded
 from fitting.problem.points import numbers, points_of
-from fitting.problem.problem import Targets, index_slopes
+from fitting.problem.programs import Targets, index_slopes
 from fitting.problem.unknowns import Unknowns, index_outside
 from fitting.process.compiled import fit_settings
 from fitting.results.result_parts import Evaluator, IndexBand, Prediction

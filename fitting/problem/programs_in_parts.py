@@ -32,7 +32,7 @@ from fitting.problem.optics_inputs import (
     quantities,
     still_of,
 )
-from fitting.problem.problem import (
+from fitting.problem.programs import (
     SOLVER,
     Bounds,
     Targets,

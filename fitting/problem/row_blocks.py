@@ -14,7 +14,7 @@ import numpy as np
 from jax import Array
 
 from fitting.optics.observe import Points
-from fitting.problem.problem import Targets
+from fitting.problem.programs import Targets
 
 # A call evaluates blocks of so many rows, one in each of so many columns. With 8192 points in a
 # call, not 2048, each takes a tenth longer, and more are evaluated for nothing if lanes are few. A

@@ -44,9 +44,27 @@ class Unknowns(NamedTuple):
         return np.array([u.free for u in self.moving], bool)
 
     @property
+    def own_names(self) -> list[str]:
+        """The names of the unknowns, "" of those that the model does not have."""
+        return [name if name in self.labels else "" for name in self.spec.moving]
+
+    @property
     def size(self) -> int:
         """The number p of moving parameters."""
         return len(self.moving)
+
+
+def terms_of(names: Sequence[str], head: str = "") -> list[list[int]]:
+    """Return the indices of the parameters of each numbered term of a medium, or of all."""
+    terms: dict[str, list[int]] = {}
+    for i, name in enumerate(names):
+        place, _, own = name.rpartition(".")
+        stem, _, number = own.rpartition("_")
+        if name.startswith(head) and number.isdigit() and stem.split("_")[0] in (
+            "strength", "resonance", "width", "amplitude"
+        ):  # fmt: skip
+            terms.setdefault(f"{place}{number}", []).append(i)
+    return list(terms.values())
 
 
 def index_outside(sample: Sample, wavelength_um: Any) -> Any:

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from fitting.problem.lanes import LANES, STAGE, Ends, best_of, joined
+from fitting.problem.problem import Problem
 from fitting.samples.parameters import from_parameter, value_and_slope
 from fitting.searching.last_steps import STAGES_ON, gone_on
 from fitting.searching.minima import lowest_ends, scatter_of
 from fitting.searching.next_term import oscillators
-from fitting.searching.search import Solving
-from fitting.searching.starts import LANES, STAGE, Ends, best_of, joined
 from fresnel_jax.dispersion import HC_EV_UM
 
 # Resonances that are tried, in units of that of each of so many of the lowest minima.
@@ -28,7 +28,7 @@ _FAR = 1.02
 _ROUNDS, _FALL = 3, 1e-3
 
 
-def with_far_oscillators(fit: Solving, ends: Ends, noise: float) -> Ends:
+def with_far_oscillators(fit: Problem, ends: Ends, noise: float) -> Ends:
     """Return the ends, and those with other resonances of the oscillators above the spectrum."""
     if fit.lanes < LANES or not oscillators(fit):
         return ends
@@ -45,7 +45,7 @@ def with_far_oscillators(fit: Solving, ends: Ends, noise: float) -> Ends:
     return ends
 
 
-def _other_resonances(fit: Solving, y: np.ndarray) -> np.ndarray:
+def _other_resonances(fit: Problem, y: np.ndarray) -> np.ndarray:
     """Return y (p, L) with each oscillator above the spectrum at other resonances, (p, S)."""
     energy = HC_EV_UM / fit.seen.points.wavelength_um[fit.seen.measured, 0]
     amid = float(np.median(energy))

@@ -9,16 +9,13 @@ is followed to the whole of the spectrum step by step.
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fitting.optics.observe import NCS
-
-if TYPE_CHECKING:
-    from fitting.problem.observations import Observations
-    from fitting.problem.problem import Targets
-    from fitting.searching.search import Solving
+from fitting.problem.observations import Observations
+from fitting.problem.problem import Problem
+from fitting.problem.programs import Targets
 
 # Number of parts in which a film is searched for; the factor by which they grow; the number of
 # evaluations of each; and how many of the lowest starts go on. In the end the _LAST_KEPT lowest
@@ -41,7 +38,7 @@ def parts(seen: Observations) -> list[np.ndarray]:
     return [used & (wavelength >= a) & (wavelength < b) for a, b in itertools.pairwise(ends)]
 
 
-def _at(fit: Solving, rows: np.ndarray) -> Targets:
+def _at(fit: Problem, rows: np.ndarray) -> Targets:
     """Return what is compared with the data of some rows only."""
     t = fit.targets
     weights = tuple(np.where(rows[:, None], w, 0.0) for w in t.weights)
@@ -51,7 +48,7 @@ def _at(fit: Solving, rows: np.ndarray) -> Targets:
 
 
 def followed_to_all(
-    fit: Solving, start: np.ndarray, each: list[np.ndarray], part: int, noise: float
+    fit: Problem, start: np.ndarray, each: list[np.ndarray], part: int, noise: float
 ) -> np.ndarray:
     """Return the points that the best of starts (p, S) in one part reach for the whole spectrum.
 

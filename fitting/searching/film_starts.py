@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fitting.optics.observe import NCS, Spec, medium_index
+from fitting.problem.lanes import LANES
 from fitting.problem.model_at import index_in_parts
+from fitting.problem.observations import Observations
+from fitting.problem.problem import Problem
 from fitting.process.compiled import compiled, fit_settings
 from fitting.samples.parameters import Unknown, from_parameter, start_range, value_and_slope
 from fitting.searching.fringes import likely_thicknesses, phase_rate
-from fitting.searching.starts import LANES
-
-if TYPE_CHECKING:
-    from fitting.problem.observations import Observations
-    from fitting.searching.search import Solving
 
 # Number of indices in the scan of the thickness, and of thicknesses that are taken from it; the
 # same for many starts. Each thickness is tried with these shifts, in parts of a period, since the
@@ -84,7 +82,7 @@ def _curves(seen: Observations) -> tuple[np.ndarray, np.ndarray]:
     return values, weights
 
 
-def film_index(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
+def film_index(fit: Problem, film: Film, y: np.ndarray) -> np.ndarray:
     """Return eta and k of a film in every lane of y (p, L), (2, M, L)."""
     spec, medium = fit.u.spec, film.medium
     with fit_settings():
@@ -99,7 +97,7 @@ def film_index(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
         return np.array([np.broadcast_to(x, shape)[:, : y.shape[1]] for x in found])
 
 
-def phase_rates(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
+def phase_rates(fit: Problem, film: Film, y: np.ndarray) -> np.ndarray:
     """Return the phase rate of every lane of y (p, L), (L, M)."""
     points, (eta, _) = fit.seen.points, film_index(fit, film, y)
     eta_i = np.broadcast_to(fit.targets.eta_i, points.wavelength_um.shape)[:, 0]
@@ -113,7 +111,7 @@ def middle(rates: np.ndarray) -> np.ndarray:
     return np.nanmedian(np.where(fringed, rates, np.nan), axis=1)
 
 
-def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
+def film_starts(fit: Problem, y: np.ndarray) -> np.ndarray:
     """Return more starts (p, S) for a sample with films; (p, 0) for one without.
 
     y: (p, L) starts as of any other sample, whose indices are the candidates for that of the film.
@@ -143,7 +141,7 @@ def film_starts(fit: Solving, y: np.ndarray) -> np.ndarray:
     return np.concatenate(each, 1)
 
 
-def _split(fit: Solving, films: list[Film], film: Film, y: np.ndarray) -> np.ndarray:
+def _split(fit: Problem, films: list[Film], film: Film, y: np.ndarray) -> np.ndarray:
     """Return y (p, L) with the phase of one film divided among all films at random.
 
     The strongest fringes of several films are often those of the light from the last interface,
@@ -161,7 +159,7 @@ def _split(fit: Solving, films: list[Film], film: Film, y: np.ndarray) -> np.nda
 
 
 def by_fringes(
-    fit: Solving, film: Film, y: np.ndarray, rates: np.ndarray, rows: np.ndarray, count: int,
+    fit: Problem, film: Film, y: np.ndarray, rates: np.ndarray, rows: np.ndarray, count: int,
     most: float = np.inf,
 ) -> np.ndarray:  # fmt: skip
     """Return starts (p, 4 count) from the fringes in some rows (bool, of all).
@@ -184,7 +182,7 @@ def by_fringes(
 
 
 def along_fringes(
-    fit: Solving, film: Film, y: np.ndarray, rows: np.ndarray, factors: Sequence[float]
+    fit: Problem, film: Film, y: np.ndarray, rows: np.ndarray, factors: Sequence[float]
 ) -> np.ndarray:
     """Return y (p, L) with the index times each of F factors and the phase as it is, (p, F L).
 
@@ -201,7 +199,7 @@ def along_fringes(
     return np.concatenate(out, 1)
 
 
-def scaled_index(fit: Solving, film: Film, y: np.ndarray, factor: float | np.ndarray) -> np.ndarray:
+def scaled_index(fit: Problem, film: Film, y: np.ndarray, factor: float | np.ndarray) -> np.ndarray:
     """Return y (p, L) with the film's index times a factor () or (L,), if its model allows."""
     out = y.copy()
     place = fit.u.spec.media.places[film.medium]
@@ -216,18 +214,18 @@ def scaled_index(fit: Solving, film: Film, y: np.ndarray, factor: float | np.nda
     return np.clip(out, low, high)
 
 
-def coordinate(fit: Solving, film: Film, um: np.ndarray) -> np.ndarray:
+def coordinate(fit: Problem, film: Film, um: np.ndarray) -> np.ndarray:
     """Return a thickness in the solver's coordinate."""
     kind = fit.u.moving[film.row].parameter.coordinate
     return from_parameter(kind, 1e3 * np.maximum(um, 0.0))
 
 
-def thickness_um(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
+def thickness_um(fit: Problem, film: Film, y: np.ndarray) -> np.ndarray:
     """Return the thickness of a film in every lane of y (p, L), (L,)."""
     return 1e-3 * value_and_slope(fit.u.moving[film.row].parameter.coordinate, y[film.row])[0]
 
 
-def many_fringes(fit: Solving, film: Film, y: np.ndarray) -> bool:
+def many_fringes(fit: Problem, film: Film, y: np.ndarray) -> bool:
     """Whether so thick a film may be looked for that its parts of the spectrum have fringes.
 
     y: (p, L) random starts, half of which have as many. A wrong minimum may have hardly any: its

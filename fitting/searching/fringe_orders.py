@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fitting.problem.lanes import Ends, best_of, joined
+from fitting.problem.problem import Problem
 from fitting.searching.film_starts import (
     Film,
     by_fringes,
@@ -26,10 +27,6 @@ from fitting.searching.film_starts import (
 )
 from fitting.searching.last_steps import followed
 from fitting.searching.minima import scatter_of
-from fitting.searching.starts import Ends, best_of, joined
-
-if TYPE_CHECKING:
-    from fitting.searching.search import Solving
 
 # Orders on either side of one that fits, and how many starts there are for them at most, of a film.
 _STEPS, _MOST = (1, -1, 2, -2), 200
@@ -39,7 +36,7 @@ _ALIKE, _AS_WELL = 12, 4.0
 _SAME = 0.4
 
 
-def beside(fit: Solving, film: Film, y: np.ndarray, orders: Sequence[int]) -> np.ndarray:
+def beside(fit: Problem, film: Film, y: np.ndarray, orders: Sequence[int]) -> np.ndarray:
     """Return starts (p, S) some fringe orders beside those of y (p, L), all lanes of each order.
 
     Within the bounds of the thickness. First with the index changed as much, so that the optical
@@ -59,7 +56,7 @@ def beside(fit: Solving, film: Film, y: np.ndarray, orders: Sequence[int]) -> np
     return np.concatenate(out, 1)
 
 
-def with_all_orders(fit: Solving, ends: Ends, noise: float) -> Ends:
+def with_all_orders(fit: Problem, ends: Ends, noise: float) -> Ends:
     """Return the ends, and those of the orders beside every end that fits as well as the best."""
     if best_of(ends) is not None:
         for film in films_of(fit.u.spec, fit.u.moving):
@@ -67,7 +64,7 @@ def with_all_orders(fit: Solving, ends: Ends, noise: float) -> Ends:
     return ends
 
 
-def _with_orders(fit: Solving, film: Film, ends: Ends, noise: float) -> Ends:
+def _with_orders(fit: Problem, film: Film, ends: Ends, noise: float) -> Ends:
     looked_at, asked = np.zeros(len(ends.cost), bool), 0
     known = np.empty((0, 2))
     while asked < _MOST:
@@ -93,7 +90,7 @@ def _with_orders(fit: Solving, film: Film, ends: Ends, noise: float) -> Ends:
     return ends
 
 
-def _alike(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
+def _alike(fit: Problem, film: Film, y: np.ndarray) -> np.ndarray:
     """Return starts (p, S) at other thicknesses with the same fringes at the measured points.
 
     Of y (p, 1) or (p, 0). Fringes that are sampled less than twice look like others with as many
@@ -105,7 +102,7 @@ def _alike(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
     return by_fringes(fit, film, y, rates, fit.seen.measured, _ALIKE, _AS_WELL)
 
 
-def _places(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
+def _places(fit: Problem, film: Film, y: np.ndarray) -> np.ndarray:
     """Return the thickness (um) and the number of fringes, (L, 2), of y (p, L)."""
     thickness = thickness_um(fit, film, y)
     return np.stack([thickness, thickness * middle(phase_rates(fit, film, y))], 1)

@@ -6,35 +6,26 @@ starts none, for one material in ten). One alone finds the strongest, the next o
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from fitting.problem.problem import Targets
-from fitting.problem.unknowns import Unknowns
+from fitting.problem.lanes import LANES, joined
+from fitting.problem.problem import Problem
+from fitting.problem.programs import Targets
+from fitting.problem.unknowns import terms_of
 from fitting.searching.minima import lowest_ends
-from fitting.searching.next_term import likely_lines, oscillators, terms_of
-from fitting.searching.starts import LANES, joined
-
-if TYPE_CHECKING:
-    from fitting.searching.search import Solving
+from fitting.searching.next_term import likely_lines, oscillators
 
 # Number of evaluations before the next term is added.
 _GROWING = 40
 
 
-def shown(u: Unknowns) -> list[str]:
-    """Return the names of the unknowns, "" of those that the model does not have."""
-    return [name if name in u.labels else "" for name in u.spec.moving]
-
-
-def grown_starts(fit: Solving, targets: Targets, start: np.ndarray, noise: float) -> np.ndarray:
+def grown_starts(fit: Problem, targets: Targets, start: np.ndarray, noise: float) -> np.ndarray:
     """Return starts (p, 2 LANES) that were grown term by term; (p, 0) for one term.
 
     start: (p, S) random ones. What the search of the model with a term less has found
     (``fit.fewer``) is not grown again.
     """
-    terms = terms_of(shown(fit.u))
+    terms = terms_of(fit.u.own_names)
     if len(terms) < 2 or start.shape[1] < LANES:
         return start[:, :0]
     low, high = fit.limits
@@ -54,7 +45,7 @@ def grown_starts(fit: Solving, targets: Targets, start: np.ndarray, noise: float
 
 
 def _with_term(
-    fit: Solving, best: np.ndarray, terms: list[list[int]], start: np.ndarray
+    fit: Problem, best: np.ndarray, terms: list[list[int]], start: np.ndarray
 ) -> list[np.ndarray]:
     """Return two pools of starts (p, LANES): ``best`` (p, 8) with the first of further terms.
 

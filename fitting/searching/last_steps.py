@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
+from fitting.problem.lanes import STAGE, Ends, best_of, joined
+from fitting.problem.problem import Problem
+from fitting.problem.slopes import Slopes, prior_rows
 from fitting.searching.minima import SAME_CHI2
-from fitting.searching.starts import STAGE, Ends, best_of, joined
-from fitting.uncertainty.covariance import Slopes, prior_rows
-
-if TYPE_CHECKING:
-    from fitting.searching.search import Solving
+from fitting.uncertainty.covariance import End, uncertainty_at
 
 # Number of undamped steps that are tried, and of evaluations along a curved valley.
 _STEPS, _EVALUATIONS = 3, 200
@@ -24,7 +23,7 @@ _TIMES = 8
 STAGES_ON, _LOOK = 8, STAGE // 2
 
 
-def followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> Ends:
+def followed(fit: Problem, start: np.ndarray, noise: float, best: float) -> Ends:
     """Return the ends of starts (p, S); those that will hardly become the best stop on the way.
 
     best: the best cost known; where it is infinite, none stops. A start goes on if it fell by more
@@ -45,7 +44,7 @@ def followed(fit: Solving, start: np.ndarray, noise: float, best: float) -> Ends
     return ends._replace(y=fit.in_order(ends.y))
 
 
-def gone_on(fit: Solving, ends: Ends, noise: float, below: float, aim: float, stages: int) -> None:
+def gone_on(fit: Problem, ends: Ends, noise: float, below: float, aim: float, stages: int) -> None:
     """Update the ends that do not rest yet and are below a cost, for so many stages at most.
 
     aim: the cost that makes one worth it. One stops that would not reach it in the stages that are
@@ -62,7 +61,7 @@ def gone_on(fit: Solving, ends: Ends, noise: float, below: float, aim: float, st
         fall[live] = np.maximum(before - ends.cost[live], 0.0)
 
 
-def down_the_valley(fit: Solving, ends: Ends, noise: float) -> Ends:
+def down_the_valley(fit: Problem, ends: Ends, noise: float) -> Ends:
     """Return the ends, and where the lowest of them leads if it was stopped on its way.
 
     In a narrow, curved valley a lane may need thousands of evaluations. It is not at rest then, and
@@ -83,7 +82,7 @@ def down_the_valley(fit: Solving, ends: Ends, noise: float) -> Ends:
 
 
 def polished(
-    fit: Solving, y: np.ndarray, noise: float, valley: bool = True
+    fit: Problem, y: np.ndarray, noise: float, valley: bool = True
 ) -> tuple[np.ndarray, Slopes]:
     """Return the minimum next to y (p,), and the derivatives there.
 
@@ -95,7 +94,7 @@ def polished(
         return y, s
     cost = fit.cost(s, y, noise)
     for _ in range(_STEPS):
-        step = fit.known(s, y, noise).step
+        step = uncertainty_at(fit, s, y, noise).step
         trial = np.clip(y + step, *fit.limits)
         there = fit.slopes(trial)
         found = fit.cost(there, trial, noise)
@@ -109,13 +108,13 @@ def polished(
     return y, s
 
 
-def _unit(fit: Solving, cost: float) -> float:
+def _unit(fit: Problem, cost: float) -> float:
     """Return the unit of chi2: that of the stated errors, else from the scatter."""
     return cost / max(fit.dof, 1) if fit.asked.scaled else 1.0
 
 
 def _along_the_valley(
-    fit: Solving, y: np.ndarray, s: Slopes, noise: float
+    fit: Problem, y: np.ndarray, s: Slopes, noise: float
 ) -> tuple[np.ndarray, Slopes]:
     """Return the bottom of a curved valley, in which an undamped step leads up its side.
 
@@ -152,3 +151,15 @@ def _along_the_valley(
     if fit.cost(there, lower, noise) < fit.cost(s, y, noise):
         return lower, there
     return y, s
+
+
+def refined(fit: Problem, y: np.ndarray, noise: float, polish: bool = True) -> End:
+    """Return the minimum next to y, the end of a lane, and its errors.
+
+    polish: take the last steps, too.
+    """
+    y, s = polished(fit, y, noise) if polish else (y, fit.slopes(y))
+    finite = all(bool(np.isfinite(a).all()) for a in (y, s.residual, s.jacobian))
+    if not finite:
+        s = s._replace(jacobian=np.zeros_like(s.jacobian), residual=np.zeros_like(s.residual))
+    return End(y, s, uncertainty_at(fit, s, y, noise), fit.cost(s, y, noise), finite)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.searching.starts import Ends
-
-if TYPE_CHECKING:
-    from fitting.searching.search import Solving
+from fitting.problem.lanes import Ends
+from fitting.problem.problem import Problem
 
 # The standard error that is assumed where neither stated errors nor scatter give one.
 ASSUMED_SIGMA = 1e-3
@@ -43,7 +41,7 @@ def alternative_chi2(dof: Any) -> Any:
     return np.where(dof > 0, many * np.expm1(2.0 * np.log(20.0) / many), ALTERNATIVE_CHI2)
 
 
-def scatter_of(fit: Solving, cost: float, noise: float) -> tuple[float, float]:
+def scatter_of(fit: Problem, cost: float, noise: float) -> tuple[float, float]:
     """Return the unit of differences of the cost, and up to which one a minimum is reported.
 
     cost: the lowest one.

@@ -6,10 +6,10 @@ are tried at the lowest minima, as long as this leads to lower ones.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from fitting.problem.lanes import LANES, SIFT, Ends, best_of, joined
+from fitting.problem.problem import Problem
 from fitting.samples.parameters import from_parameter, start_range, value_and_slope
 from fitting.searching.film_parts import followed_to_all, parts
 from fitting.searching.film_starts import (
@@ -25,10 +25,6 @@ from fitting.searching.fringe_orders import beside as orders_beside
 from fitting.searching.last_steps import down_the_valley, followed
 from fitting.searching.minima import SAME_MINIMUM, lowest_ends, lowest_lanes
 from fitting.searching.next_term import likely_lines, oscillators
-from fitting.searching.starts import LANES, SIFT, Ends, best_of, joined
-
-if TYPE_CHECKING:
-    from fitting.searching.search import Solving
 
 # Fringe orders beside the best minimum that are tried, and how many of them beside others.
 _ORDERS, _FEW = [sign * n for n in range(1, 9) for sign in (1, -1)], 6
@@ -42,7 +38,7 @@ _FAR = 300
 
 
 def with_neighbours(
-    fit: Solving, ends: Ends, start: np.ndarray, noise: float, thorough: bool = False
+    fit: Problem, ends: Ends, start: np.ndarray, noise: float, thorough: bool = False
 ) -> Ends:
     """Return the ends, and those of further starts near the lowest of them, as long as these help.
 
@@ -100,7 +96,7 @@ def with_neighbours(
     return ends
 
 
-def _is_noise(fit: Solving, y: np.ndarray) -> bool:
+def _is_noise(fit: Problem, y: np.ndarray) -> bool:
     """Whether the residuals at y look like noise: to three sigma they are not autocorrelated.
 
     And, if errors are stated, not larger than these.
@@ -112,7 +108,7 @@ def _is_noise(fit: Solving, y: np.ndarray) -> bool:
     return not (alike or large)
 
 
-def _crossed(fit: Solving, ends: Ends, start: np.ndarray, random: np.random.Generator):
+def _crossed(fit: Problem, ends: Ends, start: np.ndarray, random: np.random.Generator):
     """Return starts (p, LANES) made of the lowest ends with some parameters of random starts.
 
     A right thickness with a wrong dispersion, or the other way round, is a minimum of its own.
@@ -124,7 +120,7 @@ def _crossed(fit: Solving, ends: Ends, start: np.ndarray, random: np.random.Gene
     return mixed
 
 
-def _as_free_electrons(fit: Solving, y: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _as_free_electrons(fit: Problem, y: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Return y (p, L) with the first oscillator of a film as its free electrons, and a weak one.
 
     An oscillator below the spectrum does the same as free electrons, so that it may take their
@@ -146,7 +142,7 @@ def _as_free_electrons(fit: Solving, y: np.ndarray, other: np.ndarray) -> np.nda
     return out
 
 
-def _other_lines(fit: Solving, ends: Ends, seen: list[float]) -> np.ndarray:
+def _other_lines(fit: Problem, ends: Ends, seen: list[float]) -> np.ndarray:
     """Return starts (p, S): the lowest ends, each oscillator moved to where it explains most.
 
     seen: costs of the minima whose oscillators have been moved before, in this round too. These
@@ -165,7 +161,7 @@ def _other_lines(fit: Solving, ends: Ends, seen: list[float]) -> np.ndarray:
     return np.concatenate(out, 1)
 
 
-def _from_parts(fit: Solving, film: Film, ends: Ends, y: np.ndarray, noise: float) -> list[Ends]:
+def _from_parts(fit: Problem, film: Film, ends: Ends, y: np.ndarray, noise: float) -> list[Ends]:
     """Return the ends of starts from parts of the spectrum; y: candidates (p, L).
 
     A film that is opaque in most of the spectrum is described there with any thickness, and so the

@@ -8,18 +8,16 @@ ones are taken that lower the sum of squares most when the other parameters are 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from fitting.problem.problem import Problem
 from fitting.problem.programs_in_parts import in_parts
+from fitting.problem.slopes import slopes_at
+from fitting.problem.unknowns import terms_of
 from fitting.samples.parameters import LOG
-from fitting.uncertainty.covariance import slopes_at
 from fresnel_jax.dispersion import HC_EV_UM
-
-if TYPE_CHECKING:
-    from fitting.searching.search import Solving
 
 # Widths of the grid, evenly in the logarithm from half the step between two measured energies to
 # the largest energy; resonances within the spectrum, two for each step up to this number; and
@@ -34,20 +32,7 @@ _SEEN, _LEFT = 1e-9, 1e-12
 _MANY = 1000
 
 
-def terms_of(names: Sequence[str], head: str = "") -> list[list[int]]:
-    """Return the indices of the parameters of each numbered term of a medium, or of all."""
-    terms: dict[str, list[int]] = {}
-    for i, name in enumerate(names):
-        place, _, own = name.rpartition(".")
-        stem, _, number = own.rpartition("_")
-        if name.startswith(head) and number.isdigit() and stem.split("_")[0] in (
-            "strength", "resonance", "width", "amplitude"
-        ):  # fmt: skip
-            terms.setdefault(f"{place}{number}", []).append(i)
-    return list(terms.values())
-
-
-def oscillators(fit: Solving) -> list[list[int]]:
+def oscillators(fit: Problem) -> list[list[int]]:
     """Return the rows in y of strength, resonance and width of every free Lorentz oscillator."""
     names, moving = fit.u.spec.moving, fit.u.moving
     return [
@@ -76,13 +61,13 @@ def oscillator(energy: np.ndarray, resonance: Any, width: Any) -> np.ndarray:
     return 1.0 / (resonance**2 - energy**2 - 1j * energy * width)
 
 
-def _looked_at(fit: Solving) -> Solving:
+def _looked_at(fit: Problem) -> Problem:
     """Return the fit whose residuals are to be explained: of all data, or of some of many."""
     many = len(np.unique(fit.whole.seen.points.wavelength_um)) > _MANY
     return fit if many and in_parts(fit.u.spec, fit.targets) else fit.whole
 
 
-def by_eps(fit: Solving, y: np.ndarray, term: list[int]) -> Responses:
+def by_eps(fit: Problem, y: np.ndarray, term: list[int]) -> Responses:
     """Return the responses at y (p,), where the oscillator ``term`` has hardly any strength.
 
     The derivatives by its strength at two resonances and widths, whose eps differ in phase at every
@@ -166,7 +151,7 @@ def _condensed(known: Responses, toward: np.ndarray) -> tuple[np.ndarray, np.nda
     return np.tile(energy, 2), np.concatenate([size + 1j * turn, 1j * rest]), np.concatenate(seen)
 
 
-def likely_lines(fit: Solving, y: np.ndarray, term: list[int], count: int) -> np.ndarray:
+def likely_lines(fit: Problem, y: np.ndarray, term: list[int], count: int) -> np.ndarray:
     """Return starts (p, count): y (p,) with the oscillators that explain most of its residuals.
 
     term: rows of the oscillator to be placed, which has hardly any strength at y. If there are

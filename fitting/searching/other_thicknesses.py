@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from fitting.problem.lanes import LANES, STAGE, Ends, best_of, joined
+from fitting.problem.problem import Problem
 from fitting.searching.film_starts import (
     Film,
     coordinate,
@@ -19,8 +21,6 @@ from fitting.searching.film_starts import (
 )
 from fitting.searching.last_steps import STAGES_ON, gone_on
 from fitting.searching.minima import NEAR_CHI2, lowest_ends, scatter_of
-from fitting.searching.search import Solving
-from fitting.searching.starts import LANES, STAGE, Ends, best_of, joined
 from fitting.searching.weak_fringes import weak_fringes
 
 # Thicknesses that are tried, as parts of that of each of so many of the lowest minima.
@@ -31,7 +31,7 @@ _FRINGES = 2.0
 _THIN = 1e-3
 
 
-def with_other_thicknesses(fit: Solving, ends: Ends, start: np.ndarray, noise: float) -> Ends:
+def with_other_thicknesses(fit: Problem, ends: Ends, start: np.ndarray, noise: float) -> Ends:
     """Return the ends, and those at other thicknesses of thin films; starts that were left go on.
 
     start: (p, S) random starts.
@@ -55,7 +55,7 @@ def with_other_thicknesses(fit: Solving, ends: Ends, start: np.ndarray, noise: f
 
 
 def _at_thicknesses(
-    fit: Solving, film: Film, lowest: np.ndarray, random: np.ndarray, noise: float
+    fit: Problem, film: Film, lowest: np.ndarray, random: np.ndarray, noise: float
 ) -> list[Ends]:
     """Return the ends of starts whose thickness was held at first; none of a thick film.
 
@@ -79,7 +79,7 @@ def _at_thicknesses(
     return [fit.held(held.y, noise, STAGE)]
 
 
-def _near(fit: Solving, ends: Ends) -> float:
+def _near(fit: Problem, ends: Ends) -> float:
     """Return the cost up to which a start is near the best end, of which there is one."""
     least = float(ends.cost[ends.done].min())
     return least + NEAR_CHI2 * fit.unit(least)

@@ -2,40 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
-from functools import cached_property
-from typing import Any, NamedTuple
-
 import numpy as np
 
 from fitting.optics.observe import Spec
-from fitting.problem.model_at import Shown
-from fitting.problem.observations import Observations
-from fitting.problem.problem import Targets
-from fitting.problem.unknowns import Unknowns
-from fitting.samples.dispersion import Model
-from fitting.samples.parameters import Settings
-from fitting.searching.grown_starts import grown_starts, shown
-from fitting.searching.last_steps import polished
-from fitting.searching.next_term import terms_of
-from fitting.searching.starts import (
-    LANES,
-    SIFT,
-    Ends,
-    Limits,
-    best_of,
-    coordinate_bounds,
-    each_within,
-    run,
-)
-from fitting.uncertainty.covariance import (
-    Slopes,
-    Uncertainty,
-    loss_of,
-    prior_rows,
-    slopes_at,
-    uncertainty,
-)
+from fitting.problem.lanes import Ends, best_of
+from fitting.problem.problem import Problem
+from fitting.searching.grown_starts import grown_starts
 from fitting.uncertainty.likelihood import reduced_chi2
 
 # Largest number of rounds in which the noise of a robust loss is estimated, and the relative change
@@ -44,192 +16,23 @@ NOISE_ROUNDS, NOISE_SETTLED = 6, 1e-3
 _NO_NOISE = 1e9  # so large that a robust loss equals least squares
 
 
-class End(NamedTuple):
-    """One minimum with its derivatives and errors. finite: whether all of them are finite."""
-
-    y: np.ndarray
-    slopes: Slopes
-    known: Uncertainty
-    cost: float
-    finite: bool
+def _grown(fit: Problem, start: np.ndarray, noise: float, priors: bool = True) -> Ends:
+    """Return the ends of starts (p, S), and of others that are grown from them term by term."""
+    if isinstance(fit.u.spec, Spec):
+        grown = grown_starts(fit, fit.targets_at(noise, priors), start, noise)
+        start = np.concatenate([grown, start], 1)
+    return fit.run(start, noise, priors)
 
 
-class Kept(NamedTuple):
-    """What searches of the same measurements keep for each other.
-
-    ends: the ends and the noise of a search, by all that these depend on. lowest: the lowest ends
-    (8,) in each free unknown, by its name, of every search by `Asked.kept_as`.
-    """
-
-    ends: dict[Hashable, tuple[Ends, float]]
-    lowest: dict[str, dict[str, np.ndarray]]
-
-
-class Asked(NamedTuple):
-    """The options of a fit other than those of its parameters.
-
-    errors, intervals, loss, starts, start, seed: as `fitting.fit` has them. kept, kept_as: what
-    other searches left, and where this one leaves its own. near: `kept_as` of the search whose
-    lowest ends are of use here: of the same model with other weights or without a parameter of the
-    instrument, or of the one with a term less. thorough: whether the search goes on where it may
-    have missed the best minimum. See `stages`.
-    """
-
-    errors: str = "auto"
-    intervals: str = "auto"
-    loss: str = "squares"
-    seed: int = 0
-    kept: Kept | None = None
-    starts: int | None = None
-    start: Mapping[str, Any] | None = None
-    kept_as: str = ""
-    near: str | None = None
-    thorough: bool = True
-
-    @property
-    def scaled(self) -> bool:
-        """Whether the errors of the parameters are multiplied by the scatter."""
-        return self.errors != "stated"
-
-
-class Solving:
-    """One fit: everything that is the same in all its rounds."""
-
-    def __init__(
-        self, u: Unknowns, seen: Observations, targets: Targets, settings: Settings, asked: Asked,
-        whole: Solving | None = None,
-    ):  # fmt: skip
-        # Of a fit of a part of the data: that of all, whose residuals and derivatives are taken,
-        # since their program is compiled anyhow.
-        self.whole = whole or self
-        self.u, self.seen, self.targets, self.settings = u, seen, targets, settings
-        self.asked = asked
-        self.starts = 0
-        self.n_data = len(seen.row)
-        self.priors = sum(w.prior is not None for w in u.moving)
-        self.dof = max(self.n_data + self.priors - int(u.free.sum()), 0)
-        self.limits = coordinate_bounds(u.moving)
-        self.pooled: float | None = None  # scatter of many similar fits, if one has too few data
-        self.lanes = LANES
-        self.fewer: np.ndarray | None = None  # the lowest ends (p, 8) of a model with a term less
-        self.squares = seen.squares
-
-    @cached_property
-    def shown(self) -> Shown:
-        """What the model shows at any y."""
-        return Shown(self.u.spec, self.targets)
-
-    def in_order(self, y: np.ndarray) -> np.ndarray:
-        """Return y (p, L), the terms of each lane by rising resonance unless they are named."""
-        names = shown(self.u)
-        if any(n.rsplit("_", 1)[-1].isdigit() for n in self.settings.names):
-            return y
-        out, media = y.copy(), self.u.spec.media
-        for place, model in zip(media.places, media.index, strict=True):
-            groups = terms_of(names, f"{place}.")
-            if len(groups) < 2 or not isinstance(model, Model):
-                continue
-            key = next(i for i, n in enumerate(groups[0]) if ".resonance" in names[n])
-            rows = np.array(groups)  # (terms, parameters of a term)
-            if not model.exchangeable:
-                rows = rows[:-1]  # the last one is on the other side of the spectrum
-            order = np.argsort(y[rows[:, key]], axis=0, kind="stable")
-            for column in rows.T:
-                out[column] = np.take_along_axis(y[column], order, axis=0)
-        return out
-
-    def run(self, start: np.ndarray, noise: float, priors: bool = True, grow: bool = False) -> Ends:
-        """Return the ends of the starts at this noise, terms in order."""
-        targets = self.targets._replace(noise=np.float64(noise))
-        if not priors:
-            targets = targets._replace(prior_weight=np.zeros_like(targets.prior_weight))
-        if grow and isinstance(self.u.spec, Spec):
-            grown = grown_starts(self, targets, start, noise)
-            start = np.concatenate([grown, start], 1)
-        self.lanes, used = min(start.shape[1], LANES), 0
-        if start.shape[1] > LANES:
-            low, high = (a[:, None] for a in self.limits)
-            few = self.held(np.clip(start, low, high), noise, SIFT, targets=targets)
-            start, used = few.lowest(LANES), SIFT
-        size = max(self.dof, 1.0), self.squares / noise**2
-        one = np.zeros(start.shape[1], int)
-        ends = run(self.u.spec, targets, start, self.limits, *size, one)
-        return ends._replace(y=self.in_order(ends.y), evaluations=ends.evaluations + used)
-
-    def held(
-        self, start: np.ndarray, noise: float, steps: int, limits: Limits | None = None,
-        targets: Targets | None = None,
-    ) -> Ends:  # fmt: skip
-        """Return where starts (p, S) are after so many evaluations, in the program of `run`.
-
-        Terms stay in the order that they have. limits: bounds (p, S) of each start, if not those of
-        all. targets: what is compared with other data than all.
-        """
-        targets = (targets or self.targets)._replace(noise=np.float64(noise))
-        size = max(self.dof, 1.0), self.squares / noise**2
-        return each_within(
-            self.u.spec, targets, start, limits or self.limits, *size, steps, self.lanes
-        )
-
-    def pinned(self, start: np.ndarray, row: Any, noise: float, steps: int) -> Ends:
-        """Return `held`, of starts (p, S) of each of which one coordinate stays.
-
-        row: which one, () or (S,).
-        """
-        low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in self.limits)
-        start = np.clip(start, low, high)
-        at = row, np.arange(start.shape[1])
-        low[at] = high[at] = start[at]
-        return self.held(start, noise, steps, (low, high))
-
-    def slopes(self, y: np.ndarray) -> Slopes:
-        """Return residuals and derivatives at y, of all data."""
-        if not isinstance(self.u.spec, Spec):
-            from fitting.own_residuals import own_slopes
-
-            return own_slopes(self.u.spec, self.targets, y)
-        return slopes_at(self.whole.seen, self.whole.shown, y)
-
-    def cost(self, s: Slopes, y: np.ndarray, noise: float) -> float:
-        """Return the cost at y."""
-        off, _ = prior_rows(self.u, y)
-        return loss_of(self.u.spec.loss, s.residual / noise) + float(off @ off)
-
-    def unit(self, cost: float) -> float:
-        """Return a unit of chi2 where the lowest cost is ``cost``."""
-        scatter = cost / max(self.dof, 1)
-        return max(1.0, scatter) if self.seen.stated or not self.asked.scaled else scatter
-
-    def known(self, s: Slopes, y: np.ndarray, noise: float) -> Uncertainty:
-        """Return the uncertainty at y."""
-        return uncertainty(
-            self.u, s.residual, s.jacobian, y, self.limits, noise, self.dof, self.asked.scaled,
-            self.seen.stated, self.pooled,
-        )  # fmt: skip
-
-    def look_at(self, y: np.ndarray, noise: float, polish: bool = True) -> End:
-        """Return the minimum next to y, the end of a lane, and its errors.
-
-        polish: take the last steps, too.
-        """
-        y, s = polished(self, y, noise) if polish else (y, self.slopes(y))
-        finite = all(bool(np.isfinite(a).all()) for a in (y, s.residual, s.jacobian))
-        if not finite:
-            s = s._replace(
-                jacobian=np.zeros_like(s.jacobian), residual=np.zeros_like(s.residual)
-            )  # fmt: skip
-        return End(y, s, self.known(s, y, noise), self.cost(s, y, noise), finite)
-
-
-def solved(fit: Solving, start: np.ndarray) -> tuple[Ends, float]:
+def solved(fit: Problem, start: np.ndarray) -> tuple[Ends, float]:
     """Return the ends of all starts and the noise that they were run at."""
     loss, scaled = fit.u.spec.loss, fit.asked.scaled
     by_noise = loss != "squares" or (fit.priors > 0 and scaled)
     if not by_noise:
-        return fit.run(start, 1.0, grow=True), 1.0
+        return _grown(fit, start, 1.0), 1.0
     # Least squares without priors first, for a first idea of the noise.
     huge = _NO_NOISE if loss != "squares" else 1.0
-    ends, noise = fit.run(start, huge, priors=False, grow=True), 1.0
+    ends, noise = _grown(fit, start, huge, priors=False), 1.0
     if loss != "squares" and not scaled and fit.seen.stated:
         return fit.run(start, 1.0), 1.0
     least = 1e-9 * np.sqrt(fit.squares / max(fit.n_data, 1)) + 1e-300

@@ -14,22 +14,23 @@ from collections.abc import Hashable
 import jax
 import numpy as np
 
+from fitting.problem.lanes import LANES, Ends, joined
+from fitting.problem.problem import Kept, Problem
+from fitting.problem.unknowns import terms_of
 from fitting.searching.far_oscillators import with_far_oscillators
 from fitting.searching.fringe_orders import with_all_orders
-from fitting.searching.grown_starts import shown
 from fitting.searching.minima import lowest_ends
 from fitting.searching.neighbours import with_neighbours
-from fitting.searching.next_term import terms_of
 from fitting.searching.other_thicknesses import with_other_thicknesses
-from fitting.searching.search import Kept, Solving, solved
-from fitting.searching.starts import LANES, Ends, joined, start_at
+from fitting.searching.search import solved
+from fitting.searching.starts import start_at
 from fitting.searching.thinned import FOLLOWED, followed_with_all
 
 # Number of other starts beside the lowest ends of another search.
 _BESIDE = 2 * LANES
 
 
-def searched(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, float]:
+def searched(job: Problem, few: Problem, points: np.ndarray) -> tuple[Ends, float]:
     """Return where the starts (p, S) and those beside them ended, and the noise they were run at.
 
     few: the same fit, or one of some of the data, whose minima are then followed with all data. A
@@ -78,14 +79,14 @@ def searched(job: Solving, few: Solving, points: np.ndarray) -> tuple[Ends, floa
     return ends, noise
 
 
-def _key_of(fit: Solving, start: np.ndarray) -> Hashable:
+def _key_of(fit: Problem, start: np.ndarray) -> Hashable:
     """Return everything that the result of a search depends on, as a key."""
     own = [start, *fit.limits, *jax.tree.leaves(fit.targets)]
     asked = fit.asked.loss, fit.asked.scaled, fit.asked.near
     return fit.u.spec, asked, *(np.asarray(a).tobytes() for a in own)
 
 
-def _near(fit: Solving, kept: Kept) -> np.ndarray | None:
+def _near(fit: Problem, kept: Kept) -> np.ndarray | None:
     """Return the lowest ends (p, 8) of another search that are of use here, if there is one.
 
     A robust loss, and priors, estimate the noise from all starts.
@@ -101,7 +102,9 @@ def _near(fit: Solving, kept: Kept) -> np.ndarray | None:
     return np.clip(y, low[:, None], high[:, None])
 
 
-def _lacks_a_term(fit: Solving, kept: Kept) -> bool:
+def _lacks_a_term(fit: Problem, kept: Kept) -> bool:
     """Whether the model of the other search has a term less."""
     known, names = kept.lowest[str(fit.asked.near)], fit.u.spec.moving
-    return any(fit.u.free[i] and names[i] not in known for t in terms_of(shown(fit.u)) for i in t)
+    return any(
+        fit.u.free[i] and names[i] not in known for t in terms_of(fit.u.own_names) for i in t
+    )

@@ -24,8 +24,10 @@ import numpy as np
 
 from fitting.data.measurement import Measurement
 from fitting.optics.instrument import BEAM, SLIT
+from fitting.problem.lanes import Ends
 from fitting.problem.observations import Observations, observations
-from fitting.problem.problem import targets_of
+from fitting.problem.problem import Problem
+from fitting.problem.programs import targets_of
 from fitting.problem.programs_in_parts import in_parts
 from fitting.problem.row_blocks import ROWS
 from fitting.problem.unknowns import index_outside
@@ -33,8 +35,7 @@ from fitting.samples.sample import Sample
 from fitting.searching.film_starts import films_of
 from fitting.searching.last_steps import polished
 from fitting.searching.minima import ALTERNATIVE_CHI2, NEAR_CHI2, SAME_CHI2
-from fitting.searching.search import Solving
-from fitting.searching.starts import Ends
+from fitting.uncertainty.covariance import uncertainty_at
 
 # So many wavelengths are kept at least, and no phase between neighbours above that many periods,
 # for an index as high as that; but for the few gaps of `_whole_blocks`, of twice as many.
@@ -96,7 +97,7 @@ def _shared_out(m: Measurement) -> Measurement:
     return m.where(np.isin(point, some[_whole_blocks(len(some))]))
 
 
-def thinned(fit: Solving, sample: Sample, measurements: Sequence[Measurement]) -> Solving:
+def thinned(fit: Problem, sample: Sample, measurements: Sequence[Measurement]) -> Problem:
     """Return the fit that a search takes: of a part of the wavelengths, with thin averages.
 
     The same fit where neither is a gain, and but for least squares without priors: else the noise
@@ -111,10 +112,10 @@ def thinned(fit: Solving, sample: Sample, measurements: Sequence[Measurement]) -
     if seen is fit.seen and u is fit.u:
         return fit
     outside = index_outside(sample, seen.points.wavelength_um)
-    return Solving(u, seen, targets_of(u, seen, outside), fit.settings, fit.asked, whole=fit)
+    return Problem(u, seen, targets_of(u, seen, outside), fit.settings, fit.asked, whole=fit)
 
 
-def _some_of(fit: Solving, measurements: Sequence[Measurement]) -> Observations:
+def _some_of(fit: Problem, measurements: Sequence[Measurement]) -> Observations:
     """Return the observations of a part of the wavelengths, or of all."""
     films, cut = films_of(fit.u.spec, fit.u.moving), in_parts(fit.u.spec, fit.targets)
     if not films and (any(fit.u.spec.media.coherent) or not cut):
@@ -134,18 +135,18 @@ def _some_of(fit: Solving, measurements: Sequence[Measurement]) -> Observations:
     return seen if kind == (fit.seen.channels, fit.seen.curves, fit.seen.stated) else fit.seen
 
 
-def _at_rest(fit: Solving, y: np.ndarray) -> tuple[np.ndarray, float, bool]:
+def _at_rest(fit: Problem, y: np.ndarray) -> tuple[np.ndarray, float, bool]:
     """Return y (p,) at the minimum of all data beside it, the cost there, and whether it rests."""
     y, s = polished(fit, y, 1.0, valley=False)
     cost = fit.cost(s, y, 1.0)
     if not (np.isfinite(cost) and np.isfinite(s.jacobian).all()):
         return y, np.inf, False
-    step = np.clip(y + fit.known(s, y, 1.0).step, *fit.limits) - y
+    step = np.clip(y + uncertainty_at(fit, s, y, 1.0).step, *fit.limits) - y
     promised = float(s.residual @ s.residual - ((s.residual + s.jacobian @ step) ** 2).sum())
     return y, cost, promised <= _AT_REST * cost / max(fit.dof, 1)
 
 
-def followed_with_all(fit: Solving, few: Solving, ends: Ends) -> Ends:
+def followed_with_all(fit: Problem, few: Problem, ends: Ends) -> Ends:
     """Return ``ends`` of the fit ``few``, the lowest for all data at the minima of these.
 
     By undamped steps; where one that might be shown comes to no rest, by the solver. The other ends

@@ -10,16 +10,12 @@ that were .06 to 6 above the best minimum this led 18 to it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from fitting.problem.lanes import LANES, STAGE, Ends
+from fitting.problem.problem import Problem
 from fitting.searching.film_starts import Film, coordinate, phase_rates, scaled_index
 from fitting.searching.fringes import phase_rate, thickness_grid
-from fitting.searching.starts import LANES, STAGE, Ends
-
-if TYPE_CHECKING:
-    from fitting.searching.search import Solving
 
 # Evaluations of a film of a given thickness: so many tell whether it may fit; after so many the
 # lowest _SOME of all thicknesses are chosen.
@@ -29,7 +25,7 @@ _EVERY, _PARENTS = 2, 6
 
 
 def weak_fringes(
-    fit: Solving, film: Film, lowest: np.ndarray, random: np.ndarray, noise: float, below: float
+    fit: Problem, film: Film, lowest: np.ndarray, random: np.ndarray, noise: float, below: float
 ) -> list[Ends]:
     """Return the ends of films like a medium beside them, which had all thicknesses at first.
 
@@ -52,14 +48,14 @@ def weak_fringes(
     return out
 
 
-def _released(fit: Solving, film: Film, start: np.ndarray, noise: float) -> Ends:
+def _released(fit: Problem, film: Film, start: np.ndarray, noise: float) -> Ends:
     """Return the ends of the best of starts (p, S), whose thickness is held at first."""
     lowest = fit.pinned(start, film.row, noise, _FIRST).lowest(_SOME)
     lowest = fit.pinned(lowest, film.row, noise, _HELD).lowest(LANES)
     return fit.held(lowest, noise, STAGE)
 
 
-def _alike(fit: Solving, film: Film, y: np.ndarray) -> list[np.ndarray]:
+def _alike(fit: Problem, film: Film, y: np.ndarray) -> list[np.ndarray]:
     """Return a film (p, 1) like the medium before it, and one like that behind it.
 
     y: (p, L), one of which is taken. None of a film whose index is known.
@@ -75,7 +71,7 @@ def _alike(fit: Solving, film: Film, y: np.ndarray) -> list[np.ndarray]:
     return out
 
 
-def _beside(fit: Solving, film: Film, y: np.ndarray) -> list[np.ndarray]:
+def _beside(fit: Problem, film: Film, y: np.ndarray) -> list[np.ndarray]:
     """Return the phase rates (L, M) that a film would have with the index of a medium beside it."""
     points, media = fit.seen.points, fit.u.spec.media
     wavelength, angle = points.wavelength_um[:, 0], points.angle_deg[:, 0]
@@ -88,7 +84,7 @@ def _beside(fit: Solving, film: Film, y: np.ndarray) -> list[np.ndarray]:
     ]
 
 
-def _at_all_thicknesses(fit: Solving, film: Film, y: np.ndarray) -> np.ndarray:
+def _at_all_thicknesses(fit: Problem, film: Film, y: np.ndarray) -> np.ndarray:
     """Return y (p, 1) at thicknesses in even steps, (p, S)."""
     rate = phase_rates(fit, film, y)[0, fit.seen.measured]
     thickness = thickness_grid(rate, film.low_um, film.high_um).even[::_EVERY]

@@ -8,16 +8,15 @@ random films for which this was so, 92 were thinner than 100 nm.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from fitting.problem.lanes import LANES, SIFT, STAGE, Ends
+from fitting.problem.problem import Problem
 from fitting.searching.film_starts import Film, coordinate, films_of, phase_rates, thickness_um
 from fitting.searching.minima import lowest_ends
-from fitting.searching.starts import LANES, SIFT, STAGE, Ends, starts
-
-if TYPE_CHECKING:
-    from fitting.searching.search import Solving
+from fitting.searching.starts import starts
 
 # In one measurement of so many noise alone gives fringes that lower chi2 by more.
 _ONE_OF = 1000.0
@@ -44,7 +43,7 @@ class Fringeless(NamedTuple):
         return gain_by_chance(self.count)
 
     def told(
-        self, fit: Solving, shown: np.ndarray, lowest: np.ndarray, rise: float
+        self, fit: Problem, shown: np.ndarray, lowest: np.ndarray, rise: float
     ) -> dict[str, Any]:
         """Return the values of the warning.
 
@@ -71,18 +70,18 @@ def gain_by_chance(count: float) -> float:
     return float(2.0 * many + np.log(many))
 
 
-def fringes_of(fit: Solving, y: np.ndarray) -> float:
+def fringes_of(fit: Problem, y: np.ndarray) -> float:
     """Return how many fringes the film that may be thickest has in the data, at y (p,)."""
     film = films_of(fit.u.spec, fit.u.moving)[0]
     return float(thickness_um(fit, film, y[:, None])[0]) * _spread(fit, film, y)
 
 
-def _spread(fit: Solving, film: Film, y: np.ndarray) -> float:
+def _spread(fit: Problem, film: Film, y: np.ndarray) -> float:
     """Return how many fringes a micrometre of the film has in the data, at y (p,)."""
     return float(np.ptp(phase_rates(fit, film, y[:, None])[0, fit.seen.measured]))
 
 
-def without_fringes(fit: Solving, y: np.ndarray, noise: float) -> Fringeless | None:
+def without_fringes(fit: Problem, y: np.ndarray, noise: float) -> Fringeless | None:
     """Return the best film without fringes; None if that at y (p,) is one, or none is allowed."""
     films = films_of(fit.u.spec, fit.u.moving)
     if not films:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from fitting.problem.problem import Problem
 from fitting.samples.parameters import LOG, Unknown
 from fitting.uncertainty.beside_zero import TWO_SIDED, by_valley, other_roots, own_roots
-from fitting.uncertainty.covariance import Uncertainty
-
-if TYPE_CHECKING:
-    from fitting.searching.search import End, Solving
-    from fitting.uncertainty.profile import Search
+from fitting.uncertainty.covariance import End, Uncertainty
+from fitting.uncertainty.profile import Search
 
 # So many standard errors of the quadratic model.
 _NEAR = 8.0
@@ -34,14 +32,14 @@ def unbounded(u: Unknown, y: Any, known: Uncertainty, i: int) -> tuple[Any, Any]
     return np.where(np.isnan(sigma), np.nan, y + np.minimum(step, 0.0)), sigma
 
 
-def may_be_zero(fit: Solving, end: End, i: int) -> bool:
+def may_be_zero(fit: Problem, end: End, i: int) -> bool:
     """Whether a parameter that cannot be negative is so near to 0 that its ends may move."""
     value, sigma = unbounded(fit.u.moving[i], end.y[i], end.known, i)
     return bool(value < _NEAR * sigma)
 
 
 def _in_errors(
-    fit: Solving, end: End, t: float, i: int, ends: tuple[Search, Search]
+    fit: Problem, end: End, t: float, i: int, ends: tuple[Search, Search]
 ) -> tuple[float, float]:
     """Return the estimate of a parameter without the bound at 0, in standard errors, and one."""
     reach, sigma = map(float, unbounded(fit.u.moving[i], end.y[i], end.known, i))
@@ -54,7 +52,7 @@ def _in_errors(
 
 
 def aim_beside_zero(
-    fit: Solving, end: End, t: float, pairs: dict[int, tuple[Search, Search]]
+    fit: Problem, end: End, t: float, pairs: dict[int, tuple[Search, Search]]
 ) -> list[Search]:
     """Aim the searches of one minimum at where a truth is held in 95 %, and return those that move.
 

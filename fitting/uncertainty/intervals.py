@@ -17,22 +17,20 @@ bound. A standard error, however, assumes that a parameter on a bound stays ther
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.problem.problem import LOSSES
+from fitting.problem.problem import Problem
+from fitting.problem.programs import LOSSES
 from fitting.residuals.error_model import ERRORS
 from fitting.results.result_parts import NONE, PROFILE, QUADRATIC
 from fitting.samples.parameters import LOG, SQUARE, Unknown, from_parameter, value_and_slope
 from fitting.uncertainty.beside_zero import interval_from_zero
 from fitting.uncertainty.bounded_parameters import aim_beside_zero, may_be_zero, unbounded
-from fitting.uncertainty.covariance import Uncertainty
+from fitting.uncertainty.covariance import End, Uncertainty
 from fitting.uncertainty.limits import ROUNDING, student_quantile
 from fitting.uncertainty.profile import FEW_ROUNDS, ROUNDS, Base, Search, follow, visit
-
-if TYPE_CHECKING:
-    from fitting.searching.search import End, Solving
 
 AUTO = "auto"
 KINDS = (AUTO, QUADRATIC, PROFILE)
@@ -83,7 +81,7 @@ def _from_zero(moving: Sequence[Unknown], y: np.ndarray, known: Uncertainty, t: 
     return out
 
 
-def _of(fit: Solving, j: int, y: float) -> float:
+def _of(fit: Problem, j: int, y: float) -> float:
     """Return the parameter at the solver's coordinate."""
     return float(value_and_slope(fit.u.moving[j].parameter.coordinate, np.array(y))[0])
 
@@ -125,7 +123,7 @@ class _Pair(NamedTuple):
 
 
 def _pair(
-    fit: Solving, end: End, base: Base, at: int, j: int, ends: np.ndarray, t: float, wanted: str
+    fit: Problem, end: End, base: Base, at: int, j: int, ends: np.ndarray, t: float, wanted: str
 ) -> _Pair:
     """Return the searches, whose first places are the ends of the quadratic interval.
 
@@ -162,7 +160,7 @@ def _right(pair: _Pair) -> bool:
     return True
 
 
-def _start(fit: Solving, end: End, t: float) -> tuple[Intervals, Base]:
+def _start(fit: Problem, end: End, t: float) -> tuple[Intervals, Base]:
     """Return the quadratic intervals at a minimum, and from where the search goes out."""
     plain, limits = quadratic(fit.u.moving, end.y, end.known, t)
     with np.errstate(all="ignore"):
@@ -176,7 +174,7 @@ def _start(fit: Solving, end: End, t: float) -> tuple[Intervals, Base]:
 
 
 def intervals(
-    fit: Solving,
+    fit: Problem,
     ends: Sequence[End],
     noise: float,
     *,

@@ -22,8 +22,8 @@ import math
 
 import numpy as np
 
-from fitting.problem.problem import HUBER
-from fitting.uncertainty.covariance import influence, loss_of
+from fitting.problem.programs import HUBER
+from fitting.problem.slopes import influence, loss_of
 
 _EPS = float(np.finfo(float).eps)
 _ROOT = math.sqrt(2.0 * math.pi)

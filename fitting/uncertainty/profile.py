@@ -17,12 +17,11 @@ D. J. Venzon and S. H. Moolgavkar, Applied Statistics 37, 87 (1988), doi:10.2307
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from fitting.searching.search import Solving
+from fitting.problem.problem import Problem
 
 # An end is found if the root is this near to 1, or between two places this near to each other.
 CLOSE, TIGHT = 1e-3, 1e-4
@@ -250,7 +249,7 @@ def _through(far: Sequence[float], root: Sequence[float]) -> float:
     return d0 + (1.0 - r0) * (first + (1.0 - r1) * bend)
 
 
-def visit(fit: Solving, searches: Sequence[Search], noise: float) -> None:
+def visit(fit: Problem, searches: Sequence[Search], noise: float) -> None:
     """Visit the next places of every search that has no end yet.
 
     noise: what residuals are divided by.
@@ -272,7 +271,7 @@ def visit(fit: Solving, searches: Sequence[Search], noise: float) -> None:
 
 
 def follow(
-    fit: Solving, searches: Sequence[Search], noise: float, rounds: int, enough: float
+    fit: Problem, searches: Sequence[Search], noise: float, rounds: int, enough: float
 ) -> None:
     """Continue until every search has its end, or for the given number of rounds.
 

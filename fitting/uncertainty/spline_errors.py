@@ -11,19 +11,16 @@ errors off.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from fitting.problem.problem import Problem
+from fitting.problem.slopes import influence, prior_rows
 from fitting.problem.unknowns import Unknowns
 from fitting.samples.dispersion import Model
 from fitting.samples.parameters import value_and_slope
 from fitting.samples.spline_index import every_second_left_out
-from fitting.uncertainty.covariance import influence, inverse_of, prior_rows
-
-if TYPE_CHECKING:
-    from fitting.searching.search import End, Solving
-    from fitting.uncertainty.intervals import Intervals
+from fitting.uncertainty.covariance import End, inverse_of
+from fitting.uncertainty.intervals import Intervals
 
 # Share of the change by thinner knots that is taken as error. On the average a quarter is missing,
 # but it is not known where between two knots an edge lies: with a quarter, intervals at the worst
@@ -74,7 +71,7 @@ def with_errors_of_curves(
     )  # fmt: skip
 
 
-def errors_of_curves(fit: Solving, end: End, noise: float) -> np.ndarray:
+def errors_of_curves(fit: Problem, end: End, noise: float) -> np.ndarray:
     """Return the covariance (p, p) for the errors of indices and of fitted curves.
 
     That of the minimum for a sample without splines.
@@ -95,7 +92,7 @@ def errors_of_curves(fit: Solving, end: End, noise: float) -> np.ndarray:
 
 
 def _change_by_thinner_knots(
-    fit: Solving, y: np.ndarray, rows: np.ndarray, pull: np.ndarray, place: str, model: Model
+    fit: Problem, y: np.ndarray, rows: np.ndarray, pull: np.ndarray, place: str, model: Model
 ) -> np.ndarray:
     """Return by how much y (p,) changes to first order, within the bounds, with half of the knots.
 

@@ -1,0 +1,191 @@
+"""Many independent fits of one kind as lanes: their data, the solver on all of them, derivatives.
+
+The fits share the points, the sample, its unknowns and their bounds, and each has values of its
+own: the pixels of a map. A film of 60 wavelengths takes 30 us so, a fit by itself tens of ms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from fitting.optics.observe import NCS, Spec, predicted
+from fitting.problem.lanes import Ends
+from fitting.problem.observations import Observations, ncs_of, ncs_weights
+from fitting.problem.optics_inputs import along_the_normal
+from fitting.problem.programs import Bounds, Targets, rows_of, solve, weighted
+from fitting.problem.solver import START_DAMPING
+from fitting.process.compiled import compiled, fit_settings
+
+# Lanes of one call, and of the smallest one.
+_LANES, _FEW = 1024, 16
+# Evaluations in a stage, after which lanes that have ended make room, and in all.
+_STAGE, _MOST = 10, 120
+
+
+class Curves(NamedTuple):
+    """Values of N curves, (N, M) by quantity, NaN where there is none; sigma: the same, or None.
+
+    seen: the rows of a measurement that has every quantity at every one of the M points, in the
+    order of ``values``.
+    """
+
+    seen: Observations
+    values: Mapping[str, np.ndarray]
+    sigma: Mapping[str, np.ndarray] | None
+
+    @property
+    def count(self) -> int:
+        """The number N of curves."""
+        return len(next(iter(self.values.values())))
+
+    @property
+    def n_data(self) -> np.ndarray:
+        """The number of data of each curve, (N,)."""
+        return np.sum([np.isfinite(v).sum(1) for v in self.values.values()], 0)
+
+    def _rows(self, quantity: str, of: np.ndarray) -> np.ndarray:
+        """Return (n, M) of a quantity as rows of the points, (rows, n), NaN elsewhere."""
+        out = np.full((len(self.seen.points.angle_deg), len(of)), np.nan)
+        out[self.seen.row[self.seen.quantity == quantity]] = of.T
+        return out
+
+    def targets(self, base: Targets, pick: np.ndarray) -> Targets:
+        """Return the targets of the curves ``pick`` as lanes."""
+        values, weights = [], []
+        for quantity in (c for c in self.seen.channels if c != NCS):
+            value = self._rows(quantity, self.values[quantity][pick])
+            weight = np.isfinite(value).astype(float)
+            if self.sigma is not None:
+                weight = weight / np.nan_to_num(
+                    self._rows(quantity, self.sigma[quantity][pick]), nan=1.0
+                )
+            values.append(np.nan_to_num(value))
+            weights.append(weight)
+        base = base._replace(values=tuple(values), weights=tuple(weights))
+        if NCS not in self.seen.channels:
+            return base
+        psi, delta = (self._rows(q, self.values[q][pick]) for q in ("psi", "delta"))
+        errors = [
+            np.ones_like(psi) if self.sigma is None else self._rows(q, self.sigma[q][pick])
+            for q in ("psi", "delta")
+        ]
+        some = np.isfinite(psi)
+        W = ncs_weights(
+            np.where(some, psi, 45.0), np.where(some, delta, 0.0),
+            *(np.nan_to_num(e, nan=1.0) for e in errors), self.sigma is not None,
+        )  # fmt: skip
+        measured = ncs_of(np.where(some, psi, 0.0), np.nan_to_num(delta))
+        return base._replace(ncs=np.where(some, measured, 0.0), ncs_weights=np.where(some, W, 0.0))
+
+
+def _as_rows(targets: Targets) -> tuple[np.ndarray, np.ndarray]:
+    """Return what was measured, (K, M, L), and where; K counts NCS as three."""
+    measured, used = [*targets.values], [w > 0.0 for w in targets.weights]
+    if np.size(targets.ncs):
+        measured += [*targets.ncs]
+        used += list(np.abs(targets.ncs_weights).sum(0) > 0.0)
+    return np.stack(measured), np.stack(used)
+
+
+def _squares(targets: Targets) -> np.ndarray:
+    """Return the sum of squares of the data in units of their errors, (L,)."""
+    own = [(v * w) ** 2 for v, w in zip(targets.values, targets.weights, strict=True)]
+    if np.size(targets.ncs):
+        own += [*np.einsum("ijml,jml->iml", targets.ncs_weights, targets.ncs) ** 2]
+    return np.sum(own, (0, 1))
+
+
+def _width(count: int) -> int:
+    return min(_LANES, max(_FEW, 1 << (count - 1).bit_length()))
+
+
+def _calls(lanes: np.ndarray, width: int):
+    """Yield lanes in calls of one width: those that count, and all, the last of them repeated."""
+    for first in range(0, len(lanes), width):
+        some = lanes[first : first + width]
+        yield some, np.pad(some, (0, width - len(some)), "edge")
+
+
+def _spec(spec: Spec, targets: Targets) -> Spec:
+    return spec if np.any(targets.points.angle_deg) else along_the_normal(spec)
+
+
+def run_curves(
+    spec: Spec, base: Targets, curves: Curves, start: np.ndarray, which: np.ndarray,
+    limits: tuple[np.ndarray, np.ndarray], dof: np.ndarray,
+) -> Ends:  # fmt: skip
+    """Return where starts (p, L) end, each on the curve of a number ``which``, (L,).
+
+    limits: bounds (p,). dof: (N,) of each curve.
+    """
+    spec, count = _spec(spec, base), len(which)
+    low, high = (a[:, None] for a in limits)
+    out = Ends(
+        np.clip(start, low, high), np.full(count, np.inf), np.zeros(count, bool),
+        np.zeros(count, int),
+    )  # fmt: skip
+    damping, todo, width = np.full(count, START_DAMPING), np.arange(count), _width(count)
+    while len(todo):
+        for some, lanes in _calls(todo, width):
+            targets = curves.targets(base, which[lanes])
+            shape = (len(start), width)
+            bounds = Bounds(
+                np.broadcast_to(low, shape), np.broadcast_to(high, shape),
+                np.maximum(dof[which[lanes]], 1.0), _squares(targets),
+            )  # fmt: skip
+            with fit_settings():
+                found = solve(
+                    targets, out.y[:, lanes], damping[lanes], bounds, np.int64(_STAGE), spec=spec
+                )
+            y, cost, done, used, left = (np.asarray(a)[..., : len(some)] for a in found)
+            out.y[:, some], out.done[some], damping[some] = y, done, left
+            out.cost[some] = np.where(np.isfinite(cost), cost, np.inf)
+            out.evaluations[some] += used
+        todo = todo[~out.done[todo] & np.isfinite(out.cost[todo]) & (out.evaluations[todo] < _MOST)]
+    return out
+
+
+def _derivatives(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, Array, Array]:
+    """Return weighted residuals (C, M, L), derivatives (p, C, M, L), and channels (K, M, L)."""
+
+    def at(y: Array) -> tuple[Array, Array]:
+        values = spec.values(y, targets.held)
+        found = predicted(spec, values, targets.points, targets.eta_i, directions=len(y))
+        shape = (targets.points.angle_deg.shape[0], y.shape[1])
+        return jnp.stack(weighted(spec, found, targets)), rows_of(spec, found, shape)
+
+    (residual, shown), along = jax.linearize(at, y)
+    slopes = [along(jnp.zeros_like(y).at[j].set(1.0))[0] for j in range(len(y))]
+    return residual, jnp.stack(slopes), shown
+
+
+_derivatives_of = compiled(_derivatives, ("spec",))
+
+
+class Slopes(NamedTuple):
+    """Of n lanes: residual (n, R) weighted, jacobian (n, R, p), plain (n, K, M); NaN: no datum."""
+
+    residual: np.ndarray
+    jacobian: np.ndarray
+    plain: np.ndarray
+
+
+def slopes(spec: Spec, base: Targets, curves: Curves, y: np.ndarray, which: np.ndarray):
+    """Yield lanes, as numbers into ``which``, and the `Slopes` at y (p, L) of their curves."""
+    spec = _spec(spec, base)
+    for some, lanes in _calls(np.arange(len(which)), _width(len(which))):
+        targets = curves.targets(base, which[lanes])
+        with fit_settings():
+            found = _derivatives_of(targets, y[:, lanes], spec=spec)
+        r, J, shown = map(np.asarray, found)
+        measured, used = _as_rows(targets)
+        plain = np.where(used, shown - measured, np.nan)[..., : len(some)]
+        r, J, plain = (np.moveaxis(a[..., : len(some)], -1, 0) for a in (r, J, plain))
+        J = np.moveaxis(J, 1, -1)
+        yield some, Slopes(r.reshape(len(some), -1), J.reshape(len(some), -1, len(y)), plain)
