@@ -15,19 +15,19 @@ if TYPE_CHECKING:
     from .choice.selection import choose as choose
     from .data.errors import MeasurementError as MeasurementError
     from .data.measurement import Measurement as Measurement
+    from .fit_result import Fit as Fit
     from .fits import fit as fit
     from .measured_file import read_csv as read_csv
     from .own_residuals import fit_residuals as fit_residuals
     from .predictions import simulate as simulate
     from .process.start_up import cache_programs as cache_programs
-    from .results.result import Fit as Fit
     from .samples.dispersion import model_names as model_names
     from .samples.sample import Sample as Sample
 
 # The command line answers --help and refuses bad files without waiting 0.4 s for jax, so each name
 # is imported when it is first used.
 _HOME = {
-    "Fit": "results.result",
+    "Fit": "fit_result",
     "Measurement": "data.measurement",
     "MeasurementError": "data.errors",
     "Sample": "samples.sample",

@@ -18,6 +18,7 @@ from fitting.bare_surface.surface_fit import fit_surfaces
 from fitting.data.checks import unmasked
 from fitting.data.errors import MeasurementError
 from fitting.data.measurement import Measurement
+from fitting.fit_result import Fit
 from fitting.fits import fit_checked
 from fitting.outcomes.of_batch import fit_of_batch
 from fitting.problem.curves import Curves, run_curves
@@ -27,7 +28,7 @@ from fitting.process.progress import tell
 from fitting.refused_curves import without_refused
 from fitting.residuals.error_model import ADDED, NEED_STATED, beyond_chance
 from fitting.results.diagnostics import Finding, ranked
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 from fitting.results.result_parts import REFUSED
 from fitting.samples.parameters import Settings, check_search, from_parameter, settings_of
 from fitting.samples.sample import Sample
@@ -64,7 +65,7 @@ class _Batch(NamedTuple):
             job.u.spec, job.targets, self.curves, start, which, job.limits, self.dof
         )  # fmt: skip
 
-    def alone(self, i: int) -> Fit:
+    def alone(self, i: int) -> FitData:
         """Return the fit of one curve, searched from all starts."""
         angle, wavelength = self.columns
         values = {q: v[i] for q, v in self.curves.values.items()}
@@ -76,7 +77,7 @@ class _Batch(NamedTuple):
         asked = self.job.asked._replace(kept=Kept({}, {}), errors="scaled" if sigma else "equal")
         return fit_checked([m], self.sample, self.settings, asked)
 
-    def places(self, fit: Fit) -> np.ndarray:
+    def places(self, fit: FitData) -> np.ndarray:
         """Return where a fit of one curve and its alternatives are, (p, K)."""
         sets = [fit.parameters, *({**fit.parameters, **a.parameters} for a in fit.others[:_OTHERS])]
         return np.stack([self.y_of({n: e.value for n, e in s.items()}) for s in sets], 1)
@@ -245,12 +246,12 @@ def fit_many(
             "scaled" if errors == "auto" else errors, begin, check, seed,
         )  # fmt: skip
     if reasons is None:
-        return found
+        return Fit.of(found)
     at = np.reshape(reasons != "", found.shape)
     told = Finding("refused", at, {"reason": np.reshape(reasons, found.shape)})
-    return replace(
+    return Fit.of(replace(
         found, status=np.where(at, REFUSED, found.status), findings=ranked((told, *found.findings))
-    )  # fmt: skip
+    ))  # fmt: skip
 
 
 def _check_general(sample: Sample, errors: str, intervals: str, one: bool) -> None:
@@ -314,7 +315,7 @@ def _arrays(given: Mapping[str, Any], sigma: Any, angles_deg: Any, wavelength_um
 
 
 def _begin(
-    start: Mapping[str, Any] | None, near: Fit | None, shape: tuple[int, ...]
+    start: Mapping[str, Any] | None, near: FitData | None, shape: tuple[int, ...]
 ) -> dict[str, np.ndarray] | None:
     """Return values of parameters to begin from, () or (N,) each."""
     if near is None and start is None:
@@ -346,7 +347,7 @@ def _fit_curves(
     curves: Mapping[str, np.ndarray], sigma: Mapping[str, np.ndarray] | None,
     angle_deg: np.ndarray, wavelength_um: np.ndarray, shape: tuple[int, ...], sample: Sample,
     settings: Settings, errors: str, near: Mapping[str, Any] | None, check: int, seed: int,
-) -> Fit:  # fmt: skip
+) -> FitData:  # fmt: skip
     """Return the fits of values (N, M) by quantity, of batch shape ``shape``; see `fit_many`.
 
     near: name -> values (N,) of parameters, from which all curves begin.

@@ -23,6 +23,7 @@ from fitting.bare_surface.surface_fit import fit_bare_surface
 from fitting.bare_surface.verdicts import with_verdicts
 from fitting.data.measurement import Measurement, concatenate
 from fitting.data.quantities import POWERS
+from fitting.fit_result import Fit
 from fitting.free_films import check_free_film, fit_free_film, free_film
 from fitting.outcomes.batched import stacked
 from fitting.outcomes.disagreement import disagreement, may_disagree
@@ -32,7 +33,7 @@ from fitting.outcomes.pseudo_index import notes_on
 from fitting.problem.observations import missing_errors
 from fitting.problem.problem import FitOptions, Kept
 from fitting.residuals.error_model import NEED_STATED, RELATIVE
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
@@ -75,7 +76,7 @@ def _is_special(
 
 def _shared(
     measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: FitOptions
-) -> Fit:
+) -> FitData:
     """Return the fit of shared parameters."""
     job = solving(measurements, sample, settings, asked)
     u = job.u
@@ -97,7 +98,7 @@ def _shared(
 
 def fit_checked(
     measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: FitOptions
-) -> Fit:
+) -> FitData:
     """Return `fit` for checked arguments."""
     without = sum(int((~np.isfinite(m.sigma)).sum()) for m in measurements)
     if asked.errors in NEED_STATED and without:
@@ -129,7 +130,7 @@ def fit_checked(
     check_fit(measurements, sample)
     found = _general(measurements, sample, settings, asked)
 
-    def again(several: Sequence[Measurement], intervals: str) -> Fit:
+    def again(several: Sequence[Measurement], intervals: str) -> FitData:
         # Other weights move the minima little.
         near = asked._replace(intervals=intervals, near=asked.kept_as)
         return _general(several, sample, settings, near)
@@ -150,8 +151,8 @@ def _alone(
     sample: Sample,
     settings: Settings,
     asked: FitOptions,
-    found: Fit,
-) -> list[Fit]:
+    found: FitData,
+) -> list[FitData]:
     """Return the fit of each file by itself, started only from the minimum of the common fit.
 
     Other minima that a file has by itself do not matter. A file that cannot be fitted by itself
@@ -170,7 +171,7 @@ def _alone(
 
 def _general(
     measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: FitOptions
-) -> Fit:
+) -> FitData:
     """Return the fit of a general sample, with its stated errors or one factor on them."""
     waves = np.unique(np.concatenate([m.wavelength_um for m in measurements]))
     film = free_film(sample)
@@ -253,4 +254,4 @@ def fit(
     check_search(starts, start, seed)
     settings = settings_of(free, fixed, bounds, priors, tie)
     asked = FitOptions(errors, intervals, loss, seed, Kept({}, {}), starts, start)
-    return fit_checked(measurements, which, settings, asked)
+    return Fit.of(fit_checked(measurements, which, settings, asked))

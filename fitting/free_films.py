@@ -18,7 +18,7 @@ import numpy as np
 from fitting.data.measurement import Measurement
 from fitting.problem.problem import FitOptions
 from fitting.results.diagnostics import Finding
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 from fitting.results.result_parts import NONE, QUADRATIC, SHARED, Estimate
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import FREE, Sample
@@ -112,7 +112,7 @@ def _held(sample: Sample, which: int, thickness_nm: float) -> Sample:
 
 def fit_free_film(
     measurement: Measurement, sample: Sample, which: int, settings: Settings, asked: FitOptions
-) -> Fit:
+) -> FitData:
     """Return the fit of batch shape (W,), with the shared thickness among its parameters.
 
     which: of the media is the film; see `free_film`.
@@ -160,7 +160,7 @@ def fit_free_film(
     )  # fmt: skip
 
 
-def _with_thickness(found: Fit, moved: Fit, per_shift: float) -> Fit:
+def _with_thickness(found: FitData, moved: FitData, per_shift: float) -> FitData:
     """Return the fit (W,) with the error of the thickness in all errors.
 
     moved: the fit at another thickness. per_shift: the standard error over that difference.

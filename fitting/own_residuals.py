@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from fitting.fit_result import Fit
 from fitting.optics.observe import Media, Spec
 from fitting.outcomes.batched import stacked_fits
 from fitting.outcomes.findings import Subject
@@ -20,7 +21,7 @@ from fitting.problem.programs import Targets, targets_of, with_slopes
 from fitting.problem.slopes import Slopes
 from fitting.problem.unknowns import Unknowns, unknown_of
 from fitting.process.compiled import compiled, fit_settings
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 from fitting.samples.parameters import (
     LOG,
     PLAIN,
@@ -168,7 +169,9 @@ def _first_finite(u: Unknowns, targets: Targets, points: np.ndarray) -> Slopes:
     )
 
 
-def _one(u: Unknowns, data: Any, settings: Settings, asked: FitOptions, points: np.ndarray) -> Fit:
+def _one(
+    u: Unknowns, data: Any, settings: Settings, asked: FitOptions, points: np.ndarray
+) -> FitData:
     """Return the fit of one set of data."""
     none = np.empty(0)
     rows = Observations(
@@ -242,7 +245,7 @@ def fit_residuals(
         raise ValueError("the data are complex; give their real and imaginary parts as two arrays.")
     data = jax.tree.map(lambda a: np.asarray(a, float), data)
     if not batch:
-        return _one(u, data, settings, asked, points)
+        return Fit.of(_one(u, data, settings, asked, points))
     sizes = {len(a) if np.ndim(a) else 0 for a in jax.tree.leaves(data)}
     if len(sizes) != 1 or 0 in sizes:
         raise ValueError(
@@ -250,4 +253,4 @@ def fit_residuals(
             "one common length above 0 was wanted."
         )
     each = (jax.tree.map(lambda a, i=i: a[i], data) for i in range(sizes.pop()))
-    return stacked_fits([_one(u, one, settings, asked, points) for one in each])
+    return Fit.of(stacked_fits([_one(u, one, settings, asked, points) for one in each]))

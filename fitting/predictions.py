@@ -22,11 +22,11 @@ from fitting.samples.spline_index import NAME as SPLINE
 from fitting.samples.spline_index import without_knots
 
 if TYPE_CHECKING:
-    from fitting.results.result import Fit
+    from fitting.results.result import FitData
     from fitting.results.result_parts import Prediction
 
 
-def predict(fit: Fit, at: Any, quantity: Any, wavelength_um: Any) -> Prediction:
+def predict(fit: FitData, at: Any, quantity: Any, wavelength_um: Any) -> Prediction:
     """Return the prediction of a fit; see `Fit.predict`."""
     sample, evaluator = fit.sample, fit.evaluator
     if sample is None or evaluator is None:
@@ -67,7 +67,7 @@ def predict(fit: Fit, at: Any, quantity: Any, wavelength_um: Any) -> Prediction:
 _SAME = 1e-9
 
 
-def _at_fitted_wavelengths(fit: Fit, points: Measurement) -> Measurement:
+def _at_fitted_wavelengths(fit: FitData, points: Measurement) -> Measurement:
     """Return points at the wavelengths of a fit whose index is free at each of them.
 
     Raises ValueError for other wavelengths, at which the index is unknown.

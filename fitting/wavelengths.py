@@ -26,7 +26,7 @@ from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.progress import listening, tell
 from fitting.residuals.error_model import beyond_chance
 from fitting.results.diagnostics import Finding
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 from fitting.results.result_parts import CONVERGED, UNDETERMINED
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
@@ -108,7 +108,7 @@ def _levelled(ends: Ends) -> Ends:
     return ends._replace(cost=np.where(near, np.nextafter(least, np.inf), ends.cost))
 
 
-def _too_few(found: Fit) -> Fit:
+def _too_few(found: FitData) -> FitData:
     """Return ``found``, undetermined where there are fewer data than unknowns.
 
     Otherwise a single datum would seem to determine eta where k is at 0, the end of its range.
@@ -166,8 +166,8 @@ def jobs(
 
 def fit_wavelengths(
     measurement: Measurement, sample: Sample, settings: Settings, asked: FitOptions,
-    near: Fit | None = None,
-) -> Fit:  # fmt: skip
+    near: FitData | None = None,
+) -> FitData:  # fmt: skip
     """Return the fit of every wavelength by itself, batch shape (W,) in rising order.
 
     If a wavelength has fewer than five degrees of freedom, scaled errors use the scatter of all

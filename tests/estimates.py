@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fitting.results.result import Fit
+from fitting import Fit
 from fitting.results.result_parts import ErrorModel, Estimate
 from fitting.samples.sample import Sample
 

@@ -14,7 +14,7 @@ from fitting.data.measurement import Measurement
 from fitting.residuals.error_model import ADDED
 from fitting.residuals.pattern import pattern
 from fitting.results.diagnostics import Finding, ranked
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 
 
 def shaped(values: Any, a: Arranged) -> Any:
@@ -129,9 +129,9 @@ def findings(a: Arranged, f: Answer, taken: Taken, errors: str) -> tuple[Finding
 
 
 def with_order(
-    found: Fit, m: Measurement, which: np.ndarray, fitted: np.ndarray, noise: np.ndarray,
+    found: FitData, m: Measurement, which: np.ndarray, fitted: np.ndarray, noise: np.ndarray,
     stated: bool,
-) -> Fit:  # fmt: skip
+) -> FitData:  # fmt: skip
     """Return the fit with what the residuals of every wavelength say, each looked at by itself.
 
     m: the data. which: the wavelength of each datum, as a number from 0 on. fitted: the curve at

@@ -21,7 +21,7 @@ from fitting.problem.observations import missing_errors
 from fitting.residuals.error_model import NEED_STATED, sizes
 from fitting.residuals.pattern import pooled_pattern
 from fitting.results.diagnostics import Warning
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 from fitting.results.result_parts import (
     AT_LOWER,
     CONVERGED,
@@ -70,7 +70,7 @@ def _alternatives(a: Arranged, others: Others) -> tuple[Alternative, ...]:
 
 def _fit(
     a: Arranged, sample: Sample, errors: str, intervals: str, start: Mapping[str, Any] | None
-) -> tuple[Fit, Answer]:
+) -> tuple[FitData, Answer]:
     """Return what the engine finds as a `Fit` of the batch's shape, and as it found it."""
     begin = start_points(start, a)
     f = answer(a, errors == "stated", begin, intervals)
@@ -88,7 +88,7 @@ def _fit(
         chi2_reduced = np.where(f.dof > 0, v["chi2"] / f.dof, np.nan)
         rms = np.sqrt(s.plain / s.count)
     estimates = _estimates(a, v, f.known, f.status == CONVERGED)
-    found = Fit(
+    found = FitData(
         sample=sample, parameters=estimates, covariance=shaped(v["covariance"], a),
         wavelength_um=shaped(a.wavelength_um, a), chi2=shaped(v["chi2"], a),
         chi2_reduced=shaped(chi2_reduced, a), dof=shaped(f.dof.astype(int), a),
@@ -115,7 +115,7 @@ def fit_bare_surface(
     errors: str,
     intervals: str,
     start: Mapping[str, Any] | None = None,
-) -> Fit:
+) -> FitData:
     """Return eta and k of one bare surface from R_s, R_p and R, each wavelength by itself.
 
     Arguments as in `fitting.fit`; batch shape () for one wavelength, else (W,) in rising order.
@@ -152,7 +152,7 @@ def fit_bare_surface(
 def fit_surfaces(
     angles_deg: Any, arrays: Mapping[str, Any], sigma: Any, sample: Sample, errors: str,
     intervals: str, start: Mapping[str, Any] | None,
-) -> Fit:  # fmt: skip
+) -> FitData:  # fmt: skip
     """Return eta and k of bare surfaces from arrays of R_s, R_p and R, (..., M); see `fit_many`."""
     a = of_arrays(angles_deg, arrays, sigma if errors != "equal" else None, sample.eta_i)
     if errors in NEED_STATED and not a.stated:

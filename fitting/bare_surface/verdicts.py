@@ -15,7 +15,7 @@ from fitting.bare_surface.reflectances import CHANNELS
 from fitting.bare_surface.surface_fit import fit_bare_surface
 from fitting.outcomes.batched import stacked
 from fitting.results.diagnostics import Finding, ranked
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 from fitting.results.result_parts import CONVERGED, NOT_CONVERGED, UNDETERMINED, Estimate
 from fitting.samples.dispersion import Model
 
@@ -31,7 +31,7 @@ _MOST_LOSSLESS = 7.0
 _CONSTANT = Model("constant", 1)
 
 
-def with_verdicts(found: Fit, errors: str) -> Fit:
+def with_verdicts(found: FitData, errors: str) -> FitData:
     """Return a fit, undetermined where its data fit many indices of a bare surface equally well.
 
     Each wavelength is asked alone, and one index for all of them as one curve. errors: as in `fit`.

@@ -24,11 +24,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fitting.fit_result import Fit
 from fitting.residuals.error_model import beyond_chance
 from fitting.residuals.pattern import pattern
 from fitting.residuals.residuals import weighted_residuals
 from fitting.results.diagnostics import Finding, Warning
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 from fitting.results.result_parts import CONVERGED, NOT_CONVERGED
 
 # "Positive" evidence ends and "strong" begins at a difference of 6 (Kass and Raftery). With the
@@ -133,18 +134,19 @@ class Choice:
     def __str__(self) -> str:
         return str(self.fit)
 
-    def with_fit(self, fit: Fit) -> Choice:
+    def with_fit(self, found: FitData) -> Choice:
         """Return the choice with another fit of the sample taken."""
+        fit = Fit.of(found)
         taken = self.taken._replace(fit=fit)
         everyone = tuple(taken if c.key == taken.key else c for c in self.candidates)
         return replace(self, fit=fit, taken=taken, candidates=everyone)
 
 
-def candidate(key: Key, fit: Fit, errors: str) -> Candidate:
+def candidate(key: Key, fit: FitData, errors: str) -> Candidate:
     """Return a candidate; errors: how the stated errors are used, as in `fit`."""
     codes = {f.code for f in fit.findings}
     small = errors in ("auto", "stated") and {"chi2_small", "residuals_in_order"} <= codes
-    return Candidate(key, fit, small)
+    return Candidate(key, Fit.of(fit), small)
 
 
 def simplest(candidates: Sequence[Candidate]) -> Candidate:
@@ -197,17 +199,17 @@ def decide(tried: Sequence[Candidate]) -> Choice:
     return Choice(taken.fit, taken, tuple(everyone), tuple(reasons))
 
 
-def _in_errors(found: Fit) -> float:
+def _in_errors(found: FitData) -> float:
     """Return the size of the residuals in stated errors; outliers of a robust loss do not count."""
     if found.loss == "squares":
         return float(np.sqrt(found.chi2_reduced))
     m = found.measurement
     assert m is not None
-    off = np.abs(weighted_residuals(m, found.predict().value))
+    off = np.abs(weighted_residuals(m, found.fitted))
     return 1.4826 * float(np.median(off)) * float(np.sqrt(found.n_data / found.dof))
 
 
-def explains(found: Fit) -> bool:
+def explains(found: FitData) -> bool:
     """Whether the residuals of a fit look like noise.
 
     With stated errors they must not be larger than these; without, they must not be autocorrelated
@@ -217,7 +219,7 @@ def explains(found: Fit) -> bool:
         return not beyond_chance(_in_errors(found) ** 2, found.dof)[0]
     m, curve = found.measurement, found.curve
     assert m is not None and curve is not None
-    return pattern(m, found.predict().value, curve, stated=False) is None
+    return pattern(m, found.fitted, curve, stated=False) is None
 
 
 def with_doubt(choice: Choice) -> Choice:

@@ -20,7 +20,7 @@ from fitting.choice.candidates import MARGIN, Choice, Key
 from fitting.data.quantities import are_powers
 from fitting.problem.problem import FitOptions
 from fitting.results.diagnostics import Finding
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 from fitting.results.result_parts import CONVERGED
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
@@ -31,9 +31,9 @@ _NEUTRAL = "angle_offset"
 # Calibrations of reflectances are hardly wrong by more.
 MOST_GAIN = 0.1
 # Returns a fit: of this sample, with these settings and options.
-Fitted = Callable[[Sample, Settings, FitOptions], Fit]
+Fitted = Callable[[Sample, Settings, FitOptions], FitData]
 # Returns the fit of a candidate with these options.
-Run = Callable[[Key, FitOptions], Fit]
+Run = Callable[[Key, FitOptions], FitData]
 
 
 def several_samples(text: Any) -> tuple[Sample, ...]:
@@ -58,7 +58,7 @@ def of_samples(samples: Sequence[Sample], base: Settings, fitted: Fitted) -> Run
         bounds={**base.bounds, _NEUTRAL: (at - 1e-9, at + 1e-9)},
     )
 
-    def run(key: Key, asked: FitOptions) -> Fit:
+    def run(key: Key, asked: FitOptions) -> FitData:
         which = by_label[key.model]
         if key.free:
             return fitted(which, base._replace(free=(*base.free, *key.free)), asked)
@@ -70,7 +70,7 @@ def of_samples(samples: Sequence[Sample], base: Settings, fitted: Fitted) -> Run
     return run
 
 
-def with_gain_instead(choice: Choice, try_gain: Callable[[Key], Fit]) -> Choice:
+def with_gain_instead(choice: Choice, try_gain: Callable[[Key], FitData]) -> Choice:
     """Return the choice, with a warning if a smaller sample fits as well with a free scale.
 
     Reflectances that are 1 % low at all wavelengths are those of a thin oxide, too.
@@ -93,7 +93,7 @@ def with_gain_instead(choice: Choice, try_gain: Callable[[Key], Fit]) -> Choice:
     return choice.with_fit(replace(choice.fit, findings=(told, *choice.fit.findings)))
 
 
-def _without_unknowns(found: Fit) -> Fit:
+def _without_unknowns(found: FitData) -> FitData:
     """Return the fit of a sample without unknowns, from that of an angle offset that hardly moves.
 
     The offset counts neither in the degrees of freedom nor in the information criteria.

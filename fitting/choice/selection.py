@@ -45,7 +45,7 @@ from fitting.data.quantities import are_powers
 from fitting.fits import fit_checked, measurements_of
 from fitting.optics.instrument import INSTRUMENT, instrument_parameter
 from fitting.problem.problem import FitOptions, Kept
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 from fitting.results.result_parts import CONVERGED
 from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import AUTO, Sample
@@ -113,7 +113,7 @@ def _of_model(which: Sample, base: Settings, wanted: Sequence[str], fitted: Fitt
     media = zip(which.prefixes, which.media, strict=True)
     k = next(f"{prefix}k" for prefix, medium in media if medium.index == AUTO)
 
-    def run(key: Key, asked: FitOptions) -> Fit:
+    def run(key: Key, asked: FitOptions) -> FitData:
         # Candidates with an instrument parameter free share one program.
         quiet = {
             n: float(instrument_parameter(n).held or 0.0)
@@ -189,13 +189,13 @@ def choose(
     else:
         run_one = of_samples(samples, base, fitted)
 
-    def run(key: Key, asked: FitOptions) -> Fit:
+    def run(key: Key, asked: FitOptions) -> FitData:
         return run_one(key, asked._replace(kept_as=key.label, near=_begun_from(key)))
 
     # BIC compares fits with the same weights. The model that is taken is then fitted as asked.
     compared = asked._replace(errors="scaled" if errors == "auto" else errors, intervals=QUADRATIC)
 
-    def tried(key: Key, thorough: bool) -> Fit:
+    def tried(key: Key, thorough: bool) -> FitData:
         found = run(key, compared._replace(thorough=thorough or not one))
         # If the data determine only the product of thickness and index of a layer, a sample may
         # still be taken: the layer is there, although little is known of it.

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from fitting.choice.candidates import Candidate, Key, candidate, contenders, simplest
 from fitting.process.progress import tell
 from fitting.process.side_by_side import side_by_side
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 
 
 class Trials:
@@ -24,7 +24,7 @@ class Trials:
     """
 
     def __init__(
-        self, run: Callable[[Key, bool], Fit], progress: Callable[[str], None], errors: str
+        self, run: Callable[[Key, bool], FitData], progress: Callable[[str], None], errors: str
     ):
         self.run, self.progress, self.errors = run, progress, errors
         self.tried: dict[Key, Candidate] = {}

@@ -34,9 +34,9 @@ from fitting.process.visible import visible
 if TYPE_CHECKING:
     from fitting.choice.candidates import Choice
     from fitting.data.measurement import Measurement
+    from fitting.fit_result import Fit
     from fitting.output.export import OfFile
     from fitting.output.files import ResultFile
-    from fitting.results.result import Fit
 
 _DESCRIPTION = """\
 Fit the complex refractive index eta + i k of a surface, a plate or a film to

@@ -12,7 +12,7 @@ from fitting.data.errors import for_command
 from fitting.process.visible import visible
 
 if TYPE_CHECKING:
-    from fitting.results.result import Fit
+    from fitting.fit_result import Fit
 
 PROGRAM = "fresnel-fit"
 FITTED, NOT_FITTED, MISUSED = 0, 1, 2

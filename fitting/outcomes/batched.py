@@ -11,7 +11,7 @@ import numpy as np
 from fitting.data.measurement import Measurement
 from fitting.problem.evaluation import EachWavelength
 from fitting.results.diagnostics import Finding
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 from fitting.results.result_parts import NONE, TIED, Alternative, ErrorModel, Estimate
 
 _EACH = (
@@ -35,7 +35,7 @@ def _estimate(each: Sequence[Estimate]) -> Estimate:
     return replace(first, **{n: _stack([getattr(e, n) for e in each]) for n in names})
 
 
-def _alternatives(fits: Sequence[Fit]) -> tuple[Alternative, ...]:
+def _alternatives(fits: Sequence[FitData]) -> tuple[Alternative, ...]:
     """Return the alternatives of all fits, the first of each, the second of each, ..."""
     out = []
     for i in range(max(len(f.others) for f in fits)):
@@ -55,7 +55,7 @@ def _alternatives(fits: Sequence[Fit]) -> tuple[Alternative, ...]:
     return tuple(out)
 
 
-def _findings(fits: Sequence[Fit]) -> tuple[Finding, ...]:
+def _findings(fits: Sequence[FitData]) -> tuple[Finding, ...]:
     """Return the findings of all fits, one for each code, the most serious first."""
     from fitting.results.sentences import SENTENCES
 
@@ -76,7 +76,7 @@ def _findings(fits: Sequence[Fit]) -> tuple[Finding, ...]:
     return tuple(out)
 
 
-def stacked_fits(fits: Sequence[Fit]) -> Fit:
+def stacked_fits(fits: Sequence[FitData]) -> FitData:
     """Return fits of one kind, without a measurement, as one of batch shape (S,)."""
     first = fits[0]
     return replace(
@@ -90,7 +90,7 @@ def stacked_fits(fits: Sequence[Fit]) -> Fit:
     )  # fmt: skip
 
 
-def stacked(fits: Sequence[Fit], measurement: Measurement) -> Fit:
+def stacked(fits: Sequence[FitData], measurement: Measurement) -> FitData:
     """Return the fits of single wavelengths as one of batch shape (W,)."""
     quantities = tuple(dict.fromkeys(measurement.quantity.tolist()))
     kinds = dict.fromkeys(kind for f in fits for kind in f.rms_of)

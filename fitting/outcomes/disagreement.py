@@ -13,7 +13,7 @@ from fitting.problem.model_at import Shown
 from fitting.problem.observations import labels_of
 from fitting.problem.slopes import slopes_at
 from fitting.results.diagnostics import Warning
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 from fitting.uncertainty.covariance import UNSEEN
 
 # Two files contradict each other if the probability of such a difference of their indices is below
@@ -27,7 +27,7 @@ _WAVES = 5
 _Pair = tuple[str, tuple[float, float], tuple[float, float]]
 
 
-def may_disagree(found: Fit) -> bool:
+def may_disagree(found: FitData) -> bool:
     """Whether two files may contradict each other, so that separate fits are worth their time.
 
     This is an F test of the decrease of chi2 if each file took a least-squares step of its own
@@ -56,7 +56,7 @@ def _along(slopes: np.ndarray, residual: np.ndarray) -> np.ndarray:
     return u[:, spread > UNSEEN * spread.max()].T @ residual
 
 
-def disagreement(results: Sequence[Fit]) -> tuple[Warning, ...]:
+def disagreement(results: Sequence[FitData]) -> tuple[Warning, ...]:
     """Return a warning where the separate fits of two files contradict each other; else nothing.
 
     It compares the parameters that files share (all but scale and background), and eta and k: those
@@ -73,7 +73,7 @@ def disagreement(results: Sequence[Fit]) -> tuple[Warning, ...]:
     return (Warning("files_exclude", {}, said),) if least < EXCLUDING else ()
 
 
-def _alike(first: Fit, second: Fit) -> Iterator[tuple[Fit, Fit]]:
+def _alike(first: FitData, second: FitData) -> Iterator[tuple[FitData, FitData]]:
     """Yield the fits of two files that can be compared: of one wavelength, or of a model."""
     if first.sample is not None and not first.sample.by_wavelength:
         yield first, second
@@ -85,7 +85,7 @@ def _alike(first: Fit, second: Fit) -> Iterator[tuple[Fit, Fit]]:
                 yield first[a] if first.shape else first, second[b] if second.shape else second
 
 
-def _pairs(first: Fit, second: Fit) -> Iterator[_Pair]:
+def _pairs(first: FitData, second: FitData) -> Iterator[_Pair]:
     for name in first.names:
         if name in second.names and name.partition("[")[0] not in ("scale", "background"):
             a, b = first.parameters[name], second.parameters[name]
@@ -106,7 +106,7 @@ def _pairs(first: Fit, second: Fit) -> Iterator[_Pair]:
             yield f"{name} at {wavelength:.4g} um", values, sigmas
 
 
-def _differences(first: Fit, second: Fit) -> Iterator[tuple[float, dict[str, Any]]]:
+def _differences(first: FitData, second: FitData) -> Iterator[tuple[float, dict[str, Any]]]:
     """Yield the probability by chance of each difference, and the numbers of the sentence."""
     counted = [f.dof for f in (first, second) if f.errors.taken != "stated"]
     for name, values, sigmas in _pairs(first, second):

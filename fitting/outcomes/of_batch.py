@@ -22,7 +22,7 @@ from fitting.problem.unknowns import Unknowns
 from fitting.residuals.error_model import OUT_OF_MODEL, beyond_chance, misses_without_freedom
 from fitting.results import result_parts as status
 from fitting.results.diagnostics import Finding, ranked
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 from fitting.results.result_parts import (
     Alternative,
     ErrorModel,
@@ -278,7 +278,7 @@ def _unseen_names(u: Unknowns, known: Uncertainty) -> np.ndarray:
 def fit_of_batch(
     job: Problem, curves: Curves, dof: np.ndarray, best: Ends, minima: Sequence[Ends],
     shape: tuple[int, ...], sample: Sample,
-) -> Fit:  # fmt: skip
+) -> FitData:  # fmt: skip
     """Return the result of N curves.
 
     best: where the lowest lane of each ended; minima: where all lanes did, N at a time.
@@ -347,7 +347,7 @@ def fit_of_batch(
     taken = errors if stated else "equal"
     factor = np.sqrt(np.broadcast_to(m.known.variance, own.shape))
     none = status.NO_DATA
-    return Fit(
+    return FitData(
         sample=sample, parameters=parameters, covariance=np.asarray(put(covariance)),
         wavelength_um=waves[..., 0] if len(known) == 1 else waves,
         chi2=put(m.cost if stated else np.full_like(m.cost, np.nan)), chi2_reduced=put(reduced),

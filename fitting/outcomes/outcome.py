@@ -16,7 +16,7 @@ from fitting.problem.unknowns import Unknowns
 from fitting.residuals.error_model import misses_without_freedom
 from fitting.results import result_parts as status
 from fitting.results.diagnostics import Finding
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 from fitting.results.result_parts import Alternative, ErrorModel, Estimate
 from fitting.samples.parameters import value_and_slope
 from fitting.searching.last_steps import refined
@@ -146,7 +146,7 @@ def _rounding(fit: Problem, noise: float) -> float:
     return 1e-27 * fit.squares / noise**2
 
 
-def fit_of(fit: Problem, ends: Ends, noise: float, of: Subject) -> Fit:
+def fit_of(fit: Problem, ends: Ends, noise: float, of: Subject) -> FitData:
     """Return the result of a fit from the points (p, L) at which its starts ended."""
     u = fit.u
     best = best_of(ends)
@@ -235,7 +235,7 @@ def fit_of(fit: Problem, ends: Ends, noise: float, of: Subject) -> Fit:
     )  # fmt: skip
 
 
-def _assembled(fit: Problem, of: Subject, noise: float, evaluations: int, f: Found) -> Fit:
+def _assembled(fit: Problem, of: Subject, noise: float, evaluations: int, f: Found) -> FitData:
     """Return the result of a fit whose best minimum is known."""
     u, seen, m = fit.u, fit.seen, of.measurement
     known = np.array([np.nan]) if m is None else np.unique(m.wavelength_um)
@@ -272,7 +272,7 @@ def _assembled(fit: Problem, of: Subject, noise: float, evaluations: int, f: Fou
                               inside=(ranges.inside, ranges.t))  # fmt: skip
     with np.errstate(invalid="ignore"):
         factor = float(np.sqrt(end.known.variance))
-    return Fit(
+    return FitData(
         sample=of.sample, parameters=estimates | _fixed(u, end, estimates), covariance=of_x,
         wavelength_um=known if len(known) > 1 else float(known[0]),
         chi2=chi2, chi2_reduced=chi2 / fit.dof if fit.dof else np.nan, dof=fit.dof,

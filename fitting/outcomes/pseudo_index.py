@@ -14,7 +14,7 @@ import numpy as np
 from fitting.data.quantities import ANGLES
 from fitting.optics.observe import NCS
 from fitting.results.diagnostics import Warning
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 
 # N, C, S of a bare crystal are fitted within .003 (the errors of an ellipsometer), with the wrong
 # sign of Delta within .009, and those of 100 nm of hafnia on silica within .2, in measured files.
@@ -24,7 +24,7 @@ MISSED = 0.006
 MISSED_CHI2 = 10.8
 
 
-def notes_on(found: Fit) -> tuple[Warning, ...]:
+def notes_on(found: FitData) -> tuple[Warning, ...]:
     """Return the notes on a pseudo-index, fitted at each wavelength; none on other fits."""
     sample, m = found.sample, found.measurement
     bare = sample is not None and sample.bare and sample.by_wavelength

@@ -1,4 +1,4 @@
-"""`Fit`: the result of a fit. Data and short methods; nothing is computed here.
+"""`FitData`: the result of a fit, as data. `fitting.Fit` adds what is drawn, printed and written.
 
 A fit has one set of parameters for all data (a dispersion model, batch shape S = ()), or many
 independent ones: an index at every wavelength (S = (W,), in rising order), or any batch of curves
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,19 +21,15 @@ from fitting.results.result_parts import (
     Estimate,
     Evaluator,
     IndexBand,
-    Prediction,
     item,
     picked,
     place_of,
 )
 from fitting.samples.sample import Sample
 
-if TYPE_CHECKING:
-    import os
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Fit:
+class FitData:
     """The result of `fit`, `fit_many`, `choose` and `fit_residuals`. S: the batch shape (module).
 
     sample: the sample that was fitted; None for the caller's own residuals.
@@ -168,21 +164,11 @@ class Fit:
         every = (a.at(index) for a in self.others) if self.shape else iter(self.others)
         return tuple(a for a in every if np.isfinite(a.delta_chi2))
 
-    def predict(self, at: Any = None, quantity: Any = "R", wavelength_um: Any = None) -> Prediction:
-        """Return the values that the fitted sample gives, with their standard errors.
-
-        Args:
-            at: None for the data that were fitted; a `Measurement` for its rows; or angles of
-                incidence in degrees, (A,).
-            quantity: "R_s", "R_p", "R", "T", "psi", ... at the angles: one, or one for each angle.
-            wavelength_um: micrometres, at the angles: one, or one for each angle. Left out where
-                each fit of the batch has its own.
-
-        Returns: `Prediction` of shape (N,) at data and rows; S + (A,) at angles.
-        """
-        from fitting.predictions import predict
-
-        return predict(self, at, quantity, wavelength_um)
+    @property
+    def fitted(self) -> np.ndarray:
+        """The fitted curve at every datum, (N,)."""
+        assert self.evaluator is not None
+        return self.evaluator.predict(None).value
 
     def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
         """Return eta and k with standard errors, at wavelengths in micrometres.
@@ -198,17 +184,6 @@ class Fit:
             raise ValueError("this fit is of your own residuals; it has no sample and no index.")
         return self.evaluator.index(wavelength_um, medium)
 
-    @property
-    def residuals(self) -> np.ndarray:
-        """value - fitted of every datum, (N,); for Delta in -180 to 180."""
-        from fitting.residuals.residuals import residuals
-
-        if self.measurement is None:
-            raise ValueError(
-                "this fit keeps no data (fit_many). To keep them, fit a Measurement with fit(...)."
-            )
-        return residuals(self.measurement, self.predict().value)
-
     def __len__(self) -> int:
         if not self.shape:
             raise TypeError("this fit is one set of parameters and no batch; it has no length.")
@@ -217,10 +192,10 @@ class Fit:
     def __bool__(self) -> bool:
         return True  # a single fit has no length
 
-    def __iter__(self) -> Iterator[Fit]:
+    def __iter__(self) -> Iterator[FitData]:
         return (self[i] for i in range(len(self)))
 
-    def __getitem__(self, index: int | tuple[int, ...]) -> Fit:
+    def __getitem__(self, index: int | tuple[int, ...]) -> FitData:
         """Return the fit of one curve of a batch."""
         index = place_of(index, self.shape)
         m, curve = self.measurement, self.curve
@@ -242,53 +217,3 @@ class Fit:
             curve=curve,
             evaluator=None if self.evaluator is None else self.evaluator.at(index),
         )
-
-    def __repr__(self) -> str:
-        from fitting.output.summary import one_line
-
-        return one_line(self)
-
-    def __str__(self) -> str:
-        from fitting.output.summary import table
-
-        return table(self)
-
-    def _repr_html_(self) -> str:
-        from fitting.output.page import notebook
-
-        return notebook(self)
-
-    def plot(self, reference: str | None = None) -> Any:
-        """Return a matplotlib Figure of data, fit and residuals; ``reference``: a material."""
-        from fitting.output.pictures import draw
-
-        return draw(self, reference)
-
-    def report(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write a page and its files to a new or empty folder; ``overwrite``: to any folder."""
-        from fitting.output.files import report
-
-        report(self, folder, overwrite=overwrite)
-
-    def write_material(
-        self, path: str | os.PathLike[str], medium: str | None = None, *, overwrite: bool = False
-    ) -> Any:
-        """Write eta and k of a medium as refractiveindex.info YAML, and its errors as CSV.
-
-        ``overwrite``: in place of files that no fit wrote, too.
-        """
-        from fitting.output.files import write_material
-
-        return write_material(self, path, medium, overwrite=overwrite)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data for ``json.dumps``: NaN as None, arrays as lists, warnings as data."""
-        from fitting.output.export import to_dict
-
-        return to_dict(self)
-
-    def to_dataframe(self) -> Any:
-        """Return a pandas DataFrame: a row for each fit of the batch, else for each parameter."""
-        from fitting.output.export import to_dataframe
-
-        return to_dataframe(self)

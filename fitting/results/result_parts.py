@@ -144,6 +144,23 @@ class Evaluator(Protocol):
         ...
 
 
+class Comparison(Protocol):
+    """What is shown of the models that were compared (`choose`)."""
+
+    @property
+    def reasons(self) -> tuple[Any, ...]:
+        """Why the one that is shown was taken."""
+        ...
+
+    def table(self) -> list[list[str]]:
+        """Return rows of texts below a header."""
+        ...
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison as plain data."""
+        ...
+
+
 def item(value: Any, index: tuple[int, ...]) -> Any:
     """Return the part of ``value`` that belongs to one fit, if it is an array of a batch."""
     part = value[index] if isinstance(value, np.ndarray) and value.ndim else value

@@ -23,10 +23,10 @@ from fitting.residuals.error_model import (
 )
 from fitting.residuals.residuals import arcs, weighted_residuals
 from fitting.results.diagnostics import Finding, ranked
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 from fitting.uncertainty.intervals import QUADRATIC
 
-Run = Callable[[Sequence[Measurement], str], Fit]
+Run = Callable[[Sequence[Measurement], str], FitData]
 
 
 def _with_added(
@@ -49,13 +49,13 @@ class _Taken(NamedTuple):
 
 
 def _taken(
-    run: Run, several: Sequence[Measurement], found: Fit, errors: str, kind: str
+    run: Run, several: Sequence[Measurement], found: FitData, errors: str, kind: str
 ) -> _Taken | None:
     """Return the further error of a kind if the fit is to have it. run, found: see below."""
     joined, least = concatenate(*several), np.nan
     gain, s, weighed = -np.inf, 0.0, [*several]
     for left in reversed(range(ROUNDS)):
-        fitted, before = found.predict().value, (gain, s)
+        fitted, before = found.fitted, (gain, s)
         off = weighted_residuals(joined, fitted, stated=False)
         sigma = joined.sigma * arcs(joined, fitted)
         size = sizes(kind, fitted, are_powers(joined.quantity))
@@ -78,8 +78,8 @@ def _taken(
 
 
 def with_added_error(
-    run: Run, several: Sequence[Measurement], found: Fit, errors: str, intervals: str
-) -> Fit:
+    run: Run, several: Sequence[Measurement], found: FitData, errors: str, intervals: str
+) -> FitData:
     """Return the fit with a further error if it is asked for, or likelier than one factor.
 
     run: fits measurements again, with this kind of intervals. found: the fit with the stated errors
@@ -102,9 +102,9 @@ def with_added_error(
     return _told(found, best, concatenate(*several), most)
 
 
-def _told(found: Fit, best: Fit, joined: Measurement, added: _Taken) -> Fit:
+def _told(found: FitData, best: FitData, joined: Measurement, added: _Taken) -> FitData:
     """Return the fit with a further error, with the findings on it."""
-    fitted = best.predict().value
+    fitted = best.fitted
     square = (weighted_residuals(joined, fitted) ** 2).astype(float)
     if best.shape:
         _, which = np.unique(joined.wavelength_um, return_inverse=True)
@@ -129,7 +129,7 @@ def _told(found: Fit, best: Fit, joined: Measurement, added: _Taken) -> Fit:
     )  # fmt: skip
 
 
-def _apart(found: Fit, best: Fit) -> list[Finding]:
+def _apart(found: FitData, best: FitData) -> list[Finding]:
     """Return the finding on parameters that differ between the two fits, if any do."""
     if best.shape:
         return []

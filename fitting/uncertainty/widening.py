@@ -13,7 +13,7 @@ import numpy as np
 
 from fitting.residuals.error_model import widening
 from fitting.results.diagnostics import Finding
-from fitting.results.result import Fit
+from fitting.results.result import FitData
 from fitting.results.result_parts import TIED, Estimate
 
 
@@ -33,7 +33,7 @@ def wider(e: Estimate, factor: Any, ends: tuple[float, float]) -> Estimate:
     return replace(e, sigma=sigma, interval=wide, upper_limit=limit)
 
 
-def ranges(fit: Fit) -> dict[str, tuple[float, float]]:
+def ranges(fit: FitData) -> dict[str, tuple[float, float]]:
     """Return the range of every fitted parameter, by name."""
     of: Any = getattr(fit.evaluator, "each", (fit.evaluator,))[0]
     u = getattr(of, "unknowns", None)
@@ -71,7 +71,7 @@ def _finding(f: Finding, factor: Any, parameters: Mapping[str, Estimate]) -> Fin
     return replace(f, values={**f.values, **new})
 
 
-def widened(fit: Fit) -> Fit:
+def widened(fit: FitData) -> FitData:
     """Return the fit with errors times sqrt((1 + rho) / (1 - rho)) for autocorrelated residuals.
 
     rho is the lag-1 correlation of the residuals. Standard errors, intervals, limits, covariance

@@ -1,0 +1,83 @@
+"""`Fit`: the result of a fit with what users ask of it: curves, tables, pictures and files."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+
+from fitting.output import export, files, page, pictures, summary
+from fitting.predictions import predict
+from fitting.residuals.residuals import residuals
+from fitting.results.result import FitData
+from fitting.results.result_parts import Prediction
+
+
+class Fit(FitData):
+    """A `FitData` that can be asked for curves, printed, drawn and written.
+
+    Its attributes are those of `FitData`.
+    """
+
+    @classmethod
+    def of(cls, data: FitData) -> Fit:
+        """Return the result with these data."""
+        return cls(**vars(data))
+
+    def predict(self, at: Any = None, quantity: Any = "R", wavelength_um: Any = None) -> Prediction:
+        """Return the values that the fitted sample gives, with their standard errors.
+
+        Args:
+            at: None for the data that were fitted; a `Measurement` for its rows; or angles of
+                incidence in degrees, (A,).
+            quantity: "R_s", "R_p", "R", "T", "psi", ... at the angles: one, or one for each angle.
+            wavelength_um: micrometres, at the angles: one, or one for each angle. Left out where
+                each fit of the batch has its own.
+
+        Returns: `Prediction` of shape (N,) at data and rows; S + (A,) at angles.
+        """
+        return predict(self, at, quantity, wavelength_um)
+
+    @property
+    def residuals(self) -> np.ndarray:
+        """value - fitted of every datum, (N,); for Delta in -180 to 180."""
+        if self.measurement is None:
+            raise ValueError(
+                "this fit keeps no data (fit_many). To keep them, fit a Measurement with fit(...)."
+            )
+        return residuals(self.measurement, self.predict().value)
+
+    def __repr__(self) -> str:
+        return summary.one_line(self)
+
+    def __str__(self) -> str:
+        return summary.table(self)
+
+    def _repr_html_(self) -> str:
+        return page.notebook(self)
+
+    def plot(self, reference: str | None = None) -> Any:
+        """Return a matplotlib Figure of data, fit and residuals; ``reference``: a material."""
+        return pictures.draw(self, reference)
+
+    def report(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write a page and its files to a new or empty folder; ``overwrite``: to any folder."""
+        files.report(self, folder, overwrite=overwrite)
+
+    def write_material(
+        self, path: str | os.PathLike[str], medium: str | None = None, *, overwrite: bool = False
+    ) -> Any:
+        """Write eta and k of a medium as refractiveindex.info YAML, and its errors as CSV.
+
+        ``overwrite``: in place of files that no fit wrote, too.
+        """
+        return files.write_material(self, path, medium, overwrite=overwrite)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for ``json.dumps``: NaN as None, arrays as lists, warnings as data."""
+        return export.to_dict(self)
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas DataFrame: a row for each fit of the batch, else for each parameter."""
+        return export.to_dataframe(self)
