@@ -52,7 +52,7 @@ def shown(what: str, *, quiet: bool = False) -> Iterator[None]:
         yield
         return
     tqdm: Any = importlib.import_module("tqdm").tqdm
-    with tqdm(desc=what, leave=False, delay=1.0, miniters=0, file=sys.stderr) as bar:
+    with tqdm(desc=what, leave=False, delay=1.0, miniters=0, unit="", file=sys.stderr) as bar:
 
         def take(step: Step) -> None:
             if step.total:
