@@ -21,7 +21,7 @@ from fitting.data.measurement import Measurement
 from fitting.fit_result import Fit
 from fitting.fits import fit_checked
 from fitting.outcomes.of_batch import fit_of_batch
-from fitting.problem.curves import Curves, run_curves
+from fitting.problem.curve_lanes import Curves, run_curves
 from fitting.problem.lanes import Ends
 from fitting.problem.problem import FitOptions, Kept, Problem
 from fitting.process.progress import tell
@@ -68,7 +68,7 @@ class _Batch(NamedTuple):
     def alone(self, i: int) -> FitData:
         """Return the fit of one curve, searched from all starts."""
         angle, wavelength = self.columns
-        values = {q: v[i] for q, v in self.curves.values.items()}
+        values: dict[str, Any] = {q: v[i] for q, v in self.curves.values.items()}
         sigma = None if self.curves.sigma is None else {
             q: s[i] for q, s in self.curves.sigma.items()
         }  # fmt: skip
@@ -97,7 +97,8 @@ class _Batch(NamedTuple):
         """Return which curves are not described, (N,)."""
         reduced = best.cost / np.maximum(self.dof, 1)
         if self.curves.sigma is None:
-            return ~best.done | (reduced > _FAR * np.nanmedian(reduced[best.done], initial=0.0))
+            usual = np.median(reduced[best.done]) if best.done.any() else 0.0
+            return ~best.done | (reduced > _FAR * usual)
         return ~best.done | beyond_chance(reduced, self.dof)[0]
 
 
@@ -280,9 +281,9 @@ def _check_general(sample: Sample, errors: str, intervals: str, one: bool) -> No
 
 def _arrays(given: Mapping[str, Any], sigma: Any, angles_deg: Any, wavelength_um: Any) -> tuple:
     """Return values and errors (N, M) by quantity, angles and wavelengths (M,), and the shape."""
+    wavelength: Any = np.nan if wavelength_um is None else wavelength_um
     try:
-        angle = np.asarray(angles_deg, float)
-        wavelength = np.asarray(np.nan if wavelength_um is None else wavelength_um, float)
+        angle, wavelength = np.asarray(angles_deg, float), np.asarray(wavelength, float)
         points = np.broadcast_shapes((1,), angle.shape, wavelength.shape)
         values = {q: np.asarray(v, float) for q, v in given.items()}
         sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(values, sigma)
@@ -296,7 +297,7 @@ def _arrays(given: Mapping[str, Any], sigma: Any, angles_deg: Any, wavelength_um
         shapes = ", ".join(f"{q} {np.shape(v)}" for q, v in given.items())
         raise ValueError(
             f"the arrays do not go together ({error}): angles_deg {np.shape(angles_deg)}, "
-            f"wavelength_um {np.shape(wavelength_um)}, {shapes}. One angle and wavelength for each "
+            f"wavelength_um {np.shape(wavelength)}, {shapes}. One angle and wavelength for each "
             "of M points were wanted, (M,), and values (..., M)."
         ) from None
     stray = [q for q in errors if q not in whole]
@@ -449,7 +450,7 @@ def _pattern(
     """Return a measurement of all quantities at all points, with values that are those of none."""
     middle = {"psi": (20.0, 70.0), "delta": (60.0, 300.0)}
     rows = len(angle_deg)
-    values = {q: np.linspace(*middle.get(q, (0.2, 0.8)), rows) for q in curves}
+    values: dict[str, Any] = {q: np.linspace(*middle.get(q, (0.2, 0.8)), rows) for q in curves}
     errors = {q: 1e-3 for q in curves} if sigma else None
     return Measurement.from_columns(
         angle_deg, wavelength_um, sigma=errors, source="the arrays", **values

@@ -11,7 +11,7 @@ import numpy as np
 from jax import Array
 
 from fitting.fit_result import Fit
-from fitting.optics.observe import Media, Spec
+from fitting.optics.spec import Media, Spec
 from fitting.outcomes.batched import stacked_fits
 from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of

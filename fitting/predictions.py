@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,18 +15,18 @@ from fitting.problem.points import points_of
 from fitting.problem.programs import shown
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.compiled import fit_settings
+from fitting.results.result import FitData
+from fitting.results.result_parts import Prediction
 from fitting.samples.parameters import settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_points, check_quantities
 from fitting.samples.spline_index import NAME as SPLINE
 from fitting.samples.spline_index import without_knots
 
-if TYPE_CHECKING:
-    from fitting.results.result import FitData
-    from fitting.results.result_parts import Prediction
 
-
-def predict(fit: FitData, at: Any, quantity: Any, wavelength_um: Any) -> Prediction:
+def predict(
+    fit: FitData, at: Any = None, quantity: Any = "R", wavelength_um: Any = None
+) -> Prediction:
     """Return the prediction of a fit; see `Fit.predict`."""
     sample, evaluator = fit.sample, fit.evaluator
     if sample is None or evaluator is None:

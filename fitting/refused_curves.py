@@ -29,7 +29,7 @@ def without_refused(given: _Arrays, sigma: Any) -> tuple[_Arrays, Any, np.ndarra
         return given, sigma, None
     reasons = np.full(shape, "", object)
 
-    def refuse(where: np.ndarray, reason: str) -> None:
+    def refuse(where: Any, reason: str) -> None:
         reasons[np.broadcast_to(where, shape) & (reasons == "")] = reason
 
     for q, value in values.items():
@@ -47,10 +47,10 @@ def without_refused(given: _Arrays, sigma: Any) -> tuple[_Arrays, Any, np.ndarra
             refuse(lone.any(-1), "values of Delta have no psi beside them.")
     errors = sigma if isinstance(sigma, Mapping) else {"sigma": sigma}
     for name, one in errors.items():
-        wrong = np.asarray(one, float) <= 0.0 if one is not None else np.zeros(1, bool)
+        wrong: Any = np.asarray(one, float) <= 0.0 if one is not None else np.zeros(1, bool)
         if wrong.any() and wrong.ndim > 1:  # else those of all curves are wrong
             refuse(wrong.any(-1), f"{name} has standard errors that are not above 0.")
-            errors = {**errors, name: np.where(wrong, np.nan, one)}
+            errors = {**errors, name: np.where(wrong, np.nan, np.asarray(one))}
     refused = reasons != ""
     if not refused.any() or refused.all():
         return given, sigma, None

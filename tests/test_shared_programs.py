@@ -7,7 +7,8 @@ from simulated import textbook
 
 from fitting.data.measurement import Measurement
 from fitting.fits import fit_checked
-from fitting.optics.observe import NCS, predicted
+from fitting.optics.observe import predicted
+from fitting.optics.spec import NCS
 from fitting.problem.observations import observations
 from fitting.problem.problem import FitOptions
 from fitting.problem.programs import Residuals, targets_of

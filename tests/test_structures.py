@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from fitting import Measurement
-from fitting.optics.observe import NCS, Spec, predicted
+from fitting.optics.observe import predicted
+from fitting.optics.spec import NCS, Spec
 from fitting.problem.observations import observations
 from fitting.problem.unknowns import media_of
 from fitting.samples.sample import Sample

@@ -197,13 +197,13 @@ def _material_list(words: str) -> str:
     title. Raises ValueError where there are none, or for other words.
     """
     from fitting.output.summary import rows_aligned
-    from fitting.samples.database import PREFIX, search
+    from fitting.samples.known_media import PREFIX, search_database
     from fresnel_jax import materials
 
     if words:
         if not words.startswith(PREFIX):
             raise ValueError(f"{words!r} came; {PREFIX}gold looks for gold in the database.")
-        entries = search(words)
+        entries = search_database(words)
         if not entries:
             raise ValueError(f"no entry of the database has {words.removeprefix(PREFIX)!r}.")
         return "\n".join(rows_aligned(entries, margin=""))

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from fitting.optics.instrument import BEAM, FARTHEST, SLIT
-from fitting.optics.observe import Points, Spec
+from fitting.optics.spec import Points, Spec
 from fitting.samples.parameters import Unknown, start_range, value_and_slope
 
 SMOOTH = 0.5

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jax import Array
 
+from fitting.optics.spec import Spec
 from fitting.samples.known_media import ABOVE, BELOW, RULES, MaterialFile, Mixture, known_medium
-
-if TYPE_CHECKING:
-    from fitting.optics.observe import Spec
 
 Pair = tuple[Array, Array]  # eta and k
 

@@ -19,99 +19,15 @@ import jax.numpy as jnp
 from jax import Array
 
 from fitting.data.quantities import POWERS
-from fitting.optics.instrument import BEAM, SLIT, cosines, detected, slit
+from fitting.optics.instrument import SLIT, cosines, detected, slit
 from fitting.optics.layer_index import Pair, slices_of
 from fitting.optics.layer_index import medium_index as medium_index
 from fitting.optics.partial_derivatives import by_partial_derivatives
-from fitting.samples.dispersion import Model
-from fitting.samples.known_media import Known, Mixture, known_medium
-from fitting.samples.parameters import to_parameter
+from fitting.optics.spec import NCS, Points, Spec
+from fitting.samples.known_media import known_medium
 from fresnel_jax import powers
 from fresnel_jax.layers import slab, stack
 from fresnel_jax.polarization import ellipsometric_ratio
-
-NCS = "NCS"
-
-
-class Points(NamedTuple):
-    """Where the data lie, M rows; the last axis is 1, or L where every lane has points of its own.
-
-    angle_deg, wavelength_um, s_share: (M, 1) or (M, L); s_share is the part of s in R and T.
-    file: (M,) number of the file of each row.
-    distinct_um, place: where wavelengths repeat (angles, repeated rows), each of them once, (U, 1),
-        and (M,) which of them belongs to each row; else None. The index is evaluated there: with
-        two oscillators a fit at 3 angles takes half, one at 7 angles a third of the time.
-    """
-
-    angle_deg: Any
-    wavelength_um: Any
-    s_share: Any
-    file: Any
-    distinct_um: Any = None
-    place: Any = None
-
-
-class Media(NamedTuple):
-    """What a compiled program must know of a sample: its media after the first, and no number.
-
-    index: a `Model`, a `Mixture`, the name of a material or its file. places: their names.
-    coherent: of each layer. closed: whether the last medium is the first one again. graded: of each
-    layer, whether its index changes with depth. normal: whether light comes along the normal and
-    only powers are asked for. outside: the material or file of the first medium, which a slit sees
-    at its own wavelengths; None of a number.
-    """
-
-    index: tuple[Model | Mixture | Known, ...]
-    places: tuple[str, ...]
-    coherent: tuple[bool, ...] = ()
-    closed: bool = False
-    graded: tuple[bool, ...] = ()
-    normal: bool = False
-    outside: Known | None = None
-
-    @property
-    def bare(self) -> bool:
-        """Whether there is one boundary and no layer."""
-        return not self.coherent
-
-
-class Spec(NamedTuple):
-    """Everything about a fit that a compiled program depends on; hashable.
-
-    channels: the quantities that are fitted, with `NCS` for psi and Delta, the last one. moving:
-    names of the unknowns, in the order of y; coordinates: theirs. held: names of the constants.
-    tied: (name, factor, of which). curves: for each channel the curve of every file, the number in
-    ``scale_0``, ``background_0``. places: at how many a slit and a beam are averaged
-    (`instrument.places_of`). shared: whether other models are fitted to the same data (`choose`),
-    so that programs which they share are worth more calls.
-    """
-
-    media: Media
-    channels: tuple[str, ...]
-    moving: tuple[str, ...]
-    coordinates: tuple[str, ...]
-    held: tuple[str, ...]
-    curves: tuple[tuple[int, ...], ...]
-    tied: tuple[tuple[str, float, str], ...] = ()
-    loss: str = "squares"
-    priors: bool = False
-    places: tuple[int, int] = (SLIT, BEAM)
-    shared: bool = False
-
-    @property
-    def only_powers(self) -> bool:
-        """Whether neither psi nor Delta is asked for."""
-        return set(self.channels) <= set(POWERS)
-
-    def values(self, y: Array, held: Array) -> dict[str, Array]:
-        """Return every parameter, (L,), at the unknowns y (p, L) and constants (h,)."""
-        lanes = y.shape[1:]
-        out = dict(zip(self.moving, to_parameter(self.coordinates, y), strict=True))
-        out |= {
-            name: jnp.broadcast_to(value, lanes)
-            for name, value in zip(self.held, held, strict=True)
-        }
-        return out | {name: factor * out[of] for name, factor, of in self.tied}
 
 
 def indices(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) -> list[list[Pair]]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from fitting.data.measurement import Measurement
 from fitting.outcomes.findings import VAGUE, may_vanish
-from fitting.problem.curves import Curves, slopes
+from fitting.problem.curve_lanes import Curves, slopes
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.lanes import Ends
 from fitting.problem.problem import Problem
@@ -100,7 +100,7 @@ def _minima_of(
     for turn in range(2):
         order, parts = [], []
         for some, s in slopes(job.u.spec, job.targets, curves, y, which):
-            sane = np.isfinite(s.residual).all(1) & np.isfinite(s.jacobian).all((1, 2))
+            sane = np.asarray(np.isfinite(s.residual).all(1) & np.isfinite(s.jacobian).all((1, 2)))
             r, J = np.where(sane[:, None], s.residual, 0.0), np.where(
                 sane[:, None, None], s.jacobian, 0.0
             )  # fmt: skip
@@ -204,7 +204,7 @@ def _estimates(u: Unknowns, m: _Minima, t: np.ndarray, failed: np.ndarray, put: 
             interval=np.sort(factor * e.interval, -1), upper_limit=np.nan * e.value,
             status=status.TIED,
         )  # fmt: skip
-    return shown, covariance[np.ix_(range(len(x)), u.free, u.free)]
+    return shown, covariance[:, u.free][:, :, u.free]
 
 
 def _others(

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitting.data.quantities import ANGLES
-from fitting.optics.observe import NCS
+from fitting.optics.spec import NCS
 from fitting.results.diagnostics import Warning
 from fitting.results.result import FitData
 

@@ -9,7 +9,7 @@ import io
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,13 +28,18 @@ from fitting.output.summary import (
     title_of,
     varied_of,
 )
+from fitting.predictions import predict
 from fitting.process.visible import visible
 from fitting.residuals.residuals import residuals
-from fitting.results.result import Fit
-from fitting.results.result_parts import CONVERGED, UNDETERMINED, Alternative, Estimate, IndexBand
-
-if TYPE_CHECKING:
-    from fitting.choice.candidates import Choice
+from fitting.results.result import FitData
+from fitting.results.result_parts import (
+    CONVERGED,
+    UNDETERMINED,
+    Alternative,
+    Comparison,
+    Estimate,
+    IndexBand,
+)
 
 _AS_IT_IS = (
     "wavelength_um", "chi2", "chi2_reduced", "dof", "n_data", "rms", "rms_of", "status",
@@ -57,7 +62,7 @@ class OfFile(NamedTuple):
     """
 
     name: str
-    fit: Fit | None
+    fit: FitData | None
     error: str = ""
 
 
@@ -95,14 +100,14 @@ def _alternative(a: Alternative) -> dict[str, Any]:
     return {"delta_chi2": a.delta_chi2, "reached": a.reached, "parameters": parameters}
 
 
-def _each(fit: Fit, of: Any, value: Any) -> Any:
+def _each(fit: FitData, of: Any, value: Any) -> Any:
     """Return ``of`` applied to each element of a tuple, or of each tuple of an array."""
     if not fit.shape:
         return [of(one) for one in value]
     return [[of(one) for one in some] for some in value.ravel()]
 
 
-def to_dict(fit: Fit) -> dict[str, Any]:
+def to_dict(fit: FitData) -> dict[str, Any]:
     """Return plain data for ``json.dumps``: NaN and infinity as None, arrays as lists.
 
     The names are those of the fields of `Fit` and `Estimate`; a warning has its code, where it
@@ -127,7 +132,7 @@ def to_dict(fit: Fit) -> dict[str, Any]:
     return {name: plain(value) for name, value in fields.items()}
 
 
-def json_text(fit: Fit, choice: Choice | None = None) -> str:
+def json_text(fit: FitData, choice: Comparison | None = None) -> str:
     """Return `to_dict` and what `choose` compared as a JSON object, one line for each field."""
     return json_object(to_dict(fit) | ({} if choice is None else choice.to_dict()))
 
@@ -155,7 +160,7 @@ def csv_text(comments: Iterable[str], columns: Mapping[str, Iterable[Any]], deci
     return out.getvalue()
 
 
-def _comments(fit: Fit) -> list[str]:
+def _comments(fit: FitData) -> list[str]:
     understood = f": {fit.measurement.understood}" if fit.measurement is not None else ""
     # Parameters that all fits of a batch share have no column of their own.
     values = ", ".join(f"{n} {v!r}" for n, v in fit.values.items() if not np.ndim(v))
@@ -163,7 +168,7 @@ def _comments(fit: Fit) -> list[str]:
     return [f"{title_of(fit)}{understood}", sample_text(fit), *[last] * bool(last)]
 
 
-def data_columns(fit: Fit) -> dict[str, list[Any]]:
+def data_columns(fit: FitData) -> dict[str, list[Any]]:
     """Return the columns of `data_csv` by their heads; ValueError for a fit that keeps no data."""
     m = fit.measurement
     if m is None:
@@ -171,7 +176,7 @@ def data_columns(fit: Fit) -> dict[str, list[Any]]:
             "this fit keeps no data, so that there is no table of them. To keep them, fit a "
             "Measurement with fit(...)."
         )
-    found = fit.predict()
+    found = predict(fit)
     columns: dict[str, Any] = {}
     if has_several_curves(fit) and fit.curve is not None:
         columns["curve"] = np.array([visible(name) for name in fit.curve_names])[fit.curve]
@@ -187,14 +192,14 @@ def data_columns(fit: Fit) -> dict[str, list[Any]]:
     return {head: column.tolist() for head, column in columns.items()}
 
 
-def has_several_curves(fit: Fit) -> bool:
+def has_several_curves(fit: FitData) -> bool:
     """Whether the names of the curves say more than the quantities do: there are several files."""
     if fit.measurement is None or fit.curve is None:
         return False
     return not set(fit.curve_names) <= {*fit.measurement.quantity.tolist(), "NCS"}
 
 
-def data_csv(fit: Fit, decimal: str = ".") -> str:
+def data_csv(fit: FitData, decimal: str = ".") -> str:
     """Return the measurement as CSV, one datum a row, with its fitted value and the error of that.
 
     Numbers read back to the last bit; an unknown one is an empty cell; residual = value - fitted.
@@ -205,7 +210,7 @@ def data_csv(fit: Fit, decimal: str = ".") -> str:
     return csv_text([DATA_MARK, *_comments(fit)], data_columns(fit), decimal)
 
 
-def batch_columns(fit: Fit) -> dict[str, list[Any]]:
+def batch_columns(fit: FitData) -> dict[str, list[Any]]:
     """Return the results of a batch as columns with one row for each fit; a single fit is one row.
 
     First wavelength_um, or the index in the batch (a model of a spectrum has neither); then the
@@ -237,7 +242,7 @@ def batch_columns(fit: Fit) -> dict[str, list[Any]]:
     }
 
 
-def index_csv(fit: Fit, decimal: str = ".") -> str:
+def index_csv(fit: FitData, decimal: str = ".") -> str:
     """Return eta and k as CSV with one row for each wavelength (or curve of a batch).
 
     The first three columns are wavelength_um, eta and k, so that it can be read as a material; an
@@ -252,7 +257,7 @@ def index_csv(fit: Fit, decimal: str = ".") -> str:
     return csv_text([INDEX_MARK, *_comments(fit)], columns, decimal)
 
 
-def to_dataframe(fit: Fit) -> Any:
+def to_dataframe(fit: FitData) -> Any:
     """Return a pandas DataFrame: a row for each fit of a batch, else for each parameter.
 
     A batch has the columns of `batch_columns`, with the wavelength (or the place in the batch) as
@@ -280,7 +285,7 @@ def rows_text(files: Sequence[OfFile]) -> str:
     chi2/dof of a spectrum is the median over its wavelengths.
     """
 
-    def of(fit: Fit, name: str) -> str:
+    def of(fit: FitData, name: str) -> str:
         if name not in fit.parameters:
             return "-"
         e = fit.parameters[name]
@@ -290,7 +295,7 @@ def rows_text(files: Sequence[OfFile]) -> str:
             return f"{some.min():.4g} to {some.max():.4g}" if some.size else "-"
         return f"({value_text(e)})" if fit.status == UNDETERMINED else value_text(e)
 
-    def chi2(fit: Fit) -> str:
+    def chi2(fit: FitData) -> str:
         value = np.ravel(fit.chi2_reduced).astype(float)
         some = value[np.isfinite(value)]
         return number(float(np.median(some)), 3) if some.size else "-"
@@ -383,7 +388,7 @@ def _with_error(e: Estimate) -> str:
     return f"{float(e.value):.6g}{error} {e.unit}".strip()
 
 
-def material_of(fit: Fit, medium: str | None = None) -> tuple[str, str]:
+def material_of(fit: FitData, medium: str | None = None) -> tuple[str, str]:
     """Return `material_texts` of a fitted medium. medium: as for `Fit.index`.
 
     If the index is free at every wavelength, those are left out at which the data do not determine

@@ -8,19 +8,17 @@ import shutil
 import tempfile
 from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from fitting.output.export import data_csv, index_csv, json_text, material_of
 from fitting.output.page import fit_page
 from fitting.output.pictures import check_matplotlib, draw, picture_bytes
 from fitting.output.summary import index_waves
 from fitting.process.progress import tell
-from fitting.results.result import Fit
+from fitting.results.result import FitData
+from fitting.results.result_parts import Comparison
 from fitting.samples.known_media import MaterialFile
 from fitting.samples.sample import Sample
-
-if TYPE_CHECKING:
-    from fitting.choice.candidates import Choice
 
 # What a report folder holds. The page comes last, since the picture goes into it.
 REPORT = {
@@ -216,12 +214,12 @@ def write_whole(contents: Mapping[Path, str | bytes]) -> None:
 
 
 def write_files(
-    fit: Fit,
+    fit: FitData,
     files: Iterable[ResultFile],
     *,
     reference: str | None = None,
     command: str = "",
-    choice: Choice | None = None,
+    choice: Comparison | None = None,
     decimal: str = ".",
 ) -> None:
     """Write every file that was asked for, or none; a page comes after the picture it contains.
@@ -251,7 +249,7 @@ def write_files(
     write_whole(contents)
 
 
-def report(fit: Fit, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+def report(fit: FitData, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write the report of a fit into ``folder``: all of it or, if that fails, nothing.
 
     report.html, fit.json, data.csv, fit.png, and index.csv of a spectrum or a batch. The folder is
@@ -266,7 +264,7 @@ def report(fit: Fit, folder: str | os.PathLike[str], *, overwrite: bool = False)
 
 
 def write_material(
-    fit: Fit,
+    fit: FitData,
     path: str | os.PathLike[str],
     medium: str | None = None,
     *,

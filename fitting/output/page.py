@@ -7,7 +7,7 @@ import html
 import math
 import re
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fitting.output.export import WRITTEN_BY, data_columns
 from fitting.output.summary import (
@@ -21,10 +21,8 @@ from fitting.output.summary import (
     warnings_of,
 )
 from fitting.process.visible import visible
-from fitting.results.result import Fit
-
-if TYPE_CHECKING:
-    from fitting.choice.candidates import Choice
+from fitting.results.result import FitData
+from fitting.results.result_parts import Comparison
 
 # A table of more rows is folded, since the same numbers are in the CSV files.
 OPEN_ROWS = 40
@@ -80,7 +78,7 @@ def _figure(caption: str, png: bytes) -> str:
     return f"<figure><img {source}>{_element('figcaption', caption)}</figure>"
 
 
-def _opening(fit: Fit, choice: Choice | None, level: str) -> str:
+def _opening(fit: FitData, choice: Comparison | None, level: str) -> str:
     """Return the title, facts, warnings and notes."""
     rows = [*heading(fit), *facts(fit)]
     listed = [_element("dt", label) + _element("dd", text) for label, text in rows]
@@ -101,7 +99,7 @@ def _document(title: str, parts: Iterable[str], foot: str) -> str:
     return "\n".join([head, *parts, _element("footer", foot), "</body></html>"]) + "\n"
 
 
-def _main(fit: Fit, level: str = "h2") -> str:
+def _main(fit: FitData, level: str = "h2") -> str:
     """Return the table of parameters, or that of the fits of a batch."""
     if not fit.shape:
         return html_table("Parameters", parameter_rows(fit), level)
@@ -115,7 +113,7 @@ def _cell(value: Any) -> str:
     return "" if math.isnan(value) else f"{value:.6g}"
 
 
-def fit_page(fit: Fit, png: bytes, command: str = "", choice: Choice | None = None) -> str:
+def fit_page(fit: FitData, png: bytes, command: str = "", choice: Comparison | None = None) -> str:
     """Return the page of a fit, one self-contained HTML file.
 
     png: the picture. command: the command line that made the fit, for the foot of the page.
@@ -139,7 +137,7 @@ def fit_page(fit: Fit, png: bytes, command: str = "", choice: Choice | None = No
     return _document(title_of(fit), [_opening(fit, choice, "h1"), *parts], command)
 
 
-def notebook(fit: Fit) -> str:
+def notebook(fit: FitData) -> str:
     """Return facts, warnings and parameters as HTML for a cell, whose style affects no other."""
     style = re.sub(r"(?m)^(?=[a-z.])", ".fresnel-fit ", _STYLE)
     parts = [f"<style>{style}</style>", "<div class=fresnel-fit>", _opening(fit, None, "h3")]

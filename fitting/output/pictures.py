@@ -32,8 +32,10 @@ from fitting.output.summary import (
     varied_of,
     warnings_of,
 )
+from fitting.predictions import predict
 from fitting.process.visible import visible
-from fitting.results.result import Fit
+from fitting.residuals.residuals import residuals
+from fitting.results.result import FitData
 from fitting.results.result_parts import CONVERGED
 
 if TYPE_CHECKING:
@@ -180,7 +182,7 @@ def _look(quantity: str, polarizer: float, place: int) -> tuple[Look, str]:
     return (color, marker, hollow), label or quantity
 
 
-def _lines_of(fit: Fit, m: Measurement) -> list[Line]:
+def _lines_of(fit: FitData, m: Measurement) -> list[Line]:
     """Return what is drawn as one line each: a quantity, over the wavelength at one angle."""
     from matplotlib.colors import to_hex, to_rgb
 
@@ -216,14 +218,16 @@ def _lines_of(fit: Fit, m: Measurement) -> list[Line]:
     return out
 
 
-def _curves_of(fit: Fit, m: Measurement, lines: list[Line], low: float, high: float) -> list[Curve]:
+def _curves_of(
+    fit: FitData, m: Measurement, lines: list[Line], low: float, high: float
+) -> list[Curve]:
     """Return the fitted curve of each line from ``low`` to ``high``.
 
     At the data themselves where nothing is known in between (an index that is free at every
     wavelength), and where a curve in between is not that of these data: of a second file with a
     scale of its own.
     """
-    at_data, spectrum, axis = fit.predict(), over_wavelength(m), _axis(m)
+    at_data, spectrum, axis = predict(fit), over_wavelength(m), _axis(m)
     own = [(axis[li.rows], at_data.value[li.rows], at_data.sigma[li.rows]) for li in lines]
     if (spectrum and fit.shape) or not np.isfinite(at_data.value).any():
         return own
@@ -232,7 +236,7 @@ def _curves_of(fit: Fit, m: Measurement, lines: list[Line], low: float, high: fl
     asked = [np.concatenate([x, axis[line.rows]]) for line in lines]
     rows = np.repeat([line.rows[0] for line in lines], [len(one) for one in asked])
     over = {"wavelength_um" if spectrum else "angle_deg": np.concatenate(asked)}
-    found = fit.predict(replace(m.where(rows), **over))
+    found = predict(fit, replace(m.where(rows), **over))
     ends = np.cumsum([len(one) for one in asked])[:-1]
     each = zip(lines, own, np.split(found.value, ends), np.split(found.sigma, ends), strict=True)
     out = []
@@ -316,21 +320,21 @@ def _legend(axes: Axes, banded: bool, outside: bool, few: bool) -> None:
     axes.legend([*handles, fit], labels, handlelength=1.6, markerscale=scale, **place)
 
 
-def _has_index(fit: Fit) -> bool:
+def _has_index(fit: FitData) -> bool:
     """Whether there is an index over wavelength to draw."""
     if fit.sample is None or fit.evaluator is None:
         return False
     return not fit.shape or {"eta", "k"} <= set(fit.parameters)
 
 
-def _draw_data(figure: Figure, fit: Fit, m: Measurement, reference: str | None) -> Axes:
+def _draw_data(figure: Figure, fit: FitData, m: Measurement, reference: str | None) -> Axes:
     lines = _lines_of(fit, m)
     kinds = [kind for kind in PANELS if any(line.kind == kind for line in lines)]
     spectrum = over_wavelength(m)
     pairs, index = _panels(figure, kinds, spectrum and _has_index(fit))
     low, high = _span(m)
     curves = _curves_of(fit, m, lines, low, high)
-    residual = fit.residuals
+    residual = residuals(m, fit.fitted)
     for kind, (top, bottom) in pairs.items():
         of = [one for one in zip(lines, curves, strict=True) if one[0].kind == kind]
         banded = [_draw_line((top, bottom), m, residual, line, curve) for line, curve in of]
@@ -361,7 +365,7 @@ def _draw_data(figure: Figure, fit: Fit, m: Measurement, reference: str | None) 
     return pairs[kinds[0]][0]
 
 
-def _each(axes: Axes, fit: Fit, name: str, color: str, x: np.ndarray, mark: str) -> np.ndarray:
+def _each(axes: Axes, fit: FitData, name: str, color: str, x: np.ndarray, mark: str) -> np.ndarray:
     """Draw a parameter of which each fit of a batch has a value; return the values that are shown.
 
     mark: how many of them are drawn, "-" as a line or "." as dots.
@@ -414,7 +418,7 @@ def _scale_of_k(axes: Axes, k: np.ndarray) -> None:
         axes.set_ylim(-0.04 * high, high)  # from 0, with room for the points that lie there
 
 
-def _draw_index(first: Axes, second: Axes, fit: Fit, reference: str | None) -> None:
+def _draw_index(first: Axes, second: Axes, fit: FitData, reference: str | None) -> None:
     """Draw eta and k over wavelength with their errors and limits, each in a panel of its own.
 
     A tick marks a wavelength at which the data do not determine them. reference: a named material,
@@ -446,7 +450,7 @@ def _draw_index(first: Axes, second: Axes, fit: Fit, reference: str | None) -> N
             axes.legend(loc="best")
 
 
-def _draw_batch(figure: Figure, fit: Fit) -> Axes:
+def _draw_batch(figure: Figure, fit: FitData) -> Axes:
     """Draw the parameters of a batch over its curves, or as maps; return the first axes."""
     names = [name for name in varied_of(fit) if fit.parameters[name].free][:_PARAMETERS]
     labels = [with_unit(_symbol(name), fit.parameters[name].unit) for name in names]
@@ -472,7 +476,7 @@ def _draw_batch(figure: Figure, fit: Fit) -> Axes:
     return axes[0]
 
 
-def _subtitle(fit: Fit) -> str:
+def _subtitle(fit: FitData) -> str:
     """Return in one line what was found."""
     sample = _plain_title(str(fit.sample or "your own residual function"))
     if fit.shape or fit.status != CONVERGED:
@@ -486,7 +490,7 @@ def _subtitle(fit: Fit) -> str:
     return "     ".join([*parts, f"rms = {size_text(fit.rms, 2)}"])
 
 
-def _titles(figure: Figure, axes: Axes, fit: Fit, reference: str) -> None:
+def _titles(figure: Figure, axes: Axes, fit: FitData, reference: str) -> None:
     """Write what was fitted and found above ``axes``, and the warnings below the figure.
 
     reference: text about a reference material, which stands below too; "" for none.
@@ -512,7 +516,7 @@ def _titles(figure: Figure, axes: Axes, fit: Fit, reference: str) -> None:
     figure.supxlabel(text, x=0.01, ha="left", fontsize=9, color=color)
 
 
-def draw(fit: Fit, reference: str | None = None) -> Figure:
+def draw(fit: FitData, reference: str | None = None) -> Figure:
     """Return a matplotlib Figure of a fit.
 
     It shows data with one-sigma error bars, fitted curves with their one-sigma bands, and below

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,12 +25,9 @@ from fitting.output.numbers import (
 )
 from fitting.process.visible import visible
 from fitting.results.diagnostics import Finding
-from fitting.results.result import Fit
-from fitting.results.result_parts import UNDETERMINED, Alternative
+from fitting.results.result import FitData
+from fitting.results.result_parts import UNDETERMINED, Alternative, Comparison
 from fitting.uncertainty.limits import student_quantile
-
-if TYPE_CHECKING:
-    from fitting.choice.candidates import Choice
 
 Facts = list[tuple[str, str]]
 # How many second solutions, and how many correlations, are shown.
@@ -46,7 +43,7 @@ def counted(count: int, what: str) -> str:
     return f"{count} {what}{'s' * (count != 1)}"
 
 
-def reach(fit: Fit) -> float:
+def reach(fit: FitData) -> float:
     """Return half the width of a 95 % interval in standard errors: Student's t, or 1.96.
 
     NaN for a batch: its fits may share one estimate of the noise, whose degrees of freedom differ.
@@ -57,13 +54,13 @@ def reach(fit: Fit) -> float:
     return student_quantile(0 if stated else fit.dof)
 
 
-def by_wavelength(fit: Fit) -> bool:
+def by_wavelength(fit: FitData) -> bool:
     """Whether the batch is one fit a wavelength."""
     waves = np.asarray(fit.wavelength_um)
     return fit.shape != () and waves.shape == fit.shape and bool(np.isfinite(waves).all())
 
 
-def index_waves(fit: Fit) -> np.ndarray:
+def index_waves(fit: FitData) -> np.ndarray:
     """Return the known wavelengths, micrometres, at which `Fit.index` gives eta and k."""
     if fit.sample is None or fit.evaluator is None:
         return np.empty(0)
@@ -71,16 +68,16 @@ def index_waves(fit: Fit) -> np.ndarray:
     return waves[np.isfinite(waves)]
 
 
-def _has_pseudo_index(fit: Fit) -> bool:
+def _has_pseudo_index(fit: FitData) -> bool:
     return any(note.code == "pseudo_index" for note in fit.notes)
 
 
-def shown_name(fit: Fit, name: str) -> str:
+def shown_name(fit: FitData, name: str) -> str:
     """Return the name under which a parameter is shown: those of a pseudo-index are <n> and <k>."""
     return {"eta": "<n>", "k": "<k>"}.get(name, name) if _has_pseudo_index(fit) else name
 
 
-def varied_of(fit: Fit) -> list[str]:
+def varied_of(fit: FitData) -> list[str]:
     """Return the fitted parameters; of a batch those of which every fit has its own value."""
     if not fit.shape:
         return list(fit.names)
@@ -92,7 +89,7 @@ def head_of(name: str, unit: str) -> str:
     return f"{name} ({unit})" if unit else name
 
 
-def status_of(fit: Fit) -> str:
+def status_of(fit: FitData) -> str:
     """Return the status; of a batch how many fits have which."""
     if not fit.shape:
         return str(fit.status)
@@ -100,7 +97,7 @@ def status_of(fit: Fit) -> str:
     return ", ".join(f"{n} {status}" for status, n in zip(each, count, strict=True))
 
 
-def title_of(fit: Fit) -> str:
+def title_of(fit: FitData) -> str:
     """Return what was fitted: the name of the file or files, or of the batch."""
     if fit.measurement is not None:
         return visible(fit.measurement.source)
@@ -109,7 +106,7 @@ def title_of(fit: Fit) -> str:
     return "one curve" if fit.sample is not None else "your own residuals"
 
 
-def sample_text(fit: Fit) -> str:
+def sample_text(fit: FitData) -> str:
     """Return the sample in its own notation and in words."""
     sample = fit.sample
     if sample is None:
@@ -132,7 +129,7 @@ def sample_text(fit: Fit) -> str:
     return f"{sample} ({what}; light from {light})"
 
 
-def _errors(fit: Fit) -> str:
+def _errors(fit: FitData) -> str:
     """Return how the standard errors were made; "" where there are none."""
     if not any(np.isfinite(np.asarray(e.sigma)).any() for e in fit.parameters.values() if e.free):
         return ""
@@ -166,7 +163,7 @@ def _errors(fit: Fit) -> str:
     return text
 
 
-def _rms(fit: Fit) -> str:
+def _rms(fit: FitData) -> str:
     """Return the root mean square of the residuals, of all and of each quantity."""
     of = "unweighted"
     if len(fit.rms_of) == 1:
@@ -179,7 +176,7 @@ def _rms(fit: Fit) -> str:
     return f"{size_text(fit.rms)}  (root mean square of data - fit, {of})"
 
 
-def _correlation(fit: Fit) -> str:
+def _correlation(fit: FitData) -> str:
     """Return all correlations, or the largest of many."""
     names, matrix = [shown_name(fit, name) for name in fit.names], fit.correlation
     pairs = [
@@ -195,7 +192,7 @@ def _correlation(fit: Fit) -> str:
     return f"{text} (the largest of {len(pairs)})" if many else text
 
 
-def _alternative(fit: Fit, other: Alternative) -> str:
+def _alternative(fit: FitData, other: Alternative) -> str:
     """Return a second solution: its values, and how much worse it fits."""
     each = other.parameters.items()
     values = ", ".join(f"{shown_name(fit, name)} {value_text(e, reach(fit))}" for name, e in each)
@@ -203,7 +200,7 @@ def _alternative(fit: Fit, other: Alternative) -> str:
     return f"{values} (chi2 {higher} by {abs(other.delta_chi2):.2g})"
 
 
-def index_rows(fit: Fit) -> list[list[str]]:
+def index_rows(fit: FitData) -> list[list[str]]:
     """Return wavelength, eta and k of a dispersion model at every measured wavelength."""
     if fit.shape or fit.sample is None or fit.sample.by_wavelength or not len(index_waves(fit)):
         return []
@@ -217,7 +214,7 @@ def index_rows(fit: Fit) -> list[list[str]]:
     ]
 
 
-def _index_ends(fit: Fit) -> Facts:
+def _index_ends(fit: FitData) -> Facts:
     """Return eta and k of a dispersion model at the ends and in the middle of a spectrum."""
     rows = index_rows(fit)
     known = {"eta", "k"} & set(fit.parameters) or all(map(is_outer, fit.parameters))
@@ -227,7 +224,7 @@ def _index_ends(fit: Fit) -> Facts:
     return [(f"at {float(w):.4g} um", f"eta {eta}, k {k}") for w, eta, k in some]
 
 
-def _of_one(fit: Fit) -> Facts:
+def _of_one(fit: FitData) -> Facts:
     """Return how well one set of parameters describes the data, and how its errors were made."""
     freedom = "one degree" if fit.dof == 1 else f"{fit.dof} degrees"
     rows: Facts = [("dof", f"{freedom} of freedom (data minus fitted parameters)")]
@@ -252,7 +249,7 @@ def _of_one(fit: Fit) -> Facts:
     return [*rows, *(("also fits", _alternative(fit, a)) for a in others)]
 
 
-def _of_many(fit: Fit) -> Facts:
+def _of_many(fit: FitData) -> Facts:
     """Return what all fits of a batch have in common."""
     rows = [
         (name, f"{value_text(e)}  ({beside(e)})")
@@ -270,14 +267,14 @@ def _of_many(fit: Fit) -> Facts:
     return [*rows, *[("in brackets", text)] * bool(limited)]
 
 
-def heading(fit: Fit) -> Facts:
+def heading(fit: FitData) -> Facts:
     """Return how the file was read, and what was fitted."""
     m = fit.measurement
     read = [] if m is None else [("read", visible(m.understood.removeprefix("read ")))]
     return [*read, ("sample", sample_text(fit))]
 
 
-def facts(fit: Fit) -> Facts:
+def facts(fit: FitData) -> Facts:
     """Return what was found beside the parameters, of which there is a table."""
     rows = _of_many(fit) if fit.shape else _of_one(fit)
     status = np.asarray(fit.status)
@@ -289,20 +286,20 @@ def facts(fit: Fit) -> Facts:
     return [row for row in rows if row[1]]
 
 
-def _told(fit: Fit) -> list[tuple[Finding, np.ndarray]]:
+def _told(fit: FitData) -> list[tuple[Finding, np.ndarray]]:
     """Return the warnings of a batch, the most serious first, each with the mask of its fits."""
     each = [(f, np.broadcast_to(np.asarray(f.at, bool), fit.shape)) for f in fit.findings]
     return [(finding, at) for finding, at in each if at.any()]
 
 
-def _place(fit: Fit, index: tuple[int, ...]) -> str:
+def _place(fit: FitData, index: tuple[int, ...]) -> str:
     """Return what one fit of a batch is called: its wavelength, or its place."""
     if by_wavelength(fit):
         return f"{np.asarray(fit.wavelength_um)[index]:.6g}"
     return ", ".join(str(i) for i in index)
 
 
-def warnings_of(fit: Fit) -> Facts:
+def warnings_of(fit: FitData) -> Facts:
     """Return a label and a sentence for each kind of warning.
 
     Those of a batch have numbers; the sentence is that of the first fit that a warning concerns.
@@ -323,7 +320,7 @@ def warnings_of(fit: Fit) -> Facts:
     return rows
 
 
-def parameter_rows(fit: Fit) -> list[list[str]]:
+def parameter_rows(fit: FitData) -> list[list[str]]:
     """Return a header, and for every parameter its name, its value and the remarks beside it."""
     rows = [
         [shown_name(fit, name), value_text(e, reach(fit)), beside(e)]
@@ -333,7 +330,7 @@ def parameter_rows(fit: Fit) -> list[list[str]]:
     return [["", "value +- std. error", "95 % interval"], *(rows or [["none was fitted", "", ""]])]
 
 
-def batch_rows(fit: Fit, intervals: bool = False) -> list[list[str]]:
+def batch_rows(fit: FitData, intervals: bool = False) -> list[list[str]]:
     """Return the header and one row for each fit of a batch, or for the first and last of many.
 
     intervals: whether to add a column with the 95 % interval of each parameter.
@@ -380,7 +377,9 @@ def _wrapped(facts: Iterable[tuple[str, str]], width: int) -> list[str]:
     ]  # fmt: skip
 
 
-def table(fit: Fit, width: int = 80, reference: str = "", choice: Choice | None = None) -> str:
+def table(
+    fit: FitData, width: int = 80, reference: str = "", choice: Comparison | None = None
+) -> str:
     """Return the fit as lines of at most ``width`` characters (rows of a batch may be longer).
 
     They say what was read and fitted; list every parameter with its standard error and 95 %
@@ -407,7 +406,7 @@ def table(fit: Fit, width: int = 80, reference: str = "", choice: Choice | None 
     return visible("\n".join(lines), "\n") + "\n"
 
 
-def one_line(fit: Fit) -> str:
+def one_line(fit: FitData) -> str:
     """Return ``<Fit: gold.csv, eta 0.344 +- 0.022, k 1.820 +- 0.087, converged>``."""
     free = [] if fit.shape else fit.names
     parts = [title_of(fit)]

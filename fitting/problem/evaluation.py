@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.data.measurement import Measurement
 from fitting.optics.averages import values_at, with_places
-from fitting.optics.observe import NCS
+from fitting.optics.spec import NCS
 from fitting.problem.model_at import Shown
 from fitting.problem.observations import Observations, ncs_directions, observations, padded
 from fitting.problem.points import numbers, points_of

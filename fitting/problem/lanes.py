@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.optics.observe import Spec
+from fitting.optics.spec import Spec
 from fitting.problem.programs import Bounds, Targets
 from fitting.problem.programs_in_parts import in_parts, solved_in_parts
 from fitting.problem.solver import START_DAMPING

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitting.optics.observe import Spec
+from fitting.optics.spec import Spec
 from fitting.problem.programs import Targets, linearised, without_data
 from fitting.problem.programs_in_parts import Parts, filled, in_parts
 from fitting.problem.row_blocks import ROWS, SLOTS, Blocks

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.data.measurement import Measurement
 from fitting.data.quantities import ANGLES, QUANTITIES
-from fitting.optics.observe import NCS, Points
+from fitting.optics.spec import NCS, Points
 from fitting.results.diagnostics import Warning
 
 # The number of rows is rounded up to a multiple, with rows of weight 0, so that a few compiled
@@ -84,7 +84,9 @@ def ncs_directions(psi_deg: np.ndarray, delta_deg: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(along_psi), np.stack(along_delta), ncs_of(psi_deg, delta_deg)])
 
 
-def ncs_weights(psi, delta, sigma_psi, sigma_delta, stated: bool) -> np.ndarray:
+def ncs_weights(
+    psi: np.ndarray, delta: np.ndarray, sigma_psi: np.ndarray, sigma_delta: np.ndarray, stated: bool
+) -> np.ndarray:
     """Return W (3, 3, n) for pairs of psi and Delta; where Delta is NaN, for psi by N alone."""
     alone = np.isnan(delta)
     axes = ncs_directions(psi, np.where(alone, 0.0, delta))

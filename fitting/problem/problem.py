@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.optics.observe import Spec
+from fitting.optics.spec import Spec
 from fitting.problem.lanes import LANES, SIFT, Ends, Limits, coordinate_bounds, each_within, run
 from fitting.problem.model_at import Shown
 from fitting.problem.observations import Observations

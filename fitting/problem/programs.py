@@ -15,7 +15,8 @@ import numpy as np
 import optimistix as optx
 from jax import Array
 
-from fitting.optics.observe import NCS, Points, Spec, medium_index, predicted
+from fitting.optics.observe import medium_index, predicted
+from fitting.optics.spec import NCS, Points, Spec
 from fitting.problem.observations import Observations
 from fitting.problem.solver import BatchLevenbergMarquardt
 from fitting.problem.unknowns import Unknowns

@@ -22,7 +22,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from fitting.optics.observe import NCS, Points, Spec, predicted
+from fitting.optics.observe import predicted
+from fitting.optics.spec import NCS, Points, Spec
 from fitting.problem.optics_inputs import (
     Core,
     along_the_normal,

@@ -13,7 +13,7 @@ import jax
 import numpy as np
 from jax import Array
 
-from fitting.optics.observe import Points
+from fitting.optics.spec import Points
 from fitting.problem.programs import Targets
 
 # A call evaluates blocks of so many rows, one in each of so many columns. With 8192 points in a

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.optics.observe import NCS
+from fitting.optics.spec import NCS
 from fitting.problem.model_at import Shown
 from fitting.problem.observations import Observations
 from fitting.problem.programs import HUBER, STUDENT, robust

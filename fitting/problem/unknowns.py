@@ -13,7 +13,7 @@ from fitting.data.measurement import Measurement
 from fitting.data.quantities import POWERS, are_powers
 from fitting.optics.averages import largest, with_places, within_slit
 from fitting.optics.instrument import INSTRUMENT, PER_CURVE, instrument_parameter
-from fitting.optics.observe import Media, Spec
+from fitting.optics.spec import Media, Spec
 from fitting.problem.observations import Observations
 from fitting.process.compiled import fit_settings
 from fitting.samples.dispersion import Model, Spectrum, absent, wider

@@ -13,16 +13,14 @@ pattern than invents one. The number of products that are positive, half by chan
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import bdtrc, chdtrc
 
+from fitting.data.measurement import Measurement
 from fitting.residuals.noise import rounding
 from fitting.residuals.residuals import residuals, weighted_residuals
-
-if TYPE_CHECKING:
-    from fitting.data.measurement import Measurement
 
 # Noise is called a pattern by chance in one fit of four hundred, for each of two directions.
 _CHANCE, _NORMAL = 2.5e-3, 2.81

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from fitting.data.measurement import Measurement
+from fitting.data.measurement import Measurement
 
 
 def residuals(measurement: Measurement, fitted: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ import itertools
 
 import numpy as np
 
-from fitting.optics.observe import NCS
+from fitting.optics.spec import NCS
 from fitting.problem.observations import Observations
 from fitting.problem.problem import Problem
 from fitting.problem.programs import Targets

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.optics.observe import NCS, Spec, medium_index
+from fitting.optics.observe import medium_index
+from fitting.optics.spec import NCS, Spec
 from fitting.problem.lanes import LANES
 from fitting.problem.model_at import index_in_parts
 from fitting.problem.observations import Observations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitting.optics.observe import Spec
+from fitting.optics.spec import Spec
 from fitting.problem.lanes import Ends, best_of
 from fitting.problem.problem import Problem
 from fitting.searching.grown_starts import grown_starts

@@ -80,7 +80,7 @@ def inverse_of(rows: np.ndarray, b: np.ndarray, use: np.ndarray) -> Inverse:
     A = np.concatenate([np.where(use[..., None, :], rows / unit[..., None, :], 0.0), own], -2)
     both = np.concatenate([A, np.pad(b, [(0, 0)] * (b.ndim - 1) + [(0, p)])[..., None]], -1)
     # The triangle of a QR decomposition has the same singular values, and far fewer rows.
-    triangle = np.linalg.qr(both, mode="r")
+    triangle = np.asarray(np.linalg.qr(both, mode="r"))
     U, values, V = np.linalg.svd(triangle[..., :-1], full_matrices=False)
     good = values > UNSEEN * values.max(-1, keepdims=True)
     inverse = np.where(good, 1.0 / np.where(good, values, 1.0), 0.0)

@@ -14,7 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from fitting.optics.observe import NCS, Spec, predicted
+from fitting.optics.observe import predicted
+from fitting.optics.spec import NCS, Spec
 from fitting.problem.lanes import Ends
 from fitting.problem.observations import Observations, ncs_of, ncs_weights
 from fitting.problem.optics_inputs import along_the_normal
@@ -76,11 +77,10 @@ class Curves(NamedTuple):
             for q in ("psi", "delta")
         ]
         some = np.isfinite(psi)
-        W = ncs_weights(
-            np.where(some, psi, 45.0), np.where(some, delta, 0.0),
-            *(np.nan_to_num(e, nan=1.0) for e in errors), self.sigma is not None,
-        )  # fmt: skip
-        measured = ncs_of(np.where(some, psi, 0.0), np.nan_to_num(delta))
+        of_psi, of_delta = (np.nan_to_num(e, nan=1.0) for e in errors)
+        psi, delta = np.where(some, psi, 45.0), np.where(some, delta, 0.0)
+        W = ncs_weights(psi, delta, of_psi, of_delta, self.sigma is not None)
+        measured = ncs_of(psi, np.nan_to_num(delta))
         return base._replace(ncs=np.where(some, measured, 0.0), ncs_weights=np.where(some, W, 0.0))
 
 
