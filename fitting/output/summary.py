@@ -17,6 +17,7 @@ from fitting.outcomes.findings import is_outer
 from fitting.output.numbers import (
     beside,
     interval_of,
+    interval_text,
     k_text,
     number,
     size_text,
@@ -26,7 +27,7 @@ from fitting.output.numbers import (
 from fitting.process.visible import visible
 from fitting.results.diagnostics import Finding
 from fitting.results.result import FitData
-from fitting.results.result_parts import UNDETERMINED, Alternative, Comparison
+from fitting.results.result_parts import UNDETERMINED, Alternative, Comparison, Estimate
 from fitting.uncertainty.limits import student_quantile
 
 Facts = list[tuple[str, str]]
@@ -192,10 +193,17 @@ def _correlation(fit: FitData) -> str:
     return f"{text} (the largest of {len(pairs)})" if many else text
 
 
+def _of_second(e: Estimate, student: float) -> str:
+    """Return a value with its standard error, or with its interval where that says otherwise."""
+    text, ends = value_text(e, student), interval_text(*np.asarray(e.interval, float).tolist())
+    unclear = ends and "+-" not in text and not math.isfinite(e.upper_limit)
+    return f"{text} ({ends})" if unclear else text
+
+
 def _alternative(fit: FitData, other: Alternative) -> str:
-    """Return a second solution: its values, and how much worse it fits."""
-    each = other.parameters.items()
-    values = ", ".join(f"{shown_name(fit, name)} {value_text(e, reach(fit))}" for name, e in each)
+    """Return a second solution: its values with their errors, and how much worse it fits."""
+    student, each = reach(fit), other.parameters.items()
+    values = ", ".join(f"{shown_name(fit, name)} {_of_second(e, student)}" for name, e in each)
     higher = "higher" if other.delta_chi2 >= 0.0 else "lower"
     return f"{values} (chi2 {higher} by {abs(other.delta_chi2):.2g})"
 
