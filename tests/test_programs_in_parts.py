@@ -88,7 +88,10 @@ def angles_of(case):
 
 
 # Each has what other cases have, by a program of its own.
-_LONG = ("in a wider program", "free electrons", "on a model", "a bare surface", "an edge", "ties")
+_LONG = (
+    "in a wider program", "free electrons", "on a model", "a bare surface", "an edge", "ties",
+    "a film on a plate", "psi and Delta of a plate",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("case", [
