@@ -235,7 +235,7 @@ def test_differentiating_the_lobe_probability_would_lose_the_fresnel_term():
         sample = Dielectric(eta).sample(wo, u_lobe, facet, mode=bsdf.TransportMode.IMPORTANCE)
         return jnp.where(sample.transmission, 0.0, sample.weight)
 
-    gradient = jnp.mean(jax.vmap(jax.grad(reflected), (None, 0))(eta, u))
+    gradient = jnp.mean(jax.jit(jax.vmap(jax.grad(reflected), (None, 0)))(eta, u))
     R = [float(bsdf.FresnelDielectric(eta + h)(0.3)) for h in (-1e-6, 1e-6)]
     # 1000 strata in u_lobe: R is counted to 1e-3
     np.testing.assert_allclose(gradient, (R[1] - R[0]) / 2e-6, rtol=0.01)
