@@ -12,6 +12,7 @@ import pytest
 from benchmarks import accuracy, contestants, printed, scenes
 from fresnel_jax import reflectance
 
+pytestmark = pytest.mark.docs  # of `make test-docs`
 pytest.importorskip("matplotlib")
 ROOT = Path(__file__).resolve().parents[1]
 
