@@ -162,9 +162,10 @@ def test_neutrons_from_silicon_into_heavy_water(measured_files):
     )
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("metal", "terms", "shortest", "rms"),
-    [pytest.param("Al", 3, 0.32, 0.01, marks=pytest.mark.study), ("Ag", 2, 0.34, 0.012)],
+    [("Al", 3, 0.32, 0.01), ("Ag", 2, 0.34, 0.012)],
 )
 def test_mirrors_fit_well_and_say_that_this_determines_no_index(
     measured_files, metal, terms, shortest, rms
