@@ -83,7 +83,16 @@ def probabilities(model, wo, lobes):
     return jax.lax.map(row, -1.0 + np.arange(BINS_Z) * (2.0 / BINS_Z)).reshape(-1)
 
 
-@pytest.mark.parametrize("name", CASES)
+# Of each kind one: outside, total reflection, one lobe, an index below 1, two roughnesses, a metal.
+FEW = (
+    "outside", "total reflection", "reflection alone", "transmission alone", "eta below 1",
+    "anisotropic", "gold", "gold, below and grazing",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.study] * (n not in FEW)) for n in CASES]
+)
 def test_samples_follow_the_density(name):
     """Pearson's test per case, at 1 % for all cases together (Sidak's correction)."""
     model, cosine, lobes = CASES[name]

@@ -63,7 +63,7 @@ def media(dtype, count, several, seed):
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
-@pytest.mark.parametrize("several", [2, 3, 4])
+@pytest.mark.parametrize("several", [2, 3, pytest.param(4, marks=pytest.mark.study)])
 @pytest.mark.parametrize("model", MODELS)
 def test_random_mixtures_against_the_defining_equation(model, several, dtype):
     eps = float(np.finfo(dtype).eps)
