@@ -22,10 +22,10 @@ test-docs: .venv/installed-test  ## that docs and examples run and print what is
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "docs and not study"
 
 # Those that take a second or two, of each room of `fitting` and each part of `fresnel_jax`.
-QUICK := arithmetic cli_outputs covariance directions dispersion_calls fit fit_batch header_names \
+QUICK := arithmetic cli_outputs covariance directions dispersion_calls fit fit_batch half_vector header_names \
 	interface_compiled kept_minima known_failures last_steps measurement model_refusals \
-	noise_and_misfit numbers order_of_residuals penetration_depth progress reader_refusals reading \
-	rooms shapes stack_failures structures table trials
+	noise_and_misfit numbers order_of_residuals penetration_depth predictions progress reader_refusals \
+	reading rooms shapes stack_failures structures table trials
 
 quick: .venv/installed-test  ## a minute of tests of every part, for work in progress
 	$(BIN)/python -m pytest -n 2 --dist worksteal $(QUICK:%=tests/test_%.py)
