@@ -45,7 +45,11 @@ MODELS = {
 
 
 @pytest.mark.parametrize(
-    "model", ["cauchy-urbach:2", pytest.param("lorentz", marks=pytest.mark.study), "tauc-lorentz"]
+    "model",
+    [
+        *(pytest.param(m, marks=pytest.mark.study) for m in ("cauchy-urbach:2", "lorentz")),
+        "tauc-lorentz",
+    ],
 )
 def test_truths_come_back_without_noise_and_within_errors_with_it(model):
     truth = MODELS[model]

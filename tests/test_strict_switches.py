@@ -55,16 +55,22 @@ def test_every_public_call_is_among_them():
 
 
 # Stacks take seconds to trace each, and the same way in both precisions. In the second precision,
-# and mapped, these stand for all: coherent and incoherent layers, and rough boundaries.
+# and mapped, these stand for all: coherent and incoherent layers, and rough boundaries. What the
+# others in the second line have is in these two and in "layers.stack".
 STACKS = ("layers.stack mixed complex", "layers.stack rough")
+FURTHER = tuple(f"layers.stack {x}" for x in ("complex", "mixed", "incoherent", "rough complex"))
 
 
 def of_few(name):
     return not name.startswith("layers.stack") or name in STACKS
 
 
+def is_study(name, dtype):
+    return name in FURTHER or (dtype == "float64" and not of_few(name))
+
+
 @pytest.mark.parametrize(("name", "dtype"), [
-    pytest.param(name, dtype, marks=[pytest.mark.study] * (dtype == "float64" and not of_few(name)))
+    pytest.param(name, dtype, marks=[pytest.mark.study] * is_study(name, dtype))
     for name in CALLS for dtype in ("float32", "float64")
 ])  # fmt: skip
 def test_value_and_gradient(name, dtype):
