@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo docs notebooks test test-studies lint accuracy accuracy-search jit-study advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study film-study film-coverage free-film-study film-models film-choice fuzz matrix gpu clean
+.PHONY: demo docs notebooks test test-docs quick test-studies lint accuracy accuracy-search jit-study advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study film-study film-coverage free-film-study film-models film-choice fuzz matrix gpu clean
 
 demo: .venv/installed-plot  ## fit the two scans that ship with the project; tables, pictures, JSON in demo/
 	mkdir -p demo
@@ -18,7 +18,19 @@ notebooks: .venv/installed-test  ## the tutorials as notebooks, in examples/note
 test: .venv/installed-test  ## the tests (several minutes on 2 cores)
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 
-test-studies: .venv/installed-test  ## the tests that `make test` leaves out, since each takes a minute or more
+test-docs: .venv/installed-test  ## that docs and examples run and print what is shown, and the benchmarks measure what they say
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "docs and not study"
+
+# Those that take a second or two, of each room of `fitting` and each part of `fresnel_jax`.
+QUICK := arithmetic cli_outputs covariance directions dispersion_calls fit fit_batch half_vector header_names \
+	interface_compiled kept_minima known_failures last_steps measurement model_refusals \
+	noise_and_misfit numbers order_of_residuals penetration_depth predictions progress reader_refusals \
+	reading rooms shapes stack_failures structures table trials
+
+quick: .venv/installed-test  ## a minute of tests of every part, for work in progress
+	$(BIN)/python -m pytest -n 2 --dist worksteal $(QUICK:%=tests/test_%.py)
+
+test-studies: .venv/installed-test  ## the larger studies, and further cases of what `make test` proves (an hour)
 	$(BIN)/python -m pytest -n 2 -m study
 
 lint: .venv/installed-test .venv/installed-lint  ## linters and type checker

@@ -1,5 +1,6 @@
 """Shared by all tests: float64 is on (float32 is tested with float32 arrays)."""
 
+import gc
 import re
 import shutil
 import tempfile
@@ -9,6 +10,10 @@ import jax
 import pytest
 
 jax.config.update("jax_enable_x64", True)
+
+# Traced programs are many small objects that live on: going through them again and again took a
+# sixth of the time of tests that trace.
+gc.set_threshold(100_000, 50, 100)
 
 MOST_MAPPINGS = 25_000
 # The workers of a run share what takes a second to compile, in a folder that is gone afterwards.

@@ -19,6 +19,7 @@ def _medium(c, n, k, m):
     return c, N, m, Q
 
 
+@functools.lru_cache(100_000)
 def amplitudes(c, n, k, m):
     """r_s, r_p, t_s, t_p."""
     with mp.workdps(DIGITS):
@@ -42,6 +43,7 @@ def powers(c, n, k, m):
         return abs(r_s) ** 2, abs(r_p) ** 2, T_s, T_p
 
 
+@functools.lru_cache(100_000)
 def amplitude_gradients(c, n, k, m):
     """For each of r_s, r_p, t_s, t_p its derivatives with respect to (c, n, k, m).
 
@@ -69,6 +71,7 @@ def amplitude_gradients(c, n, k, m):
         return gradients
 
 
+@functools.lru_cache(100_000)
 def reflectance_gradients(c, n, k, m):
     """The gradients of R_s and of R_p with respect to (c, n, k, m); None where Q = 0."""
     with mp.workdps(DIGITS):

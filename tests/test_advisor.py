@@ -26,6 +26,7 @@ from examples import advisor
 from examples.advisor import BANDS, LIGHT, Model, Scene, advise
 from examples.advisor.boundary import Boundary
 
+pytestmark = pytest.mark.docs  # of `make test-docs`
 STUDY = int(os.environ.get("FRESNEL_SCENES", "0"))  # random scenes, and all named ones
 # Total reflection, absorption with dispersion, indices next to 1.
 NAMES = list(SCENES) if STUDY else ["water from below", "gold", "X-ray mirror"]

@@ -6,9 +6,11 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from benchmarks import bsdf
 
+pytestmark = pytest.mark.docs  # of `make test-docs`
 ROOT = Path(__file__).resolve().parents[1]
 
 

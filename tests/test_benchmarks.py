@@ -12,6 +12,7 @@ import pytest
 from benchmarks import accuracy, contestants, printed, scenes
 from fresnel_jax import reflectance
 
+pytestmark = pytest.mark.docs  # of `make test-docs`
 pytest.importorskip("matplotlib")
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -134,6 +135,7 @@ def test_the_overview_names_every_mark_at_its_place(tmp_path, monkeypatch):
         )  # fmt: skip
 
 
+@pytest.mark.study
 def test_bounds_hold_on_this_device_and_its_speed_is_told(capsys):
     """`make gpu` at a tenth of its size, on the CPU; a seed, so that a failure can be repeated."""
     from benchmarks import device
@@ -143,3 +145,20 @@ def test_bounds_hold_on_this_device_and_its_speed_is_told(capsys):
     assert "EXCEEDED" not in printed
     for name in ("| gradient of R | float32", "| powers, gradient | float64", "curves/s", "film"):
         assert name in printed
+
+
+def test_a_bound_that_is_exceeded_on_this_device_is_told(capsys, monkeypatch):
+    """One quantity of `make gpu`: it holds its bound, and ends with status 1 where it does not."""
+    from benchmarks import device
+
+    quantity = device.QUANTITIES["gradient of R"]
+    for name in ("speed", "fits"):
+        monkeypatch.setattr(device, name, lambda *_: None)
+    monkeypatch.setattr(device, "ENTRIES", ())
+    monkeypatch.setattr(device, "QUANTITIES", {"gradient of R": quantity})
+    assert device.main(["--scale", "0.02", "--seed", "0"]) == 0
+    assert "| gradient of R | float32" in capsys.readouterr().out
+    strict = quantity._replace(bound=1e-3)
+    monkeypatch.setattr(device, "QUANTITIES", {"gradient of R": strict})
+    assert device.main(["--scale", "0.02", "--seed", "0"]) == 1
+    assert "EXCEEDED" in capsys.readouterr().out

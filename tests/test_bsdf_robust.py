@@ -106,7 +106,8 @@ def test_no_nan_for_any_sample(build, dtype):
     length = np.linalg.norm(np.asarray(s.direction, np.float64), axis=-1)
     assert np.abs(length - 1).max() < 6 * eps
     assert np.min(s.density) >= 0 and np.max(s.weight) <= 16 * (1 + 8 * eps)
-    nothing = build(parameters[-1]).sample(w, 0.5, u[0, 1:], Lobes.NONE)
+    none = jax.jit(lambda p, w, u: build(p).sample(w, 0.5, u, Lobes.NONE))
+    nothing = none(parameters[-1], w, u[0, 1:])
     assert not np.any(nothing.valid)
     for field in nothing:
         assert np.all(np.isfinite(field))

@@ -97,7 +97,7 @@ def test_reciprocity_and_adjoint(name):
     [
         (Lobes.ALL, TransportMode.RADIANCE),
         (Lobes.ALL, TransportMode.IMPORTANCE),
-        (Lobes.REFLECTION, TransportMode.RADIANCE),
+        pytest.param(Lobes.REFLECTION, TransportMode.RADIANCE, marks=pytest.mark.study),
         (Lobes.TRANSMISSION, TransportMode.IMPORTANCE),
     ],
 )

@@ -19,6 +19,7 @@ import pytest
 from fitting.command.cli import main
 from fitting.command.cli import parser as command_parser
 
+pytestmark = pytest.mark.docs  # of `make test-docs`
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PYTHON = re.compile(r"^```python\n(.*?)^```\n(?:\n```text\n(.*?)^```)?", re.DOTALL | re.MULTILINE)

@@ -14,6 +14,7 @@ import pytest
 import fitting
 import fresnel_jax
 
+pytestmark = pytest.mark.docs  # of `make test-docs`
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))

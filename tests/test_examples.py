@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.docs  # of `make test-docs`
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from fitting import fit, read_csv
 
+pytestmark = pytest.mark.docs  # of `make test-docs`
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
 

@@ -171,7 +171,7 @@ def test_mirrors_fit_well_and_say_that_this_determines_no_index(
 ):
     m = read_csv(measured_files / "metal_mirror" / f"reflection_EKSMA_{metal}.csv")
     m = m.where((m.wavelength_um >= shortest) & (m.wavelength_um <= 2.0))
-    found = fit(m, f"drude-lorentz:{terms}")
+    found = fit(m, f"drude-lorentz:{terms}", intervals="quadratic")
     assert found.status != "not converged"
     assert found.rms < rms
     assert any("eta and k are not determined by the data alone" in w.text for w in found.warnings)

@@ -31,7 +31,7 @@ def drawn(seed):
 
 
 @pytest.mark.parametrize(
-    "seed", [164, 233, 177, *(pytest.param(s, marks=STUDY) for s in (288, 214, 330, 903, 971))]
+    "seed", [164, 233, *(pytest.param(s, marks=STUDY) for s in (177, 288, 214, 330, 903, 971))]
 )
 def test_the_truth_is_among_the_solutions(seed):
     """Of 1000 such films those whose true values were not.

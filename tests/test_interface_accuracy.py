@@ -37,6 +37,19 @@ def hard_points(dtype, name, leave_out, every=1):
     return points, (c, n, k if k.any() else 0.0, m if (m != 1).any() else 1.0)
 
 
+def padded(arguments):
+    """Arrays of a multiple of 512 points, so that all hard sets run in the same few programs."""
+    more = -len(arguments[0]) % 512
+    return [
+        np.pad(x, (0, more), mode="edge") if isinstance(x, np.ndarray) else x for x in arguments
+    ]
+
+
+def values(function, arguments):
+    """The results at all points."""
+    return [np.asarray(x)[: len(arguments[0])] for x in function(*padded(arguments))]
+
+
 def worst(errors) -> float:
     """The largest; NaN counts as infinite."""
     return max(np.inf if np.isnan(e) else e for e in errors)
@@ -46,7 +59,7 @@ def worst(errors) -> float:
 def test_powers_within_12_eps(dtype, name, leave_out):
     points, arguments = hard_points(dtype, name, leave_out)
     eps, smallest = float(np.finfo(dtype).eps), float(np.finfo(dtype).tiny)
-    results = [np.asarray(x) for x in powers(*arguments)]
+    results = values(powers, arguments)
     assert all(x.dtype == dtype for x in results)
     errors = []
     for i, point in enumerate(zip(*points, strict=True)):
@@ -62,7 +75,7 @@ def test_reflectance_within_12_eps(dtype, name, leave_out):
     """`reflectance` has a form of its own, because R does not vanish at Brewster's angle."""
     points, arguments = hard_points(dtype, name, leave_out)
     eps = float(np.finfo(dtype).eps)
-    result = np.asarray(reflectance(*arguments))
+    (result,) = values(lambda *x: [reflectance(*x)], arguments)
     errors = []
     for i, point in enumerate(zip(*points, strict=True)):
         R_s, R_p, *_ = oracle.powers(*point)
@@ -80,7 +93,7 @@ def test_without_compensation_the_error_stays_below_the_stated_bound(dtype, name
     """
     points = adversarial.hard_sets(dtype)[name]
     eps = float(np.finfo(dtype).eps)
-    result = np.asarray(reflectance(*points, compensated=False))
+    (result,) = values(lambda *x: [reflectance(*x, compensated=False)], points)
     errors = []
     for ours, point in zip(result, zip(*points, strict=True), strict=True):
         R_s, R_p, *_ = oracle.powers(*point)
@@ -113,10 +126,9 @@ def partial_derivatives(function, arguments):
     """Array of shape (variables, 4 results, points); Python numbers are not differentiated."""
     arrays = tuple(i for i, x in enumerate(arguments) if isinstance(x, np.ndarray))
     constants = tuple((i, x) for i, x in enumerate(arguments) if i not in arrays)
-    size = len(arguments[0])
-    # a program for each size would take half a second to compile
-    padded = [np.pad(arguments[i], (0, -size % 512), mode="edge") for i in arrays]
-    return arrays, np.array(_along_each(function, arrays, constants)(*padded))[..., :size]
+    given = [x for x in padded(arguments) if isinstance(x, np.ndarray)]
+    found = _along_each(function, arrays, constants)(*given)
+    return arrays, np.array(found)[..., : len(arguments[0])]
 
 
 def four_times_R(*arguments):
@@ -144,7 +156,7 @@ def test_gradients_within_200_eps(dtype, name, leave_out):
     for i, point in enumerate(zip(*points, strict=True)):
         gradients = oracle.reflectance_gradients(*point)
         if gradients is not None:
-            gradients += [[-g for g in gradient] for gradient in gradients]  # T = 1 - R
+            gradients = [*gradients, *([-g for g in one] for one in gradients)]  # T = 1 - R
             for ours, gradient in zip(np.moveaxis(partials[..., i], 1, 0), gradients, strict=True):
                 errors.append(gradient_error(ours, [gradient[v] for v in variables], dtype))
     assert worst(errors) <= GRADIENT_BOUND
@@ -202,7 +214,7 @@ def test_amplitude_gradients_within_200_eps(dtype, name, leave_out):
 def test_amplitudes_within_12_eps(dtype, name, leave_out):
     points, arguments = hard_points(dtype, name, leave_out)
     eps, smallest = float(np.finfo(dtype).eps), float(np.finfo(dtype).tiny)
-    results = [np.asarray(x) for x in amplitudes(*arguments)]
+    results = values(amplitudes, arguments)
     errors = []
     for i, point in enumerate(zip(*points, strict=True)):
         for j, true in enumerate(oracle.amplitudes(*point)):
@@ -217,14 +229,17 @@ def test_constants_that_the_compiler_knows(name, constant):
     """XLA merges sums of constants, which once made every rounding error 0 (see `opaque`)."""
     eps = float(np.finfo(np.float64).eps)
     errors = []
-    for point in list(zip(*adversarial.hard_sets(np.float64)[name], strict=True))[:6]:
-        c, n, k, m = point
-        if constant == "indices":
-            result = jax.jit(lambda c, n=n, m=m: powers(c, n, 0.0, m))(c)
-        elif constant == "cosine and index":
-            result = jax.jit(lambda m, c=c, n=n: powers(c, n, 0.0, m))(m)
-        else:
-            result = jax.jit(lambda k, c=c, n=n, m=m: powers(c, n, k, m))(k)
+    points = list(zip(*adversarial.hard_sets(np.float64)[name], strict=True))[:6]
+    variable = {"indices": 0, "cosine and index": 3, "all but k": 2}[constant]
+
+    @jax.jit
+    def of_all(variables):
+        return [
+            powers(*(variables[i] if j == variable else float(x) for j, x in enumerate(point)))
+            for i, point in enumerate(points)
+        ]
+
+    for point, result in zip(points, of_all([p[variable] for p in points]), strict=True):
         for j, true in enumerate(oracle.powers(*point)):
             scale = max(true, eps**2)
             errors.append(float(abs(mp.mpf(float(result[j])) - true) / scale) / eps)

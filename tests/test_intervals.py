@@ -255,7 +255,9 @@ def test_exact_data_have_intervals_as_narrow_as_rounding():
     np.testing.assert_allclose(found.parameters["k"].interval, 2.2, rtol=1e-12)
 
 
-@pytest.mark.parametrize("n", [1.3, 2.0, 3.6])
+@pytest.mark.parametrize(
+    "n", [1.3, *(pytest.param(n, marks=pytest.mark.study) for n in (2.0, 3.6))]
+)
 def test_an_interval_is_the_same_from_wherever_in_the_valley(n):
     """At 45 degrees every index of a curve from n to below 1 fits; which is best is rounding.
 

@@ -45,14 +45,14 @@ def test_sums_and_their_derivatives_are_those_of_the_plain_call(number, dtype):
 
     rtol = 300 * np.finfo(dtype).eps
     for of in (
-        lambda loss: loss(eta, data),
-        lambda loss: jax.grad(loss)(eta, data),
-        lambda loss: jax.grad(loss, argnums=1)(eta, data),
-        lambda loss: jax.jvp(loss, (eta, data), (eta, data))[1],
-        lambda loss: jax.vmap(lambda x: loss(x, data))(eta * jnp.arange(1, 3, dtype=dtype)),
-        lambda loss: jax.grad(jax.grad(loss))(eta, data),
+        lambda loss: loss,
+        lambda loss: jax.grad(loss),
+        lambda loss: jax.grad(loss, argnums=1),
+        lambda loss: lambda *x: jax.jvp(loss, x, x)[1],
+        lambda loss: lambda x, data: jax.vmap(lambda y: loss(y, data))(jnp.stack([x, 2.0 * x])),
+        lambda loss: jax.grad(jax.grad(loss)),
     ):
-        found, wanted = of(jax.jit(blocks)), of(jax.jit(plain))
+        found, wanted = (jax.jit(of(jax.jit(loss)))(eta, data) for loss in (blocks, plain))
         assert found.dtype == dtype
         largest = float(jnp.abs(wanted).max())
         np.testing.assert_allclose(found, wanted, rtol=rtol, atol=rtol * largest)

@@ -44,7 +44,13 @@ MODELS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("model", ["cauchy-urbach:2", "lorentz", "tauc-lorentz"])
+@pytest.mark.parametrize(
+    "model",
+    [
+        *(pytest.param(m, marks=pytest.mark.study) for m in ("cauchy-urbach:2", "lorentz")),
+        "tauc-lorentz",
+    ],
+)
 def test_truths_come_back_without_noise_and_within_errors_with_it(model):
     truth = MODELS[model]
     fixed = {"edge_ev": 3.0} if "edge_ev" in truth else {}

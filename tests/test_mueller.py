@@ -121,8 +121,8 @@ def test_derivatives_of_mueller_matrices_against_differences():
         (mueller_refraction, (0.9, 1.1, 1.5)),
     ):
         point, directions = np.array(arguments), np.eye(len(arguments))
-        derivative = jax.jacfwd(lambda x, f=function: f(*x))(point)
-        moved = jax.vmap(lambda x, f=function: f(*x))
+        derivative = jax.jit(jax.jacfwd(lambda x, f=function: f(*x)))(point)
+        moved = jax.jit(jax.vmap(lambda x, f=function: f(*x)))
         ends = np.concatenate([point + step * directions, point - step * directions])
         up, down = np.split(np.asarray(moved(ends)), 2)
         difference = np.moveaxis((up - down) / (2 * step), 0, -1)

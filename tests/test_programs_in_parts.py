@@ -89,7 +89,10 @@ def angles_of(case):
 
 
 # Each has what other cases have, by a program of its own.
-_LONG = ("in a wider program", "free electrons", "on a model", "a bare surface", "an edge", "ties")
+_LONG = (
+    "in a wider program", "free electrons", "on a model", "a bare surface", "an edge", "ties",
+    "a film on a plate", "psi and Delta of a plate",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("case", [
@@ -142,7 +145,9 @@ def test_the_solver_takes_the_steps_of_the_one_program(case, loss):
 
 
 # one block, in calls of half as many columns; 3 blocks, of which ten lanes fill a call; 33 blocks
-@pytest.mark.parametrize("rows", [40, 150, pytest.param(2060, marks=pytest.mark.study)])
+@pytest.mark.parametrize(
+    "rows", [150, *(pytest.param(n, marks=pytest.mark.study) for n in (40, 2060))]
+)
 def test_rows_of_one_block_or_several(rows):
     waves = np.linspace(0.4, 1.0, rows)
     u, targets = of("air | cauchy:2 20..300 nm | SiO2", Settings(), (30.0,), waves=waves, R=0.2)

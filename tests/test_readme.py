@@ -10,6 +10,7 @@ import sys
 import pytest
 from command import ROOT, own_cache  # noqa: F401 (a fixture)
 
+pytestmark = pytest.mark.docs  # of `make test-docs`
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 

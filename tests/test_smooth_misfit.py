@@ -63,7 +63,9 @@ def test_a_gain_of_3_percent():
 
 
 @pytest.mark.parametrize("kind", ["equal", "relative", "outliers", "printed"])
-@pytest.mark.parametrize("angles", [8, 14, 60])
+@pytest.mark.parametrize(
+    "angles", [14, *(pytest.param(n, marks=pytest.mark.study) for n in (8, 60))]
+)
 def test_noise_is_no_misfit(kind, angles):
     """Of 1,000 curves of R_s, R_p and of R, dielectrics and metals alike."""
     random = np.random.default_rng(3)

@@ -16,6 +16,10 @@ import stack_oracle
 from fresnel_jax.layers import stack
 
 DTYPES = [np.float32, np.float64]
+# Places where float32 failed.
+FLOAT32_FIRST = pytest.mark.parametrize(
+    "dtype", [np.float32, pytest.param(np.float64, marks=pytest.mark.study)]
+)
 CASES = 12
 MANY = 50_000
 
@@ -243,7 +247,7 @@ def _worst_of(point, dtype):
     return np.max(np.linalg.norm((ours - truth)[:2], axis=1) / norm)
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
+@FLOAT32_FIRST
 def test_derivatives_of_r_before_a_strong_metal(dtype):
     """dR_p by the indices of the first two media was off by 5,028 eps of its norm in float32:
     Q / N^2 of a metal of |N| = 150 is a small part of that of the first medium."""
@@ -253,7 +257,7 @@ def test_derivatives_of_r_before_a_strong_metal(dtype):
     assert _worst_of(point, dtype) <= 200
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
+@FLOAT32_FIRST
 def test_dT_by_a_cosine_of_0_and_close_to_it(dtype):
     """It was 0 at 0 where the indices are complex, and twice the true one in float32 at a cosine of
     3e-11 where T is below 1e-27: the reciprocal of the incident flux has no derivative there."""

@@ -18,7 +18,7 @@ SAMPLE = "air | {} 50..800 nm | 1.53"
 TRUTH = {"eps_inf": 2.0, "strength_ev2_1": 40.0, "resonance_ev_1": 6.0, "width_ev_1": 0.5,
          "strength_ev2_2": 0.6, "resonance_ev_2": 2.2, "width_ev_2": 0.3,
          "thickness_nm": 310.0}  # fmt: skip
-WAVES = np.linspace(0.42, 0.8, 90)
+WAVES = np.linspace(0.42, 0.8, 45)
 
 
 @pytest.fixture

@@ -36,7 +36,10 @@ def fitted(data, eta_i, **how):
     return fit_many(ANGLES, **data, sample=f"{float(eta_i)!r} | free", **how)
 
 
-@pytest.mark.parametrize(("eta", "k", "eta_i"), [(0.458, 0.0, 1.0), (1.0, 2e-4, 1.5)])
+@pytest.mark.parametrize(
+    ("eta", "k", "eta_i"),
+    [(0.458, 0.0, 1.0), pytest.param(1.0, 2e-4, 1.5, marks=pytest.mark.study)],
+)
 def test_error_and_limit_of_k_are_those_of_a_model_linear_in_k(eta, k, eta_i):
     """R = R(k = 0) + k dR/dk, the slope from a difference: k may then be below 0."""
     step, data = 1e-7, measured(eta, k, eta_i, 30)
@@ -96,8 +99,8 @@ def brute_force(data, eta_i, eta, k, sigma_eta, k_most):
     ("eta", "k", "eta_i", "kinds"),
     [
         (0.458, 0.0, 1.0, ("quadratic", "profile")),
-        (1.33, 1e-4, 1.5, ("quadratic", "profile")),
-        (1.0, 1e-3, 1.5, ("quadratic", "profile")),
+        pytest.param(1.33, 1e-4, 1.5, ("quadratic", "profile"), marks=pytest.mark.study),
+        pytest.param(1.0, 1e-3, 1.5, ("quadratic", "profile"), marks=pytest.mark.study),
         # 45 degrees is the critical angle: not quadratic, and the program would choose the profile
         (np.sin(np.pi / 4.0), 1e-4, 1.0, ("profile", "auto")),
     ],
