@@ -343,21 +343,6 @@ def _from_cells(reading: Reading, column: Column) -> np.ndarray:
     return np.array([FIELD_DEG.get(known[cell], np.nan) for cell in cells])
 
 
-def _from_column(reading: Reading, column: Column) -> np.ndarray:
-    options = reading.options
-    if options.light:
-        reading.refuse_both(column, "the polarization", "--polarization")
-    if options.polarizer:
-        return _from_angles(reading, column)
-    if column is reading.layout.polarizer and not options.codes:
-        reading.refuse(
-            column,
-            "a polarizer's angle can count from the plane of incidence (0 is p) or from its "
-            "normal (0 is s). Say --polarization angle-from-p or angle-from-s.",
-        )
-    return _from_cells(reading, column)
-
-
 def light_of_rows(reading: Reading, oblique: bool) -> np.ndarray:
     """Return the polarization of each row as far as it is not said by the columns' own names.
 
@@ -375,7 +360,15 @@ def light_of_rows(reading: Reading, oblique: bool) -> np.ndarray:
         if other:
             text = f"this column gives the polarization, and so does column {other.label!r}. "
             reading.refuse(column, text + "Name the columns to be read with --columns.")
-        return _from_column(reading, column)
+        if options.light:
+            reading.refuse_both(column, "the polarization", "--polarization")
+        if layout.polarizer and not (options.codes or options.polarizer):
+            reading.refuse(
+                column,
+                "a polarizer's angle can count from the plane of incidence (0 is p) or from its "
+                "normal (0 is s). Say --polarization angle-from-p or angle-from-s.",
+            )
+        return (_from_angles if options.polarizer else _from_cells)(reading, column)
     if options.codes or options.polarizer:
         refuse(
             "--polarization gives a meaning to a column, but none is named as the polarization. "
