@@ -186,7 +186,7 @@ def _units(words: Words) -> Heard:
 def _quantity(words: Words) -> Heard:
     """Return the quantities that are written out; as letters they are names of columns."""
     named = words.concepts & {*POWER_LETTERS, OTHER_POWER}
-    return [("quantity", q) for q in named if q not in words.capitals]
+    return [("quantity", q) for q in named if len(q) > 1 or q not in words.capitals]
 
 
 _HEARERS = (_angle, _wavelength, _light, _units, _quantity)
