@@ -104,7 +104,7 @@ def _angle(words: Words) -> Heard:
     unit = next(iter(units & _ANGULAR), "")
     if not words.numbers:
         if not clear:
-            return [("angle", None), ("angle unit", None)][: 1 if "oblique" in said else 2]
+            return [(kind, None) for kind in ("angle", "angle unit")[: 2 - ("oblique" in said)]]
         if said & {"grazing", "doubled"} or ("surface" in said and "normal" not in said):
             known = "grazing" in said and unit in ("deg", "rad")
             return [("angle", None), ("angle unit", "grazing-" + unit if known else None)]

@@ -230,7 +230,8 @@ def settings_of(
             if any(name in by_kind[other] for other in others):
                 listed = "free, fixed, bounded" if "fixed" in others else "free, bounded"
                 raise ValueError(f"{name} {what} and cannot also be {listed} or have a prior.")
-    return Settings(tuple(by_kind.pop("free")), **by_kind)
+    by = by_kind
+    return Settings(tuple(by["free"]), by["fixed"], by["bounds"], by["priors"], by["tie"])
 
 
 def check_tie(name: str, factor: float, parameter: Parameter, of: Parameter) -> None:
