@@ -336,7 +336,8 @@ def _from_cells(reading: Reading, column: Column) -> np.ndarray:
         if all(is_number(value) for value in values):
             came = f"{', '.join(values)} may be codes or angles of a polarizer"
             option = ",".join(v + "=" + "sp"[n % 2] for n, v in enumerate(values[:2]))
-            option += " (or the other way round), or angle-from-p or angle-from-s if they are degrees"
+            option += " (or the other way round), or angle-from-p or angle-from-s if they "
+            option += "are degrees"
         reading.refuse(column, f"{came}. Say what is meant with --polarization {option}.", lost[0])
     reading.refuse_other_light(set(known.values()) - {""}, column)
     return np.array([FIELD_DEG.get(known[cell], np.nan) for cell in cells])
