@@ -90,6 +90,14 @@ REFUSALS = {
         "wavelength_nm,Is,Ic\n500,.4,-.5\n600,.4,-.3\n",
         ("line 1", "sin 2psi sin Delta", "cos 2psi", "export psi and Delta instead"),
     ),
+    "another power in words": (
+        "# Transmittance of glass\nangle_deg,R\n10,.1\n20,.2\n",
+        ("the name says R", "states the measured quantity differently", "--columns"),
+    ),
+    "absorbance in words": (
+        "# absorbance of glass\nangle_deg,T\n10,.1\n20,.2\n",
+        ("the name says T", "states the measured quantity differently"),
+    ),
     "counts": ("angle,intensity\n10,300\n20,400\n", ("raw signal", "direct beam", "--divide-by")),
     "arbitrary units": ("angle,R (a.u.)\n10,300\n20,400\n", ("arbitrary", "--scale")),
     "mount": ("mount angle,R_s\n10,.1\n20,.2\n", ("no column is an angle of incidence", "mount")),

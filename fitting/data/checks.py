@@ -209,7 +209,7 @@ def _check_values(data: Data, where: Callable[[int, str], str], hint: Callable[[
         ),
         (
             (value < low - slack) | (value > high + slack), "value",
-            lambda i: f"{TABLE[quantity[i]].axis if power[i] else quantity[i]} {value[i]:.10g}"
+            lambda i: f"{TABLE[str(quantity[i])].axis if power[i] else quantity[i]} {value[i]:.10g}"
             f"{' degrees' * bool(angular[i])} is outside [{low[i]:g}, {high[i]:g}]. {hint(i)}",
         ),
         (

@@ -43,25 +43,17 @@ def _argument(option: re.Match[str]) -> str:
     """Return the argument of `read_csv` for an option with the word behind it."""
     name, mark, word = option[1].replace("-", "_"), option[2] or "", option[3] or ""
     value = word.rstrip(",;:)") or word
-    if value.endswith(".") and not value.endswith("..."):
-        value = value[:-1]
+    value = value if value.endswith("...") else value.removesuffix(".")
     rest = word[len(value) :]
-    is_value = (
-        mark == "=" or name == "ignore" or value in _WORDS or bool(re.search(r"[A-Z0-9=]", value))
-    )
-    if not is_value:
+    known = name == "ignore" or value in _WORDS
+    if not (known or mark == "=" or re.search(r"[A-Z0-9=]", value)):
         return f"{name}{mark}{word}"
     return f"{name}={value}{rest}" if name in _NUMBERS else f'{name}="{value}"{rest}'
 
 
 def place(source: str, line: int = 0, column: str = "") -> str:
     """Return ``source, line 14, column R_s``, leaving out what is not known."""
-    text = source
-    if line:
-        text += f", line {line}"
-    if column:
-        text += f", column {column}"
-    return text
+    return source + f", line {line}" * bool(line) + f", column {column}" * bool(column)
 
 
 class _Refused(Exception):

@@ -2,14 +2,11 @@
 
 In the order in which a file passes through:
 
-    lines, cells, header, table             bytes -> lines -> cells -> a table with line numbers
-    formats, film_sense, jcamp, perkin_elmer, spectraray, spectrum_header, woollam
-                                            files that are no plain tables, made into such
-    vocabulary, names, options, columns     what the user and the header say that a column is
-    unread_columns                          those that are not read, and may hold something of use
-    evidence                                what comments, settings and the file name say
-    units, reading, axes, light             angles, wavelengths, polarization
-    scales                                  percent or fraction, degrees or radians; the errors
-    own_export                              a table that this package wrote
-    longform                                one datum per row
+    text, cells, table             bytes -> lines -> cells -> a table with line numbers
+    instruments, jcamp             files that are no plain tables, made into such
+    vocabulary, names, options     what words, a header and the user say that a column is
+    columns                        which are read, and which may not be left out
+    remarks                        what comments, settings and the file name say
+    conversion                     angles, wavelengths, polarization, values and their errors
+    long_form                      one datum per row, with its place in the file
 """

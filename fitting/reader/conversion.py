@@ -335,27 +335,12 @@ def _from_cells(reading: Reading, column: Column) -> np.ndarray:
         option = f"{first}=s"
         if all(is_number(value) for value in values):
             came = f"{', '.join(values)} may be codes or angles of a polarizer"
-            codes = ",".join(v + "=" + "sp"[n % 2] for n, v in enumerate(values[:2]))
-            option = f"{codes} (or the other way round), or angle-from-p or angle-from-s if they "
+            option = ",".join(v + "=" + "sp"[n % 2] for n, v in enumerate(values[:2]))
+            option += " (or the other way round), or angle-from-p or angle-from-s if they "
             option += "are degrees"
         reading.refuse(column, f"{came}. Say what is meant with --polarization {option}.", lost[0])
     reading.refuse_other_light(set(known.values()) - {""}, column)
     return np.array([FIELD_DEG.get(known[cell], np.nan) for cell in cells])
-
-
-def _from_column(reading: Reading, column: Column) -> np.ndarray:
-    options = reading.options
-    if options.light:
-        reading.refuse_both(column, "the polarization", "--polarization")
-    if options.polarizer:
-        return _from_angles(reading, column)
-    if column is reading.layout.polarizer and not options.codes:
-        reading.refuse(
-            column,
-            "a polarizer's angle can count from the plane of incidence (0 is p) or from its "
-            "normal (0 is s). Say --polarization angle-from-p or angle-from-s.",
-        )
-    return _from_cells(reading, column)
 
 
 def light_of_rows(reading: Reading, oblique: bool) -> np.ndarray:
@@ -375,7 +360,15 @@ def light_of_rows(reading: Reading, oblique: bool) -> np.ndarray:
         if other:
             text = f"this column gives the polarization, and so does column {other.label!r}. "
             reading.refuse(column, text + "Name the columns to be read with --columns.")
-        return _from_column(reading, column)
+        if options.light:
+            reading.refuse_both(column, "the polarization", "--polarization")
+        if layout.polarizer and not (options.codes or options.polarizer):
+            reading.refuse(
+                column,
+                "a polarizer's angle can count from the plane of incidence (0 is p) or from its "
+                "normal (0 is s). Say --polarization angle-from-p or angle-from-s.",
+            )
+        return (_from_angles if options.polarizer else _from_cells)(reading, column)
     if options.codes or options.polarizer:
         refuse(
             "--polarization gives a meaning to a column, but none is named as the polarization. "

@@ -64,8 +64,10 @@ def _numbers(texts: Sequence[str], line: int, count: int) -> list[float]:
 
 
 def film_sense(texts: Sequence[str]) -> Plain:
-    """Film Sense: counts and the angle of incidence with a minus; wavelengths in nm, a line each;
-    then N = cos 2 psi, C = sin 2 psi cos Delta, S = sin 2 psi sin Delta, a line each; then a fit.
+    """Return the table of a Film Sense file.
+
+    Counts and the angle of incidence with a minus; a line for each wavelength, in nm; then N = cos
+    2 psi, C = sin 2 psi cos Delta, S = sin 2 psi sin Delta, a line each; then a fit.
     """
     kind = texts[0].strip() if texts else ""
     if not kind.startswith("Film_Sense_"):
@@ -92,8 +94,10 @@ def film_sense(texts: Sequence[str]) -> Plain:
 
 
 def perkin_elmer(texts: Sequence[str]) -> Plain:
-    """Perkin-Elmer (PEDS; .asc of UV WinLab and Spectrum): below #GR the units of abscissa and
-    ordinate, and in the seventh line the number of points; below #DATA the points.
+    """Return the table of a Perkin-Elmer file (PEDS; .asc of UV WinLab and Spectrum).
+
+    Below #GR stand the units of abscissa and ordinate, and in the seventh line the number of
+    points; below #DATA the points.
     """
     if not texts or not _PERKIN_ELMER.match(texts[0]):
         return None
@@ -119,8 +123,10 @@ def perkin_elmer(texts: Sequence[str]) -> Plain:
 
 
 def spectraray(texts: Sequence[str]) -> Plain:
-    """SENTECH's SpectraRay: "; WAVELENGTH 60.20 60.20 70.20 70.20", the angle of incidence of each
-    column; then rows of the wavelength, without a unit, and of psi and Delta in degrees.
+    """Return the table of a file of SENTECH's SpectraRay.
+
+    "; WAVELENGTH 60.20 60.20 70.20 70.20" names the angle of incidence of each column; rows of the
+    wavelength follow, without a unit, and of psi and Delta in degrees.
     """
     head = _SPECTRARAY.fullmatch(texts[0]) if texts else None
     if head is None:
@@ -139,11 +145,12 @@ def spectraray(texts: Sequence[str]) -> Plain:
 
 
 def woollam(texts: Sequence[str], ignore: Sequence[str] = ()) -> Plain:
-    """J. A. Woollam (WVASE, CompleteEASE): a title, a line VASEmethod[...], often Original[...],
-    the unit of the wavelength; then rows of wavelength, angle, psi, Delta and their errors, bare or
-    after the word E. Rows that begin with another word (uR, mm12) hold something else; dPolE is the
-    share of depolarized light that comes with psi and Delta. ignore: words whose rows may be left
-    out, in small letters.
+    """Return the table of a file of J. A. Woollam (WVASE, CompleteEASE).
+
+    A title, a line VASEmethod[...], often Original[...], the unit of the wavelength; then rows of
+    wavelength, angle, psi, Delta and their errors, bare or after the word E. Rows that begin with
+    another word (uR, mm12) hold something else; dPolE is the share of depolarized light that comes
+    with psi and Delta. ignore: words whose rows may be left out, in small letters.
     """
     head = next((i for i, text in enumerate(texts[:4]) if text.startswith("VASEmethod[")), 9)
     unit_line = next(

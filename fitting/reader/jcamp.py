@@ -152,12 +152,12 @@ def _equal_steps(records: _Records, table: str, at: int, count: int) -> Points:
 
 def _pairs(records: _Records, table: str) -> Points:
     """Return the points of (XY..XY)."""
-    factors = [
+    x_factor, y_factor = (
         records.number(label, 0) if records.found[label] else Decimal(1)
         for label in ("XFACTOR", "YFACTOR")
-    ]
+    )
     return [
-        (Decimal(x) * factors[0], Decimal(y) * factors[1], line)
+        (Decimal(x) * x_factor, Decimal(y) * y_factor, line)
         for line, text in records.rows[table]
         for x, y in _parts(_PAIR, text, line, "pairs x, y")
     ]

@@ -18,7 +18,6 @@ from fitting.data.quantities import (
     POWER_LETTERS,
     POWERS,
     QUANTITIES,
-    TABLE,
     are_powers,
     letter_of,
 )
@@ -119,16 +118,9 @@ def _refuse_other_quantity(reading: Reading) -> None:
     """Raise where the file speaks of another power alone than that of the columns."""
     value = reading.layout.values[0]
     here = {letter_of(value.role.quantity) for value in reading.layout.values} & {*POWER_LETTERS}
-    other = [said for said in reading.said if said.kind == "quantity"]
-    if here and other and not here & {said.value for said in other}:
-        word = str(other[0].value)
-        word = TABLE[word].axis if word in TABLE else word
-        reading.refuse(
-            value,
-            f"the name says {value.role.quantity}, but {other[0].where} ({other[0].text!r}) "
-            f"speaks of {word}. If the column is right, name all columns to be read, for example "
-            f"--columns angle=1,{value.role.quantity}={value.index + 1}.",
-        )
+    if here and not here & {said.value for said in reading.said if said.kind == "quantity"}:
+        came = f"the name says {value.role.quantity}"
+        reading.contradicted("quantity", lambda letter: letter not in here, value, came)
 
 
 def _understood(reading: Reading, data: Data, factor: float) -> str:

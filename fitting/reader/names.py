@@ -227,10 +227,10 @@ def role_of(name: str, unit: str = "") -> Role:
         if of and (of.quantity or of.form) and of.quantity not in _INDEX:  # birefringence
             error, optical = True, behind
     axis = _axis(optical, unit) if optical or not error else None
+    if axis and error:
+        return Role("aside", why="it is the uncertainty or resolution of an axis")
     if axis:
-        return (
-            Role("aside", why="it is the uncertainty or resolution of an axis") if error else axis
-        )
+        return axis
     if found := _optical(optical, unit, error):
         return found
     why = next((_WHY[concept] for concept in _WHY if concept in said), "")

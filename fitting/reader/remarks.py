@@ -33,16 +33,12 @@ from fitting.reader.vocabulary import (
 OPTION = {
     "angle": ("the angle of incidence", "--angle-deg NUMBER", "angle_deg"),
     "angle unit": (
-        "the unit of the angles",
-        "--angle-unit deg, rad, grazing-deg, ...",
-        "angle_unit",
+        "the unit of the angles", "--angle-unit deg, rad, grazing-deg, ...", "angle_unit",
     ),
     "light": ("the polarization", "--polarization s, p or unpolarized", "light codes polarizer"),
     "wavelength": ("the wavelength", "--wavelength-um NUMBER", "wavelength_um"),
     "wavelength unit": (
-        "the unit of wavelengths",
-        "--wavelength-unit nm, um, ...",
-        "wavelength_unit",
+        "the unit of wavelengths", "--wavelength-unit nm, um, ...", "wavelength_unit",
     ),
     "power unit": ("the unit of the powers", "--scale 0.01 for percent, 1 for fractions", "scale"),
     "psi unit": ("the unit of psi and delta", "--psi-unit deg or rad", "psi_unit"),
@@ -53,7 +49,7 @@ OPTION = {
         "columns",
     ),
     "quantity": ("the measured quantity", "--columns angle=1,R=2 or the like", "columns"),
-}
+}  # fmt: skip
 FULL_NAME = "the file name"
 _LENGTHS = {"nm", "um", "angstrom"}
 _ANGULAR = {"deg", "rad", "mrad"}
@@ -89,10 +85,14 @@ def _only(words: Words, *concepts: str) -> bool:
     return not words.unknown and words.concepts <= known and len(words.numbers) <= 1
 
 
+def _units_of(words: Words) -> set[str]:
+    """Return all units of a clause, behind numbers or alone."""
+    return words.units | {unit for _, unit in words.numbers} - {""}
+
+
 def _angle(words: Words) -> Heard:
     """Return what a clause says of the angle of incidence, or of how angles count."""
-    said = words.concepts
-    units = words.units | {unit for _, unit in words.numbers} - {""}
+    said, units = words.concepts, _units_of(words)
     about = said & {"incidence", "grazing", "oblique"} or (
         said & {"angle", "doubled"} and "no incidence" not in said
     )
@@ -100,13 +100,11 @@ def _angle(words: Words) -> Heard:
     perhaps = words.numbers and "some angle" in said
     if not (about or perhaps) and (other or not units & _ANGULAR):
         return []
-    clear = about and units <= _ANGULAR
-    clear = clear and _only(words, *_ANGLES)
+    clear = about and units <= _ANGULAR and _only(words, *_ANGLES)
     unit = next(iter(units & _ANGULAR), "")
     if not words.numbers:
         if not clear:
-            kinds = ("angle",) if "oblique" in said else ("angle", "angle unit")
-            return [(kind, None) for kind in kinds]
+            return [(kind, None) for kind in ("angle", "angle unit")[: 2 - ("oblique" in said)]]
         if said & {"grazing", "doubled"} or ("surface" in said and "normal" not in said):
             known = "grazing" in said and unit in ("deg", "rad")
             return [("angle", None), ("angle unit", "grazing-" + unit if known else None)]
@@ -124,21 +122,18 @@ def _angle(words: Words) -> Heard:
 
 
 def _wavelength(words: Words) -> Heard:
-    said = words.concepts
-    sized = ({unit for _, unit in words.numbers} | words.units) & set(WAVELENGTH_UNITS)
+    said, axes = words.concepts, words.concepts & {*AXIS_CONCEPTS}
+    sized = _units_of(words) & {*WAVELENGTH_UNITS}
     bare = not words.units and words.numbers and not words.numbers[0][1]
-    alone = bare and _only(words, "laser")  # "laser,532"
     photon = {unit for _, unit in words.numbers} & {"eV", "keV"}  # or the gap of the material
     if not (
         "wavelength" in said
-        or (said & set(AXIS_CONCEPTS) and sized)
-        or ("laser" in said and (sized & _LENGTHS or alone))
-        or (bare and said & set(AXIS_CONCEPTS) and _only(words, *AXIS_CONCEPTS))
+        or (axes and (sized or (bare and _only(words, *AXIS_CONCEPTS))))
+        or ("laser" in said and (sized & _LENGTHS or (bare and _only(words, "laser"))))
         or photon
     ):
         return []  # a laser's power, a pulse's energy, a chopper's frequency
-    named = said & {"wavelength", "laser", *AXIS_CONCEPTS}
-    clear = named and _only(words, "wavelength", "laser", *AXIS_CONCEPTS)
+    clear = (axes or "laser" in said) and _only(words, "laser", *AXIS_CONCEPTS)
     unit = next(iter(sized), "")
     if not words.numbers:
         if not clear and unit:
@@ -191,29 +186,24 @@ def _units(words: Words) -> Heard:
 def _quantity(words: Words) -> Heard:
     """Return the quantities that are written out; as letters they are names of columns."""
     named = words.concepts & {*POWER_LETTERS, OTHER_POWER}
-    return [("quantity", q) for q in named if q not in words.capitals]
+    return [("quantity", q) for q in named if len(q) > 1 or q not in words.capitals]
 
 
 _HEARERS = (_angle, _wavelength, _light, _units, _quantity)
 
 
-def _heard(words: Words, where: str, text: str) -> list[Said]:
-    numbers = tuple(n for n, unit in words.numbers if unit in ("", "deg"))
-    numbers = numbers if len(numbers) == 1 else ()  # two may be the range of a scan
-    found = [pair for hear in _HEARERS for pair in hear(words)]
-    return [
-        Said(kind, value, where, text[:80], numbers if kind == "angle" and value is None else ())
-        for kind, value in found
-    ]
-
-
 def statements(line: int, text: str) -> list[Said]:
     """Return what one comment, setting or remark says of the whole measurement."""
-    clauses = [text] if "{" in text else _CLAUSE.split(text)
-    expanded = [Said("errors", None, f"line {line}", text.strip()[:80])]
-    return expanded * bool(_EXPANDED.search(spelled(text))) + [
-        s for clause in clauses for s in _heard(words_of(clause), f"line {line}", text.strip())
-    ]
+    place = f"line {line}", text.strip()[:80]
+    said = [Said("errors", None, *place)] * bool(_EXPANDED.search(spelled(text)))
+    for clause in [text] if "{" in text else _CLAUSE.split(text):
+        words = words_of(clause)
+        numbers = tuple(n for n, unit in words.numbers if unit in ("", "deg"))
+        numbers = numbers if len(numbers) == 1 else ()  # two may be the range of a scan
+        for kind, value in (pair for hear in _HEARERS for pair in hear(words)):
+            open_angle = kind == "angle" and value is None
+            said.append(Said(kind, value, *place, numbers if open_angle else ()))
+    return said
 
 
 def _statements_of_name(stem: str) -> list[Said]:

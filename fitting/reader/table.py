@@ -118,9 +118,10 @@ def _known_names(cells: list[str]) -> int:
 
 def _is_small(name: str, unit: str) -> bool:
     """Return whether the numbers of a column are below 1000 by its name: percent, degrees, ..."""
-    kind, *_, unit = role_of(name, unit)[:4]
-    sized = {"value": ("percent", "1", "deg", "rad"), "angle": ("deg", "rad")}
-    return kind == "index" or unit in sized.get("value" if kind == "sigma" else kind, ())
+    role = role_of(name, unit)
+    value, angle = ("percent", "1", "deg", "rad"), ("deg", "rad")
+    sized = {"value": value, "sigma": value, "angle": angle}
+    return role.kind == "index" or role.unit in sized.get(role.kind, ())
 
 
 def _units_row(cells: list[str]) -> list[str] | None:

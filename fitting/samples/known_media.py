@@ -27,6 +27,7 @@ import numpy as np
 from fitting.process.compiled import fit_settings
 from fitting.samples.dispersion import KINDS, Model
 from fitting.samples.material_files import is_material_file, read_material
+from fitting.samples.parameters import START_OR_RANGE
 from fresnel_jax import effective_medium, materials
 from fresnel_jax.dispersion import Material, material
 
@@ -38,11 +39,7 @@ RULES = {
     "maxwell-garnett": effective_medium.maxwell_garnett,
     "linear": effective_medium.linear,
 }
-_NUMBER = r"(?:\d+\.?\d*|\.\d+)"
-_PART = re.compile(
-    rf"(?P<index>.*?)\s+(?:(?P<low>{_NUMBER})\s*\.\.\s*(?P<high>{_NUMBER})|(?P<start>{_NUMBER}))"
-    r"\s*%\s*(?P<held>held)?$"
-)
+_PART = re.compile(rf"(?P<index>.*?)\s+{START_OR_RANGE}\s*%\s*(?P<held>held)?$")
 
 
 class MaterialFile(NamedTuple):

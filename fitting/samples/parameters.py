@@ -22,7 +22,10 @@ PLAIN, LOG, SQUARE = "plain", "log", "square"
 # At u = k^2 = 0 dR/du is taken at this u instead, where sqrt(u) and dR/dk = 2k dR/du are exact.
 LEAST_SQUARE = 1e-24
 
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+# A thickness or a share in the text of a sample: 110, or a range 100..150.
+START_OR_RANGE = rf"(?:(?P<low>{NUMBER})\s*\.\.\s*(?P<high>{NUMBER})|(?P<start>{NUMBER}))"
+_NUMBER = rf"[-+]?{NUMBER}"
 _NAME = re.compile(r"\s*([A-Za-z_][-\w]*(?:\.[A-Za-z_]\w*)?(?:\[[^\]]*\])?)\s*([=~])\s*(.*?)\s*$")
 _RANGE = re.compile(rf"({_NUMBER})?\s*\.\.\s*({_NUMBER})?$")
 _PRIOR = re.compile(rf"({_NUMBER})\s*\+-\s*({_NUMBER})$")
@@ -149,6 +152,16 @@ def _number(value: Any) -> float:
     return float(value)
 
 
+def _fixed(name: str, value: Any) -> float:
+    try:
+        number = _number(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} is fixed at {value!r}; a number was wanted.") from None
+    if not math.isfinite(number):
+        raise ValueError(f"{name} is fixed at {value}; a finite number was wanted.")
+    return number
+
+
 def _pair(name: str, value: Any, what: str) -> tuple[float, float]:
     try:
         first, second = value
@@ -159,6 +172,25 @@ def _pair(name: str, value: Any, what: str) -> tuple[float, float]:
     if math.isnan(low) or math.isnan(high):
         raise ValueError(f"{what} of {name} is {value!r}; numbers other than NaN were wanted.")
     return low, high
+
+
+def _bounds(name: str, value: Any) -> tuple[float, float]:
+    low, high = _pair(name, value, "the range")
+    if not low < high:
+        came = f"the range of {name} is {low:g} to {high:g}"
+        raise ValueError(f"{came}; the lower end must come first.")
+    return low, high
+
+
+def _prior(name: str, value: Any) -> tuple[float, float]:
+    mean, sigma = _pair(name, value, "the prior")
+    came = f"the prior of {name} is {mean:g} +- {sigma:g}"
+    if not (math.isfinite(mean) and math.isfinite(sigma) and sigma > 0.0):
+        raise ValueError(f"{came}; a finite value and a standard error above 0 were wanted.")
+    if sigma < max(1e-9 * abs(mean), 1e-100):
+        advice = f"which is narrower than a fit resolves; fix it instead at {mean:g}."
+        raise ValueError(f"{came}, {advice}")
+    return mean, sigma
 
 
 def _tied(name: str, value: Any) -> tuple[float, str]:
@@ -173,6 +205,9 @@ def _tied(name: str, value: Any) -> tuple[float, str]:
     return float(found[1] or 1.0), plain_name(found[2])
 
 
+_READ = {"fixed": _fixed, "bounds": _bounds, "priors": _prior, "tie": _tied}
+
+
 def settings_of(
     free: Any = (), fixed: Any = None, bounds: Any = None, priors: Any = None, tie: Any = None
 ) -> Settings:
@@ -180,51 +215,23 @@ def settings_of(
 
     Raises ValueError for wrong ones.
     """
-    settings = Settings(names_of(free), fixed or {}, bounds or {}, priors or {}, tie or {})
-    for kind in ("fixed", "bounds", "priors", "tie"):
-        came = getattr(settings, kind)
-        if not isinstance(came, Mapping):
+    by_kind: dict[str, dict[str, Any]] = {"free": dict.fromkeys(map(plain_name, names_of(free)))}
+    for kind, came in zip(_READ, (fixed, bounds, priors, tie), strict=True):
+        if not isinstance(came or {}, Mapping):
             raise ValueError(
                 f"{kind} is {came!r}; a mapping from names of parameters was wanted, {{name: ...}}."
             )
-    try:
-        fixed = {plain_name(n): _number(v) for n, v in settings.fixed.items()}
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"fixed is {settings.fixed!r}; a mapping from names to numbers was wanted."
-        ) from None
-    bounds = {plain_name(n): _pair(n, v, "the range") for n, v in settings.bounds.items()}
-    priors = {plain_name(n): _pair(n, v, "the prior") for n, v in settings.priors.items()}
-    free = tuple(plain_name(n) for n in settings.free)
-    for name, value in fixed.items():
-        if not math.isfinite(value):
-            raise ValueError(f"{name} is fixed at {value}; a finite number was wanted.")
-        if name in free or name in bounds or name in priors:
-            raise ValueError(f"{name} is fixed and cannot also be free, bounded or have a prior.")
-    for name, (low, high) in bounds.items():
-        if not low < high:
-            raise ValueError(
-                f"the range of {name} is {low:g} to {high:g}; the lower end must come first."
-            )
-    for name, (mean, sigma) in priors.items():
-        if not (math.isfinite(mean) and math.isfinite(sigma) and sigma > 0.0):
-            raise ValueError(
-                f"the prior of {name} is {mean:g} +- {sigma:g}; a finite value and a standard "
-                "error above 0 were wanted."
-            )
-        if sigma < max(1e-9 * abs(mean), 1e-100):
-            raise ValueError(
-                f"the prior of {name} is {mean:g} +- {sigma:g}, which is narrower than a fit "
-                f"resolves; fix it instead at {mean:g}."
-            )
-    tie = {plain_name(n): _tied(n, of) for n, of in settings.tie.items()}
-    for name in tie:
-        if name in free or name in fixed or name in bounds or name in priors:
-            raise ValueError(
-                f"{name} is tied to another parameter and cannot also be free, fixed, bounded or "
-                "have a prior."
-            )
-    return Settings(free, fixed, bounds, priors, tie, settings.variants)
+        by_kind[kind] = {plain_name(n): _READ[kind](n, v) for n, v in (came or {}).items()}
+    for kind, what, others in (
+        ("fixed", "is fixed", ("free", "bounds", "priors")),
+        ("tie", "is tied to another parameter", ("free", "fixed", "bounds", "priors")),
+    ):
+        for name in by_kind[kind]:
+            if any(name in by_kind[other] for other in others):
+                listed = "free, fixed, bounded" if "fixed" in others else "free, bounded"
+                raise ValueError(f"{name} {what} and cannot also be {listed} or have a prior.")
+    by = by_kind
+    return Settings(tuple(by["free"]), by["fixed"], by["bounds"], by["priors"], by["tie"])
 
 
 def check_tie(name: str, factor: float, parameter: Parameter, of: Parameter) -> None:

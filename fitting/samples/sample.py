@@ -41,6 +41,7 @@ from fitting.samples.known_media import (
     refuse_misplaced,
 )
 from fitting.samples.material_files import MaterialFileError
+from fitting.samples.parameters import NUMBER, START_OR_RANGE
 from fitting.samples.spline_index import NAME as SPLINE
 from fitting.samples.spline_index import usual_terms
 
@@ -48,13 +49,11 @@ FREE, AUTO = "free", "auto"
 # Lengths in micrometres.
 UNITS = {"nm": 1e-3, "um": 1.0, "\u00b5m": 1.0, "mm": 1e3, "cm": 1e4, "angstrom": 1e-4}
 
-_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_UNIT = "|".join(UNITS)
 _LAYER = re.compile(
-    rf"(?P<index>.*?)\s+(?:(?P<low>{_NUMBER})\s*\.\.\s*(?P<high>{_NUMBER})|(?P<start>{_NUMBER}))"
-    rf"\s*(?P<unit>{_UNIT})(?P<words>(?:\s+[A-Za-z]+)*)\s*$"
+    rf"(?P<index>.*?)\s+{START_OR_RANGE}\s*(?P<unit>{'|'.join(UNITS)})"
+    r"(?P<words>(?:\s+[A-Za-z]+)*)\s*$"
 )
-_COMPLEX = re.compile(rf"({_NUMBER})(?:\s*([+-]\s*{_NUMBER})\s*\*?\s*[ij])?$")
+_COMPLEX = re.compile(rf"({NUMBER})(?:\s*([+-]\s*{NUMBER})\s*\*?\s*[ij])?$")
 
 
 class Thickness(NamedTuple):
