@@ -16,10 +16,10 @@ notebooks: .venv/installed-test  ## the tutorials as notebooks, in examples/note
 	$(BIN)/python examples/notebooks/make.py
 
 test: .venv/installed-test  ## the tests (several minutes on 2 cores)
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 test-docs: .venv/installed-test  ## that docs and examples run and print what is shown, and the benchmarks measure what they say
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "docs and not study"
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "docs and not study"
 
 # Those that take a second or two, of each room of `fitting` and each part of `fresnel_jax`.
 QUICK := arithmetic cli_outputs covariance directions dispersion_calls fit fit_batch half_vector header_names \
@@ -28,7 +28,7 @@ QUICK := arithmetic cli_outputs covariance directions dispersion_calls fit fit_b
 	reading rooms shapes stack_failures structures table trials
 
 quick: .venv/installed-test  ## a minute of tests of every part, for work in progress
-	$(BIN)/python -m pytest -n 2 --dist worksteal $(QUICK:%=tests/test_%.py)
+	$(BIN)/python -m pytest -n 2 --dist loadfile $(QUICK:%=tests/test_%.py)
 
 test-studies: .venv/installed-test  ## the larger studies, and further cases of what `make test` proves (an hour)
 	$(BIN)/python -m pytest -n 2 -m study
