@@ -4,8 +4,9 @@
 
 Each map has 24 curves (4, 6): thickness and index drift over it by up to 15 and 2 %; noise, gaps
 and ranges are random. Every curve is also fitted by `fit`, from a full search. Printed for each
-kind of sample: the share of curves whose chi2 is no more than .02, and no more than 6, above that of `fit`;
-and of those that are off the truth by more than 5 standard errors without a word of other minima.
+kind of sample: the share of curves whose chi2 is no more than .02, and no more than 6, above that
+of `fit`; and of those that are off the truth by more than 5 standard errors without a word of other
+minima.
 """
 
 from __future__ import annotations
