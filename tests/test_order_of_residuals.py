@@ -7,7 +7,7 @@ import pytest
 from simulated import textbook
 
 from fitting import Measurement, fit, simulate
-from fitting.residuals.pattern import pattern, pooled_pattern
+from fitting.residuals.pattern import pattern
 
 ANGLES = np.linspace(20.0, 80.0, 30)
 
@@ -28,37 +28,6 @@ def order(found):
     """The lag-1 correlation of residuals that are in order."""
     (told,) = [w for w in found.warnings if w.code == "residuals_in_order"]
     return told.values["correlation"]
-
-
-def spectrum(common, seed, waves=60):
-    rng = np.random.default_rng(seed)
-    wave = np.repeat(np.linspace(0.4, 0.8, waves), 9)
-    angle = np.tile(np.linspace(30.0, 78.0, 9), waves)
-    eta, k = 1.5 + wave, 0.4 + 0.3 * wave
-    R = textbook(angle, np.full(len(angle), "R_s"), eta, k)
-    shift = np.tile(common, waves)
-    noise = 1e-3 * rng.standard_normal(len(angle))
-    return Measurement.from_columns(angle, wave, R_s=R + shift + noise)
-
-
-@pytest.mark.study
-def test_what_all_wavelengths_share_at_an_angle_is_said():
-    """Nine angles are too few for each wavelength alone; together they are off by 5 errors."""
-    common = 8e-4 * np.array([0, 1, -1, 1, -1, 1, -1, 1, 0.0])
-    found = fit(spectrum(common, 0))
-    assert [n.code for n in found.notes] == ["shared_pattern"]
-    assert "share a pattern along the angle" in found.notes[0].text
-
-
-def test_white_noise_shares_nothing():
-    angle = np.tile(np.linspace(30.0, 78.0, 9), 20)
-    wave = np.repeat(np.linspace(0.4, 0.8, 20), 9)
-    rng = np.random.default_rng(1)
-    alarms = 0
-    for _ in range(600):
-        m = Measurement.from_columns(angle, wave, R_s=0.5 + 1e-3 * rng.standard_normal(180))
-        alarms += pooled_pattern(m, np.full(180, 0.5)) is not None
-    assert alarms <= 4  # .6 are due
 
 
 def test_residuals_in_order_never_earn_smaller_errors():

@@ -19,8 +19,6 @@ from fitting.bare_surface.surface_findings import findings, shaped, with_order
 from fitting.data.measurement import Measurement
 from fitting.problem.observations import missing_errors
 from fitting.residuals.error_model import NEED_STATED, sizes
-from fitting.residuals.pattern import pooled_pattern
-from fitting.results.diagnostics import Warning
 from fitting.results.result import FitData
 from fitting.results.result_parts import (
     AT_LOWER,
@@ -141,11 +139,6 @@ def fit_bare_surface(
     weighed = replace(measurement, sigma=np.hypot(measurement.sigma, further))
     missed = np.where(known, noise_of_misfits(a.data, a.angle_deg, f.solved), np.nan)
     found = with_order(found, weighed, curve, fitted, missed, a.stated)
-    pooled = pooled_pattern(weighed, fitted, a.stated)
-    if pooled is not None:
-        found = replace(
-            found, notes=(*found.notes, Warning("shared_pattern", {}, pooled._asdict()))
-        )
     return widened(found) if errors == "auto" else found
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import bdtrc, chdtrc
+from scipy.special import bdtrc
 
 from fitting.data.measurement import Measurement
 from fitting.residuals.noise import rounding
@@ -29,8 +29,6 @@ _CHANCE, _NORMAL = 2.5e-3, 2.81
 _DRAWS, _DRAWN = 20000, 100
 # The same for the signs alone, which show a pattern that a few large residuals hide in T.
 _SIGN_CHANCE = 5e-4
-# The same for fixed angles over many wavelengths that were fitted one by one: the least number.
-_POOLED_CHANCE, _POOLED = 1e-3, 8
 # With fewer neighbours random signs are all the same more often than that.
 _LEAST = 10
 
@@ -46,15 +44,6 @@ class Pattern(NamedTuple):
     chance: float
     alike: int = 0
     pairs: int = 0
-
-
-class Pooled(NamedTuple):
-    """A residual that many wavelengths share at one angle: the largest, in standard errors."""
-
-    quantity: str
-    angle_deg: float
-    mean: float
-    probability: float
 
 
 def _usable(m: Measurement, fitted: np.ndarray, curve: np.ndarray, stated: bool) -> np.ndarray:
@@ -149,36 +138,3 @@ def pattern(
         if total > (chance := _by_chance(products)) or by_signs:
             found.append(Pattern(name, float(total / size), chance / float(size), alike, pairs))
     return max(found, key=lambda p: p.correlation / p.chance, default=None)
-
-
-def pooled_pattern(
-    measurement: Measurement, fitted: np.ndarray, stated: bool = True
-) -> Pooled | None:
-    """Return the common residual at one angle over many wavelengths; None if there is none.
-
-    measurement, fitted: (N,) data of all wavelengths and the model at each, fitted wavelength by
-    wavelength. Each sum of residuals at a fixed angle and quantity is compared with the sum of
-    their squares, as for random signs, and the squares of all angles are added up.
-    """
-    m = measurement
-    if not np.isfinite(fitted).any():
-        return None
-    usable = np.isfinite(fitted)
-    m, fitted = m.where(np.flatnonzero(usable)), np.asarray(fitted)[usable]
-    e = _usable(m, fitted, np.zeros(len(m), int), stated)
-    groups: dict[tuple[str, float], float] = {}
-    for quantity in sorted(set(m.quantity.tolist())):
-        of = m.quantity == quantity
-        for angle in np.unique(m.angle_deg[of]).tolist():
-            here = e[of & (m.angle_deg == angle)]
-            here = here[here != 0.0]
-            if len(here) >= _POOLED:
-                groups[quantity, angle] = float(here.sum() / np.sqrt((here**2).sum()))
-    if not groups:
-        return None
-    z = np.array(list(groups.values()))
-    probability = float(chdtrc(len(z), (z**2).sum()))
-    if probability > _POOLED_CHANCE:
-        return None
-    (quantity, angle), mean = max(groups.items(), key=lambda item: abs(item[1]))
-    return Pooled(quantity, angle, mean, probability)

@@ -150,12 +150,6 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
         "standard errors apart. They are not measurements of one sample, or one of them has a "
         "systematic error; the values of the common fit are not reliable."
     ),
-    "shared_pattern": (
-        "the residuals of all wavelengths share a pattern along the angle (probability by chance "
-        "{probability:.1g}): the mean of {quantity} at {angle_deg:g} degrees is {mean:+.2g} "
-        "standard errors from 0. One index does not describe the data, or the angles or "
-        "intensities have a systematic error."
-    ),
     "choice_alike": wording.choice_alike,
     "choice_within_errors": (
         'the residuals of "{taken}" are autocorrelated, but smaller than the stated errors '
