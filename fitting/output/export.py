@@ -31,6 +31,7 @@ from fitting.output.summary import (
 from fitting.predictions import predict
 from fitting.process.visible import visible
 from fitting.residuals.residuals import residuals
+from fitting.results.diagnostics import Warning
 from fitting.results.result import FitData
 from fitting.results.result_parts import (
     CONVERGED,
@@ -42,8 +43,9 @@ from fitting.results.result_parts import (
 )
 
 _AS_IT_IS = (
-    "wavelength_um", "chi2", "chi2_reduced", "dof", "n_data", "rms", "rms_of", "status",
-    "sigma_kind", "loss", "noise", "cost", "bic", "aicc", "evaluations", "starts", "reached",
+    "names", "covariance", "correlation", "wavelength_um", "chi2", "chi2_reduced", "dof", "n_data",
+    "rms", "rms_of", "status", "sigma_kind", "loss", "noise", "cost", "bic", "aicc", "evaluations",
+    "starts", "reached", "warnings", "notes", "alternatives",
 )  # fmt: skip
 WRITTEN_BY = "written by fresnel-fit"
 DATA_MARK, INDEX_MARK = f"data of a fit, {WRITTEN_BY}", f"index of a fit, {WRITTEN_BY}"
@@ -67,16 +69,22 @@ class OfFile(NamedTuple):
 
 
 def plain(value: Any) -> Any:
-    """Return ``value`` as lists, dicts, numbers and strings, for JSON; None if not finite."""
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, dict):
+    """Return ``value`` as lists, dicts, numbers and strings, for JSON; None if not finite.
+
+    Estimates and warnings are dicts; an array of tuples, as of the warnings of a batch, is a list
+    for each fit.
+    """
+    if isinstance(value, Estimate | Alternative):
+        value = {name: part for name, part in vars(value).items() if name != "name"}
+    elif isinstance(value, Warning):
+        value = value.to_dict()
+    elif isinstance(value, np.ndarray | np.generic):
+        value = (value.ravel() if value.dtype == object else value).tolist()
+    if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def json_object(fields: Mapping[str, Any]) -> str:
@@ -86,25 +94,6 @@ def json_object(fields: Mapping[str, Any]) -> str:
         for name, value in fields.items()
     )
     return "{\n" + ",\n".join(lines) + "\n}\n"
-
-
-def _estimates(parameters: Mapping[str, Estimate]) -> dict[str, Any]:
-    return {
-        name: {field: value for field, value in vars(e).items() if field != "name"}
-        for name, e in parameters.items()
-    }
-
-
-def _alternative(a: Alternative) -> dict[str, Any]:
-    parameters = _estimates(a.parameters)
-    return {"delta_chi2": a.delta_chi2, "reached": a.reached, "parameters": parameters}
-
-
-def _each(fit: FitData, of: Any, value: Any) -> Any:
-    """Return ``of`` applied to each element of a tuple, or of each tuple of an array."""
-    if not fit.shape:
-        return [of(one) for one in value]
-    return [[of(one) for one in some] for some in value.ravel()]
 
 
 def to_dict(fit: FitData) -> dict[str, Any]:
@@ -119,17 +108,13 @@ def to_dict(fit: FitData) -> dict[str, Any]:
         fields["source"] = fit.measurement.source
         fields["understood"] = fit.measurement.understood
     fields["sample"] = None if fit.sample is None else str(fit.sample)
-    fields["parameters"] = _estimates(fit.parameters)
+    fields["parameters"] = fit.parameters
     if fit.sample is not None and (fit.evaluator is not None or "eta" in fit.parameters):
         fields |= {"eta": fit.eta, "k": fit.k}
-    fields |= {"names": fit.names, "covariance": fit.covariance, "correlation": fit.correlation}
     fields |= {name: getattr(fit, name) for name in _AS_IT_IS}
     fields["errors"] = fit.errors._asdict()
-    fields["warnings"] = _each(fit, lambda w: w.to_dict(), fit.warnings)
-    fields["notes"] = [note.to_dict() for note in fit.notes]
-    fields["alternatives"] = _each(fit, _alternative, fit.alternatives)
     fields["index"] = fit.index()._asdict() if len(index_waves(fit)) else {}
-    return {name: plain(value) for name, value in fields.items()}
+    return plain(fields)
 
 
 def json_text(fit: FitData, choice: Comparison | None = None) -> str:
@@ -377,9 +362,9 @@ def material_texts(
         lines.append(f'  {name}: "{quoted}"')
     lines += ["DATA:", "  - type: tabulated nk", "    data: |"]
     lines += ["        " + " ".join(f"{x:.9g}" for x in row[:3]) for row in rows]
-    table = [f"# {INDEX_MARK}", "wavelength_um,n,k,sigma_n,sigma_k"]
-    table += (",".join(f"{x:.9g}" for x in row) for row in rows)
-    return "\n".join(lines) + "\n", "\n".join(table) + "\n"
+    heads = ["wavelength_um", "n", "k", "sigma_n", "sigma_k"]
+    errors: dict[str, Any] = dict(zip(heads, rows.T.tolist(), strict=True))
+    return "\n".join(lines) + "\n", csv_text([INDEX_MARK], errors, ".")
 
 
 def _with_error(e: Estimate) -> str:

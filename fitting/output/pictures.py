@@ -320,18 +320,13 @@ def _legend(axes: Axes, banded: bool, outside: bool, few: bool) -> None:
     axes.legend([*handles, fit], labels, handlelength=1.6, markerscale=scale, **place)
 
 
-def _has_index(fit: FitData) -> bool:
-    """Whether there is an index over wavelength to draw."""
-    if fit.sample is None or fit.evaluator is None:
-        return False
-    return not fit.shape or {"eta", "k"} <= set(fit.parameters)
-
-
-def _draw_data(figure: Figure, fit: FitData, m: Measurement, reference: str | None) -> Axes:
+def _draw_data(
+    figure: Figure, fit: FitData, m: Measurement, with_index: bool, reference: str | None
+) -> Axes:
     lines = _lines_of(fit, m)
     kinds = [kind for kind in PANELS if any(line.kind == kind for line in lines)]
     spectrum = over_wavelength(m)
-    pairs, index = _panels(figure, kinds, spectrum and _has_index(fit))
+    pairs, index = _panels(figure, kinds, with_index)
     low, high = _span(m)
     curves = _curves_of(fit, m, lines, low, high)
     residual = residuals(m, fit.fitted)
@@ -533,22 +528,21 @@ def draw(fit: FitData, reference: str | None = None) -> Figure:
     check_matplotlib("plot")
     from matplotlib.figure import Figure
 
-    m, below = fit.measurement, ""
-    if reference:
-        below = reference_text(reference, fit.wavelength_um)
-        if m is not None and over_wavelength(m) and _has_index(fit):
-            below = ""  # it is drawn
+    m = fit.measurement
+    if m is None and not fit.shape:
+        raise ValueError(
+            "there is nothing to draw: this fit is of one curve and keeps no data. To keep them, "
+            "fit a Measurement with fit(...)."
+        )
+    with_index = m is not None and over_wavelength(m) and len(index_waves(fit)) > 0
+    with_index = with_index and (not fit.shape or {"eta", "k"} <= set(fit.parameters))
+    below = reference_text(reference, fit.wavelength_um) if reference else ""
     with _style():
         figure = Figure(figsize=(8.2, 6.4), layout="constrained", facecolor="white")
-        if m is not None:
-            first = _draw_data(figure, fit, m, reference)
-        elif fit.shape:
+        if m is None:
             first = _draw_batch(figure, fit)
         else:
-            raise ValueError(
-                "there is nothing to draw: this fit is of one curve and keeps no data. To keep "
-                "them, fit a Measurement with fit(...)."
-            )
-        _titles(figure, first, fit, below)
+            first = _draw_data(figure, fit, m, with_index, reference)
+        _titles(figure, first, fit, "" if with_index else below)
         figure.align_ylabels()
         return figure
