@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fitting.bare_surface.reflectances import CHANNELS
 from fitting.bare_surface.surface_fit import fit_surfaces
 from fitting.data.checks import unmasked
 from fitting.data.errors import MeasurementError
@@ -35,7 +36,7 @@ from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
 from fitting.searching.minima import SAME_CHI2
 from fitting.uncertainty.intervals import QUADRATIC, check_choices
-from fitting.wavelengths import solving
+from fitting.wavelengths import problem_of
 
 # Rounds in which curves are tried from their neighbours; a round reaches one pixel further.
 _ROUNDS = 60
@@ -123,19 +124,16 @@ def _neighbours(shape: tuple[int, ...]) -> np.ndarray:
 
 def _from_neighbours(batch: _Batch, best: Ends, known: np.ndarray) -> None:
     """Try the curves that are not described from the best of their neighbours, while it helps."""
+    if not batch.shape:
+        return
     beside = _neighbours(batch.shape)
     news = np.ones(len(known), bool)
     for _ in range(_ROUNDS):
         cost = np.append(np.where(best.done, best.cost, np.inf), np.inf)
         nearest = beside[np.argmin(cost[beside], 0), np.arange(len(known))]
         # A neighbour that has not changed was tried before.
-        worth = (
-            batch.missed(best)
-            & known
-            & np.isfinite(cost[nearest])
-            & np.append(news, False)[nearest]
-        )
-        which = np.flatnonzero(worth)
+        changed = np.append(news, False)[nearest] & np.isfinite(cost[nearest])
+        which = np.flatnonzero(batch.missed(best) & known & changed)
         if not len(which):
             return
         found = batch.run(best.y[:, nearest[which]], which)
@@ -144,9 +142,6 @@ def _from_neighbours(batch: _Batch, best: Ends, known: np.ndarray) -> None:
         news = np.zeros(len(known), bool)
         news[which[best.cost[which] < (1.0 - 1e-3) * before]] = True
         tell()
-
-
-_BARE = ("R_s", "R_p", "R")
 
 
 def fit_many(
@@ -161,7 +156,6 @@ def fit_many(
     free: str | Iterable[str] = (),
     fixed: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
-    priors: Mapping[str, tuple[float, float]] | None = None,
     tie: Mapping[str, str] | None = None,
     errors: str = "auto",
     intervals: str = "quadratic",
@@ -191,7 +185,7 @@ def fit_many(
         sigma: None, or standard errors above 0 that broadcast to the data: the same for all
             quantities, or a mapping from these names to errors. NaN leaves the datum out.
         sample: as for `fit`. An index that is free at every wavelength takes one wavelength.
-        free, fixed, bounds, priors, tie: as for `fit`, the same for all curves.
+        free, fixed, bounds, tie: as for `fit`, the same for all curves.
         errors: as for `fit`; of other samples than a bare surface "auto" is "scaled", and there is
             no "floor" and "relative".
         intervals: as for `fit`, but "quadratic" by default, since profile likelihood takes 25 times
@@ -216,7 +210,7 @@ def fit_many(
     check_search(None, start, seed)
     if not isinstance(check, int | np.integer) or check < 0:
         raise ValueError(f"check is {check!r}; a number of curves, 0 or more, was wanted.")
-    settings = settings_of(free, fixed, bounds, priors, tie)
+    settings = settings_of(free, fixed, bounds, None, tie)
     every = {"R_s": R_s, "R_p": R_p, "R": R, "R_back": R_back, "T_s": T_s, "T_p": T_p, "T": T,
              "psi": psi, "delta": delta}  # fmt: skip
     given = {name: unmasked(value) for name, value in every.items() if value is not None}
@@ -225,15 +219,16 @@ def fit_many(
     if errors == "equal":
         sigma = None
     given, sigma, reasons = without_refused(given, sigma)
-    names = {name for name in settings.names}
-    bare = which.bare and np.isfinite(which.eta_i) and set(given) <= set(_BARE) and not names
-    one = np.size(wavelength_um) == 1 if wavelength_um is not None else True
+    powers = set(given) <= set(CHANNELS) and not settings.names
+    bare = which.bare and np.isfinite(which.eta_i) and powers
+    one = wavelength_um is None or np.size(wavelength_um) == 1
     if bare and which.by_wavelength and one:
         if near is not None:
             start = {n: near.parameters[n].value for n in ("eta", "k")}
         found = fit_surfaces(angles_deg, given, sigma, which, errors, intervals, start)
         if wavelength_um is not None:
-            found = replace(found, wavelength_um=np.full(found.shape, float(wavelength_um))[()])
+            wave = np.full(found.shape, np.asarray(wavelength_um, float).item())[()]
+            found = replace(found, wavelength_um=wave)
     else:
         _check_general(which, errors, intervals, one)
         values, sigmas, angle, wavelength, shape = _arrays(given, sigma, angles_deg, wavelength_um)
@@ -357,29 +352,26 @@ def _fit_curves(
     sample = sample.with_splines(pattern.wavelength_um)
     check_fit([pattern], sample)
     asked = FitOptions(errors, QUADRATIC, seed=seed)
-    job = solving([pattern], sample, settings, asked)
+    job = problem_of([pattern], sample, settings, asked)
     data = Curves(job.seen, curves, sigma)
     count, dof = data.n_data, np.maximum(data.n_data + job.priors - int(job.u.free.sum()), 0)
     batch = _Batch(job, data, dof, shape, (angle_deg, wavelength_um), settings, sample)
     known = count > 0
     every = np.flatnonzero(known)
-    best = Ends(
-        np.zeros((job.u.size, data.count)), np.full(data.count, np.inf),
-        np.zeros(data.count, bool), np.zeros(data.count, int),
-    )  # fmt: skip
-    minima: list[Ends] = []
+    if not len(every):
+        raise ValueError("no curve has a datum; one was wanted at least.")
+
+    def nowhere() -> Ends:
+        none = np.zeros(data.count, int)
+        return Ends(np.zeros((job.u.size, data.count)), none + np.inf, none > 0, none)
+
+    best, minima = nowhere(), list[Ends]()
 
     def begin(start: np.ndarray) -> None:
         """Follow every curve from a start, (p, L), and keep where it ends."""
         found = batch.run(start, every)
-        whole = Ends(
-            np.zeros_like(best.y),
-            np.full(data.count, np.inf),
-            np.zeros(data.count, bool),
-            np.zeros(data.count, int),
-        )
-        for mine, theirs in zip(whole, found, strict=True):
-            mine[..., every] = theirs
+        whole = nowhere()
+        whole.put(every, found)
         minima.append(whole)
         _lower(best, found, every)
 
@@ -402,9 +394,7 @@ def _fit_curves(
             tell()
             try:
                 found = batch.alone(i)
-            except (
-                MeasurementError
-            ) as error:  # values beyond [0, 1] by more than this curve's noise
+            except MeasurementError as error:  # beyond [0, 1] by more than the noise of this curve
                 refused, gained = error, True
                 continue
             least = SAME_CHI2 * max(best.cost[i] / max(dof[i], 1), 1.0 if sigma else 0.0)
@@ -416,7 +406,8 @@ def _fit_curves(
         if not gained:
             break
     if not minima:
-        raise refused or ValueError("no curve has data.")
+        assert refused is not None
+        raise refused
     return fit_of_batch(job, data, dof, best, minima, shape, sample)
 
 
@@ -426,13 +417,9 @@ def _free_names(job: Problem) -> list[str]:
 
 
 def _to_search(
-    batch: _Batch,
-    best: Ends,
-    random: np.random.Generator,
-    many: int,
-    known: np.ndarray,
+    batch: _Batch, best: Ends, random: np.random.Generator, many: int, known: np.ndarray,
     searched: set[int],
-) -> list[int]:
+) -> list[int]:  # fmt: skip
     """Return which curves to search afresh: the worst described ones, and as many by chance."""
     free = np.array([i for i in np.flatnonzero(known) if i not in searched], int)
     if not len(free) or not many:

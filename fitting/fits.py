@@ -45,7 +45,7 @@ from fitting.searching.thinned import thinned
 from fitting.uncertainty.intervals import check_choices
 from fitting.uncertainty.stated_errors import with_added_error
 from fitting.uncertainty.widening import widened
-from fitting.wavelengths import check_wavelengths, fit_wavelengths, solving
+from fitting.wavelengths import check_wavelengths, fit_wavelengths, problem_of
 
 
 def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
@@ -78,7 +78,7 @@ def _shared(
     measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: FitOptions
 ) -> FitData:
     """Return the fit of shared parameters."""
-    job = solving(measurements, sample, settings, asked)
+    job = problem_of(measurements, sample, settings, asked)
     u = job.u
     if not u.free.any():
         raise ValueError(

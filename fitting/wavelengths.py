@@ -140,7 +140,7 @@ def check_wavelengths(measurement: Measurement, settings: Settings) -> None:
         )
 
 
-def solving(
+def problem_of(
     measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: FitOptions
 ) -> Problem:
     """Return the fit of a sample to measurements, not yet solved."""
@@ -158,7 +158,7 @@ def jobs(
     ones = []
     for place in range(len(wavelengths)):
         part = measurement.where(which == place)
-        job = solving([part], sample, settings, asked)
+        job = problem_of([part], sample, settings, asked)
         job.starts = LANES
         ones.append(One(job, start_points(job.u.moving, LANES, asked.seed), part, place))
     return ones

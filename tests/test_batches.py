@@ -58,6 +58,15 @@ def test_each_film_is_that_of_fit(wafer):
         assert_same(one, found[i])
 
 
+def test_one_film_is_a_batch_of_one(wafer):
+    R, _, found = wafer
+    one = fit_many(0.0, WAVES, R=R[1, 2], sigma=0.002, sample=FILM, bounds=LOW, check=0)
+    assert one.shape == ()
+    assert_same(one, found[1, 2])
+    with pytest.raises(ValueError, match="no curve has a datum"):
+        fit_many(0.0, WAVES, R=np.full((2, 30), np.nan), sample=FILM)
+
+
 def test_values_errors_and_curves_have_the_shape_of_the_batch(wafer):
     R, _, found = wafer
     assert found.covariance.shape == (3, 4, 3, 3)

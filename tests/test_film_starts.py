@@ -28,10 +28,10 @@ WAVES = np.linspace(0.4, 0.8, 16)
 
 def job(model):
     m = Measurement.from_columns(0.0, WAVES, R=np.full(16, 0.3))
-    return solving(m, Sample.parse(f"air | {model} 50..2000 nm | Si"), "equal")
+    return problem_of(m, Sample.parse(f"air | {model} 50..2000 nm | Si"), "equal")
 
 
-def solving(m, sample, errors):
+def problem_of(m, sample, errors):
     seen = observations([m], errors)
     u = unknowns(sample, spectrum_of([m], sample), Settings(), seen, "squares")
     return Problem(u, seen, targets_of(u, seen, np.float64(1.0)), Settings(), FitOptions(errors))
@@ -80,7 +80,7 @@ def test_a_lane_on_its_way_counts_as_much_as_one_at_rest():
     film = {"A": 1.9, "B": 0.02, "thickness_nm": 800.0}
     sample = "air | cauchy:2 50..2000 nm | Si"
     R = simulate("air | cauchy:2 800 nm | Si", film, 0.0, WAVES, "R")
-    fit = solving(
+    fit = problem_of(
         Measurement.from_columns(0.0, WAVES, R=R + 1e-4, sigma=1e-3), Sample.parse(sample), "stated"
     )
     places = [{"A": 1.88, "thickness_nm": 805.0}, {"A": 1.5, "thickness_nm": 700.0}]
@@ -102,7 +102,7 @@ def test_every_order_that_fits_as_well_is_found_from_one_of_them():
     T = simulate("air | cauchy:2 3000 nm | BK7", film, 0.0, waves, "T")
     T = T + 0.08 * np.random.default_rng(1).standard_normal(128)
     m = Measurement.from_columns(0.0, waves, T=T, sigma=0.08)
-    fit = solving(m, Sample.parse("air | cauchy:2 1..5 um | BK7"), "stated")
+    fit = problem_of(m, Sample.parse("air | cauchy:2 1..5 um | BK7"), "stated")
     row = films_of(fit.u.spec, fit.u.moving)[0]
     y = start_at(fit.u.moving, {f"film.{n}": v for n, v in film.items()})[:, None]
     found = with_all_orders(fit, fit.held(y, 1.0, 60), 1.0)
@@ -129,7 +129,7 @@ def test_a_film_without_a_fringe_beside_one_that_has_them_has_no_starts_of_its_o
 
     def of(oxide, film="50..2000"):
         sample = Sample.parse(f"air | cauchy:2 {film} nm | SiO2 {oxide} | Si")
-        fit = solving(m, sample, "equal")
+        fit = problem_of(m, sample, "equal")
         return film_starts(fit, starts(fit.u.moving, 64, 0)).shape[1]
 
     alone = of("10 nm held")

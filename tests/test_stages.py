@@ -12,7 +12,7 @@ from fitting.searching import neighbours, stages
 from fitting.searching.grown_starts import grown_starts
 from fitting.searching.starts import start_at
 from fitting.searching.starts import starts as start_points
-from fitting.wavelengths import solving
+from fitting.wavelengths import problem_of
 
 SAMPLE = "air | {} 50..800 nm | 1.53"
 TRUTH = {"eps_inf": 2.0, "strength_ev2_1": 40.0, "resonance_ev_1": 6.0, "width_ev_1": 0.5,
@@ -65,7 +65,7 @@ def test_a_parameter_of_the_instrument_is_added_at_the_minima_without_it(counted
 
 def test_a_parameter_of_the_instrument_begins_where_it_was_fixed():
     which, settings = Sample.parse(SAMPLE.format("lorentz:2")), Settings(free=("scale",))
-    job = solving([measurement(1e-3)], which, settings, FitOptions(near="without"))
+    job = problem_of([measurement(1e-3)], which, settings, FitOptions(near="without"))
     free = [name for name in job.u.spec.moving if name != "scale_0"]
     known = {name: np.arange(8.0) for name in free}
     near = stages._near(job, Kept({}, {"without": known}))
@@ -101,7 +101,7 @@ def test_of_a_candidate_that_is_only_compared_fewer_further_starts_are_followed(
 
 def test_a_term_is_added_to_the_minima_of_the_model_with_a_term_less(monkeypatch):
     m = measurement(0.0)
-    job = solving([m], Sample.parse(SAMPLE.format("lorentz:2")), Settings(), FitOptions())
+    job = problem_of([m], Sample.parse(SAMPLE.format("lorentz:2")), Settings(), FitOptions())
     names = list(job.u.spec.moving)
     one = {f"film.{name}": value for name, value in TRUTH.items() if not name.endswith("_2")}
     job.fewer = np.repeat(start_at(job.u.moving, one)[:, None], 8, 1)

@@ -11,7 +11,7 @@ from fitting.samples.parameters import Settings
 from fitting.searching.film_starts import films_of, thickness_um
 from fitting.searching.starts import start_at
 from fitting.searching.thinned import FOLLOWED, _kept, followed_with_all
-from fitting.wavelengths import solving
+from fitting.wavelengths import problem_of
 
 SAMPLE = "air | cauchy:2 50..1200 nm | 1.53"
 TRUTH = {"A": 2.29, "B": 0.0158, "thickness_nm": 620.0}
@@ -102,7 +102,7 @@ def test_no_more_is_left_out_than_the_fringes_allow():
 def part_of(m: Measurement, sample: str, shared: bool = False) -> Measurement:
     """The wavelengths and angles that the search takes."""
     which = Sample.parse(sample)
-    job = solving([m], which, Settings(shared=shared), FitOptions())
+    job = problem_of([m], which, Settings(shared=shared), FitOptions())
     points = fits.thinned(job, which, [m]).seen
     rows = points.measured
     return Measurement.from_columns(
@@ -145,7 +145,7 @@ def test_a_spectrum_of_a_surface_is_thinned_where_programs_have_no_shape():
 def test_the_lowest_for_all_data_is_followed_however_low_others_are_for_some():
     """A narrow line between the wavelengths of a thinned search lowers its chi2 alone."""
     m, sample = measurement(491, 2e-3), Sample.parse(SAMPLE)
-    job = solving([m], sample, Settings(), FitOptions())
+    job = problem_of([m], sample, Settings(), FitOptions())
     few = fits.thinned(job, sample, [m])
     job.lanes = FOLLOWED
     names = [f"film.{name}" for name in TRUTH]
