@@ -78,7 +78,12 @@ def speed(points: int, calls: int) -> None:
     print("| --- | --- | --- | --- |")
 
     def film(c: Any, n: Any, k: Any) -> Any:
-        return stack(c, jnp.stack([jnp.ones_like(n), n + 1j * k, n + 1.0]), k[None], 0.5).R_p
+        return stack(
+            c,
+            jnp.stack([jnp.ones_like(n), n + 1j * k, n + 1.0]),
+            thickness_um=k[None],
+            wavelength_um=0.5,
+        ).R_p
 
     def rough(c: Any, n: Any, k: Any) -> Any:
         wo = jnp.stack([jnp.sqrt(1.0 - c * c), 0.0 * c, c], -1)

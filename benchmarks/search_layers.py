@@ -95,7 +95,7 @@ def _stack(*columns):
 def _our_stack(*columns):
     c, media, thicknesses, w = split(*columns)
     index = [n + (0j if k is None else 1j * k) for n, k in media]
-    out = layers.stack(c, jnp.stack(index), jnp.stack(thicknesses), w)
+    out = layers.stack(c, jnp.stack(index), thickness_um=jnp.stack(thicknesses), wavelength_um=w)
     return *out[:8], *out.A_s, *out.A_p
 
 

@@ -100,7 +100,13 @@ def incoherent(coherent):
     def ours(*columns):
         c, media, thicknesses, w = split(*columns)
         index = [n + (0j if k is None else 1j * k) for n, k in media]
-        out = layers.stack(c, jnp.stack(index), jnp.stack(thicknesses), w, coherent)
+        out = layers.stack(
+            c,
+            jnp.stack(index),
+            thickness_um=jnp.stack(thicknesses),
+            wavelength_um=w,
+            coherent=coherent,
+        )
         return *out[:4], *out.A_s, *out.A_p
 
     return ours, truth
@@ -147,7 +153,13 @@ def _our_rough(*columns):
     c, media, thicknesses, w = split(*columns)
     index = [n + (0j if k is None else 1j * k) for n, k in media]
     roughness = jnp.stack([outer, inner])
-    out = layers.stack(c, jnp.stack(index), jnp.stack(thicknesses), w, roughness_um=roughness)
+    out = layers.stack(
+        c,
+        jnp.stack(index),
+        thickness_um=jnp.stack(thicknesses),
+        wavelength_um=w,
+        roughness_um=roughness,
+    )
     return *out[:8], *out.A_s, *out.A_p
 
 

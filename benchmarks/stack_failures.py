@@ -31,7 +31,13 @@ class Ours:
         self.exact = exact
 
     def powers(self, index, thickness_um, angles, wavelengths_um):
-        out = stack(np.cos(angles), index, thickness_um, wavelengths_um, exact=self.exact)
+        out = stack(
+            np.cos(angles),
+            index,
+            thickness_um=thickness_um,
+            wavelength_um=wavelengths_um,
+            exact=self.exact,
+        )
         return np.array(out[:4])[:, :, None]
 
 

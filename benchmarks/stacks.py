@@ -62,7 +62,7 @@ def _tier(index, thickness, exact: bool) -> list[Program]:
     arguments = (c, jnp.asarray(index)[:, None, None], jnp.asarray(thickness)[:, None, None], w)
 
     def powers(c, index, thickness, w):
-        return stack(c, index, thickness, w, exact=exact)[:4]
+        return stack(c, index, thickness_um=thickness, wavelength_um=w, exact=exact)[:4]
 
     def loss(n, k, thickness):  # of the first medium n alone, which is lossless
         media = n + 1j * k.at[0].set(0.0)

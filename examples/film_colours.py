@@ -37,7 +37,7 @@ SOAP_FILM = [1.0, _index("water"), 1.0]
 def colour(index, thickness_um, cos_theta):
     """Linear sRGB of reflected white light, for thicknesses and cosines that broadcast."""
     d, c = jnp.asarray(thickness_um)[None, ..., None], jnp.asarray(cos_theta)[..., None]
-    return stack(c, index, d, WAVELENGTH_UM).R @ _WEIGHTS
+    return stack(c, index, thickness_um=d, wavelength_um=WAVELENGTH_UM).R @ _WEIGHTS
 
 
 def thickness_from_colour(index, rgb, guess_um, rounds: int = 8):

@@ -176,6 +176,7 @@ def _coherence(coherent: Any, count: int) -> tuple[bool, ...]:
 def stack(
     cos_theta_i: ArrayLike,
     index: IndexLike | Sequence[Any],
+    *,
     thickness_um: ArrayLike | Sequence[Any],
     wavelength_um: ArrayLike,
     coherent: bool | Sequence[bool] = True,

@@ -89,8 +89,10 @@ class FresnelStack(eqx.Module):
 
     def __call__(self, cos_theta: ArrayLike) -> Array:
         """R at the absolute value of `cos_theta`, shape (...)."""
-        layers = self.index, self.thickness_um, self.wavelength_um
-        return stack(cos_theta, *layers, exact=self.exact).R
+        return stack(
+            cos_theta, self.index, thickness_um=self.thickness_um,
+            wavelength_um=self.wavelength_um, exact=self.exact,
+        ).R  # fmt: skip
 
 
 class FresnelNone(eqx.Module):

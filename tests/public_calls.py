@@ -26,6 +26,10 @@ U_LOBE, U = np.full(N, 0.3), np.full((N, 2), 0.3)
 ALPHA = np.full(N, 0.3)
 
 
+def _stack(c, index, thickness, wavelength, **options):
+    return layers.stack(c, index, thickness_um=thickness, wavelength_um=wavelength, **options)
+
+
 def scattering(make, *parameters):
     """The methods of a model made of arrays, as calls: name -> (function, arguments)."""
     return {
@@ -87,30 +91,30 @@ def calls() -> dict[str, tuple[Any, ...]]:
         "layers.slab of numbers": (
             lambda c: layers.slab(c, 1.5, 0.1, thickness_um=2.0, wavelength_um=0.5), COS,
         ),
-        "layers.stack": (layers.stack, *stacked),
-        "layers.stack complex": (layers.stack, COS, INDEX + 0.01j, FILMS, WAVE),
-        "layers.stack rough": (lambda *x: layers.stack(*x[:4], True, x[4]), *stacked, ROUGH),
+        "layers.stack": (_stack, *stacked),
+        "layers.stack complex": (_stack, COS, INDEX + 0.01j, FILMS, WAVE),
+        "layers.stack rough": (lambda *x: _stack(*x[:4], roughness_um=x[4]), *stacked, ROUGH),
         "layers.stack rough complex": (
-            lambda *x: layers.stack(*x[:4], True, x[4]), COS, INDEX + 0.01j, FILMS, WAVE, ROUGH,
+            lambda *x: _stack(*x[:4], roughness_um=x[4]), COS, INDEX + 0.01j, FILMS, WAVE, ROUGH,
         ),
         "layers.stack of four layers": (
-            layers.stack, COS, np.concatenate([INDEX, INDEX[1:3]]), np.full((4, N), 0.1), WAVE,
+            _stack, COS, np.concatenate([INDEX, INDEX[1:3]]), np.full((4, N), 0.1), WAVE,
         ),
-        "layers.stack mixed": (lambda *x: layers.stack(*x, (True, False)), *stacked),
+        "layers.stack mixed": (lambda *x: _stack(*x, coherent=(True, False)), *stacked),
         "layers.stack mixed complex": (
-            lambda *x: layers.stack(*x, (False, True)), COS, INDEX + 0.01j, FILMS, WAVE,
+            lambda *x: _stack(*x, coherent=(False, True)), COS, INDEX + 0.01j, FILMS, WAVE,
         ),
-        "layers.stack incoherent": (lambda *x: layers.stack(*x, False), *stacked),
-        "layers.stack fast": (lambda *x: layers.stack(*x, exact=False), *stacked),
+        "layers.stack incoherent": (lambda *x: _stack(*x, coherent=False), *stacked),
+        "layers.stack fast": (lambda *x: _stack(*x, exact=False), *stacked),
         "layers.stack fast mixed": (
-            lambda *x: layers.stack(*x, (False, True), exact=False), *stacked,
+            lambda *x: _stack(*x, coherent=(False, True), exact=False), *stacked,
         ),
         "layers.stack of numbers": (
-            lambda c: layers.stack(c, [1.0, 1.4 + 0.1j, 1.5], [0.1], 0.5), COS,
+            lambda c: _stack(c, [1.0, 1.4 + 0.1j, 1.5], [0.1], 0.5), COS,
         ),
-        "layers.stack of no layer": (lambda c: layers.stack(c, [1.0, 1.5], [], 0.5), COS),
+        "layers.stack of no layer": (lambda c: _stack(c, [1.0, 1.5], [], 0.5), COS),
         "layers.stack of many wavelengths": (
-            lambda w: layers.stack(0.5, [1.0, 1.4, 1.5], [0.1], w), WAVE,
+            lambda w: _stack(0.5, [1.0, 1.4, 1.5], [0.1], w), WAVE,
         ),
         "many_points.in_blocks": (
             lambda c: many_points.in_blocks(lambda x: interface.reflectance(x, 1.5), c, points=2),

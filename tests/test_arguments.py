@@ -113,8 +113,13 @@ def test_negative_k_is_refused(k):
 def test_negative_k_is_refused_elsewhere(k):
     """A mirror of weight 1, and stacks with T = 1.35, came of it."""
     for call in (
-        lambda: stack(0.5, [1.0, 1.5 + 1j * k, 1.0], [0.1], 0.5),
-        lambda: stack(0.5, np.stack(np.broadcast_arrays(1.0, 1.5 + 1j * k, 1.0)), [0.1], 0.5),
+        lambda: stack(0.5, [1.0, 1.5 + 1j * k, 1.0], thickness_um=[0.1], wavelength_um=0.5),
+        lambda: stack(
+            0.5,
+            np.stack(np.broadcast_arrays(1.0, 1.5 + 1j * k, 1.0)),
+            thickness_um=[0.1],
+            wavelength_um=0.5,
+        ),
         lambda: conductor(0.2, k),
         lambda: Constant(0.2, k),
         lambda: approximate.schlick(0.5, 1.5, k),
@@ -129,7 +134,7 @@ def test_negative_k_is_refused_elsewhere(k):
 
 def test_degrees_are_refused_elsewhere():
     for call in (
-        lambda: stack(60.0, [1.0, 1.5, 1.0], [0.1], 0.5),
+        lambda: stack(60.0, [1.0, 1.5, 1.0], thickness_um=[0.1], wavelength_um=0.5),
         lambda: approximate.schlick(60.0, 1.5),
         lambda: approximate.f82_from_reflectances(60.0, 0.5, 0.6),
     ):
@@ -166,10 +171,22 @@ def test_lists_are_arrays(function):
         (lambda: slab(0.9, 1.5, 0.0, thickness_um=1.0, wavelength_um=0.0), "wavelength_um is 0"),
         (lambda: polarization.penetration_depth(0.9, 1.5, wavelength_um=-1.0), "wavelength_um is"),
         (lambda: polarization.absorption_depth(0.0, 1.0), "wavelength_um is 0"),
-        (lambda: stack(0.9, [1.0, -2.0, 1.5], [0.1], 0.5), "the real part of index is -2"),
-        (lambda: stack(0.9, [1.0, 2.0, 1.5], [-0.1], 0.5), "thickness_um is -0.1"),
-        (lambda: stack(0.9, [1.0, 2.0, 1.5], [0.1], -0.5), "wavelength_um is -0.5"),
-        (lambda: stack(0.9, [1.0, 2.0], [], 0.5, roughness_um=[-0.1]), "roughness_um is -0.1"),
+        (
+            lambda: stack(0.9, [1.0, -2.0, 1.5], thickness_um=[0.1], wavelength_um=0.5),
+            "the real part of index is -2",
+        ),
+        (
+            lambda: stack(0.9, [1.0, 2.0, 1.5], thickness_um=[-0.1], wavelength_um=0.5),
+            "thickness_um is -0.1",
+        ),
+        (
+            lambda: stack(0.9, [1.0, 2.0, 1.5], thickness_um=[0.1], wavelength_um=-0.5),
+            "wavelength_um is -0.5",
+        ),
+        (
+            lambda: stack(0.9, [1.0, 2.0], thickness_um=[], wavelength_um=0.5, roughness_um=[-0.1]),
+            "roughness_um is -0.1",
+        ),
     ],
 )
 def test_values_outside_of_the_domain_are_refused_where_they_can_be_read(call, message):
@@ -218,9 +235,9 @@ def test_half_precision_elsewhere():
         lambda: Dielectric(1.5).sample(half, 0.5, jnp.ones(2)),
         lambda: material("gold")(half),
         lambda: slab(0.5, 1.5, 0.0, thickness_um=half, wavelength_um=0.5),
-        lambda: stack(0.5, [1.0, 1.5, 1.0], half[:1], 0.5),
-        lambda: stack(0.5, half, jnp.ones(1), 0.5),
-        lambda: stack(half, [1.0, 1.5, 1.0], [0.1], 0.5),
+        lambda: stack(0.5, [1.0, 1.5, 1.0], thickness_um=half[:1], wavelength_um=0.5),
+        lambda: stack(0.5, half, thickness_um=jnp.ones(1), wavelength_um=0.5),
+        lambda: stack(half, [1.0, 1.5, 1.0], thickness_um=[0.1], wavelength_um=0.5),
     ):
         with pytest.raises(ValueError, match="bfloat16"):
             call()

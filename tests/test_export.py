@@ -28,9 +28,13 @@ CALLS = {
     "phases": lambda c: phases(c, 0.2, 3.0),
     "psi_delta": lambda c: psi_delta(c, 0.2, 3.0),
     "slab": lambda c: slab(c, 1.5, thickness_um=1.0, wavelength_um=0.5),
-    "stack": lambda c: stack(c, [1.0, 1.4 + 0.1j, 1.5], [0.1], 0.5),
-    "fast stack": lambda c: stack(c, [1.0, 1.4 + 0.1j, 1.5], [0.1], 0.5, exact=False),
-    "incoherent": lambda c: stack(c, [1.0, 1.5, 1.0], [9.0], 0.5, coherent=False),
+    "stack": lambda c: stack(c, [1.0, 1.4 + 0.1j, 1.5], thickness_um=[0.1], wavelength_um=0.5),
+    "fast stack": lambda c: stack(
+        c, [1.0, 1.4 + 0.1j, 1.5], thickness_um=[0.1], wavelength_um=0.5, exact=False
+    ),
+    "incoherent": lambda c: stack(
+        c, [1.0, 1.5, 1.0], thickness_um=[9.0], wavelength_um=0.5, coherent=False
+    ),
     "refract": lambda c: refract(direction(c), UP, 1.5),
     "local_frame": lambda c: local_frame(direction(c)),
     "sample": lambda c: Dielectric(1.5).sample(direction(c), 0.3, jnp.array([0.1, 0.2])),

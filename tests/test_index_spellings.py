@@ -57,12 +57,18 @@ def test_the_gradient_by_an_index_is_an_index():
 
 @pytest.mark.parametrize("exact", [True, False])
 def test_media_of_a_stack(exact):
-    want = layers.stack(0.9, [1.0, GOLD.complex, 1.5], [0.01], 0.55, exact=exact)
-    got = layers.stack(0.9, [1.0, GOLD, GLASS], [0.01], 0.55, exact=exact)
+    want = layers.stack(
+        0.9, [1.0, GOLD.complex, 1.5], thickness_um=[0.01], wavelength_um=0.55, exact=exact
+    )
+    got = layers.stack(
+        0.9, [1.0, GOLD, GLASS], thickness_um=[0.01], wavelength_um=0.55, exact=exact
+    )
     np.testing.assert_allclose(got.R, want.R, rtol=1e-6)
     every = Index(jnp.array([1.0, GOLD.eta, 1.5]), jnp.array([0.0, GOLD.k, 0.0]))
     np.testing.assert_allclose(
-        layers.stack(0.9, every, [0.01], 0.55, exact=exact).R, want.R, rtol=1e-6
+        layers.stack(0.9, every, thickness_um=[0.01], wavelength_um=0.55, exact=exact).R,
+        want.R,
+        rtol=1e-6,
     )
     term = bsdf.FresnelStack([1.0, GOLD, 1.5], [0.01], 0.55, exact=exact)
     np.testing.assert_allclose(term(0.9), want.R, rtol=1e-6)
@@ -93,4 +99,4 @@ def test_an_index_is_no_wavelength_and_no_array():
     with pytest.raises(ValueError, match="as two arrays"):
         many_points.in_blocks(lambda n: n, Index(np.ones(2), np.ones(2)))
     with pytest.raises(ValueError, match="wavelength_um is an Index"):
-        layers.stack(0.9, [1.0, 1.5], [], GLASS)
+        layers.stack(0.9, [1.0, 1.5], thickness_um=[], wavelength_um=GLASS)

@@ -14,8 +14,10 @@ COSINES = np.linspace(0.05, 1.0, 20)
 
 def of_arrays(c, index, thickness, wavelength):
     """`stack` of arrays of float64, so that stacks of as many layers are one compiled program."""
-    given = np.asarray(index, complex), np.asarray(thickness, float), np.float64(wavelength)
-    return stack(c, *given)
+    return stack(
+        c, np.asarray(index, complex), thickness_um=np.asarray(thickness, float),
+        wavelength_um=np.float64(wavelength),
+    )  # fmt: skip
 
 
 def _eps(dtype):
@@ -28,7 +30,7 @@ def test_layers_of_no_thickness_are_one_boundary(dtype, layers):
     c = COSINES.astype(dtype)
     inner = np.array([2.1 + 0.3j, 1.3, 0.2 + 3j])[:layers]
     index = np.array([1.2, *inner, 0.4 + 2.5j]).astype(np.result_type(dtype, np.complex64))
-    got = stack(c, index, np.zeros(layers, dtype), dtype(0.5))
+    got = stack(c, index, thickness_um=np.zeros(layers, dtype), wavelength_um=dtype(0.5))
     n, k, m = (dtype(x) for x in (index[-1].real, index[-1].imag, index[0].real))
     for values, wanted in ((got[:4], powers(c, n, k, m)), (got[4:8], amplitudes(c, n, k, m))):
         for value, exact in zip(values, wanted, strict=True):
@@ -38,7 +40,7 @@ def test_layers_of_no_thickness_are_one_boundary(dtype, layers):
 
 def test_a_quarter_wave_film_of_the_geometric_mean_reflects_nothing():
     n = np.sqrt(1.5)
-    got = stack(1.0, [1.0, n, 1.5], [0.6 / (4 * n)], 0.6)
+    got = stack(1.0, [1.0, n, 1.5], thickness_um=[0.6 / (4 * n)], wavelength_um=0.6)
     assert got.R < 1e-31 and abs(got.T - 1.0) < 1e-15
 
 
@@ -62,7 +64,12 @@ def test_cases_that_other_programs_publish():
     index = [1.0, 1.3698, 2.1588, 1.629 + 0.0034836j, 1.458461]
     coated = of_arrays(np.ones(20), index, [w / 4, w / 2, w / 4], w)
     assert np.all(abs(coated.R_s - 0.0026) < 5e-4)
-    mirror = stack(1.0, [1.0, *[2.5, 1.5] * 6, 1.5], [0.25 / 2.5, 0.25 / 1.5] * 6, 1.0)
+    mirror = stack(
+        1.0,
+        [1.0, *[2.5, 1.5] * 6, 1.5],
+        thickness_um=[0.25 / 2.5, 0.25 / 1.5] * 6,
+        wavelength_um=1.0,
+    )
     assert abs(mirror.R - 0.994) < 1e-3
 
 
@@ -72,10 +79,15 @@ def test_compiled_mapped_and_looped_calls_agree():
     wavelength = jnp.linspace(0.4, 0.7, 7)
 
     def one(c, w):
-        return stack(c, index, thickness, w)
+        return stack(c, index, thickness_um=thickness, wavelength_um=w)
 
     cosines = jnp.asarray(COSINES)[:, None]
-    whole = stack(cosines, index[:, None, None], thickness[:, None, None], wavelength)
+    whole = stack(
+        cosines,
+        index[:, None, None],
+        thickness_um=thickness[:, None, None],
+        wavelength_um=wavelength,
+    )
     for i, c in enumerate(COSINES[:3]):
         for a, b in zip(whole, one(c, wavelength[1]), strict=True):
             np.testing.assert_allclose(np.asarray(a)[..., i, 1], b, rtol=1e-12)
@@ -97,12 +109,19 @@ def test_compiled_mapped_and_looped_calls_agree():
 )
 def test_wrong_arguments_are_named(arguments, words):
     with pytest.raises(ValueError, match=words):
-        stack(*arguments)
+        c, index, thickness, wavelength = arguments
+        stack(c, index, thickness_um=thickness, wavelength_um=wavelength)
 
 
 def test_a_layer_that_is_not_coherent_is_the_slab():
     for k in (0.0, 1e-6, 1e-2):
-        got = stack(COSINES, [1.2, 1.5 + 1j * k, 1.2], [100.0], 0.5, coherent=False)
+        got = stack(
+            COSINES,
+            [1.2, 1.5 + 1j * k, 1.2],
+            thickness_um=[100.0],
+            wavelength_um=0.5,
+            coherent=False,
+        )
         for value, exact in zip(
             got[:4],
             slab(COSINES, 1.5, k, thickness_um=100.0, wavelength_um=0.5, eta_i=1.2),
@@ -130,21 +149,26 @@ def test_total_reflection_without_absorption_is_exactly_one(dtype):
 
     def reflected(k):
         media = index + 1j * k * np.array([0.0, 1.0, 0.0, 0.0], dtype)
-        return stack(dtype(0.0027), media, thickness, dtype(0.5)).R_p
+        return stack(dtype(0.0027), media, thickness_um=thickness, wavelength_um=dtype(0.5)).R_p
 
     value, slope = jax.jit(jax.value_and_grad(reflected))(dtype(0.0))
     assert value == 1.0 and value.dtype == dtype
     # the loss of the next larger k, from another program path: A = -dR
     small = dtype(1e-4)
     lost = stack(
-        dtype(0.0027), index + 1j * small * np.array([0, 1, 0, 0], dtype), thickness, dtype(0.5)
+        dtype(0.0027),
+        index + 1j * small * np.array([0, 1, 0, 0], dtype),
+        thickness_um=thickness,
+        wavelength_um=dtype(0.5),
     ).A_p.sum()
     assert slope == pytest.approx(-float(lost) / float(small), rel=2e-3)
 
 
 def test_films_are_a_fresnel_term():
     model = FresnelStack([1.0, 1.46, 3.9 + 0.02j], [0.1], 0.55)
-    np.testing.assert_array_equal(model(0.7), stack(0.7, [1.0, 1.46, 3.9 + 0.02j], [0.1], 0.55).R)
+    np.testing.assert_array_equal(
+        model(0.7), stack(0.7, [1.0, 1.46, 3.9 + 0.02j], thickness_um=[0.1], wavelength_um=0.55).R
+    )
     fast = FresnelStack([1.0, 1.46, 3.9 + 0.02j], [0.1], 0.55, exact=False)
     np.testing.assert_allclose(fast(0.7), model(0.7), rtol=1e-13)
     with pytest.raises(ValueError, match="the imaginary part of index is -0.02"):
@@ -155,7 +179,7 @@ def test_films_are_a_fresnel_term():
 
 def test_coherent_must_be_static():
     with pytest.raises(ValueError, match="one of them for each of the 1 layers"):
-        stack(1.0, [1.0, 1.4, 1.5], [0.1], 0.5, coherent=(True, False))
+        stack(1.0, [1.0, 1.4, 1.5], thickness_um=[0.1], wavelength_um=0.5, coherent=(True, False))
 
 
 @pytest.mark.study
@@ -163,7 +187,11 @@ def test_gradients_of_arguments_that_broadcast():
     wavelength, c = jnp.linspace(0.4, 0.7, 3), jnp.asarray(COSINES[:4])[:, None]
 
     def total(n, thickness):
-        return jnp.sum(stack(c, n[:, None, None], thickness[:, None, None], wavelength).R)
+        return jnp.sum(
+            stack(
+                c, n[:, None, None], thickness_um=thickness[:, None, None], wavelength_um=wavelength
+            ).R
+        )
 
     # one program for values and gradient: each takes ten seconds to compile
     both = jax.jit(jax.value_and_grad(total, (0, 1)))
@@ -188,7 +216,9 @@ def test_derivatives_of_a_rough_film_of_small_wavevector():
 
     def powers_of(n):
         index = [1.76, n + 1e-7j, 2.37]
-        out = stack(0.9, index, [0.058], 0.5, roughness_um=[0.0046, 0.0012])
+        out = stack(
+            0.9, index, thickness_um=[0.058], wavelength_um=0.5, roughness_um=[0.0046, 0.0012]
+        )
         return jnp.stack([*out[:4], *out.A_s, *out.A_p])
 
     both = jax.jit(lambda n: jax.jvp(powers_of, (n,), (1.0,)))

@@ -28,7 +28,8 @@ def _stack_of_many(c, index, d, wavelength):
     """`stack` of cases on the last axis, by the program for MANY: each takes seconds to compile."""
     count = c.size
     places = np.arange(MANY) % count
-    found = stack(*(np.take(z, places, axis=-1) for z in (c, index, d, wavelength)))
+    c, index, d, wavelength = (np.take(z, places, axis=-1) for z in (c, index, d, wavelength))
+    found = stack(c, index, thickness_um=d, wavelength_um=wavelength)
     return jax.tree.map(lambda z: z[..., :count], found)
 
 
@@ -149,7 +150,7 @@ def test_energy_of_lossy_films_at_grazing_incidence(layers, dtype):
     d, wavelength = 10 ** random.uniform(-4, 0.3, (layers, count)), random.uniform(0.3, 2, count)
     given = [x.astype(dtype) for x in (c, n, k, d, wavelength)]
     index = (n + 1j * k).astype(np.result_type(dtype, np.complex64))
-    got = stack(given[0], index, *given[3:])
+    got = stack(given[0], index, thickness_um=given[3], wavelength_um=given[4])
     for row, powers in enumerate(((got.R_s, got.T_s, got.A_s), (got.R_p, got.T_p, got.A_p))):
         R, T, A = (np.asarray(z, float) for z in powers)
         off = np.abs(R + T + A.sum(0) - 1.0) / float(np.finfo(dtype).eps)
@@ -161,7 +162,7 @@ def test_energy_of_lossy_films_at_grazing_incidence(layers, dtype):
 
 
 def _powers(c, n, k, d, wavelength):
-    return jnp.stack(stack(c, n + 1j * k, d, wavelength)[:4])
+    return jnp.stack(stack(c, n + 1j * k, thickness_um=d, wavelength_um=wavelength)[:4])
 
 
 def _true_derivatives(point, layers):
@@ -266,7 +267,9 @@ def test_dT_by_a_cosine_of_0_and_close_to_it(dtype):
     @jax.jit
     @functools.partial(jax.vmap, in_axes=(0, None))
     def found(c, media):
-        return jax.jacrev(lambda c: jnp.stack(stack(c, media, d, wavelength)[2:4]))(c)
+        return jax.jacrev(
+            lambda c: jnp.stack(stack(c, media, thickness_um=d, wavelength_um=wavelength)[2:4])
+        )(c)
 
     for index in ([1.5 + 0.3j, 2.0, 3.0 + 1.0j, 1.7], [3.45, 1.05, 1.44, 3.93]):
         media = np.asarray(index, np.result_type(dtype, np.complex64))

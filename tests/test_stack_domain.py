@@ -29,7 +29,13 @@ def test_no_stack_gives_nan(dtype, layers, coherent):
     )  # fmt: skip
     cosine = np.where(usual, random.uniform(0, 1, count), 10.0 ** random.uniform(-10, 0, count))
     index = (modulus * np.exp(1j * phase)).astype(f"c{2 * np.dtype(dtype).itemsize}")
-    found = stack(cosine.astype(dtype), index, 0.5 * depth.astype(dtype), dtype(0.5), coherent)
+    found = stack(
+        cosine.astype(dtype),
+        index,
+        thickness_um=0.5 * depth.astype(dtype),
+        wavelength_um=dtype(0.5),
+        coherent=coherent,
+    )
     for R, T, A in ((found.R_s, found.T_s, found.A_s), (found.R_p, found.T_p, found.A_p)):
         total = np.asarray(R + T + A.sum(0))
         assert np.isfinite(total).all()

@@ -20,7 +20,9 @@ def test_every_case_of_the_map(family):
     for value in values:
         c, index, thickness, wavelength = case(float(value))
         exact = stack_oracle.stack(c, index, thickness, wavelength)[:4]
-        found = stack(c, np.array(index), np.array(thickness), wavelength)[:4]
+        found = stack(
+            c, np.array(index), thickness_um=np.array(thickness), wavelength_um=wavelength
+        )[:4]
         layers = len(thickness)
         bound = 64.0 if layers <= 10 else 8.0 * layers
         assert stack_cases.error_eps(found, exact) <= bound, (family, value)
@@ -31,7 +33,7 @@ def test_gradients_are_finite_at_every_case():
     """One program for all families of one film."""
 
     def total(c, n, k, thickness, wavelength):
-        return sum(stack(c, n + 1j * k, thickness, wavelength)[:4])
+        return sum(stack(c, n + 1j * k, thickness_um=thickness, wavelength_um=wavelength)[:4])
 
     gradient = jax.jit(jax.vmap(jax.grad(total, (0, 1, 2, 3, 4))))
     cases = [

@@ -39,7 +39,13 @@ def fast(c, n_0, n, k, d, wavelength):
 
 def parts_of(c, n_0, n, k, d, wavelength):
     """Return the same, and real and imaginary part of t_s and t_p."""
-    found = stack(c, [n_0, *jax.lax.complex(n, k)], list(d), wavelength, exact=False)
+    found = stack(
+        c,
+        [n_0, *jax.lax.complex(n, k)],
+        thickness_um=list(d),
+        wavelength_um=wavelength,
+        exact=False,
+    )
     return [*found[:4], *(part for z in found[4:8] for part in (z.real, z.imag))]
 
 
@@ -176,33 +182,47 @@ def test_float32_media_as_an_array_and_the_exact_tier(layers):
     given = [z.astype(np.float32) for z in drawn(layers, 2000, 14)]
     c, n_0, n, k, d, wavelength = given
     media = np.concatenate([n_0[None] + 0j, n + 1j * k]).astype(np.complex64)
-    separate = stack(c, list(media), list(d), wavelength, exact=False)
-    joined = stack(c, media, d, wavelength, exact=False)
+    separate = stack(c, list(media), thickness_um=list(d), wavelength_um=wavelength, exact=False)
+    joined = stack(c, media, thickness_um=d, wavelength_um=wavelength, exact=False)
     assert joined.R_s.dtype == jnp.float32 and joined.r_s.dtype == jnp.complex64
     assert joined.A_s is None and joined.A_p is None
     with pytest.raises(AttributeError, match="exact=False"):
         _ = joined.A
     with jax.enable_x64(True):
-        truth = stack(
-            *(z.astype(complex if z is media else float) for z in (c, media, d, wavelength))
-        )
+        places = {"thickness_um": d.astype(float), "wavelength_um": wavelength.astype(float)}
+        truth = stack(c.astype(float), media.astype(complex), **places)
         for one, other, true in zip(separate[:8], joined[:8], truth[:8], strict=True):
             size = np.maximum(1.0, np.abs(true)) * radians(n, k, d, wavelength)
             np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-3)
             off = np.abs(np.asarray(other, complex) - true) / size
             # the worst are next to a critical angle: 1,600 eps of 320,000 stacks
             assert np.quantile(off, 0.99) < 60 * 1.2e-7 and off.max() < 7000 * 1.2e-7
-        wide = stack(c[:5, None], media[:, :5, None], d[:, :5, None], wavelength[:7], exact=False)
+        wide = stack(
+            c[:5, None],
+            media[:, :5, None],
+            thickness_um=d[:, :5, None],
+            wavelength_um=wavelength[:7],
+            exact=False,
+        )
     assert wide.R_p.shape == (5, 7)
 
 
 def test_what_the_fast_tier_refuses():
     absorbing = [1.0 + 0.1j, 2.0, 1.5]
     with pytest.raises(ValueError, match="first medium"):
-        stack(0.5, absorbing, [0.1], 0.5, exact=False)
+        stack(0.5, absorbing, thickness_um=[0.1], wavelength_um=0.5, exact=False)
     with pytest.raises(ValueError, match="rough"):
-        stack(0.5, [1.0, 2.0, 1.5], [0.1], 0.5, roughness_um=[0.001, 0.0], exact=False)
-    traced = jax.jit(lambda n: stack(0.5, [n, 2.0, 1.5], [0.1], 0.5, exact=False).R)
+        stack(
+            0.5,
+            [1.0, 2.0, 1.5],
+            thickness_um=[0.1],
+            wavelength_um=0.5,
+            roughness_um=[0.001, 0.0],
+            exact=False,
+        )
+    traced = jax.jit(
+        lambda n: stack(0.5, [n, 2.0, 1.5], thickness_um=[0.1], wavelength_um=0.5, exact=False).R
+    )
     assert np.isnan(traced(1.0 + 0.1j)) and np.isfinite(traced(1.0 + 0.0j))
 
 
@@ -213,7 +233,9 @@ def loss_of(x, coherent, exact):
     """
     media, layers = [1.0, x[0] + 1j * x[1], x[2], 1.5], [x[3], x[4]]
     c, wavelength = jnp.array([0.9, 0.4]), jnp.array([0.5, 0.6])
-    out = stack(c, media, layers, wavelength, coherent, exact=exact)
+    out = stack(
+        c, media, thickness_um=layers, wavelength_um=wavelength, coherent=coherent, exact=exact
+    )
     return jnp.sum(out.R_s * out.R_s - out.R_p + 0.5 * out.T_s + out.T_p**3)
 
 
@@ -236,7 +258,9 @@ def test_reverse_mode_has_the_slopes_of_the_exact_tier(coherent):
 
 def test_second_derivatives():
     def of_film(x):
-        film = stack(0.6, [1.0, x[0] + 1j * x[1], 1.5], [x[2]], 0.5, exact=False)
+        film = stack(
+            0.6, [1.0, x[0] + 1j * x[1], 1.5], thickness_um=[x[2]], wavelength_um=0.5, exact=False
+        )
         return film.R_p + 0.3 * film.T_s
 
     with jax.enable_x64(True):

@@ -130,7 +130,14 @@ def test_powers_beside_psi_and_delta_and_a_slit():
     index = [np.full(401, n, complex) for n in (2.1, 1.5, 1.0)]
     with jax.enable_x64(True):
         c, thickness = 0.5 * np.ones(401), [0.9, 1e3]
-        found = stack(c, [1.0, *index], thickness, at, [True, False], exact=False)
+        found = stack(
+            c,
+            [1.0, *index],
+            thickness_um=thickness,
+            wavelength_um=at,
+            coherent=[True, False],
+            exact=False,
+        )
     R_s, R_p, cross = (weight @ np.asarray(x) for x in (found.R_s, found.R_p, found.cross))
     psi = 0.5 * np.degrees(np.arctan2(2.0 * abs(cross), R_s - R_p))
     seen = simulate(text, {"bandwidth": 3.0}, 60.0, [0.6], ["psi"])
@@ -190,7 +197,14 @@ def test_random_samples_are_the_sums_over_all_ways(films):
     c, n_0, index, thickness, wavelength = random_sample(films, random, count)
     coherent = [True] * films[0] + [x for n in films[1:] for x in (False, *[True] * n)]
     with jax.enable_x64(True):
-        got = stack(c, [n_0, *index], thickness, wavelength, coherent, exact=False)
+        got = stack(
+            c,
+            [n_0, *index],
+            thickness_um=thickness,
+            wavelength_um=wavelength,
+            coherent=coherent,
+            exact=False,
+        )
     found = [np.asarray(x) for x in (*got[:4], got.cross)]
     thick = [j + 1 for j, interferes in enumerate(coherent) if not interferes]
     ends = list(zip([0, *thick], [*thick, len(index)], strict=True))
@@ -231,7 +245,14 @@ def sums(x):
     eta, k, nm, k_plate = x
     plate = 1.5 + 1j * k_plate
     index = [1.0, eta + 1j * k, plate, 0.2 + 3j, 1.0]
-    found = stack(0.5, index, [1e-3 * nm, 300.0, 0.015], 0.6, [True, False, True], exact=False)
+    found = stack(
+        0.5,
+        index,
+        thickness_um=[1e-3 * nm, 300.0, 0.015],
+        wavelength_um=0.6,
+        coherent=[True, False, True],
+        exact=False,
+    )
     complex_parts = found.cross.real, found.cross.imag
     return jnp.stack([found.R_s, found.R_p, found.T_s, found.T_p, *complex_parts])
 
@@ -266,7 +287,14 @@ def test_along_the_normal_s_is_both():
         # half of them transparent, so that some of the light comes through half a millimetre
         k = random.uniform(0.0, 0.2, (4, 20)) * (np.arange(20) % 2)
         index = [1.0, *(random.uniform(1.0, 3.0, (4, 20)) + 1j * k)]
-        both = stack(ones, index, [0.3, 500.0, 0.1], waves, [True, False, True], exact=False)
+        both = stack(
+            ones,
+            index,
+            thickness_um=[0.3, 500.0, 0.1],
+            wavelength_um=waves,
+            coherent=[True, False, True],
+            exact=False,
+        )
     for s, p in ((both.R_s, both.R_p), (both.T_s, both.T_p), (both.R_s, np.abs(both.cross))):
         np.testing.assert_allclose(s, p, rtol=1e-11, atol=1e-15)
     m = Measurement.from_columns(0.0, waves, R=both.R_s, sigma=1e-3)

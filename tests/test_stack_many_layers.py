@@ -24,7 +24,7 @@ def drawn(random, layers, count, dtype):
 def worst_error(given) -> float:
     """In eps of R_s, R_p, T_s, T_p, an R below .01 of its root; and of R + T + sum(A) - 1."""
     c, index, d, w = given
-    found, eps = stack(*given), float(np.finfo(c.dtype).eps)
+    found, eps = stack(c, index, thickness_um=d, wavelength_um=w), float(np.finfo(c.dtype).eps)
     worst = 0.0
     for i in range(c.size):
         exact = stack_oracle.stack(c[i], index[:, i].tolist(), d[:, i], w[i])[:4]

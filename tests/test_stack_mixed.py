@@ -41,7 +41,9 @@ TMM = [
 )
 def test_films_on_thick_glass_are_those_of_tmm(layers, table):
     angles, *wanted = (np.array(z) for z in zip(*table, strict=True))
-    got = stack(np.cos(angles), layers[0], layers[1], 0.55, coherent=layers[2])
+    got = stack(
+        np.cos(angles), layers[0], thickness_um=layers[1], wavelength_um=0.55, coherent=layers[2]
+    )
     for value, exact in zip((got.R_s, got.T_s, got.R_p, got.T_p), wanted, strict=True):
         np.testing.assert_allclose(value, exact, rtol=1e-9)
     for R, T, A in ((got.R_s, got.T_s, got.A_s), (got.R_p, got.T_p, got.A_p)):
@@ -117,7 +119,7 @@ def test_derivative_by_the_absorption_of_the_first_medium():
 
     def reflected(k):
         index = jnp.stack([1.8 + 1j * k, 1.2 + 1e-4j, 1.1 + 0.01j])
-        out = stack(0.3, index, [100.0], 0.5, coherent=False)
+        out = stack(0.3, index, thickness_um=[100.0], wavelength_um=0.5, coherent=False)
         return jnp.stack([out.R_s, out.R_p])
 
     both = jax.jit(lambda k: jax.jvp(reflected, (k,), (1.0,)))
@@ -143,10 +145,10 @@ def _plate_in_an_absorbing_medium(c, indices, thickness, wavelength):
 def test_a_clear_plate_behind_an_absorbing_medium():
     """Its wave grows with the depth. R was that of the first boundary, the derivative of an R above
     .5 off by a factor of 130, and at a cosine of 0 a part of it was missing."""
-    index, given = np.array([1.5 + 0.01j, 1.6, 1.7 + 0.2j]), ([5.0], 0.6)
+    index = np.array([1.5 + 0.01j, 1.6, 1.7 + 0.2j])
 
     def reflected(c):
-        out = stack(c, index, *given, coherent=False)
+        out = stack(c, index, thickness_um=[5.0], wavelength_um=0.6, coherent=False)
         return jnp.stack([out.R_s, out.R_p])
 
     cosines = jnp.array([0.0, 1e-3, 0.25, 0.4, 0.5, 0.9])

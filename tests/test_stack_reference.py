@@ -35,8 +35,8 @@ def test_neutron_stacks_of_orso(measured_files, number, within):
     got = stack(
         wide * wavelength / (4.0 * np.pi),
         index[:, None],
-        layers[1:-1, 0, None],
-        wavelength,
+        thickness_um=layers[1:-1, 0, None],
+        wavelength_um=wavelength,
         roughness_um=rough if np.any(rough) else None,
     )
     error = np.abs(np.asarray(got.R_s)[: len(R)] - R) / R

@@ -31,7 +31,7 @@ FOUND = [
 
 def results(c, n0, n1, k1, n2, k2, thickness, wavelength):
     index = jnp.stack([n0 + 0j, n1 + 1j * k1, n2 + 1j * k2])
-    out = stack(c, index, thickness[None], wavelength)
+    out = stack(c, index, thickness_um=thickness[None], wavelength_um=wavelength)
     return jnp.stack([out.R_s, out.R_p, out.T_s, out.T_p, *(z.real for z in out[4:6])])
 
 

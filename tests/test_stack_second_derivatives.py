@@ -31,7 +31,7 @@ WEIGHTS = (1.0, 0.7, 0.4, 0.9)  # of R_s, R_p, T_s, T_p
 
 def powers(x):
     n, k = x[1:5], jnp.concatenate([jnp.zeros(1, x.dtype), x[5:8]])
-    out = stack(x[0], n + 1j * k, x[8:10], x[10])
+    out = stack(x[0], n + 1j * k, thickness_um=x[8:10], wavelength_um=x[10])
     return sum(a * z for a, z in zip(WEIGHTS, out[:4], strict=True))
 
 

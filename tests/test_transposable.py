@@ -78,7 +78,10 @@ def test_one_thin_film_among_lanes():
     index = jnp.asarray([1.0, 1.7 + 0.1j, 2.1, 1.4 + 0.02j, 3.5 + 0.3j])[:, None, None]
 
     def gradient(thickness):
-        powers = lambda t: sum(jnp.sum(z**2) for z in stack(c, index, t, w)[:4])  # noqa: E731
+        def powers(t):
+            found = stack(c, index, thickness_um=t, wavelength_um=w)[:4]
+            return sum(jnp.sum(z**2) for z in found)
+
         return jax.grad(powers)(thickness[:, None, None])[:, 0, 0]
 
     lanes = jnp.asarray([[0.1, 0.2, 0.3], [0.1, 0.001, 0.3], [0.0, 0.2, 0.3]])
@@ -94,7 +97,7 @@ def test_a_gradient_keeps_few_arrays_of_all_layers():
     n, k = jnp.full((layers + 2, 1, 1), 1.5), jnp.full((layers + 2, 1, 1), 0.01)
 
     def power(n, k, t):
-        return sum(jnp.sum(z) for z in stack(c, n + 1j * k, t, w)[:4])
+        return sum(jnp.sum(z) for z in stack(c, n + 1j * k, thickness_um=t, wavelength_um=w)[:4])
 
     given = n, k, jnp.full((layers, 1, 1), 0.1)
     compiled = jax.jit(jax.grad(power, (0, 1, 2))).lower(*given).compile()

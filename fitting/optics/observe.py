@@ -99,7 +99,14 @@ def boundary(
         )
     else:
         every = [eta_i, *media_index]
-        found = stack(c, every, thicknesses, wavelength_um, coherent, exact=False)
+        found = stack(
+            c,
+            every,
+            thickness_um=thicknesses,
+            wavelength_um=wavelength_um,
+            coherent=coherent,
+            exact=False,
+        )
         if media.normal:  # s is both, and what p needs is not computed
             found = found._replace(R_p=found.R_s, T_p=found.T_s)
     # No quotient r_p / r_s: a film may extinguish r_s.
