@@ -43,7 +43,7 @@ def test_text_of_mixtures_and_files(tmp_path):
     ("air | bruggeman(SiO2, water) 3 nm | Si", "has no share"),
     ("air | bruggeman(SiO2, water 130 %) 3 nm | Si", "from 0 to 100 % was wanted"),
     ("air | bruggeman(cauchy, lorentz 10 %) 3 nm | Si", "only one part may be a dispersion model"),
-    ("air | nothing.yml 3 nm | Si", "cannot be read"),
+    ("air | nothing.yml 3 nm | Si", "cannot be opened"),
     ("air | 1.5 3 mm thick graded | Si", "'thick' and 'graded' exclude"),
     ("air | 1.5 3 nm fast | Si", "'fast' came after the thickness, where 'thick'"),
 ])  # fmt: skip

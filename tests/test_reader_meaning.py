@@ -85,7 +85,7 @@ REFUSED = {
     "# wavelength in um\nwavelength_nm,R\n500,.1\n600,.2\n": ("nm", "line 1", "--wavelength-unit"),
     "# R in per mille\n" + SCAN: ("line 1", "--scale"),
     "# R in percent\nangle,R (-)\n10,.1\n20,.2\n": ("line 1", "--scale"),
-    "# Transmission\n" + SCAN: ("transmittance", "--columns"),
+    "# Transmission\n" + SCAN: ("Transmission", "--columns"),
     "angle,R\n10,.1\n45,.2\n# AOI: 60\n80,.5\n": ("line 4", "--lines"),
     "angle,R_s\n10,.1\n45,.2\n# angle,T_s\n80,.5\n": ("line 4", "--lines"),
     "angle,R_s\n10,.1\n45,.2 # p-pol\n80,.5\n": ("line 3", "a number was wanted"),

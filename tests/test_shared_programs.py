@@ -141,5 +141,5 @@ def test_a_special_case_is_the_same_fit_in_the_wider_program(model):
         assert shared.parameters[name].value == pytest.approx(e.value, abs=0.02 * e.sigma + 1e-9)
         assert shared.parameters[name].sigma == pytest.approx(e.sigma, rel=1e-3, nan_ok=True)
     assert [w.code for w in shared.warnings] == [w.code for w in alone.warnings]
-    values = [f.predict().value for f in (alone, shared)]
+    values = [f.fitted for f in (alone, shared)]
     np.testing.assert_allclose(values[1], values[0], atol=1e-6)

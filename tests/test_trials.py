@@ -1,6 +1,6 @@
 """Which candidates of a choice are tried, and how thoroughly."""
 
-from types import SimpleNamespace
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -17,7 +17,7 @@ def test_a_chain_ends_with_a_candidate_that_may_not_be_taken():
 
     def run(key, thorough) -> Any:
         fitted.append(key.model)
-        return SimpleNamespace(status=UNDETERMINED, bic=0.0, findings=())
+        return replace(outcome(1, 0.0), status=UNDETERMINED)
 
     trials = Trials(run, lambda label: None, "auto")
     first, second, other = map(Key, ("drude-lorentz:1", "drude-lorentz:2", "tauc-lorentz:1"))
