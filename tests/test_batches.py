@@ -149,6 +149,25 @@ def test_a_plate_whose_k_is_beside_0():
         assert_same(one, found[i])
 
 
+def test_what_the_data_do_not_see_is_told_of_each_curve():
+    """A film that is as its substrate: the thickness has no effect. Beside it one that is seen."""
+    sample = "air | constant 5..60 nm | 1.46"
+    films = [{"eta": 1.46, "k": 0.0}, {"eta": 2.2, "k": 0.1}]
+    R = np.stack([
+        simulate(sample, {**one, "thickness_nm": 50.0}, 0.0, WAVES, "R") for one in films
+    ])  # fmt: skip
+    options = {"sample": sample, "sigma": 1e-4, "fixed": {"eta": 1.46, "k": 0.0}}
+    found = fit_many(0.0, WAVES, R=R[:1].repeat(2, 0), **options, check=0)
+    assert (found.status == "undetermined").all()
+    assert "thickness_nm is not determined" in found.warnings[1][0].text
+    one = fit(
+        Measurement.from_columns(0.0, WAVES, R=R[0], sigma=1e-4), sample, fixed=options["fixed"]
+    )
+    assert one.status == "undetermined" and one.warnings[0].code == "not_seen"
+    free = fit_many(0.0, WAVES, R=R[1:], sample=sample, sigma=1e-4, fixed={"k": 0.1}, check=0)
+    assert free.status.tolist() == ["converged"]
+
+
 def test_one_wavelength_of_a_free_index_is_a_batch_too():
     exact = [simulate("free", {"eta": n, "k": 0.2}, [60.0, 70.0], 0.6, q)
              for n in (1.8, 2.0) for q in ("psi", "delta")]  # fmt: skip

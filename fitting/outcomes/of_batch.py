@@ -98,12 +98,11 @@ def _minima_of(
     low, high = (a[:, None] for a in job.limits)
     parts: list[_Minima] = []
     for turn in range(2):
-        order, parts = [], []
+        parts = []
         for some, s in slopes(job.u.spec, job.targets, curves, y, which):
             sane = np.asarray(np.isfinite(s.residual).all(1) & np.isfinite(s.jacobian).all((1, 2)))
-            r, J = np.where(sane[:, None], s.residual, 0.0), np.where(
-                sane[:, None, None], s.jacobian, 0.0
-            )  # fmt: skip
+            r = np.where(sane[:, None], s.residual, 0.0)
+            J = np.where(sane[:, None, None], s.jacobian, 0.0)
             known = uncertainty(
                 u, r, J, y[:, some].T, job.limits, 1.0, dof[which[some]], job.asked.scaled, stated
             )
@@ -111,14 +110,12 @@ def _minima_of(
             with np.errstate(all="ignore"):
                 rms = np.sqrt(np.nanmean(s.plain**2, (1, 2)))
             parts.append(_Minima(y[:, some].T, known, cost, rms))
-            order.append(some)
         whole = _joined(parts)
         if turn:
             break
         before = whole
         y = np.clip(first + whole.known.step.T, low, high)
-    better = whole.cost < before.cost
-    return _chosen(better, whole, before)
+    return _chosen(whole.cost < before.cost, whole, before)
 
 
 def _joined(parts: Sequence[_Minima]) -> _Minima:
@@ -152,7 +149,8 @@ class _Shaped:
 
     def __call__(self, values: np.ndarray, fill: Any = np.nan) -> Any:
         values = np.asarray(values)
-        whole = np.full((self.count, *values.shape[1:]), fill, np.result_type(values, type(fill)))
+        kind = object if values.dtype == object else np.result_type(values, type(fill))
+        whole = np.full((self.count, *values.shape[1:]), fill, kind)
         whole[self.which] = values
         whole = whole.reshape(self.shape + values.shape[1:])
         return whole.item() if whole.ndim == 0 else whole
@@ -170,12 +168,10 @@ def _estimates(u: Unknowns, m: _Minima, t: np.ndarray, failed: np.ndarray, put: 
     with np.errstate(invalid="ignore"):
         sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     ends = np.where(unseen[..., None], np.nan, ends)
-    bound = {"low": status.AT_LOWER, "high": status.AT_UPPER}
-    of_bound = np.where(
-        m.known.at_bound == "low", bound["low"],
-        np.where(m.known.at_bound == "high", bound["high"], status.FITTED),
+    states = np.select(
+        [unseen, m.known.at_bound == "low", m.known.at_bound == "high"],
+        [status.UNDETERMINED, status.AT_LOWER, status.AT_UPPER], status.FITTED,
     )  # fmt: skip
-    states = np.where(unseen, status.UNDETERMINED, of_bound)
     kinds = np.where(np.isnan(ends).any(-1), status.NONE, status.QUADRATIC)
     every: dict[str, Estimate] = {}
     shown: dict[str, Estimate] = {}
@@ -321,7 +317,7 @@ def fit_of_batch(
     }  # fmt: skip
     told = [
         Finding(code, np.asarray(put(at, False)), further.get(code, {}) | {
-            n: put(v, () if v.dtype == object else 0 if v.dtype.kind in "iu" else np.nan)
+            n: put(v, 0 if v.dtype.kind in "iu" else np.nan)
             for n, v in values.items()
         })
         for code, (at, values) in shaped.items() if at.any()
