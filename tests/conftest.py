@@ -15,7 +15,8 @@ jax.config.update("jax_enable_x64", True)
 # sixth of the time of tests that trace.
 gc.set_threshold(100_000, 50, 100)
 
-MOST_MAPPINGS = 25_000
+# Some gigabytes of programs, of the 65,530 mappings that a process may have.
+MOST_MAPPINGS = 12_000
 # The workers of a run share what takes a second to compile, in a folder that is gone afterwards.
 # Not what takes less: writing thousands of programs ended in a segmentation fault of jaxlib once.
 LEAST_SECONDS = 1.0
@@ -50,11 +51,12 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope="module", autouse=True)
 def _few_compiled_programs():
-    """Forget compiled programs when there are many: a process may have 65,530 memory mappings."""
+    """Forget compiled programs when there are many, for the memory and the mappings they take."""
     yield
     mappings = Path("/proc/self/maps")
     if mappings.exists() and len(mappings.read_bytes().splitlines()) > MOST_MAPPINGS:
         jax.clear_caches()
+        gc.collect()
 
 
 @pytest.fixture
