@@ -22,6 +22,16 @@ def plate(c, n, k):
     return slab(c, n, k, thickness_um=2.0, wavelength_um=0.5)
 
 
+@functools.wraps(stack)
+def a_film(c, index):
+    return stack(c, index, thickness_um=[0.1], wavelength_um=0.5)
+
+
+@functools.wraps(stack)
+def a_film_on_a_plate(c, index):
+    return stack(c, index, thickness_um=[0.1, 3.0], wavelength_um=0.5, coherent=(True, False))
+
+
 def promised(hint, value):
     """The value is what the hint says; a named tuple is taken apart."""
     if isinstance(hint, type) and hasattr(hint, "_fields"):
@@ -40,8 +50,8 @@ def promised(hint, value):
         (powers, (COS, 1.5, 0.1)),
         (amplitudes, (COS, 1.5)),
         (plate, (COS, 1.5, 0.1)),
-        (stack, (COS, [1.0, 1.3 + 0.1j, 1.5], [0.1], 0.5)),
-        (stack, (COS, [1.0, 1.3, 1.4, 1.5], [0.1, 3.0], 0.5, (True, False))),
+        (a_film, (COS, [1.0, 1.3 + 0.1j, 1.5])),
+        (a_film_on_a_plate, (COS, [1.0, 1.3, 1.4, 1.5])),
         (directions.reflect, (W, UP)),
         (directions.refract, (W, UP, 1.5)),
         (faceforward, (UP, W)),
