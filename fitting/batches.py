@@ -361,16 +361,13 @@ def _fit_curves(
     if not len(every):
         raise ValueError("no curve has a datum; one was wanted at least.")
 
-    def nowhere() -> Ends:
-        none = np.zeros(data.count, int)
-        return Ends(np.zeros((job.u.size, data.count)), none + np.inf, none > 0, none)
-
-    best, minima = nowhere(), list[Ends]()
+    nowhere = np.zeros((job.u.size, data.count))
+    best, minima = Ends.begun(nowhere.copy()), list[Ends]()
 
     def begin(start: np.ndarray) -> None:
         """Follow every curve from a start, (p, L), and keep where it ends."""
         found = batch.run(start, every)
-        whole = nowhere()
+        whole = Ends.begun(nowhere.copy())
         whole.put(every, found)
         minima.append(whole)
         _lower(best, found, every)

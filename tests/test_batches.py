@@ -83,6 +83,23 @@ def test_values_errors_and_curves_have_the_shape_of_the_batch(wafer):
     assert len(found.to_dataframe()) == 12
 
 
+def test_what_is_fixed_or_tied_is_as_in_fit(wafer):
+    """Two films of one material, of which the second has 1.1 times the first one's A."""
+    R = wafer[0]
+    sample = "air | cauchy:2 60..260 nm | cauchy:1 20 nm held | Si"
+    options = {
+        "sample": sample, "fixed": {"film_1.B": 0.004}, "tie": {"film_2.A": "1.1 * film_1.A"},
+        "bounds": {"film_1.A": (1.3, 1.8)}, "errors": "scaled", "intervals": "quadratic",
+    }  # fmt: skip
+    many = fit_many(0.0, WAVES, R=R[0], sigma=0.002, check=1, **options)
+    one = fit(Measurement.from_columns(0.0, WAVES, R=R[0, 1], sigma=0.002), **options)
+    assert_same(one, many[1])
+    for name, status in (("film_1.B", "fixed"), ("film_2.A", "tied")):
+        a, b = one.parameters[name], many[1].parameters[name]
+        assert a.status == b.status == status
+        np.testing.assert_allclose([b.value, b.sigma], [a.value, a.sigma], rtol=1e-2)
+
+
 def test_all_begin_from_a_fit_that_is_near(wafer):
     R, _, found = wafer
     options = {"R": R, "sigma": 0.002, "sample": FILM, "bounds": LOW}

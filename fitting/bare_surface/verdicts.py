@@ -16,7 +16,7 @@ from fitting.bare_surface.surface_fit import fit_bare_surface
 from fitting.outcomes.batched import stacked
 from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import FitData
-from fitting.results.result_parts import CONVERGED, NOT_CONVERGED, UNDETERMINED, Estimate
+from fitting.results.result_parts import CONVERGED, NOT_CONVERGED, QUADRATIC, UNDETERMINED, Estimate
 from fitting.samples.dispersion import Model
 
 OPEN = ("perfect_mirror", "circle", "same_at_45_degrees", "combination")
@@ -48,8 +48,8 @@ def with_verdicts(found: FitData, errors: str) -> FitData:
     one_index = sample.by_wavelength or sample.media[1].index == _CONSTANT
     if one_index:
         m = replace(m, wavelength_um=np.full(len(m), np.nan))
-    alone = fit_bare_surface(m, sample, errors, "auto")
-    if CONVERGED in alone.status or NOT_CONVERGED in alone.status:
+    alone = fit_bare_surface(m, sample, errors, QUADRATIC)
+    if np.isin(alone.status, (CONVERGED, NOT_CONVERGED)).any():
         return found
     eta, k = np.ravel(found.eta), np.ravel(found.k)
     if not one_index and k.any():
@@ -58,7 +58,9 @@ def with_verdicts(found: FitData, errors: str) -> FitData:
         return replace(found, findings=ranked((*told, *found.findings)))
     if not one_index and eta.max() < _MOST_LOSSLESS:
         return found
-    if alone.shape:
+    if one_index:
+        alone = fit_bare_surface(m, sample, errors, "auto")  # with the ranges
+    elif alone.shape:
         alone = alone[int(np.argmax(eta))]
 
     def marked(name: str, e: Estimate) -> Estimate:

@@ -7,13 +7,13 @@ conditions on one curve's minimum, over arrays.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fitting.data.measurement import Measurement
 from fitting.outcomes.findings import VAGUE, may_vanish
+from fitting.outcomes.outcome import fixed_and_tied, parameters_at
 from fitting.problem.curve_lanes import Curves, slopes
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.lanes import Ends
@@ -31,7 +31,6 @@ from fitting.results.result_parts import (
     IndexBand,
     Prediction,
 )
-from fitting.samples.parameters import value_and_slope
 from fitting.samples.sample import Sample
 from fitting.searching.minima import alternative_chi2
 from fitting.uncertainty.covariance import Uncertainty, uncertainty
@@ -134,13 +133,6 @@ def _chosen(where: np.ndarray, one: _Minima, other: _Minima) -> _Minima:
     )
 
 
-def _parameters(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return parameters and their slopes by the solver's coordinates, (N, p) each."""
-    both = [value_and_slope(w.parameter.coordinate, y[:, i]) for i, w in enumerate(u.moving)]
-    x, slope = (np.stack(part, 1) for part in zip(*both, strict=True))
-    return x, slope
-
-
 class _Shaped:
     """The values of N curves in the batch shape, NaN or ``fill`` for those without a fit."""
 
@@ -158,7 +150,7 @@ class _Shaped:
 
 def _estimates(u: Unknowns, m: _Minima, t: np.ndarray, failed: np.ndarray, put: _Shaped):
     """Return all parameters by name, and the covariance of the free ones (n, P, P)."""
-    x, slope = _parameters(u, m.y)
+    x, slope = parameters_at(u, m.y)
     ends, limits = quadratic(u.moving, m.y, m.known, t)
     with np.errstate(invalid="ignore"):
         covariance = m.known.covariance * (slope[:, :, None] * slope[:, None, :])
@@ -173,33 +165,16 @@ def _estimates(u: Unknowns, m: _Minima, t: np.ndarray, failed: np.ndarray, put: 
         [status.UNDETERMINED, status.AT_LOWER, status.AT_UPPER], status.FITTED,
     )  # fmt: skip
     kinds = np.where(np.isnan(ends).any(-1), status.NONE, status.QUADRATIC)
-    every: dict[str, Estimate] = {}
     shown: dict[str, Estimate] = {}
-    values = dict(zip(u.spec.held, u.held, strict=True))
-    values |= {n: x[0, i] for i, n in enumerate(u.spec.moving) if not u.free[i]}
     for i in np.flatnonzero(u.free):
         inside = u.spec.moving[i]
-        every[inside] = shown[u.labels[inside]] = Estimate(
+        shown[u.labels[inside]] = Estimate(
             name=u.labels[inside], unit=u.units[inside], value=put(x[:, i]), sigma=put(sigma[:, i]),
             interval=put(ends[:, i]), interval_kind=put(kinds[:, i], status.NONE),
             upper_limit=put(np.where(unseen[:, i], np.nan, limits[:, i])),
             status=put(states[:, i], status.UNDETERMINED),
         )  # fmt: skip
-    for inside, value in values.items():
-        name = u.labels.get(inside, "")
-        every[inside] = Estimate(
-            name=name, unit=u.units.get(inside, ""), value=float(value), sigma=0.0,
-            interval=np.array([value, value]), interval_kind=status.NONE, status=status.FIXED,
-        )  # fmt: skip
-        if name:
-            shown[name] = every[inside]
-    for inside, factor, of in u.spec.tied:
-        name, e = u.labels[inside], every[of]
-        shown[name] = replace(
-            e, name=name, unit=u.units[inside], value=factor * e.value, sigma=abs(factor) * e.sigma,
-            interval=np.sort(factor * e.interval, -1), upper_limit=np.nan * e.value,
-            status=status.TIED,
-        )  # fmt: skip
+    shown |= fixed_and_tied(u, m.y[0], shown)
     return shown, covariance[:, u.free][:, :, u.free]
 
 

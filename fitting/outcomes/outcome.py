@@ -31,10 +31,11 @@ from fitting.uncertainty.spline_errors import errors_of_curves, with_errors_of_c
 _OTHERS = 3
 
 
-def _parameters_at(u: Unknowns, y: np.ndarray) -> np.ndarray:
-    """Return parameters and their slopes dx/dy, (2, p)."""
-    both = [value_and_slope(w.parameter.coordinate, at) for w, at in zip(u.moving, y, strict=True)]
-    return np.array(both).T
+def parameters_at(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return parameters and their slopes dx/dy at y, each (..., p)."""
+    both = [value_and_slope(w.parameter.coordinate, y[..., i]) for i, w in enumerate(u.moving)]
+    x, slope = (np.stack(part, -1) for part in zip(*both, strict=True))
+    return x, slope
 
 
 _STATUS = {"low": status.AT_LOWER, "high": status.AT_UPPER}
@@ -42,7 +43,7 @@ _STATUS = {"low": status.AT_LOWER, "high": status.AT_UPPER}
 
 def _estimates(u: Unknowns, end: End, known: Intervals) -> dict[str, Estimate]:
     """Return the free parameters at one minimum, by name."""
-    x, _ = _parameters_at(u, end.y)
+    x, _ = parameters_at(u, end.y)
     with np.errstate(invalid="ignore"):
         sigmas = np.sqrt(np.diagonal(_covariance(u, end)))
     out = {}
@@ -58,9 +59,9 @@ def _estimates(u: Unknowns, end: End, known: Intervals) -> dict[str, Estimate]:
     return out
 
 
-def _fixed(u: Unknowns, end: End, free: dict[str, Estimate]) -> dict[str, Estimate]:
-    """Return the parameters that were fixed or tied, by name."""
-    x, _ = _parameters_at(u, end.y)
+def fixed_and_tied(u: Unknowns, y: np.ndarray, free: dict[str, Estimate]) -> dict[str, Estimate]:
+    """Return the parameters that were fixed or tied, by name. y: (p,), of one fit."""
+    x, _ = parameters_at(u, y)
     values = {n: float(v) for n, v in zip(u.spec.moving, x, strict=True)}
     values |= {n: float(v) for n, v in zip(u.spec.held, u.held, strict=True)}
     every, out = {}, {}
@@ -84,7 +85,7 @@ def _fixed(u: Unknowns, end: End, free: dict[str, Estimate]) -> dict[str, Estima
 
 def _covariance(u: Unknowns, end: End) -> np.ndarray:
     """Return the covariance (p, p) of the parameters, NaN where there is no error."""
-    _, slope = _parameters_at(u, end.y)
+    _, slope = parameters_at(u, end.y)
     with np.errstate(invalid="ignore"):
         out = end.known.covariance * np.outer(slope, slope)
     unseen = end.known.unseen_of
@@ -273,7 +274,8 @@ def _assembled(fit: Problem, of: Subject, noise: float, evaluations: int, f: Fou
     with np.errstate(invalid="ignore"):
         factor = float(np.sqrt(end.known.variance))
     return FitData(
-        sample=of.sample, parameters=estimates | _fixed(u, end, estimates), covariance=of_x,
+        sample=of.sample, covariance=of_x,
+        parameters=estimates | fixed_and_tied(u, end.y, estimates),
         wavelength_um=known if len(known) > 1 else float(known[0]),
         chi2=chi2, chi2_reduced=chi2 / fit.dof if fit.dof else np.nan, dof=fit.dof,
         n_data=fit.n_data, rms=_rms(s.plain), cost=end.cost, noise=noise,

@@ -17,8 +17,8 @@ from jax import Array
 from fitting.optics.observe import predicted
 from fitting.optics.spec import NCS, Spec
 from fitting.problem.lanes import Ends
-from fitting.problem.observations import Observations, ncs_of, ncs_weights
-from fitting.problem.optics_inputs import along_the_normal
+from fitting.problem.observations import Observations, ncs_of, ncs_weights, squares_of
+from fitting.problem.optics_inputs import spec_at
 from fitting.problem.programs import Bounds, Targets, rows_of, solve, weighted
 from fitting.problem.solver import START_DAMPING
 from fitting.process.compiled import compiled, fit_settings
@@ -93,14 +93,6 @@ def _as_rows(targets: Targets) -> tuple[np.ndarray, np.ndarray]:
     return np.stack(measured), np.stack(used)
 
 
-def _squares(targets: Targets) -> np.ndarray:
-    """Return the sum of squares of the data in units of their errors, (L,)."""
-    own = [(v * w) ** 2 for v, w in zip(targets.values, targets.weights, strict=True)]
-    if np.size(targets.ncs):
-        own += [*np.einsum("ijml,jml->iml", targets.ncs_weights, targets.ncs) ** 2]
-    return np.sum(own, (0, 1))
-
-
 def _width(count: int) -> int:
     return min(_LANES, max(_FEW, 1 << (count - 1).bit_length()))
 
@@ -112,10 +104,6 @@ def _calls(lanes: np.ndarray, width: int):
         yield some, np.pad(some, (0, width - len(some)), "edge")
 
 
-def _spec(spec: Spec, targets: Targets) -> Spec:
-    return spec if np.any(targets.points.angle_deg) else along_the_normal(spec)
-
-
 def run_curves(
     spec: Spec, base: Targets, curves: Curves, start: np.ndarray, which: np.ndarray,
     limits: tuple[np.ndarray, np.ndarray], dof: np.ndarray,
@@ -124,12 +112,9 @@ def run_curves(
 
     limits: bounds (p,). dof: (N,) of each curve.
     """
-    spec, count = _spec(spec, base), len(which)
+    spec, count = spec_at(spec, base.points.angle_deg), len(which)
     low, high = (a[:, None] for a in limits)
-    out = Ends(
-        np.clip(start, low, high), np.full(count, np.inf), np.zeros(count, bool),
-        np.zeros(count, int),
-    )  # fmt: skip
+    out = Ends.begun(np.clip(start, low, high))
     damping, todo, width = np.full(count, START_DAMPING), np.arange(count), _width(count)
     while len(todo):
         for some, lanes in _calls(todo, width):
@@ -137,7 +122,7 @@ def run_curves(
             shape = (len(start), width)
             bounds = Bounds(
                 np.broadcast_to(low, shape), np.broadcast_to(high, shape),
-                np.maximum(dof[which[lanes]], 1.0), _squares(targets),
+                np.maximum(dof[which[lanes]], 1.0), squares_of(targets),
             )  # fmt: skip
             with fit_settings():
                 found = solve(
@@ -178,7 +163,7 @@ class Slopes(NamedTuple):
 
 def slopes(spec: Spec, base: Targets, curves: Curves, y: np.ndarray, which: np.ndarray):
     """Yield lanes, as numbers into ``which``, and the `Slopes` at y (p, L) of their curves."""
-    spec = _spec(spec, base)
+    spec = spec_at(spec, base.points.angle_deg)
     for some, lanes in _calls(np.arange(len(which)), _width(len(which))):
         targets = curves.targets(base, which[lanes])
         with fit_settings():

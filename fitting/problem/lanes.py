@@ -36,6 +36,12 @@ class Ends(NamedTuple):
     done: np.ndarray
     evaluations: np.ndarray
 
+    @classmethod
+    def begun(cls, y: np.ndarray) -> Ends:
+        """Return lanes at y (p, L) of which nothing is known yet."""
+        none = np.zeros(y.shape[1], int)
+        return cls(y, none + np.inf, none > 0, none)
+
     def put(self, lanes: np.ndarray, others: Ends) -> None:
         """Update the state of some of the lanes."""
         for mine, theirs in zip(self, others, strict=True):
@@ -116,7 +122,7 @@ def run(
     bounds = _bounds(limits, degrees, scale, start.shape)
     y, lanes = np.clip(start, bounds.lower, bounds.upper), start.shape[1]
     damping = np.full(lanes, START_DAMPING)
-    ends = Ends(y, np.full(lanes, np.inf), np.zeros(lanes, bool), np.zeros(lanes, int))
+    ends = Ends.begun(y)
     # Where lanes have data of their own, or one compiled program, all go on together.
     alone = in_parts(spec, targets)
     live = np.arange(lanes)

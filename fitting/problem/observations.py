@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -50,10 +50,15 @@ class Observations(NamedTuple):
     @property
     def squares(self) -> float:
         """The sum of squares of the data in units of their errors."""
-        weighted = [v * w for v, w in zip(self.values, self.weights, strict=True)]
-        if NCS in self.channels:
-            weighted.append(np.einsum("ijml,jml->iml", self.ncs_weights, self.ncs))
-        return float(sum((each**2).sum() for each in weighted))
+        return float(squares_of(self).sum())
+
+
+def squares_of(data: Any) -> np.ndarray:
+    """Return the sum of squares of `Observations` or targets in units of their errors, (L,)."""
+    own = [(v * w) ** 2 for v, w in zip(data.values, data.weights, strict=True)]
+    if np.size(data.ncs):
+        own += [*np.einsum("ijml,jml->iml", data.ncs_weights, data.ncs) ** 2]
+    return np.sum(own, (0, 1)) if own else np.zeros(1)  # none of the caller's own residuals
 
 
 def padded(rows: int) -> int:

@@ -53,6 +53,11 @@ def along_the_normal(spec: Spec) -> Spec:
     return spec._replace(media=spec.media._replace(normal=normal))
 
 
+def spec_at(spec: Spec, angle_deg: np.ndarray) -> Spec:
+    """Return the spec of a fit at these angles: that along the normal, if all of them are 0."""
+    return spec if np.any(angle_deg) else along_the_normal(spec)
+
+
 @functools.lru_cache(maxsize=256)
 def core_of(spec: Spec, normal: bool) -> Core:
     """Return what the optics of a fit depend on; normal: whether light comes along the normal."""

@@ -26,11 +26,11 @@ from fitting.optics.observe import predicted
 from fitting.optics.spec import NCS, Points, Spec
 from fitting.problem.optics_inputs import (
     Core,
-    along_the_normal,
     core_of,
     has_parts,
     known_quantities,
     quantities,
+    spec_at,
     still_of,
 )
 from fitting.problem.programs import (
@@ -215,8 +215,8 @@ def solved_in_parts(
     since XLA has its own, and a fit of a film by two then takes four fifths of the time.
     """
     if not in_parts(spec, targets):
-        if isinstance(spec, Spec) and not np.any(targets.points.angle_deg):
-            spec = along_the_normal(spec)
+        if isinstance(spec, Spec):
+            spec = spec_at(spec, targets.points.angle_deg)
         return solve(targets, start, damping, bounds, max_steps, spec=spec)
     parts, pieces = Parts(spec, targets), _pieces(start.shape[1])
 
