@@ -18,7 +18,6 @@ from ._stack_coherent import (
     Ambient,
     Medium,
     at,
-    decaying_root,
     medium,
     normal_flux,
     normal_squared,
@@ -75,7 +74,9 @@ def _rough(roughness: Array, front: Ambient, layers: Medium, far: Medium, q_far:
 
     ends = [jax.tree.map(lambda z: z[None], pair(z)) for z in (front.q, q_far, far.g)]
     one = (jnp.ones_like(ends[0][0]), jnp.zeros_like(ends[0][0]))
-    q_layers = decaying_root(*normal_squared(layers, at(None, front)))
+    # Smooth films are even in Q, rough boundaries are not: with Im Q >= 0 the wave in a clear film
+    # behind a medium of k = 1e-14 ran backward, and T had the squared factors of both faces in it.
+    q_layers = outgoing_root(*normal_squared(layers, at(None, front)))
     q = jax.tree.map(joined, ends[0], q_layers, ends[1])
     g = jax.tree.map(joined, one, pair(layers.g), ends[2])
     return boundary_factors(roughness, q, g)

@@ -224,3 +224,16 @@ def test_derivatives_of_a_rough_film_of_small_wavevector():
     both = jax.jit(lambda n: jax.jvp(powers_of, (n,), (1.0,)))
     above, below = both(0.86 + 1e-5)[0], both(0.86 - 1e-5)[0]
     np.testing.assert_allclose(both(0.86)[1], (above - below) / 2e-5, rtol=1e-8)
+
+
+def test_a_rough_film_behind_a_medium_that_hardly_absorbs():
+    """As behind a clear one: with a k of 1e-14 in front, T was .34 instead of .93."""
+
+    def powers_behind(k):
+        out = stack(
+            0.8, [1.6 + 1j * k, 1.3, 1.5 + 1e-3j],
+            thickness_um=[0.2], wavelength_um=0.55, roughness_um=[0.03, 0.02],
+        )  # fmt: skip
+        return jnp.stack([*out[:4], *out.A_s, *out.A_p])
+
+    np.testing.assert_allclose(powers_behind(1e-14), powers_behind(0.0), rtol=1e-11, atol=1e-13)
