@@ -1,9 +1,9 @@
 """Power that a layer of a stack absorbs, as the integral of its field and not as a difference.
 
-With the fields U and W of `_stack_coherent` at the far side of a layer and zeta = k_0 times the
-distance from there,
+With the fields U and W of `_stack_coherent` at the far side of a layer, zeta = k_0 times the
+distance from there, and the power Re(W conj(U)) for s and Re(W conj(U) / N_0^2) for p,
 
-    d Re(W conj(U)) / d zeta = t |U|^2 + m |W|^2,
+    d power / d zeta = t |U|^2 + m |W|^2,
 
 with t = Im(Q^2) and m = 0 for s, t = Im(Q^2 / N^2) and m = Im(N^2) / |N_0^2|^2 for p. In a layer
 that is not thin the fields are two waves, S = Z U + W forward and D = Z U - W backward, Z = Q / g,
@@ -245,7 +245,7 @@ def absorbed(
     w: Pair,
     down: Pair,
 ) -> Array:
-    """Re(W conj(U)) at the near side of the layer less that at its far side, over |f|^-2."""
+    """The power at the near side of the layer less that at its far side, over |f|^-2."""
     z = times(per_g, layer.q)
     inside = along(layer, z, kappa)
     waves = absorbed_by_waves(weight, inside, plus(times(z, u), w), down)

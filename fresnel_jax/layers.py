@@ -10,8 +10,9 @@ with R1 and T1 = 1 - R1 of one face and Q = N cos_t of the refracted wave: the g
 what is reflected to and fro. Nothing is lost but what the slab absorbs.
 
 The mean over the phase of the coherent film has |t1 t2|^2 where T1^2 stands here, which is larger
-by |Q|^2 / (Re Q)^2. The two agree within k^2 / n^2, and where k^2 / n^2 could be seen a thick slab
-lets nothing through; for thin absorbing ones neither holds, since their reflections interfere.
+by |Y|^2 / (Re Y)^2, with Y = Q for s and Q / N^2 for p. The two agree within k^2 / n^2, and where
+k^2 / n^2 could be seen a thick slab lets nothing through; for thin absorbing ones neither holds,
+since their reflections interfere.
 
 Time dependence exp(-i w t): k >= 0 absorbs. Source: M. Born and E. Wolf, Principles of Optics, 7th
 ed., sec. 1.6.4, for the coherent film, and O. S. Heavens, Optical Properties of Thin Solid Films,
