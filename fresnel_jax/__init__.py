@@ -8,8 +8,8 @@ first used: `approximate`, `bsdf`, `directions`, `dispersion`, `effective_medium
 import importlib
 from typing import Any
 
-from ._compiler import fenced
 from ._environment import warn_of_environment
+from ._numerics.fences import fenced
 from .directions import faceforward, reflect, refract
 from .interface import (
     Amplitudes,

@@ -18,9 +18,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ._arithmetic import one_if_zero, positive_sqrt, sine_cosine
-from ._compiler import computed_once
-from ._vectors import Vector, add, normalize, once, scale, select
+from ._numerics.arithmetic import one_if_zero, positive_sqrt, sine_cosine
+from ._numerics.fences import computed_once
+from ._numerics.vectors import Vector, add, normalize, once, scale, select
 
 
 class Alphas(NamedTuple):

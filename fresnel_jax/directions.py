@@ -12,11 +12,10 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from ._arithmetic import positive_sqrt
-from ._boundary import boundary, within_one
-from ._index import IndexLike
-from ._results import exported
-from ._vectors import (
+from ._numerics.arithmetic import positive_sqrt
+from ._numerics.index import IndexLike
+from ._numerics.results import exported
+from ._numerics.vectors import (
     Vector,
     add,
     components,
@@ -27,6 +26,7 @@ from ._vectors import (
     scale,
     stack,
 )
+from .boundary.boundary import boundary, within_one
 
 __all__ = [
     "Frame",

@@ -55,12 +55,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ._amplitudes import amplitudes_kernel
-from ._arguments import all_floats, as_floats, lossless, real, structure
-from ._index import IndexLike
-from ._powers import powers_kernel
-from ._results import exported
-from ._unpolarized import unpolarized_kernel
+from ._numerics.arguments import all_floats, as_floats, lossless, real, structure
+from ._numerics.index import IndexLike
+from ._numerics.results import exported
+from .boundary.amplitudes import amplitudes_kernel
+from .boundary.powers import powers_kernel
+from .boundary.unpolarized import unpolarized_kernel
 
 __all__ = [
     "Amplitudes",

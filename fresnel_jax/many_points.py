@@ -15,7 +15,7 @@ import jax
 from jax import lax
 from jaxtyping import ArrayLike
 
-from ._compiler import fenced
+from ._numerics.fences import fenced
 
 __all__ = ["in_blocks", "keep_memory"]
 

@@ -10,7 +10,6 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from ._arithmetic import one_if_zero
 from ._facets import (
     Alphas,
     half_vector_of,
@@ -19,7 +18,8 @@ from ._facets import (
     stretched_length,
     visible_normal,
 )
-from ._vectors import as_float, components, dot, stack
+from ._numerics.arithmetic import one_if_zero
+from ._numerics.vectors import as_float, components, dot, stack
 
 __all__ = [
     "TrowbridgeReitz",
