@@ -20,7 +20,7 @@ but `large_index` one):
     polynomial, degree 8    .00061              .0036                      27
     polynomial, degree 10   .000075             .0019                      33
 
-Colours and indices, `gulbrandsen_index` and its kin, are exact; they stand in `_colours`.
+Colours and indices, `gulbrandsen_index` and its kin, are exact; they stand in `boundary.colours`.
 
 The coefficients (R at normal incidence, R at 82 degrees, the polynomial) depend on the material
 only. They are computed once for a scalar `eta` and `k`, whatever the number of angles; with a

@@ -11,9 +11,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._numerics.arguments import check_positive, index_parts
+from ._numerics.arguments import check_positive, extinction, float_named, index_named, index_parts
 from ._numerics.index import IndexLike
-from ._numerics.vectors import extinction, float_named, index_named
 from .interface import reflectance
 from .layers import stack
 from .stacks.stack import with_leading_axis

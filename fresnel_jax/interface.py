@@ -43,7 +43,7 @@ with respect to k is the one-sided one (k >= 0), which is not 0 in total reflect
 
 References: M. Born and E. Wolf, Principles of Optics, 7th ed., secs. 1.5 and 14.2; M. Pharr,
 W. Jakob and G. Humphreys, Physically Based Rendering, 4th ed., sec. 9.3. The algebra is our own
-and stands in `_boundary`, `_powers` and `_amplitudes`.
+and stands in the files of `boundary`.
 """
 
 from __future__ import annotations

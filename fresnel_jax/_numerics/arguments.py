@@ -1,16 +1,17 @@
-"""The arguments of one boundary at the border: what is refused by name, what selects a program."""
+"""Arguments at the border: what is refused by name, what selects a program, what becomes floats."""
 
 import functools
 import inspect
+from collections.abc import Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array
+from jaxtyping import Array, ArrayLike
 
-from .index import Index
+from .index import Index, IndexLike
 
 # No rounding of a dot product of unit vectors, in float32 or coarser, comes this far above 1.
 _LARGEST_COSINE = 1.001
@@ -272,3 +273,33 @@ def all_floats(cos_theta_i, eta, k, eta_i) -> tuple[Array, ...]:
     """`as_floats` with arrays of 0 for a k, and of 1 for an eta_i, that is None."""
     c, n, k, m = as_floats(cos_theta_i, eta, k, eta_i)
     return c, n, jnp.zeros_like(n) if k is None else k, jnp.ones_like(n) if m is None else m
+
+
+def as_float(x: ArrayLike | Sequence[Any], name: str) -> Array:
+    """x as an array of floats; a Python number stays weakly typed and so leaves float32 alone."""
+    x = jnp.asarray(real(x, name))
+    return x if jnp.issubdtype(x.dtype, jnp.floating) else x.astype(jnp.result_type(float))
+
+
+def float_named(name: str):
+    """`as_float` as the converter of the field of that name."""
+    return functools.partial(as_float, name=name)
+
+
+def lossless_index(x: IndexLike, name: str) -> Array:
+    """`as_float` of the index of a lossless medium."""
+    x = real(lossless(x, name), name)
+    check_positive(x, name)
+    return as_float(x, name)
+
+
+def index_named(name: str):
+    """`lossless_index` as the converter of the field of that name."""
+    return functools.partial(lossless_index, name=name)
+
+
+def extinction(k: ArrayLike) -> Array:
+    """`as_float` of an extinction coefficient; ValueError for a readable k < 0."""
+    k = real(k, "k")
+    check_extinction(k)
+    return as_float(k, "k")

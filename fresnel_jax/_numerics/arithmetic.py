@@ -4,7 +4,7 @@ and the sine and cosine of a fraction of a turn.
 The error-free transformations write a sum or a product of two floating-point numbers as the rounded
 result plus its exact rounding error. They hold for every IEEE format with round-to-nearest, also
 after XLA has fused the loop (tests/test_arithmetic.py compares them with rational arithmetic under
-jit), because XLA does not reassociate floating-point sums; but see `_compiler.opaque`.
+jit), because XLA does not reassociate floating-point sums; but see `fences.opaque`.
 """
 
 import math
@@ -170,7 +170,7 @@ def _complex_sqrt_jvp(primals, tangents):
 def shared_sqrt(re: Array, im: Array) -> tuple[Array, Array]:
     """`complex_sqrt` for a root that several results need.
 
-    The larger part is a quotient, which is never computed again for each of them (`_compiler`),
+    The larger part is a quotient, which is never computed again for each of them (`fences`),
     with the sign of re, which says all that they need to know of re.
     """
     scale, unscale = _scales(re, im)

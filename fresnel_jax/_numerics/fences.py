@@ -23,7 +23,7 @@ def opaque(x: Array) -> Array:
     """x itself, but never a compile-time constant.
 
     XLA rewrites (x + 1) - 1 as x when both ones are constants, which turns the rounding errors of
-    `_arithmetic` into 0: for an eta closed over by a jitted function T lost all digits near grazing
+    `arithmetic` into 0: for an eta closed over by a jitted function T lost all digits near grazing
     incidence at index match. What enters exact sums and products passes through here first.
     """
     return lax.optimization_barrier(x)

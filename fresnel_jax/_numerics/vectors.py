@@ -7,18 +7,15 @@ axis of length 3.
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from .arguments import check_extinction, check_positive, lossless, real
+from .arguments import as_float
 from .arithmetic import one_if_zero, sum_exactly, two_product
 from .fences import computed_once, opaque
-from .index import IndexLike
 
 
 class Vector(NamedTuple):
@@ -27,36 +24,6 @@ class Vector(NamedTuple):
     x: Array
     y: Array
     z: Array
-
-
-def as_float(x: ArrayLike | Sequence[Any], name: str) -> Array:
-    """x as an array of floats; a Python number stays weakly typed and so leaves float32 alone."""
-    x = jnp.asarray(real(x, name))
-    return x if jnp.issubdtype(x.dtype, jnp.floating) else x.astype(jnp.result_type(float))
-
-
-def float_named(name: str):
-    """`as_float` as the converter of the field of that name."""
-    return functools.partial(as_float, name=name)
-
-
-def lossless_index(x: IndexLike, name: str) -> Array:
-    """`as_float` of the index of a lossless medium."""
-    x = real(lossless(x, name), name)
-    check_positive(x, name)
-    return as_float(x, name)
-
-
-def index_named(name: str):
-    """`lossless_index` as the converter of the field of that name."""
-    return functools.partial(lossless_index, name=name)
-
-
-def extinction(k: ArrayLike) -> Array:
-    """`as_float` of an extinction coefficient; ValueError for a readable k < 0."""
-    k = real(k, "k")
-    check_extinction(k)
-    return as_float(k, "k")
 
 
 def components(v: ArrayLike, name: str) -> Vector:
@@ -124,7 +91,7 @@ def normalize(v: Vector) -> Vector:
     """v / |v|, to 3 eps; the zero vector, or one whose square underflows, is given back as it is.
 
     The derivative at the zero vector is 0 and means nothing. Divisions, not products with 1 / |v|,
-    for the reason in `_compiler` (a sample of a rough conductor: 642 operations instead of 849).
+    for the reason in `fences` (a sample of a rough conductor: 642 operations instead of 849).
     """
     length = _length(v)
     return Vector(v.x / length, v.y / length, v.z / length)

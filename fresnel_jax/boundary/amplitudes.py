@@ -1,6 +1,6 @@
 """Complex amplitudes of one boundary with their derivatives in closed form.
 
-With the quantities of `_boundary`, N = n + ik and D = N^2 - m^2:
+With the quantities of `boundary`, N = n + ik and D = N^2 - m^2:
 
     r_s = -D / S^2                 t_s = 2 m c / S
     r_p = D Y m^2 / (S X)^2        t_p = 2 m c N m / (S X)

@@ -1,6 +1,6 @@
 """What the phases of reflection need: -r_s and -r_p / r_s, with derivatives in closed form.
 
-With the quantities of `_boundary`, N = n + ik and D = N^2 - m^2:
+With the quantities of `boundary`, N = n + ik and D = N^2 - m^2:
 
     f = -r_s       = D / S^2 = (Q - m c) / (Q + m c)
     g = -r_p / r_s = m^2 Y / X^2 = (m c Q - m^2 s^2) / (m c Q + m^2 s^2)

@@ -1,6 +1,6 @@
 """Power reflectance and transmittance of one boundary with their derivatives in closed form.
 
-With the quantities of `_boundary` and N = n + ik:
+With the quantities of `boundary` and N = n + ik:
 
     R_s = |N - m|^2 |N + m|^2 / |S|^4        T_s = 4 m c a / |S|^2
     R_p = |N - m|^2 |N + m|^2 |Y|^2 / |P|^4  T_p = 4 m c a (|Q|^2 + m^2 s^2) / |P|^2

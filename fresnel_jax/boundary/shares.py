@@ -28,7 +28,7 @@ class Shares(NamedTuple):
 def shares(cosine: Array, eta_t: Array, eta_i: Array, exactly: bool) -> Shares:
     """R and T at abs(cosine), from eta_i into eta_t; derivatives as `powers`.
 
-    With C = m c, sigma = m^2 s^2 and Q of `_boundary`: R_s = ((n - m)(n + m) / |C + Q|^2)^2,
+    With C = m c, sigma = m^2 s^2 and Q of `boundary`: R_s = ((n - m)(n + m) / |C + Q|^2)^2,
     R_p / R_s = |C Q - sigma|^2 / |C Q + sigma|^2, T_s = 4 C Re Q / |C + Q|^2 and, since
     Q^2 + sigma = n^2, T_p / T_s = (m n)^2 / (C Q + sigma)^2. The means of s and p are sums of
     positive terms; T, which is no difference 1 - R, vanishes with Re Q in total reflection.

@@ -1,12 +1,12 @@
 """Power reflectance of one boundary for unpolarized light, with its derivatives in closed form.
 
-With the quantities of `_boundary`, C = m c, sigma = m^2 s^2 and X = C Q + sigma,
+With the quantities of `boundary`, C = m c, sigma = m^2 s^2 and X = C Q + sigma,
 
     r_s = (C - Q) / (C + Q),    r_p = r_s (sigma - C Q) / (sigma + C Q),
     R = (R_s + R_p) / 2 = R_s U / |X|^2,    U = |C Q|^2 + sigma^2,    |X|^2 = U + 2 sigma C Re Q.
 
 Only positive terms are added: R does not vanish at Brewster's angle, so that Re Y, half of the
-exact sums of `_boundary`, is not needed; what the derivatives need of it is cheaper (`_y`).
+exact sums of `boundary`, is not needed; what the derivatives need of it is cheaper (`_y`).
 
     dR = 4 C Re(N conj(Q E) dN) / (|S|^4 |X|^2 |Q|^2) + 2 m R_s Re(H) dc,
     E = (N^2 - m^2) U + |N^2 - m^2|^2 sigma m^2 Y / (2 |X|^2)

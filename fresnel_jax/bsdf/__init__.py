@@ -36,8 +36,8 @@ from __future__ import annotations
 
 from jaxtyping import Array, ArrayLike
 
+from .._numerics.arguments import lossless_index
 from .._numerics.index import IndexLike
-from .._numerics.vectors import lossless_index
 from ..fresnel_terms import (
     FresnelConductor,
     FresnelDielectric,

@@ -8,12 +8,20 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from .._facets import Bounce, bounce, half_vector_of, per_length_squared, visible_normal
+from .._numerics.arguments import float_named, index_named
 from .._numerics.fences import computed_once
-from .._numerics.vectors import Vector, dot, float_named, index_named, once, select
+from .._numerics.vectors import Vector, dot, once, select
 from ..boundary.shares import Shares, shares
 from ..directions import reflect_components, refract_components, sides
-from ..microfacet import TrowbridgeReitz, two_numbers
+from ..microfacet import (
+    Bounce,
+    TrowbridgeReitz,
+    bounce,
+    half_vector_of,
+    per_length_squared,
+    two_numbers,
+    visible_normal,
+)
 from .scattering import (
     BSDFSample,
     Lobes,
@@ -93,7 +101,7 @@ class Dielectric(eqx.Module):
     def _refracted(
         self, reflected: Bounce, o: Vector, c_o: Array, c_i: Array, mode: TransportMode
     ) -> Bounce:
-        """The bounce turned into one across the surface: see `_facets`."""
+        """The bounce turned into one across the surface: see `microfacet`."""
         eta_o, eta_i = sides(o.z < 0.0, self.eta)
         both = 4.0 * c_o * c_i * per_length_squared(o.z < 0.0, c_o, c_i, self.eta)
         spread = eta_o / eta_i if mode is TransportMode.RADIANCE else jnp.ones_like(eta_o)

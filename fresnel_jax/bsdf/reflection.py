@@ -6,12 +6,12 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from .._facets import bounce, half_vector_of, visible_normal
+from .._numerics.arguments import float_named
 from .._numerics.fences import computed_once
-from .._numerics.vectors import Vector, dot, float_named, once, select
+from .._numerics.vectors import Vector, dot, once, select
 from ..directions import reflect_components
 from ..fresnel_terms import FresnelTerm
-from ..microfacet import TrowbridgeReitz, two_numbers
+from ..microfacet import TrowbridgeReitz, bounce, half_vector_of, two_numbers, visible_normal
 from .scattering import (
     BSDFSample,
     Lobes,

@@ -6,7 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from .._numerics.vectors import Vector, index_named
+from .._numerics.arguments import index_named
+from .._numerics.vectors import Vector
 from ..interface import powers
 from .scattering import (
     BSDFSample,

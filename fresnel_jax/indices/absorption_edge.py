@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._numerics.vectors import float_named
+from .._numerics.arguments import float_named
 from .formulas import cauchy_series
 from .spectral import (
     DispersionModel,

@@ -5,8 +5,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .._numerics.arguments import extinction, float_named
 from .._numerics.arithmetic import real_sqrt, two_square
-from .._numerics.vectors import extinction, float_named
 from .spectral import (
     DispersionModel,
     Index,

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from .._numerics.vectors import float_named
+from .._numerics.arguments import float_named
 from .spectral import (
     DispersionModel,
     Index,

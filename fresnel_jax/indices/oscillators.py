@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from .._numerics.arguments import float_named
 from .._numerics.arithmetic import complex_sqrt, one_if_zero
 from .._numerics.faddeeva import faddeeva
-from .._numerics.vectors import float_named
 from .spectral import (
     DispersionModel,
     Index,

@@ -13,10 +13,9 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
-from .._numerics.arguments import real
+from .._numerics.arguments import as_float, real
 from .._numerics.arithmetic import complex_sqrt
 from .._numerics.index import Index
-from .._numerics.vectors import as_float
 
 # h c / e in eV um; exact by the definition of the SI units
 HC_EV_UM = 1.2398419843320025

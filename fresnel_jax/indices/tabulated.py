@@ -9,8 +9,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
+from .._numerics.arguments import float_named
 from .._numerics.index import Index
-from .._numerics.vectors import float_named
 from .spectral import DispersionModel, evaluate_within, in_one_type
 
 

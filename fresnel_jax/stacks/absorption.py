@@ -1,6 +1,6 @@
 """Power that a layer of a stack absorbs, as the integral of its field and not as a difference.
 
-With the fields U and W of `_stack_coherent` at the far side of a layer and zeta = k_0 times the
+With the fields U and W of `coherent` at the far side of a layer and zeta = k_0 times the
 distance from there,
 
     d Re(W conj(U)) / d zeta = t |U|^2 + m |W|^2,

@@ -29,9 +29,8 @@ from .._numerics.index import Index, IndexLike
 from .._numerics.results import exported
 from ..boundary.boundary import unsigned
 from .coherent import ambient
-from .fast_sums import fast_sums
-from .mixed import mixed
-from .packet import packet
+from .fast import fast_sums
+from .packets import mixed, packet
 
 
 @exported
