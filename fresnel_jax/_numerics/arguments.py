@@ -1,5 +1,7 @@
 """Arguments at the border: what is refused by name, what selects a program, what becomes floats."""
 
+from __future__ import annotations
+
 import functools
 import inspect
 from collections.abc import Sequence

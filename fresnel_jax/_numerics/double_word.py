@@ -14,32 +14,21 @@ from jaxtyping import Array
 
 from . import arithmetic
 from .arithmetic import fast_two_sum, one_if_zero, two_sum
-from .fences import opaque
+from .fences import opaque, rounded
 
 DoubleWord = tuple[Array, Array]
-
-
-def _rounded(x: Array) -> Array:
-    """x itself, but never the unrounded product that it stands for.
-
-    LLVM contracts x y + z to a fused multiply-add where the product has no other use in the loop.
-    High and low word are computed in loops of their own, so that one saw the rounded product and
-    the other did not: squares of double words were wrong by an eps. A select cannot be contracted;
-    reduce_precision, minima and bit casts were seen to be.
-    """
-    return jnp.where(x == x, x, jnp.inf)
 
 
 def two_product(x: Array, y: Array) -> DoubleWord:
     """The rounded product of two floats and its exact error."""
     value, error = arithmetic.two_product(x, y)
-    return _rounded(value), error
+    return rounded(value), error
 
 
 def two_square(x: Array) -> DoubleWord:
     """The rounded square of a float and its exact error."""
     value, error = arithmetic.two_square(x)
-    return _rounded(value), error
+    return rounded(value), error
 
 
 def add(x: DoubleWord, y: DoubleWord) -> DoubleWord:

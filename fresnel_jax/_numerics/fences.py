@@ -1,10 +1,14 @@
-"""What keeps XLA's compiler from undoing or repeating arithmetic; none of it changes a value.
+"""Fences: what keeps the compiler, XLA and LLVM, from undoing or repeating arithmetic.
 
-Its CPU compiler has no loops with several outputs: it fuses a cheap producer into the loop of every
-consumer, so that R, dR/dn and dR/dk would each repeat all exact sums (measured: 996 instructions a
-point instead of 476). Only divisions and roots are never repeated, and an optimization barrier is
-gone before fusion. Hence `computed_once`, and a quotient here and there where a product with the
-reciprocal would do.
+None of them changes a value, and none would be needed with a better compiler: tests/test_fences.py
+has one test for each that says with which versions of jaxlib the defect was seen, and fails with
+one that no longer has it.
+
+XLA's CPU compiler has no loops with several outputs: it fuses a cheap producer into the loop of
+every consumer, so that R, dR/dn and dR/dk would each repeat all exact sums (measured: 996
+instructions a point instead of 476). Only divisions and roots are never repeated, and before
+jaxlib 0.11 an optimization barrier is gone before fusion. Hence `computed_once`, and a quotient
+here and there where a product with the reciprocal would do.
 """
 
 from __future__ import annotations
@@ -14,9 +18,29 @@ from jax import lax
 from jaxtyping import Array, ArrayLike, Float
 
 
+def hidden_one(x: Array) -> Array:
+    """A one that the compiler cannot see through (a 2 where x is NaN, which stays NaN)."""
+    return jnp.where(x == x, 1.0, 2.0)
+
+
 def computed_once(x: Array) -> Array:
-    """x, divided by a one that the compiler cannot see through; exact."""
-    return x / jnp.where(x == x, 1.0, 2.0)
+    """x, exactly, but not computed again for every result that is made of it.
+
+        cosine = computed_once(jnp.cos(jnp.radians(angle_deg)))
+
+    XLA's CPU compiler repeats what stands before a loop in every loop behind it, except for
+    divisions and roots: the cosine of the angle of incidence was formed 18 times in the program of
+    a film, a third of its time. This is x divided by a one that the compiler cannot see through.
+    Put it around what is costly and read by several results; it costs a division. A result that
+    divides x once more computes it anew: of (a / b) / c XLA makes a / (b c).
+
+    Args:
+        x: floats, shape (...).
+
+    Returns:
+        x, exactly, of its shape and dtype; its derivative is that of x, and computed once as well.
+    """
+    return x / hidden_one(x)
 
 
 def opaque(x: Array) -> Array:
@@ -27,6 +51,17 @@ def opaque(x: Array) -> Array:
     incidence at index match. What enters exact sums and products passes through here first.
     """
     return lax.optimization_barrier(x)
+
+
+def rounded(x: Array) -> Array:
+    """x itself, but never the unrounded product that it stands for.
+
+    LLVM contracts x y + z to a fused multiply-add where the product has no other use in the loop.
+    High and low word are computed in loops of their own, so that one saw the rounded product and
+    the other did not: squares of double words were wrong by an eps. A select cannot be contracted;
+    reduce_precision, minima and bit casts were seen to be.
+    """
+    return jnp.where(x == x, x, jnp.inf)
 
 
 def fenced(x: ArrayLike) -> Float[Array, "..."]:

@@ -30,7 +30,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.custom_derivatives import SymbolicZero
 
-from .._numerics.fences import computed_once
+from .._numerics.fences import computed_once, hidden_one
 
 # What a square of the index along the normal of zero is replaced by: a layer just at its critical
 # angle, where the derivatives of the recursion divide by zero although those of R do not.
@@ -177,7 +177,7 @@ def _derivatives(primals: Any, tangents: Any) -> tuple[Amplitudes, Amplitudes]:
         for by_admittance, by_phase in zip(of_admittance, of_phase, strict=True)
     )
     # `_once`, but linear in the tangents, so that it has a transpose
-    one = jnp.where(out.r.real == out.r.real, 1.0, 2.0)
+    one = hidden_one(out.r.real)
     d_r = jnp.zeros_like(out.r) + d_r
     d_r = jax.lax.complex(d_r.real / one, d_r.imag / one)
     return out, Amplitudes(d_r, out.t * d_log_t)

@@ -1,7 +1,8 @@
-"""A million points and more on a CPU: memory that is kept, and sums in blocks.
+"""Speed on a CPU: memory that is kept, sums in blocks, and fences against the compiler.
 
-Half of the time of a large program goes to fresh memory, not to arithmetic: the system has to
-supply and to clear every page of every array (docs/speed.md has the measurements).
+Half of the time of a program of a million points and more goes to fresh memory, not to arithmetic:
+the system has to supply and to clear every page of every array (docs/speed.md has the
+measurements). `computed_once` and `fenced` change no value, but the loops that XLA makes.
 """
 
 from __future__ import annotations
@@ -15,19 +16,37 @@ import jax
 from jax import lax
 from jaxtyping import ArrayLike
 
+from ._numerics.fences import computed_once as computed_once
 from ._numerics.fences import fenced
 
-__all__ = ["in_blocks", "keep_memory"]
+__all__ = ["computed_once", "fenced", "in_blocks", "jax_has_begun", "keep_memory"]
 
 # Of malloc.h: the most that is kept at the top of the heap, the most arrays mapped apart, the most
 # arenas. An arena of a thread holds at most 64 MB, and larger arrays are mapped anew at every call.
 _TRIM_THRESHOLD, _MMAP_MAX, _ARENA_MAX = -1, -4, -8
 
 
+def jax_has_begun() -> bool:
+    """Return whether jax has computed in this process, and so has threads and memory of its own.
+
+    An import of jax does not count, nor does a function that is only defined. Nothing is started.
+    """
+    # Of the options that jax lets nobody change once it has begun, the one that matters least: a
+    # thread that starts jax between the two lines waits a minute longer for other machines, if any.
+    name = "jax_cpu_get_local_topology_timeout_minutes"
+    minutes = getattr(jax.config, name)
+    try:
+        jax.config.update(name, minutes + 1)
+        jax.config.update(name, minutes)
+    except RuntimeError:
+        return True
+    return False
+
+
 def keep_memory() -> bool:
     """Let the C library keep freed memory for the next array instead of giving it back.
 
-        from fresnel_jax.many_points import keep_memory
+        from fresnel_jax.performance import keep_memory
 
         keep_memory()  # before jax's first computation, which starts the threads that allocate
 
@@ -37,9 +56,7 @@ def keep_memory() -> bool:
 
     Returns whether it took effect: False without glibc (macOS, Windows), and after jax has begun.
     """
-    from jax._src import xla_bridge  # nothing public tells whether jax has begun
-
-    return not xla_bridge.backends_are_initialized() and _keep()
+    return not jax_has_begun() and _keep()
 
 
 def _keep() -> bool:
