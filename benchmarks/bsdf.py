@@ -40,7 +40,7 @@ def inputs(dtype: str, size: int):
 
 def ours(dtype: str, way: str):
     """run(model, job, size) -> a callable without arguments that does the work once."""
-    from fresnel_jax.many_points import in_blocks, keep_memory
+    from fresnel_jax.performance import in_blocks, keep_memory
 
     if way == KEPT and not keep_memory():
         raise SystemExit("memory cannot be kept: the C library is not glibc")

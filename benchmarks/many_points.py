@@ -36,16 +36,16 @@ JOBS = (*CHARTED, "lossless", "lossless, with gradient", ELEMENTWISE, LOSS)
 
 def worker(way: str, dtype: str):
     """A process: everything in one way."""
-    from fresnel_jax import many_points
+    from fresnel_jax import performance
 
-    if way == KEPT and not many_points.keep_memory():
+    if way == KEPT and not performance.keep_memory():
         raise SystemExit("memory cannot be kept: the C library is not glibc")
     import jax
 
     jax.config.update("jax_enable_x64", dtype == "float64")
     jax.block_until_ready(jax.numpy.ones(10) + 1.0)
     if way == "kept late":
-        many_points._keep()
+        performance._keep()
     serve(preparing(way, dtype))
 
 
@@ -56,7 +56,7 @@ def preparing(way: str, dtype: str):
     import numpy as np
 
     from fresnel_jax import amplitudes, powers, reflectance
-    from fresnel_jax.many_points import in_blocks
+    from fresnel_jax.performance import in_blocks
 
     from .operations import with_gradient
 

@@ -16,7 +16,7 @@ from pathlib import Path
 def main(name: str, dtype: str):
     import numpy as np
 
-    from fresnel_jax.many_points import keep_memory
+    from fresnel_jax.performance import keep_memory
 
     from . import contestants
 

@@ -44,12 +44,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._arguments import as_floats, broadcast_shape
-from ._arithmetic import complex_sqrt, sum_exactly
-from ._bruggeman import bruggeman_root, loss_of, mixed, with_loss
-from ._compiler import opaque
-from ._index import Index
-from ._vectors import as_float
+from ._numerics.arguments import as_float, as_floats, broadcast_shape
+from ._numerics.arithmetic import complex_sqrt, sum_exactly
+from ._numerics.fences import opaque
+from ._numerics.index import Index
+from .indices.bruggeman import bruggeman_root, loss_of, mixed, with_loss
 
 __all__ = ["bruggeman", "linear", "looyenga", "maxwell_garnett"]
 

@@ -25,7 +25,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import ArrayLike
 
-from ._arguments import (
+from ._numerics.arguments import (
     as_floats,
     broadcast_shape,
     check_length,
@@ -33,14 +33,14 @@ from ._arguments import (
     real,
     structure,
 )
-from ._arithmetic import reciprocal_or_zero
-from ._boundary import boundary, within_one
-from ._index import IndexLike
-from ._powers import powers_kernel
-from ._stack import Stack as Stack
-from ._stack import stack as stack
-from ._stack_fast import FEW_LAYERS as FEW_LAYERS
+from ._numerics.arithmetic import reciprocal_or_zero
+from ._numerics.index import IndexLike
+from .boundary.boundary import boundary, within_one
+from .boundary.powers import powers_kernel
 from .interface import Powers
+from .stacks.fast import FEW_LAYERS as FEW_LAYERS
+from .stacks.stack import Stack as Stack
+from .stacks.stack import stack as stack
 
 __all__ = [
     "Stack",

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-import fresnel_jax
 from fresnel_jax import approximate as ap
-from fresnel_jax import bsdf, directions, fresnel_terms, interface, layers, many_points
+from fresnel_jax import bsdf, directions, fresnel_terms, interface, layers, performance
 from fresnel_jax import dispersion as dp
 from fresnel_jax import effective_medium as em
 from fresnel_jax import microfacet as mf
@@ -78,7 +77,6 @@ def calls() -> dict[str, tuple[Any, ...]]:
         "interface.reflectance fast": (
             lambda *x: interface.reflectance(*x, compensated=False), COS, ETA, K, ONES,
         ),
-        "fenced": (fresnel_jax.fenced, COS),
         "approximate.f82_from_reflectances": (ap.f82_from_reflectances, COS, COS, COS),
         "approximate.gulbrandsen_index": (ap.gulbrandsen_index, 0.5 * COS, 0.5 * COS),
         "approximate.gulbrandsen_parameters": (ap.gulbrandsen_parameters, ETA, K),
@@ -116,12 +114,14 @@ def calls() -> dict[str, tuple[Any, ...]]:
         "layers.stack of many wavelengths": (
             lambda w: _stack(0.5, [1.0, 1.4, 1.5], [0.1], w), WAVE,
         ),
-        "many_points.in_blocks": (
-            lambda c: many_points.in_blocks(lambda x: interface.reflectance(x, 1.5), c, points=2),
+        "performance.computed_once": (performance.computed_once, COS),
+        "performance.fenced": (performance.fenced, COS),
+        "performance.in_blocks": (
+            lambda c: performance.in_blocks(lambda x: interface.reflectance(x, 1.5), c, points=2),
             COS,
         ),
-        "many_points.in_blocks total": (
-            lambda c: many_points.in_blocks(
+        "performance.in_blocks total": (
+            lambda c: performance.in_blocks(
                 lambda x: interface.reflectance(x, 1.5), c, points=2, total=True
             ),
             COS,

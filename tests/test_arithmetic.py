@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fresnel_jax import _arithmetic as arithmetic
+from fresnel_jax._numerics import arithmetic
 
 
 def operands(dtype, decades):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from fresnel_jax._faddeeva import faddeeva
+from fresnel_jax._numerics.faddeeva import faddeeva
 from fresnel_jax.dispersion import (
     HC_EV_UM,
     BrendelBormann,

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fresnel_jax import approximate, bsdf, directions, interface, layers, many_points, polarization
+from fresnel_jax import approximate, bsdf, directions, interface, layers, performance, polarization
 from fresnel_jax.dispersion import Index, material
 
 GOLD = material("gold")(0.55)
@@ -97,6 +97,6 @@ def test_where_a_lossless_medium_is_wanted_its_index_is_taken_and_a_metal_refuse
 
 def test_an_index_is_no_wavelength_and_no_array():
     with pytest.raises(ValueError, match="as two arrays"):
-        many_points.in_blocks(lambda n: n, Index(np.ones(2), np.ones(2)))
+        performance.in_blocks(lambda n: n, Index(np.ones(2), np.ones(2)))
     with pytest.raises(ValueError, match="wavelength_um is an Index"):
         layers.stack(0.9, [1.0, 1.5], thickness_um=[], wavelength_um=GLASS)

@@ -12,8 +12,8 @@ import pytest
 from scipy.optimize import nnls
 
 from fitting.samples.spline_index import knots_over
-from fresnel_jax._kramers_kronig import b_splines
 from fresnel_jax.dispersion import HC_EV_UM, KramersKronigSpline, TaucLorentz, material
+from fresnel_jax.indices.kramers_kronig import b_splines
 
 BOUND = 200.0  # eps of the larger of 1 and the largest amplitude
 KNOTS = (0.0, 0.3, 1.0, 1.2, 1.9, 2.0, 2.05, 3.5, 6.0, 11.0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fresnel_jax import powers, reflectance
-from fresnel_jax.many_points import in_blocks, keep_memory
+from fresnel_jax.performance import in_blocks, keep_memory
 
 COSINES = jnp.linspace(0.01, 1.0, 1000)
 
@@ -93,7 +93,7 @@ def test_memory_is_kept_when_asked_for_in_time():
 import resource, statistics
 import jax, jax.numpy as jnp
 from fresnel_jax import powers
-from fresnel_jax.many_points import keep_memory
+from fresnel_jax.performance import keep_memory
 kept = keep_memory() if {asked} else None
 x = jnp.linspace(0.01, 1.0, 3_000_000)
 f = jax.jit(powers)

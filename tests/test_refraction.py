@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fresnel_jax import directions
-from fresnel_jax._vectors import components, dot_exactly
+from fresnel_jax._numerics.vectors import components, dot_exactly
 
 REFERENCE = pathlib.Path(__file__).parent / "reference"
 UP = np.array([0.0, 0.0, 1.0])

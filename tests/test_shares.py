@@ -7,8 +7,8 @@ import numpy as np
 import oracle
 import pytest
 
-from fresnel_jax._arithmetic import sine_cosine
-from fresnel_jax._shares import shares
+from fresnel_jax._numerics.arithmetic import sine_cosine
+from fresnel_jax.boundary.shares import shares
 
 
 def textbook(c, n, m):

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fresnel_jax._transposable import transposable
+from fresnel_jax._numerics.transposable import transposable
 from fresnel_jax.layers import stack
 
 RNG = np.random.default_rng(5)
