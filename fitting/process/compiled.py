@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-# Each is used if the compiler at hand knows it (`python -m benchmarks.compiler_options`):
+# Each is used if the compiler at hand knows it (`python -m benchmarks.speed.compiler_options`):
 OPTIONS: dict[str, Any] = {
     # jaxlib 0.10.2 hands sums of products to a library which gets some of them wrong
     # (jax-ml/jax#39103); none are handed over.
