@@ -1,4 +1,4 @@
-"""Errors of R against 50 digits, at the exact inputs."""
+"""Errors of R against 100 digits, at the exact inputs."""
 
 import functools
 
@@ -6,22 +6,14 @@ import mpmath as mp
 import numpy as np
 
 from benchmarks import scenes
-
-DIGITS = 50
+from tests.truth import oracle
 
 
 @functools.cache
 def truth(scene: str, dtype: str) -> tuple[mp.mpf, ...]:
-    """R of unpolarized light by the textbook's quotients of amplitudes."""
-    with mp.workdps(DIGITS):
-        values = []
-        for c, eta, k in zip(*scenes.points(scene, dtype), strict=True):
-            c, N = mp.mpf(float(c)), mp.mpc(float(eta), float(k))
-            Q = mp.sqrt(N * N - 1 + c * c)
-            r_s = (c - Q) / (c + Q)
-            r_p = (N * N * c - Q) / (N * N * c + Q)
-            values.append((abs(r_s) ** 2 + abs(r_p) ** 2) / 2)
-        return tuple(values)
+    """R of unpolarized light."""
+    points = zip(*scenes.points(scene, dtype), strict=True)
+    return tuple(oracle.reflectance(*point, 1.0) for point in points)
 
 
 def errors(scene: str, dtype: str, R: list[float]) -> dict:
@@ -29,7 +21,7 @@ def errors(scene: str, dtype: str, R: list[float]) -> dict:
     eps = float(np.finfo(dtype).eps)
     absolute = relative = 0.0
     wrong = not_finite = 0
-    with mp.workdps(DIGITS):
+    with mp.workdps(oracle.DIGITS):
         for value, true in zip(R, truth(scene, dtype), strict=True):
             if not np.isfinite(value):
                 not_finite += 1

@@ -24,7 +24,7 @@ def _schlick_from(c, R_0):
 
 
 def _exact(c, n, k, m):
-    return unpolarized(c, n, k, m)[0][0]
+    return unpolarized(c, n, k, m)
 
 
 def _schlick(c, n, k, m):

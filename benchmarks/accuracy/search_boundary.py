@@ -1,11 +1,11 @@
-"""Entries of the accuracy search: named reflectances of a boundary; its domain and textbook."""
+"""Entries of the accuracy search: named reflectances of a boundary; and the domain."""
 
 import gmpy2
 import numpy as np
 
 from benchmarks.accuracy.search_functions import Function, decades
 from fresnel_jax import fresnel_complex, fresnel_conductor, fresnel_dielectric
-from tests.truth.exact_fresnel import Exact
+from tests.truth import exact_fresnel
 
 
 def boundary(random, size, eps):
@@ -37,32 +37,12 @@ COS, INDEX, LOSS, MEDIUM = (1e-9, 1.0), (1e-2, 1e2), (1e-12, 1e2), (0.25, 4.0)
 BOUNDARY = (COS, INDEX, LOSS, MEDIUM)
 
 
-def textbook(c, n, k, m):
-    """r, t and Q at single numbers of any precision; None where a denominator vanishes."""
-    exact = Exact.__new__(Exact)
-    s2 = 1 - c * c
-    exact.c, exact.m, exact.N = c, m, gmpy2.mpc(n, k)
-    exact.Q = gmpy2.sqrt(gmpy2.mpc(exact.N * exact.N - m * m * s2))
-    if exact.Q.imag < 0:
-        exact.Q = -exact.Q
-    N, Q = exact.N, exact.Q
-    s, p = m * c + Q, N * N * c + m * Q
-    if Q == 0 or s == 0 or p == 0:
-        return None
-    exact.r_s, exact.r_p = (m * c - Q) / s, (N * N * c - m * Q) / p
-    exact.t_s, exact.t_p = 2 * m * c / s, 2 * m * c * N / p
-    return exact
-
-
 _ONE = gmpy2.mpfr(1)
 
 
 def unpolarized(c, n, k, m):
-    exact = textbook(c, n, k, m)
-    if exact is None or (k == 0 and gmpy2.is_zero(exact.Q)):
-        return None
-    R = (gmpy2.norm(exact.r_s) + gmpy2.norm(exact.r_p)) / 2
-    return [(R, None)]
+    R = exact_fresnel.unpolarized(c, n, k, m)
+    return None if R is None else [(R, None)]
 
 
 def _dielectric(c, n):

@@ -9,6 +9,7 @@ from benchmarks.accuracy.search_directions import directions, two_directions
 from benchmarks.accuracy.search_functions import Function, decades
 from fresnel_jax import bsdf
 from fresnel_jax.microfacet import TrowbridgeReitz
+from tests.truth.exact_fresnel import textbook
 
 _ONE = gmpy2.mpfr(1)
 
@@ -95,13 +96,11 @@ def _smooth(_, z, eta):
     cos2 = 1 - (m / n) ** 2 * (1 - cosine * cosine)
     if cos2 <= 0:
         return None  # total reflection has one lobe; R is 1 there, as `fresnel_dielectric` is
-    found = unpolarized(cosine, n, gmpy2.mpfr(0), m)
-    if found is None:
+    exact = textbook(cosine, n, gmpy2.mpfr(0), m)
+    if exact is None:
         return None
-    cos_t, R = gmpy2.sqrt(cos2), found[0][0]
-    # T by what is transmitted, not as a remainder
-    t_s, t_p = 2 * m * cosine / (m * cosine + n * cos_t), 2 * m * cosine / (n * cosine + m * cos_t)
-    T = n * cos_t / (m * cosine) * (t_s**2 + t_p**2) / 2
+    R_s, R_p, T_s, T_p = exact.powers()
+    cos_t, R, T = gmpy2.sqrt(cos2), (R_s + R_p) / 2, (T_s + T_p) / 2
     if R < 1e-30 or T < 1e-5:
         return None  # a lobe that no number below 1 in float32 chooses
     spread = (m / n) ** 2
@@ -134,13 +133,10 @@ def _our_smooth_without_density(x, z, eta):
 
 def _slab_of_no_phase(x, z, eta):
     cosine = abs(z)
-    cos2 = 1 - (1 - cosine * cosine) / eta**2
-    if cos2 <= 0:
+    exact = textbook(cosine, eta, gmpy2.mpfr(0), _ONE)
+    if exact is None or exact.Q.imag > 0:  # total reflection
         return None
-    cos_t = gmpy2.sqrt(cos2)
-    R_s = ((cosine - eta * cos_t) / (cosine + eta * cos_t)) ** 2
-    R_p = ((eta * cosine - cos_t) / (eta * cosine + cos_t)) ** 2
-    R = [(r + r * (1 - r) ** 2 / (1 - r * r)) if r else r for r in (R_s, R_p)]
+    R = [(r + r * (1 - r) ** 2 / (1 - r * r)) if r else r for r in exact.powers()[:2]]
     return [(sum(R) / 2, None), (sum((1 - r) for r in R) / 2, None)]
 
 

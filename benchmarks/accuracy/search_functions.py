@@ -20,7 +20,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-CONTEXT = gmpy2.context(precision=1000, emin=-(10**6), emax=10**6)
+from tests.truth.exact_fresnel import CONTEXT
+
 _STEP = gmpy2.mpfr(2) ** -250
 
 

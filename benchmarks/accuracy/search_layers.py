@@ -6,9 +6,10 @@ import gmpy2
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.accuracy.search_boundary import BOUNDARY, boundary, textbook
+from benchmarks.accuracy.search_boundary import BOUNDARY, boundary
 from benchmarks.accuracy.search_functions import Function, decades
 from fresnel_jax import layers
+from tests.truth.exact_fresnel import textbook
 
 _ONE = gmpy2.mpfr(1)
 

@@ -2,9 +2,10 @@
 
 import gmpy2
 
-from benchmarks.accuracy.search_boundary import BOUNDARY, boundary, textbook
+from benchmarks.accuracy.search_boundary import BOUNDARY, boundary
 from benchmarks.accuracy.search_functions import Function, decades, plain_entry
 from fresnel_jax import polarization
+from tests.truth.exact_fresnel import textbook
 
 
 def _mueller(c, n, k, m):

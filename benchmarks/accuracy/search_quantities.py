@@ -95,9 +95,7 @@ def _reflectance_gradient(exact: Exact, eps, tiny, variables):
 
 
 def _amplitude_gradients(exact: Exact, eps, tiny, variables):
-    return _of_norm(
-        exact, [exact.d_r_s, exact.d_r_p, exact.d_t_s, exact.d_t_p], variables, tiny / eps
-    )
+    return _of_norm(exact, exact.amplitude_gradients, variables, tiny / eps)
 
 
 def _psi_delta_gradients(exact: Exact, eps, tiny, variables):

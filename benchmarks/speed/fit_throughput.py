@@ -37,12 +37,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.machine import conditions, cores
-from benchmarks.speed.fit_batches import ANGLES, mixed, truths
 from fitting import fit_many, simulate
 from fitting.bare_surface import engine
 from fitting.bare_surface.reflectances import Curves, Residuals
 from fitting.problem.solver import normal_sums
 from fitting.process.compiled import compiled
+from tests.truth.fit_batches import ANGLES, mixed, truths
 
 PEER_FITS = 200
 # Calls of up to 100 curves are made so many times in a row: the first of them finds the memory and

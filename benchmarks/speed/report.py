@@ -231,7 +231,7 @@ def markdown(results) -> str:
         parts += [f"## Largest error of R, {dtype}\n"]
         parts += ["Relative to R (below eps^2: to eps^2) in eps, then absolute; approximations "]
         parts += [
-            "absolute only. 240 points per class, against 50 digits.\n",
+            "absolute only. 240 points per class, against 100 digits.\n",
             errors(results, dtype),
         ]
     if results["left_out"]:

@@ -3,7 +3,7 @@
     python -m benchmarks.speed.tiers
 
 Prints the tables of docs/speed_tiers.md. Times are ratios of interleaved calls in one process;
-errors are against 50 digits at the exact arguments, in eps of R.
+errors are against 100 digits at the exact arguments, in eps of R.
 """
 
 import functools
@@ -16,6 +16,7 @@ import numpy as np
 from benchmarks.speed.operations import with_gradient
 from benchmarks.speed.timing import fastest
 from fresnel_jax import reflectance
+from tests.truth import oracle
 
 plain = functools.partial(reflectance, compensated=False)
 COLUMNS = [(lossy, dtype) for lossy in (False, True) for dtype in ("float64", "float32")]
@@ -62,12 +63,6 @@ def _heads() -> list[str]:
     return [f"{'lossy' if lossy else 'lossless'} {dtype}" for lossy, dtype in COLUMNS]
 
 
-def truth(c, n, k) -> mp.mpf:
-    c, N = mp.mpf(float(c)), mp.mpc(float(n), float(k))
-    Q = mp.sqrt(N * N - 1 + c * c)
-    return (abs((c - Q) / (c + Q)) ** 2 + abs((N * N * c - Q) / (N * N * c + Q)) ** 2) / 2
-
-
 def errors_by_distance() -> None:
     print("| degrees from the critical angle | " + " | ".join(_heads()) + " |")
     print("| --- " * (1 + len(COLUMNS)) + "|")
@@ -81,7 +76,7 @@ def errors_by_distance() -> None:
             angle = np.degrees(np.arcsin(n.astype(float))) + random.choice([-1, 1], POINTS) * aside
             c = np.cos(np.radians(np.clip(angle, 0.0, 89.0))).astype(dtype)
             R = plain(c, n, k if lossy else 0)
-            true = [truth(*point) for point in zip(c, n, k, strict=True)]
+            true = [oracle.reflectance(*point, 1.0) for point in zip(c, n, k, strict=True)]
             relative = [
                 abs(mp.mpf(float(x)) - t) / t for x, t in zip(np.asarray(R), true, strict=True)
             ]

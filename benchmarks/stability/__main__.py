@@ -126,8 +126,7 @@ def truth(points) -> tuple[list, list]:
     """R, and dR/d(cos, eta, k) or None where it does not exist, of every point."""
     values, gradients = [], []
     for c, eta, k in zip(*points, strict=True):
-        R_s, R_p, *_ = oracle.powers(c, eta, k, 1.0)
-        values.append((R_s + R_p) / 2)
+        values.append(oracle.reflectance(c, eta, k, 1.0))
         both = oracle.reflectance_gradients(c, eta, k, 1.0)
         gradients.append(both and [(s + p) / 2 for s, p in zip(*both, strict=True)][:3])
     return values, gradients

@@ -42,8 +42,7 @@ def truth(c, eta, with_gradient) -> tuple[np.ndarray, np.ndarray | None]:
     before, oracle.DIGITS = oracle.DIGITS, DIGITS
     try:
         for point in zip(c.ravel(), eta.ravel(), strict=True):
-            R_s, R_p, *_ = oracle.powers(*point, 0.0, 1.0)
-            values.append((R_s + R_p) / 2)
+            values.append(oracle.reflectance(*point, 0.0, 1.0))
             if with_gradient:
                 both = oracle.reflectance_gradients(*point, 0.0, 1.0)
                 gradients.append(both and [(s + p) / 2 for s, p in zip(*both, strict=True)][:3])

@@ -18,10 +18,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.studies.fit_coverage import far_outside, holds, rise_allowed
+from benchmarks.studies.fit_coverage import holds
 from benchmarks.studies.fit_success import KEPT, has_second
 from fitting import Fit, fit_many
 from fitting.residuals.error_model import sizes
+from tests.truth.left_out import far_outside, rise_allowed
 from tests.truth.random_measurements import (
     CLASSES,
     QUANTITIES,

@@ -22,13 +22,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.studies.film_success import MEASURED, MODELS, Case, named, simulated
+from benchmarks.studies.film_success import named
 from benchmarks.studies.study_options import run_study, study_options
 from fitting import Fit, fit
 from fitting.residuals.error_model import beyond_chance
 from fitting.samples.dispersion import parse_model
-
-NOISE = 0.3, 3.0
+from tests.truth.random_films import MEASURED, MODELS, Case, drawn
 
 
 class Row(NamedTuple):
@@ -42,12 +41,6 @@ class Row(NamedTuple):
     k: float
     deviation: float
     thickness: float
-
-
-def drawn(seed: int) -> Case | None:
-    """Return a random film with random noise; None where the random material is none."""
-    noise = float(np.exp(np.random.default_rng([11, seed]).uniform(*np.log(NOISE))))
-    return simulated(seed, noise)
 
 
 def _told(found: Fit) -> bool:

@@ -29,15 +29,14 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from scipy import stats
 
 from benchmarks.machine import conditions
-from benchmarks.studies.fit_success import A_GEOMETRY, cost_of, cost_of_truth, draw, has_second
+from benchmarks.studies.fit_success import A_GEOMETRY, has_second
 from fitting import Fit, fit_many
 from fitting.results.result_parts import Estimate
-from fitting.uncertainty.beside_zero import ONE_SIDED, TWO_SIDED
 from fresnel_jax import powers
-from tests.truth.random_measurements import CLASSES, Batch
+from tests.truth.left_out import left_out
+from tests.truth.random_measurements import CLASSES, draw
 
 MANY = np.linspace(1.0, 89.0, 60)
 FEW = np.linspace(20.0, 80.0, 13)
@@ -115,36 +114,6 @@ def holds(parameters: Mapping[str, Estimate], eta: Any, k: Any) -> np.ndarray:
     ends = [parameters[name].interval for name in ("eta", "k")]
     pairs = zip(ends, (eta, k), strict=True)
     return np.stack([(end[:, 0] <= truth) & (truth <= end[:, 1]) for end, truth in pairs])
-
-
-LEAST_ROOT = ONE_SIDED / TWO_SIDED
-"""The root of the least rise that ends an interval by profile, in parts of t (`beside_zero`)."""
-
-
-def rise_allowed(rise: np.ndarray, dof: np.ndarray, root: float = LEAST_ROOT) -> np.ndarray:
-    """Return where the root of a rise of chi2 is at most this part of t."""
-    with np.errstate(all="ignore"):
-        return (dof > 0) & (rise <= (root * stats.t.ppf(0.975, dof)) ** 2)
-
-
-def far_outside(result: Fit, eta: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Return where an interval leaves out the truth by more than a tenth of its width, (N,)."""
-    outside = np.zeros(len(eta), bool)
-    for name, truth in (("eta", eta), ("k", k)):
-        low, high = np.moveaxis(result.parameters[name].interval, -1, 0)
-        outside |= np.maximum(low - truth, truth - high) > 0.1 * np.maximum(high - low, 1e-9)
-    return outside
-
-
-def left_out(batch: Batch, result: Fit, root: float = LEAST_ROOT) -> np.ndarray:
-    """Return whose interval leaves out a true index that fits as well as its ends, (N,).
-
-    root: of the rise at the ends, in parts of t: 1 for quadratic intervals.
-    """
-    cost, dof = cost_of(result), result.n_data - 2
-    with np.errstate(all="ignore"):
-        allowed = rise_allowed((cost_of_truth(batch) - cost) / (cost / dof), dof, root)
-    return allowed & far_outside(result, batch.eta, batch.k)
 
 
 def random_study(curves: int, seed: int) -> list[Cell]:

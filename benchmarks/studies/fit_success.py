@@ -34,16 +34,14 @@ import numpy as np
 from benchmarks.machine import conditions
 from benchmarks.studies.dense_search import polished, suspects
 from fitting import Fit, fit_many
+from tests.truth.left_out import cost_of, cost_of_truth
 from tests.truth.random_measurements import (
     CLASSES,
-    QUANTITIES,
+    CURVES_OF_A_CLASS,
     Batch,
-    draw_batch,
-    draw_geometry,
-    textbook,
+    draw,
 )
 
-CURVES_OF_A_CLASS = 200
 A_GEOMETRY = CURVES_OF_A_CLASS * len(CLASSES)
 # One of so many curves that are not suspicious is searched, too.
 SAMPLE = 500
@@ -65,34 +63,10 @@ class Judged(NamedTuple):
         return (self.found.status == "converged") & (self.excess > TOO_HIGH)
 
 
-def draw(
-    seed: int, number: int, curves: int = CURVES_OF_A_CLASS
-) -> tuple[Batch, np.random.Generator]:
-    """Return the batch of geometry ``number``, and the generator that made it.
-
-    curves: of each class.
-    """
-    rng = np.random.default_rng([seed, number])
-    quantity = list(QUANTITIES)[number % len(QUANTITIES)]
-    return draw_batch(draw_geometry(rng, quantity), curves, rng), rng
-
-
 def has_second(found: Fit) -> np.ndarray:
     """Return where a second solution is reported, (N,)."""
     every = [np.isfinite(a.delta_chi2) for a in found.others]
     return np.logical_or.reduce([np.zeros(found.shape, bool), *every])
-
-
-def cost_of(found: Fit) -> np.ndarray:
-    """Return the sum of squares of the fits, (N,)."""
-    return found.rms**2 * found.n_data
-
-
-def cost_of_truth(batch: Batch) -> np.ndarray:
-    """Return the sum of squares of the true index, (N,)."""
-    g = batch.geometry
-    exact = textbook(g.angles, (batch.eta + 1j * batch.k)[:, None], g.eta_i)
-    return np.sum([((exact[q] - v) ** 2).sum(1) for q, v in batch.data.items()], axis=0)
 
 
 def judged(batch: Batch, rng: np.random.Generator) -> Judged:

@@ -6,6 +6,7 @@ import numpy as np
 
 from examples.advisor import Scene, advise
 from fresnel_jax.dispersion import material
+from tests.truth.textbook import reflectances
 
 WAVELENGTHS, ANGLES = 22, 700
 # Next to the critical angle the textbook's form in float64 is off by sqrt(eps).
@@ -58,11 +59,8 @@ named = functools.cache(material)
 
 
 def textbook(c, n, k, m):
-    N = n + 1j * k
-    cos_t = np.sqrt(1.0 - (m / N) ** 2 * (1.0 - c * c) + 0j)
-    r_s = (m * c - N * cos_t) / (m * c + N * cos_t)
-    r_p = (N * c - m * cos_t) / (N * c + m * cos_t)
-    return np.array([abs(r_s) ** 2, abs(r_p) ** 2])
+    found = reflectances(c, n + 1j * k, m)
+    return np.array([found["R_s"], found["R_p"]])
 
 
 def mean(c, n, k, m):

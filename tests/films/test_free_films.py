@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from benchmarks.studies.free_film_study import simulated
 from fitting import Measurement, fit, simulate
 from fitting import thickness_profile as profile
 from fitting.free_films import check_free_film
@@ -11,6 +10,7 @@ from fitting.problem.problem import FitOptions
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
 from fitting.wavelengths import from_neighbours, jobs, solved_each
+from tests.truth.random_free_films import simulated
 
 STUDY = pytest.mark.study
 

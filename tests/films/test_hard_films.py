@@ -2,9 +2,8 @@
 
 import pytest
 
-from benchmarks.studies.film_coverage import drawn
-from benchmarks.studies.film_success import lowest_chi2, simulated
 from fitting import fit
+from tests.truth.random_films import drawn, lowest_chi2, simulated
 
 
 def fitted(seed):

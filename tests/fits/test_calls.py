@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from benchmarks.speed.fit_batches import ANGLES, mixed
 from fitting import fit_many
 from fitting.bare_surface import calls
 from fitting.bare_surface.curve_data import Data
@@ -12,6 +11,7 @@ from fitting.bare_surface.descent import Solved
 from fitting.bare_surface.engine import Steps
 from fitting.bare_surface.reflectances import CHANNELS
 from fitting.bare_surface.valley import Lanes, _at_lossless_end, evaluate
+from tests.truth.fit_batches import ANGLES, mixed
 from tests.truth.random_measurements import textbook
 
 

@@ -6,7 +6,7 @@ import pytest
 from fitting.searching.far_oscillators import _other_resonances
 from fitting.searching.film_starts import film_index, films_of
 from fitting.searching.starts import start_at
-from tests.fits.test_next_term import ENERGY, job, measured
+from tests.fits.oscillator_problem import ENERGY, job, measured
 
 
 @pytest.mark.parametrize("seed", range(5))

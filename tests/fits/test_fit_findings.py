@@ -8,6 +8,7 @@ import pytest
 from fitting import fit_many
 from tests.estimates import at_zero, codes, correlation, limits, second, sigmas, texts
 from tests.truth.simulated import textbook
+from tests.truth.textbook import reflectances
 
 ANGLES = np.linspace(5.0, 85.0, 16)
 
@@ -254,10 +255,8 @@ def test_no_reflection_is_the_index_of_the_medium_outside(eta_i, R_s):
     relative = 1.0 + np.linspace(-0.006, 0.006, 401)[:, None]
     k = np.linspace(0.0, 0.006, 301)[None]
     index, angle = relative + 1j * k, angles[:, None, None]
-    cos_i = np.cos(np.radians(angle))
-    root = np.sqrt(index**2 - np.sin(np.radians(angle)) ** 2)
-    both = (cos_i - root) / (cos_i + root), (index**2 * cos_i - root) / (index**2 * cos_i + root)
-    misses = [abs(r) ** 2 - v[:, None, None] for r, v in zip(both, data.values(), strict=True)]
+    of = reflectances(np.cos(np.radians(angle)), index)
+    misses = [of[q] - v[:, None, None] for q, v in data.items()]
     chi2 = np.square(misses).sum((0, 1)) / sigma**2
     inside = chi2 <= chi2.min() + 3.841
     for ends, values in (

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from benchmarks.studies import model_success
 from fitting.problem.lanes import Ends
 from fitting.samples.parameters import LOG, SQUARE, Parameter, Unknown
 from fitting.searching.minima import Around, minima
@@ -66,9 +65,3 @@ def test_what_only_changes_together_is_no_single_minimum():
     ends = Ends(y, np.array([10.0, 11.0, 11.0]), np.ones(3, bool), np.ones(3, int))
     near = Around(np.array([4.0, 4.0]), 10.0 * np.array([[1.0, -1.0], [0.0, 0.1]]))
     assert [m.lane for m in minima(ends, 1.0, 6.0, 0.0, lambda lane: near)] == [0, 2]
-
-
-def test_three_oscillators_are_found_where_random_starts_miss_them():
-    """Seed 8: of 512 random starts none reaches the best minimum, which is 448 lower."""
-    found = model_success.one("lorentz:3", model_success.SETUPS[2], 8)
-    assert found is not None and found["best"] and not found["failed"]

@@ -3,16 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.studies.film_success import outcome
-from benchmarks.studies.film_success import simulated as simulated_film
-from benchmarks.studies.model_success import SETUPS, one
-from fitting import Measurement, Sample, simulate
+from fitting import Measurement, simulate
 from fitting.problem.lanes import Ends
-from fitting.problem.observations import observations
-from fitting.problem.problem import FitOptions, Problem
-from fitting.problem.programs import targets_of
-from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
-from fitting.samples.parameters import Settings
 from fitting.searching.neighbours import _other_lines
 from fitting.searching.next_term import (
     Responses,
@@ -23,23 +15,9 @@ from fitting.searching.next_term import (
     oscillators,
 )
 from fitting.searching.starts import start_at
+from tests.fits.oscillator_problem import ENERGY, job, measured
 
-ENERGY = np.linspace(1.3, 4.1, 40)
 STRONG = {"eps_inf": 2.0, "strength_ev2_1": 20.0, "resonance_ev_1": 3.2, "width_ev_1": 0.6}
-
-
-def measured(sample, values, columns):
-    wavelength = 1.239841984 / ENERGY
-    data = {q: simulate(sample, values, 65.0, wavelength, q) for q in columns}
-    return Measurement.from_columns(65.0, wavelength, sigma=1e-3, **data)
-
-
-def job(sample, m):
-    read = Sample.parse(sample)
-    seen = observations([m], "stated")
-    u = unknowns(read, spectrum_of([m], read), Settings(), seen, "squares")
-    outside = index_outside(read, seen.points.wavelength_um)
-    return Problem(u, seen, targets_of(u, seen, outside), Settings(), FitOptions())
 
 
 @pytest.mark.parametrize("sample, columns, place", [
@@ -134,37 +112,3 @@ def test_the_oscillators_of_a_minimum_are_moved_once():
     each = further(100.0, 100.001, 100.002)
     assert each > 0 and further(100.0, 100.001, 100.002) == 0
     assert further(50.0, 70.0, 100.0) == 2 * each
-
-
-@pytest.mark.parametrize(
-    "model, setup, seed",
-    [
-        pytest.param("drude-lorentz:2", 1, 9, marks=pytest.mark.study),
-        ("lorentz:3", 2, 1),
-    ],
-)
-def test_an_oscillator_in_the_wrong_place_is_looked_for_anew(model, setup, seed):
-    """Spectra whose fits ended 13,000 above the best chi2: one oscillator was somewhere else."""
-    found = one(model, SETUPS[setup], seed)
-    assert found is not None and found["best"]
-
-
-@pytest.mark.study
-@pytest.mark.parametrize("seed", [250036, 250040])
-def test_films_whose_oscillator_was_in_the_wrong_place(seed):
-    """Films of 15 to 34 nm, whose fits ended .5 to 9 above the best chi2."""
-    case = simulated_film(seed)
-    assert case is not None
-    assert outcome(case, seed)["best"]
-
-
-@pytest.mark.study
-def test_of_a_film_with_minima_of_the_noise_alone_this_is_told():
-    """18 nm on glass by R: which one of the minima at 8 to 18 um is reached changes with rounding.
-
-    97.56 at 8.4 um, or 98.18 at 12.8 um.
-    """
-    case = simulated_film(250161)
-    assert case is not None
-    reached = outcome(case, 250161)
-    assert reached["alike"] and not reached["clear"] and not reached["untold"]

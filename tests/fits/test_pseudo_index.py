@@ -15,6 +15,7 @@ from fitting.command import cli
 from fitting.process.progress import listening
 from tests.estimates import intervals
 from tests.truth.reading import columns_of
+from tests.truth.textbook import reflectances
 
 WAVELENGTHS = np.linspace(0.4, 0.8, 9)
 HEAD = "angle_deg,wavelength_um,psi,delta"
@@ -198,9 +199,7 @@ def test_reflectance_beside(tmp_path):
     angle, wavelength = (a.ravel() for a in np.meshgrid([65.0, 75.0], [0.5, 0.6]))
     substrate = 1.0 + wavelength - 2j * wavelength
     psi, delta = film(angle, wavelength, 1.5, substrate, 0.0)
-    c = np.cos(np.radians(angle))
-    inside = np.sqrt(1.0 - (np.sin(np.radians(angle)) / substrate) ** 2)
-    R_s = np.abs((c - substrate * inside) / (c + substrate * inside)) ** 2
+    R_s = reflectances(np.cos(np.radians(angle)), np.conj(substrate))["R_s"]
     file = table(
         tmp_path / "both.csv", angle, wavelength, psi, delta, R_s,
         head="angle_deg,wavelength_um,psi,delta,R_s",

@@ -7,19 +7,16 @@ from scipy.optimize import least_squares
 from fitting import fit_many
 from tests.estimates import at_zero, texts
 from tests.truth.bounded import WIDE, own_root, roots
+from tests.truth.textbook import reflectances
 
 ANGLES = np.linspace(20.0, 80.0, 13)
 NOISE = 2e-3
 
 
 def textbook(angles, eta, k, eta_i):
-    """R_s and R_p by the complex amplitudes as printed; arguments broadcast."""
-    cos_i = np.cos(np.radians(angles))
-    index = eta + 1j * k
-    q = np.sqrt(index**2 - (eta_i * np.sin(np.radians(angles))) ** 2)
-    s = (eta_i * cos_i - q) / (eta_i * cos_i + q)
-    p = (index**2 * cos_i - eta_i * q) / (index**2 * cos_i + eta_i * q)
-    return abs(s) ** 2, abs(p) ** 2
+    """R_s and R_p; arguments broadcast."""
+    found = reflectances(np.cos(np.radians(angles)), eta + 1j * k, eta_i)
+    return found["R_s"], found["R_p"]
 
 
 def measured(eta, k, eta_i, count, seed=3):

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.studies.fit_success import draw
 from fitting import fit_many
-from tests.truth.random_measurements import draw_batch, draw_geometry, textbook
+from tests.truth.random_measurements import draw, draw_batch, draw_geometry, textbook
 
 STUDY = pytest.mark.study
 

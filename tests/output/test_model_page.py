@@ -9,7 +9,7 @@ from fitting.choice import candidates
 from fitting.choice import selection as select
 from fitting.command import cli
 from fitting.output.page import fit_page
-from tests.output.test_pages import Page
+from tests.output.page_reader import Page
 from tests.truth.simulated import GOLD, simulated
 
 

@@ -17,6 +17,7 @@ from fitting.measured_file import read_csv
 from fitting.output import files, page
 from fitting.output.page import fit_page
 from fitting.results.diagnostics import Finding, Warning
+from tests.output.page_reader import Page
 from tests.truth.simulated import GOLD, simulated
 
 pytest.importorskip("matplotlib")
@@ -26,29 +27,6 @@ pytest.importorskip("matplotlib")
 def jax_as_it_is(monkeypatch):
     """float64 is on already (conftest), and no test touches the compile cache of who runs it."""
     monkeypatch.setattr("fitting.process.start_up.set_up_jax", lambda: None)
-
-
-class Page(html.parser.HTMLParser):
-    """Tags in their order, what stands in attributes that load something, and the text."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.tags, self.loaded, self.open = [], [], []
-        self._texts: list[str] = []
-        self.feed(text)
-        self.text = " ".join(" ".join(self._texts).split())
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
-        self.loaded += [value for name, value in attrs if name in ("src", "href", "srcset", "data")]
-        if tag not in ("meta", "img", "br", "!doctype"):
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self._texts.append(data)
 
 
 def test_the_gold_scan(tmp_path, capsys):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fresnel_jax import approximate
+from tests.truth.textbook import reflectances
 
 CURVES = {
     "schlick": approximate.schlick,
@@ -40,12 +41,7 @@ TABLE = {
 
 
 def textbook(cosine, eta, k):
-    """R by complex arithmetic in float64, good to 1e-12 away from singular angles."""
-    index = eta + 1j * k
-    normal = np.sqrt(index**2 - 1.0 + cosine**2 + 0j)
-    r_s = (cosine - normal) / (cosine + normal)
-    r_p = (index**2 * cosine - normal) / (index**2 * cosine + normal)
-    return 0.5 * (abs(r_s) ** 2 + abs(r_p) ** 2)
+    return reflectances(cosine, eta + 1j * k)["R"]
 
 
 def largest_error(curve, eta, k, angles=2001):

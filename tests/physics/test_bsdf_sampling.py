@@ -10,6 +10,7 @@ from jax.scipy.special import gammaincc
 
 from fresnel_jax import bsdf
 from fresnel_jax.bsdf import Dielectric, Lobes, TrowbridgeReitz
+from tests.truth.textbook import reflectances
 
 SAMPLES = 1_000_000
 BINS_Z, BINS_PHI, NODES = 40, 60, 48  # equal parts of z and phi; the horizon is an edge
@@ -156,8 +157,7 @@ def textbook_radiance(metal_like, parameters, wo, grid):
     index = eta + 2.4j if metal_like else (eta if cos_o > 0 else 1 / eta)
     c = np.abs(o_m) + 0j
     c_t = np.sqrt(1 - (1 - c * c) / index**2)
-    R = (np.abs((c - index * c_t) / (c + index * c_t)) ** 2
-         + np.abs((index * c - c_t) / (index * c + c_t)) ** 2) / 2  # fmt: skip
+    R = reflectances(c.real, index)["R"]
     bent = -wo / index + (np.abs(o_m) / index - c_t.real)[..., None] * m * np.sign(cos_o)
     total = 0.0
     lobes = [(mirrored, R, 1.0)] if metal_like else [(mirrored, R, 1.0), (bent, 1 - R, -1.0)]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fresnel_jax import directions, microfacet
-from tests.physics.test_microfacet import direction
+from tests.physics.spherical import direction
 
 half_vector, local_frame = jax.jit(microfacet.half_vector), jax.jit(directions.local_frame)
 half_vector_jacobian = jax.jit(microfacet.half_vector_jacobian)

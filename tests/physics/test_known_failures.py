@@ -23,7 +23,7 @@ CRITICAL = float(np.sqrt((1 - GLASS_OUT) * (1 + GLASS_OUT)))
 
 
 def true_R(c, eta, k=0.0):
-    return float(sum(oracle.powers(c, eta, k, 1.0)[:2]) / 2)
+    return float(oracle.reflectance(c, eta, k, 1.0))
 
 
 def true_gradient(c, eta, k=0.0):

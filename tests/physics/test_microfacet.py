@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fresnel_jax.microfacet import TrowbridgeReitz
+from tests.physics.spherical import direction
 
 ROUGHNESS = [(0.05, 0.05), (0.3, 0.3), (0.5, 0.1), (1.0, 1.0), (0.0, 0.5)]
 DTYPES = [np.float32, np.float64]
@@ -15,12 +16,6 @@ distribution = jax.jit(lambda surface, m: surface.D(m))
 visible = jax.jit(lambda surface, w, m: surface.D_visible(w, m))
 sampled = jax.jit(lambda surface, w, u: surface.sample_visible(w, u))
 masking = jax.jit(lambda surface, w: (surface.Lambda(w), surface.G1(w)))
-
-
-def direction(z, phi):
-    z, phi = np.broadcast_arrays(z, phi)
-    r = np.sqrt((1.0 - z) * (1.0 + z))
-    return np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
 
 
 def textbook(w, alpha_x, alpha_y):

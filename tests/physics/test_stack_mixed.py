@@ -1,14 +1,10 @@
 """Stacks with incoherent layers: the package tmm's answers; derivatives in total reflection."""
 
-import gmpy2
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from benchmarks.accuracy import search_functions
-from benchmarks.accuracy.search import FUNCTIONS
-from benchmarks.accuracy.search_mixed import incoherent
 from fresnel_jax.layers import stack
 
 # Cosines' angles in radians; R_s, T_s, R_p, T_p of tmm 0.2.0 (S. J. Byrnes, arXiv:1603.02720), its
@@ -48,69 +44,6 @@ def test_films_on_thick_glass_are_those_of_tmm(layers, table):
         np.testing.assert_allclose(value, exact, rtol=1e-9)
     for R, T, A in ((got.R_s, got.T_s, got.A_s), (got.R_p, got.T_p, got.A_p)):
         np.testing.assert_allclose(R + T + A.sum(0), 1.0, atol=64 * 2.2e-16)
-
-
-# Found by the accuracy search; R_s, R_p, the absorptions by the cosine. In total reflection by a
-# thick layer dR_p was 1,130 eps of R off, as what is left of the derivative of r; behind a rough
-# film in front of a medium of small index it was 163, and that of the absorption 548.
-FOUND = {
-    "stack of a thick layer": (
-        0.9877349978502398, 1.788817596321981, 0.27438533973883916, 3.5059354584830683e-09,
-        0.21091259793981826, 1.371152125674556e-06, 6197.648859719227, 0.5847139851924896,
-    ),
-    "stack with rough boundaries": (
-        1.0, 1.1644903396881325, 3.2932872889394655, 2.2072821894056243, 0.1221850154852436,
-        1.5060399331009968e-07, 0.4284012527199969, 0.5675251494233149, 0.0014295004205669391,
-        3.7679181896804296e-05,
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(n, marks=[pytest.mark.study] if "rough" in n else []) for n in FOUND],
-)
-def test_derivatives_by_the_cosine(name):
-    entry = FUNCTIONS[name]
-    point = [jnp.asarray(x) for x in FOUND[name]]
-    last = [0.0 * x for x in point[1:]]
-
-    def results(*arguments):
-        return jnp.stack([jnp.real(z) for z in entry.function(*arguments)])
-
-    found = jax.jit(lambda *p: jax.jvp(results, p, (jnp.ones(()), *last))[1])(*point)
-    with gmpy2.context(search_functions.CONTEXT):
-        exact = [gmpy2.mpfr(x) for x in FOUND[name]]
-        step = gmpy2.mpfr(2) ** -250
-        above, below = (entry.truth(exact[0] + s * step, *exact[1:]) for s in (1, -1))
-        slopes = [
-            float(gmpy2.mpc((a - b) / (2 * step)).real)
-            for (a, _), (b, _) in zip(above, below, strict=True)
-        ]
-    np.testing.assert_allclose(found, slopes, rtol=64 * 2.2e-16, atol=64 * 2.2e-16)
-
-
-def test_absorption_of_evanescent_light_in_front_of_a_guided_mode():
-    """A_s of a thick layer beyond its critical angle, by the index of the film behind it: formed
-    from losses that cancel, the derivative was 2e5 eps off."""
-    point = (
-        0.27195480088483825, 1.2462188818836761, 0.10148027517271158, 0.0008591158391507217,
-        3.7214942789298, 0.003191807001861581, 0.2347193409738693, 1.7894501767870487e-05,
-        0.3277930660925428, 0.4455723070664177, 0.7478484791328308,
-    )  # fmt: skip
-    (ours, truth), by, result = incoherent((False, True)), 4, 4  # the film's index; A_s in front
-
-    def absorbed(x):
-        return ours(*map(jnp.asarray, (*point[:by], x, *point[by + 1 :])))[result]
-
-    found = jax.jit(lambda x: jax.jvp(absorbed, (x,), (1.0,))[1])(point[by])
-    with gmpy2.context(search_functions.CONTEXT):
-        exact, step = [gmpy2.mpfr(x) for x in point], gmpy2.mpfr(2) ** -250
-        above, below = (
-            truth(*exact[:by], exact[by] + s * step, *exact[by + 1 :])[result][0] for s in (1, -1)
-        )
-        slope = float((above - below) / (2 * step))
-    np.testing.assert_allclose(found, slope, rtol=64 * 2.2e-16)
 
 
 @pytest.mark.study
@@ -158,18 +91,3 @@ def test_a_clear_plate_behind_an_absorbing_medium():
         exact = [_plate_in_an_absorbing_medium(x, index, 5.0, 0.6) for x in (c, c + 1e-5, c - 1e-5)]
         np.testing.assert_allclose(R, exact[0], rtol=1e-12)
         np.testing.assert_allclose(dR, (exact[1] - exact[2]) / 2e-5, rtol=1e-6)
-
-
-def test_thick_layers_at_grazing_incidence_beside_a_guided_mode():
-    """T and all absorptions there were 2,600 eps off, by the common factor 1 / (1 - R' P^2 R):
-    what a film between the layers loses was formed as the difference of 1 - R and T."""
-    point = (
-        8.213136451012596e-06, 1.9468130738366614, 2.943165779858516, 6.990683974602658e-06,
-        1.9032293435036944, 2.0374365195553568e-08, 2.160849682318816, 7.09815289872745e-09,
-        0.25710041455222715, 4.2170479596996066e-05, 0.673174308299202, 0.08037817137685536,
-        1.5975997333230112, 1.8410652621127068,
-    )  # fmt: skip
-    ours, truth = incoherent((False, True, False))
-    with gmpy2.context(search_functions.CONTEXT):
-        wanted = [float(v) for v, _ in truth(*map(gmpy2.mpfr, point))]
-    np.testing.assert_allclose(ours(*map(jnp.asarray, point)), wanted, rtol=16 * 2.2e-16)

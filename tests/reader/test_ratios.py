@@ -3,7 +3,6 @@
 import json
 
 import jax
-import mpmath
 import numpy as np
 import pytest
 
@@ -11,6 +10,7 @@ from fitting import MeasurementError, read_csv, simulate
 from fitting.command import cli
 from fresnel_jax.dispersion import material
 from tests.command_line import own_cache  # noqa: F401 (a fixture)
+from tests.truth import stack_oracle
 
 WAVES = np.array([0.45, 0.5, 0.6, 0.7, 0.8])
 SI = "air | SiO2 2 nm held | Si"
@@ -18,22 +18,9 @@ SI = "air | SiO2 2 nm held | Si"
 
 def exact(angle_deg, wavelength_um, layers):
     """Return R_s and R_p of [(index, thickness in um), ..., (substrate, 0)] in air, by mpmath."""
-    out = []
-    with mpmath.workdps(40):
-        kx = mpmath.sin(mpmath.radians(angle_deg))
-        index = [mpmath.mpc(1), *(mpmath.mpc(n) for n, _ in layers)]
-        kz = [mpmath.sqrt(n * n - kx * kx) for n in index]
-        for p in (False, True):
-            q = [k / n**2 if p else k for k, n in zip(kz, index, strict=True)]
-            r = mpmath.mpc(0)
-            for j in range(len(layers) - 1, -1, -1):
-                phase = mpmath.mpc(1)
-                if j + 1 < len(layers):
-                    phase = mpmath.exp(4j * mpmath.pi * kz[j + 1] * layers[j][1] / wavelength_um)
-                face = (q[j] - q[j + 1]) / (q[j] + q[j + 1])
-                r = (face + r * phase) / (1 + face * r * phase)
-            out.append(float(abs(r) ** 2))
-    return out
+    index, thickness = [1.0, *(n for n, _ in layers)], [d for _, d in layers[:-1]]
+    found = stack_oracle.stack(np.cos(np.radians(angle_deg)), index, thickness, wavelength_um)
+    return [float(R) for R in found[:2]]
 
 
 def index_of(name, wavelength_um):

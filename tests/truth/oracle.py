@@ -43,6 +43,13 @@ def powers(c, n, k, m):
         return abs(r_s) ** 2, abs(r_p) ** 2, T_s, T_p
 
 
+def reflectance(c, n, k, m):
+    """R of unpolarized light."""
+    with mp.workdps(DIGITS):
+        r_s, r_p, *_ = amplitudes(c, n, k, m)
+        return (abs(r_s) ** 2 + abs(r_p) ** 2) / 2
+
+
 @functools.lru_cache(100_000)
 def amplitude_gradients(c, n, k, m):
     """For each of r_s, r_p, t_s, t_p its derivatives with respect to (c, n, k, m).

@@ -9,17 +9,15 @@ from scipy import stats
 from scipy.optimize import brentq, least_squares
 
 from fitting import Measurement
+from tests.truth.textbook import reflectances
 
 ANGLES = np.linspace(20.0, 80.0, 13)
 NORMAL = stats.norm.ppf(0.975) ** 2
 
 
 def textbook(index, angle, quantity):
-    c = np.cos(np.radians(angle))
-    root = np.sqrt(index * index - 1.0 + c * c + 0j)
-    r_s = (c - root) / (c + root)
-    r_p = (index**2 * c - root) / (index**2 * c + root)
-    return np.where(quantity == "R_s", np.abs(r_s) ** 2, np.abs(r_p) ** 2)
+    found = reflectances(np.cos(np.radians(angle)), index)
+    return np.where(quantity == "R_s", found["R_s"], found["R_p"])
 
 
 def constant(x, wavelength):

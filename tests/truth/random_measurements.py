@@ -12,7 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tests.truth.textbook import reflectances
+
 MOST_ANGLES = 60
+CURVES_OF_A_CLASS = 200
 QUANTITIES = {"s, p": ("R_s", "R_p"), "p": ("R_p",), "unpolarized": ("R",), "s": ("R_s",)}
 CLASSES = ("dielectric", "weak absorber", "semiconductor", "metal", "total reflection")
 # Bins of the lowest angle, degrees, by which cells are told apart.
@@ -98,14 +101,7 @@ def draw_index(
 
 def textbook(angle_deg: np.ndarray, index: np.ndarray, eta_i: float = 1.0) -> dict[str, np.ndarray]:
     """Return R_s, R_p and R by the complex amplitudes of the textbooks; arguments broadcast."""
-    cos_i = np.cos(np.radians(angle_deg))
-    index = index / eta_i
-    # The root with Im >= 0: the wave decays away from the boundary.
-    q = np.sqrt(index**2 - (1.0 - cos_i**2) + 0j)
-    q = np.where(np.imag(q) < 0.0, -q, q)
-    R_s = np.abs((cos_i - q) / (cos_i + q)) ** 2
-    R_p = np.abs((index**2 * cos_i - q) / (index**2 * cos_i + q)) ** 2
-    return {"R_s": R_s, "R_p": R_p, "R": 0.5 * (R_s + R_p)}
+    return reflectances(np.cos(np.radians(angle_deg)), index, eta_i)
 
 
 def draw_noise(count: int, rng: np.random.Generator) -> np.ndarray:
@@ -125,3 +121,15 @@ def draw_batch(geometry: Geometry, count: int, rng: np.random.Generator) -> Batc
         for name in QUANTITIES[geometry.quantity]
     }
     return Batch(geometry, eta, k, np.repeat(CLASSES, count), noise, data)
+
+
+def draw(
+    seed: int, number: int, curves: int = CURVES_OF_A_CLASS
+) -> tuple[Batch, np.random.Generator]:
+    """Return the batch of geometry ``number``, and the generator that made it.
+
+    curves: of each class.
+    """
+    rng = np.random.default_rng([seed, number])
+    quantity = list(QUANTITIES)[number % len(QUANTITIES)]
+    return draw_batch(draw_geometry(rng, quantity), curves, rng), rng

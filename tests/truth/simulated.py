@@ -5,18 +5,17 @@ from pathlib import Path
 import numpy as np
 
 from fitting.data.measurement import Measurement
+from tests.truth.textbook import reflectances
 
 GOLD = Path(__file__).resolve().parents[2] / "examples" / "data" / "gold_532nm.csv"
 
 
 def textbook(angle_deg, quantity, eta, k):
     """Reflectance by the complex amplitudes as printed in textbooks."""
-    cos_i = np.cos(np.radians(angle_deg))
-    index = eta + 1j * k
-    cos_t = np.sqrt(1.0 - (1.0 - cos_i**2) / index**2 + 0j)
-    R_s = abs((cos_i - index * cos_t) / (cos_i + index * cos_t)) ** 2
-    R_p = abs((index * cos_i - cos_t) / (index * cos_i + cos_t)) ** 2
-    return np.select([quantity == "R_s", quantity == "R_p"], [R_s, R_p], 0.5 * (R_s + R_p))
+    found = reflectances(np.cos(np.radians(angle_deg)), eta + 1j * k)
+    return np.select(
+        [quantity == "R_s", quantity == "R_p"], [found["R_s"], found["R_p"]], found["R"]
+    )
 
 
 def simulated(eta, k, noise, *, angles=(30.0, 45.0, 60.0, 70.0, 80.0), wavelength_um=None, seed=0):

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmarks.studies.fit_coverage import left_out
-from benchmarks.studies.fit_success import draw
 from fitting import Fit, fit_many
-from tests.truth.random_measurements import Batch
+from tests.truth.left_out import left_out
+from tests.truth.random_measurements import Batch, draw, textbook
 
 BENT = [(1, 68), (65, 117), (73, 77), (82, 104), (87, 106)]
 BEYOND_CRITICAL = [(8, 400), (9, 403), (45, 485), (46, 459), (70, 478), (88, 449), (93, 418)]
@@ -70,9 +69,7 @@ def test_far_beyond_the_critical_angle_only_a_product_is_determined(number, curv
 def test_angles_on_both_sides_of_the_critical_one_determine_both():
     angles = np.linspace(20.0, 80.0, 13)
     rng = np.random.default_rng(2)
-    index, sine = 0.7 + 0.01j, np.sin(np.radians(angles))
-    q, cosine = np.sqrt(index**2 - sine**2), np.cos(np.radians(angles))
-    R_s = abs((cosine - q) / (cosine + q)) ** 2 + 1e-3 * rng.standard_normal(13)
+    R_s = textbook(angles, np.array(0.7 + 0.01j))["R_s"] + 1e-3 * rng.standard_normal(13)
     found = fit_many(angles, R_s=R_s)
     assert found.status == "converged"
     assert abs(found.parameters["eta"].value - 0.7) < 0.01

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from benchmarks.studies import spline_bands
 from fitting import Measurement, Sample, fit
 from fitting.samples.spline_index import every_second_left_out, knots_over, usual_terms
+from tests.truth import random_edges
 
 
 def spline(knots, amplitudes, x):
@@ -54,10 +54,10 @@ def test_the_bands_hold_the_index_beside_an_absorption_edge():
     random = np.random.default_rng(20261123)
     beside = []
     for _ in range(12):
-        truth = spline_bands.truth_of(random)
-        found = spline_bands.fitted(truth, spline_bands.measured(truth, random), "kk-spline")
+        truth = random_edges.truth_of(random)
+        found = random_edges.fitted(truth, random_edges.measured(truth, random), "kk-spline")
         assert str(found.sample) == "kk-spline:40"
-        above, off, sigma = spline_bands.off_of(found, truth)
+        above, off, sigma = random_edges.off_of(found, truth)
         # 0 counts as known nowhere
         assert (sigma > 0.0).all()
         beside.append(np.abs(off[:, (above > -0.1) & (above < 0.25)]) < 1.96)
@@ -68,8 +68,8 @@ def film(count):
     """Return the film of that number of a random stream, and what was measured."""
     random = np.random.default_rng(31337)
     for _ in range(count):
-        truth = spline_bands.truth_of(random, film=True)
-        m = spline_bands.measured(truth, random)
+        truth = random_edges.truth_of(random, film=True)
+        m = random_edges.measured(truth, random)
     return truth, m
 
 
@@ -77,7 +77,7 @@ def film(count):
 def test_the_interval_of_the_thickness_of_a_free_form_film_holds_the_truth():
     """It is 2.6 standard errors off with the errors that amplitudes above 0 give."""
     truth, m = film(42)
-    found = spline_bands.fitted(truth, m, "kk-spline")
+    found = random_edges.fitted(truth, m, "kk-spline")
     thickness = found.parameters["thickness_nm"]
     assert thickness.interval[0] < truth.thickness_nm < thickness.interval[1]
     assert 0.1 < thickness.sigma < 0.3
