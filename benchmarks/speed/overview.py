@@ -5,9 +5,9 @@ over the classes of scenes in which the method takes part. All methods and class
 """
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from benchmarks import scenes
+from benchmarks.picture import figure
 from benchmarks.speed.chart import COLOURS, LEFT, MARKERS, RIGHT, marks
 
 # Name, precision, label, and where that stands beside the mark in the left and the right panel.
@@ -45,8 +45,11 @@ def worst(results, platform):
 
 def draw_overview(results, file, platform):
     """Writes the picture."""
-    figure = Figure(figsize=(10.5, 4.6), dpi=160, layout="constrained")
-    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    with figure(file, 10.5, 4.8) as page:
+        _panels(page.subplots(1, 2, sharex=True, sharey=True), results, platform)
+
+
+def _panels(panels, results, platform):
     titles = ("metals", "hardest of six classes of scenes")
     for side, (axes, points, title) in enumerate(
         zip(panels, worst(results, platform), titles, strict=True)
@@ -61,15 +64,14 @@ def draw_overview(results, file, platform):
             offset, across, up = OFFSETS[places[side]]
             axes.annotate(
                 label, (error, rate), offset, textcoords="offset points", ha=across, va=up,
-                fontsize=8.5, color=colour,
+                fontsize="small", color=colour,
             )  # fmt: skip
         for dtype in MARKERS:
             axes.axvline(float(np.finfo(dtype).eps), color="0.85", lw=0.8, zorder=0)
-            axes.text(float(np.finfo(dtype).eps), 1.3e6, f" eps, {dtype}", fontsize=7, color="0.5")
+            axes.text(
+                float(np.finfo(dtype).eps), 1.3e6, f" eps, {dtype}", fontsize="x-small", color="0.5"
+            )
         axes.set(xscale="log", yscale="log", xlim=(LEFT, 10 * RIGHT), ylim=(1e6, 3e10))
-        axes.set_title(title, fontsize=11, loc="left")
+        axes.set_title(title)
         axes.set_xlabel("largest relative error of R")
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(color="0.93", lw=0.6)
     panels[0].set_ylabel("points per second, 1e6 points")
-    figure.savefig(file)

@@ -7,15 +7,12 @@ angle of nearly matched media the vertical line at 45 degrees.
 
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import mpmath as mp
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.colors import BoundaryNorm
 
+from benchmarks.picture import figure
 from tests.truth import oracle
 
 COLUMNS, ROWS = 72, 60  # pixels of a panel
@@ -69,10 +66,13 @@ def errors(found, true, eps) -> np.ndarray:
 def picture(maps: dict[str, np.ndarray], title: str, path: Path):
     across = 6
     down = -(-len(maps) // across)
-    figure, axes = plt.subplots(
-        down, across, figsize=(2.3 * across, 2.25 * down + 1.1), layout="constrained", squeeze=False
-    )
-    colours = plt.get_cmap("cividis", len(LEVELS))
+    with figure(path, 2.3 * across, 2.25 * down + 1.1) as page:
+        _panels(page, page.subplots(down, across, squeeze=False), maps, title)
+
+
+def _panels(page, axes, maps, title):
+    across = axes.shape[1]
+    colours = colormaps["cividis"].resampled(len(LEVELS))
     norm = BoundaryNorm(LEVELS, colours.N, extend="max")
     for axis in axes.flat[len(maps) :]:
         axis.set_axis_off()
@@ -89,27 +89,26 @@ def picture(maps: dict[str, np.ndarray], title: str, path: Path):
         )
         if missing.any():
             axis.contourf(missing, levels=[0.5, 1.5], colors=["white"], hatches=["xxxx"])
-        axis.set_title(name, fontsize=10)
+        axis.set_title(name, fontsize="medium")
+        axis.grid(False)
         scale = (COLUMNS - 1) / (COSINES[1] - COSINES[0])
         ticks = [np.log10(np.cos(np.radians(x))) * scale for x in ANGLE_TICKS]
         axis.set_xticks(ticks, [])
         if i >= len(maps) - across:
-            axis.set_xticks(ticks, [f"{x:g}" for x in ANGLE_TICKS], rotation=60, fontsize=8)
+            axis.set_xticks(ticks, [f"{x:g}" for x in ANGLE_TICKS], rotation=60, fontsize="x-small")
         half = ROWS // 2
         steps = [
             (x - CONTRASTS[0]) * (half - 1) / (CONTRASTS[1] - CONTRASTS[0]) for x in NEAR_TICKS
         ]
         places = [half - 1 - x for x in steps[::-1]] + [half + x for x in steps]
         labels = [f"1 - 1e{x}" for x in NEAR_TICKS[::-1]] + [f"1 + 1e{x}" for x in NEAR_TICKS]
-        axis.set_yticks(places, labels if i % across == 0 else [], fontsize=8)
-    figure.supxlabel("angle of incidence, degrees", fontsize=10)
-    figure.supylabel("relative index", fontsize=10)
-    figure.suptitle(title, fontsize=12)
-    bar = figure.colorbar(drawn, ax=axes, shrink=0.6, ticks=LEVELS)
+        axis.set_yticks(places, labels if i % across == 0 else [], fontsize="x-small")
+    page.supxlabel("angle of incidence, degrees")
+    page.supylabel("relative index")
+    page.suptitle(title)
+    bar = page.colorbar(drawn, ax=axes, shrink=0.6, ticks=LEVELS)
     bar.ax.set_yticklabels([f"1e{x}" for x in LEVELS])
     bar.set_label("relative error, eps; hatched: not finite")
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
 
 
 def draw(methods, dtype: str, folder: Path):

@@ -14,6 +14,7 @@ import jax
 import numpy as np
 
 from benchmarks import stack_peers
+from benchmarks.picture import figure
 from fresnel_jax.layers import stack
 from tests.truth import stack_cases, stack_oracle
 
@@ -98,22 +99,21 @@ def table(curves, left_out) -> str:
 
 
 def draw(curves, path: Path) -> None:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(15, 7.5), layout="constrained")
-    axes = figure.subplots(2, 4, sharey=True).ravel()
-    for axis, (family, found) in zip(axes, curves.items(), strict=False):
-        quantity, values, _ = stack_cases.FAMILIES[family]
-        for i, (name, y) in enumerate(found.items()):
-            style = {"color": "k", "lw": 3 - i, "ls": "--" if i else "-"} if i < 2 else {"lw": 1.2}
-            axis.plot(values, np.clip(y, 0.3, FAILED), marker=".", label=name, **style)
-        axis.axhline(64, color="0.6", lw=0.8, ls="--")
-        axis.set(xscale="log", yscale="log", xlabel=quantity, title=family)
-    for axis in axes[::4]:
-        axis.set_ylabel("largest error of R and T, eps")
-    axes[-1].set_axis_off()
-    axes[-1].legend(*axes[0].get_legend_handles_labels(), loc="center")
-    figure.savefig(path, dpi=110)
+    with figure(path, 15.0, 7.5) as page:
+        axes = page.subplots(2, 4, sharey=True).ravel()
+        for axis, (family, found) in zip(axes, curves.items(), strict=False):
+            quantity, values, _ = stack_cases.FAMILIES[family]
+            for i, (name, y) in enumerate(found.items()):
+                style = (
+                    {"color": "k", "lw": 3 - i, "ls": "--" if i else "-"} if i < 2 else {"lw": 1.2}
+                )
+                axis.plot(values, np.clip(y, 0.3, FAILED), marker=".", label=name, **style)
+            axis.axhline(64, color="0.6", lw=0.8, ls="--")
+            axis.set(xscale="log", yscale="log", xlabel=quantity, title=family)
+        for axis in axes[::4]:
+            axis.set_ylabel("largest error of R and T, eps")
+        axes[-1].set_axis_off()
+        axes[-1].legend(*axes[0].get_legend_handles_labels(), loc="center")
 
 
 if __name__ == "__main__":
