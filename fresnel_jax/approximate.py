@@ -5,7 +5,7 @@ or a metal; none knows total reflection, Brewster's angle of one polarization, o
 broadcast as NumPy does, keep the dtype, and work under `jit`, `vmap` and `grad`; their derivatives
 are finite everywhere. The sign of the cosine is ignored, as in `interface`.
 
-Largest absolute error of R over all angles, measured densely (tests/test_approximate.py), and cost
+Largest absolute error of R over all angles, measured densely (test_approximate.py), and cost
 per point for one material and many angles, in instructions after fusion (an exact `reflectance`
 takes 60 to 90, of which 3 to 5 are divisions and square roots; an approximation of the list none,
 but `large_index` one):

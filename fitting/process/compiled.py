@@ -15,7 +15,7 @@ import numpy as np
 
 from fresnel_jax.performance import jax_has_begun
 
-# Each is used if the compiler at hand knows it (`python -m benchmarks.compiler_options`):
+# Each is used if the compiler at hand knows it (`python -m benchmarks.speed.compiler_options`):
 OPTIONS: dict[str, Any] = {
     # jaxlib 0.10.2 hands sums of products to a library which gets some of them wrong
     # (jax-ml/jax#39103); none are handed over.

@@ -1,6 +1,6 @@
 """Fences: what keeps the compiler, XLA and LLVM, from undoing or repeating arithmetic.
 
-None of them changes a value, and none would be needed with a better compiler: tests/test_fences.py
+None of them changes a value, and none would be needed with a better compiler: tests/physics/test_fences.py
 has one test for each that says with which versions of jaxlib the defect was seen, and fails with
 one that no longer has it.
 

@@ -102,7 +102,7 @@ def _normalize_jvp(primals, tangents):
     """(m x dv) x m / |v|, m = v / |v|.
 
     Its equal dv - m (m . dv) loses the component along an axis that v is close to: 17,000 eps of
-    the change of a microfacet normal's z by u2 (tests/test_microfacet.py).
+    the change of a microfacet normal's z by u2 (tests/physics/test_microfacet.py).
     """
     (v,), (dv,) = primals, tangents
     m = normalize(v)
