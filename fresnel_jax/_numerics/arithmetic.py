@@ -3,7 +3,7 @@ and the sine and cosine of a fraction of a turn.
 
 The error-free transformations write a sum or a product of two floating-point numbers as the rounded
 result plus its exact rounding error. They hold for every IEEE format with round-to-nearest, also
-after XLA has fused the loop (tests/physics/test_arithmetic.py compares them with rational arithmetic under
+after XLA has fused the loop (test_arithmetic.py compares them with rational arithmetic under
 jit), because XLA does not reassociate floating-point sums; but see `fences.opaque`.
 """
 

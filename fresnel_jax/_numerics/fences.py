@@ -1,8 +1,8 @@
 """Fences: what keeps the compiler, XLA and LLVM, from undoing or repeating arithmetic.
 
-None of them changes a value, and none would be needed with a better compiler: tests/physics/test_fences.py
-has one test for each that says with which versions of jaxlib the defect was seen, and fails with
-one that no longer has it.
+None of them changes a value, and none would be needed with a better compiler: test_fences.py has
+one test for each that says with which versions of jaxlib the defect was seen, and fails with one
+that no longer has it.
 
 XLA's CPU compiler has no loops with several outputs: it fuses a cheap producer into the loop of
 every consumer, so that R, dR/dn and dR/dk would each repeat all exact sums (measured: 996
