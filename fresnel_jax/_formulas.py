@@ -14,16 +14,16 @@ from ._spectral import (
     over_terms,
     parameters_named,
 )
-from ._vectors import extinction, float_named
+from ._vectors import extinction, float_checked, float_named, not_negative
 
 
 class Constant(DispersionModel):
     """The same index eta + ik at every wavelength.
 
-    Arguments: `eta` > 0 and `k` >= 0, numbers.
+    Arguments: `eta` >= 0 and `k` >= 0, numbers.
     """
 
-    eta: Array = eqx.field(converter=float_named("eta"))
+    eta: Array = eqx.field(converter=float_checked("eta", not_negative))
     k: Array = eqx.field(converter=extinction, default=0.0)
 
     def index(self, wavelength_um: Array) -> Index:

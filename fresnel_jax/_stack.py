@@ -16,8 +16,8 @@ from ._arguments import (
     as_floats,
     broadcast_shape,
     check_cosine,
-    check_extinction,
     check_length,
+    check_media,
     check_positive,
     readable,
     real,
@@ -115,11 +115,8 @@ def with_leading_axis(values: Any, name: str, least: int) -> Array:
     values = _as_complex(values)
     for entry in values if isinstance(values, (list, tuple)) else (values,):
         number = real_or_complex(entry, name)
-        if readable(number) and np.iscomplexobj(number):
-            check_extinction(number.imag, f"the imaginary part of {name}")
-            number = number.real
         if name == "index":
-            check_positive(number, "the real part of index", or_zero=True)
+            check_media(number)
         else:
             check_length(number, name)
     if isinstance(values, (list, tuple)):
@@ -240,9 +237,11 @@ def stack(
     absolute error of some eps is left.
 
     Raises:
-        ValueError: shapes that do not fit each other, a complex argument other than index, a known
-            cosine above 1 or imaginary part of an index below 0, a type that is neither float32
-            nor float64, or a `coherent` that is not static.
+        ValueError: shapes that do not fit each other; a complex argument other than index; a type
+            that is neither float32 nor float64; a `coherent` that is not static; or, where it can
+            be read (see the module `interface`), a cosine above 1.001, an index that is 0, infinite
+            or has a part below 0, a thickness or roughness that is negative or infinite, a
+            wavelength that is not a finite number above 0.
     """
     index = _as_complex(index)
     media: Array = with_leading_axis(index, "index", 2)

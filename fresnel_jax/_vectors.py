@@ -8,7 +8,7 @@ axis of length 3.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -52,11 +52,19 @@ def index_named(name: str):
     return functools.partial(lossless_index, name=name)
 
 
-def extinction(k: ArrayLike) -> Array:
-    """`as_float` of an extinction coefficient; ValueError for a readable k < 0."""
-    k = real(k, "k")
-    check_extinction(k)
-    return as_float(k, "k")
+def float_checked(name: str, check: Callable[[Any, str], None]):
+    """`float_named`, of what `check(x, name)` lets through."""
+
+    def converter(x: ArrayLike | Sequence[Any]) -> Array:
+        x = real(x, name)
+        check(x, name)
+        return as_float(x, name)
+
+    return converter
+
+
+extinction = float_checked("k", check_extinction)
+not_negative = functools.partial(check_positive, or_zero=True)
 
 
 def components(v: ArrayLike, name: str) -> Vector:

@@ -18,8 +18,9 @@ are a few eps unless a model says otherwise.
 Range of validity: a formula has a value at every wavelength; what is known is `Material.range_um`,
 and for `Tabulated` its table. A wavelength outside is refused with a ValueError; where it is traced
 (under `jit`, `vmap`, `grad`), so that its value is not known when the model is called, eta and k
-are NaN there, and the derivatives of what lies inside stay finite. `material("BK7").model` is the
-formula alone, which extrapolates.
+are NaN there, and so is their derivative with respect to that wavelength, while the derivatives of
+what lies inside stay finite. `material("BK7").model` is the formula alone, which extrapolates. A
+wavelength that is not a finite number above 0 is refused by every model where it can be read.
 """
 
 from __future__ import annotations

@@ -49,9 +49,16 @@ from ._arithmetic import complex_sqrt, sum_exactly
 from ._bruggeman import bruggeman_root, loss_of, mixed, with_loss
 from ._compiler import opaque
 from ._index import Index
-from ._vectors import as_float
+from ._vectors import extinction, float_checked, float_named, not_negative
 
 __all__ = ["bruggeman", "linear", "looyenga", "maxwell_garnett"]
+
+
+_CONVERTERS = {
+    "eta": float_checked("eta", not_negative),
+    "k": extinction,
+    "fraction": float_named("fraction"),
+}
 
 
 def _constituents(eta, k, fraction) -> tuple[Array, Array, Array]:
@@ -90,9 +97,9 @@ def _arrays(**values) -> Iterator[Array]:
     spectrum)."""
     for name, x in values.items():
         if isinstance(x, list | tuple) and len(x):
-            yield jnp.stack(jnp.broadcast_arrays(*(as_float(part, name) for part in x)))
+            yield jnp.stack(jnp.broadcast_arrays(*map(_CONVERTERS[name], x)))
         else:
-            yield as_float(x, name)
+            yield _CONVERTERS[name](x)
 
 
 def _index(permittivity: Array) -> Index:
@@ -142,7 +149,7 @@ def bruggeman(eta: ArrayLike, k: ArrayLike, fraction: ArrayLike) -> Index:
     Args, accuracy, derivatives and sources: see the module `effective_medium`.
 
     Raises:
-        ValueError: the shapes are not those of the module's text.
+        ValueError: the shapes are not those of the module's text, or a known eta or k is below 0.
     """
     return _jit_bruggeman(*_constituents(eta, k, fraction))
 
@@ -155,7 +162,7 @@ def maxwell_garnett(eta: ArrayLike, k: ArrayLike, fraction: ArrayLike) -> Index:
     Args, accuracy, derivatives and sources: see the module `effective_medium`.
 
     Raises:
-        ValueError: the shapes are not those of the module's text.
+        ValueError: the shapes are not those of the module's text, or a known eta or k is below 0.
     """
     return _jit_maxwell_garnett(*_constituents(eta, k, fraction))
 
@@ -166,7 +173,7 @@ def looyenga(eta: ArrayLike, k: ArrayLike, fraction: ArrayLike) -> Index:
     Args, accuracy, derivatives and sources: see the module `effective_medium`.
 
     Raises:
-        ValueError: the shapes are not those of the module's text.
+        ValueError: the shapes are not those of the module's text, or a known eta or k is below 0.
     """
     return _jit_looyenga(*_constituents(eta, k, fraction))
 
@@ -177,6 +184,6 @@ def linear(eta: ArrayLike, k: ArrayLike, fraction: ArrayLike) -> Index:
     Args, accuracy, derivatives and sources: see the module `effective_medium`.
 
     Raises:
-        ValueError: the shapes are not those of the module's text.
+        ValueError: the shapes are not those of the module's text, or a known eta or k is below 0.
     """
     return _jit_linear(*_constituents(eta, k, fraction))

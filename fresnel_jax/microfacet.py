@@ -19,7 +19,7 @@ from ._facets import (
     stretched_length,
     visible_normal,
 )
-from ._vectors import as_float, components, dot, stack
+from ._vectors import components, dot, float_checked, lossless_index, not_negative, stack
 
 __all__ = [
     "TrowbridgeReitz",
@@ -38,7 +38,7 @@ class TrowbridgeReitz(eqx.Module):
     """Microfacets of slope roughness alpha_x along x and alpha_y along y of the local frame.
 
     Arguments: `alpha_x`, `alpha_y`, arrays of any shape, 0 to 1; `alpha_y` defaults to `alpha_x`.
-    They broadcast against the leading axes of the directions.
+    They broadcast against the leading axes of the directions. ValueError for a known one below 0.
 
     An axis below 1e-4 counts as 1e-4, and its derivative is 0 there; where both are below 1e-3 the
     surface is `effectively_smooth`, and the models of `bsdf` treat it as a mirror.
@@ -49,8 +49,11 @@ class TrowbridgeReitz(eqx.Module):
     alpha_y: Array
 
     def __init__(self, alpha_x: ArrayLike, alpha_y: ArrayLike | None = None):
-        self.alpha_x = as_float(alpha_x, "alpha_x")
-        self.alpha_y = self.alpha_x if alpha_y is None else as_float(alpha_y, "alpha_y")
+        self.alpha_x = float_checked("alpha_x", not_negative)(alpha_x)
+        if alpha_y is None:
+            self.alpha_y = self.alpha_x
+        else:
+            self.alpha_y = float_checked("alpha_y", not_negative)(alpha_y)
 
     def bounded(self) -> Alphas:
         """Both roughnesses, each at least 1e-4."""
@@ -158,7 +161,9 @@ def half_vector(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Float[Array, ".
     eta = 1) there is no such normal, and +z is given back.
     Source: Walter et al. 2007, doi:10.2312/EGWR/EGSR07/195-206, eq. 13 and 16.
     """
-    return stack(half_vector_of(components(wo, "wo"), components(wi, "wi"), as_float(eta, "eta")))
+    return stack(
+        half_vector_of(components(wo, "wo"), components(wi, "wi"), lossless_index(eta, "eta"))
+    )
 
 
 def half_vector_jacobian(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Array:
@@ -173,7 +178,7 @@ def half_vector_jacobian(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Array:
     of one sign is connected by no facet, and what is given back for it has no meaning.
     Source: Walter et al. 2007, doi:10.2312/EGWR/EGSR07/195-206, eq. 14 and 17.
     """
-    o, i, eta = components(wo, "wo"), components(wi, "wi"), as_float(eta, "eta")
+    o, i, eta = components(wo, "wo"), components(wi, "wi"), lossless_index(eta, "eta")
     m = half_vector_of(o, i, eta)
     c_o, c_i = jnp.abs(dot(o, m)), jnp.abs(dot(i, m))
     eta_i = jnp.where(i.z < 0.0, eta, 1.0)
