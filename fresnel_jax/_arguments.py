@@ -212,8 +212,8 @@ def check_media(index):
     if not (np.iscomplexobj(index) and readable(index)):
         return check_positive(index, "the real part of index")
     some = _some_values(index)
-    check_extinction(some.imag, "the imaginary part of index")
-    check_positive(some.real, "the real part of index", or_zero=True)
+    check_extinction(np.imag(some), "the imaginary part of index")
+    check_positive(np.real(some), "the real part of index", or_zero=True)
     check_positive(np.abs(some), "the modulus of index")
 
 
