@@ -38,6 +38,7 @@ from ._index import Index as Index
 from ._kramers_kronig import KramersKronigSpline as KramersKronigSpline
 from ._oscillators import BrendelBormann as BrendelBormann
 from ._oscillators import DrudeLorentz as DrudeLorentz
+from ._published_formulas import PublishedFormula as PublishedFormula
 from ._spectral import HC_EV_UM as HC_EV_UM
 from ._spectral import DispersionModel as DispersionModel
 from ._spectral import evaluate_within, in_one_type, parameters
@@ -54,6 +55,7 @@ __all__ = [
     "Index",
     "KramersKronigSpline",
     "Material",
+    "PublishedFormula",
     "Sellmeier",
     "Tabulated",
     "TaucLorentz",

@@ -33,8 +33,7 @@ from fitting.reader.options import parse_options
 from fitting.reader.remarks import evidence
 from fitting.reader.table import Table, filled_columns, label_of, read_table, uncomment
 from fitting.reader.text import read_lines
-from fitting.samples.published_formulas import PublishedFormula
-from fresnel_jax.dispersion import DispersionModel, Index, Material, Tabulated
+from fresnel_jax.dispersion import DispersionModel, Index, Material, PublishedFormula, Tabulated
 
 ENDINGS = (".yml", ".yaml", ".csv", ".txt", ".dat", ".nk")
 # An alias may stand for gigabytes. The largest table of the database has 61,730 rows.
