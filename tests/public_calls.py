@@ -163,6 +163,11 @@ def calls() -> dict[str, tuple[Any, ...]]:
         "dispersion.TaucLorentz": at(
             lambda a, e, g: dp.TaucLorentz(a, e, g, 0.8, 1.5), 10.0 * EV, EV, 0.5 * EV
         ),
+        "dispersion.material_from_tables": at(
+            lambda: dp.material_from_tables(((0.3, 1.0), (1.5, 1.4)), None, "glass")
+        ),
+        "dispersion.material_from_yaml": at(lambda: dp.material_from_yaml(
+            "DATA: [{type: formula 5, wavelength_range: 0.3 1, coefficients: 1.5}]", "glass")),
         "dispersion.material": at(lambda: dp.material("gold")),
         "dispersion.drude": at(dp.drude, np.array(9.0), np.array(0.1)),
         "dispersion.lorentz_drude": at(
