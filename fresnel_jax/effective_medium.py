@@ -23,12 +23,15 @@ result is `Index(eta, k)`, float32 or float64 as the arguments.
     silica = material("SiO2")(wavelengths)
     rough = bruggeman([1.0, silica.eta], [0.0, silica.k], [0.5])    # half of it void
 
-Accuracy: the index within 16 eps of its modulus (measured: 4), k within 32 eps of itself however
-small it is (measured: 14; of five constituents with metals up to 128, measured 70), since it is a
-sum of terms of one sign; at a fraction of 0 or 1, and of equal constituents, the constituent comes
-out. First and second derivatives are finite, at k = 0 and at fractions 0 and 1 too. The exception:
-of a metal without loss in a dielectric without loss Bruggeman's equation has branch points, next to
-which errors and derivatives grow as the inverse root of the distance.
+Accuracy: the index within 16 eps of the larger of its modulus and of what a relative change of one
+eps in each argument does to it. Where permittivities do not cancel, that is the modulus (measured:
+4). Where they do, as those of a metal and a dielectric may, it is the conditioning: there `linear`
+was 1,753 and `maxwell_garnett` 57 eps of the modulus off. Away from there k is within 32 eps of
+itself however small it is (measured: 14; of five constituents with metals up to 128, measured 70),
+since it is a sum of terms of one sign. At a fraction of 0 or 1, and of equal constituents, the
+constituent comes out. First and second derivatives are finite, at k = 0 and at fractions 0 and 1
+too. The exception: of a metal without loss in a dielectric without loss Bruggeman's equation has
+branch points, next to which errors and derivatives grow as the inverse root of the distance.
 
 Sources: D. A. G. Bruggeman, Ann. Phys. 416, 636 (1935), doi:10.1002/andp.19354160705; H. Looyenga,
 Physica 31, 401 (1965), doi:10.1016/0031-8914(65)90045-5; J. C. Maxwell Garnett, Phil. Trans. R.

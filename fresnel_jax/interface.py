@@ -17,7 +17,7 @@ there, so that R and T are no separate powers (R + T is not 1), and because the 
 no branch that both decays and carries power forward at every angle. `fresnel_complex(cos, N / N_i)`
 is the abs(r)^2 that one gets by dividing the indices, as long as Im(N / N_i) >= 0.
 `layers.stack(cos, [N_i, N], thickness_um=[], ...)` takes a first medium that absorbs; its docstring
-states what R and T are there.
+states what R and T are there, and which of the two roots is taken (Re Q + Im Q >= 0).
 
 Accuracy
 --------

@@ -224,3 +224,13 @@ def test_derivatives_of_a_rough_film_of_small_wavevector():
     both = jax.jit(lambda n: jax.jvp(powers_of, (n,), (1.0,)))
     above, below = both(0.86 + 1e-5)[0], both(0.86 - 1e-5)[0]
     np.testing.assert_allclose(both(0.86)[1], (above - below) / 2e-5, rtol=1e-8)
+
+
+def test_a_trace_of_absorption_in_front_changes_little():
+    """With the root of Im Q >= 0 behind an absorbing medium R_s would be 12.6, 1 / .0793."""
+    cosine = np.array([0.9, 0.5])  # refraction, total reflection
+    index = [1.5 + 1e-6j * np.array([[0.0], [1.0]]), 1.7 + 0.0j, 1.0 + 0.0j]
+    found = stack(cosine, index, thickness_um=[0.1], wavelength_um=0.5)
+    for power in found[:4]:
+        np.testing.assert_allclose(power[1], power[0], atol=2e-5)
+    assert 0.05 < found.R_s[1, 0] < 0.5 and found.R_s[0, 1] == pytest.approx(1.0)
