@@ -38,7 +38,7 @@ lint: .venv/installed-test .venv/installed-lint  ## linters and type checker
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 
-accuracy: .venv/installed-test  ## the table of docs/accuracy.md (a minute)
+accuracy: .venv/installed-test  ## two tables of docs/accuracy.md (three minutes)
 	$(BIN)/python -m benchmarks.accuracy.interface
 
 accuracy-search: .venv/installed-test  ## search for the largest errors; e.g. SEARCH="--seed 1 --minutes 60"

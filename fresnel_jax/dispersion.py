@@ -18,13 +18,15 @@ are a few eps unless a model says otherwise.
 Range of validity: a formula has a value at every wavelength; what is known is `Material.range_um`,
 and for `Tabulated` its table. A wavelength outside is refused with a ValueError; where it is traced
 (under `jit`, `vmap`, `grad`), so that its value is not known when the model is called, eta and k
-are NaN there, and the derivatives of what lies inside stay finite. `material("BK7").model` is the
-formula alone, which extrapolates.
+are NaN there, and so is their derivative with respect to that wavelength, while the derivatives of
+what lies inside stay finite. `material("BK7").model` is the formula alone, which extrapolates. A
+wavelength that is not a finite number above 0 is refused by every model where it can be read.
 """
 
 from __future__ import annotations
 
 import equinox as eqx
+import numpy as np
 from jaxtyping import Array, ArrayLike
 
 from . import materials
@@ -34,9 +36,11 @@ from .indices.absorption_edge import TaucLorentz as TaucLorentz
 from .indices.formulas import Cauchy as Cauchy
 from .indices.formulas import Constant as Constant
 from .indices.formulas import Sellmeier as Sellmeier
+from .indices.index_files import joined, tabulated, yaml_parts
 from .indices.kramers_kronig import KramersKronigSpline as KramersKronigSpline
 from .indices.oscillators import BrendelBormann as BrendelBormann
 from .indices.oscillators import DrudeLorentz as DrudeLorentz
+from .indices.published_formulas import PublishedFormula as PublishedFormula
 from .indices.spectral import HC_EV_UM as HC_EV_UM
 from .indices.spectral import DispersionModel as DispersionModel
 from .indices.spectral import evaluate_within, in_one_type, parameters
@@ -53,12 +57,15 @@ __all__ = [
     "Index",
     "KramersKronigSpline",
     "Material",
+    "PublishedFormula",
     "Sellmeier",
     "Tabulated",
     "TaucLorentz",
     "drude",
     "lorentz_drude",
     "material",
+    "material_from_tables",
+    "material_from_yaml",
 ]
 
 
@@ -157,14 +164,57 @@ def material(name: str) -> Material:
 
     Args:
         name: as `materials.lookup` takes it; `materials.names()` lists them, and
-            `materials.lookup(name)` gives source and DOI.
+            `materials.lookup(name)` gives source and DOI. Or an entry of the refractiveindex.info
+            database, "ri:main/SiO2/nk/Malitson"; see the module `materials`.
 
     Raises:
-        ValueError: there is no such material; the text lists similar names.
+        ValueError: there is no such material (the text lists similar names), the package that
+            brings the database is missing, or an entry of it has no index.
     """
+    if name.startswith(materials.DATABASE_PREFIX):
+        text = materials.database_file(name).read_text(encoding="utf-8")
+        try:
+            return material_from_yaml(text, name)
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from None
     record = materials.lookup(name)
     if record.form == "table":
         model = Tabulated(*record.table().T)
     else:
         model = _FORMS[record.form](**record.parameters)
     return Material(model, record.range_um, record.name)
+
+
+def material_from_yaml(text: str, name: str) -> Material:
+    """The index that the text of a YAML file of the refractiveindex.info database holds.
+
+    Types "tabulated nk", "tabulated n", "tabulated k" and "formula 1" to "formula 9"; where n and k
+    come in two tables the range is the common one. k is 0 if it is missing.
+
+    Args: `text` of the file; `name`, for the texts of errors.
+
+    Raises:
+        ValueError: the text is not YAML or holds no index, a formula gives none in its range, or
+            PyYAML (extra `yaml`) is missing.
+    """
+    parts = yaml_parts(text)
+    return Material(*joined(parts["n"], parts.get("k")), name)
+
+
+def material_from_tables(
+    n: tuple[ArrayLike, ArrayLike], k: tuple[ArrayLike, ArrayLike] | None, name: str
+) -> Material:
+    """An index from a table of n and one of k, each interpolated as in `Tabulated`.
+
+    Args:
+        n, k: wavelengths in micrometres, in any order, and as many values at them; of repeated
+            wavelengths the mean is taken. k None: 0.
+        name: for the texts of errors.
+
+    Raises:
+        ValueError: a table has fewer than two wavelengths or a value that is no index, or the
+            wavelengths of n and k do not overlap.
+    """
+    n_part = tabulated(np.asarray(n[0]), np.asarray(n[1]), "n")
+    k_part = None if k is None else tabulated(np.asarray(k[0]), np.asarray(k[1]), "k")
+    return Material(*joined(n_part, k_part), name)

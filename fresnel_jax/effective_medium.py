@@ -23,12 +23,15 @@ result is `Index(eta, k)`, float32 or float64 as the arguments.
     silica = material("SiO2")(wavelengths)
     rough = bruggeman([1.0, silica.eta], [0.0, silica.k], [0.5])    # half of it void
 
-Accuracy: the index within 16 eps of its modulus (measured: 4), k within 32 eps of itself however
-small it is (measured: 14; of five constituents with metals up to 128, measured 70), since it is a
-sum of terms of one sign; at a fraction of 0 or 1, and of equal constituents, the constituent comes
-out. First and second derivatives are finite, at k = 0 and at fractions 0 and 1 too. The exception:
-of a metal without loss in a dielectric without loss Bruggeman's equation has branch points, next to
-which errors and derivatives grow as the inverse root of the distance.
+Accuracy: the index within 16 eps of the larger of its modulus and of what a relative change of one
+eps in each argument does to it. Where permittivities do not cancel, that is the modulus (measured:
+4). Where they do, as those of a metal and a dielectric may, it is the conditioning: there `linear`
+was 1,753 and `maxwell_garnett` 57 eps of the modulus off. Away from there k is within 32 eps of
+itself however small it is (measured: 14; of five constituents with metals up to 128, measured 70),
+since it is a sum of terms of one sign. At a fraction of 0 or 1, and of equal constituents, the
+constituent comes out. First and second derivatives are finite, at k = 0 and at fractions 0 and 1
+too. The exception: of a metal without loss in a dielectric without loss Bruggeman's equation has
+branch points, next to which errors and derivatives grow as the inverse root of the distance.
 
 Sources: D. A. G. Bruggeman, Ann. Phys. 416, 636 (1935), doi:10.1002/andp.19354160705; H. Looyenga,
 Physica 31, 401 (1965), doi:10.1016/0031-8914(65)90045-5; J. C. Maxwell Garnett, Phil. Trans. R.
@@ -44,13 +47,27 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._numerics.arguments import as_float, as_floats, broadcast_shape
+from ._numerics.arguments import (
+    as_floats,
+    broadcast_shape,
+    extinction,
+    float_checked,
+    float_named,
+    not_negative,
+)
 from ._numerics.arithmetic import complex_sqrt, sum_exactly
 from ._numerics.fences import opaque
 from ._numerics.index import Index
 from .indices.bruggeman import bruggeman_root, loss_of, mixed, with_loss
 
 __all__ = ["bruggeman", "linear", "looyenga", "maxwell_garnett"]
+
+
+_CONVERTERS = {
+    "eta": float_checked("eta", not_negative),
+    "k": extinction,
+    "fraction": float_named("fraction"),
+}
 
 
 def _constituents(eta, k, fraction) -> tuple[Array, Array, Array]:
@@ -89,9 +106,9 @@ def _arrays(**values) -> Iterator[Array]:
     spectrum)."""
     for name, x in values.items():
         if isinstance(x, list | tuple) and len(x):
-            yield jnp.stack(jnp.broadcast_arrays(*(as_float(part, name) for part in x)))
+            yield jnp.stack(jnp.broadcast_arrays(*map(_CONVERTERS[name], x)))
         else:
-            yield as_float(x, name)
+            yield _CONVERTERS[name](x)
 
 
 def _index(permittivity: Array) -> Index:
@@ -141,7 +158,7 @@ def bruggeman(eta: ArrayLike, k: ArrayLike, fraction: ArrayLike) -> Index:
     Args, accuracy, derivatives and sources: see the module `effective_medium`.
 
     Raises:
-        ValueError: the shapes are not those of the module's text.
+        ValueError: the shapes are not those of the module's text, or a known eta or k is below 0.
     """
     return _jit_bruggeman(*_constituents(eta, k, fraction))
 
@@ -154,7 +171,7 @@ def maxwell_garnett(eta: ArrayLike, k: ArrayLike, fraction: ArrayLike) -> Index:
     Args, accuracy, derivatives and sources: see the module `effective_medium`.
 
     Raises:
-        ValueError: the shapes are not those of the module's text.
+        ValueError: the shapes are not those of the module's text, or a known eta or k is below 0.
     """
     return _jit_maxwell_garnett(*_constituents(eta, k, fraction))
 
@@ -165,7 +182,7 @@ def looyenga(eta: ArrayLike, k: ArrayLike, fraction: ArrayLike) -> Index:
     Args, accuracy, derivatives and sources: see the module `effective_medium`.
 
     Raises:
-        ValueError: the shapes are not those of the module's text.
+        ValueError: the shapes are not those of the module's text, or a known eta or k is below 0.
     """
     return _jit_looyenga(*_constituents(eta, k, fraction))
 
@@ -176,6 +193,6 @@ def linear(eta: ArrayLike, k: ArrayLike, fraction: ArrayLike) -> Index:
     Args, accuracy, derivatives and sources: see the module `effective_medium`.
 
     Raises:
-        ValueError: the shapes are not those of the module's text.
+        ValueError: the shapes are not those of the module's text, or a known eta or k is below 0.
     """
     return _jit_linear(*_constituents(eta, k, fraction))

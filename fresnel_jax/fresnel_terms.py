@@ -11,7 +11,16 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._numerics.arguments import check_positive, extinction, float_named, index_named, index_parts
+from ._numerics.arguments import (
+    check_index,
+    check_length,
+    check_positive,
+    extinction,
+    float_checked,
+    float_named,
+    index_named,
+    index_parts,
+)
 from ._numerics.index import IndexLike
 from .interface import reflectance
 from .layers import stack
@@ -60,8 +69,9 @@ class FresnelConductor(eqx.Module):
     eta_outside: Array = eqx.field(converter=index_named("eta_outside"))
 
     def __init__(self, eta: IndexLike, k: ArrayLike = 0.0, eta_outside: IndexLike = 1.0):
-        self.eta, self.k = index_parts(eta, k)
-        check_positive(self.eta, "eta", or_zero=True)
+        eta, k = index_parts(eta, k)
+        check_index(eta, k)
+        self.eta, self.k = eta, k  # pyright: ignore[reportAttributeAccessIssue]
         self.eta_outside = eta_outside  # pyright: ignore[reportAttributeAccessIssue]
 
     def __call__(self, cos_theta: ArrayLike) -> Array:
@@ -77,13 +87,13 @@ class FresnelStack(eqx.Module):
     with the cosine, so that a colour of three or a spectrum of many wavelengths takes part in the
     axes of the model as any other field does. `exact`, False for the fast tier, is no array and the
     same in all of a batch. Accuracy and derivatives as `layers.stack`.
-    ValueError, as that raises it, for an index that it refuses.
+    ValueError, as that raises it, for an index, a thickness or a wavelength that it refuses.
     Source: `layers.stack`.
     """
 
     index: Array = eqx.field(converter=functools.partial(with_leading_axis, name="index", least=2))
-    thickness_um: Array = eqx.field(converter=float_named("thickness_um"))
-    wavelength_um: Array = eqx.field(converter=float_named("wavelength_um"))
+    thickness_um: Array = eqx.field(converter=float_checked("thickness_um", check_length))
+    wavelength_um: Array = eqx.field(converter=float_checked("wavelength_um", check_positive))
     exact: bool = eqx.field(static=True, default=True)
 
     def __call__(self, cos_theta: ArrayLike) -> Array:

@@ -9,14 +9,15 @@ NaN in is NaN out. A cosine above 1, as the rounded dot product of two unit vect
 as 1, in value and derivative. The values of Python numbers, NumPy arrays and JAX arrays in the
 memory of the CPU are checked (of a large array 1,024 of them): a cosine above 1.001, which is an
 angle in degrees, and a k < 0 are refused. Arrays on another device and traced ones are not checked:
-there |cos| > 1 counts as 1, and the result for k < 0 has no meaning.
+there |cos| > 1 counts as 1, and the result for k < 0 has no meaning. An index of 0 or below and an
+infinite one are refused likewise: a perfect conductor is a large k, 1e8 for example.
 
 Both media absorbing: a complex `eta_i` is refused, because incident and reflected wave interfere
 there, so that R and T are no separate powers (R + T is not 1), and because the root for cos_t has
 no branch that both decays and carries power forward at every angle. `fresnel_complex(cos, N / N_i)`
 is the abs(r)^2 that one gets by dividing the indices, as long as Im(N / N_i) >= 0.
 `layers.stack(cos, [N_i, N], thickness_um=[], ...)` takes a first medium that absorbs; its docstring
-states what R and T are there.
+states what R and T are there, and which of the two roots is taken (Re Q + Im Q >= 0).
 
 Accuracy
 --------
@@ -159,7 +160,8 @@ def powers(
     Raises:
         ValueError: the shapes do not broadcast; an argument other than eta is complex; one has
             another dtype than float32, float64 or an integer; or, as far as values are checked (see
-            the module), a cosine is above 1.001 or a k below 0.
+            the module), a cosine is above 1.001, k below 0 or infinite, or eta or eta_i not a
+            finite number above 0 (eta may be 0 beside a k).
     """
     return _jit_powers(*structure(cos_theta_i, eta, k, eta_i))
 

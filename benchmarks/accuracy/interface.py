@@ -1,9 +1,11 @@
-"""The table of docs/accuracy.md: `make accuracy`, or `python -m benchmarks.accuracy.interface`.
+"""Two tables of docs/accuracy.md: `make accuracy`, or `python -m benchmarks.accuracy.interface`.
 
-Largest errors, in units of eps, over the hard sets of the tests, against the textbook forms in 100
-digits at the exact inputs: of R_s, R_p, T_s, T_p relative to each (an R below eps^2 counts as
-eps^2), and of their gradients relative to the gradient's norm. Beside them what the printed form of
-pbrt-v4 (FrComplex) makes of the same points in the same precision.
+The first one: correct decimal digits at random points of everyday optics, median and worst.
+
+The second one: largest errors, in units of eps, over the hard sets of the tests, against the
+textbook forms in 100 digits at the exact inputs: of R_s, R_p, T_s, T_p relative to each (an R below
+eps^2 counts as eps^2), and of their gradients relative to the gradient's norm. Beside them what the
+printed form of pbrt-v4 (FrComplex) makes of the same points in the same precision.
 """
 
 import jax
@@ -12,9 +14,12 @@ import mpmath as mp
 import numpy as np
 
 from fresnel_jax import powers
-from tests.truth import adversarial, oracle
+from fresnel_jax.layers import stack
+from fresnel_jax.polarization import psi_delta
+from tests.truth import adversarial, oracle, stack_oracle
 
 POINTS = 500
+SEED, DRAWN, STEP = 20261129, 300, mp.mpf(10) ** -30
 
 
 def printed_form(cos_theta_i, eta, k, eta_i):
@@ -69,8 +74,97 @@ def largest_errors(dtype, points):
     return worst
 
 
+def everyday(dtype):
+    """Cosine, indices, thicknesses and wavelength of two films on a substrate, in air.
+
+    Angles to 85 degrees, eta 1.3 to 4 (a metal's .1 to 3), k 0 or 1e-4 to 1 (a metal's 1 to 8) in
+    films and substrate, films up to half a micrometre, wavelengths .3 to 2 um.
+    """
+    random = np.random.default_rng(SEED)
+
+    def medium():
+        metal = random.random(DRAWN) < 0.3
+        eta = np.where(metal, random.uniform(0.1, 3, DRAWN), random.uniform(1.3, 4, DRAWN))
+        lossy = np.where(random.random(DRAWN) < 0.5, 10 ** random.uniform(-4, 0, DRAWN), 0.0)
+        return eta, np.where(metal, random.uniform(1, 8, DRAWN), lossy)
+
+    eta, k = np.moveaxis([medium() for _ in range(3)], 1, 0)
+    cosine = np.cos(np.radians(random.uniform(0, 85, DRAWN)))
+    thickness, wavelength = random.uniform(0.0, 0.5, (2, DRAWN)), random.uniform(0.3, 2.0, DRAWN)
+    return [x.astype(dtype) for x in (cosine, eta, k, thickness, wavelength)]
+
+
+@jax.jit
+def everyday_results(cosine, eta, k, thickness, wavelength):
+    """R, T, psi of the substrate alone; R, T of the films; thickness times dR / dthickness."""
+    air = jnp.ones_like(eta[:1])
+    index = jax.lax.complex(jnp.concatenate([air, eta]), jnp.concatenate([0 * air, k]))
+
+    def films(thickness):
+        whole = stack(cosine, index, thickness_um=thickness, wavelength_um=wavelength)
+        return jnp.stack(whole[:4])
+
+    bare = powers(cosine, eta[-1], k[-1])
+    psi = psi_delta(cosine, eta[-1], k[-1]).psi[None]
+    slopes = [
+        jax.jvp(films, (thickness,), (thickness * row[:, None],))[1][:2]
+        for row in jnp.eye(2, dtype=thickness.dtype)
+    ]
+    return jnp.stack(bare[:2]), jnp.stack(bare[2:]), psi, films(thickness), jnp.stack(slopes)
+
+
+def everyday_truth(cosine, eta, k, thickness, wavelength):
+    """The same of one point, by characteristic matrices."""
+    substrate = complex(eta[-1], k[-1])
+    index = [1.0, *(complex(*pair) for pair in zip(eta, k, strict=True))]
+    with mp.workdps(60):
+        bare = stack_oracle.stack(cosine, [1.0, substrate], [], wavelength, 60)
+        d = [mp.mpf(float(x)) for x in thickness]
+
+        def films(*change):
+            moved = [x * (1 + y) for x, y in zip(d, change, strict=True)]
+            return stack_oracle.stack(cosine, index, moved, wavelength, 60)
+
+        whole = films(0, 0)
+        slopes = []
+        for step in ((STEP, 0), (0, STEP)):
+            up, down = films(*step), films(*(-x for x in step))
+            slopes += [(up[i] - down[i]) / (2 * STEP) for i in (0, 1)]
+        psi = mp.atan(abs(bare[5] / bare[4]))
+        return bare[:2], bare[2:4], [psi], whole[:4], slopes
+
+
+def everyday_digits(dtype):
+    """Correct digits of each result, (5, points); of slopes in units of the largest one.
+
+    A T or slope below 1e13 times the smallest float may be 0, and counts as that.
+    """
+    points, least = everyday(dtype), 1e13 * float(np.finfo(dtype).tiny)
+    ours = [np.asarray(x, float) for x in everyday_results(*points)]
+    digits = np.zeros((len(ours), DRAWN))
+    for i in range(DRAWN):
+        truth = everyday_truth(*(x[..., i] for x in points))
+        for j, (found, true) in enumerate(zip(ours, truth, strict=True)):
+            found = found[..., i].reshape(-1)
+            size = [max(map(abs, true))] * len(true) if j == 4 else map(abs, true)
+            size = [max(x, least) for x in size]
+            errors = [abs(mp.mpf(x) - t) / s for x, t, s in zip(found, true, size, strict=True)]
+            digits[j, i] = -np.log10(max(float(max(errors)), np.finfo(dtype).eps / 2))
+    return digits
+
+
 def main():
     jax.config.update("jax_enable_x64", True)
+    print("| | float64: median | worst | float32: median | worst |")
+    print("| --- | --- | --- | --- | --- |")
+    digits = [everyday_digits(dtype) for dtype in (np.float64, np.float32)]
+    for j, name in enumerate((
+        "R of one boundary", "T of one boundary", "psi of one boundary", "R and T of two films",
+        "derivative of R by their thicknesses",
+    )):  # fmt: skip
+        figures = [f"{of(x[j]):.1f}" for x in digits for of in (np.median, np.min)]
+        print(f"| {name} | {' | '.join(figures)} |")
+    print()
     print(
         "| points | R, T: float64 | float32 | gradient: float64 | float32 "
         "| printed form: float64 | float32 |"

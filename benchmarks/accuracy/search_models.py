@@ -63,26 +63,36 @@ def _lorentz(w, strength, resonance, width):
 
 
 def _tauc_lorentz(w, A, E_0, C, gap, eps_inf):
-    """Jellison and Modine's closed form with its erratum (doi:10.1063/1.118155)."""
-    if C >= 2 * E_0 or gap > E_0:
-        return None  # no such oscillator; no peak, and no bound is stated
+    """Jellison and Modine's closed form with its erratum (doi:10.1063/1.118155).
+
+    alpha occurs as its square and in two quotients that are even in it, so that the form goes on
+    where C > 2 E_0 and alpha is imaginary.
+    """
+    if C == 2 * E_0 or gap > E_0:
+        return None  # quotients of zeros; no peak, and no bound is stated
     E, pi, atan, log = energy(w), gmpy2.const_pi(), gmpy2.atan, gmpy2.log
-    alpha, gamma2 = gmpy2.sqrt(4 * E_0**2 - C**2), E_0**2 - C**2 / 2
-    zeta4 = (E**2 - gamma2) ** 2 + alpha**2 * C**2 / 4
+    alpha2, gamma2 = 4 * E_0**2 - C**2, E_0**2 - C**2 / 2
+    zeta4 = (E**2 - gamma2) ** 2 + alpha2 * C**2 / 4
     a_ln = (gap**2 - E_0**2) * E**2 + gap**2 * C**2 - E_0**2 * (E_0**2 + 3 * gap**2)
     a_atan = (E**2 - E_0**2) * (E_0**2 + gap**2) + gap**2 * C**2
-    edge = E_0**2 + gap**2
-    angles = pi - atan((2 * gap + alpha) / C) + atan((alpha - 2 * gap) / C)
-    other = pi + 2 * atan(2 * (gamma2 - gap**2) / (alpha * C))
+    edge, turned = E_0**2 + gap**2, 2 * (gap**2 - gamma2) / C
+    # pi less the angles of 2 E_g -+ alpha over C, together
+    angles = gmpy2.atan2(gap * C, gap**2 - E_0**2)
+    alpha = gmpy2.sqrt(abs(alpha2))
+    if alpha2 > 0:
+        ln = log((edge + alpha * gap) / (edge - alpha * gap)) / alpha
+        other = (pi - 2 * atan(turned / alpha)) / alpha
+    else:
+        ln = 2 * atan(alpha * gap / edge) / alpha
+        other = log((turned + alpha) / (turned - alpha)) / alpha
     ratio = abs(E - gap) * (E + gap) / gmpy2.sqrt((E_0**2 - gap**2) ** 2 + gap**2 * C**2)
     re = eps_inf + (
-        A * C * a_ln / (2 * pi * zeta4 * alpha * E_0)
-        * log((edge + alpha * gap) / (edge - alpha * gap))
+        A * C * a_ln / (2 * pi * zeta4 * E_0) * ln
         - A * a_atan / (pi * zeta4 * E_0) * angles
-        + 2 * A * E_0 * gap * (E**2 - gamma2) / (pi * zeta4 * alpha) * other
+        + 2 * A * E_0 * gap * (E**2 - gamma2) / (pi * zeta4) * other
         - A * E_0 * C * (E**2 + gap**2) / (pi * zeta4 * E) * log(abs(E - gap) / (E + gap))
         + 2 * A * E_0 * C * gap / (pi * zeta4) * log(ratio)
-    )  # fmt: skip
+    )
     im = gmpy2.mpfr(0)
     if gap < E:
         im = A * E_0 * C * (E - gap) ** 2 / (((E * E - E_0**2) ** 2 + C**2 * E * E) * E)

@@ -197,15 +197,15 @@ def _material_list(words: str) -> str:
     title. Raises ValueError where there are none, or for other words.
     """
     from fitting.output.summary import rows_aligned
-    from fitting.samples.known_media import PREFIX, search_database
     from fresnel_jax import materials
 
     if words:
-        if not words.startswith(PREFIX):
-            raise ValueError(f"{words!r} came; {PREFIX}gold looks for gold in the database.")
-        entries = search_database(words)
+        prefix = materials.DATABASE_PREFIX
+        if not words.startswith(prefix):
+            raise ValueError(f"{words!r} came; {prefix}gold looks for gold in the database.")
+        entries = materials.search_database(words)
         if not entries:
-            raise ValueError(f"no entry of the database has {words.removeprefix(PREFIX)!r}.")
+            raise ValueError(f"no entry of the database has {words.removeprefix(prefix)!r}.")
         return "\n".join(rows_aligned(entries, margin=""))
     rows = [("name", "wavelengths, um", "source; conditions")]
     for name in materials.names():

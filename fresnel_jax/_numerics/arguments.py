@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -46,8 +46,7 @@ def structure(cos_theta_i, eta, k, eta_i):
         if jnp.iscomplexobj(value):
             raise ValueError(f"{name} is complex, a real number is wanted; only eta may be complex")
     check_cosine(cos_theta_i)
-    check_extinction(k)
-    check_positive(eta, "eta", or_zero=not is_exactly(k, 0))  # an ideal plasma has eta = 0
+    check_index(eta, k)
     check_positive(eta_i, "eta_i")
     k = None if is_exactly(k, 0) else k
     eta_i = None if is_exactly(eta_i, 1) else eta_i
@@ -201,10 +200,24 @@ def check_extinction(k, name: str = "k"):
 
 
 def check_positive(value, name: str, or_zero: bool = False):
-    """ValueError for a readable value <= 0, or < 0."""
+    """ValueError for a readable value <= 0, or < 0, or one that is infinite."""
     ends = _ends(value)
-    if ends is not None and (ends[0] < 0 or (ends[0] == 0 and not or_zero)):
+    if ends is None:
+        return
+    if ends[0] < 0 or (ends[0] == 0 and not or_zero):
         raise ValueError(f"{name} is {ends[0]:g}; wanted {'>= 0' if or_zero else '> 0'}")
+    if ends[1] == np.inf:
+        raise ValueError(f"{name} is infinite; wanted a finite number")
+
+
+def check_media(index):
+    """ValueError for readable absolute indices that are 0, infinite, or have a part below 0."""
+    if not (np.iscomplexobj(index) and readable(index)):
+        return check_positive(index, "the real part of index")
+    some = _some_values(index)
+    check_extinction(np.imag(some), "the imaginary part of index")
+    check_positive(np.real(some), "the real part of index", or_zero=True)
+    check_positive(np.abs(some), "the modulus of index")
 
 
 def check_length(value, name: str):
@@ -215,11 +228,10 @@ def check_length(value, name: str):
         raise ValueError(f"{name} is {wrong:g}; wanted a finite number of micrometres >= 0")
 
 
-def _check_index(index):
-    if isinstance(index, Index):
-        check_extinction(index.k)
-        index = index.eta
-    check_positive(index, "eta", or_zero=True)
+def check_index(eta, k):
+    """ValueError for a readable eta < 0, or k < 0, or an index that is 0."""
+    check_extinction(k)
+    check_positive(eta, "eta", or_zero=not is_exactly(k, 0))  # an ideal plasma has eta = 0
 
 
 def _check_first_index(index):
@@ -228,18 +240,17 @@ def _check_first_index(index):
 
 def looked_at(function):
     """A compiled function whose readable cosine and indices are looked at before it is called."""
-    checks = {
-        "cos_theta_i": check_cosine, "k": check_extinction,
-        "eta": _check_index, "eta_i": _check_first_index,
-    }  # fmt: skip
-    places = [(i, name) for i, name in enumerate(inspect.signature(function).parameters)]
-    places = [(i, name, checks[name]) for i, name in places if name in checks]
+    signature = inspect.signature(function)
 
     @functools.wraps(function)
     def checked(*arguments, **named):
-        for i, name, check in places:
-            if i < len(arguments) or name in named:
-                check(arguments[i] if i < len(arguments) else named[name])
+        given = signature.bind(*arguments, **named).arguments
+        if "cos_theta_i" in given:
+            check_cosine(given["cos_theta_i"])
+        if "eta" in given:
+            check_index(*index_parts(given["eta"], given.get("k", 0.0)))
+        if "eta_i" in given:
+            _check_first_index(given["eta_i"])
         return function(*arguments, **named)
 
     return checked
@@ -300,8 +311,16 @@ def index_named(name: str):
     return functools.partial(lossless_index, name=name)
 
 
-def extinction(k: ArrayLike) -> Array:
-    """`as_float` of an extinction coefficient; ValueError for a readable k < 0."""
-    k = real(k, "k")
-    check_extinction(k)
-    return as_float(k, "k")
+def float_checked(name: str, check: Callable[[Any, str], None]):
+    """`float_named`, of what `check(x, name)` lets through."""
+
+    def converter(x: ArrayLike | Sequence[Any]) -> Array:
+        x = real(x, name)
+        check(x, name)
+        return as_float(x, name)
+
+    return converter
+
+
+extinction = float_checked("k", check_extinction)
+not_negative = functools.partial(check_positive, or_zero=True)

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._numerics.arguments import extinction, float_named
+from .._numerics.arguments import extinction, float_checked, float_named, not_negative
 from .._numerics.arithmetic import real_sqrt, two_square
 from .spectral import (
     DispersionModel,
@@ -20,10 +20,10 @@ from .spectral import (
 class Constant(DispersionModel):
     """The same index eta + ik at every wavelength.
 
-    Arguments: `eta` > 0 and `k` >= 0, numbers.
+    Arguments: `eta` >= 0 and `k` >= 0, numbers.
     """
 
-    eta: Array = eqx.field(converter=float_named("eta"))
+    eta: Array = eqx.field(converter=float_checked("eta", not_negative))
     k: Array = eqx.field(converter=extinction, default=0.0)
 
     def index(self, wavelength_um: Array) -> Index:

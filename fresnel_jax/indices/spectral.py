@@ -13,9 +13,10 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
-from .._numerics.arguments import as_float, real
+from .._numerics.arguments import as_float, check_positive, real
 from .._numerics.arithmetic import complex_sqrt
 from .._numerics.index import Index
+from .._numerics.transposable import transposable
 
 # h c / e in eV um; exact by the definition of the SI units
 HC_EV_UM = 1.2398419843320025
@@ -38,8 +39,12 @@ class DispersionModel(eqx.Module):
 
 
 def in_one_type(wavelength_um: ArrayLike, model) -> Array:
-    """Wavelengths in their own floating-point type; Python numbers in that of the model."""
+    """Wavelengths in their own floating-point type; Python numbers in that of the model.
+
+    ValueError for a readable one that is not a finite number above 0.
+    """
     wavelength_um = real(wavelength_um, "wavelength_um")
+    check_positive(wavelength_um, "wavelength_um")
     dtype = getattr(wavelength_um, "dtype", None)
     if dtype is not None and jnp.issubdtype(dtype, jnp.floating):
         # No dtype is named: where float64 is off, NumPy's arrays become float32 without a warning.
@@ -82,7 +87,17 @@ def _evaluate_within(model: DispersionModel, wavelength: Array, low, high) -> In
     inside = (wavelength >= low) & (wavelength <= high)
     # A pole outside must not put a NaN into the derivatives inside
     eta, k = _evaluate(model, jnp.where(inside, wavelength, low))
-    return Index(jnp.where(inside, eta, jnp.nan), jnp.where(inside, k, jnp.nan))
+    unknown = transposable(_nan_outside, _nan_outside, inside, wavelength)
+    return Index(jnp.where(inside, eta, jnp.nan) + unknown, jnp.where(inside, k, jnp.nan) + unknown)
+
+
+def _nan_outside(inside: Array, x: Array) -> Array:
+    """0, and NaN outside unless x is 0: also the derivative is unknown there.
+
+    As a linear function of x with itself as its transpose it leaves the derivative of what is not
+    asked for alone: NaN times a cotangent of 0 would be NaN.
+    """
+    return jnp.where(inside | (x == 0.0), 0.0, jnp.nan).astype(x.dtype)
 
 
 def over_terms(x: Array, *parameters: Array) -> tuple[Array, ...]:

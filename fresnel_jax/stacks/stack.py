@@ -16,8 +16,8 @@ from .._numerics.arguments import (
     as_floats,
     broadcast_shape,
     check_cosine,
-    check_extinction,
     check_length,
+    check_media,
     check_positive,
     readable,
     real,
@@ -114,11 +114,8 @@ def with_leading_axis(values: Any, name: str, least: int) -> Array:
     values = _as_complex(values)
     for entry in values if isinstance(values, (list, tuple)) else (values,):
         number = real_or_complex(entry, name)
-        if readable(number) and np.iscomplexobj(number):
-            check_extinction(number.imag, f"the imaginary part of {name}")
-            number = number.real
         if name == "index":
-            check_positive(number, "the real part of index", or_zero=True)
+            check_media(number)
         else:
             check_length(number, name)
     if isinstance(values, (list, tuple)):
@@ -222,9 +219,16 @@ def stack(
         R + T + sum(A) = 1. If the first medium absorbs, R and T are the same ratios, but incident
         and reflected wave also carry power together, so that R + T + sum(A) = 1 + 2 Im(r) Im(Y) /
         Re(Y), with Y = Q_0 for s and Q_0 / N_0^2 for p; A is then the power along the normal that
-        enters a layer less that which leaves it.
+        enters a layer less that which leaves it. Of the two waves in the last medium the one with
+        Re Q + Im Q >= 0 leaves the stack there, not the one with Im Q >= 0 (the condition of the
+        package tmm): with that a trace of absorption in front would turn the refracted wave round,
+        and R into 1 / R (docs/stacks.md).
 
-        Accuracy: docs/stacks.md. No angle, thickness or index of the domain overflows or gives NaN:
+        Accuracy: 64 eps of each R and T (8 eps for each layer of more than ten), or of what a
+        relative change of one eps in each argument does to it, if that is more: the bound is one of
+        the conditioning. Of the value alone it holds for nearly all stacks of up to three layers;
+        of ten layers one value in a thousand is 65 to 877 eps off. See docs/stacks.md. No angle,
+        thickness or index of the domain overflows or gives NaN:
         thicknesses up to 1e30 wavelengths and moduli of the indices from 1e-6 to 1e8 (float32: up
         to 1e20, and from 1e-3 to 1e4). There are two exceptions: the wave that an absorbing first
         medium sends obliquely into a clear incoherent layer grows with the depth, and where the sum
@@ -239,9 +243,11 @@ def stack(
     absolute error of some eps is left.
 
     Raises:
-        ValueError: shapes that do not fit each other, a complex argument other than index, a known
-            cosine above 1 or imaginary part of an index below 0, a type that is neither float32
-            nor float64, or a `coherent` that is not static.
+        ValueError: shapes that do not fit each other; a complex argument other than index; a type
+            that is neither float32 nor float64; a `coherent` that is not static; or, where it can
+            be read (see the module `interface`), a cosine above 1.001, an index that is 0, infinite
+            or has a part below 0, a thickness or roughness that is negative or infinite, a
+            wavelength that is not a finite number above 0.
     """
     index = _as_complex(index)
     media: Array = with_leading_axis(index, "index", 2)

@@ -152,6 +152,7 @@ def calls() -> dict[str, tuple[Any, ...]]:
             lambda a, p, e: dp.KramersKronigSpline(a, np.arange(1.0, 8.0), 1.5, p, e),
             np.array([0.1, 0.5, 0.3]), np.array([1.0, 2.0]), np.array([8.0, 9.0]),
         ),
+        "dispersion.PublishedFormula": at(lambda: dp.PublishedFormula(5, (1.5, 0.004, -2.0))),
         "dispersion.Sellmeier": at(dp.Sellmeier, 0.3 * EV, 0.01 * EV),
         "dispersion.Sellmeier with powers": at(
             lambda s, p, c: dp.Sellmeier(s, p, 1.0, c, (-2.0, 2.0)), EV, 0.01 * EV, 0.01 * EV[:2]
@@ -162,6 +163,11 @@ def calls() -> dict[str, tuple[Any, ...]]:
         "dispersion.TaucLorentz": at(
             lambda a, e, g: dp.TaucLorentz(a, e, g, 0.8, 1.5), 10.0 * EV, EV, 0.5 * EV
         ),
+        "dispersion.material_from_tables": at(
+            lambda: dp.material_from_tables(((0.3, 1.0), (1.5, 1.4)), None, "glass")
+        ),
+        "dispersion.material_from_yaml": at(lambda: dp.material_from_yaml(
+            "DATA: [{type: formula 5, wavelength_range: 0.3 1, coefficients: 1.5}]", "glass")),
         "dispersion.material": at(lambda: dp.material("gold")),
         "dispersion.drude": at(dp.drude, np.array(9.0), np.array(0.1)),
         "dispersion.lorentz_drude": at(

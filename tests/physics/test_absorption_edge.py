@@ -32,24 +32,34 @@ def integrated(E, A, E_0, C, gap):
 
 
 def published(E, A, E_0, C, gap):
-    """Jellison and Modine's closed form with its erratum, eps_inf left out."""
+    """Jellison and Modine's closed form with its erratum, eps_inf left out.
+
+    Their alpha = sqrt(4 E_0^2 - C^2) occurs as its square and in quotients that are even in it, so
+    that the form goes on where C > 2 E_0 and alpha is imaginary.
+    """
     E, A, E_0, C, gap = map(mp.mpf, (E, A, E_0, C, gap))
-    alpha, gamma2 = mp.sqrt(4 * E_0**2 - C**2), E_0**2 - C**2 / 2
-    zeta4 = (E**2 - gamma2) ** 2 + alpha**2 * C**2 / 4
+    alpha2, gamma2 = 4 * E_0**2 - C**2, E_0**2 - C**2 / 2
+    alpha = mp.sqrt(abs(alpha2))
+    zeta4 = (E**2 - gamma2) ** 2 + alpha2 * C**2 / 4
     a_ln = (gap**2 - E_0**2) * E**2 + gap**2 * C**2 - E_0**2 * (E_0**2 + 3 * gap**2)
     a_atan = (E**2 - E_0**2) * (E_0**2 + gap**2) + gap**2 * C**2
-    edge = E_0**2 + gap**2
-    angles = mp.pi - mp.atan((2 * gap + alpha) / C) + mp.atan((alpha - 2 * gap) / C)
-    other = mp.pi + 2 * mp.atan(2 * (gamma2 - gap**2) / (alpha * C))
+    edge, turned = E_0**2 + gap**2, 2 * (gap**2 - gamma2) / C
+    if alpha2 > 0:
+        angles = mp.pi - mp.atan((2 * gap + alpha) / C) + mp.atan((alpha - 2 * gap) / C)
+        ln = mp.log((edge + alpha * gap) / (edge - alpha * gap)) / alpha
+        other = (mp.pi - 2 * mp.atan(turned / alpha)) / alpha
+    else:
+        angles = mp.atan((C + alpha) / (2 * gap)) + mp.atan((C - alpha) / (2 * gap))
+        ln = 2 * mp.atan(alpha * gap / edge) / alpha
+        other = mp.log((turned + alpha) / (turned - alpha)) / alpha
     ratio = abs(E - gap) * (E + gap) / mp.sqrt((E_0**2 - gap**2) ** 2 + gap**2 * C**2)
     return (
-        A * C * a_ln / (2 * mp.pi * zeta4 * alpha * E_0)
-        * mp.log((edge + alpha * gap) / (edge - alpha * gap))
+        A * C * a_ln / (2 * mp.pi * zeta4 * E_0) * ln
         - A * a_atan / (mp.pi * zeta4 * E_0) * angles
-        + 2 * A * E_0 * gap * (E**2 - gamma2) / (mp.pi * zeta4 * alpha) * other
+        + 2 * A * E_0 * gap * (E**2 - gamma2) / (mp.pi * zeta4) * other
         - A * E_0 * C * (E**2 + gap**2) / (mp.pi * zeta4 * E) * mp.log(abs(E - gap) / (E + gap))
         + 2 * A * E_0 * C * gap / (mp.pi * zeta4) * mp.log(ratio)
-    )  # fmt: skip
+    )
 
 
 def random_oscillators(dtype, count, seed=1):
@@ -70,13 +80,19 @@ def random_oscillators(dtype, count, seed=1):
     (1.2, 50.0, 3.0, 0.5, 1.0),
     (8.0, 120.0, 4.5, 3.0, 2.2),
     (1.9, 80.0, 4.0, 2.0, 2.0),  # below the gap, where the index is real
+    (1.2, 50.0, 3.0, 6.001, 1.0),  # beyond C = 2 E_0, where the oscillator does not swing
+    (3.0, 50.0, 3.0, 8.5, 1.0),
+    (0.3, 120.0, 4.5, 60.0, 2.2),
 ])  # fmt: skip
 def test_published_form_and_ours_are_the_kramers_kronig_integral(numbers):
     E, A, E_0, C, gap = numbers
     true = float(integrated(*numbers))
-    assert float(published(*numbers)) == pytest.approx(true, rel=1e-13)
+    with mp.workdps(30):
+        assert float(published(*numbers)) == pytest.approx(true, rel=1e-13)
     eta, k = TaucLorentz([A], [E_0], [C], gap, 1.5)(HC_EV_UM / E)
     permittivity = complex(eta, k) ** 2
+    jitted = jax.jit(lambda c, w: TaucLorentz(A, E_0, c, gap, 1.5)(w))(C, HC_EV_UM / E)
+    np.testing.assert_allclose(jitted, (eta, k), rtol=1e-14)
     assert permittivity.real == pytest.approx(1.5 + true, rel=1e-13)
     assert permittivity.imag == pytest.approx(float(imaginary_part(*numbers)), rel=1e-12)
 
@@ -100,7 +116,9 @@ def test_random_oscillators_against_the_published_form(dtype):
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
-@pytest.mark.parametrize("kind", ["narrow", "width near 2 E_j", "gap above"])
+@pytest.mark.parametrize(
+    "kind", ["narrow", "width near 2 E_j", "width above 2 E_j", "wide", "gap above"]
+)
 def test_extreme_oscillators_stay_within_the_stated_bound(kind, dtype):
     """Sums of logarithms at the poles were off by 6.7e5, 1.6e4 and 4.9e3 eps here."""
     random, eps = np.random.default_rng(4), np.finfo(dtype).eps
@@ -108,6 +126,8 @@ def test_extreme_oscillators_stay_within_the_stated_bound(kind, dtype):
         c = {
             "narrow": 10.0 ** random.uniform(-4, -1),
             "width near 2 E_j": 2.0 - 10.0 ** random.uniform(-4, -1),
+            "width above 2 E_j": 2.0 + 10.0 ** random.uniform(-4, -1),
+            "wide": 10.0 ** random.uniform(0.31, 3),
             "gap above": random.uniform(0.1, 1.9),
         }[kind]
         g = random.uniform(1.0, 2.0) if kind == "gap above" else random.uniform(0.0, 1.0)
@@ -165,8 +185,29 @@ def test_gradients_against_differences_of_the_published_form():
                 assert float(found[i]) == pytest.approx(true, rel=1e-9, abs=1e-10)
 
 
-def test_overdamped_oscillators_are_not_a_number():
-    assert np.isnan(TaucLorentz([10.0], [2.0], [4.5], 1.0)(0.5)).any()
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_derivatives_by_the_width_go_on_through_twice_the_resonance(dtype):
+    """Where alpha is 0, beside it, and on to widths at which a pole lies near 0; by quadrature."""
+    eps = float(np.finfo(dtype).eps)
+
+    @jax.jit
+    @jax.value_and_grad
+    def ours(c, w):
+        n, k = TaucLorentz(jnp.full((), 50.0, dtype), dtype(3.0), c, dtype(1.0), dtype(1.5))(w)
+        return n * n - k * k
+
+    for C in (6.0, 6.0 * (1 + 2 * eps), 6.0 * (1 - 2 * eps), 6.2, 9.5, 30.0):
+        C, wavelength = dtype(C), dtype(HC_EV_UM / 1.2)
+        value, slope = ours(C, wavelength)
+        with mp.workdps(20):
+            numbers = (mp.mpf(HC_EV_UM) / mp.mpf(float(wavelength)), 50, 3, mp.mpf(float(C)), 1)
+            step = numbers[3] * mp.mpf(10) ** -7
+            high, low = (integrated(*numbers[:3], numbers[3] + d, 1) for d in (step, -step))
+            # 1.5 + the transform, whose terms are ten times as large
+            allowed = BOUND * eps * max(1, abs(1.5 + integrated(*numbers)))
+            assert abs(mp.mpf(float(value)) - 1.5 - integrated(*numbers)) <= allowed, C
+            off = mp.mpf(float(slope)) - (high - low) / (2 * step)
+            assert abs(off * numbers[3]) <= allowed, C
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])

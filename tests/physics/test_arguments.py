@@ -18,6 +18,7 @@ from fresnel_jax import (
 from fresnel_jax.bsdf import (
     Dielectric,
     FresnelConductor,
+    FresnelStack,
     ThinDielectric,
     conductor,
     fresnel_specular,
@@ -159,6 +160,23 @@ def test_lists_are_arrays(function):
         (lambda: reflectance(0.9, 1.5, np.inf), "k is infinite"),
         (lambda: approximate.schlick(0.9, -1.5), "eta is -1.5"),
         (lambda: approximate.schlick(0.9, 1.5, eta_i=0.0), "eta_i is 0"),
+        (lambda: approximate.schlick(0.9, 0.0), "eta is 0; wanted > 0"),
+        (lambda: approximate.f82(0.9, complex(1.5, np.inf)), "k is infinite"),
+        (lambda: powers(0.9, np.inf), "eta is infinite"),
+        (lambda: reflectance(0.9, 1.5, eta_i=np.inf), "eta_i is infinite"),
+        (lambda: fresnel_dielectric(0.9, np.inf), "eta is infinite"),
+        (lambda: FresnelStack([1.0, 1.5, 2.0], [-0.1], 0.5), "thickness_um is -0.1"),
+        (lambda: FresnelStack([1.0, 1.5, 2.0], [0.1], -0.5), "wavelength_um is -0.5"),
+        (lambda: FresnelConductor(0.0), "eta is 0"),
+        (lambda: TrowbridgeReitz(-0.1), "alpha_x is -0.1"),
+        (lambda: TrowbridgeReitz(0.1, np.array([0.1, -0.2])), "alpha_y is -0.2"),
+        (lambda: Constant(-1.5), "eta is -1.5"),
+        (lambda: Constant(1.5)(-0.5), "wavelength_um is -0.5"),
+        (lambda: DrudeLorentz(80.0, 0.0, 0.1)(np.array([0.5, 0.0])), "wavelength_um is 0"),
+        (lambda: material("gold")(-0.5), "wavelength_um is -0.5"),
+        (lambda: material("vacuum")(np.inf), "wavelength_um is infinite"),
+        (lambda: bruggeman([1.0, -1.5], [0.0, 0.0], [0.5]), "eta is -1.5"),
+        (lambda: bruggeman(np.array([1.0, 1.5]), np.array([0.0, -0.1]), [0.5]), "k is -0.1"),
         (lambda: Dielectric(-1.5), "eta is -1.5"),
         (lambda: FresnelConductor(-1.0, 1.0), "eta is -1"),
         (lambda: critical_angle_deg(-1.0), "eta is -1"),
@@ -174,6 +192,26 @@ def test_lists_are_arrays(function):
         (
             lambda: stack(0.9, [1.0, -2.0, 1.5], thickness_um=[0.1], wavelength_um=0.5),
             "the real part of index is -2",
+        ),
+        *(
+            (lambda media=media: stack(0.9, media, thickness_um=[0.1], wavelength_um=0.5), text)
+            for media, text in (
+                ([1.0, 0.0, 1.5], "the real part of index is 0"),
+                (np.array([1.0, 0.0, 1.5]), "the real part of index is 0"),
+                (jnp.array([1.0, 2.0, -1.5]), "the real part of index is -1.5"),
+                (jnp.array([1.0, 2.0 - 0.1j, 1.5]), "the imaginary part of index is -0.1"),
+                ([1.0, 0.0j, 1.5], "the modulus of index is 0"),
+                ([1.0, 2.0, np.inf], "the real part of index is infinite"),
+                ([1.0, complex(2.0, np.inf), 1.5], "the imaginary part of index is infinite"),
+            )
+        ),
+        (
+            lambda: stack(0.9, [1.0, 2.0, 1.5], thickness_um=[np.inf], wavelength_um=0.5),
+            "thickness_um is inf",
+        ),
+        (
+            lambda: stack(0.9, [1.0, 2.0, 1.5], thickness_um=[0.1], wavelength_um=np.inf),
+            "wavelength_um is infinite",
         ),
         (
             lambda: stack(0.9, [1.0, 2.0, 1.5], thickness_um=[-0.1], wavelength_um=0.5),

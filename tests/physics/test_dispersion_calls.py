@@ -16,6 +16,7 @@ from fresnel_jax.dispersion import (
     Sellmeier,
     Tabulated,
     drude,
+    material,
 )
 
 GLASS = Sellmeier([1.03961212, 0.231792344, 1.01046945], [0.00600069867, 0.0200179144, 103.560653])
@@ -37,6 +38,14 @@ def test_wavelengths_outside_are_refused_or_nan():
     on_pole = Material(Sellmeier([1.0], [0.25]), (0.6, 2.5), "pole")
     slopes = jax.jit(jax.grad(lambda w: on_pole(w).eta[1]))(jnp.array([0.5, 0.7, 3.0]))
     assert slopes[1] != 0.0 and np.isfinite(slopes).all()
+    # its own derivative is not known either, whatever asks for it
+    for model in (glass, Material(Constant(1.5), (0.3, 2.5)), material("gold")):
+        for derivative in (jax.jacfwd, jax.jacrev):
+            of_all = jax.jit(derivative(lambda w, m=model: jnp.stack(m(w))))
+            slopes = np.asarray(of_all(wavelengths))
+            own = slopes[:, range(3), range(3)]
+            np.testing.assert_array_equal(np.isnan(own), 2 * [[True, False, True]])
+            assert not slopes[:, ~np.eye(3, dtype=bool)].any()
     # ends that were computed in other units
     assert np.isfinite(glass(2500.0 * 1e-3 * (1 + 2e-16)).eta)
     assert np.isfinite(Material(GLASS, (0.24797, 2.5))(np.float32(0.24797)).eta)

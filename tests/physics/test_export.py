@@ -49,7 +49,7 @@ def test_a_written_program_gives_the_same_result_for_any_batch(name):
     (free,) = export.symbolic_shape("batch")
     given = jax.ShapeDtypeStruct((free,), jnp.float64)
     again = export.deserialize(export.export(function)(given).serialize())
-    for cosines in [[0.2, 0.9, 0.5]] + [[0.3]] * (name == "stack"):
+    for cosines in [[0.2, 0.9, 0.5]] + [[0.3]] * ("stack" in name or name == "incoherent"):
         want, got = function(np.array(cosines)), again.call(np.array(cosines))
         assert type(got) is type(want)
         for a, b in zip(jax.tree.leaves(got), jax.tree.leaves(want), strict=True):

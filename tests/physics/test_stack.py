@@ -237,3 +237,13 @@ def test_a_rough_film_behind_a_medium_that_hardly_absorbs():
         return jnp.stack([*out[:4], *out.A_s, *out.A_p])
 
     np.testing.assert_allclose(powers_behind(1e-14), powers_behind(0.0), rtol=1e-11, atol=1e-13)
+
+
+def test_a_trace_of_absorption_in_front_changes_little():
+    """With the root of Im Q >= 0 behind an absorbing medium R_s would be 12.6, 1 / .0793."""
+    cosine = np.array([0.9, 0.5])  # refraction, total reflection
+    index = [1.5 + 1e-6j * np.array([[0.0], [1.0]]), 1.7 + 0.0j, 1.0 + 0.0j]
+    found = stack(cosine, index, thickness_um=[0.1], wavelength_um=0.5)
+    for power in found[:4]:
+        np.testing.assert_allclose(power[1], power[0], atol=2e-5)
+    assert 0.05 < found.R_s[1, 0] < 0.5 and found.R_s[0, 1] == pytest.approx(1.0)

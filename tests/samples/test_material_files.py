@@ -11,8 +11,7 @@ from fitting.output.files import material_files
 from fitting.results.result_parts import IndexBand
 from fitting.samples.known_media import known_medium
 from fitting.samples.material_files import MaterialFileError, read_material
-from fitting.samples.published_formulas import PublishedFormula
-from fresnel_jax.dispersion import material
+from fresnel_jax.dispersion import PublishedFormula, material
 
 # (formula, coefficients, wavelength_um, index): files of the database (CC0) and what the site or
 # the paper behind prints

@@ -27,7 +27,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 
-from fresnel_jax.dispersion import DispersionModel, Index
+from .._numerics.index import Index
+from .spectral import DispersionModel
 
 Coefficients = tuple[float, ...]
 
