@@ -214,8 +214,8 @@ def fit(
             scales, "scale[R_s]" that of R_s, in every file.
         tie: name -> another name, or a multiple: {"film_2.A": "film_1.A", "substrate.k": "2 *
             film.k"}.
-        loss: "squares"; "huber" or "student" for data with outliers, with the noise found from the
-            residuals unless errors="stated".
+        loss: "squares"; "huber" for data with outliers, with the noise found from the residuals
+            unless errors="stated".
         errors: how the stated errors are used. "stated": as they are. "scaled": multiplied by
             sqrt(chi2 / dof). "floor": one common error is added to them in squares. "relative": an
             error in proportion to each fitted R or T is. "equal": not at all, all data have equal

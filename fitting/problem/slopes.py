@@ -9,7 +9,7 @@ import numpy as np
 from fitting.optics.spec import NCS
 from fitting.problem.model_at import Shown
 from fitting.problem.observations import Observations
-from fitting.problem.programs import HUBER, STUDENT, robust
+from fitting.problem.programs import HUBER, robust
 from fitting.problem.unknowns import Unknowns
 from fitting.samples.parameters import value_and_slope
 
@@ -82,7 +82,4 @@ def influence(loss: str, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if loss == "huber":
         inside = np.abs(r) <= HUBER
         return np.clip(r, -HUBER, HUBER), inside.astype(float)
-    if loss == "student":
-        q = 1.0 + r * r / STUDENT
-        return r / q, (1.0 - r * r / STUDENT) / q**2
     return r, np.ones_like(r)
