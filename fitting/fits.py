@@ -37,11 +37,11 @@ from fitting.results.result import FitData
 from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
+from fitting.searching.fewer_rows import with_fewer_rows
 from fitting.searching.film_starts import film_starts, films_of
 from fitting.searching.stages import searched
 from fitting.searching.starts import starts as start_points
 from fitting.searching.starts import usual_starts, with_given_start
-from fitting.searching.thinned import thinned
 from fitting.uncertainty.intervals import check_choices
 from fitting.uncertainty.stated_errors import with_added_error
 from fitting.uncertainty.widening import widened
@@ -89,7 +89,7 @@ def _shared(
     count = usual_starts(int(u.free.sum()), film) if asked.starts is None else asked.starts
     points = start_points(u.moving, count, asked.seed)
     points = with_given_start(points, u.moving, u.labels, asked.start)
-    few = thinned(job, sample, measurements)
+    few = with_fewer_rows(job, sample, measurements)
     if asked.starts is None:
         points = np.concatenate([points, film_starts(few, points)], 1)
     ends, noise = searched(job, few, points)
