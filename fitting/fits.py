@@ -25,9 +25,9 @@ from fitting.data.quantities import POWERS
 from fitting.fit_result import Fit
 from fitting.free_films import check_free_film, fit_free_film, free_film
 from fitting.outcomes.batched import stacked
+from fitting.outcomes.doubtful_index import notes_on
 from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of
-from fitting.outcomes.pseudo_index import notes_on
 from fitting.problem.observations import labels_of, missing_errors
 from fitting.problem.problem import FitOptions, Kept
 from fitting.residuals.error_model import NEED_STATED, RELATIVE

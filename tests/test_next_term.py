@@ -14,7 +14,7 @@ from fitting.problem.programs import targets_of
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.samples.parameters import Settings
 from fitting.searching.neighbours import _other_lines
-from fitting.searching.next_term import (
+from fitting.searching.oscillators import (
     Responses,
     _condensed,
     by_eps,

@@ -10,7 +10,7 @@ import numpy as np
 from fitting.data.measurement import Measurement
 from fitting.data.quantities import are_powers
 from fitting.optics.instrument import INSTRUMENT
-from fitting.outcomes.implausible_index import implausible_indices
+from fitting.outcomes.doubtful_index import implausible_indices
 from fitting.problem.evaluation import at_data
 from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns

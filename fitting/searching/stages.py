@@ -17,11 +17,11 @@ import numpy as np
 from fitting.problem.lanes import LANES, Ends, joined
 from fitting.problem.problem import Kept, Problem
 from fitting.problem.unknowns import terms_of
-from fitting.searching.far_oscillators import with_far_oscillators
 from fitting.searching.fewer_rows import FOLLOWED, followed_with_all
 from fitting.searching.fringe_orders import with_all_orders
 from fitting.searching.minima import lowest_ends
 from fitting.searching.neighbours import with_neighbours
+from fitting.searching.oscillators import with_far_oscillators
 from fitting.searching.other_thicknesses import with_other_thicknesses
 from fitting.searching.search import solved
 from fitting.searching.starts import start_at
