@@ -297,7 +297,8 @@ def findings_of_all(
         "errors": taken if stated else "scaled", "robust": found.loss != "squares",
     }  # fmt: skip
     told: list[tuple[Any, ...]] = [
-        ("not_converged", failed & ~missed, {}), ("misses_without_freedom", failed & missed, size),
+        ("not_converged", failed & np.logical_not(missed), {}),
+        ("misses_without_freedom", failed & missed, size),
         *(("not_seen", ok & at, {"parameters": names}) for at, names in unseen),
         ("chi2_large", ok & large, chi2), ("chi2_small", ok & small & stated, chi2),
     ]  # fmt: skip
