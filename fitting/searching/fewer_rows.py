@@ -39,16 +39,18 @@ _MOST, FOLLOWED = 128, 16
 
 
 def _some(m: Measurement, least: int, high_um: float) -> Measurement:
-    """Return every n-th wavelength of a measurement, by turns at the one angle and the other.
+    """Return every n-th wavelength of each angle of a measurement, of all angles by turns.
 
-    least: number of points that are kept. high_um: thickness of the thickest film.
+    least: number of points that are kept. high_um: thickness of the thickest film. Where n is no
+    larger than the number of angles each wavelength is seen at one of them, whatever the fringes.
     """
     waves, place = np.unique(m.wavelength_um, return_inverse=True)
     angles, turn = np.unique(m.angle_deg, return_inverse=True)
     if len(waves) < len(angles):
         return m
     phase = np.max(-np.diff(1.0 / waves), initial=0.0) * 2.0 * _ETA * high_um
-    stride = min(len(waves) * len(angles) // least, int(_PHASE / max(phase, 1e-9)))
+    most = max(int(_PHASE / max(phase, 1e-9)), len(angles))
+    stride = min(len(waves) * len(angles) // least, most)
     return m.where((place + turn) % stride == 0) if stride > 1 else m
 
 
