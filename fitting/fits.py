@@ -11,7 +11,6 @@ Fits run in float64, whether or not the caller has switched on jax_enable_x64.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -26,22 +25,23 @@ from fitting.data.quantities import POWERS
 from fitting.fit_result import Fit
 from fitting.free_films import check_free_film, fit_free_film, free_film
 from fitting.outcomes.batched import stacked
-from fitting.outcomes.disagreement import disagreement, may_disagree
+from fitting.outcomes.doubtful_index import notes_on
 from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of
-from fitting.outcomes.pseudo_index import notes_on
-from fitting.problem.observations import missing_errors
+from fitting.problem.observations import labels_of, missing_errors
 from fitting.problem.problem import FitOptions, Kept
 from fitting.residuals.error_model import NEED_STATED, RELATIVE
+from fitting.residuals.residuals import weighted_residuals
+from fitting.results.diagnostics import Warning
 from fitting.results.result import FitData
 from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
+from fitting.searching.fewer_rows import with_fewer_rows
 from fitting.searching.film_starts import film_starts, films_of
 from fitting.searching.stages import searched
 from fitting.searching.starts import starts as start_points
 from fitting.searching.starts import usual_starts, with_given_start
-from fitting.searching.thinned import thinned
 from fitting.uncertainty.intervals import check_choices
 from fitting.uncertainty.stated_errors import with_added_error
 from fitting.uncertainty.widening import widened
@@ -89,7 +89,7 @@ def _shared(
     count = usual_starts(int(u.free.sum()), film) if asked.starts is None else asked.starts
     points = start_points(u.moving, count, asked.seed)
     points = with_given_start(points, u.moving, u.labels, asked.start)
-    few = thinned(job, sample, measurements)
+    few = with_fewer_rows(job, sample, measurements)
     if asked.starts is None:
         points = np.concatenate([points, film_starts(few, points)], 1)
     ends, noise = searched(job, few, points)
@@ -123,10 +123,7 @@ def fit_checked(
         found = fit_bare_surface(
             concatenate(*measurements), sample, asked.errors, asked.intervals, asked.start
         )
-        if len(measurements) == 1:
-            return found
-        alone = [fit_bare_surface(m, sample, asked.errors, "quadratic") for m in measurements]
-        return replace(found, notes=(*found.notes, *disagreement(alone)))
+        return replace(found, notes=(*found.notes, *_misses_of_files(measurements, found)))
     check_fit(measurements, sample)
     found = _general(measurements, sample, settings, asked)
 
@@ -139,34 +136,25 @@ def fit_checked(
         found = with_added_error(again, measurements, found, asked.errors, asked.intervals)
     if not any(n.rpartition(".")[2] in ("eta", "k") for n in settings.names):
         found = with_verdicts(found, asked.errors)
-    notes = (*missing_errors(measurements, asked.errors), *notes_on(found))
-    if len(measurements) > 1 and may_disagree(found):
-        notes += disagreement(_alone(measurements, sample, settings, asked, found))
-    found = replace(found, notes=notes)
+    missing, misses = (
+        missing_errors(measurements, asked.errors),
+        _misses_of_files(measurements, found),
+    )
+    found = replace(found, notes=(*missing, *notes_on(found), *misses))
     return widened(found) if asked.errors == "auto" else found
 
 
-def _alone(
-    measurements: Sequence[Measurement],
-    sample: Sample,
-    settings: Settings,
-    asked: FitOptions,
-    found: FitData,
-) -> list[FitData]:
-    """Return the fit of each file by itself, started only from the minimum of the common fit.
-
-    Other minima that a file has by itself do not matter. A file that cannot be fitted by itself
-    (psi in one, Delta in another) is left out.
-    """
-    quick = asked._replace(intervals="quadratic", kept=None, starts=None, start=None)
-    if not sample.by_wavelength:
-        at = {n: found.parameters[n].value for n in found.names if "[" not in n}
-        quick = quick._replace(starts=0 if at else None, start=at)
-    alone = []
-    for m in measurements:
-        with contextlib.suppress(ValueError):
-            alone.append(_general([m], sample, settings, quick))
-    return alone
+def _misses_of_files(measurements: Sequence[Measurement], found: FitData) -> tuple[Warning, ...]:
+    """Return the note on the residuals of each of several files."""
+    if len(measurements) == 1 or found.measurement is None:
+        return ()
+    off = weighted_residuals(found.measurement, found.fitted, found.errors.stated)
+    each = np.split(off, np.cumsum([len(m) for m in measurements])[:-1])
+    values = {
+        "files": labels_of([m.source for m in measurements]), "n_data": [len(r) for r in each],
+        "rms": [float(np.sqrt(np.mean(r**2))) for r in each], "stated": found.errors.stated,
+    }  # fmt: skip
+    return (Warning("residuals_of_files", {}, values),)
 
 
 def _general(
@@ -226,8 +214,8 @@ def fit(
             scales, "scale[R_s]" that of R_s, in every file.
         tie: name -> another name, or a multiple: {"film_2.A": "film_1.A", "substrate.k": "2 *
             film.k"}.
-        loss: "squares"; "huber" or "student" for data with outliers, with the noise found from the
-            residuals unless errors="stated".
+        loss: "squares"; "huber" for data with outliers, with the noise found from the residuals
+            unless errors="stated".
         errors: how the stated errors are used. "stated": as they are. "scaled": multiplied by
             sqrt(chi2 / dof). "floor": one common error is added to them in squares. "relative": an
             error in proportion to each fitted R or T is. "equal": not at all, all data have equal

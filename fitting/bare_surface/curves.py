@@ -16,8 +16,7 @@ from fitting.bare_surface.reflectances import CHANNELS, reflectances
 from fitting.data.measurement import Measurement
 from fitting.problem.evaluation import measured_places
 from fitting.process.compiled import compiled, fit_settings
-from fitting.residuals.noise import misfit, rounding
-from fitting.residuals.smooth_misfit import smooth_functions, smooth_misfit
+from fitting.residuals.noise import misfit, rounding, smooth_functions, smooth_misfit
 from fitting.results.result_parts import IndexBand, Prediction
 
 # The points of a call are rounded up to a multiple, so that few programs are compiled.

@@ -3,12 +3,17 @@
 Models are tried in stages, each only if the one before gives a reason: models without k and with
 the simplest k; more oscillators, if light is absorbed or no model so far describes the data, and as
 long as they help; then each instrument parameter. `candidates` says how they compare and which is
-taken, `trials` how thoroughly the minima of each are searched.
+taken.
 
 Up to half of the time of a first `choose` is spent on compiling. Candidates therefore share
 programs: a parameter that only some of them fit (of the instrument, or of the terms by which one
 model is wider than another, see `dispersion`) is fixed in the others, which is the same program
 with equal bounds.
+
+Where no model describes the data, a thorough search of films takes longer than all else, and finds
+a lower minimum of few models. Candidates are therefore compared by the minima that the first stages
+of a search find (see `stages`). Those that may then be taken are searched as thoroughly as `fit`
+does, until this changes nothing.
 """
 
 from __future__ import annotations
@@ -26,6 +31,8 @@ from fitting.choice.candidates import (
     Candidate,
     Choice,
     Key,
+    candidate,
+    contenders,
     decide,
     explains,
     simplest,
@@ -39,18 +46,75 @@ from fitting.choice.sample_choice import (
     several_samples,
     with_gain_instead,
 )
-from fitting.choice.trials import Trials
 from fitting.data.measurement import Measurement, concatenate
 from fitting.data.quantities import are_powers
 from fitting.fits import fit_checked, measurements_of
 from fitting.optics.instrument import INSTRUMENT, instrument_parameter
 from fitting.problem.problem import FitOptions, Kept
+from fitting.process.progress import tell
+from fitting.process.side_by_side import side_by_side
 from fitting.results.result import FitData
 from fitting.results.result_parts import CONVERGED
 from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import AUTO, Sample
 from fitting.samples.sample_checks import check_fit
 from fitting.uncertainty.intervals import QUADRATIC, check_choices
+
+
+class Trials:
+    """The candidates tried so far.
+
+    run: fits a candidate; the second argument is whether its minima are searched thoroughly.
+    progress: called with each label. errors: how the stated errors are used, as in `fit`.
+    """
+
+    def __init__(
+        self, run: Callable[[Key, bool], FitData], progress: Callable[[str], None], errors: str
+    ):
+        self.run, self.progress, self.errors = run, progress, errors
+        self.tried: dict[Key, Candidate] = {}
+
+    def attempt(self, *keys: Key) -> list[Candidate]:
+        """Return the candidates, fitted side by side if they were not tried before."""
+        self.attempt_chains(*((key,) for key in keys))
+        return [self.tried[key] for key in keys]
+
+    def attempt_chains(self, *chains: Sequence[Key]) -> None:
+        """Try chains of candidates in parallel, each until one of its candidates is not good."""
+        new = [c for c in dict.fromkeys(map(tuple, chains)) if any(k not in self.tried for k in c)]
+        if new:
+            self._announce(dict.fromkeys(k for c in new for k in c if k not in self.tried))
+            side_by_side(self._try_chain, new)
+
+    def _announce(self, keys: Iterable[Key], what: str = "") -> None:
+        for key in keys:
+            self.progress(key.label + what)
+            tell(key.label + what)
+
+    def _try_chain(self, chain: Sequence[Key]) -> None:
+        for key in chain:
+            if key not in self.tried:
+                self._fit(key, thorough=False)
+            if not self.tried[key].good:
+                return
+
+    def _fit(self, key: Key, thorough: bool) -> None:
+        self.tried[key] = candidate(key, self.run(key, thorough), self.errors)
+
+    def settle(self) -> None:
+        """Search thoroughly for the minima of the candidates that may be taken."""
+        done: set[Key] = set()
+        while new := [c.key for c in contenders(list(self.tried.values())) if c.key not in done]:
+            # Those with most parameters take longest: none of them should be left alone at the end.
+            new.sort(key=lambda key: -self.tried[key].size)
+            self._announce(new, ", searched thoroughly")
+            side_by_side(lambda key: self._fit(key, thorough=True), new)
+            done |= {*new}
+
+    def best(self) -> Candidate:
+        """Return the candidate that would be taken now."""
+        return simplest(list(self.tried.values()))
+
 
 # Models of which more terms are tried as long as they help, and the largest number of terms.
 GROWN, MOST_TERMS = ("lorentz", "drude-lorentz"), 4

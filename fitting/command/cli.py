@@ -155,8 +155,8 @@ _FITTING = (
      "fit a parameter whose value is known beforehand, with this standard error", _MANY),
     ("tie", "NAME=OTHER", "make a parameter equal to another, or to a multiple: 2*OTHER", _MANY),
     ("loss", None, "what is minimised: the sum of squared residuals (squares, the default), or for "
-     "data with outliers a sum in which large residuals weigh less (huber, student)",
-     {"choices": ("squares", "huber", "student")}),
+     "data with outliers a sum in which large residuals weigh less (huber)",
+     {"choices": ("squares", "huber")}),
     ("errors", None, "how the standard errors that a file states are used. stated: as they are; "
      "scaled: times sqrt(chi2/dof); floor: with one common error added in squares; relative: with "
      "an error in proportion to each R or T added in squares; equal: not at all, all data have "

@@ -7,13 +7,11 @@ derivative is 0, as where the data say nothing, but the profile likelihood has e
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from fitting.problem.lanes import STAGE
 from fitting.problem.problem import Problem
-from fitting.results.result_parts import FITTED, PROFILE, Estimate
+from fitting.results.result_parts import PROFILE
 from fitting.uncertainty.covariance import End
 from fitting.uncertainty.intervals import Intervals
 
@@ -46,12 +44,3 @@ def by_curvature(fit: Problem, end: End, found: Intervals, noise: float) -> End 
         unseen_of=np.zeros_like(end.known.unseen_of),
     )  # fmt: skip
     return end._replace(known=known)
-
-
-def without_slope(known: Mapping[str, Estimate]) -> tuple[str, ...]:
-    """Return the parameters that have an interval, and no standard error, by `by_curvature`."""
-    return tuple(
-        n for n, e in known.items()
-        if np.isnan(e.sigma) and e.status == FITTED and e.interval_kind == PROFILE
-        and not np.isfinite(e.upper_limit)
-    )  # fmt: skip

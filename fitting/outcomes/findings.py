@@ -1,8 +1,8 @@
-"""Which warnings a fit of shared parameters gets: the conditions and their thresholds."""
+"""Which warnings fits get: the conditions and their thresholds, on one fit or on each of many."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,16 +10,25 @@ import numpy as np
 from fitting.data.measurement import Measurement
 from fitting.data.quantities import are_powers
 from fitting.optics.instrument import INSTRUMENT
-from fitting.outcomes.contradictions import contradicted_errors, contradicted_priors
-from fitting.outcomes.curvature import without_slope
-from fitting.outcomes.implausible_index import implausible_indices
+from fitting.outcomes.doubtful_index import implausible_indices
 from fitting.problem.evaluation import at_data
 from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
-from fitting.residuals.error_model import OUT_OF_MODEL
+from fitting.residuals.error_model import OUT_OF_MODEL, beyond_chance
 from fitting.residuals.pattern import pattern
 from fitting.results.diagnostics import Finding
-from fitting.results.result_parts import AT_LOWER, AT_UPPER, PROFILE, Alternative, Estimate
+from fitting.results.result import FitData
+from fitting.results.result_parts import (
+    AT_LOWER,
+    AT_UPPER,
+    CONVERGED,
+    FITTED,
+    NOT_CONVERGED,
+    PROFILE,
+    UNDETERMINED,
+    Alternative,
+    Estimate,
+)
 from fitting.samples.dispersion import CAUCHY_NAMES, Model
 from fitting.samples.known_media import Mixture
 from fitting.samples.sample import Sample
@@ -34,7 +43,13 @@ VAGUE = 0.5
 # The zero of a goniometer is known better than that.
 PLAUSIBLE_OFFSET_DEG = 2.0
 FEW_REACHED = 3
+# A fit lies between its prior and what the data alone give: by chance it is farther from the prior
+# than so many of its standard errors in less than one of 10,000 fits.
+PRIOR_ERRORS = 4.0
 _MAY_VANISH = (*(set(INSTRUMENT) - {"scale"}), *"BCDEF")  # and the higher terms of Cauchy's index
+
+
+_ENDS = {AT_LOWER: "lower", AT_UPPER: "upper"}
 
 
 class Subject(NamedTuple):
@@ -84,15 +99,6 @@ def is_outer(name: str) -> bool:
     return _bare(name) in INSTRUMENT or _bare(name).startswith("thickness")
 
 
-def _unseen(names: tuple[str, ...], unseen: np.ndarray) -> Iterator[Finding]:
-    """Yield one finding for each combination (P,) that the data do not determine."""
-    for direction in unseen.T:
-        parts = np.abs(direction) > 0.1 * np.abs(direction).max()
-        yield _finding(
-            "not_seen", parameters=tuple(n for n, part in zip(names, parts, strict=True) if part)
-        )
-
-
 def _correlated(names: tuple[str, ...], correlation: np.ndarray) -> list[Finding]:
     out = []
     for i, first in enumerate(names):
@@ -134,22 +140,6 @@ def _thin_film(
             )  # fmt: skip
 
 
-def _bounds(known: Mapping[str, Estimate]) -> Iterator[Finding]:
-    for name, e in known.items():
-        others = {n: other for n, other in known.items() if n != name}
-        seen = tuple(n for n, other in others.items() if np.isfinite(other.sigma))
-        at_bound = e.status in (AT_LOWER, AT_UPPER)
-        of_others = {
-            "others": seen if at_bound else (), "value": e.value,
-            "profile": any(other.interval_kind == PROFILE for other in others.values()),
-        }  # fmt: skip
-        if np.isfinite(e.upper_limit):
-            yield _finding("compatible_with_zero", parameter=name, limit=e.upper_limit, **of_others)
-        elif at_bound:
-            end = "lower" if e.status == AT_LOWER else "upper"
-            yield _finding("at_bound", parameter=name, end=end, **of_others)
-
-
 def _not_quadratic(known: Mapping[str, Estimate], quadratic: np.ndarray) -> list[Finding]:
     """Return the finding on parameters whose interval does not follow from the standard error."""
     bent = {}
@@ -161,27 +151,6 @@ def _not_quadratic(known: Mapping[str, Estimate], quadratic: np.ndarray) -> list
         return []
     own, by_sigma = map(list, zip(*bent.values(), strict=True))
     return [_finding("not_quadratic", parameters=tuple(bent), intervals=own, by_sigma=by_sigma)]
-
-
-def _error(e: Estimate) -> float:
-    """Return the standard error, or a quarter of an interval by profile if that is less."""
-    low, high = e.interval
-    return min(e.sigma, 0.25 * (high - low)) if e.interval_kind == PROFILE else e.sigma
-
-
-def _open_and_poor(known: Mapping[str, Estimate]) -> Iterator[Finding]:
-    if bent := without_slope(known):
-        yield _finding("no_slope", parameters=bent)
-    unlimited = tuple(n for n, e in known.items() if np.isinf(e.interval).any())
-    if unlimited:
-        yield _finding("open_interval", parameters=unlimited)
-    vague = {
-        n: _error(e) / abs(e.value) if e.value else np.inf for n, e in known.items()
-        if _error(e) > VAGUE * abs(e.value)
-        and not may_vanish(n) and not np.isfinite(e.upper_limit)
-    }  # fmt: skip
-    if vague:
-        yield _finding("poorly_determined", parameters=tuple(vague), shares=tuple(vague.values()))
 
 
 def _a_k_is_free(u: Unknowns) -> bool:
@@ -218,15 +187,11 @@ def _by_the_model_alone(u: Unknowns, m: Measurement, end: End) -> bool:
 
 def _on_measured(fit: Problem, of: Subject, end: End) -> Iterator[Finding]:
     """Yield what is told of a measurement; rows of the caller's own residuals have no angle."""
-    m, sample = of.measurement, of.sample
-    if m is None or sample is None:
+    m = of.measurement
+    if m is None:
         return
     if _by_the_model_alone(fit.u, m, end):
         yield _finding("by_the_model_alone")
-    rms = float(np.sqrt(np.mean(end.slopes.plain**2)))
-    if rms > OUT_OF_MODEL:
-        said = "one bare surface" if sample.bare else "this stack" if sample.films else "this plate"
-        yield _finding("does_not_describe", rms=rms, sample=said)
     order = pattern(m, at_data(fit.seen, end.slopes.seen), fit.seen.curve, fit.seen.stated)
     if order is not None:
         yield _finding(
@@ -252,40 +217,129 @@ def _other_minima(known: Mapping[str, Estimate], others: tuple[Alternative, ...]
     )  # fmt: skip
 
 
-def findings(
-    fit: Problem, of: Subject, f: Found, known: Mapping[str, Estimate], correlation: np.ndarray,
-    taken: str,
-) -> tuple[Finding, ...]:  # fmt: skip
-    """Return the findings on a finished fit, the most serious first.
+def _contradicted_priors(fit: Problem, known: Mapping[str, Estimate]) -> list[Finding]:
+    """Return the finding on priors from which the fit is far away."""
+    away = {}
+    for moving in fit.u.moving:
+        name = fit.u.labels.get(moving.parameter.name, "")
+        if moving.prior is None or name not in known:
+            continue
+        mean, sigma = moving.prior
+        errors = abs(known[name].value - mean) / sigma
+        if errors > PRIOR_ERRORS:
+            away[name] = (mean, sigma, known[name].value, errors)
+    return [_finding("prior_contradicted", priors=away)] if away else []
 
-    known: the free parameters; correlation: (P, P) of them. taken: how stated errors were used.
-    An undetermined combination has a valley of equal chi2, which is one solution: starts end
-    anywhere in it.
+
+def _those(values: Any, at: np.ndarray) -> Any:
+    """Return the values S + (P,) where ``at`` S + (P,) holds: a tuple, or an array S of tuples."""
+    values = np.broadcast_to(np.asarray(values, object), at.shape)
+    out = np.empty(at.shape[:-1], object)
+    out.fill(())
+    for i in map(tuple, np.argwhere(at.any(-1))):
+        out[i] = tuple(values[i][at[i]].tolist())
+    return out[()]
+
+
+def _on_parameters(known: Mapping[str, Estimate], ok: np.ndarray) -> Iterator[tuple[Any, ...]]:
+    """Yield code, where (S), and values of what fits ``ok`` (S) are told of their parameters."""
+    names = tuple(known)
+    value, sigma, limit, state, kind, interval = (
+        np.stack([np.asarray(getattr(e, part)) for e in known.values()], ok.ndim)
+        for part in ("value", "sigma", "upper_limit", "status", "interval_kind", "interval")
+    )
+    of, profile, limited = ok[..., None], kind == PROFILE, np.isfinite(limit)
+    for i, name in enumerate(names):
+        others = np.arange(len(names)) != i
+        bound = ok & np.isin(state[..., i], [*_ENDS])
+        if not (bound | ok & limited[..., i]).any():
+            continue
+        values = {
+            "parameter": name, "value": known[name].value,
+            "others": _those(names, bound[..., None] & others & np.isfinite(sigma)),
+            "profile": profile[..., others].any(-1),
+        }  # fmt: skip
+        near_zero = ok & limited[..., i]
+        yield "compatible_with_zero", near_zero, {**values, "limit": known[name].upper_limit}
+        for there, end in _ENDS.items():
+            at = ok & ~near_zero & (state[..., i] == there)
+            yield "at_bound", at, {**values, "end": end}
+    bent = of & np.isnan(sigma) & (state == FITTED) & profile & ~limited
+    yield "no_slope", bent.any(-1), {"parameters": _those(names, bent)}
+    unlimited = of & np.isinf(interval).any(-1)
+    yield "open_interval", unlimited.any(-1), {"parameters": _those(names, unlimited)}
+    # the standard error, or a quarter of an interval by profile if that is less
+    error = np.where(profile, np.fmin(sigma, 0.25 * np.ptp(interval, axis=-1)), sigma)
+    share = error / np.abs(value)
+    vague = of & (share > VAGUE) & ~limited & [not may_vanish(n) for n in names]
+    values = {"parameters": _those(names, vague), "shares": _those(share, vague)}
+    yield "poorly_determined", vague.any(-1), values
+
+
+@np.errstate(all="ignore")
+def findings_of_all(
+    found: FitData, reduced: Any, missed: Any, unseen: Iterable[tuple[Any, Any]]
+) -> list[Finding]:
+    """Return the findings that fits of any shape S have in common, on one fit or on each of many.
+
+    reduced: chi2 / dof, without outliers; NaN where no errors are stated. missed: which fits do not
+    describe their data without a degree of freedom. unseen: for the first combination of parameters
+    that the data do not determine, the second, ... which fits have one, and the names in it.
+    """
+    known = {n: e for n, e in found.parameters.items() if e.free}
+    status, dof, rms = np.asarray(found.status), np.asarray(found.dof), np.asarray(found.rms)
+    ok, failed = np.isin(status, (CONVERGED, UNDETERMINED)), status == NOT_CONVERGED
+    size = {"n_data": found.n_data, "rms": found.rms}
+    stated, taken = found.errors.stated, found.errors.taken
+    large, small = beyond_chance(reduced, dof)
+    chi2 = {
+        "chi2_reduced": reduced, "factor": np.sqrt(reduced),
+        "errors": taken if stated else "scaled", "robust": found.loss != "squares",
+    }  # fmt: skip
+    told: list[tuple[Any, ...]] = [
+        ("not_converged", failed & np.logical_not(missed), {}),
+        ("misses_without_freedom", failed & missed, size),
+        *(("not_seen", ok & at, {"parameters": names}) for at, names in unseen),
+        ("chi2_large", ok & large, chi2), ("chi2_small", ok & small & stated, chi2),
+    ]  # fmt: skip
+    if known:
+        told += _on_parameters(known, ok)
+    sample = found.sample
+    if sample is not None:
+        what = "one bare surface" if sample.bare else "this stack" if sample.films else "this plate"
+        far = {"rms": found.rms, "sample": what}
+        told.append(("does_not_describe", ok & (rms > OUT_OF_MODEL), far))
+    seen = np.any([np.isfinite(e.sigma) for e in known.values()], axis=0)
+    values = {"n_data": found.n_data, "unknowns": len(known), "stated": stated & seen}
+    told.append(("no_degrees_of_freedom", ok & (dof == 0), values))
+    return [Finding(code, at, values) for code, at, values in told if np.any(at)]
+
+
+def findings(
+    fit: Problem, of: Subject, f: Found, known: Mapping[str, Estimate], correlation: np.ndarray
+) -> list[Finding]:
+    """Return the further findings on a single fit.
+
+    known: the free parameters; correlation: (P, P) of them. An undetermined combination has a
+    valley of equal chi2, which is one solution: starts end anywhere in it.
     """
     names, end, free = tuple(known), f.end, fit.u.free
-    unseen = end.known.unseen[free]
-    out = [*_unseen(names, unseen)]
+    seen_all = not end.known.unseen.size
+    out = []
     if f.fringeless is not None:
         out.append(_finding("fringes_in_noise", **f.fringeless))
     if of.measurement is not None and of.films:
         out += _thin_film(known, correlation, float(np.nanmin(of.measurement.wavelength_um)))
     out += _on_measured(fit, of, end)
-    if f.others and not unseen.size:
+    if f.others and seen_all:
         out.append(_other_minima(known, f.others))
     few = fit.starts > FEW_REACHED and f.reached < FEW_REACHED and f.fringeless is None
-    if few and not unseen.size:
+    if few and seen_all:
         out.append(_finding("few_starts_agree", starts=fit.starts, reached=f.reached))
     if f.lower:
         out.append(_finding("better_minimum_met", by=f.lower))
-    out += [*_bounds(known), *_not_quadratic(known, f.known.quadratic[free])]
-    out += [*_open_and_poor(known), *_correlated(names, correlation)]
-    told = {**contradicted_errors(fit, end, taken), **contradicted_priors(fit, known)}
-    out += [_finding(code, **values) for code, values in told.items()]
+    out += [*_not_quadratic(known, f.known.quadratic[free]), *_correlated(names, correlation)]
+    out += _contradicted_priors(fit, known)
     if "angle_offset" in known and abs(known["angle_offset"].value) > PLAUSIBLE_OFFSET_DEG:
         out.append(_finding("implausible_offset", value=known["angle_offset"].value))
-    if fit.dof == 0:
-        stated = fit.seen.stated and any(np.isfinite(e.sigma) for e in known.values())
-        out.append(_finding(
-            "no_degrees_of_freedom", n_data=fit.n_data, unknowns=len(names), stated=stated
-        ))  # fmt: skip
-    return tuple(out)
+    return out

@@ -6,20 +6,21 @@ conditions on one curve's minimum, over arrays.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fitting.data.measurement import Measurement
-from fitting.outcomes.findings import VAGUE, may_vanish
-from fitting.outcomes.outcome import fixed_and_tied, parameters_at
+from fitting.outcomes.findings import findings_of_all
+from fitting.outcomes.outcome import Shaped, combinations_unseen, estimates, fixed_and_tied
 from fitting.problem.curve_lanes import Curves, slopes
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.lanes import Ends
 from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
-from fitting.residuals.error_model import OUT_OF_MODEL, beyond_chance, misses_without_freedom
+from fitting.residuals.error_model import misses_without_freedom
 from fitting.results import result_parts as status
 from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import FitData
@@ -133,54 +134,18 @@ def _chosen(where: np.ndarray, one: _Minima, other: _Minima) -> _Minima:
     )
 
 
-class _Shaped:
-    """The values of N curves in the batch shape, NaN or ``fill`` for those without a fit."""
-
-    def __init__(self, shape: tuple[int, ...], count: int, which: np.ndarray):
-        self.shape, self.count, self.which = shape, count, which
-
-    def __call__(self, values: np.ndarray, fill: Any = np.nan) -> Any:
-        values = np.asarray(values)
-        kind = object if values.dtype == object else np.result_type(values, type(fill))
-        whole = np.full((self.count, *values.shape[1:]), fill, kind)
-        whole[self.which] = values
-        whole = whole.reshape(self.shape + values.shape[1:])
-        return whole.item() if whole.ndim == 0 else whole
-
-
-def _estimates(u: Unknowns, m: _Minima, t: np.ndarray, failed: np.ndarray, put: _Shaped):
-    """Return all parameters by name, and the covariance of the free ones (n, P, P)."""
-    x, slope = parameters_at(u, m.y)
+def _estimates(
+    u: Unknowns, m: _Minima, t: np.ndarray, failed: np.ndarray, put: Shaped
+) -> tuple[dict[str, Estimate], np.ndarray]:
+    """Return the fitted parameters by name, and their covariance (n, P, P)."""
     ends, limits = quadratic(u.moving, m.y, m.known, t)
-    with np.errstate(invalid="ignore"):
-        covariance = m.known.covariance * (slope[:, :, None] * slope[:, None, :])
-    unseen = m.known.unseen_of | failed[:, None]
-    blank = ~np.isfinite(covariance) | unseen[:, :, None] | unseen[:, None, :]
-    covariance = np.where(blank, np.nan, covariance)
-    with np.errstate(invalid="ignore"):
-        sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    ends = np.where(unseen[..., None], np.nan, ends)
-    states = np.select(
-        [unseen, m.known.at_bound == "low", m.known.at_bound == "high"],
-        [status.UNDETERMINED, status.AT_LOWER, status.AT_UPPER], status.FITTED,
-    )  # fmt: skip
-    kinds = np.where(np.isnan(ends).any(-1), status.NONE, status.QUADRATIC)
-    shown: dict[str, Estimate] = {}
-    for i in np.flatnonzero(u.free):
-        inside = u.spec.moving[i]
-        shown[u.labels[inside]] = Estimate(
-            name=u.labels[inside], unit=u.units[inside], value=put(x[:, i]), sigma=put(sigma[:, i]),
-            interval=put(ends[:, i]), interval_kind=put(kinds[:, i], status.NONE),
-            upper_limit=put(np.where(unseen[:, i], np.nan, limits[:, i])),
-            status=put(states[:, i], status.UNDETERMINED),
-        )  # fmt: skip
-    shown |= fixed_and_tied(u, m.y[0], shown)
-    return shown, covariance[:, u.free][:, :, u.free]
+    limits = np.where(m.known.unseen_of, np.nan, limits)
+    return estimates(u, m.y, m.known, ends, status.QUADRATIC, limits, failed, put)
 
 
 def _others(
     job: Problem, curves: Curves, dof: np.ndarray, m: _Minima, which: np.ndarray,
-    minima: Sequence[Ends], scatter: np.ndarray, t: np.ndarray, put: _Shaped,
+    minima: Sequence[Ends], scatter: np.ndarray, t: np.ndarray, put: Shaped,
 ) -> tuple[np.ndarray, tuple[Alternative, ...]]:  # fmt: skip
     """Return how many other minima each curve has that fit nearly as well, and the best of them."""
     width = _APART * m.known.edge * np.sqrt(scatter)[:, None]
@@ -201,48 +166,11 @@ def _others(
     at = Ends(np.zeros_like(minima[0].y), minima[0].cost, minima[0].done, minima[0].evaluations)
     at.y[:, which[some]] = places[some].T
     found = _minima_of(job, curves, dof, at, which[some])
-    own = _Shaped(put.shape, put.count, which[some])
-    parameters, _ = _estimates(job.u, found, t[some], np.zeros(len(some), bool), own)
+    own = Shaped(put.shape, put.count, which[some])
+    free, _ = _estimates(job.u, found, t[some], np.zeros(len(some), bool), own)
     rise = (found.cost - m.cost[some]) / scatter[some]
-    free = {n: e for n, e in parameters.items() if e.free}
     nan = own(np.full(len(some), np.nan))
     return count, (Alternative(parameters=free, delta_chi2=own(rise), reached=nan),)
-
-
-def _on_parameters(parameters: dict[str, Estimate], ok: np.ndarray) -> Iterator[Finding]:
-    """Yield the findings on single parameters. ok: S, fits that converged."""
-    for name, e in parameters.items():
-        if not e.free:
-            continue
-        near_zero = ok & np.isfinite(e.upper_limit)
-        if near_zero.any():
-            yield Finding("compatible_with_zero", near_zero, {
-                "parameter": name, "limit": e.upper_limit, "value": e.value, "others": (),
-            })  # fmt: skip
-        for end, at in (("lower", status.AT_LOWER), ("upper", status.AT_UPPER)):
-            there = ok & (np.asarray(e.status) == at) & ~near_zero
-            if there.any():
-                yield Finding("at_bound", there, {
-                    "parameter": name, "end": end, "value": e.value, "others": (),
-                })  # fmt: skip
-        with np.errstate(all="ignore"):
-            share = np.asarray(e.sigma / np.abs(e.value))
-        vague = ok & (share > VAGUE) & ~near_zero
-        if vague.any() and not may_vanish(name):
-            yield Finding("poorly_determined", vague, {
-                "parameters": (name,), "shares": share[..., None],
-            })  # fmt: skip
-
-
-def _unseen_names(u: Unknowns, known: Uncertainty) -> np.ndarray:
-    """Return the parameters of the first combination that is not seen, (n,) of tuples."""
-    out = np.empty(len(known.hidden), object)
-    out.fill(())
-    for i in np.flatnonzero(known.hidden.any(1)):
-        direction = np.abs(known.directions[i][:, known.hidden[i]][:, 0])
-        parts = direction > 0.1 * direction.max()
-        out[i] = tuple(u.labels[n] for n, part in zip(u.spec.moving, parts, strict=True) if part)
-    return out
 
 
 @np.errstate(all="ignore")
@@ -257,7 +185,7 @@ def fit_of_batch(
     u, stated, count = job.u, curves.sigma is not None, curves.count
     n_data = curves.n_data
     which = np.flatnonzero(n_data > 0)
-    put = _Shaped(shape, count, which)
+    put = Shaped(shape, count, which)
     m = _minima_of(job, curves, dof, best, which)
     own = dof[which]
     # Relative to the noise: the stated one, or the scatter if that is more.
@@ -266,45 +194,13 @@ def fit_of_batch(
     missed = misses_without_freedom(m.cost, m.rms**2 * n_data[which], n_data[which], own, stated)
     failed = ~best.done[which] | ~np.isfinite(m.cost) | missed
     t = student_quantiles(np.where(job.asked.scaled & (own > 0), own, 0))
-    parameters, covariance = _estimates(u, m, t, failed, put)
+    free, covariance = _estimates(u, m, t, failed, put)
     found, others = _others(job, curves, dof, m, which, minima, scatter, t, put)
     unseen = m.known.hidden.any(1) & ~failed
     state = np.where(failed, status.NOT_CONVERGED, np.where(
         unseen, status.UNDETERMINED, status.CONVERGED
     ))  # fmt: skip
     reduced = np.where((own > 0) & stated, m.cost / np.maximum(own, 1), np.nan)
-    large, small = beyond_chance(reduced, own)
-    errors = "stated" if job.asked.errors == "stated" else "scaled"
-    ok = ~failed
-    shaped = {
-        "not_converged": (failed & ~missed, {}),
-        "misses_without_freedom": (missed, {"n_data": n_data[which], "rms": m.rms}),
-        "not_seen": (unseen, {"parameters": _unseen_names(u, m.known)}),
-        "does_not_describe": (ok & (m.rms > OUT_OF_MODEL), {"rms": m.rms}),
-        "chi2_large": (ok & large, {"chi2_reduced": reduced, "factor": np.sqrt(reduced)}),
-        "chi2_small": (ok & small, {"chi2_reduced": reduced, "factor": np.sqrt(reduced)}),
-        "no_degrees_of_freedom": (ok & (own == 0), {"n_data": n_data[which]}),
-    }
-    further: dict[str, dict[str, Any]] = {
-        "does_not_describe": {"sample": "this stack" if sample.films else "this sample"},
-        "chi2_large": {"errors": errors}, "chi2_small": {"errors": errors},
-        "no_degrees_of_freedom": {"unknowns": int(u.free.sum()), "stated": stated},
-    }  # fmt: skip
-    told = [
-        Finding(code, np.asarray(put(at, False)), further.get(code, {}) | {
-            n: put(v, 0 if v.dtype.kind in "iu" else np.nan)
-            for n, v in values.items()
-        })
-        for code, (at, values) in shaped.items() if at.any()
-    ]  # fmt: skip
-    if others:
-        one = others[0]
-        told.append(Finding("other_minima", np.isfinite(one.delta_chi2), {
-            "count": put(found, 0), "parameters": tuple(one.parameters),
-            "values": np.stack([np.asarray(e.value) for e in one.parameters.values()], -1),
-            "delta_chi2": one.delta_chi2,
-        }))  # fmt: skip
-    told += _on_parameters(parameters, np.asarray(put(ok & ~unseen, False)))
     known = np.unique(job.seen.points.wavelength_um[job.seen.measured, 0])
     waves = np.broadcast_to(known, (*shape, len(known)))
     pattern = Evaluated(
@@ -315,11 +211,12 @@ def fit_of_batch(
     whole[which] = m.y
     spread = np.full((count, u.size, u.size), np.nan)
     spread[which] = m.known.covariance
-    taken = errors if stated else "equal"
+    taken = "equal" if not stated else "stated" if job.asked.errors == "stated" else "scaled"
     factor = np.sqrt(np.broadcast_to(m.known.variance, own.shape))
     none = status.NO_DATA
-    return FitData(
-        sample=sample, parameters=parameters, covariance=np.asarray(put(covariance)),
+    fits = FitData(
+        sample=sample, parameters=free | fixed_and_tied(u, m.y[0], free),
+        covariance=np.asarray(put(covariance)),
         wavelength_um=waves[..., 0] if len(known) == 1 else waves,
         chi2=put(m.cost if stated else np.full_like(m.cost, np.nan)), chi2_reduced=put(reduced),
         dof=put(own, 0), n_data=put(n_data[which], 0), rms=put(m.rms), cost=put(m.cost),
@@ -328,6 +225,17 @@ def fit_of_batch(
             taken=put(np.full(len(which), taken), taken), factor=put(factor),
             added=put(np.zeros(len(which))), stated=stated, widened=put(np.ones(len(which))),
         ),
-        evaluations=put(best.evaluations[which], 0), findings=ranked(told), others=others,
+        evaluations=put(best.evaluations[which], 0), others=others,
         evaluator=BatchCurves(pattern, whole, spread, shape),
     )  # fmt: skip
+    told = findings_of_all(
+        fits, fits.chi2_reduced, put(missed, False), combinations_unseen(u, m.known, put)
+    )
+    if others:
+        one = others[0]
+        told.append(Finding("other_minima", np.isfinite(one.delta_chi2), {
+            "count": put(found, 0), "parameters": tuple(one.parameters),
+            "values": np.stack([np.asarray(e.value) for e in one.parameters.values()], -1),
+            "delta_chi2": one.delta_chi2,
+        }))  # fmt: skip
+    return replace(fits, findings=ranked(told))

@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from fitting.outcomes.curvature import by_curvature
-from fitting.outcomes.findings import Found, Subject, findings
+from fitting.outcomes.findings import Found, Subject, findings, findings_of_all
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.lanes import STAGE, Ends, best_of, joined
 from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
 from fitting.residuals.error_model import misses_without_freedom
 from fitting.results import result_parts as status
-from fitting.results.diagnostics import Finding
+from fitting.results.diagnostics import ranked
 from fitting.results.result import FitData
 from fitting.results.result_parts import Alternative, ErrorModel, Estimate
 from fitting.samples.parameters import value_and_slope
 from fitting.searching.last_steps import refined
 from fitting.searching.minima import SAME_CHI2, Around, Minimum, minima, scatter_of
 from fitting.searching.without_fringes import FRINGES, fringes_of, without_fringes
-from fitting.uncertainty.covariance import End
+from fitting.uncertainty.covariance import End, Uncertainty
 from fitting.uncertainty.intervals import PROFILE, QUADRATIC, Intervals, intervals
-from fitting.uncertainty.likelihood import criteria
+from fitting.uncertainty.likelihood import criteria, reduced_chi2
 from fitting.uncertainty.spline_errors import errors_of_curves, with_errors_of_curves
 
 # So many of the other minima have intervals by profile, the rest quadratic ones.
@@ -38,25 +39,88 @@ def parameters_at(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return x, slope
 
 
-_STATUS = {"low": status.AT_LOWER, "high": status.AT_UPPER}
+class Shaped:
+    """The values of some of N fits in the batch shape, NaN or ``fill`` for the others."""
+
+    def __init__(self, shape: tuple[int, ...], count: int, which: np.ndarray):
+        self.shape, self.count, self.which = shape, count, which
+
+    def __call__(self, values: np.ndarray, fill: Any = np.nan) -> Any:
+        values = np.asarray(values)
+        kind = object if values.dtype == object else np.result_type(values, type(fill))
+        whole = np.full((self.count, *values.shape[1:]), fill, kind)
+        whole[self.which] = values
+        whole = whole.reshape(self.shape + values.shape[1:])
+        return whole.item() if whole.ndim == 0 else whole
 
 
-def _estimates(u: Unknowns, end: End, known: Intervals) -> dict[str, Estimate]:
-    """Return the free parameters at one minimum, by name."""
-    x, _ = parameters_at(u, end.y)
+_ONE = Shaped((), 1, np.zeros(1, int))
+
+
+def estimates(
+    u: Unknowns, y: np.ndarray, known: Uncertainty, ends: np.ndarray, kinds: Any,
+    limits: np.ndarray, failed: np.ndarray, put: Shaped,
+) -> tuple[dict[str, Estimate], np.ndarray]:  # fmt: skip
+    """Return the free parameters at n minima by name, and their covariance (n, P, P).
+
+    y: (n, p). ends, kinds, limits: 95 % intervals (n, p, 2), how they were found, and upper limits.
+    failed: (n,), of which fits the values mean nothing.
+    """
+    x, slope = parameters_at(u, y)
+    unseen = known.unseen_of | failed[:, None]
     with np.errstate(invalid="ignore"):
-        sigmas = np.sqrt(np.diagonal(_covariance(u, end)))
+        covariance = known.covariance * (slope[:, :, None] * slope[:, None, :])
+        blank = ~np.isfinite(covariance) | unseen[:, :, None] | unseen[:, None, :]
+        covariance = np.where(blank, np.nan, covariance)
+        sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    ends, limits = (
+        np.where(failed.reshape(-1, *[1] * (a.ndim - 1)), np.nan, a) for a in (ends, limits)
+    )
+    kinds = np.where(np.isnan(ends).any(-1), status.NONE, kinds)
+    states = np.select(
+        [unseen, known.at_bound == "low", known.at_bound == "high"],
+        [status.UNDETERMINED, status.AT_LOWER, status.AT_UPPER], status.FITTED,
+    )  # fmt: skip
     out = {}
     for i in np.flatnonzero(u.free):
         inside = u.spec.moving[i]
-        name, at = u.labels[inside], end.known.at_bound[i]
-        unseen = status.UNDETERMINED if end.known.unseen_of[i] else status.FITTED
+        name = u.labels[inside]
         out[name] = Estimate(
-            name=name, unit=u.units[inside], value=float(x[i]), sigma=float(sigmas[i]),
-            interval=known.ends[i], interval_kind=known.kind[i],
-            upper_limit=float(known.limits[i]), status=_STATUS.get(at, unseen),
+            name=name, unit=u.units[inside], value=put(x[:, i]), sigma=put(sigma[:, i]),
+            interval=put(ends[:, i]), interval_kind=put(kinds[:, i], status.NONE),
+            upper_limit=put(limits[:, i]), status=put(states[:, i], status.UNDETERMINED),
         )  # fmt: skip
-    return out
+    return out, covariance[:, u.free][:, :, u.free]
+
+
+def _as_batch(known: Uncertainty) -> Uncertainty:
+    """Return what is known of one minimum as that of a batch of one."""
+    return Uncertainty(*(np.asarray(a)[None] for a in known))
+
+
+def _estimates(
+    u: Unknowns, end: End, known: Intervals, failed: bool = False
+) -> tuple[dict[str, Estimate], np.ndarray]:
+    """Return the free parameters at one minimum by name, and their covariance (P, P)."""
+    found, covariance = estimates(
+        u, end.y[None], _as_batch(end.known), known.ends[None], np.array([known.kind]),
+        known.limits[None], np.array([failed]), _ONE,
+    )  # fmt: skip
+    return found, covariance[0]
+
+
+def combinations_unseen(u: Unknowns, known: Uncertainty, put: Shaped) -> Iterator[tuple[Any, Any]]:
+    """Yield which of n fits have a first combination that is not seen, a second, ..., and names."""
+    count = known.hidden.sum(1)
+    for turn in range(count.max(initial=0)):
+        names = np.empty(len(count), object)
+        for i in np.flatnonzero(count > turn):
+            direction = np.abs(known.directions[i][:, known.hidden[i]][:, turn])
+            parts = direction > 0.1 * direction.max()
+            names[i] = tuple(
+                u.labels[n] for n, part in zip(u.spec.moving, parts, strict=True) if part
+            )
+        yield put(count > turn, False), put(names)
 
 
 def fixed_and_tied(u: Unknowns, y: np.ndarray, free: dict[str, Estimate]) -> dict[str, Estimate]:
@@ -80,16 +144,6 @@ def fixed_and_tied(u: Unknowns, y: np.ndarray, free: dict[str, Estimate]) -> dic
             sigma=abs(factor) * e.sigma, interval=np.sort(factor * e.interval),
             upper_limit=np.nan, status=status.TIED,
         )  # fmt: skip
-    return out
-
-
-def _covariance(u: Unknowns, end: End) -> np.ndarray:
-    """Return the covariance (p, p) of the parameters, NaN where there is no error."""
-    _, slope = parameters_at(u, end.y)
-    with np.errstate(invalid="ignore"):
-        out = end.known.covariance * np.outer(slope, slope)
-    unseen = end.known.unseen_of
-    out[~np.isfinite(out) | unseen | unseen[:, None]] = np.nan
     return out
 
 
@@ -224,7 +278,7 @@ def fit_of(fit: Problem, ends: Ends, noise: float, of: Subject) -> FitData:
     rises = np.array([e.cost - end.cost for e in every[1:]])
     rises = rises / scatter if scatter > 0.0 else 0.0 * rises
     others = tuple(
-        Alternative(parameters=_estimates(u, e, i), delta_chi2=rise, reached=m.reached)
+        Alternative(parameters=_estimates(u, e, i)[0], delta_chi2=rise, reached=m.reached)
         for e, i, m, rise in zip(every[1:], ranges[1:], found[1:], rises.tolist(), strict=True)
     )
     return _assembled(
@@ -247,46 +301,42 @@ def _assembled(fit: Problem, of: Subject, noise: float, evaluations: int, f: Fou
     errors = errors_of_curves(fit, f.end, noise) if two else f.end.known.covariance
     end, ranges = with_errors_of_curves(u, f.end, f.known, errors)
     f = f._replace(end=end, known=ranges)
-    s, taken = end.slopes, _errors_taken(fit)
-    of_x = _covariance(u, end)[np.ix_(u.free, u.free)]
-    estimates = _estimates(u, end, ranges)
-    why, chi2 = Finding("not_converged", np.True_, {}), float(s.residual @ s.residual)
+    s, stated = end.slopes, seen.stated
+    square = float(s.residual @ s.residual)
     tested = not (f.failed or end.known.unseen.size or u.spec.priors)
-    tested &= seen.stated or of.sample is not None
+    tested &= stated or of.sample is not None
     of_plain = s.plain @ s.plain, len(s.plain)
-    if tested and misses_without_freedom(chi2, *of_plain, fit.dof, seen.stated):
-        f, values = f._replace(failed=True), {"n_data": fit.n_data, "rms": _rms(s.plain)}
-        why = Finding("misses_without_freedom", np.True_, values)
-    if f.failed:
-        of_x = np.full_like(of_x, np.nan)
-        estimates = {n: e.without_error() for n, e in estimates.items()}
-        found: tuple[Finding, ...] = (why,)
-    else:
-        with np.errstate(invalid="ignore"):
-            size = np.sqrt(np.diagonal(of_x))
-            found = findings(fit, of, f, estimates, of_x / np.outer(size, size), taken)
-    chi2 = chi2 if seen.stated else np.nan
-    bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, len(estimates), fit.asked.scaled)
+    missed = tested and bool(misses_without_freedom(square, *of_plain, fit.dof, stated))
+    failed = f.failed or missed
+    shown, of_x = _estimates(u, end, ranges, failed)
+    chi2 = square if stated else np.nan
+    bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, len(shown), fit.asked.scaled)
     evaluator = None
     if of.sample is not None:
         evaluator = Evaluated(of.sample, u, seen, fit.targets, end.y, errors, np.atleast_1d(known),
                               inside=(ranges.inside, ranges.t))  # fmt: skip
     with np.errstate(invalid="ignore"):
         factor = float(np.sqrt(end.known.variance))
-    return FitData(
-        sample=of.sample, covariance=of_x,
-        parameters=estimates | fixed_and_tied(u, end.y, estimates),
+    found = FitData(
+        sample=of.sample, covariance=of_x, parameters=shown | fixed_and_tied(u, end.y, shown),
         wavelength_um=known if len(known) > 1 else float(known[0]),
         chi2=chi2, chi2_reduced=chi2 / fit.dof if fit.dof else np.nan, dof=fit.dof,
         n_data=fit.n_data, rms=_rms(s.plain), cost=end.cost, noise=noise,
         rms_of={str(kind): _rms(s.plain[s.kind == kind]) for kind in dict.fromkeys(s.kind)},
-        status=status.NOT_CONVERGED if f.failed else
+        status=status.NOT_CONVERGED if failed else
         status.UNDETERMINED if end.known.unseen.size else status.CONVERGED,
-        errors=ErrorModel(taken, factor, 0.0, seen.stated), evaluations=evaluations,
-        starts=fit.starts, reached=f.reached, loss=u.spec.loss, bic=bic, aicc=aicc, findings=found,
+        errors=ErrorModel(_errors_taken(fit), factor, 0.0, stated), evaluations=evaluations,
+        starts=fit.starts, reached=f.reached, loss=u.spec.loss, bic=bic, aicc=aicc,
         others=f.others, measurement=m, curve=None if m is None else seen.curve,
         curve_names=seen.curve_names, evaluator=evaluator,
     )  # fmt: skip
+    # The caller's own residuals are in units of their errors, too.
+    known_size = stated or not seen.curve_names
+    reduced = reduced_chi2(u.spec.loss, s.residual, fit.dof) if known_size else np.nan
+    unseen = combinations_unseen(u, _as_batch(end.known), _ONE)
+    told = findings_of_all(found, reduced, missed, unseen)
+    told += [] if failed else findings(fit, of, f, shown, found.correlation)
+    return replace(found, findings=ranked(told))
 
 
 def _rms(residual: np.ndarray) -> float:

@@ -10,10 +10,10 @@ import numpy as np
 from fitting.data.measurement import Measurement
 from fitting.optics.averages import values_at, with_places
 from fitting.optics.spec import NCS
-from fitting.problem.model_at import Shown
 from fitting.problem.observations import Observations, ncs_directions, observations, padded
 from fitting.problem.points import numbers, points_of
 from fitting.problem.programs import Targets, index_slopes
+from fitting.problem.slopes import Shown
 from fitting.problem.unknowns import Unknowns, index_outside
 from fitting.process.compiled import fit_settings
 from fitting.results.result_parts import Evaluator, IndexBand, Prediction

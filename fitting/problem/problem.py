@@ -10,10 +10,9 @@ import numpy as np
 
 from fitting.optics.spec import Spec
 from fitting.problem.lanes import LANES, SIFT, Ends, Limits, coordinate_bounds, each_within, run
-from fitting.problem.model_at import Shown
 from fitting.problem.observations import Observations
 from fitting.problem.programs import Targets
-from fitting.problem.slopes import Slopes, loss_of, prior_rows, slopes_at
+from fitting.problem.slopes import Shown, Slopes, loss_of, prior_rows, slopes_at
 from fitting.problem.unknowns import Unknowns, terms_of
 from fitting.samples.dispersion import Model
 from fitting.samples.parameters import Settings

@@ -25,12 +25,10 @@ from fitting.samples.parameters import to_parameter
 
 SOLVER = BatchLevenbergMarquardt()
 
-# Huber's and Student's constants in standard deviations: 95 % and 93 % as efficient as least
-# squares where the noise is Gaussian (P. J. Huber, Robust Statistics, 1981, sec. 4.3 to 4.5;
-# K. L. Lange et al., J. Am. Stat. Assoc. 84, 881 (1989), doi:10.1080/01621459.1989.10478852).
+# Huber's constant in standard deviations: 95 % as efficient as least squares where the noise is
+# Gaussian (P. J. Huber, Robust Statistics, 1981, sec. 4.3 to 4.5).
 HUBER = 1.345
-STUDENT = 4.0
-LOSSES = ("squares", "huber", "student")
+LOSSES = ("squares", "huber")
 
 
 class Targets(NamedTuple):
@@ -82,21 +80,14 @@ def without_data(targets: Targets) -> Targets:
 
 
 def robust(loss: str, r: Any, xp: Any = jnp) -> Any:
-    """Return f(r) with f^2 = the loss of the residual r in standard deviations; f'(0) near 1.
+    """Return f(r) with f^2 = the loss of the residual r in standard deviations.
 
-    Huber: r^2 up to c, then 2c|r| - c^2. Student: (nu + 1) log(1 + r^2 / nu), over its curvature.
-    xp: the array module, jax.numpy or numpy.
+    Huber: r^2 up to c, then 2c|r| - c^2. xp: the array module, jax.numpy or numpy.
     """
     if loss == "huber":
         far = xp.abs(r) > HUBER
         root = xp.sqrt(xp.where(far, 2.0 * HUBER * xp.abs(r) - HUBER**2, 1.0))
         return xp.where(far, xp.sign(r) * root, r)
-    if loss == "student":
-        t = r * r / STUDENT
-        small = t < 1e-8
-        safe = xp.where(small, 1.0, t)
-        ratio = xp.where(small, 1.0 - 0.5 * t, xp.log1p(safe) / safe)
-        return r * xp.sqrt(ratio)
     return r
 
 

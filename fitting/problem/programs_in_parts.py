@@ -162,14 +162,14 @@ def in_parts(spec: Any, targets: Targets) -> bool:
     oscillators. One program for all is, once compiled, up to three times as fast for a bare surface
     of few unknowns, and where wavelengths come again at other angles: it forms the index once. But
     a search in parts takes each wavelength of many at some of the angles only (see
-    `searching.thinned`): a first fit of a film at seven angles takes 14 s, not 34.
+    `searching.fewer_rows`): a first fit of a film at seven angles takes 14 s, not 34.
     """
     if not has_parts(spec) or not can_be_cut(targets):
         return False
     films = bool(spec.media.coherent) and all(spec.media.coherent)
     worth = films or len(spec.moving) > FEW_UNKNOWNS
-    thinned = films and len(targets.points.angle_deg) > _FEW_ROWS
-    return spec.shared or thinned or (worth and targets.points.place is None)
+    fewer = films and len(targets.points.angle_deg) > _FEW_ROWS
+    return spec.shared or fewer or (worth and targets.points.place is None)
 
 
 class Parts:

@@ -49,7 +49,7 @@ class FitData:
         surface, by the best start of other fits. starts, reached: the number of starting points,
         and of those that led to the best minimum; 0 if not counted.
     errors: how the errors of the data were used.
-    loss, noise: "squares", "huber" or "student", and the noise for which a robust loss or a prior
+    loss, noise: "squares" or "huber", and the noise for which a robust loss or a prior
         was weighted, in units of the stated errors.
     cost: the minimised sum. bic, aicc: information criteria, NaN where they were not asked for.
     findings, others, notes: the data of `warnings` and `alternatives`; notes on all curves.

@@ -144,12 +144,7 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
         "nm on a clear crystal look like a k of .03); then it is not the index of a material."
     ),
     "pseudo_index_misfit": wording.pseudo_misfit,
-    "files_exclude": (
-        "the files contradict each other: {parameter} is {values[0]:.5g} +- {sigmas[0]:.2g} by "
-        "{files[0]} alone and {values[1]:.5g} +- {sigmas[1]:.2g} by {files[1]} alone, {apart:.2g} "
-        "standard errors apart. They are not measurements of one sample, or one of them has a "
-        "systematic error; the values of the common fit are not reliable."
-    ),
+    "residuals_of_files": wording.residuals_of_files,
     "choice_alike": wording.choice_alike,
     "choice_within_errors": (
         'the residuals of "{taken}" are autocorrelated, but smaller than the stated errors '

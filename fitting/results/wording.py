@@ -93,6 +93,16 @@ def residuals_in_order(v: Mapping[str, Any]) -> str:
     )
 
 
+def residuals_of_files(v: Mapping[str, Any]) -> str:
+    rows = zip(v["files"], v["rms"], v["n_data"], strict=True)
+    each = listed(f"{num(rms)} of {file} ({n} data)" for file, rms, n in rows)
+    unit = ", in standard errors" * v["stated"]
+    return (
+        f"root mean square of the residuals{unit}: {each}. A file that is missed by far more than "
+        "its noise is not of the same sample, or has a systematic error: fit each by itself."
+    )
+
+
 def other_minima(v: Mapping[str, Any]) -> str:
     pairs = zip(v["parameters"], v["values"], strict=True)
     values = ", ".join(f"{name} {num(x)}" for name, x in pairs)

@@ -11,20 +11,21 @@ import numpy as np
 from fitting.problem.lanes import LANES, SIFT, Ends, best_of, joined
 from fitting.problem.problem import Problem
 from fitting.samples.parameters import from_parameter, start_range, value_and_slope
-from fitting.searching.film_parts import followed_to_all, parts
 from fitting.searching.film_starts import (
     MANY_CANDIDATES,
     Film,
     along_fringes,
     by_fringes,
     films_of,
+    followed_to_all,
     many_fringes,
+    parts,
     phase_rates,
 )
 from fitting.searching.fringe_orders import beside as orders_beside
 from fitting.searching.last_steps import down_the_valley, followed
 from fitting.searching.minima import SAME_MINIMUM, lowest_ends, lowest_lanes
-from fitting.searching.next_term import likely_lines, oscillators
+from fitting.searching.oscillators import likely_lines, oscillators
 
 # Fringe orders beside the best minimum that are tried, and how many of them beside others.
 _ORDERS, _FEW = [sign * n for n in range(1, 9) for sign in (1, -1)], 6

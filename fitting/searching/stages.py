@@ -17,14 +17,14 @@ import numpy as np
 from fitting.problem.lanes import LANES, Ends, joined
 from fitting.problem.problem import Kept, Problem
 from fitting.problem.unknowns import terms_of
-from fitting.searching.far_oscillators import with_far_oscillators
+from fitting.searching.fewer_rows import FOLLOWED, followed_with_all
 from fitting.searching.fringe_orders import with_all_orders
 from fitting.searching.minima import lowest_ends
 from fitting.searching.neighbours import with_neighbours
+from fitting.searching.oscillators import with_far_oscillators
 from fitting.searching.other_thicknesses import with_other_thicknesses
 from fitting.searching.search import solved
 from fitting.searching.starts import start_at
-from fitting.searching.thinned import FOLLOWED, followed_with_all
 
 # Number of other starts beside the lowest ends of another search.
 _BESIDE = 2 * LANES
@@ -69,7 +69,7 @@ def searched(job: Problem, few: Problem, points: np.ndarray) -> tuple[Ends, floa
         lowest = zip(few.u.spec.moving, lowest_ends(ends), few.u.free, strict=True)
         kept.lowest[job.asked.kept_as] = {name: y for name, y, free in lowest if free}
         if few is not job:
-            ends = followed_with_all(job, few, ends)
+            ends = followed_with_all(job, ends)
         if thorough:
             ends = with_all_orders(job, ends, noise)
         kept.ends[first, thorough] = ends, noise

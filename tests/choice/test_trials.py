@@ -7,7 +7,7 @@ import pytest
 
 from fitting.choice import selection as select
 from fitting.choice.candidates import Key
-from fitting.choice.trials import Trials
+from fitting.choice.selection import Trials
 from fitting.results.result_parts import UNDETERMINED
 from tests.estimates import outcome
 

@@ -1,11 +1,12 @@
-"""Files that are given together and cannot be of one sample."""
+"""Files that are given together: how well the common fit describes each of them."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from fitting import fit_many
+from fitting import fit, read_csv
 from fitting.command.cli import main
-from fitting.outcomes.disagreement import disagreement
 from tests.truth.simulated import textbook
 
 
@@ -19,42 +20,40 @@ def write(folder, name, eta, quantity="R_s", seed=0):
     return str(path)
 
 
-def test_files_that_exclude_each_other_are_named(tmp_path, capsys):
-    first, second = write(tmp_path, "one.csv", 1.5), write(tmp_path, "two.csv", 1.9, seed=1)
-    main([first, second])
-    out = " ".join(capsys.readouterr().out.split())
-    assert "the files contradict each other: " in out
-    assert "one.csv alone" in out and "two.csv alone" in out
-
-
 @pytest.mark.parametrize("sample", ["free", "constant"])
-def test_two_polarizations_of_one_sample_are_not_told_apart(tmp_path, capsys, sample):
-    first, second = write(tmp_path, "s.csv", 1.5), write(tmp_path, "p.csv", 1.5, "R_p", 1)
-    assert main([first, second, "--sample", sample, "--wavelength-um", "0.6"]) == 0
-    assert "contradict each other" not in " ".join(capsys.readouterr().out.split())
+def test_the_residuals_of_each_file(tmp_path, sample):
+    paths = [write(tmp_path, "s.csv", 1.5), write(tmp_path, "p.csv", 1.5, "R_p", 1)]
+    files = [read_csv(path, wavelength_um=0.6) for path in paths]
+    found = fit(files, sample)
+    (note,) = found.notes
+    off = files[1].value - found.fitted[len(files[0]) :]
+    assert note.code == "residuals_of_files"
+    assert note.values["rms"][1] == pytest.approx(np.sqrt(np.mean(off**2)), rel=1e-12)
+    assert max(note.values["rms"]) < 7e-4
+    stated = [replace(m, sigma=np.full(25, 5e-4)) for m in files]
+    (note,) = fit(stated, sample).notes
+    assert note.values["rms"] == pytest.approx([1.0, 1.0], abs=0.4)
+    assert "in standard errors" in note.text
+    assert fit(files[0], sample).notes == ()
 
 
-@pytest.mark.parametrize("sample", ["free", "constant"])
-def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path, monkeypatch, capsys, sample):
+def test_a_file_of_another_sample_stands_out(tmp_path):
+    names = ("one.csv", "two.csv", "other.csv")
+    paths = [
+        write(tmp_path, n, 1.9 if n == "other.csv" else 1.5, seed=i) for i, n in enumerate(names)
+    ]
+    one, two, other = fit([read_csv(path) for path in paths]).notes[0].values["rms"]
+    assert other > 1.5 * max(one, two) > 0.01
+
+
+def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for folder, eta in (("a", 1.5), ("b", 1.6)):
         (tmp_path / folder).mkdir()
         write(tmp_path / folder, "scan.csv", eta)
-    main(["a/scan.csv", "b/scan.csv", "--sample", sample, "--wavelength-um", "0.6"])
+    main(["a/scan.csv", "b/scan.csv", "--wavelength-um", "0.6"])
     out = " ".join(capsys.readouterr().out.split())
-    assert "a/scan.csv alone" in out and "b/scan.csv alone" in out
-
-
-def test_few_data_exclude_each_other_no_more_often_than_many():
-    """By four standard errors 16 of these 400 pairs did: two degrees of freedom tell little."""
-    angle = np.array([30.0, 50.0, 65.0, 75.0])
-    rng = np.random.default_rng(5)
-    exact = textbook(angle, np.full(4, "R_p"), 3.0, 2.0)
-    one, other = (
-        fit_many(angle, R_p=exact + 5e-3 * rng.standard_normal((400, 4))) for _ in range(2)
-    )
-    excluded = [bool(disagreement([one[i], other[i]])) for i in range(400)]
-    assert sum(excluded) <= 1
+    assert "of a/scan.csv (25 data) and " in out and "of b/scan.csv (25 data)" in out
 
 
 @pytest.mark.parametrize("model", ["free", "cauchy"])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fitting.searching.far_oscillators import _other_resonances
 from fitting.searching.film_starts import film_index, films_of
+from fitting.searching.oscillators import _other_resonances
 from fitting.searching.starts import start_at
 from tests.fits.oscillator_problem import ENERGY, job, measured
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from fitting.problem.lanes import Ends
-from fitting.searching.film_parts import PARTS, parts
+from fitting.searching.film_starts import PARTS, parts
 from fitting.searching.last_steps import followed, gone_on, polished
 from fitting.uncertainty.covariance import uncertainty_at
 

@@ -196,8 +196,7 @@ def test_bands_are_the_spread_of_repeats():
     np.testing.assert_allclose(held_out, true, rtol=1e-12)
 
 
-@pytest.mark.parametrize("loss", ["huber", "student"])
-def test_outliers_do_not_count_with_a_robust_loss(loss):
+def test_outliers_do_not_count_with_a_robust_loss():
     m = simulated("cauchy:2", {"A": 1.5, "B": 0.012})
     value = m.value.copy()
     value[::9] += 0.1
@@ -205,11 +204,11 @@ def test_outliers_do_not_count_with_a_robust_loss(loss):
         m.angle_deg[:42], m.wavelength_um[:42], sigma=SIGMA, R_s=value[:42], R_p=value[42:]
     )
     plain = fit(spoilt, "cauchy:2")
-    robust = fit(spoilt, "cauchy:2", loss=loss)
+    robust = fit(spoilt, "cauchy:2", loss="huber")
     assert abs(plain.parameters["A"].value - 1.5) > 0.01
     assert abs(robust.parameters["A"].value - 1.5) < 4.0 * robust.parameters["A"].sigma < 0.005
     assert robust.noise == pytest.approx(1.0, abs=0.35)
-    clean = fit(m, "cauchy:2", loss=loss, errors="stated")
+    clean = fit(m, "cauchy:2", loss="huber", errors="stated")
     # as good as least squares to a few per cent where there are no outliers
     squares = fit(m, "cauchy:2", errors="stated")
     assert clean.parameters["A"].sigma == pytest.approx(squares.parameters["A"].sigma, rel=0.15)

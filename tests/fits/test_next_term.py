@@ -6,7 +6,7 @@ import pytest
 from fitting import Measurement, simulate
 from fitting.problem.lanes import Ends
 from fitting.searching.neighbours import _other_lines
-from fitting.searching.next_term import (
+from fitting.searching.oscillators import (
     Responses,
     _condensed,
     by_eps,

@@ -13,12 +13,12 @@ from fitting.data.measurement import Measurement
 from fitting.optics.observe import medium_index
 from fitting.problem import programs_in_parts
 from fitting.problem.lanes import coordinate_bounds
-from fitting.problem.model_at import Shown, index_in_parts
 from fitting.problem.observations import observations
 from fitting.problem.optics_inputs import core_of, has_parts
 from fitting.problem.programs import Bounds, linearised, solve, targets_of, without_data
 from fitting.problem.programs_in_parts import Parts, in_parts, solved_in_parts
 from fitting.problem.row_blocks import SLOTS
+from fitting.problem.slopes import Shown, index_in_parts
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.compiled import in_turn
 from fitting.samples.parameters import Settings, settings_of

@@ -9,7 +9,7 @@ from fitting.problem.lanes import LANES
 from fitting.problem.problem import FitOptions, Kept
 from fitting.samples.parameters import Settings
 from fitting.searching import neighbours, stages
-from fitting.searching.grown_starts import grown_starts
+from fitting.searching.search import grown_starts
 from fitting.searching.starts import start_at
 from fitting.searching.starts import starts as start_points
 from fitting.wavelengths import problem_of

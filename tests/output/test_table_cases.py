@@ -80,12 +80,11 @@ def test_correlations_are_shown(absorber):
     assert text.count("+0.100") == 5
 
 
-@pytest.mark.parametrize("loss", ["huber", "student"])
-def test_the_errors_of_a_robust_fit_are_not_called_those_of_least_squares(absorber, loss):
-    robust = replace(absorber, loss=loss, noise=1.1)
+def test_the_errors_of_a_robust_fit_are_not_called_those_of_least_squares(absorber):
+    robust = replace(absorber, loss="huber", noise=1.1)
     for text in (one_line(robust), one_line(fit_page(robust, b""))):
         assert "sqrt(chi2/dof)" not in text
-        assert f"as the {loss} loss weighs them (Huber" in text
+        assert "as the huber loss weighs them (Huber" in text
     assert "sqrt(chi2/dof)" in one_line(absorber)
 
 
