@@ -11,10 +11,12 @@ import sys
 import time
 from pathlib import Path
 
-from . import accuracy, bsdf, scenes, speed
-from .contestants import CONTESTANTS, LIMIT
-from .machine import cores
-from .report import main_platform, markdown
+from benchmarks import scenes
+from benchmarks.accuracy import scene_errors
+from benchmarks.contestants import CONTESTANTS, LIMIT
+from benchmarks.machine import cores
+from benchmarks.speed import bsdf, turns
+from benchmarks.speed.report import main_platform, markdown
 
 PACKAGES = (
     *("jax", "jaxlib", "numpy", "numba", "tmm", "tmm_fast", "torch", "tmmax", "jaxlayerlumos"),
@@ -67,11 +69,11 @@ def errors_of(processes: dict, dtype: str) -> dict:
             continue
         table[name] = {}
         for scene in scenes.CLASSES:
-            if speed.takes_part(process.contestant, dtype, scene in scenes.LOSSLESS):
+            if turns.takes_part(process.contestant, dtype, scene in scenes.LOSSLESS):
                 answer = process.ask(do="evaluate", scene=scene)
                 failed = "failed" in answer
                 table[name][scene] = (
-                    answer if failed else accuracy.errors(scene, dtype, answer["R"])
+                    answer if failed else scene_errors.errors(scene, dtype, answer["R"])
                 )
     return table
 
@@ -95,8 +97,8 @@ def main():
         options.out.mkdir(parents=True, exist_ok=True)
         data_file.write_text(json.dumps(results, indent=1) + "\n")
     (options.out / "benchmarks.md").write_text(markdown(results))
-    from .chart import draw
-    from .overview import draw_overview
+    from benchmarks.speed.chart import draw
+    from benchmarks.speed.overview import draw_overview
 
     for where in sorted({x["platform"] for x in results["runs"]}):
         draw(results, options.out, where)
@@ -108,10 +110,10 @@ def main():
 
 def run(options) -> dict:
     started = time.perf_counter()
-    sizes = [n for n in speed.SIZES if n <= 1_000_000] if options.quick else speed.SIZES
+    sizes = [n for n in turns.SIZES if n <= 1_000_000] if options.quick else turns.SIZES
     rounds = 2 if options.quick else options.rounds
-    if options.only and speed.REFERENCE not in options.only:
-        options.only.append(speed.REFERENCE)
+    if options.only and turns.REFERENCE not in options.only:
+        options.only.append(turns.REFERENCE)
     results = {"machine": machine(), "rounds": rounds, "left_out": {}, "runs": []}
     results["families"] = {x.name: x.family for x in CONTESTANTS}
     results["one_material"] = [x.name for x in CONTESTANTS if x.one_material]
@@ -119,7 +121,7 @@ def run(options) -> dict:
         results["machine"]["gpu"] = gpu()
     for where in options.platform or (["cpu", "gpu"] if gpu() else ["cpu"]):
         for dtype in ("float64", "float32"):
-            processes, left_out = speed.start(dtype, where, options.only)
+            processes, left_out = turns.start(dtype, where, options.only)
             results["left_out"] |= left_out
             print(f"{where} {dtype}: {len(processes)} contestants", flush=True)
             results["runs"].append(
@@ -127,8 +129,8 @@ def run(options) -> dict:
                     "platform": where,
                     "dtype": dtype,
                     "errors": errors_of(processes, dtype),
-                    "lossless": speed.measure(processes, True, rounds, sizes),
-                    "lossy": speed.measure(processes, False, rounds, sizes),
+                    "lossless": turns.measure(processes, True, rounds, sizes),
+                    "lossy": turns.measure(processes, False, rounds, sizes),
                 }
             )
             for process in processes.values():

@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from . import peers, printed
+from benchmarks import peers
+from tests.truth import printed
 
 OURS, PRINTED, TIER, APPROXIMATE, ARRAYS, PEER, LIMIT = (
     "ours",

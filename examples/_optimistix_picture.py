@@ -16,7 +16,6 @@ def _scan(axes, data, lines) -> None:
     axes.set(xlabel="angle of incidence (degrees)", ylabel="R", xlim=(0, 90), ylim=(0.6, 1.01))
     axes.set_title("gold at 532 nm, measured")
     axes.legend(loc="upper left")
-    axes.grid(True)
 
 
 def _failures(axes, kind, counts) -> None:

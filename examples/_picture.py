@@ -12,21 +12,9 @@ from typing import Any
 OUTPUT = Path(__file__).resolve().parent / "output"
 # Okabe and Ito's colours, told apart by colour-blind readers too ("Color universal design", 2008).
 BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#595959"
-_STYLE = {
-    "font.size": 11.0,
-    "axes.labelsize": 12.0,
-    "axes.titlesize": 12.5,
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.axisbelow": True,
-    "figure.constrained_layout.h_pad": 0.1,
-    "figure.constrained_layout.w_pad": 0.12,
-    "grid.color": "#e6e6e6",
-    "legend.frameon": False,
-    "lines.linewidth": 1.8,
-    "mathtext.fontset": "dejavusans",
-}
+# The style of the pictures of fits, and room between panels.
+_STYLE = Path(__file__).resolve().parents[1] / "fitting" / "output" / "fresnel_fit.mplstyle"
+_ROOM = {"figure.constrained_layout.h_pad": 0.1, "figure.constrained_layout.w_pad": 0.12}
 
 
 def arguments(
@@ -54,15 +42,13 @@ def figure(path: Path, width: float, height: float, **options: Any) -> Iterator[
     Further options go to `Figure`. ModuleNotFoundError where matplotlib is not installed.
     """
     try:
-        import matplotlib
+        from matplotlib import style
         from matplotlib.figure import Figure
     except ModuleNotFoundError:
         raise ModuleNotFoundError(
             "the examples draw with matplotlib, which is not installed: pip install matplotlib"
         ) from None
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_STYLE)
+    with style.context([_STYLE, _ROOM], after_reset=True):
         settings: dict[str, Any] = {"layout": "constrained"} | options
         drawn = Figure(figsize=(width, height), **settings)
         yield drawn

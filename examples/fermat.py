@@ -98,7 +98,6 @@ def draw(path, found: float, angle_i_deg, angle_t_deg) -> None:
         law.plot(angle_i_deg, angle_t_deg, "o", color=ORANGE, label="stationary paths")
         law.set(xlabel="angle in air (degrees)", ylabel="angle in glass (degrees)")
         law.set(xlim=(0, 90), ylim=(0, 45))
-        law.grid(True)
         law.legend(loc="lower right")
 
 

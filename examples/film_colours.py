@@ -68,6 +68,7 @@ def draw(path, size: int) -> None:
             axes.imshow(
                 rgb, origin="lower", aspect="auto", extent=(0.0, 1e3 * thickest, 0.0, angle[-1])
             )
+            axes.grid(False)
             axes.set(title=title, xlabel="thickness (nm)", ylabel="angle of incidence (degrees)")
 
 

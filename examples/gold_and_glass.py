@@ -60,7 +60,6 @@ def draw(path, size: int) -> None:
             )  # fmt: skip
         index.set(xlabel=r"wavelength ($\mathrm{\mu}$m)", xlim=RANGE_UM, ylim=(0.0, None))
         index.set_title("index of refraction")
-        index.grid(True)
 
         maps = []
         for column, (matter, name, labels) in enumerate(
@@ -68,6 +67,8 @@ def draw(path, size: int) -> None:
         ):
             R = np.asarray(reflectance_map(matter, angle, wavelength))
             plot, strip = (fig.add_subplot(grid[row, column]) for row in (0, 1))
+            plot.grid(False)
+            strip.grid(False)
             maps.append(plot)
             image = plot.imshow(
                 R, extent=(0.0, 90.0, *RANGE_UM), origin="lower", aspect="auto", cmap="magma",

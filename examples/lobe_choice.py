@@ -78,7 +78,6 @@ def draw(path, size: int, angles, measured) -> None:
         plot.plot([], [], "s", color=GREY, label="Fresnel split, measured: 0")
         plot.set(xlabel="angle of incidence (degrees)", ylabel="variance of the weight")
         plot.set(xlim=(0, 90), ylim=(-0.04, 1.04))
-        plot.grid(True)
         plot.legend(loc="lower left", bbox_to_anchor=(-0.02, 1.0), ncols=2)
 
 

@@ -89,7 +89,6 @@ def draw(path, width: int, found: Recovery) -> None:
         way.set(xlabel="Levenberg-Marquardt step", ylabel=r"$|\eta - \eta_{true}|$")
         way.set_ylim(min(error.min(), found.sigma) / 4.0, 1.0)
         way.set_title(rf"recovered: $\eta$ = {found.eta:.5f} $\pm$ {found.sigma:.5f}")
-        way.grid(True)
 
 
 def main(argv=None) -> dict[str, float]:

@@ -2,13 +2,12 @@
 
 The names below are those of one smooth boundary. Submodules are attributes, imported when they are
 first used: `approximate`, `bsdf`, `directions`, `dispersion`, `effective_medium`, `fresnel_terms`,
-`interface`, `layers`, `many_points`, `materials`, `microfacet`, `polarization`.
+`interface`, `layers`, `materials`, `microfacet`, `performance`, `polarization`.
 """
 
 import importlib
 from typing import Any
 
-from ._compiler import fenced
 from ._environment import warn_of_environment
 from .directions import faceforward, reflect, refract
 from .interface import (
@@ -31,9 +30,9 @@ _SUBMODULES = (
     "fresnel_terms",
     "interface",
     "layers",
-    "many_points",
     "materials",
     "microfacet",
+    "performance",
     "polarization",
 )
 
@@ -42,7 +41,6 @@ __all__ = [
     "Powers",
     "amplitudes",
     "faceforward",
-    "fenced",
     "fresnel_complex",
     "fresnel_conductor",
     "fresnel_dielectric",

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import jaxlib.version
 
-# Of jaxlib 0.8.0 to 0.12.0.1 this one alone fails tests/test_platform.py.
+# Of jaxlib 0.8.0 to 0.12.0.1 this one alone fails tests/package/test_platform.py.
 _WRONG_JAXLIB = "0.10.2"
 _RIGHT_FLAG = "xla_cpu_experimental_ynn_fusion_type"
 _HERE = Path(__file__).resolve().parent

@@ -5,7 +5,7 @@ or a metal; none knows total reflection, Brewster's angle of one polarization, o
 broadcast as NumPy does, keep the dtype, and work under `jit`, `vmap` and `grad`; their derivatives
 are finite everywhere. The sign of the cosine is ignored, as in `interface`.
 
-Largest absolute error of R over all angles, measured densely (tests/test_approximate.py), and cost
+Largest absolute error of R over all angles, measured densely (test_approximate.py), and cost
 per point for one material and many angles, in instructions after fusion (an exact `reflectance`
 takes 60 to 90, of which 3 to 5 are divisions and square roots; an approximation of the list none,
 but `large_index` one):
@@ -20,7 +20,7 @@ but `large_index` one):
     polynomial, degree 8    .00061              .0036                      27
     polynomial, degree 10   .000075             .0019                      33
 
-Colours and indices, `gulbrandsen_index` and its kin, are exact; they stand in `_colours`.
+Colours and indices, `gulbrandsen_index` and its kin, are exact; they stand in `boundary.colours`.
 
 The coefficients (R at normal incidence, R at 82 degrees, the polynomial) depend on the material
 only. They are computed once for a scalar `eta` and `k`, whatever the number of angles; with a
@@ -36,14 +36,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike
 
-from ._arguments import looked_at, named_floats
-from ._boundary import within_one
-from ._colours import gulbrandsen_index as gulbrandsen_index
-from ._colours import gulbrandsen_parameters as gulbrandsen_parameters
-from ._colours import normal_reflectance as normal_reflectance
-from ._colours import real_index as real_index
-from ._colours import reflectance_at_normal
-from ._index import IndexLike
+from ._numerics.arguments import looked_at, named_floats
+from ._numerics.index import IndexLike
+from .boundary.boundary import within_one
+from .boundary.colours import gulbrandsen_index as gulbrandsen_index
+from .boundary.colours import gulbrandsen_parameters as gulbrandsen_parameters
+from .boundary.colours import normal_reflectance as normal_reflectance
+from .boundary.colours import real_index as real_index
+from .boundary.colours import reflectance_at_normal
 from .interface import reflectance
 
 __all__ = [

@@ -12,21 +12,12 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from ._arithmetic import positive_sqrt
-from ._boundary import boundary, within_one
-from ._index import IndexLike
-from ._results import exported
-from ._vectors import (
-    Vector,
-    add,
-    components,
-    dot,
-    dot_exactly,
-    lossless_index,
-    normalize,
-    scale,
-    stack,
-)
+from ._numerics.arguments import lossless_index
+from ._numerics.arithmetic import positive_sqrt
+from ._numerics.index import IndexLike
+from ._numerics.results import exported
+from ._numerics.vectors import Vector, add, components, dot, dot_exactly, normalize, scale, stack
+from .boundary.boundary import boundary, within_one
 
 __all__ = [
     "Frame",
@@ -87,7 +78,7 @@ def refract_components(
 ) -> _Refracted:
     """`refract`, given wi . n and the indices of both sides, with the refracted ray's cosine >= 0.
 
-    eta_t cos_t = Q, the normal wavevector of `_boundary`, which keeps its relative accuracy at the
+    eta_t cos_t = Q, the normal wavevector of `boundary`, which keeps its relative accuracy at the
     critical angle. The tangential part comes from wi itself, not from 1 - cos^2: near normal
     incidence a cosine no longer knows the tilt. What wi lacks to unit length would come out
     multiplied by 1 / eta^2 (16 eps in length for eta = 1/4), hence the normalisation.

@@ -30,21 +30,21 @@ import numpy as np
 from jaxtyping import Array, ArrayLike
 
 from . import materials
-from ._absorption_edge import CauchyUrbach as CauchyUrbach
-from ._absorption_edge import TaucLorentz as TaucLorentz
-from ._formulas import Cauchy as Cauchy
-from ._formulas import Constant as Constant
-from ._formulas import Sellmeier as Sellmeier
-from ._index import Index as Index
-from ._index_files import joined, tabulated, yaml_parts
-from ._kramers_kronig import KramersKronigSpline as KramersKronigSpline
-from ._oscillators import BrendelBormann as BrendelBormann
-from ._oscillators import DrudeLorentz as DrudeLorentz
-from ._published_formulas import PublishedFormula as PublishedFormula
-from ._spectral import HC_EV_UM as HC_EV_UM
-from ._spectral import DispersionModel as DispersionModel
-from ._spectral import evaluate_within, in_one_type, parameters
-from ._tabulated import Tabulated as Tabulated
+from ._numerics.index import Index as Index
+from .indices.absorption_edge import CauchyUrbach as CauchyUrbach
+from .indices.absorption_edge import TaucLorentz as TaucLorentz
+from .indices.formulas import Cauchy as Cauchy
+from .indices.formulas import Constant as Constant
+from .indices.formulas import Sellmeier as Sellmeier
+from .indices.index_files import joined, tabulated, yaml_parts
+from .indices.kramers_kronig import KramersKronigSpline as KramersKronigSpline
+from .indices.oscillators import BrendelBormann as BrendelBormann
+from .indices.oscillators import DrudeLorentz as DrudeLorentz
+from .indices.published_formulas import PublishedFormula as PublishedFormula
+from .indices.spectral import HC_EV_UM as HC_EV_UM
+from .indices.spectral import DispersionModel as DispersionModel
+from .indices.spectral import evaluate_within, in_one_type, parameters
+from .indices.tabulated import Tabulated as Tabulated
 
 __all__ = [
     "HC_EV_UM",

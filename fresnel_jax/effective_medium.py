@@ -47,12 +47,18 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._arguments import as_floats, broadcast_shape
-from ._arithmetic import complex_sqrt, sum_exactly
-from ._bruggeman import bruggeman_root, loss_of, mixed, with_loss
-from ._compiler import opaque
-from ._index import Index
-from ._vectors import extinction, float_checked, float_named, not_negative
+from ._numerics.arguments import (
+    as_floats,
+    broadcast_shape,
+    extinction,
+    float_checked,
+    float_named,
+    not_negative,
+)
+from ._numerics.arithmetic import complex_sqrt, sum_exactly
+from ._numerics.fences import opaque
+from ._numerics.index import Index
+from .indices.bruggeman import bruggeman_root, loss_of, mixed, with_loss
 
 __all__ = ["bruggeman", "linear", "looyenga", "maxwell_garnett"]
 

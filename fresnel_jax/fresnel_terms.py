@@ -11,12 +11,20 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ._arguments import check_index, check_length, check_positive, index_parts
-from ._index import IndexLike
-from ._stack import with_leading_axis
-from ._vectors import extinction, float_checked, float_named, index_named
+from ._numerics.arguments import (
+    check_index,
+    check_length,
+    check_positive,
+    extinction,
+    float_checked,
+    float_named,
+    index_named,
+    index_parts,
+)
+from ._numerics.index import IndexLike
 from .interface import reflectance
 from .layers import stack
+from .stacks.stack import with_leading_axis
 
 __all__ = [
     "FresnelConductor",

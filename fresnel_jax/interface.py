@@ -44,7 +44,7 @@ with respect to k is the one-sided one (k >= 0), which is not 0 in total reflect
 
 References: M. Born and E. Wolf, Principles of Optics, 7th ed., secs. 1.5 and 14.2; M. Pharr,
 W. Jakob and G. Humphreys, Physically Based Rendering, 4th ed., sec. 9.3. The algebra is our own
-and stands in `_boundary`, `_powers` and `_amplitudes`.
+and stands in the files of `boundary`.
 """
 
 from __future__ import annotations
@@ -56,12 +56,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ._amplitudes import amplitudes_kernel
-from ._arguments import all_floats, as_floats, lossless, real, structure
-from ._index import IndexLike
-from ._powers import powers_kernel
-from ._results import exported
-from ._unpolarized import unpolarized_kernel
+from ._numerics.arguments import all_floats, as_floats, lossless, real, structure
+from ._numerics.index import IndexLike
+from ._numerics.results import exported
+from .boundary.amplitudes import amplitudes_kernel
+from .boundary.powers import powers_kernel
+from .boundary.unpolarized import unpolarized_kernel
 
 __all__ = [
     "Amplitudes",

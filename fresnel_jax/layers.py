@@ -10,8 +10,9 @@ with R1 and T1 = 1 - R1 of one face and Q = N cos_t of the refracted wave: the g
 what is reflected to and fro. Nothing is lost but what the slab absorbs.
 
 The mean over the phase of the coherent film has |t1 t2|^2 where T1^2 stands here, which is larger
-by |Q|^2 / (Re Q)^2. The two agree within k^2 / n^2, and where k^2 / n^2 could be seen a thick slab
-lets nothing through; for thin absorbing ones neither holds, since their reflections interfere.
+by |Y|^2 / (Re Y)^2, with Y = Q for s and Q / N^2 for p. The two agree within k^2 / n^2, and where
+k^2 / n^2 could be seen a thick slab lets nothing through; for thin absorbing ones neither holds,
+since their reflections interfere.
 
 Time dependence exp(-i w t): k >= 0 absorbs. Source: M. Born and E. Wolf, Principles of Optics, 7th
 ed., sec. 1.6.4, for the coherent film, and O. S. Heavens, Optical Properties of Thin Solid Films,
@@ -24,7 +25,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import ArrayLike
 
-from ._arguments import (
+from ._numerics.arguments import (
     as_floats,
     broadcast_shape,
     check_length,
@@ -32,14 +33,14 @@ from ._arguments import (
     real,
     structure,
 )
-from ._arithmetic import reciprocal_or_zero
-from ._boundary import boundary, within_one
-from ._index import IndexLike
-from ._powers import powers_kernel
-from ._stack import Stack as Stack
-from ._stack import stack as stack
-from ._stack_fast import FEW_LAYERS as FEW_LAYERS
+from ._numerics.arithmetic import reciprocal_or_zero
+from ._numerics.index import IndexLike
+from .boundary.boundary import boundary, within_one
+from .boundary.powers import powers_kernel
 from .interface import Powers
+from .stacks.fast import FEW_LAYERS as FEW_LAYERS
+from .stacks.stack import Stack as Stack
+from .stacks.stack import stack as stack
 
 __all__ = [
     "Stack",

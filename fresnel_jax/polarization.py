@@ -35,7 +35,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ._arguments import (
+from ._numerics.arguments import (
     all_floats,
     as_floats,
     broadcast_shape,
@@ -45,11 +45,11 @@ from ._arguments import (
     real,
     structure,
 )
-from ._arithmetic import reciprocal_or_zero
-from ._boundary import boundary, within_one
-from ._index import IndexLike
-from ._phases import phases_kernel, psi_kernel
-from ._results import exported
+from ._numerics.arithmetic import reciprocal_or_zero
+from ._numerics.index import IndexLike
+from ._numerics.results import exported
+from .boundary.boundary import boundary, within_one
+from .boundary.phases import phases_kernel, psi_kernel
 from .interface import amplitudes, powers
 
 __all__ = [

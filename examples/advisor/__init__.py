@@ -14,7 +14,7 @@ incidence; each approximation of `approximate`; float32. Slabs and films are not
 Errors are absolute, and upper bounds: the largest of a dense grid and its refinement (`search`), a
 hundredth more for what they miss, and the rounding of the precision. That of float32 is the largest
 error at the corners of the box that rounding makes of (cos, eta, k, eta_i), and of the arithmetic.
-tests/test_advisor.py holds random scenes against brute force.
+tests/docs/test_advisor.py holds random scenes against brute force.
 """
 
 import dataclasses

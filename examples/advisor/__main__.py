@@ -4,10 +4,14 @@ import argparse
 import importlib.util
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
 from . import FORMS, Advice, Scene, advise, measured
+
+_ROOT = Path(__file__).resolve().parents[2]
+_STYLE = _ROOT / "fitting" / "output" / "fresnel_fit.mplstyle"
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -43,24 +47,26 @@ def _from_text(text: str):
 
 
 def _save_plot(advice: Advice, path: str):
+    from matplotlib import style
     from matplotlib.figure import Figure
 
     labels = list(advice.findings)[::-1]
-    figure = Figure(figsize=(8.0, 0.8 + 0.33 * len(labels)), layout="constrained")
-    axis = figure.subplots()
-    smallest = 1e-8
-    for light, marker, colour in (("polarized", "o", "#0072B2"), ("unpolarized", "D", "#D55E00")):
-        errors = [getattr(advice.findings[x], light).error for x in labels]
-        label = "unpolarized R" if light == "unpolarized" else "R_s and R_p"
-        axis.plot(np.maximum(errors, smallest), labels, marker, color=colour, label=label)
-    axis.axvline(advice.scene.accuracy, color="black", linestyle="--", label="accuracy wanted")
-    axis.set_xscale("log")
-    axis.set_xlim(smallest / 2.0, 2.0)
-    axis.set_xlabel("largest error of R (less than 1e-8 at the left edge)")
-    axis.set_title(advice.table().splitlines()[0], fontsize=9)
-    axis.grid(axis="x", color="0.9")
-    figure.legend(loc="outside lower center", ncols=3, frameon=False)
-    figure.savefig(path, dpi=150)
+    with style.context(_STYLE, after_reset=True):
+        figure = Figure(figsize=(8.0, 0.8 + 0.33 * len(labels)), layout="constrained")
+        axis = figure.subplots()
+        smallest = 1e-8
+        for light, marker in (("polarized", "o"), ("unpolarized", "D")):
+            errors = [getattr(advice.findings[x], light).error for x in labels]
+            label = "unpolarized R" if light == "unpolarized" else "R_s and R_p"
+            axis.plot(np.maximum(errors, smallest), labels, marker, label=label)
+        axis.axvline(advice.scene.accuracy, color="black", linestyle="--", label="accuracy wanted")
+        axis.set_xscale("log")
+        axis.set_xlim(smallest / 2.0, 2.0)
+        axis.set_xlabel("largest error of R (less than 1e-8 at the left edge)")
+        axis.set_title(advice.table().splitlines()[0], fontsize="small")
+        axis.grid(axis="y", visible=False)
+        figure.legend(loc="outside lower center", ncols=3)
+        figure.savefig(path)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -22,9 +22,9 @@ than their neighbours. Three meshes are used, by what the angles leave open (`ki
 In total reflection 1 - R is proportional to k, and a curve of small k is like no node of the plane;
 a block of its own has segments along k at each n.
 
-The success study (`benchmarks.fit_success`, docs/status.md) is the measure of all this. With meshes
-of nodes alone, and more of them, ten times as many fits ended in a wrong minimum, and the median
-curve of few angles took three times the evaluations.
+The success study (`benchmarks.studies.fit_success`, docs/status.md) is the measure of all this.
+With meshes of nodes alone, and more of them, ten times as many fits ended in a wrong minimum, and
+the median curve of few angles took three times the evaluations.
 """
 
 from __future__ import annotations

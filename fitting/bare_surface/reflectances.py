@@ -14,6 +14,7 @@ from jax import Array
 
 from fitting.bare_surface.coordinates import index_of_lanes
 from fresnel_jax import powers
+from fresnel_jax.performance import computed_once
 
 CHANNELS = ("R_s", "R_p", "R")
 """What can be fitted. R is a mixture, R_p + s_share (R_s - R_p); s_share is 1/2 if unpolarized."""
@@ -52,8 +53,8 @@ def reflectances(
 def model(curves: Curves, x: Array, w: Array, chart: Array, channels: tuple[str, ...]):
     """Return the reflectances of every lane at its coordinates, one (M, L) array a channel."""
     n, k = index_of_lanes(x, w, chart)
-    # Without the barrier XLA repeats the coordinate map for every angle, inside the big loop.
-    n, k = jax.lax.optimization_barrier((n, k))
+    # Else XLA repeats the coordinate map for every angle, inside the big loop.
+    n, k = map(computed_once, (n, k))
     return reflectances(curves.cos_theta, curves.s_share, n, k, channels)
 
 

@@ -21,8 +21,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from fitting.process.compiled import computed_once
 from fitting.samples.parameters import LOG, SQUARE, Parameter
+from fresnel_jax.performance import computed_once
 
 PER_CURVE = ("scale", "background")
 INSTRUMENT = (*PER_CURVE, "angle_offset", "leak", "divergence", "bandwidth")

@@ -27,6 +27,7 @@ from fitting.optics.spec import NCS, Points, Spec
 from fitting.samples.known_media import known_medium
 from fresnel_jax import powers
 from fresnel_jax.layers import slab, stack
+from fresnel_jax.performance import computed_once
 from fresnel_jax.polarization import ellipsometric_ratio
 
 
@@ -36,9 +37,8 @@ def indices(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) -> l
     at = jnp.asarray(points.distinct_um if repeated else points.wavelength_um)
     outside = eta_i[_first_of(points)] if repeated and jnp.ndim(eta_i) else eta_i
     out = [slices_of(spec, i, v, at, outside) for i in range(len(spec.media.index))]
-    # Without the barrier XLA repeats the model's formula for every angle and output. One for each
-    # number, so that the index of a known medium stays without derivatives.
-    out = jax.tree.map(jax.lax.optimization_barrier, out)
+    # Else XLA repeats the model's formula for every angle and output.
+    out = jax.tree.map(computed_once, out)
     if not repeated:
         return out
     return [[(n[points.place], k[points.place]) for n, k in each] for each in out]

@@ -490,7 +490,7 @@ def _titles(figure: Figure, axes: Axes, fit: FitData, reference: str) -> None:
 
     reference: text about a reference material, which stands below too; "" for none.
     """
-    axes.set_title(_plain_title(title_of(fit)), loc="left", fontweight="bold", pad=28)
+    axes.set_title(_plain_title(title_of(fit)), fontweight="bold", pad=28)
     axes.annotate(
         _subtitle(fit), (0.0, 1.0), (0.0, 9.0), xycoords="axes fraction",
         textcoords="offset points", va="bottom", ha="left", color=DARK,

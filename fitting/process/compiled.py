@@ -5,18 +5,17 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
-import sys
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterator
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jax import Array
 
-# Each is used if the compiler at hand knows it (`python -m benchmarks.compiler_options`):
+from fresnel_jax.performance import jax_has_begun
+
+# Each is used if the compiler at hand knows it (`python -m benchmarks.speed.compiler_options`):
 OPTIONS: dict[str, Any] = {
     # jaxlib 0.10.2 hands sums of products to a library which gets some of them wrong
     # (jax-ml/jax#39103); none are handed over.
@@ -53,18 +52,22 @@ def _known_options() -> dict[str, Any]:
 
 # Whether jax had run in the process from which this one was forked: a fork copies no threads but
 # the one that called it, and the first program would wait for those of XLA without end.
+_ran_before_fork = False
 _threads_left_behind = False
+
+
+def _before_fork() -> None:
+    global _ran_before_fork
+    _ran_before_fork = jax_has_begun()  # in the child it might wait for a lock of jax without end
 
 
 def _after_fork() -> None:
     global _threads_left_behind
-    # jax has no public name for it that does not start its threads, or take a lock of the parent.
-    running = getattr(sys.modules.get("jax._src.xla_bridge"), "_backends", ())
-    _threads_left_behind = _threads_left_behind or bool(running)
+    _threads_left_behind = _ran_before_fork
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_after_fork)
+    os.register_at_fork(before=_before_fork, after_in_child=_after_fork)
 
 
 @contextlib.contextmanager
@@ -113,16 +116,6 @@ def compiled(function: Callable, static: tuple[str, ...]) -> Callable:
         return made[0](*args, **kwargs)
 
     return call
-
-
-def computed_once(x: Array) -> Array:
-    """Return a real array that XLA does not compute again for everything that reads it.
-
-    Its CPU compiler repeats what stands before a loop in every loop behind it, except for divisions
-    and roots (the cosine of the angle of incidence was formed 18 times in the program of a film, a
-    third of its time). A division by one is exact; `fresnel_jax._compiler` has the measurements.
-    """
-    return x / jnp.where(x == x, 1.0, 2.0)
 
 
 def in_turn(program: Callable, by_first: bool = False) -> Callable:

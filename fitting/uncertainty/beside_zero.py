@@ -10,7 +10,7 @@ For v alone that is the construction of G. J. Feldman and R. D. Cousins, Phys. R
 (1998), doi:10.1103/PhysRevD.57.3873, and holds the truth in 95 %. For e the rise depends on the
 true v, for which its most likely value for this e is taken (B. Sen, M. Walker and M. Woodroofe,
 Statistica Sinica 19, 301 (2009)): the truth is held in 93 to 96 %, whatever v and correlation
-(tests/test_beside_zero.py).
+(tests/uncertainty/test_beside_zero.py).
 
 Errors that were estimated from the scatter have Student's t in place of the normal law's 1.96. The
 same intervals are then taken, stretched by the ratio of the two.

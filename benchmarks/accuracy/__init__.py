@@ -1,0 +1,1 @@
+"""The largest errors of the library, found by search."""

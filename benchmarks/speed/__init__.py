@@ -1,0 +1,1 @@
+"""Points, fits and compile times, beside other programs."""

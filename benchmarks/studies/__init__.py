@@ -1,0 +1,1 @@
+"""How often fits, intervals, choices and the reader are right, over random cases."""

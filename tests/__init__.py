@@ -1,0 +1,1 @@
+"""Tests, in a room for each subject: see CONTRIBUTING.md."""

@@ -1,0 +1,1 @@
+"""`choose`: which model or sample the data ask for."""

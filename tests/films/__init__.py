@@ -1,0 +1,1 @@
+"""Fits of films: thicknesses, fringes, and an index that is free."""

@@ -1,0 +1,1 @@
+"""Fits: starts, minima, values and findings of surfaces, plates and many curves."""

@@ -1,0 +1,1 @@
+"""`fresnel_jax`: values, derivatives and calls of every public function."""

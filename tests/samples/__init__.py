@@ -1,0 +1,1 @@
+"""Samples, materials and instruments: what a model predicts."""

@@ -1,0 +1,1 @@
+"""Standard errors, intervals, and what residuals say of stated errors."""
