@@ -23,10 +23,10 @@ MOST_LINES = {
         240, "uncertainty": 1500, "wavelengths": 300,
     },
     "fresnel_jax": {
-        "_environment": 80, "_numerics": 1180, "approximate": 260, "boundary": 900, "bsdf": 720,
-        "directions": 280, "dispersion": 180, "effective_medium": 200, "fresnel_terms": 120,
-        "indices": 1040, "interface": 280, "layers": 140, "materials": 160, "microfacet": 280,
-        "performance": 200, "polarization": 300, "stacks": 2860,
+        "_environment": 80, "_numerics": 1200, "approximate": 260, "boundary": 900, "bsdf": 720,
+        "directions": 280, "dispersion": 220, "effective_medium": 200, "fresnel_terms": 120,
+        "indices": 1420, "interface": 280, "layers": 140, "materials": 240, "microfacet": 280,
+        "performance": 200, "polarization": 300, "stacks": 2880,
     },
 }  # fmt: skip
 each_package = pytest.mark.parametrize("package", PACKAGES)
