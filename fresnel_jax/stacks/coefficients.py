@@ -263,7 +263,8 @@ def _of_layer(
         scale = scales[p]
         gain = scaled(scale, scaled(scale, times(gain, wave.round_trip)))
         behind.append(_Incoming(scaled(scale, a), scaled(scale, b), gain))
-    # The series are most of the operations, and only films of some nanometres need them.
+    # The series are most of the operations, and only films of some nanometres need them. Formed
+    # at every point they made 15 % more instructions and 26 % more time of a gradient of one layer.
     near = _anywhere(is_thin(kappa, q2) | kept.near_critical)
     out = lax.cond(near, lambda: used(True), lambda: used(False))
     return out, jax.tree.map(computed_once, tuple(behind))
