@@ -36,7 +36,7 @@ from fitting.reader.conversion import (
 )
 from fitting.reader.options import Options, parse_options
 from fitting.reader.remarks import evidence, statements, without
-from fitting.reader.table import Table, find_column, read_table
+from fitting.reader.table import Table, read_table
 from fitting.reader.text import read_lines, source_of
 
 # What makes a file of an instrument a plain table; each returns None for a file of another kind.
@@ -86,7 +86,7 @@ def _refuse_placeholders(reading: Reading, numbers: dict[int, np.ndarray]) -> No
 
 def _refuse_code(reading: Reading, value: Column, row: int, code: str, came: str) -> None:
     """Raise because a number may stand for 'not measured', unless an option says that none does."""
-    if not reading.options.zero_is_value:
+    if "none" not in reading.options.missing:
         flag = f"--missing{'=' if code[0] == '-' else ' '}{code}"
         reading.refuse(
             value,
@@ -164,34 +164,6 @@ def _table_of(texts: Sequence[str], options: Options) -> Table:
     return table._replace(notes=table.notes + notes)
 
 
-def _covers(word: str, number: float) -> bool:
-    """Return whether a word is the number, or a range such as 1-4 with it."""
-    match = re.fullmatch(r"\s*(-?[0-9.]+)\s*-\s*(-?[0-9.]+)\s*", word)
-    low, high = (number_or_none(end) for end in (match.groups() if match else (word, word)))
-    return low is not None and high is not None and low <= number <= high
-
-
-def _keep_rows(table: Table, options: Options) -> Table:
-    """Return the table with the rows that the option ``keep`` (column=1,3-5,...) lets through."""
-    rows, lines = table.rows, table.lines
-    for name, wanted in options.keep.items():
-        index = find_column(table, name, "--keep")
-        words = {word.lower() for word in wanted}
-        cells = {row[index]: number_or_none(row[index]) for row in rows}
-        kept = {
-            cell for cell, number in cells.items() if cell.lower() in words
-            or (number is not None and any(_covers(word, number) for word in wanted))
-        }  # fmt: skip
-        chosen = [i for i, row in enumerate(rows) if row[index] in kept]
-        rows, lines = [rows[i] for i in chosen], [lines[i] for i in chosen]
-        if not rows:
-            refuse(
-                f"--keep {name}={','.join(wanted)} came, but no row has such a value in this "
-                "column."
-            )
-    return table._replace(rows=rows, lines=lines)
-
-
 def _own_columns(texts: Sequence[str], start: int) -> LongColumns:
     """Return the data of a table that this package wrote, to the last bit; ``start``: its header.
 
@@ -233,11 +205,11 @@ def long_columns(path: str | PathLike[str], options: Options) -> LongColumns:
     texts, remarks = read_lines(Path(path), options.encoding)
     head = next((i for i, text in enumerate(texts) if not text.startswith("#")), -1)
     if head >= 0 and set(re.split("[,;]", texts[head])) >= _OWN:
-        if options._replace(divided=False, encoding=None, ignore=[]) == parse_options({}):
+        if options._replace(divided=False, encoding=None, ignore=()) == parse_options({}):
             return _own_columns(texts, head)
         texts[:head] = [""] * head  # they describe the fit
     table = _table_of(texts, options)
-    table = _keep_rows(table._replace(notes=[*table.notes, *remarks]), options)
+    table = table._replace(notes=[*table.notes, *remarks])
     layout = choose_columns(table, options)
     said = evidence(source_of(path), table.preamble)
     ats = dict.fromkeys(v.role.at for v in layout.values if v.role.at is not None)

@@ -32,7 +32,6 @@ _AXES = (  # kind and form; one of these concepts is there, and beside it these,
     ("polarization", "", {"polarization"}, {"state", "mode"}),
     ("polarizer", "", {"polarizer", "polarization"}, _ANGLES),
     ("angle", "q", {"transfer"}, {"z"}),
-    ("angle", "2theta", {"doubled"}, _ANGLES),
     ("angle", "grazing", {"grazing"}, _ANGLES),
     ("angle", "incidence", _ANGLES, _BESIDE_ANGLES),
     ("wavelength", "wavelength", {"wavelength"}, {"vacuum"}),
@@ -50,6 +49,7 @@ _SYMBOLS = {
 _AXIS_UNITS = tuple(unit for unit in FORM_OF if unit not in ("mm", "keV"))
 # why a column with a word of this concept cannot be used
 _WHY = {
+    "doubled": "it is twice a grazing angle",
     "some angle": "it may be the angle of incidence or another one",
     "raw": "it is a raw signal, not a ratio to the direct beam",
     "setting": "it is a setting of a null ellipsometer",
@@ -90,7 +90,7 @@ class Role(NamedTuple):
     axis, settings of an ellipsometer.
     quantity: for value, index and sigma, a name of QUANTITIES, n or k; for sigma also "_s" and
         "_p", or "" where the name does not say of what; for kind "", one that the name mentions.
-    form: of an angle incidence, grazing, 2theta or q; of a wavelength the word that names it
+    form: of an angle incidence, grazing or q; of a wavelength the word that names it
         (wavelength, energy, wavenumber, frequency).
     unit: a key of :mod:`fitting.reader.vocabulary`, "" where the name gives none.
     at: for value and sigma, the angle of incidence in degrees that the name gives, else None.

@@ -26,12 +26,12 @@ from fitting.data.errors import MeasurementError, for_command, named, refuse
 from fitting.data.units import span_of
 from fitting.process.compiled import fit_settings
 from fitting.reader.cells import looks_like_data, split_cells
-from fitting.reader.columns import Column, Layout, came_in, left_out, roles_of
+from fitting.reader.columns import Column, Layout, left_out, roles_of
 from fitting.reader.conversion import Reading, wavelengths
 from fitting.reader.names import role_of
 from fitting.reader.options import parse_options
 from fitting.reader.remarks import evidence
-from fitting.reader.table import Table, filled_columns, label_of, read_table, uncomment
+from fitting.reader.table import Table, read_table, uncomment
 from fitting.reader.text import read_lines
 from fitting.samples.published_formulas import PublishedFormula
 from fresnel_jax.dispersion import DispersionModel, Index, Material, Tabulated
@@ -296,28 +296,28 @@ def _index_of(table: Table, source: str) -> dict[str, _Column]:
     columns: dict[str, list[Column]] = {"wavelength": [], "n": [], "k": []}
     rest = {}
     roles = roles_of(table)
-    for i in filled_columns(table.rows):
+    for i in table.filled:
         role = roles[i]
         name = role.quantity if role.kind == "index" else role.kind
         if name in columns:
-            columns[name].append(Column(i, label_of(table, i), role))
+            columns[name].append(Column(i, table.label(i), role))
         elif role.kind != "sigma" or role.quantity not in ("n", "k", ""):
             rest[i] = role
     for name, several in columns.items():
         if len(several) > 1 or not (several or name == "k" or (name == "n" and columns["k"])):
             came = " and ".join(repr(column.label) for column in several) or "none"
             refuse(
-                f"of the columns {', '.join(label_of(table, i) for i in range(len(table.names)))} "
+                f"of the columns {', '.join(table.label(i) for i in range(len(table.names)))} "
                 f"{came} may be the {name}. {_WANTED}.",
-                table.header or table.lines[0],
+                table.top,
             )
     axis = columns["wavelength"][0]
     for i, what in left_out(table, rest, [axis.index], constants=False).items():
         refuse(
-            f"this column ({came_in(table, i)}) is neither n nor k, but may be {what}. {_WANTED}; "
+            f"this column ({table.came_in(i)}) is neither n nor k, but may be {what}. {_WANTED}; "
             "delete the column, or name it sigma_n or sigma_k if it holds standard errors.",
-            table.header or table.lines[0],
-            label_of(table, i),
+            table.top,
+            table.label(i),
         )
     reading = _reading(table, axis, source)
     wavelength = wavelengths(reading)
