@@ -298,8 +298,7 @@ def _from_angles(reading: Reading, column: Column) -> np.ndarray:
 
 
 def _from_cells(reading: Reading, column: Column) -> np.ndarray:
-    cells = reading.table.cells(column.index)
-    codes = reading.options.codes
+    cells, codes = reading.table.cells(column.index), reading.options.codes
     numbers = {number_or_none(code): letter for code, letter in codes.items()}
     numbers.pop(None, "")
 
@@ -314,7 +313,7 @@ def _from_cells(reading: Reading, column: Column) -> np.ndarray:
         first = cells[lost[0]][:30]
         came = f"{first!r} came where s, p, TE, TM or unpolarized was wanted"
         option = f"{first}=s"
-        if all(is_number(value) for value in values):
+        if all(map(is_number, values)):
             came = f"{', '.join(values)} may be codes or angles of a polarizer"
             option = ",".join(v + "=" + "sp"[n % 2] for n, v in enumerate(values[:2]))
             option += " (or the other way round), or angle-from-p or angle-from-s if they "
@@ -331,17 +330,16 @@ def light_of_rows(reading: Reading, oblique: bool) -> np.ndarray:
     oblique: whether any angle is not 0, where s and p are one.
     Refuses a file where two facts disagree, or a code has two readings.
     """
-    table, layout, options, _, notes = reading
-    rows = len(table.rows)
-    column = layout.polarizer or layout.polarization
-    bare = [v for v in layout.values if v.role.quantity in POWER_LETTERS]
+    layout, options = reading.layout, reading.options
+    column, letter = layout.polarizer or layout.polarization, options.light
     named = [v for v in layout.values if v.role.quantity in POLARIZED]
+    letters = {POLARIZED[v.role.quantity] for v in named}
     if column is not None:
         other = layout.polarization if layout.polarizer else named[0] if named else None
         if other:
             text = f"this column gives the polarization, and so does column {other.label!r}. "
             reading.refuse(column, text + "Name the columns to be read with --columns.")
-        if options.light:
+        if letter:
             reading.refuse_both(column, "the polarization", "--polarization")
         if layout.polarizer and not (options.codes or options.polarizer):
             reading.refuse(
@@ -355,17 +353,17 @@ def light_of_rows(reading: Reading, oblique: bool) -> np.ndarray:
             "--polarization gives a meaning to a column, but none is named as the polarization. "
             "Say which it is with --columns polarization=..., or --polarization s or p."
         )
-    letter = options.light
-    if letter and any(POLARIZED[v.role.quantity] != letter for v in named):
+    if letter and letters - {letter}:
         text = f"the column is named {named[0].role.quantity}, but --polarization says otherwise. "
         reading.refuse(named[0], text + "Name the columns to be read with --columns.")
-    if not letter and bare and not named and oblique and (beside := reading.one("light")):
+    if named and not letter:
+        reading.refuse_other_light(letters, named[0])
+    bare = any(v.role.quantity in POWER_LETTERS for v in layout.values)
+    if bare and oblique and not (letter or named) and (beside := reading.one("light")):
         letter = str(beside.value)
         what = {"s": "s-polarized", "p": "p-polarized", "u": "unpolarized"}[letter]
-        notes.append(f"{what} light ({beside.where}; --polarization)")
-    elif named and not letter:
-        reading.refuse_other_light({POLARIZED[v.role.quantity] for v in named}, named[0])
-    return np.full(rows, FIELD_DEG[letter or "u"])
+        reading.notes.append(f"{what} light ({beside.where}; --polarization)")
+    return np.full(len(reading.table.rows), FIELD_DEG[letter or "u"])
 
 
 # of radians
@@ -405,14 +403,14 @@ def power_scale(reading: Reading, columns: dict[int, np.ndarray], signs: dict[in
     """Return the factor that makes all powers of the file fractions; raise where it is open."""
     if reading.options.scale is not None:
         return reading.options.scale
-    powers = [value for value in reading.layout.values if value.role.quantity in POWERS]
-    units = []
-    for value in powers:
-        unit = "percent" if signs[value.index] == "%" else value.role.unit
-        value = value._replace(role=value.role._replace(unit=unit))
-        units.append(reading.unit("power unit", value, "", "values"))
-    percent = [v for v, unit in zip(powers, units, strict=True) if unit == "percent"]
-    for value, unit in zip(powers, units, strict=True):
+    units: list[tuple[Column, str]] = []
+    for value in reading.layout.values:
+        if value.role.quantity in POWERS:
+            own = "percent" if signs[value.index] == "%" else value.role.unit
+            signed = value._replace(role=value.role._replace(unit=own))
+            units.append((value, reading.unit("power unit", signed, "", "values")))
+    percent = [value for value, unit in units if unit == "percent"]
+    for value, unit in units:
         if unit not in ("", "1", "percent") and not (reading.options.divided and unit == "arb"):
             reading.refuse(
                 value,
@@ -426,16 +424,14 @@ def power_scale(reading: Reading, columns: dict[int, np.ndarray], signs: dict[in
                 f"column {percent[0].label!r} is in percent, but this one does not say so. Say "
                 "--scale 0.01 if all are in percent.",
             )
-    if not percent:
-        return 1.0
-    if max(np.nanmax(columns[v.index], initial=-np.inf) for v in percent) <= 1.0:
+    if percent and max(np.nanmax(columns[v.index], initial=-np.inf) for v in percent) <= 1.0:
+        span = span_of(columns[percent[0].index])
         reading.refuse(
             percent[0],
-            "the header says percent, but no number is above 1 "
-            f"({span_of(columns[percent[0].index])}). Say --scale 1 if they are fractions, --scale "
-            "0.01 if they are percent.",
+            f"the header says percent, but no number is above 1 ({span}). Say --scale 1 if they "
+            "are fractions, --scale 0.01 if they are percent.",
         )
-    return 0.01
+    return 0.01 if percent else 1.0
 
 
 def standard_errors(
@@ -455,19 +451,18 @@ def standard_errors(
     if value.role.quantity in _LIMITS:
         own = options.psi_unit or own or unit
         if own not in ("deg", "rad"):
-            reading.refuse(
-                column, f"standard errors in {own} came where degrees were wanted. Convert them."
-            )
+            text = f"standard errors in {own} came where degrees were wanted. Convert them."
+            reading.refuse(column, text)
         return np.degrees(numbers) if own == "rad" else numbers
     if value.role.quantity not in POWERS:
         return numbers
-    percent = factor == 0.01
-    if options.scale is None and (own or percent) and own != ("percent" if percent else "1"):
+    values = "percent" if factor == 0.01 else "1"
+    if options.scale is None and own not in (values, "" if values == "1" else values):
         came = f"are in {own}" if own else "have no unit"
         reading.refuse(
             column,
             f"these standard errors ({span_of(numbers)}) {came}, but the values are "
-            f"{'in percent' if percent else 'fractions'}: the errors may be relative, or in "
+            f"{'fractions' if values == '1' else 'in percent'}: the errors may be relative, or in "
             "another unit. Say --scale 0.01 if all are in percent; else convert them, or leave "
             "them out by naming the columns to be read with --columns.",
         )
