@@ -88,7 +88,7 @@ REFUSALS = {
     "constants": ("wavelength_um,n,k\n.5,.9,1.8\n.6,.2,3\n", ("line 1", "optical constant")),
     "modulated light": (
         "wavelength_nm,Is,Ic\n500,.4,-.5\n600,.4,-.3\n",
-        ("line 1", "sin 2psi sin Delta", "cos 2psi", "export psi and Delta instead"),
+        ("line 1", "no column is named", "'Is'"),
     ),
     "another power in words": (
         "# Transmittance of glass\nangle_deg,R\n10,.1\n20,.2\n",
@@ -151,7 +151,7 @@ REFUSALS = {
     "all gaps": ("angle,R_s,R_p\n10,,\n20,nan,\n", ("angle_deg,R_s",)),
     "empty": ("", ("no row", "in 0 lines.")),
     "json": ('{"angle": [1, 2]}', ("JSON",)),
-    "workbook": (b"PK\x03\x04\x14\x00", ("Excel", "CSV")),
+    "workbook": (b"PK\x03\x04\x14\x00", ("workbook", "CSV")),
     "laser of no unit": (
         "instrument,goniometer,\nlaser,532,\nangle_deg,R_s,R_p\n10,.1,.2\n20,.1,.2\n",
         ("line 2", "--wavelength-um"),

@@ -52,19 +52,15 @@ class Layout(NamedTuple):
         return self.angle, self.wavelength, self.polarization, self.polarizer
 
 
-def _range_of(table: Table, index: int) -> str:
-    cells = [cell for cell in table.cells(index) if is_number(cell)]
-    numbers, _ = to_numbers(cells, [0] * len(cells), table.decimal, str(index + 1))
-    return f"{numbers.min():.4g} to {numbers.max():.4g}" if cells else "no numbers"
-
-
 def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
     filled = table.filled
-    listed = "; ".join(
-        f"{i + 1}{' ' + repr(table.names[i]) if table.names[i] else ''}: {_range_of(table, i)}"
-        + (f" ({roles[i].why})" if roles[i].why else "")
-        for i in filled[:8]
-    )
+    listed = []
+    for i in filled[:8]:
+        cells = [cell for cell in table.cells(i) if is_number(cell)]
+        numbers, _ = to_numbers(cells, [0] * len(cells), table.decimal, str(i + 1))
+        span = f"{numbers.min():.4g} to {numbers.max():.4g}" if cells else "no numbers"
+        name = f" {table.names[i]!r}" if table.names[i] else ""
+        listed.append(f"{i + 1}{name}: {span}" + (f" ({roles[i].why})" if roles[i].why else ""))
     x, y = filled[0] + 1, filled[1] + 1
     advice = (
         f"Say what they are, for example --columns angle={x},R={y} --angle-unit deg (or rad; for "
@@ -78,12 +74,12 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
         advice += " If the comma is the decimal mark too, write the file with semicolons."
     elif all(roles[i].why or roles[i].kind for i in filled):
         advice = (
-            "A table of R, R_s, R_p, T, psi or delta over the angle of incidence or the "
-            "wavelength was wanted, powers as fractions of the incident light. If a column holds "
-            "one of these under another name, say which with --columns. A raw signal is read as R "
-            "or T in this way, if --divide-by names the scan of the direct beam or a reference."
+            "A table of R, R_s, R_p, T, psi or delta over the angle of incidence or the wavelength "
+            "was wanted. If a column holds one of these under another name, say which with "
+            "--columns. A raw signal is read as R or T in this way, if --divide-by names the scan "
+            "of the direct beam or a reference."
         )
-    refuse(f"{came} ({listed}). {advice}", table.top)
+    refuse(f"{came} ({'; '.join(listed)}). {advice}", table.top)
 
 
 def _explicit(table: Table, options: Options) -> list[Column]:

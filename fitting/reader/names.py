@@ -56,8 +56,6 @@ _WHY = {
     "no incidence": "it is no angle of incidence",
     OTHER_POWER: "it is an absorbance, log10(1 / T), or an absorption",
 }
-# what phase-modulated ellipsometers measure; no words of the vocabulary, since texts say "is", too
-_MODULATED = {"is": "sin 2psi sin Delta", "ic": "sin 2psi cos Delta, or cos 2psi"}
 # names glued of a quantity and its polarization; T in capitals only (tp, ts are times as well), and
 # no plural (reflectances)
 _ANY_LETTER = "|".join(POWER_LETTERS)
@@ -237,8 +235,6 @@ def role_of(name: str, unit: str = "") -> Role:
     words = {CONCEPT.get(token, UNITS.get(token, token)) for token in map(str.lower, tokens)}
     if words & _ASIDE and words <= _ASIDE | {"error", "of errors", "filler", "arb"}:
         return Role("aside", unit=unit, why=why)
-    if tokens in ([word] for word in _MODULATED):
-        why = f"of an ellipsometer it is {_MODULATED[tokens[0]]}; export psi and Delta instead"
     if (match := _NUMBERED.search(rest)) and role_of(rest[: match.start()].rstrip(" _")).quantity:
         why = "if its number is an angle, write R(45 deg)"
     return unread._replace(why=why)
