@@ -15,8 +15,8 @@ MOST_LINES = {
     "__main__": 100, "bare_surface": 3920, "batches": 460, "choice": 700, "command": 600, "data":
     840, "fit_result": 100, "fits": 260, "free_films": 200, "measured_file": 140, "optics": 680,
     "outcomes": 1420, "output": 2060, "own_residuals": 260, "predictions": 180, "problem": 2640,
-    "process": 460, "ratios": 200, "reader": 3000, "refused_curves": 80, "residuals": 520,
-    "results": 960, "samples": 1920, "searching": 2200, "thickness_profile": 240, "uncertainty":
+    "process": 460, "ratios": 200, "reader": 2760, "refused_curves": 80, "residuals": 520,
+    "results": 960, "samples": 1860, "searching": 2200, "thickness_profile": 240, "uncertainty":
     1500, "wavelengths": 300,
 }  # fmt: skip
 
