@@ -34,7 +34,6 @@ def read_csv(
     sigma: float | str | None = None,
     psi_unit: str | None = None,
     missing: object = None,
-    keep: Mapping[str, object] | str | None = None,
     ignore: object = None,
     lines: str | None = None,
     delimiter: str | None = None,
@@ -53,8 +52,8 @@ def read_csv(
         then these columns alone are read. Roles: angle, wavelength, polarization, polarizer, the
         names in ``QUANTITIES``, and sigma_ before one.
     angle_deg: angle of incidence of a file without a column for it, degrees.
-    angle_unit: deg, rad, mrad, deg.arcmin (29.40 is 29 degrees 40 minutes), grazing-deg,
-        grazing-rad, 2theta-deg, or 1/angstrom, 1/nm for Q = (4 pi / wavelength) cos(angle).
+    angle_unit: deg, rad, grazing-deg (from the surface), or 1/angstrom, 1/nm for
+        Q = (4 pi / wavelength) cos(angle).
     wavelength_um: wavelength of a file without a column for it, micrometres.
     wavelength_unit: nm, um, angstrom, mm, eV, meV, keV, cm-1, 1/um, THz, GHz, Hz, rad/s, rad/fs,
         all of light in vacuum.
@@ -71,7 +70,6 @@ def read_csv(
     psi_unit: deg or rad, for psi and delta.
     missing: numbers or words that stand for a gap in the values, "0" or "-9999,bad"; "none" if
         zeros were measured.
-    keep: column -> values of the rows to be read, ``"Zone=1,2,3,4"`` or ``"Zone=1-4"``.
     ignore: columns that shall not be read, by header or number from 1, "temperature,7". A column
         that is not read is else refused, unless it is constant, a running number, or of no use
         by its name (a raw signal, an error of the angle); a file need not have it.
@@ -85,7 +83,7 @@ def read_csv(
     source = source_of(path)
     with named(source):
         options = parse_options(dict(
-            columns=columns, keep=keep, ignore=ignore, angle_deg=angle_deg, angle_unit=angle_unit,
+            columns=columns, ignore=ignore, angle_deg=angle_deg, angle_unit=angle_unit,
             wavelength_um=wavelength_um, wavelength_unit=wavelength_unit, polarization=polarization,
             scale=scale, sigma=sigma, psi_unit=psi_unit, missing=missing, lines=lines,
             delimiter=delimiter, decimal=decimal, encoding=encoding,

@@ -101,7 +101,7 @@ _MANY: dict[str, Any] = {"action": "append", "default": []}
 _READING = (
     ("columns", "ROLE=COLUMN,..", "columns by header or number: angle=1,R_s=2,sigma_R_s=3"),
     ("angle-deg", "DEGREES", "angle of incidence of a file that has no column for it"),
-    ("angle-unit", "UNIT", "deg, rad, mrad, deg.arcmin, grazing-deg, 1/angstrom, ..."),
+    ("angle-unit", "UNIT", "deg, rad, grazing-deg, 1/angstrom, 1/nm"),
     ("wavelength-um", "UM", "wavelength of a file that has no column for it, micrometres"),
     ("wavelength-unit", "UNIT", "nm, um, angstrom, eV, cm-1, THz, ..."),
     ("polarization", "LIGHT", "s, p or unpolarized; or what the codes in a column mean: 0=s,1=p"),
@@ -115,7 +115,6 @@ _READING = (
     ("sigma", "SIGMA", "standard error of values that have none, as a fraction (0.002)"),
     ("psi-unit", "UNIT", "unit of psi and Delta: deg or rad"),
     ("missing", "VALUES", "numbers or words that mark missing values: 0 or -9999,bad"),
-    ("keep", "COLUMN=VALUES", "rows to read, by the value of a column: Zone=1,2 or Zone=1-4"),
     ("ignore", "COLUMN,..", "columns that shall not be read: temperature,7"),
     ("lines", "FROM-TO", "lines to read: 10-200, 10- or -200"),
     ("delimiter", "NAME", "between columns: tab, semicolon, comma, pipe, blank, or the sign"),

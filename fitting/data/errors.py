@@ -12,8 +12,7 @@ _OPTION = re.compile(r"--([a-z]+(?:-[a-z]+)*)(?:([ =])(\S+))?")
 # Options whose value is a number, and the words in small letters that are values of others.
 _NUMBERS = ("angle_deg", "wavelength_um", "scale", "sigma")
 _WORDS = (
-    "deg", "rad", "nm", "um", "none", "s", "p", "grazing-deg", "2theta-deg", "angle-from-p",
-    "angle-from-s", ",",
+    "deg", "rad", "nm", "um", "none", "s", "p", "grazing-deg", "angle-from-p", "angle-from-s", ",",
 )  # fmt: skip
 
 

@@ -103,7 +103,7 @@ class Measurement:
             sigma: standard errors above 0: one number or array for all quantities, or a mapping
                 from quantity to one; None where unknown.
             polarizer_deg: see :class:`Measurement`.
-            angle_unit: deg, rad, mrad, grazing-deg, ... as in :func:`read_csv`.
+            angle_unit: deg, rad, grazing-deg, ... as in :func:`read_csv`.
             wavelength_unit: um, nm, angstrom, eV, cm-1, THz, ... as in :func:`read_csv`.
             scale: factor that makes powers (and their errors) fractions: 0.01 for percent.
             values: one array per quantity, named as in ``QUANTITIES``: ``R_s=..., R_p=...``. NaN

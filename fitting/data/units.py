@@ -21,10 +21,7 @@ FORM_OF = {
     "rad/s": "angular frequency", "rad/fs": "angular frequency", "1/angstrom": "q", "1/nm": "q",
 }  # fmt: skip
 WAVELENGTH_UNITS = tuple(unit for unit, form in FORM_OF.items() if form != "q")
-ANGLE_UNITS = (
-    "deg", "rad", "mrad", "deg.arcmin", "grazing-deg", "grazing-rad", "2theta-deg",
-    "1/angstrom", "1/nm",
-)  # fmt: skip
+ANGLE_UNITS = ("deg", "rad", "grazing-deg", "1/angstrom", "1/nm")
 Q_UNITS = ("1/angstrom", "1/nm")
 
 
@@ -48,16 +45,9 @@ def incidence_deg(number: np.ndarray, unit: str, wavelength: np.ndarray) -> np.n
             per_um = {"1/angstrom": 1e4, "1/nm": 1e3}[unit]
             cosine = number * per_um * wavelength / (4.0 * np.pi)
             return np.where(number < 0.0, np.nan, np.degrees(np.arccos(cosine)))
-        if unit == "deg.arcmin":
-            whole = np.trunc(number)
-            # files give two digits of minutes; rounding takes off what binary fractions add
-            minutes = np.round((number - whole) * 100.0, 9)
-            return np.where(np.abs(minutes) < 60.0, whole + minutes / 60.0, np.nan)
-        if unit == "2theta-deg":
-            return 90.0 - number / 2.0
-        degrees = np.degrees(number / 1e3 if unit == "mrad" else number)
-        degrees = number if unit.endswith("deg") else degrees
-        return 90.0 - degrees if unit.startswith("grazing") else degrees
+        if unit == "grazing-deg":
+            return 90.0 - number
+        return np.degrees(number) if unit == "rad" else number
 
 
 def span_of(numbers: np.ndarray, unit: str = "") -> str:

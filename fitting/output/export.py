@@ -189,8 +189,7 @@ def data_csv(fit: FitData, decimal: str = ".") -> str:
 
     Numbers read back to the last bit; an unknown one is an empty cell; residual = value - fitted.
     The columns of wavelength and polarizer are left out if no row has one, that of the curve if the
-    quantity names it. `fitting.read_csv` reads the file as the same measurement. decimal: as of
-    `csv_text`.
+    quantity names it. decimal: as of `csv_text`.
     """
     return csv_text([DATA_MARK, *_comments(fit)], data_columns(fit), decimal)
 

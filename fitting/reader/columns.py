@@ -8,12 +8,12 @@ from typing import NamedTuple, NoReturn
 
 from fitting.data.checks import all_alike, is_running
 from fitting.data.errors import refuse
-from fitting.data.quantities import POLARIZED, POWER_LETTERS
+from fitting.data.quantities import POLARIZED, POWER_LETTERS, QUANTITIES
 from fitting.data.units import FORM_OF
 from fitting.reader.cells import is_missing, is_number, to_numbers
 from fitting.reader.names import Role, role_of
 from fitting.reader.options import Options
-from fitting.reader.table import Table, filled_columns, find_column, label_of
+from fitting.reader.table import Table
 from fitting.reader.vocabulary import light_of_cell
 
 # words by which a column shows that rows are means or deviations of other rows; Accurion EP3 and
@@ -52,24 +52,15 @@ class Layout(NamedTuple):
         return self.angle, self.wavelength, self.polarization, self.polarizer
 
 
-def _refuse(table: Table, text: str, column: str = "") -> NoReturn:
-    line = table.header or table.lines[0]
-    refuse(text, line, column)
-
-
-def _range_of(table: Table, index: int) -> str:
-    cells = [row[index] for row in table.rows if is_number(row[index])]
-    numbers, _ = to_numbers(cells, [0] * len(cells), table.decimal, str(index + 1))
-    return f"{numbers.min():.4g} to {numbers.max():.4g}" if cells else "no numbers"
-
-
 def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
-    filled = filled_columns(table.rows)
-    listed = "; ".join(
-        f"{i + 1}{' ' + repr(table.names[i]) if table.names[i] else ''}: {_range_of(table, i)}"
-        + (f" ({roles[i].why})" if roles[i].why else "")
-        for i in filled[:8]
-    )
+    filled = table.filled
+    listed = []
+    for i in filled[:8]:
+        cells = [cell for cell in table.cells(i) if is_number(cell)]
+        numbers, _ = to_numbers(cells, [0] * len(cells), table.decimal, str(i + 1))
+        span = f"{numbers.min():.4g} to {numbers.max():.4g}" if cells else "no numbers"
+        name = f" {table.names[i]!r}" if table.names[i] else ""
+        listed.append(f"{i + 1}{name}: {span}" + (f" ({roles[i].why})" if roles[i].why else ""))
     x, y = filled[0] + 1, filled[1] + 1
     advice = (
         f"Say what they are, for example --columns angle={x},R={y} --angle-unit deg (or rad; for "
@@ -83,21 +74,23 @@ def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
         advice += " If the comma is the decimal mark too, write the file with semicolons."
     elif all(roles[i].why or roles[i].kind for i in filled):
         advice = (
-            "A table of R, R_s, R_p, T, psi or delta over the angle of incidence or the "
-            "wavelength was wanted, powers as fractions of the incident light. If a column holds "
-            "one of these under another name, say which with --columns. A raw signal is read as R "
-            "or T in this way, if --divide-by names the scan of the direct beam or a reference."
+            "A table of R, R_s, R_p, T, psi or delta over the angle of incidence or the wavelength "
+            "was wanted. If a column holds one of these under another name, say which with "
+            "--columns. A raw signal is read as R or T in this way, if --divide-by names the scan "
+            "of the direct beam or a reference."
         )
-    _refuse(table, f"{came} ({listed}). {advice}")
+    refuse(f"{came} ({'; '.join(listed)}). {advice}", table.top)
 
 
-def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
-    found = defaultdict[str, list[Column]](list)
+def _explicit(table: Table, options: Options) -> list[Column]:
+    """Return the columns that the option ``columns`` names."""
+    found: list[Column] = []
     taken: dict[int, str] = {}
     for name, wanted in options.columns.items():
-        index = find_column(table, wanted, "--columns")
-        errors = name.startswith("sigma_") and taken.get(index, "").startswith("sigma_")
-        if index in taken and not errors:  # one column may be the error of several values
+        index = table.find(wanted)
+        kind = "sigma" if name.startswith("sigma_") else "value" if name in QUANTITIES else name
+        # one column may be the error of several values
+        if index in taken and not (kind == "sigma" and taken[index].startswith("sigma_")):
             refuse(
                 f"--columns gives column {wanted} to both {taken[index]} and {name}. Name one "
                 "column for each."
@@ -109,13 +102,12 @@ def _explicit(table: Table, options: Options) -> dict[str, list[Column]]:
             if (form == "q") == (name == "wavelength") or not role.unit:
                 form = "incidence" if name == "angle" else "wavelength"
             role = role if role.kind == name else Role(name, form=form, unit=role.unit)
-        elif name in ("polarization", "polarizer"):
+        elif kind == name:
             role = Role(name, unit=role.unit)
         else:
-            kind = "sigma" if name.startswith("sigma_") else "value"
             role = Role(kind, name.removeprefix("sigma_"), unit=role.unit, at=role.at)
-        found[role.kind].append(Column(index, label_of(table, index), role))
-    if not found["value"]:
+        found.append(Column(index, table.label(index), role))
+    if not any(column.role.kind == "value" for column in found):
         refuse("--columns names no value; add one such as R=2, R_s=2 or psi=3.")
     return found
 
@@ -131,35 +123,33 @@ def roles_of(table: Table) -> list[Role]:
     return [role_of(name, unit) for name, unit in zip(names, table.units, strict=True)]
 
 
-def _implicit(table: Table, roles: list[Role], filled: list[int]) -> dict[str, list[Column]]:
-    found = defaultdict[str, list[Column]](list)
-    for index, role in enumerate(roles):
-        name = table.names[index]
-        if role.kind == "unclear" and index in filled:
+def _implicit(table: Table, roles: list[Role], filled: list[int]) -> list[Column]:
+    """Return the columns whose names are understood."""
+    for index in filled:
+        role = roles[index]
+        if role.kind == "unclear":
             value, named = role.quantity.removeprefix("sigma_"), f"{role.quantity}={index + 1}"
             wanted = named if value == role.quantity else f"{value}=2,{named}"
             if not role.quantity:  # of no use as it is
                 wanted = "R=2 without it, or make them absolute"
-            _refuse(
-                table,
+            refuse(
                 f"this may be {role.why}. Name all columns to be read, for example --columns "
                 f"angle=1,{wanted}.",
-                name,
+                table.top,
+                table.names[index],
             )
-        if role.kind and index in filled:
-            found[role.kind].append(Column(index, label_of(table, index), role))
-    if not found["value"]:
+    if not any(roles[index].kind == "value" for index in filled):
         _refuse_without_values(table, roles)
-    return found
+    return [Column(i, table.label(i), roles[i]) for i in filled if roles[i].kind]
 
 
 def _only(table: Table, columns: list[Column], role: str) -> Column | None:
     if len(columns) > 1:
-        a, b = columns[0], columns[1]
-        _refuse(
-            table,
+        a, b = columns[:2]
+        refuse(
             f"columns {a.index + 1} {a.label!r} and {b.index + 1} {b.label!r} both give {role}. "
             f"Name all columns to be read, for example --columns {role}={a.index + 1},...",
+            table.top,
         )
     return columns[0] if columns else None
 
@@ -170,24 +160,27 @@ def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Co
     nameless = sum(not sigma.role.quantity for sigma in sigmas)
     for sigma in sigmas:
         name, at = sigma.role.quantity, sigma.role.at
-        fits = [
-            i for i, value in enumerate(values) if at in (None, value.role.at)
-            and (value.role.quantity == name or (name[:1] == "_" and
-                 value.role.quantity.endswith(name)))
-        ]  # fmt: skip
-        if not name:
+        if name:
+            fits = [
+                i for i, value in enumerate(values) if at in (None, value.role.at)
+                and (value.role.quantity == name or (name[0] == "_" and
+                     value.role.quantity.endswith(name)))
+            ]  # fmt: skip
+            if not fits:
+                continue
+        elif len(values) == 1:
+            fits = [0]
+        else:
             behind = [i for i, value in enumerate(values) if value.index == sigma.index - 1]
-            fits = [0] if len(values) == 1 else behind if nameless >= len(values) else []
-        elif not fits:
-            continue
+            fits = behind if nameless >= len(values) else []
         if len(fits) != 1 or attached[fits[0]] is not None:
             all_of = ",".join(f"{v.role.quantity}={v.index + 1}" for v in values)
             errors = ",".join(f"sigma_{v.role.quantity}={sigma.index + 1}" for v in values)
-            _refuse(
-                table,
+            refuse(
                 f"it is not clear which value the standard errors in column {sigma.index + 1} "
                 f"{sigma.label!r} belong to. Name all columns to be read: if they belong to all "
                 f"values, --columns angle=1,{all_of},{errors}.",
+                table.top,
             )
         attached[fits[0]] = sigma
     return attached
@@ -196,24 +189,21 @@ def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Co
 def _refuse_computed_rows(table: Table, used: set[int]) -> None:
     """Raise where a column shows that some rows are means or deviations of others."""
     for index in {*range(len(table.names))} - used:
-        label = label_of(table, index)
-        zones = label.lower() == "zone"
-        cells = [row[index].lower() for row in table.rows]
-        words = _ZONES if zones else _STATISTICS
+        cells = [cell.lower() for cell in table.cells(index)]
+        words = _ZONES if table.label(index).lower() == "zone" else _STATISTICS
         first = next((i for i, cell in enumerate(cells) if cell in words), -1)
         if first >= 0 and len(set(cells)) > 1:
-            keep = "1,2,3,4 for the measured ones (or Zone=0)" if zones else "WORD"
             refuse(
                 f"{table.rows[first][index]!r} says that this row is a mean or a standard "
-                f"deviation of others. Say which rows to read with --keep {label}={keep}.",
+                "deviation of others. Delete such rows, or choose others with --lines A-B.",
                 table.lines[first],
-                label,
+                table.label(index),
             )
 
 
 def _is_harmless(table: Table, index: int, role: Role, constants: bool, axes: list[int]) -> bool:
     """Return whether a fit may do without a column: nothing of the measurement is in it."""
-    cells = [row[index] for row in table.rows]
+    cells = table.cells(index)
     if is_running(cells):  # and is not the axis itself
         return len({tuple(row[i] for i in axes) for row in table.rows}) > 1
     means = role.quantity or light_of_cell(cells[0]) or role_of(cells[0]).quantity
@@ -232,22 +222,14 @@ def left_out(
     """
     lost = {}
     for index, role in columns.items():
-        if _is_harmless(table, index, role, constants, axes):
-            continue
-        cells = [row[index] for row in table.rows]
-        why = role.why if role.why.startswith("it ") else ""
-        lost[index] = re.sub("^it (is|may be) ", "", why) or (
-            "an axis, a value or its standard error under a name or in a unit that is not known"
-            if all(is_number(cell) or is_missing(cell) for cell in cells)
-            else "the polarization, or the name of a sample"
-        )
+        if not _is_harmless(table, index, role, constants, axes):
+            why = role.why if role.why.startswith("it ") else ""
+            lost[index] = re.sub("^it (is|may be) ", "", why) or (
+                "an axis, a value or its standard error under a name or in a unit that is not known"
+                if all(is_number(cell) or is_missing(cell) for cell in table.cells(index))
+                else "the polarization, or the name of a sample"
+            )
     return lost
-
-
-def came_in(table: Table, index: int) -> str:
-    """Return the first cells of a column, for messages."""
-    cells = list(dict.fromkeys(row[index][:20] for row in table.rows))
-    return ", ".join(cells[:3]) + ", ..." * (len(cells) > 3)
 
 
 def choose_columns(table: Table, options: Options) -> Layout:
@@ -258,40 +240,41 @@ def choose_columns(table: Table, options: Options) -> Layout:
     """
     roles = roles_of(table)
     filled = [
-        i for i in filled_columns(table.rows)
-        if not {table.names[i].lower(), str(i + 1)} & set(options.ignore)
-    ]  # fmt: skip
+        i for i in table.filled if not {table.names[i].lower(), str(i + 1)} & set(options.ignore)
+    ]
     found = _explicit(table, options) if options.columns else _implicit(table, roles, filled)
-    values = found["value"]
+    of_kind = defaultdict[str, list[Column]](list)
+    for column in found:
+        of_kind[column.role.kind].append(column)
+    values = of_kind["value"]
     names = {value.role.quantity for value in values}
     if not names & {*POWER_LETTERS, *POLARIZED}:
-        found["polarization"] = found["polarizer"] = []
+        of_kind["polarization"] = of_kind["polarizer"] = []
     for of in dict.fromkeys((value.role.quantity, value.role.at) for value in values):
         _only(table, [v for v in values if (v.role.quantity, v.role.at) == of], of[0])
     angled = [value for value in values if value.role.at is not None]
-    if angled and (len(angled) < len(values) or found["angle"]):
-        _refuse(
-            table,
+    if angled and (len(angled) < len(values) or of_kind["angle"]):
+        refuse(
             "this name gives an angle of incidence, and other columns give another, or none. Name "
             "all columns to be read with --columns, and the angle with --angle-deg.",
+            table.top,
             angled[0].label,
         )
     for letter in POWER_LETTERS:
         if {letter, letter + "_s", letter + "_p"} <= names and not options.columns:
-            _refuse(
-                table,
+            refuse(
                 f"{letter} beside {letter}_s and {letter}_p may be their mean, and would count "
                 "twice. Name all columns to be read, for example --columns "
                 f"angle=1,{letter}_s=2,{letter}_p=3.",
+                table.top,
             )
     kinds = ("angle", "wavelength", "polarization", "polarizer")
-    single = {kind: _only(table, found[kind], kind) for kind in kinds}
-    sigmas = _attach(table, values, found["sigma"])
-    axes = {column.index for column in single.values() if column is not None}
-    used = axes | {c.index for c in [*values, *sigmas] if c is not None}
+    single = {kind: _only(table, of_kind[kind], kind) for kind in kinds}
+    sigmas = _attach(table, values, of_kind["sigma"])
+    axes = [column.index for column in single.values() if column is not None]
+    used = {*axes, *(c.index for c in [*values, *sigmas] if c is not None)}
     _refuse_computed_rows(table, used)
-    chosen = used | {find_column(table, name, "--keep") for name in options.keep}
-    rest = {} if options.columns else {i: roles[i] for i in filled if i not in chosen}
-    lost = left_out(table, rest, [*axes])
-    unused = [label_of(table, i) for i in filled_columns(table.rows) if i not in used]
+    rest = {} if options.columns else {i: roles[i] for i in filled if i not in used}
+    unused = [table.label(i) for i in table.filled if i not in used]
+    lost = left_out(table, rest, axes)
     return Layout(**single, values=values, sigmas=sigmas, unused=unused, left_out=lost)

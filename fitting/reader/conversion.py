@@ -16,7 +16,6 @@ from fitting.data.checks import number_or_none
 from fitting.data.errors import refuse
 from fitting.data.quantities import POLARIZED, POWER_LETTERS, POWERS
 from fitting.data.units import (
-    ANGLE_UNITS,
     FORM_OF,
     Q_UNITS,
     WAVELENGTH_UNITS,
@@ -26,10 +25,10 @@ from fitting.data.units import (
     wavelength_um,
 )
 from fitting.reader.cells import is_missing, is_number, to_numbers
-from fitting.reader.columns import Column, Layout, came_in
+from fitting.reader.columns import Column, Layout
 from fitting.reader.options import Options
 from fitting.reader.remarks import FULL_NAME, OPTION, Said
-from fitting.reader.table import Table, label_of
+from fitting.reader.table import Table
 from fitting.reader.vocabulary import light_of_cell
 
 
@@ -44,7 +43,7 @@ class Reading(NamedTuple):
 
     def refuse(self, column: Column, text: str, row: int | None = None) -> NoReturn:
         """Refuse at a column's name, or at its cell in a row."""
-        line = (self.table.header or self.table.lines[0]) if row is None else self.table.lines[row]
+        line = self.table.top if row is None else self.table.lines[row]
         refuse(text, line, column.label)
 
     def refuse_left_out(self) -> None:
@@ -57,15 +56,15 @@ class Reading(NamedTuple):
         columns = [f"{c.role.quantity or c.role.kind}={c.index + 1}" for c in read]
         role = "wavelength" if layout.wavelength is None else "ROLE"
         role = "polarization" if what.startswith("the polarization") else role
-        names = [label_of(table, i) for i in layout.left_out]
+        names = [table.label(i) for i in layout.left_out]
         if any(re.search(r"[\s,;]", name) for name in names):
             names = [str(i + 1) for i in layout.left_out]
         refuse(
-            f"this column ({came_in(table, index)}) is not read, but it may be {what}. If the fit "
+            f"this column ({table.came_in(index)}) is not read, but it may be {what}. If the fit "
             f"may do without it, say --ignore {','.join(names)}; else name all columns to be read: "
             f"--columns {','.join(columns)},{role}={index + 1}.",
-            table.header or table.lines[0],
-            label_of(table, index),
+            table.top,
+            table.label(index),
         )
 
     def refuse_both(self, column: Column, what: str, option: str) -> NoReturn:
@@ -79,8 +78,7 @@ class Reading(NamedTuple):
             cell = self.table.rows[i][column.index]
             came = f"the {what} is missing in a row that has a value"
             if not is_missing(cell):
-                came = f"{cell[:30]!r} gives no {what}: Q lies between 0 and 4 pi / wavelength "
-                came += "(--wavelength-um), the minutes of an angle are at most 59 (--angle-unit)"
+                came = f"{cell[:30]!r} is no Q between 0 and 4 pi / wavelength (--wavelength-um)"
             self.refuse(column, f"{came}. Correct it, or leave the line out with --lines A-B.", i)
 
     def numbers(self, column: Column, gaps: bool = False) -> tuple[np.ndarray, str]:
@@ -88,26 +86,13 @@ class Reading(NamedTuple):
 
         gaps: whether the words of the option ``missing`` count as missing too.
         """
-        table, missing = self.table, self.options.missing if gaps else []
-        cells = [row[column.index] for row in table.rows]
-        if missing:
-            words = {gap.lower() for gap in missing}
-            cells = ["" if cell.lower() in words else cell for cell in cells]
+        table, missing = self.table, self.options.missing if gaps else ()
+        words = {gap.lower() for gap in missing}
+        cells = table.cells(column.index)
+        cells = ["" if cell.lower() in words else cell for cell in cells] if words else cells
         numbers, sign = to_numbers(cells, table.lines, table.decimal, column.label)
         values = [number for gap in missing if (number := number_or_none(gap)) is not None]
         return np.where(np.isin(numbers, values), np.nan, numbers), sign
-
-    def not_understood(self, said: Said) -> NoReturn:
-        """Raise because something beside the table is not understood, or not here."""
-        gives, option, _ = OPTION[said.kind]
-        if said.where == FULL_NAME and said.kind == "angle":
-            refuse(
-                f"the file name says {said.text} degrees. If that is the angle of incidence, say "
-                f"--angle-deg {said.text}; else say --angle-deg NUMBER."
-            )
-        refuse(
-            f"{said.where} ({said.text!r}) may state {gives}, but is not understood. Say {option}."
-        )
 
     def one(self, kind: str) -> Said | None:
         """Return the one thing that is said of ``kind`` beside the table, None where nothing is.
@@ -116,13 +101,16 @@ class Reading(NamedTuple):
         """
         chosen = [said for said in self.said if said.kind == kind]
         clear = [said for said in chosen if said.value is not None]
+        gives, option, _ = OPTION[kind]
         for said in chosen:
             if said.value is None:
                 if said.where == FULL_NAME and clear and clear[0].value in said.numbers:
                     continue  # gold_60deg.csv, and a line that gives 60 degrees
-                self.not_understood(said)
+                came = f"may state {gives}, but is not understood. Say {option}."
+                for number in said.numbers if said.where == FULL_NAME else ():
+                    came = f"may state {gives}. If so, say --angle-deg {number:g}; else {option}."
+                refuse(f"{said.where} ({said.text!r}) {came}")
             if said.value != clear[0].value:
-                gives, option, _ = OPTION[kind]
                 refuse(
                     f"{clear[0].where} ({clear[0].text!r}) and {said.where} ({said.text!r}) "
                     f"contradict each other on {gives}. Say {option}."
@@ -143,7 +131,7 @@ class Reading(NamedTuple):
                 self.refuse(
                     column,
                     f"{came}, but {said.where} ({said.text!r}) states {gives} differently. If the "
-                    "column is right, name all columns to be read with --columns; else say "
+                    f"column is right, name all columns to be read with --columns; else say "
                     f"{option}.",
                 )
 
@@ -166,20 +154,16 @@ class Reading(NamedTuple):
             lines.one(kind)
             lines.contradicted(kind, lambda u: u != own, column, f"the header says {own}")
             return own
-        beside = self.one(kind)
-        if beside:
-            flag = OPTION[kind][1].split(" ")[0]
-            self.notes.append(f"{what} in {beside.value} ({beside.where}; {flag})")
-        return str(beside.value if beside else "")
+        if (beside := self.one(kind)) is None:
+            return ""
+        flag = OPTION[kind][1].split(" ")[0]
+        self.notes.append(f"{what} in {beside.value} ({beside.where}; {flag})")
+        return str(beside.value)
 
 
 # pi / 2 as files round it, up or down; the largest of them, to one digit, is 1.6
 RIGHT_ANGLES = np.array(sorted({round(np.pi / 2.0, digits) for digits in range(1, 16)}))
 HALF_PI = 1.5708
-_UNITS_OF = {
-    "incidence": "deg or rad", "grazing": "grazing-deg or grazing-rad", "2theta": "2theta-deg",
-    "q": "1/angstrom or 1/nm",
-}  # fmt: skip
 # names by which a column, though not understood, speaks against normal incidence
 _ANGULAR = re.compile(
     "(?i)angle|theta|phi|\u03c6|\u03d5|winkel|incid|aoi|mount|motor|stage|gonio|deg"
@@ -223,27 +207,27 @@ def wavelengths(reading: Reading) -> np.ndarray:
 
 
 def _angle_unit(reading: Reading, numbers: np.ndarray, column: Column) -> str:
+    """Return the unit of angles; raise where it is open or contradicts the numbers."""
     form, unit = column.role.form, column.role.unit
     finite = np.abs(numbers[np.isfinite(numbers)])
-    high, several = finite.max(initial=0.0), len(np.unique(finite)) > 2
-    right = RIGHT_ANGLES[-1] if high in RIGHT_ANGLES else HALF_PI
+    high = finite.max(initial=0.0)
     if form == "incidence":
         unit = reading.unit("angle unit", column, "", "angles")
-    elif unit:
-        unit = unit if form == "q" and unit in Q_UNITS else f"{form}-{unit}"
-    if unit not in ("", *ANGLE_UNITS):
-        wrong = f"an angle in {unit} came"
-    elif not unit and form == "incidence" and (high > RIGHT_ANGLES[-1] or high == 0.0):
-        return "deg"
-    elif not unit:
+        if not unit and (high > RIGHT_ANGLES[-1] or high == 0.0):
+            return "deg"
+    known = {"q": Q_UNITS, "grazing": ("deg",)}.get(form, ("deg", "rad"))
+    if not unit:
         wrong = f"{'Q' if form == 'q' else 'the angle'} has no unit"
-    elif unit in ("rad", "mrad") and high > right * (1e3 if unit == "mrad" else 1.0):
-        wrong = f"the file says {unit}, but the numbers exceed pi/2"
-    elif unit == "deg" and several and high <= HALF_PI:
+    elif unit not in known:
+        wrong = f"{'grazing ' * (form == 'grazing')}angles in {unit} came"
+    elif unit == "rad" and high > (RIGHT_ANGLES[-1] if high in RIGHT_ANGLES else HALF_PI):
+        wrong = "the file says rad, but the numbers exceed pi/2"
+    elif form + unit == "incidencedeg" and len(np.unique(finite)) > 2 and high <= HALF_PI:
         wrong = "the file says degrees, but the numbers are as small as radians"
     else:
-        return unit
-    reading.refuse(column, f"{wrong} ({span_of(numbers)}). Say --angle-unit {_UNITS_OF[form]}.")
+        return "grazing-deg" if form == "grazing" else unit
+    options = "grazing-deg" if form == "grazing" else " or ".join(known)
+    reading.refuse(column, f"{wrong} ({span_of(numbers)}). Say --angle-unit {options}.")
 
 
 def _angles_without_column(reading: Reading) -> np.ndarray:
@@ -253,10 +237,7 @@ def _angles_without_column(reading: Reading) -> np.ndarray:
         return np.full(rows, options.angle_deg)
     if any(value.role.at is not None for value in layout.values):
         return np.full(rows, np.nan)  # each column has its own
-    beside, counted = reading.one("angle"), reading.one("angle unit")
-    if counted and str(counted.value).startswith("grazing"):
-        reading.not_understood(counted)
-    if beside is not None:
+    if (beside := reading.one("angle")) is not None:
         notes.append(f"angle of incidence {beside.value:g} degrees ({beside.where}; --angle-deg)")
         return np.full(rows, beside.value)
     names = {value.role.quantity for value in layout.values}
@@ -317,8 +298,7 @@ def _from_angles(reading: Reading, column: Column) -> np.ndarray:
 
 
 def _from_cells(reading: Reading, column: Column) -> np.ndarray:
-    cells = [row[column.index] for row in reading.table.rows]
-    codes = reading.options.codes
+    cells, codes = reading.table.cells(column.index), reading.options.codes
     numbers = {number_or_none(code): letter for code, letter in codes.items()}
     numbers.pop(None, "")
 
@@ -333,7 +313,7 @@ def _from_cells(reading: Reading, column: Column) -> np.ndarray:
         first = cells[lost[0]][:30]
         came = f"{first!r} came where s, p, TE, TM or unpolarized was wanted"
         option = f"{first}=s"
-        if all(is_number(value) for value in values):
+        if all(map(is_number, values)):
             came = f"{', '.join(values)} may be codes or angles of a polarizer"
             option = ",".join(v + "=" + "sp"[n % 2] for n, v in enumerate(values[:2]))
             option += " (or the other way round), or angle-from-p or angle-from-s if they "
@@ -350,17 +330,16 @@ def light_of_rows(reading: Reading, oblique: bool) -> np.ndarray:
     oblique: whether any angle is not 0, where s and p are one.
     Refuses a file where two facts disagree, or a code has two readings.
     """
-    table, layout, options, _, notes = reading
-    rows = len(table.rows)
-    column = layout.polarizer or layout.polarization
-    bare = [v for v in layout.values if v.role.quantity in POWER_LETTERS]
+    layout, options = reading.layout, reading.options
+    column, letter = layout.polarizer or layout.polarization, options.light
     named = [v for v in layout.values if v.role.quantity in POLARIZED]
+    letters = {POLARIZED[v.role.quantity] for v in named}
     if column is not None:
         other = layout.polarization if layout.polarizer else named[0] if named else None
         if other:
             text = f"this column gives the polarization, and so does column {other.label!r}. "
             reading.refuse(column, text + "Name the columns to be read with --columns.")
-        if options.light:
+        if letter:
             reading.refuse_both(column, "the polarization", "--polarization")
         if layout.polarizer and not (options.codes or options.polarizer):
             reading.refuse(
@@ -374,17 +353,17 @@ def light_of_rows(reading: Reading, oblique: bool) -> np.ndarray:
             "--polarization gives a meaning to a column, but none is named as the polarization. "
             "Say which it is with --columns polarization=..., or --polarization s or p."
         )
-    letter = options.light
-    if letter and any(POLARIZED[v.role.quantity] != letter for v in named):
+    if letter and letters - {letter}:
         text = f"the column is named {named[0].role.quantity}, but --polarization says otherwise. "
         reading.refuse(named[0], text + "Name the columns to be read with --columns.")
-    if not letter and bare and not named and oblique and (beside := reading.one("light")):
+    if named and not letter:
+        reading.refuse_other_light(letters, named[0])
+    bare = any(v.role.quantity in POWER_LETTERS for v in layout.values)
+    if bare and oblique and not (letter or named) and (beside := reading.one("light")):
         letter = str(beside.value)
         what = {"s": "s-polarized", "p": "p-polarized", "u": "unpolarized"}[letter]
-        notes.append(f"{what} light ({beside.where}; --polarization)")
-    elif named and not letter:
-        reading.refuse_other_light({POLARIZED[v.role.quantity] for v in named}, named[0])
-    return np.full(rows, FIELD_DEG[letter or "u"])
+        reading.notes.append(f"{what} light ({beside.where}; --polarization)")
+    return np.full(len(reading.table.rows), FIELD_DEG[letter or "u"])
 
 
 # of radians
@@ -424,14 +403,14 @@ def power_scale(reading: Reading, columns: dict[int, np.ndarray], signs: dict[in
     """Return the factor that makes all powers of the file fractions; raise where it is open."""
     if reading.options.scale is not None:
         return reading.options.scale
-    powers = [value for value in reading.layout.values if value.role.quantity in POWERS]
-    units = []
-    for value in powers:
-        unit = "percent" if signs[value.index] == "%" else value.role.unit
-        value = value._replace(role=value.role._replace(unit=unit))
-        units.append(reading.unit("power unit", value, "", "values"))
-    percent = [v for v, unit in zip(powers, units, strict=True) if unit == "percent"]
-    for value, unit in zip(powers, units, strict=True):
+    units: list[tuple[Column, str]] = []
+    for value in reading.layout.values:
+        if value.role.quantity in POWERS:
+            own = "percent" if signs[value.index] == "%" else value.role.unit
+            signed = value._replace(role=value.role._replace(unit=own))
+            units.append((value, reading.unit("power unit", signed, "", "values")))
+    percent = [value for value, unit in units if unit == "percent"]
+    for value, unit in units:
         if unit not in ("", "1", "percent") and not (reading.options.divided and unit == "arb"):
             reading.refuse(
                 value,
@@ -445,16 +424,14 @@ def power_scale(reading: Reading, columns: dict[int, np.ndarray], signs: dict[in
                 f"column {percent[0].label!r} is in percent, but this one does not say so. Say "
                 "--scale 0.01 if all are in percent.",
             )
-    if not percent:
-        return 1.0
-    if max(np.nanmax(columns[v.index], initial=-np.inf) for v in percent) <= 1.0:
+    if percent and max(np.nanmax(columns[v.index], initial=-np.inf) for v in percent) <= 1.0:
+        span = span_of(columns[percent[0].index])
         reading.refuse(
             percent[0],
-            "the header says percent, but no number is above 1 "
-            f"({span_of(columns[percent[0].index])}). Say --scale 1 if they are fractions, --scale "
-            "0.01 if they are percent.",
+            f"the header says percent, but no number is above 1 ({span}). Say --scale 1 if they "
+            "are fractions, --scale 0.01 if they are percent.",
         )
-    return 0.01
+    return 0.01 if percent else 1.0
 
 
 def standard_errors(
@@ -474,19 +451,18 @@ def standard_errors(
     if value.role.quantity in _LIMITS:
         own = options.psi_unit or own or unit
         if own not in ("deg", "rad"):
-            reading.refuse(
-                column, f"standard errors in {own} came where degrees were wanted. Convert them."
-            )
+            text = f"standard errors in {own} came where degrees were wanted. Convert them."
+            reading.refuse(column, text)
         return np.degrees(numbers) if own == "rad" else numbers
     if value.role.quantity not in POWERS:
         return numbers
-    percent = factor == 0.01
-    if options.scale is None and (own or percent) and own != ("percent" if percent else "1"):
+    values = "percent" if factor == 0.01 else "1"
+    if options.scale is None and own not in (values, "" if values == "1" else values):
         came = f"are in {own}" if own else "have no unit"
         reading.refuse(
             column,
             f"these standard errors ({span_of(numbers)}) {came}, but the values are "
-            f"{'in percent' if percent else 'fractions'}: the errors may be relative, or in "
+            f"{'fractions' if values == '1' else 'in percent'}: the errors may be relative, or in "
             "another unit. Say --scale 0.01 if all are in percent; else convert them, or leave "
             "them out by naming the columns to be read with --columns.",
         )

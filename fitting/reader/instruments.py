@@ -18,7 +18,7 @@ from fitting.reader.vocabulary import unit_of
 
 Plain = tuple[list[tuple[int, str]], list[str]] | None
 
-_DAMAGED = ". The file is damaged; export it anew."
+DAMAGED = ". The file is damaged; export it anew."
 _NOT_A_POWER = re.compile(r"(?i).*(absorb|extinc|log|kubelka|munk|emi)|a$")
 _ROUNDED = 2e-3  # of N^2 + C^2 + S^2 = 1, where they are given to five decimals; damage is larger
 _PERKIN_ELMER = re.compile(r"PE [A-Z]{2}\s.*\bASCII\s+PEDS\b")
@@ -59,7 +59,7 @@ def _numbers(texts: Sequence[str], line: int, count: int) -> list[float]:
     except ValueError:
         numbers = []
     if len(numbers) < count or not all(map(math.isfinite, numbers)):
-        refuse(f"{count} numbers were wanted" + _DAMAGED, line)
+        refuse(f"{count} numbers were wanted" + DAMAGED, line)
     return numbers
 
 
@@ -85,7 +85,7 @@ def film_sense(texts: Sequence[str]) -> Plain:
     for line in range(3 + int(count), 3 + 2 * int(count)):
         n, c, s = _numbers(texts, line, 3)
         if abs(n * n + c * c + s * s - 1.0) > _ROUNDED:
-            refuse("N^2 + C^2 + S^2 is not 1" + _DAMAGED, line)
+            refuse("N^2 + C^2 + S^2 is not 1" + DAMAGED, line)
         psi = math.degrees(math.atan2(math.hypot(c, s), n)) / 2.0
         delta = math.degrees(math.atan2(s, c))
         wavelength = _numbers(texts, line - int(count), 1)[0]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import re
 from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
@@ -11,13 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.data.checks import Data, number_or_none
+from fitting.data.checks import Data
 from fitting.data.errors import refuse
 from fitting.data.quantities import (
     NAME,
     POWER_LETTERS,
     POWERS,
-    QUANTITIES,
     are_powers,
     letter_of,
 )
@@ -34,9 +31,9 @@ from fitting.reader.conversion import (
     standard_errors,
     wavelengths,
 )
-from fitting.reader.options import Options, parse_options
+from fitting.reader.options import Options
 from fitting.reader.remarks import evidence, statements, without
-from fitting.reader.table import Table, find_column, read_table
+from fitting.reader.table import Table, read_table
 from fitting.reader.text import read_lines, source_of
 
 # What makes a file of an instrument a plain table; each returns None for a file of another kind.
@@ -46,9 +43,6 @@ FORMATS: tuple[Callable, ...] = (
     instruments.perkin_elmer,
     instruments.spectraray,
 )
-# Columns of the table that this package writes (--csv), by which it is recognized, and its numbers.
-_OWN = {"angle_deg", "quantity", "value", "fitted", "residual"}
-_OWN_NUMBERS = ("angle_deg", "wavelength_um", "value", "sigma", "polarizer_deg")
 
 
 class LongColumns(NamedTuple):
@@ -70,6 +64,14 @@ class LongColumns(NamedTuple):
         return self._replace(data=data, understood=f"{self.understood}; {how}")
 
 
+def _refuse_code(reading: Reading, value: Column, row: int, code: str, came: str) -> None:
+    """Raise because a number may stand for 'not measured', unless an option says that none does."""
+    if "none" not in reading.options.missing:
+        flag = f"--missing{'=' if code[0] == '-' else ' '}{code}"
+        text = f"{came}. Say {flag} if that stands for 'not measured', --missing none if it was "
+        reading.refuse(value, text + "measured.", row)
+
+
 def _refuse_placeholders(reading: Reading, numbers: dict[int, np.ndarray]) -> None:
     """Raise where Delta repeats psi, or both are 0 in some rows, as for what was not measured."""
     by_name = {value.role.quantity: value for value in reading.layout.values}
@@ -84,22 +86,8 @@ def _refuse_placeholders(reading: Reading, numbers: dict[int, np.ndarray]) -> No
         _refuse_code(reading, by_name["psi"], int(dark[0]), "0", "psi and Delta are both 0")
 
 
-def _refuse_code(reading: Reading, value: Column, row: int, code: str, came: str) -> None:
-    """Raise because a number may stand for 'not measured', unless an option says that none does."""
-    if not reading.options.zero_is_value:
-        flag = f"--missing{'=' if code[0] == '-' else ' '}{code}"
-        reading.refuse(
-            value,
-            f"{came}. Say {flag} if that stands for 'not measured', --missing none if it was "
-            "measured.",
-            row,
-        )
-
-
 def _refuse_zeros(reading: Reading, value: Column, numbers: np.ndarray, name: np.ndarray) -> None:
-    """Raise where codes or zeros among larger values may stand for values never measured."""
-    if value.role.quantity not in POWERS:
-        return
+    """Raise where codes or zeros among larger powers may stand for values never measured."""
     for i in np.flatnonzero(np.isin(numbers, (-1.0, -9.0, -99.0, -999.0, -9999.0)))[:1]:
         if np.nanmax(numbers, initial=0.0) > 1.0:
             _refuse_code(reading, value, i, f"{numbers[i]:g}", f"{numbers[i]:g} came")
@@ -107,10 +95,9 @@ def _refuse_zeros(reading: Reading, value: Column, numbers: np.ndarray, name: np
         chosen = np.flatnonzero((name == quantity) & np.isfinite(numbers))
         zeros = chosen[numbers[chosen] == 0.0]
         others = np.abs(numbers[chosen][numbers[chosen] != 0.0])
-        least = others.min(initial=np.inf)
         # a true zero (Brewster's angle, a fringe) is approached by its neighbours
-        if len(zeros) and len(others) and least > max(0.02 * others.max(), 1e-2):
-            came = f"0 came, where the smallest other value is {least:.6g}"
+        if len(zeros) and len(others) and others.min() > max(0.02 * others.max(), 1e-2):
+            came = f"0 came, where the smallest other value is {others.min():.6g}"
             _refuse_code(reading, value, int(zeros[0]), "0", came)
 
 
@@ -164,66 +151,6 @@ def _table_of(texts: Sequence[str], options: Options) -> Table:
     return table._replace(notes=table.notes + notes)
 
 
-def _covers(word: str, number: float) -> bool:
-    """Return whether a word is the number, or a range such as 1-4 with it."""
-    match = re.fullmatch(r"\s*(-?[0-9.]+)\s*-\s*(-?[0-9.]+)\s*", word)
-    low, high = (number_or_none(end) for end in (match.groups() if match else (word, word)))
-    return low is not None and high is not None and low <= number <= high
-
-
-def _keep_rows(table: Table, options: Options) -> Table:
-    """Return the table with the rows that the option ``keep`` (column=1,3-5,...) lets through."""
-    rows, lines = table.rows, table.lines
-    for name, wanted in options.keep.items():
-        index = find_column(table, name, "--keep")
-        words = {word.lower() for word in wanted}
-        cells = {row[index]: number_or_none(row[index]) for row in rows}
-        kept = {
-            cell for cell, number in cells.items() if cell.lower() in words
-            or (number is not None and any(_covers(word, number) for word in wanted))
-        }  # fmt: skip
-        chosen = [i for i, row in enumerate(rows) if row[index] in kept]
-        rows, lines = [rows[i] for i in chosen], [lines[i] for i in chosen]
-        if not rows:
-            refuse(
-                f"--keep {name}={','.join(wanted)} came, but no row has such a value in this "
-                "column."
-            )
-    return table._replace(rows=rows, lines=lines)
-
-
-def _own_columns(texts: Sequence[str], start: int) -> LongColumns:
-    """Return the data of a table that this package wrote, to the last bit; ``start``: its header.
-
-    The comments above tell of the fit and of the file that was read then, and are no statements
-    about these numbers. Cells are parted by commas, or by semicolons beside decimal commas.
-    Refuses a file where a row was damaged since.
-    """
-    table = csv.DictReader(texts[start:], delimiter=";" if ";" in texts[start] else ",")
-    quantities, rows, lines = [], [], []
-    for row in table:
-        line = start + table.line_num
-        whole = None not in row and None not in row.values()  # neither more cells nor less
-        numbers = [number_or_none(row.get(name) or "nan") for name in _OWN_NUMBERS]
-        if not whole or None in numbers or row["quantity"] not in QUANTITIES:
-            refuse(
-                "this is no row of the table that fresnel-fit writes (--csv). Write the file "
-                "anew, or name the columns to be read with --columns.",
-                line,
-            )
-        quantities.append(row["quantity"])
-        rows.append(numbers)
-        lines.append(line)
-    angle, wavelength, value, sigma, polarizer = np.array(rows).reshape(-1, len(_OWN_NUMBERS)).T
-    data = Data(angle, wavelength, np.array(quantities, dtype=str), value, sigma, polarizer)
-    return LongColumns(
-        data,
-        [(line, "value", "sigma") for line in lines],
-        {"angle": "angle_deg", "wavelength": "wavelength_um", "polarizer": "polarizer_deg"},
-        f"read {len(lines)} values from a table that fresnel-fit wrote",
-    )
-
-
 @np.errstate(all="ignore")  # what overflows or is NaN is refused by the checks of the Measurement
 def long_columns(path: str | PathLike[str], options: Options) -> LongColumns:
     """Return the data of a file, column after column, gaps left out.
@@ -231,20 +158,14 @@ def long_columns(path: str | PathLike[str], options: Options) -> LongColumns:
     Refuses what is ambiguous or contradicts itself; ranges are not checked.
     """
     texts, remarks = read_lines(Path(path), options.encoding)
-    head = next((i for i, text in enumerate(texts) if not text.startswith("#")), -1)
-    if head >= 0 and set(re.split("[,;]", texts[head])) >= _OWN:
-        if options._replace(divided=False, encoding=None, ignore=[]) == parse_options({}):
-            return _own_columns(texts, head)
-        texts[:head] = [""] * head  # they describe the fit
     table = _table_of(texts, options)
-    table = _keep_rows(table._replace(notes=[*table.notes, *remarks]), options)
     layout = choose_columns(table, options)
     said = evidence(source_of(path), table.preamble)
     ats = dict.fromkeys(v.role.at for v in layout.values if v.role.at is not None)
-    notes = [f"angle {at:g} degrees by the column name" for at in ats]
+    notes = [*table.notes, *remarks, *(f"angle {at:g} degrees by the column name" for at in ats)]
     for value in [v for v in layout.values if options.columns and v.role.at is None]:
         said += (s for s in statements(table.header, value.label) if s.kind == "angle")
-    reading = Reading(table, layout, options, without(said, options), [*table.notes, *notes])
+    reading = Reading(table, layout, options, without(said, options), notes)
     _refuse_other_quantity(reading)
     wavelength = wavelengths(reading)
     angle = angles(reading, wavelength)
@@ -255,43 +176,39 @@ def long_columns(path: str | PathLike[str], options: Options) -> LongColumns:
     reading.refuse_left_out()
     factor = power_scale(reading, numbers, {index: pair[1] for index, pair in read.items()})
     psi_units = psi_delta_unit(reading, numbers)
+    light = layout.polarizer or layout.polarization
     parts: list[tuple[np.ndarray, ...]] = []
     places: list[tuple[int, str, str]] = []
     for value, error in zip(layout.values, layout.sigmas, strict=True):
         raw, quantity = numbers[value.index], value.role.quantity
-        unit = psi_units.get(value.index, "")
-        fraction = scaled(raw, factor if quantity in POWERS else 1.0)
-        converted = np.degrees(raw) if unit == "rad" else fraction
+        power, unit = quantity in POWERS, psi_units.get(value.index, "")
+        converted = np.degrees(raw) if unit == "rad" else scaled(raw, factor if power else 1.0)
         if value.role.at is not None and options.angle_deg is None:
             angle = np.full(len(raw), value.role.at)
         sigma = standard_errors(reading, value, error, unit, factor)
-        there = ~np.isnan(raw)
         if options.sigma is not None:
             sigma = np.where(np.isnan(sigma), options.sigma, sigma)
-        needed = ((error, sigma, "standard error"), (layout.angle, angle, "angle"),
-                  (layout.wavelength, wavelength, "wavelength"))  # fmt: skip
-        for column, known, what in needed:
-            if column is not None:
-                reading.refuse_gaps(column, there & np.isnan(known), what)
         name = np.full(len(raw), quantity, dtype=NAME)
         polarizer = np.full(len(raw), np.nan)
+        needed = [(error, sigma, "standard error"), (layout.angle, angle, "angle"),
+                  (layout.wavelength, wavelength, "wavelength")]  # fmt: skip
         if quantity in POWER_LETTERS:
-            column = layout.polarizer or layout.polarization
-            if column is not None:
-                reading.refuse_gaps(column, there & np.isnan(field), "polarization")
+            needed.append((light, field, "polarization"))
             for letter in "sp":
                 name[field == FIELD_DEG[letter]] = f"{quantity}_{letter}"
             polarizer = np.where(np.isin(field, [*FIELD_DEG.values()]), np.nan, field)
-        _refuse_zeros(reading, value, raw, name)
-        kept = np.flatnonzero(there)
+        for column, known, what in needed:
+            if column is not None:
+                reading.refuse_gaps(column, ~np.isnan(raw) & np.isnan(known), what)
+        if power:
+            _refuse_zeros(reading, value, raw, name)
+        kept = np.flatnonzero(~np.isnan(raw))
         columns = (angle, wavelength, name, converted, sigma, polarizer)
         parts.append(tuple(column[kept] for column in columns))
         places += [(table.lines[i], value.label, error.label if error else "") for i in kept]
     if not places:
-        refuse(
-            f"the {len(table.rows)} rows hold gaps only; at least one measured value was wanted.",
-            table.lines[0],
-        )
+        came = f"the {len(table.rows)} rows hold gaps only"
+        refuse(f"{came}; at least one measured value was wanted.", table.lines[0])
     data = Data(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     axes = {"angle": layout.angle, "wavelength": layout.wavelength, "polarizer": layout.polarizer}
     labels = {name: column.label for name, column in axes.items() if column is not None}

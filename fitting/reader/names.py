@@ -32,7 +32,6 @@ _AXES = (  # kind and form; one of these concepts is there, and beside it these,
     ("polarization", "", {"polarization"}, {"state", "mode"}),
     ("polarizer", "", {"polarizer", "polarization"}, _ANGLES),
     ("angle", "q", {"transfer"}, {"z"}),
-    ("angle", "2theta", {"doubled"}, _ANGLES),
     ("angle", "grazing", {"grazing"}, _ANGLES),
     ("angle", "incidence", _ANGLES, _BESIDE_ANGLES),
     ("wavelength", "wavelength", {"wavelength"}, {"vacuum"}),
@@ -50,14 +49,13 @@ _SYMBOLS = {
 _AXIS_UNITS = tuple(unit for unit in FORM_OF if unit not in ("mm", "keV"))
 # why a column with a word of this concept cannot be used
 _WHY = {
+    "doubled": "it is twice a grazing angle",
     "some angle": "it may be the angle of incidence or another one",
     "raw": "it is a raw signal, not a ratio to the direct beam",
     "setting": "it is a setting of a null ellipsometer",
     "no incidence": "it is no angle of incidence",
     OTHER_POWER: "it is an absorbance, log10(1 / T), or an absorption",
 }
-# what phase-modulated ellipsometers measure; no words of the vocabulary, since texts say "is", too
-_MODULATED = {"is": "sin 2psi sin Delta", "ic": "sin 2psi cos Delta, or cos 2psi"}
 # names glued of a quantity and its polarization; T in capitals only (tp, ts are times as well), and
 # no plural (reflectances)
 _ANY_LETTER = "|".join(POWER_LETTERS)
@@ -90,7 +88,7 @@ class Role(NamedTuple):
     axis, settings of an ellipsometer.
     quantity: for value, index and sigma, a name of QUANTITIES, n or k; for sigma also "_s" and
         "_p", or "" where the name does not say of what; for kind "", one that the name mentions.
-    form: of an angle incidence, grazing, 2theta or q; of a wavelength the word that names it
+    form: of an angle incidence, grazing or q; of a wavelength the word that names it
         (wavelength, energy, wavenumber, frequency).
     unit: a key of :mod:`fitting.reader.vocabulary`, "" where the name gives none.
     at: for value and sigma, the angle of incidence in degrees that the name gives, else None.
@@ -237,8 +235,6 @@ def role_of(name: str, unit: str = "") -> Role:
     words = {CONCEPT.get(token, UNITS.get(token, token)) for token in map(str.lower, tokens)}
     if words & _ASIDE and words <= _ASIDE | {"error", "of errors", "filler", "arb"}:
         return Role("aside", unit=unit, why=why)
-    if tokens in ([word] for word in _MODULATED):
-        why = f"of an ellipsometer it is {_MODULATED[tokens[0]]}; export psi and Delta instead"
     if (match := _NUMBERED.search(rest)) and role_of(rest[: match.start()].rstrip(" _")).quantity:
         why = "if its number is an angle, write R(45 deg)"
     return unread._replace(why=why)

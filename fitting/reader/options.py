@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from typing import NamedTuple, NoReturn
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, NoReturn
 
 from fitting.data.errors import refuse
 from fitting.data.quantities import QUANTITIES
@@ -13,11 +13,20 @@ from fitting.reader.cells import DELIMITERS
 from fitting.reader.vocabulary import light_of, plain
 
 ROLES = (
-    ("angle", "wavelength", "polarization", "polarizer")
-    + QUANTITIES
-    + tuple("sigma_" + quantity for quantity in QUANTITIES)
-)
+    "angle", "wavelength", "polarization", "polarizer", *QUANTITIES,
+    *("sigma_" + quantity for quantity in QUANTITIES),
+)  # fmt: skip
 POLARIZER_FROM = ("angle-from-p", "angle-from-s")
+# the numbers that an option may be, in words if they have no end
+_RANGES = {
+    "angle_deg": (0.0, 90.0, ""), "wavelength_um": (1e-9, 1e9, ""),
+    "scale": (1e-300, 1e300, "a number above 0"),
+    "sigma": (1e-300, 1e300, "a number above 0, not in per cent (0.002),"),
+}  # fmt: skip
+_CHOICES = {
+    "angle_unit": ANGLE_UNITS, "wavelength_unit": WAVELENGTH_UNITS, "psi_unit": ("deg", "rad"),
+    "decimal": (".", ","),
+}  # fmt: skip
 
 
 class Options(NamedTuple):
@@ -25,139 +34,128 @@ class Options(NamedTuple):
 
     light: "s", "p", "u" for the whole file, or "". codes: text of a cell -> "s", "p", "u".
     ignore: names, in small letters, or numbers of columns that shall not be read.
-    polarizer: "angle-from-p", "angle-from-s" or "". zero_is_value: zeros were said to be measured.
+    polarizer: "angle-from-p", "angle-from-s" or "". missing: with "none", zeros were measured.
     lines: the first and the last that may hold rows; the header may stand before. delimiter: the
     sign itself; without it the split is taken that makes the most lines rows of one length.
     divided: the values are one of two scans, whose quotient counts: their unit is of no matter.
     """
 
-    columns: dict[str, str]
-    keep: dict[str, list[str]]
-    ignore: list[str]
-    angle_deg: float | None
-    angle_unit: str
-    wavelength_um: float | None
-    wavelength_unit: str
-    light: str
-    codes: dict[str, str]
-    polarizer: str
-    scale: float | None
-    sigma: float | None
-    psi_unit: str
-    missing: list[str]
-    zero_is_value: bool
-    lines: tuple[int, int]
-    delimiter: str | None
-    decimal: str | None
-    encoding: str | None
+    columns: Mapping[str, str] = {}
+    ignore: tuple[str, ...] = ()
+    angle_deg: float | None = None
+    angle_unit: str = ""
+    wavelength_um: float | None = None
+    wavelength_unit: str = ""
+    light: str = ""
+    codes: Mapping[str, str] = {}
+    polarizer: str = ""
+    scale: float | None = None
+    sigma: float | None = None
+    psi_unit: str = ""
+    missing: tuple[str, ...] = ()
+    lines: tuple[int, int] = (1, 10**9)
+    delimiter: str | None = None
+    decimal: str | None = None
+    encoding: str | None = None
     divided: bool = False
 
 
-class _Given(NamedTuple):
-    """The options as they came, by name."""
+def _refuse(name: str, value: object, text: str) -> NoReturn:
+    refuse(f"--{name.replace('_', '-')}={value} {text}")
 
-    by_name: Mapping[str, object]
 
-    def refuse(self, name: str, text: str) -> NoReturn:
-        """Raise because the value of an option means nothing."""
-        came = f"--{name.replace('_', '-')}={self.by_name[name]}"
-        refuse(f"{came} {text}")
+def _number(name: str, value: object) -> float:
+    low, high, wanted = _RANGES[name]
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        number = float("nan")
+    if not low <= number <= high:
+        wanted = wanted or f"a number from {low:g} to {high:g}"
+        _refuse(name, value, f"came where {wanted} was wanted.")
+    return number
 
-    def number(self, name: str, low: float, high: float, wanted: str = "") -> float | None:
-        """Return a number from low to high, None where none was given. wanted: these in words."""
-        value = self.by_name.get(name)
-        try:
-            number = None if value is None else float(value)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
-            number = float("nan")
-        if number is not None and not low <= number <= high:
-            self.refuse(
-                name, f"came where {wanted or f'a number from {low:g} to {high:g}'} was wanted."
-            )
-        return number
 
-    def one_of(self, name: str, wanted: tuple[str, ...]) -> str:
-        """Return one of the words wanted; "" where none was given."""
-        if (value := self.by_name.get(name)) is None:
-            return ""
-        if (text := str(value).strip()) not in wanted:
-            self.refuse(name, f"is not known; it can be {', '.join(wanted)}.")
-        return text
+def _word(name: str, value: object) -> str:
+    if (text := str(value).strip()) not in _CHOICES[name]:
+        _refuse(name, value, f"is not known; it can be {' or '.join(_CHOICES[name])}.")
+    return text
 
-    def words(self, name: str) -> list[str]:
-        """Return the words of a list or of ``a,b``."""
-        value = self.by_name.get(name)
-        items = [] if value is None else value if isinstance(value, (list, tuple)) else [value]
-        return [part.strip() for item in items for part in str(item).split(",")]
 
-    def pairs(self, name: str) -> dict[str, str]:
-        """Return the pairs of ``A=1,B=2`` or a mapping; a part without = goes to the one before."""
-        value = self.by_name.get(name)
-        if value is None:
-            return {}
-        if isinstance(value, Mapping):
-            value = ",".join(f"{k}={','.join(map(str, v)) if isinstance(v, (list, tuple)) else v}"
-                             for k, v in value.items())  # fmt: skip
-        pairs: dict[str, str] = {}
-        key = ""
-        for part in str(value).split(","):
-            left, equals, right = map(str.strip, part.partition("="))
-            if equals and left in pairs:
-                self.refuse(name, f"gives {left} twice, {pairs[left]} and {right}. Keep one.")
-            if equals:
-                key, pairs[left] = left, right
-            elif key:
-                pairs[key] += "," + left
-        if not pairs:
-            self.refuse(name, "came where NAME=VALUE was wanted.")
-        return pairs
+def _words(name: str, value: object) -> tuple[str, ...]:
+    """Return the words of a list or of ``a,b``."""
+    items = value if isinstance(value, (list, tuple)) else [value]
+    return tuple(part.strip() for item in items for part in str(item).split(","))
 
-    def polarization(self) -> tuple[str, dict[str, str], str]:
-        """Return the light of the whole file, the meaning of codes, where a polarizer counts from.
 
-        One of them at most is not empty.
-        """
-        value = self.by_name.get("polarization")
-        if value is None:
-            return "", {}, ""
-        text = plain(str(value)).strip().lower() if isinstance(value, str) else ""
-        if light_of(text) or text in POLARIZER_FROM:
-            return light_of(text), {}, text if text in POLARIZER_FROM else ""
-        codes = {}
-        if not text or "=" in text:
-            pairs = self.pairs("polarization")
-            codes = {key.lower(): light_of(item.lower()) for key, item in pairs.items()}
-        if not codes or not all(codes.values()):
-            self.refuse(
-                "polarization",
-                "is not known; it can be s, p or unpolarized for the whole file, codes of a "
-                "column such as 0=s,1=p, or angle-from-p or angle-from-s for the angle of a "
-                "polarizer from the plane of incidence or from its normal.",
-            )
-        return "", codes, ""
+def _pairs(name: str, value: object) -> dict[str, str]:
+    """Return the pairs of ``A=1,B=2`` or a mapping."""
+    if isinstance(value, Mapping):
+        return {str(key).strip(): str(of).strip() for key, of in value.items()}
+    pairs: dict[str, str] = {}
+    for part in str(value).split(","):
+        left, equals, right = map(str.strip, part.partition("="))
+        if not equals:
+            _refuse(name, value, "came where NAME=VALUE,... was wanted.")
+        if left in pairs:
+            _refuse(name, value, f"gives {left} twice, {pairs[left]} and {right}. Keep one.")
+        pairs[left] = right
+    return pairs
 
-    def lines(self) -> tuple[int, int]:
-        """Return the first and last line of a range such as 10-200, 10- or -200."""
-        option = self.by_name.get("lines")
-        match = re.fullmatch(r"\s*([0-9]{0,9})\s*-\s*([0-9]{0,9})\s*", str(option or "1-"))
-        first, last = (int(match[1] or 1), int(match[2] or 10**9)) if match else (0, 0)
-        if not match or not (match[1] or match[2]) or not 1 <= first <= last:
-            refuse(f"--lines {option} came where a range such as 10-200, 10- or -200 was wanted.")
-        return first, last
 
-    def marks(self) -> tuple[str | None, str | None]:
-        """Return the delimiter, given by its name or the sign itself, and the decimal mark."""
-        delimiter, decimal = self.by_name.get("delimiter"), self.by_name.get("decimal")
-        if decimal not in (None, ".", ","):
-            refuse(f"--decimal {decimal!r} is neither . nor , (a comma).")
-        mark = None if delimiter is None else DELIMITERS.get(str(delimiter), str(delimiter))
-        wrong = mark is not None and (len(mark) != 1 or mark.isalnum() or mark in "\r\n\"'.+-")
-        if wrong or (mark is not None and mark == decimal):
-            refuse(
-                f"--delimiter {delimiter!r} is none of {', '.join(DELIMITERS)}, nor a sign other "
-                "than the decimal mark."
-            )
-        return mark, decimal if decimal is None else str(decimal)
+def _columns(name: str, value: object) -> dict[str, str]:
+    columns = _pairs(name, value)
+    for role in columns:
+        if role not in ROLES:
+            _refuse(name, value, f"has {role}, which is none of {', '.join(ROLES)}.")
+    return columns
+
+
+def _polarization(value: object) -> dict[str, Any]:
+    """Return the light of the whole file, the codes of a column, or where a polarizer counts from.
+
+    They are fields of `Options`.
+    """
+    text = plain(str(value)).strip().lower() if isinstance(value, str) else ""
+    if text in POLARIZER_FROM:
+        return {"polarizer": text}
+    if light_of(text):
+        return {"light": light_of(text)}
+    pairs = _pairs("polarization", value) if isinstance(value, Mapping) or "=" in text else {}
+    codes = {key.lower(): light_of(item.lower()) for key, item in pairs.items()}
+    if not codes or not all(codes.values()):
+        _refuse(
+            "polarization",
+            value,
+            "is not known; it can be s, p or unpolarized for the whole file, codes of a column "
+            "such as 0=s,1=p, or angle-from-p or angle-from-s for the angle of a polarizer from "
+            "the plane of incidence or from its normal.",
+        )
+    return {"codes": codes}
+
+
+def _lines(name: str, value: object) -> tuple[int, int]:
+    """Return the first and last line of a range such as 10-200, 10- or -200."""
+    match = re.fullmatch(r"\s*([0-9]{0,9})\s*-\s*([0-9]{0,9})\s*", str(value))
+    first, last = (int(match[1] or 1), int(match[2] or 10**9)) if match else (0, 0)
+    if not match or not (match[1] or match[2]) or not 1 <= first <= last:
+        _refuse(name, value, "came where a range such as 10-200, 10- or -200 was wanted.")
+    return first, last
+
+
+def _sign(name: str, value: object) -> str:
+    """Return the delimiter, given by its name or the sign itself."""
+    mark = DELIMITERS.get(str(value), str(value))
+    if len(mark) != 1 or mark.isalnum() or mark in "\r\n\"'.+-":
+        _refuse(name, value, f"is none of {', '.join(DELIMITERS)}, nor a sign between columns.")
+    return mark
+
+
+_PARSERS: dict[str, Callable[[str, object], object]] = {
+    **dict.fromkeys(_RANGES, _number), **dict.fromkeys(_CHOICES, _word), "columns": _columns,
+    "ignore": lambda name, value: tuple(word.lower() for word in _words(name, value)),
+    "missing": _words, "lines": _lines, "delimiter": _sign, "encoding": lambda _, value: str(value),
+}  # fmt: skip
 
 
 def parse_options(by_name: Mapping[str, object]) -> Options:
@@ -165,33 +163,10 @@ def parse_options(by_name: Mapping[str, object]) -> Options:
 
     Refuses one that means nothing.
     """
-    given = _Given(by_name)
-    columns = given.pairs("columns")
-    stray = [role for role in columns if role not in ROLES]
-    if stray:
-        given.refuse("columns", f"has {stray[0]}, which is none of {', '.join(ROLES)}.")
-    light, codes, polarizer = given.polarization()
-    delimiter, decimal = given.marks()
-    encoding = by_name.get("encoding")
-    gaps = given.words("missing")
-    return Options(
-        columns=columns,
-        keep={k: [part.strip() for part in v.split(",")] for k, v in given.pairs("keep").items()},
-        ignore=[word.lower() for word in given.words("ignore")],
-        angle_deg=given.number("angle_deg", 0.0, 90.0),
-        angle_unit=given.one_of("angle_unit", ANGLE_UNITS),
-        wavelength_um=given.number("wavelength_um", 1e-9, 1e9),
-        wavelength_unit=given.one_of("wavelength_unit", WAVELENGTH_UNITS),
-        light=light,
-        codes=codes,
-        polarizer=polarizer,
-        scale=given.number("scale", 1e-300, 1e300, "a number above 0"),
-        sigma=given.number("sigma", 1e-300, 1e300, "a number above 0, not in per cent (0.002),"),
-        psi_unit=given.one_of("psi_unit", ("deg", "rad")),
-        missing=gaps,
-        zero_is_value="none" in gaps,
-        lines=given.lines(),
-        delimiter=delimiter,
-        decimal=decimal,
-        encoding=None if encoding is None else str(encoding),
-    )
+    given = {name: value for name, value in by_name.items() if value is not None}
+    light = _polarization(given.pop("polarization")) if "polarization" in given else {}
+    values: dict[str, Any] = {name: _PARSERS[name](name, value) for name, value in given.items()}
+    options = Options(**(light | values))
+    if options.delimiter and options.delimiter == options.decimal:
+        refuse("--delimiter and --decimal are the same sign. Give one of them another.")
+    return options

@@ -1,8 +1,9 @@
 """What comments, settings and the name of the file say about the whole measurement.
 
-Each of them that names an angle, a polarization, a wavelength or a unit is heard: it is used where
-it says one thing and nothing else; it is overruled by the option for it; else the file is refused
-and the option named. What is not in the vocabulary is not understood, and no reason to guess.
+Each of them that names an angle, a polarization, a wavelength or a unit is heard: a line is used
+where it says one thing and nothing else; it is overruled by the option for it; else the file is
+refused and the option named. The name of the file is never used, only heard. What is not in the
+vocabulary is not understood, and no reason to guess.
 """
 
 from __future__ import annotations
@@ -32,32 +33,23 @@ from fitting.reader.vocabulary import (
 # kind of statement -> what it gives, the option that overrules it, and the fields of that option
 OPTION = {
     "angle": ("the angle of incidence", "--angle-deg NUMBER", "angle_deg"),
-    "angle unit": (
-        "the unit of the angles", "--angle-unit deg, rad, grazing-deg, ...", "angle_unit",
-    ),
+    "angle unit": ("the unit of the angles", "--angle-unit deg, rad or grazing-deg", "angle_unit"),
     "light": ("the polarization", "--polarization s, p or unpolarized", "light codes polarizer"),
     "wavelength": ("the wavelength", "--wavelength-um NUMBER", "wavelength_um"),
-    "wavelength unit": (
-        "the unit of wavelengths", "--wavelength-unit nm, um, ...", "wavelength_unit",
-    ),
+    "wavelength unit": ("the unit of wavelengths", "--wavelength-unit nm, um, ...",
+                        "wavelength_unit"),
     "power unit": ("the unit of the powers", "--scale 0.01 for percent, 1 for fractions", "scale"),
     "psi unit": ("the unit of psi and delta", "--psi-unit deg or rad", "psi_unit"),
-    "errors": (
-        "errors of another size than one standard deviation",
-        "--columns angle=1,R=2,sigma_R=3 if they are one standard deviation; else divide them, or "
-        "leave them out of --columns",
-        "columns",
-    ),
+    "errors": ("errors of another size than one standard deviation", "--columns "
+               "angle=1,R=2,sigma_R=3 if they are one standard deviation; else divide them, or "
+               "leave them out of --columns", "columns"),
     "quantity": ("the measured quantity", "--columns angle=1,R=2 or the like", "columns"),
 }  # fmt: skip
 FULL_NAME = "the file name"
-_LENGTHS = {"nm", "um", "angstrom"}
 _ANGULAR = {"deg", "rad", "mrad"}
-_ANGLES = ("incidence", "angle", "grazing", "doubled", "surface")
 _CLAUSE = re.compile(r"[,;|](?=\s|$)|(?<=[a-z])\.\s")  # "incidence;45" is one
-# in the name of a file: s or p before "pol", and words that are a polarization as they are written
-_POLARIZED = re.compile(r"(?i)(?<![^\W_])([sp])[ _]?pol(?:ari[sz]ed)?(?![^\W_\d])")
-_MODES = {"TE": "s", "TM": "p"} | {q + light: light for q in SPOKEN for light in "sp"}
+# a polarization as a word of the name of a file, as it is written; not "sp", nor "P3HT"
+_LETTER = re.compile(rf"(?<![^\W_])([sp]|[SP]|TE|TM|[{''.join(SPOKEN)}][sp])(?![^\W_])")
 _EXPANDED = re.compile(
     r"(?i)(?<![\w.,])(?:1[.,]96|[2-9])\s*[-*x]?\s*(?:sigma|s\.?d\.?|std|stdev|standard)(?![^\W_])"
     r"|(?<![^\W_])(?:coverage|confidence|expanded|konfidenz|vertrauens|erweitert)"
@@ -91,7 +83,7 @@ def _units_of(words: Words) -> set[str]:
 
 
 def _angle(words: Words) -> Heard:
-    """Return what a clause says of the angle of incidence, or of how angles count."""
+    """Return what a clause says of the angle of incidence, or of the unit of angles."""
     said, units = words.concepts, _units_of(words)
     about = said & {"incidence", "grazing", "oblique"} or (
         said & {"angle", "doubled"} and "no incidence" not in said
@@ -100,49 +92,38 @@ def _angle(words: Words) -> Heard:
     perhaps = words.numbers and "some angle" in said
     if not (about or perhaps) and (other or not units & _ANGULAR):
         return []
-    clear = about and units <= _ANGULAR and _only(words, *_ANGLES)
-    unit = next(iter(units & _ANGULAR), "")
+    clear = about and units <= {"deg", "rad"} and _only(words, "incidence", "angle")
+    unit = next(iter(units), "")
     if not words.numbers:
         if not clear:
             return [(kind, None) for kind in ("angle", "angle unit")[: 2 - ("oblique" in said)]]
-        if said & {"grazing", "doubled"} or ("surface" in said and "normal" not in said):
-            known = "grazing" in said and unit in ("deg", "rad")
-            return [("angle", None), ("angle unit", "grazing-" + unit if known else None)]
-        if unit:
-            return [("angle unit", unit)]
-        return [("angle", 0.0 if {"normal", "incidence"} <= said else None)]
+        none = 0.0 if {"normal", "incidence"} <= said else None
+        return [("angle unit", unit)] if unit else [("angle", none)]
     number = words.numbers[0][0]
     # 1.6 is the largest number that can be a right angle in radians
-    clear = clear and (unit or number > 1.6 or number == 0.0) and not said & {"doubled", "surface"}
-    unit = unit or "deg"
-    if "grazing" in said:
-        clear, unit = clear and unit != "mrad", "grazing-" + unit
-    value = float(incidence_deg(np.array(number), unit, np.array(np.nan))) if clear else np.nan
-    return [("angle", value if 0.0 <= value <= 90.0 else None)]
+    if not clear or not (unit or number > 1.6 or number == 0.0):
+        return [("angle", None)]
+    degrees = float(incidence_deg(np.array(number), unit or "deg", np.array(np.nan)))
+    return [("angle", degrees if 0.0 <= degrees <= 90.0 else None)]
 
 
 def _wavelength(words: Words) -> Heard:
-    said, axes = words.concepts, words.concepts & {*AXIS_CONCEPTS}
-    sized = _units_of(words) & {*WAVELENGTH_UNITS}
+    """Return what a clause says of the wavelength of all rows, or of the unit of wavelengths."""
+    said, sized = words.concepts, _units_of(words) & {*WAVELENGTH_UNITS}
+    named = said & {"laser", *AXIS_CONCEPTS}
+    only = named and _only(words, "laser", *AXIS_CONCEPTS)
     bare = not words.units and words.numbers and not words.numbers[0][1]
     photon = {unit for _, unit in words.numbers} & {"eV", "keV"}  # or the gap of the material
-    if not (
-        "wavelength" in said
-        or (axes and (sized or (bare and _only(words, *AXIS_CONCEPTS))))
-        or ("laser" in said and (sized & _LENGTHS or (bare and _only(words, "laser"))))
-        or photon
-    ):
+    if not ("wavelength" in said or photon or (named and sized) or (only and bare)):
         return []  # a laser's power, a pulse's energy, a chopper's frequency
-    clear = (axes or "laser" in said) and _only(words, "laser", *AXIS_CONCEPTS)
     unit = next(iter(sized), "")
     if not words.numbers:
-        if not clear and unit:
+        if unit and not only:
             return [("wavelength", None), ("wavelength unit", None)]
         return [("wavelength unit", unit)] if unit else []
     number = words.numbers[0][0]
-    if not clear or not unit or number <= 0.0:
-        return [("wavelength", None)]
-    return [("wavelength", float(wavelength_um(np.array(number), unit)))]
+    clear = only and unit and number > 0.0
+    return [("wavelength", float(wavelength_um(np.array(number), unit)) if clear else None)]
 
 
 def _light(words: Words) -> Heard:
@@ -207,35 +188,25 @@ def statements(line: int, text: str) -> list[Said]:
 
 
 def _statements_of_name(stem: str) -> list[Said]:
-    """Return what the name of the file says; of an angle, that it does, for people to confirm.
+    """Return what the name of the file may say, for people to confirm; no option is taken from it.
 
     A word that is not known is the sample's, and no reason for doubt.
     """
     text = re.sub(r"(?<=[^\W_])-(?=[^\W_])", " ", plain(stem))
     words = words_of(text)._replace(unknown=False)
-    said, name = words.concepts, stem[:80]
-    found = []
-    named = bool(said & {"incidence", "grazing", "some angle"} or _NUMBERED.search(text))
+    said = words.concepts
+    named = said & {"incidence", "grazing", "some angle"} or _NUMBERED.search(text)
     degrees = [n for n, unit in words.numbers if unit == "deg" or (named and not unit)]
+    degrees += [0.0] * ({"normal", "incidence"} <= said)
+    found = []
     if degrees and (named or "no incidence" not in said):
-        found.append(Said("angle", None, FULL_NAME, f"{degrees[0]:g}", (degrees[0],)))
-    lengths = [number for number in words.numbers if number[1] in _LENGTHS]
-    heard = _wavelength(words._replace(concepts=said & {"wavelength"}, numbers=lengths))
-    heard += _units(words._replace(numbers=[])) + _quantity(words)
-    concepts = said & {"normal", *_ANGLES} | ({"angle"} if words.units & _ANGULAR else set())
-    counted = words._replace(concepts=concepts, numbers=[])
-    heard += [pair for pair in _angle(counted) if pair != ("angle", None)]
-    found += [Said(*pair, FULL_NAME, name) for pair in heard]
-    # written as a word of its own, or before "pol": p-pol, s_polarized; not "sp", nor "P3HT"
-    parts = re.findall(r"[^\W_]+", text)
-    letters = {_MODES.get(part, "u" if part.lower().startswith("unpol") else "") for part in parts}
-    letters = (letters | {letter.lower() for letter in _POLARIZED.findall(text)}) - {""}
-    alone = {part.lower() for part in parts if part in ("s", "p", "S", "P")}
-    doubt = len(alone) == 1 or _light(words._replace(numbers=[]))
-    if letters or doubt:
-        light = next(iter(letters)) if len(letters) == 1 else None
-        found.append(Said("light", light, FULL_NAME, name))
-    return found
+        found.append(Said("angle", None, FULL_NAME, stem[:80], (degrees[0],)))
+    heard = {pair for hear in _HEARERS for pair in hear(words._replace(numbers=[]))}
+    heard |= {("wavelength", None)} if "wavelength" in said and words.numbers else set()
+    if len({letter.lower() for letter in _LETTER.findall(text)}) == 1:
+        heard.add(("light", None))
+    kinds = {(kind, value if kind == "quantity" else None) for kind, value in heard}
+    return found + [Said(*pair, FULL_NAME, stem[:80]) for pair in kinds if pair[0] != "angle"]
 
 
 def evidence(source: str, preamble: list[tuple[int, str]]) -> list[Said]:

@@ -37,7 +37,8 @@ class Table(NamedTuple):
 
     names and units have one entry per column, "" where the file gives none; ``header`` is the
     line of the names, 0 where there is none.
-    ``preamble`` holds (line, text) of what stands before the numbers, comment marks taken off.
+    ``preamble`` holds (line, text) of what stands before the numbers, comment marks taken off;
+    ``filled`` the columns that hold anything at all.
     """
 
     names: list[str]
@@ -48,41 +49,47 @@ class Table(NamedTuple):
     preamble: list[tuple[int, str]]
     decimal: str
     notes: list[str]
+    filled: list[int]
 
+    @property
+    def top(self) -> int:
+        """The line of the names, or of the first row."""
+        return self.header or self.lines[0]
 
-def label_of(table: Table, index: int) -> str:
-    """Return the name of a column, or its number from 1 where it has none."""
-    return table.names[index] or str(index + 1)
+    def label(self, index: int) -> str:
+        """Return the name of a column, or its number from 1 where it has none."""
+        return self.names[index] or str(index + 1)
 
+    def cells(self, index: int) -> list[str]:
+        """Return the cells of a column."""
+        return [row[index] for row in self.rows]
 
-def find_column(table: Table, wanted: str, option: str) -> int:
-    """Return the index of the column that an option names by header or by number from 1."""
-    names = table.names
-    plain_name = wanted.strip().lower()
-    match = [i for i, name in enumerate(names) if name and name == wanted]
-    match = match or [i for i, name in enumerate(names) if name and name.lower() == plain_name]
-    if len(match) > 1:
-        numbers = " and ".join(str(i + 1) for i in match[:2])
+    def came_in(self, index: int) -> str:
+        """Return the first cells of a column, for messages."""
+        cells = list(dict.fromkeys(cell[:20] for cell in self.cells(index)))
+        return ", ".join(cells[:3]) + ", ..." * (len(cells) > 3)
+
+    def find(self, wanted: str) -> int:
+        """Return the index of the column that --columns names by header or by number from 1."""
+        names, low = self.names, wanted.strip().lower()
+        match = [i for i, name in enumerate(names) if name and name == wanted]
+        match = match or [i for i, name in enumerate(names) if name and name.lower() == low]
+        if len(match) > 1:
+            numbers = " and ".join(str(i + 1) for i in match[:2])
+            refuse(
+                f"columns {numbers} are both named {wanted!r}; give --columns the number of one "
+                "instead.",
+                self.header,
+            )
+        if match:
+            return match[0]
+        if re.fullmatch("[0-9]{1,5}", wanted) and 1 <= int(wanted) <= len(names):
+            return int(wanted) - 1
+        there = ", ".join(f"{i + 1} {name}".strip() for i, name in enumerate(names))
         refuse(
-            f"columns {numbers} are both named {wanted!r}; give {option} the number of one "
-            "instead.",
-            table.header,
+            f"--columns names column {wanted!r}, which the file does not have. Its columns are "
+            f"{there[:300]}."
         )
-    if match:
-        return match[0]
-    if wanted.isascii() and wanted.isdigit() and len(wanted) < 6 and 1 <= int(wanted) <= len(names):
-        return int(wanted) - 1
-    there = ", ".join(f"{i + 1} {name}".strip() for i, name in enumerate(names))
-    refuse(
-        f"{option} names column {wanted!r}, which the file does not have. Its columns are "
-        f"{there[:300]}."
-    )
-
-
-def filled_columns(rows: list[list[str]]) -> list[int]:
-    """Return the columns that hold anything at all."""
-    width = range(len(rows[0]) if rows else 0)
-    return [i for i in width if any(not is_missing(row[i]) for row in rows)]
 
 
 def uncomment(text: str) -> str:
@@ -284,12 +291,13 @@ def read_table(numbered: Lines, options: Options) -> Table:
     above = sum(line < first for line, _ in numbered) + start
     before = [(line, text) for line, text in numbered[:above] if text.strip()]
     names, units, header = _find_header(before, mark, count, inside[start][0])
-    filled = [(line, text) for line, text in inside[start:] if text.strip()]
+    body = [(line, text) for line, text in inside[start:] if text.strip()]
     head = dict(before).get(header, "").strip()
-    rows, row_lines, remarks, notes = _body(filled, mark, count, head)
-    if len(column := filled_columns(rows)) == 1:
+    rows, row_lines, remarks, notes = _body(body, mark, count, head)
+    filled = [i for i in range(count) if any(not is_missing(row[i]) for row in rows)]
+    if len(filled) == 1:
         refuse(
-            f"only one column holds numbers ({len(rows)} rows, the first {rows[0][column[0]]!r}). "
+            f"only one column holds numbers ({len(rows)} rows, the first {rows[0][filled[0]]!r}). "
             "A curve was wanted: an angle or a wavelength and a value in each row. If this file "
             "is one point of a scan, gather the points, divided by the direct beam, in a table "
             "with the header angle_deg,R_s,sigma_R_s.",
@@ -317,4 +325,5 @@ def read_table(numbered: Lines, options: Options) -> Table:
         preamble=beside + below,
         decimal=decide_decimal(rows, row_lines, options.decimal, small),
         notes=notes,
+        filled=filled,
     )

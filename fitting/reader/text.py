@@ -15,11 +15,6 @@ from fitting.process.visible import visible
 MAX_BYTES = 10_000_000
 STDIN = "-"
 
-_NOT_TEXT = (
-    (b"PK\x03\x04", "an Excel workbook or another zip archive; save the sheet as CSV"),
-    (b"\xd0\xcf\x11\xe0", "an old Excel workbook; save the sheet as CSV"),
-    (b"%PDF", "a PDF; export the numbers as CSV"),
-)
 # Every byte is a character of Latin-1; measured files hold a few of its letters (micro, degree,
 # Angstrom), which Windows-1252 writes alike. It is the reading of bytes that are not UTF-8.
 _FALLBACK = "latin-1"
@@ -78,9 +73,6 @@ def read_lines(path: Path, encoding: str | None) -> tuple[list[str], list[str]]:
     if path.suffix.lower() in _WORKBOOKS:
         refuse("this is the name of a workbook, not of a text file. Save the sheet as CSV.")
     data = _bytes(path)
-    for magic, what in _NOT_TEXT:
-        if data.startswith(magic):
-            refuse(f"this is not text but {what}.")
     chosen = str(encoding) if encoding else _guess_encoding(data)
     try:
         text = data.decode(chosen)
@@ -89,7 +81,7 @@ def read_lines(path: Path, encoding: str | None) -> tuple[list[str], list[str]]:
     except (UnicodeError, LookupError, ValueError) as error:
         refuse(
             f"the bytes are not {chosen} text ({error}). Say --encoding NAME (utf-8, utf-16, "
-            "latin-1, ...) if it is text, else export it as CSV."
+            "latin-1, ...) if it is text; a workbook or a PDF must be saved as CSV."
         )
     if _MARKED_UP.match(text):
         refuse("this is JSON or markup, not a table. Export the curve as CSV.")

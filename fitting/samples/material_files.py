@@ -18,12 +18,12 @@ import numpy as np
 from fitting.data.errors import MeasurementError, for_command, named, refuse
 from fitting.data.units import span_of
 from fitting.reader.cells import looks_like_data, split_cells
-from fitting.reader.columns import Column, Layout, came_in, left_out, roles_of
+from fitting.reader.columns import Column, Layout, left_out, roles_of
 from fitting.reader.conversion import Reading, wavelengths
 from fitting.reader.names import role_of
-from fitting.reader.options import parse_options
+from fitting.reader.options import Options
 from fitting.reader.remarks import evidence
-from fitting.reader.table import Table, filled_columns, label_of, read_table, uncomment
+from fitting.reader.table import Table, read_table, uncomment
 from fitting.reader.text import read_lines
 from fresnel_jax.dispersion import Material, material_from_tables, material_from_yaml
 
@@ -106,11 +106,39 @@ def _without_empty_column(lines: list[tuple[int, str]]) -> list[tuple[int, str]]
     return [(line, text + mark * (line in rows)) for line, text in lines]
 
 
-def _reading(table: Table, axis: Column, source: str) -> Reading:
-    """Return a table with its axis and what is said of the unit of wavelengths, or assumed."""
+def _index_of(table: Table, source: str) -> dict[str, _Column]:
+    """Return the wavelengths in micrometres and the numbers of n, of k, or of both in a table.
+
+    A fit has no use for the standard errors of n and k, which are left out, as are running numbers
+    and words that are the same in all rows; any other column is refused.
+    """
+    columns: dict[str, list[Column]] = {"wavelength": [], "n": [], "k": []}
+    rest = {}
+    for i, role in enumerate(roles_of(table)):
+        name = role.quantity if role.kind == "index" else role.kind
+        if i in table.filled and name in columns:
+            columns[name].append(Column(i, table.label(i), role))
+        elif i in table.filled and (role.kind != "sigma" or role.quantity not in ("n", "k", "")):
+            rest[i] = role
+    for name, several in columns.items():
+        if len(several) > 1 or not (several or name == "k" or (name == "n" and columns["k"])):
+            came = " and ".join(repr(column.label) for column in several) or "none"
+            refuse(
+                f"of the columns {', '.join(map(table.label, range(len(table.names))))} {came} may "
+                f"be the {name}. {_WANTED}.",
+                table.top,
+            )
+    axis = columns["wavelength"][0]
+    for i, what in left_out(table, rest, [axis.index], constants=False).items():
+        refuse(
+            f"this column ({table.came_in(i)}) is neither n nor k, but may be {what}. {_WANTED}; "
+            "delete the column, or name it sigma_n or sigma_k if it holds standard errors.",
+            table.top,
+            table.label(i),
+        )
     layout = Layout(None, axis, None, None, [], [], [], {})
     said = [s for s in evidence(source, table.preamble) if s.kind == "wavelength unit"]
-    reading = Reading(table, layout, parse_options({}), said, [])
+    reading = Reading(table, layout, Options(), said, [])
     if axis.role.form == "wavelength" and not axis.role.unit and not reading.one("wavelength unit"):
         x, _ = reading.numbers(axis)
         low, high = _NANOMETRES
@@ -121,49 +149,14 @@ def _reading(table: Table, axis: Column, source: str) -> Reading:
                 "wavelength_um, wavelength_nm or wavelength_angstrom.",
             )
         unit = "um" if np.nanmax(x) < low else "nm"
-        reading = reading._replace(options=reading.options._replace(wavelength_unit=unit))
-    return reading
-
-
-def _index_of(table: Table, source: str) -> dict[str, _Column]:
-    """Return the wavelengths in micrometres and the numbers of n, of k, or of both in a table.
-
-    A fit has no use for the standard errors of n and k, which are left out, as are running numbers
-    and words that are the same in all rows; any other column is refused.
-    """
-    columns: dict[str, list[Column]] = {"wavelength": [], "n": [], "k": []}
-    rest = {}
-    roles = roles_of(table)
-    for i in filled_columns(table.rows):
-        role = roles[i]
-        name = role.quantity if role.kind == "index" else role.kind
-        if name in columns:
-            columns[name].append(Column(i, label_of(table, i), role))
-        elif role.kind != "sigma" or role.quantity not in ("n", "k", ""):
-            rest[i] = role
-    for name, several in columns.items():
-        if len(several) > 1 or not (several or name == "k" or (name == "n" and columns["k"])):
-            came = " and ".join(repr(column.label) for column in several) or "none"
-            refuse(
-                f"of the columns {', '.join(label_of(table, i) for i in range(len(table.names)))} "
-                f"{came} may be the {name}. {_WANTED}.",
-                table.header or table.lines[0],
-            )
-    axis = columns["wavelength"][0]
-    for i, what in left_out(table, rest, [axis.index], constants=False).items():
-        refuse(
-            f"this column ({came_in(table, i)}) is neither n nor k, but may be {what}. {_WANTED}; "
-            "delete the column, or name it sigma_n or sigma_k if it holds standard errors.",
-            table.header or table.lines[0],
-            label_of(table, i),
-        )
-    reading = _reading(table, axis, source)
+        reading = reading._replace(options=Options(wavelength_unit=unit))
     wavelength = wavelengths(reading)
     out = {}
-    for name, column in ((name, columns[name][0]) for name in "nk" if columns[name]):
-        numbers, _ = reading.numbers(column)
-        there = ~np.isnan(numbers)
-        out[name] = wavelength[there], numbers[there]
+    for name in ("n", "k"):
+        for column in columns[name]:
+            numbers, _ = reading.numbers(column)
+            there = ~np.isnan(numbers)
+            out[name] = wavelength[there], numbers[there]
     return out
 
 
@@ -174,12 +167,11 @@ def index_in_table(file: Path) -> dict[str, _Column]:
     """
     parts: dict[str, _Column] = {}
     with named(file.name):
-        texts, _ = read_lines(file, None)
-        for lines in _blocks(texts):
-            for name, part in _index_of(read_table(lines, parse_options({})), file.name).items():
-                if name in parts:
-                    refuse(f"two tables hold {name}; one was wanted.", lines[0][0])
-                parts[name] = part
+        for lines in _blocks(read_lines(file, None)[0]):
+            found = _index_of(read_table(lines, Options()), file.name)
+            if twice := found.keys() & parts.keys():
+                refuse(f"two tables hold {min(twice)}; one was wanted.", lines[0][0])
+            parts |= found
         if "n" not in parts:
             refuse(f"no column is n. {_WANTED}.")
     return parts

@@ -21,26 +21,6 @@ _PLATE_UM, _ETA, _FRINGES = 50.0, 1.3, 2.0
 _MILLIMETRES = re.compile(r"(?<![\d.])(\d+(?:\.\d+)?) ?mm(?![a-z])", re.IGNORECASE)
 
 
-def _millimetres_named(source: str) -> str | None:
-    """Return the thickness in mm in the name of a file, as it is written there."""
-    found = _MILLIMETRES.search(PurePath(source).name)
-    return found[1] if found else None
-
-
-def _refuse_several_thicknesses(sources: Sequence[str]) -> None:
-    """Raise ValueError where files that share one thickness have different ones in their names."""
-    named: dict[float, str] = {}
-    for source in sources:
-        if mm := _millimetres_named(source):
-            named.setdefault(float(mm), source)
-    if len(named) > 1:
-        each = " and ".join(f"{mm:g} mm ({source})" for mm, source in sorted(named.items()))
-        raise MeasurementError(
-            f"the files name plates of {each}; one thickness was given for all of them. Fit plates "
-            "of different thickness one by one, each with its own thickness."
-        )
-
-
 def check_fit(measurements: Sequence[Measurement], sample: Sample) -> None:
     """Raise ValueError where the sample cannot be fitted to what was measured."""
     check_quantities(measurements, sample)
@@ -56,13 +36,11 @@ def _refuse_second_face(m: Measurement, sample: Sample) -> None:
     """
     behind = sorted(q for q in set(m.quantity.tolist()) if TABLE[q].of_layer)
     if sample.bare and behind:
-        thick_mm = _millimetres_named(m.source)
-        named = f"; the file name says {thick_mm} mm" if thick_mm else ""
         raise ValueError(
             f"{m.source}: {', '.join(behind)} cannot be fitted with one bare surface, since "
             "the light leaves or enters through a second one. Give the sample as a plate with "
-            f"its thickness, 'air | {sample.media[-1]} {thick_mm or 3} mm thick | air'{named}. Or "
-            "name the columns to be read without it (columns, --columns: angle=1,R_s=2)."
+            f"its thickness, 'air | {sample.media[-1]} 3 mm thick | air'. Or name the columns to "
+            "be read without it (columns, --columns: angle=1,R_s=2)."
         )
 
 
@@ -70,8 +48,15 @@ def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> Non
     """Raise ValueError where the sample does not predict a measured quantity."""
     for m in measurements:
         check_points(m, sample)
-    if any(not m.thickness.coherent for m in sample.layers if m.thickness):
-        _refuse_several_thicknesses([m.source for m in measurements])
+    if any(not layer.thickness.coherent for layer in sample.layers if layer.thickness):
+        names = [(_MILLIMETRES.search(PurePath(m.source).name), m.source) for m in measurements]
+        named = {float(found[1]): source for found, source in names if found}
+        if len(named) > 1:
+            each = " and ".join(f"{mm:g} mm ({source})" for mm, source in sorted(named.items()))
+            raise MeasurementError(
+                f"the files name plates of {each}; one thickness was given for all of them. Fit "
+                "plates of different thickness one by one, each with its own thickness."
+            )
 
 
 def _refuse_unseen_fringes(m: Measurement, sample: Sample) -> None:
@@ -98,24 +83,14 @@ def _refuse_unseen_fringes(m: Measurement, sample: Sample) -> None:
 
 def check_points(m: Measurement, sample: Sample) -> None:
     """Raise ValueError where a sample has no prediction at some of the points, or a wrong one."""
-    if "R_back" in m.quantity and sample.bare:
-        raise ValueError(
-            f"{m.source}: R_back is the reflectance from the other face, which a bare surface does "
-            "not have. Fit a plate, 'air | free 3 mm thick | air', or leave the column out."
-        )
     # The same from both sides: one thick layer between the same media.
     alike = sample.media[0].index == sample.media[-1].index and len(sample.layers) == 1
     if "R_back" in m.quantity and (sample.films or not alike):
         raise ValueError(
-            f"{m.source}: R_back is not computed for the sample '{sample}', but only for one thick "
-            "layer with the same medium on both sides, as 'air | free 3 mm thick | air'. Leave the "
-            "column out."
+            f"{m.source}: R_back is the reflectance from the other face, which is not computed for "
+            f"the sample '{sample}', but only for one thick layer with the same medium on both "
+            "sides, as 'air | free 3 mm thick | air'. Leave the column out."
         )
-    _check_wavelengths(m, sample)
-
-
-def _check_wavelengths(m: Measurement, sample: Sample) -> None:
-    """Raise ValueError where a wavelength is unknown, or beyond the range of a material."""
     dispersive = [x for x in sample.media if isinstance(x.index, Model) and x.text != "constant"]
     named = [known for x in sample.media for known in x.known]
     if np.isnan(m.wavelength_um).any() and (sample.layers or dispersive or named):

@@ -30,71 +30,43 @@ from jax import Array
 from .._numerics.index import Index
 from .spectral import DispersionModel
 
-Coefficients = tuple[float, ...]
-
-
-def _pairs(c: Coefficients, first: int) -> list[tuple[float, float]]:
-    """Coefficients C_first and C_(first + 1), and so on, of terms that are not 0."""
-    rest = c[first - 1 :]
-    return [(a, b) for a, b in zip(rest[::2], rest[1::2], strict=False) if a != 0.0]
-
-
-def _powers(c: Coefficients, first: int, w: Array) -> Array:
-    return sum((a * w**b for a, b in _pairs(c, first)), jnp.zeros_like(w))
-
-
-def _sellmeier(c: Coefficients, w: Array, power: int) -> Array:
-    square = w * w
-    total = jnp.full_like(w, 1.0 + c[0])
-    for strength, pole in _pairs(c, 2):
-        total = total + strength * (square / (square - pole**power))
-    return jnp.sqrt(total)
-
-
-def _fourth(c: Coefficients, w: Array) -> Array:
-    total = c[0] + _powers(c, 10, w)
-    for j in (1, 5):
-        if c[j] != 0.0:
-            total = total + c[j] * w ** c[j + 1] / (w * w - c[j + 2] ** c[j + 3])
-    return jnp.sqrt(total)
-
-
-def _gas(c: Coefficients, w: Array) -> Array:
-    terms = (a / (b - 1.0 / (w * w)) for a, b in _pairs(c, 2))
-    return 1.0 + sum(terms, jnp.full_like(w, c[0]))
-
-
-def _herzberger(c: Coefficients, w: Array) -> Array:
-    square = w * w
-    near = 1.0 / (square - 0.028)
-    visible = c[0] + c[1] * near + c[2] * near * near
-    return visible + square * (c[3] + square * (c[4] + square * c[5]))
-
-
-def _retro(c: Coefficients, w: Array) -> Array:
-    square = w * w
-    ratio = c[0] + c[1] * square / (square - c[2]) + c[3] * square
-    return jnp.sqrt((1.0 + 2.0 * ratio) / (1.0 - ratio))
-
-
-def _exotic(c: Coefficients, w: Array) -> Array:
-    away = w - c[4]
-    return jnp.sqrt(c[0] + c[1] / (w * w - c[2]) + c[3] * away / (away * away + c[5]))
-
-
-FORMULAS: dict[int, Callable[[Coefficients, Array], Array]] = {
-    1: lambda c, w: _sellmeier(c, w, 2),
-    2: lambda c, w: _sellmeier(c, w, 1),
-    3: lambda c, w: jnp.sqrt(c[0] + _powers(c, 2, w)),
-    4: _fourth,
-    5: lambda c, w: c[0] + _powers(c, 2, w),
-    6: _gas,
-    7: _herzberger,
-    8: _retro,
-    9: _exotic,
-}
 # As many coefficients as the formula names one by one.
 _NAMED = {4: 9, 7: 6, 8: 4, 9: 6}
+
+
+def _index(number: int, c: tuple[float, ...], w: Array) -> Array:
+    """Return n at wavelengths in micrometres by a formula of the module."""
+    square = w * w
+
+    def plus(start: float | Array, first: int, term: Callable[[float, float], Array]) -> Array:
+        """Add a term for each pair of coefficients from C_first on, of which the first is not 0."""
+        rest = c[first - 1 :]
+        pairs = [(a, b) for a, b in zip(rest[::2], rest[1::2], strict=False) if a != 0.0]
+        return sum((term(a, b) for a, b in pairs), jnp.zeros_like(w) + start)
+
+    if number in (1, 2):
+        power = 3 - number
+        return jnp.sqrt(plus(1.0 + c[0], 2, lambda a, b: a * (square / (square - b**power))))
+    if number in (3, 5):
+        total = plus(c[0], 2, lambda a, b: a * w**b)
+        return jnp.sqrt(total) if number == 3 else total
+    if number == 4:
+        total = plus(c[0], 10, lambda a, b: a * w**b)
+        for j in (1, 5):
+            if c[j] != 0.0:
+                total = total + c[j] * w ** c[j + 1] / (square - c[j + 2] ** c[j + 3])
+        return jnp.sqrt(total)
+    if number == 6:
+        return 1.0 + plus(c[0], 2, lambda a, b: a / (b - 1.0 / square))
+    if number == 7:
+        near = 1.0 / (square - 0.028)
+        visible = c[0] + c[1] * near + c[2] * near * near
+        return visible + square * (c[3] + square * (c[4] + square * c[5]))
+    if number == 8:
+        ratio = c[0] + c[1] * square / (square - c[2]) + c[3] * square
+        return jnp.sqrt((1.0 + 2.0 * ratio) / (1.0 - ratio))
+    away = w - c[4]
+    return jnp.sqrt(c[0] + c[1] / (square - c[2]) + c[3] * away / (away * away + c[5]))
 
 
 class PublishedFormula(DispersionModel):
@@ -105,26 +77,24 @@ class PublishedFormula(DispersionModel):
     """
 
     number: int = eqx.field(static=True)
-    coefficients: Coefficients = eqx.field(static=True)
+    coefficients: tuple[float, ...] = eqx.field(static=True)
 
     def __check_init__(self):
+        if self.number not in range(1, 10):
+            raise ValueError(f"formula {self.number} came; one from 1 to 9 was wanted")
         count, named = len(self.coefficients), _NAMED.get(self.number, 1)
         pairs = self.number < 7  # each further term has two coefficients
         whole = (count in (1, 5) or count >= named) and count % 2 if pairs else count <= named
-        if self.number not in FORMULAS or not (count and whole):
-            wanted = (
-                "1, 5, 9, 11, 13, .." if self.number == 4 else "1, 3, 5, .." if pairs else
-                f"1 to {named}"
-            )  # fmt: skip
+        if not (count and whole):
+            wanted = "1, 3, 5, .." if pairs else f"1 to {named}"
+            wanted = "1, 5, 9, 11, 13, .." if self.number == 4 else wanted
             raise ValueError(
-                f"formula {self.number} with {count} coefficients came; a formula from 1 to 9 with "
-                f"{wanted} coefficients was wanted"
+                f"formula {self.number} with {count} coefficients came; {wanted} were wanted"
             )
         if not all(map(math.isfinite, self.coefficients)):
             raise ValueError("a coefficient is not finite; numbers were wanted")
 
     def index(self, wavelength_um: Array) -> Index:
         missing = _NAMED.get(self.number, 1) - len(self.coefficients)
-        coefficients = (*self.coefficients, *([0.0] * missing))
-        eta = FORMULAS[self.number](coefficients, wavelength_um)
+        eta = _index(self.number, (*self.coefficients, *([0.0] * missing)), wavelength_um)
         return Index(eta, jnp.zeros_like(eta))

@@ -9,7 +9,6 @@ AXES = {
     "|\u03b8 [\u00b0]"
     "|theta_i (rad)|aoi (degree)|angle of incidence / deg|Angle d'incidence",
     "grazing": "grazing angle (deg)|glancing angle",
-    "2theta": "2theta|2Theta (deg)|two theta",
     "q": "Qz (1/angstrom)|q|Q (1/nm)|Q [\u00c5\u207b\u00b9]",
     "wavelength": "Wavelength (nm)|lambda_nm|\u03bb / nm|Wellenl\u00e4nge in nm|Wavelength, \u00b5m"
     "|nm|WL",
@@ -39,7 +38,7 @@ NOTHING = (
     "(mm)|signal_V|counts"
     "|tan psi|cos(delta)|R of sample 2|R(532nm)|Rs_45|R_s_p|R T|T_back|R_back_s|deg|%|45|analyzer "
     "(deg)"
-    "|dQ|sigma wavelength|angle error|log R|r|psi_s"
+    "|dQ|sigma wavelength|angle error|log R|r|psi_s|2theta|2Theta (deg)|two theta"
 )
 
 

@@ -1,10 +1,9 @@
-"""JCAMP-DX: the four forms of a table say the same numbers; what contradicts itself is refused."""
+"""JCAMP-DX: numbers written out are read; packed ones and what contradicts itself are refused."""
 
 from pathlib import Path
 
 import pytest
 
-from fitting.reader.jcamp import as_plain_table
 from tests.truth.reading import read, refusal
 
 HEAD = """##TITLE= a made-up plate
@@ -21,16 +20,11 @@ HEAD = """##TITLE= a made-up plate
 ##XYDATA= (X++(Y..Y))
 """
 Y = (9123, 9204, 9204, 9204, 8801, 7345, 6120, 5999, 6501, 7000, 7000, 12)
-# 400, 402, ... 422; the lines of DIF repeat the last ordinate of the line before
+# 400, 402, ... 422
 FORMS = {
     "AFFN": "400 9123 9204 9204 9204 8801\n410 7345 6120 5999 6501 7000 7000\n422 12\n",
     "AFFN with points": "400. 9123. 9204 9204 9204 8801 7.345E+03\n412 6120 5999 6501 7000 7000 12",
     "comments": "400 9123 9204 9204 9204 8801 $$ 1\n$$ 2\n410 7345 6120 5999 6501 7000 7000 12",
-    "PAC": "400+9123+9204+9204+9204+8801\n410+7345+6120+5999+6501+7000+7000+12\n",
-    "SQZ": "400I123I204I204I204H801\n410G345F120E999F501G000G000A2\n",
-    "DUP": "400I123I204UH801\n410G345F120E999F501G000TA2\n",
-    "DIF": "400I123Q1%%m03\n408H801j456j225j21N02M99\n418G000%o988\n422A2\n",
-    "DIF and DUP": "400I123Q1%Tm03\n408H801j456j225j21N02M99%o988\n422A2",
 }
 
 
@@ -48,15 +42,20 @@ def test_every_form_gives_the_numbers_to_the_last_bit(tmp_path: Path, form: str)
     assert set(m.quantity) == {"T"} and "a JCAMP-DX file: 12 points" in m.understood
 
 
-@pytest.mark.parametrize("row", ["1+2+3+3+2+1+0-1-2-3", "1BCCBA@abc", "1JJ%jjjjjj", "1JJ%jX"])
-def test_the_example_of_the_standard(tmp_path: Path, row: str) -> None:
-    text = file("500 " + row, n=10, first=500, last=509, yf=1, firsty=1)
-    found = as_plain_table(text.splitlines())
-    assert found is not None
-    lines, texts = zip(*found[0][-10:], strict=True)
-    wanted = [[500 + i, v] for i, v in enumerate((1, 2, 3, 3, 2, 1, 0, -1, -2, -3))]
-    assert [[float(cell) for cell in text.split("\t")] for text in texts] == wanted
-    assert set(lines) == {13}
+PACKED = {  # the same ordinates, packed; and the example of the standard
+    "PAC": "400+9123+9204+9204+9204+8801\n410+7345+6120+5999+6501+7000+7000+12\n",
+    "SQZ": "400I123I204I204I204H801\n410G345F120E999F501G000G000A2\n",
+    "SQZ of exponents": "400 E5 1E5 1E5\n",
+    "DUP": "400I123I204UH801\n410G345F120E999F501G000TA2\n",
+    "DIF": "400I123Q1%%m03\n408H801j456j225j21N02M99\n418G000%o988\n422A2\n",
+    "repeated numbers": "400 9123 9204U\n",
+}
+
+
+@pytest.mark.parametrize("form", PACKED)
+def test_packed_tables_are_refused_by_name(tmp_path: Path, form: str) -> None:
+    text = refusal(tmp_path, file(PACKED[form]), "plate.jdx", angle_deg=0)
+    assert "line 13: " in text and "packed (PAC, SQZ, DIF, DUP)" in text and "AFFN" in text
 
 
 PAIRS = (
@@ -93,15 +92,20 @@ def test_units_percent_pairs_and_gaps(tmp_path: Path) -> None:
 
 WRONG = {
     "a lost point": (FORMS["AFFN"].replace(" 5999", ""), {}, 15, "x = 422"),
-    "a lost line": (FORMS["DIF"].replace("408H801j456j225j21N02M99\n", ""), {}, 14, "x = 418"),
-    "a wrong difference": (FORMS["DIF"].replace("j456", "j457"), {}, 15, "check of DIF"),
+    "a lost line": (
+        FORMS["AFFN"].replace("410 7345 6120 5999 6501 7000 7000\n", ""),
+        {},
+        14,
+        "x = 422",
+    ),
     "too few": (FORMS["AFFN"].replace("422 12\n", ""), {}, 12, "##NPOINTS= says 12"),
-    "too many": (FORMS["DUP"].replace("I204U", "I204s999999999"), {}, 13, "##NPOINTS="),
+    "too many": (FORMS["AFFN"] + "424 5\n", {}, 12, "##NPOINTS= says 12"),
     "wrong first": (FORMS["AFFN"], {"first": 300, "last": 322}, 13, "##FIRSTX="),
     "wrong factor": (FORMS["AFFN"], {"yf": "0.001"}, 11, "YFACTOR"),
     "glued": (FORMS["AFFN"].replace("9123", "9.12.3"), {}, 13, "AFFN"),
     "no ordinate": (FORMS["AFFN"].replace("9123", "x9"), {}, 13, "AFFN"),
-    "a difference first": ("400J5 1\n", {}, 13, "first ordinate"),
+    "no abscissa": ("? 1\n", {}, 13, "an abscissa"),
+    "no ordinates": ("400\n", {}, 13, "an abscissa"),
     "no count": (FORMS["AFFN"], {"n": "many"}, 10, "NPOINTS"),
     "absorbance": (FORMS["AFFN"], {"y": "ABSORBANCE"}, 5, "10^-A"),
     "reflectance in log": (FORMS["AFFN"], {"y": "LOG(1/R)"}, 5, "REFLECTANCE"),
@@ -130,12 +134,12 @@ def test_records_that_the_table_needs(tmp_path: Path) -> None:
 
 
 def test_the_reader_goes_on_as_with_any_table(tmp_path: Path) -> None:
-    text = file(FORMS["DIF"])
+    text = file(FORMS["AFFN"])
     assert "12 wavelengths" in read(tmp_path, text, "a.dx", angle_deg=8).understood
     titled = text.replace("a made-up plate", "angle of incidence: 8 deg")
     m = read(tmp_path, titled, "a.dx")
     assert set(m.angle_deg) == {8.0} and "line 1" in m.understood
-    assert len(read(tmp_path, text, lines="13-14", angle_deg=0)) == 10
+    assert len(read(tmp_path, text, lines="13-14", angle_deg=0)) == 11
     assert len(read(tmp_path, text, lines="14-", angle_deg=0)) == 7
     raw = file(FORMS["AFFN"], y="ARBITRARY UNITS")
     said = refusal(tmp_path, raw, angle_deg=0)

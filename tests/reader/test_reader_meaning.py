@@ -14,7 +14,6 @@ ELLIPSE = "angle,psi,delta\n50,20,100\n60,25,95\n70,30,90\n"
 HEARD = {
     "# Angle of incidence: 60\n" + SPECTRUM: ("angle_deg", 60.0, "line 1"),
     "# AOI = 45\n" + SPECTRUM: ("angle_deg", 45.0, "line 1"),
-    "# grazing incidence: 20 deg\n" + SPECTRUM: ("angle_deg", 70.0, "line 1"),
     "# Einfallswinkel: 60\u00b0\n" + SPECTRUM: ("angle_deg", 60.0, "line 1"),
     "# angle d'incidence : 60 \u00b0\n" + SPECTRUM: ("angle_deg", 60.0, "line 1"),
     "# \u5165\u5c04\u89d2: 60\u00b0\n" + SPECTRUM: ("angle_deg", 60.0, "line 1"),
@@ -39,6 +38,26 @@ HEARD = {
 }
 
 
+for said, angle in {
+    "Einfallswinkel 60 Grad": 60.0, "angle d'incidence : 60": 60.0, "AOI60": 60.0,
+    "\u00e2ngulo de incid\u00eancia: 60 graus": 60.0, "invalshoek 60 graden": 60.0,
+    "угол падения 60 градусов": 60.0,
+    "\u5165\u5c04\u89d260\u5ea6": 60.0, "infallsvinkel 60": 60.0, "AOI 1.5 rad": 85.94366926962348,
+    "incidence normale": 0.0, "senkrechter Einfall": 0.0, "near-normal incidence": 0.0,
+}.items():  # fmt: skip
+    HEARD[f"# {said}\n" + SPECTRUM] = ("angle_deg", angle, "line 1")
+for said in (
+    "HeNe laser 632.8 nm", "He-Ne laser 632.8 nm", "HeNe-Laser (632,8 nm)", "laser: HeNe 632.8 nm",
+    "red laser pointer 632.8 nm", "diode laser: 632.8 nm",
+):  # fmt: skip
+    HEARD[f"# {said}\n" + SCAN] = ("wavelength_um", 632.8 / 1e3, "line 1")
+for said, light in {
+    "polarizzazione parallela": "R_p", "p wave": "R_p", "\u504f\u5149: p": "R_p", "TE mode": "R_s",
+    "polarisation perpendiculaire": "R_s", "lumi\u00e8re polaris\u00e9e p": "R_p",
+}.items():  # fmt: skip
+    HEARD[f"# {said}\n" + SCAN] = ("quantity", light, "line 1")
+
+
 @pytest.mark.parametrize("text", [text for text, heard in HEARD.items() if heard])
 def test_what_a_line_says_is_used_and_that_is_said(tmp_path: Path, text: str) -> None:
     name, value, where = HEARD[text]
@@ -47,32 +66,17 @@ def test_what_a_line_says_is_used_and_that_is_said(tmp_path: Path, text: str) ->
     assert where in m.understood
 
 
-for said, angle in {
-    "Einfallswinkel 60 Grad": 60.0, "angle d'incidence : 60": 60.0, "AOI60": 60.0,
-    "\u00e2ngulo de incid\u00eancia: 60 graus": 60.0, "invalshoek 60 graden": 60.0,
-    "угол падения 60 градусов": 60.0,
-    "\u5165\u5c04\u89d260\u5ea6": 60.0, "infallsvinkel 60": 60.0, "AOI 1.5 rad": 85.94366926962348,
-    "streifender Einfall 20 Grad": 70.0, "incidenza radente 20 gradi": 70.0,
-    "incidence normale": 0.0, "senkrechter Einfall": 0.0, "near-normal incidence": 0.0,
-}.items():  # fmt: skip
-    HEARD[f"# {said}\n" + SPECTRUM] = ("angle_deg", angle, "line 1")
-for said in (
-    "HeNe laser 632.8 nm", "He-Ne laser, 632.8 nm", "HeNe-Laser (632,8 nm)", "laser: HeNe 632.8 nm",
-    "red laser pointer 632.8 nm", "diode laser: 632.8 nm",
-):  # fmt: skip
-    HEARD[f"# {said}\n" + SCAN] = ("wavelength_um", 0.6328, "line 1")
-for said, light in {
-    "polarizzazione parallela": "R_p", "p wave": "R_p", "\u504f\u5149: p": "R_p", "TE mode": "R_s",
-    "polarisation perpendiculaire": "R_s", "lumi\u00e8re polaris\u00e9e p": "R_p",
-}.items():  # fmt: skip
-    HEARD[f"# {said}\n" + SCAN] = ("quantity", light, "line 1")
-
 REFUSED = {
     "# a 532 nm laser on a bench\n" + SCAN: ("line 1", "--wavelength-um"),
     "wavelength_nm,R@60,R\n500,.1,.2\n600,.2,.2\n": ("gives an angle", "--angle-deg"),
     "angle,R,R_s,R_p\n10,.2,.1,.3\n45,.2,.1,.3\n": ("their mean", "--columns"),
-    "grazing angle (mrad),R\n10,.2\n45,.2\n": ("grazing-mrad", "--angle-unit grazing-deg"),
-    "2theta (rad),R\n.1,.2\n.4,.2\n": ("2theta-rad", "--angle-unit 2theta-deg"),
+    "grazing angle (mrad),R\n10,.2\n45,.2\n": (
+        "grazing angles in mrad",
+        "--angle-unit grazing-deg",
+    ),
+    "grazing angle (rad),R\n.1,.2\n.4,.2\n": ("grazing angles in rad", "--angle-unit grazing-deg"),
+    "theta (mrad),R\n10,.2\n45,.2\n": ("angles in mrad", "--angle-unit deg or rad"),
+    "2theta (deg),R\n10,.2\n45,.2\n": ("no column is an angle", "2theta (deg)"),
     "aoi,polarization angle,R\n9,10,.2\n9,45,.2\n": ("polarization angle", "angle-from-p"),
     "# AOI = 45\n# AOI = 50\n" + SPECTRUM: ("line 1", "line 2", "--angle-deg"),
     "# measured at 45 deg\n" + SPECTRUM: ("line 1", "--angle-deg"),
@@ -111,7 +115,8 @@ for said in (
     "Einfallswinkel sechzig Grad", "angle of incidence: sixty degrees", "sixty degrees incidence",
     "k\u0105t padania 60", "\u00fahel dopadu 60", "Messwinkel 60", "Lichteinfallswinkel: 60\u00b0",
     "oblique incidence", "Brewster angle", "gemessen unter 60 Grad", "medido a 60 grados",
-    "60\u00b0", "incident power 5 mW", "60 graden", "sixty deg",
+    "60\u00b0", "incident power 5 mW", "60 graden", "sixty deg", "grazing incidence: 20 deg",
+    "streifender Einfall 20 Grad", "incidenza radente 20 gradi",
 ):  # fmt: skip
     REFUSED[f"# {said}\n" + SPECTRUM] = ("line 1", "--angle-deg")
 for said in (

@@ -44,8 +44,6 @@ from tests.truth.varieties import BODY
         {"decimal": "x"},
         {"encoding": "no-such-encoding"},
         {"encoding": "ascii"},
-        {"keep": "Zone=3"},
-        {"keep": "angle_deg=3"},
     ],
 )
 def test_an_option_that_means_nothing_is_refused(
@@ -60,9 +58,6 @@ def test_options_that_contradict_the_file(tmp_path: Path) -> None:
     long = "aoi,pol,R\n10,s,.1\n20,p,.2\n"
     assert "--polarization came too" in refusal(tmp_path, long, polarization="s")
     assert "none of angle" in refusal(tmp_path, long, columns="place=1,R=3")
-    minutes = "aoi,R_s\n29.40,.1\n30.75,.2\n"
-    text = refusal(tmp_path, minutes, angle_unit="deg.arcmin")
-    assert "line 3" in text and "30.75" in text and "at most 59" in text
 
 
 def test_the_other_decimal_mark_is_no_number(tmp_path: Path) -> None:

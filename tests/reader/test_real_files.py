@@ -117,7 +117,8 @@ def test_diamond_in_percent_of_a_mirror(measured_files: Path) -> None:
 
 def test_neutrons_by_angle_and_by_q(measured_files: Path) -> None:
     folder = measured_files / "neutron_si_d2o"
-    angle = read_csv(folder / "si_d2o_lambda5A_aoi.csv")
+    refusal(folder / "si_d2o_lambda5A_aoi.csv", "may state the wavelength", "--wavelength-um")
+    angle = read_csv(folder / "si_d2o_lambda5A_aoi.csv", wavelength_um=0.0005)
     path = folder / "Si_D2O_HEPES_20mM.dat"
     refusal(path, "3 columns have no names", "for Q 1/angstrom, with --wavelength-um")
     q = read_csv(
@@ -187,7 +188,6 @@ def test_no_file_of_the_collection_is_read_without_a_row_above(measured_files: P
         "clear_glass_3mm_RT.csv",
         "reflection_EKSMA_Ag.csv",
         "reflection_EKSMA_Al.csv",
-        "si_d2o_lambda5A_aoi.csv",
         "TestData_bareSI.txt",
         "WVASE_example_2nmSiO2_117nmAu_MultiWavelength.txt",
         "WVASE_example_10nmSiO2_325nmAl2O3_MultiWavelength.txt",

@@ -198,12 +198,6 @@ VARIETIES = ELLIPSOMETRY | {
         ONE,
         angles=("30", "50", "64.5", "89", "89.5"),
     ),
-    "degrees and minutes": Variety(
-        b"angle (deg),Rs\n" + rows(("29.30", "34.15", "40", "59.45", "80.00"), R_S).encode(),
-        ONE,
-        {"angle_unit": "deg.arcmin"},
-        angles=("29.5", "34.25", "40", "59.75", "80"),
-    ),
     "unused columns": Variety(
         b"angle_deg,signal_V,R_s,n_samples,T (K)\n"
         + rows(ANGLES, PERCENT, R_S, ("20",) * 5, ("293.15",) * 5).encode(),
@@ -223,8 +217,11 @@ VARIETIES = ELLIPSOMETRY | {
     "polarization by a remark": Variety(
         b"# polarization: TM\nangle,R\n" + rows(ANGLES, R_P).encode(), {"R_p": R_P}
     ),
-    "polarization by the file name": Variety(
-        b"angle,R\n" + rows(ANGLES, R_S).encode(), ONE, name="gold_532nm_s-pol.csv"
+    "polarization in the file name, and said": Variety(
+        b"angle,R\n" + rows(ANGLES, R_S).encode(),
+        ONE,
+        {"polarization": "s"},
+        name="gold_532nm_s-pol.csv",
     ),
     "unpolarized": Variety(b"angle,R\n" + rows(ANGLES, R_S).encode(), {"R": R_S}),
     "falling, unsorted and repeated": Variety(

@@ -35,7 +35,7 @@ ELLIPSOMETRY = {
         + rows(ANGLES, DELTA, PSI, ("1", "2", "3", "4", "1"), mark="\t").encode()
         + b"50\t9\t0.2\t5\n50\t160\t30\t0\n",
         {"psi": PSI, "delta": DELTA},
-        {"keep": "Zone=1,2,3,4"},
+        {"lines": "-6"},
     ),
     "woollam": Variety(
         b"film\nVASEmethod[EllipsometerType=4, AcqTime=30.013]\nOriginal[film.dat]\nnm\n"
