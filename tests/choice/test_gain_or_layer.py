@@ -30,6 +30,7 @@ def test_bare_silicon_that_reads_1_percent_low(seed):
     assert "do not tell the further layer from an error of the calibration" in told.text
 
 
+@pytest.mark.study
 def test_of_two_files_the_scale_that_is_farther_off_is_told():
     choice = choose([_measured("Si", 0.985, 1), _measured("Si", 0.99, 2)], SAMPLES)
     [told] = [w for w in choice.fit.warnings if w.code == "gain_instead"]

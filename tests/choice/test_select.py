@@ -213,6 +213,7 @@ def test_dispersion_is_seen_in_a_spectrum():
     assert any("do not distinguish" in r.text for r in choice.reasons)
 
 
+@pytest.mark.study
 def test_the_model_of_one_of_two_films():
     """Its parameters have the name of its place."""
     waves, sample = np.array([0.45, 0.8]), "air | {} 50..300 nm | SiO2 12 nm held | Si"

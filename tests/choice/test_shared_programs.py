@@ -33,6 +33,7 @@ def of(m, sample, settings):
     return seen, unknowns(which, spectrum_of([m], which), settings, seen, "squares")
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(("sample", "free", "values"), [
     ("lorentz:1", ("angle_offset", "divergence", "scale"), {"R_s": 0.4, "R_p": 0.3}),
     ("air | lorentz:1 3 um thick | air", (), {"T": 0.2, "R": 0.1}),

@@ -84,6 +84,7 @@ def test_a_plate_wavelength_by_wavelength(plate, tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["k"] == data["k"]
 
 
+@pytest.mark.study
 def test_pictures(plate, spectrum, tmp_path):
     pytest.importorskip("matplotlib")
     for arguments in (

@@ -95,6 +95,7 @@ FOUND_IN_STACKS = [
 
 
 # Each in the precision in which it was wrong; a program of each takes eight seconds to compile.
+@pytest.mark.study
 @pytest.mark.parametrize(("case", "dtype"), [
     pytest.param(case, dtype, marks=[pytest.mark.study] * (dtype is not wrong))
     for case, wrong in zip(FOUND_VALUES, (np.float32, np.float64, np.float64), strict=True)
@@ -131,6 +132,7 @@ def test_places_that_were_found(case, dtype):
 SEARCHED = ("R and T of s and p", "gradient of R", "gradient of psi and Delta")
 
 
+@pytest.mark.study
 @DTYPES
 @pytest.mark.parametrize(
     "name",

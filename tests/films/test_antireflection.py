@@ -39,6 +39,7 @@ def test_a_coating_at_its_best_index_has_an_interval_and_no_standard_error():
     assert "1.38" in str(found)
 
 
+@pytest.mark.study
 def test_a_valley_of_equal_chi2_stays_undetermined():
     """At one wavelength and angle R is that of many pairs of an index and a thickness."""
     m = Measurement.from_columns(0.0, 0.5, R=[0.01, 0.0101, 0.0099], sigma=1e-4)

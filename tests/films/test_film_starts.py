@@ -75,6 +75,7 @@ def test_an_oscillator_below_the_spectrum_becomes_free_electrons():
     np.testing.assert_allclose(index(fit, new), index(fit, y), rtol=0.03)
 
 
+@pytest.mark.study
 def test_a_lane_on_its_way_counts_as_much_as_one_at_rest():
     """After two evaluations near the truth a lane is not done, and yet below another minimum."""
     film = {"A": 1.9, "B": 0.02, "thickness_nm": 800.0}

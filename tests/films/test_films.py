@@ -262,6 +262,7 @@ def test_the_thickness_of_a_free_film_is_at_the_minimum():
     assert "thickness_nm" in str(one) and "thickness_nm" in str(found[0])
 
 
+@pytest.mark.study
 def test_errors_of_an_index_that_only_its_product_with_the_thickness_determines():
     """6 nm of eta 1.64 or 136 nm of eta 1.008: chi2 differs by .5; the error of eta was .003."""
     true = {"A": 1.615, "B": 0.0048, "C": 0.00025, "thickness_nm": 6.13}

@@ -36,6 +36,7 @@ def transparent(seed):
     )
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("seed", [0, *(pytest.param(s, marks=STUDY) for s in (2, 6, 7))])
 def test_a_transparent_film_is_not_found_too_thick(seed):
     """With k >= 0 at every wavelength these intervals began above 150 nm."""
@@ -45,6 +46,7 @@ def test_a_transparent_film_is_not_found_too_thick(seed):
     assert (found.k >= 0.0).all()
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("seed", [4, pytest.param(9, marks=STUDY)])
 def test_a_film_that_noise_makes_too_thin_is_still_described_with_k_above_zero(seed):
     """Such a thickness, by 1.6 standard errors, had a chi2 of 211 for 120 and a warning of it."""
@@ -155,6 +157,7 @@ def test_the_k_of_a_film_of_unknown_thickness_may_be_known(settings):
     assert not np.any(found.k) and not np.any(found.index().sigma_k)
 
 
+@pytest.mark.study
 def test_a_film_of_unknown_thickness_below_another_one():
     """Its eta and k have the film in their names."""
     sample, sigma = "air | SiO2 8 nm held | 2.0 150 nm held | Si", {"psi": 0.01, "delta": 0.02}
@@ -202,6 +205,7 @@ def test_each_wavelength_tells_its_own_number_of_starts():
     assert f"of {64 + 5} starting points" in str(found[5])
 
 
+@pytest.mark.study
 def test_the_error_that_follows_from_the_thickness_is_that_of_one_minimum():
     """Where another minimum is the lowest at another thickness, a difference of both is no error.
 
@@ -223,6 +227,7 @@ def test_a_wrong_minimum_that_describes_the_data_is_left_for_a_lower_one():
     assert np.ptp(found.eta) < 0.1
 
 
+@pytest.mark.study
 def test_the_interval_of_the_thickness_is_that_of_a_scatter_of_few_degrees_of_freedom():
     """chi2 of 3 degrees of freedom is a tenth of that in some cases, and so is the variance."""
     waves, values = np.array([0.4, 0.55, 0.7, 0.9]), {"A": 1.8, "B": 0.01, "thickness_nm": 120.0}

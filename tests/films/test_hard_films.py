@@ -70,6 +70,7 @@ def test_films_that_ended_in_a_wrong_minimum(seed, cost, thickness):
     ends_in(seed, cost, thickness)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("seed, cost, thickness", [
     # an oscillator in place of the free electrons, and so the order beside: 143.0, and no warning
     (129760796, 121.6, 4419.2),
@@ -91,6 +92,7 @@ def test_films_that_are_hardly_seen_end_in_the_lowest_minimum(seed, cost, true):
     assert "fringes_in_noise" in {w.code for w in found.warnings}
 
 
+@pytest.mark.study
 def test_another_thickness_that_fits_as_well_is_listed():
     """59 nm were shown as 106 +- 6 nm, and nothing else."""
     case = drawn(31415307)

@@ -51,6 +51,7 @@ def test_the_best_thickness_may_be_that_of_noise():
     assert v["fringed"] == pytest.approx(lowest.parameters["thickness_nm"].value, rel=1e-3)
 
 
+@pytest.mark.study
 def test_the_same_holds_where_a_common_error_is_added():
     """The fit with other weights begins from the minima of the first, and looks beside them too."""
     m = _measured(9.0, 4)
@@ -62,6 +63,7 @@ def test_the_same_holds_where_a_common_error_is_added():
     assert found.alternatives[0].parameters["thickness_nm"].value > 2000.0
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("seed", [1, *(pytest.param(s, marks=STUDY) for s in (3, 6))])
 def test_no_other_solution_has_a_lower_chi2_than_the_first_of_the_others(seed):
     rises = [a.delta_chi2 for a in fit(_measured(20.0, seed), SAMPLE).alternatives]
@@ -86,6 +88,7 @@ def test_weak_fringes_are_fringes():
     assert low - 2.0 < 3000.0 < high + 2.0
 
 
+@pytest.mark.study
 def test_a_range_that_excludes_films_without_fringes():
     found = fit(_measured(9.0, 4), "air | cauchy:2 4000..20000 nm | BK7")
     assert "fringes_in_noise" not in {w.code for w in found.warnings}
@@ -99,6 +102,7 @@ def _oxide():
     return Measurement.from_columns(0.0, wave, R=noisy)
 
 
+@pytest.mark.study
 def test_a_thinner_film_of_higher_index_has_the_same_fringes():
     """162 nm of index 2.65 are less than a fringe with the index 1.46 only, not with their own."""
     found = fit(_oxide(), "air | cauchy 50..1000 nm | Si")

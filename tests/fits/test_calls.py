@@ -46,6 +46,7 @@ def straggling():
     return angles, exact + 3e-3 * np.random.default_rng(1).standard_normal(exact.shape)
 
 
+@pytest.mark.study
 def test_a_straggler_changes_no_answer_but_its_own_time(seen):
     angles, R_p = straggling()
     sample = "1.5 | free"
@@ -59,6 +60,7 @@ def test_a_straggler_changes_no_answer_but_its_own_time(seen):
         np.testing.assert_allclose(together.cost[i], alone.cost, rtol=1e-9)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("eta_i", [1.0, 1.7])
 def test_the_lossless_end_is_that_of_the_program(eta_i):
     rng, count = np.random.default_rng(3), 12
@@ -76,6 +78,7 @@ def test_the_lossless_end_is_that_of_the_program(eta_i):
         np.testing.assert_allclose(own, of_program, rtol=1e-9)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(("angles", "curves"), [(13, 5), (61, 40), (61, 300)])
 def test_the_sums_of_a_call_are_those_of_its_residuals(angles, curves):
     """At numbers of angles that are no multiples of four, with gaps and weights of each curve."""

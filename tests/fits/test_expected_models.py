@@ -163,6 +163,7 @@ def test_neutrons_from_silicon_into_heavy_water(measured_files):
     )
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("metal", "terms", "shortest", "rms"),
     [pytest.param("Al", 3, 0.32, 0.01, marks=pytest.mark.study), ("Ag", 2, 0.34, 0.012)],

@@ -30,6 +30,7 @@ def drawn(seed):
     return measured, substrate, truth
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     "seed", [164, 233, *(pytest.param(s, marks=STUDY) for s in (177, 288, 214, 330, 903, 971))]
 )

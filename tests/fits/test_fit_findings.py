@@ -138,6 +138,7 @@ def test_two_solutions_that_fit_alike_are_both_reported():
     np.testing.assert_allclose(found.eta[single], eta[single], rtol=1e-5)
 
 
+@pytest.mark.study
 def test_many_angles_have_one_solution():
     for quantities in (("R_s", "R_p"), ("R_p",), ("R",)):
         found = fit_many(ANGLES, **curves(2.0, 0.5, quantities=quantities, noise=1e-3, count=50))

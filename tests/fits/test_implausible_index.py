@@ -51,6 +51,7 @@ def test_a_low_index_of_what_does_not_absorb_is_told(sample, truth, quantities, 
     assert most == ([pytest.approx(told, abs=0.01)] if told else [])
 
 
+@pytest.mark.study
 def test_the_film_of_low_index_is_named():
     sample = "air | cauchy:2 50..150 nm | tauc-lorentz:1"
     truth = {

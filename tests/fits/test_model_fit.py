@@ -229,6 +229,7 @@ def test_what_is_not_determined_is_named():
     assert any("strongly correlated" in w.text for w in two.warnings)
 
 
+@pytest.mark.study
 def test_nan_never_succeeds(monkeypatch):
     """A model that is NaN everywhere ends as not converged, from whatever start."""
     from fitting.samples import dispersion as models

@@ -20,6 +20,7 @@ from tests.fits.oscillator_problem import ENERGY, job, measured
 STRONG = {"eps_inf": 2.0, "strength_ev2_1": 20.0, "resonance_ev_1": 3.2, "width_ev_1": 0.6}
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("sample, columns, place", [
     ("lorentz:2", ("R_s", "R_p"), "substrate."), ("lorentz:2", ("psi", "delta"), "substrate."),
     ("air | lorentz:2 40 nm | Si", ("R", "psi", "delta"), "film."),

@@ -135,6 +135,7 @@ def test_a_free_film_is_one_of_its_wavelengths_with_the_shared_thickness(error):
         json.dumps(one.to_dict(), allow_nan=False)
 
 
+@pytest.mark.study
 def test_errors_widened_for_residuals_in_order_stay_within_bounds_and_reach_what_is_tied():
     wave = np.linspace(0.4, 0.9, 24)
     wiggle = 2e-3 * np.sin(40.0 * wave)

@@ -58,6 +58,7 @@ def test_oblique_s_and_p_with_errors():
     assert (sigma < m.sigma).all()
 
 
+@pytest.mark.study
 def test_side_by_side_as_alone():
     m = plate((0.0, 60.0), ("T", "R"), sigma=1e-3)
     together = fit(m, PLATE, errors="stated")

@@ -95,6 +95,7 @@ _LONG = (
 )  # fmt: skip
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("case", [
     pytest.param(c, marks=[pytest.mark.study] * (c in _LONG)) for c in CASES
 ])  # fmt: skip
@@ -145,6 +146,7 @@ def test_the_solver_takes_the_steps_of_the_one_program(case, loss):
 
 
 # one block, in calls of half as many columns; 3 blocks, of which ten lanes fill a call; 33 blocks
+@pytest.mark.study
 @pytest.mark.parametrize(
     "rows", [150, *(pytest.param(n, marks=pytest.mark.study) for n in (40, 2060))]
 )

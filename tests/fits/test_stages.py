@@ -40,6 +40,7 @@ def measurement(noise):
     return Measurement.from_columns(0.0, WAVES, R=shown, sigma=1e-4)
 
 
+@pytest.mark.study
 def test_a_fit_with_other_weights_begins_from_the_minima_of_the_first(counted):
     m = measurement(1e-3)
     found = fit(m, SAMPLE.format("lorentz:2"), errors="floor", intervals="quadratic")
@@ -53,6 +54,7 @@ def test_a_fit_with_other_weights_begins_from_the_minima_of_the_first(counted):
         assert abs(ours.value - theirs.value) < 1e-2 * theirs.sigma
 
 
+@pytest.mark.study
 def test_a_parameter_of_the_instrument_is_added_at_the_minima_without_it(counted):
     m, kept = measurement(1e-3), Kept({}, {})
     which = Sample.parse(SAMPLE.format("lorentz:2"))

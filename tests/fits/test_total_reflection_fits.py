@@ -92,6 +92,7 @@ def brute_force(data, eta_i, eta, k, sigma_eta, k_most):
     return ends(along_eta, etas, of_eta), wide, ends(along_k, ks, of_k)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("eta", "k", "eta_i", "kinds"),
     [

@@ -70,6 +70,7 @@ def test_two_lossless_minima_near_each_other_are_told_apart():
     assert (above > 0.01).sum() == 0
 
 
+@pytest.mark.study
 def test_light_near_normal_incidence_alone():
     """Unpolarized, n and k near .35: a second minimum at k = 0, up to 1,700 of chi2 above."""
     rng = np.random.default_rng(3)
@@ -87,6 +88,7 @@ def test_an_exact_curve_from_50_to_75_degrees():
     assert found.eta == pytest.approx(1.7, abs=1e-9)
 
 
+@pytest.mark.study
 def test_fits_in_total_reflection_do_not_creep():
     """With light from the denser side some of these needed 10,000 steps and were cut at 400."""
     rng = np.random.default_rng(5)
@@ -220,6 +222,7 @@ def test_a_mirror_with_clear_losses_keeps_its_index():
     assert (found.status == "converged").all()
 
 
+@pytest.mark.study
 def test_what_is_undetermined_lies_within_its_own_range():
     """eta 200 was shown beside a range of .06 to .78."""
     rng = np.random.default_rng(4)

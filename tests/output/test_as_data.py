@@ -57,6 +57,7 @@ def test_json_has_the_names_and_values_of_the_result(gold):
     assert fields["version"]
 
 
+@pytest.mark.study
 def test_json_has_warnings_as_codes_and_as_sentences(gold, spectrum):
     told = json.loads(json_text(gold))["warnings"]
     assert [w["code"] for w in told] == [w.code for w in gold.warnings]

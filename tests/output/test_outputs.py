@@ -123,6 +123,7 @@ def test_what_every_kind_of_result_begins_with_is_recognized(tmp_path):
         assert not begins(tmp_path / "other")
 
 
+@pytest.mark.study
 def test_in_python_a_material_is_not_overwritten_either(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     pytest.importorskip("yaml")

@@ -164,6 +164,7 @@ def plate():
     return fit(m, text, intervals="quadratic", starts=8)
 
 
+@pytest.mark.study
 def test_eta_and_k_have_panels_of_their_own_and_k_is_logarithmic_over_decades(plate):
     figure = plate.plot()
     top, _, first, second = figure.axes  # no twin axes among them
@@ -221,6 +222,7 @@ def test_a_curve_at_one_wavelength_is_smooth(ellipsometry):
     np.testing.assert_allclose(y, expected, atol=1e-6)
 
 
+@pytest.mark.study
 def test_a_delta_that_goes_round_is_broken_there():
     """Delta was measured from -180 to 180, and passes 180."""
     angle = np.linspace(40.0, 88.0, 25)

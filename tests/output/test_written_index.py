@@ -65,6 +65,7 @@ def test_of_the_command(curve, tmp_path, capsys):
     assert (tmp_path / "out_errors.csv").read_text() == "mine"
 
 
+@pytest.mark.study
 def test_of_several_fitted_media_each_has_a_file_of_its_own(curve, tmp_path, capsys):
     sample = "air | cauchy:2 400..440 nm | constant"
     command = [str(curve), "--angle-deg", "0", "--sample", sample, "--intervals", "quadratic"]

@@ -165,6 +165,7 @@ def test_gap_is_exact_and_smooth():
     assert complex(*map(float, model(0.3))) ** 2 == pytest.approx(total, rel=1e-13)
 
 
+@pytest.mark.study
 def test_gradients_against_differences_of_the_published_form():
     def ours(a, e, c, g, wavelength):
         n, k = TaucLorentz(a, e, c, g)(wavelength)

@@ -53,6 +53,7 @@ FUNCTIONS = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("dtype", [pytest.param(np.float64, marks=pytest.mark.study), np.float32])
 @FUNCTIONS
 def test_a_cosine_that_rounding_left_above_one_is_one(function, dtype):

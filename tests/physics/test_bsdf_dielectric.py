@@ -192,6 +192,7 @@ def test_importance_is_radiance_times_the_squared_index():
         np.testing.assert_allclose(importance.value, etap**2 * radiance.value, rtol=1e-14)
 
 
+@pytest.mark.study
 def test_expected_gradient_of_a_smooth_interface():
     """Lobe choice detached: the mean over lobes is the derivative of R L(wr) + T L(wt) / etap^2."""
     wo = direction(0.6)

@@ -24,6 +24,7 @@ def sphere(rng, count):
     return v / np.linalg.norm(v, axis=-1, keepdims=True)
 
 
+@pytest.mark.study
 def test_flags_agree_with_what_is_sampled():
     """Index match and vanishing roughness are delta distributions, and say so."""
     eta = np.array([1.0, 1.0, 1.5, 1.5, 1.5, 1.5, 0.5])
@@ -79,6 +80,7 @@ def thin(p):
     return bsdf.ThinDielectric(p[0])
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("build", "dtype"),
     [

@@ -134,6 +134,7 @@ def test_a_sample_agrees_with_evaluate_and_density(name, lobes, mode):
         np.testing.assert_allclose(s.eta, np.where(crossing, eta, 1.0), rtol=1e-15)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("name", ["anisotropic", "nearly matched", "gold"])
 def test_float32_is_float64_to_its_own_precision(name):
     """One draw in 100 may be worse: its cosines vanish, or its half vector does."""
@@ -244,6 +245,7 @@ def test_equilibrium_from_either_side(alpha, mu):
     assert albedo <= 1.0
 
 
+@pytest.mark.study
 def test_roughness_tends_to_the_smooth_limit():
     wo = direction(np.array([0.9, 0.4, -0.9]))
     u, weights = furnace_nodes()

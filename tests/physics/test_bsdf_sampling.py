@@ -91,6 +91,7 @@ FEW = (
 )  # fmt: skip
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=[pytest.mark.study] * (n not in FEW)) for n in CASES]
 )
@@ -235,6 +236,7 @@ def test_gradients_of_an_estimate_are_unbiased(build, parameters, cosine, lobes,
     np.testing.assert_allclose(np.mean(quotients, axis=0), np.mean(means, axis=0), rtol=1e-9)
 
 
+@pytest.mark.study
 def test_differentiating_the_lobe_probability_would_lose_the_fresnel_term():
     """With everything attached weight is 1 and its gradient 0: the trap that `sample` avoids."""
     wo, eta = direction(0.3, 0.0), 1.5

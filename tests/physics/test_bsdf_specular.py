@@ -141,6 +141,7 @@ def test_thin_slab_has_finite_derivatives_in_total_reflection():
 # Delta distributions ------------------------------------------------------------------------------
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("name", MODELS)
 def test_quadrature_never_meets_a_delta(name):
     """f = 0 and pdf = 0 for every pair, the mirror pair and the refracted pair included."""

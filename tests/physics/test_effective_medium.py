@@ -117,6 +117,7 @@ def test_published_numbers():
     assert (wavelength_k[np.argmax(absorbed)] ** 2 - 0.04) == pytest.approx(2.0, abs=0.06)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("several", [2, pytest.param(3, marks=pytest.mark.study)])
 @pytest.mark.parametrize("model", MODELS)
 def test_derivatives_against_differences_of_the_oracle(model, several):
@@ -174,6 +175,7 @@ def test_refusals(model, call, says):
         call(model)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize("several", [3, pytest.param(4, marks=pytest.mark.study), 5])
 def test_metals_among_dielectrics_near_the_fraction_at_which_they_touch(several, dtype):

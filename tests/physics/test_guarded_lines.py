@@ -65,6 +65,7 @@ def test_from_inside_near_the_critical_angle(dtype):
         assert abs(mp.mpf(float(found[i])) - true) <= 8 * eps * true
 
 
+@pytest.mark.study
 @DTYPES
 def test_no_reflectance_above_one(dtype):
     random = np.random.default_rng(7)

@@ -222,6 +222,7 @@ def test_amplitudes_within_12_eps(dtype, name, leave_out):
     assert worst(errors) <= VALUE_BOUND
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("name", ["matched", "critical", "Brewster", "around critical"])
 @pytest.mark.parametrize("constant", ["indices", "cosine and index", "all but k"])
 def test_constants_that_the_compiler_knows(name, constant):

@@ -118,6 +118,7 @@ def gradient_at(point, power):
     return gradient if power < 2 else [-g for g in gradient]
 
 
+@pytest.mark.study
 def test_second_derivatives_of_the_lossless_program():
     hessian, full = (
         jax.jit(jax.hessian(lambda x: reflectance(*x)))(jnp.array(point))

@@ -157,6 +157,7 @@ def test_powers_never_leave_the_unit_interval(dtype):
             assert np.all((np.asarray(power) >= 0.0) & (np.asarray(power) <= 1.0))
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("function", [reflectance, lambda *a: powers(*a).R], ids=["R", "powers"])
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 def test_total_reflection_has_no_derivative_at_grazing_either(dtype, function):

@@ -111,6 +111,7 @@ def test_permittivity_against_quadrature_at_knots_between_and_outside(dtype):
             assert off <= eps * (BOUND * 20.0 + 20 * abs(poles)), (float(E), float(off) / eps)
 
 
+@pytest.mark.study
 def test_derivatives_at_knots_too():
     def permittivity(energy, amplitudes):
         n, k = KramersKronigSpline(amplitudes, KNOTS)(HC_EV_UM / energy)

@@ -28,6 +28,7 @@ def test_values_are_those_of_the_plain_call(number):
         np.testing.assert_allclose(of_blocks, of_all, rtol=1e-14)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("number", [1000, 997])
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
 def test_sums_and_their_derivatives_are_those_of_the_plain_call(number, dtype):

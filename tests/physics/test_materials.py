@@ -89,6 +89,7 @@ def test_three_classes_by_one_routine():
     assert sum(map(len, kinds)) == len(set.union(*kinds)) == len(materials.names())
 
 
+@pytest.mark.study
 def test_metals_are_opaque_at_a_tenth_of_a_micrometre():
     visible = np.linspace(0.38, 0.78, 41)
     for name in materials.names("conductor"):

@@ -109,6 +109,7 @@ def test_mueller_elements_are_the_ellipsometric_numbers():
         np.testing.assert_allclose(M[:, i, j] / M[:, 0, 0], number, atol=1e-14)
 
 
+@pytest.mark.study
 def test_derivatives_of_mueller_matrices_against_differences():
     step = 1e-6
 

@@ -102,6 +102,7 @@ def test_of_one_boundary(name, dtype):
     assert np.isnan(np.asarray(jax.tree.leaves(function(1.0, NAN, 0.1)))).all()
 
 
+@pytest.mark.study
 @DTYPES
 @pytest.mark.parametrize("function", [reflectance, plain, lambda *a: powers(*a).R_p])
 def test_gradients(function, dtype):
@@ -190,6 +191,7 @@ def sample(model, wo, u_lobe, u):
     return model.sample(wo, u_lobe, u)
 
 
+@pytest.mark.study
 @FLOAT32_IN_STUDIES
 @pytest.mark.parametrize("i", range(8))
 def test_surfaces(i, dtype):

@@ -143,6 +143,7 @@ def test_phases_are_continuous_where_principal_values_jump():
             assert np.abs(np.diff(np.asarray(phase))).max() < 0.1  # a jump would be pi
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 def test_around_brewsters_angle_of_glass(dtype):
     """No angle of a float meets it: Delta is pi or 0, without noise, and psi keeps its slope."""

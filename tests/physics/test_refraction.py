@@ -112,6 +112,7 @@ def test_refracted_cosine_has_a_small_relative_error(kind, dtype):
     np.testing.assert_allclose(along, np.where(w[:, 2] < 0, 1 / eta, eta), rtol=eps)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_derivative_at_grazing_for_any_normal(dtype):
     rng = np.random.default_rng(13)  # d cos_t / d eta is about 1 / cos_t, and wi . n cancels

@@ -91,6 +91,7 @@ def test_derivatives_of_shares_against_many_digits():
             np.testing.assert_allclose([x[i] for x in found], sign * true, rtol=0, atol=error)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_points_of_the_circle(dtype):
     rng = np.random.default_rng(2)

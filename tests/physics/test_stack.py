@@ -24,6 +24,7 @@ def _eps(dtype):
     return float(np.finfo(dtype).eps)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("dtype", [pytest.param(np.float32, marks=pytest.mark.study), np.float64])
 @pytest.mark.parametrize("layers", [0, 3])
 def test_layers_of_no_thickness_are_one_boundary(dtype, layers):
@@ -44,6 +45,7 @@ def test_a_quarter_wave_film_of_the_geometric_mean_reflects_nothing():
     assert got.R < 1e-31 and abs(got.T - 1.0) < 1e-15
 
 
+@pytest.mark.study
 def test_a_case_that_tmm_publishes():
     """The values of a Mathematica program in the tests of the package tmm 0.2.0 (S. J. Byrnes)."""
     got = of_arrays(np.cos(0.1), [1.0, 2 + 4j, 3 + 0.3j, 1 + 0.1j], [2.0, 3.0], 100.0)
@@ -113,6 +115,7 @@ def test_wrong_arguments_are_named(arguments, words):
         stack(c, index, thickness_um=thickness, wavelength_um=wavelength)
 
 
+@pytest.mark.study
 def test_a_layer_that_is_not_coherent_is_the_slab():
     for k in (0.0, 1e-6, 1e-2):
         got = stack(
@@ -141,6 +144,7 @@ def test_transmittance_is_the_same_from_both_sides():
         np.testing.assert_allclose(a, b, rtol=1e-12)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("dtype", [pytest.param(np.float32, marks=pytest.mark.study), np.float64])
 def test_total_reflection_without_absorption_is_exactly_one(dtype):
     """R_p was 101 eps off (cosine .0027); a little absorption takes of it what it did."""

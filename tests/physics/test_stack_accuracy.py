@@ -248,6 +248,7 @@ def _worst_of(point, dtype):
     return np.max(np.linalg.norm((ours - truth)[:2], axis=1) / norm)
 
 
+@pytest.mark.study
 @FLOAT32_FIRST
 def test_derivatives_of_r_before_a_strong_metal(dtype):
     """dR_p by the indices of the first two media was off by 5,028 eps of its norm in float32:
@@ -258,6 +259,7 @@ def test_derivatives_of_r_before_a_strong_metal(dtype):
     assert _worst_of(point, dtype) <= 200
 
 
+@pytest.mark.study
 @FLOAT32_FIRST
 def test_dT_by_a_cosine_of_0_and_close_to_it(dtype):
     """It was 0 at 0 where the indices are complex, and twice the true one in float32 at a cosine of

@@ -176,6 +176,7 @@ def test_nothing_overflows_in_a_loop():
             assert np.isfinite(along(at, ones)).all()
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("layers", (1, FEW_LAYERS + 1))
 def test_float32_media_as_an_array_and_the_exact_tier(layers):
     """Lists, arrays and more axes are one result; float32 stays, with as many of its own digits."""

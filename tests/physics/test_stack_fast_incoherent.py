@@ -82,6 +82,7 @@ SAMPLES = {
 }  # fmt: skip
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("text", SAMPLES)
 def test_what_is_seen_is_the_sum_over_round_trips(text):
     angles = np.array([20.0, 50.0, 70.0])
@@ -257,6 +258,7 @@ def sums(x):
     return jnp.stack([found.R_s, found.R_p, found.T_s, found.T_p, *complex_parts])
 
 
+@pytest.mark.study
 def test_derivatives_programs_and_precisions_agree():
     x = np.array([2.1, 0.02, 110.0, 1e-5])
     with jax.enable_x64(True):
@@ -279,6 +281,7 @@ def test_derivatives_programs_and_precisions_agree():
     np.testing.assert_allclose(single, whole, rtol=2e-5)  # phases of 5 radians: 40 eps
 
 
+@pytest.mark.study
 def test_along_the_normal_s_is_both():
     """A fit at normal incidence forms what s shows alone."""
     random = np.random.default_rng(4)

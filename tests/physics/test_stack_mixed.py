@@ -75,6 +75,7 @@ def _plate_in_an_absorbing_medium(c, indices, thickness, wavelength):
     return np.array(out)
 
 
+@pytest.mark.study
 def test_a_clear_plate_behind_an_absorbing_medium():
     """Its wave grows with the depth. R was that of the first boundary, the derivative of an R above
     .5 off by a factor of 130, and at a cosine of 0 a part of it was missing."""

@@ -17,6 +17,7 @@ def _orso(folder, number):
     return layers, data[:, 0], data[:, 1]
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("number", "within"),
     [pytest.param(n, 1e-4, marks=[pytest.mark.study] * (n in (0, 1))) for n in (0, 1, 2, 3, 6, 7)],

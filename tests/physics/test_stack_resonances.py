@@ -52,6 +52,7 @@ def relative_gradient(point):
     return [list(row) for row in zip(*columns, strict=True)]
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("dtype", [pytest.param(np.float32, marks=pytest.mark.study), np.float64])
 def test_values_and_gradients_at_guided_modes(dtype):
     columns = [jnp.asarray(z, dtype) for z in zip(*FOUND, strict=True)]

@@ -54,9 +54,9 @@ def test_every_public_call_is_among_them():
                 assert {f"{name}.{m}".rstrip(".") for m in methods} <= named, name
 
 
-# Stacks take seconds to trace each, and the same way in both precisions. In the second precision,
-# and mapped, these stand for all: coherent and incoherent layers, and rough boundaries. What the
-# others in the second line have is in these two and in "layers.stack".
+# What would be promoted in one precision would be in the other. Stacks take seconds to trace each:
+# mapped, these stand for all: coherent and incoherent layers, and rough boundaries. What the others
+# in the second line have is in these two and in "layers.stack".
 STACKS = ("layers.stack mixed complex", "layers.stack rough")
 FURTHER = tuple(f"layers.stack {x}" for x in ("complex", "mixed", "incoherent", "rough complex"))
 
@@ -66,7 +66,7 @@ def of_few(name):
 
 
 def is_study(name, dtype):
-    return name in FURTHER or (dtype == "float64" and not of_few(name))
+    return name in FURTHER or dtype == "float64"
 
 
 @pytest.mark.parametrize(("name", "dtype"), [

@@ -55,6 +55,7 @@ def derived(request):
     return of
 
 
+@pytest.mark.study
 def test_like_a_function_without_a_written_transpose(derived):
     given = jnp.asarray(MATRIX), jnp.asarray(VECTOR)
     expected = jax.jit(derived(plain))(*given)

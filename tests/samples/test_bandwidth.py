@@ -50,6 +50,7 @@ def _average(sample, parameters, angle, um, quantity, slit_nm=0.0, beam_deg=0.0)
     return simulate(sample, parameters, angles, waves, quantity) @ weight
 
 
+@pytest.mark.study
 def test_a_slit_over_many_fringes_is_averaged():
     """Eleven wavelengths were off by .03 of R for 6 um and 20 nm; averages promise 1e-4."""
     truth = {"A": 1.9, "B": 0.004, "thickness_nm": 6000.0}
@@ -70,6 +71,7 @@ def test_a_beam_over_a_critical_angle_and_at_grazing_incidence_is_averaged():
         np.testing.assert_allclose(seen, expected, atol=7e-4 if angle < 60.0 else 1e-4)
 
 
+@pytest.mark.study
 def test_the_first_medium_too_is_seen_at_all_wavelengths_of_the_slit():
     for sample in ("water | 3.9+0.02i", "water | 2.1 60 nm held | 3.9+0.02i"):
         seen = simulate(sample, {"bandwidth": 20.0}, 70.0, 0.4, "R_s")

@@ -79,6 +79,7 @@ def test_errors_of_5_percent_of_R_are_found_and_make_the_data_beside_brewsters_a
     assert said.values["gain"] > 2.0
 
 
+@pytest.mark.study
 def test_errors_wrong_by_a_factor_are_scaled():
     data, sigma = silicon((1e-4, 1e-2), 4, 400, scaled=3.0)
     found = fit_many(ANGLES, **data, sigma=sigma)

@@ -15,6 +15,7 @@ from fitting.uncertainty.beside_zero import (
 from tests.truth.bounded import WIDE, own_root
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("t", [WIDE, 4.3])
 @pytest.mark.parametrize("truth", [0.0, 0.1, 0.7, 1.5, 1.96, 2.5, 3.9, 6.0])
 def test_an_interval_holds_every_truth_in_95_percent(truth, t):
@@ -25,6 +26,7 @@ def test_an_interval_holds_every_truth_in_95_percent(truth, t):
     assert float(norm.pdf(x - truth)[held].sum() * (x[1] - x[0])) == pytest.approx(0.95, abs=2e-4)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     "x", [-9.0, -3.0, -1.0, -0.1, 0.0, 0.5, 1.7, 1.96, 2.5, 3.5, 3.9, 4.1, 9.0]
 )

@@ -31,6 +31,7 @@ def test_the_curve_is_the_reflectance_of_the_fitted_index(quantity):
     np.testing.assert_allclose(value, want, atol=1e-15)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(("eta", "k"), [(1.5, 0.0), (0.5, 2.2), (3.0, 0.5)])
 def test_the_band_is_the_scatter_of_fitted_curves(eta, k):
     found = fit_many(ANGLES, **noisy(eta, k, 1e-3, count=1500), sigma=1e-3, errors="stated")

@@ -174,6 +174,7 @@ def test_without_degrees_of_freedom_the_normal_law_holds():
     assert student_quantile(0) == pytest.approx(stats.norm.ppf(0.975), rel=1e-12)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("eta", "k", "quantities", "low", "high"),
     [
@@ -194,6 +195,7 @@ def test_profile_intervals_hold_the_truth_as_often_as_they_should(eta, k, quanti
         assert low[i] < held < high[i]
 
 
+@pytest.mark.study
 def test_k_is_exactly_0_at_the_end_of_an_interval_wherever_the_fit_came_from():
     """R_s alone of glasses: a fit in the chart of n < 1 sees the end with n > 1 from afar."""
     rng = np.random.default_rng(3)
@@ -207,6 +209,7 @@ def test_k_is_exactly_0_at_the_end_of_an_interval_wherever_the_fit_came_from():
     assert (found.parameters["k"].interval[:, 0] == 0.0).mean() > 0.934
 
 
+@pytest.mark.study
 def test_noise_decides_at_which_end_of_the_valley_a_fit_near_the_normal_lies_and_that_is_said():
     """R at 6 to 10 degrees: eta below 1 fits half of the time, and looked well determined."""
     angles = np.array([6.0, 8.0, 10.0])
@@ -255,6 +258,7 @@ def test_exact_data_have_intervals_as_narrow_as_rounding():
     np.testing.assert_allclose(found.parameters["k"].interval, 2.2, rtol=1e-12)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     "n", [1.3, *(pytest.param(n, marks=pytest.mark.study) for n in (2.0, 3.6))]
 )

@@ -34,6 +34,7 @@ def flat(layout):
     return m, np.repeat([0, 1], len(angle))
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("law", ["normal", "t", "unlike"])
 def test_noise_is_called_a_pattern_in_less_than_one_fit_of_a_hundred(layout, law):
@@ -156,6 +157,7 @@ def test_each_wavelength_is_looked_at_by_itself():
     assert not any(said(fit(few)[i]) for i in (0, 1))
 
 
+@pytest.mark.study
 def test_the_curves_of_a_few_solutions_stand_at_their_data():
     """Three wavelengths with angles, channels, gaps and repeats of their own, in no order."""
     random = np.random.default_rng(2)
