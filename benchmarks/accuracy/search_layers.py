@@ -136,25 +136,28 @@ def _stack_entries(name, count):
     return {f"stack of {name}": value, f"gradient of stack of {name}": gradient}
 
 
-def _behind_an_absorbing_medium(name, count):
+def behind_an_absorbing_medium(name, value):
+    """The entries of a stack with an extinction of the first medium, behind its index."""
+
     def drawn(random, size, eps):
-        c, n0, *rest = drawn_stack(random, size, count)
+        c, n0, *rest = value.draw(random, size, eps)
         return [c, n0, decades(random, size, -9, 0.7), *rest]
 
     def with_k(function):
         return lambda c, n0, k0, *rest: function(c, (n0, k0), *rest)
 
-    c, n0, *rest = stack_limits([(1e-4, 2.0)] * count)
-    value = Function(
-        drawn, (c, n0, (1e-9, 5.0), *rest), with_k(_our_stack), with_k(_stack), 64.0,
-        conditioned=True, coupled=((0, 4), (1, 5)),
+    c, n0, *rest = value.limits
+    behind = value._replace(
+        draw=drawn, limits=(c, n0, (1e-9, 5.0), *rest), function=with_k(value.function),
+        truth=with_k(value.truth),
     )  # fmt: skip
     # Of films that hardly absorb; the largest that a search has found is 11,300 (docs/stacks.md).
-    gradient = value._replace(bound=None, gradient_bound=2e4)
-    name = f"stack of {name} behind an absorbing medium"
-    return {name: value, f"gradient of {name}": gradient}
+    gradient = behind._replace(bound=None, gradient_bound=2e4)
+    name = f"stack {name} behind an absorbing medium"
+    return {name: behind, f"gradient of {name}": gradient}
 
 
+_FILMS = _stack_entries("one layer", 1) | _stack_entries("two layers", 2)
 LAYERS = {
     "slab": Function(
         lambda r, s, e: (*boundary(r, s, e), decades(r, s, -4, 3), decades(r, s, -1, 1)),
@@ -162,9 +165,13 @@ LAYERS = {
         _our_slab, _slab, 24.0, 100.0,
         amplified=True,
     ),
-    **_stack_entries("one layer", 1),
-    **_stack_entries("two layers", 2),
+    **_FILMS,
     **_stack_entries("three layers", 3),
-    **_behind_an_absorbing_medium("one layer", 1),
-    **_behind_an_absorbing_medium("two layers", 2),
+    **{
+        name: entry
+        for count in ("one layer", "two layers")
+        for name, entry in behind_an_absorbing_medium(
+            f"of {count}", _FILMS[f"stack of {count}"]
+        ).items()
+    },
 }  # fmt: skip

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 
 from benchmarks.accuracy.search_functions import Function, decades
 from benchmarks.accuracy.search_layers import (
+    behind_an_absorbing_medium,
     drawn_stack,
     fields,
     normal_wavevectors,
@@ -197,12 +198,14 @@ def _incoherent_entries(name, coherent):
     )
 
 
+_ROUGH = _pair(
+    "with rough boundaries", _drawn_rough, (*stack_limits([(1e-4, 2.0)]), *((1e-5, 5e-3),) * 2),
+    _our_rough, _rough, coupled=((0, 4), (1, 5)),
+)  # fmt: skip
 MIXED = {
     **_incoherent_entries("of a thick layer", (False,)),
     **_incoherent_entries("of a thick layer, both sides coated", (True, False, True)),
     **_incoherent_entries("of two thick layers around a film", (False, True, False)),
-    **_pair(
-        "with rough boundaries", _drawn_rough, (*stack_limits([(1e-4, 2.0)]), *((1e-5, 5e-3),) * 2),
-        _our_rough, _rough, coupled=((0, 4), (1, 5)),
-    ),
+    **_ROUGH,
+    **behind_an_absorbing_medium("with rough boundaries", _ROUGH["stack with rough boundaries"]),
 }  # fmt: skip
