@@ -22,60 +22,47 @@ from fitting.data.measurement import Measurement
 from fitting.fit_result import Fit
 from fitting.fits import fit_checked
 from fitting.outcomes.of_batch import fit_of_batch
-from fitting.problem.curve_lanes import Curves, run_curves
-from fitting.problem.lanes import Ends
+from fitting.problem.curve_lanes import Curves
 from fitting.problem.problem import FitOptions, Kept, Problem
 from fitting.process.progress import tell
 from fitting.refused_curves import without_refused
-from fitting.residuals.error_model import ADDED, NEED_STATED, beyond_chance
+from fitting.residuals.error_model import ADDED, NEED_STATED
 from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import FitData
 from fitting.results.result_parts import REFUSED
 from fitting.samples.parameters import Settings, check_search, from_parameter, settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
+from fitting.searching.batch_search import BatchSearch
 from fitting.searching.minima import SAME_CHI2
 from fitting.uncertainty.intervals import QUADRATIC, check_choices
 from fitting.wavelengths import problem_of
 
-# Rounds in which curves are tried from their neighbours; a round reaches one pixel further.
-_ROUNDS = 60
 # Rounds of searches afresh; each begins where the one before found a lower minimum.
 _SEARCHES = 6
 # So many of the other minima of a curve are followed in all curves.
 _OTHERS = 3
-# Without stated errors: a curve is badly described if its scatter is so many times the median.
-_FAR = 4.0
 
 
 class _Batch(NamedTuple):
-    """The fits of N curves: one of them as a pattern for all, the data, and degrees of freedom."""
+    """The search of N curves, their angles and wavelengths, and what `fit` needs of one of them."""
 
-    job: Problem
-    curves: Curves
-    dof: np.ndarray
-    shape: tuple[int, ...]
+    search: BatchSearch
     columns: tuple[np.ndarray, np.ndarray]
     settings: Settings
     sample: Sample
 
-    def run(self, start: np.ndarray, which: np.ndarray) -> Ends:
-        """Return where starts (p, L) end, each on one of the curves."""
-        job = self.job
-        return run_curves(
-            job.u.spec, job.targets, self.curves, start, which, job.limits, self.dof
-        )  # fmt: skip
-
     def alone(self, i: int) -> FitData:
         """Return the fit of one curve, searched from all starts."""
         angle, wavelength = self.columns
-        values: dict[str, Any] = {q: v[i] for q, v in self.curves.values.items()}
-        sigma = None if self.curves.sigma is None else {
-            q: s[i] for q, s in self.curves.sigma.items()
-        }  # fmt: skip
+        curves: Any = self.search.curves
+        values: dict[str, Any] = {q: v[i] for q, v in curves.values.items()}
+        sigma = None if curves.sigma is None else {q: s[i] for q, s in curves.sigma.items()}
         m = Measurement.from_columns(angle, wavelength, sigma=sigma, **values)
         # Its values and its cost count here, not its errors.
-        asked = self.job.asked._replace(kept=Kept({}, {}), errors="scaled" if sigma else "equal")
+        asked = self.search.job.asked._replace(
+            kept=Kept({}, {}), errors="scaled" if sigma else "equal"
+        )  # fmt: skip
         return fit_checked([m], self.sample, self.settings, asked)
 
     def places(self, fit: FitData) -> np.ndarray:
@@ -85,7 +72,7 @@ class _Batch(NamedTuple):
 
     def y_of(self, values: Mapping[str, Any]) -> np.ndarray:
         """Return parameters by name in the solver's coordinates, (p, ...)."""
-        u = self.job.u
+        u = self.search.job.u
         rows = [
             from_parameter(w.parameter.coordinate, np.clip(
                 values.get(u.labels.get(w.parameter.name, ""), w.low), w.low, w.high
@@ -94,54 +81,16 @@ class _Batch(NamedTuple):
         ]  # fmt: skip
         return np.stack(np.broadcast_arrays(*rows))
 
-    def missed(self, best: Ends) -> np.ndarray:
-        """Return which curves are not described, (N,)."""
-        reduced = best.cost / np.maximum(self.dof, 1)
-        if self.curves.sigma is None:
-            usual = np.median(reduced[best.done]) if best.done.any() else 0.0
-            return ~best.done | (reduced > _FAR * usual)
-        return ~best.done | beyond_chance(reduced, self.dof)[0]
-
-
-def _lower(best: Ends, other: Ends, which: np.ndarray) -> np.ndarray:
-    """Put the lower ends of ``other`` into ``best``; return which curves they belong to."""
-    better = other.done & (~best.done[which] | (other.cost < (1.0 - 1e-6) * best.cost[which]))
-    best.evaluations[which] += other.evaluations
-    for mine, theirs in zip(best[:3], other[:3], strict=True):
-        mine[..., which[better]] = theirs[..., better]
-    return which[better]
-
 
 def _neighbours(shape: tuple[int, ...]) -> np.ndarray:
     """Return the numbers of the neighbours of each place of a grid, (2 axes, N); -1 for none."""
     grid = np.pad(np.arange(int(np.prod(shape))).reshape(shape), 1, constant_values=-1)
     inner = tuple(slice(1, -1) for _ in shape)
-    return np.stack([
+    steps = [
         np.roll(grid, step, axis)[inner].ravel()
         for axis in range(len(shape)) for step in (1, -1)
-    ])  # fmt: skip
-
-
-def _from_neighbours(batch: _Batch, best: Ends, known: np.ndarray) -> None:
-    """Try the curves that are not described from the best of their neighbours, while it helps."""
-    if not batch.shape:
-        return
-    beside = _neighbours(batch.shape)
-    news = np.ones(len(known), bool)
-    for _ in range(_ROUNDS):
-        cost = np.append(np.where(best.done, best.cost, np.inf), np.inf)
-        nearest = beside[np.argmin(cost[beside], 0), np.arange(len(known))]
-        # A neighbour that has not changed was tried before.
-        changed = np.append(news, False)[nearest] & np.isfinite(cost[nearest])
-        which = np.flatnonzero(batch.missed(best) & known & changed)
-        if not len(which):
-            return
-        found = batch.run(best.y[:, nearest[which]], which)
-        before = best.cost[which].copy()
-        _lower(best, found, which)
-        news = np.zeros(len(known), bool)
-        news[which[best.cost[which] < (1.0 - 1e-3) * before]] = True
-        tell()
+    ]  # fmt: skip
+    return np.stack(steps) if steps else np.empty((0, 1), int)
 
 
 def fit_many(
@@ -353,25 +302,11 @@ def _fit_curves(
     check_fit([pattern], sample)
     asked = FitOptions(errors, QUADRATIC, seed=seed)
     job = problem_of([pattern], sample, settings, asked)
-    data = Curves(job.seen, curves, sigma)
-    count, dof = data.n_data, np.maximum(data.n_data + job.priors - int(job.u.free.sum()), 0)
-    batch = _Batch(job, data, dof, shape, (angle_deg, wavelength_um), settings, sample)
-    known = count > 0
-    every = np.flatnonzero(known)
+    search = BatchSearch(job, Curves(job.seen, job.targets, curves, sigma))
+    batch = _Batch(search, (angle_deg, wavelength_um), settings, sample)
+    best, every, beside = search.best, np.flatnonzero(search.known), _neighbours(shape)
     if not len(every):
         raise ValueError("no curve has a datum; one was wanted at least.")
-
-    nowhere = np.zeros((job.u.size, data.count))
-    best, minima = Ends.begun(nowhere.copy()), list[Ends]()
-
-    def begin(start: np.ndarray) -> None:
-        """Follow every curve from a start, (p, L), and keep where it ends."""
-        found = batch.run(start, every)
-        whole = Ends.begun(nowhere.copy())
-        whole.put(every, found)
-        minima.append(whole)
-        _lower(best, found, every)
-
     if near is not None:
         lacking = [n for n in _free_names(job) if n not in near]
         if lacking:
@@ -379,14 +314,14 @@ def _fit_curves(
                 f"start and near have no value of {', '.join(lacking)}; one of every fitted "
                 f"parameter ({', '.join(_free_names(job))}) was wanted."
             )
-        begin(batch.y_of({n: v[every] for n, v in near.items()}))
-        _from_neighbours(batch, best, known)
+        search.run(batch.y_of({n: v[every] for n, v in near.items()}), every)
+        search.from_neighbours(beside)
     random, searched = np.random.default_rng(seed), set[int]()
-    refused = None
+    begun, refused = near is not None, None
     for _ in range(_SEARCHES):
         gained = False
         # The first one by itself: where it ends all others begin.
-        for i in _to_search(batch, best, random, check if minima else 1, known, searched):
+        for i in _to_search(search, random, check if begun else 1, searched):
             searched.add(i)
             tell()
             try:
@@ -394,18 +329,18 @@ def _fit_curves(
             except MeasurementError as error:  # beyond [0, 1] by more than the noise of this curve
                 refused, gained = error, True
                 continue
-            least = SAME_CHI2 * max(best.cost[i] / max(dof[i], 1), 1.0 if sigma else 0.0)
-            if not minima or found.cost < best.cost[i] - least:
-                gained = True
+            least = SAME_CHI2 * max(best.cost[i] / max(search.dof[i], 1), 1.0 if sigma else 0.0)
+            if not begun or found.cost < best.cost[i] - least:
+                begun = gained = True
                 for place in batch.places(found).T:
-                    begin(np.repeat(place[:, None], len(every), 1))
-                _from_neighbours(batch, best, known)
+                    search.run(np.repeat(place[:, None], len(every), 1), every)
+                search.from_neighbours(beside)
         if not gained:
             break
-    if not minima:
+    if not begun:
         assert refused is not None
         raise refused
-    return fit_of_batch(job, data, dof, best, minima, shape, sample)
+    return replace(fit_of_batch(search, shape, sample), starts=0, reached=0)
 
 
 def _free_names(job: Problem) -> list[str]:
@@ -414,14 +349,14 @@ def _free_names(job: Problem) -> list[str]:
 
 
 def _to_search(
-    batch: _Batch, best: Ends, random: np.random.Generator, many: int, known: np.ndarray,
-    searched: set[int],
-) -> list[int]:  # fmt: skip
+    search: BatchSearch, random: np.random.Generator, many: int, searched: set[int]
+) -> list[int]:
     """Return which curves to search afresh: the worst described ones, and as many by chance."""
-    free = np.array([i for i in np.flatnonzero(known) if i not in searched], int)
+    best = search.best
+    free = np.array([i for i in np.flatnonzero(search.known) if i not in searched], int)
     if not len(free) or not many:
         return []
-    reduced = np.where(best.done, best.cost, np.inf)[free] / np.maximum(batch.dof[free], 1)
+    reduced = np.where(best.done, best.cost, np.inf)[free] / np.maximum(search.dof[free], 1)
     worst = free[np.argsort(-reduced, kind="stable")][: many // 2] if searched else free[:0]
     rest = np.setdiff1d(free, worst)
     by_chance = random.permutation(rest)[: many - len(worst)]

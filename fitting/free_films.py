@@ -24,7 +24,7 @@ from fitting.samples.parameters import Settings
 from fitting.samples.sample import FREE, Sample
 from fitting.thickness_profile import best_within_error, shared_thickness
 from fitting.uncertainty.widening import ranges, wider
-from fitting.wavelengths import check_wavelengths, fit_wavelengths, jobs
+from fitting.wavelengths import check_wavelengths, each_wavelength, fit_wavelengths
 
 
 def free_film(sample: Sample) -> int | None:
@@ -121,17 +121,17 @@ def fit_free_film(
     d = sample.media[which].thickness
     assert d is not None
     ends = 1e3 * d.low_um, 1e3 * d.high_um
-    ones = jobs(measurement, _held(sample, which, ends[0]), settings, asked)
-    name = f"{sample.places[which]}.thickness_nm"
-    row = ones[0].fit.u.spec.held.index(name)
-    shared = shared_thickness(ones, row, sample.places[which], ends, asked.scaled)
+    waves = each_wavelength(measurement, _held(sample, which, ends[0]), settings, asked)
+    name, u = f"{sample.places[which]}.thickness_nm", waves.job.u
+    row = u.spec.held.index(name)
+    shared = shared_thickness(waves, row, sample.places[which], ends)
     best, sigma = shared.nm, shared.sigma
     found = fit_wavelengths(measurement, _held(sample, which, best), settings, asked)
-    label = ones[0].fit.u.labels[name]
+    label = u.labels[name]
     wide = sigma > 0.3 * (ends[1] - ends[0]) or not np.isfinite(sigma)
     if not wide and any(f.code == "chi2_large" for f in found.findings):
         # No index with k >= 0 may describe the data at a thickness that is too small by its error.
-        best = best_within_error(ones, row, shared.nm, sigma, ends)
+        best = best_within_error(waves, row, shared.nm, sigma, ends)
         if best != shared.nm:
             found = fit_wavelengths(measurement, _held(sample, which, best), settings, asked)
     if not wide:
@@ -140,7 +140,7 @@ def fit_free_film(
         moved = fit_wavelengths(measurement, beside, settings, asked, near=found)
         found = _with_thickness(found, moved, sigma / shift)
     parameters = {n: e for n, e in found.parameters.items() if n != label}
-    of_film = [ones[0].fit.u.labels[f"{sample.places[which]}.{n}"] for n in ("eta", "k")]
+    of_film = [u.labels[f"{sample.places[which]}.{n}"] for n in ("eta", "k")]
     errors = [np.broadcast_to(parameters[n].sigma, found.shape) for n in of_film]
     parameters[label] = Estimate(
         name=label, unit="nm", value=best, sigma=np.nan if wide else sigma,

@@ -5,16 +5,18 @@ At each thickness every wavelength is a fit by itself, with eta and k of its own
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from fitting.problem.lanes import LANES, Limits
+from fitting.searching.batch_search import BatchSearch
 from fitting.searching.fringes import local_minima
 from fitting.searching.minima import alternative_chi2
+from fitting.searching.starts import starts as start_points
 from fitting.uncertainty.limits import student_quantile
-from fitting.wavelengths import One, solved_each
+from fitting.wavelengths import Wavelengths
 
 # The thickness is first scanned in _GRID steps, each wavelength from _STARTS starts. At most
 # _CLOSER finer scans of _WITHIN steps follow, each a third as wide, until the cost beside the best
@@ -74,80 +76,71 @@ class _Profile(NamedTuple):
 
 
 def shared_thickness(
-    ones: Sequence[One], row: int, place: str, ends: tuple[float, float], scaled: bool
+    waves: Wavelengths, row: int, place: str, ends: tuple[float, float]
 ) -> SharedThickness:
     """Return the thickness between two that fits all wavelengths best.
 
-    row: of the thickness among the constants of the fits. place: name of the film. scaled: whether
-    the error is multiplied by the scatter of the data.
+    row: of the thickness among the constants of the fits. place: name of the film.
     """
     grid = np.geomspace if ends[1] > 4.0 * ends[0] else np.linspace
-    p = _profile(ones, row, grid(*ends, _GRID), scaled, _NEAR)
+    limits = waves.job.limits
+    p = _profile(waves, row, limits, grid(*ends, _GRID), _NEAR)
     best, sigma = float(p.thickness_nm[p.best]), _error(p)
     if not np.isfinite(sigma):
         return SharedThickness(best, sigma, np.full(2, np.nan), ())
     around = np.clip(best + sigma * np.linspace(-6.0, 6.0, _WITHIN), *ends)
     around = np.append(around[np.argsort(np.abs(around - best))], ends)
-    near = _profile(_with_gain(ones, place), row, around, scaled, _FLAT, p.y)
+    low, high = limits
+    own = [name == f"{place}.k" for name in waves.job.u.spec.moving]
+    # Unless it is fixed at 0.
+    gain = np.where(own & (low == 0.0) & (high > 0.0), _LEAST_K, low), high
+    near = _profile(waves, row, gain, around, _FLAT, p.y)
     best, sigma = float(near.thickness_nm[near.best]), _error(near)
     half = student_quantile(near.dof) * sigma
     return SharedThickness(best, sigma, np.array([best - half, best + half]), _others(p))
 
 
 def best_within_error(
-    ones: Sequence[One], row: int, nm: float, sigma: float, ends: tuple[float, float]
+    waves: Wavelengths, row: int, nm: float, sigma: float, ends: tuple[float, float]
 ) -> float:
     """Return the thickness within one standard error that fits best with k >= 0, or ``nm``.
 
     ``nm`` if the best one is hardly better.
     """
     places = np.clip(nm + sigma * np.append(0.0, np.linspace(-1.0, 1.0, _WITHIN - 1)), *ends)
-    costs = [place.cost for place in _at(ones, row, [(d, None) for d in places.tolist()])]
+    found = _at(waves, row, waves.job.limits, [(d, None) for d in places.tolist()])
+    costs = [place.cost for place in found]
     return float(places[np.argmin(costs)]) if min(costs) < costs[0] - _NEAR else nm
 
 
 def _at(
-    ones: Sequence[One], row: int, asked: Sequence[tuple[float, np.ndarray | None]]
-) -> list[_Place]:
+    waves: Wavelengths, row: int, limits: Limits,
+    asked: Sequence[tuple[float, np.ndarray | None]],
+) -> list[_Place]:  # fmt: skip
     """Return the lowest costs of all wavelengths at each of some thicknesses, all in one run.
 
     asked: a thickness in nm, and where costs are lowest at one close to it, (p, W), for starts.
     """
-    moved = []
-    for thickness_nm, near in asked:
-        for i, one in enumerate(ones):
-            job, start = copy.copy(one.fit), one.start[:, :_STARTS]
-            held = one.fit.targets.held.copy()
-            held[row] = thickness_nm
-            job.targets = one.fit.targets._replace(held=held)
-            if near is not None:
-                beside = np.clip(i + np.arange(-_BESIDE, _BESIDE + 1), 0, len(ones) - 1)
-                start = np.concatenate([near[:, beside], start], 1)[:, :_STARTS]
-            moved.append(one._replace(fit=job, start=start, place=len(moved)))
-    ends = [e for _, e in solved_each(moved, _STARTS)]
-    cost = np.array([np.where(np.isfinite(e.cost), e.cost, np.inf) for e in ends])
-    lowest = [e.y[:, lane] for e, lane in zip(ends, np.argmin(cost, 1), strict=True)]
-    each = range(0, len(moved), len(ones))
-    return [
-        _Place(float(cost[i : i + len(ones)].min(1).sum()), np.stack(lowest[i : i + len(ones)], 1))
-        for i in each
-    ]
-
-
-def _with_gain(ones: Sequence[One], place: str) -> list[One]:
-    """Return the wavelengths with the k of a film down to _LEAST_K, unless it is fixed at 0."""
-    out = []
-    for one in ones:
-        job = copy.copy(one.fit)
-        low, high = job.limits
-        own = [name == f"{place}.k" for name in job.u.spec.moving]
-        job.limits = np.where(own & (low == 0.0) & (high > 0.0), _LEAST_K, low), high
-        out.append(one._replace(fit=job))
-    return out
+    job, count = waves.job, waves.curves.count
+    curves = waves.curves.at(np.tile(np.arange(count), len(asked)))
+    curves.data.held[row] = np.repeat([thickness_nm for thickness_nm, _ in asked], count)
+    usual = np.repeat(start_points(job.u.moving, LANES, job.asked.seed)[:, None], count, 1)
+    beside = np.clip(
+        np.arange(count)[:, None] + np.arange(-_BESIDE, _BESIDE + 1), 0, count - 1
+    )  # fmt: skip
+    starts = [
+        usual if near is None else np.concatenate([near[:, beside], usual], 2) for _, near in asked
+    ]  # (p, W, S) each
+    start = np.concatenate([s[:, :, :_STARTS] for s in starts], 1)
+    search = BatchSearch(job, curves, limits)
+    search.run(start.reshape(len(start), -1), np.repeat(np.arange(curves.count), _STARTS))
+    cost = search.best.cost.reshape(len(asked), count).sum(1)
+    y = search.best.y.reshape(len(start), len(asked), count)
+    return [_Place(float(c), y[:, i]) for i, c in enumerate(cost)]
 
 
 def _profile(
-    ones: Sequence[One], row: int, places: np.ndarray, scaled: bool, flat: float,
+    waves: Wavelengths, row: int, limits: Limits, places: np.ndarray, flat: float,
     near: np.ndarray | None = None,
 ) -> _Profile:  # fmt: skip
     """Return the costs at thicknesses (D,), and at others ever closer to the best one.
@@ -165,13 +158,13 @@ def _profile(
             if all(abs(d - other) > 1e-10 * d for other in known):
                 closest = min(known, key=lambda other: abs(d - other)) if known else None
                 asked.append((d, near if closest is None else known[closest].y))
-        found = _at(ones, row, asked) if asked else []
+        found = _at(waves, row, limits, asked) if asked else []
         known.update({d: place for (d, _), place in zip(asked, found, strict=True)})
 
-    dof = max(sum(one.fit.dof for one in ones) - 1, 1)
-    least = 1e-24 * sum(one.fit.squares for one in ones)
-
-    estimated = scaled or not ones[0].fit.seen.stated
+    job, curves = waves.job, waves.curves
+    dof = max(int(BatchSearch(job, curves).dof.sum()) - 1, 1)
+    least = 1e-24 * job.squares
+    estimated = job.asked.scaled or not curves.stated
 
     def scatter() -> float:
         lowest = min(place.cost for place in known.values())

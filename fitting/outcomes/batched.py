@@ -55,14 +55,14 @@ def _alternatives(fits: Sequence[FitData]) -> tuple[Alternative, ...]:
     return tuple(out)
 
 
-def _findings(fits: Sequence[FitData]) -> tuple[Finding, ...]:
-    """Return the findings of all fits, one for each code, the most serious first."""
+def stacked_findings(fits: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
+    """Return the findings on each of many fits as those on all, the most serious first."""
     from fitting.results.sentences import SENTENCES
 
     out = []
     for code in SENTENCES:
         # A code may come more than once (a limit for each of two parameters).
-        each = [[x for x in f.findings if x.code == code] for f in fits]
+        each = [[x for x in own if x.code == code] for own in fits]
         for i in range(max(map(len, each))):
             at = np.array([len(own) > i for own in each])
             names = {name for own in each if len(own) > i for name in own[i].values}
@@ -86,23 +86,23 @@ def stacked_fits(fits: Sequence[FitData]) -> FitData:
         errors=ErrorModel._make(map(_stack, zip(*(f.errors for f in fits), strict=True)))._replace(
             stated=first.errors.stated
         ),
-        findings=_findings(fits), others=_alternatives(fits),
+        findings=stacked_findings([f.findings for f in fits]), others=_alternatives(fits),
     )  # fmt: skip
+
+
+def of_measurement(found: FitData, measurement: Measurement) -> FitData:
+    """Return the fits of all wavelengths with the data, whose curves are their quantities."""
+    quantities = tuple(dict.fromkeys(measurement.quantity.tolist()))
+    curve = np.array([quantities.index(q) for q in measurement.quantity.tolist()])
+    return replace(found, measurement=measurement, curve=curve, curve_names=quantities)
 
 
 def stacked(fits: Sequence[FitData], measurement: Measurement) -> FitData:
     """Return the fits of single wavelengths as one of batch shape (W,)."""
-    quantities = tuple(dict.fromkeys(measurement.quantity.tolist()))
     kinds = dict.fromkeys(kind for f in fits for kind in f.rms_of)
-    wavelengths = _stack([f.wavelength_um for f in fits])
+    each: Any = tuple(f.evaluator for f in fits)
     return replace(
-        stacked_fits(fits),
+        of_measurement(stacked_fits(fits), measurement),
         rms_of={k: _stack([f.rms_of.get(k, np.nan) for f in fits]) for k in kinds},
-        measurement=measurement,
-        curve=np.array([quantities.index(q) for q in measurement.quantity.tolist()]),
-        curve_names=quantities,
-        evaluator=EachWavelength(
-            tuple(f.evaluator for f in fits),  # type: ignore
-            wavelengths, measurement,
-        ),
-    )  # fmt: skip
+        evaluator=EachWavelength(each, _stack([f.wavelength_um for f in fits]), measurement),
+    )

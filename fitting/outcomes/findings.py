@@ -99,19 +99,25 @@ def is_outer(name: str) -> bool:
     return _bare(name) in INSTRUMENT or _bare(name).startswith("thickness")
 
 
-def _correlated(names: tuple[str, ...], correlation: np.ndarray) -> list[Finding]:
-    out = []
-    for i, first in enumerate(names):
-        for j in range(i):
-            second, c = names[j], correlation[i, j]
-            outer = is_outer(first) or is_outer(second)
-            if np.isfinite(c) and abs(c) > (CORRELATED if outer else CORRELATED_WITHIN):
-                out.append((second, first, float(c)))
-    out.sort(key=lambda pair: -abs(pair[2]))
-    if not out:
-        return []
-    seconds, firsts, values = zip(*out, strict=True)
-    return [_finding("correlated", first=seconds, second=firsts, correlation=values)]
+def _correlated(
+    names: tuple[str, ...], correlation: np.ndarray, ok: np.ndarray
+) -> Iterator[tuple[Any, ...]]:
+    """Yield the code, where (S), and values of correlated pairs, the most correlated first."""
+    pairs = [(i, j) for i in range(len(names)) for j in range(i)]
+    if not pairs:
+        return
+    seconds, firsts = (np.array([names[pair[n]] for pair in pairs], object) for n in (0, 1))
+    outer = [is_outer(a) or is_outer(b) for a, b in zip(seconds, firsts, strict=True)]
+    c = np.stack([correlation[..., i, j] for i, j in pairs], -1)
+    at = ok[..., None] & (np.abs(c) > np.where(outer, CORRELATED, CORRELATED_WITHIN))
+    order = np.argsort(-np.abs(np.nan_to_num(c)), -1, kind="stable")
+
+    def listed(values: np.ndarray) -> Any:
+        whole = np.broadcast_to(values, c.shape)
+        return _those(*(np.take_along_axis(a, order, -1) for a in (whole, at)))
+
+    values = {"first": listed(firsts), "second": listed(seconds), "correlation": listed(c)}
+    yield "correlated", at.any(-1), values
 
 
 # If a film is thinner than this part of the wavelength, and its thickness and index are correlated
@@ -170,7 +176,7 @@ def _acts_on_k(name: str, place: str) -> bool:
     return of == place and parameter not in others and not parameter.startswith("fraction")
 
 
-def _by_the_model_alone(u: Unknowns, m: Measurement, end: End) -> bool:
+def _by_the_model_alone(u: Unknowns, m: Measurement, determined: bool) -> bool:
     """Whether k comes from the model: every wavelength has a single value, and that one of R or T.
 
     At one wavelength two unknowns that the data determine are k too.
@@ -178,27 +184,40 @@ def _by_the_model_alone(u: Unknowns, m: Measurement, end: End) -> bool:
     if not _a_k_is_free(u) or not are_powers(m.quantity).all():
         return False
     waves = len(np.unique(m.wavelength_um))
-    if waves == 1 and u.free.sum() > 1 and not end.known.unseen.size:
+    if waves == 1 and u.free.sum() > 1 and determined:
         return False
     columns = m.wavelength_um.tolist(), m.quantity.tolist(), m.angle_deg.tolist()
     normal = not m.angle_deg.any() and len(set(m.quantity.tolist())) == 1
     return normal or len({*zip(*columns, strict=True)}) == waves
 
 
-def _on_measured(fit: Problem, of: Subject, end: End) -> Iterator[Finding]:
-    """Yield what is told of a measurement; rows of the caller's own residuals have no angle."""
-    m = of.measurement
-    if m is None:
-        return
-    if _by_the_model_alone(fit.u, m, end):
+def on_rows(
+    u: Unknowns, m: Measurement, fitted: np.ndarray, curve: np.ndarray, stated: bool,
+    determined: bool,
+) -> Iterator[Finding]:  # fmt: skip
+    """Yield what the data and their residuals tell of a fit.
+
+    fitted, curve: (N,) the model at each datum, and its curve. determined: by the data.
+    """
+    if _by_the_model_alone(u, m, determined):
         yield _finding("by_the_model_alone")
-    order = pattern(m, at_data(fit.seen, end.slopes.seen), fit.seen.curve, fit.seen.stated)
+    order = pattern(m, fitted, curve, stated)
     if order is not None:
         yield _finding(
             "residuals_in_order", along=order.along, correlation=order.correlation,
             chance=order.chance,
         )  # fmt: skip
-    if not end.known.unseen.size:
+
+
+def _on_measured(fit: Problem, of: Subject, end: End) -> Iterator[Finding]:
+    """Yield what is told of a measurement; rows of the caller's own residuals have no angle."""
+    m, seen, determined = of.measurement, fit.seen, not end.known.unseen.size
+    if m is None:
+        return
+    yield from on_rows(
+        fit.u, m, at_data(seen, end.slopes.seen), seen.curve, seen.stated, determined
+    )  # fmt: skip
+    if determined:
         for code, values in implausible_indices(fit, end, np.unique(m.wavelength_um)).items():
             yield _finding(code, **values)
 
@@ -303,7 +322,7 @@ def findings_of_all(
         ("chi2_large", ok & large, chi2), ("chi2_small", ok & small & stated, chi2),
     ]  # fmt: skip
     if known:
-        told += _on_parameters(known, ok)
+        told += [*_on_parameters(known, ok), *_correlated(tuple(known), found.correlation, ok)]
     sample = found.sample
     if sample is not None:
         what = "one bare surface" if sample.bare else "this stack" if sample.films else "this plate"
@@ -323,7 +342,7 @@ def findings(
     known: the free parameters; correlation: (P, P) of them. An undetermined combination has a
     valley of equal chi2, which is one solution: starts end anywhere in it.
     """
-    names, end, free = tuple(known), f.end, fit.u.free
+    end, free = f.end, fit.u.free
     seen_all = not end.known.unseen.size
     out = []
     if f.fringeless is not None:
@@ -338,7 +357,7 @@ def findings(
         out.append(_finding("few_starts_agree", starts=fit.starts, reached=f.reached))
     if f.lower:
         out.append(_finding("better_minimum_met", by=f.lower))
-    out += [*_not_quadratic(known, f.known.quadratic[free]), *_correlated(names, correlation)]
+    out += _not_quadratic(known, f.known.quadratic[free])
     out += _contradicted_priors(fit, known)
     if "angle_offset" in known and abs(known["angle_offset"].value) > PLAUSIBLE_OFFSET_DEG:
         out.append(_finding("implausible_offset", value=known["angle_offset"].value))

@@ -6,20 +6,18 @@ conditions on one curve's minimum, over arrays.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from fitting.data.measurement import Measurement
+from fitting.optics.spec import NCS
 from fitting.outcomes.findings import findings_of_all
 from fitting.outcomes.outcome import Shaped, combinations_unseen, estimates, fixed_and_tied
-from fitting.problem.curve_lanes import Curves, slopes
+from fitting.problem.curve_lanes import slopes
 from fitting.problem.evaluation import Evaluated
-from fitting.problem.lanes import Ends
-from fitting.problem.problem import Problem
-from fitting.problem.unknowns import Unknowns
 from fitting.residuals.error_model import misses_without_freedom
 from fitting.results import result_parts as status
 from fitting.results.diagnostics import Finding, ranked
@@ -27,19 +25,23 @@ from fitting.results.result import FitData
 from fitting.results.result_parts import (
     Alternative,
     ErrorModel,
-    Estimate,
     Evaluator,
     IndexBand,
     Prediction,
 )
 from fitting.samples.sample import Sample
-from fitting.searching.minima import alternative_chi2
+from fitting.searching.batch_search import BatchSearch
+from fitting.searching.minima import SAME_CHI2, scatters
 from fitting.uncertainty.covariance import Uncertainty, uncertainty
 from fitting.uncertainty.intervals import quadratic
-from fitting.uncertainty.limits import student_quantiles
+from fitting.uncertainty.limits import ROUNDING, student_quantiles
 
+# Undamped steps after the solver, each as long as it lowers the cost by more than this share.
+_STEPS, _FALL = 3, 1e-9
 # Two ends are two minima if some parameter differs by so many standard errors.
 _APART = 4.0
+# Without a degree of freedom lanes that end at k = 0 with a misfit stop within 1e-4 of the cost.
+_LEVEL = 2e-4
 
 
 class BatchCurves(NamedTuple):
@@ -81,122 +83,165 @@ class BatchCurves(NamedTuple):
 
 
 class _Minima(NamedTuple):
-    """Minima of N curves: y (N, p), what is known there, costs, and unweighted residuals' rms."""
+    """Minima of the n curves ``which``, and what is known there.
 
+    y (n, p); costs; sum of squares of the data and (n, C) of the unweighted residuals, with their
+    numbers (n, C), by channel. reached: how many lanes ended there.
+    """
+
+    which: np.ndarray
     y: np.ndarray
     known: Uncertainty
     cost: np.ndarray
-    rms: np.ndarray
+    squares: np.ndarray
+    plain: np.ndarray
+    counts: np.ndarray
+    reached: np.ndarray
+
+    def but(self, where: np.ndarray, other: _Minima) -> _Minima:
+        """Return these, and where (n,) says so the others."""
+
+        def pick(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+            return np.where(where.reshape(-1, *[1] * (a.ndim - 1)), b, a)
+
+        return jax.tree.map(pick, self, other)
+
+    def of(self, some: np.ndarray) -> _Minima:
+        """Return those of some places."""
+        return jax.tree.map(lambda a: a[some], self)
+
+    def put(self, some: np.ndarray, others: _Minima) -> None:
+        """Take those of some places from others."""
+        jax.tree.map(lambda mine, a: mine.__setitem__(some, a), self, others)
 
 
-def _minima_of(
-    job: Problem, curves: Curves, dof: np.ndarray, ends: Ends, which: np.ndarray
-) -> _Minima:
-    """Return the minima of the curves ``which`` next to where they ended, by a last step."""
-    u, stated = job.u, curves.sigma is not None
-    first, y = ends.y[:, which].copy(), ends.y[:, which].copy()
-    low, high = (a[:, None] for a in job.limits)
-    parts: list[_Minima] = []
-    for turn in range(2):
-        parts = []
-        for some, s in slopes(job.u.spec, job.targets, curves, y, which):
-            sane = np.asarray(np.isfinite(s.residual).all(1) & np.isfinite(s.jacobian).all((1, 2)))
-            r = np.where(sane[:, None], s.residual, 0.0)
-            J = np.where(sane[:, None, None], s.jacobian, 0.0)
-            known = uncertainty(
-                u, r, J, y[:, some].T, job.limits, 1.0, dof[which[some]], job.asked.scaled, stated
-            )
-            cost = np.where(sane, np.vecdot(r, r), np.inf)
-            with np.errstate(all="ignore"):
-                rms = np.sqrt(np.nanmean(s.plain**2, (1, 2)))
-            parts.append(_Minima(y[:, some].T, known, cost, rms))
-        whole = _joined(parts)
-        if turn:
+def _minima_at(search: BatchSearch, which: np.ndarray, y: np.ndarray, pooled: Any) -> _Minima:
+    """Return what is known of the curves ``which`` (n,) at y (p, n)."""
+    job, curves, parts = search.job, search.curves, list[_Minima]()
+    ncs, kinds = NCS in job.u.spec.channels, len(job.u.spec.channels)
+    channel: np.ndarray = np.minimum(np.arange(kinds + 2 * ncs), kinds - 1)
+    for some, s in slopes(job.u.spec, curves, y, which):
+        sane = np.isfinite(s.residual).all(1) & np.isfinite(s.jacobian).all((1, 2))
+        r = np.where(sane[:, None], s.residual, 0.0)
+        J = np.where(sane[:, None, None], s.jacobian, 0.0)
+        known = uncertainty(
+            job.u, r, J, y[:, some].T, search.limits, 1.0, search.dof[which[some]],
+            job.asked.scaled, curves.stated, pooled,
+        )  # fmt: skip
+        square, there = np.nansum(s.plain**2, -1), np.isfinite(s.plain).sum(-1)
+        own = [channel == c for c in range(kinds)]
+        plain, counts = (np.stack([a[:, c].sum(1) for c in own], 1) for a in (square, there))
+        cost = np.where(sane, np.vecdot(r, r), np.inf)
+        parts.append(_Minima(
+            which[some], y[:, some].T, known, cost, s.squares, plain, counts,
+            np.zeros(len(some), int),
+        ))  # fmt: skip
+    return jax.tree.map(lambda *a: np.concatenate(a), *parts)
+
+
+def _minima_beside(search: BatchSearch, which: np.ndarray, y: np.ndarray, pooled: Any) -> _Minima:
+    """Return the minima of the curves ``which`` (n,) next to the ends y (p, n) of lanes."""
+    low, high = (a[:, None] for a in search.limits)
+    out = _minima_at(search, which, y, pooled)
+    go = np.arange(len(which))
+    for _ in range(_STEPS):
+        here = out.of(go)
+        there = _minima_at(
+            search, which[go], np.clip((here.y + here.known.step).T, low, high), pooled
+        )
+        lower = there.cost < here.cost
+        out.put(go, here.but(lower, there))
+        go = go[lower & (there.cost < (1.0 - _FALL) * here.cost)]
+        if not len(go):
             break
-        before = whole
-        y = np.clip(first + whole.known.step.T, low, high)
-    return _chosen(whole.cost < before.cost, whole, before)
+    return out
 
 
-def _joined(parts: Sequence[_Minima]) -> _Minima:
-    known = Uncertainty(*(np.concatenate(a) for a in zip(*(p.known for p in parts), strict=True)))
-    y, cost, rms = (np.concatenate([getattr(p, n) for p in parts]) for n in ("y", "cost", "rms"))
-    return _Minima(y, known, cost, rms)
+def _minima(
+    search: BatchSearch, which: np.ndarray, pooled: float | None
+) -> tuple[list[_Minima], np.ndarray]:
+    """Return the best minima of the curves ``which``, others that fit nearly as well; the scatter.
 
-
-def _chosen(where: np.ndarray, one: _Minima, other: _Minima) -> _Minima:
-    def pick(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return np.where(where.reshape(-1, *[1] * (a.ndim - 1)), a, b)
-
-    known = Uncertainty(*(pick(a, b) for a, b in zip(one.known, other.known, strict=True)))
-    return _Minima(
-        pick(one.y, other.y), known, pick(one.cost, other.cost), pick(one.rms, other.rms)
-    )
-
-
-def _estimates(
-    u: Unknowns, m: _Minima, t: np.ndarray, failed: np.ndarray, put: Shaped
-) -> tuple[dict[str, Estimate], np.ndarray]:
-    """Return the fitted parameters by name, and their covariance (n, P, P)."""
-    ends, limits = quadratic(u.moving, m.y, m.known, t)
-    limits = np.where(m.known.unseen_of, np.nan, limits)
-    return estimates(u, m.y, m.known, ends, status.QUADRATIC, limits, failed, put)
-
-
-def _others(
-    job: Problem, curves: Curves, dof: np.ndarray, m: _Minima, which: np.ndarray,
-    minima: Sequence[Ends], scatter: np.ndarray, t: np.ndarray, put: Shaped,
-) -> tuple[np.ndarray, tuple[Alternative, ...]]:  # fmt: skip
-    """Return how many other minima each curve has that fit nearly as well, and the best of them."""
-    width = _APART * m.known.edge * np.sqrt(scatter)[:, None]
-    width = np.where(np.isfinite(width), width, np.inf)
-    most = scatter * alternative_chi2(np.where(curves.sigma is None, dof[which], 0))
-    count, least = np.zeros(len(which), int), np.full(len(which), np.inf)
-    places = m.y.copy()
-    for ends in minima:
-        y, cost = ends.y[:, which].T, np.where(ends.done, ends.cost, np.inf)[which]
-        apart = (np.abs(y - m.y) > width + 1e-6 * np.abs(m.y)).any(1)
-        there = apart & (cost - m.cost <= most)
-        count += there
-        lower = there & (cost < least)
-        least[lower], places[lower] = cost[lower], y[lower]
-    some = np.flatnonzero(count)
-    if not len(some):
-        return count, ()
-    at = Ends(np.zeros_like(minima[0].y), minima[0].cost, minima[0].done, minima[0].evaluations)
-    at.y[:, which[some]] = places[some].T
-    found = _minima_of(job, curves, dof, at, which[some])
-    own = Shaped(put.shape, put.count, which[some])
-    free, _ = _estimates(job.u, found, t[some], np.zeros(len(some), bool), own)
-    rise = (found.cost - m.cost[some]) / scatter[some]
-    nan = own(np.full(len(some), np.nan))
-    return count, (Alternative(parameters=free, delta_chi2=own(rise), reached=nan),)
+    The others: the second of all curves that have one, the third, ... At normal incidence N and
+    eta_i^2 / N have the same reflectance; of two that fit equally well that above eta_i is first.
+    scatter: (N,), the unit of a rise of the cost.
+    """
+    job, best = search.job, search.best
+    of_lane, ends = search.lanes
+    scatter, most = scatters(
+        best.cost, search.dof, job.asked.scaled, search.curves.stated, pooled
+    )  # fmt: skip
+    done = np.flatnonzero(ends.done & np.isfinite(ends.cost))
+    left = done[np.lexsort((ends.cost[done], of_lane[done]))]
+    out, some, y, cost = list[_Minima](), which, best.y[:, which], best.cost[which]
+    rounding, same = np.zeros_like(scatter), scatter
+    while len(some):
+        m = _minima_beside(search, some, y, pooled)
+        if not out:
+            rounding[which] = ROUNDING * m.squares
+            level = np.where(search.dof == 0, _LEVEL * best.cost, 0.0)
+            same = SAME_CHI2 * scatter + rounding + level
+            left = left[(ends.cost - (best.cost + most + rounding)[of_lane])[left] <= 0.0]
+        row = np.searchsorted(some, of_lane[left])
+        width = _APART * np.sqrt(scatter + rounding)[some, None] * m.known.edge
+        width = np.where(np.isfinite(width), width, np.inf) + 1e-6 * np.abs(y.T)
+        near = (np.abs(ends.y[:, left].T - y.T[row]) <= width[row]).all(1)
+        alike = near & (ends.cost[left] - cost[row] <= same[some[row]])
+        out.append(m._replace(reached=np.bincount(row[alike], minlength=len(some))))
+        left = left[~near]
+        some, first = np.unique(of_lane[left], return_index=True)
+        y, cost = ends.y[:, left[first]], ends.cost[left[first]]
+    indices = [i for i, name in enumerate(job.u.spec.moving) if name.endswith(".eta")]
+    if len(indices) == 1:  # of the surface, or of a plate
+        outside = search.curves.outside
+        for turn, m in enumerate(out[1:], 1):
+            rows = np.searchsorted(which, m.which)
+            first = out[0].of(rows)
+            below, other = (a.y[:, indices[0]] < outside[m.which] for a in (first, m))
+            swap = below & ~other & (m.cost <= first.cost + (scatter + rounding)[m.which])
+            out[0].put(rows, first.but(swap, m))
+            out[turn] = m.but(swap, first)
+    return out, scatter
 
 
 @np.errstate(all="ignore")
 def fit_of_batch(
-    job: Problem, curves: Curves, dof: np.ndarray, best: Ends, minima: Sequence[Ends],
-    shape: tuple[int, ...], sample: Sample,
+    search: BatchSearch, shape: tuple[int, ...], sample: Sample, pooled: float | None = None,
 ) -> FitData:  # fmt: skip
-    """Return the result of N curves.
+    """Return the result of N curves, of which all lanes have ended.
 
-    best: where the lowest lane of each ended; minima: where all lanes did, N at a time.
+    pooled: the scatter of all curves, where each has too few data to estimate its own.
     """
-    u, stated, count = job.u, curves.sigma is not None, curves.count
-    n_data = curves.n_data
-    which = np.flatnonzero(n_data > 0)
+    job, curves, best = search.job, search.curves, search.best
+    u, stated, count = job.u, curves.stated, curves.count
+    which = np.flatnonzero(search.known)
     put = Shaped(shape, count, which)
-    m = _minima_of(job, curves, dof, best, which)
-    own = dof[which]
-    # Relative to the noise: the stated one, or the scatter if that is more.
-    scatter = np.where(own > 0, m.cost / np.maximum(own, 1), 0.0)
-    scatter = np.maximum(scatter, 1.0 if stated else 1e-300)
-    missed = misses_without_freedom(m.cost, m.rms**2 * n_data[which], n_data[which], own, stated)
-    failed = ~best.done[which] | ~np.isfinite(m.cost) | missed
-    t = student_quantiles(np.where(job.asked.scaled & (own > 0), own, 0))
-    free, covariance = _estimates(u, m, t, failed, put)
-    found, others = _others(job, curves, dof, m, which, minima, scatter, t, put)
-    unseen = m.known.hidden.any(1) & ~failed
+    minima, scatter = _minima(search, which, pooled)
+    m, own, n_data = minima[0], search.dof[which], curves.n_data[which]
+    plain, rows = m.plain.sum(1), m.counts.sum(1)
+    failed = ~best.done[which] | ~np.isfinite(m.cost)
+    unseen = m.known.hidden.any(1)
+    missed = misses_without_freedom(m.cost, plain, rows, own, stated) & ~(failed | unseen)
+    failed |= missed
+    estimated = job.asked.scaled and pooled is None
+    t = student_quantiles(np.where(estimated & (own > 0), own, 0))
+
+    def estimates_of(m: _Minima, t: np.ndarray, failed: np.ndarray, put: Shaped) -> Any:
+        ends, limits = quadratic(u.moving, m.y, m.known, t)
+        limits = np.where(m.known.unseen_of, np.nan, limits)
+        return estimates(u, m.y, m.known, ends, status.QUADRATIC, limits, failed, put)
+
+    free, covariance = estimates_of(m, t, failed, put)
+    others = list[Alternative]()
+    for other in minima[1:]:
+        rows_of = np.searchsorted(which, other.which)
+        at = Shaped(shape, count, other.which)
+        parameters, _ = estimates_of(other, t[rows_of], failed[rows_of], at)
+        rise = (other.cost - m.cost[rows_of]) / scatter[other.which]
+        rise = np.where(failed[rows_of], np.nan, rise)
+        others.append(Alternative(
+            parameters=parameters, delta_chi2=at(rise), reached=at(other.reached.astype(float))
+        ))  # fmt: skip
     state = np.where(failed, status.NOT_CONVERGED, np.where(
         unseen, status.UNDETERMINED, status.CONVERGED
     ))  # fmt: skip
@@ -219,23 +264,29 @@ def fit_of_batch(
         covariance=np.asarray(put(covariance)),
         wavelength_um=waves[..., 0] if len(known) == 1 else waves,
         chi2=put(m.cost if stated else np.full_like(m.cost, np.nan)), chi2_reduced=put(reduced),
-        dof=put(own, 0), n_data=put(n_data[which], 0), rms=put(m.rms), cost=put(m.cost),
+        dof=put(own, 0), n_data=put(n_data, 0), rms=put(np.sqrt(plain / rows)), cost=put(m.cost),
         status=put(state, none),
+        rms_of={
+            c: put(np.sqrt(m.plain[:, i] / m.counts[:, i])) for i, c in enumerate(u.spec.channels)
+        },
         errors=ErrorModel(
             taken=put(np.full(len(which), taken), taken), factor=put(factor),
             added=put(np.zeros(len(which))), stated=stated, widened=put(np.ones(len(which))),
         ),
-        evaluations=put(best.evaluations[which], 0), others=others,
+        evaluations=put(best.evaluations[which], 0), others=tuple(others),
         evaluator=BatchCurves(pattern, whole, spread, shape),
+        starts=put(search.starts[which], 0), reached=put(m.reached, 0),
     )  # fmt: skip
     told = findings_of_all(
         fits, fits.chi2_reduced, put(missed, False), combinations_unseen(u, m.known, put)
     )
     if others:
         one = others[0]
-        told.append(Finding("other_minima", np.isfinite(one.delta_chi2), {
-            "count": put(found, 0), "parameters": tuple(one.parameters),
+        at = np.isfinite(one.delta_chi2) & (np.asarray(fits.status) == status.CONVERGED)
+        told.append(Finding("other_minima", at, {
+            "count": np.sum([np.isfinite(o.delta_chi2) for o in others], 0),
+            "parameters": tuple(one.parameters),
             "values": np.stack([np.asarray(e.value) for e in one.parameters.values()], -1),
             "delta_chi2": one.delta_chi2,
         }))  # fmt: skip
-    return replace(fits, findings=ranked(told))
+    return replace(fits, findings=ranked([f for f in told if np.any(f.at)]))

@@ -185,10 +185,9 @@ def _intervals(
 
     enough: a cost that ends the search for them, if a place below it is met.
     """
-    # If the scatter is that of many fits, t is close to that of the normal distribution; without a
-    # degree of freedom stated errors are used as they are.
+    # Without a degree of freedom stated errors are used as they are.
     taken = fit.dof == 0 and fit.seen.stated
-    estimated = fit.asked.scaled and fit.pooled is None and not taken
+    estimated = fit.asked.scaled and not taken
     some, rest = every[: 1 + _OTHERS], every[1 + _OTHERS :]
     return [
         *intervals(fit, some, noise, wanted=wanted, estimated=estimated, enough=enough),

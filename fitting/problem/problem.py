@@ -73,7 +73,6 @@ class Problem:
         self.priors = sum(w.prior is not None for w in u.moving)
         self.dof = max(self.n_data + self.priors - int(u.free.sum()), 0)
         self.limits = coordinate_bounds(u.moving)
-        self.pooled: float | None = None  # scatter of many similar fits, if one has too few data
         self.lanes = LANES
         self.fewer: np.ndarray | None = None  # the lowest ends (p, 8) of a model with a term less
         self.squares = seen.squares

@@ -41,20 +41,31 @@ def alternative_chi2(dof: Any) -> Any:
     return np.where(dof > 0, many * np.expm1(2.0 * np.log(20.0) / many), ALTERNATIVE_CHI2)
 
 
-def scatter_of(fit: Problem, cost: float, noise: float) -> tuple[float, float]:
-    """Return the unit of differences of the cost, and up to which one a minimum is reported.
+def scatters(
+    cost: Any, dof: Any, scaled: bool, stated: bool, pooled: float | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the unit of differences of the cost, and up to which one a minimum is reported, (N,).
 
-    cost: the lowest one.
+    cost, dof: the lowest costs (N,) and degrees of freedom. stated: whether the cost is in units of
+    the noise. pooled: the scatter of many fits alike, of which each has too few data.
     """
-    scaled = fit.asked.scaled
-    if fit.pooled is not None and scaled:
-        return fit.pooled, ALTERNATIVE_CHI2 * fit.pooled
-    scatter = cost / fit.dof if fit.dof else 0.0
-    if not scaled or fit.seen.stated or noise != 1.0:
-        return max(scatter, 1.0), ALTERNATIVE_CHI2 * max(scatter, 1.0)
-    if fit.dof < 3 and scatter < ASSUMED_SIGMA**2:
-        return ASSUMED_SIGMA**2, ALTERNATIVE_CHI2 * ASSUMED_SIGMA**2
-    return scatter, float(alternative_chi2(fit.dof)) * scatter
+    if pooled is not None and scaled:
+        unit = np.full(np.shape(cost), pooled)
+        return unit, ALTERNATIVE_CHI2 * unit
+    unit = np.where(np.asarray(dof) > 0, cost / np.maximum(dof, 1), 0.0)
+    if not scaled or stated:
+        unit = np.maximum(unit, 1.0)
+        return unit, ALTERNATIVE_CHI2 * unit
+    few = (np.asarray(dof) < 3) & (unit < ASSUMED_SIGMA**2)
+    unit = np.where(few, ASSUMED_SIGMA**2, unit)
+    return unit, np.where(few, ALTERNATIVE_CHI2, alternative_chi2(dof)) * unit
+
+
+def scatter_of(fit: Problem, cost: float, noise: float) -> tuple[float, float]:
+    """Return `scatters` of one fit. cost: the lowest one."""
+    stated = fit.seen.stated or noise != 1.0
+    unit, most = scatters(cost, fit.dof, fit.asked.scaled, stated)
+    return float(unit), float(most)
 
 
 def lowest_lanes(ends: Ends) -> np.ndarray:

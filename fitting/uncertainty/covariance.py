@@ -169,5 +169,5 @@ def uncertainty_at(fit: Problem, s: Slopes, y: np.ndarray, noise: float) -> Unce
     """Return the uncertainty of one fit at y (p,), where its derivatives are ``s``."""
     return uncertainty(
         fit.u, s.residual, s.jacobian, y, fit.limits, noise, fit.dof, fit.asked.scaled,
-        fit.seen.stated, fit.pooled,
+        fit.seen.stated,
     )  # fmt: skip

@@ -1,0 +1,97 @@
+"""The search of many curves at once: from starts, and from the minima of their neighbours.
+
+A minimum changes little from one wavelength or pixel to the next, and a narrow one that few starts
+find in one curve is wide in another.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fitting.problem.curve_lanes import Curves, OwnPoints, run_curves
+from fitting.problem.lanes import Ends, Limits, joined
+from fitting.problem.problem import Problem
+from fitting.process.progress import tell
+from fitting.residuals.error_model import beyond_chance
+
+# Rounds in which curves are tried from their neighbours; a round reaches one of them further.
+_ROUNDS = 60
+# Without stated errors: a curve is badly described if its scatter is so many times the median.
+_FAR = 4.0
+
+
+class BatchSearch:
+    """N fits of one kind and where their lanes ended.
+
+    job: one of them as a pattern for all. best: the lowest end of each, N lanes. which, ends: the
+    curves and the ends of all lanes.
+    """
+
+    def __init__(self, job: Problem, curves: Curves | OwnPoints, limits: Limits | None = None):
+        self.job, self.curves, self.limits = job, curves, limits or job.limits
+        n_data, unknowns = curves.n_data, int(job.u.free.sum())
+        self.known = n_data > 0
+        self.dof = np.maximum(n_data + job.priors - unknowns, 0)
+        self.best = Ends.begun(np.zeros((job.u.size, curves.count)))
+        self._lanes: list[tuple[np.ndarray, Ends]] = []
+
+    @property
+    def starts(self) -> np.ndarray:
+        """How many starts each curve had, (N,)."""
+        return np.bincount(self.lanes[0], minlength=self.curves.count)
+
+    @property
+    def lanes(self) -> tuple[np.ndarray, Ends]:
+        """The curve (L,) and the end of every lane that was run."""
+        which, ends = zip(*self._lanes, strict=True)
+        return np.concatenate(which), joined(ends)
+
+    def run(self, start: np.ndarray, which: np.ndarray) -> None:
+        """Follow starts (p, L) of the curves ``which``, (L,), and keep where they end."""
+        ends = run_curves(
+            self.job.u.spec, self.curves, start, which, self.limits, self.dof
+        )  # fmt: skip
+        self._lanes.append((which, ends))
+        best = self.best
+        np.add.at(best.evaluations, which, ends.evaluations)
+        # The lowest lane of each curve comes first; those that have converged before the others.
+        order = np.lexsort((ends.cost, ~ends.done, which))
+        some, first = np.unique(which[order], return_index=True)
+        lane = order[first]
+        lower = ends.cost[lane] < (1.0 - 1e-6) * best.cost[some]
+        better = np.where(ends.done[lane], lower | ~best.done[some], lower & ~best.done[some])
+        for mine, other in zip(best[:3], ends[:3], strict=True):
+            mine[..., some[better]] = other[..., lane[better]]
+
+    def missed(self) -> np.ndarray:
+        """Return which curves are not described, (N,).
+
+        Without a degree of freedom: of which the misfit is more than rounding.
+        """
+        best, stated = self.best, self.curves.stated
+        reduced = best.cost / np.maximum(self.dof, 1)
+        if stated:
+            far = beyond_chance(reduced, self.dof)[0]
+        else:
+            far = reduced > _FAR * (np.median(reduced[best.done]) if best.done.any() else 0.0)
+        return ~best.done | np.where(self.dof > 0, far, best.cost > (1.0 if stated else 1e-6))
+
+    def from_neighbours(self, beside: np.ndarray, also: Any = False) -> None:
+        """Try the curves that are not described from the minima beside them, while it helps.
+
+        beside: (K, N) numbers of their neighbours, -1 for none. also: (N,) other curves to try.
+        """
+        news = np.isfinite(self.best.cost)
+        for _ in range(_ROUNDS):
+            # A neighbour that has not changed was tried before.
+            side, which = np.nonzero(
+                np.append(news, False)[beside] & self.known & (self.missed() | also)
+            )
+            if not len(which):
+                return
+            before = self.best.cost.copy()
+            self.run(self.best.y[:, beside[side, which]], which)
+            news, also = self.best.cost < (1.0 - 1e-3) * before, False
+            tell()
