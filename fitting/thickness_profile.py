@@ -123,7 +123,7 @@ def _at(
     """
     job, count = waves.job, waves.curves.count
     curves = waves.curves.at(np.tile(np.arange(count), len(asked)))
-    curves.data.held[row] = np.repeat([thickness_nm for thickness_nm, _ in asked], count)
+    curves.own["held"][row] = np.repeat([thickness_nm for thickness_nm, _ in asked], count)
     usual = np.repeat(start_points(job.u.moving, LANES, job.asked.seed)[:, None], count, 1)
     beside = np.clip(
         np.arange(count)[:, None] + np.arange(-_BESIDE, _BESIDE + 1), 0, count - 1

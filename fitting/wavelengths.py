@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.batched import of_measurement, stacked_findings
 from fitting.outcomes.findings import FEW_REACHED, on_rows
 from fitting.outcomes.of_batch import BatchCurves, fit_of_batch
-from fitting.problem.curve_lanes import OwnPoints, slopes
+from fitting.problem.curve_lanes import Curves, slopes
 from fitting.problem.evaluation import EachWavelength, Evaluated, at_data
 from fitting.problem.lanes import LANES
 from fitting.problem.observations import observations
@@ -47,7 +47,7 @@ class Wavelengths(NamedTuple):
     """
 
     job: Problem
-    curves: OwnPoints
+    curves: Curves
     wavelength_um: np.ndarray
     slot: np.ndarray
     which: np.ndarray
@@ -88,39 +88,40 @@ def each_wavelength(
 ) -> Wavelengths:
     """Return the fit of every wavelength."""
     job = problem_of([measurement], sample, settings, asked)
-    seen, all_data = job.seen, job.targets
-    rows = seen.points.wavelength_um[seen.measured, 0]
-    wavelengths, which, count = np.unique(rows, return_inverse=True, return_counts=True)
+    seen, points = job.seen, job.seen.points
+    wavelengths, which, count = np.unique(
+        points.wavelength_um[seen.measured, 0], return_inverse=True, return_counts=True
+    )  # fmt: skip
     order, first = np.argsort(which, kind="stable"), np.cumsum(count) - count
-    slot = np.empty(len(rows), int)
-    slot[order] = np.arange(len(rows)) - first[which[order]]
-    # Rows that a wavelength lacks are copies of its first one, of weight 0.
+    slot = np.empty(len(which), int)
+    slot[order] = np.arange(len(which)) - first[which[order]]
+    # Rows that a wavelength lacks are copies of its first one, without data.
     size = 1 << int(count.max() - 1).bit_length()
     at = np.repeat(order[first][None], size, 0)
-    at[slot, which] = np.arange(len(rows))
-    filled = np.arange(size)[:, None] < count
-
-    def lanes(a: Any) -> Any:
-        shape = (*a.shape[:-2], 0, len(count))
-        return a[..., at, 0] if a.shape[-2] else np.empty(shape)
-
-    points = all_data.points
-    data = all_data._replace(
-        points=points._replace(
-            angle_deg=lanes(points.angle_deg), wavelength_um=lanes(points.wavelength_um),
-            s_share=lanes(points.s_share), file=np.zeros(size, points.file.dtype),
-            distinct_um=None, place=None,
-        ),
-        values=tuple(map(lanes, all_data.values)), ncs=lanes(all_data.ncs),
-        weights=tuple(lanes(w) * filled for w in all_data.weights),
-        ncs_weights=lanes(all_data.ncs_weights) * filled[: all_data.ncs_weights.shape[-2]],
-        held=np.repeat(job.u.held[:, None], len(count), 1),
-        eta_i=lanes(all_data.eta_i) if np.ndim(all_data.eta_i) else all_data.eta_i,
+    at[slot, which] = np.arange(len(which))
+    names = "angle_deg", "wavelength_um", "s_share"
+    own = {n: getattr(points, n)[at, 0] for n in names}
+    own["held"] = np.repeat(job.u.held[:, None], len(count), 1)
+    if np.ndim(job.targets.eta_i):
+        own["eta_i"] = job.targets.eta_i[at, 0]
+    values, sigma = dict[str, np.ndarray](), dict[str, np.ndarray]()
+    quantities = tuple(dict.fromkeys(seen.quantity.tolist()))
+    for q in quantities:
+        here = seen.quantity == q
+        place = which[seen.row[here]], slot[seen.row[here]]
+        for table, data in ((values, measurement.value), (sigma, measurement.sigma)):
+            table[q] = np.full((len(count), size), np.nan)
+            table[q][place] = data[here]
+    base = job.targets._replace(points=points._replace(
+        file=np.zeros(size, points.file.dtype), angle_deg=np.zeros((size, 1)), distinct_um=None,
+        place=None,
+    ))  # fmt: skip
+    pattern = seen._replace(
+        points=base.points, row=np.tile(np.arange(size), len(quantities)),
+        quantity=np.repeat(quantities, size),
     )  # fmt: skip
-    n_data = np.bincount(which[seen.row], minlength=len(count))
-    return Wavelengths(
-        job, OwnPoints(data, n_data, seen.stated), wavelengths, slot, which, measurement, sample
-    )
+    curves = Curves(pattern, base, values, sigma if seen.stated else None, own)
+    return Wavelengths(job, curves, wavelengths, slot, which, measurement, sample)
 
 
 def _beside(count: int) -> np.ndarray:

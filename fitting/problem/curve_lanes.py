@@ -1,14 +1,15 @@
 """Many independent fits of one kind as lanes: their data, the solver on all of them, derivatives.
 
-The fits share the sample, its unknowns and their bounds. The pixels of a map share their points,
-too (`Curves`); the wavelengths of a free index do not (`OwnPoints`). A film of 60 wavelengths takes
-30 us so, a fit by itself tens of ms.
+The fits share the sample, its unknowns and their bounds; the pixels of a map share their points,
+too, the wavelengths of a free index do not. A film of 60 wavelengths takes 30 us so, a fit by
+itself tens of ms.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from types import MappingProxyType
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -31,60 +32,26 @@ LANES, _FEW = 1024, 16
 _STAGE, _MOST, _FAIR = 10, 120, 60
 
 
-class OwnPoints(NamedTuple):
-    """Data of N curves, each with points and constants of its own, as the lanes of `data`.
-
-    data: arrays (..., rows, N), rows without a datum of weight 0; held (h, N), eta_i (rows, N) or
-    a number. n_data: (N,). stated: whether every datum has an error.
-    """
-
-    data: Targets
-    n_data: np.ndarray
-    stated: bool
-
-    @property
-    def count(self) -> int:
-        """The number N of curves."""
-        return len(self.n_data)
-
-    @property
-    def width(self) -> int:
-        """Lanes of one call: enough for many starts of each curve, and one program for all."""
-        return LANES
-
-    @property
-    def outside(self) -> np.ndarray:
-        """The index of the first medium, (N,)."""
-        return np.broadcast_to(self.data.eta_i, self.data.points.angle_deg.shape).mean(0)
-
-    def at(self, pick: np.ndarray) -> OwnPoints:
-        """Return some of the curves."""
-        d, names = self.data, ("values", "weights", "ncs", "ncs_weights", "held", "eta_i")
-        places = "angle_deg", "wavelength_um", "s_share"
-
-        def lanes(of: Any, name: str) -> Any:
-            return jax.tree.map(lambda a: a[..., pick] if np.ndim(a) else a, getattr(of, name))
-
-        points = d.points._replace(**{n: lanes(d.points, n) for n in places})
-        data = d._replace(points=points, **{n: lanes(d, n) for n in names})
-        return self._replace(data=data, n_data=self.n_data[pick])
-
-    def targets(self, pick: np.ndarray) -> Targets:
-        """Return the targets of the curves ``pick`` as lanes."""
-        return self.at(pick).data
-
-
 class Curves(NamedTuple):
     """Values of N curves, (N, M) by quantity, NaN where there is none; sigma: the same, or None.
 
     seen: the rows of a measurement that has every quantity at every one of the M points, in the
-    order of ``values``. base: its targets.
+    order of ``values``. base: its targets. own: those of `Targets` and its points that differ from
+    curve to curve (angles, wavelengths, shares of s and eta_i over rows; constants), (..., N).
     """
 
     seen: Observations
     base: Targets
     values: Mapping[str, np.ndarray]
     sigma: Mapping[str, np.ndarray] | None
+    own: Mapping[str, np.ndarray] = MappingProxyType({})
+
+    def at(self, pick: np.ndarray) -> Curves:
+        """Return some of the curves."""
+        values = {q: v[pick] for q, v in self.values.items()}
+        sigma = None if self.sigma is None else {q: s[pick] for q, s in self.sigma.items()}
+        own = {name: a[..., pick] for name, a in self.own.items()}
+        return self._replace(values=values, sigma=sigma, own=own)
 
     @property
     def count(self) -> int:
@@ -93,8 +60,8 @@ class Curves(NamedTuple):
 
     @property
     def width(self) -> int:
-        """Lanes of one call."""
-        return min(LANES, max(_FEW, 1 << (self.count - 1).bit_length()))
+        """Lanes of one call; those of few wavelengths, each of many starts, share a program."""
+        return LANES if self.own else min(LANES, max(_FEW, 1 << (self.count - 1).bit_length()))
 
     @property
     def stated(self) -> bool:
@@ -109,7 +76,8 @@ class Curves(NamedTuple):
     @property
     def outside(self) -> np.ndarray:
         """The mean index of the first medium, (N,)."""
-        return np.full(self.count, np.mean(self.base.eta_i))
+        eta_i = self.own.get("eta_i", np.full((1, self.count), np.mean(self.base.eta_i)))
+        return eta_i.mean(0)
 
     def _rows(self, quantity: str, of: np.ndarray) -> np.ndarray:
         """Return (n, M) of a quantity as rows of the points, (rows, n), NaN elsewhere."""
@@ -119,28 +87,28 @@ class Curves(NamedTuple):
 
     def targets(self, pick: np.ndarray) -> Targets:
         """Return the targets of the curves ``pick`` as lanes."""
-        values, weights = [], []
-        for quantity in (c for c in self.seen.channels if c != NCS):
-            value = self._rows(quantity, self.values[quantity][pick])
-            weight = np.isfinite(value).astype(float)
-            if self.sigma is not None:
-                weight = weight / np.nan_to_num(
-                    self._rows(quantity, self.sigma[quantity][pick]), nan=1.0
-                )
-            values.append(np.nan_to_num(value))
-            weights.append(weight)
-        base = self.base._replace(values=tuple(values), weights=tuple(weights))
+        some, stated = self.at(pick), self.stated
+        points = {n: a for n, a in some.own.items() if n in self.base.points._fields}
+        rest = {n: a for n, a in some.own.items() if n not in points}
+        base = self.base._replace(points=self.base.points._replace(**points), **rest)
+        values, errors = ({q: self._rows(q, v) for q, v in each.items()}
+                          for each in (some.values, some.sigma or {}))  # fmt: skip
+        alone = [c for c in self.seen.channels if c != NCS]
+        base = base._replace(
+            values=tuple(np.nan_to_num(values[q]) for q in alone),
+            weights=tuple(
+                np.isfinite(values[q]) / (np.nan_to_num(errors[q], nan=1.0) if stated else 1.0)
+                for q in alone
+            ),
+        )  # fmt: skip
         if NCS not in self.seen.channels:
             return base
-        psi, delta = (self._rows(q, self.values[q][pick]) for q in ("psi", "delta"))
-        errors = [
-            np.ones_like(psi) if self.sigma is None else self._rows(q, self.sigma[q][pick])
-            for q in ("psi", "delta")
-        ]
+        psi, delta = values["psi"], values.get("delta", np.full_like(values["psi"], np.nan))
+        of_psi, of_delta = (np.nan_to_num(errors.get(q, np.ones_like(psi)), nan=1.0)
+                            for q in ("psi", "delta"))  # fmt: skip
         some = np.isfinite(psi)
-        of_psi, of_delta = (np.nan_to_num(e, nan=1.0) for e in errors)
         psi, delta = np.where(some, psi, 45.0), np.where(some, delta, 0.0)
-        W = ncs_weights(psi, delta, of_psi, of_delta, self.sigma is not None)
+        W = ncs_weights(psi, delta, of_psi, of_delta, stated)
         measured = ncs_of(psi, np.nan_to_num(delta))
         return base._replace(ncs=np.where(some, measured, 0.0), ncs_weights=np.where(some, W, 0.0))
 
@@ -162,7 +130,7 @@ def _calls(lanes: np.ndarray, width: int):
 
 
 def run_curves(
-    spec: Spec, curves: Curves | OwnPoints, start: np.ndarray, which: np.ndarray,
+    spec: Spec, curves: Curves, start: np.ndarray, which: np.ndarray,
     limits: tuple[np.ndarray, np.ndarray], dof: np.ndarray,
 ) -> Ends:  # fmt: skip
     """Return where starts (p, L) end, each on the curve of a number ``which``, (L,).
@@ -226,7 +194,7 @@ class Slopes(NamedTuple):
 
 
 def slopes(
-    spec: Spec, curves: Curves | OwnPoints, y: np.ndarray, which: np.ndarray
+    spec: Spec, curves: Curves, y: np.ndarray, which: np.ndarray
 ) -> Iterator[tuple[np.ndarray, Slopes]]:
     """Yield lanes, as numbers into ``which``, and the `Slopes` at y (p, L) of their curves."""
     for some, lanes in _calls(np.arange(len(which)), curves.width):

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fitting.problem.curve_lanes import Curves, OwnPoints, run_curves
+from fitting.problem.curve_lanes import Curves, run_curves
 from fitting.problem.lanes import Ends, Limits, joined
 from fitting.problem.problem import Problem
 from fitting.process.progress import tell
@@ -29,7 +29,7 @@ class BatchSearch:
     curves and the ends of all lanes.
     """
 
-    def __init__(self, job: Problem, curves: Curves | OwnPoints, limits: Limits | None = None):
+    def __init__(self, job: Problem, curves: Curves, limits: Limits | None = None):
         self.job, self.curves, self.limits = job, curves, limits or job.limits
         n_data, unknowns = curves.n_data, int(job.u.free.sum())
         self.known = n_data > 0
