@@ -16,9 +16,9 @@ from fitting.data.measurement import Measurement
 from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.batched import of_measurement, stacked_findings
 from fitting.outcomes.findings import FEW_REACHED, on_rows
-from fitting.outcomes.of_batch import BatchCurves, fit_of_batch
+from fitting.outcomes.of_batch import fit_of_batch
 from fitting.problem.curve_lanes import Curves, slopes
-from fitting.problem.evaluation import EachWavelength, Evaluated, at_data
+from fitting.problem.evaluation import EachFit, Evaluated, at_data
 from fitting.problem.lanes import LANES
 from fitting.problem.observations import observations
 from fitting.problem.problem import FitOptions, Problem
@@ -191,9 +191,10 @@ def fit_wavelengths(
 
 def _with_rows(waves: Wavelengths, found: FitData) -> FitData:
     """Return the fits with their measurement, and what is told of its rows."""
-    job, m, evaluator = waves.job, waves.measurement, cast(BatchCurves, found.evaluator)
+    job, m, evaluator = waves.job, waves.measurement, cast(EachFit, found.evaluator)
     every = np.arange(waves.curves.count)
-    models = [s.shown for _, s in slopes(job.u.spec, waves.curves, evaluator.y.T, every)]
+    y = np.stack([e.y for e in evaluator.each], 1)
+    models = [s.shown for _, s in slopes(job.u.spec, waves.curves, y, every)]
     shown = np.concatenate(models)
     fitted = at_data(job.seen, shown[waves.which, :, waves.slot].T)
     each, told = list[Evaluated](), list[list[Finding]]()
@@ -220,5 +221,5 @@ def _with_rows(waves: Wavelengths, found: FitData) -> FitData:
     return replace(
         of_measurement(found, m), wavelength_um=waves.wavelength_um,
         findings=ranked((*found.findings, *stacked_findings(told))),
-        evaluator=EachWavelength(tuple(each), waves.wavelength_um, m),
+        evaluator=EachFit(tuple(each), found.shape, waves.wavelength_um, m),
     )  # fmt: skip

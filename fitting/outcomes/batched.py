@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fitting.data.measurement import Measurement
-from fitting.problem.evaluation import EachWavelength
+from fitting.problem.evaluation import EachFit
 from fitting.results.diagnostics import Finding
 from fitting.results.result import FitData
 from fitting.results.result_parts import NONE, TIED, Alternative, ErrorModel, Estimate
@@ -104,5 +104,5 @@ def stacked(fits: Sequence[FitData], measurement: Measurement) -> FitData:
     return replace(
         of_measurement(stacked_fits(fits), measurement),
         rms_of={k: _stack([f.rms_of.get(k, np.nan) for f in fits]) for k in kinds},
-        evaluator=EachWavelength(each, _stack([f.wavelength_um for f in fits]), measurement),
+        evaluator=EachFit(each, (len(each),), _stack([f.wavelength_um for f in fits]), measurement),
     )

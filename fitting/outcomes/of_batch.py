@@ -12,12 +12,11 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from fitting.data.measurement import Measurement
 from fitting.optics.spec import NCS
 from fitting.outcomes.findings import findings_of_all
 from fitting.outcomes.outcome import Shaped, combinations_unseen, estimates, fixed_and_tied
 from fitting.problem.curve_lanes import slopes
-from fitting.problem.evaluation import Evaluated
+from fitting.problem.evaluation import Alike, EachFit, Evaluated
 from fitting.residuals.error_model import misses_without_freedom
 from fitting.results import result_parts as status
 from fitting.results.diagnostics import Finding, ranked
@@ -25,9 +24,6 @@ from fitting.results.result import FitData
 from fitting.results.result_parts import (
     Alternative,
     ErrorModel,
-    Evaluator,
-    IndexBand,
-    Prediction,
 )
 from fitting.samples.sample import Sample
 from fitting.searching.batch_search import BatchSearch
@@ -42,44 +38,6 @@ _STEPS, _FALL = 3, 1e-9
 _APART = 4.0
 # Without a degree of freedom lanes that end at k = 0 with a misfit stop within 1e-4 of the cost.
 _LEVEL = 2e-4
-
-
-class BatchCurves(NamedTuple):
-    """The evaluator of N fits of one sample, one after the other; see `result.Evaluator`.
-
-    y: (N, p) solver coordinates. covariance: (N, p, p).
-    """
-
-    pattern: Evaluated
-    y: np.ndarray
-    covariance: np.ndarray
-    shape: tuple[int, ...]
-
-    def at(self, index: tuple[int, ...]) -> Evaluator:
-        """Return the evaluator of one fit."""
-        i = int(np.ravel_multi_index(index, self.shape)) if self.shape else 0
-        return self.pattern._replace(y=self.y[i], covariance=self.covariance[i])
-
-    def _each(self, of: Any, kind: Any) -> Any:
-        found = [of(self.at(i)) for i in np.ndindex(*self.shape)]
-        parts = (np.stack(part) for part in zip(*found, strict=True))
-        return kind(*(part.reshape(*self.shape, *part.shape[1:]) for part in parts))
-
-    def predict(self, measurement: Measurement | None = None) -> Prediction:
-        """Return every fit at every row of a measurement, shape + (N,)."""
-        return self._each(lambda one: one.predict(measurement), Prediction)
-
-    def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
-        """Return every fit over angles (A,), shape + (A,)."""
-        return self._each(lambda one: one.over_angle(angle_deg, quantity), Prediction)
-
-    def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
-        """Return eta and k of a medium in every fit, shape + (W,)."""
-        return self._each(lambda one: one.index(wavelength_um, medium), IndexBand)
-
-    def widened(self, factor: np.ndarray) -> BatchCurves:
-        """Return the same with the errors of each fit times its factor, (N,)."""
-        return self._replace(covariance=self.covariance * factor[:, None, None] ** 2)
 
 
 class _Minima(NamedTuple):
@@ -274,7 +232,7 @@ def fit_of_batch(
             added=put(np.zeros(len(which))), stated=stated, widened=put(np.ones(len(which))),
         ),
         evaluations=put(best.evaluations[which], 0), others=tuple(others),
-        evaluator=BatchCurves(pattern, whole, spread, shape),
+        evaluator=EachFit(Alike(pattern, whole, spread), shape),
         starts=put(search.starts[which], 0), reached=put(m.reached, 0),
     )  # fmt: skip
     told = findings_of_all(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -96,16 +96,48 @@ def measured_places(measured_um: np.ndarray, wavelength_um: Any) -> list[int]:
     return [place[um] for um in wanted]
 
 
-class EachWavelength(NamedTuple):
-    """The evaluators of many wavelengths, each fitted by itself, in rising order."""
+class Alike(Sequence[Evaluated]):
+    """N fits of one sample at the same points: one as a pattern, y (N, p), covariance (N, p, p)."""
 
-    each: tuple[Evaluated, ...]
-    wavelength_um: np.ndarray
-    measurement: Measurement
+    def __init__(self, pattern: Evaluated, y: np.ndarray, covariance: np.ndarray):
+        self.pattern, self.y, self.covariance = pattern, y, covariance
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+    def __getitem__(self, i: Any) -> Any:
+        return self.pattern._replace(y=self.y[i], covariance=self.covariance[i])
+
+
+class EachFit(NamedTuple):
+    """The evaluators of a batch, one after the other; see `result.Evaluator`.
+
+    wavelength_um, measurement: of an index that is free at every wavelength, (W,) in rising order,
+    and the data of all; None where each fit is one of all wavelengths.
+    """
+
+    each: Sequence[Evaluated]
+    shape: tuple[int, ...]
+    wavelength_um: np.ndarray | None = None
+    measurement: Measurement | None = None
+
+    def at(self, index: tuple[int, ...]) -> Evaluated:
+        """Return the evaluator of one fit."""
+        return self.each[int(np.ravel_multi_index(index, self.shape)) if self.shape else 0]
+
+    def _every(self, kind: Any, of: Any) -> Any:
+        parts = (np.stack(part) for part in zip(*map(of, self.each), strict=True))
+        return kind(*(part.reshape(*self.shape, *part.shape[1:]) for part in parts))
 
     def predict(self, measurement: Measurement | None = None) -> Prediction:
-        """Return the model at every row of a measurement, all at fitted wavelengths."""
+        """Return every fit at every row of a measurement, shape + (N,).
+
+        Of wavelengths each row at its own, (N,).
+        """
+        if self.wavelength_um is None:
+            return self._every(Prediction, lambda one: one.predict(measurement))
         m = self.measurement if measurement is None else measurement
+        assert m is not None
         value, sigma = np.full(len(m), np.nan), np.full(len(m), np.nan)
         for one, wavelength in zip(self.each, self.wavelength_um, strict=True):
             rows = m.at_wavelength(wavelength)
@@ -115,29 +147,25 @@ class EachWavelength(NamedTuple):
         return Prediction(value, sigma)
 
     def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
-        """Return each wavelength over angles (A,), (W, A)."""
-        found = [one.over_angle(angle_deg, quantity) for one in self.each]
-        return Prediction(*(np.stack(part) for part in zip(*found, strict=True)))
+        """Return every fit over angles (A,), shape + (A,)."""
+        return self._every(Prediction, lambda one: one.over_angle(angle_deg, quantity))
 
     def index(self, wavelength_um: Any = None, medium: str | None = None) -> IndexBand:
-        """Return eta and k at the fitted wavelengths."""
-        chosen = range(len(self.each))
-        if wavelength_um is not None:
-            chosen = measured_places(self.wavelength_um, wavelength_um)
+        """Return eta and k of a medium in every fit, shape + (W,); of wavelengths (W,)."""
+        known = self.wavelength_um
+        if known is None:
+            return self._every(IndexBand, lambda one: one.index(wavelength_um, medium))
+        asked = wavelength_um is not None
+        chosen = measured_places(known, wavelength_um) if asked else range(len(known))
         bands = [self.each[i].index(None, medium) for i in chosen]
-        parts = (np.concatenate(part) for part in zip(*bands, strict=True))
-        return IndexBand(*parts)
+        return IndexBand(*(np.concatenate(part) for part in zip(*bands, strict=True)))
 
-    def at(self, index: tuple[int, ...]) -> Evaluator:
-        """Return the evaluator of one wavelength."""
-        return self.each[index[0]]
-
-    def widened(self, factor: np.ndarray) -> EachWavelength:
-        """Return the same with the errors of each wavelength times its factor, (W,)."""
+    def widened(self, factor: np.ndarray) -> EachFit:
+        """Return the same with the errors of each fit times its factor, (N,)."""
         wide = (e.widened(f[None]) for e, f in zip(self.each, factor, strict=True))
         return self._replace(each=tuple(wide))
 
-    def with_errors(self, errors: np.ndarray) -> EachWavelength:
+    def with_errors(self, errors: np.ndarray) -> EachFit:
         """Return the same with standard errors (W, 2) of eta and k; see `Evaluated`."""
         each = (e._replace(errors=x) for e, x in zip(self.each, errors, strict=True))
         return self._replace(each=tuple(each))

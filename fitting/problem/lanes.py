@@ -1,4 +1,4 @@
-"""Lanes: starts of one fit, or of several, run side by side until they rest.
+"""Lanes: starts of one fit, run side by side until they rest.
 
 One random start found the best minimum of a spectral model in a third to a half of the cases, 64 in
 all of them, at hardly any cost: the starts are lanes of one program.
@@ -7,7 +7,7 @@ all of them, at hardly any cost: the starts are lanes of one program.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -85,7 +85,7 @@ def _stage(
     return Ends(y, np.where(np.isfinite(cost), cost, np.inf), done, evaluations), damping
 
 
-def _bounds(limits: Limits, degrees: Any, scale: Any, shape: tuple[int, ...]) -> Bounds:
+def _bounds(limits: Limits, degrees: float, scale: float, shape: tuple[int, ...]) -> Bounds:
     low, high = (np.broadcast_to(a.reshape(len(a), -1), shape) for a in limits)
     return Bounds(low, high, *(np.broadcast_to(a, shape[1:]) for a in (degrees, scale)))
 
@@ -111,19 +111,17 @@ def each_within(
 
 
 def run(
-    spec: Spec, targets: Targets, start: np.ndarray, limits: Limits, degrees: Any, scale: Any,
-    groups: np.ndarray,
-) -> Ends:  # fmt: skip
-    """Return where the starts (p, L) of one fit or of several end, all side by side.
+    spec: Spec, targets: Targets, start: np.ndarray, limits: Limits, degrees: float, scale: float
+) -> Ends:
+    """Return where the starts (p, L) of a fit end, all side by side.
 
-    limits: bounds (p,) each. degrees, scale: one number or (L,). groups: (L,), which fit each lane
-    belongs to. A lane goes on while it is below the best finished one of its fit.
+    limits: bounds (p,) each. A lane goes on while it is below the best finished one.
     """
     bounds = _bounds(limits, degrees, scale, start.shape)
     y, lanes = np.clip(start, bounds.lower, bounds.upper), start.shape[1]
     damping = np.full(lanes, START_DAMPING)
     ends = Ends.begun(y)
-    # Where lanes have data of their own, or one compiled program, all go on together.
+    # In one compiled program all go on together.
     alone = in_parts(spec, targets)
     live = np.arange(lanes)
     for _ in range(STAGES):
@@ -132,9 +130,8 @@ def run(
         further, damping[pick] = _stage(spec, targets, ends.y[:, pick], damping[pick], some, STAGE)
         further = further._replace(evaluations=ends.evaluations[pick] + further.evaluations)
         ends.put(pick, further)
-        best = np.full(groups.max() + 1, np.inf)
-        np.minimum.at(best, groups[ends.done], ends.cost[ends.done])
-        live = np.flatnonzero(~ends.done & (ends.cost < best[groups]))
+        best = np.min(ends.cost[ends.done], initial=np.inf)
+        live = np.flatnonzero(~ends.done & (ends.cost < best))
         if not len(live):
             break
     return ends

@@ -117,8 +117,7 @@ class Problem:
             few = self.held(np.clip(start, low, high), noise, SIFT, targets=targets)
             start, used = few.lowest(LANES), SIFT
         size = max(self.dof, 1.0), self.squares / noise**2
-        one = np.zeros(start.shape[1], int)
-        ends = run(self.u.spec, targets, start, self.limits, *size, one)
+        ends = run(self.u.spec, targets, start, self.limits, *size)
         return ends._replace(y=self.in_order(ends.y), evaluations=ends.evaluations + used)
 
     def held(
