@@ -340,7 +340,7 @@ def _fit_curves(
     if not begun:
         assert refused is not None
         raise refused
-    return replace(fit_of_batch(search, shape, sample), starts=0, reached=0)
+    return fit_of_batch(search, shape, sample)
 
 
 def _free_names(job: Problem) -> list[str]:

@@ -34,7 +34,6 @@ from fitting.residuals.error_model import NEED_STATED, RELATIVE
 from fitting.residuals.residuals import weighted_residuals
 from fitting.results.diagnostics import Warning
 from fitting.results.result import FitData
-from fitting.results.result_parts import PROFILE
 from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
@@ -43,10 +42,10 @@ from fitting.searching.film_starts import film_starts, films_of
 from fitting.searching.stages import searched
 from fitting.searching.starts import starts as start_points
 from fitting.searching.starts import usual_starts, with_given_start
-from fitting.uncertainty.intervals import QUADRATIC, check_choices
+from fitting.uncertainty.intervals import AUTO, QUADRATIC, check_choices
 from fitting.uncertainty.stated_errors import with_added_error
 from fitting.uncertainty.widening import widened
-from fitting.wavelengths import check_wavelengths, fit_wavelengths, problem_of, too_few
+from fitting.wavelengths import check_wavelengths, fit_wavelengths, problem_of
 
 
 def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
@@ -170,28 +169,20 @@ def _general(
             return fit_free_film(concatenate(*measurements), sample, film, settings, asked)
         # At one wavelength nothing is shared: thickness, eta and k are three unknowns of one fit.
         return _shared(measurements, sample, settings, asked)
-    if not sample.by_wavelength:
+    if not sample.by_wavelength or len(waves) == 1:
         return _shared(measurements, sample, settings, asked)
-    if len(waves) == 1:
-        return too_few(_shared(measurements, sample, settings, asked))
     joined = concatenate(*measurements)
     check_wavelengths(joined, settings)
     # In total reflection the quadratic limit of k can be 12 times too small.
-    profile = asked.intervals != QUADRATIC and (asked.intervals == PROFILE or sample.eta_i > 1.0)
-    usual = asked.starts is None and asked.start is None
-    plain = asked.loss == "squares" and not settings.priors and usual
-    found = fit_wavelengths(joined, sample, settings, asked) if plain else None
-    if found is not None and not profile:
-        return found
-    # The noise of a robust loss or a prior is estimated in rounds, and an interval by profile takes
-    # .1 s: one wavelength at a time.
-    each = []
-    for i, w in enumerate(waves):
-        own = asked._replace(kept=None)  # other data
-        if found is not None:
-            own = own._replace(start={n: found.parameters[n].value[i] for n in found.names})
-        part = joined.where(joined.wavelength_um == w)
-        each.append(too_few(_shared([part], sample, settings, own)))
+    quadratic = asked.intervals == QUADRATIC or (asked.intervals == AUTO and sample.eta_i <= 1.0)
+    usual = asked.starts is None and asked.start is None and quadratic
+    if asked.loss == "squares" and not settings.priors and usual:
+        return fit_wavelengths(joined, sample, settings, asked)
+    # The noise of a robust loss or a prior is estimated in rounds, and the ends of an interval by
+    # profile are searched for, one wavelength at a time.
+    asked = asked._replace(kept=None)  # other data
+    parts = [joined.where(joined.wavelength_um == w) for w in waves]
+    each = [_shared([part], sample, settings, asked) for part in parts]
     return stacked(each, joined)
 
 

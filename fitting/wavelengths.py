@@ -15,7 +15,7 @@ import numpy as np
 from fitting.data.measurement import Measurement
 from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.batched import of_measurement, stacked_findings
-from fitting.outcomes.findings import FEW_REACHED, on_rows
+from fitting.outcomes.findings import on_rows
 from fitting.outcomes.of_batch import fit_of_batch
 from fitting.problem.curve_lanes import Curves, slopes
 from fitting.problem.evaluation import EachFit, Evaluated, at_data
@@ -27,7 +27,7 @@ from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.progress import tell
 from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import FitData
-from fitting.results.result_parts import CONVERGED, NOT_CONVERGED, UNDETERMINED, Estimate
+from fitting.results.result_parts import CONVERGED, NOT_CONVERGED
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
 from fitting.searching.batch_search import BatchSearch
@@ -51,8 +51,6 @@ class Wavelengths(NamedTuple):
     wavelength_um: np.ndarray
     slot: np.ndarray
     which: np.ndarray
-    measurement: Measurement
-    sample: Sample
 
 
 def check_wavelengths(measurement: Measurement, settings: Settings) -> None:
@@ -121,7 +119,7 @@ def each_wavelength(
         quantity=np.repeat(quantities, size),
     )  # fmt: skip
     curves = Curves(pattern, base, values, sigma if seen.stated else None, own)
-    return Wavelengths(job, curves, wavelengths, slot, which, measurement, sample)
+    return Wavelengths(job, curves, wavelengths, slot, which)
 
 
 def _beside(count: int) -> np.ndarray:
@@ -133,32 +131,6 @@ def _beside(count: int) -> np.ndarray:
     first = np.clip(each - _BESIDE, 0, max(count - 1 - 2 * _BESIDE, 0))
     beside = first + np.arange(2 * _BESIDE + 1)[:, None]
     return np.where((beside == each) | (beside >= count), -1, beside)
-
-
-def too_few(found: FitData) -> FitData:
-    """Return fits, undetermined where there are fewer data than unknowns.
-
-    Otherwise a single datum would seem to determine eta where k is at 0, the end of its range.
-    """
-    few = (np.asarray(found.n_data) < len(found.names)) & (found.status == CONVERGED)
-    if not np.any(few):
-        return found
-
-    def marked(e: Estimate) -> Estimate:
-        if not e.free:
-            return e
-        none = e.without_error()
-        parts = {n: np.where(few, getattr(none, n), getattr(e, n))[()] for n in (
-            "sigma", "interval_kind", "upper_limit", "status"
-        )}  # fmt: skip
-        return replace(e, interval=np.where(few[..., None], np.nan, e.interval), **parts)
-
-    return replace(
-        found, status=np.where(few, UNDETERMINED, found.status)[()],
-        covariance=np.where(few[..., None, None], np.nan, found.covariance),
-        parameters={n: marked(e) for n, e in found.parameters.items()},
-        findings=ranked((Finding("one_value", few, {}), *found.findings)),
-    )  # fmt: skip
 
 
 def fit_wavelengths(
@@ -185,41 +157,25 @@ def fit_wavelengths(
     if search.dof.sum() and search.dof.min() < _ENOUGH:
         # Two or three data for two unknowns give no estimate of the noise, or a far too small one.
         pooled = float(search.best.cost[search.best.done].sum() / search.dof.sum())
-    found = fit_of_batch(search, (len(every),), sample, pooled)
-    return too_few(_with_rows(waves, found))
+    return _with_rows(waves, fit_of_batch(search, (len(every),), sample, pooled), measurement)
 
 
-def _with_rows(waves: Wavelengths, found: FitData) -> FitData:
+def _with_rows(waves: Wavelengths, found: FitData, measurement: Measurement) -> FitData:
     """Return the fits with their measurement, and what is told of its rows."""
-    job, m, evaluator = waves.job, waves.measurement, cast(EachFit, found.evaluator)
-    every = np.arange(waves.curves.count)
-    y = np.stack([e.y for e in evaluator.each], 1)
-    models = [s.shown for _, s in slopes(job.u.spec, waves.curves, y, every)]
-    shown = np.concatenate(models)
-    fitted = at_data(job.seen, shown[waves.which, :, waves.slot].T)
-    each, told = list[Evaluated](), list[list[Finding]]()
+    seen, u, m = waves.job.seen, waves.job.u, measurement
+    each = cast(EachFit, found.evaluator).each
+    y, every = np.stack([e.y for e in each], 1), np.arange(len(each))
+    shown = np.concatenate([s.shown for _, s in slopes(u.spec, waves.curves, y, every)])
+    fitted = at_data(seen, shown[waves.which, :, waves.slot].T)
+    told, own = list[list[Finding]](), list[Evaluated]()
     for i, wavelength in enumerate(waves.wavelength_um):
-        rows = m.at_wavelength(wavelength)
-        part, own = m.where(rows), evaluator.at((i,))
-        seen = observations([part], job.asked.errors)
-        each.append(own._replace(
-            seen=job.seen._replace(points=seen.points, row=seen.row, quantity=seen.quantity,
-                                   channel=seen.channel),
-            targets=targets_of(job.u, seen, index_outside(waves.sample, seen.points.wavelength_um)),
-            measured_um=np.atleast_1d(wavelength),
-        ))  # fmt: skip
-        on = on_rows(
-            job.u, part, fitted[rows], job.seen.curve[rows], job.seen.stated,
-            found.status[i] == CONVERGED,
-        )  # fmt: skip
-        told.append([] if found.status[i] == NOT_CONVERGED else list(on))
-    few = (found.status == CONVERGED) & (found.starts > FEW_REACHED)
-    few &= found.reached < FEW_REACHED
-    if few.any():
-        values = {"starts": found.starts, "reached": found.reached}
-        found = replace(found, findings=(*found.findings, Finding("few_starts_agree", few, values)))
+        rows, state = m.at_wavelength(wavelength), found.status[i]
+        part = m.where(rows)
+        own.append(each[i]._replace(measured_um=np.atleast_1d(wavelength), rows=part))
+        on = on_rows(u, part, fitted[rows], seen.curve[rows], seen.stated, state == CONVERGED)
+        told.append([] if state == NOT_CONVERGED else list(on))
     return replace(
         of_measurement(found, m), wavelength_um=waves.wavelength_um,
         findings=ranked((*found.findings, *stacked_findings(told))),
-        evaluator=EachFit(tuple(each), found.shape, waves.wavelength_um, m),
+        evaluator=EachFit(tuple(own), found.shape, waves.wavelength_um, m),
     )  # fmt: skip

@@ -222,18 +222,22 @@ def _on_measured(fit: Problem, of: Subject, end: End) -> Iterator[Finding]:
             yield _finding(code, **values)
 
 
-def _other_minima(known: Mapping[str, Estimate], others: tuple[Alternative, ...]) -> Finding:
-    """Return the finding on other minima: the best, and the range of each thickness in all."""
-    every = [known, *(a.parameters for a in others)]
-    thicknesses = []
-    for name in (n for n in known if "thickness" in n):
-        values = [one[name].value for one in every]
-        thicknesses.append((name, min(values), max(values)))
-    first = {n: e.value for n, e in others[0].parameters.items()}
-    return _finding(
-        "other_minima", count=len(others), parameters=tuple(first), values=tuple(first.values()),
-        delta_chi2=float(others[0].delta_chi2), thicknesses=tuple(thicknesses),
-    )  # fmt: skip
+def _other_minima(found: FitData, ok: np.ndarray) -> Iterator[tuple[Any, ...]]:
+    """Yield what is told of other minima: the best of them, and the range of thicknesses in all."""
+    if not found.others:
+        return
+    best = found.others[0]
+    sets = [found.parameters, *(a.parameters for a in found.others)]
+    each = {n: np.stack([np.asarray(p[n].value) for p in sets]) for n in best.parameters}
+    thick = tuple(n for n in each if "thickness" in n)
+    ranges = [np.stack([np.nanmin(each[n], 0), np.nanmax(each[n], 0)], -1) for n in thick]
+    there = np.stack([np.isfinite(a.delta_chi2) for a in found.others])
+    yield "other_minima", ok & there[0], {
+        "count": there.sum(0), "parameters": tuple(each),
+        "values": np.stack([values[1] for values in each.values()], -1),
+        "delta_chi2": best.delta_chi2, "thicknesses": thick,
+        "ranges": np.stack(ranges, -2) if ranges else (),
+    }  # fmt: skip
 
 
 def _contradicted_priors(fit: Problem, known: Mapping[str, Estimate]) -> list[Finding]:
@@ -311,6 +315,8 @@ def findings_of_all(
     size = {"n_data": found.n_data, "rms": found.rms}
     stated, taken = found.errors.stated, found.errors.taken
     large, small = beyond_chance(reduced, dof)
+    unseen = list(unseen)
+    few = ok & (np.asarray(found.n_data) < len(known)) & (status == UNDETERMINED)
     chi2 = {
         "chi2_reduced": reduced, "factor": np.sqrt(reduced),
         "errors": taken if stated else "scaled", "robust": found.loss != "squares",
@@ -319,10 +325,15 @@ def findings_of_all(
         ("not_converged", failed & np.logical_not(missed), {}),
         ("misses_without_freedom", failed & missed, size),
         *(("not_seen", ok & at, {"parameters": names}) for at, names in unseen),
+        ("one_value", few & ~np.any([at for at, _ in unseen], 0), {}),
         ("chi2_large", ok & large, chi2), ("chi2_small", ok & small & stated, chi2),
     ]  # fmt: skip
     if known:
         told += [*_on_parameters(known, ok), *_correlated(tuple(known), found.correlation, ok)]
+    sure = status == CONVERGED
+    reached = {"starts": found.starts, "reached": found.reached}
+    few = (np.asarray(found.starts) > FEW_REACHED) & (np.asarray(found.reached) < FEW_REACHED)
+    told += [*_other_minima(found, sure), ("few_starts_agree", sure & few, reached)]
     sample = found.sample
     if sample is not None:
         what = "one bare surface" if sample.bare else "this stack" if sample.films else "this plate"
@@ -343,18 +354,12 @@ def findings(
     valley of equal chi2, which is one solution: starts end anywhere in it.
     """
     end, free = f.end, fit.u.free
-    seen_all = not end.known.unseen.size
     out = []
     if f.fringeless is not None:
         out.append(_finding("fringes_in_noise", **f.fringeless))
     if of.measurement is not None and of.films:
         out += _thin_film(known, correlation, float(np.nanmin(of.measurement.wavelength_um)))
     out += _on_measured(fit, of, end)
-    if f.others and seen_all:
-        out.append(_other_minima(known, f.others))
-    few = fit.starts > FEW_REACHED and f.reached < FEW_REACHED and f.fringeless is None
-    if few and seen_all:
-        out.append(_finding("few_starts_agree", starts=fit.starts, reached=f.reached))
     if f.lower:
         out.append(_finding("better_minimum_met", by=f.lower))
     out += _not_quadratic(known, f.known.quadratic[free])

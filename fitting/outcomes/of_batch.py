@@ -14,12 +14,12 @@ import numpy as np
 
 from fitting.optics.spec import NCS
 from fitting.outcomes.findings import findings_of_all
-from fitting.outcomes.outcome import Shaped, combinations_unseen, estimates, fixed_and_tied
+from fitting.outcomes.outcome import Shaped, combinations_unseen, estimates, fixed_and_tied, too_few
 from fitting.problem.curve_lanes import slopes
 from fitting.problem.evaluation import Alike, EachFit, Evaluated
 from fitting.residuals.error_model import misses_without_freedom
 from fitting.results import result_parts as status
-from fitting.results.diagnostics import Finding, ranked
+from fitting.results.diagnostics import ranked
 from fitting.results.result import FitData
 from fitting.results.result_parts import (
     Alternative,
@@ -79,7 +79,7 @@ def _minima_at(search: BatchSearch, which: np.ndarray, y: np.ndarray, pooled: An
     ncs, kinds = NCS in job.u.spec.channels, len(job.u.spec.channels)
     channel: np.ndarray = np.minimum(np.arange(kinds + 2 * ncs), kinds - 1)
     for some, s in slopes(job.u.spec, curves, y, which):
-        sane = np.isfinite(s.residual).all(1) & np.isfinite(s.jacobian).all((1, 2))
+        sane = np.asarray(np.isfinite(s.residual).all(1) & np.isfinite(s.jacobian).all((1, 2)))
         r = np.where(sane[:, None], s.residual, 0.0)
         J = np.where(sane[:, None, None], s.jacobian, 0.0)
         known = uncertainty(
@@ -181,6 +181,7 @@ def fit_of_batch(
     unseen = m.known.hidden.any(1)
     missed = misses_without_freedom(m.cost, plain, rows, own, stated) & ~(failed | unseen)
     failed |= missed
+    few = too_few(u, sample, n_data) & ~(failed | unseen)
     estimated = job.asked.scaled and pooled is None
     t = student_quantiles(np.where(estimated & (own > 0), own, 0))
 
@@ -189,7 +190,7 @@ def fit_of_batch(
         limits = np.where(m.known.unseen_of, np.nan, limits)
         return estimates(u, m.y, m.known, ends, status.QUADRATIC, limits, failed, put)
 
-    free, covariance = estimates_of(m, t, failed, put)
+    free, covariance = estimates_of(m, t, failed | few, put)
     others = list[Alternative]()
     for other in minima[1:]:
         rows_of = np.searchsorted(which, other.which)
@@ -201,7 +202,7 @@ def fit_of_batch(
             parameters=parameters, delta_chi2=at(rise), reached=at(other.reached.astype(float))
         ))  # fmt: skip
     state = np.where(failed, status.NOT_CONVERGED, np.where(
-        unseen, status.UNDETERMINED, status.CONVERGED
+        unseen | few, status.UNDETERMINED, status.CONVERGED
     ))  # fmt: skip
     reduced = np.where((own > 0) & stated, m.cost / np.maximum(own, 1), np.nan)
     known = np.unique(job.seen.points.wavelength_um[job.seen.measured, 0])
@@ -210,11 +211,11 @@ def fit_of_batch(
         sample, u, job.seen, job.targets, m.y[0], m.known.covariance[0], known,
         inside=(np.empty((0, u.size)), 1.96),
     )  # fmt: skip
-    whole = np.full((count, u.size), np.nan)
-    whole[which] = m.y
-    spread = np.full((count, u.size, u.size), np.nan)
-    spread[which] = m.known.covariance
-    taken = "equal" if not stated else "stated" if job.asked.errors == "stated" else "scaled"
+    in_turn = Shaped((count,), count, which)
+    # Pixels begin where others ended, which are no starts of their own.
+    starts = search.starts[which] if curves.own else np.zeros(len(which), int)
+    alone = np.where((own > 0) & job.asked.scaled, "scaled", "stated")
+    taken = alone if stated else np.full(own.shape, "equal")
     factor = np.sqrt(np.broadcast_to(m.known.variance, own.shape))
     none = status.NO_DATA
     fits = FitData(
@@ -228,23 +229,13 @@ def fit_of_batch(
             c: put(np.sqrt(m.plain[:, i] / m.counts[:, i])) for i, c in enumerate(u.spec.channels)
         },
         errors=ErrorModel(
-            taken=put(np.full(len(which), taken), taken), factor=put(factor),
+            taken=put(taken, "scaled" if stated else "equal"), factor=put(factor),
             added=put(np.zeros(len(which))), stated=stated, widened=put(np.ones(len(which))),
         ),
         evaluations=put(best.evaluations[which], 0), others=tuple(others),
-        evaluator=EachFit(Alike(pattern, whole, spread), shape),
-        starts=put(search.starts[which], 0), reached=put(m.reached, 0),
+        evaluator=EachFit(Alike(pattern, in_turn(m.y), in_turn(m.known.covariance)), shape),
+        starts=put(starts, 0), reached=put(np.minimum(m.reached, starts), 0),
     )  # fmt: skip
-    told = findings_of_all(
-        fits, fits.chi2_reduced, put(missed, False), combinations_unseen(u, m.known, put)
-    )
-    if others:
-        one = others[0]
-        at = np.isfinite(one.delta_chi2) & (np.asarray(fits.status) == status.CONVERGED)
-        told.append(Finding("other_minima", at, {
-            "count": np.sum([np.isfinite(o.delta_chi2) for o in others], 0),
-            "parameters": tuple(one.parameters),
-            "values": np.stack([np.asarray(e.value) for e in one.parameters.values()], -1),
-            "delta_chi2": one.delta_chi2,
-        }))  # fmt: skip
-    return replace(fits, findings=ranked([f for f in told if np.any(f.at)]))
+    unseen_each = combinations_unseen(u, m.known, put)
+    told = findings_of_all(fits, fits.chi2_reduced, put(missed, False), unseen_each)
+    return replace(fits, findings=ranked(told))

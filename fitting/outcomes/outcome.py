@@ -20,6 +20,7 @@ from fitting.results.diagnostics import ranked
 from fitting.results.result import FitData
 from fitting.results.result_parts import Alternative, ErrorModel, Estimate
 from fitting.samples.parameters import value_and_slope
+from fitting.samples.sample import Sample
 from fitting.searching.last_steps import refined
 from fitting.searching.minima import SAME_CHI2, Around, Minimum, minima, scatter_of
 from fitting.searching.without_fringes import FRINGES, fringes_of, without_fringes
@@ -107,6 +108,14 @@ def _estimates(
         known.limits[None], np.array([failed]), _ONE,
     )  # fmt: skip
     return found, covariance[0]
+
+
+def too_few(u: Unknowns, sample: Sample | None, n_data: Any) -> Any:
+    """Return which fits of an index that is free at every wavelength have too few data.
+
+    With k at 0, the end of its range, a single datum would seem to determine eta.
+    """
+    return (n_data < u.free.sum()) & (sample is not None and sample.by_wavelength)
 
 
 def combinations_unseen(u: Unknowns, known: Uncertainty, put: Shaped) -> Iterator[tuple[Any, Any]]:
@@ -307,7 +316,9 @@ def _assembled(fit: Problem, of: Subject, noise: float, evaluations: int, f: Fou
     of_plain = s.plain @ s.plain, len(s.plain)
     missed = tested and bool(misses_without_freedom(square, *of_plain, fit.dof, stated))
     failed = f.failed or missed
-    shown, of_x = _estimates(u, end, ranges, failed)
+    unseen = bool(end.known.unseen.size)
+    few = bool(too_few(u, of.sample, fit.n_data)) and not (failed or unseen)
+    shown, of_x = _estimates(u, end, ranges, failed or few)
     chi2 = square if stated else np.nan
     bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, len(shown), fit.asked.scaled)
     evaluator = None
@@ -323,7 +334,7 @@ def _assembled(fit: Problem, of: Subject, noise: float, evaluations: int, f: Fou
         n_data=fit.n_data, rms=_rms(s.plain), cost=end.cost, noise=noise,
         rms_of={str(kind): _rms(s.plain[s.kind == kind]) for kind in dict.fromkeys(s.kind)},
         status=status.NOT_CONVERGED if failed else
-        status.UNDETERMINED if end.known.unseen.size else status.CONVERGED,
+        status.UNDETERMINED if unseen or few else status.CONVERGED,
         errors=ErrorModel(_errors_taken(fit), factor, 0.0, stated), evaluations=evaluations,
         starts=fit.starts, reached=f.reached, loss=u.spec.loss, bic=bic, aicc=aicc,
         others=f.others, measurement=m, curve=None if m is None else seen.curve,
@@ -332,8 +343,10 @@ def _assembled(fit: Problem, of: Subject, noise: float, evaluations: int, f: Fou
     # The caller's own residuals are in units of their errors, too.
     known_size = stated or not seen.curve_names
     reduced = reduced_chi2(u.spec.loss, s.residual, fit.dof) if known_size else np.nan
-    unseen = combinations_unseen(u, _as_batch(end.known), _ONE)
-    told = findings_of_all(found, reduced, missed, unseen)
+    combinations = combinations_unseen(u, _as_batch(end.known), _ONE)
+    told = findings_of_all(found, reduced, missed, combinations)
+    if f.fringeless is not None:  # few starts end there, where chi2 is not the lowest
+        told = [one for one in told if one.code != "few_starts_agree"]
     told += [] if failed else findings(fit, of, f, shown, found.correlation)
     return replace(found, findings=ranked(told))
 

@@ -29,7 +29,8 @@ class Evaluated(NamedTuple):
     inside: (K, p), solver coordinates within the 95 % intervals next to their ends by profile, and
     half such an interval in standard errors: where the curve is not linear in the parameters, eta
     and k differ by more than by the covariance. errors: (2,) standard errors of eta and k that
-    include that of a thickness shared by all wavelengths; None where there is none.
+    include that of a thickness shared by all wavelengths; None where there is none. rows: the data
+    of one wavelength, of which ``seen`` and ``targets`` have all.
     """
 
     sample: Sample
@@ -41,10 +42,11 @@ class Evaluated(NamedTuple):
     measured_um: np.ndarray
     inside: tuple[np.ndarray, float]
     errors: np.ndarray | None = None
+    rows: Measurement | None = None
 
     def predict(self, measurement: Measurement | None = None) -> Prediction:
         """Return the model at every row of a measurement; see `result.Evaluator`."""
-        return Prediction(*_fitted(self, measurement))
+        return Prediction(*_fitted(self, self.rows if measurement is None else measurement))
 
     def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
         """Return the model over angles (A,), at the one wavelength that was measured."""

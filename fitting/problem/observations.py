@@ -92,11 +92,12 @@ def ncs_directions(psi_deg: np.ndarray, delta_deg: np.ndarray) -> np.ndarray:
 def ncs_weights(
     psi: np.ndarray, delta: np.ndarray, sigma_psi: np.ndarray, sigma_delta: np.ndarray, stated: bool
 ) -> np.ndarray:
-    """Return W (3, 3, n) for pairs of psi and Delta; where Delta is NaN, for psi by N alone."""
+    """Return W (3, 3, ...) for pairs of psi and Delta; where Delta is NaN, for psi by N alone."""
     alone = np.isnan(delta)
     axes = ncs_directions(psi, np.where(alone, 0.0, delta))
     if not stated:
-        weights = np.broadcast_to(np.eye(3)[:, :, None], axes.shape).copy()
+        weights = np.zeros_like(axes)
+        weights[[0, 1, 2], [0, 1, 2]] = 1.0
         weights[:, :, alone] = np.array([1.0, 0, 0, 0, 0, 0, 0, 0, 0]).reshape(3, 3, 1)
         return weights
     of_psi = np.radians(2.0 * sigma_psi)

@@ -111,7 +111,7 @@ def other_minima(v: Mapping[str, Any]) -> str:
     higher = f"chi2 {'higher' if v['delta_chi2'] >= 0.0 else 'lower'} by {abs(v['delta_chi2']):.2g}"
     ranges = "".join(
         f" Among all of them {name} ranges from {num(low)} to {num(high)}."
-        for name, low, high in v.get("thicknesses", ()) if v["count"] > 1
+        for name, (low, high) in zip(v["thicknesses"], v["ranges"], strict=True) if v["count"] > 1
     )  # fmt: skip
     return (
         f"{many} nearly as well{best}{values} ({higher}).{ranges} The data do not determine which "
