@@ -122,7 +122,7 @@ def fit_many(
     and Delta) are followed as a batch: a few curves are searched as `fit` does, all begin from the
     minima found there and from those of their neighbours, and the worst of them and some by chance
     are searched afresh. Values and errors are those of `fit` at the same minimum. Not looked at are
-    residuals in order, correlations, and films that noise or thinness leaves open.
+    residuals in order, and films that noise or thinness leaves open.
 
     Args:
         angles_deg: (M,) degrees of incidence from the normal, 0 to 90; of a bare surface also

@@ -145,19 +145,21 @@ def fit_wavelengths(
     """
     waves = each_wavelength(measurement, sample, settings, asked)
     search, every = BatchSearch(waves.job, waves.curves), np.arange(waves.curves.count)
-    tell(total=2, done=0)
+    tell(total=2 * len(every), done=0)  # each is solved, and then gets its errors
     if near is None:
         starts = start_points(waves.job.u.moving, LANES, asked.seed)
         search.run(np.tile(starts, len(every)), np.repeat(every, LANES))
         search.from_neighbours(_beside(len(every)), search.dof > 0)
     else:
         search.run(np.stack([e.y for e in near.evaluator.each], 1), every)  # type: ignore
-    tell("errors")
+    tell("errors", done=len(every))
     pooled = None
     if search.dof.sum() and search.dof.min() < _ENOUGH:
         # Two or three data for two unknowns give no estimate of the noise, or a far too small one.
         pooled = float(search.best.cost[search.best.done].sum() / search.dof.sum())
-    return _with_rows(waves, fit_of_batch(search, (len(every),), sample, pooled), measurement)
+    found = fit_of_batch(search, (len(every),), sample, pooled)
+    tell(done=len(every))
+    return _with_rows(waves, found, measurement)
 
 
 def _with_rows(waves: Wavelengths, found: FitData, measurement: Measurement) -> FitData:

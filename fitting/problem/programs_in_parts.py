@@ -42,7 +42,7 @@ from fitting.problem.programs import (
     solve,
     weighted,
 )
-from fitting.problem.row_blocks import ROWS, SLOTS, Blocks, blocks_of, can_be_cut
+from fitting.problem.row_blocks import ROWS, SLOTS, Blocks, blocks_of
 from fitting.problem.solver import FEW_UNKNOWNS, BatchState, packed
 from fitting.process.compiled import compiled, fit_settings, in_turn
 from fitting.process.side_by_side import shares, side_by_side
@@ -164,7 +164,7 @@ def in_parts(spec: Any, targets: Targets) -> bool:
     a search in parts takes each wavelength of many at some of the angles only (see
     `searching.fewer_rows`): a first fit of a film at seven angles takes 14 s, not 34.
     """
-    if not has_parts(spec) or not can_be_cut(targets):
+    if not has_parts(spec) or len(targets.points.angle_deg) % ROWS:
         return False
     films = bool(spec.media.coherent) and all(spec.media.coherent)
     worth = films or len(spec.moving) > FEW_UNKNOWNS

@@ -59,12 +59,6 @@ class Blocks(NamedTuple):
             yield some, slot
 
 
-def can_be_cut(targets: Targets) -> bool:
-    """Whether there are whole blocks, and no lanes with data of their own."""
-    one = all(np.shape(a)[-1] == 1 for a in (*targets.points[:3], *targets.values))
-    return one and len(targets.points.angle_deg) % ROWS == 0
-
-
 def blocks_of(targets: Targets) -> list[Blocks]:
     """Return all rows; of more blocks than columns in several parts."""
     total, out = len(targets.points.angle_deg) // ROWS, []

@@ -46,8 +46,8 @@ class FitData:
         of the parameters); "not converged"; "no data"; of a batch also "refused" (data out of
         range; the warning says which).
     evaluations: how often residuals and derivatives were evaluated: by all starts of a bare
-        surface, by the best start of other fits. starts, reached: the number of starting points,
-        and of those that led to the best minimum; 0 if not counted.
+        surface and of a batch, by the best start of other fits. starts, reached: the number of
+        starting points, and of those that led to the best minimum; 0 if not counted.
     errors: how the errors of the data were used.
     loss, noise: "squares" or "huber", and the noise for which a robust loss or a prior
         was weighted, in units of the stated errors.

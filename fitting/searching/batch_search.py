@@ -94,4 +94,4 @@ class BatchSearch:
             before = self.best.cost.copy()
             self.run(self.best.y[:, beside[side, which]], which)
             news, also = self.best.cost < (1.0 - 1e-3) * before, False
-            tell()
+            tell(done=0)

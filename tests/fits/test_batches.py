@@ -152,6 +152,9 @@ def test_psi_and_delta_with_gaps_and_errors_of_their_own():
     )
     assert_same(fit(m, FILM, errors="scaled", intervals="quadratic"), found[1])
     assert found.n_data.tolist() == [40, 39, 40]
+    m = Measurement.from_columns(angle, wave, psi=data["psi"][1], delta=data["delta"][1])
+    plain = fit_many(angle, wave, **data, sample=FILM, check=1)
+    assert_same(fit(m, FILM, intervals="quadratic"), plain[1])
 
 
 def test_a_plate_whose_k_is_beside_0():
