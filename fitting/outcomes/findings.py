@@ -230,7 +230,7 @@ def _other_minima(found: FitData, ok: np.ndarray) -> Iterator[tuple[Any, ...]]:
     sets = [found.parameters, *(a.parameters for a in found.others)]
     each = {n: np.stack([np.asarray(p[n].value) for p in sets]) for n in best.parameters}
     thick = tuple(n for n in each if "thickness" in n)
-    ranges = [np.stack([np.nanmin(each[n], 0), np.nanmax(each[n], 0)], -1) for n in thick]
+    ranges = [np.stack([f.reduce(each[n], 0) for f in (np.fmin, np.fmax)], -1) for n in thick]
     there = np.stack([np.isfinite(a.delta_chi2) for a in found.others])
     yield "other_minima", ok & there[0], {
         "count": there.sum(0), "parameters": tuple(each),
