@@ -66,6 +66,16 @@ def test_every_page_is_in_the_navigation():
     assert sorted(listed) == sorted(p.relative_to(DOCS).as_posix() for p in PAGES)
 
 
+def test_numbers_have_a_leading_zero():
+    texts = {p: p.read_text(encoding="utf-8") for p in [*PAGES, ROOT / "README.md"]}
+    del texts[DOCS / "speed.md"]  # being measured anew
+    for page, text in texts.items():
+        prose = re.sub(
+            r"^```.*?^```|`[^`\n]*`|\]\([^)]*\)", "", text, flags=re.DOTALL | re.MULTILINE
+        )
+        assert re.findall(r"(?<![\w.)\]])\.\d.*", prose) == [], page
+
+
 def test_the_gallery_has_every_picture_and_every_script():
     gallery = (DOCS / "gallery.md").read_text(encoding="utf-8")
     charts = (DOCS / "charts.md").read_text(encoding="utf-8")
