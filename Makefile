@@ -18,7 +18,7 @@ notebooks: .venv/installed-test  ## the tutorials as notebooks, in examples/note
 test: .venv/installed-test  ## the tests (several minutes on 2 cores)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
-test-docs: .venv/installed-test  ## that docs and examples run and print what is shown, and the benchmarks measure what they say
+test-docs: .venv/installed-test .venv/installed-docs  ## that docs and examples run and print what is shown, and the benchmarks measure what they say
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "docs and not study"
 
 # Those that take a second or two, of each room of `fitting` and each part of `fresnel_jax`.

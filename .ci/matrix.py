@@ -3,9 +3,8 @@
 For each environment: the wheel is installed into a fresh virtual environment and, in a folder of
 its own outside of the checkout, the tests of the physics run on the installed package, and the
 command `fresnel-fit` fits the files that ship with the project, whose tables have to be those of
-the README. Then the two commands of the README, `make demo` and `make test`, and `make test-docs`
-run in a fresh clone with the same versions. Prints a table in Markdown, and the last lines of what
-failed.
+docs. Then the two commands of the README, `make demo` and `make test`, and `make test-docs` run in
+a fresh clone with the same versions. Prints a table in Markdown, and the last lines of what failed.
 
     python .ci/matrix.py [--only oldest,...] [--without-make-test] [--pre] [PYTHON ...]
 
@@ -97,12 +96,12 @@ def try_one(
             (shutil.copytree if source.is_dir() else shutil.copy)(source, copy)
         pytest = [binaries / "python", "-m", "pytest", "-q", "--durations=0", "--durations-min=60"]
         step("physics", [*pytest, "-n", "2", "tests/physics"], folder / "tree")
-        readme = (ROOT / "README.md").read_text(encoding="utf-8")
+        docs = "".join(p.read_text(encoding="utf-8") for p in (ROOT / "docs").rglob("*.md"))
         for file in sorted((ROOT / "examples" / "data").glob("*.csv")):
-            table = re.search(rf"```text\n({re.escape(file.name)}\n.*?)```", readme, re.DOTALL)
+            table = re.search(rf"```text\n({re.escape(file.name)}\n.*?)```", docs, re.DOTALL)
             printed = step("shipped files", [binaries / "fresnel-fit", file])
-            if printed is None or (table and printed.split() != table[1].split()):
-                failed.append(f"{name}, {file.name}: not the table of the README\n{printed}")
+            if printed is None or table is None or printed.split() != table[1].split():
+                failed.append(f"{name}, {file.name}: not the table of docs\n{printed}")
                 row["shipped files"] = "FAILED"
                 break
         step("make demo", ["git", "clone", "-q", ROOT, folder / "clone"])

@@ -145,7 +145,8 @@ def fit_many(
         check: how many curves are searched afresh in a round; 0 with ``start`` or ``near``: none.
         seed: of the choice of these.
 
-    Returns: `Fit` of the batch shape (...), in float64; scalars for a single curve (M,). A curve
+    Returns:
+        `Fit` of the batch shape (...), in float64; scalars for a single curve (M,). A curve
         with values that are none of a measurement (out of range, or all 0 as of a dead pixel) has
         the status "refused", and its warning the reason.
         It takes about 4 us for a bare surface (60 angles, R_s and R_p, two cores), and .2 ms for a

@@ -35,7 +35,8 @@ class Fit(FitData):
             wavelength_um: micrometres, at the angles: one, or one for each angle. Left out where
                 each fit of the batch has its own.
 
-        Returns: `Prediction` of shape (N,) at data and rows; S + (A,) at angles.
+        Returns:
+            `Prediction` of shape (N,) at data and rows; S + (A,) at angles.
         """
         return predict(self, at, quantity, wavelength_um)
 

@@ -230,7 +230,8 @@ def fit(
             the seed of their sequence. A bare surface starts from a mesh instead.
         start: name -> value of one additional starting point.
 
-    Returns: `Fit`, of batch shape () for shared parameters or one wavelength, else (W,).
+    Returns:
+        `Fit`, of batch shape () for shared parameters or one wavelength, else (W,).
         From data without noise eta of a bare surface is found to about 1e-14, k above .01 to 3e-11.
 
     Raises:

@@ -42,43 +42,49 @@ def read_csv(
 ) -> Measurement:
     """Return the measurement in the text file at ``path``, with a sentence of how it was read.
 
-    A ``path`` of - is standard input.
-
     Delimiter, decimal mark, encoding, header, units and layout are found out; an option overrules
     each. What could mean two things, or contradicts itself, is refused. Every option is also a flag
     of the command line with the same name and the same text.
 
-    columns: role -> header name or number from 1, ``"angle=1,R_s=2,sigma_R_s=3"`` or a mapping;
-        then these columns alone are read. Roles: angle, wavelength, polarization, polarizer, the
-        names in ``QUANTITIES``, and sigma_ before one.
-    angle_deg: angle of incidence of a file without a column for it, degrees.
-    angle_unit: deg, rad, grazing-deg (from the surface), or 1/angstrom, 1/nm for
-        Q = (4 pi / wavelength) cos(angle).
-    wavelength_um: wavelength of a file without a column for it, micrometres.
-    wavelength_unit: nm, um, angstrom, mm, eV, meV, keV, cm-1, 1/um, THz, GHz, Hz, rad/s, rad/fs,
-        all of light in vacuum.
-    polarization: s, p or unpolarized for the whole file; what the codes of its column mean,
-        ``"0=s,1=p"``; or angle-from-p, angle-from-s for the angle of a polarizer in degrees.
-    scale: factor that makes R and T (and their standard errors) fractions; 0.01 for percent.
-    divide_by: a second file, the scan of a reference, read with the same options: R and T are
-        divided by its values at the same angle and wavelength, or between them by straight lines;
-        both may be counts. The standard errors of both are propagated.
-    ratio_to: text of a sample without anything to be fitted, "Si": values of R and their errors
-        are ratios to its reflectance, and are multiplied by it.
-    sigma: standard error of the values that have none, a fraction (degrees for psi and delta); of
-        the ratio, where there is one.
-    psi_unit: deg or rad, for psi and delta.
-    missing: numbers or words that stand for a gap in the values, "0" or "-9999,bad"; "none" if
-        zeros were measured.
-    ignore: columns that shall not be read, by header or number from 1, "temperature,7". A column
-        that is not read is else refused, unless it is constant, a running number, or of no use
-        by its name (a raw signal, an error of the angle); a file need not have it.
-    lines: range of lines that may hold rows, 10-200, 10- or -200.
-    delimiter: tab, semicolon, comma, pipe, blank, or the sign. decimal: "." or ",".
-    encoding: a name that Python knows.
-    Numbers are ``float`` of their text to the last bit; percent, nm and angstrom are one division.
-    Raises MeasurementError and no other error, with file, line, column, what came, what was wanted
-        and the option that settles it.
+    Args:
+        path: the file; - is standard input.
+        columns: role -> header name or number from 1, ``"angle=1,R_s=2,sigma_R_s=3"`` or a mapping;
+            then these columns alone are read. Roles: angle, wavelength, polarization, polarizer,
+            the names in ``QUANTITIES``, and sigma_ before one.
+        angle_deg: angle of incidence of a file without a column for it, degrees.
+        angle_unit: deg, rad, grazing-deg (from the surface), or 1/angstrom, 1/nm for
+            Q = (4 pi / wavelength) cos(angle).
+        wavelength_um: wavelength of a file without a column for it, micrometres.
+        wavelength_unit: nm, um, angstrom, mm, eV, meV, keV, cm-1, 1/um, THz, GHz, Hz, rad/s,
+            rad/fs, all of light in vacuum.
+        polarization: s, p or unpolarized for the whole file; what the codes of its column mean,
+            ``"0=s,1=p"``; or angle-from-p, angle-from-s for the angle of a polarizer in degrees.
+        scale: factor that makes R and T (and their standard errors) fractions; 0.01 for percent.
+        divide_by: a second file, the scan of a reference, read with the same options: R and T are
+            divided by its values at the same angle and wavelength, or between them by straight
+            lines; both may be counts. The standard errors of both are propagated.
+        ratio_to: text of a sample without anything to be fitted, "Si": values of R and their errors
+            are ratios to its reflectance, and are multiplied by it.
+        sigma: standard error of the values that have none, a fraction (degrees for psi and delta);
+            of the ratio, where there is one.
+        psi_unit: deg or rad, for psi and delta.
+        missing: numbers or words that stand for a gap in the values, "0" or "-9999,bad"; "none" if
+            zeros were measured.
+        ignore: columns that shall not be read, by header or number from 1, "temperature,7". A
+            column that is not read is else refused, unless it is constant, a running number, or of
+            no use by its name (a raw signal, an error of the angle); a file need not have it.
+        lines: range of lines that may hold rows, 10-200, 10- or -200.
+        delimiter: tab, semicolon, comma, pipe, blank, or the sign.
+        decimal: "." or ",".
+        encoding: a name that Python knows.
+
+    Returns:
+        A `Measurement`. Its numbers are ``float`` of their text to the last bit; percent, nm and
+        angstrom are one division.
+
+    Raises:
+        MeasurementError: the only error; it names file, line, column, what came, what was wanted
+            and the option that settles it.
     """
     source = source_of(path)
     with named(source):

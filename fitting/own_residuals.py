@@ -223,8 +223,9 @@ def fit_residuals(
             standard errors.
         batch: whether to fit each entry of the batch axis by itself.
 
-    Returns: `Fit` of batch shape (), or (S,) with ``batch``. Its `predict` and `index` raise
-        ValueError, since it has no sample.
+    Returns:
+        `Fit` of batch shape (), or (S,) with ``batch``. Its `predict` and `index` raise ValueError,
+        since it has no sample.
 
     Raises:
         ValueError: for names and values that are wrong or do not go together, and for residuals

@@ -125,7 +125,8 @@ def simulate(
         quantity: R_s, R_p, R, R_back, T_s, T_p, T, psi or delta. All three broadcast to one axis of
             N points.
 
-    Returns: (N,) float64, powers as fractions, psi and delta in degrees.
+    Returns:
+        (N,) float64, powers as fractions, psi and delta in degrees.
 
     Raises:
         ValueError: for a missing or unknown name of a parameter or quantity, and for angles and

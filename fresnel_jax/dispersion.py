@@ -25,6 +25,8 @@ wavelength that is not a finite number above 0 is refused by every model where i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array, ArrayLike
@@ -202,7 +204,9 @@ def material_from_yaml(text: str, name: str) -> Material:
 
 
 def material_from_tables(
-    n: tuple[ArrayLike, ArrayLike], k: tuple[ArrayLike, ArrayLike] | None, name: str
+    n: Sequence[ArrayLike | Sequence[float]],
+    k: Sequence[ArrayLike | Sequence[float]] | None,
+    name: str,
 ) -> Material:
     """An index from a table of n and one of k, each interpolated as in `Tabulated`.
 

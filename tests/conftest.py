@@ -1,8 +1,10 @@
 """Shared by all tests: float64 is on (float32 is tested with float32 arrays)."""
 
+import ctypes
 import gc
 import re
 import shutil
+import sys
 import tempfile
 from pathlib import Path
 
@@ -15,7 +17,7 @@ jax.config.update("jax_enable_x64", True)
 # sixth of the time of tests that trace.
 gc.set_threshold(100_000, 50, 100)
 
-# Some gigabytes of programs, of the 65,530 mappings that a process may have.
+# A gigabyte of programs, of the 65,530 mappings that a process may have.
 MOST_MAPPINGS = 12_000
 # The workers of a run share what takes a second to compile, in a folder that is gone afterwards.
 # Not what takes less: writing thousands of programs ended in a segmentation fault of jaxlib once.
@@ -51,12 +53,17 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope="module", autouse=True)
 def _few_compiled_programs():
-    """Forget compiled programs when there are many, for the memory and the mappings they take."""
+    """Give memory back, and forget compiled programs when there are many, for their mappings.
+
+    What compiling used stays in pieces between the programs: half of what a worker took.
+    """
     yield
     mappings = Path("/proc/self/maps")
     if mappings.exists() and len(mappings.read_bytes().splitlines()) > MOST_MAPPINGS:
         jax.clear_caches()
         gc.collect()
+    if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "malloc_trim"):
+        libc.malloc_trim(0)
 
 
 @pytest.fixture

@@ -1,9 +1,9 @@
 """Fits a second: one curve to many, beside scipy and lmfit in the same run.
 
-Semiconductors (eta 2-5, k .01-3), 60 angles from 1 to 89 degrees, R_s and R_p, noise .1 %, float64.
-Beside them batches of 100 and of 10,000 in which dielectrics, weak absorbers, semiconductors and
-metals are mixed, whose slow curves must not hold the others. And 10,000 films on silicon, 60
-wavelengths, three unknowns, each begun from a neighbour's minimum.
+Semiconductors (eta 2-5, k 0.01-3), 60 angles from 1 to 89 degrees, R_s and R_p, noise 0.1 %,
+float64. Beside them batches of 100 and of 10,000 in which dielectrics, weak absorbers,
+semiconductors and metals are mixed, whose slow curves must not hold the others. And 10,000 films on
+silicon, 60 wavelengths, three unknowns, each begun from a neighbour's minimum.
 
 Every round times each contestant once, and the best of the rounds counts, since other programs on
 the machine can only slow a round down. The time of the processor is given as well: on a busy
@@ -265,8 +265,8 @@ def markdown(r: dict) -> str:
         "# Fits a second",
         "",
         "Made by `python -m benchmarks.speed.fit_throughput --out docs/benchmarks`. One bare "
-        "interface, 60 angles from 1 to 89 degrees, R_s and R_p, noise .1 %, float64; "
-        "semiconductors (eta 2 to 5, k .01 to 3), or mixed with dielectrics, weak absorbers and "
+        "interface, 60 angles from 1 to 89 degrees, R_s and R_p, noise 0.1 %, float64; "
+        "semiconductors (eta 2 to 5, k 0.01 to 3), or mixed with dielectrics, weak absorbers and "
         f"metals. The best of {r['rounds']} interleaved rounds, in each of which a batch of up to "
         f"{SMALL} is fitted "
         f"{IN_A_ROW} times. The peers use one processor, fit_many all; other programs slow down "

@@ -210,7 +210,7 @@ def aims(results: dict) -> list[tuple]:
                 rates = {size: size / times[job, size] for size in SIZES}
                 share = rates[LARGE[-1]] / max(rates.values())
                 rows.append(
-                    (dtype, way, f"{job}, 1e7: of its best rate", ">= .9", share, share >= 0.9)
+                    (dtype, way, f"{job}, 1e7: of its best rate", ">= 0.9", share, share >= 0.9)
                 )
             for kind, of, most in (
                 ("lossless, with gradient", "lossless", 2.0),

@@ -1,4 +1,4 @@
-"""The chart of the README: eight methods, the speed of each against its error, in two panels.
+"""The chart of docs/comparison.md: the speed of eight methods against their errors, two panels.
 
 On the left the errors are those for metals, where everybody is right; on the right the largest ones
 over the classes of scenes in which the method takes part. All methods and classes are in `chart`.

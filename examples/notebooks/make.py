@@ -1,7 +1,7 @@
 """Writes the tutorials of docs/tutorials as notebooks beside this file: `make notebooks`.
 
-A Python block of a page is a code cell, all else is text; outputs shown on the page are left out.
-The first cell goes to the project's folder, where the data are, and keeps files out of it.
+A Python block of a page is a code cell with the output that the page shows below it; all else is
+text. Notebooks run in their own folder, so that the path of the data differs from that of the page.
 """
 
 import json
@@ -10,36 +10,38 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 PAGES = HERE.parents[1] / "docs" / "tutorials"
-FIRST = """\
-# The pages of the tutorials run in a folder of their own, beside the project's examples.
-import os, sys, tempfile
-from pathlib import Path
-
-root = next(p for p in [Path.cwd(), *Path.cwd().parents] if (p / "examples" / "data").is_dir())
-sys.path.insert(0, str(root))
-os.chdir(tempfile.mkdtemp())
-os.symlink(root / "examples", "examples")"""
+CODE = re.compile(r"^```python\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", re.DOTALL | re.MULTILINE)
 
 
 def cell(kind: str, text: str, number: int) -> dict:
     """A cell of a notebook, format 4.5."""
-    made = {"cell_type": kind, "id": f"cell-{number}", "metadata": {},
+    return {"cell_type": kind, "id": f"cell-{number}", "metadata": {},
             "source": text.strip("\n").splitlines(keepends=True)}  # fmt: skip
-    return made | ({"execution_count": None, "outputs": []} if kind == "code" else {})
+
+
+def code_cell(code: str, printed: str | None, number: int) -> dict:
+    """A cell of code, with what it prints."""
+    lines = (printed or "").splitlines(keepends=True)
+    outputs = [{"name": "stdout", "output_type": "stream", "text": lines}] if lines else []
+    code = code.replace("examples/data/", "../data/")
+    return cell("code", code, number) | {"execution_count": None, "outputs": outputs}
 
 
 def notebook(page: str) -> str:
     """The notebook of a page's text, as JSON."""
     # Links and pictures of the page are relative to docs/tutorials.
     page = re.sub(r"\]\((?!http)([^)]+)\)", r"](../../docs/tutorials/\1)", page)
-    page = re.sub(r"(```python\n.*?```)\n\n```text\n.*?```", r"\1", page, flags=re.DOTALL)
-    parts = re.split(r"```python\n(.*?)```\n", page, flags=re.DOTALL)
-    cells = [("code", FIRST)]
-    cells += [("code" if i % 2 else "markdown", p) for i, p in enumerate(parts) if p.strip()]
-    cells[0], cells[1] = cells[1], cells[0]
+    cells, end = [], 0
+    for block in [*CODE.finditer(page), None]:
+        text = page[end : block.start() if block else None]
+        if text.strip():
+            cells.append(cell("markdown", text, len(cells)))
+        if block:
+            cells.append(code_cell(block[1], block[2], len(cells)))
+            end = block.end()
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
     content = {
-        "cells": [cell(*c, number) for number, c in enumerate(cells)],
+        "cells": cells,
         "metadata": {"kernelspec": kernel, "language_info": {"name": "python"}},
         "nbformat": 4, "nbformat_minor": 5,
     }  # fmt: skip

@@ -229,7 +229,8 @@ def choose(
         progress: called with the label of each candidate before it is tried, and again before it is
             searched thoroughly; ``print`` will do.
 
-    Returns: a `Choice`. How often the true model of simulated spectra is found, and how seldom a
+    Returns:
+        A `Choice`. How often the true model of simulated spectra is found, and how seldom a
         parameter too many, is in docs/fitting.md.
 
     Raises:

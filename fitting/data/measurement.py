@@ -110,7 +110,8 @@ class Measurement:
                 is a gap and leaves the datum out. A ratio to a reference times the reflectance of
                 the latter, ``simulate("Si", {}, angle_deg, wavelength_um, "R_s")``, is R_s.
 
-        Returns: a `Measurement` whose ``understood`` states the ranges of the values.
+        Returns:
+            A `Measurement` whose ``understood`` states the ranges of the values.
 
         Raises:
             MeasurementError: for an unknown name, unequal lengths, or a value out of its range.

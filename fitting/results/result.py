@@ -178,7 +178,8 @@ class FitData:
                 known at the measured ones only.
             medium: "film", "substrate", ... of `Sample.places`; None for the first unknown one.
 
-        Returns: `IndexBand` of arrays (W,).
+        Returns:
+            `IndexBand` of arrays (W,).
         """
         if self.evaluator is None:
             raise ValueError("this fit is of your own residuals; it has no sample and no index.")

@@ -198,6 +198,7 @@ def test_glass_is_told_from_an_absorber(k, label):
     assert rows[1][3] == "+0.0"
 
 
+@pytest.mark.study
 def test_dispersion_is_seen_in_a_spectrum():
     waves = np.array([0.4, 0.6, 0.8])
     angles = np.repeat([50.0, 65.0, 75.0, 80.0], 3)

@@ -116,6 +116,7 @@ def test_special_cases_have_the_program_of_the_wider_model(family):
         np.testing.assert_array_equal(starts(b.moving, 64, 5)[rows], starts(a.moving, 64, 5))
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     "model",
     ["cauchy:2", "sellmeier:1", "lorentz:1", pytest.param("drude", marks=pytest.mark.study)],

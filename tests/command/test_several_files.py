@@ -37,6 +37,7 @@ def test_the_residuals_of_each_file(tmp_path, sample):
     assert fit(files[0], sample).notes == ()
 
 
+@pytest.mark.study
 def test_a_file_of_another_sample_stands_out(tmp_path):
     names = ("one.csv", "two.csv", "other.csv")
     paths = [

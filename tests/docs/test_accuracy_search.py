@@ -193,6 +193,7 @@ BY_THE_COSINE = {
 }  # fmt: skip
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     "name",
     [pytest.param(n, marks=[pytest.mark.study] if "rough" in n else []) for n in BY_THE_COSINE],
@@ -217,6 +218,7 @@ def test_derivatives_by_the_cosine(name):
     np.testing.assert_allclose(found, slopes, rtol=64 * 2.2e-16, atol=64 * 2.2e-16)
 
 
+@pytest.mark.study
 def test_absorption_of_evanescent_light_in_front_of_a_guided_mode():
     """A_s of a thick layer beyond its critical angle, by the index of the film behind it: formed
     from losses that cancel, the derivative was 2e5 eps off."""
@@ -240,6 +242,7 @@ def test_absorption_of_evanescent_light_in_front_of_a_guided_mode():
     np.testing.assert_allclose(found, slope, rtol=64 * 2.2e-16)
 
 
+@pytest.mark.study
 def test_thick_layers_at_grazing_incidence_beside_a_guided_mode():
     """T and all absorptions there were 2,600 eps off, by the common factor 1 / (1 - R' P^2 R):
     what a film between the layers loses was formed as the difference of 1 - R and T."""

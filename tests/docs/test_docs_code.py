@@ -44,6 +44,8 @@ def as_a_newcomer(tmp_path, monkeypatch):
 
 
 WITH_PYTHON = [p for p in PAGES if PYTHON.search(p.read_text(encoding="utf-8"))]
+# How many starting points lead to the minimum depends on the processor's rounding.
+STARTS = re.compile(r"\d+ of \d+ starting points")
 LONG = {"own_loss.md", "film.md", "path_tracer.md"}  # tutorials that compile for a minute
 
 
@@ -62,7 +64,7 @@ def test_python_blocks_run_and_print_what_is_shown(page, as_a_newcomer):
         with contextlib.redirect_stdout(printed):
             exec(compile(code, name(page), "exec"), namespace)
         if shown:
-            assert printed.getvalue().rstrip() == shown.rstrip()
+            assert STARTS.sub("", printed.getvalue()).rstrip() == STARTS.sub("", shown).rstrip()
 
 
 def commands():

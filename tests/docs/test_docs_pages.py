@@ -66,10 +66,22 @@ def test_every_page_is_in_the_navigation():
     assert sorted(listed) == sorted(p.relative_to(DOCS).as_posix() for p in PAGES)
 
 
+def test_numbers_have_a_leading_zero():
+    texts = {p: p.read_text(encoding="utf-8") for p in [*PAGES, ROOT / "README.md"]}
+    del texts[DOCS / "speed.md"]  # being measured anew
+    for page, text in texts.items():
+        prose = re.sub(
+            r"^```.*?^```|`[^`\n]*`|\]\([^)]*\)", "", text, flags=re.DOTALL | re.MULTILINE
+        )
+        assert re.findall(r"(?<![\w.)\]])\.\d.*", prose) == [], page
+
+
 def test_the_gallery_has_every_picture_and_every_script():
     gallery = (DOCS / "gallery.md").read_text(encoding="utf-8")
+    charts = (DOCS / "charts.md").read_text(encoding="utf-8")
     for picture in PICTURES:
-        assert f"({picture.relative_to(DOCS).as_posix()})" in gallery
+        of_numbers = picture.parent.name in ("benchmarks", "stability")
+        assert f"({picture.relative_to(DOCS).as_posix()})" in (charts if of_numbers else gallery)
     for script in (ROOT / "examples").glob("[a-z]*.py"):
         if "_picture" in script.read_text(encoding="utf-8"):
             assert script.name in gallery
@@ -88,7 +100,10 @@ def test_notebooks_are_those_of_the_pages():
         assert (file.parent / f"{name}.ipynb").read_text(encoding="utf-8") == made, "make notebooks"
         for cell in json.loads(made)["cells"]:
             if cell["cell_type"] == "code":
-                compile("".join(cell["source"]), name, "exec")
+                code = "".join(cell["source"])
+                compile(code, name, "exec")
+                for data in re.findall(r'"(\.\./[^"]+)"', code):
+                    assert (file.parent / data).exists(), data
 
 
 @pytest.mark.parametrize("on_the_path", [False, True])

@@ -1,4 +1,4 @@
-"""The README's tables are those of today, and its pictures and files exist.
+"""What the README points at exists; tables of shipped scans and of the comparison are of today.
 
 Its code is run by `test_docs_code`.
 """
@@ -13,6 +13,7 @@ from tests.command_line import ROOT, own_cache  # noqa: F401 (a fixture)
 
 pytestmark = pytest.mark.docs  # of `make test-docs`
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+DOCS = "".join(p.read_text(encoding="utf-8") for p in (ROOT / "docs").rglob("*.md"))
 
 
 def test_what_the_readme_points_at_exists():
@@ -50,7 +51,7 @@ def column(page, heading, place):
     ],
 )  # fmt: skip
 def test_the_comparison_has_the_figures_of_the_benchmarks(shown, page, heading, place):
-    (row,) = re.findall(rf"^\| {re.escape(shown)} \|(.*)\|$", README, re.MULTILINE)
+    (row,) = re.findall(rf"^\| {re.escape(shown)} \|(.*)\|$", DOCS, re.MULTILINE)
     names = ("reflectance", "Tmm", "TmmFast", "Tmmax", "JaxLayerLumos", "PyElli", "Mitsuba")
     measured = column(page, heading, place)
     for name, cell in zip(names, row.split("|"), strict=True):
@@ -60,7 +61,7 @@ def test_the_comparison_has_the_figures_of_the_benchmarks(shown, page, heading, 
 
 @pytest.mark.parametrize("scan", ["germanium_633nm_simulated", "gold_532nm"])
 def test_the_tables_are_what_make_demo_prints(scan):
-    (shown,) = re.findall(rf"```text\n({scan}\.csv.*?)```", README, re.DOTALL)
+    (shown,) = re.findall(rf"```text\n({scan}\.csv.*?)```", DOCS, re.DOTALL)
     command = [sys.executable, "-m", "fitting", f"examples/data/{scan}.csv"]
     printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     assert shown.splitlines() == printed.splitlines()

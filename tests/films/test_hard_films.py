@@ -79,6 +79,7 @@ def test_films_that_ended_in_a_wrong_minimum_and_are_soon_fitted(seed, cost, thi
     ends_in(seed, cost, thickness)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("seed, cost, true", [
     # by T: the lowest chi2 was 89.4, with no index near that of a medium beside it
     pytest.param(301376029, 84.1, 14.12, marks=pytest.mark.study),

@@ -9,6 +9,7 @@ SAMPLE = "air | cauchy:1 100..20000 nm | BK7"
 WAVELENGTHS = 1.0 / np.linspace(1.0 / 0.9, 1.0 / 0.4, 25)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("seed", [4, 17, 52, 69, 118, 133])
 def test_every_thickness_with_the_same_fringes_at_the_points_is_told(seed):
     """Of 150 random films, those of which the true thickness was not among the solutions."""

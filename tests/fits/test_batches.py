@@ -83,6 +83,7 @@ def test_values_errors_and_curves_have_the_shape_of_the_batch(wafer):
     assert len(found.to_dataframe()) == 12
 
 
+@pytest.mark.study
 def test_what_is_fixed_or_tied_is_as_in_fit(wafer):
     """Two films of one material, of which the second has 1.1 times the first one's A."""
     R = wafer[0]
@@ -126,6 +127,7 @@ def test_a_wrong_fringe_order_of_near_is_found_out():
     np.testing.assert_allclose(found.parameters["thickness_nm"].value, thickness, atol=5.0)
 
 
+@pytest.mark.study
 def test_a_thickness_that_grows_over_many_fringes_is_followed_along_the_map():
     thickness = np.linspace(400.0, 1300.0, 40)
     R = films(thickness, np.full(40, 1.46))
@@ -157,6 +159,7 @@ def test_psi_and_delta_with_gaps_and_errors_of_their_own():
     assert_same(fit(m, FILM, intervals="quadratic"), plain[1])
 
 
+@pytest.mark.study
 def test_a_plate_whose_k_is_beside_0():
     wave = np.linspace(0.5, 0.9, 16)
     plate = "air | constant 1 mm thick held | air"

@@ -88,6 +88,7 @@ def test_one_datum_that_no_index_gives():
     assert many.status.tolist() == ["not converged", "converged"]
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("seed", [88, 164])
 def test_the_truth_is_among_the_solutions_without_stated_errors(seed):
     """Of 200 such films those whose true values were in no solution, chi2 6 to 100 higher."""

@@ -50,6 +50,7 @@ def test_the_minimum_of_all_data(noise, monkeypatch):
         assert abs(ours.value - truth) < 4.0 * ours.sigma + 1e-6 * truth
 
 
+@pytest.mark.study
 def test_the_minimum_of_whole_averages(monkeypatch):
     waves, sample = np.linspace(0.5, 0.8, 30), "air | cauchy:2 1400..1600 nm | 1.53"
     truth, beam = {**TRUTH, "thickness_nm": 1500.0}, {"divergence": 1.5}

@@ -113,6 +113,7 @@ def test_weights_decide_between_data_that_disagree():
     assert fit_many(angles, **data, sigma=first[::-1]).eta == pytest.approx(1.8, abs=1e-3)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(("eta", "k"), [(1.5, 0.3), (3.0, 1.0), (0.5, 3.0)])
 def test_errors_cover_the_truth_as_often_as_they_should(eta, k):
     """4000 repeats: the share within one and two sigma, and the scatter itself."""

@@ -88,6 +88,7 @@ def test_own_angles_gaps_and_errors_for_each_curve():
         assert one.n_data == 16 + kept.sum()
 
 
+@pytest.mark.study
 def test_order_and_company_do_not_matter():
     """Chunks, groups of lanes, second passes: a curve is found wherever it stands."""
     data = table()

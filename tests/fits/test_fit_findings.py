@@ -52,6 +52,7 @@ def test_the_upper_limit_on_k_holds(k):
     assert below < 0.08
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(("eta", "k"), [(1.5, 0.0), (0.5, 2.2), (4.0, 0.1)])
 def test_normal_incidence_fixes_only_a_circle(eta, k):
     reflectance = curves(eta, k, [0.0], ("R",))["R"]

@@ -139,6 +139,7 @@ def test_psi_and_delta_with_and_without_errors():
     np.testing.assert_allclose(value[5:], delta, atol=1.0)
 
 
+@pytest.mark.study
 def test_several_files_share_the_model_and_have_scales_of_their_own():
     first = simulated(
         "cauchy:2", {"A": 1.5, "B": 0.012, "scale": 0.95}, seed=2, quantities=("R_s",)

@@ -108,6 +108,7 @@ def test_the_shown_minimum_need_not_be_the_lowest_one():
     assert "0.55" in str(found)
 
 
+@pytest.mark.study
 def test_no_line_is_narrower_than_the_distance_of_two_data():
     """It would take up the noise of one of them: .0015 eV in place of a step of .020 eV."""
     random, wave = np.random.default_rng(2), np.linspace(0.4, 0.8, 40)

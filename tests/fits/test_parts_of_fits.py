@@ -82,6 +82,7 @@ def test_nothing_is_known_of_a_free_index_at_other_wavelengths_than_its_own():
         found.index(0.7)
 
 
+@pytest.mark.study
 def test_predictions_for_a_file_have_the_scale_of_that_file():
     sample, truth = "air | cauchy:2 100 nm held | Si", {"A": 1.8, "B": 0.005}
     wave = np.linspace(0.4, 0.8, 20)

@@ -114,6 +114,7 @@ def test_the_derivatives_are_those_of_the_one_program(case):
                 np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-11 * np.abs(a).max())
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("case", "loss"),
     [

@@ -240,11 +240,11 @@ def test_psi_alone_is_too_little(tmp_path, capsys):
 
 
 def test_transmittance_is_refused_with_what_to_say(tmp_path, capsys):
-    file = table(tmp_path / "plate 2.5mm.csv", [70.0], [0.5], [20.0], [0.8],
+    file = table(tmp_path / "plate.csv", [70.0], [0.5], [20.0], [0.8],
                  head="angle_deg,wavelength_um,psi,T")  # fmt: skip
     assert cli.main([file]) == 2
     error = capsys.readouterr().err
-    assert "T cannot be fitted" in error and "free 2.5 mm thick" in error and error.count("\n") == 1
+    assert "T cannot be fitted" in error and "free 3 mm thick" in error and error.count("\n") == 1
 
 
 def test_reference_beside_a_spectrum_of_reflectances(tmp_path, capsys):

@@ -8,12 +8,14 @@ from tests.truth.random_films import simulated
 from tests.truth.random_spectra import SETUPS
 
 
+@pytest.mark.study
 def test_three_oscillators_are_found_where_random_starts_miss_them():
     """Seed 8: of 512 random starts none reaches the best minimum, which is 448 lower."""
     found = one("lorentz:3", SETUPS[2], 8)
     assert found is not None and found["best"] and not found["failed"]
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     "model, setup, seed",
     [

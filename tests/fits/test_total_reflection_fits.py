@@ -33,6 +33,7 @@ def fitted(data, eta_i, **how):
     return fit_many(ANGLES, **data, sample=f"{float(eta_i)!r} | free", **how)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("eta", "k", "eta_i"),
     [(0.458, 0.0, 1.0), pytest.param(1.0, 2e-4, 1.5, marks=pytest.mark.study)],

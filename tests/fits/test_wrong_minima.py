@@ -30,6 +30,7 @@ def excess(angles, data, eta, k, noise, eta_i=1.0):
     return np.where(found.status == "converged", above, 0.0), found
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("low", "high", "low_n", "high_n"),
     [

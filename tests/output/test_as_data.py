@@ -100,15 +100,6 @@ def test_csv_of_the_data_reads_back_to_the_last_bit(gold):
     assert all(float(r["sigma_fitted"]) > 0.0 for r in rows)
 
 
-@pytest.mark.parametrize("decimal", [".", ","])
-def test_csv_of_the_data_is_read_as_the_same_measurement(gold, spectrum, tmp_path, decimal):
-    for found in (gold, spectrum):
-        (tmp_path / "data.csv").write_text(data_csv(found, decimal))
-        back, m = read_csv(tmp_path / "data.csv"), found.measurement
-        for name in ("angle_deg", "wavelength_um", "quantity", "value", "sigma", "polarizer_deg"):
-            np.testing.assert_array_equal(getattr(back, name), getattr(m, name))
-
-
 def test_csv_of_the_index_is_a_table_of_an_index(spectrum):
     rows = np.genfromtxt(
         io.StringIO(index_csv(spectrum)), delimiter=",", comments="#", usecols=(0, 1, 2)

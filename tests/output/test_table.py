@@ -143,6 +143,7 @@ def test_a_batch_without_data_is_told_curve_by_curve():
     assert repr(found) == "<Fit: 3 curves, 3 converged>"
 
 
+@pytest.mark.study
 def test_a_batch_of_very_many_curves_is_told_by_its_ends():
     angles = np.array([30.0, 50.0, 65.0, 75.0, 82.0])
     of = {q: textbook(angles, np.full(5, q), 0.5, 2.2) for q in ("R_s", "R_p")}

@@ -87,6 +87,7 @@ def root_of(values, data):
     return jnp.sqrt(values["a"]) * data["x"] - data["y"]
 
 
+@pytest.mark.study
 def test_switches_for_debugging_reach_into_no_fit(debugging):
     m = Measurement.from_columns(**GLASS)
     assert fit(m).status == "converged"

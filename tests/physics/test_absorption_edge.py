@@ -186,6 +186,7 @@ def test_gradients_against_differences_of_the_published_form():
                 assert float(found[i]) == pytest.approx(true, rel=1e-9, abs=1e-10)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 def test_derivatives_by_the_width_go_on_through_twice_the_resonance(dtype):
     """Where alpha is 0, beside it, and on to widths at which a pole lies near 0; by quadrature."""

@@ -101,6 +101,7 @@ def test_f82_from_reflectances_is_f82():
     np.testing.assert_allclose(given, expected, atol=1e-14)  # a sum of 10 terms of order 1
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("name", CURVES)
 @pytest.mark.parametrize("cosine", [0.0, 0.3, 1.0])
 def test_derivatives_against_differences(name, cosine):

@@ -216,6 +216,7 @@ def test_furnace_albedo(case):
             assert value <= 1.0 + 1e-12
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("alpha", [(0.2, 0.2), (0.6, 0.3)])
 @pytest.mark.parametrize("mu", [0.9, 0.3, -0.9, -0.6])
 def test_equilibrium_from_either_side(alpha, mu):

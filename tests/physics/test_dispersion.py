@@ -206,6 +206,7 @@ def test_faddeeva_function_and_its_derivative(dtype):
     assert max(slope_errors) < (1e-11 if dtype is np.float64 else 20 * np.finfo(dtype).eps)
 
 
+@pytest.mark.study
 @both_types
 def test_brendel_bormann_is_the_average_over_a_gaussian(dtype):
     """By quadrature of the definition; float64 errors come from the Faddeeva function."""

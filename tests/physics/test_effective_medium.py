@@ -62,6 +62,7 @@ def media(dtype, count, several, seed):
         yield eta.astype(dtype), k.astype(dtype), share.astype(dtype)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize("several", [2, 3, pytest.param(4, marks=pytest.mark.study)])
 @pytest.mark.parametrize("model", MODELS)

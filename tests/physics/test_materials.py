@@ -65,6 +65,15 @@ def test_every_record_names_its_source_and_covers_its_range(name):
         assert not k.any()
     if record.kind == "conductor":
         assert (k[(wavelengths > 0.4) & (wavelengths < 0.8)] > 1.0).all()
+
+
+@pytest.mark.study
+@every_material
+def test_every_record_has_slopes_and_is_the_same_in_float32(name):
+    record, model = materials.lookup(name), material(name)
+    low, high = record.range_um or (0.1, 100.0)
+    wavelengths = np.geomspace(low, high, 301)
+    wavelengths[[0, -1]] = low, high
     assert np.isfinite(slopes(model.model, wavelengths)).all()
     rounded = wavelengths.astype(np.float32)
     single = model(rounded)

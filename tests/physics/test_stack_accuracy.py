@@ -81,7 +81,7 @@ def _stacks(layers, dtype):
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("layers", [1, 3])
+@pytest.mark.parametrize("layers", [pytest.param(1, marks=pytest.mark.study), 3])
 def test_powers_and_amplitudes_of_hard_stacks(layers, dtype):
     c, n, k, d, wavelength = _stacks(layers, dtype)
     media = n + np.asarray(1j, np.result_type(dtype, np.complex64)) * k

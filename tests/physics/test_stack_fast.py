@@ -249,6 +249,7 @@ def slopes(function, at):
     return np.array([(function(at + step) - function(at - step)) / 2e-5 for step in steps])
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("coherent", [(True, True), (True, False)])
 def test_reverse_mode_has_the_slopes_of_the_exact_tier(coherent):
     with jax.enable_x64(True):

@@ -134,6 +134,7 @@ TIMES = np.linspace(0.0, 2.0, 30)
 DECAY = {"height": (0.5, 5.0), "rate": (0.1, 5.0)}, (TIMES, 2.0 * np.exp(-1.3 * TIMES))
 
 
+@pytest.mark.study
 def test_fits_have_settings_of_their_own(tmp_path):
     """Whose programs promote as NumPy does, in threads too; a caller's own function may not."""
     angle, wave = np.linspace(20.0, 80.0, 9), np.linspace(0.4, 0.9, 20)

@@ -125,7 +125,7 @@ def test_r_back_is_that_of_a_plate_between_equal_media():
     """Elsewhere R of the front was given for it: .042 for .009 of a plate on water."""
     for text in ("air | 1.5+1e-5i 1 mm thick | 1.33", "air | 1.5 1 mm thick | 2.0 1 mm thick | air",
                  "air | 1.5 100 nm held | air"):  # fmt: skip
-        with pytest.raises(ValueError, match="R_back is not computed"):
+        with pytest.raises(ValueError, match="R_back is .* not computed"):
             simulate(text, {}, 10.0, 0.5, "R_back")
     same = simulate("1.2 | 1.5+1e-5i 1 mm thick | 1.2", {}, 10.0, 0.5, ["R", "R_back"])
     assert same[0] == same[1]
@@ -160,7 +160,7 @@ def test_a_fit_is_evaluated_only_where_it_says_something():
             ask()
     with pytest.raises(ValueError, match="angle of incidence of 100"):
         found.predict(100.0, "R", 0.5)
-    with pytest.raises(ValueError, match="R_back is not computed"):
+    with pytest.raises(ValueError, match="R_back is .* not computed"):
         found.predict(30.0, "R_back", 0.5)
     # The rough layer is half water: it was taken for half air.
     with jax.enable_x64(True):

@@ -61,6 +61,7 @@ def test_only_powers_have_an_error_in_proportion_to_themselves():
     assert sizes(np.array([FLOOR, RELATIVE, "scaled"]), fitted).tolist() == [1.0, 0.1, 1.0]
 
 
+@pytest.mark.study
 def test_errors_of_5_percent_of_R_are_found_and_make_the_data_beside_brewsters_angle_count():
     data, sigma = silicon((2e-3, 2e-3), 3, 400, part=0.05)
     found = fit_many(ANGLES, **data, sigma=sigma, intervals="auto")

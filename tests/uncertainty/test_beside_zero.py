@@ -46,6 +46,7 @@ def test_an_interval_far_below_0_never_vanishes():
     np.testing.assert_allclose(high, wanted, rtol=1e-9)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("t", [1.96, 4.3])
 @pytest.mark.parametrize("value", [-30.0, -5.0, -1.0, 0.0, 0.3, 1.0, 3.0, 7.0])
 def test_an_interval_that_0_may_cut_is_that_of_the_likelihood(value, t):

@@ -33,6 +33,7 @@ def fitted(batch: Batch, intervals: str = "auto") -> Fit:
     return fit_many(angles, **data, sample=sample, intervals=intervals)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(("number", "curve"), ALL)
 def test_an_interval_holds_a_true_index_that_fits_as_well(number, curve):
     batch = drawn(number, curve)

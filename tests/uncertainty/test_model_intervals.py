@@ -55,6 +55,7 @@ def rises_beside_zero(of, found, unit):
     return np.array(both) ** 2 * unit / NORMAL
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("seed", [1, 5])
 def test_k_near_zero(seed):
     """Seed 1: the best k is 0, on the bound; seed 5: it is above, and compatible with 0."""

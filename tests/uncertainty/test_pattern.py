@@ -177,6 +177,7 @@ def test_the_curves_of_a_few_solutions_stand_at_their_data():
     np.testing.assert_allclose(found, m.value, atol=1e-13)
 
 
+@pytest.mark.study
 def test_auto_says_that_no_candidate_describes_the_data(stepped, monkeypatch):
     from fitting.choice import selection as select
 
