@@ -24,7 +24,7 @@ MOST_LINES = {
     },
     "fresnel_jax": {
         "_environment": 80, "_numerics": 1200, "approximate": 260, "boundary": 900, "bsdf": 720,
-        "directions": 280, "dispersion": 220, "effective_medium": 200, "fresnel_terms": 120,
+        "directions": 280, "dispersion": 230, "effective_medium": 200, "fresnel_terms": 120,
         "indices": 1420, "interface": 280, "layers": 140, "materials": 240, "microfacet": 280,
         "performance": 200, "polarization": 300, "stacks": 2880,
     },
