@@ -22,7 +22,7 @@ from fitting.maps.map_start import Start, begin, has_data, usable
 from fitting.maps.map_store import CODES, ENDS, ORDER, STATUSES, MapStore, MapStoreError, store_of
 from fitting.maps.map_workers import run_on
 from fitting.process.progress import listening, tell
-from fitting.results.result_parts import CONVERGED, NO_DATA, NOT_CONVERGED, REFUSED
+from fitting.results.result_parts import NO_DATA, NOT_CONVERGED, REFUSED
 from fitting.samples.parameters import names_of, plain_name
 from fitting.samples.sample import Sample
 from fitting.searching.minima import alternative_chi2
@@ -81,7 +81,10 @@ def _fitted(store: MapStore, index: Any, cube: Cube, values: Any, sigma: Any) ->
     waves = np.unique(cube.wavelength_um)
     wave = cube.wavelength_um if len(waves) > 1 else None if np.isnan(waves[0]) else waves[0]
     if start.shared:
-        options["fixed"] = {**options.get("fixed", {}), **{n: v for n, (v, _) in start.shared.items()}}
+        options["fixed"] = {
+            **options.get("fixed", {}),
+            **{n: v for n, (v, _) in start.shared.items()},
+        }
         options["bounds"] = {n: b for n, b in options.get("bounds", {}).items()
                              if n not in start.shared}  # fmt: skip
 
@@ -226,8 +229,21 @@ def _here(store: MapStore, source: Source, missing: list[tuple[int, ...]], done:
             before.result()
 
 
-def _tuple(came: Any, kind: Any) -> Any:
-    return None if came is None else tuple(kind(x) for x in np.ravel(came).tolist())
+def source_of(
+    data: Any, sample: str | Sample, sigma: Any = None, mask: Any = None,
+    dataset: str | None = None, quantity: Any = None, angle_deg: Any = None,
+    wavelength_um: Any = None,
+) -> Source:  # fmt: skip
+    """Return what the cube of a map is opened from; arguments as of `fit_map`."""
+
+    def plain(came: Any, kind: Any) -> Any:
+        return None if came is None else tuple(kind(x) for x in np.ravel(came).tolist())
+
+    return Source(
+        data if hasattr(data, "dims") else os.path.abspath(data), sigma, mask, dataset,
+        plain(quantity, str), plain(angle_deg, float), plain(wavelength_um, float),
+        Sample.parse(sample).by_wavelength,
+    )  # fmt: skip
 
 
 def fit_map(
@@ -290,11 +306,7 @@ def fit_map(
     which = Sample.parse(sample)
     options = _checked(options) | {"check": check}
     named = tuple(plain_name(n) for n in names_of(shared))
-    source = Source(
-        data if hasattr(data, "dims") else os.path.abspath(data), sigma, mask, dataset,
-        _tuple(quantity, str), _tuple(angle_deg, float), _tuple(wavelength_um, float),
-        which.by_wavelength,
-    )  # fmt: skip
+    source = source_of(data, which, sigma, mask, dataset, quantity, angle_deg, wavelength_um)
     cube, path = source.open(), Path(out).absolute()
     wanted = {
         "sample": str(which), "options": {**options, "shared": list(named)},
@@ -314,8 +326,9 @@ def _fit_map(
     known = map_store.begun(out)
     if known is None:
         options = {n: v for n, v in wanted["options"].items() if n in (*_OPTIONS, "check")}
-        start = begin(cube, sample, options, shared)
-        map_store.create(out, cube, block_shape(cube, block), start.units, {
+        shape = block_shape(cube, block)
+        start = begin(cube, sample, options, shared, int(np.prod(shape)))
+        map_store.create(out, cube, shape, start.units, {
             **wanted, "title": f"Fits of {sample}", "read": str(cube), "begin": start._asdict(),
             "shared": start.shared, "places": list(cube.places), "failed_blocks": [],
             "versions": {"fresnel-jax": fitting.__version__, **{

@@ -14,11 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.batches import fit_many
+from fitting.data.quantities import POWERS
 from fitting.fit_result import Fit
 from fitting.maps.cube import Cube
 from fitting.outcomes.of_batch import BatchCurves
 from fitting.refused_curves import without_refused
 from fitting.results.result_parts import CONVERGED
+from fitting.samples.sample import Sample
 
 
 class Start(NamedTuple):
@@ -49,6 +51,14 @@ class Start(NamedTuple):
         return np.ravel_multi_index(np.ix_(*rows), tuple(map(len, self.grid)))
 
 
+def _longer(curves: Any, count: int, fill: float = np.nan) -> np.ndarray:
+    """Return curves (..., M) as (count, M) at least; an array of less than one axis as it is."""
+    if np.ndim(curves) < 2:
+        return curves
+    flat = curves.reshape(-1, curves.shape[-1])
+    return np.pad(flat, ((0, max(count - len(flat), 0)), (0, 0)), constant_values=fill)
+
+
 def usable(values: Any, sigma: Any, masked: Any = None) -> tuple[Any, Any, np.ndarray]:
     """Return values (..., M) and errors with NaN where a curve is masked or refused, and which is
     refused, (...). A datum without a standard error is left out."""
@@ -62,14 +72,9 @@ def usable(values: Any, sigma: Any, masked: Any = None) -> tuple[Any, Any, np.nd
     shape = next(iter(values.values())).shape[:-1]
 
     # With one curve of NaN, which is never refused, no batch is refused as a whole.
-    def longer(arrays: Any) -> Any:
-        return {q: np.pad(a.reshape(-1, a.shape[-1]), ((0, 1), (0, 0)), constant_values=1.0)
-                for q, a in arrays.items()}  # fmt: skip
-
-    flat = longer(values)
-    for value in flat.values():
-        value[-1] = np.nan
-    flat, errors, reasons = without_refused(flat, longer(sigma) if each else sigma)
+    flat = {q: _longer(v, v[..., 0].size + 1) for q, v in values.items()}
+    errors = {q: _longer(s, s[..., 0].size + 1, 1.0) for q, s in sigma.items()} if each else sigma
+    flat, errors, reasons = without_refused(flat, errors)
     refused = np.zeros(shape, bool) if reasons is None else (reasons[:-1] != "").reshape(shape)
     values = {q: v[:-1].reshape(values[q].shape) for q, v in flat.items()}
     if each:
@@ -83,9 +88,16 @@ def has_data(values: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.any([np.isfinite(v).any(-1) for v in values.values()], axis=0)
 
 
-def begin(cube: Cube, sample: Any, options: Mapping[str, Any], shared: tuple[str, ...]) -> Start:
-    """Return where the fits of a map begin; options: of `fit_many`."""
+def begin(
+    cube: Cube, sample: Sample, options: Mapping[str, Any], shared: tuple[str, ...], block: int
+) -> Start:
+    """Return where the fits of a map begin; options: of `fit_many`; block: curves of a block."""
     values, sigma, _ = usable(*cube.on_grid())
+    changed = shared or any(options.get(n) for n in ("free", "fixed", "bounds", "tie"))
+    if sample.bare and sample.by_wavelength and set(values) <= set(POWERS) and not changed:
+        # Only names and options are looked at, with the program of the blocks.
+        values, sigma = ({q: _longer(a, block, 1.0 if arrays is sigma else np.nan) for q, a in arrays.items()}
+                         if isinstance(arrays, Mapping) else arrays for arrays in (values, sigma))  # fmt: skip
     if not has_data(values).any():
         raise ValueError(
             "none of the pixels on a grid over the map has a curve that can be fitted: all are "
@@ -131,7 +143,9 @@ def begin(cube: Cube, sample: Any, options: Mapping[str, Any], shared: tuple[str
             others[n] = np.where(there, value, starts[n]).tolist()
     units = {n: found.parameters[n].unit for n in found.names}
     grid = [g.tolist() for g in cube.grid()]
-    misfits = [np.mean(f.at) for f in found.findings if f.code in ("chi2_large", "does_not_describe")]
+    misfits = [
+        np.mean(f.at) for f in found.findings if f.code in ("chi2_large", "does_not_describe")
+    ]
     describes = max(misfits, default=0.0) < 0.5
     return Start(units, grid, starts, others, held, slopes, spread.tolist(), bool(describes))
 

@@ -49,7 +49,7 @@ def lock(out: Path) -> Iterator[None]:
     file = out.with_name(f"{out.name}.lock")
     with contextlib.ExitStack() as closing:
         while True:
-            handle = closing.enter_context(open(file, "a+", encoding="utf-8"))  # noqa: SIM115
+            handle = closing.enter_context(open(file, "a+", encoding="utf-8"))
             locked = _locked_by_system(handle)
             handle.seek(0)
             text = handle.read()
@@ -164,9 +164,13 @@ def refuse_other(out: Path, known: Mapping[str, Any], wanted: Mapping[str, Any])
     """Raise MapStoreError where a store is of another input, sample or options."""
     for name in ("sample", "options", "input"):
         if (came := json.loads(json.dumps(wanted[name]))) != known.get(name):
-            said = "" if name == "input" else f" ({known.get(name)}; {came} came)"
+            held = known.get(name)
+            if name == "options":
+                came = {n: v for n, v in came.items() if v != held.get(n)}
+                held = {n: held.get(n) for n in came}
+            said = "" if name == "input" else f": {held}, and {came} came"
             raise MapStoreError(
-                f"{out}: it is a map of another {name}{said}. Name another store, or delete it."
+                f"{out}: it is a map with other {name}{said}. Name another store, or delete it."
             )
 
 
@@ -207,6 +211,8 @@ def create(
 
 def dataset(out: Path) -> Any:
     """Return the store as an xarray Dataset, of which nothing is loaded yet."""
-    return package("xarray", "a map").open_dataset(
+    found = package("xarray", "a map").open_dataset(
         os.fspath(out), engine="zarr", chunks=None, consolidated=False
     )
+    parameters = [name + end for name in found.attrs["begin"]["units"] for end in ENDS]
+    return found[[*parameters, "chi2", "status", "warnings"]]
