@@ -1,1 +1,1 @@
-"""Maps: many pixels' curves on disk, fitted in blocks; the store on disk is the state of the work."""
+"""Maps: the curves of many pixels, fitted in blocks; a store on disk is the state of the work."""

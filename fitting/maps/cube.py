@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import importlib
+import importlib.util
 import itertools
 import math
 import os
@@ -36,6 +36,11 @@ def package(name: str, asked: str) -> Any:
     if importlib.util.find_spec(name.partition(".")[0]) is None:
         raise MissingExtra(asked, name.partition(".")[0], "maps")
     return importlib.import_module(name)
+
+
+def text_of(index: tuple[slice, ...]) -> str:
+    """Return the pixels of a block as they are named in messages: 0:10, 0:1000."""
+    return ", ".join(f"{s.start}:{s.stop}" for s in index)
 
 
 class Labelled(NamedTuple):
@@ -78,10 +83,20 @@ class Cube(NamedTuple):
     places: Mapping[str, tuple[np.ndarray, str]]
 
     def block(self, index: tuple[slice, ...]) -> tuple[Any, Any, np.ndarray]:
-        """Return values by quantity, (pixels..., M), errors as `fit_many` takes them, and the mask."""
+        """Return values by quantity, (pixels..., M), errors for `fit_many`, and the mask."""
         at = dict(zip(self.pixels, index, strict=True))
         order = *self.pixels, *(a for a in POINTS if a not in self.pixels)
-        values = self.data.read(at, order)
+        given, sigma, mask = self.sigma, self.sigma, self.mask
+        try:
+            values = self.data.read(at, order)
+            if isinstance(given, Labelled):
+                sigma = given.read(at, order)
+            masked = None if mask is None else mask.read(at, self.pixels).astype(bool)
+        except (OSError, ValueError, RuntimeError, KeyError) as error:
+            raise ValueError(
+                f"the pixels {text_of(index)} of the input cannot be read ({error}). The blocks "
+                "that are done stay; run the same again when the input is whole."
+            ) from error
         count = values.shape[: len(self.pixels)]
 
         def by_quantity(array: np.ndarray) -> dict[str, np.ndarray]:
@@ -89,12 +104,9 @@ class Cube(NamedTuple):
             whole = whole.reshape(*count, len(self.quantity), -1)
             return {q: whole[..., i, :] for i, q in enumerate(self.quantity)}
 
-        given = self.sigma
-        sigma = by_quantity(given.read(at, order)) if isinstance(given, Labelled) else given
-        masked = np.zeros(count, bool)
-        if self.mask is not None:
-            masked |= self.mask.read(at, self.pixels).astype(bool)
-        return by_quantity(values), sigma, masked
+        sigma = by_quantity(sigma) if isinstance(given, Labelled) else sigma
+        none = np.zeros(count, bool)
+        return by_quantity(values), sigma, none if masked is None else none | masked
 
     def part(self, index: tuple[slice, ...]) -> Cube:
         """Return a cube of these pixels alone, which is sent to another process."""
@@ -107,7 +119,7 @@ class Cube(NamedTuple):
 
     def grid(self) -> list[np.ndarray]:
         """Return the places of a coarse grid of pixels along each axis."""
-        side = max(int(round(GRID_PIXELS ** (1.0 / len(self.shape)))), 1)
+        side = max(round(GRID_PIXELS ** (1.0 / len(self.shape))), 1)
         counts = [min(side, n) for n in self.shape]
         return [((np.arange(g) + 0.5) * n / g).astype(int)
                 for g, n in zip(counts, self.shape, strict=True)]  # fmt: skip
@@ -188,10 +200,7 @@ def _opened(path: Path, dataset: str | None) -> tuple[Labelled, dict[str, Any], 
         if dataset is None or dataset not in file:
             names: list[str] = []
             file.visititems(lambda name, one: names.append(name) if hasattr(one, "dtype") else None)
-            raise ValueError(
-                f"{path}: the dataset {dataset!r} was asked for; name one of "
-                f"{', '.join(names)} by dataset (--dataset)."
-            )
+            raise _unnamed(path, dataset, names)
         array = file[dataset]
         known = {d.label: (np.asarray(d[0]), d[0].attrs.get("units", "")) for d in array.dims
                  if d.label and len(d)}  # fmt: skip
@@ -201,14 +210,16 @@ def _opened(path: Path, dataset: str | None) -> tuple[Labelled, dict[str, Any], 
     if not isinstance(node, zarr.Group):
         return Labelled(node, tuple(node.metadata.dimension_names or ("",) * node.ndim)), {}, None
     file = xarray.open_dataset(os.fspath(path), engine="zarr", chunks=None, consolidated=False)
-    names = [dataset] if dataset else [n for n, v in file.data_vars.items()
-                                       if {WAVELENGTH, ANGLE} & {_role(d) for d in v.dims}]  # fmt: skip
-    if len(names) != 1 or names[0] not in file:
-        raise ValueError(
-            f"{path}: {', '.join(map(str, names)) or 'no array with an angle or a wavelength'} came; "
-            f"name one of {', '.join(map(str, file.data_vars))} by dataset (--dataset)."
-        )
-    return *_of_xarray(file[names[0]]), file
+    names = list(map(str, file.data_vars))
+    dataset = names[0] if dataset is None and len(names) == 1 else dataset
+    if dataset not in names:
+        raise _unnamed(path, dataset, names)
+    return *_of_xarray(file[dataset]), file
+
+
+def _unnamed(path: Path, dataset: str | None, names: list[str]) -> ValueError:
+    came = "several arrays" if dataset is None else f"the name {dataset!r}"
+    return ValueError(f"{path}: {came} came; name one of {', '.join(names)} by --dataset.")
 
 
 def _of_xarray(array: Any) -> tuple[Labelled, dict[str, Any]]:
@@ -288,7 +299,9 @@ def open_cube(
     else:
         try:
             main, known, file = _opened(Path(data), dataset)
-        except (OSError, EOFError) as error:
+        except (OSError, EOFError, ValueError) as error:
+            if str(error).startswith(str(data)):
+                raise
             raise ValueError(f"{data}: it cannot be read ({error}).") from error
     given = {QUANTITY: (quantity, ""), ANGLE: (angle_deg, "deg"), WAVELENGTH: (wavelength_um, "um")}
     coords = {_role(n): _numbers(_role(n), n, c) for n, c in known.items() if _role(n) in POINTS}
@@ -311,9 +324,9 @@ def open_cube(
         length = shape[axes.index(kind)] if kind in axes and len(axes) == len(shape) else 1
         if len(axes) != len(shape) or length != len(values):
             raise ValueError(
-                f"the data have the shape {tuple(shape)} along {', '.join(axes)}, and {len(values)} "
-                f"of {kind} came; axes of pixels first, then quantity, angle and wavelength where "
-                "there are several, were wanted."
+                f"the data have the shape {tuple(shape)} along {', '.join(axes)}, and "
+                f"{len(values)} of {kind} came; axes of pixels first, then quantity, angle and "
+                "wavelength where there are several, were wanted."
             )
     pixels = tuple(a for a in axes if a not in POINTS)
     waves, angles = coords[WAVELENGTH], coords[ANGLE]

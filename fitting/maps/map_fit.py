@@ -17,8 +17,8 @@ import fitting
 from fitting.batches import fit_many
 from fitting.fit_result import Fit
 from fitting.maps import map_store
-from fitting.maps.cube import Cube, Source, block_shape, package
-from fitting.maps.map_start import Start, begin, has_data, usable
+from fitting.maps.cube import Cube, Source, block_shape, package, text_of
+from fitting.maps.map_start import MISFITS, Start, begin, has_data, usable
 from fitting.maps.map_store import CODES, ENDS, ORDER, STATUSES, MapStore, MapStoreError, store_of
 from fitting.maps.map_workers import run_on
 from fitting.process.progress import listening, tell
@@ -105,7 +105,7 @@ def _fitted(store: MapStore, index: Any, cube: Cube, values: Any, sigma: Any) ->
     if start.others:
         second = {n: np.take(v, nearest) for n, v in start.others.items()}
         out = _lower_of(out, fits(values, sigma, check=0, start=second), stated)
-    large = (out["warnings"] & (_BITS["chi2_large"] | _BITS["does_not_describe"])) != 0
+    large = np.any([out["warnings"] & _BITS[code] for code in MISFITS], axis=0)
     doubtful = has_data(values) & (large | (out["status"] == _CODES[NOT_CONVERGED]))
     if check and start.describes and doubtful.any():
         out = _searched(out, doubtful, check, fits, values, sigma)
@@ -152,13 +152,7 @@ def _results(store: MapStore, place: tuple[int, ...], source: Source | Cube) -> 
     index = store.index(place)
     cube = source.open() if isinstance(source, Source) else source
     read = index if isinstance(source, Source) else (slice(None),) * len(index)
-    try:
-        values, sigma, masked = cube.block(read)
-    except (OSError, ValueError, RuntimeError, KeyError) as error:
-        raise ValueError(
-            f"the pixels {_text(index)} of the input cannot be read ({error}). The blocks that are "
-            "done stay; run the same again when the input is whole."
-        ) from error
+    values, sigma, masked = cube.block(read)
     more = [(0, b - n) for b, n in zip(store.block, masked.shape, strict=True)]
 
     def full(array: np.ndarray, fill: Any) -> np.ndarray:
@@ -181,10 +175,6 @@ def _results(store: MapStore, place: tuple[int, ...], source: Source | Cube) -> 
     out["warnings"][refused] = _BITS["refused"]
     out["status"][masked] = _CODES[map_store.MASKED]
     return out
-
-
-def _text(index: tuple[slice, ...]) -> str:
-    return ", ".join(f"{s.start}:{s.stop}" for s in index)
 
 
 @functools.cache
@@ -291,10 +281,11 @@ def fit_map(
         options: free, fixed, bounds, tie, errors, intervals, seed as for `fit_many`; start: name ->
             value from which all pixels begin, instead of a search on the grid.
 
-    Returns: xarray Dataset, not loaded: for each fitted parameter its value, and `_sigma`, `_lower`,
-        `_upper` (95 % interval), with errors of shared parameters in them; chi2 (by degrees of
-        freedom, NaN without stated errors); status and warnings with their flags' meanings;
-        attributes: sample, options, shared, versions, failed_blocks (those that kill every worker).
+    Returns: xarray Dataset, not loaded: for each fitted parameter its value, and `_sigma`,
+        `_lower`, `_upper` (95 % interval), with errors of shared parameters in them; chi2 (by
+        degrees of freedom, NaN without stated errors); status and warnings, whose attributes
+        say what their flags mean; attributes: sample, options, shared, versions, failed_blocks
+        (those that kill every worker).
 
     Raises:
         ValueError: for data, options or a store that do not go together; a store that another
@@ -302,7 +293,7 @@ def fit_map(
             that are done stay.
         ImportError: if a package of the extra "maps" is not installed.
     """
-    package("zarr", "fit_map"), package("xarray", "fit_map")
+    package("xarray", "fit_map")
     which = Sample.parse(sample)
     options = _checked(options) | {"check": check}
     named = tuple(plain_name(n) for n in names_of(shared))
@@ -360,7 +351,7 @@ def _fit_map(
             ),
             missing, done,
         )  # fmt: skip
-    store.group.attrs["failed_blocks"] = [_text(store.index(place)) for place in failed]
+    store.group.attrs["failed_blocks"] = [text_of(store.index(place)) for place in failed]
     return map_store.dataset(out)
 
 

@@ -14,6 +14,7 @@ from fitting.maps.map_start import usable
 from fitting.maps.map_store import CODES, MASKED, PENDING, STATUSES, MapStore
 from fitting.output.page import document, element, figure, html_table
 from fitting.output.pictures import GREY, check_matplotlib, picture_bytes, style
+from fitting.predictions import predict
 from fitting.results.result_parts import CONVERGED
 
 # A picture has about so many pixels along an axis, and a scale between these quantiles.
@@ -38,6 +39,7 @@ def plot_map(dataset: Any) -> Any:
 
     names = list(dataset.attrs["begin"]["units"])
     rows = [[n, f"{n}_sigma"] for n in names] + [["chi2", "status"]]
+    flat: Any = {"interpolation": "nearest", "aspect": "auto"}
     with style():
         drawn = Figure((9.0, 3.4 * len(rows)), layout="constrained")
         places = drawn.subplots(len(rows), 2, squeeze=False)
@@ -52,11 +54,12 @@ def plot_map(dataset: Any) -> Any:
             place.set_facecolor("#bbbbbb")
             if name == "status":
                 colors = ListedColormap([_COLORS[s] for s in STATUSES])
-                place.imshow(values, cmap=colors, vmin=-0.5, vmax=len(STATUSES) - 0.5,
-                             interpolation="nearest", aspect="auto")  # fmt: skip
+                place.imshow(values, cmap=colors, vmin=-0.5, vmax=len(STATUSES) - 0.5, **flat)
                 there = [STATUSES[i] for i in np.unique(values)]
                 handles = [Patch(facecolor=_COLORS[s], edgecolor=GREY, label=s) for s in there]
-                place.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+                place.legend(
+                    handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3
+                )
                 continue
             known = values[np.isfinite(values)]
             low, high = np.quantile(known, _QUANTILES) if len(known) else (0.0, 1.0)
@@ -106,8 +109,9 @@ def _draw_pixel(axes: Any, store: MapStore, cube: Cube, pixel: tuple[int, ...]) 
     index = tuple(slice(i, i + 1) for i in pixel)
     values, sigma, _ = usable(*cube.block(index))
     flat = {q: v.reshape(1, -1) for q, v in values.items()}
-    errors = {q: np.reshape(s, (1, -1)) if np.ndim(s) else s for q, s in sigma.items()} if isinstance(
-        sigma, dict) else sigma  # fmt: skip
+    errors = sigma
+    if isinstance(sigma, dict):
+        errors = {q: np.reshape(s, (1, -1)) if np.ndim(s) else s for q, s in sigma.items()}
     known = store.attributes
     fixed = {**(known["options"]["fixed"] or {}), **{n: v for n, (v, _) in known["shared"].items()}}
     more = {n: v for n, v in known["options"].items() if n in ("free", "tie") and v}
@@ -117,7 +121,7 @@ def _draw_pixel(axes: Any, store: MapStore, cube: Cube, pixel: tuple[int, ...]) 
     fit = fit_many(cube.angle_deg, wave, **flat, sigma=errors, sample=known["sample"], fixed=fixed,
                    start=begin, check=0, **more)[0]  # fmt: skip
     m = Measurement.from_columns(cube.angle_deg, wave, **{q: v[0] for q, v in flat.items()})
-    curve = fit.evaluator.predict(m).value
+    curve = predict(fit, m, "R", None).value
     x = m.wavelength_um if len(np.unique(m.wavelength_um)) > 1 else m.angle_deg
     for quantity in np.unique(m.quantity):
         own = m.quantity == quantity
@@ -131,7 +135,7 @@ def map_page(store: MapStore, cube: Cube, picture: Any, command: str) -> str:
     """Return one page: what was read, statuses, warnings, the maps, and the worst pixels' fits."""
     from matplotlib.figure import Figure
 
-    counts, warned, worst = _worst(store)
+    _, warned, worst = _worst(store)
     known = store.attributes
     facts = [["", ""], ["read", known["read"]], ["sample", known["sample"]],
              *[["shared", f"{n} = {v:.6g} +- {s:.2g}"] for n, (v, s) in known["shared"].items()],

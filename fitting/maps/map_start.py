@@ -22,6 +22,9 @@ from fitting.refused_curves import without_refused
 from fitting.results.result_parts import CONVERGED
 from fitting.samples.sample import Sample
 
+# The warnings of a pixel that the sample, at this minimum, does not describe.
+MISFITS = ("chi2_large", "does_not_describe")
+
 
 class Start(NamedTuple):
     """What all blocks begin with; plain data for the attributes of the store.
@@ -96,8 +99,9 @@ def begin(
     changed = shared or any(options.get(n) for n in ("free", "fixed", "bounds", "tie"))
     if sample.bare and sample.by_wavelength and set(values) <= set(POWERS) and not changed:
         # Only names and options are looked at, with the program of the blocks.
-        values, sigma = ({q: _longer(a, block, 1.0 if arrays is sigma else np.nan) for q, a in arrays.items()}
-                         if isinstance(arrays, Mapping) else arrays for arrays in (values, sigma))  # fmt: skip
+        values = {q: _longer(v, block) for q, v in values.items()}
+        if isinstance(sigma, Mapping):
+            sigma = {q: _longer(s, block, 1.0) for q, s in sigma.items()}
     if not has_data(values).any():
         raise ValueError(
             "none of the pixels on a grid over the map has a curve that can be fitted: all are "
@@ -162,7 +166,7 @@ def _joint(found: Fit, which: list[int]) -> tuple[np.ndarray, np.ndarray, np.nda
             "fewer than two pixels of the grid determine all parameters, so that none can be "
             "shared; fix them instead."
         )
-    own = covariance[np.ix_(good, which, which)]
+    own = covariance[good][:, which][:, :, which]
     weight = np.linalg.inv(own)
     spread = np.linalg.inv(weight.sum(0))
     mean = spread @ np.einsum("nij,nj->i", weight, value[good][:, which])

@@ -164,7 +164,7 @@ def refuse_other(out: Path, known: Mapping[str, Any], wanted: Mapping[str, Any])
     """Raise MapStoreError where a store is of another input, sample or options."""
     for name in ("sample", "options", "input"):
         if (came := json.loads(json.dumps(wanted[name]))) != known.get(name):
-            held = known.get(name)
+            held: Any = known.get(name)
             if name == "options":
                 came = {n: v for n, v in came.items() if v != held.get(n)}
                 held = {n: held.get(n) for n in came}
@@ -190,9 +190,9 @@ def create(
         )  # fmt: skip
         made.attrs.update(known)
 
+    ends = "", "standard error of ", "95 % interval begins: ", "95 % interval ends: "
     for name, unit in units.items():
-        for end, words in zip(ENDS, ("", "standard error of ", "lower end of the 95 % interval of ",
-                                     "upper end of the 95 % interval of "), strict=True):  # fmt: skip
+        for end, words in zip(ENDS, ends, strict=True):
             array(name + end, "float64", np.nan, units=unit or "1", long_name=words + name)
     array("chi2", "float64", np.nan, units="1", long_name="chi2 by degrees of freedom")
     array(

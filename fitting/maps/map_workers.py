@@ -1,7 +1,7 @@
 """Blocks of a map on the workers of a Dask cluster.
 
 Tasks are small: each looks first whether its block is done, and returns a number. Few wait at a
-time, and each is forgotten when it is done, so that a scheduler is never told of 1e5 blocks at once.
+time, and each is forgotten when it is done, so that no scheduler is told of 1e5 blocks at once.
 """
 
 from __future__ import annotations
