@@ -103,8 +103,10 @@ def test_it_goes_on_with_missing_blocks_alone_and_refuses_what_is_another(tmp_pa
 def test_a_second_writer_is_refused_and_a_dead_one_is_none(tmp_path):
     values, _ = cubes.surfaces((2, 2))
     out = tmp_path / "m.zarr"
-    holds = "import sys, pathlib, time; from fitting.maps.map_store import lock\n" \
-            "with lock(pathlib.Path(sys.argv[1])): print('held', flush=True); time.sleep(60)"  # fmt: skip
+    holds = (
+        "import sys, pathlib, time; from fitting.maps.map_store import lock\n"
+        "with lock(pathlib.Path(sys.argv[1])): print('held', flush=True); time.sleep(60)"
+    )
     other = subprocess.Popen([sys.executable, "-c", holds, str(out)], stdout=subprocess.PIPE,
                              cwd=cubes.ROOT)  # fmt: skip
     assert other.stdout.readline() == b"held\n"
@@ -138,8 +140,8 @@ def test_every_file_is_the_same_map(tmp_path):
     by_hand = {**known, "wavelength_um": tuple(waves / 1e3)}
     import xarray
 
-    array = xarray.DataArray(R, dims=("y", "x", "wavelength"), name="R",
-                             coords={"wavelength": ("wavelength", waves, {"units": "nm"})})  # fmt: skip
+    coords = {"wavelength": ("wavelength", waves, {"units": "nm"})}
+    array = xarray.DataArray(R, dims=("y", "x", "wavelength"), name="R", coords=coords)
     array.to_dataset(name="cube").to_zarr(tmp_path / "c.zarr", zarr_format=3, consolidated=False)
     np.save(tmp_path / "c.npy", R)
     with h5py.File(tmp_path / "c.h5", "w") as file:
@@ -180,8 +182,10 @@ def test_a_missing_extra_is_named(monkeypatch, tmp_path):
 
 
 def test_import_of_fitting_needs_none_of_it():
-    code = "import sys, fitting; fitting.fit_many; fitting.fit_map; print(sorted({'zarr', 'xarray', 'dask', " \
-           "'distributed', 'h5py'} & sys.modules.keys()))"  # fmt: skip
+    code = (
+        "import sys, fitting; fitting.fit_many, fitting.fit_map; print(sorted({'zarr', 'xarray', "
+        "'dask', 'distributed', 'h5py'} & sys.modules.keys()))"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
                           cwd=cubes.ROOT, check=True)  # fmt: skip
     assert done.stdout == "[]\n"
