@@ -108,6 +108,14 @@ class Cube(NamedTuple):
         none = np.zeros(count, bool)
         return by_quantity(values), sigma, none if masked is None else none | masked
 
+    @property
+    def wavelength(self) -> Any:
+        """The wavelengths as `fit_many` takes them: (M,), one number, or None."""
+        first = self.wavelength_um[0]
+        if (self.wavelength_um != first).any() and not np.isnan(first):
+            return self.wavelength_um
+        return None if np.isnan(first) else float(first)
+
     def part(self, index: tuple[slice, ...]) -> Cube:
         """Return a cube of these pixels alone, which is sent to another process."""
         at = dict(zip(self.pixels, index, strict=True))
@@ -279,8 +287,8 @@ class Source(NamedTuple):
 
     def open(self) -> Cube:
         """Return the cube; that of a path is opened once in a process."""
-        by_path = isinstance(self.data, str)
-        plain = by_path and not hasattr(self.sigma, "dims") and not hasattr(self.mask, "shape")
+        small = str, float, int, type(None)
+        plain = all(isinstance(one, small) for one in (self.data, self.sigma, self.mask))
         return _cached(*self) if plain else open_cube(*self)
 
 

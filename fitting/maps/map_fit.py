@@ -73,30 +73,36 @@ def _lower_of(one: _Columns, other: _Columns, stated: bool) -> _Columns:
     return out
 
 
+def fit_pixels(
+    known: Mapping[str, Any], cube: Cube, values: Any, sigma: Any, **more: Any
+) -> Fit:  # fmt: skip
+    """Return the fits of some pixels with the options and shared values of a map.
+
+    known: attributes of its store. more: what `fit_many` takes beside.
+    """
+    options = {n: v for n, v in known["options"].items() if n in _OPTIONS and v is not None}
+    held = {n: value for n, (value, _) in known["begin"]["shared"].items()}
+    if held:
+        options["fixed"] = {**options.get("fixed", {}), **held}
+        bounds = options.get("bounds", {})
+        options["bounds"] = {n: b for n, b in bounds.items() if n not in held}
+    with listening(None):  # blocks are counted, not the steps of their fits
+        return fit_many(
+            cube.angle_deg, cube.wavelength, **values, sigma=sigma, sample=known["sample"],
+            **{**options, **more},
+        )  # fmt: skip
+
+
 def _fitted(store: MapStore, index: Any, cube: Cube, values: Any, sigma: Any) -> _Columns:
     """Return the fits of a block, from the starts of its map."""
     known = store.attributes
     start, check = Start(**known["begin"]), known["options"]["check"]
-    options = {n: v for n, v in known["options"].items() if n in _OPTIONS and v is not None}
-    waves = np.unique(cube.wavelength_um)
-    wave = cube.wavelength_um if len(waves) > 1 else None if np.isnan(waves[0]) else waves[0]
-    if start.shared:
-        options["fixed"] = {
-            **options.get("fixed", {}),
-            **{n: v for n, (v, _) in start.shared.items()},
-        }
-        options["bounds"] = {n: b for n, b in options.get("bounds", {}).items()
-                             if n not in start.shared}  # fmt: skip
 
     def fits(values: Any, sigma: Any, **more: Any) -> _Columns:
-        with listening(None):  # blocks are counted, not the steps of their fits
-            return _columns(fit_many(
-                cube.angle_deg, wave, **values, sigma=sigma, sample=known["sample"],
-                **{**options, **more},
-            ))  # fmt: skip
+        return _columns(fit_pixels(known, cube, values, sigma, **more))
 
-    if not start.values:  # a bare surface, which needs no start, or a start that the caller gave
-        return fits(values, sigma, **({"check": 0} if "start" in options else {}))
+    if not start.values:  # a bare surface, which needs no start
+        return fits(values, sigma)
     nearest = start.nearest(index, store.block)
     out = fits(values, sigma, check=0, start={
         n: np.take(v, nearest) for n, v in start.values.items()
@@ -226,6 +232,9 @@ def source_of(
 ) -> Source:  # fmt: skip
     """Return what the cube of a map is opened from; arguments as of `fit_map`."""
 
+    if not (hasattr(data, "dims") or isinstance(data, (str, os.PathLike))):
+        raise ValueError(f"{type(data).__name__} came; a DataArray or a path was wanted.")
+
     def plain(came: Any, kind: Any) -> Any:
         return None if came is None else tuple(kind(x) for x in np.ravel(came).tolist())
 
@@ -279,7 +288,7 @@ def fit_map(
         check: of a film, so many of the pixels of the grid, and of the badly described pixels of
             each block, are searched afresh.
         options: free, fixed, bounds, tie, errors, intervals, seed as for `fit_many`; start: name ->
-            value from which all pixels begin, instead of a search on the grid.
+            value from which the pixels of the grid begin, and those of a bare surface.
 
     Returns: xarray Dataset, not loaded: for each fitted parameter its value, and `_sigma`,
         `_lower`, `_upper` (95 % interval), with errors of shared parameters in them; chi2 (by

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from fitting.batches import fit_many
 from fitting.data.measurement import Measurement
 from fitting.maps.cube import Cube
+from fitting.maps.map_fit import fit_pixels
 from fitting.maps.map_start import usable
 from fitting.maps.map_store import CODES, MASKED, PENDING, STATUSES, MapStore
 from fitting.output.page import document, element, figure, html_table
@@ -37,7 +37,7 @@ def plot_map(dataset: Any) -> Any:
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
-    names = list(dataset.attrs["begin"]["units"])
+    names = [name for name in dataset if f"{name}_sigma" in dataset]
     rows = [[n, f"{n}_sigma"] for n in names] + [["chi2", "status"]]
     flat: Any = {"interpolation": "nearest", "aspect": "auto"}
     with style():
@@ -106,21 +106,12 @@ def status_rows(store: MapStore) -> list[list[str]]:
 
 def _draw_pixel(axes: Any, store: MapStore, cube: Cube, pixel: tuple[int, ...]) -> None:
     """Draw the data of a pixel, and the curve of its fit, from where the map's fit ended."""
-    index = tuple(slice(i, i + 1) for i in pixel)
-    values, sigma, _ = usable(*cube.block(index))
-    flat = {q: v.reshape(1, -1) for q, v in values.items()}
-    errors = sigma
-    if isinstance(sigma, dict):
-        errors = {q: np.reshape(s, (1, -1)) if np.ndim(s) else s for q, s in sigma.items()}
+    values, sigma, _ = usable(*cube.block(tuple(slice(i, i + 1) for i in pixel)))
     known = store.attributes
-    fixed = {**(known["options"]["fixed"] or {}), **{n: v for n, (v, _) in known["shared"].items()}}
-    more = {n: v for n, v in known["options"].items() if n in ("free", "tie") and v}
-    waves = np.unique(cube.wavelength_um)
-    wave = cube.wavelength_um if len(waves) > 1 else None if np.isnan(waves[0]) else waves[0]
     begin = {n: float(store.arrays[n][pixel]) for n in known["begin"]["units"]}
-    fit = fit_many(cube.angle_deg, wave, **flat, sigma=errors, sample=known["sample"], fixed=fixed,
-                   start=begin, check=0, **more)[0]  # fmt: skip
-    m = Measurement.from_columns(cube.angle_deg, wave, **{q: v[0] for q, v in flat.items()})
+    fit = fit_pixels(known, cube, values, sigma, start=begin, check=0)[(0,) * len(pixel)]
+    flat: dict[str, Any] = {q: v.ravel() for q, v in values.items()}
+    m = Measurement.from_columns(cube.angle_deg, cube.wavelength, **flat)
     curve = predict(fit, m, "R", None).value
     x = m.wavelength_um if len(np.unique(m.wavelength_um)) > 1 else m.angle_deg
     for quantity in np.unique(m.quantity):
@@ -146,9 +137,7 @@ def map_page(store: MapStore, cube: Cube, picture: Any, command: str) -> str:
         rows = [["warning", "pixels"], *[[c, f"{n:,}"] for c, n in warned.items()]]
         parts.append(html_table("Warnings", rows))
     parts.append(
-        figure(
-            "Parameters, their standard errors, chi2 and status.", picture_bytes(picture, ".png")
-        )
+        figure("Parameters, standard errors, chi2 and status.", picture_bytes(picture, ".png"))
     )
     if worst:
         with style():

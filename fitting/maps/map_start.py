@@ -24,6 +24,8 @@ from fitting.samples.sample import Sample
 
 # The warnings of a pixel that the sample, at this minimum, does not describe.
 MISFITS = ("chi2_large", "does_not_describe")
+# Values so many times as far from the median as is usual are of another minimum.
+_FAR = 5.0
 
 
 class Start(NamedTuple):
@@ -33,7 +35,8 @@ class Start(NamedTuple):
     values: name -> values on the grid. others: the same of a second minimum nearly as low, where a
     pixel of the grid has one, else {}. shared: name -> (value, standard error) of parameters that
     all pixels share. slopes: name of a free parameter -> its derivatives by the shared ones, (grid
-    pixels, shared). covariance: of the shared ones.
+    pixels, shared). covariance: of the shared ones. describes: whether the sample describes most of
+    these pixels. A bare surface needs no values.
     """
 
     units: dict[str, str]
@@ -109,10 +112,9 @@ def begin(
         )
 
     def fitted(more: Mapping[str, Any]) -> Fit:
-        one = np.unique(cube.wavelength_um)
-        waves = cube.wavelength_um if len(one) > 1 else None if np.isnan(one[0]) else one[0]
         return fit_many(
-            cube.angle_deg, waves, **values, sigma=sigma, sample=sample, **{**options, **more}
+            cube.angle_deg, cube.wavelength, **values, sigma=sigma, sample=sample,
+            **{**options, **more},
         )  # fmt: skip
 
     found = fitted({})
@@ -136,7 +138,7 @@ def begin(
     good = np.ravel(np.asarray(found.status) == CONVERGED)
     good = good if good.any() else np.ravel(np.asarray(found.status) != "")
     starts, others = {}, {}
-    searched = isinstance(found.evaluator, BatchCurves) and not options.get("start")
+    searched = isinstance(found.evaluator, BatchCurves)
     for n in found.names if searched else ():
         starts[n] = _filled(np.ravel(found.parameters[n].value), good, found.shape).tolist()
     if searched and found.others:
@@ -166,8 +168,15 @@ def _joint(found: Fit, which: list[int]) -> tuple[np.ndarray, np.ndarray, np.nda
             "fewer than two pixels of the grid determine all parameters, so that none can be "
             "shared; fix them instead."
         )
-    own = covariance[good][:, which][:, :, which]
-    weight = np.linalg.inv(own)
+
+    def weights() -> np.ndarray:
+        return np.linalg.inv(covariance[good][:, which][:, :, which])
+
+    # A pixel that ended at another fringe order has other values: it is left out.
+    apart = value[good][:, which] - np.median(value[good][:, which], 0)
+    squares = np.einsum("ni,nij,nj->n", apart, weights(), apart)
+    good[good] = squares <= _FAR**2 * max(float(np.median(squares)), len(which))
+    weight = weights()
     spread = np.linalg.inv(weight.sum(0))
     mean = spread @ np.einsum("nij,nj->i", weight, value[good][:, which])
     apart = value[good][:, which] - mean

@@ -128,14 +128,6 @@ class MapStore:
         for name in sorted(values, key=lambda name: name == "status"):
             self.arrays[name][index] = values[name][inner]
 
-    def counts(self) -> dict[str, int]:
-        """Return how many pixels have each status."""
-        total = np.zeros(len(STATUSES), int)
-        for place in np.ndindex(*self.blocks):
-            block = np.asarray(self.status[self.index(place)])
-            total += np.bincount(block.ravel(), minlength=len(STATUSES))
-        return {name: int(n) for name, n in zip(STATUSES, total, strict=True) if n}
-
 
 @functools.lru_cache(4)
 def store_of(path: str, fingerprint: str) -> MapStore:
@@ -215,4 +207,6 @@ def dataset(out: Path) -> Any:
         os.fspath(out), engine="zarr", chunks=None, consolidated=False
     )
     parameters = [name + end for name in found.attrs["begin"]["units"] for end in ENDS]
+    for inner in ("begin", "places", "fresnel_map"):
+        del found.attrs[inner]
     return found[[*parameters, "chi2", "status", "warnings"]]
