@@ -1,6 +1,6 @@
 """What a map on disk costs beside `fit_many` in memory: rates, workers, memory, films.
 
-    python -m benchmarks.speed.maps [--curves 100000] [--films 20000] [--euros 0.04]
+    python -m benchmarks.speed.maps [--curves 400000] [--films 20000] [--euros 0.04]
 
 Prints the table of docs/howto/map.md. Rates are ratios of runs in turn in one process, after one
 that compiles; the peak memory is that of a process of its own, which fits a part of a larger map.
@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from fitting import fit_many, fit_map, simulate
-from fresnel_jax import powers
+from tests.truth import textbook
 
 ANGLE_DEG = np.linspace(20.0, 80.0, 30)
 WAVELENGTH_UM = np.linspace(0.42, 0.8, 60)
@@ -58,8 +58,8 @@ class Synthetic:
 def _row(i: int) -> np.ndarray:
     random = np.random.default_rng(i)
     eta, k = random.uniform(0.2, 5.0, WIDTH), random.uniform(0.1, 4.0, WIDTH)
-    p = powers(np.cos(np.deg2rad(ANGLE_DEG)), eta[:, None], k[:, None])
-    exact = np.stack([np.asarray(p.R_s), np.asarray(p.R_p)], 1)
+    p = textbook.reflectances(np.cos(np.deg2rad(ANGLE_DEG)), (eta + 1j * k)[:, None])
+    exact = np.stack([p["R_s"], p["R_p"]], 1)
     return exact + SIGMA * random.standard_normal(exact.shape)
 
 
@@ -158,7 +158,7 @@ def films(curves: int, folder: Path) -> None:
 def main() -> None:
     """Print the table."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--curves", type=int, default=100_000)
+    options.add_argument("--curves", type=int, default=400_000)
     options.add_argument("--films", type=int, default=20_000)
     options.add_argument("--euros", type=float, default=0.04, help="of a core for an hour")
     options.add_argument("--without-workers", action="store_true")

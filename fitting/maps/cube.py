@@ -51,7 +51,7 @@ class Labelled(NamedTuple):
 
     def read(self, index: Mapping[str, slice], order: tuple[str, ...]) -> np.ndarray:
         """Return a part with its axes in this order, of length 1 where it has no such axis."""
-        part = np.asarray(self.array[tuple(index.get(a, slice(None)) for a in self.axes)])
+        part = np.asarray(self.cut(index).array)
         present = [a for a in order if a in self.axes]
         part = part.transpose([self.axes.index(a) for a in present])
         lengths = iter(part.shape)
@@ -59,9 +59,8 @@ class Labelled(NamedTuple):
 
     def cut(self, index: Mapping[str, slice]) -> Labelled:
         """Return the part itself, as it lies."""
-        return Labelled(
-            self.array[tuple(index.get(a, slice(None)) for a in self.axes)], self.axes
-        )  # fmt: skip
+        part = tuple(index.get(a, slice(None)) for a in self.axes)
+        return self._replace(array=self.array[part])
 
 
 class Cube(NamedTuple):
@@ -135,19 +134,15 @@ class Cube(NamedTuple):
     def on_grid(self) -> tuple[Any, Any]:
         """Return values (masked: NaN) and errors of the grid's pixels, (grid..., M) each."""
         grid = self.grid()
-        values: dict[str, list] = {q: [] for q in self.quantity}
-        errors: dict[str, list] = {q: [] for q in self.quantity}
-        for place in itertools.product(*grid):
-            own, sigma, masked = self.block(tuple(slice(i, i + 1) for i in place))
-            for q, value in own.items():
-                values[q].append(np.where(masked[..., None], np.nan, value).ravel())
-                if isinstance(self.sigma, Labelled):
-                    errors[q].append(sigma[q].ravel())
+        places = itertools.product(*grid)
+        read = [self.block(tuple(slice(i, i + 1) for i in place)) for place in places]
         shape = *map(len, grid), -1
-        whole = {q: np.reshape(v, shape) for q, v in values.items()}
+        kept = [np.where(masked[..., None], np.nan, 1.0) for _, _, masked in read]
+        values = {q: np.reshape([own[q] * k for (own, _, _), k in zip(read, kept, strict=True)],
+                                shape) for q in self.quantity}  # fmt: skip
         if isinstance(self.sigma, Labelled):
-            return whole, {q: np.reshape(v, shape) for q, v in errors.items()}
-        return whole, self.sigma
+            return values, {q: np.reshape([s[q] for _, s, _ in read], shape) for q in self.quantity}
+        return values, self.sigma
 
     def fingerprint(self) -> str:
         """Return a hash of axes, coordinates, mask, and of the values and errors on the grid.

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import functools
 import inspect
+import itertools
 import os
 import time
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -152,9 +153,18 @@ def _searched(
     return _lower_of(out, again, stated)
 
 
-def _results(store: MapStore, place: tuple[int, ...], source: Source | Cube) -> _Columns:
-    """Return what the store keeps of a block, in the block's full shape: a short one is filled up
-    with missing curves, so that all blocks run the same programs."""
+class _Block(NamedTuple):
+    """A block as it was read, in the full shape of blocks: a short one is filled up with missing
+    curves, so that all blocks run the same programs."""
+
+    cube: Cube
+    values: Any
+    sigma: Any
+    refused: np.ndarray
+    masked: np.ndarray
+
+
+def _read(store: MapStore, place: tuple[int, ...], source: Source | Cube) -> _Block:
     index = store.index(place)
     cube = source.open() if isinstance(source, Source) else source
     read = index if isinstance(source, Source) else (slice(None),) * len(index)
@@ -169,17 +179,23 @@ def _results(store: MapStore, place: tuple[int, ...], source: Source | Cube) -> 
     if isinstance(sigma, Mapping):
         sigma = {q: full(s, 1.0) if np.ndim(s) else s for q, s in sigma.items()}
     masked = full(masked, False)
-    values, sigma, refused = usable(values, sigma, masked)
-    there = has_data(values)
+    return _Block(cube, *usable(values, sigma, masked if masked.any() else None), masked)
+
+
+def _results(store: MapStore, place: tuple[int, ...], block: _Block) -> _Columns:
+    """Return what the store keeps of a block, in the full shape of blocks."""
+    there = has_data(block.values)
     nothing = {n: np.full(store.block, a.fill_value, a.dtype)
                for n, a in store.arrays.items() if a.chunks == store.block}  # fmt: skip
     nothing = {n: a for n, a in nothing.items() if n not in store.attributes["places"]}
-    out = _fitted(store, index, cube, values, sigma) if there.any() else nothing
+    index, out = store.index(place), nothing
+    if there.any():
+        out = _fitted(store, index, block.cube, block.values, block.sigma)
     out = {n: np.where(there, out[n], fill) for n, fill in nothing.items()}
     out["status"][~there] = _CODES[NO_DATA]
-    out["status"][refused] = _CODES[REFUSED]
-    out["warnings"][refused] = _BITS["refused"]
-    out["status"][masked] = _CODES[map_store.MASKED]
+    out["status"][block.refused] = _CODES[REFUSED]
+    out["warnings"][block.refused] = _BITS["refused"]
+    out["status"][block.masked] = _CODES[map_store.MASKED]
     return out
 
 
@@ -193,8 +209,8 @@ def fit_block(out: str, known: str, source: Source | Cube, place: tuple[int, ...
     _keep_programs()
     store = store_of(out, known)
     if not store.done(place):
-        _write(store, place, _results(store, place, source))
-    return int(np.prod([s.stop - s.start for s in store.index(place)]))
+        _write(store, place, _results(store, place, _read(store, place, source)))
+    return store.pixels(place)
 
 
 def _write(store: MapStore, place: tuple[int, ...], values: _Columns) -> None:
@@ -212,15 +228,21 @@ def _unwritten(out: Path, error: OSError) -> str:
 
 
 def _here(store: MapStore, source: Source, missing: list[tuple[int, ...]], done: Any) -> None:
-    """Fit blocks in this process, one after the other; one is written while the next is fitted."""
-    with ThreadPoolExecutor(1) as writer:
+    """Fit blocks in this process, one after the other.
+
+    While one is fitted, the next is read and the one before is written.
+    """
+    with ThreadPoolExecutor(2) as aside:
+        ahead: Future | None = None
         before: Future | None = None
-        for place in missing:
-            values = _results(store, place, source)
+        for place, following in itertools.zip_longest(missing, missing[1:]):
+            block = ahead.result() if ahead else _read(store, place, source)
+            ahead = aside.submit(_read, store, following, source) if following else None
+            values = _results(store, place, block)
             if before is not None:
                 before.result()
-            before = writer.submit(_write, store, place, values)
-            done(int(np.prod([s.stop - s.start for s in store.index(place)])))
+            before = aside.submit(_write, store, place, values)
+            done(store.pixels(place))
         if before is not None:
             before.result()
 

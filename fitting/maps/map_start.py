@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fitting.bare_surface.calls import SEVERAL
 from fitting.batches import fit_many
 from fitting.data.quantities import POWERS
 from fitting.fit_result import Fit
@@ -101,7 +102,9 @@ def begin(
     values, sigma, _ = usable(*cube.on_grid())
     changed = shared or any(options.get(n) for n in ("free", "fixed", "bounds", "tie"))
     if sample.bare and sample.by_wavelength and set(values) <= set(POWERS) and not changed:
-        # Only names and options are looked at, with the program of the blocks.
+        # Only names and options are looked at, with the program of the blocks: there is one for
+        # many curves, and one for few.
+        block = min(block, SEVERAL + 1)
         values = {q: _longer(v, block) for q, v in values.items()}
         if isinstance(sigma, Mapping):
             sigma = {q: _longer(s, block, 1.0) for q, s in sigma.items()}

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import json
+import math
 import os
 import socket
 import threading
@@ -111,6 +112,10 @@ class MapStore:
         """Return the pixels of a block, by its place in the grid of blocks."""
         each = zip(place, self.block, self.shape, strict=True)
         return tuple(slice(i * b, min((i + 1) * b, n)) for i, b, n in each)
+
+    def pixels(self, place: tuple[int, ...]) -> int:
+        """Return how many pixels a block has."""
+        return math.prod(s.stop - s.start for s in self.index(place))
 
     def done(self, place: tuple[int, ...]) -> bool:
         """Return whether a block is done."""

@@ -16,7 +16,7 @@ PACKAGES = ("fitting", "fresnel_jax")
 MOST_LINES = {
     "fitting": {
         "__main__": 100, "bare_surface": 3920, "batches": 460, "choice": 690, "command": 740,
-        "data": 840, "fit_result": 100, "fits": 250, "free_films": 200, "maps": 1400,
+        "data": 840, "fit_result": 100, "fits": 250, "free_films": 200, "maps": 1440,
         "measured_file": 140, "optics": 680, "outcomes": 1220, "output": 2060,
         "own_residuals": 260, "predictions": 180,
         "problem": 2620, "process": 460, "ratios": 200, "reader": 2760, "refused_curves": 80,
