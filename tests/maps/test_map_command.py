@@ -29,7 +29,7 @@ def test_table_page_picture_and_refusals(tmp_path, capsys):
     assert ["converged", "80", "88.89%"] in rows and ["no data", "9", "10.00%"] in rows
     assert ["refused", "1", "1.11%"] in rows
     page = (tmp_path / "map.html").read_text()
-    assert "chi2_large" in page and page.count("data:image/png") == 2
+    assert "errors_relative" in page and page.count("data:image/png") == 2
     assert cli.main([*command, "--quiet", "--plot", str(tmp_path / "map.png")]) == 0
     assert (tmp_path / "map.png").read_bytes()[1:4] == b"PNG"
     for more, words in (

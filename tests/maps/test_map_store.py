@@ -167,10 +167,11 @@ def test_every_file_is_the_same_map(tmp_path):
         cubes_of.open_cube(str(tmp_path / "c.h5"), **by_hand)
     with pytest.raises(ValueError, match="no angle came"):
         cubes_of.open_cube(str(tmp_path / "c.zarr"), quantity="R")
-    for name in ("c.npy", "c.h5", "c.img"):
-        file = tmp_path / name
-        file.write_bytes(file.read_bytes()[:-40])
-        path = file.with_suffix(".hdr") if name == "c.img" else file
+    (tmp_path / "t.hdr").write_bytes((tmp_path / "c.hdr").read_bytes())
+    for ending in (".npy", ".h5", ".img"):
+        whole = (tmp_path / f"c{ending}").read_bytes()
+        (tmp_path / f"t{ending}").write_bytes(whole[:-40])
+        path = tmp_path / f"t{'.hdr' if ending == '.img' else ending}"
         with pytest.raises(ValueError, match=path.name):
             cubes_of.open_cube(str(path), dataset="entry/data", **by_hand)
 
