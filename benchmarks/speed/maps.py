@@ -77,17 +77,18 @@ def _fastest(calls: dict[str, Callable[[], object]], rounds: int = 3) -> dict[st
 def memory_mb(rows: int, blocks: int) -> float:
     """Return the peak memory of a process that fits the first blocks of a map of so many rows."""
     code = f"""
-import resource, tempfile
+import tempfile
 from benchmarks.speed import maps
 from fitting.maps import map_store
 every = map_store.MapStore.missing
 map_store.MapStore.missing = lambda store: every(store)[:{blocks}]
 with tempfile.TemporaryDirectory() as folder:
     maps.fit_map(maps.Synthetic({rows}), out=folder + "/m.zarr", sigma=maps.SIGMA)
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+# Not ru_maxrss, which a process has from the one that started it.
+print(open("/proc/self/status").read().partition("VmHWM:")[2].split()[0])
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return float(done.stdout)
+    return float(done.stdout) / 1024.0
 
 
 def surfaces(curves: int, folder: Path, workers: bool) -> tuple[float, float]:
