@@ -37,7 +37,9 @@ def test_table_page_picture_and_refusals(tmp_path, capsys):
         (["--loss", "huber"], "loss came; a map has the options of fit_many"),
         (["--wavelength-um", "0.4..x"], "numbers were wanted"),
         (["--plot", "map.txt"], "must end in"), (["--sample", "constant"], "other sample"),
-        (["--quantity", "R_x"], "the quantity 'R_x' came"), (["other.npy"], "takes one cube"),
+        (["--quantity", "R_x"], "the quantity 'R_x' came"),
     ):  # fmt: skip
         assert cli.main([*command, *more]) == 2
         assert words in capsys.readouterr().err
+    assert cli.main(["--map", "another.npy", *command[1:]]) == 2
+    assert "takes one cube" in capsys.readouterr().err
