@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo docs notebooks test test-docs quick test-studies lint accuracy accuracy-search jit-study advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study film-study film-coverage free-film-study film-models film-choice fuzz matrix gpu clean
+.PHONY: demo docs notebooks test test-docs quick test-studies lint accuracy accuracy-search jit-study advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study film-study film-coverage free-film-study film-models film-choice bench-maps fuzz matrix gpu clean
 
 demo: .venv/installed-plot  ## fit the two scans that ship with the project; tables, pictures, JSON in demo/
 	mkdir -p demo
@@ -59,6 +59,9 @@ bench: .venv/installed-bench  ## speed against accuracy: docs/benchmarks, and th
 	$(BIN)/python -m benchmarks.speed.tiers
 	$(BIN)/python -m benchmarks.speed.losses
 	$(BIN)/python -m benchmarks.speed.stacks --out docs/benchmarks
+
+bench-maps: .venv/installed-bench .venv/installed-maps  ## maps on disk: rates, workers, memory, films (five minutes)
+	$(BIN)/python -m benchmarks.speed.maps
 
 stability: .venv/installed-bench  ## where each method fails: table and picture in docs/stability
 	$(BIN)/python -m benchmarks.stability

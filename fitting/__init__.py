@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from .data.measurement import Measurement as Measurement
     from .fit_result import Fit as Fit
     from .fits import fit as fit
+    from .maps.map_fit import fit_map as fit_map
+    from .maps.map_page import plot_map as plot_map
     from .measured_file import read_csv as read_csv
     from .own_residuals import fit_residuals as fit_residuals
     from .predictions import simulate as simulate
@@ -35,8 +37,10 @@ _HOME = {
     "choose": "choice.selection",
     "fit": "fits",
     "fit_many": "batches",
+    "fit_map": "maps.map_fit",
     "fit_residuals": "own_residuals",
     "model_names": "samples.dispersion",
+    "plot_map": "maps.map_page",
     "read_csv": "measured_file",
     "simulate": "predictions",
 }

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import fitting
+from fitting.command import map_command
 from fitting.command.terminal import (
     MISUSED,
     PROGRAM,
@@ -72,6 +73,7 @@ examples:
   fresnel-fit glass.csv --sample 'air | cauchy-urbach 3.05 mm thick | air'
   fresnel-fit film.csv --divide-by wafer.csv --ratio-to Si --sample auto
   fresnel-fit --each 'scans/*.csv' --csv results.csv
+  fresnel-fit --map cube.zarr --out maps.zarr --plot map.html
 
 where gold.csv has angles in degrees and reflectances as fractions or percent:
   angle_deg,R_s,sigma_R_s,R_p,sigma_R_p
@@ -86,6 +88,8 @@ exit status:
        field "status" of the JSON say which)
   2    the command, a file or a value in it cannot be understood, or a result
        cannot be written; with --each the other files were fitted
+  3    of a map, some blocks ended every worker that fitted them; the others are
+       done (0: all are; the table says how many pixels have an index)
   70   a defect of the program: please report it, with what it printed
   71   not enough memory
   130  interrupted
@@ -282,6 +286,12 @@ _GROUPS: tuple[tuple[str, str, Any], ...] = (
         "other polarization behind a polarizer), divergence of the beam (standard\n"
         "deviation, degrees), bandwidth of the slit (full width at half maximum, nm).",
         _FITTING,
+    ),
+    (
+        "maps",
+        "What --map takes. The same command again goes on with what is missing in\n"
+        "the store. --plot writes a picture, or with a name ending in .html a page.",
+        map_command.OPTIONS,
     ),
     (
         "reading",
@@ -508,6 +518,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             arguments.file = expanded(arguments.file)
             refuse_repeats(arguments.file)
             set_up_jax()
+            options = _fit_options(arguments) if arguments.map else {}
+        if arguments.map:
+            return map_command.run_map(arguments, options)
         return _run_each(arguments) if arguments.each else _run(arguments)
     except KeyboardInterrupt:
         print(file=sys.stderr)

@@ -52,15 +52,15 @@ footer { margin-top: 3rem; color: #595959; font-size: .85rem; }
 """
 
 
-def _element(tag: str, text: str, more: str = "") -> str:
+def element(tag: str, text: str, more: str = "") -> str:
     """Return an element; texts are escaped, since they may come from the user's data."""
     return f"<{tag}{more}>{html.escape(visible(text))}</{tag}>"
 
 
 def html_table(title: str, rows: Sequence[Sequence[str]], level: str = "h2") -> str:
     """Return a table below its title; the first row is the header."""
-    head = "".join(_element("th", cell, " scope=col") for cell in rows[0])
-    lines = ["".join(_element("td", cell) for cell in row) for row in rows[1:]]
+    head = "".join(element("th", cell, " scope=col") for cell in rows[0])
+    lines = ["".join(element("td", cell) for cell in row) for row in rows[1:]]
     body = "\n".join(f"<tr>{line}</tr>" for line in lines)
     text = (
         f"<div class=wide><table><thead><tr>{head}</tr></thead>\n"
@@ -68,35 +68,35 @@ def html_table(title: str, rows: Sequence[Sequence[str]], level: str = "h2") -> 
     )
     if len(lines) > OPEN_ROWS:
         text = f"<details><summary>{len(lines)} rows</summary>\n{text}</details>"
-    return f"{_element(level, title)}\n{text}"
+    return f"{element(level, title)}\n{text}"
 
 
-def _figure(caption: str, png: bytes) -> str:
+def figure(caption: str, png: bytes) -> str:
     """Return a picture, which the page itself holds. png: the bytes of a PNG file."""
     data = base64.b64encode(png).decode("ascii")
     source = f'alt="{html.escape(visible(caption))}" src="data:image/png;base64,{data}"'
-    return f"<figure><img {source}>{_element('figcaption', caption)}</figure>"
+    return f"<figure><img {source}>{element('figcaption', caption)}</figure>"
 
 
 def _opening(fit: FitData, choice: Comparison | None, level: str) -> str:
     """Return the title, facts, warnings and notes."""
     rows = [*heading(fit), *facts(fit)]
-    listed = [_element("dt", label) + _element("dd", text) for label, text in rows]
+    listed = [element("dt", label) + element("dd", text) for label, text in rows]
     told = [("warning", f"{label.capitalize()}: {text}") for label, text in warnings_of(fit)]
     reasons = [] if choice is None else choice.reasons
     told += [("note", f"Note: {note.text}") for note in [*reasons, *fit.notes]]
-    paragraphs = [_element("p", text, f" class={kind}") for kind, text in told]
-    return "\n".join([_element(level, title_of(fit)), "<dl>", *listed, "</dl>", *paragraphs])
+    paragraphs = [element("p", text, f" class={kind}") for kind, text in told]
+    return "\n".join([element(level, title_of(fit)), "<dl>", *listed, "</dl>", *paragraphs])
 
 
-def _document(title: str, parts: Iterable[str], foot: str) -> str:
+def document(title: str, parts: Iterable[str], foot: str) -> str:
     """Return a page of these parts."""
     head = (
         f'<!DOCTYPE html>\n<!-- {WRITTEN_BY} -->\n<html lang="en"><head><meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"{_element('title', title)}<style>body {{ {_BODY} }}{_STYLE}</style></head><body>"
+        f"{element('title', title)}<style>body {{ {_BODY} }}{_STYLE}</style></head><body>"
     )
-    return "\n".join([head, *parts, _element("footer", foot), "</body></html>"]) + "\n"
+    return "\n".join([head, *parts, element("footer", foot), "</body></html>"]) + "\n"
 
 
 def _main(fit: FitData, level: str = "h2") -> str:
@@ -121,7 +121,7 @@ def fit_page(fit: FitData, png: bytes, command: str = "", choice: Comparison | N
     """
     data = fit.measurement is not None
     caption = "Data and fitted curves with one standard error, and data - fit."
-    picture = [_figure(caption if data else "The fitted parameters of the batch.", png)]
+    picture = [figure(caption if data else "The fitted parameters of the batch.", png)]
     picture = picture if png else []
     # the table of a batch is too long to stand above the picture
     parts = [*picture, _main(fit)] if fit.shape else [_main(fit), *picture]
@@ -134,7 +134,7 @@ def fit_page(fit: FitData, png: bytes, command: str = "", choice: Comparison | N
         rows = [list(map(_cell, row)) for row in zip(*columns.values(), strict=True)]
         title = "Data (powers as fractions, angles in degrees)"
         parts.append(html_table(title, [list(columns), *rows]))
-    return _document(title_of(fit), [_opening(fit, choice, "h1"), *parts], command)
+    return document(title_of(fit), [_opening(fit, choice, "h1"), *parts], command)
 
 
 def notebook(fit: FitData) -> str:

@@ -88,7 +88,7 @@ class Line(NamedTuple):
 Curve = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def _style() -> Any:
+def style() -> Any:
     """Return the context in which pictures are drawn and written."""
     from matplotlib import style
 
@@ -115,7 +115,7 @@ def picture_bytes(figure: Figure, suffix: str) -> bytes:
     The same figure gives the same bytes.
     """
     kind, out = suffix.lower().lstrip("."), io.BytesIO()
-    with _style():
+    with style():
         figure.savefig(out, format=kind, metadata=_PROPERTIES[kind])
     return out.getvalue()
 
@@ -537,7 +537,7 @@ def draw(fit: FitData, reference: str | None = None) -> Figure:
     with_index = m is not None and over_wavelength(m) and len(index_waves(fit)) > 0
     with_index = with_index and (not fit.shape or {"eta", "k"} <= set(fit.parameters))
     below = reference_text(reference, fit.wavelength_um) if reference else ""
-    with _style():
+    with style():
         figure = Figure(figsize=(8.2, 6.4), layout="constrained", facecolor="white")
         if m is None:
             first = _draw_batch(figure, fit)

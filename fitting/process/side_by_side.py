@@ -14,7 +14,12 @@ from typing import Any
 
 
 def _processors() -> int:
-    """Return how many processors this process may use: under taskset or SLURM not all there are."""
+    """Return how many processors this process may use: under taskset or SLURM not all there are.
+
+    NPROC in the environment, by which XLA too counts them, is the share of one of several workers.
+    """
+    if (share := os.environ.get("NPROC", "")).isdecimal():
+        return max(int(share), 1)
     if count := getattr(os, "process_cpu_count", None):  # Python 3.13
         return count() or 1
     if hasattr(os, "sched_getaffinity"):  # Linux

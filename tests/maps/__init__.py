@@ -1,0 +1,1 @@
+"""Maps: cubes fitted block by block into a store; faults of disks, data and processes."""
