@@ -63,9 +63,7 @@ def plot_map(dataset: Any) -> Any:
                 continue
             known = values[np.isfinite(values)]
             low, high = np.quantile(known, _QUANTILES) if len(known) else (0.0, 1.0)
-            shown = place.imshow(
-                values, vmin=low, vmax=high, interpolation="nearest", aspect="auto"
-            )
+            shown = place.imshow(values, vmin=low, vmax=high, **flat)
             drawn.colorbar(shown, ax=place)
     return drawn
 
@@ -98,7 +96,10 @@ def _worst(store: MapStore) -> tuple[dict[str, int], dict[str, int], list[tuple[
 
 def status_rows(store: MapStore) -> list[list[str]]:
     """Return a table of how many pixels have each status."""
-    counts = _worst(store)[0]
+    return _rows_of(_worst(store)[0])
+
+
+def _rows_of(counts: dict[str, int]) -> list[list[str]]:
     total = sum(counts.values())
     return [["status", "pixels", "share"],
             *[[s, f"{n:,}", f"{n / total:.2%}"] for s, n in counts.items()]]  # fmt: skip
@@ -126,13 +127,13 @@ def map_page(store: MapStore, cube: Cube, picture: Any, command: str) -> str:
     """Return one page: what was read, statuses, warnings, the maps, and the worst pixels' fits."""
     from matplotlib.figure import Figure
 
-    _, warned, worst = _worst(store)
+    counts, warned, worst = _worst(store)
     known = store.attributes
     facts = [["", ""], ["read", known["read"]], ["sample", known["sample"]],
              *[["shared", f"{n} = {v:.6g} +- {s:.2g}"] for n, (v, s) in known["shared"].items()],
              *[["not fitted", text] for text in known["failed_blocks"]]]  # fmt: skip
     parts = [element("h1", known["title"]), html_table("Map", facts)]
-    parts.append(html_table("Pixels", status_rows(store)))
+    parts.append(html_table("Pixels", _rows_of(counts)))
     if warned:
         rows = [["warning", "pixels"], *[[c, f"{n:,}"] for c, n in warned.items()]]
         parts.append(html_table("Warnings", rows))

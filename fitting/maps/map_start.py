@@ -152,9 +152,7 @@ def begin(
             others[n] = np.where(there, value, starts[n]).tolist()
     units = {n: found.parameters[n].unit for n in found.names}
     grid = [g.tolist() for g in cube.grid()]
-    misfits = [
-        np.mean(f.at) for f in found.findings if f.code in ("chi2_large", "does_not_describe")
-    ]
+    misfits = [np.mean(f.at) for f in found.findings if f.code in MISFITS]
     describes = max(misfits, default=0.0) < 0.5
     return Start(units, grid, starts, others, held, slopes, spread.tolist(), bool(describes))
 
