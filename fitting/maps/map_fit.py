@@ -312,10 +312,11 @@ def fit_map(
         options: free, fixed, bounds, tie, errors, intervals, seed as for `fit_many`; start: name ->
             value from which the pixels of the grid begin, and those of a bare surface.
 
-    Returns: xarray Dataset, not loaded: for each fitted parameter its value, and `_sigma`,
+    Returns:
+        An xarray Dataset, not loaded, with, for each fitted parameter, its value, and `_sigma`,
         `_lower`, `_upper` (95 % interval), with errors of shared parameters in them; chi2 (by
         degrees of freedom, NaN without stated errors); status and warnings, whose attributes
-        say what their flags mean; attributes: sample, options, shared, versions, failed_blocks
+        say what their flags mean; attributes sample, options, shared, versions, failed_blocks
         (those that kill every worker).
 
     Raises:
