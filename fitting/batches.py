@@ -14,8 +14,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.bare_surface.reflectances import CHANNELS
-from fitting.bare_surface.surface_fit import fit_surfaces
 from fitting.data.checks import unmasked
 from fitting.data.errors import MeasurementError
 from fitting.data.measurement import Measurement
@@ -35,6 +33,7 @@ from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
 from fitting.searching.batch_search import BatchSearch
 from fitting.searching.minima import SAME_CHI2
+from fitting.searching.surface_mesh import mesh_starts, of_bare_surface
 from fitting.uncertainty.intervals import QUADRATIC, check_choices
 from fitting.wavelengths import problem_of
 
@@ -55,6 +54,7 @@ class _Batch(NamedTuple):
     def alone(self, i: int) -> FitData:
         """Return the fit of one curve, searched from all starts."""
         angle, wavelength = self.columns
+        angle = angle[i] if angle.ndim == 2 else angle
         curves: Any = self.search.curves
         values: dict[str, Any] = {q: v[i] for q, v in curves.values.items()}
         sigma = None if curves.sigma is None else {q: s[i] for q, s in curves.sigma.items()}
@@ -169,28 +169,15 @@ def fit_many(
     if errors == "equal":
         sigma = None
     given, sigma, reasons = without_refused(given, sigma)
-    powers = set(given) <= set(CHANNELS) and not settings.names
-    bare = which.bare and np.isfinite(which.eta_i) and powers
     one = wavelength_um is None or np.size(wavelength_um) == 1
-    if bare and which.by_wavelength and one:
-        if near is not None:
-            start = {n: near.parameters[n].value for n in ("eta", "k")}
-        found = fit_surfaces(angles_deg, given, sigma, which, errors, intervals, start)
-        if wavelength_um is not None:
-            wave = np.full(found.shape, np.asarray(wavelength_um, float).item())[()]
-            found = replace(found, wavelength_um=wave)
-    else:
-        _check_general(which, errors, intervals, one)
-        values, sigmas, angle, wavelength, shape = _arrays(given, sigma, angles_deg, wavelength_um)
-        if errors in NEED_STATED and sigmas is None:
-            raise ValueError(
-                f'errors "{errors}" need a standard error for every datum; give sigma.'
-            )
-        begin = _begin(start, near, shape)
-        found = _fit_curves(
-            values, sigmas, angle, wavelength, shape, which, settings,
-            "scaled" if errors == "auto" else errors, begin, check, seed,
-        )  # fmt: skip
+    _check_general(which, errors, intervals, one)
+    values, sigmas, angle, wavelength, shape = _arrays(given, sigma, angles_deg, wavelength_um)
+    if errors in NEED_STATED and sigmas is None:
+        raise ValueError(f'errors "{errors}" need a standard error for every datum; give sigma.')
+    found = _fit_curves(
+        values, sigmas, angle, wavelength, shape, which, settings,
+        "scaled" if errors == "auto" else errors, _begin(start, near, shape), check, seed,
+    )  # fmt: skip
     if reasons is None:
         return Fit.of(found)
     at = np.reshape(reasons != "", found.shape)
@@ -225,25 +212,30 @@ def _check_general(sample: Sample, errors: str, intervals: str, one: bool) -> No
 
 
 def _arrays(given: Mapping[str, Any], sigma: Any, angles_deg: Any, wavelength_um: Any) -> tuple:
-    """Return values and errors (N, M) by quantity, angles and wavelengths (M,), and the shape."""
+    """Return values and errors (N, M) by quantity, angles (M,) or (N, M), wavelengths (M,), shape."""
     wavelength: Any = np.nan if wavelength_um is None else wavelength_um
     try:
         angle, wavelength = np.asarray(angles_deg, float), np.asarray(wavelength, float)
-        points = np.broadcast_shapes((1,), angle.shape, wavelength.shape)
         values = {q: np.asarray(v, float) for q, v in given.items()}
         sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(values, sigma)
         sigmas = {q: np.asarray(np.nan if s is None else s, float) for q, s in sigmas.items()}
-        full = np.broadcast_shapes(points, *(v.shape for v in values.values()))
-        if len(points) != 1 or full[-1:] != points:
+        points = np.broadcast_shapes((1,), angle.shape[-1:], wavelength.shape)
+        full = np.broadcast_shapes(points, angle.shape, *(v.shape for v in values.values()))
+        if len(points) != 1 or full[-1:] != points or wavelength.ndim > 1:
             raise ValueError(f"{points} points, {full} values")
         whole = {q: np.broadcast_to(v, full).reshape(-1, full[-1]) for q, v in values.items()}
         errors = {q: np.broadcast_to(s, full).reshape(-1, full[-1]) for q, s in sigmas.items()}
+        if angle.ndim > 1:  # angles of its own for each curve
+            angle = np.broadcast_to(angle, full).reshape(-1, full[-1])
+        else:
+            angle = np.broadcast_to(angle, points)
+        wavelength = np.broadcast_to(wavelength, points)
     except (TypeError, ValueError) as error:
         shapes = ", ".join(f"{q} {np.shape(v)}" for q, v in given.items())
         raise ValueError(
             f"the arrays do not go together ({error}): angles_deg {np.shape(angles_deg)}, "
             f"wavelength_um {np.shape(wavelength)}, {shapes}. One angle and wavelength for each "
-            "of M points were wanted, (M,), and values (..., M)."
+            "of M points were wanted, (M,), or angles (..., M) of each curve, and values (..., M)."
         ) from None
     stray = [q for q in errors if q not in whole]
     if stray:
@@ -256,7 +248,6 @@ def _arrays(given: Mapping[str, Any], sigma: Any, angles_deg: Any, wavelength_um
         )
     if stated:  # a datum without an error is left out
         whole = {q: np.where(np.isfinite(errors[q]), v, np.nan) for q, v in whole.items()}
-    angle, wavelength = (np.broadcast_to(a, points) for a in (angle, wavelength))
     return whole, errors if stated else None, angle, wavelength, full[:-1]
 
 
@@ -298,12 +289,19 @@ def _fit_curves(
 
     near: name -> values (N,) of parameters, from which all curves begin.
     """
-    pattern = _pattern(curves, sigma, angle_deg, wavelength_um)
+    some = angle_deg if angle_deg.ndim == 1 else np.linspace(10.0, 80.0, angle_deg.shape[1])
+    pattern = _pattern(curves, sigma, some, wavelength_um)
     sample = sample.with_splines(pattern.wavelength_um)
     check_fit([pattern], sample)
     asked = FitOptions(errors, QUADRATIC, seed=seed)
     job = problem_of([pattern], sample, settings, asked)
-    search = BatchSearch(job, Curves(job.seen, job.targets, curves, sigma))
+    lanes = Curves(job.seen, job.targets, curves, sigma)
+    if angle_deg.ndim == 2:
+        rows = job.seen.row[job.seen.quantity == job.seen.quantity[0]]
+        own = np.repeat(angle_deg[:, :1].T, len(job.seen.points.angle_deg), 0)
+        own[rows] = angle_deg.T
+        lanes = lanes._replace(own={"angle_deg": own})
+    search = BatchSearch(job, lanes)
     batch = _Batch(search, (angle_deg, wavelength_um), settings, sample)
     best, every, beside = search.best, np.flatnonzero(search.known), _neighbours(shape)
     if not len(every):
@@ -316,6 +314,10 @@ def _fit_curves(
                 f"parameter ({', '.join(_free_names(job))}) was wanted."
             )
         search.run(batch.y_of({n: v[every] for n, v in near.items()}), every)
+    if of_bare_surface(search):
+        search.run(*mesh_starts(search))
+        return fit_of_batch(search, shape, sample)
+    if near is not None:
         search.from_neighbours(beside)
     random, searched = np.random.default_rng(seed), set[int]()
     begun, refused = near is not None, None

@@ -2,9 +2,7 @@
 
     minimise over the parameters   sum_i loss[(predicted_i - value_i) / sigma_i] + priors
 
-All fits go the same way from parameters to the result (see the map in CONTRIBUTING.md), except for
-one special case that is used automatically: eta and k of one bare surface from powers alone
-(`bare_surface`), which fits some hundred thousand curves a second.
+All fits go the same way from parameters to the result (see the map in CONTRIBUTING.md).
 
 Fits run in float64, whether or not the caller has switched on jax_enable_x64.
 """
@@ -17,8 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from fitting.bare_surface.reflectances import CHANNELS
-from fitting.bare_surface.surface_fit import fit_bare_surface
 from fitting.bare_surface.verdicts import with_verdicts
 from fitting.data.measurement import Measurement, concatenate
 from fitting.data.quantities import POWERS
@@ -63,15 +59,6 @@ def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
                 "Measurement.from_columns(...) returns it, or a list of them."
             )
     return several
-
-
-def _is_special(
-    sample: Sample, measurements: Sequence[Measurement], settings: Settings, loss: str
-) -> bool:
-    """Whether `bare_surface` can fit it: eta and k of one boundary from R_s, R_p and R."""
-    powers = all(set(m.quantity.tolist()) <= set(CHANNELS) for m in measurements)
-    bare = sample.bare and sample.by_wavelength and np.isfinite(sample.eta_i)
-    return powers and bare and not settings.names and loss == "squares"
 
 
 def _shared(
@@ -119,11 +106,6 @@ def fit_checked(
             "name a model."
         )
     sample = sample.with_splines(np.concatenate([m.wavelength_um for m in measurements]))
-    if _is_special(sample, measurements, settings, asked.loss):
-        found = fit_bare_surface(
-            concatenate(*measurements), sample, asked.errors, asked.intervals, asked.start
-        )
-        return replace(found, notes=(*found.notes, *_misses_of_files(measurements, found)))
     check_fit(measurements, sample)
     found = _general(measurements, sample, settings, asked)
 

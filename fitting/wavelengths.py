@@ -32,6 +32,7 @@ from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
 from fitting.searching.batch_search import BatchSearch
 from fitting.searching.starts import starts as start_points
+from fitting.searching.surface_mesh import mesh_starts, of_bare_surface
 
 # A wavelength is tried from the solutions at so many wavelengths on either side.
 _BESIDE = 8
@@ -146,7 +147,9 @@ def fit_wavelengths(
     waves = each_wavelength(measurement, sample, settings, asked)
     search, every = BatchSearch(waves.job, waves.curves), np.arange(waves.curves.count)
     tell(total=2 * len(every), done=0)  # each is solved, and then gets its errors
-    if near is None:
+    if near is None and of_bare_surface(search):
+        search.run(*mesh_starts(search))
+    elif near is None:
         starts = start_points(waves.job.u.moving, LANES, asked.seed)
         search.run(np.tile(starts, len(every)), np.repeat(every, LANES))
         search.from_neighbours(_beside(len(every)), search.dof > 0)
