@@ -17,14 +17,15 @@ import numpy as np
 from fitting.data.checks import unmasked
 from fitting.data.errors import MeasurementError
 from fitting.data.measurement import Measurement
+from fitting.data.quantities import ANGLES, POWERS
 from fitting.fit_result import Fit
 from fitting.fits import fit_checked
 from fitting.outcomes.of_batch import fit_of_batch
-from fitting.problem.curve_lanes import Curves
+from fitting.problem.curve_lanes import Curves, shown_at
 from fitting.problem.problem import FitOptions, Kept, Problem
 from fitting.process.progress import tell
 from fitting.refused_curves import without_refused
-from fitting.residuals.error_model import ADDED, NEED_STATED
+from fitting.residuals.error_model import ADDED, NEED_STATED, added_kinds, beyond_chance
 from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import FitData
 from fitting.results.result_parts import REFUSED
@@ -35,6 +36,7 @@ from fitting.searching.batch_search import BatchSearch
 from fitting.searching.minima import SAME_CHI2
 from fitting.searching.surface_mesh import mesh_starts, of_bare_surface
 from fitting.uncertainty.intervals import QUADRATIC, check_choices
+from fitting.uncertainty.stated_errors import further_errors, told
 from fitting.wavelengths import problem_of
 
 # Rounds of searches afresh; each begins where the one before found a lower minimum.
@@ -172,11 +174,16 @@ def fit_many(
     one = wavelength_um is None or np.size(wavelength_um) == 1
     _check_general(which, errors, intervals, one)
     values, sigmas, angle, wavelength, shape = _arrays(given, sigma, angles_deg, wavelength_um)
+    if errors in ADDED and set(values) & set(ANGLES):
+        raise ValueError(
+            f'errors "{errors}" of psi and Delta are estimated for single curves (fit); of a batch '
+            'they are "stated", "scaled" or "equal".'
+        )
     if errors in NEED_STATED and sigmas is None:
         raise ValueError(f'errors "{errors}" need a standard error for every datum; give sigma.')
     found = _fit_curves(
         values, sigmas, angle, wavelength, shape, which, settings,
-        "scaled" if errors == "auto" else errors, _begin(start, near, shape), check, seed,
+        errors, _begin(start, near, shape), check, seed,
     )  # fmt: skip
     if reasons is None:
         return Fit.of(found)
@@ -203,11 +210,6 @@ def _check_general(sample: Sample, errors: str, intervals: str, one: bool) -> No
         raise ValueError(
             f"intervals is {intervals!r}; a batch of {str(sample)!r} has quadratic intervals. Fit "
             "single curves with fit for those by profile likelihood."
-        )
-    if errors in ADDED:
-        raise ValueError(
-            f'errors "{errors}" are estimated for single curves (fit); of a batch of '
-            f'{str(sample)!r} they are "stated", "scaled" or "equal".'
         )
 
 
@@ -316,7 +318,7 @@ def _fit_curves(
         search.run(batch.y_of({n: v[every] for n, v in near.items()}), every)
     if of_bare_surface(search):
         search.run(*mesh_starts(search))
-        return fit_of_batch(search, shape, sample)
+        return _result(search, shape, sample)
     if near is not None:
         search.from_neighbours(beside)
     random, searched = np.random.default_rng(seed), set[int]()
@@ -343,7 +345,53 @@ def _fit_curves(
     if not begun:
         assert refused is not None
         raise refused
-    return fit_of_batch(search, shape, sample)
+    return _result(search, shape, sample)
+
+
+def _result(search: BatchSearch, shape: tuple[int, ...], sample: Sample) -> FitData:
+    """Return the fits of curves whose lanes have ended, with further errors where they need one."""
+    found, curves, errors = fit_of_batch(search, shape, sample), search.curves, search.job.asked.errors
+    names = tuple(curves.values)
+    if not (added_kinds(errors) and curves.sigma and set(names) <= set(POWERS)):
+        return found
+    cost = np.ravel(found.chi2).astype(float)
+    with np.errstate(all="ignore"):
+        large, _ = beyond_chance(cost / search.dof, search.dof)
+    far = (large if errors == "auto" else search.dof > 0) & np.isfinite(cost)
+    if not far.any():
+        return found
+    values, stated = (
+        np.concatenate([of[q] for q in names], 1) for of in (curves.values, curves.sigma)
+    )
+    stated = np.where(np.isfinite(values), stated, np.inf)
+
+    def with_errors(sigma: np.ndarray, of: np.ndarray) -> BatchSearch:
+        whole = stated.copy()
+        whole[of] = sigma
+        return search.with_errors(dict(zip(names, np.split(whole, len(names), 1), strict=True)), of)
+
+    def shown(by: BatchSearch, of: np.ndarray) -> np.ndarray:
+        each = shown_at(search.job.u.spec, curves, by.best.y[:, of], of)
+        return np.concatenate([each[q] for q in names], 1)
+
+    def compared(of: np.ndarray, model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        off = np.where(np.isfinite(values[of]), values[of] - model, 0.0)
+        return off, np.ones_like(off)
+
+    model = np.zeros_like(values)
+    model[far] = shown(search, np.flatnonzero(far))
+    taken = further_errors(
+        errors, stated, model, far, np.ones(values.shape[1], bool), compared,
+        lambda sigma, of: shown(with_errors(sigma, of), of),
+    )  # fmt: skip
+    used = np.flatnonzero(taken.kind)
+    if not len(used):
+        return found
+    there = with_errors(taken.sigma[used], used)
+    off, _ = compared(used, shown(there, used))
+    cost[used] = ((off / stated[used]) ** 2).sum(1)
+    best = fit_of_batch(there, shape, sample)
+    return told(found, best, taken, cost.reshape(shape) if shape else cost.item())
 
 
 def _free_names(job: Problem) -> list[str]:

@@ -16,7 +16,7 @@ from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
 from fitting.residuals.error_model import OUT_OF_MODEL, beyond_chance
 from fitting.residuals.pattern import pattern
-from fitting.results.diagnostics import Finding
+from fitting.results.diagnostics import Finding, those
 from fitting.results.result import FitData
 from fitting.results.result_parts import (
     AT_LOWER,
@@ -114,7 +114,7 @@ def _correlated(
 
     def listed(values: np.ndarray) -> Any:
         whole = np.broadcast_to(values, c.shape)
-        return _those(*(np.take_along_axis(a, order, -1) for a in (whole, at)))
+        return those(*(np.take_along_axis(a, order, -1) for a in (whole, at)))
 
     values = {"first": listed(firsts), "second": listed(seconds), "correlation": listed(c)}
     yield "correlated", at.any(-1), values
@@ -254,16 +254,6 @@ def _contradicted_priors(fit: Problem, known: Mapping[str, Estimate]) -> list[Fi
     return [_finding("prior_contradicted", priors=away)] if away else []
 
 
-def _those(values: Any, at: np.ndarray) -> Any:
-    """Return the values S + (P,) where ``at`` S + (P,) holds: a tuple, or an array S of tuples."""
-    values = np.broadcast_to(np.asarray(values, object), at.shape)
-    out = np.empty(at.shape[:-1], object)
-    out.fill(())
-    for i in map(tuple, np.argwhere(at.any(-1))):
-        out[i] = tuple(values[i][at[i]].tolist())
-    return out[()]
-
-
 def _on_parameters(known: Mapping[str, Estimate], ok: np.ndarray) -> Iterator[tuple[Any, ...]]:
     """Yield code, where (S), and values of what fits ``ok`` (S) are told of their parameters."""
     names = tuple(known)
@@ -279,7 +269,7 @@ def _on_parameters(known: Mapping[str, Estimate], ok: np.ndarray) -> Iterator[tu
             continue
         values = {
             "parameter": name, "value": known[name].value,
-            "others": _those(names, bound[..., None] & others & np.isfinite(sigma)),
+            "others": those(names, bound[..., None] & others & np.isfinite(sigma)),
             "profile": profile[..., others].any(-1),
         }  # fmt: skip
         near_zero = ok & limited[..., i]
@@ -288,14 +278,14 @@ def _on_parameters(known: Mapping[str, Estimate], ok: np.ndarray) -> Iterator[tu
             at = ok & ~near_zero & (state[..., i] == there)
             yield "at_bound", at, {**values, "end": end}
     bent = of & np.isnan(sigma) & (state == FITTED) & profile & ~limited
-    yield "no_slope", bent.any(-1), {"parameters": _those(names, bent)}
+    yield "no_slope", bent.any(-1), {"parameters": those(names, bent)}
     unlimited = of & np.isinf(interval).any(-1)
-    yield "open_interval", unlimited.any(-1), {"parameters": _those(names, unlimited)}
+    yield "open_interval", unlimited.any(-1), {"parameters": those(names, unlimited)}
     # the standard error, or a quarter of an interval by profile if that is less
     error = np.where(profile, np.fmin(sigma, 0.25 * np.ptp(interval, axis=-1)), sigma)
     share = error / np.abs(value)
     vague = of & (share > VAGUE) & ~limited & [not may_vanish(n) for n in names]
-    values = {"parameters": _those(names, vague), "shares": _those(share, vague)}
+    values = {"parameters": those(names, vague), "shares": those(share, vague)}
     yield "poorly_determined", vague.any(-1), values
 
 

@@ -182,6 +182,18 @@ def _derivatives(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, Arra
 _derivatives_of = compiled(_derivatives, ("spec",))
 
 
+def shown_at(
+    spec: Spec, curves: Curves, y: np.ndarray, which: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return the powers that the model shows at y (p, L) where curves ``which`` have data, (L, M)."""
+    rows = np.concatenate([s.shown for _, s in slopes(spec, curves, y, which)])
+    seen = curves.seen
+    return {
+        q: rows[:, i][:, seen.row[seen.quantity == q]]
+        for i, q in enumerate(c for c in seen.channels if c != NCS)
+    }  # fmt: skip
+
+
 class Slopes(NamedTuple):
     """Of n lanes: residual (n, R) weighted, jacobian (n, R, p); shown, plain (n, K, M): the model,
     and its differences from the data, NaN where there is no datum; squares (n,) of the data."""

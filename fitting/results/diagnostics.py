@@ -10,6 +10,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from fitting.results.result_parts import item
 from fitting.results.sentences import SENTENCES
 
@@ -65,3 +67,13 @@ class Finding:
 def ranked(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return the findings, the most serious first."""
     return tuple(sorted(findings, key=lambda f: _RANK[f.code]))
+
+
+def those(values: Any, at: np.ndarray) -> Any:
+    """Return the values S + (P,) where ``at`` S + (P,) holds: a tuple, or an array S of tuples."""
+    values = np.broadcast_to(np.asarray(values, object), at.shape)
+    out = np.empty(at.shape[:-1], object)
+    out.fill(())
+    for i in map(tuple, np.argwhere(at.any(-1))):
+        out[i] = tuple(values[i][at[i]].tolist())
+    return out[()]

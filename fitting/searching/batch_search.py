@@ -6,6 +6,7 @@ find in one curve is wide in another.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -50,9 +51,21 @@ class BatchSearch:
 
     def run(self, start: np.ndarray, which: np.ndarray) -> None:
         """Follow starts (p, L) of the curves ``which``, (L,), and keep where they end."""
-        ends = run_curves(
-            self.job.u.spec, self.curves, start, which, self.limits, self.dof
-        )  # fmt: skip
+        self._keep(
+            which, run_curves(self.job.u.spec, self.curves, start, which, self.limits, self.dof)
+        )
+
+    def with_errors(self, sigma: Mapping[str, np.ndarray], of: np.ndarray) -> BatchSearch:
+        """Return the search with other errors, those of the curves ``of``, followed again."""
+        there = BatchSearch(self.job, self.curves._replace(sigma=sigma), self.limits)
+        which, ends = self.lanes
+        again = np.isin(which, of)
+        there._keep(which[~again], Ends(*(a[..., ~again] for a in ends)))
+        again &= ends.done
+        there.run(ends.y[:, again], which[again])
+        return there
+
+    def _keep(self, which: np.ndarray, ends: Ends) -> None:
         self._lanes.append((which, ends))
         best = self.best
         np.add.at(best.evaluations, which, ends.evaluations)

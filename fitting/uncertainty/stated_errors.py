@@ -1,4 +1,8 @@
-"""Fits that contradict their stated errors: repeated with a further error if that is likelier."""
+"""Fits that contradict their stated errors: repeated with a further error where that is likelier.
+
+One loop serves a single fit, whose data share the further error, and the curves of a batch, each of
+which has its own.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,7 @@ import numpy as np
 from fitting.data.measurement import Measurement, concatenate
 from fitting.data.quantities import are_powers
 from fitting.residuals.error_model import (
+    ADDED,
     GAIN,
     ROUNDS,
     SETTLED,
@@ -22,59 +27,71 @@ from fitting.residuals.error_model import (
     worth_a_fit,
 )
 from fitting.residuals.residuals import arcs, weighted_residuals
-from fitting.results.diagnostics import Finding, ranked
+from fitting.results.diagnostics import Finding, ranked, those
 from fitting.results.result import FitData
 from fitting.uncertainty.intervals import QUADRATIC
 
 Run = Callable[[Sequence[Measurement], str], FitData]
 
 
-def _with_added(
-    several: Sequence[Measurement], joined: Measurement, fitted: np.ndarray, further: np.ndarray
-) -> list[Measurement]:
-    """Return the measurements with further errors, in units of R and of arcs, added in squares."""
-    # Where Delta has no effect (psi of 0) its error has none.
-    sigma = np.hypot(joined.sigma, further / np.maximum(arcs(joined, fitted), 1e-6))
-    parts = np.split(sigma, np.cumsum([len(m) for m in several])[:-1])
-    return [replace(m, sigma=part) for m, part in zip(several, parts, strict=True)]
+class Taken(NamedTuple):
+    """The further errors of N fits with n data each.
+
+    kind: (N,), "" where there is none. s, gain: (N,), their likeliest values, and by how much the
+    logarithm of the likelihood is higher than with one factor. sigma: (N, n), with them.
+    """
+
+    kind: np.ndarray
+    s: np.ndarray
+    gain: np.ndarray
+    sigma: np.ndarray
 
 
-class _Taken(NamedTuple):
-    """A further error: its kind, its likeliest value, and the measurements with it."""
+@np.errstate(all="ignore")
+def further_errors(
+    errors: str, sigma: np.ndarray, fitted: np.ndarray, far: np.ndarray, power: np.ndarray,
+    compared: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]],
+    refitted: Callable[[np.ndarray, np.ndarray], np.ndarray],
+) -> Taken:  # fmt: skip
+    """Return the further error of each of the fits ``far`` (N,) that is to have one.
 
-    kind: str
-    s: float
-    gain: float
-    several: list[Measurement]
-
-
-def _taken(
-    run: Run, several: Sequence[Measurement], found: FitData, errors: str, kind: str
-) -> _Taken | None:
-    """Return the further error of a kind if the fit is to have it. run, found: see below."""
-    joined, least = concatenate(*several), np.nan
-    gain, s, weighed = -np.inf, 0.0, [*several]
-    for left in reversed(range(ROUNDS)):
-        fitted, before = found.fitted, (gain, s)
-        off = weighted_residuals(joined, fitted, stated=False)
-        sigma = joined.sigma * arcs(joined, fitted)
-        size = sizes(kind, fitted, are_powers(joined.quantity))
-        added = likeliest_added(off, sigma, size)
-        if left == ROUNDS - 1:
-            least = float(one_factor(off, sigma))
-            if not worth_a_fit(errors, off, sigma, added):
-                return None
-        s, gain = float(added.s), 0.5 * (least - float(added.minus_two_log))
-        # Each round gains less than the one before.
-        if errors == "auto" and gain + (gain - before[0]) < GAIN:
-            return None
-        weighed = _with_added(several, joined, fitted, s * size)
-        if not left or abs(s - before[1]) <= SETTLED * s:
-            break
-        found = run(weighed, QUADRATIC)
-    if s == 0.0 or (errors == "auto" and gain < GAIN):
-        return None
-    return _Taken(kind, s, gain, weighed)
+    sigma, fitted: (N, n) stated errors, inf where there is no datum, and the model with one factor
+    on them. power: (n,), which data are powers. compared: of fits (k,) and their model (k, n):
+    residuals, and the factors that bring errors to the unit of these. refitted: of errors (k, n)
+    and fits (k,): the model, fitted with them.
+    """
+    count = len(sigma)
+    taken = Taken(
+        np.full(count, "", f"<U{max(map(len, ADDED))}"), np.zeros(count), np.full(count, -np.inf),
+        sigma.copy(),
+    )  # fmt: skip
+    for kind in added_kinds(errors):
+        live = np.flatnonzero(far)
+        model, s, gain, least = fitted[live], np.zeros(len(live)), taken.gain[live], 0.0
+        for left in reversed(range(ROUNDS)):
+            off, unit = compared(live, model)
+            own, size = sigma[live] * unit, sizes(kind, model, power)
+            added = likeliest_added(off, own, size)
+            go = np.ones(len(live), bool)
+            if left == ROUNDS - 1:
+                least, go, gain = one_factor(off, own), worth_a_fit(errors, off, own, added), -np.inf
+            new = 0.5 * (least - added.minus_two_log)
+            if errors == "auto":  # each round gains less than the one before
+                go &= new + (new - gain) >= GAIN
+            # Where Delta has no effect (psi of 0) its error has none.
+            weighed = np.hypot(sigma[live], added.s[:, None] * size / np.maximum(unit, 1e-6))
+            ended = (left == 0) | (np.abs(added.s - s) <= SETTLED * added.s)
+            good = go & ended & (added.s > 0.0) & ((errors != "auto") | (new >= GAIN))
+            good &= new > taken.gain[live]
+            here = live[good]
+            taken.kind[here], taken.s[here], taken.gain[here] = kind, added.s[good], new[good]
+            taken.sigma[here] = weighed[good]
+            go &= ~ended
+            live, s, gain, least = live[go], added.s[go], new[go], least[go]
+            if not len(live):
+                break
+            model = refitted(weighed[go], live)
+    return taken
 
 
 def with_added_error(
@@ -83,66 +100,67 @@ def with_added_error(
     """Return the fit with a further error if it is asked for, or likelier than one factor.
 
     run: fits measurements again, with this kind of intervals. found: the fit with the stated errors
-    times one factor. chi2 stays that of the stated errors.
+    times one factor.
     """
-    kinds = added_kinds(errors)
-    if not kinds or not found.errors.stated or found.loss != "squares":
-        return found
     dof = int(np.sum(found.dof))
-    if dof == 0:
+    if not added_kinds(errors) or not found.errors.stated or found.loss != "squares" or not dof:
         return found
     far, _ = beyond_chance(float(np.nansum(found.chi2)) / dof, dof)  # of all data together
     if errors == "auto" and not far:
         return found
-    each = [_taken(run, several, found, errors, kind) for kind in kinds]
-    most = max((t for t in each if t is not None), key=lambda t: t.gain, default=None)
-    if most is None:
-        return found
-    best = run(most.several, intervals)
-    return _told(found, best, concatenate(*several), most)
+    joined, ends = concatenate(*several), np.cumsum([len(m) for m in several])[:-1]
 
+    def weighed(sigma: np.ndarray) -> list[Measurement]:
+        return [replace(m, sigma=s) for m, s in zip(several, np.split(sigma, ends), strict=True)]
 
-def _told(found: FitData, best: FitData, joined: Measurement, added: _Taken) -> FitData:
-    """Return the fit with a further error, with the findings on it."""
-    fitted = best.fitted
-    square = (weighted_residuals(joined, fitted) ** 2).astype(float)
-    if best.shape:
-        _, which = np.unique(joined.wavelength_um, return_inverse=True)
-        chi2 = np.bincount(which, square, minlength=best.shape[0])
-    else:
-        chi2 = float(square.sum())
-    with np.errstate(all="ignore"):
-        reduced = np.where(np.asarray(best.dof) > 0, chi2 / np.asarray(best.dof), np.nan)
-    told = Finding(f"errors_{added.kind}", np.ones(best.shape, bool), {
-        "chi2_reduced": float(np.nansum(chi2) / np.sum(best.dof)), "added": added.s,
-        "gain": added.gain,
-    })  # fmt: skip
-    every = ranked([*best.findings, told, *_apart(found, best)])
+    def compared(_: np.ndarray, model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        off = weighted_residuals(joined, model[0], stated=False)
+        return off[None], arcs(joined, model[0])[None]
 
-    def each(value: Any) -> Any:
-        return np.full(best.shape, value) if best.shape else value
-
-    return replace(
-        best, chi2=chi2, chi2_reduced=reduced if best.shape else float(reduced), measurement=joined,
-        findings=every,
-        errors=best.errors._replace(taken=each(added.kind), added=each(added.s)),
+    taken = further_errors(
+        errors, joined.sigma[None], found.fitted[None], np.ones(1, bool),
+        are_powers(joined.quantity), compared, lambda s, _: run(weighed(s[0]), QUADRATIC).fitted[None],
     )  # fmt: skip
+    if not taken.kind[0]:
+        return found
+    best = run(weighed(taken.sigma[0]), intervals)
+    square = weighted_residuals(joined, best.fitted) ** 2
+    which = np.unique(joined.wavelength_um, return_inverse=True)[1]
+    chi2 = np.bincount(which, square, best.shape[0]) if best.shape else float(square.sum())
+    return replace(told(found, best, taken, chi2), measurement=joined)
 
 
-def _apart(found: FitData, best: FitData) -> list[Finding]:
-    """Return the finding on parameters that differ between the two fits, if any do."""
-    if best.shape:
-        return []
-    names = [
-        n for n in best.names
-        if n in found.parameters
-        and abs(best.parameters[n].value - found.parameters[n].value)
-        > np.fmax(best.parameters[n].sigma, found.parameters[n].sigma)
-    ]  # fmt: skip
-    if not names:
-        return []
-    values = {
-        "parameters": tuple(names), "added": tuple(best.parameters[n].value for n in names),
-        "factor": tuple(found.parameters[n].value for n in names),
+@np.errstate(all="ignore")
+def told(found: FitData, best: FitData, taken: Taken, chi2: Any) -> FitData:
+    """Return the ``best`` fit with further errors, and what is told of them.
+
+    found: the fit with one factor. chi2: with the stated errors, which it keeps.
+    """
+
+    def shaped(values: np.ndarray) -> Any:
+        if not best.shape:
+            return values.item()
+        return np.reshape(np.resize(values, np.prod(best.shape)), best.shape)
+
+    kind, s, gain = (shaped(a) for a in taken[:3])
+    reduced = np.where(np.asarray(best.dof) > 0, chi2 / np.asarray(best.dof), np.nan)
+    reduced = reduced if best.shape else float(reduced)
+    values = {"chi2_reduced": reduced, "added": s, "gain": gain}
+    new = [Finding(f"errors_{one}", np.equal(kind, one), values) for one in ADDED]
+    names = np.array([n for n in best.names if n in found.parameters], object)
+    own, before, sigma = (
+        np.stack([np.asarray(getattr(f.parameters[n], part)) for n in names], -1)
+        for f, part in ((best, "value"), (found, "value"), (best, "sigma"))
+    )
+    further = np.fmax(sigma, np.stack([np.asarray(found.parameters[n].sigma) for n in names], -1))
+    apart = (np.abs(own - before) > further) & np.not_equal(kind, "")[..., None]
+    differ = {
+        "parameters": those(names, apart), "added": those(own, apart),
+        "factor": those(before, apart),
     }  # fmt: skip
-    return [Finding("errors_differ", np.True_, values)]
+    new.append(Finding("errors_differ", apart.any(-1), differ))
+    errors = best.errors._replace(
+        taken=np.where(np.equal(kind, ""), best.errors.taken, kind)[()], added=s
+    )
+    every = ranked([*best.findings, *(f for f in new if np.any(f.at))])
+    return replace(best, chi2=chi2, chi2_reduced=reduced, errors=errors, findings=every)
