@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fitting.batch_arrays import arrays_of, pattern_of, start_of, without_refused
 from fitting.data.checks import unmasked
 from fitting.data.errors import MeasurementError
 from fitting.data.measurement import Measurement
@@ -24,7 +25,6 @@ from fitting.outcomes.of_batch import fit_of_batch
 from fitting.problem.curve_lanes import Curves, shown_at
 from fitting.problem.problem import FitOptions, Kept, Problem
 from fitting.process.progress import tell
-from fitting.refused_curves import without_refused
 from fitting.residuals.error_model import ADDED, NEED_STATED, added_kinds, beyond_chance
 from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import FitData
@@ -173,7 +173,7 @@ def fit_many(
     given, sigma, reasons = without_refused(given, sigma)
     one = wavelength_um is None or np.size(wavelength_um) == 1
     _check_general(which, errors, intervals, one)
-    values, sigmas, angle, wavelength, shape = _arrays(given, sigma, angles_deg, wavelength_um)
+    values, sigmas, angle, wavelength, shape = arrays_of(given, sigma, angles_deg, wavelength_um)
     if errors in ADDED and set(values) & set(ANGLES):
         raise ValueError(
             f'errors "{errors}" of psi and Delta are estimated for single curves (fit); of a batch '
@@ -183,7 +183,7 @@ def fit_many(
         raise ValueError(f'errors "{errors}" need a standard error for every datum; give sigma.')
     found = _fit_curves(
         values, sigmas, angle, wavelength, shape, which, settings,
-        errors, _begin(start, near, shape), check, seed,
+        errors, start_of(start, near, shape), check, seed,
     )  # fmt: skip
     if reasons is None:
         return Fit.of(found)
@@ -213,75 +213,6 @@ def _check_general(sample: Sample, errors: str, intervals: str, one: bool) -> No
         )
 
 
-def _arrays(given: Mapping[str, Any], sigma: Any, angles_deg: Any, wavelength_um: Any) -> tuple:
-    """Return values and errors (N, M) by quantity, angles (M,) or (N, M), wavelengths (M,), shape."""
-    wavelength: Any = np.nan if wavelength_um is None else wavelength_um
-    try:
-        angle, wavelength = np.asarray(angles_deg, float), np.asarray(wavelength, float)
-        values = {q: np.asarray(v, float) for q, v in given.items()}
-        sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(values, sigma)
-        sigmas = {q: np.asarray(np.nan if s is None else s, float) for q, s in sigmas.items()}
-        points = np.broadcast_shapes((1,), angle.shape[-1:], wavelength.shape)
-        full = np.broadcast_shapes(points, angle.shape, *(v.shape for v in values.values()))
-        if len(points) != 1 or full[-1:] != points or wavelength.ndim > 1:
-            raise ValueError(f"{points} points, {full} values")
-        whole = {q: np.broadcast_to(v, full).reshape(-1, full[-1]) for q, v in values.items()}
-        errors = {q: np.broadcast_to(s, full).reshape(-1, full[-1]) for q, s in sigmas.items()}
-        if angle.ndim > 1:  # angles of its own for each curve
-            angle = np.broadcast_to(angle, full).reshape(-1, full[-1])
-        else:
-            angle = np.broadcast_to(angle, points)
-        wavelength = np.broadcast_to(wavelength, points)
-    except (TypeError, ValueError) as error:
-        shapes = ", ".join(f"{q} {np.shape(v)}" for q, v in given.items())
-        raise ValueError(
-            f"the arrays do not go together ({error}): angles_deg {np.shape(angles_deg)}, "
-            f"wavelength_um {np.shape(wavelength)}, {shapes}. One angle and wavelength for each "
-            "of M points were wanted, (M,), or angles (..., M) of each curve, and values (..., M)."
-        ) from None
-    stray = [q for q in errors if q not in whole]
-    if stray:
-        raise ValueError(f"sigma has errors of {stray[0]}, of which there are no data.")
-    stated = sigma is not None
-    lacking = [q for q in whole if stated and not np.isfinite(errors.get(q, np.nan)).any()]
-    if lacking:
-        raise ValueError(
-            f"sigma has no errors of {lacking[0]}; give them for all data, or for none."
-        )
-    if stated:  # a datum without an error is left out
-        whole = {q: np.where(np.isfinite(errors[q]), v, np.nan) for q, v in whole.items()}
-    return whole, errors if stated else None, angle, wavelength, full[:-1]
-
-
-def _begin(
-    start: Mapping[str, Any] | None, near: FitData | None, shape: tuple[int, ...]
-) -> dict[str, np.ndarray] | None:
-    """Return values of parameters to begin from, () or (N,) each."""
-    if near is None and start is None:
-        return None
-    if near is not None:
-        known = {n: e.value for n, e in near.parameters.items() if e.free}
-        if near.shape not in ((), shape):
-            raise ValueError(
-                f"near has the shape {near.shape}, and the curves {shape}; the fit of one curve, "
-                "or of a batch of this shape, was wanted."
-            )
-    else:
-        known = dict(start or {})
-    out = {}
-    for name, value in known.items():
-        try:
-            array = np.broadcast_to(np.asarray(value, float), shape).reshape(-1)
-        except (TypeError, ValueError):
-            raise ValueError(
-                f"the start of {name} is of the shape {np.shape(value)}; a number, or an array of "
-                f"the shape {shape}, was wanted."
-            ) from None
-        # Where the other fit has no value its middle one serves.
-        out[name] = np.where(np.isfinite(array), array, np.nanmedian(array))
-    return out
-
-
 def _fit_curves(
     curves: Mapping[str, np.ndarray], sigma: Mapping[str, np.ndarray] | None,
     angle_deg: np.ndarray, wavelength_um: np.ndarray, shape: tuple[int, ...], sample: Sample,
@@ -292,7 +223,7 @@ def _fit_curves(
     near: name -> values (N,) of parameters, from which all curves begin.
     """
     some = angle_deg if angle_deg.ndim == 1 else np.linspace(10.0, 80.0, angle_deg.shape[1])
-    pattern = _pattern(curves, sigma, some, wavelength_um)
+    pattern = pattern_of(curves, sigma, some, wavelength_um)
     sample = sample.with_splines(pattern.wavelength_um)
     check_fit([pattern], sample)
     asked = FitOptions(errors, QUADRATIC, seed=seed)
@@ -315,6 +246,13 @@ def _fit_curves(
                 f"start and near have no value of {', '.join(lacking)}; one of every fitted "
                 f"parameter ({', '.join(_free_names(job))}) was wanted."
             )
+        for w in (w for w in job.u.moving if w.free):
+            name = job.u.labels[w.parameter.name]
+            if not ((w.low <= near[name]) & (near[name] <= w.high)).all():
+                raise ValueError(
+                    f"the start of {name} holds {near[name].min():g} to {near[name].max():g}; "
+                    f"{w.low:g} to {w.high:g} was wanted."
+                )
         search.run(batch.y_of({n: v[every] for n, v in near.items()}), every)
     if of_bare_surface(search):
         search.run(*mesh_starts(search))
@@ -412,16 +350,3 @@ def _to_search(
     rest = np.setdiff1d(free, worst)
     by_chance = random.permutation(rest)[: many - len(worst)]
     return [*worst.tolist(), *by_chance.tolist()]
-
-
-def _pattern(
-    curves: Mapping[str, np.ndarray], sigma: Any, angle_deg: np.ndarray, wavelength_um: np.ndarray
-) -> Measurement:
-    """Return a measurement of all quantities at all points, with values that are those of none."""
-    middle = {"psi": (20.0, 70.0), "delta": (60.0, 300.0)}
-    rows = len(angle_deg)
-    values: dict[str, Any] = {q: np.linspace(*middle.get(q, (0.2, 0.8)), rows) for q in curves}
-    errors = {q: 1e-3 for q in curves} if sigma else None
-    return Measurement.from_columns(
-        angle_deg, wavelength_um, sigma=errors, source="the arrays", **values
-    )

@@ -13,13 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.bare_surface.calls import SEVERAL
+from fitting.batch_arrays import without_refused
 from fitting.batches import fit_many
 from fitting.data.quantities import POWERS
 from fitting.fit_result import Fit
 from fitting.maps.cube import Cube
 from fitting.problem.evaluation import EachFit
-from fitting.refused_curves import without_refused
 from fitting.results.result_parts import CONVERGED
 from fitting.samples.sample import Sample
 

@@ -203,9 +203,9 @@ def test_errors_missing_from_some_data_are_not_guessed():
         ({"angles_deg": ANGLES + 0j}, "angles_deg must be real numbers .complex"),
         ({"sigma": 1e-3 + 0j}, "sigma of R_s must be real numbers .complex"),
         ({"sigma": 1e-3, "errors": "no"}, "errors is 'no'; one of auto, stated"),
-        ({"start": {"eta": 0.0, "k": 1.0}}, "above 0"),
+        ({"start": {"eta": 0.0, "k": 1.0}}, "start of eta holds 0 .* was wanted"),
         ({"start": 1.5}, "start is 1.5; .*eta"),
-        ({"start": {"eta": 1.5 + 0j, "k": 0.0}}, "start is .* was wanted, real"),
+        ({"start": {"eta": 1.5 + 0j, "k": 0.0}}, "start of eta is .*real number.* was wanted"),
     ],
 )
 def test_a_call_that_makes_no_sense_says_what_was_wanted(change, words):
