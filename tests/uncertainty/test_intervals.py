@@ -8,10 +8,6 @@ from scipy import stats
 from scipy.optimize import brentq, minimize_scalar
 
 from fitting import fit, fit_many
-from fitting.bare_surface.coordinates import coordinates_of
-from fitting.bare_surface.curve_data import Data
-from fitting.bare_surface.region import profile
-from fitting.bare_surface.valley import Lanes, evaluate
 from fitting.measured_file import read_csv
 from fitting.results.result_parts import Estimate
 from fitting.uncertainty.limits import student_quantile
@@ -244,7 +240,6 @@ def test_no_interval_where_there_is_nothing_to_go_by():
     for found in (
         fit_many([0.0], R=[0.3], intervals="auto"),  # no error, no scatter
         fit_many([0.0], R=[1.0], sigma=1e-3, intervals="auto"),  # a perfect mirror
-        fit_many([0.0], R=[np.nan], intervals="auto"),
     ):
         assert found.parameters["eta"].interval_kind == "none"
         assert np.isnan(intervals(found)).all()
@@ -256,39 +251,6 @@ def test_exact_data_have_intervals_as_narrow_as_rounding():
     found = fit_many(ANGLES, **curves(0.5, 2.2, ("R_s", "R_p")), intervals="profile")
     np.testing.assert_allclose(found.parameters["eta"].interval, 0.5, rtol=1e-12)
     np.testing.assert_allclose(found.parameters["k"].interval, 2.2, rtol=1e-12)
-
-
-@pytest.mark.study
-@pytest.mark.parametrize(
-    "n", [1.3, *(pytest.param(n, marks=pytest.mark.study) for n in (2.0, 3.6))]
-)
-def test_an_interval_is_the_same_from_wherever_in_the_valley(n):
-    """At 45 degrees every index of a curve from n to below 1 fits; which is best is rounding.
-
-    With the minimum at .723 + .2 i the interval of eta had ended at 1.007, where the floor of the
-    valley, followed from there, had been taken for the end of the chart.
-    """
-    channels, angle = ("R_s", "R_p"), np.array([45.0])
-    data = Data(
-        np.cos(np.radians(angle)), np.array([0.5]), tuple(curves(n, 0.0, channels, angle).values()),
-        (np.array([1e3]),) * 2, 1.0, channels,
-    )  # fmt: skip
-    data = data._replace(values=tuple(v[None] for v in data.values))
-
-    def above(k, eta):
-        """By how much an index reflects more of s than n does."""
-        return (textbook(angle, np.array(["R_s"]), eta, k) - data.values[0][0])[0]
-
-    ends = []
-    for eta in np.linspace(0.72, 0.98 * n, 12):
-        if above(0.0, eta) > 0.0:
-            continue
-        k = brentq(above, 0.0, 5.0, args=(eta,))
-        place = Lanes(np.array([0]), *coordinates_of(np.array([eta]), np.array([k])))
-        region = profile(data, evaluate(data, place), np.array([3.84]), np.array([np.nan]))
-        ends.append([region.eta[0, 1], region.k[0, 1]])
-    np.testing.assert_allclose(np.array(ends)[:, 0], n, atol=0.02)
-    np.testing.assert_allclose(np.array(ends)[:, 1], np.mean(ends, axis=0)[1], rtol=0.02)
 
 
 def test_only_the_range_of_a_parameter_ends_its_widened_interval():

@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 
 from fitting import Measurement, choose, fit, read_csv
-from fitting.bare_surface.answer import answer
-from fitting.bare_surface.arrange import of_measurement
-from fitting.bare_surface.curves import fitted_curves
 from fitting.residuals.pattern import pattern
 from fitting.residuals.residuals import residuals, weighted_residuals
 from fitting.samples.sample import Sample
@@ -170,11 +167,7 @@ def test_the_curves_of_a_few_solutions_stand_at_their_data():
     for w, index in of.items():
         here = m.wavelength_um == w
         m = replace(m, value=np.where(here, textbook(m.angle_deg, m.quantity, *index), m.value))
-    arranged = of_measurement(m, 1.0, "auto")
-    shown = answer(arranged, False, None, "quadratic").solved
-    channel, curve, place = arranged.rows
-    found = fitted_curves(arranged.data, shown)[channel, curve, place]
-    np.testing.assert_allclose(found, m.value, atol=1e-13)
+    np.testing.assert_allclose(fit(m).fitted, m.value, atol=1e-13)
 
 
 @pytest.mark.study
