@@ -9,10 +9,6 @@ Every round times each contestant once, and the best of the rounds counts, since
 the machine can only slow a round down. The time of the processor is given as well: on a busy
 machine two cores divided by that is what a quiet one would do.
 
-A fit is also compared with its parts: evaluations of residuals and derivatives, times one such
-evaluation in the same groups of lanes; in a process that has one processor to itself, since two
-threads on one core slow each other down.
-
     python -m benchmarks.speed.fit_throughput [--largest 100000] [--rounds 5]
                                               [--out docs/benchmarks]
 
@@ -23,25 +19,16 @@ from __future__ import annotations
 
 import argparse
 import json
-import multiprocessing
-import os
 import time
 import warnings
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.machine import conditions, cores
 from fitting import fit_many, simulate
-from fitting.bare_surface import engine
-from fitting.bare_surface.reflectances import Curves, Residuals
-from fitting.problem.solver import normal_sums
-from fitting.process.compiled import compiled
 from tests.truth.fit_batches import ANGLES, mixed, truths
 
 PEER_FITS = 200
@@ -92,53 +79,6 @@ def timed(call: Callable[[], object]) -> tuple[float, float]:
     wall, cpu = time.perf_counter(), time.process_time()
     call()
     return time.perf_counter() - wall, time.process_time() - cpu
-
-
-def one_evaluation(rounds: int) -> float:
-    """Return processor seconds a lane of residuals, derivatives and normal equations."""
-    lanes, channels = engine.BLOCK, ("R_s", "R_p")
-    residuals = Residuals(channels)
-
-    def evaluate(y, curves, chart):
-        return normal_sums(lambda z, args: (residuals(z, args), None), y, (curves, chart))
-
-    with jax.enable_x64(True):
-        column = np.cos(np.radians(ANGLES))[:, None]
-        full = (np.full((60, lanes), 0.3),) * 2
-        ones = (np.ones((60, 1)),) * 2
-        curves = Curves(column, np.full((60, 1), 0.5), full, ones)
-        y = jnp.asarray(np.stack([np.full(lanes, 0.8), np.linspace(0.1, 1.0, lanes)]))
-        program, chart = compiled(evaluate, ()), jnp.ones(lanes)
-        curves = jax.tree.map(jnp.asarray, curves)
-        program(y, curves, chart).block_until_ready()
-        times = []
-        for _ in range(4 * rounds):
-            start = time.process_time()
-            for _ in range(20):
-                out = program(y, curves, chart)
-            out.block_until_ready()
-            times.append((time.process_time() - start) / (20 * lanes))
-    return min(times)
-
-
-def _take_one_processor() -> None:
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
-
-
-def _parts(count: int, rounds: int) -> tuple[float, float]:
-    """Return processor seconds of a fit of ``count``, and of its evaluations."""
-    _, _, data = truths(count)
-    found = fit_many(ANGLES, **data)
-    a_fit = min(timed(lambda: fit_many(ANGLES, **data))[1] for _ in range(rounds)) / count
-    return a_fit, float(np.mean(found.evaluations)) * one_evaluation(rounds)
-
-
-def on_one_processor(count: int, rounds: int) -> tuple[float, float]:
-    """Return `_parts`, measured in a process of its own."""
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, mp_context=spawn, initializer=_take_one_processor) as pool:
-        return pool.submit(_parts, count, rounds).result()
 
 
 def films(count: int) -> Callable[[], object]:
@@ -197,7 +137,6 @@ def measure(largest: int, rounds: int) -> dict:
     each_cpu = {name: 1e6 * min(cpus[name]) / count for name, (count, _) in calls.items()}
     found = fit_many(ANGLES, R_s=data["R_s"], R_p=data["R_p"])
     counts = np.atleast_1d(found.evaluations)
-    a_fit, its_evaluations = on_one_processor(largest, rounds)
     off = np.abs(np.atleast_1d(found.eta) - eta) / np.atleast_1d(found.parameters["eta"].sigma)
     best = f"fit_many, {largest}"
     rivals = {name: rate for name, rate in rates.items() if "fit_many" not in name}
@@ -215,8 +154,6 @@ def measure(largest: int, rounds: int) -> dict:
             "mean": float(counts.mean()),
             "most": int(counts.max()),
         },
-        "one_evaluation_us": 1e6 * its_evaluations / float(counts.mean()),
-        "fit_over_its_evaluations": a_fit / its_evaluations,
         "fastest_peer": fastest,
         "times_the_fastest_peer": rates[best] / rivals[fastest] if fastest else None,
         "eta_within_2_sigma": float((off < 2.0).mean()),
@@ -251,7 +188,6 @@ def _aims(r: dict) -> list[tuple[str, str, float, bool]]:
         at_least("films/s, from a neighbour's minimum", 3_000, rates[f"fit_many, {FILMS} films"])
     at_most("first call, compiling, s", 2.0, max(r["first_call_s"].values()))
     at_most("evaluations a fit, median", 4, r["evaluations"]["median"])
-    at_most("a fit / its evaluations (one processor)", 2.0, r["fit_over_its_evaluations"])
     if peer := r["fastest_peer"]:
         at_least(f"times as fast as {peer}", 80, r["times_the_fastest_peer"])
         by_cpu = r["cores"] * cpu[peer] / cpu[largest]
@@ -293,8 +229,8 @@ def markdown(r: dict) -> str:
     lines += [
         "",
         f"Evaluations of residuals and derivatives a fit: median {r['evaluations']['median']:.0f}, "
-        f"mean {r['evaluations']['mean']:.2f}, most {r['evaluations']['most']}; one takes "
-        f"{r['one_evaluation_us']:.2f} us of processor time. Of the fitted eta "
+        f"mean {r['evaluations']['mean']:.2f}, most {r['evaluations']['most']}, all starts of a "
+        "curve counted. Of the fitted eta "
         f"{100.0 * r['eta_within_2_sigma']:.1f} % lie within 2 sigma of the truth.",
     ]
     return "\n".join(lines) + "\n"
