@@ -266,7 +266,7 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         gain = fell / jnp.where(state.promised > 0.0, state.promised, 1.0)
         # With a good model (gain near 1) damping falls fast, so that 3 or 4 evaluations suffice.
         eased = state.damping * jnp.where(gain > 0.75, 0.1, jnp.where(gain > 0.25, 0.5, 2.0))
-        refused = jnp.maximum(state.damping, 1e-4) * 4.0
+        refused = jnp.maximum(state.damping, 1e-6) * 8.0
         keep = state.done | (better & (state.evaluations == 0))
         damping = jnp.where(keep, state.damping, jnp.where(better, eased, refused))
         before, move = state.sums, trial - y

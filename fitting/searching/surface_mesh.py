@@ -42,7 +42,7 @@ def _plane(rows: int, columns: int, lowest: float) -> np.ndarray:
     x = log[(1 + |N|^2) / 2n] is evenly spaced in R(0) for weak reflectors and in log(1 - R(0)) for
     strong ones; on a line of constant x, |N| runs from e^xi to e^-xi with cosh xi = e^x.
     """
-    x = 0.3 * np.sinh(np.linspace(np.arcsinh(lowest / 0.3), np.arcsinh(8.0 / 0.3), rows))[:, None]
+    x = 0.3 * np.sinh(np.linspace(np.arcsinh(lowest / 0.3), np.arcsinh(6.0 / 0.3), rows))[:, None]
     log = np.arccosh(np.exp(x)) * (1.0 - 2.0 * (np.arange(columns) + 0.5) / columns)
     cosine = np.cosh(log) * np.exp(-x)
     return np.exp(log) * (cosine + 1j * np.sqrt(1.0 - cosine**2))
