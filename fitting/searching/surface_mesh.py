@@ -10,7 +10,7 @@ segments that miss less than their neighbours.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from fitting.samples.parameters import from_parameter
 
 POWERS_OF_SURFACE = ("R_s", "R_p", "R")
 # Curves that are compared side by side.
-_SIDE_BY_SIDE = 512
+_SIDE_BY_SIDE, _LANES = 512, 32
 # Where curves have angles of their own, nodes are interpolated from these, degrees.
 _GRID = np.linspace(0.0, 90.0, 181)
 # Up to so many angles, and up to this highest one, the fine mesh is used; R_p alone (R with less
@@ -128,27 +128,37 @@ def _reflectances(index: np.ndarray, angle_deg: np.ndarray) -> np.ndarray:
 
 
 def _along_segments(nodes: np.ndarray, sums: _Sums) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least misfit on each segment (rows - 1, columns, N), and where on it, 0 to 1.
+    """Return the least misfit on each segment (..., rows - 1, columns, lanes), and where on it.
 
-    nodes: (2, rows, columns, G), R_s and R_p. The best place is that of a straight line:
+    nodes: (2, rows, columns, G), R_s and R_p. The best place, 0 to 1, is that of a straight line:
     t = sum w^2 d (v - g) / sum w^2 d^2 with d the change of g from end to end.
     """
 
-    def squares(s: np.ndarray, p: np.ndarray) -> np.ndarray:
-        parts = (s * s, sums.ss), (2.0 * s * p, sums.sp), (p * p, sums.pp)
-        return sum(a @ w.T for a, w in parts if w.any())
+    def over_data(*parts: tuple[Any, np.ndarray]) -> np.ndarray:
+        # Small products: of large ones each has BLAS wait for its threads, ten times as long.
+        return sum(np.matmul(a, _as_lanes(w)) for a, w in parts if w.any())
 
-    linear = sum(a @ v.T for a, v in zip(nodes, sums[:2], strict=True) if v.any())
+    def squares(s: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return over_data((s * s, sums.ss), (2.0 * s * p, sums.sp), (p * p, sums.pp))
+
+    linear = over_data(*zip(nodes, sums[:2], strict=True))
     plain, length = squares(*nodes), squares(*np.diff(nodes, axis=1))
-    low = plain[:-1]
-    slope = np.diff(linear, axis=0) - 0.5 * (np.diff(plain, axis=0) - length)
+    low = plain[..., :-1, :, :]
+    slope = np.diff(linear, axis=-3) - 0.5 * (np.diff(plain, axis=-3) - length)
     t = np.clip(slope / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
-    return sums.square + low - 2.0 * linear[:-1] - t * (2.0 * slope - t * length), t
+    gain = 2.0 * linear[..., :-1, :, :] + t * (2.0 * slope - t * length)
+    return _as_lanes(sums.square[:, None]) + low - gain, t
+
+
+def _as_lanes(a: np.ndarray) -> np.ndarray:
+    """Return (N, G) as (N / lanes, 1, G, lanes)."""
+    lanes = min(len(a), _LANES)
+    return a.reshape(-1, 1, lanes, a.shape[1]).swapaxes(2, 3)
 
 
 def _among_neighbours(misfit: np.ndarray) -> np.ndarray:
-    """Return the least value of each segment and its neighbours in (A, B, N)."""
-    for axis in (0, 1):
+    """Return the least value of each segment and its neighbours in (..., rows, columns, lanes)."""
+    for axis in (-3, -2):
         a, out = np.moveaxis(misfit, axis, 0), np.moveaxis(misfit, axis, 0).copy()
         np.minimum(out[1:], a[:-1], out=out[1:])
         np.minimum(out[:-1], a[1:], out=out[:-1])
@@ -190,11 +200,13 @@ def mesh_starts(search: BatchSearch) -> tuple[np.ndarray, np.ndarray]:
         kinds = np.broadcast_to(_kinds(sums, outside[pick] > 1.0), len(pick))
         for kind in np.unique(kinds):
             mine = np.flatnonzero(kinds == kind)
-            mesh, part = boxed[kind], sums
+            mesh = boxed[kind]
             if kind not in tables or len(tables[kind][0][0, 0, 0]) != len(sums.angle_deg):
                 tables[kind] = [_reflectances(b, sums.angle_deg) for b in mesh.blocks]
-            if len(mine) < len(pick):
-                part = _Sums(*(a[mine] if len(a) == len(pick) else a for a in sums[:-1]), sums[-1])
+            # In whole calls, filled up with the last curve.
+            lanes = min(len(mine), _LANES)
+            full = np.pad(mine, (0, -len(mine) % lanes), "edge")
+            part = _Sums(*(a[full] if len(a) == len(pick) else a for a in sums[:-1]), sums[-1])
             found.append(_low_places(mesh, tables[kind], part, pick[mine]))
     index, which = (np.concatenate(parts) for parts in zip(*found, strict=True))
     index = index * outside[which]
@@ -208,17 +220,18 @@ def _low_places(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the places (L,) on segments that miss less than their neighbours, and their curves."""
     parts = [_along_segments(nodes, sums) for nodes in tables]
-    best = np.min([misfit.min((0, 1)) for misfit, _ in parts], 0)
-    bound = np.maximum(4.0 * best, mesh.share * sums.square)
+    best = np.min([misfit.min((-3, -2)) for misfit, _ in parts], 0)
+    bound = np.maximum(4.0 * best, mesh.share * sums.square.reshape(best.shape))[:, None, None]
     index, curve, miss = [], [], []
     for block, (misfit, t) in zip(mesh.blocks, parts, strict=True):
         at = np.nonzero((misfit <= _among_neighbours(misfit)) & (misfit <= bound))
-        low, high = block[at[:2]], block[at[0] + 1, at[1]]
+        low, high = block[at[1:3]], block[at[1] + 1, at[2]]
         index.append(low + t[at] * (high - low))
-        curve.append(at[2])
+        curve.append(at[0] * t.shape[-1] + at[3])
         miss.append(misfit[at])
     index, curve, miss = map(np.concatenate, (index, curve, miss))
     order = np.lexsort((miss, curve))
     index, curve = index[order], curve[order]
     rank = np.arange(len(curve)) - np.searchsorted(curve, curve)
-    return index[rank < mesh.most], pick[curve[rank < mesh.most]]
+    keep = (rank < mesh.most) & (curve < len(pick))
+    return index[keep], pick[curve[keep]]
