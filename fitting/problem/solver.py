@@ -38,6 +38,9 @@ FEW_UNKNOWNS = 6
 # XLA ends the process when it compiles a `lax.reduce` of a thousand operands, those of 44 unknowns.
 _MOST_SUMS = 900
 START_DAMPING = 1e-3
+# The bend of a step is solved for with at least this damping, since along the valley it is not
+# known; and none is taken that is longer than this part of the step.
+_BEND_DAMPING, _LONGEST_BEND = 0.1, 0.5
 
 
 class BatchState(NamedTuple):
@@ -179,6 +182,29 @@ def bounded_step(
     return jnp.where(better, along, short), jnp.where(better, gain_along, gain_short)
 
 
+def bent(before: Array, after: Array, move: Array, step: Array, damping: Array) -> Array:
+    """Return the step (p, L), bent as the valley is in which the last move led.
+
+    Geodesic acceleration: M. K. Transtrum and J. P. Sethna, arXiv:1201.5885. The second derivative
+    of the residuals r along the move d that it needs, J^T r'' = J^T (dJ) d, follows from the normal
+    matrices before and after the move, (A' - A) d, but for what is small across a narrow valley.
+    """
+    p = len(step)
+    _, _, matrix = unpack(after, p)
+    bend = ((matrix - unpack(before, p)[2]) * move[None]).sum(1)
+    scale = jnp.stack([matrix[i, i] for i in range(p)])
+
+    def product(a: Array, b: Array) -> Array:
+        return (scale * a * b).sum(0)
+
+    # The next step is so many times the last one.
+    times = product(move, step) / jnp.where(product(move, move) > 0.0, product(move, move), 1.0)
+    damped = matrix * (1.0 + jnp.eye(p)[:, :, None] * jnp.maximum(damping, _BEND_DAMPING))
+    aside = -0.5 * times**2 * solve_lanes(damped, bend, step != 0.0)
+    short = product(aside, aside) <= _LONGEST_BEND**2 * product(step, step)
+    return step + jnp.where(short, aside, 0.0)
+
+
 class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     """Levenberg-Marquardt on a batch: y is (p, L), every residual array ends in the L lanes.
 
@@ -240,9 +266,10 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         gain = fell / jnp.where(state.promised > 0.0, state.promised, 1.0)
         # With a good model (gain near 1) damping falls fast, so that 3 or 4 evaluations suffice.
         eased = state.damping * jnp.where(gain > 0.75, 0.1, jnp.where(gain > 0.25, 0.5, 2.0))
-        refused = jnp.maximum(state.damping, 1e-4) * 4.0
+        refused = jnp.maximum(state.damping, 1e-6) * 8.0
         keep = state.done | (better & (state.evaluations == 0))
         damping = jnp.where(keep, state.damping, jnp.where(better, eased, refused))
+        before, move = state.sums, trial - y
         y = jnp.where(better, trial, y)
         sums = jnp.where(better, sums, state.sums)
         # The damped and the full step are one call, side by side: half the code to compile.
@@ -255,12 +282,17 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         # Or the step is refused and damped until it gains nothing, since no neighbour has a lower
         # cost; or the start has no finite cost.
         ended = (fall <= nothing) | (~better & (promised <= nothing)) | ~jnp.isfinite(sums[0])
+        ahead = jnp.where(
+            better & (state.evaluations > 0),
+            bent(before, sums, move, step[:, :lanes], damping),
+            step[:, :lanes],
+        )
         return (
             y,
             BatchState(
                 sums,
                 damping,
-                step[:, :lanes],
+                ahead,
                 promised,
                 step[:, lanes:],
                 state.done | ended,
