@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
+import jax
 import numpy as np
 
 from fitting.outcomes.curvature import by_curvature
@@ -25,12 +26,20 @@ from fitting.searching.last_steps import refined
 from fitting.searching.minima import SAME_CHI2, Around, Minimum, minima, scatter_of
 from fitting.searching.without_fringes import FRINGES, fringes_of, without_fringes
 from fitting.uncertainty.covariance import End, Uncertainty
-from fitting.uncertainty.intervals import PROFILE, QUADRATIC, Intervals, intervals
+from fitting.uncertainty.intervals import (
+    PROFILE,
+    QUADRATIC,
+    Intervals,
+    Minima,
+    intervals,
+)
 from fitting.uncertainty.likelihood import criteria, reduced_chi2
+from fitting.uncertainty.limits import ROUNDING, student_quantile
+from fitting.uncertainty.profile import Lanes
 from fitting.uncertainty.spline_errors import errors_of_curves, with_errors_of_curves
 
 # So many of the other minima have intervals by profile, the rest quadratic ones.
-_OTHERS = 3
+OTHERS = 3
 
 
 def parameters_at(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -104,7 +113,7 @@ def _estimates(
 ) -> tuple[dict[str, Estimate], np.ndarray]:
     """Return the free parameters at one minimum by name, and their covariance (P, P)."""
     found, covariance = estimates(
-        u, end.y[None], _as_batch(end.known), known.ends[None], np.array([known.kind]),
+        u, end.y[None], _as_batch(end.known), known.ends[None], known.kind[None],
         known.limits[None], np.array([failed]), _ONE,
     )  # fmt: skip
     return found, covariance[0]
@@ -196,12 +205,17 @@ def _intervals(
     """
     # Without a degree of freedom stated errors are used as they are.
     taken = fit.dof == 0 and fit.seen.stated
-    estimated = fit.asked.scaled and not taken
-    some, rest = every[: 1 + _OTHERS], every[1 + _OTHERS :]
-    return [
-        *intervals(fit, some, noise, wanted=wanted, estimated=estimated, enough=enough),
-        *intervals(fit, rest, noise, wanted=QUADRATIC, estimated=estimated),
-    ]
+    t = student_quantile(max(fit.dof, 1) if fit.asked.scaled and not taken else 0)
+    count = len(every)
+    m = Minima(
+        np.zeros(count, int), np.stack([e.y for e in every]), np.array([e.cost for e in every]),
+        Uncertainty(*(np.stack(a) for a in zip(*(e.known for e in every), strict=True))),
+        np.full(count, t), np.full(count, ROUNDING * fit.squares / noise**2),
+        np.where(np.arange(count) <= OTHERS, wanted, QUADRATIC),
+    )  # fmt: skip
+    at = Lanes(lambda y, row, _, steps: fit.pinned(y, row, noise, steps), fit.lanes)
+    found = intervals(fit.u, fit.limits, m, at, enough)
+    return [jax.tree.map(lambda a, i=i: a[i], found) for i in range(count)]
 
 
 def _rounding(fit: Problem, noise: float) -> float:

@@ -16,12 +16,12 @@ D. J. Venzon and S. H. Moolgavkar, Applied Statistics 37, 87 (1988), doi:10.2307
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from fitting.problem.problem import Problem
+from fitting.problem.lanes import Ends
 
 # An end is found if the root is this near to 1, or between two places this near to each other.
 CLOSE, TIGHT = 1e-3, 1e-4
@@ -43,12 +43,13 @@ FARTHEST = 1e9
 class Base(NamedTuple):
     """A minimum around which the ends of intervals are searched for.
 
-    y: (p,). cost: there. along: (p, p), column j: how the others go with y_j near it. low, high:
+    which: the curve that it is one of. y: (p,). cost: there. along: (p, p), column j: how the others go with y_j near it. low, high:
     bounds (p,). rise: of the cost. All searches add to two lists: inside: places where the cost is
     within that rise, and the unknown that was held there; lower: costs below that of the minimum,
     and where they are.
     """
 
+    which: int
     y: np.ndarray
     cost: float
     along: np.ndarray
@@ -249,17 +250,23 @@ def _through(far: Sequence[float], root: Sequence[float]) -> float:
     return d0 + (1.0 - r0) * (first + (1.0 - r1) * bend)
 
 
-def visit(fit: Problem, searches: Sequence[Search], noise: float) -> None:
-    """Visit the next places of every search that has no end yet.
+class Lanes(NamedTuple):
+    """The lanes of one fit or of many: ``run`` takes starts (p, L), the coordinate of each that
+    stays (L,), its curve (L,), and how many evaluations. count: how many run side by side."""
 
-    noise: what residuals are divided by.
-    """
+    run: Callable[[np.ndarray, np.ndarray, np.ndarray, int], Ends]
+    count: int
+
+
+def visit(at: Lanes, searches: Sequence[Search]) -> None:
+    """Visit the next places of every search that has no end yet."""
     todo = [s for s in searches if np.isnan(s.found)]
     lanes = [(s, p, y) for s in todo for p in s.under_way for y in p.starts]
     if not lanes:
         return
     start = np.stack([y for _, _, y in lanes], 1)
-    ends = fit.pinned(start, np.array([s.j for s, _, _ in lanes]), noise, EVALUATIONS)
+    row, which = np.array([(s.j, s.base.which) for s, _, _ in lanes]).T
+    ends = at.run(start, row, which, EVALUATIONS)
     lane = 0
     for s in todo:
         places, s.under_way = s.under_way, []
@@ -270,9 +277,7 @@ def visit(fit: Problem, searches: Sequence[Search], noise: float) -> None:
             s.visited(p, ends.y[:, best], float(ends.cost[best]), bool(ends.done[best]))
 
 
-def follow(
-    fit: Problem, searches: Sequence[Search], noise: float, rounds: int, enough: float
-) -> None:
+def follow(at: Lanes, searches: Sequence[Search], rounds: int, enough: float) -> None:
     """Continue until every search has its end, or for the given number of rounds.
 
     An end that was not found by then is the nearest place that is known to lie outside; if none is
@@ -285,8 +290,8 @@ def follow(
             return
         for s in todo:
             # As many places as there are lanes, since an idle lane takes the same time.
-            s.choose(max(1, min(4, fit.lanes // (3 * len(todo)))))
-        visit(fit, todo, noise)
+            s.choose(max(1, min(4, at.count // (3 * len(todo)))))
+        visit(at, todo)
     for s in searches:
         s.choose(1)
         if np.isnan(s.found):
