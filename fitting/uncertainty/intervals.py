@@ -158,19 +158,16 @@ def _pairs(
     own = np.diagonal(m.known.wide, axis1=1, axis2=2)[:, None]
     along = np.nan_to_num(np.where(own > 0.0, m.known.wide / own, 0.0))
     rise = m.t**2 * m.known.rise
-    out, first = [], np.where(good[..., None], far[..., None] * [1.0 - OFF, 1.0 + OFF], np.nan)
-    for i in np.flatnonzero(some.any(1)):
-        base = Base(m.which[i], m.y[i], m.cost[i], along[i], *limits, rise[i], [], [])
+    test = good & (m.wanted == AUTO)[:, None, None]
+    first = far[..., None] * np.where(test[..., None], [1.0 - OFF, 1.0 + OFF], 1.0)
+    out, first, cost, rise = [], first.tolist(), m.cost.tolist(), rise.tolist()
+    for i in np.flatnonzero(some.any(1)).tolist():
+        base = Base(m.which[i], m.y[i], cost[i], along[i], *limits, rise[i], [], [])
         for j in np.flatnonzero(some[i]).tolist():
             lower, upper = (
-                Search(
-                    base, j, sign,
-                    first[i, j, side].tolist() if m.wanted[i] == AUTO and good[i, j, side]
-                    else [float(far[i, j, side])],
-                    limit_too=side == 0 and near[j][i],
-                )
+                Search(base, j, sign, first[i][j][side], limit_too=side == 0 and near[j][i])
                 for side, sign in enumerate((-1.0, 1.0))
-            )  # fmt: skip
+            )
             out.append(_Pair(i, j, (lower, upper)))
     return out
 
