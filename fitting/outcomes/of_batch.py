@@ -17,6 +17,7 @@ from fitting.outcomes.findings import findings_of_all
 from fitting.outcomes.outcome import (
     OTHERS,
     Shaped,
+    all_unseen,
     combinations_unseen,
     estimates,
     fixed_and_tied,
@@ -192,7 +193,10 @@ def fit_of_batch(
     few = too_few(u, sample, n_data) & ~(failed | unseen)
     estimated = job.asked.scaled and pooled is None
     t = student_quantiles(np.where(estimated & (own > 0), own, 0))
-    every = jax.tree.map(lambda *a: np.concatenate(a), *minima)
+    minima = [
+        o._replace(known=all_unseen(o.known, few[np.searchsorted(which, o.which)])) for o in minima
+    ]
+    m, every = minima[0], jax.tree.map(lambda *a: np.concatenate(a), *minima)
     turn = np.repeat(np.arange(len(minima)), [len(m.which) for m in minima])
     row, rounding = np.searchsorted(which, every.which), ROUNDING * every.squares
     ranges = intervals(u, search.limits, Minima(
@@ -213,7 +217,7 @@ def fit_of_batch(
         m, r = minima[at], jax.tree.map(lambda a: a[turn == at], ranges)
         return estimates(u, m.y, m.known, r.ends, r.kind, r.limits, failed, put)
 
-    free, covariance = estimates_of(0, failed | few, put)
+    free, covariance = estimates_of(0, failed, put)
     others = list[Alternative]()
     for at, other in enumerate(minima[1:], 1):
         rows_of = row[turn == at]

@@ -27,7 +27,6 @@ from fitting.searching.minima import SAME_CHI2, Around, Minimum, minima, scatter
 from fitting.searching.without_fringes import FRINGES, fringes_of, without_fringes
 from fitting.uncertainty.covariance import End, Uncertainty
 from fitting.uncertainty.intervals import (
-    PROFILE,
     QUADRATIC,
     Intervals,
     Minima,
@@ -125,6 +124,11 @@ def too_few(u: Unknowns, sample: Sample | None, n_data: Any) -> Any:
     With k at 0, the end of its range, a single datum would seem to determine eta.
     """
     return (n_data < u.free.sum()) & (sample is not None and sample.by_wavelength)
+
+
+def all_unseen(known: Uncertainty, where: Any = True) -> Uncertainty:
+    """Return the same with no error of any parameter, of the minima (...) where that is so."""
+    return known._replace(unseen_of=known.unseen_of | np.asarray(where)[..., None])
 
 
 def combinations_unseen(u: Unknowns, known: Uncertainty, put: Shaped) -> Iterator[tuple[Any, Any]]:
@@ -278,6 +282,9 @@ def fit_of(fit: Problem, ends: Ends, noise: float, of: Subject) -> FitData:
             rise = (max(plain.cost, end.cost) - lowest.cost) / scatter
             fringeless = plain.told(fit, end.y, lowest.y, rise)
     every = [end] + [look(m.lane) for m in found[1:]]
+    if too_few(u, of.sample, fit.n_data):
+        every = [e._replace(known=all_unseen(e.known)) for e in every]
+        end = every[0]
     wanted = QUADRATIC if failed else fit.asked.intervals
     # The minimum that is shown need not be the lowest one.
     below = min(e.cost for e in every) - enough
@@ -294,9 +301,8 @@ def fit_of(fit: Problem, ends: Ends, noise: float, of: Subject) -> FitData:
             return fit_of(fit, joined([ends, more]), noise, of)
         lower = (end.cost - min(least, more.cost[0])) / scatter
     if end.known.unseen.size and wanted != QUADRATIC:
-        curved = _intervals(fit, [end], noise, PROFILE)[0]
-        if (seen := by_curvature(fit, end, curved, noise)) is not None:
-            end, every[0], ranges[0] = seen, seen, curved
+        if (seen := by_curvature(fit, end, ranges[0], noise)) is not None:
+            end = every[0] = seen
     rises = np.array([e.cost - end.cost for e in every[1:]])
     rises = rises / scatter if scatter > 0.0 else 0.0 * rises
     others = tuple(
@@ -332,7 +338,7 @@ def _assembled(fit: Problem, of: Subject, noise: float, evaluations: int, f: Fou
     failed = f.failed or missed
     unseen = bool(end.known.unseen.size)
     few = bool(too_few(u, of.sample, fit.n_data)) and not (failed or unseen)
-    shown, of_x = _estimates(u, end, ranges, failed or few)
+    shown, of_x = _estimates(u, end, ranges, failed)
     chi2 = square if stated else np.nan
     bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, len(shown), fit.asked.scaled)
     evaluator = None

@@ -123,7 +123,7 @@ def quadratic(
         ends = np.where(np.isfinite(from_zero[..., i, :]), from_zero[..., i, :], ends)
         ends = np.where(known.unseen_of[..., i, None], np.nan, ends)
         out[..., i, :] = np.clip(ends, unknown.low, unknown.high)
-    return out, from_zero[..., 1]
+    return out, np.where(known.unseen_of, np.nan, from_zero[..., 1])
 
 
 class _Pair(NamedTuple):
@@ -201,20 +201,24 @@ def intervals(
         (m.cost.copy(), m.y.copy()), np.full((count, 2 * size, size), np.nan), m.t,
     )  # fmt: skip
     some = (m.wanted != QUADRATIC) & (m.t**2 * m.known.rise > m.rounding)
-    some = some[:, None] & u.free & ((m.wanted == PROFILE)[:, None] | ~m.known.unseen_of)
+    some = some[:, None] & u.free
     pairs = _pairs(moving, limits, m, plain, some)
     visit(at, [s for pair in pairs for s in pair.searches if m.wanted[pair.base] == AUTO])
     sure = (m.wanted == AUTO)[:, None] & ~np.isfinite(upper)
     sure &= ~(m.known.at_bound != "").any(1, keepdims=True)
     pairs = [pair for pair in pairs if not (sure[pair.base, pair.j] and _right(pair))]
-    rounds = ROUNDS if (m.wanted == PROFILE).any() else FEW_ROUNDS
+    # Where nothing is known of how far it is, an end takes longer.
+    far = (some & ((m.wanted == PROFILE)[:, None] | m.known.unseen_of)).any()
+    rounds = ROUNDS if far else FEW_ROUNDS
     follow(at, [s for pair in pairs for s in pair.searches], rounds, enough)
     moved = aim_beside_zero(moving, m, {(pair.base, pair.j): pair.searches for pair in pairs})
     follow(at, moved, rounds, enough)
     for i, j, both in pairs:
         # Exponential and logarithm return a bound up to rounding only.
         ends = value_and_slope(moving[j].parameter.coordinate, np.array([s.end for s in both]))[0]
-        if not np.isnan(ends).any():
+        # That the data leave all the range of what they do not see goes without saying.
+        told = m.wanted[i] == PROFILE or not m.known.unseen_of[i, j] or ends[1] < moving[j].high
+        if told and not np.isnan(ends).any():
             ends = np.clip(ends, moving[j].low, moving[j].high)
             out.ends[i, j], out.kind[i, j] = ends, PROFILE
             if np.isfinite(upper[i, j]):
