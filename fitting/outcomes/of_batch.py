@@ -37,7 +37,7 @@ from fitting.samples.sample import Sample
 from fitting.searching.batch_search import BatchSearch
 from fitting.searching.minima import SAME_CHI2, scatters
 from fitting.uncertainty.covariance import Uncertainty, uncertainty
-from fitting.uncertainty.intervals import Minima, intervals
+from fitting.uncertainty.intervals import Minima, intervals, total_reflection
 from fitting.uncertainty.limits import ROUNDING, student_quantiles
 from fitting.uncertainty.profile import Lanes
 
@@ -202,6 +202,7 @@ def fit_of_batch(
     ranges = intervals(u, search.limits, Minima(
         every.which, every.y, every.cost, every.known, t[row], rounding,
         np.where(failed[row] | (turn > OTHERS), status.QUADRATIC, job.asked.intervals),
+        total_reflection(u, every.y, curves.critical[every.which]),
     ), Lanes(search.pinned, curves.width))  # fmt: skip
     # The search for the ends of an interval may meet a lower minimum.
     lowest, place = ranges.lowest

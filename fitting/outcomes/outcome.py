@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from fitting.optics.spec import Spec
 from fitting.outcomes.curvature import by_curvature
 from fitting.outcomes.findings import Found, Subject, findings, findings_of_all
 from fitting.problem.evaluation import Evaluated
@@ -31,6 +32,7 @@ from fitting.uncertainty.intervals import (
     Intervals,
     Minima,
     intervals,
+    total_reflection,
 )
 from fitting.uncertainty.likelihood import criteria, reduced_chi2
 from fitting.uncertainty.limits import ROUNDING, student_quantile
@@ -211,11 +213,16 @@ def _intervals(
     taken = fit.dof == 0 and fit.seen.stated
     t = student_quantile(max(fit.dof, 1) if fit.asked.scaled and not taken else 0)
     count = len(every)
+    y, critical = np.stack([e.y for e in every]), np.nan
+    if isinstance(fit.u.spec, Spec):
+        angle = np.radians(fit.seen.points.angle_deg.max())
+        critical = float(np.mean(fit.targets.eta_i) * np.sin(angle))
     m = Minima(
-        np.zeros(count, int), np.stack([e.y for e in every]), np.array([e.cost for e in every]),
+        np.zeros(count, int), y, np.array([e.cost for e in every]),
         Uncertainty(*(np.stack(a) for a in zip(*(e.known for e in every), strict=True))),
         np.full(count, t), np.full(count, ROUNDING * fit.squares / noise**2),
         np.where(np.arange(count) <= OTHERS, wanted, QUADRATIC),
+        total_reflection(fit.u, y, critical),
     )  # fmt: skip
     at = Lanes(lambda y, row, _, steps: fit.pinned(y, row, noise, steps), fit.lanes)
     found = intervals(fit.u, fit.limits, m, at, enough)

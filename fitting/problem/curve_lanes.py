@@ -79,6 +79,12 @@ class Curves(NamedTuple):
         eta_i = self.own.get("eta_i", np.full((1, self.count), np.mean(self.base.eta_i)))
         return eta_i.mean(0)
 
+    @property
+    def critical(self) -> np.ndarray:
+        """The index below which light of the largest angle is totally reflected, (N,)."""
+        angle = self.own.get("angle_deg", self.seen.points.angle_deg)
+        return self.outside * np.sin(np.radians(angle.max(0)))
+
     def _rows(self, quantity: str, of: np.ndarray) -> np.ndarray:
         """Return (n, M) of a quantity as rows of the points, (rows, n), NaN elsewhere."""
         out = np.full((len(self.seen.points.angle_deg), len(of)), np.nan)

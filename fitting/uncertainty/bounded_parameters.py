@@ -44,7 +44,7 @@ def aim_beside_zero(
 ) -> list[Search]:
     """Aim the searches at where a truth is held in 95 %, and return those that move.
 
-    m: the `Minima`. pairs: by minimum and unknown the two searches that have found the ends of one
+    m: the straight `Minima`. pairs: by minimum and unknown the two searches that have found the ends of one
     rise. The ends of a parameter that cannot be negative move if it is near 0; those of the others
     if there is just one such parameter.
     """
@@ -58,6 +58,7 @@ def aim_beside_zero(
         ])  # fmt: skip
         reach, sigma = (a[rows] for a in unbounded(moving[j], m.y[:, j], known, j))
         slope = np.maximum(-2.0 * reach / (m.t[rows] * sigma / TWO_SIDED) ** 2, 0.0)
+        high = np.where(m.linear[rows, j], np.sqrt(high), high)
         best = np.where(known.at_bound[rows, j] == "low", 0.0, m.y[rows, j])
         x[rows, j], one[rows, j] = by_valley(best, slope, root, high)
     near = x < 2.0 * TWO_SIDED

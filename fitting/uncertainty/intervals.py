@@ -26,7 +26,14 @@ from fitting.problem.programs import LOSSES
 from fitting.problem.unknowns import Unknowns
 from fitting.residuals.error_model import ERRORS
 from fitting.results.result_parts import NONE, PROFILE, QUADRATIC
-from fitting.samples.parameters import LOG, SQUARE, Unknown, from_parameter, value_and_slope
+from fitting.samples.parameters import (
+    LEAST_SQUARE,
+    LOG,
+    SQUARE,
+    Unknown,
+    from_parameter,
+    value_and_slope,
+)
 from fitting.uncertainty.beside_zero import interval_from_zero
 from fitting.uncertainty.bounded_parameters import aim_beside_zero, may_be_zero, unbounded
 from fitting.uncertainty.covariance import Uncertainty
@@ -41,7 +48,8 @@ class Minima(NamedTuple):
     """n minima, of one fit or of many, of which intervals are wanted.
 
     which: (n,) the curve of each. y: (n, p). cost: (n,). t: (n,) half an interval in standard
-    errors. rounding: (n,), a rise of the cost below it is rounding. wanted: (n,), of KINDS.
+    errors. rounding: (n,), a rise of the cost below it is rounding. wanted: (n,), of KINDS. linear:
+    (n, p), of which unknowns in squares the data are linear in the parameter itself.
     """
 
     which: np.ndarray
@@ -51,6 +59,20 @@ class Minima(NamedTuple):
     t: np.ndarray
     rounding: np.ndarray
     wanted: np.ndarray
+    linear: np.ndarray
+
+    def straight(self) -> Minima:
+        """Return these in the coordinates in which the data are nearly linear."""
+        x = np.where(self.linear, np.sqrt(np.maximum(self.y, LEAST_SQUARE)), 0.5)
+        slope, known = 0.5 / x, self.known
+        both = slope[:, :, None] * slope[:, None, :]
+        return self._replace(
+            y=np.where(self.linear, np.sqrt(self.y), self.y),
+            known=known._replace(
+                covariance=known.covariance * both, wide=known.wide * both,
+                wide_step=known.wide_step * slope,
+            ),
+        )  # fmt: skip
 
 
 class Intervals(NamedTuple):
@@ -80,50 +102,61 @@ def check_choices(loss: str, errors: str, intervals: str) -> None:
             raise ValueError(f"{name} is {came!r}; one of {', '.join(wanted)} was wanted.")
 
 
-def _from_zero(moving: Sequence[Unknown], y: np.ndarray, known: Uncertainty, t: Any) -> np.ndarray:
-    """Return quadratic intervals (..., p, 2) of parameters that cannot be negative and may be 0.
+def total_reflection(u: Unknowns, y: np.ndarray, critical: Any) -> np.ndarray:
+    """Return `Minima.linear` (n, p) at y (n, p): k of an interface in total reflection.
+
+    Its reflectance falls with k there, not with k^2, of which the limit would be 12 times too
+    small. critical: the largest index (n,) that reflects totally.
+    """
+    out, names = np.zeros(y.shape, bool), [n.rpartition(".")[2] for n in u.spec.moving]
+    if sorted(n for n in names if n in ("eta", "k")) == ["eta", "k"]:
+        k = names.index("k")
+        eta = y[:, names.index("eta")]
+        square = u.moving[k].parameter.coordinate == SQUARE
+        out[:, k] = square & (eta < critical) & (y[:, k] < eta**2)
+    return out
+
+
+def _from_zero(moving: Sequence[Unknown], m: Minima) -> np.ndarray:
+    """Return quadratic intervals (n, p, 2) of parameters that cannot be negative and may be 0.
 
     NaN for the others. A square (k where the data depend on k^2) is compatible with 0 within three
     standard errors of the square; another parameter whose range begins at 0, if it ended there.
     """
-    out = np.full((*y.shape, 2), np.nan)
+    out = np.full((*m.y.shape, 2), np.nan)
     for i, u in enumerate(moving):
-        value, sigma = unbounded(u, y[..., i], known, i)
-        ends = np.stack(interval_from_zero(value, sigma, np.asarray(t)), -1)
+        value, sigma = unbounded(u, m.y[:, i], m.known, i)
+        ends, near = np.stack(interval_from_zero(value, sigma, m.t), -1), m.known.at_bound[:, i]
         if u.parameter.coordinate == SQUARE:
-            near = y[..., i] < 3.0 * sigma
-            out[..., i, :] = np.sqrt(np.where(near[..., None], ends, np.nan))
-        else:
-            out[..., i, :] = np.where((known.at_bound[..., i] == "low")[..., None], ends, np.nan)
+            ends = np.where(m.linear[:, i, None], ends, np.sqrt(ends))
+            near = np.where(m.y[:, i] < 3.0 * sigma, "low", "")
+        out[:, i] = np.where((near == "low")[:, None], ends, np.nan)
     return out
 
 
 @np.errstate(all="ignore")
-def quadratic(
-    moving: Sequence[Unknown], y: np.ndarray, known: Uncertainty, t: Any
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the quadratic intervals (..., p, 2) at minima y (..., p), and upper limits (..., p).
+def _quadratic(moving: Sequence[Unknown], m: Minima) -> tuple[np.ndarray, np.ndarray]:
+    """Return the quadratic intervals (n, p, 2) at straight minima, and upper limits (n, p).
 
-    t: (...), half an interval in standard errors. NaN where there is none.
+    NaN where there is none.
     """
-    from_zero = _from_zero(moving, y, known, t)
-    out, sides = np.full((*y.shape, 2), np.nan), np.array([-1.0, 1.0])
-    variance = np.diagonal(known.covariance, axis1=-2, axis2=-1)
+    from_zero, known = _from_zero(moving, m), m.known
+    out, sides = np.full((*m.y.shape, 2), np.nan), np.array([-1.0, 1.0])
+    variance = np.diagonal(known.covariance, axis1=1, axis2=2)
     for i, unknown in enumerate(moving):
         kind = unknown.parameter.coordinate
         if not unknown.free:
             continue
-        half = (t * np.sqrt(variance[..., i]))[..., None]
+        y, half = m.y[:, i, None], (m.t * np.sqrt(variance[:, i]))[:, None]
+        x = value_and_slope(kind, y)[0] if kind == LOG else y
+        ends = x + half * (x if kind == LOG else 1.0) * sides
         if kind == SQUARE:
-            ends = np.sqrt(np.maximum(y[..., i, None] + half * sides, 0.0))
-        else:
-            x = value_and_slope(kind, y[..., i, None])[0]
-            ends = x + half * (x if kind == LOG else 1.0) * sides
+            ends = np.where(m.linear[:, i, None], ends, np.sqrt(np.maximum(ends, 0.0)))
         ends = np.where(np.isnan(half), np.nan, ends)
-        ends = np.where(np.isfinite(from_zero[..., i, :]), from_zero[..., i, :], ends)
-        ends = np.where(known.unseen_of[..., i, None], np.nan, ends)
-        out[..., i, :] = np.clip(ends, unknown.low, unknown.high)
-    return out, np.where(known.unseen_of, np.nan, from_zero[..., 1])
+        ends = np.where(np.isfinite(from_zero[:, i]), from_zero[:, i], ends)
+        ends = np.where(known.unseen_of[:, i, None], np.nan, ends)
+        out[:, i] = np.clip(ends, unknown.low, unknown.high)
+    return out, np.where(known.unseen_of, np.nan, from_zero[:, :, 1])
 
 
 class _Pair(NamedTuple):
@@ -136,11 +169,13 @@ class _Pair(NamedTuple):
 
 @np.errstate(all="ignore")
 def _pairs(
-    moving: Sequence[Unknown], limits: Limits, m: Minima, plain: np.ndarray, some: np.ndarray
-) -> list[_Pair]:
+    moving: Sequence[Unknown], limits: Limits, m: Minima, plain: np.ndarray, near: np.ndarray,
+    some: np.ndarray,
+) -> list[_Pair]:  # fmt: skip
     """Return the searches, whose first places are the ends of the quadratic intervals.
 
-    To see whether these are right (AUTO): places on either side of them. some: (n, p).
+    To see whether these are right (AUTO): places on either side of them. near: (n, p), what may be
+    0. some: (n, p), of which they are wanted.
     """
     usual = m.t[:, None] * m.known.edge * np.sqrt(m.known.variance)[:, None]
     usual = np.where(usual < np.inf, usual, 0.0)
@@ -154,7 +189,6 @@ def _pairs(
     odd = logs & ((far > 3.0 * usual) | (places == np.stack(limits, -1)))
     good = np.isfinite(far) & (far > 0.0) & ~odd
     far = np.where(good, far, usual)
-    near = [may_be_zero(w, m.y[:, j], m.known, j) for j, w in enumerate(moving)]
     own = np.diagonal(m.known.wide, axis1=1, axis2=2)[:, None]
     along = np.nan_to_num(np.where(own > 0.0, m.known.wide / own, 0.0))
     rise = m.t**2 * m.known.rise
@@ -165,7 +199,7 @@ def _pairs(
         base = Base(m.which[i], m.y[i], cost[i], along[i], *limits, rise[i], [], [])
         for j in np.flatnonzero(some[i]).tolist():
             lower, upper = (
-                Search(base, j, sign, first[i][j][side], limit_too=side == 0 and near[j][i])
+                Search(base, j, sign, first[i][j][side], limit_too=side == 0 and near[i, j])
                 for side, sign in enumerate((-1.0, 1.0))
             )
             out.append(_Pair(i, j, (lower, upper)))
@@ -194,15 +228,16 @@ def intervals(
     Accuracy: at the ends by profile the root of the rise is right to 1e-3 of itself (coverage to
     .0002), and so is their distance from the minimum, but where the cost hardly rises.
     """
-    moving, (count, size) = u.moving, m.y.shape
-    plain, upper = quadratic(moving, m.y, m.known, m.t)
+    moving, (count, size), straight = u.moving, m.y.shape, m.straight()
+    plain, upper = _quadratic(moving, straight)
     out = Intervals(
         plain.copy(), plain, np.where(np.isnan(plain).any(-1), NONE, QUADRATIC), upper,
         (m.cost.copy(), m.y.copy()), np.full((count, 2 * size, size), np.nan), m.t,
     )  # fmt: skip
     some = (m.wanted != QUADRATIC) & (m.t**2 * m.known.rise > m.rounding)
     some = some[:, None] & u.free
-    pairs = _pairs(moving, limits, m, plain, some)
+    near = [may_be_zero(w, straight.y[:, j], straight.known, j) for j, w in enumerate(moving)]
+    pairs = _pairs(moving, limits, m, plain, np.transpose(near), some)
     visit(at, [s for pair in pairs for s in pair.searches if m.wanted[pair.base] == AUTO])
     sure = (m.wanted == AUTO)[:, None] & ~np.isfinite(upper)
     sure &= ~(m.known.at_bound != "").any(1, keepdims=True)
@@ -211,7 +246,7 @@ def intervals(
     far = (some & ((m.wanted == PROFILE)[:, None] | m.known.unseen_of)).any()
     rounds = ROUNDS if far else FEW_ROUNDS
     follow(at, [s for pair in pairs for s in pair.searches], rounds, enough)
-    moved = aim_beside_zero(moving, m, {(pair.base, pair.j): pair.searches for pair in pairs})
+    moved = aim_beside_zero(moving, straight, {(pair.base, pair.j): pair.searches for pair in pairs})
     follow(at, moved, rounds, enough)
     for i, j, both in pairs:
         # Exponential and logarithm return a bound up to rounding only.
