@@ -63,7 +63,7 @@ class _Batch(NamedTuple):
         m = Measurement.from_columns(angle, wavelength, sigma=sigma, **values)
         # Its values and its cost count here, not its errors.
         asked = self.search.job.asked._replace(
-            kept=Kept({}, {}), errors="scaled" if sigma else "equal"
+            kept=Kept({}, {}), errors="scaled" if sigma else "equal", intervals=QUADRATIC
         )  # fmt: skip
         return fit_checked([m], self.sample, self.settings, asked)
 
@@ -140,7 +140,7 @@ def fit_many(
         errors: as for `fit`; of other samples than a bare surface "auto" is "scaled", and there is
             no "floor" and "relative".
         intervals: as for `fit`, but "quadratic" by default, since profile likelihood takes 25 times
-            as long as the fit itself; of other samples than a bare surface only "quadratic".
+            as long as the fit itself.
         start: name -> value, or array of the batch shape, of every fitted parameter, from which all
             curves begin.
         near: a `Fit` of one such curve, or of a batch of this shape, from which curves begin.
@@ -172,7 +172,7 @@ def fit_many(
         sigma = None
     given, sigma, reasons = without_refused(given, sigma)
     one = wavelength_um is None or np.size(wavelength_um) == 1
-    _check_general(which, errors, intervals, one)
+    _check_general(which, one)
     values, sigmas, angle, wavelength, shape = arrays_of(given, sigma, angles_deg, wavelength_um)
     if errors in ADDED and set(values) & set(ANGLES):
         raise ValueError(
@@ -183,7 +183,7 @@ def fit_many(
         raise ValueError(f'errors "{errors}" need a standard error for every datum; give sigma.')
     found = _fit_curves(
         values, sigmas, angle, wavelength, shape, which, settings,
-        errors, start_of(start, near, shape), check, seed,
+        FitOptions(errors, intervals, seed=seed), start_of(start, near, shape), check,
     )  # fmt: skip
     if reasons is None:
         return Fit.of(found)
@@ -194,7 +194,7 @@ def fit_many(
     ))  # fmt: skip
 
 
-def _check_general(sample: Sample, errors: str, intervals: str, one: bool) -> None:
+def _check_general(sample: Sample, one: bool) -> None:
     """Raise ValueError for what a batch of other samples than bare surfaces does not have."""
     if sample.open:
         raise ValueError(
@@ -206,17 +206,12 @@ def _check_general(sample: Sample, errors: str, intervals: str, one: bool) -> No
             f"the sample {str(sample)!r} has an index that is free at every wavelength: give one "
             "wavelength a call, or a dispersion model (cauchy, lorentz)."
         )
-    if intervals != QUADRATIC:
-        raise ValueError(
-            f"intervals is {intervals!r}; a batch of {str(sample)!r} has quadratic intervals. Fit "
-            "single curves with fit for those by profile likelihood."
-        )
 
 
 def _fit_curves(
     curves: Mapping[str, np.ndarray], sigma: Mapping[str, np.ndarray] | None,
     angle_deg: np.ndarray, wavelength_um: np.ndarray, shape: tuple[int, ...], sample: Sample,
-    settings: Settings, errors: str, near: Mapping[str, Any] | None, check: int, seed: int,
+    settings: Settings, asked: FitOptions, near: Mapping[str, Any] | None, check: int,
 ) -> FitData:  # fmt: skip
     """Return the fits of values (N, M) by quantity, of batch shape ``shape``; see `fit_many`.
 
@@ -226,7 +221,6 @@ def _fit_curves(
     pattern = pattern_of(curves, sigma, some, wavelength_um)
     sample = sample.with_splines(pattern.wavelength_um)
     check_fit([pattern], sample)
-    asked = FitOptions(errors, QUADRATIC, seed=seed)
     job = problem_of([pattern], sample, settings, asked)
     lanes = Curves(job.seen, job.targets, curves, sigma)
     if angle_deg.ndim == 2:
@@ -259,7 +253,7 @@ def _fit_curves(
         return _result(search, shape, sample)
     if near is not None:
         search.from_neighbours(beside)
-    random, searched = np.random.default_rng(seed), set[int]()
+    random, searched = np.random.default_rng(asked.seed), set[int]()
     begun, refused = near is not None, None
     for _ in range(_SEARCHES):
         gained = False
