@@ -76,14 +76,16 @@ def _numbers(name: str, came: Any, low: float, high: float, wanted: str) -> np.n
         found = found.astype(float)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} must be real numbers ({error}).") from None
-    for extreme in (np.fmin.reduce(found, None, initial=high), np.fmax.reduce(found, None, initial=low)):
+    # fmin and fmax ignore NaN.
+    ends = np.fmin.reduce(found, None, initial=high), np.fmax.reduce(found, None, initial=low)
+    for extreme in ends:
         if not low <= extreme <= high:
             raise ValueError(f"{name} holds {extreme:g}; {wanted}.")
     return found
 
 
 def arrays_of(given: Mapping[str, Any], sigma: Any, angles_deg: Any, wavelength_um: Any) -> tuple:
-    """Return values and errors (N, M) by quantity, angles (M,) or (N, M), wavelengths (M,), shape."""
+    """Return values and errors (N, M) by quantity, angles (M,) or (N, M), wavelengths, shape."""
     angle = _numbers(
         "angles_deg", angles_deg, 0.0, 90.0, "degrees from the normal, 0 to 90, were wanted"
     )
@@ -99,7 +101,9 @@ def arrays_of(given: Mapping[str, Any], sigma: Any, angles_deg: Any, wavelength_
     errors = sigma if isinstance(sigma, Mapping) else dict.fromkeys(values, sigma)
     least = np.nextafter(0.0, 1.0)
     errors = {
-        q: _numbers(f"sigma of {q}", np.nan if s is None else s, least, np.inf, "it must be above 0")
+        q: _numbers(
+            f"sigma of {q}", np.nan if s is None else s, least, np.inf, "it must be above 0"
+        )
         for q, s in errors.items()
     }
     try:
@@ -114,9 +118,9 @@ def arrays_of(given: Mapping[str, Any], sigma: Any, angles_deg: Any, wavelength_
         every = {"angles_deg": angle, "wavelength_um": wavelength, **values, **errors}
         shapes = ", ".join(f"{n} {a.shape}" for n, a in every.items())
         raise ValueError(
-            f"the shapes of the arrays do not go together: {shapes}. The last axis is that of the M points, "
-            "angles (M,), or (..., M) if each curve has its own, and wavelengths () or (M,); the "
-            "axes before it are those of the batch."
+            f"the shapes of the arrays do not go together: {shapes}. The last axis is that of the "
+            "M points: angles (M,), or (..., M) if each curve has its own, and wavelengths () or "
+            "(M,); the axes before it are those of the batch."
         ) from None
     stray = [q for q in wide if q not in whole]
     if stray:

@@ -22,6 +22,7 @@ from fitting.data.quantities import ANGLES, POWERS
 from fitting.fit_result import Fit
 from fitting.fits import fit_checked
 from fitting.outcomes.of_batch import fit_of_batch
+from fitting.outcomes.outcome import parameters_at
 from fitting.problem.curve_lanes import Curves, shown_at
 from fitting.problem.problem import FitOptions, Kept, Problem
 from fitting.process.progress import tell
@@ -282,16 +283,13 @@ def _fit_curves(
 
 def _result(search: BatchSearch, shape: tuple[int, ...], sample: Sample) -> FitData:
     """Return the fits of curves whose lanes have ended, with further errors where they need one."""
-    found, curves, errors = fit_of_batch(search, shape, sample), search.curves, search.job.asked.errors
-    names = tuple(curves.values)
-    if not (added_kinds(errors) and curves.sigma and set(names) <= set(POWERS)):
-        return found
-    cost = np.ravel(found.chi2).astype(float)
-    with np.errstate(all="ignore"):
-        large, _ = beyond_chance(cost / search.dof, search.dof)
-    far = (large if errors == "auto" else search.dof > 0) & np.isfinite(cost)
+    curves, errors, cost = search.curves, search.job.asked.errors, search.best.cost
+    names, far = tuple(curves.values), np.zeros(curves.count, bool)
+    if added_kinds(errors) and curves.sigma and set(names) <= set(POWERS):
+        large, _ = beyond_chance(cost / np.maximum(search.dof, 1), search.dof)
+        far = (large if errors == "auto" else search.dof > 0) & np.isfinite(cost)
     if not far.any():
-        return found
+        return fit_of_batch(search, shape, sample)
     values, stated = (
         np.concatenate([of[q] for q in names], 1) for of in (curves.values, curves.sigma)
     )
@@ -316,14 +314,18 @@ def _result(search: BatchSearch, shape: tuple[int, ...], sample: Sample) -> FitD
         errors, stated, model, far, np.ones(values.shape[1], bool), compared,
         lambda sigma, of: shown(with_errors(sigma, of), of),
     )  # fmt: skip
-    used = np.flatnonzero(taken.kind)
+    used = np.flatnonzero(taken.kind != "")
     if not len(used):
-        return found
+        return fit_of_batch(search, shape, sample)
     there = with_errors(taken.sigma[used], used)
-    off, _ = compared(used, shown(there, used))
-    cost[used] = ((off / stated[used]) ** 2).sum(1)
     best = fit_of_batch(there, shape, sample)
-    return told(found, best, taken, cost.reshape(shape) if shape else cost.item())
+    off, _ = compared(used, shown(there, used))
+    chi2 = np.ravel(best.chi2).astype(float)
+    chi2[used] = ((off / stated[used]) ** 2).sum(1)
+    u = search.job.u
+    values_before = np.reshape(parameters_at(u, search.best.y.T)[0], (*shape, -1))
+    before = {u.labels[n]: values_before[..., i] for i, n in enumerate(u.spec.moving)}
+    return told(before, best, taken, np.reshape(chi2, shape)[()])
 
 
 def _free_names(job: Problem) -> list[str]:

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.searching.batch_search import BatchSearch
 from fitting.samples.parameters import from_parameter
+from fitting.searching.batch_search import BatchSearch
 
 POWERS_OF_SURFACE = ("R_s", "R_p", "R")
 # Curves that are compared side by side.
@@ -31,8 +31,10 @@ def of_bare_surface(search: BatchSearch) -> bool:
     """Whether all that is fitted is eta and k of one boundary, to powers alone."""
     spec = search.job.u.spec
     names = {name.rpartition(".")[2] for name in spec.moving}
-    return names == {"eta", "k"} and len(spec.media.index) == 1 and set(spec.channels) <= set(
-        POWERS_OF_SURFACE
+    return (
+        names == {"eta", "k"}
+        and len(spec.media.index) == 1
+        and set(spec.channels) <= set(POWERS_OF_SURFACE)
     )
 
 
@@ -108,9 +110,7 @@ def _sums(search: BatchSearch, pick: np.ndarray) -> _Sums:
         square += (w * v * v).sum(1)
         place = angle[rows].T * (len(grid) - 1) / 90.0
         below = np.minimum(place.astype(int), len(grid) - 2)
-        for total, part in zip(
-            totals, (s * v, p * v, s * s, s * p, p * p), strict=True
-        ):
+        for total, part in zip(totals, (s * v, p * v, s * s, s * p, p * p), strict=True):
             if shared:
                 total[:, rows] += w * part
             elif np.any(part):

@@ -236,6 +236,8 @@ def intervals(
     )  # fmt: skip
     some = (m.wanted != QUADRATIC) & (m.t**2 * m.known.rise > m.rounding)
     some = some[:, None] & u.free
+    if not some.any():
+        return out
     near = [may_be_zero(w, straight.y[:, j], straight.known, j) for j, w in enumerate(moving)]
     pairs = _pairs(moving, limits, m, plain, np.transpose(near), some)
     visit(at, [s for pair in pairs for s in pair.searches if m.wanted[pair.base] == AUTO])
@@ -246,7 +248,9 @@ def intervals(
     far = (some & ((m.wanted == PROFILE)[:, None] | m.known.unseen_of)).any()
     rounds = ROUNDS if far else FEW_ROUNDS
     follow(at, [s for pair in pairs for s in pair.searches], rounds, enough)
-    moved = aim_beside_zero(moving, straight, {(pair.base, pair.j): pair.searches for pair in pairs})
+    moved = aim_beside_zero(
+        moving, straight, {(pair.base, pair.j): pair.searches for pair in pairs}
+    )
     follow(at, moved, rounds, enough)
     for i, j, both in pairs:
         # Exponential and logarithm return a bound up to rounding only.

@@ -6,7 +6,7 @@ which has its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -74,7 +74,8 @@ def further_errors(
             added = likeliest_added(off, own, size)
             go = np.ones(len(live), bool)
             if left == ROUNDS - 1:
-                least, go, gain = one_factor(off, own), worth_a_fit(errors, off, own, added), -np.inf
+                least, gain = one_factor(off, own), -np.inf
+                go = worth_a_fit(errors, off, own, added)
             new = 0.5 * (least - added.minus_two_log)
             if errors == "auto":  # each round gains less than the one before
                 go &= new + (new - gain) >= GAIN
@@ -119,7 +120,8 @@ def with_added_error(
 
     taken = further_errors(
         errors, joined.sigma[None], found.fitted[None], np.ones(1, bool),
-        are_powers(joined.quantity), compared, lambda s, _: run(weighed(s[0]), QUADRATIC).fitted[None],
+        are_powers(joined.quantity), compared,
+        lambda sigma, _: run(weighed(sigma[0]), QUADRATIC).fitted[None],
     )  # fmt: skip
     if not taken.kind[0]:
         return found
@@ -127,14 +129,15 @@ def with_added_error(
     square = weighted_residuals(joined, best.fitted) ** 2
     which = np.unique(joined.wavelength_um, return_inverse=True)[1]
     chi2 = np.bincount(which, square, best.shape[0]) if best.shape else float(square.sum())
-    return replace(told(found, best, taken, chi2), measurement=joined)
+    before = {n: e.value for n, e in found.parameters.items()}
+    return replace(told(before, best, taken, chi2), measurement=joined)
 
 
 @np.errstate(all="ignore")
-def told(found: FitData, best: FitData, taken: Taken, chi2: Any) -> FitData:
+def told(before: Mapping[str, Any], best: FitData, taken: Taken, chi2: Any) -> FitData:
     """Return the ``best`` fit with further errors, and what is told of them.
 
-    found: the fit with one factor. chi2: with the stated errors, which it keeps.
+    before: name -> value of the parameters, fitted with one factor. chi2: with the stated errors.
     """
 
     def shaped(values: np.ndarray) -> Any:
@@ -147,16 +150,16 @@ def told(found: FitData, best: FitData, taken: Taken, chi2: Any) -> FitData:
     reduced = reduced if best.shape else float(reduced)
     values = {"chi2_reduced": reduced, "added": s, "gain": gain}
     new = [Finding(f"errors_{one}", np.equal(kind, one), values) for one in ADDED]
-    names = np.array([n for n in best.names if n in found.parameters], object)
-    own, before, sigma = (
-        np.stack([np.asarray(getattr(f.parameters[n], part)) for n in names], -1)
-        for f, part in ((best, "value"), (found, "value"), (best, "sigma"))
+    names = [n for n in best.names if n in before]
+    own, sigma = (
+        np.stack([np.asarray(getattr(best.parameters[n], part)) for n in names], -1)
+        for part in ("value", "sigma")
     )
-    further = np.fmax(sigma, np.stack([np.asarray(found.parameters[n].sigma) for n in names], -1))
-    apart = (np.abs(own - before) > further) & np.not_equal(kind, "")[..., None]
+    other = np.stack([np.asarray(before[n]) for n in names], -1)
+    apart = (np.abs(own - other) > sigma) & np.not_equal(kind, "")[..., None]
     differ = {
         "parameters": those(names, apart), "added": those(own, apart),
-        "factor": those(before, apart),
+        "factor": those(other, apart),
     }  # fmt: skip
     new.append(Finding("errors_differ", apart.any(-1), differ))
     errors = best.errors._replace(
