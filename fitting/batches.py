@@ -23,7 +23,7 @@ from fitting.fit_result import Fit
 from fitting.fits import fit_checked
 from fitting.outcomes.of_batch import fit_of_batch
 from fitting.outcomes.outcome import parameters_at
-from fitting.problem.curve_lanes import Curves, shown_at
+from fitting.problem.curve_lanes import Curves, shown
 from fitting.problem.problem import FitOptions, Kept, Problem
 from fitting.process.progress import tell
 from fitting.residuals.error_model import ADDED, NEED_STATED, added_kinds, beyond_chance
@@ -300,26 +300,28 @@ def _result(search: BatchSearch, shape: tuple[int, ...], sample: Sample) -> FitD
         whole[of] = sigma
         return search.with_errors(dict(zip(names, np.split(whole, len(names), 1), strict=True)), of)
 
-    def shown(by: BatchSearch, of: np.ndarray) -> np.ndarray:
-        each = shown_at(search.job.u.spec, curves, by.best.y[:, of], of)
-        return np.concatenate([each[q] for q in names], 1)
+    def model(by: BatchSearch, of: np.ndarray) -> np.ndarray:
+        seen = curves.seen
+        rows = shown(search.job.u.spec, curves, by.best.y[:, of], of)
+        columns = [rows[:, seen.channels.index(q), seen.row[seen.quantity == q]] for q in names]
+        return np.concatenate(columns, 1)
 
-    def compared(of: np.ndarray, model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        off = np.where(np.isfinite(values[of]), values[of] - model, 0.0)
+    def compared(of: np.ndarray, fitted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        off = np.where(np.isfinite(values[of]), values[of] - fitted, 0.0)
         return off, np.ones_like(off)
 
-    model = np.zeros_like(values)
-    model[far] = shown(search, np.flatnonzero(far))
+    fitted = np.zeros_like(values)
+    fitted[far] = model(search, np.flatnonzero(far))
     taken = further_errors(
-        errors, stated, model, far, np.ones(values.shape[1], bool), compared,
-        lambda sigma, of: shown(with_errors(sigma, of), of),
+        errors, stated, fitted, far, np.ones(values.shape[1], bool), compared,
+        lambda sigma, of: model(with_errors(sigma, of), of),
     )  # fmt: skip
     used = np.flatnonzero(taken.kind != "")
     if not len(used):
         return fit_of_batch(search, shape, sample)
     there = with_errors(taken.sigma[used], used)
     best = fit_of_batch(there, shape, sample)
-    off, _ = compared(used, shown(there, used))
+    off, _ = compared(used, model(there, used))
     chi2 = np.ravel(best.chi2).astype(float)
     chi2[used] = ((off / stated[used]) ** 2).sum(1)
     u = search.job.u

@@ -236,16 +236,6 @@ def _evaluate(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, ...]:
 _evaluated = compiled(_evaluate, ("spec",))
 
 
-def shown_at(spec: Spec, curves: Curves, y: np.ndarray, which: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the powers that the model shows at y (p, L) where curves ``which`` have data, (L, M)."""
-    rows = np.concatenate([s.shown for _, s in slopes(spec, curves, y, which)])
-    seen = curves.seen
-    return {
-        q: rows[:, i][:, seen.row[seen.quantity == q]]
-        for i, q in enumerate(c for c in seen.channels if c != NCS)
-    }  # fmt: skip
-
-
 class Slopes(NamedTuple):
     """Of n lanes: residuals and derivatives, cost (n,), what was not weighted.
 

@@ -7,6 +7,7 @@ find in one curve is wide in another.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ class BatchSearch:
 
     def with_errors(self, sigma: Mapping[str, np.ndarray], of: np.ndarray) -> BatchSearch:
         """Return the search with other errors, those of the curves ``of``, followed again."""
-        there = BatchSearch(self.job, self.curves._replace(sigma=sigma), self.limits)
+        there = BatchSearch(self.job, replace(self.curves, sigma=sigma), self.limits)
         which, ends = self.lanes
         again = np.isin(which, of)
         there._keep(which[~again], Ends(*(a[..., ~again] for a in ends)))

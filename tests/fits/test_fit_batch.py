@@ -9,6 +9,7 @@ import pytest
 from fitting import Fit, fit, fit_many
 from fitting.data.measurement import Measurement
 from tests.estimates import codes, limits, sigmas
+from tests.truth.random_measurements import textbook as of_index
 from tests.truth.simulated import textbook
 
 ANGLES = np.linspace(20.0, 80.0, 16)
@@ -233,7 +234,7 @@ def straggling():
     """Curves of R_p from inside glass, of which one creeps for a hundred evaluations."""
     angles = np.linspace(50.0, 75.0, 30)
     index = np.array([2.1, 0.9 + 1e-3j, 1.33, 3.5 + 0.2j, 0.2 + 3.0j, 1.2, 4.0, 1.49] * 4)
-    exact = textbook(angles, index[:, None], 1.5)["R_p"]
+    exact = of_index(angles, index[:, None], 1.5)["R_p"]
     return angles, exact + 3e-3 * np.random.default_rng(1).standard_normal(exact.shape)
 
 
