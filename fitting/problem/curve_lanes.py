@@ -8,8 +8,9 @@ itself tens of ms.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from types import MappingProxyType
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -32,7 +33,8 @@ LANES, _FEW = 1024, 16
 _STAGE, _MOST, _FAIR = 10, 120, 60
 
 
-class Curves(NamedTuple):
+@dataclass(frozen=True)
+class Curves:
     """Values of N curves, (N, M) by quantity, NaN where there is none; sigma: the same, or None.
 
     seen: the rows of a measurement that has every quantity at every one of the M points, in the
@@ -44,14 +46,14 @@ class Curves(NamedTuple):
     base: Targets
     values: Mapping[str, np.ndarray]
     sigma: Mapping[str, np.ndarray] | None
-    own: Mapping[str, np.ndarray] = MappingProxyType({})
+    own: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def at(self, pick: np.ndarray) -> Curves:
         """Return some of the curves."""
         values = {q: v[pick] for q, v in self.values.items()}
         sigma = None if self.sigma is None else {q: s[pick] for q, s in self.sigma.items()}
         own = {name: a[..., pick] for name, a in self.own.items()}
-        return self._replace(values=values, sigma=sigma, own=own)
+        return replace(self, values=values, sigma=sigma, own=own)
 
     @property
     def count(self) -> int:
@@ -80,37 +82,42 @@ class Curves(NamedTuple):
         return eta_i.mean(0)
 
     def _rows(self, quantity: str, of: np.ndarray) -> np.ndarray:
-        """Return (n, M) of a quantity as rows of the points, (rows, n), NaN elsewhere."""
-        out = np.full((len(self.seen.points.angle_deg), len(of)), np.nan)
+        """Return (N, M) of a quantity as rows of the points, (rows, N), NaN elsewhere."""
+        out = np.full((len(self.seen.points.angle_deg), self.count), np.nan)
         out[self.seen.row[self.seen.quantity == quantity]] = of.T
         return out
 
+    @cached_property
+    def _data(self) -> dict[str, Any]:
+        """What `Targets` has of the data, of all curves as lanes."""
+        values, errors = ({q: self._rows(q, v) for q, v in each.items()}
+                          for each in (self.values, self.sigma or {}))  # fmt: skip
+        ones = np.ones_like(next(iter(values.values())))
+        known = {q: np.isfinite(v) for q, v in values.items()}
+        errors = {q: np.where(known[q], errors.get(q, ones), 1.0) for q in values}
+        alone = [c for c in self.seen.channels if c != NCS]
+        out: dict[str, Any] = {
+            "values": tuple(np.where(known[q], values[q], 0.0) for q in alone),
+            "weights": tuple(known[q] / errors[q] for q in alone),
+        }
+        if NCS not in self.seen.channels:
+            return out
+        some, delta = known["psi"], values.get("delta", np.nan * ones)
+        psi, delta = np.where(some, values["psi"], 45.0), np.where(some, delta, 0.0)
+        W = ncs_weights(psi, delta, errors["psi"], errors.get("delta", ones), self.stated)
+        ncs = np.where(some, ncs_of(psi, np.nan_to_num(delta)), 0.0)
+        return out | {"ncs": ncs, "ncs_weights": np.where(some, W, 0.0)}
+
     def targets(self, pick: np.ndarray) -> Targets:
         """Return the targets of the curves ``pick`` as lanes."""
-        some, stated = self.at(pick), self.stated
-        points = {n: a for n, a in some.own.items() if n in self.base.points._fields}
-        rest = {n: a for n, a in some.own.items() if n not in points}
-        base = self.base._replace(points=self.base.points._replace(**points), **rest)
-        values, errors = ({q: self._rows(q, v) for q, v in each.items()}
-                          for each in (some.values, some.sigma or {}))  # fmt: skip
-        alone = [c for c in self.seen.channels if c != NCS]
-        base = base._replace(
-            values=tuple(np.nan_to_num(values[q]) for q in alone),
-            weights=tuple(
-                np.isfinite(values[q]) / (np.nan_to_num(errors[q], nan=1.0) if stated else 1.0)
-                for q in alone
-            ),
-        )  # fmt: skip
-        if NCS not in self.seen.channels:
-            return base
-        psi, delta = values["psi"], values.get("delta", np.full_like(values["psi"], np.nan))
-        of_psi, of_delta = (np.nan_to_num(errors.get(q, np.ones_like(psi)), nan=1.0)
-                            for q in ("psi", "delta"))  # fmt: skip
-        some = np.isfinite(psi)
-        psi, delta = np.where(some, psi, 45.0), np.where(some, delta, 0.0)
-        W = ncs_weights(psi, delta, of_psi, of_delta, stated)
-        measured = ncs_of(psi, np.nan_to_num(delta))
-        return base._replace(ncs=np.where(some, measured, 0.0), ncs_weights=np.where(some, W, 0.0))
+        data, own = jax.tree.map(lambda a: np.take(a, pick, -1), (self._data, dict(self.own)))
+        points = {n: own.pop(n) for n in self.base.points._fields if n in own}
+        return self.base._replace(points=self.base.points._replace(**points), **own, **data)
+
+    @cached_property
+    def squares(self) -> np.ndarray:
+        """The sum of squares of the data of each curve in units of their errors, (N,)."""
+        return squares_of(self.targets(np.arange(self.count)))
 
 
 def _as_rows(targets: Targets) -> tuple[np.ndarray, np.ndarray]:
@@ -146,7 +153,7 @@ def run_curves(
             targets = curves.targets(which[lanes])
             bounds = Bounds(
                 np.broadcast_to(low, shape), np.broadcast_to(high, shape),
-                np.maximum(dof[which[lanes]], 1.0), squares_of(targets),
+                np.maximum(dof[which[lanes]], 1.0), curves.squares[which[lanes]],
             )  # fmt: skip
             with fit_settings():
                 found = solve(
@@ -209,4 +216,4 @@ def slopes(
         r, J, shown, plain = (np.moveaxis(a[..., :count], -1, 0) for a in (r, J, shown, plain))
         J = np.moveaxis(J, 1, -1)
         rows = r.reshape(count, -1), J.reshape(count, -1, len(y))
-        yield some, Slopes(*rows, shown, plain, squares_of(targets)[:count])
+        yield some, Slopes(*rows, shown, plain, curves.squares[which[some]])
