@@ -26,8 +26,11 @@ from fitting.problem.programs import Bounds, Targets, rows_of, solve, weighted
 from fitting.problem.solver import START_DAMPING
 from fitting.process.compiled import compiled, fit_settings
 
-# Lanes of one call, and of the smallest one.
-LANES, _FEW = 1024, 16
+# Lanes of one call, and of the smallest one: what they need is in the cache then.
+LANES, _FEW = 256, 16
+# So many of the lanes of a call end it, and those that are left go on together with those of other
+# calls: one lane of 256 would keep the others waiting, which ended after half its evaluations.
+_ENOUGH = 0.75
 # Evaluations in a stage, after which lanes that have ended make room, and in all. From so many on a
 # lane that is above the best one of its curve that has converged goes no further.
 _STAGE, _MOST, _FAIR = 10, 120, 60
@@ -158,7 +161,7 @@ def run_curves(
             with fit_settings():
                 found = solve(
                     targets, out.y[:, lanes], damping[lanes], bounds, np.int64(_STAGE),
-                    spec=spec_at(spec, targets.points.angle_deg),
+                    spec=spec_at(spec, targets.points.angle_deg), enough=_ENOUGH,
                 )  # fmt: skip
             y, cost, done, used, left = (np.asarray(a)[..., : len(some)] for a in found)
             out.y[:, some], out.done[some], damping[some] = y, done, left
