@@ -25,6 +25,7 @@ from fitting.problem.optics_inputs import spec_at
 from fitting.problem.programs import Bounds, Targets, rows_of, solve, weighted
 from fitting.problem.solver import START_DAMPING
 from fitting.process.compiled import compiled, fit_settings
+from fresnel_jax.performance import computed_once
 
 # Lanes of one call, and of the smallest one: what they need is in the cache then.
 LANES, _FEW = 256, 16
@@ -123,15 +124,6 @@ class Curves:
         return squares_of(self.targets(np.arange(self.count)))
 
 
-def _as_rows(targets: Targets) -> tuple[np.ndarray, np.ndarray]:
-    """Return what was measured, (K, M, L), and where; K counts NCS as three."""
-    measured, used = [*targets.values], [w > 0.0 for w in targets.weights]
-    if np.size(targets.ncs):
-        measured += [*targets.ncs]
-        used += list(np.abs(targets.ncs_weights).sum(0) > 0.0)
-    return np.stack(measured), np.stack(used)
-
-
 def _calls(lanes: np.ndarray, width: int):
     """Yield lanes in calls of one width: those that count, and all, the last of them repeated."""
     for first in range(0, len(lanes), width):
@@ -175,48 +167,102 @@ def run_curves(
     return out
 
 
-def _derivatives(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, Array, Array]:
-    """Return weighted residuals (C, M, L), derivatives (p, C, M, L), and channels (K, M, L)."""
+def sums_of_products(first: list[Array], columns: list[list[Array]]) -> list[Array]:
+    products = [sum(b * c for b, c in zip(first, column, strict=True)) for column in columns]
+    zero = [jnp.zeros((), first[0].dtype)] * len(products)
+    return jax.lax.reduce(
+        products, zero, lambda a, b: [u + v for u, v in zip(a, b, strict=True)], (0,)
+    )
 
-    def at(y: Array) -> tuple[Array, Array]:
+
+def _triangle(columns: list[list[Array]]) -> Array:
+    """Return the triangle (C, C, L) of a QR decomposition of C columns, each of arrays (M, L).
+
+    By modified Gram-Schmidt, whose triangle is as accurate as Householder's (A. Bjorck, BIT 7, 1,
+    1967, doi:10.1007/BF01934122); the normal equations would lose what is seen 1e-8 as well as the
+    rest. All sums over a column are one reduction, as in `solver.normal_sums`.
+    """
+    out = list[Array]()
+    while columns:
+        first = columns[0]
+        size, *along = sums_of_products(first, columns)
+        size = jnp.sqrt(size)
+        inverse = jnp.where(size > 0.0, 1.0 / size, 0.0)
+        along = [a * inverse for a in along]
+        out.append(jnp.stack([*[jnp.zeros_like(size)] * len(out), size, *along]))
+        # Of more columns what is formed anew in every loop costs more than to store it.
+        keep = computed_once if len(columns) > 4 else lambda x: x
+        columns = [
+            [keep(b - (a * inverse) * c) for b, c in zip(column, first, strict=True)]
+            for a, column in zip(along, columns[1:], strict=True)
+        ]
+    return jnp.stack(out)
+
+
+def _evaluate(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, ...]:
+    """Return `Slopes`, lanes last, and what each channel shows, (K, M, L)."""
+    alone = [c for c in spec.channels if c != NCS]
+    shape = (targets.points.angle_deg.shape[0], y.shape[1])
+
+    def at(y: Array) -> tuple[list[Array], Array]:
         values = spec.values(y, targets.held)
         found = predicted(spec, values, targets.points, targets.eta_i, directions=len(y))
-        shape = (targets.points.angle_deg.shape[0], y.shape[1])
-        return jnp.stack(weighted(spec, found, targets)), rows_of(spec, found, shape)
+        found = jax.tree.map(computed_once, found)
+        return weighted(spec, found, targets), rows_of(spec, found, shape)
 
     (residual, shown), along = jax.linearize(at, y)
-    slopes = [along(jnp.zeros_like(y).at[j].set(1.0))[0] for j in range(len(y))]
-    return residual, jnp.stack(slopes), shown
+    columns = [*(along(jnp.zeros_like(y).at[j].set(1.0))[0] for j in range(len(y))), residual]
+    triangle = _triangle(columns)
+    sane = jnp.isfinite(triangle).all((0, 1))
+    triangle = jnp.where(sane, triangle, 0.0)
+    measured, used = [*targets.values], [w > 0.0 for w in targets.weights]
+    if NCS in spec.channels:
+        measured += [*targets.ncs]
+        used += [*(jnp.abs(targets.ncs_weights).sum(0) > 0.0)]
+    off = jnp.where(jnp.stack(used), shown - jnp.stack(measured), 0.0)
+    parts = [slice(i, i + 1) for i in range(len(alone))]
+    parts += [slice(len(alone), None)] * (NCS in spec.channels)
+    plain = [(off[part] ** 2).sum((0, 1)) for part in parts]
+    counts = [jnp.stack(used[part]).sum((0, 1)) for part in parts]
+    cost = jnp.where(sane, (triangle[:, -1] ** 2).sum(0), jnp.inf)
+    return triangle, cost, jnp.stack(plain), jnp.stack(counts), shown
 
 
-_derivatives_of = compiled(_derivatives, ("spec",))
+_evaluated = compiled(_evaluate, ("spec",))
 
 
 class Slopes(NamedTuple):
-    """Of n lanes: residual (n, R) weighted, jacobian (n, R, p); shown, plain (n, K, M): the model,
-    and its differences from the data, NaN where there is no datum; squares (n,) of the data."""
+    """Of n lanes: residuals and derivatives, cost (n,), what was not weighted.
 
-    residual: np.ndarray
-    jacobian: np.ndarray
-    shown: np.ndarray
+    triangle: (n, p + 1, p + 1) of a QR decomposition of the derivatives, and beside them the
+    residuals, both weighted: what of the rows counts in sums over them; 0 of lanes that are not
+    finite, of which the cost is infinite. plain, counts: (n, C) by channel the sum of squares of
+    the differences from the data, and how many there are.
+    """
+
+    triangle: np.ndarray
+    cost: np.ndarray
     plain: np.ndarray
-    squares: np.ndarray
+    counts: np.ndarray
 
 
-def slopes(
+def _evaluations(
     spec: Spec, curves: Curves, y: np.ndarray, which: np.ndarray
-) -> Iterator[tuple[np.ndarray, Slopes]]:
-    """Yield lanes, as numbers into ``which``, and the `Slopes` at y (p, L) of their curves."""
+) -> Iterator[list[np.ndarray]]:
+    """Yield what `_evaluate` returns at y (p, L) of the curves ``which``, lanes first."""
     for some, lanes in _calls(np.arange(len(which)), curves.width):
-        targets, count = curves.targets(which[lanes]), len(some)
+        targets = curves.targets(which[lanes])
         with fit_settings():
-            found = _derivatives_of(
-                targets, y[:, lanes], spec=spec_at(spec, targets.points.angle_deg)
-            )
-        r, J, shown = map(np.asarray, found)
-        measured, used = _as_rows(targets)
-        plain = np.where(used, shown - measured, np.nan)
-        r, J, shown, plain = (np.moveaxis(a[..., :count], -1, 0) for a in (r, J, shown, plain))
-        J = np.moveaxis(J, 1, -1)
-        rows = r.reshape(count, -1), J.reshape(count, -1, len(y))
-        yield some, Slopes(*rows, shown, plain, curves.squares[which[some]])
+            found = _evaluated(targets, y[:, lanes], spec=spec_at(spec, targets.points.angle_deg))
+        yield [np.moveaxis(np.asarray(a)[..., : len(some)], -1, 0) for a in found]
+
+
+def slopes(spec: Spec, curves: Curves, y: np.ndarray, which: np.ndarray) -> Slopes:
+    """Return the `Slopes` at y (p, L) of the curves ``which``, (L,)."""
+    calls = [found[:-1] for found in _evaluations(spec, curves, y, which)]
+    return Slopes(*map(np.concatenate, zip(*calls, strict=True)))
+
+
+def shown(spec: Spec, curves: Curves, y: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """Return what each channel shows, (L, K, M), K counts NCS as three."""
+    return np.concatenate([found[-1] for found in _evaluations(spec, curves, y, which)])
