@@ -143,14 +143,17 @@ def uncertainty(
     if scaled and pooled is not None:
         variance = pooled
     rows, b = np.concatenate([J, lines], -2), np.concatenate([r, off], -1)
-    inner = whole = inverse_of(rows, b, use)
-    if (use != free).any():
-        whole = inverse_of(rows, b, np.broadcast_to(free, y.shape))
+    inner = inverse_of(rows, b, use)
+    wide, wide_step, on = inner.covariance, inner.step, (use != free).any(-1)
+    if on.any():
+        whole = inverse_of(rows[on], b[on], np.broadcast_to(free, y.shape)[on])
+        wide, wide_step = wide.copy(), wide_step.copy()
+        wide[on], wide_step[on] = whole.covariance, whole.step
     seen_no = np.where(inner.hidden[..., None, :], np.abs(inner.directions), 0.0)
     variance = np.broadcast_to(np.asarray(variance, float), dof.shape)[()]
     return Uncertainty(
         variance[..., None, None] * inner.covariance, at_bound, inner.directions, inner.hidden,
-        seen_no.max(-1) > SHARE, variance, inner.step, whole.covariance, whole.step,
+        seen_no.max(-1) > SHARE, variance, inner.step, wide, wide_step,
         variance * curvature,
     )  # fmt: skip
 
