@@ -171,7 +171,7 @@ def _add(a: Sequence[Array], b: Sequence[Array]) -> list[Array]:
     return [u + v for u, v in zip(a, b, strict=True)]
 
 
-def _triangle(columns: list[list[Array]]) -> Array:
+def triangle(columns: list[list[Array]]) -> Array:
     """Return the triangle (C, C, L) of a QR decomposition of C columns, each of arrays (M, L).
 
     By modified Gram-Schmidt, whose triangle is as accurate as Householder's (A. Bjorck, BIT 7, 1,
@@ -208,9 +208,9 @@ def _evaluate(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, ...]:
 
     (residual, shown), along = jax.linearize(at, y)
     columns = [*(along(jnp.zeros_like(y).at[j].set(1.0))[0] for j in range(len(y))), residual]
-    triangle = _triangle(columns)
-    sane = jnp.isfinite(triangle).all((0, 1))
-    triangle = jnp.where(sane, triangle, 0.0)
+    rows = triangle(columns)
+    sane = jnp.isfinite(rows).all((0, 1))
+    rows = jnp.where(sane, rows, 0.0)
     measured, used = [*targets.values], [w > 0.0 for w in targets.weights]
     if NCS in spec.channels:
         measured += [*targets.ncs]
@@ -220,8 +220,8 @@ def _evaluate(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, ...]:
     plain, counts = (
         jax.ops.segment_sum(a.sum(1), kind, len(spec.channels)) for a in (squares, jnp.stack(used))
     )
-    cost = jnp.where(sane, (triangle[:, -1] ** 2).sum(0), jnp.inf)
-    return triangle, cost, plain, counts, shown
+    cost = jnp.where(sane, (rows[:, -1] ** 2).sum(0), jnp.inf)
+    return rows, cost, plain, counts, shown
 
 
 _evaluated = compiled(_evaluate, ("spec",))
