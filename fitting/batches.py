@@ -23,7 +23,7 @@ from fitting.fit_result import Fit
 from fitting.fits import fit_checked
 from fitting.outcomes.of_batch import fit_of_batch
 from fitting.outcomes.outcome import parameters_at
-from fitting.problem.curve_lanes import Curves, shown
+from fitting.problem.curve_lanes import Curves, shown_at
 from fitting.problem.problem import FitOptions, Kept, Problem
 from fitting.process.progress import tell
 from fitting.residuals.error_model import ADDED, NEED_STATED, added_kinds, beyond_chance
@@ -302,7 +302,7 @@ def _result(search: BatchSearch, shape: tuple[int, ...], sample: Sample) -> FitD
 
     def model(by: BatchSearch, of: np.ndarray) -> np.ndarray:
         seen = curves.seen
-        rows = shown(search.job.u.spec, curves, by.best.y[:, of], of)
+        rows = shown_at(search.job.u.spec, curves, by.best.y[:, of], of)
         columns = [rows[:, seen.channels.index(q), seen.row[seen.quantity == q]] for q in names]
         return np.concatenate(columns, 1)
 

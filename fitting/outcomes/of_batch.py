@@ -42,7 +42,7 @@ from fitting.uncertainty.profile import Lanes
 
 # Undamped steps after the solver, and the part of a standard error below which one is taken without
 # being looked at: what is left after a step is a thousandth of it.
-_STEPS, _SMALL = 3, 1e-3
+_STEPS, _SMALL = 3, 3e-3
 # Two ends are two minima if some parameter differs by so many standard errors.
 _APART = 4.0
 # Without a degree of freedom lanes that end at k = 0 with a misfit stop within 1e-4 of the cost.

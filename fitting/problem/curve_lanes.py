@@ -7,7 +7,7 @@ itself tens of ms.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -137,6 +137,7 @@ def _calls(lanes: np.ndarray, width: int):
         yield some, np.pad(some, (0, width - len(some)), "edge")
 
 
+@fit_settings()
 def run_curves(
     spec: Spec, curves: Curves, start: np.ndarray, which: np.ndarray,
     limits: tuple[np.ndarray, np.ndarray], dof: np.ndarray, most: int = _MOST,
@@ -152,14 +153,13 @@ def run_curves(
         for some, lanes in _calls(todo, width):
             targets = curves.targets(which[lanes])
             bounds = Bounds(
-                low[:, lanes], high[:, lanes],
-                np.maximum(dof[which[lanes]], 1.0), curves.squares[which[lanes]],
+                low[:, lanes], high[:, lanes], np.maximum(dof[which[lanes]], 1.0),
+                curves.squares[which[lanes]],
             )  # fmt: skip
-            with fit_settings():
-                found = solve(
-                    targets, out.y[:, lanes], damping[lanes], bounds, np.int64(min(_STAGE, most)),
-                    spec=spec_at(spec, targets.points.angle_deg), enough=_ENOUGH,
-                )  # fmt: skip
+            found = solve(
+                targets, out.y[:, lanes], damping[lanes], bounds, np.int64(min(_STAGE, most)),
+                spec=spec_at(spec, targets.points.angle_deg), enough=_ENOUGH,
+            )  # fmt: skip
             y, cost, done, used, left = (np.asarray(a)[..., : len(some)] for a in found)
             out.y[:, some], out.done[some], damping[some] = y, done, left
             out.cost[some] = np.where(np.isfinite(cost), cost, np.inf)
@@ -172,15 +172,11 @@ def run_curves(
     return out
 
 
-def sums_of_products(first: list[Array], columns: list[list[Array]]) -> list[Array]:
-    products = [sum(b * c for b, c in zip(first, column, strict=True)) for column in columns]
-    zero = [jnp.zeros((), first[0].dtype)] * len(products)
-    return jax.lax.reduce(
-        products, zero, lambda a, b: [u + v for u, v in zip(a, b, strict=True)], (0,)
-    )
+def _add(a: Sequence[Array], b: Sequence[Array]) -> list[Array]:
+    return [u + v for u, v in zip(a, b, strict=True)]
 
 
-def _triangle(columns: list[list[Array]]) -> Array:
+def triangle(columns: list[list[Array]]) -> Array:
     """Return the triangle (C, C, L) of a QR decomposition of C columns, each of arrays (M, L).
 
     By modified Gram-Schmidt, whose triangle is as accurate as Householder's (A. Bjorck, BIT 7, 1,
@@ -190,8 +186,9 @@ def _triangle(columns: list[list[Array]]) -> Array:
     out = list[Array]()
     while columns:
         first = columns[0]
-        size, *along = sums_of_products(first, columns)
-        size = jnp.sqrt(size)
+        products = [sum(b * c for b, c in zip(first, each, strict=True)) for each in columns]
+        square, *along = jax.lax.reduce(products, [jnp.zeros(())] * len(products), _add, (0,))
+        size = jnp.sqrt(square)
         inverse = jnp.where(size > 0.0, 1.0 / size, 0.0)
         along = [a * inverse for a in along]
         out.append(jnp.stack([*[jnp.zeros_like(size)] * len(out), size, *along]))
@@ -206,7 +203,6 @@ def _triangle(columns: list[list[Array]]) -> Array:
 
 def _evaluate(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, ...]:
     """Return `Slopes`, lanes last, and what each channel shows, (K, M, L)."""
-    alone = [c for c in spec.channels if c != NCS]
     shape = (targets.points.angle_deg.shape[0], y.shape[1])
 
     def at(y: Array) -> tuple[list[Array], Array]:
@@ -217,20 +213,20 @@ def _evaluate(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, ...]:
 
     (residual, shown), along = jax.linearize(at, y)
     columns = [*(along(jnp.zeros_like(y).at[j].set(1.0))[0] for j in range(len(y))), residual]
-    triangle = _triangle(columns)
-    sane = jnp.isfinite(triangle).all((0, 1))
-    triangle = jnp.where(sane, triangle, 0.0)
+    rows = triangle(columns)
+    sane = jnp.isfinite(rows).all((0, 1))
+    rows = jnp.where(sane, rows, 0.0)
     measured, used = [*targets.values], [w > 0.0 for w in targets.weights]
     if NCS in spec.channels:
         measured += [*targets.ncs]
         used += [*(jnp.abs(targets.ncs_weights).sum(0) > 0.0)]
-    off = jnp.where(jnp.stack(used), shown - jnp.stack(measured), 0.0)
-    parts = [slice(i, i + 1) for i in range(len(alone))]
-    parts += [slice(len(alone), None)] * (NCS in spec.channels)
-    plain = [(off[part] ** 2).sum((0, 1)) for part in parts]
-    counts = [jnp.stack(used[part]).sum((0, 1)) for part in parts]
-    cost = jnp.where(sane, (triangle[:, -1] ** 2).sum(0), jnp.inf)
-    return triangle, cost, jnp.stack(plain), jnp.stack(counts), shown
+    squares = jnp.where(jnp.stack(used), shown - jnp.stack(measured), 0.0) ** 2
+    kind = np.minimum(np.arange(len(used)), len(spec.channels) - 1)  # N, C and S are one
+    plain, counts = (
+        jax.ops.segment_sum(a.sum(1), kind, len(spec.channels)) for a in (squares, jnp.stack(used))
+    )
+    cost = jnp.where(sane, (rows[:, -1] ** 2).sum(0), jnp.inf)
+    return rows, cost, plain, counts, shown
 
 
 _evaluated = compiled(_evaluate, ("spec",))
@@ -257,17 +253,18 @@ def _evaluations(
     """Yield what `_evaluate` returns at y (p, L) of the curves ``which``, lanes first."""
     for some, lanes in _calls(np.arange(len(which)), curves.width):
         targets = curves.targets(which[lanes])
-        with fit_settings():
-            found = _evaluated(targets, y[:, lanes], spec=spec_at(spec, targets.points.angle_deg))
+        found = _evaluated(targets, y[:, lanes], spec=spec_at(spec, targets.points.angle_deg))
         yield [np.moveaxis(np.asarray(a)[..., : len(some)], -1, 0) for a in found]
 
 
+@fit_settings()
 def slopes(spec: Spec, curves: Curves, y: np.ndarray, which: np.ndarray) -> Slopes:
     """Return the `Slopes` at y (p, L) of the curves ``which``, (L,)."""
     calls = [found[:-1] for found in _evaluations(spec, curves, y, which)]
     return Slopes(*map(np.concatenate, zip(*calls, strict=True)))
 
 
-def shown(spec: Spec, curves: Curves, y: np.ndarray, which: np.ndarray) -> np.ndarray:
+@fit_settings()
+def shown_at(spec: Spec, curves: Curves, y: np.ndarray, which: np.ndarray) -> np.ndarray:
     """Return what each channel shows, (L, K, M), K counts NCS as three."""
     return np.concatenate([found[-1] for found in _evaluations(spec, curves, y, which)])

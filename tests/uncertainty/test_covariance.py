@@ -1,9 +1,11 @@
 """The inverse of the normal matrix, the least-squares step, and what the data do not see."""
 
+import jax
 import mpmath
 import numpy as np
 import pytest
 
+from fitting.problem.curve_lanes import triangle
 from fitting.uncertainty.covariance import inverse_of
 
 
@@ -57,3 +59,20 @@ def test_a_batch_is_its_members_one_by_one():
         for whole, one in zip(both, inverse_of(rows[i], b[i], use[i]), strict=True):
             np.testing.assert_allclose(whole[i], one, rtol=1e-12, atol=1e-13)
     assert both.hidden[2].sum() == 1
+
+
+@pytest.mark.parametrize("count", [2, 6])
+def test_the_triangle_of_a_batch_serves_as_its_rows(count):
+    """Of columns alike to 1e-6, of which the normal equations would keep four digits."""
+    random = np.random.default_rng(6)
+    columns = random.normal(size=(count + 1, 2, 30, 3))
+    columns[1] = columns[0] + 1e-6 * columns[1]
+    columns[:, :, :, 2] = 0.0  # a lane without data
+    with jax.enable_x64(True):
+        each = np.asarray(jax.jit(triangle)([list(column) for column in columns]))
+    for lane in range(3):
+        rows, use = columns[..., lane].reshape(count + 1, -1).T, np.ones(count, bool)
+        whole = inverse_of(rows[:, :-1], rows[:, -1], use)
+        short = inverse_of(each[:, :-1, lane], each[:, -1, lane], use)
+        np.testing.assert_allclose(short.covariance, whole.covariance, rtol=1e-8)
+        np.testing.assert_allclose(short.step, whole.step, rtol=1e-7)
