@@ -14,14 +14,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.searching.batch_search import BatchSearch
 from fitting.samples.parameters import from_parameter
+from fitting.searching.batch_search import BatchSearch
+from fitting.searching.starts import starts
 
 POWERS_OF_SURFACE = ("R_s", "R_p", "R")
 # Curves that are compared side by side.
 _SIDE_BY_SIDE, _LANES = 512, 32
 # Where curves have angles of their own, nodes are interpolated from these, degrees.
 _GRID = np.linspace(0.0, 90.0, 181)
+# Starts anywhere of a curve of which none of the mesh comes to rest: 8 in 10,000. They lie where
+# R has its least value over n, and the data do not tell in which direction to go.
+_OTHERS = 16
 # Up to so many angles, and up to this highest one, the fine mesh is used; R_p alone (R with less
 # than this part of R_s) is open from this lowest angle on.
 _FEW, _NARROW, _NEARLY_P, _OPEN_ABOVE = 24, 40.0, 0.1, 10.0
@@ -213,6 +217,15 @@ def mesh_starts(search: BatchSearch) -> tuple[np.ndarray, np.ndarray]:
     rows = [from_parameter(w.parameter.coordinate, np.clip(x, w.low, w.high))
             for w, x in ((eta, index.real), (k, index.imag))]  # fmt: skip
     return np.stack(rows if names[0] == "eta" else rows[::-1]), which
+
+
+def search_surface(search: BatchSearch) -> None:
+    """Follow the starts of the mesh; and others where none of these ends."""
+    search.run(*mesh_starts(search))
+    rest = np.flatnonzero(search.known & ~search.best.done)
+    if len(rest):
+        others = starts(search.job.u.moving, _OTHERS, 0)
+        search.run(np.tile(others, len(rest)), np.repeat(rest, _OTHERS))
 
 
 def _low_places(
