@@ -105,21 +105,23 @@ def _sums(search: BatchSearch, pick: np.ndarray) -> _Sums:
     each = np.arange(count)[:, None]
     for q, v in curves.values.items():
         rows = curves.seen.row[curves.seen.quantity == q]
-        w = np.isfinite(v) / (1.0 if curves.sigma is None else curves.sigma[q]) ** 2
-        w, v = np.nan_to_num(w), np.nan_to_num(v)
+        sigma = 1.0 if curves.sigma is None else curves.sigma[q]
+        w, v = np.where(np.isfinite(v), np.power(sigma, -2.0), 0.0), np.nan_to_num(v)
         s = {"R_s": 1.0, "R_p": 0.0}.get(q, share[rows].T)
-        p = 1.0 - s
-        square += (w * v * v).sum(1)
+        p, wv = 1.0 - s, w * v
+        square += (wv * v).sum(1)
         place = angle[rows].T * (len(grid) - 1) / 90.0
         below = np.minimum(place.astype(int), len(grid) - 2)
-        for total, part in zip(
-            totals, (s * v, p * v, s * s, s * p, p * p), strict=True
+        for total, factor, of in zip(
+            totals, (s, p, s * s, s * p, p * p), (wv, wv, w, w, w), strict=True
         ):
+            if not np.any(factor):
+                continue
             if shared:
-                total[:, rows] += w * part
-            elif np.any(part):
-                np.add.at(total, (each, below), w * part * (1.0 - place + below))
-                np.add.at(total, (each, below + 1), w * part * (place - below))
+                total[:, rows] += of * factor
+            else:
+                np.add.at(total, (each, below), of * factor * (1.0 - place + below))
+                np.add.at(total, (each, below + 1), of * factor * (place - below))
     of_nodes = [t[:1] if (t == t[:1]).all() else t for t in totals[2:]]
     return _Sums(*totals[:2], *of_nodes, square, grid)
 
