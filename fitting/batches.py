@@ -35,7 +35,7 @@ from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
 from fitting.searching.batch_search import BatchSearch
 from fitting.searching.minima import SAME_CHI2
-from fitting.searching.surface_mesh import mesh_starts, of_bare_surface
+from fitting.searching.surface_mesh import of_bare_surface, search_surface
 from fitting.uncertainty.intervals import QUADRATIC, check_choices
 from fitting.uncertainty.stated_errors import further_errors, told
 from fitting.wavelengths import problem_of
@@ -250,7 +250,7 @@ def _fit_curves(
                 )
         search.run(batch.y_of({n: v[every] for n, v in near.items()}), every)
     if of_bare_surface(search):
-        search.run(*mesh_starts(search))
+        search_surface(search)
         return _result(search, shape, sample)
     if near is not None:
         search.from_neighbours(beside)

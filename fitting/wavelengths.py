@@ -32,7 +32,7 @@ from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
 from fitting.searching.batch_search import BatchSearch
 from fitting.searching.starts import starts as start_points
-from fitting.searching.surface_mesh import mesh_starts, of_bare_surface
+from fitting.searching.surface_mesh import of_bare_surface, search_surface
 
 # A wavelength is tried from the solutions at so many wavelengths on either side.
 _BESIDE = 8
@@ -148,7 +148,7 @@ def fit_wavelengths(
     search, every = BatchSearch(waves.job, waves.curves), np.arange(waves.curves.count)
     tell(total=2 * len(every), done=0)  # each is solved, and then gets its errors
     if near is None and of_bare_surface(search):
-        search.run(*mesh_starts(search))
+        search_surface(search)
     elif near is None:
         starts = start_points(waves.job.u.moving, LANES, asked.seed)
         search.run(np.tile(starts, len(every)), np.repeat(every, LANES))

@@ -43,8 +43,9 @@ from fitting.uncertainty.profile import Lanes
 # Undamped steps after the solver, and the part of a standard error below which one is taken without
 # being looked at: what is left after a step is a thousandth of it.
 _STEPS, _SMALL = 3, 3e-3
-# Two ends are two minima if some parameter differs by so many standard errors.
-_APART = 4.0
+# Two ends are two minima if some parameter differs by so many standard errors: lanes end within a
+# few hundredths of one. With 4 a fifth of the other minima of R_p were taken for the best one.
+_APART = 1.0
 # Without a degree of freedom lanes that end at k = 0 with a misfit stop within 1e-4 of the cost.
 _LEVEL = 2e-4
 

@@ -14,14 +14,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fitting.problem.curve_lanes import Curves
 from fitting.samples.parameters import from_parameter
 from fitting.searching.batch_search import BatchSearch
+from fitting.searching.starts import starts
 
-POWERS_OF_SURFACE = ("R_s", "R_p", "R")
 # Curves that are compared side by side.
 _SIDE_BY_SIDE, _LANES = 512, 32
 # Where curves have angles of their own, nodes are interpolated from these, degrees.
 _GRID = np.linspace(0.0, 90.0, 181)
+# Starts anywhere of a curve of which none of the mesh comes to rest: 8 in 10,000. They lie where
+# R has its least value over n, and the data do not tell in which direction to go.
+_OTHERS = 16
 # Up to so many angles, and up to this highest one, the fine mesh is used; R_p alone (R with less
 # than this part of R_s) is open from this lowest angle on.
 _FEW, _NARROW, _NEARLY_P, _OPEN_ABOVE = 24, 40.0, 0.1, 10.0
@@ -31,11 +35,7 @@ def of_bare_surface(search: BatchSearch) -> bool:
     """Whether all that is fitted is eta and k of one boundary, to powers alone."""
     spec = search.job.u.spec
     names = {name.rpartition(".")[2] for name in spec.moving}
-    return (
-        names == {"eta", "k"}
-        and len(spec.media.index) == 1
-        and set(spec.channels) <= set(POWERS_OF_SURFACE)
-    )
+    return names == {"eta", "k"} and spec.media.bare and {*spec.channels} <= {"R_s", "R_p", "R"}
 
 
 def _plane(rows: int, columns: int, lowest: float) -> np.ndarray:
@@ -50,39 +50,37 @@ def _plane(rows: int, columns: int, lowest: float) -> np.ndarray:
     return np.exp(log) * (cosine + 1j * np.sqrt(1.0 - cosine**2))
 
 
-def _totally(columns: int) -> np.ndarray:
-    """Return n < 1 by the critical angle; 1 - R is proportional to k, a small one is like none."""
-    return np.sin(np.radians(np.linspace(88.0, 6.0, columns))) * (
-        1.0 + 1j * np.array([[0.0], [2e-3], [2e-2]])
-    )
-
-
-def _lossless(first: float, last: float, rows: int) -> np.ndarray:
-    return 1.0 + np.geomspace(first, last, rows)[:, None] + 0j
-
-
 class _Mesh(NamedTuple):
-    """blocks: nodes, segments lie along the first axis. most: starts of a curve. share: of the sum
-    of squares of the data, above which a further start is hopeless."""
+    """blocks: nodes (rows, columns), segments lie along rows. most: starts of a curve. share: of
+    the sum of squares of the data, above which a further start is hopeless."""
 
     blocks: tuple[np.ndarray, ...]
     most: int
     share: float
 
 
+def _mesh(plane: np.ndarray, totally: int, most: int, share: float, *lossless: tuple) -> _Mesh:
+    """Return a mesh of the plane, of so many n < 1, and of k = 0 where few data leave it open."""
+    # By critical angle: in total reflection 1 - R is proportional to k, a small one like no other.
+    n = np.sin(np.radians(np.linspace(88.0, 6.0, totally)))
+    edges = [1.0 + np.geomspace(*ends)[:, None] + 0j for ends in lossless]
+    return _Mesh((plane, n * (1.0 + 1j * np.array([[0.0], [2e-3], [2e-2]])), *edges), most, share)
+
+
+# For the ordinary curve; for few angles, or angles near the normal only; and for R_p alone, which
+# has indices below and above the one whose Brewster angle was measured, lossless and absorbing
+# ones, and in total reflection one wherever a critical angle falls between two data.
+_ABOVE, _BELOW = (0.02, 110.0), (-0.03, -0.93)
 MESHES = {
-    "coarse": _Mesh((_plane(12, 8, 0.02), _totally(48)), 3, 0.005),
-    "fine": _Mesh((_plane(16, 24, 0.002), _totally(48), _lossless(0.02, 110.0, 48)), 8, 0.1),
-    "open": _Mesh(
-        (_plane(32, 80, 0.002), _totally(96), _lossless(0.02, 110.0, 160),
-         _lossless(-0.03, -0.93, 32)), 16, 1.0,
-    ),
-}  # fmt: skip
+    "coarse": _mesh(_plane(12, 8, 0.02), 48, 3, 0.005),
+    "fine": _mesh(_plane(16, 24, 0.002), 48, 8, 0.1, (*_ABOVE, 48)),
+    "open": _mesh(_plane(32, 80, 0.002), 96, 16, 1.0, (*_ABOVE, 160), (*_BELOW, 32)),
+}
 
 
 class _Sums(NamedTuple):
     """Of N curves over G angles: sums of w^2 s v, w^2 p v and of w^2 s s, s p, p p, where a datum
-    is v = s R_s + p R_p with an error 1 / w; of v v over all. angle_deg: (G,)."""
+    is v = s R_s + p R_p with an error 1 / w; of v v over all."""
 
     s: np.ndarray
     p: np.ndarray
@@ -90,34 +88,35 @@ class _Sums(NamedTuple):
     sp: np.ndarray
     pp: np.ndarray
     square: np.ndarray
-    angle_deg: np.ndarray
 
 
-def _sums(search: BatchSearch, pick: np.ndarray) -> _Sums:
-    curves = search.curves.at(pick)
+def _sums(curves: Curves, grid: np.ndarray) -> _Sums:
+    """Return the sums over the angles ``grid``: those of the rows, or `_GRID`."""
     points, count = curves.base.points, curves.count
     angle, share = (curves.own.get(n, getattr(points, n)) for n in ("angle_deg", "s_share"))
-    shared = bool((angle == angle[:, :1]).all())
-    grid = angle[:, 0] if shared else _GRID
     square, totals = np.zeros(count), np.zeros((5, count, len(grid)))
     each = np.arange(count)[:, None]
     for q, v in curves.values.items():
         rows = curves.seen.row[curves.seen.quantity == q]
-        w = np.isfinite(v) / (1.0 if curves.sigma is None else curves.sigma[q]) ** 2
-        w, v = np.nan_to_num(w), np.nan_to_num(v)
+        sigma = 1.0 if curves.sigma is None else curves.sigma[q]
+        w, v = np.where(np.isfinite(v), np.power(sigma, -2.0), 0.0), np.nan_to_num(v)
         s = {"R_s": 1.0, "R_p": 0.0}.get(q, share[rows].T)
-        p = 1.0 - s
-        square += (w * v * v).sum(1)
+        p, wv = 1.0 - s, w * v
+        square += (wv * v).sum(1)
         place = angle[rows].T * (len(grid) - 1) / 90.0
         below = np.minimum(place.astype(int), len(grid) - 2)
-        for total, part in zip(totals, (s * v, p * v, s * s, s * p, p * p), strict=True):
-            if shared:
-                total[:, rows] += w * part
-            elif np.any(part):
-                np.add.at(total, (each, below), w * part * (1.0 - place + below))
-                np.add.at(total, (each, below + 1), w * part * (place - below))
-    of_nodes = [t[:1] if (t == t[:1]).all() else t for t in totals[2:]]
-    return _Sums(*totals[:2], *of_nodes, square, grid)
+        for total, factor, of in zip(
+            totals, (s, p, s * s, s * p, p * p), (wv, wv, w, w, w), strict=True
+        ):
+            if not np.any(factor):
+                continue
+            if grid is not _GRID:
+                total[:, rows] += of * factor
+            else:
+                np.add.at(total, (each, below), of * factor * (1.0 - place + below))
+                np.add.at(total, (each, below + 1), of * factor * (place - below))
+    ss, sp, pp = (t[:1] if (t == t[:1]).all() else t for t in totals[2:])
+    return _Sums(totals[0], totals[1], ss, sp, pp, square)
 
 
 def _reflectances(index: np.ndarray, angle_deg: np.ndarray) -> np.ndarray:
@@ -134,7 +133,7 @@ def _along_segments(nodes: np.ndarray, sums: _Sums) -> tuple[np.ndarray, np.ndar
     t = sum w^2 d (v - g) / sum w^2 d^2 with d the change of g from end to end.
     """
 
-    def over_data(*parts: tuple[Any, np.ndarray]) -> np.ndarray:
+    def over_data(*parts: tuple[Any, np.ndarray]) -> Any:
         # Small products: of large ones each has BLAS wait for its threads, ten times as long.
         return sum(np.matmul(a, _as_lanes(w)) for a, w in parts if w.any())
 
@@ -166,53 +165,16 @@ def _among_neighbours(misfit: np.ndarray) -> np.ndarray:
     return misfit
 
 
-def _kinds(sums: _Sums, denser: np.ndarray) -> np.ndarray:
+def _kinds(sums: _Sums, angle_deg: np.ndarray, denser: np.ndarray) -> np.ndarray:
     """Return the mesh that each curve needs, (N,): by what its angles leave open."""
     some = sums.ss + sums.pp > 0.0
     count = some.sum(1)
-    lowest = np.where(some, sums.angle_deg, 90.0).min(1)
-    highest = np.where(some, sums.angle_deg, 0.0).max(1)
+    lowest = np.where(some, angle_deg, 90.0).min(1)
+    highest = np.where(some, angle_deg, 0.0).max(1)
     few = count <= _FEW
     p_alone = (sums.ss <= (_NEARLY_P / (1.0 - _NEARLY_P)) ** 2 * sums.pp).all(1)
     is_open = p_alone & (few | (lowest >= _OPEN_ABOVE) | denser)
     return np.where(is_open, "open", np.where(few | (highest < _NARROW), "fine", "coarse"))
-
-
-def mesh_starts(search: BatchSearch) -> tuple[np.ndarray, np.ndarray]:
-    """Return starts (p, L) in the solver's coordinates, and the curve of each, (L,)."""
-    u, outside = search.job.u, search.curves.outside
-    names = [name.rpartition(".")[2] for name in u.spec.moving]
-    eta, k = (u.moving[names.index(n)] for n in ("eta", "k"))
-    middle = np.median(outside)
-    boxed = {
-        kind: mesh._replace(blocks=tuple(
-            np.clip(b.real, eta.low / middle, eta.high / middle)
-            + 1j * np.clip(b.imag, k.low / middle, k.high / middle)
-            for b in mesh.blocks
-        ))
-        for kind, mesh in MESHES.items()
-    }  # fmt: skip
-    found = list[tuple[np.ndarray, np.ndarray]]()
-    every, tables = np.flatnonzero(search.known), dict[str, list[np.ndarray]]()
-    for first in range(0, len(every), _SIDE_BY_SIDE):
-        pick = every[first : first + _SIDE_BY_SIDE]
-        sums = _sums(search, pick)
-        kinds = np.broadcast_to(_kinds(sums, outside[pick] > 1.0), len(pick))
-        for kind in np.unique(kinds):
-            mine = np.flatnonzero(kinds == kind)
-            mesh = boxed[kind]
-            if kind not in tables or len(tables[kind][0][0, 0, 0]) != len(sums.angle_deg):
-                tables[kind] = [_reflectances(b, sums.angle_deg) for b in mesh.blocks]
-            # In whole calls, filled up with the last curve.
-            lanes = min(len(mine), _LANES)
-            full = np.pad(mine, (0, -len(mine) % lanes), "edge")
-            part = _Sums(*(a[full] if len(a) == len(pick) else a for a in sums[:-1]), sums[-1])
-            found.append(_low_places(mesh, tables[kind], part, pick[mine]))
-    index, which = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    index = index * outside[which]
-    rows = [from_parameter(w.parameter.coordinate, np.clip(x, w.low, w.high))
-            for w, x in ((eta, index.real), (k, index.imag))]  # fmt: skip
-    return np.stack(rows if names[0] == "eta" else rows[::-1]), which
 
 
 def _low_places(
@@ -235,3 +197,48 @@ def _low_places(
     rank = np.arange(len(curve)) - np.searchsorted(curve, curve)
     keep = (rank < mesh.most) & (curve < len(pick))
     return index[keep], pick[curve[keep]]
+
+
+def mesh_starts(search: BatchSearch) -> tuple[np.ndarray, np.ndarray]:
+    """Return starts (p, L) in the solver's coordinates, and the curve of each, (L,)."""
+    u, outside = search.job.u, search.curves.outside
+    both = [{n.rpartition(".")[2]: w for n, w in zip(u.spec.moving, u.moving, strict=True)}[part]
+            for part in ("eta", "k")]  # fmt: skip
+
+    def inside(index: np.ndarray, unit: Any) -> list[np.ndarray]:
+        parts = np.real(index) * unit, np.imag(index) * unit
+        return [np.clip(x, w.low, w.high) for x, w in zip(parts, both, strict=True)]
+
+    middle = np.median(outside)
+    meshes = {kind: m._replace(blocks=tuple(
+        (eta + 1j * k) / middle for eta, k in (inside(b, middle) for b in m.blocks)
+    )) for kind, m in MESHES.items()}  # fmt: skip
+    found, tables = list[tuple[np.ndarray, np.ndarray]](), dict[str, list[np.ndarray]]()
+    every = np.flatnonzero(search.known)
+    angle = search.curves.own.get("angle_deg", search.curves.base.points.angle_deg)
+    grid = angle[:, 0] if (angle == angle[:, :1]).all() else _GRID
+    for first in range(0, len(every), _SIDE_BY_SIDE):
+        pick = every[first : first + _SIDE_BY_SIDE]
+        sums = _sums(search.curves.at(pick), grid)
+        kinds = np.broadcast_to(_kinds(sums, grid, outside[pick] > 1.0), len(pick))
+        for kind in np.unique(kinds):
+            mine = np.flatnonzero(kinds == kind)
+            if kind not in tables:
+                tables[kind] = [_reflectances(b, grid) for b in meshes[kind].blocks]
+            # In whole calls, filled up with the last curve.
+            full = np.pad(mine, (0, -len(mine) % min(len(mine), _LANES)), "edge")
+            part = _Sums._make(a[full] if len(a) == len(pick) else a for a in sums)
+            found.append(_low_places(meshes[kind], tables[kind], part, pick[mine]))
+    index, which = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    rows = [from_parameter(w.parameter.coordinate, x)
+            for w, x in zip(both, inside(index, outside[which]), strict=True)]  # fmt: skip
+    return np.stack(rows if u.moving[0] is both[0] else rows[::-1]), which
+
+
+def search_surface(search: BatchSearch) -> None:
+    """Follow the starts of the mesh; and others where none of these ends."""
+    search.run(*mesh_starts(search))
+    rest = np.flatnonzero(search.known & ~search.best.done)
+    if len(rest):
+        others = starts(search.job.u.moving, _OTHERS, 0)
+        search.run(np.tile(others, len(rest)), np.repeat(rest, _OTHERS))
