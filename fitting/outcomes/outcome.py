@@ -81,7 +81,9 @@ def estimates(
     unseen = known.unseen_of | failed[:, None]
     with np.errstate(invalid="ignore"):
         covariance = known.covariance * (slope[:, :, None] * slope[:, None, :])
-        blank = ~np.isfinite(covariance) | unseen[:, :, None] | unseen[:, None, :]
+        # What is compatible with 0 has a limit, and no standard error, which would not be one.
+        none = unseen | np.isfinite(limits)
+        blank = ~np.isfinite(covariance) | none[:, :, None] | none[:, None, :]
         covariance = np.where(blank, np.nan, covariance)
         sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     ends, limits = (
