@@ -310,8 +310,7 @@ def fit_of(fit: Problem, ends: Ends, noise: float, of: Subject) -> FitData:
             return fit_of(fit, joined([ends, more]), noise, of)
         lower = (end.cost - min(least, more.cost[0])) / scatter
     if end.known.unseen.size and wanted != QUADRATIC:
-        if (seen := by_curvature(fit, end, ranges[0], noise)) is not None:
-            end = every[0] = seen
+        end = every[0] = by_curvature(fit, end, ranges[0], noise) or end
     rises = np.array([e.cost - end.cost for e in every[1:]])
     rises = rises / scatter if scatter > 0.0 else 0.0 * rises
     others = tuple(
