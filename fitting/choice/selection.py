@@ -25,7 +25,6 @@ from typing import Any
 
 import numpy as np
 
-from fitting.bare_surface.verdicts import OPEN, with_verdicts
 from fitting.choice.candidates import (
     MARGIN,
     Candidate,
@@ -50,6 +49,7 @@ from fitting.data.measurement import Measurement, concatenate
 from fitting.data.quantities import are_powers
 from fitting.fits import fit_checked, measurements_of
 from fitting.optics.instrument import INSTRUMENT, instrument_parameter
+from fitting.outcomes.surface_verdicts import OPEN, with_verdicts
 from fitting.problem.problem import FitOptions, Kept
 from fitting.process.progress import tell
 from fitting.process.side_by_side import side_by_side
@@ -191,7 +191,7 @@ def _of_model(which: Sample, base: Settings, wanted: Sequence[str], fitted: Fitt
         )  # fmt: skip
         found = fitted(which.with_model(key.model), settings, asked)
         if key.without_k:  # assumed here, and not known
-            found = with_verdicts(found, asked.errors)
+            found = with_verdicts(found)
         shown = {n: e for n, e in found.parameters.items() if n.partition("[")[0] not in quiet}
         return replace(found, parameters=shown)
 

@@ -15,6 +15,7 @@ import numpy as np
 from fitting.optics.spec import NCS
 from fitting.outcomes.findings import findings_of_all
 from fitting.outcomes.outcome import Shaped, combinations_unseen, estimates, fixed_and_tied, too_few
+from fitting.outcomes.surface_verdicts import marked, verdicts_of_batch
 from fitting.problem.curve_lanes import slopes
 from fitting.problem.evaluation import Alike, EachFit, Evaluated
 from fitting.residuals.error_model import misses_without_freedom
@@ -176,6 +177,14 @@ def fit_of_batch(
     put = Shaped(shape, count, which)
     minima, scatter = _minima(search, which, pooled)
     m, own, n_data = minima[0], search.dof[which], curves.n_data[which]
+    told = verdicts_of_batch(search, which, m.y, m.known, scatter[which])
+    if told is not None:
+        asked, verdicts, y = told
+        new = np.flatnonzero((y != m.y[asked]).any(1))
+        if len(new):
+            m.put(asked[new], _minima_at(search, which[asked[new]], y[new].T, pooled))
+        others = [o.of(~np.isin(o.which, which[asked[verdicts.open]])) for o in minima[1:]]
+        minima = [m, *(o for o in others if len(o.which))]
     plain, rows = m.plain.sum(1), m.counts.sum(1)
     failed = ~best.done[which] | ~np.isfinite(m.cost)
     unseen = m.known.hidden.any(1)
@@ -237,5 +246,8 @@ def fit_of_batch(
         starts=put(starts, 0), reached=put(np.minimum(m.reached, starts), 0),
     )  # fmt: skip
     unseen_each = combinations_unseen(u, m.known, put)
-    told = findings_of_all(fits, fits.chi2_reduced, put(missed, False), unseen_each)
-    return replace(fits, findings=ranked(told))
+    findings = findings_of_all(fits, fits.chi2_reduced, put(missed, False), unseen_each)
+    fits = replace(fits, findings=ranked(findings))
+    if told is None:
+        return fits
+    return marked(fits, verdicts, Shaped(shape, count, which[asked]))
