@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from fitting.optics.spec import NCS
 from fitting.outcomes.findings import findings_of_all
 from fitting.outcomes.outcome import Shaped, combinations_unseen, estimates, fixed_and_tied, too_few
 from fitting.outcomes.surface_verdicts import marked, verdicts_of_batch
@@ -33,8 +32,9 @@ from fitting.uncertainty.covariance import Uncertainty, uncertainty
 from fitting.uncertainty.intervals import quadratic
 from fitting.uncertainty.limits import ROUNDING, student_quantiles
 
-# Undamped steps after the solver, each as long as it lowers the cost by more than this share.
-_STEPS, _FALL = 3, 1e-9
+# Undamped steps after the solver, and the part of a standard error below which one is taken without
+# being looked at: what is left after a step is a thousandth of it.
+_STEPS, _SMALL = 3, 1e-3
 # Two ends are two minima if some parameter differs by so many standard errors.
 _APART = 4.0
 # Without a degree of freedom lanes that end at k = 0 with a misfit stop within 1e-4 of the cost.
@@ -76,26 +76,17 @@ class _Minima(NamedTuple):
 
 def _minima_at(search: BatchSearch, which: np.ndarray, y: np.ndarray, pooled: Any) -> _Minima:
     """Return what is known of the curves ``which`` (n,) at y (p, n)."""
-    job, curves, parts = search.job, search.curves, list[_Minima]()
-    ncs, kinds = NCS in job.u.spec.channels, len(job.u.spec.channels)
-    channel: np.ndarray = np.minimum(np.arange(kinds + 2 * ncs), kinds - 1)
-    for some, s in slopes(job.u.spec, curves, y, which):
-        sane = np.asarray(np.isfinite(s.residual).all(1) & np.isfinite(s.jacobian).all((1, 2)))
-        r = np.where(sane[:, None], s.residual, 0.0)
-        J = np.where(sane[:, None, None], s.jacobian, 0.0)
-        known = uncertainty(
-            job.u, r, J, y[:, some].T, search.limits, 1.0, search.dof[which[some]],
-            job.asked.scaled, curves.stated, pooled,
-        )  # fmt: skip
-        square, there = np.nansum(s.plain**2, -1), np.isfinite(s.plain).sum(-1)
-        own = [channel == c for c in range(kinds)]
-        plain, counts = (np.stack([a[:, c].sum(1) for c in own], 1) for a in (square, there))
-        cost = np.where(sane, np.vecdot(r, r), np.inf)
-        parts.append(_Minima(
-            which[some], y[:, some].T, known, cost, s.squares, plain, counts,
-            np.zeros(len(some), int),
-        ))  # fmt: skip
-    return jax.tree.map(lambda *a: np.concatenate(a), *parts)
+    job, curves = search.job, search.curves
+    at = slopes(job.u.spec, curves, y, which)
+    known = uncertainty(
+        job.u, at.triangle[..., -1], at.triangle[..., :-1], y.T, search.limits, 1.0,
+        search.dof[which], job.asked.scaled, curves.stated, pooled,
+    )  # fmt: skip
+    found = _Minima(
+        which, y.T, known, at.cost, curves.squares[which], at.plain, at.counts,
+        np.zeros(len(which), int),
+    )  # fmt: skip
+    return jax.tree.map(np.array, found)  # which `put` writes to
 
 
 def _minima_beside(search: BatchSearch, which: np.ndarray, y: np.ndarray, pooled: Any) -> _Minima:
@@ -105,14 +96,18 @@ def _minima_beside(search: BatchSearch, which: np.ndarray, y: np.ndarray, pooled
     go = np.arange(len(which))
     for _ in range(_STEPS):
         here = out.of(go)
-        there = _minima_at(
-            search, which[go], np.clip((here.y + here.known.step).T, low, high), pooled
-        )
-        lower = there.cost < here.cost
-        out.put(go, here.but(lower, there))
-        go = go[lower & (there.cost < (1.0 - _FALL) * here.cost)]
+        step, error = here.known.step, here.known.edge * np.sqrt(here.known.variance)[:, None]
+        ahead = np.clip((here.y + step).T, low, high)
+        # Without a known scatter every step is looked at.
+        far = ((step != 0.0) & ~(np.abs(step) <= _SMALL * error)).any(1)
+        out.y[go[~far]] = ahead[:, ~far].T
+        go, here = go[far], here.of(far)
         if not len(go):
             break
+        there = _minima_at(search, which[go], ahead[:, far], pooled)
+        lower = there.cost < here.cost
+        out.put(go, here.but(lower, there))
+        go = go[lower]
     return out
 
 
