@@ -1,4 +1,4 @@
-"""What powers of a bare surface leave open of its index, told to fits by any model, loss and search.
+"""What powers of a bare surface leave open of its index, told to fits by any model and search.
 
 Whether reflectances over the angle determine eta and k is a matter of the data and of the index at
 which they are fitted, not of the model: R_s of a metal fits any index on the circle of one R(0),
@@ -19,7 +19,6 @@ import jax
 import numpy as np
 
 from fitting.outcomes.outcome import Shaped
-from fitting.problem.curve_lanes import slopes
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.unknowns import Unknowns
 from fitting.residuals.residuals import residuals
@@ -55,7 +54,7 @@ _SINGULAR, _LEAST_K = 1e-11, 1e-6
 # Two indices fit equally well if their chi2 differs by less than the first number (two standard
 # errors), and the data do not distinguish them at all if by less than the second.
 _ALIKE, _THE_SAME = 4.0, 0.01
-# Change of x = log cosh xi along what the data see least, over all k, from which on it is no circle.
+# Change of x = log cosh xi along what the data see least, over all k, beyond which it is no circle.
 _CIRCLE = 0.1
 # An eta in total reflection is not determined if this part of it fits as well, with another k.
 _SMALL_PART, _STEPS_IN_K = 0.1, 6
@@ -63,6 +62,8 @@ _SMALL_PART, _STEPS_IN_K = 0.1, 6
 # how little chance it is worse than an index; and the 1 - R(0) that no plain metal is below.
 _LEAST_RMS, _MOST_A, _CHANCE, _NORMAL_95, _LEAST_LOSS = 0.85, 0.3, 0.01, 1.645, 2.5e-4
 _FLAT_DEG = 30.0
+# Curves that are looked at together, for the size of the arrays.
+_BLOCK = 1024
 # Of solids that transmit light tellurium has the highest index, 6.3 (S. Caldwell and H. Y. Fan,
 # Physical Review 114, 664 (1959)).
 _MOST_LOSSLESS = 7.0
@@ -102,8 +103,9 @@ class Surface(NamedTuple):
     fitted: np.ndarray
 
     @classmethod
-    def of(cls, angle_deg: Any, s: Any, weight: Any, miss: Any, n: Any, k: Any) -> Surface:
-        """Return those of angles (N, M)."""
+    def of(cls, columns: np.ndarray, n: np.ndarray, k: np.ndarray) -> Surface:
+        """Return those of angles (degrees), s, weight and miss (4, N, M)."""
+        angle_deg, s, weight, miss = columns
         cos = np.cos(np.radians(angle_deg))
         return cls(cos, s, weight, miss, n, k, _powers(cos, s, n, k)[0])
 
@@ -196,7 +198,7 @@ def verdicts(
     n, k = d.n, d.k
     used, near = d.weight > 0.0, np.maximum(k, _LEAST_K * n)
     count = used.sum(1)
-    miss, by_n, by_k = d.at(n, near)
+    _, by_n, by_k = d.at(n, near)
     nn, nk, kk = np.vecdot(by_n, by_n), np.vecdot(by_n, by_k), np.vecdot(by_k, by_k)
     cost, value = np.vecdot(d.miss, d.miss), d.fitted * d.weight - d.miss
     least = ROUNDING * np.vecdot(value, value)
@@ -267,7 +269,8 @@ def verdicts(
     index = {"eta": eta, "k": shown_k, "eta_i": eta_i}
     values = {
         "perfect_mirror": {"least_reflectance": bound}, "no_reflection": {"eta_i": eta_i},
-        "same_at_45_degrees": index, "circle": index, "flat_curve": {"below_deg": np.full(len(n), _FLAT_DEG)},
+        "same_at_45_degrees": index, "circle": index,
+        "flat_curve": {"below_deg": np.full(len(n), _FLAT_DEG)},
         "combination": {**index, "slope": 2.0 * eta_i * near / of_n},
     }  # fmt: skip
     return Verdicts(codes, values, open_, none, eta, shown_k)
@@ -292,11 +295,13 @@ def _with_index(u: Unknowns, y: np.ndarray, v: Verdicts) -> np.ndarray:
 
 
 def verdicts_of_batch(
-    search: BatchSearch, which: np.ndarray, y: np.ndarray, known: Uncertainty, scatter: np.ndarray
-) -> tuple[np.ndarray, Verdicts, np.ndarray] | None:
-    """Return the verdicts on some of the curves ``which`` (n,), their numbers, and y to be shown.
+    search: BatchSearch, which: np.ndarray, y: np.ndarray, known: Uncertainty, scatter: np.ndarray,
+    fitted: np.ndarray,
+) -> tuple[np.ndarray, Verdicts, np.ndarray] | None:  # fmt: skip
+    """Return which of the curves ``which`` (n,) were asked, the verdicts, and y to be shown.
 
-    y (n, p), known: at their minima. Most curves determine their index, as the errors show.
+    y (n, p), known: at their minima. fitted: (n, K, rows). Most curves determine their index, as
+    their errors show.
     """
     u, curves = search.job.u, search.curves
     place = _place(u)
@@ -304,34 +309,27 @@ def verdicts_of_batch(
         return None
     i, j = place
     eta, k = y[:, i], value_and_slope(u.moving[j].parameter.coordinate, y[:, j])[0]
-    outside, points = curves.outside[which], {**curves.base.points._asdict(), **curves.own}
+    outside, angle = curves.outside[which], curves.of_points("angle_deg", which)
     values = np.concatenate([v[which] for v in curves.values.values()], 1)
-    with np.errstate(all="ignore"):
-        spread, rms = known.edge[:, i] * np.sqrt(known.variance) / eta, np.nanmean(values**2, 1)
-    ask = known.hidden.any(1) | ~(spread < 0.5 * _VAGUE) | (eta < outside) | (rms > _LEAST_RMS**2)
-    ask |= (rms < 0.01) | (points["angle_deg"].max(0) < _FLAT_DEG)
-    some, parts = np.flatnonzero(ask), list[Verdicts]()
-    if not len(some):
+    spread, square = known.edge[:, i] * np.sqrt(known.variance) / eta, np.nanmean(values**2, 1)
+    ask = known.hidden.any(1) | ~(spread < 0.5 * _VAGUE) | (eta < outside)
+    ask |= (square > _LEAST_RMS**2) | (square < 0.01) | (angle.max(1) < _FLAT_DEG)
+    asked, parts = np.flatnonzero(ask), list[Verdicts]()
+    for begin in range(0, len(asked), _BLOCK):
+        some = asked[begin : begin + _BLOCK]
+        targets, m = curves.targets(which[some]), outside[some]
+        value, weight = (np.concatenate(a).T for a in (targets.values, targets.weights))
+        shares = {"R_s": 1.0, "R_p": 0.0, "R": curves.of_points("s_share", which[some])}
+        share = [np.broadcast_to(shares[c], angle[some].shape) for c in u.spec.channels]
+        angles = np.tile(angle[some], len(share))
+        miss, used = weight * (fitted[some].reshape(value.shape) - value), weight.any(0)
+        columns = np.stack([angles, np.concatenate(share, 1), weight, miss])[..., used]
+        d = Surface.of(columns, eta[some] / m, k[some] / m)
+        parts.append(verdicts(d, m, scatter[some], search.dof[which[some]], curves.stated))
+    if not parts:
         return None
-    shares = {"R_s": np.ones((1, 1)), "R_p": np.zeros((1, 1)), "R": points["s_share"]}
-    for rows, s in slopes(u.spec, curves, y[some].T, which[some]):
-        at = some[rows]
-        weight = curves.targets(which[at]).weights
-
-        def of_lanes(a: np.ndarray) -> np.ndarray:
-            a = a if a.shape[1] == 1 else a[:, which[at]]  # noqa: B023
-            return np.broadcast_to(a, weight[0].shape)  # noqa: B023
-
-        columns = [[of_lanes(points["angle_deg"])] * len(weight),
-                   [of_lanes(shares[c]) for c in u.spec.channels], weight]  # fmt: skip
-        columns = [np.concatenate(a).T for a in columns]
-        used, m = columns[2].any(0), outside[at]
-        d = Surface.of(
-            *(a[:, used] for a in (*columns, s.residual)), eta[at] / m, k[at] / m
-        )  # fmt: skip
-        parts.append(verdicts(d, m, scatter[at], search.dof[which[at]], curves.stated))
     v = jax.tree.map(lambda *a: np.concatenate(a), *parts)
-    return some, v, _with_index(u, y[some], v)
+    return asked, v, _with_index(u, y[asked], v)
 
 
 def marked(found: FitData, v: Verdicts, put: Callable[..., Any], index: bool = True) -> FitData:
@@ -396,7 +394,7 @@ def with_verdicts(found: FitData) -> FitData:
     rows[:, which, slot] = m.angle_deg, share, weight, miss
     scatter = scatters(miss @ miss, found.dof, found.errors.taken != "stated", stated)[0]
     eta, k, eta_i = np.ravel(found.eta), np.ravel(found.k), np.full(len(count), sample.eta_i)
-    v = verdicts(Surface.of(*rows, eta / eta_i, k / eta_i), eta_i, np.full(len(eta), scatter),
+    v = verdicts(Surface.of(rows, eta / eta_i, k / eta_i), eta_i, np.full(len(eta), scatter),
                  np.full(len(eta), found.dof), stated)  # fmt: skip
     first = int(np.argmax(eta))
     if not one_index:
