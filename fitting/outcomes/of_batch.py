@@ -178,7 +178,8 @@ def _noise_of_misfits(
     used = (weight > 0.0).any((0, 1))
     off = fitted - value
     each, steps = (off * weight)[..., used], np.diff(angle[:, used], axis=1)
-    fours = each[..., : used.sum() // 4 * 4].reshape(*each.shape[:2], -1, 4).sum(-1)
+    whole = np.pad(each, ((0, 0), (0, 0), (0, -each.shape[-1] % 4)))
+    fours = whole.reshape(*each.shape[:2], -1, 4).sum(-1)
     alike = (fours**2).sum((1, 2)) > _ALIKE * (each**2).sum((1, 2))
     some = np.flatnonzero(alike | ~((steps >= 0.0).all(1) | (steps <= 0.0).all(1)))
 
