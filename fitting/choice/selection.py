@@ -279,7 +279,10 @@ def choose(
         trials.attempt(*(Key(str(which)) for which in samples))
     choice = decide(list(trials.tried.values()))
     if choice.fit.names and compared != asked:
-        choice = choice.with_fit(run(choice.taken.key, asked))
+        taken = choice.taken.key
+        if {f.code for f in choice.fit.findings} & {*OPEN}:  # with the range of all that fit
+            taken = taken._replace(without_k=False)
+        choice = choice.with_fit(run(taken, asked))
     if not one and instrument and "scale" not in mentioned:
         choice = with_gain_instead(choice, lambda key: run(key, compared))
     return with_doubt(choice)
