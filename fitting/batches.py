@@ -295,7 +295,7 @@ def _fit_curves(
         rows = job.seen.row[job.seen.quantity == job.seen.quantity[0]]
         own = np.repeat(angle_deg[:, :1].T, len(job.seen.points.angle_deg), 0)
         own[rows] = angle_deg.T
-        lanes = lanes._replace(own={"angle_deg": own})
+        lanes = replace(lanes, own={"angle_deg": own})
     search = BatchSearch(job, lanes)
     batch = _Batch(search, (angle_deg, wavelength_um), settings, sample)
     best, every, beside = search.best, np.flatnonzero(search.known), _neighbours(shape)

@@ -17,7 +17,7 @@ from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.batched import of_measurement, stacked_findings
 from fitting.outcomes.findings import on_rows
 from fitting.outcomes.of_batch import fit_of_batch
-from fitting.problem.curve_lanes import Curves, slopes
+from fitting.problem.curve_lanes import Curves, shown
 from fitting.problem.evaluation import EachFit, Evaluated, at_data
 from fitting.problem.lanes import LANES
 from fitting.problem.observations import observations
@@ -170,8 +170,8 @@ def _with_rows(waves: Wavelengths, found: FitData, measurement: Measurement) -> 
     seen, u, m = waves.job.seen, waves.job.u, measurement
     each = cast(EachFit, found.evaluator).each
     y, every = np.stack([e.y for e in each], 1), np.arange(len(each))
-    shown = np.concatenate([s.shown for _, s in slopes(u.spec, waves.curves, y, every)])
-    fitted = at_data(seen, shown[waves.which, :, waves.slot].T)
+    every_point = shown(u.spec, waves.curves, y, every)
+    fitted = at_data(seen, every_point[waves.which, :, waves.slot].T)
     told, own = list[list[Finding]](), list[Evaluated]()
     for i, wavelength in enumerate(waves.wavelength_um):
         rows, state = m.at_wavelength(wavelength), found.status[i]

@@ -25,6 +25,7 @@ from fitting.results.result_parts import (
     FITTED,
     NOT_CONVERGED,
     PROFILE,
+    QUADRATIC,
     UNDETERMINED,
     Alternative,
     Estimate,
@@ -40,6 +41,8 @@ from fitting.uncertainty.intervals import OFF, Intervals
 # .79 and .71).
 CORRELATED_WITHIN, CORRELATED = 0.999, 0.7
 VAGUE = 0.5
+# Errors of eta and k of more than this part of the radius of their circle are not to be believed.
+_TURN, _POWERS = 0.1, {"R_s", "R_p", "R"}
 # The zero of a goniometer is known better than that.
 PLAUSIBLE_OFFSET_DEG = 2.0
 FEW_REACHED = 3
@@ -299,15 +302,35 @@ def _on_parameters(known: Mapping[str, Estimate], ok: np.ndarray) -> Iterator[tu
     yield "poorly_determined", vague.any(-1), values
 
 
+def _turned(found: FitData) -> Any:
+    """Return where quadratic errors of a bare surface are no small part of its circle of one R(0).
+
+    Along that circle (`surface_verdicts`) an index is least determined.
+    """
+    of = {n.rpartition(".")[2]: e for n, e in found.parameters.items() if e.free}
+    assert found.sample is not None
+    if not (found.sample.bare and {"eta", "k"} <= {*of} and {*found.rms_of} <= _POWERS):
+        return False
+    m, eta, k = found.sample.eta_i, of["eta"], of["k"]
+    cosh = (m * m + eta.value**2 + k.value**2) / (2.0 * eta.value * m)
+    far = np.hypot(eta.sigma, k.sigma) > _TURN * m * np.sqrt(cosh**2 - 1.0)
+    return far & (np.asarray(eta.interval_kind) == QUADRATIC)
+
+
 @np.errstate(all="ignore")
 def findings_of_all(
-    found: FitData, reduced: Any, missed: Any, unseen: Iterable[tuple[Any, Any]]
+    found: FitData,
+    reduced: Any,
+    missed: Any,
+    unseen: Iterable[tuple[Any, Any]],
+    noise: Any = np.nan,
 ) -> list[Finding]:
     """Return the findings that fits of any shape S have in common, on one fit or on each of many.
 
     reduced: chi2 / dof, without outliers; NaN where no errors are stated. missed: which fits do not
     describe their data without a degree of freedom. unseen: for the first combination of parameters
     that the data do not determine, the second, ... which fits have one, and the names in it.
+    noise: that of data over the angle which a fit misses by more, else NaN.
     """
     known = {n: e for n, e in found.parameters.items() if e.free}
     status, dof, rms = np.asarray(found.status), np.asarray(found.dof), np.asarray(found.rms)
@@ -337,8 +360,9 @@ def findings_of_all(
     sample = found.sample
     if sample is not None:
         what = "one bare surface" if sample.bare else "this stack" if sample.films else "this plate"
-        far = {"rms": found.rms, "sample": what}
-        told.append(("does_not_describe", ok & (rms > OUT_OF_MODEL), far))
+        far = {"rms": found.rms, "sample": what, "noise": noise}
+        told.append(("does_not_describe", ok & ((rms > OUT_OF_MODEL) | np.isfinite(noise)), far))
+        told.append(("quadratic_misleads", ok & _turned(found), {}))
     seen = np.any([np.isfinite(e.sigma) for e in known.values()], axis=0)
     values = {"n_data": found.n_data, "unknowns": len(known), "stated": stated & seen}
     told.append(("no_degrees_of_freedom", ok & (dof == 0), values))

@@ -8,8 +8,9 @@ itself tens of ms.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from types import MappingProxyType
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -24,15 +25,20 @@ from fitting.problem.optics_inputs import spec_at
 from fitting.problem.programs import Bounds, Targets, rows_of, solve, weighted
 from fitting.problem.solver import START_DAMPING
 from fitting.process.compiled import compiled, fit_settings
+from fresnel_jax.performance import computed_once
 
-# Lanes of one call, and of the smallest one.
-LANES, _FEW = 1024, 16
+# Lanes of one call, and of the smallest one: what they need is in the cache then.
+LANES, _FEW = 256, 16
+# So many of the lanes of a call end it, and those that are left go on together with those of other
+# calls: one lane of 256 would keep the others waiting, which ended after half its evaluations.
+_ENOUGH = 0.75
 # Evaluations in a stage, after which lanes that have ended make room, and in all. From so many on a
 # lane that is above the best one of its curve that has converged goes no further.
 _STAGE, _MOST, _FAIR = 10, 120, 60
 
 
-class Curves(NamedTuple):
+@dataclass(frozen=True)
+class Curves:
     """Values of N curves, (N, M) by quantity, NaN where there is none; sigma: the same, or None.
 
     seen: the rows of a measurement that has every quantity at every one of the M points, in the
@@ -44,14 +50,14 @@ class Curves(NamedTuple):
     base: Targets
     values: Mapping[str, np.ndarray]
     sigma: Mapping[str, np.ndarray] | None
-    own: Mapping[str, np.ndarray] = MappingProxyType({})
+    own: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def at(self, pick: np.ndarray) -> Curves:
         """Return some of the curves."""
         values = {q: v[pick] for q, v in self.values.items()}
         sigma = None if self.sigma is None else {q: s[pick] for q, s in self.sigma.items()}
         own = {name: a[..., pick] for name, a in self.own.items()}
-        return self._replace(values=values, sigma=sigma, own=own)
+        return replace(self, values=values, sigma=sigma, own=own)
 
     @property
     def count(self) -> int:
@@ -86,46 +92,47 @@ class Curves(NamedTuple):
         return self.outside * np.sin(np.radians(angle.max(0)))
 
     def _rows(self, quantity: str, of: np.ndarray) -> np.ndarray:
-        """Return (n, M) of a quantity as rows of the points, (rows, n), NaN elsewhere."""
-        out = np.full((len(self.seen.points.angle_deg), len(of)), np.nan)
+        """Return (N, M) of a quantity as rows of the points, (rows, N), NaN elsewhere."""
+        out = np.full((len(self.seen.points.angle_deg), self.count), np.nan)
         out[self.seen.row[self.seen.quantity == quantity]] = of.T
         return out
 
+    @cached_property
+    def _data(self) -> dict[str, Any]:
+        """What `Targets` has of the data, of all curves as lanes."""
+        values, errors = ({q: self._rows(q, v) for q, v in each.items()}
+                          for each in (self.values, self.sigma or {}))  # fmt: skip
+        ones = np.ones_like(next(iter(values.values())))
+        known = {q: np.isfinite(v) for q, v in values.items()}
+        errors = {q: np.where(known[q], errors.get(q, ones), 1.0) for q in values}
+        alone = [c for c in self.seen.channels if c != NCS]
+        out: dict[str, Any] = {
+            "values": tuple(np.where(known[q], values[q], 0.0) for q in alone),
+            "weights": tuple(known[q] / errors[q] for q in alone),
+        }
+        if NCS not in self.seen.channels:
+            return out
+        some, delta = known["psi"], values.get("delta", np.nan * ones)
+        psi, delta = np.where(some, values["psi"], 45.0), np.where(some, delta, 0.0)
+        W = ncs_weights(psi, delta, errors["psi"], errors.get("delta", ones), self.stated)
+        ncs = np.where(some, ncs_of(psi, np.nan_to_num(delta)), 0.0)
+        return out | {"ncs": ncs, "ncs_weights": np.where(some, W, 0.0)}
+
     def targets(self, pick: np.ndarray) -> Targets:
         """Return the targets of the curves ``pick`` as lanes."""
-        some, stated = self.at(pick), self.stated
-        points = {n: a for n, a in some.own.items() if n in self.base.points._fields}
-        rest = {n: a for n, a in some.own.items() if n not in points}
-        base = self.base._replace(points=self.base.points._replace(**points), **rest)
-        values, errors = ({q: self._rows(q, v) for q, v in each.items()}
-                          for each in (some.values, some.sigma or {}))  # fmt: skip
-        alone = [c for c in self.seen.channels if c != NCS]
-        base = base._replace(
-            values=tuple(np.nan_to_num(values[q]) for q in alone),
-            weights=tuple(
-                np.isfinite(values[q]) / (np.nan_to_num(errors[q], nan=1.0) if stated else 1.0)
-                for q in alone
-            ),
-        )  # fmt: skip
-        if NCS not in self.seen.channels:
-            return base
-        psi, delta = values["psi"], values.get("delta", np.full_like(values["psi"], np.nan))
-        of_psi, of_delta = (np.nan_to_num(errors.get(q, np.ones_like(psi)), nan=1.0)
-                            for q in ("psi", "delta"))  # fmt: skip
-        some = np.isfinite(psi)
-        psi, delta = np.where(some, psi, 45.0), np.where(some, delta, 0.0)
-        W = ncs_weights(psi, delta, of_psi, of_delta, stated)
-        measured = ncs_of(psi, np.nan_to_num(delta))
-        return base._replace(ncs=np.where(some, measured, 0.0), ncs_weights=np.where(some, W, 0.0))
+        data, own = jax.tree.map(lambda a: np.take(a, pick, -1), (self._data, dict(self.own)))
+        points = {n: own.pop(n) for n in self.base.points._fields if n in own}
+        return self.base._replace(points=self.base.points._replace(**points), **own, **data)
 
+    def of_points(self, name: str, pick: np.ndarray) -> np.ndarray:
+        """Return what the points of the curves ``pick`` have, angles or shares of s, (n, rows)."""
+        one = getattr(self.base.points, name)[..., 0]
+        return self.own[name][:, pick].T if name in self.own else np.tile(one, (len(pick), 1))
 
-def _as_rows(targets: Targets) -> tuple[np.ndarray, np.ndarray]:
-    """Return what was measured, (K, M, L), and where; K counts NCS as three."""
-    measured, used = [*targets.values], [w > 0.0 for w in targets.weights]
-    if np.size(targets.ncs):
-        measured += [*targets.ncs]
-        used += list(np.abs(targets.ncs_weights).sum(0) > 0.0)
-    return np.stack(measured), np.stack(used)
+    @cached_property
+    def squares(self) -> np.ndarray:
+        """The sum of squares of the data of each curve in units of their errors, (N,)."""
+        return squares_of(self.targets(np.arange(self.count)))
 
 
 def _calls(lanes: np.ndarray, width: int):
@@ -151,12 +158,12 @@ def run_curves(
             targets = curves.targets(which[lanes])
             bounds = Bounds(
                 low[:, lanes], high[:, lanes],
-                np.maximum(dof[which[lanes]], 1.0), squares_of(targets),
+                np.maximum(dof[which[lanes]], 1.0), curves.squares[which[lanes]],
             )  # fmt: skip
             with fit_settings():
                 found = solve(
                     targets, out.y[:, lanes], damping[lanes], bounds, np.int64(min(_STAGE, most)),
-                    spec=spec_at(spec, targets.points.angle_deg),
+                    spec=spec_at(spec, targets.points.angle_deg), enough=_ENOUGH,
                 )  # fmt: skip
             y, cost, done, used, left = (np.asarray(a)[..., : len(some)] for a in found)
             out.y[:, some], out.done[some], damping[some] = y, done, left
@@ -170,48 +177,102 @@ def run_curves(
     return out
 
 
-def _derivatives(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, Array, Array]:
-    """Return weighted residuals (C, M, L), derivatives (p, C, M, L), and channels (K, M, L)."""
+def sums_of_products(first: list[Array], columns: list[list[Array]]) -> list[Array]:
+    products = [sum(b * c for b, c in zip(first, column, strict=True)) for column in columns]
+    zero = [jnp.zeros((), first[0].dtype)] * len(products)
+    return jax.lax.reduce(
+        products, zero, lambda a, b: [u + v for u, v in zip(a, b, strict=True)], (0,)
+    )
 
-    def at(y: Array) -> tuple[Array, Array]:
+
+def _triangle(columns: list[list[Array]]) -> Array:
+    """Return the triangle (C, C, L) of a QR decomposition of C columns, each of arrays (M, L).
+
+    By modified Gram-Schmidt, whose triangle is as accurate as Householder's (A. Bjorck, BIT 7, 1,
+    1967, doi:10.1007/BF01934122); the normal equations would lose what is seen 1e-8 as well as the
+    rest. All sums over a column are one reduction, as in `solver.normal_sums`.
+    """
+    out = list[Array]()
+    while columns:
+        first = columns[0]
+        size, *along = sums_of_products(first, columns)
+        size = jnp.sqrt(size)
+        inverse = jnp.where(size > 0.0, 1.0 / size, 0.0)
+        along = [a * inverse for a in along]
+        out.append(jnp.stack([*[jnp.zeros_like(size)] * len(out), size, *along]))
+        # Of more columns what is formed anew in every loop costs more than to store it.
+        keep = computed_once if len(columns) > 4 else lambda x: x
+        columns = [
+            [keep(b - (a * inverse) * c) for b, c in zip(column, first, strict=True)]
+            for a, column in zip(along, columns[1:], strict=True)
+        ]
+    return jnp.stack(out)
+
+
+def _evaluate(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, ...]:
+    """Return `Slopes`, lanes last, and what each channel shows, (K, M, L)."""
+    alone = [c for c in spec.channels if c != NCS]
+    shape = (targets.points.angle_deg.shape[0], y.shape[1])
+
+    def at(y: Array) -> tuple[list[Array], Array]:
         values = spec.values(y, targets.held)
         found = predicted(spec, values, targets.points, targets.eta_i, directions=len(y))
-        shape = (targets.points.angle_deg.shape[0], y.shape[1])
-        return jnp.stack(weighted(spec, found, targets)), rows_of(spec, found, shape)
+        found = jax.tree.map(computed_once, found)
+        return weighted(spec, found, targets), rows_of(spec, found, shape)
 
     (residual, shown), along = jax.linearize(at, y)
-    slopes = [along(jnp.zeros_like(y).at[j].set(1.0))[0] for j in range(len(y))]
-    return residual, jnp.stack(slopes), shown
+    columns = [*(along(jnp.zeros_like(y).at[j].set(1.0))[0] for j in range(len(y))), residual]
+    triangle = _triangle(columns)
+    sane = jnp.isfinite(triangle).all((0, 1))
+    triangle = jnp.where(sane, triangle, 0.0)
+    measured, used = [*targets.values], [w > 0.0 for w in targets.weights]
+    if NCS in spec.channels:
+        measured += [*targets.ncs]
+        used += [*(jnp.abs(targets.ncs_weights).sum(0) > 0.0)]
+    off = jnp.where(jnp.stack(used), shown - jnp.stack(measured), 0.0)
+    parts = [slice(i, i + 1) for i in range(len(alone))]
+    parts += [slice(len(alone), None)] * (NCS in spec.channels)
+    plain = [(off[part] ** 2).sum((0, 1)) for part in parts]
+    counts = [jnp.stack(used[part]).sum((0, 1)) for part in parts]
+    cost = jnp.where(sane, (triangle[:, -1] ** 2).sum(0), jnp.inf)
+    return triangle, cost, jnp.stack(plain), jnp.stack(counts), shown
 
 
-_derivatives_of = compiled(_derivatives, ("spec",))
+_evaluated = compiled(_evaluate, ("spec",))
 
 
 class Slopes(NamedTuple):
-    """Of n lanes: residual (n, R) weighted, jacobian (n, R, p); shown, plain (n, K, M): the model,
-    and its differences from the data, NaN where there is no datum; squares (n,) of the data."""
+    """Of n lanes: residuals and derivatives, cost (n,), what was not weighted.
 
-    residual: np.ndarray
-    jacobian: np.ndarray
-    shown: np.ndarray
+    triangle: (n, p + 1, p + 1) of a QR decomposition of the derivatives, and beside them the
+    residuals, both weighted: what of the rows counts in sums over them; 0 of lanes that are not
+    finite, of which the cost is infinite. plain, counts: (n, C) by channel the sum of squares of
+    the differences from the data, and how many there are.
+    """
+
+    triangle: np.ndarray
+    cost: np.ndarray
     plain: np.ndarray
-    squares: np.ndarray
+    counts: np.ndarray
 
 
-def slopes(
+def _evaluations(
     spec: Spec, curves: Curves, y: np.ndarray, which: np.ndarray
-) -> Iterator[tuple[np.ndarray, Slopes]]:
-    """Yield lanes, as numbers into ``which``, and the `Slopes` at y (p, L) of their curves."""
+) -> Iterator[list[np.ndarray]]:
+    """Yield what `_evaluate` returns at y (p, L) of the curves ``which``, lanes first."""
     for some, lanes in _calls(np.arange(len(which)), curves.width):
-        targets, count = curves.targets(which[lanes]), len(some)
+        targets = curves.targets(which[lanes])
         with fit_settings():
-            found = _derivatives_of(
-                targets, y[:, lanes], spec=spec_at(spec, targets.points.angle_deg)
-            )
-        r, J, shown = map(np.asarray, found)
-        measured, used = _as_rows(targets)
-        plain = np.where(used, shown - measured, np.nan)
-        r, J, shown, plain = (np.moveaxis(a[..., :count], -1, 0) for a in (r, J, shown, plain))
-        J = np.moveaxis(J, 1, -1)
-        rows = r.reshape(count, -1), J.reshape(count, -1, len(y))
-        yield some, Slopes(*rows, shown, plain, squares_of(targets)[:count])
+            found = _evaluated(targets, y[:, lanes], spec=spec_at(spec, targets.points.angle_deg))
+        yield [np.moveaxis(np.asarray(a)[..., : len(some)], -1, 0) for a in found]
+
+
+def slopes(spec: Spec, curves: Curves, y: np.ndarray, which: np.ndarray) -> Slopes:
+    """Return the `Slopes` at y (p, L) of the curves ``which``, (L,)."""
+    calls = [found[:-1] for found in _evaluations(spec, curves, y, which)]
+    return Slopes(*map(np.concatenate, zip(*calls, strict=True)))
+
+
+def shown(spec: Spec, curves: Curves, y: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """Return what each channel shows, (L, K, M), K counts NCS as three."""
+    return np.concatenate([found[-1] for found in _evaluations(spec, curves, y, which)])

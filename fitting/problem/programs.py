@@ -138,11 +138,13 @@ class Residuals(NamedTuple):
 
 
 def _solve(
-    targets: Targets, start: Array, damping: Array, bounds: Bounds, max_steps: Array, *, spec: Spec
-) -> tuple[Array, Array, Array, Array, Array]:
+    targets: Targets, start: Array, damping: Array, bounds: Bounds, max_steps: Array, *, spec: Spec,
+    enough: float = 1.0,
+) -> tuple[Array, Array, Array, Array, Array]:  # fmt: skip
+    """Return y, cost, done, evaluations and damping of lanes when a share ``enough`` is done."""
     options = {
         "lower": bounds.lower, "upper": bounds.upper, "degrees": bounds.degrees,
-        "scale": bounds.scale, "max_steps": max_steps, "damping": damping,
+        "scale": bounds.scale, "max_steps": max_steps, "damping": damping, "enough": enough,
     }  # fmt: skip
     solution = optx.least_squares(
         Residuals(spec), SOLVER, start, targets, options, max_steps=None, throw=False
@@ -206,7 +208,7 @@ def _index(
     return with_slopes(at, y)
 
 
-solve = in_turn(compiled(_solve, ("spec",)))
+solve = in_turn(compiled(_solve, ("spec", "enough")))
 linearised = in_turn(compiled(_linearised, ("spec",)))
 shown = compiled(_shown, ("spec",))
 index_slopes = compiled(_index, ("spec", "medium"))

@@ -270,9 +270,10 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         )
 
     def terminate(self, fn, y, args, options, state, tags):
-        """Return whether all lanes are done or the steps are used up, and success."""
+        """Return whether enough lanes are done or the steps are used up, and success."""
         del fn, y, args, tags
-        over = state.done.all() | (state.steps >= options["max_steps"])
+        enough = options.get("enough", 1.0) * state.done.size
+        over = (state.done.sum() >= enough) | (state.steps >= options["max_steps"])
         return over, optx.RESULTS.successful
 
     def postprocess(self, fn, y, aux, args, options, state, tags, result):
