@@ -13,7 +13,7 @@ import jax
 import numpy as np
 
 from fitting.data.quantities import POWERS
-from fitting.outcomes.findings import findings_of_all
+from fitting.outcomes.findings import findings_of_all, not_quadratic
 from fitting.outcomes.outcome import (
     OTHERS,
     Shaped,
@@ -315,7 +315,11 @@ def fit_of_batch(
         starts=put(starts, 0), reached=put(np.minimum(m.reached, starts), 0),
     )  # fmt: skip
     unseen_each = combinations_unseen(u, m.known, put)
-    findings = findings_of_all(fits, fits.chi2_reduced, put(missed, False), unseen_each, put(noise))
+    plain = put(ranges.quadratic[turn == 0][:, u.free])
+    findings = [
+        *findings_of_all(fits, fits.chi2_reduced, put(missed, False), unseen_each, put(noise)),
+        *not_quadratic(free, plain),
+    ]
     fits = replace(fits, findings=ranked(findings))
     if told is None:
         return fits
