@@ -236,11 +236,17 @@ def fit_of_batch(
     unseen = m.known.hidden.any(1)
     missed = misses_without_freedom(m.cost, plain, rows, own, stated) & ~(failed | unseen)
     failed |= missed
+    several = np.zeros(len(which), bool)  # indices that fit alike, of which profiles tell the range
+    if told is not None:
+        several[asked] = verdicts.open & np.isfinite(verdicts.eta)
+        several &= np.isfinite(m.cost)
+        failed &= ~several
     few = too_few(u, sample, n_data) & ~(failed | unseen)
     estimated = job.asked.scaled and pooled is None
     t = student_quantiles(np.where(estimated & (own > 0), own, 0))
     minima = [
-        o._replace(known=all_unseen(o.known, few[np.searchsorted(which, o.which)])) for o in minima
+        o._replace(known=all_unseen(o.known, (few | several)[np.searchsorted(which, o.which)]))
+        for o in minima
     ]
     m, every = minima[0], jax.tree.map(lambda *a: np.concatenate(a), *minima)
     turn = np.repeat(np.arange(len(minima)), [len(m.which) for m in minima])
