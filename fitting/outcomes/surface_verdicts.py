@@ -64,6 +64,9 @@ _LEAST_RMS, _MOST_A, _CHANCE, _NORMAL_95, _LEAST_LOSS = 0.85, 0.3, 0.01, 1.645, 
 _FLAT_DEG = 30.0
 # Curves that are looked at together, for the size of the arrays.
 _BLOCK = 1024
+# A first look at the other end of the circle that promises more than so many times what is allowed
+# is the last, and is taken at so many of the data.
+_FAR_ABOVE, _FEW = 100.0, 8
 # Of solids that transmit light tellurium has the highest index, 6.3 (S. Caldwell and H. Y. Fan,
 # Physical Review 114, 664 (1959)).
 _MOST_LOSSLESS = 7.0
@@ -84,6 +87,11 @@ def _powers(
     slope = 2.0 * (s * r_s.conj() * by_s + (1.0 - s) * r_p.conj() * by_p)
     R = s * np.abs(r_s) ** 2 + (1.0 - s) * np.abs(r_p) ** 2
     return R, slope.real, -slope.imag
+
+
+def _xi(n: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """Return xi of the circle of an index."""
+    return 2.0 * np.arcsinh(0.5 * np.sqrt(((n - 1.0) ** 2 + k**2) / n))
 
 
 class Surface(NamedTuple):
@@ -213,14 +221,13 @@ def verdicts(
     spread_k = np.sqrt(scatter / (kk * independent)) / near
     spread = np.where((n < 1.0) & far & (k >= n), np.fmax(spread, spread_k), spread)
     open_ = ~(independent > _SINGULAR) | (count < 2) | (spread > _VAGUE)
-    cosh = 1.0 + ((n - 1.0) ** 2 + k**2) / (2.0 * n)
-    xi = np.arccosh(cosh)
+    xi = _xi(n, k)
     # From the end n > 1, k = 0, which of many is shown. Near normal incidence the noise decides at
     # which end of the valley the minimum lies, and at n < 1 it looks well determined.
     end, xi_end = d.on_circle(xi, np.zeros_like(n))
     some = np.flatnonzero(~open_ & (n < 1.0) & (end <= alike))
     if len(some):
-        part, phi = d.take(some), np.arctan2(k, n - cosh)[some]
+        part, phi = d.take(some), np.arctan2(k, n - np.cosh(xi))[some]
         between = [part.on_circle(xi[some], phi * share)[0] for share in (1 / 3, 2 / 3)]
         open_[some] = (np.array(between) <= alike[some]).all(0)
     strong = np.vecdot(value, value) > _LEAST_RMS**2 * np.vecdot(d.weight, d.weight)
@@ -295,13 +302,13 @@ def _with_index(u: Unknowns, y: np.ndarray, v: Verdicts) -> np.ndarray:
 
 
 def verdicts_of_batch(
-    search: BatchSearch, which: np.ndarray, y: np.ndarray, known: Uncertainty, scatter: np.ndarray,
-    fitted: np.ndarray,
+    search: BatchSearch, which: np.ndarray, y: np.ndarray, known: Uncertainty, cost: np.ndarray,
+    scatter: np.ndarray, fitted: np.ndarray,
 ) -> tuple[np.ndarray, Verdicts, np.ndarray] | None:  # fmt: skip
     """Return which of the curves ``which`` (n,) were asked, the verdicts, and y to be shown.
 
-    y (n, p), known: at their minima. fitted: (n, K, rows). Most curves determine their index, as
-    their errors show.
+    y (n, p), known, cost: at their minima. fitted: (n, K, rows). Most curves determine their index,
+    as their errors show.
     """
     u, curves = search.job.u, search.curves
     place = _place(u)
@@ -312,23 +319,30 @@ def verdicts_of_batch(
     outside, angle = curves.outside[which], curves.of_points("angle_deg", which)
     values = np.concatenate([v[which] for v in curves.values.values()], 1)
     spread, square = known.edge[:, i] * np.sqrt(known.variance) / eta, np.nanmean(values**2, 1)
-    ask = known.hidden.any(1) | ~(spread < 0.5 * _VAGUE) | (eta < outside)
-    ask |= (square > _LEAST_RMS**2) | (square < 0.01) | (angle.max(1) < _FLAT_DEG)
-    asked, parts = np.flatnonzero(ask), list[Verdicts]()
-    for begin in range(0, len(asked), _BLOCK):
-        some = asked[begin : begin + _BLOCK]
-        targets, m = curves.targets(which[some]), outside[some]
+    ask = known.hidden.any(1) | ~(spread < 0.5 * _VAGUE) | (square > _LEAST_RMS**2)
+    ask |= (curves.squares[which] <= cost + 2.0 * _THE_SAME * scatter) | (angle.max(1) < _FLAT_DEG)
+    at, parts = np.flatnonzero(ask | (eta < outside)), list[tuple[np.ndarray, Verdicts]]()
+    for begin in range(0, len(at), _BLOCK):
+        some = at[begin : begin + _BLOCK]
+        targets = curves.targets(which[some])
         value, weight = (np.concatenate(a).T for a in (targets.values, targets.weights))
         shares = {"R_s": 1.0, "R_p": 0.0, "R": curves.of_points("s_share", which[some])}
         share = [np.broadcast_to(shares[c], angle[some].shape) for c in u.spec.channels]
         angles = np.tile(angle[some], len(share))
         miss, used = weight * (fitted[some].reshape(value.shape) - value), weight.any(0)
         columns = np.stack([angles, np.concatenate(share, 1), weight, miss])[..., used]
-        d = Surface.of(columns, eta[some] / m, k[some] / m)
-        parts.append(verdicts(d, m, scatter[some], search.dof[which[some]], curves.stated))
+        n, k_, most = (a[some] for a in (eta / outside, k / outside, cost + _ALIKE * scatter))
+        # Of metals nearly none passes a first look at the other end of the circle, by a few data.
+        few = Surface.of(columns[..., :: max(used.sum() // _FEW, 1)], n, k_)
+        end, _ = few.on_circle(_xi(n, k_), np.zeros_like(n))
+        keep = ask[some] | (end < _FAR_ABOVE * most)
+        some, d = some[keep], Surface.of(columns[:, keep], n[keep], k_[keep])
+        m = outside[some]
+        of = verdicts(d, m, scatter[some], search.dof[which[some]], curves.stated)
+        parts.append((some, of))
     if not parts:
         return None
-    v = jax.tree.map(lambda *a: np.concatenate(a), *parts)
+    asked, v = jax.tree.map(lambda *a: np.concatenate(a), *parts)
     return asked, v, _with_index(u, y[asked], v)
 
 
@@ -370,6 +384,7 @@ def marked(found: FitData, v: Verdicts, put: Callable[..., Any], index: bool = T
     )  # fmt: skip
 
 
+@np.errstate(all="ignore")
 def with_verdicts(found: FitData) -> FitData:
     """Return one fit, undetermined where its data fit many indices of a bare surface equally well.
 
