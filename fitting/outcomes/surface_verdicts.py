@@ -58,9 +58,9 @@ _ALIKE, _THE_SAME = 4.0, 0.01
 _CIRCLE = 0.1
 # An eta in total reflection is not determined if this part of it fits as well, with another k.
 _SMALL_PART, _STEPS_IN_K = 0.1, 6
-# A mirror, 1 - R = a h / (1 + a h / 2): of which rms of the data and up to which a it may be; by
-# how little chance it is worse than an index; and the 1 - R(0) that no plain metal is below.
-_LEAST_RMS, _MOST_A, _CHANCE, _NORMAL_95, _LEAST_LOSS = 0.85, 0.3, 0.01, 1.645, 2.5e-4
+# A mirror, 1 - R = a h / (1 + a h / 2): of which rms of the data and up to which a it may be, and
+# by how little chance it is worse than an index.
+_LEAST_RMS, _MOST_A, _CHANCE, _NORMAL_95 = 0.85, 0.3, 0.01, 1.645
 _FLAT_DEG = 30.0
 # Curves that are looked at together, for the size of the arrays.
 _BLOCK = 1024
@@ -127,16 +127,14 @@ class Surface(NamedTuple):
         off = self.miss + self.weight * (R - self.fitted)
         return off, self.weight * by_n, self.weight * by_k
 
-    def on_circle(self, xi: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the least cost near xi at a given phi, and the xi there, (N,) each."""
-        cost, cos, sin = np.full_like(xi, np.inf), np.cos(phi), np.sin(phi)
+    def lossless(self, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the least cost of an index n > 1, k = 0 near exp(xi), and its xi, (N,) each."""
+        cost = np.full_like(xi, np.inf)
         for _ in range(2):
-            ch, sh = np.cosh(xi), np.sinh(xi)
-            off, by_n, by_k = self.at(ch + sh * cos, sh * sin)
-            slope = by_n * (sh + ch * cos)[:, None] + by_k * (ch * sin)[:, None]
+            off, by_n, _ = self.at(np.exp(xi), np.zeros_like(xi))
+            slope = by_n * np.exp(xi)[:, None]
             g, h = np.vecdot(slope, off), np.vecdot(slope, slope)
-            cost = np.vecdot(off, off) - g * g / h
-            xi = np.clip(xi - g / h, 0.5 * xi, 2.0 * xi)
+            cost, xi = np.vecdot(off, off) - g * g / h, np.clip(xi - g / h, 0.5 * xi, 2.0 * xi)
         return cost, xi
 
 
@@ -221,15 +219,11 @@ def verdicts(
     spread_k = np.sqrt(scatter / (kk * independent)) / near
     spread = np.where((n < 1.0) & far & (k >= n), np.fmax(spread, spread_k), spread)
     open_ = ~(independent > _SINGULAR) | (count < 2) | (spread > _VAGUE)
+    # Near normal incidence the noise decides at which end of the circle, n > 1 or n < 1, the
+    # minimum lies, and at n < 1, close to total reflection, the index looks well determined.
     xi = _xi(n, k)
-    # From the end n > 1, k = 0, which of many is shown. Near normal incidence the noise decides at
-    # which end of the valley the minimum lies, and at n < 1 it looks well determined.
-    end, xi_end = d.on_circle(xi, np.zeros_like(n))
-    some = np.flatnonzero(~open_ & (n < 1.0) & (end <= alike))
-    if len(some):
-        part, phi = d.take(some), np.arctan2(k, n - np.cosh(xi))[some]
-        between = [part.on_circle(xi[some], phi * share)[0] for share in (1 / 3, 2 / 3)]
-        open_[some] = (np.array(between) <= alike[some]).all(0)
+    end, xi_end = d.lossless(xi)
+    open_ |= (n < 1.0) & (end <= alike)
     strong = np.vecdot(value, value) > _LEAST_RMS**2 * np.vecdot(d.weight, d.weight)
     some = np.flatnonzero(strong & ~open_ & (n < 1.0) & far & (k < n))
     if len(some):
@@ -249,8 +243,8 @@ def verdicts(
     on_circle = ~perfect & (loss <= 2.0 * (1.0 - bound))
     open_ |= np.isfinite(bound)
     bound[on_circle] = np.nan
-    mirror = np.isfinite(bound) | (open_ & (loss < _LEAST_LOSS))
-    open_, none = (open_ | mirror) & ~none, none & ~mirror
+    mirror = np.isfinite(bound)
+    open_, none = open_ & (~none | mirror), none & ~mirror
     lossless = open_ & (end <= the_same)
     # dx along what is seen least, of one k, and dw of the second coordinate w = 2 xi -+ log|N|^2,
     # which runs from 0 to 4 xi
@@ -334,7 +328,7 @@ def verdicts_of_batch(
         n, k_, most = (a[some] for a in (eta / outside, k / outside, cost + _ALIKE * scatter))
         # Of metals nearly none passes a first look at the other end of the circle, by a few data.
         few = Surface.of(columns[..., :: max(used.sum() // _FEW, 1)], n, k_)
-        end, _ = few.on_circle(_xi(n, k_), np.zeros_like(n))
+        end, _ = few.lossless(_xi(n, k_))
         keep = ask[some] | (end < _FAR_ABOVE * most)
         some, d = some[keep], Surface.of(columns[:, keep], n[keep], k_[keep])
         m = outside[some]
