@@ -223,7 +223,7 @@ def fit_of_batch(
     if set(u.spec.channels) <= set(POWERS) and (len(known) == 1 or "wavelength_um" in curves.own):
         fitted = shown(u.spec, curves, m.y.T, which)
         noise = _noise_of_misfits(search, which, m.y, fitted)
-        told = verdicts_of_batch(search, which, m.y, m.known, scatter[which], fitted)
+        told = verdicts_of_batch(search, which, m.y, m.known, m.cost, scatter[which], fitted)
     if told is not None:
         asked, verdicts, y = told
         new = np.flatnonzero((y != m.y[asked]).any(1))

@@ -58,12 +58,15 @@ _ALIKE, _THE_SAME = 4.0, 0.01
 _CIRCLE = 0.1
 # An eta in total reflection is not determined if this part of it fits as well, with another k.
 _SMALL_PART, _STEPS_IN_K = 0.1, 6
-# A mirror, 1 - R = a h / (1 + a h / 2): of which rms of the data and up to which a it may be; by
-# how little chance it is worse than an index; and the 1 - R(0) that no plain metal is below.
-_LEAST_RMS, _MOST_A, _CHANCE, _NORMAL_95, _LEAST_LOSS = 0.85, 0.3, 0.01, 1.645, 2.5e-4
+# A mirror, 1 - R = a h / (1 + a h / 2): of which rms of the data and up to which a it may be, and
+# by how little chance it is worse than an index.
+_LEAST_RMS, _MOST_A, _CHANCE, _NORMAL_95 = 0.85, 0.3, 0.01, 1.645
 _FLAT_DEG = 30.0
 # Curves that are looked at together, for the size of the arrays.
 _BLOCK = 1024
+# A first look at the other end of the circle that promises more than so many times what is allowed
+# is the last, and is taken at so many of the data.
+_FAR_ABOVE, _FEW = 100.0, 8
 # Of solids that transmit light tellurium has the highest index, 6.3 (S. Caldwell and H. Y. Fan,
 # Physical Review 114, 664 (1959)).
 _MOST_LOSSLESS = 7.0
@@ -84,6 +87,11 @@ def _powers(
     slope = 2.0 * (s * r_s.conj() * by_s + (1.0 - s) * r_p.conj() * by_p)
     R = s * np.abs(r_s) ** 2 + (1.0 - s) * np.abs(r_p) ** 2
     return R, slope.real, -slope.imag
+
+
+def _xi(n: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """Return xi of the circle of an index."""
+    return 2.0 * np.arcsinh(0.5 * np.sqrt(((n - 1.0) ** 2 + k**2) / n))
 
 
 class Surface(NamedTuple):
@@ -119,16 +127,14 @@ class Surface(NamedTuple):
         off = self.miss + self.weight * (R - self.fitted)
         return off, self.weight * by_n, self.weight * by_k
 
-    def on_circle(self, xi: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the least cost near xi at a given phi, and the xi there, (N,) each."""
-        cost, cos, sin = np.full_like(xi, np.inf), np.cos(phi), np.sin(phi)
+    def lossless(self, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the least cost of an index n > 1, k = 0 near exp(xi), and its xi, (N,) each."""
+        cost = np.full_like(xi, np.inf)
         for _ in range(2):
-            ch, sh = np.cosh(xi), np.sinh(xi)
-            off, by_n, by_k = self.at(ch + sh * cos, sh * sin)
-            slope = by_n * (sh + ch * cos)[:, None] + by_k * (ch * sin)[:, None]
+            off, by_n, _ = self.at(np.exp(xi), np.zeros_like(xi))
+            slope = by_n * np.exp(xi)[:, None]
             g, h = np.vecdot(slope, off), np.vecdot(slope, slope)
-            cost = np.vecdot(off, off) - g * g / h
-            xi = np.clip(xi - g / h, 0.5 * xi, 2.0 * xi)
+            cost, xi = np.vecdot(off, off) - g * g / h, np.clip(xi - g / h, 0.5 * xi, 2.0 * xi)
         return cost, xi
 
 
@@ -213,16 +219,11 @@ def verdicts(
     spread_k = np.sqrt(scatter / (kk * independent)) / near
     spread = np.where((n < 1.0) & far & (k >= n), np.fmax(spread, spread_k), spread)
     open_ = ~(independent > _SINGULAR) | (count < 2) | (spread > _VAGUE)
-    cosh = 1.0 + ((n - 1.0) ** 2 + k**2) / (2.0 * n)
-    xi = np.arccosh(cosh)
-    # From the end n > 1, k = 0, which of many is shown. Near normal incidence the noise decides at
-    # which end of the valley the minimum lies, and at n < 1 it looks well determined.
-    end, xi_end = d.on_circle(xi, np.zeros_like(n))
-    some = np.flatnonzero(~open_ & (n < 1.0) & (end <= alike))
-    if len(some):
-        part, phi = d.take(some), np.arctan2(k, n - cosh)[some]
-        between = [part.on_circle(xi[some], phi * share)[0] for share in (1 / 3, 2 / 3)]
-        open_[some] = (np.array(between) <= alike[some]).all(0)
+    # Near normal incidence the noise decides at which end of the circle, n > 1 or n < 1, the
+    # minimum lies, and at n < 1, close to total reflection, the index looks well determined.
+    xi = _xi(n, k)
+    end, xi_end = d.lossless(xi)
+    open_ |= (n < 1.0) & (end <= alike)
     strong = np.vecdot(value, value) > _LEAST_RMS**2 * np.vecdot(d.weight, d.weight)
     some = np.flatnonzero(strong & ~open_ & (n < 1.0) & far & (k < n))
     if len(some):
@@ -242,8 +243,8 @@ def verdicts(
     on_circle = ~perfect & (loss <= 2.0 * (1.0 - bound))
     open_ |= np.isfinite(bound)
     bound[on_circle] = np.nan
-    mirror = np.isfinite(bound) | (open_ & (loss < _LEAST_LOSS))
-    open_, none = (open_ | mirror) & ~none, none & ~mirror
+    mirror = np.isfinite(bound)
+    open_, none = open_ & (~none | mirror), none & ~mirror
     lossless = open_ & (end <= the_same)
     # dx along what is seen least, of one k, and dw of the second coordinate w = 2 xi -+ log|N|^2,
     # which runs from 0 to 4 xi
@@ -295,13 +296,13 @@ def _with_index(u: Unknowns, y: np.ndarray, v: Verdicts) -> np.ndarray:
 
 
 def verdicts_of_batch(
-    search: BatchSearch, which: np.ndarray, y: np.ndarray, known: Uncertainty, scatter: np.ndarray,
-    fitted: np.ndarray,
+    search: BatchSearch, which: np.ndarray, y: np.ndarray, known: Uncertainty, cost: np.ndarray,
+    scatter: np.ndarray, fitted: np.ndarray,
 ) -> tuple[np.ndarray, Verdicts, np.ndarray] | None:  # fmt: skip
     """Return which of the curves ``which`` (n,) were asked, the verdicts, and y to be shown.
 
-    y (n, p), known: at their minima. fitted: (n, K, rows). Most curves determine their index, as
-    their errors show.
+    y (n, p), known, cost: at their minima. fitted: (n, K, rows). Most curves determine their index,
+    as their errors show.
     """
     u, curves = search.job.u, search.curves
     place = _place(u)
@@ -312,23 +313,30 @@ def verdicts_of_batch(
     outside, angle = curves.outside[which], curves.of_points("angle_deg", which)
     values = np.concatenate([v[which] for v in curves.values.values()], 1)
     spread, square = known.edge[:, i] * np.sqrt(known.variance) / eta, np.nanmean(values**2, 1)
-    ask = known.hidden.any(1) | ~(spread < 0.5 * _VAGUE) | (eta < outside)
-    ask |= (square > _LEAST_RMS**2) | (square < 0.01) | (angle.max(1) < _FLAT_DEG)
-    asked, parts = np.flatnonzero(ask), list[Verdicts]()
-    for begin in range(0, len(asked), _BLOCK):
-        some = asked[begin : begin + _BLOCK]
-        targets, m = curves.targets(which[some]), outside[some]
+    ask = known.hidden.any(1) | ~(spread < 0.5 * _VAGUE) | (square > _LEAST_RMS**2)
+    ask |= (curves.squares[which] <= cost + 2.0 * _THE_SAME * scatter) | (angle.max(1) < _FLAT_DEG)
+    at, parts = np.flatnonzero(ask | (eta < outside)), list[tuple[np.ndarray, Verdicts]]()
+    for begin in range(0, len(at), _BLOCK):
+        some = at[begin : begin + _BLOCK]
+        targets = curves.targets(which[some])
         value, weight = (np.concatenate(a).T for a in (targets.values, targets.weights))
         shares = {"R_s": 1.0, "R_p": 0.0, "R": curves.of_points("s_share", which[some])}
         share = [np.broadcast_to(shares[c], angle[some].shape) for c in u.spec.channels]
         angles = np.tile(angle[some], len(share))
         miss, used = weight * (fitted[some].reshape(value.shape) - value), weight.any(0)
         columns = np.stack([angles, np.concatenate(share, 1), weight, miss])[..., used]
-        d = Surface.of(columns, eta[some] / m, k[some] / m)
-        parts.append(verdicts(d, m, scatter[some], search.dof[which[some]], curves.stated))
+        n, k_, most = (a[some] for a in (eta / outside, k / outside, cost + _ALIKE * scatter))
+        # Of metals nearly none passes a first look at the other end of the circle, by a few data.
+        few = Surface.of(columns[..., :: max(used.sum() // _FEW, 1)], n, k_)
+        end, _ = few.lossless(_xi(n, k_))
+        keep = ask[some] | (end < _FAR_ABOVE * most)
+        some, d = some[keep], Surface.of(columns[:, keep], n[keep], k_[keep])
+        m = outside[some]
+        of = verdicts(d, m, scatter[some], search.dof[which[some]], curves.stated)
+        parts.append((some, of))
     if not parts:
         return None
-    v = jax.tree.map(lambda *a: np.concatenate(a), *parts)
+    asked, v = jax.tree.map(lambda *a: np.concatenate(a), *parts)
     return asked, v, _with_index(u, y[asked], v)
 
 
@@ -370,6 +378,7 @@ def marked(found: FitData, v: Verdicts, put: Callable[..., Any], index: bool = T
     )  # fmt: skip
 
 
+@np.errstate(all="ignore")
 def with_verdicts(found: FitData) -> FitData:
     """Return one fit, undetermined where its data fit many indices of a bare surface equally well.
 
