@@ -140,8 +140,8 @@ def fit_many(
         free, fixed, bounds, tie: as for `fit`, the same for all curves.
         errors: as for `fit`; of other samples than a bare surface "auto" is "scaled", and there is
             no "floor" and "relative".
-        intervals: as for `fit`, but "quadratic" by default, since profile likelihood takes 25 times
-            as long as the fit itself.
+        intervals: as for `fit`, but "quadratic" by default, since profile likelihood takes 1 ms of
+            processor time more for each curve of a bare surface ("auto" half of that).
         start: name -> value, or array of the batch shape, of every fitted parameter, from which all
             curves begin.
         near: a `Fit` of one such curve, or of a batch of this shape, from which curves begin.

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from fitting.bare_surface.verdicts import with_verdicts
 from fitting.data.measurement import Measurement, concatenate
 from fitting.data.quantities import POWERS
 from fitting.fit_result import Fit
@@ -24,6 +23,7 @@ from fitting.outcomes.batched import stacked
 from fitting.outcomes.doubtful_index import notes_on
 from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of
+from fitting.outcomes.surface_verdicts import with_verdicts
 from fitting.problem.observations import labels_of, missing_errors
 from fitting.problem.problem import FitOptions, Kept
 from fitting.residuals.error_model import NEED_STATED, RELATIVE
@@ -117,7 +117,7 @@ def fit_checked(
     if not settings.priors:
         found = with_added_error(again, measurements, found, asked.errors, asked.intervals)
     if not any(n.rpartition(".")[2] in ("eta", "k") for n in settings.names):
-        found = with_verdicts(found, asked.errors)
+        found = with_verdicts(found)
     missing, misses = (
         missing_errors(measurements, asked.errors),
         _misses_of_files(measurements, found),
@@ -161,7 +161,7 @@ def _general(
     # The noise of a robust loss or a prior is estimated in rounds, one wavelength at a time.
     asked = asked._replace(kept=None)  # other data
     parts = [joined.where(joined.wavelength_um == w) for w in waves]
-    each = [_shared([part], sample, settings, asked) for part in parts]
+    each = [with_verdicts(_shared([part], sample, settings, asked)) for part in parts]
     return stacked(each, joined)
 
 

@@ -25,7 +25,6 @@ from typing import Any
 
 import numpy as np
 
-from fitting.bare_surface.verdicts import OPEN, with_verdicts
 from fitting.choice.candidates import (
     MARGIN,
     Candidate,
@@ -50,6 +49,7 @@ from fitting.data.measurement import Measurement, concatenate
 from fitting.data.quantities import are_powers
 from fitting.fits import fit_checked, measurements_of
 from fitting.optics.instrument import INSTRUMENT, instrument_parameter
+from fitting.outcomes.surface_verdicts import OPEN, with_verdicts
 from fitting.problem.problem import FitOptions, Kept
 from fitting.process.progress import tell
 from fitting.process.side_by_side import side_by_side
@@ -191,7 +191,7 @@ def _of_model(which: Sample, base: Settings, wanted: Sequence[str], fitted: Fitt
         )  # fmt: skip
         found = fitted(which.with_model(key.model), settings, asked)
         if key.without_k:  # assumed here, and not known
-            found = with_verdicts(found, asked.errors)
+            found = with_verdicts(found)
         shown = {n: e for n, e in found.parameters.items() if n.partition("[")[0] not in quiet}
         return replace(found, parameters=shown)
 
@@ -279,7 +279,10 @@ def choose(
         trials.attempt(*(Key(str(which)) for which in samples))
     choice = decide(list(trials.tried.values()))
     if choice.fit.names and compared != asked:
-        choice = choice.with_fit(run(choice.taken.key, asked))
+        taken = choice.taken.key
+        if {f.code for f in choice.fit.findings} & {*OPEN}:  # with the range of all that fit
+            taken = taken._replace(without_k=False)
+        choice = choice.with_fit(run(taken, asked))
     if not one and instrument and "scale" not in mentioned:
         choice = with_gain_instead(choice, lambda key: run(key, compared))
     return with_doubt(choice)

@@ -25,6 +25,7 @@ from fitting.results.result_parts import (
     FITTED,
     NOT_CONVERGED,
     PROFILE,
+    QUADRATIC,
     UNDETERMINED,
     Alternative,
     Estimate,
@@ -40,6 +41,8 @@ from fitting.uncertainty.intervals import OFF, Intervals
 # .79 and .71).
 CORRELATED_WITHIN, CORRELATED = 0.999, 0.7
 VAGUE = 0.5
+# Errors of eta and k of more than this part of the radius of their circle are not to be believed.
+_TURN, _POWERS = 0.1, {"R_s", "R_p", "R"}
 # The zero of a goniometer is known better than that.
 PLAUSIBLE_OFFSET_DEG = 2.0
 FEW_REACHED = 3
@@ -146,17 +149,32 @@ def _thin_film(
             )  # fmt: skip
 
 
-def _not_quadratic(known: Mapping[str, Estimate], quadratic: np.ndarray) -> list[Finding]:
-    """Return the finding on parameters whose interval does not follow from the standard error."""
-    bent = {}
-    for (name, e), plain in zip(known.items(), quadratic, strict=True):
-        off = np.abs(e.interval - plain).max() > OFF * 0.5 * (e.interval[1] - e.interval[0])
-        if e.interval_kind == PROFILE and off and np.isfinite(e.sigma):
-            bent[name] = e.interval.tolist(), plain.tolist()
-    if not bent:
+def not_quadratic(known: Mapping[str, Estimate], plain: np.ndarray) -> list[Finding]:
+    """Return the finding on parameters whose interval does not follow from the standard error.
+
+    plain: the quadratic intervals (..., P, 2), in the shape of the fits.
+    """
+    names, shape = np.array(list(known)), plain.shape[:-2]
+    kind, sigma, ends = (
+        np.stack([getattr(e, name) for e in known.values()], len(shape)).reshape(-1, *size)
+        for name, size in (("interval_kind", plain.shape[-2:-1]), ("sigma", plain.shape[-2:-1]),
+                           ("interval", plain.shape[-2:]))
+    )  # fmt: skip
+    plain = plain.reshape(ends.shape)
+    bent = (kind == PROFILE) & np.isfinite(sigma)
+    bent &= np.abs(ends - plain).max(-1) > OFF * 0.5 * np.ptp(ends, axis=-1)
+    if not bent.any():
         return []
-    own, by_sigma = map(list, zip(*bent.values(), strict=True))
-    return [_finding("not_quadratic", parameters=tuple(bent), intervals=own, by_sigma=by_sigma)]
+    own = {"parameters": names, "intervals": ends, "by_sigma": plain}
+    values = dict[str, Any]()
+    for name, of in own.items():
+        values[name] = np.empty(len(bent), object)
+        for i in np.flatnonzero(bent.any(1)):
+            values[name][i] = (of if of is names else of[i])[bent[i]].tolist()
+    return [Finding(
+        "not_quadratic", bent.any(1).reshape(shape),
+        {n: v.reshape(shape) if shape else v[0] for n, v in values.items()},
+    )]  # fmt: skip
 
 
 def _a_k_is_free(u: Unknowns) -> bool:
@@ -289,15 +307,35 @@ def _on_parameters(known: Mapping[str, Estimate], ok: np.ndarray) -> Iterator[tu
     yield "poorly_determined", vague.any(-1), values
 
 
+def _turned(found: FitData) -> Any:
+    """Return where quadratic errors of a bare surface are no small part of its circle of one R(0).
+
+    Along that circle (`surface_verdicts`) an index is least determined.
+    """
+    of = {n.rpartition(".")[2]: e for n, e in found.parameters.items() if e.free}
+    assert found.sample is not None
+    if not (found.sample.bare and {"eta", "k"} <= {*of} and {*found.rms_of} <= _POWERS):
+        return False
+    m, eta, k = found.sample.eta_i, of["eta"], of["k"]
+    cosh = (m * m + eta.value**2 + k.value**2) / (2.0 * eta.value * m)
+    far = np.hypot(eta.sigma, k.sigma) > _TURN * m * np.sqrt(cosh**2 - 1.0)
+    return far & (np.asarray(eta.interval_kind) == QUADRATIC)
+
+
 @np.errstate(all="ignore")
 def findings_of_all(
-    found: FitData, reduced: Any, missed: Any, unseen: Iterable[tuple[Any, Any]]
+    found: FitData,
+    reduced: Any,
+    missed: Any,
+    unseen: Iterable[tuple[Any, Any]],
+    noise: Any = np.nan,
 ) -> list[Finding]:
     """Return the findings that fits of any shape S have in common, on one fit or on each of many.
 
     reduced: chi2 / dof, without outliers; NaN where no errors are stated. missed: which fits do not
     describe their data without a degree of freedom. unseen: for the first combination of parameters
     that the data do not determine, the second, ... which fits have one, and the names in it.
+    noise: that of data over the angle which a fit misses by more, else NaN.
     """
     known = {n: e for n, e in found.parameters.items() if e.free}
     status, dof, rms = np.asarray(found.status), np.asarray(found.dof), np.asarray(found.rms)
@@ -327,8 +365,9 @@ def findings_of_all(
     sample = found.sample
     if sample is not None:
         what = "one bare surface" if sample.bare else "this stack" if sample.films else "this plate"
-        far = {"rms": found.rms, "sample": what}
-        told.append(("does_not_describe", ok & (rms > OUT_OF_MODEL), far))
+        far = {"rms": found.rms, "sample": what, "noise": noise}
+        told.append(("does_not_describe", ok & ((rms > OUT_OF_MODEL) | np.isfinite(noise)), far))
+        told.append(("quadratic_misleads", ok & _turned(found), {}))
     seen = np.any([np.isfinite(e.sigma) for e in known.values()], axis=0)
     values = {"n_data": found.n_data, "unknowns": len(known), "stated": stated & seen}
     told.append(("no_degrees_of_freedom", ok & (dof == 0), values))
@@ -352,7 +391,7 @@ def findings(
     out += _on_measured(fit, of, end)
     if f.lower:
         out.append(_finding("better_minimum_met", by=f.lower))
-    out += _not_quadratic(known, f.known.quadratic[free])
+    out += not_quadratic(known, f.known.quadratic[free])
     out += _contradicted_priors(fit, known)
     if "angle_offset" in known and abs(known["angle_offset"].value) > PLAUSIBLE_OFFSET_DEG:
         out.append(_finding("implausible_offset", value=known["angle_offset"].value))

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from fitting.outcomes.findings import findings_of_all
+from fitting.data.quantities import POWERS
+from fitting.outcomes.findings import findings_of_all, not_quadratic
 from fitting.outcomes.outcome import (
     OTHERS,
     Shaped,
@@ -22,9 +23,11 @@ from fitting.outcomes.outcome import (
     fixed_and_tied,
     too_few,
 )
-from fitting.problem.curve_lanes import slopes
+from fitting.outcomes.surface_verdicts import marked, verdicts_of_batch
+from fitting.problem.curve_lanes import shown, slopes
 from fitting.problem.evaluation import Alike, EachFit, Evaluated
 from fitting.residuals.error_model import misses_without_freedom
+from fitting.residuals.noise import noise_of_misfits
 from fitting.results import result_parts as status
 from fitting.results.diagnostics import ranked
 from fitting.results.result import FitData
@@ -43,6 +46,10 @@ from fitting.uncertainty.profile import Lanes
 # Undamped steps after the solver, and the part of a standard error below which one is taken without
 # being looked at: what is left after a step is a thousandth of it.
 _STEPS, _SMALL = 3, 3e-3
+# Residuals of a curve are looked at only if the squares of the sums of four side by side are
+# together so many times the sum of the squares. That is 1 for noise (above 1.7 in .4 % of fits of
+# 50 to 100 data) and 2.5 for a smooth misfit as large as the noise. Steps of derivatives then.
+_ALIKE, _STEP = 1.7, 1e-5
 # Two ends are two minima if some parameter differs by so many standard errors: lanes end within a
 # few hundredths of one. With 4 a fifth of the other minima of R_p were taken for the best one.
 _APART = 1.0
@@ -167,6 +174,37 @@ def _minima(
     return out, scatter
 
 
+def _noise_of_misfits(
+    search: BatchSearch, which: np.ndarray, y: np.ndarray, fitted: np.ndarray
+) -> np.ndarray:
+    """Return the noise of curves over the angle that are missed by more, (n,), else NaN.
+
+    fitted: (n, K, rows) what each channel shows at y (n, p). Looked at are those whose residuals
+    are alike side by side, or where the angles are in no order.
+    """
+    spec, curves, out = search.job.u.spec, search.curves, np.full(len(which), np.nan)
+    targets, angle = curves.targets(which), curves.of_points("angle_deg", which)
+    weight, value = (np.moveaxis(np.stack(a), -1, 0) for a in (targets.weights, targets.values))
+    used = (weight > 0.0).any((0, 1))
+    off = fitted - value
+    each, steps = (off * weight)[..., used], np.diff(angle[:, used], axis=1)
+    whole = np.pad(each, ((0, 0), (0, 0), (0, -each.shape[-1] % 4)))
+    fours = whole.reshape(*each.shape[:2], -1, 4).sum(-1)
+    alike = (fours**2).sum((1, 2)) > _ALIKE * (each**2).sum((1, 2))
+    some = np.flatnonzero(alike | ~((steps >= 0.0).all(1) | (steps <= 0.0).all(1)))
+
+    def slopes_of(rows: np.ndarray) -> np.ndarray:
+        at, low = y[some[rows]], fitted[some[rows]]
+        step = _STEP * (1.0 + np.abs(at))
+        parts = [shown(spec, curves, (at + step * e).T, which[some[rows]]) - low
+                 for e in np.eye(y.shape[1])]  # fmt: skip
+        return np.stack(parts, -1)
+
+    if len(some):
+        out[some] = noise_of_misfits(angle[some], value[some], off[some], weight[some], slopes_of)
+    return out
+
+
 @np.errstate(all="ignore")
 def fit_of_batch(
     search: BatchSearch, shape: tuple[int, ...], sample: Sample, pooled: float | None = None,
@@ -181,16 +219,35 @@ def fit_of_batch(
     put = Shaped(shape, count, which)
     minima, scatter = _minima(search, which, pooled)
     m, own, n_data = minima[0], search.dof[which], curves.n_data[which]
+    known = np.unique(job.seen.points.wavelength_um[job.seen.measured, 0])
+    noise, told = np.full(len(which), np.nan), None
+    if set(u.spec.channels) <= set(POWERS) and (len(known) == 1 or "wavelength_um" in curves.own):
+        fitted = shown(u.spec, curves, m.y.T, which)
+        noise = _noise_of_misfits(search, which, m.y, fitted)
+        told = verdicts_of_batch(search, which, m.y, m.known, m.cost, scatter[which], fitted)
+    if told is not None:
+        asked, verdicts, y = told
+        new = np.flatnonzero((y != m.y[asked]).any(1))
+        if len(new):
+            m.put(asked[new], _minima_at(search, which[asked[new]], y[new].T, pooled))
+        others = [o.of(~np.isin(o.which, which[asked[verdicts.open]])) for o in minima[1:]]
+        minima = [m, *(o for o in others if len(o.which))]
     plain, rows = m.plain.sum(1), m.counts.sum(1)
     failed = ~best.done[which] | ~np.isfinite(m.cost)
     unseen = m.known.hidden.any(1)
     missed = misses_without_freedom(m.cost, plain, rows, own, stated) & ~(failed | unseen)
     failed |= missed
+    several = np.zeros(len(which), bool)  # indices that fit alike, of which profiles tell the range
+    if told is not None:
+        several[asked] = verdicts.open & np.isfinite(verdicts.eta)
+        several &= np.isfinite(m.cost)
+        failed &= ~several
     few = too_few(u, sample, n_data) & ~(failed | unseen)
     estimated = job.asked.scaled and pooled is None
     t = student_quantiles(np.where(estimated & (own > 0), own, 0))
     minima = [
-        o._replace(known=all_unseen(o.known, few[np.searchsorted(which, o.which)])) for o in minima
+        o._replace(known=all_unseen(o.known, (few | several)[np.searchsorted(which, o.which)]))
+        for o in minima
     ]
     m, every = minima[0], jax.tree.map(lambda *a: np.concatenate(a), *minima)
     turn = np.repeat(np.arange(len(minima)), [len(m.which) for m in minima])
@@ -202,8 +259,9 @@ def fit_of_batch(
     ), Lanes(search.pinned, curves.width))  # fmt: skip
     # The search for the ends of an interval may meet a lower minimum.
     lowest, place = ranges.lowest
-    least = np.minimum(best.cost, np.inf)
-    np.minimum.at(least, every.which, every.cost - SAME_CHI2 * scatter[every.which] - rounding)
+    least = best.cost.copy()
+    np.minimum.at(least, every.which, every.cost)
+    least[which] -= SAME_CHI2 * scatter[which] + ROUNDING * m.squares
     lower = ~failed[row] & (lowest < least[every.which])
     if lower.any():
         search.run(place[lower].T, every.which[lower])
@@ -230,7 +288,6 @@ def fit_of_batch(
         unseen | few, status.UNDETERMINED, status.CONVERGED
     ))  # fmt: skip
     reduced = np.where((own > 0) & stated, m.cost / np.maximum(own, 1), np.nan)
-    known = np.unique(job.seen.points.wavelength_um[job.seen.measured, 0])
     waves = np.broadcast_to(known, (*shape, len(known)))
     pattern = Evaluated(
         sample, u, job.seen, job.targets, m.y[0], m.known.covariance[0], known,
@@ -265,5 +322,12 @@ def fit_of_batch(
         starts=put(starts, 0), reached=put(np.minimum(m.reached, starts), 0),
     )  # fmt: skip
     unseen_each = combinations_unseen(u, m.known, put)
-    told = findings_of_all(fits, fits.chi2_reduced, put(missed, False), unseen_each)
-    return replace(fits, findings=ranked(told))
+    plain = put(ranges.quadratic[turn == 0][:, u.free])
+    findings = [
+        *findings_of_all(fits, fits.chi2_reduced, put(missed, False), unseen_each, put(noise)),
+        *not_quadratic(free, plain),
+    ]
+    fits = replace(fits, findings=ranked(findings))
+    if told is None:
+        return fits
+    return marked(fits, verdicts, Shaped(shape, count, which[asked]))

@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from fitting.data.quantities import POWERS
 from fitting.optics.spec import Spec
 from fitting.outcomes.curvature import by_curvature
 from fitting.outcomes.findings import Found, Subject, findings, findings_of_all
@@ -17,6 +18,7 @@ from fitting.problem.lanes import STAGE, Ends, best_of, joined
 from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
 from fitting.residuals.error_model import misses_without_freedom
+from fitting.residuals.noise import noise_of_misfits
 from fitting.results import result_parts as status
 from fitting.results.diagnostics import ranked
 from fitting.results.result import FitData
@@ -81,7 +83,9 @@ def estimates(
     unseen = known.unseen_of | failed[:, None]
     with np.errstate(invalid="ignore"):
         covariance = known.covariance * (slope[:, :, None] * slope[:, None, :])
-        blank = ~np.isfinite(covariance) | unseen[:, :, None] | unseen[:, None, :]
+        # What is compatible with 0 has a limit, and no standard error, which would not be one.
+        none = unseen | np.isfinite(limits)
+        blank = ~np.isfinite(covariance) | none[:, :, None] | none[:, None, :]
         covariance = np.where(blank, np.nan, covariance)
         sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     ends, limits = (
@@ -308,8 +312,7 @@ def fit_of(fit: Problem, ends: Ends, noise: float, of: Subject) -> FitData:
             return fit_of(fit, joined([ends, more]), noise, of)
         lower = (end.cost - min(least, more.cost[0])) / scatter
     if end.known.unseen.size and wanted != QUADRATIC:
-        if (seen := by_curvature(fit, end, ranges[0], noise)) is not None:
-            end = every[0] = seen
+        end = every[0] = by_curvature(fit, end, ranges[0], noise) or end
     rises = np.array([e.cost - end.cost for e in every[1:]])
     rises = rises / scatter if scatter > 0.0 else 0.0 * rises
     others = tuple(
@@ -371,11 +374,30 @@ def _assembled(fit: Problem, of: Subject, noise: float, evaluations: int, f: Fou
     known_size = stated or not seen.curve_names
     reduced = reduced_chi2(u.spec.loss, s.residual, fit.dof) if known_size else np.nan
     combinations = combinations_unseen(u, _as_batch(end.known), _ONE)
-    told = findings_of_all(found, reduced, missed, combinations)
+    told = findings_of_all(
+        found, reduced, missed, combinations, _noise_of_misfit(fit, f.end, known)
+    )
     if f.fringeless is not None:  # few starts end there, where chi2 is not the lowest
         told = [one for one in told if one.code != "few_starts_agree"]
     told += [] if failed else findings(fit, of, f, shown, found.correlation)
     return replace(found, findings=ranked(told))
+
+
+def _noise_of_misfit(fit: Problem, end: End, known: np.ndarray) -> float:
+    """Return the noise of powers over the angle at one wavelength, if the fit misses them by more.
+
+    Of curves that share their unknowns `pattern` tells what is no noise.
+    """
+    seen, s = fit.seen, end.slopes
+    if len(known) > 1 or not set(seen.channels) <= set(POWERS):
+        return np.nan
+    weight, value = (np.stack([a[:, 0] for a in each]) for each in (seen.weights, seen.values))
+    slopes = np.zeros((1, *weight.shape, len(end.y)))
+    slopes[0, weight > 0.0] = s.jacobian
+    off = (s.seen - value)[None]
+    return float(noise_of_misfits(
+        seen.points.angle_deg[None, :, 0], value[None], off, weight[None], lambda _: slopes
+    )[0])  # fmt: skip
 
 
 def _rms(residual: np.ndarray) -> float:

@@ -124,6 +124,11 @@ class Curves:
         points = {n: own.pop(n) for n in self.base.points._fields if n in own}
         return self.base._replace(points=self.base.points._replace(**points), **own, **data)
 
+    def of_points(self, name: str, pick: np.ndarray) -> np.ndarray:
+        """Return what the points of the curves ``pick`` have, angles or shares of s, (n, rows)."""
+        one = getattr(self.base.points, name)[..., 0]
+        return self.own[name][:, pick].T if name in self.own else np.tile(one, (len(pick), 1))
+
     @cached_property
     def squares(self) -> np.ndarray:
         """The sum of squares of the data of each curve in units of their errors, (N,)."""

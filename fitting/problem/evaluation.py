@@ -27,10 +27,10 @@ class Evaluated(NamedTuple):
     The covariance is NaN in rows of fixed parameters and of those at a bound; along undetermined
     combinations it is 0, since the curve does not change (splines: `uncertainty.spline_errors`).
     inside: (K, p), solver coordinates within the 95 % intervals next to their ends by profile, NaN
-    where there is none, and half such an interval in standard errors: where the curve is not linear in the parameters, eta
-    and k differ by more than by the covariance. errors: (2,) standard errors of eta and k that
-    include that of a thickness shared by all wavelengths; None where there is none. rows: the data
-    of one wavelength, of which ``seen`` and ``targets`` have all.
+    where there is none, and half such an interval in standard errors: where the curve is not linear
+    in the parameters, eta and k differ by more than by the covariance. errors: (2,) standard errors
+    of eta and k that include that of a thickness shared by all wavelengths; None where there is
+    none. rows: the data of one wavelength, of which ``seen`` and ``targets`` have all.
     """
 
     sample: Sample

@@ -17,6 +17,7 @@ Fourteen angles are enough where the misfit is 3 times the noise; a test of neig
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -161,3 +162,43 @@ def smooth_misfit(residual: np.ndarray, slopes: np.ndarray, smooth: np.ndarray) 
         other = other.reshape(_DRAWS, len(rows), functions).sum(-1)
         found[some[rows]] = (other >= 1.0 - 1e-5).mean(0) < _CHANCE
     return found
+
+
+@np.errstate(all="ignore")
+def noise_of_misfits(
+    angle_deg: np.ndarray, value: np.ndarray, off: np.ndarray, weight: np.ndarray,
+    slopes: Callable[[np.ndarray], np.ndarray],
+) -> np.ndarray:  # fmt: skip
+    """Return the noise of the kind of data that a fit misses most, (N,); NaN where it is no misfit.
+
+    angle_deg: (N, M). value, off, weight: (N, K, M), K kinds of data, the difference of the model
+    from them, and 1 / sigma, 0 where there is none. slopes: of the curves of numbers (n,) the
+    derivatives (n, K, M, p) of the model, whose directions alone count.
+    """
+    used = (weight > 0.0).any((0, 1))
+    angle_deg, value, off, weight = (a[..., used] for a in (angle_deg, value, off, weight))
+    there, (count, kinds, size) = weight > 0.0, weight.shape
+    if not size:
+        return np.full(count, np.nan)
+    value, rows = np.where(there, value, np.nan), (-1, size)
+    each = misfit(np.repeat(angle_deg, kinds, 0), value.reshape(rows),
+                  np.where(there, off, np.nan).reshape(rows))  # fmt: skip
+    rms, noise, found = (a.reshape(count, kinds) for a in each)
+    some = np.flatnonzero(~found.any(1))
+    if len(some):
+        w = weight[some][..., None]
+        smooth = smooth_functions(angle_deg[some])
+        own = np.zeros((len(some), kinds, size, kinds, smooth.shape[-1]))
+        for i in range(kinds):
+            own[:, i, :, i] = smooth
+        own = own.reshape(len(some), kinds, size, -1)
+        parts = (
+            np.where(there, off, 0.0)[some][..., None] * w,
+            slopes(some)[:, :, used] * w,
+            own * w,
+        )
+        r, J, S = (a.reshape(len(some), kinds * size, -1) for a in parts)
+        wrong = some[smooth_misfit(r[..., 0], J, S)]
+        found[wrong] = rms[wrong] > rounding(value[wrong].reshape(rows)).reshape(-1, kinds)
+    worst = np.where(found, rms, -np.inf).argmax(1)
+    return np.where(found.any(1), noise[np.arange(count), worst], np.nan)

@@ -33,7 +33,7 @@ def unbounded(u: Unknown, y: Any, known: Uncertainty, i: int) -> tuple[Any, Any]
 
 
 def may_be_zero(u: Unknown, y: Any, known: Uncertainty, i: int) -> Any:
-    """Whether parameters (...) that cannot be negative are so near to 0 that their ends may move."""
+    """Whether parameters (...) that cannot be negative are so near 0 that their ends may move."""
     value, sigma = unbounded(u, y, known, i)
     return value < _NEAR * sigma
 
@@ -44,9 +44,9 @@ def aim_beside_zero(
 ) -> list[Search]:
     """Aim the searches at where a truth is held in 95 %, and return those that move.
 
-    m: the straight `Minima`. pairs: by minimum and unknown the two searches that have found the ends of one
-    rise. The ends of a parameter that cannot be negative move if it is near 0; those of the others
-    if there is just one such parameter.
+    m: the straight `Minima`. pairs: by minimum and unknown the two searches that have found the
+    ends of one rise. The ends of a parameter that cannot be negative move if it is near 0; those of
+    the others if there is just one such parameter.
     """
     known, unit = m.known, m.t / TWO_SIDED * np.sqrt(m.known.variance)
     x, one = (np.full(m.y.shape, np.nan) for _ in range(2))

@@ -76,7 +76,7 @@ class Minima(NamedTuple):
 
 
 class Intervals(NamedTuple):
-    """Of n minima, over all p unknowns: ends (n, p, 2), the quadratic ones too; kind (n, p) of each.
+    """Of n minima, over all p unknowns: ends (n, p, 2), the quadratic ones too; kind (n, p).
 
     NaN where there is none. limits: (n, p), upper limits of what is compatible with 0; NaN for what
     is not, by the profile or at once. lowest: the least cost that was met, (n,), and where (n, p).
@@ -89,9 +89,9 @@ class Intervals(NamedTuple):
     quadratic: np.ndarray
     kind: np.ndarray
     limits: np.ndarray
-    lowest: tuple[np.ndarray, np.ndarray]
+    lowest: tuple[Any, np.ndarray]
     inside: np.ndarray
-    t: np.ndarray
+    t: Any
 
 
 def check_choices(loss: str, errors: str, intervals: str) -> None:
@@ -248,9 +248,8 @@ def intervals(
     far = (some & ((m.wanted == PROFILE)[:, None] | m.known.unseen_of)).any()
     rounds = ROUNDS if far else FEW_ROUNDS
     follow(at, [s for pair in pairs for s in pair.searches], rounds, enough)
-    moved = aim_beside_zero(
-        moving, straight, {(pair.base, pair.j): pair.searches for pair in pairs}
-    )
+    by_place = {(pair.base, pair.j): pair.searches for pair in pairs}
+    moved = aim_beside_zero(moving, straight, by_place)
     follow(at, moved, rounds, enough)
     for i, j, both in pairs:
         # Exponential and logarithm return a bound up to rounding only.

@@ -45,10 +45,10 @@ FARTHEST = 1e9
 class Base(NamedTuple):
     """A minimum around which the ends of intervals are searched for.
 
-    which: the curve that it is one of. y: (p,). cost: there. along: (p, p), column j: how the others go with y_j near it. low, high:
-    bounds (p,). rise: of the cost. All searches add to two lists: inside: places where the cost is
-    within that rise, and the unknown that was held there; lower: costs below that of the minimum,
-    and where they are.
+    which: the curve that it is one of. y: (p,). cost: there. along: (p, p), column j: how the
+    others go with y_j near it. low, high: bounds (p,). rise: of the cost. All searches add to two
+    lists: inside: places where the cost is within that rise, and the unknown that was held there;
+    lower: costs below that of the minimum, and where they are.
     """
 
     which: int
