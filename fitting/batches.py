@@ -61,7 +61,7 @@ class _Batch(NamedTuple):
         m = Measurement.from_columns(angle, wavelength, sigma=sigma, **values)
         # Its values and its cost count here, not its errors.
         asked = self.search.job.asked._replace(
-            kept=Kept({}, {}), errors="scaled" if sigma else "equal"
+            kept=Kept({}, {}), errors="scaled" if sigma else "equal", intervals=QUADRATIC
         )  # fmt: skip
         return fit_checked([m], self.sample, self.settings, asked)
 
@@ -137,8 +137,8 @@ def fit_many(
         free, fixed, bounds, tie: as for `fit`, the same for all curves.
         errors: as for `fit`; of other samples than a bare surface "auto" is "scaled", and there is
             no "floor" and "relative".
-        intervals: as for `fit`, but "quadratic" by default, since profile likelihood takes 25 times
-            as long as the fit itself; of other samples than a bare surface only "quadratic".
+        intervals: as for `fit`, but "quadratic" by default, since profile likelihood takes 1 ms of
+            processor time more for each curve of a bare surface ("auto" half of that).
         start: name -> value, or array of the batch shape, of every fitted parameter, from which all
             curves begin.
         near: a `Fit` of one such curve, or of a batch of this shape, from which curves begin.
@@ -170,13 +170,14 @@ def fit_many(
         sigma = None
     given, sigma, reasons = without_refused(given, sigma)
     one = wavelength_um is None or np.size(wavelength_um) == 1
-    _check_general(which, errors, intervals, one)
+    _check_general(which, errors, one)
     values, sigmas, angle, wavelength, shape = _arrays(given, sigma, angles_deg, wavelength_um)
     if errors in NEED_STATED and sigmas is None:
         raise ValueError(f'errors "{errors}" need a standard error for every datum; give sigma.')
     found = _fit_curves(
         values, sigmas, angle, wavelength, shape, which, settings,
-        "scaled" if errors == "auto" else errors, _begin(start, near, shape), check, seed,
+        FitOptions("scaled" if errors == "auto" else errors, intervals, seed=seed),
+        _begin(start, near, shape), check,
     )  # fmt: skip
     if reasons is None:
         return Fit.of(found)
@@ -187,7 +188,7 @@ def fit_many(
     ))  # fmt: skip
 
 
-def _check_general(sample: Sample, errors: str, intervals: str, one: bool) -> None:
+def _check_general(sample: Sample, errors: str, one: bool) -> None:
     """Raise ValueError for what a batch of other samples than bare surfaces does not have."""
     if sample.open:
         raise ValueError(
@@ -198,11 +199,6 @@ def _check_general(sample: Sample, errors: str, intervals: str, one: bool) -> No
         raise ValueError(
             f"the sample {str(sample)!r} has an index that is free at every wavelength: give one "
             "wavelength a call, or a dispersion model (cauchy, lorentz)."
-        )
-    if intervals != QUADRATIC:
-        raise ValueError(
-            f"intervals is {intervals!r}; a batch of {str(sample)!r} has quadratic intervals. Fit "
-            "single curves with fit for those by profile likelihood."
         )
     if errors in ADDED:
         raise ValueError(
@@ -283,7 +279,7 @@ def _begin(
 def _fit_curves(
     curves: Mapping[str, np.ndarray], sigma: Mapping[str, np.ndarray] | None,
     angle_deg: np.ndarray, wavelength_um: np.ndarray, shape: tuple[int, ...], sample: Sample,
-    settings: Settings, errors: str, near: Mapping[str, Any] | None, check: int, seed: int,
+    settings: Settings, asked: FitOptions, near: Mapping[str, Any] | None, check: int,
 ) -> FitData:  # fmt: skip
     """Return the fits of values (N, M) by quantity, of batch shape ``shape``; see `fit_many`.
 
@@ -293,7 +289,6 @@ def _fit_curves(
     pattern = _pattern(curves, sigma, some, wavelength_um)
     sample = sample.with_splines(pattern.wavelength_um)
     check_fit([pattern], sample)
-    asked = FitOptions(errors, QUADRATIC, seed=seed)
     job = problem_of([pattern], sample, settings, asked)
     lanes = Curves(job.seen, job.targets, curves, sigma)
     if angle_deg.ndim == 2:
@@ -319,7 +314,7 @@ def _fit_curves(
         return fit_of_batch(search, shape, sample)
     if near is not None:
         search.from_neighbours(beside)
-    random, searched = np.random.default_rng(seed), set[int]()
+    random, searched = np.random.default_rng(asked.seed), set[int]()
     begun, refused = near is not None, None
     for _ in range(_SEARCHES):
         gained = False

@@ -38,7 +38,7 @@ from fitting.searching.film_starts import film_starts, films_of
 from fitting.searching.stages import searched
 from fitting.searching.starts import starts as start_points
 from fitting.searching.starts import usual_starts, with_given_start
-from fitting.uncertainty.intervals import AUTO, QUADRATIC, check_choices
+from fitting.uncertainty.intervals import check_choices
 from fitting.uncertainty.stated_errors import with_added_error
 from fitting.uncertainty.widening import widened
 from fitting.wavelengths import check_wavelengths, fit_wavelengths, problem_of
@@ -155,13 +155,10 @@ def _general(
         return _shared(measurements, sample, settings, asked)
     joined = concatenate(*measurements)
     check_wavelengths(joined, settings)
-    # In total reflection the quadratic limit of k can be 12 times too small.
-    quadratic = asked.intervals == QUADRATIC or (asked.intervals == AUTO and sample.eta_i <= 1.0)
-    usual = asked.starts is None and asked.start is None and quadratic
+    usual = asked.starts is None and asked.start is None
     if asked.loss == "squares" and not settings.priors and usual:
         return fit_wavelengths(joined, sample, settings, asked)
-    # The noise of a robust loss or a prior is estimated in rounds, and the ends of an interval by
-    # profile are searched for, one wavelength at a time.
+    # The noise of a robust loss or a prior is estimated in rounds, one wavelength at a time.
     asked = asked._replace(kept=None)  # other data
     parts = [joined.where(joined.wavelength_um == w) for w in waves]
     each = [with_verdicts(_shared([part], sample, settings, asked)) for part in parts]
@@ -207,7 +204,7 @@ def fit(
             and relative.
         intervals: how 95 % intervals are found: "quadratic" (from the standard errors), "profile"
             (profile likelihood), or "auto": profile likelihood where the quadratic approximation
-            fails. With many independent wavelengths of a general sample "auto" is quadratic.
+            fails.
         starts, seed: number of quasi-random starting points (None: by the number of unknowns), and
             the seed of their sequence. A bare surface starts from a mesh instead.
         start: name -> value of one additional starting point.

@@ -137,7 +137,8 @@ def fit_free_film(
     if not wide:
         shift = min(sigma, 0.2 * best)
         beside = _held(sample, which, best + shift)
-        moved = fit_wavelengths(measurement, beside, settings, asked, near=found)
+        plain = asked._replace(intervals=QUADRATIC)
+        moved = fit_wavelengths(measurement, beside, settings, plain, near=found)
         found = _with_thickness(found, moved, sigma / shift)
     parameters = {n: e for n, e in found.parameters.items() if n != label}
     of_film = [u.labels[f"{sample.places[which]}.{n}"] for n in ("eta", "k")]

@@ -25,14 +25,14 @@ def by_curvature(fit: Problem, end: End, found: Intervals, noise: float) -> End 
 
     found: the intervals at this minimum, all by profile. The parameters have no standard errors.
     """
-    unseen, free = np.flatnonzero(end.known.unseen_of), np.flatnonzero(fit.u.free)
+    unseen = np.flatnonzero(end.known.unseen_of)
     ends, limits = found.ends[unseen], [(w.low, w.high) for w in fit.u.moving]
     low, high = np.array(limits)[unseen].T
-    if any(found.kind[j] != PROFILE for j in unseen) or len(found.inside) != 2 * len(free):
+    lanes = [2 * int(j) + side for j in unseen for side in (0, 1)]
+    if (found.kind[unseen] != PROFILE).any() or np.isnan(found.inside[lanes]).any():
         return None
     if not ((low < ends[:, 0]) & (ends[:, 1] < high)).all():
         return None
-    lanes = [2 * int(np.searchsorted(free, j)) + side for j in unseen for side in (0, 1)]
     half = 0.5 * (end.y + found.inside[lanes]).T
     rise = fit.pinned(half, np.repeat(unseen, 2), noise, STAGE).cost - end.cost
     if not (rise > _RISES * found.t**2 * end.known.rise).all():

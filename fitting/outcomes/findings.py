@@ -149,17 +149,32 @@ def _thin_film(
             )  # fmt: skip
 
 
-def _not_quadratic(known: Mapping[str, Estimate], quadratic: np.ndarray) -> list[Finding]:
-    """Return the finding on parameters whose interval does not follow from the standard error."""
-    bent = {}
-    for (name, e), plain in zip(known.items(), quadratic, strict=True):
-        off = np.abs(e.interval - plain).max() > OFF * 0.5 * (e.interval[1] - e.interval[0])
-        if e.interval_kind == PROFILE and off and np.isfinite(e.sigma):
-            bent[name] = e.interval.tolist(), plain.tolist()
-    if not bent:
+def not_quadratic(known: Mapping[str, Estimate], plain: np.ndarray) -> list[Finding]:
+    """Return the finding on parameters whose interval does not follow from the standard error.
+
+    plain: the quadratic intervals (..., P, 2), in the shape of the fits.
+    """
+    names, shape = np.array(list(known)), plain.shape[:-2]
+    kind, sigma, ends = (
+        np.stack([getattr(e, name) for e in known.values()], len(shape)).reshape(-1, *size)
+        for name, size in (("interval_kind", plain.shape[-2:-1]), ("sigma", plain.shape[-2:-1]),
+                           ("interval", plain.shape[-2:]))
+    )  # fmt: skip
+    plain = plain.reshape(ends.shape)
+    bent = (kind == PROFILE) & np.isfinite(sigma)
+    bent &= np.abs(ends - plain).max(-1) > OFF * 0.5 * np.ptp(ends, axis=-1)
+    if not bent.any():
         return []
-    own, by_sigma = map(list, zip(*bent.values(), strict=True))
-    return [_finding("not_quadratic", parameters=tuple(bent), intervals=own, by_sigma=by_sigma)]
+    own = {"parameters": names, "intervals": ends, "by_sigma": plain}
+    values = dict[str, Any]()
+    for name, of in own.items():
+        values[name] = np.empty(len(bent), object)
+        for i in np.flatnonzero(bent.any(1)):
+            values[name][i] = (of if of is names else of[i])[bent[i]].tolist()
+    return [Finding(
+        "not_quadratic", bent.any(1).reshape(shape),
+        {n: v.reshape(shape) if shape else v[0] for n, v in values.items()},
+    )]  # fmt: skip
 
 
 def _a_k_is_free(u: Unknowns) -> bool:
@@ -386,7 +401,7 @@ def findings(
     out += _on_measured(fit, of, end)
     if f.lower:
         out.append(_finding("better_minimum_met", by=f.lower))
-    out += _not_quadratic(known, f.known.quadratic[free])
+    out += not_quadratic(known, f.known.quadratic[free])
     out += _contradicted_priors(fit, known)
     if "angle_offset" in known and abs(known["angle_offset"].value) > PLAUSIBLE_OFFSET_DEG:
         out.append(_finding("implausible_offset", value=known["angle_offset"].value))

@@ -13,8 +13,16 @@ import jax
 import numpy as np
 
 from fitting.data.quantities import POWERS
-from fitting.outcomes.findings import findings_of_all
-from fitting.outcomes.outcome import Shaped, combinations_unseen, estimates, fixed_and_tied, too_few
+from fitting.outcomes.findings import findings_of_all, not_quadratic
+from fitting.outcomes.outcome import (
+    OTHERS,
+    Shaped,
+    all_unseen,
+    combinations_unseen,
+    estimates,
+    fixed_and_tied,
+    too_few,
+)
 from fitting.outcomes.surface_verdicts import marked, verdicts_of_batch
 from fitting.problem.curve_lanes import shown, slopes
 from fitting.problem.evaluation import Alike, EachFit, Evaluated
@@ -31,8 +39,9 @@ from fitting.samples.sample import Sample
 from fitting.searching.batch_search import BatchSearch
 from fitting.searching.minima import SAME_CHI2, scatters
 from fitting.uncertainty.covariance import Uncertainty, uncertainty
-from fitting.uncertainty.intervals import quadratic
+from fitting.uncertainty.intervals import Minima, intervals, total_reflection
 from fitting.uncertainty.limits import ROUNDING, student_quantiles
+from fitting.uncertainty.profile import Lanes
 
 # Undamped steps after the solver, and the part of a standard error below which one is taken without
 # being looked at: what is left after a step is a thousandth of it.
@@ -227,25 +236,52 @@ def fit_of_batch(
     unseen = m.known.hidden.any(1)
     missed = misses_without_freedom(m.cost, plain, rows, own, stated) & ~(failed | unseen)
     failed |= missed
+    several = np.zeros(len(which), bool)  # indices that fit alike, of which profiles tell the range
+    if told is not None:
+        several[asked] = verdicts.open & np.isfinite(verdicts.eta)
+        several &= np.isfinite(m.cost)
+        failed &= ~several
     few = too_few(u, sample, n_data) & ~(failed | unseen)
     estimated = job.asked.scaled and pooled is None
     t = student_quantiles(np.where(estimated & (own > 0), own, 0))
+    minima = [
+        o._replace(known=all_unseen(o.known, (few | several)[np.searchsorted(which, o.which)]))
+        for o in minima
+    ]
+    m, every = minima[0], jax.tree.map(lambda *a: np.concatenate(a), *minima)
+    turn = np.repeat(np.arange(len(minima)), [len(m.which) for m in minima])
+    row, rounding = np.searchsorted(which, every.which), ROUNDING * every.squares
+    ranges = intervals(u, search.limits, Minima(
+        every.which, every.y, every.cost, every.known, t[row], rounding,
+        np.where(failed[row] | (turn > OTHERS), status.QUADRATIC, job.asked.intervals),
+        total_reflection(u, every.y, curves.critical[every.which]),
+    ), Lanes(search.pinned, curves.width))  # fmt: skip
+    # The search for the ends of an interval may meet a lower minimum.
+    lowest, place = ranges.lowest
+    least = best.cost.copy()
+    np.minimum.at(least, every.which, every.cost)
+    least[which] -= SAME_CHI2 * scatter[which] + ROUNDING * m.squares
+    lower = ~failed[row] & (lowest < least[every.which])
+    if lower.any():
+        search.run(place[lower].T, every.which[lower])
+        if (best.done & (best.cost < least)).any():
+            return fit_of_batch(search, shape, sample, pooled)
 
-    def estimates_of(m: _Minima, t: np.ndarray, failed: np.ndarray, put: Shaped) -> Any:
-        ends, limits = quadratic(u.moving, m.y, m.known, t)
-        limits = np.where(m.known.unseen_of, np.nan, limits)
-        return estimates(u, m.y, m.known, ends, status.QUADRATIC, limits, failed, put)
+    def estimates_of(at: int, failed: np.ndarray, put: Shaped) -> Any:
+        m, r = minima[at], jax.tree.map(lambda a: a[turn == at], ranges)
+        return estimates(u, m.y, m.known, r.ends, r.kind, r.limits, failed, put)
 
-    free, covariance = estimates_of(m, t, failed | few, put)
+    free, covariance = estimates_of(0, failed, put)
     others = list[Alternative]()
-    for other in minima[1:]:
-        rows_of = np.searchsorted(which, other.which)
-        at = Shaped(shape, count, other.which)
-        parameters, _ = estimates_of(other, t[rows_of], failed[rows_of], at)
+    for at, other in enumerate(minima[1:], 1):
+        rows_of = row[turn == at]
+        there = Shaped(shape, count, other.which)
+        parameters, _ = estimates_of(at, failed[rows_of], there)
         rise = (other.cost - m.cost[rows_of]) / scatter[other.which]
         rise = np.where(failed[rows_of], np.nan, rise)
         others.append(Alternative(
-            parameters=parameters, delta_chi2=at(rise), reached=at(other.reached.astype(float))
+            parameters=parameters, delta_chi2=there(rise),
+            reached=there(other.reached.astype(float)),
         ))  # fmt: skip
     state = np.where(failed, status.NOT_CONVERGED, np.where(
         unseen | few, status.UNDETERMINED, status.CONVERGED
@@ -278,11 +314,18 @@ def fit_of_batch(
             added=put(np.zeros(len(which))), stated=stated, widened=put(np.ones(len(which))),
         ),
         evaluations=put(best.evaluations[which], 0), others=tuple(others),
-        evaluator=EachFit(Alike(pattern, in_turn(m.y), in_turn(m.known.covariance)), shape),
+        evaluator=EachFit(Alike(
+            pattern, in_turn(m.y), in_turn(m.known.covariance),
+            (in_turn(ranges.inside[turn == 0]), in_turn(t)),
+        ), shape),
         starts=put(starts, 0), reached=put(np.minimum(m.reached, starts), 0),
     )  # fmt: skip
     unseen_each = combinations_unseen(u, m.known, put)
-    findings = findings_of_all(fits, fits.chi2_reduced, put(missed, False), unseen_each, put(noise))
+    plain = put(ranges.quadratic[turn == 0][:, u.free])
+    findings = [
+        *findings_of_all(fits, fits.chi2_reduced, put(missed, False), unseen_each, put(noise)),
+        *not_quadratic(free, plain),
+    ]
     fits = replace(fits, findings=ranked(findings))
     if told is None:
         return fits

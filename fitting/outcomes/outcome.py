@@ -6,9 +6,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
+import jax
 import numpy as np
 
 from fitting.data.quantities import POWERS
+from fitting.optics.spec import Spec
 from fitting.outcomes.curvature import by_curvature
 from fitting.outcomes.findings import Found, Subject, findings, findings_of_all
 from fitting.problem.evaluation import Evaluated
@@ -27,12 +29,20 @@ from fitting.searching.last_steps import refined
 from fitting.searching.minima import SAME_CHI2, Around, Minimum, minima, scatter_of
 from fitting.searching.without_fringes import FRINGES, fringes_of, without_fringes
 from fitting.uncertainty.covariance import End, Uncertainty
-from fitting.uncertainty.intervals import PROFILE, QUADRATIC, Intervals, intervals
+from fitting.uncertainty.intervals import (
+    QUADRATIC,
+    Intervals,
+    Minima,
+    intervals,
+    total_reflection,
+)
 from fitting.uncertainty.likelihood import criteria, reduced_chi2
+from fitting.uncertainty.limits import ROUNDING, student_quantile
+from fitting.uncertainty.profile import Lanes
 from fitting.uncertainty.spline_errors import errors_of_curves, with_errors_of_curves
 
 # So many of the other minima have intervals by profile, the rest quadratic ones.
-_OTHERS = 3
+OTHERS = 3
 
 
 def parameters_at(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -73,7 +83,9 @@ def estimates(
     unseen = known.unseen_of | failed[:, None]
     with np.errstate(invalid="ignore"):
         covariance = known.covariance * (slope[:, :, None] * slope[:, None, :])
-        blank = ~np.isfinite(covariance) | unseen[:, :, None] | unseen[:, None, :]
+        # What is compatible with 0 has a limit, and no standard error, which would not be one.
+        none = unseen | np.isfinite(limits)
+        blank = ~np.isfinite(covariance) | none[:, :, None] | none[:, None, :]
         covariance = np.where(blank, np.nan, covariance)
         sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     ends, limits = (
@@ -106,7 +118,7 @@ def _estimates(
 ) -> tuple[dict[str, Estimate], np.ndarray]:
     """Return the free parameters at one minimum by name, and their covariance (P, P)."""
     found, covariance = estimates(
-        u, end.y[None], _as_batch(end.known), known.ends[None], np.array([known.kind]),
+        u, end.y[None], _as_batch(end.known), known.ends[None], known.kind[None],
         known.limits[None], np.array([failed]), _ONE,
     )  # fmt: skip
     return found, covariance[0]
@@ -118,6 +130,11 @@ def too_few(u: Unknowns, sample: Sample | None, n_data: Any) -> Any:
     With k at 0, the end of its range, a single datum would seem to determine eta.
     """
     return (n_data < u.free.sum()) & (sample is not None and sample.by_wavelength)
+
+
+def all_unseen(known: Uncertainty, where: Any = True) -> Uncertainty:
+    """Return the same with no error of any parameter, of the minima (...) where that is so."""
+    return known._replace(unseen_of=known.unseen_of | np.asarray(where)[..., None])
 
 
 def combinations_unseen(u: Unknowns, known: Uncertainty, put: Shaped) -> Iterator[tuple[Any, Any]]:
@@ -198,12 +215,22 @@ def _intervals(
     """
     # Without a degree of freedom stated errors are used as they are.
     taken = fit.dof == 0 and fit.seen.stated
-    estimated = fit.asked.scaled and not taken
-    some, rest = every[: 1 + _OTHERS], every[1 + _OTHERS :]
-    return [
-        *intervals(fit, some, noise, wanted=wanted, estimated=estimated, enough=enough),
-        *intervals(fit, rest, noise, wanted=QUADRATIC, estimated=estimated),
-    ]
+    t = student_quantile(max(fit.dof, 1) if fit.asked.scaled and not taken else 0)
+    count = len(every)
+    y, critical = np.stack([e.y for e in every]), np.nan
+    if isinstance(fit.u.spec, Spec):
+        angle = np.radians(fit.seen.points.angle_deg.max())
+        critical = float(np.mean(fit.targets.eta_i) * np.sin(angle))
+    m = Minima(
+        np.zeros(count, int), y, np.array([e.cost for e in every]),
+        Uncertainty(*(np.stack(a) for a in zip(*(e.known for e in every), strict=True))),
+        np.full(count, t), np.full(count, ROUNDING * fit.squares / noise**2),
+        np.where(np.arange(count) <= OTHERS, wanted, QUADRATIC),
+        total_reflection(fit.u, y, critical),
+    )  # fmt: skip
+    at = Lanes(lambda y, row, _, steps: fit.pinned(y, row, noise, steps), fit.lanes)
+    found = intervals(fit.u, fit.limits, m, at, enough)
+    return [jax.tree.map(lambda a, i=i: a[i], found) for i in range(count)]
 
 
 def _rounding(fit: Problem, noise: float) -> float:
@@ -266,6 +293,9 @@ def fit_of(fit: Problem, ends: Ends, noise: float, of: Subject) -> FitData:
             rise = (max(plain.cost, end.cost) - lowest.cost) / scatter
             fringeless = plain.told(fit, end.y, lowest.y, rise)
     every = [end] + [look(m.lane) for m in found[1:]]
+    if too_few(u, of.sample, fit.n_data):
+        every = [e._replace(known=all_unseen(e.known)) for e in every]
+        end = every[0]
     wanted = QUADRATIC if failed else fit.asked.intervals
     # The minimum that is shown need not be the lowest one.
     below = min(e.cost for e in every) - enough
@@ -282,9 +312,7 @@ def fit_of(fit: Problem, ends: Ends, noise: float, of: Subject) -> FitData:
             return fit_of(fit, joined([ends, more]), noise, of)
         lower = (end.cost - min(least, more.cost[0])) / scatter
     if end.known.unseen.size and wanted != QUADRATIC:
-        curved = _intervals(fit, [end], noise, PROFILE)[0]
-        if (seen := by_curvature(fit, end, curved, noise)) is not None:
-            end, every[0], ranges[0] = seen, seen, curved
+        end = every[0] = by_curvature(fit, end, ranges[0], noise) or end
     rises = np.array([e.cost - end.cost for e in every[1:]])
     rises = rises / scatter if scatter > 0.0 else 0.0 * rises
     others = tuple(
@@ -320,7 +348,7 @@ def _assembled(fit: Problem, of: Subject, noise: float, evaluations: int, f: Fou
     failed = f.failed or missed
     unseen = bool(end.known.unseen.size)
     few = bool(too_few(u, of.sample, fit.n_data)) and not (failed or unseen)
-    shown, of_x = _estimates(u, end, ranges, failed or few)
+    shown, of_x = _estimates(u, end, ranges, failed)
     chi2 = square if stated else np.nan
     bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, len(shown), fit.asked.scaled)
     evaluator = None

@@ -85,6 +85,12 @@ class Curves:
         eta_i = self.own.get("eta_i", np.full((1, self.count), np.mean(self.base.eta_i)))
         return eta_i.mean(0)
 
+    @property
+    def critical(self) -> np.ndarray:
+        """The index below which light of the largest angle is totally reflected, (N,)."""
+        angle = self.own.get("angle_deg", self.seen.points.angle_deg)
+        return self.outside * np.sin(np.radians(angle.max(0)))
+
     def _rows(self, quantity: str, of: np.ndarray) -> np.ndarray:
         """Return (N, M) of a quantity as rows of the points, (rows, N), NaN elsewhere."""
         out = np.full((len(self.seen.points.angle_deg), self.count), np.nan)
@@ -138,26 +144,25 @@ def _calls(lanes: np.ndarray, width: int):
 
 def run_curves(
     spec: Spec, curves: Curves, start: np.ndarray, which: np.ndarray,
-    limits: tuple[np.ndarray, np.ndarray], dof: np.ndarray,
+    limits: tuple[np.ndarray, np.ndarray], dof: np.ndarray, most: int = _MOST,
 ) -> Ends:  # fmt: skip
     """Return where starts (p, L) end, each on the curve of a number ``which``, (L,).
 
-    limits: bounds (p,). dof: (N,) of each curve.
+    limits: bounds (p,), or (p, L) of each lane. dof: (N,) of each curve. most: evaluations.
     """
-    low, high = (a[:, None] for a in limits)
+    low, high = (np.broadcast_to(a.reshape(len(a), -1), start.shape) for a in limits)
     out, width = Ends.begun(np.clip(start, low, high)), curves.width
     damping, todo = np.full(len(which), START_DAMPING), np.arange(len(which))
-    shape = len(start), width
     while len(todo):
         for some, lanes in _calls(todo, width):
             targets = curves.targets(which[lanes])
             bounds = Bounds(
-                np.broadcast_to(low, shape), np.broadcast_to(high, shape),
+                low[:, lanes], high[:, lanes],
                 np.maximum(dof[which[lanes]], 1.0), curves.squares[which[lanes]],
             )  # fmt: skip
             with fit_settings():
                 found = solve(
-                    targets, out.y[:, lanes], damping[lanes], bounds, np.int64(_STAGE),
+                    targets, out.y[:, lanes], damping[lanes], bounds, np.int64(min(_STAGE, most)),
                     spec=spec_at(spec, targets.points.angle_deg), enough=_ENOUGH,
                 )  # fmt: skip
             y, cost, done, used, left = (np.asarray(a)[..., : len(some)] for a in found)
@@ -167,7 +172,7 @@ def run_curves(
         best = np.full(curves.count, np.inf)
         np.minimum.at(best, which[out.done], out.cost[out.done])
         worth = (out.evaluations < _FAIR) | (out.cost < best[which])
-        worth &= ~out.done & np.isfinite(out.cost) & (out.evaluations < _MOST)
+        worth &= ~out.done & np.isfinite(out.cost) & (out.evaluations < most)
         todo = todo[worth[todo]]
     return out
 

@@ -26,11 +26,11 @@ class Evaluated(NamedTuple):
 
     The covariance is NaN in rows of fixed parameters and of those at a bound; along undetermined
     combinations it is 0, since the curve does not change (splines: `uncertainty.spline_errors`).
-    inside: (K, p), solver coordinates within the 95 % intervals next to their ends by profile, and
-    half such an interval in standard errors: where the curve is not linear in the parameters, eta
-    and k differ by more than by the covariance. errors: (2,) standard errors of eta and k that
-    include that of a thickness shared by all wavelengths; None where there is none. rows: the data
-    of one wavelength, of which ``seen`` and ``targets`` have all.
+    inside: (K, p), solver coordinates within the 95 % intervals next to their ends by profile, NaN
+    where there is none, and half such an interval in standard errors: where the curve is not linear
+    in the parameters, eta and k differ by more than by the covariance. errors: (2,) standard errors
+    of eta and k that include that of a thickness shared by all wavelengths; None where there is
+    none. rows: the data of one wavelength, of which ``seen`` and ``targets`` have all.
     """
 
     sample: Sample
@@ -99,16 +99,25 @@ def measured_places(measured_um: np.ndarray, wavelength_um: Any) -> list[int]:
 
 
 class Alike(Sequence[Evaluated]):
-    """N fits of one sample at the same points: one as a pattern, y (N, p), covariance (N, p, p)."""
+    """N fits of one sample at the same points: one as a pattern, y (N, p), covariance (N, p, p).
 
-    def __init__(self, pattern: Evaluated, y: np.ndarray, covariance: np.ndarray):
-        self.pattern, self.y, self.covariance = pattern, y, covariance
+    inside: (N, K, p) and (N,), as those of `Evaluated`.
+    """
+
+    def __init__(
+        self, pattern: Evaluated, y: np.ndarray, covariance: np.ndarray,
+        inside: tuple[np.ndarray, np.ndarray],
+    ):  # fmt: skip
+        self.pattern, self.y, self.covariance, self.inside = pattern, y, covariance, inside
 
     def __len__(self) -> int:
         return len(self.y)
 
     def __getitem__(self, i: Any) -> Any:
-        return self.pattern._replace(y=self.y[i], covariance=self.covariance[i])
+        places, t = self.inside
+        return self.pattern._replace(
+            y=self.y[i], covariance=self.covariance[i], inside=(places[i], t[i])
+        )
 
 
 class EachFit(NamedTuple):
@@ -201,7 +210,7 @@ def _as_far(
     away: returns how far each quantity at y (p,) lies from its fitted value.
     """
     places, t = at.inside
-    for y in places:
+    for y in places[np.isfinite(places).all(1)]:
         off = away(y) / t
         sigma = np.where(off > sigma, off, sigma)
     return sigma

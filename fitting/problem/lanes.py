@@ -7,7 +7,7 @@ all of them, at hardly any cost: the starts are lanes of one program.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -72,6 +72,14 @@ def coordinate_bounds(unknowns: Sequence[Unknown]) -> Limits:
         low.append(float(from_parameter(kind, least)))
         high.append(float(from_parameter(kind, u.high)))
     return np.array(low), np.array(high)
+
+
+def with_fixed(limits: Limits, start: np.ndarray, row: Any) -> Limits:
+    """Return bounds (p, S) of starts of each of which one coordinate stays: ``row``, () or (S,)."""
+    low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in limits)
+    at = row, np.arange(start.shape[1])
+    low[at] = high[at] = np.clip(start[at], low[at], high[at])
+    return low, high
 
 
 def _stage(

@@ -9,7 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.optics.spec import Spec
-from fitting.problem.lanes import LANES, SIFT, Ends, Limits, coordinate_bounds, each_within, run
+from fitting.problem.lanes import (
+    LANES,
+    SIFT,
+    Ends,
+    Limits,
+    coordinate_bounds,
+    each_within,
+    run,
+    with_fixed,
+)
 from fitting.problem.observations import Observations
 from fitting.problem.programs import Targets
 from fitting.problem.slopes import Shown, Slopes, loss_of, prior_rows, slopes_at
@@ -140,11 +149,8 @@ class Problem:
 
         row: which one, () or (S,).
         """
-        low, high = (np.repeat(a[:, None], start.shape[1], 1) for a in self.limits)
-        start = np.clip(start, low, high)
-        at = row, np.arange(start.shape[1])
-        low[at] = high[at] = start[at]
-        return self.held(start, noise, steps, (low, high))
+        limits = with_fixed(self.limits, start, row)
+        return self.held(np.clip(start, *limits), noise, steps, limits)
 
     def slopes(self, y: np.ndarray) -> Slopes:
         """Return residuals and derivatives at y, of all data."""

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fitting.problem.curve_lanes import Curves, run_curves
-from fitting.problem.lanes import Ends, Limits, joined
+from fitting.problem.lanes import Ends, Limits, joined, with_fixed
 from fitting.problem.problem import Problem
 from fitting.process.progress import tell
 from fitting.residuals.error_model import beyond_chance
@@ -64,6 +64,16 @@ class BatchSearch:
         better = np.where(ends.done[lane], lower | ~best.done[some], lower & ~best.done[some])
         for mine, other in zip(best[:3], ends[:3], strict=True):
             mine[..., some[better]] = other[..., lane[better]]
+
+    def pinned(self, start: np.ndarray, row: np.ndarray, which: np.ndarray, steps: int) -> Ends:
+        """Return where starts (p, L) of curves (L,) are after so many evaluations.
+
+        Of each of them one coordinate stays, ``row`` (L,).
+        """
+        limits = with_fixed(self.limits, start, row)
+        return run_curves(
+            self.job.u.spec, self.curves, start, which, limits, self.dof, steps
+        )  # fmt: skip
 
     def missed(self) -> np.ndarray:
         """Return which curves are not described, (N,).

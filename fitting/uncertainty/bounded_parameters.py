@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from fitting.problem.problem import Problem
 from fitting.samples.parameters import LOG, Unknown
 from fitting.uncertainty.beside_zero import TWO_SIDED, by_valley, other_roots, own_roots
-from fitting.uncertainty.covariance import End, Uncertainty
+from fitting.uncertainty.covariance import Uncertainty
 from fitting.uncertainty.profile import Search
 
 # So many standard errors of the quadratic model.
@@ -32,53 +32,52 @@ def unbounded(u: Unknown, y: Any, known: Uncertainty, i: int) -> tuple[Any, Any]
     return np.where(np.isnan(sigma), np.nan, y + np.minimum(step, 0.0)), sigma
 
 
-def may_be_zero(fit: Problem, end: End, i: int) -> bool:
-    """Whether a parameter that cannot be negative is so near to 0 that its ends may move."""
-    value, sigma = unbounded(fit.u.moving[i], end.y[i], end.known, i)
-    return bool(value < _NEAR * sigma)
+def may_be_zero(u: Unknown, y: Any, known: Uncertainty, i: int) -> Any:
+    """Whether parameters (...) that cannot be negative are so near 0 that their ends may move."""
+    value, sigma = unbounded(u, y, known, i)
+    return value < _NEAR * sigma
 
 
-def _in_errors(
-    fit: Problem, end: End, t: float, i: int, ends: tuple[Search, Search]
-) -> tuple[float, float]:
-    """Return the estimate of a parameter without the bound at 0, in standard errors, and one."""
-    reach, sigma = map(float, unbounded(fit.u.moving[i], end.y[i], end.known, i))
-    lower, upper = ends
-    slope = max(-2.0 * reach / (t * sigma / TWO_SIDED) ** 2, 0.0)
-    best = 0.0 if end.known.at_bound[i] == "low" else end.y[i]
-    root = TWO_SIDED * lower.root_at(lower.room)
-    x, unit = by_valley(*(np.array(a) for a in (best, slope, root, upper.end)))
-    return float(x), float(unit)
-
-
+@np.errstate(all="ignore")
 def aim_beside_zero(
-    fit: Problem, end: End, t: float, pairs: dict[int, tuple[Search, Search]]
+    moving: Sequence[Unknown], m: Any, pairs: Mapping[tuple[int, int], tuple[Search, Search]]
 ) -> list[Search]:
-    """Aim the searches of one minimum at where a truth is held in 95 %, and return those that move.
+    """Aim the searches at where a truth is held in 95 %, and return those that move.
 
-    pairs: the two searches of unknowns, which have found the ends of one rise. t: half an interval
-    in standard errors. The ends of a parameter that cannot be negative move if it is near 0; those
-    of the others if there is just one such parameter.
+    m: the straight `Minima`. pairs: by minimum and unknown the two searches that have found the
+    ends of one rise. The ends of a parameter that cannot be negative move if it is near 0; those of
+    the others if there is just one such parameter.
     """
-    near = {}
-    for i, ends in pairs.items():
-        x, unit = _in_errors(fit, end, t, i, ends)
-        if np.isfinite(x) and x < 2.0 * TWO_SIDED:
-            near[i] = x, unit
-    roots = {i: own_roots(np.array([x])) for i, (x, _) in near.items()}
-    if len(near) == 1:
-        ((i, (x, unit)),) = near.items()
-        wide = end.known.wide
-        with np.errstate(all="ignore"):
-            along = wide[i] / wide[i, i] * unit
-            left = np.maximum(np.diagonal(wide) - wide[i] ** 2 / wide[i, i], 0.0)
-            apart = t / TWO_SIDED * np.sqrt(end.known.variance * left)
-            low, high = other_roots(np.array(x), along / np.hypot(along, apart))
-        roots |= {j: (low[j : j + 1], high[j : j + 1]) for j in pairs if j != i}
+    known, unit = m.known, m.t / TWO_SIDED * np.sqrt(m.known.variance)
+    x, one = (np.full(m.y.shape, np.nan) for _ in range(2))
+    for j in {j for _, j in pairs}:
+        rows = np.array([i for i, other in pairs if other == j])
+        root, high = np.transpose([
+            (TWO_SIDED * lower.root_at(lower.room), upper.end)
+            for lower, upper in (pairs[i, j] for i in rows.tolist())
+        ])  # fmt: skip
+        reach, sigma = (a[rows] for a in unbounded(moving[j], m.y[:, j], known, j))
+        slope = np.maximum(-2.0 * reach / (m.t[rows] * sigma / TWO_SIDED) ** 2, 0.0)
+        high = np.where(m.linear[rows, j], np.sqrt(high), high)
+        best = np.where(known.at_bound[rows, j] == "low", 0.0, m.y[rows, j])
+        x[rows, j], one[rows, j] = by_valley(best, slope, root, high)
+    near = x < 2.0 * TWO_SIDED
+    roots = np.where(near[..., None], np.stack(own_roots(x), -1), np.nan)
+    single = np.flatnonzero(near.sum(1) == 1)
+    if len(single):
+        i = near[single].argmax(1)
+        wide = known.wide[single]
+        row = np.take_along_axis(wide, i[:, None, None], 1)[:, 0]
+        own = np.take_along_axis(row, i[:, None], 1)
+        along = row / own * one[single, i][:, None]
+        left = np.maximum(np.diagonal(wide, axis1=1, axis2=2) - row**2 / own, 0.0)
+        apart = unit[single, None] * np.sqrt(left)
+        both = other_roots(x[single, i][:, None], along / np.hypot(along, apart))
+        roots[single] = np.where(near[single][..., None], roots[single], np.stack(both, -1))
     moved = []
-    for j, both in roots.items():
-        for search, root in zip(pairs[j], both, strict=True):
-            aim = float(root[0]) / TWO_SIDED  # NaN: nothing is known of the correlation
+    for (i, j), searches in pairs.items():
+        for search, root in zip(searches, roots[i, j].tolist(), strict=True):
+            aim = root / TWO_SIDED  # NaN: nothing is known of the correlation
             if abs(aim - 1.0) > _LEAST and np.isfinite(search.found):
                 search.aim(aim)
                 moved.append(search)

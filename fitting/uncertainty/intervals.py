@@ -21,38 +21,77 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.problem.problem import Problem
+from fitting.problem.lanes import Limits
 from fitting.problem.programs import LOSSES
+from fitting.problem.unknowns import Unknowns
 from fitting.residuals.error_model import ERRORS
 from fitting.results.result_parts import NONE, PROFILE, QUADRATIC
-from fitting.samples.parameters import LOG, SQUARE, Unknown, from_parameter, value_and_slope
+from fitting.samples.parameters import (
+    LEAST_SQUARE,
+    LOG,
+    SQUARE,
+    Unknown,
+    from_parameter,
+    value_and_slope,
+)
 from fitting.uncertainty.beside_zero import interval_from_zero
 from fitting.uncertainty.bounded_parameters import aim_beside_zero, may_be_zero, unbounded
-from fitting.uncertainty.covariance import End, Uncertainty
-from fitting.uncertainty.limits import ROUNDING, student_quantile
-from fitting.uncertainty.profile import FEW_ROUNDS, ROUNDS, Base, Search, follow, visit
+from fitting.uncertainty.covariance import Uncertainty
+from fitting.uncertainty.profile import FEW_ROUNDS, ROUNDS, Base, Lanes, Search, follow, visit
 
 AUTO = "auto"
 KINDS = (AUTO, QUADRATIC, PROFILE)
 OFF = 0.1
 
 
-class Intervals(NamedTuple):
-    """Of one minimum, over all p unknowns: ends (p, 2), the quadratic ones too; kind of each.
+class Minima(NamedTuple):
+    """n minima, of one fit or of many, of which intervals are wanted.
 
-    NaN where there is none. limits: (p,), upper limits of what is compatible with 0; NaN for what
-    is not, by the profile or at once. lowest: the least cost that was met, and where (p,).
-    inside: (K, p), the places within these intervals that lie next to their ends by profile, all
-    unknowns in the solver's coordinates. t: half an interval in standard errors.
+    which: (n,) the curve of each. y: (n, p). cost: (n,). t: (n,) half an interval in standard
+    errors. rounding: (n,), a rise of the cost below it is rounding. wanted: (n,), of KINDS. linear:
+    (n, p), of which unknowns in squares the data are linear in the parameter itself.
+    """
+
+    which: np.ndarray
+    y: np.ndarray
+    cost: np.ndarray
+    known: Uncertainty
+    t: np.ndarray
+    rounding: np.ndarray
+    wanted: np.ndarray
+    linear: np.ndarray
+
+    def straight(self) -> Minima:
+        """Return these in the coordinates in which the data are nearly linear."""
+        x = np.where(self.linear, np.sqrt(np.maximum(self.y, LEAST_SQUARE)), 0.5)
+        slope, known = 0.5 / x, self.known
+        both = slope[:, :, None] * slope[:, None, :]
+        return self._replace(
+            y=np.where(self.linear, np.sqrt(self.y), self.y),
+            known=known._replace(
+                covariance=known.covariance * both, wide=known.wide * both,
+                wide_step=known.wide_step * slope,
+            ),
+        )  # fmt: skip
+
+
+class Intervals(NamedTuple):
+    """Of n minima, over all p unknowns: ends (n, p, 2), the quadratic ones too; kind (n, p).
+
+    NaN where there is none. limits: (n, p), upper limits of what is compatible with 0; NaN for what
+    is not, by the profile or at once. lowest: the least cost that was met, (n,), and where (n, p).
+    inside: (n, 2p, p), the places within these intervals that lie next to their ends by profile,
+    all unknowns in the solver's coordinates; NaN where there is none. t: half an interval in
+    standard errors.
     """
 
     ends: np.ndarray
     quadratic: np.ndarray
-    kind: tuple[str, ...]
+    kind: np.ndarray
     limits: np.ndarray
-    lowest: tuple[float, np.ndarray]
+    lowest: tuple[Any, np.ndarray]
     inside: np.ndarray
-    t: float
+    t: Any
 
 
 def check_choices(loss: str, errors: str, intervals: str) -> None:
@@ -63,89 +102,108 @@ def check_choices(loss: str, errors: str, intervals: str) -> None:
             raise ValueError(f"{name} is {came!r}; one of {', '.join(wanted)} was wanted.")
 
 
-def _from_zero(moving: Sequence[Unknown], y: np.ndarray, known: Uncertainty, t: Any) -> np.ndarray:
-    """Return quadratic intervals (..., p, 2) of parameters that cannot be negative and may be 0.
+def total_reflection(u: Unknowns, y: np.ndarray, critical: Any) -> np.ndarray:
+    """Return `Minima.linear` (n, p) at y (n, p): k of an interface in total reflection.
+
+    Its reflectance falls with k there, not with k^2, of which the limit would be 12 times too
+    small. critical: the largest index (n,) that reflects totally.
+    """
+    out, names = np.zeros(y.shape, bool), [n.rpartition(".")[2] for n in u.spec.moving]
+    if sorted(n for n in names if n in ("eta", "k")) == ["eta", "k"]:
+        k = names.index("k")
+        eta = y[:, names.index("eta")]
+        square = u.moving[k].parameter.coordinate == SQUARE
+        out[:, k] = square & (eta < critical) & (y[:, k] < eta**2)
+    return out
+
+
+def _from_zero(moving: Sequence[Unknown], m: Minima) -> np.ndarray:
+    """Return quadratic intervals (n, p, 2) of parameters that cannot be negative and may be 0.
 
     NaN for the others. A square (k where the data depend on k^2) is compatible with 0 within three
     standard errors of the square; another parameter whose range begins at 0, if it ended there.
     """
-    out = np.full((*y.shape, 2), np.nan)
+    out = np.full((*m.y.shape, 2), np.nan)
     for i, u in enumerate(moving):
-        value, sigma = unbounded(u, y[..., i], known, i)
-        ends = np.stack(interval_from_zero(value, sigma, np.asarray(t)), -1)
+        value, sigma = unbounded(u, m.y[:, i], m.known, i)
+        ends, near = np.stack(interval_from_zero(value, sigma, m.t), -1), m.known.at_bound[:, i]
         if u.parameter.coordinate == SQUARE:
-            near = y[..., i] < 3.0 * sigma
-            out[..., i, :] = np.sqrt(np.where(near[..., None], ends, np.nan))
-        else:
-            out[..., i, :] = np.where((known.at_bound[..., i] == "low")[..., None], ends, np.nan)
+            ends = np.where(m.linear[:, i, None], ends, np.sqrt(ends))
+            near = np.where(m.y[:, i] < 3.0 * sigma, "low", "")
+        out[:, i] = np.where((near == "low")[:, None], ends, np.nan)
     return out
 
 
-def _of(fit: Problem, j: int, y: float) -> float:
-    """Return the parameter at the solver's coordinate."""
-    return float(value_and_slope(fit.u.moving[j].parameter.coordinate, np.array(y))[0])
-
-
 @np.errstate(all="ignore")
-def quadratic(
-    moving: Sequence[Unknown], y: np.ndarray, known: Uncertainty, t: Any
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the quadratic intervals (..., p, 2) at minima y (..., p), and upper limits (..., p).
+def _quadratic(moving: Sequence[Unknown], m: Minima) -> tuple[np.ndarray, np.ndarray]:
+    """Return the quadratic intervals (n, p, 2) at straight minima, and upper limits (n, p).
 
-    t: (...), half an interval in standard errors. NaN where there is none.
+    NaN where there is none.
     """
-    from_zero = _from_zero(moving, y, known, t)
-    out, sides = np.full((*y.shape, 2), np.nan), np.array([-1.0, 1.0])
-    variance = np.diagonal(known.covariance, axis1=-2, axis2=-1)
+    from_zero, known = _from_zero(moving, m), m.known
+    out, sides = np.full((*m.y.shape, 2), np.nan), np.array([-1.0, 1.0])
+    variance = np.diagonal(known.covariance, axis1=1, axis2=2)
     for i, unknown in enumerate(moving):
         kind = unknown.parameter.coordinate
         if not unknown.free:
             continue
-        half = (t * np.sqrt(variance[..., i]))[..., None]
+        y, half = m.y[:, i, None], (m.t * np.sqrt(variance[:, i]))[:, None]
+        x = value_and_slope(kind, y)[0] if kind == LOG else y
+        ends = x + half * (x if kind == LOG else 1.0) * sides
         if kind == SQUARE:
-            ends = np.sqrt(np.maximum(y[..., i, None] + half * sides, 0.0))
-        else:
-            x = value_and_slope(kind, y[..., i, None])[0]
-            ends = x + half * (x if kind == LOG else 1.0) * sides
+            ends = np.where(m.linear[:, i, None], ends, np.sqrt(np.maximum(ends, 0.0)))
         ends = np.where(np.isnan(half), np.nan, ends)
-        ends = np.where(np.isfinite(from_zero[..., i, :]), from_zero[..., i, :], ends)
-        ends = np.where(known.unseen_of[..., i, None], np.nan, ends)
-        out[..., i, :] = np.clip(ends, unknown.low, unknown.high)
-    return out, from_zero[..., 1]
+        ends = np.where(np.isfinite(from_zero[:, i]), from_zero[:, i], ends)
+        ends = np.where(known.unseen_of[:, i, None], np.nan, ends)
+        out[:, i] = np.clip(ends, unknown.low, unknown.high)
+    return out, np.where(known.unseen_of, np.nan, from_zero[:, :, 1])
 
 
 class _Pair(NamedTuple):
-    """The two searches for the ends of one parameter."""
+    """The two searches for the ends of one parameter of a minimum."""
 
     base: int
     j: int
     searches: tuple[Search, Search]
 
 
-def _pair(
-    fit: Problem, end: End, base: Base, at: int, j: int, ends: np.ndarray, t: float, wanted: str
-) -> _Pair:
-    """Return the searches, whose first places are the ends of the quadratic interval.
+@np.errstate(all="ignore")
+def _pairs(
+    moving: Sequence[Unknown], limits: Limits, m: Minima, plain: np.ndarray, near: np.ndarray,
+    some: np.ndarray,
+) -> list[_Pair]:  # fmt: skip
+    """Return the searches, whose first places are the ends of the quadratic intervals.
 
-    To see whether that is right (AUTO): places on either side of them.
+    To see whether these are right (AUTO): places on either side of them. near: (n, p), what may be
+    0. some: (n, p), of which they are wanted.
     """
-    kind = fit.u.moving[j].parameter.coordinate
-    usual = t * end.known.edge[j] * np.sqrt(end.known.variance)
-    if not (np.isfinite(usual) and usual > 0.0):
-        usual = 0.1 * max(abs(end.y[j]), 1.0)
-    first: list[list[float]] = []
-    for sign, place in ((-1.0, ends[0]), (1.0, ends[1])):
-        limit = base.high[j] if sign > 0.0 else base.low[j]
-        c = float(from_parameter(kind, place)) if np.isfinite(place) else np.nan
-        far = sign * (c - end.y[j])
-        # A symmetric interval of a parameter with a logarithmic coordinate may reach nearly to 0.
-        odd = kind == LOG and (far > 3.0 * usual or c == limit)
-        good = np.isfinite(far) and far > 0.0 and not odd
-        far = far if good else usual
-        both = [(1.0 - OFF) * far, (1.0 + OFF) * far]
-        first.append(both if wanted == AUTO and good else [far])
-    lower = Search(base, j, -1.0, first[0], limit_too=may_be_zero(fit, end, j))
-    return _Pair(at, j, (lower, Search(base, j, 1.0, first[1])))
+    usual = m.t[:, None] * m.known.edge * np.sqrt(m.known.variance)[:, None]
+    usual = np.where(usual < np.inf, usual, 0.0)
+    usual = np.where(usual > 0.0, usual, 0.1 * np.maximum(np.abs(m.y), 1.0))[..., None]
+    kinds = [w.parameter.coordinate for w in moving]
+    places = [from_parameter(kind, plain[:, j]) for j, kind in enumerate(kinds)]
+    places = np.stack(places, 1) if places else plain
+    far = (places - m.y[..., None]) * [-1.0, 1.0]
+    # A symmetric interval of a parameter with a logarithmic coordinate may reach nearly to 0.
+    logs = np.array([kind == LOG for kind in kinds])[:, None]
+    odd = logs & ((far > 3.0 * usual) | (places == np.stack(limits, -1)))
+    good = np.isfinite(far) & (far > 0.0) & ~odd
+    far = np.where(good, far, usual)
+    own = np.diagonal(m.known.wide, axis1=1, axis2=2)[:, None]
+    along = np.nan_to_num(np.where(own > 0.0, m.known.wide / own, 0.0))
+    rise = m.t**2 * m.known.rise
+    test = good & (m.wanted == AUTO)[:, None, None]
+    first = far[..., None] * np.where(test[..., None], [1.0 - OFF, 1.0 + OFF], 1.0)
+    out, first, cost, rise = [], first.tolist(), m.cost.tolist(), rise.tolist()
+    for i in np.flatnonzero(some.any(1)).tolist():
+        base = Base(m.which[i], m.y[i], cost[i], along[i], *limits, rise[i], [], [])
+        for j in np.flatnonzero(some[i]).tolist():
+            lower, upper = (
+                Search(base, j, sign, first[i][j][side], limit_too=side == 0 and near[i, j])
+                for side, sign in enumerate((-1.0, 1.0))
+            )
+            out.append(_Pair(i, j, (lower, upper)))
+    return out
 
 
 def _right(pair: _Pair) -> bool:
@@ -160,76 +218,49 @@ def _right(pair: _Pair) -> bool:
     return True
 
 
-def _start(fit: Problem, end: End, t: float) -> tuple[Intervals, Base]:
-    """Return the quadratic intervals at a minimum, and from where the search goes out."""
-    plain, limits = quadratic(fit.u.moving, end.y, end.known, t)
-    with np.errstate(all="ignore"):
-        own = np.diagonal(end.known.wide)
-        along = np.nan_to_num(np.where(own > 0.0, end.known.wide / own, 0.0))
-    kind = tuple(NONE if np.isnan(q).any() else QUADRATIC for q in plain)
-    base = Base(end.y, end.cost, along, *fit.limits, t**2 * end.known.rise, [], [])
-    lowest, inside = (end.cost, end.y), end.y[None][:0]
-    found = Intervals(plain.copy(), plain, kind, limits, lowest, inside, t)
-    return found, base
-
-
 def intervals(
-    fit: Problem,
-    ends: Sequence[End],
-    noise: float,
-    *,
-    wanted: str,
-    estimated: bool,
-    enough: float = -np.inf,
-) -> list[Intervals]:
-    """Return the 95 % intervals at some minima of a fit.
+    u: Unknowns, limits: Limits, m: Minima, at: Lanes, enough: float = -np.inf
+) -> Intervals:
+    """Return the 95 % intervals at some minima.
 
-    wanted: one of KINDS. estimated: whether the scale of the errors comes from the scatter (t with
-    its degrees of freedom, else the normal law). enough: where a cost below it is met, the search
-    for ends by profile stops; `lowest` says where.
+    limits: bounds (p,). at: where the searches take their steps. enough: where a cost below it is
+    met, the search for ends by profile stops; `lowest` says where.
     Accuracy: at the ends by profile the root of the rise is right to 1e-3 of itself (coverage to
     .0002), and so is their distance from the minimum, but where the cost hardly rises.
     """
-    t = student_quantile(max(fit.dof, 1) if estimated else 0)
-    starts = [_start(fit, end, t) for end in ends]
-    out = [found for found, _ in starts]
-    if wanted == QUADRATIC:
-        return out
-    pairs = [
-        _pair(fit, ends[at], base, at, int(j), out[at].quadratic[j], t, wanted)
-        for at, (_, base) in enumerate(starts)
-        if base.rise > ROUNDING * fit.squares / noise**2
-        for j in np.flatnonzero(fit.u.free)
-        if wanted == PROFILE or not ends[at].known.unseen_of[j]
-    ]
-    if wanted == AUTO and pairs:
-        visit(fit, [s for pair in pairs for s in pair.searches], noise)
-        pairs = [
-            pair for pair in pairs
-            if any(ends[pair.base].known.at_bound)
-            or np.isfinite(out[pair.base].limits[pair.j])
-            or not _right(pair)
-        ]  # fmt: skip
-    rounds = ROUNDS if wanted == PROFILE else FEW_ROUNDS
-    follow(fit, [s for pair in pairs for s in pair.searches], noise, rounds, enough)
-    moved = []
-    for at, end in enumerate(ends):
-        own = {pair.j: pair.searches for pair in pairs if pair.base == at}
-        moved += aim_beside_zero(fit, end, t, own)
-    follow(fit, moved, noise, rounds, enough)
-    for at, j, both in pairs:
-        found = out[at]
+    moving, (count, size), straight = u.moving, m.y.shape, m.straight()
+    plain, upper = _quadratic(moving, straight)
+    out = Intervals(
+        plain.copy(), plain, np.where(np.isnan(plain).any(-1), NONE, QUADRATIC), upper,
+        (m.cost.copy(), m.y.copy()), np.full((count, 2 * size, size), np.nan), m.t,
+    )  # fmt: skip
+    some = (m.wanted != QUADRATIC) & (m.t**2 * m.known.rise > m.rounding)
+    some = some[:, None] & u.free
+    near = [may_be_zero(w, straight.y[:, j], straight.known, j) for j, w in enumerate(moving)]
+    pairs = _pairs(moving, limits, m, plain, np.transpose(near), some)
+    visit(at, [s for pair in pairs for s in pair.searches if m.wanted[pair.base] == AUTO])
+    sure = (m.wanted == AUTO)[:, None] & ~np.isfinite(upper)
+    sure &= ~(m.known.at_bound != "").any(1, keepdims=True)
+    pairs = [pair for pair in pairs if not (sure[pair.base, pair.j] and _right(pair))]
+    # Where nothing is known of how far it is, an end takes longer.
+    far = (some & ((m.wanted == PROFILE)[:, None] | m.known.unseen_of)).any()
+    rounds = ROUNDS if far else FEW_ROUNDS
+    follow(at, [s for pair in pairs for s in pair.searches], rounds, enough)
+    by_place = {(pair.base, pair.j): pair.searches for pair in pairs}
+    moved = aim_beside_zero(moving, straight, by_place)
+    follow(at, moved, rounds, enough)
+    for i, j, both in pairs:
         # Exponential and logarithm return a bound up to rounding only.
-        unknown = fit.u.moving[j]
-        values = np.clip([_of(fit, j, s.end) for s in both], unknown.low, unknown.high)
-        kind = list(found.kind)
-        if not np.isnan(values).any():
-            found.ends[j], kind[j] = values, PROFILE
-            if np.isfinite(found.limits[j]):
-                found.limits[j] = values[1] if values[0] == 0.0 else np.nan
-        inside = np.concatenate([found.inside, *(s.y[s.out - 1][None] for s in both)])
-        out[at] = found._replace(kind=tuple(kind), inside=inside)
-    return [
-        found._replace(lowest=min([found.lowest, *base.lower], key=lambda met: met[0]))
-        for found, (_, base) in zip(out, starts, strict=True)
-    ]
+        ends = value_and_slope(moving[j].parameter.coordinate, np.array([s.end for s in both]))[0]
+        # That the data leave all the range of what they do not see goes without saying.
+        told = m.wanted[i] == PROFILE or not m.known.unseen_of[i, j] or ends[1] < moving[j].high
+        if told and not np.isnan(ends).any():
+            ends = np.clip(ends, moving[j].low, moving[j].high)
+            out.ends[i, j], out.kind[i, j] = ends, PROFILE
+            if np.isfinite(upper[i, j]):
+                upper[i, j] = ends[1] if ends[0] == 0.0 else np.nan
+        out.inside[i, 2 * j : 2 * j + 2] = [s.y[s.out - 1] for s in both]
+        for cost, y in both[0].base.lower:
+            if cost < out.lowest[0][i]:
+                out.lowest[0][i], out.lowest[1][i] = cost, y
+    return out

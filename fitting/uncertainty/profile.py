@@ -16,12 +16,14 @@ D. J. Venzon and S. H. Moolgavkar, Applied Statistics 37, 87 (1988), doi:10.2307
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from fitting.problem.problem import Problem
+from fitting.problem.lanes import Ends
 
 # An end is found if the root is this near to 1, or between two places this near to each other.
 CLOSE, TIGHT = 1e-3, 1e-4
@@ -43,12 +45,13 @@ FARTHEST = 1e9
 class Base(NamedTuple):
     """A minimum around which the ends of intervals are searched for.
 
-    y: (p,). cost: there. along: (p, p), column j: how the others go with y_j near it. low, high:
-    bounds (p,). rise: of the cost. All searches add to two lists: inside: places where the cost is
-    within that rise, and the unknown that was held there; lower: costs below that of the minimum,
-    and where they are.
+    which: the curve that it is one of. y: (p,). cost: there. along: (p, p), column j: how the
+    others go with y_j near it. low, high: bounds (p,). rise: of the cost. All searches add to two
+    lists: inside: places where the cost is within that rise, and the unknown that was held there;
+    lower: costs below that of the minimum, and where they are.
     """
 
+    which: int
     y: np.ndarray
     cost: float
     along: np.ndarray
@@ -118,23 +121,23 @@ class Search:
         since an extrapolated one may lie where the model has no meaning, or off the floor of a
         curved valley. A third is the nearest place of another search, since valleys have branches.
         """
-        i = int(np.searchsorted(self.far, far))
-        if i == len(self.far) or not np.isfinite(self.root[i]):
+        i = bisect_left(self.far, far)
+        if i == len(self.far) or self.root[i] == np.inf:
             y = self.y[i - 1] + self.sign * (far - self.far[i - 1]) * self._slope(i - 1)
         else:
             share = (far - self.far[i - 1]) / (self.far[i] - self.far[i - 1])
             y = self.y[i - 1] + share * (self.y[i] - self.y[i - 1])
-        starts = [self._within(y, far), self._within(self.y[i - 1], far)]
+        starts = [self._held(y, far), self._held(self.y[i - 1], far)]
         others = [at for j, at in self.base.inside if j != self.j]
         if others:
-            nearest = min(others, key=lambda at: abs(at[self.j] - starts[0][self.j]))
-            starts.append(self._within(nearest, far))
+            held = starts[0][self.j]
+            starts.append(self._held(min(others, key=lambda at: abs(at[self.j] - held)), far))
         return Place(far, starts)
 
-    def _within(self, y: np.ndarray, far: float) -> np.ndarray:
-        out = np.clip(y, self.base.low, self.base.high)
-        held = self.base.y[self.j] + self.sign * far
-        out[self.j] = np.clip(held, self.base.low[self.j], self.base.high[self.j])
+    def _held(self, y: np.ndarray, far: float) -> np.ndarray:
+        """Return y with the unknown at this distance; the lanes keep all within their bounds."""
+        out = y.copy()
+        out[self.j] = self.base.y[self.j] + self.sign * far
         return out
 
     def _slope(self, i: int) -> np.ndarray:
@@ -151,13 +154,13 @@ class Search:
         if cost < self.base.cost:
             self.base.lower.append((cost, y))
         height = (cost - self.base.cost) / self.height
-        root = float(np.sqrt(max(height, 0.0))) if np.isfinite(height) else np.inf
+        root = math.sqrt(max(height, 0.0)) if height < np.inf else np.inf
         if root <= 1.0:
             self.base.inside.append((self.j, y))
         if not rested and 1.0 < root < np.inf and place.visits < PATIENCE:
             self.under_way.append(Place(place.far, [y], place.visits + 1))
             return
-        i = int(np.searchsorted(self.far, place.far))
+        i = bisect_left(self.far, place.far)
         if i == len(self.far) or self.far[i] != place.far:
             self.far.insert(i, place.far)
             self.root.insert(i, root)
@@ -189,7 +192,7 @@ class Search:
                 return
             if self._cliff(out):
                 self.again.append(high)
-                start = self._within(self.y[out - 1], high)
+                start = self._held(self.y[out - 1], high)
                 self.under_way.append(Place(high, [start], PATIENCE))
             self.under_way = [p for p in self.under_way if low < p.far <= high]
             some = self._between(out, most)
@@ -212,8 +215,8 @@ class Search:
         guess = far / root if root > 0.0 else np.inf
         if len(self.far) > 2:
             bent = _through(self.far[-3:], self.root[-3:])
-            guess = bent if np.isfinite(bent) and bent > far else guess
-        guess = float(np.clip(guess, 1.02 * far, FARTHER * far))
+            guess = bent if far < bent < np.inf else guess
+        guess = min(max(guess, 1.02 * far), FARTHER * far)
         some = [far + (guess - far) * part for part in (1.0, 1.5, 0.7, 3.0, 6.0)[:most]]
         return list(dict.fromkeys(min(each, self.room) for each in some))
 
@@ -223,7 +226,7 @@ class Search:
         a, b = self.root[out - 1], self.root[out]
         self.brackets.append(high - low)
         slow = len(self.brackets) > 2 and high - low > 0.25 * self.brackets[-3]
-        if slow or not np.isfinite(b):
+        if slow or b == np.inf:
             guess = 0.5 * (low + high)
         else:
             edge = 0.02 * (high - low)
@@ -233,7 +236,7 @@ class Search:
                 order = sorted((third, out - 1, out))
                 bent = _through([self.far[i] for i in order], [self.root[i] for i in order])
                 guess = bent if low < bent < high else guess
-            guess = float(np.clip(guess, low + edge, high - edge))
+            guess = min(max(guess, low + edge), high - edge)
         more = most - 1 if most < 4 else 3
         parts = (0.5, 0.2, 0.8)[:more] if more < 3 else (0.25, 0.5, 0.75)
         return [guess, *(low + (high - low) * part for part in parts)]
@@ -249,30 +252,34 @@ def _through(far: Sequence[float], root: Sequence[float]) -> float:
     return d0 + (1.0 - r0) * (first + (1.0 - r1) * bend)
 
 
-def visit(fit: Problem, searches: Sequence[Search], noise: float) -> None:
-    """Visit the next places of every search that has no end yet.
+class Lanes(NamedTuple):
+    """The lanes of one fit or of many: ``run`` takes starts (p, L), the coordinate of each that
+    stays (L,), its curve (L,), and how many evaluations. count: how many run side by side."""
 
-    noise: what residuals are divided by.
-    """
-    todo = [s for s in searches if np.isnan(s.found)]
+    run: Callable[[np.ndarray, np.ndarray, np.ndarray, int], Ends]
+    count: int
+
+
+def visit(at: Lanes, searches: Sequence[Search]) -> None:
+    """Visit the next places of every search that has no end yet."""
+    todo = [s for s in searches if math.isnan(s.found)]
     lanes = [(s, p, y) for s in todo for p in s.under_way for y in p.starts]
     if not lanes:
         return
     start = np.stack([y for _, _, y in lanes], 1)
-    ends = fit.pinned(start, np.array([s.j for s, _, _ in lanes]), noise, EVALUATIONS)
-    lane = 0
+    row, which = np.array([(s.j, s.base.which) for s, _, _ in lanes]).T
+    y, cost, rested, _ = at.run(start, row, which, EVALUATIONS)
+    cost, rested, lane = cost.tolist(), rested.tolist(), 0
     for s in todo:
         places, s.under_way = s.under_way, []
         for p in places:
             own = range(lane, lane + len(p.starts))
             lane += len(p.starts)
-            best = min(own, key=lambda i: ends.cost[i])
-            s.visited(p, ends.y[:, best], float(ends.cost[best]), bool(ends.done[best]))
+            best = min(own, key=cost.__getitem__)
+            s.visited(p, y[:, best], cost[best], rested[best])
 
 
-def follow(
-    fit: Problem, searches: Sequence[Search], noise: float, rounds: int, enough: float
-) -> None:
+def follow(at: Lanes, searches: Sequence[Search], rounds: int, enough: float) -> None:
     """Continue until every search has its end, or for the given number of rounds.
 
     An end that was not found by then is the nearest place that is known to lie outside; if none is
@@ -280,14 +287,14 @@ def follow(
     ``enough`` ends all searches at once, since a lower minimum has other intervals.
     """
     for _ in range(rounds):
-        todo = [s for s in searches if np.isnan(s.found)]
+        todo = [s for s in searches if math.isnan(s.found)]
         if not todo or any(cost < enough for s in searches for cost, _ in s.base.lower):
             return
         for s in todo:
             # As many places as there are lanes, since an idle lane takes the same time.
-            s.choose(max(1, min(4, fit.lanes // (3 * len(todo)))))
-        visit(fit, todo, noise)
+            s.choose(max(1, min(4, at.count // (3 * len(todo)))))
+        visit(at, todo)
     for s in searches:
         s.choose(1)
-        if np.isnan(s.found):
+        if math.isnan(s.found):
             s.found = (*s.far, s.room)[s.out]

@@ -229,7 +229,6 @@ def test_a_bad_pixel_is_refused_by_itself(sample):
     [
         ({"sample": "air | auto 100 nm | Si"}, "use choose"),
         ({"sample": "air | free 50..200 nm | Si"}, "one wavelength a call"),
-        ({"intervals": "profile"}, "quadratic intervals"),
         ({"errors": "floor"}, "estimated for single curves"),
         ({"start": {"A": 1.5}}, "no value of B, thickness_nm"),
         ({"R": np.full((4, 7), 0.3)}, "do not go together"),

@@ -125,7 +125,10 @@ def test_one_reflectance_at_normal_incidence_leaves_a_whole_circle(R):
     b = np.sqrt(a * a - 1.0)
     assert found.status == "undetermined"
     assert found.parameters["eta"].interval_kind == "profile"
-    np.testing.assert_allclose(found.parameters["eta"].interval, [a - b, a + b], rtol=2e-3)
+    # a low end that is 2e4 times less than the width is known to a part of that
+    np.testing.assert_allclose(
+        found.parameters["eta"].interval, [a - b, a + b], rtol=2e-3, atol=2e-5 * b
+    )
     np.testing.assert_allclose(found.parameters["k"].interval, [0.0, b], rtol=2e-3, atol=0.0)
     assert found.warnings[0].code == "circle"
 

@@ -248,7 +248,7 @@ def test_an_undetermined_index_has_the_range_of_its_circle():
     low, high = (1.0 - root) / (1.0 + root), (1.0 + root) / (1.0 - root)
     np.testing.assert_allclose(found.parameters["eta"].interval, [low, high], rtol=2e-3)
     np.testing.assert_allclose(found.parameters["k"].interval, [0.0, 2.0 * root / 0.7], rtol=2e-3)
-    assert kinds(fit(m, "constant", errors="stated")) == ("none", "none")
+    assert kinds(fit(m, "constant", errors="stated")) == ("profile", "profile")
 
 
 def test_plain_data_and_refusal(glass):
