@@ -59,6 +59,8 @@ TABLE = {
 QUANTITIES = tuple(TABLE)
 NAME = f"<U{max(map(len, QUANTITIES))}"  # an array of names
 POWERS = tuple(name for name, quantity in TABLE.items() if quantity.kind == POWER)
+# Those that one bare surface shows.
+REFLECTED = tuple(name for name in POWERS if not TABLE[name].of_layer)
 ANGLES = tuple(name for name, quantity in TABLE.items() if quantity.kind == ANGLE)
 # Powers of light of any polarization, R and T; and those of s- and p-polarized light, R_s to T_p.
 POWER_LETTERS = tuple(name for name in POWERS if {f"{name}_s", f"{name}_p"} <= set(POWERS))

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from fitting.data.quantities import REFLECTED
 from fitting.outcomes.outcome import Shaped
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.unknowns import Unknowns
@@ -37,7 +38,6 @@ from fitting.samples.dispersion import Model
 from fitting.samples.parameters import from_parameter, value_and_slope
 from fitting.searching.batch_search import BatchSearch
 from fitting.searching.minima import scatters
-from fitting.searching.surface_mesh import POWERS_OF_SURFACE
 from fitting.uncertainty.covariance import Uncertainty
 from fitting.uncertainty.limits import ROUNDING
 
@@ -281,7 +281,7 @@ def _place(u: Unknowns) -> list[int] | None:
     """Return which unknowns are eta and k of one boundary, if nothing but the data tells them."""
     free = [n.rpartition(".")[2] if w.free and not w.prior else ""
             for n, w in zip(u.spec.moving, u.moving, strict=True)]  # fmt: skip
-    one = len(u.spec.media.index) == 1 and set(u.spec.channels) <= set(POWERS_OF_SURFACE)
+    one = len(u.spec.media.index) == 1 and set(u.spec.channels) <= set(REFLECTED)
     return [free.index("eta"), free.index("k")] if one and {"eta", "k"} <= {*free} else None
 
 
@@ -387,7 +387,7 @@ def with_verdicts(found: FitData) -> FitData:
     sample, m = found.sample, found.measurement
     if found.shape or sample is None or m is None or not sample.bare:
         return found
-    if not np.isin(m.quantity, POWERS_OF_SURFACE).all() or not np.isfinite(sample.eta_i):
+    if not np.isin(m.quantity, REFLECTED).all() or not np.isfinite(sample.eta_i):
         return found
     one_index = sample.by_wavelength or sample.media[1].index == _CONSTANT
     waves = np.zeros(len(m)) if one_index else m.wavelength_um

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fitting.data.quantities import REFLECTED
 from fitting.problem.curve_lanes import Curves
 from fitting.samples.parameters import from_parameter
 from fitting.searching.batch_search import BatchSearch
@@ -35,7 +36,7 @@ def of_bare_surface(search: BatchSearch) -> bool:
     """Whether all that is fitted is eta and k of one boundary, to powers alone."""
     spec = search.job.u.spec
     names = {name.rpartition(".")[2] for name in spec.moving}
-    return names == {"eta", "k"} and spec.media.bare and {*spec.channels} <= {"R_s", "R_p", "R"}
+    return names == {"eta", "k"} and spec.media.bare and {*spec.channels} <= {*REFLECTED}
 
 
 def _plane(rows: int, columns: int, lowest: float) -> np.ndarray:
