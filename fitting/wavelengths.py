@@ -1,7 +1,6 @@
 """A sample whose index is free at every wavelength: W fits of one kind, run as one batch.
 
-It takes R, T, psi and Delta of an interface, a plate or films of known thickness. (eta and k of a
-bare surface from powers alone are fitted by `bare_surface`.)
+It takes R, T, psi and Delta of an interface, a plate or films of known thickness.
 """
 
 from __future__ import annotations

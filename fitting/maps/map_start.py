@@ -15,10 +15,8 @@ import numpy as np
 
 from fitting.batch_arrays import without_refused
 from fitting.batches import fit_many
-from fitting.data.quantities import POWERS
 from fitting.fit_result import Fit
 from fitting.maps.cube import Cube
-from fitting.problem.evaluation import EachFit
 from fitting.results.result_parts import CONVERGED
 from fitting.samples.sample import Sample
 
@@ -95,18 +93,10 @@ def has_data(values: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def begin(
-    cube: Cube, sample: Sample, options: Mapping[str, Any], shared: tuple[str, ...], block: int
+    cube: Cube, sample: Sample, options: Mapping[str, Any], shared: tuple[str, ...]
 ) -> Start:
-    """Return where the fits of a map begin; options: of `fit_many`; block: curves of a block."""
+    """Return where the fits of a map begin; options: of `fit_many`."""
     values, sigma, _ = usable(*cube.on_grid())
-    changed = shared or any(options.get(n) for n in ("free", "fixed", "bounds", "tie"))
-    if sample.bare and sample.by_wavelength and set(values) <= set(POWERS) and not changed:
-        # Only names and options are looked at, with the program of the blocks: there is one for
-        # many curves, and one for few.
-        block = min(block, SEVERAL + 1)
-        values = {q: _longer(v, block) for q, v in values.items()}
-        if isinstance(sigma, Mapping):
-            sigma = {q: _longer(s, block, 1.0) for q, s in sigma.items()}
     if not has_data(values).any():
         raise ValueError(
             "none of the pixels on a grid over the map has a curve that can be fitted: all are "
@@ -140,7 +130,8 @@ def begin(
     good = np.ravel(np.asarray(found.status) == CONVERGED)
     good = good if good.any() else np.ravel(np.asarray(found.status) != "")
     starts, others = {}, {}
-    searched = isinstance(found.evaluator, EachFit)
+    # The pixels of a bare surface have starts of their own.
+    searched = not sample.by_wavelength
     for n in found.names if searched else ():
         starts[n] = _filled(np.ravel(found.parameters[n].value), good, found.shape).tolist()
     if searched and found.others:

@@ -24,7 +24,7 @@ from fitting.outcomes.outcome import (
     too_few,
 )
 from fitting.outcomes.surface_verdicts import marked, verdicts_of_batch
-from fitting.problem.curve_lanes import shown, slopes
+from fitting.problem.curve_lanes import shown_at, slopes
 from fitting.problem.evaluation import Alike, EachFit, Evaluated
 from fitting.residuals.error_model import misses_without_freedom
 from fitting.residuals.noise import noise_of_misfits
@@ -196,7 +196,7 @@ def _noise_of_misfits(
     def slopes_of(rows: np.ndarray) -> np.ndarray:
         at, low = y[some[rows]], fitted[some[rows]]
         step = _STEP * (1.0 + np.abs(at))
-        parts = [shown(spec, curves, (at + step * e).T, which[some[rows]]) - low
+        parts = [shown_at(spec, curves, (at + step * e).T, which[some[rows]]) - low
                  for e in np.eye(y.shape[1])]  # fmt: skip
         return np.stack(parts, -1)
 
@@ -222,7 +222,7 @@ def fit_of_batch(
     known = np.unique(job.seen.points.wavelength_um[job.seen.measured, 0])
     noise, told = np.full(len(which), np.nan), None
     if set(u.spec.channels) <= set(POWERS) and (len(known) == 1 or "wavelength_um" in curves.own):
-        fitted = shown(u.spec, curves, m.y.T, which)
+        fitted = shown_at(u.spec, curves, m.y.T, which)
         noise = _noise_of_misfits(search, which, m.y, fitted)
         told = verdicts_of_batch(search, which, m.y, m.known, m.cost, scatter[which], fitted)
     if told is not None:

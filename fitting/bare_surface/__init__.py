@@ -1,1 +1,0 @@
-"""eta and k of one bare surface from R_s, R_p and R over the angle, of one curve or of many."""
