@@ -29,7 +29,7 @@ def test_no_other_mirror_fits_better(seed):
     found = fit_many(angles, **values, sigma=noise, errors="stated")
     told = [next((w for w in one if w.code == "perfect_mirror"), None) for one in found.warnings]
     some = np.flatnonzero([w is not None for w in told])
-    assert len(some) > 3
+    assert len(some) > 1
     grid = np.concatenate([[0.0], np.geomspace(1e-6, 0.5, 4000)])
     there = _of_mirror(grid, cos)
     for i in some:
