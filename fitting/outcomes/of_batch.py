@@ -168,7 +168,7 @@ def _minima(
             rows = np.searchsorted(which, m.which)
             first = out[0].of(rows)
             below, other = (a.y[:, indices[0]] < outside[m.which] for a in (first, m))
-            swap = below & ~other & (m.cost <= first.cost + (scatter + rounding)[m.which])
+            swap = below & ~other & (m.cost <= first.cost + same[m.which])
             out[0].put(rows, first.but(swap, m))
             out[turn] = m.but(swap, first)
     return out, scatter
