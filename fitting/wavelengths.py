@@ -16,6 +16,7 @@ from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.batched import of_measurement, stacked_findings
 from fitting.outcomes.findings import on_rows
 from fitting.outcomes.of_batch import fit_of_batch
+from fitting.outcomes.surface_verdicts import OPEN
 from fitting.problem.curve_lanes import Curves, shown_at
 from fitting.problem.evaluation import EachFit, Evaluated, at_data
 from fitting.problem.lanes import LANES
@@ -177,7 +178,8 @@ def _with_rows(waves: Wavelengths, found: FitData, measurement: Measurement) -> 
         part = m.where(rows)
         own.append(each[i]._replace(measured_um=np.atleast_1d(wavelength), rows=part))
         on = on_rows(u, part, fitted[rows], seen.curve[rows], seen.stated, state == CONVERGED)
-        told.append([] if state == NOT_CONVERGED else list(on))
+        known = {f.code for f in found.findings if f.at[i]}
+        told.append([] if state == NOT_CONVERGED or known & {*OPEN} else list(on))
     return replace(
         of_measurement(found, m), wavelength_um=waves.wavelength_um,
         findings=ranked((*found.findings, *stacked_findings(told))),

@@ -92,9 +92,7 @@ def has_data(values: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.any([np.isfinite(v).any(-1) for v in values.values()], axis=0)
 
 
-def begin(
-    cube: Cube, sample: Sample, options: Mapping[str, Any], shared: tuple[str, ...]
-) -> Start:
+def begin(cube: Cube, sample: Sample, options: Mapping[str, Any], shared: tuple[str, ...]) -> Start:
     """Return where the fits of a map begin; options: of `fit_many`."""
     values, sigma, _ = usable(*cube.on_grid())
     if not has_data(values).any():

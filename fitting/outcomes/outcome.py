@@ -389,7 +389,7 @@ def _noise_of_misfit(fit: Problem, end: End, known: np.ndarray) -> float:
     Of curves that share their unknowns `pattern` tells what is no noise.
     """
     seen, s = fit.seen, end.slopes
-    if len(known) > 1 or not set(seen.channels) <= set(POWERS):
+    if len(known) > 1 or not seen.channels or not set(seen.channels) <= set(POWERS):
         return np.nan
     weight, value = (np.stack([a[:, 0] for a in each]) for each in (seen.weights, seen.values))
     slopes = np.zeros((1, *weight.shape, len(end.y)))

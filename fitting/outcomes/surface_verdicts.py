@@ -127,12 +127,13 @@ class Surface(NamedTuple):
         off = self.miss + self.weight * (R - self.fitted)
         return off, self.weight * by_n, self.weight * by_k
 
-    def lossless(self, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the least cost of an index n > 1, k = 0 near exp(xi), and its xi, (N,) each."""
-        cost = np.full_like(xi, np.inf)
+    def on_circle(self, xi: np.ndarray, phi: Any = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Return the least cost at phi near xi, and its xi, (N,) each; at 0: n = exp(xi), k = 0."""
+        cost, c, s = np.full_like(xi, np.inf), np.cos(phi), np.sin(phi)
         for _ in range(2):
-            off, by_n, _ = self.at(np.exp(xi), np.zeros_like(xi))
-            slope = by_n * np.exp(xi)[:, None]
+            cosh, sinh = np.cosh(xi), np.sinh(xi)
+            off, by_n, by_k = self.at(cosh + sinh * c, sinh * s)
+            slope = by_n * (sinh + cosh * c)[:, None] + by_k * (cosh * s)[:, None]
             g, h = np.vecdot(slope, off), np.vecdot(slope, slope)
             cost, xi = np.vecdot(off, off) - g * g / h, np.clip(xi - g / h, 0.5 * xi, 2.0 * xi)
         return cost, xi
@@ -222,8 +223,10 @@ def verdicts(
     # Near normal incidence the noise decides at which end of the circle, n > 1 or n < 1, the
     # minimum lies, and at n < 1, close to total reflection, the index looks well determined.
     xi = _xi(n, k)
-    end, xi_end = d.lossless(xi)
-    open_ |= (n < 1.0) & (end <= alike)
+    end, xi_end = d.on_circle(xi)
+    phi = np.arctan2(k, n - np.cosh(xi))
+    between = [d.on_circle(xi, part * phi)[0] for part in (1.0 / 3.0, 2.0 / 3.0)]
+    open_ |= (n < 1.0) & (np.maximum(end, np.max(between, 0)) <= alike)
     strong = np.vecdot(value, value) > _LEAST_RMS**2 * np.vecdot(d.weight, d.weight)
     some = np.flatnonzero(strong & ~open_ & (n < 1.0) & far & (k < n))
     if len(some):
@@ -234,7 +237,10 @@ def verdicts(
         many = np.maximum(dof, 1)
         # Quantile of chi2 with 2 degrees of freedom; of a scatter from the residuals twice that of
         # F with 2 and dof.
-        rise = -2.0 * np.log(_CHANCE) if stated else many * (_CHANCE ** (-2.0 / many) - 1.0)
+        # With less than 3 a scatter is assumed.
+        rise = np.where(
+            stated | (dof < 3), -2.0 * np.log(_CHANCE), many * (_CHANCE ** (-2.0 / many) - 1.0)
+        )
         most = (cost + rise * scatter + least)[some]
         bound[some], perfect[some] = _like_mirrors(d.take(some), most, scatter[some])
     # Where R = 1 does not fit, a best fit that is such a reflector itself (and not a critical angle
@@ -328,7 +334,7 @@ def verdicts_of_batch(
         n, k_, most = (a[some] for a in (eta / outside, k / outside, cost + _ALIKE * scatter))
         # Of metals nearly none passes a first look at the other end of the circle, by a few data.
         few = Surface.of(columns[..., :: max(used.sum() // _FEW, 1)], n, k_)
-        end, _ = few.lossless(_xi(n, k_))
+        end, _ = few.on_circle(_xi(n, k_))
         keep = ask[some] | (end < _FAR_ABOVE * most)
         some, d = some[keep], Surface.of(columns[:, keep], n[keep], k_[keep])
         m = outside[some]

@@ -141,10 +141,11 @@ def _along_the_valley(
             seen[x.tobytes()] = (r if np.isfinite(rows).all() else np.full_like(r, np.nan)), rows
         return seen[x.tobytes()]
 
-    found = least_squares(
-        lambda x: at(x)[0], y[inside], jac=cast(Any, lambda x: at(x)[1]),
-        bounds=(low[inside], high[inside]), x_scale="jac", ftol=1e-8, max_nfev=_EVALUATIONS,
-    )  # fmt: skip
+    with np.errstate(all="ignore"):
+        found = least_squares(
+            lambda x: at(x)[0], y[inside], jac=cast(Any, lambda x: at(x)[1]),
+            bounds=(low[inside], high[inside]), x_scale="jac", ftol=1e-8, max_nfev=_EVALUATIONS,
+        )  # fmt: skip
     lower = y.copy()
     lower[inside] = found.x
     there = fit.slopes(lower)

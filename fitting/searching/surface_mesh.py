@@ -136,7 +136,9 @@ def _along_segments(nodes: np.ndarray, sums: _Sums) -> tuple[np.ndarray, np.ndar
 
     def over_data(*parts: tuple[Any, np.ndarray]) -> Any:
         # Small products: of large ones each has BLAS wait for its threads, ten times as long.
-        return sum(np.matmul(a, _as_lanes(w)) for a, w in parts if w.any())
+        of = _as_lanes(sums.square[:, None])
+        nothing = np.zeros((len(of), *parts[0][0].shape[:-1], of.shape[-1]))
+        return sum((np.matmul(a, _as_lanes(w)) for a, w in parts if w.any()), nothing)
 
     def squares(s: np.ndarray, p: np.ndarray) -> np.ndarray:
         return over_data((s * s, sums.ss), (2.0 * s * p, sums.sp), (p * p, sums.pp))

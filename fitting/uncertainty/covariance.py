@@ -9,6 +9,8 @@ import numpy as np
 from fitting.problem.problem import Problem
 from fitting.problem.slopes import Slopes, influence, prior_rows
 from fitting.problem.unknowns import Unknowns
+from fitting.samples.parameters import SQUARE
+from fitting.uncertainty.limits import mean_square
 
 # A direction in which the data change by less than this share of what they change along the best
 # known one is not seen: below it derivatives are rounding.
@@ -151,8 +153,20 @@ def uncertainty(
         wide[on], wide_step[on] = whole.covariance, whole.step
     seen_no = np.where(inner.hidden[..., None, :], np.abs(inner.directions), 0.0)
     variance = np.broadcast_to(np.asarray(variance, float), dof.shape)[()]
+    covariance = variance[..., None, None] * inner.covariance
+    for i in np.flatnonzero([w.parameter.coordinate == SQUARE for w in u.moving]):
+        # A k of 0 may be what its limit allows, and the others what they then are.
+        there = on_low[..., i] & (y[..., i] == 0.0)
+        if there.any():
+            own = wide[there, i, i]
+            square = mean_square(
+                np.minimum(wide_step[there, i], 0.0), np.sqrt(variance[there] * own)
+            )
+            along = wide[there, :, i] / own[:, None]
+            further = along[:, :, None] * along[:, None, :] * square[:, None, None]
+            covariance[there] += np.where(np.isfinite(further), further, 0.0)
     return Uncertainty(
-        variance[..., None, None] * inner.covariance, at_bound, inner.directions, inner.hidden,
+        covariance, at_bound, inner.directions, inner.hidden,
         seen_no.max(-1) > SHARE, variance, inner.step, wide, wide_step,
         variance * curvature,
     )  # fmt: skip

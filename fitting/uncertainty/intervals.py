@@ -37,7 +37,7 @@ from fitting.samples.parameters import (
 from fitting.uncertainty.beside_zero import interval_from_zero
 from fitting.uncertainty.bounded_parameters import aim_beside_zero, may_be_zero, unbounded
 from fitting.uncertainty.covariance import Uncertainty
-from fitting.uncertainty.profile import FEW_ROUNDS, ROUNDS, Base, Lanes, Search, follow, visit
+from fitting.uncertainty.profile import ROUNDS, Base, Lanes, Search, follow, visit
 
 AUTO = "auto"
 KINDS = (AUTO, QUADRATIC, PROFILE)
@@ -67,7 +67,7 @@ class Minima(NamedTuple):
         slope, known = 0.5 / x, self.known
         both = slope[:, :, None] * slope[:, None, :]
         return self._replace(
-            y=np.where(self.linear, np.sqrt(self.y), self.y),
+            y=np.where(self.linear, np.sqrt(np.abs(self.y)), self.y),
             known=known._replace(
                 covariance=known.covariance * both, wide=known.wide * both,
                 wide_step=known.wide_step * slope,
@@ -244,13 +244,10 @@ def intervals(
     sure = (m.wanted == AUTO)[:, None] & ~np.isfinite(upper)
     sure &= ~(m.known.at_bound != "").any(1, keepdims=True)
     pairs = [pair for pair in pairs if not (sure[pair.base, pair.j] and _right(pair))]
-    # Where nothing is known of how far it is, an end takes longer.
-    far = (some & ((m.wanted == PROFILE)[:, None] | m.known.unseen_of)).any()
-    rounds = ROUNDS if far else FEW_ROUNDS
-    follow(at, [s for pair in pairs for s in pair.searches], rounds, enough)
+    follow(at, [s for pair in pairs for s in pair.searches], ROUNDS, enough)
     by_place = {(pair.base, pair.j): pair.searches for pair in pairs}
     moved = aim_beside_zero(moving, straight, by_place)
-    follow(at, moved, rounds, enough)
+    follow(at, moved, ROUNDS, enough)
     for i, j, both in pairs:
         # Exponential and logarithm return a bound up to rounding only.
         ends = value_and_slope(moving[j].parameter.coordinate, np.array([s.end for s in both]))[0]

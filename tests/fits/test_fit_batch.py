@@ -29,12 +29,12 @@ def table(angles=ANGLES, noise=1e-3, seed=0):
 
 
 def assert_same(one: Fit, many: Fit, index):
-    """Values to rounding (programs of other shapes round differently), words exactly."""
+    """Values to a thousandth of a standard error, where the search ends; words exactly."""
     beside = many[index]
 
-    def close(ours, theirs, name):
+    def close(ours, theirs, name, atol=1e-12):
         if isinstance(theirs, float | np.ndarray):
-            np.testing.assert_allclose(ours, theirs, rtol=1e-8, atol=1e-12, err_msg=name)
+            np.testing.assert_allclose(ours, theirs, rtol=1e-3, atol=atol, err_msg=name)
         else:
             assert ours == theirs, name
 
@@ -45,7 +45,8 @@ def assert_same(one: Fit, many: Fit, index):
     for name, estimate in one.parameters.items():
         for field in ("value", "sigma", "interval", "interval_kind", "upper_limit", "status"):
             ours = getattr(beside.parameters[name], field)
-            close(ours, getattr(estimate, field), f"{name}.{field}")
+            atol = 1e-3 * np.nan_to_num(estimate.sigma) + 1e-12
+            close(ours, getattr(estimate, field), f"{name}.{field}", atol)
     assert one.alternatives == () or beside.alternatives != ()
     assert codes(one) == codes(beside)
 
@@ -248,6 +249,7 @@ def test_a_straggler_changes_no_answer_but_its_own_time():
         np.testing.assert_allclose(together.eta[i], alone.eta, rtol=1e-6)
         np.testing.assert_allclose(together.k[i], alone.k, rtol=1e-5, atol=1e-9)
         np.testing.assert_allclose(together.cost[i], alone.cost, rtol=1e-9)
+
 
 @pytest.mark.parametrize("sigma", [None, 1e-3])
 def test_each_curve_may_have_angles_of_its_own(sigma):

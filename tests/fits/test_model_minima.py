@@ -80,16 +80,16 @@ def test_intervals_are_completed_where_the_lower_place_is_no_minimum(monkeypatch
 @pytest.mark.parametrize("enough, rounds", [(4.5, 1), (3.5, 7)])
 def test_the_search_for_intervals_ends_where_a_lower_minimum_is_met(enough, rounds, monkeypatch):
     """The intervals of the higher one are not needed."""
-    base = profile.Base(np.zeros(2), 5.0, np.eye(2), -np.ones(2), np.ones(2), 1.0, [], [])
+    base = profile.Base(0, np.zeros(2), 5.0, np.eye(2), -np.ones(2), np.ones(2), 1.0, [], [])
     visited = []
 
-    def met_a_lower_one(fit, searches, noise):
+    def met_a_lower_one(at, searches):
         visited.append(searches)
         base.lower.append((4.0, base.y))
 
     monkeypatch.setattr(profile, "visit", met_a_lower_one)
     search = profile.Search(base, 0, 1.0, [0.1])
-    profile.follow(SimpleNamespace(lanes=64), [search], 1.0, 7, enough)  # type: ignore
+    profile.follow(SimpleNamespace(lanes=64), [search], 7, enough)  # type: ignore
     assert len(visited) == rounds
 
 
