@@ -41,9 +41,11 @@ from .interface import Powers
 from .stacks.fast import FEW_LAYERS as FEW_LAYERS
 from .stacks.stack import Stack as Stack
 from .stacks.stack import stack as stack
+from .stacks.uniaxial import Uniaxial as Uniaxial
 
 __all__ = [
     "Stack",
+    "Uniaxial",
     "slab",
     "stack",
 ]

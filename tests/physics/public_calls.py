@@ -29,6 +29,14 @@ def _stack(c, index, thickness, wavelength, **options):
     return layers.stack(c, index, thickness_um=thickness, wavelength_um=wavelength, **options)
 
 
+def _media(index):
+    return [index[0], layers.Uniaxial(index[1], index[2]), index[1], index[3]]
+
+
+def _uniaxial(c, index, thickness, wavelength, **options):
+    return _stack(c, _media(index), thickness, wavelength, **options)
+
+
 def scattering(make, *parameters):
     """The methods of a model made of arrays, as calls: name -> (function, arguments)."""
     return {
@@ -114,6 +122,7 @@ def calls() -> dict[str, tuple[Any, ...]]:
         "layers.stack of many wavelengths": (
             lambda w: _stack(0.5, [1.0, 1.4, 1.5], [0.1], w), WAVE,
         ),
+        "layers.stack of uniaxial media": (_uniaxial, COS, INDEX + 0.01j, FILMS, WAVE),
         "performance.computed_once": (performance.computed_once, COS),
         "performance.fenced": (performance.fenced, COS),
         "performance.in_blocks": (
