@@ -39,6 +39,7 @@ from .boundary.boundary import boundary, within_one
 from .boundary.powers import powers_kernel
 from .interface import Powers
 from .stacks.fast import FEW_LAYERS as FEW_LAYERS
+from .stacks.graded import graded_layer as graded_layer
 from .stacks.stack import Stack as Stack
 from .stacks.stack import stack as stack
 from .stacks.uniaxial import Uniaxial as Uniaxial
@@ -46,6 +47,7 @@ from .stacks.uniaxial import Uniaxial as Uniaxial
 __all__ = [
     "Stack",
     "Uniaxial",
+    "graded_layer",
     "slab",
     "stack",
 ]

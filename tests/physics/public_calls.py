@@ -123,6 +123,10 @@ def calls() -> dict[str, tuple[Any, ...]]:
             lambda w: _stack(0.5, [1.0, 1.4, 1.5], [0.1], w), WAVE,
         ),
         "layers.stack of uniaxial media": (_uniaxial, COS, INDEX + 0.01j, FILMS, WAVE),
+        "layers.graded_layer": (
+            lambda n, d: layers.graded_layer(lambda z: n[None] * (1.0 + 0.1 * z), d, layers=2),
+            ETA, FILMS[0],
+        ),
         "performance.computed_once": (performance.computed_once, COS),
         "performance.fenced": (performance.fenced, COS),
         "performance.in_blocks": (
