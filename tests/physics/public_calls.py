@@ -37,6 +37,12 @@ def _uniaxial(c, index, thickness, wavelength, **options):
     return _stack(c, _media(index), thickness, wavelength, **options)
 
 
+def _in_depth(c, index, thickness, wavelength, depth):
+    return layers.fields_at_depth(
+        c, _media(index), thickness_um=thickness, wavelength_um=wavelength, depth_um=depth
+    )
+
+
 def scattering(make, *parameters):
     """The methods of a model made of arrays, as calls: name -> (function, arguments)."""
     return {
@@ -123,6 +129,7 @@ def calls() -> dict[str, tuple[Any, ...]]:
             lambda w: _stack(0.5, [1.0, 1.4, 1.5], [0.1], w), WAVE,
         ),
         "layers.stack of uniaxial media": (_uniaxial, COS, INDEX + 0.01j, FILMS, WAVE),
+        "layers.fields_at_depth": (_in_depth, *stacked, ALPHA),
         "layers.graded_layer": (
             lambda n, d: layers.graded_layer(lambda z: n[None] * (1.0 + 0.1 * z), d, layers=2),
             ETA, FILMS[0],
