@@ -38,12 +38,20 @@ from ._numerics.index import IndexLike
 from .boundary.boundary import boundary, within_one
 from .boundary.powers import powers_kernel
 from .interface import Powers
+from .stacks.depth import DepthFields as DepthFields
+from .stacks.depth import fields_at_depth as fields_at_depth
 from .stacks.fast import FEW_LAYERS as FEW_LAYERS
+from .stacks.graded import graded_layer as graded_layer
 from .stacks.stack import Stack as Stack
 from .stacks.stack import stack as stack
+from .stacks.uniaxial import Uniaxial as Uniaxial
 
 __all__ = [
+    "DepthFields",
     "Stack",
+    "Uniaxial",
+    "fields_at_depth",
+    "graded_layer",
     "slab",
     "stack",
 ]

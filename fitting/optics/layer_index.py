@@ -10,7 +10,15 @@ import jax.numpy as jnp
 from jax import Array
 
 from fitting.optics.spec import Spec
-from fitting.samples.known_media import ABOVE, BELOW, RULES, MaterialFile, Mixture, known_medium
+from fitting.samples.known_media import (
+    ABOVE,
+    BELOW,
+    RULES,
+    UNIAXIAL,
+    MaterialFile,
+    Mixture,
+    known_medium,
+)
 
 Pair = tuple[Array, Array]  # eta and k
 
@@ -59,13 +67,15 @@ def medium_index(
     """Return eta and k, (M, L), of a medium at wavelengths (M, 1) or (M, L).
 
     NaN where eta is not positive: the cost is then NaN, and the solver refuses a step to where a
-    formula has no meaning. For a layer in steps it is the index in its middle. eta_i: index of the
-    first medium, for a layer that is mixed with it.
+    formula has no meaning. For a layer in steps it is the index in its middle, for a uniaxial one
+    the ordinary index. eta_i: index of the first medium, for a layer that is mixed with it.
     """
     wavelength_um = jnp.asarray(wavelength_um)
     which, own = spec.media.index[medium], _own(spec, medium, v)
     if not isinstance(which, Mixture):
         return _index_of(which, own, wavelength_um, _lanes(v))
+    if which.rule == UNIAXIAL:
+        return _parts(spec, medium, v, wavelength_um, eta_i)[0]
     fractions = [own[name] for name in which.fractions] or [jnp.full((), 0.5)]
     return _mixed(which, _parts(spec, medium, v, wavelength_um, eta_i), fractions)
 
@@ -93,9 +103,20 @@ def _parts(
 _SLICES = 12
 
 
-def slices_of(spec: Spec, medium: int, v: Mapping[str, Array], at: Array, eta_i: Any) -> list[Pair]:
-    """Return eta and k of a medium, or of the slices of equal thickness that stand for a layer."""
+def slices_of(
+    spec: Spec, medium: int, v: Mapping[str, Array], at: Array, eta_i: Any
+) -> list[tuple[Array, ...]]:
+    """Return eta and k of a medium, or of the slices of equal thickness that stand for a layer.
+
+    A uniaxial medium has its extraordinary eta and k behind them.
+    """
     which = spec.media.index[medium]
+    if isinstance(which, Mixture) and which.rule == UNIAXIAL:
+        (eta, k), *others = _parts(spec, medium, v, at, eta_i)
+        if which.shares:
+            along = eta + v[f"{spec.media.places[medium]}.birefringence"]
+            others = [(jnp.where(along > 0.0, along, jnp.nan), k)]
+        return [(eta, k, *others[0])]
     if isinstance(which, Mixture) and which.steps:
         parts = [
             (jnp.stack([n] * which.steps), jnp.stack([k] * which.steps))

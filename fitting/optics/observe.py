@@ -26,13 +26,16 @@ from fitting.optics.partial_derivatives import by_partial_derivatives
 from fitting.optics.spec import NCS, Points, Spec
 from fitting.samples.known_media import known_medium
 from fresnel_jax import powers
-from fresnel_jax.layers import slab, stack
+from fresnel_jax.layers import Uniaxial, slab, stack
 from fresnel_jax.performance import computed_once
 from fresnel_jax.polarization import ellipsometric_ratio
 
 
-def indices(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) -> list[list[Pair]]:
-    """Return eta and k of every medium after the first, of its slices from above, at every row."""
+def indices(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) -> list[list[Any]]:
+    """Return eta and k of every medium after the first, of its slices from above, at every row.
+
+    As of `slices_of`, so that a uniaxial medium has four.
+    """
     repeated = points.place is not None
     at = jnp.asarray(points.distinct_um if repeated else points.wavelength_um)
     outside = eta_i[_first_of(points)] if repeated and jnp.ndim(eta_i) else eta_i
@@ -41,7 +44,13 @@ def indices(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) -> l
     out = jax.tree.map(computed_once, out)
     if not repeated:
         return out
-    return [[(n[points.place], k[points.place]) for n, k in each] for each in out]
+    return [[tuple(x[points.place] for x in parts) for parts in each] for each in out]
+
+
+def _medium(parts: tuple[Array, ...]) -> Any:
+    """Return the medium of `stack` from eta and k, or from those of both axes."""
+    ordinary, *axis = (jax.lax.complex(*parts[i : i + 2]) for i in range(0, len(parts), 2))
+    return Uniaxial(ordinary, *axis) if axis else ordinary
 
 
 def _first_of(points: Points) -> Array:
@@ -70,7 +79,7 @@ class Light(NamedTuple):
 
 
 def boundary(
-    spec: Spec, c: Array, index: list[list[Pair]], v: Mapping[str, Array],
+    spec: Spec, c: Array, index: list[list[Any]], v: Mapping[str, Array],
     wavelength_um: Any, eta_i: Any,
 ) -> Light:  # fmt: skip
     """Return what the sample does to light at cosines c (Q, M, L).
@@ -79,14 +88,15 @@ def boundary(
     whose light is partly depolarized.
     """
     media, pairs = spec.media, not spec.only_powers
+    first: Pair = index[0][0][:2]
     if media.bare:
-        both = powers(c, *index[0][0], eta_i)
-        rho = ellipsometric_ratio(c, *index[0][0], eta_i) if pairs else None
+        both = powers(c, *first, eta_i)
+        rho = ellipsometric_ratio(c, *first, eta_i) if pairs else None
         return Light(*both, None if rho is None else _ellipse(rho))
     layers = [
-        (jax.lax.complex(*pair), thickness_um(spec, v, i) / len(slices))
+        (_medium(parts), thickness_um(spec, v, i) / len(slices))
         for i, slices in enumerate(index[:-1])
-        for pair in slices
+        for parts in slices
     ]
     thicknesses: Any = [d for _, d in layers]
     media_index: Any = [*(n for n, _ in layers), jax.lax.complex(*index[-1][0])]
@@ -95,7 +105,7 @@ def boundary(
     if not pairs and media.coherent == (False,) and media.closed:
         # `stack` is right too, but takes twice as long, to compile (1.5 s) and to run.
         found: Any = slab(
-            c, *index[0][0], thickness_um=thicknesses[0], wavelength_um=wavelength_um, eta_i=eta_i
+            c, *first, thickness_um=thicknesses[0], wavelength_um=wavelength_um, eta_i=eta_i
         )
     else:
         every = [eta_i, *media_index]
@@ -126,7 +136,7 @@ def _ellipse(rho: Array) -> tuple[Array, Array, Array]:
 
 def predicted(
     spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any, directions: int = 1,
-    index: list[list[Pair]] | None = None,
+    index: list[list[Any]] | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Return what is seen of each channel, (M, L); of `NCS` a list of three.
 
@@ -184,7 +194,7 @@ def _shifted(points: Points, shift: Array) -> Points:
 
 def _light(
     spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any, directions: int,
-    index: list[list[Pair]] | None = None,
+    index: list[list[Any]] | None = None,
 ) -> Light:  # fmt: skip
     """Return the light of one wavelength at every row, (M, L), summed over the beam.
 

@@ -7,6 +7,9 @@ ri:main/SiO2/nk/Malitson                 an entry of refractiveindex.info, whose
 bruggeman(SiO2, water 30 %)              a mixture; the share is fitted from 30 % on
 looyenga(air, cauchy 10..60 %)           .. within a range
 maxwell-garnett(SiO2, gold 2 % held)     .. not fitted; the host comes first
+uniaxial(1.62, cauchy)                   ordinary and extraordinary index; axis along the normal
+uniaxial(cauchy, birefringence 0.1)      .. their difference, fitted within 0.3 of 0.1; also in a
+                                         range, -0.1..0.2, or not fitted, 0.1 held
 rough                                    half of the medium before, half of the one behind
 interface                                from the medium before to the one behind, in steps
 """
@@ -26,7 +29,7 @@ import numpy as np
 from fitting.process.compiled import fit_settings
 from fitting.samples.dispersion import KINDS, Model
 from fitting.samples.material_files import is_material_file, read_material
-from fitting.samples.parameters import START_OR_RANGE
+from fitting.samples.parameters import NUMBER, START_OR_RANGE
 from fresnel_jax import effective_medium, materials
 from fresnel_jax.dispersion import Material, material
 
@@ -37,6 +40,11 @@ RULES = {
     "maxwell-garnett": effective_medium.maxwell_garnett,
     "linear": effective_medium.linear,
 }
+UNIAXIAL = "uniaxial"
+_BIREFRINGENCE = re.compile(
+    rf"birefringence\s+(?:(?P<low>-?{NUMBER})\s*\.\.\s*(?P<high>-?{NUMBER})|(?P<start>-?{NUMBER}))"
+    r"\s*(?P<held>held)?$"
+)
 _PART = re.compile(rf"(?P<index>.*?)\s+{START_OR_RANGE}\s*%\s*(?P<held>held)?$")
 
 
@@ -61,7 +69,8 @@ class Mixture(NamedTuple):
 
     A part is a number, a `Model`, a named material or a file; `ABOVE` and `BELOW` are the media on
     both sides of the layer. steps: slices of equal thickness in which the share of the second part
-    rises linearly from 0 to 1; 0 for a homogeneous mixture.
+    rises linearly from 0 to 1; 0 for a homogeneous mixture. The rule "uniaxial" is no mixture: its
+    parts are the ordinary and the extraordinary index, or the first, and the difference as a share.
     """
 
     rule: str
@@ -84,6 +93,8 @@ class Mixture(NamedTuple):
         """Names of the shares as parameters."""
         if self.steps:
             return ()
+        if self.rule == UNIAXIAL:
+            return ("birefringence",) if self.shares else ()
         many = len(self.shares) > 1
         return tuple(f"fraction_{i}" if many else "fraction" for i in range(1, len(self.parts)))
 
@@ -137,18 +148,31 @@ def named(text: str) -> Known:
 
 
 def is_mixture(text: str) -> bool:
-    """Whether a text describes a mixture; the name of a rule alone does, unless a model has it."""
+    """Whether a text describes a mixture or a uniaxial medium.
+
+    The name of a rule alone does, unless a model has it.
+    """
     name, bracket, _ = text.strip().partition("(")
     rule = name.strip().lower()
-    return text.strip() in BETWEEN or (rule in RULES and (bool(bracket) or rule not in KINDS))
+    return (
+        text.strip() in BETWEEN
+        or rule == UNIAXIAL
+        or (rule in RULES and (bool(bracket) or rule not in KINDS))
+    )
 
 
 def refuse_misplaced(text: str, index: Sequence[object], bare: Sequence[bool]) -> None:
-    """Raise ValueError for a rough or graded interface that is not one between two media.
+    """Raise ValueError for a rough or graded interface that is not one between two media, and for a
+    uniaxial medium that is no film.
 
     index: of every medium of the sample; bare: whether it is a homogeneous coherent layer.
     """
     for i, (this, film) in enumerate(zip(index, bare, strict=True)):
+        if isinstance(this, Mixture) and this.rule == UNIAXIAL and not film:
+            raise ValueError(
+                f"the sample {text!r}: a uniaxial medium must be a film, without 'thick' and "
+                "'graded', as in 'air | uniaxial(cauchy, birefringence 0.1) 110 nm | Si'."
+            )
         if this not in BETWEEN.values():
             continue
         name = next(name for name, mixture in BETWEEN.items() if mixture == this)
@@ -175,13 +199,39 @@ def lossless(index: object) -> bool:
     return isinstance(index, complex) and not index.imag
 
 
+def _parse_uniaxial(text: str, parts: list[str], index) -> Mixture:
+    if not text.endswith(")") or len(parts) != 2:
+        raise ValueError(
+            f"{text!r}: the ordinary and the extraordinary index were wanted, 'uniaxial(1.62, "
+            "cauchy)', or 'uniaxial(cauchy, birefringence 0.1)'. The optical axis is along the "
+            "normal; tilted axes and biaxial media, which mix s and p, are not computed."
+        )
+    found, shares = _BIREFRINGENCE.match(parts[1]), ()
+    if found:
+        start = float(found["start"] or "nan")
+        low, high = (float(found[x] or start + d) for x, d in (("low", -0.3), ("high", 0.3)))
+        if low > high:
+            raise ValueError(f"{text!r}: the smaller birefringence of a range comes first.")
+        shares = (Share(start if found["start"] else low, low, high, found["held"] is not None),)
+    media = [index(part) for part in (parts[:1] if found else parts)]
+    models = sum(isinstance(m, Model) for m in media)
+    if models > 1 or any(isinstance(m, Mixture) or m in ("free", "auto") for m in media):
+        raise ValueError(
+            f"{text!r}: each index is a number, a named material or a file, and one of them may be "
+            "a dispersion model; with 'birefringence 0.1' both have that model."
+        )
+    return Mixture(UNIAXIAL, tuple(media), shares)
+
+
 def parse_mixture(text: str, index) -> Mixture:
-    """Return the mixture that a text describes; index: the function that reads a part."""
+    """Return the mixture or uniaxial medium of a text; index: the function that reads a part."""
     text = text.strip()
     if text in BETWEEN:
         return BETWEEN[text]
     rule, _, inside = text.partition("(")
     parts = [part.strip() for part in inside[:-1].split(",")]
+    if rule.strip().lower() == UNIAXIAL:
+        return _parse_uniaxial(text, parts, index)
     if not text.endswith(")") or len(parts) < 2:
         raise ValueError(
             f"the mixture {text!r}: two or more parts in brackets were wanted, each but the first "

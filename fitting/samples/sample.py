@@ -12,8 +12,8 @@ A sample has a text form, the same in Python and on the command line. Media are 
 The index of a medium is a number (``1.45``, ``0.2+3.1i``), a named material
 (`fresnel_jax.materials`), a file with an index (`material_files`), a dispersion model with the
 number of its terms (``drude-lorentz:2``), ``free`` (eta and k at every wavelength), ``auto`` (the
-simplest model that fits; `choose`), or a mixture (`known_media`). ``air`` and ``vacuum``
-are exactly 1: indices are relative to air, as those of glasses.
+simplest model that fits; `choose`), a mixture or a uniaxial medium (`known_media`). ``air`` and
+``vacuum`` are exactly 1: indices are relative to air, as those of glasses.
 
 The thickness of a layer follows its index: ``110 nm`` is fitted from this start, ``110 nm held`` is
 not fitted, ``100..150 nm`` is fitted within this range. The data depend on the product of thickness

@@ -58,12 +58,12 @@ class Along(NamedTuple):
 
 
 def weights(
-    im_q2: Array, n2: Complex, n02: Complex, transverse2: Complex
+    im_q2: Array, n2: Complex, n2_along: Complex, n02: Complex, transverse2: Complex
 ) -> tuple[Weights, Weights]:
-    """Of s and p, from Im(Q^2), N^2, N_0^2 and K^2; without a subtraction."""
-    n2 = pair(n2)
+    """Of s and p, from Im(Q^2), N^2 across and along the normal, N_0^2, K^2; no subtraction."""
+    n2, n2_along = pair(n2), pair(n2_along)
     # Im(Q^2 / N^2) = -Im(K^2 / N^2)
-    tangential = -conjugate_times(n2, pair(transverse2))[1] / squared_modulus(n2)
+    tangential = -conjugate_times(n2_along, pair(transverse2))[1] / squared_modulus(n2_along)
     normal = n2[1] / squared_modulus(n02)
     return Weights(im_q2, None), Weights(tangential, normal)
 

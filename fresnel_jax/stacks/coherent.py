@@ -82,6 +82,13 @@ class Ambient(NamedTuple):
     transverse2: Complex  # K^2
 
 
+class Axis(NamedTuple):
+    """A uniaxial medium as p sees it: g^2 Q_0^2 - Q^2, and N_e^2."""
+
+    gap: Complex
+    n2: Complex
+
+
 class Medium(NamedTuple):
     """What a layer or half-space of index N is beside the ambient of index N_0."""
 
@@ -90,6 +97,12 @@ class Medium(NamedTuple):
     g: Complex  # N^2 / N_0^2
     per_g: Complex  # N_0^2 / N^2
     q2: Any = None  # Q^2, if it is not to be formed from the contrast and Q_0^2
+    axis: Any = None  # `Axis` of a uniaxial medium in the pass of p; n2 and g are the ordinary ones
+
+    @property
+    def n2_along(self) -> Complex:
+        """N^2 for the field along the normal."""
+        return self.n2 if self.axis is None else self.axis.n2
 
 
 ONE: Any = (1.0, None)  # g of s
@@ -161,6 +174,8 @@ def mismatches(here: Medium, front: Ambient, q: Pair) -> tuple[Pair, Pair]:
 
     def quotients(q_s: Pair, q_p: Pair) -> tuple[Pair, Pair]:
         h_s = times(scaled(-1.0, contrast), inverse(plus(q_s, front.q)))
+        if here.axis is not None:
+            return h_s, times(here.axis.gap, inverse(plus(q_p, times(here.g, front.q))))
         below = plus(times(n02, q_p), times(here.n2, front.q))
         return h_s, times(times(contrast, y), inverse(below))
 
@@ -480,7 +495,7 @@ def solve_fields(
             thin = thin_layer(kappa, choose(near, q2, ZERO))
             of_both = zip(
                 fields.u, fields.w, down, (ONE, here.g), (ONE, here.per_g),
-                weights(im[0], here.n2, n02, front.transverse2), strict=True,
+                weights(im[0], here.n2, here.n2_along, n02, front.transverse2), strict=True,
             )  # fmt: skip
             losses = tuple(
                 absorbed(weight, inside, kappa, near, thin, g, per_g, u, w, back)

@@ -339,7 +339,7 @@ def _lossy(front: Ambient, layers: Medium, x: DoubleWord):
     n02, transverse2 = at(None, (square((front.n, front.k)), front.transverse2))
     q2, kappa = (re[0], im[0]), (2.0 * jnp.pi) * x[0]
     thin = thin_layer(kappa, choose(is_thin(kappa, q2), q2, ZERO))
-    return thin, weights(im[0], layers.n2, n02, transverse2)
+    return thin, weights(im[0], layers.n2, layers.n2_along, n02, transverse2)
 
 
 @solve.defjvp

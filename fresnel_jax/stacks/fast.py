@@ -113,7 +113,7 @@ class _Boundaries(NamedTuple):
     g: Layers
 
 
-def _recursion(admittance: Layers, phase: Layers) -> tuple[Amplitudes, _Boundaries]:
+def recursion(admittance: Layers, phase: Layers) -> tuple[Amplitudes, _Boundaries]:
     """Return r and t, and what they are made of; arguments as of `amplitudes`."""
     front, behind = admittance[:-1], admittance[1:]
     passage = _each(lambda p: _once(jnp.exp(p)), phase)
@@ -138,12 +138,12 @@ def amplitudes(admittance: Layers, phase: Layers) -> Amplitudes:
     admittance: of the media, Q for s and Q / N^2 for p, with Q the index along the normal.
     phase: 2 pi i Q thickness / wavelength of the layers. All complex, of one shape.
     """
-    return _recursion(admittance, phase)[0]
+    return recursion(admittance, phase)[0]
 
 
 def _derivatives(primals: Any, tangents: Any) -> tuple[Amplitudes, Amplitudes]:
     admittance, phase = primals
-    out, (r, inverse, passage, G, g) = _recursion(admittance, phase)
+    out, (r, inverse, passage, G, g) = recursion(admittance, phase)
 
     def step(of: tuple[Array, Array], at: tuple[Array, ...]) -> Any:
         # Derivatives of r and log t by what the rest of the stack reflects.
@@ -221,12 +221,14 @@ def admittances(
     index: Layers,
     thickness_um: Layers,
     wavelength_um: Array,
-) -> tuple[Layers, Layers, Layers]:
-    """Return the admittances of all media for s and for p, and the phases, as in `amplitudes`.
+    extraordinary: Layers | None = None,
+) -> tuple[tuple[Layers, Layers], tuple[Layers, Layers]]:
+    """Return the admittances of all media, and the phases, as in `amplitudes`, each for s and p.
 
     c: cosines in a transparent medium eta_i. index: complex, of the L layers and the medium behind.
-    thickness_um: of the layers; both as tuples, or as arrays on whose leading axis they are. All
-    that is returned has one shape.
+    thickness_um: of the layers; both as tuples, or as arrays on whose leading axis they are.
+    extraordinary: the other index of `uniaxial` media, None for isotropic ones. All that is
+    returned has one shape.
     """
     c = jnp.maximum(c, 1e-15)
     q0 = eta_i * c
@@ -245,17 +247,31 @@ def admittances(
         return jnp.stack([whole(x) for x in layers]) if isinstance(layers, tuple) else whole(layers)
 
     # N^2 - sin^2, so that a medium like the first one has exactly its cosine.
-    squares = _each(lambda n: n * n, together(index))
+    n, e = together(index), extraordinary
+    if e is not None and not isinstance(n, tuple):
+        e = together(tuple(a if b is None else b for a, b in zip(index, e, strict=True)))
+    e = (None,) * len(index) if e is None and isinstance(n, tuple) else e
+    squares = _each(lambda z: z * z, n)
     first, along = as_complex(eta_i * eta_i), as_complex(q0 * q0)
-    q = _each(lambda n2: normal_index((n2 - first) + along), squares)
+
+    def normal(n2: Array) -> Array:
+        return normal_index((n2 - first) + along)
+
+    def of_p(n: Array, n2: Array, q: Array, e: Array | None) -> tuple[Array, Array]:
+        if e is None:
+            return q, whole(_once(q * _reciprocal(n2)))
+        q_e = normal(e * e)
+        return n * _reciprocal(e) * q_e, whole(_once(q_e * _reciprocal(n * e)))
+
+    q = _each(normal, squares)
     turned = _each(lambda d: 1j * as_complex(k0 * d), together(thickness_um))
     phase = _each(lambda z, turn: whole(_once(turn * z)), q[:-1], turned)
-    for_p = _each(lambda z, n2: whole(_once(z * _reciprocal(n2))), q, squares)
-    return (
-        _joined([whole(front)], _each(whole, q)),
-        _joined([whole(front_for_p)], for_p),
-        phase,
-    )
+    both = _each(of_p, n, squares, q, e)
+    q_p, for_p = zip(*both, strict=True) if isinstance(n, tuple) else both
+    layers = phase, None if e is None else e[:-1], q_p[:-1], turned
+    phase_p = _each(lambda p, e, z, turn: p if e is None else whole(_once(turn * z)), *layers)
+    s, p = _joined([whole(front)], _each(whole, q)), _joined([whole(front_for_p)], for_p)
+    return (s, p), (phase, phase_p)
 
 
 class _Faces(NamedTuple):
@@ -317,24 +333,26 @@ def fast_sums(
     thickness_um: Layers,
     wavelength_um: Array,
     coherent: Sequence[bool],
+    extraordinary: Layers | None = None,
 ) -> Seen:
     """Return what layers reflect and transmit; r and t, of the electric fields, of films alone.
 
     Arguments as of `admittances`. coherent: of the layers, of which any number may be thick.
     """
-    for_s, for_p, phase = admittances(c, eta_i, index, thickness_um, wavelength_um)
+    both, phases = admittances(c, eta_i, index, thickness_um, wavelength_um, extraordinary)
+    (for_s, for_p), each = both, list(zip(both, phases, strict=True))
     thick = [j + 1 for j, interferes in enumerate(coherent) if not interferes]
     *packets, (first, last) = itertools.pairwise([0, *thick, len(for_s) - 1])
-    behind = [amplitudes(*_packet(of, phase, first, last)) for of in (for_s, for_p)]
+    behind = [amplitudes(*_packet(of, phase, first, last)) for of, phase in each]
     ways = ((0, 0), (1, 1), (1, 0))  # s, p, and the product of p and s
     sums = [
         _Sums(*(x * jnp.conj(y) for x, y in zip(behind[a], behind[b], strict=True)))
         for a, b in ways
     ]
     for first, last in reversed(packets):
-        found = [_faces(*_packet(of, phase, first, last)) for of in (for_s, for_p)]
-        # One way leaves exp(2 Re phase); the phase itself is the same for s and p.
-        down = as_complex(jnp.exp(2.0 * phase[last - 1].real))
+        found = [_faces(*_packet(of, phase, first, last)) for of, phase in each]
+        # One way leaves exp(2 Re phase); the phase of a thick layer is the same for s and p.
+        down = as_complex(jnp.exp(2.0 * phases[0][last - 1].real))
         sums = [
             _summed(found[a], found[b], below, down)
             for (a, b), below in zip(ways, sums, strict=True)

@@ -46,6 +46,7 @@ from .coherent import (
     outgoing_root,
 )
 from .derivative import solve
+from .uniaxial import Extraordinary, medium_of_p
 from .wave import wave
 
 
@@ -67,18 +68,37 @@ def packet(
     shape: tuple[int, ...],
     roughness: Array | None = None,
     q2: Any = None,
+    e: Extraordinary | None = None,
 ) -> Packet:
     """The packet of the media n + ik, of which the first is the one of `front`.
 
     x is thickness / wavelength of the layers, roughness that of the boundaries over wavelength; q2
-    is Q^2 of all media but the first, where it is known already.
+    is Q^2 of all media but the first, where it is known already, e their extraordinary index.
     """
     k0 = None if k is None else k[0]
     behind = medium(n[1:], None if k is None else k[1:], n[0], k0)._replace(q2=q2)
+    if e is None:
+        return _of_media(front, behind, None, k, x, shape, roughness)
+    s = _of_media(front, behind, None, k, x, shape, None)
+    both = None if k is None or e.k is None else jnp.maximum(k, e.k)
+    p = _of_media(front, *medium_of_p(behind, front, n, k, e), both, x, shape, None)
+    return Packet(*(type(x)((x[0], y[1])) for x, y in zip(s, p, strict=True)))  # type: ignore
+
+
+def _of_media(
+    front: Ambient,
+    behind: Medium,
+    q_far: Pair | None,
+    k: Array | None,
+    x: DoubleWord,
+    shape: tuple[int, ...],
+    roughness: Array | None,
+) -> Packet:
+    """`packet` of the media behind `front`; q_far: Q of the last, if it is not the root of Q^2."""
     # Without a division the compiler writes these sums anew into each of some thirty loops.
     front, behind, x = jax.tree.map(computed_once, (front, behind, x))
     layers, far = at(slice(-1), behind), at(-1, behind)
-    q_far = outgoing_root(*normal_squared(far, front))
+    q_far = outgoing_root(*normal_squared(far, front)) if q_far is None else q_far
     if roughness is not None:
         rough = _rough(roughness, front, layers, far, q_far, shape)
         return _packet(solve(front, layers, far, q_far, x, rough, shape), front, far, q_far, shape)
@@ -261,6 +281,7 @@ def mixed(
     x: DoubleWord,
     coherent: tuple[bool, ...],
     shape: tuple[int, ...],
+    e: Extraordinary | None = None,
 ) -> tuple[list[Array], list[Array], list[Array]]:
     """R, T and the absorption of every layer, each for s and p."""
     edges = [0, *(i + 1 for i, with_phase in enumerate(coherent) if not with_phase)]
@@ -279,7 +300,8 @@ def mixed(
         n_here, k_here = n[first : last + 1], None if k is None else k[first : last + 1]
         x_here = (x[0][first : last - 1], x[1][first : last - 1])
         q2_here = at(slice(first, last + 1), q2)
-        seen = packet(ambients[p], n_here, k_here, x_here, shape, q2=at(slice(1, None), q2_here))
+        q2_behind, e_here = at(slice(1, None), q2_here), at(slice(first, last + 1), e)
+        seen = packet(ambients[p], n_here, k_here, x_here, shape, None, q2_behind, e_here)
         if p == 0:
             together = _carried_together(seen, front)
         fronts.append(_faces(seen, ambients[p], inside=p > 0))
@@ -287,7 +309,10 @@ def mixed(
             turned = None if k_here is None else k_here[::-1]
             x_turned = (x_here[0][::-1], x_here[1][::-1])
             q2_turned = at(slice(-2, None, -1), q2_here)
-            seen = packet(ambients[p + 1], n_here[::-1], turned, x_turned, shape, q2=q2_turned)
+            n_turned, e_turned = n_here[::-1], at(slice(None, None, -1), e_here)
+            seen = packet(
+                ambients[p + 1], n_turned, turned, x_turned, shape, None, q2_turned, e_turned
+            )
             backs.append(_faces(seen, ambients[p + 1], inside=True))
             passages.append(_passage(ambients[p + 1], (x[0][last - 1], x[1][last - 1])))
     out = [

@@ -31,6 +31,7 @@ from ..boundary.boundary import unsigned
 from .coherent import ambient
 from .fast import fast_sums
 from .packets import mixed, packet
+from .uniaxial import Extraordinary, split
 
 
 @exported
@@ -76,15 +77,15 @@ class Stack(NamedTuple):
 
 
 @functools.partial(jax.jit, static_argnums=(6, 7))
-def _jit_stack(c, n, k, thickness, wavelength, roughness, coherent, shape):
+def _jit_stack(c, n, k, thickness, wavelength, roughness, coherent, shape, e=None):
     front = ambient(unsigned(c)[0], n[0], None if k is None else k[0])
     x = ratio(thickness, wavelength)
     if not all(coherent):
-        R, T, A = mixed(front, n, k, x, coherent, shape)
+        R, T, A = mixed(front, n, k, x, coherent, shape, e)
         R, T = ([jnp.broadcast_to(z, shape) for z in power] for power in (R, T))
         return Stack(R[0], R[1], T[0], T[1], None, None, None, None, A[0], A[1], None)
     sigma = None if roughness is None else roughness / wavelength
-    whole = packet(front, n, k, x, shape, sigma)
+    whole = packet(front, n, k, x, shape, sigma, e=e)
     n_far = (n[-1], None if k is None else k[-1])
     t_p = times(whole.t[1], times((front.n, front.k), inverse(n_far)))
     amplitudes = (lax.complex(*z) for z in (*whole.r, whole.t[0], t_p))
@@ -95,11 +96,23 @@ def _jit_stack(c, n, k, thickness, wavelength, roughness, coherent, shape):
 
 
 @functools.partial(jax.jit, static_argnums=(5, 6))
-def _jit_fast(c, eta_i, index, thickness, wavelength, coherent, shape):
-    out = fast_sums(unsigned(c)[0], eta_i, index, thickness, wavelength, coherent)
+def _jit_fast(c, eta_i, index, thickness, wavelength, coherent, shape, e=None):
+    out = fast_sums(unsigned(c)[0], eta_i, index, thickness, wavelength, coherent, e)
     amplitudes = (None,) * 4 if out.r is None or out.t is None else (*out.r, *out.t)
     found = (*out.R, *out.T, *amplitudes, None, None, out.cross)
     return Stack._make(None if z is None else jnp.broadcast_to(z, shape) for z in found)
+
+
+def _check_uniaxial(of_axis: Sequence[Any], coherent: Sequence[bool], roughness: Any) -> None:
+    """Raise ValueError where uniaxial media have no formula."""
+    if roughness is not None:
+        raise ValueError("roughness_um with Uniaxial media has no formula; leave one of them out")
+    for i, interferes in enumerate(coherent):
+        if of_axis[i + 1] is not None and not interferes:
+            raise ValueError(
+                f"layer {i + 1} is Uniaxial and incoherent, which has no formula, since the phases "
+                "of s and p differ in it; coherent=True is wanted for it"
+            )
 
 
 def _as_complex(index: Any) -> Any:
@@ -135,20 +148,42 @@ def with_leading_axis(values: Any, name: str, least: int) -> Array:
     return values
 
 
-def _behind_leading_axis(z: Array, dimensions: int) -> Array:
+def read_media(index: Any, thickness_um: Any) -> tuple[Any, Any, Array, Array | None, Array]:
+    """The ordinary indices as given, those along the axis, both as arrays, and the thicknesses.
+
+    Both as given may be lists; those along the axis are None where no medium is uniaxial.
+    """
+    index, of_axis = split(index)
+    index, of_axis = _as_complex(index), _as_complex(of_axis)
+    media, along = with_leading_axis(index, "index", 2), None
+    if of_axis is not None:
+        pairs = zip(index, of_axis, strict=True)
+        along = with_leading_axis([n if e is None else e for n, e in pairs], "index", 2)
+    thickness = with_leading_axis(thickness_um, "thickness_um", 0)
+    if jnp.iscomplexobj(thickness):
+        raise ValueError("thickness_um is complex, a real number is wanted; only index is complex")
+    if media.shape[0] != thickness.shape[0] + 2:
+        raise ValueError(
+            f"index has {media.shape[0]} media and thickness_um {thickness.shape[0]} layers on "
+            "their leading axes; L layers lie between L + 2 media"
+        )
+    return index, of_axis, media, along, thickness
+
+
+def behind_leading_axis(z: Array, dimensions: int) -> Array:
     """What follows the leading axis of z with as many axes as the result has."""
     return z.reshape(z.shape[:1] + (1,) * (dimensions - z.ndim + 1) + z.shape[1:])
 
 
-def _lossless_first(index: Any) -> Any:
+def lossless_first(index: Any, function: str = "exact=False") -> Any:
     """The real index of the first medium, for the fast tier, which has no other."""
     first = real_or_complex(index[0], "index")
     if not jnp.iscomplexobj(first):
         return first
     if readable(first) and np.any(np.imag(first) != 0.0):
         raise ValueError(
-            "the first medium of index absorbs, for which exact=False has no formula; leave "
-            "exact=True"
+            f"the first medium of index absorbs, for which {function} has no formula; "
+            "stack(..., exact=True) has"
         )
     return jnp.where(jnp.imag(first) == 0.0, jnp.real(first), jnp.nan)
 
@@ -187,7 +222,8 @@ def stack(
         index: absolute indices eta + ik, k >= 0, of the L + 2 media, from the one that the light
             comes from to the one behind, on the leading axis; real (faster), complex or an
             `Index`. What follows the leading axis broadcasts with the other arguments. A list or
-            tuple of entries that broadcast with each other is stacked.
+            tuple of entries that broadcast with each other is stacked; in it coherent layers and
+            the last medium may be `Uniaxial`, where boundaries are smooth.
         thickness_um: micrometres, >= 0, of the L layers, on the leading axis; likewise.
         wavelength_um: vacuum wavelength in micrometres, > 0.
         coherent: whether the light that a layer reflects to and fro interferes: True for films;
@@ -210,7 +246,8 @@ def stack(
         `Stack(R_s, R_p, T_s, T_p, r_s, r_p, t_s, t_p, A_s, A_p, cross)` with `.R`, `.T` and `.A`
         for unpolarized light, of the broadcast shape and the dtype of the arguments; A_s, A_p and A
         have the layers on their leading axis. r and t are ratios of the electric fields at the
-        outer boundaries (signs as in `interface.amplitudes`), None where a layer is incoherent.
+        outer boundaries (signs as in `interface.amplitudes`), None where a layer is incoherent;
+        in a uniaxial last medium t_p is the ratio of the magnetic fields times N_0 / N_o.
         `cross` is r_p r_s*, from which psi and Delta follow; with incoherent layers, of the fast
         tier alone, summed over their reflections: light that is partly depolarized. The fast tier
         has no A.
@@ -249,23 +286,22 @@ def stack(
             or has a part below 0, a thickness or roughness that is negative or infinite, a
             wavelength that is not a finite number above 0.
     """
-    index = _as_complex(index)
-    media: Array = with_leading_axis(index, "index", 2)
-    thickness: Array = with_leading_axis(thickness_um, "thickness_um", 0)
-    if jnp.iscomplexobj(thickness):
-        raise ValueError("thickness_um is complex, a real number is wanted; only index is complex")
+    index, of_axis, media, along, thickness = read_media(index, thickness_um)
+    if jnp.iscomplexobj(cos_theta_i):
+        raise ValueError(
+            "cos_theta_i is complex, a real number is wanted. Then abs(r)^2 in an absorbing first "
+            "medium is no ratio of powers; put the lossless medium that the light came from first, "
+            "and the absorbing one as a layer"
+        )
     cos_theta_i, wavelength_um = (
         real(cos_theta_i, "cos_theta_i"),
         real(wavelength_um, "wavelength_um"),
     )
     check_cosine(cos_theta_i)
     check_positive(wavelength_um, "wavelength_um")
-    if media.shape[0] != thickness.shape[0] + 2:
-        raise ValueError(
-            f"index has {media.shape[0]} media and thickness_um {thickness.shape[0]} layers on "
-            "their leading axes; L layers lie between L + 2 media"
-        )
     flags = _coherence(coherent, thickness.shape[0])
+    if of_axis is not None:
+        _check_uniaxial(of_axis, flags, roughness_um)
     roughness = None if roughness_um is None else with_leading_axis(roughness_um, "roughness_um", 1)
     if roughness is not None and (roughness.shape[0] != media.shape[0] - 1 or not all(flags)):
         raise ValueError(
@@ -274,31 +310,46 @@ def stack(
         )
     if roughness is not None and not exact:
         raise ValueError("exact=False has no rough boundaries; leave exact=True with roughness_um")
-    parts = {"index": media, "thickness_um": thickness, "roughness_um": roughness}
+    parts = {"index": media, "extraordinary index": along}
+    parts |= {"thickness_um": thickness, "roughness_um": roughness}
     behind = {
         f"{name} behind its leading axis": z.shape[1:] for name, z in parts.items() if z is not None
     }
     shape = broadcast_shape(cos_theta_i=cos_theta_i, wavelength_um=wavelength_um, **behind)
     if not exact:
         reals = jnp.real(media), thickness, cos_theta_i, wavelength_um
+        reals = reals if along is None else (*reals, jnp.real(along))
         dtype = jnp.result_type(*reals, 1.0)
-        given = _lossless_first(index if isinstance(index, (list, tuple)) else media)
+        given = lossless_first(index if isinstance(index, (list, tuple)) else media)
         c, eta_i, wavelength = (jnp.asarray(z, dtype) for z in (cos_theta_i, given, wavelength_um))
         layers = [
             tuple(jnp.asarray(z, kind) for z in values)
             if isinstance(values, (list, tuple))
-            else _behind_leading_axis(array.astype(kind), len(shape))
+            else behind_leading_axis(array.astype(kind), len(shape))
             for values, array, kind in (
                 (index, media, np.result_type(dtype, np.complex64)),
                 (thickness_um, thickness, dtype),
             )
         ]
-        return _jit_fast(c, eta_i, layers[0][1:], layers[1], wavelength, flags, shape)
-    k = jnp.imag(media) if jnp.iscomplexobj(media) else None
+        kind = np.result_type(dtype, np.complex64)
+        e = of_axis and tuple(None if z is None else jnp.asarray(z, kind) for z in of_axis[1:])
+        return _jit_fast(c, eta_i, layers[0][1:], layers[1], wavelength, flags, shape, e)
+    absorbs = any(z is not None and jnp.iscomplexobj(z) for z in (media, along))
+    n_e, k_e = (None, None) if along is None else (jnp.real(along), jnp.imag(along))
     c, wavelength, *layers = as_floats(
-        cos_theta_i, wavelength_um, jnp.real(media), k, thickness, roughness
+        cos_theta_i,
+        wavelength_um,
+        jnp.real(media),
+        jnp.imag(media) if absorbs else None,
+        thickness,
+        roughness,
+        n_e,
+        k_e if absorbs else None,
     )
 
-    n, k, x, sigma = (None if z is None else _behind_leading_axis(z, len(shape)) for z in layers)
-    wavelength = _behind_leading_axis(wavelength[None], len(shape))
-    return _jit_stack(c, n, k, x, wavelength, sigma, flags, shape)
+    n, k, x, sigma, n_e, k_e = (
+        None if z is None else behind_leading_axis(z, len(shape)) for z in layers
+    )
+    wavelength = behind_leading_axis(wavelength[None], len(shape))
+    e = None if n_e is None else Extraordinary(n_e, k_e)
+    return _jit_stack(c, n, k, x, wavelength, sigma, flags, shape, e)

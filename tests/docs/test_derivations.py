@@ -1051,6 +1051,23 @@ def _(rng):
     yield (other / Y * dY - d_other) / (Y + other), by_x / (1 + r_1(0))
 
 
+@check("S38")
+def _(rng):
+    (N_o, N_e), K2 = Films(rng).N[1:3], draw(rng, 0, 2)
+    Q2 = N_o**2 * (1 - K2 / N_e**2)
+    yield (N_o**2 - Q2) * (N_e**2 - K2), K2 * Q2
+    yield N_o**2 - K2 + K2 * (N_e**2 - N_o**2) / N_e**2, Q2
+
+
+@check("S39")
+def _(rng):
+    films = Films(rng)
+    (N_0, N_o, N_e), Q_02, K2 = films.N[:3], films.q0**2, films.K2
+    g = N_o**2 / N_0**2
+    gap = (N_o**2 - N_0**2) * Q_02 / N_0**2 - (N_e**2 - N_0**2) * K2 / N_e**2
+    yield g * gap, g**2 * Q_02 - N_o**2 * (1 - K2 / N_e**2)
+
+
 # Absorption ----------------------------------------------------------------------------------
 
 

@@ -29,6 +29,20 @@ def _stack(c, index, thickness, wavelength, **options):
     return layers.stack(c, index, thickness_um=thickness, wavelength_um=wavelength, **options)
 
 
+def _media(index):
+    return [index[0], layers.Uniaxial(index[1], index[2]), index[1], index[3]]
+
+
+def _uniaxial(c, index, thickness, wavelength, **options):
+    return _stack(c, _media(index), thickness, wavelength, **options)
+
+
+def _in_depth(c, index, thickness, wavelength, depth):
+    return layers.fields_at_depth(
+        c, _media(index), thickness_um=thickness, wavelength_um=wavelength, depth_um=depth
+    )
+
+
 def scattering(make, *parameters):
     """The methods of a model made of arrays, as calls: name -> (function, arguments)."""
     return {
@@ -113,6 +127,12 @@ def calls() -> dict[str, tuple[Any, ...]]:
         "layers.stack of no layer": (lambda c: _stack(c, [1.0, 1.5], [], 0.5), COS),
         "layers.stack of many wavelengths": (
             lambda w: _stack(0.5, [1.0, 1.4, 1.5], [0.1], w), WAVE,
+        ),
+        "layers.stack of uniaxial media": (_uniaxial, COS, INDEX + 0.01j, FILMS, WAVE),
+        "layers.fields_at_depth": (_in_depth, *stacked, ALPHA),
+        "layers.graded_layer": (
+            lambda n, d: layers.graded_layer(lambda z: n[None] * (1.0 + 0.1 * z), d, layers=2),
+            ETA, FILMS[0],
         ),
         "performance.computed_once": (performance.computed_once, COS),
         "performance.fenced": (performance.fenced, COS),

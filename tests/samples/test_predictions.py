@@ -10,7 +10,7 @@ from fitting import Measurement, Sample, fit, simulate
 from fresnel_jax import powers
 from fresnel_jax.dispersion import Cauchy, DrudeLorentz, material
 from fresnel_jax.effective_medium import bruggeman
-from fresnel_jax.layers import slab
+from fresnel_jax.layers import Uniaxial, slab, stack
 from fresnel_jax.polarization import psi_delta
 
 CAUCHY = {"A": 1.5, "B": 0.012, "C": 0.0}
@@ -48,6 +48,38 @@ def test_a_thickness_that_is_one_number_in_the_text_is_that_of_the_sample():
     assert (simulate("air | cauchy 90 nm | Si", values, angle, 0.6, "R_p") == ranged).all()
     with pytest.raises(ValueError, match="needs a value of thickness_nm"):
         simulate("air | cauchy 50..200 nm | Si", CAUCHY, angle, 0.6, "R_p")
+
+
+UNIAXIAL = "air | uniaxial(cauchy:1, birefringence 0.1) 150..300 nm | 3.88+0.02i"
+
+
+def test_a_uniaxial_film_is_that_of_the_library_and_is_fitted():
+    angle, wavelength = grid()
+    c, media = np.cos(np.radians(angle)), [1.0, Uniaxial(1.6, 1.68), 3.88 + 0.02j]
+    values = {"A": 1.6, "birefringence": 0.08, "thickness_nm": 210.0}
+    both = "air | uniaxial(1.6, 1.68) 210 nm held | 3.88+0.02i"
+    with jax.enable_x64(True):
+        true = stack(c, media, thickness_um=[0.21], wavelength_um=wavelength, exact=False)
+    seen: dict[str, Any] = {
+        q: simulate(UNIAXIAL, values, angle, wavelength, q) for q in ("R_s", "R_p")
+    }
+    for q, found in seen.items():
+        np.testing.assert_allclose(found, getattr(true, q), rtol=1e-11)
+        np.testing.assert_allclose(simulate(both, {}, angle, wavelength, q), found, rtol=1e-11)
+    found = fit(Measurement.from_columns(angle, wavelength, **seen), UNIAXIAL).parameters
+    for name, value in values.items():
+        assert found[name].value == pytest.approx(value, rel=1e-6)
+
+
+@pytest.mark.parametrize(("medium", "message"), [
+    ("uniaxial(1.5, 1.6, tilt 30) 9 nm", "tilted axes"),
+    ("uniaxial(1.5, 1.6) 1 mm thick", "must be a film"),
+    ("uniaxial(cauchy, cauchy) 9 nm", "one of them may be a dispersion model"),
+    ("uniaxial(cauchy, birefringence 0.2..0.1) 9 nm", "the smaller birefringence"),
+])  # fmt: skip
+def test_uniaxial_media_that_are_refused(medium, message):
+    with pytest.raises(ValueError, match=message):
+        Sample.parse(f"air | {medium} | Si")
 
 
 def test_nuisances_act_as_they_say():

@@ -16,9 +16,13 @@ def exact(value):
     return mp.mpf(value.real) if value.imag == 0.0 else mp.mpc(value.real, value.imag)
 
 
-def _normal(N, K2):
-    q = mp.sqrt(N * N - K2)
-    return q if mp.re(q) + mp.im(q) >= 0 else -q
+def _normal(N, K2, E=None):
+    """Q of s; with the extraordinary index E that of p, N_o^2 (1 - K^2 / N_e^2)."""
+    if E is None or E == N:
+        q = mp.sqrt(N * N - K2)
+        return q if mp.re(q) + mp.im(q) >= 0 else -q
+    q = mp.sqrt(N * N * (1 - K2 / E**2))
+    return q if mp.re(q / N**2) >= 0 else -q  # power goes away from the boundary
 
 
 def _by_matrices(Y, Q, d, k0):
@@ -47,10 +51,13 @@ def _by_recursion(Y, Q, d, k0):
 
 
 def stack(c, N, d, wavelength, digits=50):
-    """R_s, R_p, T_s, T_p, r_s, r_p, t_s, t_p."""
+    """R_s, R_p, T_s, T_p, r_s, r_p, t_s, t_p; N_o and N_e as a tuple are a uniaxial medium."""
+    E = [z[1] if isinstance(z, tuple) else None for z in N]
+    N = [z[0] if isinstance(z, tuple) else z for z in N]
     with mp.workdps(digits):
         c, wavelength = exact(c), exact(wavelength)
         N, d = [exact(z) for z in N], [exact(z) for z in d]
+        E = [z if e is None else exact(e) for z, e in zip(N, E, strict=True)]
         K2 = N[0] ** 2 * (1 - c * c)
         Q = [_normal(z, K2) for z in N[1:-1]]
         growth = sum((abs(mp.im(q)) * t for q, t in zip(Q, d, strict=True)), mp.mpf(0))
@@ -61,10 +68,17 @@ def stack(c, N, d, wavelength, digits=50):
             enough += int(4 * mp.pi * growth / wavelength / mp.log(10))
     with mp.workdps(enough):
         K2 = N[0] ** 2 * (1 - c * c)
-        Q = [N[0] * c, *(_normal(z, K2) for z in N[1:])]
+        every = {
+            "s": [N[0] * c, *(_normal(z, K2) for z in N[1:])],
+            "p": [
+                N[0] * c,
+                *(_normal(*z) for z in zip(N[1:], [K2] * (len(N) - 1), E[1:], strict=True)),
+            ],
+        }
         k0 = 2 * mp.pi / wavelength
         out = []
         for polarization in "sp":
+            Q = every[polarization]
             Y = Q if polarization == "s" else [q / (z * z) for q, z in zip(Q, N, strict=True)]
             r, t = (_by_matrices if matrices else _by_recursion)(Y, Q, d, k0)
             T = abs(t) ** 2 * mp.re(Y[-1]) / mp.re(Y[0])
