@@ -98,19 +98,15 @@ def test_areas_and_the_mean_of_drawn_weights(alphas):
 @pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.study)])
 def test_derivatives_are_finite_and_right(dtype):
     z = np.array([1.0, 0.5, 1e-3, -0.3], dtype)
-    w, v = direction(z, 0.3).astype(dtype), direction(np.abs(z[::-1]), 2.0).astype(dtype)
-    alpha = np.array([0.2, 1e-4], dtype)
+    w, step = direction(z, 0.3).astype(dtype), 1e-6
 
-    @jax.jit
     def values(alpha, w):
-        surface = Beckmann(alpha, dtype(0.3))
-        return jnp.stack([surface.D(w), surface.G1(w), surface.G(w, v[0])])
+        return jnp.stack(described(Beckmann(alpha, dtype(0.3)), w)[::2])
 
-    slopes = jax.jit(jax.vmap(jax.jacfwd(values, (0, 1)), (None, 0)))
-    for a in alpha:
-        assert all(np.isfinite(x).all() for x in slopes(a, w))
+    of_both = jax.jit(jax.vmap(jax.jacfwd(values, (0, 1)), (None, 0)))
+    for a in np.array([0.2, 1e-4], dtype):
+        assert all(np.isfinite(x).all() for x in of_both(a, w))
     if dtype is np.float64:
-        step = 1e-6
-        for i in (1, 2):
-            want = (values(0.2 + step, w[i]) - values(0.2 - step, w[i])) / (2 * step)
-            np.testing.assert_allclose(slopes(0.2, w)[0][i], want, rtol=1e-6, atol=1e-9)
+        want = (values(0.2 + step, w[1:3]) - values(0.2 - step, w[1:3])) / (2 * step)
+        found = of_both(0.2, w)[0][1:3].T
+        np.testing.assert_allclose(found, want, rtol=1e-6, atol=1e-9)
