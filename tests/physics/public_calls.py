@@ -205,7 +205,7 @@ def calls() -> dict[str, tuple[Any, ...]]:
         "colour.srgb_encode": (colour.srgb_encode, COS),
         "fresnel_terms.FresnelFilm": (
             lambda c, d: fresnel_terms.FresnelFilm(1.4, d, 2.0, exact=False)(c),
-            COS[:, None], WAVE[:, None],
+            COS[:1], WAVE[:1],
         ),
         "polarization.absorption_depth": (pol.absorption_depth, WAVE, K),
         "polarization.penetration_depth": (
