@@ -1,8 +1,8 @@
 """Fresnel optics that is accurate everywhere and differentiable everywhere, in JAX.
 
 The names below are those of one smooth boundary. Submodules are attributes, imported when they are
-first used: `approximate`, `bsdf`, `directions`, `dispersion`, `effective_medium`, `fresnel_terms`,
-`interface`, `layers`, `materials`, `microfacet`, `performance`, `polarization`.
+first used: `approximate`, `bsdf`, `colour`, `directions`, `dispersion`, `effective_medium`,
+`fresnel_terms`, `interface`, `layers`, `materials`, `microfacet`, `performance`, `polarization`.
 """
 
 import importlib
@@ -24,6 +24,7 @@ from .interface import (
 _SUBMODULES = (
     "approximate",
     "bsdf",
+    "colour",
     "directions",
     "dispersion",
     "effective_medium",

@@ -41,11 +41,12 @@ from .._numerics.index import IndexLike
 from ..fresnel_terms import (
     FresnelConductor,
     FresnelDielectric,
+    FresnelFilm,
     FresnelNone,
     FresnelStack,
     FresnelTerm,
 )
-from ..microfacet import TrowbridgeReitz
+from ..microfacet import Beckmann, TrowbridgeReitz
 from .dielectric import Dielectric
 from .reflection import Reflector
 from .scattering import BSDFSample, Lobes, ScatteringFlags, TransportMode
@@ -54,9 +55,11 @@ from .thin import ThinDielectric
 __all__ = [
     "BSDF",
     "BSDFSample",
+    "Beckmann",
     "Dielectric",
     "FresnelConductor",
     "FresnelDielectric",
+    "FresnelFilm",
     "FresnelNone",
     "FresnelStack",
     "FresnelTerm",

@@ -121,7 +121,7 @@ class Dielectric(eqx.Module):
         dot_o, dot_i = computed_once(dot(o, m)), computed_once(dot(i, m))
         c_o, c_i = jnp.abs(dot_o), jnp.abs(dot_i)
         eta_o, eta_i = sides(o.z < 0.0, self.eta)
-        reflected = bounce(self.distribution.bounded(), o, i, m)
+        reflected = bounce(self.distribution, o, i, m)
         refracted = self._refracted(reflected, o, c_o, c_i, mode)
         # A facet seen from its back takes part in nothing (PBRT 4th ed. sec. 9.7.2).
         facing = (dot_o * o.z > 0.0) & (dot_i * i.z > 0.0)
@@ -197,7 +197,7 @@ class Dielectric(eqx.Module):
             spread = one
         result = Bounce(smooth.value * spread * spread, one, spread * spread)
         if self.distribution is not None:
-            same_side = bounce(self.distribution.bounded(), o, i, m)
+            same_side = bounce(self.distribution, o, i, m)
             across = self._refracted(same_side, o, jnp.abs(cosine), cos_t, mode)
             result = _choose(delta, result, _choose(reflection, same_side, across))
         scale = jnp.where(reflection, self.reflection_scale, self.transmission_scale)

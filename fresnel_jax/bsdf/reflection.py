@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
@@ -19,8 +20,8 @@ from .scattering import (
     TransportMode,
     assemble,
     local_direction,
-    nothing,
     upward,
+    zero_or_nan,
 )
 
 
@@ -29,8 +30,8 @@ class Reflector(eqx.Module):
 
     f = scale F D G / (4 |cos_o cos_i|); smooth: the delta distribution scale F / |cos_i|.
 
-    Arguments: `fresnel`, `FresnelConductor`, `FresnelDielectric` or `FresnelNone`; `distribution`,
-    the facets (None: smooth; also smooth where `distribution.effectively_smooth()`); `scale`, a
+    Arguments: `fresnel`, any of the Fresnel terms; `distribution`, the facets, `TrowbridgeReitz` or
+    `Beckmann` (None: smooth; also smooth where `distribution.effectively_smooth()`); `scale`, a
     factor for effects outside of the model, usually a colour. Both sides reflect.
     See the module `bsdf` for the methods that all models share.
     Source: PBRT 3rd ed. `SpecularReflection`, 4th ed. `ConductorBxDF`.
@@ -55,20 +56,19 @@ class Reflector(eqx.Module):
     ) -> Array:
         """f(wo, wi), shape (...); 0 where smooth and across the surface; `mode` changes nothing."""
         o, i, m, possible = self._facet(wo, wi)
+        reflected = self.scale * self.fresnel(dot(o, m))
+        none = zero_or_nan(*o, *i, *jax.tree.leaves(self.distribution), reflected)
         if self.distribution is None:
-            return nothing(self, o, i)
-        value = bounce(self.distribution.bounded(), o, i, m).value
-        return jnp.where(
-            possible, self.scale * self.fresnel(dot(o, m)) * value, nothing(self, o, i)
-        )
+            return none
+        return jnp.where(possible, reflected * bounce(self.distribution, o, i, m).value, none)
 
     def density(self, wo: ArrayLike, wi: ArrayLike, lobes: Lobes = Lobes.ALL) -> Array:
         """Density per solid angle with which `sample` draws wi, shape (...); 0 if smooth."""
         o, i, m, possible = self._facet(wo, wi)
+        none = zero_or_nan(*o, *i, *jax.tree.leaves(self.distribution))
         if self.distribution is None or Lobes.REFLECTION not in lobes:
-            return nothing(self, o, i)
-        density = bounce(self.distribution.bounded(), o, i, m).density
-        return jnp.where(possible, density, nothing(self, o, i))
+            return none
+        return jnp.where(possible, bounce(self.distribution, o, i, m).density, none)
 
     def _facet(self, wo: ArrayLike, wi: ArrayLike) -> tuple[Vector, Vector, Vector, Array]:
         o, o_leaves = local_direction(wo, "wo")
@@ -98,7 +98,7 @@ class Reflector(eqx.Module):
         value = 1.0 / jnp.where(valid, jnp.abs(i.z), 1.0)
         density = weight = jnp.ones_like(value)
         if self.distribution is not None:
-            rough = bounce(self.distribution.bounded(), o, i, m)
+            rough = bounce(self.distribution, o, i, m)
             value = jnp.where(delta, value, rough.value)
             density = jnp.where(delta, density, rough.density)
             weight = jnp.where(delta, weight, rough.weight)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fresnel_jax import approximate as ap
-from fresnel_jax import bsdf, directions, fresnel_terms, interface, layers, performance
+from fresnel_jax import bsdf, colour, directions, fresnel_terms, interface, layers, performance
 from fresnel_jax import dispersion as dp
 from fresnel_jax import effective_medium as em
 from fresnel_jax import microfacet as mf
@@ -23,6 +23,7 @@ UP = np.tile([0.0, 0.0, 1.0], (N, 1))
 OUT, IN = np.tile([0.6, 0.0, 0.8], (N, 1)), np.tile([-0.36, 0.48, 0.8], (N, 1))
 U_LOBE, U = np.full(N, 0.3), np.full((N, 2), 0.3)
 ALPHA = np.full(N, 0.3)
+SPECTRUM, VISIBLE = np.full((N, 18), 0.4), 0.4 + 0.02 * np.arange(18)
 
 
 def _stack(c, index, thickness, wavelength, **options):
@@ -202,6 +203,7 @@ def calls() -> dict[str, tuple[Any, ...]]:
         "microfacet.TrowbridgeReitz.G1": facets("G1", OUT),
         "microfacet.TrowbridgeReitz.Lambda": facets("Lambda", OUT),
         "microfacet.TrowbridgeReitz.sample_visible": facets("sample_visible", OUT, U),
+        "microfacet.Beckmann.Lambda": (lambda a, w: mf.Beckmann(a, 0.2).Lambda(w), ALPHA, OUT),
         "microfacet.TrowbridgeReitz.bounded": facets("bounded"),
         "microfacet.TrowbridgeReitz.effectively_smooth": facets("effectively_smooth"),
         "bsdf.ThinDielectric.powers": (lambda c, n: bsdf.ThinDielectric(n).powers(c), COS, ETA),
@@ -215,6 +217,15 @@ def calls() -> dict[str, tuple[Any, ...]]:
         "fresnel_terms.FresnelNone": (fresnel_terms.FresnelNone(), COS),
         "fresnel_terms.FresnelStack": (
             lambda c, *p: fresnel_terms.FresnelStack(*p)(c), COS, INDEX, FILMS, WAVE,
+        ),
+        "colour.colour_matching": (colour.colour_matching, WAVE),
+        "colour.xyz": (lambda R, w: colour.xyz(R, w), SPECTRUM, VISIBLE),
+        "colour.lab": (colour.lab, OUT),
+        "colour.linear_srgb": (colour.linear_srgb, OUT),
+        "colour.srgb_encode": (colour.srgb_encode, COS),
+        "fresnel_terms.FresnelFilm": (
+            lambda c, d: fresnel_terms.FresnelFilm(1.4, d, 2.0, exact=False)(c),
+            COS[:1], WAVE[:1],
         ),
         "polarization.absorption_depth": (pol.absorption_depth, WAVE, K),
         "polarization.penetration_depth": (
@@ -233,7 +244,7 @@ def calls() -> dict[str, tuple[Any, ...]]:
     for name in em.__all__:
         for count in (2, 3):
             index, fraction = INDEX[:count], np.full((count - 1, N), 0.3)
-            call = getattr(em, name), index, 0.1 * index, fraction
+            call = getattr(em, name), index, 0.1 * index, fraction, *[ALPHA] * (name == "bruggeman")
             table[f"effective_medium.{name} of {count}"] = call
     metal = (ETA, K)
     for name, make, parameters in (
@@ -242,6 +253,8 @@ def calls() -> dict[str, tuple[Any, ...]]:
         ("ThinDielectric", bsdf.ThinDielectric, (ETA,)),
         ("conductor", bsdf.conductor, metal),
         ("conductor rough", rough(bsdf.conductor), (ALPHA, *metal)),
+        ("conductor by Beckmann", lambda a, *p: bsdf.conductor(*p, bsdf.Beckmann(a)),
+            (ALPHA, *metal)),
         ("conductor of numbers", lambda: bsdf.conductor(0.2, 3.0, bsdf.TrowbridgeReitz(0.2)), ()),
         ("Reflector", lambda s: bsdf.Reflector(bsdf.FresnelNone(), None, s), (ALPHA,)),
         ("fresnel_specular", lambda n: bsdf.fresnel_specular(0.9, 0.8, n, 1.5), (ETA,)),

@@ -12,20 +12,27 @@ MODELS = [bruggeman, looyenga, maxwell_garnett, linear]
 INDEX_BOUND, K_BOUND = 16.0, 32.0  # eps of |N|, and of k itself
 
 
-def _bruggeman_root(eps, f):
+def _bruggeman_root(eps, f, factor=None):
     """The root in the cone of the constituents, among all of the polynomial's."""
+    factor = mp.mpf(1) / 3 if factor is None else mp.mpf(factor)
+
+    def both(other):
+        return [float(1 - factor), complex(factor * other)]
+
     total = np.zeros(1)
     for j, share in enumerate(f):
         product = np.ones(1)
         for i, other in enumerate(eps):
-            product = np.polymul(product, [-1, complex(other)] if i == j else [2, complex(other)])
+            product = np.polymul(product, [-1, complex(other)] if i == j else both(other))
         total = np.polyadd(total, float(share) * product)
     phases = [float(mp.arg(e)) for e in eps]
     inside = [r for r in np.roots(total) if min(phases) - 1e-6 <= np.angle(r) <= max(phases) + 1e-6]
     assert len(inside) == 1, (inside, phases)
 
     def equation(x):
-        return sum(s * (e - x) / (e + 2 * x) for s, e in zip(f, eps, strict=True))
+        return sum(
+            s * (e - x) / (factor * e + (1 - factor) * x) for s, e in zip(f, eps, strict=True)
+        )
 
     return mp.findroot(equation, mp.mpc(inside[0]))
 
@@ -98,6 +105,43 @@ def test_pure_and_matched_media_come_out_as_they_are(model, dtype):
         np.testing.assert_allclose(found.k, 1e-7, rtol=16 * eps)
     # nothing absorbs: k is 0, not its rounding
     assert float(model(eta, np.zeros(2, dtype), np.array([0.4], dtype)).k) == 0.0
+
+
+@jax.jit
+def _with_slope(eta, k, fraction, factor):
+    """Bruggeman's index and its derivative by the depolarization factor."""
+    return jax.jvp(lambda L: bruggeman(eta, k, fraction, L), (factor,), (jnp.ones_like(factor),))
+
+
+@pytest.mark.parametrize("several", [2, pytest.param(3, marks=pytest.mark.study)])
+@pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.study)])
+def test_grains_of_any_depolarization(several, dtype):
+    cases = list(media(dtype, 8, several, 30 + several))
+    factor = np.array([1e-3, 0.1, 0.25, 0.4, 0.5, 0.7, 0.0, 1.0], dtype)
+    eta, k, fraction = (np.stack(x, -1) for x in zip(*cases, strict=True))
+    found, slope = (x.complex for x in _with_slope(eta, k, fraction, factor))
+    eps = float(np.finfo(dtype).eps)
+    assert found.dtype == np.result_type(dtype, np.complex64) and np.isfinite(slope).all()
+    permittivity = (eta.astype(float) + 1j * k) ** 2
+    shares = np.stack([1.0 - fraction.astype(float).sum(0), *fraction])
+    for i, L in enumerate(factor[:-2]):
+        with mp.workdps(60):
+            e = [mp.mpc(float(n), float(x)) ** 2 for n, x in zip(*cases[i][:2], strict=True)]
+            f = [mp.mpf(float(x)) for x in cases[i][2]]
+            f = [1 - sum(f), *f]
+            true = mp.sqrt(_bruggeman_root(e, f, float(L)))
+            assert abs(mp.mpmathify(complex(found[i])) - true) <= INDEX_BOUND * eps * abs(true)
+            # of F(eps, L) = 0: d eps / d L = -F_L / F_eps
+            u = [1 / (L * x + (1 - L) * true**2) for x in e]
+            along = sum(a * ((x - true**2) * v) ** 2 for a, x, v in zip(f, e, u, strict=True))
+            across = sum(a * x * v * v for a, x, v in zip(f, e, u, strict=True))
+            want = -along / across / (2 * true)
+            assert abs(mp.mpmathify(complex(slope[i])) - want) <= 300 * eps * abs(want)
+    # Wiener's bounds: grains that are sheets along the field and across it
+    bounds = (shares * permittivity).sum(0)[-2], 1.0 / (shares / permittivity).sum(0)[-1]
+    np.testing.assert_allclose(found[-2:], np.sqrt(bounds), rtol=20 * eps)
+    with pytest.raises(ValueError, match="depolarization is 1.5; wanted a number from 0 to 1"):
+        bruggeman(eta, k, fraction, 1.5)
 
 
 def test_published_numbers():
