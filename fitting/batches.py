@@ -229,7 +229,7 @@ def _fit_curves(
         own = np.repeat(angle_deg[:, :1].T, len(job.seen.points.angle_deg), 0)
         own[rows] = angle_deg.T
         lanes = replace(lanes, own={"angle_deg": own})
-    search = BatchSearch(job, lanes)
+    search, known = BatchSearch(job, lanes), np.unique(wavelength_um)
     batch = _Batch(search, (angle_deg, wavelength_um), settings, sample)
     best, every, beside = search.best, np.flatnonzero(search.known), _neighbours(shape)
     if not len(every):
@@ -251,7 +251,7 @@ def _fit_curves(
         search.run(batch.y_of({n: v[every] for n, v in near.items()}), every)
     if of_bare_surface(search):
         search_surface(search)
-        return _result(search, shape, sample)
+        return _result(search, shape, sample, known)
     if near is not None:
         search.from_neighbours(beside)
     random, searched = np.random.default_rng(asked.seed), set[int]()
@@ -278,18 +278,23 @@ def _fit_curves(
     if not begun:
         assert refused is not None
         raise refused
-    return _result(search, shape, sample)
+    return _result(search, shape, sample, known)
 
 
-def _result(search: BatchSearch, shape: tuple[int, ...], sample: Sample) -> FitData:
-    """Return the fits of curves whose lanes have ended, with further errors where they need one."""
+def _result(
+    search: BatchSearch, shape: tuple[int, ...], sample: Sample, known: np.ndarray
+) -> FitData:
+    """Return the fits of curves whose lanes have ended, with further errors where they need one.
+
+    known: the wavelengths.
+    """
     curves, errors, cost = search.curves, search.job.asked.errors, search.best.cost
     names, far = tuple(curves.values), np.zeros(curves.count, bool)
     if added_kinds(errors) and curves.sigma and set(names) <= set(POWERS):
         large, _ = beyond_chance(cost / np.maximum(search.dof, 1), search.dof)
         far = (large if errors == "auto" else search.dof > 0) & np.isfinite(cost)
     if not far.any():
-        return fit_of_batch(search, shape, sample)
+        return fit_of_batch(search, shape, sample, known=known)
     values, stated = (
         np.concatenate([of[q] for q in names], 1) for of in (curves.values, curves.sigma)
     )
@@ -318,9 +323,9 @@ def _result(search: BatchSearch, shape: tuple[int, ...], sample: Sample) -> FitD
     )  # fmt: skip
     used = np.flatnonzero(taken.kind != "")
     if not len(used):
-        return fit_of_batch(search, shape, sample)
+        return fit_of_batch(search, shape, sample, known=known)
     there = with_errors(taken.sigma[used], used)
-    best = fit_of_batch(there, shape, sample)
+    best = fit_of_batch(there, shape, sample, known=known)
     off, _ = compared(used, model(there, used))
     chi2 = np.ravel(best.chi2).astype(float)
     chi2[used] = ((off / stated[used]) ** 2).sum(1)

@@ -60,7 +60,7 @@ _LEVEL = 2e-4
 class _Minima(NamedTuple):
     """Minima of the n curves ``which``, and what is known there.
 
-    y (n, p); costs; sum of squares of the data and (n, C) of the unweighted residuals, with their
+    y (n, p); costs, and those that a step promises; sum of squares of the data and (n, C) of the unweighted residuals, with their
     numbers (n, C), by channel. reached: how many lanes ended there.
     """
 
@@ -68,6 +68,7 @@ class _Minima(NamedTuple):
     y: np.ndarray
     known: Uncertainty
     cost: np.ndarray
+    promised: np.ndarray
     squares: np.ndarray
     plain: np.ndarray
     counts: np.ndarray
@@ -98,8 +99,9 @@ def _minima_at(search: BatchSearch, which: np.ndarray, y: np.ndarray, pooled: An
         job.u, at.triangle[..., -1], at.triangle[..., :-1], y.T, search.limits, 1.0,
         search.dof[which], job.asked.scaled, curves.stated, pooled,
     )  # fmt: skip
+    fall = (at.triangle[..., :-1] @ known.step[..., None])[..., 0]
     found = _Minima(
-        which, y.T, known, at.cost, curves.squares[which], at.plain, at.counts,
+        which, y.T, known, at.cost, at.cost - np.vecdot(fall, fall), curves.squares[which], at.plain, at.counts,
         np.zeros(len(which), int),
     )  # fmt: skip
     return jax.tree.map(np.array, found)  # which `put` writes to
@@ -116,7 +118,7 @@ def _minima_beside(search: BatchSearch, which: np.ndarray, y: np.ndarray, pooled
         ahead = np.clip((here.y + step).T, low, high)
         # Without a known scatter every step is looked at.
         far = ((step != 0.0) & ~(np.abs(step) <= _SMALL * error)).any(1)
-        out.y[go[~far]] = ahead[:, ~far].T
+        out.y[go[~far]], out.cost[go[~far]] = ahead[:, ~far].T, here.promised[~far]
         go, here = go[far], here.of(far)
         if not len(go):
             break
@@ -208,10 +210,12 @@ def _noise_of_misfits(
 @np.errstate(all="ignore")
 def fit_of_batch(
     search: BatchSearch, shape: tuple[int, ...], sample: Sample, pooled: float | None = None,
+    known: np.ndarray | None = None,
 ) -> FitData:  # fmt: skip
     """Return the result of N curves, of which all lanes have ended.
 
-    pooled: the scatter of all curves, where each has too few data to estimate its own.
+    pooled: the scatter of all curves, where each has too few data to estimate its own. known: the
+    wavelengths, if not those of the points: NaN for none.
     """
     job, curves, best = search.job, search.curves, search.best
     u, stated, count = job.u, curves.stated, curves.count
@@ -219,7 +223,8 @@ def fit_of_batch(
     put = Shaped(shape, count, which)
     minima, scatter = _minima(search, which, pooled)
     m, own, n_data = minima[0], search.dof[which], curves.n_data[which]
-    known = np.unique(job.seen.points.wavelength_um[job.seen.measured, 0])
+    if known is None:
+        known = np.unique(job.seen.points.wavelength_um[job.seen.measured, 0])
     noise, told = np.full(len(which), np.nan), None
     if set(u.spec.channels) <= set(POWERS) and (len(known) == 1 or "wavelength_um" in curves.own):
         fitted = shown_at(u.spec, curves, m.y.T, which)

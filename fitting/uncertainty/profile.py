@@ -29,8 +29,8 @@ from fitting.problem.lanes import Ends
 CLOSE, TIGHT = 1e-3, 1e-4
 # Two places so near to each other, in parts of their distance, should not differ by much more.
 STEEP = 0.03
-# Number of rounds of steps. 2 to 4 are usual; valleys that are curved, or end in a cliff, take 10 to
-# 20 (after 10 one end in ten of such fits was still off by .1 to .3 half widths).
+# Number of rounds of steps. 2 to 4 are usual; valleys that are curved, or end in a cliff, take 10
+# to 20 (after 10 one end in ten of such fits was still off by .1 to .3 half widths).
 ROUNDS = 60
 # Evaluations in one round, and the number of further rounds of one place: a round takes as long as
 # its slowest lane, and lanes that have not converged continue in the next round.

@@ -81,7 +81,7 @@ def test_a_fit_without_freedom_that_misses_its_data_is_not_converged(data, statu
 
 
 def test_one_datum_that_no_index_gives():
-    """R_s = 0 at 90 degrees, where every boundary has 1, is no boundary: chi2 2e291 was converged."""
+    """R_s = 0 at 90 degrees, where every boundary has 1, is none: chi2 2e291 was converged."""
     found = fit(Measurement.from_columns([90.0], R_s=[0.0], sigma=2e-146))
     assert (found.eta, found.k) == (1.0, 0.0) and "no_reflection" in {
         w.code for w in found.warnings

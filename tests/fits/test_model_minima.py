@@ -89,7 +89,7 @@ def test_the_search_for_intervals_ends_where_a_lower_minimum_is_met(enough, roun
 
     monkeypatch.setattr(profile, "visit", met_a_lower_one)
     search = profile.Search(base, 0, 1.0, [0.1])
-    profile.follow(SimpleNamespace(lanes=64), [search], 7, enough)  # type: ignore
+    profile.follow(SimpleNamespace(count=64), [search], 7, enough)  # type: ignore
     assert len(visited) == rounds
 
 

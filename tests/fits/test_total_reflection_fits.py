@@ -157,7 +157,7 @@ def test_intervals_of_a_small_k_hold_the_truth(k, errors):
 
 
 def test_what_is_said_and_drawn_of_a_k_that_is_not_seen():
-    found = fitted(measured(1.0, 0.0, 1.5, 30), 1.5)
+    found = fitted(measured(1.0, 0.0, 1.5, 30), 1.5, intervals="auto")
     zero = found[int(np.flatnonzero(at_zero(found))[0])]
     (said,) = texts(zero)
     assert "too small for these data to determine" in said
@@ -168,8 +168,8 @@ def test_what_is_said_and_drawn_of_a_k_that_is_not_seen():
     before, after = (textbook(at, zero.eta, k, 1.5)[0] for k in (0.0, step))
     _, band = zero.predict(at, "R_s")
     slopes = np.abs(after - before) / step
-    assert band[0] / band[1] == pytest.approx(slopes[0] / slopes[1], rel=0.01)
-    assert 0.5e-4 < (band / slopes).mean() < 2e-4  # sigma_k
+    assert band[0] / band[1] == pytest.approx(slopes[0] / slopes[1], rel=0.05)
+    assert 1e-5 < (band / slopes).mean() < 2e-4  # half the limit of k
 
 
 def test_beyond_the_critical_angle_alone_the_interval_is_the_likelihoods():

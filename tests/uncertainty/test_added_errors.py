@@ -107,7 +107,10 @@ def test_a_fit_that_follows_the_best_data_alone_is_not_what_errors_are_judged_by
     model = fit(m, "constant")
     assert model.errors.taken == "floor"
     # Weights are updated until s changes by less than 1 %.
-    assert model.parameters["eta"].value == pytest.approx(found.eta[one], rel=1e-3)
+    assert model.errors.added == pytest.approx(found.errors.added[one], rel=1e-2)
+    # The valley in k is flat: from .74 to 0 chi2 rises by 2e-6.
+    low, high = model.parameters["eta"].interval
+    assert low < found.eta[one] < high
 
 
 def glass(part, kind="R_s"):

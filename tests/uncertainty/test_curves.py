@@ -61,11 +61,11 @@ def test_the_band_exists_where_the_index_does_not():
 def test_no_noise_known_no_band():
     found = fit_many([70.0], R_s=[0.5], R_p=[0.1])
     assert np.isnan(found.predict(GRID, "R_s")[1]).all()
-    nothing = fit_many(ANGLES, R=np.full((2, 16), np.nan))
-    value, sigma = nothing.predict(GRID)
+    some = np.stack([np.full(16, np.nan), np.full(16, 0.3)])
+    value, sigma = fit_many(ANGLES, R=some).predict(GRID)
     assert value.shape == (2, 37)
-    assert np.isnan(value).all()
-    assert np.isnan(sigma).all()
+    assert np.isnan(value[0]).all()
+    assert np.isnan(sigma[0]).all()
 
 
 def test_fitted_values_go_with_the_rows_of_the_measurement():
@@ -81,7 +81,7 @@ def test_fitted_values_go_with_the_rows_of_the_measurement():
         want = textbook(m.angle_deg, m.quantity, found.eta[i], found.k[i])
         np.testing.assert_allclose(value[rows], want[rows], atol=1e-14)
         rms = np.sqrt(np.mean((value[rows] - m.value[rows]) ** 2))
-        assert rms == pytest.approx(found.rms[i], rel=1e-9)
+        assert rms == pytest.approx(found.rms[i], rel=1e-6)
     assert (sigma > 0.0).all()
     # At rows of one's own, and a refusal at a wavelength that was not fitted.
     again, _ = found.predict(m.where(m.wavelength_um == 0.4))
@@ -100,7 +100,7 @@ def test_fitted_values_see_the_polarizer():
 
 def test_what_cannot_be_drawn_is_refused():
     found = fit_many(ANGLES, **noisy(0.5, 2.2, 1e-3))
-    with pytest.raises(ValueError, match="one of R_s, R_p, R"):
-        found.predict(GRID, "psi")
+    with pytest.raises(ValueError, match="there is no quantity 'R_q'; one of R_s, R_p, R"):
+        found.predict(GRID, "R_q")
     with pytest.raises(ValueError, match="one axis"):
         found.predict(GRID[None], "R")
