@@ -350,7 +350,7 @@ def _fit_map(
     if known is None:
         options = {n: v for n, v in wanted["options"].items() if n in (*_OPTIONS, "check")}
         shape = block_shape(cube, block)
-        start = begin(cube, sample, options, shared, int(np.prod(shape)))
+        start = begin(cube, sample, options, shared)
         map_store.create(out, cube, shape, start.units, {
             **wanted, "title": f"Fits of {sample}", "read": str(cube), "begin": start._asdict(),
             "shared": start.shared, "places": list(cube.places), "failed_blocks": [],

@@ -272,8 +272,13 @@ def _contradicted_priors(fit: Problem, known: Mapping[str, Estimate]) -> list[Fi
     return [_finding("prior_contradicted", priors=away)] if away else []
 
 
-def _on_parameters(known: Mapping[str, Estimate], ok: np.ndarray) -> Iterator[tuple[Any, ...]]:
-    """Yield code, where (S), and values of what fits ``ok`` (S) are told of their parameters."""
+def _on_parameters(
+    known: Mapping[str, Estimate], ok: np.ndarray, covered: str
+) -> Iterator[tuple[Any, ...]]:
+    """Yield code, where (S), and values of what fits ``ok`` (S) are told of their parameters.
+
+    covered: the one whose possible values at 0 are in the errors of the others.
+    """
     names = tuple(known)
     value, sigma, limit, state, kind, interval = (
         np.stack([np.asarray(getattr(e, part)) for e in known.values()], ok.ndim)
@@ -287,7 +292,9 @@ def _on_parameters(known: Mapping[str, Estimate], ok: np.ndarray) -> Iterator[tu
             continue
         values = {
             "parameter": name, "value": known[name].value,
-            "others": those(names, bound[..., None] & others & np.isfinite(sigma)),
+            "others": those(
+                names, bound[..., None] & others & np.isfinite(sigma) & (name != covered)
+            ),
             "profile": profile[..., others].any(-1),
         }  # fmt: skip
         near_zero = ok & limited[..., i]
@@ -357,7 +364,11 @@ def findings_of_all(
         ("chi2_large", ok & large, chi2), ("chi2_small", ok & small & stated, chi2),
     ]  # fmt: skip
     if known:
-        told += [*_on_parameters(known, ok), *_correlated(tuple(known), found.correlation, ok)]
+        covered = "k" if found.sample is not None and found.sample.by_wavelength else ""
+        told += [
+            *_on_parameters(known, ok, covered),
+            *_correlated(tuple(known), found.correlation, ok),
+        ]
     sure = status == CONVERGED
     reached = {"starts": found.starts, "reached": found.reached}
     few = (np.asarray(found.starts) > FEW_REACHED) & (np.asarray(found.reached) < FEW_REACHED)

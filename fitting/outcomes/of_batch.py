@@ -164,6 +164,7 @@ def _minima(
         some, first = np.unique(of_lane[left], return_index=True)
         y, cost = ends.y[:, left[first]], ends.cost[left[first]]
     indices = [i for i, name in enumerate(job.u.spec.moving) if name.endswith(".eta")]
+    absorbs = [i for i, name in enumerate(job.u.spec.moving) if name.endswith(".k")]
     if len(indices) == 1:  # of the surface, or of a plate
         outside = search.curves.outside
         for turn, m in enumerate(out[1:], 1):
@@ -171,6 +172,9 @@ def _minima(
             first = out[0].of(rows)
             below, other = (a.y[:, indices[0]] < outside[m.which] for a in (first, m))
             swap = below & ~other & (m.cost <= first.cost + same[m.which])
+            if absorbs:  # of two that only rounding tells apart, the one that absorbs less
+                less = m.y[:, absorbs[0]] < first.y[:, absorbs[0]]
+                swap |= (below == other) & less & (m.cost <= first.cost + rounding[m.which])
             out[0].put(rows, first.but(swap, m))
             out[turn] = m.but(swap, first)
     return out, scatter

@@ -82,6 +82,7 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
         "near this minimum there is a fit whose chi2 is lower by {by:.4g} (in units of the "
         "scatter), but its own minimum was not reached. Take more starts, or fewer parameters."
     ),
+    "chi2_large": wording.chi2_large,
     "compatible_with_zero": wording.compatible_with_zero,
     "at_bound": wording.at_bound,
     "no_slope": lambda v: (
@@ -102,7 +103,6 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
     ),
     "poorly_determined": wording.poorly_determined,
     "correlated": wording.correlated,
-    "chi2_large": wording.chi2_large,
     "prior_contradicted": lambda v: (
         "; ".join(
             f"the data contradict the prior of {name}, {wording.num(mean)} +- "
