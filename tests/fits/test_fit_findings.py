@@ -119,7 +119,7 @@ def test_two_solutions_that_fit_alike_are_both_reported():
     exact = rise < 1e-20
     assert exact.sum() > 10
     # Where only rounding tells them apart the one that absorbs less is shown.
-    assert (found.k[exact] <= alternative_k[exact]).all()
+    assert (found.k[exact] <= alternative_k[exact] + 1e-7).all()
     hits = 0
     for i in twins:
         for other in (
