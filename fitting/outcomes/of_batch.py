@@ -60,8 +60,8 @@ _LEVEL = 2e-4
 class _Minima(NamedTuple):
     """Minima of the n curves ``which``, and what is known there.
 
-    y (n, p); costs, and those that a step promises; sum of squares of the data and (n, C) of the unweighted residuals, with their
-    numbers (n, C), by channel. reached: how many lanes ended there.
+    y (n, p); costs, and those that a step promises; sum of squares of the data and (n, C) of the
+    unweighted residuals, with their numbers (n, C), by channel. reached: how many lanes ended there.
     """
 
     which: np.ndarray
@@ -101,8 +101,8 @@ def _minima_at(search: BatchSearch, which: np.ndarray, y: np.ndarray, pooled: An
     )  # fmt: skip
     fall = (at.triangle[..., :-1] @ known.step[..., None])[..., 0]
     found = _Minima(
-        which, y.T, known, at.cost, at.cost - np.vecdot(fall, fall), curves.squares[which], at.plain, at.counts,
-        np.zeros(len(which), int),
+        which, y.T, known, at.cost, at.cost - np.vecdot(fall, fall), curves.squares[which],
+        at.plain, at.counts, np.zeros(len(which), int),
     )  # fmt: skip
     return jax.tree.map(np.array, found)  # which `put` writes to
 

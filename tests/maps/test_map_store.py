@@ -38,8 +38,8 @@ def test_values_errors_and_statuses_are_those_of_fit_many(tmp_path):
         e = many.parameters[name]
         for end, wanted in (("", e.value), ("_sigma", e.sigma), ("_lower", e.interval[..., 0]),
                             ("_upper", e.interval[..., 1])):  # fmt: skip
-            np.testing.assert_allclose(found[name + end], wanted, rtol=1e-6)
-    np.testing.assert_allclose(found["chi2"], many.chi2_reduced, rtol=1e-6)
+            np.testing.assert_allclose(found[name + end], wanted, rtol=1e-4)
+    np.testing.assert_allclose(found["chi2"], many.chi2_reduced, rtol=1e-4)
     np.testing.assert_array_equal(status_of(found), many.status)
     assert set(np.unique(many.status)) == {"converged", "no data", "refused"}
     bits = found["warnings"]
@@ -67,8 +67,8 @@ def test_sigma_of_each_pixel_and_mask(tmp_path):
     assert np.isnan(found["eta"].values[mask]).all()
     values[:5, :, 0] = np.nan
     many = fit_many(cubes.ANGLE_DEG, R_s=values[:, :5, 0], R_p=values[:, :5, 1], sigma=cubes.SIGMA)
-    np.testing.assert_allclose(found["eta"][2, 4], many.eta[2, 4], rtol=1e-6)
-    np.testing.assert_allclose(found["k"][9, 4], many.k[9, 4], rtol=1e-6)
+    np.testing.assert_allclose(found["eta"][2, 4], many.eta[2, 4], rtol=1e-4)
+    np.testing.assert_allclose(found["k"][9, 4], many.k[9, 4], rtol=1e-4)
 
 
 def test_it_goes_on_with_missing_blocks_alone_and_refuses_what_is_another(tmp_path):
