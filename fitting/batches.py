@@ -118,18 +118,18 @@ def fit_many(
 ) -> Fit:  # fmt: skip
     """Return the fits of many curves of one sample, each by itself, in one call.
 
-    Of a bare surface whose index is free (powers, no other settings) values, errors and warnings
-    are those of `fit` for each curve, except that residuals are not tested for autocorrelation,
-    for which `fit` widens the errors; and of a misfit that is little larger than the noise
-    (`does_not_describe`) 94 in 100 are told. Other samples (films, plates, dispersion models, psi
-    and Delta) are followed as a batch: a few curves are searched as `fit` does, all begin from the
-    minima found there and from those of their neighbours, and the worst of them and some by chance
-    are searched afresh. Values and errors are those of `fit` at the same minimum. Not looked at are
-    residuals in order, and films that noise or thinness leaves open.
+    Values, errors and warnings are those of `fit` for each curve at the same minimum, to a
+    thousandth of a standard error, except that residuals are not tested for autocorrelation, for
+    which `fit` widens the errors; of a misfit that is little larger than the noise
+    (`does_not_describe`) 94 in 100 are told; and films that noise or thinness leaves open are not
+    looked for. A bare surface whose index is free starts each curve from a mesh of indices. Of
+    other samples (films, plates, dispersion models, psi and Delta) a few curves are searched as
+    `fit` does, all begin from the minima found there and from those of their neighbours, and the
+    worst of them and some by chance are searched afresh.
 
     Args:
-        angles_deg: (M,) degrees of incidence from the normal, 0 to 90; of a bare surface also
-            (..., M), angles of its own for each curve.
+        angles_deg: (M,) degrees of incidence from the normal, 0 to 90; or (..., M), angles of its
+            own for each curve.
         wavelength_um: micrometres, a number or (M,); None of a bare surface with one index.
         R_s, ..., delta: (..., M) values as `fit` takes them, powers as fractions, psi and delta in
             degrees; at least one. Each of the M points has an angle and a wavelength. NaN marks a
@@ -138,8 +138,8 @@ def fit_many(
             quantities, or a mapping from these names to errors. NaN leaves the datum out.
         sample: as for `fit`. An index that is free at every wavelength takes one wavelength.
         free, fixed, bounds, tie: as for `fit`, the same for all curves.
-        errors: as for `fit`; of other samples than a bare surface "auto" is "scaled", and there is
-            no "floor" and "relative".
+        errors: as for `fit`, of each curve by itself; of psi and Delta "auto" is "scaled", and
+            there is no "floor" and "relative".
         intervals: as for `fit`, but "quadratic" by default, since profile likelihood takes 1 ms of
             processor time more for each curve of a bare surface ("auto" half of that).
         start: name -> value, or array of the batch shape, of every fitted parameter, from which all

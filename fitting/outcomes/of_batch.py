@@ -61,7 +61,7 @@ class _Minima(NamedTuple):
     """Minima of the n curves ``which``, and what is known there.
 
     y (n, p); costs, and those that a step promises; sum of squares of the data and (n, C) of the
-    unweighted residuals, with their numbers (n, C), by channel. reached: how many lanes ended there.
+    unweighted residuals, with their numbers (n, C), by channel. reached: lanes that ended there.
     """
 
     which: np.ndarray

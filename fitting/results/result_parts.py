@@ -51,13 +51,6 @@ class Estimate:
         """Whether it was fitted: neither fixed nor tied."""
         return not (isinstance(self.status, str) and self.status in (FIXED, TIED, SHARED))
 
-    def without_error(self) -> Estimate:
-        """Return an estimate that the data do not determine."""
-        return replace(
-            self, sigma=np.nan, interval=np.full(2, np.nan), interval_kind=NONE, upper_limit=np.nan,
-            status=UNDETERMINED,
-        )  # fmt: skip
-
     def at(self, index: tuple[int, ...]) -> Estimate:
         """Return the estimate of one fit of a batch; a fixed parameter is the same for all."""
         return picked(self, index) if np.ndim(self.value) else self
