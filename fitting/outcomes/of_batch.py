@@ -61,7 +61,8 @@ class _Minima(NamedTuple):
     """Minima of the n curves ``which``, and what is known there.
 
     y (n, p); costs, and those that a step promises; sum of squares of the data and (n, C) of the
-    unweighted residuals, with their numbers (n, C), by channel. reached: lanes that ended there.
+    unweighted residuals, with their numbers (n, C), by channel; together: see `Slopes`. reached:
+    lanes that ended there.
     """
 
     which: np.ndarray
@@ -72,6 +73,7 @@ class _Minima(NamedTuple):
     squares: np.ndarray
     plain: np.ndarray
     counts: np.ndarray
+    together: np.ndarray
     reached: np.ndarray
 
     def but(self, where: np.ndarray, other: _Minima) -> _Minima:
@@ -102,7 +104,7 @@ def _minima_at(search: BatchSearch, which: np.ndarray, y: np.ndarray, pooled: An
     fall = (at.triangle[..., :-1] @ known.step[..., None])[..., 0]
     found = _Minima(
         which, y.T, known, at.cost, at.cost - np.vecdot(fall, fall), curves.squares[which],
-        at.plain, at.counts, np.zeros(len(which), int),
+        at.plain, at.counts, at.together, np.zeros(len(which), int),
     )  # fmt: skip
     return jax.tree.map(np.array, found)  # which `put` writes to
 
@@ -180,34 +182,30 @@ def _minima(
     return out, scatter
 
 
-def _noise_of_misfits(
-    search: BatchSearch, which: np.ndarray, y: np.ndarray, fitted: np.ndarray
-) -> np.ndarray:
+def _noise_of_misfits(search: BatchSearch, m: _Minima) -> np.ndarray:
     """Return the noise of curves over the angle that are missed by more, (n,), else NaN.
 
-    fitted: (n, K, rows) what each channel shows at y (n, p). Looked at are those whose residuals
-    are alike side by side, or where the angles are in no order.
+    Looked at are those whose residuals are alike side by side, or where angles are in no order.
     """
-    spec, curves, out = search.job.u.spec, search.curves, np.full(len(which), np.nan)
+    spec, curves, out = search.job.u.spec, search.curves, np.full(len(m.which), np.nan)
+    rows = np.unique(curves.seen.row)
+    steps = np.diff(curves.of_points("angle_deg", m.which)[:, rows], axis=1)
+    ordered = (steps >= 0.0).all(1) | (steps <= 0.0).all(1)
+    some = np.flatnonzero((m.together > _ALIKE * m.cost) | ~ordered)
+    if not len(some):
+        return out
+    y, which = m.y[some], m.which[some]
     targets, angle = curves.targets(which), curves.of_points("angle_deg", which)
     weight, value = (np.moveaxis(np.stack(a), -1, 0) for a in (targets.weights, targets.values))
-    used = (weight > 0.0).any((0, 1))
-    off = fitted - value
-    each, steps = (off * weight)[..., used], np.diff(angle[:, used], axis=1)
-    whole = np.pad(each, ((0, 0), (0, 0), (0, -each.shape[-1] % 4)))
-    fours = whole.reshape(*each.shape[:2], -1, 4).sum(-1)
-    alike = (fours**2).sum((1, 2)) > _ALIKE * (each**2).sum((1, 2))
-    some = np.flatnonzero(alike | ~((steps >= 0.0).all(1) | (steps <= 0.0).all(1)))
+    fitted = shown_at(spec, curves, y.T, which)
 
     def slopes_of(rows: np.ndarray) -> np.ndarray:
-        at, low = y[some[rows]], fitted[some[rows]]
-        step = _STEP * (1.0 + np.abs(at))
-        parts = [shown_at(spec, curves, (at + step * e).T, which[some[rows]]) - low
+        at, step = y[rows], _STEP * (1.0 + np.abs(y[rows]))
+        parts = [shown_at(spec, curves, (at + step * e).T, which[rows]) - fitted[rows]
                  for e in np.eye(y.shape[1])]  # fmt: skip
         return np.stack(parts, -1)
 
-    if len(some):
-        out[some] = noise_of_misfits(angle[some], value[some], off[some], weight[some], slopes_of)
+    out[some] = noise_of_misfits(angle, value, fitted - value, weight, slopes_of)
     return out
 
 
@@ -231,9 +229,8 @@ def fit_of_batch(
         known = np.unique(job.seen.points.wavelength_um[job.seen.measured, 0])
     noise, told = np.full(len(which), np.nan), None
     if set(u.spec.channels) <= set(POWERS) and (len(known) == 1 or "wavelength_um" in curves.own):
-        fitted = shown_at(u.spec, curves, m.y.T, which)
-        noise = _noise_of_misfits(search, which, m.y, fitted)
-        told = verdicts_of_batch(search, which, m.y, m.known, m.cost, scatter[which], fitted)
+        noise = _noise_of_misfits(search, m)
+        told = verdicts_of_batch(search, which, m.y, m.known, m.cost, scatter[which])
     if told is not None:
         asked, verdicts, y = told
         new = np.flatnonzero((y != m.y[asked]).any(1))

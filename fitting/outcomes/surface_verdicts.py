@@ -20,6 +20,7 @@ import numpy as np
 
 from fitting.data.quantities import REFLECTED
 from fitting.outcomes.outcome import Shaped
+from fitting.problem.curve_lanes import shown_at
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.unknowns import Unknowns
 from fitting.residuals.residuals import residuals
@@ -225,8 +226,11 @@ def verdicts(
     xi = _xi(n, k)
     end, xi_end = d.on_circle(xi)
     phi = np.arctan2(k, n - np.cosh(xi))
-    between = [d.on_circle(xi, part * phi)[0] for part in (1.0 / 3.0, 2.0 / 3.0)]
-    open_ |= (n < 1.0) & (np.maximum(end, np.max(between, 0)) <= alike)
+    some = np.flatnonzero(~open_ & (n < 1.0) & (end <= alike))
+    if len(some):
+        part, of, turn = d.take(some), xi[some], phi[some]
+        between = [part.on_circle(of, x * turn)[0] for x in (1.0 / 3.0, 2.0 / 3.0)]
+        open_[some] = np.max(between, 0) <= alike[some]
     strong = np.vecdot(value, value) > _LEAST_RMS**2 * np.vecdot(d.weight, d.weight)
     some = np.flatnonzero(strong & ~open_ & (n < 1.0) & far & (k < n))
     if len(some):
@@ -303,11 +307,11 @@ def _with_index(u: Unknowns, y: np.ndarray, v: Verdicts) -> np.ndarray:
 
 def verdicts_of_batch(
     search: BatchSearch, which: np.ndarray, y: np.ndarray, known: Uncertainty, cost: np.ndarray,
-    scatter: np.ndarray, fitted: np.ndarray,
+    scatter: np.ndarray,
 ) -> tuple[np.ndarray, Verdicts, np.ndarray] | None:  # fmt: skip
     """Return which of the curves ``which`` (n,) were asked, the verdicts, and y to be shown.
 
-    y (n, p), known, cost: at their minima. fitted: (n, K, rows). Most curves determine their index,
+    y (n, p), known, cost: at their minima. Most curves determine their index,
     as their errors show.
     """
     u, curves = search.job.u, search.curves
@@ -321,15 +325,16 @@ def verdicts_of_batch(
     spread, square = known.edge[:, i] * np.sqrt(known.variance) / eta, np.nanmean(values**2, 1)
     ask = known.hidden.any(1) | ~(spread < 0.5 * _VAGUE) | (square > _LEAST_RMS**2)
     ask |= (curves.squares[which] <= cost + 2.0 * _THE_SAME * scatter) | (angle.max(1) < _FLAT_DEG)
-    at, parts = np.flatnonzero(ask | (eta < outside)), list[tuple[np.ndarray, Verdicts]]()
-    for begin in range(0, len(at), _BLOCK):
-        some = at[begin : begin + _BLOCK]
+    at = np.flatnonzero(ask | (eta < outside))
+
+    def asked_of(some: np.ndarray) -> tuple[np.ndarray, Verdicts]:
         targets = curves.targets(which[some])
         value, weight = (np.concatenate(a).T for a in (targets.values, targets.weights))
         shares = {"R_s": 1.0, "R_p": 0.0, "R": curves.of_points("s_share", which[some])}
         share = [np.broadcast_to(shares[c], angle[some].shape) for c in u.spec.channels]
         angles = np.tile(angle[some], len(share))
-        miss, used = weight * (fitted[some].reshape(value.shape) - value), weight.any(0)
+        fitted = shown_at(u.spec, curves, y[some].T, which[some]).reshape(value.shape)
+        miss, used = weight * (fitted - value), weight.any(0)
         columns = np.stack([angles, np.concatenate(share, 1), weight, miss])[..., used]
         n, k_, most = (a[some] for a in (eta / outside, k / outside, cost + _ALIKE * scatter))
         # Of metals nearly none passes a first look at the other end of the circle, by a few data.
@@ -338,10 +343,11 @@ def verdicts_of_batch(
         keep = ask[some] | (end < _FAR_ABOVE * most)
         some, d = some[keep], Surface.of(columns[:, keep], n[keep], k_[keep])
         m = outside[some]
-        of = verdicts(d, m, scatter[some], search.dof[which[some]], curves.stated)
-        parts.append((some, of))
-    if not parts:
+        return some, verdicts(d, m, scatter[some], search.dof[which[some]], curves.stated)
+
+    if not len(at):
         return None
+    parts = [asked_of(some) for some in np.split(at, np.arange(_BLOCK, len(at), _BLOCK))]
     asked, v = jax.tree.map(lambda *a: np.concatenate(a), *parts)
     return asked, v, _with_index(u, y[asked], v)
 

@@ -231,7 +231,9 @@ def _evaluate(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, ...]:
         jax.ops.segment_sum(a.sum(1), kind, len(spec.channels)) for a in (squares, jnp.stack(used))
     )
     cost = jnp.where(sane, (rows[:, -1] ** 2).sum(0), jnp.inf)
-    return rows, cost, plain, counts, shown
+    whole = jnp.stack([jnp.pad(a, ((0, -len(a) % 4), (0, 0))) for a in residual])
+    fours = whole.reshape(len(whole), -1, 4, whole.shape[-1]).sum(2)
+    return rows, cost, plain, counts, (fours**2).sum((0, 1)), shown
 
 
 _evaluated = compiled(_evaluate, ("spec",))
@@ -243,13 +245,15 @@ class Slopes(NamedTuple):
     triangle: (n, p + 1, p + 1) of a QR decomposition of the derivatives, and beside them the
     residuals, both weighted: what of the rows counts in sums over them; 0 of lanes that are not
     finite, of which the cost is infinite. plain, counts: (n, C) by channel the sum of squares of
-    the differences from the data, and how many there are.
+    the differences from the data, and how many there are. together: (n,) the sum of squares of the
+    sums of four residuals side by side, which is the cost where these are noise.
     """
 
     triangle: np.ndarray
     cost: np.ndarray
     plain: np.ndarray
     counts: np.ndarray
+    together: np.ndarray
 
 
 def _evaluations(

@@ -28,7 +28,7 @@ def mixed(
     sum f_j eps_j u_j / B, and q_j = u_j / B.
     """
     fraction = fraction.astype(permittivity.dtype)
-    own = jnp.asarray(own, permittivity.dtype)[None]
+    own = jnp.broadcast_to(jnp.asarray(own, permittivity.dtype), around.shape)[None]
     u = 1.0 / (own * permittivity + (3.0 - own) * around[None])
     q = u / (fraction * u).sum(0, keepdims=True)
     return (fraction * permittivity * q).sum(0), q
