@@ -289,15 +289,14 @@ def _result(
     known: the wavelengths.
     """
     curves, errors, cost = search.curves, search.job.asked.errors, search.best.cost
-    names, far = tuple(curves.values), np.zeros(curves.count, bool)
-    if added_kinds(errors) and curves.sigma and set(names) <= set(POWERS):
-        large, _ = beyond_chance(cost / np.maximum(search.dof, 1), search.dof)
-        far = (large if errors == "auto" else search.dof > 0) & np.isfinite(cost)
+    names, given = tuple(curves.values), curves.sigma
+    if given is None or not added_kinds(errors) or not set(names) <= set(POWERS):
+        return fit_of_batch(search, shape, sample, known=known)
+    large, _ = beyond_chance(cost / np.maximum(search.dof, 1), search.dof)
+    far = (large if errors == "auto" else search.dof > 0) & np.isfinite(cost)
     if not far.any():
         return fit_of_batch(search, shape, sample, known=known)
-    values, stated = (
-        np.concatenate([of[q] for q in names], 1) for of in (curves.values, curves.sigma)
-    )
+    values, stated = (np.concatenate([of[q] for q in names], 1) for of in (curves.values, given))
     stated = np.where(np.isfinite(values), stated, np.inf)
 
     def with_errors(sigma: np.ndarray, of: np.ndarray) -> BatchSearch:

@@ -165,11 +165,10 @@ def others_hold(v: Mapping[str, Any]) -> str:
 
 
 def compatible_with_zero(v: Mapping[str, Any]) -> str:
-    text = (
+    return (
         f"{v['parameter']} is compatible with 0 and too small for these data to determine: "
         f"{v['parameter']} < {num(v['limit'])} (95 %){others_hold(v)}."
     )
-    return text + " The reflectance depends on k^2 here, not on k." * bool(v.get("even"))
 
 
 def not_quadratic(v: Mapping[str, Any]) -> str:

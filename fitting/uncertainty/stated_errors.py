@@ -67,7 +67,8 @@ def further_errors(
     )  # fmt: skip
     for kind in added_kinds(errors):
         live = np.flatnonzero(far)
-        model, s, gain, least = fitted[live], np.zeros(len(live)), taken.gain[live], 0.0
+        model, s, gain = fitted[live], np.zeros(len(live)), taken.gain[live]
+        least: Any = 0.0
         for left in reversed(range(ROUNDS)):
             off, unit = compared(live, model)
             own, size = sigma[live] * unit, sizes(kind, model, power)
