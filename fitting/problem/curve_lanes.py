@@ -34,7 +34,7 @@ LANES, _FEW = 256, 16
 _ENOUGH = 0.75
 # Evaluations in a stage, after which lanes that have ended make room, and in all. From so many on a
 # lane that is above the best one of its curve that has converged goes no further.
-_STAGE, _MOST, _FAIR = 10, 120, 60
+_STAGE, _MOST, _FAIR = 10, 400, 60
 
 
 @dataclass(frozen=True)

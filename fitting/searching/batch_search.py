@@ -20,6 +20,8 @@ from fitting.residuals.error_model import beyond_chance
 
 # Rounds in which curves are tried from their neighbours; a round reaches one of them further.
 _ROUNDS = 60
+# A lane that has not come to rest has to be that much lower to be shown.
+_ON_THE_WAY = 1.5
 # Without stated errors: a curve is badly described if its scatter is so many times the median.
 _FAR = 4.0
 
@@ -70,12 +72,13 @@ class BatchSearch:
         self._lanes.append((which, ends))
         best = self.best
         np.add.at(best.evaluations, which, ends.evaluations)
-        # The lowest lane of each curve comes first; those that have converged before the others.
-        order = np.lexsort((ends.cost, ~ends.done, which))
+        # The lowest lane of each curve comes first.
+        cost = ends.cost * np.where(ends.done, 1.0, _ON_THE_WAY)
+        order = np.lexsort((cost, which))
         some, first = np.unique(which[order], return_index=True)
         lane = order[first]
-        lower = ends.cost[lane] < (1.0 - 1e-6) * best.cost[some]
-        better = np.where(ends.done[lane], lower | ~best.done[some], lower & ~best.done[some])
+        before = best.cost[some] * np.where(best.done[some], 1.0, _ON_THE_WAY)
+        better = cost[lane] < (1.0 - 1e-6) * before
         for mine, other in zip(best[:3], ends[:3], strict=True):
             mine[..., some[better]] = other[..., lane[better]]
 
