@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.data.measurement import Measurement
-from fitting.data.quantities import are_powers
+from fitting.data.quantities import REFLECTED, are_powers
 from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.doubtful_index import implausible_indices
 from fitting.problem.evaluation import at_data
@@ -42,7 +42,7 @@ from fitting.uncertainty.intervals import OFF, Intervals
 CORRELATED_WITHIN, CORRELATED = 0.999, 0.7
 VAGUE = 0.5
 # Errors of eta and k of more than this part of the radius of their circle are not to be believed.
-_TURN, _POWERS = 0.1, {"R_s", "R_p", "R"}
+_TURN = 0.1
 # The zero of a goniometer is known better than that.
 PLAUSIBLE_OFFSET_DEG = 2.0
 FEW_REACHED = 3
@@ -321,7 +321,7 @@ def _turned(found: FitData) -> Any:
     """
     of = {n.rpartition(".")[2]: e for n, e in found.parameters.items() if e.free}
     assert found.sample is not None
-    if not (found.sample.bare and {"eta", "k"} <= {*of} and {*found.rms_of} <= _POWERS):
+    if not (found.sample.bare and {"eta", "k"} <= {*of} and set(found.rms_of) <= set(REFLECTED)):
         return False
     m, eta, k = found.sample.eta_i, of["eta"], of["k"]
     cosh = (m * m + eta.value**2 + k.value**2) / (2.0 * eta.value * m)
