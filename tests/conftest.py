@@ -2,7 +2,6 @@
 
 import ctypes
 import gc
-import re
 import shutil
 import sys
 import tempfile
@@ -17,38 +16,59 @@ jax.config.update("jax_enable_x64", True)
 # sixth of the time of tests that trace.
 gc.set_threshold(100_000, 50, 100)
 
-# A gigabyte of programs, of the 65,530 mappings that a process may have.
-MOST_MAPPINGS = 12_000
+# A process may have 65,530 mappings, a program takes a few; and a worker should stay below 1.5 GB.
+MOST_MAPPINGS = 6_000
 # The workers of a run share what takes a second to compile, in a folder that is gone afterwards.
 # Not what takes less: writing thousands of programs ended in a segmentation fault of jaxlib once.
 LEAST_SECONDS = 1.0
-PROGRAMS = pytest.StashKey[str]()
+FOLDER = pytest.StashKey[Path]()
+# Neighbours in this list have programs in common. The long files of maps stand far from the middle,
+# where two workers meet.
+ROOMS = ("physics", "maps", "samples", "package", "docs", "reader", "output", "command", "choice",
+         "uncertainty", "films", "fits")  # fmt: skip
 
 
 def pytest_configure(config):
-    shared = getattr(config, "workerinput", {}).get("programs")
-    folder = shared or tempfile.mkdtemp(prefix="programs-")
-    if shared is None:
-        config.stash[PROGRAMS] = folder
-    jax.config.update("jax_compilation_cache_dir", folder)
+    shared = getattr(config, "workerinput", {}).get("folder")
+    folder = config.stash[FOLDER] = Path(shared or tempfile.mkdtemp(prefix="fresnel-tests-"))
+    jax.config.update("jax_compilation_cache_dir", str(folder / "programs"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", LEAST_SECONDS)
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_configure_node(node):
-    node.workerinput["programs"] = node.config.stash[PROGRAMS]
+    node.workerinput["folder"] = str(node.config.stash[FOLDER])
 
 
 def pytest_unconfigure(config):
-    if PROGRAMS in config.stash:
-        shutil.rmtree(config.stash[PROGRAMS], ignore_errors=True)
+    if not hasattr(config, "workerinput"):
+        shutil.rmtree(config.stash[FOLDER], ignore_errors=True)
 
 
 def pytest_collection_modifyitems(items):
-    """The fits stand together, so that each worker compiles the programs of one half."""
-    fits = {path: bool(re.search(r"^(from|import) fitting", path.read_text(), re.M))
-            for path in {item.path for item in items}}  # fmt: skip
-    items.sort(key=lambda item: fits[item.path])
+    rooms = {room: i for i, room in enumerate(ROOMS)}
+    items.sort(key=lambda item: rooms.get(item.path.parent.name, 0))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """With ``--dist loadfile`` every second worker takes files from the end of the list.
+
+    So one compiles the programs of physics and another those of fits, each of them once, until they
+    meet in the middle.
+    """
+    if config.getvalue("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class FromBothEnds(LoadFileScheduling):
+        def _assign_work_unit(self, node):
+            if int(node.gateway.id.removeprefix("gw")) % 2:
+                self.workqueue.move_to_end(next(reversed(self.workqueue)), last=False)
+            super()._assign_work_unit(node)
+
+    config.option.loadscopereorder = False
+    return FromBothEnds(config, log)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -81,9 +101,9 @@ def set_jax():
 
 
 @pytest.fixture(scope="session")
-def cache(tmp_path_factory) -> Path:
-    """The folder of programs that commands of these tests compiled; `command.own_cache` uses it."""
-    return tmp_path_factory.mktemp("cache")
+def cache(request) -> Path:
+    """The folder of what commands of these tests compiled; `command_line.own_cache` uses it."""
+    return request.config.stash[FOLDER] / "commands"
 
 
 @pytest.fixture(scope="session")
