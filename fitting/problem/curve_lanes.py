@@ -7,7 +7,7 @@ itself tens of ms.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -135,6 +135,18 @@ class Curves:
         return squares_of(self.targets(np.arange(self.count)))
 
 
+def _ahead(calls: Iterable[Any]) -> Iterator[Any]:
+    """Yield calls of programs, each once the next one is made: XLA runs beside what is done here.
+
+    jax returns from a call before its program has ended, and waits where its results are read.
+    """
+    last: list[Any] = []
+    for each in calls:
+        yield from last
+        last = [each]
+    yield from last
+
+
 def _calls(lanes: np.ndarray, width: int):
     """Yield lanes in calls of one width: those that count, and all, the last of them repeated."""
     for first in range(0, len(lanes), width):
@@ -154,17 +166,21 @@ def run_curves(
     low, high = (np.broadcast_to(a.reshape(len(a), -1), start.shape) for a in limits)
     out, width = Ends.begun(np.clip(start, low, high)), curves.width
     damping, todo = np.full(len(which), START_DAMPING), np.arange(len(which))
-    while len(todo):
+
+    def begun(todo: np.ndarray) -> Iterator[tuple]:
         for some, lanes in _calls(todo, width):
             targets = curves.targets(which[lanes])
             bounds = Bounds(
                 low[:, lanes], high[:, lanes], np.maximum(dof[which[lanes]], 1.0),
                 curves.squares[which[lanes]],
             )  # fmt: skip
-            found = solve(
+            yield some, solve(
                 targets, out.y[:, lanes], damping[lanes], bounds, np.int64(min(_STAGE, most)),
                 spec=spec_at(spec, targets.points.angle_deg), enough=_ENOUGH,
             )  # fmt: skip
+
+    while len(todo):
+        for some, found in _ahead(begun(todo)):
             y, cost, done, used, left = (np.asarray(a)[..., : len(some)] for a in found)
             out.y[:, some], out.done[some], damping[some] = y, done, left
             out.cost[some] = np.where(np.isfinite(cost), cost, np.inf)
@@ -198,7 +214,7 @@ def triangle(columns: list[list[Array]]) -> Array:
         along = [a * inverse for a in along]
         out.append(jnp.stack([*[jnp.zeros_like(size)] * len(out), size, *along]))
         # Of more columns what is formed anew in every loop costs more than to store it.
-        keep = computed_once if len(columns) > 4 else lambda x: x
+        keep = computed_once if len(columns) > 2 else lambda x: x
         columns = [
             [keep(b - (a * inverse) * c) for b, c in zip(column, first, strict=True)]
             for a, column in zip(along, columns[1:], strict=True)
@@ -260,9 +276,14 @@ def _evaluations(
     spec: Spec, curves: Curves, y: np.ndarray, which: np.ndarray
 ) -> Iterator[list[np.ndarray]]:
     """Yield what `_evaluate` returns at y (p, L) of the curves ``which``, lanes first."""
-    for some, lanes in _calls(np.arange(len(which)), curves.width):
-        targets = curves.targets(which[lanes])
-        found = _evaluated(targets, y[:, lanes], spec=spec_at(spec, targets.points.angle_deg))
+
+    def begun() -> Iterator[tuple]:
+        for some, lanes in _calls(np.arange(len(which)), curves.width):
+            targets = curves.targets(which[lanes])
+            spec_here = spec_at(spec, targets.points.angle_deg)
+            yield some, _evaluated(targets, y[:, lanes], spec=spec_here)
+
+    for some, found in _ahead(begun()):
         yield [np.moveaxis(np.asarray(a)[..., : len(some)], -1, 0) for a in found]
 
 

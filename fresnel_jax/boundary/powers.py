@@ -156,3 +156,70 @@ def _powers_jvp(primals, tangents):
 
 
 powers_kernel.defjvp(_powers_jvp, symbolic_zeros=True)
+
+
+@jax.custom_jvp
+def plain_powers_kernel(c, n, k, m):
+    """R_s, R_p, T_s, T_p by real numbers, without exact sums, in a fifth of the time with slopes.
+
+    With everything relative to m, Q = a + ib, rho = |Q|^2 and s^2 = 1 - c^2,
+
+        R_s = |c - Q|^2 / (A + B)                A = c^2 + rho           B = 2 c a
+        R_p = R_s |c Q - s^2|^2 / (C + D)        C = c^2 rho + s^4       D = s^2 B
+
+    which XLA makes one loop of. All is right to some eps of 1 except beside the critical angle,
+    where Q has the error of a root of eps; the critical angle itself is that of c to an eps, since
+    Re Q^2 = (n - s)(n + s) - k^2.
+    """
+    return _plain(within_one(c), n, k, m)[0]
+
+
+def _plain(c, n, k, m):
+    """Return the powers, and what their derivatives need: c, n, k relative to m, and others."""
+    n, k = (x if m is None else x * (1.0 / m) for x in (n, jnp.zeros_like(n) if k is None else k))
+    s2 = (1.0 - c) * (1.0 + c)
+    s = jnp.sqrt(s2)
+    square = (n - s) * (n + s) - k * k, 2.0 * n * k
+    rho = jnp.sqrt(square[0] * square[0] + square[1] * square[1])
+    large = jnp.sqrt(0.5 * (rho + jnp.abs(square[0])))
+    small = n * k / one_if_zero(large)
+    a, b = (jnp.where(square[0] >= 0.0, x, y) for x, y in ((large, small), (small, large)))
+    A, B, C = c * c + rho, 2.0 * c * a, c * c * rho + s2 * s2
+    D = s2 * B
+    per_s, per_x = reciprocal_or_zero(A + B), reciprocal_or_zero(C + D)
+    R_s = squared_modulus((c - a, b)) * per_s
+    share = jnp.where(s2 == 0.0, 1.0, squared_modulus((c * a - s2, c * b)) * per_x)
+    T_s, T_p = 2.0 * B * per_s, 2.0 * (A * D + B * C) * per_s * per_x
+    nothing = A + B == 0.0  # of matched media at cos = 0, which let everything through
+    values = R_s, R_s * share, jnp.where(nothing, 1.0, T_s), jnp.where(nothing, 1.0, T_p)
+    return values, (n, k, s2, square, rho, (a, b), (A, B, C, D), per_s, per_x, share)
+
+
+def _plain_jvp(primals, tangents):
+    (c, sign), (n, k, m) = unsigned(primals[0]), primals[1:]
+    values, (n, k, s2, square, rho, (a, b), (A, B, C, D), per_s, per_x, share) = _plain(c, n, k, m)
+    dc, dn, dk, dm = (None if isinstance(t, SymbolicZero) else t for t in tangents)
+    dc = None if dc is None else sign * dc
+    # d(Q^2) = 2 N dN + 2 c dc, and so dQ = (N dN + c dc) / Q
+    z = [jnp.zeros_like(rho), jnp.zeros_like(rho)]
+    per_m = 1.0 if m is None else 1.0 / m
+    for factor, dx in (((n, k), dn), ((-k, n), dk), ((square[0] + s2, square[1]), dm)):
+        if dx is not None:
+            along = dx * (-per_m if dx is dm else per_m)
+            z = [u + f * along for u, f in zip(z, factor, strict=True)]
+    if dc is not None:
+        z[0] = z[0] + c * dc
+    per_q2 = reciprocal_or_zero(rho)
+    da = (a * z[0] + b * z[1]) * per_q2
+    drho = 2.0 * (square[0] * z[0] + square[1] * z[1]) * per_q2
+    dA, dB, dC = drho, 2.0 * c * da, c * c * drho
+    dD = s2 * dB
+    if dc is not None:
+        dA, dB = dA + 2.0 * c * dc, dB + 2.0 * a * dc
+        dC, dD = dC + 2.0 * c * (rho - 2.0 * s2) * dc, s2 * dB - 2.0 * c * B * dc
+    d_s = 2.0 * per_s * per_s * (B * dA - A * dB)
+    d_p = share * d_s + values[0] * (2.0 * per_x * per_x * (D * dC - C * dD))
+    return values, (d_s, d_p, -d_s, -d_p)
+
+
+plain_powers_kernel.defjvp(_plain_jvp, symbolic_zeros=True)

@@ -23,9 +23,9 @@ MOST_LINES = {
         "thickness_profile": 220, "uncertainty": 1570, "wavelengths": 190,
     },
     "fresnel_jax": {
-        "_environment": 80, "_numerics": 1200, "approximate": 260, "boundary": 900, "bsdf": 720,
+        "_environment": 80, "_numerics": 1200, "approximate": 260, "boundary": 965, "bsdf": 720,
         "colour": 160, "directions": 280, "dispersion": 230, "effective_medium": 220,
-        "fresnel_terms": 170, "indices": 1420, "interface": 280, "layers": 140, "materials": 240,
+        "fresnel_terms": 170, "indices": 1420, "interface": 300, "layers": 140, "materials": 240,
         "microfacet": 345, "performance": 200, "polarization": 300, "stacks": 3340,
     },
 }  # fmt: skip

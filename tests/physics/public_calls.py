@@ -92,6 +92,9 @@ def calls() -> dict[str, tuple[Any, ...]]:
         "interface.reflectance fast": (
             lambda *x: interface.reflectance(*x, compensated=False), COS, ETA, K, ONES,
         ),
+        "interface.powers fast": (
+            lambda *x: interface.powers(*x, compensated=False), COS, ETA, K, ONES,
+        ),
         "approximate.f82_from_reflectances": (ap.f82_from_reflectances, COS, COS, COS),
         "approximate.gulbrandsen_index": (ap.gulbrandsen_index, 0.5 * COS, 0.5 * COS),
         "approximate.gulbrandsen_parameters": (ap.gulbrandsen_parameters, ETA, K),

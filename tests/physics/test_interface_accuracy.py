@@ -105,6 +105,42 @@ def test_without_compensation_the_error_stays_below_the_stated_bound(dtype, name
     assert worst(errors) <= 1.0
 
 
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("name", [*adversarial.hard_sets(np.float64)])
+def test_powers_for_fits_are_right_to_eps_of_one(dtype, name):
+    """16 eps of 1 and, beside the critical angle, 40 sqrt(eps) / c; both by |N| < eta_i."""
+    points = adversarial.hard_sets(dtype)[name]
+    eps = float(np.finfo(dtype).eps)
+    results = values(functools.partial(powers, compensated=False), points)
+    assert all(x.dtype == dtype for x in results)
+    errors = []
+    for ours, point in zip(zip(*results, strict=True), zip(*points, strict=True), strict=True):
+        c, n, k, m = (mp.mpf(float(x)) for x in point)
+        relative = mp.mpc(n, k) / m
+        q = abs(mp.sqrt(relative**2 - 1 + c * c))
+        near = min(24 * eps / max(q, eps), 40 * mp.sqrt(eps)) / max(c, eps)
+        allowed = (16 * eps + near) / min(1, abs(relative)) ** 2
+        exact = oracle.powers(*point)
+        off = [abs(mp.mpf(float(x)) - true) for x, true in zip(ours, exact, strict=True)]
+        errors.append(float(max(off) / allowed))
+    assert worst(errors) <= 1.0
+
+
+def test_powers_for_fits_have_the_derivatives_of_the_exact_ones():
+    random, size = np.random.default_rng(0), 512
+    c, n, m = (random.uniform(low, high, size) for low, high in ((0, 1), (0.1, 5), (0.5, 2)))
+    for k in (10.0 ** random.uniform(-6, 1, size), np.zeros(size)):
+        at, far = (c, n, k, m), np.abs((n * n - k * k) / m**2 - 1.0 + c * c) + n * k > 1e-3
+        for i in range(4):
+            along = tuple(np.full(size, float(i == j)) for j in range(4))
+            exact, ours = (
+                np.array(jax.jvp(functools.partial(powers, compensated=x), at, along)[1])
+                for x in (True, False)
+            )
+            assert np.abs((ours - exact) / (1.0 + np.abs(exact)))[:, far].max() < 1e-10
+    assert np.all(np.isfinite(jax.grad(lambda n: powers(0.6, n, compensated=False).R_s)(0.8)))
+
+
 @functools.lru_cache
 def _along_each(function, arrays, constants):
     """One program for all hard sets that differentiate by the same arguments."""
