@@ -189,8 +189,8 @@ def fit(
             "cauchy" (one bare surface with that dispersion), "air | cauchy 3 mm thick | air", ...
             The first medium is that which the light comes from; without it air, index 1.
         free: names of parameters to fit that are fixed by default: of the instrument "scale" and
-            "background" (one for each curve), "angle_offset", "leak", "divergence", "bandwidth";
-            "edge_ev"; the thickness of a thick layer.
+            "background" (one for each curve), "angle_offset", "wavelength_offset", "leak",
+            "divergence", "bandwidth"; "edge_ev"; the thickness of a thick layer.
         fixed, bounds, priors: name -> value; (low, high); (value, standard error). "scale" is all
             scales, "scale[R_s]" that of R_s, in every file.
         tie: name -> another name, or a multiple: {"film_2.A": "film_1.A", "substrate.k": "2 *

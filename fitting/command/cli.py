@@ -282,9 +282,10 @@ _GROUPS: tuple[tuple[str, str, Any], ...] = (
         "fitting",
         "NAME is a parameter of the sample, as the table of a fit lists them (A,\n"
         "film.thickness_nm), or of the instrument: scale and background (of every\n"
-        "curve; scale[R_s]: of R_s only), angle-offset (degrees), leak (share of the\n"
-        "other polarization behind a polarizer), divergence of the beam (standard\n"
-        "deviation, degrees), bandwidth of the slit (full width at half maximum, nm).",
+        "curve; scale[R_s]: of R_s only), angle-offset (degrees), wavelength-offset\n"
+        "(nm), leak (share of the other polarization behind a polarizer), divergence of\n"
+        "the beam (standard deviation, degrees), bandwidth of the slit (full width at\n"
+        "half maximum, nm).",
         _FITTING,
     ),
     (

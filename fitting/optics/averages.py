@@ -22,6 +22,7 @@ SMOOTH = 0.5
 _EVEN, _KINK = (17, 33, 65, 129, 257), 129
 # The widest slit, as a part of the wavelength.
 _WIDEST = 0.25
+_NAMES = {"bandwidth": ("a bandwidth", "wide"), "wavelength_offset": ("an offset", "large")}
 
 
 def _enough(phase: float, few: int, what: str) -> int:
@@ -41,24 +42,27 @@ def _enough(phase: float, few: int, what: str) -> int:
     )
 
 
-def _check_slit(bandwidth_nm: float, wavelength_um: Any) -> None:
-    """Raise ValueError for a slit too wide for the shortest of some wavelengths."""
+def _check_slit(
+    bandwidth_nm: float, wavelength_um: Any, what: str = "a bandwidth", wide: str = "wide"
+) -> None:
+    """Raise ValueError for a slit too wide for the shortest of some wavelengths, or an offset."""
     shortest = 1e3 * float(np.min(wavelength_um))
     if bandwidth_nm > _WIDEST * shortest:
         raise ValueError(
-            f"a bandwidth of {bandwidth_nm:g} nm is too wide for the wavelength {shortest:g} nm: "
-            f"a quarter of it, {_WIDEST * shortest:.3g} nm, or less was wanted. Give the full "
-            "width at half maximum in nm, or leave the shortest wavelengths out."
+            f"{what} of {bandwidth_nm:g} nm is too {wide} for the wavelength {shortest:g} nm: a "
+            f"quarter of it, {_WIDEST * shortest:.3g} nm, or less was wanted. Give the full width "
+            "at half maximum, or the offset, in nm, or leave the shortest wavelengths out."
         )
 
 
 def within_slit(unknown: Unknown, points: Points) -> Unknown:
-    """Return the unknown; the range of a bandwidth is limited to what its wavelengths allow."""
-    if unknown.parameter.name != "bandwidth":
+    """Return the unknown; a bandwidth or an offset is limited to what its wavelengths allow."""
+    if unknown.parameter.name not in _NAMES:
         return unknown
-    _check_slit(unknown.low, points.wavelength_um)
+    least = max(unknown.low, -unknown.high, 0.0)
+    _check_slit(least, points.wavelength_um, *_NAMES[unknown.parameter.name])
     widest = 1e3 * _WIDEST * float(np.min(points.wavelength_um))
-    return unknown._replace(high=min(unknown.high, widest))
+    return unknown._replace(low=max(unknown.low, -widest), high=min(unknown.high, widest))
 
 
 def largest(moving: Sequence[Unknown]) -> dict[str, float]:

@@ -5,6 +5,7 @@ Each of these is a parameter; those that a fit does not name have no effect:
     scale        factor of each curve (one quantity of one file)
     background   added to each curve after the scale
     angle_offset degrees added to every angle of incidence
+    wavelength_offset nm added to every wavelength: the light's is longer than the one stated
     leak         share of the other polarization in the light behind a polarizer
     divergence   standard deviation of the angles of incidence within the beam, degrees (Gaussian)
     bandwidth    full width at half maximum of the wavelengths at each datum, nm (Gaussian)
@@ -25,7 +26,7 @@ from fitting.samples.parameters import LOG, SQUARE, Parameter
 from fresnel_jax.performance import computed_once
 
 PER_CURVE = ("scale", "background")
-INSTRUMENT = (*PER_CURVE, "angle_offset", "leak", "divergence", "bandwidth")
+INSTRUMENT = (*PER_CURVE, "angle_offset", "wavelength_offset", "leak", "divergence", "bandwidth")
 
 # Number of wavelengths in a slit and of angles in a beam, unless more are needed (`averages`). Up
 # to this number they are those of Gauss-Hermite quadrature, beyond it equal steps to FARTHEST
@@ -40,6 +41,9 @@ def instrument_parameter(name: str) -> Parameter:
         "scale": Parameter("scale", "", (0.85, 1.1), 1e-3, 1e3, LOG, held=1.0),
         "background": Parameter("background", "", (0.0, 0.0), -0.5, 0.5, held=0.0),
         "angle_offset": Parameter("angle_offset", "deg", (-1.0, 1.0), -20.0, 20.0, held=0.0),
+        "wavelength_offset": Parameter(
+            "wavelength_offset", "nm", (-2.0, 2.0), -50.0, 50.0, held=0.0
+        ),
         "leak": Parameter("leak", "", (0.0, 0.05), 0.0, 0.5, held=0.0),
         # A symmetric beam changes a curve in proportion to the square of its width.
         "divergence": Parameter("divergence", "deg", (0.1, 2.0), 0.0, 20.0, SQUARE, held=0.0),

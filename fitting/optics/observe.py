@@ -143,6 +143,9 @@ def predicted(
     v: every parameter, (L,); an instrument parameter that is left out is neutral. directions: in
     how many derivatives are going to be asked for. index: that of all media, where it is known.
     """
+    if "wavelength_offset" in v:
+        points = _shifted(points, 1e-3 * v["wavelength_offset"])
+        eta_i = _outside(spec, points, eta_i)
     if "bandwidth" in v:
         shifts, shares = slit(v, spec.places[0])
 

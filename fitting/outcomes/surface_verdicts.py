@@ -397,7 +397,9 @@ def with_verdicts(found: FitData) -> FitData:
     Of a dispersion model each wavelength is asked alone.
     """
     sample, m = found.sample, found.measurement
-    if found.shape or sample is None or m is None or found.evaluator is None or not sample.bare:
+    if found.shape or sample is None or m is None or found.evaluator is None:
+        return found
+    if not (sample.bare and sample.media[1].unknown):
         return found
     if not np.isin(m.quantity, REFLECTED).all() or not np.isfinite(sample.eta_i):
         return found

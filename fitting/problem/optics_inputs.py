@@ -42,7 +42,8 @@ def has_parts(spec: Any) -> bool:
     index = spec.media.index
     simple = not any(isinstance(m, Mixture) or getattr(m, "name", "") == SPLINE for m in index)
     simple &= not any(spec.media.graded) and all(len(c) == 1 for c in spec.curves)
-    simple &= not {"divergence", "bandwidth"} & {*spec.moving, *spec.held}
+    apart = {"divergence", "bandwidth", "wavelength_offset"}
+    simple &= not apart & {*spec.moving, *spec.held}
     return simple and len(spec.media.coherent) <= FEW_LAYERS
 
 

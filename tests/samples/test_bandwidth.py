@@ -1,9 +1,9 @@
-"""The width of a spectrometer's slit: what it does to fringes, and that a fit finds it."""
+"""A spectrometer's slit and the offset of its wavelengths: what they do, and that fits find them."""
 
 import numpy as np
 import pytest
 
-from fitting import Measurement, fit, simulate
+from fitting import Measurement, fit, fit_many, simulate
 
 FILM = "air | cauchy:2 8000 nm | Si"
 TRUTH = {"A": 1.46, "B": 0.0035, "thickness_nm": 8000.0}
@@ -106,3 +106,32 @@ def test_a_fit_finds_the_slit():
     known = fit(m, sample, fixed=held | {"bandwidth": 4.0}, errors="stated", intervals="quadratic")
     narrow = fit(m, sample, fixed=held, errors="stated", intervals="quadratic")
     assert known.chi2_reduced < 1.5 < 20.0 < narrow.chi2_reduced
+
+
+def test_an_offset_is_added_to_every_wavelength():
+    """Also to those of the first medium, of the film's phase and of each place in the slit."""
+    sample, um = "water | cauchy:2 300 nm | Si", np.repeat([0.45, 0.6], 3)
+    truth = {"A": 1.9, "B": 0.02, "thickness_nm": 300.0, "bandwidth": 4.0}
+    quantities = ["R_s", "psi", "delta"] * 2
+    seen = simulate(sample, truth | {"wavelength_offset": 1.5}, 60.0, um, quantities)
+    expected = simulate(sample, truth, 60.0, um + 1.5e-3, quantities)
+    np.testing.assert_allclose(seen, expected, rtol=1e-12)
+    with pytest.raises(ValueError, match="offset of 40 nm is too large for the wavelength 120 nm"):
+        simulate("1.5", {"wavelength_offset": 40.0}, 0.0, 0.12)
+
+
+def test_fits_find_the_offset_of_the_wavelengths():
+    um, noise = np.linspace(0.45, 0.6, 16), np.random.default_rng(4).standard_normal((3, 16))
+    true, name = np.array([-1.0, 0.5, 1.5]), "wavelength_offset"
+    R = [simulate("gold", {name: x}, 0.0, um) for x in true] + 1e-3 * noise
+    asked = {"sample": "gold", "errors": "stated"}
+    many = fit_many(0.0, um, R=R, sigma=1e-3, free=name, **asked).parameters[name]
+    assert (np.abs(many.value - true) < 4.0 * many.sigma).all() and many.unit == "nm"
+    m = Measurement.from_columns(0.0, um, R=R[2], sigma=1e-3)
+    found = fit(m, priors={name: (0.0, 0.05)}, **asked)
+    # Two independent values of one number: their mean, weighted by the squares of the errors.
+    data, prior = many.sigma[2] ** -2, 0.05**-2
+    np.testing.assert_allclose(
+        found.parameters[name].value, many.value[2] * data / (data + prior), rtol=0.03
+    )
+    assert "by_the_model_alone" not in {w.code for w in found.warnings}  # gold's index is known
