@@ -55,7 +55,6 @@ from ._numerics.arguments import (
     broadcast_shape,
     extinction,
     float_checked,
-    float_named,
     not_negative,
     readable,
 )
@@ -73,17 +72,30 @@ def _check_factor(x, name: str):
         raise ValueError(f"{name} is {np.max(np.asarray(x))}; wanted a number from 0 to 1")
 
 
+def _check_sum(fraction):
+    several = isinstance(fraction, list | tuple) or np.ndim(fraction) > 0
+    if several and all(map(readable, jax.tree.leaves(fraction))):
+        total = np.max(sum(np.asarray(x, float) for x in fraction), initial=0.0)
+        if total > 1.0 + 1e-6:  # the rounding of float32
+            raise ValueError(
+                f"fraction adds up to {total:g}; wanted 1 or less, since the first constituent "
+                "fills the rest"
+            )
+
+
 _CONVERTERS = {
     "depolarization": float_checked("depolarization", _check_factor),
     "eta": float_checked("eta", not_negative),
     "k": extinction,
-    "fraction": float_named("fraction"),
+    "fraction": float_checked("fraction", _check_factor),
 }
 
 
 def _constituents(eta, k, fraction) -> tuple[Array, Array, Array]:
     """eta, k and fractions of all constituents, (M, ...) each, of one type; checked shapes."""
+    given = fraction
     eta, k, fraction = _arrays(eta=eta, k=k, fraction=fraction)
+    _check_sum(given)
     count = eta.shape[0] if eta.ndim else 0
     if count < 2 or k.ndim == 0 or k.shape[0] != count:
         raise ValueError(
@@ -177,7 +189,7 @@ def bruggeman(
 
     Raises:
         ValueError: the shapes are not those of the module's text, a known eta or k is below 0, or a
-            known L is not within 0 and 1.
+            known L, a fraction or the sum of the fractions is not within 0 and 1.
     """
     parts = _constituents(eta, k, fraction)
     return _jit_bruggeman(*parts, _CONVERTERS["depolarization"](depolarization))
@@ -191,7 +203,8 @@ def maxwell_garnett(eta: ArrayLike, k: ArrayLike, fraction: ArrayLike) -> Index:
     Args, accuracy, derivatives and sources: see the module `effective_medium`.
 
     Raises:
-        ValueError: the shapes are not those of the module's text, or a known eta or k is below 0.
+        ValueError: the shapes are not those of the module's text, a known eta or k is below 0, or a
+            known fraction or their sum is not within 0 and 1.
     """
     return _jit_maxwell_garnett(*_constituents(eta, k, fraction))
 
@@ -202,7 +215,8 @@ def looyenga(eta: ArrayLike, k: ArrayLike, fraction: ArrayLike) -> Index:
     Args, accuracy, derivatives and sources: see the module `effective_medium`.
 
     Raises:
-        ValueError: the shapes are not those of the module's text, or a known eta or k is below 0.
+        ValueError: the shapes are not those of the module's text, a known eta or k is below 0, or a
+            known fraction or their sum is not within 0 and 1.
     """
     return _jit_looyenga(*_constituents(eta, k, fraction))
 
@@ -213,6 +227,7 @@ def linear(eta: ArrayLike, k: ArrayLike, fraction: ArrayLike) -> Index:
     Args, accuracy, derivatives and sources: see the module `effective_medium`.
 
     Raises:
-        ValueError: the shapes are not those of the module's text, or a known eta or k is below 0.
+        ValueError: the shapes are not those of the module's text, a known eta or k is below 0, or a
+            known fraction or their sum is not within 0 and 1.
     """
     return _jit_linear(*_constituents(eta, k, fraction))

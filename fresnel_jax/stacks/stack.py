@@ -125,13 +125,16 @@ def _as_complex(index: Any) -> Any:
 def with_leading_axis(values: Any, name: str, least: int) -> Array:
     """An array with the media or layers on its leading axis, from an array or a sequence."""
     values = _as_complex(values)
-    for entry in values if isinstance(values, (list, tuple)) else (values,):
-        number = real_or_complex(entry, name)
+    several = isinstance(values, (list, tuple))
+    numbers = []
+    for entry in values if several else (values,):
+        numbers.append(real_or_complex(entry, name))
         if name == "index":
-            check_media(number)
+            check_media(numbers[-1])
         else:
-            check_length(number, name)
-    if isinstance(values, (list, tuple)):
+            check_length(numbers[-1], name)
+    if several:
+        values = numbers
         try:
             values = jnp.stack(jnp.broadcast_arrays(*values)) if values else jnp.full((0,), 0.0)
         except ValueError:
@@ -154,6 +157,12 @@ def read_media(index: Any, thickness_um: Any) -> tuple[Any, Any, Array, Array | 
     Both as given may be lists; those along the axis are None where no medium is uniaxial.
     """
     index, of_axis = split(index)
+    for medium in index if isinstance(index, list | tuple) and not isinstance(index, Index) else ():
+        if isinstance(medium, tuple) and not isinstance(medium, Index):
+            raise ValueError(
+                f"an entry of index is a tuple of {len(medium)}; wanted a real or a complex index, "
+                "an array of them or an Index(eta, k)"
+            )
     index, of_axis = _as_complex(index), _as_complex(of_axis)
     media, along = with_leading_axis(index, "index", 2), None
     if of_axis is not None:

@@ -213,6 +213,9 @@ def test_shapes_and_transformations(model):
     (lambda m: m([1.0, 1.5], [0.0, 0.0], 0.5), "but the first"),
     (lambda m: m([1.0, 1.5], [0.0, 0.0], [0.5, 0.5]), "but the first"),
     (lambda m: m(np.ones((2, 3)), np.zeros((2, 4)), [0.5]), "broadcast"),
+    (lambda m: m([1.0, 1.5], [0.0, 0.0], [-0.1]), "fraction is -0.1; wanted >= 0"),
+    (lambda m: m([1.0, 1.5], [0.0, 0.0], np.array([[0.5, 1.1]])), "fraction is 1.1"),
+    (lambda m: m([1.0, 1.5, 2.0], [0.0, 0.0, 0.0], [0.6, 0.6]), "adds up to 1.2; wanted 1 or less"),
 ])  # fmt: skip
 @pytest.mark.parametrize("model", MODELS)
 def test_refusals(model, call, says):

@@ -70,6 +70,8 @@ def test_media_of_a_stack(exact):
         want.R,
         rtol=1e-6,
     )
+    with pytest.raises(ValueError, match="an entry of index is a tuple of 2"):
+        layers.stack(0.9, [1.0, tuple(GOLD), 1.5], thickness_um=[0.01], wavelength_um=0.55)
     term = bsdf.FresnelStack([1.0, GOLD, 1.5], [0.01], 0.55, exact=exact)
     np.testing.assert_allclose(term(0.9), want.R, rtol=1e-6)
 

@@ -1,4 +1,4 @@
-"""A spectrometer's slit and the offset of its wavelengths: what they do, and that fits find them."""
+"""A spectrometer's slit and the offset of its wavelengths: what they do, how fits find them."""
 
 import numpy as np
 import pytest
