@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .maps.map_page import plot_map as plot_map
     from .measured_file import read_csv as read_csv
     from .own_residuals import fit_residuals as fit_residuals
+    from .posterior import log_density as log_density
     from .predictions import simulate as simulate
     from .process.start_up import cache_programs as cache_programs
     from .samples.dispersion import model_names as model_names
@@ -39,6 +40,7 @@ _HOME = {
     "fit_many": "batches",
     "fit_map": "maps.map_fit",
     "fit_residuals": "own_residuals",
+    "log_density": "posterior",
     "model_names": "samples.dispersion",
     "plot_map": "maps.map_page",
     "read_csv": "measured_file",

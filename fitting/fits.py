@@ -61,6 +61,18 @@ def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
     return several
 
 
+def checked_sample(measurements: Sequence[Measurement], sample: Sample) -> Sample:
+    """Return the sample with the knots of its splines, or raise ValueError if no data fit it."""
+    if sample.open:
+        raise ValueError(
+            f"the sample {str(sample)!r} leaves its dispersion model open (auto): use choose, or "
+            "name a model."
+        )
+    sample = sample.with_splines(np.concatenate([m.wavelength_um for m in measurements]))
+    check_fit(measurements, sample)
+    return sample
+
+
 def _shared(
     measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: FitOptions
 ) -> FitData:
@@ -100,13 +112,7 @@ def fit_checked(
             f'errors "relative" are in proportion to R and T, and the data are '
             f'{" and ".join(sorted(quantities))}. Take errors "floor" or "scaled".'
         )
-    if sample.open:
-        raise ValueError(
-            f"the sample {str(sample)!r} leaves its dispersion model open (auto): use choose, or "
-            "name a model."
-        )
-    sample = sample.with_splines(np.concatenate([m.wavelength_um for m in measurements]))
-    check_fit(measurements, sample)
+    sample = checked_sample(measurements, sample)
     found = _general(measurements, sample, settings, asked)
 
     def again(several: Sequence[Measurement], intervals: str) -> FitData:

@@ -16,11 +16,11 @@ PACKAGES = ("fitting", "fresnel_jax")
 MOST_LINES = {
     "fitting": {
         "__main__": 100, "batch_arrays": 190, "batches": 360, "choice": 700, "command": 730,
-        "data": 830, "fit_result": 100, "fits": 230, "free_films": 190, "maps": 1430,
+        "data": 830, "fit_result": 100, "fits": 240, "free_films": 190, "maps": 1430,
         "measured_file": 140, "optics": 720, "outcomes": 1870, "output": 2060,
-        "own_residuals": 260, "predictions": 180, "problem": 2800, "process": 460, "ratios": 190,
-        "reader": 2750, "residuals": 550, "results": 970, "samples": 1590, "searching": 2440,
-        "thickness_profile": 220, "uncertainty": 1570, "wavelengths": 190,
+        "own_residuals": 260, "predictions": 180, "posterior": 120, "problem": 2800, "process": 460,
+        "ratios": 190, "reader": 2750, "residuals": 550, "results": 970, "samples": 1590,
+        "searching": 2440, "thickness_profile": 220, "uncertainty": 1570, "wavelengths": 190,
     },
     "fresnel_jax": {
         "_environment": 80, "_numerics": 1200, "approximate": 260, "boundary": 965, "bsdf": 720,
