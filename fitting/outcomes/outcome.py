@@ -17,6 +17,7 @@ from fitting.problem.evaluation import Evaluated
 from fitting.problem.lanes import STAGE, Ends, best_of, joined
 from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
+from fitting.process.progress import tell
 from fitting.residuals.error_model import misses_without_freedom
 from fitting.residuals.noise import noise_of_misfits
 from fitting.results import result_parts as status
@@ -241,6 +242,7 @@ def _rounding(fit: Problem, noise: float) -> float:
 def fit_of(fit: Problem, ends: Ends, noise: float, of: Subject) -> FitData:
     """Return the result of a fit from the points (p, L) at which its starts ended."""
     u = fit.u
+    tell(done=0, stage="errors and intervals")
     best = best_of(ends)
     lane = int(np.argmin(ends.cost)) if best is None else best
     end = refined(fit, ends.y[:, lane], noise)

@@ -23,8 +23,9 @@ from fitting.problem.observations import Observations
 from fitting.problem.programs import Targets
 from fitting.problem.slopes import Shown, Slopes, loss_of, prior_rows, slopes_at
 from fitting.problem.unknowns import Unknowns, terms_of
+from fitting.process.progress import heard, tell
 from fitting.samples.dispersion import Model
-from fitting.samples.parameters import Settings
+from fitting.samples.parameters import Settings, value_and_slope
 
 
 class Kept(NamedTuple):
@@ -83,6 +84,7 @@ class Problem:
         self.dof = max(self.n_data + self.priors - int(u.free.sum()), 0)
         self.limits = coordinate_bounds(u.moving)
         self.lanes = LANES
+        self.lowest = np.inf  # the cost of the best end that was reported
         self.fewer: np.ndarray | None = None  # the lowest ends (p, 8) of a model with a term less
         self.squares = seen.squares
 
@@ -127,7 +129,24 @@ class Problem:
             start, used = few.lowest(LANES), SIFT
         size = max(self.dof, 1.0), self.squares / noise**2
         ends = run(self.u.spec, targets, start, self.limits, *size)
+        if noise == 1.0:
+            self._report(ends)
         return ends._replace(y=self.in_order(ends.y), evaluations=ends.evaluations + used)
+
+    def _report(self, ends: Ends) -> None:
+        """Report the best end so far, if somebody listens: the free parameters, and its misfit."""
+        i = int(np.argmin(ends.cost))
+        if not heard() or not ends.cost[i] < self.lowest:
+            return
+        self.lowest = ends.cost[i]
+        pairs = zip(self.u.moving, ends.y[:, i], self.u.spec.moving, strict=True)
+        values = [
+            f"{self.u.labels[name]} {value_and_slope(w.parameter.coordinate, y)[0]:.4g}"
+            for w, y, name in pairs if w.free
+        ]  # fmt: skip
+        misfit = self.lowest / max(self.dof, 1)
+        size = f"chi2/dof {misfit:.3g}" if self.seen.stated else f"rms {np.sqrt(misfit):.2g}"
+        tell(done=0, best=f"{', '.join(values[:4])}{', ...' * (len(values) > 4)} ({size})")
 
     def held(
         self, start: np.ndarray, noise: float, steps: int, limits: Limits | None = None,
@@ -138,11 +157,15 @@ class Problem:
         Terms stay in the order that they have. limits: bounds (p, S) of each start, if not those of
         all. targets: what is compared with other data than all.
         """
+        own = targets is limits is None
         targets = (targets or self.targets)._replace(noise=np.float64(noise))
         size = max(self.dof, 1.0), self.squares / noise**2
-        return each_within(
+        ends = each_within(
             self.u.spec, targets, start, limits or self.limits, *size, steps, self.lanes
         )
+        if own and noise == 1.0:
+            self._report(ends)
+        return ends
 
     def pinned(self, start: np.ndarray, row: Any, noise: float, steps: int) -> Ends:
         """Return `held`, of starts (p, S) of each of which one coordinate stays.

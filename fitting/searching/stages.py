@@ -17,6 +17,7 @@ import numpy as np
 from fitting.problem.lanes import LANES, Ends, joined
 from fitting.problem.problem import Kept, Problem
 from fitting.problem.unknowns import terms_of
+from fitting.process.progress import tell
 from fitting.searching.fewer_rows import FOLLOWED, followed_with_all
 from fitting.searching.fringe_orders import with_all_orders
 from fitting.searching.minima import lowest_ends
@@ -49,6 +50,8 @@ def searched(job: Problem, few: Problem, points: np.ndarray) -> tuple[Ends, floa
     if few is not job:
         job.lanes = FOLLOWED
     first = _key_of(job, points)
+    part = f" in {few.n_data} of {job.n_data} data" * (few is not job)
+    tell(done=0, stage=f"search from {points.shape[1]} starts{part}")
     if (first, thorough) not in kept.ends:
         if first not in kept.ends:
             ends, noise = solved(few, some)
@@ -64,11 +67,13 @@ def searched(job: Problem, few: Problem, points: np.ndarray) -> tuple[Ends, floa
                 ends = with_neighbours(few, ends, points, noise)
             ends = with_neighbours(few, ends, points, noise, thorough=True)
         if thorough:
+            tell(done=0, stage=f"search beside the best{part}")
             ends = with_other_thicknesses(few, ends, points, noise)
             ends = with_far_oscillators(few, ends, noise)
         lowest = zip(few.u.spec.moving, lowest_ends(ends), few.u.free, strict=True)
         kept.lowest[job.asked.kept_as] = {name: y for name, y, free in lowest if free}
         if few is not job:
+            tell(done=0, stage=f"first answer refined with all {job.n_data} data")
             ends = followed_with_all(job, ends)
         if thorough:
             ends = with_all_orders(job, ends, noise)

@@ -1,77 +1,69 @@
-"""The progress bar: tqdm's, on a terminal, where it is installed, and never in the way."""
+"""Progress: a line every two seconds, on a terminal, and never in the way."""
 
 import io
 import sys
-from importlib.machinery import ModuleSpec
-from types import ModuleType
+import threading
 
 import numpy as np
 import pytest
 
 from fitting import Measurement, fit, simulate
-from fitting.process.progress import listening, shown, tell
+from fitting.process import progress
+from fitting.process.progress import Lines, listening, shown, tell
 
 
 class Terminal(io.StringIO):
-    """What stderr is when somebody looks at it."""
+    """What stderr is when somebody looks at it; ``written``: that a line was."""
+
+    def __init__(self):
+        super().__init__()
+        self.written = threading.Event()
 
     def isatty(self):
         return True
 
+    def flush(self):
+        self.written.set()
+
 
 @pytest.fixture
-def bars(monkeypatch):
-    """Stand in for tqdm, which the tests do not need: what each bar showed."""
-    made = []
-
-    class Bar:
-        def __init__(self, **options):
-            self.options = options
-            self.total, self.n, self.text, self.closed, self.seen = None, 0, "", 0, []
-            made.append(self)
-
-        def set_postfix_str(self, text, refresh):
-            assert not refresh
-            self.text = text
-
-        def update(self, count):
-            self.n += count
-            self.seen.append((self.n, self.total, self.text))
-
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *_):
-            self.closed += 1
-
-    module = ModuleType("tqdm")
-    module.tqdm = Bar  # pyright: ignore[reportAttributeAccessIssue]
-    module.__spec__ = ModuleSpec("tqdm", None)
-    monkeypatch.setitem(sys.modules, "tqdm", module)
-    return made
+def terminal(monkeypatch):
+    """Stand in for stderr, for the test to set: pytest sets it between a fixture and its test."""
+    monkeypatch.setattr(progress, "EVERY", 1e-3)
+    return Terminal()
 
 
-def test_steps_are_counted_on_a_terminal(bars, monkeypatch):
-    monkeypatch.setattr(sys, "stderr", Terminal())
-    with shown("wavelengths"):
-        (bar,) = bars
+def test_a_line_says_what_is_done_how_far_and_the_best_so_far(monkeypatch):
+    monkeypatch.setattr(progress, "EVERY", 1e6)
+    lines = Lines("fit")
+    with listening(lines.take):
         tell("first")
-        assert bar.seen == [(1, None, "first")]  # no total: the number of steps and the time
+        assert lines.text() == "fit: first, 0 s"  # no total: the time alone
         tell(total=19, done=0)
         tell(done=15)
         tell("errors", done=4)
-        assert bar.seen[-1] == (20, 20, "errors")
+        assert "errors, 20 of 20, " in lines.text()
         # Another fit, as of errors that were too small.
         tell(total=10, done=0)
-        tell(done=5)
-        assert bar.seen[-1] == (25, 30, "errors")
-        assert not bar.closed
+        tell(done=5, stage="search", best="eta 1.5 (rms .01)")
+        assert "errors, search, 25 of 30, " in lines.text()
+        assert lines.text().endswith("; best so far: eta 1.5 (rms .01)")
+        tell("second")
+        assert "best" not in lines.text()  # of another model
+    lines.close()
     tell(done=5)  # nobody listens any more
-    assert bar.seen[-1] == (25, 30, "errors")
-    assert bar.closed == 1
-    # Nothing is shown in the first second, and nothing stays.
-    assert (bar.options["delay"], bar.options["leave"]) == (1.0, False)
-    assert bar.options["file"] is sys.stderr
+    assert lines.done == 26
+
+
+def test_lines_are_written_on_a_terminal_until_the_end(terminal, monkeypatch):
+    monkeypatch.setattr(sys, "stderr", terminal)
+    with shown("wavelengths"):
+        tell("first")
+        assert terminal.written.wait(10.0)
+    said = terminal.getvalue()
+    assert said.splitlines()[-1].startswith("wavelengths: ")
+    tell("second")
+    assert terminal.getvalue() == said
 
 
 @pytest.mark.parametrize("count", [2, 30])
@@ -97,25 +89,30 @@ def test_the_steps_of_wavelengths_end_at_their_total(count):
     assert done == total == 2 * count
 
 
-def test_nothing_is_shown_in_a_pipe_or_if_asked_to_be_quiet(bars, monkeypatch):
-    for stderr, quiet in ((io.StringIO(), False), (Terminal(), True), (None, False)):
+def test_a_search_reports_its_stages_and_the_best_so_far():
+    m = Measurement.from_columns(np.linspace(20.0, 80.0, 20), R_s=np.linspace(0.05, 0.5, 20))
+    steps = []
+    with listening(steps.append):
+        fit(m, "constant", starts=8, intervals="quadratic")
+    assert any(step.stage for step in steps)
+    best = [step.best for step in steps if step.best]
+    assert best and best[-1].startswith("eta ") and "rms" in best[-1]
+
+
+def test_nothing_is_shown_in_a_pipe_or_if_asked_to_be_quiet(terminal, monkeypatch):
+    pipe = io.StringIO()
+    for stderr, quiet in ((pipe, False), (terminal, True), (None, False)):
         monkeypatch.setattr(sys, "stderr", stderr)
+        count = threading.active_count()
         with shown("models", quiet=quiet):
             tell("one")
-    assert bars == []
+            assert threading.active_count() == count
+    assert pipe.getvalue() == terminal.getvalue() == ""
 
 
-def test_without_tqdm_there_is_silence(monkeypatch):
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    terminal = Terminal()
+def test_the_lines_end_before_an_error_is_shown(terminal, monkeypatch):
     monkeypatch.setattr(sys, "stderr", terminal)
-    with shown("models"):
-        tell("one")
-    assert terminal.getvalue() == ""
-
-
-def test_the_bar_is_cleared_away_before_an_error_is_shown(bars, monkeypatch):
-    monkeypatch.setattr(sys, "stderr", Terminal())
+    count = threading.active_count()
     with pytest.raises(KeyboardInterrupt), shown("models"):
         raise KeyboardInterrupt
-    assert bars[0].closed == 1
+    assert threading.active_count() == count
